@@ -1,2 +1,54 @@
-//! Tool.
-fn main() {}
+//! `palpate`: the tool that users of the sensor have in their hands.
+
+mod chip;
+mod failure;
+mod plan_ldc;
+mod quantity;
+mod words;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+use failure::Failure;
+
+/// Firmware tool of a tactile sensor that feels how far it is pressed, and how stiff the
+/// pressing thing is.
+#[derive(Parser)]
+#[command(version, max_term_width = 96, after_help = EXIT_CODES)]
+struct Cli {
+    #[command(subcommand)]
+    verb: Verb,
+}
+
+const EXIT_CODES: &str = "\
+Exit codes:
+  0  done
+  1  a refusal or a failure of what was run; the reason is printed
+  2  bad input or arguments; the message names the place and what is allowed";
+
+#[derive(Subcommand)]
+enum Verb {
+    Words(words::Arguments),
+    PlanLdc(plan_ldc::Arguments),
+    Chip(chip::Arguments),
+}
+
+fn main() -> ExitCode {
+    let result = match Cli::parse().verb {
+        Verb::Words(arguments) => words::run(&arguments),
+        Verb::PlanLdc(arguments) => plan_ldc::run(&arguments),
+        Verb::Chip(arguments) => chip::run(&arguments),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        // A reader that went away (`palpate ... | head`) is no failure.
+        Err(Failure::Output(error)) if error.kind() == std::io::ErrorKind::BrokenPipe => {
+            ExitCode::SUCCESS
+        }
+        Err(failure) => {
+            eprintln!("palpate: {failure}");
+            failure.exit_code()
+        }
+    }
+}

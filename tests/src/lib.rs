@@ -1,1 +1,6 @@
-//! Whole-system tests.
+//! Campaigns that the tests run in small and `cargo xtask evidence` runs in full.
+
+pub mod evidence;
+pub mod faults;
+pub mod planted;
+pub mod sigma;

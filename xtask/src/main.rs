@@ -1,2 +1,102 @@
-//! Tool.
-fn main() {}
+//! The developers' gate: `cargo xtask <verb>`.
+//!
+//! | verb | what it does |
+//! |---|---|
+//! | `test` | the whole test suite on the host; needs nothing but stable Rust |
+//! | `ci` | everything a change has to pass: the tests, then the checks |
+//! | `deps` | the direction of dependencies between the workspace's crates |
+//! | `evidence` | run a long campaign and write its result into `docs/evidence/` |
+//! | `setup` | add the microcontroller targets and install the tools that `ci` needs |
+//!
+//! A new crate is entered once, in [`members`]; a new check is one [`steps::Step`] in [`gate`].
+
+mod deps;
+mod evidence;
+mod gate;
+mod hygiene;
+mod members;
+mod process;
+mod setup;
+mod steps;
+
+use std::process::ExitCode;
+
+use anyhow::Result;
+use clap::{Parser, Subcommand};
+
+use process::Workspace;
+
+/// Development tasks of palpate.
+#[derive(Parser)]
+#[command(name = "cargo xtask", bin_name = "cargo xtask")]
+struct Arguments {
+    /// Toolchain of every child cargo, instead of the one rust-toolchain.toml names
+    #[arg(long, global = true, value_name = "NAME")]
+    toolchain: Option<String>,
+    #[command(subcommand)]
+    verb: Verb,
+}
+
+/// What to do.
+#[derive(Subcommand)]
+enum Verb {
+    /// Run the whole test suite on the host
+    Test,
+    /// Run everything a change has to pass
+    Ci {
+        /// Leave out the tests, when `cargo xtask test` has just been run
+        #[arg(long)]
+        skip_tests: bool,
+        /// Run this step alone; may be given more than once
+        #[arg(long, value_name = "STEP")]
+        only: Vec<String>,
+    },
+    /// Check the direction of dependencies between the workspace's crates
+    Deps,
+    /// Run a long campaign and write docs/evidence/NAME.md; without a name, list them
+    Evidence {
+        /// Name of the campaign
+        name: Option<String>,
+    },
+    /// Add the microcontroller targets and install the tools that `ci` needs
+    Setup,
+}
+
+fn main() -> ExitCode {
+    match run(Arguments::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("\nerror: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// Runs the verb that the arguments ask for.
+fn run(arguments: Arguments) -> Result<()> {
+    let workspace = Workspace::find(arguments.toolchain)?;
+    match arguments.verb {
+        Verb::Test => steps::run_all(&workspace, &gate::test_steps()),
+        Verb::Ci { skip_tests, only } => {
+            steps::run_all(&workspace, &gate::ci_steps(skip_tests, &only)?)
+        }
+        Verb::Deps => deps::check_workspace(&workspace).map(|finding| println!("{finding}")),
+        Verb::Evidence { name: None } => {
+            evidence::list();
+            Ok(())
+        }
+        Verb::Evidence { name: Some(name) } => evidence::collect(&workspace, &name),
+        Verb::Setup => setup::install_everything(&workspace),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_command_line_is_well_formed() {
+        Arguments::command().debug_assert();
+    }
+}

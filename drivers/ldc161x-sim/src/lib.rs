@@ -1,2 +1,56 @@
-#![no_std]
-//! Under construction.
+#![cfg_attr(not(test), no_std)]
+#![forbid(unsafe_code)]
+#![deny(missing_docs)]
+#![cfg_attr(
+    not(test),
+    deny(
+        clippy::unwrap_used,
+        clippy::expect_used,
+        clippy::panic,
+        clippy::unreachable,
+        clippy::indexing_slicing
+    )
+)]
+#![doc = include_str!("../README.md")]
+
+mod access;
+mod bus;
+mod chip;
+mod conversion;
+mod counter;
+mod drive;
+mod errors;
+mod faults;
+mod i2c;
+mod random;
+pub mod registers;
+mod results;
+mod sensor;
+mod sequence;
+mod settings;
+mod switches;
+mod time;
+
+pub use bus::{Bus, Delay, I2cError, IntbPin, ShutdownPin};
+pub use chip::{Chip, Misuse};
+pub use conversion::Conversion;
+pub use counter::{Counts, StartUp};
+pub use drive::{
+    AMPLITUDE_HIGH_V, AMPLITUDE_LOW_V, DRIVE_CURRENTS_UA, amplitude_v, calibrated_code,
+    drive_current_a,
+};
+pub use errors::Errors;
+pub use faults::{
+    Disturbances, FAULT_SLOTS, Fault, FaultEvent, FaultId, FaultState, Lost, Path, ScheduleFull,
+    Span, Strike, Trigger,
+};
+pub use i2c::{Ack, Traffic};
+pub use results::CHANNELS;
+pub use sensor::{Sensors, Tank};
+pub use settings::{Conversions, Drive, ExternalClock, InternalClock, Part, Settings};
+pub use switches::{
+    ActiveWrite, BurstRead, ConfigReadback, Counter, Deglitch33, EarlyTermination, FlagRead,
+    InterruptRelease, Overhead, RcountMinimum, ShadowLatch, SleepExit, StatusReporting, Switches,
+    UnreadCleared,
+};
+pub use time::Time;

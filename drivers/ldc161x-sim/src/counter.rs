@@ -1,0 +1,313 @@
+//! The counter: how a frequency becomes a quotient of two whole numbers.
+//!
+//! Recorded words decode as round(2²⁸ M/N) with N some 16 to 28 below 32 RCOUNT and odd M among
+//! them (reference `ldc1614.md`, section 0.1). A reciprocal counter does that: it times a whole
+//! number of sensor periods, from the first edge in the gate to the last, in whole reference
+//! periods. This module does the arithmetic of those edges; that nothing here is a formula for the
+//! variance of the result is what makes the model able to show dithering, stuck words and beats.
+
+use crate::switches::Counter;
+
+/// Full scale of a word: a sensor as fast as the reference.
+const FULL_SCALE: u64 = 1 << 28;
+
+/// The beginning of a gate, in which no edge is counted.
+///
+/// Its two parts were fitted by maximum likelihood to 15 recorded words (nine at 12 MHz with 3.8
+/// clocks in a sensor period, six at 40 MHz with 9.2), which a constant number of clocks does not
+/// explain together: the gap between N and 32 RCOUNT grows with the sensor's period.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct StartUp {
+    /// Reference clocks. Both counters fit best with 4, the "+4" of datasheet equation 7.
+    pub clocks: f64,
+    /// Sensor periods, behind FIN_DIVIDERx.
+    pub periods: f64,
+}
+
+impl StartUp {
+    /// Fitted for [`Counter::TwoGates`], for each gate; ±0.5 clocks and ±0.1 periods do as well.
+    pub const TWO_GATES: Self = Self {
+        clocks: 4.0,
+        periods: 0.5,
+    };
+    /// Fitted for [`Counter::HalfPeriods`]; half a clock more makes one of the words impossible.
+    pub const HALF_PERIODS: Self = Self {
+        clocks: 4.0,
+        periods: 1.0,
+    };
+
+    pub(crate) const fn of(counter: Counter) -> Self {
+        match counter {
+            Counter::TwoGates => Self::TWO_GATES,
+            Counter::HalfPeriods => Self::HALF_PERIODS,
+        }
+    }
+}
+
+/// How the core counts.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Core {
+    pub(crate) counter: Counter,
+    pub(crate) start_up: StartUp,
+    /// Phase of the falling edge after the rising one, cycles.
+    pub(crate) falling_edge: f64,
+}
+
+/// The two whole numbers of one conversion, in units of the full word M/N.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counts {
+    /// M: sensor periods over two gates, or half periods in one.
+    pub sensor: u64,
+    /// N: reference periods over two gates, or half periods in one.
+    pub reference: u64,
+}
+
+/// What a count comes to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Ratio {
+    /// Nothing was counted.
+    Zero,
+    /// A word below full scale.
+    Word(u32),
+    /// The sensor is as fast as the reference or faster.
+    FullScale,
+}
+
+impl Counts {
+    /// round(2²⁸ M/N).
+    pub(crate) fn ratio(self) -> Ratio {
+        if self.sensor == 0 || self.reference == 0 {
+            Ratio::Zero
+        } else if self.sensor >= self.reference {
+            Ratio::FullScale
+        } else {
+            // M < N keeps the product within 2^28 of N, and N is at most some 2^21
+            let doubled = u128::from(self.sensor) * u128::from(2 * FULL_SCALE);
+            let word = (doubled + u128::from(self.reference)) / (2 * u128::from(self.reference));
+            Ratio::Word(u32::try_from(word).unwrap_or(u32::MAX))
+        }
+    }
+
+    fn plus(self, other: Self) -> Self {
+        Self {
+            sensor: self.sensor.saturating_add(other.sensor),
+            reference: self.reference.saturating_add(other.reference),
+        }
+    }
+}
+
+/// round(2²⁸ ratio) without counting, for tests that want no quantisation.
+pub(crate) fn exact_ratio(ratio: f64) -> Ratio {
+    let word = libm::round(ratio * FULL_SCALE as f64);
+    if word >= FULL_SCALE as f64 {
+        Ratio::FullScale
+    } else if word >= 1.0 {
+        Ratio::Word(word as u32)
+    } else {
+        Ratio::Zero
+    }
+}
+
+/// The divided sensor signal during one conversion, seen from the reference clock.
+///
+/// Time is in reference periods from the start of the conversion, which is an edge of the reference:
+/// the gate is counted in them. The sensor's phase is free. Only the first and the last edge in the
+/// gate matter, so the signal is given by its phase at both ends and its rate there.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Signal {
+    /// Phase at the start, cycles.
+    pub(crate) phase: f64,
+    /// Cycles during the whole conversion: the integral of the frequency.
+    pub(crate) cycles: f64,
+    /// Cycles per reference period at the start.
+    pub(crate) first_rate: f64,
+    /// Cycles per reference period at the end.
+    pub(crate) last_rate: f64,
+}
+
+impl Signal {
+    /// What the core counts in a conversion of `clocks` reference periods.
+    pub(crate) fn count(&self, core: Core, clocks: f64) -> Counts {
+        if !(self.first_rate > 0.0 && self.last_rate > 0.0 && self.cycles > 0.0) {
+            return Counts::default();
+        }
+        let opening = core.start_up.clocks + core.start_up.periods / self.first_rate;
+        match core.counter {
+            Counter::TwoGates => {
+                let rising = self.gate(0.0, opening, clocks);
+                let falling = self.gate(1.0 - core.falling_edge, opening, clocks);
+                rising.plus(falling)
+            }
+            Counter::HalfPeriods => self.in_halves().gate(0.0, 2.0 * opening, 2.0 * clocks),
+        }
+    }
+
+    /// The same signal with half periods as its cycles and half reference periods as its clock.
+    fn in_halves(&self) -> Self {
+        Self {
+            phase: 2.0 * self.phase,
+            cycles: 2.0 * self.cycles,
+            ..*self
+        }
+    }
+
+    /// Whole periods between the first and the last edge from `opening` to `clocks`, and the
+    /// reference edges between them. An edge falls where the phase plus `offset` is a whole number.
+    fn gate(&self, offset: f64, opening: f64, clocks: f64) -> Counts {
+        let phase_first = self.phase + self.first_rate * opening + offset;
+        let phase_last = self.phase + self.cycles + offset;
+        let first_edge = libm::ceil(phase_first);
+        let last_edge = libm::floor(phase_last);
+        if last_edge <= first_edge {
+            return Counts::default();
+        }
+        let first_time = opening + (first_edge - phase_first) / self.first_rate;
+        let last_time = clocks - (phase_last - last_edge) / self.last_rate;
+        Counts {
+            sensor: whole(last_edge - first_edge),
+            // the reference samples each edge at its own next tick
+            reference: whole(libm::floor(last_time) - libm::floor(first_time)),
+        }
+    }
+}
+
+/// A whole number that is zero when negative.
+fn whole(number: f64) -> u64 {
+    number as u64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn steady(phase: f64, rate: f64, clocks: f64) -> Signal {
+        Signal {
+            phase,
+            cycles: rate * clocks,
+            first_rate: rate,
+            last_rate: rate,
+        }
+    }
+
+    fn core(counter: Counter, clocks: f64, periods: f64) -> Core {
+        Core {
+            counter,
+            start_up: StartUp { clocks, periods },
+            falling_edge: 0.5,
+        }
+    }
+
+    #[test]
+    fn a_hand_counted_gate() {
+        // A period of 8 clocks in a gate of 80.5, rising edges at 4, 12 ... 76, falling at 0, 8 ... 80:
+        // rising 9 periods in 72 clocks, falling 10 in 80.
+        let signal = steady(0.5, 0.125, 80.5);
+        let counts = signal.count(core(Counter::TwoGates, 0.0, 0.0), 80.5);
+        assert_eq!((counts.sensor, counts.reference), (19, 152));
+        // half periods: edges at 0, 4 ... 80: 20 halves in 160 half clocks
+        let counts = signal.count(core(Counter::HalfPeriods, 0.0, 0.0), 80.5);
+        assert_eq!((counts.sensor, counts.reference), (20, 160));
+        // a start-up of 5 clocks loses the edges at 0 and 4
+        let counts = signal.count(core(Counter::TwoGates, 5.0, 0.0), 80.5);
+        assert_eq!((counts.sensor, counts.reference), (17, 136));
+        // and so does one of 1 clock and half a period
+        let counts = signal.count(core(Counter::TwoGates, 1.0, 0.5), 80.5);
+        assert_eq!((counts.sensor, counts.reference), (17, 136));
+        // falling edges a quarter period after the rising ones: 6, 14 ... 78
+        let uneven = Core {
+            falling_edge: 0.25,
+            ..core(Counter::TwoGates, 0.0, 0.0)
+        };
+        let counts = signal.count(uneven, 80.5);
+        assert_eq!((counts.sensor, counts.reference), (18, 144));
+    }
+
+    #[test]
+    fn edges_between_reference_ticks_are_counted_at_whole_ticks() {
+        // Period 10.5 clocks, gate 64: rising edges at 0.25, 10.75, ... 52.75, 63.25 -> 6 periods,
+        // 63 - 0 ticks; falling at 5.5, 16, ... 58 -> 5 periods, 58 - 5 ticks.
+        let rate = 1.0 / 10.5;
+        let signal = steady(1.0 - 0.25 * rate, rate, 64.0);
+        let counts = signal.count(core(Counter::TwoGates, 0.0, 0.0), 64.0);
+        assert_eq!((counts.sensor, counts.reference), (11, 63 + 53));
+    }
+
+    /// Walks over every edge of one gate of a signal phase + rate t + bend t²/2, one by one.
+    fn walk(phase: f64, rate: f64, bend: f64, opening: f64, clocks: f64) -> (u64, u64) {
+        let mut edges = (0..).map(|number| {
+            let wanted = f64::from(number) - phase;
+            // the root of bend t²/2 + rate t - wanted that is stable for a small bend
+            2.0 * wanted / (rate + (rate * rate + 2.0 * bend * wanted).sqrt())
+        });
+        let first = edges.find(|&time| time >= opening).expect("an edge");
+        let (mut last, mut periods) = (first, 0);
+        for time in edges.take_while(|&time| time <= clocks) {
+            last = time;
+            periods += 1;
+        }
+        (periods, last.floor() as u64 - first.floor() as u64)
+    }
+
+    #[test]
+    fn the_shortcut_agrees_with_a_walk_over_all_edges() {
+        let mut random = crate::random::Random::new(3, 0);
+        for trial in 0..2_000 {
+            let clocks = 16.0 * (9.0 + (random.uniform() * 300.0).floor());
+            let rate = 0.02 + 0.23 * random.uniform();
+            // up to one percent over the gate
+            let bend = 0.01 * rate / clocks * random.uniform();
+            let phase = random.uniform();
+            let falling_edge = 0.1 + 0.8 * random.uniform();
+            let core = Core {
+                falling_edge,
+                ..core(Counter::TwoGates, 4.0, 0.5)
+            };
+            let signal = Signal {
+                phase,
+                cycles: rate * clocks + bend * clocks * clocks / 2.0,
+                first_rate: rate,
+                last_rate: rate + bend * clocks,
+            };
+            let opening = 4.0 + 0.5 / rate;
+            let rising = walk(phase, rate, bend, opening, clocks);
+            let falling = walk(phase + 1.0 - falling_edge, rate, bend, opening, clocks);
+            let counts = signal.count(core, clocks);
+            assert_eq!(counts.sensor, rising.0 + falling.0, "trial {trial}");
+            let walked = rising.1 + falling.1;
+            // with the frequency on the move the first edge is up to one tick's rounding off
+            assert!(counts.reference.abs_diff(walked) <= 1, "trial {trial}");
+        }
+    }
+
+    #[test]
+    fn too_few_edges_count_nothing() {
+        let counts = steady(0.1, 0.001, 160.0).count(core(Counter::TwoGates, 0.0, 0.0), 160.0);
+        assert_eq!(counts.ratio(), Ratio::Zero);
+        for rate in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+            let counts =
+                steady(0.5, rate, 160.0).count(core(Counter::HalfPeriods, 4.0, 1.0), 160.0);
+            let _ = counts.ratio();
+        }
+    }
+
+    #[test]
+    fn words_are_rounded_to_the_nearest() {
+        let word = |sensor, reference| Counts { sensor, reference }.ratio();
+        assert_eq!(word(1, 2), Ratio::Word(1 << 27));
+        assert_eq!(word(1, 3), Ratio::Word(89_478_485)); // 89478485.33
+        assert_eq!(word(2, 3), Ratio::Word(178_956_971)); // 178956970.67
+        assert_eq!(word(3, 3), Ratio::FullScale);
+        assert_eq!(word(1, 0), Ratio::Zero);
+        // the word in eddy-ng's README: 0x4409e8b = 2^28 * 12854 / 48364 - 0.32
+        assert_eq!(word(12_854, 48_364), Ratio::Word(0x0440_9E8B));
+    }
+
+    #[test]
+    fn the_exact_ratio_keeps_the_same_ends() {
+        assert_eq!(exact_ratio(0.25), Ratio::Word(1 << 26));
+        assert_eq!(exact_ratio(1.0), Ratio::FullScale);
+        assert_eq!(exact_ratio(0.0), Ratio::Zero);
+        assert_eq!(exact_ratio(f64::NAN), Ratio::Zero);
+    }
+}

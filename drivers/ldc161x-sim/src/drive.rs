@@ -1,0 +1,158 @@
+//! Drive current and amplitude of the oscillation (datasheet 8.1.5).
+
+use core::f64::consts::PI;
+
+/// Nominal sensor current of the 32 codes of IDRIVEx, µA (datasheet table 42).
+pub const DRIVE_CURRENTS_UA: [u16; 32] = [
+    16, 18, 20, 23, 28, 32, 40, 46, 52, 59, 72, 82, 95, 110, 127, 146, 169, 195, 212, 244, 297,
+    342, 424, 489, 551, 635, 763, 880, 1017, 1173, 1355, 1563,
+];
+
+/// Above this the chip reports ERR_AHE, V peak (datasheet table 25).
+pub const AMPLITUDE_HIGH_V: f64 = 1.8;
+/// Below this the chip reports ERR_ALE, V peak (datasheet table 25).
+pub const AMPLITUDE_LOW_V: f64 = 1.2;
+
+const LARGEST_CODE: u8 = 31;
+
+/// The current of a code of IDRIVEx, ampere. Codes beyond 31 count as 31.
+#[must_use]
+pub fn drive_current_a(code: u8) -> f64 {
+    let microamperes = DRIVE_CURRENTS_UA
+        .get(usize::from(code.min(LARGEST_CODE)))
+        .copied()
+        .unwrap_or(0);
+    f64::from(microamperes) * 1e-6
+}
+
+/// Settled amplitude of the oscillation, volt peak: 4 RP I / π (datasheet equation 12, SNOA950).
+#[must_use]
+pub fn amplitude_v(parallel_resistance_ohm: f64, current_a: f64) -> f64 {
+    4.0 * parallel_resistance_ohm * current_a / PI
+}
+
+/// The code that the automatic calibration settles on: the highest with an amplitude below 1.8 V
+/// (the choice that SNOA950 recommends; that the chip makes the same one is a guess).
+#[must_use]
+pub fn calibrated_code(parallel_resistance_ohm: f64) -> u8 {
+    (0..=LARGEST_CODE)
+        .rev()
+        .find(|&code| {
+            amplitude_v(parallel_resistance_ohm, drive_current_a(code)) < AMPLITUDE_HIGH_V
+        })
+        .unwrap_or(0)
+}
+
+/// The code after one amplitude correction: one step towards the range of 1.2 V to 1.8 V
+/// (datasheet 8.1.5.4; the size of the step is a guess).
+pub(crate) fn corrected_code(code: u8, amplitude_v: f64) -> u8 {
+    if amplitude_v > AMPLITUDE_HIGH_V {
+        code.saturating_sub(1)
+    } else if amplitude_v < AMPLITUDE_LOW_V {
+        code.saturating_add(1).min(LARGEST_CODE)
+    } else {
+        code
+    }
+}
+
+/// An oscillation that is building up since its activation.
+///
+/// The envelope of a parallel resonator driven at its resonance approaches its end with the time
+/// constant Q/(π f).
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct BuildUp {
+    /// Amplitude that the drive of the conversion sustains, V.
+    pub(crate) settled_v: f64,
+    /// Amplitude that the drive of the activation would end at, V: that of the largest current in
+    /// full-current mode, `settled_v` in low-power mode (datasheet 8.1.4.2).
+    pub(crate) driven_v: f64,
+    /// Time constant, s.
+    pub(crate) time_constant_s: f64,
+}
+
+impl BuildUp {
+    pub(crate) fn time_constant_s(quality_factor: f64, frequency_hz: f64) -> f64 {
+        quality_factor / (PI * frequency_hz)
+    }
+
+    /// Amplitude at the end of an activation of `settle_s` and `later_s` into the conversions that
+    /// follow it. During activation it is held at the settled amplitude once that is reached.
+    pub(crate) fn amplitude_v(&self, settle_s: f64, later_s: f64) -> f64 {
+        let risen_v = self.driven_v * (1.0 - self.left_after(settle_s));
+        let missing_v = (self.settled_v - risen_v).max(0.0);
+        self.settled_v - missing_v * self.left_after(later_s)
+    }
+
+    fn left_after(&self, time_s: f64) -> f64 {
+        let decay = time_s / self.time_constant_s;
+        // e⁻⁴⁰ is below the resolution of the amplitude; NaN (no oscillation) leaves nothing either
+        if decay < 40.0 { libm::exp(-decay) } else { 0.0 }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_table_of_currents_agrees_with_the_table_of_resistances() {
+        // Table 42 gives with each current the RP for 1.2 V and for 1.8 V; equation 12 must tie them.
+        // Spot checks at both ends and in the middle, to the table's own rounding of the current.
+        for (code, least_kohm, largest_kohm) in [
+            (0, 60.0, 90.0),
+            (9, 16.1, 23.6),
+            (15, 6.46, 9.69),
+            (16, 5.58, 8.35),
+            (19, 3.86, 5.35),
+            (25, 1.48, 2.19),
+            (31, 0.60, 0.90),
+        ] {
+            let low = amplitude_v(least_kohm * 1e3, drive_current_a(code));
+            let high = amplitude_v(largest_kohm * 1e3, drive_current_a(code));
+            assert!((low - 1.2).abs() < 0.03, "code {code}: {low} V");
+            assert!((high - 1.8).abs() < 0.14, "code {code}: {high} V");
+        }
+    }
+
+    #[test]
+    fn the_calibration_takes_the_highest_code_below_the_limit() {
+        for parallel_resistance_ohm in [600.0, 1e3, 3e3, 10e3, 85e3] {
+            let code = calibrated_code(parallel_resistance_ohm);
+            assert!(amplitude_v(parallel_resistance_ohm, drive_current_a(code)) < 1.8);
+            if code < 31 {
+                assert!(amplitude_v(parallel_resistance_ohm, drive_current_a(code + 1)) >= 1.8);
+            }
+        }
+        assert_eq!(calibrated_code(1e6), 0, "no code is low enough");
+    }
+
+    #[test]
+    fn the_datasheet_settling_rule_leaves_four_percent() {
+        // Equation 10 asks for Q/f, which is π time constants: 1 - e^-π = 0.957.
+        let time_constant_s = BuildUp::time_constant_s(25.0, 3e6);
+        let rise = BuildUp {
+            settled_v: 1.5,
+            driven_v: 1.5,
+            time_constant_s,
+        };
+        let reached = rise.amplitude_v(25.0 / 3e6, 0.0) / 1.5;
+        assert!((reached - 0.9568).abs() < 1e-3, "{reached}");
+        assert!((rise.amplitude_v(1.0, 0.0) - 1.5).abs() < 1e-12);
+    }
+
+    #[test]
+    fn full_current_activation_settles_sooner() {
+        let time_constant_s = 1e-5;
+        let full = BuildUp {
+            settled_v: 1.5,
+            driven_v: 6.0,
+            time_constant_s,
+        };
+        let low = BuildUp {
+            driven_v: 1.5,
+            ..full
+        };
+        assert!((full.amplitude_v(0.3e-5, 0.0) - 1.5).abs() < 1e-12);
+        assert!(low.amplitude_v(0.3e-5, 0.0) < 0.4);
+    }
+}

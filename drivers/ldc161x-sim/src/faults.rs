@@ -1,0 +1,476 @@
+//! Faults of the chip, its wires and its supply, at a time or a transaction of the test's choice.
+
+use crate::random::Random;
+use crate::time::Time;
+
+/// How many faults can be scheduled or remembered at once.
+pub const FAULT_SLOTS: usize = 16;
+
+/// Which registers a dip of the supply resets. Which ones it does in silicon is unknown.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub enum Lost {
+    /// All, as in a power-on reset: conversions stop and the bus is silent for the wake-up time.
+    Everything,
+    /// Those whose bit, numbered by address from 0x00 to 0x21, is set; nothing else changes.
+    Registers(u64),
+}
+
+/// Which bytes on the bus a bit flip strikes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub enum Path {
+    /// Bytes that the chip sends.
+    ReadData,
+    /// Data bytes that the chip receives.
+    WriteData,
+    /// The register pointer that the chip receives.
+    Pointer,
+}
+
+/// Which of the bytes on a [`Path`] it is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub enum Strike {
+    /// The byte with this number on that path in each transaction, from 0.
+    Byte(u32),
+    /// Each byte with this probability, 0 to 1.
+    Probability(f64),
+}
+
+/// Something that goes wrong.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub enum Fault {
+    /// The chip acknowledges no byte once this many have passed in a transaction, addresses and what
+    /// it sent itself included; 0 refuses the address.
+    Nack {
+        /// Bytes before the first that is refused.
+        after_bytes: u32,
+    },
+    /// The chip does not answer to its address at all.
+    Absent,
+    /// SDA is held low. With `clocks`, that many pulses of SCL end it, as when a transfer was cut
+    /// within a byte; otherwise only its span does.
+    SdaStuck {
+        /// SCL pulses that free the line.
+        clocks: Option<u8>,
+    },
+    /// SCL is held low.
+    SclStuck,
+    /// A dip of the supply. Happens at once; the span is not used.
+    BrownOut(Lost),
+    /// One random bit of a byte on the bus is inverted.
+    BitFlip {
+        /// Where.
+        path: Path,
+        /// Which byte.
+        strike: Strike,
+    },
+    /// Bits of a register are inverted where they are stored (a single-event upset). Happens at
+    /// once; the span is not used.
+    RegisterUpset {
+        /// The register, 0x08 to 0x21.
+        address: u8,
+        /// The bits to invert.
+        bits: u16,
+    },
+    /// Another chip answers: the identity registers read thus.
+    WrongIdentity {
+        /// What 0x7E reads.
+        manufacturer: u16,
+        /// What 0x7F reads.
+        device: u16,
+    },
+    /// The chip sees a STOP that the master did not send, after this many bytes of a transaction.
+    EarlyStop {
+        /// Bytes before it, addresses included.
+        after_bytes: u32,
+    },
+    /// The INTB line is stuck.
+    IntbStuck {
+        /// Its level.
+        low: bool,
+    },
+    /// No clock at CLKIN.
+    ClockLoss,
+}
+
+impl Fault {
+    /// Whether it is over as soon as it has happened.
+    const fn is_instant(&self) -> bool {
+        matches!(self, Self::BrownOut(_) | Self::RegisterUpset { .. })
+    }
+}
+
+/// When a fault begins.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub enum Trigger {
+    /// At a time; one that is past means now.
+    At(Time),
+    /// At the START of the transaction with this number, counted from 0 since the chip was made
+    /// (see [`crate::Traffic::transactions`]).
+    Transaction(u64),
+}
+
+/// How long a fault lasts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub enum Span {
+    /// For a time.
+    Time(Time),
+    /// For this many transactions: it ends with the STOP of the last.
+    Transactions(u32),
+    /// Until the faults are cleared.
+    Forever,
+}
+
+/// A fault with its beginning and its length.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct FaultEvent {
+    /// When it begins.
+    pub trigger: Trigger,
+    /// How long it lasts.
+    pub span: Span,
+    /// What it is.
+    pub fault: Fault,
+}
+
+impl FaultEvent {
+    /// A fault at a time, for a time.
+    #[must_use]
+    pub const fn at(time: Time, fault: Fault, lasting: Time) -> Self {
+        Self {
+            trigger: Trigger::At(time),
+            span: Span::Time(lasting),
+            fault,
+        }
+    }
+
+    /// A fault in transactions `first` to `first + count - 1`.
+    #[must_use]
+    pub const fn in_transactions(first: u64, count: u32, fault: Fault) -> Self {
+        Self {
+            trigger: Trigger::Transaction(first),
+            span: Span::Transactions(count),
+            fault,
+        }
+    }
+
+    /// A fault from a time on.
+    #[must_use]
+    pub const fn from(time: Time, fault: Fault) -> Self {
+        Self {
+            trigger: Trigger::At(time),
+            span: Span::Forever,
+            fault,
+        }
+    }
+}
+
+/// Where a scheduled fault stands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FaultState {
+    /// It has not begun.
+    Waiting,
+    /// It has begun and not ended.
+    Active {
+        /// When it began.
+        since: Time,
+    },
+    /// It is over.
+    Over {
+        /// When it began.
+        since: Time,
+        /// When it ended.
+        until: Time,
+    },
+}
+
+/// The name of a scheduled fault.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FaultId(u64);
+
+/// All [`FAULT_SLOTS`] places are taken by faults that wait or act.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ScheduleFull;
+
+impl core::fmt::Display for ScheduleFull {
+    fn fmt(&self, formatter: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        write!(formatter, "all {FAULT_SLOTS} places for faults are taken")
+    }
+}
+
+impl core::error::Error for ScheduleFull {}
+
+/// What faults have done so far.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Disturbances {
+    /// Faults that have begun.
+    pub begun: u64,
+    /// Faults that have ended.
+    pub ended: u64,
+    /// Bytes that went unacknowledged because of a fault.
+    pub nacks: u64,
+    /// Bytes of which a bit was inverted on the bus.
+    pub flipped_bytes: u64,
+    /// Identities that were forged.
+    pub forged_identities: u64,
+    /// STOPs that the chip saw and nobody sent.
+    pub early_stops: u64,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Slot {
+    id: u64,
+    event: FaultEvent,
+    state: FaultState,
+    transactions_left: u32,
+}
+
+impl Slot {
+    fn is_active(&self) -> bool {
+        matches!(self.state, FaultState::Active { .. })
+    }
+
+    fn is_over(&self) -> bool {
+        matches!(self.state, FaultState::Over { .. })
+    }
+
+    /// When time will begin or end it.
+    fn due(&self) -> Option<Time> {
+        match (self.state, self.event.trigger, self.event.span) {
+            (FaultState::Waiting, Trigger::At(time), _) => Some(time),
+            (FaultState::Active { since }, _, Span::Time(length)) => Some(since + length),
+            _ => None,
+        }
+    }
+}
+
+/// What the chip has to do because of a fault that begins or ends.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Change {
+    pub(crate) fault: Fault,
+    pub(crate) begins: bool,
+}
+
+/// The scheduled faults and their traces.
+#[derive(Clone, Debug)]
+pub(crate) struct Schedule {
+    slots: [Option<Slot>; FAULT_SLOTS],
+    next_id: u64,
+    /// The earliest [`Slot::due`], kept because every conversion asks for it.
+    due: Option<Time>,
+    random: Random,
+    pub(crate) log: Disturbances,
+}
+
+impl Schedule {
+    pub(crate) fn new(random: Random) -> Self {
+        Self {
+            slots: [None; FAULT_SLOTS],
+            next_id: 0,
+            due: None,
+            random,
+            log: Disturbances::default(),
+        }
+    }
+
+    pub(crate) fn add(&mut self, event: FaultEvent) -> Result<FaultId, ScheduleFull> {
+        let slot = self.free_slot().ok_or(ScheduleFull)?;
+        let id = self.next_id;
+        let transactions_left = match event.span {
+            Span::Transactions(count) => count,
+            Span::Time(_) | Span::Forever => 0,
+        };
+        if let Some(slot) = self.slots.get_mut(slot) {
+            *slot = Some(Slot {
+                id,
+                event,
+                state: FaultState::Waiting,
+                transactions_left,
+            });
+        }
+        self.next_id += 1;
+        self.find_due();
+        Ok(FaultId(id))
+    }
+
+    /// An empty place, or that of the oldest fault that is over.
+    fn free_slot(&self) -> Option<usize> {
+        let empty = self.slots.iter().position(Option::is_none);
+        empty.or_else(|| {
+            (0..)
+                .zip(&self.slots)
+                .filter_map(|(index, slot)| slot.filter(Slot::is_over).map(|slot| (slot.id, index)))
+                .min()
+                .map(|(_, index)| index)
+        })
+    }
+
+    /// Ends what is active and forgets what waits.
+    pub(crate) fn clear(&mut self, now: Time) {
+        for place in &mut self.slots {
+            match place {
+                Some(slot) if slot.is_active() => {
+                    finish(slot, now, &mut self.log);
+                }
+                Some(slot) if slot.state == FaultState::Waiting => *place = None,
+                _ => {}
+            }
+        }
+        self.find_due();
+    }
+
+    pub(crate) fn state(&self, id: FaultId) -> Option<FaultState> {
+        let slot = self.slots.iter().flatten().find(|slot| slot.id == id.0)?;
+        Some(slot.state)
+    }
+
+    pub(crate) fn due(&self) -> Option<Time> {
+        self.due
+    }
+
+    fn find_due(&mut self) {
+        self.due = self.slots.iter().flatten().filter_map(Slot::due).min();
+    }
+
+    /// Begins or ends one fault that is due, and tells which.
+    pub(crate) fn advance(&mut self, now: Time) -> Option<Change> {
+        let slot = self
+            .slots
+            .iter_mut()
+            .flatten()
+            .find(|slot| slot.due().is_some_and(|due| due <= now))?;
+        let begins = if slot.is_active() {
+            finish(slot, now, &mut self.log);
+            false
+        } else {
+            begin(slot, now, &mut self.log);
+            true
+        };
+        let fault = slot.event.fault;
+        self.find_due();
+        Some(Change { fault, begins })
+    }
+
+    /// Begins one fault that waits for this transaction, and tells which.
+    pub(crate) fn begin_transaction(&mut self, number: u64, now: Time) -> Option<Change> {
+        let slot = self.slots.iter_mut().flatten().find(|slot| {
+            slot.state == FaultState::Waiting
+                && matches!(slot.event.trigger, Trigger::Transaction(first) if first <= number)
+        })?;
+        begin(slot, now, &mut self.log);
+        let fault = slot.event.fault;
+        self.find_due();
+        Some(Change {
+            fault,
+            begins: true,
+        })
+    }
+
+    /// Counts a finished transaction; ends one fault that lasted for it, and tells which. Call with
+    /// `counted` false until nothing is left to end.
+    pub(crate) fn end_transaction(&mut self, now: Time, counted: bool) -> Option<Change> {
+        let spans =
+            |slot: &Slot| slot.is_active() && matches!(slot.event.span, Span::Transactions(_));
+        if counted {
+            for slot in self.slots.iter_mut().flatten().filter(|slot| spans(slot)) {
+                slot.transactions_left = slot.transactions_left.saturating_sub(1);
+            }
+        }
+        let slot = self
+            .slots
+            .iter_mut()
+            .flatten()
+            .find(|slot| spans(slot) && slot.transactions_left == 0)?;
+        finish(slot, now, &mut self.log);
+        Some(Change {
+            fault: slot.event.fault,
+            begins: false,
+        })
+    }
+
+    /// Ends faults that SCL pulses end.
+    pub(crate) fn clock_pulses(&mut self, pulses: u32, now: Time) {
+        for slot in self
+            .slots
+            .iter_mut()
+            .flatten()
+            .filter(|slot| slot.is_active())
+        {
+            if let Fault::SdaStuck {
+                clocks: Some(clocks),
+            } = &mut slot.event.fault
+            {
+                *clocks = clocks.saturating_sub(u8::try_from(pulses).unwrap_or(u8::MAX));
+                if *clocks == 0 {
+                    finish(slot, now, &mut self.log);
+                }
+            }
+        }
+        self.find_due();
+    }
+
+    pub(crate) fn is_disturbed(&self) -> bool {
+        self.active().next().is_some()
+    }
+
+    /// The faults that act now.
+    pub(crate) fn active(&self) -> impl Iterator<Item = &Fault> {
+        self.slots
+            .iter()
+            .flatten()
+            .filter(|slot| slot.is_active())
+            .map(|slot| &slot.event.fault)
+    }
+
+    /// When an active fault that `is_meant` will end; [`Time::MAX`] if nothing but the test ends it.
+    pub(crate) fn lasts_until(&self, is_meant: impl Fn(&Fault) -> bool) -> Option<Time> {
+        self.slots
+            .iter()
+            .flatten()
+            .filter(|slot| slot.is_active() && is_meant(&slot.event.fault))
+            .map(|slot| slot.due().unwrap_or(Time::MAX))
+            .max()
+    }
+
+    /// The byte with the bits that a fault inverts. `index` is its number on its path in this
+    /// transaction.
+    pub(crate) fn distort(&mut self, on: Path, index: u32, byte: u8) -> u8 {
+        let mut distorted = byte;
+        for slot in self.slots.iter().flatten().filter(|slot| slot.is_active()) {
+            let Fault::BitFlip { path, strike } = slot.event.fault else {
+                continue;
+            };
+            let struck = path == on
+                && match strike {
+                    Strike::Byte(number) => number == index,
+                    Strike::Probability(probability) => self.random.chance(probability),
+                };
+            if struck {
+                distorted ^= self.random.bit();
+            }
+        }
+        self.log.flipped_bytes += u64::from(distorted != byte);
+        distorted
+    }
+}
+
+fn begin(slot: &mut Slot, now: Time, log: &mut Disturbances) {
+    log.begun += 1;
+    slot.state = FaultState::Active { since: now };
+    let never_lasts = slot.event.span == Span::Transactions(0);
+    if slot.event.fault.is_instant() || never_lasts {
+        finish(slot, now, log);
+    }
+}
+
+fn finish(slot: &mut Slot, now: Time, log: &mut Disturbances) {
+    if let FaultState::Active { since } = slot.state {
+        log.ended += 1;
+        slot.state = FaultState::Over { since, until: now };
+    }
+}

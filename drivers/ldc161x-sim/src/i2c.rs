@@ -1,0 +1,346 @@
+//! The chip as a target on the I2C bus, byte by byte (datasheet 7.5).
+//!
+//! The times are those of the wire: of [`Chip::start`] and [`Chip::write`] the ninth clock, where the
+//! acknowledge falls; of [`Chip::read`] the first clock, since the chip must know its byte then; of
+//! [`Chip::stop`] the STOP itself.
+
+use crate::chip::Chip;
+use crate::faults::{Fault, Path};
+use crate::sensor::Sensors;
+use crate::switches::{BurstRead, EarlyTermination};
+use crate::time::Time;
+
+/// The bit that follows a byte.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ack {
+    /// Pulled low: taken, or more wanted.
+    Ack,
+    /// Left high: refused, or the last byte.
+    Nack,
+}
+
+impl Ack {
+    /// Whether it is [`Ack::Ack`].
+    #[must_use]
+    pub const fn is_ack(self) -> bool {
+        matches!(self, Self::Ack)
+    }
+}
+
+/// What has passed on the bus since the chip was made, whether or not it was meant for it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Traffic {
+    /// STARTs after a STOP.
+    pub transactions: u64,
+    /// All STARTs, repeated ones included.
+    pub starts: u64,
+    /// Bytes, addresses included.
+    pub bytes: u64,
+    /// STOPs.
+    pub stops: u64,
+}
+
+impl Traffic {
+    /// The time all of it takes, in bits: 9 for a byte, 1 for a START and for a STOP.
+    #[must_use]
+    pub const fn bit_times(&self) -> u64 {
+        self.starts + 9 * self.bytes + self.stops
+    }
+}
+
+/// What the chip expects next.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum Expecting {
+    /// Nothing: it was not addressed, or the access is over.
+    #[default]
+    Start,
+    /// The register pointer.
+    Pointer,
+    /// The high byte to write.
+    HighByte,
+    /// The low byte to write; this is the high one.
+    LowByte(u8),
+    /// No more: both bytes are written.
+    NoByte,
+    /// To send the high byte.
+    SendHigh,
+    /// To send this low byte.
+    SendLow(u8),
+    /// Both bytes are sent.
+    SendMore,
+    /// Nothing: the master has refused the low byte.
+    CutShort,
+}
+
+/// The state of the chip's side of the bus.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Link {
+    expecting: Expecting,
+    /// The register pointer, which outlives the transaction.
+    pointer: u8,
+    in_transaction: bool,
+    /// Bytes of this transaction that the chip has taken or sent, addresses included.
+    bytes: u32,
+    sent: u32,
+    written: u32,
+    pointers: u32,
+    /// An earlier access was broken off: every byte is a bit late.
+    slipped: bool,
+    slips_next: bool,
+}
+
+impl Link {
+    /// The chip forgets; what passes on the wires goes on.
+    pub(crate) fn lose_power(&mut self) {
+        *self = Self {
+            in_transaction: self.in_transaction,
+            ..Self::default()
+        };
+    }
+}
+
+impl<S: Sensors> Chip<S> {
+    /// START, or repeated START, with the address byte: seven bits of address, and 1 to read.
+    pub fn start(&mut self, time: Time, address_byte: u8) -> Ack {
+        self.advance_to(time);
+        self.break_off(true);
+        self.begin_transaction();
+        self.traffic.starts += 1;
+        self.traffic.bytes += 1;
+        let addressed = address_byte >> 1 == self.bus_address();
+        if !addressed || !self.answers() || self.refuses() {
+            return Ack::Nack;
+        }
+        self.link.expecting = if address_byte & 1 == 1 {
+            Expecting::SendHigh
+        } else {
+            Expecting::Pointer
+        };
+        self.count_byte();
+        Ack::Ack
+    }
+
+    /// A byte from the master.
+    pub fn write(&mut self, time: Time, byte: u8) -> Ack {
+        self.advance_to(time);
+        self.traffic.bytes += 1;
+        let takes = match self.link.expecting {
+            Expecting::Pointer | Expecting::HighByte | Expecting::LowByte(_) => true,
+            Expecting::NoByte => self.settings.switches.burst_read == BurstRead::AutoIncrement,
+            _ => false,
+        };
+        if !takes || !self.answers() || self.refuses() {
+            self.link.expecting = Expecting::Start;
+            return Ack::Nack;
+        }
+        self.take(byte);
+        self.count_byte();
+        Ack::Ack
+    }
+
+    /// A byte to the master, which answers it with `ack`.
+    pub fn read(&mut self, time: Time, ack: Ack) -> u8 {
+        self.advance_to(time);
+        self.traffic.bytes += 1;
+        if self.sda_is_stuck() {
+            return 0x00;
+        }
+        if !self.answers() {
+            return 0xFF;
+        }
+        let Some(byte) = self.next_byte() else {
+            return 0xFF;
+        };
+        let byte = if self.link.slipped {
+            (byte >> 1) | 0x80
+        } else {
+            byte
+        };
+        let byte = self.faults.distort(Path::ReadData, self.link.sent, byte);
+        self.link.sent = self.link.sent.saturating_add(1);
+        self.count_byte();
+        if ack == Ack::Nack {
+            self.link.expecting = match self.link.expecting {
+                Expecting::SendLow(_) => Expecting::CutShort,
+                _ => Expecting::Start,
+            };
+        }
+        byte
+    }
+
+    /// STOP.
+    pub fn stop(&mut self, time: Time) {
+        self.advance_to(time);
+        self.break_off(true);
+        self.traffic.stops += 1;
+        self.link.slipped = false;
+        let mut counted = core::mem::take(&mut self.link.in_transaction);
+        while let Some(change) = self.faults.end_transaction(self.now, counted) {
+            counted = false;
+            self.apply(change);
+        }
+    }
+
+    /// Until when the chip, or what is stuck to its line, holds SDA low outside of a transfer;
+    /// [`Time::MAX`] if there is no end to it, nothing if the line is free.
+    pub fn sda_held_until(&mut self, time: Time) -> Option<Time> {
+        self.advance_to(time);
+        let is_stuck = |fault: &Fault| matches!(fault, Fault::SdaStuck { .. });
+        self.faults.lasts_until(is_stuck)
+    }
+
+    /// Whether SDA is held low outside of a transfer.
+    pub fn sda_held_low(&mut self, time: Time) -> bool {
+        self.sda_held_until(time).is_some()
+    }
+
+    /// Until when SCL is held low, as [`Chip::sda_held_until`]. The chip itself never stretches the
+    /// clock (datasheet 7.5.1).
+    pub fn scl_held_until(&mut self, time: Time) -> Option<Time> {
+        self.advance_to(time);
+        self.faults
+            .lasts_until(|fault| matches!(fault, Fault::SclStuck))
+    }
+
+    /// Pulses of SCL outside of a transaction, as a master sends to free SDA.
+    pub fn clock_pulses(&mut self, time: Time, pulses: u32) {
+        self.advance_to(time);
+        self.faults.clock_pulses(pulses, self.now);
+    }
+
+    fn sda_is_stuck(&self) -> bool {
+        self.faults
+            .active()
+            .any(|fault| matches!(fault, Fault::SdaStuck { .. }))
+    }
+
+    /// Whether the chip can take part in a transfer at all.
+    fn answers(&self) -> bool {
+        let is_silenced = self.faults.active().any(|fault| {
+            matches!(
+                fault,
+                Fault::Absent | Fault::SdaStuck { .. } | Fault::SclStuck
+            )
+        });
+        self.is_on_the_bus() && !is_silenced
+    }
+
+    /// Whether a fault keeps the chip from acknowledging this byte.
+    fn refuses(&mut self) -> bool {
+        let bytes = self.link.bytes;
+        let refuses = self
+            .faults
+            .active()
+            .any(|fault| matches!(fault, Fault::Nack { after_bytes } if bytes >= *after_bytes));
+        self.faults.log.nacks += u64::from(refuses);
+        refuses
+    }
+
+    fn begin_transaction(&mut self) {
+        if self.link.in_transaction {
+            return;
+        }
+        let number = self.traffic.transactions;
+        self.traffic.transactions += 1;
+        self.link = Link {
+            pointer: self.link.pointer,
+            in_transaction: true,
+            slipped: self.link.slips_next,
+            ..Link::default()
+        };
+        while let Some(change) = self.faults.begin_transaction(number, self.now) {
+            self.apply(change);
+        }
+    }
+
+    /// Takes one byte of a write.
+    fn take(&mut self, byte: u8) {
+        let byte = if self.link.slipped { byte >> 1 } else { byte };
+        self.link.expecting = match self.link.expecting {
+            Expecting::Pointer => {
+                self.link.pointer = self.faults.distort(Path::Pointer, self.link.pointers, byte);
+                self.link.pointers = self.link.pointers.saturating_add(1);
+                Expecting::HighByte
+            }
+            Expecting::HighByte => Expecting::LowByte(self.distort_written(byte)),
+            Expecting::LowByte(high) => {
+                let low = self.distort_written(byte);
+                self.write_register(self.link.pointer, u16::from_be_bytes([high, low]));
+                Expecting::NoByte
+            }
+            // only reached with auto-increment
+            Expecting::NoByte => {
+                self.link.pointer = self.link.pointer.wrapping_add(1);
+                Expecting::LowByte(self.distort_written(byte))
+            }
+            other => other,
+        };
+    }
+
+    fn distort_written(&mut self, byte: u8) -> u8 {
+        let index = self.link.written;
+        self.link.written = self.link.written.saturating_add(1);
+        self.faults.distort(Path::WriteData, index, byte)
+    }
+
+    /// The next byte that the chip sends, if it sends any.
+    fn next_byte(&mut self) -> Option<u8> {
+        let (byte, expecting) = match self.link.expecting {
+            Expecting::SendHigh => self.fetch(),
+            Expecting::SendLow(low) => (low, Expecting::SendMore),
+            Expecting::SendMore => match self.settings.switches.burst_read {
+                BurstRead::Released => return None,
+                BurstRead::Repeats => self.fetch(),
+                BurstRead::AutoIncrement => {
+                    self.link.pointer = self.link.pointer.wrapping_add(1);
+                    self.fetch()
+                }
+            },
+            _ => return None,
+        };
+        self.link.expecting = expecting;
+        Some(byte)
+    }
+
+    fn fetch(&mut self) -> (u8, Expecting) {
+        let [high, low] = self.read_register(self.link.pointer).to_be_bytes();
+        (high, Expecting::SendLow(low))
+    }
+
+    /// Counts a byte that has passed; a forged STOP may follow it.
+    fn count_byte(&mut self) {
+        self.link.bytes = self.link.bytes.saturating_add(1);
+        let bytes = self.link.bytes;
+        let stops = self.faults.active().any(
+            |fault| matches!(fault, Fault::EarlyStop { after_bytes } if bytes == *after_bytes),
+        );
+        if stops {
+            self.faults.log.early_stops += 1;
+            self.break_off(false);
+        }
+    }
+
+    /// Ends the access under way. Between the two bytes of a register that is an early termination.
+    fn break_off(&mut self, by_master: bool) {
+        let is_early = matches!(
+            self.link.expecting,
+            Expecting::LowByte(_) | Expecting::SendLow(_) | Expecting::CutShort
+        );
+        if is_early {
+            self.misuse.early_terminations += u64::from(by_master);
+            if self.settings.switches.early_termination == EarlyTermination::CorruptsFollowing {
+                self.garble();
+            }
+        }
+        self.link.expecting = Expecting::Start;
+    }
+
+    /// What a broken-off access leaves behind: a half-written register and a slipped bit.
+    fn garble(&mut self) {
+        self.link.slips_next = true;
+        if let Expecting::LowByte(high) = self.link.expecting {
+            let [_, low] = self.registers.get(self.link.pointer).to_be_bytes();
+            self.write_register(self.link.pointer, u16::from_be_bytes([high, low]));
+        }
+    }
+}

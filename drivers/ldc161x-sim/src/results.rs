@@ -1,0 +1,242 @@
+//! Results, STATUS and INTB: what the chip tells, and what a read takes away.
+
+use crate::conversion::Conversion;
+use crate::errors::Errors;
+use crate::switches::{
+    FlagRead, InterruptRelease, ShadowLatch, StatusReporting, Switches, UnreadCleared,
+};
+use crate::time::Time;
+
+/// The number of channels of an LDC1614.
+pub const CHANNELS: usize = 4;
+
+/// DRDY_2INT in ERROR_CONFIG.
+const DATA_READY_TO_INTERRUPT: u16 = 1 << 0;
+/// DRDY in STATUS.
+const DATA_READY: u16 = 1 << 6;
+/// The error flags in DATAx_MSB.
+const FLAGS: u16 = 0xF000;
+
+/// The two registers of one channel and the shadow behind them (datasheet 7.5.3).
+#[derive(Clone, Copy, Debug, Default)]
+struct Channel {
+    /// Newest result with its flags.
+    shadow: (u16, u16),
+    /// Low half as latched by the last read of the high one.
+    latched_lsb: u16,
+    /// UNREADCONVx.
+    unread: bool,
+    /// The result in the shadow has not been read, whatever UNREADCONVx says.
+    waiting: bool,
+    finished: u64,
+    overwritten: u64,
+    newest: Option<Conversion>,
+    /// The conversion that is in the shadow.
+    shown: Option<Conversion>,
+    last_read: Option<Conversion>,
+}
+
+/// Everything that conversions leave behind.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Results {
+    channels: [Channel; CHANNELS],
+    errors: Errors,
+    error_channel: u8,
+    data_ready: bool,
+    /// INTB is asserted, unless CONFIG.INTB_DIS holds the pin high.
+    interrupt: bool,
+    falling_edges: u64,
+    last_fall: Option<Time>,
+}
+
+/// How events are to be reported.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Reporting {
+    pub(crate) error_config: u16,
+    pub(crate) interrupt_disabled: bool,
+    pub(crate) status: StatusReporting,
+    pub(crate) now: Time,
+}
+
+impl Results {
+    /// Sleep, shutdown and reset clear results, errors and INTB (7.4.2, 8.1.9); the ground truth and
+    /// its counters stay.
+    pub(crate) fn clear(&mut self) {
+        for channel in &mut self.channels {
+            channel.shadow = (0, 0);
+            channel.latched_lsb = 0;
+            channel.unread = false;
+            channel.waiting = false;
+            channel.shown = None;
+        }
+        self.forget_errors();
+        self.data_ready = false;
+        self.interrupt = false;
+    }
+
+    /// Takes a finished conversion into the shadow of its channel and reports its errors.
+    pub(crate) fn finish(&mut self, mut conversion: Conversion, reporting: Reporting) {
+        let errors = conversion.errors;
+        let Some(channel) = self.channels.get_mut(usize::from(conversion.channel)) else {
+            return;
+        };
+        conversion.number = channel.finished;
+        channel.finished += 1;
+        channel.overwritten += u64::from(channel.waiting);
+        channel.unread = true;
+        channel.waiting = true;
+        channel.shadow = halves(conversion.word, errors.to_data(reporting.error_config));
+        channel.newest = Some(conversion);
+        channel.shown = Some(conversion);
+        self.report(conversion.channel, errors, reporting);
+    }
+
+    /// A conversion without a result: data are invalid, and nothing is there to be read
+    /// (SNOA959 3.3 and its table 2: the word is zero).
+    pub(crate) fn abort(&mut self, channel: u8, errors: Errors, reporting: Reporting) {
+        if let Some(channel) = self.channels.get_mut(usize::from(channel)) {
+            channel.shadow = halves(0, errors.to_data(reporting.error_config));
+            channel.shown = None;
+        }
+        self.report(channel, errors, reporting);
+    }
+
+    /// All channels of the sequence have new results.
+    pub(crate) fn sequence_done(&mut self, reporting: Reporting) {
+        let enabled = reporting.error_config & DATA_READY_TO_INTERRUPT != 0;
+        self.data_ready |= enabled || reporting.status == StatusReporting::Always;
+        if enabled {
+            self.assert_interrupt(reporting);
+        }
+    }
+
+    /// STATUS keeps the first channel with an error; what other channels report until it is read is
+    /// lost (SNOA959 1.2).
+    fn report(&mut self, channel: u8, errors: Errors, reporting: Reporting) {
+        let enabled = errors.to_interrupt(reporting.error_config);
+        let shown = match reporting.status {
+            StatusReporting::OnlyWhenEnabled => enabled,
+            StatusReporting::Always => errors,
+        };
+        if self.errors.is_empty() && !shown.is_empty() {
+            self.error_channel = channel;
+        }
+        if self.error_channel == channel {
+            self.errors |= shown;
+        }
+        if !enabled.is_empty() {
+            self.assert_interrupt(reporting);
+        }
+    }
+
+    fn assert_interrupt(&mut self, reporting: Reporting) {
+        if !self.interrupt && !reporting.interrupt_disabled {
+            self.falling_edges += 1;
+            self.last_fall = Some(reporting.now);
+        }
+        self.interrupt = true;
+    }
+
+    /// STATUS as it stands.
+    pub(crate) fn status(&self) -> u16 {
+        let unread = (0_u16..)
+            .zip(&self.channels)
+            .map(|(index, channel)| u16::from(channel.unread) << (3 - index))
+            .fold(0, |bits, bit| bits | bit);
+        (u16::from(self.error_channel) << 14)
+            | self.errors.to_status()
+            | if self.data_ready { DATA_READY } else { 0 }
+            | unread
+    }
+
+    /// What a read of STATUS takes away.
+    pub(crate) fn status_was_read(&mut self, switches: &Switches) {
+        self.forget_errors();
+        self.data_ready = false;
+        self.interrupt = false;
+        if switches.unread_cleared == UnreadCleared::DataOrStatus {
+            for channel in &mut self.channels {
+                channel.unread = false;
+            }
+        }
+    }
+
+    fn forget_errors(&mut self) {
+        self.errors = Errors::NONE;
+        self.error_channel = 0;
+    }
+
+    /// DATAx_MSB as it would be read.
+    pub(crate) fn msb(&self, channel: u8) -> u16 {
+        self.channel(channel).map_or(0, |channel| channel.shadow.0)
+    }
+
+    /// DATAx_LSB as it would be read.
+    pub(crate) fn lsb(&self, channel: u8, latch: ShadowLatch) -> u16 {
+        self.channel(channel).map_or(0, |channel| match latch {
+            ShadowLatch::OnMsbRead => channel.latched_lsb,
+            ShadowLatch::None => channel.shadow.1,
+        })
+    }
+
+    /// What a read of DATAx_MSB latches and takes away.
+    pub(crate) fn msb_was_read(&mut self, channel: u8, switches: &Switches) {
+        let index = channel;
+        let Some(channel) = self.channels.get_mut(usize::from(index)) else {
+            return;
+        };
+        channel.latched_lsb = channel.shadow.1;
+        channel.unread = false;
+        channel.waiting = false;
+        channel.last_read = channel.shown;
+        if switches.flag_read == FlagRead::Clears {
+            channel.shadow.0 &= !FLAGS;
+        }
+        if switches.interrupt_release == InterruptRelease::StatusOrData {
+            self.interrupt = false;
+            self.data_ready = false;
+            if self.error_channel == index {
+                self.forget_errors();
+            }
+        }
+    }
+
+    pub(crate) fn interrupt(&self) -> bool {
+        self.interrupt
+    }
+
+    pub(crate) fn falling_edges(&self) -> u64 {
+        self.falling_edges
+    }
+
+    pub(crate) fn last_fall(&self) -> Option<Time> {
+        self.last_fall
+    }
+
+    pub(crate) fn finished(&self, channel: u8) -> u64 {
+        self.channel(channel).map_or(0, |channel| channel.finished)
+    }
+
+    pub(crate) fn overwritten(&self, channel: u8) -> u64 {
+        self.channel(channel)
+            .map_or(0, |channel| channel.overwritten)
+    }
+
+    pub(crate) fn newest(&self, channel: u8) -> Option<&Conversion> {
+        self.channel(channel)?.newest.as_ref()
+    }
+
+    pub(crate) fn last_read(&self, channel: u8) -> Option<&Conversion> {
+        self.channel(channel)?.last_read.as_ref()
+    }
+
+    fn channel(&self, channel: u8) -> Option<&Channel> {
+        self.channels.get(usize::from(channel))
+    }
+}
+
+/// A word and its flags as DATAx_MSB and DATAx_LSB.
+fn halves(word: u32, flags: u16) -> (u16, u16) {
+    let upper = (word >> 16) as u16 & !FLAGS;
+    (upper | flags, word as u16)
+}

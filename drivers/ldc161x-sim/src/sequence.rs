@@ -1,0 +1,435 @@
+//! The schedule: start-up, activation, conversion and pause, channel after channel.
+
+use crate::chip::Chip;
+use crate::conversion::{Conversion, Gate, fraction};
+use crate::drive::{
+    AMPLITUDE_HIGH_V, AMPLITUDE_LOW_V, BuildUp, amplitude_v, calibrated_code, corrected_code,
+    drive_current_a,
+};
+use crate::errors::Errors;
+use crate::results::CHANNELS;
+use crate::sensor::Sensors;
+use crate::settings::Part;
+use crate::switches::SleepExit;
+use crate::time::{Moment, Time};
+
+/// The watchdog takes slower oscillations for none (SNOA959 3.3).
+const SLOWEST_SENSOR_HZ: f64 = 250.0;
+/// Code of the largest current, which full-current activation drives (datasheet 8.1.4.2).
+const FULL_CURRENT_CODE: u8 = 31;
+
+/// What the chip is about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Step {
+    /// Asleep, shut down or without supply.
+    Idle,
+    /// The 16 384 periods of the internal oscillator after sleep.
+    StartUp,
+    /// A channel's oscillation builds up.
+    Activation,
+    /// A channel is counted.
+    Conversion,
+    /// Between a conversion and what follows it.
+    Pause,
+}
+
+/// Where the chip is in its schedule.
+#[derive(Clone, Debug)]
+pub(crate) struct Sequence {
+    step: Step,
+    channel: u8,
+    ends: Moment,
+    gate: Option<Gate>,
+    /// Length and end of the last activation.
+    settle_s: f64,
+    settled: Moment,
+    /// Phase of the divided sensor signal, cycles.
+    phase: f64,
+    /// When the watchdog last knew of an oscillation and a reference.
+    alive: Moment,
+    /// What the amplitude calibration has found since the chip left sleep.
+    calibrated: [Option<u8>; CHANNELS],
+}
+
+impl Sequence {
+    pub(crate) fn new() -> Self {
+        let start = Moment::at(Time::ZERO);
+        Self {
+            step: Step::Idle,
+            channel: 0,
+            ends: Moment::NEVER,
+            gate: None,
+            settle_s: 0.0,
+            settled: start,
+            phase: 0.0,
+            alive: start,
+            calibrated: [None; CHANNELS],
+        }
+    }
+
+    /// Stops; the next start calibrates anew.
+    pub(crate) fn halt(&mut self) {
+        self.step = Step::Idle;
+        self.ends = Moment::NEVER;
+        self.gate = None;
+        self.calibrated = [None; CHANNELS];
+    }
+
+    /// A write has come amid a conversion.
+    pub(crate) fn disturb(&mut self) {
+        if let Some(gate) = &mut self.gate {
+            gate.disturbed = true;
+        }
+    }
+
+    fn enter(&mut self, step: Step, ends: Moment) {
+        self.step = step;
+        self.ends = ends;
+    }
+
+    fn measures(&self) -> bool {
+        !matches!(self.step, Step::Idle | Step::StartUp)
+    }
+}
+
+impl<S: Sensors> Chip<S> {
+    /// When the schedule next needs attention.
+    pub(crate) fn sequence_due(&self) -> Moment {
+        self.sequence.ends.earlier_of(self.watchdog_due())
+    }
+
+    /// The watchdog watches the sensor in single-channel mode (SNOA959 3.3). In autoscan the same
+    /// timer only frees the sequence from a stopped reference (guess).
+    fn watchdog_due(&self) -> Moment {
+        let watched = !self.registers.mux().autoscan() || self.sequence.ends.is_never();
+        if self.sequence.measures() && watched {
+            self.sequence.alive.after(self.settings.watchdog())
+        } else {
+            Moment::NEVER
+        }
+    }
+
+    /// Does what is due.
+    pub(crate) fn advance_sequence(&mut self) {
+        let ends = self.sequence.ends;
+        let watchdog = self.watchdog_due();
+        if watchdog.time() < ends.time() {
+            self.watch(watchdog);
+            return;
+        }
+        match self.sequence.step {
+            Step::Idle => {}
+            Step::StartUp => self.first_channel(ends),
+            Step::Activation => self.settle(ends),
+            Step::Conversion => self.complete(ends),
+            Step::Pause => self.next_channel(ends),
+        }
+    }
+
+    /// Leaves sleep.
+    pub(crate) fn wake(&mut self) {
+        if self.settings.switches.sleep_exit == SleepExit::LosesOnce && !self.has_lost_registers {
+            self.has_lost_registers = true;
+            self.reset();
+            return;
+        }
+        let start = Moment::at(self.now);
+        self.sequence.halt();
+        let ends = start.after(self.settings.start_up());
+        self.sequence.enter(Step::StartUp, ends);
+    }
+
+    /// Begins the channel under way anew: its reference has come or gone, or time has been skipped.
+    pub(crate) fn restart_channel(&mut self) {
+        if self.sequence.measures() {
+            self.activate(self.sequence.channel, Moment::at(self.now));
+        }
+    }
+
+    /// The channel that single-channel mode measures.
+    fn active_channel(&self) -> u8 {
+        let channel = self.registers.config().active_channel();
+        match self.settings.part {
+            Part::Ldc1612 => channel & 1,
+            Part::Ldc1614 => channel,
+        }
+    }
+
+    /// The last channel of the sequence, or the only one.
+    fn last_channel(&self) -> u8 {
+        let mux = self.registers.mux();
+        match (mux.autoscan(), self.settings.part) {
+            (false, _) => self.active_channel(),
+            (true, Part::Ldc1612) => 1,
+            (true, Part::Ldc1614) => mux.last_channel(),
+        }
+    }
+
+    fn first_channel(&mut self, at: Moment) {
+        let channel = if self.registers.mux().autoscan() {
+            0
+        } else {
+            self.active_channel()
+        };
+        self.activate(channel, at);
+    }
+
+    /// After a pause: autoscan activates the next channel; a single channel oscillates on and is
+    /// converted again (datasheet figures 53 and 54).
+    fn next_channel(&mut self, at: Moment) {
+        let channel = self.sequence.channel;
+        if self.registers.mux().autoscan() {
+            let next = if channel < self.last_channel() {
+                channel.saturating_add(1)
+            } else {
+                0
+            };
+            self.activate(next, at);
+        } else if channel == self.active_channel() {
+            self.convert(at);
+        } else {
+            self.activate(self.active_channel(), at);
+        }
+    }
+
+    /// Lets the oscillation of a channel build up. Its phase against the reference is chance: the
+    /// two clocks know nothing of each other.
+    fn activate(&mut self, channel: u8, at: Moment) {
+        self.calibrate(channel, at);
+        let reference_hz = self.reference_hz(channel, at);
+        let settle_s = self.registers.settle_clocks(channel) / reference_hz;
+        let phase = self.random.uniform();
+        let sequence = &mut self.sequence;
+        sequence.channel = channel;
+        sequence.gate = None;
+        sequence.phase = phase;
+        sequence.alive = at;
+        sequence.settle_s = settle_s;
+        sequence.enter(Step::Activation, at.after(settle_s));
+    }
+
+    fn settle(&mut self, at: Moment) {
+        self.sequence.settled = at;
+        self.convert(at);
+    }
+
+    /// Opens the gate.
+    fn convert(&mut self, at: Moment) {
+        let channel = self.sequence.channel;
+        let (amplitude_v, settled_v) = self.amplitude(channel, at);
+        let mut gate = Gate {
+            channel,
+            start: at,
+            end: at,
+            rcount: self.registers.rcount(channel),
+            offset: self.registers.offset(channel),
+            sensor_divider: self.registers.sensor_divider(channel),
+            deglitch: self.registers.mux().deglitch(),
+            reference_hz: self.reference_hz(channel, at),
+            drive_code: self.drive_code(channel),
+            amplitude_v,
+            settled_v,
+            disturbed: false,
+        };
+        gate.end = at.after(gate.clocks() / gate.reference_hz);
+        self.sequence.gate = Some(gate);
+        self.sequence.enter(Step::Conversion, gate.end);
+    }
+
+    /// Closes the gate and reports.
+    fn complete(&mut self, at: Moment) {
+        let Some(gate) = self.sequence.gate.take() else {
+            return;
+        };
+        let phase = &mut self.sequence.phase;
+        let mut conversion = gate.measure(&self.settings, &self.sensors, phase, &mut self.random);
+        conversion.errors |= amplitude_errors(conversion.amplitude_v);
+        if conversion.oscillation_hz >= SLOWEST_SENSOR_HZ {
+            self.sequence.alive = at;
+        }
+        self.judge(&gate, &conversion);
+        self.results.finish(conversion, self.reporting());
+        if gate.channel == self.last_channel() {
+            self.results.sequence_done(self.reporting());
+        }
+        self.correct_amplitude(gate.channel, conversion.amplitude_v);
+        self.pause(at, &gate, conversion.oscillation_hz);
+    }
+
+    /// In single-channel mode the sensor oscillates on during the pause, and so does its phase.
+    fn pause(&mut self, at: Moment, gate: &Gate, oscillation_hz: f64) {
+        let length = if self.registers.mux().autoscan() {
+            self.settings.conversions.switch_delay
+        } else {
+            self.settings.switches.overhead
+        };
+        let length_s = length.seconds(gate.reference_hz);
+        let divided_hz = oscillation_hz / f64::from(gate.sensor_divider.max(1));
+        self.sequence.phase = fraction(self.sequence.phase + divided_hz * length_s);
+        if length_s > 0.0 {
+            self.sequence.enter(Step::Pause, at.after(length_s));
+        } else {
+            self.next_channel(at);
+        }
+    }
+
+    /// The watchdog's time has passed: has it been silent?
+    fn watch(&mut self, at: Moment) {
+        let channel = self.sequence.channel;
+        if self.reference_hz(channel, at) > 0.0 && self.oscillates(channel, at) {
+            self.sequence.alive = at;
+        } else if self.registers.mux().autoscan() {
+            self.results
+                .abort(channel, Errors::ZERO_COUNT, self.reporting());
+            self.next_channel(at);
+        } else {
+            self.results
+                .abort(channel, Errors::WATCHDOG, self.reporting());
+            self.activate(self.active_channel(), at);
+        }
+    }
+
+    fn oscillates(&self, channel: u8, at: Moment) -> bool {
+        let index = usize::from(channel);
+        let seconds = at.seconds();
+        let resistance_ohm = self.sensors.parallel_resistance_ohm(index, seconds);
+        let settled_v = amplitude_v(resistance_ohm, self.drive_a(channel));
+        self.sensors.frequency_hz(index, seconds) >= SLOWEST_SENSOR_HZ
+            && settled_v >= self.settings.drive.least_amplitude_v
+    }
+
+    /// True reference frequency of a channel, Hz; zero when it stands still because its source is
+    /// missing or its divider is the reserved zero.
+    pub(crate) fn reference_hz(&self, channel: u8, at: Moment) -> f64 {
+        let source_hz = if self.registers.config().external_clock() {
+            let lost = self.clkin_is_lost();
+            let clock = self.settings.external_clock.filter(|_| !lost);
+            clock.map_or(0.0, |clock| clock.at(at.seconds()))
+        } else {
+            self.settings.internal_hz()
+        };
+        let divider = self.registers.reference_divider(channel);
+        if source_hz > 0.0 && source_hz.is_finite() && divider > 0 {
+            source_hz / f64::from(divider)
+        } else {
+            0.0
+        }
+    }
+
+    /// Amplitude of a channel's oscillation now and once it has settled, V.
+    fn amplitude(&self, channel: u8, at: Moment) -> (f64, f64) {
+        let index = usize::from(channel);
+        let seconds = at.seconds();
+        let resistance_ohm = self.sensors.parallel_resistance_ohm(index, seconds);
+        let settled_v = amplitude_v(resistance_ohm, self.drive_a(channel));
+        let full_v = amplitude_v(resistance_ohm, drive_current_a(FULL_CURRENT_CODE));
+        let build_up = BuildUp {
+            settled_v,
+            driven_v: if self.registers.config().low_power_activation() {
+                settled_v
+            } else {
+                full_v.max(settled_v)
+            },
+            time_constant_s: BuildUp::time_constant_s(
+                self.sensors.quality_factor(index, seconds),
+                self.sensors.frequency_hz(index, seconds),
+            ),
+        };
+        let later_s = at.seconds_since(self.sequence.settled);
+        (
+            build_up.amplitude_v(self.sequence.settle_s, later_s),
+            settled_v,
+        )
+    }
+
+    /// The drive code in use: IDRIVEx with RP_OVERRIDE_EN, else what the calibration has found.
+    fn drive_code(&self, channel: u8) -> u8 {
+        let programmed = self.registers.drive_code(channel);
+        if self.registers.config().overrides_rp() {
+            return programmed;
+        }
+        self.calibrated(channel).unwrap_or(programmed)
+    }
+
+    /// The drive current in use, ampere.
+    fn drive_a(&self, channel: u8) -> f64 {
+        let high = self.registers.config().high_current() && !self.registers.mux().autoscan();
+        if high && channel == 0 {
+            self.settings.drive.high_current_a
+        } else {
+            drive_current_a(self.drive_code(channel))
+        }
+    }
+
+    fn calibrated(&self, channel: u8) -> Option<u8> {
+        self.sequence
+            .calibrated
+            .get(usize::from(channel))
+            .copied()
+            .flatten()
+    }
+
+    fn set_calibrated(&mut self, channel: u8, code: u8) {
+        if let Some(place) = self.sequence.calibrated.get_mut(usize::from(channel)) {
+            *place = Some(code);
+        }
+        self.registers.show_initial_drive(channel, code);
+    }
+
+    /// The amplitude calibration at the first activation after sleep (datasheet 8.1.5.2). That it
+    /// takes no time of its own is a guess.
+    fn calibrate(&mut self, channel: u8, at: Moment) {
+        let config = self.registers.config();
+        let wanted = !config.overrides_rp() || config.amplitude_correction();
+        if wanted && self.calibrated(channel).is_none() {
+            let resistance_ohm = self
+                .sensors
+                .parallel_resistance_ohm(usize::from(channel), at.seconds());
+            self.set_calibrated(channel, calibrated_code(resistance_ohm));
+        }
+    }
+
+    /// The amplitude correction after a conversion (datasheet 8.1.5.4). With RP_OVERRIDE_EN the
+    /// current stays as programmed, and so does what INIT_IDRIVEx shows.
+    fn correct_amplitude(&mut self, channel: u8, amplitude_v: f64) {
+        let config = self.registers.config();
+        if config.overrides_rp() || !config.amplitude_correction() {
+            return;
+        }
+        if let Some(code) = self.calibrated(channel) {
+            self.set_calibrated(channel, corrected_code(code, amplitude_v));
+        }
+    }
+
+    /// Counts what the datasheet forbids (sections 8.1.5.5 and 8.1.6, table 43).
+    fn judge(&mut self, gate: &Gate, conversion: &Conversion) {
+        // a clock may be off by its tolerance without breaking a rule
+        const TOLERANCE: f64 = 1.001;
+        let config = self.registers.config();
+        let autoscan = self.registers.mux().autoscan();
+        let most_hz = match (autoscan, config.external_clock()) {
+            (false, _) => 35e6,
+            (true, true) => 40e6,
+            (true, false) => 55e6,
+        };
+        let divided_hz = conversion.sensor_hz / f64::from(gate.sensor_divider.max(1));
+        let undivided = gate.sensor_divider == 1 && conversion.sensor_hz >= 8.75e6;
+        let misuse = &mut self.misuse;
+        misuse.reference_too_fast += u64::from(gate.reference_hz > most_hz * TOLERANCE);
+        misuse.sensor_too_fast += u64::from(divided_hz >= gate.reference_hz / 4.0 || undivided);
+        misuse.reserved_values += u64::from(gate.rcount <= 8)
+            + u64::from(self.registers.settle_count(gate.channel) <= 3)
+            + u64::from(gate.sensor_divider == 0);
+        misuse.high_current_in_autoscan += u64::from(autoscan && config.high_current());
+    }
+}
+
+fn amplitude_errors(amplitude_v: f64) -> Errors {
+    if amplitude_v > AMPLITUDE_HIGH_V {
+        Errors::AMPLITUDE_HIGH
+    } else if amplitude_v < AMPLITUDE_LOW_V {
+        Errors::AMPLITUDE_LOW
+    } else {
+        Errors::NONE
+    }
+}

@@ -1,0 +1,252 @@
+//! The parameters of one simulated chip and its surroundings.
+
+use crate::counter::{Core, StartUp};
+use crate::switches::{Overhead, Switches};
+use crate::time::Time;
+
+/// Which chip it is. Both answer with the same identity.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub enum Part {
+    /// Two channels. The register file is that of the LDC1614; sequences stop at channel 1, and
+    /// only the low bit of ACTIVE_CHAN counts (guess: the same die with two channels bonded).
+    Ldc1612,
+    /// Four channels.
+    #[default]
+    Ldc1614,
+}
+
+/// The clock at the CLKIN pin.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct ExternalClock {
+    /// Nominal frequency, Hz; 2 MHz to 40 MHz by the datasheet (6.5).
+    pub frequency_hz: f64,
+    /// How far the true frequency is off at time zero, relative (1e-6 is one part per million).
+    pub relative_error: f64,
+    /// How fast that changes, relative per second.
+    pub drift_per_s: f64,
+}
+
+impl ExternalClock {
+    /// A perfect clock.
+    #[must_use]
+    pub const fn exact(frequency_hz: f64) -> Self {
+        Self {
+            frequency_hz,
+            relative_error: 0.0,
+            drift_per_s: 0.0,
+        }
+    }
+
+    pub(crate) fn at(&self, time_s: f64) -> f64 {
+        self.frequency_hz * (1.0 + self.relative_error + self.drift_per_s * time_s)
+    }
+}
+
+/// The internal oscillator.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(default))]
+pub struct InternalClock {
+    /// True frequency at 25 °C, Hz: 35 MHz to 55 MHz, typically 43.4 MHz (datasheet 6.5).
+    pub frequency_hz: f64,
+    /// Its temperature coefficient, relative per kelvin: −13·10⁻⁶ in the mean (datasheet 6.5).
+    pub relative_per_kelvin: f64,
+}
+
+impl InternalClock {
+    pub(crate) fn at(&self, temperature_c: f64) -> f64 {
+        self.frequency_hz * (1.0 + self.relative_per_kelvin * (temperature_c - 25.0))
+    }
+}
+
+impl Default for InternalClock {
+    fn default() -> Self {
+        Self {
+            frequency_hz: 43.4e6,
+            relative_per_kelvin: -13e-6,
+        }
+    }
+}
+
+/// How the core counts and how quietly.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(default))]
+pub struct Conversions {
+    /// Whether words are quotients of whole counts M/N, as in silicon, or the exact ratio.
+    pub quantised: bool,
+    /// The beginning of a gate, in which no edge is counted. `None`: what suits the counter of
+    /// [`Switches::counter`] to recorded words.
+    pub start_up: Option<StartUp>,
+    /// Where in the sensor's period the falling edge comes after the rising one, between 0 and 1,
+    /// for [`crate::Counter::TwoGates`]. Recorded words fit 0.15 to 0.4 alike and an even duty,
+    /// 0.5, less well; the default is 0.2.
+    pub falling_edge: f64,
+    /// White noise of the sensor's frequency: standard deviation relative to it in a conversion of
+    /// 1 ms at an amplitude of 1.2 V or more. It scales with 1/√tC, and with 1.2 V over the
+    /// amplitude below. Default 10⁻⁶ (guess; quantisation at 40 MHz and 1 ms is 7·10⁻⁶).
+    pub noise_at_1ms: f64,
+    /// Panels of five-point Gauss–Lobatto quadrature over a conversion, 1 to 255: one panel averages
+    /// a disturbance of one cycle per panel to 1.4·10⁻³ of its amplitude. Default 2.
+    pub panels: u8,
+    /// Time from the end of a conversion to the activation of the next channel in autoscan
+    /// (datasheet equation 8). Single-channel intervals are [`Switches::overhead`].
+    pub switch_delay: Overhead,
+}
+
+impl Default for Conversions {
+    fn default() -> Self {
+        Self {
+            quantised: true,
+            start_up: None,
+            falling_edge: 0.2,
+            noise_at_1ms: 1e-6,
+            panels: 2,
+            switch_delay: Overhead::EQUATION_8,
+        }
+    }
+}
+
+impl Conversions {
+    pub(crate) fn core(&self, switches: &Switches) -> Core {
+        Core {
+            counter: switches.counter,
+            start_up: self.start_up.unwrap_or(StartUp::of(switches.counter)),
+            falling_edge: self.falling_edge,
+        }
+    }
+}
+
+/// How the drive and the sensor's amplitude act upon its frequency.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(default))]
+pub struct Drive {
+    /// Relative shift of the frequency for each step of the drive-current code, counted from code 0
+    /// (datasheet 8.1.5: "an output code offset when the current drive is changed"; its size is a
+    /// guess, 2·10⁻⁶).
+    pub shift_per_code: f64,
+    /// Relative shift for each volt above 1.8 V, where the input clamps (datasheet 8.1.5; size is a
+    /// guess, −10⁻³).
+    pub clamp_shift_per_volt: f64,
+    /// Relative shift when the oscillation has only begun; it falls with the amplitude that is still
+    /// missing (guess, −10⁻³).
+    pub settling_shift: f64,
+    /// Amplitude below which the oscillation stops, volt peak: 0.6 V (datasheet 8.1.5) or 0.5 V
+    /// (SNOA950).
+    pub least_amplitude_v: f64,
+    /// Current of the high-current drive of channel 0, ampere: above 3.5 mA (datasheet 8.1.5.5), or
+    /// 3 mA (SNOA950).
+    pub high_current_a: f64,
+}
+
+impl Default for Drive {
+    fn default() -> Self {
+        Self {
+            shift_per_code: 2e-6,
+            clamp_shift_per_volt: -1e-3,
+            settling_shift: -1e-3,
+            least_amplitude_v: 0.6,
+            high_current_a: 3.5e-3,
+        }
+    }
+}
+
+/// Everything that tells one simulated chip from another.
+///
+/// ```
+/// use ldc161x_sim::{ExternalClock, Settings};
+///
+/// let settings = Settings {
+///     seed: 7,
+///     external_clock: Some(ExternalClock { relative_error: 20e-6, ..ExternalClock::exact(40e6) }),
+///     ..Settings::default()
+/// };
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(default))]
+pub struct Settings {
+    /// Which chip it is.
+    pub part: Part,
+    /// The level of the ADDR pin: low is address 0x2A, high 0x2B.
+    pub address_pin_high: bool,
+    /// Where the chance comes from: equal seeds and equal calls give equal bytes.
+    pub seed: u64,
+    /// Temperature of the chip, °C; it acts on the internal oscillator.
+    pub temperature_c: f64,
+    /// The internal oscillator, which times the start-up and the watchdog in any case.
+    pub internal_clock: InternalClock,
+    /// The clock at CLKIN, or none if the pin is tied to ground.
+    pub external_clock: Option<ExternalClock>,
+    /// From SD low, or from the return of the supply, to an answer on the bus: 2 ms at most
+    /// (datasheet 6.5).
+    pub wake_up: Time,
+    /// How long the sensor, or the reference, may be silent in single-channel mode before the
+    /// watchdog acts: 5.2 ms (datasheet 6.5, SNOA959 3.3) at 43.4 MHz, scaled with the true
+    /// frequency of the internal oscillator.
+    pub watchdog_s: f64,
+    /// The counter and its noise.
+    pub conversions: Conversions,
+    /// The drive and the amplitude.
+    pub drive: Drive,
+    /// What is not settled about the silicon.
+    pub switches: Switches,
+}
+
+impl Default for Settings {
+    /// An LDC1614 at 0x2A with an exact 40 MHz clock at CLKIN and all switches at their defaults.
+    fn default() -> Self {
+        Self {
+            part: Part::default(),
+            address_pin_high: false,
+            seed: 0x1614,
+            temperature_c: 25.0,
+            internal_clock: InternalClock::default(),
+            external_clock: Some(ExternalClock::exact(40e6)),
+            wake_up: Time::from_ms(2),
+            watchdog_s: 5.2e-3,
+            conversions: Conversions::default(),
+            drive: Drive::default(),
+            switches: Switches::default(),
+        }
+    }
+}
+
+impl Settings {
+    /// No noise, no quantisation and no shift by the drive: words are the exact ratio, so that a
+    /// test can compute them by hand. All else is as by default.
+    #[must_use]
+    pub fn ideal() -> Self {
+        Self {
+            conversions: Conversions {
+                quantised: false,
+                noise_at_1ms: 0.0,
+                ..Conversions::default()
+            },
+            drive: Drive {
+                shift_per_code: 0.0,
+                clamp_shift_per_volt: 0.0,
+                settling_shift: 0.0,
+                ..Drive::default()
+            },
+            ..Self::default()
+        }
+    }
+
+    pub(crate) fn internal_hz(&self) -> f64 {
+        self.internal_clock.at(self.temperature_c)
+    }
+
+    /// Length of the watchdog, seconds.
+    pub(crate) fn watchdog(&self) -> f64 {
+        self.watchdog_s * 43.4e6 / self.internal_hz()
+    }
+
+    /// Length of the start-up after sleep: 16 384 periods of the internal oscillator (7.4.2).
+    pub(crate) fn start_up(&self) -> f64 {
+        16_384.0 / self.internal_hz()
+    }
+}

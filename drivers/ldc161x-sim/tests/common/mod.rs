@@ -1,0 +1,186 @@
+//! What the tests share. Registers are written as bare numbers on purpose: the tests must not lean
+//! on the crate's own transcription.
+#![allow(dead_code, reason = "each test binary uses its own part")]
+
+use core::cell::RefCell;
+
+use embedded_hal::i2c::{I2c, Operation};
+use ldc161x_sim::{
+    Bus, Chip, Conversions, Drive, ExternalClock, Fault, FaultEvent, FaultId, I2cError, Sensors,
+    Settings, Switches, Time,
+};
+
+pub(crate) const ADDRESS: u8 = 0x2A;
+
+pub(crate) fn us(microseconds: u64) -> Time {
+    Time::from_us(microseconds)
+}
+
+pub(crate) fn ms(milliseconds: u64) -> Time {
+    Time::from_ms(milliseconds)
+}
+
+/// Settings without noise or shifts, but with the counter.
+pub(crate) fn quiet(clkin_hz: f64) -> Settings {
+    let ideal = Settings::ideal();
+    Settings {
+        external_clock: Some(ExternalClock::exact(clkin_hz)),
+        conversions: Conversions {
+            quantised: true,
+            ..ideal.conversions
+        },
+        ..ideal
+    }
+}
+
+pub(crate) fn with_switches(settings: Settings, change: impl FnOnce(&mut Switches)) -> Settings {
+    let mut switches = settings.switches;
+    change(&mut switches);
+    Settings {
+        switches,
+        ..settings
+    }
+}
+
+/// Settings with no shift by the drive, but all else as by default.
+pub(crate) fn no_shift() -> Drive {
+    Settings::ideal().drive
+}
+
+/// A chip on a bus of 400 kHz.
+pub(crate) struct Rig<S> {
+    pub(crate) chip: RefCell<Chip<S>>,
+}
+
+impl<S: Sensors> Rig<S> {
+    pub(crate) fn new(settings: Settings, sensors: S) -> Self {
+        Self {
+            chip: RefCell::new(Chip::new(settings, sensors)),
+        }
+    }
+
+    pub(crate) fn bus(&self) -> Bus<'_, S> {
+        Bus::new(&self.chip, 400_000)
+    }
+
+    pub(crate) fn try_read(&self, register: u8) -> Result<u16, I2cError> {
+        let mut bytes = [0; 2];
+        self.bus().write_read(ADDRESS, &[register], &mut bytes)?;
+        Ok(u16::from_be_bytes(bytes))
+    }
+
+    pub(crate) fn read(&self, register: u8) -> u16 {
+        self.try_read(register).expect("the chip answers")
+    }
+
+    pub(crate) fn try_write(&self, register: u8, value: u16) -> Result<(), I2cError> {
+        let [high, low] = value.to_be_bytes();
+        self.bus().write(ADDRESS, &[register, high, low])
+    }
+
+    pub(crate) fn write(&self, register: u8, value: u16) {
+        self.try_write(register, value).expect("the chip answers");
+    }
+
+    /// One channel's result as a driver reads it: both halves in one transaction.
+    pub(crate) fn frame(&self, channel: u8) -> (u16, u32) {
+        let (mut high, mut low) = ([0; 2], [0; 2]);
+        self.bus()
+            .transaction(
+                ADDRESS,
+                &mut [
+                    Operation::Write(&[2 * channel]),
+                    Operation::Read(&mut high),
+                    Operation::Write(&[2 * channel + 1]),
+                    Operation::Read(&mut low),
+                ],
+            )
+            .expect("the chip answers");
+        let [high, low] = [u16::from_be_bytes(high), u16::from_be_bytes(low)];
+        (
+            high & 0xF000,
+            u32::from(high & 0x0FFF) << 16 | u32::from(low),
+        )
+    }
+
+    /// Writes the registers of one channel: RCOUNT, a settling of `settle`, dividers of 1, drive.
+    pub(crate) fn prepare(&self, channel: u8, rcount: u16, settle: u16) {
+        self.write(0x08 + channel, rcount);
+        self.write(0x10 + channel, settle);
+        self.write(0x14 + channel, 0x1001);
+        self.write(0x1E + channel, 0xA000); // code 20: 297 uA, 1.13 V at 3 kohm
+    }
+
+    /// Starts single-channel conversions on channel 0 with everything reported.
+    pub(crate) fn single(&self, rcount: u16) {
+        self.prepare(0, rcount, 16);
+        self.write(0x1E, 0xA800); // code 21: 342 uA, 1.31 V at 3 kohm
+        self.write(0x19, 0xF8FD);
+        self.write(0x1B, 0x020D);
+        self.write(0x1A, 0x1601);
+    }
+
+    /// Starts autoscan over channels 0 to `last` with everything reported.
+    pub(crate) fn autoscan(&self, last: u8, rcount: u16, settle: u16) {
+        for channel in 0..=last {
+            self.prepare(channel, rcount, settle);
+            self.write(0x1E + channel, 0xA800);
+        }
+        self.write(0x19, 0xF8FD);
+        let sequence: u16 = match last {
+            2 => 0x2000,
+            3 => 0x4000,
+            _ => 0,
+        };
+        self.write(0x1B, 0x820D | sequence);
+        self.write(0x1A, 0x1601);
+    }
+
+    pub(crate) fn schedule(&self, event: FaultEvent) -> FaultId {
+        self.chip.borrow_mut().schedule(event).expect("a free slot")
+    }
+
+    /// A fault in the next `count` transactions.
+    pub(crate) fn in_next(&self, count: u32, fault: Fault) -> FaultId {
+        let number = self.chip.borrow().traffic().transactions;
+        self.schedule(FaultEvent::in_transactions(number, count, fault))
+    }
+
+    /// A fault from now on for a time.
+    pub(crate) fn for_time(&self, lasting: Time, fault: Fault) -> FaultId {
+        self.schedule(FaultEvent::at(self.now(), fault, lasting))
+    }
+
+    pub(crate) fn now(&self) -> Time {
+        self.chip.borrow().now()
+    }
+
+    pub(crate) fn wait(&self, time: Time) {
+        let end = self.now() + time;
+        self.chip.borrow_mut().advance_to(end);
+    }
+
+    /// Runs to the next falling edge of INTB; reads STATUS first if the pin is low already.
+    pub(crate) fn next_interrupt(&self) -> Time {
+        if self.chip.borrow().intb_is_low() {
+            self.read(0x18);
+        }
+        let limit = self.now() + Time::from_ms(2_000);
+        let edge = self.chip.borrow_mut().advance_to_interrupt(limit);
+        edge.expect("an interrupt")
+    }
+
+    pub(crate) fn intb_is_low(&self) -> bool {
+        self.chip.borrow().intb_is_low()
+    }
+
+    /// Runs until a channel has finished `count` more conversions.
+    pub(crate) fn convert(&self, channel: u8, count: u64) {
+        let mut chip = self.chip.borrow_mut();
+        let wanted = chip.conversions(channel) + count;
+        while chip.conversions(channel) < wanted {
+            let due = chip.next_event().expect("the chip converts");
+            chip.advance_to(due);
+        }
+    }
+}

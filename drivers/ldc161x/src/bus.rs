@@ -1,0 +1,41 @@
+//! What a register access costs on the wire.
+
+/// How the registers of a frame are fetched.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub enum BusAccess {
+    /// One transaction for the frame, registers joined by repeated starts. Nothing can come
+    /// between the reads of one frame, and it costs least.
+    #[default]
+    FramePerTransaction,
+    /// One `write_read` a register: for HALs whose `transaction` takes two operations only.
+    RegisterPerTransaction,
+    /// `write`, stop, `read`: for HALs without transactions. The chip keeps its pointer between
+    /// the two; no other master may use the bus meanwhile.
+    SeparateTransfers,
+}
+
+impl BusAccess {
+    /// Bit times of reading `registers` registers, start and stop conditions included, each
+    /// counted as one bit time.
+    ///
+    /// ```
+    /// use ldc161x::BusAccess;
+    /// // MSB and LSB of one channel; of four channels; of one channel behind STATUS
+    /// assert_eq!(BusAccess::FramePerTransaction.bit_times(2), 95);
+    /// assert_eq!(BusAccess::FramePerTransaction.bit_times(8), 377);
+    /// assert_eq!(BusAccess::FramePerTransaction.bit_times(3), 142);
+    /// assert_eq!(BusAccess::RegisterPerTransaction.bit_times(2), 96);
+    /// ```
+    pub const fn bit_times(self, registers: u32) -> u32 {
+        // Address and pointer; address and two data bytes; nine bit times each.
+        let pointer = 1 + 9 + 9;
+        let data = 1 + 9 + 18;
+        match self {
+            Self::FramePerTransaction => registers * (pointer + data) + 1,
+            Self::RegisterPerTransaction => registers * (pointer + data + 1),
+            Self::SeparateTransfers => registers * (pointer + 1 + data + 1),
+        }
+    }
+}

@@ -1,0 +1,178 @@
+//! What can go wrong, where, and what to do about it.
+
+use core::fmt;
+
+use crate::{DEVICE_ID, MANUFACTURER_ID, Register};
+
+/// Direction of a bus access.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Direction {
+    /// A register was being read.
+    Read,
+    /// A register was being written.
+    Write,
+}
+
+/// An error of the driver; `E` is the bus's own.
+///
+/// The flags of a conversion are not here: they are part of its [`Reading`](crate::Reading).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Error<E> {
+    /// The bus failed.
+    Bus {
+        /// The register, or the first one of the frame.
+        register: Register,
+        /// Which way.
+        direction: Direction,
+        /// The bus's own error.
+        source: E,
+    },
+    /// Something answers, but not with the identity of an LDC1612 or LDC1614.
+    WrongIdentity {
+        /// What MANUFACTURER_ID read.
+        manufacturer: u16,
+        /// What DEVICE_ID read.
+        device: u16,
+    },
+    /// A register does not hold what was just written.
+    ReadBack {
+        /// The register.
+        register: Register,
+        /// What was written.
+        written: u16,
+        /// What it reads.
+        read: u16,
+    },
+    /// A register no longer holds what it held: the chip was reset or disturbed. Every frame
+    /// since the last confirmed one is in doubt.
+    RegistersLost {
+        /// The register.
+        register: Register,
+        /// What it should hold.
+        expected: u16,
+        /// What it reads.
+        found: u16,
+    },
+    /// The configuration asks for a channel that this chip has not got.
+    NoSuchChannel,
+    /// No configuration was started yet.
+    NotStarted,
+    /// The chip is asleep, or lost its registers, and converts nothing.
+    NotRunning,
+    /// INTB did not fall in the time of two frames.
+    NoInterrupt {
+        /// How long was waited, in microseconds.
+        waited_us: u32,
+    },
+    /// INTB stays low although both data and STATUS were read.
+    InterruptStuck,
+    /// A pin could not be read or set.
+    Pin,
+}
+
+impl<E> Error<E> {
+    /// The likely cause and what to do, in plain words.
+    ///
+    /// ```
+    /// use ldc161x::Error;
+    /// let error: Error<()> = Error::WrongIdentity { manufacturer: 0x5449, device: 0x3054 };
+    /// assert!(error.advice().contains("LDC131x"));
+    /// ```
+    pub const fn advice(&self) -> &'static str {
+        match self {
+            Self::Bus { .. } => {
+                "check wiring, pull-ups, supply, the level of SD (low) and the address: ADDR low \
+                 is 0x2A, high 0x2B; then recover"
+            }
+            Self::WrongIdentity {
+                manufacturer: 0x5449,
+                device: 0x3054,
+            } => "this is an LDC131x or FDC221x, not an LDC161x: its data words differ",
+            Self::WrongIdentity {
+                manufacturer: 0xFFFF,
+                ..
+            } => "nobody drives the data line: the chip is absent, unpowered or shut down",
+            Self::WrongIdentity {
+                manufacturer: 0x5449,
+                ..
+            } => "a chip of Texas Instruments, but another one",
+            Self::WrongIdentity { .. } => {
+                "another device answers at this address, or the wiring is bad"
+            }
+            Self::ReadBack { .. } => {
+                "the bus is disturbed, or the chip was not asleep; start again"
+            }
+            Self::RegistersLost { .. } => {
+                "the supply dipped (the start of a coil can do that): recover, discard frames \
+                 since the last confirmed one, and look at the supply"
+            }
+            Self::NoSuchChannel => "use an LDC1614, or channels 0 and 1 only",
+            Self::NotStarted => "call start with a configuration first",
+            Self::NotRunning => "call wake after sleep, recover after an error",
+            Self::NoInterrupt { .. } => {
+                "check the wire of INTB, that the chip is awake, and that its clock runs"
+            }
+            Self::InterruptStuck => {
+                "check INTB for a short to ground, and that it has its own wire"
+            }
+            Self::Pin => "check the pin's configuration",
+        }
+    }
+}
+
+impl<E: fmt::Debug> fmt::Display for Error<E> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Bus {
+                register,
+                direction,
+                source,
+            } => {
+                let verb = match direction {
+                    Direction::Read => "reading",
+                    Direction::Write => "writing",
+                };
+                write!(f, "bus error {source:?} while {verb} {register:?}")?;
+            }
+            Self::WrongIdentity {
+                manufacturer,
+                device,
+            } => write!(
+                f,
+                "identity {manufacturer:#06x} {device:#06x} instead of {MANUFACTURER_ID:#06x} \
+                 {DEVICE_ID:#06x}"
+            )?,
+            Self::ReadBack {
+                register,
+                written,
+                read,
+            } => {
+                write!(
+                    f,
+                    "{register:?} reads {read:#06x} after {written:#06x} was written"
+                )?;
+            }
+            Self::RegistersLost {
+                register,
+                expected,
+                found,
+            } => {
+                write!(
+                    f,
+                    "{register:?} holds {found:#06x} instead of {expected:#06x}"
+                )?;
+            }
+            Self::NoSuchChannel => f.write_str("the chip has no such channel")?,
+            Self::NotStarted => f.write_str("no configuration")?,
+            Self::NotRunning => f.write_str("the chip does not convert")?,
+            Self::NoInterrupt { waited_us } => write!(f, "no interrupt in {waited_us} us")?,
+            Self::InterruptStuck => f.write_str("INTB is stuck low")?,
+            Self::Pin => f.write_str("a pin failed")?,
+        }
+        write!(f, ": {}", self.advice())
+    }
+}
+
+impl<E: fmt::Debug> core::error::Error for Error<E> {}

@@ -1,0 +1,633 @@
+//! From what is wanted (clock, sensor, rate, channels) to register values, or to the limit that
+//! stands in the way.
+//!
+//! All of it is `const`, so that a fixed plan costs no code and a plan that cannot work does not
+//! compile. Frequencies are whole hertz, times whole nanoseconds.
+
+use crate::{
+    Acquisition, BusAccess, Channel, ChannelSettings, ClockDividers, Configuration, Deglitch,
+    DriveCode, ErrorConfig, Model, Noise, Rcount, ReferenceClock, Refusal, SettleCount,
+    drive::{HIGHEST_AMPLITUDE_V, LOWEST_AMPLITUDE_V, LOWEST_CLEAN_AMPLITUDE_V},
+};
+
+/// CLKIN from 2 to 40 MHz (datasheet 6.5).
+const CLKIN_HZ: (u32, u32) = (2_000_000, 40_000_000);
+/// Highest fREF with one channel, either clock (datasheet Table 43).
+const SINGLE_REFERENCE_HZ: u32 = 35_000_000;
+/// Highest fREF with autoscan: external, internal (datasheet Table 43).
+const AUTOSCAN_REFERENCE_HZ: (u32, u32) = (40_000_000, 55_000_000);
+/// Sensors from 1 kHz to 10 MHz (datasheet 6.5).
+const SENSOR_HZ: (u32, u32) = (1_000, 10_000_000);
+/// From here on the sensor has to be divided (datasheet Table 43, note 2).
+const DIVIDE_FROM_HZ: u32 = 8_750_000;
+/// Parallel resistance from 1 to 100 kiloohm (datasheet 6.5); below it the high-current mode
+/// would be needed, whose own figures disagree between sources, so that it is not planned.
+const RP_OHM: (u32, u32) = (1_000, 100_000);
+/// I2C clock (datasheet 6.6).
+const BUS_HZ: (u32, u32) = (10_000, 400_000);
+/// Switching from one conversion to the next: 692 ns and 5 reference periods (datasheet
+/// Equation 8). An LDC1612 at 12 MHz was measured at 11 periods, 0.92 us, below the 1.11 us of
+/// this.
+const SWITCH_NS: u64 = 692;
+/// See [`SWITCH_NS`].
+const SWITCH_PERIODS: u64 = 5;
+/// What a master adds to a transfer, taken from the middle of 1 to 10 us seen in practice; the
+/// longest of them, since a plan has to hold.
+const MASTER_GAP_NS: u64 = 10_000;
+
+/// The resonator on a channel, over everything it will meet.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Sensor {
+    /// Lowest resonance frequency in hertz.
+    pub lowest_hz: u32,
+    /// Highest resonance frequency in hertz.
+    pub highest_hz: u32,
+    /// Highest quality factor, RP sqrt(C / L) (datasheet Equation 2).
+    pub highest_quality_factor: u16,
+    /// Lowest parallel resistance in ohm.
+    pub lowest_rp_ohm: u32,
+    /// Highest parallel resistance in ohm.
+    pub highest_rp_ohm: u32,
+}
+
+impl Sensor {
+    /// A sensor of which only the frequency range is known: quality factor 50 and 5 kiloohm
+    /// assumed, what flat coils of 8 to 25 mm diameter reach at 2 to 9 MHz (computed for this
+    /// project's own coils: 37 to 49). Calibrate the drive current on the board.
+    ///
+    /// ```
+    /// assert_eq!(ldc161x::Sensor::new(3_000_000, 4_000_000).highest_hz, 4_000_000);
+    /// ```
+    pub const fn new(lowest_hz: u32, highest_hz: u32) -> Self {
+        Self {
+            lowest_hz,
+            highest_hz,
+            highest_quality_factor: 50,
+            lowest_rp_ohm: 5_000,
+            highest_rp_ohm: 5_000,
+        }
+    }
+}
+
+/// How often a frame is wanted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub enum Rate {
+    /// At least so many frames a second, each as long, and so as fine, as that allows.
+    PerSecond(u32),
+    /// As often as the bus can fetch them.
+    AsTheBusAllows,
+    /// Conversions of this length on every channel.
+    Conversion(Rcount),
+}
+
+/// What is wanted of the chip.
+///
+/// ```
+/// use ldc161x::{Acquisition, Channel, Model, Plan, Rate, ReferenceClock, Request, Sensor};
+///
+/// const PLAN: Plan = match Request::new(
+///     Model::Ldc1614,
+///     ReferenceClock::External { hz: 30_000_000 },
+///     Acquisition::Single(Channel::Zero),
+///     Sensor::new(2_900_000, 3_800_000),
+/// )
+/// .rate(Rate::PerSecond(1_000))
+/// .plan()
+/// {
+///     Ok(plan) => plan,
+///     Err(_) => panic!("the sensor does not suit this clock"),
+/// };
+/// assert_eq!(PLAN.configuration.channel(Channel::Zero).rcount.get(), 1_873);
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Request {
+    /// The chip.
+    pub model: Model,
+    /// Its reference clock.
+    pub reference: ReferenceClock,
+    /// Which channels.
+    pub acquisition: Acquisition,
+    /// The sensors of channels 0 to 3.
+    pub sensors: [Sensor; 4],
+    /// How often.
+    pub rate: Rate,
+    /// I2C clock in hertz.
+    pub bus_hz: u32,
+    /// How frames are fetched.
+    pub access: BusAccess,
+    /// Whether STATUS is read with each frame, for chips that release INTB by that only.
+    pub status_reads: bool,
+    /// Whether every word is read twice, see
+    /// [`set_read_twice`](crate::Ldc161x::set_read_twice).
+    pub read_twice: bool,
+    /// What is known of its noise.
+    pub noise: Noise,
+}
+
+impl Request {
+    /// The same sensor on every channel, as often as a 400 kHz bus allows, STATUS not read.
+    ///
+    /// ```
+    /// # use ldc161x::*;
+    /// let request = Request::new(
+    ///     Model::Ldc1612,
+    ///     ReferenceClock::Internal,
+    ///     Acquisition::Autoscan(Sequence::ZeroToOne),
+    ///     Sensor::new(3_000_000, 4_000_000),
+    /// );
+    /// assert_eq!(request.bus_hz, 400_000);
+    /// ```
+    pub const fn new(
+        model: Model,
+        reference: ReferenceClock,
+        acquisition: Acquisition,
+        sensor: Sensor,
+    ) -> Self {
+        Self {
+            model,
+            reference,
+            acquisition,
+            sensors: [sensor; 4],
+            rate: Rate::AsTheBusAllows,
+            bus_hz: 400_000,
+            access: BusAccess::FramePerTransaction,
+            status_reads: false,
+            read_twice: false,
+            noise: Noise {
+                white_relative_in_1_ms: 0.0,
+                comparator_duty: None,
+            },
+        }
+    }
+
+    /// Sets the rate.
+    ///
+    /// ```
+    /// # use ldc161x::*;
+    /// # let request = Request::new(Model::Ldc1612, ReferenceClock::Internal,
+    /// #     Acquisition::Single(Channel::Zero), Sensor::new(3_000_000, 4_000_000));
+    /// assert_eq!(request.rate(Rate::PerSecond(500)).rate, Rate::PerSecond(500));
+    /// ```
+    pub const fn rate(mut self, rate: Rate) -> Self {
+        self.rate = rate;
+        self
+    }
+
+    /// Sets the sensor of one channel, for example of a reference coil.
+    ///
+    /// ```
+    /// # use ldc161x::*;
+    /// # let request = Request::new(Model::Ldc1612, ReferenceClock::Internal,
+    /// #     Acquisition::Single(Channel::Zero), Sensor::new(3_000_000, 4_000_000));
+    /// let reference_coil = Sensor::new(2_000_000, 2_100_000);
+    /// assert_eq!(request.sensor(Channel::One, reference_coil).sensors[1], reference_coil);
+    /// ```
+    pub const fn sensor(mut self, channel: Channel, sensor: Sensor) -> Self {
+        let [zero, one, two, three] = &mut self.sensors;
+        *match channel {
+            Channel::Zero => zero,
+            Channel::One => one,
+            Channel::Two => two,
+            Channel::Three => three,
+        } = sensor;
+        self
+    }
+
+    /// Register values that fulfil the request within every limit of the datasheet.
+    ///
+    /// # Errors
+    ///
+    /// The first limit that stands in the way, with the figures on both sides of it.
+    ///
+    /// ```
+    /// # use ldc161x::*;
+    /// let refusal = Request::new(
+    ///     Model::Ldc1612,
+    ///     ReferenceClock::External { hz: 12_000_000 },
+    ///     Acquisition::Single(Channel::Zero),
+    ///     Sensor::new(9_000_000, 11_000_000),
+    /// )
+    /// .plan();
+    /// assert!(matches!(refusal, Err(Refusal::SensorFrequency { .. })));
+    /// ```
+    pub const fn plan(&self) -> Result<Plan, Refusal> {
+        if let Err(refusal) = self.check_board() {
+            return Err(refusal);
+        }
+        let reference_divider = match self.reference_divider() {
+            Ok(divider) => divider,
+            Err(refusal) => return Err(refusal),
+        };
+        let mut channels = [ChannelSettings::UNUSED; 4];
+        let mut advice = Advice::NONE;
+        let mut highest_hz = 0;
+        let mut position = 0;
+        while let Some(channel) = self.acquisition.channel_at(position) {
+            let sensor = &self.sensors[channel.number() as usize & 3];
+            if let Err(refusal) = check_sensor(channel, sensor) {
+                return Err(refusal);
+            }
+            let dividers = match self.dividers(channel, sensor, reference_divider) {
+                Ok(dividers) => dividers,
+                Err(refusal) => return Err(refusal),
+            };
+            let settle_count = match self.settle_count(channel, sensor, reference_divider) {
+                Ok(count) => count,
+                Err(refusal) => return Err(refusal),
+            };
+            let drive = match drive_code(channel, sensor) {
+                Ok(drive) => drive,
+                Err(refusal) => return Err(refusal),
+            };
+            advice = advice.with(sensor, drive, self.reference);
+            if sensor.highest_hz > highest_hz {
+                highest_hz = sensor.highest_hz;
+            }
+            channels[channel.number() as usize & 3] = ChannelSettings {
+                rcount: Rcount::MIN,
+                settle_count,
+                dividers,
+                offset: 0,
+                drive,
+            };
+            position += 1;
+        }
+        let mut configuration = Configuration {
+            acquisition: self.acquisition,
+            reference: self.reference,
+            channels,
+            deglitch: Deglitch::above(highest_hz),
+            errors: ErrorConfig::DATA_READY,
+            low_power_activation: false,
+            noise: self.noise,
+        };
+        if let Err(refusal) = self.set_rcount(&mut configuration) {
+            return Err(refusal);
+        }
+        let plan = Plan {
+            configuration,
+            frame_read_ns: self.frame_read_ns(),
+            frame_period_ns: frame_period_ns(&configuration, self.reference.range_hz().1),
+            advice,
+        };
+        // At the fastest clock the frames come soonest.
+        let shortest_ns = frame_period_ns(&configuration, self.reference.range_hz().2);
+        if shortest_ns < plan.frame_read_ns {
+            return Err(Refusal::BusTooSlow {
+                frame_period_ns: shortest_ns,
+                frame_read_ns: plan.frame_read_ns,
+            });
+        }
+        Ok(plan)
+    }
+
+    const fn check_board(&self) -> Result<(), Refusal> {
+        if !self.acquisition.fits(self.model) {
+            return Err(Refusal::NoSuchChannel { model: self.model });
+        }
+        if self.bus_hz < BUS_HZ.0 || self.bus_hz > BUS_HZ.1 {
+            return Err(Refusal::BusClock { hz: self.bus_hz });
+        }
+        if let ReferenceClock::External { hz } = self.reference
+            && (hz < CLKIN_HZ.0 || hz > CLKIN_HZ.1)
+        {
+            return Err(Refusal::Clkin { hz });
+        }
+        Ok(())
+    }
+
+    /// The smallest divider that brings the fastest clock within its limit.
+    const fn reference_divider(&self) -> Result<u16, Refusal> {
+        let limit = match (self.acquisition, self.reference) {
+            (Acquisition::Single(_), _) => SINGLE_REFERENCE_HZ,
+            (Acquisition::Autoscan(_), ReferenceClock::External { .. }) => AUTOSCAN_REFERENCE_HZ.0,
+            (Acquisition::Autoscan(_), ReferenceClock::Internal) => AUTOSCAN_REFERENCE_HZ.1,
+        };
+        let (slowest, _, fastest) = self.reference.range_hz();
+        let smallest = fastest.div_ceil(limit);
+        // Settling has to fit a register of 16 bits: a slow sensor of high quality asks for a
+        // slower reference.
+        let mut divider = smallest;
+        let mut slowest_to_settle = Channel::Zero;
+        let mut position = 0;
+        while let Some(channel) = self.acquisition.channel_at(position) {
+            let sensor = &self.sensors[channel.number() as usize & 3];
+            let least = settle_periods(sensor, fastest).div_ceil(u16::MAX as u64);
+            if least > divider as u64 {
+                divider = if least > 1_023 { 1_024 } else { least as u32 };
+                slowest_to_settle = channel;
+            }
+            position += 1;
+        }
+        if divider > 1_023 || slowest / divider == 0 {
+            return Err(Refusal::SettleTooLong {
+                channel: slowest_to_settle,
+            });
+        }
+        Ok(divider as u16)
+    }
+
+    /// The smallest FIN_DIVIDER that keeps the input below a quarter of the slowest reference.
+    const fn dividers(
+        &self,
+        channel: Channel,
+        sensor: &Sensor,
+        reference_divider: u16,
+    ) -> Result<ClockDividers, Refusal> {
+        let (slowest, _, _) = self.reference.range_hz();
+        let mut divider = if sensor.highest_hz >= DIVIDE_FROM_HZ {
+            2
+        } else {
+            1
+        };
+        while divider <= 15 {
+            let input_four_times = 4 * sensor.highest_hz as u64 * reference_divider as u64;
+            if input_four_times < slowest as u64 * divider as u64
+                && let Some(dividers) = ClockDividers::new(divider, reference_divider)
+            {
+                return Ok(dividers);
+            }
+            divider += 1;
+        }
+        Err(Refusal::ReferenceTooSlow {
+            channel,
+            sensor_hz: sensor.highest_hz,
+            reference_hz: slowest / reference_divider as u32,
+        })
+    }
+
+    /// SETTLECOUNT >= Q fREF / (16 f), rounded up (datasheet Equation 10), at least 4.
+    const fn settle_count(
+        &self,
+        channel: Channel,
+        sensor: &Sensor,
+        reference_divider: u16,
+    ) -> Result<SettleCount, Refusal> {
+        let (_, _, fastest) = self.reference.range_hz();
+        let count = settle_periods(sensor, fastest).div_ceil(reference_divider as u64);
+        let count = if count < SettleCount::MIN.get() as u64 {
+            SettleCount::MIN.get() as u64
+        } else {
+            count
+        };
+        if count <= u16::MAX as u64
+            && let Some(settle_count) = SettleCount::new(count as u16)
+        {
+            return Ok(settle_count);
+        }
+        Err(Refusal::SettleTooLong { channel })
+    }
+
+    /// The same conversion time for every channel, so that the frame lasts as long as it may.
+    const fn set_rcount(&self, configuration: &mut Configuration) -> Result<(), Refusal> {
+        let rcount = match self.rate {
+            Rate::Conversion(rcount) => rcount,
+            Rate::PerSecond(0) => return Err(Refusal::RateZero),
+            Rate::PerSecond(rate) => {
+                // At the slowest clock a frame takes longest: it still has to be in time.
+                let (slowest, _, _) = self.reference.range_hz();
+                match self.rcount_within(configuration, 1_000_000_000 / rate as u64, slowest) {
+                    Ok(rcount) => rcount,
+                    Err(refusal) => return Err(refusal),
+                }
+            }
+            Rate::AsTheBusAllows => {
+                let (_, _, fastest) = self.reference.range_hz();
+                let period_ns = self.frame_read_ns();
+                match self.rcount_within(configuration, period_ns, fastest) {
+                    // One more, so that the bus is never the slower one.
+                    Ok(Rcount::MAX) => Rcount::MAX,
+                    Ok(rcount) => match Rcount::new(rcount.get() + 1) {
+                        Some(next) => next,
+                        None => Rcount::MAX,
+                    },
+                    Err(Refusal::RateTooHigh { .. }) => Rcount::MIN,
+                    Err(refusal) => return Err(refusal),
+                }
+            }
+        };
+        let mut position = 0;
+        while let Some(channel) = self.acquisition.channel_at(position) {
+            configuration.channel_mut(channel).rcount = rcount;
+            position += 1;
+        }
+        Ok(())
+    }
+
+    /// The largest RCOUNT with which a frame, at `clock_hz`, takes no longer than `period_ns`.
+    const fn rcount_within(
+        &self,
+        configuration: &Configuration,
+        period_ns: u64,
+        clock_hz: u32,
+    ) -> Result<Rcount, Refusal> {
+        // With RCOUNT at its least, what a frame takes beside its conversions.
+        let least_ns = frame_period_ns(configuration, clock_hz);
+        if least_ns > period_ns {
+            return Err(Refusal::RateTooHigh {
+                frame_period_ns: least_ns,
+                wanted_period_ns: period_ns,
+            });
+        }
+        let spare_ns = (period_ns - least_ns) / self.acquisition.channel_count() as u64;
+        let Some(first) = self.acquisition.channel_at(0) else {
+            return Err(Refusal::NoSuchChannel { model: self.model });
+        };
+        let divider = configuration.channel(first).dividers.reference() as u64;
+        let spare = spare_ns * clock_hz as u64 / (16 * divider * 1_000_000_000);
+        let count = spare + Rcount::MIN.get() as u64;
+        Ok(if count > u16::MAX as u64 {
+            Rcount::MAX
+        } else {
+            match Rcount::new(count as u16) {
+                Some(rcount) => rcount,
+                None => Rcount::MIN,
+            }
+        })
+    }
+
+    /// Time on the bus for one frame, a master's own delay included.
+    const fn frame_read_ns(&self) -> u64 {
+        let words = self.acquisition.channel_count() as u32 * (1 + self.read_twice as u32);
+        let registers = 2 * words + self.status_reads as u32;
+        let bits = self.access.bit_times(registers) as u64;
+        (bits * 1_000_000_000).div_ceil(self.bus_hz as u64) + MASTER_GAP_NS
+    }
+}
+
+/// 16 SETTLECOUNT FREF_DIVIDER: clock periods of settling, in units of 16, before the divider.
+const fn settle_periods(sensor: &Sensor, clock_hz: u32) -> u64 {
+    let numerator = sensor.highest_quality_factor as u64 * clock_hz as u64;
+    let lowest_hz = if sensor.lowest_hz == 0 {
+        1
+    } else {
+        sensor.lowest_hz as u64
+    };
+    numerator.div_ceil(16 * lowest_hz)
+}
+
+const fn check_sensor(channel: Channel, sensor: &Sensor) -> Result<(), Refusal> {
+    let Sensor {
+        lowest_hz,
+        highest_hz,
+        ..
+    } = *sensor;
+    if lowest_hz < SENSOR_HZ.0 || highest_hz > SENSOR_HZ.1 || lowest_hz > highest_hz {
+        return Err(Refusal::SensorFrequency {
+            channel,
+            lowest_hz,
+            highest_hz,
+        });
+    }
+    let Sensor {
+        lowest_rp_ohm,
+        highest_rp_ohm,
+        ..
+    } = *sensor;
+    if lowest_rp_ohm < RP_OHM.0 || highest_rp_ohm > RP_OHM.1 || lowest_rp_ohm > highest_rp_ohm {
+        return Err(Refusal::ParallelResistance {
+            channel,
+            lowest_rp_ohm,
+            highest_rp_ohm,
+        });
+    }
+    Ok(())
+}
+
+/// The strongest drive below the clamp at the highest resistance; it has to keep the sensor
+/// oscillating at the lowest.
+const fn drive_code(channel: Channel, sensor: &Sensor) -> Result<DriveCode, Refusal> {
+    let Some(drive) = DriveCode::strongest_below_clamp(sensor.highest_rp_ohm) else {
+        return Err(Refusal::AmplitudeTooHigh {
+            channel,
+            highest_rp_ohm: sensor.highest_rp_ohm,
+        });
+    };
+    if drive.amplitude_v(sensor.lowest_rp_ohm) < LOWEST_AMPLITUDE_V {
+        return Err(Refusal::ResistanceRange {
+            channel,
+            lowest_rp_ohm: sensor.lowest_rp_ohm,
+            highest_rp_ohm: sensor.highest_rp_ohm,
+        });
+    }
+    Ok(drive)
+}
+
+/// Length of a frame in nanoseconds at `clock_hz`: with autoscan settling, conversion and
+/// switching of every channel; with one channel conversion and switching only.
+const fn frame_period_ns(configuration: &Configuration, clock_hz: u32) -> u64 {
+    let mut total_ns = 0;
+    let mut position = 0;
+    while let Some(channel) = configuration.acquisition.channel_at(position) {
+        let settings = configuration.channel(channel);
+        let settling = match configuration.acquisition {
+            Acquisition::Single(_) => 0,
+            Acquisition::Autoscan(_) => settings.settle_count.reference_periods() as u64,
+        };
+        let periods = settling + settings.rcount.reference_periods() as u64 + SWITCH_PERIODS;
+        let clock_periods = periods * settings.dividers.reference() as u64;
+        total_ns += (clock_periods * 1_000_000_000).div_ceil(clock_hz as u64) + SWITCH_NS;
+        position += 1;
+    }
+    total_ns
+}
+
+/// What the plan allows and its user should know.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Advice {
+    /// The sensor may reach a third, a fifth or a seventh of the clock, where a weakly driven
+    /// oscillator can lock to it (application note SNOA945).
+    pub injection_lock: bool,
+    /// At its lowest resistance the sensor's amplitude is below 1.2 V: it will work, with more
+    /// noise and with the amplitude flag up.
+    pub low_amplitude: bool,
+    /// The internal oscillator is anywhere in 35 to 55 MHz: no absolute frequency without
+    /// calibration.
+    pub uncalibrated_clock: bool,
+}
+
+impl Advice {
+    const NONE: Self = Self {
+        injection_lock: false,
+        low_amplitude: false,
+        uncalibrated_clock: false,
+    };
+
+    const fn with(mut self, sensor: &Sensor, drive: DriveCode, reference: ReferenceClock) -> Self {
+        let (slowest, _, fastest) = reference.range_hz();
+        let mut odd = 3;
+        while odd <= 7 {
+            if sensor.lowest_hz <= fastest / odd && slowest / odd <= sensor.highest_hz {
+                self.injection_lock = true;
+            }
+            odd += 2;
+        }
+        if drive.amplitude_v(sensor.lowest_rp_ohm) < LOWEST_CLEAN_AMPLITUDE_V {
+            self.low_amplitude = true;
+        }
+        if let ReferenceClock::Internal = reference {
+            self.uncalibrated_clock = true;
+        }
+        self
+    }
+}
+
+/// A configuration that keeps every limit, with its timing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Plan {
+    /// Register values.
+    pub configuration: Configuration,
+    /// Time between frames in nanoseconds at the nominal clock, with the switching time of
+    /// Equation 8. The true overhead is not settled between sources: measure it from INTB.
+    pub frame_period_ns: u64,
+    /// Time on the bus for each frame in nanoseconds, with 10 us for the master.
+    pub frame_read_ns: u64,
+    /// What to know about it.
+    pub advice: Advice,
+}
+
+impl Plan {
+    /// Frames per second at the nominal clock.
+    ///
+    /// ```
+    /// # use ldc161x::*;
+    /// # let plan = Request::new(Model::Ldc1612, ReferenceClock::External { hz: 30_000_000 },
+    /// #     Acquisition::Single(Channel::Zero), Sensor::new(3_000_000, 4_000_000))
+    /// #     .rate(Rate::PerSecond(500)).plan().unwrap();
+    /// assert!((plan.frames_per_second() - 500.0).abs() < 0.5);
+    /// ```
+    pub fn frames_per_second(&self) -> f32 {
+        1e9 / self.frame_period_ns as f32
+    }
+
+    /// Share of the bus taken, 0 to 1.
+    ///
+    /// ```
+    /// # use ldc161x::*;
+    /// # let plan = Request::new(Model::Ldc1612, ReferenceClock::External { hz: 30_000_000 },
+    /// #     Acquisition::Single(Channel::Zero), Sensor::new(3_000_000, 4_000_000))
+    /// #     .plan().unwrap();
+    /// assert!(plan.bus_load() > 0.98 && plan.bus_load() <= 1.0);
+    /// ```
+    pub fn bus_load(&self) -> f32 {
+        self.frame_read_ns as f32 / self.frame_period_ns as f32
+    }
+}
+
+/// Amplitude limits in millivolt, for the texts of refusals.
+pub(crate) const fn amplitude_limits_mv() -> (u32, u32) {
+    (
+        (LOWEST_AMPLITUDE_V * 1e3 + 0.5) as u32,
+        (HIGHEST_AMPLITUDE_V * 1e3 + 0.5) as u32,
+    )
+}

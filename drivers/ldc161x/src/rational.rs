@@ -1,0 +1,275 @@
+//! Words as ratios of counts: DATA = round(2^28 M / N).
+//!
+//! The chip counts M sensor periods against N reference periods. Twenty of twenty words that
+//! users of LDC1612 boards posted decode that way, with N a little below 32 RCOUNT; a random
+//! word does so with a chance of about half a per cent. That gives a converter without a
+//! checksum a check on every word, and averages without rounding: sum of M over sum of N.
+//!
+//! This is a hypothesis about the silicon, seen on the LDC1612 with one channel and the sensor
+//! undivided. It therefore feeds statistics and never rejects a reading by itself:
+//! [`PlausibilityCount`] tells whether the hypothesis holds for the chip in hand.
+
+use crate::{Code28, Rcount};
+
+/// Full scale of a conversion result, 2^28.
+const FULL_SCALE: u32 = 1 << 28;
+
+/// N is at most 32 RCOUNT less this: the counter's start-up loses some reference periods.
+/// Posted words lie 16 and more below (12 MHz, RCOUNT 1512, 15 words); 10 leaves a margin.
+const SMALLEST_DEFICIT: u32 = 10;
+/// N is at least 32 RCOUNT less this for sensors of up to 3.8 reference periods: posted words lie
+/// up to 28 below (12 MHz, 14 words), 2 are a margin.
+const LARGEST_DEFICIT: u32 = 30;
+/// For slower sensors the loss grows with their period p, since each of two gates waits for an
+/// edge at its beginning and ends at the last one before its end: at most 2 p each, and what of
+/// the start-up is not constant, about p / 2 each (posted words: 42 lost at p = 9.15, 28 at
+/// 3.77). 11 is the constant part, 8, with the rounding of four edges and a margin of 1.
+const LARGEST_DEFICIT_PERIODS: (u32, u32) = (11, 5);
+/// Bounds the search, and so the time it takes. Reached by sensors slower than 1/78 of the
+/// reference: plan a slower reference for those.
+const SEARCH_LIMIT: u32 = 400;
+
+/// The values of N that RCOUNT and the speed of the sensor leave open.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Window {
+    /// Smallest N.
+    pub lowest: u32,
+    /// Largest N.
+    pub highest: u32,
+}
+
+impl Window {
+    /// The window of a word: from 32 RCOUNT - 10 down to 32 RCOUNT - 30, or 11 + 5 p where that
+    /// is more, p the sensor's period in reference periods, 2^28 / DATA; at most 400 below, and
+    /// at most half.
+    ///
+    /// ```
+    /// use ldc161x::{Code28, Rcount, Window};
+    /// let rcount = Rcount::new(1512).unwrap();
+    /// let window = Window::of(Code28::new(0x4409E8B).unwrap(), rcount);
+    /// assert_eq!((48_384 - window.lowest, 48_384 - window.highest), (30, 10));
+    /// ```
+    pub const fn of(code: Code28, rcount: Rcount) -> Self {
+        let gate = 2 * rcount.reference_periods();
+        let code = if code.get() == 0 { 1 } else { code.get() };
+        let (constant, periods) = LARGEST_DEFICIT_PERIODS;
+        let deficit = constant + periods * FULL_SCALE / code;
+        let deficit = if deficit < LARGEST_DEFICIT {
+            LARGEST_DEFICIT
+        } else {
+            deficit
+        };
+        let limit = if gate / 2 < SEARCH_LIMIT {
+            gate / 2
+        } else {
+            SEARCH_LIMIT
+        };
+        let deficit = if deficit > limit { limit } else { deficit };
+        Self {
+            lowest: gate - deficit,
+            highest: gate - SMALLEST_DEFICIT,
+        }
+    }
+
+    /// How many values of N it holds.
+    ///
+    /// ```
+    /// let window = ldc161x::Window { lowest: 10, highest: 30 };
+    /// assert_eq!(window.count(), 21);
+    /// ```
+    pub const fn count(self) -> u32 {
+        self.highest - self.lowest + 1
+    }
+}
+
+/// A word read as a ratio of counts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Rational {
+    /// Sensor periods counted, both gates together.
+    pub m: u32,
+    /// Reference periods counted, both gates together.
+    pub n: u32,
+    /// DATA - 2^28 M / N, in units of the last bit of the word.
+    pub residual_lsb: f32,
+    /// Whether the residual is explained by rounding alone, |residual| <= 0.5.
+    pub plausible: bool,
+    /// The chance that a random word of this size passes as plausible: about
+    /// window x N / 2^28, 0.4 % at RCOUNT 1512, near 1 at 65,535. A verdict is worth no more
+    /// than this number is small.
+    pub false_accept: f32,
+}
+
+impl Rational {
+    /// The ratio that comes closest to `code`, N within [`Window::of`].
+    ///
+    /// Needs no division per candidate: DATA x N modulo 2^28 advances by DATA from one N to
+    /// the next, and its distance from a multiple of 2^28 is the residual times N.
+    ///
+    /// ```
+    /// use ldc161x::{Code28, Rational, Rcount};
+    /// // a word that a user of a 12 MHz LDC1612 board posted
+    /// let word = Code28::new(0x4409E8B).unwrap();
+    /// let ratio = Rational::decode(word, Rcount::new(1512).unwrap());
+    /// assert_eq!((ratio.m, ratio.n), (12_854, 48_364));
+    /// assert!(ratio.plausible && ratio.false_accept < 0.005);
+    /// ```
+    pub fn decode(code: Code28, rcount: Rcount) -> Self {
+        let data = code.get();
+        let window = Window::of(code, rcount);
+        let mut phase = data.wrapping_mul(window.lowest) % FULL_SCALE;
+        let (mut nearest, mut distance) = (window.lowest, distance_from_whole(phase));
+        for n in window.lowest + 1..=window.highest {
+            phase = (phase + data) % FULL_SCALE;
+            let here = distance_from_whole(phase);
+            if here.unsigned_abs() < distance.unsigned_abs() {
+                (nearest, distance) = (n, here);
+            }
+        }
+        let n = nearest;
+        let product = u64::from(data) * u64::from(n);
+        let m = (product + u64::from(FULL_SCALE / 2)) / u64::from(FULL_SCALE);
+        Self {
+            m: m as u32,
+            n,
+            residual_lsb: distance as f32 / n as f32,
+            plausible: 2 * u64::from(distance.unsigned_abs()) <= u64::from(n),
+            false_accept: false_accept(window),
+        }
+    }
+}
+
+/// Signed distance of `phase` (0 to 2^28 - 1) from the nearest multiple of 2^28.
+const fn distance_from_whole(phase: u32) -> i32 {
+    if phase < FULL_SCALE / 2 {
+        phase as i32
+    } else {
+        phase as i32 - FULL_SCALE as i32
+    }
+}
+
+fn false_accept(window: Window) -> f32 {
+    let middle = (window.lowest + window.highest) as f32 / 2.0;
+    (window.count() as f32 * middle / FULL_SCALE as f32).min(1.0)
+}
+
+/// Exact average of words: sum of M over sum of N, no rounding on the way.
+///
+/// A mean of words weighs each by its length implicitly and carries each one's rounding; the
+/// ratio of sums is what one conversion over all the gates together would have counted.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct RatioOfSums {
+    m: u64,
+    n: u64,
+    words: u32,
+}
+
+impl RatioOfSums {
+    /// Adds one word's counts.
+    ///
+    /// ```
+    /// use ldc161x::{Code28, Rational, RatioOfSums, Rcount};
+    /// let rcount = Rcount::new(1512).unwrap();
+    /// let mut sums = RatioOfSums::default();
+    /// for word in [0x4409E8B, 0x4409E8B] {
+    ///     sums.add(&Rational::decode(Code28::new(word).unwrap(), rcount));
+    /// }
+    /// assert_eq!(sums.ratio(), Some(12_854.0 / 48_364.0));
+    /// assert_eq!(sums.words(), 2);
+    /// ```
+    pub const fn add(&mut self, word: &Rational) {
+        self.m += word.m as u64;
+        self.n += word.n as u64;
+        self.words = self.words.saturating_add(1);
+    }
+
+    /// The mean of f_in / f_ref, DATA / 2^28; `None` before the first word.
+    ///
+    /// ```
+    /// assert_eq!(ldc161x::RatioOfSums::default().ratio(), None);
+    /// ```
+    pub fn ratio(&self) -> Option<f64> {
+        (self.n > 0).then(|| self.m as f64 / self.n as f64)
+    }
+
+    /// How many words were added.
+    ///
+    /// ```
+    /// assert_eq!(ldc161x::RatioOfSums::default().words(), 0);
+    /// ```
+    pub const fn words(&self) -> u32 {
+        self.words
+    }
+}
+
+/// What the words of one chip say about the hypothesis itself.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub enum Hypothesis {
+    /// Too few words, or conversions so long that most random words would fit too.
+    Undecided,
+    /// The words fit far more often than chance: an implausible word is a corrupt word.
+    Holds,
+    /// The words fit no more often than chance would have it: the verdicts mean nothing here.
+    Fails,
+}
+
+/// Counts verdicts against what chance alone would give.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct PlausibilityCount {
+    /// Words seen.
+    pub words: u32,
+    /// Words found plausible.
+    pub plausible: u32,
+    /// Words that would have been found plausible had all been random.
+    pub expected_by_chance: f32,
+}
+
+impl PlausibilityCount {
+    /// Adds one verdict.
+    ///
+    /// ```
+    /// use ldc161x::{Code28, Hypothesis, PlausibilityCount, Rational, Rcount};
+    /// let mut count = PlausibilityCount::default();
+    /// for word in [0x43C923B, 0x4354E00, 0x44336D2, 0xB3D3D64] {
+    ///     let rcount = Rcount::new(3049).unwrap();
+    ///     count.add(&Rational::decode(Code28::new(word).unwrap(), rcount));
+    /// }
+    /// assert_eq!(count.plausible, 4);
+    /// assert_eq!(count.hypothesis(), Hypothesis::Holds);
+    /// ```
+    pub fn add(&mut self, word: &Rational) {
+        self.words = self.words.saturating_add(1);
+        self.plausible = self.plausible.saturating_add(u32::from(word.plausible));
+        self.expected_by_chance += word.false_accept;
+    }
+
+    /// Whether this chip's words are ratios of counts.
+    ///
+    /// `Holds` where at least nine in ten fit and chance would have given less than half;
+    /// `Fails` where fewer than half of at least eight fit, whatever chance would have given.
+    ///
+    /// ```
+    /// use ldc161x::{Hypothesis, PlausibilityCount};
+    /// let random = PlausibilityCount { words: 100, plausible: 1, expected_by_chance: 0.4 };
+    /// assert_eq!(random.hypothesis(), Hypothesis::Fails);
+    /// ```
+    pub fn hypothesis(&self) -> Hypothesis {
+        let (words, plausible) = (self.words as f32, self.plausible as f32);
+        if self.words >= 4 && plausible >= 0.9 * words && self.expected_by_chance < 0.5 * words {
+            Hypothesis::Holds
+        } else if self.words >= 8 && plausible < 0.5 * words {
+            Hypothesis::Fails
+        } else {
+            Hypothesis::Undecided
+        }
+    }
+}

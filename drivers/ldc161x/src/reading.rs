@@ -1,0 +1,323 @@
+//! What the chip answers: words, flags, readings, frames.
+
+use crate::{Acquisition, Channel, Status};
+
+/// A 28-bit conversion result. Keep it an integer until differences are taken: an `f32` holds
+/// 24 bits.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Code28(u32);
+
+impl Code28 {
+    /// Under range, or a chip that has not converted: datasheet Table 37, note 3.
+    pub const UNDER_RANGE: Self = Self(0);
+    /// Over range: datasheet Table 37, note 4.
+    pub const OVER_RANGE: Self = Self(0x0FFF_FFFF);
+
+    /// A code below 2^28.
+    ///
+    /// ```
+    /// use ldc161x::Code28;
+    /// assert!(Code28::new(0x0FFF_FFFF).is_some());
+    /// assert!(Code28::new(0x1000_0000).is_none());
+    /// ```
+    pub const fn new(code: u32) -> Option<Self> {
+        if code <= Self::OVER_RANGE.0 {
+            Some(Self(code))
+        } else {
+            None
+        }
+    }
+
+    /// The integer.
+    ///
+    /// ```
+    /// assert_eq!(ldc161x::Code28::OVER_RANGE.get(), 0x0FFF_FFFF);
+    /// ```
+    pub const fn get(self) -> u32 {
+        self.0
+    }
+
+    /// `self - other`, exact.
+    ///
+    /// ```
+    /// use ldc161x::Code28;
+    /// let (a, b) = (Code28::new(0x4409E8B).unwrap(), Code28::new(0x4409E8C).unwrap());
+    /// assert_eq!(a.difference(b), -1);
+    /// ```
+    pub const fn difference(self, other: Self) -> i32 {
+        self.0 as i32 - other.0 as i32
+    }
+}
+
+/// The four error flags that travel with a conversion result (datasheet Table 1). They are
+/// data: the code beside them is always kept. Reading the word clears them in the chip.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Flags {
+    /// ERR_UR: the result would have been negative; OFFSETx is too large.
+    pub under_range: bool,
+    /// ERR_OR: the sensor is faster than the reference.
+    pub over_range: bool,
+    /// ERR_WD: the conversion was given up and the code is meaningless.
+    pub watchdog: bool,
+    /// ERR_AE: amplitude outside 1.2 to 1.8 V; the drive current does not suit the sensor.
+    pub amplitude: bool,
+}
+
+impl Flags {
+    /// Whether any flag is up.
+    ///
+    /// ```
+    /// assert!(!ldc161x::Flags::default().any());
+    /// ```
+    pub const fn any(self) -> bool {
+        self.under_range || self.over_range || self.watchdog || self.amplitude
+    }
+}
+
+/// The 32 bits of DATAx_MSB and DATAx_LSB as they were read.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Word(u32);
+
+impl Word {
+    /// From the two registers.
+    ///
+    /// ```
+    /// use ldc161x::Word;
+    /// let word = Word::from_registers(0x1440, 0x9E8B);
+    /// assert_eq!(word.code().get(), 0x4409E8B);
+    /// assert!(word.flags().amplitude);
+    /// ```
+    pub const fn from_registers(msb: u16, lsb: u16) -> Self {
+        Self((msb as u32) << 16 | lsb as u32)
+    }
+
+    /// All 32 bits.
+    ///
+    /// ```
+    /// assert_eq!(ldc161x::Word::from_registers(0x1000, 2).bits(), 0x1000_0002);
+    /// ```
+    pub const fn bits(self) -> u32 {
+        self.0
+    }
+
+    /// The conversion result.
+    ///
+    /// ```
+    /// assert_eq!(ldc161x::Word::from_registers(0xF000, 2).code().get(), 2);
+    /// ```
+    pub const fn code(self) -> Code28 {
+        Code28(self.0 & 0x0FFF_FFFF)
+    }
+
+    /// The error flags.
+    ///
+    /// ```
+    /// assert!(ldc161x::Word::from_registers(0x8000, 0).flags().under_range);
+    /// ```
+    pub const fn flags(self) -> Flags {
+        Flags {
+            under_range: self.0 >> 31 & 1 == 1,
+            over_range: self.0 >> 30 & 1 == 1,
+            watchdog: self.0 >> 29 & 1 == 1,
+            amplitude: self.0 >> 28 & 1 == 1,
+        }
+    }
+}
+
+/// Whether a result is new. Only STATUS tells; a frame read on an INTB edge is new by that.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub enum Freshness {
+    /// STATUS was not read.
+    #[default]
+    NotAsked,
+    /// STATUS showed an unread result.
+    New,
+    /// STATUS showed none: the same result was read before, its flags are gone.
+    Repeated,
+}
+
+/// What a reading is worth.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(rename_all = "snake_case"))]
+pub enum Quality {
+    /// Nothing speaks against it.
+    Good,
+    /// Read after a gap (start, recovery, bus error): an earlier, failed read may have taken
+    /// its flags away, and a channel that has not converted yet still reads as it was.
+    AfterGap,
+    /// Amplitude flag: below 1.2 V noisier, above 1.8 V shifted by the ESD clamp.
+    Amplitude,
+    /// Watchdog flag: the code is meaningless.
+    Watchdog,
+    /// Code 0 or the under-range flag: no oscillation, no conversion yet, or OFFSETx too large.
+    UnderRange,
+    /// Code 2^28 - 1 or the over-range flag: sensor faster than the reference.
+    OverRange,
+    /// The input is at or above a quarter of the reference, outside the datasheet's limit
+    /// (Table 43). Posted words of boards run that way (0.266 of the reference) still are ratios
+    /// of counts.
+    AboveQuarterReference,
+    /// STATUS showed no unread result.
+    Repeated,
+    /// Read twice, with two answers.
+    Differs,
+}
+
+/// One conversion of one channel: word, frequency and uncertainty together.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Reading {
+    /// The channel.
+    pub channel: Channel,
+    /// Flags and code as read.
+    pub word: Word,
+    /// Frequency of the sensor in hertz (see [`Scale`](crate::Scale)), whatever the flags say.
+    /// An `f64`, because an `f32` steps by 0.25 Hz at 3 MHz, as much as the noise of a long
+    /// conversion.
+    pub frequency_hz: f64,
+    /// Standard uncertainty of `frequency_hz` in hertz from quantisation and white noise; the
+    /// reference clock's own error is not in it.
+    pub sigma_hz: f32,
+    /// Whether the counter's input was at or above a quarter of the reference, beyond the limit
+    /// of the datasheet's Table 43.
+    pub above_quarter_reference: bool,
+    /// Whether the result is new.
+    pub freshness: Freshness,
+    /// With double reading: whether both reads gave the same code.
+    pub agrees: Option<bool>,
+    /// Whether the frame follows a gap.
+    pub after_gap: bool,
+}
+
+impl Reading {
+    /// The verdict on this reading, the gravest objection first.
+    ///
+    /// ```
+    /// use ldc161x::{Quality, Reading, Word};
+    /// let reading = Reading { word: Word::from_registers(0x2440, 1), ..Reading::default() };
+    /// assert_eq!(reading.quality(), Quality::Watchdog);
+    /// ```
+    pub fn quality(&self) -> Quality {
+        let (flags, code) = (self.word.flags(), self.word.code());
+        if self.agrees == Some(false) {
+            Quality::Differs
+        } else if flags.watchdog {
+            Quality::Watchdog
+        } else if flags.under_range || code == Code28::UNDER_RANGE {
+            Quality::UnderRange
+        } else if flags.over_range || code == Code28::OVER_RANGE {
+            Quality::OverRange
+        } else if self.above_quarter_reference {
+            Quality::AboveQuarterReference
+        } else if flags.amplitude {
+            Quality::Amplitude
+        } else if self.freshness == Freshness::Repeated {
+            Quality::Repeated
+        } else if self.after_gap {
+            Quality::AfterGap
+        } else {
+            Quality::Good
+        }
+    }
+
+    /// Whether nothing speaks against it.
+    ///
+    /// ```
+    /// use ldc161x::{Reading, Word};
+    /// let reading = Reading { word: Word::from_registers(0x0340, 1), ..Reading::default() };
+    /// assert!(reading.is_good());
+    /// ```
+    pub fn is_good(&self) -> bool {
+        self.quality() == Quality::Good
+    }
+}
+
+/// What happened between the frame before and this one.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Marks {
+    /// Conversions may be missing: start, recovery, or a bus error.
+    pub gap: bool,
+    /// The drive current was changed: the code has stepped with it (datasheet 8.1.5.4).
+    pub drive_step: bool,
+}
+
+/// One result of every active channel.
+///
+/// With autoscan the channels were converted one after the other, never at the same instant.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Frame {
+    /// Counts frames since the driver was made; wraps.
+    pub number: u32,
+    /// What happened before it.
+    pub marks: Marks,
+    /// STATUS, where it was read.
+    pub status: Option<Status>,
+    readings: [Reading; 4],
+    count: u8,
+}
+
+impl Frame {
+    pub(crate) fn new(number: u32, marks: Marks, status: Option<Status>) -> Self {
+        Self {
+            number,
+            marks,
+            status,
+            ..Self::default()
+        }
+    }
+
+    /// Adds a reading; a fifth one is dropped, since the chip has four channels.
+    pub(crate) fn push(&mut self, reading: Reading) {
+        if let Some(slot) = self.readings.get_mut(usize::from(self.count)) {
+            *slot = reading;
+            self.count += 1;
+        }
+    }
+
+    /// The readings in the order of conversion.
+    ///
+    /// ```
+    /// assert!(ldc161x::Frame::default().readings().is_empty());
+    /// ```
+    pub fn readings(&self) -> &[Reading] {
+        self.readings.get(..usize::from(self.count)).unwrap_or(&[])
+    }
+
+    /// The reading of one channel.
+    ///
+    /// ```
+    /// assert!(ldc161x::Frame::default().of(ldc161x::Channel::Zero).is_none());
+    /// ```
+    pub fn of(&self, channel: Channel) -> Option<&Reading> {
+        self.readings()
+            .iter()
+            .find(|reading| reading.channel == channel)
+    }
+
+    /// Whether it holds one reading for each channel of `acquisition`.
+    ///
+    /// ```
+    /// use ldc161x::{Acquisition, Channel, Frame};
+    /// assert!(!Frame::default().covers(Acquisition::Single(Channel::Zero)));
+    /// ```
+    pub fn covers(&self, acquisition: Acquisition) -> bool {
+        acquisition
+            .channels()
+            .eq(self.readings().iter().map(|reading| reading.channel))
+    }
+}

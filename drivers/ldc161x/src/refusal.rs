@@ -1,0 +1,229 @@
+//! Why a request cannot be planned, in words.
+
+use core::fmt;
+
+use crate::{Channel, Model, plan::amplitude_limits_mv};
+
+/// The limit that a request would break.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(rename_all = "snake_case"))]
+pub enum Refusal {
+    /// The chip has fewer channels.
+    NoSuchChannel {
+        /// The chip.
+        model: Model,
+    },
+    /// The I2C clock is outside 10 to 400 kHz.
+    BusClock {
+        /// As requested, in hertz.
+        hz: u32,
+    },
+    /// CLKIN is outside 2 to 40 MHz.
+    Clkin {
+        /// As requested, in hertz.
+        hz: u32,
+    },
+    /// The sensor is outside 1 kHz to 10 MHz, or its range is upside down.
+    SensorFrequency {
+        /// Its channel.
+        channel: Channel,
+        /// As requested, in hertz.
+        lowest_hz: u32,
+        /// As requested, in hertz.
+        highest_hz: u32,
+    },
+    /// The parallel resistance is outside 1 to 100 kiloohm, or its range is upside down.
+    ParallelResistance {
+        /// Its channel.
+        channel: Channel,
+        /// As requested, in ohm.
+        lowest_rp_ohm: u32,
+        /// As requested, in ohm.
+        highest_rp_ohm: u32,
+    },
+    /// No sensor divider brings the input below a quarter of the reference.
+    ReferenceTooSlow {
+        /// Its channel.
+        channel: Channel,
+        /// The sensor at its fastest, in hertz.
+        sensor_hz: u32,
+        /// The reference at its slowest, in hertz.
+        reference_hz: u32,
+    },
+    /// The settling time asked for by the quality factor exceeds SETTLECOUNT.
+    SettleTooLong {
+        /// Its channel.
+        channel: Channel,
+    },
+    /// Even the weakest drive drives the sensor above 1.8 V.
+    AmplitudeTooHigh {
+        /// Its channel.
+        channel: Channel,
+        /// As requested, in ohm.
+        highest_rp_ohm: u32,
+    },
+    /// No one drive current keeps the amplitude between 0.6 and 1.8 V over the range.
+    ResistanceRange {
+        /// Its channel.
+        channel: Channel,
+        /// As requested, in ohm.
+        lowest_rp_ohm: u32,
+        /// As requested, in ohm.
+        highest_rp_ohm: u32,
+    },
+    /// A rate of zero.
+    RateZero,
+    /// Settling and switching alone take longer than a frame may.
+    RateTooHigh {
+        /// The shortest frame, in nanoseconds.
+        frame_period_ns: u64,
+        /// What the rate allows, in nanoseconds.
+        wanted_period_ns: u64,
+    },
+    /// Frames end sooner than the bus can fetch them: results would be overwritten unread.
+    BusTooSlow {
+        /// The frame at the fastest clock, in nanoseconds.
+        frame_period_ns: u64,
+        /// Its time on the bus, in nanoseconds.
+        frame_read_ns: u64,
+    },
+}
+
+impl Refusal {
+    /// The limit and where it stands.
+    ///
+    /// ```
+    /// let refusal = ldc161x::Refusal::Clkin { hz: 50_000_000 };
+    /// assert_eq!(refusal.limit(), "CLKIN 2 to 40 MHz (datasheet 6.5)");
+    /// ```
+    pub const fn limit(&self) -> &'static str {
+        match self {
+            Self::NoSuchChannel { .. } => "channels of the chip (datasheet Table 36)",
+            Self::BusClock { .. } => "I2C clock 10 to 400 kHz (datasheet 6.6)",
+            Self::Clkin { .. } => "CLKIN 2 to 40 MHz (datasheet 6.5)",
+            Self::SensorFrequency { .. } => "sensor 1 kHz to 10 MHz (datasheet 6.5)",
+            Self::ParallelResistance { .. } => {
+                "parallel resistance 1 to 100 kiloohm (datasheet 6.5)"
+            }
+            Self::ReferenceTooSlow { .. } => {
+                "input below a quarter of the reference (datasheet Table 43)"
+            }
+            Self::SettleTooLong { .. } => "SETTLECOUNT up to 65535 (datasheet Equation 10)",
+            Self::AmplitudeTooHigh { .. } => "amplitude up to 1.8 V (datasheet 8.1.5)",
+            Self::ResistanceRange { .. } => "amplitude from 0.6 to 1.8 V (datasheet 8.1.5)",
+            Self::RateZero => "rate above zero",
+            Self::RateTooHigh { .. } => "settling and switching time (datasheet Equations 8 to 10)",
+            Self::BusTooSlow { .. } => "time on the bus (datasheet Figure 58)",
+        }
+    }
+
+    /// What to change.
+    ///
+    /// ```
+    /// assert!(ldc161x::Refusal::RateZero.remedy().starts_with("ask"));
+    /// ```
+    pub const fn remedy(&self) -> &'static str {
+        match self {
+            Self::NoSuchChannel { .. } => "use an LDC1614 or fewer channels",
+            Self::BusClock { .. } => "set the bus to 400 kHz",
+            Self::Clkin { .. } => "supply a clock of 2 to 40 MHz, or use the internal oscillator",
+            Self::SensorFrequency { .. } => "change the coil or its capacitor",
+            Self::ParallelResistance { .. } => {
+                "below 1 kiloohm use a less lossy coil; above 90 put 100 kiloohm in parallel"
+            }
+            Self::ReferenceTooSlow { .. } => "supply a faster clock or use a slower sensor",
+            Self::SettleTooLong { .. } => "use a sensor of lower quality or higher frequency",
+            Self::AmplitudeTooHigh { .. } => "put 100 kiloohm in parallel with the sensor",
+            Self::ResistanceRange { .. } => {
+                "put a resistor in parallel with the sensor to narrow the range"
+            }
+            Self::RateZero => "ask for at least one frame a second",
+            Self::RateTooHigh { .. } => "ask for fewer frames, fewer channels or less settling",
+            Self::BusTooSlow { .. } => {
+                "ask for fewer frames or channels, or read a frame in one transaction at 400 kHz"
+            }
+        }
+    }
+}
+
+impl fmt::Display for Refusal {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self::NoSuchChannel { model } => {
+                write!(f, "the chip has {} channels", model.channel_count())?;
+            }
+            Self::BusClock { hz } => write!(f, "the bus runs at {hz} Hz")?,
+            Self::Clkin { hz } => write!(f, "CLKIN is {hz} Hz")?,
+            Self::SensorFrequency {
+                channel,
+                lowest_hz,
+                highest_hz,
+            } => {
+                write!(
+                    f,
+                    "channel {channel}: the sensor covers {lowest_hz} to {highest_hz} Hz"
+                )?;
+            }
+            Self::ParallelResistance {
+                channel,
+                lowest_rp_ohm,
+                highest_rp_ohm,
+            } => write!(
+                f,
+                "channel {channel}: the parallel resistance covers {lowest_rp_ohm} to \
+                 {highest_rp_ohm} ohm"
+            )?,
+            Self::ReferenceTooSlow {
+                channel,
+                sensor_hz,
+                reference_hz,
+            } => write!(
+                f,
+                "channel {channel}: no divider brings {sensor_hz} Hz below a quarter of \
+                 {reference_hz} Hz"
+            )?,
+            Self::SettleTooLong { channel } => {
+                write!(f, "channel {channel}: the sensor settles too slowly")?;
+            }
+            Self::AmplitudeTooHigh {
+                channel,
+                highest_rp_ohm,
+            } => write!(
+                f,
+                "channel {channel}: {highest_rp_ohm} ohm gives more than {} mV even at 16 uA",
+                amplitude_limits_mv().1
+            )?,
+            Self::ResistanceRange {
+                channel,
+                lowest_rp_ohm,
+                highest_rp_ohm,
+            } => write!(
+                f,
+                "channel {channel}: a drive that stays below {} mV at {highest_rp_ohm} ohm gives \
+                 less than {} mV at {lowest_rp_ohm} ohm",
+                amplitude_limits_mv().1,
+                amplitude_limits_mv().0
+            )?,
+            Self::RateZero => write!(f, "a rate of zero")?,
+            Self::RateTooHigh {
+                frame_period_ns,
+                wanted_period_ns,
+            } => write!(
+                f,
+                "a frame takes at least {frame_period_ns} ns and may take {wanted_period_ns} ns"
+            )?,
+            Self::BusTooSlow {
+                frame_period_ns,
+                frame_read_ns,
+            } => write!(
+                f,
+                "a frame ends every {frame_period_ns} ns and takes {frame_read_ns} ns on the bus"
+            )?,
+        }
+        write!(f, ". Limit: {}. Remedy: {}.", self.limit(), self.remedy())
+    }
+}
+
+impl core::error::Error for Refusal {}

@@ -1,0 +1,199 @@
+//! From a code to a frequency with its uncertainty.
+
+use crate::{ClockDividers, Code28, Rational, Rcount, Window};
+
+/// What is known of the noise of a channel.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Noise {
+    /// White noise of the sensor's frequency beside quantisation: relative standard deviation of
+    /// its mean over 1 ms. It falls with the square root of the conversion time. What users of
+    /// LDC1612 boards measure at 12 MHz and 250 samples/s is quantisation to within the scatter
+    /// of their figures, so that zero is right for short conversions; long ones need the board's
+    /// own figure.
+    pub white_relative_in_1_ms: f32,
+    /// Where in the sensor's period the comparator's falling edge comes after the rising one,
+    /// 0 to 1, when known: then quantisation is stated for the phase at hand, otherwise its mean
+    /// over all phases. No source gives it; posted words fit 0.15 to 0.4 alike.
+    pub comparator_duty: Option<f32>,
+}
+
+/// Everything that turns the codes of one channel into frequencies.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Scale {
+    /// The clock before its divider, CLKIN or the internal oscillator, in hertz.
+    pub clock_hz: f64,
+    /// Dividers of sensor and reference.
+    pub dividers: ClockDividers,
+    /// OFFSETx.
+    pub offset: u16,
+    /// RCOUNTx.
+    pub rcount: Rcount,
+    /// Noise.
+    pub noise: Noise,
+}
+
+impl Scale {
+    /// Both dividers 1, no offset, no noise beside quantisation.
+    ///
+    /// ```
+    /// use ldc161x::{Code28, Rcount, Scale};
+    /// let scale = Scale::undivided(12e6, Rcount::new(1512).unwrap());
+    /// let f = scale.frequency_hz(Code28::new(0x4409E8B).unwrap());
+    /// assert!((f - 3_189_314.4).abs() < 0.1);
+    /// ```
+    pub const fn undivided(clock_hz: f64, rcount: Rcount) -> Self {
+        Self {
+            clock_hz,
+            dividers: ClockDividers::UNDIVIDED,
+            offset: 0,
+            rcount,
+            noise: Noise {
+                white_relative_in_1_ms: 0.0,
+                comparator_duty: None,
+            },
+        }
+    }
+
+    /// fREF in hertz: the clock behind FREF_DIVIDER.
+    ///
+    /// ```
+    /// use ldc161x::{Rcount, Scale};
+    /// assert_eq!(Scale::undivided(40e6, Rcount::MIN).reference_hz(), 40e6);
+    /// ```
+    pub fn reference_hz(&self) -> f64 {
+        self.clock_hz / f64::from(self.dividers.reference())
+    }
+
+    /// Length of the conversion in seconds, 16 RCOUNT / fREF. A reading is the mean over this
+    /// time before the conversion's end: its time stamp belongs half of it earlier.
+    ///
+    /// ```
+    /// use ldc161x::{Rcount, Scale};
+    /// let scale = Scale::undivided(40e6, Rcount::new(2500).unwrap());
+    /// assert!((scale.conversion_s() - 1e-3).abs() < 1e-9);
+    /// ```
+    pub fn conversion_s(&self) -> f64 {
+        f64::from(self.rcount.reference_periods()) / self.reference_hz()
+    }
+
+    /// f = FIN_DIVIDER fREF (DATA / 2^28 + OFFSET / 2^16), datasheet Equation 6.
+    ///
+    /// ```
+    /// use ldc161x::{Code28, Rcount, Scale};
+    /// let scale = Scale { offset: 0x1000, ..Scale::undivided(32e6, Rcount::MIN) };
+    /// // 1/16 from the code and 1/16 from the offset
+    /// assert_eq!(scale.frequency_hz(Code28::new(1 << 24).unwrap()), 4e6);
+    /// ```
+    pub fn frequency_hz(&self, code: Code28) -> f64 {
+        f64::from(self.dividers.sensor()) * self.reference_hz() * self.input_ratio(code)
+    }
+
+    /// One unit of the code in hertz, for differences of codes.
+    ///
+    /// ```
+    /// use ldc161x::{Rcount, Scale};
+    /// let scale = Scale::undivided(40e6, Rcount::MIN);
+    /// assert!((scale.hz_per_lsb() - 0.149).abs() < 1e-3);
+    /// ```
+    pub fn hz_per_lsb(&self) -> f64 {
+        f64::from(self.dividers.sensor()) * self.reference_hz() / f64::from(1_u32 << 28)
+    }
+
+    /// f_in / fREF, what the counter saw.
+    fn input_ratio(&self, code: Code28) -> f64 {
+        f64::from(code.get()) / f64::from(1_u32 << 28) + f64::from(self.offset) / 65_536.0
+    }
+
+    /// Whether the counter's input is at or above fREF / 4, beyond the datasheet's Table 43.
+    ///
+    /// ```
+    /// use ldc161x::{Code28, Rcount, Scale};
+    /// let scale = Scale::undivided(12e6, Rcount::MIN);
+    /// assert!(scale.above_quarter_reference(Code28::new(0x4409E8B).unwrap()));
+    /// ```
+    pub fn above_quarter_reference(&self, code: Code28) -> bool {
+        self.counted(code).get() >= 1 << 26
+    }
+
+    /// The word as a ratio of counts, OFFSETx added back.
+    ///
+    /// ```
+    /// use ldc161x::{Code28, Rcount, Scale};
+    /// let scale = Scale::undivided(12e6, Rcount::new(3049).unwrap());
+    /// let ratio = scale.rational(Code28::new(0x43C923B).unwrap());
+    /// assert_eq!((ratio.m, ratio.n), (25_829, 97_546));
+    /// ```
+    pub fn rational(&self, code: Code28) -> Rational {
+        Rational::decode(self.counted(code), self.rcount)
+    }
+
+    /// The code before OFFSETx was taken off it, at most full scale.
+    fn counted(&self, code: Code28) -> Code28 {
+        Code28::new(code.get() + (u32::from(self.offset) << 12)).unwrap_or(Code28::OVER_RANGE)
+    }
+
+    /// Relative standard uncertainty of one conversion: quantisation and white noise.
+    ///
+    /// Quantisation: the counter times sensor periods between two edges, once from rising edges
+    /// and once from falling ones, each to a whole reference period, and adds the two counts.
+    /// Each of the four edges is late by a uniform part of a reference period. The first edges of
+    /// the two gates, and the last, are a fixed time apart, so that their errors are related: the
+    /// sum of two such errors at a distance of x reference periods has the variance
+    /// V(x) = 1/3 - h (1 - h), h the fraction of x. With p reference periods in a sensor period
+    /// and the falling edge at the share d of it, the distance is d p or (1 - d) p, whichever
+    /// edge comes first in the gate, and
+    ///
+    /// sigma_f / f = sqrt(2 ((1 - d) V(d p) + d V((1 - d) p))) / N, with N about 32 RCOUNT.
+    ///
+    /// That lies between 0.0128 / RCOUNT and 0.0255 / RCOUNT; its mean square over all phases is
+    /// the (0.018 / RCOUNT)^2 = 1 / (12 (fREF tC)^2) of application note SNOA944, which is stated
+    /// where d is not known, and then wrong by up to a factor of 1.41 at any one frequency. A
+    /// counter of half periods in one gate would stay at 0.0128: then this is an upper bound.
+    /// It is the error against a frequency that is not known beforehand, or that moves by more
+    /// than 1 / (16 RCOUNT): a frequency that stands still can give the same count for ever.
+    ///
+    /// ```
+    /// use ldc161x::{Code28, Rcount, Scale};
+    /// let scale = Scale::undivided(40e6, Rcount::new(2500).unwrap());
+    /// let sigma = scale.relative_sigma(Code28::new(20_132_660).unwrap()); // 3 MHz
+    /// assert!((sigma * 2500.0 - 0.018).abs() < 0.0001);
+    /// ```
+    pub fn relative_sigma(&self, code: Code28) -> f32 {
+        let counted = self.counted(code);
+        let window = Window::of(counted, self.rcount);
+        let n = (window.lowest + window.highest) as f32 / 2.0;
+        let variance = match self.noise.comparator_duty {
+            None => 1.0 / 3.0,
+            Some(duty) => edge_variance(counted, duty),
+        };
+        let white = self.noise.white_relative_in_1_ms;
+        let white = white * white * 1e-3 / self.conversion_s() as f32;
+        libm::sqrtf(variance / (n * n) + white)
+    }
+
+    /// Standard uncertainty of [`frequency_hz`](Self::frequency_hz) in hertz.
+    ///
+    /// ```
+    /// use ldc161x::{Code28, Rcount, Scale};
+    /// let scale = Scale::undivided(12e6, Rcount::new(1512).unwrap());
+    /// let sigma = scale.sigma_hz(Code28::new(0x4409E8B).unwrap());
+    /// assert!((sigma - 38.0).abs() < 0.5);
+    /// ```
+    pub fn sigma_hz(&self, code: Code28) -> f32 {
+        self.relative_sigma(code) * self.frequency_hz(code) as f32
+    }
+}
+
+/// Variance of N in squared reference periods: see [`Scale::relative_sigma`].
+fn edge_variance(counted: Code28, duty: f32) -> f32 {
+    let period = (1_u32 << 28) as f32 / counted.get().max(1) as f32;
+    let pair = |distance: f32| {
+        let h = distance - libm::floorf(distance);
+        1.0 / 3.0 - h * (1.0 - h)
+    };
+    2.0 * ((1.0 - duty) * pair(duty * period) + duty * pair((1.0 - duty) * period))
+}

@@ -1,0 +1,77 @@
+//! The register map typed a second time, from the datasheet's register list, as plain numbers.
+//! Nothing here names the driver's own constants: one slip of the pen cannot cancel another.
+#![allow(dead_code, unreachable_pub)]
+
+use embedded_hal_mock::eh1::i2c::{Mock, Transaction};
+
+pub const ADDRESS: u8 = 0x2A;
+
+pub const STATUS: u8 = 0x18;
+pub const ERROR_CONFIG: u8 = 0x19;
+pub const CONFIG: u8 = 0x1A;
+pub const MUX_CONFIG: u8 = 0x1B;
+pub const RESET_DEV: u8 = 0x1C;
+pub const MANUFACTURER: u8 = 0x7E;
+pub const DEVICE: u8 = 0x7F;
+
+/// First register of a channel's block of the same name; the channel's number is added.
+pub const RCOUNT: u8 = 0x08;
+pub const OFFSET: u8 = 0x0C;
+pub const SETTLECOUNT: u8 = 0x10;
+pub const CLOCK_DIVIDERS: u8 = 0x14;
+pub const DRIVE_CURRENT: u8 = 0x1E;
+
+pub fn read(register: u8, value: u16) -> Transaction {
+    Transaction::write_read(ADDRESS, vec![register], value.to_be_bytes().to_vec())
+}
+
+pub fn write(register: u8, value: u16) -> Transaction {
+    let [high, low] = value.to_be_bytes();
+    Transaction::write(ADDRESS, vec![register, high, low])
+}
+
+pub fn identity() -> Vec<Transaction> {
+    vec![read(0x7E, 0x5449), read(0x7F, 0x3055)]
+}
+
+/// The transactions of one frame: pointer and two bytes each, joined by repeated starts.
+pub fn frame(registers: &[(u8, u16)]) -> Vec<Transaction> {
+    let mut list = vec![Transaction::transaction_start(ADDRESS)];
+    for (register, value) in registers {
+        list.push(Transaction::write(ADDRESS, vec![*register]));
+        list.push(Transaction::read(ADDRESS, value.to_be_bytes().to_vec()));
+    }
+    list.push(Transaction::transaction_end(ADDRESS));
+    list
+}
+
+/// What a start sends for these settings: identity, sleep, settings, read-back, wake, and every
+/// register once more.
+pub fn start(asleep: u16, awake: u16, settings: &[(u8, u16)]) -> Vec<Transaction> {
+    let mut list = identity();
+    list.extend([write(CONFIG, asleep), read(CONFIG, asleep)]);
+    list.extend(
+        settings
+            .iter()
+            .map(|(register, value)| write(*register, *value)),
+    );
+    list.extend(
+        settings
+            .iter()
+            .map(|(register, value)| read(*register, *value)),
+    );
+    list.extend([write(CONFIG, awake), read(CONFIG, awake)]);
+    list.extend(
+        settings
+            .iter()
+            .map(|(register, value)| read(*register, *value)),
+    );
+    list.push(read(CONFIG, awake));
+    list
+}
+
+/// A mock that expects `transactions`, and a handle to check that all of them came.
+pub fn bus(transactions: &[Transaction]) -> (Mock, Mock) {
+    let mock = Mock::new(transactions);
+    (mock.clone(), mock)
+}

@@ -1,0 +1,320 @@
+//! Plans against the datasheet's limits, computed a second time in floating point.
+
+use std::cell::Cell;
+
+use ldc161x::{
+    Acquisition, BusAccess, Channel, Deglitch, Model, Plan, Rate, Rcount, ReferenceClock, Refusal,
+    Request, Sensor, Sequence,
+};
+use proptest::{prelude::*, test_runner::TestRunner};
+
+/// A fixed plan is worked out by the compiler.
+const AUTOSCAN: Plan = match Request::new(
+    Model::Ldc1614,
+    ReferenceClock::External { hz: 40_000_000 },
+    Acquisition::Autoscan(Sequence::ZeroToThree),
+    Sensor::new(2_900_000, 3_800_000),
+)
+.rate(Rate::PerSecond(500))
+.plan()
+{
+    Ok(plan) => plan,
+    Err(_) => panic!("the plan breaks a limit"),
+};
+
+#[test]
+fn the_reference_board_is_planned_as_worked_out_by_hand() {
+    let zero = AUTOSCAN.configuration.channel(Channel::Zero);
+    // Q 50 at 2.9 MHz: 50 x 40 / (16 x 2.9) = 43.1, rounded up.
+    assert_eq!(zero.settle_count.get(), 44);
+    assert_eq!(zero.dividers.to_bits(), 0x1001);
+    assert_eq!(AUTOSCAN.configuration.deglitch, Deglitch::Mhz10);
+    // 2 ms / 4 = 500 us a channel = 20,000 periods; less 704 of settling, 5 and 27.7 of
+    // switching leaves 19,263.3 = 16 x 1203.95.
+    assert_eq!(zero.rcount.get(), 1_203);
+    // 4 times 692 ns of switching and (44 + 1203) x 16 + 5 periods of 25 ns.
+    assert_eq!(AUTOSCAN.frame_period_ns, 1_998_468);
+    // 377 bit times at 400 kHz and 10 us.
+    assert_eq!(AUTOSCAN.frame_read_ns, 952_500);
+    // 4 V RP I / pi <= 1.8 V at 5 kiloohm: 282.7 uA, so 244 uA.
+    assert_eq!(zero.drive.current_ua(), 244);
+}
+
+fn single(hz: u32) -> Request {
+    Request::new(
+        Model::Ldc1614,
+        ReferenceClock::External { hz },
+        Acquisition::Single(Channel::Zero),
+        Sensor::new(2_900_000, 3_800_000),
+    )
+}
+
+#[test]
+fn one_channel_at_40_mhz_is_divided_below_35() {
+    let plan = single(40_000_000).plan().unwrap();
+    assert_eq!(
+        plan.configuration
+            .channel(Channel::Zero)
+            .dividers
+            .reference(),
+        2
+    );
+}
+
+#[test]
+fn fast_sensors_are_divided() {
+    let mut request = single(35_000_000);
+    request = request.sensor(Channel::Zero, Sensor::new(8_000_000, 8_749_999));
+    let plan = request.plan().unwrap();
+    assert_eq!(
+        plan.configuration.channel(Channel::Zero).dividers.sensor(),
+        1
+    );
+    request = request.sensor(Channel::Zero, Sensor::new(8_000_000, 8_750_000));
+    let plan = request.plan().unwrap();
+    assert_eq!(
+        plan.configuration.channel(Channel::Zero).dividers.sensor(),
+        2
+    );
+}
+
+/// One request for each limit, and what names it.
+#[test]
+fn each_limit_is_refused_by_name() {
+    let good = single(30_000_000);
+    let with = |change: fn(&mut Sensor)| {
+        let mut sensor = Sensor::new(2_900_000, 3_800_000);
+        change(&mut sensor);
+        good.sensor(Channel::Zero, sensor)
+    };
+    let cases: Vec<(&str, Request)> = vec![
+        (
+            "channels",
+            Request {
+                model: Model::Ldc1612,
+                acquisition: Acquisition::Single(Channel::Two),
+                ..good
+            },
+        ),
+        (
+            "I2C clock",
+            Request {
+                bus_hz: 400_001,
+                ..good
+            },
+        ),
+        (
+            "I2C clock",
+            Request {
+                bus_hz: 9_999,
+                ..good
+            },
+        ),
+        ("CLKIN", single(1_999_999)),
+        ("CLKIN", single(40_000_001)),
+        ("sensor 1 kHz", with(|sensor| sensor.lowest_hz = 999)),
+        (
+            "sensor 1 kHz",
+            with(|sensor| sensor.highest_hz = 10_000_001),
+        ),
+        ("sensor 1 kHz", with(|sensor| sensor.highest_hz = 2_000_000)),
+        (
+            "parallel resistance",
+            with(|sensor| sensor.lowest_rp_ohm = 999),
+        ),
+        (
+            "parallel resistance",
+            with(|sensor| sensor.highest_rp_ohm = 100_001),
+        ),
+        (
+            "quarter",
+            single(2_000_000).sensor(Channel::Zero, Sensor::new(9_000_000, 10_000_000)),
+        ),
+        (
+            "SETTLECOUNT",
+            with(|sensor| {
+                (sensor.lowest_hz, sensor.highest_hz) = (1_000, 2_000);
+                sensor.highest_quality_factor = u16::MAX;
+            }),
+        ),
+        ("up to 1.8 V", with(|sensor| sensor.highest_rp_ohm = 99_000)),
+        (
+            "from 0.6 to 1.8",
+            with(|sensor| sensor.highest_rp_ohm = 50_000),
+        ),
+        ("rate", good.rate(Rate::PerSecond(0))),
+        (
+            "settling and switching",
+            good.rate(Rate::PerSecond(300_000)),
+        ),
+        ("time on the bus", good.rate(Rate::PerSecond(5_000))),
+        ("time on the bus", good.rate(Rate::Conversion(Rcount::MIN))),
+    ];
+    let mut seen = std::collections::HashSet::new();
+    for (name, request) in cases {
+        let refusal = request.plan().expect_err(name);
+        assert!(refusal.limit().contains(name), "{name}: {refusal}");
+        assert!(refusal.to_string().contains(refusal.remedy()));
+        seen.insert(std::mem::discriminant(&refusal));
+    }
+    assert_eq!(seen.len(), 12, "every kind of refusal is met");
+}
+
+fn clocks() -> impl Strategy<Value = ReferenceClock> {
+    prop_oneof![
+        (1_500_000_u32..45_000_000).prop_map(|hz| ReferenceClock::External { hz }),
+        Just(ReferenceClock::Internal),
+    ]
+}
+
+fn acquisitions() -> impl Strategy<Value = Acquisition> {
+    prop_oneof![
+        (0_u8..4).prop_map(|n| Acquisition::Single(Channel::from_number(n).unwrap())),
+        Just(Acquisition::Autoscan(Sequence::ZeroToOne)),
+        Just(Acquisition::Autoscan(Sequence::ZeroToTwo)),
+        Just(Acquisition::Autoscan(Sequence::ZeroToThree)),
+    ]
+}
+
+fn sensors() -> impl Strategy<Value = Sensor> {
+    (
+        2.9_f64..7.05,
+        0.0_f64..0.5,
+        1_u16..400,
+        2.9_f64..5.05,
+        0.0_f64..0.6,
+    )
+        .prop_map(|(lowest, span, quality, rp, rp_span)| Sensor {
+            lowest_hz: 10_f64.powf(lowest) as u32,
+            highest_hz: 10_f64.powf(lowest + span) as u32,
+            highest_quality_factor: quality,
+            lowest_rp_ohm: 10_f64.powf(rp) as u32,
+            highest_rp_ohm: 10_f64.powf(rp + rp_span) as u32,
+        })
+}
+
+fn rates() -> impl Strategy<Value = Rate> {
+    prop_oneof![
+        (1_u32..6_000).prop_map(Rate::PerSecond),
+        Just(Rate::AsTheBusAllows),
+        (9_u16..).prop_map(|count| Rate::Conversion(Rcount::new(count).unwrap())),
+    ]
+}
+
+fn requests() -> impl Strategy<Value = Request> {
+    let sensors = [sensors(), sensors(), sensors(), sensors()];
+    (
+        clocks(),
+        acquisitions(),
+        sensors,
+        rates(),
+        9_000_u32..410_000,
+        any::<(bool, bool)>(),
+    )
+        .prop_map(
+            |(reference, acquisition, sensors, rate, bus_hz, (status_reads, read_twice))| Request {
+                sensors,
+                rate,
+                bus_hz,
+                status_reads,
+                read_twice,
+                ..Request::new(Model::Ldc1614, reference, acquisition, sensors[0])
+            },
+        )
+}
+
+#[test]
+fn every_plan_keeps_every_limit() {
+    let mut runner = TestRunner::new(ProptestConfig::with_cases(20_000));
+    let planned = Cell::new(0);
+    runner
+        .run(&requests(), |request| {
+            let Ok(plan) = request.plan() else {
+                return Ok(());
+            };
+            planned.set(planned.get() + 1);
+            check(&request, &plan)
+        })
+        .unwrap();
+    // The property is not empty: a fair share of random requests can be planned.
+    assert!(planned.get() > 2_000, "{}", planned.get());
+}
+
+/// The limits of the datasheet, written down again.
+fn check(request: &Request, plan: &Plan) -> Result<(), TestCaseError> {
+    let (slowest, nominal, fastest) = match request.reference {
+        ReferenceClock::External { hz } => (f64::from(hz), f64::from(hz), f64::from(hz)),
+        ReferenceClock::Internal => (35e6, 43.4e6, 55e6),
+    };
+    if let ReferenceClock::External { hz } = request.reference {
+        prop_assert!((2_000_000..=40_000_000).contains(&hz));
+    }
+    prop_assert!((10_000..=400_000).contains(&request.bus_hz));
+    let single = matches!(request.acquisition, Acquisition::Single(_));
+    let mut frame_s = [0.0, 0.0];
+    let mut fastest_sensor = 0.0_f64;
+    for channel in request.acquisition.channels() {
+        let sensor = request.sensors[usize::from(channel.number())];
+        let settings = plan.configuration.channel(channel);
+        let reference_divider = f64::from(settings.dividers.reference());
+        let input_divider = f64::from(settings.dividers.sensor());
+        let (low, high) = (f64::from(sensor.lowest_hz), f64::from(sensor.highest_hz));
+        fastest_sensor = fastest_sensor.max(high);
+        let limit = match request.reference {
+            _ if single => 35e6,
+            ReferenceClock::External { .. } => 40e6,
+            ReferenceClock::Internal => 55e6,
+        };
+        prop_assert!(fastest / reference_divider <= limit);
+        prop_assert!(high / input_divider < slowest / reference_divider / 4.0);
+        prop_assert!(high < 8.75e6 || input_divider >= 2.0);
+        prop_assert!(low >= 1e3 && high <= 10e6 && low <= high);
+        let settle = f64::from(settings.settle_count.get());
+        let q = f64::from(sensor.highest_quality_factor);
+        prop_assert!(settle >= q * (fastest / reference_divider) / (16.0 * low) - 1e-9);
+        prop_assert!(settle > 3.0 && settings.rcount.get() > 8);
+        let volts = |ohm: u32| {
+            4.0 * f64::from(settings.drive.current_ua()) * 1e-6 * f64::from(ohm)
+                / std::f64::consts::PI
+        };
+        prop_assert!(volts(sensor.highest_rp_ohm) <= 1.8 + 1e-5);
+        prop_assert!(volts(sensor.lowest_rp_ohm) >= 0.6 - 1e-5);
+        for (clock, total) in [nominal, fastest].into_iter().zip(&mut frame_s) {
+            let f = clock / reference_divider;
+            let settling = if single { 0.0 } else { 16.0 * settle };
+            let conversion = 16.0 * f64::from(settings.rcount.get());
+            *total += (settling + conversion + 5.0) / f + 692e-9;
+        }
+    }
+    let filter = match plan.configuration.deglitch {
+        Deglitch::Mhz1 => 1e6,
+        Deglitch::Mhz3_3 => 3.3e6,
+        Deglitch::Mhz10 => 10e6,
+        Deglitch::Mhz33 => 33e6,
+    };
+    prop_assert!(filter > fastest_sensor);
+    let reads = if request.read_twice { 4 } else { 2 };
+    let registers =
+        reads * request.acquisition.channels().count() + usize::from(request.status_reads);
+    let bits = match request.access {
+        BusAccess::FramePerTransaction => 47 * registers + 1,
+        BusAccess::RegisterPerTransaction => 48 * registers,
+        BusAccess::SeparateTransfers => 49 * registers,
+    };
+    let read_s = bits as f64 / f64::from(request.bus_hz) + 10e-6;
+    prop_assert!(frame_s[1] >= read_s - 2e-9, "{} {}", frame_s[1], read_s);
+    prop_assert!((plan.frame_period_ns as f64 - frame_s[0] * 1e9).abs() < 10.0);
+    if let Rate::PerSecond(rate) = request.rate {
+        // The nominal clock is not slower than the slowest, for which the rate is promised.
+        prop_assert!(frame_s[0] <= 1.0 / f64::from(rate) + 2e-9);
+    }
+    Ok(())
+}
+
+/// Refusals name a limit that is really broken: relaxing just that makes the plan pass.
+#[test]
+fn a_refused_rate_passes_when_lowered() {
+    let refused = single(30_000_000).rate(Rate::PerSecond(5_000));
+    assert!(matches!(refused.plan(), Err(Refusal::BusTooSlow { .. })));
+    assert!(refused.rate(Rate::PerSecond(4_000)).plan().is_ok());
+}

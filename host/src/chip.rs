@@ -1,0 +1,373 @@
+//! `palpate chip`: the driver against the simulated chip, readings streamed.
+
+use std::{
+    cell::RefCell,
+    io::{self, Write},
+};
+
+use clap::{Args, ValueEnum};
+use ldc161x::{Address, Error, Frame, InterruptRelease, Ldc161x, Quality, Reading};
+use ldc161x_sim::{
+    Bus, Chip, Conversions, Counter, Delay, ExternalClock, Fault, FaultEvent, IntbPin, Lost, Part,
+    Sensors, Settings, ShutdownPin, Switches, Time,
+};
+use serde::Serialize;
+
+use crate::{
+    failure::Failure,
+    plan_ldc::{self, Board},
+};
+
+/// Run the driver against the simulated chip and stream its readings.
+///
+/// Simulated data: nothing here was measured. The sensors sweep slowly through the upper half of
+/// their range, so that each reading can be held against the true frequency beside it.
+#[derive(Args)]
+#[command(after_help = "\
+Each line is one reading; with --json one JSON object a line. Exit code 1 when the driver cannot
+go on; what it met and how it recovered is reported on standard error.
+
+Examples:
+  palpate chip --channels 0-3 --rate 500 --frames 20
+  palpate chip --rate 1000 --frames 2000 --fault brown-out --json > readings.jsonl")]
+pub(crate) struct Arguments {
+    #[command(flatten)]
+    board: Board,
+    /// Frames to read
+    #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u32).range(1..=10_000_000))]
+    frames: u32,
+    /// Seed of the simulation: same seed, same bytes
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// What releases INTB in this chip
+    #[arg(long, value_enum, default_value = "status")]
+    release: Release,
+    /// How this chip counts
+    #[arg(long, value_enum, default_value = "two-gates")]
+    counter: CounterKind,
+    /// A fault, halfway through
+    #[arg(long, value_enum)]
+    fault: Option<FaultKind>,
+    /// Read every word twice
+    #[arg(long)]
+    twice: bool,
+    /// Print JSON lines
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum Release {
+    /// Reading STATUS only
+    Status,
+    /// Reading data, or STATUS
+    Data,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum CounterKind {
+    TwoGates,
+    HalfPeriods,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum FaultKind {
+    /// The supply dips and every register is lost
+    BrownOut,
+    /// The chip does not acknowledge for 5 ms
+    Nack,
+    /// SDA is stuck low for 5 ms
+    SdaStuck,
+    /// The reference clock stops for 5 ms
+    ClockLoss,
+    /// The chip is gone for good
+    Absent,
+}
+
+impl FaultKind {
+    fn event(self, at: Time) -> FaultEvent {
+        let passing = Time::from_ms(5);
+        match self {
+            Self::BrownOut => FaultEvent::at(at, Fault::BrownOut(Lost::Everything), passing),
+            Self::Nack => FaultEvent::at(at, Fault::Nack { after_bytes: 0 }, passing),
+            Self::SdaStuck => FaultEvent::at(at, Fault::SdaStuck { clocks: None }, passing),
+            Self::ClockLoss => FaultEvent::at(at, Fault::ClockLoss, passing),
+            Self::Absent => FaultEvent::from(at, Fault::Absent),
+        }
+    }
+}
+
+/// Where the simulated comparator's falling edge is; the driver is told, as a calibrated board's
+/// would be.
+const COMPARATOR_DUTY: f32 = 0.29;
+/// The sensors sweep between the middle and the top of their range once in this time.
+const SWEEP_S: f64 = 1.618_034;
+/// Recoveries tried in a row before the verb gives up: 50 of 5 ms and more, a quarter of a second.
+const RECOVERIES: u32 = 50;
+/// The bus master gives up on a line held low after this time, some transfers' length.
+const BUS_DEADLINE: Time = Time::from_ms(1);
+/// Registers are compared one by one, one after each of so many frames.
+const FRAMES_PER_CANARY: u32 = 8;
+
+/// Coils that sweep slowly.
+#[derive(Clone)]
+struct Coils {
+    lowest_hz: f64,
+    highest_hz: f64,
+    resistance_ohm: f64,
+    quality_factor: f64,
+}
+
+impl Sensors for Coils {
+    fn frequency_hz(&self, channel: usize, time_s: f64) -> f64 {
+        let phase = (time_s / SWEEP_S + 0.25 * channel as f64).rem_euclid(2.0);
+        let share = 0.5 + 0.5 * (1.0 - phase).abs();
+        self.lowest_hz + share * (self.highest_hz - self.lowest_hz)
+    }
+
+    fn parallel_resistance_ohm(&self, _channel: usize, _time_s: f64) -> f64 {
+        self.resistance_ohm
+    }
+
+    fn quality_factor(&self, _channel: usize, _time_s: f64) -> f64 {
+        self.quality_factor
+    }
+}
+
+/// One reading beside the truth.
+#[derive(Serialize)]
+struct Line {
+    simulated: bool,
+    /// End of the conversion less half its length, since the start of the simulation.
+    time_s: f64,
+    frame: u32,
+    channel: u8,
+    word: String,
+    frequency_hz: f64,
+    sigma_hz: f32,
+    /// Mean of the sensor's true frequency over the conversion.
+    true_hz: f64,
+    m: u32,
+    n: u32,
+    residual_lsb: f32,
+    plausible: bool,
+    quality: Quality,
+    gap: bool,
+    drive_step: bool,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let mut request = arguments.board.request();
+    request.read_twice = arguments.twice;
+    request.status_reads |= matches!(arguments.release, Release::Status);
+    request.noise.comparator_duty = Some(COMPARATOR_DUTY);
+    let plan = request.plan().map_err(plan_ldc::refused)?;
+    let chip = RefCell::new(Chip::new(settings(arguments), coils(&arguments.board)));
+    let mut session = Session::new(&chip, arguments);
+    session.driver.start(&plan.configuration).map_err(gave_up)?;
+    session.probe().map_err(gave_up)?;
+    if let Some(fault) = arguments.fault {
+        let half_ns = plan.frame_period_ns * u64::from(arguments.frames) / 2;
+        let half_way = chip.borrow().now() + Time::from_us(half_ns / 1_000);
+        let scheduled = chip.borrow_mut().schedule(fault.event(half_way));
+        scheduled.map_err(|full| Failure::Refused(full.to_string()))?;
+    }
+    session.stream(arguments)
+}
+
+fn gave_up(error: Error<ldc161x_sim::I2cError>) -> Failure {
+    Failure::Refused(error.to_string())
+}
+
+fn settings(arguments: &Arguments) -> Settings {
+    let ideal = Settings::ideal();
+    let clock_hz = f64::from(arguments.board.external_clock_hz().unwrap_or(40_000_000));
+    Settings {
+        part: match arguments.board.model() {
+            ldc161x::Model::Ldc1612 => Part::Ldc1612,
+            ldc161x::Model::Ldc1614 => Part::Ldc1614,
+        },
+        seed: arguments.seed,
+        external_clock: Some(ExternalClock::exact(clock_hz)),
+        conversions: Conversions {
+            noise_at_1ms: f64::from(arguments.board.noise),
+            falling_edge: f64::from(COMPARATOR_DUTY),
+            ..Conversions::default()
+        },
+        switches: Switches {
+            interrupt_release: match arguments.release {
+                Release::Status => ldc161x_sim::InterruptRelease::StatusOnly,
+                Release::Data => ldc161x_sim::InterruptRelease::StatusOrData,
+            },
+            counter: match arguments.counter {
+                CounterKind::TwoGates => Counter::TwoGates,
+                CounterKind::HalfPeriods => Counter::HalfPeriods,
+            },
+            ..Switches::default()
+        },
+        // No shift by the drive: the true frequency is the sensor's own.
+        ..ideal
+    }
+}
+
+fn coils(board: &Board) -> Coils {
+    Coils {
+        lowest_hz: f64::from(board.sensor.0),
+        highest_hz: f64::from(board.sensor.1),
+        resistance_ohm: f64::from(board.resistance.1),
+        quality_factor: f64::from(board.quality),
+    }
+}
+
+/// A driver with everything that it is wired to.
+struct Session<'a> {
+    chip: &'a RefCell<Chip<Coils>>,
+    driver: Ldc161x<Bus<'a, Coils>>,
+    interrupt: IntbPin<'a, Coils>,
+    shutdown: ShutdownPin<'a, Coils>,
+    delay: Delay<'a, Coils>,
+    bus: Bus<'a, Coils>,
+}
+
+type DriverResult<T> = Result<T, Error<ldc161x_sim::I2cError>>;
+
+impl<'a> Session<'a> {
+    fn new(chip: &'a RefCell<Chip<Coils>>, arguments: &Arguments) -> Self {
+        let bus = || Bus::new(chip, arguments.board.bus).with_deadline(BUS_DEADLINE);
+        let mut driver = Ldc161x::new(bus(), arguments.board.model(), Address::AddrLow);
+        driver.set_read_twice(arguments.twice);
+        Self {
+            chip,
+            driver,
+            interrupt: IntbPin::new(chip),
+            shutdown: ShutdownPin::new(chip),
+            delay: Delay::new(chip),
+            bus: bus(),
+        }
+    }
+
+    fn probe(&mut self) -> DriverResult<InterruptRelease> {
+        self.driver
+            .probe_interrupt_release(&mut self.interrupt, &mut self.delay)
+    }
+
+    fn next_frame(&mut self) -> DriverResult<Frame> {
+        self.driver
+            .wait_for_interrupt(&mut self.interrupt, &mut self.delay)?;
+        let frame = self.driver.read_frame()?;
+        if frame.number.is_multiple_of(FRAMES_PER_CANARY) {
+            self.driver.check_canary()?;
+        }
+        Ok(frame)
+    }
+
+    fn stream(&mut self, arguments: &Arguments) -> Result<(), Failure> {
+        let mut out = io::BufWriter::new(io::stdout().lock());
+        if !arguments.json {
+            writeln!(
+                out,
+                "simulated chip; interrupt released {}\n\n{:>10} {:>3} {:>14} {:>9} {:>9}  M/N  quality",
+                match arguments.release {
+                    Release::Status => "by STATUS",
+                    Release::Data => "by data",
+                },
+                "time/ms",
+                "ch",
+                "frequency/Hz",
+                "sigma/Hz",
+                "error/Hz",
+            )?;
+        }
+        let mut frames = 0;
+        while frames < arguments.frames {
+            match self.next_frame() {
+                Ok(frame) => {
+                    self.print(&mut out, arguments.json, &frame)?;
+                    frames += 1;
+                }
+                Err(error) => {
+                    out.flush()?;
+                    self.recover(&error)?;
+                }
+            }
+        }
+        Ok(out.flush()?)
+    }
+
+    /// Nine clocks to free the bus, the SD pin, the wanted configuration again.
+    fn recover(&mut self, error: &Error<ldc161x_sim::I2cError>) -> Result<(), Failure> {
+        let at = self.now_ms();
+        eprintln!("palpate: {at:.3} ms: {error}");
+        for attempt in 1..=RECOVERIES {
+            // What the pulses achieve shows in the transfer that follows.
+            let _ = self.bus.clock_pulses(9);
+            let recovered = self
+                .driver
+                .recover_by_shutdown(&mut self.shutdown, &mut self.delay)
+                .and_then(|()| self.probe());
+            if recovered.is_ok() {
+                let ms = self.now_ms() - at;
+                eprintln!("palpate: recovered after {ms:.3} ms, attempt {attempt}");
+                return Ok(());
+            }
+        }
+        Err(Failure::Refused(format!(
+            "gave up after {RECOVERIES} recoveries; the first error was: {error}"
+        )))
+    }
+
+    fn now_ms(&self) -> f64 {
+        self.chip.borrow().now().as_secs_f64() * 1e3
+    }
+
+    fn print(&self, out: &mut impl Write, json: bool, frame: &Frame) -> Result<(), Failure> {
+        for reading in frame.readings() {
+            let Some(line) = self.line(frame, reading) else {
+                continue;
+            };
+            if json {
+                serde_json::to_writer(&mut *out, &line)?;
+                writeln!(out)?;
+            } else {
+                writeln!(
+                    out,
+                    "{:>10.3} {:>3} {:>14.2} {:>9.2} {:>+9.2}  {}  {:?}{}",
+                    line.time_s * 1e3,
+                    line.channel,
+                    line.frequency_hz,
+                    line.sigma_hz,
+                    line.frequency_hz - line.true_hz,
+                    if line.plausible { "yes" } else { "no " },
+                    line.quality,
+                    if line.gap { ", gap before it" } else { "" },
+                )?;
+            }
+        }
+        Ok(())
+    }
+
+    /// The reading with the simulated chip's own record of the same conversion.
+    fn line(&self, frame: &Frame, reading: &Reading) -> Option<Line> {
+        let chip = self.chip.borrow();
+        let truth = chip.last_read(reading.channel.number())?;
+        let scale = self.driver.configuration()?.scale(reading.channel);
+        let ratio = scale.rational(reading.word.code());
+        Some(Line {
+            simulated: true,
+            time_s: truth.end.as_secs_f64() - 0.5 * scale.conversion_s(),
+            frame: frame.number,
+            channel: reading.channel.number(),
+            word: format!("{:#010x}", reading.word.bits()),
+            frequency_hz: reading.frequency_hz,
+            sigma_hz: reading.sigma_hz,
+            true_hz: truth.sensor_hz,
+            m: ratio.m,
+            n: ratio.n,
+            residual_lsb: ratio.residual_lsb,
+            plausible: ratio.plausible,
+            quality: reading.quality(),
+            gap: frame.marks.gap,
+            drive_step: frame.marks.drive_step,
+        })
+    }
+}

@@ -1,0 +1,78 @@
+//! Why a verb ended without its result.
+
+use std::{fmt, io, path::PathBuf, process::ExitCode};
+
+/// A failure with its place, its cause and what to do.
+#[derive(Debug)]
+pub(crate) enum Failure {
+    /// Something in a file is not as it may be.
+    Input {
+        /// The file.
+        file: PathBuf,
+        /// Counted from 1.
+        line: u64,
+        /// What was found.
+        problem: String,
+        /// What is allowed there.
+        allowed: String,
+    },
+    /// A file cannot be read.
+    Unreadable {
+        /// The file.
+        file: PathBuf,
+        /// The system's reason.
+        reason: io::Error,
+    },
+    /// What was asked for was refused, or failed while running.
+    Refused(String),
+    /// The result could not be written.
+    Output(io::Error),
+}
+
+impl Failure {
+    /// 2 for input, 1 for everything else.
+    pub(crate) fn exit_code(&self) -> ExitCode {
+        match self {
+            Self::Input { .. } | Self::Unreadable { .. } => ExitCode::from(2),
+            Self::Refused(_) | Self::Output(_) => ExitCode::FAILURE,
+        }
+    }
+}
+
+impl fmt::Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Input {
+                file,
+                line,
+                problem,
+                allowed,
+            } => {
+                write!(
+                    f,
+                    "{}, line {line}: {problem}. Allowed: {allowed}.",
+                    file.display()
+                )
+            }
+            Self::Unreadable { file, reason } => write!(
+                f,
+                "{}: {reason}. Name a file that exists and may be read.",
+                file.display()
+            ),
+            Self::Refused(reason) => f.write_str(reason),
+            Self::Output(error) => write!(f, "cannot write the result: {error}"),
+        }
+    }
+}
+
+impl From<io::Error> for Failure {
+    fn from(error: io::Error) -> Self {
+        Self::Output(error)
+    }
+}
+
+impl From<serde_json::Error> for Failure {
+    fn from(error: serde_json::Error) -> Self {
+        Self::Output(error.into())
+    }
+}

@@ -1,0 +1,308 @@
+//! `palpate words`: conversion words to frequencies, with uncertainty and verdict.
+
+use std::{
+    fs::File,
+    io::{self, Write},
+    path::{Path, PathBuf},
+};
+
+use clap::Args;
+use comfy_table::{CellAlignment, Table, presets};
+use ldc161x::{Code28, Hypothesis, PlausibilityCount, Rational, Rcount, Scale};
+use serde::Serialize;
+
+use crate::failure::Failure;
+
+/// Decode LDC161x conversion words: frequency, standard uncertainty, and the ratio of counts
+/// M/N that the word is, or is not.
+#[derive(Args)]
+#[command(after_help = "\
+The file is CSV with the columns source, fref_hz, rcount, kind and value, in any order;
+lines that begin with # are comments. kind is `word` (value: the 28-bit result in
+hexadecimal) or `hz` (value: a frequency from which the word is recovered).
+
+Example:
+  palpate words docs/examples/words.csv --json")]
+pub(crate) struct Arguments {
+    /// The file to decode
+    file: PathBuf,
+    /// Print a JSON array instead of a table
+    #[arg(long)]
+    json: bool,
+}
+
+const COLUMNS: [&str; 5] = ["source", "fref_hz", "rcount", "kind", "value"];
+/// The slowest clock (2 MHz) over the largest divider, and the fastest internal oscillator.
+const REFERENCE_HZ: std::ops::RangeInclusive<f64> = 1_955.0..=55e6;
+
+/// One decoded word.
+#[derive(Debug, Serialize)]
+struct Row {
+    source: String,
+    fref_hz: f64,
+    rcount: u16,
+    word: String,
+    frequency_hz: f64,
+    sigma_hz: f32,
+    m: u32,
+    n: u32,
+    residual_lsb: f32,
+    plausible: bool,
+    /// The chance that a random word is called plausible.
+    false_accept: f32,
+    /// At or above a quarter of the reference, outside the chip's stated limit.
+    above_quarter_reference: bool,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let rows = decode_file(&arguments.file)?;
+    let mut out = io::stdout().lock();
+    if arguments.json {
+        serde_json::to_writer_pretty(&mut out, &rows)?;
+        writeln!(out)?;
+    } else {
+        writeln!(out, "{}", table(&rows))?;
+        writeln!(out, "{}", summary(&rows))?;
+    }
+    Ok(())
+}
+
+fn decode_file(path: &Path) -> Result<Vec<Row>, Failure> {
+    let unreadable = |reason| Failure::Unreadable {
+        file: path.to_owned(),
+        reason,
+    };
+    let file = File::open(path).map_err(unreadable)?;
+    let mut reader = csv::ReaderBuilder::new()
+        .comment(Some(b'#'))
+        .trim(csv::Trim::All)
+        .flexible(true)
+        .from_reader(file);
+    let header = reader
+        .headers()
+        .map_err(|error| csv_failure(path, &error))?
+        .clone();
+    let columns = Columns::find(path, &header)?;
+    let mut rows = Vec::new();
+    for record in reader.records() {
+        let record = record.map_err(|error| csv_failure(path, &error))?;
+        let line = record.position().map_or(0, csv::Position::line);
+        let fail = |(problem, allowed): (String, String)| Failure::Input {
+            file: path.to_owned(),
+            line,
+            problem,
+            allowed,
+        };
+        if record.len() != header.len() {
+            return Err(fail((
+                format!("{} fields", record.len()),
+                format!("{} fields, as in the header", header.len()),
+            )));
+        }
+        rows.push(decode_record(&columns, &record).map_err(fail)?);
+    }
+    if rows.is_empty() {
+        return Err(Failure::Input {
+            file: path.to_owned(),
+            line: 2,
+            problem: "no words".into(),
+            allowed: "at least one line below the header".into(),
+        });
+    }
+    Ok(rows)
+}
+
+fn csv_failure(path: &Path, error: &csv::Error) -> Failure {
+    match error.kind() {
+        csv::ErrorKind::Io(reason) => Failure::Unreadable {
+            file: path.to_owned(),
+            reason: io::Error::new(reason.kind(), reason.to_string()),
+        },
+        _ => Failure::Input {
+            file: path.to_owned(),
+            line: error.position().map_or(1, csv::Position::line),
+            problem: error.to_string(),
+            allowed: "text in UTF-8".into(),
+        },
+    }
+}
+
+/// Where each column stands in this file.
+struct Columns([usize; 5]);
+
+impl Columns {
+    fn find(path: &Path, header: &csv::StringRecord) -> Result<Self, Failure> {
+        let fail = |problem: String| Failure::Input {
+            file: path.to_owned(),
+            line: header.position().map_or(1, csv::Position::line).max(1),
+            problem,
+            allowed: format!("the columns {}, each once", COLUMNS.join(", ")),
+        };
+        if header.is_empty() {
+            return Err(fail("no header: the file is empty".into()));
+        }
+        if let Some(unknown) = header.iter().find(|name| !COLUMNS.contains(name)) {
+            return Err(fail(format!("unknown column '{unknown}'")));
+        }
+        let mut places = [0; 5];
+        for (place, name) in places.iter_mut().zip(COLUMNS) {
+            let mut found = header
+                .iter()
+                .enumerate()
+                .filter(|(_, column)| *column == name);
+            let Some((index, _)) = found.next() else {
+                return Err(fail(format!("column '{name}' is missing")));
+            };
+            if found.next().is_some() {
+                return Err(fail(format!("column '{name}' stands twice")));
+            }
+            *place = index;
+        }
+        Ok(Self(places))
+    }
+
+    fn fields<'a>(&self, record: &'a csv::StringRecord) -> [&'a str; 5] {
+        self.0.map(|index| record.get(index).unwrap_or_default())
+    }
+}
+
+/// The problem of a field, and what is allowed in it.
+type FieldError = (String, String);
+
+fn decode_record(columns: &Columns, record: &csv::StringRecord) -> Result<Row, FieldError> {
+    let [source, fref_hz, rcount, kind, value] = columns.fields(record);
+    let fref_hz = reference(fref_hz)?;
+    let rcount = reference_count(rcount)?;
+    let code = code(kind, value, fref_hz)?;
+    let scale = Scale::undivided(fref_hz, rcount);
+    let ratio = scale.rational(code);
+    Ok(Row {
+        source: source.into(),
+        fref_hz,
+        rcount: rcount.get(),
+        word: format!("{:#09x}", code.get()),
+        frequency_hz: scale.frequency_hz(code),
+        sigma_hz: scale.sigma_hz(code),
+        m: ratio.m,
+        n: ratio.n,
+        residual_lsb: ratio.residual_lsb,
+        plausible: ratio.plausible,
+        false_accept: ratio.false_accept,
+        above_quarter_reference: scale.above_quarter_reference(code),
+    })
+}
+
+fn reference(text: &str) -> Result<f64, FieldError> {
+    text.parse()
+        .ok()
+        .filter(|hz| REFERENCE_HZ.contains(hz))
+        .ok_or_else(|| {
+            let allowed = format!("{} to {} Hz", REFERENCE_HZ.start(), REFERENCE_HZ.end());
+            (format!("fref_hz is '{text}'"), allowed)
+        })
+}
+
+fn reference_count(text: &str) -> Result<Rcount, FieldError> {
+    text.parse().ok().and_then(Rcount::new).ok_or_else(|| {
+        (
+            format!("rcount is '{text}'"),
+            format!("a whole number, {} to 65535", Rcount::MIN.get()),
+        )
+    })
+}
+
+fn code(kind: &str, value: &str, fref_hz: f64) -> Result<Code28, FieldError> {
+    match kind {
+        "word" => value
+            .strip_prefix("0x")
+            .or_else(|| value.strip_prefix("0X"))
+            // `from_str_radix` alone would take a sign.
+            .filter(|digits| digits.bytes().all(|byte| byte.is_ascii_hexdigit()))
+            .and_then(|digits| u32::from_str_radix(digits, 16).ok())
+            .and_then(Code28::new)
+            .ok_or_else(|| {
+                (
+                    format!("value is '{value}'"),
+                    "a word of 28 bits, 0x0 to 0xfffffff, without error flags".into(),
+                )
+            }),
+        "hz" => value
+            .parse()
+            .ok()
+            .filter(|hz: &f64| hz.is_finite() && *hz >= 0.0 && *hz < fref_hz)
+            .and_then(|hz| Code28::new((hz / fref_hz * f64::from(1 << 28)).round() as u32))
+            .ok_or_else(|| {
+                (
+                    format!("value is '{value}'"),
+                    format!("a frequency from 0 to below fref_hz, {fref_hz} Hz"),
+                )
+            }),
+        _ => Err((format!("kind is '{kind}'"), "word or hz".into())),
+    }
+}
+
+fn table(rows: &[Row]) -> Table {
+    let mut table = Table::new();
+    table.load_style(presets::NOTHING);
+    table.set_header([
+        "source",
+        "word",
+        "frequency/Hz",
+        "sigma/Hz",
+        "M",
+        "N",
+        "residual/LSB",
+        "M/N",
+        "note",
+    ]);
+    for row in rows {
+        table.add_row([
+            row.source.clone(),
+            row.word.clone(),
+            format!("{:.3}", row.frequency_hz),
+            format!("{:.2}", row.sigma_hz),
+            row.m.to_string(),
+            row.n.to_string(),
+            format!("{:+.2}", row.residual_lsb),
+            if row.plausible {
+                "plausible"
+            } else {
+                "implausible"
+            }
+            .into(),
+            if row.above_quarter_reference {
+                "above fref/4"
+            } else {
+                ""
+            }
+            .into(),
+        ]);
+    }
+    for column in table.column_iter_mut().skip(2).take(5) {
+        column.set_cell_alignment(CellAlignment::Right);
+    }
+    table
+}
+
+/// Whether the words of this file behave as ratios of counts at all.
+fn summary(rows: &[Row]) -> String {
+    let mut count = PlausibilityCount::default();
+    for row in rows {
+        count.add(&Rational {
+            m: row.m,
+            n: row.n,
+            residual_lsb: row.residual_lsb,
+            plausible: row.plausible,
+            false_accept: row.false_accept,
+        });
+    }
+    let verdict = match count.hypothesis() {
+        Hypothesis::Holds => "these words are ratios of counts: an implausible one is corrupt",
+        Hypothesis::Fails => "these words are not ratios of counts: the verdicts mean nothing",
+        Hypothesis::Undecided => "too few words, or too long conversions, to judge the verdicts",
+    };
+    format!(
+        "\n{} of {} words plausible, {:.2} expected by chance: {verdict}.",
+        count.plausible, count.words, count.expected_by_chance
+    )
+}

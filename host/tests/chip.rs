@@ -1,0 +1,98 @@
+//! `palpate chip` as its users call it.
+
+use assert_cmd::Command;
+use serde_json::Value;
+
+fn palpate(arguments: &[&str]) -> std::process::Output {
+    Command::new(env!("CARGO_BIN_EXE_palpate"))
+        .arg("chip")
+        .args(arguments)
+        .output()
+        .unwrap()
+}
+
+fn lines(arguments: &[&str]) -> Vec<Value> {
+    let output = palpate(&[arguments, &["--json"]].concat());
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{message}");
+    let text = String::from_utf8(output.stdout).unwrap();
+    text.lines()
+        .map(|line| serde_json::from_str(line).unwrap())
+        .collect()
+}
+
+/// Root mean square of error over sigma of the good readings.
+fn scatter(lines: &[Value]) -> f64 {
+    let squares: Vec<f64> = lines
+        .iter()
+        .filter(|line| line["quality"] == "good")
+        .map(|line| {
+            let number = |key: &str| line[key].as_f64().unwrap();
+            ((number("frequency_hz") - number("true_hz")) / number("sigma_hz")).powi(2)
+        })
+        .collect();
+    (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
+}
+
+#[test]
+fn sigma_is_right_within_10_percent() {
+    for arguments in [
+        ["--channels", "0", "--rate", "1000", "--frames", "4000"],
+        ["--channels", "0-3", "--rate", "500", "--frames", "2000"],
+        ["--channels", "0-3", "--rcount", "65535", "--frames", "2000"],
+    ] {
+        let lines = lines(&arguments);
+        let scatter = scatter(&lines);
+        assert!((0.9..1.1).contains(&scatter), "{arguments:?}: {scatter}");
+        assert!(
+            lines
+                .iter()
+                .all(|line| line["plausible"] == true && line["simulated"] == true)
+        );
+    }
+}
+
+#[test]
+fn the_same_seed_gives_the_same_bytes() {
+    let run = |seed: &str| palpate(&["--channels", "0-1", "--rate", "500", "--seed", seed]).stdout;
+    assert_eq!(run("7"), run("7"));
+    assert_ne!(run("7"), run("8"));
+}
+
+#[test]
+fn passing_faults_are_recovered_from_with_the_gap_marked() {
+    for fault in ["brown-out", "nack", "sda-stuck", "clock-loss"] {
+        for release in ["status", "data"] {
+            let arguments = [
+                "--rate",
+                "1000",
+                "--frames",
+                "60",
+                "--fault",
+                fault,
+                "--release",
+                release,
+            ];
+            let output = palpate(&arguments);
+            let message = String::from_utf8(output.stderr).unwrap();
+            assert!(output.status.success(), "{fault}: {message}");
+            assert!(message.contains("recovered after"), "{fault}: {message}");
+            let gaps = String::from_utf8(output.stdout)
+                .unwrap()
+                .matches("gap before it")
+                .count();
+            assert!(gaps >= 2, "{fault}: the start and the fault");
+        }
+    }
+}
+
+#[test]
+fn a_chip_that_is_gone_for_good_ends_in_an_error_with_advice() {
+    let output = palpate(&["--rate", "1000", "--frames", "20", "--fault", "absent"]);
+    assert_eq!(output.status.code(), Some(1));
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert!(
+        message.contains("gave up after") && message.contains("check wiring"),
+        "{message}"
+    );
+}

@@ -1,0 +1,63 @@
+//! The campaign of random fault schedules in full: see `system_tests::faults`.
+
+use std::{fmt::Write, process::ExitCode, thread};
+
+use clap::Parser;
+use system_tests::{
+    evidence::conclude,
+    faults::{Summary, campaign},
+};
+
+/// Runs random fault schedules and holds every trusted reading against the truth.
+#[derive(Parser)]
+struct Arguments {
+    /// How many schedules
+    #[arg(long, default_value_t = 100_000)]
+    schedules: u64,
+    /// The seed of the first schedule; the others follow
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+}
+
+fn main() -> ExitCode {
+    let Arguments { schedules, seed } = Arguments::parse();
+    let half = schedules / 2;
+    let other = thread::spawn(move || campaign(seed + half, schedules - half));
+    let mut summary = campaign(seed, half);
+    match other.join() {
+        Ok(rest) => summary.merge(rest),
+        Err(_) => return conclude("A schedule panicked.", false),
+    }
+    conclude(&describe(&summary), summary.defects.is_empty())
+}
+
+fn describe(summary: &Summary) -> String {
+    let mut text = format!(
+        "## Result\n\n\
+         | | |\n|---|---|\n\
+         | schedules | {} |\n\
+         | of them with a fault that never ends | {} |\n\
+         | measuring, confirmed, at the end | {} |\n\
+         | readings trusted, each compared with the chip's own record | {} |\n\
+         | readings withdrawn because a later comparison of registers failed | {} |\n\
+         | recoveries | {} |\n\
+         | hangs, panics, hidden gaps, wrong readings called good, failures to recover | {} |\n",
+        summary.schedules,
+        summary.lasting,
+        summary.measuring,
+        summary.trusted,
+        summary.withdrawn,
+        summary.recoveries,
+        summary.defects.len(),
+    );
+    text.push_str(
+        "\nErrors that the driver reported, all documented:\n\n| error | times |\n|---|---|\n",
+    );
+    for (name, times) in &summary.errors {
+        let _ = writeln!(text, "| {name} | {times} |");
+    }
+    for (seed, defect) in &summary.defects {
+        let _ = writeln!(text, "\nDefect with seed {seed}: {defect}");
+    }
+    text
+}

@@ -1,0 +1,110 @@
+//! The stated standard uncertainty against the scatter, in full: see `system_tests::sigma`.
+
+use std::{fmt::Write, process::ExitCode};
+
+use clap::Parser;
+use ldc161x_sim::Counter;
+use system_tests::{
+    evidence::conclude,
+    sigma::{Case, cases, measure},
+};
+
+/// Compares stated standard uncertainties with the scatter about the truth.
+#[derive(Parser)]
+struct Arguments {
+    /// Readings of each channel in each case
+    #[arg(long, default_value_t = 20_000)]
+    readings: u32,
+    /// Seed of the simulated chip
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+}
+
+/// One claim about a group of cases.
+struct Claim {
+    heading: &'static str,
+    counter: Counter,
+    duty_is_known: bool,
+    lowest: f64,
+    highest: f64,
+}
+
+const CLAIMS: [Claim; 3] = [
+    Claim {
+        heading: "Two gates, duty of the comparator known: within 10 % at every phase",
+        counter: Counter::TwoGates,
+        duty_is_known: true,
+        lowest: 0.9,
+        highest: 1.1,
+    },
+    Claim {
+        heading: "Two gates, duty not known: within a factor of 1.42 at any one phase",
+        counter: Counter::TwoGates,
+        duty_is_known: false,
+        lowest: 1.0 / 1.45,
+        highest: 1.45,
+    },
+    Claim {
+        heading: "Half periods in one gate: the statement is an upper bound",
+        counter: Counter::HalfPeriods,
+        duty_is_known: true,
+        lowest: 0.45,
+        highest: 1.1,
+    },
+];
+
+fn main() -> ExitCode {
+    let arguments = Arguments::parse();
+    let mut text = String::from(
+        "Root mean square of (reading - true mean frequency of its conversion) over the stated \
+         sigma: 1 where the statement is right. Sensors sweep over 1 % of their frequency; four \
+         phases between the edges of sensor and reference.\n",
+    );
+    let mut holds = true;
+    for claim in &CLAIMS {
+        holds &= report(&mut text, claim, &arguments);
+    }
+    conclude(&text, holds)
+}
+
+fn report(text: &mut String, claim: &Claim, arguments: &Arguments) -> bool {
+    let _ = writeln!(
+        text,
+        "\n## {}\n\n| RCOUNT | mode | noise in 1 ms | rms of error / sigma, channels 0 to 3 |\n\
+         |---|---|---|---|",
+        claim.heading
+    );
+    let (mut lowest, mut highest) = (f64::INFINITY, 0.0_f64);
+    for case in cases(claim.counter, claim.duty_is_known) {
+        match measure(&case, arguments.readings, arguments.seed) {
+            Ok(scatter) => {
+                let ratios: Vec<_> = scatter.iter().map(|channel| channel.rms).collect();
+                lowest = ratios.iter().copied().fold(lowest, f64::min);
+                highest = ratios.iter().copied().fold(highest, f64::max);
+                row(text, &case, &ratios);
+            }
+            Err(error) => {
+                let _ = writeln!(text, "\n{case:?}: {error}");
+                return false;
+            }
+        }
+    }
+    let _ = writeln!(
+        text,
+        "\nFrom {lowest:.3} to {highest:.3}; claimed {:.2} to {:.2}.",
+        claim.lowest, claim.highest
+    );
+    lowest >= claim.lowest && highest <= claim.highest
+}
+
+fn row(text: &mut String, case: &Case, ratios: &[f64]) {
+    let mode = if case.autoscan { "autoscan" } else { "single" };
+    let list: Vec<_> = ratios.iter().map(|ratio| format!("{ratio:.3}")).collect();
+    let _ = writeln!(
+        text,
+        "| {} | {mode} | {:e} | {} |",
+        case.rcount,
+        case.noise_in_1_ms,
+        list.join(", ")
+    );
+}

@@ -1,0 +1,595 @@
+//! Random fault schedules: a chip with random switches, a bus that misbehaves, and a program that
+//! does what the driver's documentation says. Every reading that the program ends up trusting is
+//! held against the simulated chip's own record of what it converted.
+
+use std::{cell::RefCell, collections::BTreeMap, fmt};
+
+use ldc161x::{
+    Acquisition, Address, BusAccess, Channel, Error, Frame, Ldc161x, Model, Plan, Quality, Rate,
+    ReferenceClock, Request, Sensor, Sequence,
+};
+use ldc161x_sim::{
+    ActiveWrite, BurstRead, Bus, Chip, ConfigReadback, Conversion, Counter, Deglitch33, Delay,
+    EarlyTermination, Fault, FaultEvent, FlagRead, I2cError, IntbPin, InterruptRelease, Lost,
+    Overhead, Path, RcountMinimum, Sensors, Settings, ShadowLatch, ShutdownPin, SleepExit,
+    StatusReporting, Strike, Switches, Time, UnreadCleared,
+};
+use rand::{RngExt, SeedableRng, seq::IndexedRandom};
+use rand_pcg::Pcg64Mcg;
+
+/// Faults happen in the first part of a schedule, in milliseconds of simulated time; those that
+/// pass are over by its end.
+const FAULTS_MS: u64 = 60;
+/// Faults begin in this time.
+const FAULTS_BEGIN_WITHIN_MS: u64 = 40;
+/// The longest that a passing fault lasts.
+const LONGEST_FAULT_MS: u64 = 20;
+/// A chip that is healthy again has to measure again, confirmed, after this time.
+const RECOVERY_MS: u64 = 60;
+/// A reading farther from the truth than this many of its standard deviations is wrong. A two-gate
+/// count errs by at most two reference periods in all, five of the least deviation.
+const WRONG_FROM_SIGMA: f64 = 6.0;
+
+/// What a schedule may contain.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Integrity {
+    /// Every word is read twice: any fault may happen.
+    ReadTwice,
+    /// Every word is read once: faults that change bytes on the wire unseen are left out, since
+    /// the bus has no checksum.
+    ReadOnce,
+}
+
+/// How one schedule ended.
+#[derive(Clone, Debug)]
+pub struct Outcome {
+    /// Documented errors met, by name.
+    pub errors: BTreeMap<&'static str, u32>,
+    /// Readings trusted.
+    pub trusted: u32,
+    /// Frames thrown away because a later comparison of registers failed.
+    pub withdrawn: u32,
+    /// Successful recoveries.
+    pub recoveries: u32,
+    /// Whether it measured again at the end. A fault that never ends may prevent that.
+    pub measuring: bool,
+    /// Whether a fault without an end was in it.
+    pub lasting_fault: bool,
+}
+
+/// A defect: what the driver must never do.
+#[derive(Clone, Debug)]
+pub struct Defect(pub String);
+
+impl fmt::Display for Defect {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+/// Runs the schedule of `seed`.
+///
+/// # Errors
+///
+/// The [`Defect`] found.
+pub fn run(seed: u64) -> Result<Outcome, Defect> {
+    let mut random = Pcg64Mcg::seed_from_u64(seed);
+    let integrity = if random.random() {
+        Integrity::ReadTwice
+    } else {
+        Integrity::ReadOnce
+    };
+    let settings = Settings {
+        seed,
+        switches: switches(seed, integrity, &mut random),
+        ..Settings::default()
+    };
+    let base = random.random_range(2.95e6..3.75e6);
+    let depth = random.random_range(0.0..0.02);
+    let press = move |channel: usize, time_s: f64| {
+        base * (1.0 + 0.003 * channel as f64 - depth * (30.0 * time_s).sin().abs())
+    };
+    let plan = plan(integrity, &mut random);
+    let mut chip = Chip::new(settings, press);
+    let mut lasting_fault = false;
+    for _ in 0..random.random_range(1..=4) {
+        let (event, lasts) = fault(integrity, &mut random);
+        lasting_fault |= lasts;
+        chip.schedule(event)
+            .map_err(|_| Defect("the schedule is full".into()))?;
+    }
+    let chip = RefCell::new(chip);
+    let mut program = Program::new(&chip, &plan, integrity, &mut random);
+    program.run(lasting_fault)?;
+    Ok(Outcome {
+        lasting_fault,
+        ..program.outcome
+    })
+}
+
+/// One in two schedules departs from the defaults in one switch, the others in any number.
+fn switches(seed: u64, integrity: Integrity, random: &mut Pcg64Mcg) -> Switches {
+    let mut switches = if seed.is_multiple_of(2) {
+        let all: Vec<_> = Switches::one_at_a_time().collect();
+        all[(seed / 2) as usize % all.len()]
+    } else {
+        random_switches(random)
+    };
+    if integrity == Integrity::ReadOnce {
+        // Without a latch the halves of a word can belong to two conversions, which only reading
+        // twice reveals.
+        switches.shadow_latch = ShadowLatch::OnMsbRead;
+    }
+    switches
+}
+
+fn random_switches(random: &mut Pcg64Mcg) -> Switches {
+    fn pick<T: Copy>(variants: &[T], random: &mut Pcg64Mcg) -> T {
+        *variants.choose(random).expect("a switch has positions")
+    }
+    Switches {
+        interrupt_release: pick(InterruptRelease::VARIANTS, random),
+        unread_cleared: pick(UnreadCleared::VARIANTS, random),
+        status_reporting: pick(StatusReporting::VARIANTS, random),
+        overhead: pick(Overhead::VARIANTS, random),
+        sleep_exit: pick(SleepExit::VARIANTS, random),
+        config_readback: pick(ConfigReadback::VARIANTS, random),
+        rcount_minimum: pick(RcountMinimum::VARIANTS, random),
+        active_write: pick(ActiveWrite::VARIANTS, random),
+        burst_read: pick(BurstRead::VARIANTS, random),
+        deglitch_33: pick(Deglitch33::VARIANTS, random),
+        counter: pick(Counter::VARIANTS, random),
+        flag_read: pick(FlagRead::VARIANTS, random),
+        shadow_latch: pick(ShadowLatch::VARIANTS, random),
+        early_termination: pick(EarlyTermination::VARIANTS, random),
+    }
+}
+
+fn plan(integrity: Integrity, random: &mut Pcg64Mcg) -> Plan {
+    let acquisitions = [
+        Acquisition::Single(Channel::Zero),
+        Acquisition::Single(Channel::Three),
+        Acquisition::Autoscan(Sequence::ZeroToOne),
+        Acquisition::Autoscan(Sequence::ZeroToTwo),
+        Acquisition::Autoscan(Sequence::ZeroToThree),
+    ];
+    let acquisition = *acquisitions.choose(random).expect("there are some");
+    let channels = u32::from(acquisition.channel_count());
+    // Half of what the bus carries, or an eighth when each word costs twice.
+    let share = if integrity == Integrity::ReadTwice {
+        8
+    } else {
+        2
+    };
+    let rate = random.random_range(100..=4_000 / channels / share);
+    let sensor = Sensor {
+        // The simulated sensors: 3 kiloohm, quality factor 25.
+        highest_quality_factor: 25,
+        lowest_rp_ohm: 3_000,
+        highest_rp_ohm: 3_000,
+        ..Sensor::new(2_850_000, 3_800_000)
+    };
+    let clock = ReferenceClock::External { hz: 40_000_000 };
+    Request::new(Model::Ldc1614, clock, acquisition, sensor)
+        .rate(Rate::PerSecond(rate))
+        .plan()
+        .expect("the schedule's plan keeps every limit")
+}
+
+/// A random fault, and whether it lasts for ever.
+fn fault(integrity: Integrity, random: &mut Pcg64Mcg) -> (FaultEvent, bool) {
+    let fault = kind(integrity, random);
+    let begin = Time::from_us(random.random_range(0..FAULTS_BEGIN_WITHIN_MS * 1_000));
+    if random.random_ratio(1, 12) {
+        return (FaultEvent::from(begin, fault), true);
+    }
+    let isolated = matches!(
+        fault,
+        Fault::BitFlip {
+            strike: Strike::Byte(_),
+            ..
+        } | Fault::EarlyStop { .. }
+    );
+    if isolated || random.random_ratio(1, 3) {
+        let first = random.random_range(0..400);
+        let count = if isolated {
+            1
+        } else {
+            random.random_range(1..30)
+        };
+        return (FaultEvent::in_transactions(first, count, fault), false);
+    }
+    let length = Time::from_us(random.random_range(1..LONGEST_FAULT_MS * 1_000));
+    (FaultEvent::at(begin, fault, length), false)
+}
+
+fn kind(integrity: Integrity, random: &mut Pcg64Mcg) -> Fault {
+    let kinds = if integrity == Integrity::ReadTwice {
+        12
+    } else {
+        9
+    };
+    match random.random_range(0..kinds) {
+        0 => Fault::Nack {
+            after_bytes: random.random_range(0..12),
+        },
+        1 => Fault::Absent,
+        2 => Fault::ClockLoss,
+        3 => Fault::SclStuck,
+        4 => Fault::BrownOut(Lost::Everything),
+        // RCOUNT0 to DRIVE_CURRENT3.
+        5 => Fault::BrownOut(Lost::Registers(random.random::<u64>() & 0x3_FFFF_FF00)),
+        6 => Fault::RegisterUpset {
+            address: random.random_range(0x08..=0x21),
+            bits: 1 << random.random_range(0..16),
+        },
+        7 => Fault::WrongIdentity {
+            manufacturer: 0x5449,
+            device: random.random(),
+        },
+        8 => Fault::IntbStuck {
+            low: random.random(),
+        },
+        // From here on bytes change on the wire and nothing says so.
+        9 => Fault::SdaStuck {
+            clocks: random
+                .random::<bool>()
+                .then_some(random.random_range(1..10)),
+        },
+        10 => {
+            let path = *[Path::ReadData, Path::WriteData, Path::Pointer]
+                .choose(random)
+                .expect("some");
+            // Single flips, or one in ten thousand bytes: a thousand times what a bus that
+            // deserves the name does. Both answers of one word are then struck alike less than
+            // once in a billion words.
+            let strike = if random.random() {
+                Strike::Byte(random.random_range(0..12))
+            } else {
+                Strike::Probability(1e-4)
+            };
+            Fault::BitFlip { path, strike }
+        }
+        _ => Fault::EarlyStop {
+            after_bytes: random.random_range(0..16),
+        },
+    }
+}
+
+/// A reading that nothing has spoken against so far.
+struct Trusted {
+    frame: u32,
+    reading: ldc161x::Reading,
+    truth: Option<Conversion>,
+}
+
+/// What a careful user's program does with the driver.
+struct Program<'a, S> {
+    chip: &'a RefCell<Chip<S>>,
+    plan: &'a Plan,
+    driver: Ldc161x<Bus<'a, S>>,
+    interrupt: IntbPin<'a, S>,
+    shutdown: ShutdownPin<'a, S>,
+    delay: Delay<'a, S>,
+    bus: Bus<'a, S>,
+    /// Read, and not yet confirmed by a round of register comparisons.
+    provisional: Vec<Trusted>,
+    /// Registers are compared after each of so many frames.
+    frames_per_canary: u32,
+    failed: bool,
+    outcome: Outcome,
+}
+
+type DriverError = Error<I2cError>;
+
+impl<'a, S: Sensors> Program<'a, S> {
+    fn new(
+        chip: &'a RefCell<Chip<S>>,
+        plan: &'a Plan,
+        integrity: Integrity,
+        random: &mut Pcg64Mcg,
+    ) -> Self {
+        let accesses = [
+            BusAccess::FramePerTransaction,
+            BusAccess::RegisterPerTransaction,
+            BusAccess::SeparateTransfers,
+        ];
+        let mut driver = Ldc161x::new(bus(chip), Model::Ldc1614, Address::AddrLow);
+        driver.set_access(*accesses.choose(random).expect("there are some"));
+        driver.set_read_twice(integrity == Integrity::ReadTwice);
+        Self {
+            chip,
+            plan,
+            driver,
+            interrupt: IntbPin::new(chip),
+            shutdown: ShutdownPin::new(chip),
+            delay: Delay::new(chip),
+            bus: bus(chip),
+            provisional: Vec::new(),
+            frames_per_canary: random.random_range(1..=4),
+            failed: true,
+            outcome: Outcome {
+                errors: BTreeMap::new(),
+                trusted: 0,
+                withdrawn: 0,
+                recoveries: 0,
+                measuring: false,
+                lasting_fault: false,
+            },
+        }
+    }
+
+    fn now(&self) -> Time {
+        self.chip.borrow().now()
+    }
+
+    fn run(&mut self, lasting_fault: bool) -> Result<(), Defect> {
+        let mut running = self.begin();
+        running = self.run_until(Time::from_ms(FAULTS_MS), running)?;
+        if !lasting_fault {
+            self.chip.borrow_mut().clear_faults();
+        }
+        self.finish(running, lasting_fault)
+    }
+
+    fn run_until(&mut self, end: Time, mut running: bool) -> Result<bool, Defect> {
+        while self.now() < end {
+            let before = self.now();
+            running = if running {
+                self.measure()?
+            } else {
+                self.recover()
+            };
+            if self.now() <= before {
+                return Err(Defect(format!("no progress at {before:?}")));
+            }
+        }
+        Ok(running)
+    }
+
+    /// Every fault has passed, unless one lasts: the program has to find what is lost, recover,
+    /// and measure again.
+    fn finish(&mut self, mut running: bool, lasting_fault: bool) -> Result<(), Defect> {
+        let end = self.now() + Time::from_ms(RECOVERY_MS);
+        while self.now() < end && !self.outcome.measuring {
+            let verified = if running { self.verify()? } else { false };
+            running = verified || self.recover();
+            if running {
+                let some_frames = self.now() + Time::from_ms(RECOVERY_MS / 3);
+                running = self.run_until(some_frames, running)?;
+                let good = !self.provisional.is_empty();
+                self.outcome.measuring = running && self.verify()? && good;
+            }
+        }
+        self.withdraw();
+        if self.outcome.measuring || lasting_fault {
+            Ok(())
+        } else {
+            Err(Defect(format!(
+                "did not recover; errors met: {:?}",
+                self.outcome.errors
+            )))
+        }
+    }
+
+    /// Compares every register; what was read before is then confirmed, or withdrawn.
+    fn verify(&mut self) -> Result<bool, Defect> {
+        match self.driver.verify() {
+            Ok(canary) => self.confirm(canary.confirmed).map(|()| true),
+            Err(error) => Ok(self.carry_on(Err(error))),
+        }
+    }
+
+    fn begin(&mut self) -> bool {
+        let result = self
+            .driver
+            .start(&self.plan.configuration)
+            .and_then(|()| self.probe());
+        self.carry_on(result)
+    }
+
+    fn probe(&mut self) -> Result<(), DriverError> {
+        self.driver
+            .probe_interrupt_release(&mut self.interrupt, &mut self.delay)
+            .map(drop)
+    }
+
+    /// One frame, and now and then a canary. Whether the chip still runs.
+    fn measure(&mut self) -> Result<bool, Defect> {
+        let frame = self
+            .driver
+            .wait_for_interrupt(&mut self.interrupt, &mut self.delay)
+            .and_then(|()| self.driver.read_frame());
+        let frame = match frame {
+            Ok(frame) => frame,
+            // One failed transfer is tried again; anything else asks for recovery.
+            Err(error @ Error::Bus { .. }) if !self.failed => {
+                self.count(&error);
+                self.failed = true;
+                return Ok(true);
+            }
+            Err(error) => return Ok(self.carry_on(Err(error))),
+        };
+        self.take(&frame)?;
+        if frame.number.is_multiple_of(self.frames_per_canary) {
+            match self.driver.check_canary() {
+                Ok(canary) => self.confirm(canary.confirmed)?,
+                Err(error) => return Ok(self.carry_on(Err(error))),
+            }
+        }
+        Ok(true)
+    }
+
+    fn take(&mut self, frame: &Frame) -> Result<(), Defect> {
+        if self.failed && !frame.marks.gap {
+            return Err(Defect(format!("frame {} hides a gap", frame.number)));
+        }
+        self.failed = false;
+        for reading in frame.readings() {
+            if reading.quality() == Quality::Good {
+                let truth = self
+                    .chip
+                    .borrow()
+                    .last_read(reading.channel.number())
+                    .copied();
+                self.provisional.push(Trusted {
+                    frame: frame.number,
+                    reading: *reading,
+                    truth,
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// Trusts what a complete round of comparisons has confirmed, and checks it against the truth.
+    fn confirm(&mut self, up_to: Option<u32>) -> Result<(), Defect> {
+        let Some(up_to) = up_to else { return Ok(()) };
+        let (confirmed, rest): (Vec<_>, Vec<_>) = self
+            .provisional
+            .drain(..)
+            .partition(|trusted| trusted.frame <= up_to);
+        self.provisional = rest;
+        for trusted in confirmed {
+            self.outcome.trusted += 1;
+            check(&trusted)?;
+        }
+        Ok(())
+    }
+
+    fn withdraw(&mut self) {
+        self.outcome.withdrawn += self.provisional.len() as u32;
+        self.provisional.clear();
+    }
+
+    /// Books an error. Whether the program may go on as it is.
+    fn carry_on(&mut self, result: Result<(), DriverError>) -> bool {
+        let Err(error) = result else { return true };
+        self.count(&error);
+        self.withdraw();
+        self.failed = true;
+        false
+    }
+
+    fn count(&mut self, error: &DriverError) {
+        let name = match error {
+            Error::Bus { .. } => "bus",
+            Error::WrongIdentity { .. } => "wrong identity",
+            Error::ReadBack { .. } => "read-back",
+            Error::RegistersLost { .. } => "registers lost",
+            Error::NoSuchChannel => "no such channel",
+            Error::NotStarted => "not started",
+            Error::NotRunning => "not running",
+            Error::NoInterrupt { .. } => "no interrupt",
+            Error::InterruptStuck => "interrupt stuck",
+            Error::Pin => "pin",
+        };
+        *self.outcome.errors.entry(name).or_default() += 1;
+    }
+
+    /// Nine clocks, the SD pin, the wanted configuration, the probe.
+    fn recover(&mut self) -> bool {
+        // The pulses free SDA or they do not; either way the reset comes next.
+        let _ = self.bus.clock_pulses(9);
+        let result = self
+            .driver
+            .recover_by_shutdown(&mut self.shutdown, &mut self.delay)
+            .and_then(|()| self.probe());
+        let recovered = self.carry_on(result);
+        self.outcome.recoveries += u32::from(recovered);
+        recovered
+    }
+}
+
+/// A bus whose master gives a stuck line 1 ms.
+fn bus<S: Sensors>(chip: &RefCell<Chip<S>>) -> Bus<'_, S> {
+    Bus::new(chip, 400_000).with_deadline(Time::from_ms(1))
+}
+
+/// A trusted reading has to be the word of the conversion that the chip says was read, and that
+/// conversion has to have been sound.
+fn check(trusted: &Trusted) -> Result<(), Defect> {
+    let Trusted {
+        reading,
+        truth,
+        frame,
+    } = trusted;
+    let wrong = |why: &str| {
+        Err(Defect(format!(
+            "frame {frame}: a wrong reading called good ({why}): {reading:?} {truth:?}"
+        )))
+    };
+    let Some(truth) = truth else {
+        return wrong("nothing was converted");
+    };
+    if reading.word.code().get() != truth.word {
+        return wrong("another word");
+    }
+    if truth.spoilt || truth.errors != ldc161x_sim::Errors::default() {
+        return wrong("an unsound conversion");
+    }
+    let error = (reading.frequency_hz - truth.oscillation_hz).abs();
+    if error > WRONG_FROM_SIGMA * f64::from(reading.sigma_hz) {
+        return wrong("far from the truth");
+    }
+    Ok(())
+}
+
+/// What a campaign found.
+#[derive(Clone, Debug, Default)]
+pub struct Summary {
+    /// Schedules run.
+    pub schedules: u64,
+    /// Schedules that measured at their end.
+    pub measuring: u64,
+    /// Schedules with a fault that never ends.
+    pub lasting: u64,
+    /// Readings trusted, all right.
+    pub trusted: u64,
+    /// Readings withdrawn.
+    pub withdrawn: u64,
+    /// Recoveries.
+    pub recoveries: u64,
+    /// Documented errors by name.
+    pub errors: BTreeMap<&'static str, u64>,
+    /// Defects, with their seeds.
+    pub defects: Vec<(u64, Defect)>,
+}
+
+impl Summary {
+    /// Adds another campaign's figures.
+    pub fn merge(&mut self, other: Self) {
+        self.schedules += other.schedules;
+        self.measuring += other.measuring;
+        self.lasting += other.lasting;
+        self.trusted += other.trusted;
+        self.withdrawn += other.withdrawn;
+        self.recoveries += other.recoveries;
+        for (name, times) in other.errors {
+            *self.errors.entry(name).or_default() += times;
+        }
+        self.defects.extend(other.defects);
+    }
+}
+
+/// Runs schedules `first` to `first + count - 1`.
+pub fn campaign(first: u64, count: u64) -> Summary {
+    let mut summary = Summary::default();
+    for seed in first..first + count {
+        summary.schedules += 1;
+        match run(seed) {
+            Err(defect) => summary.defects.push((seed, defect)),
+            Ok(outcome) => {
+                summary.measuring += u64::from(outcome.measuring);
+                summary.lasting += u64::from(outcome.lasting_fault);
+                summary.trusted += u64::from(outcome.trusted);
+                summary.withdrawn += u64::from(outcome.withdrawn);
+                summary.recoveries += u64::from(outcome.recoveries);
+                for (name, times) in outcome.errors {
+                    *summary.errors.entry(name).or_default() += u64::from(times);
+                }
+            }
+        }
+    }
+    summary
+}

@@ -1,0 +1,29 @@
+//! The project keeps its own copies of reference data. Where the originals are at hand, beside
+//! the checkout, the copies are compared with them; where they are not, this test says so.
+
+use std::{fs, path::Path};
+
+/// The project's copy, and its original.
+const COPIES: &[(&str, &str)] = &[("docs/examples/words.csv", "ldc_words.csv")];
+
+#[test]
+fn copies_of_reference_data_equal_their_originals() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let originals = root.join("../shared/data");
+    if !originals.is_dir() {
+        // Written past the capture of the test harness, so that it is seen in every run.
+        use std::io::Write;
+        let _ = writeln!(
+            std::io::stderr(),
+            "skipped: copies_of_reference_data_equal_their_originals (no originals beside this checkout)"
+        );
+        return;
+    }
+    for (copy, original) in COPIES {
+        let read = |path: &Path| {
+            fs::read(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
+        };
+        let (copy, original) = (root.join(copy), originals.join(original));
+        assert!(read(&copy) == read(&original), "{} differs", copy.display());
+    }
+}

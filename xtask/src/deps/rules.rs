@@ -1,0 +1,129 @@
+//! The rules, as tables.
+//!
+//! A crate is named by its package name, or by its folder with `/*` for all that lie in it.
+//! A rule may name a crate that does not exist yet; it waits for it.
+
+/// The firmware: the only crate that knows the hardware.
+pub(super) const FIRMWARE: &str = "palpate-firmware";
+
+/// The folder of the drivers.
+pub(super) const DRIVERS: &str = "drivers/*";
+
+/// What a crate may depend on within the workspace, in any table of its manifest.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Rule {
+    /// A name to speak of it.
+    pub(super) name: &'static str,
+    /// Whom it binds.
+    pub(super) who: &'static str,
+    /// What it demands.
+    pub(super) may_depend: On,
+    /// Why.
+    pub(super) because: &'static str,
+}
+
+/// A set of the workspace's crates.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum On {
+    /// None but these.
+    Only(&'static [&'static str]),
+    /// Any but these.
+    AnyBut(&'static [&'static str]),
+}
+
+/// Who may depend on whom. A crate may be bound by several rules, and has to be bound by one.
+pub(super) const RULES: &[Rule] = &[
+    Rule {
+        name: "model-alone",
+        who: "palpate-model",
+        may_depend: On::Only(&[]),
+        because: "physics knows neither chip nor wire",
+    },
+    Rule {
+        name: "wire-alone",
+        who: "palpate-wire",
+        may_depend: On::Only(&[]),
+        because: "the contract between device and PC belongs to neither",
+    },
+    Rule {
+        name: "field-on-model",
+        who: "palpate-field",
+        may_depend: On::Only(&["palpate-model"]),
+        because: "the field solver is a tool of the model",
+    },
+    Rule {
+        name: "drivers-apart",
+        who: DRIVERS,
+        may_depend: On::Only(&[DRIVERS]),
+        because: "a driver is published by itself and knows nothing of this instrument",
+    },
+    Rule {
+        name: "simulator-independent",
+        who: "ldc161x-sim",
+        may_depend: On::AnyBut(&["ldc161x"]),
+        because: "a simulated chip that shares a line with the driver shares its errors",
+    },
+    Rule {
+        name: "procedure-sans-io",
+        who: "palpate-procedure",
+        may_depend: On::Only(&["palpate-model", "palpate-wire", "ldc161x"]),
+        because: "the procedure takes values and knows no bus, clock or board",
+    },
+    Rule {
+        name: "firmware-below",
+        who: FIRMWARE,
+        may_depend: On::Only(&["palpate-procedure", "palpate-wire", DRIVERS]),
+        because: "the firmware is wiring; physics reaches it through the procedure",
+    },
+    Rule {
+        name: "simulation-without-firmware",
+        who: "palpate-sim",
+        may_depend: On::AnyBut(&[FIRMWARE, "palpate", "system-tests", "xtask"]),
+        because: "the simulation runs the procedure on a PC, where no firmware builds",
+    },
+    Rule {
+        name: "host-above",
+        who: "palpate",
+        may_depend: On::Only(&["palpate-sim", "palpate-wire", "palpate-field", DRIVERS]),
+        because: "the program reaches physics and procedure through the simulation",
+    },
+    Rule {
+        name: "tests-without-firmware",
+        who: "system-tests",
+        may_depend: On::AnyBut(&[FIRMWARE, "xtask"]),
+        because: "the tests run the firmware as an image, not as a library",
+    },
+    Rule {
+        name: "xtask-alone",
+        who: "xtask",
+        may_depend: On::Only(&[]),
+        because: "the gate has to build when what it judges does not",
+    },
+];
+
+/// Crates that only the firmware may name: HALs, register crates, RTIC, start-up code, panic
+/// handlers, and the channels that carry defmt's logs. `*` stands for any beginning or end.
+pub(super) const MCU_ONLY: &[&str] = &[
+    "*-hal",
+    "*-pac",
+    "cortex-m",
+    "cortex-m-*",
+    "defmt-itm",
+    "defmt-rtt",
+    "defmt-semihosting",
+    "embassy-*",
+    "panic-*",
+    "rp2040-*",
+    "rp235x-*",
+    "rtic",
+    "rtic-*",
+    "rtt-target",
+    "semihosting",
+    "stm32*",
+];
+
+/// Names that fit [`MCU_ONLY`] and are no such thing: traits, and emulators for a PC.
+pub(super) const NOT_MCU: &[&str] = &["embedded-hal", "rp2040-emu", "rp2350-emu"];
+
+/// The log format: libraries may offer it behind a feature.
+pub(super) const LOG_FORMAT: &str = "defmt";

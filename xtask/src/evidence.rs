@@ -1,0 +1,276 @@
+//! Evidence: the results of campaigns that are too long for the test suite.
+//!
+//! # The contract with a campaign
+//!
+//! A campaign is a command of this workspace that is free to print what it likes, and prints its
+//! result to standard output between a line that ends with [`document::BEGIN`] and a line that is
+//! [`document::END`], as Markdown with headings of the second level or below. It exits with
+//! success only when its claim holds. Its seed is the argument after `--seed`.
+//!
+//! `cargo xtask evidence NAME` runs it and writes `docs/evidence/NAME.md`: what was run, on which
+//! commit, with which toolchain and when, and the result as the campaign printed it. A campaign
+//! that fails, or prints no result, leaves the file as it was.
+
+mod document;
+mod provenance;
+
+use std::fs;
+use std::io::{BufRead, BufReader};
+use std::process::Stdio;
+use std::time::Instant;
+
+use anyhow::{Context, Result, bail};
+
+use crate::process::{Invocation, Workspace};
+use document::Record;
+use provenance::Origin;
+
+/// The folder of the results, in the workspace.
+const FOLDER: &str = "docs/evidence";
+
+/// A long run whose result is kept.
+#[derive(Debug, Clone, Copy)]
+struct Campaign {
+    /// Its name, and the name of its file.
+    name: &'static str,
+    /// What its result shows.
+    purpose: &'static str,
+    /// The arguments of cargo.
+    arguments: &'static [&'static str],
+}
+
+/// Every campaign.
+const CAMPAIGNS: &[Campaign] = &[
+    Campaign {
+        name: "fault-schedules",
+        purpose: "The driver under random schedules of chip and bus faults.",
+        arguments: &[
+            "run",
+            "--release",
+            "-p",
+            "system-tests",
+            "--bin",
+            "fault-schedules",
+            "--",
+            "--schedules",
+            "200000",
+            "--seed",
+            "1",
+        ],
+    },
+    Campaign {
+        name: "sigma",
+        purpose: "The stated standard deviation against the spread that is observed.",
+        arguments: &[
+            "run",
+            "--release",
+            "-p",
+            "system-tests",
+            "--bin",
+            "sigma",
+            "--",
+            "--seed",
+            "1",
+        ],
+    },
+    Campaign {
+        name: "planted-defects",
+        purpose: "Tests of the tests: each planted defect has to turn a test red.",
+        arguments: &[
+            "run",
+            "--release",
+            "-p",
+            "system-tests",
+            "--bin",
+            "planted-defects",
+        ],
+    },
+];
+
+impl Campaign {
+    fn invocation(&self) -> Invocation {
+        Invocation::cargo(self.arguments)
+    }
+}
+
+/// Prints every campaign with its purpose and command.
+pub(crate) fn list() {
+    for campaign in CAMPAIGNS {
+        println!("{}: {}", campaign.name, campaign.purpose);
+        println!("    $ {}", campaign.invocation());
+    }
+}
+
+/// Runs a campaign and writes its file.
+pub(crate) fn collect(workspace: &Workspace, name: &str) -> Result<()> {
+    let Some(campaign) = CAMPAIGNS.iter().find(|campaign| campaign.name == name) else {
+        let known: Vec<_> = CAMPAIGNS.iter().map(|campaign| campaign.name).collect();
+        bail!(
+            "there is no campaign `{name}`; the campaigns are {}",
+            known.join(", ")
+        );
+    };
+    // Read before the run: it is this state of the sources that the run builds.
+    let origin = Origin::read(workspace, FOLDER)?;
+    let invocation = campaign.invocation();
+    let text = perform(workspace, name, campaign.purpose, &invocation, origin)?;
+    let folder = workspace.root().join(FOLDER);
+    fs::create_dir_all(&folder).with_context(|| format!("{FOLDER} could not be created"))?;
+    fs::write(folder.join(format!("{name}.md")), text)
+        .with_context(|| format!("{FOLDER}/{name}.md could not be written"))?;
+    println!("written: {FOLDER}/{name}.md");
+    Ok(())
+}
+
+/// Runs a campaign and returns the text of its file.
+fn perform(
+    workspace: &Workspace,
+    name: &str,
+    purpose: &str,
+    invocation: &Invocation,
+    origin: Origin,
+) -> Result<String> {
+    let start = Instant::now();
+    let printed = observe(workspace, invocation)?;
+    let record = Record {
+        name,
+        purpose,
+        command: invocation.to_string(),
+        seed: seed(invocation),
+        origin,
+        seconds: start.elapsed().as_secs(),
+    };
+    let result = document::result(&printed)
+        .with_context(|| format!("`{invocation}` printed no usable result"))?;
+    Ok(record.render(result))
+}
+
+/// Runs a command, shows its output as it comes, and returns what went to standard output.
+fn observe(workspace: &Workspace, invocation: &Invocation) -> Result<String> {
+    println!("$ {invocation}");
+    let mut child = invocation
+        .command(workspace)
+        .stdout(Stdio::piped())
+        .spawn()
+        .with_context(|| invocation.cannot_start())?;
+    let stdout = child
+        .stdout
+        .take()
+        .context("the campaign's standard output was not captured")?;
+    let mut printed = String::new();
+    for line in BufReader::new(stdout).lines() {
+        let line =
+            line.with_context(|| format!("the output of `{invocation}` could not be read"))?;
+        println!("{line}");
+        printed.push_str(&line);
+        printed.push('\n');
+    }
+    let status = child
+        .wait()
+        .with_context(|| format!("the end of `{invocation}` was not seen"))?;
+    if !status.success() {
+        bail!(
+            "`{invocation}` failed ({status}); a campaign ends with success only when its claim \
+             holds, so nothing is written"
+        );
+    }
+    Ok(printed)
+}
+
+/// The argument after `--seed`.
+fn seed(invocation: &Invocation) -> Option<String> {
+    let arguments = invocation.arguments();
+    let at = arguments.iter().position(|argument| argument == "--seed")?;
+    arguments.get(at + 1).cloned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::env;
+
+    /// Tells the test below to be a campaign, and of which kind.
+    const KIND: &str = "XTASK_FAKE_CAMPAIGN";
+
+    /// Does nothing, unless it is run as a campaign by the tests that follow.
+    #[test]
+    fn fake_campaign() {
+        let kind = env::var(KIND).unwrap_or_default();
+        if kind == "sound" || kind == "failing" {
+            println!("progress, which is not kept");
+            println!("{}", document::BEGIN);
+            println!("## Result\n\n3 of 3 schedules recovered.");
+            println!("{}", document::END);
+            println!("more that is not kept");
+        }
+        if kind == "failing" {
+            std::process::exit(1);
+        }
+    }
+
+    /// Runs this test program as a campaign.
+    fn perform_fake(kind: &'static str) -> Result<String> {
+        let program = env::current_exe().unwrap();
+        let test = "evidence::tests::fake_campaign";
+        let invocation =
+            Invocation::new(program.to_str().unwrap(), &["--nocapture", "--exact", test]);
+        let workspace = Workspace::find(None).unwrap();
+        let origin = Origin {
+            commit: "0123abcd".to_owned(),
+            date: "2026-02-03".to_owned(),
+            toolchain: "rustc 1.95.0".to_owned(),
+        };
+        let invocation = invocation.with_env(KIND, kind);
+        perform(&workspace, "trial", "A trial.", &invocation, origin)
+    }
+
+    #[test]
+    fn a_campaign_is_wrapped_with_its_origin() {
+        let text = perform_fake("sound").unwrap();
+        assert!(
+            text.starts_with("# Evidence: trial\n\nA trial.\n"),
+            "{text}"
+        );
+        assert!(text.contains("fake_campaign"), "{text}");
+        assert!(text.contains("| Commit | 0123abcd |"), "{text}");
+        assert!(
+            text.ends_with("\n## Result\n\n3 of 3 schedules recovered.\n"),
+            "{text}"
+        );
+        assert!(!text.contains("not kept"), "{text}");
+    }
+
+    #[test]
+    fn a_campaign_that_fails_or_prints_no_result_gives_no_text() {
+        for (kind, cause) in [
+            ("failing", "nothing is written"),
+            ("silent", "no usable result"),
+        ] {
+            let message = format!("{:#}", perform_fake(kind).unwrap_err());
+            assert!(message.contains(cause), "{message}");
+        }
+    }
+
+    #[test]
+    fn an_unknown_campaign_is_an_error_that_names_the_known_ones() {
+        let workspace = Workspace::find(None).unwrap();
+        let error = collect(&workspace, "no-such").unwrap_err().to_string();
+        assert!(error.contains("fault-schedules"), "{error}");
+    }
+
+    #[test]
+    fn every_campaign_states_its_seed_and_has_a_name_of_its_own() {
+        /// Campaigns that draw no random numbers.
+        const WITHOUT_CHANCE: &[&str] = &["planted-defects"];
+        for (index, campaign) in CAMPAIGNS.iter().enumerate() {
+            let seeded = seed(&campaign.invocation()).is_some();
+            let chance = !WITHOUT_CHANCE.contains(&campaign.name);
+            assert_eq!(seeded, chance, "{}", campaign.name);
+            assert!(
+                CAMPAIGNS[..index].iter().all(|c| c.name != campaign.name),
+                "{}",
+                campaign.name
+            );
+        }
+    }
+}

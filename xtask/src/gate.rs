@@ -1,0 +1,322 @@
+//! The gate: which steps there are, made from the table in [`crate::members`].
+
+use anyhow::Result;
+
+use crate::members::{ARM_TARGETS, MEMBERS, Member, host_packages, no_std};
+use crate::process::Invocation;
+use crate::setup::{CARGO_DENY, Need, TYPOS};
+use crate::steps::{Action, Step, select};
+use crate::{deps, hygiene};
+
+/// The test suite: every crate with its usual features, then the crates that have features with
+/// each combination that the table asks for.
+pub(crate) fn test_steps() -> Vec<Step> {
+    let mut packages = vec!["test", "--locked"];
+    packages.extend(host_packages());
+    vec![
+        Step {
+            name: "test",
+            purpose: "unit, integration and documentation tests; examples compile",
+            needs: Vec::new(),
+            action: Action::Commands(vec![Invocation::cargo(&packages)]),
+            remedy: "mend what the failed test describes; its name and place are printed above",
+        },
+        Step {
+            name: "features",
+            purpose: "the same tests with every set of features",
+            needs: Vec::new(),
+            action: Action::Commands(MEMBERS.iter().flat_map(feature_tests).collect()),
+            remedy: "mend the test or the `cfg` that the named features break",
+        },
+    ]
+}
+
+/// The steps of `cargo xtask ci`: all of them, or those in `only`.
+pub(crate) fn ci_steps(skip_tests: bool, only: &[String]) -> Result<Vec<Step>> {
+    let mut steps = if skip_tests { Vec::new() } else { test_steps() };
+    steps.extend(source_checks());
+    steps.extend(host_checks());
+    steps.extend(arm_checks());
+    steps.push(packaging());
+    if only.is_empty() {
+        Ok(steps)
+    } else {
+        select(steps, only)
+    }
+}
+
+/// Checks that read files and compile nothing.
+fn source_checks() -> Vec<Step> {
+    vec![
+        Step {
+            name: "fmt",
+            purpose: "the source has rustfmt's layout",
+            needs: Vec::new(),
+            action: commands(&["fmt", "--all", "--check"]),
+            remedy: "run `cargo fmt --all`",
+        },
+        Step {
+            name: "deps",
+            purpose: "dependencies point the way the design says",
+            needs: Vec::new(),
+            action: Action::Check(deps::check_workspace),
+            remedy: "remove the dependency or move the code; the rules stand in xtask/src/deps",
+        },
+        Step {
+            name: "hygiene",
+            purpose: "no machine paths, open marks or build output in the repository",
+            needs: Vec::new(),
+            action: Action::Check(hygiene::check_workspace),
+            remedy: "mend the named lines; take build output out with `git rm --cached`",
+        },
+        Step {
+            name: "spelling",
+            purpose: "no common misspellings",
+            needs: vec![Need::Tool(&TYPOS)],
+            action: Action::Commands(vec![Invocation::new("typos", &[])]),
+            remedy: "run `typos --write-changes`, or enter a term of the trade in typos.toml",
+        },
+        Step {
+            name: "licences",
+            purpose: "licences, sources and bans of every dependency",
+            needs: vec![Need::Tool(&CARGO_DENY)],
+            action: commands(&["deny", "--locked", "check", "bans", "licenses", "sources"]),
+            remedy: "replace the dependency, or allow its licence in deny.toml with a reason",
+        },
+    ]
+}
+
+/// Checks of the code as a PC compiles it.
+fn host_checks() -> Vec<Step> {
+    let packages = host_packages();
+    let all_of = |verb: &[&str], rest: &[&str]| {
+        Invocation::cargo(&[verb, packages.as_slice(), rest].concat())
+    };
+    vec![
+        Step {
+            name: "clippy",
+            purpose: "lints of every crate, test and example on the host",
+            needs: Vec::new(),
+            action: Action::Commands(vec![all_of(
+                &["clippy", "--locked", "--all-targets", "--all-features"],
+                &["--", "-D", "warnings"],
+            )]),
+            remedy: "mend the code; a lint is allowed only at its place and with a reason",
+        },
+        Step {
+            name: "doc",
+            purpose: "documentation builds without a warning",
+            needs: Vec::new(),
+            action: Action::Commands(vec![
+                all_of(&["doc", "--locked", "--no-deps", "--all-features"], &[])
+                    .with_env("RUSTDOCFLAGS", "-D warnings"),
+            ]),
+            remedy: "mend the link or the markup that rustdoc names",
+        },
+    ]
+}
+
+/// Checks of the code as a microcontroller's compiler sees it.
+fn arm_checks() -> Vec<Step> {
+    let targets = || ARM_TARGETS.iter().map(|&target| Need::Target(target));
+    vec![
+        Step {
+            name: "clippy-arm",
+            purpose: "lints of the no_std crates on the microcontroller targets",
+            needs: targets().collect(),
+            action: Action::Commands(on_every_target(|member, target| {
+                vec![clippy_for(member, target)]
+            })),
+            remedy: "mend the code; a lint is allowed only at its place and with a reason",
+        },
+        Step {
+            name: "no-std",
+            purpose: "the no_std crates build where there is no standard library",
+            needs: targets().collect(),
+            action: Action::Commands(on_every_target(builds_for)),
+            remedy: "use `core` instead of `std`, and turn off the dependency's default features",
+        },
+        Step {
+            name: "mcu-examples",
+            purpose: "the examples for a microcontroller build and link",
+            needs: targets().collect(),
+            action: Action::Commands(MEMBERS.iter().flat_map(mcu_examples).collect()),
+            remedy: "mend the example; the table of examples is xtask/src/members.rs",
+        },
+    ]
+}
+
+/// Packages what is meant for the registry, and builds it from the package.
+///
+/// All in one command, so that one may depend on another that is not in the registry yet.
+fn packaging() -> Step {
+    let mut arguments = vec!["publish", "--dry-run", "--allow-dirty"];
+    arguments.extend(["--locked", "--all-features"]);
+    for member in MEMBERS.iter().filter(|member| member.published) {
+        arguments.extend(["--package", member.name]);
+    }
+    Step {
+        name: "package",
+        purpose: "the published crates build from their own packages",
+        needs: Vec::new(),
+        action: commands(&arguments),
+        remedy: "complete the manifest: a dependency needs a version, and every file has to lie \
+                 in the crate's folder. This step reads the registry's index: it needs a network",
+    }
+}
+
+/// One cargo command as an action.
+fn commands(arguments: &[&str]) -> Action {
+    Action::Commands(vec![Invocation::cargo(arguments)])
+}
+
+/// One test run for each set of a crate's features: none, each alone, and all.
+fn feature_tests(member: &Member) -> Vec<Invocation> {
+    let base = ["test", "--locked", "--package", member.name];
+    let run = |rest: &[&str]| Invocation::cargo(&[base.as_slice(), rest].concat());
+    match member.features {
+        [] => Vec::new(),
+        [only] => vec![
+            run(&["--no-default-features"]),
+            run(&["--no-default-features", "--features", only]),
+        ],
+        features => std::iter::once(run(&["--no-default-features"]))
+            .chain(
+                features
+                    .iter()
+                    .map(|feature| run(&["--no-default-features", "--features", feature])),
+            )
+            .chain([run(&["--all-features"])])
+            .collect(),
+    }
+}
+
+/// The commands for each pair of a `no_std` crate and a target.
+fn on_every_target(make: impl Fn(&Member, &'static str) -> Vec<Invocation>) -> Vec<Invocation> {
+    no_std()
+        .flat_map(|member| ARM_TARGETS.iter().map(move |&target| (member, target)))
+        .flat_map(|(member, target)| make(member, target))
+        .collect()
+}
+
+/// Lints of one library with all its features.
+fn clippy_for(member: &Member, target: &str) -> Invocation {
+    let mut arguments = library("clippy", member, target);
+    arguments.extend(["--all-features", "--", "-D", "warnings"]);
+    Invocation::cargo(&arguments)
+}
+
+/// Builds of one library, without and with its features. Each is a command of its own: in one
+/// command, a dependency would get the features that any of the crates asks for.
+fn builds_for(member: &Member, target: &str) -> Vec<Invocation> {
+    let mut builds = Vec::new();
+    for features in ["--no-default-features", "--all-features"] {
+        let mut arguments = library("build", member, target);
+        arguments.push(features);
+        builds.push(Invocation::cargo(&arguments));
+        if member.features.is_empty() {
+            break;
+        }
+    }
+    builds
+}
+
+/// A verb of cargo for one library on one target.
+fn library<'a>(verb: &'a str, member: &Member, target: &'a str) -> Vec<&'a str> {
+    vec![
+        verb,
+        "--locked",
+        "--package",
+        member.name,
+        "--lib",
+        "--target",
+        target,
+    ]
+}
+
+/// Builds of a crate's examples for a microcontroller.
+fn mcu_examples(member: &'static Member) -> impl Iterator<Item = Invocation> {
+    member.mcu_examples.iter().map(|example| {
+        Invocation::cargo(&[
+            "build",
+            "--locked",
+            "--package",
+            member.name,
+            "--example",
+            example.name,
+            "--target",
+            example.target,
+        ])
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeSet;
+
+    fn crate_with(features: &'static [&'static str]) -> Member {
+        Member {
+            name: "sample",
+            features,
+            ..MEMBERS[0]
+        }
+    }
+
+    fn lines(invocations: &[Invocation]) -> Vec<String> {
+        invocations.iter().map(ToString::to_string).collect()
+    }
+
+    #[test]
+    fn tests_run_without_features_with_each_alone_and_with_all() {
+        let base = "cargo test --locked --package sample";
+        assert_eq!(
+            lines(&feature_tests(&crate_with(&["a", "b"]))),
+            [
+                format!("{base} --no-default-features"),
+                format!("{base} --no-default-features --features a"),
+                format!("{base} --no-default-features --features b"),
+                format!("{base} --all-features"),
+            ]
+        );
+        assert_eq!(feature_tests(&crate_with(&["a"])).len(), 2);
+        assert!(feature_tests(&crate_with(&[])).is_empty());
+    }
+
+    #[test]
+    fn every_no_std_crate_is_built_for_every_target() {
+        let builds = lines(&on_every_target(builds_for));
+        for member in no_std() {
+            for target in ARM_TARGETS {
+                let wanted = format!("--package {} --lib --target {target}", member.name);
+                assert!(
+                    builds.iter().any(|line| line.contains(&wanted)),
+                    "no build with `{wanted}`"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn step_names_are_unique_and_skipping_tests_skips_nothing_else() {
+        let all = ci_steps(false, &[]).unwrap();
+        let names: BTreeSet<_> = all.iter().map(|step| step.name).collect();
+        assert_eq!(names.len(), all.len());
+        let rest = ci_steps(true, &[]).unwrap();
+        assert_eq!(rest.len() + test_steps().len(), all.len());
+    }
+
+    #[test]
+    fn no_command_may_change_the_lock_file() {
+        for step in ci_steps(false, &[]).unwrap() {
+            let Action::Commands(invocations) = &step.action else {
+                continue;
+            };
+            for invocation in invocations {
+                let line = invocation.to_string();
+                let resolves = line.contains("cargo") && !line.contains("cargo fmt");
+                assert!(!resolves || line.contains("--locked"), "{line}");
+            }
+        }
+    }
+}

@@ -1,0 +1,231 @@
+//! What does not belong into the repository: paths of somebody's machine, marks of unfinished
+//! work, and build output.
+//!
+//! The check reads what git tracks and what it would add, so that a new file is found before it
+//! is committed.
+
+use std::fmt;
+use std::fs;
+
+use anyhow::{Context, Result, bail};
+
+use crate::process::{Invocation, Workspace};
+
+/// First folders of absolute paths that exist on one machine only.
+const MACHINE_FOLDERS: &[&str] = &["home", "root", "Users", "tmp", "work", "mnt"];
+
+/// Words that mark unfinished work. Taken apart, so that this file passes its own check.
+const MARKS: &[&str] = &[
+    concat!("TO", "DO"),
+    concat!("FIX", "ME"),
+    concat!("XX", "X"),
+    concat!("to", "do!"),
+    concat!("unimpl", "emented!"),
+];
+
+/// Folders and name endings of build output.
+const OUTPUT_FOLDERS: &[&str] = &["target", "__pycache__", "node_modules"];
+const OUTPUT_ENDINGS: &[&str] = &[
+    ".o", ".a", ".d", ".elf", ".hex", ".map", ".profraw", ".pyc", ".rlib", ".rmeta", ".so", ".uf2",
+];
+
+/// First bytes of compiled files: ELF, archives, Windows programs.
+const OUTPUT_MAGIC: &[&[u8]] = &[b"\x7fELF", b"!<arch>", b"MZ\x90"];
+
+/// Something that does not belong into the repository.
+#[derive(Debug, PartialEq, Eq)]
+struct Finding {
+    /// The file, and the line where there is one.
+    place: String,
+    /// What is wrong with it.
+    fault: String,
+}
+
+impl fmt::Display for Finding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {}", self.place, self.fault)
+    }
+}
+
+/// Checks every file of the repository.
+pub(crate) fn check_workspace(workspace: &Workspace) -> Result<String> {
+    let files = repository_files(workspace)?;
+    let mut findings = Vec::new();
+    for name in &files {
+        let path = workspace.root().join(name);
+        // A link or a submodule has no content of its own, and a deleted file has none any more.
+        if path.symlink_metadata().is_ok_and(|entry| entry.is_file()) {
+            let content = fs::read(&path)
+                .with_context(|| format!("{name} could not be read for checking"))?;
+            findings.extend(check_file(name, &content));
+        }
+    }
+    if findings.is_empty() {
+        return Ok(format!("{} files are clean", files.len()));
+    }
+    let lines: Vec<_> = findings.iter().map(ToString::to_string).collect();
+    bail!("{} findings:\n    {}", lines.len(), lines.join("\n    "));
+}
+
+/// The files that git tracks or would add.
+fn repository_files(workspace: &Workspace) -> Result<Vec<String>> {
+    let list = Invocation::new(
+        "git",
+        &[
+            "ls-files",
+            "-z",
+            "--cached",
+            "--others",
+            "--exclude-standard",
+        ],
+    );
+    let names = workspace
+        .output(&list)
+        .context("the check reads git's list of files; run it in a clone")?;
+    let files: Vec<_> = names
+        .split_terminator('\0')
+        .map(ToOwned::to_owned)
+        .collect();
+    if files.is_empty() {
+        bail!("git lists no file, so there is nothing to check; run it in a clone");
+    }
+    Ok(files)
+}
+
+/// Everything wrong with one file.
+fn check_file(name: &str, content: &[u8]) -> Vec<Finding> {
+    if is_build_output(name, content) {
+        return vec![Finding {
+            place: name.to_owned(),
+            fault: "is build output".to_owned(),
+        }];
+    }
+    let Ok(text) = std::str::from_utf8(content) else {
+        return Vec::new();
+    };
+    text.lines()
+        .enumerate()
+        .flat_map(|(index, line)| {
+            let place = format!("{name}:{}", index + 1);
+            faults(line).map(move |fault| Finding {
+                place: place.clone(),
+                fault,
+            })
+        })
+        .collect()
+}
+
+/// Whether a file was made by a build, judged by its name and its first bytes.
+fn is_build_output(name: &str, content: &[u8]) -> bool {
+    name.split('/')
+        .rev()
+        .skip(1)
+        .any(|folder| OUTPUT_FOLDERS.contains(&folder))
+        || OUTPUT_ENDINGS.iter().any(|ending| name.ends_with(ending))
+        || OUTPUT_MAGIC.iter().any(|magic| content.starts_with(magic))
+}
+
+/// Everything wrong with one line.
+fn faults(line: &str) -> impl Iterator<Item = String> {
+    let paths = MACHINE_FOLDERS
+        .iter()
+        .map(|folder| format!("/{folder}/"))
+        .filter(|start| names_a_path(line, start))
+        .map(|start| format!("has a path of one machine, below {start}"));
+    let marks = MARKS
+        .iter()
+        .filter(|mark| has_word(line, mark))
+        .map(|mark| format!("has the mark {mark} of unfinished work"));
+    paths.chain(marks).collect::<Vec<_>>().into_iter()
+}
+
+/// Whether an absolute path with this start, and something below it, stands in the line.
+fn names_a_path(line: &str, start: &str) -> bool {
+    line.match_indices(start).any(|(at, _)| {
+        let before = line[..at].chars().next_back();
+        let after = line[at + start.len()..].chars().next();
+        let is_absolute = !before.is_some_and(|c| c.is_alphanumeric() || "._-~)}>*".contains(c));
+        is_absolute && after.is_some_and(|c| c.is_alphanumeric() || "._-$".contains(c))
+    })
+}
+
+/// Whether a word stands in the line by itself.
+fn has_word(line: &str, word: &str) -> bool {
+    let joins = |c: char| c.is_alphanumeric() || c == '_';
+    line.match_indices(word).any(|(at, _)| {
+        let before = line[..at].chars().next_back();
+        let after = line[at + word.len()..].chars().next();
+        !before.is_some_and(joins) && (word.ends_with('!') || !after.is_some_and(joins))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn count(line: &str) -> usize {
+        faults(line).count()
+    }
+
+    #[test]
+    fn an_absolute_path_of_a_machine_is_found_wherever_it_stands() {
+        for folder in MACHINE_FOLDERS {
+            for line in [
+                format!("/{folder}/someone/project"),
+                format!("path = \"/{folder}/x\""),
+                format!("see file:///{folder}/x.html"),
+                format!("run /{folder}/x --now"),
+            ] {
+                assert_eq!(count(&line), 1, "{line}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_relative_path_or_an_address_is_none() {
+        for folder in MACHINE_FOLDERS {
+            for line in [
+                format!("docs/{folder}/x.md"),
+                format!("../{folder}/x"),
+                format!("https://example.org/{folder}/x"),
+                format!("the folder /{folder}/ itself"),
+            ] {
+                assert_eq!(count(&line), 0, "{line}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_mark_of_unfinished_work_is_found_as_a_word() {
+        for mark in MARKS {
+            assert_eq!(count(&format!("    // {mark}: later")), 1, "{mark}");
+            assert_eq!(count(&format!("{mark}(\"later\")")), 1, "{mark}");
+            assert_eq!(count(&format!("prefix_{mark}")), 0, "{mark}");
+        }
+        assert_eq!(count("todo = \"warn\""), 0);
+        assert_eq!(count("unimplemented = \"warn\""), 0);
+    }
+
+    #[test]
+    fn build_output_is_found_by_folder_ending_and_content() {
+        for name in ["target/x.txt", "a/target/debug/x", "fw/image.uf2", "b.rlib"] {
+            assert!(is_build_output(name, b""), "{name}");
+        }
+        assert!(is_build_output("tool", b"\x7fELF\x02"));
+        assert!(!is_build_output("docs/target.md", b"# Target"));
+        assert!(!is_build_output("src/elf.rs", b"//! Reads ELF files"));
+    }
+
+    #[test]
+    fn a_finding_names_file_and_line() {
+        let text = format!("fine\n// {}\n", MARKS[0]);
+        let findings = check_file("src/a.rs", text.as_bytes());
+        assert_eq!(findings.len(), 1);
+        assert!(findings[0].to_string().starts_with("src/a.rs:2: "));
+    }
+
+    #[test]
+    fn binary_data_is_not_read_as_text() {
+        assert!(check_file("recording.dat", &[0xff, 0xfe, 0x00, 0x01]).is_empty());
+    }
+}

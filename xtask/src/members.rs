@@ -1,0 +1,115 @@
+//! What the gate knows about each crate of the workspace.
+//!
+//! This is the one place in which a new crate is entered. `cargo xtask deps` fails while a crate
+//! has no row here, while a row has no crate, and while a crate has a feature its row leaves out,
+//! so no crate and no feature escapes the gate unseen.
+
+/// The microcontroller targets: the least capable core we support, and one with an FPU.
+pub(crate) const ARM_TARGETS: &[&str] = &["thumbv6m-none-eabi", "thumbv7em-none-eabihf"];
+
+/// One crate of the workspace.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Member {
+    /// Package name.
+    pub(crate) name: &'static str,
+    /// Where its code runs.
+    pub(crate) runs_on: RunsOn,
+    /// Whether it is meant for the registry, so that packaging it is part of the gate.
+    pub(crate) published: bool,
+    /// Its features. The tests run with none of them, with each alone and with all.
+    pub(crate) features: &'static [&'static str],
+    /// Its examples for a microcontroller.
+    pub(crate) mcu_examples: &'static [McuExample],
+}
+
+/// Where a crate's code runs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum RunsOn {
+    /// A PC only.
+    Host,
+    /// A PC and a microcontroller: `no_std`, built for every one of [`ARM_TARGETS`].
+    Everywhere,
+    /// A microcontroller only: left out of every build for the host.
+    #[allow(
+        dead_code,
+        reason = "the kind of a firmware crate, before there is one"
+    )]
+    Mcu,
+}
+
+/// An example that is a program for a microcontroller.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct McuExample {
+    /// Name of the example.
+    pub(crate) name: &'static str,
+    /// The target it is written for.
+    pub(crate) target: &'static str,
+}
+
+/// A program for a PC without features, never published: the commonest row.
+const HOST_PROGRAM: Member = Member {
+    name: "",
+    runs_on: RunsOn::Host,
+    published: false,
+    features: &[],
+    mcu_examples: &[],
+};
+
+/// Every crate of the workspace.
+pub(crate) const MEMBERS: &[Member] = &[
+    Member {
+        name: "ldc161x",
+        runs_on: RunsOn::Everywhere,
+        published: true,
+        features: &["async", "defmt", "serde"],
+        mcu_examples: &[McuExample {
+            name: "stm32f411",
+            target: "thumbv7em-none-eabihf",
+        }],
+    },
+    Member {
+        name: "ldc161x-sim",
+        runs_on: RunsOn::Everywhere,
+        published: true,
+        features: &["async", "serde"],
+        mcu_examples: &[],
+    },
+    Member {
+        name: "palpate-model",
+        runs_on: RunsOn::Everywhere,
+        published: false,
+        features: &[],
+        mcu_examples: &[],
+    },
+    Member {
+        name: "palpate",
+        ..HOST_PROGRAM
+    },
+    Member {
+        name: "system-tests",
+        ..HOST_PROGRAM
+    },
+    Member {
+        name: "xtask",
+        ..HOST_PROGRAM
+    },
+];
+
+/// The crates that have to build without the standard library, for either kind of machine.
+pub(crate) fn no_std() -> impl Iterator<Item = &'static Member> {
+    MEMBERS
+        .iter()
+        .filter(|member| member.runs_on == RunsOn::Everywhere)
+}
+
+/// Arguments that select every crate a PC can build.
+pub(crate) fn host_packages() -> Vec<&'static str> {
+    let mut arguments = vec!["--workspace"];
+    for member in MEMBERS
+        .iter()
+        .filter(|member| member.runs_on == RunsOn::Mcu)
+    {
+        arguments.extend(["--exclude", member.name]);
+    }
+    arguments
+}

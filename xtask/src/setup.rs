@@ -1,0 +1,168 @@
+//! What the checks need besides stable Rust: microcontroller targets and two tools.
+
+use anyhow::{Context, Result, anyhow, bail};
+
+use crate::members::ARM_TARGETS;
+use crate::process::{Invocation, Workspace};
+
+/// A tool from the registry that is run as a separate program.
+#[derive(Debug)]
+pub(crate) struct Tool {
+    /// Package in the registry.
+    package: &'static str,
+    /// The version that is installed, so that a new release cannot turn an old commit red.
+    version: &'static str,
+    /// A command that succeeds when the tool is there.
+    probe: &'static [&'static str],
+}
+
+/// Licences, sources and banned crates.
+pub(crate) const CARGO_DENY: Tool = Tool {
+    package: "cargo-deny",
+    version: "0.20.2",
+    probe: &["cargo", "deny", "--version"],
+};
+
+/// Spelling.
+pub(crate) const TYPOS: Tool = Tool {
+    package: "typos-cli",
+    version: "1.52.0",
+    probe: &["typos", "--version"],
+};
+
+/// A tool that no machine has, for tests.
+#[cfg(test)]
+pub(crate) const ABSENT: Tool = Tool {
+    package: "palpate-no-such-tool",
+    version: "1.2.3",
+    probe: &["palpate-no-such-tool", "--version"],
+};
+
+/// Every tool that the checks use.
+const TOOLS: &[&Tool] = &[&CARGO_DENY, &TYPOS];
+
+/// What a step needs before it can run.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Need {
+    /// The standard library of a target.
+    Target(&'static str),
+    /// A tool.
+    Tool(&'static Tool),
+}
+
+impl Need {
+    /// Makes sure that it is there. A target is added when it is missing; a tool takes minutes to
+    /// build and is never installed unasked.
+    pub(crate) fn provide(self, workspace: &Workspace) -> Result<()> {
+        match self {
+            Self::Target(target) => add_target(workspace, target),
+            Self::Tool(tool) if tool.is_installed(workspace) => Ok(()),
+            Self::Tool(tool) => Err(tool.missing()),
+        }
+    }
+}
+
+impl Tool {
+    /// The command that installs it.
+    fn install(&self) -> Invocation {
+        let package = format!("{}@{}", self.package, self.version);
+        Invocation::cargo(&["install", "--locked", &package])
+    }
+
+    /// Whether it is there, in whatever version.
+    fn is_installed(&self, workspace: &Workspace) -> bool {
+        self.probe
+            .split_first()
+            .is_some_and(|(program, arguments)| {
+                workspace.succeeds(&Invocation::new(program, arguments))
+            })
+    }
+
+    /// What to say when it is not.
+    fn missing(&self) -> anyhow::Error {
+        anyhow!(
+            "the tool {} is not installed; install it with `{}`, or everything at once with \
+             `cargo xtask setup`",
+            self.package,
+            self.install()
+        )
+    }
+}
+
+/// Adds every target and installs every tool that is missing.
+pub(crate) fn install_everything(workspace: &Workspace) -> Result<()> {
+    for target in ARM_TARGETS {
+        add_target(workspace, target)?;
+        println!("target {target}: ready");
+    }
+    for tool in TOOLS {
+        if !tool.is_installed(workspace) {
+            println!("{}: not installed, building it", tool.package);
+            workspace
+                .run(&tool.install())
+                .with_context(|| format!("{} could not be installed", tool.package))?;
+        }
+        println!("{}: ready", tool.package);
+    }
+    Ok(())
+}
+
+/// Adds a target through rustup when the toolchain lacks it.
+fn add_target(workspace: &Workspace, target: &str) -> Result<()> {
+    if has_target(workspace, target)? {
+        return Ok(());
+    }
+    println!("    the toolchain lacks the target {target}: adding it");
+    let add = Invocation::new("rustup", &["target", "add", target]);
+    workspace.run(&add).with_context(|| {
+        format!(
+            "the target {target} is not installed and could not be added; with a network, run \
+             `{add}`; without rustup, install your distribution's package for it"
+        )
+    })?;
+    if !has_target(workspace, target)? {
+        bail!(
+            "`{add}` succeeded, but the toolchain in use still lacks {target}; check with \
+             `rustup show` that rustup's toolchain is the one on PATH"
+        );
+    }
+    Ok(())
+}
+
+/// Whether the toolchain in use has the core library of a target.
+fn has_target(workspace: &Workspace, target: &str) -> Result<bool> {
+    let query = Invocation::new("rustc", &["--print", "target-libdir", "--target", target]);
+    let folder = workspace.output(&query)?;
+    let Ok(entries) = std::fs::read_dir(folder.trim()) else {
+        return Ok(false);
+    };
+    Ok(entries
+        .flatten()
+        .any(|entry| entry.file_name().to_string_lossy().starts_with("libcore-")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_missing_tool_is_an_error_with_the_command_that_installs_it() {
+        let workspace = Workspace::find(None).unwrap();
+        let error = Need::Tool(&ABSENT).provide(&workspace).unwrap_err();
+        let message = error.to_string();
+        assert!(
+            message.contains("`cargo install --locked palpate-no-such-tool@1.2.3`"),
+            "{message}"
+        );
+    }
+
+    #[test]
+    fn the_host_has_its_own_core_library_and_a_rare_target_does_not() {
+        let workspace = Workspace::find(None).unwrap();
+        let host = workspace
+            .output(&Invocation::new("rustc", &["--print", "host-tuple"]))
+            .unwrap();
+        assert!(has_target(&workspace, host.trim()).unwrap());
+        assert!(!has_target(&workspace, "avr-none").unwrap());
+    }
+}
