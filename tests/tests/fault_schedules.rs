@@ -1,11 +1,11 @@
 //! Ten thousand random fault schedules under random positions of every switch; the full campaign
 //! is `cargo xtask evidence fault-schedules`.
 
-use system_tests::faults::campaign;
+use system_tests::faults::{campaign, run};
 
 #[test]
 fn schedules_end_in_a_documented_error_or_in_recovery() {
-    let summary = campaign(1_000_000, 10_000);
+    let summary = campaign(1_000_000, 10_000, run);
     assert!(summary.defects.is_empty(), "{:?}", summary.defects.first());
     // The schedules are neither empty nor hopeless.
     assert!(summary.trusted > 100_000, "{summary:?}");
@@ -25,10 +25,7 @@ fn schedules_end_in_a_documented_error_or_in_recovery() {
 #[test]
 fn a_schedule_is_the_same_twice() {
     for seed in 0..20 {
-        let (first, second) = (
-            system_tests::faults::run(seed),
-            system_tests::faults::run(seed),
-        );
+        let (first, second) = (run(seed), run(seed));
         assert_eq!(format!("{first:?}"), format!("{second:?}"));
     }
 }
