@@ -6,7 +6,7 @@ use crate::members::{ARM_TARGETS, MEMBERS, Member, host_packages, no_std};
 use crate::process::Invocation;
 use crate::setup::{CARGO_DENY, Need, TYPOS};
 use crate::steps::{Action, Step, select};
-use crate::{deps, hygiene};
+use crate::{deps, hygiene, panic_free};
 
 /// The test suite: every crate with its usual features, then the crates that have features with
 /// each combination that the table asks for.
@@ -135,6 +135,14 @@ fn arm_checks() -> Vec<Step> {
             needs: targets().collect(),
             action: Action::Commands(on_every_target(builds_for)),
             remedy: "use `core` instead of `std`, and turn off the dependency's default features",
+        },
+        Step {
+            name: "panic-free",
+            purpose: "no panic can be reached in a program that calls every method",
+            needs: vec![Need::Target(panic_free::TARGET)],
+            action: Action::Check(panic_free::check),
+            remedy: "find the caller with a disassembler; indexing, division by what may be zero, \
+                     unwrap and expect are the usual ones",
         },
         Step {
             name: "mcu-examples",

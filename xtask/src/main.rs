@@ -15,6 +15,7 @@ mod evidence;
 mod gate;
 mod hygiene;
 mod members;
+mod panic_free;
 mod process;
 mod setup;
 mod steps;

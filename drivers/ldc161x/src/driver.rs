@@ -942,10 +942,11 @@ impl<I2C: I2c> Ldc161x<I2C> {
         registers: &[Register],
         words: &mut [u16],
     ) -> Result<(), Error<I2C::Error>> {
-        let pointers: Vec<[u8; 1], FRAME_REGISTERS> = registers
-            .iter()
-            .map(|register| [register.address()])
-            .collect();
+        let mut pointers: Vec<[u8; 1], FRAME_REGISTERS> = Vec::new();
+        for register in registers {
+            // A frame has no more registers than there is room for.
+            let _ = pointers.push([register.address()]);
+        }
         let mut data = [[0; 2]; FRAME_REGISTERS];
         let mut operations: Vec<Operation<'_>, { 2 * FRAME_REGISTERS }> = Vec::new();
         for (pointer, data) in pointers.iter().zip(&mut data) {

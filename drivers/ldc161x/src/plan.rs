@@ -310,7 +310,7 @@ impl Request {
             (Acquisition::Autoscan(_), ReferenceClock::Internal) => AUTOSCAN_REFERENCE_HZ.1,
         };
         let (slowest, _, fastest) = self.reference.range_hz();
-        let smallest = fastest.div_ceil(limit);
+        let smallest = at_least_one(fastest.div_ceil(limit) as u64) as u32;
         // Settling has to fit a register of 16 bits: a slow sensor of high quality asks for a
         // slower reference.
         let mut divider = smallest;
@@ -325,7 +325,7 @@ impl Request {
             }
             position += 1;
         }
-        if divider > 1_023 || slowest / divider == 0 {
+        if divider > 1_023 || slowest < divider {
             return Err(Refusal::SettleTooLong {
                 channel: slowest_to_settle,
             });
@@ -358,7 +358,7 @@ impl Request {
         Err(Refusal::ReferenceTooSlow {
             channel,
             sensor_hz: sensor.highest_hz,
-            reference_hz: slowest / reference_divider as u32,
+            reference_hz: (slowest as u64 / at_least_one(reference_divider as u64)) as u32,
         })
     }
 
@@ -370,7 +370,8 @@ impl Request {
         reference_divider: u16,
     ) -> Result<SettleCount, Refusal> {
         let (_, _, fastest) = self.reference.range_hz();
-        let count = settle_periods(sensor, fastest).div_ceil(reference_divider as u64);
+        let count =
+            settle_periods(sensor, fastest).div_ceil(at_least_one(reference_divider as u64));
         let count = if count < SettleCount::MIN.get() as u64 {
             SettleCount::MIN.get() as u64
         } else {
@@ -440,7 +441,7 @@ impl Request {
             return Err(Refusal::NoSuchChannel { model: self.model });
         };
         let divider = configuration.channel(first).dividers.reference() as u64;
-        let spare = spare_ns * clock_hz as u64 / (16 * divider * 1_000_000_000);
+        let spare = spare_ns * clock_hz as u64 / at_least_one(16 * divider * 1_000_000_000);
         let count = spare + Rcount::MIN.get() as u64;
         Ok(if count > u16::MAX as u64 {
             Rcount::MAX
@@ -457,18 +458,21 @@ impl Request {
         let words = self.acquisition.channel_count() as u32 * (1 + self.read_twice as u32);
         let registers = 2 * words + self.status_reads as u32;
         let bits = self.access.bit_times(registers) as u64;
-        (bits * 1_000_000_000).div_ceil(self.bus_hz as u64) + MASTER_GAP_NS
+        (bits * 1_000_000_000).div_ceil(at_least_one(self.bus_hz as u64)) + MASTER_GAP_NS
     }
+}
+
+/// A divisor that the compiler knows not to be zero. No zero gets here: clocks, bus and sensors
+/// are checked before. But a division that could panic would drag the panic machinery into the
+/// program.
+const fn at_least_one(divisor: u64) -> u64 {
+    if divisor == 0 { 1 } else { divisor }
 }
 
 /// 16 SETTLECOUNT FREF_DIVIDER: clock periods of settling, in units of 16, before the divider.
 const fn settle_periods(sensor: &Sensor, clock_hz: u32) -> u64 {
     let numerator = sensor.highest_quality_factor as u64 * clock_hz as u64;
-    let lowest_hz = if sensor.lowest_hz == 0 {
-        1
-    } else {
-        sensor.lowest_hz as u64
-    };
+    let lowest_hz = at_least_one(sensor.lowest_hz as u64);
     numerator.div_ceil(16 * lowest_hz)
 }
 
@@ -532,7 +536,8 @@ const fn frame_period_ns(configuration: &Configuration, clock_hz: u32) -> u64 {
         };
         let periods = settling + settings.rcount.reference_periods() as u64 + SWITCH_PERIODS;
         let clock_periods = periods * settings.dividers.reference() as u64;
-        total_ns += (clock_periods * 1_000_000_000).div_ceil(clock_hz as u64) + SWITCH_NS;
+        total_ns +=
+            (clock_periods * 1_000_000_000).div_ceil(at_least_one(clock_hz as u64)) + SWITCH_NS;
         position += 1;
     }
     total_ns

@@ -20,7 +20,7 @@ fn configuration(acquisition: Acquisition) -> Configuration {
     let channel = |number: u16| ChannelSettings {
         rcount: Rcount::new(0x0500 + number).unwrap(),
         settle_count: SettleCount::new(0x0020 + number).unwrap(),
-        dividers: ClockDividers::new(1 + number as u8, 1 + number).unwrap(),
+        dividers: ClockDividers::new(1 + number as u8, 3 + 2 * number).unwrap(),
         offset: 0x1100 + number,
         drive: DriveCode::new(17 + number as u8).unwrap(),
     };
@@ -37,7 +37,7 @@ fn configuration(acquisition: Acquisition) -> Configuration {
 
 /// The same, as hexadecimal numbers worked out by hand from the datasheet's bit tables.
 fn channel_words(channel: u8) -> Vec<(u8, u16)> {
-    let dividers = [0x1001, 0x2002, 0x3003, 0x4004];
+    let dividers = [0x1003, 0x2005, 0x3007, 0x4009];
     let drives = [0x8800, 0x9000, 0x9800, 0xA000];
     let n = usize::from(channel);
     vec![
@@ -146,7 +146,7 @@ fn a_frame_is_one_transaction_with_msb_before_lsb() {
             assert_eq!(reading.word.code().get(), expected);
             assert_eq!(reading.quality(), Quality::AfterGap);
             // Frequency by the datasheet's Equation 6 with this test's own numbers.
-            let reference = 40e6 / f64::from(1 + n);
+            let reference = 40e6 / f64::from(3 + 2 * n);
             let offset = f64::from(0x1100 + u16::from(*n)) / 65_536.0;
             let ratio = f64::from(expected) / 268_435_456.0 + offset;
             let hz = f64::from(1 + n) * reference * ratio;

@@ -1,0 +1,118 @@
+//! No panic path: a program that calls everything is linked for the least capable core, and no
+//! part of the panic machinery may be in it.
+//!
+//! The positive control is the same program with a panic planted: it has to be found.
+
+use std::fs;
+use std::path::PathBuf;
+
+use anyhow::{Context, Result, bail};
+
+use crate::process::{Invocation, Workspace};
+
+/// The core on which it is linked.
+pub(crate) const TARGET: &str = "thumbv6m-none-eabi";
+
+/// A crate and its example that calls every public method.
+const PROGRAMS: &[(&str, &str)] = &[("ldc161x", "every_method")];
+
+/// What the names of all functions of the panic machinery hold, mangled by either scheme.
+const MACHINERY: &[&str] = &[
+    "9panicking",
+    "expect_failed",
+    "unwrap_failed",
+    "begin_unwind",
+];
+
+/// The check of the step `panic-free`.
+pub(crate) fn check(workspace: &Workspace) -> Result<String> {
+    for (package, example) in PROGRAMS {
+        let found = machinery(&link(workspace, package, example, false)?)?;
+        if !found.is_empty() {
+            bail!(
+                "{package}: the panic machinery is reachable: {}",
+                found.join(", ")
+            );
+        }
+        if machinery(&link(workspace, package, example, true)?)?.is_empty() {
+            bail!("{package}: the planted panic was not found, so that finding none shows nothing");
+        }
+    }
+    Ok(format!(
+        "{} linked for {TARGET} without a panic; a planted one is found",
+        PROGRAMS.len()
+    ))
+}
+
+/// Links an example as a firmware image and returns its path.
+fn link(workspace: &Workspace, package: &str, example: &str, planted: bool) -> Result<PathBuf> {
+    let mut arguments = vec!["rustc", "--locked", "--release", "--quiet"];
+    arguments.extend([
+        "--package",
+        package,
+        "--example",
+        example,
+        "--target",
+        TARGET,
+    ]);
+    // One unit with link-time optimisation, as firmware is built: what is left is what is reached.
+    arguments.extend(["--config", "profile.release.lto=\"fat\""]);
+    arguments.extend(["--config", "profile.release.codegen-units=1"]);
+    arguments.extend(["--message-format", "json-render-diagnostics"]);
+    arguments.extend(["--", "-C", "link-arg=-Tlink.x"]);
+    let folder = format!("link-arg=-L{}", examples(workspace, package)?.display());
+    arguments.extend(["-C", &folder]);
+    if planted {
+        arguments.extend(["--cfg", "planted_panic"]);
+    }
+    let printed = workspace.output(&Invocation::cargo(&arguments))?;
+    executable(&printed).with_context(|| format!("cargo named no executable for {example}"))
+}
+
+/// The folder of a driver's examples, where the memory map lies.
+fn examples(workspace: &Workspace, package: &str) -> Result<PathBuf> {
+    let folder = workspace
+        .root()
+        .join("drivers")
+        .join(package)
+        .join("examples");
+    if folder.join("memory.x").is_file() {
+        Ok(folder)
+    } else {
+        bail!("{} holds no memory.x", folder.display())
+    }
+}
+
+/// The path in cargo's message about the artifact that can be run.
+fn executable(messages: &str) -> Option<PathBuf> {
+    messages
+        .lines()
+        .filter_map(|line| {
+            cargo_metadata::Message::parse_stream(line.as_bytes())
+                .next()?
+                .ok()
+        })
+        .find_map(|message| match message {
+            cargo_metadata::Message::CompilerArtifact(artifact) => artifact.executable,
+            _ => None,
+        })
+        .map(Into::into)
+}
+
+/// Which names of the panic machinery stand in an image's table of symbols.
+fn machinery(image: &PathBuf) -> Result<Vec<&'static str>> {
+    let bytes = fs::read(image).with_context(|| format!("{} cannot be read", image.display()))?;
+    let holds = |name: &str| {
+        bytes
+            .windows(name.len())
+            .any(|window| window == name.as_bytes())
+    };
+    if !holds("exercise") && !holds("main") {
+        bail!("{} has no table of symbols", image.display());
+    }
+    Ok(MACHINERY
+        .iter()
+        .copied()
+        .filter(|name| holds(name))
+        .collect())
+}
