@@ -1,0 +1,245 @@
+//! Frames, and the interrupt that announces them.
+
+use embedded_hal::{delay::DelayNs, digital::InputPin, i2c::I2c};
+#[cfg(feature = "async")]
+use embedded_hal_async::{delay::DelayNs as AsyncDelayNs, i2c::I2c as AsyncI2c};
+
+#[cfg(feature = "async")]
+use super::AsyncLdc161x;
+use super::Ldc161x;
+use crate::{
+    Configuration, Error, Frame, InterruptRelease, Register, Status, state::FRAME_REGISTERS,
+};
+
+/// INTB is looked at this often while waiting for it.
+const INTERRUPT_POLL_US: u32 = 5;
+/// How often a release of INTB is tried: a conversion that ends during the read of STATUS pulls it
+/// down again, seldom three times in a row.
+const RELEASE_TRIES: u8 = 3;
+
+#[maybe_async_cfg::maybe(
+    sync(keep_self),
+    async(
+        feature = "async",
+        self = "AsyncLdc161x",
+        idents(I2c(async = "AsyncI2c"), DelayNs(async = "AsyncDelayNs"))
+    )
+)]
+impl<I2C: I2c> Ldc161x<I2C> {
+    /// Finds out whether reading data releases INTB on this chip, and remembers it.
+    ///
+    /// Discards the frames that it reads. Takes up to two frame times and a few frames.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::NoInterrupt`] when INTB does not fall, [`Error::InterruptStuck`] when nothing
+    /// releases it, [`Error::NotRunning`], or a bus error.
+    ///
+    /// ```
+    /// # use core::cell::RefCell;
+    /// # use ldc161x::*;
+    /// # let sensor = Sensor { highest_quality_factor: 25, lowest_rp_ohm: 3_000,
+    /// #     highest_rp_ohm: 3_000, ..Sensor::new(2_900_000, 3_800_000) };
+    /// # let clock = ReferenceClock::External { hz: 40_000_000 };
+    /// # let plan = Request::new(Model::Ldc1614, clock, Acquisition::Single(Channel::Zero), sensor)
+    /// #     .rate(Rate::PerSecond(1_000)).plan()?;
+    /// # let chip = RefCell::new(ldc161x_sim::Chip::new(ldc161x_sim::Settings::default(), [3.1e6; 4]));
+    /// # let mut interrupt = ldc161x_sim::IntbPin::new(&chip);
+    /// # let mut shutdown = ldc161x_sim::ShutdownPin::new(&chip);
+    /// # let mut delay = ldc161x_sim::Delay::new(&chip);
+    /// # let i2c = ldc161x_sim::Bus::new(&chip, 400_000);
+    /// # let mut driver = Ldc161x::new(i2c, Model::Ldc1614, Address::AddrLow);
+    /// # driver.start(&plan.configuration)?;
+    /// let found = driver.probe_interrupt_release(&mut interrupt, &mut delay)?;
+    /// assert_eq!(found, InterruptRelease::ByStatusOnly); // this simulated chip
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub async fn probe_interrupt_release(
+        &mut self,
+        interrupt: &mut impl InputPin,
+        delay: &mut impl DelayNs,
+    ) -> Result<InterruptRelease, Error<I2C::Error>> {
+        self.running()?;
+        let release = self.find_interrupt_release(interrupt, delay).await?;
+        self.state.release = release;
+        self.state.frames_discarded();
+        Ok(release)
+    }
+
+    /// Each try begins with INTB released by STATUS and waits for it to fall: the read that
+    /// follows is then over before the next conversion is.
+    async fn find_interrupt_release(
+        &mut self,
+        interrupt: &mut impl InputPin,
+        delay: &mut impl DelayNs,
+    ) -> Result<InterruptRelease, Error<I2C::Error>> {
+        let mut released = false;
+        for _ in 0..RELEASE_TRIES {
+            self.wait_for_interrupt(interrupt, delay).await?;
+            self.read_status().await?;
+            if interrupt.is_low().map_err(|_| Error::Pin)? {
+                continue;
+            }
+            released = true;
+            self.wait_for_interrupt(interrupt, delay).await?;
+            self.read_data(None, false).await?;
+            if interrupt.is_high().map_err(|_| Error::Pin)? {
+                return Ok(InterruptRelease::ByData);
+            }
+        }
+        if released {
+            Ok(InterruptRelease::ByStatusOnly)
+        } else {
+            Err(Error::InterruptStuck)
+        }
+    }
+
+    /// Waits until INTB is low, looking every few microseconds, and no longer than two frames
+    /// after leaving sleep take. For programs without interrupts of their own.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::NoInterrupt`], [`Error::NotStarted`], [`Error::NotRunning`] or [`Error::Pin`].
+    ///
+    /// ```
+    /// # use core::cell::RefCell;
+    /// # use ldc161x::*;
+    /// # let sensor = Sensor { highest_quality_factor: 25, lowest_rp_ohm: 3_000,
+    /// #     highest_rp_ohm: 3_000, ..Sensor::new(2_900_000, 3_800_000) };
+    /// # let clock = ReferenceClock::External { hz: 40_000_000 };
+    /// # let plan = Request::new(Model::Ldc1614, clock, Acquisition::Single(Channel::Zero), sensor)
+    /// #     .rate(Rate::PerSecond(1_000)).plan()?;
+    /// # let chip = RefCell::new(ldc161x_sim::Chip::new(ldc161x_sim::Settings::default(), [3.1e6; 4]));
+    /// # let mut interrupt = ldc161x_sim::IntbPin::new(&chip);
+    /// # let mut shutdown = ldc161x_sim::ShutdownPin::new(&chip);
+    /// # let mut delay = ldc161x_sim::Delay::new(&chip);
+    /// # let i2c = ldc161x_sim::Bus::new(&chip, 400_000);
+    /// # let mut driver = Ldc161x::new(i2c, Model::Ldc1614, Address::AddrLow);
+    /// # driver.start(&plan.configuration)?;
+    /// driver.wait_for_interrupt(&mut interrupt, &mut delay)?;
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub async fn wait_for_interrupt(
+        &mut self,
+        interrupt: &mut impl InputPin,
+        delay: &mut impl DelayNs,
+    ) -> Result<(), Error<I2C::Error>> {
+        let limit_us = self.running()?.first_frame_us().saturating_mul(2);
+        let mut waited_us = 0;
+        while interrupt.is_high().map_err(|_| Error::Pin)? {
+            if waited_us >= limit_us {
+                return Err(Error::NoInterrupt { waited_us });
+            }
+            delay.delay_us(INTERRUPT_POLL_US).await;
+            waited_us += INTERRUPT_POLL_US;
+        }
+        Ok(())
+    }
+
+    /// Reads the latest result of every active channel. Call it when INTB has fallen: without
+    /// that, and without STATUS, a result that was read before cannot be told from a new one,
+    /// and its flags are gone; [`read_frame_if_ready`](Self::read_frame_if_ready) is for boards
+    /// without INTB.
+    ///
+    /// STATUS is read in the same transaction unless the chip is known to release INTB by
+    /// itself. After a failed transfer the identity and CONFIG are read before the next frame,
+    /// which is then marked as following a gap.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::NotStarted`], [`Error::NotRunning`], a bus error, or what is found after one:
+    /// [`Error::WrongIdentity`], [`Error::RegistersLost`].
+    ///
+    /// ```
+    /// # use core::cell::RefCell;
+    /// # use ldc161x::*;
+    /// # let sensor = Sensor { highest_quality_factor: 25, lowest_rp_ohm: 3_000,
+    /// #     highest_rp_ohm: 3_000, ..Sensor::new(2_900_000, 3_800_000) };
+    /// # let clock = ReferenceClock::External { hz: 40_000_000 };
+    /// # let plan = Request::new(Model::Ldc1614, clock, Acquisition::Single(Channel::Zero), sensor)
+    /// #     .rate(Rate::PerSecond(1_000)).plan()?;
+    /// # let chip = RefCell::new(ldc161x_sim::Chip::new(ldc161x_sim::Settings::default(), [3.1e6; 4]));
+    /// # let mut interrupt = ldc161x_sim::IntbPin::new(&chip);
+    /// # let mut shutdown = ldc161x_sim::ShutdownPin::new(&chip);
+    /// # let mut delay = ldc161x_sim::Delay::new(&chip);
+    /// # let i2c = ldc161x_sim::Bus::new(&chip, 400_000);
+    /// # let mut driver = Ldc161x::new(i2c, Model::Ldc1614, Address::AddrLow);
+    /// # driver.start(&plan.configuration)?;
+    /// driver.wait_for_interrupt(&mut interrupt, &mut delay)?;
+    /// let frame = driver.read_frame()?;
+    /// assert!(frame.covers(Acquisition::Single(Channel::Zero)));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub async fn read_frame(&mut self) -> Result<Frame, Error<I2C::Error>> {
+        let with_status = self.state.release == InterruptRelease::ByStatusOnly;
+        self.read_data(None, with_status).await
+    }
+
+    /// Reads STATUS and, when it says that a frame has ended, the frame; `None` otherwise.
+    ///
+    /// # Errors
+    ///
+    /// As [`read_frame`](Self::read_frame).
+    ///
+    /// ```
+    /// # use core::cell::RefCell;
+    /// # use ldc161x::*;
+    /// # let sensor = Sensor { highest_quality_factor: 25, lowest_rp_ohm: 3_000,
+    /// #     highest_rp_ohm: 3_000, ..Sensor::new(2_900_000, 3_800_000) };
+    /// # let clock = ReferenceClock::External { hz: 40_000_000 };
+    /// # let plan = Request::new(Model::Ldc1614, clock, Acquisition::Single(Channel::Zero), sensor)
+    /// #     .rate(Rate::PerSecond(1_000)).plan()?;
+    /// # let chip = RefCell::new(ldc161x_sim::Chip::new(ldc161x_sim::Settings::default(), [3.1e6; 4]));
+    /// # let mut interrupt = ldc161x_sim::IntbPin::new(&chip);
+    /// # let mut shutdown = ldc161x_sim::ShutdownPin::new(&chip);
+    /// # let mut delay = ldc161x_sim::Delay::new(&chip);
+    /// # let i2c = ldc161x_sim::Bus::new(&chip, 400_000);
+    /// # let mut driver = Ldc161x::new(i2c, Model::Ldc1614, Address::AddrLow);
+    /// # driver.start(&plan.configuration)?;
+    /// assert!(driver.read_frame_if_ready()?.is_none());
+    /// driver.wait_for_interrupt(&mut interrupt, &mut delay)?;
+    /// assert!(driver.read_frame_if_ready()?.is_some());
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub async fn read_frame_if_ready(&mut self) -> Result<Option<Frame>, Error<I2C::Error>> {
+        self.running()?;
+        let status = self.read_status().await?;
+        if !status.data_ready() {
+            return Ok(None);
+        }
+        self.read_data(Some(status), false).await.map(Some)
+    }
+
+    async fn read_data(
+        &mut self,
+        asked: Option<Status>,
+        with_status: bool,
+    ) -> Result<Frame, Error<I2C::Error>> {
+        let configuration = self.running()?;
+        if self.state.suspect {
+            self.resynchronise(&configuration).await?;
+        }
+        let registers = self
+            .state
+            .frame_registers(configuration.acquisition, with_status);
+        let mut words = [0; FRAME_REGISTERS];
+        let words = words.get_mut(..registers.len()).unwrap_or_default();
+        self.read_registers(&registers, words).await?;
+        Ok(self
+            .state
+            .assemble(&configuration, asked, words, with_status))
+    }
+
+    /// After a failed transfer: is it still the chip, and still awake? A transfer that was cut
+    /// short may spoil the following one (datasheet 7.5.2), which here is not a frame.
+    async fn resynchronise(
+        &mut self,
+        configuration: &Configuration,
+    ) -> Result<(), Error<I2C::Error>> {
+        self.identify().await?;
+        self.compare(Register::Config, configuration.config(false).to_bits())
+            .await?;
+        self.state.suspect = false;
+        Ok(())
+    }
+}

@@ -1,0 +1,368 @@
+//! Start, sleep, recovery, and the drive current.
+
+use embedded_hal::{delay::DelayNs, digital::OutputPin, i2c::I2c};
+#[cfg(feature = "async")]
+use embedded_hal_async::{delay::DelayNs as AsyncDelayNs, i2c::I2c as AsyncI2c};
+
+#[cfg(feature = "async")]
+use super::AsyncLdc161x;
+use super::Ldc161x;
+use crate::{
+    Channel, Configuration, DEVICE_ID, DriveCode, Error, MANUFACTURER_ID, Register, register::RESET,
+};
+
+/// From the release of SD to the first transfer: 2 ms at most (datasheet 6.5). A reset by
+/// register is given the same time, for which no source states another.
+const RESET_US: u32 = 2_000;
+/// SD is held high for this long; no source gives a least time. One millisecond is a thousand
+/// times what a digital input needs.
+const SHUTDOWN_US: u32 = 1_000;
+
+#[maybe_async_cfg::maybe(
+    sync(keep_self),
+    async(
+        feature = "async",
+        self = "AsyncLdc161x",
+        idents(I2c(async = "AsyncI2c"), DelayNs(async = "AsyncDelayNs"))
+    )
+)]
+impl<I2C: I2c> Ldc161x<I2C> {
+    /// Asks the chip who it is.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::WrongIdentity`] with a plain-words cause, or a bus error.
+    ///
+    /// ```
+    /// # use core::cell::RefCell;
+    /// # use ldc161x::*;
+    /// # let sensor = Sensor { highest_quality_factor: 25, lowest_rp_ohm: 3_000,
+    /// #     highest_rp_ohm: 3_000, ..Sensor::new(2_900_000, 3_800_000) };
+    /// # let clock = ReferenceClock::External { hz: 40_000_000 };
+    /// # let plan = Request::new(Model::Ldc1614, clock, Acquisition::Single(Channel::Zero), sensor)
+    /// #     .rate(Rate::PerSecond(1_000)).plan()?;
+    /// # let chip = RefCell::new(ldc161x_sim::Chip::new(ldc161x_sim::Settings::default(), [3.1e6; 4]));
+    /// # let mut interrupt = ldc161x_sim::IntbPin::new(&chip);
+    /// # let mut shutdown = ldc161x_sim::ShutdownPin::new(&chip);
+    /// # let mut delay = ldc161x_sim::Delay::new(&chip);
+    /// # let i2c = ldc161x_sim::Bus::new(&chip, 400_000);
+    /// # let mut driver = Ldc161x::new(i2c, Model::Ldc1614, Address::AddrLow);
+    /// driver.identify()?;
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub async fn identify(&mut self) -> Result<(), Error<I2C::Error>> {
+        let manufacturer = self.read_register(Register::ManufacturerId).await?;
+        let device = self.read_register(Register::DeviceId).await?;
+        if (manufacturer, device) == (MANUFACTURER_ID, DEVICE_ID) {
+            Ok(())
+        } else {
+            Err(Error::WrongIdentity {
+                manufacturer,
+                device,
+            })
+        }
+    }
+
+    /// Sleep, identity, every register written and read back, CONFIG last; then every register
+    /// once more, since chips were seen to lose them on leaving sleep. The first frame comes
+    /// marked as following a gap.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::NoSuchChannel`] before anything is sent; [`Error::WrongIdentity`],
+    /// [`Error::ReadBack`], [`Error::RegistersLost`] or a bus error, after any of which the chip
+    /// counts as not running.
+    ///
+    /// ```
+    /// # use core::cell::RefCell;
+    /// # use ldc161x::*;
+    /// # let sensor = Sensor { highest_quality_factor: 25, lowest_rp_ohm: 3_000,
+    /// #     highest_rp_ohm: 3_000, ..Sensor::new(2_900_000, 3_800_000) };
+    /// # let clock = ReferenceClock::External { hz: 40_000_000 };
+    /// # let plan = Request::new(Model::Ldc1614, clock, Acquisition::Single(Channel::Zero), sensor)
+    /// #     .rate(Rate::PerSecond(1_000)).plan()?;
+    /// # let chip = RefCell::new(ldc161x_sim::Chip::new(ldc161x_sim::Settings::default(), [3.1e6; 4]));
+    /// # let mut interrupt = ldc161x_sim::IntbPin::new(&chip);
+    /// # let mut shutdown = ldc161x_sim::ShutdownPin::new(&chip);
+    /// # let mut delay = ldc161x_sim::Delay::new(&chip);
+    /// # let i2c = ldc161x_sim::Bus::new(&chip, 400_000);
+    /// # let mut driver = Ldc161x::new(i2c, Model::Ldc1614, Address::AddrLow);
+    /// driver.start(&plan.configuration)?;
+    /// assert!(driver.read_frame()?.marks.gap);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub async fn start(&mut self, configuration: &Configuration) -> Result<(), Error<I2C::Error>> {
+        if !configuration.fits(self.model) {
+            return Err(Error::NoSuchChannel);
+        }
+        self.state.stopped();
+        self.state.wanted = Some(*configuration);
+        self.identify().await?;
+        self.write_asleep(configuration).await?;
+        let config = configuration.config(false).to_bits();
+        self.write_verified(Register::Config, config).await?;
+        self.state.started(*configuration);
+        self.verify().await?;
+        Ok(())
+    }
+
+    /// Stops converting. The chip keeps its registers and forgets its results.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::NotStarted`] before a configuration was started, or a bus error.
+    ///
+    /// ```
+    /// # use core::cell::RefCell;
+    /// # use ldc161x::*;
+    /// # let sensor = Sensor { highest_quality_factor: 25, lowest_rp_ohm: 3_000,
+    /// #     highest_rp_ohm: 3_000, ..Sensor::new(2_900_000, 3_800_000) };
+    /// # let clock = ReferenceClock::External { hz: 40_000_000 };
+    /// # let plan = Request::new(Model::Ldc1614, clock, Acquisition::Single(Channel::Zero), sensor)
+    /// #     .rate(Rate::PerSecond(1_000)).plan()?;
+    /// # let chip = RefCell::new(ldc161x_sim::Chip::new(ldc161x_sim::Settings::default(), [3.1e6; 4]));
+    /// # let mut interrupt = ldc161x_sim::IntbPin::new(&chip);
+    /// # let mut shutdown = ldc161x_sim::ShutdownPin::new(&chip);
+    /// # let mut delay = ldc161x_sim::Delay::new(&chip);
+    /// # let i2c = ldc161x_sim::Bus::new(&chip, 400_000);
+    /// # let mut driver = Ldc161x::new(i2c, Model::Ldc1614, Address::AddrLow);
+    /// # driver.start(&plan.configuration)?;
+    /// driver.sleep()?;
+    /// assert_eq!(driver.read_frame(), Err(Error::NotRunning));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub async fn sleep(&mut self) -> Result<(), Error<I2C::Error>> {
+        let configuration = self.state.wanted.ok_or(Error::NotStarted)?;
+        self.state.stopped();
+        self.write_verified(Register::Config, configuration.config(true).to_bits())
+            .await
+    }
+
+    /// Converts again after [`sleep`](Self::sleep), all registers compared first.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::NotStarted`], [`Error::RegistersLost`] or a bus error.
+    ///
+    /// ```
+    /// # use core::cell::RefCell;
+    /// # use ldc161x::*;
+    /// # let sensor = Sensor { highest_quality_factor: 25, lowest_rp_ohm: 3_000,
+    /// #     highest_rp_ohm: 3_000, ..Sensor::new(2_900_000, 3_800_000) };
+    /// # let clock = ReferenceClock::External { hz: 40_000_000 };
+    /// # let plan = Request::new(Model::Ldc1614, clock, Acquisition::Single(Channel::Zero), sensor)
+    /// #     .rate(Rate::PerSecond(1_000)).plan()?;
+    /// # let chip = RefCell::new(ldc161x_sim::Chip::new(ldc161x_sim::Settings::default(), [3.1e6; 4]));
+    /// # let mut interrupt = ldc161x_sim::IntbPin::new(&chip);
+    /// # let mut shutdown = ldc161x_sim::ShutdownPin::new(&chip);
+    /// # let mut delay = ldc161x_sim::Delay::new(&chip);
+    /// # let i2c = ldc161x_sim::Bus::new(&chip, 400_000);
+    /// # let mut driver = Ldc161x::new(i2c, Model::Ldc1614, Address::AddrLow);
+    /// # driver.start(&plan.configuration)?;
+    /// driver.sleep()?;
+    /// driver.wake()?;
+    /// driver.read_frame()?;
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub async fn wake(&mut self) -> Result<(), Error<I2C::Error>> {
+        let configuration = self.state.wanted.ok_or(Error::NotStarted)?;
+        self.state.stopped();
+        self.write_verified(Register::Config, configuration.config(false).to_bits())
+            .await?;
+        self.state.started(configuration);
+        self.verify().await?;
+        Ok(())
+    }
+
+    /// Resets the chip by its register and starts the wanted configuration again.
+    ///
+    /// Where the bus itself is stuck, clear it first (nine clocks, then a stop), which is the
+    /// business of the bus's owner. Call again, within a deadline of your own, where it fails.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`start`](Self::start), and [`Error::NotStarted`].
+    ///
+    /// ```
+    /// # use core::cell::RefCell;
+    /// # use ldc161x::*;
+    /// # let sensor = Sensor { highest_quality_factor: 25, lowest_rp_ohm: 3_000,
+    /// #     highest_rp_ohm: 3_000, ..Sensor::new(2_900_000, 3_800_000) };
+    /// # let clock = ReferenceClock::External { hz: 40_000_000 };
+    /// # let plan = Request::new(Model::Ldc1614, clock, Acquisition::Single(Channel::Zero), sensor)
+    /// #     .rate(Rate::PerSecond(1_000)).plan()?;
+    /// # let chip = RefCell::new(ldc161x_sim::Chip::new(ldc161x_sim::Settings::default(), [3.1e6; 4]));
+    /// # let mut interrupt = ldc161x_sim::IntbPin::new(&chip);
+    /// # let mut shutdown = ldc161x_sim::ShutdownPin::new(&chip);
+    /// # let mut delay = ldc161x_sim::Delay::new(&chip);
+    /// # let i2c = ldc161x_sim::Bus::new(&chip, 400_000);
+    /// # let mut driver = Ldc161x::new(i2c, Model::Ldc1614, Address::AddrLow);
+    /// # driver.start(&plan.configuration)?;
+    /// driver.recover(&mut delay)?;
+    /// assert!(driver.read_frame()?.marks.gap);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub async fn recover(&mut self, delay: &mut impl DelayNs) -> Result<(), Error<I2C::Error>> {
+        let configuration = self.state.wanted.ok_or(Error::NotStarted)?;
+        self.state.stopped();
+        self.write_register(Register::ResetDev, RESET).await?;
+        delay.delay_us(RESET_US).await;
+        self.start(&configuration).await
+    }
+
+    /// Resets the chip by its SD pin, which also ends a transfer that it hangs in, and starts
+    /// the wanted configuration again.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`start`](Self::start), [`Error::NotStarted`] and [`Error::Pin`].
+    ///
+    /// ```
+    /// # use core::cell::RefCell;
+    /// # use ldc161x::*;
+    /// # let sensor = Sensor { highest_quality_factor: 25, lowest_rp_ohm: 3_000,
+    /// #     highest_rp_ohm: 3_000, ..Sensor::new(2_900_000, 3_800_000) };
+    /// # let clock = ReferenceClock::External { hz: 40_000_000 };
+    /// # let plan = Request::new(Model::Ldc1614, clock, Acquisition::Single(Channel::Zero), sensor)
+    /// #     .rate(Rate::PerSecond(1_000)).plan()?;
+    /// # let chip = RefCell::new(ldc161x_sim::Chip::new(ldc161x_sim::Settings::default(), [3.1e6; 4]));
+    /// # let mut interrupt = ldc161x_sim::IntbPin::new(&chip);
+    /// # let mut shutdown = ldc161x_sim::ShutdownPin::new(&chip);
+    /// # let mut delay = ldc161x_sim::Delay::new(&chip);
+    /// # let i2c = ldc161x_sim::Bus::new(&chip, 400_000);
+    /// # let mut driver = Ldc161x::new(i2c, Model::Ldc1614, Address::AddrLow);
+    /// # driver.start(&plan.configuration)?;
+    /// driver.recover_by_shutdown(&mut shutdown, &mut delay)?;
+    /// assert!(driver.read_frame()?.marks.gap);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub async fn recover_by_shutdown(
+        &mut self,
+        shutdown: &mut impl OutputPin,
+        delay: &mut impl DelayNs,
+    ) -> Result<(), Error<I2C::Error>> {
+        let configuration = self.state.wanted.ok_or(Error::NotStarted)?;
+        self.state.stopped();
+        shutdown.set_high().map_err(|_| Error::Pin)?;
+        delay.delay_us(SHUTDOWN_US).await;
+        shutdown.set_low().map_err(|_| Error::Pin)?;
+        delay.delay_us(RESET_US).await;
+        self.start(&configuration).await
+    }
+
+    /// Lets the chip seek the drive current of every active channel, and goes on with what it
+    /// found (datasheet 8.1.5.2). Keep the sensor at the largest distance it will meet. The
+    /// next frame is marked as following a gap and a step of the drive.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::NotStarted`], those of [`start`](Self::start), or a bus error.
+    ///
+    /// ```
+    /// # use core::cell::RefCell;
+    /// # use ldc161x::*;
+    /// # let sensor = Sensor { highest_quality_factor: 25, lowest_rp_ohm: 3_000,
+    /// #     highest_rp_ohm: 3_000, ..Sensor::new(2_900_000, 3_800_000) };
+    /// # let clock = ReferenceClock::External { hz: 40_000_000 };
+    /// # let plan = Request::new(Model::Ldc1614, clock, Acquisition::Single(Channel::Zero), sensor)
+    /// #     .rate(Rate::PerSecond(1_000)).plan()?;
+    /// # let chip = RefCell::new(ldc161x_sim::Chip::new(ldc161x_sim::Settings::default(), [3.1e6; 4]));
+    /// # let mut interrupt = ldc161x_sim::IntbPin::new(&chip);
+    /// # let mut shutdown = ldc161x_sim::ShutdownPin::new(&chip);
+    /// # let mut delay = ldc161x_sim::Delay::new(&chip);
+    /// # let i2c = ldc161x_sim::Bus::new(&chip, 400_000);
+    /// # let mut driver = Ldc161x::new(i2c, Model::Ldc1614, Address::AddrLow);
+    /// # driver.start(&plan.configuration)?;
+    /// let found = driver.calibrate_drive_current(&mut delay)?;
+    /// assert!(found[0].is_some());
+    /// assert!(driver.read_frame()?.marks.drive_step);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub async fn calibrate_drive_current(
+        &mut self,
+        delay: &mut impl DelayNs,
+    ) -> Result<[Option<DriveCode>; 4], Error<I2C::Error>> {
+        let mut configuration = self.state.wanted.ok_or(Error::NotStarted)?;
+        self.state.stopped();
+        self.write_asleep(&configuration).await?;
+        let config = configuration.calibrating_config(false).to_bits();
+        self.write_verified(Register::Config, config).await?;
+        // Two frames: the chip corrects the amplitude between conversions.
+        delay
+            .delay_us(configuration.first_frame_us().saturating_mul(2))
+            .await;
+        let mut found = [None; 4];
+        for (channel, slot) in Channel::ALL.into_iter().zip(&mut found) {
+            if configuration
+                .acquisition
+                .channels()
+                .any(|active| active == channel)
+            {
+                let drive = self.read_drive_current(channel).await?.calibrated;
+                configuration.channel_mut(channel).drive = drive;
+                *slot = Some(drive);
+            }
+        }
+        self.start(&configuration).await?;
+        self.state.drive_stepped();
+        Ok(found)
+    }
+
+    /// Changes the drive current of one channel; the chip sleeps meanwhile. The next frame is
+    /// marked as following a gap and a step of the drive, with which the code steps too.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::NotStarted`], those of [`start`](Self::start), or a bus error.
+    ///
+    /// ```
+    /// # use core::cell::RefCell;
+    /// # use ldc161x::*;
+    /// # let sensor = Sensor { highest_quality_factor: 25, lowest_rp_ohm: 3_000,
+    /// #     highest_rp_ohm: 3_000, ..Sensor::new(2_900_000, 3_800_000) };
+    /// # let clock = ReferenceClock::External { hz: 40_000_000 };
+    /// # let plan = Request::new(Model::Ldc1614, clock, Acquisition::Single(Channel::Zero), sensor)
+    /// #     .rate(Rate::PerSecond(1_000)).plan()?;
+    /// # let chip = RefCell::new(ldc161x_sim::Chip::new(ldc161x_sim::Settings::default(), [3.1e6; 4]));
+    /// # let mut interrupt = ldc161x_sim::IntbPin::new(&chip);
+    /// # let mut shutdown = ldc161x_sim::ShutdownPin::new(&chip);
+    /// # let mut delay = ldc161x_sim::Delay::new(&chip);
+    /// # let i2c = ldc161x_sim::Bus::new(&chip, 400_000);
+    /// # let mut driver = Ldc161x::new(i2c, Model::Ldc1614, Address::AddrLow);
+    /// # driver.start(&plan.configuration)?;
+    /// driver.set_drive_current(Channel::Zero, DriveCode::default())?;
+    /// assert!(driver.read_frame()?.marks.drive_step);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub async fn set_drive_current(
+        &mut self,
+        channel: Channel,
+        drive: DriveCode,
+    ) -> Result<(), Error<I2C::Error>> {
+        let mut configuration = self.state.wanted.ok_or(Error::NotStarted)?;
+        configuration.channel_mut(channel).drive = drive;
+        self.start(&configuration).await?;
+        self.state.drive_stepped();
+        Ok(())
+    }
+
+    /// Puts the chip to sleep, writes every register but CONFIG, and reads each back.
+    async fn write_asleep(
+        &mut self,
+        configuration: &Configuration,
+    ) -> Result<(), Error<I2C::Error>> {
+        self.write_verified(Register::Config, configuration.config(true).to_bits())
+            .await?;
+        for index in 0..configuration.register_count() {
+            if let Some((register, value)) = configuration.register(index) {
+                self.write_register(register, value).await?;
+            }
+        }
+        for index in 0..configuration.register_count() {
+            if let Some((register, value)) = configuration.register(index) {
+                self.read_back(register, value).await?;
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,191 @@
+//! The driver itself, blocking and asynchronous from one source: life cycle, frames, registers.
+
+mod frames;
+mod lifecycle;
+mod registers;
+
+use embedded_hal::i2c::I2c;
+#[cfg(feature = "async")]
+use embedded_hal_async::i2c::I2c as AsyncI2c;
+
+use crate::{Address, BusAccess, Configuration, InterruptRelease, Model, state::State};
+
+#[cfg_attr(
+    not(feature = "async"),
+    doc = "An LDC1612 or LDC1614 behind an `embedded-hal` I2C bus; see the crate's page."
+)]
+#[cfg_attr(
+    feature = "async",
+    doc = "An LDC1612 or LDC1614 behind an I2C bus: `Ldc161x` over `embedded-hal`, \
+           `AsyncLdc161x` over `embedded-hal-async`, the same methods in both; see the crate's page."
+)]
+#[maybe_async_cfg::maybe(sync(keep_self), async(feature = "async", self = "AsyncLdc161x"))]
+#[derive(Debug)]
+pub struct Ldc161x<I2C> {
+    i2c: I2C,
+    model: Model,
+    address: Address,
+    state: State,
+}
+
+#[maybe_async_cfg::maybe(
+    sync(keep_self),
+    async(
+        feature = "async",
+        self = "AsyncLdc161x",
+        idents(I2c(async = "AsyncI2c"))
+    )
+)]
+impl<I2C: I2c> Ldc161x<I2C> {
+    /// Takes the bus; nothing is sent yet.
+    ///
+    /// ```
+    /// # use core::cell::RefCell;
+    /// # use ldc161x::*;
+    /// # let sensor = Sensor { highest_quality_factor: 25, lowest_rp_ohm: 3_000,
+    /// #     highest_rp_ohm: 3_000, ..Sensor::new(2_900_000, 3_800_000) };
+    /// # let clock = ReferenceClock::External { hz: 40_000_000 };
+    /// # let plan = Request::new(Model::Ldc1614, clock, Acquisition::Single(Channel::Zero), sensor)
+    /// #     .rate(Rate::PerSecond(1_000)).plan()?;
+    /// # let chip = RefCell::new(ldc161x_sim::Chip::new(ldc161x_sim::Settings::default(), [3.1e6; 4]));
+    /// # let mut interrupt = ldc161x_sim::IntbPin::new(&chip);
+    /// # let mut shutdown = ldc161x_sim::ShutdownPin::new(&chip);
+    /// # let mut delay = ldc161x_sim::Delay::new(&chip);
+    /// # let i2c = ldc161x_sim::Bus::new(&chip, 400_000);
+    /// let mut driver = Ldc161x::new(i2c, Model::Ldc1614, Address::AddrLow);
+    /// driver.identify()?;
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub const fn new(i2c: I2C, model: Model, address: Address) -> Self {
+        Self {
+            i2c,
+            model,
+            address,
+            state: State::new(),
+        }
+    }
+
+    /// Gives the bus back. The chip goes on as it is.
+    ///
+    /// ```
+    /// # use core::cell::RefCell;
+    /// # use ldc161x::*;
+    /// # let sensor = Sensor { highest_quality_factor: 25, lowest_rp_ohm: 3_000,
+    /// #     highest_rp_ohm: 3_000, ..Sensor::new(2_900_000, 3_800_000) };
+    /// # let clock = ReferenceClock::External { hz: 40_000_000 };
+    /// # let plan = Request::new(Model::Ldc1614, clock, Acquisition::Single(Channel::Zero), sensor)
+    /// #     .rate(Rate::PerSecond(1_000)).plan()?;
+    /// # let chip = RefCell::new(ldc161x_sim::Chip::new(ldc161x_sim::Settings::default(), [3.1e6; 4]));
+    /// # let mut interrupt = ldc161x_sim::IntbPin::new(&chip);
+    /// # let mut shutdown = ldc161x_sim::ShutdownPin::new(&chip);
+    /// # let mut delay = ldc161x_sim::Delay::new(&chip);
+    /// # let i2c = ldc161x_sim::Bus::new(&chip, 400_000);
+    /// # let mut driver = Ldc161x::new(i2c, Model::Ldc1614, Address::AddrLow);
+    /// let i2c = driver.release();
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn release(self) -> I2C {
+        self.i2c
+    }
+
+    /// Sets how registers are fetched; see [`BusAccess`].
+    ///
+    /// ```
+    /// # use core::cell::RefCell;
+    /// # use ldc161x::*;
+    /// # let sensor = Sensor { highest_quality_factor: 25, lowest_rp_ohm: 3_000,
+    /// #     highest_rp_ohm: 3_000, ..Sensor::new(2_900_000, 3_800_000) };
+    /// # let clock = ReferenceClock::External { hz: 40_000_000 };
+    /// # let plan = Request::new(Model::Ldc1614, clock, Acquisition::Single(Channel::Zero), sensor)
+    /// #     .rate(Rate::PerSecond(1_000)).plan()?;
+    /// # let chip = RefCell::new(ldc161x_sim::Chip::new(ldc161x_sim::Settings::default(), [3.1e6; 4]));
+    /// # let mut interrupt = ldc161x_sim::IntbPin::new(&chip);
+    /// # let mut shutdown = ldc161x_sim::ShutdownPin::new(&chip);
+    /// # let mut delay = ldc161x_sim::Delay::new(&chip);
+    /// # let i2c = ldc161x_sim::Bus::new(&chip, 400_000);
+    /// # let mut driver = Ldc161x::new(i2c, Model::Ldc1614, Address::AddrLow);
+    /// # driver.start(&plan.configuration)?;
+    /// driver.set_access(BusAccess::RegisterPerTransaction);
+    /// driver.read_frame()?;
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub const fn set_access(&mut self, access: BusAccess) {
+        self.state.access = access;
+    }
+
+    /// Reads every word twice and compares the two, since the bus carries no checksum. Costs
+    /// twice the bus time.
+    ///
+    /// ```
+    /// # use core::cell::RefCell;
+    /// # use ldc161x::*;
+    /// # let sensor = Sensor { highest_quality_factor: 25, lowest_rp_ohm: 3_000,
+    /// #     highest_rp_ohm: 3_000, ..Sensor::new(2_900_000, 3_800_000) };
+    /// # let clock = ReferenceClock::External { hz: 40_000_000 };
+    /// # let plan = Request::new(Model::Ldc1614, clock, Acquisition::Single(Channel::Zero), sensor)
+    /// #     .rate(Rate::PerSecond(1_000)).plan()?;
+    /// # let chip = RefCell::new(ldc161x_sim::Chip::new(ldc161x_sim::Settings::default(), [3.1e6; 4]));
+    /// # let mut interrupt = ldc161x_sim::IntbPin::new(&chip);
+    /// # let mut shutdown = ldc161x_sim::ShutdownPin::new(&chip);
+    /// # let mut delay = ldc161x_sim::Delay::new(&chip);
+    /// # let i2c = ldc161x_sim::Bus::new(&chip, 400_000);
+    /// # let mut driver = Ldc161x::new(i2c, Model::Ldc1614, Address::AddrLow);
+    /// # driver.start(&plan.configuration)?;
+    /// driver.set_read_twice(true);
+    /// driver.wait_for_interrupt(&mut interrupt, &mut delay)?;
+    /// assert_eq!(driver.read_frame()?.readings()[0].agrees, Some(true));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub const fn set_read_twice(&mut self, twice: bool) {
+        self.state.read_twice = twice;
+    }
+
+    /// States what releases INTB, as an earlier probe found.
+    ///
+    /// ```
+    /// # use core::cell::RefCell;
+    /// # use ldc161x::*;
+    /// # let sensor = Sensor { highest_quality_factor: 25, lowest_rp_ohm: 3_000,
+    /// #     highest_rp_ohm: 3_000, ..Sensor::new(2_900_000, 3_800_000) };
+    /// # let clock = ReferenceClock::External { hz: 40_000_000 };
+    /// # let plan = Request::new(Model::Ldc1614, clock, Acquisition::Single(Channel::Zero), sensor)
+    /// #     .rate(Rate::PerSecond(1_000)).plan()?;
+    /// # let chip = RefCell::new(ldc161x_sim::Chip::new(ldc161x_sim::Settings::default(), [3.1e6; 4]));
+    /// # let mut interrupt = ldc161x_sim::IntbPin::new(&chip);
+    /// # let mut shutdown = ldc161x_sim::ShutdownPin::new(&chip);
+    /// # let mut delay = ldc161x_sim::Delay::new(&chip);
+    /// # let i2c = ldc161x_sim::Bus::new(&chip, 400_000);
+    /// # let mut driver = Ldc161x::new(i2c, Model::Ldc1614, Address::AddrLow);
+    /// # driver.start(&plan.configuration)?;
+    /// driver.set_interrupt_release(InterruptRelease::ByData);
+    /// assert!(driver.read_frame()?.status.is_none());
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub const fn set_interrupt_release(&mut self, release: InterruptRelease) {
+        self.state.release = release;
+    }
+
+    /// The configuration last started.
+    ///
+    /// ```
+    /// # use core::cell::RefCell;
+    /// # use ldc161x::*;
+    /// # let sensor = Sensor { highest_quality_factor: 25, lowest_rp_ohm: 3_000,
+    /// #     highest_rp_ohm: 3_000, ..Sensor::new(2_900_000, 3_800_000) };
+    /// # let clock = ReferenceClock::External { hz: 40_000_000 };
+    /// # let plan = Request::new(Model::Ldc1614, clock, Acquisition::Single(Channel::Zero), sensor)
+    /// #     .rate(Rate::PerSecond(1_000)).plan()?;
+    /// # let chip = RefCell::new(ldc161x_sim::Chip::new(ldc161x_sim::Settings::default(), [3.1e6; 4]));
+    /// # let mut interrupt = ldc161x_sim::IntbPin::new(&chip);
+    /// # let mut shutdown = ldc161x_sim::ShutdownPin::new(&chip);
+    /// # let mut delay = ldc161x_sim::Delay::new(&chip);
+    /// # let i2c = ldc161x_sim::Bus::new(&chip, 400_000);
+    /// # let mut driver = Ldc161x::new(i2c, Model::Ldc1614, Address::AddrLow);
+    /// # driver.start(&plan.configuration)?;
+    /// assert_eq!(driver.configuration(), Some(&plan.configuration));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub const fn configuration(&self) -> Option<&Configuration> {
+        self.state.wanted.as_ref()
+    }
+}

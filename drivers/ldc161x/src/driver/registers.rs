@@ -1,0 +1,329 @@
+//! Registers one by one, and the comparison of what they hold with what they should.
+
+use embedded_hal::i2c::{I2c, Operation};
+#[cfg(feature = "async")]
+use embedded_hal_async::i2c::I2c as AsyncI2c;
+use heapless::Vec;
+
+#[cfg(feature = "async")]
+use super::AsyncLdc161x;
+use super::Ldc161x;
+use crate::{
+    BusAccess, Canary, Channel, Configuration, Direction, DriveCurrent, Error, Register, Status,
+    state::FRAME_REGISTERS,
+};
+
+#[maybe_async_cfg::maybe(
+    sync(keep_self),
+    async(
+        feature = "async",
+        self = "AsyncLdc161x",
+        idents(I2c(async = "AsyncI2c"))
+    )
+)]
+impl<I2C: I2c> Ldc161x<I2C> {
+    /// Compares one register with what it should hold, the next one at each call, CONFIG last.
+    /// Call it between frames; each costs 48 bit times. A chip that lost its registers goes on
+    /// answering, with wrong frequencies: only this finds it.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::RegistersLost`]: the chip counts as not running, and every frame since the last
+    /// confirmed one is in doubt. Otherwise as [`read_frame`](Self::read_frame).
+    ///
+    /// ```
+    /// # use core::cell::RefCell;
+    /// # use ldc161x::*;
+    /// # let sensor = Sensor { highest_quality_factor: 25, lowest_rp_ohm: 3_000,
+    /// #     highest_rp_ohm: 3_000, ..Sensor::new(2_900_000, 3_800_000) };
+    /// # let clock = ReferenceClock::External { hz: 40_000_000 };
+    /// # let plan = Request::new(Model::Ldc1614, clock, Acquisition::Single(Channel::Zero), sensor)
+    /// #     .rate(Rate::PerSecond(1_000)).plan()?;
+    /// # let chip = RefCell::new(ldc161x_sim::Chip::new(ldc161x_sim::Settings::default(), [3.1e6; 4]));
+    /// # let mut interrupt = ldc161x_sim::IntbPin::new(&chip);
+    /// # let mut shutdown = ldc161x_sim::ShutdownPin::new(&chip);
+    /// # let mut delay = ldc161x_sim::Delay::new(&chip);
+    /// # let i2c = ldc161x_sim::Bus::new(&chip, 400_000);
+    /// # let mut driver = Ldc161x::new(i2c, Model::Ldc1614, Address::AddrLow);
+    /// # driver.start(&plan.configuration)?;
+    /// let number = driver.read_frame()?.number;
+    /// while driver.check_canary()?.confirmed.is_none() {}
+    /// // The round began before the frame: the next one confirms it.
+    /// assert_eq!(driver.verify()?.confirmed, Some(number));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub async fn check_canary(&mut self) -> Result<Canary, Error<I2C::Error>> {
+        let configuration = self.running()?;
+        let (register, expected) = self.state.canary(&configuration);
+        self.compare(register, expected).await?;
+        Ok(self.state.canary_lives(&configuration, register))
+    }
+
+    /// A whole round of canaries at once: confirms every frame read so far.
+    ///
+    /// # Errors
+    ///
+    /// As [`check_canary`](Self::check_canary).
+    ///
+    /// ```
+    /// # use core::cell::RefCell;
+    /// # use ldc161x::*;
+    /// # let sensor = Sensor { highest_quality_factor: 25, lowest_rp_ohm: 3_000,
+    /// #     highest_rp_ohm: 3_000, ..Sensor::new(2_900_000, 3_800_000) };
+    /// # let clock = ReferenceClock::External { hz: 40_000_000 };
+    /// # let plan = Request::new(Model::Ldc1614, clock, Acquisition::Single(Channel::Zero), sensor)
+    /// #     .rate(Rate::PerSecond(1_000)).plan()?;
+    /// # let chip = RefCell::new(ldc161x_sim::Chip::new(ldc161x_sim::Settings::default(), [3.1e6; 4]));
+    /// # let mut interrupt = ldc161x_sim::IntbPin::new(&chip);
+    /// # let mut shutdown = ldc161x_sim::ShutdownPin::new(&chip);
+    /// # let mut delay = ldc161x_sim::Delay::new(&chip);
+    /// # let i2c = ldc161x_sim::Bus::new(&chip, 400_000);
+    /// # let mut driver = Ldc161x::new(i2c, Model::Ldc1614, Address::AddrLow);
+    /// # driver.start(&plan.configuration)?;
+    /// let number = driver.read_frame()?.number;
+    /// assert_eq!(driver.verify()?.confirmed, Some(number));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub async fn verify(&mut self) -> Result<Canary, Error<I2C::Error>> {
+        self.state.begin_round();
+        loop {
+            let canary = self.check_canary().await?;
+            if canary.confirmed.is_some() {
+                return Ok(canary);
+            }
+        }
+    }
+
+    /// Reads STATUS, which clears it and releases INTB.
+    ///
+    /// # Errors
+    ///
+    /// A bus error.
+    ///
+    /// ```
+    /// # use core::cell::RefCell;
+    /// # use ldc161x::*;
+    /// # let sensor = Sensor { highest_quality_factor: 25, lowest_rp_ohm: 3_000,
+    /// #     highest_rp_ohm: 3_000, ..Sensor::new(2_900_000, 3_800_000) };
+    /// # let clock = ReferenceClock::External { hz: 40_000_000 };
+    /// # let plan = Request::new(Model::Ldc1614, clock, Acquisition::Single(Channel::Zero), sensor)
+    /// #     .rate(Rate::PerSecond(1_000)).plan()?;
+    /// # let chip = RefCell::new(ldc161x_sim::Chip::new(ldc161x_sim::Settings::default(), [3.1e6; 4]));
+    /// # let mut interrupt = ldc161x_sim::IntbPin::new(&chip);
+    /// # let mut shutdown = ldc161x_sim::ShutdownPin::new(&chip);
+    /// # let mut delay = ldc161x_sim::Delay::new(&chip);
+    /// # let i2c = ldc161x_sim::Bus::new(&chip, 400_000);
+    /// # let mut driver = Ldc161x::new(i2c, Model::Ldc1614, Address::AddrLow);
+    /// # driver.start(&plan.configuration)?;
+    /// driver.wait_for_interrupt(&mut interrupt, &mut delay)?;
+    /// assert!(driver.read_status()?.data_ready());
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub async fn read_status(&mut self) -> Result<Status, Error<I2C::Error>> {
+        self.read_register(Register::Status)
+            .await
+            .map(Status::from_bits)
+    }
+
+    /// Reads the drive current of one channel, and what calibration found for it.
+    ///
+    /// # Errors
+    ///
+    /// A bus error.
+    ///
+    /// ```
+    /// # use core::cell::RefCell;
+    /// # use ldc161x::*;
+    /// # let sensor = Sensor { highest_quality_factor: 25, lowest_rp_ohm: 3_000,
+    /// #     highest_rp_ohm: 3_000, ..Sensor::new(2_900_000, 3_800_000) };
+    /// # let clock = ReferenceClock::External { hz: 40_000_000 };
+    /// # let plan = Request::new(Model::Ldc1614, clock, Acquisition::Single(Channel::Zero), sensor)
+    /// #     .rate(Rate::PerSecond(1_000)).plan()?;
+    /// # let chip = RefCell::new(ldc161x_sim::Chip::new(ldc161x_sim::Settings::default(), [3.1e6; 4]));
+    /// # let mut interrupt = ldc161x_sim::IntbPin::new(&chip);
+    /// # let mut shutdown = ldc161x_sim::ShutdownPin::new(&chip);
+    /// # let mut delay = ldc161x_sim::Delay::new(&chip);
+    /// # let i2c = ldc161x_sim::Bus::new(&chip, 400_000);
+    /// # let mut driver = Ldc161x::new(i2c, Model::Ldc1614, Address::AddrLow);
+    /// # driver.start(&plan.configuration)?;
+    /// let planned = plan.configuration.channel(Channel::Zero).drive;
+    /// assert_eq!(driver.read_drive_current(Channel::Zero)?.drive, planned);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub async fn read_drive_current(
+        &mut self,
+        channel: Channel,
+    ) -> Result<DriveCurrent, Error<I2C::Error>> {
+        self.read_register(Register::DriveCurrent(channel))
+            .await
+            .map(DriveCurrent::from_bits)
+    }
+
+    /// Reads any register, for diagnosis. Mind that reading DATAx_MSB and STATUS clears flags.
+    ///
+    /// # Errors
+    ///
+    /// A bus error.
+    ///
+    /// ```
+    /// # use core::cell::RefCell;
+    /// # use ldc161x::*;
+    /// # let sensor = Sensor { highest_quality_factor: 25, lowest_rp_ohm: 3_000,
+    /// #     highest_rp_ohm: 3_000, ..Sensor::new(2_900_000, 3_800_000) };
+    /// # let clock = ReferenceClock::External { hz: 40_000_000 };
+    /// # let plan = Request::new(Model::Ldc1614, clock, Acquisition::Single(Channel::Zero), sensor)
+    /// #     .rate(Rate::PerSecond(1_000)).plan()?;
+    /// # let chip = RefCell::new(ldc161x_sim::Chip::new(ldc161x_sim::Settings::default(), [3.1e6; 4]));
+    /// # let mut interrupt = ldc161x_sim::IntbPin::new(&chip);
+    /// # let mut shutdown = ldc161x_sim::ShutdownPin::new(&chip);
+    /// # let mut delay = ldc161x_sim::Delay::new(&chip);
+    /// # let i2c = ldc161x_sim::Bus::new(&chip, 400_000);
+    /// # let mut driver = Ldc161x::new(i2c, Model::Ldc1614, Address::AddrLow);
+    /// # driver.start(&plan.configuration)?;
+    /// assert_eq!(driver.read_register(Register::DeviceId)?, 0x3055);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub async fn read_register(&mut self, register: Register) -> Result<u16, Error<I2C::Error>> {
+        let address = self.address.bits();
+        let pointer = [register.address()];
+        let mut data = [0; 2];
+        let result = match self.state.access {
+            BusAccess::SeparateTransfers => match self.i2c.write(address, &pointer).await {
+                Ok(()) => self.i2c.read(address, &mut data).await,
+                Err(error) => Err(error),
+            },
+            _ => self.i2c.write_read(address, &pointer, &mut data).await,
+        };
+        match result {
+            Ok(()) => Ok(u16::from_be_bytes(data)),
+            Err(source) => Err(self.failed(register, Direction::Read, source)),
+        }
+    }
+
+    /// Fetches `registers` in order, as `BusAccess` says.
+    pub(super) async fn read_registers(
+        &mut self,
+        registers: &[Register],
+        words: &mut [u16],
+    ) -> Result<(), Error<I2C::Error>> {
+        if self.state.access == BusAccess::FramePerTransaction {
+            return self.read_in_one_transaction(registers, words).await;
+        }
+        for (register, word) in registers.iter().zip(words) {
+            *word = self.read_register(*register).await?;
+        }
+        Ok(())
+    }
+
+    async fn read_in_one_transaction(
+        &mut self,
+        registers: &[Register],
+        words: &mut [u16],
+    ) -> Result<(), Error<I2C::Error>> {
+        let mut pointers: Vec<[u8; 1], FRAME_REGISTERS> = Vec::new();
+        for register in registers {
+            // A frame has no more registers than there is room for.
+            let _ = pointers.push([register.address()]);
+        }
+        let mut data = [[0; 2]; FRAME_REGISTERS];
+        let mut operations: Vec<Operation<'_>, { 2 * FRAME_REGISTERS }> = Vec::new();
+        for (pointer, data) in pointers.iter().zip(&mut data) {
+            // Twice as many operations as registers: no push can fail.
+            let _ = operations.push(Operation::Write(pointer));
+            let _ = operations.push(Operation::Read(data));
+        }
+        let result = self
+            .i2c
+            .transaction(self.address.bits(), &mut operations)
+            .await;
+        drop(operations);
+        if let Err(source) = result {
+            let register = registers.first().copied().unwrap_or(Register::Status);
+            return Err(self.failed(register, Direction::Read, source));
+        }
+        for (word, bytes) in words.iter_mut().zip(data) {
+            *word = u16::from_be_bytes(bytes);
+        }
+        Ok(())
+    }
+
+    pub(super) async fn write_register(
+        &mut self,
+        register: Register,
+        value: u16,
+    ) -> Result<(), Error<I2C::Error>> {
+        let [high, low] = value.to_be_bytes();
+        let bytes = [register.address(), high, low];
+        match self.i2c.write(self.address.bits(), &bytes).await {
+            Ok(()) => Ok(()),
+            Err(source) => Err(self.failed(register, Direction::Write, source)),
+        }
+    }
+
+    pub(super) async fn write_verified(
+        &mut self,
+        register: Register,
+        value: u16,
+    ) -> Result<(), Error<I2C::Error>> {
+        self.write_register(register, value).await?;
+        self.read_back(register, value).await
+    }
+
+    pub(super) async fn read_back(
+        &mut self,
+        register: Register,
+        written: u16,
+    ) -> Result<(), Error<I2C::Error>> {
+        let read = self.read_register(register).await?;
+        if (read ^ written) & register.readback_mask() == 0 {
+            Ok(())
+        } else {
+            Err(Error::ReadBack {
+                register,
+                written,
+                read,
+            })
+        }
+    }
+
+    /// Compares a register of the running chip; where it differs the chip counts as stopped.
+    pub(super) async fn compare(
+        &mut self,
+        register: Register,
+        expected: u16,
+    ) -> Result<(), Error<I2C::Error>> {
+        let found = self.read_register(register).await?;
+        if (found ^ expected) & register.readback_mask() == 0 {
+            return Ok(());
+        }
+        self.state.stopped();
+        Err(Error::RegistersLost {
+            register,
+            expected,
+            found,
+        })
+    }
+
+    pub(super) fn running(&self) -> Result<Configuration, Error<I2C::Error>> {
+        let configuration = self.state.wanted.ok_or(Error::NotStarted)?;
+        if self.state.running {
+            Ok(configuration)
+        } else {
+            Err(Error::NotRunning)
+        }
+    }
+
+    fn failed(
+        &mut self,
+        register: Register,
+        direction: Direction,
+        source: I2C::Error,
+    ) -> Error<I2C::Error> {
+        self.state.transfer_failed();
+        Error::Bus {
+            register,
+            direction,
+            source,
+        }
+    }
+}
