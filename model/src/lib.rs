@@ -1,2 +1,28 @@
 #![no_std]
-//! Under construction.
+#![forbid(unsafe_code)]
+#![cfg_attr(
+    not(test),
+    deny(
+        clippy::expect_used,
+        clippy::indexing_slicing,
+        clippy::panic,
+        clippy::unreachable,
+        clippy::unwrap_used,
+    )
+)]
+// `!(a > b)` is how a comparison refuses NaN; the places say so.
+#![allow(clippy::neg_cmp_op_on_partial_ord)]
+#![doc = include_str!("../README.md")]
+
+pub mod calibration_curve;
+pub mod contact;
+pub mod demagnetising;
+pub mod layer;
+pub mod magnetorheological;
+pub mod math;
+pub mod ramp;
+pub mod springs;
+pub mod tank;
+pub mod thermal;
+pub mod uncertainty;
+pub mod units;

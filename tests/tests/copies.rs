@@ -4,7 +4,19 @@
 use std::{fs, path::Path};
 
 /// The project's copy, and its original.
-const COPIES: &[(&str, &str)] = &[("docs/examples/words.csv", "ldc_words.csv")];
+const COPIES: &[(&str, &str)] = &[
+    ("docs/examples/words.csv", "ldc_words.csv"),
+    (
+        "sim-host/stacks/disturbances.toml",
+        "stacks/disturbances.toml",
+    ),
+    ("sim-host/stacks/paper.toml", "stacks/paper.toml"),
+    (
+        "sim-host/stacks/soft-closed.toml",
+        "stacks/soft-closed.toml",
+    ),
+    ("sim-host/stacks/ultrasoft.toml", "stacks/ultrasoft.toml"),
+];
 
 #[test]
 fn copies_of_reference_data_equal_their_originals() {

@@ -78,8 +78,19 @@ pub(crate) const MEMBERS: &[Member] = &[
         name: "palpate-model",
         runs_on: RunsOn::Everywhere,
         published: false,
-        features: &[],
+        features: &["defmt", "serde"],
         mcu_examples: &[],
+    },
+    Member {
+        name: "palpate-wire",
+        runs_on: RunsOn::Everywhere,
+        published: false,
+        features: &["defmt"],
+        mcu_examples: &[],
+    },
+    Member {
+        name: "palpate-sim",
+        ..HOST_PROGRAM
     },
     Member {
         name: "palpate",

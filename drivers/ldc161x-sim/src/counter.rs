@@ -277,6 +277,18 @@ mod tests {
             let walked = rising.1 + falling.1;
             // with the frequency on the move the first edge is up to one tick's rounding off
             assert!(counts.reference.abs_diff(walked) <= 1, "trial {trial}");
+
+            let halves = Core {
+                counter: Counter::HalfPeriods,
+                ..core
+            };
+            let counts = signal.count(halves, clocks);
+            let walked = walk(2.0 * phase, rate, bend / 2.0, 2.0 * opening, 2.0 * clocks);
+            assert_eq!(counts.sensor, walked.0, "halves, trial {trial}");
+            assert!(
+                counts.reference.abs_diff(walked.1) <= 1,
+                "halves, trial {trial}"
+            );
         }
     }
 

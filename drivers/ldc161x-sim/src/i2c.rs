@@ -1,8 +1,4 @@
 //! The chip as a target on the I2C bus, byte by byte (datasheet 7.5).
-//!
-//! The times are those of the wire: of [`Chip::start`] and [`Chip::write`] the ninth clock, where the
-//! acknowledge falls; of [`Chip::read`] the first clock, since the chip must know its byte then; of
-//! [`Chip::stop`] the STOP itself.
 
 use crate::chip::Chip;
 use crate::faults::{Fault, Path};
@@ -101,6 +97,10 @@ impl Link {
 
 impl<S: Sensors> Chip<S> {
     /// START, or repeated START, with the address byte: seven bits of address, and 1 to read.
+    ///
+    /// `time` is that of the ninth clock, where the acknowledge falls. This and its fellows are the
+    /// chip's side of the wires, for a bus or an emulated microcontroller that keeps its own time;
+    /// [`crate::Bus`] is one.
     pub fn start(&mut self, time: Time, address_byte: u8) -> Ack {
         self.advance_to(time);
         self.break_off(true);
@@ -120,7 +120,8 @@ impl<S: Sensors> Chip<S> {
         Ack::Ack
     }
 
-    /// A byte from the master.
+    /// A byte from the master; `time` is that of its ninth clock. A register changes with the second
+    /// of its bytes.
     pub fn write(&mut self, time: Time, byte: u8) -> Ack {
         self.advance_to(time);
         self.traffic.bytes += 1;
@@ -138,7 +139,8 @@ impl<S: Sensors> Chip<S> {
         Ack::Ack
     }
 
-    /// A byte to the master, which answers it with `ack`.
+    /// A byte to the master, which answers it with `ack`; `time` is that of its first clock, when the
+    /// chip must know it. What a read takes away goes with the first byte of the register.
     pub fn read(&mut self, time: Time, ack: Ack) -> u8 {
         self.advance_to(time);
         self.traffic.bytes += 1;

@@ -19,7 +19,7 @@ const SLOWEST_SENSOR_HZ: f64 = 250.0;
 const FULL_CURRENT_CODE: u8 = 31;
 
 /// What the chip is about.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug)]
 enum Step {
     /// Asleep, shut down or without supply.
     Idle,
@@ -28,7 +28,7 @@ enum Step {
     /// A channel's oscillation builds up.
     Activation,
     /// A channel is counted.
-    Conversion,
+    Conversion(Gate),
     /// Between a conversion and what follows it.
     Pause,
 }
@@ -39,7 +39,6 @@ pub(crate) struct Sequence {
     step: Step,
     channel: u8,
     ends: Moment,
-    gate: Option<Gate>,
     /// Length and end of the last activation.
     settle_s: f64,
     settled: Moment,
@@ -58,7 +57,6 @@ impl Sequence {
             step: Step::Idle,
             channel: 0,
             ends: Moment::NEVER,
-            gate: None,
             settle_s: 0.0,
             settled: start,
             phase: 0.0,
@@ -71,13 +69,12 @@ impl Sequence {
     pub(crate) fn halt(&mut self) {
         self.step = Step::Idle;
         self.ends = Moment::NEVER;
-        self.gate = None;
         self.calibrated = [None; CHANNELS];
     }
 
     /// A write has come amid a conversion.
     pub(crate) fn disturb(&mut self) {
-        if let Some(gate) = &mut self.gate {
+        if let Step::Conversion(gate) = &mut self.step {
             gate.disturbed = true;
         }
     }
@@ -121,7 +118,7 @@ impl<S: Sensors> Chip<S> {
             Step::Idle => {}
             Step::StartUp => self.first_channel(ends),
             Step::Activation => self.settle(ends),
-            Step::Conversion => self.complete(ends),
+            Step::Conversion(gate) => self.complete(&gate, ends),
             Step::Pause => self.next_channel(ends),
         }
     }
@@ -201,7 +198,6 @@ impl<S: Sensors> Chip<S> {
         let phase = self.random.uniform();
         let sequence = &mut self.sequence;
         sequence.channel = channel;
-        sequence.gate = None;
         sequence.phase = phase;
         sequence.alive = at;
         sequence.settle_s = settle_s;
@@ -232,28 +228,24 @@ impl<S: Sensors> Chip<S> {
             disturbed: false,
         };
         gate.end = at.after(gate.clocks() / gate.reference_hz);
-        self.sequence.gate = Some(gate);
-        self.sequence.enter(Step::Conversion, gate.end);
+        self.sequence.enter(Step::Conversion(gate), gate.end);
     }
 
     /// Closes the gate and reports.
-    fn complete(&mut self, at: Moment) {
-        let Some(gate) = self.sequence.gate.take() else {
-            return;
-        };
+    fn complete(&mut self, gate: &Gate, at: Moment) {
         let phase = &mut self.sequence.phase;
         let mut conversion = gate.measure(&self.settings, &self.sensors, phase, &mut self.random);
         conversion.errors |= amplitude_errors(conversion.amplitude_v);
         if conversion.oscillation_hz >= SLOWEST_SENSOR_HZ {
             self.sequence.alive = at;
         }
-        self.judge(&gate, &conversion);
+        self.judge(gate, &conversion);
         self.results.finish(conversion, self.reporting());
         if gate.channel == self.last_channel() {
             self.results.sequence_done(self.reporting());
         }
         self.correct_amplitude(gate.channel, conversion.amplitude_v);
-        self.pause(at, &gate, conversion.oscillation_hz);
+        self.pause(at, gate, conversion.oscillation_hz);
     }
 
     /// In single-channel mode the sensor oscillates on during the pause, and so does its phase.

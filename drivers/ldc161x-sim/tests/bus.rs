@@ -91,9 +91,16 @@ fn adjacent_operations_of_one_kind_are_one_transfer() {
         )
         .expect("an answer");
     assert_eq!((high, low), ([0x12], [0x34]));
+    rig.bus()
+        .transaction(
+            ADDRESS,
+            &mut [Operation::Read(&mut high), Operation::Read(&mut low)],
+        )
+        .expect("an answer");
+    assert_eq!((high, low), ([0x12], [0x34]), "acknowledged in between");
     let traffic = rig.chip.borrow().traffic();
-    assert_eq!(traffic.bit_times(), 38 + 48);
-    assert_eq!(traffic.starts, 3);
+    assert_eq!(traffic.bit_times(), 38 + 48 + 29);
+    assert_eq!(traffic.starts, 4);
     assert_eq!(
         rig.chip.borrow().misuse(),
         Default::default(),
@@ -336,6 +343,10 @@ fn writes_while_converting() {
         assert!(!after.spoilt);
         let told_hz = f64::from(during.word) / 268_435_456.0 * 40e6;
         assert_eq!((told_hz - 3e6).abs() > 1e3, corrupts, "{told_hz}");
+        assert!(
+            (1.5e6..3.001e6).contains(&told_hz),
+            "half of the edges at worst"
+        );
     }
 }
 
@@ -407,6 +418,28 @@ fn delays_take_their_time() {
     delay.delay_us(2);
     delay.delay_ms(3);
     assert_eq!(rig.now(), Time::from_ns(3_002_001));
+}
+
+#[test]
+fn errors_tell_what_they_are() {
+    for (error, kind, text) in [
+        (
+            I2cError::ArbitrationLoss,
+            ErrorKind::ArbitrationLoss,
+            "arbitration",
+        ),
+        (I2cError::Bus, ErrorKind::Bus, "SDA"),
+        (I2cError::Timeout, ErrorKind::Other, "SCL"),
+        (I2cError::Borrowed, ErrorKind::Other, "borrowed"),
+    ] {
+        assert_eq!(error.kind(), kind);
+        assert!(error.to_string().contains(text), "{error}");
+    }
+    assert!(ldc161x_sim::ScheduleFull.to_string().contains("16"));
+    let errors = ldc161x_sim::Errors::WATCHDOG | ldc161x_sim::Errors::AMPLITUDE_LOW;
+    assert_eq!(errors.to_string(), "WD+ALE");
+    assert_eq!(ldc161x_sim::Errors::NONE.to_string(), "none");
+    assert_eq!(ms(1_500).to_string(), "1.500000000 s");
 }
 
 #[test]

@@ -59,6 +59,19 @@ fn amplitude_flags_follow_equation_12_for_every_code() {
 }
 
 #[test]
+fn sensors_without_losses_of_their_own_have_ordinary_ones() {
+    let closure = |_: usize, _: f64| 3e6;
+    assert_eq!(closure.parallel_resistance_ohm(0, 0.0), 3e3);
+    assert_eq!(closure.quality_factor(0, 0.0), 25.0);
+    let tanks = [tank(4e3, 30.0)];
+    assert!((tanks.frequency_hz(0, 0.0) - 3e6).abs() < 1.0);
+    assert!((tanks.quality_factor(0, 0.0) - 30.0).abs() < 1e-9);
+    assert_eq!(tanks.parallel_resistance_ohm(0, 0.0), 4e3);
+    assert_eq!(tanks.quality_factor(1, 0.0), 0.0);
+    assert_eq!(tanks.parallel_resistance_ohm(1, 0.0), 0.0);
+}
+
+#[test]
 fn oscillation_stops_below_the_least_amplitude() {
     for (amplitude, oscillates) in [(0.59, false), (0.61, true)] {
         let resistance_ohm = core::f64::consts::PI * amplitude / (4.0 * 297e-6);
@@ -163,15 +176,17 @@ fn autoscan_settles_each_time() {
 fn automatic_calibration_finds_and_shows_the_code() {
     for resistance_ohm in [800.0, 3e3, 6.6e3, 20e3, 80e3] {
         // as Klipper's LDC_CALIBRATE_DRIVE_CURRENT: CONFIG 0x0201
-        let rig = driven(quiet(40e6), [tank(resistance_ohm, 20.0)], 0, 0x0201);
-        rig.convert(0, 3);
-        let shown = rig.read(0x1E);
+        let rig = driven(quiet(40e6), [tank(resistance_ohm, 20.0)], 5, 0x0201);
         let code = calibrated_code(resistance_ohm);
-        assert_eq!(
-            shown,
-            u16::from(code) << 6,
-            "INIT_IDRIVE at {resistance_ohm} ohm"
-        );
+        for _ in 0..3 {
+            rig.convert(0, 1);
+            let shown = rig.read(0x1E);
+            assert_eq!(
+                shown,
+                5 << 11 | u16::from(code) << 6,
+                "{resistance_ohm} ohm"
+            );
+        }
         let chip = rig.chip.borrow();
         assert_eq!(
             chip.last_conversion(0).expect("a conversion").drive_code,

@@ -173,6 +173,9 @@ fn the_test_can_know_when_a_fault_acts() {
     );
     let log = rig.chip.borrow().disturbances();
     assert_eq!((log.begun, log.ended), (1, 1));
+    let over = state();
+    rig.chip.borrow_mut().clear_faults();
+    assert_eq!(state(), over, "what is over is remembered");
 }
 
 #[test]

@@ -1,0 +1,97 @@
+//! What stops the instrument.
+
+codes! {
+    /// What stopped the instrument, or a part of it. The record `fault` carries a value and a
+    /// limit, whose meaning is told here.
+    pub enum FaultCode {
+        /// No converter answers at its address. Check supply, wiring and the address pin.
+        SensorAbsent = 1 "sensor_absent",
+        /// The converter's identity registers are wrong. Value: device identity. Check the part.
+        SensorIdentity = 2 "sensor_identity",
+        /// The converter lost its registers. Value: address of the first one. Check its supply.
+        SensorReset = 3 "sensor_reset",
+        /// A register reads back differently. Value: its address. Check the bus.
+        SensorRegister = 4 "sensor_register",
+        /// No conversion arrives. Value: time without one, s; limit: time allowed, s. Check coil,
+        /// clock and interrupt line.
+        SensorSilent = 5 "sensor_silent",
+        /// The interrupt line does not change. Value: its level. Check wiring.
+        InterruptStuck = 6 "interrupt_stuck",
+        /// The bus's data line is held low. Check wiring and supply.
+        BusDataStuck = 7 "bus_data_stuck",
+        /// The bus's clock line is held low. Check wiring and supply.
+        BusClockStuck = 8 "bus_clock_stuck",
+        /// A transfer was not acknowledged. Value: failures in a row.
+        BusNotAcknowledged = 9 "bus_not_acknowledged",
+        /// A transfer took too long. Value and limit: time, s.
+        BusTimeout = 10 "bus_timeout",
+        /// The amplitude is out of range. Value: channel. Set the drive current anew.
+        SensorAmplitude = 11 "sensor_amplitude",
+        /// The sensor does not oscillate. Value: channel. Check coil and capacitor.
+        SensorNotOscillating = 12 "sensor_not_oscillating",
+        /// The sensor is too fast for the reference clock. Value: channel.
+        SensorOverRange = 13 "sensor_over_range",
+        /// The bridge reports a fault: overcurrent, overtemperature or undervoltage.
+        Bridge = 14 "bridge",
+        /// Too much current. Value and limit: current, A. Check the coil for a short.
+        OverCurrent = 15 "over_current",
+        /// The coil takes no current. Value: current, A; limit: current wanted, A. Check the
+        /// coil's wires and the supply.
+        CurrentMissing = 16 "current_missing",
+        /// Current flows with the bridge off. Value: current, A. Disconnect the supply; check
+        /// bridge and current amplifier.
+        CurrentUnwanted = 17 "current_unwanted",
+        /// The coil is too hot. Value and limit: temperature, degrees Celsius. Let it cool.
+        CoilTooHot = 18 "coil_too_hot",
+        /// The thermometer of the coil is open or shorted. Value: voltage, V.
+        Thermometer = 19 "thermometer",
+        /// The supply of the coil is too low. Value and limit: voltage, V.
+        SupplyLow = 20 "supply_low",
+        /// The supply of the coil is too high. Value and limit: voltage, V.
+        SupplyHigh = 21 "supply_high",
+        /// Too much energy went into the coil. Value and limit: energy, J.
+        TooMuchEnergy = 22 "too_much_energy",
+        /// The device came from a watchdog reset.
+        Watchdog = 23 "watchdog",
+        /// The device came from a panic; the record `crash` tells where.
+        Panic = 24 "panic",
+        /// The device came from a hard fault; the record `crash` tells where.
+        HardFault = 25 "hard_fault",
+        /// Settings or calibration are damaged. Value: kind of the record. Set them anew.
+        ConfigurationDamaged = 26 "configuration_damaged",
+        /// The storage could not be written or read.
+        Storage = 27 "storage",
+        /// A task missed its deadline. Value and limit: time, s.
+        Overrun = 28 "overrun",
+        /// A clock does not run or is off. Value and limit: frequency, Hz.
+        Clock = 29 "clock",
+    }
+
+    /// Where something happened.
+    pub enum Place {
+        /// The processor and its firmware.
+        Processor = 1 "processor",
+        /// The bus to the converters.
+        Bus = 2 "bus",
+        /// The first converter.
+        Sensor = 3 "sensor",
+        /// The second converter.
+        SecondSensor = 4 "second_sensor",
+        /// The H-bridge.
+        Bridge = 5 "bridge",
+        /// The coil and its current.
+        Coil = 6 "coil",
+        /// The coil's thermometer.
+        Thermometer = 7 "thermometer",
+        /// The coil's supply.
+        Supply = 8 "supply",
+        /// The clocks.
+        Clock = 9 "clock",
+        /// The procedure.
+        Procedure = 10 "procedure",
+        /// Settings, calibration and their storage.
+        Storage = 11 "storage",
+        /// The link to the PC.
+        Link = 12 "link",
+    }
+}

@@ -1,0 +1,44 @@
+//! What the device is and how it came to run.
+
+codes! {
+    /// Why the device started.
+    pub enum ResetCause {
+        /// Power was applied.
+        PowerOn = 1 "power_on",
+        /// The supply of the processor sagged.
+        BrownOut = 2 "brown_out",
+        /// The reset pin was pulled.
+        Pin = 3 "pin",
+        /// The firmware asked for it.
+        Software = 4 "software",
+        /// A debug probe asked for it.
+        Debugger = 5 "debugger",
+        /// The watchdog was not fed. The bridge stays off until it is armed again.
+        Watchdog = 6 "watchdog",
+        /// The firmware panicked. The bridge stays off until it is armed again.
+        Panic = 7 "panic",
+        /// The processor took a hard fault, a stack overflow among others. The bridge stays off
+        /// until it is armed again.
+        HardFault = 8 "hard_fault",
+    }
+
+    /// What answers at the address of an inductance-to-digital converter.
+    pub enum Chip {
+        /// Nothing does.
+        Absent = 1 "absent",
+        /// LDC1612 or LDC1614; their identity registers are the same.
+        Ldc161x = 2 "ldc161x",
+        /// LDC1312 or LDC1314: 12 bits, not supported.
+        Ldc131x = 3 "ldc131x",
+        /// Something with other identity registers.
+        Foreign = 4 "foreign",
+    }
+
+    /// The board that the firmware was built for.
+    pub enum Board {
+        /// No hardware: the same tasks on a computer.
+        Virtual = 1 "virtual",
+        /// Raspberry Pi Pico, RP2040.
+        Pico = 2 "pico",
+    }
+}

@@ -1,0 +1,62 @@
+//! What became of a command.
+
+codes! {
+    /// What became of a command.
+    pub enum Outcome {
+        /// Accepted, and begun.
+        Accepted = 0 "accepted",
+        /// The device does not know this kind.
+        UnknownCommand = 1 "unknown_command",
+        /// The payload cannot be read.
+        Malformed = 2 "malformed",
+        /// The command is addressed to another boot of the device: it was sent before a reset.
+        /// Read `hello` and decide anew.
+        OtherBoot = 3 "other_boot",
+        /// A field is infinite or not a number.
+        NotFinite = 4 "not_finite",
+        /// A field is beyond its limits, or beyond the narrower ones of this board.
+        OutOfRange = 5 "out_of_range",
+        /// A field has a number that the device does not know.
+        UnknownCode = 6 "unknown_code",
+        /// A list does not increase where it has to.
+        NotIncreasing = 7 "not_increasing",
+        /// Fields contradict each other.
+        Inconsistent = 8 "inconsistent",
+        /// A chunk does not continue the curve that was begun. Send the curve from its first knot.
+        OutOfSequence = 9 "out_of_sequence",
+        /// The curve does not rise or fall all along.
+        NotMonotone = 10 "not_monotone",
+        /// There is no such sensor or channel on this board.
+        NoSuchChannel = 11 "no_such_channel",
+        /// That part of the calibration was never set.
+        NotSet = 12 "not_set",
+        /// A calibration that the command needs is missing.
+        NotCalibrated = 13 "not_calibrated",
+        /// The device has to be armed first.
+        NotArmed = 14 "not_armed",
+        /// A measurement is running.
+        Busy = 15 "busy",
+        /// The device is armed, and this may not change while it is.
+        Armed = 16 "armed",
+        /// A fault stands; clear it first.
+        Faulted = 17 "faulted",
+        /// The fault to be cleared is not the one that stands.
+        OtherFault = 18 "other_fault",
+        /// The fault's cause has not gone.
+        FaultPersists = 19 "fault_persists",
+        /// There is no bridge, no coil or no current measurement.
+        NoCoil = 20 "no_coil",
+        /// No converter answers.
+        NoSensor = 21 "no_sensor",
+        /// Nothing touches.
+        NoContact = 22 "no_contact",
+        /// The coil has to cool down.
+        CoilTooHot = 23 "coil_too_hot",
+        /// The device could not store it.
+        StorageFailed = 24 "storage_failed",
+        /// The device is in sensing-only mode.
+        SensingOnly = 25 "sensing_only",
+        /// The device is too busy to read the command. Send it again.
+        Overloaded = 26 "overloaded",
+    }
+}

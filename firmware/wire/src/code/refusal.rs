@@ -1,0 +1,58 @@
+//! Why a measurement gives no estimate.
+
+codes! {
+    /// Why a measurement gave no estimate. The record `refusal` carries a value and a limit, whose
+    /// meaning is told here.
+    pub enum RefusalReason {
+        /// A calibration is missing. Value: kind of the record that would carry it.
+        NotCalibrated = 1 "not_calibrated",
+        /// Nothing touches.
+        NoContact = 2 "no_contact",
+        /// The contact was lost. Value: time since the start, s.
+        ContactLost = 3 "contact_lost",
+        /// The press did not become steady. Value and limit: drift, m/s.
+        Unsteady = 4 "unsteady",
+        /// Pressed too little. Value and limit: deformation, m.
+        PressedTooLittle = 5 "pressed_too_little",
+        /// Pressed beyond the calibration. Value and limit: deformation, m.
+        PressedTooFar = 6 "pressed_too_far",
+        /// Too few samples. Value: samples taken; limit: samples needed.
+        TooFewSamples = 7 "too_few_samples",
+        /// Conversions were lost. Value and limit: number.
+        ConversionsLost = 8 "conversions_lost",
+        /// The converter flagged conversions. Value and limit: number.
+        Flagged = 9 "flagged",
+        /// Two effects cannot be told apart: the current did not change, or drift has the shape of
+        /// the signal. Value: place of the term.
+        IllConditioned = 10 "ill_conditioned",
+        /// The sums left the range of numbers.
+        NotFinite = 11 "not_finite",
+        /// The deformation does not follow the current beyond doubt. Value: slope in standard
+        /// errors; limit: what is needed.
+        SignalTooSmall = 12 "signal_too_small",
+        /// The deformation follows the current the wrong way round. Value: slope in standard
+        /// errors.
+        SignalReversed = 13 "signal_reversed",
+        /// The whole interval is of negative stiffness. Value: greatest c_S/c_L in it.
+        NegativeStiffness = 14 "negative_stiffness",
+        /// The samples do not fit the model. Value and limit: reduced chi-square.
+        Misfit = 15 "misfit",
+        /// The standard error is greater than the settings allow. Value and limit: standard error
+        /// as a fraction of the stiffness.
+        TooUncertain = 16 "too_uncertain",
+        /// The current did not follow its course. Value: current, A; limit: current wanted, A.
+        CurrentOffCourse = 17 "current_off_course",
+        /// The supply cannot drive the peak current. Value and limit: current, A.
+        PeakNotReached = 18 "peak_not_reached",
+        /// The coil is too hot, or would become so. Value and limit: temperature, degrees Celsius.
+        CoilTooHot = 19 "coil_too_hot",
+        /// The pulse would exceed the allowed energy. Value and limit: energy, J.
+        TooMuchEnergy = 20 "too_much_energy",
+        /// The user aborted it.
+        Aborted = 21 "aborted",
+        /// A fault ended it. Value: number of the fault.
+        Faulted = 22 "faulted",
+        /// It took too long. Value and limit: time, s.
+        TimedOut = 23 "timed_out",
+    }
+}

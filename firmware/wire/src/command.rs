@@ -1,0 +1,93 @@
+//! Commands: what the device is told.
+
+use crate::Message;
+use crate::decoder::Decoder;
+use crate::frame::MAX_HEADER;
+
+mod calibration;
+mod curve;
+mod request;
+mod settings;
+
+pub use calibration::{Coil, Crosstalk, Springs, Stiffening, Tank};
+pub use curve::{
+    DeformationCurve, DeformationKnot, KNOTS_PER_CHUNK, MAX_KNOTS, StiffeningCurve, StiffeningKnot,
+};
+pub use request::{ClearFault, GetCalibration};
+pub use settings::Settings;
+
+messages! {
+    /// A command, from the PC to the device.
+    ///
+    /// The device answers every command frame that arrives whole with one `acknowledgement`.
+    pub enum Command {
+        bare {
+            /// Asks for `hello`. May be addressed to any boot.
+            Identify = 0x81 "identify",
+            /// Allows the coil to be driven, and goes to stiffness mode.
+            Arm = 0x82 "arm",
+            /// Forbids the coil to be driven; aborts a measurement. May be addressed to any boot.
+            Disarm = 0x83 "disarm",
+            /// Begins a measurement of the object that touches. The device has to be armed.
+            Measure = 0x84 "measure",
+            /// Ends a measurement with a refusal, bridge off first. May be addressed to any boot.
+            Abort = 0x85 "abort",
+            /// Disarms, and goes to sensing-only mode. May be addressed to any boot.
+            SensingOnly = 0x86 "sensing_only",
+            /// Asks for `settings`.
+            GetSettings = 0x88 "get_settings",
+        }
+        with payload {
+            /// Clears a fault. Refused if another one stands, or its cause has not gone.
+            ClearFault(ClearFault) = 0x87 "clear_fault",
+            /// A curve comes as several records.
+            GetCalibration(GetCalibration) = 0x89 "get_calibration",
+            /// Replaces all settings. Not while armed.
+            SetSettings(Settings) = 0x90 "set_settings",
+            /// Calibrates a resonator. Not while armed.
+            SetTank(Tank) = 0x91 "set_tank",
+            /// Calibrates deformation against inductance, chunk by chunk. Not while armed.
+            SetDeformationCurve(DeformationCurve) = 0x92 "set_deformation_curve",
+            /// Calibrates the coil's effect on the sensing layer. Not while armed.
+            SetCrosstalk(Crosstalk) = 0x93 "set_crosstalk",
+            /// Calibrates the springs. Not while armed.
+            SetSprings(Springs) = 0x94 "set_springs",
+            /// Calibrates the magnetorheological effect as a law; replaces a curve. Not while
+            /// armed.
+            SetStiffening(Stiffening) = 0x95 "set_stiffening",
+            /// Calibrates the magnetorheological effect as a curve, chunk by chunk; replaces a
+            /// law. Not while armed.
+            SetStiffeningCurve(StiffeningCurve) = 0x96 "set_stiffening_curve",
+            /// Calibrates coil and current measurement. Not while armed.
+            SetCoil(Coil) = 0x97 "set_coil",
+        }
+    }
+}
+
+impl Command {
+    /// Whether a device whose boot id is `boot` may act on the command in a frame that is
+    /// addressed to `addressee`.
+    ///
+    /// A command that was under way while the device restarted would meet a device in another
+    /// state than its sender saw: armed by mistake, or with other settings. So commands name the
+    /// boot that they are meant for. Those that make nothing less safe may be addressed to
+    /// [`Header::ANY_BOOT`](crate::Header::ANY_BOOT).
+    ///
+    /// ```
+    /// use palpate_wire::{Command, Header};
+    /// assert!(Command::Arm.is_for(7, 7));
+    /// assert!(!Command::Arm.is_for(7, Header::ANY_BOOT));
+    /// assert!(Command::Disarm.is_for(7, Header::ANY_BOOT));
+    /// assert!(!Command::Disarm.is_for(7, 6));
+    /// ```
+    pub const fn is_for(&self, boot: u32, addressee: u32) -> bool {
+        let harmless = matches!(
+            self,
+            Self::Identify | Self::Disarm | Self::Abort | Self::SensingOnly
+        );
+        addressee == boot || (harmless && addressee == crate::Header::ANY_BOOT)
+    }
+}
+
+/// Decodes commands.
+pub type CommandDecoder = Decoder<Command, { MAX_HEADER + <Command as Message>::MAX_PAYLOAD + 4 }>;

@@ -1,0 +1,91 @@
+//! Calibration: what was measured on this copy of the instrument.
+
+structure! {
+    /// The resonator of a channel.
+    pub struct Tank {
+        /// Converter: 0 first, 1 second.
+        sensor: u8 ["", 0, 1],
+        /// Channel.
+        channel: u8 ["", 0, 3],
+        /// Capacitance in parallel with the coil, wiring and converter included.
+        capacitance_f: f32 ["F", 1e-12, 1e-6],
+        /// Resonance frequency of the untouched sensor.
+        rest_frequency_hz: f64 ["Hz", 1e3, 1e7],
+    }
+}
+
+structure! {
+    /// What the coil's current does to the reading of a channel without any deformation, taken as
+    /// proportional to its square.
+    pub struct Crosstalk {
+        /// Converter: 0 first, 1 second.
+        sensor: u8 ["", 0, 1],
+        /// Channel.
+        channel: u8 ["", 0, 3],
+        /// Apparent deformation of the untouched sensor, per square of the current.
+        apparent_m_per_a2: f32 ["m/A^2", -1e-5, 1e-5],
+        /// Relative growth of that with the deformation.
+        growth_per_m: f32 ["1/m", -1e5, 1e5],
+        /// Relative standard uncertainty of the apparent deformation.
+        uncertainty: f32 ["1", 0, 1],
+    }
+}
+
+structure! {
+    /// The two springs of the sensor. Uncertainties are standard uncertainties, relative where
+    /// nothing else is said.
+    pub struct Springs {
+        /// c_S, the sensing layer.
+        sensing_n_per_m: f32 ["N/m", 1, 1e8],
+        /// Of c_S, the force scale apart.
+        sensing_uncertainty: f32 ["1", 0, 1],
+        /// c_D0, the actuated layer without current.
+        actuated_n_per_m: f32 ["N/m", 1, 1e8],
+        /// Of c_D0, the force scale apart.
+        actuated_uncertainty: f32 ["1", 0, 1],
+        /// Of the force scale that both have in common.
+        force_scale_uncertainty: f32 ["1", 0, 1],
+        /// Of the zero of the deformation.
+        zero_uncertainty_m: f32 ["m", 0, 1e-3],
+    }
+}
+
+structure! {
+    /// The magnetorheological effect as a law: c_D = c_D0 (1 + eps s(I)/s(I_peak)),
+    /// s = B^2/(B^2 + B_half^2), B proportional to I.
+    pub struct Stiffening {
+        /// I_peak, the current at which eps was measured.
+        peak_current_a: f32 ["A", 0.05, 20],
+        /// eps, relative rise of the actuated spring at that current.
+        rise_at_peak: f32 ["1", 1e-5, 100],
+        /// Relative standard uncertainty of eps.
+        rise_uncertainty: f32 ["1", 0, 1],
+        /// Field at that current; 0 for the purely quadratic law.
+        field_at_peak_t: f32 ["T", 0, 2],
+        /// B_half, the field of half the greatest rise.
+        field_half_t: f32 ["T", 0.001, 10],
+    }
+}
+
+structure! {
+    /// The coil of the actuated layer, its heat and the measurement of its current.
+    pub struct Coil {
+        /// Resistance at 20 degrees Celsius.
+        resistance_ohm: f32 ["ohm", 0.001, 1000],
+        /// Heat capacity of the copper.
+        copper_capacity_j_per_k: f32 ["J/K", 0.001, 10000],
+        /// Heat capacity of the layer around it.
+        pad_capacity_j_per_k: f32 ["J/K", 0.001, 100000],
+        /// Thermal resistance from copper to layer.
+        copper_to_pad_k_per_w: f32 ["K/W", 0.001, 1000],
+        /// Thermal resistance from layer to surroundings.
+        pad_to_ambient_k_per_w: f32 ["K/W", 0.001, 1000],
+        /// Gain of the current amplifier.
+        gain_v_per_a: f32 ["V/A", 0.001, 10],
+        /// Voltage of the current amplifier at zero current.
+        zero_v: f32 ["V", 0, 5],
+        /// Relative standard uncertainty of the current since the magnetorheological effect was
+        /// calibrated.
+        current_uncertainty: f32 ["1", 0, 1],
+    }
+}

@@ -1,0 +1,116 @@
+//! Calibration curves, sent in chunks.
+//!
+//! A curve is a list of knots with rising arguments. The chunks are sent in order, the first one
+//! with `first` 0; the device takes the curve into use when the last knot has come, and keeps the
+//! old one until then.
+
+use heapless::Vec;
+
+use crate::schema::Described;
+use crate::validation::{Invalid, Problem, inconsistent};
+
+/// Knots in a chunk, at most.
+pub const KNOTS_PER_CHUNK: usize = 8;
+
+/// Knots in a curve, at most.
+pub const MAX_KNOTS: u8 = 32;
+
+structure! {
+    /// Deformation of a channel against the relative change of its inductance.
+    pub struct DeformationCurve {
+        /// Converter: 0 first, 1 second.
+        sensor: u8 ["", 0, 1],
+        /// Channel.
+        channel: u8 ["", 0, 3],
+        /// Knots of the whole curve.
+        total: u8 ["1", 2, 32],
+        /// Place in the curve of this chunk's first knot.
+        first: u8 ["", 0, 31],
+        /// The knots of this chunk, at least one.
+        knots: Vec<DeformationKnot, 8>,
+    }
+    also of_deformation
+}
+
+structure! {
+    /// A knot of a deformation curve.
+    pub struct DeformationKnot {
+        /// Argument: L/L0 - 1, L0 the inductance of the untouched sensor.
+        inductance_change: f32 ["1", -1, 10],
+        /// Deformation.
+        deformation_m: f32 ["m", -0.01, 0.1],
+    }
+}
+
+structure! {
+    /// Relative rise of the actuated spring against the coil's current. The first knot is 0, 0.
+    pub struct StiffeningCurve {
+        /// Knots of the whole curve.
+        total: u8 ["1", 2, 32],
+        /// Place in the curve of this chunk's first knot.
+        first: u8 ["", 0, 31],
+        /// Relative standard uncertainty of the rise.
+        rise_uncertainty: f32 ["1", 0, 1],
+        /// The knots of this chunk, at least one.
+        knots: Vec<StiffeningKnot, 8>,
+    }
+    also of_stiffening
+}
+
+structure! {
+    /// A knot of the stiffening curve.
+    pub struct StiffeningKnot {
+        /// Argument: magnitude of the current.
+        current_a: f32 ["A", 0, 20],
+        /// c_D/c_D0 - 1.
+        rise: f32 ["1", 0, 100],
+    }
+}
+
+fn of_deformation(curve: &DeformationCurve) -> Result<(), Invalid> {
+    if curve.knots.is_empty() {
+        return inconsistent!(DeformationCurve, "knots", "a chunk has at least one knot");
+    }
+    if exceeds(curve.total, curve.first, curve.knots.len()) {
+        return inconsistent!(DeformationCurve, "first", "the knots go beyond total");
+    }
+    rising(
+        curve.knots.iter().map(|knot| knot.inductance_change),
+        |invalid| invalid.named(0, "inductance_change", ""),
+    )
+}
+
+fn of_stiffening(curve: &StiffeningCurve) -> Result<(), Invalid> {
+    let Some(start) = curve.knots.first() else {
+        return inconsistent!(StiffeningCurve, "knots", "a chunk has at least one knot");
+    };
+    if exceeds(curve.total, curve.first, curve.knots.len()) {
+        return inconsistent!(StiffeningCurve, "first", "the knots go beyond total");
+    }
+    if curve.first == 0 && (start.current_a != 0.0 || start.rise != 0.0) {
+        return inconsistent!(StiffeningCurve, "knots", "the curve has to begin at 0, 0");
+    }
+    rising(curve.knots.iter().map(|knot| knot.current_a), |invalid| {
+        invalid.named(0, "current_a", "A")
+    })
+}
+
+fn exceeds(total: u8, first: u8, knots: usize) -> bool {
+    usize::from(first) + knots > usize::from(total)
+}
+
+/// Refuses arguments that do not rise.
+fn rising(
+    arguments: impl Iterator<Item = f32>,
+    named: impl Fn(Invalid) -> Invalid,
+) -> Result<(), Invalid> {
+    let mut previous = f32::NEG_INFINITY;
+    for (item, value) in arguments.enumerate() {
+        if value <= previous {
+            let problem = Problem::NotIncreasing { value, previous };
+            return Err(named(Invalid::new(problem)).in_item(item));
+        }
+        previous = value;
+    }
+    Ok(())
+}

@@ -1,0 +1,23 @@
+//! Commands with a few fields.
+
+use crate::code::{FaultCode, Part};
+
+structure! {
+    /// Which fault is to be cleared.
+    pub struct ClearFault {
+        /// The fault that the user has seen.
+        code: FaultCode,
+    }
+}
+
+structure! {
+    /// Asks for a part of the calibration.
+    pub struct GetCalibration {
+        /// The part.
+        part: Part,
+        /// Converter: 0 first, 1 second. Counts for `tank`, `deformation_curve` and `crosstalk`.
+        sensor: u8 ["", 0, 1],
+        /// Channel. Counts for the same parts.
+        channel: u8 ["", 0, 3],
+    }
+}

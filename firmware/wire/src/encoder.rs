@@ -1,0 +1,223 @@
+//! From messages to bytes.
+
+use core::fmt;
+
+use cobs::{EncoderState, PushResult};
+use heapless::Vec;
+use postcard::Serializer;
+use postcard::ser_flavors::Flavor;
+use serde::Serialize;
+
+use crate::checksum::{Digest, digest};
+use crate::frame::Header;
+use crate::message::Message;
+use crate::{Record, VERSION};
+
+/// The buffer cannot hold the frame. [`Message::MAX_FRAME`] bytes hold any.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct BufferTooSmall;
+
+impl fmt::Display for BufferTooSmall {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "the buffer is too small for the frame; {} bytes hold any record",
+            Record::MAX_FRAME
+        )
+    }
+}
+
+impl core::error::Error for BufferTooSmall {}
+
+/// Encodes a frame and returns the part of the buffer that it fills. It takes one pass over the
+/// message and no memory besides.
+///
+/// ```
+/// use palpate_wire::{Command, Header, Message, encode};
+/// let header = Header { boot_id: 0, sequence: 1, time_us: 0, dropped: 0 };
+/// let mut buffer = [0; Command::MAX_FRAME];
+/// let frame = encode(&header, &Command::Identify, &mut buffer)?;
+/// assert_eq!(frame.last(), Some(&0));
+/// # Ok::<(), palpate_wire::BufferTooSmall>(())
+/// ```
+pub fn encode<'buffer, M: Message>(
+    header: &Header,
+    message: &M,
+    buffer: &'buffer mut [u8],
+) -> Result<&'buffer [u8], BufferTooSmall> {
+    let length = fill(header, message, buffer).ok_or(BufferTooSmall)?;
+    buffer.get(..length).ok_or(BufferTooSmall)
+}
+
+/// Encodes a frame into a vector of its own.
+pub fn encode_vec<M: Message, const N: usize>(
+    header: &Header,
+    message: &M,
+) -> Result<Vec<u8, N>, BufferTooSmall> {
+    let mut frame = Vec::new();
+    frame.resize_default(N).map_err(|_| BufferTooSmall)?;
+    let length = fill(header, message, &mut frame).ok_or(BufferTooSmall)?;
+    frame.truncate(length);
+    Ok(frame)
+}
+
+/// Returns the length of the frame; nothing if the buffer is too small.
+fn fill<M: Message>(header: &Header, message: &M, buffer: &mut [u8]) -> Option<usize> {
+    let mut to = Serializer {
+        output: Framing::new(buffer),
+    };
+    to.output.put(VERSION);
+    to.output.put(message.kind());
+    // Neither can fail: the output takes every byte, and the types of this crate contain nothing
+    // that postcard cannot write.
+    let _ = header.serialize(&mut to);
+    let _ = message.write(&mut to);
+    to.output.end()
+}
+
+/// Writes COBS and reckons the CRC-32 on the way.
+///
+/// What has no room is left out and found at the end. So there is no error to hand on at every
+/// field of every record, which takes a kilobyte of a firmware.
+struct Framing<'buffer> {
+    buffer: &'buffer mut [u8],
+    /// Length of the frame so far, had it room.
+    length: usize,
+    stuffing: EncoderState,
+    checksum: Digest,
+}
+
+impl<'buffer> Framing<'buffer> {
+    fn new(buffer: &'buffer mut [u8]) -> Self {
+        let mut framing = Self {
+            buffer,
+            length: 0,
+            stuffing: EncoderState::default(),
+            checksum: digest(),
+        };
+        framing.append(0);
+        framing
+    }
+
+    fn set(&mut self, at: usize, byte: u8) {
+        if let Some(place) = self.buffer.get_mut(at) {
+            *place = byte;
+        }
+    }
+
+    fn append(&mut self, byte: u8) {
+        self.set(self.length, byte);
+        self.length += 1;
+    }
+
+    fn stuff(&mut self, byte: u8) {
+        match self.stuffing.push(byte) {
+            PushResult::AddSingle(byte) => self.append(byte),
+            PushResult::ModifyFromStartAndSkip((at, code)) => {
+                self.set(at, code);
+                self.append(0);
+            }
+            PushResult::ModifyFromStartAndPushAndSkip((at, code, byte)) => {
+                self.set(at, code);
+                self.append(byte);
+                self.append(0);
+            }
+        }
+    }
+
+    #[inline(never)]
+    fn put(&mut self, byte: u8) {
+        self.checksum.update(&[byte]);
+        self.stuff(byte);
+    }
+
+    fn end(mut self) -> Option<usize> {
+        let checksum = self.checksum.clone().finalize();
+        for byte in checksum.to_le_bytes() {
+            self.stuff(byte);
+        }
+        let (at, code) = self.stuffing.clone().finalize();
+        self.set(at, code);
+        self.append(0);
+        (self.length <= self.buffer.len()).then_some(self.length)
+    }
+}
+
+impl Flavor for Framing<'_> {
+    type Output = ();
+
+    #[inline]
+    fn try_push(&mut self, byte: u8) -> postcard::Result<()> {
+        self.put(byte);
+        Ok(())
+    }
+
+    #[inline]
+    fn try_extend(&mut self, bytes: &[u8]) -> postcard::Result<()> {
+        for &byte in bytes {
+            self.put(byte);
+        }
+        Ok(())
+    }
+
+    fn finalize(self) -> postcard::Result<()> {
+        Ok(())
+    }
+}
+
+/// Numbers the frames of one sender.
+///
+/// Every frame that is produced is stamped, and every stamped frame that is not sent is counted
+/// as dropped, so that the receiver's account is exact. When there is no room, drop the newest
+/// frame and not one that waits, whose successors already carry their count.
+///
+/// ```
+/// use palpate_wire::Sequencer;
+/// let mut sequencer = Sequencer::new(0x1234_5678);
+/// assert_eq!(sequencer.stamp(10).sequence, 0);
+/// assert_eq!(sequencer.stamp(20).sequence, 1);
+/// sequencer.count_dropped();
+/// let header = sequencer.stamp(30);
+/// assert_eq!((header.sequence, header.dropped), (2, 1));
+/// ```
+#[derive(Clone, Debug)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Sequencer {
+    boot_id: u32,
+    next: u32,
+    dropped: u32,
+}
+
+impl Sequencer {
+    /// Starts from frame 0. A device gives its boot id, a PC that of the device it speaks to.
+    pub const fn new(boot_id: u32) -> Self {
+        Self {
+            boot_id,
+            next: 0,
+            dropped: 0,
+        }
+    }
+
+    /// Header of a new frame.
+    pub const fn stamp(&mut self, time_us: u64) -> Header {
+        let header = Header {
+            boot_id: self.boot_id,
+            sequence: self.next,
+            time_us,
+            dropped: self.dropped,
+        };
+        self.next = self.next.wrapping_add(1);
+        header
+    }
+
+    /// Counts the frame stamped last as dropped.
+    pub const fn count_dropped(&mut self) {
+        self.dropped = self.dropped.wrapping_add(1);
+    }
+
+    /// Addresses the following commands to another boot; the numbers go on.
+    pub const fn address(&mut self, boot_id: u32) {
+        self.boot_id = boot_id;
+    }
+}

@@ -1,0 +1,62 @@
+//! What every frame has in common.
+
+use crate::schema::Described;
+
+structure! {
+    /// What stands before every payload, after the bytes for version and kind.
+    pub struct Header {
+        /// In a record: a random number that the device drew when it started, never 0. In a
+        /// command: the boot id of the device that it is meant for, or 0 for any.
+        boot_id: u32,
+        /// Number of the frame, counted when it is produced, whether it is sent or not: from 0
+        /// for records, from wherever the sender likes for commands. After 4294967295 comes 0.
+        sequence: u32,
+        /// When what it tells happened, by the sender's clock, since its start.
+        time_us: u64 ["us"],
+        /// Frames that the sender has dropped since its start, of those with a lower sequence
+        /// number. After 4294967295 comes 0.
+        dropped: u32 ["1"],
+    }
+}
+
+impl Copy for Header {}
+
+impl Eq for Header {}
+
+impl Header {
+    /// Addressee of a command that is meant for any boot.
+    pub const ANY_BOOT: u32 = 0;
+}
+
+/// A message with its header.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[serde(deny_unknown_fields)]
+pub struct Frame<M> {
+    /// The header.
+    pub header: Header,
+    /// The message.
+    pub message: M,
+}
+
+/// Bytes for version and kind.
+pub(crate) const PREFIX: usize = 2;
+
+/// Bytes of the CRC-32.
+pub(crate) const CHECKSUM: usize = 4;
+
+/// Greatest number of bytes before the payload: version, kind and header.
+pub const MAX_HEADER: usize = PREFIX + Header::TYPE.max_size();
+
+/// Greatest size of a frame with a payload of some size: header, payload and CRC-32, what COBS adds
+/// to them, and the zero at the end.
+///
+/// ```
+/// use palpate_wire::{Command, Message, Record};
+/// assert!(Record::MAX_FRAME <= 254 && Command::MAX_FRAME <= 254);
+/// ```
+pub const fn frame_size(payload: usize) -> usize {
+    let body = MAX_HEADER + payload + CHECKSUM;
+    // COBS adds a byte at the start and one after every 254 bytes without a zero.
+    body + 1 + body / 254 + 1
+}

@@ -1,0 +1,227 @@
+//! What a receiver has and what it lacks.
+//!
+//! The device numbers a frame when it produces it, whether it can send it or not. So for every boot
+//!
+//! produced = received + missing, missing = dropped by the device + lost or damaged on the way,
+//!
+//! exactly, counted from the first frame that the receiver heard up to the last. A damaged frame
+//! shows up among the missing ones by its number, and must not be counted again.
+
+use crate::Header;
+
+/// How far back a late frame is told from a repeated one.
+const WINDOW: u32 = 128;
+
+/// What a frame is to the receiver.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[serde(rename_all = "snake_case")]
+pub enum Arrival {
+    /// The first frame of a boot that was not heard before: the device has started anew, unless
+    /// it is the first frame of all. What was produced between the last frame of the boot before
+    /// and its end cannot be known.
+    FirstOfBoot,
+    /// The frame after the last one.
+    Next,
+    /// A later frame: those between are missing, for now.
+    AfterGap {
+        /// How many.
+        missing: u32,
+    },
+    /// A frame that was missing.
+    Late,
+    /// A frame that was received before: not counted again.
+    Duplicate,
+    /// A frame from so long ago, or from before the first one, that nobody knows whether it was
+    /// received: not counted.
+    Stale,
+}
+
+/// Account of one boot of the device.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Tally {
+    boot_id: u32,
+    /// Number of the first frame, and the one after the last: counted on beyond 32 bits.
+    first: u64,
+    next: u64,
+    received: u64,
+    duplicates: u64,
+    stale: u64,
+    /// The sender's count in the last frame, and how far it has risen since the first.
+    dropped_at_last: u32,
+    dropped: u64,
+    /// Bit n: frame `next - 1 - n` was received.
+    window: u128,
+}
+
+impl Tally {
+    fn new(header: &Header) -> Self {
+        let first = u64::from(header.sequence);
+        Self {
+            boot_id: header.boot_id,
+            first,
+            next: first + 1,
+            received: 1,
+            duplicates: 0,
+            stale: 0,
+            dropped_at_last: header.dropped,
+            dropped: 0,
+            window: 1,
+        }
+    }
+
+    fn take(&mut self, header: &Header) -> Arrival {
+        // The lower 32 bits of `next`: the number that is expected.
+        let expected = self.next as u32;
+        let ahead = header.sequence.wrapping_sub(expected);
+        if ahead <= u32::MAX / 2 {
+            return self.take_ahead(ahead, header.dropped);
+        }
+        // 1 for the last frame received, 2 for the one before it.
+        let behind = expected.wrapping_sub(header.sequence);
+        let after_first = self.next - self.first;
+        if behind > WINDOW || u64::from(behind) > after_first {
+            self.stale += 1;
+            return Arrival::Stale;
+        }
+        let bit = 1_u128 << (behind - 1);
+        if self.window & bit != 0 {
+            self.duplicates += 1;
+            return Arrival::Duplicate;
+        }
+        self.window |= bit;
+        self.received += 1;
+        Arrival::Late
+    }
+
+    fn take_ahead(&mut self, missing: u32, dropped: u32) -> Arrival {
+        self.window = self.window.checked_shl(missing).unwrap_or(0);
+        self.window = self.window.checked_shl(1).unwrap_or(0) | 1;
+        self.next += u64::from(missing) + 1;
+        self.received += 1;
+        self.dropped += u64::from(dropped.wrapping_sub(self.dropped_at_last));
+        self.dropped_at_last = dropped;
+        match missing {
+            0 => Arrival::Next,
+            missing => Arrival::AfterGap { missing },
+        }
+    }
+
+    /// The boot.
+    pub const fn boot_id(&self) -> u32 {
+        self.boot_id
+    }
+
+    /// Frames that the device had produced before the first one heard: none, if the receiver
+    /// listened from the start.
+    pub const fn before_first(&self) -> u64 {
+        self.first
+    }
+
+    /// Frames produced from the first one heard to the last.
+    pub const fn produced(&self) -> u64 {
+        self.next - self.first
+    }
+
+    /// Frames received, each counted once.
+    pub const fn received(&self) -> u64 {
+        self.received
+    }
+
+    /// Frames produced and not received.
+    pub const fn missing(&self) -> u64 {
+        self.produced() - self.received
+    }
+
+    /// Those of the missing frames that the device says it has dropped.
+    pub const fn dropped_by_device(&self) -> u64 {
+        self.dropped
+    }
+
+    /// Those of the missing frames that were lost or damaged on the way; `None` when the device
+    /// says that it has dropped more than are missing, which no working device does.
+    pub const fn lost_on_the_way(&self) -> Option<u64> {
+        self.missing().checked_sub(self.dropped)
+    }
+
+    /// Frames that came again.
+    pub const fn duplicates(&self) -> u64 {
+        self.duplicates
+    }
+
+    /// Frames that came too late to be told from repeated ones.
+    pub const fn stale(&self) -> u64 {
+        self.stale
+    }
+}
+
+/// Keeps the account of a stream of records.
+///
+/// Give it the header of every frame that came undamaged, also of one that was not understood
+/// ([`FrameError::header`](crate::FrameError::header)).
+///
+/// ```
+/// use palpate_wire::Header;
+/// use palpate_wire::loss::{Account, Arrival};
+/// let mut account = Account::new();
+/// let header = |boot_id, sequence, dropped| Header { boot_id, sequence, time_us: 0, dropped };
+/// account.take(&header(7, u32::MAX, 0));
+/// assert_eq!(account.take(&header(7, 0, 0)), Arrival::Next);
+/// // The device dropped 1 and 2; 3 was damaged on the way.
+/// assert_eq!(account.take(&header(7, 4, 2)), Arrival::AfterGap { missing: 3 });
+/// let tally = account.current().unwrap();
+/// assert_eq!((tally.produced(), tally.received(), tally.missing()), (6, 3, 3));
+/// assert_eq!((tally.dropped_by_device(), tally.lost_on_the_way()), (2, Some(1)));
+/// // It restarts: nothing is missing.
+/// assert_eq!(account.take(&header(8, 0, 0)), Arrival::FirstOfBoot);
+/// assert_eq!(account.current().unwrap().missing(), 0);
+/// ```
+#[derive(Clone, Debug, Default)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Account {
+    current: Option<Tally>,
+    previous: Option<Tally>,
+    boots: u32,
+}
+
+impl Account {
+    /// An account without a frame.
+    pub const fn new() -> Self {
+        Self {
+            current: None,
+            previous: None,
+            boots: 0,
+        }
+    }
+
+    /// Enters a frame.
+    pub fn take(&mut self, header: &Header) -> Arrival {
+        for tally in [&mut self.current, &mut self.previous] {
+            if let Some(tally) = tally
+                && tally.boot_id == header.boot_id
+            {
+                return tally.take(header);
+            }
+        }
+        self.previous = self.current.take();
+        self.current = Some(Tally::new(header));
+        self.boots = self.boots.wrapping_add(1);
+        Arrival::FirstOfBoot
+    }
+
+    /// The boot that was heard of last.
+    pub const fn current(&self) -> Option<&Tally> {
+        self.current.as_ref()
+    }
+
+    /// The boot before it. Frames of it that come late are still entered here.
+    pub const fn previous(&self) -> Option<&Tally> {
+        self.previous.as_ref()
+    }
+
+    /// How many boots were heard.
+    pub const fn boots(&self) -> u32 {
+        self.boots
+    }
+}

@@ -1,0 +1,338 @@
+//! One source for a type, its description and its check.
+
+/// Defines a structure of the format: fields in their order on the wire, quantities with unit and
+/// limits in brackets. The unit of a plain number is 1, and that of what only names something is
+/// empty. A function after `also` checks what concerns several fields.
+macro_rules! structure {
+    (
+        $(#[doc = $doc:literal])+
+        pub struct $name:ident {
+            $(
+                $(#[doc = $field_doc:literal])+
+                $field:ident: $of:ty $([$unit:tt $(, $low:literal, $high:literal)?])?,
+            )+
+        }
+        $(also $rule:path)?
+    ) => {
+        $(#[doc = $doc])+
+        #[derive(Clone, Debug, PartialEq, ::serde::Serialize, ::serde::Deserialize)]
+        #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+        #[serde(deny_unknown_fields)]
+        pub struct $name {
+            $(
+                $(#[doc = $field_doc])+
+                $(
+                    #[doc = ""]
+                    #[doc = range_doc!($unit $(, $low, $high)?)]
+                )?
+                pub $field: $of,
+            )+
+        }
+
+        impl $name {
+            /// Checks every field against its limits and the fields against each other.
+            pub fn validate(&self) -> Result<(), $crate::validation::Invalid> {
+                $crate::validation::validate(self)
+            }
+        }
+
+        impl $crate::schema::Described for $name {
+            const TYPE: $crate::schema::Type =
+                $crate::schema::Type::Structure(&$crate::schema::Structure {
+                    name: stringify!($name),
+                    doc: concat!($($doc, "\n"),+),
+                    fields: &[$($crate::schema::Field {
+                        name: stringify!($field),
+                        doc: concat!($($field_doc, "\n"),+),
+                        of: <$of as $crate::schema::Described>::TYPE,
+                        range: range!($($unit $(, $low, $high)?)?),
+                    }),+],
+                });
+
+            fn check(&self, _: &$crate::schema::Range, to: &mut $crate::validation::Verdict) {
+                $(
+                    to.check_field(&self.$field, const {
+                        &$crate::validation::Place {
+                            field: $crate::schema::field_number(
+                                &<Self as $crate::schema::Described>::TYPE,
+                                stringify!($field),
+                            ),
+                            name: stringify!($field),
+                            range: range!($($unit $(, $low, $high)?)?),
+                        }
+                    });
+                )+
+                $(to.check_rule(|| $rule(self));)?
+            }
+        }
+    };
+}
+
+/// Unit and limits of a field, as far as it has them.
+macro_rules! range {
+    () => {
+        $crate::schema::Range::NONE
+    };
+    ($unit:tt) => {
+        $crate::schema::Range {
+            unit: $unit,
+            ..$crate::schema::Range::NONE
+        }
+    };
+    ($unit:tt, $low:literal, $high:literal) => {
+        $crate::schema::Range {
+            unit: $unit,
+            low: $low as f32,
+            high: $high as f32,
+        }
+    };
+}
+
+/// The same in words.
+macro_rules! range_doc {
+    ("", $low:literal, $high:literal) => {
+        concat!("From ", $low, " to ", $high, ".")
+    };
+    ("1") => {
+        "A plain number."
+    };
+    ("1", $low:literal, $high:literal) => {
+        concat!("A plain number, from ", $low, " to ", $high, ".")
+    };
+    ($unit:tt) => {
+        concat!("In ", $unit, ".")
+    };
+    ($unit:tt, $low:literal, $high:literal) => {
+        concat!("In ", $unit, ", from ", $low, " to ", $high, ".")
+    };
+}
+
+/// Defines an enumeration of the format: variants with their number and their name in text formats.
+macro_rules! codes {
+    ($(
+        $(#[doc = $doc:literal])+
+        pub enum $name:ident {
+            $(
+                $(#[doc = $entry_doc:literal])+
+                $variant:ident = $number:literal $text:literal,
+            )+
+        }
+    )+) => {$(
+        $(#[doc = $doc])+
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+        #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+        pub enum $name {
+            $(
+                $(#[doc = $entry_doc])+
+                #[doc = ""]
+                #[doc = concat!("Number ", $number, ".")]
+                $variant,
+            )+
+            /// A number that this version does not know.
+            Unknown(u8),
+        }
+
+        impl $name {
+            /// Every value that this version knows.
+            pub const ALL: &[Self] = &[$(Self::$variant),+];
+
+            /// The number on the wire.
+            pub const fn number(self) -> u8 {
+                match self {
+                    $(Self::$variant => $number,)+
+                    Self::Unknown(number) => number,
+                }
+            }
+
+            /// The value with a number; `Unknown` only for a number that no other value has.
+            pub const fn from_number(number: u8) -> Self {
+                match number {
+                    $($number => Self::$variant,)+
+                    unknown => Self::Unknown(unknown),
+                }
+            }
+
+            /// The name in text formats.
+            pub const fn name(self) -> &'static str {
+                match self {
+                    $(Self::$variant => $text,)+
+                    Self::Unknown(_) => "unknown",
+                }
+            }
+
+            /// What the value means, for a person to read.
+            pub const fn meaning(self) -> &'static str {
+                match self {
+                    $(Self::$variant => concat!($($entry_doc, "\n"),+),)+
+                    Self::Unknown(_) => " A number that this version does not know.\n",
+                }
+            }
+        }
+
+        impl ::core::fmt::Display for $name {
+            fn fmt(&self, f: &mut ::core::fmt::Formatter<'_>) -> ::core::fmt::Result {
+                match *self {
+                    Self::Unknown(number) => write!(f, "unknown ({number})"),
+                    known => f.write_str(known.name()),
+                }
+            }
+        }
+
+        impl $crate::code::Code for $name {
+            const NAMES: &'static [&'static str] = &[$($text),+];
+
+            fn to_number(self) -> u8 {
+                self.number()
+            }
+
+            fn with_number(number: u8) -> Self {
+                Self::from_number(number)
+            }
+
+            fn to_name(self) -> Option<&'static str> {
+                match self {
+                    Self::Unknown(_) => None,
+                    known => Some(known.name()),
+                }
+            }
+
+            fn with_name(name: &str) -> Option<Self> {
+                match name {
+                    $($text => Some(Self::$variant),)+
+                    _ => None,
+                }
+            }
+        }
+
+        impl ::serde::Serialize for $name {
+            fn serialize<S: ::serde::Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+                $crate::code::serialize(*self, to)
+            }
+        }
+
+        impl<'de> ::serde::Deserialize<'de> for $name {
+            fn deserialize<D: ::serde::Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+                $crate::code::deserialize(from)
+            }
+        }
+
+        impl $crate::schema::Described for $name {
+            const TYPE: $crate::schema::Type =
+                $crate::schema::Type::Code(&$crate::schema::CodeTable {
+                    name: stringify!($name),
+                    doc: concat!($($doc, "\n"),+),
+                    entries: &[$($crate::schema::Entry {
+                        number: $number,
+                        name: $text,
+                        doc: concat!($($entry_doc, "\n"),+),
+                    }),+],
+                });
+
+            fn check(&self, _: &$crate::schema::Range, to: &mut $crate::validation::Verdict) {
+                if let Self::Unknown(number) = *self {
+                    to.refuse($crate::validation::Problem::UnknownCode { number });
+                }
+            }
+        }
+    )+};
+}
+
+/// Defines the messages of one direction: kinds with their number and their name in text formats.
+macro_rules! messages {
+    (
+        $(#[doc = $doc:literal])+
+        pub enum $name:ident {
+            bare {$(
+                $(#[doc = $bare_doc:literal])+
+                $bare:ident = $bare_number:literal $bare_text:literal,
+            )*}
+            with payload {$(
+                $(#[doc = $kind_doc:literal])+
+                $variant:ident($payload:ty) = $number:literal $text:literal,
+            )*}
+        }
+    ) => {
+        $(#[doc = $doc])+
+        #[derive(Clone, Debug, PartialEq, ::serde::Serialize, ::serde::Deserialize)]
+        #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+        pub enum $name {
+            $(
+                $(#[doc = $bare_doc])+
+                #[doc = ""]
+                #[doc = concat!("Kind ", $bare_number, ".")]
+                #[serde(rename = $bare_text)]
+                $bare,
+            )*
+            $(
+                $(#[doc = $kind_doc])+
+                #[doc = ""]
+                #[doc = concat!("Kind ", $number, ".")]
+                #[serde(rename = $text)]
+                $variant($payload),
+            )*
+        }
+
+        impl $crate::message::Message for $name {
+            const KINDS: &'static [$crate::schema::Kind] = &[
+                $($crate::schema::Kind {
+                    number: $bare_number,
+                    name: $bare_text,
+                    doc: concat!($($bare_doc, "\n"),+),
+                    payload: None,
+                },)*
+                $($crate::schema::Kind {
+                    number: $number,
+                    name: $text,
+                    doc: concat!($($kind_doc, "\n"),+),
+                    payload: <$payload as $crate::schema::Described>::TYPE.structure(),
+                },)*
+            ];
+
+            fn kind(&self) -> u8 {
+                match self {
+                    $(Self::$bare => $bare_number,)*
+                    $(Self::$variant(_) => $number,)*
+                }
+            }
+
+            fn name(&self) -> &'static str {
+                match self {
+                    $(Self::$bare => $bare_text,)*
+                    $(Self::$variant(_) => $text,)*
+                }
+            }
+
+            fn validate(&self) -> Result<(), $crate::validation::Invalid> {
+                match self {
+                    $(Self::$bare => Ok(()),)*
+                    $(Self::$variant(payload) => payload.validate(),)*
+                }
+            }
+        }
+
+        impl $crate::message::sealed::Payload for $name {
+            fn write<F: ::postcard::ser_flavors::Flavor>(
+                &self,
+                to: &mut ::postcard::Serializer<F>,
+            ) -> ::postcard::Result<()> {
+                match self {
+                    $(Self::$bare => Ok(()),)*
+                    $(Self::$variant(payload) => ::serde::Serialize::serialize(payload, to),)*
+                }
+            }
+
+            fn read<'de>(
+                kind: u8,
+                from: &mut $crate::message::sealed::Reader<'de>,
+            ) -> Option<::postcard::Result<Self>> {
+                Some(match kind {
+                    $($bare_number => Ok(Self::$bare),)*
+                    $($number => {
+                        <$payload as ::serde::Deserialize>::deserialize(from).map(Self::$variant)
+                    })*
+                    _ => return None,
+                })
+            }
+        }
+    };
+}

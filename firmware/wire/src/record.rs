@@ -1,0 +1,69 @@
+//! Records: what the device tells.
+
+use crate::Message;
+use crate::command::{
+    Coil, Crosstalk, DeformationCurve, Settings, Springs, Stiffening, StiffeningCurve, Tank,
+};
+use crate::decoder::Decoder;
+use crate::frame::MAX_HEADER;
+
+mod event;
+mod hello;
+mod measurement;
+mod sample;
+
+pub use event::{Acknowledgement, Fault, StateChange, Status};
+pub use hello::{Crash, Hello};
+pub use measurement::{Estimate, LoadPoint, Refusal};
+pub use sample::{Conversion, Raw, Sample};
+
+messages! {
+    /// A record, from the device to the PC.
+    pub enum Record {
+        bare {}
+        with payload {
+            /// Who speaks: the first record after a start, and the answer to `identify`.
+            Hello(Hello) = 0x01 "hello",
+            /// What the last run died of: after the `hello` of a start that follows a panic or a
+            /// hard fault.
+            Crash(Crash) = 0x02 "crash",
+            /// A sample, evaluated.
+            Sample(Sample) = 0x03 "sample",
+            /// Conversions, packed and not evaluated.
+            Raw(Raw) = 0x04 "raw",
+            /// A change of state.
+            State(StateChange) = 0x05 "state",
+            /// The result of a measurement.
+            Estimate(Estimate) = 0x06 "estimate",
+            /// Part of a result; the points follow their estimate.
+            LoadPoint(LoadPoint) = 0x07 "load_point",
+            /// A measurement without a result.
+            Refusal(Refusal) = 0x08 "refusal",
+            /// A fault.
+            Fault(Fault) = 0x09 "fault",
+            /// Every so often, and after `identify`.
+            Status(Status) = 0x0A "status",
+            /// The answer to every command frame that arrived whole.
+            Acknowledgement(Acknowledgement) = 0x0B "acknowledgement",
+            /// The settings in force: answer to `get_settings`.
+            Settings(Settings) = 0x10 "settings",
+            /// Calibration of a resonator: answer to `get_calibration`.
+            Tank(Tank) = 0x11 "tank",
+            /// Part of a deformation curve: answer to `get_calibration`.
+            DeformationCurve(DeformationCurve) = 0x12 "deformation_curve",
+            /// Calibration of the cross-talk: answer to `get_calibration`.
+            Crosstalk(Crosstalk) = 0x13 "crosstalk",
+            /// Spring constants: answer to `get_calibration`.
+            Springs(Springs) = 0x14 "springs",
+            /// Coefficients of the magnetorheological effect: answer to `get_calibration`.
+            Stiffening(Stiffening) = 0x15 "stiffening",
+            /// Part of the stiffening curve: answer to `get_calibration`.
+            StiffeningCurve(StiffeningCurve) = 0x16 "stiffening_curve",
+            /// Coil and current measurement: answer to `get_calibration`.
+            Coil(Coil) = 0x17 "coil",
+        }
+    }
+}
+
+/// Decodes records.
+pub type RecordDecoder = Decoder<Record, { MAX_HEADER + <Record as Message>::MAX_PAYLOAD + 4 }>;

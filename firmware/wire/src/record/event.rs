@@ -1,0 +1,165 @@
+//! What happens to the device.
+
+use crate::Header;
+use crate::code::{FaultCode, Mode, Outcome, Place, State};
+use crate::decoder::FrameError;
+use crate::message::Message;
+use crate::validation::{Invalid, Problem};
+
+structure! {
+    /// The procedure went to another state, or was armed or disarmed.
+    pub struct StateChange {
+        /// The state now.
+        state: State,
+        /// The state before; the same if only `mode` or `armed` changed.
+        previous: State,
+        /// The mode now.
+        mode: Mode,
+        /// Whether the coil may be driven.
+        armed: bool,
+        /// Number of the last measurement that began; 0 if none has.
+        measurement: u32,
+    }
+}
+
+structure! {
+    /// A fault began or ended.
+    pub struct Fault {
+        /// Which one.
+        code: FaultCode,
+        /// Where.
+        place: Place,
+        /// It stands; false when it was cleared.
+        active: bool,
+        /// What was found; the code says what it is and its unit.
+        value: Option<f32> ["", -1e30, 1e30],
+        /// What is allowed; the code says what it is and its unit.
+        limit: Option<f32> ["", -1e30, 1e30],
+    }
+}
+
+structure! {
+    /// Counters and conditions. Every counter counts from the start of the device, is never set
+    /// back, and goes on from 0 after 4294967295.
+    pub struct Status {
+        /// Conversions (scans) read from the first converter.
+        conversions: u32 ["1"],
+        /// Conversions (scans) of it that were lost: overwritten before they were read.
+        conversions_lost: u32 ["1"],
+        /// Conversions that it flagged.
+        conversions_flagged: u32 ["1"],
+        /// The same for the second converter: read.
+        second_conversions: u32 ["1"],
+        /// Lost.
+        second_conversions_lost: u32 ["1"],
+        /// Flagged.
+        second_conversions_flagged: u32 ["1"],
+        /// Transfers on the bus that failed.
+        bus_errors: u32 ["1"],
+        /// Recoveries of the bus or a converter.
+        recoveries: u32 ["1"],
+        /// Log messages that were dropped.
+        logs_dropped: u32 ["1"],
+        /// Command frames that arrived damaged.
+        commands_damaged: u32 ["1"],
+        /// Commands that were refused.
+        commands_refused: u32 ["1"],
+        /// Measurements that began.
+        measurements: u32 ["1"],
+        /// Measurements that ended in a refusal.
+        refusals: u32 ["1"],
+        /// Temperature of the coil; absent without a thermometer.
+        temperature_c: Option<f32> ["degC", -60, 250],
+        /// Supply of the coil; absent if it is not measured.
+        supply_v: Option<f32> ["V", 0, 100],
+        /// Part of the processor's time in use since the last status; absent if not measured.
+        processor_load: Option<f32> ["1", 0, 1],
+        /// Greatest depth of the stack; 0 if it is not measured.
+        stack_bytes: u32 ["byte"],
+    }
+}
+
+structure! {
+    /// What became of the command. The fields after the outcome are present as far as they apply.
+    pub struct Acknowledgement {
+        /// Sequence number of the command's frame.
+        command: u32,
+        /// Kind of the command.
+        kind: u8,
+        /// What became of it.
+        outcome: Outcome,
+        /// Number of the field that was not accepted: its place in the command, from 0, or in the
+        /// item if there is one.
+        field: Option<u8>,
+        /// Place of the item in the command's list.
+        item: Option<u8> ["", 0, 127],
+        /// Value found.
+        value: Option<f32> ["", -1e38, 1e38],
+        /// Least value allowed.
+        low: Option<f32> ["", -1e38, 1e38],
+        /// Greatest value allowed.
+        high: Option<f32> ["", -1e38, 1e38],
+    }
+}
+
+impl Acknowledgement {
+    /// An answer without numbers.
+    pub const fn new(command: &Header, kind: u8, outcome: Outcome) -> Self {
+        Self {
+            command: command.sequence,
+            kind,
+            outcome,
+            field: None,
+            item: None,
+            value: None,
+            low: None,
+            high: None,
+        }
+    }
+
+    /// The answer to a command that is valid and begun.
+    pub fn accepted<M: Message>(command: &Header, message: &M) -> Self {
+        Self::new(command, message.kind(), Outcome::Accepted)
+    }
+
+    /// The answer to a command with a field that cannot be accepted.
+    pub const fn invalid(command: &Header, kind: u8, invalid: &Invalid) -> Self {
+        let (outcome, value, low, high) = match invalid.problem {
+            Problem::NotFinite => (Outcome::NotFinite, None, None, None),
+            Problem::OutOfRange { value, low, high } => {
+                (Outcome::OutOfRange, Some(value), Some(low), Some(high))
+            }
+            Problem::UnknownCode { number } => {
+                (Outcome::UnknownCode, Some(number as f32), None, None)
+            }
+            Problem::NotIncreasing { value, previous } => {
+                (Outcome::NotIncreasing, Some(value), Some(previous), None)
+            }
+            Problem::Inconsistent { .. } => (Outcome::Inconsistent, None, None, None),
+        };
+        Self {
+            command: command.sequence,
+            kind,
+            outcome,
+            field: Some(invalid.field),
+            item: invalid.item,
+            value,
+            low,
+            high,
+        }
+    }
+
+    /// The answer to a frame that arrived whole and could not be understood; `None` for one whose
+    /// header could not be read, which nobody can answer.
+    pub const fn not_understood(error: &FrameError) -> Option<Self> {
+        match error {
+            FrameError::UnknownKind { header, kind } => {
+                Some(Self::new(header, *kind, Outcome::UnknownCommand))
+            }
+            FrameError::Payload { header, kind, .. } => {
+                Some(Self::new(header, *kind, Outcome::Malformed))
+            }
+            _ => None,
+        }
+    }
+}

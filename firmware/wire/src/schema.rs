@@ -1,0 +1,287 @@
+//! The format, described as data: what a program needs to print a table of it, to name a field, to
+//! compare two builds, or to know how large a frame can become.
+//!
+//! A firmware that only encodes and decodes contains none of it.
+
+use crate::checksum::{Digest, digest};
+use crate::message::Message;
+use crate::validation::Verdict;
+use crate::{Command, Header, MINOR_VERSION, Record, VERSION};
+
+/// Type of a field. The encoding is that of postcard: integers above eight bits as varints, floats
+/// as they are, least significant byte first.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Type {
+    /// One byte, 0 or 1.
+    Bool,
+    /// One byte.
+    U8,
+    /// Varint of at most 3 bytes.
+    U16,
+    /// Varint of at most 5 bytes.
+    U32,
+    /// Varint of at most 10 bytes.
+    U64,
+    /// Four bytes, IEEE 754.
+    F32,
+    /// Eight bytes, IEEE 754.
+    F64,
+    /// One byte, 0 or 1, and after a 1 the value.
+    Optional(&'static Type),
+    /// One byte for the number of items, and the items.
+    List {
+        /// Type of an item.
+        item: &'static Type,
+        /// Greatest number of items, below 128.
+        capacity: u8,
+    },
+    /// One byte for the length, and UTF-8.
+    Text {
+        /// Greatest length in bytes, below 128.
+        capacity: u8,
+    },
+    /// One byte: a number with a meaning.
+    Code(&'static CodeTable),
+    /// Its fields, one after the other.
+    Structure(&'static Structure),
+}
+
+/// Numbers with their meanings.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CodeTable {
+    /// Name of the enumeration.
+    pub name: &'static str,
+    /// What it tells.
+    pub doc: &'static str,
+    /// Its numbers.
+    pub entries: &'static [Entry],
+}
+
+/// A number with its meaning.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Entry {
+    /// The number; it keeps its meaning for ever.
+    pub number: u8,
+    /// Its name in text formats.
+    pub name: &'static str,
+    /// What it means.
+    pub doc: &'static str,
+}
+
+/// Fields in their order.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Structure {
+    /// Its name.
+    pub name: &'static str,
+    /// What it is for.
+    pub doc: &'static str,
+    /// Its fields.
+    pub fields: &'static [Field],
+}
+
+/// A field; its number is its place in its structure, from 0.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Field {
+    /// Its name.
+    pub name: &'static str,
+    /// What it says.
+    pub doc: &'static str,
+    /// Its type.
+    pub of: Type,
+    /// Its unit and limits, where it is a quantity.
+    pub range: Range,
+}
+
+/// Unit and limits of a quantity.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Range {
+    /// Unit; `1` for a plain number, empty for what is no quantity.
+    pub unit: &'static str,
+    /// Least value.
+    pub low: f32,
+    /// Greatest value.
+    pub high: f32,
+}
+
+impl Range {
+    /// Of a field that is no quantity.
+    pub const NONE: Self = Self {
+        unit: "",
+        low: f32::NEG_INFINITY,
+        high: f32::INFINITY,
+    };
+}
+
+/// A kind of message.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Kind {
+    /// Second byte of the frame.
+    pub number: u8,
+    /// Its name in text formats.
+    pub name: &'static str,
+    /// What it is for.
+    pub doc: &'static str,
+    /// What follows the header, if anything does.
+    pub payload: Option<&'static Structure>,
+}
+
+/// A value of the format: its description for people and its check for machines.
+pub trait Described {
+    /// Its type.
+    const TYPE: Type;
+
+    /// Checks the value against the limits of the field it stands in.
+    fn check(&self, range: &Range, to: &mut Verdict);
+}
+
+impl Type {
+    /// Greatest number of bytes of a value.
+    pub const fn max_size(&self) -> usize {
+        match self {
+            Self::Bool | Self::U8 | Self::Code(_) => 1,
+            Self::U16 => 3,
+            Self::U32 => 5,
+            Self::U64 => 10,
+            Self::F32 => 4,
+            Self::F64 => 8,
+            Self::Optional(of) => 1 + of.max_size(),
+            Self::List { item, capacity } => 1 + *capacity as usize * item.max_size(),
+            Self::Text { capacity } => 1 + *capacity as usize,
+            Self::Structure(structure) => structure.max_size(),
+        }
+    }
+
+    /// The structure, if it is one.
+    pub const fn structure(&self) -> Option<&'static Structure> {
+        match self {
+            Self::Structure(structure) => Some(structure),
+            _ => None,
+        }
+    }
+
+    const fn absorbed_by(&self, digest: Digest) -> Digest {
+        match self {
+            Self::Bool => absorb(digest, "bool"),
+            Self::U8 => absorb(digest, "u8"),
+            Self::U16 => absorb(digest, "u16"),
+            Self::U32 => absorb(digest, "u32"),
+            Self::U64 => absorb(digest, "u64"),
+            Self::F32 => absorb(digest, "f32"),
+            Self::F64 => absorb(digest, "f64"),
+            Self::Optional(of) => of.absorbed_by(absorb(digest, "optional")),
+            Self::List { item, capacity } => {
+                item.absorbed_by(absorb_byte(absorb(digest, "list"), *capacity))
+            }
+            Self::Text { capacity } => absorb_byte(absorb(digest, "text"), *capacity),
+            Self::Code(table) => table.absorbed_by(digest),
+            Self::Structure(structure) => structure.absorbed_by(digest),
+        }
+    }
+}
+
+impl Structure {
+    /// Greatest number of bytes of a value.
+    pub const fn max_size(&self) -> usize {
+        let mut rest = self.fields;
+        let mut size = 0;
+        while let [field, others @ ..] = rest {
+            size += field.of.max_size();
+            rest = others;
+        }
+        size
+    }
+
+    const fn absorbed_by(&self, digest: Digest) -> Digest {
+        let mut digest = absorb(digest, self.name);
+        let mut rest = self.fields;
+        while let [field, others @ ..] = rest {
+            digest = absorb(absorb(digest, field.name), field.range.unit);
+            digest = field.of.absorbed_by(digest);
+            rest = others;
+        }
+        absorb(digest, "end")
+    }
+}
+
+impl CodeTable {
+    const fn absorbed_by(&self, digest: Digest) -> Digest {
+        let mut digest = absorb(digest, self.name);
+        let mut rest = self.entries;
+        while let [entry, others @ ..] = rest {
+            digest = absorb(absorb_byte(digest, entry.number), entry.name);
+            rest = others;
+        }
+        absorb(digest, "end")
+    }
+}
+
+const fn absorb(mut digest: Digest, text: &str) -> Digest {
+    digest.update(text.as_bytes());
+    // No name contains a zero byte, so that no two descriptions run together.
+    digest.update(&[0]);
+    digest
+}
+
+const fn absorb_byte(mut digest: Digest, byte: u8) -> Digest {
+    digest.update(&[byte]);
+    digest
+}
+
+const fn absorb_kinds(mut digest: Digest, mut rest: &[Kind]) -> Digest {
+    while let [kind, others @ ..] = rest {
+        digest = absorb(absorb_byte(digest, kind.number), kind.name);
+        if let Some(payload) = kind.payload {
+            digest = payload.absorbed_by(digest);
+        }
+        rest = others;
+    }
+    digest
+}
+
+/// Place of a field in a structure, for the compiler only: a wrong name does not compile.
+pub(crate) const fn field_number(of: &Type, name: &str) -> u8 {
+    if let Type::Structure(structure) = of {
+        let mut rest = structure.fields;
+        let mut number = 0;
+        while let [field, others @ ..] = rest {
+            if equal(field.name.as_bytes(), name.as_bytes()) {
+                return number;
+            }
+            number += 1;
+            rest = others;
+        }
+    }
+    panic!("no field has this name")
+}
+
+const fn equal(mut one: &[u8], mut other: &[u8]) -> bool {
+    while let ([a, rest_of_one @ ..], [b, rest_of_other @ ..]) = (one, other) {
+        if *a != *b {
+            return false;
+        }
+        (one, other) = (rest_of_one, rest_of_other);
+    }
+    one.is_empty() && other.is_empty()
+}
+
+/// Greatest payload of some kinds.
+pub(crate) const fn max_payload(mut rest: &[Kind]) -> usize {
+    let mut greatest = 0;
+    while let [kind, others @ ..] = rest {
+        if let Some(payload) = kind.payload
+            && payload.max_size() > greatest
+        {
+            greatest = payload.max_size();
+        }
+        rest = others;
+    }
+    greatest
+}
+
+/// The value of [`SCHEMA_HASH`](crate::SCHEMA_HASH).
+pub(crate) const fn hash() -> u32 {
+    let mut digest = absorb_byte(absorb_byte(digest(), VERSION), MINOR_VERSION);
+    digest = Header::TYPE.absorbed_by(digest);
+    digest = absorb_kinds(digest, Record::KINDS);
+    absorb_kinds(digest, Command::KINDS).finalize()
+}

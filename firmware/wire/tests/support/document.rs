@@ -1,0 +1,356 @@
+//! The parts of docs/protocol.md that are made from the code.
+
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+use palpate_wire::schema::{CodeTable, Described, Field, Kind, Range, Structure, Type};
+use palpate_wire::{
+    Command, Frame, Header, MAX_HEADER, MINOR_VERSION, Message, Record, SCHEMA_HASH, VERSION,
+    frame_size,
+};
+
+use super::reference::{self, Value};
+use super::{bytes_of, fixture, header as header_of, specimens};
+
+/// Where the document lies.
+pub(crate) fn path() -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../docs/protocol.md")
+}
+
+/// The document with every part between markers made anew.
+pub(crate) fn renewed(text: &str) -> String {
+    let mut renewed = String::new();
+    let mut rest = text;
+    while let Some((before, after)) = rest.split_once("<!-- begin ") {
+        let (name, after) = after.split_once(" -->\n").expect("a marker ends with -->");
+        let end = format!("<!-- end {name} -->");
+        let (_, after) = after.split_once(&end).expect("a part has an end marker");
+        let _ = write!(
+            renewed,
+            "{before}<!-- begin {name} -->\n{}{end}",
+            part(name)
+        );
+        rest = after;
+    }
+    renewed + rest
+}
+
+fn part(name: &str) -> String {
+    match name {
+        "versions" => format!(
+            "This is version {VERSION}.{MINOR_VERSION}; schema hash `0x{SCHEMA_HASH:08x}`.\n"
+        ),
+        "header" => header(),
+        "sizes" => sizes(),
+        "rates" => rates(),
+        "records" => kinds(Record::KINDS, "record"),
+        "commands" => kinds(Command::KINDS, "command"),
+        "codes" => codes(),
+        "example" => example(),
+        name => panic!("no part is named `{name}`"),
+    }
+}
+
+fn header() -> String {
+    let Type::Structure(structure) = Header::TYPE else {
+        panic!("the header is a structure");
+    };
+    let mut text =
+        String::from("| field | type | unit | range | meaning |\n|---|---|---|---|---|\n");
+    let _ = writeln!(
+        text,
+        "| `version` | u8 | | {VERSION} | Major version of the protocol. |"
+    );
+    let _ = writeln!(text, "| `kind` | u8 | | | Kind of the message. |");
+    for field in structure.fields {
+        let _ = writeln!(text, "| {} |", cells(field));
+    }
+    text
+}
+
+fn sizes() -> String {
+    format!(
+        "| bytes at most | records | commands |\n|---|---|---|\n\
+         | version, kind and header | {MAX_HEADER} | {MAX_HEADER} |\n\
+         | payload | {} | {} |\n\
+         | whole frame | {} | {} |\n",
+        Record::MAX_PAYLOAD,
+        Command::MAX_PAYLOAD,
+        Record::MAX_FRAME,
+        Command::MAX_FRAME,
+    )
+}
+
+/// Frames as they are after an hour.
+fn rates() -> String {
+    let mut text = String::from("| record | bytes | per second | kB/s |\n|---|---|---|---|\n");
+    let mut row = |what: &str, message: Record, per_second: f64| {
+        let header = Header {
+            sequence: 3_600_000,
+            time_us: 3_600_000_000,
+            ..header_of(0)
+        };
+        let bytes = bytes_of(&Frame { header, message }).len();
+        let rate = bytes as f64 * per_second / 1e3;
+        let _ = writeln!(text, "| {what} | {bytes} | {per_second:.0} | {rate:.0} |");
+    };
+    row(
+        "`sample`, one channel",
+        Record::Sample(specimens::sample(1)),
+        1_000.0,
+    );
+    row(
+        "`sample`, four channels",
+        Record::Sample(specimens::sample(4)),
+        1_000.0,
+    );
+    row(
+        "`raw`, one channel",
+        Record::Raw(specimens::full_raw(1)),
+        4_040.0 / 32.0,
+    );
+    row(
+        "`raw`, four channels",
+        Record::Raw(specimens::full_raw(4)),
+        1_050.0 / 8.0,
+    );
+    text
+}
+
+fn kinds(kinds: &[Kind], what: &str) -> String {
+    let mut kinds = kinds.to_vec();
+    kinds.sort_by_key(|kind| kind.number);
+    let mut text = String::new();
+    let mut shown: Vec<&str> = Vec::new();
+    for kind in kinds {
+        let Kind { number, name, .. } = kind;
+        let _ = write!(
+            text,
+            "\n### `{name}`, {what} 0x{number:02x}\n\n{}\n",
+            prose(kind.doc)
+        );
+        let Some(payload) = kind.payload else {
+            let _ = writeln!(
+                text,
+                "\nNo payload. Frame of at most {} bytes.",
+                frame_size(0)
+            );
+            continue;
+        };
+        let at_most = frame_size(payload.max_size());
+        if let Some(record) = Record::KINDS
+            .iter()
+            .find(|record| what == "command" && record.payload == Some(payload))
+        {
+            let record = record.name;
+            let _ = writeln!(
+                text,
+                "\nPayload as of the record `{record}`. Frame of at most {at_most} bytes."
+            );
+            continue;
+        }
+        let _ = writeln!(
+            text,
+            "\n{} Frame of at most {at_most} bytes.",
+            prose(payload.doc)
+        );
+        table(payload, &mut text);
+        for item in items(payload) {
+            if !shown.contains(&item.name) {
+                shown.push(item.name);
+                let _ = writeln!(text, "\n`{}`: {}", item.name, prose(item.doc));
+                table(item, &mut text);
+            }
+        }
+    }
+    text
+}
+
+fn table(structure: &Structure, text: &mut String) {
+    text.push_str("\n| no. | field | type | unit | range | meaning |\n|---|---|---|---|---|---|\n");
+    for (number, field) in structure.fields.iter().enumerate() {
+        let _ = writeln!(text, "| {number} | {} |", cells(field));
+    }
+}
+
+fn cells(field: &Field) -> String {
+    format!(
+        "`{}` | {} | {} | {} | {}",
+        field.name,
+        type_name(&field.of),
+        field.range.unit,
+        limits(&field.of, &field.range),
+        prose(field.doc)
+    )
+}
+
+fn type_name(of: &Type) -> String {
+    match of {
+        Type::Bool => "bool".into(),
+        Type::U8 => "u8".into(),
+        Type::U16 => "u16".into(),
+        Type::U32 => "u32".into(),
+        Type::U64 => "u64".into(),
+        Type::F32 => "f32".into(),
+        Type::F64 => "f64".into(),
+        Type::Optional(of) => format!("optional {}", type_name(of)),
+        Type::List { item, capacity } => format!("list of up to {capacity} {}", type_name(item)),
+        Type::Text { capacity } => format!("text of up to {capacity} bytes"),
+        Type::Code(table) => format!("[{}](#{})", table.name, table.name.to_lowercase()),
+        Type::Structure(structure) => format!("`{}`", structure.name),
+    }
+}
+
+fn limits(of: &Type, range: &Range) -> String {
+    if range.low.is_finite() {
+        return format!("{} to {}", number(range.low), number(range.high));
+    }
+    match of {
+        Type::U8 => "0 to 255".into(),
+        Type::U16 => "0 to 65535".into(),
+        Type::U32 => "0 to 4294967295".into(),
+        Type::U64 => "0 to 18446744073709551615".into(),
+        Type::Optional(of) | Type::List { item: of, .. } => limits(of, range),
+        _ => String::new(),
+    }
+}
+
+fn number(value: f32) -> String {
+    let size = value.abs();
+    if value != 0.0 && !(1e-3..1e7).contains(&size) {
+        format!("{value:e}")
+    } else {
+        value.to_string()
+    }
+}
+
+fn items(structure: &Structure) -> Vec<&'static Structure> {
+    let inner = |field: &Field| match field.of {
+        Type::List {
+            item: Type::Structure(item),
+            ..
+        } => Some(*item),
+        _ => None,
+    };
+    structure.fields.iter().filter_map(inner).collect()
+}
+
+/// Every enumeration, where it first occurs.
+fn codes() -> String {
+    let mut tables: Vec<&CodeTable> = Vec::new();
+    for kind in Record::KINDS.iter().chain(Command::KINDS) {
+        for field in kind.payload.iter().flat_map(|payload| payload.fields) {
+            if let Type::Code(table) = field.of
+                && !tables.contains(&table)
+            {
+                tables.push(table);
+            }
+        }
+    }
+    tables.sort_by_key(|table| table.name);
+    let mut text = String::new();
+    for table in tables {
+        let _ = writeln!(text, "\n### {}\n\n{}\n", table.name, prose(table.doc));
+        text.push_str("| no. | name | meaning |\n|---|---|---|\n");
+        for entry in table.entries {
+            let (number, name, meaning) = (entry.number, entry.name, prose(entry.doc));
+            let _ = writeln!(text, "| {number} | `{name}` | {meaning} |");
+        }
+    }
+    text
+}
+
+/// The lines of a comment as one.
+fn prose(doc: &str) -> String {
+    doc.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+/// The first `state` of the fixture, byte by byte.
+fn example() -> String {
+    let (offset, frame) = first_state();
+    let coded = bytes_of(&frame);
+    let mut text = format!(
+        "The {} bytes at offset {offset} of `v{VERSION}-records.bin`:\n\n```text\n{}\n```\n\n\
+         Without COBS:\n\n| bytes | field | value |\n|---|---|---|\n",
+        coded.len(),
+        hex(&coded),
+    );
+    for (bytes, field, value) in fields(&frame) {
+        let _ = writeln!(text, "| `{}` | {field} | {value} |", hex(&bytes));
+    }
+    text
+}
+
+/// Where the example stands in the fixture, and what it is.
+pub(crate) fn first_state() -> (usize, Frame<Record>) {
+    let mut offset = 0;
+    for frame in fixture::records() {
+        if matches!(frame.message, Record::State(_)) {
+            return (offset, frame);
+        }
+        offset += bytes_of(&frame).len();
+    }
+    panic!("the fixture contains a state");
+}
+
+fn fields(frame: &Frame<Record>) -> Vec<(Vec<u8>, String, String)> {
+    let Record::State(state) = &frame.message else {
+        panic!("the example is a state");
+    };
+    let header = &frame.header;
+    let varint = |value: u64, of: Type| {
+        let mut bytes = Vec::new();
+        reference::write(&Value::Unsigned(value), &mut bytes, &of);
+        bytes
+    };
+    let row = |bytes: Vec<u8>, field: &str, value: String| (bytes, format!("`{field}`"), value);
+    let byte =
+        |field: &str, number: u8, name: &str| row(vec![number], field, format!("{number}: {name}"));
+    let mut rows = vec![
+        byte("version", VERSION, "major version"),
+        byte("kind", frame.message.kind(), frame.message.name()),
+        row(
+            varint(header.boot_id.into(), Type::U32),
+            "boot_id",
+            format!("0x{:08x}", header.boot_id),
+        ),
+        row(
+            varint(header.sequence.into(), Type::U32),
+            "sequence",
+            header.sequence.to_string(),
+        ),
+        row(
+            varint(header.time_us, Type::U64),
+            "time_us",
+            format!("{} us", header.time_us),
+        ),
+        row(
+            varint(header.dropped.into(), Type::U32),
+            "dropped",
+            header.dropped.to_string(),
+        ),
+        byte("state", state.state.number(), state.state.name()),
+        byte("previous", state.previous.number(), state.previous.name()),
+        byte("mode", state.mode.number(), state.mode.name()),
+        byte("armed", u8::from(state.armed), "yes"),
+        row(
+            varint(state.measurement.into(), Type::U32),
+            "measurement",
+            state.measurement.to_string(),
+        ),
+    ];
+    let content: Vec<u8> = rows.iter().flat_map(|(bytes, ..)| bytes.clone()).collect();
+    let checksum = reference::crc32c(&content);
+    rows.push((
+        checksum.to_le_bytes().to_vec(),
+        "CRC-32".into(),
+        format!("0x{checksum:08x}"),
+    ));
+    rows
+}
+
+/// Bytes as the document shows them.
+pub(crate) fn hex(bytes: &[u8]) -> String {
+    let bytes: Vec<_> = bytes.iter().map(|byte| format!("{byte:02x}")).collect();
+    bytes.join(" ")
+}

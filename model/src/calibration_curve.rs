@@ -1,0 +1,296 @@
+//! A monotone curve through calibration points.
+//!
+//! Calibration gives pairs: inductance change and deformation, current and stiffening. Between
+//! them the curve must stay monotone, or one reading would mean two deformations, and smooth,
+//! because its slope turns a sigma of the reading into a sigma of the deformation. A cubic spline
+//! overshoots; this is the piecewise cubic Hermite interpolant with the slopes of Fritsch and
+//! Butland (*A method for constructing local monotone piecewise cubic interpolants*, SIAM J. Sci.
+//! Stat. Comput. 5, 1984), known as PCHIP, which meets the sufficient condition of Fritsch and
+//! Carlson (SIAM J. Numer. Anal. 17, 1980): no slope above three times a neighbouring secant's.
+//!
+//! Between samples of a smooth function at spacing h the error falls as h^3 at least.
+
+use core::fmt;
+
+/// A calibration point and the curve's slope there.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+struct Knot {
+    x: f32,
+    y: f32,
+    slope: f32,
+}
+
+/// A monotone function given by up to `N` points.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct MonotoneCurve<const N: usize> {
+    knots: [Knot; N],
+    len: usize,
+}
+
+/// Why points make no curve.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub enum CurveError {
+    /// Fewer than two points.
+    TooFew {
+        /// How many there were.
+        given: usize,
+    },
+    /// More points than the curve can hold.
+    TooMany {
+        /// How many there were.
+        given: usize,
+        /// How many fit.
+        capacity: usize,
+    },
+    /// The point at `index` is infinite or NaN, or so close to the one before it that the secant
+    /// overflows.
+    NotFinite {
+        /// Place of the point.
+        index: usize,
+    },
+    /// The argument at `index` is not above the one before it.
+    NotIncreasing {
+        /// Place of the point.
+        index: usize,
+    },
+    /// The value at `index` equals the one before it or turns back.
+    NotMonotone {
+        /// Place of the point.
+        index: usize,
+    },
+}
+
+impl fmt::Display for CurveError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self::TooFew { given } => write!(f, "{given} calibration points, at least 2 needed"),
+            Self::TooMany { given, capacity } => {
+                write!(f, "{given} calibration points, at most {capacity} fit")
+            }
+            Self::NotFinite { index } => write!(f, "calibration point {index} is not finite"),
+            Self::NotIncreasing { index } => {
+                write!(f, "argument of calibration point {index} does not increase")
+            }
+            Self::NotMonotone { index } => {
+                write!(f, "value of calibration point {index} is not monotone")
+            }
+        }
+    }
+}
+
+impl core::error::Error for CurveError {}
+
+/// A curve's answer for one argument.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct CurvePoint {
+    /// Value.
+    pub value: f32,
+    /// Derivative of the value by the argument.
+    pub slope: f32,
+    /// The argument lies outside the calibration points; value and slope continue the tangent at
+    /// the end.
+    pub extrapolated: bool,
+}
+
+impl CurvePoint {
+    /// Standard deviation of the value when the argument has `sigma`, to first order.
+    pub const fn sigma(&self, sigma: f32) -> f32 {
+        self.slope.abs() * sigma
+    }
+}
+
+impl<const N: usize> MonotoneCurve<N> {
+    /// Takes points (argument, value) with increasing arguments and rising or falling values.
+    ///
+    /// ```
+    /// use palpate_model::calibration_curve::{CurveError, MonotoneCurve};
+    /// let curve = MonotoneCurve::<8>::new(&[(0.0, 0.0), (0.1, 0.2e-3), (0.25, 0.4e-3)])?;
+    /// let point = curve.at(0.1);
+    /// assert_eq!(point.value, 0.2e-3);
+    /// assert!(point.slope > 0.0 && !point.extrapolated);
+    /// assert_eq!(
+    ///     MonotoneCurve::<8>::new(&[(0.0, 0.0), (0.1, 0.2e-3), (0.2, 0.1e-3)]),
+    ///     Err(CurveError::NotMonotone { index: 2 }),
+    /// );
+    /// # Ok::<(), CurveError>(())
+    /// ```
+    pub fn new(points: &[(f32, f32)]) -> Result<Self, CurveError> {
+        let given = points.len();
+        if given > N {
+            return Err(CurveError::TooMany { given, capacity: N });
+        }
+        if given < 2 {
+            return Err(CurveError::TooFew { given });
+        }
+        validate(points)?;
+        let mut knots = [Knot::default(); N];
+        for (knot, &(x, y)) in knots.iter_mut().zip(points) {
+            *knot = Knot { x, y, slope: 0.0 };
+        }
+        set_slopes(&mut knots, points);
+        Ok(Self { knots, len: given })
+    }
+
+    /// Value and slope at `x`.
+    ///
+    /// The slope never changes sign. In exact arithmetic the value is monotone in `x`; rounding
+    /// can turn it back by at most 6 ulp of the larger of the segment's two end values (4 were seen
+    /// in 4e7 random pairs), never beyond those end values. At a calibration point the value is exact.
+    pub fn at(&self, x: f32) -> CurvePoint {
+        let knots = self.knots.get(..self.len).unwrap_or(&self.knots);
+        let above = knots.partition_point(|knot| knot.x < x);
+        let right = knots.get(above);
+        let left = above.checked_sub(1).and_then(|below| knots.get(below));
+        match (left, right) {
+            (Some(left), Some(right)) => left.towards(right, x),
+            (Some(end), None) | (None, Some(end)) => end.tangent(x),
+            (None, None) => CurvePoint {
+                value: f32::NAN,
+                slope: f32::NAN,
+                extrapolated: true,
+            },
+        }
+    }
+
+    /// Smallest and largest calibrated argument.
+    pub fn domain(&self) -> (f32, f32) {
+        let knots = self.knots.get(..self.len).unwrap_or(&self.knots);
+        let end = |knot: Option<&Knot>| knot.map_or(f32::NAN, |knot| knot.x);
+        (end(knots.first()), end(knots.last()))
+    }
+}
+
+impl Knot {
+    fn tangent(&self, x: f32) -> CurvePoint {
+        CurvePoint {
+            value: self.y + self.slope * (x - self.x),
+            slope: self.slope,
+            extrapolated: x != self.x,
+        }
+    }
+
+    /// The cubic between this knot and `right`, expanded about the nearer of the two.
+    fn towards(&self, right: &Self, x: f32) -> CurvePoint {
+        let width = right.x - self.x;
+        let secant = (right.y - self.y) / width;
+        let (near, far) = if x - self.x <= right.x - x {
+            (self, right)
+        } else {
+            (right, self)
+        };
+        // Hermite's cubic as the secant and what the two slopes differ from it, with s the way
+        // from `near` in units of the width, at most a half.
+        let way = x - near.x;
+        let (s, rest) = (way.abs() / width, 1.0 - way.abs() / width);
+        let (a, b) = (near.slope - secant, far.slope - secant);
+        let value = near.y + way * (secant + rest * (a * rest - b * s));
+        let slope = secant + a * rest * (1.0 - 3.0 * s) - b * s * (2.0 - 3.0 * s);
+        let (low, high) = if self.y < right.y {
+            (self.y, right.y)
+        } else {
+            (right.y, self.y)
+        };
+        CurvePoint {
+            value: value.max(low).min(high),
+            slope: if secant > 0.0 {
+                slope.max(0.0)
+            } else {
+                slope.min(0.0)
+            },
+            extrapolated: false,
+        }
+    }
+}
+
+fn validate(points: &[(f32, f32)]) -> Result<(), CurveError> {
+    let rising = match points {
+        [(_, first), .., (_, last)] => last > first,
+        _ => {
+            return Err(CurveError::TooFew {
+                given: points.len(),
+            });
+        }
+    };
+    let finite = |&(x, y): &(f32, f32)| x.is_finite() && y.is_finite();
+    if let Some(index) = points.iter().position(|point| !finite(point)) {
+        return Err(CurveError::NotFinite { index });
+    }
+    for (index, (&(x0, y0), &(x1, y1))) in (1..).zip(points.iter().zip(points.iter().skip(1))) {
+        if x1 <= x0 {
+            return Err(CurveError::NotIncreasing { index });
+        }
+        if y0 == y1 || (y1 > y0) != rising {
+            return Err(CurveError::NotMonotone { index });
+        }
+        let secant = (y1 - y0) / (x1 - x0);
+        if !(3.0 * secant).is_finite() || secant == 0.0 || !(x1 - x0).is_finite() {
+            return Err(CurveError::NotFinite { index });
+        }
+    }
+    Ok(())
+}
+
+/// Slopes of Fritsch and Butland inside, the limited three-point formula at the ends.
+fn set_slopes(knots: &mut [Knot], points: &[(f32, f32)]) {
+    match points {
+        [a, b] => knots
+            .iter_mut()
+            .take(2)
+            .for_each(|knot| knot.slope = Chord::between(*a, *b).1),
+        [a, b, c, ..] => {
+            let triples = points
+                .iter()
+                .zip(points.iter().skip(1))
+                .zip(points.iter().skip(2));
+            for (knot, ((&left, &here), &right)) in knots.iter_mut().skip(1).zip(triples) {
+                knot.slope = inner_slope(Chord::between(left, here), Chord::between(here, right));
+            }
+            if let Some(first) = knots.first_mut() {
+                first.slope = end_slope(Chord::between(*a, *b), Chord::between(*b, *c));
+            }
+            if let ([.., c, b, a], Some(last)) =
+                (points, knots.iter_mut().take(points.len()).last())
+            {
+                last.slope = end_slope(Chord::between(*b, *a), Chord::between(*c, *b));
+            }
+        }
+        _ => {}
+    }
+}
+
+/// Width and secant slope of a segment.
+#[derive(Clone, Copy)]
+struct Chord(f32, f32);
+
+impl Chord {
+    fn between((x0, y0): (f32, f32), (x1, y1): (f32, f32)) -> Self {
+        Self(x1 - x0, (y1 - y0) / (x1 - x0))
+    }
+}
+
+/// Weighted harmonic mean of two secants of one sign: at most three times the smaller.
+fn inner_slope(Chord(h0, d0): Chord, Chord(h1, d1): Chord) -> f32 {
+    let (w0, w1) = (2.0 * h1 + h0, h1 + 2.0 * h0);
+    // (w0 + w1) / (w0/d0 + w1/d1), arranged so that no quotient of extremes overflows.
+    let share = w0 / (w0 + w1);
+    let (small, large, weight) = if d0.abs() < d1.abs() {
+        (d0, d1, share)
+    } else {
+        (d1, d0, 1.0 - share)
+    };
+    small / (weight + (1.0 - weight) * (small / large))
+}
+
+/// Slope of the parabola through three points at the end one, or zero where it would turn back.
+/// At most twice the end's own secant, since the two secants have one sign.
+fn end_slope(Chord(h0, d0): Chord, Chord(h1, d1): Chord) -> f32 {
+    let slope = d0 + (d0 - d1) * (h0 / (h0 + h1));
+    let sign = d0.signum();
+    sign * (slope * sign).max(0.0)
+}

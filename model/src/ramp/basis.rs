@@ -1,0 +1,166 @@
+//! What the estimator solves for: the load, and what else moves the deformation meanwhile.
+
+use crate::math;
+use crate::units::{OutOfRange, Second};
+use core::fmt;
+
+/// A slow relative change of the deformation, x -> x (1 + d phi(t)), whose size d is an unknown.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub enum Drift {
+    /// phi = t, in seconds: warming, a slow hand. d is a rate, 1/s.
+    Linear,
+    /// phi = ln(1 + t/tau): creep of rubber over decades of time.
+    Logarithmic {
+        /// tau, the time since the load was applied.
+        tau: Second,
+    },
+    /// phi = 1 - exp(-t/tau): one mode of creep.
+    Exponential {
+        /// tau, the mode's time constant.
+        tau: Second,
+    },
+    /// phi = frac(t/period) - 1/2: what starts anew with every falling ramp, as the coil's heat.
+    ///
+    /// It looks much like the signal itself, which repeats with the same period: expect the price
+    /// of a linear drift over a single ramp, four times the standard error.
+    SawTooth {
+        /// From one ramp's start to the next.
+        period: Second,
+    },
+}
+
+impl Drift {
+    fn time_constant(&self) -> Option<Second> {
+        match *self {
+            Self::Linear => None,
+            Self::Logarithmic { tau } | Self::Exponential { tau } => Some(tau),
+            Self::SawTooth { period } => Some(period),
+        }
+    }
+
+    /// phi(t). Absolute error at most 2.0e-7 (1 + phi), a saw-tooth's jumps apart.
+    pub fn at(&self, time: Second) -> f32 {
+        match *self {
+            Self::Linear => time.0,
+            Self::Logarithmic { tau } => math::ln_1p(time / tau),
+            Self::Exponential { tau } => -math::exp_m1(-(time / tau)),
+            Self::SawTooth { period } => {
+                let turns = time / period;
+                turns - math::floor(turns) - 0.5
+            }
+        }
+    }
+}
+
+/// One unknown of the fit. `h` is the regressor's deviation g - g_ref.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub enum Term {
+    /// alpha in x_ref/x = 1 + alpha + beta h.
+    Level,
+    /// beta in x_ref/x = 1 + alpha + beta h.
+    Slope,
+    /// gamma h^2: first departure from a linear load.
+    Quadratic,
+    /// delta h^3: second departure from a linear load.
+    Cubic,
+    /// A disturbance in time.
+    Drift(Drift),
+}
+
+impl Term {
+    /// Power of h that it multiplies; `None` for a drift.
+    pub(super) const fn power(&self) -> Option<u8> {
+        match self {
+            Self::Level => Some(0),
+            Self::Slope => Some(1),
+            Self::Quadratic => Some(2),
+            Self::Cubic => Some(3),
+            Self::Drift(_) => None,
+        }
+    }
+}
+
+/// Why terms make no basis.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum BasisError {
+    /// The first two terms are not [`Term::Level`] and [`Term::Slope`].
+    LevelAndSlopeFirst,
+    /// The term at `index` has appeared before.
+    Repeated {
+        /// Its place.
+        index: usize,
+    },
+    /// A time constant is not above zero.
+    TimeConstant(OutOfRange),
+}
+
+impl fmt::Display for BasisError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::LevelAndSlopeFirst => f.write_str("a basis begins with level and slope"),
+            Self::Repeated { index } => write!(f, "term {index} of the basis is repeated"),
+            Self::TimeConstant(error) => write!(f, "time constant of a drift: {error}"),
+        }
+    }
+}
+
+impl core::error::Error for BasisError {}
+
+/// The unknowns of a fit, checked. `P` counts them: each costs memory and time as P^2.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Basis<const P: usize> {
+    terms: [Term; P],
+}
+
+impl Basis<2> {
+    /// A linear load and no disturbance: eq. (2) for a whole ramp.
+    pub const LINEAR: Self = Self {
+        terms: [Term::Level, Term::Slope],
+    };
+}
+
+impl Basis<3> {
+    /// A linear load and one drift.
+    pub fn with_drift(drift: Drift) -> Result<Self, BasisError> {
+        Self::new([Term::Level, Term::Slope, Term::Drift(drift)])
+    }
+}
+
+impl<const P: usize> Basis<P> {
+    /// Any unknowns, level and slope first, none twice.
+    ///
+    /// ```
+    /// use palpate_model::ramp::{Basis, Drift, Term};
+    /// use palpate_model::units::Second;
+    /// let creep = Drift::Logarithmic { tau: Second(0.02) };
+    /// assert!(Basis::new([Term::Level, Term::Slope, Term::Quadratic, Term::Drift(creep)]).is_ok());
+    /// assert!(Basis::new([Term::Slope, Term::Level]).is_err());
+    /// ```
+    pub fn new(terms: [Term; P]) -> Result<Self, BasisError> {
+        let [Term::Level, Term::Slope, ..] = terms.as_slice() else {
+            return Err(BasisError::LevelAndSlopeFirst);
+        };
+        for (index, term) in terms.iter().enumerate() {
+            if terms.iter().take(index).any(|earlier| earlier == term) {
+                return Err(BasisError::Repeated { index });
+            }
+            if let Term::Drift(drift) = term
+                && let Some(tau) = drift.time_constant()
+            {
+                Second::positive(tau.0).map_err(BasisError::TimeConstant)?;
+            }
+        }
+        Ok(Self { terms })
+    }
+
+    /// The unknowns, in the order of the fit's coefficients.
+    pub const fn terms(&self) -> &[Term; P] {
+        &self.terms
+    }
+}

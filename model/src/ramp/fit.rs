@@ -1,0 +1,319 @@
+//! The result of a ramp.
+
+use super::interval::{RatioCovariance, fieller};
+use super::moments::Solution;
+use super::{Basis, LoadRatio, LoadStiffness, Reference, Refusal};
+use crate::math::{Wide, sqrt};
+use crate::units::{Metre, Newton, NewtonPerMetre};
+
+/// How far the residuals are believed against the sigmas stated with the samples.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub enum Noise {
+    /// The sigmas are right as stated; quantiles of the normal distribution.
+    Stated,
+    /// The sigmas are right up to a common factor, taken from the residuals; Student's quantiles.
+    Residual,
+    /// Whichever of the two is larger (Birge's rule), Student's quantiles: noise that nobody
+    /// stated, as vibration, widens the interval, and lucky residuals do not narrow it.
+    #[default]
+    Larger,
+}
+
+/// A coefficient of the fit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Coefficient {
+    /// Estimate.
+    pub value: f32,
+    /// Its standard error.
+    pub standard_error: f32,
+}
+
+/// A point of the load's curve F(x_L).
+///
+/// The two errors come from the same deformation and are correlated, nearly -1: what one sigma
+/// moves up along F it moves back along x_L.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct LoadPoint {
+    /// F = c_S x_S.
+    pub force: Newton,
+    /// Displacement of the load.
+    pub displacement: Metre,
+    /// Standard error of the force.
+    pub force_sigma: Newton,
+    /// Standard error of the displacement.
+    pub displacement_sigma: Metre,
+}
+
+/// The fitted ramp, x_S as a function of the regressor with the drifts taken out:
+///
+/// x(h) = x_ref / l(h), l(h) = 1 + alpha + beta h (+ gamma h^2 + delta h^3).
+#[derive(Clone, Copy, Debug)]
+pub struct Fit<const P: usize> {
+    basis: Basis<P>,
+    reference: Reference,
+    theta: [Wide; P],
+    covariance: [[f32; P]; P],
+    chi_square: f32,
+    degrees: u32,
+    quantile: f32,
+    centre: f32,
+    inflation: f32,
+}
+
+/// l(h) and l'(h), with their derivatives by the coefficients.
+struct Curve<const P: usize> {
+    level: Wide,
+    slope: Wide,
+    level_by: [f32; P],
+    slope_by: [f32; P],
+}
+
+impl<const P: usize> Fit<P> {
+    pub(super) fn new(
+        basis: Basis<P>,
+        reference: Reference,
+        solution: &Solution<P>,
+        scale: ErrorScale,
+    ) -> Result<Self, Refusal> {
+        let covariance = solution
+            .inverse
+            .map(|row| row.map(|c| (c * scale.row_variance).to_f32()));
+        let theta = solution.theta.map(|theta| theta.to_f32());
+        if !covariance
+            .iter()
+            .chain([&theta])
+            .flatten()
+            .all(|number| number.is_finite())
+        {
+            return Err(Refusal::NotFinite);
+        }
+        Ok(Self {
+            basis,
+            reference,
+            theta: solution.theta,
+            covariance,
+            chi_square: scale.chi_square,
+            degrees: scale.degrees,
+            quantile: scale.quantile,
+            centre: solution.centre,
+            inflation: solution.inflation,
+        })
+    }
+
+    /// kappa = c_S/c_L of a linear load, or of a non-linear one at the middle of the ramp.
+    pub fn load_ratio(&self) -> Result<LoadRatio, Refusal> {
+        self.load_ratio_at(self.centre)
+    }
+
+    /// kappa = c_S/c_L where the regressor deviates by `h`: from the *tangent* of the load.
+    ///
+    /// From x (1 + g) + x_L = x_0 follows c_S dx_L/dF = l/l' - (1 + g), whatever x_0 is. With a
+    /// straight line l, no quadratic or cubic term in the basis, it is the same for all `h`.
+    pub fn load_ratio_at(&self, h: f32) -> Result<LoadRatio, Refusal> {
+        let curve = self.curve(h);
+        let slope = curve.slope.to_f32();
+        let covariance = RatioCovariance {
+            numerator: self.covariance(&curve.level_by, &curve.level_by),
+            cross: self.covariance(&curve.level_by, &curve.slope_by),
+            denominator: self.covariance(&curve.slope_by, &curve.slope_by),
+        };
+        let quotient = curve.level / curve.slope;
+        let ratio = quotient.to_f32();
+        let (below, above) = fieller(ratio, slope, covariance, self.quantile)
+            .map_err(|significance| Refusal::SignalTooSmall { significance })?;
+        if slope < 0.0 {
+            let significance = slope / sqrt(covariance.denominator);
+            return Err(Refusal::SignalReversed { significance });
+        }
+        // As wide numbers: for a stiff load the ratio is nearly 1 + g, and kappa the small rest.
+        let value =
+            (quotient - Wide::ONE - Wide::from_f32(self.reference.regressor()) - Wide::from_f32(h))
+                .to_f32();
+        let variance = covariance.numerator
+            + ratio * (ratio * covariance.denominator - 2.0 * covariance.cross);
+        let standard_error = sqrt(variance.max(0.0)) / slope;
+        let result = LoadRatio {
+            value,
+            standard_error,
+            low: value + below,
+            high: value + above,
+        };
+        if result.low.is_finite() && result.high.is_finite() && value.is_finite() {
+            Ok(result)
+        } else {
+            Err(Refusal::NotFinite)
+        }
+    }
+
+    /// c_L with its 95 % interval, statistical errors only; see
+    /// [`uncertainty`](crate::uncertainty) for the calibration's.
+    pub fn load_stiffness(&self, sensing: NewtonPerMetre) -> Result<LoadStiffness, Refusal> {
+        self.load_ratio()?.stiffness(sensing)
+    }
+
+    /// The load's force and displacement where the regressor deviates by `h`, the displacement
+    /// counted from the state h = 0, as the ramp alone shows it.
+    pub fn load_point(&self, h: f32, sensing: NewtonPerMetre) -> LoadPoint {
+        let (rest, curve) = (self.curve(0.0), self.curve(h));
+        let (l0, l) = (rest.level.to_f32(), curve.level.to_f32());
+        let (at_rest, here) = (
+            1.0 + self.reference.regressor(),
+            1.0 + self.reference.regressor() + h,
+        );
+        // x_0 - x (1 + g) minus its value at h = 0, over one denominator: nothing cancels.
+        let change = (curve.level - rest.level).to_f32();
+        let numerator = at_rest * change - h * l0;
+        let x_ref = self.reference.deformation().0;
+        let by: [f32; P] = combine(
+            &rest.level_by,
+            -at_rest / (l0 * l0),
+            &curve.level_by,
+            here / (l * l),
+        );
+        LoadPoint {
+            displacement: Metre(x_ref * numerator / (l0 * l)),
+            displacement_sigma: Metre(x_ref * sqrt(self.covariance(&by, &by).max(0.0))),
+            ..self.forces(&curve, sensing)
+        }
+    }
+
+    /// The load's force and displacement where the regressor deviates by `h`, the displacement
+    /// counted from the unloaded object: needs x_0, the whole way pressed since contact.
+    pub fn load_point_within(&self, h: f32, sensing: NewtonPerMetre, total: Metre) -> LoadPoint {
+        let forces = self.forces(&self.curve(h), sensing);
+        let stack = 1.0 + self.reference.regressor() + h;
+        LoadPoint {
+            displacement: total - forces.force / sensing * stack,
+            displacement_sigma: forces.force_sigma / sensing * stack,
+            ..forces
+        }
+    }
+
+    fn forces(&self, curve: &Curve<P>, sensing: NewtonPerMetre) -> LoadPoint {
+        let level = curve.level.to_f32();
+        let force = sensing * (self.reference.deformation() / level);
+        let relative = sqrt(self.covariance(&curve.level_by, &curve.level_by).max(0.0)) / level;
+        LoadPoint {
+            force,
+            force_sigma: force * relative.abs(),
+            displacement: Metre(0.0),
+            displacement_sigma: Metre(0.0),
+        }
+    }
+
+    /// x_0, the way pressed in all, if the load is linear from its first touch: x_ref/beta at
+    /// h = 0.
+    pub fn total_displacement(&self) -> Metre {
+        self.reference.deformation() / self.curve(0.0).slope.to_f32()
+    }
+
+    /// The coefficient of the basis' term at `index`; a drift's is its relative size d.
+    pub fn coefficient(&self, index: usize) -> Option<Coefficient> {
+        let variance = *self.covariance.get(index)?.get(index)?;
+        let value = self.theta.get(index)?.to_f32();
+        Some(Coefficient {
+            value,
+            standard_error: sqrt(variance.max(0.0)),
+        })
+    }
+
+    /// Correlation of the errors of two coefficients.
+    pub fn correlation(&self, i: usize, j: usize) -> Option<f32> {
+        let entry = |i: usize, j: usize| self.covariance.get(i).and_then(|row| row.get(j)).copied();
+        Some(entry(i, j)? / (sqrt(entry(i, i)?) * sqrt(entry(j, j)?)))
+    }
+
+    /// Sum of the squared residuals over the stated sigmas.
+    pub const fn chi_square(&self) -> f32 {
+        self.chi_square
+    }
+
+    /// Samples less unknowns.
+    pub const fn degrees_of_freedom(&self) -> u32 {
+        self.degrees
+    }
+
+    /// Chi-square per degree of freedom: near 1 when noise and model are as stated. `None`
+    /// without a degree of freedom.
+    pub fn reduced_chi_square(&self) -> Option<f32> {
+        (self.degrees > 0).then(|| self.chi_square / self.degrees as f32)
+    }
+
+    /// By how much the drifts and curvatures inflate the variance of the slope, 1 and up: its
+    /// root is the price in standard error that they cost.
+    pub const fn variance_inflation(&self) -> f32 {
+        self.inflation
+    }
+
+    /// Weighted mean of the regressor's deviation.
+    pub const fn centre(&self) -> f32 {
+        self.centre
+    }
+
+    /// The basis that was fitted.
+    pub const fn basis(&self) -> &Basis<P> {
+        &self.basis
+    }
+
+    fn curve(&self, h: f32) -> Curve<P> {
+        let mut curve = Curve {
+            level: Wide::ONE,
+            slope: Wide::ZERO,
+            level_by: self
+                .basis
+                .terms()
+                .map(|term| term.power().map_or(0.0, |n| power(h, n))),
+            slope_by: self
+                .basis
+                .terms()
+                .map(|term| term.power().map_or(0.0, |n| derivative(h, n))),
+        };
+        let by = curve.level_by.iter().zip(&curve.slope_by);
+        for (theta, (&level, &slope)) in self.theta.iter().zip(by) {
+            curve.level = curve.level + theta.scale(level);
+            curve.slope = curve.slope + theta.scale(slope);
+        }
+        curve
+    }
+
+    /// Covariance of two linear functions of the coefficients.
+    fn covariance(&self, a: &[f32; P], b: &[f32; P]) -> f32 {
+        let rows = self.covariance.iter().zip(a);
+        rows.map(|(row, a)| a * row.iter().zip(b).map(|(c, b)| c * b).sum::<f32>())
+            .sum()
+    }
+}
+
+/// What turns the inverse of the moments into a covariance.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct ErrorScale {
+    pub(super) row_variance: Wide,
+    pub(super) chi_square: f32,
+    pub(super) degrees: u32,
+    pub(super) quantile: f32,
+}
+
+fn power(h: f32, exponent: u8) -> f32 {
+    (0..exponent).fold(1.0, |product, _| product * h)
+}
+
+/// d h^n / dh.
+fn derivative(h: f32, exponent: u8) -> f32 {
+    exponent
+        .checked_sub(1)
+        .map_or(0.0, |less| f32::from(exponent) * power(h, less))
+}
+
+fn combine<const P: usize>(a: &[f32; P], by_a: f32, b: &[f32; P], by_b: f32) -> [f32; P] {
+    let mut sum = [0.0; P];
+    for (sum, (a, b)) in sum.iter_mut().zip(a.iter().zip(b)) {
+        *sum = a * by_a + b * by_b;
+    }
+    sum
+}

@@ -1,0 +1,154 @@
+//! Intervals for a ratio, and what they say about a stiffness.
+
+use super::Refusal;
+use crate::math::sqrt;
+use crate::units::NewtonPerMetre;
+
+/// kappa = c_S/c_L, the load's compliance in units of the sensing layer's, with a 95 % interval.
+///
+/// This, not the stiffness, is the quantity whose error is nearly normal: a rigid load is an
+/// ordinary point, kappa = 0, and an estimate may fall a little below it by noise.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct LoadRatio {
+    /// Estimate of kappa.
+    pub value: f32,
+    /// Its standard error.
+    pub standard_error: f32,
+    /// Lower end of the 95 % interval.
+    pub low: f32,
+    /// Upper end of the 95 % interval.
+    pub high: f32,
+}
+
+/// What is known of the load's stiffness at 95 %.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub enum LoadStiffness {
+    /// Between two bounds.
+    Within {
+        /// Estimate of c_L.
+        value: NewtonPerMetre,
+        /// Its standard error, to first order.
+        standard_error: NewtonPerMetre,
+        /// Lower end of the interval.
+        low: NewtonPerMetre,
+        /// Upper end of the interval.
+        high: NewtonPerMetre,
+    },
+    /// Not told from rigid: the interval has no upper end.
+    AtLeast {
+        /// Lower end of the interval.
+        low: NewtonPerMetre,
+    },
+}
+
+impl LoadStiffness {
+    /// Lower end of the 95 % interval.
+    pub const fn low(&self) -> NewtonPerMetre {
+        match *self {
+            Self::Within { low, .. } | Self::AtLeast { low } => low,
+        }
+    }
+
+    /// Upper end of the 95 % interval; `None` when it has none.
+    pub const fn high(&self) -> Option<NewtonPerMetre> {
+        match *self {
+            Self::Within { high, .. } => Some(high),
+            Self::AtLeast { .. } => None,
+        }
+    }
+
+    /// Best estimate; `None` when the load cannot be told from a rigid one.
+    pub const fn value(&self) -> Option<NewtonPerMetre> {
+        match *self {
+            Self::Within { value, .. } => Some(value),
+            Self::AtLeast { .. } => None,
+        }
+    }
+
+    /// Whether `truth` lies in the interval.
+    pub fn contains(&self, truth: NewtonPerMetre) -> bool {
+        truth >= self.low() && self.high().is_none_or(|high| truth <= high)
+    }
+}
+
+impl LoadRatio {
+    /// c_L = c_S/kappa: the interval of kappa turned over, exactly as wide in probability.
+    ///
+    /// ```
+    /// use palpate_model::ramp::{LoadRatio, LoadStiffness};
+    /// use palpate_model::units::NewtonPerMetre;
+    /// let soft = LoadRatio { value: 1.0, standard_error: 0.1, low: 0.8, high: 1.25 };
+    /// let stiffness = soft.stiffness(NewtonPerMetre(6e3)).unwrap();
+    /// assert_eq!(stiffness.low(), NewtonPerMetre(4.8e3));
+    /// assert_eq!(stiffness.high(), Some(NewtonPerMetre(7.5e3)));
+    ///
+    /// let hard = LoadRatio { value: 0.02, standard_error: 0.1, low: -0.18, high: 0.25 };
+    /// let stiffness = hard.stiffness(NewtonPerMetre(6e3)).unwrap();
+    /// assert_eq!(stiffness, LoadStiffness::AtLeast { low: NewtonPerMetre(24e3) });
+    /// ```
+    pub fn stiffness(&self, sensing: NewtonPerMetre) -> Result<LoadStiffness, Refusal> {
+        // Negated, so that NaN is refused.
+        if !(self.high > 0.0) {
+            return Err(Refusal::NegativeStiffness {
+                highest_load_ratio: self.high,
+            });
+        }
+        let low = sensing / self.high;
+        let high = sensing / self.low;
+        if self.low > 0.0 && high.0.is_finite() {
+            let value = sensing / self.value;
+            let standard_error = value * (self.standard_error / self.value);
+            Ok(LoadStiffness::Within {
+                value,
+                standard_error,
+                low,
+                high,
+            })
+        } else {
+            Ok(LoadStiffness::AtLeast { low })
+        }
+    }
+}
+
+/// Variances of numerator and denominator of a ratio, and their covariance.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct RatioCovariance {
+    pub(super) numerator: f32,
+    pub(super) cross: f32,
+    pub(super) denominator: f32,
+}
+
+/// Distances from the estimate `ratio` to the ends of its interval, lower (negative) and upper.
+///
+/// Fieller (*Some problems in interval estimation*, J. R. Stat. Soc. B 16, 1954): all rho for
+/// which numerator - rho denominator is within `quantile` standard errors of zero. Written in
+/// delta = rho - ratio, which keeps the digits that the textbook's quadratic in rho loses:
+///
+/// (b^2 - t^2 V_bb) delta^2 - 2 t^2 (rho V_bb - V_ab) delta - t^2 V_rho <= 0.
+///
+/// `Err` carries b over its standard error when b^2 <= t^2 V_bb: then the interval is unbounded.
+pub(super) fn fieller(
+    ratio: f32,
+    denominator: f32,
+    covariance: RatioCovariance,
+    quantile: f32,
+) -> Result<(f32, f32), f32> {
+    let RatioCovariance {
+        numerator,
+        cross,
+        denominator: variance,
+    } = covariance;
+    let squared = quantile * quantile;
+    let leading = denominator * denominator - squared * variance;
+    if !(leading > 0.0) {
+        return Err(denominator / sqrt(variance));
+    }
+    let skew = squared * (ratio * variance - cross);
+    let of_ratio = (numerator - 2.0 * ratio * cross + ratio * ratio * variance).max(0.0);
+    let reach = sqrt(skew * skew + leading * squared * of_ratio);
+    Ok(((skew - reach) / leading, (skew + reach) / leading))
+}

@@ -1,0 +1,94 @@
+//! Why there is no estimate.
+
+use core::fmt;
+
+/// A sample that was not taken into the sums; the ramp is as it was before.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub enum Rejected {
+    /// A number is infinite or NaN.
+    NotFinite,
+    /// The deformation is not above zero: nothing presses.
+    Unpressed,
+    /// Sigma is not above zero, or gives no weight within the range of `f32`.
+    Sigma,
+}
+
+impl fmt::Display for Rejected {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::NotFinite => "sample is not finite",
+            Self::Unpressed => "deformation of the sample is not above zero",
+            Self::Sigma => "sigma of the sample is out of range",
+        })
+    }
+}
+
+impl core::error::Error for Rejected {}
+
+/// Why a ramp gives no stiffness.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub enum Refusal {
+    /// Fewer samples than unknowns, or no sample left over to tell the noise from.
+    TooFewSamples {
+        /// Samples taken.
+        have: u32,
+        /// Samples needed.
+        need: u32,
+    },
+    /// A term cannot be told from the ones before it: the current did not change, or a drift has
+    /// the shape of the signal.
+    IllConditioned {
+        /// Place of the term in the basis.
+        term: usize,
+    },
+    /// The result left the range of `f32`.
+    NotFinite,
+    /// The deformation does not follow the regressor beyond doubt, so that no stiffness from zero
+    /// to infinity is excluded.
+    SignalTooSmall {
+        /// Slope over its standard error.
+        significance: f32,
+    },
+    /// The deformation follows the regressor the wrong way round: with the actuated layer's
+    /// softening the sensing layer yields more. Cross-talk, or polarity of a calibration.
+    SignalReversed {
+        /// Slope over its standard error.
+        significance: f32,
+    },
+    /// The whole interval is of negative stiffness: drift that was not modelled, or a wrong
+    /// calibration.
+    NegativeStiffness {
+        /// Upper end of the interval of c_S/c_L, below zero.
+        highest_load_ratio: f32,
+    },
+}
+
+impl fmt::Display for Refusal {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self::TooFewSamples { have, need } => write!(f, "{have} samples, {need} needed"),
+            Self::IllConditioned { term } => {
+                write!(f, "term {term} cannot be told from the others")
+            }
+            Self::NotFinite => f.write_str("result is not finite"),
+            Self::SignalTooSmall { significance } => {
+                write!(f, "signal too small: {significance:.1} standard errors")
+            }
+            Self::SignalReversed { significance } => {
+                write!(f, "signal reversed: {significance:.1} standard errors")
+            }
+            Self::NegativeStiffness { highest_load_ratio } => {
+                write!(
+                    f,
+                    "negative stiffness: c_S/c_L at most {highest_load_ratio:.3}"
+                )
+            }
+        }
+    }
+}
+
+impl core::error::Error for Refusal {}

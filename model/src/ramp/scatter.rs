@@ -1,0 +1,68 @@
+//! Do several estimates of one thing agree?
+
+use crate::math::sqrt;
+
+/// Running weighted mean of estimates with standard errors, and their scatter about it.
+///
+/// One fit over a train of ramps takes its standard error from white noise. What is slower than a
+/// sample and faster than the train - vibration, a regressor that misses the creep - moves every
+/// single ramp's own estimate; their scatter shows it. So fit each ramp by itself as well
+/// ([`Basis::LINEAR`](super::Basis::LINEAR) is enough) and feed its kappa here.
+///
+/// ```
+/// use palpate_model::ramp::Scatter;
+/// let mut scatter = Scatter::default();
+/// for kappa in [1.00, 1.10, 0.90, 1.00] {
+///     scatter.add(kappa, 0.02);
+/// }
+/// assert!((scatter.mean() - 1.0).abs() < 1e-6);
+/// // The four disagree by four times their own errors: widen by that.
+/// assert!((scatter.birge_ratio().unwrap() - 4.08).abs() < 0.01);
+/// ```
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Scatter {
+    weight: f32,
+    mean: f32,
+    chi_square: f32,
+    count: u32,
+}
+
+impl Scatter {
+    /// Adds an estimate; one without a finite value or a positive error is not taken.
+    pub fn add(&mut self, value: f32, standard_error: f32) {
+        let weight = 1.0 / (standard_error * standard_error);
+        if !(value.is_finite() && weight.is_finite() && weight > 0.0) {
+            return;
+        }
+        // West's updating formulas (Comm. ACM 22, 1979): about the mean, so nothing cancels.
+        let total = self.weight + weight;
+        let deviation = value - self.mean;
+        self.chi_square += deviation * deviation * weight * (self.weight / total);
+        self.mean += deviation * (weight / total);
+        self.weight = total;
+        self.count = self.count.saturating_add(1);
+    }
+
+    /// Estimates taken.
+    pub const fn count(&self) -> u32 {
+        self.count
+    }
+
+    /// Weighted mean; zero without an estimate.
+    pub const fn mean(&self) -> f32 {
+        self.mean
+    }
+
+    /// Sum of squared deviations from the mean over the squared errors; expect count - 1.
+    pub const fn chi_square(&self) -> f32 {
+        self.chi_square
+    }
+
+    /// Root of chi-square per degree of freedom: the factor by which the stated errors are too
+    /// small. `None` for fewer than two estimates.
+    pub fn birge_ratio(&self) -> Option<f32> {
+        (self.count > 1).then(|| sqrt(self.chi_square / self.count.saturating_sub(1) as f32))
+    }
+}

@@ -1,0 +1,37 @@
+//! Cramer-Rao bound of a forward model, from numerical derivatives.
+
+use super::linalg::least_squares;
+
+/// Standard deviations that no unbiased estimator of `parameters` can beat, for readings
+/// `model(i, parameters)` with normal noise of `sigma(i)`.
+pub fn cramer_rao(
+    samples: usize,
+    parameters: &[f64],
+    steps: &[f64],
+    model: impl Fn(usize, &[f64]) -> f64,
+    sigma: impl Fn(usize) -> f64,
+) -> Vec<f64> {
+    let shifted = |k: usize, by: f64| {
+        let mut p = parameters.to_vec();
+        p[k] += by;
+        p
+    };
+    let rows: Vec<Vec<f64>> = (0..samples)
+        .map(|i| {
+            (0..parameters.len())
+                .map(|k| {
+                    // Richardson's central difference, scaled to steps of one.
+                    let difference =
+                        |h: f64| (model(i, &shifted(k, h)) - model(i, &shifted(k, -h))) / (2.0 * h);
+                    let h = steps[k];
+                    (4.0 * difference(h / 2.0) - difference(h)) / 3.0 * h / sigma(i)
+                })
+                .collect()
+        })
+        .collect();
+    // The inverse of the Fisher matrix J'J is what least squares returns beside its solution.
+    let (_, inverse) = least_squares(&rows, &vec![0.0; samples]);
+    (0..parameters.len())
+        .map(|k| inverse[k][k].sqrt() * steps[k])
+        .collect()
+}

@@ -1,0 +1,158 @@
+//! One whole evaluation, from codes to claims, on inputs made of integers: the same bits on every
+//! machine, or the arithmetic is not what it should be. Needs `core` only, so that a target
+//! without `std` can run the very same lines.
+
+use palpate_model::calibration_curve::MonotoneCurve;
+use palpate_model::contact::{Detector, Watch};
+use palpate_model::demagnetising::Burst;
+use palpate_model::magnetorheological::{Lag, Saturating, Stiffening, deviation};
+use palpate_model::ramp::{Basis, Drift, LoadRatio, Noise, Ramp, Reference, Sample, Term};
+use palpate_model::tank::{Tank, relative_frequency_change, relative_inductance_change};
+use palpate_model::thermal::{Copper, Temperatures, TwoNode};
+use palpate_model::uncertainty::{Calibration, OperatingPoint};
+use palpate_model::units::*;
+
+/// Readings in the ramp.
+pub const READINGS: u32 = 400;
+
+/// Everything that can differ, as bits.
+pub type Bits = [u32; 24];
+
+struct Noise32(u32);
+
+impl Noise32 {
+    /// Whole numbers from -2^11 to 2^11, nearly normal.
+    fn next(&mut self) -> i32 {
+        let mut sum = 0;
+        for _ in 0..4 {
+            self.0 = self.0.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            sum += (self.0 >> 22) as i32 - 512;
+        }
+        sum
+    }
+}
+
+/// `None` when some part refuses, which it must not.
+pub fn run() -> Option<Bits> {
+    let mut noise = Noise32(1);
+    let sensing = NewtonPerMetre(6e3);
+    let points = [
+        (0.0, 0.0),
+        (0.02, 60e-6),
+        (0.05, 140e-6),
+        (0.1, 250e-6),
+        (0.2, 400e-6),
+    ];
+    let curve = MonotoneCurve::<8>::new(&points).ok()?;
+    let law = Saturating::new(NewtonPerMetre(4e3), 0.1, Ampere(10.0)).ok()?;
+    let law = law.saturating(Tesla(0.022), Tesla(0.25)).ok()?;
+    let reference = Reference::new(Metre(0.3e-3), law.reference_ratio(sensing)).ok()?;
+    let tau = Second(0.05);
+    let basis = Basis::new([
+        Term::Level,
+        Term::Slope,
+        Term::Quadratic,
+        Term::Drift(Drift::Logarithmic { tau }),
+        Term::Drift(Drift::SawTooth {
+            period: Second(0.125),
+        }),
+    ]);
+    let mut curved = Ramp::new(reference, basis.ok()?);
+    let drift = Drift::Exponential { tau };
+    let mut straight = Ramp::new(reference, Basis::with_drift(drift).ok()?);
+    let mut lag = Lag::new(Second(2e-3), 0.1).ok()?;
+    let mut detector = Detector::new(Watch::new(Metre(10e-9))).ok()?;
+    let mut last = 0.0;
+
+    for i in 0..READINGS {
+        let current = Ampere(10.0 * (1.0 - (i % 50) as f32 / 49.0));
+        let rise = law.rise(current).value;
+        let h = deviation(law.reference_ratio(sensing), rise);
+        // A code near the one that the deformation would make, by a line and noise.
+        let depth = 0.3e-3 * 3.5 / (3.5 + h);
+        let code = 230_000_000 - ((depth * 3e10) as i32 + noise.next()) as u32;
+        let change = relative_inductance_change(relative_frequency_change(230_000_000, code));
+        let read = curve.at(change);
+        last = read.value;
+        let sample = Sample {
+            time: Second(i as f32 / 400.0),
+            deformation: Metre(read.value) - Metre(0.3e-3),
+            regressor: h + law.attraction(Newton(1e-3), current, Metre(read.value)),
+            sigma: Metre(read.sigma(1e-6)),
+        };
+        straight.push(&sample).ok()?;
+        let lagging = deviation(
+            law.reference_ratio(sensing),
+            lag.follow(rise, Second(2.5e-3)),
+        );
+        curved
+            .push(&Sample {
+                regressor: lagging,
+                ..sample
+            })
+            .ok()?;
+        detector.push(Second(1e-3), Metre(noise.next() as f32 * 1e-11));
+    }
+
+    let straight = straight.fit(Noise::Larger).ok()?;
+    let curved = curved.fit(Noise::Residual).ok()?;
+    let (of_line, of_curve) = (straight.load_ratio().ok()?, curved.load_ratio().ok()?);
+    let calibration = Calibration {
+        stiffening: 0.02,
+        actuated: 0.01,
+        sensing: 0.01,
+        ..Calibration::default()
+    };
+    let at = OperatingPoint {
+        actuated_ratio: reference.regressor(),
+        rise: law.rise_at_peak(),
+        logarithmic_slope: law.logarithmic_slope(Ampere(10.0)),
+        deformation: reference.deformation(),
+    };
+    let claim = calibration.widen(&of_line, &at);
+    let point = curved.load_point(-0.05, sensing);
+    let stack = TwoNode::new(
+        JoulePerKelvin(0.8),
+        JoulePerKelvin(60.0),
+        KelvinPerWatt(0.5),
+        KelvinPerWatt(8.0),
+    );
+    let rest = Temperatures::uniform(Celsius(25.0));
+    let (coil, long) = (Copper(Ohm(0.389)), Second(0.8));
+    let hot =
+        stack
+            .ok()?
+            .after_pulse(rest, coil, Ampere(8.0), Celsius(25.0), long, Celsius(80.0))?;
+    let burst = Burst::new(Ampere(8.0), Second(0.2), Hertz(25.0)).ok()?;
+    let ends = |ratio: &LoadRatio| [ratio.value, ratio.standard_error, ratio.low, ratio.high];
+    let [a, b, c, d] = ends(&of_line);
+    let [e, f, g, h] = ends(&of_curve);
+    let [_, i, j, k] = ends(&claim);
+    let values: [f32; 24] = [
+        a,
+        b,
+        c,
+        d,
+        e,
+        f,
+        g,
+        h,
+        i,
+        j,
+        k,
+        straight.chi_square(),
+        straight.coefficient(2)?.value,
+        curved.coefficient(3)?.value,
+        curved.correlation(1, 2)?,
+        point.displacement.0,
+        point.displacement_sigma.0,
+        point.force.0,
+        hot.copper.0,
+        hot.pad.0,
+        burst.current(Second(0.123)).0,
+        detector.baseline().rate(),
+        Tank::new(Farad(330e-12)).ok()?.inductance(Hertz(3.74e6))?.0,
+        last,
+    ];
+    Some(values.map(f32::to_bits))
+}

@@ -1,0 +1,169 @@
+//! A press on a spring, after section 2 of the physics: three springs in series at a constant
+//! overall length, the actuated one softening with the current.
+
+use palpate_model::ramp::{Reference, Sample};
+use palpate_model::units::{Metre, Second};
+
+use super::rng::Rng;
+
+/// How the current falls, once or in several teeth.
+#[derive(Clone, Copy, Debug)]
+pub struct Ramps {
+    pub samples: usize,
+    pub teeth: usize,
+    /// Seconds for all samples.
+    pub duration: f64,
+}
+
+impl Ramps {
+    pub const ONE: Self = Self {
+        samples: 400,
+        teeth: 1,
+        duration: 1.0,
+    };
+    pub const EIGHT: Self = Self {
+        samples: 400,
+        teeth: 8,
+        duration: 1.0,
+    };
+
+    pub fn time(&self, i: usize) -> f64 {
+        self.duration * i as f64 / (self.samples - 1) as f64
+    }
+
+    /// Current over its peak: from 1 to 0 in every tooth.
+    pub fn current(&self, i: usize) -> f64 {
+        let per_tooth = self.samples / self.teeth;
+        1.0 - (i % per_tooth) as f64 / (per_tooth - 1) as f64
+    }
+}
+
+/// The load's displacement under a force, in metres and newtons.
+#[derive(Clone, Copy, Debug)]
+pub enum Load {
+    Linear {
+        stiffness: f64,
+    },
+    /// F = k x + k3 x^3.
+    Hardening {
+        k: f64,
+        k3: f64,
+    },
+}
+
+impl Load {
+    pub fn force(&self, x: f64) -> f64 {
+        match *self {
+            Self::Linear { stiffness } => stiffness * x,
+            Self::Hardening { k, k3 } => k * x + k3 * x * x * x,
+        }
+    }
+
+    pub fn tangent(&self, x: f64) -> f64 {
+        match *self {
+            Self::Linear { stiffness } => stiffness,
+            Self::Hardening { k, k3 } => k + 3.0 * k3 * x * x,
+        }
+    }
+}
+
+#[derive(Clone, Copy, Debug)]
+pub struct Stack {
+    pub sensing: f64,
+    pub actuated: f64,
+    pub eps: f64,
+    pub load: Load,
+    /// Way pressed in all, m.
+    pub total: f64,
+}
+
+/// Layer deformations of one state.
+#[derive(Clone, Copy, Debug)]
+pub struct State {
+    pub sensing: f64,
+    pub load: f64,
+    pub force: f64,
+}
+
+impl Stack {
+    /// Three springs near 6 N/mm with c_L/c_S = `ratio`, c_D0 = c_S; x_S about 0.3 mm.
+    pub fn equal(ratio: f64, eps: f64) -> Self {
+        let c = 6e3;
+        Self {
+            sensing: c,
+            actuated: c,
+            eps,
+            load: Load::Linear {
+                stiffness: ratio * c,
+            },
+            total: 0.3e-3 * (2.0 + 1.0 / ratio),
+        }
+    }
+
+    pub fn actuated_at(&self, current: f64) -> f64 {
+        self.actuated * (1.0 + self.eps * current * current)
+    }
+
+    /// Solves F(x_L) = F with F (1/c_S + 1/c_D) + x_L = total, by Newton.
+    pub fn at(&self, current: f64) -> State {
+        let compliance = 1.0 / self.sensing + 1.0 / self.actuated_at(current);
+        let mut x = self.total / 3.0;
+        for _ in 0..100 {
+            let excess = self.load.force(x) * compliance + x - self.total;
+            x -= excess / (self.load.tangent(x) * compliance + 1.0);
+            if excess.abs() <= 1e-16 * self.total {
+                break;
+            }
+        }
+        let force = self.load.force(x);
+        State {
+            sensing: force / self.sensing,
+            load: x,
+            force,
+        }
+    }
+
+    /// g_0 = c_S/c_D0, rounded as the device would hold it.
+    pub fn reference_ratio(&self) -> f32 {
+        (self.sensing / self.actuated) as f32
+    }
+
+    /// h = c_S/c_D(I) - c_S/c_D0.
+    pub fn regressor(&self, current: f64) -> f64 {
+        let rise = self.eps * current * current;
+        -self.sensing / self.actuated * rise / (1.0 + rise)
+    }
+}
+
+/// One measurement, as the device's own `f32` inputs.
+pub struct Recording {
+    pub reference: Reference,
+    pub samples: Vec<Sample>,
+}
+
+/// Presses, ramps the current down and reads, with noise of `relative` of x and a multiplicative
+/// drift 1 + drift(t).
+pub fn record(
+    stack: &Stack,
+    ramps: &Ramps,
+    relative: f64,
+    drift: impl Fn(f64) -> f64,
+    rng: &mut Rng,
+) -> Recording {
+    let x_ref = stack.at(0.0).sensing as f32;
+    let samples = (0..ramps.samples)
+        .map(|i| {
+            let (t, current) = (ramps.time(i), ramps.current(i));
+            let clean = stack.at(current).sensing * (1.0 + drift(t));
+            let read = clean * (1.0 + relative * rng.normal());
+            Sample {
+                time: Second(t as f32),
+                deformation: Metre((read - f64::from(x_ref)) as f32),
+                regressor: stack.regressor(current) as f32,
+                sigma: Metre((clean * relative) as f32),
+            }
+        })
+        .collect();
+    let reference = Reference::new(Metre(x_ref), stack.reference_ratio()).unwrap();
+    Recording { reference, samples }
+}

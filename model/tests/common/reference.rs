@@ -1,0 +1,144 @@
+//! Reference estimators on the device's own `f32` inputs, in `f64`, in two other ways than the
+//! crate's: a batch of 1/x on g by QR, and Gauss-Newton on x itself.
+
+use super::linalg::least_squares;
+use super::plant::Recording;
+
+/// A regressor in time.
+pub type Phi<'a> = &'a dyn Fn(f64) -> f64;
+
+/// kappa, its standard error, and the coefficients behind it.
+pub struct Estimate {
+    pub kappa: f64,
+    pub standard_error: f64,
+    pub drifts: Vec<f64>,
+    line: Line,
+}
+
+/// The straight line behind it: 1/x at the mean of g, its slope, and their covariances.
+#[derive(Default)]
+struct Line {
+    mean_g: f64,
+    level: f64,
+    slope: f64,
+    covariance: [f64; 3],
+}
+
+impl Estimate {
+    /// Fieller's interval of kappa, as the textbook's quadratic in the ratio level/slope.
+    pub fn interval(&self, quantile: f64) -> (f64, f64) {
+        let Line {
+            mean_g,
+            level,
+            slope,
+            covariance: [aa, ab, bb],
+        } = self.line;
+        let t = quantile * quantile;
+        let [a, b, c] = [
+            slope * slope - t * bb,
+            level * slope - t * ab,
+            level * level - t * aa,
+        ];
+        let root = (b * b - a * c).sqrt();
+        ((b - root) / a - mean_g - 1.0, (b + root) / a - mean_g - 1.0)
+    }
+}
+
+struct Reading {
+    t: f64,
+    x: f64,
+    g: f64,
+    sigma: f64,
+}
+
+fn readings(recording: &Recording) -> Vec<Reading> {
+    let x_ref = f64::from(recording.reference.deformation().0);
+    let g_ref = f64::from(recording.reference.regressor());
+    recording
+        .samples
+        .iter()
+        .map(|s| Reading {
+            t: f64::from(s.time.0),
+            x: x_ref + f64::from(s.deformation.0),
+            g: g_ref + f64::from(s.regressor),
+            sigma: f64::from(s.sigma.0),
+        })
+        .collect()
+}
+
+/// Weighted least squares of 1/x on g, weights x^4/sigma^2, drift columns phi/x: QR of the batch.
+pub fn reciprocal_line(recording: &Recording, phis: &[Phi<'_>]) -> Estimate {
+    let readings = readings(recording);
+    let mean_g = readings.iter().map(|r| r.g).sum::<f64>() / readings.len() as f64;
+    let (mut rows, mut right) = (Vec::new(), Vec::new());
+    for r in &readings {
+        let root_weight = r.x * r.x / r.sigma;
+        let mut row = vec![root_weight, root_weight * (r.g - mean_g)];
+        row.extend(phis.iter().map(|phi| -root_weight * phi(r.t) / r.x));
+        rows.push(row);
+        right.push(root_weight / r.x);
+    }
+    let (theta, covariance) = least_squares(&rows, &right);
+    let ratio = theta[0] / theta[1];
+    let variance =
+        covariance[0][0] - 2.0 * ratio * covariance[0][1] + ratio * ratio * covariance[1][1];
+    Estimate {
+        kappa: ratio - mean_g - 1.0,
+        standard_error: variance.sqrt() / theta[1],
+        drifts: theta[2..].to_vec(),
+        line: Line {
+            mean_g,
+            level: theta[0],
+            slope: theta[1],
+            covariance: [covariance[0][0], covariance[0][1], covariance[1][1]],
+        },
+    }
+}
+
+/// Maximum likelihood in x: x = x_0 (1 + sum d phi)/(1 + kappa + g) by Gauss-Newton.
+pub fn maximum_likelihood(recording: &Recording, phis: &[Phi<'_>]) -> Estimate {
+    let readings = readings(recording);
+    let start = reciprocal_line(recording, phis);
+    let mut p = vec![
+        start.kappa,
+        readings[0].x * (1.0 + start.kappa + readings[0].g),
+    ];
+    p.extend(&start.drifts);
+    let mut covariance = Vec::new();
+    for _ in 0..30 {
+        let (mut rows, mut right) = (Vec::new(), Vec::new());
+        for r in &readings {
+            let drift: f64 = 1.0
+                + phis
+                    .iter()
+                    .zip(&p[2..])
+                    .map(|(phi, d)| d * phi(r.t))
+                    .sum::<f64>();
+            let stack = 1.0 + p[0] + r.g;
+            let model = p[1] * drift / stack;
+            let mut row = vec![-model / stack / r.sigma, drift / stack / r.sigma];
+            row.extend(phis.iter().map(|phi| p[1] * phi(r.t) / stack / r.sigma));
+            rows.push(row);
+            right.push((r.x - model) / r.sigma);
+        }
+        // Columns of unlike size: scale them for the solver.
+        let size = p[1].abs();
+        rows.iter_mut().for_each(|row| row[1] *= size);
+        let (mut step, c) = least_squares(&rows, &right);
+        step[1] *= size;
+        p.iter_mut().zip(&step).for_each(|(p, step)| *p += step);
+        covariance = c;
+    }
+    Estimate {
+        kappa: p[0],
+        standard_error: covariance[0][0].sqrt(),
+        drifts: p[2..].to_vec(),
+        line: Line::default(),
+    }
+}
+
+/// Eq. (2) as published, for two readings.
+pub fn equation_2(c_s: f64, c_d: [f64; 2], x: [f64; 2]) -> f64 {
+    let ([d1, d2], [x1, x2]) = (c_d, x);
+    c_s * d1 * d2 * (x1 - x2) / (x2 * (d1 * d2 + c_s * d1) - x1 * (d1 * d2 + c_s * d2))
+}

@@ -1,0 +1,32 @@
+//! What many ramps show.
+
+/// Errors of many estimates, in units of what is asked.
+#[derive(Clone, Debug, Default)]
+pub struct Errors {
+    pub count: usize,
+    sum: f64,
+    squares: f64,
+    pub covered: usize,
+    pub refused: usize,
+}
+
+impl Errors {
+    pub fn add(&mut self, error: f64, covered: bool) {
+        self.count += 1;
+        self.sum += error;
+        self.squares += error * error;
+        self.covered += usize::from(covered);
+    }
+
+    pub fn mean(&self) -> f64 {
+        self.sum / self.count as f64
+    }
+
+    pub fn rms(&self) -> f64 {
+        (self.squares / self.count as f64).sqrt()
+    }
+
+    pub fn coverage(&self) -> f64 {
+        self.covered as f64 / self.count as f64
+    }
+}

@@ -1,0 +1,178 @@
+//! The coil's current: what flows, and what the instrument is told about it.
+//!
+//! For now an ideal source drives the coil: it follows the command at once, without ripple, within
+//! the hardware's limit and what the supply can push through the coil. Only the way back, the
+//! measurement, is imperfect.
+
+use core::f64::consts::TAU;
+
+use ldc161x_sim::Time;
+
+use crate::random::Stream;
+
+/// Hardware limit of the current in units of the stack's peak current (the bridge has one, which is
+/// mandatory; its height is a guess).
+pub const HARD_LIMIT: f64 = 1.5;
+
+/// One step of the ADC, A: 12 bits over 3.3 V behind an amplifier of 0.125 V/A about 1.65 V (the
+/// reference board).
+pub const LSB_A: f64 = 3.3 / 4096.0 / 0.125;
+
+/// Drive of the coil and measurement of its current.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CurrentParameters {
+    /// Peak current of the stack, A, 0.01 to 100.
+    pub peak_a: f64,
+    /// Inductance of the coils, H, 10⁻⁷ to 1. An ideal source does not feel it; it is here for a
+    /// bridge that does.
+    pub inductance_h: f64,
+    /// Voltage of the supply without load, V, 0.5 to 100; infinite for one without limit.
+    pub supply_v: f64,
+    /// Resistance of the supply, ohm, 0 to 10.
+    pub supply_ohm: f64,
+    /// Relative error of the measured current, ±0.5.
+    pub gain_error: f64,
+    /// Integral non-linearity of the ADC, LSB, 0 to 200: a sine of this amplitude over the range.
+    /// The shape is a guess.
+    pub nonlinearity_lsb: f64,
+    /// Phase of that sine in mid-range, rad.
+    pub nonlinearity_phase: f64,
+    /// Noise of one sample of the ADC, LSB rms, 0 to 200; white.
+    pub noise_lsb: f64,
+}
+
+impl CurrentParameters {
+    /// The largest current that flows through a coil of this resistance, A.
+    #[must_use]
+    pub fn limit_a(&self, coil_ohm: f64) -> f64 {
+        (HARD_LIMIT * self.peak_a).min(self.supply_v / (coil_ohm + self.supply_ohm))
+    }
+
+    /// What the instrument is told of a true mean current, from the mean of so many samples, A.
+    ///
+    /// Whole codes are not modelled: the noise dithers them.
+    pub fn told_a(&self, true_a: f64, samples: u32, noise: &mut Stream) -> f64 {
+        let amplified = true_a * (1.0 + self.gain_error);
+        let turns = amplified / (4096.0 * LSB_A);
+        let bow = self.nonlinearity_lsb * libm::sin(TAU * turns + self.nonlinearity_phase);
+        let scatter = if self.noise_lsb > 0.0 {
+            self.noise_lsb * noise.normal() / libm::sqrt(f64::from(samples.max(1)))
+        } else {
+            0.0
+        };
+        amplified + LSB_A * (bow + scatter)
+    }
+}
+
+/// The commanded current as a function of time: a constant, after a ramp.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Command {
+    start: Time,
+    end: Time,
+    from_a: f64,
+    to_a: f64,
+}
+
+impl Command {
+    /// From `from_a` at `start` to `to_a` at `end`, and then constant.
+    pub(crate) fn ramp(start: Time, end: Time, from_a: f64, to_a: f64) -> Self {
+        Self {
+            start,
+            end,
+            from_a,
+            to_a,
+        }
+    }
+
+    pub(crate) fn constant(current_a: f64) -> Self {
+        Self::ramp(Time::ZERO, Time::ZERO, current_a, current_a)
+    }
+
+    /// Commanded current, A.
+    pub(crate) fn at(&self, time: Time) -> f64 {
+        if time >= self.end {
+            return self.to_a;
+        }
+        let share = (time - self.start).as_secs_f64() / (self.end - self.start).as_secs_f64();
+        self.from_a + share * (self.to_a - self.from_a)
+    }
+
+    /// Where the ramp ends, if that lies after `time`.
+    pub(crate) fn next_knot(&self, time: Time) -> Option<Time> {
+        (self.end > time).then_some(self.end)
+    }
+
+    /// Whether it stays at this current for ever.
+    pub(crate) fn rests_at(&self, time: Time, current_a: f64) -> bool {
+        time >= self.end && self.to_a == current_a
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const CHAIN: CurrentParameters = CurrentParameters {
+        peak_a: 10.0,
+        inductance_h: 40e-6,
+        supply_v: 6.0,
+        supply_ohm: 0.2,
+        gain_error: 0.0,
+        nonlinearity_lsb: 0.0,
+        nonlinearity_phase: 0.0,
+        noise_lsb: 0.0,
+    };
+
+    #[test]
+    fn the_supply_limits_before_the_hardware_does() {
+        assert!((CHAIN.limit_a(0.4) - 10.0).abs() < 1e-12);
+        assert_eq!(CHAIN.limit_a(0.01), 15.0);
+    }
+
+    #[test]
+    fn what_is_told_is_off_by_the_gain_the_bow_and_the_noise() {
+        let mut noise = Stream::named(1, "test");
+        assert_eq!(CHAIN.told_a(-7.0, 1, &mut noise), -7.0);
+        let gain = CurrentParameters {
+            gain_error: 0.02,
+            ..CHAIN
+        };
+        assert!((gain.told_a(5.0, 1, &mut noise) - 5.1).abs() < 1e-12);
+        let bowed = CurrentParameters {
+            nonlinearity_lsb: 8.0,
+            ..CHAIN
+        };
+        let worst = (-100..=100)
+            .map(|step| 0.13 * f64::from(step))
+            .map(|current| (bowed.told_a(current, 1, &mut noise) - current).abs())
+            .fold(0.0, f64::max);
+        assert!((worst / LSB_A - 8.0).abs() < 0.01, "{worst}");
+        let noisy = CurrentParameters {
+            noise_lsb: 2.0,
+            ..CHAIN
+        };
+        let square = |samples: u32, noise: &mut Stream| {
+            (0..4000)
+                .map(|_| noisy.told_a(0.0, samples, noise).powi(2))
+                .sum::<f64>()
+                / 4000.0
+        };
+        let one = square(1, &mut noise).sqrt() / LSB_A;
+        assert!((one - 2.0).abs() < 0.1, "{one}");
+        let many = square(16, &mut noise).sqrt() / LSB_A;
+        assert!((many - 0.5).abs() < 0.03, "{many}");
+    }
+
+    #[test]
+    fn a_ramp_is_straight_and_then_stays() {
+        let [start, middle, end] = [10, 15, 20].map(Time::from_ms);
+        let ramp = Command::ramp(start, end, 8.0, 2.0);
+        assert_eq!(ramp.at(start), 8.0);
+        assert!((ramp.at(middle) - 5.0).abs() < 1e-12);
+        assert_eq!(ramp.at(end), 2.0);
+        assert_eq!(ramp.at(Time::MAX), 2.0);
+        assert_eq!(ramp.next_knot(middle), Some(end));
+        assert_eq!(ramp.next_knot(end), None);
+        assert!(ramp.rests_at(end, 2.0) && !ramp.rests_at(middle, 2.0));
+    }
+}

@@ -1,0 +1,29 @@
+#![forbid(unsafe_code)]
+#![deny(missing_docs)]
+#![cfg_attr(
+    not(test),
+    deny(
+        clippy::unwrap_used,
+        clippy::expect_used,
+        clippy::panic,
+        clippy::unreachable,
+        clippy::indexing_slicing
+    )
+)]
+#![doc = include_str!("../README.md")]
+
+pub mod coil;
+pub mod current;
+pub mod magnetorheological;
+pub mod mechanics;
+pub mod parameters;
+pub mod random;
+pub mod rig;
+pub mod stack;
+pub mod switches;
+pub mod thermal;
+pub mod world;
+
+/// Virtual time, the same for world and converter: whole picoseconds, so that no clock drifts
+/// against another.
+pub use ldc161x_sim::Time;

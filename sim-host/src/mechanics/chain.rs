@@ -1,0 +1,234 @@
+//! Balance of the springs in series.
+
+use super::layer::{LayerParameters, MODES, Step, creep_rate};
+use super::load::Load;
+
+/// Least share of the actuated layer's stiffness that the gradient of the attraction may leave:
+/// below it the layer would snap shut. [`crate::world::World::new`] refuses such a plant, so that
+/// the balance never has to hold it there.
+pub const LEAST_STABILITY: f64 = 0.1;
+
+/// What does not change while the chain is pressed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Chain {
+    load: Load,
+    frame_m_per_n: f64,
+    /// γ, 1/m.
+    attraction_gradient_per_m: f64,
+    sensing: LayerParameters,
+    actuated: LayerParameters,
+    sensing_modes: [f64; MODES],
+    actuated_modes: [f64; MODES],
+}
+
+/// What the chain is under at one moment.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Conditions {
+    /// Spring c_S now, N/m.
+    pub sensing_spring_n_per_m: f64,
+    /// Spring c_D now, N/m.
+    pub actuated_spring_n_per_m: f64,
+    /// Attraction k I² at an uncompressed layer, N.
+    pub attraction_n: f64,
+    /// Displacement x_0 of the press, m.
+    pub press_m: f64,
+    /// Growth of the sensor, m.
+    pub growth_m: f64,
+}
+
+/// Forces and displacements of the chain.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ChainState {
+    /// F, N; never negative.
+    pub force_n: f64,
+    /// Force c_D e_D in the actuated layer, N: F and the attraction.
+    pub actuated_force_n: f64,
+    /// x_L, m.
+    pub load_m: f64,
+    /// x_S, m.
+    pub sensing_m: f64,
+    /// x_D, m.
+    pub actuated_m: f64,
+    /// Distance between load and sensor, m; zero in contact.
+    pub opening_m: f64,
+    /// Creep of the sensing layer, m.
+    pub sensing_creep_m: [f64; MODES],
+    /// Creep of the actuated layer, m.
+    pub actuated_creep_m: [f64; MODES],
+}
+
+impl ChainState {
+    /// Whether load and sensor touch.
+    #[must_use]
+    pub fn in_contact(&self) -> bool {
+        self.force_n > 0.0
+    }
+}
+
+/// What remains of the modes of both layers after a step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Decays {
+    pub(crate) sensing: [f64; MODES],
+    pub(crate) actuated: [f64; MODES],
+}
+
+/// Rates of the conditions, per second.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Rates {
+    pub(crate) sensing_spring: f64,
+    pub(crate) actuated_spring: f64,
+    pub(crate) attraction: f64,
+    /// Of press and growth together, m/s.
+    pub(crate) drive: f64,
+    /// Whether load and sensor touch while these rates hold.
+    pub(crate) in_contact: bool,
+}
+
+impl Chain {
+    /// A chain at rest.
+    #[must_use]
+    pub fn new(
+        load: Load,
+        frame_m_per_n: f64,
+        attraction_gradient_per_m: f64,
+        sensing: LayerParameters,
+        actuated: LayerParameters,
+    ) -> Self {
+        Self {
+            load,
+            frame_m_per_n,
+            attraction_gradient_per_m,
+            sensing,
+            actuated,
+            sensing_modes: sensing.mode_compliances(),
+            actuated_modes: actuated.mode_compliances(),
+        }
+    }
+
+    /// The load.
+    #[must_use]
+    pub fn load(&self) -> &Load {
+        &self.load
+    }
+
+    /// Compliance of what the load stands on, m/N.
+    #[must_use]
+    pub fn frame_m_per_n(&self) -> f64 {
+        self.frame_m_per_n
+    }
+
+    pub(crate) fn decays(&self, duration_s: f64) -> Decays {
+        Decays {
+            sensing: self.sensing.decays(duration_s),
+            actuated: self.actuated.decays(duration_s),
+        }
+    }
+
+    pub(crate) fn sensing_modes(&self) -> &[f64; MODES] {
+        &self.sensing_modes
+    }
+
+    pub(crate) fn actuated_modes(&self) -> &[f64; MODES] {
+        &self.actuated_modes
+    }
+
+    /// Attraction between the halves of the actuated layer, N.
+    #[must_use]
+    pub fn attraction_n(&self, conditions: &Conditions, actuated_m: f64) -> f64 {
+        conditions.attraction_n * (1.0 + self.attraction_gradient_per_m * actuated_m)
+    }
+
+    /// Share of the actuated layer's stiffness that the attraction's gradient leaves.
+    #[must_use]
+    pub fn stability(&self, attraction_n: f64, compliance_m_per_n: f64) -> f64 {
+        1.0 - attraction_n * self.attraction_gradient_per_m * compliance_m_per_n
+    }
+
+    pub(crate) fn sensing_step<'a>(&'a self, from: &'a ChainState, decays: &'a Decays) -> Step<'a> {
+        Step {
+            compliances: &self.sensing_modes,
+            decays: &decays.sensing,
+            modes_m: &from.sensing_creep_m,
+            force_n: from.force_n,
+        }
+    }
+
+    pub(crate) fn actuated_step<'a>(
+        &'a self,
+        from: &'a ChainState,
+        decays: &'a Decays,
+    ) -> Step<'a> {
+        Step {
+            compliances: &self.actuated_modes,
+            decays: &decays.actuated,
+            modes_m: &from.actuated_creep_m,
+            force_n: from.actuated_force_n,
+        }
+    }
+
+    /// The balance at the end of a step, under the conditions then. The balance of forces holds to
+    /// rounding: all but a hardening load is solved in closed form.
+    pub(crate) fn balance(
+        &self,
+        from: &ChainState,
+        decays: &Decays,
+        end: &Conditions,
+    ) -> ChainState {
+        let sensing_step = self.sensing_step(from, decays);
+        let actuated_step = self.actuated_step(from, decays);
+        let sensing = sensing_step.response(end.sensing_spring_n_per_m);
+        let actuated = actuated_step.response(end.actuated_spring_n_per_m);
+
+        // x_D = ((F + A) S + b) / stability: the attraction grows with x_D itself
+        let stability = self.stability(end.attraction_n, actuated.compliance_m_per_n);
+        let actuated_compliance = actuated.compliance_m_per_n / stability;
+        let actuated_rest =
+            (end.attraction_n * actuated.compliance_m_per_n + actuated.offset_m) / stability;
+
+        let series = self.frame_m_per_n + sensing.compliance_m_per_n + actuated_compliance;
+        let slack = end.press_m + end.growth_m - sensing.offset_m - actuated_rest;
+        let (load_m, force_n) = self.load.in_series(slack.max(0.0), series);
+        let actuated_m = actuated_compliance * force_n + actuated_rest;
+        let actuated_force_n = force_n + self.attraction_n(end, actuated_m);
+        ChainState {
+            force_n,
+            actuated_force_n,
+            load_m,
+            sensing_m: sensing.offset_m + sensing.compliance_m_per_n * force_n,
+            actuated_m,
+            opening_m: (-slack).max(0.0),
+            sensing_creep_m: sensing_step.modes_after(force_n),
+            actuated_creep_m: actuated_step.modes_after(actuated_force_n),
+        }
+    }
+
+    /// Rate of the sensing layer's displacement, m/s, from the differentiated balance.
+    pub(crate) fn sensing_rate(&self, state: &ChainState, now: &Conditions, rates: &Rates) -> f64 {
+        let (c_s, c_d) = (now.sensing_spring_n_per_m, now.actuated_spring_n_per_m);
+        let sensing_creep = creep_rate(
+            &self.sensing,
+            &self.sensing_modes,
+            &state.sensing_creep_m,
+            state.force_n,
+        );
+        if !rates.in_contact {
+            return sensing_creep;
+        }
+        let actuated_creep = creep_rate(
+            &self.actuated,
+            &self.actuated_modes,
+            &state.actuated_creep_m,
+            state.actuated_force_n,
+        );
+        let stability = self.stability(now.attraction_n, 1.0 / c_d);
+        let sensing_rest = sensing_creep - state.force_n * rates.sensing_spring / (c_s * c_s);
+        let growing = rates.attraction * (1.0 + self.attraction_gradient_per_m * state.actuated_m);
+        let softening = state.actuated_force_n * rates.actuated_spring / (c_d * c_d);
+        let actuated_rest = (actuated_creep + growing / c_d - softening) / stability;
+
+        let load = self.load.compliance_m_per_n(state.load_m);
+        let series = load + self.frame_m_per_n + 1.0 / c_s + 1.0 / (c_d * stability);
+        let force_rate = (rates.drive - sensing_rest - actuated_rest) / series;
+        force_rate / c_s + sensing_rest
+    }
+}

@@ -1,0 +1,107 @@
+//! The account of mechanical work.
+
+use super::chain::{Chain, ChainState, Conditions, Decays};
+use super::layer::stored_j;
+
+/// Work done on the springs since the beginning, by whom, and what became of it, J.
+///
+/// Work in = stored + dissipated, to rounding: [`Energy::imbalance_j`]. Each term is a sum over
+/// steps of the mean force times the change of displacement, which the integrator conserves
+/// exactly; the load's share of the press's work is its potential, which is exact for a load that
+/// is not linear.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Energy {
+    /// By the press.
+    pub press_j: f64,
+    /// By thermal growth.
+    pub growth_j: f64,
+    /// By the attraction of the actuated layer's halves.
+    pub attraction_j: f64,
+    /// By field and heat, which change springs that are under load: ½ e₀ e₁ Δc.
+    pub springs_j: f64,
+    /// Turned into heat by creep.
+    pub dissipated_j: f64,
+    /// Stored in all springs now.
+    pub stored_j: f64,
+}
+
+impl Energy {
+    /// Work done by all, J.
+    #[must_use]
+    pub fn work_j(&self) -> f64 {
+        self.press_j + self.growth_j + self.attraction_j + self.springs_j
+    }
+
+    /// Work done less what is stored and dissipated, J; zero but for rounding.
+    #[must_use]
+    pub fn imbalance_j(&self) -> f64 {
+        self.work_j() - self.stored_j - self.dissipated_j
+    }
+
+    /// All that was moved, whichever way, J: the measure of an imbalance.
+    #[must_use]
+    pub fn turnover_j(&self) -> f64 {
+        let works = [
+            self.press_j,
+            self.growth_j,
+            self.attraction_j,
+            self.springs_j,
+        ];
+        works.map(f64::abs).iter().sum::<f64>() + self.dissipated_j + self.stored_j
+    }
+
+    /// The account after a step of the chain.
+    pub(crate) fn after(
+        &self,
+        chain: &Chain,
+        decays: &Decays,
+        (from, before): (&ChainState, &Conditions),
+        (to, after): (&ChainState, &Conditions),
+    ) -> Self {
+        let force_n = 0.5 * (from.force_n + to.force_n);
+        let load_work = chain.load().energy_j(to.load_m) - chain.load().energy_j(from.load_m);
+        // no force acts over what only closes or opens a gap
+        let pressed = (after.press_m - before.press_m) + (to.opening_m - from.opening_m);
+        let moved = pressed - (to.load_m - from.load_m);
+        let attraction_n = 0.5
+            * (chain.attraction_n(before, from.actuated_m)
+                + chain.attraction_n(after, to.actuated_m));
+        Self {
+            press_j: self.press_j + force_n * moved + load_work,
+            growth_j: self.growth_j + force_n * (after.growth_m - before.growth_m),
+            attraction_j: self.attraction_j + attraction_n * (to.actuated_m - from.actuated_m),
+            springs_j: self.springs_j
+                + changed_spring_j(
+                    (from.force_n, before.sensing_spring_n_per_m),
+                    (to.force_n, after.sensing_spring_n_per_m),
+                )
+                + changed_spring_j(
+                    (from.actuated_force_n, before.actuated_spring_n_per_m),
+                    (to.actuated_force_n, after.actuated_spring_n_per_m),
+                ),
+            dissipated_j: self.dissipated_j
+                + chain
+                    .sensing_step(from, decays)
+                    .dissipated_j(&to.sensing_creep_m)
+                + chain
+                    .actuated_step(from, decays)
+                    .dissipated_j(&to.actuated_creep_m),
+            stored_j: chain_stored_j(chain, to, after),
+        }
+    }
+}
+
+/// Work of changing a spring under load, ½ e₀ e₁ Δc, from (force, spring) to (force, spring).
+fn changed_spring_j((force_0, spring_0): (f64, f64), (force_1, spring_1): (f64, f64)) -> f64 {
+    0.5 * (force_0 / spring_0) * (force_1 / spring_1) * (spring_1 - spring_0)
+}
+
+/// Energy stored in all springs of the chain, J.
+fn chain_stored_j(chain: &Chain, state: &ChainState, now: &Conditions) -> f64 {
+    let square = |force_n: f64| 0.5 * force_n * force_n;
+    chain.load().energy_j(state.load_m)
+        + square(state.force_n) * (chain.frame_m_per_n() + 1.0 / now.sensing_spring_n_per_m)
+        + square(state.actuated_force_n) / now.actuated_spring_n_per_m
+        + stored_j(chain.sensing_modes(), &state.sensing_creep_m)
+        + stored_j(chain.actuated_modes(), &state.actuated_creep_m)
+}

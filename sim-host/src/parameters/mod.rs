@@ -1,0 +1,186 @@
+//! The parameters of one plant.
+
+mod check;
+mod draw;
+
+pub use check::ParameterError;
+pub(crate) use check::within;
+pub use draw::{CURVATURE_PER_M, FRAME_SPRING_N_PER_M, central, draw};
+
+use crate::coil::tank::TankParameters;
+use crate::current::CurrentParameters;
+use crate::magnetorheological::MagnetorheologicalParameters;
+use crate::mechanics::layer::LayerParameters;
+use crate::mechanics::press::Shake;
+use crate::switches::Switches;
+use crate::thermal::ThermalParameters;
+
+/// Distance over which the error of the stage's scale repeats, m: a lead screw's pitch (guess).
+pub const STAGE_PITCH_M: f64 = 0.5e-3;
+
+/// One plant: every quantity that tells it from another.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Parameters {
+    /// Name of its stack.
+    pub stack: String,
+    /// The seed that it was drawn with; its noise comes from it too.
+    pub seed: u64,
+    /// Sensing layer.
+    pub sensing: LayerParameters,
+    /// Actuated layer.
+    pub actuated: LayerParameters,
+    /// Stiffening of the actuated layer.
+    pub magnetorheological: MagnetorheologicalParameters,
+    /// Attraction of the actuated layer's halves.
+    pub attraction: AttractionParameters,
+    /// Crosstalk of the actuating field on the sensing coil.
+    pub crosstalk: CrosstalkParameters,
+    /// Heat.
+    pub thermal: ThermalParameters,
+    /// The sensing coil and its capacitor.
+    pub tank: TankParameters,
+    /// The converter.
+    pub ldc: LdcParameters,
+    /// The actuating coils' current.
+    pub current: CurrentParameters,
+    /// Who or what presses.
+    pub press: PressParameters,
+    /// The bench on which the instrument is calibrated.
+    pub rig: RigParameters,
+}
+
+/// Attraction of the actuated layer's halves: k I² (1 + γ x_D).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AttractionParameters {
+    /// k, N/A², 0 to 0.1.
+    pub n_per_a2: f64,
+    /// γ, 1/m, 0 to 10⁴.
+    pub gradient_per_m: f64,
+}
+
+/// Apparent displacement of the sensing layer by the actuating field: the field lowers the
+/// permeability, so the layer seems to be pressed less by X (I/I_peak)² (1 + g x_S/press depth).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CrosstalkParameters {
+    /// X, m, 0 to 10⁻⁴.
+    pub at_peak_m: f64,
+    /// g, relative growth over one press depth, ±0.9.
+    pub slope_per_press_depth: f64,
+}
+
+/// The converter and its clock.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LdcParameters {
+    /// Relative error of the reference clock, ±0.01.
+    pub reference_clock_error: f64,
+    /// White noise of the frequency in a conversion of 1 ms, relative, 0 to 10⁻³.
+    pub white_noise_relative: f64,
+    /// Whether it counts whole edges.
+    pub quantised: bool,
+    /// Whether the drive current shifts the frequency.
+    pub drive_shift: bool,
+}
+
+/// Who or what presses, and how deep.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PressParameters {
+    /// How far the sensing layer is meant to be pressed, m, 1 µm to 0.8 mm.
+    pub depth_m: f64,
+    /// Compliance of what the load stands on, m/N, 0 to 10⁻³.
+    pub frame_m_per_n: f64,
+    /// Vibration of a stand.
+    pub vibration: Shake,
+    /// Tremor of a hand.
+    pub tremor: Shake,
+}
+
+/// The bench on which the instrument is calibrated.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RigParameters {
+    /// Compliance of its own frame, m/N, 0 to 10⁻³.
+    pub frame_m_per_n: f64,
+    /// Noise of a reading of the load cell, N rms, 0 to 1.
+    pub load_cell_noise_n: f64,
+    /// Relative error of the load cell, ±0.1.
+    pub load_cell_gain_error: f64,
+    /// Greatest error of the stage's scale, m, 0 to 10⁻³; it repeats every [`STAGE_PITCH_M`].
+    pub stage_error_m: f64,
+    /// Where in its period that error begins, rad.
+    pub stage_phase: f64,
+    /// Relative tolerance of the rig's springs, 0 to 0.5; each is off by a part of it.
+    pub spring_tolerance: f64,
+}
+
+impl Parameters {
+    /// The same plant with the disturbances that are switched off at their neutral values, so that
+    /// no formula has to ask for a switch, and what is off has no effect at all.
+    #[must_use]
+    pub fn effective(&self, on: &Switches) -> Self {
+        let mut p = self.clone();
+        neutral(on.crosstalk, [&mut p.crosstalk.at_peak_m]);
+        neutral(on.attraction, [&mut p.attraction.n_per_a2]);
+        neutral(on.heating, [&mut p.thermal.heating]);
+        neutral(on.ambient_change, [&mut p.thermal.ambient_change_k]);
+        neutral(on.growth, [&mut p.thermal.growth_m_per_k]);
+        neutral(
+            on.copper_temperature,
+            [&mut p.thermal.resistance_per_kelvin],
+        );
+        let springs = [
+            &mut p.sensing.spring_per_kelvin,
+            &mut p.actuated.spring_per_kelvin,
+        ];
+        neutral(on.spring_temperature, springs);
+        let law = &mut p.magnetorheological;
+        neutral(on.stiffening_temperature, [&mut law.stiffening_per_kelvin]);
+        neutral(on.memory, [&mut law.memory]);
+        neutral(on.lag, [&mut law.lag_s]);
+        for mode in p.sensing.creep.iter_mut().chain(&mut p.actuated.creep) {
+            neutral(on.creep, [&mut mode.amplitude]);
+        }
+        neutral(on.frame, [&mut p.press.frame_m_per_n]);
+        neutral(on.vibration, [&mut p.press.vibration.amplitude_m]);
+        neutral(on.tremor, [&mut p.press.tremor.amplitude_m]);
+        p.neutralise_electronics(on);
+        p.neutralise_rig(on);
+        p
+    }
+
+    fn neutralise_electronics(&mut self, on: &Switches) {
+        neutral(
+            on.capacitance_temperature,
+            [&mut self.tank.capacitance_per_kelvin],
+        );
+        neutral(on.coil_bending, [&mut self.tank.curvature_per_m]);
+        self.tank.copper &= on.copper_image;
+        let current = &mut self.current;
+        if !on.supply {
+            current.supply_v = f64::INFINITY;
+        }
+        neutral(on.current_gain, [&mut current.gain_error]);
+        neutral(on.adc_nonlinearity, [&mut current.nonlinearity_lsb]);
+        neutral(on.adc_noise, [&mut current.noise_lsb]);
+        neutral(on.reference_clock, [&mut self.ldc.reference_clock_error]);
+        neutral(on.ldc_noise, [&mut self.ldc.white_noise_relative]);
+        self.ldc.quantised &= on.ldc_quantisation;
+        self.ldc.drive_shift &= on.ldc_drive_shift;
+    }
+
+    fn neutralise_rig(&mut self, on: &Switches) {
+        let rig = &mut self.rig;
+        neutral(on.rig_frame, [&mut rig.frame_m_per_n]);
+        neutral(on.load_cell_noise, [&mut rig.load_cell_noise_n]);
+        neutral(on.load_cell_gain, [&mut rig.load_cell_gain_error]);
+        neutral(on.stage_error, [&mut rig.stage_error_m]);
+        neutral(on.spring_tolerance, [&mut rig.spring_tolerance]);
+    }
+}
+
+/// Sets the amplitudes of a disturbance that is off to zero.
+fn neutral<const N: usize>(on: bool, amplitudes: [&mut f64; N]) {
+    if !on {
+        amplitudes
+            .into_iter()
+            .for_each(|amplitude| *amplitude = 0.0);
+    }
+}

@@ -1,0 +1,194 @@
+//! The bench on which an instrument is calibrated, and what its user reads there.
+//!
+//! A stage presses a specimen upon the sensor: a reference spring, or a rigid block. A load cell
+//! tells the force, the stage's scale the overall displacement. None of them is perfect, and the
+//! frame gives way (the disturbances' `[calibration_rig]`). The bench is at the temperature of
+//! calibration, and it vibrates as any stand.
+//!
+//! [`Rig`] holds the sensor. [`BareRig`] has a rigid block in the sensor's place, which shows the
+//! frame's own compliance.
+
+use core::f64::consts::TAU;
+
+use crate::mechanics::load::Load;
+use crate::mechanics::press::Profile;
+use crate::parameters::{ParameterError, Parameters, RigParameters, STAGE_PITCH_M};
+use crate::random::Stream;
+use crate::switches::Switches;
+use crate::world::{Setup, World};
+
+/// How far above the sensor the specimen starts, m.
+pub const CLEARANCE_M: f64 = 0.2e-3;
+
+/// What the stage presses upon the sensor.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Specimen {
+    /// A reference spring, by what is written on it, N/m.
+    Spring {
+        /// Its nominal stiffness, N/m.
+        nominal_n_per_m: f64,
+    },
+    /// A rigid block.
+    Block,
+}
+
+/// One reading of the bench.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Reading {
+    /// What the load cell tells, N.
+    pub force_n: f64,
+    /// What the stage's scale tells, m.
+    pub stage_m: f64,
+}
+
+/// The load cell and the scale.
+#[derive(Clone, Debug)]
+struct Gauges {
+    parameters: RigParameters,
+    noise: Stream,
+}
+
+impl Gauges {
+    fn read(&mut self, force_n: f64, stage_m: f64) -> Reading {
+        let rig = &self.parameters;
+        let noise_n = if rig.load_cell_noise_n > 0.0 {
+            rig.load_cell_noise_n * self.noise.normal()
+        } else {
+            0.0
+        };
+        let turns = stage_m / STAGE_PITCH_M;
+        Reading {
+            force_n: force_n * (1.0 + rig.load_cell_gain_error) + noise_n,
+            stage_m: stage_m + rig.stage_error_m * libm::sin(TAU * turns + rig.stage_phase),
+        }
+    }
+}
+
+/// The bench with the sensor in it.
+///
+/// ```
+/// use ldc161x_sim::Time;
+/// use palpate_sim::parameters::draw;
+/// use palpate_sim::rig::{Rig, Specimen};
+/// use palpate_sim::stack::{Disturbances, Stack};
+/// use palpate_sim::switches::Switches;
+///
+/// let plant = draw(&Stack::builtin("ultrasoft")?, &Disturbances::builtin()?, 3);
+/// let specimen = Specimen::Spring { nominal_n_per_m: 5e3 };
+/// let mut rig = Rig::new(&plant, Switches::all(), specimen)?;
+/// rig.move_stage(0.5e-3, 1e-3);
+/// rig.world_mut().advance(Time::from_ms(2_000));
+/// let reading = rig.read();
+/// assert!((reading.stage_m - 0.5e-3).abs() <= 1e-6);
+/// assert!((reading.force_n - rig.world().truth().force_n).abs() < 10e-3);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct Rig {
+    world: World,
+    gauges: Gauges,
+    specimen: Specimen,
+}
+
+impl Rig {
+    /// A bench with this plant's sensor in it and a specimen [`CLEARANCE_M`] above.
+    ///
+    /// # Errors
+    /// [`ParameterError`] as [`World::new`], and for a specimen that is no spring.
+    pub fn new(
+        parameters: &Parameters,
+        switches: Switches,
+        specimen: Specimen,
+    ) -> Result<Self, ParameterError> {
+        let mut parameters = parameters.effective(&switches);
+        parameters.thermal.ambient_change_k = 0.0;
+        parameters.press.frame_m_per_n = parameters.rig.frame_m_per_n;
+        let (load, name) = match specimen {
+            Specimen::Spring { nominal_n_per_m } => {
+                let name = format!("rig_spring.{nominal_n_per_m}");
+                let part = Stream::named(parameters.seed, &name).between(-1.0, 1.0);
+                let n_per_m = nominal_n_per_m * (1.0 + parameters.rig.spring_tolerance * part);
+                (Load::Spring { n_per_m }, name)
+            }
+            Specimen::Block => (Load::Rigid, "rig_block".to_owned()),
+        };
+        let gauges = Gauges {
+            parameters: parameters.rig,
+            noise: Stream::named(parameters.seed, &format!("{name}.load_cell")),
+        };
+        let setup = Setup {
+            load,
+            profile: Profile::at(-CLEARANCE_M),
+            ..Setup::default()
+        };
+        Ok(Self {
+            world: World::of(parameters, setup)?,
+            gauges,
+            specimen,
+        })
+    }
+
+    /// The world on the bench.
+    #[must_use]
+    pub fn world(&self) -> &World {
+        &self.world
+    }
+
+    /// The world on the bench, to let time pass and to set the current.
+    pub fn world_mut(&mut self) -> &mut World {
+        &mut self.world
+    }
+
+    /// The bench's world, when its gauges are not needed any more.
+    #[must_use]
+    pub fn into_world(self) -> World {
+        self.world
+    }
+
+    /// Moves the stage to a true displacement at a speed.
+    pub fn move_stage(&mut self, position_m: f64, speed_m_per_s: f64) {
+        self.world.move_press(position_m, speed_m_per_s);
+    }
+
+    /// Reads load cell and scale now. Each call has its own noise.
+    pub fn read(&mut self) -> Reading {
+        let force_n = self.world.truth().force_n;
+        self.gauges.read(force_n, self.world.planned_press_m())
+    }
+
+    /// What is written on the spring, N/m; nothing for a block.
+    #[must_use]
+    pub fn nominal_spring_n_per_m(&self) -> Option<f64> {
+        match self.specimen {
+            Specimen::Spring { nominal_n_per_m } => Some(nominal_n_per_m),
+            Specimen::Block => None,
+        }
+    }
+}
+
+/// The bench with a rigid block in the sensor's place.
+#[derive(Clone, Debug)]
+pub struct BareRig {
+    gauges: Gauges,
+}
+
+impl BareRig {
+    /// The bench of this plant.
+    #[must_use]
+    pub fn new(parameters: &Parameters, switches: Switches) -> Self {
+        let parameters = parameters.effective(&switches);
+        Self {
+            gauges: Gauges {
+                parameters: parameters.rig,
+                noise: Stream::named(parameters.seed, "rig_bare.load_cell"),
+            },
+        }
+    }
+
+    /// Presses block on block until the true force is `force_n`, and reads. The scale is zero where
+    /// they touch.
+    pub fn press(&mut self, force_n: f64) -> Reading {
+        let stage_m = force_n * self.gauges.parameters.frame_m_per_n;
+        self.gauges.read(force_n, stage_m)
+    }
+}

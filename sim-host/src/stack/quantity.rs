@@ -1,0 +1,143 @@
+//! A quantity that differs from plant to plant, and the range that it must keep to.
+
+use core::fmt;
+
+use crate::random::Stream;
+
+/// How a quantity is drawn.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Quantity {
+    /// Always the same: `x = 5.0`.
+    Fixed(f64),
+    /// Uniform in nominal · (1 ± spread): `x = { nominal, spread }`.
+    Spread {
+        /// The centre.
+        nominal: f64,
+        /// Half the width, relative to the centre, 0 to below 1.
+        spread: f64,
+    },
+    /// Uniform: `x = { min, max }`.
+    Uniform {
+        /// The least.
+        min: f64,
+        /// The most.
+        max: f64,
+    },
+    /// Log-uniform: `x = { log_min, log_max }`.
+    LogUniform {
+        /// The least, above zero.
+        min: f64,
+        /// The most.
+        max: f64,
+    },
+}
+
+impl Quantity {
+    /// Draws a value.
+    #[must_use]
+    pub fn draw(&self, stream: &mut Stream) -> f64 {
+        match *self {
+            Self::Fixed(value) => value,
+            Self::Spread { .. } | Self::Uniform { .. } => {
+                let (min, max) = self.range();
+                stream.between(min, max)
+            }
+            Self::LogUniform { min, max } => stream.log_between(min, max),
+        }
+    }
+
+    /// The middle of the range: the median of what is drawn.
+    #[must_use]
+    pub fn centre(&self) -> f64 {
+        match *self {
+            Self::Fixed(value) => value,
+            Self::Spread { nominal, .. } => nominal,
+            Self::Uniform { min, max } => 0.5 * (min + max),
+            Self::LogUniform { min, max } => libm::sqrt(min * max),
+        }
+    }
+
+    /// The least and the most that can be drawn.
+    #[must_use]
+    pub fn range(&self) -> (f64, f64) {
+        match *self {
+            Self::Fixed(value) => (value, value),
+            Self::Spread { nominal, spread } => {
+                let half = nominal.abs() * spread;
+                (nominal - half, nominal + half)
+            }
+            Self::Uniform { min, max } | Self::LogUniform { min, max } => (min, max),
+        }
+    }
+
+    /// What is wrong with it, if anything is.
+    pub(super) fn check(&self, allowed: &Allowed) -> Result<(), String> {
+        if let Self::Spread { nominal, spread } = *self
+            && !(0.0..1.0).contains(&spread)
+        {
+            return Err(format!(
+                "spread {spread} of {nominal} is not from 0 to below 1"
+            ));
+        }
+        let (min, max) = self.range();
+        if let Self::LogUniform { .. } = self
+            && min <= 0.0
+        {
+            return Err(format!("log_min {min} is not above zero"));
+        }
+        if min > max {
+            return Err(format!("the least, {min}, is above the most, {max}"));
+        }
+        // written so that NaN fails
+        for end in [min, max] {
+            if !(end >= allowed.min && end <= allowed.max) {
+                return Err(format!("{end} is out of range"));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The range that a quantity must keep to, with its unit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Allowed {
+    /// The least.
+    pub min: f64,
+    /// The most.
+    pub max: f64,
+    /// The unit, for messages; empty for a pure number.
+    pub unit: &'static str,
+}
+
+impl Allowed {
+    /// A range.
+    #[must_use]
+    pub const fn new(min: f64, max: f64, unit: &'static str) -> Self {
+        Self { min, max, unit }
+    }
+}
+
+impl Allowed {
+    /// The range without the forms in which a quantity may be given.
+    pub(super) fn bounds(&self) -> String {
+        let space = if self.unit.is_empty() { "" } else { " " };
+        let (min, max) = (plain(self.min), plain(self.max));
+        format!("{min} to {max}{space}{}", self.unit)
+    }
+}
+
+impl fmt::Display for Allowed {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.bounds())?;
+        f.write_str(", as a number, { nominal, spread }, { min, max } or { log_min, log_max }")
+    }
+}
+
+/// A number as one would write it.
+fn plain(value: f64) -> String {
+    if value == 0.0 || (1e-3..1e5).contains(&value.abs()) {
+        value.to_string()
+    } else {
+        format!("{value:e}")
+    }
+}

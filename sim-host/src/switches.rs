@@ -1,0 +1,191 @@
+//! One switch for each disturbance. Numbers in brackets are sections of SOURCES.md, names in
+//! brackets those of `stacks/disturbances.toml`.
+
+/// Declares the switches once: fields, names and access by name cannot come apart.
+macro_rules! switches {
+    ($($(#[$doc:meta])* $name:ident),+ $(,)?) => {
+        /// Which disturbances act.
+        ///
+        /// A switch that is off sets the disturbance's parameters to their neutral values before
+        /// the simulation starts (see [`crate::parameters::Parameters::effective`]). The parameters
+        /// are drawn all the same, so switching one disturbance off moves no other.
+        ///
+        /// ```
+        /// use palpate_sim::switches::Switches;
+        ///
+        /// let switches = Switches { crosstalk: false, ..Switches::all() };
+        /// assert_eq!(switches.get("crosstalk"), Some(false));
+        /// for name in Switches::NAMES {
+        ///     assert_eq!(Switches::none().with(name, true).get(name), Some(true));
+        /// }
+        /// ```
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub struct Switches {
+            $($(#[$doc])* pub $name: bool,)+
+        }
+
+        impl Switches {
+            /// Names of all disturbances, in the order of the fields.
+            pub const NAMES: [&'static str; [$(stringify!($name)),+].len()] =
+                [$(stringify!($name)),+];
+
+            const fn uniform(on: bool) -> Self {
+                Self { $($name: on,)+ }
+            }
+
+            /// Whether the disturbance of that name acts; nothing if there is none.
+            #[must_use]
+            pub fn get(&self, name: &str) -> Option<bool> {
+                match name {
+                    $(stringify!($name) => Some(self.$name),)+
+                    _ => None,
+                }
+            }
+
+            /// The same with one disturbance on or off. An unknown name changes nothing.
+            #[must_use]
+            pub fn with(mut self, name: &str, on: bool) -> Self {
+                match name {
+                    $(stringify!($name) => self.$name = on,)+
+                    _ => {}
+                }
+                self
+            }
+        }
+    };
+}
+
+switches! {
+    /// The actuating field lowers the sensing layer's permeability: an apparent displacement, even
+    /// in the current, that grows with the press (SOURCES.md 3.1).
+    crosstalk,
+    /// The halves of the actuated layer attract each other, the more the closer they are (3.2).
+    attraction,
+    /// The coils heat themselves (3.3).
+    heating,
+    /// The ambient temperature has changed since the calibration (`[thermal]`).
+    ambient_change,
+    /// The sensor grows with temperature (3.3).
+    growth,
+    /// The springs of both layers change with temperature (3.3).
+    spring_temperature,
+    /// The stiffening by the field changes with temperature (`[magnetorheological]`).
+    stiffening_temperature,
+    /// The resistance of the copper rises with temperature (3.3).
+    copper_temperature,
+    /// The tank's capacitance changes with temperature (`[tank]`).
+    capacitance_temperature,
+    /// Springs of the sensor creep (3.4).
+    creep,
+    /// The stiffening remembers (3.5).
+    memory,
+    /// The stiffening follows the field late (3.6).
+    lag,
+    /// The supply sags and limits the current (3.6).
+    supply,
+    /// The load stands on something that gives way (3.7); the truth is both in series.
+    frame,
+    /// A stand vibrates (`[press]`); acts with [`crate::world::Holder::Stand`].
+    vibration,
+    /// A hand trembles (3.7); acts with [`crate::world::Holder::Hand`].
+    tremor,
+    /// The instrument is told a current that is off by a factor (`[current_chain]`).
+    current_gain,
+    /// The ADC is not linear (3.8).
+    adc_nonlinearity,
+    /// The ADC is noisy (3.8).
+    adc_noise,
+    /// The converter's reference clock is off (3.9).
+    reference_clock,
+    /// The converter counts whole edges (3.9).
+    ldc_quantisation,
+    /// The converter's frequency is noisy (3.9).
+    ldc_noise,
+    /// The drive current of the converter shifts its frequency (3.9).
+    ldc_drive_shift,
+    /// The sensing coil bends with the layer (3.10).
+    coil_bending,
+    /// Copper of the actuated layer lies under the sensing coil (3.10).
+    copper_image,
+    /// The calibration rig's frame gives way (`[calibration_rig]`).
+    rig_frame,
+    /// The load cell is noisy.
+    load_cell_noise,
+    /// The load cell is off by a factor.
+    load_cell_gain,
+    /// The stage's scale is off.
+    stage_error,
+    /// The rig's springs are not what they are said to be.
+    spring_tolerance,
+}
+
+impl Switches {
+    /// Every disturbance acts.
+    #[must_use]
+    pub const fn all() -> Self {
+        Self::uniform(true)
+    }
+
+    /// No disturbance acts: the three springs of the paper.
+    #[must_use]
+    pub const fn none() -> Self {
+        Self::uniform(false)
+    }
+
+    /// One disturbance acts alone. The effects of temperature need one, so `heating` and
+    /// `ambient_change` act beside them. Nothing if there is no disturbance of that name.
+    #[must_use]
+    pub fn only(name: &str) -> Option<Self> {
+        Self::none().get(name)?;
+        let by_temperature = [
+            "growth",
+            "spring_temperature",
+            "stiffening_temperature",
+            "copper_temperature",
+            "capacitance_temperature",
+        ]
+        .contains(&name);
+        let one = Self::none().with(name, true);
+        Some(Self {
+            heating: one.heating || by_temperature,
+            ambient_change: one.ambient_change || by_temperature,
+            ..one
+        })
+    }
+
+    /// Every disturbance by name, alone as by [`Switches::only`].
+    pub fn singles() -> impl Iterator<Item = (&'static str, Self)> {
+        Self::NAMES
+            .into_iter()
+            .filter_map(|name| Some((name, Self::only(name)?)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn singles_are_single_but_for_temperature() {
+        assert_eq!(Switches::singles().count(), Switches::NAMES.len());
+        for (name, switches) in Switches::singles() {
+            let on: Vec<_> = Switches::NAMES
+                .into_iter()
+                .filter(|name| switches.get(name) == Some(true))
+                .collect();
+            assert!(on.contains(&name));
+            assert!(on.len() == 1 || on.len() == 3, "{on:?}");
+        }
+        assert_eq!(Switches::only("magic"), None);
+        assert_eq!(Switches::none().get("magic"), None);
+    }
+
+    #[test]
+    fn all_and_none_are_that() {
+        for name in Switches::NAMES {
+            assert_eq!(Switches::all().get(name), Some(true));
+            assert_eq!(Switches::none().get(name), Some(false));
+            assert_ne!(Switches::all().with(name, false), Switches::all());
+        }
+    }
+}

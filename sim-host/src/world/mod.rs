@@ -1,0 +1,426 @@
+//! Everything together, on a virtual clock.
+//!
+//! The state moves in steps of at most a millisecond that end wherever an input has a kink. Creep,
+//! lag and heat are advanced by rules that are exact or conserve energy over any step, and the
+//! balance of forces is solved at its end. Between two ends the frequency of the sensing coil is a
+//! cubic, so a converter may look at any moment.
+//!
+//! What happens does not depend on how the caller cuts time: [`World::advance`] by ten times 0.1 ms
+//! or once by 1 ms gives the same bits. Only [`World::set_current`] and its fellows end a step.
+
+mod history;
+mod plant;
+mod shared;
+mod truth;
+
+use std::collections::VecDeque;
+
+use ldc161x_sim::{Conversions, Drive, ExternalClock, Settings, Time};
+
+use self::history::History;
+use self::plant::{Inputs, Plant, State};
+pub use self::shared::SharedWorld;
+pub use self::truth::Truth;
+use crate::current::{Command, HARD_LIMIT};
+use crate::mechanics::chain::{Chain, LEAST_STABILITY};
+use crate::mechanics::load::Load;
+use crate::mechanics::press::{Profile, Shake};
+use crate::parameters::{ParameterError, Parameters, within};
+use crate::random::Stream;
+use crate::switches::Switches;
+
+/// How far a converter may look ahead of the world's clock.
+const FURTHEST_AHEAD: Time = Time::from_ms(1_000);
+
+/// Who holds the sensor or presses it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Holder {
+    /// A stand, which vibrates.
+    #[default]
+    Stand,
+    /// A hand, which trembles.
+    Hand,
+}
+
+/// What is done with the plant.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Setup {
+    /// The object pressed on it.
+    pub load: Load,
+    /// Who presses.
+    pub holder: Holder,
+    /// How the press moves.
+    pub profile: Profile,
+    /// Longest step, 10 µs to 10 ms. The default is 1 ms.
+    pub step: Time,
+}
+
+impl Default for Setup {
+    /// A rigid object far above the sensor, on a stand.
+    fn default() -> Self {
+        Self {
+            load: Load::Rigid,
+            holder: Holder::Stand,
+            profile: Profile::at(-1e-3),
+            step: Time::from_ms(1),
+        }
+    }
+}
+
+/// A plant with its load, its press and its coil current, at a moment of virtual time.
+///
+/// ```
+/// use ldc161x_sim::Time;
+/// use palpate_sim::mechanics::{load::Load, press::Profile};
+/// use palpate_sim::parameters::draw;
+/// use palpate_sim::stack::{Disturbances, Stack};
+/// use palpate_sim::switches::Switches;
+/// use palpate_sim::world::{Setup, World};
+///
+/// let plant = draw(&Stack::builtin("ultrasoft")?, &Disturbances::builtin()?, 1);
+/// let setup = Setup {
+///     load: Load::Spring { n_per_m: 6e3 },
+///     profile: Profile::at(-0.1e-3).then_move(1e-3, 2e-3),
+///     ..Setup::default()
+/// };
+/// let mut world = World::new(&plant, Switches::all(), setup)?;
+/// world.advance(Time::from_ms(2_000));
+/// let soft = world.truth();
+/// world.set_current(10.0);
+/// world.advance(Time::from_ms(100));
+/// assert!(world.truth().actuated_spring_n_per_m > soft.actuated_spring_n_per_m);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct World {
+    plant: Plant,
+    inputs: Inputs,
+    now: Time,
+    /// The last node at or before now, and all after it.
+    states: VecDeque<State>,
+    history: History,
+    adc_noise: Stream,
+}
+
+impl World {
+    /// A world at time zero, without current.
+    ///
+    /// # Errors
+    /// [`ParameterError`] for parameters with which there is no plant, or for a plant whose actuated
+    /// layer its own attraction would pull flat.
+    pub fn new(
+        parameters: &Parameters,
+        switches: Switches,
+        setup: Setup,
+    ) -> Result<Self, ParameterError> {
+        let effective = parameters.effective(&switches);
+        Self::of(effective, setup)
+    }
+
+    /// A world of parameters as they are.
+    pub(crate) fn of(parameters: Parameters, setup: Setup) -> Result<Self, ParameterError> {
+        parameters.check()?;
+        check_setup(&setup)?;
+        let chain = Chain::new(
+            setup.load,
+            parameters.press.frame_m_per_n,
+            parameters.attraction.gradient_per_m,
+            parameters.sensing,
+            parameters.actuated,
+        );
+        check_stability(&parameters, &chain)?;
+        let shake = match setup.holder {
+            Holder::Stand => parameters.press.vibration,
+            Holder::Hand => parameters.press.tremor,
+        };
+        Ok(Self::start(parameters, chain, shake, setup))
+    }
+
+    fn start(parameters: Parameters, chain: Chain, shake: Shake, setup: Setup) -> Self {
+        let adc_noise = Stream::named(parameters.seed, "adc_noise.samples");
+        let plant = Plant::new(parameters, chain, shake, setup.step);
+        let inputs = Inputs {
+            command: Command::constant(0.0),
+            profile: setup.profile,
+        };
+        let first = plant.step(&inputs, &plant.at_rest(), Time::ZERO);
+        Self {
+            plant,
+            inputs,
+            now: Time::ZERO,
+            states: VecDeque::from([first]),
+            history: History::default(),
+            adc_noise,
+        }
+    }
+
+    /// The present.
+    #[must_use]
+    pub fn now(&self) -> Time {
+        self.now
+    }
+
+    /// Lets time pass.
+    pub fn advance(&mut self, duration: Time) {
+        self.advance_to(self.now + duration);
+    }
+
+    /// Lets time pass until `time`; nothing happens if that is past.
+    pub fn advance_to(&mut self, time: Time) {
+        self.now = self.now.max(time);
+        self.extend_to(self.now);
+        while self.states.get(1).is_some_and(|next| next.time <= self.now) {
+            self.states.pop_front();
+        }
+        self.history.forget_before(self.now);
+    }
+
+    // ---- inputs ----
+
+    /// Sets the coil's current, A, at once. It is held to the hardware's limit, 1.5 times the
+    /// stack's peak current, and to what the supply can push; what is no number is none.
+    pub fn set_current(&mut self, current_a: f64) {
+        let current_a = sound(current_a);
+        if self.inputs.command.rests_at(self.now, current_a) {
+            return;
+        }
+        self.interrupt(|inputs, _| inputs.command = Command::constant(current_a));
+    }
+
+    /// Moves the coil's current from where it is to `current_a` in a straight line, A.
+    pub fn ramp_current(&mut self, current_a: f64, duration: Time) {
+        let current_a = sound(current_a);
+        self.interrupt(|inputs, now| {
+            let from_a = inputs.command.at(now);
+            inputs.command = Command::ramp(now, now + duration, from_a, current_a);
+        });
+    }
+
+    /// Moves the press from where it is to `position_m` (see [`Profile`]) at a speed, instead of
+    /// what was planned.
+    pub fn move_press(&mut self, position_m: f64, speed_m_per_s: f64) {
+        let position_m = sound(position_m);
+        self.interrupt(|inputs, now| {
+            let moved = inputs.profile.clone().until(now);
+            inputs.profile = moved.then_move(position_m, speed_m_per_s);
+        });
+    }
+
+    /// Ends the step under way at now, changes the inputs, and finds the balance anew.
+    fn interrupt(&mut self, change: impl FnOnce(&mut Inputs, Time)) {
+        let before = self.state();
+        if let Some(base) = self.states.front() {
+            self.history.rewind(base.time);
+            if base.time < before.time {
+                let segment = self.plant.segment(&self.inputs, base, &before);
+                self.history.push(segment);
+            }
+        }
+        change(&mut self.inputs, self.now);
+        let after = self.plant.step(&self.inputs, &before, self.now);
+        self.states.clear();
+        self.states.push_back(after);
+    }
+
+    // ---- steps ----
+
+    /// Adds steps until the last one ends at `time` or later.
+    fn extend_to(&mut self, time: Time) {
+        while let Some(last) = self.states.back().filter(|last| last.time < time) {
+            let next = self.next_state(last);
+            let segment = self.plant.segment(&self.inputs, last, &next);
+            self.history.push(segment);
+            self.states.push_back(next);
+        }
+    }
+
+    /// The state after the next step. A step in which contact is made or lost ends there, so that
+    /// no step has a kink inside.
+    fn next_state(&self, last: &State) -> State {
+        let end = (last.time + self.plant.usual_step()).min(self.inputs.next_knot(last.time));
+        let next = self.plant.step(&self.inputs, last, end);
+        let side = last.chain.in_contact();
+        if last.touching || next.chain.in_contact() == side {
+            return next;
+        }
+        let (mut same, mut other) = (last.time, end);
+        while (other - same) > Time::from_ps(1) {
+            let middle = Time::from_ps(same.as_ps() + (other - same).as_ps() / 2);
+            let there = self.plant.step(&self.inputs, last, middle);
+            if there.chain.in_contact() == side {
+                same = middle;
+            } else {
+                other = middle;
+            }
+        }
+        if same == last.time {
+            return next;
+        }
+        let mut touching = self.plant.step(&self.inputs, last, same);
+        touching.touching = true;
+        touching
+    }
+
+    /// The state now.
+    fn state(&self) -> State {
+        match self.states.front() {
+            Some(base) if base.time < self.now => self.plant.step(&self.inputs, base, self.now),
+            Some(base) => *base,
+            // there always is one; a plant at rest needs no panic
+            None => self.plant.at_rest(),
+        }
+    }
+
+    // ---- what an instrument sees ----
+
+    /// Frequency of the sensing coil at a past time, Hz; nothing if that has not been computed yet.
+    /// Times longer ago than 0.6 s get the oldest frequency known.
+    #[must_use]
+    pub fn frequency_hz(&self, time_s: f64) -> Option<f64> {
+        self.history.frequency_hz(time_s)
+    }
+
+    /// The same for times up to a second after now too, as they will be if no input changes.
+    pub fn frequency_ahead_hz(&mut self, time_s: f64) -> Option<f64> {
+        // one picosecond more, for the rounding of the time
+        let time = Time::from_secs_f64(time_s) + Time::from_ps(1);
+        self.extend_to(time.min(self.now + FURTHEST_AHEAD));
+        self.history.frequency_hz(time_s)
+    }
+
+    /// Quality factor and parallel resistance, ohm, of the tank at a frequency.
+    #[must_use]
+    pub fn losses(&self, frequency_hz: f64) -> (f64, f64) {
+        let tank = &self.plant.tank;
+        (
+            tank.quality_factor(frequency_hz),
+            tank.parallel_resistance_ohm(frequency_hz),
+        )
+    }
+
+    /// What the instrument is told of the coil's current now, from one sample of the ADC, A.
+    pub fn told_current_a(&mut self) -> f64 {
+        let current_a = self.state().current_a;
+        let chain = &self.plant.parameters.current;
+        chain.told_a(current_a, 1, &mut self.adc_noise)
+    }
+
+    /// What it is told of the mean current over a past window, from so many samples, A. The window
+    /// may reach back 0.6 s; an empty one is told as now.
+    pub fn told_mean_current_a(&mut self, from: Time, to: Time, samples: u32) -> f64 {
+        let mean_a = self.mean_current_a(from, to);
+        let chain = &self.plant.parameters.current;
+        chain.told_a(mean_a, samples, &mut self.adc_noise)
+    }
+
+    /// The settings of a converter in this world, with its clock input at `clkin_hz`.
+    #[must_use]
+    pub fn chip_settings(&self, clkin_hz: f64) -> Settings {
+        let Parameters { seed, ldc, .. } = &self.plant.parameters;
+        let drive = if ldc.drive_shift {
+            Drive::default()
+        } else {
+            Settings::ideal().drive
+        };
+        Settings {
+            // PCG's streams and the chip's own generator are unrelated, so the seed may be shared
+            seed: *seed,
+            temperature_c: self.truth().ambient_c,
+            external_clock: Some(ExternalClock {
+                relative_error: ldc.reference_clock_error,
+                ..ExternalClock::exact(clkin_hz)
+            }),
+            conversions: Conversions {
+                quantised: ldc.quantised,
+                noise_at_1ms: ldc.white_noise_relative,
+                ..Conversions::default()
+            },
+            drive,
+            ..Settings::default()
+        }
+    }
+
+    // ---- ground truth ----
+
+    /// What is truly there now.
+    #[must_use]
+    pub fn truth(&self) -> Truth {
+        Truth::of(&self.plant, &self.state())
+    }
+
+    /// True mean current over a past window, A.
+    #[must_use]
+    pub fn mean_current_a(&self, from: Time, to: Time) -> f64 {
+        self.history
+            .mean_current_a(from, to.min(self.now))
+            .unwrap_or_else(|| self.state().current_a)
+    }
+
+    /// The plant's parameters as they act, with the switches applied.
+    #[must_use]
+    pub fn parameters(&self) -> &Parameters {
+        &self.plant.parameters
+    }
+
+    /// The load.
+    #[must_use]
+    pub fn load(&self) -> &Load {
+        self.plant.chain.load()
+    }
+
+    /// Displacement of the press now as planned, without its shaking, m.
+    #[must_use]
+    pub fn planned_press_m(&self) -> f64 {
+        self.inputs.profile.position_m(self.now)
+    }
+
+    /// Displacement of the press that presses the sensing layer by `depth_m`, if nothing creeps,
+    /// grows or attracts and no current flows, m.
+    #[must_use]
+    pub fn press_for_depth_m(&self, depth_m: f64) -> f64 {
+        let parameters = self.parameters();
+        let force_n = parameters.sensing.spring_n_per_m * depth_m;
+        let series = parameters.press.frame_m_per_n + 1.0 / parameters.actuated.spring_n_per_m;
+        self.load().displacement_m(force_n) + depth_m + force_n * series
+    }
+}
+
+/// Zero for what is no number.
+fn sound(value: f64) -> f64 {
+    if value.is_finite() { value } else { 0.0 }
+}
+
+fn check_setup(setup: &Setup) -> Result<(), ParameterError> {
+    within("step in s", setup.step.as_secs_f64(), 1e-5, 1e-2)?;
+    match setup.load {
+        Load::Spring { n_per_m } => within("load n_per_m", n_per_m, 1.0, 1e10),
+        Load::Hardening {
+            n_per_m,
+            cubic_n_per_m3,
+        } => {
+            within("load n_per_m", n_per_m, 1.0, 1e10)?;
+            within("load cubic_n_per_m3", cubic_n_per_m3, 0.0, 1e20)
+        }
+        Load::Rigid => Ok(()),
+    }
+}
+
+/// Refuses a plant that the largest current would pull flat, crept and softened as far as it can be.
+fn check_stability(parameters: &Parameters, chain: &Chain) -> Result<(), ParameterError> {
+    let current_a = HARD_LIMIT * parameters.current.peak_a;
+    let attraction_n = parameters.attraction.n_per_a2 * current_a * current_a;
+    let crept: f64 = parameters
+        .actuated
+        .creep
+        .iter()
+        .map(|mode| mode.amplitude)
+        .sum();
+    let compliance = (1.0 + crept) / parameters.actuated.spring_n_per_m;
+    let stability = chain.stability(attraction_n, compliance);
+    within(
+        "stability of the actuated layer",
+        stability,
+        LEAST_STABILITY,
+        1.0,
+    )
+}

@@ -1,0 +1,270 @@
+//! The plant as a function: from its state at one moment to its state at the next.
+
+use ldc161x_sim::Time;
+
+use super::history::Segment;
+use crate::coil::tank::{Resonance, SensingTank, TankState};
+use crate::current::Command;
+use crate::magnetorheological::Play;
+use crate::mechanics::chain::{Chain, ChainState, Conditions, Decays, Rates};
+use crate::mechanics::energy::Energy;
+use crate::mechanics::press::{Profile, Shake};
+use crate::parameters::Parameters;
+use crate::thermal::ThermalState;
+
+/// What acts on the plant from outside, as functions of time.
+#[derive(Clone, Debug)]
+pub(super) struct Inputs {
+    pub(super) command: Command,
+    pub(super) profile: Profile,
+}
+
+impl Inputs {
+    /// The next moment after `time` at which an input has a kink.
+    pub(super) fn next_knot(&self, time: Time) -> Time {
+        let knots = [self.command.next_knot(time), self.profile.next_knot(time)];
+        knots.into_iter().flatten().min().unwrap_or(Time::MAX)
+    }
+}
+
+/// Everything that the future depends on.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct State {
+    pub(super) time: Time,
+    pub(super) current_a: f64,
+    pub(super) thermal: ThermalState,
+    pub(super) play: Play,
+    pub(super) stiffening: f64,
+    /// ε at the present temperature.
+    strength: f64,
+    /// Velocity of what shakes the press, m/s.
+    shaking_m_per_s: f64,
+    resonance: Resonance,
+    pub(super) conditions: Conditions,
+    pub(super) chain: ChainState,
+    pub(super) energy: Energy,
+    /// Contact is just being made or lost, so the next step may begin on the other side of it.
+    pub(super) touching: bool,
+}
+
+/// One drawn plant with what can be computed once.
+#[derive(Clone, Debug)]
+pub(super) struct Plant {
+    /// With the switches applied.
+    pub(super) parameters: Parameters,
+    pub(super) chain: Chain,
+    pub(super) tank: SensingTank,
+    pub(super) shake: Shake,
+    /// The usual length of a step and what remains of the creep after it.
+    usual: (Time, Decays),
+}
+
+impl Plant {
+    pub(super) fn new(parameters: Parameters, chain: Chain, shake: Shake, step: Time) -> Self {
+        Self {
+            tank: SensingTank::new(&parameters.tank),
+            usual: (step, chain.decays(step.as_secs_f64())),
+            parameters,
+            chain,
+            shake,
+        }
+    }
+
+    pub(super) fn usual_step(&self) -> Time {
+        self.usual.0
+    }
+
+    fn decays(&self, duration: Time) -> Decays {
+        let (usual, decays) = &self.usual;
+        if duration == *usual {
+            return *decays;
+        }
+        self.chain.decays(duration.as_secs_f64())
+    }
+
+    /// The plant before anything has touched it, at time zero.
+    pub(super) fn at_rest(&self) -> State {
+        State {
+            thermal: self.parameters.thermal.at_rest(),
+            conditions: Conditions {
+                sensing_spring_n_per_m: self.parameters.sensing.spring_n_per_m,
+                actuated_spring_n_per_m: self.parameters.actuated.spring_n_per_m,
+                ..Conditions::default()
+            },
+            ..State::default()
+        }
+    }
+
+    /// The state at `to`. With `to` at the state's own time, what follows at once from a jump of the
+    /// inputs: the balance is found anew, while creep, lag and temperatures stay.
+    pub(super) fn step(&self, inputs: &Inputs, from: &State, to: Time) -> State {
+        let duration = to - from.time;
+        let duration_s = duration.as_secs_f64();
+        let p = &self.parameters;
+
+        let resistance_ohm = p.thermal.coil_resistance_ohm(&from.thermal);
+        let limit_a = p.current.limit_a(resistance_ohm);
+        let current_a = inputs.command.at(to).clamp(-limit_a, limit_a);
+        let (i0, i1) = (from.current_a, current_a);
+        let square_a2 = (i0 * i0 + i0 * i1 + i1 * i1) / 3.0;
+        let thermal = p.thermal.advance(&from.thermal, square_a2, duration_s);
+
+        let (play, stiffening) = self.stiffen(from, current_a, duration_s);
+        let strength = p.magnetorheological.strength(thermal.pad_k);
+        let (shaken_m, shaking_m_per_s) = self.shake.at(to.as_secs_f64());
+        let softened = p.actuated.spring_at(thermal.pad_k);
+        let conditions = Conditions {
+            sensing_spring_n_per_m: p.sensing.spring_at(thermal.pad_k),
+            actuated_spring_n_per_m: softened * (1.0 + strength * stiffening),
+            attraction_n: p.attraction.n_per_a2 * current_a * current_a,
+            press_m: inputs.profile.position_m(to) + shaken_m,
+            growth_m: p.thermal.growth_m_per_k * thermal.pad_k,
+        };
+        let decays = self.decays(duration);
+        let chain = self.chain.balance(&from.chain, &decays, &conditions);
+        let (before, after) = ((&from.chain, &from.conditions), (&chain, &conditions));
+        let energy = from.energy.after(&self.chain, &decays, before, after);
+        let resonance = self.tank.resonance(&TankState {
+            apparent_m: self.apparent_m(chain.sensing_m, current_a),
+            displacement_m: chain.sensing_m,
+            warmer_k: thermal.pad_k,
+        });
+        State {
+            time: to,
+            current_a,
+            thermal,
+            play,
+            stiffening,
+            strength,
+            shaking_m_per_s,
+            resonance,
+            conditions,
+            chain,
+            energy,
+            touching: false,
+        }
+    }
+
+    fn saturation(&self, current_a: f64) -> f64 {
+        let relative = current_a / self.parameters.current.peak_a;
+        self.parameters.magnetorheological.saturation(relative)
+    }
+
+    fn stiffen(&self, from: &State, current_a: f64, duration_s: f64) -> (Play, f64) {
+        let law = &self.parameters.magnetorheological;
+        let (before, after) = (self.saturation(from.current_a), self.saturation(current_a));
+        let turned = from.current_a * current_a < 0.0;
+        // a current that changes its sign passes the point without field
+        let play = if turned {
+            from.play.follow(0.0)
+        } else {
+            from.play
+        }
+        .follow(after);
+        let targets = (law.target(before, from.play), law.target(after, play));
+        (play, law.relax(from.stiffening, targets, duration_s))
+    }
+
+    /// What the sensing layer's displacement seems to be: less the crosstalk
+    /// X (I/I_peak)² (1 + g x_S/depth).
+    pub(super) fn apparent_m(&self, sensing_m: f64, current_a: f64) -> f64 {
+        let (flat_m, slope) = self.crosstalk(current_a);
+        sensing_m - flat_m * (1.0 + slope * sensing_m)
+    }
+
+    /// X (I/I_peak)², m, and g/depth, 1/m.
+    fn crosstalk(&self, current_a: f64) -> (f64, f64) {
+        let crosstalk = &self.parameters.crosstalk;
+        let relative = current_a / self.parameters.current.peak_a;
+        (
+            crosstalk.at_peak_m * relative * relative,
+            crosstalk.slope_per_press_depth / self.parameters.press.depth_m,
+        )
+    }
+
+    /// The tank's frequency over a step, as a cubic through its values and rates at both ends.
+    pub(super) fn segment(&self, inputs: &Inputs, from: &State, to: &State) -> Segment {
+        let slopes = Slopes::over(inputs, from, to);
+        Segment::new(
+            (from.time, to.time),
+            (from.current_a, to.current_a),
+            (
+                from.resonance.frequency_hz,
+                self.frequency_rate(from, &slopes),
+            ),
+            (to.resonance.frequency_hz, self.frequency_rate(to, &slopes)),
+        )
+    }
+
+    /// Rate of the frequency at a node, Hz/s, within a step that begins or ends there.
+    fn frequency_rate(&self, state: &State, slopes: &Slopes) -> f64 {
+        let sensing = self.sensing_rate(state, slopes);
+        let (flat_m, slope) = self.crosstalk(state.current_a);
+        let flat_rate =
+            2.0 * self.parameters.crosstalk.at_peak_m * state.current_a * slopes.current
+                / (self.parameters.current.peak_a * self.parameters.current.peak_a);
+        let apparent =
+            sensing * (1.0 - flat_m * slope) - flat_rate * (1.0 + slope * state.chain.sensing_m);
+        state.resonance.per_apparent * apparent
+            + state.resonance.per_displacement * sensing
+            + state.resonance.per_kelvin * slopes.pad
+    }
+
+    /// Rate of the sensing layer's displacement at a node, m/s.
+    fn sensing_rate(&self, state: &State, slopes: &Slopes) -> f64 {
+        let law = &self.parameters.magnetorheological;
+        let stiffening = if law.lag_s > 0.0 {
+            let target = law.target(self.saturation(state.current_a), state.play);
+            (target - state.stiffening) / law.lag_s
+        } else {
+            slopes.stiffening
+        };
+        let warming = self.parameters.actuated.spring_per_kelvin * slopes.pad;
+        let hardening = state.strength * stiffening / (1.0 + state.strength * state.stiffening);
+        let k = self.parameters.attraction.n_per_a2;
+        let rates = Rates {
+            sensing_spring: slopes.sensing_spring,
+            actuated_spring: state.conditions.actuated_spring_n_per_m * (hardening + warming),
+            attraction: 2.0 * k * state.current_a * slopes.current,
+            drive: slopes.press + state.shaking_m_per_s + slopes.growth,
+            in_contact: slopes.in_contact,
+        };
+        self.chain
+            .sensing_rate(&state.chain, &state.conditions, &rates)
+    }
+}
+
+/// Mean rates over a step, per second, of what is straight within it or nearly so.
+#[derive(Clone, Copy, Debug)]
+struct Slopes {
+    current: f64,
+    stiffening: f64,
+    press: f64,
+    growth: f64,
+    pad: f64,
+    sensing_spring: f64,
+    /// Whether load and sensor touch: a step that begins where contact is made or lost is on the
+    /// side of its end.
+    in_contact: bool,
+}
+
+impl Slopes {
+    fn over(inputs: &Inputs, from: &State, to: &State) -> Self {
+        let duration_s = (to.time - from.time).as_secs_f64();
+        let slope = |before: f64, after: f64| (after - before) / duration_s;
+        let (before, after) = (&from.conditions, &to.conditions);
+        Self {
+            current: slope(from.current_a, to.current_a),
+            stiffening: slope(from.stiffening, to.stiffening),
+            // the profile alone: what shakes it has its own velocity
+            press: slope(
+                inputs.profile.position_m(from.time),
+                inputs.profile.position_m(to.time),
+            ),
+            growth: slope(before.growth_m, after.growth_m),
+            pad: slope(from.thermal.pad_k, to.thermal.pad_k),
+            sensing_spring: slope(before.sensing_spring_n_per_m, after.sensing_spring_n_per_m),
+            in_contact: to.chain.in_contact(),
+        }
+    }
+}

@@ -1,0 +1,122 @@
+//! What is truly there: for tests and for judging estimates, never for the instrument.
+
+use ldc161x_sim::Time;
+
+use super::plant::{Plant, State};
+use crate::mechanics::energy::Energy;
+use crate::thermal::CALIBRATION_C;
+
+/// The state of the world at one moment.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Truth {
+    /// When.
+    pub time: Time,
+    /// Force F through load and sensing layer, N.
+    pub force_n: f64,
+    /// Force in the actuated layer, N: F and the attraction.
+    pub actuated_force_n: f64,
+    /// Attraction of the actuated layer's halves, N.
+    pub attraction_n: f64,
+    /// Displacement x_S of the sensing layer, m.
+    pub sensing_m: f64,
+    /// What the sensing coil makes of x_S, with the crosstalk of the actuating field, m.
+    pub apparent_m: f64,
+    /// Displacement x_D of the actuated layer, m.
+    pub actuated_m: f64,
+    /// Displacement x_L of the load, m, without what it stands on.
+    pub load_m: f64,
+    /// Displacement of what the load stands on, m.
+    pub frame_m: f64,
+    /// Distance between load and sensor, m; zero in contact.
+    pub opening_m: f64,
+    /// Displacement x_0 of the press, m, with its shaking.
+    pub press_m: f64,
+    /// Growth of the sensor since the calibration, m.
+    pub growth_m: f64,
+    /// Creep in x_S, m.
+    pub sensing_creep_m: f64,
+    /// Creep in x_D, m.
+    pub actuated_creep_m: f64,
+    /// Instant spring c_S, N/m.
+    pub sensing_spring_n_per_m: f64,
+    /// Instant spring c_D, N/m.
+    pub actuated_spring_n_per_m: f64,
+    /// Stiffening σ of the actuated layer: 0 without field, 1 at the peak.
+    pub stiffening: f64,
+    /// Tangent stiffness c_L of the load in series with what it stands on, N/m: what an instrument
+    /// can measure. Infinite for a rigid load on a rigid frame.
+    pub load_spring_n_per_m: f64,
+    /// Current in the coils, A.
+    pub current_a: f64,
+    /// Resistance of the coils, ohm.
+    pub coil_ohm: f64,
+    /// Temperature of the copper, °C.
+    pub copper_c: f64,
+    /// Temperature of the pad, °C.
+    pub pad_c: f64,
+    /// Temperature of the surroundings, °C.
+    pub ambient_c: f64,
+    /// Heat put into the copper so far, J.
+    pub heat_in_j: f64,
+    /// Heat given to the surroundings so far, J.
+    pub heat_out_j: f64,
+    /// Mechanical work so far.
+    pub energy: Energy,
+}
+
+impl Truth {
+    pub(super) fn of(plant: &Plant, state: &State) -> Self {
+        let State {
+            chain, conditions, ..
+        } = state;
+        let load_m_per_n = plant.chain.load().compliance_m_per_n(chain.load_m);
+        let thermal = &plant.parameters.thermal;
+        Self {
+            time: state.time,
+            force_n: chain.force_n,
+            actuated_force_n: chain.actuated_force_n,
+            attraction_n: plant.chain.attraction_n(conditions, chain.actuated_m),
+            sensing_m: chain.sensing_m,
+            apparent_m: plant.apparent_m(chain.sensing_m, state.current_a),
+            actuated_m: chain.actuated_m,
+            load_m: chain.load_m,
+            frame_m: plant.chain.frame_m_per_n() * chain.force_n,
+            opening_m: chain.opening_m,
+            press_m: conditions.press_m,
+            growth_m: conditions.growth_m,
+            sensing_creep_m: chain.sensing_creep_m.iter().sum(),
+            actuated_creep_m: chain.actuated_creep_m.iter().sum(),
+            sensing_spring_n_per_m: conditions.sensing_spring_n_per_m,
+            actuated_spring_n_per_m: conditions.actuated_spring_n_per_m,
+            stiffening: state.stiffening,
+            load_spring_n_per_m: 1.0 / (load_m_per_n + plant.chain.frame_m_per_n()),
+            current_a: state.current_a,
+            coil_ohm: thermal.coil_resistance_ohm(&state.thermal),
+            copper_c: CALIBRATION_C + state.thermal.copper_k,
+            pad_c: CALIBRATION_C + state.thermal.pad_k,
+            ambient_c: CALIBRATION_C + thermal.ambient_change_k,
+            heat_in_j: state.thermal.heat_in_j,
+            heat_out_j: state.thermal.heat_out_j,
+            energy: state.energy,
+        }
+    }
+
+    /// Sum of displacements less what the press and the growth impose, m; zero but for rounding.
+    #[must_use]
+    pub fn displacement_imbalance_m(&self) -> f64 {
+        let taken = self.load_m + self.frame_m + self.sensing_m + self.actuated_m;
+        taken - self.press_m - self.growth_m - self.opening_m
+    }
+
+    /// Differences between the forces of the springs along the chain, N; zero but for rounding:
+    /// those of the sensing and of the actuated layer from what their balance demands.
+    #[must_use]
+    pub fn force_imbalance_n(&self) -> [f64; 2] {
+        let sensing_n = self.sensing_spring_n_per_m * (self.sensing_m - self.sensing_creep_m);
+        let actuated_n = self.actuated_spring_n_per_m * (self.actuated_m - self.actuated_creep_m);
+        [
+            sensing_n - self.force_n,
+            actuated_n - self.force_n - self.attraction_n,
+        ]
+    }
+}
