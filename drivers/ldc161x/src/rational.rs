@@ -25,9 +25,9 @@ const LARGEST_DEFICIT: u32 = 30;
 /// the start-up is not constant, about p / 2 each (posted words: 42 lost at p = 9.15, 28 at
 /// 3.77). 11 is the constant part, 8, with the rounding of four edges and a margin of 1.
 const LARGEST_DEFICIT_PERIODS: (u32, u32) = (11, 5);
-/// Bounds the search, and so the time it takes. Reached by sensors slower than 1/78 of the
-/// reference: plan a slower reference for those.
-const SEARCH_LIMIT: u32 = 400;
+/// Bounds the search, and so its time and its false-accept rate. Reached by sensors slower than
+/// 1/37 of the reference: plan a slower reference for those.
+const SEARCH_LIMIT: u32 = 200;
 
 /// The values of N that RCOUNT and the speed of the sensor leave open.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,7 +42,7 @@ pub struct Window {
 
 impl Window {
     /// The window of a word: from 32 RCOUNT - 10 down to 32 RCOUNT - 30, or 11 + 5 p where that
-    /// is more, p the sensor's period in reference periods, 2^28 / DATA; at most 400 below, and
+    /// is more, p the sensor's period in reference periods, 2^28 / DATA; at most 200 below, and
     /// at most half.
     ///
     /// ```
