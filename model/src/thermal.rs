@@ -138,7 +138,8 @@ impl TwoNode {
     }
 
     /// Temperatures at the end of a planned pulse of `current`, an upper bound: its heat is
-    /// reckoned at the resistance of the copper's final temperature.
+    /// reckoned at the resistance of the copper's hotter end. For pulses that are short against the
+    /// pad's cooling, so that the copper is hottest at one of the two ends.
     ///
     /// Too high by at most 0.4 % of what the current's heat adds, for every kelvin between the
     /// coldest and the hottest temperature in play. `None` when the copper does
@@ -175,8 +176,7 @@ impl TwoNode {
         const STEPS: u8 = 12;
         // The end temperature grows with the heat and the heat with the end temperature: from
         // below, rising steps towards their fixed point.
-        let warmest = |a: Celsius, b: Celsius| if a > b { a } else { b };
-        let mut hottest = warmest(start.copper, start.pad);
+        let mut hottest = start.copper;
         let mut end = start;
         for _ in 0..STEPS {
             end = self.after(start, copper.heat(current, hottest), ambient, duration);
@@ -184,7 +184,9 @@ impl TwoNode {
             if !(end.copper <= limit) {
                 return None;
             }
-            hottest = warmest(hottest, end.copper);
+            if end.copper > hottest {
+                hottest = end.copper;
+            }
         }
         Some(end)
     }

@@ -153,21 +153,21 @@ impl World {
 
 #[test]
 fn false_alarms_come_as_rarely_as_stated() {
-    let (mut alarms, mut samples) = (0u32, 0u64);
+    const RUNS: u32 = 300;
+    const LONGEST: u64 = 1_000_000;
+    let mut samples = 0u64;
     let mut world = World::new(1, 20e-9);
-    while alarms < 300 {
+    for _ in 0..RUNS {
         let mut detector = Detector::new(watch(4.0)).unwrap();
-        loop {
+        let mut next = || {
             let reading = world.reading(0.0);
-            match detector.push(Second(INTERVAL as f32), reading).touch {
-                Touch::Settling => {}
-                Touch::Began { .. } => break,
-                _ => samples += 1,
-            }
-        }
-        alarms += 1;
+            detector.push(Second(INTERVAL as f32), reading).touch
+        };
+        let settled = (0..LONGEST).find(|_| next() != Touch::Settling);
+        let alarm = (1..LONGEST).find(|_| matches!(next(), Touch::Began { .. }));
+        samples += settled.and(alarm).expect("an alarm comes");
     }
-    let length = samples as f64 / f64::from(alarms);
+    let length = samples as f64 / f64::from(RUNS);
     println!(
         "{length:.0} readings between false alarms, {:.0} exact",
         run_length(1.0, 4.0, 0.0)
@@ -183,7 +183,7 @@ fn presses(speed: f64, runs: u64) -> (f64, f64, f64) {
         let mut world = World::new(seed, 1e-9);
         let mut detector = Detector::new(watch(10.0)).unwrap();
         let onset = 1000.0 + world.rng.uniform();
-        let found = (0u32..).find_map(|i| {
+        let found = (0u32..3000).find_map(|i| {
             let pressed = (f64::from(i) - onset).max(0.0) * speed * SIGMA;
             match detector
                 .push(Second(INTERVAL as f32), world.reading(pressed))

@@ -79,7 +79,10 @@ pub(crate) const MEMBERS: &[Member] = &[
         runs_on: RunsOn::Everywhere,
         published: false,
         features: &["defmt", "serde"],
-        mcu_examples: &[],
+        mcu_examples: &[McuExample {
+            name: "on_target",
+            target: "thumbv6m-none-eabi",
+        }],
     },
     Member {
         name: "palpate-wire",

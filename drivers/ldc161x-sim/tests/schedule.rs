@@ -4,7 +4,7 @@ mod common;
 
 use common::*;
 use ldc161x_sim::{
-    Conversion, ExternalClock, InternalClock, Overhead, Part, Sensors, Settings, Time,
+    Conversion, ExternalClock, InternalClock, Misuse, Overhead, Part, Sensors, Settings, Time,
 };
 
 /// 16384 / 43.4 MHz.
@@ -278,4 +278,79 @@ fn next_event_is_where_the_interrupt_falls() {
     let mut chip = rig.chip.borrow_mut();
     chip.set_shutdown(true);
     assert_eq!(chip.next_event(), None);
+}
+
+/// What is noted of one conversion on channel 0.
+fn misuse(clkin_hz: f64, sensor_hz: f64, writes: &[(u8, u16)]) -> Misuse {
+    let settings = Settings {
+        internal_clock: InternalClock {
+            frequency_hz: clkin_hz,
+            ..InternalClock::default()
+        },
+        ..quiet(clkin_hz)
+    };
+    let rig = Rig::new(settings, [sensor_hz; 2]);
+    for channel in 0..2 {
+        rig.prepare(channel, 1000, 20);
+    }
+    for &(register, value) in writes {
+        rig.write(register, value);
+    }
+    rig.convert(0, 1);
+    rig.chip.borrow().misuse()
+}
+
+#[test]
+fn rules_of_table_43_are_watched() {
+    let single = [(0x1B, 0x020F), (0x1A, 0x1601)];
+    let autoscan = [(0x1B, 0x820F), (0x1A, 0x1601)];
+    let internal = [(0x1B, 0x820F), (0x1A, 0x1401)];
+    for (clkin_hz, writes, too_fast) in [
+        (35e6, &single, 0),
+        (36e6, &single, 1),
+        (40e6, &autoscan, 0),
+        (41e6, &autoscan, 1),
+        (55e6, &internal, 0),
+        (56e6, &internal, 1),
+    ] {
+        let noted = misuse(clkin_hz, 3e6, writes);
+        let expected = Misuse {
+            reference_too_fast: too_fast,
+            ..Misuse::default()
+        };
+        assert_eq!(noted, expected, "{clkin_hz} Hz, {writes:?}");
+    }
+    for (sensor_hz, dividers, too_fast) in [
+        (8.74e6, 0x1001, 0),
+        (8.76e6, 0x1001, 1), // 8.75 MHz needs a divider, and a quarter of 35 MHz is 8.75 MHz too
+        (8.76e6, 0x2001, 0),
+        (4.3e6, 0x1002, 0),
+        (4.4e6, 0x1002, 1),
+        (4.4e6, 0x2002, 0),
+    ] {
+        let writes = [(0x14, dividers), (0x1B, 0x020F), (0x1A, 0x1601)];
+        let noted = misuse(35e6, sensor_hz, &writes);
+        assert_eq!(
+            noted.sensor_too_fast, too_fast,
+            "{sensor_hz} Hz, {dividers:#06x}"
+        );
+    }
+    // above 8.75 MHz undivided breaks a rule even with a reference that is fast enough
+    let noted = misuse(40e6, 9e6, &autoscan);
+    assert_eq!(noted.sensor_too_fast, 1);
+    for (register, value, reserved) in [
+        (0x08, 9, 0),
+        (0x08, 8, 1),
+        (0x10, 4, 0),
+        (0x10, 3, 1),
+        (0x14, 0x1001, 0),
+        (0x14, 0x0001, 1),
+    ] {
+        let writes = [(register, value), (0x1B, 0x020F), (0x1A, 0x1601)];
+        let noted = misuse(30e6, 3e6, &writes);
+        assert_eq!(
+            noted.reserved_values, reserved,
+            "{value:#06x} to {register:#04x}"
+        );
+    }
 }

@@ -3,20 +3,31 @@
 //! without `std` can run the very same lines.
 
 use palpate_model::calibration_curve::MonotoneCurve;
-use palpate_model::contact::{Detector, Watch};
+use palpate_model::contact::{Cusum, Detector, Watch};
 use palpate_model::demagnetising::Burst;
-use palpate_model::magnetorheological::{Lag, Saturating, Stiffening, deviation};
-use palpate_model::ramp::{Basis, Drift, LoadRatio, Noise, Ramp, Reference, Sample, Term};
-use palpate_model::tank::{Tank, relative_frequency_change, relative_inductance_change};
+use palpate_model::layer::BondedDisc;
+use palpate_model::magnetorheological::{Lag, Saturating, Stiffening, Tabulated, deviation};
+use palpate_model::ramp::{
+    Basis, Drift, LoadRatio, LoadStiffness, Noise, Ramp, Reference, Sample, Scatter, Term,
+};
+use palpate_model::springs::{Springs, two_state_load};
+use palpate_model::tank::{
+    Tank, relative_frequency_change, relative_frequency_change_of, relative_inductance_change,
+    without_capacitance_change,
+};
 use palpate_model::thermal::{Copper, Temperatures, TwoNode};
 use palpate_model::uncertainty::{Calibration, OperatingPoint};
 use palpate_model::units::*;
+
+fn a_third(one: f32) -> f32 {
+    one / 3.0
+}
 
 /// Readings in the ramp.
 pub const READINGS: u32 = 400;
 
 /// Everything that can differ, as bits.
-pub type Bits = [u32; 24];
+pub type Bits = [u32; 34];
 
 struct Noise32(u32);
 
@@ -32,10 +43,11 @@ impl Noise32 {
     }
 }
 
-/// `None` when some part refuses, which it must not.
-pub fn run() -> Option<Bits> {
-    let mut noise = Noise32(1);
-    let sensing = NewtonPerMetre(6e3);
+/// `None` when some part refuses, which it must not. `one` is 1, in a way that the compiler does
+/// not see, so that it can foresee nothing.
+pub fn run(one: f32) -> Option<Bits> {
+    let mut noise = Noise32(one as u32);
+    let sensing = NewtonPerMetre(6e3 * one);
     let points = [
         (0.0, 0.0),
         (0.02, 60e-6),
@@ -43,11 +55,11 @@ pub fn run() -> Option<Bits> {
         (0.1, 250e-6),
         (0.2, 400e-6),
     ];
-    let curve = MonotoneCurve::<8>::new(&points).ok()?;
-    let law = Saturating::new(NewtonPerMetre(4e3), 0.1, Ampere(10.0)).ok()?;
-    let law = law.saturating(Tesla(0.022), Tesla(0.25)).ok()?;
-    let reference = Reference::new(Metre(0.3e-3), law.reference_ratio(sensing)).ok()?;
-    let tau = Second(0.05);
+    let curve = MonotoneCurve::<8>::new(&points.map(|(x, y)| (x * one, y * one))).ok()?;
+    let law = Saturating::new(NewtonPerMetre(4e3 * one), 0.1 * one, Ampere(10.0 * one)).ok()?;
+    let law = law.saturating(Tesla(0.022 * one), Tesla(0.25 * one)).ok()?;
+    let reference = Reference::new(Metre(0.3e-3 * one), law.reference_ratio(sensing)).ok()?;
+    let tau = Second(0.05 * one);
     let basis = Basis::new([
         Term::Level,
         Term::Slope,
@@ -60,8 +72,8 @@ pub fn run() -> Option<Bits> {
     let mut curved = Ramp::new(reference, basis.ok()?);
     let drift = Drift::Exponential { tau };
     let mut straight = Ramp::new(reference, Basis::with_drift(drift).ok()?);
-    let mut lag = Lag::new(Second(2e-3), 0.1).ok()?;
-    let mut detector = Detector::new(Watch::new(Metre(10e-9))).ok()?;
+    let mut lag = Lag::new(Second(2e-3 * one), 0.1).ok()?;
+    let mut detector = Detector::new(Watch::new(Metre(10e-9 * one))).ok()?;
     let mut last = 0.0;
 
     for i in 0..READINGS {
@@ -112,7 +124,7 @@ pub fn run() -> Option<Bits> {
     let claim = calibration.widen(&of_line, &at);
     let point = curved.load_point(-0.05, sensing);
     let stack = TwoNode::new(
-        JoulePerKelvin(0.8),
+        JoulePerKelvin(0.8 * one),
         JoulePerKelvin(60.0),
         KelvinPerWatt(0.5),
         KelvinPerWatt(8.0),
@@ -123,12 +135,34 @@ pub fn run() -> Option<Bits> {
         stack
             .ok()?
             .after_pulse(rest, coil, Ampere(8.0), Celsius(25.0), long, Celsius(80.0))?;
+    let table = Tabulated::new(NewtonPerMetre(4e3 * one), curve).ok()?;
+    let rise = table.rise(Ampere(-0.07 * one));
+    let mut scatter = Scatter::default();
+    for kappa in [a_third(one), 0.3, 0.4] {
+        scatter.add(kappa, 0.01 * one);
+    }
+    let springs = Springs {
+        load: NewtonPerMetre(5e3 * one),
+        sensing,
+        actuated: table.at_rest(),
+    };
+    let states = [Metre(0.31e-3 * one), Metre(0.3e-3 * one)];
+    let plain = two_state_load(
+        sensing,
+        [law.spring(Ampere(9.0 * one)), springs.actuated],
+        states,
+    );
+    let LoadStiffness::Within { high, .. } = claim.stiffness(sensing).ok()? else {
+        return None;
+    };
+    let disc = BondedDisc::new(Metre(30e-3 * one), Metre(5e-3 * one)).ok()?;
+    let total = straight.total_displacement();
     let burst = Burst::new(Ampere(8.0), Second(0.2), Hertz(25.0)).ok()?;
     let ends = |ratio: &LoadRatio| [ratio.value, ratio.standard_error, ratio.low, ratio.high];
     let [a, b, c, d] = ends(&of_line);
     let [e, f, g, h] = ends(&of_curve);
     let [_, i, j, k] = ends(&claim);
-    let values: [f32; 24] = [
+    let values: [f32; 34] = [
         a,
         b,
         c,
@@ -153,6 +187,19 @@ pub fn run() -> Option<Bits> {
         detector.baseline().rate(),
         Tank::new(Farad(330e-12)).ok()?.inductance(Hertz(3.74e6))?.0,
         last,
+        rise.per_ampere,
+        scatter.birge_ratio()?,
+        springs.in_series().0,
+        springs.shares().load,
+        plain.0,
+        high.0,
+        disc.stiffness(Pascal(1e5 * one)).0,
+        straight
+            .load_point_within(-0.05, sensing, total)
+            .displacement
+            .0,
+        relative_frequency_change_of(without_capacitance_change(0.1 * one, 1e-4)),
+        Cusum::WATCH.average_run_length(0.5 * one),
     ];
     Some(values.map(f32::to_bits))
 }

@@ -3,7 +3,7 @@
 use std::fmt;
 
 use super::graph::{Crate, Dependency, Graph, Kind};
-use super::rules::{DRIVERS, FIRMWARE, LOG_FORMAT, MCU_ONLY, NOT_MCU, On, RULES, Rule};
+use super::rules::{DRIVERS, FIRMWARE, LOG_FORMAT, MCU_ONLY, MODEL, NOT_MCU, On, RULES, Rule};
 use crate::members::{Member, RunsOn};
 
 /// A rule that a crate breaks.
@@ -136,16 +136,17 @@ fn no_std(krate: &Crate, graph: &Graph, members: &[Member]) -> Vec<Violation> {
         .collect()
 }
 
-/// Crates that only the firmware may name. A driver's example for a microcontroller may have
-/// them too, as a dev-dependency for that microcontroller's target.
+/// Crates that only the firmware may name. An example of a driver or of the model for a
+/// microcontroller may have them too, as a dev-dependency for that microcontroller's target.
 fn hardware(krate: &Crate) -> Vec<Violation> {
     if krate.name == FIRMWARE {
         return Vec::new();
     }
     let mut found = Vec::new();
     for dependency in &krate.dependencies {
+        let has_examples = names(DRIVERS, krate) || krate.name == MODEL;
         let for_an_example =
-            names(DRIVERS, krate) && dependency.kind == Kind::Dev && dependency.target_gated;
+            has_examples && dependency.kind == Kind::Dev && dependency.target_gated;
         if for_an_example {
             continue;
         }

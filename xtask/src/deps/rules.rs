@@ -5,6 +5,8 @@
 
 /// The firmware: the only crate that knows the hardware.
 pub(super) const FIRMWARE: &str = "palpate-firmware";
+/// The physics. An example of it runs on a microcontroller, to show that the bits are the same.
+pub(super) const MODEL: &str = "palpate-model";
 
 /// The folder of the drivers.
 pub(super) const DRIVERS: &str = "drivers/*";
