@@ -9,7 +9,7 @@ mod curve;
 mod request;
 mod settings;
 
-pub use calibration::{Coil, Crosstalk, Springs, Stiffening, Tank};
+pub use calibration::{Attraction, Coil, Crosstalk, Springs, Stiffening, Tank, TemperatureEffect};
 pub use curve::{
     DeformationCurve, DeformationKnot, KNOTS_PER_CHUNK, MAX_KNOTS, StiffeningCurve, StiffeningKnot,
 };
@@ -34,6 +34,9 @@ messages! {
             Abort = 0x85 "abort",
             /// Disarms, and goes to sensing-only mode. May be addressed to any boot.
             SensingOnly = 0x86 "sensing_only",
+            /// Drives the train of ramps once and evaluates nothing, whether anything touches or
+            /// not: for calibration. The device has to be armed.
+            Sweep = 0x8A "sweep",
             /// Asks for `settings`.
             GetSettings = 0x88 "get_settings",
         }
@@ -60,6 +63,10 @@ messages! {
             SetStiffeningCurve(StiffeningCurve) = 0x96 "set_stiffening_curve",
             /// Calibrates coil and current measurement. Not while armed.
             SetCoil(Coil) = 0x97 "set_coil",
+            /// Calibrates the attraction of the actuated layer's halves. Not while armed.
+            SetAttraction(Attraction) = 0x98 "set_attraction",
+            /// Tells what another temperature leaves open. Not while armed.
+            SetTemperatureEffect(TemperatureEffect) = 0x99 "set_temperature_effect",
         }
     }
 }

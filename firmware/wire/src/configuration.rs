@@ -1,5 +1,7 @@
 //! Which settings and calibration are in force.
 
+use core::borrow::Borrow;
+
 use postcard::Serializer;
 use postcard::ser_flavors::Flavor;
 
@@ -13,11 +15,12 @@ use crate::message::sealed::Payload;
 /// It runs over the kind and the payload of each, ordered by kind, then sensor, channel and first
 /// knot, with every chunk of a curve but the last one full, and with nothing for what was never
 /// set. Device and PC give the same commands in the same order and get the same number.
-pub fn configuration_crc<'a>(commands: impl IntoIterator<Item = &'a Command>) -> u32 {
+pub fn configuration_crc(commands: impl IntoIterator<Item: Borrow<Command>>) -> u32 {
     let mut to = Serializer {
         output: Checksum(digest()),
     };
     for command in commands {
+        let command = command.borrow();
         // Neither can fail: the digest takes any byte.
         let _ = to.output.try_push(command.kind());
         let _ = command.write(&mut to);

@@ -2,7 +2,8 @@
 
 use crate::Message;
 use crate::command::{
-    Coil, Crosstalk, DeformationCurve, Settings, Springs, Stiffening, StiffeningCurve, Tank,
+    Attraction, Coil, Crosstalk, DeformationCurve, Settings, Springs, Stiffening, StiffeningCurve,
+    Tank, TemperatureEffect,
 };
 use crate::decoder::Decoder;
 use crate::frame::MAX_HEADER;
@@ -61,6 +62,10 @@ messages! {
             StiffeningCurve(StiffeningCurve) = 0x16 "stiffening_curve",
             /// Coil and current measurement: answer to `get_calibration`.
             Coil(Coil) = 0x17 "coil",
+            /// Attraction of the actuated layer's halves: answer to `get_calibration`.
+            Attraction(Attraction) = 0x18 "attraction",
+            /// What another temperature leaves open: answer to `get_calibration`.
+            TemperatureEffect(TemperatureEffect) = 0x19 "temperature_effect",
         }
     }
 }

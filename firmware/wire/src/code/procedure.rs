@@ -87,5 +87,9 @@ codes! {
         StiffeningCurve = 0x16 "stiffening_curve",
         /// Coil and current measurement.
         Coil = 0x17 "coil",
+        /// Attraction of the actuated layer's halves.
+        Attraction = 0x18 "attraction",
+        /// What another temperature than at the calibration leaves open.
+        TemperatureEffect = 0x19 "temperature_effect",
     }
 }

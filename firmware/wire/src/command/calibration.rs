@@ -89,3 +89,28 @@ structure! {
         current_uncertainty: f32 ["1", 0, 1],
     }
 }
+
+structure! {
+    /// Attraction of the actuated layer's halves by the coil's field, taken as proportional to the
+    /// square of the current. It shortens the layer whatever presses on it.
+    pub struct Attraction {
+        /// Attraction per square of the current.
+        attraction_n_per_a2: f32 ["N/A^2", -0.1, 0.1],
+        /// Its relative standard uncertainty.
+        uncertainty: f32 ["1", 0, 1],
+    }
+}
+
+structure! {
+    /// What another temperature than at the calibration leaves open. Counts where the coil has a
+    /// thermometer.
+    pub struct TemperatureEffect {
+        /// Temperature at the calibration.
+        calibrated_at_c: f32 ["degC", -60, 250],
+        /// Standard uncertainty of both springs, alike, for every kelvin of difference, relative.
+        springs_uncertainty_per_k: f32 ["1/K", 0, 1],
+        /// Standard uncertainty of the magnetorheological rise for every kelvin of difference,
+        /// relative.
+        rise_uncertainty_per_k: f32 ["1/K", 0, 1],
+    }
+}

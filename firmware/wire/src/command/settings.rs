@@ -36,9 +36,9 @@ structure! {
         peak_current_a: f32 ["A", 0.05, 20],
         /// Current at the end of a falling ramp.
         end_current_a: f32 ["A", 0, 20],
-        /// From zero to the peak current.
+        /// From the least current to the peak, before each ramp.
         rise_s: f32 ["s", 0.001, 10],
-        /// Time at the peak current before the first ramp.
+        /// Time at the peak current before each ramp.
         hold_s: f32 ["s", 0, 10],
         /// Falling ramps.
         ramps: u8 ["1", 1, 64],
@@ -46,7 +46,8 @@ structure! {
         ramp_s: f32 ["s", 0.005, 30],
         /// Drift that the estimate allows for.
         drift: Drift,
-        /// Time constant of that drift, where it has one.
+        /// Time constant of an exponential drift. A logarithmic one counts from the contact, a
+        /// saw-tooth one from ramp to ramp.
         drift_time_s: f32 ["s", 0.001, 10000],
         /// Greatest standard error as a fraction of the stiffness; a measurement above it is
         /// refused.

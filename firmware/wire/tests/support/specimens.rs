@@ -192,6 +192,8 @@ fn configured() -> Vec<Record> {
         Record::Stiffening(stiffening()),
         Record::StiffeningCurve(stiffening_curve()),
         Record::Coil(coil()),
+        Record::Attraction(attraction()),
+        Record::TemperatureEffect(temperature_effect()),
     ]
 }
 
@@ -207,6 +209,7 @@ pub(crate) fn commands() -> Vec<Command> {
         Command::ClearFault(ClearFault {
             code: FaultCode::CoilTooHot,
         }),
+        Command::Sweep,
         Command::GetSettings,
         Command::GetCalibration(GetCalibration {
             part: Part::DeformationCurve,
@@ -221,6 +224,8 @@ pub(crate) fn commands() -> Vec<Command> {
         Command::SetStiffening(stiffening()),
         Command::SetStiffeningCurve(stiffening_curve()),
         Command::SetCoil(coil()),
+        Command::SetAttraction(attraction()),
+        Command::SetTemperatureEffect(temperature_effect()),
     ]
 }
 
@@ -318,6 +323,21 @@ pub(crate) fn stiffening_curve() -> StiffeningCurve {
         first: 8,
         rise_uncertainty: 0.01,
         knots: [knot(9.0, 0.0815), knot(10.0, 0.1)].into_iter().collect(),
+    }
+}
+
+fn temperature_effect() -> TemperatureEffect {
+    TemperatureEffect {
+        calibrated_at_c: 20.0,
+        springs_uncertainty_per_k: 0.0021,
+        rise_uncertainty_per_k: 0.0029,
+    }
+}
+
+fn attraction() -> Attraction {
+    Attraction {
+        attraction_n_per_a2: 0.3e-3,
+        uncertainty: 0.05,
     }
 }
 
