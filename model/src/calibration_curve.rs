@@ -158,6 +158,12 @@ impl<const N: usize> MonotoneCurve<N> {
         }
     }
 
+    /// The calibration points, argument and value.
+    pub fn points(&self) -> impl ExactSizeIterator<Item = (f32, f32)> + '_ {
+        let knots = self.knots.get(..self.len).unwrap_or(&self.knots);
+        knots.iter().map(|knot| (knot.x, knot.y))
+    }
+
     /// Smallest and largest calibrated argument.
     pub fn domain(&self) -> (f32, f32) {
         let knots = self.knots.get(..self.len).unwrap_or(&self.knots);

@@ -42,7 +42,9 @@ pub struct Watch {
     pub settling: u32,
     /// Test for touch and release.
     pub cusum: Cusum,
-    /// Deformation below which the touch is over.
+    /// Deformation below which the touch is over. A touch that has not been twice as deep yet is
+    /// over below half of its deepest, so that a slow one does not end where it begins; in any
+    /// case below two sigma.
     pub release: Metre,
 }
 
@@ -158,6 +160,8 @@ pub struct Detector {
     watch: Watch,
     baseline: Baseline,
     touching: bool,
+    /// Deepest deformation of the touch.
+    deepest: Metre,
     rising: Rising,
     falling: f32,
 }
@@ -172,6 +176,7 @@ impl Detector {
             watch,
             baseline: Baseline::new(watch.memory),
             touching: false,
+            deepest: Metre(0.0),
             rising: Rising::default(),
             falling: 0.0,
         })
@@ -230,6 +235,7 @@ impl Detector {
             if self.watch.cusum.alarms(self.rising.sum) {
                 let ago = Second(self.rising.ago());
                 self.touching = true;
+                self.deepest = deformation;
                 self.rising = Rising::default();
                 self.falling = 0.0;
                 return Touch::Began { ago };
@@ -240,7 +246,13 @@ impl Detector {
     }
 
     fn watch_release(&mut self, deformation: Metre) -> Touch {
-        let below = (self.watch.release - deformation) / self.watch.sigma;
+        if deformation > self.deepest {
+            self.deepest = deformation;
+        }
+        let sigma = self.watch.sigma;
+        let shallow = (self.deepest.0 / 2.0).max(2.0 * sigma.0);
+        let level = Metre(self.watch.release.0.min(shallow));
+        let below = (level - deformation) / sigma;
         self.falling = self.watch.cusum.after(self.falling, below);
         if !self.watch.cusum.alarms(self.falling) {
             return Touch::Held;
