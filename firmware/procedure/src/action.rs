@@ -1,0 +1,45 @@
+//! What the procedure wants done.
+
+use palpate_model::units::{Ampere, Hertz};
+use palpate_wire::Record;
+
+use crate::time::{Duration, Instant};
+
+/// An action. Those of one step are to be carried out in their order.
+#[derive(Clone, Debug, PartialEq)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "most actions are records, and there is no heap to put them on"
+)]
+pub enum Action {
+    /// Bridge off, before anything else.
+    SafeState,
+    /// The coil's current goes in a straight line from where it is to `to`, and stays there.
+    Current {
+        /// Where it goes.
+        to: Ampere,
+        /// How long that takes.
+        over: Duration,
+    },
+    /// Converters are to be configured anew.
+    ConfigureSensors {
+        /// Active channels: bit n for channel n.
+        channels: u8,
+        /// Scans per second.
+        rate: Hertz,
+    },
+    /// A record for the PC.
+    Record {
+        /// When what it tells happened.
+        at: Instant,
+        /// The record.
+        record: Record,
+    },
+}
+
+/// The actions of one step, at most ten.
+pub type Actions = heapless::Vec<Action, MOST_ACTIONS>;
+
+/// No step asks for more: a safe state, a current, a configuration; then a sample, a change of
+/// state and its end (estimate, refusal or fault), a status and an answer.
+pub(crate) const MOST_ACTIONS: usize = 10;

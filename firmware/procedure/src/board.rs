@@ -1,0 +1,51 @@
+//! What the board is and what it may do: compiled in, never a setting.
+
+use palpate_model::units::{Ampere, Celsius, Hertz};
+use palpate_wire::record::{Crash, Hello};
+
+/// A board, as far as the procedure has to know it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Board {
+    /// A random number that the device drew when it started, never 0.
+    pub boot_id: u32,
+    /// Who speaks; the procedure fills in the configuration's check number.
+    pub hello: Hello,
+    /// What the last run died of.
+    pub crash: Option<Crash>,
+    /// Channels that the first and the second converter have: bit n for channel n, 0 without
+    /// the converter.
+    pub channels: [u8; 2],
+    /// Whether there are bridge, coil and current measurement.
+    pub coil: bool,
+    /// What no setting, command or calibration exceeds.
+    pub limits: Limits,
+}
+
+/// What no setting, command or calibration exceeds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limits {
+    /// Current in the coil.
+    pub current: Ampere,
+    /// Energy into the coil in one measurement, in joules.
+    pub energy_j: f32,
+    /// Time with current in one measurement, in seconds.
+    pub on_time_s: f32,
+    /// Temperature of the coil.
+    pub temperature: Celsius,
+    /// Scans per second.
+    pub rate: Hertz,
+}
+
+impl Limits {
+    /// For the reference board and the paper's coils. 12 A: bridges for 15 A, with a margin. 60 J
+    /// would heat copper of 0.8 J/K by 75 K if it kept them all; from 25 degrees Celsius that ends
+    /// at the 100 allowed. 20 s: what 3 A, the continuous rating, make of 60 J. 5 kHz is the
+    /// protocol's limit.
+    pub const REFERENCE: Self = Self {
+        current: Ampere(12.0),
+        energy_j: 60.0,
+        on_time_s: 20.0,
+        temperature: Celsius(100.0),
+        rate: Hertz(5_000.0),
+    };
+}

@@ -1,0 +1,49 @@
+//! A curve that is being sent, chunk by chunk.
+
+use palpate_wire::command::MAX_KNOTS;
+
+/// Where the curve belongs.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Target {
+    Deformation { sensor: u8, channel: u8 },
+    Stiffening { uncertainty: f32 },
+}
+
+/// The knots that have come so far.
+#[derive(Clone, Debug)]
+pub(super) struct Assembly {
+    target: Target,
+    total: u8,
+    points: heapless::Vec<(f32, f32), { MAX_KNOTS as usize }>,
+}
+
+impl Assembly {
+    pub(super) const fn new(target: Target, total: u8) -> Self {
+        Self {
+            target,
+            total,
+            points: heapless::Vec::new(),
+        }
+    }
+
+    /// Whether a chunk belongs to this curve, and comes next.
+    pub(super) fn continues(&self, target: Target, total: u8, first: u8) -> bool {
+        self.target == target && self.total == total && usize::from(first) == self.points.len()
+    }
+
+    /// With the knots of a chunk; `None` if there are more than announced.
+    pub(super) fn with(mut self, knots: impl Iterator<Item = (f32, f32)>) -> Option<Self> {
+        for knot in knots {
+            self.points.push(knot).ok()?;
+        }
+        (self.points.len() <= usize::from(self.total)).then_some(self)
+    }
+
+    pub(super) fn is_complete(&self) -> bool {
+        self.points.len() == usize::from(self.total)
+    }
+
+    pub(super) fn points(&self) -> &[(f32, f32)] {
+        &self.points
+    }
+}

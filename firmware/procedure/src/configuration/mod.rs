@@ -1,0 +1,347 @@
+//! Settings and calibration in force.
+//!
+//! Commands bring them, checked whole before any part is taken; curves come in chunks and take
+//! effect with their last knot. What is kept is what the model computes with, and the records that
+//! tell it back are made from that, so there is no second copy that could differ.
+
+mod assembly;
+mod readback;
+mod stiffening;
+
+use palpate_model::calibration_curve::{CurveError, MonotoneCurve};
+use palpate_model::magnetorheological::{Saturating, Tabulated};
+use palpate_model::units::{Ampere, NewtonPerMetre, Tesla};
+use palpate_wire::Command;
+use palpate_wire::code::{Drift, Outcome, Part, Stream};
+use palpate_wire::command::{
+    Attraction, Coil, Crosstalk, MAX_KNOTS, Settings, Springs, Stiffening, StiffeningCurve, Tank,
+    TemperatureEffect,
+};
+
+use crate::Board;
+use assembly::{Assembly, Target};
+pub use stiffening::Law;
+
+/// A calibration curve.
+pub type Curve = MonotoneCurve<{ MAX_KNOTS as usize }>;
+
+/// Settings and calibration in force.
+#[derive(Clone, Debug)]
+pub struct Configuration {
+    pub(crate) settings: Settings,
+    /// Whether the settings were set by a command.
+    settings_are_set: bool,
+    channels: [[Channel; 4]; 2],
+    springs: Option<Springs>,
+    stiffening: Option<SetStiffening>,
+    coil: Option<Coil>,
+    attraction: Option<Attraction>,
+    temperature_effect: Option<TemperatureEffect>,
+    assembly: Option<Assembly>,
+}
+
+/// Calibration of one channel of one converter.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Channel {
+    tank: Option<Tank>,
+    /// Deformation against the relative change of inductance.
+    pub(crate) curve: Option<Curve>,
+    pub(crate) crosstalk: Option<Crosstalk>,
+}
+
+/// The magnetorheological effect as it was set.
+#[derive(Clone, Debug)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "there is one of it, and no heap to put the curve on"
+)]
+enum SetStiffening {
+    Law(Stiffening),
+    Curve { rise: Curve, uncertainty: f32 },
+}
+
+/// What a measurement of stiffness needs, complete.
+#[derive(Clone, Debug)]
+pub(crate) struct Calibrated {
+    pub(crate) springs: Springs,
+    pub(crate) law: Law,
+    /// Relative standard uncertainty of the rise.
+    pub(crate) rise_uncertainty: f32,
+    pub(crate) coil: Coil,
+    pub(crate) attraction: Attraction,
+    pub(crate) crosstalk: Crosstalk,
+    pub(crate) temperature_effect: Option<TemperatureEffect>,
+}
+
+/// Settings with which a device starts: one channel at 1 kHz, sensing and a train of twelve ramps
+/// of 60 ms.
+///
+/// The train is the one of the model's precision figures: short falling ramps against creep. Hold
+/// and ramp are several times the lag of the softest elastomers (10 ms). The other figures are for
+/// the stack `ultrasoft`: its readings of 1 ms scatter by 0.06 um at rest.
+pub const DEFAULT_SETTINGS: Settings = Settings {
+    channels: 0b0001,
+    rate_hz: 1_000.0,
+    stream: Stream::Samples,
+    decimation: 1,
+    status_period_s: 1.0,
+    contact_noise_m: 2e-7,
+    release_m: 5e-6,
+    least_press_m: 50e-6,
+    steady_m_per_s: 50e-6,
+    settling_s: 3.0,
+    automatic: false,
+    peak_current_a: 10.0,
+    end_current_a: 0.0,
+    rise_s: 0.01,
+    hold_s: 0.03,
+    ramps: 12,
+    ramp_s: 0.06,
+    drift: Drift::Logarithmic,
+    drift_time_s: 0.5,
+    greatest_error: 0.5,
+    load_points: 8,
+    greatest_temperature_c: 80.0,
+    greatest_energy_j: 40.0,
+};
+
+impl Default for Configuration {
+    fn default() -> Self {
+        Self {
+            settings: DEFAULT_SETTINGS,
+            settings_are_set: false,
+            channels: Default::default(),
+            springs: None,
+            stiffening: None,
+            coil: None,
+            attraction: None,
+            temperature_effect: None,
+            assembly: None,
+        }
+    }
+}
+
+impl Configuration {
+    /// The settings.
+    pub const fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// Calibration of a channel.
+    pub(crate) fn channel(&self, sensor: u8, channel: u8) -> Option<&Channel> {
+        self.channels
+            .get(usize::from(sensor))?
+            .get(usize::from(channel))
+    }
+
+    /// c_S with its calibration.
+    pub(crate) const fn springs(&self) -> Option<&Springs> {
+        self.springs.as_ref()
+    }
+
+    /// The coil.
+    pub(crate) const fn coil(&self) -> Option<&Coil> {
+        self.coil.as_ref()
+    }
+
+    /// The channel of the first converter that touch and stiffness come from: the lowest active
+    /// one.
+    pub(crate) const fn principal(&self) -> u8 {
+        self.settings.channels.trailing_zeros() as u8
+    }
+
+    /// Takes what a command sets, or nothing of it. `None` for a command that sets nothing.
+    pub(crate) fn set(&mut self, command: &Command, board: &Board) -> Option<Outcome> {
+        Some(match command {
+            Command::SetSettings(settings) => self.set_settings(settings, board),
+            Command::SetTank(tank) => {
+                let tank = tank.clone();
+                self.on_channel(tank.sensor, tank.channel, board, |to| to.tank = Some(tank))
+            }
+            Command::SetCrosstalk(crosstalk) => {
+                let crosstalk = crosstalk.clone();
+                let (sensor, channel) = (crosstalk.sensor, crosstalk.channel);
+                self.on_channel(sensor, channel, board, |to| to.crosstalk = Some(crosstalk))
+            }
+            Command::SetDeformationCurve(chunk) => {
+                let (sensor, channel) = (chunk.sensor, chunk.channel);
+                if !has(board, sensor, channel) {
+                    return Some(Outcome::NoSuchChannel);
+                }
+                let knots = chunk.knots.iter();
+                let knots = knots.map(|knot| (knot.inductance_change, knot.deformation_m));
+                let target = Target::Deformation { sensor, channel };
+                self.assemble(target, chunk.total, chunk.first, knots)
+            }
+            Command::SetSprings(springs) => {
+                self.springs = Some(springs.clone());
+                Outcome::Accepted
+            }
+            Command::SetStiffening(stiffening) => match law(stiffening) {
+                Some(_) => {
+                    self.stiffening = Some(SetStiffening::Law(stiffening.clone()));
+                    Outcome::Accepted
+                }
+                None => Outcome::OutOfRange,
+            },
+            Command::SetStiffeningCurve(chunk) => self.set_stiffening_curve(chunk),
+            Command::SetCoil(coil) => {
+                self.coil = Some(coil.clone());
+                Outcome::Accepted
+            }
+            Command::SetAttraction(attraction) => {
+                self.attraction = Some(attraction.clone());
+                Outcome::Accepted
+            }
+            Command::SetTemperatureEffect(effect) => {
+                self.temperature_effect = Some(effect.clone());
+                Outcome::Accepted
+            }
+            _ => return None,
+        })
+    }
+
+    fn set_settings(&mut self, settings: &Settings, board: &Board) -> Outcome {
+        let [first, second] = board.channels;
+        if settings.channels & !(first | second) != 0 || settings.channels & first == 0 {
+            return Outcome::NoSuchChannel;
+        }
+        let limits = &board.limits;
+        if settings.rate_hz > limits.rate.0
+            || settings.peak_current_a > limits.current.0
+            || settings.greatest_energy_j > limits.energy_j
+            || settings.greatest_temperature_c > limits.temperature.0
+        {
+            return Outcome::OutOfRange;
+        }
+        self.settings = settings.clone();
+        self.settings_are_set = true;
+        Outcome::Accepted
+    }
+
+    fn set_stiffening_curve(&mut self, chunk: &StiffeningCurve) -> Outcome {
+        let knots = chunk.knots.iter().map(|knot| (knot.current_a, knot.rise));
+        let target = Target::Stiffening {
+            uncertainty: chunk.rise_uncertainty,
+        };
+        self.assemble(target, chunk.total, chunk.first, knots)
+    }
+
+    fn on_channel(
+        &mut self,
+        sensor: u8,
+        channel: u8,
+        board: &Board,
+        set: impl FnOnce(&mut Channel),
+    ) -> Outcome {
+        let place = self.channels.get_mut(usize::from(sensor));
+        match place.and_then(|of| of.get_mut(usize::from(channel))) {
+            Some(to) if has(board, sensor, channel) => {
+                set(to);
+                Outcome::Accepted
+            }
+            _ => Outcome::NoSuchChannel,
+        }
+    }
+
+    /// Adds a chunk to the curve that is being sent, and takes the curve if it is complete.
+    fn assemble(
+        &mut self,
+        target: Target,
+        total: u8,
+        first: u8,
+        knots: impl Iterator<Item = (f32, f32)>,
+    ) -> Outcome {
+        let begun = match self.assembly.take() {
+            _ if first == 0 => Assembly::new(target, total),
+            Some(begun) if begun.continues(target, total, first) => begun,
+            _ => return Outcome::OutOfSequence,
+        };
+        let Some(assembly) = begun.with(knots) else {
+            return Outcome::OutOfSequence;
+        };
+        if !assembly.is_complete() {
+            self.assembly = Some(assembly);
+            return Outcome::Accepted;
+        }
+        match Curve::new(assembly.points()) {
+            Ok(curve) => self.take_curve(target, curve),
+            Err(CurveError::NotMonotone { .. }) => Outcome::NotMonotone,
+            Err(CurveError::NotIncreasing { .. }) => Outcome::NotIncreasing,
+            Err(CurveError::NotFinite { .. }) => Outcome::NotFinite,
+            Err(CurveError::TooFew { .. } | CurveError::TooMany { .. }) => Outcome::OutOfSequence,
+        }
+    }
+
+    fn take_curve(&mut self, target: Target, curve: Curve) -> Outcome {
+        match target {
+            Target::Deformation { sensor, channel } => {
+                let place = self.channels.get_mut(usize::from(sensor));
+                let Some(to) = place.and_then(|of| of.get_mut(usize::from(channel))) else {
+                    return Outcome::NoSuchChannel;
+                };
+                to.curve = Some(curve);
+            }
+            Target::Stiffening { uncertainty } => {
+                self.stiffening = Some(SetStiffening::Curve {
+                    rise: curve,
+                    uncertainty,
+                });
+            }
+        }
+        Outcome::Accepted
+    }
+
+    /// What a measurement of stiffness needs; the kind of the first record that is missing.
+    pub(crate) fn calibrated(&self) -> Result<Calibrated, u8> {
+        let principal = self.principal();
+        let channel = self.channel(0, principal);
+        let kind = Part::number;
+        let missing_curve = kind(Part::DeformationCurve);
+        let channel = channel.ok_or(missing_curve)?;
+        channel.curve.as_ref().ok_or(missing_curve)?;
+        let springs = self.springs.clone().ok_or(kind(Part::Springs))?;
+        let at_rest = NewtonPerMetre(springs.actuated_n_per_m);
+        let set = self.stiffening.as_ref().ok_or(kind(Part::Stiffening))?;
+        let (law, rise_uncertainty) = match set {
+            SetStiffening::Law(set) => (
+                law_of(set, at_rest).ok_or(kind(Part::Stiffening))?,
+                set.rise_uncertainty,
+            ),
+            SetStiffening::Curve { rise, uncertainty } => (
+                Tabulated::new(at_rest, *rise)
+                    .map(Law::Tabulated)
+                    .map_err(|_| kind(Part::Springs))?,
+                *uncertainty,
+            ),
+        };
+        Ok(Calibrated {
+            springs,
+            law,
+            rise_uncertainty,
+            coil: self.coil.clone().ok_or(kind(Part::Coil))?,
+            attraction: self.attraction.clone().ok_or(kind(Part::Attraction))?,
+            crosstalk: channel.crosstalk.clone().ok_or(kind(Part::Crosstalk))?,
+            temperature_effect: self.temperature_effect.clone(),
+        })
+    }
+}
+
+/// Whether the board has a channel.
+fn has(board: &Board, sensor: u8, channel: u8) -> bool {
+    let channels = board.channels.get(usize::from(sensor)).copied();
+    channels.is_some_and(|channels| channels.checked_shr(channel.into()).unwrap_or(0) & 1 == 1)
+}
+
+/// The law with any spring, to see whether its own numbers make one.
+fn law(set: &Stiffening) -> Option<Law> {
+    law_of(set, NewtonPerMetre(1.0))
+}
+
+fn law_of(set: &Stiffening, at_rest: NewtonPerMetre) -> Option<Law> {
+    let peak = Ampere(set.peak_current_a);
+    Saturating::new(at_rest, set.rise_at_peak, peak)
+        .and_then(|law| law.saturating(Tesla(set.field_at_peak_t), Tesla(set.field_half_t)))
+        .map(Law::Saturating)
+        .ok()
+}

@@ -1,0 +1,140 @@
+//! The configuration as the commands that would set it, to tell it and to number it.
+
+use palpate_wire::code::Part;
+use palpate_wire::command::{
+    DeformationCurve, DeformationKnot, KNOTS_PER_CHUNK, StiffeningCurve, StiffeningKnot,
+};
+use palpate_wire::{Command, Record, configuration_crc};
+
+use super::{Configuration, Curve, SetStiffening};
+
+/// Chunks of the longest curve.
+const MOST_CHUNKS: usize = (palpate_wire::command::MAX_KNOTS as usize).div_ceil(KNOTS_PER_CHUNK);
+
+/// The parts in the order of the commands that set them.
+const PARTS: [Part; 9] = [
+    Part::Tank,
+    Part::DeformationCurve,
+    Part::Crosstalk,
+    Part::Springs,
+    Part::Stiffening,
+    Part::StiffeningCurve,
+    Part::Coil,
+    Part::Attraction,
+    Part::TemperatureEffect,
+];
+
+/// Whether there is one for every channel of every converter.
+const fn is_of_a_channel(part: Part) -> bool {
+    matches!(part, Part::Tank | Part::DeformationCurve | Part::Crosstalk)
+}
+
+impl Configuration {
+    /// CRC-32 over settings and calibration in force, as `hello` tells it.
+    pub fn crc(&self) -> u32 {
+        let settings = self.settings_are_set.then(|| self.settings.clone());
+        let parts = PARTS.into_iter().flat_map(|part| {
+            let places = if is_of_a_channel(part) { 8 } else { 1 };
+            (0..places).flat_map(move |place| self.chunks(part, place / 4, place % 4))
+        });
+        configuration_crc(settings.map(Command::SetSettings).into_iter().chain(parts))
+    }
+
+    /// The commands that would set a part, one after the other.
+    fn chunks(&self, part: Part, sensor: u8, channel: u8) -> impl Iterator<Item = Command> + '_ {
+        (0..MOST_CHUNKS).map_while(move |chunk| self.setter(part, sensor, channel, chunk))
+    }
+
+    /// A record of a part of the calibration: its chunk number `chunk`, from 0. `None` if it was
+    /// never set, or has no such chunk.
+    pub(crate) fn record(
+        &self,
+        part: Part,
+        sensor: u8,
+        channel: u8,
+        chunk: usize,
+    ) -> Option<Record> {
+        Some(match self.setter(part, sensor, channel, chunk)? {
+            Command::SetTank(of) => Record::Tank(of),
+            Command::SetDeformationCurve(of) => Record::DeformationCurve(of),
+            Command::SetCrosstalk(of) => Record::Crosstalk(of),
+            Command::SetSprings(of) => Record::Springs(of),
+            Command::SetStiffening(of) => Record::Stiffening(of),
+            Command::SetStiffeningCurve(of) => Record::StiffeningCurve(of),
+            Command::SetCoil(of) => Record::Coil(of),
+            Command::SetAttraction(of) => Record::Attraction(of),
+            Command::SetTemperatureEffect(of) => Record::TemperatureEffect(of),
+            _ => return None,
+        })
+    }
+
+    fn setter(&self, part: Part, sensor: u8, channel: u8, chunk: usize) -> Option<Command> {
+        let of = self.channel(sensor, channel);
+        match part {
+            Part::DeformationCurve => {
+                return deformation_chunk(of?.curve.as_ref()?, sensor, channel, chunk);
+            }
+            Part::StiffeningCurve => return self.stiffening_chunk(chunk),
+            _ if chunk > 0 => return None,
+            _ => {}
+        }
+        Some(match part {
+            Part::Tank => Command::SetTank(of?.tank.clone()?),
+            Part::Crosstalk => Command::SetCrosstalk(of?.crosstalk.clone()?),
+            Part::Springs => Command::SetSprings(self.springs.clone()?),
+            Part::Stiffening => match self.stiffening.as_ref()? {
+                SetStiffening::Law(law) => Command::SetStiffening(law.clone()),
+                SetStiffening::Curve { .. } => return None,
+            },
+            Part::Coil => Command::SetCoil(self.coil.clone()?),
+            Part::Attraction => Command::SetAttraction(self.attraction.clone()?),
+            Part::TemperatureEffect => {
+                Command::SetTemperatureEffect(self.temperature_effect.clone()?)
+            }
+            _ => return None,
+        })
+    }
+
+    fn stiffening_chunk(&self, chunk: usize) -> Option<Command> {
+        let SetStiffening::Curve { rise, uncertainty } = self.stiffening.as_ref()? else {
+            return None;
+        };
+        let (total, first) = place(rise, chunk)?;
+        let knots = knots(rise, first);
+        let knots = knots.map(|(current_a, rise)| StiffeningKnot { current_a, rise });
+        Some(Command::SetStiffeningCurve(StiffeningCurve {
+            total,
+            first,
+            rise_uncertainty: *uncertainty,
+            knots: knots.collect(),
+        }))
+    }
+}
+
+/// Place of a chunk in its curve: knots in all, and its first one. `None` beyond the end.
+fn place(curve: &Curve, chunk: usize) -> Option<(u8, u8)> {
+    let total = curve.points().len();
+    let first = chunk.checked_mul(KNOTS_PER_CHUNK)?;
+    (first < total).then_some((total as u8, first as u8))
+}
+
+/// The knots of the chunk that begins with `first`.
+fn knots(curve: &Curve, first: u8) -> impl Iterator<Item = (f32, f32)> + '_ {
+    curve.points().skip(first.into()).take(KNOTS_PER_CHUNK)
+}
+
+fn deformation_chunk(curve: &Curve, sensor: u8, channel: u8, chunk: usize) -> Option<Command> {
+    let (total, first) = place(curve, chunk)?;
+    let knots = knots(curve, first);
+    let knots = knots.map(|(inductance_change, deformation_m)| DeformationKnot {
+        inductance_change,
+        deformation_m,
+    });
+    Some(Command::SetDeformationCurve(DeformationCurve {
+        sensor,
+        channel,
+        total,
+        first,
+        knots: knots.collect(),
+    }))
+}

@@ -1,0 +1,101 @@
+//! What happens to the procedure.
+
+use ldc161x::Reading;
+use palpate_model::units::{Ampere, Celsius};
+use palpate_wire::code::{FaultCode, Place};
+use palpate_wire::{Command, Frame, FrameError};
+
+use crate::time::{Duration, Instant};
+
+/// An event. Time comes beside it, as an argument of [`Procedure::step`](crate::Procedure::step).
+#[derive(Clone, Debug)]
+pub enum Event<'a> {
+    /// Nothing but that time has passed. At least every 10 ms, so that deadlines hold without a
+    /// conversion too.
+    Tick,
+    /// Conversions have been read.
+    Scan(&'a Scan),
+    /// A command frame has arrived whole.
+    Command(&'a Frame<Command>),
+    /// A frame has arrived that could not be understood.
+    NotUnderstood(FrameError),
+    /// What the slow measurements say.
+    Conditions(Conditions),
+    /// Something has failed. The bridge goes off.
+    Fault(Failure),
+    /// The cause of a failure has gone.
+    Recovered(FaultCode),
+}
+
+/// One conversion of every active channel of a converter.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scan {
+    /// Converter: 0 first, 1 second.
+    pub sensor: u8,
+    /// Middle of the first channel's conversion.
+    pub middle: Instant,
+    /// How long a conversion takes.
+    pub window: Duration,
+    /// The conversions, in the order of their times.
+    pub conversions: heapless::Vec<Conversion, 4>,
+    /// Scans of this converter that were lost before this one.
+    pub lost: u32,
+    /// What went before is unknown: start, recovery or a loss.
+    pub gap: bool,
+    /// Mean of the coil's current over the first channel's conversion, as measured; absent without
+    /// a current measurement.
+    pub current: Option<Ampere>,
+}
+
+/// A conversion within a scan.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Conversion {
+    /// What the driver makes of it.
+    pub reading: Reading,
+    /// From the first conversion's middle to this one's.
+    pub offset: Duration,
+}
+
+/// What is measured besides the sensor, every so often.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Conditions {
+    /// Temperature of the coil, by its thermometer.
+    pub temperature: Option<Celsius>,
+    /// Supply of the coil, in volts.
+    pub supply_v: Option<f32>,
+    /// Part of the processor's time in use.
+    pub processor_load: Option<f32>,
+    /// Greatest depth of the stack in bytes; 0 if it is not measured.
+    pub stack_bytes: u32,
+    /// Log messages dropped since the start.
+    pub logs_dropped: u32,
+    /// Transfers on the bus that have failed since the start.
+    pub bus_errors: u32,
+    /// Recoveries of bus or converter since the start.
+    pub recoveries: u32,
+}
+
+/// What has failed, where, and by how much.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Failure {
+    /// Which fault.
+    pub code: FaultCode,
+    /// Where.
+    pub place: Place,
+    /// What was found; the code says what it is.
+    pub value: Option<f32>,
+    /// What is allowed; the code says what it is.
+    pub limit: Option<f32>,
+}
+
+impl Failure {
+    /// A failure without numbers.
+    pub const fn new(code: FaultCode, place: Place) -> Self {
+        Self {
+            code,
+            place,
+            value: None,
+            limit: None,
+        }
+    }
+}

@@ -1,0 +1,129 @@
+//! The coil's heat: where it stands, and what a train would make of it.
+
+use palpate_model::math::sqrt;
+use palpate_model::thermal::{Copper, Temperatures, TwoNode};
+use palpate_model::units::{
+    Ampere, Celsius, JoulePerKelvin, Kelvin, KelvinPerWatt, Ohm, OutOfRange, Second, Watt,
+};
+use palpate_wire::command::Coil;
+
+use crate::time::in_seconds;
+use crate::train::Course;
+
+/// Surroundings, where no thermometer tells: a warm room, above which the coil's own heat is
+/// counted.
+const WARM_ROOM: Celsius = Celsius(30.0);
+
+/// The coil's two temperatures, followed from the current's square.
+#[derive(Clone, Debug)]
+pub(crate) struct Heat {
+    nodes: TwoNode,
+    copper: Copper,
+    now: Temperatures,
+    ambient: Celsius,
+    /// Since the last step: time, and the integral of the current's square.
+    elapsed: Second,
+    square_a2_s: f32,
+    /// Energy since the measurement began, in joules.
+    energy_j: f32,
+}
+
+/// Time between two steps of the temperatures. The two-node solution is exact for any step of
+/// constant power; over 10 ms the copper of the paper's coils warms by 0.5 K at 10 A, which changes
+/// its resistance by 0.2 %.
+const STEP: Second = Second(0.01);
+
+/// What a train would cost.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Forecast {
+    pub(crate) energy_j: f32,
+    /// Copper at its hottest, upper bound; `None` above the limit.
+    pub(crate) hottest: Option<Celsius>,
+}
+
+impl Heat {
+    pub(crate) fn new(coil: &Coil, temperature: Option<Celsius>) -> Result<Self, OutOfRange> {
+        let ambient = temperature.unwrap_or(WARM_ROOM);
+        Ok(Self {
+            nodes: TwoNode::new(
+                JoulePerKelvin(coil.copper_capacity_j_per_k),
+                JoulePerKelvin(coil.pad_capacity_j_per_k),
+                KelvinPerWatt(coil.copper_to_pad_k_per_w),
+                KelvinPerWatt(coil.pad_to_ambient_k_per_w),
+            )?,
+            copper: Copper(Ohm(coil.resistance_ohm)),
+            now: Temperatures::uniform(ambient),
+            ambient,
+            elapsed: Second(0.0),
+            square_a2_s: 0.0,
+            energy_j: 0.0,
+        })
+    }
+
+    /// Takes a mean current over a time.
+    pub(crate) fn push(&mut self, current: Ampere, interval: Second) {
+        self.elapsed = self.elapsed + interval;
+        self.square_a2_s += current.0 * current.0 * interval.0;
+        if self.elapsed < STEP {
+            return;
+        }
+        let resistance = self.copper.resistance(self.now.copper);
+        let heat_j = self.square_a2_s * resistance.0;
+        let power = Watt(heat_j / self.elapsed.0);
+        self.now = self
+            .nodes
+            .after(self.now, power, self.ambient, self.elapsed);
+        self.energy_j += heat_j;
+        self.elapsed = Second(0.0);
+        self.square_a2_s = 0.0;
+    }
+
+    /// Takes what the thermometer in the pad says; the copper is no colder.
+    pub(crate) fn measured(&mut self, temperature: Celsius) {
+        self.now.pad = temperature;
+        if self.now.copper < temperature {
+            self.now.copper = temperature;
+        }
+    }
+
+    pub(crate) const fn start_measurement(&mut self) {
+        self.energy_j = 0.0;
+    }
+
+    pub(crate) const fn energy_j(&self) -> f32 {
+        self.energy_j
+    }
+
+    pub(crate) const fn copper(&self) -> Celsius {
+        self.now.copper
+    }
+
+    /// The pad, as far as it is known.
+    pub(crate) const fn pad(&self) -> Celsius {
+        self.now.pad
+    }
+
+    /// What a train would cost, if it began now.
+    pub(crate) fn forecast(&self, course: &Course, limit: Celsius) -> Forecast {
+        let duration = in_seconds(course.duration());
+        let mean_square_a2 = course.mean_square_a2();
+        // The bound is for a constant current of the same heat; within a period the copper swings
+        // above it by what rise and hold add at most.
+        let at_peak = in_seconds(course.rise) + in_seconds(course.hold);
+        let swing_j = self.copper.heat(course.peak, limit).0 * at_peak.0;
+        let swing = Kelvin(swing_j / self.nodes.copper_capacity().0);
+        let end = self.nodes.after_pulse(
+            self.now,
+            self.copper,
+            Ampere(sqrt(mean_square_a2)),
+            self.ambient,
+            duration,
+            Celsius(limit.0 - swing.0),
+        );
+        let warmest = end.map_or(limit, |end| end.copper);
+        Forecast {
+            energy_j: mean_square_a2 * self.copper.resistance(warmest).0 * duration.0,
+            hottest: end.map(|end| end.copper + swing),
+        }
+    }
+}

@@ -1,0 +1,29 @@
+#![doc = include_str!("../README.md")]
+#![no_std]
+#![cfg_attr(
+    not(test),
+    warn(clippy::unwrap_used, clippy::expect_used, clippy::indexing_slicing)
+)]
+
+mod action;
+pub mod board;
+pub mod configuration;
+mod deformation;
+pub mod event;
+mod heat;
+mod measurement;
+mod procedure;
+mod steadiness;
+mod stream;
+mod time;
+mod train;
+
+pub use action::{Action, Actions};
+/// The quantities in its signatures.
+pub use palpate_model::units;
+
+pub use board::{Board, Limits};
+pub use configuration::Configuration;
+pub use event::{Conversion, Event, Scan};
+pub use procedure::Procedure;
+pub use time::{Duration, Instant};

@@ -1,0 +1,335 @@
+//! From the sums to what is claimed.
+
+use palpate_model::magnetorheological::Stiffening;
+use palpate_model::math::hypot;
+use palpate_model::ramp::{
+    Fit, LoadPoint, LoadRatio, LoadStiffness, Noise, Reference, Refusal as NoFit,
+};
+use palpate_model::uncertainty::{Calibration, OperatingPoint};
+use palpate_model::units::{Ampere, Celsius, Metre, NewtonPerMetre};
+use palpate_wire::code::RefusalReason;
+use palpate_wire::command::Settings;
+use palpate_wire::record::{Estimate, Refusal};
+
+use super::ramps::{Ramps, Sums};
+use super::{Measurement, Reason};
+use crate::configuration::Calibrated;
+use crate::heat::Heat;
+use crate::time::{Instant, seconds};
+
+/// What a measurement ends in.
+#[derive(Clone, Debug)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "there is one of it, and no heap to put the larger one on"
+)]
+pub(crate) enum Outcome {
+    Estimate(Report),
+    Refusal(Refusal),
+}
+
+/// An estimate, and the load's curve, whose points are reckoned one by one.
+#[derive(Clone, Debug)]
+pub(crate) struct Report {
+    pub(crate) estimate: Estimate,
+    curve: Option<LoadCurve>,
+}
+
+/// The load's curve along the train.
+#[derive(Clone, Debug)]
+struct LoadCurve {
+    fit: CurvedFit,
+    sensing: NewtonPerMetre,
+    total: Metre,
+    regressors: (f32, f32),
+}
+
+#[derive(Clone, Debug)]
+enum CurvedFit {
+    Driftless(Fit<3>),
+    Drifting(Fit<4>),
+}
+
+/// What the sums say, the number of unknowns forgotten.
+struct Solved {
+    ratio: LoadRatio,
+    samples: u32,
+    reduced_chi_square: Option<f32>,
+    curved: Option<CurvedFit>,
+}
+
+impl Measurement {
+    pub(super) fn conclude(
+        mut self,
+        settings: &Settings,
+        heat: Option<&Heat>,
+        now: Instant,
+    ) -> Result<Report, Reason> {
+        let (completed, began) = (self.drive.train().completed(), self.drive.began);
+        let mut ramps =
+            self.ramps
+                .take()
+                .ok_or((RefusalReason::TooFewSamples, Some(0.0), Some(4.0)))?;
+        let solved = solve(&ramps).map_err(reason)?;
+        let of_noise = widened_by_scatter(&solved.ratio, &mut ramps);
+        let reference = *ramps.reference();
+        let at = operating_point(&self.calibrated, &reference, settings);
+        let temperature = heat.map(Heat::pad);
+        let calibration = at_temperature(
+            uncertainties(&self.calibrated, &of_noise, &at, settings),
+            &self.calibrated,
+            temperature,
+        );
+        let claim = calibration.widen(&of_noise, &at);
+        let sensing = NewtonPerMetre(self.calibrated.springs.sensing_n_per_m);
+        let load = claim.stiffness(sensing).map_err(reason)?;
+        too_uncertain(&load, settings)?;
+        let total = reference.deformation() * (1.0 + claim.value + reference.regressor());
+        let curve = solved.curved.map(|fit| LoadCurve {
+            fit,
+            sensing,
+            total,
+            regressors: ramps.regressors(),
+        });
+        let tangent = curve.as_ref().and_then(|curve| curve.tangent(sensing));
+        let estimate = Estimate {
+            measurement: self.number,
+            stiffness_n_per_m: load.value().map(|load| load.0),
+            standard_error_n_per_m: match load {
+                LoadStiffness::Within { standard_error, .. } => Some(standard_error.0),
+                LoadStiffness::AtLeast { .. } => None,
+            },
+            lower_n_per_m: load.low().0,
+            upper_n_per_m: load.high().map(|high| high.0),
+            load_ratio: claim.value,
+            load_ratio_standard_error: claim.standard_error,
+            samples: solved.samples,
+            ramps: completed.into(),
+            reduced_chi_square: solved.reduced_chi_square,
+            tangent_n_per_m: tangent.map(|(value, _)| value.0),
+            tangent_standard_error_n_per_m: tangent.map(|(_, error)| error.0),
+            two_state_n_per_m: self.two_states.load(sensing).map(|load| load.0),
+            force_n: (sensing * reference.deformation()).0,
+            total_displacement_m: total.0,
+            temperature_c: heat.map(|heat| heat.copper().0),
+            duration_s: seconds(began, now).0,
+            load_points: if curve.is_some() {
+                settings.load_points
+            } else {
+                0
+            },
+        };
+        Ok(Report { estimate, curve })
+    }
+}
+
+impl Report {
+    /// A point of the load's curve, evenly spaced along the regressor.
+    pub(crate) fn load_point(&self, index: u8) -> Option<palpate_wire::record::LoadPoint> {
+        let points = self.estimate.load_points;
+        let curve = self.curve.as_ref().filter(|_| index < points)?;
+        let (low, high) = curve.regressors;
+        let part = if points > 1 {
+            f32::from(index) / f32::from(points - 1)
+        } else {
+            0.5
+        };
+        let point = curve.at(low + (high - low) * part);
+        Some(palpate_wire::record::LoadPoint {
+            measurement: self.estimate.measurement,
+            index,
+            points,
+            displacement_m: point.displacement.0,
+            displacement_sigma_m: point.displacement_sigma.0,
+            force_n: point.force.0,
+            force_sigma_n: point.force_sigma.0,
+        })
+    }
+}
+
+impl LoadCurve {
+    fn at(&self, regressor: f32) -> LoadPoint {
+        let (sensing, total) = (self.sensing, self.total);
+        match &self.fit {
+            CurvedFit::Driftless(fit) => fit.load_point_within(regressor, sensing, total),
+            CurvedFit::Drifting(fit) => fit.load_point_within(regressor, sensing, total),
+        }
+    }
+
+    /// Tangent stiffness at the ramp's middle, with its standard error, if it is one.
+    fn tangent(&self, sensing: NewtonPerMetre) -> Option<(NewtonPerMetre, NewtonPerMetre)> {
+        let ratio = match &self.fit {
+            CurvedFit::Driftless(fit) => fit.load_ratio(),
+            CurvedFit::Drifting(fit) => fit.load_ratio(),
+        };
+        match ratio.and_then(|ratio| ratio.stiffness(sensing)) {
+            Ok(LoadStiffness::Within {
+                value,
+                standard_error,
+                ..
+            }) => Some((value, standard_error)),
+            _ => None,
+        }
+    }
+}
+
+fn solve(ramps: &Ramps) -> Result<Solved, NoFit> {
+    match ramps.sums() {
+        Sums::Driftless { linear, curved } => {
+            let fit = linear.fit(Noise::Larger)?;
+            Ok(Solved {
+                ratio: fit.load_ratio()?,
+                samples: linear.samples(),
+                reduced_chi_square: fit.reduced_chi_square(),
+                curved: curved.fit(Noise::Larger).ok().map(CurvedFit::Driftless),
+            })
+        }
+        Sums::Drifting { linear, curved } => {
+            let fit = linear.fit(Noise::Larger)?;
+            Ok(Solved {
+                ratio: fit.load_ratio()?,
+                samples: linear.samples(),
+                reduced_chi_square: fit.reduced_chi_square(),
+                curved: curved.fit(Noise::Larger).ok().map(CurvedFit::Drifting),
+            })
+        }
+    }
+}
+
+/// The noise's interval, wider if the single ramps disagree by more than their own errors: what is
+/// slower than a conversion and faster than the train, as vibration, is not white.
+fn widened_by_scatter(ratio: &LoadRatio, ramps: &mut Ramps) -> LoadRatio {
+    let factor = ramps.scatter().birge_ratio().unwrap_or(1.0).max(1.0);
+    LoadRatio {
+        value: ratio.value,
+        standard_error: ratio.standard_error * factor,
+        low: ratio.value - (ratio.value - ratio.low) * factor,
+        high: ratio.value + (ratio.high - ratio.value) * factor,
+    }
+}
+
+fn operating_point(
+    calibrated: &Calibrated,
+    reference: &Reference,
+    settings: &Settings,
+) -> OperatingPoint {
+    let peak = Ampere(settings.peak_current_a);
+    OperatingPoint {
+        actuated_ratio: reference.regressor(),
+        rise: calibrated.law.rise(peak).value,
+        logarithmic_slope: calibrated.law.logarithmic_slope(peak),
+        deformation: reference.deformation(),
+    }
+}
+
+/// The calibration's uncertainties, those of cross-talk and attraction as parts of the
+/// stiffening's: at the peak both change the signal as an error of the stiffening would.
+///
+/// The ramp changes x by the fraction |h|/W, W = 1 + kappa + g the whole compliance and
+/// h = -g rho/(1 + rho) the regressor's change. An error o of x at the peak alone is the fraction
+/// (o/x) W/|h| of that; an attraction p c_D0 that is off by the fraction u is (p/x) u/|h|.
+fn uncertainties(
+    calibrated: &Calibrated,
+    ratio: &LoadRatio,
+    at: &OperatingPoint,
+    settings: &Settings,
+) -> Calibration {
+    let Calibrated {
+        springs,
+        law,
+        rise_uncertainty,
+        coil,
+        attraction,
+        crosstalk,
+        temperature_effect: _,
+    } = calibrated;
+    let peak = Ampere(settings.peak_current_a);
+    let sensing = NewtonPerMetre(springs.sensing_n_per_m);
+    let change = law.regressor(sensing, peak).deviation.abs();
+    let whole = 1.0 + ratio.value + at.actuated_ratio;
+    let pulled = law.attraction(calibrated.pull(peak), peak, at.deformation);
+    let seen = crosstalk.apparent_m_per_a2 * peak.0 * peak.0 / at.deformation.0;
+    let of_signal = hypot(
+        pulled / change * attraction.uncertainty,
+        seen * whole / change * crosstalk.uncertainty,
+    );
+    Calibration {
+        force_scale: springs.force_scale_uncertainty,
+        sensing: springs.sensing_uncertainty,
+        actuated: springs.actuated_uncertainty,
+        // `Calibration` counts the stiffening's error as W/(1 + rho), the signal's as W.
+        stiffening: hypot(*rise_uncertainty, of_signal * (1.0 + at.rise)),
+        current: coil.current_uncertainty,
+        zero: Metre(springs.zero_uncertainty_m),
+    }
+}
+
+/// The uncertainties at another temperature than the calibration's.
+fn at_temperature(
+    calibration: Calibration,
+    calibrated: &Calibrated,
+    temperature: Option<Celsius>,
+) -> Calibration {
+    let effect = calibrated.temperature_effect.as_ref();
+    let Some((effect, Celsius(now_c))) = effect.zip(temperature) else {
+        return calibration;
+    };
+    let difference_k = (now_c - effect.calibrated_at_c).abs();
+    Calibration {
+        force_scale: hypot(
+            calibration.force_scale,
+            effect.springs_uncertainty_per_k * difference_k,
+        ),
+        stiffening: hypot(
+            calibration.stiffening,
+            effect.rise_uncertainty_per_k * difference_k,
+        ),
+        ..calibration
+    }
+}
+
+fn too_uncertain(load: &LoadStiffness, settings: &Settings) -> Result<(), Reason> {
+    let LoadStiffness::Within {
+        value,
+        standard_error,
+        ..
+    } = load
+    else {
+        return Ok(());
+    };
+    let part = *standard_error / *value;
+    if part <= settings.greatest_error {
+        return Ok(());
+    }
+    Err((
+        RefusalReason::TooUncertain,
+        Some(part),
+        Some(settings.greatest_error),
+    ))
+}
+
+/// The model's refusal as the protocol's.
+fn reason(refusal: NoFit) -> Reason {
+    match refusal {
+        NoFit::TooFewSamples { have, need } => (
+            RefusalReason::TooFewSamples,
+            Some(have as f32),
+            Some(need as f32),
+        ),
+        NoFit::IllConditioned { term } => (RefusalReason::IllConditioned, Some(term as f32), None),
+        NoFit::NotFinite => (RefusalReason::NotFinite, None, None),
+        NoFit::SignalTooSmall { significance } => (
+            RefusalReason::SignalTooSmall,
+            Some(significance),
+            Some(palpate_model::math::student::NORMAL_975),
+        ),
+        NoFit::SignalReversed { significance } => {
+            (RefusalReason::SignalReversed, Some(significance), None)
+        }
+        NoFit::NegativeStiffness { highest_load_ratio } => (
+            RefusalReason::NegativeStiffness,
+            Some(highest_load_ratio),
+            None,
+        ),
+    }
+}

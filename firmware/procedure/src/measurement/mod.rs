@@ -1,0 +1,314 @@
+//! One measurement: from the rise of the current to an estimate, or to a refusal.
+
+mod claim;
+mod ramps;
+
+use palpate_model::contact::Touch;
+use palpate_model::magnetorheological::Stiffening;
+use palpate_model::ramp::Sample;
+use palpate_model::units::{Ampere, Metre, Newton, NewtonPerMetre};
+use palpate_wire::code::{FaultCode, Place, RefusalReason};
+use palpate_wire::command::Settings;
+use palpate_wire::record::Refusal;
+
+use crate::configuration::Calibrated;
+use crate::deformation::Felt;
+use crate::event::{Failure, Scan};
+use crate::heat::Heat;
+use crate::time::{Instant, seconds, span};
+use crate::train::{Course, Leg, Line, Train};
+pub(crate) use claim::{Outcome, Report};
+use ramps::{Ramps, TwoStates};
+
+/// The current may differ from its course by this part of the peak. A larger difference means that
+/// another course was driven than the stiffening was calibrated on; 2 % of gain and an amplifier's
+/// non-linearity (sim-host/stacks) lie well within.
+const OFF_COURSE: f32 = 0.1;
+
+/// More than one conversion in so many flagged or lost ends a measurement: what took that many
+/// touched the others too.
+const ONE_IN: u32 = 10;
+
+/// A reason without an estimate, with its numbers.
+pub(crate) type Reason = (RefusalReason, Option<f32>, Option<f32>);
+
+/// A train under way, with its guards.
+#[derive(Clone, Debug)]
+pub(crate) struct Drive {
+    train: Train,
+    began: Instant,
+    deadline: Instant,
+}
+
+/// A measurement under way.
+#[derive(Clone, Debug)]
+pub(crate) struct Measurement {
+    pub(crate) number: u32,
+    pub(crate) drive: Drive,
+    calibrated: Calibrated,
+    /// When the object touched.
+    touched: Instant,
+    /// Sums over the falls; from the first sample on.
+    ramps: Option<Ramps>,
+    two_states: TwoStates,
+    lost: u32,
+    flagged: u32,
+}
+
+/// What an event means for a train.
+pub(crate) enum Progress {
+    /// It goes on.
+    On(Option<Line>),
+    /// All ramps are done and the current is zero.
+    Done,
+    /// There is no estimate.
+    Refused(Reason),
+    /// Something is broken.
+    Failed(Failure),
+}
+
+impl Drive {
+    /// Begins with the first rise.
+    pub(crate) fn start(settings: &Settings, now: Instant) -> (Self, Line) {
+        let course = Course::new(settings);
+        let (train, line) = Train::start(course, now);
+        // Every leg begins with the first event after the one before has ended: with ticks every
+        // 10 ms, a tenth of a second late is a scheduler that has failed.
+        let slack = span(0.1).as_ticks() * (u64::from(course.ramps) * 3 + 3);
+        let allowed = course.duration().as_ticks() + slack;
+        let deadline = Instant::from_ticks(now.as_ticks().saturating_add(allowed));
+        let drive = Self {
+            train,
+            began: now,
+            deadline,
+        };
+        (drive, line)
+    }
+
+    pub(crate) const fn train(&self) -> &Train {
+        &self.train
+    }
+
+    /// Time alone.
+    pub(crate) fn tick(&mut self, now: Instant) -> Progress {
+        if now >= self.deadline {
+            let allowed = seconds(self.began, self.deadline).0;
+            let took = seconds(self.began, now).0;
+            let reason = RefusalReason::TimedOut;
+            return Progress::Refused((reason, Some(took), Some(allowed)));
+        }
+        let line = self.train.advance(now);
+        if self.train.leg() == Leg::Done {
+            Progress::Done
+        } else {
+            Progress::On(line)
+        }
+    }
+
+    /// A scan: the measured current, if heat and current are as they should be.
+    pub(crate) fn check(
+        &self,
+        scan: &Scan,
+        settings: &Settings,
+        heat: &Heat,
+    ) -> Result<Ampere, Progress> {
+        check_heat(settings, heat)?;
+        self.check_current(scan)
+    }
+
+    /// The measured current, if it is on its course.
+    fn check_current(&self, scan: &Scan) -> Result<Ampere, Progress> {
+        let refused = |reason, value: f32, limit: f32| {
+            Err(Progress::Refused((reason, Some(value), Some(limit))))
+        };
+        let Some(current) = scan.current else {
+            return refused(RefusalReason::CurrentOffCourse, 0.0, 0.0);
+        };
+        let peak = self.train.course().peak;
+        // Only where the whole conversion lay within the leg. A rise begins from wherever the
+        // current was.
+        let half = scan.window.as_ticks() / 2;
+        let begins = Instant::from_ticks(scan.middle.as_ticks().saturating_sub(half));
+        if self.train.wanted(begins).is_none() || self.train.leg() == Leg::Rise {
+            return Ok(current);
+        }
+        let wanted = self.train.wanted(scan.middle).unwrap_or(current);
+        if (current - wanted).0.abs() <= OFF_COURSE * peak.0 {
+            return Ok(current);
+        }
+        if self.train.leg() == Leg::Hold && current < wanted {
+            return refused(RefusalReason::PeakNotReached, current.0, peak.0);
+        }
+        refused(RefusalReason::CurrentOffCourse, current.0, wanted.0)
+    }
+}
+
+/// The forecast allowed the train; this is what the measured current made of the coil.
+fn check_heat(settings: &Settings, heat: &Heat) -> Result<(), Progress> {
+    let copper_c = heat.copper().0;
+    let (code, value, limit) = if copper_c > settings.greatest_temperature_c {
+        let limit_c = settings.greatest_temperature_c;
+        (FaultCode::CoilTooHot, copper_c, limit_c)
+    } else if heat.energy_j() > settings.greatest_energy_j {
+        let limit_j = settings.greatest_energy_j;
+        (FaultCode::TooMuchEnergy, heat.energy_j(), limit_j)
+    } else {
+        return Ok(());
+    };
+    Err(Progress::Failed(Failure {
+        code,
+        place: Place::Coil,
+        value: Some(value),
+        limit: Some(limit),
+    }))
+}
+
+impl Measurement {
+    /// Begins with the first rise.
+    pub(crate) fn start(
+        number: u32,
+        calibrated: Calibrated,
+        settings: &Settings,
+        touched: Instant,
+        now: Instant,
+    ) -> (Self, Line) {
+        let (drive, line) = Drive::start(settings, now);
+        let measurement = Self {
+            number,
+            drive,
+            calibrated,
+            touched,
+            ramps: None,
+            two_states: TwoStates::default(),
+            lost: 0,
+            flagged: 0,
+        };
+        (measurement, line)
+    }
+
+    /// When the object touched.
+    pub(crate) const fn touched(&self) -> Instant {
+        self.touched
+    }
+
+    /// A scan, and what the principal channel felt; `None` if it was flagged.
+    pub(crate) fn push(
+        &mut self,
+        scan: &Scan,
+        felt: Option<Felt>,
+        settings: &Settings,
+        heat: &Heat,
+    ) -> Progress {
+        self.lost = self.lost.saturating_add(scan.lost);
+        let verdict = self
+            .drive
+            .check(scan, settings, heat)
+            .and_then(|current| self.evaluate(scan, felt, current, settings));
+        match verdict {
+            Ok(()) => Progress::On(None),
+            Err(progress) => progress,
+        }
+    }
+
+    fn evaluate(
+        &mut self,
+        scan: &Scan,
+        felt: Option<Felt>,
+        current: Ampere,
+        settings: &Settings,
+    ) -> Result<(), Progress> {
+        let refuse = |(reason, value, limit)| Err(Progress::Refused((reason, value, limit)));
+        let allowed = self.allowed(settings);
+        if self.lost > allowed {
+            let reason = RefusalReason::ConversionsLost;
+            return refuse((reason, Some(self.lost as f32), Some(allowed as f32)));
+        }
+        let Some(felt) = felt else {
+            self.flagged = self.flagged.saturating_add(1);
+            if self.flagged > allowed {
+                let reason = RefusalReason::Flagged;
+                return refuse((reason, Some(self.flagged as f32), Some(allowed as f32)));
+            }
+            return Ok(());
+        };
+        if matches!(felt.touch, Touch::Ended | Touch::Clear | Touch::Settling) {
+            let after = seconds(self.drive.began, scan.middle).0;
+            return refuse((RefusalReason::ContactLost, Some(after), None));
+        }
+        if felt.extrapolated {
+            let deformation = felt.deformation.0;
+            return refuse((RefusalReason::PressedTooFar, Some(deformation), None));
+        }
+        if self.drive.train.falls_through(scan.middle, scan.window) {
+            self.take(scan, &felt, current, settings);
+        }
+        Ok(())
+    }
+
+    /// How many of a train's conversions may be lost or flagged.
+    fn allowed(&self, settings: &Settings) -> u32 {
+        let train = self.drive.train.course().duration().as_ticks() as f32 * 1e-6;
+        (train * settings.rate_hz) as u32 / ONE_IN
+    }
+
+    /// Takes a sample of a fall into the sums.
+    fn take(&mut self, scan: &Scan, felt: &Felt, current: Ampere, settings: &Settings) {
+        let law = &self.calibrated.law;
+        let sensing = NewtonPerMetre(self.calibrated.springs.sensing_n_per_m);
+        let pull = self.calibrated.pull(current);
+        let regressor = law.regressor(sensing, current).deviation
+            + law.attraction(pull, current, felt.deformation);
+        let (began, touched) = (self.drive.began, self.touched);
+        if self.ramps.is_none() {
+            let actuated_ratio = law.reference_ratio(sensing);
+            let period = self.drive.train.course().period();
+            let since_touch = seconds(touched, began);
+            let drift = ramps::drift(settings, since_touch, period);
+            self.ramps = Ramps::new(felt.deformation, actuated_ratio, drift);
+        }
+        let Some(ramps) = &mut self.ramps else {
+            return;
+        };
+        let sample = Sample {
+            time: seconds(began, scan.middle),
+            deformation: felt.deformation - ramps.reference().deformation(),
+            regressor,
+            sigma: felt.sigma,
+        };
+        ramps.push(&sample, self.drive.train.completed());
+        if self.drive.train.completed() == 0 {
+            self.two_states.push(felt.deformation, law.spring(current));
+        }
+    }
+
+    /// Ends in an estimate or a refusal, which names the measurement.
+    pub(crate) fn finish(self, settings: &Settings, heat: Option<&Heat>, now: Instant) -> Outcome {
+        let number = self.number;
+        match self.conclude(settings, heat, now) {
+            Ok(report) => Outcome::Estimate(report),
+            Err(reason) => Outcome::Refusal(refusal(number, reason)),
+        }
+    }
+}
+
+impl Calibrated {
+    /// Attraction of the actuated layer's halves.
+    pub(crate) fn pull(&self, current: Ampere) -> Newton {
+        Newton(self.attraction.attraction_n_per_a2 * current.0 * current.0)
+    }
+}
+
+/// The record of a refusal.
+pub(crate) const fn refusal(measurement: u32, (reason, value, limit): Reason) -> Refusal {
+    Refusal {
+        measurement,
+        reason,
+        value,
+        limit,
+    }
+}
+
+/// A deformation as a plain number, for a record.
+pub(crate) const fn metres(deformation: Metre) -> Option<f32> {
+    Some(deformation.0)
+}

@@ -1,0 +1,176 @@
+//! The running sums of a train, and what other ways of looking at it are kept beside them.
+
+use palpate_model::ramp::{Basis, Drift, Noise, Ramp, Reference, Sample, Scatter, Term};
+use palpate_model::springs::two_state_load;
+use palpate_model::units::{Metre, NewtonPerMetre, Second};
+use palpate_wire::code::Drift as DriftKind;
+use palpate_wire::command::Settings;
+
+use crate::time::{Duration, in_seconds};
+
+/// Sums over the whole train, for the estimate (level, slope, drift) and for the load's curve (a
+/// quadratic term besides), and over the ramp under way alone.
+#[derive(Clone, Debug)]
+pub(super) struct Ramps {
+    sums: Sums,
+    /// The ramp under way: its number, and its sums with a linear drift, which is what any slow
+    /// drift is over a single ramp.
+    single: (u8, Ramp<3>),
+    /// The single ramps' own estimates.
+    scatter: Scatter,
+    /// Extremes of the regressor.
+    regressors: (f32, f32),
+}
+
+#[derive(Clone, Debug)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "there is one of it, and no heap to put the larger one on"
+)]
+pub(super) enum Sums {
+    Driftless { linear: Ramp<2>, curved: Ramp<3> },
+    Drifting { linear: Ramp<3>, curved: Ramp<4> },
+}
+
+/// The drift that the settings ask for, for a press that was `since_touch` old when the train
+/// began: creep of rubber goes on as the logarithm of the time since the touch.
+pub(super) fn drift(settings: &Settings, since_touch: Second, period: Duration) -> Option<Drift> {
+    match settings.drift {
+        DriftKind::Linear => Some(Drift::Linear),
+        DriftKind::Logarithmic => Some(Drift::Logarithmic { tau: since_touch }),
+        DriftKind::Exponential => Some(Drift::Exponential {
+            tau: Second(settings.drift_time_s),
+        }),
+        DriftKind::SawTooth => Some(Drift::SawTooth {
+            period: in_seconds(period),
+        }),
+        _ => None,
+    }
+}
+
+impl Ramps {
+    /// Empty sums about the first sample's deformation. `None` for a deformation that is not
+    /// above zero, or a time constant that is not.
+    pub(super) fn new(
+        deformation: Metre,
+        actuated_ratio: f32,
+        drift: Option<Drift>,
+    ) -> Option<Self> {
+        let reference = Reference::new(deformation, actuated_ratio).ok()?;
+        let sums = match drift {
+            None => Sums::Driftless {
+                linear: Ramp::new(reference, Basis::LINEAR),
+                curved: Ramp::new(
+                    reference,
+                    Basis::new([Term::Level, Term::Slope, Term::Quadratic]).ok()?,
+                ),
+            },
+            Some(drift) => Sums::Drifting {
+                linear: Ramp::new(reference, Basis::with_drift(drift).ok()?),
+                curved: Ramp::new(
+                    reference,
+                    Basis::new([
+                        Term::Level,
+                        Term::Slope,
+                        Term::Quadratic,
+                        Term::Drift(drift),
+                    ])
+                    .ok()?,
+                ),
+            },
+        };
+        Some(Self {
+            sums,
+            single: (0, single(reference)?),
+            scatter: Scatter::default(),
+            regressors: (f32::INFINITY, f32::NEG_INFINITY),
+        })
+    }
+
+    pub(super) const fn reference(&self) -> &Reference {
+        match &self.sums {
+            Sums::Driftless { linear, .. } => linear.reference(),
+            Sums::Drifting { linear, .. } => linear.reference(),
+        }
+    }
+
+    pub(super) const fn sums(&self) -> &Sums {
+        &self.sums
+    }
+
+    /// Smallest and largest regressor.
+    pub(super) const fn regressors(&self) -> (f32, f32) {
+        self.regressors
+    }
+
+    /// Takes a sample of the ramp with this number. One that the sums reject - not finite, not
+    /// pressed - is left out of all of them.
+    pub(super) fn push(&mut self, sample: &Sample, ramp: u8) {
+        if ramp != self.single.0 {
+            self.close_single(ramp);
+        }
+        let taken = match &mut self.sums {
+            Sums::Driftless { linear, curved } => {
+                linear.push(sample).and_then(|()| curved.push(sample))
+            }
+            Sums::Drifting { linear, curved } => {
+                linear.push(sample).and_then(|()| curved.push(sample))
+            }
+        };
+        if taken.is_err() {
+            return;
+        }
+        // Time counts from the ramp's own start there, so that slope and level are not mixed up
+        // by rounding; any origin will do for a linear drift.
+        let _ = self.single.1.push(sample);
+        let (low, high) = self.regressors;
+        self.regressors = (low.min(sample.regressor), high.max(sample.regressor));
+    }
+
+    /// Takes the ramp under way into the scatter, and begins the next.
+    fn close_single(&mut self, next: u8) {
+        if let Ok(ratio) = self
+            .single
+            .1
+            .fit(Noise::Residual)
+            .and_then(|fit| fit.load_ratio())
+        {
+            self.scatter.add(ratio.value, ratio.standard_error);
+        }
+        if let Some(empty) = single(*self.reference()) {
+            self.single = (next, empty);
+        }
+    }
+
+    /// The single ramps' own estimates, the last one included.
+    pub(super) fn scatter(&mut self) -> &Scatter {
+        self.close_single(self.single.0);
+        &self.scatter
+    }
+}
+
+fn single(reference: Reference) -> Option<Ramp<3>> {
+    Some(Ramp::new(reference, Basis::with_drift(Drift::Linear).ok()?))
+}
+
+/// First and last sample of the first ramp, for eq. (2) as the paper has it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct TwoStates {
+    first: Option<(Metre, NewtonPerMetre)>,
+    last: Option<(Metre, NewtonPerMetre)>,
+}
+
+impl TwoStates {
+    pub(super) fn push(&mut self, deformation: Metre, actuated: NewtonPerMetre) {
+        let state = (deformation, actuated);
+        self.first.get_or_insert(state);
+        self.last = Some(state);
+    }
+
+    /// What eq. (2) makes of them; `None` if that is no number.
+    pub(super) fn load(&self, sensing: NewtonPerMetre) -> Option<NewtonPerMetre> {
+        let ((x1, c1), (x2, c2)) = (self.first?, self.last?);
+        let load = two_state_load(sensing, [c1, c2], [x1, x2]);
+        load.0.is_finite().then_some(load)
+    }
+}

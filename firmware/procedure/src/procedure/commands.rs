@@ -1,0 +1,175 @@
+//! Commands and their answers.
+
+use palpate_wire::code::{Mode, Outcome, RefusalReason};
+use palpate_wire::record::Acknowledgement;
+use palpate_wire::{Command, Frame, FrameError, Message, Record};
+
+use super::states::Phase;
+use super::{Out, Procedure, Telling};
+
+impl Procedure {
+    /// A command that arrived whole: checked, carried out, and answered once.
+    pub(super) fn command(&mut self, frame: &Frame<Command>, out: &mut Out) {
+        let Frame { header, message } = frame;
+        let answer = if !message.is_for(self.board.boot_id, header.boot_id) {
+            Acknowledgement::new(header, message.kind(), Outcome::OtherBoot)
+        } else if let Err(invalid) = message.validate() {
+            Acknowledgement::invalid(header, message.kind(), &invalid)
+        } else {
+            let outcome = self.obey(message, out);
+            Acknowledgement::new(header, message.kind(), outcome)
+        };
+        self.answer(answer, out);
+    }
+
+    /// A frame that could not be understood.
+    pub(super) fn not_understood(&mut self, error: &FrameError, out: &mut Out) {
+        match Acknowledgement::not_understood(error) {
+            Some(answer) => self.answer(answer, out),
+            None => {
+                let damaged = &mut self.counters.commands_damaged;
+                *damaged = damaged.wrapping_add(1);
+                // A frame of another major version is answered by who we are.
+                if matches!(error, FrameError::Version { .. }) {
+                    out.record(Record::Hello(self.hello()));
+                }
+            }
+        }
+    }
+
+    fn answer(&mut self, answer: Acknowledgement, out: &mut Out) {
+        if answer.outcome != Outcome::Accepted {
+            let refused = &mut self.counters.commands_refused;
+            *refused = refused.wrapping_add(1);
+        }
+        out.record(Record::Acknowledgement(answer));
+    }
+
+    fn obey(&mut self, command: &Command, out: &mut Out) -> Outcome {
+        match command {
+            Command::Identify => {
+                out.record(Record::Hello(self.hello()));
+                out.record(Record::Status(self.status()));
+                Outcome::Accepted
+            }
+            Command::Arm => self.arm(out),
+            Command::Disarm => self.disarm(self.mode, out),
+            Command::SensingOnly => self.disarm(Mode::SensingOnly, out),
+            Command::Abort => {
+                self.abort(out);
+                Outcome::Accepted
+            }
+            Command::Measure => match self.may_measure() {
+                Ok(touched) => {
+                    self.begin_settling(touched, out);
+                    Outcome::Accepted
+                }
+                Err(outcome) => outcome,
+            },
+            Command::Sweep => self.begin_sweep(out),
+            Command::ClearFault(of) => match &self.phase {
+                Phase::Fault(standing) if standing.code == of.code => {
+                    self.clear(out);
+                    Outcome::Accepted
+                }
+                _ => Outcome::OtherFault,
+            },
+            Command::GetSettings => {
+                let settings = self.configuration.settings.clone();
+                out.record(Record::Settings(settings));
+                Outcome::Accepted
+            }
+            Command::GetCalibration(of) => {
+                let telling = Telling {
+                    part: of.part,
+                    sensor: of.sensor,
+                    channel: of.channel,
+                    chunk: 0,
+                };
+                let (sensor, channel) = (of.sensor, of.channel);
+                if self
+                    .configuration
+                    .record(of.part, sensor, channel, 0)
+                    .is_none()
+                {
+                    return Outcome::NotSet;
+                }
+                self.telling = Some(telling);
+                Outcome::Accepted
+            }
+            setting => self.set(setting, out),
+        }
+    }
+
+    fn arm(&mut self, out: &mut Out) -> Outcome {
+        if matches!(self.phase, Phase::Fault(_)) {
+            return Outcome::Faulted;
+        }
+        if !self.board.coil {
+            return Outcome::NoCoil;
+        }
+        // Without the coil's data nothing limits its heat.
+        if self.heat.is_none() {
+            return Outcome::NotCalibrated;
+        }
+        let changed = !self.armed || self.mode != Mode::Stiffness;
+        self.armed = true;
+        self.mode = Mode::Stiffness;
+        if changed {
+            self.announce(self.state(), out);
+        }
+        Outcome::Accepted
+    }
+
+    fn disarm(&mut self, mode: Mode, out: &mut Out) -> Outcome {
+        out.safe();
+        let changed = self.armed || self.mode != mode;
+        self.armed = false;
+        self.mode = mode;
+        self.abort(out);
+        if changed {
+            self.announce(self.state(), out);
+        }
+        Outcome::Accepted
+    }
+
+    /// Ends a measurement, if there is one.
+    fn abort(&mut self, out: &mut Out) {
+        if matches!(
+            self.phase,
+            Phase::Driving(_) | Phase::Settling(_) | Phase::Sweeping { .. }
+        ) {
+            self.refuse((RefusalReason::Aborted, None, None), out);
+        }
+    }
+
+    fn set(&mut self, command: &Command, out: &mut Out) -> Outcome {
+        if self.armed {
+            return Outcome::Armed;
+        }
+        let Some(outcome) = self.configuration.set(command, &self.board) else {
+            return Outcome::UnknownCommand;
+        };
+        if outcome != Outcome::Accepted {
+            return outcome;
+        }
+        match command {
+            Command::SetSettings(_) => {
+                out.push(self.sensors());
+                self.begin_anew(out);
+            }
+            Command::SetDeformationCurve(_) | Command::SetCrosstalk(_) => self.begin_anew(out),
+            Command::SetCoil(_) => self.follow_heat(),
+            _ => {}
+        }
+        outcome
+    }
+
+    /// What was learnt of the untouched sensor no longer holds.
+    fn begin_anew(&mut self, out: &mut Out) {
+        self.begin_baseline();
+        if !matches!(self.phase, Phase::Fault(_) | Phase::SelfTest { .. }) {
+            self.go(Phase::Baseline, out);
+        }
+    }
+}

@@ -1,0 +1,362 @@
+//! The state machine.
+
+mod commands;
+mod faults;
+mod states;
+
+use palpate_model::units::{Ampere, Celsius, Hertz, Second};
+use palpate_wire::Record;
+use palpate_wire::code::{Mode, Part, State};
+use palpate_wire::record::{Hello, StateChange, Status};
+
+use crate::action::{Action, Actions};
+use crate::board::Board;
+use crate::configuration::Configuration;
+use crate::deformation::Follower;
+use crate::event::{Conditions, Event, Scan};
+use crate::heat::Heat;
+use crate::stream::{FeltScan, Streamer};
+use crate::time::{Instant, after, seconds, span};
+use states::Phase;
+
+/// What the instrument does, from event to actions.
+///
+/// See the [crate](crate) for an example.
+#[derive(Clone, Debug)]
+pub struct Procedure {
+    board: Board,
+    configuration: Configuration,
+    phase: Phase,
+    mode: Mode,
+    armed: bool,
+    /// Number of the last measurement that began.
+    measurement: u32,
+    followers: [[Option<Follower>; 4]; 2],
+    streamers: [Streamer; 2],
+    heat: Option<Heat>,
+    conditions: Conditions,
+    counters: Counters,
+    next_status: Instant,
+    /// A calibration that is being told, chunk by chunk.
+    telling: Option<Telling>,
+    greeted: bool,
+    /// When the first converter was last heard of, or when waiting for it began.
+    heard: Option<Instant>,
+}
+
+/// A part of the calibration whose next record is due.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Telling {
+    part: Part,
+    sensor: u8,
+    channel: u8,
+    chunk: usize,
+}
+
+/// What `status` counts.
+#[derive(Clone, Debug, Default)]
+struct Counters {
+    conversions: [u32; 2],
+    lost: [u32; 2],
+    flagged: [u32; 2],
+    commands_damaged: u32,
+    commands_refused: u32,
+    refusals: u32,
+}
+
+impl Procedure {
+    /// An instrument that has just started, with the default settings and no calibration.
+    pub fn new(board: Board) -> Self {
+        let mut procedure = Self {
+            board,
+            configuration: Configuration::default(),
+            phase: Phase::SelfTest { good: 0 },
+            mode: Mode::SensingOnly,
+            armed: false,
+            measurement: 0,
+            followers: Default::default(),
+            streamers: Default::default(),
+            heat: None,
+            conditions: Conditions::default(),
+            counters: Counters::default(),
+            next_status: Instant::from_ticks(0),
+            telling: None,
+            greeted: false,
+            heard: None,
+        };
+        procedure.begin_baseline();
+        procedure
+    }
+
+    /// Settings and calibration in force.
+    pub const fn configuration(&self) -> &Configuration {
+        &self.configuration
+    }
+
+    /// Where it stands.
+    pub const fn state(&self) -> State {
+        self.phase.state()
+    }
+
+    /// Whether the coil may be driven.
+    pub const fn is_armed(&self) -> bool {
+        self.armed
+    }
+
+    /// Takes an event and says what is to be done. `now` does not go backwards.
+    pub fn step(&mut self, now: Instant, event: &Event<'_>) -> Actions {
+        let mut out = Out::new(now);
+        if !self.greeted {
+            self.greet(&mut out);
+        }
+        match event {
+            Event::Tick => {}
+            Event::Scan(scan) => self.scan(scan, &mut out),
+            Event::Command(frame) => self.command(frame, &mut out),
+            Event::NotUnderstood(error) => self.not_understood(error, &mut out),
+            Event::Conditions(conditions) => self.conditions(conditions),
+            Event::Fault(failure) => self.fail(*failure, &mut out),
+            Event::Recovered(code) => self.recovered(*code, &mut out),
+        }
+        self.tick(&mut out);
+        self.tell(&mut out);
+        out.actions
+    }
+
+    /// The first words after a start, and the configuration for the sensors.
+    fn greet(&mut self, out: &mut Out) {
+        self.greeted = true;
+        out.record(Record::Hello(self.hello()));
+        if let Some(crash) = self.board.crash.take() {
+            out.record(Record::Crash(crash));
+        }
+        out.push(self.sensors());
+        self.next_status = after(out.now, span(self.configuration.settings.status_period_s));
+    }
+
+    fn hello(&self) -> Hello {
+        Hello {
+            configuration_crc: self.configuration.crc(),
+            ..self.board.hello.clone()
+        }
+    }
+
+    fn sensors(&self) -> Action {
+        Action::ConfigureSensors {
+            channels: self.configuration.settings.channels,
+            rate: Hertz(self.configuration.settings.rate_hz),
+        }
+    }
+
+    /// Forgets what the untouched sensor reads.
+    fn begin_baseline(&mut self) {
+        let settings = &self.configuration.settings;
+        for (sensor, of) in self.followers.iter_mut().enumerate() {
+            let has = self.board.channels.get(sensor).copied().unwrap_or(0) & settings.channels;
+            for (channel, follower) in of.iter_mut().enumerate() {
+                *follower = (has >> channel & 1 == 1)
+                    .then(|| Follower::new(settings).ok())
+                    .flatten();
+            }
+        }
+    }
+
+    fn scan(&mut self, scan: &Scan, out: &mut Out) {
+        let sensor = usize::from(scan.sensor & 1);
+        let Some(last) = self.streamers.get(sensor).map(Streamer::last) else {
+            return;
+        };
+        let usual = Second(1.0 / self.configuration.settings.rate_hz);
+        let interval = last.map_or(usual, |last| seconds(last, scan.middle));
+        if let (0, Some(heat), Some(current)) = (sensor, &mut self.heat, scan.current) {
+            heat.push(current, interval);
+        }
+        let felt = self.feel(scan, interval);
+        self.count(scan, sensor);
+        let springs = self.configuration.springs();
+        let settings = &self.configuration.settings;
+        if let Some(streamer) = self.streamers.get_mut(sensor)
+            && let Some((at, record)) = streamer.push(scan, &felt, settings, springs)
+        {
+            out.push(Action::Record { at, record });
+        }
+        if sensor == 0 {
+            self.heard = Some(out.now);
+            let principal = felt.first().copied().flatten();
+            self.principal(scan, principal, interval, out);
+        }
+    }
+
+    /// What every channel of a scan felt.
+    fn feel(&mut self, scan: &Scan, interval: Second) -> FeltScan {
+        let (configuration, followers) = (&self.configuration, &mut self.followers);
+        let of = followers.get_mut(usize::from(scan.sensor & 1));
+        let mut of: Option<&mut [Option<Follower>; 4]> = of;
+        scan.conversions
+            .iter()
+            .map(|conversion| {
+                let reading = &conversion.reading;
+                let channel = usize::from(reading.channel.number());
+                let calibration = configuration.channel(scan.sensor, channel as u8)?;
+                let follower = of.as_mut()?.get_mut(channel)?.as_mut()?;
+                reading
+                    .is_good()
+                    .then(|| follower.push(reading, interval, scan.current, calibration))
+                    .flatten()
+            })
+            .collect()
+    }
+
+    fn count(&mut self, scan: &Scan, sensor: usize) {
+        let flagged = scan
+            .conversions
+            .iter()
+            .any(|conversion| !conversion.reading.is_good());
+        let counters = &mut self.counters;
+        let add = |to: &mut [u32; 2], by: u32| {
+            if let Some(to) = to.get_mut(sensor) {
+                *to = to.wrapping_add(by);
+            }
+        };
+        add(&mut counters.conversions, 1);
+        add(&mut counters.lost, scan.lost);
+        add(&mut counters.flagged, flagged.into());
+    }
+
+    fn conditions(&mut self, conditions: &Conditions) {
+        self.conditions = *conditions;
+        if let (Some(heat), Some(temperature)) = (&mut self.heat, conditions.temperature) {
+            heat.measured(temperature);
+        }
+    }
+
+    /// Begins to follow the coil's heat when its calibration comes.
+    fn follow_heat(&mut self) {
+        let temperature = self.conditions.temperature;
+        self.heat = self
+            .configuration
+            .coil()
+            .and_then(|coil| Heat::new(coil, temperature).ok());
+    }
+
+    /// What is due by time alone.
+    fn tick(&mut self, out: &mut Out) {
+        self.deadlines(out);
+        if out.now >= self.next_status {
+            let period = span(self.configuration.settings.status_period_s);
+            self.next_status = after(out.now, period);
+            out.record(Record::Status(self.status()));
+        }
+    }
+
+    fn status(&self) -> Status {
+        let Counters {
+            conversions: [conversions, second_conversions],
+            lost: [conversions_lost, second_conversions_lost],
+            flagged: [conversions_flagged, second_conversions_flagged],
+            commands_damaged,
+            commands_refused,
+            refusals,
+        } = self.counters;
+        Status {
+            conversions,
+            conversions_lost,
+            conversions_flagged,
+            second_conversions,
+            second_conversions_lost,
+            second_conversions_flagged,
+            bus_errors: self.conditions.bus_errors,
+            recoveries: self.conditions.recoveries,
+            logs_dropped: self.conditions.logs_dropped,
+            commands_damaged,
+            commands_refused,
+            measurements: self.measurement,
+            refusals,
+            temperature_c: self.temperature().map(|temperature| temperature.0),
+            supply_v: self.conditions.supply_v,
+            processor_load: self.conditions.processor_load,
+            stack_bytes: self.conditions.stack_bytes,
+        }
+    }
+
+    fn temperature(&self) -> Option<Celsius> {
+        self.conditions.temperature
+    }
+
+    /// Tells the next chunk of a calibration, or the next point of a load's curve.
+    fn tell(&mut self, out: &mut Out) {
+        if let Some(telling) = &mut self.telling {
+            let Telling {
+                part,
+                sensor,
+                channel,
+                chunk,
+            } = *telling;
+            match self.configuration.record(part, sensor, channel, chunk) {
+                Some(record) => {
+                    telling.chunk += 1;
+                    out.record(record);
+                }
+                None => self.telling = None,
+            }
+        }
+    }
+
+    /// Goes to another phase and says so.
+    fn go(&mut self, phase: Phase, out: &mut Out) {
+        let previous = self.state();
+        self.phase = phase;
+        if self.state() != previous {
+            self.announce(previous, out);
+        }
+    }
+
+    fn announce(&self, previous: State, out: &mut Out) {
+        out.record(Record::State(StateChange {
+            state: self.state(),
+            previous,
+            mode: self.mode,
+            armed: self.armed,
+            measurement: self.measurement,
+        }));
+    }
+}
+
+/// The actions of a step, as they come together.
+struct Out {
+    now: Instant,
+    actions: Actions,
+}
+
+impl Out {
+    const fn new(now: Instant) -> Self {
+        Self {
+            now,
+            actions: Actions::new(),
+        }
+    }
+
+    /// Adds an action. What has no room is lost, which the limit on a step's actions excludes;
+    /// safe state is put first instead, so that it never is.
+    fn push(&mut self, action: Action) {
+        let _ = self.actions.push(action);
+    }
+
+    /// Bridge off, before all else.
+    fn safe(&mut self) {
+        let mut rest = core::mem::take(&mut self.actions);
+        rest.retain(|action| !matches!(action, Action::SafeState | Action::Current { .. }));
+        let _ = self.actions.push(Action::SafeState);
+        self.actions
+            .extend(rest.into_iter().take(crate::action::MOST_ACTIONS - 1));
+    }
+
+    fn line(&mut self, (to, over): (Ampere, crate::time::Duration)) {
+        self.push(Action::Current { to, over });
+    }
+
+    fn record(&mut self, record: Record) {
+        let at = self.now;
+        self.push(Action::Record { at, record });
+    }
+}

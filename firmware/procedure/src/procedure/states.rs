@@ -1,0 +1,464 @@
+//! The phases, and how one leads to the next.
+
+use palpate_model::contact::Touch;
+use palpate_model::units::{Celsius, Second};
+use palpate_wire::Record;
+use palpate_wire::code::{FaultCode, Mode, Outcome as Answer, Place, RefusalReason, State};
+
+use super::{Out, Procedure};
+use crate::deformation::Felt;
+use crate::event::{Failure, Scan};
+use crate::measurement::{Drive, Measurement, Outcome, Progress, Reason, Report, metres, refusal};
+use crate::steadiness::Steadiness;
+use crate::time::{Instant, after, between, seconds, span};
+use crate::train::{Course, Leg};
+
+/// Good conversions in a row that prove sensor, clock and bus.
+const SELF_TEST_CONVERSIONS: u8 = 10;
+
+/// Conversion periods without a conversion after which the sensor counts as silent, and the least
+/// time: what recovering the bus may take (50 ms).
+const SILENT_PERIODS: f32 = 10.0;
+const SILENT_S: f32 = 0.05;
+
+/// Where the procedure stands, with what it has to remember there.
+#[derive(Clone, Debug)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "there is one of it, and no heap to put the larger ones on"
+)]
+pub(super) enum Phase {
+    SelfTest {
+        good: u8,
+    },
+    Baseline,
+    Watching,
+    /// Something touches, since then.
+    Contact {
+        since: Instant,
+    },
+    Settling(Settling),
+    Driving(Measurement),
+    /// A train for calibration. The time of touch, if something touches.
+    Sweeping {
+        drive: Drive,
+        touched: Option<Instant>,
+    },
+    /// The estimate has been told; the points of the load's curve follow, one a step.
+    Telling {
+        report: Report,
+        next: u8,
+        since: Instant,
+    },
+    /// Measured, or refused; it still touches.
+    Release {
+        since: Instant,
+    },
+    Fault(Failure),
+}
+
+/// Waiting for a press to become steady.
+#[derive(Clone, Debug)]
+pub(super) struct Settling {
+    /// When the object touched.
+    touched: Instant,
+    began: Instant,
+    steadiness: Steadiness,
+    /// The last rate seen, in m/s.
+    rate_m_per_s: f32,
+    /// Conversions that could not be used.
+    flagged: u32,
+}
+
+impl Phase {
+    pub(super) const fn state(&self) -> State {
+        match self {
+            Self::SelfTest { .. } => State::SelfTest,
+            Self::Baseline => State::Baseline,
+            Self::Watching => State::Watching,
+            Self::Contact { .. } => State::Contact,
+            Self::Settling(_) => State::Settling,
+            Self::Driving(Measurement { drive, .. }) | Self::Sweeping { drive, .. } => {
+                let train = drive.train();
+                match train.leg() {
+                    Leg::Rise | Leg::Hold if train.completed() == 0 => State::Peak,
+                    _ => State::Ramps,
+                }
+            }
+            Self::Telling { .. } => State::Estimating,
+            Self::Release { .. } => State::Release,
+            Self::Fault(_) => State::Fault,
+        }
+    }
+}
+
+impl Procedure {
+    /// A scan of the first converter, and what its principal channel felt.
+    pub(super) fn principal(
+        &mut self,
+        scan: &Scan,
+        felt: Option<Felt>,
+        interval: Second,
+        out: &mut Out,
+    ) {
+        let settings = &self.configuration.settings;
+        let touch = felt.map(|felt| felt.touch);
+        match &mut self.phase {
+            Phase::SelfTest { good } => {
+                let all_good = scan.conversions.iter().all(|of| of.reading.is_good());
+                *good = if all_good { good.saturating_add(1) } else { 0 };
+                if *good >= SELF_TEST_CONVERSIONS {
+                    self.go(Phase::Baseline, out);
+                }
+            }
+            Phase::Baseline if touch == Some(Touch::Clear) => self.go(Phase::Watching, out),
+            Phase::Watching => {
+                if let Some(Touch::Began { ago }) = touch {
+                    let found = scan.middle.as_ticks();
+                    let since = found.saturating_sub(span(ago.0).as_ticks());
+                    self.touched(Instant::from_ticks(since), out);
+                }
+            }
+            Phase::Contact { .. } | Phase::Release { .. } | Phase::Telling { .. }
+                if touch == Some(Touch::Ended) =>
+            {
+                self.go(Phase::Baseline, out);
+            }
+            Phase::Settling(settling) => {
+                let Some(felt) = felt else {
+                    settling.flagged = settling.flagged.saturating_add(1);
+                    return;
+                };
+                let rate = settling.steadiness.push(interval, felt.deformation);
+                self.settle(felt, rate, out);
+            }
+            Phase::Driving(measurement) => {
+                if let Some(heat) = &self.heat {
+                    let progress = measurement.push(scan, felt, settings, heat);
+                    self.progress(progress, out);
+                }
+            }
+            Phase::Sweeping { drive, .. } => {
+                if let Some(heat) = &self.heat
+                    && let Err(progress) = drive.check(scan, settings, heat)
+                {
+                    self.progress(progress, out);
+                }
+            }
+            _ => {}
+        }
+    }
+
+    /// An object touches.
+    fn touched(&mut self, since: Instant, out: &mut Out) {
+        self.go(Phase::Contact { since }, out);
+        if self.armed && self.configuration.settings.automatic {
+            self.begin_settling(since, out);
+        }
+    }
+
+    /// When the object touched that touches now.
+    pub(super) const fn touched_since(&self) -> Option<Instant> {
+        match &self.phase {
+            Phase::Contact { since } | Phase::Release { since } => Some(*since),
+            _ => None,
+        }
+    }
+
+    pub(super) fn begin_settling(&mut self, touched: Instant, out: &mut Out) {
+        let settling = Settling {
+            touched,
+            began: out.now,
+            steadiness: Steadiness::default(),
+            rate_m_per_s: f32::INFINITY,
+            flagged: 0,
+        };
+        self.go(Phase::Settling(settling), out);
+    }
+
+    /// A conversion while the press settles; `rate` in m/s at the end of a block.
+    fn settle(&mut self, felt: Felt, rate: Option<f32>, out: &mut Out) {
+        let settings = &self.configuration.settings;
+        let Phase::Settling(settling) = &mut self.phase else {
+            return;
+        };
+        let touched = settling.touched;
+        let pressed_m = felt.deformation.0;
+        if matches!(felt.touch, Touch::Ended | Touch::Clear | Touch::Settling) {
+            let after = seconds(settling.began, out.now).0;
+            return self.refuse((RefusalReason::ContactLost, Some(after), None), out);
+        }
+        let Some(rate) = rate else {
+            return;
+        };
+        settling.rate_m_per_s = rate;
+        if rate.is_nan() || rate.abs() > settings.steady_m_per_s {
+            return;
+        }
+        if felt.extrapolated {
+            let reason = RefusalReason::PressedTooFar;
+            return self.refuse((reason, metres(felt.deformation), None), out);
+        }
+        let least_m = settings.least_press_m;
+        if pressed_m < least_m {
+            let reason = RefusalReason::PressedTooLittle;
+            return self.refuse((reason, Some(pressed_m), Some(least_m)), out);
+        }
+        self.begin_measurement(touched, out);
+    }
+
+    fn begin_measurement(&mut self, touched: Instant, out: &mut Out) {
+        let calibrated = match self.configuration.calibrated() {
+            Ok(calibrated) => calibrated,
+            Err(kind) => {
+                let reason = RefusalReason::NotCalibrated;
+                return self.refuse((reason, Some(kind.into()), None), out);
+            }
+        };
+        if let Err(reason) = self.forecast() {
+            return self.refuse(reason, out);
+        }
+        if let Some(heat) = &mut self.heat {
+            heat.start_measurement();
+        }
+        self.measurement = self.measurement.wrapping_add(1);
+        let settings = &self.configuration.settings;
+        let (measurement, line) =
+            Measurement::start(self.measurement, calibrated, settings, touched, out.now);
+        self.go(Phase::Driving(measurement), out);
+        out.line(line);
+    }
+
+    /// Whether the coil can bear the train.
+    fn forecast(&self) -> Result<(), Reason> {
+        let settings = &self.configuration.settings;
+        let limits = &self.board.limits;
+        let course = Course::new(settings);
+        let heat = self.heat.as_ref().ok_or((
+            RefusalReason::NotCalibrated,
+            Some(palpate_wire::code::Part::Coil.number().into()),
+            None,
+        ))?;
+        let limit_c = settings.greatest_temperature_c.min(limits.temperature.0);
+        let forecast = heat.forecast(&course, Celsius(limit_c));
+        if forecast.hottest.is_none() {
+            let (reason, copper) = (RefusalReason::CoilTooHot, heat.copper().0);
+            return Err((reason, Some(copper), Some(limit_c)));
+        }
+        let limit_j = settings.greatest_energy_j.min(limits.energy_j);
+        if forecast.energy_j.is_nan() || forecast.energy_j > limit_j {
+            let reason = RefusalReason::TooMuchEnergy;
+            return Err((reason, Some(forecast.energy_j), Some(limit_j)));
+        }
+        let takes_s = course.duration().as_ticks() as f32 * 1e-6;
+        if takes_s > limits.on_time_s {
+            let reason = RefusalReason::TimedOut;
+            return Err((reason, Some(takes_s), Some(limits.on_time_s)));
+        }
+        Ok(())
+    }
+
+    fn progress(&mut self, progress: Progress, out: &mut Out) {
+        match progress {
+            Progress::On(line) => {
+                if let Some(line) = line {
+                    out.line(line);
+                }
+            }
+            Progress::Done => self.conclude(out),
+            Progress::Refused(reason) => self.refuse(reason, out),
+            Progress::Failed(failure) => self.fail(failure, out),
+        }
+    }
+
+    /// All ramps are done: bridge off, and the result.
+    fn conclude(&mut self, out: &mut Out) {
+        out.safe();
+        if let Phase::Sweeping { touched, .. } = self.phase {
+            return self.swept(touched, out);
+        }
+        let idle = Phase::Release { since: out.now };
+        let Phase::Driving(measurement) = core::mem::replace(&mut self.phase, idle) else {
+            return;
+        };
+        let since = measurement.touched();
+        let settings = &self.configuration.settings;
+        match measurement.finish(settings, self.heat.as_ref(), out.now) {
+            Outcome::Estimate(report) => {
+                out.record(Record::Estimate(report.estimate.clone()));
+                self.phase = Phase::Telling {
+                    report,
+                    next: 0,
+                    since,
+                };
+                self.announce(State::Ramps, out);
+            }
+            Outcome::Refusal(refusal) => {
+                self.counters.refusals = self.counters.refusals.wrapping_add(1);
+                out.record(Record::Refusal(refusal));
+                self.phase = Phase::Release { since };
+                self.announce(State::Ramps, out);
+            }
+        }
+    }
+
+    /// The end of a train for calibration. What it did to an untouched sensor's readings is no
+    /// part of their baseline.
+    fn swept(&mut self, touched: Option<Instant>, out: &mut Out) {
+        match touched {
+            Some(since) => self.go(Phase::Release { since }, out),
+            None => {
+                self.begin_baseline();
+                self.go(Phase::Baseline, out);
+            }
+        }
+    }
+
+    /// Begins a train for calibration.
+    pub(super) fn begin_sweep(&mut self, out: &mut Out) -> Answer {
+        match &self.phase {
+            Phase::Fault(_) => return Answer::Faulted,
+            Phase::SelfTest { .. } => return Answer::Busy,
+            Phase::Settling(_)
+            | Phase::Driving(_)
+            | Phase::Telling { .. }
+            | Phase::Sweeping { .. } => {
+                return Answer::Busy;
+            }
+            Phase::Baseline | Phase::Watching | Phase::Contact { .. } | Phase::Release { .. } => {}
+        }
+        if !self.armed {
+            return Answer::NotArmed;
+        }
+        if let Err(reason) = self.forecast() {
+            self.refuse(reason, out);
+            return Answer::Accepted;
+        }
+        if let Some(heat) = &mut self.heat {
+            heat.start_measurement();
+        }
+        let touched = self.touched_since();
+        let (drive, line) = Drive::start(&self.configuration.settings, out.now);
+        self.go(Phase::Sweeping { drive, touched }, out);
+        out.line(line);
+        Answer::Accepted
+    }
+
+    /// Ends a measurement, or the attempt at one, with a reason. Bridge off first.
+    pub(super) fn refuse(&mut self, reason: Reason, out: &mut Out) {
+        let (number, since) = match &self.phase {
+            Phase::Driving(measurement) => (measurement.number, Some(measurement.touched())),
+            Phase::Settling(settling) => (0, Some(settling.touched)),
+            Phase::Sweeping { touched, .. } => (0, *touched),
+            _ => (0, self.touched_since()),
+        };
+        out.safe();
+        self.counters.refusals = self.counters.refusals.wrapping_add(1);
+        out.record(Record::Refusal(refusal(number, reason)));
+        match since {
+            Some(since) if reason.0 != RefusalReason::ContactLost => {
+                self.go(Phase::Release { since }, out);
+            }
+            _ => self.swept(None, out),
+        }
+    }
+
+    /// What is due by time alone.
+    pub(super) fn deadlines(&mut self, out: &mut Out) {
+        self.watch_for_silence(out);
+        let before = self.state();
+        match &mut self.phase {
+            Phase::Settling(settling) => {
+                let settings = &self.configuration.settings;
+                // One block of time is needed to see that it is steady at all.
+                let allowed = span(settings.settling_s.max(0.25));
+                if between(settling.began, out.now) > allowed {
+                    let reason = if settling.rate_m_per_s.is_finite() {
+                        let limit = settings.steady_m_per_s;
+                        let rate = settling.rate_m_per_s;
+                        (RefusalReason::Unsteady, Some(rate), Some(limit))
+                    } else {
+                        let flagged = settling.flagged as f32;
+                        (RefusalReason::Flagged, Some(flagged), Some(0.0))
+                    };
+                    self.refuse(reason, out);
+                }
+            }
+            Phase::Driving(measurement) => {
+                let progress = measurement.drive.tick(out.now);
+                self.driven(progress, before, out);
+            }
+            Phase::Sweeping { drive, .. } => {
+                let progress = drive.tick(out.now);
+                self.driven(progress, before, out);
+            }
+            Phase::Telling { .. } => self.tell_point(out),
+            _ => {}
+        }
+    }
+
+    /// A train has gone on, perhaps from its peak to its ramps.
+    fn driven(&mut self, progress: Progress, before: State, out: &mut Out) {
+        if self.state() != before {
+            self.announce(before, out);
+        }
+        self.progress(progress, out);
+    }
+
+    /// Tells the next point of the load's curve.
+    fn tell_point(&mut self, out: &mut Out) {
+        let Phase::Telling {
+            report,
+            next,
+            since,
+        } = &mut self.phase
+        else {
+            return;
+        };
+        match report.load_point(*next) {
+            Some(point) => {
+                *next = next.saturating_add(1);
+                out.record(Record::LoadPoint(point));
+            }
+            None => {
+                let since = *since;
+                self.go(Phase::Release { since }, out);
+            }
+        }
+    }
+
+    /// A converter that tells nothing is a fault; before the first conversion it has as long.
+    fn watch_for_silence(&mut self, out: &mut Out) {
+        if matches!(self.phase, Phase::Fault(_)) {
+            return;
+        }
+        let settings = &self.configuration.settings;
+        let allowed_s = (SILENT_PERIODS / settings.rate_hz).max(SILENT_S);
+        let heard = self.heard.get_or_insert(out.now);
+        let silent = between(*heard, out.now);
+        if after(*heard, span(allowed_s)) < out.now {
+            self.fail(
+                Failure {
+                    value: Some(silent.as_ticks() as f32 * 1e-6),
+                    limit: Some(allowed_s),
+                    ..Failure::new(FaultCode::SensorSilent, Place::Sensor)
+                },
+                out,
+            );
+        }
+    }
+
+    /// Whether a measurement may be asked for now.
+    pub(super) fn may_measure(&self) -> Result<Instant, Answer> {
+        match &self.phase {
+            Phase::Fault(_) => Err(Answer::Faulted),
+            Phase::Settling(_)
+            | Phase::Driving(_)
+            | Phase::Sweeping { .. }
+            | Phase::Telling { .. } => Err(Answer::Busy),
+            _ if self.mode == Mode::SensingOnly => Err(Answer::SensingOnly),
+            _ if !self.armed => Err(Answer::NotArmed),
+            _ => self.touched_since().ok_or(Answer::NoContact),
+        }
+    }
+}

@@ -1,0 +1,145 @@
+//! Records of conversions: evaluated, or packed.
+
+use ldc161x::Reading;
+use palpate_model::contact::Touch;
+use palpate_wire::Record;
+use palpate_wire::code::{Contact, Stream};
+use palpate_wire::command::{Settings, Springs};
+use palpate_wire::record::{Conversion, Raw, Sample};
+
+use crate::deformation::Felt;
+use crate::event::Scan;
+use crate::time::Instant;
+
+/// What is kept of one converter between its records.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Streamer {
+    /// Scans since the last one that was sent.
+    skipped: u16,
+    /// Scans lost since the last record.
+    missed: u32,
+    gap: bool,
+    raw: Option<(Instant, Raw)>,
+    /// Middle of the last scan.
+    last: Option<Instant>,
+}
+
+/// Felt by each channel of a scan, in their order.
+pub(crate) type FeltScan = heapless::Vec<Option<Felt>, 4>;
+
+impl Streamer {
+    /// Takes a scan and gives the record that is due, with its time.
+    pub(crate) fn push(
+        &mut self,
+        scan: &Scan,
+        felt: &FeltScan,
+        settings: &Settings,
+        springs: Option<&Springs>,
+    ) -> Option<(Instant, Record)> {
+        self.missed = self.missed.wrapping_add(scan.lost);
+        self.gap |= scan.gap || scan.lost > 0;
+        let record = match settings.stream {
+            Stream::Samples => self.sample(scan, felt, settings, springs),
+            Stream::Raw => self.packed(scan, settings),
+            _ => None,
+        };
+        self.last = Some(scan.middle);
+        record
+    }
+
+    fn sample(
+        &mut self,
+        scan: &Scan,
+        felt: &FeltScan,
+        settings: &Settings,
+        springs: Option<&Springs>,
+    ) -> Option<(Instant, Record)> {
+        self.skipped = self.skipped.saturating_add(1);
+        if self.skipped < settings.decimation {
+            return None;
+        }
+        self.skipped = 0;
+        let conversions = scan.conversions.iter().zip(felt);
+        let channels = conversions
+            .map(|(of, felt)| conversion(&of.reading, of.offset.as_ticks(), felt.as_ref()))
+            .collect();
+        let principal = felt.first().copied().flatten().filter(|_| scan.sensor == 0);
+        let force = principal.zip(springs).map(|(felt, springs)| {
+            let newton = springs.sensing_n_per_m * felt.deformation.0;
+            let relative = springs
+                .sensing_uncertainty
+                .max(springs.force_scale_uncertainty);
+            let of_noise = springs.sensing_n_per_m * felt.sigma.0;
+            (
+                newton,
+                palpate_model::math::hypot(of_noise, newton * relative),
+            )
+        });
+        let sample = Sample {
+            sensor: scan.sensor,
+            missed: core::mem::take(&mut self.missed),
+            gap: core::mem::take(&mut self.gap),
+            drive_step: false,
+            channels,
+            contact: principal.map_or(Contact::Settling, |felt| contact(felt.touch)),
+            force_n: force.map(|(newton, _)| newton),
+            force_sigma_n: force.map(|(_, sigma)| sigma),
+            current_a: scan.current.map(|current| current.0),
+        };
+        Some((scan.middle, Record::Sample(sample)))
+    }
+
+    /// Packs the words of a scan; gives the run before it when that is full, or when it broke off.
+    fn packed(&mut self, scan: &Scan, settings: &Settings) -> Option<(Instant, Record)> {
+        let words = scan.conversions.iter().map(|of| of.reading.word.bits());
+        let broken = scan.lost > 0 || scan.gap;
+        let full = |raw: &Raw| raw.words.len() + scan.conversions.len() > raw.words.capacity();
+        let finished = match &self.raw {
+            Some((_, raw)) if broken || full(raw) => self.raw.take(),
+            _ => None,
+        };
+        match &mut self.raw {
+            Some((_, raw)) => raw.words.extend(words),
+            None => {
+                let raw = Raw {
+                    sensor: scan.sensor,
+                    missed: core::mem::take(&mut self.missed),
+                    channels: settings.channels,
+                    period_us: 1e6 / settings.rate_hz,
+                    words: words.collect(),
+                };
+                self.raw = Some((scan.middle, raw));
+            }
+        }
+        finished.map(|(at, raw)| (at, Record::Raw(raw)))
+    }
+
+    /// Middle of the last scan.
+    pub(crate) const fn last(&self) -> Option<Instant> {
+        self.last
+    }
+}
+
+fn conversion(reading: &Reading, offset_us: u64, felt: Option<&Felt>) -> Conversion {
+    Conversion {
+        channel: reading.channel.number(),
+        offset_us: u16::try_from(offset_us).unwrap_or(u16::MAX),
+        word: reading.word.bits(),
+        frequency_hz: reading.frequency_hz,
+        sigma_hz: reading.sigma_hz,
+        deformation_m: felt.map(|felt| felt.deformation.0),
+        deformation_sigma_m: felt.map(|felt| felt.sigma.0),
+        extrapolated: felt.is_some_and(|felt| felt.extrapolated),
+    }
+}
+
+/// The state of touch as the protocol has it.
+pub(crate) const fn contact(touch: Touch) -> Contact {
+    match touch {
+        Touch::Settling => Contact::Settling,
+        Touch::Clear => Contact::Clear,
+        Touch::Began { .. } => Contact::Began,
+        Touch::Held => Contact::Held,
+        Touch::Ended => Contact::Ended,
+    }
+}

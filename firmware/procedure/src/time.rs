@@ -1,0 +1,35 @@
+//! Time as an argument: microseconds since the device's start.
+
+use palpate_model::units::Second;
+
+/// A moment, in microseconds since the start of the device.
+pub type Instant = fugit::MonotonicInstant<u64, 1, 1_000_000>;
+
+/// A span of time in microseconds.
+pub type Duration = fugit::Duration<u64, 1, 1_000_000>;
+
+/// Time from `earlier` to `later`; zero if they stand the other way round.
+pub(crate) fn between(earlier: Instant, later: Instant) -> Duration {
+    Duration::from_ticks(later.as_ticks().saturating_sub(earlier.as_ticks()))
+}
+
+/// The same in seconds.
+pub(crate) fn seconds(earlier: Instant, later: Instant) -> Second {
+    in_seconds(between(earlier, later))
+}
+
+/// A span in seconds, within 6e-8 of it.
+pub(crate) fn in_seconds(span: Duration) -> Second {
+    Second(span.as_ticks() as f32 * 1e-6)
+}
+
+/// The nearest span to a number of seconds; zero for a negative one or NaN.
+pub(crate) fn span(seconds_s: f32) -> Duration {
+    // A cast of a float saturates, and makes zero of NaN.
+    Duration::from_ticks((f64::from(seconds_s) * 1e6 + 0.5) as u64)
+}
+
+/// `instant` and a span later, without overflow.
+pub(crate) fn after(instant: Instant, span: Duration) -> Instant {
+    Instant::from_ticks(instant.as_ticks().saturating_add(span.as_ticks()))
+}
