@@ -12,6 +12,8 @@
 )]
 #![doc = include_str!("../README.md")]
 
+pub mod bench;
+pub mod board;
 pub mod coil;
 pub mod current;
 pub mod magnetorheological;

@@ -41,14 +41,19 @@ pub struct Reading {
     pub stage_m: f64,
 }
 
-/// The load cell and the scale.
+/// The load cell and the scale, by themselves: for a bench whose world has been given to a board.
 #[derive(Clone, Debug)]
-struct Gauges {
+pub struct Gauges {
     parameters: RigParameters,
     noise: Stream,
 }
 
 impl Gauges {
+    /// Reads load cell and scale of a bench's world now. Each call has its own noise.
+    pub fn look_at(&mut self, world: &World) -> Reading {
+        self.read(world.truth().force_n, world.planned_press_m())
+    }
+
     fn read(&mut self, force_n: f64, stage_m: f64) -> Reading {
         let rig = &self.parameters;
         let noise_n = if rig.load_cell_noise_n > 0.0 {
@@ -152,8 +157,13 @@ impl Rig {
 
     /// Reads load cell and scale now. Each call has its own noise.
     pub fn read(&mut self) -> Reading {
-        let force_n = self.world.truth().force_n;
-        self.gauges.read(force_n, self.world.planned_press_m())
+        self.gauges.look_at(&self.world)
+    }
+
+    /// World and gauges apart.
+    #[must_use]
+    pub fn into_parts(self) -> (World, Gauges) {
+        (self.world, self.gauges)
     }
 
     /// What is written on the spring, N/m; nothing for a block.

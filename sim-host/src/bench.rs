@@ -1,0 +1,332 @@
+//! A calibration on the bench: what its user does there, and what they write down.
+//!
+//! The instrument on the [`rig`](crate::rig) is the virtual board with its own firmware's
+//! procedure. Its user presses specimens upon it - nothing, a rigid block at several depths,
+//! reference springs - and drives the train of ramps on each; the instrument's samples and the
+//! bench's gauges go into a [`Session`]. What calibration follows from that is not decided here.
+
+use palpate_wire::code::{Outcome, State};
+use palpate_wire::command::{Coil, Settings};
+use palpate_wire::{Command, Record};
+
+use crate::Time;
+use crate::board::{BoardError, Hardware, VirtualBoard};
+use crate::parameters::{ParameterError, Parameters};
+use crate::rig::{BareRig, CLEARANCE_M, Gauges, Rig, Specimen};
+use crate::switches::Switches;
+use crate::world::World;
+
+/// One sample of the instrument, with what the gauges said soon after.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Line {
+    /// Middle of the conversion, s.
+    pub time_s: f64,
+    /// Resonance frequency, Hz.
+    pub frequency_hz: f64,
+    /// Mean current over the conversion, A.
+    pub current_a: f64,
+    /// When the gauges were read, s.
+    pub gauges_time_s: f64,
+    /// Load cell, N.
+    pub force_n: f64,
+    /// Scale of the stage, m.
+    pub stage_m: f64,
+}
+
+/// What was on the stage.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Pressed {
+    /// Nothing touched.
+    Nothing,
+    /// A rigid block.
+    Block,
+    /// A spring, by what is written on it, N/m.
+    Spring {
+        /// N/m.
+        n_per_m: f64,
+    },
+}
+
+/// One train of ramps.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Run {
+    /// What was pressed.
+    pub pressed: Pressed,
+    /// The samples, from before the touch to after the last ramp.
+    pub lines: Vec<Line>,
+    /// When the first rise began, s.
+    pub began_s: f64,
+    /// When the press came to rest, s; the start for nothing.
+    pub pressed_s: f64,
+}
+
+/// Everything that was written down.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Session {
+    /// The runs.
+    pub runs: Vec<Run>,
+    /// Block on block, without the sensor: force in N and scale in m.
+    pub bare: Vec<(f64, f64)>,
+    /// The coil's temperature during the calibration, by its thermometer, degrees Celsius.
+    pub temperature_c: f64,
+}
+
+/// What the bench's user sets beforehand.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plan {
+    /// Settings of the instrument: the train is the one that it will measure with.
+    pub settings: Settings,
+    /// The coil's data, without which nothing limits its heat.
+    pub coil: Coil,
+    /// Depth of the sensing layer to aim at, m.
+    pub depth_m: f64,
+    /// Depths at which the block is pressed, in units of the first.
+    pub block_depths: Vec<f64>,
+    /// Springs, N/m.
+    pub springs_n_per_m: Vec<f64>,
+    /// How fast the stage moves, m/s.
+    pub speed_m_per_s: f64,
+    /// Rest between press and train, s.
+    pub rest_s: f64,
+}
+
+/// Why a calibration came to nothing.
+#[derive(Clone, Debug, PartialEq)]
+pub enum BenchError {
+    /// There is no such plant.
+    Plant(ParameterError),
+    /// The board cannot run.
+    Board(BoardError),
+    /// The instrument refused a command.
+    Command {
+        /// Its kind.
+        kind: u8,
+        /// The answer.
+        outcome: Outcome,
+    },
+    /// The train did not come to its end.
+    NoTrain {
+        /// What the instrument said instead, if anything.
+        said: Option<Box<Record>>,
+    },
+}
+
+impl core::fmt::Display for BenchError {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::Plant(error) => error.fmt(f),
+            Self::Board(error) => error.fmt(f),
+            Self::Command { kind, outcome } => {
+                write!(
+                    f,
+                    "the instrument answered command 0x{kind:02x} with {outcome}"
+                )
+            }
+            Self::NoTrain { said: Some(said) } => {
+                write!(f, "the train of ramps broke off: {said:?}")
+            }
+            Self::NoTrain { said: None } => f.write_str("the train of ramps did not end in time"),
+        }
+    }
+}
+
+impl core::error::Error for BenchError {}
+
+impl From<ParameterError> for BenchError {
+    fn from(error: ParameterError) -> Self {
+        Self::Plant(error)
+    }
+}
+
+impl From<BoardError> for BenchError {
+    fn from(error: BoardError) -> Self {
+        Self::Board(error)
+    }
+}
+
+/// Forces of the bare bench, N: up to what a stiff sensor takes.
+const BARE_FORCES_N: [f64; 5] = [1.0, 2.0, 5.0, 10.0, 20.0];
+/// Readings averaged at each.
+const BARE_READINGS: u32 = 100;
+/// Time for self-test and baseline before anything moves.
+const BASELINE: Time = Time::from_ms(800);
+/// Time after the train.
+const AFTERWARDS: Time = Time::from_ms(50);
+
+/// Goes through a calibration of a plant.
+///
+/// # Errors
+/// [`BenchError`].
+pub fn calibrate(
+    parameters: &Parameters,
+    switches: Switches,
+    plan: &Plan,
+) -> Result<Session, BenchError> {
+    let mut session = Session {
+        runs: vec![run(parameters, switches, plan, Pressed::Nothing, 0.0)?],
+        bare: Vec::new(),
+        temperature_c: crate::thermal::CALIBRATION_C,
+    };
+    for depth in &plan.block_depths {
+        let depth_m = depth * plan.depth_m;
+        let run = run(parameters, switches, plan, Pressed::Block, depth_m)?;
+        session.runs.push(run);
+    }
+    for &n_per_m in &plan.springs_n_per_m {
+        let spring = Pressed::Spring { n_per_m };
+        let run = run(parameters, switches, plan, spring, plan.depth_m)?;
+        session.runs.push(run);
+    }
+    let mut bare = BareRig::new(parameters, switches);
+    for force_n in BARE_FORCES_N {
+        let readings = (0..BARE_READINGS).map(|_| bare.press(force_n));
+        let (force_n, stage_m) = readings.fold((0.0, 0.0), |(force_n, stage_m), reading| {
+            (force_n + reading.force_n, stage_m + reading.stage_m)
+        });
+        let count = f64::from(BARE_READINGS);
+        session.bare.push((force_n / count, stage_m / count));
+    }
+    Ok(session)
+}
+
+fn run(
+    parameters: &Parameters,
+    switches: Switches,
+    plan: &Plan,
+    pressed: Pressed,
+    depth_m: f64,
+) -> Result<Run, BenchError> {
+    let specimen = match pressed {
+        Pressed::Nothing | Pressed::Block => Specimen::Block,
+        Pressed::Spring { n_per_m } => Specimen::Spring {
+            nominal_n_per_m: n_per_m,
+        },
+    };
+    let (world, gauges) = Rig::new(parameters, switches, specimen)?.into_parts();
+    let travel_m = match pressed {
+        Pressed::Nothing => None,
+        _ => Some(world.press_for_depth_m(depth_m)),
+    };
+    let hardware = Hardware::new(world);
+    let mut bench = Bench {
+        board: VirtualBoard::new(&hardware),
+        hardware: &hardware,
+        gauges,
+        lines: Vec::new(),
+    };
+    bench.prepare(plan)?;
+    bench.run_until(BASELINE)?;
+    let mut pressed_s = 0.0;
+    if let Some(travel_m) = travel_m {
+        let mut world = hardware.world().borrow_mut();
+        world.move_press(travel_m, plan.speed_m_per_s);
+        drop(world);
+        let moving_s = (travel_m + CLEARANCE_M) / plan.speed_m_per_s;
+        let at_rest = bench.board.now() + Time::from_secs_f64(moving_s);
+        bench.run_until(at_rest)?;
+        pressed_s = at_rest.as_secs_f64();
+        bench.run_until(at_rest + Time::from_secs_f64(plan.rest_s))?;
+    }
+    let began_s = bench.board.now().as_secs_f64();
+    bench.sweep()?;
+    Ok(Run {
+        pressed,
+        lines: bench.lines,
+        began_s,
+        pressed_s,
+    })
+}
+
+/// The bench during a run.
+struct Bench<'a> {
+    board: VirtualBoard<'a>,
+    hardware: &'a Hardware,
+    gauges: Gauges,
+    lines: Vec<Line>,
+}
+
+impl Bench<'_> {
+    fn prepare(&mut self, plan: &Plan) -> Result<(), BenchError> {
+        let settings = Settings {
+            stream: palpate_wire::code::Stream::Samples,
+            decimation: 1,
+            ..plan.settings.clone()
+        };
+        self.command(Command::SetSettings(settings))?;
+        self.command(Command::SetCoil(plan.coil.clone()))
+    }
+
+    /// Sends a command and wants it accepted.
+    fn command(&mut self, command: Command) -> Result<(), BenchError> {
+        self.board.send(command)?;
+        let records = self.board.take_records();
+        let mut answers = records.iter().filter_map(|(_, record)| match record {
+            Record::Acknowledgement(answer) => Some((answer.kind, answer.outcome)),
+            _ => None,
+        });
+        match answers.next_back() {
+            Some((_, Outcome::Accepted)) => Ok(()),
+            Some((kind, outcome)) => Err(BenchError::Command { kind, outcome }),
+            None => Err(BenchError::NoTrain { said: None }),
+        }
+    }
+
+    /// Runs, and writes the samples down with the gauges.
+    fn run_until(&mut self, end: Time) -> Result<(), BenchError> {
+        while self.board.now() < end {
+            self.board.advance(end)?;
+            let _ = self.write_down();
+        }
+        Ok(())
+    }
+
+    /// Writes new samples down; returns the records that are none.
+    fn write_down(&mut self) -> Vec<Record> {
+        let mut others = Vec::new();
+        for (at, record) in self.board.take_records() {
+            let Record::Sample(sample) = record else {
+                others.push(record);
+                continue;
+            };
+            let Some(conversion) = sample.channels.first() else {
+                continue;
+            };
+            let world: core::cell::Ref<'_, World> = self.hardware.world().borrow();
+            let reading = self.gauges.look_at(&world);
+            self.lines.push(Line {
+                time_s: at.as_ticks() as f64 * 1e-6,
+                frequency_hz: conversion.frequency_hz,
+                current_a: sample.current_a.unwrap_or(0.0).into(),
+                gauges_time_s: world.now().as_secs_f64(),
+                force_n: reading.force_n,
+                stage_m: reading.stage_m,
+            });
+        }
+        others
+    }
+
+    /// Drives the train.
+    fn sweep(&mut self) -> Result<(), BenchError> {
+        self.command(Command::Arm)?;
+        self.board.send(Command::Sweep)?;
+        let limit = self.board.now() + Time::from_ms(60_000);
+        let mut said = None;
+        while self.board.now() < limit {
+            self.board.advance(limit)?;
+            for record in self.write_down() {
+                match record {
+                    Record::State(change) if change.previous == State::Ramps && said.is_none() => {
+                        let end = self.board.now() + AFTERWARDS;
+                        return self.run_until(end);
+                    }
+                    Record::Refusal(_) | Record::Fault(_) => said = Some(Box::new(record)),
+                    _ => {}
+                }
+            }
+            if said.is_some() {
+                break;
+            }
+        }
+        Err(BenchError::NoTrain { said })
+    }
+}

@@ -1,0 +1,441 @@
+//! The virtual board: the instrument's own driver and procedure against the simulated converter
+//! and plant, on the virtual clock.
+//!
+//! What runs here is what runs on the real board - the same driver, the same procedure, the same
+//! records - with the tasks between them replaced by one loop: wait for INTB, read the frame, tell
+//! the procedure, do what it asks. The coil's current is ideal: it takes the course that it is told
+//! to, within what the supply can push.
+//!
+//! ```
+//! use palpate_sim::Time;
+//! use palpate_sim::board::{Hardware, VirtualBoard};
+//! use palpate_sim::parameters::draw;
+//! use palpate_sim::stack::{Disturbances, Stack};
+//! use palpate_sim::switches::Switches;
+//! use palpate_sim::world::{Setup, World};
+//!
+//! let plant = draw(&Stack::builtin("ultrasoft")?, &Disturbances::builtin()?, 1);
+//! let hardware = Hardware::new(World::new(&plant, Switches::all(), Setup::default())?);
+//! let mut board = VirtualBoard::new(&hardware);
+//! board.run_until(Time::from_ms(500))?;
+//! let records = board.take_records();
+//! assert!(records.len() > 400, "samples at 1 kHz after the start");
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+mod identity;
+
+use core::cell::RefCell;
+use core::fmt;
+
+use ldc161x::{
+    Acquisition, Address, Channel, Error, Frame, Ldc161x, Model, Plan, Rate, ReferenceClock,
+    Request, Sensor, Sequence,
+};
+use ldc161x_sim::{Bus, Chip, Delay, I2cError, IntbPin, Time};
+use palpate_procedure::event::{Conditions, Failure};
+use palpate_procedure::{Action, Actions, Conversion, Duration, Event, Instant, Procedure, Scan};
+use palpate_wire::code::{FaultCode, Place};
+use palpate_wire::{Command, Header, Record};
+
+use crate::world::{SharedWorld, World};
+
+pub use identity::{BOOT_ID, board};
+
+/// Settings with which the instrument starts.
+#[must_use]
+pub fn default_settings() -> palpate_wire::command::Settings {
+    palpate_procedure::configuration::DEFAULT_SETTINGS
+}
+
+/// CLKIN for one channel (shared pin plan: 120 MHz divided by 4).
+const SINGLE_CLKIN_HZ: u32 = 30_000_000;
+/// CLKIN for several: 120 MHz divided by 3.
+const SCAN_CLKIN_HZ: u32 = 40_000_000;
+/// I2C clock.
+const SCL_HZ: u32 = 400_000;
+/// Longest wait for an interrupt before the procedure is told the time.
+const TICK: Time = Time::from_ms(10);
+/// How often temperature and supply are told.
+const CONDITIONS_PERIOD: Time = Time::from_ms(100);
+/// Samples of the ADC averaged over a conversion: at 10 kHz.
+const ADC_SAMPLES_PER_S: f64 = 10e3;
+/// A failed start is tried again after this time.
+const RETRY: Time = Time::from_ms(20);
+
+/// What the board is wired to: converter and world.
+#[derive(Debug)]
+pub struct Hardware {
+    world: SharedWorld,
+    chip: RefCell<Chip<SharedWorld>>,
+}
+
+impl Hardware {
+    /// A converter in this world, at the world's own time.
+    #[must_use]
+    pub fn new(world: World) -> Self {
+        Self::clocked(world, SINGLE_CLKIN_HZ)
+    }
+
+    /// The same with the clock that autoscan needs.
+    #[must_use]
+    pub fn for_several_channels(world: World) -> Self {
+        Self::clocked(world, SCAN_CLKIN_HZ)
+    }
+
+    fn clocked(world: World, clkin_hz: u32) -> Self {
+        let settings = world.chip_settings(f64::from(clkin_hz));
+        let start = world.now();
+        let world = SharedWorld::new(world);
+        let mut chip = Chip::new(settings, world.clone());
+        chip.advance_to(start);
+        Self {
+            world,
+            chip: RefCell::new(chip),
+        }
+    }
+
+    /// The world, to move its press and to look at what is truly there.
+    #[must_use]
+    pub fn world(&self) -> &SharedWorld {
+        &self.world
+    }
+
+    /// The converter, to schedule faults and to look at its record.
+    #[must_use]
+    pub fn chip(&self) -> &RefCell<Chip<SharedWorld>> {
+        &self.chip
+    }
+
+    fn clkin_hz(&self) -> u32 {
+        let clock = self.chip.borrow().settings().external_clock;
+        clock.map_or(SINGLE_CLKIN_HZ, |clock| clock.frequency_hz as u32)
+    }
+}
+
+/// Why the board cannot run.
+#[derive(Clone, Debug, PartialEq)]
+pub enum BoardError {
+    /// The converter cannot be configured as asked.
+    Plan(ldc161x::Refusal),
+}
+
+impl fmt::Display for BoardError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Plan(refusal) => write!(f, "converter: {refusal}"),
+        }
+    }
+}
+
+impl core::error::Error for BoardError {}
+
+/// A record with its time.
+pub type TimedRecord = (Instant, Record);
+
+type Driver<'a> = Ldc161x<Bus<'a, SharedWorld>>;
+
+/// The board under way.
+#[derive(Debug)]
+pub struct VirtualBoard<'a> {
+    hardware: &'a Hardware,
+    driver: Driver<'a>,
+    interrupt: IntbPin<'a, SharedWorld>,
+    delay: Delay<'a, SharedWorld>,
+    procedure: Procedure,
+    sensing: Option<Sensing>,
+    wanted: Option<Plan>,
+    next_conditions: Time,
+    commands_sent: u32,
+    records: Vec<TimedRecord>,
+}
+
+/// The converter under way.
+#[derive(Clone, Copy, Debug)]
+struct Sensing {
+    plan: Plan,
+    conversion: Time,
+    /// Time of the last edge.
+    last: Option<Time>,
+}
+
+impl<'a> VirtualBoard<'a> {
+    /// A board that starts now, with default settings and no calibration.
+    #[must_use]
+    pub fn new(hardware: &'a Hardware) -> Self {
+        let bus = Bus::new(&hardware.chip, SCL_HZ);
+        Self {
+            hardware,
+            driver: Ldc161x::new(bus, Model::Ldc1614, Address::AddrLow),
+            interrupt: IntbPin::new(&hardware.chip),
+            delay: Delay::new(&hardware.chip),
+            procedure: Procedure::new(board()),
+            sensing: None,
+            wanted: None,
+            next_conditions: hardware.world.borrow().now(),
+            commands_sent: 0,
+            records: Vec::new(),
+        }
+    }
+
+    /// The procedure, to look at.
+    #[must_use]
+    pub fn procedure(&self) -> &Procedure {
+        &self.procedure
+    }
+
+    /// The present.
+    #[must_use]
+    pub fn now(&self) -> Time {
+        self.hardware.chip.borrow().now()
+    }
+
+    /// The records since this was last asked.
+    pub fn take_records(&mut self) -> Vec<TimedRecord> {
+        core::mem::take(&mut self.records)
+    }
+
+    /// Sends a command, which is answered at once.
+    ///
+    /// # Errors
+    /// [`BoardError`] if what it sets cannot be done.
+    pub fn send(&mut self, command: Command) -> Result<(), BoardError> {
+        let header = Header {
+            boot_id: BOOT_ID,
+            sequence: self.commands_sent,
+            time_us: 0,
+            dropped: 0,
+        };
+        self.commands_sent += 1;
+        let frame = palpate_wire::Frame {
+            header,
+            message: command,
+        };
+        self.step(&Event::Command(&frame))
+    }
+
+    /// Runs until `end`, or a little beyond by the transfer under way.
+    ///
+    /// # Errors
+    /// As [`send`](Self::send).
+    pub fn run_until(&mut self, end: Time) -> Result<(), BoardError> {
+        while self.now() < end {
+            self.advance(end)?;
+        }
+        Ok(())
+    }
+
+    /// Runs until a record has come that satisfies `found`, or until `end`; tells whether it has.
+    ///
+    /// # Errors
+    /// As [`send`](Self::send).
+    pub fn run_to(
+        &mut self,
+        end: Time,
+        found: impl Fn(&Record) -> bool,
+    ) -> Result<bool, BoardError> {
+        let mut seen = self.records.len();
+        while self.now() < end {
+            self.advance(end)?;
+            let new = self.records.get(seen..).unwrap_or_default();
+            if new.iter().any(|(_, record)| found(record)) {
+                return Ok(true);
+            }
+            seen = self.records.len();
+        }
+        Ok(false)
+    }
+
+    /// Runs to the next interrupt, to the next tick of 10 ms, or to `end`, whichever comes first.
+    ///
+    /// # Errors
+    /// As [`send`](Self::send).
+    pub fn advance(&mut self, end: Time) -> Result<(), BoardError> {
+        let now = self.now();
+        let limit = (now + TICK).min(end).max(now + Time::from_us(1));
+        let edge = self.hardware.chip.borrow_mut().advance_to_interrupt(limit);
+        self.hardware
+            .world
+            .borrow_mut()
+            .advance_to(edge.unwrap_or(limit));
+        match (edge, self.sensing) {
+            (Some(edge), Some(sensing)) => self.converted(edge, sensing)?,
+            _ => self.idle()?,
+        }
+        if self.now() >= self.next_conditions {
+            self.next_conditions = self.now() + CONDITIONS_PERIOD;
+            let conditions = self.conditions();
+            self.step(&Event::Conditions(conditions))?;
+        }
+        Ok(())
+    }
+
+    /// No edge: time goes on, and a converter that has not started is tried again.
+    fn idle(&mut self) -> Result<(), BoardError> {
+        if self.sensing.is_none() && self.wanted.is_some() {
+            self.start_sensing();
+        }
+        self.step(&Event::Tick)
+    }
+
+    fn converted(&mut self, edge: Time, sensing: Sensing) -> Result<(), BoardError> {
+        match self.driver.read_frame() {
+            Ok(frame) => {
+                let scan = self.scan(edge, &sensing, &frame);
+                self.sensing = Some(Sensing {
+                    last: Some(edge),
+                    ..sensing
+                });
+                self.step(&Event::Scan(&scan))
+            }
+            Err(error) => {
+                self.sensing = None;
+                self.step(&Event::Fault(failure(&error)))
+            }
+        }
+    }
+
+    fn scan(&self, edge: Time, sensing: &Sensing, frame: &Frame) -> Scan {
+        let channels = frame.readings().len() as u64;
+        let slot = Time::from_ps(1_000 * sensing.plan.frame_period_ns / channels.max(1));
+        let first = edge - Time::from_ps(slot.as_ps() * (channels.max(1) - 1));
+        let begins = first - sensing.conversion;
+        let middle = first - Time::from_ps(sensing.conversion.as_ps() / 2);
+        let conversions = frame.readings().iter().enumerate().map(|(place, reading)| {
+            let offset = Time::from_ps(slot.as_ps() * place as u64);
+            Conversion {
+                reading: *reading,
+                offset: Duration::from_ticks(micros(offset)),
+            }
+        });
+        let samples = (sensing.conversion.as_secs_f64() * ADC_SAMPLES_PER_S).max(1.0) as u32;
+        let told_a = self
+            .hardware
+            .world
+            .borrow_mut()
+            .told_mean_current_a(begins, first, samples);
+        Scan {
+            sensor: 0,
+            middle: Instant::from_ticks(micros(middle)),
+            window: Duration::from_ticks(micros(sensing.conversion)),
+            conversions: conversions.take(4).collect(),
+            lost: lost(edge, sensing),
+            gap: frame.marks.gap,
+            current: Some(palpate_procedure::units::Ampere(told_a as f32)),
+        }
+    }
+
+    fn conditions(&self) -> Conditions {
+        let world = self.hardware.world.borrow();
+        let truth = world.truth();
+        let supply_v = world.parameters().current.supply_v;
+        Conditions {
+            temperature: Some(palpate_procedure::units::Celsius(truth.pad_c as f32)),
+            supply_v: supply_v.is_finite().then_some(supply_v as f32),
+            ..Conditions::default()
+        }
+    }
+
+    /// Tells the procedure, and does what it asks.
+    fn step(&mut self, event: &Event<'_>) -> Result<(), BoardError> {
+        let now = self.now();
+        self.hardware.world.borrow_mut().advance_to(now);
+        let actions = self.procedure.step(Instant::from_ticks(micros(now)), event);
+        self.carry_out(actions)
+    }
+
+    fn carry_out(&mut self, actions: Actions) -> Result<(), BoardError> {
+        for action in actions {
+            match action {
+                Action::SafeState => self.hardware.world.borrow_mut().set_current(0.0),
+                Action::Current { to, over } => {
+                    let over = Time::from_us(over.as_ticks());
+                    let mut world = self.hardware.world.borrow_mut();
+                    world.ramp_current(to.0.into(), over);
+                }
+                Action::ConfigureSensors { channels, rate } => {
+                    let plan = self.plan(channels, rate.0).map_err(BoardError::Plan)?;
+                    self.wanted = Some(plan);
+                    self.start_sensing();
+                }
+                Action::Record { at, record } => self.records.push((at, record)),
+            }
+        }
+        Ok(())
+    }
+
+    /// Register values for channels and a rate, for a sensor as the coil's designer knows it: its
+    /// frequency and losses at rest, and what a press may make of them.
+    fn plan(&self, channels: u8, rate_hz: f32) -> Result<Plan, ldc161x::Refusal> {
+        let world = self.hardware.world.borrow();
+        let rest_hz = world.frequency_hz(world.now().as_secs_f64()).unwrap_or(3e6);
+        let (quality, parallel_ohm) = world.losses(rest_hz);
+        let sensor = Sensor {
+            highest_quality_factor: quality.ceil() as u16,
+            // At rest; a press raises L by a fifth at most (0.4 mm between slabs 1 mm off), and with
+            // it the parallel resistance L/(R C).
+            lowest_rp_ohm: parallel_ohm as u32,
+            highest_rp_ohm: (1.2 * parallel_ohm) as u32,
+            ..Sensor::new((0.8 * rest_hz) as u32, (1.05 * rest_hz) as u32)
+        };
+        let acquisition = match channels {
+            0b0001 => Acquisition::Single(Channel::Zero),
+            0b0010 => Acquisition::Single(Channel::One),
+            0b0100 => Acquisition::Single(Channel::Two),
+            0b1000 => Acquisition::Single(Channel::Three),
+            0b0011 => Acquisition::Autoscan(Sequence::ZeroToOne),
+            0b0111 => Acquisition::Autoscan(Sequence::ZeroToTwo),
+            _ => Acquisition::Autoscan(Sequence::ZeroToThree),
+        };
+        let clock = ReferenceClock::External {
+            hz: self.hardware.clkin_hz(),
+        };
+        Request::new(Model::Ldc1614, clock, acquisition, sensor)
+            .rate(Rate::PerSecond(rate_hz.ceil() as u32))
+            .plan()
+    }
+
+    fn start_sensing(&mut self) {
+        let Some(plan) = self.wanted else {
+            return;
+        };
+        let started = self.driver.start(&plan.configuration).and_then(|()| {
+            self.driver
+                .probe_interrupt_release(&mut self.interrupt, &mut self.delay)
+                .map(drop)
+        });
+        let channel = plan.configuration.acquisition.channels().next();
+        let scale = plan.configuration.scale(channel.unwrap_or_default());
+        self.sensing = started.ok().map(|()| Sensing {
+            plan,
+            conversion: Time::from_secs_f64(scale.conversion_s()),
+            last: None,
+        });
+        if self.sensing.is_none() {
+            let later = self.now() + RETRY;
+            self.hardware.chip.borrow_mut().advance_to(later);
+        }
+    }
+}
+
+/// Whole conversions that were missed before an edge.
+fn lost(edge: Time, sensing: &Sensing) -> u32 {
+    let Some(last) = sensing.last else {
+        return 0;
+    };
+    let periods = (edge - last).as_secs_f64() / (sensing.plan.frame_period_ns as f64 * 1e-9);
+    (periods.round() as u32).saturating_sub(1)
+}
+
+/// A moment in whole microseconds.
+fn micros(time: Time) -> u64 {
+    (time.as_ps() + 500_000) / 1_000_000
+}
+
+fn failure(error: &Error<I2cError>) -> Failure {
+    match error {
+        Error::WrongIdentity { .. } => Failure::new(FaultCode::SensorIdentity, Place::Sensor),
+        Error::RegistersLost { .. } => Failure::new(FaultCode::SensorReset, Place::Sensor),
+        _ => Failure::new(FaultCode::BusNotAcknowledged, Place::Bus),
+    }
+}
