@@ -1,9 +1,15 @@
 //! `palpate`: the tool that users of the sensor have in their hands.
 
+mod calibrate;
 mod chip;
+mod demo;
 mod failure;
+mod instrument;
 mod plan_ldc;
+mod press;
 mod quantity;
+mod report;
+mod verdict;
 mod words;
 
 use std::process::ExitCode;
@@ -32,6 +38,7 @@ enum Verb {
     Words(words::Arguments),
     PlanLdc(plan_ldc::Arguments),
     Chip(chip::Arguments),
+    Demo(demo::Arguments),
 }
 
 fn main() -> ExitCode {
@@ -39,6 +46,7 @@ fn main() -> ExitCode {
         Verb::Words(arguments) => words::run(&arguments),
         Verb::PlanLdc(arguments) => plan_ldc::run(&arguments),
         Verb::Chip(arguments) => chip::run(&arguments),
+        Verb::Demo(arguments) => demo::run(&arguments),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

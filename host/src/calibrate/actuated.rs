@@ -1,0 +1,264 @@
+//! The actuated layer, from all trains together.
+//!
+//! On every fall of run j, with W_j = 1 + kappa_j + g0 and kappa_j = c_S/c_j known:
+//!
+//! x0_j/x (1 + d_j phi) - h(I) - (k I^2/c_D)/x - g0 = 1 + kappa_j,
+//!
+//! which is linear in h's coefficients, the attraction k, g0 and every run's own x0 and drift, but
+//! for c_D in the attraction: that comes from the solution before, three times. What separates the
+//! unknowns: h and g0 by loads of different stiffness, the attraction by depths.
+
+use palpate_sim::bench::Pressed;
+
+use super::crosstalk::Crosstalk;
+use super::curve::ForceCurve;
+use super::least_squares::{Solution, System};
+use super::samples::{Fallen, Run};
+use super::{Known, Unusable};
+
+/// Degree of h in the current: enough for the bends that memory and lag put on a quadratic law.
+const DEGREE: usize = 8;
+/// Times that the small terms are renewed: the third changes nothing above 1e-6.
+const ROUNDS: usize = 4;
+/// The actuated layer as calibrated.
+#[derive(Clone, Debug)]
+pub(crate) struct Actuated {
+    /// g0 = c_S/c_D0.
+    pub(crate) ratio: f64,
+    /// Coefficients of h(I) in the shifted Chebyshev polynomials of `basis`.
+    pub(crate) regressor: Vec<f64>,
+    pub(crate) peak_a: f64,
+    pub(crate) attraction_n_per_a2: f64,
+}
+
+impl Actuated {
+    /// h(I) = g(I) - g(0).
+    pub(crate) fn regressor(&self, current_a: f64) -> f64 {
+        let terms = basis(current_a / self.peak_a);
+        terms.zip(&self.regressor).map(|(term, c)| term * c).sum()
+    }
+
+    /// rho(I) = c_D/c_D0 - 1.
+    pub(crate) fn rise(&self, current_a: f64) -> f64 {
+        let regressor = self.regressor(current_a);
+        -regressor / (self.ratio + regressor)
+    }
+}
+
+/// T_k(2u - 1) - T_k(-1), k from 1: polynomials that vanish without current.
+fn basis(part: f64) -> impl Iterator<Item = f64> {
+    let t = 2.0 * part - 1.0;
+    let mut pair = (1.0, t);
+    (1..=DEGREE).map(move |k| {
+        let value = pair.1;
+        pair = (pair.1, 2.0 * t * pair.1 - pair.0);
+        value - if k % 2 == 0 { 1.0 } else { -1.0 }
+    })
+}
+
+/// The solution, with what is needed to see how it depends on the springs.
+#[derive(Clone, Debug)]
+pub(super) struct Fit {
+    pub(super) actuated: Actuated,
+    pub(super) solution: Solution,
+    pub(super) problem: Problem,
+}
+
+/// The trains, prepared.
+#[derive(Clone, Debug)]
+pub(super) struct Problem {
+    trains: Vec<Train>,
+    pub(super) sensing_n_per_m: f64,
+    start_ratio: f64,
+    pub(super) peak_a: f64,
+    /// Mean deformation, m.
+    pub(super) depth_m: f64,
+}
+
+#[derive(Clone, Debug)]
+struct Train {
+    kappa: f64,
+    spring: bool,
+    /// Time constant of the logarithmic drift, s.
+    tau_s: f64,
+    samples: Vec<Sample>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Sample {
+    time_s: f64,
+    /// Deformation with the cross-talk taken out, m.
+    deformation_m: f64,
+    current_a: f64,
+}
+
+/// Places of the unknowns.
+const ATTRACTION: usize = DEGREE;
+const RATIO: usize = DEGREE + 1;
+const SHARED: usize = DEGREE + 2;
+
+pub(super) fn fit(
+    runs: &[Run],
+    force: &ForceCurve,
+    crosstalk: Crosstalk,
+    frame_m_per_n: f64,
+    known: &Known,
+) -> Result<Fit, Unusable> {
+    let sensing = known.sensing_n_per_m;
+    let prepare = |sample: &Fallen| Sample {
+        time_s: sample.time_s,
+        deformation_m: crosstalk.without(force.at(sample.change) / sensing, sample.current_a),
+        current_a: sample.current_a,
+    };
+    let trains: Vec<Train> = runs
+        .iter()
+        .filter_map(|run| {
+            let (compliance, spring) = match run.pressed {
+                Pressed::Nothing => return None,
+                Pressed::Block => (0.0, false),
+                Pressed::Spring { n_per_m } => (1.0 / n_per_m, true),
+            };
+            Some(Train {
+                kappa: sensing * (compliance + frame_m_per_n),
+                spring,
+                tau_s: run.since_touch_s,
+                samples: run.falls.iter().map(prepare).collect(),
+            })
+        })
+        .collect();
+    if trains.iter().any(|train| train.samples.is_empty()) {
+        return Err(Unusable::Missing(
+            "fall of the current in one of its trains",
+        ));
+    }
+    let deformations = trains.iter().flat_map(|train| &train.samples);
+    let (sum_m, count) = deformations.fold((0.0, 0.0), |(sum, count), sample| {
+        (sum + sample.deformation_m, count + 1.0)
+    });
+    let problem = Problem {
+        trains,
+        sensing_n_per_m: sensing,
+        start_ratio: sensing / known.actuated_n_per_m,
+        peak_a: f64::from(known.settings.peak_current_a),
+        depth_m: sum_m / count,
+    };
+    problem.fit(&vec![0.0; problem.springs()])
+}
+
+impl Problem {
+    /// Number of springs.
+    pub(super) fn springs(&self) -> usize {
+        self.trains.iter().filter(|train| train.spring).count()
+    }
+
+    /// Solves for springs that are stiffer than written on them by these parts.
+    pub(super) fn fit(&self, stiffer: &[f64]) -> Result<Fit, Unusable> {
+        let what = "the actuated layer: it stiffens too little to be seen, or no spring differs enough \
+                    from the sensor's own";
+        let mut actuated = Actuated {
+            ratio: self.start_ratio,
+            regressor: vec![0.0; DEGREE],
+            peak_a: self.peak_a,
+            attraction_n_per_a2: 0.0,
+        };
+        let mut solution = None;
+        for _ in 0..ROUNDS {
+            let solved = self.system(&actuated, stiffer).solve(what)?;
+            let unknown = |place: usize| solved.unknowns.get(place).copied().unwrap_or(0.0);
+            actuated = Actuated {
+                ratio: unknown(RATIO),
+                regressor: solved.unknowns.iter().take(DEGREE).copied().collect(),
+                peak_a: self.peak_a,
+                attraction_n_per_a2: unknown(ATTRACTION),
+            };
+            solution = Some(solved);
+        }
+        let rises = actuated.rise(self.peak_a) > 0.0;
+        match solution {
+            Some(solution) if actuated.ratio > 0.0 && rises => Ok(Fit {
+                actuated,
+                solution,
+                problem: self.clone(),
+            }),
+            _ => Err(Unusable::Undetermined(what)),
+        }
+    }
+
+    /// By how much each train by itself, evaluated with the solution, misses what was pressed:
+    /// kappa and the error of kappa.
+    pub(super) fn misses(&self, actuated: &Actuated) -> Result<Vec<(f64, f64)>, Unusable> {
+        let miss = |train: &Train| {
+            let mut system = System::new(3);
+            for sample in &train.samples {
+                let (x_m, current_a) = (sample.deformation_m, sample.current_a);
+                let square_a2 = current_a * current_a;
+                let ratio_now = actuated.ratio + actuated.regressor(current_a);
+                let whole = 1.0 + train.kappa + ratio_now;
+                let pull = square_a2 * ratio_now / self.sensing_n_per_m / x_m;
+                let right = 1.0 + ratio_now + actuated.attraction_n_per_a2 * pull;
+                let phi = (sample.time_s / train.tau_s).ln_1p();
+                let level = self.depth_m / x_m;
+                let weight = x_m / (self.depth_m * whole);
+                system.add(vec![level, level * phi, -1.0], right, weight);
+            }
+            let solved = system.solve("a train by itself")?;
+            let kappa = solved.unknowns.get(2).copied().unwrap_or(f64::NAN);
+            Ok((train.kappa, kappa - train.kappa))
+        };
+        self.trains.iter().map(miss).collect()
+    }
+
+    fn system(&self, guess: &Actuated, stiffer: &[f64]) -> System {
+        let unknowns = SHARED + 2 * self.trains.len();
+        let mut system = System::new(unknowns);
+        let mut stiffer = stiffer.iter();
+        for (place, train) in self.trains.iter().enumerate() {
+            let part = if train.spring {
+                stiffer.next().copied().unwrap_or(0.0)
+            } else {
+                0.0
+            };
+            let kappa = train.kappa / (1.0 + part);
+            for sample in &train.samples {
+                let mut row = vec![0.0; unknowns];
+                let (x_m, current_a) = (sample.deformation_m, sample.current_a);
+                let square_a2 = current_a * current_a;
+                let ratio_now = guess.ratio + guess.regressor(current_a);
+                let whole = 1.0 + kappa + ratio_now;
+                for (entry, term) in row.iter_mut().zip(basis(current_a / self.peak_a)) {
+                    *entry = -term;
+                }
+                // 1/c_D = g/c_S.
+                let set = |row: &mut Vec<f64>, place: usize, value: f64| {
+                    if let Some(entry) = row.get_mut(place) {
+                        *entry = value;
+                    }
+                };
+                let pull = square_a2 * ratio_now / self.sensing_n_per_m / x_m;
+                set(&mut row, ATTRACTION, -pull);
+                set(&mut row, RATIO, -1.0);
+                let phi = (sample.time_s / train.tau_s).ln_1p();
+                set(&mut row, SHARED + 2 * place, self.depth_m / x_m);
+                set(&mut row, SHARED + 2 * place + 1, self.depth_m / x_m * phi);
+                system.add(row, 1.0 + kappa, x_m / (self.depth_m * whole));
+            }
+        }
+        system
+    }
+}
+
+/// Places of the unknowns that all trains share.
+pub(super) const fn shared() -> usize {
+    SHARED
+}
+
+/// The actuated layer of other unknowns.
+pub(super) fn with_unknowns(like: &Actuated, unknowns: &[f64]) -> Actuated {
+    let unknown = |place: usize| unknowns.get(place).copied().unwrap_or(0.0);
+    Actuated {
+        ratio: unknown(RATIO),
+        regressor: unknowns.iter().take(DEGREE).copied().collect(),
+        attraction_n_per_a2: unknown(ATTRACTION),
+        ..like.clone()
+    }
+}

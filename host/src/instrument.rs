@@ -1,0 +1,140 @@
+//! A simulated instrument, calibrated on its own bench.
+
+use palpate_sim::bench;
+use palpate_sim::board;
+use palpate_sim::parameters::{Parameters, draw};
+use palpate_sim::stack::{Disturbances, Stack};
+use palpate_sim::switches::Switches;
+use palpate_wire::command::{Coil, Settings};
+
+use crate::calibrate::{self, Calibration, Known};
+use crate::failure::Failure;
+
+/// A plant and the calibration that it was given.
+#[derive(Clone, Debug)]
+pub(crate) struct Instrument {
+    pub(crate) plant: Parameters,
+    pub(crate) switches: Switches,
+    pub(crate) calibration: Calibration,
+    pub(crate) settings: Settings,
+}
+
+/// Depths at which the block is pressed, in units of the working depth: what users' hands vary.
+const BLOCK_DEPTHS: [f64; 3] = [0.6, 1.0, 1.4];
+/// Springs of the bench, in units of the nominal c_S.
+const SPRINGS: [f64; 5] = [0.2, 0.5, 1.0, 2.0, 5.0];
+/// How fast objects are pressed, on the bench as later, m/s.
+pub(crate) const SPEED_M_PER_S: f64 = 2e-3;
+/// From the end of the press to the train on the bench, s: a press in use is found steady after
+/// two to four tenths of a second.
+const REST_S: f64 = 0.3;
+/// Share of what the supply can push through the warm coil that the peak may take.
+const OF_SUPPLY: f64 = 0.95;
+/// The coil when warm, as a multiple of its resistance at rest: 50 K above it.
+const WARM: f64 = 1.2;
+
+/// What the coefficients of temperature may be, as standard uncertainties: uniform within
+/// -0.4 to 0.1 %/K for both springs (root of mean square 0.21 %), within 0.5 %/K for the rise
+/// (sim-host/stacks/disturbances.toml).
+const SPRINGS_PER_K: f64 = 0.002_1;
+const RISE_PER_K: f64 = 0.002_9;
+/// Tolerance of the bench's springs and gain of its load cell, by the same file.
+const SPRING_TOLERANCE: f64 = 0.01;
+const LOAD_CELL_GAIN: f64 = 0.001;
+
+impl Instrument {
+    /// Draws a plant and calibrates it.
+    pub(crate) fn calibrated(
+        stack: &Stack,
+        disturbances: &Disturbances,
+        seed: u64,
+        switches: Switches,
+        settings: &Settings,
+    ) -> Result<Self, Failure> {
+        let plant = draw(stack, disturbances, seed);
+        let effective = plant.effective(&switches);
+        let settings = Settings {
+            peak_current_a: affordable_peak_a(&effective) as f32,
+            ..settings.clone()
+        };
+        let coil = coil(&effective);
+        let sensing_n_per_m = stack.sensing_spring_n_per_m.centre();
+        let plan = bench::Plan {
+            settings: settings.clone(),
+            coil: coil.clone(),
+            depth_m: plant.press.depth_m,
+            block_depths: BLOCK_DEPTHS.to_vec(),
+            springs_n_per_m: SPRINGS.map(|ratio| ratio * sensing_n_per_m).to_vec(),
+            speed_m_per_s: SPEED_M_PER_S,
+            rest_s: REST_S,
+        };
+        let known = Known {
+            settings: settings.clone(),
+            coil,
+            sensing_n_per_m,
+            actuated_n_per_m: stack.actuated_spring_n_per_m.centre(),
+            capacitance_f: plant.tank.capacitance_f,
+            spring_tolerance: if switches.spring_tolerance {
+                SPRING_TOLERANCE
+            } else {
+                0.0
+            },
+            load_cell_gain: if switches.load_cell_gain {
+                LOAD_CELL_GAIN
+            } else {
+                0.0
+            },
+            springs_per_k: if switches.spring_temperature {
+                SPRINGS_PER_K
+            } else {
+                0.0
+            },
+            rise_per_k: if switches.stiffening_temperature {
+                RISE_PER_K
+            } else {
+                0.0
+            },
+        };
+        let failed = |reason: String| Failure::Refused(format!("calibration: {reason}"));
+        let session =
+            bench::calibrate(&plant, switches, &plan).map_err(|error| failed(error.to_string()))?;
+        let calibration =
+            calibrate::evaluate(&session, &known).map_err(|error| failed(error.to_string()))?;
+        Ok(Self {
+            plant,
+            switches,
+            calibration,
+            settings,
+        })
+    }
+}
+
+/// The stack's peak current, or what the supply can drive through the warm coil, in whole tenths
+/// of an ampere.
+fn affordable_peak_a(plant: &Parameters) -> f64 {
+    let warm_ohm = WARM * plant.thermal.resistance_ohm;
+    let affordable_a = OF_SUPPLY * plant.current.limit_a(warm_ohm);
+    let tenths = (affordable_a * 10.0).floor() / 10.0;
+    tenths.min(plant.current.peak_a)
+}
+
+/// The coil's data as its maker gives them.
+fn coil(plant: &Parameters) -> Coil {
+    let thermal = &plant.thermal;
+    Coil {
+        resistance_ohm: thermal.resistance_ohm as f32,
+        copper_capacity_j_per_k: thermal.copper_j_per_k as f32,
+        pad_capacity_j_per_k: thermal.pad_j_per_k as f32,
+        copper_to_pad_k_per_w: thermal.copper_to_pad_k_per_w as f32,
+        pad_to_ambient_k_per_w: thermal.pad_to_ambient_k_per_w as f32,
+        gain_v_per_a: 0.125,
+        zero_v: 1.65,
+        // The gain was the same at the calibration, so that the rise contains it.
+        current_uncertainty: 0.0,
+    }
+}
+
+/// Settings with which the instrument starts.
+pub(crate) fn default_settings() -> Settings {
+    board::default_settings()
+}
