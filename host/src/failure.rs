@@ -2,6 +2,11 @@
 
 use std::{fmt, io, path::PathBuf, process::ExitCode};
 
+use palpate_sim::stack::LoadError;
+use palpate_sim::stack::document::FileError;
+
+use crate::press::Broken;
+
 /// A failure with its place, its cause and what to do.
 #[derive(Debug)]
 pub(crate) enum Failure {
@@ -16,6 +21,8 @@ pub(crate) enum Failure {
         /// What is allowed there.
         allowed: String,
     },
+    /// Something in a stack or a scenario is not as it may be.
+    Document(FileError),
     /// A file cannot be read.
     Unreadable {
         /// The file.
@@ -33,7 +40,7 @@ impl Failure {
     /// 2 for input, 1 for everything else.
     pub(crate) fn exit_code(&self) -> ExitCode {
         match self {
-            Self::Input { .. } | Self::Unreadable { .. } => ExitCode::from(2),
+            Self::Input { .. } | Self::Document(_) | Self::Unreadable { .. } => ExitCode::from(2),
             Self::Refused(_) | Self::Output(_) => ExitCode::FAILURE,
         }
     }
@@ -54,6 +61,7 @@ impl fmt::Display for Failure {
                     file.display()
                 )
             }
+            Self::Document(error) => error.fmt(f),
             Self::Unreadable { file, reason } => write!(
                 f,
                 "{}: {reason}. Name a file that exists and may be read.",
@@ -62,6 +70,24 @@ impl fmt::Display for Failure {
             Self::Refused(reason) => f.write_str(reason),
             Self::Output(error) => write!(f, "cannot write the result: {error}"),
         }
+    }
+}
+
+impl From<LoadError> for Failure {
+    fn from(error: LoadError) -> Self {
+        match error {
+            LoadError::Read { path, source } => Self::Unreadable {
+                file: path,
+                reason: source,
+            },
+            LoadError::Refused(error) => Self::Document(error),
+        }
+    }
+}
+
+impl From<Broken> for Failure {
+    fn from(error: Broken) -> Self {
+        Self::Refused(error.to_string())
     }
 }
 

@@ -6,9 +6,14 @@ mod demo;
 mod failure;
 mod instrument;
 mod plan_ldc;
+mod plot;
 mod press;
+mod progress;
 mod quantity;
 mod report;
+mod results;
+mod simulate;
+mod train;
 mod verdict;
 mod words;
 
@@ -39,6 +44,7 @@ enum Verb {
     PlanLdc(plan_ldc::Arguments),
     Chip(chip::Arguments),
     Demo(demo::Arguments),
+    Simulate(simulate::Arguments),
 }
 
 fn main() -> ExitCode {
@@ -47,6 +53,7 @@ fn main() -> ExitCode {
         Verb::PlanLdc(arguments) => plan_ldc::run(&arguments),
         Verb::Chip(arguments) => chip::run(&arguments),
         Verb::Demo(arguments) => demo::run(&arguments),
+        Verb::Simulate(arguments) => simulate::run(&arguments),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -4,10 +4,11 @@ use palpate_sim::Time;
 use palpate_sim::board::{BoardError, Hardware, TimedRecord, VirtualBoard};
 use palpate_sim::mechanics::load::Load;
 use palpate_sim::mechanics::press::Profile;
-use palpate_sim::parameters::{ParameterError, Parameters};
-use palpate_sim::switches::Switches;
+use palpate_sim::parameters::ParameterError;
 use palpate_sim::world::{Holder, Setup, World};
 use palpate_wire::{Command, Record};
+
+use crate::instrument::Instrument;
 
 /// How an object is pressed.
 #[derive(Clone, Debug)]
@@ -36,12 +37,23 @@ const AFTERWARDS: Time = Time::from_ms(100);
 pub(crate) struct Pressed {
     /// Everything the instrument told.
     pub(crate) records: Vec<TimedRecord>,
+    /// What was pressed.
+    pub(crate) load: Load,
+    /// Compliance of what the load stands on, m/N.
+    pub(crate) frame_m_per_n: f64,
     /// True tangent stiffness of the load with what it stands on at the end of the train, N/m.
     pub(crate) true_n_per_m: f64,
     /// True force then, N.
     pub(crate) true_force_n: f64,
     /// Simulated time, s.
     pub(crate) simulated_s: f64,
+}
+
+impl Pressed {
+    /// How far load and frame give way to a force, m.
+    pub(crate) fn displacement_m(&self, force_n: f64) -> f64 {
+        self.load.displacement_m(force_n) + self.frame_m_per_n * force_n
+    }
 }
 
 /// Why a simulation could not run.
@@ -74,14 +86,9 @@ impl From<BoardError> for Broken {
     }
 }
 
-/// Presses an object upon the instrument of this plant, calibrated by these commands, and waits for
-/// its estimate or refusal.
-pub(crate) fn press(
-    plant: &Parameters,
-    switches: Switches,
-    calibration: &[Command],
-    how: &Press,
-) -> Result<Pressed, Broken> {
+/// Presses an object upon the instrument and waits for its estimate or refusal.
+pub(crate) fn press(instrument: &Instrument, how: &Press) -> Result<Pressed, Broken> {
+    let (plant, switches) = (&instrument.plant, instrument.switches);
     let setup = Setup {
         load: how.load,
         holder: how.holder,
@@ -90,9 +97,10 @@ pub(crate) fn press(
     };
     let world = World::new(plant, switches, setup)?;
     let travel_m = world.press_for_depth_m(how.depth_m);
+    let frame_m_per_n = plant.effective(&switches).press.frame_m_per_n;
     let hardware = Hardware::new(world);
     let mut board = VirtualBoard::new(&hardware);
-    for command in calibration {
+    for command in &instrument.calibration.commands {
         board.send(automatic(command))?;
     }
     board.send(Command::Arm)?;
@@ -110,6 +118,8 @@ pub(crate) fn press(
     board.run_until(end)?;
     Ok(Pressed {
         records: board.take_records(),
+        load: how.load,
+        frame_m_per_n,
         true_n_per_m: truth.load_spring_n_per_m,
         true_force_n: truth.force_n,
         simulated_s: board.now().as_secs_f64(),

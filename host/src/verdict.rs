@@ -31,11 +31,17 @@ impl Verdict {
         results.into_iter().next().unwrap_or(Self::Silence)
     }
 
+    /// The estimate, if there is one.
+    pub(crate) fn estimate(&self) -> Option<&Estimate> {
+        match self {
+            Self::Estimate(estimate) => Some(estimate),
+            _ => None,
+        }
+    }
+
     /// Whether the truth lies in the interval that was claimed; nothing without an estimate.
     pub(crate) fn holds(&self, true_n_per_m: f64) -> Option<bool> {
-        let Self::Estimate(estimate) = self else {
-            return None;
-        };
+        let estimate = self.estimate()?;
         let lower = f64::from(estimate.lower_n_per_m) <= true_n_per_m;
         let upper = estimate
             .upper_n_per_m

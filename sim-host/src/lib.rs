@@ -21,6 +21,7 @@ pub mod mechanics;
 pub mod parameters;
 pub mod random;
 pub mod rig;
+pub mod scenario;
 pub mod stack;
 pub mod switches;
 pub mod thermal;

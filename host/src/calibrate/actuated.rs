@@ -45,6 +45,69 @@ impl Actuated {
     }
 }
 
+impl Actuated {
+    /// What stands beside 1 + kappa: g(I), and the attraction as a compliance.
+    pub(crate) fn compliance(&self, sample: &Sample, sensing_n_per_m: f64) -> f64 {
+        let ratio_now = self.ratio + self.regressor(sample.current_a);
+        let pull_n = self.attraction_n_per_a2 * sample.current_a.powi(2);
+        ratio_now + pull_n * ratio_now / sensing_n_per_m / sample.deformation_m
+    }
+
+    /// The line of one train by itself, for a press that was `tau_s` old when it began.
+    pub(crate) fn line(
+        &self,
+        samples: &[Sample],
+        sensing_n_per_m: f64,
+        tau_s: f64,
+    ) -> Result<Line, Unusable> {
+        let count = samples.len().max(1) as f64;
+        let depth_m = samples.iter().map(|s| s.deformation_m).sum::<f64>() / count;
+        let mut system = System::new(3);
+        for sample in samples {
+            let phi = (sample.time_s / tau_s).ln_1p();
+            let level = depth_m / sample.deformation_m;
+            let right = 1.0 + self.compliance(sample, sensing_n_per_m);
+            // Noise of x enters as x_0/x^2.
+            let weight = (level * level).recip();
+            system.add(vec![level, level * phi, -1.0], right, weight);
+        }
+        match system.solve("a train by itself")?.unknowns.as_slice() {
+            &[total, drift, kappa] => Ok(Line {
+                total_m: total * depth_m,
+                drift: drift / total,
+                kappa,
+                tau_s,
+            }),
+            _ => Err(Unusable::Undetermined("a train by itself")),
+        }
+    }
+}
+
+/// x (1 + kappa + g) = x_0 (1 + d phi(t)), fitted to a train.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Line {
+    /// x_0, m.
+    pub(crate) total_m: f64,
+    /// d.
+    pub(crate) drift: f64,
+    /// c_S/c_L.
+    pub(crate) kappa: f64,
+    /// Time constant of phi, s.
+    pub(crate) tau_s: f64,
+}
+
+impl Line {
+    /// 1 + d phi(t).
+    pub(crate) fn drifted(&self, time_s: f64) -> f64 {
+        1.0 + self.drift * (time_s / self.tau_s).ln_1p()
+    }
+
+    /// 1/x without drift, 1/m, at a compliance.
+    pub(crate) fn inverse_per_m(&self, compliance: f64) -> f64 {
+        (1.0 + self.kappa + compliance) / self.total_m
+    }
+}
+
 /// T_k(2u - 1) - T_k(-1), k from 1: polynomials that vanish without current.
 fn basis(part: f64) -> impl Iterator<Item = f64> {
     let t = 2.0 * part - 1.0;
@@ -84,12 +147,14 @@ struct Train {
     samples: Vec<Sample>,
 }
 
+/// A sample of a fall.
 #[derive(Clone, Copy, Debug)]
-struct Sample {
-    time_s: f64,
+pub(crate) struct Sample {
+    /// Since the train began, s.
+    pub(crate) time_s: f64,
     /// Deformation with the cross-talk taken out, m.
-    deformation_m: f64,
-    current_a: f64,
+    pub(crate) deformation_m: f64,
+    pub(crate) current_a: f64,
 }
 
 /// Places of the unknowns.
@@ -188,22 +253,8 @@ impl Problem {
     /// kappa and the error of kappa.
     pub(super) fn misses(&self, actuated: &Actuated) -> Result<Vec<(f64, f64)>, Unusable> {
         let miss = |train: &Train| {
-            let mut system = System::new(3);
-            for sample in &train.samples {
-                let (x_m, current_a) = (sample.deformation_m, sample.current_a);
-                let square_a2 = current_a * current_a;
-                let ratio_now = actuated.ratio + actuated.regressor(current_a);
-                let whole = 1.0 + train.kappa + ratio_now;
-                let pull = square_a2 * ratio_now / self.sensing_n_per_m / x_m;
-                let right = 1.0 + ratio_now + actuated.attraction_n_per_a2 * pull;
-                let phi = (sample.time_s / train.tau_s).ln_1p();
-                let level = self.depth_m / x_m;
-                let weight = x_m / (self.depth_m * whole);
-                system.add(vec![level, level * phi, -1.0], right, weight);
-            }
-            let solved = system.solve("a train by itself")?;
-            let kappa = solved.unknowns.get(2).copied().unwrap_or(f64::NAN);
-            Ok((train.kappa, kappa - train.kappa))
+            let line = actuated.line(&train.samples, self.sensing_n_per_m, train.tau_s)?;
+            Ok((train.kappa, line.kappa - train.kappa))
         };
         self.trains.iter().map(miss).collect()
     }

@@ -29,7 +29,7 @@ use palpate_wire::command::{
     StiffeningCurve, StiffeningKnot, Tank, TemperatureEffect,
 };
 
-pub(crate) use actuated::Actuated;
+pub(crate) use actuated::{Actuated, Line, Sample};
 pub(crate) use crosstalk::Crosstalk;
 use curve::ForceCurve;
 

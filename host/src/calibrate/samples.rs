@@ -4,6 +4,7 @@ use palpate_sim::bench::{Line, Pressed, Run as Notes};
 use palpate_wire::command::Settings;
 
 use super::Unusable;
+use crate::train::Fall;
 
 /// A run.
 #[derive(Clone, Debug)]
@@ -93,10 +94,9 @@ fn touch_s(notes: &Notes) -> f64 {
 
 /// The samples whose neighbours show that the current fell all along.
 fn falls(notes: &Notes, settings: &Settings, change: impl Fn(&Line) -> f64) -> Vec<Fallen> {
-    let slope_a_per_s =
-        f64::from(settings.peak_current_a - settings.end_current_a) / f64::from(settings.ramp_s);
+    let fall = Fall::of(settings);
     let steep = |from: &Line, to: &Line| {
-        from.current_a - to.current_a > 0.5 * slope_a_per_s * (to.time_s - from.time_s)
+        fall.between((from.time_s, from.current_a), (to.time_s, to.current_a))
     };
     notes
         .lines

@@ -188,6 +188,76 @@ impl<'t> Section<'t> {
         }
     }
 
+    /// Whether the table has this key.
+    #[must_use]
+    pub fn has(&self, key: &str) -> bool {
+        self.entries.iter().any(|entry| entry.key == key)
+    }
+
+    /// A list of tables, `[[key]]` each, not empty, with the keys that each may hold.
+    ///
+    /// # Errors
+    /// [`FileError`] if it is missing, empty, no list of tables, or one has an unknown key.
+    pub fn sections(&mut self, key: &str, keys: &[&str]) -> Result<Vec<Self>, FileError> {
+        let allowed = format!("one section [[{key}]] or more");
+        let value = self.take(key, &allowed)?;
+        let span = value.span();
+        let items = match value.into_inner() {
+            DeValue::Array(items) if !items.is_empty() => items,
+            other => return self.refuse(&span, key, kind(&other), allowed),
+        };
+        let section = |item: Spanned<DeValue<'t>>| {
+            let span = item.span();
+            match item.into_inner() {
+                DeValue::Table(table) => {
+                    let prefix = format!("{}{key}.", self.prefix);
+                    Self::of(self.source, prefix, span, table, keys)
+                }
+                other => self.refuse(&span, key, kind(&other), &allowed),
+            }
+        };
+        items.into_iter().map(section).collect()
+    }
+
+    /// A list of texts, each of which `parse` makes something of.
+    ///
+    /// # Errors
+    /// [`FileError`] with what `parse` says, or if it is missing or no list of texts.
+    pub fn texts<T>(
+        &mut self,
+        key: &str,
+        allowed: &str,
+        parse: impl Fn(&str) -> Result<T, String>,
+    ) -> Result<Vec<T>, FileError> {
+        let value = self.take(key, allowed)?;
+        let span = value.span();
+        let items = match value.into_inner() {
+            DeValue::Array(items) => items,
+            other => return self.refuse(&span, key, kind(&other), allowed),
+        };
+        let each = |item: &Spanned<DeValue<'t>>| match item.get_ref() {
+            DeValue::String(text) => {
+                parse(text).or_else(|problem| self.refuse(&item.span(), key, problem, allowed))
+            }
+            other => self.refuse(&item.span(), key, kind(other), allowed),
+        };
+        items.iter().map(each).collect()
+    }
+
+    /// A number within a range.
+    ///
+    /// # Errors
+    /// [`FileError`] if it is missing, no number, or out of the range.
+    pub fn number_within(&mut self, key: &str, allowed: &Allowed) -> Result<f64, FileError> {
+        let value = self.take(key, allowed.bounds())?;
+        let span = value.span();
+        let number = self.number(&span, key, value.get_ref(), allowed.bounds())?;
+        match Quantity::Fixed(number).check(allowed) {
+            Ok(()) => Ok(number),
+            Err(problem) => self.refuse(&span, key, problem, allowed.bounds()),
+        }
+    }
+
     /// A text that is not empty.
     ///
     /// # Errors

@@ -1,0 +1,262 @@
+//! Charts as SVG: lines, points, error bars; linear and logarithmic axes.
+
+use std::ops::Range;
+
+use plotters::coord::Shift;
+use plotters::element::ErrorBar;
+use plotters::prelude::*;
+
+use crate::failure::Failure;
+
+/// Drawn three times as large as shown, since the library rounds to whole pixels.
+const ENLARGED: u32 = 3;
+/// As shown, in CSS pixels.
+const SIZE: (u32, u32) = (520, 300);
+const FONT: &str = "sans-serif";
+const TITLE_SIZE: u32 = 15 * ENLARGED;
+const LABEL_SIZE: u32 = 13 * ENLARGED;
+
+/// Colours that can be told apart by everybody, and on paper (Okabe and Ito 2008).
+pub(crate) const BLUE: RGBColor = RGBColor(0, 114, 178);
+pub(crate) const ORANGE: RGBColor = RGBColor(213, 94, 0);
+pub(crate) const GREEN: RGBColor = RGBColor(0, 158, 115);
+pub(crate) const GREY: RGBColor = RGBColor(120, 120, 120);
+
+/// How an axis counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Scale {
+    Linear,
+    Logarithmic,
+}
+
+/// An axis with its quantity and unit.
+#[derive(Clone, Debug)]
+pub(crate) struct Axis {
+    pub(crate) label: &'static str,
+    pub(crate) scale: Scale,
+}
+
+impl Axis {
+    pub(crate) const fn linear(label: &'static str) -> Self {
+        Self {
+            label,
+            scale: Scale::Linear,
+        }
+    }
+
+    pub(crate) const fn logarithmic(label: &'static str) -> Self {
+        Self {
+            label,
+            scale: Scale::Logarithmic,
+        }
+    }
+
+    /// A value as it is laid along the axis: logarithms of what has one.
+    fn place(&self, value: f64) -> Option<f64> {
+        let place = match self.scale {
+            Scale::Linear => value,
+            Scale::Logarithmic => value.log10(),
+        };
+        place.is_finite().then_some(place)
+    }
+
+    /// What stands beside a place.
+    fn text(&self, place: f64, span: f64) -> String {
+        match self.scale {
+            Scale::Linear => {
+                let digits = (1.0 - span.log10().floor()).clamp(0.0, 6.0);
+                let text = format!("{place:.*}", digits as usize);
+                // No zero has a sign.
+                if text.trim_start_matches(['-', '0', '.']).is_empty() {
+                    "0".to_owned()
+                } else {
+                    text
+                }
+            }
+            Scale::Logarithmic => {
+                let value = 10_f64.powf(place);
+                let digits = (1.0 - place.floor()).clamp(0.0, 4.0);
+                let text = format!("{value:.*}", digits as usize);
+                if text.contains('.') {
+                    text.trim_end_matches('0').trim_end_matches('.').to_owned()
+                } else {
+                    text
+                }
+            }
+        }
+    }
+}
+
+/// What is drawn of a series.
+#[derive(Clone, Debug)]
+pub(crate) enum Marks {
+    /// Points joined.
+    Line(Vec<(f64, f64)>),
+    Points(Vec<(f64, f64)>),
+    Crosses(Vec<(f64, f64)>),
+    /// Place, lower end, value, upper end.
+    Bars(Vec<(f64, f64, f64, f64)>),
+}
+
+impl Marks {
+    /// All places that must lie within the chart.
+    fn corners(&self) -> Vec<(f64, f64)> {
+        match self {
+            Self::Line(points) | Self::Points(points) | Self::Crosses(points) => points.clone(),
+            Self::Bars(bars) => bars
+                .iter()
+                .flat_map(|&(x, low, middle, high)| [(x, low), (x, middle), (x, high)])
+                .collect(),
+        }
+    }
+}
+
+/// Data of one kind.
+#[derive(Clone, Debug)]
+pub(crate) struct Series {
+    /// For the legend.
+    pub(crate) name: String,
+    pub(crate) colour: RGBColor,
+    pub(crate) marks: Marks,
+}
+
+/// A chart.
+#[derive(Clone, Debug)]
+pub(crate) struct Chart {
+    pub(crate) title: String,
+    pub(crate) x: Axis,
+    pub(crate) y: Axis,
+    pub(crate) series: Vec<Series>,
+}
+
+impl Chart {
+    /// The chart as an `<svg>` element that fills its place on a page.
+    pub(crate) fn svg(&self) -> Result<String, Failure> {
+        let size = (SIZE.0 * ENLARGED, SIZE.1 * ENLARGED);
+        let mut text = String::new();
+        {
+            let area = SVGBackend::with_string(&mut text, size).into_drawing_area();
+            self.draw(&area)
+                .and_then(|()| area.present().map_err(|error| error.to_string()))
+                .map_err(|error| {
+                    Failure::Refused(format!("cannot draw {:?}: {error}", self.title))
+                })?;
+        }
+        let fixed = format!("width=\"{}\" height=\"{}\"", size.0, size.1);
+        Ok(text.replacen(&fixed, "role=\"img\"", 1))
+    }
+
+    fn draw(&self, area: &DrawingArea<SVGBackend<'_>, Shift>) -> Result<(), String> {
+        let corners = self.series.iter().flat_map(|series| series.marks.corners());
+        let (xs, ys): (Vec<f64>, Vec<f64>) = corners
+            .filter_map(|(x, y)| Some((self.x.place(x)?, self.y.place(y)?)))
+            .unzip();
+        let (across, along) = (span(&xs), span(&ys));
+        let widths = (across.end - across.start, along.end - along.start);
+        let mut chart = ChartBuilder::on(area)
+            .caption(&self.title, (FONT, TITLE_SIZE))
+            .margin(4 * ENLARGED)
+            .margin_right(14 * ENLARGED)
+            .x_label_area_size(38 * ENLARGED)
+            .y_label_area_size(58 * ENLARGED)
+            .build_cartesian_2d(across, along)
+            .map_err(|error| error.to_string())?;
+        chart
+            .configure_mesh()
+            .x_desc(self.x.label)
+            .y_desc(self.y.label)
+            .x_labels(7)
+            .y_labels(6)
+            .x_label_formatter(&|place| self.x.text(*place, widths.0))
+            .y_label_formatter(&|place| self.y.text(*place, widths.1))
+            .axis_desc_style((FONT, LABEL_SIZE))
+            .label_style((FONT, LABEL_SIZE))
+            .light_line_style(TRANSPARENT)
+            .bold_line_style(GREY.mix(0.25))
+            .draw()
+            .map_err(|error| error.to_string())?;
+        for series in &self.series {
+            self.draw_series(&mut chart, series)?;
+        }
+        if self.series.len() < 2 {
+            return Ok(());
+        }
+        chart
+            .configure_series_labels()
+            .position(SeriesLabelPosition::UpperRight)
+            .label_font((FONT, LABEL_SIZE))
+            .background_style(WHITE.mix(0.8))
+            .border_style(GREY)
+            .draw()
+            .map_err(|error| error.to_string())
+    }
+
+    fn draw_series(&self, chart: &mut Context<'_, '_>, series: &Series) -> Result<(), String> {
+        let colour = series.colour;
+        let at = |&(x, y): &(f64, f64)| Some((self.x.place(x)?, self.y.place(y)?));
+        let thick = colour.stroke_width(2 * ENLARGED);
+        let drawn = match &series.marks {
+            Marks::Line(points) => chart
+                .draw_series(LineSeries::new(points.iter().filter_map(at), thick))
+                .map_err(|error| error.to_string())?,
+            Marks::Points(points) => chart
+                .draw_series(
+                    points
+                        .iter()
+                        .filter_map(at)
+                        .map(|place| Circle::new(place, ENLARGED, colour.mix(0.45).filled())),
+                )
+                .map_err(|error| error.to_string())?,
+            Marks::Crosses(points) => chart
+                .draw_series(
+                    points
+                        .iter()
+                        .filter_map(at)
+                        .map(|place| Cross::new(place, 5 * ENLARGED, thick)),
+                )
+                .map_err(|error| error.to_string())?,
+            Marks::Bars(bars) => chart
+                .draw_series(bars.iter().filter_map(|&(x, low, middle, high)| {
+                    let y = |value| self.y.place(value);
+                    Some(ErrorBar::new_vertical(
+                        self.x.place(x)?,
+                        y(low)?,
+                        y(middle)?,
+                        y(high)?,
+                        colour.stroke_width(2 * ENLARGED),
+                        8 * ENLARGED,
+                    ))
+                }))
+                .map_err(|error| error.to_string())?,
+        };
+        drawn.label(&series.name).legend(move |(x, y)| {
+            PathElement::new(
+                [(x, y), (x + 14 * ENLARGED as i32, y)],
+                colour.stroke_width(2 * ENLARGED),
+            )
+        });
+        Ok(())
+    }
+}
+
+type Context<'a, 'b> = ChartContext<
+    'a,
+    SVGBackend<'b>,
+    Cartesian2d<plotters::coord::types::RangedCoordf64, plotters::coord::types::RangedCoordf64>,
+>;
+
+/// From the least to the greatest with a little room, and never nothing.
+fn span(places: &[f64]) -> Range<f64> {
+    let low = places.iter().copied().fold(f64::INFINITY, f64::min);
+    let high = places.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    if low > high {
+        return 0.0..1.0;
+    }
+    let room = 0.05 * (high - low);
+    let room = if room > 0.0 {
+        room
+    } else {
+        low.abs().max(1.0) * 0.05
+    };
+    low - room..high + room
+}

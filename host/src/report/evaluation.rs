@@ -1,0 +1,115 @@
+//! A train seen as what it is: 1/x against the actuated layer's compliance is a straight line.
+//!
+//! In `f64` and by the calibration's own code, so that the charts are no image of the instrument's
+//! arithmetic.
+
+use palpate_wire::Record;
+use palpate_wire::code::Contact;
+
+use crate::calibrate::{Line, Sample};
+use crate::instrument::Instrument;
+use crate::results::Measured;
+use crate::train::Fall;
+
+/// A sample beside the line.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Point {
+    /// Since the train began, s.
+    pub(super) time_s: f64,
+    /// c_S/c_D(I), the attraction counted as a compliance.
+    pub(super) compliance: f64,
+    /// 1/x with the drift taken out, 1/m.
+    pub(super) inverse_per_m: f64,
+    /// By how much x lies above the line, m.
+    pub(super) residual_m: f64,
+}
+
+/// The points of a train and their line.
+#[derive(Clone, Debug)]
+pub(super) struct Evaluation {
+    pub(super) points: Vec<Point>,
+    pub(super) line: Line,
+}
+
+/// A reading with everything in it.
+struct Reading {
+    time_s: f64,
+    deformation_m: f64,
+    current_a: f64,
+}
+
+impl Evaluation {
+    /// Nothing if there was no train, or too little of one.
+    pub(super) fn of(instrument: &Instrument, measured: &Measured) -> Option<Self> {
+        measured.verdict.estimate()?;
+        let readings = readings(measured);
+        let touched_s = touched_s(measured)?;
+        let first = readings.iter().find(|reading| reading.current_a > 0.1)?;
+        let began_s = first.time_s;
+        let fall = Fall::of(&instrument.settings);
+        let at = |reading: &Reading| (reading.time_s, reading.current_a);
+        let samples: Vec<Sample> = readings
+            .windows(3)
+            .filter_map(|near| match near {
+                [before, reading, after]
+                    if fall.between(at(before), at(reading))
+                        && fall.between(at(reading), at(after)) =>
+                {
+                    Some(Sample {
+                        time_s: reading.time_s - began_s,
+                        deformation_m: reading.deformation_m,
+                        current_a: reading.current_a,
+                    })
+                }
+                _ => None,
+            })
+            .collect();
+        let calibration = &instrument.calibration;
+        let sensing_n_per_m = calibration.sensing_n_per_m;
+        let line = calibration
+            .actuated
+            .line(&samples, sensing_n_per_m, began_s - touched_s)
+            .ok()?;
+        let point = |sample: &Sample| {
+            let compliance = calibration.actuated.compliance(sample, sensing_n_per_m);
+            let drifted = line.drifted(sample.time_s);
+            Point {
+                time_s: sample.time_s,
+                compliance,
+                inverse_per_m: drifted / sample.deformation_m,
+                residual_m: sample.deformation_m - drifted / line.inverse_per_m(compliance),
+            }
+        };
+        Some(Self {
+            points: samples.iter().map(point).collect(),
+            line,
+        })
+    }
+}
+
+fn readings(measured: &Measured) -> Vec<Reading> {
+    let records = measured.pressed.records.iter();
+    records
+        .filter_map(|(at, record)| match record {
+            Record::Sample(sample) => {
+                let deformation_m = sample.channels.first()?.deformation_m?;
+                Some(Reading {
+                    time_s: at.as_ticks() as f64 * 1e-6,
+                    deformation_m: deformation_m.into(),
+                    current_a: sample.current_a?.into(),
+                })
+            }
+            _ => None,
+        })
+        .collect()
+}
+
+fn touched_s(measured: &Measured) -> Option<f64> {
+    let mut records = measured.pressed.records.iter();
+    records.find_map(|(at, record)| match record {
+        Record::Sample(sample) if sample.contact == Contact::Began => {
+            Some(at.as_ticks() as f64 * 1e-6)
+        }
+        _ => None,
+    })
+}

@@ -1,0 +1,225 @@
+//! Scenario files: which sensor, what disturbs it, and what is pressed upon it.
+//!
+//! ```
+//! use palpate_sim::scenario::Scenario;
+//!
+//! let text = r#"
+//! stack = "ultrasoft"
+//! disturbances = "all"
+//! except = ["vibration"]
+//!
+//! [[press]]
+//! load = "spring"
+//! stiffness_N_per_m = 6e3
+//! "#;
+//! let scenario = Scenario::parse("mine.toml", text)?;
+//! assert!(scenario.switches.creep && !scenario.switches.vibration);
+//!
+//! let wrong = text.replace("6e3", "-6e3");
+//! let error = Scenario::parse("mine.toml", &wrong).unwrap_err();
+//! assert_eq!(
+//!     error.to_string(),
+//!     "mine.toml:8: press.stiffness_N_per_m: -6000 is out of range; allowed: 1 to 1e10 N/m"
+//! );
+//! # Ok::<(), palpate_sim::stack::LoadError>(())
+//! ```
+
+use std::path::Path;
+
+use crate::mechanics::load::Load;
+use crate::stack::document::{FileError, Section};
+use crate::stack::quantity::Allowed;
+use crate::stack::{LoadError, Stack, read};
+use crate::switches::Switches;
+use crate::world::Holder;
+
+/// What is simulated.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scenario {
+    /// The kind of sensor.
+    pub stack: Stack,
+    /// What disturbs it.
+    pub switches: Switches,
+    /// The presses, each upon a sensor in the same state.
+    pub presses: Vec<Press>,
+}
+
+/// A press.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Press {
+    /// What it is called in tables.
+    pub name: String,
+    /// The object.
+    pub load: Load,
+    /// Who presses.
+    pub holder: Holder,
+    /// How deep the sensing layer is meant to be pressed, m; what the sensor was drawn for if not
+    /// given.
+    pub depth_m: Option<f64>,
+    /// How fast, m/s; as on the calibration's bench if not given.
+    pub speed_m_per_s: Option<f64>,
+}
+
+const KEYS: [&str; 4] = ["stack", "disturbances", "except", "press"];
+const PRESS_KEYS: [&str; 7] = [
+    "name",
+    "load",
+    "stiffness_N_per_m",
+    "cubic_N_per_m3",
+    "depth_m",
+    "speed_m_per_s",
+    "holder",
+];
+
+/// What [`Load`] takes.
+const STIFFNESS: Allowed = Allowed::new(1.0, 1e10, "N/m");
+const CUBIC: Allowed = Allowed::new(0.0, 1e20, "N/m^3");
+/// As in a stack file.
+const DEPTH: Allowed = Allowed::new(1e-6, 0.8e-3, "m");
+/// From a press that takes a minute to one of a few conversions.
+const SPEED: Allowed = Allowed::new(1e-5, 0.1, "m/s");
+
+impl Scenario {
+    /// Reads a file. A stack file that it names is looked for beside it.
+    ///
+    /// # Errors
+    /// [`LoadError`] if one of them cannot be read or is refused.
+    pub fn load(path: &Path) -> Result<Self, LoadError> {
+        let folder = path.parent().unwrap_or_else(|| Path::new(""));
+        Self::read(&path.display().to_string(), &read(path)?, folder)
+    }
+
+    /// Reads a text; `file` is only for messages. A stack file is looked for in the working
+    /// directory.
+    ///
+    /// # Errors
+    /// [`LoadError`] names line, key and what is allowed.
+    pub fn parse(file: &str, text: &str) -> Result<Self, LoadError> {
+        Self::read(file, text, Path::new(""))
+    }
+
+    fn read(file: &str, text: &str, folder: &Path) -> Result<Self, LoadError> {
+        let mut document = Section::parse(file, text, &KEYS)?;
+        let name = document.text("stack")?;
+        let switches = switches(&mut document)?;
+        let mut presses = document.sections("press", &PRESS_KEYS)?;
+        let presses = presses.iter_mut().map(press).collect::<Result<_, _>>()?;
+        Ok(Self {
+            stack: stack(&name, folder)?,
+            switches,
+            presses,
+        })
+    }
+}
+
+/// A built-in stack, or a file if the name ends in `.toml`.
+fn stack(name: &str, folder: &Path) -> Result<Stack, LoadError> {
+    let is_file = Path::new(name)
+        .extension()
+        .is_some_and(|ending| ending.eq_ignore_ascii_case("toml"));
+    if is_file {
+        Stack::load(&folder.join(name))
+    } else {
+        Ok(Stack::builtin(name)?)
+    }
+}
+
+fn switches(document: &mut Section<'_>) -> Result<Switches, FileError> {
+    let all = document.parsed("disturbances", "\"all\" or \"none\"", |text| match text {
+        "all" => Ok(true),
+        "none" => Ok(false),
+        other => Err(format!("is {other:?}")),
+    })?;
+    let mut switches = if all {
+        Switches::all()
+    } else {
+        Switches::none()
+    };
+    if !document.has("except") {
+        return Ok(switches);
+    }
+    let allowed = format!("names of disturbances: {}", Switches::NAMES.join(", "));
+    let except = document.texts("except", &allowed, |text| match switches.get(text) {
+        Some(_) => Ok(text.to_owned()),
+        None => Err(format!("there is no disturbance {text:?}")),
+    })?;
+    for name in except {
+        switches = switches.with(&name, !all);
+    }
+    Ok(switches)
+}
+
+fn press(section: &mut Section<'_>) -> Result<Press, FileError> {
+    let load = load(section)?;
+    let optional = |section: &mut Section<'_>, key, allowed| {
+        let given = section.has(key);
+        given
+            .then(|| section.number_within(key, allowed))
+            .transpose()
+    };
+    let depth_m = optional(section, "depth_m", &DEPTH)?;
+    let speed_m_per_s = optional(section, "speed_m_per_s", &SPEED)?;
+    let holder = if section.has("holder") {
+        section.parsed("holder", "\"stand\" or \"hand\"", |text| match text {
+            "stand" => Ok(Holder::Stand),
+            "hand" => Ok(Holder::Hand),
+            other => Err(format!("is {other:?}")),
+        })?
+    } else {
+        Holder::Stand
+    };
+    let name = if section.has("name") {
+        section.text("name")?
+    } else {
+        describe(&load)
+    };
+    Ok(Press {
+        name,
+        load,
+        holder,
+        depth_m,
+        speed_m_per_s,
+    })
+}
+
+fn load(section: &mut Section<'_>) -> Result<Load, FileError> {
+    let kinds = "\"spring\", \"hardening\" or \"rigid\"";
+    let kind = section.parsed("load", kinds, |text| match text {
+        "spring" | "hardening" | "rigid" => Ok(text.to_owned()),
+        other => Err(format!("is {other:?}")),
+    })?;
+    let (needs_stiffness, needs_cubic) = match kind.as_str() {
+        "spring" => (true, false),
+        "hardening" => (true, true),
+        _ => (false, false),
+    };
+    let mut number = |key, allowed, needed| {
+        if needed {
+            section.number_within(key, allowed)
+        } else if section.has(key) {
+            section.parsed(key, &format!("nothing, with load = {kind:?}"), |_| {
+                Err("is a text".to_owned())
+            })
+        } else {
+            Ok(0.0)
+        }
+    };
+    let n_per_m = number("stiffness_N_per_m", &STIFFNESS, needs_stiffness)?;
+    let cubic_n_per_m3 = number("cubic_N_per_m3", &CUBIC, needs_cubic)?;
+    Ok(match (needs_stiffness, needs_cubic) {
+        (true, false) => Load::Spring { n_per_m },
+        (true, true) => Load::Hardening {
+            n_per_m,
+            cubic_n_per_m3,
+        },
+        _ => Load::Rigid,
+    })
+}
+
+fn describe(load: &Load) -> String {
+    match load {
+        Load::Spring { n_per_m } => format!("{} N/mm", n_per_m * 1e-3),
+        Load::Hardening { n_per_m, .. } => format!("{} N/mm, hardening", n_per_m * 1e-3),
+        Load::Rigid => "block".to_owned(),
+    }
+}
