@@ -78,7 +78,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-fn loads(sensing_n_per_m: f64) -> Vec<(String, Load)> {
+/// The row for a sensor with this c_S, with names.
+pub(crate) fn loads(sensing_n_per_m: f64) -> Vec<(String, Load)> {
     let spring = |ratio: f64| {
         let n_per_m = ratio * sensing_n_per_m;
         (format!("{ratio} c_S"), Load::Spring { n_per_m })
@@ -87,7 +88,12 @@ fn loads(sensing_n_per_m: f64) -> Vec<(String, Load)> {
     springs.chain([("block".to_owned(), Load::Rigid)]).collect()
 }
 
-fn measure(instrument: &Instrument, name: String, load: Load) -> Result<Measured, Failure> {
+/// Presses one load as deep as the sensor is meant to be pressed.
+pub(crate) fn measure(
+    instrument: &Instrument,
+    name: String,
+    load: Load,
+) -> Result<Measured, Failure> {
     let how = Press {
         load,
         holder: Holder::Stand,

@@ -2,6 +2,7 @@
 
 mod calibrate;
 mod chip;
+mod coverage;
 mod demo;
 mod failure;
 mod instrument;
@@ -45,6 +46,7 @@ enum Verb {
     Chip(chip::Arguments),
     Demo(demo::Arguments),
     Simulate(simulate::Arguments),
+    Coverage(coverage::Arguments),
 }
 
 fn main() -> ExitCode {
@@ -54,6 +56,7 @@ fn main() -> ExitCode {
         Verb::Chip(arguments) => chip::run(&arguments),
         Verb::Demo(arguments) => demo::run(&arguments),
         Verb::Simulate(arguments) => simulate::run(&arguments),
+        Verb::Coverage(arguments) => coverage::run(&arguments),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -62,19 +62,24 @@ impl Actuated {
     ) -> Result<Line, Unusable> {
         let count = samples.len().max(1) as f64;
         let depth_m = samples.iter().map(|s| s.deformation_m).sum::<f64>() / count;
-        let mut system = System::new(3);
+        let mut system = System::new(4);
         for sample in samples {
             let phi = (sample.time_s / tau_s).ln_1p();
             let level = depth_m / sample.deformation_m;
             let right = 1.0 + self.compliance(sample, sensing_n_per_m);
             // Noise of x enters as x_0/x^2.
             let weight = (level * level).recip();
-            system.add(vec![level, level * phi, -1.0], right, weight);
+            system.add(
+                vec![level, level * phi, -1.0, level * sample.time_s],
+                right,
+                weight,
+            );
         }
         match system.solve("a train by itself")?.unknowns.as_slice() {
-            &[total, drift, kappa] => Ok(Line {
+            &[total, drift, kappa, linear] => Ok(Line {
                 total_m: total * depth_m,
                 drift: drift / total,
+                linear: linear / total,
                 kappa,
                 tau_s,
             }),
@@ -90,6 +95,7 @@ pub(crate) struct Line {
     pub(crate) total_m: f64,
     /// d.
     pub(crate) drift: f64,
+    pub(crate) linear: f64,
     /// c_S/c_L.
     pub(crate) kappa: f64,
     /// Time constant of phi, s.
@@ -99,7 +105,7 @@ pub(crate) struct Line {
 impl Line {
     /// 1 + d phi(t).
     pub(crate) fn drifted(&self, time_s: f64) -> f64 {
-        1.0 + self.drift * (time_s / self.tau_s).ln_1p()
+        1.0 + self.drift * (time_s / self.tau_s).ln_1p() + self.linear * time_s
     }
 
     /// 1/x without drift, 1/m, at a compliance.
@@ -260,7 +266,7 @@ impl Problem {
     }
 
     fn system(&self, guess: &Actuated, stiffer: &[f64]) -> System {
-        let unknowns = SHARED + 2 * self.trains.len();
+        let unknowns = SHARED + 3 * self.trains.len();
         let mut system = System::new(unknowns);
         let mut stiffer = stiffer.iter();
         for (place, train) in self.trains.iter().enumerate() {
@@ -289,8 +295,13 @@ impl Problem {
                 set(&mut row, ATTRACTION, -pull);
                 set(&mut row, RATIO, -1.0);
                 let phi = (sample.time_s / train.tau_s).ln_1p();
-                set(&mut row, SHARED + 2 * place, self.depth_m / x_m);
-                set(&mut row, SHARED + 2 * place + 1, self.depth_m / x_m * phi);
+                set(&mut row, SHARED + 3 * place, self.depth_m / x_m);
+                set(&mut row, SHARED + 3 * place + 1, self.depth_m / x_m * phi);
+                set(
+                    &mut row,
+                    SHARED + 3 * place + 2,
+                    self.depth_m / x_m * sample.time_s,
+                );
                 system.add(row, 1.0 + kappa, x_m / (self.depth_m * whole));
             }
         }
