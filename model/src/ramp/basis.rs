@@ -133,6 +133,12 @@ impl Basis<3> {
 }
 
 impl<const P: usize> Basis<P> {
+    /// The first unknowns alone; `None` if there are not as many.
+    pub(super) fn leading<const Q: usize>(&self) -> Option<Basis<Q>> {
+        let terms = self.terms.get(..Q)?;
+        Basis::new(terms.try_into().ok()?).ok()
+    }
+
     /// Any unknowns, level and slope first, none twice.
     ///
     /// ```

@@ -235,6 +235,36 @@ impl<const P: usize> Ramp<P> {
         Ok(())
     }
 
+    /// The same samples with the first `Q` unknowns alone, bit for bit as if they had been pushed
+    /// to those: one run of sums serves a simple evaluation and one with further terms. `None` if
+    /// there are not as many unknowns.
+    ///
+    /// ```
+    /// # use palpate_model::ramp::{Basis, Noise, Ramp, Reference, Sample, Term};
+    /// # use palpate_model::units::{Metre, Second};
+    /// let reference = Reference::new(Metre(0.3e-3), 1.0).unwrap();
+    /// let bent = Basis::new([Term::Level, Term::Slope, Term::Quadratic]).unwrap();
+    /// let (mut both, mut straight) = (Ramp::new(reference, bent), Ramp::new(reference, Basis::LINEAR));
+    /// for i in 0..20 {
+    ///     let (time, h) = (Second(i as f32 * 1e-3), i as f32 * -1e-3);
+    ///     let deformation = Metre(h * h * 1e-6 - 0.1e-3 * h);
+    ///     let sample = Sample { time, deformation, regressor: h, sigma: Metre(30e-9) };
+    ///     both.push(&sample)?;
+    ///     straight.push(&sample)?;
+    /// }
+    /// assert_eq!(both.leading::<2>(), Some(straight));
+    /// assert_eq!(both.leading::<4>(), None);
+    /// # Ok::<(), palpate_model::ramp::Rejected>(())
+    /// ```
+    pub fn leading<const Q: usize>(&self) -> Option<Ramp<Q>> {
+        Some(Ramp {
+            basis: self.basis.leading()?,
+            reference: self.reference,
+            sigma: self.sigma,
+            moments: self.moments.leading(),
+        })
+    }
+
     /// Solves for the load and the drifts. The sums stay, so a ramp can be looked at on its way.
     pub fn fit(&self, noise: Noise) -> Result<Fit<P>, Refusal> {
         let have = self.moments.rows();

@@ -84,6 +84,22 @@ impl<const P: usize> Moments<P> {
         self.rows = self.rows.saturating_add(1);
     }
 
+    /// The sums of the first columns alone: those that fewer columns would have given.
+    pub(super) fn leading<const Q: usize>(&self) -> Moments<Q> {
+        let mut leading = Moments::<Q>::EMPTY;
+        for (into, from) in leading.products.iter_mut().zip(&self.products) {
+            for (entry, &sum) in into.iter_mut().zip(from) {
+                *entry = sum;
+            }
+        }
+        for (into, &sum) in leading.with_response.iter_mut().zip(&self.with_response) {
+            *into = sum;
+        }
+        leading.response = self.response;
+        leading.rows = self.rows;
+        leading
+    }
+
     /// Solves by sweeping the columns one after another (Goodnight, *A tutorial on the SWEEP
     /// operator*, The American Statistician 33, 1979): the level first, which centres; then
     /// disturbances and curvature; the slope last, so that its pivot is what they have left of it.

@@ -3,7 +3,7 @@
 use palpate_model::magnetorheological::Stiffening;
 use palpate_model::math::hypot;
 use palpate_model::ramp::{
-    Fit, LoadPoint, LoadRatio, LoadStiffness, Noise, Reference, Refusal as NoFit,
+    Fit, LoadPoint, LoadRatio, LoadStiffness, Noise, Ramp, Reference, Refusal as NoFit,
 };
 use palpate_model::uncertainty::{Calibration, OperatingPoint};
 use palpate_model::units::{Ampere, Celsius, Metre, NewtonPerMetre};
@@ -47,7 +47,8 @@ struct LoadCurve {
 #[derive(Clone, Debug)]
 enum CurvedFit {
     Driftless(Fit<3>),
-    Drifting(Fit<4>),
+    Straight(Fit<4>),
+    Bent(Fit<5>),
 }
 
 /// What the sums say, the number of unknowns forgotten.
@@ -152,7 +153,8 @@ impl LoadCurve {
         let (sensing, total) = (self.sensing, self.total);
         match &self.fit {
             CurvedFit::Driftless(fit) => fit.load_point_within(regressor, sensing, total),
-            CurvedFit::Drifting(fit) => fit.load_point_within(regressor, sensing, total),
+            CurvedFit::Straight(fit) => fit.load_point_within(regressor, sensing, total),
+            CurvedFit::Bent(fit) => fit.load_point_within(regressor, sensing, total),
         }
     }
 
@@ -160,7 +162,8 @@ impl LoadCurve {
     fn tangent(&self, sensing: NewtonPerMetre) -> Option<(NewtonPerMetre, NewtonPerMetre)> {
         let ratio = match &self.fit {
             CurvedFit::Driftless(fit) => fit.load_ratio(),
-            CurvedFit::Drifting(fit) => fit.load_ratio(),
+            CurvedFit::Straight(fit) => fit.load_ratio(),
+            CurvedFit::Bent(fit) => fit.load_ratio(),
         };
         match ratio.and_then(|ratio| ratio.stiffness(sensing)) {
             Ok(LoadStiffness::Within {
@@ -175,25 +178,25 @@ impl LoadCurve {
 
 fn solve(ramps: &Ramps) -> Result<Solved, NoFit> {
     match ramps.sums() {
-        Sums::Driftless { linear, curved } => {
-            let fit = linear.fit(Noise::Larger)?;
-            Ok(Solved {
-                ratio: fit.load_ratio()?,
-                samples: linear.samples(),
-                reduced_chi_square: fit.reduced_chi_square(),
-                curved: curved.fit(Noise::Larger).ok().map(CurvedFit::Driftless),
-            })
-        }
-        Sums::Drifting { linear, curved } => {
-            let fit = linear.fit(Noise::Larger)?;
-            Ok(Solved {
-                ratio: fit.load_ratio()?,
-                samples: linear.samples(),
-                reduced_chi_square: fit.reduced_chi_square(),
-                curved: curved.fit(Noise::Larger).ok().map(CurvedFit::Drifting),
-            })
-        }
+        Sums::Driftless(sums) => solve_both::<3, 2>(sums, CurvedFit::Driftless),
+        Sums::Straight(sums) => solve_both::<4, 3>(sums, CurvedFit::Straight),
+        Sums::Bent(sums) => solve_both::<5, 4>(sums, CurvedFit::Bent),
     }
+}
+
+/// Solves without the last term, which bends the line, and with it if that can be told.
+fn solve_both<const P: usize, const Q: usize>(
+    sums: &Ramp<P>,
+    curved: impl FnOnce(Fit<P>) -> CurvedFit,
+) -> Result<Solved, NoFit> {
+    let linear = sums.leading::<Q>().ok_or(NoFit::NotFinite)?;
+    let fit = linear.fit(Noise::Larger)?;
+    Ok(Solved {
+        ratio: fit.load_ratio()?,
+        samples: sums.samples(),
+        reduced_chi_square: fit.reduced_chi_square(),
+        curved: sums.fit(Noise::Larger).ok().map(curved),
+    })
 }
 
 /// The noise's interval, wider if the single ramps disagree by more than their own errors: what is

@@ -53,11 +53,11 @@ codes! {
         None = 1 "none",
         /// Proportional to time.
         Linear = 2 "linear",
-        /// ln(1 + t/tau): creep over decades of time.
+        /// ln(1 + t/tau), creep over decades of time, and a straight line beside it.
         Logarithmic = 3 "logarithmic",
-        /// 1 - exp(-t/tau): one mode of creep.
+        /// 1 - exp(-t/tau), one mode of creep, and a straight line beside it.
         Exponential = 4 "exponential",
-        /// Starting anew with every ramp: heat of the coil.
+        /// Starting anew with every ramp, heat of the coil, and a straight line beside it.
         SawTooth = 5 "saw_tooth",
     }
 
