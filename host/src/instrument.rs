@@ -22,7 +22,7 @@ pub(crate) struct Instrument {
 /// Depths at which the block is pressed, in units of the working depth: what users' hands vary.
 const BLOCK_DEPTHS: [f64; 3] = [0.6, 1.0, 1.4];
 /// Springs of the bench, in units of the nominal c_S.
-const SPRINGS: [f64; 5] = [0.2, 0.5, 1.0, 2.0, 5.0];
+const SPRINGS: [f64; 6] = [0.1, 0.2, 0.5, 1.0, 2.0, 5.0];
 /// How fast objects are pressed, on the bench as later, m/s.
 pub(crate) const SPEED_M_PER_S: f64 = 2e-3;
 /// From the end of the press to the train on the bench, s: a press in use is found steady after
