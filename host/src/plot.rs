@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use plotters::coord::Shift;
+use plotters::coord::ranged1d::{DefaultFormatting, KeyPointHint, Ranged};
 use plotters::element::ErrorBar;
 use plotters::prelude::*;
 
@@ -60,31 +61,52 @@ impl Axis {
         place.is_finite().then_some(place)
     }
 
-    /// What stands beside a place.
-    fn text(&self, place: f64, span: f64) -> String {
+    /// Places of the marks: one, two or five times a power of ten.
+    fn marks(&self, span: &Range<f64>) -> Vec<f64> {
         match self.scale {
             Scale::Linear => {
-                let digits = (1.0 - span.log10().floor()).clamp(0.0, 6.0);
-                let text = format!("{place:.*}", digits as usize);
-                // No zero has a sign.
-                if text.trim_start_matches(['-', '0', '.']).is_empty() {
-                    "0".to_owned()
-                } else {
-                    text
-                }
+                let step = step((span.end - span.start) / MARKS);
+                let (first, last) = ((span.start / step).ceil(), (span.end / step).floor());
+                let count = (last - first).clamp(0.0, 4.0 * MARKS) as u32;
+                (0..=count).map(|k| (first + f64::from(k)) * step).collect()
             }
             Scale::Logarithmic => {
-                let value = 10_f64.powf(place);
-                let digits = (1.0 - place.floor()).clamp(0.0, 4.0);
-                let text = format!("{value:.*}", digits as usize);
-                if text.contains('.') {
-                    text.trim_end_matches('0').trim_end_matches('.').to_owned()
-                } else {
-                    text
-                }
+                let (first, last) = (span.start.floor() as i32, span.end.ceil() as i32);
+                let decades = (first..=last).map(f64::from);
+                let places =
+                    decades.flat_map(|decade| [1.0, 2.0, 5.0].map(|m: f64| decade + m.log10()));
+                places.filter(|place| span.contains(place)).collect()
             }
         }
     }
+
+    /// What stands beside a mark.
+    fn text(&self, place: f64, span: &Range<f64>) -> String {
+        match self.scale {
+            Scale::Linear => {
+                let step = step((span.end - span.start) / MARKS);
+                let digits = (-step.log10().floor()).clamp(0.0, 9.0) as usize;
+                // No zero has a sign.
+                let place = if place.abs() < 0.5 * step { 0.0 } else { place };
+                format!("{place:.digits$}")
+            }
+            Scale::Logarithmic => {
+                let digits = (-place.floor()).clamp(0.0, 9.0) as usize;
+                format!("{:.digits$}", 10_f64.powf(place))
+            }
+        }
+    }
+}
+
+/// About so many marks an axis.
+const MARKS: f64 = 7.0;
+
+/// The next of 1, 2, 5 times a power of ten above.
+fn step(least: f64) -> f64 {
+    let decade = 10_f64.powf(least.log10().floor());
+    let factors = [1.0, 2.0, 5.0].map(|factor| factor * decade);
+    let above = factors.into_iter().find(|step| *step >= least);
+    above.unwrap_or(10.0 * decade)
 }
 
 /// What is drawn of a series.
@@ -152,23 +174,21 @@ impl Chart {
             .filter_map(|(x, y)| Some((self.x.place(x)?, self.y.place(y)?)))
             .unzip();
         let (across, along) = (span(&xs), span(&ys));
-        let widths = (across.end - across.start, along.end - along.start);
+        let marks = (self.x.marks(&across), self.y.marks(&along));
         let mut chart = ChartBuilder::on(area)
             .caption(&self.title, (FONT, TITLE_SIZE))
             .margin(4 * ENLARGED)
             .margin_right(14 * ENLARGED)
             .x_label_area_size(38 * ENLARGED)
             .y_label_area_size(58 * ENLARGED)
-            .build_cartesian_2d(across, along)
+            .build_cartesian_2d(Marked::new(&across, marks.0), Marked::new(&along, marks.1))
             .map_err(|error| error.to_string())?;
         chart
             .configure_mesh()
             .x_desc(self.x.label)
             .y_desc(self.y.label)
-            .x_labels(7)
-            .y_labels(6)
-            .x_label_formatter(&|place| self.x.text(*place, widths.0))
-            .y_label_formatter(&|place| self.y.text(*place, widths.1))
+            .x_label_formatter(&|place| self.x.text(*place, &across))
+            .y_label_formatter(&|place| self.y.text(*place, &along))
             .axis_desc_style((FONT, LABEL_SIZE))
             .label_style((FONT, LABEL_SIZE))
             .light_line_style(TRANSPARENT)
@@ -183,7 +203,8 @@ impl Chart {
         }
         chart
             .configure_series_labels()
-            .position(SeriesLabelPosition::UpperRight)
+            .position(SeriesLabelPosition::UpperLeft)
+            .legend_area_size(20 * ENLARGED)
             .label_font((FONT, LABEL_SIZE))
             .background_style(WHITE.mix(0.8))
             .border_style(GREY)
@@ -239,11 +260,41 @@ impl Chart {
     }
 }
 
-type Context<'a, 'b> = ChartContext<
-    'a,
-    SVGBackend<'b>,
-    Cartesian2d<plotters::coord::types::RangedCoordf64, plotters::coord::types::RangedCoordf64>,
->;
+/// A range with its marks where they are wanted.
+struct Marked {
+    span: Range<f64>,
+    marks: Vec<f64>,
+}
+
+impl Marked {
+    fn new(span: &Range<f64>, marks: Vec<f64>) -> Self {
+        let span = span.clone();
+        Self { span, marks }
+    }
+}
+
+impl Ranged for Marked {
+    type FormatOption = DefaultFormatting;
+    type ValueType = f64;
+
+    fn map(&self, value: &f64, (from, to): (i32, i32)) -> i32 {
+        let part = (value - self.span.start) / (self.span.end - self.span.start);
+        from + (part * f64::from(to - from)).round() as i32
+    }
+
+    fn key_points<Hint: KeyPointHint>(&self, hint: Hint) -> Vec<f64> {
+        match hint.weight().allow_light_points() {
+            true => Vec::new(),
+            false => self.marks.clone(),
+        }
+    }
+
+    fn range(&self) -> Range<f64> {
+        self.span.clone()
+    }
+}
+
+type Context<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<Marked, Marked>>;
 
 /// From the least to the greatest with a little room, and never nothing.
 fn span(places: &[f64]) -> Range<f64> {

@@ -1,7 +1,7 @@
 //! From the sums to what is claimed.
 
 use palpate_model::magnetorheological::Stiffening;
-use palpate_model::math::hypot;
+use palpate_model::math::{hypot, sqrt};
 use palpate_model::ramp::{
     Fit, LoadPoint, LoadRatio, LoadStiffness, Noise, Ramp, Reference, Refusal as NoFit,
 };
@@ -42,6 +42,10 @@ struct LoadCurve {
     sensing: NewtonPerMetre,
     total: Metre,
     regressors: (f32, f32),
+    /// Standard error of c_S/c_L that the calibration leaves: it turns the curve about its middle.
+    of_calibration: f32,
+    /// By how much the noise is larger than the fit says.
+    scatter: f32,
 }
 
 #[derive(Clone, Debug)]
@@ -72,7 +76,8 @@ impl Measurement {
                 .take()
                 .ok_or((RefusalReason::TooFewSamples, Some(0.0), Some(4.0)))?;
         let solved = solve(&ramps).map_err(reason)?;
-        let of_noise = widened_by_scatter(&solved.ratio, &mut ramps);
+        let scatter = ramps.scatter().birge_ratio().unwrap_or(1.0).max(1.0);
+        let of_noise = widened(&solved.ratio, scatter);
         let reference = *ramps.reference();
         let at = operating_point(&self.calibrated, &reference, settings);
         let temperature = heat.map(Heat::pad);
@@ -91,6 +96,8 @@ impl Measurement {
             sensing,
             total,
             regressors: ramps.regressors(),
+            of_calibration: root_of_rest(claim.standard_error, of_noise.standard_error),
+            scatter,
         });
         let tangent = curve.as_ref().and_then(|curve| curve.tangent(sensing));
         let estimate = Estimate {
@@ -149,7 +156,20 @@ impl Report {
 }
 
 impl LoadCurve {
+    /// The point at a regressor, with the uncertainty of its way from the middle of the ramps.
     fn at(&self, regressor: f32) -> LoadPoint {
+        let (low, high) = self.regressors;
+        let point = self.of_noise(regressor);
+        let from_middle = point.force - self.of_noise(0.5 * (low + high)).force;
+        let turned = self.of_calibration * from_middle.0 / self.sensing.0;
+        LoadPoint {
+            force_sigma: point.force_sigma * self.scatter,
+            displacement_sigma: Metre(hypot(point.displacement_sigma.0 * self.scatter, turned)),
+            ..point
+        }
+    }
+
+    fn of_noise(&self, regressor: f32) -> LoadPoint {
         let (sensing, total) = (self.sensing, self.total);
         match &self.fit {
             CurvedFit::Driftless(fit) => fit.load_point_within(regressor, sensing, total),
@@ -201,8 +221,7 @@ fn solve_both<const P: usize, const Q: usize>(
 
 /// The noise's interval, wider if the single ramps disagree by more than their own errors: what is
 /// slower than a conversion and faster than the train, as vibration, is not white.
-fn widened_by_scatter(ratio: &LoadRatio, ramps: &mut Ramps) -> LoadRatio {
-    let factor = ramps.scatter().birge_ratio().unwrap_or(1.0).max(1.0);
+fn widened(ratio: &LoadRatio, factor: f32) -> LoadRatio {
     LoadRatio {
         value: ratio.value,
         standard_error: ratio.standard_error * factor,
@@ -335,4 +354,9 @@ fn reason(refusal: NoFit) -> Reason {
             None,
         ),
     }
+}
+
+/// What a part leaves of a standard error.
+fn root_of_rest(whole: f32, part: f32) -> f32 {
+    sqrt((whole * whole - part * part).max(0.0))
 }

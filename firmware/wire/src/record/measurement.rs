@@ -49,7 +49,8 @@ structure! {
 
 structure! {
     /// A point of the curve of force against the load's displacement, from the ramps of one
-    /// measurement.
+    /// measurement. Only the way from one point to another is measured: how far the load had given
+    /// way before the ramps is reckoned as if it were linear from its first touch on.
     pub struct LoadPoint {
         /// Number of the measurement.
         measurement: u32,
@@ -59,11 +60,12 @@ structure! {
         points: u8 ["1", 1, 64],
         /// Displacement of the load, x_L.
         displacement_m: f32 ["m", -1, 1],
-        /// Standard uncertainty of the displacement.
+        /// Standard uncertainty of the way from the middle of the ramps, the calibration's part
+        /// included.
         displacement_sigma_m: f32 ["m", 0, 1],
         /// Force.
         force_n: f32 ["N", -1e4, 1e4],
-        /// Standard uncertainty of the force.
+        /// Standard uncertainty of the force by noise.
         force_sigma_n: f32 ["N", 0, 1e4],
     }
 }
