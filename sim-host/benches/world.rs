@@ -6,6 +6,7 @@ use core::cell::RefCell;
 use divan::{Bencher, counter::ItemsCount};
 use embedded_hal::i2c::{I2c, Operation};
 use ldc161x_sim::{Bus, Chip, Time};
+use palpate_sim::board::{Hardware, VirtualBoard};
 use palpate_sim::mechanics::{load::Load, press::Profile};
 use palpate_sim::parameters::draw;
 use palpate_sim::stack::{Disturbances, Stack};
@@ -136,4 +137,19 @@ fn plant_and_chip_read_over_the_bus(bencher: Bencher<'_, '_>) {
         }
         (high, low)
     });
+}
+
+/// Everything: plant, converter, bus, driver and procedure, with every record kept. Five simulated
+/// seconds of watching, at 1 kHz.
+#[divan::bench]
+fn whole_board(bencher: Bencher<'_, '_>) {
+    bencher
+        .counter(ItemsCount::new(5_u32))
+        .with_inputs(|| Hardware::new(pressed()))
+        .bench_local_refs(|hardware| {
+            let mut board = VirtualBoard::new(hardware);
+            let end = board.now() + Time::from_ms(5_000);
+            board.run_until(end).expect("the chip answers");
+            board.take_records().len()
+        });
 }

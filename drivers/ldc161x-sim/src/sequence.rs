@@ -44,8 +44,8 @@ pub(crate) struct Sequence {
     settled: Moment,
     /// Phase of the divided sensor signal, cycles.
     phase: f64,
-    /// When the watchdog last knew of an oscillation and a reference.
-    alive: Moment,
+    /// When the watchdog barks, unless it learns of an oscillation and a reference before.
+    watchdog: Moment,
     /// What the amplitude calibration has found since the chip left sleep.
     calibrated: [Option<u8>; CHANNELS],
 }
@@ -60,7 +60,7 @@ impl Sequence {
             settle_s: 0.0,
             settled: start,
             phase: 0.0,
-            alive: start,
+            watchdog: Moment::NEVER,
             calibrated: [None; CHANNELS],
         }
     }
@@ -100,10 +100,15 @@ impl<S: Sensors> Chip<S> {
     fn watchdog_due(&self) -> Moment {
         let watched = !self.registers.mux().autoscan() || self.sequence.ends.is_never();
         if self.sequence.measures() && watched {
-            self.sequence.alive.after(self.settings.watchdog())
+            self.sequence.watchdog
         } else {
             Moment::NEVER
         }
+    }
+
+    /// The sensor oscillates and the reference runs.
+    fn feed_watchdog(&mut self, at: Moment) {
+        self.sequence.watchdog = at.after(self.settings.watchdog());
     }
 
     /// Does what is due.
@@ -196,10 +201,10 @@ impl<S: Sensors> Chip<S> {
         let reference_hz = self.reference_hz(channel, at);
         let settle_s = self.registers.settle_clocks(channel) / reference_hz;
         let phase = self.random.uniform();
+        self.feed_watchdog(at);
         let sequence = &mut self.sequence;
         sequence.channel = channel;
         sequence.phase = phase;
-        sequence.alive = at;
         sequence.settle_s = settle_s;
         sequence.enter(Step::Activation, at.after(settle_s));
     }
@@ -237,7 +242,7 @@ impl<S: Sensors> Chip<S> {
         let mut conversion = gate.measure(&self.settings, &self.sensors, phase, &mut self.random);
         conversion.errors |= amplitude_errors(conversion.amplitude_v);
         if conversion.oscillation_hz >= SLOWEST_SENSOR_HZ {
-            self.sequence.alive = at;
+            self.feed_watchdog(at);
         }
         self.judge(gate, &conversion);
         self.results.finish(conversion, self.reporting());
@@ -269,7 +274,7 @@ impl<S: Sensors> Chip<S> {
     fn watch(&mut self, at: Moment) {
         let channel = self.sequence.channel;
         if self.reference_hz(channel, at) > 0.0 && self.oscillates(channel, at) {
-            self.sequence.alive = at;
+            self.feed_watchdog(at);
         } else if self.registers.mux().autoscan() {
             self.results
                 .abort(channel, Errors::ZERO_COUNT, self.reporting());

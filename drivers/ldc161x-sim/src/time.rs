@@ -133,10 +133,11 @@ impl Moment {
         if !picoseconds.is_finite() || self.time == Time::MAX {
             return Self::NEVER;
         }
-        let whole = libm::floor(picoseconds).max(1.0);
+        // Above zero the cast rounds down, and saturates.
+        let whole = picoseconds.max(1.0) as u64;
         Self {
-            time: self.time + Time::from_ps(whole as u64),
-            fraction: (picoseconds - whole).max(0.0),
+            time: self.time + Time::from_ps(whole),
+            fraction: (picoseconds - whole as f64).max(0.0),
         }
     }
 
