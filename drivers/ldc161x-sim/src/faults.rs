@@ -256,10 +256,36 @@ pub(crate) struct Change {
     pub(crate) begins: bool,
 }
 
+/// Places for faults. Every byte on the bus looks through them, so that those which were never
+/// taken are left out.
+#[derive(Clone, Debug)]
+struct Slots {
+    places: [Option<Slot>; FAULT_SLOTS],
+    /// Places from here on were never taken.
+    taken: usize,
+}
+
+impl Slots {
+    fn put(&mut self, index: usize, slot: Slot) {
+        if let Some(place) = self.places.get_mut(index) {
+            *place = Some(slot);
+            self.taken = self.taken.max(index + 1);
+        }
+    }
+
+    fn iter(&self) -> impl Iterator<Item = &Slot> {
+        self.places.iter().take(self.taken).flatten()
+    }
+
+    fn iter_mut(&mut self) -> impl Iterator<Item = &mut Slot> {
+        self.places.iter_mut().take(self.taken).flatten()
+    }
+}
+
 /// The scheduled faults and their traces.
 #[derive(Clone, Debug)]
 pub(crate) struct Schedule {
-    slots: [Option<Slot>; FAULT_SLOTS],
+    slots: Slots,
     next_id: u64,
     /// The earliest [`Slot::due`], kept because every conversion asks for it.
     due: Option<Time>,
@@ -270,7 +296,10 @@ pub(crate) struct Schedule {
 impl Schedule {
     pub(crate) fn new(random: Random) -> Self {
         Self {
-            slots: [None; FAULT_SLOTS],
+            slots: Slots {
+                places: [None; FAULT_SLOTS],
+                taken: 0,
+            },
             next_id: 0,
             due: None,
             random,
@@ -285,14 +314,15 @@ impl Schedule {
             Span::Transactions(count) => count,
             Span::Time(_) | Span::Forever => 0,
         };
-        if let Some(slot) = self.slots.get_mut(slot) {
-            *slot = Some(Slot {
+        self.slots.put(
+            slot,
+            Slot {
                 id,
                 event,
                 state: FaultState::Waiting,
                 transactions_left,
-            });
-        }
+            },
+        );
         self.next_id += 1;
         self.find_due();
         Ok(FaultId(id))
@@ -300,10 +330,10 @@ impl Schedule {
 
     /// An empty place, or that of the oldest fault that is over.
     fn free_slot(&self) -> Option<usize> {
-        let empty = self.slots.iter().position(Option::is_none);
+        let empty = self.slots.places.iter().position(Option::is_none);
         empty.or_else(|| {
             (0..)
-                .zip(&self.slots)
+                .zip(&self.slots.places)
                 .filter_map(|(index, slot)| slot.filter(Slot::is_over).map(|slot| (slot.id, index)))
                 .min()
                 .map(|(_, index)| index)
@@ -312,7 +342,7 @@ impl Schedule {
 
     /// Ends what is active and forgets what waits.
     pub(crate) fn clear(&mut self, now: Time) {
-        for place in &mut self.slots {
+        for place in &mut self.slots.places {
             match place {
                 Some(slot) if slot.is_active() => {
                     finish(slot, now, &mut self.log);
@@ -325,7 +355,7 @@ impl Schedule {
     }
 
     pub(crate) fn state(&self, id: FaultId) -> Option<FaultState> {
-        let slot = self.slots.iter().flatten().find(|slot| slot.id == id.0)?;
+        let slot = self.slots.iter().find(|slot| slot.id == id.0)?;
         Some(slot.state)
     }
 
@@ -334,7 +364,7 @@ impl Schedule {
     }
 
     fn find_due(&mut self) {
-        self.due = self.slots.iter().flatten().filter_map(Slot::due).min();
+        self.due = self.slots.iter().filter_map(Slot::due).min();
     }
 
     /// Begins or ends one fault that is due, and tells which.
@@ -342,7 +372,6 @@ impl Schedule {
         let slot = self
             .slots
             .iter_mut()
-            .flatten()
             .find(|slot| slot.due().is_some_and(|due| due <= now))?;
         let begins = if slot.is_active() {
             finish(slot, now, &mut self.log);
@@ -358,7 +387,7 @@ impl Schedule {
 
     /// Begins one fault that waits for this transaction, and tells which.
     pub(crate) fn begin_transaction(&mut self, number: u64, now: Time) -> Option<Change> {
-        let slot = self.slots.iter_mut().flatten().find(|slot| {
+        let slot = self.slots.iter_mut().find(|slot| {
             slot.state == FaultState::Waiting
                 && matches!(slot.event.trigger, Trigger::Transaction(first) if first <= number)
         })?;
@@ -377,14 +406,13 @@ impl Schedule {
         let spans =
             |slot: &Slot| slot.is_active() && matches!(slot.event.span, Span::Transactions(_));
         if counted {
-            for slot in self.slots.iter_mut().flatten().filter(|slot| spans(slot)) {
+            for slot in self.slots.iter_mut().filter(|slot| spans(slot)) {
                 slot.transactions_left = slot.transactions_left.saturating_sub(1);
             }
         }
         let slot = self
             .slots
             .iter_mut()
-            .flatten()
             .find(|slot| spans(slot) && slot.transactions_left == 0)?;
         finish(slot, now, &mut self.log);
         Some(Change {
@@ -395,12 +423,7 @@ impl Schedule {
 
     /// Ends faults that SCL pulses end.
     pub(crate) fn clock_pulses(&mut self, pulses: u32, now: Time) {
-        for slot in self
-            .slots
-            .iter_mut()
-            .flatten()
-            .filter(|slot| slot.is_active())
-        {
+        for slot in self.slots.iter_mut().filter(|slot| slot.is_active()) {
             if let Fault::SdaStuck {
                 clocks: Some(clocks),
             } = &mut slot.event.fault
@@ -422,7 +445,6 @@ impl Schedule {
     pub(crate) fn active(&self) -> impl Iterator<Item = &Fault> {
         self.slots
             .iter()
-            .flatten()
             .filter(|slot| slot.is_active())
             .map(|slot| &slot.event.fault)
     }
@@ -431,7 +453,6 @@ impl Schedule {
     pub(crate) fn lasts_until(&self, is_meant: impl Fn(&Fault) -> bool) -> Option<Time> {
         self.slots
             .iter()
-            .flatten()
             .filter(|slot| slot.is_active() && is_meant(&slot.event.fault))
             .map(|slot| slot.due().unwrap_or(Time::MAX))
             .max()
@@ -441,7 +462,7 @@ impl Schedule {
     /// transaction.
     pub(crate) fn distort(&mut self, on: Path, index: u32, byte: u8) -> u8 {
         let mut distorted = byte;
-        for slot in self.slots.iter().flatten().filter(|slot| slot.is_active()) {
+        for slot in self.slots.iter().filter(|slot| slot.is_active()) {
             let Fault::BitFlip { path, strike } = slot.event.fault else {
                 continue;
             };
