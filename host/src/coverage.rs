@@ -33,6 +33,17 @@ pub(crate) struct Arguments {
     /// Kind of sensor
     #[arg(long, default_value = "ultrasoft", value_parser = PossibleValuesParser::new(Stack::BUILTIN))]
     stack: String,
+    /// How deep the loads are pressed, in units of the depth that the sensor was drawn for; the
+    /// bench presses 0.6 to 1.4 deep
+    #[arg(long, default_value_t = 1.0, value_parser = depth)]
+    depth: f64,
+}
+
+fn depth(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(depth) if (0.1..=2.0).contains(&depth) => Ok(depth),
+        _ => Err("not a number from 0.1 to 2".to_owned()),
+    }
 }
 
 /// Of the estimates of an honest instrument, so many hold at least, in percent: 95, and one for
@@ -50,7 +61,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let plants: Vec<Plant> = (arguments.seed..=last)
         .into_par_iter()
         .map(|seed| {
-            let row = row(&stack, &disturbances, seed);
+            let row = row(&stack, &disturbances, seed, arguments.depth);
             progress.step();
             row.map_err(|failure| failure.to_string())
         })
@@ -60,8 +71,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     writeln!(
         out,
         "{} sensors of the stack {} from seed {}, all disturbances, each calibrated on its own \
-         simulated bench:\n",
-        arguments.plants, arguments.stack, arguments.seed
+         simulated bench and pressed to {} of its working depth:\n",
+        arguments.plants, arguments.stack, arguments.seed, arguments.depth
     )?;
     let loads = by_load(&plants);
     writeln!(out, "{}\n", table(&loads))?;
@@ -79,12 +90,17 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-fn row(stack: &Stack, disturbances: &Disturbances, seed: u64) -> Result<Vec<Measured>, Failure> {
+fn row(
+    stack: &Stack,
+    disturbances: &Disturbances,
+    seed: u64,
+    depth: f64,
+) -> Result<Vec<Measured>, Failure> {
     let settings = default_settings();
     let instrument = Instrument::calibrated(stack, disturbances, seed, Switches::all(), &settings)?;
     demo::loads(instrument.plant.sensing.spring_n_per_m)
         .into_iter()
-        .map(|(name, load)| demo::measure(&instrument, name, load))
+        .map(|(name, load)| demo::measure(&instrument, name, load, depth))
         .collect()
 }
 

@@ -64,7 +64,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mut row = Vec::new();
     for (name, load) in loads(instrument.plant.sensing.spring_n_per_m) {
         progress.say(&format!("pressing {name}"));
-        row.push(measure(&instrument, name, load)?);
+        row.push(measure(&instrument, name, load, 1.0)?);
         progress.step();
     }
     progress.finish();
@@ -88,16 +88,17 @@ pub(crate) fn loads(sensing_n_per_m: f64) -> Vec<(String, Load)> {
     springs.chain([("block".to_owned(), Load::Rigid)]).collect()
 }
 
-/// Presses one load as deep as the sensor is meant to be pressed.
+/// Presses one load so many times as deep as the sensor is meant to be pressed.
 pub(crate) fn measure(
     instrument: &Instrument,
     name: String,
     load: Load,
+    depth: f64,
 ) -> Result<Measured, Failure> {
     let how = Press {
         load,
         holder: Holder::Stand,
-        depth_m: instrument.plant.press.depth_m,
+        depth_m: depth * instrument.plant.press.depth_m,
         speed_m_per_s: SPEED_M_PER_S,
     };
     Ok(Measured::new(name, press(instrument, &how)?))

@@ -19,8 +19,8 @@ pub(crate) struct Instrument {
     pub(crate) settings: Settings,
 }
 
-/// Depths at which the block is pressed, in units of the working depth: what users' hands vary.
-const BLOCK_DEPTHS: [f64; 3] = [0.6, 1.0, 1.4];
+/// Depths to which everything is pressed, in units of the working depth: what users' hands vary.
+const DEPTHS: [f64; 3] = [0.6, 1.0, 1.4];
 /// Springs of the bench, in units of the nominal c_S.
 const SPRINGS: [f64; 6] = [0.1, 0.2, 0.5, 1.0, 2.0, 5.0];
 /// How fast objects are pressed, on the bench as later, m/s.
@@ -63,7 +63,7 @@ impl Instrument {
             settings: settings.clone(),
             coil: coil.clone(),
             depth_m: plant.press.depth_m,
-            block_depths: BLOCK_DEPTHS.to_vec(),
+            depths: DEPTHS.to_vec(),
             springs_n_per_m: SPRINGS.map(|ratio| ratio * sensing_n_per_m).to_vec(),
             speed_m_per_s: SPEED_M_PER_S,
             rest_s: REST_S,

@@ -1,8 +1,8 @@
 //! A calibration on the bench: what its user does there, and what they write down.
 //!
 //! The instrument on the [`rig`](crate::rig) is the virtual board with its own firmware's
-//! procedure. Its user presses specimens upon it - nothing, a rigid block at several depths,
-//! reference springs - and drives the train of ramps on each; the instrument's samples and the
+//! procedure. Its user presses specimens upon it - nothing, a rigid block, reference
+//! springs, to several depths - and drives the train of ramps on each; the instrument's samples and the
 //! bench's gauges go into a [`Session`]. What calibration follows from that is not decided here.
 
 use palpate_wire::code::{Outcome, State};
@@ -80,8 +80,8 @@ pub struct Plan {
     pub coil: Coil,
     /// Depth of the sensing layer to aim at, m.
     pub depth_m: f64,
-    /// Depths at which the block is pressed, in units of the first.
-    pub block_depths: Vec<f64>,
+    /// Depths to which block and springs are pressed, in units of that.
+    pub depths: Vec<f64>,
     /// Springs, N/m.
     pub springs_n_per_m: Vec<f64>,
     /// How fast the stage moves, m/s.
@@ -167,15 +167,14 @@ pub fn calibrate(
         bare: Vec::new(),
         temperature_c: crate::thermal::CALIBRATION_C,
     };
-    for depth in &plan.block_depths {
-        let depth_m = depth * plan.depth_m;
-        let run = run(parameters, switches, plan, Pressed::Block, depth_m)?;
-        session.runs.push(run);
-    }
-    for &n_per_m in &plan.springs_n_per_m {
-        let spring = Pressed::Spring { n_per_m };
-        let run = run(parameters, switches, plan, spring, plan.depth_m)?;
-        session.runs.push(run);
+    let springs = plan.springs_n_per_m.iter();
+    let springs = springs.map(|&n_per_m| Pressed::Spring { n_per_m });
+    for pressed in core::iter::once(Pressed::Block).chain(springs) {
+        for depth in &plan.depths {
+            let depth_m = depth * plan.depth_m;
+            let run = run(parameters, switches, plan, pressed, depth_m)?;
+            session.runs.push(run);
+        }
     }
     let mut bare = BareRig::new(parameters, switches);
     for force_n in BARE_FORCES_N {

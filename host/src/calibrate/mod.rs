@@ -13,6 +13,7 @@
 
 mod actuated;
 mod claim;
+mod commands;
 mod crosstalk;
 mod curve;
 mod least_squares;
@@ -22,14 +23,10 @@ use std::fmt;
 
 use palpate_sim::bench::Session;
 use palpate_wire::Command;
-use palpate_wire::code::Stream;
-use palpate_wire::command;
-use palpate_wire::command::{
-    Attraction, Coil, DeformationCurve, DeformationKnot, KNOTS_PER_CHUNK, Settings, Springs,
-    StiffeningCurve, StiffeningKnot, Tank, TemperatureEffect,
-};
+use palpate_wire::command::{Coil, Settings};
 
 pub(crate) use actuated::{Actuated, Line, Sample};
+use commands::Findings;
 pub(crate) use crosstalk::Crosstalk;
 use curve::ForceCurve;
 
@@ -104,17 +101,24 @@ pub(crate) fn evaluate(session: &Session, known: &Known) -> Result<Calibration, 
     let crosstalk = Crosstalk::fit(&runs, &force, known)?;
     let fit = actuated::fit(&runs, &force, crosstalk, frame_m_per_n, known)?;
     let uncertainty = claim::uncertainty(&fit, known)?;
+    let least_press_m = WITHIN * fit.problem.shallowest_m();
     let actuated = fit.actuated;
+    let crosstalk = Crosstalk {
+        growth_per_a2: actuated.growth_per_a2,
+        ..crosstalk
+    };
+    let findings = Findings {
+        known,
+        temperature_c: session.temperature_c,
+        rest_hz: runs.first().map_or(0.0, |run| run.rest_hz),
+        force: &force,
+        crosstalk: &crosstalk,
+        actuated: &actuated,
+        uncertainty: &uncertainty,
+        least_press_m,
+    };
     Ok(Calibration {
-        commands: commands(
-            session,
-            known,
-            &runs,
-            &force,
-            &crosstalk,
-            &actuated,
-            &uncertainty,
-        ),
+        commands: findings.commands(),
         sensing_n_per_m: known.sensing_n_per_m,
         actuated,
         uncertainty,
@@ -122,115 +126,5 @@ pub(crate) fn evaluate(session: &Session, known: &Known) -> Result<Calibration, 
     })
 }
 
-/// Knots of a curve: as many as the protocol carries.
-const KNOTS: usize = command::MAX_KNOTS as usize;
-
-fn commands(
-    session: &Session,
-    known: &Known,
-    runs: &[samples::Run],
-    force: &ForceCurve,
-    crosstalk: &Crosstalk,
-    actuated: &Actuated,
-    uncertainty: &claim::Uncertainty,
-) -> Vec<Command> {
-    let settings = Settings {
-        stream: Stream::Samples,
-        ..known.settings.clone()
-    };
-    let mut commands = vec![
-        Command::SetSettings(settings),
-        Command::SetTank(Tank {
-            sensor: 0,
-            channel: 0,
-            capacitance_f: known.capacitance_f as f32,
-            rest_frequency_hz: runs.first().map_or(0.0, |run| run.rest_hz),
-        }),
-    ];
-    commands.extend(deformation_curve(force, known.sensing_n_per_m));
-    commands.extend([
-        Command::SetCrosstalk(command::Crosstalk {
-            sensor: 0,
-            channel: 0,
-            apparent_m_per_a2: crosstalk.untouched_m_per_a2 as f32,
-            growth_per_m: crosstalk.growth_per_m as f32,
-            uncertainty: 0.0,
-        }),
-        Command::SetSprings(Springs {
-            sensing_n_per_m: known.sensing_n_per_m as f32,
-            sensing_uncertainty: uncertainty.constant as f32,
-            actuated_n_per_m: (known.sensing_n_per_m / actuated.ratio) as f32,
-            actuated_uncertainty: 0.0,
-            force_scale_uncertainty: uncertainty.scale as f32,
-            zero_uncertainty_m: 0.0,
-        }),
-    ]);
-    commands.extend(stiffening_curve(known, actuated));
-    commands.extend([
-        Command::SetCoil(known.coil.clone()),
-        Command::SetAttraction(Attraction {
-            attraction_n_per_a2: actuated.attraction_n_per_a2 as f32,
-            uncertainty: 0.0,
-        }),
-        Command::SetTemperatureEffect(TemperatureEffect {
-            calibrated_at_c: session.temperature_c as f32,
-            springs_uncertainty_per_k: known.springs_per_k as f32,
-            rise_uncertainty_per_k: known.rise_per_k as f32,
-        }),
-    ]);
-    commands
-}
-
-fn deformation_curve(force: &ForceCurve, sensing_n_per_m: f64) -> Vec<Command> {
-    let knots: Vec<_> = (0..KNOTS)
-        .map(|place| {
-            let change = force.greatest_change * place as f64 / (KNOTS - 1) as f64;
-            DeformationKnot {
-                inductance_change: change as f32,
-                deformation_m: (force.at(change) / sensing_n_per_m) as f32,
-            }
-        })
-        .collect();
-    let chunks = knots.chunks(KNOTS_PER_CHUNK).enumerate();
-    chunks
-        .map(|(place, knots)| {
-            Command::SetDeformationCurve(DeformationCurve {
-                sensor: 0,
-                channel: 0,
-                total: KNOTS as u8,
-                first: (place * KNOTS_PER_CHUNK) as u8,
-                knots: knots.iter().cloned().collect(),
-            })
-        })
-        .collect()
-}
-
-fn stiffening_curve(known: &Known, actuated: &Actuated) -> Vec<Command> {
-    // A little beyond the peak, so that noise of the current does not leave the curve.
-    let last_a = 1.03 * f64::from(known.settings.peak_current_a);
-    // Near zero current noise may turn the rise back, by less than anything that is measured with
-    // it; the protocol takes a curve that rises everywhere.
-    let least = actuated.rise(last_a) * 1e-6;
-    let mut below = -least;
-    let knots: Vec<_> = (0..KNOTS)
-        .map(|place| {
-            let current_a = last_a * place as f64 / (KNOTS - 1) as f64;
-            below = actuated.rise(current_a).max(below + least);
-            StiffeningKnot {
-                current_a: current_a as f32,
-                rise: below as f32,
-            }
-        })
-        .collect();
-    let chunks = knots.chunks(KNOTS_PER_CHUNK).enumerate();
-    chunks
-        .map(|(place, knots)| {
-            Command::SetStiffeningCurve(StiffeningCurve {
-                total: KNOTS as u8,
-                first: (place * KNOTS_PER_CHUNK) as u8,
-                rise_uncertainty: 0.0,
-                knots: knots.iter().cloned().collect(),
-            })
-        })
-        .collect()
-}
+/// A press may be shallower than the shallowest train by a twentieth, what creep and drift do to one.
+const WITHIN: f64 = 0.95;

@@ -1,0 +1,141 @@
+//! What was found, as the commands that tell it to the instrument.
+
+use palpate_wire::Command;
+use palpate_wire::code::Stream;
+use palpate_wire::command;
+use palpate_wire::command::{
+    Attraction, DeformationCurve, DeformationKnot, KNOTS_PER_CHUNK, Settings, Springs,
+    StiffeningCurve, StiffeningKnot, Tank, TemperatureEffect,
+};
+
+use super::claim::Uncertainty;
+use super::curve::ForceCurve;
+use super::{Actuated, Crosstalk, Known};
+
+/// Everything that the evaluation found.
+pub(super) struct Findings<'a> {
+    pub(super) known: &'a Known,
+    pub(super) temperature_c: f64,
+    /// Frequency of the untouched sensor, Hz.
+    pub(super) rest_hz: f64,
+    pub(super) force: &'a ForceCurve,
+    pub(super) crosstalk: &'a Crosstalk,
+    pub(super) actuated: &'a Actuated,
+    pub(super) uncertainty: &'a Uncertainty,
+    /// The shallowest press of which the calibration knows something, m.
+    pub(super) least_press_m: f64,
+}
+
+/// Knots of a curve: as many as the protocol carries.
+const KNOTS: usize = command::MAX_KNOTS as usize;
+
+impl Findings<'_> {
+    pub(super) fn commands(&self) -> Vec<Command> {
+        let settings = Settings {
+            least_press_m: self
+                .known
+                .settings
+                .least_press_m
+                .max(self.least_press_m as f32),
+            stream: Stream::Samples,
+            ..self.known.settings.clone()
+        };
+        let mut commands = vec![
+            Command::SetSettings(settings),
+            Command::SetTank(Tank {
+                sensor: 0,
+                channel: 0,
+                capacitance_f: self.known.capacitance_f as f32,
+                rest_frequency_hz: self.rest_hz,
+            }),
+        ];
+        commands.extend(self.deformation_curve());
+        commands.extend([
+            Command::SetCrosstalk(command::Crosstalk {
+                sensor: 0,
+                channel: 0,
+                apparent_m_per_a2: self.crosstalk.untouched_m_per_a2 as f32,
+                growth_per_m: self.crosstalk.growth_per_m() as f32,
+                uncertainty: 0.0,
+            }),
+            Command::SetSprings(Springs {
+                sensing_n_per_m: self.known.sensing_n_per_m as f32,
+                sensing_uncertainty: self.uncertainty.constant as f32,
+                actuated_n_per_m: (self.known.sensing_n_per_m / self.actuated.ratio) as f32,
+                actuated_uncertainty: 0.0,
+                force_scale_uncertainty: self.uncertainty.scale as f32,
+                zero_uncertainty_m: 0.0,
+            }),
+        ]);
+        commands.extend(self.stiffening_curve());
+        commands.extend([
+            Command::SetCoil(self.known.coil.clone()),
+            Command::SetAttraction(Attraction {
+                attraction_n_per_a2: self.actuated.attraction_n_per_a2 as f32,
+                uncertainty: 0.0,
+            }),
+            Command::SetTemperatureEffect(TemperatureEffect {
+                calibrated_at_c: self.temperature_c as f32,
+                springs_uncertainty_per_k: self.known.springs_per_k as f32,
+                rise_uncertainty_per_k: self.known.rise_per_k as f32,
+            }),
+        ]);
+        commands
+    }
+
+    fn deformation_curve(&self) -> Vec<Command> {
+        let (force, sensing_n_per_m) = (self.force, self.known.sensing_n_per_m);
+        let knots: Vec<_> = (0..KNOTS)
+            .map(|place| {
+                let change = force.greatest_change * place as f64 / (KNOTS - 1) as f64;
+                DeformationKnot {
+                    inductance_change: change as f32,
+                    deformation_m: (force.at(change) / sensing_n_per_m) as f32,
+                }
+            })
+            .collect();
+        let chunks = knots.chunks(KNOTS_PER_CHUNK).enumerate();
+        chunks
+            .map(|(place, knots)| {
+                Command::SetDeformationCurve(DeformationCurve {
+                    sensor: 0,
+                    channel: 0,
+                    total: KNOTS as u8,
+                    first: (place * KNOTS_PER_CHUNK) as u8,
+                    knots: knots.iter().cloned().collect(),
+                })
+            })
+            .collect()
+    }
+
+    fn stiffening_curve(&self) -> Vec<Command> {
+        let (known, actuated) = (self.known, self.actuated);
+        // A little beyond the peak, so that noise of the current does not leave the curve.
+        let last_a = 1.03 * f64::from(known.settings.peak_current_a);
+        // Near zero current noise may turn the rise back, by less than anything that is measured with
+        // it; the protocol takes a curve that rises everywhere.
+        let least = actuated.rise(last_a) * 1e-6;
+        let mut below = -least;
+        let knots: Vec<_> = (0..KNOTS)
+            .map(|place| {
+                let current_a = last_a * place as f64 / (KNOTS - 1) as f64;
+                below = actuated.rise(current_a).max(below + least);
+                StiffeningKnot {
+                    current_a: current_a as f32,
+                    rise: below as f32,
+                }
+            })
+            .collect();
+        let chunks = knots.chunks(KNOTS_PER_CHUNK).enumerate();
+        chunks
+            .map(|(place, knots)| {
+                Command::SetStiffeningCurve(StiffeningCurve {
+                    total: KNOTS as u8,
+                    first: (place * KNOTS_PER_CHUNK) as u8,
+                    rise_uncertainty: 0.0,
+                    knots: knots.iter().cloned().collect(),
+                })
+            })
+            .collect()
+    }
+}
