@@ -29,8 +29,6 @@ pub(crate) struct Actuated {
     pub(crate) regressor: Vec<f64>,
     pub(crate) peak_a: f64,
     pub(crate) attraction_n_per_a2: f64,
-    /// Growth of the cross-talk with the press, 1/A^2: the coil reads x (1 + G I^2).
-    pub(crate) growth_per_a2: f64,
 }
 
 impl Actuated {
@@ -168,8 +166,7 @@ pub(crate) struct Sample {
 /// Places of the unknowns.
 const ATTRACTION: usize = DEGREE;
 const RATIO: usize = DEGREE + 1;
-const GROWTH: usize = DEGREE + 2;
-const SHARED: usize = DEGREE + 3;
+const SHARED: usize = DEGREE + 2;
 
 pub(super) fn fit(
     runs: &[Run],
@@ -243,7 +240,6 @@ impl Problem {
             regressor: vec![0.0; DEGREE],
             peak_a: self.peak_a,
             attraction_n_per_a2: 0.0,
-            growth_per_a2: 0.0,
         };
         let mut solution = None;
         for _ in 0..ROUNDS {
@@ -254,7 +250,6 @@ impl Problem {
                 regressor: solved.unknowns.iter().take(DEGREE).copied().collect(),
                 peak_a: self.peak_a,
                 attraction_n_per_a2: unknown(ATTRACTION),
-                growth_per_a2: unknown(GROWTH),
             };
             solution = Some(solved);
         }
@@ -273,13 +268,7 @@ impl Problem {
     /// kappa and the error of kappa.
     pub(super) fn misses(&self, actuated: &Actuated) -> Result<Vec<(f64, f64)>, Unusable> {
         let miss = |train: &Train| {
-            let grown = |sample: &Sample| Sample {
-                deformation_m: sample.deformation_m
-                    / (1.0 + actuated.growth_per_a2 * sample.current_a.powi(2)),
-                ..*sample
-            };
-            let samples: Vec<Sample> = train.samples.iter().map(grown).collect();
-            let line = actuated.line(&samples, self.sensing_n_per_m, train.tau_s)?;
+            let line = actuated.line(&train.samples, self.sensing_n_per_m, train.tau_s)?;
             Ok((train.kappa, line.kappa - train.kappa))
         };
         self.trains.iter().map(miss).collect()
@@ -314,7 +303,6 @@ impl Problem {
                 let pull = square_a2 * ratio_now / self.sensing_n_per_m / x_m;
                 set(&mut row, ATTRACTION, -pull);
                 set(&mut row, RATIO, -1.0);
-                set(&mut row, GROWTH, whole * square_a2);
                 let phi = (sample.time_s / train.tau_s).ln_1p();
                 set(&mut row, SHARED + 3 * place, self.depth_m / x_m);
                 set(&mut row, SHARED + 3 * place + 1, self.depth_m / x_m * phi);
@@ -342,7 +330,6 @@ pub(super) fn with_unknowns(like: &Actuated, unknowns: &[f64]) -> Actuated {
         ratio: unknown(RATIO),
         regressor: unknowns.iter().take(DEGREE).copied().collect(),
         attraction_n_per_a2: unknown(ATTRACTION),
-        growth_per_a2: unknown(GROWTH),
         ..like.clone()
     }
 }

@@ -55,7 +55,7 @@ impl Findings<'_> {
                 sensor: 0,
                 channel: 0,
                 apparent_m_per_a2: self.crosstalk.untouched_m_per_a2 as f32,
-                growth_per_m: self.crosstalk.growth_per_m() as f32,
+                growth_per_m: self.crosstalk.growth_per_m as f32,
                 uncertainty: 0.0,
             }),
             Command::SetSprings(Springs {

@@ -7,38 +7,80 @@ use super::least_squares::System;
 use super::samples::Run;
 use super::{Known, Unusable};
 
-/// What the coil's current adds to the reading: X I^2 + G I^2 x.
+/// What the coil's current adds to the reading: X I^2 (1 + growth x).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Crosstalk {
-    /// X, m/A^2, from the train without contact.
+    /// X, m/A^2.
     pub(crate) untouched_m_per_a2: f64,
-    /// G, 1/A^2, from the trains on block and springs ([`actuated`](super::actuated)).
-    pub(crate) growth_per_a2: f64,
+    /// 1/m.
+    pub(crate) growth_per_m: f64,
 }
 
 impl Crosstalk {
-    /// Determines the part that is there without contact.
+    /// Determines both.
     pub(super) fn fit(runs: &[Run], force: &ForceCurve, known: &Known) -> Result<Self, Unusable> {
+        let untouched_m_per_a2 = untouched(runs, force, known)?;
         Ok(Self {
-            untouched_m_per_a2: untouched(runs, force, known)?,
-            growth_per_a2: 0.0,
+            untouched_m_per_a2,
+            growth_per_m: growth(runs, force, untouched_m_per_a2, known)?,
         })
     }
 
     /// A reading without it.
-    pub(crate) fn without(&self, read_m: f64, current_a: f64) -> f64 {
-        let square_a2 = current_a * current_a;
-        (read_m - self.untouched_m_per_a2 * square_a2) / (1.0 + self.growth_per_a2 * square_a2)
+    pub(super) fn without(&self, read_m: f64, current_a: f64) -> f64 {
+        let untouched_m = self.untouched_m_per_a2 * current_a * current_a;
+        (read_m - untouched_m) / (1.0 + untouched_m * self.growth_per_m)
     }
+}
 
-    /// The growth with the press as a part of X, 1/m.
-    pub(super) fn growth_per_m(&self) -> f64 {
-        // Where nothing is, nothing grows.
-        if self.untouched_m_per_a2 == 0.0 {
-            return 0.0;
+/// Growth of the cross-talk with the deformation, 1/m, from the trains on block and springs.
+///
+/// On the falls of run j the coil reads
+///
+/// x = a_j + d_j phi(t) + F/c + X I^2 (1 + growth x),
+///
+/// with the force F from the load cell. On a single run F follows I^2, and their shares cannot be
+/// told apart; a soft spring's force follows it less than a block's, though, and the cross-talk is
+/// the same. c is the sensing layer's spring for changes as fast as the ramps.
+fn growth(
+    runs: &[Run],
+    force: &ForceCurve,
+    crosstalk_m_per_a2: f64,
+    known: &Known,
+) -> Result<f64, Unusable> {
+    let pressed: Vec<&Run> = runs
+        .iter()
+        .filter(|run| run.pressed != Pressed::Nothing)
+        .collect();
+    let unknowns = 2 + 2 * pressed.len();
+    let mut system = System::new(unknowns);
+    for (place, run) in pressed.iter().enumerate() {
+        for sample in &run.falls {
+            let untouched_m = crosstalk_m_per_a2 * sample.current_a * sample.current_a;
+            let read_m = force.at(sample.change) / known.sensing_n_per_m;
+            let phi = (sample.time_s / run.since_touch_s).ln_1p();
+            let mut row = vec![0.0; unknowns];
+            let own = row.iter_mut().skip(2 + 2 * place);
+            own.zip([1.0, phi])
+                .for_each(|(entry, value)| *entry = value);
+            let shared = [sample.force_n, untouched_m * (read_m - untouched_m)];
+            let entries = row.iter_mut().zip(shared);
+            entries.for_each(|(entry, value)| *entry = value);
+            system.add(row, read_m - untouched_m, 1.0);
         }
-        self.growth_per_a2 / self.untouched_m_per_a2
     }
+    // What a millionth of the deformation is worth needs no growth, and could not determine one.
+    let greatest_a2 = f64::from(known.settings.peak_current_a).powi(2);
+    let deepest_m = force.at(force.greatest_change) / known.sensing_n_per_m;
+    if (crosstalk_m_per_a2 * greatest_a2).abs() < 1e-6 * deepest_m {
+        return Ok(0.0);
+    }
+    let solution = system.solve("the cross-talk's growth with the press")?;
+    solution
+        .unknowns
+        .get(1)
+        .copied()
+        .ok_or(Unusable::Undetermined("the cross-talk's growth"))
 }
 
 /// Apparent deformation per square of the current, m/A^2.

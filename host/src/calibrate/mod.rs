@@ -103,10 +103,6 @@ pub(crate) fn evaluate(session: &Session, known: &Known) -> Result<Calibration, 
     let uncertainty = claim::uncertainty(&fit, known)?;
     let least_press_m = WITHIN * fit.problem.shallowest_m();
     let actuated = fit.actuated;
-    let crosstalk = Crosstalk {
-        growth_per_a2: actuated.growth_per_a2,
-        ..crosstalk
-    };
     let findings = Findings {
         known,
         temperature_c: session.temperature_c,

@@ -28,6 +28,8 @@ pub(super) struct Fallen {
     /// L/L0 - 1.
     pub(super) change: f64,
     pub(super) current_a: f64,
+    /// Load cell, N, at the same time.
+    pub(super) force_n: f64,
 }
 
 /// The untouched sensor is looked at for this long, from the start: the bench moves later.
@@ -107,6 +109,7 @@ fn falls(notes: &Notes, settings: &Settings, change: impl Fn(&Line) -> f64) -> V
                     time_s: line.time_s - notes.began_s,
                     change: change(line),
                     current_a: line.current_a,
+                    force_n: force_at(before, line),
                 })
             }
             _ => None,
