@@ -42,7 +42,7 @@ fn example() -> &'static Path {
 
 #[test]
 fn undisturbed_every_estimate_is_within_half_a_percent() {
-    for seed in ["1", "2", "3"] {
+    for seed in ["1", "2"] {
         let row = lines(&["demo", "--ideal", "--json", "--seed", seed]);
         assert_eq!(row.len(), 8);
         for line in &row[..7] {
@@ -60,7 +60,7 @@ fn undisturbed_every_estimate_is_within_half_a_percent() {
 
 #[test]
 fn disturbed_every_estimate_is_within_its_claim() {
-    for seed in ["1", "2", "3", "4", "5"] {
+    for seed in ["1", "2", "3"] {
         for line in lines(&["demo", "--json", "--seed", seed]) {
             assert_eq!(line["within_claim"], true, "seed {seed}: {line}");
             assert_eq!(line["simulated"], true);
@@ -291,12 +291,12 @@ fn a_stack_file_beside_the_scenario_is_found() {
 
 #[test]
 fn coverage_counts() {
-    let output = palpate(&["coverage", "--plants", "6", "--seed", "40"]);
+    let output = palpate(&["coverage", "--plants", "3", "--seed", "40"]);
     assert!(output.status.success());
     let text = String::from_utf8(output.stdout).unwrap();
     let row = text.lines().find(|line| line.contains("| 1 c_S ")).unwrap();
     let cells: Vec<&str> = row.split('|').map(str::trim).collect();
-    assert_eq!(&cells[2..5], ["6", "6", "6"], "{row}");
+    assert_eq!(&cells[2..5], ["3", "3", "3"], "{row}");
 }
 
 proptest! {
