@@ -21,6 +21,13 @@ pub(crate) struct Felt {
     pub(crate) touch: Touch,
 }
 
+impl Felt {
+    /// Whether nothing touches, as far as is known.
+    pub(crate) const fn is_untouched(&self) -> bool {
+        matches!(self.touch, Touch::Ended | Touch::Clear | Touch::Settling)
+    }
+}
+
 /// One channel's memory: what it reads untouched.
 #[derive(Clone, Debug)]
 pub(crate) struct Follower {

@@ -3,7 +3,6 @@
 mod claim;
 mod ramps;
 
-use palpate_model::contact::Touch;
 use palpate_model::magnetorheological::Stiffening;
 use palpate_model::ramp::Sample;
 use palpate_model::units::{Ampere, Metre, Newton, NewtonPerMetre};
@@ -231,7 +230,7 @@ impl Measurement {
             }
             return Ok(());
         };
-        if matches!(felt.touch, Touch::Ended | Touch::Clear | Touch::Settling) {
+        if felt.is_untouched() {
             let after = seconds(self.drive.began, scan.middle).0;
             return refuse((RefusalReason::ContactLost, Some(after), None));
         }

@@ -119,8 +119,9 @@ impl Procedure {
                     self.touched(Instant::from_ticks(since), out);
                 }
             }
+            // It may have let go while the coil was driven, where nobody asked.
             Phase::Contact { .. } | Phase::Release { .. } | Phase::Telling { .. }
-                if touch == Some(Touch::Ended) =>
+                if felt.is_some_and(|felt| felt.is_untouched()) =>
             {
                 self.go(Phase::Baseline, out);
             }
@@ -184,7 +185,7 @@ impl Procedure {
         };
         let touched = settling.touched;
         let pressed_m = felt.deformation.0;
-        if matches!(felt.touch, Touch::Ended | Touch::Clear | Touch::Settling) {
+        if felt.is_untouched() {
             let after = seconds(settling.began, out.now).0;
             return self.refuse((RefusalReason::ContactLost, Some(after), None), out);
         }

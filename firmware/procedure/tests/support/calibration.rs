@@ -1,0 +1,99 @@
+//! The commands that tell the procedure what [`Sensor`] is.
+
+use palpate_procedure::configuration::DEFAULT_SETTINGS;
+use palpate_wire::Command;
+use palpate_wire::command::{
+    Attraction, Coil, Crosstalk, DeformationCurve, DeformationKnot, Settings, Springs, Stiffening,
+};
+
+use super::sensor::{CHANGE_PER_M, PEAK_A, Sensor};
+
+/// Deepest deformation on the curve.
+pub(crate) const DEEPEST_M: f32 = 1e-3;
+
+/// Default settings, changed.
+pub(crate) fn settings(change: impl FnOnce(&mut Settings)) -> Settings {
+    let mut settings = DEFAULT_SETTINGS;
+    change(&mut settings);
+    settings
+}
+
+/// The curve, which is a straight line.
+pub(crate) fn curve() -> DeformationCurve {
+    let deformations_m = [-2e-4, 0.0, 2e-4, 4e-4, 7e-4, DEEPEST_M];
+    DeformationCurve {
+        sensor: 0,
+        channel: 0,
+        total: deformations_m.len() as u8,
+        first: 0,
+        knots: deformations_m
+            .iter()
+            .map(|&deformation_m| DeformationKnot {
+                inductance_change: (CHANGE_PER_M * f64::from(deformation_m)) as f32,
+                deformation_m,
+            })
+            .collect(),
+    }
+}
+
+pub(crate) fn springs(sensor: &Sensor) -> Springs {
+    Springs {
+        sensing_n_per_m: sensor.sensing_n_per_m as f32,
+        sensing_uncertainty: 0.0,
+        actuated_n_per_m: sensor.actuated_n_per_m as f32,
+        actuated_uncertainty: 0.0,
+        force_scale_uncertainty: 0.0,
+        zero_uncertainty_m: 0.0,
+    }
+}
+
+pub(crate) fn stiffening(sensor: &Sensor) -> Stiffening {
+    Stiffening {
+        peak_current_a: PEAK_A as f32,
+        rise_at_peak: sensor.rise as f32,
+        rise_uncertainty: 0.0,
+        field_at_peak_t: 0.0,
+        field_half_t: 1.0,
+    }
+}
+
+/// The paper's coil: 0.389 ohm, and the heat of some grams of copper and rubber.
+pub(crate) const COIL: Coil = Coil {
+    resistance_ohm: 0.389,
+    copper_capacity_j_per_k: 0.8,
+    pad_capacity_j_per_k: 60.0,
+    copper_to_pad_k_per_w: 0.5,
+    pad_to_ambient_k_per_w: 8.0,
+    gain_v_per_a: 0.1,
+    zero_v: 1.65,
+    current_uncertainty: 0.0,
+};
+
+pub(crate) fn attraction(sensor: &Sensor) -> Attraction {
+    Attraction {
+        attraction_n_per_a2: sensor.attraction_n_per_a2 as f32,
+        uncertainty: 0.0,
+    }
+}
+
+pub(crate) fn crosstalk(sensor: &Sensor) -> Crosstalk {
+    Crosstalk {
+        sensor: 0,
+        channel: 0,
+        apparent_m_per_a2: sensor.crosstalk_m_per_a2 as f32,
+        growth_per_m: sensor.crosstalk_growth_per_m as f32,
+        uncertainty: 0.0,
+    }
+}
+
+/// All that a measurement needs.
+pub(crate) fn calibration(sensor: &Sensor) -> [Command; 6] {
+    [
+        Command::SetDeformationCurve(curve()),
+        Command::SetSprings(springs(sensor)),
+        Command::SetStiffening(stiffening(sensor)),
+        Command::SetCoil(COIL),
+        Command::SetAttraction(attraction(sensor)),
+        Command::SetCrosstalk(crosstalk(sensor)),
+    ]
+}

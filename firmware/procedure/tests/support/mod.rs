@@ -1,0 +1,364 @@
+//! The procedure on a synthetic sensor and an ideal coil, and the promises that hold at every step.
+
+#![allow(dead_code, reason = "no test uses all of it")]
+
+pub(crate) mod calibration;
+pub(crate) mod promises;
+pub(crate) mod sensor;
+
+use palpate_procedure::event::{Conditions, Failure};
+use palpate_procedure::units::{Ampere, Celsius};
+use palpate_procedure::{
+    Action, Actions, Board, Conversion, Duration, Event, Instant, Limits, Procedure, Scan,
+};
+use palpate_wire::code::{Chip, FaultCode, Outcome, Place, ResetCause, State};
+use palpate_wire::command::Settings;
+use palpate_wire::record::{Acknowledgement, Estimate, Fault, Hello, Refusal, StateChange};
+use palpate_wire::{Command, Frame, Header, MINOR_VERSION, Record, SCHEMA_HASH};
+
+use sensor::Sensor;
+
+pub(crate) const BOOT: u32 = 7;
+
+/// A board with one converter of four channels, and a coil.
+pub(crate) fn board() -> Board {
+    Board {
+        boot_id: BOOT,
+        hello: Hello {
+            minor_version: MINOR_VERSION,
+            schema_hash: SCHEMA_HASH,
+            firmware_major: 0,
+            firmware_minor: 1,
+            firmware_patch: 0,
+            commit: 0,
+            dirty: false,
+            simulated: true,
+            board: palpate_wire::code::Board::Virtual,
+            unit: 0,
+            reset_cause: ResetCause::PowerOn,
+            chip: Chip::Ldc161x,
+            second_chip: Chip::Absent,
+            configuration_crc: 0,
+        },
+        crash: None,
+        channels: [0b1111, 0],
+        coil: true,
+        limits: Limits::REFERENCE,
+    }
+}
+
+/// The way of the coil's current: a straight line, then level.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Line {
+    from_a: f64,
+    to_a: f64,
+    since_us: u64,
+    over_us: u64,
+}
+
+impl Line {
+    pub(crate) fn at(&self, time_us: u64) -> f64 {
+        let gone = time_us.saturating_sub(self.since_us) as f64;
+        if gone < self.over_us as f64 {
+            self.from_a + (self.to_a - self.from_a) * gone / self.over_us as f64
+        } else {
+            self.to_a
+        }
+    }
+
+    /// Whether it is at zero and stays there.
+    pub(crate) fn is_off(&self) -> bool {
+        self.to_a == 0.0 && self.over_us == 0
+    }
+}
+
+/// The procedure with all that it needs around it.
+#[derive(Clone)]
+pub(crate) struct Rig {
+    pub(crate) procedure: Procedure,
+    pub(crate) limits: Limits,
+    pub(crate) sensor: Sensor,
+    /// Gain and zero of the current measurement.
+    pub(crate) current_gain: f64,
+    pub(crate) current_offset_a: f64,
+    pub(crate) line: Line,
+    pub(crate) now_us: u64,
+    pub(crate) records: Vec<(Instant, Record)>,
+    pub(crate) sequence: u32,
+}
+
+impl Rig {
+    /// A device that has just started.
+    pub(crate) fn started_as(board: Board) -> Self {
+        Self {
+            limits: board.limits,
+            procedure: Procedure::new(board),
+            sensor: Sensor::default(),
+            current_gain: 1.0,
+            current_offset_a: 0.0,
+            line: Line::default(),
+            now_us: 1_000,
+            records: Vec::new(),
+            sequence: 0,
+        }
+    }
+
+    pub(crate) fn started() -> Self {
+        Self::started_as(board())
+    }
+
+    /// Calibrated for its sensor, with these settings and a coil at 25 degrees; not armed.
+    pub(crate) fn calibrated(sensor: Sensor, settings: Settings) -> Self {
+        let mut rig = Self::started();
+        rig.sensor = sensor;
+        rig.temperature(25.0);
+        rig.accepted(Command::SetSettings(settings));
+        for command in calibration::calibration(&rig.sensor.clone()) {
+            rig.accepted(command);
+        }
+        rig
+    }
+
+    /// The same, armed and watching.
+    pub(crate) fn armed(sensor: Sensor, settings: Settings) -> Self {
+        let mut rig = Self::calibrated(sensor, settings);
+        rig.accepted(Command::Arm);
+        rig.until(State::Watching, 3_000);
+        rig
+    }
+
+    /// The same with all as it usually is, and touched.
+    pub(crate) fn touched() -> Self {
+        let mut rig = Self::armed(
+            Sensor::default(),
+            palpate_procedure::configuration::DEFAULT_SETTINGS,
+        );
+        rig.touch(3e-4);
+        rig
+    }
+
+    /// An event at this moment: carried out, and held against the promises.
+    pub(crate) fn step(&mut self, event: &Event<'_>) -> Actions {
+        let now = Instant::from_ticks(self.now_us);
+        let actions = self.procedure.step(now, event);
+        for action in &actions {
+            match action {
+                Action::SafeState => self.line = Line::default(),
+                Action::Current { to, over } => {
+                    self.line = Line {
+                        from_a: self.line.at(self.now_us),
+                        to_a: to.0.into(),
+                        since_us: self.now_us,
+                        over_us: over.as_ticks(),
+                    };
+                }
+                Action::ConfigureSensors { .. } => {}
+                Action::Record { at, record } => self.records.push((*at, record.clone())),
+            }
+        }
+        promises::hold(self, event, &actions);
+        actions
+    }
+
+    pub(crate) fn period_us(&self) -> u64 {
+        let rate_hz = self.procedure.configuration().settings().rate_hz;
+        (1e6 / f64::from(rate_hz)) as u64
+    }
+
+    /// The scan whose last conversion ends now.
+    pub(crate) fn scan(&mut self) -> Scan {
+        let window_us = self.period_us();
+        let middle_us = self.now_us.saturating_sub(window_us / 2);
+        let current_a = self.line.at(middle_us);
+        let reading = self.sensor.reading(current_a, middle_us as f64 * 1e-6);
+        let offset = Duration::from_ticks(0);
+        let told_a = current_a * self.current_gain + self.current_offset_a;
+        Scan {
+            sensor: 0,
+            middle: Instant::from_ticks(middle_us),
+            window: Duration::from_ticks(window_us),
+            conversions: [Conversion { reading, offset }].into_iter().collect(),
+            lost: 0,
+            gap: false,
+            current: Some(Ampere(told_a as f32)),
+        }
+    }
+
+    /// A conversion period later, a scan.
+    pub(crate) fn convert(&mut self) -> Actions {
+        self.now_us = self.now_us.saturating_add(self.period_us());
+        let scan = self.scan();
+        self.step(&Event::Scan(&scan))
+    }
+
+    /// The same with the scan changed.
+    pub(crate) fn convert_with(&mut self, change: impl FnOnce(&mut Scan)) -> Actions {
+        self.now_us = self.now_us.saturating_add(self.period_us());
+        let mut scan = self.scan();
+        change(&mut scan);
+        self.step(&Event::Scan(&scan))
+    }
+
+    /// Time alone.
+    pub(crate) fn wait(&mut self, time_us: u64) -> Actions {
+        self.now_us = self.now_us.saturating_add(time_us);
+        self.step(&Event::Tick)
+    }
+
+    /// Converts for so many milliseconds.
+    pub(crate) fn run(&mut self, ms: u64) {
+        let end_us = self.now_us + ms * 1_000;
+        while self.now_us < end_us {
+            self.convert();
+        }
+    }
+
+    /// Converts until a state is reached.
+    pub(crate) fn until(&mut self, state: State, at_most_ms: u64) {
+        let end_us = self.now_us + at_most_ms * 1_000;
+        while self.state() != state {
+            assert!(
+                self.now_us < end_us,
+                "{state} not reached in {at_most_ms} ms, but {}; {:?}",
+                self.state(),
+                self.refusals()
+            );
+            self.convert();
+        }
+    }
+
+    /// Presses, and waits until that is found.
+    pub(crate) fn touch(&mut self, deformation_m: f64) {
+        self.sensor.press(deformation_m);
+        self.until(State::Contact, 100);
+    }
+
+    /// Lifts, and waits until the untouched sensor is known again.
+    pub(crate) fn lift(&mut self) {
+        self.sensor.depth_m = 0.0;
+        self.until(State::Watching, 3_000);
+    }
+
+    /// Measures what touches.
+    pub(crate) fn measure(&mut self) -> Estimate {
+        self.accepted(Command::Measure);
+        self.until(State::Estimating, 10_000);
+        self.last(|record| match record {
+            Record::Estimate(estimate) => Some(estimate.clone()),
+            _ => None,
+        })
+    }
+
+    /// Measures what touches, in vain.
+    pub(crate) fn refused(&mut self) -> Refusal {
+        let before = self.refusals().len();
+        self.accepted(Command::Measure);
+        for _ in 0..100_000 {
+            if self.refusals().len() > before {
+                break;
+            }
+            self.convert();
+        }
+        assert_eq!(self.refusals().len(), before + 1, "{}", self.state());
+        self.refusals()[before].clone()
+    }
+
+    /// Sends a command; the only answer in this step, which is its own.
+    pub(crate) fn send(&mut self, command: Command) -> Acknowledgement {
+        self.sequence += 1;
+        let frame = frame(command, BOOT, self.sequence);
+        let actions = self.step(&Event::Command(&frame));
+        answers(&actions).pop().expect("an answer")
+    }
+
+    pub(crate) fn outcome(&mut self, command: Command) -> Outcome {
+        self.send(command).outcome
+    }
+
+    pub(crate) fn accepted(&mut self, command: Command) {
+        let answer = self.send(command.clone());
+        assert_eq!(answer.outcome, Outcome::Accepted, "{command:?}: {answer:?}");
+    }
+
+    pub(crate) fn temperature(&mut self, temperature_c: f32) {
+        self.step(&Event::Conditions(Conditions {
+            temperature: Some(Celsius(temperature_c)),
+            ..Conditions::default()
+        }));
+    }
+
+    pub(crate) fn fail(&mut self, code: FaultCode, place: Place) -> Actions {
+        self.step(&Event::Fault(Failure::new(code, place)))
+    }
+
+    pub(crate) fn state(&self) -> State {
+        self.procedure.state()
+    }
+
+    pub(crate) fn settings(&self) -> &Settings {
+        self.procedure.configuration().settings()
+    }
+
+    /// What all records of a kind say.
+    pub(crate) fn told<T>(&self, kind: impl Fn(&Record) -> Option<T>) -> Vec<T> {
+        let records = self.records.iter();
+        records.filter_map(|(_, record)| kind(record)).collect()
+    }
+
+    pub(crate) fn last<T>(&self, kind: impl Fn(&Record) -> Option<T>) -> T {
+        self.told(kind).pop().expect("such a record")
+    }
+
+    pub(crate) fn refusals(&self) -> Vec<Refusal> {
+        self.told(|record| match record {
+            Record::Refusal(refusal) => Some(refusal.clone()),
+            _ => None,
+        })
+    }
+
+    pub(crate) fn faults(&self) -> Vec<Fault> {
+        self.told(|record| match record {
+            Record::Fault(fault) => Some(fault.clone()),
+            _ => None,
+        })
+    }
+
+    pub(crate) fn changes(&self) -> Vec<StateChange> {
+        self.told(|record| match record {
+            Record::State(change) => Some(change.clone()),
+            _ => None,
+        })
+    }
+
+    /// The states gone to, in their order.
+    pub(crate) fn course(&self) -> Vec<State> {
+        let changes = self.changes();
+        let moved = changes.iter().filter(|of| of.state != of.previous);
+        moved.map(|of| of.state).collect()
+    }
+}
+
+/// A command's frame.
+pub(crate) fn frame(message: Command, boot_id: u32, sequence: u32) -> Frame<Command> {
+    let header = Header {
+        boot_id,
+        sequence,
+        time_us: 0,
+        dropped: 0,
+    };
+    Frame { header, message }
+}
+
+/// The answers among the actions.
+pub(crate) fn answers(actions: &Actions) -> Vec<Acknowledgement> {
+    let records = actions.iter().filter_map(|action| match action {
+        Action::Record { record, .. } => Some(record),
+        _ => None,
+    });
+    records
+        .filter_map(|record| match record {
+            Record::Acknowledgement(answer) => Some(answer.clone()),
+            _ => None,
+        })
+        .collect()
+}
