@@ -156,6 +156,9 @@ impl Procedure {
         match command {
             Command::SetSettings(_) => {
                 out.push(self.sensors());
+                // The old rate's conversions may be further apart than the new one allows.
+                self.heard = Some(out.now);
+                self.next_status = self.status_after(out.now);
                 self.begin_anew(out);
             }
             Command::SetDeformationCurve(_) | Command::SetCrosstalk(_) => self.begin_anew(out),

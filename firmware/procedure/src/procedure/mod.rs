@@ -131,7 +131,11 @@ impl Procedure {
             out.record(Record::Crash(crash));
         }
         out.push(self.sensors());
-        self.next_status = after(out.now, span(self.configuration.settings.status_period_s));
+        self.next_status = self.status_after(out.now);
+    }
+
+    fn status_after(&self, now: Instant) -> Instant {
+        after(now, span(self.configuration.settings.status_period_s))
     }
 
     fn hello(&self) -> Hello {
@@ -243,8 +247,7 @@ impl Procedure {
     fn tick(&mut self, out: &mut Out) {
         self.deadlines(out);
         if out.now >= self.next_status {
-            let period = span(self.configuration.settings.status_period_s);
-            self.next_status = after(out.now, period);
+            self.next_status = self.status_after(out.now);
             out.record(Record::Status(self.status()));
         }
     }
