@@ -183,3 +183,23 @@ fn a_curve_comes_in_order_and_counts_with_its_last_knot() {
     });
     assert_eq!(told, [chunk(0, 7), chunk(8, 15), chunk(16, 19)]);
 }
+
+#[test]
+fn a_device_starts_within_its_boards_limits() {
+    let mut board = support::board();
+    board.channels = [0b0110, 0];
+    board.limits.current.0 = 5.0;
+    board.limits.rate.0 = 500.0;
+    board.limits.energy_j = 10.0;
+    board.limits.temperature.0 = 50.0;
+    let mut rig = Rig::started_as(board);
+    let started = rig.settings().clone();
+    assert_eq!(started.channels, 0b0010, "the first that it has");
+    assert_eq!((started.peak_current_a, started.rate_hz), (5.0, 500.0));
+    assert_eq!(
+        (started.greatest_energy_j, started.greatest_temperature_c),
+        (10.0, 50.0)
+    );
+    // They could be set as they are.
+    rig.accepted(Command::SetSettings(started));
+}

@@ -73,7 +73,7 @@ pub(crate) struct Calibrated {
     pub(crate) temperature_effect: Option<TemperatureEffect>,
 }
 
-/// Settings with which a device starts: one channel at 1 kHz, sensing and a train of twelve ramps
+/// Settings with which a device starts, as far as its board's limits allow: one channel at 1 kHz, sensing and a train of twelve ramps
 /// of 60 ms.
 ///
 /// The train is the one of the model's precision figures: short falling ramps against creep. Hold
@@ -122,6 +122,25 @@ impl Default for Configuration {
 }
 
 impl Configuration {
+    /// The default settings, within what the board may do, and no calibration.
+    pub(crate) fn new(board: &Board) -> Self {
+        let limits = &board.limits;
+        let [first, _] = board.channels;
+        let defaults = DEFAULT_SETTINGS;
+        let lowest = 1u8.checked_shl(first.trailing_zeros());
+        Self {
+            settings: Settings {
+                channels: lowest.unwrap_or(defaults.channels),
+                rate_hz: defaults.rate_hz.min(limits.rate.0),
+                peak_current_a: defaults.peak_current_a.min(limits.current.0),
+                greatest_temperature_c: defaults.greatest_temperature_c.min(limits.temperature.0),
+                greatest_energy_j: defaults.greatest_energy_j.min(limits.energy_j),
+                ..defaults
+            },
+            ..Self::default()
+        }
+    }
+
     /// The settings.
     pub const fn settings(&self) -> &Settings {
         &self.settings

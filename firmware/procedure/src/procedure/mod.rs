@@ -68,8 +68,8 @@ impl Procedure {
     /// An instrument that has just started, with the default settings and no calibration.
     pub fn new(board: Board) -> Self {
         let mut procedure = Self {
+            configuration: Configuration::new(&board),
             board,
-            configuration: Configuration::default(),
             phase: Phase::SelfTest { good: 0 },
             mode: Mode::SensingOnly,
             armed: false,
