@@ -47,6 +47,13 @@ pub struct Scan {
     pub current: Option<Ampere>,
 }
 
+impl Scan {
+    /// The current, if it is a number: one that is not would spoil every sum it went into.
+    pub(crate) fn measured_current(&self) -> Option<Ampere> {
+        self.current.filter(|current| current.0.is_finite())
+    }
+}
+
 /// A conversion within a scan.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Conversion {

@@ -84,7 +84,7 @@ impl Streamer {
             contact: principal.map_or(Contact::Settling, |felt| contact(felt.touch)),
             force_n: force.map(|(newton, _)| newton),
             force_sigma_n: force.map(|(_, sigma)| sigma),
-            current_a: scan.current.map(|current| current.0),
+            current_a: scan.measured_current().map(|current| current.0),
         };
         Some((scan.middle, Record::Sample(sample)))
     }

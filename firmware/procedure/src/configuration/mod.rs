@@ -10,7 +10,7 @@ mod stiffening;
 
 use palpate_model::calibration_curve::{CurveError, MonotoneCurve};
 use palpate_model::magnetorheological::{Saturating, Tabulated};
-use palpate_model::units::{Ampere, NewtonPerMetre, Tesla};
+use palpate_model::units::{Ampere, Metre, NewtonPerMetre, Tesla};
 use palpate_wire::Command;
 use palpate_wire::code::{Drift, Outcome, Part, Stream};
 use palpate_wire::command::{
@@ -63,6 +63,8 @@ enum SetStiffening {
 /// What a measurement of stiffness needs, complete.
 #[derive(Clone, Debug)]
 pub(crate) struct Calibrated {
+    /// The deepest deformation on the curve.
+    pub(crate) deepest: Metre,
     pub(crate) springs: Springs,
     pub(crate) law: Law,
     /// Relative standard uncertainty of the rise.
@@ -167,6 +169,13 @@ impl Configuration {
     /// one.
     pub(crate) const fn principal(&self) -> u8 {
         self.settings.channels.trailing_zeros() as u8
+    }
+
+    /// The deepest deformation on the principal channel's curve.
+    pub(crate) fn deepest(&self) -> Option<Metre> {
+        let curve = self.channel(0, self.principal())?.curve.as_ref()?;
+        let deformations_m = curve.points().map(|(_, deformation_m)| deformation_m);
+        deformations_m.reduce(f32::max).map(Metre)
     }
 
     /// Takes what a command sets, or nothing of it. `None` for a command that sets nothing.
@@ -318,7 +327,7 @@ impl Configuration {
         let kind = Part::number;
         let missing_curve = kind(Part::DeformationCurve);
         let channel = channel.ok_or(missing_curve)?;
-        channel.curve.as_ref().ok_or(missing_curve)?;
+        let deepest = self.deepest().ok_or(missing_curve)?;
         let springs = self.springs.clone().ok_or(kind(Part::Springs))?;
         let at_rest = NewtonPerMetre(springs.actuated_n_per_m);
         let set = self.stiffening.as_ref().ok_or(kind(Part::Stiffening))?;
@@ -335,6 +344,7 @@ impl Configuration {
             ),
         };
         Ok(Calibrated {
+            deepest,
             springs,
             law,
             rise_uncertainty,

@@ -63,6 +63,9 @@ struct Solved {
     curved: Option<CurvedFit>,
 }
 
+/// What the protocol has room for: residuals a million times the sigmas.
+const GREATEST_MISFIT: f32 = 1e12;
+
 impl Measurement {
     pub(super) fn conclude(
         mut self,
@@ -113,7 +116,7 @@ impl Measurement {
             load_ratio_standard_error: claim.standard_error,
             samples: solved.samples,
             ramps: completed.into(),
-            reduced_chi_square: solved.reduced_chi_square,
+            reduced_chi_square: solved.reduced_chi_square.map(|of| of.min(GREATEST_MISFIT)),
             tangent_n_per_m: tangent.map(|(value, _)| value.0),
             tangent_standard_error_n_per_m: tangent.map(|(_, error)| error.0),
             two_state_n_per_m: self.two_states.load(sensing).map(|load| load.0),
@@ -257,6 +260,7 @@ fn uncertainties(
     settings: &Settings,
 ) -> Calibration {
     let Calibrated {
+        deepest: _,
         springs,
         law,
         rise_uncertainty,

@@ -10,6 +10,7 @@ use palpate_wire::code::{FaultCode, Place, RefusalReason};
 use palpate_wire::command::Settings;
 use palpate_wire::record::Refusal;
 
+use crate::board::Limits;
 use crate::configuration::Calibrated;
 use crate::deformation::Felt;
 use crate::event::{Failure, Scan};
@@ -68,13 +69,14 @@ pub(crate) enum Progress {
 
 impl Drive {
     /// Begins with the first rise.
-    pub(crate) fn start(settings: &Settings, now: Instant) -> (Self, Line) {
+    pub(crate) fn start(settings: &Settings, limits: &Limits, now: Instant) -> (Self, Line) {
         let course = Course::new(settings);
         let (train, line) = Train::start(course, now);
         // Every leg begins with the first event after the one before has ended: with ticks every
         // 10 ms, a tenth of a second late is a scheduler that has failed.
         let slack = span(0.1).as_ticks() * (u64::from(course.ramps) * 3 + 3);
         let allowed = course.duration().as_ticks() + slack;
+        let allowed = allowed.min(span(limits.on_time_s).as_ticks());
         let deadline = Instant::from_ticks(now.as_ticks().saturating_add(allowed));
         let drive = Self {
             train,
@@ -117,13 +119,13 @@ impl Drive {
 
     /// The measured current, if it is on its course.
     fn check_current(&self, scan: &Scan) -> Result<Ampere, Progress> {
-        let refused = |reason, value: f32, limit: f32| {
-            Err(Progress::Refused((reason, Some(value), Some(limit))))
-        };
-        let Some(current) = scan.current else {
-            return refused(RefusalReason::CurrentOffCourse, 0.0, 0.0);
-        };
+        let refused =
+            |reason, value, limit: Ampere| Err(Progress::Refused((reason, value, Some(limit.0))));
         let peak = self.train.course().peak;
+        let Some(current) = scan.measured_current() else {
+            let wanted = self.train.wanted(scan.middle).unwrap_or(peak);
+            return refused(RefusalReason::CurrentOffCourse, None, wanted);
+        };
         // Only where the whole conversion lay within the leg. A rise begins from wherever the
         // current was.
         let half = scan.window.as_ticks() / 2;
@@ -136,9 +138,9 @@ impl Drive {
             return Ok(current);
         }
         if self.train.leg() == Leg::Hold && current < wanted {
-            return refused(RefusalReason::PeakNotReached, current.0, peak.0);
+            return refused(RefusalReason::PeakNotReached, Some(current.0), peak);
         }
-        refused(RefusalReason::CurrentOffCourse, current.0, wanted.0)
+        refused(RefusalReason::CurrentOffCourse, Some(current.0), wanted)
     }
 }
 
@@ -163,15 +165,13 @@ fn check_heat(settings: &Settings, heat: &Heat) -> Result<(), Progress> {
 }
 
 impl Measurement {
-    /// Begins with the first rise.
+    /// A measurement with the train that has just begun.
     pub(crate) fn start(
         number: u32,
         calibrated: Calibrated,
-        settings: &Settings,
         touched: Instant,
-        now: Instant,
+        (drive, line): (Drive, Line),
     ) -> (Self, Line) {
-        let (drive, line) = Drive::start(settings, now);
         let measurement = Self {
             number,
             drive,
@@ -236,7 +236,8 @@ impl Measurement {
         }
         if felt.extrapolated {
             let deformation = felt.deformation.0;
-            return refuse((RefusalReason::PressedTooFar, Some(deformation), None));
+            let deepest = metres(self.calibrated.deepest);
+            return refuse((RefusalReason::PressedTooFar, Some(deformation), deepest));
         }
         if self.drive.train.falls_through(scan.middle, scan.window) {
             self.take(scan, &felt, current, settings);

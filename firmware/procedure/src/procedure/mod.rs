@@ -172,7 +172,7 @@ impl Procedure {
         };
         let usual = Second(1.0 / self.configuration.settings.rate_hz);
         let interval = last.map_or(usual, |last| seconds(last, scan.middle));
-        if let (0, Some(heat), Some(current)) = (sensor, &mut self.heat, scan.current) {
+        if let (0, Some(heat), Some(current)) = (sensor, &mut self.heat, scan.measured_current()) {
             heat.push(current, interval);
         }
         let felt = self.feel(scan, interval);
@@ -194,6 +194,7 @@ impl Procedure {
     /// What every channel of a scan felt.
     fn feel(&mut self, scan: &Scan, interval: Second) -> FeltScan {
         let (configuration, followers) = (&self.configuration, &mut self.followers);
+        let current = scan.measured_current();
         let of = followers.get_mut(usize::from(scan.sensor & 1));
         let mut of: Option<&mut [Option<Follower>; 4]> = of;
         scan.conversions
@@ -205,7 +206,7 @@ impl Procedure {
                 let follower = of.as_mut()?.get_mut(channel)?.as_mut()?;
                 reading
                     .is_good()
-                    .then(|| follower.push(reading, interval, scan.current, calibration))
+                    .then(|| follower.push(reading, interval, current, calibration))
                     .flatten()
             })
             .collect()

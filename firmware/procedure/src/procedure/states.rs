@@ -198,7 +198,8 @@ impl Procedure {
         }
         if felt.extrapolated {
             let reason = RefusalReason::PressedTooFar;
-            return self.refuse((reason, metres(felt.deformation), None), out);
+            let deepest = self.configuration.deepest().and_then(metres);
+            return self.refuse((reason, metres(felt.deformation), deepest), out);
         }
         let least_m = settings.least_press_m;
         if pressed_m < least_m {
@@ -223,9 +224,10 @@ impl Procedure {
             heat.start_measurement();
         }
         self.measurement = self.measurement.wrapping_add(1);
-        let settings = &self.configuration.settings;
+        let (settings, limits) = (&self.configuration.settings, &self.board.limits);
+        let started = Drive::start(settings, limits, out.now);
         let (measurement, line) =
-            Measurement::start(self.measurement, calibrated, settings, touched, out.now);
+            Measurement::start(self.measurement, calibrated, touched, started);
         self.go(Phase::Driving(measurement), out);
         out.line(line);
     }
@@ -339,7 +341,8 @@ impl Procedure {
             heat.start_measurement();
         }
         let touched = self.touched_since();
-        let (drive, line) = Drive::start(&self.configuration.settings, out.now);
+        let (settings, limits) = (&self.configuration.settings, &self.board.limits);
+        let (drive, line) = Drive::start(settings, limits, out.now);
         self.go(Phase::Sweeping { drive, touched }, out);
         out.line(line);
         Answer::Accepted
@@ -371,8 +374,8 @@ impl Procedure {
         match &mut self.phase {
             Phase::Settling(settling) => {
                 let settings = &self.configuration.settings;
-                // One block of time is needed to see that it is steady at all.
-                let allowed = span(settings.settling_s.max(0.25));
+                let least_s = Steadiness::least_s(settings.rate_hz);
+                let allowed = span(settings.settling_s.max(least_s));
                 if between(settling.began, out.now) > allowed {
                     let reason = if settling.rate_m_per_s.is_finite() {
                         let limit = settings.steady_m_per_s;

@@ -123,7 +123,7 @@ impl Rig {
     pub(crate) fn armed(sensor: Sensor, settings: Settings) -> Self {
         let mut rig = Self::calibrated(sensor, settings);
         rig.accepted(Command::Arm);
-        rig.until(State::Watching, 3_000);
+        rig.until(State::Watching, 60_000);
         rig
     }
 
@@ -230,7 +230,7 @@ impl Rig {
     /// Presses, and waits until that is found.
     pub(crate) fn touch(&mut self, deformation_m: f64) {
         self.sensor.press(deformation_m);
-        self.until(State::Contact, 100);
+        self.until(State::Contact, 3_000);
     }
 
     /// Lifts, and waits until the untouched sensor is known again.
