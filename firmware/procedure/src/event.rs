@@ -48,9 +48,11 @@ pub struct Scan {
 }
 
 impl Scan {
-    /// The current, if it is a number: one that is not would spoil every sum it went into.
+    /// The current, if it is one that the protocol has room for: infinity or NaN would spoil every
+    /// sum it went into.
     pub(crate) fn measured_current(&self) -> Option<Ampere> {
-        self.current.filter(|current| current.0.is_finite())
+        const GREATEST_A: f32 = 100.0;
+        self.current.filter(|of| of.0.abs() <= GREATEST_A)
     }
 }
 
@@ -80,6 +82,23 @@ pub struct Conditions {
     pub bus_errors: u32,
     /// Recoveries of bus or converter since the start.
     pub recoveries: u32,
+}
+
+impl Conditions {
+    /// What is a number, within the protocol's limits.
+    pub(crate) fn within_protocol(&self) -> Self {
+        let within = |value: Option<f32>, low, high| {
+            let number = value.filter(|value| value.is_finite());
+            number.map(|value| value.clamp(low, high))
+        };
+        let temperature_c = self.temperature.map(|of| of.0);
+        Self {
+            temperature: within(temperature_c, -60.0, 250.0).map(Celsius),
+            supply_v: within(self.supply_v, 0.0, 100.0),
+            processor_load: within(self.processor_load, 0.0, 1.0),
+            ..*self
+        }
+    }
 }
 
 /// What has failed, where, and by how much.

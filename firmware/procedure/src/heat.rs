@@ -14,6 +14,10 @@ use crate::train::Course;
 /// counted.
 const WARM_ROOM: Celsius = Celsius(30.0);
 
+/// Copper melts at 1085 degrees Celsius. A resistance that grows without end would otherwise end in
+/// infinity less infinity, which no limit catches.
+const MELTING: Celsius = Celsius(1085.0);
+
 /// The coil's two temperatures, followed from the current's square.
 #[derive(Clone, Debug)]
 pub(crate) struct Heat {
@@ -70,9 +74,14 @@ impl Heat {
         let resistance = self.copper.resistance(self.now.copper);
         let heat_j = self.square_a2_s * resistance.0;
         let power = Watt(heat_j / self.elapsed.0);
-        self.now = self
-            .nodes
-            .after(self.now, power, self.ambient, self.elapsed);
+        let Temperatures { copper, pad } =
+            self.nodes
+                .after(self.now, power, self.ambient, self.elapsed);
+        // `min` makes the melting point of a NaN, too.
+        self.now = Temperatures {
+            copper: Celsius(copper.0.min(MELTING.0)),
+            pad: Celsius(pad.0.min(MELTING.0)),
+        };
         self.energy_j += heat_j;
         self.elapsed = Second(0.0);
         self.square_a2_s = 0.0;

@@ -12,7 +12,7 @@ impl Procedure {
     /// Something has failed: bridge off, disarmed, and said so.
     ///
     /// The first fault stands until it is cleared; one that comes while it stands is told, and
-    /// does not take its place.
+    /// takes its place only if it waits for its user and the first does not.
     pub(super) fn fail(&mut self, failure: Failure, out: &mut Out) {
         out.safe();
         if matches!(
@@ -24,20 +24,29 @@ impl Procedure {
         }
         self.armed = false;
         out.record(fault(&failure, true));
-        if !matches!(self.phase, Phase::Fault(_)) {
+        let stands = match &self.phase {
+            Phase::Fault(standing) => {
+                ends_with_its_cause(standing) && !ends_with_its_cause(&failure)
+            }
+            _ => true,
+        };
+        if stands {
             self.go(Phase::Fault(failure), out);
         }
     }
 
-    /// The cause of a failure has gone. A fault of sensor or bus ends by that: it does no harm to
-    /// sense again, disarmed as the device is now. Any other waits for its user.
+    /// The clock was set back: nothing that was to end by it would.
+    pub(super) fn clock_set_back(&mut self, out: &mut Out) {
+        self.heard = Some(out.now);
+        self.next_status = self.status_after(out.now);
+        self.fail(Failure::new(FaultCode::Clock, Place::Clock), out);
+    }
+
+    /// The cause of a failure has gone. A fault that ends by that does.
     pub(super) fn recovered(&mut self, code: FaultCode, out: &mut Out) {
         if let Phase::Fault(standing) = &self.phase
             && standing.code == code
-            && matches!(
-                standing.place,
-                Place::Sensor | Place::SecondSensor | Place::Bus
-            )
+            && ends_with_its_cause(standing)
         {
             self.clear(out);
         }
@@ -55,6 +64,15 @@ impl Procedure {
         out.push(self.sensors());
         self.go(Phase::SelfTest { good: 0 }, out);
     }
+}
+
+/// Whether a fault is one of sensor or bus, which ends when its cause does: it does no harm to
+/// sense again, disarmed as the device is now. Any other waits for its user.
+const fn ends_with_its_cause(failure: &Failure) -> bool {
+    matches!(
+        failure.place,
+        Place::Sensor | Place::SecondSensor | Place::Bus
+    )
 }
 
 fn fault(failure: &Failure, active: bool) -> Record {

@@ -16,8 +16,12 @@ use crate::deformation::Follower;
 use crate::event::{Conditions, Event, Scan};
 use crate::heat::Heat;
 use crate::stream::{FeltScan, Streamer};
-use crate::time::{Instant, after, seconds, span};
+use crate::time::{Duration, Instant, after, between, seconds, span};
 use states::Phase;
+
+/// The longest time between two steps. Two tasks may tell their events in another order than they
+/// read the clock, but no later than that.
+const TICK: Duration = Duration::from_ticks(10_000);
 
 /// What the instrument does, from event to actions.
 ///
@@ -36,6 +40,8 @@ pub struct Procedure {
     heat: Option<Heat>,
     conditions: Conditions,
     counters: Counters,
+    /// Time of the last step.
+    now: Instant,
     next_status: Instant,
     /// A calibration that is being told, chunk by chunk.
     telling: Option<Telling>,
@@ -79,6 +85,7 @@ impl Procedure {
             heat: None,
             conditions: Conditions::default(),
             counters: Counters::default(),
+            now: Instant::from_ticks(0),
             next_status: Instant::from_ticks(0),
             telling: None,
             greeted: false,
@@ -103,11 +110,17 @@ impl Procedure {
         self.armed
     }
 
-    /// Takes an event and says what is to be done. `now` does not go backwards.
+    /// Takes an event and says what is to be done. `now` does not go backwards: by less than a
+    /// tick it is taken as standing still, by more as a fault of the clock.
     pub fn step(&mut self, now: Instant, event: &Event<'_>) -> Actions {
-        let mut out = Out::new(now);
+        let set_back = between(now, self.now) > TICK;
+        self.now = if set_back { now } else { now.max(self.now) };
+        let mut out = Out::new(self.now);
         if !self.greeted {
             self.greet(&mut out);
+        }
+        if set_back {
+            self.clock_set_back(&mut out);
         }
         match event {
             Event::Tick => {}
@@ -229,8 +242,8 @@ impl Procedure {
     }
 
     fn conditions(&mut self, conditions: &Conditions) {
-        self.conditions = *conditions;
-        if let (Some(heat), Some(temperature)) = (&mut self.heat, conditions.temperature) {
+        self.conditions = conditions.within_protocol();
+        if let (Some(heat), Some(temperature)) = (&mut self.heat, self.conditions.temperature) {
             heat.measured(temperature);
         }
     }
@@ -355,7 +368,7 @@ impl Out {
             .extend(rest.into_iter().take(crate::action::MOST_ACTIONS - 1));
     }
 
-    fn line(&mut self, (to, over): (Ampere, crate::time::Duration)) {
+    fn line(&mut self, (to, over): (Ampere, Duration)) {
         self.push(Action::Current { to, over });
     }
 

@@ -103,9 +103,9 @@ impl Procedure {
     ) {
         let settings = &self.configuration.settings;
         let touch = felt.map(|felt| felt.touch);
+        let all_good = scan.conversions.iter().all(|of| of.reading.is_good());
         match &mut self.phase {
             Phase::SelfTest { good } => {
-                let all_good = scan.conversions.iter().all(|of| of.reading.is_good());
                 *good = if all_good { good.saturating_add(1) } else { 0 };
                 if *good >= SELF_TEST_CONVERSIONS {
                     self.go(Phase::Baseline, out);
@@ -145,6 +145,9 @@ impl Procedure {
                 {
                     self.progress(progress, out);
                 }
+            }
+            Phase::Fault(standing) if standing.code == FaultCode::SensorSilent && all_good => {
+                self.recovered(FaultCode::SensorSilent, out);
             }
             _ => {}
         }

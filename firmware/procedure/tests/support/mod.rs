@@ -97,7 +97,7 @@ impl Rig {
             current_gain: 1.0,
             current_offset_a: 0.0,
             line: Line::default(),
-            now_us: 1_000,
+            now_us: 1_000_000,
             records: Vec::new(),
             sequence: 0,
         }
