@@ -10,27 +10,6 @@ use support::calibration::{calibration, curve, settings, springs};
 use support::sensor::Sensor;
 use support::{BOOT, Rig, answers, frame};
 
-/// A device in this state, calibrated; armed except in a fault.
-fn standing_in(state: State) -> Rig {
-    let mut rig = Rig::calibrated(Sensor::default(), settings(|_| {}));
-    rig.accepted(Command::Arm);
-    match state {
-        State::SelfTest => {}
-        State::Fault => drop(rig.fail(FaultCode::Bridge, Place::Bridge)),
-        State::Baseline | State::Watching => rig.until(state, 3_000),
-        _ => {
-            rig.until(State::Watching, 3_000);
-            rig.touch(3e-4);
-            if state != State::Contact {
-                rig.accepted(Command::Measure);
-            }
-            rig.until(state, 5_000);
-        }
-    }
-    assert_eq!(rig.state(), state);
-    rig
-}
-
 /// What each state makes of arm, measure and sweep while armed.
 const OUTCOMES: [(State, Outcome, Outcome, Outcome); 10] = {
     use Outcome::{Accepted, Busy, Faulted, NoContact};
@@ -51,7 +30,7 @@ const OUTCOMES: [(State, Outcome, Outcome, Outcome); 10] = {
 #[test]
 fn arm_measure_and_sweep_are_answered_as_the_state_demands() {
     for (state, arm, measure, sweep) in OUTCOMES {
-        let rig = standing_in(state);
+        let rig = Rig::standing_in(state, |_| {});
         for (command, expected) in [
             (Command::Arm, arm),
             (Command::Measure, measure),
@@ -79,7 +58,7 @@ fn arm_measure_and_sweep_are_answered_as_the_state_demands() {
 fn abort_disarm_and_sensing_only_end_a_measurement_in_any_state() {
     for (state, ..) in OUTCOMES {
         for command in [Command::Abort, Command::Disarm, Command::SensingOnly] {
-            let mut rig = standing_in(state);
+            let mut rig = Rig::standing_in(state, |_| {});
             rig.records.clear();
             let disarms = command != Command::Abort;
             // Whichever boot it was meant for.
@@ -101,7 +80,7 @@ fn abort_disarm_and_sensing_only_end_a_measurement_in_any_state() {
 
 #[test]
 fn the_same_for_a_sweep() {
-    let mut rig = standing_in(State::Watching);
+    let mut rig = Rig::standing_in(State::Watching, |_| {});
     rig.accepted(Command::Sweep);
     rig.run(20);
     rig.accepted(Command::Abort);
@@ -115,7 +94,7 @@ fn nothing_is_set_while_armed_and_anything_while_not() {
     let mut setters = vec![Command::SetSettings(settings(|of| of.ramps = 3))];
     setters.extend(calibration(&sensor));
     for (state, ..) in OUTCOMES {
-        let rig = standing_in(state);
+        let rig = Rig::standing_in(state, |_| {});
         for command in &setters {
             let mut rig = rig.clone();
             if rig.procedure.is_armed() {
@@ -142,13 +121,13 @@ fn settings_and_curve_begin_the_baseline_anew() {
             (State::SelfTest, State::SelfTest),
             (State::Fault, State::Fault),
         ] {
-            let mut rig = standing_in(from);
+            let mut rig = Rig::standing_in(from, |_| {});
             rig.accepted(Command::Disarm);
             rig.accepted(command.clone());
             assert_eq!(rig.state(), to);
         }
     }
-    let mut rig = standing_in(State::Watching);
+    let mut rig = Rig::standing_in(State::Watching, |_| {});
     rig.accepted(Command::Disarm);
     rig.accepted(Command::SetSprings(springs(&Sensor::default())));
     assert_eq!(rig.state(), State::Watching);
@@ -164,7 +143,7 @@ fn a_command_for_another_boot_does_nothing() {
     ];
     for boot in [BOOT + 1, Header::ANY_BOOT] {
         for command in &commands {
-            let mut rig = standing_in(State::Contact);
+            let mut rig = Rig::standing_in(State::Contact, |_| {});
             let actions = rig.step(&Event::Command(&frame(command.clone(), boot, 9)));
             assert_eq!(answers(&actions)[0].outcome, Outcome::OtherBoot);
             assert_eq!(actions.len(), 1, "{actions:?}");
@@ -210,7 +189,7 @@ fn frames_that_cannot_be_understood() {
 
 #[test]
 fn a_fault_is_cleared_by_its_name_alone() {
-    let mut rig = standing_in(State::Watching);
+    let mut rig = Rig::standing_in(State::Watching, |_| {});
     let clear = |code| Command::ClearFault(ClearFault { code });
     assert_eq!(rig.outcome(clear(FaultCode::Bridge)), Outcome::OtherFault);
     rig.fail(FaultCode::Bridge, Place::Bridge);

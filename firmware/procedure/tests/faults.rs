@@ -6,39 +6,12 @@ use palpate_procedure::event::{Conditions, Failure};
 use palpate_procedure::units::Celsius;
 use palpate_procedure::{Action, Actions, Event};
 use palpate_wire::code::{FaultCode, Mode, Outcome, Part, Place, State};
-use palpate_wire::command::{ClearFault, GetCalibration, Settings};
+use palpate_wire::command::{ClearFault, GetCalibration};
 use palpate_wire::record::Fault;
 use palpate_wire::{Command, Record};
-use support::Rig;
 use support::calibration::{calibration, settings};
 use support::sensor::Sensor;
-
-const STATES: [State; 9] = [
-    State::SelfTest,
-    State::Baseline,
-    State::Watching,
-    State::Contact,
-    State::Settling,
-    State::Peak,
-    State::Ramps,
-    State::Estimating,
-    State::Release,
-];
-
-/// Armed, and in this state.
-fn standing_in(state: State, change: impl FnOnce(&mut Settings)) -> Rig {
-    let mut rig = Rig::calibrated(Sensor::default(), settings(change));
-    rig.accepted(Command::Arm);
-    if !matches!(state, State::SelfTest | State::Baseline | State::Watching) {
-        rig.until(State::Watching, 3_000);
-        rig.touch(3e-4);
-        if state != State::Contact {
-            rig.accepted(Command::Measure);
-        }
-    }
-    rig.until(state, 5_000);
-    rig
-}
+use support::{Rig, STATES};
 
 fn clear(code: FaultCode) -> Command {
     Command::ClearFault(ClearFault { code })
@@ -69,7 +42,7 @@ fn comes(rig: &mut Rig) -> Actions {
 #[test]
 fn any_fault_stops_any_state() {
     for state in STATES {
-        let rig = standing_in(state, |_| {});
+        let rig = Rig::standing_in(state, |_| {});
         for (place, code) in Place::ALL.iter().cycle().zip(FaultCode::ALL) {
             let mut rig = rig.clone();
             rig.records.clear();
@@ -93,7 +66,7 @@ fn any_fault_stops_any_state() {
 #[test]
 fn silence_is_a_fault_and_ends_with_it() {
     for state in STATES {
-        let mut rig = standing_in(state, |_| {});
+        let mut rig = Rig::standing_in(state, |_| {});
         let heard_us = rig.now_us;
         let actions = loop {
             let actions = rig.wait(1_000);
@@ -121,7 +94,7 @@ fn silence_is_a_fault_and_ends_with_it() {
 #[test]
 fn the_coil_gets_hotter_than_was_forecast() {
     for sweep in [false, true] {
-        let mut rig = standing_in(State::Contact, |_| {});
+        let mut rig = Rig::standing_in(State::Contact, |_| {});
         rig.accepted(if sweep {
             Command::Sweep
         } else {
@@ -145,10 +118,10 @@ fn the_coil_gets_hotter_than_was_forecast() {
 #[test]
 fn more_energy_went_into_the_coil_than_was_forecast() {
     // The forecast, from the refusal that it makes.
-    let mut rig = standing_in(State::Contact, |of| of.greatest_energy_j = 1.0);
+    let mut rig = Rig::standing_in(State::Contact, |of| of.greatest_energy_j = 1.0);
     let forecast_j = rig.refused().value.expect("an energy");
     let limit_j = 1.01 * forecast_j;
-    let mut rig = standing_in(State::Contact, |of| of.greatest_energy_j = limit_j);
+    let mut rig = Rig::standing_in(State::Contact, |of| of.greatest_energy_j = limit_j);
     rig.current_gain = 1.095;
     rig.accepted(Command::Measure);
     let actions = comes(&mut rig);
@@ -163,7 +136,7 @@ fn more_energy_went_into_the_coil_than_was_forecast() {
 #[test]
 fn a_temperature_that_is_no_number_does_not_hide_the_coils_heat() {
     for temperature_c in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
-        let mut rig = standing_in(State::Ramps, |_| {});
+        let mut rig = Rig::standing_in(State::Ramps, |_| {});
         rig.temperature(temperature_c);
         rig.run(100);
         assert_eq!(rig.state(), State::Ramps);
@@ -171,7 +144,7 @@ fn a_temperature_that_is_no_number_does_not_hide_the_coils_heat() {
         let actions = rig.convert();
         stops(&rig, &actions, FaultCode::CoilTooHot);
     }
-    let mut rig = standing_in(State::Watching, |_| {});
+    let mut rig = Rig::standing_in(State::Watching, |_| {});
     rig.step(&Event::Conditions(Conditions {
         temperature: Some(Celsius(f32::NAN)),
         supply_v: Some(f32::NAN),
@@ -190,7 +163,7 @@ fn a_temperature_that_is_no_number_does_not_hide_the_coils_heat() {
 #[test]
 fn a_clock_that_is_set_back_is_a_fault() {
     for state in STATES {
-        let mut rig = standing_in(state, |_| {});
+        let mut rig = Rig::standing_in(state, |_| {});
         rig.now_us -= 10_001;
         let actions = rig.wait(0);
         let fault = stops(&rig, &actions, FaultCode::Clock);
@@ -207,7 +180,7 @@ fn a_clock_that_is_set_back_is_a_fault() {
 
 #[test]
 fn events_of_two_tasks_may_change_places() {
-    let mut rig = standing_in(State::Ramps, |_| {});
+    let mut rig = Rig::standing_in(State::Ramps, |_| {});
     for _ in 0..100 {
         rig.convert();
         rig.now_us -= 300;
@@ -240,7 +213,7 @@ fn no_other_command_clears_a_fault() {
     }));
     commands.extend(calibration(&Sensor::default()));
     for code in FaultCode::ALL {
-        let mut rig = standing_in(State::Ramps, |_| {});
+        let mut rig = Rig::standing_in(State::Ramps, |_| {});
         rig.fail(*code, Place::Bridge);
         for command in &commands {
             rig.outcome(command.clone());
@@ -269,7 +242,7 @@ fn no_other_command_clears_a_fault() {
 #[test]
 fn a_fault_of_sensor_or_bus_ends_when_its_cause_does_and_no_other() {
     for place in Place::ALL {
-        let mut rig = standing_in(State::Ramps, |_| {});
+        let mut rig = Rig::standing_in(State::Ramps, |_| {});
         let code = FaultCode::BusTimeout;
         rig.fail(code, *place);
         rig.step(&Event::Recovered(FaultCode::BusDataStuck));
@@ -287,7 +260,7 @@ fn a_fault_of_sensor_or_bus_ends_when_its_cause_does_and_no_other() {
 #[test]
 fn a_fault_that_waits_for_its_user_is_not_hidden_by_one_that_does_not() {
     for bridge_first in [false, true] {
-        let mut rig = standing_in(State::Watching, |_| {});
+        let mut rig = Rig::standing_in(State::Watching, |_| {});
         let mut faults = [
             (FaultCode::BusTimeout, Place::Bus),
             (FaultCode::Bridge, Place::Bridge),
@@ -309,7 +282,7 @@ fn a_fault_that_waits_for_its_user_is_not_hidden_by_one_that_does_not() {
         assert_eq!(rig.state(), State::SelfTest);
     }
     // Of two alike the first stands.
-    let mut rig = standing_in(State::Watching, |_| {});
+    let mut rig = Rig::standing_in(State::Watching, |_| {});
     rig.fail(FaultCode::Bridge, Place::Bridge);
     rig.fail(FaultCode::OverCurrent, Place::Coil);
     assert_eq!(

@@ -20,6 +20,19 @@ use sensor::Sensor;
 
 pub(crate) const BOOT: u32 = 7;
 
+/// Every state but the fault.
+pub(crate) const STATES: [State; 9] = [
+    State::SelfTest,
+    State::Baseline,
+    State::Watching,
+    State::Contact,
+    State::Settling,
+    State::Peak,
+    State::Ramps,
+    State::Estimating,
+    State::Release,
+];
+
 /// A board with one converter of four channels, and a coil.
 pub(crate) fn board() -> Board {
     Board {
@@ -134,6 +147,25 @@ impl Rig {
             palpate_procedure::configuration::DEFAULT_SETTINGS,
         );
         rig.touch(3e-4);
+        rig
+    }
+
+    /// Calibrated with changed settings, and in this state; armed except in a fault.
+    pub(crate) fn standing_in(state: State, change: impl FnOnce(&mut Settings)) -> Self {
+        let mut rig = Self::calibrated(Sensor::default(), calibration::settings(change));
+        rig.accepted(Command::Arm);
+        match state {
+            State::SelfTest | State::Baseline | State::Watching => {}
+            State::Fault => drop(rig.fail(FaultCode::Bridge, Place::Bridge)),
+            _ => {
+                rig.until(State::Watching, 3_000);
+                rig.touch(3e-4);
+                if state != State::Contact {
+                    rig.accepted(Command::Measure);
+                }
+            }
+        }
+        rig.until(state, 5_000);
         rig
     }
 
