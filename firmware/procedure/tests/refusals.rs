@@ -237,11 +237,14 @@ fn two_effects_cannot_be_told_apart() {
 
 #[test]
 fn the_sums_leave_the_range_of_numbers() {
-    // A sigma of 1e18 m over a deformation of 0.3 mm, squared.
-    let mut rig = with(|_| {});
-    rig.sensor.stated = 1e20;
-    is(&rig.refused(), RefusalReason::NotFinite, None, None);
-    recovers(rig);
+    // A sigma of 1e18 m over a deformation of 0.3 mm, squared; residuals of 0.1 nm over a sigma of
+    // 1e-34 m, squared.
+    for stated in [1e20, 1e-32] {
+        let mut rig = with(|_| {});
+        rig.sensor.stated = stated;
+        is(&rig.refused(), RefusalReason::NotFinite, None, None);
+        recovers(rig);
+    }
 }
 
 #[test]

@@ -58,13 +58,12 @@ enum CurvedFit {
 /// What the sums say, the number of unknowns forgotten.
 struct Solved {
     ratio: LoadRatio,
+    /// x_0.
+    total: Metre,
     samples: u32,
     reduced_chi_square: Option<f32>,
     curved: Option<CurvedFit>,
 }
-
-/// What the protocol has room for: residuals a million times the sigmas.
-const GREATEST_MISFIT: f32 = 1e12;
 
 impl Measurement {
     pub(super) fn conclude(
@@ -93,7 +92,7 @@ impl Measurement {
         let sensing = NewtonPerMetre(self.calibrated.springs.sensing_n_per_m);
         let load = claim.stiffness(sensing).map_err(reason)?;
         too_uncertain(&load, settings)?;
-        let total = reference.deformation() * (1.0 + claim.value + reference.regressor());
+        let total = solved.total;
         let curve = solved.curved.map(|fit| LoadCurve {
             fit,
             sensing,
@@ -116,7 +115,7 @@ impl Measurement {
             load_ratio_standard_error: claim.standard_error,
             samples: solved.samples,
             ramps: completed.into(),
-            reduced_chi_square: solved.reduced_chi_square.map(|of| of.min(GREATEST_MISFIT)),
+            reduced_chi_square: solved.reduced_chi_square,
             tangent_n_per_m: tangent.map(|(value, _)| value.0),
             tangent_standard_error_n_per_m: tangent.map(|(_, error)| error.0),
             two_state_n_per_m: self.two_states.load(sensing).map(|load| load.0),
@@ -130,6 +129,10 @@ impl Measurement {
                 0
             },
         };
+        // A calibration or sigmas far from any sensor's may lead beyond what the protocol holds.
+        if estimate.validate().is_err() {
+            return Err(reason(NoFit::NotFinite));
+        }
         Ok(Report { estimate, curve })
     }
 }
@@ -216,6 +219,7 @@ fn solve_both<const P: usize, const Q: usize>(
     let fit = linear.fit(Noise::Larger)?;
     Ok(Solved {
         ratio: fit.load_ratio()?,
+        total: fit.total_displacement(),
         samples: sums.samples(),
         reduced_chi_square: fit.reduced_chi_square(),
         curved: sums.fit(Noise::Larger).ok().map(curved),

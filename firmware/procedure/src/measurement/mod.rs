@@ -261,9 +261,8 @@ impl Measurement {
         let (began, touched) = (self.drive.began, self.touched);
         if self.ramps.is_none() {
             let actuated_ratio = law.reference_ratio(sensing);
-            let period = self.drive.train.course().period();
             let since_touch = seconds(touched, began);
-            let drift = ramps::drift(settings, since_touch, period);
+            let drift = ramps::drift(settings, since_touch, self.drive.train.course());
             self.ramps = Ramps::new(felt.deformation, actuated_ratio, drift);
         }
         let Some(ramps) = &mut self.ramps else {
@@ -298,13 +297,15 @@ impl Calibrated {
     }
 }
 
-/// The record of a refusal.
-pub(crate) const fn refusal(measurement: u32, (reason, value, limit): Reason) -> Refusal {
+/// The record of a refusal. Numbers that the protocol has no room for are left out.
+pub(crate) fn refusal(measurement: u32, (reason, value, limit): Reason) -> Refusal {
+    const GREATEST: f32 = 1e30;
+    let told = |number: Option<f32>| number.filter(|number| number.abs() <= GREATEST);
     Refusal {
         measurement,
         reason,
-        value,
-        limit,
+        value: told(value),
+        limit: told(limit),
     }
 }
 

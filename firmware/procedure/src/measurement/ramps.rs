@@ -6,7 +6,8 @@ use palpate_model::units::{Metre, NewtonPerMetre, Second};
 use palpate_wire::code::Drift as DriftKind;
 use palpate_wire::command::Settings;
 
-use crate::time::{Duration, in_seconds};
+use crate::time::in_seconds;
+use crate::train::Course;
 
 /// Sums over the whole train, and over the ramp under way alone.
 #[derive(Clone, Debug)]
@@ -34,17 +35,35 @@ pub(super) enum Sums {
     Bent(Ramp<5>),
 }
 
+/// A drift's time over the train's above which the drift is a straight line. Creep of one per cent
+/// of the deformation departs from one by 1/8 of 1 % over this number's square then, 1.4e-6 of the
+/// deformation, less than the noise of a train; at a hundred the two can no longer be told apart,
+/// and every measurement would be refused as ill-conditioned.
+const STRAIGHT: f32 = 30.0;
+
 /// The drift that the settings ask for, for a press that was `since_touch` old when the train
 /// began: creep of rubber goes on as the logarithm of the time since the touch.
-pub(super) fn drift(settings: &Settings, since_touch: Second, period: Duration) -> Option<Drift> {
+pub(super) fn drift(settings: &Settings, since_touch: Second, course: &Course) -> Option<Drift> {
+    let train = in_seconds(course.duration());
+    let unless_straight = |tau: Second, drift| {
+        if tau.0 > STRAIGHT * train.0 {
+            Drift::Linear
+        } else {
+            drift
+        }
+    };
     match settings.drift {
         DriftKind::Linear => Some(Drift::Linear),
-        DriftKind::Logarithmic => Some(Drift::Logarithmic { tau: since_touch }),
-        DriftKind::Exponential => Some(Drift::Exponential {
-            tau: Second(settings.drift_time_s),
-        }),
+        DriftKind::Logarithmic => {
+            let tau = since_touch;
+            Some(unless_straight(tau, Drift::Logarithmic { tau }))
+        }
+        DriftKind::Exponential => {
+            let tau = Second(settings.drift_time_s);
+            Some(unless_straight(tau, Drift::Exponential { tau }))
+        }
         DriftKind::SawTooth => Some(Drift::SawTooth {
-            period: in_seconds(period),
+            period: in_seconds(course.period()),
         }),
         _ => None,
     }

@@ -38,8 +38,11 @@ pub(crate) struct Sensor {
     pub(crate) stated: f64,
     /// Flag to be raised: bit 28 is the amplitude's.
     pub(crate) flags: u16,
-    random: u64,
+    pub(crate) random: u64,
 }
+
+/// phi over the time in seconds.
+pub(crate) type Shape = fn(f64) -> f64;
 
 /// x goes to x (1 + d phi), d its size and phi over the time since the train began.
 #[derive(Clone, Copy, Debug)]
@@ -47,7 +50,7 @@ pub(crate) struct Creep {
     pub(crate) size: f64,
     /// When phi begins to count, in seconds since the start.
     pub(crate) since_s: f64,
-    pub(crate) shape: fn(f64) -> f64,
+    pub(crate) shape: Shape,
 }
 
 impl Default for Sensor {
