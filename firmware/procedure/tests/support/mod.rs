@@ -3,6 +3,7 @@
 #![allow(dead_code, reason = "no test uses all of it")]
 
 pub(crate) mod calibration;
+pub(crate) mod moves;
 pub(crate) mod promises;
 pub(crate) mod sensor;
 
