@@ -6,7 +6,7 @@ use palpate_procedure::{Action, Event};
 use palpate_wire::code::{FaultCode, Outcome, Place, State};
 use palpate_wire::command::ClearFault;
 use palpate_wire::{Command, FrameError, Header, PayloadError, Record};
-use support::calibration::{calibration, curve, settings, springs};
+use support::calibration::{COIL, calibration, curve, settings, springs};
 use support::sensor::Sensor;
 use support::{BOOT, Rig, answers, frame};
 
@@ -52,6 +52,19 @@ fn arm_measure_and_sweep_are_answered_as_the_state_demands() {
         assert_eq!(rig.outcome(Command::Sweep), busy(told || tested), "{state}");
         assert!(rig.line.is_off());
     }
+}
+
+#[test]
+fn without_the_coils_data_it_is_not_armed() {
+    let mut rig = Rig::started();
+    for command in calibration(&Sensor::default()) {
+        if !matches!(command, Command::SetCoil(_)) {
+            rig.accepted(command);
+        }
+    }
+    assert_eq!(rig.outcome(Command::Arm), Outcome::NotCalibrated);
+    rig.accepted(Command::SetCoil(COIL));
+    rig.accepted(Command::Arm);
 }
 
 #[test]
