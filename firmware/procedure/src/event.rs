@@ -87,9 +87,9 @@ pub struct Conditions {
 impl Conditions {
     /// What is a number, within the protocol's limits.
     pub(crate) fn within_protocol(&self) -> Self {
-        let within = |value: Option<f32>, low, high| {
+        let within = |value: Option<f32>, low: f32, high: f32| {
             let number = value.filter(|value| value.is_finite());
-            number.map(|value| value.clamp(low, high))
+            number.map(|value| value.max(low).min(high))
         };
         let temperature_c = self.temperature.map(|of| of.0);
         Self {

@@ -28,7 +28,7 @@ fn start() -> Rig {
 
 proptest! {
     #![proptest_config(ProptestConfig {
-        cases: 600,
+        cases: 400,
         failure_persistence: None,
         ..ProptestConfig::default()
     })]
