@@ -198,3 +198,13 @@ fn a_slow_converter_has_time_to_show_that_a_press_is_steady() {
     rig.accepted(Command::Measure);
     rig.until(State::Peak, 5_000);
 }
+
+#[test]
+fn a_sweep_into_silence_is_stopped_in_its_own_step() {
+    let mut rig = Rig::standing_in(State::Watching, |_| {});
+    rig.now_us += 60_000;
+    // Begun and acknowledged, and in the same step found to be blind: no current is left in it.
+    rig.accepted(Command::Sweep);
+    assert_eq!(rig.state(), State::Fault);
+    assert!(rig.line.is_off());
+}
