@@ -50,6 +50,10 @@ fn depth(text: &str) -> Result<f64, String> {
 /// what is random about a few hundred plants.
 const HONEST: usize = 94;
 
+/// Comments that `cargo xtask evidence` looks for around what it keeps.
+const BEGIN: &str = "<!-- evidence:begin -->";
+const END: &str = "<!-- evidence:end -->";
+
 /// What one sensor made of the row, or why it could not be calibrated.
 type Plant = Result<Vec<Measured>, String>;
 
@@ -68,6 +72,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         .collect();
     progress.finish();
     let mut out = io::stdout().lock();
+    writeln!(out, "{BEGIN}")?;
     writeln!(
         out,
         "{} sensors of the stack {} from seed {}, all disturbances, each calibrated on its own \
@@ -82,6 +87,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let (held, estimated) = loads.iter().fold((0, 0), |(held, estimated), load| {
         (held + load.held, estimated + load.widths.len())
     });
+    writeln!(out, "\n{held} of {estimated} estimates hold.\n{END}")?;
     if held * 100 < estimated * HONEST {
         return Err(Failure::Refused(format!(
             "{held} of {estimated} claims of 95 % hold, fewer than {HONEST} %"

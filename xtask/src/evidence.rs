@@ -74,6 +74,23 @@ const CAMPAIGNS: &[Campaign] = &[
         ],
     },
     Campaign {
+        name: "claims",
+        purpose: "How often the 95 % intervals of the stiffness hold, on simulated sensors that were \
+                  each calibrated on their own bench.",
+        arguments: &[
+            "run",
+            "--release",
+            "-p",
+            "palpate",
+            "--",
+            "coverage",
+            "--plants",
+            "200",
+            "--seed",
+            "1",
+        ],
+    },
+    Campaign {
         name: "planted-defects",
         purpose: "Tests of the tests: each planted defect has to turn a test red.",
         arguments: &[
