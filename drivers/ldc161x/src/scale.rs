@@ -65,7 +65,11 @@ impl Scale {
     /// assert_eq!(Scale::undivided(40e6, Rcount::MIN).reference_hz(), 40e6);
     /// ```
     pub fn reference_hz(&self) -> f64 {
-        self.clock_hz / f64::from(self.dividers.reference())
+        // The commonest divider needs no division, which takes a core without a divider microseconds.
+        match self.dividers.reference() {
+            1 => self.clock_hz,
+            divider => self.clock_hz / f64::from(divider),
+        }
     }
 
     /// Length of the conversion in seconds, 16 RCOUNT / fREF. A reading is the mean over this
@@ -171,7 +175,11 @@ impl Scale {
             Some(duty) => edge_variance(counted, duty),
         };
         let white = self.noise.white_relative_in_1_ms;
-        let white = white * white * 1e-3 / self.conversion_s() as f32;
+        let white = if white == 0.0 {
+            0.0
+        } else {
+            white * white * 1e-3 / self.conversion_s() as f32
+        };
         libm::sqrtf(variance / (n * n) + white)
     }
 

@@ -207,11 +207,13 @@ fn reading(
         Some(_) => Freshness::Repeated,
     };
     let scale = configuration.scale(channel);
+    let frequency_hz = scale.frequency_hz(word.code());
     Reading {
         channel,
         word,
-        frequency_hz: scale.frequency_hz(word.code()),
-        sigma_hz: scale.sigma_hz(word.code()),
+        frequency_hz,
+        // as Scale::sigma_hz has it, without the frequency a second time
+        sigma_hz: scale.relative_sigma(word.code()) * frequency_hz as f32,
         above_quarter_reference: scale.above_quarter_reference(word.code()),
         freshness,
         agrees,
