@@ -10,7 +10,7 @@ use crate::registers::{RegisterFile, address};
 use crate::results::{Reporting, Results};
 use crate::sensor::Sensors;
 use crate::sequence::Sequence;
-use crate::settings::Settings;
+use crate::settings::{ExternalClock, Settings};
 use crate::time::Time;
 
 /// Steps of the schedule that one call of [`Chip::advance_to`] runs before it skips the rest: some
@@ -188,6 +188,13 @@ impl<S: Sensors> Chip<S> {
         if self.shut_down {
             self.address_pin_high = high;
         }
+    }
+
+    /// The clock at CLKIN from now on, or none. The conversion under way begins anew if it is
+    /// counted with that clock.
+    pub fn set_external_clock(&mut self, clock: Option<ExternalClock>) {
+        self.settings.external_clock = clock;
+        self.follow_clkin();
     }
 
     /// The supply dips and returns at once: a power-on reset, and silence for the wake-up time.

@@ -5,8 +5,8 @@ mod common;
 use common::*;
 use embedded_hal::i2c::NoAcknowledgeSource;
 use ldc161x_sim::{
-    Ack, FAULT_SLOTS, Fault, FaultEvent, FaultState, I2cError, Lost, Path, ScheduleFull, Settings,
-    Span, Strike, Time, Trigger,
+    Ack, ExternalClock, FAULT_SLOTS, Fault, FaultEvent, FaultState, I2cError, Lost, Path,
+    ScheduleFull, Settings, Span, Strike, Time, Trigger,
 };
 
 const T0: Time = Time::ZERO;
@@ -108,7 +108,7 @@ fn a_stuck_interrupt_line() {
     assert!(!rig.intb_is_low());
     rig.single(1000);
     rig.for_time(ms(5), Fault::IntbStuck { low: false });
-    rig.convert(0, 2);
+    rig.convert(0, 1);
     assert!(!rig.intb_is_low());
     assert_eq!(
         rig.chip.borrow().interrupts(),
@@ -300,4 +300,23 @@ fn settings_and_faults_can_be_written_down() {
         serde_json::from_str::<FaultEvent>(&text).expect("an event"),
         event
     );
+}
+
+#[test]
+fn another_clock_at_clkin_is_counted_with_from_then_on() {
+    let rig = rig();
+    rig.single(2_500);
+    rig.convert(0, 1);
+    let word = || rig.chip.borrow().last_conversion(0).unwrap().word;
+    let at_40_mhz = f64::from(word());
+    let slower = Some(ExternalClock::exact(20e6));
+    rig.chip.borrow_mut().set_external_clock(slower);
+    rig.convert(0, 1);
+    let ratio = f64::from(word()) / at_40_mhz;
+    assert!((ratio - 2.0).abs() < 1e-3, "{ratio}");
+    rig.chip.borrow_mut().set_external_clock(None);
+    let before = rig.chip.borrow().conversions(0);
+    let later = rig.chip.borrow().now() + ms(4);
+    rig.chip.borrow_mut().advance_to(later);
+    assert_eq!(rig.chip.borrow().conversions(0), before);
 }
