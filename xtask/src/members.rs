@@ -30,10 +30,6 @@ pub(crate) enum RunsOn {
     /// A PC and a microcontroller: `no_std`, built for every one of [`ARM_TARGETS`].
     Everywhere,
     /// A microcontroller only: left out of every build for the host.
-    #[allow(
-        dead_code,
-        reason = "the kind of a firmware crate, before there is one"
-    )]
     Mcu,
 }
 
@@ -99,7 +95,16 @@ pub(crate) const MEMBERS: &[Member] = &[
         mcu_examples: &[],
     },
     Member {
+        name: "palpate-firmware",
+        runs_on: RunsOn::Mcu,
+        ..HOST_PROGRAM
+    },
+    Member {
         name: "palpate-sim",
+        ..HOST_PROGRAM
+    },
+    Member {
+        name: "palpate-board",
         ..HOST_PROGRAM
     },
     Member {

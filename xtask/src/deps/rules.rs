@@ -84,9 +84,21 @@ pub(super) const RULES: &[Rule] = &[
         because: "the simulation runs the procedure on a PC, where no firmware builds",
     },
     Rule {
+        name: "board-below",
+        who: "palpate-board",
+        may_depend: On::Only(&["palpate-sim", "palpate-wire", "ldc161x-sim"]),
+        because: "the emulated board runs the firmware as an image and shares no line with it",
+    },
+    Rule {
         name: "host-above",
         who: "palpate",
-        may_depend: On::Only(&["palpate-sim", "palpate-wire", "palpate-field", DRIVERS]),
+        may_depend: On::Only(&[
+            "palpate-sim",
+            "palpate-board",
+            "palpate-wire",
+            "palpate-field",
+            DRIVERS,
+        ]),
         because: "the program reaches physics and procedure through the simulation",
     },
     Rule {

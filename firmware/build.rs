@@ -1,0 +1,77 @@
+//! The memory map of the board, the linker's scripts, and where the sources come from.
+
+use std::env;
+use std::error::Error;
+use std::fs;
+use std::path::PathBuf;
+use std::process::Command;
+
+/// Raspberry Pi Pico: 2 MiB of flash, whose first 256 bytes are the second stage of the boot
+/// loader; 264 KiB of memory. The stack lies below everything else, so that one that grows too
+/// far leaves the memory and ends in a fault instead of in somebody's variable.
+///
+/// What every sample passes through many times lies in memory: arithmetic above all. The flash's
+/// cache holds 16 KiB in two ways only, and code that is spread over more pushes itself out of it.
+const PICO: &str = "MEMORY {
+    BOOT2 : ORIGIN = 0x10000000, LENGTH = 0x100
+    FLASH : ORIGIN = 0x10000100, LENGTH = 2048K - 0x100
+    STACK : ORIGIN = 0x20000000, LENGTH = 16K
+    RAM : ORIGIN = 0x20004000, LENGTH = 248K
+}
+_stack_end = ORIGIN(STACK);
+_stack_start = ORIGIN(STACK) + LENGTH(STACK);
+SECTIONS {
+    .boot2 ORIGIN(BOOT2) : { KEEP(*(.boot2)); } > BOOT2
+} INSERT BEFORE .text;
+SECTIONS {
+    .hot : ALIGN(4) {
+        __hot_begin = .;
+        *(.text._ZN17compiler_builtins* .text.*17compiler_builtins*);
+        *(.text.__aeabi_* .text.__udiv* .text.__clz* .text.mem*);
+        *(.text.*rtic_time* .text.*rtic_sync*);
+        *(.text.*palpate_wire*encoder*Framing* .text.*crc*update*);
+        . = ALIGN(4);
+        __hot_end = .;
+    } > RAM AT > FLASH
+    __hot_load = LOADADDR(.hot);
+    _stext = ALIGN(LOADADDR(.hot) + SIZEOF(.hot), 8);
+} INSERT BEFORE .text;
+";
+
+/// Defects that tests of the tests plant, by the variable that names one. See docs/firmware.md.
+const DEFECT: &str = "PALPATE_PLANTED_DEFECT";
+const DEFECTS: &str =
+    "\"panic\", \"write_dropped\", \"words_swapped\", \"fed_by_idle\", \"no_safe_state\"";
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let out = PathBuf::from(env::var_os("OUT_DIR").ok_or("cargo sets OUT_DIR")?);
+    fs::write(out.join("board-memory.x"), PICO)?;
+    println!("cargo:rustc-link-search={}", out.display());
+    for argument in ["--nmagic", "-Tlink.x", "-Tdefmt.x"] {
+        println!("cargo:rustc-link-arg-bins={argument}");
+    }
+    println!("cargo:rerun-if-changed=build.rs");
+    println!("cargo:rerun-if-env-changed={DEFECT}");
+    println!("cargo:rustc-check-cfg=cfg(planted_defect, values({DEFECTS}))");
+    if let Ok(defect) = env::var(DEFECT) {
+        println!("cargo:rustc-cfg=planted_defect=\"{defect}\"");
+    }
+    let commit = git(&["rev-parse", "--short=8", "HEAD"]);
+    let dirty =
+        git(&["status", "--porcelain", "--untracked-files=no"]).is_none_or(|it| !it.is_empty());
+    println!(
+        "cargo:rustc-env=PALPATE_COMMIT={}",
+        commit.unwrap_or_else(|| "0".into())
+    );
+    println!("cargo:rustc-env=PALPATE_DIRTY={}", u8::from(dirty));
+    println!("cargo:rerun-if-changed=../.git/HEAD");
+    println!("cargo:rerun-if-changed=../.git/index");
+    Ok(())
+}
+
+/// What git says, or nothing where the sources are no checkout.
+fn git(arguments: &[&str]) -> Option<String> {
+    let output = Command::new("git").args(arguments).output().ok()?;
+    let text = String::from_utf8(output.stdout).ok()?;
+    output.status.success().then(|| text.trim().to_owned())
+}

@@ -1,0 +1,180 @@
+//! From settings to a plan for the converter, and from frames to samples in time.
+
+use ldc161x::{
+    Acquisition, Channel, Configuration, Frame, Model, Plan, Rate, ReferenceClock, Refusal,
+    Request, Sensor, Sequence,
+};
+use palpate_wire::command::Settings;
+
+/// The resonators that the board is made for: 2 to 5 MHz. The drive current is made for 3 to
+/// 8 kiloohm until it is calibrated on the board.
+const SENSOR: Sensor = Sensor {
+    highest_quality_factor: 50,
+    lowest_rp_ohm: 3_000,
+    highest_rp_ohm: 3_000,
+    ..Sensor::new(2_000_000, 5_000_000)
+};
+/// Clocks of the converter with one channel and with several.
+const SINGLE_HZ: u32 = 30_000_000;
+const SCAN_HZ: u32 = 40_000_000;
+/// Between two channels of a scan (datasheet equation 8).
+const SWITCH_S: f32 = 692e-9 + 5.0 / SCAN_HZ as f32;
+/// An interval within this part of the period is one period.
+const TOLERANCE: f32 = 0.25;
+/// Share of a new interval in the period: the converter shares the crystal with the timer, so
+/// that the period is constant and only its value is not known.
+const GAIN: f32 = 1.0 / 64.0;
+
+/// How the converter is to be run.
+#[derive(Clone, Copy)]
+pub struct Scheme {
+    /// What is written to it.
+    pub configuration: Configuration,
+    /// From one frame to the next as planned, in microseconds.
+    pub period_us: f32,
+    /// Only one channel is active.
+    pub is_single: bool,
+    /// From the middle of the first conversion to the frame's edge, in microseconds.
+    pub before_edge_us: u32,
+    /// From the middle of the first conversion to that of each.
+    pub offsets_us: [u16; 4],
+}
+
+impl Scheme {
+    /// The scheme for some settings.
+    pub fn new(settings: &Settings) -> Result<Self, Refusal> {
+        let acquisition = acquisition(settings.channels);
+        let is_single = matches!(acquisition, Acquisition::Single(_));
+        let hz = if is_single { SINGLE_HZ } else { SCAN_HZ };
+        let rate = Rate::PerSecond((settings.rate_hz as u32).max(1));
+        let clock = ReferenceClock::External { hz };
+        let plan: Plan = Request::new(Model::Ldc1614, clock, acquisition, SENSOR)
+            .rate(rate)
+            .plan()?;
+        let (before_edge_us, offsets_us) = times(&plan.configuration);
+        Ok(Self {
+            configuration: plan.configuration,
+            period_us: plan.frame_period_ns as f32 / 1e3,
+            is_single,
+            before_edge_us,
+            offsets_us,
+        })
+    }
+}
+
+/// One channel alone, or a scan up to the highest one: the converter knows no other sequences.
+fn acquisition(channels: u8) -> Acquisition {
+    let single = match channels {
+        0b0010 => Some(Channel::One),
+        0b0100 => Some(Channel::Two),
+        0b1000 => Some(Channel::Three),
+        0b0001 => Some(Channel::Zero),
+        _ => None,
+    };
+    match single {
+        Some(channel) => Acquisition::Single(channel),
+        None if channels & 0b1000 != 0 => Acquisition::Autoscan(Sequence::ZeroToThree),
+        None if channels & 0b0100 != 0 => Acquisition::Autoscan(Sequence::ZeroToTwo),
+        None => Acquisition::Autoscan(Sequence::ZeroToOne),
+    }
+}
+
+/// A frame with its time.
+#[derive(Clone, Copy)]
+pub struct Sampled {
+    /// The words.
+    pub frame: Frame,
+    /// Middle of its first conversion.
+    pub time_us: u64,
+    /// From there to the middle of each conversion.
+    pub offsets_us: [u16; 4],
+    /// Frames that were lost between the last one and this.
+    pub missed: u32,
+    /// What went before is unknown.
+    pub gap: bool,
+    /// From one frame to the next, as learnt.
+    pub period_us: f32,
+}
+
+/// The grid of the frames: their period as it is learnt, and what is missing from it.
+pub struct Grid {
+    period_us: f32,
+    last: Option<(u64, u16)>,
+    /// Frames of which the edge was counted, but not seen.
+    pub unseen: u32,
+}
+
+impl Grid {
+    /// A grid of which only the planned period is known.
+    pub const fn new(period_us: f32) -> Self {
+        Self {
+            period_us,
+            last: None,
+            unseen: 0,
+        }
+    }
+
+    /// The learnt period.
+    pub const fn period_us(&self) -> f32 {
+        self.period_us
+    }
+
+    /// How many frames have ended since an edge, when its frame was fetched so late: each of them
+    /// has overwritten the one before, without an edge of its own.
+    pub fn overwritten(&self, late_us: u32) -> u32 {
+        (late_us as f32 / self.period_us) as u32
+    }
+
+    /// The next edge is the first one of a new grid.
+    pub const fn interrupt(&mut self) {
+        self.last = None;
+    }
+
+    /// Takes the next edge, and returns how many frames are missing before it. The edge counter
+    /// is the cross-check: a conversion that overwrites another makes no edge, so that each edge
+    /// has to have been seen.
+    pub fn missed(&mut self, edge_us: u64, edges: u16) -> u32 {
+        let Some((last_us, last_edges)) = self.last.replace((edge_us, edges)) else {
+            return 0;
+        };
+        let passed = u32::from(edges.wrapping_sub(last_edges));
+        if edges != 0 && last_edges != 0 {
+            self.unseen = self.unseen.wrapping_add(passed.saturating_sub(1));
+        }
+        let interval_us = edge_us.saturating_sub(last_us) as f32;
+        let periods = interval_us / self.period_us;
+        if (periods - 1.0).abs() < TOLERANCE {
+            self.period_us += GAIN * (interval_us - self.period_us);
+            return 0;
+        }
+        ((periods + 0.5) as u32).saturating_sub(1)
+    }
+}
+
+/// From the middle of a frame's first conversion to its edge, and to the middles of the others:
+/// the edge comes at the end of the last one.
+fn times(configuration: &Configuration) -> (u32, [u16; 4]) {
+    let mut middles = [0.0_f32; 4];
+    let mut end_s = 0.0;
+    let count = usize::from(configuration.acquisition.channel_count());
+    for (place, middle) in middles.iter_mut().enumerate().take(count).rev() {
+        let position = u8::try_from(place).unwrap_or_default();
+        let Some(channel) = configuration.acquisition.channel_at(position) else {
+            continue;
+        };
+        let conversion_s = configuration.scale(channel).conversion_s() as f32;
+        *middle = end_s - conversion_s / 2.0;
+        let settings = configuration.channel(channel);
+        let periods = settings.settle_count.reference_periods() as f32;
+        let settle_s = periods / reference_hz(configuration);
+        end_s -= conversion_s + settle_s + SWITCH_S;
+    }
+    let [first_s, ..] = middles;
+    let offsets = middles.map(|middle_s| ((middle_s - first_s) * 1e6 + 0.5) as u16);
+    ((-first_s * 1e6 + 0.5) as u32, offsets)
+}
+
+fn reference_hz(configuration: &Configuration) -> f32 {
+    let (_, nominal_hz, _) = configuration.reference.range_hz();
+    nominal_hz as f32
+}

@@ -1,0 +1,309 @@
+//! Raspberry Pi Pico: which pin does what, and everything set up for it. The wiring stands in
+//! docs/firmware.md.
+
+#![allow(unsafe_code)]
+
+use rp2040_pac::{IO_BANK0, PADS_BANK0, PWM, Peripherals, SIO};
+
+use super::{clocks, wait};
+use crate::coil::Coil;
+
+/// I2C data.
+pub const SDA: usize = 4;
+/// I2C clock.
+pub const SCL: usize = 5;
+/// The converter's interrupt: low while a result waits.
+pub const INTB: usize = 7;
+/// The converter's shutdown: high is off.
+pub const SHUTDOWN: usize = 8;
+/// Inputs of the H-bridge.
+pub const IN1: usize = 16;
+/// See [`IN1`].
+pub const IN2: usize = 17;
+/// Enable of the H-bridge: low is off.
+pub const BRIDGE_ENABLE: usize = 18;
+/// Fault of the H-bridge: low is one.
+pub const BRIDGE_FAULT: usize = 19;
+/// The converter's clock.
+pub const CLKIN: usize = 21;
+/// The LED.
+pub const LED: usize = 25;
+/// Pins of the ADC's inputs 0 to 2: coil current, thermometer (not read yet), supply.
+pub const ANALOGUE: [usize; 3] = [26, 27, 28];
+/// The PWM slice of the bridge: IN1 is its output A, IN2 its output B.
+pub const COIL_SLICE: usize = 0;
+/// The PWM slice that counts edges of INTB, its input B.
+pub const EDGE_SLICE: usize = 3;
+
+/// Divisor of the processor's clock for the LDC: 30 MHz with one channel (limit 35 MHz).
+pub const CLKIN_SINGLE: u32 = 4;
+/// 40 MHz with several channels.
+pub const CLKIN_SCAN: u32 = 3;
+
+/// PADS: input on, Schmitt trigger, 4 mA.
+const INPUT: u32 = 1 << 6 | 1 << 1 | 1 << 4;
+const PULL_UP: u32 = 1 << 3;
+const PULL_DOWN: u32 = 1 << 2;
+/// PADS: output driver off, input off, for analogue use.
+const ANALOGUE_PAD: u32 = 1 << 7;
+/// PWM CSR: count falling edges of input B.
+const COUNT_FALLING: u32 = 3 << 4 | 1;
+
+/// What drives a pin (datasheet 2.19.2).
+#[derive(Clone, Copy)]
+pub enum Function {
+    /// The I2C block.
+    I2c = 3,
+    /// A PWM slice.
+    Pwm = 4,
+    /// The processor.
+    Sio = 5,
+    /// A clock's output.
+    Clock = 8,
+}
+
+fn io() -> &'static rp2040_pac::io_bank0::RegisterBlock {
+    // SAFETY: each pin's register is written by its owner alone; INTR0 belongs to `engine`.
+    unsafe { &*IO_BANK0::ptr() }
+}
+
+fn sio() -> &'static rp2040_pac::sio::RegisterBlock {
+    // SAFETY: levels are changed through the set and clear registers, one pin at a time.
+    unsafe { &*SIO::ptr() }
+}
+
+/// The highest pin. Every number here is below; that it is seen to be keeps a panic out.
+const LAST_PIN: usize = 29;
+
+/// Gives a pin to one of its drivers.
+pub fn set_function(pin: usize, function: Function) {
+    // SAFETY: the number is one of the field's, and no override is set.
+    unsafe {
+        io().gpio(pin.min(LAST_PIN))
+            .gpio_ctrl()
+            .write(|w| w.bits(function as u32))
+    };
+}
+
+fn set_pad(pin: usize, bits: u32) {
+    // SAFETY: any pad setting within the eight bits is allowed; the pin is the caller's.
+    unsafe {
+        (*PADS_BANK0::ptr())
+            .gpio(pin.min(LAST_PIN))
+            .write(|w| w.bits(bits))
+    };
+}
+
+/// The level of a pin.
+pub fn is_high(pin: usize) -> bool {
+    sio().gpio_in().read().bits() >> pin & 1 == 1
+}
+
+/// Sets the level of an output.
+pub fn set(pin: usize, high: bool) {
+    // SAFETY: only this pin's bit is written.
+    unsafe {
+        if high {
+            sio().gpio_out_set().write(|w| w.bits(1 << pin));
+        } else {
+            sio().gpio_out_clr().write(|w| w.bits(1 << pin));
+        }
+    }
+}
+
+/// Pulls a pin low, or lets go of it.
+pub fn open_drain(pin: usize, low: bool) {
+    set(pin, false);
+    // SAFETY: only this pin's bit is written.
+    unsafe {
+        if low {
+            sio().gpio_oe_set().write(|w| w.bits(1 << pin));
+        } else {
+            sio().gpio_oe_clr().write(|w| w.bits(1 << pin));
+        }
+    }
+}
+
+fn output(pin: usize, high: bool) {
+    set(pin, high);
+    // SAFETY: only this pin's bit is written.
+    unsafe { sio().gpio_oe_set().write(|w| w.bits(1 << pin)) };
+    set_pad(pin, INPUT | PULL_DOWN);
+    set_function(pin, Function::Sio);
+}
+
+fn input(pin: usize, pull: u32) {
+    open_drain(pin, false);
+    set_pad(pin, INPUT | pull);
+    set_function(pin, Function::Sio);
+}
+
+/// The board, set up.
+pub struct Board {
+    /// Clocks run as planned.
+    pub clocks_run: bool,
+    /// The coil's bridge, off.
+    pub coil: Coil,
+    /// The timer, for the monotonic clock.
+    pub timer: rp2040_pac::TIMER,
+    /// The resets, for the same.
+    pub resets: rp2040_pac::RESETS,
+    /// The watchdog, not yet running.
+    pub watchdog: rp2040_pac::WATCHDOG,
+    /// A number drawn by chance, never 0.
+    pub boot_id: u32,
+}
+
+impl Board {
+    /// Sets everything up: the bridge off first, then clocks, pins, counters.
+    pub fn init(device: Peripherals) -> Self {
+        let resets = device.RESETS;
+        // Blocks that another program may have left in any state begin anew.
+        resets.reset().modify(|_, w| {
+            w.io_bank0().set_bit();
+            w.pads_bank0().set_bit();
+            w.pwm().set_bit();
+            w.adc().set_bit();
+            w.timer().set_bit()
+        });
+        resets.reset().modify(|_, w| {
+            w.io_bank0().clear_bit();
+            w.pads_bank0().clear_bit();
+            w.pwm().clear_bit();
+            w.adc().clear_bit()
+        });
+        let ready = wait(|| {
+            let done = resets.reset_done().read();
+            done.io_bank0().bit_is_set()
+                && done.pads_bank0().bit_is_set()
+                && done.pwm().bit_is_set()
+                && done.adc().bit_is_set()
+        });
+        output(BRIDGE_ENABLE, false);
+        output(IN1, false);
+        output(IN2, false);
+        let clocks_run = ready
+            && clocks::set_up(
+                &resets,
+                &device.CLOCKS,
+                &device.XOSC,
+                &device.PLL_SYS,
+                &device.PLL_USB,
+                &device.WATCHDOG,
+            );
+        set_up_converter_pins();
+        set_up_analogue(&device.ADC);
+        output(LED, false);
+        input(BRIDGE_FAULT, PULL_UP);
+        Self {
+            clocks_run,
+            coil: Coil::new(),
+            timer: device.TIMER,
+            resets,
+            watchdog: device.WATCHDOG,
+            boot_id: draw(&device.ROSC),
+        }
+    }
+}
+
+fn set_up_converter_pins() {
+    // Off, until it is started: no wire of it moves meanwhile.
+    output(SHUTDOWN, true);
+    for pin in [SDA, SCL] {
+        input(pin, PULL_UP);
+        set_function(pin, Function::I2c);
+    }
+    set_pad(CLKIN, INPUT | PULL_DOWN);
+    set_function(CLKIN, Function::Clock);
+    // To the counter of edges; the interrupt looks at the pad itself, whoever has the pin.
+    input(INTB, PULL_UP);
+    set_function(INTB, Function::Pwm);
+    // SAFETY: within the fields; the slice counts nothing else. INTR0 and INTE0: the falling edge
+    // of this pin alone.
+    unsafe {
+        let slice = (*PWM::ptr()).ch(EDGE_SLICE);
+        slice.top().write(|w| w.bits(0xFFFF));
+        slice.csr().write(|w| w.bits(COUNT_FALLING));
+        io().intr(0).write(|w| w.bits(u32::MAX));
+        io().proc0_inte(0).write(|w| w.bits(1 << (4 * INTB + 2)));
+    }
+}
+
+fn set_up_analogue(adc: &rp2040_pac::ADC) {
+    for pin in ANALOGUE {
+        set_pad(pin, ANALOGUE_PAD);
+    }
+    adc.cs().write(|w| w.en().set_bit());
+}
+
+/// Sets the converter's clock.
+pub fn set_clkin(divisor: u32) {
+    // SAFETY: CLK_GPOUT0 is used for nothing else.
+    clocks::send_out(unsafe { &*rp2040_pac::CLOCKS::ptr() }, divisor);
+}
+
+/// Converts one input of the ADC: 0 to 4095, or nothing if it does not answer in 20 us.
+pub fn convert(input: u8) -> Option<u16> {
+    // SAFETY: the ADC is used by the coil's task alone, one conversion at a time.
+    let adc = unsafe { &*rp2040_pac::ADC::ptr() };
+    // SAFETY: three bits, of which the inputs 0 to 4 exist.
+    adc.cs().write(|w| unsafe {
+        w.en()
+            .set_bit()
+            .ainsel()
+            .bits(input & 0b11)
+            .start_once()
+            .set_bit()
+    });
+    for _ in 0..200 {
+        if adc.cs().read().ready().bit_is_set() {
+            return Some(adc.result().read().bits() as u16);
+        }
+    }
+    None
+}
+
+/// A number by chance from the jitter of the ring oscillator; not for secrets. Never 0.
+fn draw(ring: &rp2040_pac::ROSC) -> u32 {
+    let number = (0..32).fold(0_u32, |number, _| {
+        cortex_m::asm::delay(64);
+        number << 1 | ring.randombit().read().bits() & 1
+    });
+    number.max(1)
+}
+
+/// INTB, for the driver's probe.
+pub struct IntbPin;
+
+/// SD, for the driver's recovery.
+pub struct ShutdownPin;
+
+impl embedded_hal::digital::ErrorType for IntbPin {
+    type Error = core::convert::Infallible;
+}
+
+impl embedded_hal::digital::InputPin for IntbPin {
+    fn is_high(&mut self) -> Result<bool, Self::Error> {
+        Ok(is_high(INTB))
+    }
+
+    fn is_low(&mut self) -> Result<bool, Self::Error> {
+        Ok(!is_high(INTB))
+    }
+}
+
+impl embedded_hal::digital::ErrorType for ShutdownPin {
+    type Error = core::convert::Infallible;
+}
+
+impl embedded_hal::digital::OutputPin for ShutdownPin {
+    fn set_low(&mut self) -> Result<(), Self::Error> {
+        set(SHUTDOWN, false);
+        Ok(())
+    }
+
+    fn set_high(&mut self) -> Result<(), Self::Error> {
+        set(SHUTDOWN, true);
+        Ok(())
+    }
+}

@@ -1,0 +1,478 @@
+//! The part of the I2C master that runs in interrupts, from memory.
+//!
+//! A transaction is a [`Job`]: its commands are put into the block's queue as there is room, its
+//! bytes are collected, and its end is told to the master by an interrupt of lower priority.
+//!
+//! One job can be kept ready: every falling edge of INTB then begins it at once, and its bytes wait
+//! with the edge's time until the master takes them. Thus a frame is fetched within a microsecond
+//! of the converter's call, whatever the tasks do, and the next one while they still work on the
+//! last. Nothing here lies in flash, whose cache could delay it by a hundred microseconds.
+
+#![allow(unsafe_code)]
+
+use core::cell::UnsafeCell;
+
+use rp2040_pac::{I2C0, IO_BANK0, Interrupt, NVIC, PWM, TIMER};
+
+use crate::board::pico;
+
+/// Commands of the longest frame: STATUS, and MSB and LSB of four channels, each read twice, by
+/// pointer, high byte and low byte.
+pub const MAX_COMMANDS: usize = 54;
+/// Bytes of the longest frame, rounded up.
+pub const MAX_BYTES: usize = 36;
+/// Frames that can wait for the master.
+const FRAMES: usize = 4;
+
+/// A command of the block: to read a byte, and to send STOP after it.
+pub const READ: u16 = 1 << 8;
+/// See [`READ`].
+pub const STOP: u16 = 1 << 9;
+
+/// Depth of the block's queues (RP2040 datasheet 4.3.2).
+const DEPTH: usize = 16;
+const TX_EMPTY: u32 = 1 << 4;
+const RX_FULL: u32 = 1 << 2;
+const TX_ABORT: u32 = 1 << 6;
+const STOP_DETECTED: u32 = 1 << 9;
+/// In TX_ABRT_SOURCE: lost arbitration, after which no STOP follows.
+const ARBITRATION: u32 = 1 << 12;
+/// INTR0: falling edge of GP7.
+const EDGE: u32 = 1 << (4 * pico::INTB + 2);
+
+/// The moment of an edge.
+#[derive(Clone, Copy, Default)]
+pub struct Stamp {
+    /// The lower half of the microsecond timer.
+    pub time_us: u32,
+    /// When the transaction that it called for began.
+    pub begun_us: u32,
+    /// Edges that the hardware has counted.
+    pub edges: u16,
+    /// There was an edge: its time is known.
+    pub is_known: bool,
+}
+
+/// A transaction.
+#[derive(Clone, Copy)]
+pub struct Job {
+    commands: [u16; MAX_COMMANDS],
+    length: u8,
+    bytes: u8,
+}
+
+impl Job {
+    /// A transaction without commands.
+    pub const EMPTY: Self = Self {
+        commands: [0; MAX_COMMANDS],
+        length: 0,
+        bytes: 0,
+    };
+
+    /// Adds a command; nothing if there is no room.
+    pub fn push(&mut self, command: u16) -> Option<()> {
+        *self.commands.get_mut(usize::from(self.length))? = command;
+        self.length += 1;
+        if command & READ != 0 {
+            self.bytes += 1;
+        }
+        (usize::from(self.bytes) <= MAX_BYTES).then_some(())
+    }
+
+    /// Lets STOP follow the last command.
+    pub fn stop(&mut self) -> Option<()> {
+        let last = usize::from(self.length).checked_sub(1)?;
+        *self.commands.get_mut(last)? |= STOP;
+        Some(())
+    }
+
+    /// Whether it is the same as another.
+    fn is(&self, other: &Self) -> bool {
+        let mut pairs = self
+            .commands
+            .iter()
+            .zip(&other.commands)
+            .take(self.length());
+        self.length == other.length && pairs.all(|(one, another)| one == another)
+    }
+
+    /// Number of commands.
+    pub const fn length(&self) -> usize {
+        self.length as usize
+    }
+}
+
+/// What came of a transaction.
+#[derive(Clone, Copy)]
+pub struct Outcome {
+    /// The bytes read.
+    pub bytes: [u8; MAX_BYTES],
+    /// How many.
+    pub count: u8,
+    /// The edge that began it, if one did.
+    pub stamp: Stamp,
+    /// Why it was aborted, by the block's own bits; 0 if it was not.
+    pub cause: u32,
+}
+
+impl Outcome {
+    const NONE: Self = Self {
+        bytes: [0; MAX_BYTES],
+        count: 0,
+        stamp: Stamp {
+            time_us: 0,
+            begun_us: 0,
+            edges: 0,
+            is_known: false,
+        },
+        cause: 0,
+    };
+}
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Runs {
+    Nothing,
+    Ahead,
+    Single,
+}
+
+struct Engine {
+    /// The job that edges begin, if there is one.
+    ahead: Job,
+    is_ahead: bool,
+    /// The job that the master began itself.
+    single: Job,
+    single_outcome: Outcome,
+    single_is_over: bool,
+    frames: [Outcome; FRAMES],
+    /// Places in `frames`: of the oldest, and how many wait.
+    first: usize,
+    waiting: usize,
+    runs: Runs,
+    next: usize,
+    since_us: u32,
+    /// An edge that came while the bus was taken.
+    late: Option<Stamp>,
+    edges: u32,
+    last_edge_us: u32,
+}
+
+struct Shared(UnsafeCell<Engine>);
+
+// SAFETY: it is reached through `with`, which no interrupt can divide, and from the two handlers,
+// which have the same, highest priority and so never divide one another.
+unsafe impl Sync for Shared {}
+
+static ENGINE: Shared = Shared(UnsafeCell::new(Engine {
+    ahead: Job::EMPTY,
+    is_ahead: false,
+    single: Job::EMPTY,
+    single_outcome: Outcome::NONE,
+    single_is_over: false,
+    frames: [Outcome::NONE; FRAMES],
+    first: 0,
+    waiting: 0,
+    runs: Runs::Nothing,
+    next: 0,
+    since_us: 0,
+    late: None,
+    edges: 0,
+    last_edge_us: 0,
+}));
+
+/// Lets a task work on the engine while no interrupt can.
+#[inline(always)]
+fn with<T>(work: impl FnOnce(&mut Engine) -> T) -> T {
+    cortex_m::interrupt::free(|_| {
+        // SAFETY: no interrupt comes between, and no task holds the engine beyond this call.
+        work(unsafe { &mut *ENGINE.0.get() })
+    })
+}
+
+#[inline(always)]
+fn i2c() -> &'static rp2040_pac::i2c0::RegisterBlock {
+    // SAFETY: the block belongs to this module and, while nothing runs, to `recovery`.
+    unsafe { &*I2C0::ptr() }
+}
+
+#[inline(always)]
+fn now_us() -> u32 {
+    // SAFETY: reading the raw timer has no effect on it.
+    unsafe { (*TIMER::ptr()).timerawl().read().bits() }
+}
+
+impl Engine {
+    #[inline(always)]
+    fn job(&self) -> &Job {
+        match self.runs {
+            Runs::Ahead => &self.ahead,
+            _ => &self.single,
+        }
+    }
+
+    #[inline(always)]
+    fn outcome(&mut self) -> &mut Outcome {
+        let place = (self.first + self.waiting) % FRAMES;
+        match (self.runs, self.frames.get_mut(place)) {
+            (Runs::Ahead, Some(frame)) => frame,
+            _ => &mut self.single_outcome,
+        }
+    }
+
+    #[inline(always)]
+    fn start(&mut self, runs: Runs, stamp: Stamp) {
+        self.runs = runs;
+        self.next = 0;
+        self.since_us = now_us();
+        let stamp = Stamp {
+            begun_us: self.since_us,
+            ..stamp
+        };
+        let outcome = self.outcome();
+        outcome.count = 0;
+        outcome.cause = 0;
+        outcome.stamp = stamp;
+        // A STOP of an earlier, aborted transaction may have come since.
+        let _ = i2c().ic_clr_stop_det().read().bits();
+        self.feed();
+    }
+
+    /// Puts commands into the block while it has room.
+    #[inline(always)]
+    fn feed(&mut self) {
+        let room = DEPTH.saturating_sub(i2c().ic_txflr().read().bits() as usize);
+        let (commands, length) = match self.runs {
+            Runs::Ahead => (&self.ahead.commands, usize::from(self.ahead.length)),
+            _ => (&self.single.commands, usize::from(self.single.length)),
+        };
+        let end = length.min(self.next + room);
+        while self.next < end {
+            let command = commands.get(self.next).copied().unwrap_or(STOP);
+            // SAFETY: any command of eleven bits may be written.
+            i2c()
+                .ic_data_cmd()
+                .write(|w| unsafe { w.bits(u32::from(command)) });
+            self.next += 1;
+        }
+        let more = if self.next < length { TX_EMPTY } else { 0 };
+        let mask = more | RX_FULL | TX_ABORT | STOP_DETECTED;
+        // SAFETY: any mask may be written.
+        i2c().ic_intr_mask().write(|w| unsafe { w.bits(mask) });
+    }
+
+    #[inline(always)]
+    fn drain(&mut self) {
+        let mut left = i2c().ic_rxflr().read().bits().min(DEPTH as u32);
+        let outcome = self.outcome();
+        while left > 0 {
+            let byte = i2c().ic_data_cmd().read().bits() as u8;
+            if let Some(place) = outcome.bytes.get_mut(usize::from(outcome.count)) {
+                *place = byte;
+                outcome.count += 1;
+            }
+            left -= 1;
+        }
+    }
+
+    #[inline(always)]
+    fn serve(&mut self) {
+        if self.runs == Runs::Nothing {
+            // SAFETY: nothing runs, so nothing is to be heard of.
+            i2c().ic_intr_mask().write(|w| unsafe { w.bits(0) });
+            return;
+        }
+        let raised = i2c().ic_raw_intr_stat().read().bits();
+        if raised & TX_ABORT != 0 {
+            let cause = i2c().ic_tx_abrt_source().read().bits();
+            let _ = i2c().ic_clr_tx_abrt().read().bits();
+            self.next = usize::from(self.job().length);
+            self.outcome().cause = cause | 1 << 31;
+            if cause & ARBITRATION != 0 {
+                self.finish();
+                return;
+            }
+        } else {
+            self.drain();
+            self.feed();
+        }
+        if raised & STOP_DETECTED != 0 {
+            let _ = i2c().ic_clr_stop_det().read().bits();
+            let is_sent = self.next >= usize::from(self.job().length);
+            let wanted = self.job().bytes;
+            let outcome = self.outcome();
+            if is_sent && (outcome.count >= wanted || outcome.cause != 0) {
+                self.finish();
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn finish(&mut self) {
+        // SAFETY: nothing runs now, so nothing is to be heard of.
+        i2c().ic_intr_mask().write(|w| unsafe { w.bits(0) });
+        match self.runs {
+            Runs::Ahead => self.waiting += 1,
+            _ => self.single_is_over = true,
+        }
+        self.runs = Runs::Nothing;
+        NVIC::pend(Interrupt::PIO0_IRQ_0);
+        self.catch_up();
+    }
+
+    /// Begins with the edge that had to wait, if it can.
+    #[inline(always)]
+    fn catch_up(&mut self) {
+        if self.is_ahead
+            && self.runs == Runs::Nothing
+            && self.waiting < FRAMES
+            && let Some(stamp) = self.late.take()
+        {
+            self.start(Runs::Ahead, stamp);
+        }
+    }
+
+    #[inline(always)]
+    fn edge(&mut self, stamp: Stamp) {
+        self.edges = self.edges.wrapping_add(1);
+        self.last_edge_us = stamp.time_us;
+        self.late = Some(stamp);
+        self.catch_up();
+    }
+}
+
+/// IO_IRQ_BANK0: INTB has fallen.
+#[unsafe(link_section = ".data.engine")]
+pub unsafe extern "C" fn on_edge() {
+    // SAFETY: reading timer and counter changes nothing; INTR0 is cleared by this handler alone.
+    let stamp = unsafe {
+        let time_us = now_us();
+        (*IO_BANK0::ptr()).intr(0).write(|w| w.bits(EDGE));
+        let edges = (*PWM::ptr()).ch(pico::EDGE_SLICE).ctr().read().bits() as u16;
+        Stamp {
+            time_us,
+            begun_us: time_us,
+            edges,
+            is_known: true,
+        }
+    };
+    // SAFETY: see `Shared`.
+    unsafe { (*ENGINE.0.get()).edge(stamp) }
+}
+
+/// I2C0_IRQ: the block wants something.
+#[unsafe(link_section = ".data.engine")]
+pub unsafe extern "C" fn on_i2c() {
+    // SAFETY: see `Shared`.
+    unsafe { (*ENGINE.0.get()).serve() }
+}
+
+/// Begins a transaction. `false` if another one runs.
+#[unsafe(link_section = ".data.engine")]
+#[inline(never)]
+pub fn submit(job: &Job) -> bool {
+    if runs_since_us().is_some() {
+        return false;
+    }
+    // Copied before interrupts are held back, since copying may have to be fetched from flash.
+    // SAFETY: the single job is looked at while it runs only, and the master, which alone calls
+    // this, waits for its end before the next.
+    unsafe { (&raw mut (*ENGINE.0.get()).single).write(*job) };
+    with(|engine| {
+        if engine.runs != Runs::Nothing {
+            return false;
+        }
+        engine.single_is_over = false;
+        engine.start(Runs::Single, Stamp::default());
+        true
+    })
+}
+
+/// The outcome of the transaction that was begun, once it is over.
+pub fn take_single() -> Option<Outcome> {
+    let is_over = with(|engine| core::mem::take(&mut engine.single_is_over));
+    // SAFETY: nothing writes to it until the next single job begins, which the caller does.
+    is_over.then(|| unsafe { (&raw const (*ENGINE.0.get()).single_outcome).read() })
+}
+
+/// Keeps a transaction ready for edges, unless one is already.
+#[unsafe(link_section = ".data.engine")]
+#[inline(never)]
+pub fn keep_ready(job: &Job) {
+    if with(|engine| engine.is_ahead) {
+        return;
+    }
+    // SAFETY: nothing looks at it while none is kept ready; see `submit` for the copy.
+    unsafe { (&raw mut (*ENGINE.0.get()).ahead).write(*job) };
+    with(|engine| {
+        engine.is_ahead = true;
+        engine.waiting = 0;
+        engine.catch_up();
+    });
+}
+
+/// Whether this is the transaction that is kept ready, or none is.
+pub fn may_be_ready(job: &Job) -> bool {
+    // SAFETY: nothing writes to the job that is kept ready but `keep_ready`, which the caller, the
+    // master, calls itself.
+    !with(|engine| engine.is_ahead) || unsafe { (*ENGINE.0.get()).ahead.is(job) }
+}
+
+/// Keeps nothing ready any more, and forgets what waits.
+pub fn rest() {
+    with(|engine| {
+        engine.is_ahead = false;
+        engine.waiting = 0;
+        engine.late = None;
+        engine.single_is_over = false;
+    });
+}
+
+/// The block was reset: what ran is lost.
+pub fn forget() {
+    with(|engine| engine.runs = Runs::Nothing);
+    rest();
+}
+
+/// The oldest frame that waits.
+pub fn take_frame() -> Option<Outcome> {
+    let first = with(|engine| (engine.waiting > 0).then_some(engine.first))?;
+    // SAFETY: the place is within the ring, and the engine writes to no frame that waits.
+    let frame = unsafe {
+        let frames: *const Outcome = (&raw const (*ENGINE.0.get()).frames).cast();
+        frames.add(first).read()
+    };
+    release_frame();
+    Some(frame)
+}
+
+/// The oldest frame was taken.
+#[unsafe(link_section = ".data.engine")]
+#[inline(never)]
+fn release_frame() {
+    with(|engine| {
+        engine.first = (engine.first + 1) % FRAMES;
+        engine.waiting = engine.waiting.saturating_sub(1);
+        engine.catch_up();
+    });
+}
+
+/// Since when something runs, if something does.
+pub fn runs_since_us() -> Option<u32> {
+    with(|engine| (engine.runs != Runs::Nothing).then_some(engine.since_us))
+}
+
+/// Time of the last edge and how many there were.
+pub fn last_edge() -> (u32, u32) {
+    with(|engine| (engine.last_edge_us, engine.edges))
+}
+
+/// INTB is low, nothing runs, and no edge is known: takes this for an edge of now. An edge can be
+/// missed while the bus is being recovered.
+pub fn begin_without_edge() {
+    with(|engine| {
+        if engine.runs == Runs::Nothing && engine.late.is_none() && engine.waiting == 0 {
+            engine.late = Some(Stamp::default());
+            engine.catch_up();
+        }
+    });
+}

@@ -1,0 +1,152 @@
+//! The firmware of the palpate tactile sensor: the list of what is wired to what.
+//!
+//! Priorities, from the most urgent: the two interrupts of the converter's bus, outside of RTIC and
+//! from memory (`bus::engine`); `frame_over`; sensing and coil; instrument and supervisor; idle.
+//! See docs/firmware.md.
+
+#![no_std]
+#![no_main]
+
+mod acquisition;
+mod board;
+mod bus;
+mod coil;
+mod configuration;
+mod crash;
+mod link;
+#[cfg(planted_defect = "panic")]
+mod planted;
+mod procedure;
+mod report;
+mod safe;
+mod supervision;
+mod tasks;
+
+use rtic_monotonics::rp2040_timer_monotonic;
+use rtic_sync::signal::Signal;
+
+rp2040_timer_monotonic!(Mono);
+
+/// The second stage of the boot loader, for the flash of a Raspberry Pi Pico.
+#[allow(unsafe_code)]
+#[unsafe(link_section = ".boot2")]
+#[used]
+static BOOT2: [u8; 256] = rp2040_boot2::BOOT_LOADER_W25Q080;
+
+/// A sample has been handed on.
+static SAMPLES: Signal<()> = Signal::new();
+
+/// Something without which nothing can go on is taken already. It never is: `init` runs once.
+fn halt() -> ! {
+    safe::bridge_off();
+    loop {
+        cortex_m::asm::nop();
+    }
+}
+
+#[rtic::app(device = rp2040_pac, dispatchers = [SW0_IRQ, SW1_IRQ])]
+mod app {
+    use heapless::spsc::Queue;
+    use ldc161x::{Address, AsyncLdc161x, Model};
+    use rtic_monotonics::rp2040::Priority;
+    use rtic_sync::signal::SignalReader;
+
+    use crate::acquisition::Sampled;
+    use crate::board::{pico::Board, sleep_in_memory, vectors};
+    use crate::bus::{self, Master};
+    use crate::coil::Coil;
+    use crate::configuration::Configuration;
+    use crate::crash::Beginning;
+    use crate::procedure::Procedure;
+    use crate::supervision::Watchdog;
+    use crate::tasks::*;
+    use crate::{Mono, SAMPLES, halt, link, safe};
+
+    /// Samples that can wait for the instrument.
+    const WAITING: usize = 8;
+
+    #[shared]
+    struct Shared {}
+
+    #[local]
+    struct Local {
+        sensing: Sensing,
+        coil: Coil,
+        instrument: Instrument,
+        arrived: SignalReader<'static, ()>,
+        watchdog: Watchdog,
+    }
+
+    #[init(local = [queue: Queue<Sampled, WAITING> = Queue::new()])]
+    fn init(mut cx: init::Context) -> (Shared, Local) {
+        safe::bridge_off();
+        let beginning = Beginning::read();
+        let board = Board::init(cx.device);
+        Mono::start(board.timer, &board.resets, Priority::rtic_default());
+        vectors::move_to_memory(&cx.core.SCB, &mut cx.core.NVIC);
+        let (outbox, inbox) = link::set_up(board.boot_id);
+        let (producer, consumer) = cx.local.queue.split();
+        let (Some(master), Some(arrived)) = (
+            Master::take(Address::AddrLow.bits()),
+            SAMPLES.try_take_reader(),
+        ) else {
+            halt()
+        };
+        let sensing = Sensing {
+            driver: AsyncLdc161x::new(master, Model::Ldc1614, Address::AddrLow),
+            samples: producer,
+            release: None,
+        };
+        let instrument = Instrument {
+            outbox,
+            inbox,
+            samples: consumer,
+            beginning,
+            boot_id: board.boot_id,
+            clocks_run: board.clocks_run,
+            configuration: Configuration::new(),
+            procedure: Procedure::new(),
+            refused: 0,
+            standing: None,
+            status_due_us: 0,
+            last_status: (0, 0),
+        };
+        // Each task is spawned for the first time, which cannot fail.
+        let _ = sensing::spawn();
+        let _ = coil::spawn();
+        let _ = instrument::spawn();
+        let _ = supervisor::spawn();
+        let local = Local {
+            sensing,
+            coil: board.coil,
+            instrument,
+            arrived,
+            watchdog: Watchdog::start(board.watchdog),
+        };
+        (Shared {}, local)
+    }
+
+    #[idle]
+    fn idle(_: idle::Context) -> ! {
+        loop {
+            sleep_in_memory();
+        }
+    }
+
+    /// A transaction is over; pended by the engine.
+    #[task(binds = PIO0_IRQ_0, priority = 3)]
+    fn frame_over(_: frame_over::Context) {
+        bus::wake();
+    }
+
+    extern "Rust" {
+        #[task(local = [sensing], priority = 2)]
+        async fn sensing(cx: sensing::Context);
+        #[task(local = [coil], priority = 2)]
+        async fn coil(cx: coil::Context);
+        #[task(local = [instrument, arrived], priority = 1)]
+        async fn instrument(cx: instrument::Context);
+        #[task(local = [watchdog], priority = 1)]
+        async fn supervisor(cx: supervisor::Context);
+    }
+}

@@ -1,0 +1,65 @@
+//! The safe state, and what leads to it: a panic, a fault.
+
+#![allow(unsafe_code)]
+
+use cortex_m_rt::{ExceptionFrame, exception};
+use rp2040_pac::{IO_BANK0, RESETS, SIO, WATCHDOG};
+
+use crate::board::pico;
+use crate::crash::{self, Cause};
+
+/// The safe state: the bridge is off, whatever the rest of the firmware does or has done.
+///
+/// It needs nothing but two registers of the hardware, may be called from anywhere, and takes less
+/// than a microsecond and a half of cached code.
+pub fn bridge_off() {
+    #[cfg(not(planted_defect = "no_safe_state"))]
+    // SAFETY: clears three outputs and takes two pins from the PWM; both are single writes that
+    // nothing else depends on.
+    unsafe {
+        let pins = 1 << pico::BRIDGE_ENABLE | 1 << pico::IN1 | 1 << pico::IN2;
+        (*SIO::ptr()).gpio_out_clr().write(|w| w.bits(pins));
+        // In reset, as at the start, the pins are nobody's.
+        if (*RESETS::ptr())
+            .reset_done()
+            .read()
+            .io_bank0()
+            .bit_is_clear()
+        {
+            return;
+        }
+        let io = &*IO_BANK0::ptr();
+        let plain = pico::Function::Sio as u32;
+        io.gpio(pico::IN1).gpio_ctrl().write(|w| w.bits(plain));
+        io.gpio(pico::IN2).gpio_ctrl().write(|w| w.bits(plain));
+    }
+}
+
+/// Resets the chip through the watchdog, which resets everything that it can.
+fn restart() -> ! {
+    loop {
+        // SAFETY: the last thing that this run does.
+        unsafe { (*WATCHDOG::ptr()).ctrl().write(|w| w.trigger().set_bit()) };
+    }
+}
+
+#[panic_handler]
+fn panic(info: &core::panic::PanicInfo<'_>) -> ! {
+    cortex_m::interrupt::disable();
+    bridge_off();
+    let (file, line) = info
+        .location()
+        .map_or(("", 0), |location| (location.file(), location.line()));
+    crash::keep(Cause::Panic { file, line });
+    restart()
+}
+
+#[exception]
+unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
+    bridge_off();
+    crash::keep(Cause::HardFault {
+        program_counter: frame.pc(),
+        link_register: frame.lr(),
+    });
+    restart()
+}

@@ -1,0 +1,64 @@
+//! The watchdog, fed only when every task has been heard of.
+
+use core::sync::atomic::{AtomicBool, Ordering};
+
+/// From the last feeding to the reset. With the boot ROM's time the bridge is off within 60 ms of
+/// a hang; the outputs themselves fall with the reset.
+pub const WATCHDOG_US: u32 = 40_000;
+/// How often the supervisor looks. A task has to be heard of between two looks.
+pub const PERIOD_MS: u64 = 10;
+
+/// Tasks that are supervised. The supervisor itself feeds, and so needs no place here.
+#[derive(Clone, Copy)]
+pub enum Task {
+    /// Reads the converter.
+    Sensing,
+    /// Drives the coil.
+    Coil,
+    /// Does what the instrument does.
+    Instrument,
+}
+
+const TASKS: usize = 3;
+
+static HEARD: [AtomicBool; TASKS] = [const { AtomicBool::new(false) }; TASKS];
+
+/// A task lives.
+pub fn check_in(task: Task) {
+    if let Some(heard) = HEARD.get(task as usize) {
+        heard.store(true, Ordering::Relaxed);
+    }
+}
+
+/// Whether all tasks have been heard of since the last time that they had.
+pub fn all_have_checked_in() -> bool {
+    if !HEARD.iter().all(|heard| heard.load(Ordering::Relaxed)) {
+        return false;
+    }
+    for heard in &HEARD {
+        heard.store(false, Ordering::Relaxed);
+    }
+    true
+}
+
+/// The hardware behind it.
+pub struct Watchdog(rp2040_pac::WATCHDOG);
+
+#[allow(unsafe_code)]
+impl Watchdog {
+    /// Starts it. It counts two a microsecond (erratum RP2040-E1), and runs on while a debugger
+    /// stops the processor: a coil must not stay on at a breakpoint.
+    pub fn start(registers: rp2040_pac::WATCHDOG) -> Self {
+        let watchdog = Self(registers);
+        watchdog.feed();
+        // SAFETY: only enables it; the pauses stay off.
+        watchdog.0.ctrl().write(|w| unsafe { w.bits(1 << 30) });
+        watchdog
+    }
+
+    /// Gives it another [`WATCHDOG_US`].
+    pub fn feed(&self) {
+        // SAFETY: 24 bits hold 80 000.
+        self.0.load().write(|w| unsafe { w.bits(2 * WATCHDOG_US) });
+    }
+}

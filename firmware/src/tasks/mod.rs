@@ -1,0 +1,11 @@
+//! The tasks: what each of them does, one file each.
+
+mod coil;
+mod instrument;
+mod sensing;
+mod supervisor;
+
+pub use coil::coil;
+pub use instrument::{Instrument, instrument};
+pub use sensing::{Sensing, sensing};
+pub use supervisor::supervisor;

@@ -1,0 +1,220 @@
+//! The sensing task: brings the converter up, reads it on every edge, and recovers it.
+
+use heapless::spsc::Producer;
+use ldc161x::{AsyncLdc161x, Error, InterruptRelease};
+use palpate_wire::command::Settings;
+use rtic_monotonics::rp2040::prelude::*;
+
+use crate::acquisition::{Grid, Sampled, Scheme};
+use crate::board::pico::{self, IntbPin, ShutdownPin};
+use crate::bus::{self, BusError, Master};
+use crate::configuration::DEFAULT;
+use crate::supervision::{Task, check_in};
+use crate::tasks::instrument;
+use crate::{Mono, SAMPLES, app, report};
+
+/// Frames between two looks at a register that the converter might have lost.
+const CANARY_EVERY: u32 = 64;
+/// The reset that SD gives takes this long at most (datasheet 6.5), and a little.
+const WAKE_UP_US: u64 = 2_500;
+/// Between two attempts to bring a converter up.
+const PAUSE_MS: u64 = 20;
+/// Frames without an edge before the converter counts as silent, and what to add.
+const SILENT_FRAMES: f32 = 4.0;
+const SILENT_US: f32 = 2_000.0;
+/// Single errors of the bus that are passed over before the converter is started anew.
+const PATIENCE: u32 = 2;
+
+/// The settings with which the converter is asked what releases INTB.
+const PROBE: Settings = Settings {
+    rate_hz: 500.0,
+    ..DEFAULT
+};
+
+type Result<T> = core::result::Result<T, Error<BusError>>;
+
+/// What the task owns.
+pub struct Sensing {
+    /// The driver.
+    pub driver: AsyncLdc161x<Master>,
+    /// The way of samples to the instrument.
+    pub samples: Producer<'static, Sampled>,
+    /// What releases INTB on this converter, once it was asked.
+    pub release: Option<InterruptRelease>,
+}
+
+/// A delay that lets the supervisor know.
+struct Delay;
+
+impl embedded_hal_async::delay::DelayNs for Delay {
+    async fn delay_ns(&mut self, nanoseconds: u32) {
+        let mut left_us = u64::from(nanoseconds).div_ceil(1_000);
+        while left_us > 0 {
+            check_in(Task::Sensing);
+            let slice_us = left_us.min(5_000);
+            Mono::delay(slice_us.micros()).await;
+            left_us -= slice_us;
+        }
+    }
+}
+
+/// Brings up, reads, recovers, for ever.
+pub async fn sensing(cx: app::sensing::Context<'_>) {
+    let sensing = cx.local.sensing;
+    loop {
+        let settings = instrument::wanted();
+        let result = match Scheme::new(&settings.0) {
+            Ok(scheme) => sensing.acquire(&scheme, &settings).await,
+            Err(_) => Ok(()),
+        };
+        bus::read_at_once();
+        if let Err(error) = result {
+            defmt::warn!("converter: {}", error);
+            report::set_fault(Some(&error));
+            report::RECOVERIES.add(1);
+        }
+        sensing.switch_off().await;
+    }
+}
+
+impl Sensing {
+    /// Reads with one scheme until the settings change, or something fails.
+    async fn acquire(&mut self, scheme: &Scheme, settings: &(Settings, u32)) -> Result<()> {
+        self.bring_up(scheme).await?;
+        let silence_us = scheme.period_us * SILENT_FRAMES + SILENT_US;
+        bus::read_on_edges(silence_us as u32);
+        let mut grid = Grid::new(scheme.period_us);
+        let mut gap = true;
+        let mut errors = 0;
+        let mut until_canary = CANARY_EVERY;
+        while instrument::wanted_number() == settings.1 {
+            match self.driver.read_frame().await {
+                Ok(frame) => {
+                    errors = 0;
+                    report::set_fault(None);
+                    // A frame whose time is not known only lets go of INTB.
+                    if bus::last_stamp().is_known {
+                        let after_gap = core::mem::take(&mut gap);
+                        self.hand_on(stamped(scheme, frame, &mut grid, after_gap));
+                    }
+                }
+                Err(error @ Error::Bus { .. }) if errors < PATIENCE => {
+                    errors += 1;
+                    defmt::warn!("frame: {}", error);
+                    report::BUS_ERRORS.add(1);
+                    gap = true;
+                    grid.interrupt();
+                    self.read_past(silence_us as u32).await?;
+                }
+                Err(error) => {
+                    report::BUS_ERRORS.add(1);
+                    return Err(error);
+                }
+            }
+            until_canary -= 1;
+            if until_canary == 0 {
+                until_canary = CANARY_EVERY;
+                self.driver.check_canary().await?;
+            }
+            #[cfg(planted_defect = "panic")]
+            crate::planted::panic_if_asked(Task::Sensing);
+        }
+        Ok(())
+    }
+
+    /// After an error: one frame at once, which asks the converter who it is and releases INTB.
+    /// It may be old, and is not handed on.
+    async fn read_past(&mut self, silence_us: u32) -> Result<()> {
+        bus::read_at_once();
+        let result = self.driver.read_frame().await;
+        bus::read_on_edges(silence_us);
+        result.map(drop)
+    }
+
+    async fn bring_up(&mut self, scheme: &Scheme) -> Result<()> {
+        let divisor = if scheme.is_single {
+            pico::CLKIN_SINGLE
+        } else {
+            pico::CLKIN_SCAN
+        };
+        pico::set_clkin(divisor);
+        pico::set(pico::SHUTDOWN, false);
+        wait_us(WAKE_UP_US).await;
+        let release = match self.release {
+            Some(release) => release,
+            None => self.ask_what_releases().await?,
+        };
+        self.driver.set_interrupt_release(release);
+        self.driver.start(&scheme.configuration).await?;
+        let by_data = release == InterruptRelease::ByData;
+        defmt::info!("converter up; INTB released by data: {}", by_data);
+        Ok(())
+    }
+
+    /// Asks with slow conversions: with fast ones the next would have ended before it was looked.
+    async fn ask_what_releases(&mut self) -> Result<InterruptRelease> {
+        let Ok(slow) = Scheme::new(&PROBE) else {
+            return Ok(InterruptRelease::ByStatusOnly);
+        };
+        self.driver.start(&slow.configuration).await?;
+        let (mut interrupt, mut delay) = (IntbPin, Delay);
+        let asked = self
+            .driver
+            .probe_interrupt_release(&mut interrupt, &mut delay);
+        let release = asked.await?;
+        self.driver.sleep().await?;
+        self.release = Some(release);
+        Ok(release)
+    }
+
+    /// Off, with the bus free, for the least time that resets it.
+    async fn switch_off(&mut self) {
+        use embedded_hal::digital::OutputPin;
+        let _ = ShutdownPin.set_high();
+        wait_us(PAUSE_MS * 1_000).await;
+    }
+
+    fn hand_on(&mut self, sampled: Sampled) {
+        report::FRAMES.add(1);
+        report::LOST.add(sampled.missed);
+        let readings = sampled.frame.readings().iter();
+        let flagged = readings
+            .filter(|reading| reading.word.flags().any())
+            .count();
+        report::FLAGGED.add(flagged as u32);
+        if self.samples.enqueue(sampled).is_err() {
+            report::NOT_TAKEN.add(1);
+        }
+        SAMPLES.writer().write(());
+    }
+}
+
+fn stamped(scheme: &Scheme, frame: ldc161x::Frame, grid: &mut Grid, gap: bool) -> Sampled {
+    let stamp = bus::last_stamp();
+    // What was fetched is the newest frame, which may have ended after the edge that called.
+    let late_us = stamp.begun_us.wrapping_sub(stamp.time_us);
+    let overwritten = grid.overwritten(late_us) as f32 * grid.period_us();
+    let edge_us = extended(stamp.time_us) + overwritten as u64;
+    let missed = grid.missed(edge_us, stamp.edges);
+    Sampled {
+        frame,
+        time_us: edge_us.saturating_sub(u64::from(scheme.before_edge_us)),
+        offsets_us: scheme.offsets_us,
+        missed,
+        gap: gap || frame.marks.gap || missed > 0,
+        period_us: grid.period_us(),
+    }
+}
+
+/// A recent time of which only the lower half is known.
+fn extended(low_us: u32) -> u64 {
+    let now_us = Mono::now().as_ticks();
+    now_us - u64::from((now_us as u32).wrapping_sub(low_us))
+}
+
+async fn wait_us(time_us: u64) {
+    use embedded_hal_async::delay::DelayNs;
+    Delay
+        .delay_us(u32::try_from(time_us).unwrap_or(u32::MAX))
+        .await;
+}

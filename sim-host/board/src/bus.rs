@@ -1,0 +1,783 @@
+//! The processor's bus: what lies at which address, and what is wired to what.
+
+use std::sync::Arc;
+
+use ldc161x_sim::{ExternalClock, Time};
+use rp2040_emu::bus::ppb::Ppb;
+use rp2040_emu::core::{CoreBus, Nvic};
+
+use crate::adc::Adc;
+use crate::board::Options;
+use crate::bridge::BridgeInputs;
+use crate::clocks::Clocks;
+use crate::gpio::{Gpio, function};
+use crate::i2c::I2c;
+use crate::image::{FLASH_SIZE, Image};
+use crate::interrupts::Interrupts;
+use crate::plant::Plant;
+use crate::power::{Power, block};
+use crate::pwm::Pwm;
+use crate::rtt;
+use crate::sio::Sio;
+use crate::stop::Stop;
+use crate::time::Clock;
+use crate::timer::Timer;
+use crate::trace::Trace;
+use crate::watchdog::Watchdog;
+use crate::wire::Wire;
+use crate::xip::Cache;
+
+const RAM: u32 = 0x2000_0000;
+/// Four banks of 64 KiB and two of 4 KiB (datasheet 2.6.2).
+const RAM_SIZE: usize = 264 * 1024;
+/// Waiting time of an access through the APB bridge. The datasheet gives no number; guess.
+const APB_CYCLES: u32 = 3;
+/// The processor's clock while nothing else is set: the ring oscillator.
+const BOOT_HZ: f64 = 6.5e6;
+
+/// Pins by their role, as docs/firmware.md wires them.
+mod pin {
+    pub(super) const SDA: usize = 4;
+    pub(super) const SCL: usize = 5;
+    pub(super) const INTB: usize = 7;
+    pub(super) const SD: usize = 8;
+    pub(super) const IN1: usize = 16;
+    pub(super) const IN2: usize = 17;
+    pub(super) const SLEEP: usize = 18;
+    pub(super) const FAULT: usize = 19;
+    pub(super) const CLKIN: usize = 21;
+    pub(super) const LED: usize = 25;
+}
+
+/// The PWM slices of coil and edge counter.
+const COIL_SLICE: usize = 0;
+const EDGE_SLICE: usize = 3;
+
+/// Interrupt numbers (datasheet 2.3.2).
+mod line {
+    pub(super) const TIMER: u32 = 0;
+    pub(super) const IO_BANK0: u32 = 13;
+    pub(super) const I2C0: u32 = 23;
+}
+
+/// Everything but the processor's core.
+#[derive(Clone)]
+pub(crate) struct Bus<P> {
+    options: Options,
+    flash: Arc<[u8]>,
+    ram: Vec<u8>,
+    pub(crate) cache: Cache,
+    pub(crate) ppb: Ppb,
+    /// The core's own controller, which stays empty: [`Interrupts`] does its work.
+    idle: Nvic,
+    pub(crate) interrupts: Interrupts,
+    pub(crate) clock: Clock,
+    pub(crate) pc: u32,
+    /// Cycles that the present instruction waits for memory.
+    pub(crate) stall: u32,
+    pub(crate) stop: Option<Stop>,
+    pub(crate) event: bool,
+    pub(crate) parked: bool,
+    pub(crate) next_event_ps: u64,
+    serviced_ps: u64,
+    sys_hz: f64,
+    pub(crate) watchdog_fired: bool,
+    sio: Sio,
+    pub(crate) gpio: Gpio,
+    clocks: Clocks,
+    power: Power,
+    timer: Timer,
+    watchdog: Watchdog,
+    pub(crate) pwm: Pwm,
+    adc: Adc,
+    i2c: I2c,
+    pub(crate) wire: Wire<P>,
+    shut_down: bool,
+    clkin_hz: Option<f64>,
+    pub(crate) bridge: BridgeInputs,
+    pub(crate) current_a: f64,
+    pub(crate) trace: Option<Trace>,
+}
+
+impl<P: Plant> Bus<P> {
+    pub(crate) fn new(image: &Image, options: Options, wire: Wire<P>) -> Self {
+        let mut bus = Self {
+            flash: Arc::clone(&image.flash),
+            ram: vec![options.ram_fill; RAM_SIZE],
+            cache: Cache::new(options.miss_cycles),
+            ppb: Ppb::new(),
+            idle: Nvic::new(),
+            interrupts: Interrupts::default(),
+            clock: Clock::new(BOOT_HZ),
+            pc: 0,
+            stall: 0,
+            stop: None,
+            event: false,
+            parked: false,
+            next_event_ps: 0,
+            serviced_ps: 0,
+            sys_hz: BOOT_HZ,
+            watchdog_fired: false,
+            sio: Sio::default(),
+            gpio: Gpio::new(),
+            clocks: Clocks::new(options.crystal_hz, options.seed),
+            power: Power::new(),
+            timer: Timer::default(),
+            watchdog: Watchdog::default(),
+            pwm: Pwm::default(),
+            adc: Adc::default(),
+            i2c: I2c::new(options.scl_rise.as_ps()),
+            wire,
+            shut_down: false,
+            clkin_hz: None,
+            bridge: BridgeInputs::default(),
+            current_a: 0.0,
+            trace: options.trace.then(Trace::new),
+            options,
+        };
+        bus.gpio.drive(pin::INTB, true);
+        bus.gpio.drive(pin::FAULT, true);
+        bus.wire.chip.set_external_clock(None);
+        bus.settle();
+        bus
+    }
+
+    /// After the watchdog has reset the chip: memory, scratch registers and the outside remain.
+    pub(crate) fn reset(&mut self) {
+        let now_ps = self.clock.now_ps();
+        self.i2c.reset(&mut self.wire);
+        self.sio = Sio::default();
+        self.gpio.reset();
+        self.clocks.reset();
+        self.power.after_watchdog();
+        self.timer.reset(now_ps);
+        self.watchdog.after_reset();
+        self.pwm = Pwm::default();
+        self.adc = Adc::default();
+        self.interrupts = Interrupts::default();
+        self.ppb = Ppb::new();
+        self.cache.flush();
+        self.watchdog_fired = false;
+        self.parked = false;
+        self.event = false;
+        self.follow_clocks();
+        self.settle();
+    }
+
+    /// Reads a word without any effect, for the harness.
+    pub(crate) fn peek(&self, address: u32) -> u32 {
+        (0..4).fold(0, |word, place| {
+            word | u32::from(self.load(address + place)) << (8 * place)
+        })
+    }
+
+    pub(crate) fn poke(&mut self, address: u32, value: u32) {
+        for (place, byte) in (0..).zip(value.to_le_bytes()) {
+            self.store(address + place, byte);
+        }
+    }
+
+    #[inline]
+    fn load(&self, address: u32) -> u8 {
+        let (memory, offset) = match address >> 28 {
+            1 => (&*self.flash, (address & 0xFF_FFFF) as usize % FLASH_SIZE),
+            _ => (&*self.ram, address.wrapping_sub(RAM) as usize),
+        };
+        memory.get(offset).copied().unwrap_or(0)
+    }
+
+    #[inline]
+    fn store(&mut self, address: u32, value: u8) {
+        if let Some(byte) = self.ram.get_mut(address.wrapping_sub(RAM) as usize) {
+            *byte = value;
+        }
+    }
+
+    // ---- time ----
+
+    /// Does everything that is due, and finds out when something is due next.
+    pub(crate) fn service(&mut self) {
+        let now_ps = self.clock.now_ps();
+        self.timer.service(now_ps, self.serviced_ps);
+        self.i2c.service(now_ps, &mut self.wire);
+        self.run_chip(now_ps);
+        self.pwm.service(self.serviced_ps, now_ps, self.sys_hz);
+        self.serviced_ps = now_ps;
+        if self.watchdog.expires(now_ps) {
+            self.fire_watchdog();
+        }
+        self.settle();
+    }
+
+    fn fire_watchdog(&mut self) {
+        if self.power.watchdog_resets_all() {
+            self.watchdog_fired = true;
+        } else {
+            self.fail("a watchdog that does not reset everything");
+        }
+    }
+
+    /// Runs the converter to its next changes of INTB, one by one.
+    fn run_chip(&mut self, now_ps: u64) {
+        let now = Time::from_ps(now_ps);
+        while let Some(due) = self.wire.chip.next_event().filter(|&due| due <= now) {
+            self.wire.chip.advance_to(due);
+            self.wire.chip.sensors_mut().advance_to(due);
+            self.follow_interrupt(due.as_ps());
+        }
+    }
+
+    fn follow_interrupt(&mut self, now_ps: u64) {
+        let high = !self.wire.chip.intb_is_low();
+        if self.gpio.level(pin::INTB) != high {
+            if !high {
+                self.pwm.falling_edge(EDGE_SLICE);
+                self.wire.falling_edge(now_ps);
+            }
+            self.gpio.drive(pin::INTB, high);
+        }
+    }
+
+    /// Lets what depends on what was written follow: pins, clocks, coil, interrupts.
+    fn settle(&mut self) {
+        let now_ps = self.clock.now_ps();
+        self.follow_interrupt(now_ps);
+        self.follow_clkin();
+        self.follow_shutdown();
+        self.follow_plain_bus(now_ps);
+        self.follow_bridge();
+        self.follow_trace(now_ps);
+        self.refresh();
+    }
+
+    /// The interrupt lines, and when something is due next.
+    fn refresh(&mut self) {
+        let now_ps = self.clock.now_ps();
+        let lines = self.timer.lines() << line::TIMER
+            | u32::from(self.gpio.line()) << line::IO_BANK0
+            | u32::from(self.i2c.line()) << line::I2C0;
+        self.interrupts.drive(lines, self.ppb.active);
+        let due = [
+            self.timer.next_event(now_ps),
+            self.i2c.next_event(),
+            self.wire.chip.next_event().map(Time::as_ps),
+            self.pwm.next_event(now_ps, self.sys_hz),
+            self.watchdog.next_event(),
+        ];
+        self.next_event_ps = due.into_iter().flatten().min().unwrap_or(u64::MAX);
+    }
+
+    fn follow_clocks(&mut self) {
+        let now_ps = self.clock.now_ps();
+        match self.clocks.sys_hz() {
+            Some(hz) if hz != self.sys_hz => {
+                self.pwm.advance(now_ps, self.sys_hz);
+                self.sys_hz = hz;
+                self.clock.set_frequency(hz);
+                self.i2c.set_clock(hz);
+            }
+            Some(_) => {}
+            None => self.fail("a system clock that stands or is too fast"),
+        }
+        self.timer.set_tick(now_ps, self.tick_ps());
+    }
+
+    /// Length of the microsecond tick, if there is one.
+    fn tick_ps(&self) -> Option<f64> {
+        let cycles = self.watchdog.tick_cycles()?;
+        let hz = self.clocks.ref_hz();
+        (hz > 0.0).then(|| f64::from(cycles) * 1e12 / hz)
+    }
+
+    fn follow_clkin(&mut self) {
+        let routed = self.gpio.function(pin::CLKIN) == function::CLOCK;
+        let hz = if routed {
+            self.clocks.output_hz()
+        } else {
+            None
+        };
+        if hz != self.clkin_hz {
+            self.clkin_hz = hz;
+            let chip = &mut self.wire.chip;
+            chip.advance_to(self.clock.now());
+            chip.set_external_clock(hz.map(ExternalClock::exact));
+        }
+    }
+
+    fn follow_shutdown(&mut self) {
+        let high = self.gpio.level(pin::SD);
+        if high != self.shut_down {
+            self.shut_down = high;
+            self.wire.chip.advance_to(self.clock.now());
+            self.wire.chip.set_shutdown(high);
+            self.follow_interrupt(self.clock.now_ps());
+        }
+    }
+
+    fn follow_plain_bus(&mut self, now_ps: u64) {
+        let is_plain = |pin| self.gpio.function(pin) == function::SIO;
+        let levels = (is_plain(pin::SCL) && is_plain(pin::SDA)).then(|| {
+            (
+                !self.gpio.pulls_low(pin::SCL),
+                !self.gpio.pulls_low(pin::SDA),
+            )
+        });
+        self.wire.plain(now_ps, levels);
+        let outside_sda = !self.wire.sda_is_low(now_ps);
+        let outside_scl = self.wire.scl_low_until(now_ps).is_none();
+        for (pin, high) in [(pin::SDA, outside_sda), (pin::SCL, outside_scl)] {
+            if self.gpio.level(pin) != high || !is_driven(&self.gpio, pin) {
+                self.gpio.drive(pin, high);
+            }
+        }
+    }
+
+    fn follow_bridge(&mut self) {
+        let duty = |pin, channel_b| match self.gpio.function(pin) {
+            function::PWM => self.pwm.duty(COIL_SLICE, channel_b),
+            _ => f64::from(u8::from(self.gpio.level(pin))),
+        };
+        let inputs = BridgeInputs {
+            awake: self.gpio.level(pin::SLEEP),
+            forward: duty(pin::IN1, false),
+            backward: duty(pin::IN2, true),
+        };
+        if inputs != self.bridge {
+            self.bridge = inputs;
+            self.current_a = self.options.bridge.current_a(inputs);
+            let now = self.clock.now();
+            self.wire.chip.advance_to(now);
+            let plant = self.wire.chip.sensors_mut();
+            plant.advance_to(now);
+            plant.set_current(self.current_a);
+        }
+    }
+
+    fn follow_trace(&mut self, now_ps: u64) {
+        let Some(trace) = &mut self.trace else {
+            return;
+        };
+        let pins = [pin::SDA, pin::SCL, pin::INTB, pin::SD, pin::SLEEP, pin::LED];
+        for (signal, pin) in pins.into_iter().enumerate() {
+            trace.level(now_ps, signal, self.gpio.level(pin));
+        }
+        trace.current(now_ps, self.current_a);
+    }
+
+    // ---- registers ----
+
+    fn fail(&mut self, what: &'static str) {
+        let pc = self.pc;
+        self.stop.get_or_insert(Stop::NotFollowed { what, pc });
+    }
+
+    fn check_reset(&mut self, address: u32) {
+        let block = match address >> 14 << 14 {
+            0x4001_4000 => block::IO_BANK0,
+            0x4001_C000 => block::PADS_BANK0,
+            0x4002_8000 => block::PLL_SYS,
+            0x4002_C000 => block::PLL_USB,
+            0x4004_4000 => block::I2C0,
+            0x4004_C000 => block::ADC,
+            0x4005_0000 => block::PWM,
+            0x4005_4000 => block::TIMER,
+            _ => 0,
+        };
+        if self.power.in_reset & block != 0 {
+            let pc = self.pc;
+            self.stop.get_or_insert(Stop::InReset { address, pc });
+        }
+    }
+
+    fn read_register(&mut self, address: u32) -> u32 {
+        let found = match address >> 28 {
+            0x4 => {
+                self.stall += APB_CYCLES;
+                self.check_reset(address);
+                self.read_apb(address & !0x3FFF, address & 0xFFF)
+            }
+            0xD => {
+                let offset = address & 0xFFF;
+                self.gpio.read_sio(offset).or_else(|| self.sio.read(offset))
+            }
+            0xE => self.read_private(address & 0xF_FFFF),
+            _ => None,
+        };
+        let pc = self.pc;
+        found.unwrap_or_else(|| {
+            self.stop.get_or_insert(Stop::Unmodelled {
+                address,
+                pc,
+                written: None,
+            });
+            0
+        })
+    }
+
+    fn read_apb(&mut self, base: u32, offset: u32) -> Option<u32> {
+        let now_ps = self.clock.now_ps();
+        match base {
+            0x4000_8000 => self.clocks.read(offset),
+            0x4000_C000 => self.power.read_resets(offset),
+            0x4001_0000 => self.power.read_sequence(offset),
+            0x4001_4000 => self.gpio.read_bank(offset),
+            0x4001_C000 => self.gpio.read_pads(offset),
+            0x4002_4000 => self.clocks.read_crystal(offset, now_ps),
+            0x4002_8000 => self.clocks.read_pll(false, offset, now_ps),
+            0x4002_C000 => self.clocks.read_pll(true, offset, now_ps),
+            0x4004_4000 => {
+                let value = self.i2c.read(offset);
+                self.refresh();
+                value
+            }
+            0x4004_C000 => self.adc.read(offset, now_ps),
+            0x4005_0000 => self.pwm.read(offset, now_ps, self.sys_hz),
+            0x4005_4000 => self.timer.read(offset, now_ps),
+            0x4005_8000 => self.watchdog.read(offset),
+            0x4006_0000 => self.clocks.read_ring(offset),
+            0x4006_4000 => self.power.read_regulator(offset),
+            _ => None,
+        }
+    }
+
+    fn write_register(&mut self, address: u32, value: u32) {
+        let done = match address >> 28 {
+            0x4 => {
+                self.stall += APB_CYCLES;
+                self.check_reset(address);
+                self.write_alias(address, value)
+            }
+            0xD => {
+                let offset = address & 0xFFF;
+                let pin = self.gpio.write_sio(offset, value);
+                pin.or_else(|| self.sio.write(offset, value))
+            }
+            0xE => self.write_private(address & 0xF_FFFF, value),
+            _ => None,
+        };
+        if done.is_none() {
+            let pc = self.pc;
+            self.stop.get_or_insert(Stop::Unmodelled {
+                address,
+                pc,
+                written: Some(value),
+            });
+        }
+        self.settle();
+    }
+
+    /// A write through one of the four views of a register: plain, exclusive or, set, clear
+    /// (datasheet 2.1.2).
+    fn write_alias(&mut self, address: u32, value: u32) -> Option<()> {
+        let (base, offset) = (address & !0x3FFF, address & 0xFFF);
+        let value = match address >> 12 & 0b11 {
+            0 => value,
+            1 => self.read_apb(base, offset)? ^ value,
+            2 => self.read_apb(base, offset)? | value,
+            _ => self.read_apb(base, offset)? & !value,
+        };
+        self.write_apb(base, offset, value)
+    }
+
+    fn write_apb(&mut self, base: u32, offset: u32, value: u32) -> Option<()> {
+        let now_ps = self.clock.now_ps();
+        match base {
+            0x4000_8000 => self.clocks.write(offset, value)?,
+            0x4000_C000 => self.write_resets(offset, value)?,
+            0x4001_0000 => self.power.write_sequence(offset, value)?,
+            0x4001_4000 => self.gpio.write_bank(offset, value)?,
+            0x4001_C000 => self.gpio.write_pads(offset, value)?,
+            0x4002_4000 => self.clocks.write_crystal(offset, value, now_ps)?,
+            0x4002_8000 => self.clocks.write_pll(false, offset, value, now_ps)?,
+            0x4002_C000 => self.clocks.write_pll(true, offset, value, now_ps)?,
+            0x4004_4000 => {
+                let has_pins = [pin::SDA, pin::SCL]
+                    .iter()
+                    .all(|&pin| self.gpio.function(pin) == function::I2C);
+                if offset == 0x10 && !has_pins {
+                    self.fail("a transfer of an I2C block that has no pins");
+                }
+                self.i2c.write(offset, value, now_ps, &mut self.wire)?;
+            }
+            0x4004_C000 => self.write_adc(offset, value)?,
+            0x4005_0000 => self.pwm.write(offset, value, now_ps, self.sys_hz)?,
+            0x4005_4000 => self.timer.write(offset, value)?,
+            0x4005_8000 => {
+                let tick_ps = self.tick_ps();
+                self.watchdog.write(offset, value, now_ps, tick_ps)?;
+            }
+            _ => return None,
+        }
+        if matches!(
+            base,
+            0x4000_8000 | 0x4002_4000 | 0x4002_8000 | 0x4002_C000 | 0x4005_8000
+        ) {
+            self.follow_clocks();
+        }
+        Some(())
+    }
+
+    fn write_resets(&mut self, offset: u32, value: u32) -> Option<()> {
+        let before = self.power.in_reset;
+        self.power.write_resets(offset, value)?;
+        let entered = self.power.in_reset & !before;
+        let now_ps = self.clock.now_ps();
+        let enters = |block| entered & block != 0;
+        if enters(block::I2C0) {
+            self.i2c.reset(&mut self.wire);
+        }
+        if enters(block::IO_BANK0) {
+            self.gpio.reset_io();
+        }
+        if enters(block::PADS_BANK0) {
+            self.gpio.reset_pads();
+        }
+        if enters(block::PWM) {
+            self.pwm = Pwm::default();
+        }
+        if enters(block::ADC) {
+            self.adc = Adc::default();
+        }
+        if enters(block::TIMER) {
+            self.timer.reset(now_ps);
+        }
+        for (block, usb) in [(block::PLL_SYS, false), (block::PLL_USB, true)] {
+            if enters(block) {
+                self.clocks.reset_pll(usb);
+            }
+        }
+        self.follow_clocks();
+        Some(())
+    }
+
+    fn write_adc(&mut self, offset: u32, value: u32) -> Option<()> {
+        if offset != 0 {
+            return None;
+        }
+        let clock_hz = self.clocks.adc_hz();
+        let started = self
+            .adc
+            .write_control(value, self.clock.now_ps(), clock_hz)?;
+        if let Some(channel) = started {
+            let volts = match channel {
+                0 => self.current_voltage(),
+                1 => self.options.thermistor_v,
+                2 => self.options.supply_v,
+                _ => return None,
+            };
+            self.adc.convert(volts);
+        }
+        Some(())
+    }
+
+    /// The current amplifier: 0.125 V/A about 1.65 V.
+    fn current_voltage(&mut self) -> f64 {
+        let now = self.clock.now();
+        let plant = self.wire.chip.sensors_mut();
+        plant.advance_to(now);
+        1.65 + 0.125 * plant.told_current_a()
+    }
+
+    fn read_private(&self, offset: u32) -> Option<u32> {
+        Some(match offset {
+            0xED00 => 0x410C_C601,
+            0xED04 => (63 - self.ppb.active.leading_zeros()).min(63) & 0x3F,
+            0xED08 => self.ppb.vtor,
+            0xED0C => 0xFA05_0000,
+            0xED10 | 0xED24 => 0,
+            0xED14 => 0x208,
+            0xED1C => u32::from(self.ppb.shpr[7]) << 24,
+            0xED20 => u32::from(self.ppb.shpr[10]) << 16 | u32::from(self.ppb.shpr[11]) << 24,
+            _ => self.interrupts.read(offset.checked_sub(0xE000)?)?,
+        })
+    }
+
+    fn write_private(&mut self, offset: u32, value: u32) -> Option<()> {
+        match offset {
+            0xED08 => self.ppb.vtor = value & 0xFFFF_FF00,
+            0xED1C => self.ppb.shpr[7] = (value >> 24) as u8 & 0xC0,
+            0xED20 => {
+                self.ppb.shpr[10] = (value >> 16) as u8 & 0xC0;
+                self.ppb.shpr[11] = (value >> 24) as u8 & 0xC0;
+            }
+            // SLEEPONEXIT, SLEEPDEEP and SEVONPEND stay off.
+            0xED10 if value == 0 => {}
+            _ => self.interrupts.write(offset.checked_sub(0xE000)?, value)?,
+        }
+        Some(())
+    }
+
+    /// Lets time pass without an instruction, up to the next event or a time.
+    pub(crate) fn sleep(&mut self, until_ps: u64) {
+        let until_ps = self.next_event_ps.min(until_ps);
+        let cycles = self.clock.cycles_until(until_ps).max(1);
+        self.clock.advance(cycles);
+    }
+
+    /// The boot ROM's time, in which nothing of the firmware runs.
+    pub(crate) fn boot_delay(&mut self, delay: Time) {
+        let end_ps = self.clock.now_ps() + delay.as_ps();
+        while self.clock.now_ps() < end_ps {
+            self.sleep(end_ps);
+            self.service();
+        }
+    }
+
+    /// One memory access of the core or of an exception's entry.
+    pub(crate) fn fetch_cost(&mut self, address: u32) {
+        if address >> 28 == 1 {
+            self.stall += self.cache.access(address & 0xFF_FFFF);
+        }
+    }
+
+    /// For tests of the clock plan.
+    pub(crate) fn frequencies_hz(&self) -> (f64, Option<f64>) {
+        (self.sys_hz, self.clkin_hz)
+    }
+
+    pub(crate) fn bus_is_idle(&self) -> bool {
+        self.i2c.is_idle()
+    }
+}
+
+fn is_driven(gpio: &Gpio, pin: usize) -> bool {
+    gpio.function(pin) != function::SIO || !gpio.pulls_low(pin)
+}
+
+/// Whether an address is memory, and whether the access goes through the flash's cache.
+fn is_memory(address: u32) -> bool {
+    matches!(address >> 28, 1) || (RAM..RAM + RAM_SIZE as u32).contains(&address)
+}
+
+impl<P: Plant> CoreBus for Bus<P> {
+    fn read8(&mut self, addr: u32) -> u8 {
+        if is_memory(addr) {
+            self.fetch_cost(addr);
+            return self.load(addr);
+        }
+        let shift = 8 * (addr & 0b11);
+        (self.read_register(addr & !0b11) >> shift) as u8
+    }
+
+    fn read16(&mut self, addr: u32) -> u16 {
+        if is_memory(addr) {
+            self.fetch_cost(addr);
+            return u16::from_le_bytes([self.load(addr), self.load(addr + 1)]);
+        }
+        let shift = 8 * (addr & 0b10);
+        (self.read_register(addr & !0b11) >> shift) as u16
+    }
+
+    #[inline]
+    fn read32(&mut self, addr: u32) -> u32 {
+        let offset = addr.wrapping_sub(RAM) as usize;
+        if let Some(bytes) = self.ram.get(offset..offset.wrapping_add(4)) {
+            return bytes.try_into().map_or(0, u32::from_le_bytes);
+        }
+        if is_memory(addr) {
+            self.fetch_cost(addr);
+            return self.peek(addr);
+        }
+        self.read_register(addr)
+    }
+
+    fn write8(&mut self, addr: u32, val: u8) {
+        if is_memory(addr) && addr >> 28 == 2 {
+            self.store(addr, val);
+        } else {
+            self.fail("a write of a byte to a register");
+        }
+    }
+
+    fn write16(&mut self, addr: u32, val: u16) {
+        if is_memory(addr) && addr >> 28 == 2 {
+            let [low, high] = val.to_le_bytes();
+            self.store(addr, low);
+            self.store(addr + 1, high);
+        } else {
+            self.fail("a write of a half-word to a register");
+        }
+    }
+
+    #[inline]
+    fn write32(&mut self, addr: u32, val: u32) {
+        let offset = addr.wrapping_sub(RAM) as usize;
+        if let Some(bytes) = self.ram.get_mut(offset..offset.wrapping_add(4)) {
+            bytes.copy_from_slice(&val.to_le_bytes());
+        } else {
+            self.write_register(addr, val);
+        }
+    }
+
+    #[inline]
+    fn set_active_pc(&mut self, pc: u32) {
+        self.pc = pc;
+    }
+
+    #[inline]
+    fn bus_fault(&self) -> bool {
+        false
+    }
+
+    fn bus_fault_addr(&self) -> u32 {
+        0
+    }
+
+    fn clear_bus_fault(&mut self) {}
+
+    #[inline]
+    fn ppb(&self, _: usize) -> &Ppb {
+        &self.ppb
+    }
+
+    fn ppb_mut(&mut self, _: usize) -> &mut Ppb {
+        &mut self.ppb
+    }
+
+    #[inline]
+    fn nvic(&self, _: usize) -> &Nvic {
+        &self.idle
+    }
+
+    fn nvic_mut(&mut self, _: usize) -> &mut Nvic {
+        &mut self.idle
+    }
+
+    fn active_core(&self) -> usize {
+        0
+    }
+
+    fn event_flag(&self, _: usize) -> bool {
+        self.event
+    }
+
+    fn consume_event_flag(&mut self, _: usize) -> bool {
+        std::mem::take(&mut self.event)
+    }
+
+    fn set_wfe_waiting(&mut self, _: usize, val: bool) {
+        self.parked = val;
+    }
+
+    fn signal_sev(&mut self) {
+        self.event = true;
+    }
+}
+
+impl<P: Plant> rtt::Memory for Bus<P> {
+    fn word(&self, address: u32) -> u32 {
+        self.peek(address)
+    }
+
+    fn set_word(&mut self, address: u32, value: u32) {
+        self.poke(address, value);
+    }
+
+    fn byte(&self, address: u32) -> u8 {
+        self.load(address)
+    }
+
+    fn set_byte(&mut self, address: u32, value: u8) {
+        self.store(address, value);
+    }
+}

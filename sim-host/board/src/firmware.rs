@@ -1,0 +1,126 @@
+//! Building the firmware image, for tests and tools that run it.
+
+use std::env;
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// The processor's target.
+pub const TARGET: &str = "thumbv6m-none-eabi";
+/// The profile that images are built with.
+pub const PROFILE: &str = "firmware";
+/// The package, and the name of its image.
+pub const PACKAGE: &str = "palpate-firmware";
+/// The variable that plants a defect when the image is built.
+const DEFECT: &str = "PALPATE_PLANTED_DEFECT";
+
+/// Why there is no image.
+#[derive(Debug)]
+pub struct BuildError(String);
+
+impl fmt::Display for BuildError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl std::error::Error for BuildError {}
+
+/// Builds the image, if it is not up to date, and returns its path. The target is added through
+/// rustup when the toolchain lacks it.
+///
+/// # Errors
+/// [`BuildError`], with what to do.
+pub fn build() -> Result<PathBuf, BuildError> {
+    build_in(&target_folder(), None)
+}
+
+/// Builds an image with a planted defect, for tests of the tests.
+///
+/// # Errors
+/// [`BuildError`], with what to do.
+pub fn build_with_defect(defect: &str) -> Result<PathBuf, BuildError> {
+    let folder = target_folder().join("planted");
+    let image = build_in(&folder, Some(defect))?;
+    let kept = folder.join(format!("{defect}.elf"));
+    std::fs::copy(&image, &kept)
+        .map_err(|error| BuildError(format!("{} cannot be written: {error}", kept.display())))?;
+    Ok(kept)
+}
+
+fn workspace() -> PathBuf {
+    let package = Path::new(env!("CARGO_MANIFEST_DIR"));
+    package.ancestors().nth(2).unwrap_or(package).to_path_buf()
+}
+
+/// Where cargo builds: as the environment says, or beside the program that runs.
+fn target_folder() -> PathBuf {
+    env::var_os("CARGO_TARGET_DIR").map_or_else(|| workspace().join("target"), PathBuf::from)
+}
+
+fn build_in(folder: &Path, defect: Option<&str>) -> Result<PathBuf, BuildError> {
+    provide_target()?;
+    let mut cargo = command("cargo");
+    cargo
+        .args(["build", "--locked", "--package", PACKAGE])
+        .args(["--profile", PROFILE, "--target", TARGET])
+        .env("CARGO_TARGET_DIR", folder)
+        .env_remove("RUSTFLAGS")
+        .env_remove("CARGO_ENCODED_RUSTFLAGS");
+    match defect {
+        Some(defect) => cargo.env(DEFECT, defect),
+        None => cargo.env_remove(DEFECT),
+    };
+    run(cargo, "the firmware image could not be built")?;
+    Ok(folder.join(TARGET).join(PROFILE).join(PACKAGE))
+}
+
+/// A child that does not inherit what describes the cargo that runs this program.
+fn command(program: &str) -> Command {
+    let mut command = Command::new(program);
+    command.current_dir(workspace());
+    for (name, _) in env::vars_os() {
+        let describes_parent = name.to_str().is_some_and(|name| {
+            matches!(
+                name,
+                "CARGO" | "RUSTC" | "RUSTDOC" | "RUSTUP_TOOLCHAIN" | "OUT_DIR"
+            ) || name.starts_with("CARGO_PKG_")
+                || name.starts_with("CARGO_MANIFEST_")
+        });
+        if describes_parent {
+            command.env_remove(name);
+        }
+    }
+    command
+}
+
+fn provide_target() -> Result<(), BuildError> {
+    let mut query = command("rustc");
+    query.args(["--print", "target-libdir", "--target", TARGET]);
+    let output = query.output().map_err(|error| {
+        BuildError(format!("rustc could not be started: {error}; install Rust"))
+    })?;
+    let folder = String::from_utf8_lossy(&output.stdout).trim().to_owned();
+    if Path::new(&folder).is_dir() {
+        return Ok(());
+    }
+    let mut add = command("rustup");
+    add.args(["target", "add", TARGET]);
+    run(
+        add,
+        "the toolchain lacks the target thumbv6m-none-eabi and it could not be added; with a \
+         network, run `rustup target add thumbv6m-none-eabi`; without rustup, install your \
+         distribution's package for it",
+    )
+}
+
+fn run(mut command: Command, what: &str) -> Result<(), BuildError> {
+    let output = command
+        .output()
+        .map_err(|error| BuildError(format!("{what}: {error}")))?;
+    if output.status.success() {
+        return Ok(());
+    }
+    let said = String::from_utf8_lossy(&output.stderr);
+    Err(BuildError(format!("{what}\n{said}")))
+}

@@ -1,0 +1,137 @@
+//! Interrupts: which are pending, which may run (ARMv6-M architecture, B1.5 and B3.4).
+
+/// Number of the HardFault exception.
+pub(crate) const HARD_FAULT: u32 = 3;
+/// Exception number of interrupt 0.
+const FIRST: u32 = 16;
+
+/// The nested vectored interrupt controller of one core.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Interrupts {
+    pending: u32,
+    enabled: u32,
+    priority: [u8; 32],
+    /// The lines as the peripherals drive them.
+    lines: u32,
+}
+
+impl Interrupts {
+    /// Takes the lines' levels. A rising one becomes pending; one that stays high becomes so again
+    /// when its handler has ended.
+    pub(crate) fn drive(&mut self, lines: u32, active: u64) {
+        let rising = lines & !self.lines;
+        let in_handler = (active >> FIRST) as u32;
+        self.pending |= rising | (lines & !in_handler);
+        self.lines = lines;
+    }
+
+    /// Whether anything could run if its priority allowed; also what ends a WFI.
+    #[inline]
+    pub(crate) fn any(&self) -> bool {
+        self.pending & self.enabled != 0
+    }
+
+    /// The exception to take now, given which are active; it is no longer pending then.
+    pub(crate) fn take(&mut self, active: u64) -> Option<u32> {
+        let candidates = self.pending & self.enabled;
+        let number = (0..32_u32)
+            .filter(|number| candidates >> number & 1 == 1)
+            .min_by_key(|&number| self.priority[number as usize])?;
+        let priority = i16::from(self.priority[number as usize]);
+        if priority >= self.execution_priority(active) {
+            return None;
+        }
+        self.pending &= !(1 << number);
+        Some(FIRST + number)
+    }
+
+    /// The priority of what runs; smaller is more urgent.
+    fn execution_priority(&self, active: u64) -> i16 {
+        if active & 0b1111 != 0 {
+            return -1;
+        }
+        if active >> 4 & 0xFFF != 0 {
+            return 0;
+        }
+        (0..32_u32)
+            .filter(|number| active >> (FIRST + number) & 1 == 1)
+            .map(|number| i16::from(self.priority[number as usize]))
+            .min()
+            .unwrap_or(i16::MAX)
+    }
+
+    /// Reads a register by its offset from 0xE000E000.
+    pub(crate) fn read(&self, offset: u32) -> Option<u32> {
+        Some(match offset {
+            0x100 | 0x180 => self.enabled,
+            0x200 | 0x280 => self.pending,
+            0x400..=0x41C => {
+                let first = (offset - 0x400) as usize;
+                let bytes = self.priority.get(first..first + 4)?;
+                u32::from_le_bytes(bytes.try_into().ok()?)
+            }
+            _ => return None,
+        })
+    }
+
+    /// Writes a register.
+    pub(crate) fn write(&mut self, offset: u32, value: u32) -> Option<()> {
+        match offset {
+            0x100 => self.enabled |= value,
+            0x180 => self.enabled &= !value,
+            0x200 => self.pending |= value,
+            // A line that is still high is pending again at once.
+            0x280 => self.pending = self.pending & !value | self.lines,
+            0x400..=0x41C => {
+                let first = (offset - 0x400) as usize;
+                let bytes = self.priority.get_mut(first..first + 4)?;
+                bytes.copy_from_slice(&(value & 0xC0C0_C0C0).to_le_bytes());
+            }
+            _ => return None,
+        }
+        Some(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn controller() -> Interrupts {
+        let mut interrupts = Interrupts::default();
+        interrupts.write(0x100, u32::MAX).unwrap();
+        interrupts.write(0x400, 0x4080_00C0).unwrap();
+        interrupts
+    }
+
+    #[test]
+    fn the_most_urgent_is_taken_first_and_preempts_only_the_less_urgent() {
+        let mut interrupts = controller();
+        interrupts.drive(0b1111, 0);
+        assert_eq!(interrupts.take(0), Some(17));
+        assert_eq!(interrupts.take(1 << 17), None, "nothing is more urgent");
+        assert_eq!(interrupts.take(1 << 16), Some(19));
+        assert_eq!(interrupts.take(1 << 16 | 1 << 19), None);
+    }
+
+    #[test]
+    fn a_line_that_stays_high_comes_again_after_its_handler() {
+        let mut interrupts = controller();
+        interrupts.drive(0b10, 0);
+        assert_eq!(interrupts.take(0), Some(17));
+        interrupts.drive(0b10, 1 << 17);
+        assert!(!interrupts.any(), "not within its own handler");
+        interrupts.drive(0b10, 0);
+        assert_eq!(interrupts.take(0), Some(17));
+        interrupts.drive(0, 1 << 17);
+        interrupts.drive(0, 0);
+        assert!(!interrupts.any());
+    }
+
+    #[test]
+    fn nothing_preempts_a_hard_fault() {
+        let mut interrupts = controller();
+        interrupts.drive(0b10, 0);
+        assert_eq!(interrupts.take(1 << HARD_FAULT), None);
+    }
+}

@@ -1,0 +1,35 @@
+#![forbid(unsafe_code)]
+#![deny(missing_docs)]
+#![doc = include_str!("../README.md")]
+
+mod adc;
+mod board;
+mod bridge;
+mod bus;
+mod clocks;
+pub mod firmware;
+mod gpio;
+mod i2c;
+mod image;
+mod interrupts;
+mod plant;
+mod power;
+mod pwm;
+mod rtt;
+mod sio;
+mod stop;
+mod time;
+mod timer;
+mod trace;
+mod watchdog;
+mod wire;
+mod xip;
+
+pub use board::{Board, Options, ResetCount};
+pub use bridge::{Bridge, BridgeInputs};
+pub use image::{Image, ImageError};
+pub use plant::{Plant, Pressed, Still};
+pub use stop::Stop;
+pub use time::Time;
+pub use trace::Trace;
+pub use wire::{LineFault, WireLog};

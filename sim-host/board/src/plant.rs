@@ -1,0 +1,124 @@
+//! What hangs on the board: the sensor with whatever presses it.
+
+use std::cell::RefCell;
+
+use ldc161x_sim::{Sensors, Time};
+use palpate_sim::world::World;
+
+/// Resonators for the converter, moved by time and the coil's current.
+pub trait Plant: Sensors + Clone {
+    /// Lets time pass.
+    fn advance_to(&mut self, time: Time);
+    /// Sets the coil's current, A, from its present time on.
+    fn set_current(&mut self, current_a: f64);
+    /// What the current amplifier tells now, A, with its errors.
+    fn told_current_a(&mut self) -> f64;
+}
+
+/// Sensors of fixed frequencies, Hz, by channel, which may all drift.
+#[derive(Clone, Debug)]
+pub struct Still {
+    /// The frequencies at time zero.
+    pub frequencies_hz: [f64; 4],
+    /// What they gain a second.
+    pub drift_hz_per_s: f64,
+    current_a: f64,
+}
+
+impl Still {
+    /// Sensors of these frequencies.
+    #[must_use]
+    pub const fn new(frequencies_hz: [f64; 4]) -> Self {
+        Self {
+            frequencies_hz,
+            drift_hz_per_s: 0.0,
+            current_a: 0.0,
+        }
+    }
+}
+
+impl Sensors for Still {
+    fn frequency_hz(&self, channel: usize, time_s: f64) -> f64 {
+        let start_hz = self.frequencies_hz.get(channel).copied();
+        start_hz.map_or(0.0, |hz| hz + self.drift_hz_per_s * time_s)
+    }
+}
+
+impl Plant for Still {
+    fn advance_to(&mut self, _: Time) {}
+
+    fn set_current(&mut self, current_a: f64) {
+        self.current_a = current_a;
+    }
+
+    fn told_current_a(&mut self) -> f64 {
+        self.current_a
+    }
+}
+
+/// A [`World`] of its own: the sensing coil on channel 0, nothing on the others. A clone is a
+/// snapshot, which a `SharedWorld` cannot give.
+#[derive(Clone, Debug)]
+pub struct Pressed(RefCell<World>);
+
+impl Pressed {
+    /// Takes a world.
+    #[must_use]
+    pub const fn new(world: World) -> Self {
+        Self(RefCell::new(world))
+    }
+
+    /// The world, to change or to look at.
+    pub fn world_mut(&mut self) -> &mut World {
+        self.0.get_mut()
+    }
+
+    fn of_coil<T>(&self, channel: usize, otherwise: T, ask: impl Fn(&mut World) -> T) -> T {
+        match self.0.try_borrow_mut() {
+            Ok(mut world) if channel == 0 => ask(&mut world),
+            _ => otherwise,
+        }
+    }
+
+    fn losses(&self, channel: usize, time_s: f64) -> (f64, f64) {
+        self.of_coil(channel, (1.0, 1.0), |world| {
+            match world.frequency_ahead_hz(time_s) {
+                Some(frequency_hz) if frequency_hz > 0.0 => world.losses(frequency_hz),
+                _ => (1.0, 1.0),
+            }
+        })
+    }
+}
+
+impl Sensors for Pressed {
+    fn frequency_hz(&self, channel: usize, time_s: f64) -> f64 {
+        self.of_coil(channel, 0.0, |world| {
+            let known = world.frequency_hz(time_s);
+            known
+                .or_else(|| world.frequency_ahead_hz(time_s))
+                .unwrap_or(0.0)
+        })
+    }
+
+    fn parallel_resistance_ohm(&self, channel: usize, time_s: f64) -> f64 {
+        self.losses(channel, time_s).1
+    }
+
+    fn quality_factor(&self, channel: usize, time_s: f64) -> f64 {
+        self.losses(channel, time_s).0
+    }
+}
+
+impl Plant for Pressed {
+    fn advance_to(&mut self, time: Time) {
+        self.world_mut().advance_to(time);
+    }
+
+    fn set_current(&mut self, current_a: f64) {
+        self.world_mut().set_current(current_a);
+    }
+
+    fn told_current_a(&mut self) -> f64 {
+        self.world_mut().told_current_a()
+    }
+}

@@ -1,0 +1,82 @@
+//! The other end of the debug probe's channels: what a probe does with memory alone
+//! (SEGGER RTT: a control block, and rings of bytes for each direction).
+
+/// Bytes of a ring's descriptor.
+const RING: u32 = 24;
+const UP_COUNT: u32 = 16;
+const DOWN_COUNT: u32 = 20;
+const RINGS: u32 = 24;
+
+/// Memory as a probe sees it.
+pub(crate) trait Memory {
+    fn word(&self, address: u32) -> u32;
+    fn set_word(&mut self, address: u32, value: u32);
+    fn byte(&self, address: u32) -> u8;
+    fn set_byte(&mut self, address: u32, value: u8);
+}
+
+/// The address of a ring, if the firmware has set one up.
+fn ring(memory: &impl Memory, block: u32, down: bool, channel: u32) -> Option<u32> {
+    let is_ready = (0..)
+        .zip(*b"SEGGER RTT")
+        .all(|(place, letter)| memory.byte(block + place) == letter);
+    let ups = memory.word(block + UP_COUNT);
+    let count = if down {
+        memory.word(block + DOWN_COUNT)
+    } else {
+        ups
+    };
+    let first = if down { ups } else { 0 };
+    (is_ready && channel < count).then(|| block + RINGS + (first + channel) * RING)
+}
+
+struct Ring {
+    at: u32,
+    buffer: u32,
+    size: u32,
+    write: u32,
+    read: u32,
+}
+
+impl Ring {
+    fn find(memory: &impl Memory, block: u32, down: bool, channel: u32) -> Option<Self> {
+        let at = ring(memory, block, down, channel)?;
+        let ring = Self {
+            at,
+            buffer: memory.word(at + 4),
+            size: memory.word(at + 8),
+            write: memory.word(at + 12),
+            read: memory.word(at + 16),
+        };
+        (ring.buffer != 0 && ring.size != 0).then_some(ring)
+    }
+}
+
+/// Takes what waits in a channel from the firmware.
+pub(crate) fn read(memory: &mut impl Memory, block: u32, channel: u32) -> Vec<u8> {
+    let Some(ring) = Ring::find(memory, block, false, channel) else {
+        return Vec::new();
+    };
+    let waiting = (ring.write + ring.size - ring.read) % ring.size;
+    let bytes = (0..waiting)
+        .map(|place| memory.byte(ring.buffer + (ring.read + place) % ring.size))
+        .collect();
+    memory.set_word(ring.at + 16, ring.write);
+    bytes
+}
+
+/// Puts bytes into a channel to the firmware; returns how many there was room for.
+pub(crate) fn write(memory: &mut impl Memory, block: u32, channel: u32, bytes: &[u8]) -> usize {
+    let Some(ring) = Ring::find(memory, block, true, channel) else {
+        return 0;
+    };
+    let room = (ring.read + ring.size - ring.write - 1) % ring.size;
+    let taken = bytes.len().min(room as usize);
+    let mut place = ring.write;
+    for &byte in bytes.iter().take(taken) {
+        memory.set_byte(ring.buffer + place, byte);
+        place = (place + 1) % ring.size;
+    }
+    memory.set_word(ring.at + 12, place);
+    taken
+}

@@ -1,0 +1,135 @@
+//! WATCHDOG: the reset that needs feeding, its scratch registers, and the tick (datasheet 4.7).
+
+/// The watchdog block. A reset by it keeps everything here but the count.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Watchdog {
+    enabled: bool,
+    pauses: u32,
+    /// When it expires.
+    due_ps: Option<u64>,
+    left: u32,
+    reason: u32,
+    /// The reset was asked for.
+    is_forced: bool,
+    scratch: [u32; 8],
+    tick: u32,
+}
+
+/// CTRL: halve the load, RP2040-E1: the count falls by two a tick.
+const PER_TICK: u64 = 2;
+const TICK_ENABLE: u32 = 1 << 9;
+const TIMER_EXPIRED: u32 = 1;
+const FORCED: u32 = 2;
+
+impl Watchdog {
+    /// Cycles of clk_ref in a tick, if ticks are made.
+    pub(crate) fn tick_cycles(&self) -> Option<u32> {
+        (self.tick & TICK_ENABLE != 0).then_some((self.tick & 0x1FF).max(1))
+    }
+
+    pub(crate) fn next_event(&self) -> Option<u64> {
+        self.due_ps.filter(|_| self.enabled)
+    }
+
+    /// Whether it resets now.
+    pub(crate) fn expires(&mut self, now_ps: u64) -> bool {
+        let is_due = self.next_event().is_some_and(|due| due <= now_ps);
+        if is_due {
+            self.reason = if std::mem::take(&mut self.is_forced) {
+                FORCED
+            } else {
+                TIMER_EXPIRED
+            };
+        }
+        is_due
+    }
+
+    /// What remains after a reset by the watchdog.
+    pub(crate) fn after_reset(&mut self) {
+        self.enabled = false;
+        self.is_forced = false;
+        self.due_ps = None;
+        self.tick = 0;
+    }
+
+    fn load(&mut self, now_ps: u64, tick_ps: Option<f64>) {
+        self.due_ps = tick_ps
+            .map(|tick| now_ps + (u64::from(self.left).div_ceil(PER_TICK) as f64 * tick) as u64);
+    }
+
+    pub(crate) fn read(&self, offset: u32) -> Option<u32> {
+        Some(match offset {
+            0x00 => self.pauses | u32::from(self.enabled) << 30,
+            0x08 => self.reason,
+            0x0C..=0x28 => *self.scratch.get((offset as usize - 0x0C) / 4)?,
+            0x2C => self.tick | u32::from(self.tick & TICK_ENABLE != 0) << 10,
+            _ => return None,
+        })
+    }
+
+    /// `tick_ps` is the length of a tick as the clocks are now.
+    pub(crate) fn write(
+        &mut self,
+        offset: u32,
+        value: u32,
+        now_ps: u64,
+        tick_ps: Option<f64>,
+    ) -> Option<()> {
+        match offset {
+            0x00 => {
+                let was_enabled = self.enabled;
+                self.pauses = value & 0x0700_0000;
+                self.enabled = value >> 30 & 1 == 1;
+                if self.enabled && !was_enabled {
+                    self.load(now_ps, tick_ps);
+                }
+                if value >> 31 == 1 {
+                    self.enabled = true;
+                    self.is_forced = true;
+                    self.due_ps = Some(0);
+                }
+            }
+            0x04 => {
+                self.left = value & 0xFF_FFFF;
+                self.load(now_ps, tick_ps);
+            }
+            0x0C..=0x28 => *self.scratch.get_mut((offset as usize - 0x0C) / 4)? = value,
+            0x2C => self.tick = value & 0x3FF,
+            _ => return None,
+        }
+        Some(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn it_expires_after_half_its_load_in_ticks_unless_fed() {
+        let mut watchdog = Watchdog::default();
+        watchdog.write(0x04, 100_000, 0, Some(1e6)).unwrap();
+        watchdog.write(0x00, 1 << 30, 0, Some(1e6)).unwrap();
+        assert_eq!(watchdog.next_event(), Some(50_000_000_000));
+        watchdog
+            .write(0x04, 100_000, 40_000_000_000, Some(1e6))
+            .unwrap();
+        assert!(!watchdog.expires(89_999_000_000));
+        assert!(watchdog.expires(90_000_000_000));
+        assert_eq!(watchdog.read(0x08), Some(TIMER_EXPIRED));
+    }
+
+    #[test]
+    fn the_scratch_registers_outlive_the_reset() {
+        let mut watchdog = Watchdog::default();
+        watchdog.write(0x0C, 0xCAFE, 0, None).unwrap();
+        watchdog.write(0x00, 1 << 31, 0, None).unwrap();
+        assert!(watchdog.expires(1));
+        watchdog.after_reset();
+        assert!(!watchdog.expires(2));
+        assert_eq!(
+            (watchdog.read(0x0C), watchdog.read(0x08)),
+            (Some(0xCAFE), Some(FORCED))
+        );
+    }
+}

@@ -1,0 +1,225 @@
+//! The two wires of the bus with the converter on them, and what can go wrong with the wires.
+
+use ldc161x_sim::{Ack, Chip, Conversion, Time};
+
+use crate::plant::Plant;
+
+/// A disturbance of a wire, from outside of both chips.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LineFault {
+    /// SDA is pulled low from a bit of the next transaction on.
+    SdaLow {
+        /// Bits of the transaction that pass before.
+        bit: u32,
+        /// How long; without end if nothing.
+        lasting: Option<Time>,
+        /// Pulses of SCL that end it, as when a target was cut off within a byte.
+        clocks: Option<u32>,
+    },
+    /// SCL is held low from a bit of the next transaction on.
+    SclHeld {
+        /// Bits of the transaction that pass before.
+        bit: u32,
+        /// How long; without end if nothing.
+        lasting: Option<Time>,
+    },
+}
+
+impl LineFault {
+    const fn bit(&self) -> u32 {
+        match *self {
+            Self::SdaLow { bit, .. } | Self::SclHeld { bit, .. } => bit,
+        }
+    }
+}
+
+/// What has passed on the bus, kept when [`crate::Options::record`] asks for it.
+#[derive(Clone, Debug, Default)]
+pub struct WireLog {
+    /// Conversions in the order in which the firmware fetched their results.
+    pub fetched: Vec<Conversion>,
+    /// From a falling edge of INTB that met a free bus to the START of the next transaction.
+    pub edge_to_start: Vec<Time>,
+    /// Falling edges of INTB.
+    pub edges: Vec<Time>,
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct Hold {
+    /// Until when the wire is low.
+    until_ps: u64,
+    clocks: Option<u32>,
+}
+
+impl Hold {
+    fn is_low(&self, now_ps: u64) -> bool {
+        now_ps < self.until_ps && self.clocks != Some(0)
+    }
+}
+
+/// SDA and SCL.
+#[derive(Clone, Debug)]
+pub(crate) struct Wire<P> {
+    pub(crate) chip: Chip<P>,
+    pub(crate) log: Option<WireLog>,
+    armed: Option<LineFault>,
+    sda: Hold,
+    scl: Hold,
+    in_transaction: bool,
+    /// Bits since its START.
+    bits: u32,
+    last_edge_ps: Option<u64>,
+    /// Levels while the pins are driven as plain outputs.
+    plain: Option<(bool, bool)>,
+}
+
+impl<P: Plant> Wire<P> {
+    pub(crate) fn new(chip: Chip<P>, record: bool) -> Self {
+        Self {
+            chip,
+            log: record.then(WireLog::default),
+            armed: None,
+            sda: Hold::default(),
+            scl: Hold::default(),
+            in_transaction: false,
+            bits: 0,
+            last_edge_ps: None,
+            plain: None,
+        }
+    }
+
+    pub(crate) fn arm(&mut self, fault: LineFault) {
+        self.armed = Some(fault);
+    }
+
+    /// Ends every disturbance of the wires.
+    pub(crate) fn release(&mut self) {
+        self.armed = None;
+        self.sda = Hold::default();
+        self.scl = Hold::default();
+    }
+
+    pub(crate) fn is_disturbed(&self, now_ps: u64) -> bool {
+        self.armed.is_some() || self.sda.is_low(now_ps) || self.scl.is_low(now_ps)
+    }
+
+    /// Whether something other than the master holds SDA low.
+    pub(crate) fn sda_is_low(&mut self, now_ps: u64) -> bool {
+        self.sda.is_low(now_ps) || self.chip.sda_held_low(Time::from_ps(now_ps))
+    }
+
+    /// Until when something other than the master holds SCL low.
+    pub(crate) fn scl_low_until(&mut self, now_ps: u64) -> Option<u64> {
+        let own = self.scl.is_low(now_ps).then_some(self.scl.until_ps);
+        let chip = self.chip.scl_held_until(Time::from_ps(now_ps));
+        own.max(chip.map(Time::as_ps))
+    }
+
+    /// INTB falls.
+    pub(crate) fn falling_edge(&mut self, now_ps: u64) {
+        self.last_edge_ps = (!self.in_transaction).then_some(now_ps);
+        if let Some(log) = &mut self.log {
+            log.edges.push(Time::from_ps(now_ps));
+        }
+    }
+
+    /// START or repeated START.
+    pub(crate) fn start(&mut self, now_ps: u64) {
+        if !self.in_transaction {
+            self.in_transaction = true;
+            self.bits = 0;
+            if let (Some(log), Some(edge_ps)) = (&mut self.log, self.last_edge_ps.take()) {
+                log.edge_to_start.push(Time::from_ps(now_ps - edge_ps));
+            }
+        }
+        self.count_bit(now_ps);
+    }
+
+    /// A bit passes; a disturbance may begin with it.
+    pub(crate) fn count_bit(&mut self, now_ps: u64) {
+        if let Some(fault) = self.armed.filter(|fault| fault.bit() <= self.bits) {
+            self.armed = None;
+            let until = |lasting: Option<Time>| {
+                lasting.map_or(u64::MAX, |time| now_ps.saturating_add(time.as_ps()))
+            };
+            match fault {
+                LineFault::SdaLow {
+                    lasting, clocks, ..
+                } => {
+                    self.sda = Hold {
+                        until_ps: until(lasting),
+                        clocks,
+                    };
+                }
+                LineFault::SclHeld { lasting, .. } => {
+                    self.scl = Hold {
+                        until_ps: until(lasting),
+                        clocks: None,
+                    };
+                }
+            }
+        }
+        self.bits += 1;
+    }
+
+    pub(crate) fn address(&mut self, now_ps: u64, byte: u8) -> bool {
+        self.chip.start(Time::from_ps(now_ps), byte).is_ack()
+    }
+
+    pub(crate) fn write(&mut self, now_ps: u64, byte: u8) -> bool {
+        self.chip.write(Time::from_ps(now_ps), byte).is_ack()
+    }
+
+    pub(crate) fn read(&mut self, now_ps: u64, acknowledged: bool) -> u8 {
+        let ack = if acknowledged { Ack::Ack } else { Ack::Nack };
+        self.chip.read(Time::from_ps(now_ps), ack)
+    }
+
+    /// STOP.
+    pub(crate) fn stop(&mut self, now_ps: u64) {
+        self.in_transaction = false;
+        self.chip.stop(Time::from_ps(now_ps));
+        self.note_what_was_fetched();
+    }
+
+    /// The master lets go without a STOP.
+    pub(crate) fn abandon(&mut self) {
+        self.in_transaction = false;
+    }
+
+    fn note_what_was_fetched(&mut self) {
+        let Some(log) = &mut self.log else {
+            return;
+        };
+        for channel in 0..4 {
+            let Some(read) = self.chip.last_read(channel) else {
+                continue;
+            };
+            let known = log.fetched.iter().rev().take(8);
+            let is_known = known
+                .into_iter()
+                .any(|old| (old.channel, old.number, old.end) == (channel, read.number, read.end));
+            if !is_known {
+                log.fetched.push(*read);
+            }
+        }
+    }
+
+    /// The levels of SCL and SDA as the pins drive them when they are plain outputs; nothing when
+    /// they are not. A pulse of SCL may free SDA, and SDA rising while SCL is high is a STOP.
+    pub(crate) fn plain(&mut self, now_ps: u64, levels: Option<(bool, bool)>) {
+        let before = std::mem::replace(&mut self.plain, levels);
+        let (Some((scl_was, sda_was)), Some((scl, sda))) = (before, levels) else {
+            return;
+        };
+        if !scl_was && scl && !self.scl.is_low(now_ps) {
+            self.chip.clock_pulses(Time::from_ps(now_ps), 1);
+            if let Some(clocks) = &mut self.sda.clocks {
+                *clocks = clocks.saturating_sub(1);
+            }
+        }
+        if scl && scl_was && !sda_was && sda && !self.sda_is_low(now_ps) {
+            self.stop(now_ps);
+        }
+    }
+}

@@ -1,0 +1,345 @@
+//! Faults of bus and converter, each from a snapshot of a running stream, and the safe state.
+//!
+//! Small form; the sweeps over every bit and byte are the campaign `image-faults`.
+
+mod common;
+
+use common::{Bench, image};
+use ldc161x_sim::{Fault, FaultEvent, Lost, Time};
+use palpate_board::{LineFault, firmware};
+use palpate_wire::Record;
+use palpate_wire::code::{FaultCode, Outcome, ResetCause};
+use palpate_wire::command::{Coil, Command};
+
+/// After a fault's end the stream has to be back so soon.
+const RECOVERY: Time = Time::from_ms(50);
+
+fn streaming() -> Bench {
+    let mut bench = Bench::new();
+    bench.stream();
+    bench.run(Time::from_ms(20));
+    bench
+}
+
+/// The stream is back, its first sample says that something went before it, and no reset was
+/// needed.
+fn assert_recovers(bench: &mut Bench, what: &str) {
+    bench.frames.clear();
+    bench.run(RECOVERY);
+    let good = |bench: &Bench| {
+        bench
+            .samples()
+            .filter(|(_, sample)| sample.missed == 0)
+            .count()
+    };
+    let before = good(bench);
+    bench.run(Time::from_ms(20));
+    assert!(good(bench) >= before + 15, "{what}: the stream is not back");
+    assert_eq!(bench.board.resets().watchdog, 0, "{what}");
+    let status = bench.status();
+    assert_eq!(status.conversions_flagged, 0, "{what}");
+}
+
+#[test]
+fn sda_held_low_at_some_bits_is_survived() {
+    let snapshot = streaming();
+    for bit in [0, 1, 5, 8, 9, 14, 18, 30, 60, 94] {
+        let mut bench = snapshot.clone();
+        bench.board.disturb(LineFault::SdaLow {
+            bit,
+            lasting: None,
+            clocks: Some(1 + bit % 9),
+        });
+        bench.run(Time::from_ms(10));
+        assert!(
+            !bench.board.is_disturbed(),
+            "bit {bit}: SDA was not freed by clocks"
+        );
+        assert_recovers(&mut bench, &format!("SDA low at bit {bit}"));
+    }
+}
+
+#[test]
+fn scl_held_for_a_while_is_survived_and_for_ever_is_reported() {
+    let snapshot = streaming();
+    for (bit, held_us) in [(3, 1_000), (40, 4_900), (40, 5_100), (60, 30_000)] {
+        let mut bench = snapshot.clone();
+        bench.board.disturb(LineFault::SclHeld {
+            bit,
+            lasting: Some(Time::from_us(held_us)),
+        });
+        bench.run(Time::from_us(held_us + 2_000));
+        assert_recovers(&mut bench, &format!("SCL held {held_us} us"));
+    }
+    let mut bench = snapshot.clone();
+    bench.board.disturb(LineFault::SclHeld {
+        bit: 40,
+        lasting: None,
+    });
+    bench.run(Time::from_ms(200));
+    let faults = bench.faults();
+    assert!(
+        faults
+            .iter()
+            .any(|fault| fault.active && fault.code == FaultCode::BusClockStuck),
+        "{faults:?}"
+    );
+    bench.board.release();
+    assert_recovers(&mut bench, "SCL held for 200 ms");
+    let ended = bench.faults();
+    assert!(
+        ended.iter().any(|fault| !fault.active),
+        "the fault ends: {ended:?}"
+    );
+}
+
+#[test]
+fn a_byte_that_is_not_acknowledged_is_survived() {
+    let snapshot = streaming();
+    for after_bytes in 0..6 {
+        let mut bench = snapshot.clone();
+        let next = bench.board.chip().traffic().transactions;
+        let fault = Fault::Nack { after_bytes };
+        bench
+            .board
+            .chip_mut()
+            .schedule(FaultEvent::in_transactions(next, 1, fault))
+            .unwrap();
+        bench.run(Time::from_ms(2));
+        assert_recovers(&mut bench, &format!("NACK after {after_bytes} bytes"));
+    }
+}
+
+#[test]
+fn a_converter_that_loses_everything_is_started_anew() {
+    let snapshot = streaming();
+    for after_us in [0, 210, 430, 650, 870] {
+        let mut bench = snapshot.clone();
+        let at = bench.board.now() + Time::from_us(after_us);
+        let fault = Fault::BrownOut(Lost::Everything);
+        bench
+            .board
+            .chip_mut()
+            .schedule(FaultEvent::at(at, fault, Time::ZERO))
+            .unwrap();
+        bench.run(Time::from_ms(20));
+        assert_recovers(&mut bench, &format!("reset after {after_us} us"));
+    }
+}
+
+#[test]
+fn an_absent_converter_and_a_wrong_one_are_reported() {
+    for (fault, code) in [
+        (Fault::Absent, FaultCode::SensorAbsent),
+        (
+            Fault::WrongIdentity {
+                manufacturer: 0x5449,
+                device: 0x3054,
+            },
+            FaultCode::SensorIdentity,
+        ),
+    ] {
+        let mut bench = Bench::new();
+        let event = FaultEvent::from(Time::ZERO, fault);
+        bench.board.chip_mut().schedule(event).unwrap();
+        bench.run(Time::from_ms(300));
+        let faults = bench.faults();
+        assert!(
+            faults.iter().any(|it| it.active && it.code == code),
+            "{faults:?}"
+        );
+        bench.board.chip_mut().clear_faults();
+        bench.run(Time::from_ms(50));
+        assert_recovers(&mut bench, &format!("{code:?}"));
+    }
+}
+
+#[test]
+fn an_interrupt_line_that_is_stuck_is_survived() {
+    let snapshot = streaming();
+    for low in [false, true] {
+        let mut bench = snapshot.clone();
+        let fault = FaultEvent::at(
+            bench.board.now(),
+            Fault::IntbStuck { low },
+            Time::from_ms(60),
+        );
+        bench.board.chip_mut().schedule(fault).unwrap();
+        bench.run(Time::from_ms(60));
+        assert_recovers(&mut bench, &format!("INTB stuck, low: {low}"));
+    }
+}
+
+// ---- the coil and the safe state ----
+
+fn coil() -> Coil {
+    Coil {
+        resistance_ohm: 0.5,
+        copper_capacity_j_per_k: 5.0,
+        pad_capacity_j_per_k: 50.0,
+        copper_to_pad_k_per_w: 1.0,
+        pad_to_ambient_k_per_w: 10.0,
+        gain_v_per_a: 0.125,
+        zero_v: 1.65,
+        current_uncertainty: 0.01,
+    }
+}
+
+/// A bench in the midst of the ramps of a measurement.
+fn ramping() -> Bench {
+    let mut bench = streaming();
+    assert_eq!(bench.command(&Command::Arm).outcome, Outcome::NoCoil);
+    assert_eq!(
+        bench.command(&Command::Measure).outcome,
+        Outcome::SensingOnly
+    );
+    assert_eq!(bench.board.current_a(), 0.0);
+    assert_eq!(
+        bench.command(&Command::SetCoil(coil())).outcome,
+        Outcome::Accepted
+    );
+    assert_eq!(bench.command(&Command::Arm).outcome, Outcome::Accepted);
+    assert_eq!(
+        bench.command(&Command::SetCoil(coil())).outcome,
+        Outcome::Armed
+    );
+    assert_eq!(bench.command(&Command::Measure).outcome, Outcome::Accepted);
+    bench.run(Time::from_ms(50));
+    assert!(bench.board.current_a() > 2.0, "{}", bench.board.current_a());
+    bench
+}
+
+/// The time until the bridge is off, and stays off for a while.
+fn time_to_off(bench: &mut Bench) -> Time {
+    let begin = bench.board.now();
+    bench
+        .board
+        .run_until(Time::from_ms(100), |board| !board.bridge().awake)
+        .expect("the bridge goes off");
+    let took = bench.board.now() - begin;
+    for _ in 0..200 {
+        bench.run(Time::from_ms(1));
+        assert_eq!(bench.board.current_a(), 0.0, "the bridge comes back");
+        assert!(!bench.board.bridge().awake, "the bridge wakes");
+    }
+    took
+}
+
+#[test]
+fn the_current_follows_its_course_and_ends() {
+    let mut bench = ramping();
+    bench.frames.clear();
+    let mut highest: f64 = 0.0;
+    let refusal = loop {
+        bench.run(Time::from_ms(1));
+        highest = highest.max(bench.board.current_a());
+        let refusal = bench.frames.iter().find_map(|frame| match &frame.message {
+            Record::Refusal(refusal) => Some(refusal.clone()),
+            _ => None,
+        });
+        if let Some(refusal) = refusal {
+            break refusal;
+        }
+        assert!(bench.frames.len() < 2_000, "the measurement does not end");
+    };
+    assert_eq!(refusal.measurement, 1);
+    assert!((9.5..=10.01).contains(&highest), "{highest}");
+    assert_eq!(bench.board.current_a(), 0.0);
+    let told = bench.samples().filter_map(|(_, sample)| sample.current_a);
+    assert!(told.fold(0.0, f32::max) > 9.0);
+}
+
+#[test]
+fn a_command_switches_the_bridge_off() {
+    let snapshot = ramping();
+    for command in [Command::Disarm, Command::Abort, Command::SensingOnly] {
+        let mut bench = snapshot.clone();
+        assert_eq!(bench.command(&command).outcome, Outcome::Accepted);
+        assert_eq!(bench.board.current_a(), 0.0, "{command:?}");
+        time_to_off(&mut bench);
+    }
+}
+
+/// Instructions without end, and one that is none.
+const LOOP: u32 = 0xE7FE_E7FE;
+const UNDEFINED: u32 = 0xDE00_DE00;
+/// A free word near the end of memory.
+const SPARE: u32 = 0x2004_1FF0;
+
+/// Exceptions in which the firmware spends its time: the tasks' two dispatchers, the timer, the
+/// two interrupts of the bus and the one that follows them, and none at all.
+const PLACES: [u32; 6] = [16 + 26, 16 + 27, 16, 16 + 13, 16 + 23, 16 + 7];
+
+#[test]
+fn a_fault_anywhere_switches_the_bridge_off_within_a_millisecond() {
+    let snapshot = ramping();
+    for place in PLACES {
+        let mut bench = snapshot.clone();
+        bench
+            .board
+            .run_until(Time::from_ms(20), |board| board.exception() == place)
+            .unwrap();
+        bench.board.poke(SPARE, UNDEFINED);
+        bench.board.set_pc(SPARE);
+        let took = time_to_off(&mut bench);
+        assert!(took <= Time::from_ms(1), "exception {place}: {took}");
+        assert_eq!(bench.board.resets().watchdog, 1);
+        let crash = bench.frames.iter().find_map(|frame| match &frame.message {
+            Record::Crash(crash) => Some(crash.clone()),
+            _ => None,
+        });
+        let crash = crash.expect("the crash is told");
+        assert_eq!(crash.cause, ResetCause::HardFault);
+        assert_eq!(crash.program_counter, SPARE);
+        let faults = bench.faults();
+        assert!(
+            faults
+                .iter()
+                .any(|fault| fault.code == FaultCode::HardFault),
+            "{faults:?}"
+        );
+        assert_eq!(
+            bench.command(&Command::Measure).outcome,
+            Outcome::SensingOnly
+        );
+    }
+}
+
+#[test]
+fn an_endless_loop_anywhere_switches_the_bridge_off_within_60_ms() {
+    let snapshot = ramping();
+    for place in PLACES {
+        let mut bench = snapshot.clone();
+        bench
+            .board
+            .run_until(Time::from_ms(20), |board| board.exception() == place)
+            .unwrap();
+        bench.board.poke(SPARE, LOOP);
+        bench.board.set_pc(SPARE);
+        let took = time_to_off(&mut bench);
+        assert!(took <= Time::from_ms(60), "exception {place}: {took}");
+        let faults = bench.faults();
+        assert!(
+            faults.iter().any(|fault| fault.code == FaultCode::Watchdog),
+            "{faults:?}"
+        );
+        bench.stream();
+    }
+}
+
+#[test]
+fn a_snapshot_runs_on_like_its_original() {
+    let mut one = ramping();
+    let mut other = one.clone();
+    one.run(Time::from_ms(50));
+    other.run(Time::from_ms(50));
+    assert_eq!(one.frames, other.frames);
+    assert_eq!(one.board.instructions(), other.board.instructions());
+    assert_eq!(one.board.now(), other.board.now());
+}
+
+#[test]
+fn the_image_fits_its_budget() {
+    assert!(image().flash_bytes() <= 96 * 1024);
+    assert_eq!(firmware::TARGET, "thumbv6m-none-eabi");
+}
