@@ -1,13 +1,12 @@
 //! From settings to a plan for the converter, and from frames to samples in time.
 
 use ldc161x::{
-    Acquisition, Channel, Configuration, Frame, Model, Plan, Rate, ReferenceClock, Refusal,
-    Request, Sensor, Sequence,
+    Acquisition, Channel, Configuration, DriveCode, Frame, Model, Plan, Rate, ReferenceClock,
+    Refusal, Request, Sensor, Sequence,
 };
-use palpate_wire::command::Settings;
 
-/// The resonators that the board is made for: 2 to 5 MHz. The drive current is made for 3 to
-/// 8 kiloohm until it is calibrated on the board.
+/// The resonators that the board is made for: 2 to 5 MHz with a quality factor of 50 at most. The
+/// parallel resistance only gives the drive to begin with: the converter seeks its own at the start.
 const SENSOR: Sensor = Sensor {
     highest_quality_factor: 50,
     lowest_rp_ohm: 3_000,
@@ -25,6 +24,15 @@ const TOLERANCE: f32 = 0.25;
 /// that the period is constant and only its value is not known.
 const GAIN: f32 = 1.0 / 64.0;
 
+/// What the procedure wants of the converter.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Wanted {
+    /// Active channels: bit n for channel n.
+    pub channels: u8,
+    /// Scans per second.
+    pub rate_hz: f32,
+}
+
 /// How the converter is to be run.
 #[derive(Clone, Copy)]
 pub struct Scheme {
@@ -38,21 +46,26 @@ pub struct Scheme {
     pub before_edge_us: u32,
     /// From the middle of the first conversion to that of each.
     pub offsets_us: [u16; 4],
+    /// How long a conversion takes, in microseconds.
+    pub window_us: u16,
 }
 
 impl Scheme {
-    /// The scheme for some settings.
-    pub fn new(settings: &Settings) -> Result<Self, Refusal> {
-        let acquisition = acquisition(settings.channels);
+    /// The scheme for channels and a rate.
+    pub fn new(wanted: Wanted) -> Result<Self, Refusal> {
+        let acquisition = acquisition(wanted.channels);
         let is_single = matches!(acquisition, Acquisition::Single(_));
         let hz = if is_single { SINGLE_HZ } else { SCAN_HZ };
-        let rate = Rate::PerSecond((settings.rate_hz as u32).max(1));
+        let rate = Rate::PerSecond(ceil(wanted.rate_hz));
         let clock = ReferenceClock::External { hz };
         let plan: Plan = Request::new(Model::Ldc1614, clock, acquisition, SENSOR)
             .rate(rate)
             .plan()?;
         let (before_edge_us, offsets_us) = times(&plan.configuration);
+        let first = plan.configuration.acquisition.channels().next();
+        let scale = plan.configuration.scale(first.unwrap_or_default());
         Ok(Self {
+            window_us: (scale.conversion_s() as f32 * 1e6 + 0.5) as u16,
             configuration: plan.configuration,
             period_us: plan.frame_period_ns as f32 / 1e3,
             is_single,
@@ -60,6 +73,29 @@ impl Scheme {
             offsets_us,
         })
     }
+
+    /// Drives the active channels with what was found for them.
+    pub fn drive(&mut self, found: &[Option<DriveCode>; 4]) {
+        for (channel, drive) in Channel::ALL.into_iter().zip(found) {
+            if let Some(drive) = drive {
+                self.configuration.channel_mut(channel).drive = *drive;
+            }
+        }
+    }
+}
+
+/// A drive with room for the growth of the parallel resistance when the sensor is pressed. What the
+/// converter finds is the strongest below 1.8 V (datasheet 8.1.5.2); one code less is 1.1 to 1.25
+/// times less, and a press makes the resistance up to 1.2 times as high.
+pub fn with_room(found: DriveCode) -> DriveCode {
+    DriveCode::new(found.code().saturating_sub(1)).unwrap_or(found)
+}
+
+/// The next whole number of scans per second.
+fn ceil(rate_hz: f32) -> u32 {
+    let whole = rate_hz as u32;
+    let more = whole as f32 - rate_hz < 0.0;
+    (whole + u32::from(more)).max(1)
 }
 
 /// One channel alone, or a scan up to the highest one: the converter knows no other sequences.
@@ -88,12 +124,12 @@ pub struct Sampled {
     pub time_us: u64,
     /// From there to the middle of each conversion.
     pub offsets_us: [u16; 4],
+    /// How long a conversion takes.
+    pub window_us: u16,
     /// Frames that were lost between the last one and this.
     pub missed: u32,
     /// What went before is unknown.
     pub gap: bool,
-    /// From one frame to the next, as learnt.
-    pub period_us: f32,
 }
 
 /// The grid of the frames: their period as it is learnt, and what is missing from it.

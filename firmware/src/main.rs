@@ -11,16 +11,16 @@ mod acquisition;
 mod board;
 mod bus;
 mod coil;
-mod configuration;
 mod crash;
+mod history;
 mod link;
 #[cfg(planted_defect = "panic")]
 mod planted;
-mod procedure;
 mod report;
 mod safe;
 mod supervision;
 mod tasks;
+mod thermistor;
 
 use rtic_monotonics::rp2040_timer_monotonic;
 use rtic_sync::signal::Signal;
@@ -55,9 +55,7 @@ mod app {
     use crate::board::{pico::Board, sleep_in_memory, vectors};
     use crate::bus::{self, Master};
     use crate::coil::Coil;
-    use crate::configuration::Configuration;
     use crate::crash::Beginning;
-    use crate::procedure::Procedure;
     use crate::supervision::Watchdog;
     use crate::tasks::*;
     use crate::{Mono, SAMPLES, halt, link, safe};
@@ -96,6 +94,8 @@ mod app {
             driver: AsyncLdc161x::new(master, Model::Ldc1614, Address::AddrLow),
             samples: producer,
             release: None,
+            drives: None,
+            not_taken: 0,
         };
         let instrument = Instrument {
             outbox,
@@ -104,12 +104,11 @@ mod app {
             beginning,
             boot_id: board.boot_id,
             clocks_run: board.clocks_run,
-            configuration: Configuration::new(),
-            procedure: Procedure::new(),
-            refused: 0,
-            standing: None,
-            status_due_us: 0,
-            last_status: (0, 0),
+            procedure: None,
+            standing: [None; 2],
+            latched: None,
+            conditions_due_us: 0,
+            last_conditions: (0, 0),
         };
         // Each task is spawned for the first time, which cannot fail.
         let _ = sensing::spawn();

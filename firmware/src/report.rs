@@ -5,8 +5,8 @@ use core::sync::atomic::{AtomicU32, Ordering};
 
 use critical_section::Mutex;
 use ldc161x::Error;
-use palpate_wire::code::{FaultCode, Place};
-use palpate_wire::record::Fault;
+use palpate_procedure::event::Failure;
+use palpate_wire::code::{Chip, FaultCode, Place};
 
 use crate::bus::BusError;
 
@@ -36,18 +36,10 @@ impl Count {
     }
 }
 
-/// Frames read.
-pub static FRAMES: Count = Count::new();
-/// Frames that were lost in the converter.
-pub static LOST: Count = Count::new();
-/// Conversions with an error flag.
-pub static FLAGGED: Count = Count::new();
 /// Transfers that failed.
 pub static BUS_ERRORS: Count = Count::new();
 /// Recoveries of bus or converter.
 pub static RECOVERIES: Count = Count::new();
-/// Samples that the instrument was too slow to take.
-pub static NOT_TAKEN: Count = Count::new();
 /// Microseconds in which the processor slept.
 pub static ASLEEP_US: Count = Count::new();
 
@@ -57,8 +49,8 @@ pub fn set_fault(fault: Option<&Error<BusError>>) {
     critical_section::with(|section| STANDING.borrow(section).set(code));
 }
 
-/// The converter's fault that stands, as a record.
-pub fn fault() -> Option<Fault> {
+/// The converter's fault that stands.
+pub fn fault() -> Option<Failure> {
     let (code, value) = critical_section::with(|section| STANDING.borrow(section).get())?;
     let place = match code {
         FaultCode::BusDataStuck
@@ -67,13 +59,34 @@ pub fn fault() -> Option<Fault> {
         | FaultCode::BusTimeout => Place::Bus,
         _ => Place::Sensor,
     };
-    Some(Fault {
-        code,
-        place,
-        active: true,
+    Some(Failure {
         value: value.map(f32::from),
-        limit: None,
+        ..Failure::new(code, place)
     })
+}
+
+/// Which chip answers at the converter's address, once it was asked.
+static CHIP: Mutex<Cell<Option<Chip>>> = Mutex::new(Cell::new(None));
+
+/// What came of asking the converter who it is.
+pub fn set_identity(asked: Result<(), Error<BusError>>) {
+    let chip = match asked {
+        Ok(()) => Chip::Ldc161x,
+        Err(Error::WrongIdentity {
+            device: LDC131X, ..
+        }) => Chip::Ldc131x,
+        Err(Error::WrongIdentity { .. }) => Chip::Foreign,
+        Err(_) => Chip::Absent,
+    };
+    critical_section::with(|section| CHIP.borrow(section).set(Some(chip)));
+}
+
+/// Device identity of an LDC1312 or LDC1314 (datasheet SNOSCZ0, DEVICE_ID).
+const LDC131X: u16 = 0x3054;
+
+/// Which chip answers, once it was asked.
+pub fn chip() -> Option<Chip> {
+    critical_section::with(|section| CHIP.borrow(section).get())
 }
 
 /// The number of an error in the protocol, and its value.

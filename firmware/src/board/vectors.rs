@@ -56,6 +56,26 @@ pub fn move_to_memory(scb: &SCB, nvic: &mut NVIC) {
 /// which share nothing with tasks but through `engine`'s own, shorter ones.
 const NEVER_MASKED: u32 = 1 << Interrupt::IO_IRQ_BANK0 as u32 | 1 << Interrupt::I2C0_IRQ as u32;
 
+/// Masks every other interrupt that is enabled, and says which those are. From memory, since it
+/// holds back all of them while it does so.
+#[unsafe(link_section = ".data.section")]
+#[inline(never)]
+fn mask() -> u32 {
+    // With interrupts off as a whole there is no moment at which one that was just masked could
+    // still be taken.
+    cortex_m::interrupt::free(|_| {
+        // SAFETY: masking interrupts cannot break anybody's assumptions.
+        let nvic = unsafe { &*NVIC::PTR };
+        let enabled = nvic.iser.first().map_or(0, |iser| iser.read()) & !NEVER_MASKED;
+        if let Some(icer) = nvic.icer.first() {
+            // SAFETY: as above.
+            unsafe { icer.write(enabled) };
+        }
+        cortex_m::asm::dsb();
+        enabled
+    })
+}
+
 struct Section;
 critical_section::set_impl!(Section);
 
@@ -63,19 +83,7 @@ critical_section::set_impl!(Section);
 // critical section and touch nothing that one protects. Only one core runs.
 unsafe impl critical_section::Impl for Section {
     unsafe fn acquire() -> u32 {
-        // With interrupts off as a whole there is no moment at which one that was just masked
-        // could still be taken.
-        cortex_m::interrupt::free(|_| {
-            // SAFETY: masking interrupts cannot break anybody's assumptions.
-            let nvic = unsafe { &*NVIC::PTR };
-            let enabled = nvic.iser.first().map_or(0, |iser| iser.read()) & !NEVER_MASKED;
-            if let Some(icer) = nvic.icer.first() {
-                // SAFETY: as above.
-                unsafe { icer.write(enabled) };
-            }
-            cortex_m::asm::dsb();
-            enabled
-        })
+        mask()
     }
 
     unsafe fn release(enabled: u32) {

@@ -388,6 +388,8 @@ pub fn submit(job: &Job) -> bool {
 }
 
 /// The outcome of the transaction that was begun, once it is over.
+#[unsafe(link_section = ".data.engine")]
+#[inline(never)]
 pub fn take_single() -> Option<Outcome> {
     let is_over = with(|engine| core::mem::take(&mut engine.single_is_over));
     // SAFETY: nothing writes to it until the next single job begins, which the caller does.
@@ -411,6 +413,8 @@ pub fn keep_ready(job: &Job) {
 }
 
 /// Whether this is the transaction that is kept ready, or none is.
+#[unsafe(link_section = ".data.engine")]
+#[inline(never)]
 pub fn may_be_ready(job: &Job) -> bool {
     // SAFETY: nothing writes to the job that is kept ready but `keep_ready`, which the caller, the
     // master, calls itself.
@@ -418,6 +422,8 @@ pub fn may_be_ready(job: &Job) -> bool {
 }
 
 /// Keeps nothing ready any more, and forgets what waits.
+#[unsafe(link_section = ".data.engine")]
+#[inline(never)]
 pub fn rest() {
     with(|engine| {
         engine.is_ahead = false;
@@ -428,12 +434,16 @@ pub fn rest() {
 }
 
 /// The block was reset: what ran is lost.
+#[unsafe(link_section = ".data.engine")]
+#[inline(never)]
 pub fn forget() {
     with(|engine| engine.runs = Runs::Nothing);
     rest();
 }
 
 /// The oldest frame that waits.
+#[unsafe(link_section = ".data.engine")]
+#[inline(never)]
 pub fn take_frame() -> Option<Outcome> {
     let first = with(|engine| (engine.waiting > 0).then_some(engine.first))?;
     // SAFETY: the place is within the ring, and the engine writes to no frame that waits.
@@ -457,17 +467,23 @@ fn release_frame() {
 }
 
 /// Since when something runs, if something does.
+#[unsafe(link_section = ".data.engine")]
+#[inline(never)]
 pub fn runs_since_us() -> Option<u32> {
     with(|engine| (engine.runs != Runs::Nothing).then_some(engine.since_us))
 }
 
 /// Time of the last edge and how many there were.
+#[unsafe(link_section = ".data.engine")]
+#[inline(never)]
 pub fn last_edge() -> (u32, u32) {
     with(|engine| (engine.last_edge_us, engine.edges))
 }
 
 /// INTB is low, nothing runs, and no edge is known: takes this for an edge of now. An edge can be
 /// missed while the bus is being recovered.
+#[unsafe(link_section = ".data.engine")]
+#[inline(never)]
 pub fn begin_without_edge() {
     with(|engine| {
         if engine.runs == Runs::Nothing && engine.late.is_none() && engine.waiting == 0 {

@@ -1,7 +1,9 @@
-//! The coil's task: a thousand times a second the pulse width that the course wants.
+//! The coil's task: a thousand times a second the pulse width that the course wants, and the
+//! current that comes of it.
 
 use rtic_monotonics::rp2040::prelude::*;
 
+use crate::coil::{MEASURED_AFTER_US, STEP_US};
 use crate::supervision::{Task, check_in};
 use crate::{Mono, app};
 
@@ -10,10 +12,12 @@ pub async fn coil(cx: app::coil::Context<'_>) {
     let mut next = Mono::now();
     loop {
         check_in(Task::Coil);
-        cx.local.coil.update(Mono::now().as_ticks());
+        cx.local.coil.set(Mono::now().as_ticks());
         #[cfg(planted_defect = "panic")]
         crate::planted::panic_if_asked(Task::Coil);
-        next += 1.millis();
+        Mono::delay_until(next + MEASURED_AFTER_US.micros()).await;
+        cx.local.coil.measure();
+        next += STEP_US.micros();
         Mono::delay_until(next).await;
     }
 }

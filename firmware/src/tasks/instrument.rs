@@ -1,23 +1,25 @@
 //! The instrument's task: samples, commands and time go to the procedure, and what it wants done
 //! is done.
 
-use core::cell::RefCell;
-use core::sync::atomic::{AtomicU32, Ordering};
+use core::cell::Cell;
 
 use critical_section::Mutex;
 use heapless::spsc::Consumer;
-use palpate_wire::code::{Board, Chip, FaultCode, Outcome, Place, ResetCause};
-use palpate_wire::command::{Command, Settings};
-use palpate_wire::record::{Acknowledgement, Fault, Hello, Status};
-use palpate_wire::{FrameError, Header, MINOR_VERSION, Message, Record, SCHEMA_HASH};
+use palpate_procedure::event::{Conditions, Failure};
+use palpate_procedure::units::{Ampere, Celsius};
+use palpate_procedure::{
+    Action, Board, Conversion, Duration, Event, Instant, Limits, Procedure, Scan,
+};
+use palpate_wire::code::{self, Chip, FaultCode, Outcome, Place, ResetCause};
+use palpate_wire::command::Command;
+use palpate_wire::record::{Acknowledgement, Hello};
+use palpate_wire::{Frame, MINOR_VERSION, Message, Record, SCHEMA_HASH};
 use rtic_monotonics::rp2040::prelude::*;
 use rtic_sync::signal::SignalReader;
 
-use crate::acquisition::{Sampled, Scheme};
-use crate::configuration::{Configuration, DEFAULT};
+use crate::acquisition::{Sampled, Scheme, Wanted};
 use crate::crash::Beginning;
 use crate::link::{Inbox, Outbox, Received, log};
-use crate::procedure::{Action, Event, Inputs, Procedure};
 use crate::supervision::{Task, check_in};
 use crate::{Mono, app, board, coil, report};
 
@@ -27,33 +29,37 @@ const TICK_MS: u64 = 1;
 const AT_ONCE: usize = 4;
 /// Bytes of commands that are looked at in a tick: two of the longest frames.
 const COMMAND_BYTES: usize = 212;
+/// How long the converter may take to say who it is: its wake-up, and the deadlines of two
+/// transfers that fail.
+const IDENTITY_MS: u64 = 15;
+/// How often the procedure hears of temperature, supply and load.
+const CONDITIONS_US: u64 = 100_000;
+/// Channels of an LDC1614.
+const CHANNELS: u8 = 0b1111;
 
-/// The settings that the sensing task is to follow, and a number that changes with them.
-static WANTED: Mutex<RefCell<Settings>> = Mutex::new(RefCell::new(DEFAULT));
-static WANTED_NUMBER: AtomicU32 = AtomicU32::new(0);
+/// What the sensing task is to follow, and a number that changes with it.
+static WANTED: Mutex<Cell<Option<(Wanted, u32)>>> = Mutex::new(Cell::new(None));
 
-/// The settings in force with their number.
-pub fn wanted() -> (Settings, u32) {
-    let number = wanted_number();
-    let settings = critical_section::with(|section| match WANTED.borrow(section).try_borrow() {
-        Ok(settings) => settings.clone(),
-        Err(_) => DEFAULT,
-    });
-    (settings, number)
+/// What is wanted of the converter with its number; nothing before the procedure has begun.
+pub fn wanted() -> Option<(Wanted, u32)> {
+    critical_section::with(|section| WANTED.borrow(section).get())
 }
 
-/// The number of the settings in force.
+/// The number of what is wanted.
 pub fn wanted_number() -> u32 {
-    WANTED_NUMBER.load(Ordering::Relaxed)
+    wanted().map_or(0, |(_, number)| number)
 }
 
-fn want(settings: &Settings) {
+fn want(wanted: Wanted) {
     critical_section::with(|section| {
-        if let Ok(mut wanted) = WANTED.borrow(section).try_borrow_mut() {
-            *wanted = settings.clone();
-        }
+        let place = WANTED.borrow(section);
+        let next = match place.get() {
+            Some((already, _)) if already == wanted => return,
+            Some((_, number)) => number.wrapping_add(1),
+            None => 1,
+        };
+        place.set(Some((wanted, next)));
     });
-    WANTED_NUMBER.store(wanted_number().wrapping_add(1), Ordering::Relaxed);
 }
 
 /// What the task owns.
@@ -70,25 +76,30 @@ pub struct Instrument {
     pub boot_id: u32,
     /// The clocks run as planned.
     pub clocks_run: bool,
-    /// What was set.
-    pub configuration: Configuration,
-    /// What is done with it.
-    pub procedure: Procedure,
-    /// Commands that were refused.
-    pub refused: u32,
-    /// The fault that was reported and stands.
-    pub standing: Option<Fault>,
-    /// When the next status is due, and what the last one said of sleep.
-    pub status_due_us: u64,
-    /// Time of the last status, and the sleep up to then.
-    pub last_status: (u64, u32),
+    /// What the instrument does, once it is known which converter is there.
+    pub procedure: Option<Procedure>,
+    /// The failures that the procedure was told of and that last: of the converter, of the bridge.
+    pub standing: [Option<FaultCode>; 2],
+    /// The fault that the procedure stands in, as it said.
+    pub latched: Option<FaultCode>,
+    /// When the next conditions are due.
+    pub conditions_due_us: u64,
+    /// Time of the last conditions, and the sleep up to then.
+    pub last_conditions: (u64, u32),
 }
 
 /// Takes what comes, for ever.
 pub async fn instrument(cx: app::instrument::Context<'_>) {
     let instrument = cx.local.instrument;
     let arrived = cx.local.arrived;
-    instrument.greet();
+    for _ in 0..IDENTITY_MS {
+        check_in(Task::Instrument);
+        if report::chip().is_some() {
+            break;
+        }
+        Mono::delay(1.millis()).await;
+    }
+    instrument.begin();
     loop {
         check_in(Task::Instrument);
         instrument.work();
@@ -103,269 +114,215 @@ async fn wait(arrived: &mut SignalReader<'static, ()>) {
 }
 
 impl Instrument {
-    /// What a run begins with.
-    fn greet(&mut self) {
-        self.hello();
-        if let Some(crash) = self.beginning.crash.clone() {
-            self.emit(Record::Crash(crash));
-        }
-        if !self.clocks_run {
-            self.fault(FaultCode::Clock, Place::Clock);
-        }
-        if self.beginning.is_crash() {
-            let code = match self.beginning.cause {
-                ResetCause::Watchdog => FaultCode::Watchdog,
-                ResetCause::Panic => FaultCode::Panic,
-                _ => FaultCode::HardFault,
-            };
-            self.fault(code, Place::Processor);
-        }
+    /// The procedure. It is made in a frame of its own: what making it takes of the stack is free
+    /// again before it runs.
+    #[inline(never)]
+    fn make(&mut self) {
+        let board = self.board();
+        self.procedure = Some(Procedure::new(board));
     }
 
-    fn fault(&mut self, code: FaultCode, place: Place) {
-        self.emit(Record::Fault(Fault {
-            code,
-            place,
-            active: true,
-            value: None,
-            limit: None,
-        }));
+    /// What a run begins with.
+    fn begin(&mut self) {
+        self.make();
+        self.step(&Event::Tick);
+        if !self.clocks_run {
+            self.fail(Failure::new(FaultCode::Clock, Place::Clock));
+        }
+        let code = match self.beginning.cause {
+            ResetCause::Watchdog => FaultCode::Watchdog,
+            ResetCause::Panic => FaultCode::Panic,
+            ResetCause::HardFault => FaultCode::HardFault,
+            _ => return,
+        };
+        self.fail(Failure::new(code, Place::Processor));
+    }
+
+    fn board(&mut self) -> Board {
+        Board {
+            boot_id: self.boot_id,
+            hello: Hello {
+                minor_version: MINOR_VERSION,
+                schema_hash: SCHEMA_HASH,
+                firmware_major: decimal(env!("CARGO_PKG_VERSION_MAJOR")),
+                firmware_minor: decimal(env!("CARGO_PKG_VERSION_MINOR")),
+                firmware_patch: decimal(env!("CARGO_PKG_VERSION_PATCH")),
+                commit: hexadecimal(env!("PALPATE_COMMIT")),
+                dirty: hexadecimal(env!("PALPATE_DIRTY")) != 0,
+                simulated: false,
+                board: code::Board::Pico,
+                unit: 0,
+                reset_cause: self.beginning.cause,
+                chip: report::chip().unwrap_or(Chip::Absent),
+                second_chip: Chip::Absent,
+                configuration_crc: 0,
+            },
+            crash: self.beginning.crash.take(),
+            channels: [CHANNELS, 0],
+            coil: true,
+            limits: Limits::REFERENCE,
+        }
     }
 
     fn work(&mut self) {
+        let mut told = false;
         for _ in 0..AT_ONCE {
             let Some(sampled) = self.samples.dequeue() else {
                 break;
             };
-            self.step(Event::Sampled(&sampled), None);
+            self.sampled(&sampled);
+            told = true;
         }
         if let Some(received) = self.inbox.receive(COMMAND_BYTES) {
-            self.receive(&received);
+            self.received(&received);
+            told = true;
         }
         self.follow_faults();
-        self.step(Event::Tick, None);
         let now_us = Mono::now().as_ticks();
-        if now_us >= self.status_due_us {
-            let period_us = self.configuration.settings.status_period_s * 1e6;
-            self.status_due_us = now_us + period_us as u64;
-            self.status(now_us);
+        if now_us >= self.conditions_due_us {
+            self.conditions_due_us = now_us + CONDITIONS_US;
+            let conditions = self.conditions(now_us);
+            self.step(&Event::Conditions(conditions));
+        } else if !told {
+            self.step(&Event::Tick);
         }
     }
 
-    /// Lets the procedure take an event, and does what it wants.
-    fn step(&mut self, event: Event<'_>, command: Option<(&Header, u8)>) {
-        let now_us = Mono::now().as_ticks();
-        let inputs = Inputs {
-            settings: &self.configuration.settings,
-            has_coil: self.configuration.coil.is_some(),
-            is_faulted: self.standing.is_some(),
-            current_a: coil::measured().current_a,
+    /// Tells the procedure, and does what it wants done.
+    fn step(&mut self, event: &Event<'_>) {
+        let Some(procedure) = &mut self.procedure else {
+            return;
         };
-        let (outbox, refused) = (&mut self.outbox, &mut self.refused);
-        self.procedure
-            .step(now_us, event, &inputs, |action| match action {
-                Action::Emit(time_us, record) => outbox.send(time_us, &record),
-                Action::Arm(armed) => coil::arm(armed),
-                Action::Follow(course) => coil::follow(course),
-                Action::Answer(outcome) => {
-                    if let Some((header, kind)) = command {
-                        *refused += u32::from(outcome != Outcome::Accepted);
-                        let answer = Acknowledgement::new(header, kind, outcome);
-                        outbox.send(now_us, &Record::Acknowledgement(answer));
+        let now_us = Mono::now().as_ticks();
+        for action in &procedure.step(Instant::from_ticks(now_us), event) {
+            match action {
+                Action::SafeState => coil::stop(),
+                Action::Current { to, over } => coil::go(now_us, to.0, over.as_ticks()),
+                Action::ConfigureSensors { channels, rate } => want(Wanted {
+                    channels: *channels,
+                    rate_hz: rate.0,
+                }),
+                Action::Record { at, record } => {
+                    if let Record::Fault(fault) = record {
+                        self.latched = match self.latched {
+                            Some(code) if !fault.active && code == fault.code => None,
+                            None if fault.active => Some(fault.code),
+                            latched => latched,
+                        };
                     }
+                    self.outbox.send(at.as_ticks(), record);
                 }
+            }
+        }
+    }
+
+    fn fail(&mut self, failure: Failure) {
+        self.step(&Event::Fault(failure));
+    }
+
+    // ---- what happens ----
+
+    fn sampled(&mut self, sampled: &Sampled) {
+        // Whatever stood against converter or bus has ended with this.
+        if let Some(code) = self.latched {
+            self.step(&Event::Recovered(code));
+        }
+        let half_us = u64::from(sampled.window_us / 2);
+        let begin_us = sampled.time_us.saturating_sub(half_us);
+        let end_us = begin_us + u64::from(sampled.window_us);
+        let readings = sampled.frame.readings().iter();
+        let conversions = readings
+            .zip(sampled.offsets_us)
+            .map(|(reading, offset_us)| Conversion {
+                reading: *reading,
+                offset: Duration::from_ticks(offset_us.into()),
             });
+        let scan = Scan {
+            sensor: 0,
+            middle: Instant::from_ticks(sampled.time_us),
+            window: Duration::from_ticks(sampled.window_us.into()),
+            conversions: conversions.collect(),
+            lost: sampled.missed,
+            gap: sampled.gap,
+            current: coil::mean_current_a(begin_us, end_us).map(Ampere),
+        };
+        self.step(&Event::Scan(&scan));
     }
 
-    fn emit(&mut self, record: Record) {
-        self.outbox.send(Mono::now().as_ticks(), &record);
-    }
-
-    // ---- commands ----
-
-    fn receive(&mut self, received: &Received) {
+    fn received(&mut self, received: &Received) {
         match received {
-            Ok(frame) => self.command(&frame.header, &frame.message),
-            Err(FrameError::Version { .. }) => self.hello(),
-            Err(error) => {
-                if let Some(answer) = Acknowledgement::not_understood(error) {
-                    self.refused += 1;
-                    self.emit(Record::Acknowledgement(answer));
-                }
-            }
-        }
-    }
-
-    fn command(&mut self, header: &Header, command: &Command) {
-        if !command.is_for(self.boot_id, header.boot_id) {
-            self.answer(header, command, Outcome::OtherBoot);
-            return;
-        }
-        if let Err(invalid) = command.validate() {
-            self.refused += 1;
-            let answer = Acknowledgement::invalid(header, command.kind(), &invalid);
-            self.emit(Record::Acknowledgement(answer));
-            return;
-        }
-        match command {
-            Command::Identify => {
-                self.answer(header, command, Outcome::Accepted);
-                self.hello();
-                self.status(Mono::now().as_ticks());
-            }
-            Command::GetSettings => {
-                self.answer(header, command, Outcome::Accepted);
-                let settings = self.configuration.settings.clone();
-                self.emit(Record::Settings(settings));
-            }
-            Command::GetCalibration(wanted) => {
-                // The answer comes first, and says whether there is anything to tell.
-                let outcome = self.configuration.tell(wanted, |_| ());
-                self.answer(header, command, outcome);
-                let outbox = &mut self.outbox;
+            Ok(frame) if self.is_beyond_the_converter(frame) => {
+                let kind = frame.message.kind();
+                let refusal = Acknowledgement::new(&frame.header, kind, Outcome::OutOfRange);
                 let now_us = Mono::now().as_ticks();
-                self.configuration
-                    .tell(wanted, |record| outbox.send(now_us, &record));
+                self.outbox.send(now_us, &Record::Acknowledgement(refusal));
             }
-            Command::ClearFault(_) => {
-                let outcome = match &self.standing {
-                    Some(_) => Outcome::FaultPersists,
-                    None => Outcome::OtherFault,
-                };
-                self.answer(header, command, outcome);
-            }
-            Command::SetSettings(settings) => self.set_settings(header, command, settings),
-            _ if self.sets(command) => self.set(header, command),
-            _ => self.step(Event::Command(command), Some((header, command.kind()))),
+            Ok(frame) => self.step(&Event::Command(frame)),
+            Err(error) => self.step(&Event::NotUnderstood(*error)),
         }
     }
 
-    fn sets(&self, command: &Command) -> bool {
-        matches!(
-            command,
-            Command::SetTank(_)
-                | Command::SetDeformationCurve(_)
-                | Command::SetCrosstalk(_)
-                | Command::SetSprings(_)
-                | Command::SetStiffening(_)
-                | Command::SetStiffeningCurve(_)
-                | Command::SetCoil(_)
-        )
-    }
-
-    fn answer(&mut self, header: &Header, command: &Command, outcome: Outcome) {
-        self.refused += u32::from(outcome != Outcome::Accepted);
-        let answer = Acknowledgement::new(header, command.kind(), outcome);
-        self.emit(Record::Acknowledgement(answer));
-    }
-
-    fn set(&mut self, header: &Header, command: &Command) {
-        let outcome = if self.procedure.is_armed() {
-            Outcome::Armed
-        } else {
-            let set = self.configuration.set(command);
-            set.unwrap_or(Outcome::UnknownCommand)
+    /// Whether it asks for channels and a rate that the converter cannot follow. The procedure
+    /// knows the limits of each by itself only.
+    fn is_beyond_the_converter(&self, frame: &Frame<Command>) -> bool {
+        let Command::SetSettings(settings) = &frame.message else {
+            return false;
         };
-        self.answer(header, command, outcome);
+        let wanted = Wanted {
+            channels: settings.channels,
+            rate_hz: settings.rate_hz,
+        };
+        let is_for_us = frame.message.is_for(self.boot_id, frame.header.boot_id);
+        is_for_us && frame.message.validate().is_ok() && Scheme::new(wanted).is_err()
     }
 
-    /// Settings that the converter cannot follow are refused as a whole.
-    fn set_settings(&mut self, header: &Header, command: &Command, settings: &Settings) {
-        if Scheme::new(settings).is_err() {
-            self.answer(header, command, Outcome::OutOfRange);
-            return;
-        }
-        self.set(header, command);
-        if self.configuration.settings == *settings && !self.procedure.is_armed() {
-            want(settings);
-        }
-    }
-
-    // ---- records ----
-
-    /// Reports a fault of the converter when it begins and when it ends.
+    /// Tells of failures when they begin, and of those of the bridge when they end too. That the
+    /// converter's have ended is told by its next sample.
     fn follow_faults(&mut self) {
-        let fault = report::fault().or_else(|| {
-            coil::bridge_faults().then_some(Fault {
-                code: FaultCode::Bridge,
-                place: Place::Bridge,
-                active: true,
-                value: None,
-                limit: None,
-            })
-        });
-        let code = |fault: &Option<Fault>| fault.as_ref().map(|fault| fault.code);
-        if code(&fault) == code(&self.standing) {
-            return;
-        }
-        if let Some(ended) = self.standing.take() {
-            self.emit(Record::Fault(Fault {
-                active: false,
-                ..ended
-            }));
-        }
-        if let Some(began) = fault {
-            self.emit(Record::Fault(began.clone()));
-            self.standing = Some(began);
-            self.step(Event::Faulted, None);
+        let bridge =
+            coil::bridge_faults().then_some(Failure::new(FaultCode::Bridge, Place::Bridge));
+        for (place, failure) in [report::fault(), bridge].into_iter().enumerate() {
+            let Some(standing) = self.standing.get_mut(place) else {
+                continue;
+            };
+            let code = failure.as_ref().map(|failure| failure.code);
+            let before = core::mem::replace(standing, code);
+            if let Some(failure) = failure
+                && before != code
+            {
+                self.fail(failure);
+            }
         }
     }
 
-    fn hello(&mut self) {
-        let chip = match self.standing.as_ref().map(|fault| fault.code) {
-            Some(FaultCode::SensorIdentity) => Chip::Foreign,
-            Some(FaultCode::SensorAbsent) => Chip::Absent,
-            _ => Chip::Ldc161x,
-        };
-        let hello = Hello {
-            minor_version: MINOR_VERSION,
-            schema_hash: SCHEMA_HASH,
-            firmware_major: number(env!("CARGO_PKG_VERSION_MAJOR")) as u16,
-            firmware_minor: number(env!("CARGO_PKG_VERSION_MINOR")) as u16,
-            firmware_patch: number(env!("CARGO_PKG_VERSION_PATCH")) as u16,
-            commit: number(env!("PALPATE_COMMIT")),
-            dirty: number(env!("PALPATE_DIRTY")) != 0,
-            simulated: false,
-            board: Board::Pico,
-            unit: 0,
-            reset_cause: self.beginning.cause,
-            chip,
-            second_chip: Chip::Absent,
-            configuration_crc: self.configuration.crc(),
-        };
-        self.emit(Record::Hello(hello));
-    }
-
-    fn status(&mut self, now_us: u64) {
-        let measured = coil::measured();
+    fn conditions(&mut self, now_us: u64) -> Conditions {
         let asleep_us = report::ASLEEP_US.get();
-        let (then_us, slept_us) = core::mem::replace(&mut self.last_status, (now_us, asleep_us));
+        let (then_us, slept_us) =
+            core::mem::replace(&mut self.last_conditions, (now_us, asleep_us));
         let passed_us = now_us.saturating_sub(then_us) as f32;
         let idle = asleep_us.wrapping_sub(slept_us) as f32 / passed_us;
-        self.emit(Record::Status(Status {
-            conversions: report::FRAMES.get(),
-            conversions_lost: report::LOST.get(),
-            conversions_flagged: report::FLAGGED.get(),
-            second_conversions: 0,
-            second_conversions_lost: 0,
-            second_conversions_flagged: 0,
-            bus_errors: report::BUS_ERRORS.get(),
-            recoveries: report::RECOVERIES.get(),
-            logs_dropped: log::dropped(),
-            commands_damaged: self.inbox.damaged(),
-            commands_refused: self.refused,
-            measurements: self.procedure.measurements(),
-            refusals: self.procedure.measurements(),
-            temperature_c: None,
-            supply_v: measured.supply_v,
+        Conditions {
+            temperature: coil::temperature_c().map(Celsius),
+            supply_v: coil::supply_v(),
             processor_load: (passed_us > 0.0).then_some((1.0 - idle).clamp(0.0, 1.0)),
             stack_bytes: board::stack_used(),
-        }));
+            logs_dropped: log::dropped(),
+            bus_errors: report::BUS_ERRORS.get(),
+            recoveries: report::RECOVERIES.get(),
+        }
     }
 }
 
-/// A hexadecimal or decimal number from the build; 0 if it is none.
-const fn number(text: &str) -> u32 {
+/// A decimal number from the build; 0 if it is none.
+const fn decimal(text: &str) -> u16 {
+    match u16::from_str_radix(text, 10) {
+        Ok(number) => number,
+        Err(_) => 0,
+    }
+}
+
+/// A hexadecimal number from the build; 0 if it is none.
+const fn hexadecimal(text: &str) -> u32 {
     match u32::from_str_radix(text, 16) {
         Ok(number) => number,
         Err(_) => 0,

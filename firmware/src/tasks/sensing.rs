@@ -1,14 +1,12 @@
 //! The sensing task: brings the converter up, reads it on every edge, and recovers it.
 
 use heapless::spsc::Producer;
-use ldc161x::{AsyncLdc161x, Error, InterruptRelease};
-use palpate_wire::command::Settings;
+use ldc161x::{AsyncLdc161x, DriveCode, Error, InterruptRelease};
 use rtic_monotonics::rp2040::prelude::*;
 
-use crate::acquisition::{Grid, Sampled, Scheme};
+use crate::acquisition::{Grid, Sampled, Scheme, Wanted, with_room};
 use crate::board::pico::{self, IntbPin, ShutdownPin};
 use crate::bus::{self, BusError, Master};
-use crate::configuration::DEFAULT;
 use crate::supervision::{Task, check_in};
 use crate::tasks::instrument;
 use crate::{Mono, SAMPLES, app, report};
@@ -25,10 +23,10 @@ const SILENT_US: f32 = 2_000.0;
 /// Single errors of the bus that are passed over before the converter is started anew.
 const PATIENCE: u32 = 2;
 
-/// The settings with which the converter is asked what releases INTB.
-const PROBE: Settings = Settings {
+/// How the converter runs while it is asked what releases INTB.
+const PROBE: Wanted = Wanted {
+    channels: 0b0001,
     rate_hz: 500.0,
-    ..DEFAULT
 };
 
 type Result<T> = core::result::Result<T, Error<BusError>>;
@@ -41,6 +39,10 @@ pub struct Sensing {
     pub samples: Producer<'static, Sampled>,
     /// What releases INTB on this converter, once it was asked.
     pub release: Option<InterruptRelease>,
+    /// The drive that was found for each channel of the scheme under way.
+    pub drives: Option<(u32, [Option<DriveCode>; 4])>,
+    /// Frames since the last one that the instrument could take.
+    pub not_taken: u32,
 }
 
 /// A delay that lets the supervisor know.
@@ -61,11 +63,15 @@ impl embedded_hal_async::delay::DelayNs for Delay {
 /// Brings up, reads, recovers, for ever.
 pub async fn sensing(cx: app::sensing::Context<'_>) {
     let sensing = cx.local.sensing;
+    report::set_identity(sensing.who_is_there().await);
     loop {
-        let settings = instrument::wanted();
-        let result = match Scheme::new(&settings.0) {
-            Ok(scheme) => sensing.acquire(&scheme, &settings).await,
-            Err(_) => Ok(()),
+        let result = match instrument::wanted() {
+            Some((wanted, number)) => match Scheme::new(wanted) {
+                Ok(scheme) => sensing.acquire(scheme, number).await,
+                // Not accepted by the instrument.
+                Err(_) => Ok(()),
+            },
+            None => Ok(()),
         };
         bus::read_at_once();
         if let Err(error) = result {
@@ -78,16 +84,17 @@ pub async fn sensing(cx: app::sensing::Context<'_>) {
 }
 
 impl Sensing {
-    /// Reads with one scheme until the settings change, or something fails.
-    async fn acquire(&mut self, scheme: &Scheme, settings: &(Settings, u32)) -> Result<()> {
-        self.bring_up(scheme).await?;
+    /// Reads with one scheme until another is wanted, or something fails.
+    async fn acquire(&mut self, mut scheme: Scheme, number: u32) -> Result<()> {
+        self.bring_up(&mut scheme, number).await?;
+        let scheme = &scheme;
         let silence_us = scheme.period_us * SILENT_FRAMES + SILENT_US;
         bus::read_on_edges(silence_us as u32);
         let mut grid = Grid::new(scheme.period_us);
         let mut gap = true;
         let mut errors = 0;
         let mut until_canary = CANARY_EVERY;
-        while instrument::wanted_number() == settings.1 {
+        while instrument::wanted_number() == number {
             match self.driver.read_frame().await {
                 Ok(frame) => {
                     errors = 0;
@@ -131,7 +138,15 @@ impl Sensing {
         result.map(drop)
     }
 
-    async fn bring_up(&mut self, scheme: &Scheme) -> Result<()> {
+    /// Lets the converter wake, and asks it.
+    async fn who_is_there(&mut self) -> Result<()> {
+        pico::set_clkin(pico::CLKIN_SINGLE);
+        pico::set(pico::SHUTDOWN, false);
+        wait_us(WAKE_UP_US).await;
+        self.driver.identify().await
+    }
+
+    async fn bring_up(&mut self, scheme: &mut Scheme, number: u32) -> Result<()> {
         let divisor = if scheme.is_single {
             pico::CLKIN_SINGLE
         } else {
@@ -145,6 +160,10 @@ impl Sensing {
             None => self.ask_what_releases().await?,
         };
         self.driver.set_interrupt_release(release);
+        match self.drives.filter(|(of, _)| *of == number) {
+            Some((_, drives)) => scheme.drive(&drives),
+            None => self.seek_drives(scheme, number).await?,
+        }
         self.driver.start(&scheme.configuration).await?;
         let by_data = release == InterruptRelease::ByData;
         defmt::info!("converter up; INTB released by data: {}", by_data);
@@ -153,7 +172,7 @@ impl Sensing {
 
     /// Asks with slow conversions: with fast ones the next would have ended before it was looked.
     async fn ask_what_releases(&mut self) -> Result<InterruptRelease> {
-        let Ok(slow) = Scheme::new(&PROBE) else {
+        let Ok(slow) = Scheme::new(PROBE) else {
             return Ok(InterruptRelease::ByStatusOnly);
         };
         self.driver.start(&slow.configuration).await?;
@@ -167,6 +186,16 @@ impl Sensing {
         Ok(release)
     }
 
+    /// Lets the converter find the drive of every channel: it depends on the sensor that is there.
+    async fn seek_drives(&mut self, scheme: &mut Scheme, number: u32) -> Result<()> {
+        self.driver.start(&scheme.configuration).await?;
+        let found = self.driver.calibrate_drive_current(&mut Delay).await?;
+        let drives = found.map(|found| found.map(with_room));
+        scheme.drive(&drives);
+        self.drives = Some((number, drives));
+        Ok(())
+    }
+
     /// Off, with the bus free, for the least time that resets it.
     async fn switch_off(&mut self) {
         use embedded_hal::digital::OutputPin;
@@ -175,16 +204,16 @@ impl Sensing {
     }
 
     fn hand_on(&mut self, sampled: Sampled) {
-        report::FRAMES.add(1);
-        report::LOST.add(sampled.missed);
-        let readings = sampled.frame.readings().iter();
-        let flagged = readings
-            .filter(|reading| reading.word.flags().any())
-            .count();
-        report::FLAGGED.add(flagged as u32);
-        if self.samples.enqueue(sampled).is_err() {
-            report::NOT_TAKEN.add(1);
-        }
+        let missed = sampled.missed.saturating_add(self.not_taken);
+        let sampled = Sampled {
+            missed,
+            gap: sampled.gap || missed > 0,
+            ..sampled
+        };
+        self.not_taken = match self.samples.enqueue(sampled) {
+            Ok(()) => 0,
+            Err(_) => missed.saturating_add(1),
+        };
         SAMPLES.writer().write(());
     }
 }
@@ -202,7 +231,7 @@ fn stamped(scheme: &Scheme, frame: ldc161x::Frame, grid: &mut Grid, gap: bool) -
         offsets_us: scheme.offsets_us,
         missed,
         gap: gap || frame.marks.gap || missed > 0,
-        period_us: grid.period_us(),
+        window_us: scheme.window_us,
     }
 }
 

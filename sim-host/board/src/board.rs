@@ -25,8 +25,9 @@ pub struct Options {
     pub crystal_hz: f64,
     /// Seed of the ring oscillator's chance.
     pub seed: u64,
-    /// Cycles for a line of flash that is not in the cache. 400 ns for a word were measured at
-    /// 125 MHz (oberon-rtk.org, "Flash Memory"); a line has two.
+    /// Cycles for a line of flash that is not in the cache. 400 ns for a word, 50 cycles, were
+    /// measured at 125 MHz (oberon-rtk.org, "Flash Memory"); the second word of a line follows in
+    /// the same transfer, eight nibbles at half the processor's clock.
     pub miss_cycles: u32,
     /// Rise of SCL, from the pull-ups and what hangs on the wire.
     pub scl_rise: Time,
@@ -51,7 +52,7 @@ impl Default for Options {
         Self {
             crystal_hz: 12e6,
             seed: 1,
-            miss_cycles: 96,
+            miss_cycles: 66,
             scl_rise: Time::from_ns(150),
             boot: Time::from_ms(2),
             ram_fill: 0xA5,

@@ -9,7 +9,7 @@ use super::{Out, Procedure, Telling};
 
 impl Procedure {
     /// A command that arrived whole: checked, carried out, and answered once.
-    pub(super) fn command(&mut self, frame: &Frame<Command>, out: &mut Out) {
+    pub(super) fn command(&mut self, frame: &Frame<Command>, out: &mut Out<'_>) {
         let Frame { header, message } = frame;
         let answer = if !message.is_for(self.board.boot_id, header.boot_id) {
             Acknowledgement::new(header, message.kind(), Outcome::OtherBoot)
@@ -23,7 +23,7 @@ impl Procedure {
     }
 
     /// A frame that could not be understood.
-    pub(super) fn not_understood(&mut self, error: &FrameError, out: &mut Out) {
+    pub(super) fn not_understood(&mut self, error: &FrameError, out: &mut Out<'_>) {
         match Acknowledgement::not_understood(error) {
             Some(answer) => self.answer(answer, out),
             None => {
@@ -37,7 +37,7 @@ impl Procedure {
         }
     }
 
-    fn answer(&mut self, answer: Acknowledgement, out: &mut Out) {
+    fn answer(&mut self, answer: Acknowledgement, out: &mut Out<'_>) {
         if answer.outcome != Outcome::Accepted {
             let refused = &mut self.counters.commands_refused;
             *refused = refused.wrapping_add(1);
@@ -45,7 +45,7 @@ impl Procedure {
         out.record(Record::Acknowledgement(answer));
     }
 
-    fn obey(&mut self, command: &Command, out: &mut Out) -> Outcome {
+    fn obey(&mut self, command: &Command, out: &mut Out<'_>) -> Outcome {
         match command {
             Command::Identify => {
                 out.record(Record::Hello(self.hello()));
@@ -101,7 +101,7 @@ impl Procedure {
         }
     }
 
-    fn arm(&mut self, out: &mut Out) -> Outcome {
+    fn arm(&mut self, out: &mut Out<'_>) -> Outcome {
         if matches!(self.phase, Phase::Fault(_)) {
             return Outcome::Faulted;
         }
@@ -121,7 +121,7 @@ impl Procedure {
         Outcome::Accepted
     }
 
-    fn disarm(&mut self, mode: Mode, out: &mut Out) -> Outcome {
+    fn disarm(&mut self, mode: Mode, out: &mut Out<'_>) -> Outcome {
         out.safe();
         let changed = self.armed || self.mode != mode;
         self.armed = false;
@@ -134,7 +134,7 @@ impl Procedure {
     }
 
     /// Ends a measurement, if there is one.
-    fn abort(&mut self, out: &mut Out) {
+    fn abort(&mut self, out: &mut Out<'_>) {
         if matches!(
             self.phase,
             Phase::Driving(_) | Phase::Settling(_) | Phase::Sweeping { .. }
@@ -143,7 +143,7 @@ impl Procedure {
         }
     }
 
-    fn set(&mut self, command: &Command, out: &mut Out) -> Outcome {
+    fn set(&mut self, command: &Command, out: &mut Out<'_>) -> Outcome {
         if self.armed {
             return Outcome::Armed;
         }
@@ -169,7 +169,7 @@ impl Procedure {
     }
 
     /// What was learnt of the untouched sensor no longer holds.
-    fn begin_anew(&mut self, out: &mut Out) {
+    fn begin_anew(&mut self, out: &mut Out<'_>) {
         self.begin_baseline();
         if !matches!(self.phase, Phase::Fault(_) | Phase::SelfTest { .. }) {
             self.go(Phase::Baseline, out);

@@ -13,7 +13,7 @@ impl Procedure {
     ///
     /// The first fault stands until it is cleared; one that comes while it stands is told, and
     /// takes its place only if it waits for its user and the first does not.
-    pub(super) fn fail(&mut self, failure: Failure, out: &mut Out) {
+    pub(super) fn fail(&mut self, failure: Failure, out: &mut Out<'_>) {
         out.safe();
         if matches!(
             self.phase,
@@ -36,14 +36,14 @@ impl Procedure {
     }
 
     /// The clock was set back: nothing that was to end by it would.
-    pub(super) fn clock_set_back(&mut self, out: &mut Out) {
+    pub(super) fn clock_set_back(&mut self, out: &mut Out<'_>) {
         self.heard = Some(out.now);
         self.next_status = self.status_after(out.now);
         self.fail(Failure::new(FaultCode::Clock, Place::Clock), out);
     }
 
     /// The cause of a failure has gone. A fault that ends by that does.
-    pub(super) fn recovered(&mut self, code: FaultCode, out: &mut Out) {
+    pub(super) fn recovered(&mut self, code: FaultCode, out: &mut Out<'_>) {
         if let Phase::Fault(standing) = &self.phase
             && standing.code == code
             && ends_with_its_cause(standing)
@@ -53,7 +53,7 @@ impl Procedure {
     }
 
     /// Ends the fault that stands and starts anew, disarmed.
-    pub(super) fn clear(&mut self, out: &mut Out) {
+    pub(super) fn clear(&mut self, out: &mut Out<'_>) {
         let Phase::Fault(standing) = self.phase.clone() else {
             return;
         };

@@ -113,9 +113,18 @@ impl Procedure {
     /// Takes an event and says what is to be done. `now` does not go backwards: by less than a
     /// tick it is taken as standing still, by more as a fault of the clock.
     pub fn step(&mut self, now: Instant, event: &Event<'_>) -> Actions {
+        let mut actions = Actions::new();
+        self.step_into(now, event, &mut actions);
+        actions
+    }
+
+    fn step_into(&mut self, now: Instant, event: &Event<'_>, actions: &mut Actions) {
         let set_back = between(now, self.now) > TICK;
         self.now = if set_back { now } else { now.max(self.now) };
-        let mut out = Out::new(self.now);
+        let mut out = Out {
+            now: self.now,
+            actions,
+        };
         if !self.greeted {
             self.greet(&mut out);
         }
@@ -133,11 +142,10 @@ impl Procedure {
         }
         self.tick(&mut out);
         self.tell(&mut out);
-        out.actions
     }
 
     /// The first words after a start, and the configuration for the sensors.
-    fn greet(&mut self, out: &mut Out) {
+    fn greet(&mut self, out: &mut Out<'_>) {
         self.greeted = true;
         out.record(Record::Hello(self.hello()));
         if let Some(crash) = self.board.crash.take() {
@@ -178,7 +186,7 @@ impl Procedure {
         }
     }
 
-    fn scan(&mut self, scan: &Scan, out: &mut Out) {
+    fn scan(&mut self, scan: &Scan, out: &mut Out<'_>) {
         let sensor = usize::from(scan.sensor & 1);
         let Some(last) = self.streamers.get(sensor).map(Streamer::last) else {
             return;
@@ -258,7 +266,7 @@ impl Procedure {
     }
 
     /// What is due by time alone.
-    fn tick(&mut self, out: &mut Out) {
+    fn tick(&mut self, out: &mut Out<'_>) {
         self.deadlines(out);
         if out.now >= self.next_status {
             self.next_status = self.status_after(out.now);
@@ -301,7 +309,7 @@ impl Procedure {
     }
 
     /// Tells the next chunk of a calibration, or the next point of a load's curve.
-    fn tell(&mut self, out: &mut Out) {
+    fn tell(&mut self, out: &mut Out<'_>) {
         if let Some(telling) = &mut self.telling {
             let Telling {
                 part,
@@ -320,7 +328,7 @@ impl Procedure {
     }
 
     /// Goes to another phase and says so.
-    fn go(&mut self, phase: Phase, out: &mut Out) {
+    fn go(&mut self, phase: Phase, out: &mut Out<'_>) {
         let previous = self.state();
         self.phase = phase;
         if self.state() != previous {
@@ -328,7 +336,7 @@ impl Procedure {
         }
     }
 
-    fn announce(&self, previous: State, out: &mut Out) {
+    fn announce(&self, previous: State, out: &mut Out<'_>) {
         out.record(Record::State(StateChange {
             state: self.state(),
             previous,
@@ -340,19 +348,12 @@ impl Procedure {
 }
 
 /// The actions of a step, as they come together.
-struct Out {
+struct Out<'a> {
     now: Instant,
-    actions: Actions,
+    actions: &'a mut Actions,
 }
 
-impl Out {
-    const fn new(now: Instant) -> Self {
-        Self {
-            now,
-            actions: Actions::new(),
-        }
-    }
-
+impl Out<'_> {
     /// Adds an action. What has no room is lost, which the limit on a step's actions excludes;
     /// safe state is put first instead, so that it never is.
     fn push(&mut self, action: Action) {
@@ -361,11 +362,19 @@ impl Out {
 
     /// Bridge off, before all else.
     fn safe(&mut self) {
-        let mut rest = core::mem::take(&mut self.actions);
-        rest.retain(|action| !matches!(action, Action::SafeState | Action::Current { .. }));
+        // In place: a copy of the actions would be two kilobytes of stack.
+        let keep = |action: &Action| !matches!(action, Action::SafeState | Action::Current { .. });
+        self.actions.retain(keep);
+        if self.actions.is_full() {
+            let _ = self.actions.pop();
+        }
         let _ = self.actions.push(Action::SafeState);
-        self.actions
-            .extend(rest.into_iter().take(crate::action::MOST_ACTIONS - 1));
+        let mut rest: &mut [Action] = self.actions;
+        while let [before @ .., one, last] = rest {
+            core::mem::swap(one, last);
+            let kept = before.len() + 1;
+            rest = rest.split_at_mut(kept).0;
+        }
     }
 
     fn line(&mut self, (to, over): (Ampere, Duration)) {

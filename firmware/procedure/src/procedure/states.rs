@@ -99,7 +99,7 @@ impl Procedure {
         scan: &Scan,
         felt: Option<Felt>,
         interval: Second,
-        out: &mut Out,
+        out: &mut Out<'_>,
     ) {
         let settings = &self.configuration.settings;
         let touch = felt.map(|felt| felt.touch);
@@ -154,7 +154,7 @@ impl Procedure {
     }
 
     /// An object touches.
-    fn touched(&mut self, since: Instant, out: &mut Out) {
+    fn touched(&mut self, since: Instant, out: &mut Out<'_>) {
         self.go(Phase::Contact { since }, out);
         if self.armed && self.configuration.settings.automatic {
             self.begin_settling(since, out);
@@ -169,7 +169,7 @@ impl Procedure {
         }
     }
 
-    pub(super) fn begin_settling(&mut self, touched: Instant, out: &mut Out) {
+    pub(super) fn begin_settling(&mut self, touched: Instant, out: &mut Out<'_>) {
         let settling = Settling {
             touched,
             began: out.now,
@@ -181,7 +181,7 @@ impl Procedure {
     }
 
     /// A conversion while the press settles; `rate` in m/s at the end of a block.
-    fn settle(&mut self, felt: Felt, rate: Option<f32>, out: &mut Out) {
+    fn settle(&mut self, felt: Felt, rate: Option<f32>, out: &mut Out<'_>) {
         let settings = &self.configuration.settings;
         let Phase::Settling(settling) = &mut self.phase else {
             return;
@@ -212,7 +212,7 @@ impl Procedure {
         self.begin_measurement(touched, out);
     }
 
-    fn begin_measurement(&mut self, touched: Instant, out: &mut Out) {
+    fn begin_measurement(&mut self, touched: Instant, out: &mut Out<'_>) {
         let calibrated = match self.configuration.calibrated() {
             Ok(calibrated) => calibrated,
             Err(kind) => {
@@ -264,7 +264,7 @@ impl Procedure {
         Ok(())
     }
 
-    fn progress(&mut self, progress: Progress, out: &mut Out) {
+    fn progress(&mut self, progress: Progress, out: &mut Out<'_>) {
         match progress {
             Progress::On(line) => {
                 if let Some(line) = line {
@@ -278,7 +278,7 @@ impl Procedure {
     }
 
     /// All ramps are done: bridge off, and the result.
-    fn conclude(&mut self, out: &mut Out) {
+    fn conclude(&mut self, out: &mut Out<'_>) {
         out.safe();
         if let Phase::Sweeping { touched, .. } = self.phase {
             return self.swept(touched, out);
@@ -310,7 +310,7 @@ impl Procedure {
 
     /// The end of a train for calibration. What it did to an untouched sensor's readings is no
     /// part of their baseline.
-    fn swept(&mut self, touched: Option<Instant>, out: &mut Out) {
+    fn swept(&mut self, touched: Option<Instant>, out: &mut Out<'_>) {
         match touched {
             Some(since) => self.go(Phase::Release { since }, out),
             None => {
@@ -321,7 +321,7 @@ impl Procedure {
     }
 
     /// Begins a train for calibration.
-    pub(super) fn begin_sweep(&mut self, out: &mut Out) -> Answer {
+    pub(super) fn begin_sweep(&mut self, out: &mut Out<'_>) -> Answer {
         match &self.phase {
             Phase::Fault(_) => return Answer::Faulted,
             Phase::SelfTest { .. } => return Answer::Busy,
@@ -352,7 +352,7 @@ impl Procedure {
     }
 
     /// Ends a measurement, or the attempt at one, with a reason. Bridge off first.
-    pub(super) fn refuse(&mut self, reason: Reason, out: &mut Out) {
+    pub(super) fn refuse(&mut self, reason: Reason, out: &mut Out<'_>) {
         let (number, since) = match &self.phase {
             Phase::Driving(measurement) => (measurement.number, Some(measurement.touched())),
             Phase::Settling(settling) => (0, Some(settling.touched)),
@@ -371,7 +371,7 @@ impl Procedure {
     }
 
     /// What is due by time alone.
-    pub(super) fn deadlines(&mut self, out: &mut Out) {
+    pub(super) fn deadlines(&mut self, out: &mut Out<'_>) {
         self.watch_for_silence(out);
         let before = self.state();
         match &mut self.phase {
@@ -405,7 +405,7 @@ impl Procedure {
     }
 
     /// A train has gone on, perhaps from its peak to its ramps.
-    fn driven(&mut self, progress: Progress, before: State, out: &mut Out) {
+    fn driven(&mut self, progress: Progress, before: State, out: &mut Out<'_>) {
         if self.state() != before {
             self.announce(before, out);
         }
@@ -413,7 +413,7 @@ impl Procedure {
     }
 
     /// Tells the next point of the load's curve.
-    fn tell_point(&mut self, out: &mut Out) {
+    fn tell_point(&mut self, out: &mut Out<'_>) {
         let Phase::Telling {
             report,
             next,
@@ -435,7 +435,7 @@ impl Procedure {
     }
 
     /// A converter that tells nothing is a fault; before the first conversion it has as long.
-    fn watch_for_silence(&mut self, out: &mut Out) {
+    fn watch_for_silence(&mut self, out: &mut Out<'_>) {
         if matches!(self.phase, Phase::Fault(_)) {
             return;
         }
