@@ -12,6 +12,7 @@ use palpate_sim::switches::Switches;
 use rayon::prelude::*;
 
 use crate::demo;
+use crate::engine::Engine;
 use crate::failure::Failure;
 use crate::instrument::{Instrument, default_settings};
 use crate::progress::Progress;
@@ -106,7 +107,7 @@ fn row(
     let instrument = Instrument::calibrated(stack, disturbances, seed, Switches::all(), &settings)?;
     demo::loads(instrument.plant.sensing.spring_n_per_m)
         .into_iter()
-        .map(|(name, load)| demo::measure(&instrument, name, load, depth))
+        .map(|(name, load)| demo::measure(&instrument, name, load, depth, &Engine::Native))
         .collect()
 }
 

@@ -10,6 +10,7 @@ use palpate_sim::stack::{Disturbances, LoadError, Stack};
 use palpate_sim::switches::Switches;
 use palpate_sim::world::Holder;
 
+use crate::engine::{self, Engine};
 use crate::failure::Failure;
 use crate::instrument::{Instrument, SPEED_M_PER_S, default_settings};
 use crate::press::{Press, press};
@@ -38,12 +39,15 @@ pub(crate) struct Arguments {
     /// One JSON object for each load, and no report
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    engine: engine::Arguments,
 }
 
 /// The springs, in units of the sensing layer's own; the last load is a rigid block.
 const RATIOS: [f64; 7] = [0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0];
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let engine = arguments.engine.engine()?;
     let switches = if arguments.ideal {
         Switches::none()
     } else {
@@ -64,7 +68,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mut row = Vec::new();
     for (name, load) in loads(instrument.plant.sensing.spring_n_per_m) {
         progress.say(&format!("pressing {name}"));
-        row.push(measure(&instrument, name, load, 1.0)?);
+        row.push(measure(&instrument, name, load, 1.0, &engine)?);
         progress.step();
     }
     progress.finish();
@@ -94,6 +98,7 @@ pub(crate) fn measure(
     name: String,
     load: Load,
     depth: f64,
+    engine: &Engine,
 ) -> Result<Measured, Failure> {
     let how = Press {
         load,
@@ -101,5 +106,5 @@ pub(crate) fn measure(
         depth_m: depth * instrument.plant.press.depth_m,
         speed_m_per_s: SPEED_M_PER_S,
     };
-    Ok(Measured::new(name, press(instrument, &how)?))
+    Ok(Measured::new(name, press(instrument, &how, engine)?))
 }

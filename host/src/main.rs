@@ -4,6 +4,7 @@ mod calibrate;
 mod chip;
 mod coverage;
 mod demo;
+mod engine;
 mod failure;
 mod instrument;
 mod plan_ldc;

@@ -2,12 +2,14 @@
 
 use palpate_sim::Time;
 use palpate_sim::board::{BoardError, Hardware, TimedRecord, VirtualBoard};
+use palpate_sim::device::Device;
 use palpate_sim::mechanics::load::Load;
 use palpate_sim::mechanics::press::Profile;
 use palpate_sim::parameters::ParameterError;
 use palpate_sim::world::{Holder, Setup, World};
 use palpate_wire::{Command, Record};
 
+use crate::engine::Engine;
 use crate::instrument::Instrument;
 
 /// How an object is pressed.
@@ -61,6 +63,7 @@ impl Pressed {
 pub(crate) enum Broken {
     Plant(ParameterError),
     Board(BoardError),
+    Image(palpate_board::Failure),
 }
 
 impl std::fmt::Display for Broken {
@@ -68,6 +71,7 @@ impl std::fmt::Display for Broken {
         match self {
             Self::Plant(error) => error.fmt(f),
             Self::Board(error) => error.fmt(f),
+            Self::Image(error) => error.fmt(f),
         }
     }
 }
@@ -86,40 +90,66 @@ impl From<BoardError> for Broken {
     }
 }
 
+impl From<palpate_board::Failure> for Broken {
+    fn from(error: palpate_board::Failure) -> Self {
+        Self::Image(error)
+    }
+}
+
 /// Presses an object upon the instrument and waits for its estimate or refusal.
-pub(crate) fn press(instrument: &Instrument, how: &Press) -> Result<Pressed, Broken> {
-    let (plant, switches) = (&instrument.plant, instrument.switches);
+pub(crate) fn press(
+    instrument: &Instrument,
+    how: &Press,
+    engine: &Engine,
+) -> Result<Pressed, Broken> {
     let setup = Setup {
         load: how.load,
         holder: how.holder,
         profile: Profile::at(-CLEARANCE_M),
         ..Setup::default()
     };
-    let world = World::new(plant, switches, setup)?;
-    let travel_m = world.press_for_depth_m(how.depth_m);
-    let frame_m_per_n = plant.effective(&switches).press.frame_m_per_n;
-    let hardware = Hardware::new(world);
-    let mut board = VirtualBoard::new(&hardware);
+    let world = World::new(&instrument.plant, instrument.switches, setup)?;
+    match engine {
+        Engine::Native => {
+            let hardware = Hardware::new(world);
+            press_on(VirtualBoard::new(&hardware), instrument, how)
+        }
+        Engine::Image(image) => {
+            let options = palpate_board::Options::default();
+            let board = palpate_board::Instrument::new(image, world, options)?;
+            press_on(board, instrument, how)
+        }
+    }
+}
+
+fn press_on<D: Device>(
+    mut board: D,
+    instrument: &Instrument,
+    how: &Press,
+) -> Result<Pressed, Broken>
+where
+    Broken: From<D::Error>,
+{
+    let (plant, switches) = (&instrument.plant, instrument.switches);
+    let travel_m = board.with_world(|world| world.press_for_depth_m(how.depth_m));
     for command in &instrument.calibration.commands {
         board.send(automatic(command))?;
     }
     board.send(Command::Arm)?;
     board.run_until(BASELINE)?;
-    let mut world = hardware.world().borrow_mut();
-    world.move_press(travel_m, how.speed_m_per_s);
-    drop(world);
+    board.with_world(|world| world.move_press(travel_m, how.speed_m_per_s));
     let moving_s = (travel_m + CLEARANCE_M) / how.speed_m_per_s;
     let limit = board.now() + Time::from_secs_f64(moving_s) + PATIENCE;
     board.run_to(limit, |record| {
         matches!(record, Record::Estimate(_) | Record::Refusal(_))
     })?;
-    let truth = hardware.world().borrow().truth();
+    let truth = board.with_world(|world| world.truth());
     let end = board.now() + AFTERWARDS;
     board.run_until(end)?;
     Ok(Pressed {
         records: board.take_records(),
         load: how.load,
-        frame_m_per_n,
+        frame_m_per_n: plant.effective(&switches).press.frame_m_per_n,
         true_n_per_m: truth.load_spring_n_per_m,
         true_force_n: truth.force_n,
         simulated_s: board.now().as_secs_f64(),
@@ -165,7 +195,7 @@ mod tests {
             depth_m: instrument.plant.press.depth_m,
             speed_m_per_s: SPEED_M_PER_S,
         };
-        let pressed = press(&instrument, &how).unwrap();
+        let pressed = press(&instrument, &how, &Engine::Native).unwrap();
         let points = pressed
             .records
             .iter()

@@ -9,6 +9,7 @@ use palpate_sim::stack::{Disturbances, LoadError};
 use palpate_wire::Record;
 use serde::Serialize;
 
+use crate::engine::{self, Engine};
 use crate::failure::Failure;
 use crate::instrument::{Instrument, SPEED_M_PER_S, default_settings};
 use crate::press::{Press, press};
@@ -51,9 +52,12 @@ pub(crate) struct Arguments {
     /// Write everything that the instrument tells to this file, one JSON object a line
     #[arg(long, value_name = "FILE.jsonl")]
     records: Option<PathBuf>,
+    #[command(flatten)]
+    engine: engine::Arguments,
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let engine = arguments.engine.engine()?;
     let scenario = Scenario::load(&arguments.scenario)?;
     let disturbances = Disturbances::builtin().map_err(LoadError::from)?;
     let progress = Progress::new(scenario.presses.len() + 1);
@@ -69,7 +73,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mut row = Vec::new();
     for what in &scenario.presses {
         progress.say(&format!("pressing {}", what.name));
-        row.push(measure(&instrument, what)?);
+        row.push(measure(&instrument, what, &engine)?);
         progress.step();
     }
     progress.finish();
@@ -86,14 +90,18 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     results::print(&instrument, &row, &title)
 }
 
-fn measure(instrument: &Instrument, what: &scenario::Press) -> Result<Measured, Failure> {
+fn measure(
+    instrument: &Instrument,
+    what: &scenario::Press,
+    engine: &Engine,
+) -> Result<Measured, Failure> {
     let how = Press {
         load: what.load,
         holder: what.holder,
         depth_m: what.depth_m.unwrap_or(instrument.plant.press.depth_m),
         speed_m_per_s: what.speed_m_per_s.unwrap_or(SPEED_M_PER_S),
     };
-    let pressed = press(instrument, &how)?;
+    let pressed = press(instrument, &how, engine)?;
     Ok(Measured::new(what.name.clone(), pressed))
 }
 

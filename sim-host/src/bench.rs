@@ -11,6 +11,7 @@ use palpate_wire::{Command, Record};
 
 use crate::Time;
 use crate::board::{BoardError, Hardware, VirtualBoard};
+use crate::device::Device;
 use crate::parameters::{ParameterError, Parameters};
 use crate::rig::{BareRig, CLEARANCE_M, Gauges, Rig, Specimen};
 use crate::switches::Switches;

@@ -16,6 +16,7 @@ pub mod bench;
 pub mod board;
 pub mod coil;
 pub mod current;
+pub mod device;
 pub mod magnetorheological;
 pub mod mechanics;
 pub mod parameters;

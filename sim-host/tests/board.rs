@@ -2,6 +2,7 @@
 
 use palpate_sim::Time;
 use palpate_sim::board::{Hardware, TimedRecord, VirtualBoard, default_settings};
+use palpate_sim::device::Device;
 use palpate_sim::parameters::draw;
 use palpate_sim::stack::{Disturbances, Stack};
 use palpate_sim::switches::Switches;

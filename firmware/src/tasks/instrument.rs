@@ -2,6 +2,7 @@
 //! is done.
 
 use core::cell::Cell;
+use core::task::Poll;
 
 use critical_section::Mutex;
 use heapless::spsc::Consumer;
@@ -29,9 +30,9 @@ const TICK_MS: u64 = 1;
 const AT_ONCE: usize = 4;
 /// Bytes of commands that are looked at in a tick: two of the longest frames.
 const COMMAND_BYTES: usize = 212;
-/// How long the converter may take to say who it is: its wake-up, and the deadlines of two
-/// transfers that fail.
-const IDENTITY_MS: u64 = 15;
+/// How long the converter may take to wake, to say who it is and to show what releases its
+/// interrupt line; an absent one is known after 5 ms.
+const IDENTITY_MS: u64 = 60;
 /// How often the procedure hears of temperature, supply and load.
 const CONDITIONS_US: u64 = 100_000;
 /// Channels of an LDC1614.
@@ -109,7 +110,17 @@ pub async fn instrument(cx: app::instrument::Context<'_>) {
     }
 }
 
+/// Waits for a sample, but lets the supervisor have its turn even if one waits already.
 async fn wait(arrived: &mut SignalReader<'static, ()>) {
+    let mut yielded = false;
+    core::future::poll_fn(|context| {
+        if core::mem::replace(&mut yielded, true) {
+            return Poll::Ready(());
+        }
+        context.waker().wake_by_ref();
+        Poll::Pending
+    })
+    .await;
     let _ = Mono::timeout_after(TICK_MS.millis(), arrived.wait()).await;
 }
 

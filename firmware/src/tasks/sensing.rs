@@ -65,13 +65,14 @@ pub async fn sensing(cx: app::sensing::Context<'_>) {
     let sensing = cx.local.sensing;
     report::set_identity(sensing.who_is_there().await);
     loop {
-        let result = match instrument::wanted() {
-            Some((wanted, number)) => match Scheme::new(wanted) {
-                Ok(scheme) => sensing.acquire(scheme, number).await,
-                // Not accepted by the instrument.
-                Err(_) => Ok(()),
-            },
-            None => Ok(()),
+        let Some((wanted, number)) = instrument::wanted() else {
+            wait_us(1_000).await;
+            continue;
+        };
+        let result = match Scheme::new(wanted) {
+            Ok(scheme) => sensing.acquire(scheme, number).await,
+            // Not accepted by the instrument.
+            Err(_) => Ok(()),
         };
         bus::read_at_once();
         if let Err(error) = result {
@@ -138,12 +139,15 @@ impl Sensing {
         result.map(drop)
     }
 
-    /// Lets the converter wake, and asks it.
+    /// Lets the converter wake, and asks it who it is; then what can be found out beforehand.
     async fn who_is_there(&mut self) -> Result<()> {
         pico::set_clkin(pico::CLKIN_SINGLE);
         pico::set(pico::SHUTDOWN, false);
         wait_us(WAKE_UP_US).await;
-        self.driver.identify().await
+        self.driver.identify().await?;
+        // What fails here fails again, and is reported, when the converter is brought up.
+        let _ = self.ask_what_releases().await;
+        Ok(())
     }
 
     async fn bring_up(&mut self, scheme: &mut Scheme, number: u32) -> Result<()> {

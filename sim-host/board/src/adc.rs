@@ -40,12 +40,12 @@ impl Adc {
     }
 
     /// The result of the conversion that was started.
-    pub(crate) fn convert(&mut self, volts: f64) {
+    pub(crate) fn convert(&mut self, volts: f64, wide_codes: bool) {
         let ideal = volts / REFERENCE_V * 4096.0;
         let code = WIDE_CODES
             .iter()
             .copied()
-            .find(|wide| (ideal - wide).abs() < HALF_WIDTH)
+            .find(|wide| wide_codes && (ideal - wide).abs() < HALF_WIDTH)
             .unwrap_or(ideal);
         self.result = code.clamp(0.0, 4095.0) as u32;
     }
@@ -71,11 +71,11 @@ mod tests {
             adc.write_control(0b101 | 2 << 12, 0, Some(48e6)),
             Some(Some(2))
         );
-        adc.convert(1.65);
+        adc.convert(1.65, true);
         assert_eq!(adc.read(0, 1_999_999).map(|word| word >> 8), Some(0x20));
         assert_eq!(adc.read(0, 2_000_000).map(|word| word >> 8), Some(0x21));
         assert_eq!(adc.read(4, 2_000_000), Some(2048));
-        adc.convert(515.0 / 4096.0 * 3.3);
+        adc.convert(515.0 / 4096.0 * 3.3, true);
         assert_eq!(adc.read(4, 0), Some(512));
     }
 }

@@ -35,10 +35,8 @@ pub struct Options {
     pub boot: Time,
     /// What memory holds when the power comes: real memory holds anything.
     pub ram_fill: u8,
-    /// Voltage at the thermistor's input.
-    pub thermistor_v: f64,
-    /// Voltage at the input of the supply's divider.
-    pub supply_v: f64,
+    /// Whether some codes of the ADC are eight times as wide as others (erratum RP2040-E11).
+    pub wide_codes: bool,
     /// The bridge.
     pub bridge: Bridge,
     /// Whether what passes on the bus is kept.
@@ -56,8 +54,7 @@ impl Default for Options {
             scl_rise: Time::from_ns(150),
             boot: Time::from_ms(2),
             ram_fill: 0xA5,
-            thermistor_v: 1.65,
-            supply_v: 1.09,
+            wide_codes: true,
             bridge: Bridge::default(),
             record: false,
             trace: false,

@@ -53,6 +53,16 @@ mod pin {
 const COIL_SLICE: usize = 0;
 const EDGE_SLICE: usize = 3;
 
+/// Divider of the coil's supply: 100 kiloohm over 10 kiloohm.
+const SUPPLY_RATIO: f64 = 11.0;
+
+/// The voltage of a thermistor of 10 kiloohm at 25 degrees Celsius and a constant of 3950 K, between
+/// ground and 10 kiloohm to 3.3 V.
+fn thermistor_v(celsius: f64) -> f64 {
+    let ohm = 10e3 * (3950.0 * (1.0 / (celsius + 273.15) - 1.0 / 298.15)).exp();
+    3.3 * ohm / (ohm + 10e3)
+}
+
 /// Interrupt numbers (datasheet 2.3.2).
 mod line {
     pub(super) const TIMER: u32 = 0;
@@ -506,11 +516,12 @@ impl<P: Plant> Bus<P> {
                 let tick_ps = self.tick_ps();
                 self.watchdog.write(offset, value, now_ps, tick_ps)?;
             }
+            0x4006_0000 => self.clocks.write_ring(offset, value)?,
             _ => return None,
         }
         if matches!(
             base,
-            0x4000_8000 | 0x4002_4000 | 0x4002_8000 | 0x4002_C000 | 0x4005_8000
+            0x4000_8000 | 0x4002_4000 | 0x4002_8000 | 0x4002_C000 | 0x4005_8000 | 0x4006_0000
         ) {
             self.follow_clocks();
         }
@@ -561,11 +572,11 @@ impl<P: Plant> Bus<P> {
         if let Some(channel) = started {
             let volts = match channel {
                 0 => self.current_voltage(),
-                1 => self.options.thermistor_v,
-                2 => self.options.supply_v,
+                1 => thermistor_v(self.wire.chip.sensors_mut().conditions().coil_c),
+                2 => self.wire.chip.sensors_mut().conditions().supply_v / SUPPLY_RATIO,
                 _ => return None,
             };
-            self.adc.convert(volts);
+            self.adc.convert(volts, self.options.wide_codes);
         }
         Some(())
     }

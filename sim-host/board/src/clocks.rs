@@ -2,8 +2,11 @@
 
 use crate::time::periods_ps;
 
-/// The ring oscillator after reset; 1.8 to 12 MHz, typically 6.5 MHz (2.17.1).
+/// The ring oscillator after reset, divided by 16; 1.8 to 12 MHz, typically 6.5 MHz (2.17.1).
 const RING_HZ: f64 = 6.5e6;
+const RING_DIVIDER: u32 = 16;
+/// What a divider of the ring oscillator has to be written with (2.17.8).
+const RING_PASS: u32 = 0xAA0;
 /// From PWR to LOCK. The datasheet gives no number; guess.
 const LOCK_PS: u64 = 100_000_000;
 const ENABLE: u32 = 1 << 11;
@@ -18,6 +21,7 @@ pub(crate) struct Clocks {
     /// CTRL and DIV of the ten generators: GPOUT0 to 3, REF, SYS, PERI, USB, ADC, RTC.
     generators: [(u32, u32); 10],
     random: u64,
+    ring_divider: u32,
 }
 
 #[derive(Clone, Debug, Default)]
@@ -104,6 +108,7 @@ impl Clocks {
             pll_usb: Pll::new(),
             generators: [(0, 1 << 8); 10],
             random: seed | 1,
+            ring_divider: RING_DIVIDER,
         }
     }
 
@@ -144,7 +149,7 @@ impl Clocks {
         let (control, divider) = self.generators[REF];
         let source = match control & 0b11 {
             2 => self.crystal_hz(),
-            _ => RING_HZ,
+            _ => self.ring_hz(),
         };
         source / f64::from((divider >> 8 & 0b11).max(1))
     }
@@ -156,7 +161,7 @@ impl Clocks {
             (0, _) => self.ref_hz(),
             (1, 0) => self.pll_sys_hz(),
             (1, 1) => self.pll_usb_hz(),
-            (1, 2) => RING_HZ,
+            (1, 2) => self.ring_hz(),
             (1, 3) => self.crystal_hz(),
             _ => 0.0,
         };
@@ -170,7 +175,7 @@ impl Clocks {
         let source = match control >> 5 & 0b111 {
             0 => self.pll_usb_hz(),
             1 => self.pll_sys_hz(),
-            2 => RING_HZ,
+            2 => self.ring_hz(),
             3 => self.crystal_hz(),
             _ => 0.0,
         };
@@ -252,6 +257,16 @@ impl Clocks {
             _ => return None,
         }
         Some(())
+    }
+
+    fn ring_hz(&self) -> f64 {
+        RING_HZ * f64::from(RING_DIVIDER) / f64::from(self.ring_divider)
+    }
+
+    /// ROSC: its divider.
+    pub(crate) fn write_ring(&mut self, offset: u32, value: u32) -> Option<()> {
+        let divider = value.checked_sub(RING_PASS).filter(|&it| it < 32)?;
+        (offset == 0x10).then(|| self.ring_divider = if divider == 0 { 32 } else { divider })
     }
 
     /// ROSC: its bit of chance and that it runs.

@@ -5,6 +5,24 @@ use std::cell::RefCell;
 use ldc161x_sim::{Sensors, Time};
 use palpate_sim::world::World;
 
+/// What is measured besides the sensor.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Conditions {
+    /// Temperature of the coil's thermometer, degrees Celsius.
+    pub coil_c: f64,
+    /// Supply of the coil, V.
+    pub supply_v: f64,
+}
+
+impl Default for Conditions {
+    fn default() -> Self {
+        Self {
+            coil_c: 25.0,
+            supply_v: 12.0,
+        }
+    }
+}
+
 /// Resonators for the converter, moved by time and the coil's current.
 pub trait Plant: Sensors + Clone {
     /// Lets time pass.
@@ -13,6 +31,10 @@ pub trait Plant: Sensors + Clone {
     fn set_current(&mut self, current_a: f64);
     /// What the current amplifier tells now, A, with its errors.
     fn told_current_a(&mut self) -> f64;
+    /// What is measured besides, now.
+    fn conditions(&self) -> Conditions {
+        Conditions::default()
+    }
 }
 
 /// Sensors of fixed frequencies, Hz, by channel, which may all drift.
@@ -120,5 +142,20 @@ impl Plant for Pressed {
 
     fn told_current_a(&mut self) -> f64 {
         self.world_mut().told_current_a()
+    }
+
+    fn conditions(&self) -> Conditions {
+        let Ok(world) = self.0.try_borrow() else {
+            return Conditions::default();
+        };
+        let supply_v = world.parameters().current.supply_v;
+        Conditions {
+            coil_c: world.truth().pad_c,
+            supply_v: if supply_v.is_finite() {
+                supply_v
+            } else {
+                Conditions::default().supply_v
+            },
+        }
     }
 }

@@ -9,6 +9,7 @@
 //! ```
 //! use palpate_sim::Time;
 //! use palpate_sim::board::{Hardware, VirtualBoard};
+//! use palpate_sim::device::Device;
 //! use palpate_sim::parameters::draw;
 //! use palpate_sim::stack::{Disturbances, Stack};
 //! use palpate_sim::switches::Switches;
@@ -38,6 +39,7 @@ use palpate_procedure::{Action, Actions, Conversion, Duration, Event, Instant, P
 use palpate_wire::code::{FaultCode, Place};
 use palpate_wire::{Command, Header, Record};
 
+use crate::device::Device;
 use crate::world::{SharedWorld, World};
 
 pub use identity::{BOOT_ID, board};
@@ -182,92 +184,6 @@ impl<'a> VirtualBoard<'a> {
     #[must_use]
     pub fn procedure(&self) -> &Procedure {
         &self.procedure
-    }
-
-    /// The present.
-    #[must_use]
-    pub fn now(&self) -> Time {
-        self.hardware.chip.borrow().now()
-    }
-
-    /// The records since this was last asked.
-    pub fn take_records(&mut self) -> Vec<TimedRecord> {
-        core::mem::take(&mut self.records)
-    }
-
-    /// Sends a command, which is answered at once.
-    ///
-    /// # Errors
-    /// [`BoardError`] if what it sets cannot be done.
-    pub fn send(&mut self, command: Command) -> Result<(), BoardError> {
-        let header = Header {
-            boot_id: BOOT_ID,
-            sequence: self.commands_sent,
-            time_us: 0,
-            dropped: 0,
-        };
-        self.commands_sent += 1;
-        let frame = palpate_wire::Frame {
-            header,
-            message: command,
-        };
-        self.step(&Event::Command(&frame))
-    }
-
-    /// Runs until `end`, or a little beyond by the transfer under way.
-    ///
-    /// # Errors
-    /// As [`send`](Self::send).
-    pub fn run_until(&mut self, end: Time) -> Result<(), BoardError> {
-        while self.now() < end {
-            self.advance(end)?;
-        }
-        Ok(())
-    }
-
-    /// Runs until a record has come that satisfies `found`, or until `end`; tells whether it has.
-    ///
-    /// # Errors
-    /// As [`send`](Self::send).
-    pub fn run_to(
-        &mut self,
-        end: Time,
-        found: impl Fn(&Record) -> bool,
-    ) -> Result<bool, BoardError> {
-        let mut seen = self.records.len();
-        while self.now() < end {
-            self.advance(end)?;
-            let new = self.records.get(seen..).unwrap_or_default();
-            if new.iter().any(|(_, record)| found(record)) {
-                return Ok(true);
-            }
-            seen = self.records.len();
-        }
-        Ok(false)
-    }
-
-    /// Runs to the next interrupt, to the next tick of 10 ms, or to `end`, whichever comes first.
-    ///
-    /// # Errors
-    /// As [`send`](Self::send).
-    pub fn advance(&mut self, end: Time) -> Result<(), BoardError> {
-        let now = self.now();
-        let limit = (now + TICK).min(end).max(now + Time::from_us(1));
-        let edge = self.hardware.chip.borrow_mut().advance_to_interrupt(limit);
-        self.hardware
-            .world
-            .borrow_mut()
-            .advance_to(edge.unwrap_or(limit));
-        match (edge, self.sensing) {
-            (Some(edge), Some(sensing)) => self.converted(edge, sensing)?,
-            _ => self.idle()?,
-        }
-        if self.now() >= self.next_conditions {
-            self.next_conditions = self.now() + CONDITIONS_PERIOD;
-            let conditions = self.conditions();
-            self.step(&Event::Conditions(conditions))?;
-        }
-        Ok(())
     }
 
     /// No edge: time goes on, and a converter that has not started is tried again.
@@ -415,6 +331,57 @@ impl<'a> VirtualBoard<'a> {
             let later = self.now() + RETRY;
             self.hardware.chip.borrow_mut().advance_to(later);
         }
+    }
+}
+
+impl Device for VirtualBoard<'_> {
+    type Error = BoardError;
+
+    fn now(&self) -> Time {
+        self.hardware.chip.borrow().now()
+    }
+
+    fn send(&mut self, command: Command) -> Result<(), Self::Error> {
+        let header = Header {
+            boot_id: BOOT_ID,
+            sequence: self.commands_sent,
+            time_us: 0,
+            dropped: 0,
+        };
+        self.commands_sent += 1;
+        let frame = palpate_wire::Frame {
+            header,
+            message: command,
+        };
+        self.step(&Event::Command(&frame))
+    }
+
+    fn advance(&mut self, end: Time) -> Result<(), Self::Error> {
+        let now = self.now();
+        let limit = (now + TICK).min(end).max(now + Time::from_us(1));
+        let edge = self.hardware.chip.borrow_mut().advance_to_interrupt(limit);
+        self.hardware
+            .world
+            .borrow_mut()
+            .advance_to(edge.unwrap_or(limit));
+        match (edge, self.sensing) {
+            (Some(edge), Some(sensing)) => self.converted(edge, sensing)?,
+            _ => self.idle()?,
+        }
+        if self.now() >= self.next_conditions {
+            self.next_conditions = self.now() + CONDITIONS_PERIOD;
+            let conditions = self.conditions();
+            self.step(&Event::Conditions(conditions))?;
+        }
+        Ok(())
+    }
+
+    fn records(&mut self) -> &mut Vec<TimedRecord> {
+        &mut self.records
+    }
+
+    fn with_world<T>(&mut self, look: impl FnOnce(&mut World) -> T) -> T {
+        look(&mut self.hardware.world.borrow_mut())
     }
 }
 

@@ -86,8 +86,14 @@ pub(super) const RULES: &[Rule] = &[
     Rule {
         name: "board-below",
         who: "palpate-board",
-        may_depend: On::Only(&["palpate-sim", "palpate-wire", "ldc161x-sim"]),
-        because: "the emulated board runs the firmware as an image and shares no line with it",
+        may_depend: On::Only(&[
+            "palpate-sim",
+            "palpate-procedure",
+            "palpate-wire",
+            "ldc161x-sim",
+        ]),
+        because: "the emulated board runs the firmware as an image; of the procedure it takes the \
+                  type of a time only",
     },
     Rule {
         name: "host-above",

@@ -71,11 +71,18 @@ const SOUND: &[(&str, &str, RunsOn, &[&str])] = &[
         ],
     ),
     (
+        "palpate-board",
+        "sim-host/board",
+        RunsOn::Host,
+        &["palpate-sim", "palpate-procedure", "rp2040-emu"],
+    ),
+    (
         "palpate",
         "host",
         RunsOn::Host,
         &[
             "palpate-sim",
+            "palpate-board",
             "palpate-wire",
             "palpate-field",
             "ldc161x",
@@ -96,6 +103,7 @@ const PLANTED: &[(&str, &str, &str, Kind)] = &[
     ("model-alone", "palpate-model", "palpate-wire", Kind::Normal),
     ("model-alone", "palpate-model", "palpate-field", Kind::Dev),
     ("wire-alone", "palpate-wire", "palpate-model", Kind::Normal),
+    ("board-below", "palpate-board", "ldc161x", Kind::Normal),
     (
         "field-on-model",
         "palpate-field",

@@ -1,0 +1,70 @@
+//! An instrument under way on a simulated plant, whatever runs it.
+
+use palpate_wire::{Command, Record};
+
+use crate::Time;
+use crate::board::TimedRecord;
+use crate::world::World;
+
+/// An instrument that takes commands and tells records, on a plant whose time it drives.
+///
+/// [`VirtualBoard`](crate::board::VirtualBoard) is one on this computer; an emulated board that
+/// runs the firmware's image is another.
+pub trait Device {
+    /// Why it cannot run on.
+    type Error;
+
+    /// The present.
+    fn now(&self) -> Time;
+
+    /// Sends a command; its answer is among the records when this returns.
+    ///
+    /// # Errors
+    /// If the device cannot run on, or does not answer.
+    fn send(&mut self, command: Command) -> Result<(), Self::Error>;
+
+    /// Runs a little, to `end` at most, or beyond it by what cannot be divided.
+    ///
+    /// # Errors
+    /// If the device cannot run on.
+    fn advance(&mut self, end: Time) -> Result<(), Self::Error>;
+
+    /// The records that were not taken yet.
+    fn records(&mut self) -> &mut Vec<TimedRecord>;
+
+    /// Looks at the world, or changes it, now.
+    fn with_world<T>(&mut self, look: impl FnOnce(&mut World) -> T) -> T;
+
+    /// Takes the records since this was last asked.
+    fn take_records(&mut self) -> Vec<TimedRecord> {
+        core::mem::take(self.records())
+    }
+
+    /// Runs until `end`.
+    ///
+    /// # Errors
+    /// If the device cannot run on.
+    fn run_until(&mut self, end: Time) -> Result<(), Self::Error> {
+        while self.now() < end {
+            self.advance(end)?;
+        }
+        Ok(())
+    }
+
+    /// Runs until a record has come that satisfies `found`, or until `end`; tells whether it has.
+    ///
+    /// # Errors
+    /// If the device cannot run on.
+    fn run_to(&mut self, end: Time, found: impl Fn(&Record) -> bool) -> Result<bool, Self::Error> {
+        let mut seen = self.records().len();
+        while self.now() < end {
+            self.advance(end)?;
+            let new = self.records().get(seen..).unwrap_or_default();
+            if new.iter().any(|(_, record)| found(record)) {
+                return Ok(true);
+            }
+            seen = self.records().len();
+        }
+        Ok(false)
+    }
+}
