@@ -8,7 +8,7 @@ use palpate_board::Image;
 use crate::failure::Failure;
 
 /// Where `cargo xtask firmware` writes the image.
-const DEFAULT_IMAGE: &str = "target/firmware/palpate-pico.elf";
+const DEFAULT_IMAGE: &str = "target/image/palpate-pico.elf";
 
 /// Which program runs the instrument
 #[derive(Args)]

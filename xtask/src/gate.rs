@@ -2,11 +2,11 @@
 
 use anyhow::Result;
 
-use crate::members::{ARM_TARGETS, MEMBERS, Member, host_packages, no_std};
+use crate::members::{ARM_TARGETS, FIRMWARE_TARGET, MEMBERS, Member, host_packages, no_std};
 use crate::process::Invocation;
 use crate::setup::{CARGO_DENY, Need, TYPOS};
 use crate::steps::{Action, Step, select};
-use crate::{deps, hygiene, panic_free};
+use crate::{deps, firmware, hygiene, panic_free};
 
 /// The test suite: every crate with its usual features, then the crates that have features with
 /// each combination that the table asks for.
@@ -124,9 +124,12 @@ fn arm_checks() -> Vec<Step> {
             name: "clippy-arm",
             purpose: "lints of the no_std crates on the microcontroller targets",
             needs: targets().collect(),
-            action: Action::Commands(on_every_target(|member, target| {
-                vec![clippy_for(member, target)]
-            })),
+            action: Action::Commands(
+                on_every_target(|member, target| vec![clippy_for(member, target)])
+                    .into_iter()
+                    .chain([clippy_for_firmware()])
+                    .collect(),
+            ),
             remedy: "mend the code; a lint is allowed only at its place and with a reason",
         },
         Step {
@@ -150,6 +153,21 @@ fn arm_checks() -> Vec<Step> {
             needs: targets().collect(),
             action: Action::Commands(MEMBERS.iter().flat_map(mcu_examples).collect()),
             remedy: "mend the example; the table of examples is xtask/src/members.rs",
+        },
+        Step {
+            name: "image-size",
+            purpose: "the firmware's image builds and keeps within its budget",
+            needs: vec![Need::Target(FIRMWARE_TARGET)],
+            action: Action::Check(firmware::check_size),
+            remedy: "make it smaller, or raise firmware/size-budget.toml and say why",
+        },
+        Step {
+            name: "image-panics",
+            purpose: "the firmware's image holds no panic but those on a list",
+            needs: vec![Need::Target(FIRMWARE_TARGET)],
+            action: Action::Check(firmware::check_panics),
+            remedy: "find the caller with a disassembler; the list with its reasons stands in \
+                     xtask/src/firmware/panics.rs",
         },
     ]
 }
@@ -211,6 +229,13 @@ fn on_every_target(make: impl Fn(&Member, &'static str) -> Vec<Invocation>) -> V
 fn clippy_for(member: &Member, target: &str) -> Invocation {
     let mut arguments = library("clippy", member, target);
     arguments.extend(["--all-features", "--", "-D", "warnings"]);
+    Invocation::cargo(&arguments)
+}
+
+/// Lints of the firmware, which is for one target only.
+fn clippy_for_firmware() -> Invocation {
+    let mut arguments = vec!["clippy", "--locked", "--package", "palpate-firmware"];
+    arguments.extend(["--target", FIRMWARE_TARGET, "--", "-D", "warnings"]);
     Invocation::cargo(&arguments)
 }
 

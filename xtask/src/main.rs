@@ -6,12 +6,15 @@
 //! | `ci` | everything a change has to pass: the tests, then the checks |
 //! | `deps` | the direction of dependencies between the workspace's crates |
 //! | `evidence` | run a long campaign and write its result into `docs/evidence/` |
+//! | `firmware` | build the image for the microcontroller, as ELF and UF2, and say what it takes |
+//! | `flash` | flash it through a debug probe |
 //! | `setup` | add the microcontroller targets and install the tools that `ci` needs |
 //!
 //! A new crate is entered once, in [`members`]; a new check is one [`steps::Step`] in [`gate`].
 
 mod deps;
 mod evidence;
+mod firmware;
 mod gate;
 mod hygiene;
 mod members;
@@ -59,6 +62,10 @@ enum Verb {
         /// Name of the campaign
         name: Option<String>,
     },
+    /// Build the firmware's image into target/image, and hold its size against its budget
+    Firmware,
+    /// Flash the firmware through a debug probe, and show its log
+    Flash,
     /// Add the microcontroller targets and install the tools that `ci` needs
     Setup,
 }
@@ -87,6 +94,8 @@ fn run(arguments: Arguments) -> Result<()> {
             Ok(())
         }
         Verb::Evidence { name: Some(name) } => evidence::collect(&workspace, &name),
+        Verb::Firmware => firmware::make(&workspace),
+        Verb::Flash => firmware::flash(&workspace),
         Verb::Setup => setup::install_everything(&workspace),
     }
 }

@@ -7,6 +7,9 @@
 /// The microcontroller targets: the least capable core we support, and one with an FPU.
 pub(crate) const ARM_TARGETS: &[&str] = &["thumbv6m-none-eabi", "thumbv7em-none-eabihf"];
 
+/// The target of the firmware's image.
+pub(crate) const FIRMWARE_TARGET: &str = "thumbv6m-none-eabi";
+
 /// One crate of the workspace.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Member {

@@ -84,7 +84,7 @@ fn examples(workspace: &Workspace, package: &str) -> Result<PathBuf> {
 }
 
 /// The path in cargo's message about the artifact that can be run.
-fn executable(messages: &str) -> Option<PathBuf> {
+pub(crate) fn executable(messages: &str) -> Option<PathBuf> {
     messages
         .lines()
         .filter_map(|line| {

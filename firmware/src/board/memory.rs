@@ -1,5 +1,7 @@
-//! Copying aligned memory, from memory: the compiler's own routine copies word by word, twice as
-//! slowly, and a tenth of the processor's time went into it.
+//! Two routines that the compiler calls everywhere, in the processor's own instructions: copying
+//! aligned memory by four words at a time instead of one, and the product of two 64-bit integers,
+//! of which soft floating point makes all of its products. Each took a tenth of the processor's
+//! time.
 
 #![allow(unsafe_code)]
 
@@ -7,10 +9,21 @@
 core::arch::global_asm!(
     ".section .data.copy, \"ax\", %progbits",
     ".balign 4",
+    ".global __aeabi_memcpy",
     ".global __aeabi_memcpy4",
     ".global __aeabi_memcpy8",
+    ".type __aeabi_memcpy, %function",
     ".type __aeabi_memcpy4, %function",
     ".type __aeabi_memcpy8, %function",
+    ".thumb_func",
+    "__aeabi_memcpy:",
+    "mov r3, r0",
+    "orrs r3, r1",
+    "lsls r3, r3, #30",
+    "beq __aeabi_memcpy4",
+    "ldr r3, =memcpy",
+    "bx r3",
+    ".ltorg",
     ".thumb_func",
     "__aeabi_memcpy4:",
     ".thumb_func",
@@ -37,4 +50,40 @@ core::arch::global_asm!(
     "subs r2, #1",
     "bne 5b",
     "6: pop {{r4, r5, r6, pc}}",
+    ".text",
+);
+
+// 4.2 of the same: r0 and r1 times r2 and r3, low words first. Four products of halves make the
+// upper word of the low words' product, which the processor does not give.
+core::arch::global_asm!(
+    ".section .text.__aeabi_lmul, \"ax\", %progbits",
+    ".balign 4",
+    ".global __aeabi_lmul",
+    ".type __aeabi_lmul, %function",
+    ".thumb_func",
+    "__aeabi_lmul:",
+    "push {{r4, r5, r6, lr}}",
+    "muls r1, r2",
+    "muls r3, r0",
+    "adds r1, r3",
+    "lsrs r4, r0, #16",
+    "lsrs r5, r2, #16",
+    "uxth r6, r0",
+    "uxth r3, r2",
+    "mov r0, r6",
+    "muls r0, r3",
+    "muls r6, r5",
+    "muls r3, r4",
+    "muls r4, r5",
+    "adds r1, r4",
+    "lsls r5, r6, #16",
+    "lsrs r6, r6, #16",
+    "adds r0, r5",
+    "adcs r1, r6",
+    "lsls r5, r3, #16",
+    "lsrs r3, r3, #16",
+    "adds r0, r5",
+    "adcs r1, r3",
+    "pop {{r4, r5, r6, pc}}",
+    ".text",
 );
