@@ -14,7 +14,7 @@ mod coil;
 mod crash;
 mod history;
 mod link;
-#[cfg(planted_defect = "panic")]
+#[cfg(any(planted_defect = "panic", planted_defect = "fed_by_idle"))]
 mod planted;
 mod report;
 mod safe;

@@ -3,8 +3,11 @@
 #![allow(unsafe_code)]
 
 use cortex_m_rt::{ExceptionFrame, exception};
-use rp2040_pac::{IO_BANK0, RESETS, SIO, WATCHDOG};
+use rp2040_pac::WATCHDOG;
+#[cfg(not(planted_defect = "no_safe_state"))]
+use rp2040_pac::{IO_BANK0, RESETS, SIO};
 
+#[cfg(not(planted_defect = "no_safe_state"))]
 use crate::board::pico;
 use crate::crash::{self, Cause};
 

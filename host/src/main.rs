@@ -3,7 +3,9 @@
 mod calibrate;
 mod chip;
 mod coverage;
+mod decode;
 mod demo;
+mod encode;
 mod engine;
 mod failure;
 mod instrument;
@@ -45,6 +47,8 @@ enum Verb {
     Words(words::Arguments),
     PlanLdc(plan_ldc::Arguments),
     Chip(chip::Arguments),
+    Decode(decode::Arguments),
+    Encode(encode::Arguments),
     Demo(demo::Arguments),
     Simulate(simulate::Arguments),
     Coverage(coverage::Arguments),
@@ -55,6 +59,8 @@ fn main() -> ExitCode {
         Verb::Words(arguments) => words::run(&arguments),
         Verb::PlanLdc(arguments) => plan_ldc::run(&arguments),
         Verb::Chip(arguments) => chip::run(&arguments),
+        Verb::Decode(arguments) => decode::run(&arguments),
+        Verb::Encode(arguments) => encode::run(&arguments),
         Verb::Demo(arguments) => demo::run(&arguments),
         Verb::Simulate(arguments) => simulate::run(&arguments),
         Verb::Coverage(arguments) => coverage::run(&arguments),

@@ -102,6 +102,30 @@ const CAMPAIGNS: &[Campaign] = &[
             "planted-defects",
         ],
     },
+    Campaign {
+        name: "image-faults",
+        purpose: "Faults of bus and converter and crashes in mid-ramp, on the firmware's image.",
+        arguments: &[
+            "run",
+            "--release",
+            "-p",
+            "palpate-board",
+            "--example",
+            "image-faults",
+        ],
+    },
+    Campaign {
+        name: "image-rates",
+        purpose: "Rates, latencies and losses of the firmware's image.",
+        arguments: &[
+            "run",
+            "--release",
+            "-p",
+            "palpate-board",
+            "--example",
+            "image-rates",
+        ],
+    },
 ];
 
 impl Campaign {

@@ -233,6 +233,10 @@ impl I2c for Master {
         _: SevenBitAddress,
         operations: &mut [Operation<'_>],
     ) -> Result<(), BusError> {
+        #[cfg(planted_defect = "write_dropped")]
+        if let [Operation::Write([_, _, _])] = operations {
+            return Ok(());
+        }
         let job = job(operations).ok_or(BusError::Length)?;
         let on_edges = ON_EDGES.load(Ordering::Relaxed) && engine::may_be_ready(&job);
         let outcome = if on_edges {
@@ -242,6 +246,13 @@ impl I2c for Master {
         };
         if let Some(error) = BusError::of(outcome.cause) {
             return Err(error);
+        }
+        #[cfg(planted_defect = "words_swapped")]
+        let mut outcome = outcome;
+        #[cfg(planted_defect = "words_swapped")]
+        if let ([first, second, third, fourth, ..], true) = (&mut outcome.bytes, on_edges) {
+            core::mem::swap(first, third);
+            core::mem::swap(second, fourth);
         }
         critical_section::with(|section| self.stamp.borrow(section).set(outcome.stamp));
         let mut bytes = outcome.bytes.iter();

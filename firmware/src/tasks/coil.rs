@@ -15,6 +15,8 @@ pub async fn coil(cx: app::coil::Context<'_>) {
         cx.local.coil.set(Mono::now().as_ticks());
         #[cfg(planted_defect = "panic")]
         crate::planted::panic_if_asked(Task::Coil);
+        #[cfg(planted_defect = "fed_by_idle")]
+        crate::planted::stall_if_asked().await;
         Mono::delay_until(next + MEASURED_AFTER_US.micros()).await;
         cx.local.coil.measure();
         next += STEP_US.micros();

@@ -4,22 +4,15 @@
 
 mod common;
 
-use common::{Bench, image};
+use common::{Bench, Crash, PLACES, image, ramping, streaming, time_to_off};
 use ldc161x_sim::{Fault, FaultEvent, Lost, Time};
 use palpate_board::{LineFault, firmware};
 use palpate_wire::Record;
 use palpate_wire::code::{FaultCode, Outcome, ResetCause, State};
-use palpate_wire::command::{Coil, Command};
+use palpate_wire::command::Command;
 
 /// After a fault's end the stream has to be back so soon.
 const RECOVERY: Time = Time::from_ms(50);
-
-fn streaming() -> Bench {
-    let mut bench = Bench::new();
-    bench.stream();
-    bench.run(Time::from_ms(20));
-    bench
-}
 
 /// The stream is back, its first sample says that something went before it, and no reset was
 /// needed.
@@ -172,59 +165,9 @@ fn an_interrupt_line_that_is_stuck_is_survived() {
 
 // ---- the coil and the safe state ----
 
-fn coil() -> Coil {
-    Coil {
-        resistance_ohm: 0.5,
-        copper_capacity_j_per_k: 5.0,
-        pad_capacity_j_per_k: 50.0,
-        copper_to_pad_k_per_w: 1.0,
-        pad_to_ambient_k_per_w: 10.0,
-        gain_v_per_a: 0.125,
-        zero_v: 1.65,
-        current_uncertainty: 0.01,
-    }
-}
-
-/// A bench in the midst of a train of ramps.
-fn ramping() -> Bench {
-    let mut bench = streaming();
-    assert_eq!(bench.command(&Command::Arm).outcome, Outcome::NotCalibrated);
-    assert_eq!(bench.command(&Command::Sweep).outcome, Outcome::NotArmed);
-    assert_eq!(bench.board.current_a(), 0.0);
-    assert_eq!(
-        bench.command(&Command::SetCoil(coil())).outcome,
-        Outcome::Accepted
-    );
-    assert_eq!(bench.command(&Command::Arm).outcome, Outcome::Accepted);
-    assert_eq!(
-        bench.command(&Command::SetCoil(coil())).outcome,
-        Outcome::Armed
-    );
-    assert_eq!(bench.command(&Command::Sweep).outcome, Outcome::Accepted);
-    bench.run(Time::from_ms(50));
-    assert!(bench.board.current_a() > 2.0, "{}", bench.board.current_a());
-    bench
-}
-
-/// The time until the bridge is off, and stays off for a while.
-fn time_to_off(bench: &mut Bench) -> Time {
-    let begin = bench.board.now();
-    bench
-        .board
-        .run_until(Time::from_ms(100), |board| !board.bridge().awake)
-        .expect("the bridge goes off");
-    let took = bench.board.now() - begin;
-    for _ in 0..200 {
-        bench.run(Time::from_ms(1));
-        assert_eq!(bench.board.current_a(), 0.0, "the bridge comes back");
-        assert!(!bench.board.bridge().awake, "the bridge wakes");
-    }
-    took
-}
-
 #[test]
 fn the_current_follows_its_course_and_ends() {
-    let mut bench = ramping();
+    let mut bench = ramping(image());
     bench.frames.clear();
     let mut highest: f64 = 0.0;
     let is_over = |frame: &palpate_wire::Frame<Record>| match &frame.message {
@@ -245,38 +188,22 @@ fn the_current_follows_its_course_and_ends() {
 
 #[test]
 fn a_command_switches_the_bridge_off() {
-    let snapshot = ramping();
+    let snapshot = ramping(image());
     for command in [Command::Disarm, Command::Abort, Command::SensingOnly] {
         let mut bench = snapshot.clone();
         assert_eq!(bench.command(&command).outcome, Outcome::Accepted);
         assert_eq!(bench.board.current_a(), 0.0, "{command:?}");
-        time_to_off(&mut bench);
+        assert!(time_to_off(&mut bench).is_some());
     }
 }
 
-/// Instructions without end, and one that is none.
-const LOOP: u32 = 0xE7FE_E7FE;
-const UNDEFINED: u32 = 0xDE00_DE00;
-/// A free word near the end of memory.
-const SPARE: u32 = 0x2004_1FF0;
-
-/// Exceptions in which the firmware spends its time: the tasks' two dispatchers, the timer, the
-/// two interrupts of the bus and the one that follows them, and none at all.
-const PLACES: [u32; 6] = [16 + 26, 16 + 27, 16, 16 + 13, 16 + 23, 16 + 7];
-
 #[test]
 fn a_fault_anywhere_switches_the_bridge_off_within_a_millisecond() {
-    let snapshot = ramping();
+    let snapshot = ramping(image());
     for place in PLACES {
         let mut bench = snapshot.clone();
-        bench
-            .board
-            .run_until(Time::from_ms(20), |board| board.exception() == place)
-            .unwrap();
-        bench.board.poke(SPARE, UNDEFINED);
-        bench.board.set_pc(SPARE);
-        let took = time_to_off(&mut bench);
-        assert!(took <= Time::from_ms(1), "exception {place}: {took}");
+        let took = Crash::HardFault.in_exception(&mut bench, place);
+        assert!(took.unwrap() <= Time::from_ms(1), "exception {place}");
         assert_eq!(bench.board.resets().watchdog, 1);
         let crash = bench.frames.iter().find_map(|frame| match &frame.message {
             Record::Crash(crash) => Some(crash.clone()),
@@ -284,7 +211,7 @@ fn a_fault_anywhere_switches_the_bridge_off_within_a_millisecond() {
         });
         let crash = crash.expect("the crash is told");
         assert_eq!(crash.cause, ResetCause::HardFault);
-        assert_eq!(crash.program_counter, SPARE);
+        assert_eq!(crash.program_counter, common::SPARE);
         let faults = bench.faults();
         assert!(
             faults
@@ -298,17 +225,11 @@ fn a_fault_anywhere_switches_the_bridge_off_within_a_millisecond() {
 
 #[test]
 fn an_endless_loop_anywhere_switches_the_bridge_off_within_60_ms() {
-    let snapshot = ramping();
+    let snapshot = ramping(image());
     for place in PLACES {
         let mut bench = snapshot.clone();
-        bench
-            .board
-            .run_until(Time::from_ms(20), |board| board.exception() == place)
-            .unwrap();
-        bench.board.poke(SPARE, LOOP);
-        bench.board.set_pc(SPARE);
-        let took = time_to_off(&mut bench);
-        assert!(took <= Time::from_ms(60), "exception {place}: {took}");
+        let took = Crash::Loop.in_exception(&mut bench, place);
+        assert!(took.unwrap() <= Time::from_ms(60), "exception {place}");
         let faults = bench.faults();
         assert!(
             faults.iter().any(|fault| fault.code == FaultCode::Watchdog),
@@ -320,7 +241,7 @@ fn an_endless_loop_anywhere_switches_the_bridge_off_within_60_ms() {
 
 #[test]
 fn a_snapshot_runs_on_like_its_original() {
-    let mut one = ramping();
+    let mut one = ramping(image());
     let mut other = one.clone();
     one.run(Time::from_ms(50));
     other.run(Time::from_ms(50));

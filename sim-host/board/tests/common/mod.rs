@@ -6,7 +6,8 @@ use std::sync::OnceLock;
 
 use ldc161x_sim::Settings;
 use palpate_board::{Board, Image, Options, Plant, Still, Time, firmware};
-use palpate_wire::command::Command;
+use palpate_wire::code::Outcome;
+use palpate_wire::command::{Coil, Command};
 use palpate_wire::record::{Acknowledgement, Fault, Sample, Status};
 use palpate_wire::{Frame, Message, Record, RecordDecoder, Sequencer, encode};
 
@@ -199,4 +200,124 @@ impl<P: Plant> Bench<P> {
         };
         self.ask(&Command::Identify, status).1
     }
+}
+
+/// A still board with an image.
+pub(crate) fn board(image: &Image) -> Board<Still> {
+    let plant = Still::new(FREQUENCIES_HZ);
+    Board::new(image, plant, Settings::default(), recording())
+}
+
+/// A bench with a stream under way.
+pub(crate) fn streaming() -> Bench {
+    let mut bench = Bench::new();
+    bench.stream();
+    bench.run(Time::from_ms(20));
+    bench
+}
+
+/// A coil's data.
+pub(crate) fn coil() -> Coil {
+    Coil {
+        resistance_ohm: 0.5,
+        copper_capacity_j_per_k: 5.0,
+        pad_capacity_j_per_k: 50.0,
+        copper_to_pad_k_per_w: 1.0,
+        pad_to_ambient_k_per_w: 10.0,
+        gain_v_per_a: 0.125,
+        zero_v: 1.65,
+        current_uncertainty: 0.01,
+    }
+}
+
+/// A bench in the midst of a train of ramps.
+pub(crate) fn ramping(image: &Image) -> Bench {
+    let mut bench = Bench::of(board(image));
+    bench.stream();
+    bench.run(Time::from_ms(20));
+    assert_eq!(bench.command(&Command::Arm).outcome, Outcome::NotCalibrated);
+    assert_eq!(bench.command(&Command::Sweep).outcome, Outcome::NotArmed);
+    assert_eq!(bench.board.current_a(), 0.0);
+    assert_eq!(
+        bench.command(&Command::SetCoil(coil())).outcome,
+        Outcome::Accepted
+    );
+    assert_eq!(bench.command(&Command::Arm).outcome, Outcome::Accepted);
+    assert_eq!(
+        bench.command(&Command::SetCoil(coil())).outcome,
+        Outcome::Armed
+    );
+    assert_eq!(bench.command(&Command::Sweep).outcome, Outcome::Accepted);
+    bench.run(Time::from_ms(50));
+    assert!(bench.board.current_a() > 2.0, "{}", bench.board.current_a());
+    bench
+}
+
+/// The time until the bridge is off; nothing if it is not within 100 ms, or does not stay off.
+pub(crate) fn time_to_off(bench: &mut Bench) -> Option<Time> {
+    let begin = bench.board.now();
+    bench
+        .board
+        .run_until(Time::from_ms(100), |board| !board.bridge().awake)
+        .ok()?;
+    let took = bench.board.now() - begin;
+    for _ in 0..200 {
+        bench.run(Time::from_ms(1));
+        if bench.board.current_a() != 0.0 || bench.board.bridge().awake {
+            return None;
+        }
+    }
+    Some(took)
+}
+
+/// Instructions without end, and one that is none.
+pub(crate) const LOOP: u32 = 0xE7FE_E7FE;
+pub(crate) const UNDEFINED: u32 = 0xDE00_DE00;
+/// A free word near the end of memory.
+pub(crate) const SPARE: u32 = 0x2004_1FF0;
+
+/// Exceptions in which the firmware spends its time: the tasks' two dispatchers, the timer, the
+/// two interrupts of the bus and the one that follows them, and none at all.
+pub(crate) const PLACES: [u32; 6] = [16 + 26, 16 + 27, 16, 16 + 13, 16 + 23, 16 + 7];
+
+/// How a run is ended.
+#[derive(Clone, Copy)]
+pub(crate) enum Crash {
+    /// By an instruction that is none.
+    HardFault,
+    /// By one that jumps to itself.
+    Loop,
+}
+
+impl Crash {
+    /// Ends the run in an exception; returns how long the bridge was on after that.
+    pub(crate) fn in_exception(self, bench: &mut Bench, place: u32) -> Option<Time> {
+        bench
+            .board
+            .run_until(Time::from_ms(20), |board| board.exception() == place)
+            .ok()?;
+        let instruction = match self {
+            Self::HardFault => UNDEFINED,
+            Self::Loop => LOOP,
+        };
+        bench.board.poke(SPARE, instruction);
+        bench.board.set_pc(SPARE);
+        time_to_off(bench)
+    }
+}
+
+/// Tasks of an image with a planted panic.
+pub(crate) const TASKS: u32 = 3;
+
+/// Lets a task panic; returns how long the bridge was on after that. The task looks at its order
+/// when its turn comes, which is not part of the time.
+pub(crate) fn panic_in(bench: &mut Bench, task: u32) -> Option<Time> {
+    let order = bench.board.image().symbol("PLANTED_PANIC")?;
+    bench.board.poke(order, task + 1);
+    let panicked = bench.board.image().symbol("PLANTED_PANICS")?;
+    bench
+        .board
+        .run_until(Time::from_ms(20), |board| board.peek(panicked) != 0)
+        .ok()?;
+    time_to_off(bench)
 }
