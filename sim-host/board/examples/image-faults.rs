@@ -234,7 +234,7 @@ fn main() -> ExitCode {
     println!(
         "The upper rows: from the cause's end to a sample that follows no gap, looked at every \
          millisecond, without the watchdog and without a flagged word. The lower ones: until the \
-         bridge is off; it then stays off for 200 ms."
+         bridge is off; it then stays off for 100 ms, in which the image starts anew."
     );
     let total: u32 = rows.iter().map(|row| row.broken).sum();
     println!("<!-- evidence:end -->");

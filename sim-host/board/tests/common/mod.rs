@@ -261,7 +261,7 @@ pub(crate) fn time_to_off(bench: &mut Bench) -> Option<Time> {
         .run_until(Time::from_ms(100), |board| !board.bridge().awake)
         .ok()?;
     let took = bench.board.now() - begin;
-    for _ in 0..200 {
+    for _ in 0..100 {
         bench.run(Time::from_ms(1));
         if bench.board.current_a() != 0.0 || bench.board.bridge().awake {
             return None;
