@@ -13,7 +13,7 @@ use palpate_wire::command::Command;
 
 /// The longest that an edge that meets a free bus may wait.
 const LATENCY: Time = Time::from_us(10);
-const LENGTH: Time = Time::from_ms(60_000);
+const LENGTH: Time = Time::from_ms(10_000);
 
 struct Case {
     channels: u8,
@@ -96,7 +96,7 @@ fn main() -> ExitCode {
             (0b0001, 1_000.0, Stream::Samples, LENGTH),
             (0b0001, 2_000.0, Stream::Raw, LENGTH),
             (0b1111, 500.0, Stream::Samples, LENGTH),
-            (0b0001, 4_000.0, Stream::Raw, Time::from_ms(5_000)),
+            (0b0001, 4_000.0, Stream::Raw, Time::from_ms(2_000)),
         ] {
             cases.push(Case {
                 channels,
