@@ -7,6 +7,7 @@ use divan::{Bencher, counter::ItemsCount};
 use embedded_hal::i2c::{I2c, Operation};
 use ldc161x_sim::{Bus, Chip, Time};
 use palpate_sim::board::{Hardware, VirtualBoard};
+use palpate_sim::device::Device;
 use palpate_sim::mechanics::{load::Load, press::Profile};
 use palpate_sim::parameters::draw;
 use palpate_sim::stack::{Disturbances, Stack};
