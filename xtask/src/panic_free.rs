@@ -76,10 +76,10 @@ fn examples(workspace: &Workspace, package: &str) -> Result<PathBuf> {
         .join("drivers")
         .join(package)
         .join("examples");
-    if folder.join("memory.x").is_file() {
+    if folder.join("board-memory.x").is_file() {
         Ok(folder)
     } else {
-        bail!("{} holds no memory.x", folder.display())
+        bail!("{} holds no board-memory.x", folder.display())
     }
 }
 
