@@ -85,7 +85,7 @@ const CAMPAIGNS: &[Campaign] = &[
             "--",
             "coverage",
             "--plants",
-            "200",
+            "100",
             "--seed",
             "1",
         ],
