@@ -103,6 +103,10 @@ pub(crate) const MEMBERS: &[Member] = &[
         ..HOST_PROGRAM
     },
     Member {
+        name: "palpate-field",
+        ..HOST_PROGRAM
+    },
+    Member {
         name: "palpate-sim",
         ..HOST_PROGRAM
     },

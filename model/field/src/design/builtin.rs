@@ -1,0 +1,60 @@
+//! The designs that come with the crate.
+
+use super::{Design, DesignError};
+
+/// Names of the built-in designs.
+///
+/// They are the cases of the sensor's paper, read from its table and text.
+pub const BUILTIN: [&str; 13] = [
+    "air",
+    "A",
+    "A0",
+    "A10",
+    "B1",
+    "B2",
+    "B3",
+    "C1in",
+    "C1out",
+    "C3in",
+    "CAin",
+    "backplates",
+    "pot",
+];
+
+/// The text of a built-in design.
+#[must_use]
+pub fn builtin_text(name: &str) -> Option<&'static str> {
+    Some(match name {
+        "air" => include_str!("../../designs/air.toml"),
+        "A" => include_str!("../../designs/A.toml"),
+        "A0" => include_str!("../../designs/A0.toml"),
+        "A10" => include_str!("../../designs/A10.toml"),
+        "B1" => include_str!("../../designs/B1.toml"),
+        "B2" => include_str!("../../designs/B2.toml"),
+        "B3" => include_str!("../../designs/B3.toml"),
+        "C1in" => include_str!("../../designs/C1in.toml"),
+        "C1out" => include_str!("../../designs/C1out.toml"),
+        "C3in" => include_str!("../../designs/C3in.toml"),
+        "CAin" => include_str!("../../designs/CAin.toml"),
+        "backplates" => include_str!("../../designs/backplates.toml"),
+        "pot" => include_str!("../../designs/pot.toml"),
+        _ => return None,
+    })
+}
+
+/// A built-in design.
+///
+/// # Errors
+/// [`DesignError`] for any name that is not in [`BUILTIN`].
+pub fn builtin(name: &str) -> Result<Design, DesignError> {
+    match builtin_text(name) {
+        Some(text) => Design::parse(&format!("{name}.toml"), text),
+        None => Err(DesignError {
+            file: format!("{name}.toml"),
+            line: 1,
+            place: String::new(),
+            problem: format!("there is no built-in design {name:?}"),
+            allowed: BUILTIN.join(", "),
+        }),
+    }
+}

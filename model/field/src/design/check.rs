@@ -1,0 +1,220 @@
+//! Whether the parts of a design fit together.
+
+use super::{Design, DesignError, Rectangle};
+use crate::geometry::arrangement::Arrangement;
+use crate::geometry::shape::{Shape, edges};
+use crate::geometry::{cross, distance};
+
+/// Nothing may be thinner, and no gap narrower: 1 µm, below any tolerance of such a stack.
+pub(super) const THINNEST_M: f64 = 1e-6;
+/// Positions this near are the same.
+const SAME_M: f64 = 1e-9;
+
+/// Lines of the file on which each entry begins.
+#[derive(Default)]
+pub(super) struct Lines {
+    pub(super) parts: Vec<usize>,
+    pub(super) boards: Vec<usize>,
+    pub(super) coils: Vec<usize>,
+}
+
+/// Something solid, with its place in the file.
+struct Solid {
+    place: String,
+    line: usize,
+    shape: Shape,
+    minus: Vec<Shape>,
+    /// Copper may lie within its board.
+    copper: bool,
+    board: bool,
+}
+
+/// Refuses overlaps and gaps.
+pub(super) fn check(file: &str, design: &Design, lines: &Lines) -> Result<(), DesignError> {
+    let refuse = |line: usize, place: &str, problem: String, allowed: &str| {
+        Err(DesignError {
+            file: file.to_owned(),
+            line,
+            place: place.to_owned(),
+            problem,
+            allowed: allowed.to_owned(),
+        })
+    };
+    let (solids, bodies) = collect(design, lines);
+    for group in [&solids, &bodies] {
+        for (index, first) in group.iter().enumerate() {
+            for second in group.iter().skip(index + 1) {
+                match relation(first, second) {
+                    Relation::Apart => {}
+                    Relation::Overlap => {
+                        let problem = format!("overlaps {}", first.place);
+                        let allowed = "parts that touch or stand apart; only copper may lie within a board, and only a body may be cast around others";
+                        return refuse(second.line, &second.place, problem, allowed);
+                    }
+                    Relation::Gap(gap) => {
+                        let problem = format!("leaves a gap of {gap:e} m to {}", first.place);
+                        let allowed = format!("no gap, or {THINNEST_M:e} m and more");
+                        return refuse(second.line, &second.place, problem, &allowed);
+                    }
+                }
+            }
+        }
+    }
+    Ok(())
+}
+
+fn collect(design: &Design, lines: &Lines) -> (Vec<Solid>, Vec<Solid>) {
+    let line = |lines: &[usize], index: usize| lines.get(index).copied().unwrap_or(1);
+    let rectangle = |section: &Rectangle| Shape::rectangle(section.r_m, section.x_m);
+    let mut solids = Vec::new();
+    let mut bodies = Vec::new();
+    for (index, board) in design.boards.iter().enumerate() {
+        solids.push(Solid {
+            place: format!("board {:?}", board.name),
+            line: line(&lines.boards, index),
+            shape: rectangle(&board.section),
+            minus: Vec::new(),
+            copper: false,
+            board: true,
+        });
+    }
+    for (index, coil) in design.coils.iter().enumerate() {
+        for ring in &coil.rings {
+            solids.push(Solid {
+                place: format!("coil {:?}", coil.name),
+                line: line(&lines.coils, index),
+                shape: rectangle(ring),
+                minus: Vec::new(),
+                copper: true,
+                board: false,
+            });
+        }
+    }
+    for (index, part) in design.parts.iter().enumerate() {
+        let group = if part.cast { &mut bodies } else { &mut solids };
+        let kind = if part.cast { "body" } else { "plate" };
+        group.push(Solid {
+            place: format!("{kind} {:?}", part.name),
+            line: line(&lines.parts, index),
+            shape: part.shape.clone(),
+            minus: part.minus.clone(),
+            copper: false,
+            board: false,
+        });
+    }
+    (solids, bodies)
+}
+
+enum Relation {
+    Apart,
+    Overlap,
+    Gap(f64),
+}
+
+fn relation(a: &Solid, b: &Solid) -> Relation {
+    if boxes_apart(&a.shape, &b.shape) {
+        return Relation::Apart;
+    }
+    if overlap(a, b) {
+        return Relation::Overlap;
+    }
+    let gap = narrowest_gap(&a.shape, &b.shape);
+    if gap > SAME_M && gap < THINNEST_M {
+        return Relation::Gap(gap);
+    }
+    Relation::Apart
+}
+
+/// Whether boxes about two shapes are farther apart than the narrowest gap.
+fn boxes_apart(a: &Shape, b: &Shape) -> bool {
+    let bounds = |shape: &Shape, axis: usize| {
+        let values = shape.extremes().into_iter().map(move |point| point[axis]);
+        values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| {
+            (low.min(value), high.max(value))
+        })
+    };
+    (0..2).any(|axis| {
+        let ((a0, a1), (b0, b1)) = (bounds(a, axis), bounds(b, axis));
+        a0 > b1 + THINNEST_M || b0 > a1 + THINNEST_M
+    })
+}
+
+/// Cuts both outlines at each other: they overlap if a point just beside a piece is in both.
+fn overlap(a: &Solid, b: &Solid) -> bool {
+    let within = |solid: &Solid, point| {
+        solid.shape.contains(point) && !solid.minus.iter().any(|hole| hole.contains(point))
+    };
+    let mut paths = Vec::new();
+    for solid in [a, b] {
+        paths.extend(solid.shape.paths());
+        paths.extend(solid.minus.iter().flat_map(Shape::paths));
+    }
+    let points = Arrangement::of(&paths, SAME_M).points_beside();
+    let (board, copper) = if a.board { (a, b) } else { (b, a) };
+    if board.board && copper.copper {
+        // Copper within its board is as it should be, and so is copper on it.
+        let mut copper = points
+            .iter()
+            .filter(|&&point| within(copper, point))
+            .peekable();
+        let inside = copper.peek().is_some_and(|&&point| within(board, point));
+        return copper.any(|&point| within(board, point) != inside);
+    }
+    points
+        .iter()
+        .any(|&point| within(a, point) && within(b, point))
+}
+
+/// The least distance of the corners of each to the other's outline.
+fn narrowest_gap(a: &Shape, b: &Shape) -> f64 {
+    let mut least = f64::INFINITY;
+    for (from, to) in [(a, b), (b, a)] {
+        for corner in from.extremes() {
+            for path in to.paths() {
+                let share = path.share_of(corner).clamp(0.0, 1.0);
+                least = least.min(distance(corner, path.at(share)));
+            }
+        }
+    }
+    least
+}
+
+/// Refuses an outline that is no simple polygon.
+pub(super) fn outline(shape: &Shape, most: usize) -> Result<(), (String, String)> {
+    let Shape::Polygon(corners) = shape else {
+        return Ok(());
+    };
+    let allowed = format!("3 to {most} corners [r, x] of a polygon that does not cross itself");
+    if corners.len() < 3 || corners.len() > most {
+        return Err((format!("has {} corners", corners.len()), allowed));
+    }
+    let sides: Vec<_> = edges(corners).collect();
+    if let Some(index) = sides
+        .iter()
+        .position(|(a, b)| distance(*a, *b) < THINNEST_M)
+    {
+        return Err((format!("side {} has no length", index + 1), allowed));
+    }
+    let longest = sides
+        .iter()
+        .map(|(a, b)| distance(*a, *b))
+        .fold(0.0, f64::max);
+    if shape.area_m2() < THINNEST_M * longest {
+        return Err(("has zero thickness".to_owned(), allowed));
+    }
+    for (index, &(a, b)) in sides.iter().enumerate() {
+        for (other, &(c, d)) in sides.iter().enumerate().skip(index + 1) {
+            let neighbours = other == index + 1 || (index == 0 && other == sides.len() - 1);
+            let opposite = |s: f64, t: f64| (s > 0.0) != (t > 0.0);
+            let crossing = opposite(cross(a, b, c), cross(a, b, d))
+                && opposite(cross(c, d, a), cross(c, d, b));
+            if !neighbours && crossing {
+                return Err((
+                    format!("sides {} and {} cross", index + 1, other + 1),
+                    allowed,
+                ));
+            }
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,207 @@
+//! What is to be solved: coils, boards, bodies, plates and their materials, as read from TOML.
+//!
+//! Everything is a body of revolution about the axis `x`; `r` is the distance from it. In the file
+//! lengths are in the unit that `length_unit` names; in these types they are metres.
+
+mod builtin;
+mod check;
+mod expression;
+mod read;
+
+use core::fmt;
+
+pub use builtin::{BUILTIN, builtin, builtin_text};
+
+use crate::geometry::shape::Shape;
+use crate::material::Material;
+
+/// A design: everything that the solver has to know.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Design {
+    /// What it is called.
+    pub name: String,
+    /// What it is, in a sentence.
+    pub about: String,
+    /// The volume that is judged: the disc between the boards, by which mean field, homogeneity
+    /// and the force that closes it are defined.
+    pub core: Core,
+    /// Windings, in series.
+    pub coils: Vec<Coil>,
+    /// Circuit boards. They displace the cast bodies and are not magnetic.
+    pub boards: Vec<Board>,
+    /// Bodies and plates.
+    pub parts: Vec<Part>,
+    /// Resistivity of the windings, Ω m.
+    pub resistivity_ohm_m: f64,
+    /// The current that the design is meant for, A.
+    pub current_a: f64,
+    /// Uniform field along the axis in which everything stands, T.
+    pub background_t: f64,
+}
+
+/// The disc that is judged.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Core {
+    /// Radius, m.
+    pub r_m: f64,
+    /// Ends on the axis, m.
+    pub x_m: [f64; 2],
+}
+
+impl Core {
+    /// The middle of its length, m.
+    #[must_use]
+    pub fn middle_m(&self) -> f64 {
+        0.5 * (self.x_m[0] + self.x_m[1])
+    }
+
+    /// The middle half of its length, m: where the halves of the stack are parted for the force.
+    #[must_use]
+    pub fn parting_m(&self) -> [f64; 2] {
+        let quarter = 0.25 * (self.x_m[1] - self.x_m[0]);
+        [self.x_m[0] + quarter, self.x_m[1] - quarter]
+    }
+}
+
+/// Rings of the same size side by side, or one ring; in series.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Coil {
+    /// What it is called.
+    pub name: String,
+    /// Each ring's cross-section.
+    pub rings: Vec<Rectangle>,
+    /// Turns in each ring's cross-section.
+    pub turns: f64,
+    /// +1 or −1: the sense of the current.
+    pub sense: f64,
+}
+
+/// A rectangle in the half-plane.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rectangle {
+    /// From and to, m.
+    pub r_m: [f64; 2],
+    /// From and to, m.
+    pub x_m: [f64; 2],
+}
+
+impl Rectangle {
+    /// Area of the cross-section, m².
+    #[must_use]
+    pub fn area_m2(&self) -> f64 {
+        (self.r_m[1] - self.r_m[0]) * (self.x_m[1] - self.x_m[0])
+    }
+
+    /// Length of the circle through its middle, m.
+    #[must_use]
+    pub fn circumference_m(&self) -> f64 {
+        core::f64::consts::PI * (self.r_m[0] + self.r_m[1])
+    }
+}
+
+/// A circuit board with its copper: not magnetic.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Board {
+    /// What it is called.
+    pub name: String,
+    /// Its cross-section.
+    pub section: Rectangle,
+}
+
+/// A magnetic part.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Part {
+    /// What it is called.
+    pub name: String,
+    /// The name of its material.
+    pub material_name: String,
+    /// Its material.
+    pub material: Material,
+    /// Its outline.
+    pub shape: Shape,
+    /// What is cut out of it.
+    pub minus: Vec<Shape>,
+    /// Whether it was cast around boards, windings and plates (a body), so that it leaves out
+    /// what they take, or is solid (a plate), so that nothing may reach into it.
+    pub cast: bool,
+}
+
+impl Part {
+    /// Whether a point lies in its outline and in nothing that is cut out.
+    #[must_use]
+    pub fn contains(&self, point: [f64; 2]) -> bool {
+        self.shape.contains(point) && !self.minus.iter().any(|hole| hole.contains(point))
+    }
+}
+
+impl Design {
+    /// Reads a text; `file` is only for messages.
+    ///
+    /// ```
+    /// use palpate_field::design::{Design, builtin_text};
+    ///
+    /// let text = builtin_text("A").unwrap_or_default();
+    /// assert_eq!(Design::parse("A.toml", text)?.coils.len(), 4);
+    ///
+    /// let text = text.replace("length_unit = \"mm\"", "");
+    /// let error = Design::parse("mine.toml", &text).unwrap_err().to_string();
+    /// assert!(error.contains("length_unit: missing; allowed: \"m\", \"mm\", \"um\""), "{error}");
+    /// # Ok::<(), palpate_field::design::DesignError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// [`DesignError`] names line, key and what is allowed.
+    pub fn parse(file: &str, text: &str) -> Result<Self, DesignError> {
+        read::read(file, text)
+    }
+
+    /// Resistance of the windings in series at the temperature of the resistivity, Ω: current
+    /// runs in circles, evenly over each ring, ρ · 2π r̄ turns² / area for each.
+    #[must_use]
+    pub fn resistance_ohm(&self) -> f64 {
+        let ring = |coil: &Coil, ring: &Rectangle| {
+            self.resistivity_ohm_m * ring.circumference_m() * coil.turns.powi(2) / ring.area_m2()
+        };
+        self.coils
+            .iter()
+            .flat_map(|coil| coil.rings.iter().map(move |r| ring(coil, r)))
+            .sum()
+    }
+
+    /// Whether any of its materials saturates.
+    #[must_use]
+    pub fn saturates(&self) -> bool {
+        self.parts.iter().any(|part| !part.material.is_linear())
+    }
+}
+
+/// Why a design was refused.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct DesignError {
+    /// The file, as its reader named it.
+    pub file: String,
+    /// Line, counted from 1.
+    pub line: usize,
+    /// The key or part that it is about; empty where the text is no TOML.
+    pub place: String,
+    /// What is wrong.
+    pub problem: String,
+    /// What would be right; empty where the problem says it.
+    pub allowed: String,
+}
+
+impl fmt::Display for DesignError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}:{}: ", self.file, self.line)?;
+        if !self.place.is_empty() {
+            write!(f, "{}: ", self.place)?;
+        }
+        f.write_str(&self.problem)?;
+        if !self.allowed.is_empty() {
+            write!(f, "; allowed: {}", self.allowed)?;
+        }
+        Ok(())
+    }
+}
+
+impl core::error::Error for DesignError {}

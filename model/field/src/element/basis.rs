@@ -1,0 +1,125 @@
+//! Lagrange polynomials of any order on a triangle's equidistant lattice.
+
+/// Values and slopes of all basis functions at a point of the triangle.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sample {
+    /// Values.
+    pub values: Vec<f64>,
+    /// Derivatives by the second and third barycentric coordinate, the first giving way.
+    pub slopes: Vec<[f64; 2]>,
+}
+
+/// The basis of one order.
+#[derive(Clone, Debug)]
+pub struct Basis {
+    order: u32,
+    nodes: Vec<[u32; 3]>,
+}
+
+impl Basis {
+    /// The basis of an order, 1 to 6. Nodes come in this order: the vertices; those on the edges
+    /// from the first to the second vertex, from there to the third and back; those inside.
+    #[must_use]
+    pub fn new(order: u32) -> Self {
+        let order = order.clamp(1, 6);
+        let mut nodes = vec![[order, 0, 0], [0, order, 0], [0, 0, order]];
+        nodes.extend((1..order).map(|k| [order - k, k, 0]));
+        nodes.extend((1..order).map(|k| [0, order - k, k]));
+        nodes.extend((1..order).map(|k| [k, 0, order - k]));
+        for i in 1..order {
+            nodes.extend((1..order - i).map(|j| [order - i - j, i, j]));
+        }
+        Self { order, nodes }
+    }
+
+    /// Its order.
+    #[must_use]
+    pub fn order(&self) -> u32 {
+        self.order
+    }
+
+    /// How many nodes a triangle has.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.nodes.len()
+    }
+
+    /// Never: there is no basis without nodes.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.nodes.is_empty()
+    }
+
+    /// Nodes within the triangle, off its edges.
+    #[must_use]
+    pub fn interior(&self) -> usize {
+        self.len() - 3 * self.order as usize
+    }
+
+    /// Barycentric coordinates of the nodes.
+    pub fn points(&self) -> impl Iterator<Item = [f64; 3]> + '_ {
+        let order = f64::from(self.order);
+        self.nodes
+            .iter()
+            .map(move |node| node.map(|k| f64::from(k) / order))
+    }
+
+    /// All functions at a point.
+    #[must_use]
+    pub fn sample(&self, at: [f64; 3]) -> Sample {
+        let order = f64::from(self.order);
+        let mut values = Vec::with_capacity(self.len());
+        let mut slopes = Vec::with_capacity(self.len());
+        for node in &self.nodes {
+            let [a, b, c] = [0, 1, 2].map(|k: usize| factor(order, node[k], at[k]));
+            values.push(a.0 * b.0 * c.0);
+            let by_first = a.1 * b.0 * c.0;
+            slopes.push([a.0 * b.1 * c.0 - by_first, a.0 * b.0 * c.1 - by_first]);
+        }
+        Sample { values, slopes }
+    }
+}
+
+/// ∏ (p λ − q)/(q + 1) for q below `count`, and its derivative.
+fn factor(order: f64, count: u32, lambda: f64) -> (f64, f64) {
+    let (mut value, mut slope) = (1.0, 0.0);
+    for q in 0..count {
+        let q = f64::from(q);
+        let term = (order * lambda - q) / (q + 1.0);
+        slope = slope * term + value * order / (q + 1.0);
+        value *= term;
+    }
+    (value, slope)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_at_its_node_and_zero_at_the_others() {
+        for order in 1..=5 {
+            let basis = Basis::new(order);
+            for (index, point) in basis.points().enumerate() {
+                for (other, value) in basis.sample(point).values.iter().enumerate() {
+                    let wanted = if other == index { 1.0 } else { 0.0 };
+                    assert!((value - wanted).abs() < 1e-12, "{order} {index} {other}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn slopes_are_derivatives() {
+        let basis = Basis::new(3);
+        let (b, c, step) = (0.2, 0.3, 1e-6);
+        let at = |b: f64, c: f64| basis.sample([1.0 - b - c, b, c]).values;
+        let slopes = basis.sample([1.0 - b - c, b, c]).slopes;
+        for (index, slope) in slopes.iter().enumerate() {
+            let by_b = (at(b + step, c)[index] - at(b - step, c)[index]) / (2.0 * step);
+            let by_c = (at(b, c + step)[index] - at(b, c - step)[index]) / (2.0 * step);
+            assert!((by_b - slope[0]).abs() < 1e-8);
+            assert!((by_c - slope[1]).abs() < 1e-8);
+        }
+    }
+}

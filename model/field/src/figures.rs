@@ -1,0 +1,195 @@
+//! Figures of merit of a field.
+
+use core::f64::consts::TAU;
+
+use crate::design::Design;
+use crate::force;
+use crate::geometry::distance;
+use crate::mesh::Zone;
+use crate::solve::{Excitation, Level, Locator};
+
+/// What a field is judged by. In the same form, the errors of such figures.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Figures {
+    /// B_x in the middle of the core, T.
+    pub centre_t: f64,
+    /// Mean of |B| over the core's volume, T.
+    pub core_mean_t: f64,
+    /// Standard deviation of |B| over its mean, by volume: whole core, three quarters of its
+    /// radius, half of it. For a core of 8 mm these are 8, 6 and 4 mm.
+    pub cv: [f64; 3],
+    /// Peak to peak of |B| along the core's axis over its mean there.
+    pub axial_pp: f64,
+    /// Peak to peak of |B| along the core's radius in mid-plane over its mean there.
+    pub radial_pp: f64,
+    /// Flux linked with all coils over the current, H; 0 without a current.
+    pub inductance_h: f64,
+    /// Force that closes the core's gap, N, by virtual work.
+    pub force_n: f64,
+    /// The same by Maxwell's stress on the mid-plane.
+    pub force_by_stress_n: f64,
+    /// Greatest |B| in the plates, T, corners left out.
+    pub plate_max_t: f64,
+}
+
+/// Corners are singular: so much about them is left out of the greatest field in the plates.
+const CORNER_M: f64 = 1e-4;
+/// Intervals of the profiles that peak-to-peak values are taken from.
+const STEPS: u32 = 100;
+
+impl Figures {
+    /// Computes all figures of a solution.
+    #[must_use]
+    pub fn of(design: &Design, level: &Level, w: &[f64], excitation: &Excitation) -> Self {
+        let locator = Locator::new(level, w);
+        let core = &design.core;
+        let middle = core.middle_m();
+        let (core_mean_t, cv) = homogeneity(level, w);
+        let share = |step: u32| f64::from(step) / f64::from(STEPS);
+        let axial = (0..=STEPS).map(|step| {
+            let x = core.x_m[0] + share(step) * (core.x_m[1] - core.x_m[0]);
+            locator.at([0.0, inward(x, core.x_m)]).size()
+        });
+        let radial = (0..=STEPS).map(|step| {
+            let r = share(step) * core.r_m;
+            locator.at([inward(r, [0.0, core.r_m]), middle]).size()
+        });
+        Self {
+            centre_t: locator.at([0.0, middle]).b[1],
+            core_mean_t,
+            cv,
+            axial_pp: peak_to_peak(axial),
+            radial_pp: peak_to_peak(radial),
+            inductance_h: inductance(design, level, w, excitation),
+            force_n: force::by_virtual_work(design, level, w, &locator),
+            force_by_stress_n: force::by_stress(design, level, &locator),
+            plate_max_t: plate_max(design, level, w),
+        }
+    }
+
+    fn map(&self, other: &Self, f: impl Fn(f64, f64) -> f64) -> Self {
+        Self {
+            centre_t: f(self.centre_t, other.centre_t),
+            core_mean_t: f(self.core_mean_t, other.core_mean_t),
+            cv: [0, 1, 2].map(|k: usize| f(self.cv[k], other.cv[k])),
+            axial_pp: f(self.axial_pp, other.axial_pp),
+            radial_pp: f(self.radial_pp, other.radial_pp),
+            inductance_h: f(self.inductance_h, other.inductance_h),
+            force_n: f(self.force_n, other.force_n),
+            force_by_stress_n: f(self.force_by_stress_n, other.force_by_stress_n),
+            plate_max_t: f(self.plate_max_t, other.plate_max_t),
+        }
+    }
+
+    /// Absolute differences.
+    #[must_use]
+    pub fn change_from(&self, other: &Self) -> Self {
+        self.map(other, |a, b| (a - b).abs())
+    }
+
+    /// The greater of each.
+    #[must_use]
+    pub fn greater_of(&self, other: &Self) -> Self {
+        self.map(other, f64::max)
+    }
+
+    /// All times a factor.
+    #[must_use]
+    pub fn scaled(&self, factor: f64) -> Self {
+        self.map(self, |a, _| factor * a)
+    }
+}
+
+/// Keeps a place within a range, so that it is not judged by the triangle beyond the end.
+fn inward(place: f64, [from, to]: [f64; 2]) -> f64 {
+    let margin = 1e-7 * (to - from);
+    place.clamp(from + margin, to - margin).max(0.0)
+}
+
+fn peak_to_peak(values: impl Iterator<Item = f64>) -> f64 {
+    let (mut low, mut high, mut sum, mut count) = (f64::INFINITY, f64::NEG_INFINITY, 0.0, 0.0);
+    for value in values {
+        low = low.min(value);
+        high = high.max(value);
+        sum += value;
+        count += 1.0;
+    }
+    if sum > 0.0 {
+        (high - low) * count / sum
+    } else {
+        0.0
+    }
+}
+
+/// Mean |B| and the coefficients of variation in the three shells of the core.
+fn homogeneity(level: &Level, w: &[f64]) -> (f64, [f64; 3]) {
+    let mut sums = [[0.0; 3]; 3];
+    level.visit(w, |at| {
+        let b = at.b[0].hypot(at.b[1]);
+        let volume = TAU * at.weight * at.point[0];
+        for (sum, (zone, _)) in sums.iter_mut().zip(Zone::SHARES) {
+            if at.region.zone >= zone {
+                for (sum, value) in sum.iter_mut().zip([1.0, b, b * b]) {
+                    *sum += volume * value;
+                }
+            }
+        }
+    });
+    let mean = |[volume, first, _]: [f64; 3]| first / volume;
+    let cv = sums.map(|sum| {
+        let mean = mean(sum);
+        if mean > 0.0 {
+            (sum[2] / sum[0] - mean * mean).max(0.0).sqrt() / mean
+        } else {
+            0.0
+        }
+    });
+    (mean(sums[0]), cv)
+}
+
+fn inductance(design: &Design, level: &Level, w: &[f64], excitation: &Excitation) -> f64 {
+    let current = excitation.currents_a.first().copied().unwrap_or(0.0);
+    if current == 0.0 {
+        return 0.0;
+    }
+    let mut linkage = 0.0;
+    level.visit(w, |at| {
+        let Some([coil, ring]) = at.region.ring else {
+            return;
+        };
+        let coil = design.coils.get(coil as usize);
+        let ring = coil.and_then(|coil| coil.rings.get(ring as usize));
+        if let (Some(coil), Some(ring)) = (coil, ring) {
+            linkage += TAU * at.weight * coil.sense * coil.turns / ring.area_m2()
+                * at.w
+                * at.point[0].powi(2);
+        }
+    });
+    linkage / current
+}
+
+fn plate_max(design: &Design, level: &Level, w: &[f64]) -> f64 {
+    let mesh = &level.space.mesh;
+    let corners: Vec<_> = mesh
+        .corners
+        .iter()
+        .map(|&corner| mesh.position(corner))
+        .collect();
+    let mut greatest = 0.0_f64;
+    level.visit(w, |at| {
+        let part = at
+            .region
+            .part
+            .and_then(|part| design.parts.get(part as usize));
+        let far = || {
+            corners
+                .iter()
+                .all(|&corner| distance(at.point, corner) > CORNER_M)
+        };
+        let b = at.b[0].hypot(at.b[1]);
+        if b > greatest && part.is_some_and(|part| !part.cast) && far() {
+            greatest = b;
+        }
+    });
+    greatest
+}

@@ -1,0 +1,117 @@
+//! The force between the halves of the stack, by two methods.
+//!
+//! The halves are parted in the middle half of the core's length ([`crate::design::Core::parting_m`]):
+//! all above is moved away rigidly, and what lies between, rubber and air, is stretched, keeping its
+//! permeability at each point. Positive means that the halves attract.
+//!
+//! Where a body's outline is slanted there, the field pulls at it along the axis, and the force
+//! depends a little on where the halves are parted. The stress is that of the mid-plane.
+
+use core::f64::consts::TAU;
+
+use crate::design::Design;
+use crate::geometry::Point;
+use crate::material::Material;
+use crate::solve::{Level, Locator};
+
+/// Tension along the axis, N/m²: ∫H dB − H_r B_r, which is B²/2μ where B runs along the axis.
+fn tension(material: &Material, b: [f64; 2]) -> f64 {
+    let size = b[0].hypot(b[1]);
+    material.energy_j_per_m3(size) - material.reluctivity(size).nu * b[0] * b[0]
+}
+
+/// By virtual work, N: how the energy changes with the gap while the flux is kept.
+///
+/// With r A_φ kept at each point of the material, a stretch dx → (1 + ε) dx leaves B_x as it is,
+/// divides B_r by 1 + ε and multiplies volumes by it: dW/dε = ∫ (∫H dB − H_r B_r) dV over what is
+/// stretched (Coulomb's method, taken of the discrete energy itself).
+#[must_use]
+pub fn by_virtual_work(design: &Design, level: &Level, w: &[f64], locator: &Locator<'_>) -> f64 {
+    let [from, to] = design.core.parting_m();
+    let mut sum = 0.0;
+    level.visit(w, |at| {
+        if at.region.parting
+            && let Some(material) = level.materials.get(at.index)
+        {
+            sum += TAU * at.weight * at.point[0] * tension(material, at.b);
+        }
+    });
+    // Beyond the circle the field is smooth.
+    let beyond = panels(to - from, 1, |x| ring_beyond(level, locator, from + x));
+    (sum + beyond) / (to - from)
+}
+
+/// By Maxwell's stress on the core's mid-plane out to infinity, N.
+#[must_use]
+pub fn by_stress(design: &Design, level: &Level, locator: &Locator<'_>) -> f64 {
+    let x = design.core.middle_m();
+    let vacuum = Material::VACUUM;
+    let stress = |point: Point| {
+        let at = locator.at(point);
+        tension(
+            level.materials.get(at.region as usize).unwrap_or(&vacuum),
+            at.b,
+        )
+    };
+    let edge = reach(level, x);
+    // The stress jumps where the material changes: the way is cut there.
+    let mut stops = vec![0.0];
+    let region = |r: f64| locator.at([r, x]).region;
+    for step in 0..STEPS {
+        let [mut from, mut to] = [step, step + 1].map(|k| edge * f64::from(k) / f64::from(STEPS));
+        if region(from) != region(to) {
+            for _ in 0..40 {
+                let middle = 0.5 * (from + to);
+                if region(middle) == region(from) {
+                    from = middle;
+                } else {
+                    to = middle;
+                }
+            }
+            stops.push(to);
+        }
+    }
+    stops.push(edge);
+    let pieces = stops.windows(2).map(|ends| match ends {
+        &[from, to] => panels(to - from, 40, |r| TAU * (from + r) * stress([from + r, x])),
+        _ => 0.0,
+    });
+    pieces.sum::<f64>() + ring_beyond(level, locator, x)
+}
+
+/// Steps in which changes of the material along the mid-plane are looked for.
+const STEPS: u32 = 200;
+
+/// The plane's share outside of the circle: r = R/t turns the way to infinity into (0, 1].
+fn ring_beyond(level: &Level, locator: &Locator<'_>, x: f64) -> f64 {
+    let edge = reach(level, x) * (1.0 + 1e-12);
+    panels(1.0, 8, |t| {
+        let r = edge / t;
+        TAU * r * tension(&Material::VACUUM, locator.at([r, x]).b) * r / t
+    })
+}
+
+/// Radius at which a plane leaves the circle.
+fn reach(level: &Level, x: f64) -> f64 {
+    let circle = level.space.mesh.circle;
+    (circle.radius.powi(2) - (x - circle.centre_x).powi(2))
+        .max(0.0)
+        .sqrt()
+}
+
+/// Integrates from 0 to `end` by three points of Gauss's rule in each of `count` panels.
+fn panels(end: f64, count: u32, f: impl Fn(f64) -> f64) -> f64 {
+    const NODES: [(f64, f64); 3] = [
+        (0.112_701_665_379_258_3, 5.0 / 18.0),
+        (0.5, 8.0 / 18.0),
+        (0.887_298_334_620_741_7, 5.0 / 18.0),
+    ];
+    let width = end / f64::from(count);
+    let mut sum = 0.0;
+    for panel in 0..count {
+        for (node, weight) in NODES {
+            sum += weight * width * f(width * (f64::from(panel) + node));
+        }
+    }
+    sum
+}

@@ -1,0 +1,112 @@
+//! Outlines of parts.
+
+use core::f64::consts::{FRAC_PI_2, TAU};
+
+use super::path::{Curve, Path};
+use super::{Point, cross};
+
+/// An outline in the half-plane; revolved about the axis it is a body.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Shape {
+    /// A polygon; its last corner is joined to the first.
+    Polygon(Vec<Point>),
+    /// A spheroid with its centre on the axis.
+    Spheroid {
+        /// Position of the centre, m.
+        centre_x_m: f64,
+        /// Radius across the axis, m.
+        semi_r_m: f64,
+        /// Half its length along the axis, m.
+        semi_x_m: f64,
+    },
+}
+
+impl Shape {
+    /// A rectangle.
+    #[must_use]
+    pub fn rectangle(r_m: [f64; 2], x_m: [f64; 2]) -> Self {
+        let [r0, r1] = r_m;
+        let [x0, x1] = x_m;
+        Self::Polygon(vec![[r0, x0], [r1, x0], [r1, x1], [r0, x1]])
+    }
+
+    /// Whether a point lies inside. On the outline it may be either.
+    #[must_use]
+    pub fn contains(&self, [r, x]: Point) -> bool {
+        match self {
+            Self::Polygon(corners) => {
+                let mut inside = false;
+                for ([r0, x0], [r1, x1]) in edges(corners) {
+                    if (x0 > x) != (x1 > x) && r < r0 + (x - x0) / (x1 - x0) * (r1 - r0) {
+                        inside = !inside;
+                    }
+                }
+                inside
+            }
+            Self::Spheroid {
+                centre_x_m,
+                semi_r_m,
+                semi_x_m,
+            } => (r / semi_r_m).powi(2) + ((x - centre_x_m) / semi_x_m).powi(2) < 1.0,
+        }
+    }
+
+    /// Its outline, without what lies on the axis.
+    #[must_use]
+    pub fn paths(&self) -> Vec<Path> {
+        match self {
+            Self::Polygon(corners) => edges(corners)
+                .filter(|(a, b)| a[0] > 0.0 || b[0] > 0.0)
+                .map(|(a, b)| Path::line(a, b))
+                .collect(),
+            Self::Spheroid {
+                centre_x_m,
+                semi_r_m,
+                semi_x_m,
+            } => {
+                let curve = Curve::Ellipse {
+                    centre_x: *centre_x_m,
+                    semi_r: *semi_r_m,
+                    semi_x: *semi_x_m,
+                };
+                vec![Path::arc(curve, -FRAC_PI_2, FRAC_PI_2)]
+            }
+        }
+    }
+
+    /// Corners and ends: points that its extent is found from.
+    #[must_use]
+    pub fn extremes(&self) -> Vec<Point> {
+        match self {
+            Self::Polygon(corners) => corners.clone(),
+            Self::Spheroid {
+                centre_x_m,
+                semi_r_m,
+                semi_x_m,
+            } => (0..16)
+                .map(|k| f64::from(k) / 16.0 * TAU)
+                .map(|t| [semi_r_m * t.cos().abs(), centre_x_m + semi_x_m * t.sin()])
+                .collect(),
+        }
+    }
+
+    /// Area of the half-plane's cross-section, m².
+    #[must_use]
+    pub fn area_m2(&self) -> f64 {
+        match self {
+            Self::Polygon(corners) => {
+                let twice: f64 = edges(corners).map(|(a, b)| cross([0.0; 2], a, b)).sum();
+                0.5 * twice.abs()
+            }
+            Self::Spheroid {
+                semi_r_m, semi_x_m, ..
+            } => FRAC_PI_2 * semi_r_m * semi_x_m,
+        }
+    }
+}
+
+/// The sides of a closed polygon.
+pub(crate) fn edges(corners: &[Point]) -> impl Iterator<Item = (Point, Point)> {
+    let next = corners.iter().cycle().skip(1);
+    corners.iter().copied().zip(next.copied())
+}

@@ -1,0 +1,273 @@
+//! Integrals over the triangles.
+
+use super::newton::Excitation;
+use super::space::Space;
+use crate::design::Design;
+use crate::element::basis::Sample;
+use crate::element::quadrature;
+use crate::element::shape::Placed;
+use crate::geometry::Point;
+use crate::material::{MU_0, Material};
+use crate::mesh::{Region, ascending};
+
+/// What is solved on one mesh: the space, the materials of its regions and the currents in them.
+#[derive(Debug)]
+pub struct Level {
+    /// The unknowns.
+    pub space: Space,
+    /// Material of each region.
+    pub materials: Vec<Material>,
+    /// Turns per area times the coil's current, A/m², of each region.
+    pub currents_a_per_m2: Vec<f64>,
+    /// The uniform field in which everything stands, T.
+    pub background_t: f64,
+}
+
+/// What a triangle contributes: residual and the lower half of the tangent, row by row.
+pub(super) struct Local {
+    pub(super) residual: Vec<f64>,
+    pub(super) tangent: Vec<f64>,
+}
+
+/// Field and weight at a point of integration.
+pub struct At<'p> {
+    /// Position.
+    pub point: Point,
+    /// Weight of the area dr dx; multiply by 2π r for volume.
+    pub weight: f64,
+    /// B_r and B_x, T.
+    pub b: [f64; 2],
+    /// A_φ/r without the background's share, T.
+    pub w: f64,
+    /// What the place belongs to.
+    pub region: &'p Region,
+    /// Index of the region.
+    pub index: usize,
+}
+
+impl Level {
+    /// The materials and currents of a design on a space.
+    #[must_use]
+    pub fn new(design: &Design, space: Space, excitation: &Excitation) -> Self {
+        let material = |region: &Region| {
+            let part = region.part.and_then(|part| design.parts.get(part as usize));
+            match part {
+                Some(part) if excitation.saturating => part.material,
+                Some(part) => part.material.initially(),
+                None => Material::VACUUM,
+            }
+        };
+        let current = |region: &Region| {
+            let [coil, ring] = region.ring?;
+            let coil_current = excitation.currents_a.get(coil as usize)?;
+            let coil = design.coils.get(coil as usize)?;
+            let ring = coil.rings.get(ring as usize)?;
+            Some(coil_current * coil.sense * coil.turns / ring.area_m2())
+        };
+        let regions = &space.mesh.regions;
+        Self {
+            materials: regions.iter().map(material).collect(),
+            currents_a_per_m2: regions.iter().map(|r| current(r).unwrap_or(0.0)).collect(),
+            background_t: excitation.background_t,
+            space,
+        }
+    }
+
+    /// Calls `visit` at every point of integration within the circle.
+    pub fn visit(&self, w: &[f64], mut visit: impl FnMut(&At<'_>)) {
+        let mut placed = Placed::new(&self.space.basis);
+        for (index, triangle) in self.space.mesh.triangles.iter().enumerate() {
+            let region = self.space.mesh.region(triangle);
+            let (Some(nodes), Some(unknowns)) =
+                (self.space.nodes.get(index), self.space.unknowns.get(index))
+            else {
+                continue;
+            };
+            if region.exterior {
+                continue;
+            }
+            for (sample, weight) in &self.space.samples {
+                placed.fill(nodes, sample);
+                let (value, slope) = combine(w, unknowns, sample, &placed);
+                let r = placed.point[0];
+                visit(&At {
+                    point: placed.point,
+                    weight: 0.5 * placed.jacobian * weight,
+                    b: [
+                        -r * slope[1],
+                        2.0 * value + r * slope[0] + self.background_t,
+                    ],
+                    w: value,
+                    region: &region,
+                    index: triangle.region as usize,
+                });
+            }
+        }
+    }
+
+    /// Residual and tangent of one triangle at the state `w`.
+    pub(super) fn local(&self, index: usize, w: &[f64], placed: &mut Placed, out: &mut Local) {
+        let (Some(triangle), Some(nodes), Some(unknowns)) = (
+            self.space.mesh.triangles.get(index),
+            self.space.nodes.get(index),
+            self.space.unknowns.get(index),
+        ) else {
+            return;
+        };
+        out.residual.fill(0.0);
+        out.tangent.fill(0.0);
+        let exterior = self.space.mesh.region(triangle).exterior;
+        let region = triangle.region as usize;
+        let material = self
+            .materials
+            .get(region)
+            .copied()
+            .unwrap_or(Material::VACUUM);
+        let current = self.currents_a_per_m2.get(region).copied().unwrap_or(0.0);
+        let mut curls = vec![[0.0; 2]; unknowns.len()];
+        for (sample, weight) in &self.space.samples {
+            placed.fill(nodes, sample);
+            let r = placed.point[0];
+            let area = 0.5 * placed.jacobian.abs() * weight;
+            let (value, slope) = combine(w, unknowns, sample, placed);
+            if exterior {
+                let scale = area * r * r * r / MU_0;
+                add(
+                    out,
+                    scale,
+                    [[1.0, 0.0], [0.0, 1.0]],
+                    slope,
+                    &placed.gradients,
+                );
+                continue;
+            }
+            for ((curl, gradient), phi) in
+                curls.iter_mut().zip(&placed.gradients).zip(&sample.values)
+            {
+                *curl = [-r * gradient[1], 2.0 * phi + r * gradient[0]];
+            }
+            let b = [
+                -r * slope[1],
+                2.0 * value + r * slope[0] + self.background_t,
+            ];
+            let size = b[0].hypot(b[1]);
+            let law = material.reluctivity(size);
+            // dH/dB = ν + (dν/dB) B Bᵀ/|B|, which vanishes with B for all of our materials.
+            let bend = if size > 0.0 { law.slope / size } else { 0.0 };
+            let off = bend * b[0] * b[1];
+            let law_tangent = [
+                [law.nu + bend * b[0] * b[0], off],
+                [off, law.nu + bend * b[1] * b[1]],
+            ];
+            // The background is a field of its own, curl-free: only what exceeds ν₀B₀ drives.
+            let h = [law.nu * b[0], law.nu * b[1] - self.background_t / MU_0];
+            add(out, area * r, law_tangent, h, &curls);
+            for (residual, phi) in out.residual.iter_mut().zip(&sample.values) {
+                *residual -= area * r * r * current * phi;
+            }
+        }
+    }
+
+    /// The arc's integral (1/R) ∮ w v r³ ds for each of its edges: unknowns and full matrix.
+    pub(super) fn arc(&self) -> Vec<(Vec<u32>, Vec<f64>)> {
+        let mesh = &self.space.mesh;
+        let radius = mesh.circle.radius;
+        let order = self.space.basis.order() as usize;
+        let mut edges = Vec::new();
+        let rule = quadrature::gauss(order + 2, 0.0);
+        for (index, triangle) in mesh.triangles.iter().enumerate() {
+            if !mesh.region(triangle).exterior {
+                continue;
+            }
+            let (Some(nodes), Some(unknowns)) =
+                (self.space.nodes.get(index), self.space.unknowns.get(index))
+            else {
+                continue;
+            };
+            for (side, edge) in triangle.edges().into_iter().enumerate() {
+                if !mesh.arc.contains(&ascending(edge)) {
+                    continue;
+                }
+                let mut matrix = vec![0.0; unknowns.len() * unknowns.len()];
+                for &(t, weight) in &rule {
+                    let sample = self.space.basis.sample(on_side(side, t));
+                    let (point, [dr, dx]) = along(nodes, &sample, side);
+                    let speed = dr.hypot(dx);
+                    let scale = weight * speed * point[0].powi(3) / (radius * MU_0);
+                    for (i, a) in sample.values.iter().enumerate() {
+                        for (j, b) in sample.values.iter().enumerate() {
+                            if let Some(entry) = matrix.get_mut(i * unknowns.len() + j) {
+                                *entry += scale * a * b;
+                            }
+                        }
+                    }
+                }
+                edges.push((unknowns.clone(), matrix));
+            }
+        }
+        edges
+    }
+}
+
+/// The point a share `t` of the way along a side.
+pub(super) fn on_side(side: usize, t: f64) -> [f64; 3] {
+    let mut at = [0.0; 3];
+    at[side] = 1.0 - t;
+    at[(side + 1) % 3] = t;
+    at
+}
+
+/// Position on a side, and how it moves per share of the side.
+pub(super) fn along(nodes: &[Point], sample: &Sample, side: usize) -> (Point, [f64; 2]) {
+    // The second and third barycentric coordinates change along the three sides by these.
+    let by = [[1.0, 0.0], [-1.0, 1.0], [0.0, -1.0]][side];
+    let mut point = [0.0; 2];
+    let mut tangent = [0.0; 2];
+    for ((node, value), slope) in nodes.iter().zip(&sample.values).zip(&sample.slopes) {
+        for axis in 0..2 {
+            point[axis] += value * node[axis];
+            tangent[axis] += (slope[0] * by[0] + slope[1] * by[1]) * node[axis];
+        }
+    }
+    (point, tangent)
+}
+
+/// Value and gradient of the function with the coefficients `w`.
+pub(super) fn combine(
+    w: &[f64],
+    unknowns: &[u32],
+    sample: &Sample,
+    placed: &Placed,
+) -> (f64, [f64; 2]) {
+    let mut value = 0.0;
+    let mut slope = [0.0; 2];
+    for ((unknown, phi), gradient) in unknowns.iter().zip(&sample.values).zip(&placed.gradients) {
+        let w = w.get(*unknown as usize).copied().unwrap_or(0.0);
+        value += w * phi;
+        slope[0] += w * gradient[0];
+        slope[1] += w * gradient[1];
+    }
+    (value, slope)
+}
+
+/// Adds scale · vᵢᵀ h to the residual and scale · vᵢᵀ D vⱼ to the tangent's lower half.
+fn add(out: &mut Local, scale: f64, law: [[f64; 2]; 2], h: [f64; 2], vectors: &[[f64; 2]]) {
+    let mut entries = out.tangent.iter_mut();
+    for ((i, v), residual) in vectors.iter().enumerate().zip(&mut out.residual) {
+        *residual += scale * (v[0] * h[0] + v[1] * h[1]);
+        let dv = [
+            scale * (law[0][0] * v[0] + law[0][1] * v[1]),
+            scale * (law[1][0] * v[0] + law[1][1] * v[1]),
+        ];
+        for (u, entry) in vectors.iter().take(i + 1).zip(&mut entries) {
+            *entry += dv[0] * u[0] + dv[1] * u[1];
+        }
+    }
+}
+
+/// Integrates over the volume inside the circle: 2π ∫ f r dr dx.
+pub fn integrate(level: &Level, w: &[f64], f: impl Fn(&At<'_>) -> f64) -> f64 {
+    let mut sum = 0.0;
+    level.visit(w, |at| sum += at.weight * at.point[0] * f(at));
+    core::f64::consts::TAU * sum
+}

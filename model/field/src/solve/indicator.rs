@@ -1,0 +1,193 @@
+//! Where the mesh is too coarse: jumps of the tangential H across edges.
+//!
+//! In the exact field H is continuous along every edge. η² = Σ h/(ν₁ + ν₂) ∫ [H_t]² r ds over a
+//! triangle's edges is the classical residual estimate without its interior term, which for
+//! orders from two on is of the same size.
+
+use std::collections::HashMap;
+
+use super::assembly::{Level, along, combine, on_side};
+use super::newton::dot;
+use super::space::Space;
+use crate::element::shape::Placed;
+use crate::element::{Basis, quadrature};
+use crate::material::{MU_0, Material};
+use crate::mesh::ascending;
+
+/// What the jumps about each triangle amount to.
+pub(super) struct Jumps {
+    /// η², in the unit of the energy.
+    pub(super) energy: Vec<f64>,
+    /// The greatest jump, root mean square along an edge, over the mean ν: an error of B, T.
+    pub(super) field_t: Vec<f64>,
+    /// The field itself, root mean square over the triangle's edges, T; for the exterior that of
+    /// its drawing.
+    pub(super) size_t: Vec<f64>,
+}
+
+/// The jumps of the field of `w`, materials being in the state of `state`.
+pub(super) fn jumps(level: &Level, state: &[f64], w: &[f64], background_t: f64) -> Jumps {
+    let space = &level.space;
+    let rule = quadrature::gauss(space.basis.order() as usize + 1, 0.0);
+    // Sorted, so that the points seen from either side of an edge are the same.
+    let mut rule: Vec<(f64, f64)> = rule;
+    rule.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let samples: Vec<Vec<_>> = (0..3)
+        .map(|side| {
+            rule.iter()
+                .map(|&(t, _)| space.basis.sample(on_side(side, t)))
+                .collect()
+        })
+        .collect();
+    let mut placed = Placed::new(&space.basis);
+    let mut seen: HashMap<[u32; 2], (usize, f64, Vec<f64>)> = HashMap::new();
+    let mut energy = vec![0.0; space.mesh.triangles.len()];
+    let mut size_t = vec![0.0_f64; space.mesh.triangles.len()];
+    let mut field_t = vec![0.0_f64; space.mesh.triangles.len()];
+    for (index, triangle) in space.mesh.triangles.iter().enumerate() {
+        let (Some(nodes), Some(unknowns)) = (space.nodes.get(index), space.unknowns.get(index))
+        else {
+            continue;
+        };
+        let exterior = space.mesh.region(triangle).exterior;
+        let material = level.materials.get(triangle.region as usize);
+        let material = material.copied().unwrap_or(Material::VACUUM);
+        for (side, edge) in triangle.edges().into_iter().enumerate() {
+            let key = ascending(edge);
+            let [a, b] = edge.map(|vertex| space.mesh.position(vertex));
+            if (a[0] == 0.0 && b[0] == 0.0) || space.mesh.arc.contains(&key) {
+                continue;
+            }
+            let length = crate::geometry::distance(a, b);
+            let mut nu_sum = 0.0;
+            let mut values: Vec<f64> = Vec::with_capacity(rule.len());
+            for sample in samples.get(side).into_iter().flatten() {
+                placed.fill(nodes, sample);
+                let r = placed.point[0];
+                let (_, tangent) = along(nodes, sample, side);
+                let speed = tangent[0].hypot(tangent[1]);
+                let tangent = tangent.map(|t| t / speed);
+                let field = |w: &[f64], background: f64| {
+                    let (value, slope) = combine(w, unknowns, sample, &placed);
+                    (
+                        value,
+                        slope,
+                        [-r * slope[1], 2.0 * value + r * slope[0] + background],
+                    )
+                };
+                let (_, slope, b) = field(w, background_t);
+                if let Some(size) = size_t.get_mut(index) {
+                    *size += (b[0] * b[0] + b[1] * b[1]) / (3 * rule.len()) as f64;
+                }
+                if exterior {
+                    let normal = slope[0] * tangent[1] - slope[1] * tangent[0];
+                    values.push(r * normal / MU_0);
+                    nu_sum += 1.0 / MU_0;
+                } else {
+                    let (_, _, b_state) = field(state, level.background_t);
+                    let nu = material.reluctivity(b_state[0].hypot(b_state[1])).nu;
+                    values.push(nu * (b[0] * tangent[0] + b[1] * tangent[1]));
+                    nu_sum += nu;
+                }
+            }
+            let nu = nu_sum / rule.len() as f64;
+            match seen.remove(&key) {
+                None => {
+                    seen.insert(key, (index, nu, values));
+                }
+                Some((other, other_nu, others)) => {
+                    let (mut sum, mut whole) = (0.0, 0.0);
+                    let both = values.iter().zip(others.iter().rev());
+                    for ((value, other), ((_, weight), sample)) in
+                        both.zip(rule.iter().zip(samples.get(side).into_iter().flatten()))
+                    {
+                        let (point, [dr, dx]) = along(nodes, sample, side);
+                        let speed = dr.hypot(dx);
+                        sum += weight * speed * point[0] * (value + other).powi(2);
+                        whole += weight * speed * point[0];
+                    }
+                    let share = length * sum / (nu + other_nu);
+                    let jump = 2.0 * (sum / whole).sqrt() / (nu + other_nu);
+                    for owner in [index, other] {
+                        if let (Some(energy), Some(field)) =
+                            (energy.get_mut(owner), field_t.get_mut(owner))
+                        {
+                            *energy += share;
+                            *field = field.max(jump);
+                        }
+                    }
+                }
+            }
+        }
+    }
+    size_t.iter_mut().for_each(|size| *size = size.sqrt());
+    Jumps {
+        energy,
+        field_t,
+        size_t,
+    }
+}
+
+/// For each triangle, how far w probably is from its exact values, T.
+///
+/// What the highest order adds to w, s_p, and what the order below added, s_(p−1), tell how fast
+/// the polynomials converge there: the next order would add about s_p · s_p/s_(p−1). Jumps do not
+/// show this, since w is continuous.
+pub(super) fn decay(space: &Space, w: &[f64]) -> Vec<f64> {
+    let order = space.basis.order();
+    let surplus =
+        [order - 1, order.saturating_sub(2).max(1)].map(|lower| without(&space.basis, lower));
+    let added = |values: &[f64], matrix: &[Vec<f64>]| {
+        let at = |(row, value): (&Vec<f64>, &f64)| (value - dot(row, values)).abs();
+        matrix.iter().zip(values).map(at).fold(0.0, f64::max)
+    };
+    let triangle = |unknowns: &Vec<u32>| {
+        let at = |&unknown: &u32| w.get(unknown as usize).copied().unwrap_or(0.0);
+        let values: Vec<f64> = unknowns.iter().map(at).collect();
+        let [last, before] = [&surplus[0], &surplus[1]].map(|matrix| added(&values, matrix));
+        if before > 0.0 {
+            last * (last / before).min(1.0)
+        } else {
+            0.0
+        }
+    };
+    space.unknowns.iter().map(triangle).collect()
+}
+
+/// The matrix that takes values at the nodes of a basis to those of the polynomial of a lower
+/// order that agrees at its own nodes.
+fn without(basis: &Basis, lower: u32) -> Vec<Vec<f64>> {
+    let lower = Basis::new(lower);
+    let onto: Vec<Vec<f64>> = lower.points().map(|at| basis.sample(at).values).collect();
+    let row = |at: [f64; 3]| {
+        let weights = lower.sample(at).values;
+        let entry = |column: usize| {
+            let terms = weights.iter().zip(&onto);
+            terms
+                .map(|(weight, row)| weight * row.get(column).copied().unwrap_or(0.0))
+                .sum()
+        };
+        (0..basis.len()).map(entry).collect()
+    };
+    basis.points().map(row).collect()
+}
+
+/// Marks the triangles with the largest scores that together make up `share` of the whole.
+pub(super) fn mark(scores: &[f64], share: f64) -> Vec<bool> {
+    let mut order: Vec<usize> = (0..scores.len()).collect();
+    let score = |index: usize| scores.get(index).copied().unwrap_or(0.0);
+    order.sort_by(|&a, &b| score(b).total_cmp(&score(a)));
+    let whole: f64 = scores.iter().sum();
+    let mut marked = vec![false; scores.len()];
+    let mut sum = 0.0;
+    for index in order {
+        if sum >= share * whole {
+            break;
+        }
+        sum += score(index);
+        if let Some(mark) = marked.get_mut(index) {
+            *mark = true;
+        }
+    }
+    marked
+}

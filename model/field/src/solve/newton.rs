@@ -1,0 +1,280 @@
+//! Newton's method with a line search, each step by a sparse Cholesky factorisation.
+
+use core::fmt;
+
+use faer::Side;
+use faer::linalg::solvers::Solve;
+use faer::sparse::linalg::solvers::{Llt, SymbolicLlt};
+use faer::sparse::{Argsort, Pair, SparseColMat, SymbolicSparseColMat};
+
+use super::assembly::{Level, Local};
+use crate::design::Design;
+use crate::element::shape::Placed;
+
+/// What drives the field.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Excitation {
+    /// Current of each coil, A; the coil's sense comes on top.
+    pub currents_a: Vec<f64>,
+    /// Uniform field along the axis, T.
+    pub background_t: f64,
+    /// Whether materials saturate. Otherwise they keep their initial permeability.
+    pub saturating: bool,
+}
+
+impl Excitation {
+    /// A current in all coils of a design, in series. Materials stay far below saturation.
+    #[must_use]
+    pub fn small(design: &Design, current_a: f64) -> Self {
+        Self {
+            currents_a: vec![current_a; design.coils.len()],
+            background_t: design.background_t,
+            saturating: false,
+        }
+    }
+
+    /// The same with materials that saturate.
+    #[must_use]
+    pub fn saturating(design: &Design, current_a: f64) -> Self {
+        Self {
+            saturating: true,
+            ..Self::small(design, current_a)
+        }
+    }
+}
+
+/// Why there is no solution.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum SolveError {
+    /// The design could not be triangulated.
+    Mesh(crate::mesh::MeshError),
+    /// The matrix could not be factored.
+    Factor(String),
+    /// Newton's method did not come to rest.
+    Diverged {
+        /// Steps that were taken.
+        steps: usize,
+    },
+}
+
+impl fmt::Display for SolveError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Mesh(error) => error.fmt(f),
+            Self::Factor(error) => write!(f, "the matrix could not be factored: {error}"),
+            Self::Diverged { steps } => write!(
+                f,
+                "the field did not settle in {steps} Newton steps: lower the current, or the exponent of the material"
+            ),
+        }
+    }
+}
+
+impl core::error::Error for SolveError {}
+
+impl From<crate::mesh::MeshError> for SolveError {
+    fn from(error: crate::mesh::MeshError) -> Self {
+        Self::Mesh(error)
+    }
+}
+
+/// Where the matrix of a level has entries, and the order in which it is eliminated.
+pub(super) struct Pattern {
+    symbolic: SymbolicSparseColMat<usize>,
+    order: Argsort<usize>,
+    elimination: SymbolicLlt<usize>,
+    entries: usize,
+    arc: Vec<(Vec<u32>, Vec<f64>)>,
+}
+
+/// A factored matrix.
+pub(super) type Factor = Llt<usize, f64>;
+
+impl Pattern {
+    pub(super) fn of(level: &Level) -> Result<Self, SolveError> {
+        let arc = level.arc();
+        let mut places = Vec::new();
+        let mut add = |unknowns: &[u32]| {
+            for (i, &a) in unknowns.iter().enumerate() {
+                for &b in unknowns.iter().take(i + 1) {
+                    let (row, col) = (a.max(b) as usize, a.min(b) as usize);
+                    places.push(Pair { row, col });
+                }
+            }
+        };
+        level
+            .space
+            .unknowns
+            .iter()
+            .for_each(|unknowns| add(unknowns));
+        arc.iter().for_each(|(unknowns, _)| add(unknowns));
+        let count = level.space.count;
+        let fail = |error: &dyn fmt::Debug| SolveError::Factor(format!("{error:?}"));
+        let (symbolic, order) = SymbolicSparseColMat::try_new_from_indices(count, count, &places)
+            .map_err(|error| fail(&error))?;
+        let elimination =
+            SymbolicLlt::try_new(symbolic.as_ref(), Side::Lower).map_err(|error| fail(&error))?;
+        Ok(Self {
+            symbolic,
+            order,
+            elimination,
+            entries: places.len(),
+            arc,
+        })
+    }
+
+    /// Residual, and the tangent's entries in the pattern's order if they are wanted.
+    fn assemble(&self, level: &Level, w: &[f64], tangent: bool) -> (Vec<f64>, Vec<f64>) {
+        let size = level.space.basis.len();
+        let mut residual = vec![0.0; level.space.count];
+        let mut entries = Vec::with_capacity(if tangent { self.entries } else { 0 });
+        let mut placed = Placed::new(&level.space.basis);
+        let mut local = Local {
+            residual: vec![0.0; size],
+            tangent: vec![0.0; size * (size + 1) / 2],
+        };
+        for (index, unknowns) in level.space.unknowns.iter().enumerate() {
+            level.local(index, w, &mut placed, &mut local);
+            scatter(&mut residual, unknowns, &local.residual);
+            if tangent {
+                entries.extend_from_slice(&local.tangent);
+            }
+        }
+        for (unknowns, matrix) in &self.arc {
+            for (i, row) in matrix.chunks(unknowns.len()).enumerate() {
+                let product = row.iter().zip(unknowns).map(|(entry, &unknown)| {
+                    entry * w.get(unknown as usize).copied().unwrap_or(0.0)
+                });
+                let product: f64 = product.sum();
+                let unknown = unknowns
+                    .get(i)
+                    .map_or(usize::MAX, |&unknown| unknown as usize);
+                if let Some(residual) = residual.get_mut(unknown) {
+                    *residual += product;
+                }
+                if tangent {
+                    entries.extend(row.iter().take(i + 1));
+                }
+            }
+        }
+        (residual, entries)
+    }
+
+    fn factor(&self, entries: &[f64]) -> Result<Factor, SolveError> {
+        let fail = |error: &dyn fmt::Debug| SolveError::Factor(format!("{error:?}"));
+        let matrix = SparseColMat::new_from_argsort(self.symbolic.clone(), &self.order, entries)
+            .map_err(|error| fail(&error))?;
+        Llt::try_new_with_symbolic(self.elimination.clone(), matrix.as_ref(), Side::Lower)
+            .map_err(|error| fail(&error))
+    }
+}
+
+fn scatter(global: &mut [f64], unknowns: &[u32], local: &[f64]) {
+    for (&unknown, value) in unknowns.iter().zip(local) {
+        if let Some(entry) = global.get_mut(unknown as usize) {
+            *entry += value;
+        }
+    }
+}
+
+/// Solves with a factored matrix.
+pub(super) fn back_substitute(factor: &Factor, rhs: &[f64]) -> Vec<f64> {
+    let rhs = faer::Col::from_fn(rhs.len(), |row| rhs.get(row).copied().unwrap_or(0.0));
+    factor.solve(rhs).iter().copied().collect()
+}
+
+/// A state that balances, with the last factor of the matrix and the steps it took.
+pub(super) struct Balanced {
+    pub(super) w: Vec<f64>,
+    pub(super) factor: Factor,
+    pub(super) steps: usize,
+}
+
+/// Steps before Newton's method is given up.
+const MOST_STEPS: usize = 60;
+/// The step's work |dᵀg| over that of the first residual's scale: 1e-18 is 1e-9 of the field.
+const SETTLED: f64 = 1e-18;
+
+/// Finds w with residual zero, from a first guess. The residual is the derivative of a convex
+/// energy, so that along each step its slope rises: the line search looks for where it is small.
+pub(super) fn balance(
+    level: &Level,
+    pattern: &Pattern,
+    guess: Vec<f64>,
+) -> Result<Balanced, SolveError> {
+    let linear = level
+        .materials
+        .iter()
+        .all(crate::material::Material::is_linear);
+    let mut w = guess;
+    let mut scale = 0.0_f64;
+    for step in 1..=MOST_STEPS {
+        let (residual, entries) = pattern.assemble(level, &w, true);
+        let factor = pattern.factor(&entries)?;
+        let mut direction = back_substitute(&factor, &residual);
+        direction.iter_mut().for_each(|d| *d = -*d);
+        let slope = dot(&direction, &residual);
+        let share = if linear {
+            1.0
+        } else {
+            line_search(level, pattern, &w, &direction, slope)
+        };
+        for (w, d) in w.iter_mut().zip(&direction) {
+            *w += share * d;
+        }
+        // The energy of the state, by the same quadratic form: wᵀKw is bounded by it.
+        scale = scale.max(slope.abs()).max(energy(level, pattern, &w));
+        if linear || slope.abs() <= SETTLED * scale {
+            return Ok(Balanced {
+                w,
+                factor,
+                steps: step,
+            });
+        }
+    }
+    Err(SolveError::Diverged { steps: MOST_STEPS })
+}
+
+/// Twice the work of the currents, as a scale.
+fn energy(level: &Level, pattern: &Pattern, w: &[f64]) -> f64 {
+    let (at_rest, _) = pattern.assemble(level, &vec![0.0; w.len()], false);
+    dot(&at_rest, w).abs()
+}
+
+/// A share of the step at which the slope has fallen to a tenth.
+fn line_search(level: &Level, pattern: &Pattern, w: &[f64], direction: &[f64], slope: f64) -> f64 {
+    let slope_at = |share: f64| {
+        let trial: Vec<f64> = w
+            .iter()
+            .zip(direction)
+            .map(|(w, d)| w + share * d)
+            .collect();
+        dot(direction, &pattern.assemble(level, &trial, false).0)
+    };
+    let (mut low, mut high) = ((0.0, slope), (1.0, slope_at(1.0)));
+    let mut widening = 0;
+    while high.1 < -0.5 * slope.abs() && widening < 3 {
+        // Still falling steeply: go on.
+        low = high;
+        high = (2.0 * high.0, slope_at(2.0 * high.0));
+        widening += 1;
+    }
+    for _ in 0..12 {
+        if high.1.abs() <= 0.1 * slope.abs() || high.1 < 0.0 {
+            return high.0;
+        }
+        // The slope is steep beyond the bend, so false position creeps: halve every other time.
+        let secant = low.0 - low.1 * (high.0 - low.0) / (high.1 - low.1);
+        let middle = 0.5 * (secant + 0.5 * (low.0 + high.0));
+        let at = (middle, slope_at(middle));
+        if at.1.abs() <= 0.1 * slope.abs() {
+            return middle;
+        }
+        if at.1 < 0.0 { low = at } else { high = at }
+    }
+    low.0.max(1e-3)
+}
+
+pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}

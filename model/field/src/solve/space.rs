@@ -1,0 +1,79 @@
+//! Numbers of the unknowns.
+
+use std::collections::HashMap;
+
+use crate::element::Basis;
+use crate::element::basis::Sample;
+use crate::element::{quadrature, shape};
+use crate::geometry::Point;
+use crate::mesh::{Mesh, ascending};
+
+/// A mesh with an element order: its unknowns, and what repeats in every integral.
+#[derive(Clone, Debug)]
+pub struct Space {
+    /// The triangulation.
+    pub mesh: Mesh,
+    /// The polynomials.
+    pub basis: Basis,
+    /// For each triangle, the numbers of its unknowns.
+    pub unknowns: Vec<Vec<u32>>,
+    /// How many unknowns there are.
+    pub count: usize,
+    /// For each triangle, the positions of its nodes.
+    pub nodes: Vec<Vec<Point>>,
+    /// Points of integration, with weights for a triangle of area 1.
+    pub samples: Vec<(Sample, f64)>,
+}
+
+impl Space {
+    /// Numbers the unknowns of a mesh.
+    #[must_use]
+    pub fn new(mesh: Mesh, order: u32) -> Self {
+        let basis = Basis::new(order);
+        let inner = basis.order() as usize - 1;
+        let mut count = mesh.vertices.len();
+        let mut edges: HashMap<[u32; 2], usize> = HashMap::new();
+        let mut unknowns = Vec::with_capacity(mesh.triangles.len());
+        for triangle in &mesh.triangles {
+            let mut numbers: Vec<u32> = triangle.vertices.to_vec();
+            for edge in triangle.edges() {
+                let first = *edges.entry(ascending(edge)).or_insert_with(|| {
+                    count += inner;
+                    count - inner
+                });
+                let along = (first..first + inner).map(number);
+                if edge[0] < edge[1] {
+                    numbers.extend(along);
+                } else {
+                    numbers.extend(along.rev());
+                }
+            }
+            numbers.extend((count..count + basis.interior()).map(number));
+            count += basis.interior();
+            unknowns.push(numbers);
+        }
+        let nodes = mesh
+            .triangles
+            .iter()
+            .map(|t| shape::nodes(&mesh, t, &basis))
+            .collect();
+        // Exact for straight triangles of linear material: the integrand is of degree 2p + 1.
+        // One more for bent ones and for ν(B).
+        let samples = quadrature::triangle(basis.order() as usize + 2)
+            .into_iter()
+            .map(|(at, weight)| (basis.sample(at), weight))
+            .collect();
+        Self {
+            mesh,
+            basis,
+            unknowns,
+            count,
+            nodes,
+            samples,
+        }
+    }
+}
+
+fn number(index: usize) -> u32 {
+    u32::try_from(index).unwrap_or(u32::MAX)
+}

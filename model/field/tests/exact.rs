@@ -1,0 +1,238 @@
+//! Fields that are known in closed form. The oracles share nothing with the solver.
+
+use std::f64::consts::PI;
+
+use palpate_field::design::{Design, builtin};
+use palpate_field::mesh;
+use palpate_field::solve::{Accuracy, Excitation, Locator, Solved, integrate, solve, solve_on};
+
+const MU_0: f64 = 4e-7 * PI;
+
+fn accuracy(relative: f64) -> Accuracy {
+    Accuracy {
+        relative,
+        ..Accuracy::default()
+    }
+}
+
+fn solved(design: &Design, relative: f64) -> Solved {
+    solve(design, &Excitation::small(design, 1.0), &accuracy(relative)).expect("a field")
+}
+
+/// Field on the axis of a ring of rectangular section with 1 A through it, T.
+fn ring_on_axis(r: [f64; 2], x: [f64; 2], at: f64) -> f64 {
+    let density = 1.0 / ((r[1] - r[0]) * (x[1] - x[0]));
+    let f = |z: f64| z * ((r[1] + r[1].hypot(z)) / (r[0] + r[0].hypot(z))).ln();
+    MU_0 * density / 2.0 * (f(x[1] - at) - f(x[0] - at))
+}
+
+/// The paper's four spirals.
+fn air_on_axis(at: f64) -> f64 {
+    let layers = [[0.0, 0.07], [1.57, 1.64], [6.64, 6.71], [8.21, 8.28]];
+    let mut sum = 0.0;
+    for layer in layers {
+        for k in 0..7 {
+            let r = [8.0 + 3.0 * f64::from(k), 10.0 + 3.0 * f64::from(k)];
+            sum += ring_on_axis(r.map(|r| r * 1e-3), layer.map(|x| x * 1e-3), at);
+        }
+    }
+    sum
+}
+
+#[test]
+fn the_paper_s_coils_in_air() {
+    assert!((air_on_axis(4.14e-3) - 1012.9492e-6).abs() < 5e-11);
+    let design = builtin("air").expect("built in");
+    let solved = solved(&design, 1e-5);
+    let centre = solved.figures.centre_t / 1012.9492e-6 - 1.0;
+    assert!(centre.abs() < 1e-5, "centre off by {centre:e}");
+    let locator = Locator::new(&solved.level, &solved.w);
+    let mut worst = 0.0_f64;
+    for step in -300..=300 {
+        // Out to 0.3 m: through the circle and far into the exterior.
+        let at = 4.14e-3 + f64::from(step).powi(3) / 300_f64.powi(3) * 0.3;
+        let exact = air_on_axis(at);
+        let miss = (locator.at([0.0, at]).b[1] / exact - 1.0).abs();
+        println!("{at:.4} {exact:.4e} {miss:.1e}");
+        worst = worst.max(miss);
+    }
+    assert!(worst < 1e-4, "axis off by {worst:e}");
+}
+
+fn uniform(body: &str, mu_r: f64, core: &str) -> Design {
+    let text = format!(
+        "name = \"x\"\nlength_unit = \"mm\"\n[background]\nfield_T = 1e-3\n[core]\n{core}\n\
+         [material.m]\nmu_r = {mu_r}\n[[body]]\nname = \"b\"\nmaterial = \"m\"\n{body}\n"
+    );
+    Design::parse("x", &text).expect("a design")
+}
+
+/// Demagnetising factor along the axis of a spheroid with semi-axes `a` across and `c` along.
+fn demagnetising(a: f64, c: f64) -> f64 {
+    let ratio = c / a;
+    if (ratio - 1.0).abs() < 1e-9 {
+        1.0 / 3.0
+    } else if ratio > 1.0 {
+        let e = (1.0 - 1.0 / (ratio * ratio)).sqrt();
+        (1.0 - e * e) / (e * e * e) * (e.atanh() - e)
+    } else {
+        let e = (1.0 - ratio * ratio).sqrt();
+        (1.0 - (1.0 - e * e).sqrt() / e * e.asin()) / (e * e)
+    }
+}
+
+#[test]
+fn spheroids_in_a_uniform_field() {
+    for (a, c) in [(10.0, 10.0), (14.0, 8.28), (14.0, 12.0), (5.0, 15.0)] {
+        let design = uniform(
+            &format!("shape = {{ centre_x = 1.0, semi_r = {a}, semi_x = {c} }}"),
+            3.7,
+            &format!(
+                "r = {}\nx = [{}, {}]",
+                0.5 * a,
+                1.0 - 0.5 * c,
+                1.0 + 0.5 * c
+            ),
+        );
+        let figures = solved(&design, 1e-5).figures;
+        let exact = 3.7e-3 / (1.0 + 2.7 * demagnetising(a, c));
+        if a == c {
+            assert!((exact / 1.947368e-3 - 1.0).abs() < 1e-6);
+        }
+        let miss = figures.core_mean_t / exact - 1.0;
+        assert!(miss.abs() < 1e-5, "{a} x {c}: mean off by {miss:e}");
+        assert!(
+            figures.cv[0] < 1e-4,
+            "{a} x {c}: not uniform, {:e}",
+            figures.cv[0]
+        );
+    }
+}
+
+#[test]
+fn spherical_shield() {
+    let design = uniform(
+        "shape = { centre_x = 0.0, semi_r = 11.0, semi_x = 11.0 }\n\
+         minus = [{ centre_x = 0.0, semi_r = 10.0, semi_x = 10.0 }]",
+        1e5,
+        "r = 4.0\nx = [-4.0, 4.0]",
+    );
+    let figures = solved(&design, 1e-5).figures;
+    let (mu, ratio) = (1e5_f64, (10.0_f64 / 11.0).powi(3));
+    let factor = 9.0 * mu / ((2.0 * mu + 1.0) * (mu + 2.0) - 2.0 * ratio * (mu - 1.0).powi(2));
+    let miss = figures.core_mean_t / (1e-3 * factor) - 1.0;
+    assert!(miss.abs() < 1e-4, "off by {miss:e}");
+}
+
+fn coils(coils: &str, core: &str, more: &str) -> Design {
+    let text = format!(
+        "name = \"x\"\nlength_unit = \"mm\"\n[conductor]\nresistivity_ohm_m = 1.72e-8\ncurrent_A = 1.0\n\
+         [core]\n{core}\n{coils}\n{more}\n"
+    );
+    Design::parse("x", &text).expect("a design")
+}
+
+#[test]
+fn helmholtz_pair() {
+    let ring = |name: &str, x: f64| {
+        let (from, to) = (x - 1.0, x + 1.0);
+        format!("[[coil]]\nname = \"{name}\"\nr = [49.0, 51.0]\nx = [{from}, {to}]\n")
+    };
+    let both = ring("a", -25.0) + &ring("b", 25.0);
+    let design = coils(&both, "r = 10.0\nx = [-10.0, 10.0]", "");
+    let solved = solved(&design, 1e-5);
+    let locator = Locator::new(&solved.level, &solved.w);
+    for step in 0..=20 {
+        let at = f64::from(step) * 2e-3 - 20e-3;
+        let exact: f64 = [-25e-3, 25e-3]
+            .iter()
+            .map(|x| ring_on_axis([49e-3, 51e-3], [x - 1e-3, x + 1e-3], at))
+            .sum();
+        let miss = locator.at([0.0, at]).b[1] / exact - 1.0;
+        assert!(miss.abs() < 1e-4, "{at}: off by {miss:e}");
+    }
+    // Thin rings: B = (4/5)^1.5 mu0 I/R.
+    let thin = 0.8_f64.powf(1.5) * MU_0 / 50e-3;
+    assert!((solved.figures.centre_t / thin - 1.0).abs() < 1e-3);
+}
+
+#[test]
+fn loop_above_a_permeable_half_space() {
+    let design = coils(
+        "[[coil]]\nname = \"a\"\nr = [9.9, 10.1]\nx = [4.9, 5.1]\n",
+        "r = 2.0\nx = [1.0, 9.0]",
+        "[material.m]\nmu_r = 3.7\n[[body]]\nname = \"b\"\nmaterial = \"m\"\n\
+         shape = { r = [0.0, 1000.0], x = [-1000.0, 0.0] }",
+    );
+    let solved = solved(&design, 1e-5);
+    let locator = Locator::new(&solved.level, &solved.w);
+    for at in [1e-3, 3e-3, 5e-3, 9e-3, 20e-3] {
+        let source = ring_on_axis([9.9e-3, 10.1e-3], [4.9e-3, 5.1e-3], at);
+        let image = ring_on_axis([9.9e-3, 10.1e-3], [-5.1e-3, -4.9e-3], at);
+        let exact = source + 2.7 / 4.7 * image;
+        let miss = locator.at([0.0, at]).b[1] / exact - 1.0;
+        assert!(miss.abs() < 1e-4, "{at}: off by {miss:e}");
+    }
+}
+
+#[test]
+fn long_thick_solenoid() {
+    let design = coils(
+        "[[coil]]\nname = \"a\"\nr = [5.0, 10.0]\nx = [-100.0, 100.0]\nturns = 1000\n",
+        "r = 4.0\nx = [-20.0, 20.0]",
+        "",
+    );
+    let solved = solved(&design, 1e-5);
+    let locator = Locator::new(&solved.level, &solved.w);
+    for step in 0..=30 {
+        let at = f64::from(step) * 5e-3;
+        let exact = 1000.0 * ring_on_axis([5e-3, 10e-3], [-0.1, 0.1], at);
+        let miss = locator.at([0.0, at]).b[1] / exact - 1.0;
+        println!("{at:.4} {exact:.4e} {miss:.1e}");
+        assert!(miss.abs() < 1e-4, "{at}: off by {miss:e}");
+    }
+    // Resistance: the wire's length over its share of the section.
+    let exact = 1.72e-8 * 2.0 * PI * 7.5e-3 * 1000.0_f64.powi(2) / (5e-3 * 0.2);
+    assert!((design.resistance_ohm() / exact - 1.0).abs() < 1e-12);
+}
+
+/// Root mean square error of B in a sphere whose field is uniform.
+fn sphere_error(order: u32, halvings: u32) -> f64 {
+    let design = uniform(
+        "shape = { centre_x = 0.0, semi_r = 10.0, semi_x = 10.0 }",
+        3.7,
+        "r = 5.0\nx = [-5.0, 5.0]",
+    );
+    let mut mesh = mesh::build(&design).expect("a mesh");
+    for _ in 0..2 * halvings {
+        mesh.refine(&vec![true; mesh.triangles.len()]);
+    }
+    let excitation = Excitation::small(&design, 1.0);
+    let (level, w) = solve_on(&design, mesh, order, &excitation).expect("a field");
+    let exact = 3.7e-3 / (1.0 + 2.7 / 3.0);
+    let inside = |f: &dyn Fn(f64) -> f64| {
+        integrate(&level, &w, |at| {
+            let off = at.b[0].hypot(at.b[1] - exact);
+            if at.region.part.is_some() {
+                f(off)
+            } else {
+                0.0
+            }
+        })
+    };
+    (inside(&|off| off * off) / inside(&|_| 1.0)).sqrt() / exact
+}
+
+#[test]
+fn converges_at_its_order() {
+    for order in [2, 3] {
+        let errors = [1, 2, 3].map(|halvings| sphere_error(order, halvings));
+        let rate = (errors[0] / errors[2]).log2() / 2.0;
+        println!("order {order}: {errors:?}, rate {rate:.2}");
+        let wanted = f64::from(order);
+        assert!(
+            (wanted - 0.3..wanted + 1.2).contains(&rate),
+            "order {order}: rate {rate}"
+        );
+    }
+}
