@@ -6,6 +6,8 @@ pub mod element;
 pub mod figures;
 pub mod force;
 pub mod geometry;
+pub mod layer;
 pub mod material;
 pub mod mesh;
+pub mod sensing;
 pub mod solve;

@@ -67,6 +67,38 @@ impl Material {
         }
     }
 
+    /// Pieces of this material that stand along the field, with air between: H is the same in
+    /// both, so magnetisations average by the share `fill` of the material. Across the pieces the
+    /// mixture is less permeable than this says.
+    #[must_use]
+    pub fn diluted(&self, fill: f64) -> Self {
+        match *self {
+            Self::Linear { mu_r } => Self::Linear {
+                mu_r: 1.0 + fill * (mu_r - 1.0),
+            },
+            Self::Powder {
+                chi,
+                saturation_a_per_m,
+            } => Self::Powder {
+                chi: fill * chi,
+                saturation_a_per_m: fill * saturation_a_per_m,
+            },
+            metal @ Self::Metal { .. } => metal,
+        }
+    }
+
+    /// Differential permeability dM/dH + 1 at a field strength, A/m.
+    #[must_use]
+    pub fn differential_mu_r(&self, h_a_per_m: f64) -> f64 {
+        match *self {
+            Self::Powder {
+                chi,
+                saturation_a_per_m,
+            } => 1.0 + chi / (1.0 + chi * h_a_per_m.abs() / saturation_a_per_m).powi(2),
+            _ => self.initial_mu_r(),
+        }
+    }
+
     /// ν and dν/dB at |B| = `b_t` ≥ 0, T.
     #[must_use]
     pub fn reluctivity(&self, b_t: f64) -> Reluctivity {

@@ -4,8 +4,9 @@ use super::{Design, DesignError};
 
 /// Names of the built-in designs.
 ///
-/// They are the cases of the sensor's paper, read from its table and text.
-pub const BUILTIN: [&str; 13] = [
+/// All but the last are the cases of the sensor's paper, read from its table and text; `closed` is a
+/// stack that measures stiffness better.
+pub const BUILTIN: [&str; 14] = [
     "air",
     "A",
     "A0",
@@ -19,6 +20,7 @@ pub const BUILTIN: [&str; 13] = [
     "CAin",
     "backplates",
     "pot",
+    "closed",
 ];
 
 /// The text of a built-in design.
@@ -38,6 +40,7 @@ pub fn builtin_text(name: &str) -> Option<&'static str> {
         "CAin" => include_str!("../../designs/CAin.toml"),
         "backplates" => include_str!("../../designs/backplates.toml"),
         "pot" => include_str!("../../designs/pot.toml"),
+        "closed" => include_str!("../../designs/closed.toml"),
         _ => return None,
     })
 }

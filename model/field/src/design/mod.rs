@@ -7,6 +7,7 @@ mod builtin;
 mod check;
 mod expression;
 mod read;
+pub mod vary;
 
 use core::fmt;
 
@@ -115,15 +116,74 @@ pub struct Part {
     pub name: String,
     /// The name of its material.
     pub material_name: String,
-    /// Its material.
+    /// Its material; that of what is left and the air between, where the body is cut.
     pub material: Material,
     /// Its outline.
     pub shape: Shape,
     /// What is cut out of it.
     pub minus: Vec<Shape>,
+    /// Whether it is one piece, or cut so that it can give way to the side.
+    pub cut: Cut,
     /// Whether it was cast around boards, windings and plates (a body), so that it leaves out
     /// what they take, or is solid (a plate), so that nothing may reach into it.
     pub cast: bool,
+}
+
+/// How a body is cut, along the axis, so that it is softer.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Cut {
+    /// Not at all.
+    Whole,
+    /// Only round pillars are left of it.
+    Pillars {
+        /// How many.
+        count: u32,
+        /// Diameter of each, m.
+        diameter_m: f64,
+    },
+    /// Radial slots divide it into sectors.
+    Slots {
+        /// How many.
+        count: u32,
+        /// Width of each, m.
+        width_m: f64,
+    },
+}
+
+impl Cut {
+    /// Area that is left, and length of the outline around all pieces, of a ring from `r[0]` to
+    /// `r[1]`, in m² and m.
+    #[must_use]
+    pub fn left_of(&self, r_m: [f64; 2]) -> (f64, f64) {
+        use core::f64::consts::{PI, TAU};
+        let [from, to] = r_m;
+        let area = PI * (to * to - from * from);
+        let outline = TAU * (to + from);
+        match *self {
+            Self::Whole => (area, outline),
+            Self::Pillars { count, diameter_m } => {
+                let count = f64::from(count);
+                (
+                    count * PI / 4.0 * diameter_m * diameter_m,
+                    count * PI * diameter_m,
+                )
+            }
+            Self::Slots { count, width_m } => {
+                let count = f64::from(count);
+                let width = count * width_m;
+                (
+                    area - width * (to - from),
+                    outline - 2.0 * width + 2.0 * count * (to - from),
+                )
+            }
+        }
+    }
+
+    /// The share of a ring from `r[0]` to `r[1]` that is left.
+    #[must_use]
+    pub fn fill(&self, r_m: [f64; 2]) -> f64 {
+        self.left_of(r_m).0 / Self::Whole.left_of(r_m).0
+    }
 }
 
 impl Part {

@@ -7,7 +7,7 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use super::expression::evaluate;
-use super::{Board, Coil, Core, Design, DesignError, Part, Rectangle, check};
+use super::{Board, Coil, Core, Cut, Design, DesignError, Part, Rectangle, check};
 use crate::geometry::shape::Shape;
 use crate::material::Material;
 
@@ -109,6 +109,22 @@ struct PartFile {
     shape: Spanned<ShapeFile>,
     #[serde(default)]
     minus: Vec<Spanned<ShapeFile>>,
+    pillars: Option<Spanned<PillarsFile>>,
+    slots: Option<Spanned<SlotsFile>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PillarsFile {
+    count: u32,
+    diameter: Value,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SlotsFile {
+    count: u32,
+    width: Value,
 }
 
 #[derive(Deserialize)]
@@ -481,14 +497,64 @@ impl Reader<'_> {
         };
         let minus = part.minus.iter();
         let minus = minus.map(|shape| self.shape(shape, &format!("{place}.minus")));
+        let minus: Vec<Shape> = minus.collect::<Result<_, _>>()?;
+        let shape = self.shape(&part.shape, &format!("{place}.shape"))?;
+        let (cut, fill) = self.cut(part, cast && minus.is_empty(), &shape, &place)?;
         Ok(Part {
             name: part.name.clone(),
             material_name: part.material.get_ref().clone(),
-            material: *material,
-            shape: self.shape(&part.shape, &format!("{place}.shape"))?,
-            minus: minus.collect::<Result<_, _>>()?,
+            material: material.diluted(fill),
+            shape,
+            minus,
+            cut,
             cast,
         })
+    }
+
+    /// How a body is cut, and the share of it that is left.
+    fn cut(
+        &self,
+        part: &PartFile,
+        may: bool,
+        shape: &Shape,
+        place: &str,
+    ) -> Result<(Cut, f64), DesignError> {
+        let (cut, span) = match (&part.pillars, &part.slots) {
+            (None, None) => return Ok((Cut::Whole, 1.0)),
+            (Some(pillars), None) => {
+                let count = pillars.get_ref().count;
+                let diameter_m = self.radius(&pillars.get_ref().diameter, place)?;
+                (Cut::Pillars { count, diameter_m }, pillars.span())
+            }
+            (None, Some(slots)) => {
+                let count = slots.get_ref().count;
+                let width_m = self.radius(&slots.get_ref().width, place)?;
+                (Cut::Slots { count, width_m }, slots.span())
+            }
+            (Some(pillars), Some(_)) => {
+                let allowed = "either pillars or slots";
+                return Err(self.error(&pillars.span(), place, "has pillars and slots", allowed));
+            }
+        };
+        let r_m = match (shape, &part.shape.get_ref().r) {
+            (Shape::Polygon(corners), Some(_)) if may => {
+                let radii = corners.iter().map(|corner| corner[0]);
+                [
+                    radii.clone().fold(f64::INFINITY, f64::min),
+                    radii.fold(0.0, f64::max),
+                ]
+            }
+            _ => {
+                let allowed = "a body of the shape { r, x } with nothing cut out by minus";
+                return Err(self.error(&span, place, "cannot be cut", allowed));
+            }
+        };
+        let fill = cut.fill(r_m);
+        if fill > 0.0 && fill <= 1.0 {
+            return Ok((cut, fill));
+        }
+        let problem = format!("leaves {} % of the body", 100.0 * fill);
+        Err(self.error(&span, place, problem, "more than 0 %, at most 100 %"))
     }
 
     fn shape(&self, entry: &Spanned<ShapeFile>, place: &str) -> Result<Shape, DesignError> {
