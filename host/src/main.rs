@@ -8,6 +8,7 @@ mod demo;
 mod encode;
 mod engine;
 mod failure;
+mod field;
 mod instrument;
 mod plan_ldc;
 mod plot;
@@ -52,6 +53,7 @@ enum Verb {
     Demo(demo::Arguments),
     Simulate(simulate::Arguments),
     Coverage(coverage::Arguments),
+    Field(field::Arguments),
 }
 
 fn main() -> ExitCode {
@@ -64,6 +66,7 @@ fn main() -> ExitCode {
         Verb::Demo(arguments) => demo::run(&arguments),
         Verb::Simulate(arguments) => simulate::run(&arguments),
         Verb::Coverage(arguments) => coverage::run(&arguments),
+        Verb::Field(arguments) => field::run(&arguments),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -6,6 +6,7 @@ pub mod element;
 pub mod figures;
 pub mod force;
 pub mod geometry;
+pub mod heat;
 pub mod layer;
 pub mod material;
 pub mod mesh;

@@ -1,0 +1,174 @@
+//! Designs and settings as users name them.
+
+use std::io::{self, Write};
+use std::path::Path;
+
+use clap::Args;
+use palpate_field::design::{BUILTIN, Design, DesignError, builtin_text, vary};
+use palpate_field::solve::{Accuracy, Excitation, Solved, solve};
+
+use crate::failure::Failure;
+
+/// Print a built-in design, to start an own one from
+#[derive(Args)]
+pub(super) struct Show {
+    /// Its name
+    name: String,
+}
+
+pub(super) fn show(arguments: &Show) -> Result<(), Failure> {
+    let (_, text) = text_of(&arguments.name)?;
+    Ok(io::stdout().lock().write_all(text.as_bytes())?)
+}
+
+/// A design, numbers to change in it, and how accurately to solve it.
+#[derive(Args, Clone)]
+pub(super) struct Source {
+    /// File, or name of a built-in design
+    pub(super) design: String,
+    #[command(flatten)]
+    pub(super) effort: Effort,
+}
+
+/// What goes with every design of a command.
+#[derive(Args, Clone)]
+pub(super) struct Effort {
+    /// Change a number of the design, as in parameters.gap=4 or body.mse.shape.semi_r=12
+    #[arg(long = "set", value_name = "PATH=NUMBER", value_parser = setting)]
+    pub(super) settings: Vec<(String, f64)>,
+    /// Relative error of centre and core mean to reach
+    #[arg(long, default_value_t = 1e-4, value_parser = accuracy)]
+    accuracy: f64,
+    /// Order of the elements, 2 to 5
+    #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u32).range(2..=5))]
+    order: u32,
+}
+
+impl Effort {
+    pub(super) fn accuracy(&self) -> Accuracy {
+        Accuracy {
+            relative: self.accuracy,
+            order: self.order,
+            ..Accuracy::default()
+        }
+    }
+}
+
+fn accuracy(text: &str) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|_| "allowed: a number like 1e-4")?;
+    if (1e-8..=0.1).contains(&value) {
+        Ok(value)
+    } else {
+        Err("allowed: 1e-8 to 0.1".into())
+    }
+}
+
+fn setting(text: &str) -> Result<(String, f64), String> {
+    let (path, value) = text.split_once('=').ok_or("allowed: PATH=NUMBER")?;
+    let value: f64 = value
+        .trim()
+        .parse()
+        .map_err(|_| format!("{value:?} is no number"))?;
+    Ok((path.trim().to_owned(), value))
+}
+
+/// A positive current.
+pub(super) fn current(text: &str) -> Result<f64, String> {
+    let value: f64 = text
+        .parse()
+        .map_err(|_| "allowed: a current in A, like 10")?;
+    if (1e-6..=1e6).contains(&value) {
+        Ok(value)
+    } else {
+        Err("allowed: 1e-6 to 1e6 A".into())
+    }
+}
+
+/// Name and text of a design.
+pub(super) fn text_of(name: &str) -> Result<(String, String), Failure> {
+    if let Some(text) = builtin_text(name) {
+        return Ok((format!("{name}.toml"), text.to_owned()));
+    }
+    if !Path::new(name).exists() && !name.contains(['.', '/', '\\']) {
+        return Err(Failure::Input {
+            file: name.into(),
+            line: 1,
+            problem: format!("there is neither a file nor a built-in design {name:?}"),
+            allowed: format!("a file, or {}", BUILTIN.join(", ")),
+        });
+    }
+    let text = std::fs::read_to_string(name).map_err(|reason| Failure::Unreadable {
+        file: name.into(),
+        reason,
+    })?;
+    Ok((name.to_owned(), text))
+}
+
+/// A design from its text, with numbers changed.
+pub(super) fn parse(name: &str, text: &str, settings: &[(String, f64)]) -> Result<Design, Failure> {
+    // The unchanged text first: errors in it have lines that the user can look up.
+    let design = Design::parse(name, text).map_err(refused)?;
+    if settings.is_empty() {
+        return Ok(design);
+    }
+    let text = vary::set(text, settings).map_err(|problem| Failure::Input {
+        file: name.into(),
+        line: 1,
+        problem,
+        allowed: "a path to a number, as in parameters.gap or body.mse.shape.semi_r".to_owned(),
+    })?;
+    let changes: Vec<String> = settings
+        .iter()
+        .map(|(path, value)| format!("{path}={value}"))
+        .collect();
+    Design::parse(&format!("{name} with {}", changes.join(" ")), &text).map_err(refused)
+}
+
+fn refused(error: DesignError) -> Failure {
+    let place = if error.place.is_empty() {
+        String::new()
+    } else {
+        format!("{}: ", error.place)
+    };
+    Failure::Input {
+        file: error.file.into(),
+        line: error.line as u64,
+        problem: format!("{place}{}", error.problem),
+        allowed: if error.allowed.is_empty() {
+            "what the message says".to_owned()
+        } else {
+            error.allowed
+        },
+    }
+}
+
+impl Source {
+    pub(super) fn load(&self) -> Result<Design, Failure> {
+        let (name, text) = text_of(&self.design)?;
+        parse(&name, &text, &self.effort.settings)
+    }
+}
+
+/// The field of 1 A far below saturation.
+pub(super) fn per_ampere(design: &Design, effort: &Effort) -> Result<Solved, Failure> {
+    if design.coils.is_empty() {
+        return Err(Failure::Refused(
+            "the design has no coil, so there is no field per ampere: add a [[coil]]".to_owned(),
+        ));
+    }
+    run(design, &Excitation::small(design, 1.0), effort)
+}
+
+/// The field of a current, with saturation.
+pub(super) fn at_current(
+    design: &Design,
+    current_a: f64,
+    effort: &Effort,
+) -> Result<Solved, Failure> {
+    run(design, &Excitation::saturating(design, current_a), effort)
+}
+
+fn run(design: &Design, excitation: &Excitation, effort: &Effort) -> Result<Solved, Failure> {
+    solve(design, excitation, &effort.accuracy())
+        .map_err(|error| Failure::Refused(format!("{}: {error}", design.name)))
+}

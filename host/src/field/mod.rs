@@ -1,0 +1,50 @@
+//! `palpate field`: the magnetic field of the actuated layer.
+
+mod compare;
+mod figures;
+mod input;
+mod mse;
+mod optimise;
+mod profile;
+mod solve;
+mod stack;
+mod sweep;
+
+use clap::{Args, Subcommand};
+
+use crate::failure::Failure;
+
+/// Solve and design the magnetic field of the actuated layer.
+#[derive(Args)]
+#[command(after_help = "\
+DESIGN is a file, or a built-in design: air, A, A0, A10, B1, B2, B3, C1in, C1out, C3in, CAin,
+backplates, pot, closed. `palpate field show A` prints one to start from.")]
+pub(crate) struct Arguments {
+    #[command(subcommand)]
+    task: Task,
+}
+
+#[derive(Subcommand)]
+enum Task {
+    Show(input::Show),
+    Solve(solve::Arguments),
+    Profile(profile::Arguments),
+    Figures(figures::Arguments),
+    Sweep(sweep::Arguments),
+    Optimise(optimise::Arguments),
+    Compare(compare::Arguments),
+    Stack(stack::Arguments),
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    match &arguments.task {
+        Task::Show(arguments) => input::show(arguments),
+        Task::Solve(arguments) => solve::run(arguments),
+        Task::Profile(arguments) => profile::run(arguments),
+        Task::Figures(arguments) => figures::run(arguments),
+        Task::Sweep(arguments) => sweep::run(arguments),
+        Task::Optimise(arguments) => optimise::run(arguments),
+        Task::Compare(arguments) => compare::run(arguments),
+        Task::Stack(arguments) => stack::run(arguments),
+    }
+}

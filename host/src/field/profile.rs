@@ -1,0 +1,138 @@
+//! `palpate field profile`: the field along a line.
+
+use std::io::{self, Write};
+
+use clap::Args;
+use palpate_field::solve::{FieldAt, Locator, Solved};
+
+use super::input::{Source, per_ampere};
+use crate::failure::Failure;
+
+/// The field along a line, in mm and tesla per ampere
+#[derive(Args)]
+pub(super) struct Arguments {
+    #[command(flatten)]
+    source: Source,
+    /// axis; radius@x=MM: outwards at a position on the axis; parallel@r=MM: along the axis
+    #[arg(long, value_parser = line, allow_hyphen_values = true)]
+    along: Line,
+    /// Where to begin, mm; without it, where the drawing of the design begins
+    #[arg(long, value_name = "MM", allow_hyphen_values = true)]
+    from: Option<f64>,
+    /// Where to end, mm
+    #[arg(long, value_name = "MM", allow_hyphen_values = true)]
+    to: Option<f64>,
+    /// How many points
+    #[arg(long, default_value_t = 201, value_parser = clap::value_parser!(u32).range(2..=100_000))]
+    points: u32,
+    /// Print CSV instead of a table
+    #[arg(long)]
+    csv: bool,
+}
+
+/// A line in the half-plane; lengths in m.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Line {
+    /// Along x at this r.
+    Parallel(f64),
+    /// Along r at this x.
+    Radius(f64),
+}
+
+fn line(text: &str) -> Result<Line, String> {
+    let allowed = "allowed: axis, radius@x=MM, parallel@r=MM";
+    let number = |text: &str| {
+        let value: f64 = text.parse().map_err(|_| allowed)?;
+        if value.is_finite() {
+            Ok(1e-3 * value)
+        } else {
+            Err(allowed)
+        }
+    };
+    if text == "axis" {
+        Ok(Line::Parallel(0.0))
+    } else if let Some(x) = text.strip_prefix("radius@x=") {
+        Ok(Line::Radius(number(x)?))
+    } else if let Some(r) = text.strip_prefix("parallel@r=") {
+        match number(r)? {
+            r if r >= 0.0 => Ok(Line::Parallel(r)),
+            _ => Err("r is 0 or more".into()),
+        }
+    } else {
+        Err(allowed.into())
+    }
+}
+
+impl Line {
+    /// Positions, m, and the field there.
+    pub(super) fn sample(
+        self,
+        solved: &Solved,
+        range_m: [f64; 2],
+        points: u32,
+    ) -> Vec<(f64, FieldAt)> {
+        let locator = Locator::new(&solved.level, &solved.w);
+        let step = (range_m[1] - range_m[0]) / f64::from(points - 1);
+        (0..points)
+            .map(|point| range_m[0] + f64::from(point) * step)
+            .map(|at| match self {
+                Self::Parallel(r) => (at, locator.at([r, at])),
+                Self::Radius(x) => (at, locator.at([at, x])),
+            })
+            .collect()
+    }
+
+    /// The part of the line within the circle about the design, m.
+    pub(super) fn range(self, solved: &Solved) -> [f64; 2] {
+        let circle = solved.level.space.mesh.circle;
+        match self {
+            Self::Radius(_) => [0.0, circle.radius],
+            Self::Parallel(_) => [
+                circle.centre_x - circle.radius,
+                circle.centre_x + circle.radius,
+            ],
+        }
+    }
+}
+
+pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let design = arguments.source.load()?;
+    let solved = per_ampere(&design, &arguments.source.effort)?;
+    let mut range = arguments.along.range(&solved);
+    for (end, given) in range.iter_mut().zip([arguments.from, arguments.to]) {
+        if let Some(given) = given {
+            *end = 1e-3 * given;
+        }
+    }
+    let lowest = if matches!(arguments.along, Line::Radius(_)) {
+        0.0
+    } else {
+        f64::NEG_INFINITY
+    };
+    if !(range[0] < range[1] && range[0] >= lowest && range[1].is_finite()) {
+        return Err(Failure::Refused(
+            "--from has to be below --to, and for a radius 0 or more".to_owned(),
+        ));
+    }
+    let samples = arguments.along.sample(&solved, range, arguments.points);
+    let mut out = io::stdout().lock();
+    if arguments.csv {
+        writeln!(out, "mm,B_T_per_A,Bx_T_per_A,Br_T_per_A")?;
+    } else {
+        writeln!(
+            out,
+            "{:>10} {:>12} {:>12} {:>12}",
+            "mm", "|B| uT/A", "Bx uT/A", "Br uT/A"
+        )?;
+    }
+    for (at, field) in samples {
+        let (mm, size, [br, bx]) = (1e3 * at, field.size(), field.b);
+        if arguments.csv {
+            writeln!(out, "{mm:.6},{size:.9e},{bx:.9e},{br:.9e}")?;
+        } else {
+            let [size, bx, br] = [size, bx, br].map(|b| 1e6 * b);
+            writeln!(out, "{mm:>10.4} {size:>12.3} {bx:>12.3} {br:>12.3}")?;
+        }
+    }
+    Ok(())
+}

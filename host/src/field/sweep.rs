@@ -1,0 +1,176 @@
+//! `palpate field sweep`: figures over a grid of parameters.
+
+use std::io::{self, IsTerminal};
+
+use clap::Args;
+use indicatif::{ProgressBar, ProgressStyle};
+use rayon::prelude::*;
+
+use super::input::{Source, parse, per_ampere, text_of};
+use super::solve::Outcome;
+use crate::failure::Failure;
+
+/// Solve a design over a grid of any of its numbers; prints CSV
+#[derive(Args)]
+#[command(after_help = "\
+Example: the gap and the radius of the body, 200 designs on all cores
+  palpate field sweep B1 --vary parameters.gap=3..7:20 --vary body.mse.shape.semi_r=10..20:10
+
+A point that is no design (parts that overlap, say) keeps its row, with the reason.")]
+pub(super) struct Arguments {
+    #[command(flatten)]
+    source: Source,
+    /// A number of the design, its range and how many values
+    #[arg(long, required = true, value_name = "PATH=FROM..TO:COUNT", value_parser = axis)]
+    vary: Vec<Axis>,
+}
+
+/// One number that is varied.
+#[derive(Clone, Debug)]
+pub(super) struct Axis {
+    path: String,
+    from: f64,
+    to: f64,
+    count: usize,
+}
+
+/// Most points of a sweep: a day on two cores.
+const MOST: usize = 500_000;
+
+pub(super) fn range(text: &str) -> Result<(String, f64, f64), String> {
+    let allowed = "allowed: PATH=FROM..TO";
+    let (path, rest) = text.split_once('=').ok_or(allowed)?;
+    let (from, to) = rest.split_once("..").ok_or(allowed)?;
+    let number = |text: &str| match text.trim().parse::<f64>() {
+        Ok(value) if value.is_finite() => Ok(value),
+        _ => Err(format!("{text:?} is no number; {allowed}")),
+    };
+    Ok((path.trim().to_owned(), number(from)?, number(to)?))
+}
+
+fn axis(text: &str) -> Result<Axis, String> {
+    let (rest, count) = text
+        .rsplit_once(':')
+        .ok_or("allowed: PATH=FROM..TO:COUNT")?;
+    let (path, from, to) = range(rest)?;
+    match count.trim().parse() {
+        Ok(count) if (1..=MOST).contains(&count) => Ok(Axis {
+            path,
+            from,
+            to,
+            count,
+        }),
+        _ => Err(format!("{count:?} is no count; allowed: 1 to {MOST}")),
+    }
+}
+
+impl Axis {
+    fn value(&self, index: usize) -> f64 {
+        let share = if self.count > 1 {
+            index as f64 / (self.count - 1) as f64
+        } else {
+            0.0
+        };
+        self.from + share * (self.to - self.from)
+    }
+}
+
+pub(super) fn bar(length: u64) -> ProgressBar {
+    if !io::stderr().is_terminal() {
+        return ProgressBar::hidden();
+    }
+    let style = ProgressStyle::with_template("{bar:40} {pos}/{len}  {per_sec}  {eta} left");
+    ProgressBar::new(length).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
+}
+
+pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let (name, text) = text_of(&arguments.source.design)?;
+    let counts = arguments.vary.iter().map(|axis| axis.count);
+    let total = counts.fold(1_usize, usize::saturating_mul);
+    if total > MOST {
+        return Err(Failure::Refused(format!(
+            "{total} points: at most {MOST} in one sweep"
+        )));
+    }
+    let settings = |mut point: usize| {
+        let mut settings = arguments.source.effort.settings.clone();
+        for axis in arguments.vary.iter().rev() {
+            settings.push((axis.path.clone(), axis.value(point % axis.count)));
+            point /= axis.count;
+        }
+        settings
+    };
+    // A path that does not exist is an error of the command, not of each point.
+    palpate_field::design::vary::set(&text, &settings(0)).map_err(Failure::Refused)?;
+    let bar = bar(total as u64);
+    let rows: Vec<Result<Outcome, Failure>> = (0..total)
+        .into_par_iter()
+        .map(|point| {
+            let design = parse(&name, &text, &settings(point))?;
+            let outcome = Outcome::of(&design, &per_ampere(&design, &arguments.source.effort)?);
+            bar.inc(1);
+            Ok(outcome)
+        })
+        .collect();
+    bar.finish_and_clear();
+    print(arguments, settings, &rows)
+}
+
+const COLUMNS: [&str; 12] = [
+    "centre_T_per_A",
+    "core_mean_T_per_A",
+    "cv_r8",
+    "cv_r6",
+    "cv_r4",
+    "axial_pp",
+    "radial_pp",
+    "inductance_H",
+    "force_N_per_A2",
+    "resistance_ohm",
+    "error_estimate",
+    "refused",
+];
+
+fn print(
+    arguments: &Arguments,
+    settings: impl Fn(usize) -> Vec<(String, f64)>,
+    rows: &[Result<Outcome, Failure>],
+) -> Result<(), Failure> {
+    let mut out = csv::Writer::from_writer(io::stdout().lock());
+    let paths = arguments.vary.iter().map(|axis| axis.path.as_str());
+    let written = |result: csv::Result<()>| result.map_err(|error| Failure::Output(error.into()));
+    written(out.write_record(paths.chain(COLUMNS)))?;
+    for (point, row) in rows.iter().enumerate() {
+        let varied = settings(point);
+        let value = |axis: &Axis| {
+            let set = varied.iter().rfind(|(path, _)| *path == axis.path);
+            set.map_or(String::new(), |(_, value)| value.to_string())
+        };
+        let mut record: Vec<String> = arguments.vary.iter().map(value).collect();
+        match row {
+            Ok(o) => {
+                let numbers = [
+                    o.centre_T_per_A,
+                    o.core_mean_T_per_A,
+                    o.cv_r8,
+                    o.cv_r6,
+                    o.cv_r4,
+                    o.axial_pp,
+                    o.radial_pp,
+                    o.inductance_H,
+                    o.force_N_per_A2,
+                    o.resistance_ohm,
+                    o.error_estimate,
+                ];
+                record.extend(numbers.map(|number| format!("{number:.9e}")));
+                record.push(String::new());
+            }
+            Err(failure) => {
+                record.extend(vec![String::new(); COLUMNS.len() - 1]);
+                record.push(failure.to_string());
+            }
+        }
+        written(out.write_record(&record))?;
+    }
+    Ok(out.flush()?)
+}
