@@ -91,6 +91,18 @@ const CAMPAIGNS: &[Campaign] = &[
         ],
     },
     Campaign {
+        name: "field-accuracy",
+        purpose: "The field solver on every built-in design: estimated against true errors, profiles, forces, energy.",
+        arguments: &[
+            "run",
+            "--release",
+            "-p",
+            "palpate-field",
+            "--example",
+            "accuracy",
+        ],
+    },
+    Campaign {
         name: "planted-defects",
         purpose: "Tests of the tests: each planted defect has to turn a test red.",
         arguments: &[

@@ -10,7 +10,7 @@ use clap::Args;
 use palpate_field::design::Design;
 use palpate_field::solve::Solved;
 
-use super::input::{Source, at_current, current, per_ampere};
+use super::input::{Source, at_current, current, per_ampere, sharpened};
 use crate::failure::Failure;
 
 /// Draw a design: map of the flux density with field lines, profiles along and across the axis
@@ -59,6 +59,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
             (solved, "mT", format!("at {current_a} A"))
         }
     };
+    let points = profiles::points(&design.core, &solved);
+    let solved = sharpened(&design, solved, &points)?;
     let picture = Picture {
         design: &design,
         solved: &solved,

@@ -4,6 +4,10 @@ use std::path::Path;
 
 use plotters::prelude::*;
 
+use palpate_field::design::Core;
+use palpate_field::geometry::Point;
+use palpate_field::solve::Solved;
+
 use super::{FONT, LABEL, Picture, TITLE};
 use crate::field::profile::Line;
 
@@ -16,46 +20,67 @@ const COLOURS: [RGBColor; 4] = [
     RGBColor(150, 90, 170),
 ];
 
-/// |B| parallel to the axis: on it, at half the core's radius and near its edge.
-pub(super) fn axial(picture: &Picture<'_>, path: &Path) -> Result<(), String> {
-    let core = &picture.design.core;
+/// A line with its name.
+type Named = (String, Line);
+
+/// From one length of the core below it to one above, m.
+fn axial_range(core: &Core) -> [f64; 2] {
     let length = core.x_m[1] - core.x_m[0];
-    let range = [core.x_m[0] - length, core.x_m[1] + length];
-    let curves = [0.0, 0.5, 0.9].map(|share| {
+    [core.x_m[0] - length, core.x_m[1] + length]
+}
+
+/// On the axis, at half the core's radius and near its edge.
+fn axial_lines(core: &Core) -> [Named; 3] {
+    [0.0, 0.5, 0.9].map(|share| {
         let r = share * core.r_m;
         (format!("r = {:.1} mm", 1e3 * r), Line::Parallel(r))
-    });
+    })
+}
+
+/// In mid-plane and nearer to the upper board.
+fn radial_lines(core: &Core) -> [Named; 3] {
+    let half = 0.5 * (core.x_m[1] - core.x_m[0]);
+    [0.0, 0.4, 0.8].map(|share| {
+        let x = core.middle_m() + share * half;
+        (format!("x = {:.2} mm", 1e3 * x), Line::Radius(x))
+    })
+}
+
+/// Every point that is drawn: the mesh has to be fine there.
+pub(super) fn points(core: &Core, solved: &Solved) -> Vec<Point> {
+    let axial = axial_lines(core).map(|(_, line)| line.points(axial_range(core), POINTS));
+    let radial = radial_lines(core).map(|(_, line)| line.points(line.range(solved), POINTS));
+    axial.into_iter().chain(radial).flatten().collect()
+}
+
+/// |B| parallel to the axis.
+pub(super) fn axial(picture: &Picture<'_>, path: &Path) -> Result<(), String> {
+    let core = &picture.design.core;
     let chart = Chart {
         title: format!(
             "{}: along the axis, {}",
             picture.design.name, picture.driven
         ),
         across: "x / mm",
-        range,
+        range: axial_range(core),
         core: core.x_m,
     };
-    chart.draw(picture, &curves, path)
+    chart.draw(picture, &axial_lines(core), path)
 }
 
-/// |B| across the axis: in mid-plane and nearer to the upper board.
+/// |B| across the axis.
 pub(super) fn radial(picture: &Picture<'_>, path: &Path) -> Result<(), String> {
     let core = &picture.design.core;
-    let half = 0.5 * (core.x_m[1] - core.x_m[0]);
-    let curves = [0.0, 0.4, 0.8].map(|share| {
-        let x = core.middle_m() + share * half;
-        (format!("x = {:.2} mm", 1e3 * x), Line::Radius(x))
-    });
-    let reach = Line::Radius(0.0).range(picture.solved)[1];
     let chart = Chart {
         title: format!(
             "{}: across the axis, {}",
             picture.design.name, picture.driven
         ),
         across: "r / mm",
-        range: [0.0, reach],
+        range: Line::Radius(0.0).range(picture.solved),
         core: [0.0, core.r_m],
     };
-    chart.draw(picture, &curves, path)
+    chart.draw(picture, &radial_lines(core), path)
 }
 
 struct Chart {
@@ -68,16 +93,11 @@ struct Chart {
 }
 
 impl Chart {
-    fn draw(
-        &self,
-        picture: &Picture<'_>,
-        curves: &[(String, Line)],
-        path: &Path,
-    ) -> Result<(), String> {
+    fn draw(&self, picture: &Picture<'_>, curves: &[Named], path: &Path) -> Result<(), String> {
         let sampled: Vec<(&str, Vec<(f64, f64)>)> = curves
             .iter()
             .map(|(name, line)| {
-                let samples = line.sample(picture.solved, self.range, POINTS);
+                let samples = line.sample(picture.solved, &line.points(self.range, POINTS));
                 let points = samples
                     .iter()
                     .map(|(at, field)| (1e3 * at, 1e3 * field.size()));

@@ -145,11 +145,31 @@ impl<'l> Locator<'l> {
     }
 
     fn value(&self, point: Point, exterior: usize) -> Option<(f64, [f64; 2], u32)> {
+        let (number, at) = self.find(point, exterior)?;
+        let space = &self.level.space;
+        let nodes = space.nodes.get(number)?;
+        let unknowns = space.unknowns.get(number)?;
+        let region = space.mesh.triangles.get(number)?.region;
+        let (value, slope) = value_at(&space.basis, nodes, unknowns, self.w, at);
+        Some((value, slope, region))
+    }
+
+    /// The triangle of a point inside the circle.
+    pub(super) fn triangle(&self, point: Point) -> Option<usize> {
+        let inside =
+            self.level.space.mesh.circle.distance(point) <= self.level.space.mesh.circle.radius;
+        let found = inside.then(|| self.find(point, 0)).flatten();
+        found.map(|(number, _)| number)
+    }
+
+    /// The triangle of a point and its barycentric coordinates there.
+    fn find(&self, point: Point, exterior: usize) -> Option<(usize, [f64; 3])> {
         let [column, row] = self.cell(point);
         let cell = self.cells.get(exterior)?.get(row * CELLS + column)?;
-        let mut best: Option<(f64, u32, [f64; 3])> = None;
+        let mut best: Option<(f64, usize, [f64; 3])> = None;
         for &number in cell {
-            let nodes = self.level.space.nodes.get(number as usize)?;
+            let number = number as usize;
+            let nodes = self.level.space.nodes.get(number)?;
             let at = invert(&self.level.space.basis, nodes, point);
             let inside = at.iter().copied().fold(f64::INFINITY, f64::min);
             if inside.is_finite() && best.is_none_or(|(known, _, _)| inside > known) {
@@ -159,13 +179,7 @@ impl<'l> Locator<'l> {
                 }
             }
         }
-        let (_, number, at) = best?;
-        let space = &self.level.space;
-        let nodes = space.nodes.get(number as usize)?;
-        let unknowns = space.unknowns.get(number as usize)?;
-        let region = space.mesh.triangles.get(number as usize)?.region;
-        let (value, slope) = value_at(&space.basis, nodes, unknowns, self.w, at);
-        Some((value, slope, region))
+        best.map(|(_, number, at)| (number, at))
     }
 }
 

@@ -12,8 +12,11 @@ mod adapt;
 mod assembly;
 mod evaluate;
 mod indicator;
+mod judge;
 mod newton;
+mod sharpen;
 mod space;
+mod sums;
 
 pub use adapt::{Accuracy, Report, Solved, solve, solve_on};
 pub use assembly::{Level, integrate};

@@ -1,0 +1,218 @@
+//! How good a field is: estimated errors, and where the mesh should be finer.
+
+use super::adapt::Accuracy;
+use super::assembly::Level;
+use super::evaluate::Locator;
+use super::indicator::{Jumps, jumps};
+use super::newton::Excitation;
+use super::space::Space;
+use crate::design::Design;
+use crate::element::shape::Placed;
+use crate::figures::Figures;
+use crate::mesh::{Triangle, Zone};
+
+/// Relative to the core's mean, below which a field on the axis is weak.
+pub(super) const WEAK: f64 = 0.02;
+/// How much less accurate inductance and force may be than the field: at 1e-4 they are within 0.2 %.
+const WIDER: f64 = 20.0;
+/// A difference between meshes may vanish by chance; so much of the one before still counts.
+const MEMORY: f64 = 0.25;
+
+/// B_x along the axis within the circle, T.
+pub(super) fn axis(level: &Level, w: &[f64]) -> Vec<f64> {
+    const STEPS: u32 = 40;
+    let circle = level.space.mesh.circle;
+    let locator = Locator::new(level, w);
+    (1..STEPS)
+        .map(|step| 2.0 * f64::from(step) / f64::from(STEPS) - 1.0)
+        .map(|share| locator.at([0.0, circle.centre_x + share * circle.radius]).b[1])
+        .collect()
+}
+
+/// Triangles of the inner core and on the axis at whose edges the field jumps, or where w is
+/// wrong, by more than the share `relative` of it, or of a fiftieth of the core's where it is weak. The energy there is
+/// small, since volumes near the axis are, but that is where users look.
+/// On `air` with orders 3 and 4 the error on the axis is 0.1 to 0.9 of the greatest jump.
+pub(super) fn rough(
+    design: &Design,
+    level: &Level,
+    jumps: &Jumps,
+    decay: &[f64],
+    relative: f64,
+    core_mean_t: f64,
+) -> Vec<bool> {
+    let mesh = &level.space.mesh;
+    let judged = |triangle: &Triangle| {
+        let on_axis = triangle
+            .vertices
+            .iter()
+            .any(|&vertex| mesh.position(vertex)[0] == 0.0);
+        on_axis || mesh.region(triangle).zone >= Zone::ThreeQuarters
+    };
+    let at_corner =
+        |triangle: &Triangle| triangle.vertices.iter().any(|v| mesh.corners.contains(v));
+    let fields = jumps.field_t.iter().zip(&jumps.size_t);
+    mesh.triangles
+        .iter()
+        .zip(fields.zip(decay))
+        .map(|(triangle, ((&jump, &size), &decay))| {
+            let limit = relative * size.max(WEAK * core_mean_t);
+            let safety = if at_centre(design, level, triangle) {
+                SAFETY
+            } else {
+                1.0
+            };
+            let error = safety * jump.max(2.0 * decay);
+            error > limit && judged(triangle) && !at_corner(triangle)
+        })
+        .collect()
+}
+
+/// The estimated error of the field at the core's centre, T: [`SAFETY`] times the jumps of the field,
+/// or the errors of w, about the triangles there. On `pot` the error is 2.4 times the jump.
+pub(super) fn centre_error(design: &Design, level: &Level, jumps: &Jumps, decay: &[f64]) -> f64 {
+    let triangles = level.space.mesh.triangles.iter();
+    let triangles = triangles.zip(jumps.field_t.iter().zip(decay));
+    let at_centre = triangles.filter(|(triangle, _)| at_centre(design, level, triangle));
+    at_centre
+        .map(|(_, (jump, decay))| SAFETY * jump.max(2.0 * decay))
+        .fold(0.0, f64::max)
+}
+
+/// Whether a triangle touches the axis at the core's centre.
+fn at_centre(design: &Design, level: &Level, triangle: &Triangle) -> bool {
+    let mesh = &level.space.mesh;
+    let middle = design.core.middle_m();
+    let corners = mesh.corners_of(triangle);
+    let [low, high] = [f64::min, f64::max].map(|pick| {
+        let along = corners.map(|corner| corner[1]);
+        along.into_iter().reduce(pick).unwrap_or(f64::NAN)
+    });
+    let on_axis = corners.iter().any(|corner| corner[0] == 0.0);
+    on_axis && low <= middle && middle <= high && !mesh.region(triangle).exterior
+}
+
+/// Whether the estimated errors are small enough: centre and mean field as asked for, integrals over
+/// the whole of the field [`WIDER`] times that. A force that cancels is held to a hundredth of the
+/// energy over the gap.
+pub(super) fn close(
+    errors: &Figures,
+    figures: &Figures,
+    design: &Design,
+    excitation: &Excitation,
+    accuracy: &Accuracy,
+) -> bool {
+    let within = |error: f64, size: f64| error <= accuracy.relative * size.abs();
+    let current = excitation.currents_a.first().copied().unwrap_or(0.0);
+    let energy = 0.5 * figures.inductance_h * current * current;
+    let least = 0.01 * energy / (design.core.x_m[1] - design.core.x_m[0]);
+    let force = WIDER * figures.force_n.abs().max(least);
+    within(errors.core_mean_t, figures.core_mean_t)
+        && within(errors.centre_t, figures.centre_t)
+        && within(errors.inductance_h, WIDER * figures.inductance_h)
+        && within(errors.force_n, force)
+        && within(errors.force_by_stress_n, force)
+}
+
+/// The change from mesh to mesh is nearly the error of the coarser one where meshes become better
+/// fast. At the edge of a permeable plate they do not, and the finer one's error is up to 2.3 times
+/// the change (found on `C1in` against fourth order at 3e-6): hence a factor of 3 everywhere.
+const SAFETY: f64 = 3.0;
+
+pub(super) fn estimate(history: &[Figures]) -> Option<Figures> {
+    let last = history.last()?;
+    let before = history
+        .len()
+        .checked_sub(2)
+        .and_then(|index| history.get(index))?;
+    let change = last.change_from(before).scaled(SAFETY);
+    Some(
+        match history
+            .len()
+            .checked_sub(3)
+            .and_then(|index| history.get(index))
+        {
+            Some(earlier) => {
+                change.greater_of(&before.change_from(earlier).scaled(SAFETY * MEMORY))
+            }
+            None => change,
+        },
+    )
+}
+
+/// The energy's error and that of the fields which users look at count alike.
+pub(super) fn scores(level: &Level, w: &[f64], primal: &Jumps, dual: &[f64]) -> Vec<f64> {
+    let primal = &primal.energy;
+    let dual = jumps(level, w, dual, 0.0).energy;
+    let product: Vec<f64> = primal
+        .iter()
+        .zip(&dual)
+        .map(|(p, d)| (p * d).sqrt())
+        .collect();
+    let (energy, goal): (f64, f64) = (primal.iter().sum(), product.iter().sum());
+    let score =
+        |(p, g): (&f64, &f64)| p / energy.max(f64::MIN_POSITIVE) + g / goal.max(f64::MIN_POSITIVE);
+    primal.iter().zip(&product).map(score).collect()
+}
+
+/// The derivative of the mean of B_x over the core, plus that of its mean along the axis inside
+/// the circle: over the triangles there, each weighted by its share of the axis.
+pub(super) fn goal(level: &Level) -> Vec<f64> {
+    let space = &level.space;
+    let mut core = vec![0.0; space.count];
+    let mut axis = vec![0.0; space.count];
+    let mut core_volume = 0.0;
+    for (index, triangle) in space.mesh.triangles.iter().enumerate() {
+        let region = space.mesh.region(triangle);
+        let on_axis: Vec<f64> = space
+            .mesh
+            .corners_of(triangle)
+            .iter()
+            .filter(|corner| corner[0] == 0.0)
+            .map(|corner| corner[1])
+            .collect();
+        let length = match on_axis[..] {
+            [a, b] if !region.exterior => (a - b).abs(),
+            _ => 0.0,
+        };
+        if region.zone != Zone::None {
+            core_volume += add_mean(space, index, 1.0, &mut core);
+        }
+        if length > 0.0 {
+            let volume = add_mean(space, index, 0.0, &mut []);
+            add_mean(
+                space,
+                index,
+                length / (2.0 * space.mesh.circle.radius * volume),
+                &mut axis,
+            );
+        }
+    }
+    core.iter()
+        .zip(&axis)
+        .map(|(core, axis)| core / core_volume + axis)
+        .collect()
+}
+
+/// Adds a factor times the derivative of ∫ B_x r dr dx over a triangle; returns ∫ r dr dx.
+fn add_mean(space: &Space, index: usize, factor: f64, goal: &mut [f64]) -> f64 {
+    let (Some(nodes), Some(unknowns)) = (space.nodes.get(index), space.unknowns.get(index)) else {
+        return 0.0;
+    };
+    let mut placed = Placed::new(&space.basis);
+    let mut volume = 0.0;
+    for (sample, weight) in &space.samples {
+        placed.fill(nodes, sample);
+        let r = placed.point[0];
+        let area = 0.5 * placed.jacobian * weight;
+        volume += area * r;
+        for ((&unknown, phi), gradient) in
+            unknowns.iter().zip(&sample.values).zip(&placed.gradients)
+        {
+            if let Some(entry) = goal.get_mut(unknown as usize) {
+                *entry += factor * area * r * (2.0 * phi + r * gradient[0]);
+            }
+        }
+    }
+    volume
+}

@@ -1,0 +1,83 @@
+//! Refinement where the field is looked at.
+
+use super::adapt::{Solved, transfer};
+use super::assembly::Level;
+use super::evaluate::Locator;
+use super::indicator::{decay, jumps};
+use super::judge::WEAK;
+use super::newton::{Pattern, SolveError, balance};
+use super::space::Space;
+use crate::design::Design;
+use crate::figures::Figures;
+use crate::geometry::{Point, distance};
+
+/// About corners of permeable parts the field is singular: so near nothing is promised, m.
+const CORNER_M: f64 = 1e-4;
+/// Rounds after which it ends in any case. Each halves triangles; twice four of them are a sixteenth.
+const MOST_ROUNDS: usize = 16;
+/// Unknowns at which it ends in any case.
+const MOST_UNKNOWNS: usize = 300_000;
+
+impl Solved {
+    /// Refines where points lie, until jumps of the field and the decay of its polynomials there
+    /// show an error below the share `relative` of |B| at each, or of a fiftieth of the core's mean
+    /// where it is weaker. Points within 0.1 mm of a corner of a permeable part do not count.
+    ///
+    /// [`super::solve`] is after the core: elsewhere its field is a few per cent off.
+    ///
+    /// # Errors
+    /// As [`super::solve`].
+    pub fn sharpened(
+        mut self,
+        design: &Design,
+        points: &[Point],
+        relative: f64,
+    ) -> Result<Self, SolveError> {
+        let mesh = &self.level.space.mesh;
+        let corners: Vec<Point> = mesh.corners.iter().map(|&c| mesh.position(c)).collect();
+        let far = |point: &&Point| corners.iter().all(|&c| distance(c, **point) > CORNER_M);
+        let points: Vec<Point> = points.iter().filter(far).copied().collect();
+        for _ in 0..MOST_ROUNDS {
+            let marked = self.blurred(&points, relative);
+            if !marked.contains(&true) || self.level.space.count > MOST_UNKNOWNS {
+                break;
+            }
+            let mut finer = self.level.space.mesh.clone();
+            let parents = finer.refine(&marked);
+            let order = self.level.space.basis.order();
+            let next = Level::new(design, Space::new(finer, order), &self.excitation);
+            let guess = transfer(&self.level.space, &self.w, &next.space, &parents);
+            let balanced = balance(&next, &Pattern::of(&next)?, guess)?;
+            self.w = balanced.w;
+            self.level = next;
+            self.report.levels += 1;
+            self.report.linear_solves += balanced.steps;
+        }
+        self.report.unknowns = self.level.space.count;
+        self.figures = Figures::of(design, &self.level, &self.w, &self.excitation);
+        Ok(self)
+    }
+
+    /// The triangles in which a point's field is not good enough.
+    fn blurred(&self, points: &[Point], relative: f64) -> Vec<bool> {
+        let jumps = jumps(&self.level, &self.w, &self.w, self.level.background_t);
+        let decay = decay(&self.level.space, &self.w);
+        let locator = Locator::new(&self.level, &self.w);
+        let mut marked = vec![false; self.level.space.mesh.triangles.len()];
+        let weak = WEAK * self.figures.core_mean_t;
+        for &point in points {
+            let Some(triangle) = locator.triangle(point) else {
+                continue;
+            };
+            let limit = relative * locator.at(point).size().max(weak);
+            let jump = jumps.field_t.get(triangle).copied().unwrap_or(0.0);
+            let decay = decay.get(triangle).copied().unwrap_or(0.0);
+            if let Some(mark) = marked.get_mut(triangle)
+                && jump.max(2.0 * decay) > limit
+            {
+                *mark = true;
+            }
+        }
+        marked
+    }
+}
