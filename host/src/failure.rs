@@ -30,6 +30,8 @@ pub(crate) enum Failure {
         /// The system's reason.
         reason: io::Error,
     },
+    /// Arguments that do not go together, or do not fit what they are for.
+    Argument(String),
     /// What was asked for was refused, or failed while running.
     Refused(String),
     /// The result could not be written.
@@ -40,7 +42,10 @@ impl Failure {
     /// 2 for input, 1 for everything else.
     pub(crate) fn exit_code(&self) -> ExitCode {
         match self {
-            Self::Input { .. } | Self::Document(_) | Self::Unreadable { .. } => ExitCode::from(2),
+            Self::Input { .. }
+            | Self::Document(_)
+            | Self::Unreadable { .. }
+            | Self::Argument(_) => ExitCode::from(2),
             Self::Refused(_) | Self::Output(_) => ExitCode::FAILURE,
         }
     }
@@ -67,7 +72,7 @@ impl fmt::Display for Failure {
                 "{}: {reason}. Name a file that exists and may be read.",
                 file.display()
             ),
-            Self::Refused(reason) => f.write_str(reason),
+            Self::Argument(reason) | Self::Refused(reason) => f.write_str(reason),
             Self::Output(error) => write!(f, "cannot write the result: {error}"),
         }
     }

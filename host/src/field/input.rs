@@ -153,7 +153,7 @@ impl Source {
 /// The field of 1 A far below saturation.
 pub(super) fn per_ampere(design: &Design, effort: &Effort) -> Result<Solved, Failure> {
     if design.coils.is_empty() {
-        return Err(Failure::Refused(
+        return Err(Failure::Argument(
             "the design has no coil, so there is no field per ampere: add a [[coil]]".to_owned(),
         ));
     }

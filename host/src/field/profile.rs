@@ -122,7 +122,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         f64::NEG_INFINITY
     };
     if !(range[0] < range[1] && range[0] >= lowest && range[1].is_finite()) {
-        return Err(Failure::Refused(
+        return Err(Failure::Argument(
             "--from has to be below --to, and for a radius 0 or more".to_owned(),
         ));
     }

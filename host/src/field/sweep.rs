@@ -88,7 +88,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let counts = arguments.vary.iter().map(|axis| axis.count);
     let total = counts.fold(1_usize, usize::saturating_mul);
     if total > MOST {
-        return Err(Failure::Refused(format!(
+        return Err(Failure::Argument(format!(
             "{total} points: at most {MOST} in one sweep"
         )));
     }
@@ -101,7 +101,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         settings
     };
     // A path that does not exist is an error of the command, not of each point.
-    palpate_field::design::vary::set(&text, &settings(0)).map_err(Failure::Refused)?;
+    palpate_field::design::vary::set(&text, &settings(0)).map_err(Failure::Argument)?;
     let bar = bar(total as u64);
     let rows: Vec<Result<Outcome, Failure>> = (0..total)
         .into_par_iter()

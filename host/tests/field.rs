@@ -1,0 +1,256 @@
+//! `palpate field` as its users call it.
+
+use std::process::Output;
+
+use assert_cmd::Command;
+use palpate_sim::stack::Stack;
+use serde_json::Value;
+
+fn palpate(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_palpate"))
+        .arg("field")
+        .args(arguments)
+        .output()
+        .unwrap()
+}
+
+fn printed(arguments: &[&str]) -> String {
+    let output = palpate(arguments);
+    let complaint = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{arguments:?}: {complaint}");
+    String::from_utf8(output.stdout).unwrap()
+}
+
+fn json(arguments: &[&str]) -> Value {
+    serde_json::from_str(&printed(arguments)).unwrap()
+}
+
+/// What a refused command says, with its exit code.
+fn refused(arguments: &[&str]) -> (Option<i32>, String) {
+    let output = palpate(arguments);
+    assert!(output.stdout.is_empty(), "{arguments:?}");
+    let complaint = String::from_utf8(output.stderr).unwrap();
+    (output.status.code(), complaint)
+}
+
+fn number(value: &Value, key: &str) -> f64 {
+    value[key].as_f64().unwrap_or_else(|| panic!("no {key}"))
+}
+
+#[test]
+fn figures_of_a_design_as_json() {
+    let solved = json(&["solve", "backplates", "--current", "10", "--json"]);
+    for key in [
+        "centre_T_per_A",
+        "core_mean_T_per_A",
+        "cv_r8",
+        "cv_r6",
+        "cv_r4",
+        "axial_pp",
+        "radial_pp",
+        "inductance_H",
+        "force_N_per_A2",
+        "resistance_ohm",
+        "error_estimate",
+        "unknowns",
+        "centre_T",
+        "core_mean_T",
+        "plate_max_T",
+        "newton_iterations",
+    ] {
+        assert!(number(&solved, key) > 0.0, "{key}");
+    }
+    assert!((number(&solved, "centre_T") - 0.0644).abs() < 1e-4);
+    assert!((number(&solved, "resistance_ohm") - 0.389).abs() < 1e-3);
+    assert!(number(&solved, "error_estimate") <= 1e-4);
+    assert!(number(&solved, "newton_iterations") <= 6.0);
+    let small = json(&["solve", "air", "--json"]);
+    assert!((number(&small, "centre_T_per_A") / 1012.9492e-6 - 1.0).abs() < 1e-5);
+    assert!(small.get("centre_T").is_none());
+}
+
+#[test]
+fn a_profile_as_csv() {
+    let axis = printed(&[
+        "profile", "air", "--along", "axis", "--csv", "--points", "3",
+    ]);
+    let lines: Vec<&str> = axis.lines().collect();
+    assert_eq!(lines[0], "mm,B_T_per_A,Bx_T_per_A,Br_T_per_A");
+    assert_eq!(lines.len(), 4);
+    let middle: Vec<f64> = lines[2].split(',').map(|n| n.parse().unwrap()).collect();
+    assert!((middle[0] - 4.14).abs() < 1e-6);
+    assert!((middle[1] / 1012.9492e-6 - 1.0).abs() < 1e-4);
+    let line = ["--from", "0", "--to", "8", "--points", "9", "--csv"];
+    for along in ["radius@x=4.14", "parallel@r=4"] {
+        let mut arguments = vec!["profile", "A", "--along", along];
+        arguments.extend(line);
+        assert_eq!(printed(&arguments).lines().count(), 10, "{along}");
+    }
+    let (code, complaint) = refused(&["profile", "A", "--along", "radius"]);
+    assert_eq!(code, Some(2));
+    assert!(complaint.contains("radius@x=MM"), "{complaint}");
+}
+
+#[test]
+fn pictures_with_axes_and_units() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().to_str().unwrap();
+    printed(&["figures", "C1in", "--out", out]);
+    for (kind, words) in [
+        ("map", ["r / mm", "|B| / mT/A"]),
+        ("axial", ["x / mm", "|B| / mT/A"]),
+        ("radial", ["r / mm", "|B| / mT/A"]),
+    ] {
+        let text = std::fs::read_to_string(folder.path().join(format!("C1in-{kind}.svg"))).unwrap();
+        assert!(text.ends_with("</svg>\n"), "{kind}");
+        for words in words {
+            assert!(text.contains(words), "{kind}: {words}");
+        }
+    }
+}
+
+#[test]
+fn a_sweep_keeps_every_point() {
+    // A gap of nothing is no design, and says so in its row.
+    let csv = printed(&[
+        "sweep",
+        "B1",
+        "--accuracy",
+        "1e-3",
+        "--vary",
+        "parameters.gap=0..6:3",
+    ]);
+    let mut reader = csv::Reader::from_reader(csv.as_bytes());
+    let heads = reader.headers().unwrap().clone();
+    let column = |name: &str| heads.iter().position(|head| head == name).unwrap();
+    let rows: Vec<csv::StringRecord> = reader.records().map(Result::unwrap).collect();
+    assert_eq!(rows.len(), 3);
+    assert!(rows[0][column("refused")].contains("gap"), "{:?}", rows[0]);
+    let mean = |row: usize| {
+        rows[row][column("core_mean_T_per_A")]
+            .parse::<f64>()
+            .unwrap()
+    };
+    assert!(mean(1) > mean(2));
+    let (code, complaint) = refused(&["sweep", "B1", "--vary", "parameters.width=1..2:3"]);
+    assert_eq!(code, Some(2), "{complaint}");
+    assert!(complaint.contains("there: gap"), "{complaint}");
+}
+
+#[test]
+fn an_optimum_within_bounds() {
+    let text = printed(&[
+        "optimise",
+        "B1",
+        "--goal",
+        "homogeneity",
+        "--accuracy",
+        "1e-3",
+        "--vary",
+        "parameters.gap=4..6",
+        "--budget",
+        "7",
+    ]);
+    let gap = text
+        .lines()
+        .find_map(|line| line.strip_prefix("parameters.gap = "));
+    let gap: f64 = gap.unwrap().parse().unwrap();
+    assert!((4.0..=6.0).contains(&gap));
+    assert!(text.contains("std/mean of |B| in the core"), "{text}");
+}
+
+#[test]
+fn designs_side_by_side() {
+    let both = json(&["compare", "A", "C1in", "--json", "--accuracy", "1e-3"]);
+    // The paper's third claim: plates make the inner part of the core even.
+    assert!(number(&both[1], "cv_r4") < 0.05 * number(&both[0], "cv_r4"));
+    let table = printed(&["compare", "A", "B1", "--accuracy", "1e-3"]);
+    assert!(table.contains("uT/A") && table.contains("B1"), "{table}");
+}
+
+#[test]
+fn stacks_that_the_plant_takes() {
+    let folder = tempfile::tempdir().unwrap();
+    let stack = |design: &str, mse: &str| {
+        let path = folder.path().join(format!("{design}.toml"));
+        printed(&[
+            "stack",
+            design,
+            "--mse",
+            mse,
+            "--out",
+            path.to_str().unwrap(),
+        ]);
+        Stack::load(&path).unwrap()
+    };
+    let own = folder.path().join("mse.toml");
+    std::fs::write(&own, "modulus_Pa = 1e5\nrise = 3.0\nhalf_T = 0.30\n").unwrap();
+    // The file has the numbers of soft elastomer: both ways lead to the same springs.
+    let paper = stack("A", own.to_str().unwrap());
+    assert!((paper.actuated_spring_n_per_m.centre() / 1.07e6 - 1.0).abs() < 0.01);
+    assert!((paper.sensing_spring_n_per_m.centre() / 55e3 - 1.0).abs() < 0.01);
+    assert!((paper.attraction_n_per_a2.centre() / 0.29e-3 - 1.0).abs() < 0.02);
+    let closed = stack("closed", "soft");
+    let power =
+        |stack: &Stack| stack.peak_current_a.centre().powi(2) * stack.coil_resistance_ohm.centre();
+    assert!(power(&closed) <= power(&paper));
+    let rise = closed.stiffening_at_peak.centre() / paper.stiffening_at_peak.centre();
+    assert!(rise > 50.0, "{rise}");
+    let file = std::fs::read_to_string(folder.path().join("A.toml")).unwrap();
+    let printed = json(&["stack", "A", "--mse", "soft", "--json"]);
+    let law = printed["with_current"].as_array().unwrap();
+    let last = law.last().unwrap();
+    assert!(file.contains("# With current:"), "{file}");
+    assert!((number(last, "stiffening") - paper.stiffening_at_peak.centre()).abs() < 1e-6);
+}
+
+#[test]
+fn refusals_name_file_and_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("mine.toml");
+    let shown = printed(&["show", "A"]);
+    let line = |needle: &str| 1 + shown.lines().position(|l| l.contains(needle)).unwrap();
+    for (from, to, words, line) in [
+        ("length_unit = \"mm\"", "", "length_unit: missing", 1),
+        (
+            "material = \"mse\"",
+            "material = \"steel\"",
+            "unknown material \"steel\". Allowed: mse",
+            line("material = \"mse\""),
+        ),
+        (
+            "r = [8.0, 28.0]\nx = [0.0, 1.64]",
+            "r = [8.0, 8.0]\nx = [0.0, 1.64]",
+            "has zero thickness",
+            line("r = [8.0, 28.0]"),
+        ),
+        (
+            "x = [0.0, 0.07]",
+            "x = [-0.01, 0.06]",
+            "overlaps board \"lower\"",
+            line("[[coil]]"),
+        ),
+        (
+            "x = [0.0, 0.07]",
+            "x = [-0.0705, -0.0005]",
+            "leaves a gap",
+            line("[[coil]]"),
+        ),
+    ] {
+        std::fs::write(&path, shown.replacen(from, to, 1)).unwrap();
+        let (code, complaint) = refused(&["solve", path.to_str().unwrap()]);
+        assert_eq!(code, Some(2), "{complaint}");
+        let place = format!("mine.toml, line {line}: ");
+        assert!(complaint.contains(&place), "{complaint}");
+        assert!(complaint.contains(words), "{complaint}");
+    }
+    let (code, complaint) = refused(&["solve", "D7"]);
+    assert_eq!(code, Some(2));
+    assert!(complaint.contains("air, A, A0"), "{complaint}");
+    let (code, complaint) = refused(&["solve", "A", "--set", "parameters.gap=0"]);
+    assert_eq!(code, Some(2), "{complaint}");
+    std::fs::write(&path, "modulus_Pa = 1e5\nrise = -3.0\nhalf_T = 0.30\n").unwrap();
+    let (code, complaint) = refused(&["stack", "A", "--mse", path.to_str().unwrap()]);
+    assert_eq!(code, Some(2));
+    assert!(complaint.contains("line 2: rise is -3"), "{complaint}");
+}
