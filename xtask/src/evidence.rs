@@ -167,6 +167,34 @@ pub(crate) fn collect(workspace: &Workspace, name: &str) -> Result<()> {
     let origin = Origin::read(workspace, FOLDER)?;
     let invocation = campaign.invocation();
     let text = perform(workspace, name, campaign.purpose, &invocation, origin)?;
+    write(workspace, name, &text)
+}
+
+/// Keeps the result of a campaign that is a verb of its own, since it needs programs from elsewhere.
+pub(crate) fn keep(
+    workspace: &Workspace,
+    name: &str,
+    purpose: &str,
+    command: &str,
+    campaign: impl FnOnce() -> Result<String>,
+) -> Result<()> {
+    let origin = Origin::read(workspace, FOLDER)?;
+    let start = Instant::now();
+    let result = campaign()?;
+    let record = Record {
+        name,
+        verb: name.to_owned(),
+        purpose,
+        command: command.to_owned(),
+        seed: None,
+        origin,
+        seconds: start.elapsed().as_secs(),
+    };
+    write(workspace, name, &record.render(&result))
+}
+
+/// Writes the file of a campaign.
+fn write(workspace: &Workspace, name: &str, text: &str) -> Result<()> {
     let folder = workspace.root().join(FOLDER);
     fs::create_dir_all(&folder).with_context(|| format!("{FOLDER} could not be created"))?;
     fs::write(folder.join(format!("{name}.md")), text)
@@ -187,6 +215,7 @@ fn perform(
     let printed = observe(workspace, invocation)?;
     let record = Record {
         name,
+        verb: format!("evidence {name}"),
         purpose,
         command: invocation.to_string(),
         seed: seed(invocation),

@@ -6,6 +6,7 @@
 //! | `ci` | everything a change has to pass: the tests, then the checks |
 //! | `deps` | the direction of dependencies between the workspace's crates |
 //! | `evidence` | run a long campaign and write its result into `docs/evidence/` |
+//! | `field-peers` | the field solver beside NGSolve and GetDP, which it installs |
 //! | `firmware` | build the image for the microcontroller, as ELF and UF2, and say what it takes |
 //! | `flash` | flash it through a debug probe |
 //! | `setup` | add the microcontroller targets and install the tools that `ci` needs |
@@ -14,6 +15,7 @@
 
 mod deps;
 mod evidence;
+mod field_peers;
 mod firmware;
 mod gate;
 mod hygiene;
@@ -23,6 +25,7 @@ mod process;
 mod setup;
 mod steps;
 
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::Result;
@@ -62,6 +65,15 @@ enum Verb {
         /// Name of the campaign
         name: Option<String>,
     },
+    /// Compare the field solver with NGSolve and GetDP; installs them, writes docs/evidence/field-peers.md
+    FieldPeers {
+        /// A Python that has NGSolve already, instead of a new virtual environment
+        #[arg(long, value_name = "FILE")]
+        python: Option<PathBuf>,
+        /// Run this case alone and print the result
+        #[arg(long, value_name = "NAME")]
+        case: Option<String>,
+    },
     /// Build the firmware's image into target/image, and hold its size against its budget
     Firmware,
     /// Flash the firmware through a debug probe, and show its log
@@ -94,6 +106,9 @@ fn run(arguments: Arguments) -> Result<()> {
             Ok(())
         }
         Verb::Evidence { name: Some(name) } => evidence::collect(&workspace, &name),
+        Verb::FieldPeers { python, case } => {
+            field_peers::compare(&workspace, python, case.as_deref())
+        }
         Verb::Firmware => firmware::make(&workspace),
         Verb::Flash => firmware::flash(&workspace),
         Verb::Setup => setup::install_everything(&workspace),

@@ -16,6 +16,8 @@ pub(super) const END: &str = "<!-- evidence:end -->";
 pub(super) struct Record<'a> {
     /// Name of the campaign.
     pub(super) name: &'a str,
+    /// The verb that writes it.
+    pub(super) verb: String,
     /// What it shows.
     pub(super) purpose: &'a str,
     /// The command that was run.
@@ -35,7 +37,7 @@ impl Record<'_> {
         format!(
             "# Evidence: {name}\n\n\
              {purpose}\n\n\
-             Written by `cargo xtask evidence {name}`; not edited by hand.\n\n\
+             Written by `cargo xtask {verb}`; not edited by hand.\n\n\
              | | |\n\
              |---|---|\n\
              | Command | `{command}` |\n\
@@ -46,6 +48,7 @@ impl Record<'_> {
              | Duration | {seconds} s, building included |\n\n\
              {result}\n",
             name = self.name,
+            verb = self.verb,
             purpose = self.purpose,
             command = self.command,
             commit = self.origin.commit,
@@ -130,6 +133,7 @@ mod tests {
     fn the_file_states_where_its_result_comes_from() {
         let record = Record {
             name: "trial",
+            verb: "evidence trial".to_owned(),
             purpose: "A trial.",
             command: "cargo run -- --seed 7".to_owned(),
             seed: Some("7".to_owned()),

@@ -1,0 +1,308 @@
+//! The field solver beside two others: NGSolve from the Python package index, GetDP with Gmsh from
+//! Debian. `cargo xtask field-peers` installs them, writes their decks, runs all three on every named
+//! case and writes `docs/evidence/field-peers.md`. Not part of the gate.
+
+mod cases;
+mod page;
+mod with_getdp;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result};
+use serde_json::Value;
+
+use crate::process::{Invocation, Workspace};
+use cases::{CASES, Case};
+
+/// Where decks and results lie, below the workspace.
+const FOLDER: &str = "target/field-peers";
+/// The version of NGSolve that is installed, so that figures can be had again.
+const NGSOLVE: &str = "ngsolve==6.2.2608";
+/// Sizes of triangles about the core, mm, coarse to fine.
+const NGSOLVE_SIZES: [f64; 5] = [8.0, 4.0, 2.0, 1.0, 0.5];
+const GETDP_SIZES: [f64; 4] = [0.8, 0.4, 0.2, 0.1];
+/// Newton's method is damped there, and takes dozens of solutions on each mesh.
+const GETDP_SIZES_SATURATING: [f64; 3] = [0.8, 0.4, 0.2];
+
+/// What a program found on one mesh.
+#[derive(Debug, Clone, Copy, Default)]
+struct Found {
+    unknowns: f64,
+    wall_s: f64,
+    peak_mb: f64,
+    core_mean_t: f64,
+    centre_t: f64,
+    inductance_h: f64,
+}
+
+/// What a command took.
+struct Usage {
+    wall_s: f64,
+    peak_mb: f64,
+}
+
+/// One case by all programs; the peers from coarse to fine.
+struct Compared {
+    case: Case,
+    ours: Found,
+    /// Ours at 3e-6 by elements of fourth order.
+    truth: Found,
+    ngsolve: Vec<Found>,
+    getdp: Vec<Found>,
+}
+
+/// Runs everything and writes the page; or one case, and prints it.
+pub(crate) fn compare(
+    workspace: &Workspace,
+    python: Option<PathBuf>,
+    only: Option<&str>,
+) -> Result<()> {
+    if let Some(name) = only {
+        let case = CASES.iter().find(|case| case.name == name);
+        let case = case.with_context(|| format!("there is no case {name}"))?;
+        println!("{}", run(workspace, python, std::slice::from_ref(case))?);
+        return Ok(());
+    }
+    let purpose = "The field solver beside NGSolve and GetDP on every named case.";
+    let command = "cargo xtask field-peers";
+    crate::evidence::keep(workspace, "field-peers", purpose, command, || {
+        run(workspace, python, &CASES)
+    })
+}
+
+fn run(workspace: &Workspace, python: Option<PathBuf>, cases: &[Case]) -> Result<String> {
+    let folder = workspace.root().join(FOLDER);
+    fs::create_dir_all(&folder).with_context(|| format!("{FOLDER} could not be created"))?;
+    let python = match python {
+        Some(python) => python,
+        None => install(workspace, &folder)?,
+    };
+    let bench = Bench {
+        workspace,
+        python: text(&python)?,
+        palpate: build(workspace)?,
+        folder,
+    };
+    bench.write("with_ngsolve.py", include_str!("with_ngsolve.py"))?;
+    bench.write("measure.py", include_str!("measure.py"))?;
+    let mut rows = Vec::new();
+    for case in cases {
+        println!("{}", case.name);
+        rows.push(bench.compare(case)?);
+    }
+    Ok(page::render(&rows))
+}
+
+/// A virtual environment with NGSolve, and GetDP with Gmsh.
+fn install(workspace: &Workspace, folder: &Path) -> Result<PathBuf> {
+    let tools = ["gmsh", "getdp"];
+    let there = |tool: &&str| {
+        // GetDP tells its version and fails.
+        let asked = Invocation::new("which", &[tool]);
+        workspace.succeeds(&asked)
+    };
+    if !tools.iter().all(|tool| there(tool)) {
+        let install = Invocation::new("apt-get", &["install", "-y", "gmsh", "getdp"]);
+        workspace
+            .run(&install)
+            .with_context(|| format!("run `{install}` as root, then this again"))?;
+    }
+    let environment = folder.join("venv");
+    let python = environment.join("bin/python");
+    if !python.exists() {
+        let create = Invocation::new("python3", &["-m", "venv", &text(&environment)?]);
+        workspace.run(&create)?;
+    }
+    let python_text = text(&python)?;
+    workspace.run(&Invocation::new(
+        &python_text,
+        &["-m", "pip", "install", "--quiet", NGSOLVE],
+    ))?;
+    Ok(python)
+}
+
+/// Builds the tool and tells where it is.
+fn build(workspace: &Workspace) -> Result<String> {
+    let build = Invocation::cargo(&["build", "--release", "-p", "palpate"]);
+    workspace.run(&build)?;
+    let metadata = workspace.output(&Invocation::cargo(&[
+        "metadata",
+        "--no-deps",
+        "--format-version",
+        "1",
+    ]))?;
+    let metadata: Value = serde_json::from_str(&metadata)?;
+    let target = metadata["target_directory"]
+        .as_str()
+        .context("cargo metadata names no target directory")?;
+    text(&Path::new(target).join("release/palpate"))
+}
+
+fn text(path: &Path) -> Result<String> {
+    let text = path.to_str().context("the path is not UTF-8")?;
+    Ok(text.to_owned())
+}
+
+/// Everything that a comparison needs.
+struct Bench<'w> {
+    workspace: &'w Workspace,
+    python: String,
+    palpate: String,
+    folder: PathBuf,
+}
+
+impl Bench<'_> {
+    fn compare(&self, case: &Case) -> Result<Compared> {
+        Ok(Compared {
+            case: *case,
+            ours: self.palpate(case, &[])?,
+            truth: self.palpate(case, &["--accuracy", "3e-6", "--order", "4"])?,
+            ngsolve: self.ngsolve(case)?,
+            getdp: self.getdp(case)?,
+        })
+    }
+
+    fn write(&self, name: &str, text: &str) -> Result<String> {
+        let path = self.folder.join(name);
+        fs::write(&path, text).with_context(|| format!("{name} could not be written"))?;
+        self::text(&path)
+    }
+
+    /// Runs a command under `measure.py`: what it printed, its time and memory.
+    fn measured(&self, command: &[&str]) -> Result<(String, Usage)> {
+        let script = text(&self.folder.join("measure.py"))?;
+        let mut arguments = vec![script.as_str()];
+        arguments.extend(command);
+        let printed = self
+            .workspace
+            .output(&Invocation::new(&self.python, &arguments))?;
+        let (printed, usage) = printed
+            .trim_end()
+            .rsplit_once('\n')
+            .context("measure.py printed one line")?;
+        let usage = serde_json::from_str(usage)?;
+        let usage = Usage {
+            wall_s: number(&usage, "command_s")?,
+            peak_mb: number(&usage, "peak_MB")?,
+        };
+        Ok((printed.to_owned(), usage))
+    }
+
+    /// Ours, with the start of the program; the best of three. With saturation the solution per
+    /// ampere, which the tool makes too, is in the time.
+    fn palpate(&self, case: &Case, more: &[&str]) -> Result<Found> {
+        let current = case.current_a().to_string();
+        let mut command = vec![&*self.palpate, "field", "solve", case.name, "--json"];
+        if case.saturates {
+            command.extend(["--current", &current]);
+        }
+        command.extend(more);
+        let mut best: Option<Found> = None;
+        for _ in 0..3 {
+            let (printed, usage) = self.measured(&command)?;
+            let found = ours(case, &serde_json::from_str(&printed)?, &usage)?;
+            if best.is_none_or(|best| found.wall_s < best.wall_s) {
+                best = Some(found);
+            }
+        }
+        best.context("no run")
+    }
+
+    fn ngsolve(&self, case: &Case) -> Result<Vec<Found>> {
+        let script = text(&self.folder.join("with_ngsolve.py"))?;
+        let mut rows = Vec::new();
+        for size in NGSOLVE_SIZES {
+            let name = format!("{}.json", case.name);
+            let deck = self.write(&name, &serde_json::to_string(&case.json(&[size]))?)?;
+            let (printed, usage) = self.measured(&[&self.python, &script, &deck])?;
+            let line = printed.lines().find(|line| line.starts_with('{'));
+            let result: Value = serde_json::from_str(line.context("NGSolve printed no result")?)?;
+            rows.push(Found {
+                unknowns: number(&result, "unknowns")?,
+                wall_s: number(&result, "wall_s")?,
+                peak_mb: usage.peak_mb,
+                core_mean_t: number(&result, "core_mean_T")?,
+                centre_t: number(&result, "centre_T")?,
+                inductance_h: number(&result, "inductance_H")?,
+            });
+        }
+        Ok(rows)
+    }
+
+    fn getdp(&self, case: &Case) -> Result<Vec<Found>> {
+        let sizes: &[f64] = if case.saturates {
+            &GETDP_SIZES_SATURATING
+        } else {
+            &GETDP_SIZES
+        };
+        sizes
+            .iter()
+            .map(|&size| self.getdp_once(case, size))
+            .collect()
+    }
+
+    fn getdp_once(&self, case: &Case, size: f64) -> Result<Found> {
+        let geometry = self.write("case.geo", &with_getdp::geometry(case, size)?)?;
+        let problem = self.write("case.pro", &with_getdp::problem(case))?;
+        let mesh = text(&self.folder.join("case.msh"))?;
+        let (_, meshed) =
+            self.measured(&["gmsh", "-2", &geometry, "-o", &mesh, "-format", "msh2"])?;
+        let (_, solved) = self.measured(&[
+            "getdp", &problem, "-msh", &mesh, "-solve", "Field", "-pos", "Sums", "-v", "0",
+        ])?;
+        let read = |name: &str| -> Result<Vec<f64>> {
+            let path = self.folder.join(format!("{name}.txt"));
+            let text = fs::read_to_string(&path)
+                .with_context(|| format!("GetDP wrote no {name}.txt for {}", case.name))?;
+            fs::remove_file(&path)?;
+            text.split_whitespace()
+                .map(|word| word.parse().context("GetDP wrote no number"))
+                .collect()
+        };
+        let last = |name: &str| -> Result<f64> {
+            let numbers = read(name)?;
+            numbers.last().copied().context("an empty file")
+        };
+        let centre = read("centre")?;
+        let [volume, first, linkage] = [last("volume")?, last("first")?, last("linkage")?];
+        let mesh_text = fs::read_to_string(&mesh)?;
+        let mut lines = mesh_text.lines();
+        lines.find(|line| *line == "$Nodes");
+        let nodes: f64 = lines.next().context("no nodes")?.parse()?;
+        Ok(Found {
+            unknowns: nodes,
+            wall_s: meshed.wall_s + solved.wall_s,
+            peak_mb: meshed.peak_mb.max(solved.peak_mb),
+            core_mean_t: first / volume,
+            // Its third axis points against the current's.
+            centre_t: -*centre
+                .get(centre.len().wrapping_sub(2))
+                .context("no field")?,
+            // GetDP leaves out 2 pi.
+            inductance_h: std::f64::consts::TAU * linkage / case.current_a(),
+        })
+    }
+}
+
+fn ours(case: &Case, document: &Value, usage: &Usage) -> Result<Found> {
+    let (mean, centre) = if case.saturates {
+        ("core_mean_T", "centre_T")
+    } else {
+        ("core_mean_T_per_A", "centre_T_per_A")
+    };
+    Ok(Found {
+        unknowns: number(document, "unknowns")?,
+        wall_s: usage.wall_s,
+        peak_mb: usage.peak_mb,
+        core_mean_t: number(document, mean)?,
+        centre_t: number(document, centre)?,
+        inductance_h: number(document, "inductance_H")?,
+    })
+}
+
+fn number(value: &Value, key: &str) -> Result<f64> {
+    value[key]
+        .as_f64()
+        .with_context(|| format!("there is no number {key:?} in {value}"))
+}
