@@ -17,7 +17,7 @@ const FINE: Accuracy = Accuracy {
     most_unknowns: 300_000,
 };
 /// As `palpate field profile` asks for.
-const SHARP: f64 = 5e-3;
+const SHARP: f64 = 2e-3;
 const CLAIMED: f64 = 1e-4;
 const CLAIMED_PROFILE: f64 = 1e-2;
 

@@ -131,7 +131,7 @@ fn extent_in_plane(part: &Part, x: f64) -> Option<[f64; 2]> {
     let at = |step: u32| (f64::from(step) + 0.5) / f64::from(STEPS) * reach;
     let mut inside = (0..STEPS).filter(|&step| part.contains([at(step), x]));
     let first = inside.next()?;
-    let last = inside.last().unwrap_or(first);
+    let last = inside.next_back().unwrap_or(first);
     let half = 0.5 * reach / f64::from(STEPS);
     Some([
         if first == 0 { 0.0 } else { at(first) - half },

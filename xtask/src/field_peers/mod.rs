@@ -98,11 +98,11 @@ fn run(workspace: &Workspace, python: Option<PathBuf>, cases: &[Case]) -> Result
 fn install(workspace: &Workspace, folder: &Path) -> Result<PathBuf> {
     let tools = ["gmsh", "getdp"];
     let there = |tool: &&str| {
-        // GetDP tells its version and fails.
+        // Not by running them: GetDP tells its version and fails.
         let asked = Invocation::new("which", &[tool]);
         workspace.succeeds(&asked)
     };
-    if !tools.iter().all(|tool| there(tool)) {
+    if !tools.iter().all(there) {
         let install = Invocation::new("apt-get", &["install", "-y", "gmsh", "getdp"]);
         workspace
             .run(&install)

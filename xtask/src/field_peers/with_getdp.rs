@@ -97,7 +97,8 @@ pub(super) fn geometry(case: &Case, h: f64) -> Result<String, std::fmt::Error> {
     for (names, size) in [
         ("all()", 8.0 * h),
         ("mse(), boards()", 1.5 * h),
-        ("core(), rings(), plates()", h),
+        ("core(), rings()", h),
+        ("plates()", 0.25 * h),
     ] {
         writeln!(
             text,

@@ -152,9 +152,12 @@ pub(super) fn draw(picture: &Picture<'_>, path: &Path) -> Result<(), String> {
 /// Rows of cells of the same band, on both sides of the axis, as few rectangles.
 fn cells(lattice: &Lattice, band: impl Fn(f64) -> i32) -> Vec<Rectangle<(f64, f64)>> {
     let mut found = Vec::new();
+    let end = lattice.from_x_mm + lattice.to_mm()[1];
     let rows = lattice.size.chunks(lattice.columns).zip(0_u32..);
     for (row, number) in rows {
         let x = lattice.from_x_mm + f64::from(number) * lattice.step_mm;
+        // Rounding to whole pixels leaves gaps between rows, so that each reaches into the next.
+        let top = (x + 1.5 * lattice.step_mm).min(end);
         let bands: Vec<i32> = row.iter().map(|&size| band(size)).collect();
         let mut column = 0;
         for run in bands.chunk_by(|a, b| a == b) {
@@ -162,7 +165,7 @@ fn cells(lattice: &Lattice, band: impl Fn(f64) -> i32) -> Vec<Rectangle<(f64, f6
             column += run.len();
             let fill = colour(run.first().copied().unwrap_or(0)).filled();
             let mut add = |from: f64, to: f64| {
-                found.push(Rectangle::new([(from, x), (to, x + lattice.step_mm)], fill));
+                found.push(Rectangle::new([(from, x), (to, top)], fill));
             };
             if from == 0.0 {
                 add(-to, to);

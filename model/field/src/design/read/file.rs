@@ -1,0 +1,133 @@
+//! What a file may hold.
+
+use std::collections::BTreeMap;
+
+use serde::Deserialize;
+use toml::Spanned;
+
+/// A number, or arithmetic with the parameters.
+#[derive(Deserialize)]
+#[serde(untagged, expecting = "a number, or a text like \"1.64 + gap\"")]
+pub(super) enum Number {
+    Value(f64),
+    Text(String),
+}
+
+pub(super) type Value = Spanned<Number>;
+pub(super) type Pair = Spanned<[Value; 2]>;
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct File {
+    pub(super) name: String,
+    #[serde(default)]
+    pub(super) about: String,
+    pub(super) length_unit: Option<Spanned<String>>,
+    #[serde(default)]
+    pub(super) parameters: BTreeMap<String, Spanned<f64>>,
+    pub(super) core: CoreFile,
+    pub(super) conductor: Option<ConductorFile>,
+    pub(super) background: Option<BackgroundFile>,
+    #[serde(default)]
+    pub(super) material: BTreeMap<String, Spanned<MaterialFile>>,
+    #[serde(default)]
+    pub(super) coil: Vec<Spanned<CoilFile>>,
+    #[serde(default)]
+    pub(super) board: Vec<Spanned<BoardFile>>,
+    #[serde(default)]
+    pub(super) body: Vec<Spanned<PartFile>>,
+    #[serde(default)]
+    pub(super) plate: Vec<Spanned<PartFile>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct CoreFile {
+    pub(super) r: Value,
+    pub(super) x: Pair,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ConductorFile {
+    #[serde(rename = "resistivity_ohm_m")]
+    pub(super) resistivity: Value,
+    #[serde(rename = "current_A")]
+    pub(super) current: Value,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct BackgroundFile {
+    #[serde(rename = "field_T")]
+    pub(super) field: Value,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct MaterialFile {
+    pub(super) mu_r: Option<Value>,
+    #[serde(rename = "saturation_A_per_m")]
+    pub(super) saturation: Option<Value>,
+    pub(super) initial_mu_r: Option<Value>,
+    #[serde(rename = "knee_T")]
+    pub(super) knee: Option<Value>,
+    pub(super) exponent: Option<Value>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct CoilFile {
+    pub(super) name: String,
+    pub(super) r: Pair,
+    pub(super) x: Pair,
+    pub(super) rings: Option<Spanned<u32>>,
+    pub(super) pitch: Option<Value>,
+    pub(super) turns: Option<Value>,
+    pub(super) sense: Option<Spanned<String>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct BoardFile {
+    pub(super) name: String,
+    pub(super) r: Pair,
+    pub(super) x: Pair,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct PartFile {
+    pub(super) name: String,
+    pub(super) material: Spanned<String>,
+    pub(super) shape: Spanned<ShapeFile>,
+    #[serde(default)]
+    pub(super) minus: Vec<Spanned<ShapeFile>>,
+    pub(super) pillars: Option<Spanned<PillarsFile>>,
+    pub(super) slots: Option<Spanned<SlotsFile>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct PillarsFile {
+    pub(super) count: u32,
+    pub(super) diameter: Value,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct SlotsFile {
+    pub(super) count: u32,
+    pub(super) width: Value,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ShapeFile {
+    pub(super) r: Option<Pair>,
+    pub(super) x: Option<Pair>,
+    pub(super) outline: Option<Spanned<Vec<Pair>>>,
+    pub(super) centre_x: Option<Value>,
+    pub(super) semi_r: Option<Value>,
+    pub(super) semi_x: Option<Value>,
+}

@@ -1,0 +1,269 @@
+//! The file format: TOML, read strictly.
+
+mod file;
+mod parts;
+
+use core::ops::Range;
+use std::collections::BTreeMap;
+
+use toml::Spanned;
+
+use super::expression::evaluate;
+use super::{Core, Design, DesignError, Rectangle, check};
+use crate::material::Material;
+use file::{File, MaterialFile, Number, Pair, Value};
+
+const UNITS: &str = "\"m\", \"mm\", \"um\"";
+const MATERIALS: &str =
+    "{ mu_r }, { mu_r, saturation_A_per_m } or { initial_mu_r, knee_T, exponent }";
+/// Reads a design; see [`Design::parse`].
+pub(super) fn read(file: &str, text: &str) -> Result<Design, DesignError> {
+    let mut reader = Reader {
+        file,
+        text,
+        metre: 1.0,
+        parameters: BTreeMap::new(),
+    };
+    let parsed: File = toml::from_str(text).map_err(|error| {
+        let span = error.span().unwrap_or(0..0);
+        reader.error(&span, "", error.message(), "")
+    })?;
+    reader.metre = reader.unit(parsed.length_unit.as_ref())?;
+    for (name, value) in &parsed.parameters {
+        let value = reader.finite(&value.span(), name, *value.get_ref())?;
+        reader.parameters.insert(name.clone(), value);
+    }
+    reader.design(parsed)
+}
+
+struct Reader<'t> {
+    file: &'t str,
+    text: &'t str,
+    metre: f64,
+    parameters: BTreeMap<String, f64>,
+}
+
+impl Reader<'_> {
+    fn error(
+        &self,
+        span: &Range<usize>,
+        place: &str,
+        problem: impl Into<String>,
+        allowed: &str,
+    ) -> DesignError {
+        let before = self.text.as_bytes().iter().take(span.start);
+        DesignError {
+            file: self.file.to_owned(),
+            line: 1 + before.filter(|&&byte| byte == b'\n').count(),
+            place: place.to_owned(),
+            problem: problem.into(),
+            allowed: allowed.to_owned(),
+        }
+    }
+
+    fn unit(&self, unit: Option<&Spanned<String>>) -> Result<f64, DesignError> {
+        let Some(unit) = unit else {
+            return Err(self.error(&(0..0), "length_unit", "missing", UNITS));
+        };
+        match unit.get_ref().as_str() {
+            "m" => Ok(1.0),
+            "mm" => Ok(1e-3),
+            "um" => Ok(1e-6),
+            other => {
+                let problem = format!("is {other:?}");
+                Err(self.error(&unit.span(), "length_unit", problem, UNITS))
+            }
+        }
+    }
+
+    fn finite(&self, span: &Range<usize>, place: &str, value: f64) -> Result<f64, DesignError> {
+        if value.is_finite() {
+            Ok(value)
+        } else {
+            Err(self.error(span, place, format!("is {value}"), "a finite number"))
+        }
+    }
+
+    fn number(&self, value: &Value, place: &str) -> Result<f64, DesignError> {
+        let number = match value.get_ref() {
+            Number::Value(value) => *value,
+            Number::Text(text) => evaluate(text, &self.parameters).map_err(|problem| {
+                let names: Vec<&str> = self.parameters.keys().map(String::as_str).collect();
+                let allowed = format!("a number, or + - * / ( ) with {}", names.join(", "));
+                self.error(&value.span(), place, problem, &allowed)
+            })?,
+        };
+        self.finite(&value.span(), place, number)
+    }
+
+    fn within(&self, value: &Value, place: &str, low: f64, high: f64) -> Result<f64, DesignError> {
+        let number = self.number(value, place)?;
+        if (low..=high).contains(&number) {
+            return Ok(number);
+        }
+        let allowed = format!("{low:e} to {high:e}");
+        Err(self.error(
+            &value.span(),
+            place,
+            format!("{number} is out of range"),
+            &allowed,
+        ))
+    }
+
+    /// A length: at most 10 m from the origin.
+    fn length(&self, value: &Value, place: &str) -> Result<f64, DesignError> {
+        let metres = self.number(value, place)? * self.metre;
+        if metres.abs() <= 10.0 {
+            return Ok(metres);
+        }
+        let problem = format!("{metres} m is out of range");
+        Err(self.error(&value.span(), place, problem, "-10 m to 10 m"))
+    }
+
+    /// A distance from the axis.
+    fn radius(&self, value: &Value, place: &str) -> Result<f64, DesignError> {
+        let metres = self.length(value, place)?;
+        if metres >= 0.0 {
+            return Ok(metres);
+        }
+        Err(self.error(&value.span(), place, "is below the axis", "r of 0 or more"))
+    }
+
+    /// From and to, at least [`check::THINNEST_M`] apart.
+    fn range(
+        &self,
+        pair: &Pair,
+        place: &str,
+        read: impl Fn(&Value, &str) -> Result<f64, DesignError>,
+    ) -> Result<[f64; 2], DesignError> {
+        let [from, to] = pair.get_ref();
+        let range = [read(from, place)?, read(to, place)?];
+        if range[1] - range[0] >= check::THINNEST_M {
+            return Ok(range);
+        }
+        let problem = if range[1] >= range[0] {
+            format!("has zero thickness: from {} m to {} m", range[0], range[1])
+        } else {
+            format!("runs backwards: from {} m to {} m", range[0], range[1])
+        };
+        let allowed = format!("[from, to], at least {:e} m apart", check::THINNEST_M);
+        Err(self.error(&pair.span(), place, problem, &allowed))
+    }
+
+    fn rectangle(&self, r: &Pair, x: &Pair, place: &str) -> Result<Rectangle, DesignError> {
+        Ok(Rectangle {
+            r_m: self.range(r, &format!("{place}.r"), |v, p| self.radius(v, p))?,
+            x_m: self.range(x, &format!("{place}.x"), |v, p| self.length(v, p))?,
+        })
+    }
+
+    fn design(&self, file: File) -> Result<Design, DesignError> {
+        let core = Core {
+            r_m: self.radius(&file.core.r, "core.r")?,
+            x_m: self.range(&file.core.x, "core.x", |v, p| self.length(v, p))?,
+        };
+        if core.r_m < check::THINNEST_M {
+            let span = file.core.r.span();
+            return Err(self.error(&span, "core.r", "has zero thickness", "a radius above 0"));
+        }
+        let materials = self.materials(&file.material)?;
+        let coils = self.coils(&file.coil)?;
+        let (resistivity_ohm_m, current_a) = match &file.conductor {
+            Some(conductor) => (
+                self.within(
+                    &conductor.resistivity,
+                    "conductor.resistivity_ohm_m",
+                    1e-10,
+                    1.0,
+                )?,
+                self.within(&conductor.current, "conductor.current_A", 1e-6, 1e6)?,
+            ),
+            None if file.coil.is_empty() => (1.0, 1.0),
+            None => {
+                let span = file.coil.first().map_or(0..0, Spanned::span);
+                let allowed = "[conductor] resistivity_ohm_m and current_A, where there are coils";
+                return Err(self.error(&span, "conductor", "missing", allowed));
+            }
+        };
+        let background_t = match &file.background {
+            Some(background) => {
+                self.within(&background.field, "background.field_T", -10.0, 10.0)?
+            }
+            None => 0.0,
+        };
+        let mut lines = check::Lines::default();
+        let mut parts = Vec::new();
+        for (kind, cast, entries) in [("body", true, &file.body), ("plate", false, &file.plate)] {
+            for entry in entries {
+                parts.push(self.part(entry, kind, cast, &materials)?);
+                lines.parts.push(self.error(&entry.span(), "", "", "").line);
+            }
+        }
+        let boards = file.board.iter().map(|entry| self.board(entry));
+        let boards = boards.collect::<Result<Vec<_>, _>>()?;
+        lines.boards = self.lines(&file.board);
+        lines.coils = self.lines(&file.coil);
+        let design = Design {
+            name: file.name,
+            about: file.about,
+            core,
+            coils,
+            boards,
+            parts,
+            resistivity_ohm_m,
+            current_a,
+            background_t,
+        };
+        check::check(self.file, &design, &lines)?;
+        Ok(design)
+    }
+
+    fn lines<T>(&self, entries: &[Spanned<T>]) -> Vec<usize> {
+        let line = |entry: &Spanned<T>| self.error(&entry.span(), "", "", "").line;
+        entries.iter().map(line).collect()
+    }
+
+    fn materials(
+        &self,
+        materials: &BTreeMap<String, Spanned<MaterialFile>>,
+    ) -> Result<BTreeMap<String, Material>, DesignError> {
+        let read = |(name, entry): (&String, &Spanned<MaterialFile>)| {
+            Ok((name.clone(), self.material(name, entry)?))
+        };
+        materials.iter().map(read).collect()
+    }
+
+    fn material(&self, name: &str, entry: &Spanned<MaterialFile>) -> Result<Material, DesignError> {
+        let place = |key: &str| format!("material.{name}.{key}");
+        let m = entry.get_ref();
+        match (
+            &m.mu_r,
+            &m.saturation,
+            &m.initial_mu_r,
+            &m.knee,
+            &m.exponent,
+        ) {
+            (Some(mu_r), None, None, None, None) => Ok(Material::Linear {
+                mu_r: self.within(mu_r, &place("mu_r"), 1e-6, 1e9)?,
+            }),
+            (Some(mu_r), Some(saturation), None, None, None) => Ok(Material::Powder {
+                chi: self.within(mu_r, &place("mu_r"), 1.001, 1e6)? - 1.0,
+                saturation_a_per_m: self.within(
+                    saturation,
+                    &place("saturation_A_per_m"),
+                    1.0,
+                    1e8,
+                )?,
+            }),
+            (None, None, Some(initial), Some(knee), Some(exponent)) => Ok(Material::Metal {
+                initial_mu_r: self.within(initial, &place("initial_mu_r"), 1.0, 1e9)?,
+                knee_t: self.within(knee, &place("knee_T"), 1e-3, 100.0)?,
+                exponent: self.within(exponent, &place("exponent"), 2.0, 20.0)?,
+            }),
+            _ => {
+                let place = format!("material.{name}");
+                Err(self.error(&entry.span(), &place, "is in no known form", MATERIALS))
+            }
+        }
+    }
+}

@@ -1,0 +1,235 @@
+//! Coils, boards, bodies and plates of a file.
+
+use std::collections::BTreeMap;
+
+use toml::Spanned;
+
+use super::Reader;
+use super::file::{BoardFile, CoilFile, Pair, PartFile, ShapeFile, Value};
+use crate::design::{Board, Coil, Cut, DesignError, Part, Rectangle, check};
+use crate::geometry::shape::Shape;
+use crate::material::Material;
+
+const SHAPES: &str = "{ r = [from, to], x = [from, to] }, { outline = [[r, x], ...] } or { centre_x, semi_r, semi_x }";
+/// A file may ask for so many rings in all, by far more than any board has.
+const MOST_RINGS: usize = 2_000;
+/// Corners of one outline.
+const MOST_CORNERS: usize = 2_000;
+
+impl Reader<'_> {
+    pub(super) fn coils(&self, entries: &[Spanned<CoilFile>]) -> Result<Vec<Coil>, DesignError> {
+        let mut coils = Vec::new();
+        let mut total = 0_usize;
+        for entry in entries {
+            let coil = self.coil(entry)?;
+            total += coil.rings.len();
+            if total > MOST_RINGS {
+                let place = format!("coil {:?}", coil.name);
+                let allowed = format!("at most {MOST_RINGS} rings in all");
+                return Err(self.error(&entry.span(), &place, "too many rings", &allowed));
+            }
+            coils.push(coil);
+        }
+        Ok(coils)
+    }
+
+    fn coil(&self, entry: &Spanned<CoilFile>) -> Result<Coil, DesignError> {
+        let coil = entry.get_ref();
+        let place = format!("coil {:?}", coil.name);
+        let first = self.rectangle(&coil.r, &coil.x, &place)?;
+        let count = coil.rings.as_ref().map_or(1, |rings| *rings.get_ref());
+        if count == 0 || count as usize > MOST_RINGS {
+            let problem = format!("{count} rings");
+            let allowed = format!("1 to {MOST_RINGS}");
+            return Err(self.error(&entry.span(), &place, problem, &allowed));
+        }
+        let pitch = match &coil.pitch {
+            Some(pitch) => self.length(pitch, &format!("{place}.pitch"))?,
+            None if count == 1 => 0.0,
+            None => {
+                let allowed = "the distance from ring to ring, where there are several";
+                return Err(self.error(
+                    &entry.span(),
+                    &format!("{place}.pitch"),
+                    "missing",
+                    allowed,
+                ));
+            }
+        };
+        if count > 1 && pitch < first.r_m[1] - first.r_m[0] {
+            let problem = "rings overlap: the pitch is below their width";
+            return Err(self.error(
+                &entry.span(),
+                &place,
+                problem,
+                "a pitch of the width or more",
+            ));
+        }
+        let sense = match &coil.sense {
+            None => 1.0,
+            Some(text) if text.get_ref() == "+" => 1.0,
+            Some(text) if text.get_ref() == "-" => -1.0,
+            Some(text) => {
+                let problem = format!("is {:?}", text.get_ref());
+                let place = format!("{place}.sense");
+                return Err(self.error(&text.span(), &place, problem, "\"+\" or \"-\""));
+            }
+        };
+        let turns = match &coil.turns {
+            Some(turns) => self.within(turns, &format!("{place}.turns"), 1e-3, 1e6)?,
+            None => 1.0,
+        };
+        let ring = |k: u32| Rectangle {
+            r_m: first.r_m.map(|r| r + f64::from(k) * pitch),
+            x_m: first.x_m,
+        };
+        Ok(Coil {
+            name: coil.name.clone(),
+            rings: (0..count).map(ring).collect(),
+            turns,
+            sense,
+        })
+    }
+
+    pub(super) fn board(&self, entry: &Spanned<BoardFile>) -> Result<Board, DesignError> {
+        let board = entry.get_ref();
+        let place = format!("board {:?}", board.name);
+        Ok(Board {
+            name: board.name.clone(),
+            section: self.rectangle(&board.r, &board.x, &place)?,
+        })
+    }
+
+    pub(super) fn part(
+        &self,
+        entry: &Spanned<PartFile>,
+        kind: &str,
+        cast: bool,
+        materials: &BTreeMap<String, Material>,
+    ) -> Result<Part, DesignError> {
+        let part = entry.get_ref();
+        let place = format!("{kind} {:?}", part.name);
+        let Some(material) = materials.get(part.material.get_ref()) else {
+            let problem = format!("unknown material {:?}", part.material.get_ref());
+            let names: Vec<&str> = materials.keys().map(String::as_str).collect();
+            return Err(self.error(&part.material.span(), &place, problem, &names.join(", ")));
+        };
+        let minus = part.minus.iter();
+        let minus = minus.map(|shape| self.shape(shape, &format!("{place}.minus")));
+        let minus: Vec<Shape> = minus.collect::<Result<_, _>>()?;
+        let shape = self.shape(&part.shape, &format!("{place}.shape"))?;
+        let (cut, fill) = self.cut(part, cast && minus.is_empty(), &shape, &place)?;
+        Ok(Part {
+            name: part.name.clone(),
+            material_name: part.material.get_ref().clone(),
+            material: material.diluted(fill),
+            shape,
+            minus,
+            cut,
+            cast,
+        })
+    }
+
+    /// How a body is cut, and the share of it that is left.
+    fn cut(
+        &self,
+        part: &PartFile,
+        may: bool,
+        shape: &Shape,
+        place: &str,
+    ) -> Result<(Cut, f64), DesignError> {
+        let (cut, span) = match (&part.pillars, &part.slots) {
+            (None, None) => return Ok((Cut::Whole, 1.0)),
+            (Some(pillars), None) => {
+                let count = pillars.get_ref().count;
+                let diameter_m = self.radius(&pillars.get_ref().diameter, place)?;
+                (Cut::Pillars { count, diameter_m }, pillars.span())
+            }
+            (None, Some(slots)) => {
+                let count = slots.get_ref().count;
+                let width_m = self.radius(&slots.get_ref().width, place)?;
+                (Cut::Slots { count, width_m }, slots.span())
+            }
+            (Some(pillars), Some(_)) => {
+                let allowed = "either pillars or slots";
+                return Err(self.error(&pillars.span(), place, "has pillars and slots", allowed));
+            }
+        };
+        let r_m = match (shape, &part.shape.get_ref().r) {
+            (Shape::Polygon(corners), Some(_)) if may => {
+                let radii = corners.iter().map(|corner| corner[0]);
+                [
+                    radii.clone().fold(f64::INFINITY, f64::min),
+                    radii.fold(0.0, f64::max),
+                ]
+            }
+            _ => {
+                let allowed = "a body of the shape { r, x } with nothing cut out by minus";
+                return Err(self.error(&span, place, "cannot be cut", allowed));
+            }
+        };
+        let fill = cut.fill(r_m);
+        if fill > 0.0 && fill <= 1.0 {
+            return Ok((cut, fill));
+        }
+        let problem = format!("leaves {} % of the body", 100.0 * fill);
+        Err(self.error(&span, place, problem, "more than 0 %, at most 100 %"))
+    }
+
+    fn shape(&self, entry: &Spanned<ShapeFile>, place: &str) -> Result<Shape, DesignError> {
+        let shape = entry.get_ref();
+        let given = (
+            &shape.r,
+            &shape.x,
+            &shape.outline,
+            &shape.centre_x,
+            &shape.semi_r,
+            &shape.semi_x,
+        );
+        match given {
+            (Some(r), Some(x), None, None, None, None) => {
+                let rectangle = self.rectangle(r, x, place)?;
+                Ok(Shape::rectangle(rectangle.r_m, rectangle.x_m))
+            }
+            (None, None, Some(outline), None, None, None) => self.outline(outline, place),
+            (None, None, None, Some(centre), Some(semi_r), Some(semi_x)) => {
+                let semi = |value: &Value, key: &str| {
+                    let place = format!("{place}.{key}");
+                    let length = self.radius(value, &place)?;
+                    if length >= check::THINNEST_M {
+                        return Ok(length);
+                    }
+                    Err(self.error(
+                        &value.span(),
+                        &place,
+                        "has zero thickness",
+                        "a length above 0",
+                    ))
+                };
+                Ok(Shape::Spheroid {
+                    centre_x_m: self.length(centre, &format!("{place}.centre_x"))?,
+                    semi_r_m: semi(semi_r, "semi_r")?,
+                    semi_x_m: semi(semi_x, "semi_x")?,
+                })
+            }
+            _ => Err(self.error(&entry.span(), place, "is in no known form", SHAPES)),
+        }
+    }
+
+    fn outline(&self, outline: &Spanned<Vec<Pair>>, place: &str) -> Result<Shape, DesignError> {
+        let corner = |pair: &Pair| {
+            let [r, x] = pair.get_ref();
+            Ok([self.radius(r, place)?, self.length(x, place)?])
+        };
+        let corners: Vec<_> = outline
+            .get_ref()
+            .iter()
+            .map(corner)
+            .collect::<Result<_, _>>()?;
+        let shape = Shape::Polygon(corners);
+        match check::outline(&shape, MOST_CORNERS) {
+            Ok(()) => Ok(shape),
+            Err((problem, allowed)) => Err(self.error(&outline.span(), place, problem, &allowed)),
+        }
+    }
+}
