@@ -22,8 +22,8 @@ const NGSOLVE: &str = "ngsolve==6.2.2608";
 /// Sizes of triangles about the core, mm, coarse to fine.
 const NGSOLVE_SIZES: [f64; 5] = [8.0, 4.0, 2.0, 1.0, 0.5];
 const GETDP_SIZES: [f64; 4] = [0.8, 0.4, 0.2, 0.1];
-/// Newton's method is damped there, and takes dozens of solutions on each mesh.
-const GETDP_SIZES_SATURATING: [f64; 3] = [0.8, 0.4, 0.2];
+/// Meshes are graded towards plates, and Newton's method, damped, takes dozens of solutions on each.
+const GETDP_SIZES_WITH_PLATES: [f64; 3] = [0.8, 0.4, 0.2];
 
 /// What a program found on one mesh.
 #[derive(Debug, Clone, Copy, Default)]
@@ -231,10 +231,10 @@ impl Bench<'_> {
     }
 
     fn getdp(&self, case: &Case) -> Result<Vec<Found>> {
-        let sizes: &[f64] = if case.saturates {
-            &GETDP_SIZES_SATURATING
-        } else {
+        let sizes: &[f64] = if case.plates.is_empty() {
             &GETDP_SIZES
+        } else {
+            &GETDP_SIZES_WITH_PLATES
         };
         sizes
             .iter()
