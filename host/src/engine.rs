@@ -12,6 +12,8 @@ const DEFAULT_IMAGE: &str = "target/image/palpate-pico.elf";
 
 /// Which program runs the instrument
 #[derive(Args)]
+// Its group would have the name of the verb's own arguments, which clap refuses.
+#[group(skip)]
 pub(crate) struct Arguments {
     /// What runs the instrument: its crates on this computer, or the firmware's image on an
     /// emulated board
