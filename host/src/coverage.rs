@@ -22,8 +22,8 @@ use crate::results::Measured;
 /// the claims hold
 #[derive(Args)]
 #[command(after_help = "\
-Prints Markdown. Exit code 1 when fewer than 94 % of all estimates hold: an interval of 95 % is then
-no such interval.")]
+Prints Markdown. Exit code 1 when fewer than 94 % of all estimates hold, since an interval of 95 % is
+then no such interval, and when there is no estimate at all.")]
 pub(crate) struct Arguments {
     /// How many sensors are drawn
     #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u64).range(1..=100_000))]
@@ -89,6 +89,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         (held + load.held, estimated + load.widths.len())
     });
     writeln!(out, "\n{held} of {estimated} estimates hold.\n{END}")?;
+    if estimated == 0 {
+        return Err(Failure::Refused(
+            "no press came to an estimate, so that there is no claim to count".to_owned(),
+        ));
+    }
     if held * 100 < estimated * HONEST {
         return Err(Failure::Refused(format!(
             "{held} of {estimated} claims of 95 % hold, fewer than {HONEST} %"

@@ -1,7 +1,8 @@
 //! `palpate demo`: a row of springs, much softer to much stiffer than the sensor.
 
-use std::fs;
+use std::io::Write;
 use std::path::PathBuf;
+use std::{fs, io};
 
 use clap::Args;
 use clap::builder::PossibleValuesParser;
@@ -78,7 +79,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let title = results::title(&instrument, &arguments.stack, arguments.seed);
     results::print(&instrument, &row, &title)?;
     fs::write(&arguments.report, report::page(&instrument, &row, &title)?)?;
-    println!("Report: {}", arguments.report.display());
+    writeln!(io::stdout(), "Report: {}", arguments.report.display())?;
     Ok(())
 }
 

@@ -12,7 +12,7 @@ impl Progress {
             return Self(ProgressBar::hidden());
         }
         let bar = ProgressBar::new(steps as u64);
-        if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len} {msg}") {
+        if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len}  {eta} left  {msg}") {
             bar.set_style(style);
         }
         Self(bar)
@@ -26,6 +26,11 @@ impl Progress {
     /// A step is done.
     pub(crate) fn step(&self) {
         self.0.inc(1);
+    }
+
+    /// So many steps are done.
+    pub(crate) fn at(&self, steps: u64) {
+        self.0.set_position(steps);
     }
 
     pub(crate) fn finish(&self) {

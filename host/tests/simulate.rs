@@ -299,6 +299,17 @@ fn coverage_counts() {
     assert_eq!(&cells[2..5], ["3", "3", "3"], "{row}");
 }
 
+#[test]
+fn coverage_of_nothing_is_no_success() {
+    let output = palpate(&["coverage", "--plants", "1", "--stack", "paper"]);
+    assert_eq!(output.status.code(), Some(1));
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert!(
+        message.contains("no press came to an estimate"),
+        "{message}"
+    );
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { cases: 40, ..ProptestConfig::default() })]
 

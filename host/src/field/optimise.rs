@@ -9,8 +9,9 @@ use rayon::prelude::*;
 
 use super::input::{Source, at_current, parse, per_ampere, text_of};
 use super::mse::elastomer;
-use super::sweep::{bar, range};
+use super::sweep::range;
 use crate::failure::Failure;
+use crate::progress::Progress;
 
 /// Improve a design by changing some of its numbers within bounds
 #[derive(Args)]
@@ -65,7 +66,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let score = |point: &[f64]| -> Result<f64, Failure> {
         score(arguments, &parse(&name, &text, &settings(point))?)
     };
-    let bar = bar(arguments.budget);
+    let progress = Progress::new(arguments.budget as usize);
     let mut best = vec![0.5; arguments.vary.len()];
     let mut value = score(&best)?;
     let start = value;
@@ -78,7 +79,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
             .par_iter()
             .map(|point| score(point).ok())
             .collect();
-        bar.set_position(used);
+        progress.at(used);
         let found = candidates
             .iter()
             .zip(scores)
@@ -88,7 +89,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
             _ => step *= 0.5,
         }
     }
-    bar.finish_and_clear();
+    progress.finish();
     let mut out = io::stdout().lock();
     if arguments.print {
         let text =

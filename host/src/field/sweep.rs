@@ -1,14 +1,14 @@
 //! `palpate field sweep`: figures over a grid of parameters.
 
-use std::io::{self, IsTerminal};
+use std::io;
 
 use clap::Args;
-use indicatif::{ProgressBar, ProgressStyle};
 use rayon::prelude::*;
 
 use super::input::{Source, parse, per_ampere, text_of};
 use super::solve::Outcome;
 use crate::failure::Failure;
+use crate::progress::Progress;
 
 /// Solve a design over a grid of any of its numbers; prints CSV
 #[derive(Args)]
@@ -75,14 +75,6 @@ impl Axis {
     }
 }
 
-pub(super) fn bar(length: u64) -> ProgressBar {
-    if !io::stderr().is_terminal() {
-        return ProgressBar::hidden();
-    }
-    let style = ProgressStyle::with_template("{bar:40} {pos}/{len}  {per_sec}  {eta} left");
-    ProgressBar::new(length).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
-}
-
 pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let (name, text) = text_of(&arguments.source.design)?;
     let counts = arguments.vary.iter().map(|axis| axis.count);
@@ -102,17 +94,17 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     };
     // A path that does not exist is an error of the command, not of each point.
     palpate_field::design::vary::set(&text, &settings(0)).map_err(Failure::Argument)?;
-    let bar = bar(total as u64);
+    let progress = Progress::new(total);
     let rows: Vec<Result<Outcome, Failure>> = (0..total)
         .into_par_iter()
         .map(|point| {
             let design = parse(&name, &text, &settings(point))?;
             let outcome = Outcome::of(&design, &per_ampere(&design, &arguments.source.effort)?);
-            bar.inc(1);
+            progress.step();
             Ok(outcome)
         })
         .collect();
-    bar.finish_and_clear();
+    progress.finish();
     print(arguments, settings, &rows)
 }
 
