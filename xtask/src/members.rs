@@ -98,6 +98,13 @@ pub(crate) const MEMBERS: &[Member] = &[
         mcu_examples: &[],
     },
     Member {
+        name: "palpate-float",
+        runs_on: RunsOn::Everywhere,
+        published: false,
+        features: &[],
+        mcu_examples: &[],
+    },
+    Member {
         name: "palpate-firmware",
         runs_on: RunsOn::Mcu,
         ..HOST_PROGRAM

@@ -1,6 +1,7 @@
 //! Boards: clocks, pins and the devices on them, named by their role.
 
 pub mod clocks;
+mod float;
 mod memory;
 pub mod pico;
 pub mod vectors;

@@ -72,9 +72,15 @@ pub(super) const RULES: &[Rule] = &[
         because: "the procedure takes values and knows no bus, clock or board",
     },
     Rule {
+        name: "float-alone",
+        who: "palpate-float",
+        may_depend: On::Only(&[]),
+        because: "arithmetic knows nothing of what is reckoned with it",
+    },
+    Rule {
         name: "firmware-below",
         who: FIRMWARE,
-        may_depend: On::Only(&["palpate-procedure", "palpate-wire", DRIVERS]),
+        may_depend: On::Only(&["palpate-float", "palpate-procedure", "palpate-wire", DRIVERS]),
         because: "the firmware is wiring; physics reaches it through the procedure",
     },
     Rule {

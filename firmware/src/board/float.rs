@@ -1,0 +1,27 @@
+//! What the compiler calls for arithmetic of `f32`, which the processor does not have: quicker than
+//! its own routines (docs/decisions/0033-own-float.md).
+
+#![allow(unsafe_code)]
+
+/// Gives a routine the name that the compiler calls it by (Run-time ABI for the Arm Architecture,
+/// 5.1.2). Numbers travel as their bits in the processor's registers, whatever they mean.
+macro_rules! routines {
+    ($($name:ident($($argument:ident: $type:ty),*) = $routine:expr;)*) => {$(
+        // SAFETY: name, arguments and result are those of the ABI, and nothing else has the name
+        // but the compiler's own routine, which is weak.
+        #[unsafe(no_mangle)]
+        extern "aapcs" fn $name($($argument: $type),*) -> u32 {
+            $routine($($argument),*)
+        }
+    )*};
+}
+
+routines! {
+    __aeabi_fadd(a: u32, b: u32) = palpate_float::add;
+    __aeabi_fsub(a: u32, b: u32) = palpate_float::subtract;
+    __aeabi_fmul(a: u32, b: u32) = palpate_float::multiply;
+    __aeabi_fdiv(a: u32, b: u32) = palpate_float::divide;
+    __aeabi_i2f(number: i32) = palpate_float::from_i32;
+    __aeabi_ui2f(number: u32) = palpate_float::from_u32;
+    __aeabi_ul2f(number: u64) = palpate_float::from_u64;
+}
