@@ -1,34 +1,36 @@
 //! Two routines that the compiler calls everywhere, in the processor's own instructions: copying
-//! aligned memory by four words at a time instead of one, and the product of two 64-bit integers,
-//! of which soft floating point makes all of its products. Each took a tenth of the processor's
-//! time.
+//! memory, by four words at a time where it is aligned, and the product of two 64-bit integers,
+//! of which wide arithmetic makes all of its products. Each took a tenth of the processor's time.
 
 #![allow(unsafe_code)]
 
-// Run-time ABI for the Arm Architecture, 5.1.7: r0 to, r1 from, r2 bytes, both aligned to words.
+// Run-time ABI for the Arm Architecture, 5.1.7: r0 to, r1 from, r2 bytes; `memcpy` gives r0 back.
+// A copy by words reads and writes four at a time; one that is not aligned takes four bytes at a
+// time, in half the time that the compiler's own takes for the few dozen bytes of a frame.
 core::arch::global_asm!(
     ".section .data.copy, \"ax\", %progbits",
     ".balign 4",
+    ".global memcpy",
     ".global __aeabi_memcpy",
     ".global __aeabi_memcpy4",
     ".global __aeabi_memcpy8",
+    ".type memcpy, %function",
     ".type __aeabi_memcpy, %function",
     ".type __aeabi_memcpy4, %function",
     ".type __aeabi_memcpy8, %function",
+    ".thumb_func",
+    "memcpy:",
     ".thumb_func",
     "__aeabi_memcpy:",
     "mov r3, r0",
     "orrs r3, r1",
     "lsls r3, r3, #30",
-    "beq __aeabi_memcpy4",
-    "ldr r3, =memcpy",
-    "bx r3",
-    ".ltorg",
+    "bne 7f",
     ".thumb_func",
     "__aeabi_memcpy4:",
     ".thumb_func",
     "__aeabi_memcpy8:",
-    "push {{r4, r5, r6, lr}}",
+    "push {{r0, r4, r5, r6, lr}}",
     "subs r2, #16",
     "blo 2f",
     "1: ldmia r1!, {{r3, r4, r5, r6}}",
@@ -49,7 +51,23 @@ core::arch::global_asm!(
     "adds r0, #1",
     "subs r2, #1",
     "bne 5b",
-    "6: pop {{r4, r5, r6, pc}}",
+    "6: pop {{r0, r4, r5, r6, pc}}",
+    "7: push {{r0, r4, r5, r6, lr}}",
+    "subs r2, #4",
+    "blo 4b",
+    "8: ldrb r3, [r1]",
+    "ldrb r4, [r1, #1]",
+    "ldrb r5, [r1, #2]",
+    "ldrb r6, [r1, #3]",
+    "strb r3, [r0]",
+    "strb r4, [r0, #1]",
+    "strb r5, [r0, #2]",
+    "strb r6, [r0, #3]",
+    "adds r1, #4",
+    "adds r0, #4",
+    "subs r2, #4",
+    "bhs 8b",
+    "b 4b",
     ".text",
 );
 
