@@ -23,13 +23,13 @@ fn hardening(eps: f64) -> Stack {
     }
 }
 
-fn cubic() -> Basis<4> {
-    Basis::new([Term::Level, Term::Slope, Term::Quadratic, Term::Cubic]).unwrap()
+fn cubic() -> Basis {
+    Basis::new(&[Term::Level, Term::Slope, Term::Quadratic, Term::Cubic]).unwrap()
 }
 
-fn quadratic_with_creep() -> Basis<4> {
+fn quadratic_with_creep() -> Basis {
     let creep = Drift::Logarithmic { tau: Second(0.05) };
-    Basis::new([
+    Basis::new(&[
         Term::Level,
         Term::Slope,
         Term::Quadratic,
@@ -48,7 +48,7 @@ struct Worst {
     tangent: f64,
 }
 
-fn along_the_ramp<const P: usize>(stack: &Stack, fitted: &Fit<P>) -> Worst {
+fn along_the_ramp(stack: &Stack, fitted: &Fit) -> Worst {
     let mut worst = Worst::default();
     let rest = stack.at(0.0);
     for i in 0..=40 {
@@ -89,9 +89,9 @@ fn along_the_ramp<const P: usize>(stack: &Stack, fitted: &Fit<P>) -> Worst {
 }
 
 /// Share of `ramps` in which the whole curve is within three standard errors.
-fn share_within<const P: usize>(
+fn share_within(
     ramps: u64,
-    basis: Basis<P>,
+    basis: Basis,
     recording: impl Fn(u64) -> (Stack, Recording),
 ) -> [f64; 4] {
     let mut within = [0.0; 4];

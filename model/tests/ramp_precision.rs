@@ -44,7 +44,7 @@ fn largest_difference(
     worst.0
 }
 
-fn kappa<const P: usize>(recording: &Recording, basis: Basis<P>) -> f64 {
+fn kappa(recording: &Recording, basis: Basis) -> f64 {
     f64::from(
         fit(recording, basis, Noise::Stated)
             .unwrap()
@@ -83,7 +83,7 @@ fn drifts_as_by_qr_in_f64() {
             &ramps,
             |t| 0.004 * creep(t) - 0.01 * t,
             |recording| {
-                let basis = Basis::new([
+                let basis = Basis::new(&[
                     Term::Level,
                     Term::Slope,
                     Term::Drift(Drift::Linear),

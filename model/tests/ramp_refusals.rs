@@ -27,7 +27,7 @@ fn sample(deformation: f32, regressor: f32) -> Sample {
 #[test]
 fn too_few() {
     let mut ramp = Ramp::new(reference(), Basis::LINEAR);
-    let refusal = |ramp: &Ramp<2>, noise| ramp.fit(noise).err();
+    let refusal = |ramp: &Ramp, noise| ramp.fit(noise).err();
     assert_eq!(
         refusal(&ramp, Noise::Stated),
         Some(Refusal::TooFewSamples { have: 0, need: 2 })
@@ -253,28 +253,28 @@ fn senseless_samples_leave_the_sums_alone() {
 fn a_basis_must_make_sense() {
     let creep = |tau| Term::Drift(Drift::Logarithmic { tau: Second(tau) });
     let [level, slope] = [Term::Level, Term::Slope];
-    assert_eq!(Basis::new([level]), Err(BasisError::LevelAndSlopeFirst));
+    assert_eq!(Basis::new(&[level]), Err(BasisError::LevelAndSlopeFirst));
     assert_eq!(
-        Basis::new([slope, level]),
+        Basis::new(&[slope, level]),
         Err(BasisError::LevelAndSlopeFirst)
     );
     assert_eq!(
-        Basis::new([level, slope, level]),
+        Basis::new(&[level, slope, level]),
         Err(BasisError::Repeated { index: 2 })
     );
-    let twice = Basis::new([level, slope, creep(0.1), creep(0.1)]);
+    let twice = Basis::new(&[level, slope, creep(0.1), creep(0.1)]);
     assert_eq!(twice, Err(BasisError::Repeated { index: 3 }));
-    assert!(Basis::new([level, slope, creep(0.1), creep(1.0)]).is_ok());
+    assert!(Basis::new(&[level, slope, creep(0.1), creep(1.0)]).is_ok());
     for tau in [0.0, -1.0, f32::NAN] {
         assert!(matches!(
-            Basis::new([level, slope, creep(tau)]),
+            Basis::new(&[level, slope, creep(tau)]),
             Err(BasisError::TimeConstant(_))
         ));
         let saw = Term::Drift(Drift::SawTooth {
             period: Second(tau),
         });
         assert!(matches!(
-            Basis::new([level, slope, saw]),
+            Basis::new(&[level, slope, saw]),
             Err(BasisError::TimeConstant(_))
         ));
     }

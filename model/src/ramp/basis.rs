@@ -90,6 +90,8 @@ impl Term {
 pub enum BasisError {
     /// The first two terms are not [`Term::Level`] and [`Term::Slope`].
     LevelAndSlopeFirst,
+    /// There are more than [`MOST_TERMS`].
+    TooMany,
     /// The term at `index` has appeared before.
     Repeated {
         /// Its place.
@@ -103,6 +105,7 @@ impl fmt::Display for BasisError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::LevelAndSlopeFirst => f.write_str("a basis begins with level and slope"),
+            Self::TooMany => write!(f, "a basis has at most {MOST_TERMS} terms"),
             Self::Repeated { index } => write!(f, "term {index} of the basis is repeated"),
             Self::TimeConstant(error) => write!(f, "time constant of a drift: {error}"),
         }
@@ -111,32 +114,35 @@ impl fmt::Display for BasisError {
 
 impl core::error::Error for BasisError {}
 
-/// The unknowns of a fit, checked. `P` counts them: each costs memory and time as P^2.
+/// Unknowns that a fit can have: four of the load and two drifts.
+pub const MOST_TERMS: usize = 6;
+
+/// The unknowns of a fit, checked. Each costs time as their number's square.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Basis<const P: usize> {
-    terms: [Term; P],
+pub struct Basis {
+    /// Those beyond the count are levels.
+    terms: [Term; MOST_TERMS],
+    count: usize,
 }
 
-impl Basis<2> {
+impl Basis {
     /// A linear load and no disturbance: eq. (2) for a whole ramp.
     pub const LINEAR: Self = Self {
-        terms: [Term::Level, Term::Slope],
+        terms: [
+            Term::Level,
+            Term::Slope,
+            Term::Level,
+            Term::Level,
+            Term::Level,
+            Term::Level,
+        ],
+        count: 2,
     };
-}
 
-impl Basis<3> {
     /// A linear load and one drift.
     pub fn with_drift(drift: Drift) -> Result<Self, BasisError> {
-        Self::new([Term::Level, Term::Slope, Term::Drift(drift)])
-    }
-}
-
-impl<const P: usize> Basis<P> {
-    /// The first unknowns alone; `None` if there are not as many.
-    pub(super) fn leading<const Q: usize>(&self) -> Option<Basis<Q>> {
-        let terms = self.terms.get(..Q)?;
-        Basis::new(terms.try_into().ok()?).ok()
+        Self::new(&[Term::Level, Term::Slope, Term::Drift(drift)])
     }
 
     /// Any unknowns, level and slope first, none twice.
@@ -145,11 +151,11 @@ impl<const P: usize> Basis<P> {
     /// use palpate_model::ramp::{Basis, Drift, Term};
     /// use palpate_model::units::Second;
     /// let creep = Drift::Logarithmic { tau: Second(0.02) };
-    /// assert!(Basis::new([Term::Level, Term::Slope, Term::Quadratic, Term::Drift(creep)]).is_ok());
-    /// assert!(Basis::new([Term::Slope, Term::Level]).is_err());
+    /// assert!(Basis::new(&[Term::Level, Term::Slope, Term::Quadratic, Term::Drift(creep)]).is_ok());
+    /// assert!(Basis::new(&[Term::Slope, Term::Level]).is_err());
     /// ```
-    pub fn new(terms: [Term; P]) -> Result<Self, BasisError> {
-        let [Term::Level, Term::Slope, ..] = terms.as_slice() else {
+    pub fn new(terms: &[Term]) -> Result<Self, BasisError> {
+        let [Term::Level, Term::Slope, ..] = terms else {
             return Err(BasisError::LevelAndSlopeFirst);
         };
         for (index, term) in terms.iter().enumerate() {
@@ -162,11 +168,23 @@ impl<const P: usize> Basis<P> {
                 Second::positive(tau.0).map_err(BasisError::TimeConstant)?;
             }
         }
-        Ok(Self { terms })
+        let mut basis = Self::LINEAR;
+        basis.count = terms.len();
+        basis
+            .terms
+            .get_mut(..terms.len())
+            .ok_or(BasisError::TooMany)?
+            .copy_from_slice(terms);
+        Ok(basis)
+    }
+
+    /// The first unknowns alone; `None` if there are not as many, or not level and slope.
+    pub(super) fn first(&self, count: usize) -> Option<Self> {
+        Self::new(self.terms().get(..count)?).ok()
     }
 
     /// The unknowns, in the order of the fit's coefficients.
-    pub const fn terms(&self) -> &[Term; P] {
-        &self.terms
+    pub fn terms(&self) -> &[Term] {
+        self.terms.get(..self.count).unwrap_or_default()
     }
 }

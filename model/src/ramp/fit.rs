@@ -1,8 +1,8 @@
 //! The result of a ramp.
 
 use super::interval::{RatioCovariance, fieller};
-use super::moments::Solution;
-use super::{Basis, LoadRatio, LoadStiffness, Reference, Refusal};
+use super::moments::{Row, Solution};
+use super::{Basis, LoadRatio, LoadStiffness, MOST_TERMS, Reference, Refusal};
 use crate::math::{Wide, sqrt};
 use crate::units::{Metre, Newton, NewtonPerMetre};
 
@@ -55,11 +55,11 @@ pub struct LoadPoint {
 ///
 /// x(h) = x_ref / l(h), l(h) = 1 + alpha + beta h (+ gamma h^2 + delta h^3).
 #[derive(Clone, Copy, Debug)]
-pub struct Fit<const P: usize> {
-    basis: Basis<P>,
+pub struct Fit {
+    basis: Basis,
     reference: Reference,
-    theta: [Wide; P],
-    covariance: [[f32; P]; P],
+    theta: Row<Wide>,
+    covariance: Row<Row<f32>>,
     chi_square: f32,
     degrees: u32,
     quantile: f32,
@@ -68,18 +68,18 @@ pub struct Fit<const P: usize> {
 }
 
 /// l(h) and l'(h), with their derivatives by the coefficients.
-struct Curve<const P: usize> {
+struct Curve {
     level: Wide,
     slope: Wide,
-    level_by: [f32; P],
-    slope_by: [f32; P],
+    level_by: Row<f32>,
+    slope_by: Row<f32>,
 }
 
-impl<const P: usize> Fit<P> {
+impl Fit {
     pub(super) fn new(
-        basis: Basis<P>,
+        basis: Basis,
         reference: Reference,
-        solution: &Solution<P>,
+        solution: &Solution,
         scale: ErrorScale,
     ) -> Result<Self, Refusal> {
         let covariance = solution
@@ -171,7 +171,7 @@ impl<const P: usize> Fit<P> {
         let change = (curve.level - rest.level).to_f32();
         let numerator = at_rest * change - h * l0;
         let x_ref = self.reference.deformation().0;
-        let by: [f32; P] = combine(
+        let by = combine(
             &rest.level_by,
             -at_rest / (l0 * l0),
             &curve.level_by,
@@ -196,7 +196,7 @@ impl<const P: usize> Fit<P> {
         }
     }
 
-    fn forces(&self, curve: &Curve<P>, sensing: NewtonPerMetre) -> LoadPoint {
+    fn forces(&self, curve: &Curve, sensing: NewtonPerMetre) -> LoadPoint {
         let level = curve.level.to_f32();
         let force = sensing * (self.reference.deformation() / level);
         let relative = sqrt(self.covariance(&curve.level_by, &curve.level_by).max(0.0)) / level;
@@ -216,6 +216,7 @@ impl<const P: usize> Fit<P> {
 
     /// The coefficient of the basis' term at `index`; a drift's is its relative size d.
     pub fn coefficient(&self, index: usize) -> Option<Coefficient> {
+        self.basis.terms().get(index)?;
         let variance = *self.covariance.get(index)?.get(index)?;
         let value = self.theta.get(index)?.to_f32();
         Some(Coefficient {
@@ -226,6 +227,8 @@ impl<const P: usize> Fit<P> {
 
     /// Correlation of the errors of two coefficients.
     pub fn correlation(&self, i: usize, j: usize) -> Option<f32> {
+        let terms = self.basis.terms();
+        terms.get(i).and(terms.get(j))?;
         let entry = |i: usize, j: usize| self.covariance.get(i).and_then(|row| row.get(j)).copied();
         Some(entry(i, j)? / (sqrt(entry(i, i)?) * sqrt(entry(j, j)?)))
     }
@@ -258,36 +261,41 @@ impl<const P: usize> Fit<P> {
     }
 
     /// The basis that was fitted.
-    pub const fn basis(&self) -> &Basis<P> {
+    pub const fn basis(&self) -> &Basis {
         &self.basis
     }
 
-    fn curve(&self, h: f32) -> Curve<P> {
+    fn curve(&self, h: f32) -> Curve {
         let mut curve = Curve {
             level: Wide::ONE,
             slope: Wide::ZERO,
-            level_by: self
-                .basis
-                .terms()
-                .map(|term| term.power().map_or(0.0, |n| power(h, n))),
-            slope_by: self
-                .basis
-                .terms()
-                .map(|term| term.power().map_or(0.0, |n| derivative(h, n))),
+            level_by: [0.0; MOST_TERMS],
+            slope_by: [0.0; MOST_TERMS],
         };
-        let by = curve.level_by.iter().zip(&curve.slope_by);
-        for (theta, (&level, &slope)) in self.theta.iter().zip(by) {
-            curve.level = curve.level + theta.scale(level);
-            curve.slope = curve.slope + theta.scale(slope);
+        let by = curve.level_by.iter_mut().zip(&mut curve.slope_by);
+        let terms = self.basis.terms().iter().zip(&self.theta);
+        for ((term, theta), (level, slope)) in terms.zip(by) {
+            if let Some(n) = term.power() {
+                (*level, *slope) = (power(h, n), derivative(h, n));
+                curve.level = curve.level + theta.scale(*level);
+                curve.slope = curve.slope + theta.scale(*slope);
+            }
         }
         curve
     }
 
     /// Covariance of two linear functions of the coefficients.
-    fn covariance(&self, a: &[f32; P], b: &[f32; P]) -> f32 {
-        let rows = self.covariance.iter().zip(a);
-        rows.map(|(row, a)| a * row.iter().zip(b).map(|(c, b)| c * b).sum::<f32>())
-            .sum()
+    fn covariance(&self, a: &Row<f32>, b: &Row<f32>) -> f32 {
+        let count = self.basis.terms().len();
+        let rows = self.covariance.iter().zip(a).take(count);
+        let along = |row: &Row<f32>| {
+            row.iter()
+                .zip(b)
+                .take(count)
+                .map(|(c, b)| c * b)
+                .sum::<f32>()
+        };
+        rows.map(|(row, a)| a * along(row)).sum()
     }
 }
 
@@ -311,8 +319,8 @@ fn derivative(h: f32, exponent: u8) -> f32 {
         .map_or(0.0, |less| f32::from(exponent) * power(h, less))
 }
 
-fn combine<const P: usize>(a: &[f32; P], by_a: f32, b: &[f32; P], by_b: f32) -> [f32; P] {
-    let mut sum = [0.0; P];
+fn combine(a: &Row<f32>, by_a: f32, b: &Row<f32>, by_b: f32) -> Row<f32> {
+    let mut sum = [0.0; MOST_TERMS];
     for (sum, (a, b)) in sum.iter_mut().zip(a.iter().zip(b)) {
         *sum = a * by_a + b * by_b;
     }

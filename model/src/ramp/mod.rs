@@ -67,7 +67,7 @@ mod moments;
 mod refusal;
 mod scatter;
 
-pub use basis::{Basis, BasisError, Drift, Term};
+pub use basis::{Basis, BasisError, Drift, MOST_TERMS, Term};
 pub use fit::{Coefficient, Fit, LoadPoint, Noise};
 pub use interval::{LoadRatio, LoadStiffness};
 pub use refusal::{Refusal, Rejected};
@@ -76,7 +76,7 @@ pub use scatter::Scatter;
 use crate::math::{Wide, sqrt, student};
 use crate::units::{Metre, Newton, NewtonPerMetre, OutOfRange, Requirement, Second};
 use fit::ErrorScale;
-use moments::{Dependent, Moments};
+use moments::{Dependent, Moments, Row};
 
 /// The point from which the samples' deviations are counted, held exactly.
 ///
@@ -159,29 +159,33 @@ impl Sample {
     }
 }
 
-/// Running sums of one measurement: any number of samples in `P` (`P` + 1) + 1 wide numbers of
-/// 16 bytes.
+/// Running sums of one measurement: any number of samples in 0.7 kB.
 ///
 /// See the [module](self) for the model and an example.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Ramp<const P: usize> {
-    basis: Basis<P>,
+pub struct Ramp {
+    basis: Basis,
     reference: Reference,
     /// Sigma of the first sample, to which the others' are compared.
     sigma: Option<Metre>,
-    moments: Moments<P>,
+    moments: Moments,
 }
 
-impl<const P: usize> Ramp<P> {
+impl Ramp {
     /// Empty sums.
-    pub const fn new(reference: Reference, basis: Basis<P>) -> Self {
+    pub const fn new(reference: Reference, basis: Basis) -> Self {
         Self {
             basis,
             reference,
             sigma: None,
             moments: Moments::EMPTY,
         }
+    }
+
+    /// What is solved for.
+    pub const fn basis(&self) -> &Basis {
+        &self.basis
     }
 
     /// The point from which the samples count.
@@ -200,10 +204,13 @@ impl<const P: usize> Ramp<P> {
         let h = sample.regressor;
         let first = self.sigma.unwrap_or(sample.sigma);
         let x = x_ref + u;
-        let phis = self.basis.terms().map(|term| match term {
-            Term::Drift(drift) => drift.at(sample.time),
-            _ => 0.0,
-        });
+        let terms = self.basis.terms();
+        let mut phis: Row<f32> = [0.0; MOST_TERMS];
+        for (phi, term) in phis.iter_mut().zip(terms) {
+            if let Term::Drift(drift) = term {
+                *phi = drift.at(sample.time);
+            }
+        }
         let mut numbers = phis.into_iter().chain([x.0, h, sample.sigma.0]);
         if !numbers.all(f32::is_finite) {
             return Err(Rejected::NotFinite);
@@ -220,8 +227,8 @@ impl<const P: usize> Ramp<P> {
         let weight = Wide::from_f32(weight);
         let [x_ref, u] = [x_ref, u].map(|length| Wide::from_f32(length.0));
         let level = (x_ref + u) * weight;
-        let mut row = [level; P];
-        for (entry, (term, phi)) in row.iter_mut().zip(self.basis.terms().iter().zip(phis)) {
+        let mut row: Row<Wide> = [level; MOST_TERMS];
+        for (entry, (term, phi)) in row.iter_mut().zip(terms.iter().zip(phis)) {
             *entry = match term {
                 Term::Level => level,
                 Term::Slope => level.scale(h),
@@ -230,12 +237,18 @@ impl<const P: usize> Ramp<P> {
                 Term::Drift(_) => (x_ref * weight).scale(-phi),
             };
         }
-        self.moments.add(&row, -u * weight);
+        let row = row.get(..terms.len()).unwrap_or_default();
+        self.moments.add(row, -u * weight);
         self.sigma = Some(first);
         Ok(())
     }
 
-    /// The same samples with the first `Q` unknowns alone, bit for bit as if they had been pushed
+    /// Solves for the load and the drifts. The sums stay, so a ramp can be looked at on its way.
+    pub fn fit(&self, noise: Noise) -> Result<Fit, Refusal> {
+        self.solve(&self.basis, noise)
+    }
+
+    /// Solves with the first `count` unknowns alone, bit for bit as if the samples had been pushed
     /// to those: one run of sums serves a simple evaluation and one with further terms. `None` if
     /// there are not as many unknowns.
     ///
@@ -243,7 +256,7 @@ impl<const P: usize> Ramp<P> {
     /// # use palpate_model::ramp::{Basis, Noise, Ramp, Reference, Sample, Term};
     /// # use palpate_model::units::{Metre, Second};
     /// let reference = Reference::new(Metre(0.3e-3), 1.0).unwrap();
-    /// let bent = Basis::new([Term::Level, Term::Slope, Term::Quadratic]).unwrap();
+    /// let bent = Basis::new(&[Term::Level, Term::Slope, Term::Quadratic]).unwrap();
     /// let (mut both, mut straight) = (Ramp::new(reference, bent), Ramp::new(reference, Basis::LINEAR));
     /// for i in 0..20 {
     ///     let (time, h) = (Second(i as f32 * 1e-3), i as f32 * -1e-3);
@@ -252,30 +265,27 @@ impl<const P: usize> Ramp<P> {
     ///     both.push(&sample)?;
     ///     straight.push(&sample)?;
     /// }
-    /// assert_eq!(both.leading::<2>(), Some(straight));
-    /// assert_eq!(both.leading::<4>(), None);
-    /// # Ok::<(), palpate_model::ramp::Rejected>(())
+    /// let of_both = both.fit_first(2, Noise::Larger).unwrap()?;
+    /// assert_eq!(of_both.load_ratio()?, straight.fit(Noise::Larger)?.load_ratio()?);
+    /// assert!(both.fit_first(4, Noise::Larger).is_none());
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
-    pub fn leading<const Q: usize>(&self) -> Option<Ramp<Q>> {
-        Some(Ramp {
-            basis: self.basis.leading()?,
-            reference: self.reference,
-            sigma: self.sigma,
-            moments: self.moments.leading(),
-        })
+    pub fn fit_first(&self, count: usize, noise: Noise) -> Option<Result<Fit, Refusal>> {
+        let basis = self.basis.first(count)?;
+        Some(self.solve(&basis, noise))
     }
 
-    /// Solves for the load and the drifts. The sums stay, so a ramp can be looked at on its way.
-    pub fn fit(&self, noise: Noise) -> Result<Fit<P>, Refusal> {
+    fn solve(&self, basis: &Basis, noise: Noise) -> Result<Fit, Refusal> {
         let have = self.moments.rows();
-        let unknowns = P as u32;
+        let count = basis.terms().len();
+        let unknowns = count as u32;
         let need = unknowns.saturating_add(u32::from(noise == Noise::Residual));
         if have < need {
             return Err(Refusal::TooFewSamples { have, need });
         }
         let solution = self
             .moments
-            .solve()
+            .solve(count)
             .map_err(|Dependent(term)| Refusal::IllConditioned { term })?;
         let degrees = have.saturating_sub(unknowns);
         let sigma = Wide::from_f32(self.sigma.unwrap_or_default().0);
@@ -295,7 +305,7 @@ impl<const P: usize> Ramp<P> {
         };
         let row_variance = stated.scale(factor.min(f32::MAX));
         Fit::new(
-            self.basis,
+            *basis,
             self.reference,
             &solution,
             ErrorScale {
@@ -310,12 +320,13 @@ impl<const P: usize> Ramp<P> {
     /// Standard deviation of the samples' residuals as a length at x_ref; `None` before the sums
     /// can be solved with a sample left over.
     pub fn residual_sigma(&self) -> Option<Metre> {
+        let count = self.basis.terms().len();
         let degrees = self
             .moments
             .rows()
-            .checked_sub(P as u32)
+            .checked_sub(count as u32)
             .filter(|&degrees| degrees > 0)?;
-        let squares = self.moments.solve().ok()?.residual.to_f32().max(0.0);
+        let squares = self.moments.solve(count).ok()?.residual.to_f32().max(0.0);
         Some(Metre(sqrt(squares / degrees as f32)))
     }
 }

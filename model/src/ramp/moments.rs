@@ -10,25 +10,29 @@
 //! with compensation would. Centring is then no art any more, it is the
 //! first elimination step. What is left is the `f32` rounding of the inputs and of the result.
 
+use super::MOST_TERMS;
 use crate::math::Wide;
 
-/// Upper triangle of the weighted cross products of P columns, and those with the response.
+/// A number for each unknown; those of unknowns that are not there are zero.
+pub(super) type Row<T> = [T; MOST_TERMS];
+
+/// Upper triangle of the weighted cross products of the columns, and those with the response.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub(super) struct Moments<const P: usize> {
-    products: [[Wide; P]; P],
-    with_response: [Wide; P],
+pub(super) struct Moments {
+    products: Row<Row<Wide>>,
+    with_response: Row<Wide>,
     response: Wide,
     rows: u32,
 }
 
 /// The solved equations.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Solution<const P: usize> {
+pub(super) struct Solution {
     /// Coefficients.
-    pub(super) theta: [Wide; P],
+    pub(super) theta: Row<Wide>,
     /// Inverse of the cross products: covariance of `theta` at unit variance of a row.
-    pub(super) inverse: [[Wide; P]; P],
+    pub(super) inverse: Row<Row<Wide>>,
     /// Sum of the squared residuals.
     pub(super) residual: Wide,
     /// Mean of the slope's column over that of the level.
@@ -59,10 +63,10 @@ const CENTRED_MIN: f32 = 1e-10;
 /// beyond use, and the sums still carry seven digits of what is left.
 const TOLERANCE_MIN: f32 = 1e-6;
 
-impl<const P: usize> Moments<P> {
+impl Moments {
     pub(super) const EMPTY: Self = Self {
-        products: [[Wide::ZERO; P]; P],
-        with_response: [Wide::ZERO; P],
+        products: [[Wide::ZERO; MOST_TERMS]; MOST_TERMS],
+        with_response: [Wide::ZERO; MOST_TERMS],
         response: Wide::ZERO,
         rows: 0,
     };
@@ -72,7 +76,7 @@ impl<const P: usize> Moments<P> {
     }
 
     /// Adds one row, already multiplied by the root of its weight.
-    pub(super) fn add(&mut self, row: &[Wide; P], response: Wide) {
+    pub(super) fn add(&mut self, row: &[Wide], response: Wide) {
         let sums = self.products.iter_mut().zip(&mut self.with_response);
         for (i, (&a, (products, with_response))) in row.iter().zip(sums).enumerate() {
             for (sum, &b) in products.iter_mut().zip(row).skip(i) {
@@ -84,36 +88,22 @@ impl<const P: usize> Moments<P> {
         self.rows = self.rows.saturating_add(1);
     }
 
-    /// The sums of the first columns alone: those that fewer columns would have given.
-    pub(super) fn leading<const Q: usize>(&self) -> Moments<Q> {
-        let mut leading = Moments::<Q>::EMPTY;
-        for (into, from) in leading.products.iter_mut().zip(&self.products) {
-            for (entry, &sum) in into.iter_mut().zip(from) {
-                *entry = sum;
-            }
-        }
-        for (into, &sum) in leading.with_response.iter_mut().zip(&self.with_response) {
-            *into = sum;
-        }
-        leading.response = self.response;
-        leading.rows = self.rows;
-        leading
-    }
-
-    /// Solves by sweeping the columns one after another (Goodnight, *A tutorial on the SWEEP
-    /// operator*, The American Statistician 33, 1979): the level first, which centres; then
-    /// disturbances and curvature; the slope last, so that its pivot is what they have left of it.
-    pub(super) fn solve(&self) -> Result<Solution<P>, Dependent> {
+    /// Solves for the first `count` columns by sweeping them one after another (Goodnight, *A
+    /// tutorial on the SWEEP operator*, The American Statistician 33, 1979): the level first, which
+    /// centres; then disturbances and curvature; the slope last, so that its pivot is what they
+    /// have left of it.
+    pub(super) fn solve(&self, count: usize) -> Result<Solution, Dependent> {
         let mut sweep = Sweep {
-            rows: symmetric(&self.products),
-            with_response: self.with_response,
+            count,
+            rows: symmetric(&self.products, count),
+            with_response: first(&self.with_response, count),
             residual: self.response,
         };
         let raw = sweep.diagonal();
         let mut centred = raw;
         let mut inflation = 1.0;
         let order = core::iter::once(LEVEL)
-            .chain(2..P)
+            .chain(2..count)
             .chain(core::iter::once(SLOPE));
         for k in order {
             let pivot = sweep.pivot(k);
@@ -139,24 +129,22 @@ impl<const P: usize> Moments<P> {
     }
 
     fn centre(&self) -> f32 {
-        let mut level = self.products.iter().take(1).flatten();
-        match (level.next(), level.next()) {
-            (Some(&squares), Some(&cross)) => (cross / squares).to_f32(),
-            _ => 0.0,
-        }
+        let [[squares, cross, ..], ..] = self.products;
+        (cross / squares).to_f32()
     }
 }
 
 /// Cross products in the course of Gauss-Jordan elimination in place: swept columns already hold
 /// the inverse, the others what is left of them.
-struct Sweep<const P: usize> {
-    rows: [[Wide; P]; P],
-    with_response: [Wide; P],
+struct Sweep {
+    count: usize,
+    rows: Row<Row<Wide>>,
+    with_response: Row<Wide>,
     residual: Wide,
 }
 
-impl<const P: usize> Sweep<P> {
-    fn diagonal(&self) -> [f32; P] {
+impl Sweep {
+    fn diagonal(&self) -> Row<f32> {
         core::array::from_fn(|k| self.pivot(k))
     }
 
@@ -172,20 +160,16 @@ impl<const P: usize> Sweep<P> {
         let pivot_row = *self.rows.get(k)?;
         let pivot_response = *self.with_response.get(k)?;
         let inverse = Wide::ONE / *pivot_row.get(k)?;
-        for (i, (row, response)) in self
-            .rows
-            .iter_mut()
-            .zip(&mut self.with_response)
-            .enumerate()
-        {
+        let rows = self.rows.iter_mut().zip(&mut self.with_response);
+        for (i, (row, response)) in rows.take(self.count).enumerate() {
             let factor = if i == k {
-                *row = [Wide::ZERO; P];
+                *row = [Wide::ZERO; MOST_TERMS];
                 *response = Wide::ZERO;
                 -inverse
             } else {
                 *row.get(k)? * inverse
             };
-            for (entry, &above) in row.iter_mut().zip(&pivot_row) {
+            for (entry, &above) in row.iter_mut().zip(&pivot_row).take(self.count) {
                 *entry = *entry - factor * above;
             }
             *row.get_mut(k)? = -factor;
@@ -196,15 +180,21 @@ impl<const P: usize> Sweep<P> {
     }
 }
 
-fn symmetric<const P: usize>(upper: &[[Wide; P]; P]) -> [[Wide; P]; P] {
+/// The first columns, the others zero.
+fn first(row: &Row<Wide>, count: usize) -> Row<Wide> {
+    core::array::from_fn(|i| match row.get(i) {
+        Some(&entry) if i < count => entry,
+        _ => Wide::ZERO,
+    })
+}
+
+/// The whole of the first rows and columns from their upper triangle, the others zero.
+fn symmetric(upper: &Row<Row<Wide>>, count: usize) -> Row<Row<Wide>> {
     core::array::from_fn(|i| {
         core::array::from_fn(|j| {
             let (row, column) = if i <= j { (i, j) } else { (j, i) };
-            upper
-                .get(row)
-                .and_then(|row| row.get(column))
-                .copied()
-                .unwrap_or_default()
+            let entry = upper.get(row).and_then(|row| row.get(column)).copied();
+            entry.filter(|_| column < count).unwrap_or_default()
         })
     })
 }

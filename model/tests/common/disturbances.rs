@@ -323,15 +323,15 @@ pub fn row(disturbance: &Disturbance) -> Row {
     }
 }
 
-fn judge<const P: usize>(
+fn judge(
     truth: f64,
     reference: Reference,
     samples: &[Sample],
-    basis: Basis<P>,
+    basis: Basis,
 ) -> Result<Verdict, Refusal> {
     let mut ramp = Ramp::new(reference, basis);
     samples.iter().for_each(|sample| ramp.push(sample).unwrap());
-    let fit: Fit<P> = ramp.fit(Noise::Larger)?;
+    let fit: Fit = ramp.fit(Noise::Larger)?;
     let load = fit.load_stiffness(NewtonPerMetre(SENSING as f32))?;
     let relative = |c: Option<NewtonPerMetre>| {
         c.map_or(f64::INFINITY, |c| f64::from(c.0) / SENSING / truth - 1.0)

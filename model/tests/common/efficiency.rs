@@ -144,7 +144,7 @@ impl Case {
         }
     }
 
-    fn judge<const P: usize>(&self, fit: Fit<P>) -> Result<(f64, bool), Refusal> {
+    fn judge(&self, fit: Fit) -> Result<(f64, bool), Refusal> {
         let c = NewtonPerMetre(self.stack().sensing as f32);
         let load = fit.load_stiffness(c)?;
         let value = load
@@ -155,11 +155,7 @@ impl Case {
 }
 
 /// Pushes a recording through the estimator.
-pub fn fit<const P: usize>(
-    recording: &Recording,
-    basis: Basis<P>,
-    noise: Noise,
-) -> Result<Fit<P>, Refusal> {
+pub fn fit(recording: &Recording, basis: Basis, noise: Noise) -> Result<Fit, Refusal> {
     let mut ramp = Ramp::new(recording.reference, basis);
     for sample in &recording.samples {
         ramp.push(sample).unwrap();

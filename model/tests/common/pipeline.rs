@@ -60,7 +60,7 @@ pub fn run(one: f32) -> Option<Bits> {
     let law = law.saturating(Tesla(0.022 * one), Tesla(0.25 * one)).ok()?;
     let reference = Reference::new(Metre(0.3e-3 * one), law.reference_ratio(sensing)).ok()?;
     let tau = Second(0.05 * one);
-    let basis = Basis::new([
+    let basis = Basis::new(&[
         Term::Level,
         Term::Slope,
         Term::Quadratic,

@@ -2,16 +2,13 @@
 
 use palpate_model::magnetorheological::Stiffening;
 use palpate_model::math::{hypot, sqrt};
-use palpate_model::ramp::{
-    Fit, LoadPoint, LoadRatio, LoadStiffness, Noise, Ramp, Reference, Refusal as NoFit,
-};
+use palpate_model::ramp::{Fit, LoadPoint, LoadRatio, LoadStiffness, Reference, Refusal as NoFit};
 use palpate_model::uncertainty::{Calibration, OperatingPoint};
 use palpate_model::units::{Ampere, Celsius, Metre, NewtonPerMetre};
 use palpate_wire::code::RefusalReason;
 use palpate_wire::command::Settings;
 use palpate_wire::record::{Estimate, Refusal};
 
-use super::ramps::{Ramps, Sums};
 use super::{Measurement, Reason};
 use crate::configuration::Calibrated;
 use crate::heat::Heat;
@@ -38,7 +35,7 @@ pub(crate) struct Report {
 /// The load's curve along the train.
 #[derive(Clone, Debug)]
 struct LoadCurve {
-    fit: CurvedFit,
+    fit: Fit,
     sensing: NewtonPerMetre,
     total: Metre,
     regressors: (f32, f32),
@@ -46,23 +43,6 @@ struct LoadCurve {
     of_calibration: f32,
     /// By how much the noise is larger than the fit says.
     scatter: f32,
-}
-
-#[derive(Clone, Debug)]
-enum CurvedFit {
-    Driftless(Fit<3>),
-    Straight(Fit<4>),
-    Bent(Fit<5>),
-}
-
-/// What the sums say, the number of unknowns forgotten.
-struct Solved {
-    ratio: LoadRatio,
-    /// x_0.
-    total: Metre,
-    samples: u32,
-    reduced_chi_square: Option<f32>,
-    curved: Option<CurvedFit>,
 }
 
 impl Measurement {
@@ -77,9 +57,10 @@ impl Measurement {
             self.ramps
                 .take()
                 .ok_or((RefusalReason::TooFewSamples, Some(0.0), Some(4.0)))?;
-        let solved = solve(&ramps).map_err(reason)?;
+        let (fit, curved) = ramps.solve().map_err(reason)?;
+        let ratio = fit.load_ratio().map_err(reason)?;
         let scatter = ramps.scatter().birge_ratio().unwrap_or(1.0).max(1.0);
-        let of_noise = widened(&solved.ratio, scatter);
+        let of_noise = widened(&ratio, scatter);
         let reference = *ramps.reference();
         let at = operating_point(&self.calibrated, &reference, settings);
         let temperature = heat.map(Heat::pad);
@@ -92,8 +73,8 @@ impl Measurement {
         let sensing = NewtonPerMetre(self.calibrated.springs.sensing_n_per_m);
         let load = claim.stiffness(sensing).map_err(reason)?;
         too_uncertain(&load, settings)?;
-        let total = solved.total;
-        let curve = solved.curved.map(|fit| LoadCurve {
+        let total = fit.total_displacement();
+        let curve = curved.map(|fit| LoadCurve {
             fit,
             sensing,
             total,
@@ -113,9 +94,9 @@ impl Measurement {
             upper_n_per_m: load.high().map(|high| high.0),
             load_ratio: claim.value,
             load_ratio_standard_error: claim.standard_error,
-            samples: solved.samples,
+            samples: ramps.samples(),
             ramps: completed.into(),
-            reduced_chi_square: solved.reduced_chi_square,
+            reduced_chi_square: fit.reduced_chi_square(),
             tangent_n_per_m: tangent.map(|(value, _)| value.0),
             tangent_standard_error_n_per_m: tangent.map(|(_, error)| error.0),
             two_state_n_per_m: self.two_states.load(sensing).map(|load| load.0),
@@ -176,21 +157,13 @@ impl LoadCurve {
     }
 
     fn of_noise(&self, regressor: f32) -> LoadPoint {
-        let (sensing, total) = (self.sensing, self.total);
-        match &self.fit {
-            CurvedFit::Driftless(fit) => fit.load_point_within(regressor, sensing, total),
-            CurvedFit::Straight(fit) => fit.load_point_within(regressor, sensing, total),
-            CurvedFit::Bent(fit) => fit.load_point_within(regressor, sensing, total),
-        }
+        self.fit
+            .load_point_within(regressor, self.sensing, self.total)
     }
 
     /// Tangent stiffness at the ramp's middle, with its standard error, if it is one.
     fn tangent(&self, sensing: NewtonPerMetre) -> Option<(NewtonPerMetre, NewtonPerMetre)> {
-        let ratio = match &self.fit {
-            CurvedFit::Driftless(fit) => fit.load_ratio(),
-            CurvedFit::Straight(fit) => fit.load_ratio(),
-            CurvedFit::Bent(fit) => fit.load_ratio(),
-        };
+        let ratio = self.fit.load_ratio();
         match ratio.and_then(|ratio| ratio.stiffness(sensing)) {
             Ok(LoadStiffness::Within {
                 value,
@@ -200,30 +173,6 @@ impl LoadCurve {
             _ => None,
         }
     }
-}
-
-fn solve(ramps: &Ramps) -> Result<Solved, NoFit> {
-    match ramps.sums() {
-        Sums::Driftless(sums) => solve_both::<3, 2>(sums, CurvedFit::Driftless),
-        Sums::Straight(sums) => solve_both::<4, 3>(sums, CurvedFit::Straight),
-        Sums::Bent(sums) => solve_both::<5, 4>(sums, CurvedFit::Bent),
-    }
-}
-
-/// Solves without the last term, which bends the line, and with it if that can be told.
-fn solve_both<const P: usize, const Q: usize>(
-    sums: &Ramp<P>,
-    curved: impl FnOnce(Fit<P>) -> CurvedFit,
-) -> Result<Solved, NoFit> {
-    let linear = sums.leading::<Q>().ok_or(NoFit::NotFinite)?;
-    let fit = linear.fit(Noise::Larger)?;
-    Ok(Solved {
-        ratio: fit.load_ratio()?,
-        total: fit.total_displacement(),
-        samples: sums.samples(),
-        reduced_chi_square: fit.reduced_chi_square(),
-        curved: sums.fit(Noise::Larger).ok().map(curved),
-    })
 }
 
 /// The noise's interval, wider if the single ramps disagree by more than their own errors: what is

@@ -1,6 +1,8 @@
 //! The running sums of a train, and what other ways of looking at it are kept beside them.
 
-use palpate_model::ramp::{Basis, Drift, Noise, Ramp, Reference, Sample, Scatter, Term};
+use palpate_model::ramp::{
+    Basis, Drift, Fit, Noise, Ramp, Reference, Refusal, Sample, Scatter, Term,
+};
 use palpate_model::springs::two_state_load;
 use palpate_model::units::{Metre, NewtonPerMetre, Second};
 use palpate_wire::code::Drift as DriftKind;
@@ -12,27 +14,16 @@ use crate::train::Course;
 /// Sums over the whole train, and over the ramp under way alone.
 #[derive(Clone, Debug)]
 pub(super) struct Ramps {
-    sums: Sums,
+    /// Level, slope and drift, and a quadratic term as the last: without it for the estimate, with
+    /// it for the load's curve.
+    sums: Ramp,
     /// The ramp under way: its number, and its sums with a linear drift, which is what any slow
     /// drift is over a single ramp.
-    single: (u8, Ramp<3>),
+    single: (u8, Ramp),
     /// The single ramps' own estimates.
     scatter: Scatter,
     /// Extremes of the regressor.
     regressors: (f32, f32),
-}
-
-/// Level, slope and drift, and a quadratic term as the last: without it for the estimate, with it
-/// for the load's curve.
-#[derive(Clone, Debug)]
-pub(super) enum Sums {
-    /// No drift.
-    Driftless(Ramp<3>),
-    /// A straight drift.
-    Straight(Ramp<4>),
-    /// A drift that bends, and a straight one: rubber creeps while the coil's heat goes on its way,
-    /// and one of them alone left ten times the noise (the residuals in the demo's report show it).
-    Bent(Ramp<5>),
 }
 
 /// A drift's time over the train's above which the drift is a straight line. Creep of one per cent
@@ -78,31 +69,17 @@ impl Ramps {
         drift: Option<Drift>,
     ) -> Option<Self> {
         let reference = Reference::new(deformation, actuated_ratio).ok()?;
-        let sums = match drift {
-            None => Sums::Driftless(empty(
-                reference,
-                [Term::Level, Term::Slope, Term::Quadratic],
-            )?),
-            Some(Drift::Linear) => Sums::Straight(empty(
-                reference,
-                [
-                    Term::Level,
-                    Term::Slope,
-                    Term::Drift(Drift::Linear),
-                    Term::Quadratic,
-                ],
-            )?),
-            Some(drift) => Sums::Bent(empty(
-                reference,
-                [
-                    Term::Level,
-                    Term::Slope,
-                    Term::Drift(drift),
-                    Term::Drift(Drift::Linear),
-                    Term::Quadratic,
-                ],
-            )?),
+        let (level, slope, bend) = (Term::Level, Term::Slope, Term::Quadratic);
+        let straight = Term::Drift(Drift::Linear);
+        let basis = match drift {
+            None => Basis::new(&[level, slope, bend]),
+            Some(Drift::Linear) => Basis::new(&[level, slope, straight, bend]),
+            // A drift that bends, and a straight one: rubber creeps while the coil's heat goes on
+            // its way, and one of them alone left ten times the noise (the residuals in the demo's
+            // report show it).
+            Some(drift) => Basis::new(&[level, slope, Term::Drift(drift), straight, bend]),
         };
+        let sums = Ramp::new(reference, basis.ok()?);
         Some(Self {
             sums,
             single: (0, single(reference)?),
@@ -112,15 +89,20 @@ impl Ramps {
     }
 
     pub(super) const fn reference(&self) -> &Reference {
-        match &self.sums {
-            Sums::Driftless(sums) => sums.reference(),
-            Sums::Straight(sums) => sums.reference(),
-            Sums::Bent(sums) => sums.reference(),
-        }
+        self.sums.reference()
     }
 
-    pub(super) const fn sums(&self) -> &Sums {
-        &self.sums
+    /// Solves without the last term, which bends the line, and with it if that can be told.
+    pub(super) fn solve(&self) -> Result<(Fit, Option<Fit>), Refusal> {
+        let straight = self.sums.basis().terms().len().saturating_sub(1);
+        let fit = self.sums.fit_first(straight, Noise::Larger);
+        let fit = fit.unwrap_or(Err(Refusal::NotFinite))?;
+        Ok((fit, self.sums.fit(Noise::Larger).ok()))
+    }
+
+    /// Samples taken.
+    pub(super) const fn samples(&self) -> u32 {
+        self.sums.samples()
     }
 
     /// Smallest and largest regressor.
@@ -134,12 +116,7 @@ impl Ramps {
         if ramp != self.single.0 {
             self.close_single(ramp);
         }
-        let taken = match &mut self.sums {
-            Sums::Driftless(sums) => sums.push(sample),
-            Sums::Straight(sums) => sums.push(sample),
-            Sums::Bent(sums) => sums.push(sample),
-        };
-        if taken.is_err() {
+        if self.sums.push(sample).is_err() {
             return;
         }
         // Time counts from the ramp's own start there, so that slope and level are not mixed up
@@ -171,11 +148,7 @@ impl Ramps {
     }
 }
 
-fn empty<const P: usize>(reference: Reference, terms: [Term; P]) -> Option<Ramp<P>> {
-    Some(Ramp::new(reference, Basis::new(terms).ok()?))
-}
-
-fn single(reference: Reference) -> Option<Ramp<3>> {
+fn single(reference: Reference) -> Option<Ramp> {
     Some(Ramp::new(reference, Basis::with_drift(Drift::Linear).ok()?))
 }
 
