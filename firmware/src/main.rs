@@ -21,9 +21,10 @@ mod safe;
 mod supervision;
 mod tasks;
 mod thermistor;
+mod wakeup;
 
 use rtic_monotonics::rp2040_timer_monotonic;
-use rtic_sync::signal::Signal;
+use wakeup::Wakeup;
 
 rp2040_timer_monotonic!(Mono);
 
@@ -34,7 +35,7 @@ rp2040_timer_monotonic!(Mono);
 static BOOT2: [u8; 256] = rp2040_boot2::BOOT_LOADER_W25Q080;
 
 /// A sample has been handed on.
-static SAMPLES: Signal<()> = Signal::new();
+static SAMPLES: Wakeup = Wakeup::new();
 
 /// Something without which nothing can go on is taken already. It never is: `init` runs once.
 fn halt() -> ! {
@@ -48,8 +49,8 @@ fn halt() -> ! {
 mod app {
     use heapless::spsc::Queue;
     use ldc161x::{Address, AsyncLdc161x, Model};
+    use palpate_procedure::Actions;
     use rtic_monotonics::rp2040::Priority;
-    use rtic_sync::signal::SignalReader;
 
     use crate::acquisition::Sampled;
     use crate::board::{pico::Board, sleep_in_memory, vectors};
@@ -58,6 +59,7 @@ mod app {
     use crate::crash::Beginning;
     use crate::supervision::Watchdog;
     use crate::tasks::*;
+    use crate::wakeup::Sleeper;
     use crate::{Mono, SAMPLES, halt, link, safe};
 
     /// Samples that can wait for the instrument.
@@ -71,7 +73,7 @@ mod app {
         sensing: Sensing,
         coil: Coil,
         instrument: Instrument,
-        arrived: SignalReader<'static, ()>,
+        arrived: Sleeper,
         watchdog: Watchdog,
     }
 
@@ -84,10 +86,8 @@ mod app {
         vectors::move_to_memory(&cx.core.SCB, &mut cx.core.NVIC);
         let (outbox, inbox) = link::set_up(board.boot_id);
         let (producer, consumer) = cx.local.queue.split();
-        let (Some(master), Some(arrived)) = (
-            Master::take(Address::AddrLow.bits()),
-            SAMPLES.try_take_reader(),
-        ) else {
+        let (Some(master), Some(arrived)) = (Master::take(Address::AddrLow.bits()), SAMPLES.take())
+        else {
             halt()
         };
         let sensing = Sensing {
@@ -105,6 +105,7 @@ mod app {
             boot_id: board.boot_id,
             clocks_run: board.clocks_run,
             procedure: None,
+            actions: Actions::new(),
             standing: [None; 2],
             latched: None,
             conditions_due_us: 0,

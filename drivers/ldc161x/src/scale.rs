@@ -93,7 +93,9 @@ impl Scale {
     /// assert_eq!(scale.frequency_hz(Code28::new(1 << 24).unwrap()), 4e6);
     /// ```
     pub fn frequency_hz(&self, code: Code28) -> f64 {
-        f64::from(self.dividers.sensor()) * self.reference_hz() * self.input_ratio(code)
+        // The word as it would be without OFFSETx is exact, and so is the unit: one rounding in all.
+        let whole = code.get() + (u32::from(self.offset) << 12);
+        f64::from(whole) * self.hz_per_lsb()
     }
 
     /// One unit of the code in hertz, for differences of codes.
@@ -104,12 +106,11 @@ impl Scale {
     /// assert!((scale.hz_per_lsb() - 0.149).abs() < 1e-3);
     /// ```
     pub fn hz_per_lsb(&self) -> f64 {
-        f64::from(self.dividers.sensor()) * self.reference_hz() / f64::from(1_u32 << 28)
-    }
-
-    /// f_in / fREF, what the counter saw.
-    fn input_ratio(&self, code: Code28) -> f64 {
-        f64::from(code.get()) / f64::from(1_u32 << 28) + f64::from(self.offset) / 65_536.0
+        let hz = self.reference_hz() / f64::from(1_u32 << 28);
+        match self.dividers.sensor() {
+            1 => hz,
+            divider => f64::from(divider) * hz,
+        }
     }
 
     /// Whether the counter's input is at or above fREF / 4, beyond the datasheet's Table 43.
@@ -170,17 +171,17 @@ impl Scale {
         let counted = self.counted(code);
         let window = Window::of(counted, self.rcount);
         let n = (window.lowest + window.highest) as f32 / 2.0;
-        let variance = match self.noise.comparator_duty {
-            None => 1.0 / 3.0,
-            Some(duty) => edge_variance(counted, duty),
+        let deviation = match self.noise.comparator_duty {
+            None => MEAN_DEVIATION,
+            Some(duty) => libm::sqrtf(edge_variance(counted, duty)),
         };
+        let quantisation = deviation / n;
         let white = self.noise.white_relative_in_1_ms;
-        let white = if white == 0.0 {
-            0.0
-        } else {
-            white * white * 1e-3 / self.conversion_s() as f32
-        };
-        libm::sqrtf(variance / (n * n) + white)
+        if white == 0.0 {
+            return quantisation;
+        }
+        let white_variance = white * white * 1e-3 / self.conversion_s() as f32;
+        libm::sqrtf(quantisation * quantisation + white_variance)
     }
 
     /// Standard uncertainty of [`frequency_hz`](Self::frequency_hz) in hertz.
@@ -195,6 +196,9 @@ impl Scale {
         self.relative_sigma(code) * self.frequency_hz(code) as f32
     }
 }
+
+/// Standard deviation of N in reference periods, its mean square over all phases: the root of 1/3.
+const MEAN_DEVIATION: f32 = 0.577_350_26;
 
 /// Variance of N in squared reference periods: see [`Scale::relative_sigma`].
 fn edge_variance(counted: Code28, duty: f32) -> f32 {

@@ -85,7 +85,7 @@ impl Follower {
             self.reference_code = None;
         }
         // L ~ f^-2, so that the relative sigma of L/L0 is twice the frequency's.
-        let relative = (f64::from(reading.sigma_hz) / reading.frequency_hz) as f32;
+        let relative = reading.sigma_hz / reading.frequency_hz as f32;
         let sigma = point.sigma(2.0 * (1.0 + change) * relative);
         Some(Felt {
             deformation,

@@ -25,8 +25,11 @@ pub(crate) fn in_seconds(span: Duration) -> Second {
 
 /// The nearest span to a number of seconds; zero for a negative one or NaN.
 pub(crate) fn span(seconds_s: f32) -> Duration {
-    // A cast of a float saturates, and makes zero of NaN.
-    Duration::from_ticks((f64::from(seconds_s) * 1e6 + 0.5) as u64)
+    // A cast of a float saturates, and makes zero of NaN. What a number has beyond whole seconds
+    // is exact.
+    let whole_s = seconds_s as u32;
+    let rest_s = (seconds_s - whole_s as f32).clamp(0.0, 1.0);
+    Duration::from_ticks(u64::from(whole_s) * 1_000_000 + u64::from((rest_s * 1e6 + 0.5) as u32))
 }
 
 /// `instant` and a span later, without overflow.

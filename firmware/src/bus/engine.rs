@@ -86,14 +86,10 @@ impl Job {
         Some(())
     }
 
-    /// Whether it is the same as another.
-    fn is(&self, other: &Self) -> bool {
-        let mut pairs = self
-            .commands
-            .iter()
-            .zip(&other.commands)
-            .take(self.length());
-        self.length == other.length && pairs.all(|(one, another)| one == another)
+    /// Whether it has these commands, the STOP after the last aside.
+    fn is(&self, commands: impl Iterator<Item = u16>) -> bool {
+        let own = self.commands.iter().take(self.length());
+        own.map(|command| command & !STOP).eq(commands)
     }
 
     /// Number of commands.
@@ -387,13 +383,12 @@ pub fn submit(job: &Job) -> bool {
     })
 }
 
-/// The outcome of the transaction that was begun, once it is over.
-#[unsafe(link_section = ".data.engine")]
-#[inline(never)]
-pub fn take_single() -> Option<Outcome> {
+/// Lets the master look at the outcome of the transaction that was begun, once it is over.
+#[inline(always)]
+pub fn take_single<T>(look: impl FnOnce(&Outcome) -> T) -> Option<T> {
     let is_over = with(|engine| core::mem::take(&mut engine.single_is_over));
     // SAFETY: nothing writes to it until the next single job begins, which the caller does.
-    is_over.then(|| unsafe { (&raw const (*ENGINE.0.get()).single_outcome).read() })
+    is_over.then(|| look(unsafe { &(*ENGINE.0.get()).single_outcome }))
 }
 
 /// Keeps a transaction ready for edges, unless one is already.
@@ -412,13 +407,31 @@ pub fn keep_ready(job: &Job) {
     });
 }
 
-/// Whether this is the transaction that is kept ready, or none is.
-#[unsafe(link_section = ".data.engine")]
-#[inline(never)]
-pub fn may_be_ready(job: &Job) -> bool {
+/// What is kept ready for edges.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub enum Ready {
+    /// The transaction in question, with its number of commands.
+    This(usize),
+    /// Another one.
+    Another,
+    /// None.
+    Nothing,
+}
+
+/// Whether the transaction with these commands is kept ready.
+#[inline(always)]
+pub fn ready(commands: impl Iterator<Item = u16>) -> Ready {
+    if !with(|engine| engine.is_ahead) {
+        return Ready::Nothing;
+    }
     // SAFETY: nothing writes to the job that is kept ready but `keep_ready`, which the caller, the
     // master, calls itself.
-    !with(|engine| engine.is_ahead) || unsafe { (*ENGINE.0.get()).ahead.is(job) }
+    let ahead = unsafe { &(*ENGINE.0.get()).ahead };
+    if ahead.is(commands) {
+        Ready::This(ahead.length())
+    } else {
+        Ready::Another
+    }
 }
 
 /// Keeps nothing ready any more, and forgets what waits.
@@ -441,18 +454,18 @@ pub fn forget() {
     rest();
 }
 
-/// The oldest frame that waits.
-#[unsafe(link_section = ".data.engine")]
-#[inline(never)]
-pub fn take_frame() -> Option<Outcome> {
+/// Lets the master look at the oldest frame that waits, and then forgets it.
+#[inline(always)]
+pub fn take_frame<T>(look: impl FnOnce(&Outcome) -> T) -> Option<T> {
     let first = with(|engine| (engine.waiting > 0).then_some(engine.first))?;
     // SAFETY: the place is within the ring, and the engine writes to no frame that waits.
     let frame = unsafe {
         let frames: *const Outcome = (&raw const (*ENGINE.0.get()).frames).cast();
-        frames.add(first).read()
+        &*frames.add(first)
     };
+    let seen = look(frame);
     release_frame();
-    Some(frame)
+    Some(seen)
 }
 
 /// The oldest frame was taken.

@@ -9,12 +9,12 @@ use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use embedded_hal::i2c::{ErrorKind, NoAcknowledgeSource};
 use embedded_hal_async::i2c::{ErrorType, I2c, Operation, SevenBitAddress};
 use rtic_monotonics::rp2040::prelude::*;
-use rtic_sync::signal::{Signal, SignalReader};
 
 use crate::Mono;
 use crate::board::pico;
 use crate::supervision::{self, Task};
-use engine::{Job, Outcome, READ, Stamp};
+use crate::wakeup::{Sleeper, Wakeup};
+use engine::{Job, Outcome, READ, Ready, Stamp};
 
 /// Bit 0 of TX_ABRT_SOURCE: the address was not acknowledged; bit 3: a byte after it.
 const ADDRESS: u32 = 1 << 0;
@@ -29,11 +29,9 @@ const BYTE_US: u32 = 45;
 const MARGIN_US: u32 = 200;
 /// No transaction may take longer.
 const LONGEST_US: u32 = 5_000;
-/// A wait is looked at so often, so that the watchdog hears of its task.
-const SLICE_US: u64 = 5_000;
 
 /// The signal that something on the bus is over.
-static OVER: Signal<()> = Signal::new();
+static OVER: Wakeup = Wakeup::new();
 /// Transactions wait for an edge of INTB.
 static ON_EDGES: AtomicBool = AtomicBool::new(false);
 /// How long no edge may come, in microseconds.
@@ -113,15 +111,18 @@ pub fn read_at_once() {
 
 /// Tells the master that something is over; for the interrupt that the engine pends.
 pub fn wake() {
-    OVER.writer().write(());
+    OVER.call();
+}
+
+/// A millisecond has passed, in which the deadline of a transaction may have.
+pub fn pulse() {
+    OVER.pulse();
 }
 
 /// The master.
 pub struct Master {
-    over: SignalReader<'static, ()>,
+    over: Sleeper,
     address: u8,
-    /// The edge that began the last transaction.
-    stamp: &'static critical_section::Mutex<core::cell::Cell<Stamp>>,
 }
 
 /// The edge of the frame that was read last.
@@ -143,61 +144,62 @@ impl Master {
     pub fn take(address: u8) -> Option<Self> {
         recovery::set_up(address);
         Some(Self {
-            over: OVER.try_take_reader()?,
+            over: OVER.take()?,
             address,
-            stamp: &STAMP,
         })
     }
 
-    async fn wait(&mut self, left_us: u64) {
+    /// Waits for the end of a transaction, or for the next pulse.
+    async fn wait(&mut self) {
         supervision::check_in(Task::Sensing);
-        let until = Mono::now() + left_us.clamp(50, SLICE_US).micros();
-        let _ = Mono::timeout_at(until, self.over.wait()).await;
+        self.over.wait().await;
     }
 
-    async fn single(&mut self, job: &Job) -> Result<Outcome, BusError> {
-        let deadline_us = deadline_us(job);
+    async fn single(&mut self, operations: &mut [Operation<'_>]) -> Result<(), BusError> {
+        let job = job(operations).ok_or(BusError::Length)?;
+        let deadline_us = deadline_us(job.length());
         let begin_us = now_us();
-        while !engine::submit(job) {
+        while !engine::submit(&job) {
             if passed(begin_us) > LONGEST_US {
                 return Err(self.give_up());
             }
-            self.wait(u64::from(LONGEST_US)).await;
+            self.wait().await;
         }
         let begin_us = now_us();
         loop {
-            if let Some(outcome) = engine::take_single() {
-                return Ok(outcome);
+            if let Some(result) = engine::take_single(|outcome| read_out(outcome, operations)) {
+                return result;
             }
-            let passed_us = passed(begin_us);
-            if passed_us > deadline_us {
+            if passed(begin_us) > deadline_us {
                 return Err(self.give_up());
             }
-            self.wait(u64::from(deadline_us - passed_us) + 1).await;
+            self.wait().await;
         }
     }
 
-    async fn on_edge(&mut self, job: &Job) -> Result<Outcome, BusError> {
-        engine::keep_ready(job);
-        let deadline_us = deadline_us(job);
+    async fn on_edge(
+        &mut self,
+        length: usize,
+        operations: &mut [Operation<'_>],
+    ) -> Result<(), BusError> {
+        let deadline_us = deadline_us(length);
         let silence_us = SILENCE_US.load(Ordering::Relaxed);
         let begin_us = now_us();
         loop {
-            if let Some(outcome) = engine::take_frame() {
-                return Ok(outcome);
+            if let Some(result) = engine::take_frame(|outcome| read_out(outcome, operations)) {
+                return result;
             }
-            let left_us = match engine::runs_since_us() {
+            match engine::runs_since_us() {
                 Some(since_us) if passed(since_us) > deadline_us => return Err(self.give_up()),
-                Some(since_us) => deadline_us - passed(since_us),
+                Some(_) => {}
                 None if passed(begin_us) > silence_us => return Err(BusError::Silent),
                 None => {
                     if !pico::is_high(pico::INTB) && passed(engine::last_edge().0) > deadline_us {
                         engine::begin_without_edge();
                     }
-                    deadline_us.min(silence_us - passed(begin_us))
                 }
-            };
-            self.wait(u64::from(left_us) + 1).await;
+            }
+            self.wait().await;
         }
     }
 
@@ -210,9 +212,14 @@ impl Master {
     }
 }
 
-/// From the frame's own length, 5 ms at most.
-fn deadline_us(job: &Job) -> u32 {
-    (job.length() as u32 * BYTE_US + MARGIN_US).min(LONGEST_US)
+/// From the frame's own length, 5 ms at most; it is looked at when a pulse comes, every millisecond.
+const fn deadline_us(commands: usize) -> u32 {
+    let deadline_us = commands as u32 * BYTE_US + MARGIN_US;
+    if deadline_us < LONGEST_US {
+        deadline_us
+    } else {
+        LONGEST_US
+    }
 }
 
 fn now_us() -> u32 {
@@ -237,49 +244,69 @@ impl I2c for Master {
         if let [Operation::Write([_, _, _])] = operations {
             return Ok(());
         }
-        let job = job(operations).ok_or(BusError::Length)?;
-        let on_edges = ON_EDGES.load(Ordering::Relaxed) && engine::may_be_ready(&job);
-        let outcome = if on_edges {
-            self.on_edge(&job).await?
-        } else {
-            self.single(&job).await?
-        };
-        if let Some(error) = BusError::of(outcome.cause) {
-            return Err(error);
+        if !ON_EDGES.load(Ordering::Relaxed) {
+            return self.single(operations).await;
         }
-        #[cfg(planted_defect = "words_swapped")]
-        let mut outcome = outcome;
-        #[cfg(planted_defect = "words_swapped")]
-        if let ([first, second, third, fourth, ..], true) = (&mut outcome.bytes, on_edges) {
-            core::mem::swap(first, third);
-            core::mem::swap(second, fourth);
-        }
-        critical_section::with(|section| self.stamp.borrow(section).set(outcome.stamp));
-        let mut bytes = outcome.bytes.iter();
-        for operation in operations {
-            if let Operation::Read(buffer) = operation {
-                for (place, byte) in buffer.iter_mut().zip(&mut bytes) {
-                    *place = *byte;
-                }
+        match engine::ready(commands(operations)) {
+            Ready::This(length) => self.on_edge(length, operations).await,
+            Ready::Another => self.single(operations).await,
+            Ready::Nothing => {
+                let job = job(operations).ok_or(BusError::Length)?;
+                engine::keep_ready(&job);
+                self.on_edge(job.length(), operations).await
             }
         }
-        Ok(())
     }
 }
 
-/// The commands of a transaction; the block sends a repeated START by itself where reading and
-/// writing alternate.
+/// Hands out what a transaction read.
+fn read_out(outcome: &Outcome, operations: &mut [Operation<'_>]) -> Result<(), BusError> {
+    if let Some(error) = BusError::of(outcome.cause) {
+        return Err(error);
+    }
+    #[cfg(planted_defect = "words_swapped")]
+    let outcome = &swapped(outcome);
+    critical_section::with(|section| STAMP.borrow(section).set(outcome.stamp));
+    let mut bytes = outcome.bytes.iter();
+    for operation in operations {
+        if let Operation::Read(buffer) = operation {
+            for (place, byte) in buffer.iter_mut().zip(&mut bytes) {
+                *place = *byte;
+            }
+        }
+    }
+    Ok(())
+}
+
+#[cfg(planted_defect = "words_swapped")]
+fn swapped(outcome: &Outcome) -> Outcome {
+    let mut swapped = *outcome;
+    if let ([first, second, third, fourth, ..], true) = (&mut swapped.bytes, outcome.stamp.is_known)
+    {
+        core::mem::swap(first, third);
+        core::mem::swap(second, fourth);
+    }
+    swapped
+}
+
+/// The commands of a transaction, without the STOP after the last; the block sends a repeated
+/// START by itself where reading and writing alternate.
+fn commands(operations: &[Operation<'_>]) -> impl Iterator<Item = u16> {
+    operations.iter().flat_map(|operation| {
+        let (written, read): (&[u8], usize) = match operation {
+            Operation::Write(bytes) => (bytes, 0),
+            Operation::Read(buffer) => (&[], buffer.len()),
+        };
+        let written = written.iter().map(|&byte| u16::from(byte));
+        written.chain(core::iter::repeat_n(READ, read))
+    })
+}
+
+/// The transaction; nothing if it is longer than any frame, or empty.
 fn job(operations: &[Operation<'_>]) -> Option<Job> {
     let mut job = Job::EMPTY;
-    for operation in operations {
-        match operation {
-            Operation::Write(bytes) => {
-                bytes
-                    .iter()
-                    .try_for_each(|&byte| job.push(u16::from(byte)))?;
-            }
-            Operation::Read(buffer) => buffer.iter().try_for_each(|_| job.push(READ))?,
-        }
+    for command in commands(operations) {
+        job.push(command)?;
     }
     job.stop()?;
     Some(job)

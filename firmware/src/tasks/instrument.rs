@@ -5,30 +5,29 @@ use core::cell::Cell;
 use core::task::Poll;
 
 use critical_section::Mutex;
+use heapless::Vec;
 use heapless::spsc::Consumer;
 use palpate_procedure::event::{Conditions, Failure};
 use palpate_procedure::units::{Ampere, Celsius};
 use palpate_procedure::{
-    Action, Board, Conversion, Duration, Event, Instant, Limits, Procedure, Scan,
+    Action, Actions, Board, Conversion, Duration, Event, Instant, Limits, Procedure, Scan,
 };
 use palpate_wire::code::{self, Chip, FaultCode, Outcome, Place, ResetCause};
 use palpate_wire::command::Command;
 use palpate_wire::record::{Acknowledgement, Hello};
 use palpate_wire::{Frame, MINOR_VERSION, Message, Record, SCHEMA_HASH};
 use rtic_monotonics::rp2040::prelude::*;
-use rtic_sync::signal::SignalReader;
 
 use crate::acquisition::{Sampled, Scheme, Wanted};
 use crate::crash::Beginning;
 use crate::link::{Inbox, Outbox, Received, log};
 use crate::supervision::{Task, check_in};
+use crate::wakeup::Sleeper;
 use crate::{Mono, app, board, coil, report};
 
-/// How long the task waits for a sample before it looks at everything else.
-const TICK_MS: u64 = 1;
 /// Samples that are taken before it looks at everything else.
 const AT_ONCE: usize = 4;
-/// Bytes of commands that are looked at in a tick: two of the longest frames.
+/// Bytes of commands that are looked at in a turn: two of the longest frames.
 const COMMAND_BYTES: usize = 212;
 /// How long the converter may take to wake, to say who it is and to show what releases its
 /// interrupt line; an absent one is known after 5 ms.
@@ -79,6 +78,8 @@ pub struct Instrument {
     pub clocks_run: bool,
     /// What the instrument does, once it is known which converter is there.
     pub procedure: Option<Procedure>,
+    /// What it wanted done last.
+    pub actions: Actions,
     /// The failures that the procedure was told of and that last: of the converter, of the bridge.
     pub standing: [Option<FaultCode>; 2],
     /// The fault that the procedure stands in, as it said.
@@ -110,8 +111,8 @@ pub async fn instrument(cx: app::instrument::Context<'_>) {
     }
 }
 
-/// Waits for a sample, but lets the supervisor have its turn even if one waits already.
-async fn wait(arrived: &mut SignalReader<'static, ()>) {
+/// Waits for a sample or a millisecond without, but lets the supervisor have its turn even if one waits already.
+async fn wait(arrived: &mut Sleeper) {
     let mut yielded = false;
     core::future::poll_fn(|context| {
         if core::mem::replace(&mut yielded, true) {
@@ -121,7 +122,7 @@ async fn wait(arrived: &mut SignalReader<'static, ()>) {
         Poll::Pending
     })
     .await;
-    let _ = Mono::timeout_after(TICK_MS.millis(), arrived.wait()).await;
+    arrived.wait().await;
 }
 
 impl Instrument {
@@ -178,10 +179,11 @@ impl Instrument {
     fn work(&mut self) {
         let mut told = false;
         for _ in 0..AT_ONCE {
-            let Some(sampled) = self.samples.dequeue() else {
+            let Some(scan) = self.samples.peek().map(scan_of) else {
                 break;
             };
-            self.sampled(&sampled);
+            let _ = self.samples.dequeue();
+            self.sampled(&scan);
             told = true;
         }
         if let Some(received) = self.inbox.receive(COMMAND_BYTES) {
@@ -205,7 +207,8 @@ impl Instrument {
             return;
         };
         let now_us = Mono::now().as_ticks();
-        for action in &procedure.step(Instant::from_ticks(now_us), event) {
+        procedure.step_into(Instant::from_ticks(now_us), event, &mut self.actions);
+        for action in &self.actions {
             match action {
                 Action::SafeState => coil::stop(),
                 Action::Current { to, over } => coil::go(now_us, to.0, over.as_ticks()),
@@ -233,31 +236,12 @@ impl Instrument {
 
     // ---- what happens ----
 
-    fn sampled(&mut self, sampled: &Sampled) {
+    fn sampled(&mut self, scan: &Scan) {
         // Whatever stood against converter or bus has ended with this.
         if let Some(code) = self.latched {
             self.step(&Event::Recovered(code));
         }
-        let half_us = u64::from(sampled.window_us / 2);
-        let begin_us = sampled.time_us.saturating_sub(half_us);
-        let end_us = begin_us + u64::from(sampled.window_us);
-        let readings = sampled.frame.readings().iter();
-        let conversions = readings
-            .zip(sampled.offsets_us)
-            .map(|(reading, offset_us)| Conversion {
-                reading: *reading,
-                offset: Duration::from_ticks(offset_us.into()),
-            });
-        let scan = Scan {
-            sensor: 0,
-            middle: Instant::from_ticks(sampled.time_us),
-            window: Duration::from_ticks(sampled.window_us.into()),
-            conversions: conversions.collect(),
-            lost: sampled.missed,
-            gap: sampled.gap,
-            current: coil::mean_current_a(begin_us, end_us).map(Ampere),
-        };
-        self.step(&Event::Scan(&scan));
+        self.step(&Event::Scan(scan));
     }
 
     fn received(&mut self, received: &Received) {
@@ -322,6 +306,31 @@ impl Instrument {
             recoveries: report::RECOVERIES.get(),
         }
     }
+}
+
+/// A sample as the procedure takes it, with the current that flowed meanwhile.
+fn scan_of(sampled: &Sampled) -> Scan {
+    let half_us = u64::from(sampled.window_us / 2);
+    let begin_us = sampled.time_us.saturating_sub(half_us);
+    let end_us = begin_us + u64::from(sampled.window_us);
+    let readings = sampled.frame.readings().iter();
+    let conversions = readings
+        .zip(sampled.offsets_us)
+        .map(|(reading, offset_us)| Conversion {
+            reading: *reading,
+            offset: Duration::from_ticks(offset_us.into()),
+        });
+    let mut scan = Scan {
+        sensor: 0,
+        middle: Instant::from_ticks(sampled.time_us),
+        window: Duration::from_ticks(sampled.window_us.into()),
+        conversions: Vec::new(),
+        lost: sampled.missed,
+        gap: sampled.gap,
+        current: coil::mean_current_a(begin_us, end_us).map(Ampere),
+    };
+    scan.conversions.extend(conversions);
+    scan
 }
 
 /// A decimal number from the build; 0 if it is none.

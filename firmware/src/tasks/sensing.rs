@@ -218,7 +218,7 @@ impl Sensing {
             Ok(()) => 0,
             Err(_) => missed.saturating_add(1),
         };
-        SAMPLES.writer().write(());
+        SAMPLES.call();
     }
 }
 

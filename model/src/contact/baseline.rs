@@ -12,6 +12,8 @@ use crate::units::{Metre, Second};
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Baseline {
     memory: f32,
+    /// Gains of level and rate once the memory has grown.
+    fading: (f32, f32),
     readings: u32,
     /// The first reading: the rest is kept as deviation from it, or slow corrections would be
     /// lost in rounding.
@@ -21,11 +23,18 @@ pub struct Baseline {
     rate: f32,
 }
 
+/// Readings over memory beyond which both gains of the growing memory, 4/n and 6/n^2, are below
+/// those of the fading one.
+const GROWN: f32 = 3.0;
+
 impl Baseline {
     /// `memory` is the number of readings after which one weighs 1/e; at least 2.
     pub const fn new(memory: f32) -> Self {
+        let memory = memory.max(2.0);
+        let forgotten = 1.0 / memory;
         Self {
-            memory: memory.max(2.0),
+            memory,
+            fading: (forgotten * (2.0 - forgotten), forgotten * forgotten),
             readings: 0,
             origin: Metre(0.0),
             level: 0.0,
@@ -55,16 +64,25 @@ impl Baseline {
     /// Takes the deviation last returned into the line.
     pub fn learn(&mut self, interval: Second, deviation: Metre) {
         self.readings = self.readings.saturating_add(1);
-        let n = self.readings as f32;
-        let forgotten = 1.0 / self.memory;
-        // Growing memory, which is the least-squares line through all readings, until it is as
-        // long as the fading one.
-        let pairs = n * (n + 1.0);
-        let level_gain = (2.0 * (2.0 * n - 1.0) / pairs).max(forgotten * (2.0 - forgotten));
-        let rate_gain = (6.0 / pairs).max(forgotten * forgotten);
+        let (level_gain, rate_gain) = self.gains();
         self.level += level_gain * deviation.0;
         if self.readings > 1 && interval.0 > 0.0 {
             self.rate += rate_gain * deviation.0 / interval.0;
         }
+    }
+
+    fn gains(&self) -> (f32, f32) {
+        let n = self.readings as f32;
+        let (level, rate) = self.fading;
+        if n > GROWN * self.memory {
+            return (level, rate);
+        }
+        // Growing memory, which is the least-squares line through all readings, until it is as
+        // long as the fading one.
+        let pairs = n * (n + 1.0);
+        (
+            (2.0 * (2.0 * n - 1.0) / pairs).max(level),
+            (6.0 / pairs).max(rate),
+        )
     }
 }

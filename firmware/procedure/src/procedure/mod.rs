@@ -118,7 +118,10 @@ impl Procedure {
         actions
     }
 
-    fn step_into(&mut self, now: Instant, event: &Event<'_>, actions: &mut Actions) {
+    /// The same into actions that are there already, whatever they held: two kilobytes that
+    /// need not be copied.
+    pub fn step_into(&mut self, now: Instant, event: &Event<'_>, actions: &mut Actions) {
+        actions.clear();
         let set_back = between(now, self.now) > TICK;
         self.now = if set_back { now } else { now.max(self.now) };
         let mut out = Out {
@@ -191,8 +194,8 @@ impl Procedure {
         let Some(last) = self.streamers.get(sensor).map(Streamer::last) else {
             return;
         };
-        let usual = Second(1.0 / self.configuration.settings.rate_hz);
-        let interval = last.map_or(usual, |last| seconds(last, scan.middle));
+        let usual = || Second(1.0 / self.configuration.settings.rate_hz);
+        let interval = last.map_or_else(usual, |last| seconds(last, scan.middle));
         if let (0, Some(heat), Some(current)) = (sensor, &mut self.heat, scan.measured_current()) {
             heat.push(current, interval);
         }

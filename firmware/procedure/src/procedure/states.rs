@@ -10,7 +10,7 @@ use crate::deformation::Felt;
 use crate::event::{Failure, Scan};
 use crate::measurement::{Drive, Measurement, Outcome, Progress, Reason, Report, metres, refusal};
 use crate::steadiness::Steadiness;
-use crate::time::{Instant, after, between, seconds, span};
+use crate::time::{Duration, Instant, between, in_seconds, seconds, span};
 use crate::train::{Course, Leg};
 
 /// Good conversions in a row that prove sensor, clock and bus.
@@ -20,6 +20,8 @@ const SELF_TEST_CONVERSIONS: u8 = 10;
 /// time: what recovering the bus may take (50 ms).
 const SILENT_PERIODS: f32 = 10.0;
 const SILENT_S: f32 = 0.05;
+/// The same time.
+const LEAST_SILENCE: Duration = Duration::from_ticks(50_000);
 
 /// Where the procedure stands, with what it has to remember there.
 #[derive(Clone, Debug)]
@@ -439,14 +441,17 @@ impl Procedure {
         if matches!(self.phase, Phase::Fault(_)) {
             return;
         }
-        let settings = &self.configuration.settings;
-        let allowed_s = (SILENT_PERIODS / settings.rate_hz).max(SILENT_S);
         let heard = self.heard.get_or_insert(out.now);
         let silent = between(*heard, out.now);
-        if after(*heard, span(allowed_s)) < out.now {
+        if silent <= LEAST_SILENCE {
+            return;
+        }
+        let silent_s = in_seconds(silent).0;
+        let allowed_s = (SILENT_PERIODS / self.configuration.settings.rate_hz).max(SILENT_S);
+        if silent_s > allowed_s {
             self.fail(
                 Failure {
-                    value: Some(silent.as_ticks() as f32 * 1e-6),
+                    value: Some(silent_s),
                     limit: Some(allowed_s),
                     ..Failure::new(FaultCode::SensorSilent, Place::Sensor)
                 },
