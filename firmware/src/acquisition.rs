@@ -16,6 +16,8 @@ const SENSOR: Sensor = Sensor {
 /// Clocks of the converter with one channel and with several.
 const SINGLE_HZ: u32 = 30_000_000;
 const SCAN_HZ: u32 = 40_000_000;
+/// To read one register: 48 bit times of 2.5 us, and the master's way to it.
+pub const REGISTER_US: f32 = 130.0;
 /// Between two channels of a scan (datasheet equation 8).
 const SWITCH_S: f32 = 692e-9 + 5.0 / SCAN_HZ as f32;
 /// An interval within this part of the period is one period.
@@ -40,6 +42,9 @@ pub struct Scheme {
     pub configuration: Configuration,
     /// From one frame to the next as planned, in microseconds.
     pub period_us: f32,
+    /// What a frame leaves of that on the bus, in microseconds; less by [`REGISTER_US`] if STATUS is
+    /// read with it.
+    pub spare_us: f32,
     /// Only one channel is active.
     pub is_single: bool,
     /// From the middle of the first conversion to the frame's edge, in microseconds.
@@ -68,6 +73,7 @@ impl Scheme {
             window_us: (scale.conversion_s() as f32 * 1e6 + 0.5) as u16,
             configuration: plan.configuration,
             period_us: plan.frame_period_ns as f32 / 1e3,
+            spare_us: plan.frame_period_ns.saturating_sub(plan.frame_read_ns) as f32 / 1e3,
             is_single,
             before_edge_us,
             offsets_us,

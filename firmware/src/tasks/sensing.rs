@@ -4,7 +4,7 @@ use heapless::spsc::Producer;
 use ldc161x::{AsyncLdc161x, DriveCode, Error, InterruptRelease};
 use rtic_monotonics::rp2040::prelude::*;
 
-use crate::acquisition::{Grid, Sampled, Scheme, Wanted, with_room};
+use crate::acquisition::{Grid, REGISTER_US, Sampled, Scheme, Wanted, with_room};
 use crate::board::pico::{self, IntbPin, ShutdownPin};
 use crate::bus::{self, BusError, Master};
 use crate::supervision::{Task, check_in};
@@ -95,6 +95,12 @@ impl Sensing {
         let mut gap = true;
         let mut errors = 0;
         let mut until_canary = CANARY_EVERY;
+        let with_status = self.release == Some(InterruptRelease::ByStatusOnly);
+        // Where a register has no room beside the frames, reading one would delay the next frame
+        // beyond a conversion. A converter that has lost its registers then shows by its silence
+        // alone: a reset puts it to sleep.
+        let registers = 1.0 + f32::from(u8::from(with_status));
+        let has_room = scheme.spare_us > registers * REGISTER_US;
         while instrument::wanted_number() == number {
             match self.driver.read_frame().await {
                 Ok(frame) => {
@@ -122,7 +128,9 @@ impl Sensing {
             until_canary -= 1;
             if until_canary == 0 {
                 until_canary = CANARY_EVERY;
-                self.driver.check_canary().await?;
+                if has_room {
+                    self.driver.check_canary().await?;
+                }
             }
             #[cfg(planted_defect = "panic")]
             crate::planted::panic_if_asked(Task::Sensing);
