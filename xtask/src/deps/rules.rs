@@ -80,7 +80,12 @@ pub(super) const RULES: &[Rule] = &[
     Rule {
         name: "firmware-below",
         who: FIRMWARE,
-        may_depend: On::Only(&["palpate-float", "palpate-procedure", "palpate-wire", DRIVERS]),
+        may_depend: On::Only(&[
+            "palpate-float",
+            "palpate-procedure",
+            "palpate-wire",
+            DRIVERS,
+        ]),
         because: "the firmware is wiring; physics reaches it through the procedure",
     },
     Rule {
