@@ -164,7 +164,11 @@ impl Grid {
     /// How many frames have ended since an edge, when its frame was fetched so late: each of them
     /// has overwritten the one before, without an edge of its own.
     pub fn overwritten(&self, late_us: u32) -> u32 {
-        (late_us as f32 / self.period_us) as u32
+        let late_us = late_us as f32;
+        if late_us < self.period_us {
+            return 0;
+        }
+        (late_us / self.period_us) as u32
     }
 
     /// The next edge is the first one of a new grid.
@@ -184,12 +188,12 @@ impl Grid {
             self.unseen = self.unseen.wrapping_add(passed.saturating_sub(1));
         }
         let interval_us = edge_us.saturating_sub(last_us) as f32;
-        let periods = interval_us / self.period_us;
-        if (periods - 1.0).abs() < TOLERANCE {
-            self.period_us += GAIN * (interval_us - self.period_us);
+        let more_us = interval_us - self.period_us;
+        if more_us.abs() < TOLERANCE * self.period_us {
+            self.period_us += GAIN * more_us;
             return 0;
         }
-        ((periods + 0.5) as u32).saturating_sub(1)
+        ((interval_us / self.period_us + 0.5) as u32).saturating_sub(1)
     }
 }
 

@@ -93,9 +93,12 @@ impl Scale {
     /// assert_eq!(scale.frequency_hz(Code28::new(1 << 24).unwrap()), 4e6);
     /// ```
     pub fn frequency_hz(&self, code: Code28) -> f64 {
-        // The word as it would be without OFFSETx is exact, and so is the unit: one rounding in all.
-        let whole = code.get() + (u32::from(self.offset) << 12);
-        f64::from(whole) * self.hz_per_lsb()
+        f64::from(self.whole(code)) * self.hz_per_lsb()
+    }
+
+    /// The code as it would be without OFFSETx, which may be more than 28 bits hold.
+    pub(crate) fn whole(&self, code: Code28) -> u32 {
+        code.get() + (u32::from(self.offset) << 12)
     }
 
     /// One unit of the code in hertz, for differences of codes.
@@ -138,7 +141,7 @@ impl Scale {
 
     /// The code before OFFSETx was taken off it, at most full scale.
     fn counted(&self, code: Code28) -> Code28 {
-        Code28::new(code.get() + (u32::from(self.offset) << 12)).unwrap_or(Code28::OVER_RANGE)
+        Code28::new(self.whole(code)).unwrap_or(Code28::OVER_RANGE)
     }
 
     /// Relative standard uncertainty of one conversion: quantisation and white noise.

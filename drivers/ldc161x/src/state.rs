@@ -5,7 +5,7 @@ use heapless::Vec;
 
 use crate::{
     Acquisition, BusAccess, Channel, Configuration, Frame, Freshness, Marks, Reading, Register,
-    Status, Word,
+    Scale, Status, Word,
 };
 
 /// STATUS, and MSB and LSB of four channels, each read twice.
@@ -48,6 +48,9 @@ pub(crate) struct State {
     pub(crate) read_twice: bool,
     /// What the chip should be.
     pub(crate) wanted: Option<Configuration>,
+    /// One unit of each channel's code in hertz, while it runs: reckoned once, and not with a
+    /// division for every reading.
+    units_hz: [f64; 4],
     /// The chip converts as wanted, as far as is known.
     pub(crate) running: bool,
     /// A transfer failed: ask for the identity before the next frame is trusted.
@@ -66,6 +69,7 @@ impl State {
             release: InterruptRelease::ByStatusOnly,
             read_twice: false,
             wanted: None,
+            units_hz: [0.0; 4],
             running: false,
             suspect: false,
             marks: Marks {
@@ -85,6 +89,7 @@ impl State {
 
     pub(crate) fn started(&mut self, configuration: Configuration) {
         self.wanted = Some(configuration);
+        self.units_hz = Channel::ALL.map(|channel| configuration.scale(channel).hz_per_lsb());
         self.running = true;
         self.suspect = false;
         self.marks.gap = true;
@@ -144,7 +149,12 @@ impl State {
         let mut frame = Frame::new(self.frame_number, marks, status);
         let pairs = data.chunks_exact(2 * self.reads());
         for (channel, pair) in configuration.acquisition.channels().zip(pairs) {
-            frame.push(reading(configuration, channel, pair, status, marks));
+            let unit_hz = self.units_hz.get(usize::from(channel.number()));
+            let scale = (
+                configuration.scale(channel),
+                unit_hz.copied().unwrap_or(0.0),
+            );
+            frame.push(reading(scale, channel, pair, status, marks));
         }
         frame
     }
@@ -186,7 +196,7 @@ impl State {
 
 /// One reading from the words of its channel: MSB, LSB and, read twice, MSB and LSB again.
 fn reading(
-    configuration: &Configuration,
+    (scale, unit_hz): (Scale, f64),
     channel: Channel,
     words: &[u16],
     status: Option<Status>,
@@ -206,8 +216,8 @@ fn reading(
         Some(status) if status.unread(channel) => Freshness::New,
         Some(_) => Freshness::Repeated,
     };
-    let scale = configuration.scale(channel);
-    let frequency_hz = scale.frequency_hz(word.code());
+    // as Scale::frequency_hz has it
+    let frequency_hz = f64::from(scale.whole(word.code())) * unit_hz;
     Reading {
         channel,
         word,

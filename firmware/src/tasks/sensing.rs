@@ -234,8 +234,11 @@ fn stamped(scheme: &Scheme, frame: ldc161x::Frame, grid: &mut Grid, gap: bool) -
     let stamp = bus::last_stamp();
     // What was fetched is the newest frame, which may have ended after the edge that called.
     let late_us = stamp.begun_us.wrapping_sub(stamp.time_us);
-    let overwritten = grid.overwritten(late_us) as f32 * grid.period_us();
-    let edge_us = extended(stamp.time_us) + overwritten as u64;
+    let mut edge_us = extended(stamp.time_us);
+    let overwritten = grid.overwritten(late_us);
+    if overwritten > 0 {
+        edge_us += (overwritten as f32 * grid.period_us()) as u64;
+    }
     let missed = grid.missed(edge_us, stamp.edges);
     Sampled {
         frame,

@@ -221,17 +221,15 @@ impl Detector {
     fn watch_touch(&mut self, interval: Second, deformation: Metre) -> Touch {
         let state = self.untouched();
         if state == Touch::Clear {
-            let before = if self.rising.sum > 0.0 {
-                self.rising
+            let z = deformation / self.watch.sigma;
+            let sum = self.watch.cusum.after(self.rising.sum, z);
+            // A sum of zero begins anew, and remembers nothing.
+            if sum > 0.0 {
+                self.rising.add(interval.0, deformation.0);
+                self.rising.sum = sum;
             } else {
-                Rising::default()
-            };
-            self.rising = before;
-            self.rising.add(interval.0, deformation.0);
-            self.rising.sum = self
-                .watch
-                .cusum
-                .after(before.sum, deformation / self.watch.sigma);
+                self.rising = Rising::default();
+            }
             if self.watch.cusum.alarms(self.rising.sum) {
                 let ago = Second(self.rising.ago());
                 self.touching = true;
