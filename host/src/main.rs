@@ -9,6 +9,7 @@ mod encode;
 mod engine;
 mod failure;
 mod field;
+mod image_cost;
 mod instrument;
 mod plan_ldc;
 mod plot;
@@ -54,6 +55,7 @@ enum Verb {
     Simulate(simulate::Arguments),
     Coverage(coverage::Arguments),
     Field(field::Arguments),
+    ImageCost(image_cost::Arguments),
 }
 
 fn main() -> ExitCode {
@@ -67,6 +69,7 @@ fn main() -> ExitCode {
         Verb::Simulate(arguments) => simulate::run(&arguments),
         Verb::Coverage(arguments) => coverage::run(&arguments),
         Verb::Field(arguments) => field::run(&arguments),
+        Verb::ImageCost(arguments) => image_cost::run(&arguments),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -116,7 +116,8 @@ pub(crate) fn press(
         }
         Engine::Image(image) => {
             let options = palpate_board::Options::default();
-            let board = palpate_board::Instrument::new(image, world, options)?;
+            let mut board = palpate_board::Instrument::new(image, world, options);
+            board.start()?;
             press_on(board, instrument, how)
         }
     }
@@ -157,7 +158,7 @@ where
 }
 
 /// Measures at every contact, as nobody is there to ask.
-fn automatic(command: &Command) -> Command {
+pub(crate) fn automatic(command: &Command) -> Command {
     match command {
         Command::SetSettings(settings) => Command::SetSettings(palpate_wire::command::Settings {
             automatic: true,

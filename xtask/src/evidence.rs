@@ -138,7 +138,24 @@ const CAMPAIGNS: &[Campaign] = &[
             "image-rates",
         ],
     },
+    Campaign {
+        name: IMAGE_COST,
+        purpose: "What the firmware's image costs of processor, flash and memory, by its parts.",
+        arguments: &[
+            "run",
+            "--release",
+            "-p",
+            "palpate",
+            "--",
+            "image-cost",
+            "--seed",
+            "1",
+        ],
+    },
 ];
+
+/// The campaign that `cargo xtask bench-image` runs.
+pub(crate) const IMAGE_COST: &str = "image-cost";
 
 impl Campaign {
     fn invocation(&self) -> Invocation {

@@ -1,5 +1,7 @@
 //! The board: the processor's core with everything around it, stepped through time.
 
+use std::ops::Range;
+
 use ldc161x_sim::{Chip, Settings, Time};
 use rp2040_emu::core::CortexM0Plus;
 
@@ -8,6 +10,7 @@ use crate::bus::Bus;
 use crate::image::{Image, VECTORS};
 use crate::interrupts::HARD_FAULT;
 use crate::plant::Plant;
+use crate::profile::Profile;
 use crate::rtt;
 use crate::stop::Stop;
 use crate::trace::Trace;
@@ -80,6 +83,7 @@ pub struct Board<P> {
     resets: ResetCount,
     instructions: u64,
     asleep_ps: u64,
+    profile: Option<Box<Profile>>,
 }
 
 impl<P: Plant> Clone for Board<P> {
@@ -92,6 +96,7 @@ impl<P: Plant> Clone for Board<P> {
             resets: self.resets,
             instructions: self.instructions,
             asleep_ps: self.asleep_ps,
+            profile: self.profile.clone(),
         };
         let (from, to) = (&self.core.regs, &mut board.core.regs);
         to.r = from.r;
@@ -120,6 +125,7 @@ impl<P: Plant> Board<P> {
             resets: ResetCount::default(),
             instructions: 0,
             asleep_ps: 0,
+            profile: None,
         };
         board.start();
         board
@@ -127,6 +133,9 @@ impl<P: Plant> Board<P> {
 
     /// What the second stage does last: stack and entry from the vector table.
     fn start(&mut self) {
+        if let Some(profile) = &mut self.profile {
+            profile.interrupted();
+        }
         let cycles = self.core.cycles;
         self.core = CortexM0Plus::new();
         self.core.cycles = cycles;
@@ -180,15 +189,19 @@ impl<P: Plant> Board<P> {
         if self.bus.interrupts.any() {
             self.take_interrupt();
         }
+        let mut begin_ps = self.bus.clock.now_ps();
         if self.core.is_halted() || self.bus.parked {
-            let before_ps = self.bus.clock.now_ps();
             self.bus.sleep(end_ps);
-            self.asleep_ps += self.bus.clock.now_ps() - before_ps;
+            self.asleep_ps += self.bus.clock.now_ps() - begin_ps;
+            begin_ps = self.bus.clock.now_ps();
         } else {
             self.execute();
         }
         if self.bus.clock.now_ps() >= self.bus.next_event_ps {
             self.bus.service();
+        }
+        if let Some(profile) = &mut self.profile {
+            profile.pending(self.bus.interrupts.pending(), Time::from_ps(begin_ps));
         }
         if self.bus.watchdog_fired {
             self.resets.watchdog += 1;
@@ -203,9 +216,16 @@ impl<P: Plant> Board<P> {
         self.bus.stall = 0;
         self.bus.fetch_cost(pc);
         let active = self.bus.ppb.active;
-        let cycles = u64::from(self.core.step(&mut self.bus));
+        let exception = self.core.regs.ipsr();
+        let cycles = u64::from(self.core.step(&mut self.bus)) + u64::from(self.bus.stall);
         self.instructions += 1;
-        self.bus.clock.advance(cycles + u64::from(self.bus.stall));
+        self.bus.clock.advance(cycles);
+        if let Some(profile) = &mut self.profile {
+            profile.executed(pc, cycles, exception);
+            if self.bus.ppb.active < active {
+                profile.returned();
+            }
+        }
         if self.bus.ppb.active != active {
             // A handler has returned: a line that is still high interrupts again.
             self.bus.next_event_ps = 0;
@@ -277,9 +297,11 @@ impl<P: Plant> Board<P> {
         let vector = self.bus.read32(self.bus.ppb.vtor + 4 * exception);
         self.core.regs.set_pc(vector & !1);
         self.core.cycles += ENTRY_CYCLES;
-        self.bus
-            .clock
-            .advance(ENTRY_CYCLES + u64::from(self.bus.stall));
+        let cycles = ENTRY_CYCLES + u64::from(self.bus.stall);
+        self.bus.clock.advance(cycles);
+        if let Some(profile) = &mut self.profile {
+            profile.entered(exception, cycles, self.bus.clock.now());
+        }
     }
 
     // ---- the debug probe ----
@@ -436,6 +458,18 @@ impl<P: Plant> Board<P> {
     #[must_use]
     pub fn time_asleep(&self) -> Time {
         Time::from_ps(self.asleep_ps)
+    }
+
+    /// Begins to count where the cycles go, from nothing. What functions at shared addresses cost,
+    /// as those of soft floating point do, is charged to their callers. Takes some time for every
+    /// instruction, and none while nobody has asked for it.
+    pub fn profile(&mut self, shared: &[Range<u32>]) {
+        self.profile = Some(Box::new(Profile::new(&self.image, shared)));
+    }
+
+    /// Ends the count and returns it.
+    pub fn take_profile(&mut self) -> Option<Profile> {
+        self.profile.take().map(|profile| *profile)
     }
 
     /// Hits and misses of the flash's cache, lines fetched one after the other counted once.

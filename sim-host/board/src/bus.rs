@@ -27,9 +27,9 @@ use crate::watchdog::Watchdog;
 use crate::wire::Wire;
 use crate::xip::Cache;
 
-const RAM: u32 = 0x2000_0000;
+pub(crate) const RAM: u32 = 0x2000_0000;
 /// Four banks of 64 KiB and two of 4 KiB (datasheet 2.6.2).
-const RAM_SIZE: usize = 264 * 1024;
+pub(crate) const RAM_SIZE: usize = 264 * 1024;
 /// Waiting time of an access through the APB bridge. The datasheet gives no number; guess.
 const APB_CYCLES: u32 = 3;
 /// The processor's clock while nothing else is set: the ring oscillator.

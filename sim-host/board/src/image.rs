@@ -6,7 +6,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use object::read::elf::{ElfFile32, ProgramHeader};
-use object::{Endianness, Object, ObjectSymbol};
+use object::{Endianness, Object, ObjectSection, ObjectSymbol};
 
 /// Where the flash begins.
 pub(crate) const FLASH: u32 = 0x1000_0000;
@@ -20,6 +20,7 @@ pub(crate) const VECTORS: u32 = FLASH + 0x100;
 pub struct Image {
     pub(crate) flash: Arc<[u8]>,
     symbols: Arc<BTreeMap<String, u32>>,
+    sections: Arc<BTreeMap<String, u32>>,
     end: u32,
 }
 
@@ -95,9 +96,14 @@ impl Image {
             .symbols()
             .filter_map(|symbol| Some((symbol.name().ok()?.to_owned(), symbol.address() as u32)))
             .collect();
+        let sections = elf
+            .sections()
+            .filter_map(|section| Some((section.name().ok()?.to_owned(), section.size() as u32)))
+            .collect();
         let image = Self {
             flash: flash.into(),
             symbols: Arc::new(symbols),
+            sections: Arc::new(sections),
             end,
         };
         if image.word(VECTORS + 4) & 0xF000_0001 != 0x1000_0001 {
@@ -110,6 +116,25 @@ impl Image {
     #[must_use]
     pub fn flash_bytes(&self) -> u32 {
         self.end - FLASH
+    }
+
+    /// Bytes of memory that variables and buffers take, without stack and code.
+    #[must_use]
+    pub fn static_bytes(&self) -> u32 {
+        [".data", ".bss", ".uninit"]
+            .map(|name| self.section(name))
+            .iter()
+            .sum()
+    }
+
+    /// Bytes of code that is copied to memory at the start.
+    #[must_use]
+    pub fn code_in_memory_bytes(&self) -> u32 {
+        self.section(".hot")
+    }
+
+    fn section(&self, name: &str) -> u32 {
+        self.sections.get(name).copied().unwrap_or_default()
     }
 
     /// The address of a symbol.

@@ -82,12 +82,9 @@ pub struct Instrument {
 }
 
 impl Instrument {
-    /// The image gets its power now, with the converter and the crystal of this world, and says
-    /// who it is.
-    ///
-    /// # Errors
-    /// [`Failure`].
-    pub fn new(image: &Image, world: World, options: Options) -> Result<Self, Failure> {
+    /// The image gets its power now, with the converter and the crystal of this world.
+    #[must_use]
+    pub fn new(image: &Image, world: World, options: Options) -> Self {
         let chip = world.chip_settings(CLKIN_HZ);
         let clock = chip.external_clock;
         let error = clock.map_or(0.0, |clock| clock.relative_error);
@@ -97,17 +94,24 @@ impl Instrument {
             wide_codes: false,
             ..options
         };
-        let mut instrument = Self {
+        Self {
             board: Board::new(image, Pressed::new(world), chip, options),
             pending: Vec::new(),
             sequencer: Sequencer::new(0),
             records: Vec::new(),
             logs: Vec::new(),
             damaged: 0,
-        };
+        }
+    }
+
+    /// Waits until the image says who it is: before that it takes no commands.
+    ///
+    /// # Errors
+    /// [`Failure`].
+    pub fn start(&mut self) -> Result<(), Failure> {
         let is_hello = |record: &Record| matches!(record, Record::Hello(_));
-        match instrument.run_to(GREETING, is_hello)? {
-            true => Ok(instrument),
+        match self.run_to(GREETING, is_hello)? {
+            true => Ok(()),
             false => Err(Failure::Silent),
         }
     }

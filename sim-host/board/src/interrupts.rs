@@ -31,6 +31,11 @@ impl Interrupts {
         self.pending & self.enabled != 0
     }
 
+    /// The interrupts that wait to run, of those that may.
+    pub(crate) const fn pending(&self) -> u32 {
+        self.pending & self.enabled
+    }
+
     /// The exception to take now, given which are active; it is no longer pending then.
     pub(crate) fn take(&mut self, active: u64) -> Option<u32> {
         let candidates = self.pending & self.enabled;

@@ -1,0 +1,210 @@
+//! The image at its work, phase by phase.
+
+use std::ops::Range;
+use std::time::Instant;
+
+use palpate_board::{Image, Instrument, Options, Profile};
+use palpate_sim::Time;
+use palpate_sim::device::Device;
+use palpate_sim::mechanics::load::Load;
+use palpate_sim::mechanics::press::Profile as Way;
+use palpate_sim::stack::{Disturbances, LoadError, Stack};
+use palpate_sim::switches::Switches;
+use palpate_sim::world::{Setup, World};
+use palpate_wire::code::State;
+use palpate_wire::{Command, Record};
+
+use crate::failure::Failure;
+use crate::instrument::{self, SPEED_M_PER_S, default_settings};
+use crate::press::{Broken, automatic};
+
+/// The kind of sensor that is pressed.
+const STACK: &str = "ultrasoft";
+/// Where the object waits above the sensor, m.
+const CLEARANCE_M: f64 = 0.2e-3;
+/// From the start until samples come, and from the commands to the baseline's end.
+const SETTLED: Time = Time::from_ms(1_000);
+/// How long each of the steady phases is watched.
+const WATCHED: Time = Time::from_ms(2_000);
+/// Much less than a train takes, which is watched for so long.
+const OF_THE_TRAIN: Time = Time::from_ms(400);
+/// An estimate comes within this time after the press.
+const PATIENCE: Time = Time::from_ms(30_000);
+
+/// What a phase has cost.
+pub(super) struct Phase {
+    pub(super) name: &'static str,
+    pub(super) profile: Profile,
+    /// Conversions whose interrupt came.
+    pub(super) samples: usize,
+    pub(super) passed: Time,
+    pub(super) asleep: Time,
+    /// From INTB's edge to the START of the transaction.
+    pub(super) latencies: Vec<Time>,
+}
+
+impl Phase {
+    /// The part of the time in which the processor did not sleep.
+    pub(super) fn load(&self) -> f64 {
+        1.0 - self.asleep.as_secs_f64() / self.passed.as_secs_f64()
+    }
+}
+
+/// What was found.
+pub(super) struct Measured {
+    /// Those at a steady rate.
+    pub(super) phases: Vec<Phase>,
+    /// From there to the estimate, which is reckoned once.
+    pub(super) rest: Phase,
+    pub(super) stack_bytes: u32,
+    pub(super) cpu_hz: f64,
+    /// Simulated over real time, on one core.
+    pub(super) speed: f64,
+}
+
+pub(super) fn measure(
+    image: &Image,
+    shared: &[Range<u32>],
+    seed: u64,
+) -> Result<Measured, Failure> {
+    let stack = Stack::builtin(STACK).map_err(LoadError::from)?;
+    let disturbances = Disturbances::builtin().map_err(LoadError::from)?;
+    let known = instrument::Instrument::calibrated(
+        &stack,
+        &disturbances,
+        seed,
+        Switches::all(),
+        &default_settings(),
+    )?;
+    let setup = Setup {
+        load: Load::Spring {
+            n_per_m: known.plant.sensing.spring_n_per_m,
+        },
+        profile: Way::at(-CLEARANCE_M),
+        ..Setup::default()
+    };
+    let world = World::new(&known.plant, known.switches, setup).map_err(Broken::from)?;
+    let options = Options {
+        record: true,
+        ..Options::default()
+    };
+    let mut watched = Watched {
+        board: Instrument::new(image, world, options),
+        shared,
+    };
+    watched.board.start().map_err(Broken::from)?;
+    watched.pass(SETTLED)?;
+    let uncalibrated = watched.phase("sensing, not calibrated", WATCHED)?;
+    for command in &known.calibration.commands {
+        watched.send(automatic(command))?;
+    }
+    watched.send(Command::Arm)?;
+    watched.pass(SETTLED)?;
+    let calibrated = watched.phase("calibrated", WATCHED)?;
+    let speed = watched.speed()?;
+    let depth_m = known.plant.press.depth_m;
+    watched.board.with_world(|world| {
+        let travel_m = world.press_for_depth_m(depth_m);
+        world.move_press(travel_m, SPEED_M_PER_S);
+    });
+    let is_driven =
+        |record: &Record| matches!(record, Record::State(it) if it.state == State::Ramps);
+    watched.until(is_driven, "the train of ramps did not begin")?;
+    let train = watched.phase("in the train", OF_THE_TRAIN)?;
+    let rest = watched.until_the_estimate()?;
+    Ok(Measured {
+        phases: vec![uncalibrated, calibrated, train],
+        rest,
+        stack_bytes: watched.stack_bytes()?,
+        cpu_hz: watched.board.board().frequencies_hz().0,
+        speed,
+    })
+}
+
+/// An image under watch.
+struct Watched<'s> {
+    board: Instrument,
+    shared: &'s [Range<u32>],
+}
+
+impl Watched<'_> {
+    fn send(&mut self, command: Command) -> Result<(), Failure> {
+        Ok(self.board.send(command).map_err(Broken::from)?)
+    }
+
+    fn pass(&mut self, time: Time) -> Result<(), Failure> {
+        let end = self.board.now() + time;
+        Ok(self.board.run_until(end).map_err(Broken::from)?)
+    }
+
+    fn until(&mut self, found: impl Fn(&Record) -> bool, otherwise: &str) -> Result<(), Failure> {
+        let end = self.board.now() + PATIENCE;
+        match self.board.run_to(end, found).map_err(Broken::from)? {
+            true => Ok(()),
+            false => Err(Failure::Refused(otherwise.to_owned())),
+        }
+    }
+
+    fn phase(&mut self, name: &'static str, time: Time) -> Result<Phase, Failure> {
+        self.watch(name, |watched| watched.pass(time))
+    }
+
+    fn until_the_estimate(&mut self) -> Result<Phase, Failure> {
+        self.watch("to the estimate", |watched| {
+            let is_end =
+                |record: &Record| matches!(record, Record::Estimate(_) | Record::Refusal(_));
+            watched.until(is_end, "no estimate came")?;
+            let refused = watched.board.records().iter().find_map(|(_, it)| match it {
+                Record::Refusal(refusal) => Some(format!("{refusal:?}")),
+                _ => None,
+            });
+            refused.map_or(Ok(()), |reason| Err(Failure::Refused(reason)))
+        })
+    }
+
+    fn watch(
+        &mut self,
+        name: &'static str,
+        run: impl FnOnce(&mut Self) -> Result<(), Failure>,
+    ) -> Result<Phase, Failure> {
+        let board = self.board.board_mut();
+        let (begin, asleep) = (board.now(), board.time_asleep());
+        let log = board.wire_log();
+        let before = log.map_or((0, 0), |log| (log.edges.len(), log.edge_to_start.len()));
+        board.profile(self.shared);
+        run(self)?;
+        let board = self.board.board_mut();
+        let profile = board.take_profile();
+        let log = board.wire_log();
+        let edges = log.map_or(0, |log| log.edges.len());
+        let latencies = log.and_then(|log| log.edge_to_start.get(before.1..));
+        Ok(Phase {
+            name,
+            profile: profile.ok_or_else(|| Failure::Refused("nothing was counted".to_owned()))?,
+            samples: edges - before.0,
+            passed: board.now() - begin,
+            asleep: board.time_asleep() - asleep,
+            latencies: latencies.unwrap_or_default().to_vec(),
+        })
+    }
+
+    /// How fast the emulation runs, on a copy that nobody counts.
+    fn speed(&self) -> Result<f64, Failure> {
+        let mut copy = self.board.clone();
+        let end = copy.now() + WATCHED;
+        let begin = Instant::now();
+        copy.run_until(end).map_err(Broken::from)?;
+        Ok(WATCHED.as_secs_f64() / begin.elapsed().as_secs_f64())
+    }
+
+    fn stack_bytes(&mut self) -> Result<u32, Failure> {
+        self.send(Command::Identify)?;
+        let told = self.board.records().iter().rev();
+        let mut told = told.filter_map(|(_, record)| match record {
+            Record::Status(status) => Some(status.stack_bytes),
+            _ => None,
+        });
+        told.next()
+            .ok_or_else(|| Failure::Refused("the image did not tell its status".to_owned()))
+    }
+}

@@ -1,0 +1,224 @@
+//! The result, as Markdown.
+
+use std::io::Write;
+
+use comfy_table::presets::ASCII_MARKDOWN;
+use comfy_table::{CellAlignment, Table};
+use palpate_board::{Handler, Image, Sources};
+use palpate_sim::Time;
+
+use super::parts::{Part, Split};
+use super::phases::{Measured, Phase};
+use crate::failure::Failure;
+
+pub(super) fn write(
+    out: &mut impl Write,
+    measured: &Measured,
+    image: &Image,
+    sources: &Sources,
+    functions: usize,
+) -> Result<(), Failure> {
+    let splits: Vec<Split> = measured
+        .phases
+        .iter()
+        .map(|phase| Split::new(&phase.profile, sources))
+        .collect();
+    writeln!(out, "## The whole\n\n{}", whole(measured, image))?;
+    writeln!(
+        out,
+        "\n## Cycles per sample\n\nOne channel at 1 kHz. Floating point, mathematics and copying \
+         count as their caller's.\n\n{}",
+        per_sample(measured, &splits)
+    )?;
+    writeln!(out, "\n{}", once(measured, &splits, sources))?;
+    writeln!(
+        out,
+        "\n## Interrupts\n\nOf all phases together. A run counts without the handlers that \
+         interrupt it, a start from the moment at which the interrupt is pending.\n\n{}",
+        handlers(measured)
+    )?;
+    if functions > 0 {
+        writeln!(out, "\n## Functions")?;
+    }
+    for (phase, split) in measured.phases.iter().zip(&splits) {
+        if functions > 0 {
+            let table = costliest(phase, split, functions);
+            writeln!(out, "\n{}, cycles per sample:\n\n{table}", phase.name)?;
+        }
+    }
+    Ok(())
+}
+
+fn table(header: &[&str], left: usize) -> Table {
+    let mut table = Table::new();
+    table.load_style(ASCII_MARKDOWN);
+    table.set_header(header);
+    for column in table.column_iter_mut().skip(left) {
+        column.set_cell_alignment(CellAlignment::Right);
+    }
+    table
+}
+
+fn us(time: Time) -> String {
+    format!("{:.2} µs", time.as_secs_f64() * 1e6)
+}
+
+fn whole(measured: &Measured, image: &Image) -> Table {
+    let mut rows = table(&["", "measured", "aimed at"], 1);
+    for phase in &measured.phases {
+        let load = format!("{:.1} %", phase.load() * 100.0);
+        rows.add_row([
+            format!("processor load, {}", phase.name),
+            load,
+            "25 %".into(),
+        ]);
+    }
+    let of_phases = measured.phases.iter().chain([&measured.rest]);
+    let mut latencies: Vec<Time> = of_phases.flat_map(|it| it.latencies.clone()).collect();
+    latencies.sort_unstable();
+    let median = latencies
+        .get(latencies.len() / 2)
+        .copied()
+        .unwrap_or_default();
+    let worst = latencies.last().copied().unwrap_or_default();
+    let kib = |bytes: u32| format!("{:.1} KiB", f64::from(bytes) / 1024.0);
+    for [what, value, aim] in [
+        ["edge of INTB to START, median", &us(median), ""],
+        ["edge of INTB to START, worst", &us(worst), "10 µs"],
+        ["flash", &kib(image.flash_bytes()), "96 KiB"],
+        ["static memory", &kib(image.static_bytes()), "32 KiB"],
+        ["code in memory", &kib(image.code_in_memory_bytes()), ""],
+        [
+            "greatest depth of the stack",
+            &kib(measured.stack_bytes),
+            "",
+        ],
+        [
+            "speed of the emulation, in real time, one core",
+            &format!("{:.1}", measured.speed),
+            "1",
+        ],
+    ] {
+        rows.add_row([what, value, aim]);
+    }
+    rows
+}
+
+fn per_sample(measured: &Measured, splits: &[Split]) -> Table {
+    let names = measured.phases.iter().map(|phase| phase.name);
+    let header: Vec<&str> = ["part"].into_iter().chain(names).collect();
+    let mut rows = table(&header, 1);
+    let share = |cycles: u64, phase: &Phase| cycles as f64 / phase.samples.max(1) as f64;
+    let mut totals = vec![0.0; splits.len()];
+    for part in Part::ALL {
+        let mut row = vec![part.name().to_owned()];
+        for ((phase, split), total) in measured.phases.iter().zip(splits).zip(&mut totals) {
+            let cycles = share(split.charged(part), phase);
+            *total += cycles;
+            row.push(format!("{cycles:.0}"));
+        }
+        rows.add_row(row);
+    }
+    let mut row = vec!["entries into handlers".to_owned()];
+    for ((phase, split), total) in measured.phases.iter().zip(splits).zip(&mut totals) {
+        let handlers = phase.profile.handlers().values();
+        let all: u64 = handlers.map(|handler| handler.cycles).sum();
+        let executed: u64 = split.parts.values().map(|cycles| cycles.own).sum();
+        let cycles = share(all - executed, phase);
+        *total += cycles;
+        row.push(format!("{cycles:.0}"));
+    }
+    rows.add_row(row);
+    let totals = totals.iter().map(|total| format!("{total:.0}"));
+    rows.add_row(["all".to_owned()].into_iter().chain(totals));
+    rows
+}
+
+/// What the estimate costs, once in a train.
+fn once(measured: &Measured, splits: &[Split], sources: &Sources) -> String {
+    let rest = Split::new(&measured.rest.profile, sources);
+    let parts = [Part::Estimator, Part::Model, Part::Procedure];
+    let of = |split: &Split| -> u64 { parts.iter().map(|&part| split.charged(part)).sum() };
+    let train = measured.phases.iter().zip(splits).next_back();
+    let rate = train.map_or(0.0, |(phase, split)| {
+        of(split) as f64 / phase.samples.max(1) as f64
+    });
+    let cycles = of(&rest) as f64 - rate * measured.rest.samples as f64;
+    format!(
+        "The estimate at the end of the train takes {:.0} cycles more, {:.1} ms, once.",
+        cycles,
+        cycles / measured.cpu_hz * 1e3
+    )
+}
+
+/// Interrupts of the RP2040 (datasheet 2.3.2) that the firmware uses, and what for.
+const INTERRUPTS: [(u32, &str); 8] = [
+    (0, "TIMER_IRQ_0: the tasks' alarms"),
+    (4, "PWM_IRQ_WRAP: control of the coil's current"),
+    (7, "PIO0_IRQ_0: a transaction is over"),
+    (13, "IO_IRQ_BANK0: edge of INTB"),
+    (22, "ADC_IRQ_FIFO: current of the coil"),
+    (23, "I2C0_IRQ: bytes of the bus"),
+    (26, "SW0_IRQ: tasks of the lower priority"),
+    (27, "SW1_IRQ: tasks of the higher priority"),
+];
+
+fn interrupt(exception: u32) -> String {
+    let number = exception.checked_sub(16);
+    let known = INTERRUPTS.iter().find(|(of, _)| Some(*of) == number);
+    match (known, number) {
+        (Some((_, name)), _) => (*name).to_owned(),
+        (None, Some(number)) => format!("interrupt {number}"),
+        (None, None) => format!("exception {exception}"),
+    }
+}
+
+fn handlers(measured: &Measured) -> Table {
+    let mut rows = table(
+        &[
+            "interrupt",
+            "runs",
+            "cycles, mean",
+            "worst",
+            "start after",
+            "worst",
+            "jitter",
+        ],
+        1,
+    );
+    let mut all = std::collections::BTreeMap::<u32, Handler>::new();
+    for phase in measured.phases.iter().chain([&measured.rest]) {
+        for (&exception, handler) in phase.profile.handlers() {
+            all.entry(exception).or_default().join(handler);
+        }
+    }
+    for (exception, handler) in all.into_iter().filter(|(exception, _)| *exception > 0) {
+        let (least, worst) = handler.start.unwrap_or_default();
+        rows.add_row([
+            interrupt(exception),
+            handler.runs.to_string(),
+            format!("{:.0}", handler.cycles as f64 / handler.runs.max(1) as f64),
+            handler.worst_cycles.to_string(),
+            us(least),
+            us(worst),
+            us(handler.start_jitter()),
+        ]);
+    }
+    rows
+}
+
+fn costliest(phase: &Phase, split: &Split, count: usize) -> Table {
+    let mut rows = table(&["function", "part", "own", "with shared"], 2);
+    let mut functions: Vec<_> = split.functions.iter().collect();
+    functions.sort_by_key(|(_, cycles)| std::cmp::Reverse(cycles.own.max(cycles.charged)));
+    let share = |cycles: u64| format!("{:.0}", cycles as f64 / phase.samples.max(1) as f64);
+    for ((part, name), cycles) in functions.into_iter().take(count) {
+        rows.add_row([
+            name.clone(),
+            part.name().to_owned(),
+            share(cycles.own),
+            share(cycles.charged),
+        ]);
+    }
+    rows
+}
