@@ -15,7 +15,6 @@ use crate::engine::{self, Engine};
 use crate::failure::Failure;
 use crate::instrument::{Instrument, SPEED_M_PER_S, default_settings};
 use crate::press::{Press, press};
-use crate::progress::Progress;
 use crate::report;
 use crate::results::{self, Measured};
 
@@ -56,7 +55,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     };
     let disturbances = Disturbances::builtin().map_err(LoadError::from)?;
     let stack = Stack::builtin(&arguments.stack).map_err(LoadError::from)?;
-    let progress = Progress::new(RATIOS.len() + 2);
+    let progress = arguments.engine.progress(RATIOS.len() + 2);
     progress.say("calibrating on the bench");
     let instrument = Instrument::calibrated(
         &stack,
@@ -102,6 +101,7 @@ pub(crate) fn measure(
     engine: &Engine,
 ) -> Result<Measured, Failure> {
     let how = Press {
+        name: name.clone(),
         load,
         holder: Holder::Stand,
         depth_m: depth * instrument.plant.press.depth_m,

@@ -11,6 +11,7 @@ mod failure;
 mod field;
 mod image_cost;
 mod instrument;
+mod log;
 mod plan_ldc;
 mod plot;
 mod press;

@@ -10,11 +10,14 @@ use palpate_sim::world::{Holder, Setup, World};
 use palpate_wire::{Command, Record};
 
 use crate::engine::Engine;
+use crate::failure::Failure;
 use crate::instrument::Instrument;
 
 /// How an object is pressed.
 #[derive(Clone, Debug)]
 pub(crate) struct Press {
+    /// What it is called.
+    pub(crate) name: String,
     /// The object.
     pub(crate) load: Load,
     /// Who presses.
@@ -101,30 +104,36 @@ pub(crate) fn press(
     instrument: &Instrument,
     how: &Press,
     engine: &Engine,
-) -> Result<Pressed, Broken> {
+) -> Result<Pressed, Failure> {
     let setup = Setup {
         load: how.load,
         holder: how.holder,
         profile: Profile::at(-CLEARANCE_M),
         ..Setup::default()
     };
-    let world = World::new(&instrument.plant, instrument.switches, setup)?;
+    let world = World::new(&instrument.plant, instrument.switches, setup).map_err(Broken::from)?;
     match engine {
         Engine::Native => {
             let hardware = Hardware::new(world);
-            press_on(VirtualBoard::new(&hardware), instrument, how)
+            Ok(press_on(
+                &mut VirtualBoard::new(&hardware),
+                instrument,
+                how,
+            )?)
         }
-        Engine::Image(image) => {
-            let options = palpate_board::Options::default();
-            let mut board = palpate_board::Instrument::new(image, world, options);
-            board.start()?;
-            press_on(board, instrument, how)
+        Engine::Image(engine) => {
+            let options = engine.options();
+            let mut board = palpate_board::Instrument::new(&engine.image, world, options);
+            let started = board.start().map_err(Broken::from);
+            let pressed = started.and_then(|()| press_on(&mut board, instrument, how));
+            engine.show(&how.name, &mut board)?;
+            Ok(pressed?)
         }
     }
 }
 
 fn press_on<D: Device>(
-    mut board: D,
+    board: &mut D,
     instrument: &Instrument,
     how: &Press,
 ) -> Result<Pressed, Broken>
@@ -188,6 +197,7 @@ mod tests {
         )
         .unwrap();
         let how = Press {
+            name: "hardening".to_owned(),
             load: Load::Hardening {
                 n_per_m: 2e3,
                 cubic_n_per_m3: 3e10,

@@ -13,7 +13,6 @@ use crate::engine::{self, Engine};
 use crate::failure::Failure;
 use crate::instrument::{Instrument, SPEED_M_PER_S, default_settings};
 use crate::press::{Press, press};
-use crate::progress::Progress;
 use crate::report;
 use crate::results::{self, Measured};
 
@@ -60,7 +59,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let engine = arguments.engine.engine()?;
     let scenario = Scenario::load(&arguments.scenario)?;
     let disturbances = Disturbances::builtin().map_err(LoadError::from)?;
-    let progress = Progress::new(scenario.presses.len() + 1);
+    let progress = arguments.engine.progress(scenario.presses.len() + 1);
     progress.say("calibrating on the bench");
     let instrument = Instrument::calibrated(
         &scenario.stack,
@@ -96,6 +95,7 @@ fn measure(
     engine: &Engine,
 ) -> Result<Measured, Failure> {
     let how = Press {
+        name: what.name.clone(),
         load: what.load,
         holder: what.holder,
         depth_m: what.depth_m.unwrap_or(instrument.plant.press.depth_m),

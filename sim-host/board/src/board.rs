@@ -115,7 +115,7 @@ impl<P: Plant> Board<P> {
     /// Its clock input is what the firmware makes it, whatever the settings say.
     #[must_use]
     pub fn new(image: &Image, plant: P, chip: Settings, options: Options) -> Self {
-        let wire = Wire::new(Chip::new(chip, plant), options.record);
+        let wire = Wire::new(Chip::new(chip, plant), options.record, options.trace);
         let boot = options.boot;
         let mut board = Self {
             core: CortexM0Plus::new(),
@@ -428,10 +428,10 @@ impl<P: Plant> Board<P> {
         self.bus.wire.log.as_ref()
     }
 
-    /// The trace, if one is made.
-    #[must_use]
-    pub const fn trace(&self) -> Option<&Trace> {
-        self.bus.trace.as_ref()
+    /// Ends the trace and returns it, if one was made.
+    pub fn take_trace(&mut self) -> Option<Trace> {
+        self.bus.wire.told = None;
+        self.bus.trace.take()
     }
 
     // ---- counts ----

@@ -22,7 +22,7 @@ use crate::sio::Sio;
 use crate::stop::Stop;
 use crate::time::Clock;
 use crate::timer::Timer;
-use crate::trace::Trace;
+use crate::trace::{Signal, Trace, Value};
 use crate::watchdog::Watchdog;
 use crate::wire::Wire;
 use crate::xip::Cache;
@@ -107,6 +107,8 @@ pub(crate) struct Bus<P> {
     pub(crate) bridge: BridgeInputs,
     pub(crate) current_a: f64,
     pub(crate) trace: Option<Trace>,
+    /// Up to when the pulses are traced.
+    traced_ps: u64,
 }
 
 impl<P: Plant> Bus<P> {
@@ -142,7 +144,8 @@ impl<P: Plant> Bus<P> {
             clkin_hz: None,
             bridge: BridgeInputs::default(),
             current_a: 0.0,
-            trace: options.trace.then(Trace::new),
+            trace: options.trace.then(Trace::default),
+            traced_ps: 0,
             options,
         };
         bus.gpio.drive(pin::INTB, true);
@@ -155,6 +158,7 @@ impl<P: Plant> Bus<P> {
     /// After the watchdog has reset the chip: memory, scratch registers and the outside remain.
     pub(crate) fn reset(&mut self) {
         let now_ps = self.clock.now_ps();
+        self.trace_pulses(now_ps);
         self.i2c.reset(&mut self.wire);
         self.sio = Sio::default();
         self.gpio.reset();
@@ -211,6 +215,10 @@ impl<P: Plant> Bus<P> {
         self.timer.service(now_ps, self.serviced_ps);
         self.i2c.service(now_ps, &mut self.wire);
         self.run_chip(now_ps);
+        if self.trace.is_some() {
+            let latch_ps = self.pwm.next_event(self.serviced_ps, self.sys_hz);
+            self.trace_pulses(latch_ps.map_or(now_ps, |latch_ps| latch_ps.min(now_ps)));
+        }
         self.pwm.service(self.serviced_ps, now_ps, self.sys_hz);
         self.serviced_ps = now_ps;
         if self.watchdog.expires(now_ps) {
@@ -367,11 +375,51 @@ impl<P: Plant> Bus<P> {
         let Some(trace) = &mut self.trace else {
             return;
         };
-        let pins = [pin::SDA, pin::SCL, pin::INTB, pin::SD, pin::SLEEP, pin::LED];
-        for (signal, pin) in pins.into_iter().enumerate() {
-            trace.level(now_ps, signal, self.gpio.level(pin));
+        for change in self.wire.told.iter_mut().flat_map(|told| told.drain(..)) {
+            trace.push(change);
         }
-        trace.current(now_ps, self.current_a);
+        for (signal, pin) in [(Signal::Sda, pin::SDA), (Signal::Scl, pin::SCL)] {
+            if self.i2c.is_off_the_wires() {
+                trace.is(now_ps, signal, Value::Level(self.gpio.level(pin)));
+            } else {
+                trace.leave(signal);
+            }
+        }
+        for (signal, pin) in [
+            (Signal::Intb, pin::INTB),
+            (Signal::Shutdown, pin::SD),
+            (Signal::Sleep, pin::SLEEP),
+            (Signal::Fault, pin::FAULT),
+            (Signal::Led, pin::LED),
+        ] {
+            trace.is(now_ps, signal, Value::Level(self.gpio.level(pin)));
+        }
+        trace.is(now_ps, Signal::Current, Value::Real(self.current_a));
+        self.trace_pulses(now_ps);
+    }
+
+    /// The bridge's inputs up to a time. Called before anything changes them, and afterwards.
+    fn trace_pulses(&mut self, until_ps: u64) {
+        let Some(trace) = &mut self.trace else {
+            return;
+        };
+        for (signal, pin, channel_b) in [
+            (Signal::In1, pin::IN1, false),
+            (Signal::In2, pin::IN2, true),
+        ] {
+            let level = self.gpio.level(pin);
+            let edges = match self.gpio.function(pin) {
+                function::PWM => {
+                    let between = (self.traced_ps, until_ps);
+                    self.pwm.edges(COIL_SLICE, channel_b, between, self.sys_hz)
+                }
+                _ => vec![(until_ps, level)],
+            };
+            for (at_ps, high) in edges {
+                trace.is(at_ps, signal, Value::Level(high));
+            }
+        }
+        self.traced_ps = until_ps;
     }
 
     // ---- registers ----
@@ -451,6 +499,7 @@ impl<P: Plant> Bus<P> {
     }
 
     fn write_register(&mut self, address: u32, value: u32) {
+        self.trace_pulses(self.clock.now_ps());
         let done = match address >> 28 {
             0x4 => {
                 self.stall += APB_CYCLES;

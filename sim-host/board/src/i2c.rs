@@ -7,6 +7,7 @@ use std::collections::VecDeque;
 
 use crate::plant::Plant;
 use crate::time::periods_ps;
+use crate::trace::{Signal, Value};
 use crate::wire::Wire;
 
 /// Entries of either FIFO (4.3.2).
@@ -94,6 +95,8 @@ pub(crate) struct I2c {
     /// The address has passed, and no byte since.
     addressed: bool,
     due_ps: Option<u64>,
+    /// When the bit under way began, with the fall of SCL.
+    bit_began_ps: u64,
     free_ps: u64,
     clock_hz: f64,
     rise_ps: u64,
@@ -123,6 +126,7 @@ impl I2c {
             reading: false,
             addressed: false,
             due_ps: None,
+            bit_began_ps: 0,
             free_ps: 0,
             clock_hz: 0.0,
             rise_ps,
@@ -166,9 +170,26 @@ impl I2c {
         self.due_ps
     }
 
-    /// The levels that the master drives: SCL and SDA released or not, for a trace.
     pub(crate) fn is_idle(&self) -> bool {
         self.state == State::Idle
+    }
+
+    /// Whether the master drives neither wire; while it does, it tells their levels itself.
+    pub(crate) fn is_off_the_wires(&self) -> bool {
+        matches!(self.state, State::Idle | State::Waiting)
+    }
+
+    /// SCL falls.
+    fn fall<P: Plant>(&mut self, now_ps: u64, wire: &mut Wire<P>) {
+        self.bit_began_ps = now_ps;
+        wire.tell(now_ps, Signal::Scl, Value::Level(false));
+    }
+
+    /// The level of SDA in the bit that has begun, and the rise of SCL.
+    fn tell_bit<P: Plant>(&self, rise_ps: u64, wire: &mut Wire<P>, high: bool) {
+        let set_ps = self.bit_began_ps + self.clocks_ps(self.hold);
+        wire.tell(set_ps, Signal::Sda, Value::Level(high));
+        wire.tell(rise_ps, Signal::Scl, Value::Level(true));
     }
 
     /// Does what is due at a time.
@@ -183,7 +204,7 @@ impl I2c {
         match self.state {
             State::Idle | State::Holding => {}
             State::Waiting => self.try_start(now_ps, wire),
-            State::Started => self.begin_address(now_ps),
+            State::Started => self.begin_address(now_ps, wire),
             State::Byte { kind, value, bit } => self.end_bit(now_ps, wire, kind, value, bit),
             State::Stopping => self.end_stop(now_ps, wire),
         }
@@ -209,19 +230,21 @@ impl I2c {
     /// START, after which SCL stays high for the hold time.
     fn send_start<P: Plant>(&mut self, now_ps: u64, wire: &mut Wire<P>) {
         wire.start(now_ps);
+        wire.tell(now_ps, Signal::Sda, Value::Level(false));
         self.sticky |= raised::START_DET | raised::ACTIVITY;
         self.state = State::Started;
         self.due_ps = Some(now_ps + self.clocks_ps(self.high_count));
     }
 
-    fn begin_address(&mut self, now_ps: u64) {
+    fn begin_address<P: Plant>(&mut self, now_ps: u64, wire: &mut Wire<P>) {
         let value = (self.target as u8) << 1 | u8::from(self.reading);
         self.command = 0;
         self.addressed = true;
-        self.begin_byte(now_ps, Kind::Address, value);
+        self.begin_byte(now_ps, wire, Kind::Address, value);
     }
 
-    fn begin_byte(&mut self, now_ps: u64, kind: Kind, value: u8) {
+    fn begin_byte<P: Plant>(&mut self, now_ps: u64, wire: &mut Wire<P>, kind: Kind, value: u8) {
+        self.fall(now_ps, wire);
         self.state = State::Byte {
             kind,
             value,
@@ -247,32 +270,51 @@ impl I2c {
         wire.count_bit(now_ps);
         let low = wire.sda_is_low(now_ps);
         let sent = value << bit.min(7) & 0x80 != 0;
+        let rise_ps = now_ps - self.high_ps();
+        if bit <= 7 {
+            self.tell_bit(rise_ps, wire, sent && !low);
+        } else if let Kind::Read { acknowledged } = kind {
+            self.tell_bit(rise_ps, wire, !acknowledged && !low);
+        }
         match (kind, bit) {
             (Kind::Address | Kind::Write, 0..=7) if sent && low => {
                 self.lose_arbitration(now_ps, wire);
             }
             (Kind::Read { acknowledged }, 0..=7) => {
                 let value = if low { value & !(0x80 >> bit) } else { value };
-                self.next_bit(now_ps, Kind::Read { acknowledged }, value, bit);
+                self.next_bit(now_ps, wire, Kind::Read { acknowledged }, value, bit);
             }
-            (_, 0..=7) => self.next_bit(now_ps, kind, value, bit),
+            (_, 0..=7) => self.next_bit(now_ps, wire, kind, value, bit),
             (Kind::Read { .. }, _) => {
+                wire.tell(now_ps, Signal::Byte, Value::Byte(value));
                 self.take(value);
                 self.after_byte(now_ps, wire);
             }
             (Kind::Address, _) => {
                 let taken = wire.address(now_ps, value) || low;
+                self.tell_bit(rise_ps, wire, !taken);
+                wire.tell(now_ps, Signal::Byte, Value::Byte(value));
                 self.after_acknowledge(now_ps, wire, taken, cause::ADDRESS);
             }
             (Kind::Write, _) => {
                 let taken = wire.write(now_ps, value) || low;
+                self.tell_bit(rise_ps, wire, !taken);
+                wire.tell(now_ps, Signal::Byte, Value::Byte(value));
                 self.after_acknowledge(now_ps, wire, taken, cause::DATA);
             }
         }
     }
 
-    fn next_bit(&mut self, now_ps: u64, kind: Kind, value: u8, bit: u8) {
+    fn next_bit<P: Plant>(
+        &mut self,
+        now_ps: u64,
+        wire: &mut Wire<P>,
+        kind: Kind,
+        value: u8,
+        bit: u8,
+    ) {
         let bit = bit + 1;
+        self.fall(now_ps, wire);
         self.state = State::Byte { kind, value, bit };
         self.due_ps = Some(now_ps + self.bit_ps());
     }
@@ -294,7 +336,7 @@ impl I2c {
     ) {
         if !taken {
             self.abort(cause);
-            self.begin_stop(now_ps);
+            self.begin_stop(now_ps, wire);
         } else if cause == cause::ADDRESS {
             // The first command of the new direction is the one that asked for the START.
             self.next_command(now_ps, wire);
@@ -305,7 +347,7 @@ impl I2c {
 
     fn after_byte<P: Plant>(&mut self, now_ps: u64, wire: &mut Wire<P>) {
         if self.command & STOP != 0 {
-            self.begin_stop(now_ps);
+            self.begin_stop(now_ps, wire);
         } else {
             self.next_command(now_ps, wire);
         }
@@ -314,10 +356,11 @@ impl I2c {
     /// Goes on with the next command, or waits for it with SCL low.
     fn next_command<P: Plant>(&mut self, now_ps: u64, wire: &mut Wire<P>) {
         if self.abort_wanted || self.disable_wanted {
-            self.begin_stop(now_ps);
+            self.begin_stop(now_ps, wire);
             return;
         }
         self.state = State::Holding;
+        self.fall(now_ps, wire);
         let Some(&command) = self.transmit.front() else {
             return;
         };
@@ -329,15 +372,16 @@ impl I2c {
             if wire.sda_is_low(now_ps) || wire.scl_low_until(now_ps).is_some() {
                 self.lose_arbitration(now_ps, wire);
             } else {
+                self.tell_bit(now_ps + self.low_ps(), wire, true);
                 self.send_start(fall_ps, wire);
             }
         } else if !reads {
             self.pop(command);
-            self.begin_byte(now_ps, Kind::Write, command as u8);
+            self.begin_byte(now_ps, wire, Kind::Write, command as u8);
         } else if let Some(acknowledged) = self.acknowledges(command) {
             self.pop(command);
             let value = wire.read(now_ps, acknowledged);
-            self.begin_byte(now_ps, Kind::Read { acknowledged }, value);
+            self.begin_byte(now_ps, wire, Kind::Read { acknowledged }, value);
         }
     }
 
@@ -358,8 +402,10 @@ impl I2c {
         Some(next & READ != 0 && next & RESTART == 0)
     }
 
-    fn begin_stop(&mut self, now_ps: u64) {
+    fn begin_stop<P: Plant>(&mut self, now_ps: u64, wire: &mut Wire<P>) {
         self.state = State::Stopping;
+        self.fall(now_ps, wire);
+        self.tell_bit(now_ps + self.low_ps(), wire, false);
         self.due_ps = Some(now_ps + self.low_ps() + self.clocks_ps(self.high_count));
     }
 
@@ -370,6 +416,7 @@ impl I2c {
             return;
         }
         wire.count_bit(now_ps);
+        wire.tell(now_ps, Signal::Sda, Value::Level(true));
         wire.stop(now_ps);
         self.sticky |= raised::STOP_DET;
         self.rest(now_ps);
@@ -515,7 +562,7 @@ impl I2c {
             0x30 => self.mask = value & 0x1FFF,
             0x38 => self.receive_level = value & 0xF,
             0x3C => self.transmit_level = value & 0xF,
-            0x6C => self.enable(value, now_ps),
+            0x6C => self.enable(value, now_ps, wire),
             0x7C if fixed => self.hold = value,
             0xA0 if fixed && value >= 1 => self.spike = value & 0xFF,
             // No DMA: both requests stay off.
@@ -542,7 +589,7 @@ impl I2c {
         }
     }
 
-    fn enable(&mut self, value: u32, now_ps: u64) {
+    fn enable<P: Plant>(&mut self, value: u32, now_ps: u64, wire: &mut Wire<P>) {
         let on = value & 1 == 1;
         if on && !self.enabled {
             self.enabled = true;
@@ -558,7 +605,7 @@ impl I2c {
             }
         }
         if self.state == State::Holding && (self.abort_wanted || self.disable_wanted) {
-            self.begin_stop(now_ps);
+            self.begin_stop(now_ps, wire);
         }
     }
 }

@@ -90,13 +90,48 @@ impl Slice {
         self.since_ps = now_ps;
     }
 
-    fn duty(&self, channel_b: bool) -> f64 {
-        let level = if channel_b {
+    fn level(&self, channel_b: bool) -> u32 {
+        if channel_b {
             self.compare >> 16
         } else {
             self.compare & 0xFFFF
-        };
-        let inverted = self.control >> (2 + u32::from(channel_b)) & 1 == 1;
+        }
+    }
+
+    fn inverted(&self, channel_b: bool) -> bool {
+        self.control >> (2 + u32::from(channel_b)) & 1 == 1
+    }
+
+    /// The output at a time, and its changes from there to another, while nothing is written and
+    /// no written value comes into force.
+    fn edges(&self, channel_b: bool, from_ps: u64, to_ps: u64, sys_hz: f64) -> Vec<(u64, bool)> {
+        let (level, inverted) = (self.level(channel_b), self.inverted(channel_b));
+        if !self.runs() || level == 0 || level > self.top {
+            return vec![(from_ps, (self.count < level) != inverted)];
+        }
+        let step_ps = self.step_ps(sys_hz);
+        let period_ps = (f64::from(self.top) + 1.0) * step_ps;
+        let first_ps = self.since_ps as f64 - f64::from(self.count) * step_ps;
+        let passed = ((from_ps as f64 - first_ps) / period_ps).floor();
+        let mut edges = vec![(from_ps, inverted)];
+        let mut rise_ps = first_ps + (passed - 1.0) * period_ps;
+        while rise_ps <= to_ps as f64 {
+            let fall_ps = rise_ps + f64::from(level) * step_ps;
+            for (at_ps, high) in [(rise_ps as u64, !inverted), (fall_ps as u64, inverted)] {
+                if at_ps <= from_ps {
+                    edges = vec![(from_ps, high)];
+                } else if at_ps <= to_ps {
+                    edges.push((at_ps, high));
+                }
+            }
+            rise_ps += period_ps;
+        }
+        edges
+    }
+
+    fn duty(&self, channel_b: bool) -> f64 {
+        let level = self.level(channel_b);
+        let inverted = self.inverted(channel_b);
         let duty = if self.runs() {
             (f64::from(level) / (f64::from(self.top) + 1.0)).min(1.0)
         } else {
@@ -113,6 +148,20 @@ impl Pwm {
         self.slices
             .get(slice)
             .map_or(0.0, |slice| slice.duty(channel_b))
+    }
+
+    /// The level of an output at a time, and its changes from there to another; neither may lie
+    /// before the last write or the last value that came into force.
+    pub(crate) fn edges(
+        &self,
+        slice: usize,
+        channel_b: bool,
+        (from_ps, to_ps): (u64, u64),
+        sys_hz: f64,
+    ) -> Vec<(u64, bool)> {
+        self.slices.get(slice).map_or_else(Vec::new, |slice| {
+            slice.edges(channel_b, from_ps, to_ps, sys_hz)
+        })
     }
 
     /// A falling edge at a slice's input B.
@@ -230,6 +279,23 @@ mod tests {
         pwm.service(10_000_000, due, HZ);
         assert_eq!(pwm.duty(0, false), 0.0);
         assert_eq!(pwm.next_event(due, HZ), None);
+    }
+
+    #[test]
+    fn edges_come_at_every_wrap_and_every_level() {
+        let pwm = running();
+        let us = 1_000_000;
+        assert_eq!(
+            pwm.edges(0, false, (10 * us, 110 * us), HZ),
+            [
+                (10 * us, true),
+                (25 * us, false),
+                (50 * us, true),
+                (75 * us, false),
+                (100 * us, true),
+            ]
+        );
+        assert_eq!(pwm.edges(0, true, (0, 110 * us), HZ), [(0, false)]);
     }
 
     #[test]

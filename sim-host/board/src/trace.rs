@@ -1,65 +1,176 @@
 //! Pins, bus and current over time, as a value change dump (IEEE 1364-2005, clause 18).
 
-use std::fmt::Write as _;
+use std::io::{self, Write};
 
-/// The digital signals, by name.
-pub(crate) const SIGNALS: [&str; 6] = ["sda", "scl", "intb", "sd", "nsleep", "led"];
+use vcd::{IdCode, SimulationCommand, TimescaleUnit, VarType, Writer};
 
-/// A trace in nanoseconds; write its text to a file that ends with `.vcd`.
-#[derive(Clone, Debug)]
+/// What is traced.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Signal {
+    Sda,
+    Scl,
+    Intb,
+    Shutdown,
+    In1,
+    In2,
+    Sleep,
+    Fault,
+    Led,
+    /// The last byte on the bus, from the end of its acknowledge on.
+    Byte,
+    Current,
+}
+
+impl Signal {
+    const ALL: [Self; 11] = [
+        Self::Sda,
+        Self::Scl,
+        Self::Intb,
+        Self::Shutdown,
+        Self::In1,
+        Self::In2,
+        Self::Sleep,
+        Self::Fault,
+        Self::Led,
+        Self::Byte,
+        Self::Current,
+    ];
+
+    const fn name(self) -> &'static str {
+        match self {
+            Self::Sda => "sda",
+            Self::Scl => "scl",
+            Self::Intb => "intb",
+            Self::Shutdown => "sd",
+            Self::In1 => "in1",
+            Self::In2 => "in2",
+            Self::Sleep => "nsleep",
+            Self::Fault => "nfault",
+            Self::Led => "led",
+            Self::Byte => "i2c_byte",
+            Self::Current => "coil_current_a",
+        }
+    }
+
+    /// Kind and width of its variable.
+    const fn kind(self) -> (VarType, u32) {
+        match self {
+            Self::Byte => (VarType::Reg, 8),
+            Self::Current => (VarType::Real, 64),
+            _ => (VarType::Wire, 1),
+        }
+    }
+}
+
+/// What a signal is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Value {
+    Level(bool),
+    Byte(u8),
+    Real(f64),
+}
+
+/// A signal is something from a time on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Change {
+    pub(crate) at_ps: u64,
+    pub(crate) signal: Signal,
+    pub(crate) value: Value,
+}
+
+/// A trace of the board's pins and bus and of the coil's current. SDA and SCL are there bit by bit,
+/// IN1 and IN2 pulse by pulse.
+#[derive(Clone, Debug, Default)]
 pub struct Trace {
-    text: String,
-    levels: [Option<bool>; SIGNALS.len()],
-    current_a: f64,
-    time_ns: Option<u64>,
+    /// Not by time: bits of the bus are known at their end.
+    changes: Vec<Change>,
+    last: [Option<Value>; Signal::ALL.len()],
 }
 
 impl Trace {
-    pub(crate) fn new() -> Self {
-        let mut text = String::from("$timescale 1ns $end\n$scope module board $end\n");
-        for (code, name) in ('!'..).zip(SIGNALS) {
-            let _ = writeln!(text, "$var wire 1 {code} {name} $end");
-        }
-        text.push_str("$var real 64 i current_a $end\n$upscope $end\n$enddefinitions $end\n");
-        Self {
-            text,
-            levels: [None; SIGNALS.len()],
-            current_a: f64::NAN,
-            time_ns: None,
+    pub(crate) fn push(&mut self, change: Change) {
+        self.changes.push(change);
+    }
+
+    /// A signal is something now. What it has been already is not kept.
+    pub(crate) fn is(&mut self, at_ps: u64, signal: Signal, value: Value) {
+        let last = self.last.get_mut(signal as usize);
+        if last.is_some_and(|last| last.replace(value) != Some(value)) {
+            self.push(Change {
+                at_ps,
+                signal,
+                value,
+            });
         }
     }
 
-    fn at(&mut self, now_ps: u64) {
-        let now_ns = now_ps / 1_000;
-        if self.time_ns != Some(now_ns) {
-            self.time_ns = Some(now_ns);
-            let _ = writeln!(self.text, "#{now_ns}");
+    /// Something else tells the signal from now on.
+    pub(crate) fn leave(&mut self, signal: Signal) {
+        if let Some(last) = self.last.get_mut(signal as usize) {
+            *last = None;
         }
     }
 
-    pub(crate) fn level(&mut self, now_ps: u64, signal: usize, level: bool) {
-        let Some(known) = self.levels.get_mut(signal) else {
-            return;
+    /// Writes the trace, in nanoseconds; to a file that ends with `.vcd`.
+    ///
+    /// # Errors
+    /// Those of writing.
+    pub fn write(mut self, to: impl Write) -> io::Result<()> {
+        self.changes.sort_by_key(|change| change.at_ps);
+        let mut to = Writer::new(to);
+        to.comment("simulated: palpate's image on an emulated Raspberry Pi Pico")?;
+        to.timescale(1, TimescaleUnit::NS)?;
+        to.add_module("board")?;
+        let mut codes = Vec::new();
+        for signal in Signal::ALL {
+            let (kind, width) = signal.kind();
+            codes.push(to.add_var(kind, width, signal.name(), None)?);
+        }
+        to.upscope()?;
+        to.enddefinitions()?;
+        to.begin(SimulationCommand::Dumpvars)?;
+        for (&code, signal) in codes.iter().zip(Signal::ALL) {
+            match signal {
+                Signal::Byte => to.change_vector(code, [vcd::Value::X; 8])?,
+                Signal::Current => to.change_real(code, 0.0)?,
+                _ => to.change_scalar(code, vcd::Value::X)?,
+            }
+        }
+        to.end()?;
+        write_changes(&mut to, &codes, &self.changes)?;
+        to.flush()
+    }
+}
+
+fn write_changes(
+    to: &mut Writer<impl Write>,
+    codes: &[IdCode],
+    changes: &[Change],
+) -> io::Result<()> {
+    let mut last = [None; Signal::ALL.len()];
+    let mut time_ns = None;
+    for change in changes {
+        let place = change.signal as usize;
+        let (Some(&code), Some(last)) = (codes.get(place), last.get_mut(place)) else {
+            continue;
         };
-        if *known != Some(level) {
-            *known = Some(level);
-            self.at(now_ps);
-            let code = char::from(b'!' + signal as u8);
-            let _ = writeln!(self.text, "{}{code}", u8::from(level));
+        // The same byte again is news, the same level is none.
+        let is_byte = change.signal == Signal::Byte;
+        if last.replace(change.value) == Some(change.value) && !is_byte {
+            continue;
+        }
+        let now_ns = change.at_ps / 1_000;
+        if time_ns.replace(now_ns) != Some(now_ns) {
+            to.timestamp(now_ns)?;
+        }
+        match change.value {
+            Value::Level(high) => to.change_scalar(code, high)?,
+            Value::Byte(byte) => {
+                let bits = (0..8).rev().map(|bit| (byte >> bit & 1 == 1).into());
+                to.change_vector(code, bits)?;
+            }
+            Value::Real(value) => to.change_real(code, value)?,
         }
     }
-
-    pub(crate) fn current(&mut self, now_ps: u64, current_a: f64) {
-        if self.current_a != current_a {
-            self.current_a = current_a;
-            self.at(now_ps);
-            let _ = writeln!(self.text, "r{current_a} i");
-        }
-    }
-
-    /// The dump so far.
-    #[must_use]
-    pub fn text(&self) -> &str {
-        &self.text
-    }
+    Ok(())
 }

@@ -3,6 +3,7 @@
 use ldc161x_sim::{Ack, Chip, Conversion, Time};
 
 use crate::plant::Plant;
+use crate::trace::{Change, Signal, Value};
 
 /// A disturbance of a wire, from outside of both chips.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -71,10 +72,12 @@ pub(crate) struct Wire<P> {
     last_edge_ps: Option<u64>,
     /// Levels while the pins are driven as plain outputs.
     plain: Option<(bool, bool)>,
+    /// What the wires did, if it is traced.
+    pub(crate) told: Option<Vec<Change>>,
 }
 
 impl<P: Plant> Wire<P> {
-    pub(crate) fn new(chip: Chip<P>, record: bool) -> Self {
+    pub(crate) fn new(chip: Chip<P>, record: bool, trace: bool) -> Self {
         Self {
             chip,
             log: record.then(WireLog::default),
@@ -85,6 +88,18 @@ impl<P: Plant> Wire<P> {
             bits: 0,
             last_edge_ps: None,
             plain: None,
+            told: trace.then(Vec::new),
+        }
+    }
+
+    /// A wire is something from a time on, which may have passed.
+    pub(crate) fn tell(&mut self, at_ps: u64, signal: Signal, value: Value) {
+        if let Some(told) = &mut self.told {
+            told.push(Change {
+                at_ps,
+                signal,
+                value,
+            });
         }
     }
 

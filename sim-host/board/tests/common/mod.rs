@@ -232,7 +232,12 @@ pub(crate) fn coil() -> Coil {
 
 /// A bench in the midst of a train of ramps.
 pub(crate) fn ramping(image: &Image) -> Bench {
-    let mut bench = Bench::of(board(image));
+    ramping_on(board(image))
+}
+
+/// The same with this board, whose power has just come.
+pub(crate) fn ramping_on(board: Board<Still>) -> Bench {
+    let mut bench = Bench::of(board);
     bench.stream();
     bench.run(Time::from_ms(20));
     assert_eq!(bench.command(&Command::Arm).outcome, Outcome::NotCalibrated);
