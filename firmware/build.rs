@@ -38,8 +38,8 @@ SECTIONS {
 
 /// Defects that tests of the tests plant, by the variable that names one. See docs/firmware.md.
 const DEFECT: &str = "PALPATE_PLANTED_DEFECT";
-const DEFECTS: &str =
-    "\"panic\", \"write_dropped\", \"words_swapped\", \"fed_by_idle\", \"no_safe_state\"";
+const DEFECTS: &str = "\"panic\", \"write_dropped\", \"words_swapped\", \"fed_by_idle\", \"no_safe_state\", \
+     \"late_stamp\"";
 
 fn main() -> Result<(), Box<dyn Error>> {
     let out = PathBuf::from(env::var_os("OUT_DIR").ok_or("cargo sets OUT_DIR")?);
@@ -50,6 +50,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     println!("cargo:rerun-if-changed=build.rs");
     println!("cargo:rerun-if-env-changed={DEFECT}");
+    // What defmt compiles in.
+    println!("cargo:rerun-if-env-changed=DEFMT_LOG");
     println!("cargo:rustc-check-cfg=cfg(planted_defect, values({DEFECTS}))");
     if let Ok(defect) = env::var(DEFECT) {
         println!("cargo:rustc-cfg=planted_defect=\"{defect}\"");

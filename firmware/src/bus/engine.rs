@@ -53,6 +53,18 @@ pub struct Stamp {
     pub is_known: bool,
 }
 
+#[cfg(planted_defect = "late_stamp")]
+impl Stamp {
+    /// As if the edge had come when somebody looked.
+    pub const fn taken_at(self, now_us: u32) -> Self {
+        Self {
+            time_us: now_us,
+            begun_us: now_us,
+            ..self
+        }
+    }
+}
+
 /// A transaction.
 #[derive(Clone, Copy)]
 pub struct Job {

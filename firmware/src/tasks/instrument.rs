@@ -241,6 +241,7 @@ impl Instrument {
         if let Some(code) = self.latched {
             self.step(&Event::Recovered(code));
         }
+        defmt::debug!("procedure has {} us", scan.middle.as_ticks());
         self.step(&Event::Scan(scan));
     }
 

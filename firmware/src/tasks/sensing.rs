@@ -216,6 +216,7 @@ impl Sensing {
     }
 
     fn hand_on(&mut self, sampled: Sampled) {
+        defmt::debug!("sample of {} us", sampled.time_us);
         let missed = sampled.missed.saturating_add(self.not_taken);
         let sampled = Sampled {
             missed,
@@ -232,6 +233,8 @@ impl Sensing {
 
 fn stamped(scheme: &Scheme, frame: ldc161x::Frame, grid: &mut Grid, gap: bool) -> Sampled {
     let stamp = bus::last_stamp();
+    #[cfg(planted_defect = "late_stamp")]
+    let stamp = stamp.taken_at(Mono::now().as_ticks() as u32);
     // What was fetched is the newest frame, which may have ended after the edge that called.
     let late_us = stamp.begun_us.wrapping_sub(stamp.time_us);
     let mut edge_us = extended(stamp.time_us);

@@ -436,6 +436,12 @@ impl<P: Plant> Board<P> {
 
     // ---- counts ----
 
+    /// What the microsecond timer shows, by which the image tells time.
+    #[must_use]
+    pub fn timer_us(&self) -> u64 {
+        self.bus.timer_us()
+    }
+
     /// Frequencies of the processor and at the converter's CLKIN, Hz.
     #[must_use]
     pub fn frequencies_hz(&self) -> (f64, Option<f64>) {

@@ -690,6 +690,10 @@ impl<P: Plant> Bus<P> {
         }
     }
 
+    pub(crate) fn timer_us(&self) -> u64 {
+        self.timer.count(self.clock.now_ps())
+    }
+
     /// For tests of the clock plan.
     pub(crate) fn frequencies_hz(&self) -> (f64, Option<f64>) {
         (self.sys_hz, self.clkin_hz)

@@ -13,6 +13,8 @@ pub const PROFILE: &str = "firmware";
 pub const PACKAGE: &str = "palpate-firmware";
 /// The variable that plants a defect when the image is built.
 const DEFECT: &str = "PALPATE_PLANTED_DEFECT";
+/// The variable that says which log lines are compiled in.
+const LOGS: &str = "DEFMT_LOG";
 
 /// Why there is no image.
 #[derive(Debug)]
@@ -32,7 +34,7 @@ impl std::error::Error for BuildError {}
 /// # Errors
 /// [`BuildError`], with what to do.
 pub fn build() -> Result<PathBuf, BuildError> {
-    build_in(&target_folder(), None)
+    build_in(&target_folder(), &[])
 }
 
 /// Builds an image with a planted defect, for tests of the tests. One that is newer than the image
@@ -41,12 +43,25 @@ pub fn build() -> Result<PathBuf, BuildError> {
 /// # Errors
 /// [`BuildError`], with what to do.
 pub fn build_with_defect(defect: &str) -> Result<PathBuf, BuildError> {
+    build_variant(defect, &[(DEFECT, defect)])
+}
+
+/// Builds an image with the log lines of a level and above (`off`, `error` to `trace`) instead of
+/// those that are shipped; else as [`build_with_defect`].
+///
+/// # Errors
+/// [`BuildError`], with what to do.
+pub fn build_with_logs(level: &str) -> Result<PathBuf, BuildError> {
+    build_variant(&format!("logs-{level}"), &[(LOGS, level)])
+}
+
+fn build_variant(name: &str, variables: &[(&str, &str)]) -> Result<PathBuf, BuildError> {
     let folder = target_folder().join("planted");
-    let kept = folder.join(format!("{defect}.elf"));
+    let kept = folder.join(format!("{name}.elf"));
     if is_newer(&kept, &build()?) {
         return Ok(kept);
     }
-    let image = build_in(&folder, Some(defect))?;
+    let image = build_in(&folder, variables)?;
     std::fs::copy(&image, &kept)
         .map_err(|error| BuildError(format!("{} cannot be written: {error}", kept.display())))?;
     Ok(kept)
@@ -67,7 +82,7 @@ fn target_folder() -> PathBuf {
     env::var_os("CARGO_TARGET_DIR").map_or_else(|| workspace().join("target"), PathBuf::from)
 }
 
-fn build_in(folder: &Path, defect: Option<&str>) -> Result<PathBuf, BuildError> {
+fn build_in(folder: &Path, variables: &[(&str, &str)]) -> Result<PathBuf, BuildError> {
     provide_target()?;
     let mut cargo = command("cargo");
     cargo
@@ -75,11 +90,10 @@ fn build_in(folder: &Path, defect: Option<&str>) -> Result<PathBuf, BuildError> 
         .args(["--profile", PROFILE, "--target", TARGET])
         .env("CARGO_TARGET_DIR", folder)
         .env_remove("RUSTFLAGS")
-        .env_remove("CARGO_ENCODED_RUSTFLAGS");
-    match defect {
-        Some(defect) => cargo.env(DEFECT, defect),
-        None => cargo.env_remove(DEFECT),
-    };
+        .env_remove("CARGO_ENCODED_RUSTFLAGS")
+        .env_remove(DEFECT)
+        .env_remove(LOGS)
+        .envs(variables.iter().copied());
     run(cargo, "the firmware image could not be built")?;
     Ok(folder.join(TARGET).join(PROFILE).join(PACKAGE))
 }

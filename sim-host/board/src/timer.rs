@@ -36,7 +36,8 @@ impl Timer {
         };
     }
 
-    fn count(&self, now_ps: u64) -> u64 {
+    /// What it shows.
+    pub(crate) fn count(&self, now_ps: u64) -> u64 {
         if self.tick_ps == 0.0 {
             return self.base_us;
         }

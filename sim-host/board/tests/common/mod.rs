@@ -93,6 +93,12 @@ impl<P: Plant> Bench<P> {
         }
     }
 
+    /// Forgets what has come, and that a frame had begun: what follows may begin within one.
+    pub(crate) fn restart_listening(&mut self) {
+        self.frames.clear();
+        self.pending.clear();
+    }
+
     /// Runs until a record says something, for at most so long.
     pub(crate) fn wait_for<T>(
         &mut self,
