@@ -107,6 +107,10 @@ pub(crate) const MEMBERS: &[Member] = &[
     Member {
         name: "palpate-firmware",
         runs_on: RunsOn::Mcu,
+        mcu_examples: &[McuExample {
+            name: "on_target",
+            target: FIRMWARE_TARGET,
+        }],
         ..HOST_PROGRAM
     },
     Member {

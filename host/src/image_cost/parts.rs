@@ -59,8 +59,10 @@ impl Part {
 }
 
 /// Files by a part of their path; the first that fits counts.
-const FILES: [(&str, Part); 19] = [
+const FILES: [(&str, Part); 21] = [
     ("/firmware/src/bus/", Part::Engine),
+    ("/firmware/src/board/float.rs", Part::Shared),
+    ("/firmware/src/board/memory.rs", Part::Shared),
     ("/drivers/ldc161x/", Part::Driver),
     ("/drivers/hbridge/", Part::Coil),
     ("/firmware/procedure/", Part::Procedure),

@@ -11,6 +11,8 @@ pub const TARGET: &str = "thumbv6m-none-eabi";
 pub const PROFILE: &str = "firmware";
 /// The package, and the name of its image.
 pub const PACKAGE: &str = "palpate-firmware";
+/// The example of the package that compares bits.
+const ON_TARGET: &str = "on_target";
 /// The variable that plants a defect when the image is built.
 const DEFECT: &str = "PALPATE_PLANTED_DEFECT";
 /// The variable that says which log lines are compiled in.
@@ -55,6 +57,21 @@ pub fn build_with_logs(level: &str) -> Result<PathBuf, BuildError> {
     build_variant(&format!("logs-{level}"), &[(LOGS, level)])
 }
 
+/// Builds the image that evaluates the model and the procedure for a comparison of bits, as the
+/// firmware's own is built.
+///
+/// # Errors
+/// [`BuildError`], with what to do.
+pub fn build_on_target() -> Result<PathBuf, BuildError> {
+    let folder = target_folder();
+    cargo_build(&folder, &["--example", ON_TARGET], &[])?;
+    Ok(folder
+        .join(TARGET)
+        .join(PROFILE)
+        .join("examples")
+        .join(ON_TARGET))
+}
+
 fn build_variant(name: &str, variables: &[(&str, &str)]) -> Result<PathBuf, BuildError> {
     let folder = target_folder().join("planted");
     let kept = folder.join(format!("{name}.elf"));
@@ -83,19 +100,24 @@ fn target_folder() -> PathBuf {
 }
 
 fn build_in(folder: &Path, variables: &[(&str, &str)]) -> Result<PathBuf, BuildError> {
+    cargo_build(folder, &["--bin", PACKAGE], variables)?;
+    Ok(folder.join(TARGET).join(PROFILE).join(PACKAGE))
+}
+
+fn cargo_build(folder: &Path, what: &[&str], variables: &[(&str, &str)]) -> Result<(), BuildError> {
     provide_target()?;
     let mut cargo = command("cargo");
     cargo
         .args(["build", "--locked", "--package", PACKAGE])
         .args(["--profile", PROFILE, "--target", TARGET])
+        .args(what)
         .env("CARGO_TARGET_DIR", folder)
         .env_remove("RUSTFLAGS")
         .env_remove("CARGO_ENCODED_RUSTFLAGS")
         .env_remove(DEFECT)
         .env_remove(LOGS)
         .envs(variables.iter().copied());
-    run(cargo, "the firmware image could not be built")?;
-    Ok(folder.join(TARGET).join(PROFILE).join(PACKAGE))
+    run(cargo, "the firmware image could not be built")
 }
 
 /// A child that does not inherit what describes the cargo that runs this program.

@@ -85,8 +85,10 @@ pub(super) const RULES: &[Rule] = &[
             "palpate-procedure",
             "palpate-wire",
             DRIVERS,
+            "palpate-model",
         ]),
-        because: "the firmware is wiring; physics reaches it through the procedure",
+        because: "the firmware is wiring; physics reaches it through the procedure, but for the \
+                  example that holds the model's bits against a PC's",
     },
     Rule {
         name: "simulation-without-firmware",

@@ -99,6 +99,38 @@ pub(crate) struct Rig {
     pub(crate) now_us: u64,
     pub(crate) records: Vec<(Instant, Record)>,
     pub(crate) sequence: u32,
+    /// What was heard and what came of it, for who wants to repeat it.
+    pub(crate) tape: Option<Vec<Heard>>,
+}
+
+/// An event with its time, and the actions that followed.
+#[derive(Clone)]
+pub(crate) struct Heard {
+    pub(crate) now_us: u64,
+    pub(crate) event: OwnEvent,
+    pub(crate) actions: Actions,
+}
+
+/// An event that borrows nothing.
+#[derive(Clone)]
+pub(crate) enum OwnEvent {
+    Tick,
+    Scan(Scan),
+    Command(Frame<Command>),
+    Conditions(Conditions),
+    Other,
+}
+
+impl OwnEvent {
+    fn of(event: &Event<'_>) -> Self {
+        match event {
+            Event::Tick => Self::Tick,
+            Event::Scan(scan) => Self::Scan((*scan).clone()),
+            Event::Command(frame) => Self::Command((*frame).clone()),
+            Event::Conditions(conditions) => Self::Conditions(*conditions),
+            _ => Self::Other,
+        }
+    }
 }
 
 impl Rig {
@@ -114,6 +146,7 @@ impl Rig {
             now_us: 1_000_000,
             records: Vec::new(),
             sequence: 0,
+            tape: None,
         }
     }
 
@@ -174,6 +207,13 @@ impl Rig {
     pub(crate) fn step(&mut self, event: &Event<'_>) -> Actions {
         let now = Instant::from_ticks(self.now_us);
         let actions = self.procedure.step(now, event);
+        if let Some(tape) = &mut self.tape {
+            tape.push(Heard {
+                now_us: self.now_us,
+                event: OwnEvent::of(event),
+                actions: actions.clone(),
+            });
+        }
         for action in &actions {
             match action {
                 Action::SafeState => self.line = Line::default(),

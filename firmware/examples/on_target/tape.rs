@@ -1,0 +1,182 @@
+//! Events of the procedure as words, and its answers as a sum.
+
+use ldc161x::{Channel, Freshness, Reading, Word};
+use palpate_procedure::event::Conditions;
+use palpate_procedure::units::{Ampere, Celsius};
+use palpate_procedure::{
+    Action, Actions, Board, Conversion, Duration, Event, Instant, Limits, Procedure, Scan,
+};
+use palpate_wire::code::{self, Chip, ResetCause};
+use palpate_wire::record::Hello;
+use palpate_wire::{
+    Command, CommandDecoder, Frame, Header, MINOR_VERSION, Message, Record, SCHEMA_HASH, encode,
+};
+
+use crate::arithmetic::Sum;
+
+/// Kinds of events.
+pub const TICK: u32 = 0;
+/// See [`TICK`].
+pub const SCAN: u32 = 1;
+/// See [`TICK`].
+pub const COMMAND: u32 = 2;
+/// See [`TICK`].
+pub const CONDITIONS: u32 = 3;
+
+/// Words of the longest event, a command byte by byte.
+pub const WORDS: usize = 300;
+
+/// The target's first answer, before it was asked.
+pub const READY: u32 = 0x5EAD_D00D;
+
+/// The number of the run.
+pub const BOOT: u32 = 7;
+
+/// The board that both procedures believe to be on.
+pub fn board() -> Board {
+    Board {
+        boot_id: BOOT,
+        hello: Hello {
+            minor_version: MINOR_VERSION,
+            schema_hash: SCHEMA_HASH,
+            firmware_major: 0,
+            firmware_minor: 1,
+            firmware_patch: 0,
+            commit: 0,
+            dirty: false,
+            simulated: true,
+            board: code::Board::Virtual,
+            unit: 0,
+            reset_cause: ResetCause::PowerOn,
+            chip: Chip::Ldc161x,
+            second_chip: Chip::Absent,
+            configuration_crc: 0,
+        },
+        crash: None,
+        channels: [0b1111, 0],
+        coil: true,
+        limits: Limits::REFERENCE,
+    }
+}
+
+/// Words in their order.
+struct Words<'w>(core::slice::Iter<'w, u32>);
+
+impl Words<'_> {
+    fn word(&mut self) -> Option<u32> {
+        self.0.next().copied()
+    }
+
+    fn time(&mut self) -> Option<u64> {
+        let low = self.word()?;
+        Some(u64::from(low) | u64::from(self.word()?) << 32)
+    }
+
+    /// A number that may be absent.
+    fn number(&mut self) -> Option<Option<f32>> {
+        let is_there = self.word()? != 0;
+        let number = f32::from_bits(self.word()?);
+        Some(is_there.then_some(number))
+    }
+}
+
+/// Tells the procedure an event; nothing if the words are none. Returns a sum over the actions, for
+/// which there is room already.
+pub fn step(procedure: &mut Procedure, actions: &mut Actions, words: &[u32]) -> Option<u32> {
+    let mut words = Words(words.iter());
+    let now = Instant::from_ticks(words.time()?);
+    let (scanned, frame);
+    let event = match words.word()? {
+        TICK => Event::Tick,
+        SCAN => {
+            scanned = scan(&mut words)?;
+            Event::Scan(&scanned)
+        }
+        COMMAND => {
+            frame = command(&mut words)?;
+            Event::Command(&frame)
+        }
+        CONDITIONS => Event::Conditions(Conditions {
+            temperature: words.number()?.map(Celsius),
+            supply_v: words.number()?,
+            ..Conditions::default()
+        }),
+        _ => return None,
+    };
+    procedure.step_into(now, &event, actions);
+    Some(sum(actions))
+}
+
+fn command(words: &mut Words<'_>) -> Option<Frame<Command>> {
+    let mut decoder = CommandDecoder::new();
+    loop {
+        if let Some(frame) = decoder.push(words.word()? as u8) {
+            return frame.ok();
+        }
+    }
+}
+
+fn scan(words: &mut Words<'_>) -> Option<Scan> {
+    let middle = Instant::from_ticks(words.time()?);
+    let window = Duration::from_ticks(words.word()?.into());
+    let (lost, gap) = (words.word()?, words.word()? != 0);
+    let current = words.number()?.map(Ampere);
+    let bits = words.word()?;
+    let frequency_hz = f64::from_bits(words.time()?);
+    let reading = Reading {
+        channel: Channel::Zero,
+        word: Word::from_registers((bits >> 16) as u16, bits as u16),
+        frequency_hz,
+        sigma_hz: f32::from_bits(words.word()?),
+        above_quarter_reference: false,
+        freshness: Freshness::default(),
+        agrees: None,
+        after_gap: false,
+    };
+    let offset = Duration::from_ticks(0);
+    Some(Scan {
+        sensor: 0,
+        middle,
+        window,
+        conversions: [Conversion { reading, offset }].into_iter().collect(),
+        lost,
+        gap,
+        current,
+    })
+}
+
+/// A sum over actions; over records as they are sent.
+pub fn sum(actions: &Actions) -> u32 {
+    let mut sum = Sum::NEW;
+    for action in actions {
+        match action {
+            Action::SafeState => sum.word(1),
+            Action::Current { to, over } => {
+                sum.word(2);
+                sum.number(to.0);
+                sum.word(over.as_ticks() as u32);
+            }
+            Action::ConfigureSensors { channels, rate } => {
+                sum.word(3);
+                sum.word((*channels).into());
+                sum.number(rate.0);
+            }
+            Action::Record { at, record } => {
+                let header = Header {
+                    boot_id: BOOT,
+                    sequence: 0,
+                    time_us: at.as_ticks(),
+                    dropped: 0,
+                };
+                let mut buffer = [0; Record::MAX_FRAME];
+                for &byte in encode(&header, record, &mut buffer)
+                    .unwrap_or_default()
+                    .iter()
+                {
+                    sum.word(byte.into());
+                }
+            }
+        }
+    }
+    sum.0
+}
