@@ -245,8 +245,9 @@ fn a_wire_that_is_held_is_seen_to_be() {
         .filter(|two| two[0].0 > begin && two[0].1 == Some(0.0))
         .map(|two| two[1].0 - two[0].0)
         .max();
+    // The recovery may hold it itself at the moment at which it is let go.
     assert!(
-        (999_000..1_010_000).contains(&longest.unwrap()),
+        (999_000..1_050_000).contains(&longest.unwrap()),
         "{longest:?}"
     );
 }
