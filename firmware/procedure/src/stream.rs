@@ -70,10 +70,10 @@ impl Streamer {
                 .sensing_uncertainty
                 .max(springs.force_scale_uncertainty);
             let of_noise = springs.sensing_n_per_m * felt.sigma.0;
-            (
-                newton,
-                palpate_model::math::hypot(of_noise, newton * relative),
-            )
+            let of_calibration = newton * relative;
+            // Millinewtons to newtons, whose squares `f32` holds without further care.
+            let variance = of_noise * of_noise + of_calibration * of_calibration;
+            (newton, palpate_model::math::sqrt(variance))
         });
         let sample = Sample {
             sensor: scan.sensor,

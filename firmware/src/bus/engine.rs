@@ -12,6 +12,7 @@
 
 use core::cell::UnsafeCell;
 
+use embedded_hal::i2c::Operation;
 use rp2040_pac::{I2C0, IO_BANK0, Interrupt, NVIC, PWM, TIMER};
 
 use crate::board::pico;
@@ -99,9 +100,19 @@ impl Job {
     }
 
     /// Whether it has these commands, the STOP after the last aside.
-    fn is(&self, commands: impl Iterator<Item = u16>) -> bool {
-        let own = self.commands.iter().take(self.length());
-        own.map(|command| command & !STOP).eq(commands)
+    fn is(&self, operations: &[Operation<'_>]) -> bool {
+        let mut own = self.commands.iter().take(self.length());
+        let mut next_is = |command: u16| own.next().is_some_and(|own| own & !STOP == command);
+        for operation in operations {
+            let same = match operation {
+                Operation::Write(bytes) => bytes.iter().all(|&byte| next_is(u16::from(byte))),
+                Operation::Read(buffer) => buffer.iter().all(|_| next_is(READ)),
+            };
+            if !same {
+                return false;
+            }
+        }
+        own.next().is_none()
     }
 
     /// Number of commands.
@@ -430,16 +441,16 @@ pub enum Ready {
     Nothing,
 }
 
-/// Whether the transaction with these commands is kept ready.
+/// Whether the transaction of these operations is kept ready.
 #[inline(always)]
-pub fn ready(commands: impl Iterator<Item = u16>) -> Ready {
+pub fn ready(operations: &[Operation<'_>]) -> Ready {
     if !with(|engine| engine.is_ahead) {
         return Ready::Nothing;
     }
     // SAFETY: nothing writes to the job that is kept ready but `keep_ready`, which the caller, the
     // master, calls itself.
     let ahead = unsafe { &(*ENGINE.0.get()).ahead };
-    if ahead.is(commands) {
+    if ahead.is(operations) {
         Ready::This(ahead.length())
     } else {
         Ready::Another

@@ -247,7 +247,7 @@ impl I2c for Master {
         if !ON_EDGES.load(Ordering::Relaxed) {
             return self.single(operations).await;
         }
-        match engine::ready(commands(operations)) {
+        match engine::ready(operations) {
             Ready::This(length) => self.on_edge(length, operations).await,
             Ready::Another => self.single(operations).await,
             Ready::Nothing => {
@@ -289,24 +289,19 @@ fn swapped(outcome: &Outcome) -> Outcome {
     swapped
 }
 
-/// The commands of a transaction, without the STOP after the last; the block sends a repeated
-/// START by itself where reading and writing alternate.
-fn commands(operations: &[Operation<'_>]) -> impl Iterator<Item = u16> {
-    operations.iter().flat_map(|operation| {
-        let (written, read): (&[u8], usize) = match operation {
-            Operation::Write(bytes) => (bytes, 0),
-            Operation::Read(buffer) => (&[], buffer.len()),
-        };
-        let written = written.iter().map(|&byte| u16::from(byte));
-        written.chain(core::iter::repeat_n(READ, read))
-    })
-}
-
-/// The transaction; nothing if it is longer than any frame, or empty.
+/// The commands of a transaction; the block sends a repeated START by itself where reading and
+/// writing alternate. Nothing if it is longer than any frame, or empty.
 fn job(operations: &[Operation<'_>]) -> Option<Job> {
     let mut job = Job::EMPTY;
-    for command in commands(operations) {
-        job.push(command)?;
+    for operation in operations {
+        match operation {
+            Operation::Write(bytes) => {
+                bytes
+                    .iter()
+                    .try_for_each(|&byte| job.push(u16::from(byte)))?;
+            }
+            Operation::Read(buffer) => buffer.iter().try_for_each(|_| job.push(READ))?,
+        }
     }
     job.stop()?;
     Some(job)
