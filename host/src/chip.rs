@@ -3,6 +3,7 @@
 use std::{
     cell::RefCell,
     io::{self, Write},
+    path::PathBuf,
 };
 
 use clap::{Args, ValueEnum};
@@ -14,6 +15,7 @@ use ldc161x_sim::{
 use serde::Serialize;
 
 use crate::{
+    bring_up,
     failure::Failure,
     plan_ldc::{self, Board},
 };
@@ -45,6 +47,9 @@ pub(crate) struct Arguments {
     /// How this chip counts
     #[arg(long, value_enum, default_value = "two-gates")]
     counter: CounterKind,
+    /// Switches of the chip as `palpate bring-up` writes them
+    #[arg(long, value_name = "FILE.toml", conflicts_with_all = ["release", "counter"])]
+    switches: Option<PathBuf>,
     /// A fault, halfway through
     #[arg(long, value_enum)]
     fault: Option<FaultKind>,
@@ -82,6 +87,26 @@ enum FaultKind {
     ClockLoss,
     /// The chip is gone for good
     Absent,
+}
+
+impl Arguments {
+    /// The switches of the simulated chip.
+    fn switches(&self) -> Result<Switches, Failure> {
+        if let Some(file) = &self.switches {
+            return bring_up::read_switches(file);
+        }
+        Ok(Switches {
+            interrupt_release: match self.release {
+                Release::Status => ldc161x_sim::InterruptRelease::StatusOnly,
+                Release::Data => ldc161x_sim::InterruptRelease::StatusOrData,
+            },
+            counter: match self.counter {
+                CounterKind::TwoGates => Counter::TwoGates,
+                CounterKind::HalfPeriods => Counter::HalfPeriods,
+            },
+            ..Switches::default()
+        })
+    }
 }
 
 impl FaultKind {
@@ -159,10 +184,14 @@ struct Line {
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mut request = arguments.board.request();
     request.read_twice = arguments.twice;
-    request.status_reads |= matches!(arguments.release, Release::Status);
+    let switches = arguments.switches()?;
+    request.status_reads |= switches.interrupt_release == ldc161x_sim::InterruptRelease::StatusOnly;
     request.noise.comparator_duty = Some(COMPARATOR_DUTY);
     let plan = request.plan().map_err(plan_ldc::refused)?;
-    let chip = RefCell::new(Chip::new(settings(arguments), coils(&arguments.board)));
+    let chip = RefCell::new(Chip::new(
+        settings(arguments, switches),
+        coils(&arguments.board),
+    ));
     let mut session = Session::new(&chip, arguments);
     session.driver.start(&plan.configuration).map_err(gave_up)?;
     session.probe().map_err(gave_up)?;
@@ -179,7 +208,7 @@ fn gave_up(error: Error<ldc161x_sim::I2cError>) -> Failure {
     Failure::Refused(error.to_string())
 }
 
-fn settings(arguments: &Arguments) -> Settings {
+fn settings(arguments: &Arguments, switches: Switches) -> Settings {
     let ideal = Settings::ideal();
     let clock_hz = f64::from(arguments.board.external_clock_hz().unwrap_or(40_000_000));
     Settings {
@@ -194,17 +223,7 @@ fn settings(arguments: &Arguments) -> Settings {
             falling_edge: f64::from(COMPARATOR_DUTY),
             ..Conversions::default()
         },
-        switches: Switches {
-            interrupt_release: match arguments.release {
-                Release::Status => ldc161x_sim::InterruptRelease::StatusOnly,
-                Release::Data => ldc161x_sim::InterruptRelease::StatusOrData,
-            },
-            counter: match arguments.counter {
-                CounterKind::TwoGates => Counter::TwoGates,
-                CounterKind::HalfPeriods => Counter::HalfPeriods,
-            },
-            ..Switches::default()
-        },
+        switches,
         // No shift by the drive: the true frequency is the sensor's own.
         ..ideal
     }

@@ -1,5 +1,6 @@
 //! `palpate`: the tool that users of the sensor have in their hands.
 
+mod bring_up;
 mod calibrate;
 mod chip;
 mod coverage;
@@ -50,6 +51,7 @@ enum Verb {
     Words(words::Arguments),
     PlanLdc(plan_ldc::Arguments),
     Chip(chip::Arguments),
+    BringUp(bring_up::Arguments),
     Decode(decode::Arguments),
     Encode(encode::Arguments),
     Demo(demo::Arguments),
@@ -64,6 +66,7 @@ fn main() -> ExitCode {
         Verb::Words(arguments) => words::run(&arguments),
         Verb::PlanLdc(arguments) => plan_ldc::run(&arguments),
         Verb::Chip(arguments) => chip::run(&arguments),
+        Verb::BringUp(arguments) => bring_up::run(&arguments),
         Verb::Decode(arguments) => decode::run(&arguments),
         Verb::Encode(arguments) => encode::run(&arguments),
         Verb::Demo(arguments) => demo::run(&arguments),

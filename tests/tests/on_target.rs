@@ -27,7 +27,7 @@ const PATIENCE: Time = Time::from_ms(60_000);
 fn image() -> &'static Image {
     static IMAGE: OnceLock<Image> = OnceLock::new();
     IMAGE.get_or_init(|| {
-        let path = firmware::build_on_target().unwrap_or_else(|error| panic!("{error}"));
+        let path = firmware::build_example("on_target").unwrap_or_else(|error| panic!("{error}"));
         Image::load(&path).unwrap()
     })
 }

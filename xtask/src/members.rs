@@ -107,10 +107,16 @@ pub(crate) const MEMBERS: &[Member] = &[
     Member {
         name: "palpate-firmware",
         runs_on: RunsOn::Mcu,
-        mcu_examples: &[McuExample {
-            name: "on_target",
-            target: FIRMWARE_TARGET,
-        }],
+        mcu_examples: &[
+            McuExample {
+                name: "on_target",
+                target: FIRMWARE_TARGET,
+            },
+            McuExample {
+                name: "bring_up",
+                target: FIRMWARE_TARGET,
+            },
+        ],
         ..HOST_PROGRAM
     },
     Member {

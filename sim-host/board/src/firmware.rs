@@ -11,8 +11,6 @@ pub const TARGET: &str = "thumbv6m-none-eabi";
 pub const PROFILE: &str = "firmware";
 /// The package, and the name of its image.
 pub const PACKAGE: &str = "palpate-firmware";
-/// The example of the package that compares bits.
-const ON_TARGET: &str = "on_target";
 /// The variable that plants a defect when the image is built.
 const DEFECT: &str = "PALPATE_PLANTED_DEFECT";
 /// The variable that says which log lines are compiled in.
@@ -57,19 +55,19 @@ pub fn build_with_logs(level: &str) -> Result<PathBuf, BuildError> {
     build_variant(&format!("logs-{level}"), &[(LOGS, level)])
 }
 
-/// Builds the image that evaluates the model and the procedure for a comparison of bits, as the
-/// firmware's own is built.
+/// Builds an example of the firmware's package, as the firmware itself is built: `on_target`, which
+/// compares bits, or `bring_up`, by which a PC tests the converter.
 ///
 /// # Errors
 /// [`BuildError`], with what to do.
-pub fn build_on_target() -> Result<PathBuf, BuildError> {
+pub fn build_example(name: &str) -> Result<PathBuf, BuildError> {
     let folder = target_folder();
-    cargo_build(&folder, &["--example", ON_TARGET], &[])?;
+    cargo_build(&folder, &["--example", name], &[])?;
     Ok(folder
         .join(TARGET)
         .join(PROFILE)
         .join("examples")
-        .join(ON_TARGET))
+        .join(name))
 }
 
 fn build_variant(name: &str, variables: &[(&str, &str)]) -> Result<PathBuf, BuildError> {

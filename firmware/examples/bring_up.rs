@@ -1,0 +1,252 @@
+//! The image for `palpate bring-up`: it does on the converter's pins what the PC tells it, one
+//! request after the other, over channel 0 of the debug probe in both directions. What is to be
+//! found out about the silicon, and how, is the PC's affair.
+//!
+//! A request is its length, its kind and what belongs to it; so is an answer, with an outcome for
+//! a kind. Numbers of more than a byte begin with their lowest. docs/bring-up.md lists them.
+
+#![no_std]
+#![no_main]
+#![allow(unsafe_code)]
+
+#[path = "../src/board/clocks.rs"]
+mod clocks;
+#[path = "../src/board/hot.rs"]
+mod hot;
+#[path = "../src/board/memory.rs"]
+mod memory;
+#[path = "bring_up/pins.rs"]
+mod pins;
+#[path = "bring_up/transfer.rs"]
+mod transfer;
+
+use cortex_m_rt::entry;
+use rp2040_pac::Peripherals;
+use rtt_target::{DownChannel, UpChannel};
+
+use transfer::Outcome;
+
+/// Bytes of the longest request and answer, without their length.
+const LONGEST: usize = 64;
+
+/// Nothing interrupts.
+struct Alone;
+critical_section::set_impl!(Alone);
+
+// SAFETY: one core, and no interrupt is ever enabled.
+unsafe impl critical_section::Impl for Alone {
+    unsafe fn acquire() -> u32 {
+        0
+    }
+
+    unsafe fn release(_: u32) {}
+}
+
+/// Looks at a condition until it holds, but no longer than 100 000 times.
+fn wait(mut holds: impl FnMut() -> bool) -> bool {
+    (0..100_000).any(|_| holds())
+}
+
+/// The lower half of the microsecond timer.
+fn now_us() -> u32 {
+    // SAFETY: reading the raw timer has no effect on it.
+    unsafe { (*rp2040_pac::TIMER::ptr()).timerawl().read().bits() }
+}
+
+/// Lets a time pass.
+fn pause(us: u32) {
+    let begin = now_us();
+    while now_us().wrapping_sub(begin) < us {}
+}
+
+#[entry]
+fn main() -> ! {
+    let channels = rtt_target::rtt_init! {
+        up: { 0: { size: 256, name: "answers" } }
+        down: { 0: { size: 256, name: "requests" } }
+    };
+    let (mut up, mut down) = (channels.up.0, channels.down.0);
+    // SAFETY: called once, and nothing else has been set up.
+    let device = unsafe { Peripherals::steal() };
+    pins::set_up(&device);
+    clocks::set_up(
+        &device.RESETS,
+        &device.CLOCKS,
+        &device.XOSC,
+        &device.PLL_SYS,
+        &device.PLL_USB,
+        &device.WATCHDOG,
+    );
+    device.RESETS.reset().modify(|_, w| w.timer().clear_bit());
+    wait(|| device.RESETS.reset_done().read().timer().bit_is_set());
+    clocks::send_out(&device.CLOCKS, pins::CLKIN_DIVISOR);
+    transfer::set_up();
+    let mut request = [0; LONGEST];
+    loop {
+        let length = receive(&mut down, &mut request);
+        let mut answer = Answer::new();
+        if let Some((kind, rest)) = request.get(..length).and_then(<[u8]>::split_first) {
+            let outcome = match kind {
+                b'B' => serve_all(rest, &mut answer),
+                kind => serve(*kind, rest, &mut answer),
+            };
+            let outcome = outcome.unwrap_or(Outcome::NotUnderstood);
+            answer.send(outcome, &mut up);
+        }
+    }
+}
+
+/// Waits for a whole request, and returns its length.
+fn receive(down: &mut DownChannel, request: &mut [u8; LONGEST]) -> usize {
+    let mut byte = || {
+        let mut one = [0];
+        while down.read(&mut one) == 0 {}
+        let [byte] = one;
+        byte
+    };
+    let length = usize::from(byte());
+    for place in 0..length {
+        let byte = byte();
+        if let Some(free) = request.get_mut(place) {
+            *free = byte;
+        }
+    }
+    length.min(LONGEST)
+}
+
+/// An answer being made.
+struct Answer {
+    bytes: [u8; LONGEST],
+    length: usize,
+}
+
+impl Answer {
+    const fn new() -> Self {
+        Self {
+            bytes: [0; LONGEST],
+            length: 2,
+        }
+    }
+
+    fn push(&mut self, byte: u8) {
+        if let Some(place) = self.bytes.get_mut(self.length) {
+            *place = byte;
+            self.length += 1;
+        }
+    }
+
+    fn extend(&mut self, bytes: &[u8]) {
+        for &byte in bytes {
+            self.push(byte);
+        }
+    }
+
+    fn send(mut self, outcome: Outcome, up: &mut UpChannel) {
+        let length = self.length as u8 - 1;
+        for (place, byte) in self.bytes.iter_mut().zip([length, outcome as u8]) {
+            *place = byte;
+        }
+        let mut left = self.bytes.get(..self.length).unwrap_or_default();
+        while !left.is_empty() {
+            let written = up.write(left);
+            left = left.get(written..).unwrap_or_default();
+        }
+    }
+}
+
+/// Does several requests without waiting for the PC between them, until one fails.
+fn serve_all(mut requests: &[u8], answer: &mut Answer) -> Option<Outcome> {
+    while let Some((&length, after)) = requests.split_first() {
+        let length = usize::from(length);
+        let (&kind, rest) = after.get(..length)?.split_first()?;
+        match serve(kind, rest, answer)? {
+            Outcome::Done => requests = after.get(length..)?,
+            failed => return Some(failed),
+        }
+    }
+    Some(Outcome::Done)
+}
+
+/// Does what a request asks; nothing if it is none.
+fn serve(kind: u8, rest: &[u8], answer: &mut Answer) -> Option<Outcome> {
+    match (kind, rest) {
+        (b'?', []) => answer.extend(b"palpate bring-up 1"),
+        (b'T', segments) => return transfer::run(segments, |byte| answer.push(byte)),
+        (b'E', [count, timeout_ms, segments @ ..]) => {
+            return edges(*count, *timeout_ms, segments, answer);
+        }
+        (b'A', [timeout_ms]) => {
+            if !within(*timeout_ms, || !pins::interrupt_is_high()) {
+                return Some(Outcome::NoEdge);
+            }
+        }
+        (b'I', []) => answer.push(pins::interrupt_is_high().into()),
+        (b'S', [high]) => pins::shut_down(*high != 0),
+        (b'C', [divisor @ 3..=12]) => {
+            // SAFETY: nobody else touches the clocks.
+            let clocks = unsafe { &*rp2040_pac::CLOCKS::ptr() };
+            clocks::send_out(clocks, (*divisor).into());
+        }
+        (b'D', [ms]) => pause(u32::from(*ms) * 1_000),
+        (b'X', [bytes]) => transfer::cut_off(*bytes),
+        (b'L', [pulses]) => {
+            pins::pulse(*pulses);
+            transfer::set_up();
+        }
+        (b'W', []) => answer.push(pins::data_is_high().into()),
+        _ => return None,
+    }
+    Some(Outcome::Done)
+}
+
+/// Waits for so many edges of INTB, and transfers after each what releases it; tells how many came,
+/// when the first and the last did, and what the last transfer has read. An edge that has come
+/// before counts for nothing: the first that is waited for only begins the row.
+fn edges(count: u8, timeout_ms: u8, segments: &[u8], answer: &mut Answer) -> Option<Outcome> {
+    let (mut first_us, mut last_us) = (0, 0);
+    pins::forget_edge();
+    match transfer::run(segments, |_| {})? {
+        Outcome::Done => {}
+        failed => return Some(failed),
+    }
+    let mut read = Answer::new();
+    for seen in 0..=count {
+        if !within(timeout_ms, pins::edge_came) {
+            return Some(Outcome::NoEdge);
+        }
+        last_us = now_us();
+        pins::forget_edge();
+        if seen <= 1 {
+            first_us = last_us;
+        }
+        read = Answer::new();
+        match transfer::run(segments, |byte| read.push(byte))? {
+            Outcome::Done => {}
+            failed => return Some(failed),
+        }
+    }
+    answer.push(count);
+    answer.extend(&first_us.to_le_bytes());
+    answer.extend(&last_us.to_le_bytes());
+    answer.extend(read.bytes.get(2..read.length)?);
+    Some(Outcome::Done)
+}
+
+/// Looks at a condition until it holds, for at most so long.
+fn within(timeout_ms: u8, holds: impl Fn() -> bool) -> bool {
+    let begin = now_us();
+    while !holds() {
+        if now_us().wrapping_sub(begin) > u32::from(timeout_ms) * 1_000 {
+            return false;
+        }
+    }
+    true
+}
+
+#[panic_handler]
+fn panic(_: &core::panic::PanicInfo<'_>) -> ! {
+    pins::shut_down(true);
+    loop {
+        cortex_m::asm::nop();
+    }
+}

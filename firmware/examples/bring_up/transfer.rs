@@ -1,0 +1,129 @@
+//! Transactions of the I2C block, waited for.
+
+use rp2040_pac::{I2C0, RESETS};
+
+use crate::{now_us, wait};
+
+/// The converter with ADDR low.
+const ADDRESS: u32 = 0x2A;
+/// Timing at 120 MHz as `bus::recovery` reasons it.
+const CONTROL: u32 = 0x65;
+const SPIKE: u32 = 6;
+const LOW: u32 = 164;
+const HIGH: u32 = 104;
+const HOLD: u32 = 36;
+/// Commands of the block.
+const READ: u32 = 1 << 8;
+const STOP: u32 = 1 << 9;
+const RESTART: u32 = 1 << 10;
+/// Its raw interrupts.
+const ABORT: u32 = 1 << 6;
+const STOPPED: u32 = 1 << 9;
+/// Bytes of a transaction at most, by which it fits into the queues.
+const QUEUE: usize = 16;
+/// A transaction of that many bytes takes 0.4 ms.
+const DEADLINE_US: u32 = 5_000;
+/// A segment of a transaction that reads.
+const READS: u8 = 0x80;
+
+/// What came of a request.
+#[derive(Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Outcome {
+    Done = 0,
+    NotUnderstood = 1,
+    NotAcknowledged = 2,
+    TimedOut = 3,
+    NoEdge = 4,
+}
+
+fn i2c() -> &'static rp2040_pac::i2c0::RegisterBlock {
+    // SAFETY: one core, no interrupts.
+    unsafe { &*I2C0::ptr() }
+}
+
+/// Sets the block up from reset.
+pub fn set_up() {
+    // SAFETY: values are within their fields; nothing else uses the block.
+    unsafe {
+        let resets = &*RESETS::ptr();
+        resets.reset().modify(|_, w| w.i2c0().set_bit());
+        resets.reset().modify(|_, w| w.i2c0().clear_bit());
+        wait(|| resets.reset_done().read().i2c0().bit_is_set());
+        i2c().ic_con().write(|w| w.bits(CONTROL));
+        i2c().ic_tar().write(|w| w.bits(ADDRESS));
+        i2c().ic_fs_spklen().write(|w| w.bits(SPIKE));
+        i2c().ic_fs_scl_lcnt().write(|w| w.bits(LOW));
+        i2c().ic_fs_scl_hcnt().write(|w| w.bits(HIGH));
+        i2c().ic_sda_hold().write(|w| w.bits(HOLD));
+        i2c().ic_intr_mask().write(|w| w.bits(0));
+        i2c().ic_enable().write(|w| w.bits(1));
+    }
+}
+
+fn command(bits: u32) {
+    // SAFETY: any command of eleven bits may be written.
+    i2c().ic_data_cmd().write(|w| unsafe { w.bits(bits) });
+}
+
+/// One transaction of segments, each after a START of its own: `0x80 + n` reads n bytes, `n` and
+/// n bytes writes them. Nothing if the segments are none. Bytes that are read go to `take`.
+pub fn run(mut segments: &[u8], mut take: impl FnMut(u8)) -> Option<Outcome> {
+    let mut commands = [0; QUEUE];
+    let mut count = 0;
+    while let Some((&head, rest)) = segments.split_first() {
+        let length = usize::from(head & !READS);
+        let (bytes, after) = if head & READS != 0 {
+            (None, rest)
+        } else {
+            (Some(rest.get(..length)?), rest.get(length..)?)
+        };
+        for place in 0..length {
+            let start = if place == 0 && count > 0 { RESTART } else { 0 };
+            let byte = bytes.map_or(Some(READ), |bytes| {
+                bytes.get(place).map(|&byte| byte.into())
+            });
+            *commands.get_mut(count)? = byte? | start;
+            count += 1;
+        }
+        segments = after;
+    }
+    let last = commands.get_mut(count.checked_sub(1)?)?;
+    *last |= STOP;
+    let _ = i2c().ic_clr_intr().read().bits();
+    for &bits in commands.iter().take(count) {
+        command(bits);
+    }
+    let begin = now_us();
+    loop {
+        let raised = i2c().ic_raw_intr_stat().read().bits();
+        while i2c().ic_rxflr().read().bits() > 0 {
+            take(i2c().ic_data_cmd().read().bits() as u8);
+        }
+        if raised & ABORT != 0 {
+            wait(|| i2c().ic_raw_intr_stat().read().bits() & STOPPED != 0);
+            let _ = i2c().ic_clr_intr().read().bits();
+            return Some(Outcome::NotAcknowledged);
+        }
+        if raised & STOPPED != 0 {
+            return Some(Outcome::Done);
+        }
+        if now_us().wrapping_sub(begin) > DEADLINE_US {
+            set_up();
+            return Some(Outcome::TimedOut);
+        }
+    }
+}
+
+/// Reads two bytes and resets the block when so many bits of the transaction have passed, as a
+/// reset of the processor would.
+pub fn cut_off(bits: u8) {
+    let _ = i2c().ic_clr_intr().read().bits();
+    command(0x7E);
+    command(READ | RESTART);
+    command(READ | STOP);
+    let begin = now_us();
+    // 2.5 us a bit.
+    while now_us().wrapping_sub(begin) < u32::from(bits) * 5 / 2 {}
+    set_up();
+}

@@ -1,0 +1,168 @@
+//! `palpate bring-up`: on a first board, settle what sources disagree about.
+
+mod converter;
+mod link;
+mod tests;
+
+use std::fs;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use comfy_table::Table;
+use comfy_table::presets::NOTHING;
+use ldc161x_sim::{Settings, Switches};
+use palpate_board::{Board, Image, Options, Still, firmware};
+use serde::{Deserialize, Serialize};
+
+use crate::failure::Failure;
+use crate::progress::Progress;
+use converter::Converter;
+use link::Link;
+use tests::Tests;
+
+/// Settle on a board what sources disagree about in the converter, and write it as settings
+///
+/// Runs the tests of docs/bring-up.md, with the image bring_up on the board, and writes what they
+/// find as the switches of the simulated converter.
+#[derive(Args)]
+#[command(after_help = "\
+A board is reached through the server of its debug probe, at channel 0 of its RTT;
+docs/bring-up.md has the command for OpenOCD. Its sensor has to rest, and its coil to be
+without supply.
+
+`palpate chip --switches FILE.toml` runs the driver against a converter with these switches.
+
+Examples:
+  palpate bring-up --connect localhost:9090
+  palpate bring-up --emulated --switches other.toml --settings found.toml")]
+pub(crate) struct Arguments {
+    /// The probe's server, as HOST:PORT
+    #[arg(
+        long,
+        value_name = "HOST:PORT",
+        required_unless_present = "emulated",
+        conflicts_with = "emulated"
+    )]
+    connect: Option<String>,
+    /// The emulated board instead
+    #[arg(long)]
+    emulated: bool,
+    /// Switches of the emulated board's converter, instead of the usual ones
+    #[arg(long, value_name = "FILE.toml", requires = "emulated")]
+    switches: Option<PathBuf>,
+    /// Ask on a board for a dip of the converter's supply, and see what it changes
+    #[arg(long, requires = "connect")]
+    dip: bool,
+    /// Where the switches that were found are written
+    #[arg(long, value_name = "FILE.toml", default_value = "bring-up.toml")]
+    settings: PathBuf,
+    /// Print JSON instead of a table
+    #[arg(long)]
+    json: bool,
+}
+
+/// A file of switches.
+#[derive(Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+struct Document {
+    switches: Switches,
+}
+
+/// A line of the JSON output.
+#[derive(Serialize)]
+struct Line<'t> {
+    simulated: bool,
+    test: &'t str,
+    found: &'t str,
+}
+
+/// The tests, for the bar.
+const TESTS: usize = 15;
+/// The emulated sensors at rest, Hz.
+const SENSORS_HZ: [f64; 4] = [3.1e6, 3.2e6, 3.3e6, 3.4e6];
+
+pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let link = match &arguments.connect {
+        Some(address) => Link::connect(address)?,
+        None => emulated(arguments)?,
+    };
+    let mut tests = Tests::new(Converter(link));
+    let progress = Progress::new(TESTS);
+    let ended = tests.run(arguments.dip, || progress.step());
+    progress.finish();
+    if ended.is_err() {
+        // What was found before the failure is half of its cause.
+        print(arguments, &tests)?;
+    }
+    ended?;
+    let document = Document {
+        switches: tests.switches,
+    };
+    let text = toml::to_string(&document)
+        .map_err(|error| Failure::Refused(format!("the switches cannot be written: {error}")))?;
+    fs::write(&arguments.settings, text)?;
+    print(arguments, &tests)?;
+    eprintln!("switches: {}", arguments.settings.display());
+    Ok(())
+}
+
+fn emulated(arguments: &Arguments) -> Result<Link, Failure> {
+    let refused = |error: &dyn std::fmt::Display| Failure::Refused(error.to_string());
+    let file = firmware::build_example("bring_up").map_err(|error| refused(&error))?;
+    let image = Image::load(&file).map_err(|error| refused(&error))?;
+    let switches = match &arguments.switches {
+        Some(file) => read_switches(file)?,
+        None => Switches::default(),
+    };
+    let settings = Settings {
+        switches,
+        ..Settings::default()
+    };
+    let plant = Still::new(SENSORS_HZ);
+    let board = Board::new(&image, plant, settings, Options::default());
+    Ok(Link::Emulated(Box::new(board)))
+}
+
+/// Reads a file of switches.
+pub(crate) fn read_switches(file: &Path) -> Result<Switches, Failure> {
+    let text = fs::read_to_string(file).map_err(|reason| Failure::Unreadable {
+        file: file.to_path_buf(),
+        reason,
+    })?;
+    let document: Document = toml::from_str(&text).map_err(|error| {
+        let at = error.span().map_or(0, |span| span.start);
+        let before = text.get(..at).unwrap_or_default();
+        Failure::Input {
+            file: file.to_path_buf(),
+            line: before.lines().count().max(1) as u64,
+            problem: error.message().to_owned(),
+            allowed: "the table [switches] as `palpate bring-up` writes it".to_owned(),
+        }
+    })?;
+    Ok(document.switches)
+}
+
+fn print(arguments: &Arguments, tests: &Tests) -> Result<(), Failure> {
+    let mut out = io::stdout().lock();
+    if arguments.json {
+        for finding in &tests.findings {
+            let line = Line {
+                simulated: arguments.emulated,
+                test: finding.test,
+                found: &finding.found,
+            };
+            writeln!(out, "{}", serde_json::to_string(&line)?)?;
+        }
+        return Ok(());
+    }
+    let mut table = Table::new();
+    table.load_style(NOTHING);
+    for finding in &tests.findings {
+        table.add_row([finding.test, &finding.found]);
+    }
+    if arguments.emulated {
+        writeln!(out, "simulated converter on the emulated board")?;
+    }
+    Ok(writeln!(out, "{table}")?)
+}
