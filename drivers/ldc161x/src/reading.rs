@@ -201,6 +201,18 @@ pub struct Reading {
 }
 
 impl Reading {
+    /// What stands in a frame where no reading does.
+    const NONE: Self = Self {
+        channel: Channel::Zero,
+        word: Word(0),
+        frequency_hz: 0.0,
+        sigma_hz: 0.0,
+        above_quarter_reference: false,
+        freshness: Freshness::NotAsked,
+        agrees: None,
+        after_gap: false,
+    };
+
     /// The verdict on this reading, the gravest objection first.
     ///
     /// ```
@@ -277,7 +289,8 @@ impl Frame {
             number,
             marks,
             status,
-            ..Self::default()
+            readings: [Reading::NONE; 4],
+            count: 0,
         }
     }
 
