@@ -20,11 +20,13 @@ const SCAN_HZ: u32 = 40_000_000;
 pub const REGISTER_US: f32 = 130.0;
 /// Between two channels of a scan (datasheet equation 8).
 const SWITCH_S: f32 = 692e-9 + 5.0 / SCAN_HZ as f32;
-/// An interval within this part of the period is one period.
-const TOLERANCE: f32 = 0.25;
-/// Share of a new interval in the period: the converter shares the crystal with the timer, so
-/// that the period is constant and only its value is not known.
-const GAIN: f32 = 1.0 / 64.0;
+/// Bits of a microsecond's fraction in the learnt period.
+const FRACTION: u32 = 16;
+/// An interval is one period if it differs by less than a period halved so often.
+const TOLERANCE: u32 = 2;
+/// A new interval's share in the period, as halvings: the converter shares the crystal with the
+/// timer, so that the period is constant and only its value is not known.
+const GAIN: u32 = 6;
 
 /// What the procedure wants of the converter.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -140,7 +142,8 @@ pub struct Sampled {
 
 /// The grid of the frames: their period as it is learnt, and what is missing from it.
 pub struct Grid {
-    period_us: f32,
+    /// In parts of a microsecond.
+    period: i64,
     last: Option<(u64, u16)>,
     /// Frames of which the edge was counted, but not seen.
     pub unseen: u32,
@@ -150,7 +153,7 @@ impl Grid {
     /// A grid of which only the planned period is known.
     pub const fn new(period_us: f32) -> Self {
         Self {
-            period_us,
+            period: (period_us * (1 << FRACTION) as f32) as i64,
             last: None,
             unseen: 0,
         }
@@ -158,17 +161,16 @@ impl Grid {
 
     /// The learnt period.
     pub const fn period_us(&self) -> f32 {
-        self.period_us
+        self.period as f32 / (1 << FRACTION) as f32
     }
 
     /// How many frames have ended since an edge, when its frame was fetched so late: each of them
     /// has overwritten the one before, without an edge of its own.
     pub fn overwritten(&self, late_us: u32) -> u32 {
-        let late_us = late_us as f32;
-        if late_us < self.period_us {
+        if i64::from(late_us) << FRACTION < self.period {
             return 0;
         }
-        (late_us / self.period_us) as u32
+        (late_us as f32 / self.period_us()) as u32
     }
 
     /// The next edge is the first one of a new grid.
@@ -187,13 +189,14 @@ impl Grid {
         if edges != 0 && last_edges != 0 {
             self.unseen = self.unseen.wrapping_add(passed.saturating_sub(1));
         }
-        let interval_us = edge_us.saturating_sub(last_us) as f32;
-        let more_us = interval_us - self.period_us;
-        if more_us.abs() < TOLERANCE * self.period_us {
-            self.period_us += GAIN * more_us;
+        let interval_us = edge_us.saturating_sub(last_us);
+        // Less than the age of the universe: no bit is lost.
+        let more = ((interval_us << FRACTION) as i64).saturating_sub(self.period);
+        if more.abs() < self.period >> TOLERANCE {
+            self.period += more >> GAIN;
             return 0;
         }
-        ((interval_us / self.period_us + 0.5) as u32).saturating_sub(1)
+        ((interval_us as f32 / self.period_us() + 0.5) as u32).saturating_sub(1)
     }
 }
 
