@@ -17,6 +17,7 @@ pub mod board;
 pub mod coil;
 pub mod current;
 pub mod device;
+pub mod electrical;
 pub mod magnetorheological;
 pub mod mechanics;
 pub mod parameters;

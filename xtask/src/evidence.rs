@@ -59,6 +59,23 @@ const CAMPAIGNS: &[Campaign] = &[
         ],
     },
     Campaign {
+        name: "coil-guards",
+        purpose: "The coil's driver under random commands, settings, faults and clocks: what its limits let through.",
+        arguments: &[
+            "run",
+            "--release",
+            "-p",
+            "system-tests",
+            "--bin",
+            "coil-guards",
+            "--",
+            "--sequences",
+            "100000",
+            "--seed",
+            "1",
+        ],
+    },
+    Campaign {
         name: "sigma",
         purpose: "The stated standard deviation against the spread that is observed.",
         arguments: &[

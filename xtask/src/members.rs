@@ -57,6 +57,13 @@ const HOST_PROGRAM: Member = Member {
 /// Every crate of the workspace.
 pub(crate) const MEMBERS: &[Member] = &[
     Member {
+        name: "coil-hbridge",
+        runs_on: RunsOn::Everywhere,
+        published: true,
+        features: &["defmt"],
+        mcu_examples: &[],
+    },
+    Member {
         name: "ldc161x",
         runs_on: RunsOn::Everywhere,
         published: true,

@@ -1,0 +1,141 @@
+//! What a calibration against a reference found of the current measurement.
+
+use crate::fault::Refusal;
+use crate::hardware::Hardware;
+
+/// Units of one piece, as a power of two: 256 counts of the converter.
+const PIECE: u32 = 9;
+const KNOTS: usize = 17;
+/// Units of the first knot.
+const FIRST: i32 = -(1 << PIECE) * (KNOTS as i32 / 2);
+/// Greatest correction, as a part of the measured current, and in units besides.
+const GREATEST_PART: f32 = 0.1;
+const GREATEST_UNITS: f32 = 128.0;
+
+/// Corrections of the measured current at 17 places of the converter's range, straight between
+/// them: takes away errors of the gain, and the bow of the converter.
+///
+/// A bow of one sine wave over the range is left with 2 % of its amplitude.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Correction([i16; KNOTS]);
+
+impl Default for Correction {
+    fn default() -> Self {
+        Self::NONE
+    }
+}
+
+impl Correction {
+    /// None.
+    pub const NONE: Self = Self([0; KNOTS]);
+
+    /// From pairs of measured and true current, A, in rising order; straight between them, and
+    /// in proportion beyond the outermost.
+    ///
+    /// # Errors
+    /// [`Refusal::Correction`]: fewer than two pairs, not rising, no numbers, or a correction above
+    /// a tenth of the current and 64 counts.
+    pub fn new(pairs: &[[f32; 2]], hardware: &Hardware) -> Result<Self, Refusal> {
+        let rises = pairs.windows(2).all(|of| match of {
+            [[low, _], [high, _]] => high > low,
+            _ => false,
+        });
+        let (Some(first), Some(last)) = (pairs.first(), pairs.last()) else {
+            return Err(Refusal::Correction);
+        };
+        if pairs.len() < 2 || !rises {
+            return Err(Refusal::Correction);
+        }
+        let unit_a = hardware.ampere_per_unit();
+        let mut knots = [0; KNOTS];
+        for (place, knot) in (0_i32..).zip(&mut knots) {
+            let told_a = (FIRST + (place << PIECE)) as f32 * unit_a;
+            let change_a = if told_a <= first[0] || told_a >= last[0] {
+                let [told, of] = if told_a <= first[0] { *first } else { *last };
+                // In proportion where that has a meaning.
+                if (told_a > 0.0) == (told > 0.0) && told.abs() > 64.0 * unit_a {
+                    (of - told) * told_a / told
+                } else {
+                    of - told
+                }
+            } else {
+                between(pairs, told_a).ok_or(Refusal::Correction)?
+            };
+            let units = change_a / unit_a;
+            let most = GREATEST_PART * (told_a / unit_a).abs() + GREATEST_UNITS;
+            if units.is_nan() || units.abs() > most {
+                return Err(Refusal::Correction);
+            }
+            // Less than 600.
+            *knot = units as i16;
+        }
+        Ok(Self(knots))
+    }
+
+    /// The corrected current, in units.
+    #[inline]
+    pub(crate) fn apply(&self, measured: i32) -> i32 {
+        let from = (measured - FIRST).clamp(0, ((KNOTS as i32 - 1) << PIECE) - 1);
+        let place = (from >> PIECE) as usize;
+        let (Some(&low), Some(&high)) = (self.0.get(place), self.0.get(place + 1)) else {
+            return measured;
+        };
+        let part = from & ((1 << PIECE) - 1);
+        let (low, high) = (i32::from(low), i32::from(high));
+        measured + low + (((high - low) * part) >> PIECE)
+    }
+}
+
+/// The change of the pair of neighbours that a value lies between.
+fn between(pairs: &[[f32; 2]], told_a: f32) -> Option<f32> {
+    pairs.windows(2).find_map(|of| match of {
+        [[low, low_of], [high, high_of]] if told_a >= *low && told_a <= *high => {
+            let part = (told_a - low) / (high - low);
+            Some((low_of - low) * (1.0 - part) + (high_of - high) * part)
+        }
+        _ => None,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Decay;
+
+    const HARDWARE: Hardware = Hardware {
+        period_s: 16e-6,
+        full_level: 960,
+        ampere_per_count: 0.006,
+        zero_count: 2048,
+        zero_tolerance: 64,
+        greatest_count: 4095,
+        diode_v: 0.8,
+        decay: Decay::Fast,
+        reduced_limit_a: None,
+    };
+
+    #[test]
+    fn a_gain_is_taken_away_everywhere() {
+        let pairs = [-10.0, -3.0, 2.0, 10.0].map(|of: f32| [of * 1.02, of]);
+        let correction = Correction::new(&pairs, &HARDWARE).unwrap();
+        for true_a in [-11.0_f32, -6.3, 0.0, 0.7, 5.0, 11.9] {
+            let told = (true_a * 1.02 / 0.003) as i32;
+            let error = correction.apply(told) as f32 * 0.003 - true_a;
+            assert!(error.abs() < 0.012, "{true_a}: {error}");
+        }
+    }
+
+    #[test]
+    fn none_changes_nothing_and_nonsense_is_refused() {
+        for units in [-9_000, -4_096, -1, 0, 4_095, 4_096, 9_000] {
+            assert_eq!(Correction::NONE.apply(units), units);
+        }
+        let refused = |pairs: &[[f32; 2]]| Correction::new(pairs, &HARDWARE).is_err();
+        assert!(refused(&[]));
+        assert!(refused(&[[1.0, 1.0]]));
+        assert!(refused(&[[2.0, 2.0], [1.0, 1.0]]));
+        assert!(refused(&[[1.0, f32::NAN], [2.0, 2.0]]));
+        assert!(refused(&[[1.0, 1.0], [8.0, 12.0]]));
+    }
+}

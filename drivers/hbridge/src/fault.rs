@@ -1,0 +1,151 @@
+//! What goes wrong, and what is not begun.
+
+use core::fmt;
+
+/// Why the bridge was switched off. It stays off until the fault is cleared.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Fault {
+    /// A sample of the current was above the limit.
+    OverCurrent,
+    /// The bridge reports a fault of its own.
+    Bridge,
+    /// Voltage, but not the current that it drives: an open circuit, a lost current measurement,
+    /// or a hardware limit that is too low.
+    CurrentMissing,
+    /// Current without the voltage that it takes: a short in the coil.
+    CurrentUnexplained,
+    /// The current did not come to where it was wanted.
+    NotFollowing,
+    /// The supply is below its limit.
+    SupplyLow,
+    /// The supply is above its limit.
+    SupplyHigh,
+    /// The bridge was on for too long.
+    OnTime,
+    /// Too much energy.
+    Energy,
+    /// [`Drive::attend`](crate::Drive::attend) was not called in time.
+    Unattended,
+    /// Self-test: the reading without current is too far from its nominal value.
+    Offset,
+    /// Self-test: no current flows.
+    Open,
+    /// Self-test: resistance or inductance is too low.
+    Short,
+    /// Self-test: the current's sign is wrong.
+    SenseReversed,
+    /// Self-test: resistance or inductance is too high.
+    NotACoil,
+    /// Self-test: the hardware's own limit of the current does not act.
+    NoHardwareLimit,
+}
+
+impl Fault {
+    /// Every fault.
+    pub const ALL: [Self; 16] = [
+        Self::OverCurrent,
+        Self::Bridge,
+        Self::CurrentMissing,
+        Self::CurrentUnexplained,
+        Self::NotFollowing,
+        Self::SupplyLow,
+        Self::SupplyHigh,
+        Self::OnTime,
+        Self::Energy,
+        Self::Unattended,
+        Self::Offset,
+        Self::Open,
+        Self::Short,
+        Self::SenseReversed,
+        Self::NotACoil,
+        Self::NoHardwareLimit,
+    ];
+}
+
+impl Fault {
+    /// Whether coil or measurement are in doubt: after this fault has been cleared, nothing is
+    /// driven before a self-test.
+    #[must_use]
+    pub const fn asks_for_a_test(self) -> bool {
+        !matches!(
+            self,
+            Self::SupplyLow | Self::SupplyHigh | Self::OnTime | Self::Energy | Self::Unattended
+        )
+    }
+}
+
+impl fmt::Display for Fault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::OverCurrent => "too much current: look for a short in coil and wires",
+            Self::Bridge => "the bridge reports a fault: let it cool, check its supply",
+            Self::CurrentMissing => {
+                "voltage but no current: check the coil's wires and the current amplifier"
+            }
+            Self::CurrentUnexplained => "current without voltage: look for a short in the coil",
+            Self::NotFollowing => "the current does not reach its value: check the supply",
+            Self::SupplyLow => "the supply is too low",
+            Self::SupplyHigh => "the supply is too high",
+            Self::OnTime => "the coil was on for too long: ask for less",
+            Self::Energy => "too much energy: let the coil cool",
+            Self::Unattended => "nobody looked after the drive: the program hangs",
+            Self::Offset => "the current amplifier is off zero: check its supply and reference",
+            Self::Open => "no current flows: connect the coil",
+            Self::Short => "resistance or inductance is too low: look for a short",
+            Self::SenseReversed => "the current amplifier is turned round: swap its inputs",
+            Self::NotACoil => "resistance or inductance is too high: check the coil",
+            Self::NoHardwareLimit => "the bridge's own current limit does not act: set it up",
+        })
+    }
+}
+
+impl core::error::Error for Fault {}
+
+/// Why something was not begun. Nothing has changed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Refusal {
+    /// A field of [`Hardware`](crate::Hardware) is out of range.
+    Hardware(&'static str),
+    /// A field of [`Limits`](crate::Limits) is out of range, or does not fit the hardware.
+    Limits(&'static str),
+    /// A fault stands: clear it first.
+    Latched(Fault),
+    /// The self-test has not found a coil yet.
+    NotTested,
+    /// The self-test runs.
+    Testing,
+    /// A current beyond the limit, or no number, A.
+    Current(f32),
+    /// A duration that is negative, no number, or beyond the limit of the on-time, s.
+    Duration(f32),
+    /// More energy than is left, J.
+    Energy(f32),
+    /// The waveform has no room for another segment.
+    Full,
+    /// The supply is out of its limits, V.
+    Supply(f32),
+    /// A calibration of the current that cannot be one.
+    Correction,
+}
+
+impl fmt::Display for Refusal {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Hardware(field) => write!(f, "the hardware's {field} is out of range"),
+            Self::Limits(field) => write!(f, "the limit {field} is out of range"),
+            Self::Latched(fault) => write!(f, "a fault stands: {fault}"),
+            Self::NotTested => f.write_str("run the self-test first"),
+            Self::Testing => f.write_str("the self-test runs: wait for it"),
+            Self::Current(current_a) => write!(f, "{current_a} A is beyond the limit"),
+            Self::Duration(duration_s) => write!(f, "{duration_s} s is beyond the limit"),
+            Self::Energy(energy_j) => write!(f, "{energy_j} J is more than is left: wait"),
+            Self::Full => f.write_str("the waveform has no room for another segment"),
+            Self::Supply(supply_v) => write!(f, "the supply of {supply_v} V is out of its limits"),
+            Self::Correction => f.write_str("these currents are no calibration: measure again"),
+        }
+    }
+}
+
+impl core::error::Error for Refusal {}

@@ -1,0 +1,34 @@
+#![no_std]
+#![doc = include_str!("../README.md")]
+#![cfg_attr(
+    not(test),
+    warn(clippy::unwrap_used, clippy::expect_used, clippy::indexing_slicing)
+)]
+
+mod averages;
+mod correction;
+mod drive;
+mod fault;
+mod hardware;
+mod limits;
+mod line;
+mod output;
+mod pins;
+mod regulator;
+mod self_test;
+mod supervisor;
+mod watch;
+mod waveform;
+
+pub use averages::{Averages, BLOCK};
+pub use correction::Correction;
+pub use drive::{Drive, Order, Report, State};
+pub use fault::{Fault, Refusal};
+pub use hardware::{Coil, Decay, Hardware};
+pub use limits::Limits;
+pub use output::{Levels, Output};
+pub use pins::{HBridge, PinError};
+pub use self_test::Findings;
+pub use supervisor::Supervisor;
+pub use watch::{ATTENDED_WITHIN, BALANCED_WITHIN, FOLLOWS_WITHIN};
+pub use waveform::{MOST_SEGMENTS, Segment, Waveform};

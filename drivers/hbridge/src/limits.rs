@@ -1,0 +1,68 @@
+//! What nothing exceeds.
+
+use crate::fault::Refusal;
+use crate::hardware::Hardware;
+
+/// What no command, setting or waveform exceeds. Given once, when the drive is made: meant to be a
+/// constant of the program. There is no way to change it afterwards.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Limits {
+    /// Greatest current that is regulated to, A.
+    pub current_a: f32,
+    /// Measured current at which the bridge is switched off and stays so, A: above `current_a` by
+    /// ripple, overshoot and noise, below the end of the measurement's range.
+    pub trip_a: f32,
+    /// Greatest part of a period in which a voltage is applied, 0 to 1: the bridge's upper
+    /// switches may need the rest to stay supplied.
+    pub duty: f32,
+    /// Longest time with the bridge on, s.
+    pub on_time_s: f32,
+    /// Energy that the circuit may have taken, less what it has given off since, J.
+    pub energy_j: f32,
+    /// Power that it gives off for ever, W: the rate at which that energy is forgotten.
+    pub continuous_w: f32,
+    /// Least and greatest supply, V.
+    pub supply_v: [f32; 2],
+    /// Least and greatest resistance of the circuit, ohm: a short below, an open circuit above.
+    pub resistance_ohm: [f32; 2],
+    /// Least and greatest inductance, H.
+    pub inductance_h: [f32; 2],
+}
+
+impl Limits {
+    /// Checks that they make sense with this hardware.
+    ///
+    /// # Errors
+    /// [`Refusal::Limits`] with the field's name.
+    pub fn check(&self, hardware: &Hardware) -> Result<(), Refusal> {
+        let is = |ok: bool, field| {
+            if ok {
+                Ok(())
+            } else {
+                Err(Refusal::Limits(field))
+            }
+        };
+        let rises = |[low, high]: [f32; 2]| low > 0.0 && high > low && high.is_finite();
+        is(self.current_a > 0.0, "current_a")?;
+        is(self.trip_a > self.current_a, "trip_a")?;
+        // The converter has to see it, with the zero anywhere within its tolerance.
+        let upwards = hardware.greatest_count - hardware.zero_count;
+        let span = upwards.min(hardware.zero_count) - hardware.zero_tolerance;
+        let visible_a = f32::from(span) * hardware.ampere_per_count.abs();
+        is(self.trip_a < visible_a, "trip_a")?;
+        is((0.01..=1.0).contains(&self.duty), "duty")?;
+        is(
+            self.on_time_s > 0.0 && self.on_time_s <= 3_600.0,
+            "on_time_s",
+        )?;
+        is(self.energy_j > 0.0 && self.energy_j.is_finite(), "energy_j")?;
+        is(
+            self.continuous_w >= 0.0 && self.continuous_w.is_finite(),
+            "continuous_w",
+        )?;
+        is(rises(self.supply_v), "supply_v")?;
+        is(rises(self.resistance_ohm), "resistance_ohm")?;
+        is(rises(self.inductance_h), "inductance_h")
+    }
+}

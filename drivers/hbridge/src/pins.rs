@@ -1,0 +1,145 @@
+//! The bridge behind embedded-hal's traits, where a HAL gives them.
+
+use embedded_hal::digital::{InputPin, OutputPin};
+use embedded_hal::pwm::SetDutyCycle;
+
+use crate::output::Output;
+
+/// A bridge with inputs IN1 and IN2 on two outputs of one phase-correct PWM, nSLEEP and nFAULT.
+///
+/// Where both compare values lie in one register, writing that register is shorter and changes both
+/// at once: a program may do so instead, and needs nothing of this.
+#[derive(Debug)]
+pub struct HBridge<A, B, S, F> {
+    in1: A,
+    in2: B,
+    sleep: S,
+    fault: F,
+    full_level: u16,
+}
+
+/// Which pin failed, and how.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum PinError<A, B, S> {
+    /// IN1.
+    In1(A),
+    /// IN2.
+    In2(B),
+    /// nSLEEP.
+    Sleep(S),
+}
+
+/// The error of a bridge with these pins.
+type Failure<A, B, S> = PinError<
+    <A as embedded_hal::pwm::ErrorType>::Error,
+    <B as embedded_hal::pwm::ErrorType>::Error,
+    <S as embedded_hal::digital::ErrorType>::Error,
+>;
+
+impl<A: SetDutyCycle, B: SetDutyCycle, S: OutputPin, F: InputPin> HBridge<A, B, S, F> {
+    /// A bridge, put to sleep.
+    ///
+    /// # Errors
+    /// A pin failed.
+    pub fn new(
+        (in1, in2): (A, B),
+        sleep: S,
+        fault: F,
+        full_level: u16,
+    ) -> Result<Self, Failure<A, B, S>> {
+        let mut bridge = Self {
+            in1,
+            in2,
+            sleep,
+            fault,
+            full_level,
+        };
+        bridge.apply(&Output::OFF)?;
+        Ok(bridge)
+    }
+
+    /// Does what the drive wants. Sleep comes first where it is wanted, and last where it ends.
+    ///
+    /// # Errors
+    /// A pin failed. The others have been tried all the same.
+    pub fn apply(&mut self, output: &Output) -> Result<(), Failure<A, B, S>> {
+        let asleep = if output.awake {
+            Ok(())
+        } else {
+            self.sleep.set_low().map_err(PinError::Sleep)
+        };
+        let scaled = |level: u16, most: u16| {
+            let level = u32::from(level.min(self.full_level)) * u32::from(most);
+            // At most `most`.
+            (level / u32::from(self.full_level.max(1))) as u16
+        };
+        let (first, second) = (self.in1.max_duty_cycle(), self.in2.max_duty_cycle());
+        let in1 = scaled(output.levels.in1, first);
+        let in2 = scaled(output.levels.in2, second);
+        let in1 = self.in1.set_duty_cycle(in1).map_err(PinError::In1);
+        let in2 = self.in2.set_duty_cycle(in2).map_err(PinError::In2);
+        asleep.and(in1).and(in2)?;
+        if output.awake {
+            self.sleep.set_high().map_err(PinError::Sleep)?;
+        }
+        Ok(())
+    }
+
+    /// Whether the bridge reports a fault.
+    ///
+    /// # Errors
+    /// The pin failed.
+    pub fn is_faulty(&mut self) -> Result<bool, F::Error> {
+        self.fault.is_low()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use embedded_hal_mock::eh1::digital::{
+        Mock as Pin, State as Level, Transaction as PinTransaction,
+    };
+    use embedded_hal_mock::eh1::pwm::{Mock as Pwm, Transaction as PwmTransaction};
+
+    use super::*;
+    use crate::output::Levels;
+
+    fn duty(most: u16, of: [u16; 3]) -> Pwm {
+        let calls = of
+            .into_iter()
+            .flat_map(|duty| {
+                [
+                    PwmTransaction::max_duty_cycle(most),
+                    PwmTransaction::set_duty_cycle(duty),
+                ]
+            })
+            .collect::<heapless::Vec<_, 6>>();
+        Pwm::new(&calls)
+    }
+
+    #[test]
+    fn it_sleeps_first_wakes_last_and_scales_the_levels() {
+        let (mut in1, mut in2) = (duty(1_920, [0, 1_920, 0]), duty(960, [0, 240, 0]));
+        let mut sleep = Pin::new(&[
+            PinTransaction::set(Level::Low),
+            PinTransaction::set(Level::High),
+            PinTransaction::set(Level::Low),
+        ]);
+        let mut fault = Pin::new(&[PinTransaction::get(Level::Low)]);
+        let pins = (in1.clone(), in2.clone());
+        let mut bridge = HBridge::new(pins, sleep.clone(), fault.clone(), 960).unwrap();
+        let output = Output {
+            awake: true,
+            levels: Levels { in1: 960, in2: 240 },
+            limit_low: false,
+        };
+        bridge.apply(&output).unwrap();
+        bridge.apply(&Output::OFF).unwrap();
+        assert!(bridge.is_faulty().unwrap());
+        in1.done();
+        in2.done();
+        sleep.done();
+        fault.done();
+    }
+}

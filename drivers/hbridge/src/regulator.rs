@@ -1,0 +1,142 @@
+//! The law of the regulator: where the current will be at the end of this period, and the voltage
+//! that brings it to where it is wanted at the end of the next.
+//!
+//! All in integers. Currents are in units of half a count of the converter, since two samples are
+//! added; voltages in levels of the PWM, that is in parts of the supply. With u the level, V the
+//! supply and F the level that is always high, a period of length T changes the current by
+//!
+//! di = pull (u - drop i),  pull = V/(R F) (1 - exp(-R T/L)),  drop = R F/V.
+//!
+//! Samples lie at the beginning and in the middle of a period of phase-correct PWM. There the
+//! ripple passes through its mean, so their mean is the current a quarter of a period after the
+//! beginning, and three quarters of that change are still to come.
+
+use crate::fault::Refusal;
+use crate::hardware::{Coil, Hardware};
+use crate::limits::Limits;
+use crate::line::Wanted;
+
+/// Bits behind the point of a level.
+pub(crate) const LEVEL: u32 = 12;
+/// Part of an error that the next period is to take away, in eighths. Seven leave room for an
+/// inductance that is an eighth less than it was found to be.
+const EIGHTHS: i32 = 7;
+
+/// Part of what a period did otherwise than expected that is taken for a voltage which will stay,
+/// as a power of two: a quarter.
+const LEARN_SHIFT: u32 = 2;
+
+/// What the law multiplies by: settings, brought down to integers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Gains {
+    /// 1/pull, levels of 2^-12 for a unit.
+    pub(crate) kick: i32,
+    /// Levels of 2^-12 for a unit.
+    pub(crate) drop: i32,
+    /// Units of 2^-10 for a level.
+    pub(crate) pull: i32,
+    /// Levels of 2^-12 that dead time takes.
+    pub(crate) lost: i32,
+    /// Greatest level, in 2^-12.
+    pub(crate) most: i32,
+    /// Greatest error that is of use, in sixteenths of a unit.
+    reach: i32,
+}
+
+impl Gains {
+    /// For a coil at a supply.
+    pub(crate) fn new(
+        hardware: &Hardware,
+        limits: &Limits,
+        coil: &Coil,
+        supply_v: f32,
+    ) -> Result<Self, Refusal> {
+        let full = f32::from(hardware.full_level);
+        let unit_a = hardware.ampere_per_unit();
+        // (1 - exp(-x))/x with x = R T/L, within 0.1 % for x below 1: the current's own change in a
+        // period slows it down.
+        let x = hardware.period_s / coil.time_constant_s();
+        let slowed = 1.0 / (1.0 + x * (0.5 + x / 12.0));
+        let pull = supply_v * hardware.period_s * slowed / (coil.inductance_h * full * unit_a);
+        let drop = coil.resistance_ohm * unit_a * full / supply_v;
+        // Within what 32 bits hold in `step`, for twice the full level either way.
+        if !(pull > 0.01 && pull * full < 7_500.0) {
+            return Err(Refusal::Limits("inductance_h"));
+        }
+        if !(0.0..15.0).contains(&drop) {
+            return Err(Refusal::Limits("resistance_ohm"));
+        }
+        let kick = (4096.0 / pull) as i32;
+        let reach = (2.0 * full * pull * 16.0) as i32;
+        Ok(Self {
+            kick,
+            drop: (drop * 4096.0) as i32,
+            pull: (pull * 1024.0) as i32,
+            lost: (coil.lost * full * 4096.0) as i32,
+            most: ((limits.duty * full) as i32) << LEVEL,
+            reach,
+        })
+    }
+}
+
+/// What the law remembers.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Regulator {
+    /// Level of the period under way.
+    level: i32,
+    /// The current that was expected at its beginning, in sixteenths of a unit.
+    expected_q4: i32,
+    /// Voltage that something unknown takes, level in 2^-12.
+    unknown: i32,
+    /// What the last level left of the wanted one, in 2^-12.
+    residue: i32,
+}
+
+impl Regulator {
+    /// The level for the next period, which may oppose the current.
+    ///
+    /// Where the current of the period under way differs from what was expected of it, some voltage
+    /// has gone elsewhere: a hotter coil, a weaker supply, dead time. That voltage is learned and
+    /// given on top. It takes the place of an integral, and cannot wind up: it compares with what
+    /// the given voltage should have done, not with what was wanted.
+    #[inline]
+    pub(crate) fn step(&mut self, gains: &Gains, wanted: Wanted, measured: i32) -> i32 {
+        let two_full = 2 * gains.most;
+        let lost = gains.lost * measured.signum();
+        let given = (self.level << LEVEL) - self.unknown - lost;
+        let drive = (given - gains.drop * measured).clamp(-two_full, two_full);
+        let change_q4 = ((drive >> 6) * gains.pull) >> 12;
+        let measured_q4 = measured << 4;
+        let surprise =
+            (measured_q4 - self.expected_q4 - (change_q4 >> 2)).clamp(-gains.reach, gains.reach);
+        let taken = (gains.kick * surprise) >> 4;
+        let most = gains.most >> 1;
+        self.unknown = (self.unknown - (taken >> LEARN_SHIFT)).clamp(-most, most);
+        self.expected_q4 = measured_q4 + ((change_q4 * 3) >> 2);
+        self.law(gains, wanted)
+    }
+
+    #[inline]
+    fn law(&mut self, gains: &Gains, wanted: Wanted) -> i32 {
+        let expected_q4 = self.expected_q4;
+        let error = wanted.at_q4 - wanted.change_q4 - expected_q4;
+        let error = (error.clamp(-gains.reach, gains.reach) * EIGHTHS) >> 3;
+        let change = wanted.change_q4.clamp(-gains.reach, gains.reach);
+        let push = (gains.kick * error) >> 4;
+        let slope = (gains.kick * change) >> 4;
+        let hold = gains.drop * (expected_q4 >> 4) + gains.lost * (wanted.at_q4 >> 4).signum();
+        let law = (push + slope + hold + self.unknown).clamp(-gains.most, gains.most);
+        // Dither: what is below one level is carried over to the next period.
+        let fine = law + self.residue;
+        let level = (fine.clamp(-gains.most, gains.most) + (1 << (LEVEL - 1))) >> LEVEL;
+        self.residue = (fine - (level << LEVEL)).clamp(-(1 << LEVEL), 1 << LEVEL);
+        self.level = level;
+        level
+    }
+
+    /// The level that was given in the end.
+    #[inline]
+    pub(crate) fn given(&mut self, level: i32) {
+        self.level = level;
+    }
+}

@@ -1,0 +1,320 @@
+//! The self-test: what hangs at the bridge, and whether it may be driven.
+//!
+//! Voltage in steps, current as it comes; nothing is regulated yet. The integer half runs with the
+//! PWM and adds up; [`evaluate`] makes numbers of the sums.
+//!
+//! 1. Bridge asleep: the mean reading is the zero.
+//! 2. The level rises by [`STEP`] every [`STEP_PERIODS`] until [`TARGET_A`] flows.
+//! 3. It rests there, then at up to [`FACTOR`] times the level: two points of a straight line,
+//!    whose slope is the resistance and whose foot is what dead time takes.
+//! 4. The area between the second current and its rise is the time constant times the step.
+//! 5. Once more with the hardware's limit reduced, where that can be done.
+
+use crate::fault::Fault;
+use crate::hardware::{Coil, Hardware};
+use crate::limits::Limits;
+use crate::output::Levels;
+
+/// Current of the first point, A: enough counts for a percent, little heat.
+pub(crate) const TARGET_A: f32 = 1.0;
+/// What a self-test counts as, J, whatever it measures: one that measures nothing because the
+/// current measurement is dead may have driven a few amperes for 60 ms.
+pub(crate) const COSTS_J: f32 = 1.0;
+/// Level of the second point over that of the first.
+const FACTOR: i32 = 4;
+/// Levels by which the voltage rises, as a part of the full one: 1/512.
+const STEP_PART: i32 = 512;
+/// Periods of a level while it rises.
+const STEP_PERIODS: u16 = 8;
+/// Periods for the zero.
+const ZERO_PERIODS: u16 = 64;
+/// Periods for a current to come to rest: 8 ms at 16 us, 13 time constants of 200 uH and 0.33 ohm.
+const REST_PERIODS: u16 = 512;
+/// Periods over which a current at rest is averaged.
+const MEAN_PERIODS: u16 = 256;
+/// Periods over which a rise is added up: five time constants of 200 uH and 0.5 ohm.
+const AREA_PERIODS: u16 = 128;
+/// Rises that are averaged.
+const RISES: u8 = 4;
+/// Current above which a reduced limit has not acted, as a part of it.
+const LIMIT_TOLERANCE: f32 = 1.5;
+
+/// What the integer half needs to know.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Plan {
+    pub(crate) full: i32,
+    /// Greatest level.
+    pub(crate) most: i32,
+    /// [`TARGET_A`] in units.
+    pub(crate) target: i32,
+    /// Current at which the rest is not begun, units.
+    pub(crate) too_much: i32,
+    pub(crate) test_limit: bool,
+    /// Twice the nominal reading without current, and how far off it may be.
+    pub(crate) twice_zero: [i32; 2],
+}
+
+/// The sums.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Sums {
+    /// Of two samples without current, over [`ZERO_PERIODS`].
+    zero: i32,
+    /// Level of the first point, and its units over [`MEAN_PERIODS`].
+    low: (i32, i32),
+    /// Of the second, over all rises.
+    high: (i32, i32),
+    /// Units over [`AREA_PERIODS`] after every step, of all rises.
+    area: i32,
+    /// Units with the limit reduced, over [`MEAN_PERIODS`].
+    limited: Option<i32>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Stage {
+    Zero,
+    Rise,
+    LowRest,
+    LowMean,
+    Area,
+    HighRest,
+    HighMean,
+    Again,
+    LimitRest,
+    LimitMean,
+    Over,
+}
+
+/// The integer half.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct SelfTest {
+    plan: Plan,
+    stage: Stage,
+    left: u16,
+    rises: u8,
+    level: i32,
+    sums: Sums,
+}
+
+/// What a period of the test wants.
+pub(crate) enum Step {
+    On {
+        levels: Levels,
+        limit_low: bool,
+        /// Level times units.
+        power: i32,
+    },
+    Asleep,
+    Over(Result<Sums, Fault>),
+}
+
+impl SelfTest {
+    pub(crate) fn new(plan: Plan) -> Self {
+        Self {
+            plan,
+            stage: Stage::Zero,
+            left: ZERO_PERIODS,
+            rises: 0,
+            level: 0,
+            sums: Sums::default(),
+        }
+    }
+
+    /// Twice the reading without current, once it is known.
+    pub(crate) fn twice_zero(&self) -> Option<i32> {
+        (self.stage != Stage::Zero).then_some(twice_zero(&self.sums))
+    }
+
+    /// A period: the sum of its two samples.
+    pub(crate) fn step(&mut self, sum: i32) -> Step {
+        if self.stage == Stage::Zero {
+            self.sums.zero += sum;
+            let [nominal, tolerance] = self.plan.twice_zero;
+            if self.next(Stage::Rise, STEP_PERIODS)
+                && (twice_zero(&self.sums) - nominal).abs() > tolerance
+            {
+                return Step::Over(Err(Fault::Offset));
+            }
+            return Step::Asleep;
+        }
+        let units = sum - twice_zero(&self.sums);
+        let plan = self.plan;
+        let power = self.level * units;
+        if units < -plan.target / 2 {
+            return Step::Over(Err(Fault::SenseReversed));
+        }
+        if self.stage == Stage::Rise {
+            if let Some(over) = self.rise(units) {
+                return over;
+            }
+        } else if let Some(over) = self.point(units) {
+            return over;
+        }
+        Step::On {
+            levels: Levels {
+                in1: plan.full as u16,
+                in2: (plan.full - self.level.clamp(0, plan.most)) as u16,
+            },
+            limit_low: matches!(self.stage, Stage::LimitRest | Stage::LimitMean),
+            power,
+        }
+    }
+
+    fn rise(&mut self, units: i32) -> Option<Step> {
+        let plan = self.plan;
+        if units > plan.too_much {
+            return Some(Step::Over(Err(Fault::Short)));
+        }
+        if units >= plan.target {
+            self.sums.low.0 = self.level;
+            self.go(Stage::LowRest, REST_PERIODS);
+        } else if self.left > 1 {
+            self.left -= 1;
+        } else {
+            if self.level >= plan.most {
+                return Some(Step::Over(Err(Fault::Open)));
+            }
+            self.level += (plan.full / STEP_PART).max(1);
+            self.left = STEP_PERIODS;
+        }
+        None
+    }
+
+    fn point(&mut self, units: i32) -> Option<Step> {
+        let high = (FACTOR * self.sums.low.0).min(self.plan.most);
+        match self.stage {
+            Stage::LowRest => {
+                self.next(Stage::LowMean, MEAN_PERIODS);
+            }
+            Stage::LowMean => {
+                self.sums.low.1 += units;
+                if self.next(Stage::Area, AREA_PERIODS) {
+                    self.sums.high.0 = high;
+                    self.level = high;
+                }
+            }
+            Stage::Area => {
+                self.sums.area += units;
+                self.next(Stage::HighRest, REST_PERIODS);
+            }
+            Stage::HighRest => {
+                self.next(Stage::HighMean, MEAN_PERIODS);
+            }
+            Stage::HighMean => {
+                self.sums.high.1 += units;
+                if self.next(Stage::Again, REST_PERIODS) {
+                    self.level = self.sums.low.0;
+                    self.rises += 1;
+                    if self.rises >= RISES && self.plan.test_limit {
+                        self.level = high;
+                        self.go(Stage::LimitRest, REST_PERIODS);
+                    } else if self.rises >= RISES {
+                        return Some(Step::Over(Ok(self.sums)));
+                    }
+                }
+            }
+            Stage::Again => {
+                if self.next(Stage::Area, AREA_PERIODS) {
+                    self.level = high;
+                }
+            }
+            Stage::LimitRest => {
+                self.next(Stage::LimitMean, MEAN_PERIODS);
+            }
+            Stage::LimitMean => {
+                self.sums.limited = Some(self.sums.limited.unwrap_or(0) + units);
+                if self.next(Stage::Over, 0) {
+                    return Some(Step::Over(Ok(self.sums)));
+                }
+            }
+            Stage::Zero | Stage::Rise | Stage::Over => {}
+        }
+        None
+    }
+
+    /// Counts a period, and goes on after the last.
+    fn next(&mut self, stage: Stage, periods: u16) -> bool {
+        self.left = self.left.saturating_sub(1);
+        let over = self.left == 0;
+        if over {
+            self.go(stage, periods);
+        }
+        over
+    }
+
+    fn go(&mut self, stage: Stage, periods: u16) {
+        self.stage = stage;
+        self.left = periods;
+    }
+}
+
+fn twice_zero(sums: &Sums) -> i32 {
+    let periods = i32::from(ZERO_PERIODS);
+    (sums.zero + periods / 2) / periods
+}
+
+/// What the self-test found.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Findings {
+    /// Reading without current, in counts.
+    pub zero_count: f32,
+    /// The circuit.
+    pub coil: Coil,
+    /// The current to which the hardware limited it with its limit reduced, A; nothing where that
+    /// cannot be tested.
+    pub limited_to_a: Option<f32>,
+}
+
+/// Makes numbers of the sums.
+pub(crate) fn evaluate(
+    sums: &Sums,
+    hardware: &Hardware,
+    limits: &Limits,
+    supply_v: f32,
+) -> Result<(Findings, i32), Fault> {
+    let twice = twice_zero(sums);
+    let unit_a = hardware.ampere_per_unit();
+    let full = f32::from(hardware.full_level);
+    let mean = f32::from(MEAN_PERIODS);
+    let rises = f32::from(RISES);
+    let low_a = sums.low.1 as f32 / mean * unit_a;
+    let high_a = sums.high.1 as f32 / (mean * rises) * unit_a;
+    let step_a = high_a - low_a;
+    let step_v = (sums.high.0 - sums.low.0) as f32 / full * supply_v;
+    if step_a < 0.25 * TARGET_A {
+        return Err(Fault::NotACoil);
+    }
+    let resistance_ohm = step_v / step_a;
+    let foot_v = sums.low.0 as f32 / full * supply_v - low_a * resistance_ohm;
+    let lost = (foot_v / supply_v).clamp(0.0, 0.2);
+    // The first period after a step is measured a quarter of it after its beginning: the sum of
+    // exp(-t/tau) at T/4, 5T/4, ... is tau/T + 1/4 + T/(96 tau) + ...
+    let area = f32::from(AREA_PERIODS) * high_a - sums.area as f32 / rises * unit_a;
+    let tau_s = (area / step_a - 0.25) * hardware.period_s;
+    let inductance_h = tau_s * resistance_ohm;
+    let [least_ohm, most_ohm] = limits.resistance_ohm;
+    let [least_h, most_h] = limits.inductance_h;
+    if resistance_ohm < least_ohm || inductance_h < least_h {
+        return Err(Fault::Short);
+    }
+    // Negated, so that NaN fails.
+    if !(resistance_ohm <= most_ohm && inductance_h <= most_h) {
+        return Err(Fault::NotACoil);
+    }
+    let limited_to_a = sums.limited.map(|units| units as f32 / mean * unit_a);
+    if let (Some(limited_a), Some(limit_a)) = (limited_to_a, hardware.reduced_limit_a)
+        && limited_a > LIMIT_TOLERANCE * limit_a
+    {
+        return Err(Fault::NoHardwareLimit);
+    }
+    let findings = Findings {
+        zero_count: 0.5 * twice as f32,
+        coil: Coil {
+            resistance_ohm,
+            inductance_h,
+            lost,
+        },
+        limited_to_a,
+    };
+    Ok((findings, twice))
+}

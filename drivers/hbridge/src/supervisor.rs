@@ -1,0 +1,355 @@
+//! The half that thinks in amperes: it makes orders, outside of any lock and interrupt.
+
+use crate::averages::BLOCK;
+use crate::correction::Correction;
+use crate::drive::{Drive, Fixed, Legs, Order, Orders, Report, State};
+use crate::fault::{Fault, Refusal};
+use crate::hardware::{Coil, Hardware};
+use crate::limits::Limits;
+use crate::output::Shaper;
+use crate::regulator::Gains;
+use crate::self_test::{COSTS_J, Findings, Plan, TARGET_A, evaluate};
+use crate::watch::{ATTENDED_WITHIN, BALANCED_WITHIN, Bounds};
+use crate::waveform::Waveform;
+
+/// Relative change of supply or resistance at which the law is made anew: far below what the law
+/// learns by itself.
+const CHANGE: f32 = 0.02;
+/// Most of the time that one look may stand for, us: a clock that jumps forgets no energy.
+const MOST_ELAPSED_US: u32 = 1_000_000;
+/// Energy is counted too high by what current and supply may be measured too low together: 2 % of
+/// gain and bow, 5 % of the divider, and the offset.
+const MEASUREMENT: f32 = 1.1;
+/// Blocks from one value of the resistance to the next: 16 ms at 16 us.
+const RESISTANCE_BLOCKS: u32 = 64;
+
+/// Plans, checks and watches a [`Drive`].
+#[derive(Clone, Debug)]
+pub struct Supervisor {
+    hardware: Hardware,
+    limits: Limits,
+    findings: Option<Findings>,
+    /// Supply, V, and resistance, ohm, that the law is made for.
+    made_for: (f32, f32),
+    energy_j: f32,
+    /// Sums at the last look, and at the last value of the resistance.
+    power: i64,
+    seen: (i32, i32, u32),
+    resistance_ohm: Option<f32>,
+    latched: bool,
+}
+
+impl Supervisor {
+    /// A drive, off, and who supervises it.
+    ///
+    /// # Errors
+    /// A field that is out of range.
+    pub fn new(hardware: Hardware, limits: Limits) -> Result<(Self, Drive), Refusal> {
+        hardware.check()?;
+        limits.check(&hardware)?;
+        let full = i32::from(hardware.full_level);
+        let twice_zero = 2 * i32::from(hardware.zero_count);
+        let drive = Drive::new(Fixed {
+            current: hardware.units(limits.current_a),
+            trip: hardware.units(limits.trip_a),
+            bounds: Bounds {
+                margin: full / 24,
+                astray: hardware.units(limits.current_a) / 16,
+                on_periods: (limits.on_time_s / hardware.period_s) as u32,
+            },
+            reversed: hardware.ampere_per_count < 0.0,
+            twice_zero,
+            shaper: Shaper {
+                full,
+                decay: hardware.decay,
+                coast_q8: 256,
+            },
+        });
+        let supervisor = Self {
+            hardware,
+            limits,
+            findings: None,
+            made_for: (0.0, 0.0),
+            energy_j: 0.0,
+            power: 0,
+            seen: (0, 0, 0),
+            resistance_ohm: None,
+            latched: false,
+        };
+        Ok((supervisor, drive))
+    }
+
+    /// The hardware.
+    #[must_use]
+    pub const fn hardware(&self) -> &Hardware {
+        &self.hardware
+    }
+
+    /// What nothing exceeds.
+    #[must_use]
+    pub const fn limits(&self) -> &Limits {
+        &self.limits
+    }
+
+    /// What the last self-test found.
+    #[must_use]
+    pub const fn findings(&self) -> Option<&Findings> {
+        self.findings.as_ref()
+    }
+
+    /// Resistance of the circuit while current flows, ohm, from the last 16 ms with more than
+    /// half an ampere: the copper's thermometer, less what bridge and supply have.
+    #[must_use]
+    pub const fn resistance_ohm(&self) -> Option<f32> {
+        self.resistance_ohm
+    }
+
+    /// Energy that the circuit has taken and not given off yet, J.
+    #[must_use]
+    pub const fn energy_j(&self) -> f32 {
+        self.energy_j
+    }
+
+    /// Seconds until so much energy may be taken.
+    #[must_use]
+    pub fn wait_s(&self, energy_j: f32) -> f32 {
+        let over_j = self.energy_j + energy_j - self.usable_j();
+        if over_j <= 0.0 {
+            0.0
+        } else {
+            over_j / self.limits.continuous_w
+        }
+    }
+
+    /// The limit less what may flow before it is looked at again.
+    fn usable_j(&self) -> f32 {
+        let unseen_s = ATTENDED_WITHIN as f32 * self.hardware.period_s;
+        let [_, supply_v] = self.limits.supply_v;
+        self.limits.energy_j - unseen_s * supply_v * self.limits.trip_a
+    }
+
+    /// The self-test, where no fault stands.
+    ///
+    /// # Errors
+    /// A fault stands, a test runs, the supply is out of its limits, or too much energy was taken
+    /// already.
+    pub fn test(&mut self, report: &Report, supply_v: f32) -> Result<Order, Refusal> {
+        match report.state {
+            State::Latched(fault) => return Err(Refusal::Latched(fault)),
+            State::Testing => return Err(Refusal::Testing),
+            State::Off { .. } | State::Driving => {}
+        }
+        let [low_v, high_v] = self.limits.supply_v;
+        if !(low_v..=high_v).contains(&supply_v) {
+            return Err(Refusal::Supply(supply_v));
+        }
+        if self.energy_j + COSTS_J > self.usable_j() {
+            return Err(Refusal::Energy(COSTS_J));
+        }
+        self.energy_j += COSTS_J;
+        self.findings = None;
+        let full = i32::from(self.hardware.full_level);
+        let target = self.hardware.units(TARGET_A);
+        // No more voltage than the target takes through the greatest resistance.
+        let [_, most_ohm] = self.limits.resistance_ohm;
+        let most = (TARGET_A * most_ohm / supply_v).min(self.limits.duty);
+        Ok(Order(Orders::Test(Plan {
+            full,
+            most: (most * full as f32) as i32,
+            target,
+            too_much: 3 * target,
+            test_limit: self.hardware.reduced_limit_a.is_some(),
+            twice_zero: [
+                2 * i32::from(self.hardware.zero_count),
+                2 * i32::from(self.hardware.zero_tolerance),
+            ],
+        })))
+    }
+
+    /// A straight line from the present current to another.
+    ///
+    /// # Errors
+    /// No coil known, a fault, a limit.
+    pub fn go(&self, report: &Report, to_a: f32, over_s: f32) -> Result<Order, Refusal> {
+        self.run(report, &Waveform::new().line(to_a, over_s)?)
+    }
+
+    /// A waveform, from the present current on.
+    ///
+    /// # Errors
+    /// No coil known, a fault, a limit; [`Refusal::Energy`] if the waveform would take more than is
+    /// left: [`wait_s`](Self::wait_s) tells for how long.
+    pub fn run(&self, report: &Report, waveform: &Waveform) -> Result<Order, Refusal> {
+        match report.state {
+            State::Latched(fault) => return Err(Refusal::Latched(fault)),
+            State::Testing => return Err(Refusal::Testing),
+            State::Off { tested: false } => return Err(Refusal::NotTested),
+            State::Off { tested: true } | State::Driving => {}
+        }
+        let findings = self.findings.ok_or(Refusal::NotTested)?;
+        waveform.check(&self.limits)?;
+        let from_a = report.wanted as f32 * self.hardware.ampere_per_unit();
+        let resistance_ohm = self.resistance_ohm.unwrap_or(findings.coil.resistance_ohm);
+        let energy_j = waveform.square_a2_s(from_a) * resistance_ohm;
+        if energy_j.is_nan() || self.energy_j + energy_j > self.usable_j() {
+            return Err(Refusal::Energy(energy_j));
+        }
+        let legs: Legs = waveform
+            .segments()
+            .iter()
+            .map(|segment| {
+                let periods = segment.over_s / self.hardware.period_s + 0.5;
+                (self.hardware.units(segment.to_a), periods as u32)
+            })
+            .collect();
+        Ok(Order(Orders::Run(legs)))
+    }
+
+    /// Off.
+    #[must_use]
+    pub const fn stop() -> Order {
+        Order(Orders::Stop)
+    }
+
+    /// Clears a fault: off, and ready if a coil is known.
+    #[must_use]
+    pub const fn clear() -> Order {
+        Order(Orders::Clear)
+    }
+
+    /// Corrects the measured current from now on. The limit at which the bridge is switched off is
+    /// not corrected: it is on what the converter reads.
+    #[must_use]
+    pub const fn correct(correction: Correction) -> Order {
+        Order(Orders::Correct(correction))
+    }
+
+    /// Looks after the drive; to be called every millisecond or so. `supply_v` is the measured
+    /// supply, `elapsed_us` the time since the last call.
+    ///
+    /// Without it a drive switches itself off after [`ATTENDED_WITHIN`] periods.
+    pub fn attend(&mut self, report: &Report, supply_v: f32, elapsed_us: u32) -> Order {
+        self.count_energy(report, supply_v, elapsed_us);
+        let active = matches!(report.state, State::Testing | State::Driving);
+        let [low_v, high_v] = self.limits.supply_v;
+        let orders = if active && (supply_v.is_nan() || supply_v < low_v) {
+            Orders::Latch(Fault::SupplyLow)
+        } else if active && supply_v > high_v {
+            Orders::Latch(Fault::SupplyHigh)
+        } else if active && self.energy_j > self.usable_j() {
+            Orders::Latch(Fault::Energy)
+        } else if let Some(sums) = report.outcome {
+            match evaluate(&sums, &self.hardware, &self.limits, supply_v) {
+                Ok((findings, twice_zero)) => self.fit(findings, twice_zero, supply_v),
+                Err(fault) => Orders::Latch(fault),
+            }
+        } else {
+            self.follow_resistance(report, supply_v);
+            self.adapt(supply_v)
+        };
+        Order(orders)
+    }
+
+    fn count_energy(&mut self, report: &Report, supply_v: f32, elapsed_us: u32) {
+        let elapsed_s = elapsed_us.min(MOST_ELAPSED_US) as f32 * 1e-6;
+        let work = report.power.wrapping_sub(self.power);
+        self.power = report.power;
+        let full = f32::from(self.hardware.full_level);
+        let step_j = supply_v / full * self.hardware.ampere_per_unit() * self.hardware.period_s;
+        // What comes back from the coil's field has been counted when it went there.
+        let taken_j = (MEASUREMENT * work as f32 * step_j).max(0.0);
+        let was_latched =
+            core::mem::replace(&mut self.latched, matches!(report.state, State::Latched(_)));
+        let unseen_j = if self.latched && !was_latched {
+            // What may have flowed unmeasured before the fault was found.
+            let found_s = BALANCED_WITHIN as f32 * self.hardware.period_s;
+            let [_, most_v] = self.limits.supply_v;
+            found_s * most_v * self.limits.trip_a
+        } else {
+            0.0
+        };
+        let left_j = unseen_j + self.energy_j - self.limits.continuous_w * elapsed_s;
+        self.energy_j = left_j.max(0.0) + if taken_j.is_finite() { taken_j } else { 0.0 };
+    }
+
+    fn fit(&mut self, findings: Findings, twice_zero: i32, supply_v: f32) -> Orders {
+        match self.gains(&findings.coil, supply_v) {
+            Ok(gains) => {
+                self.findings = Some(findings);
+                self.made_for = (supply_v, findings.coil.resistance_ohm);
+                self.resistance_ohm = Some(findings.coil.resistance_ohm);
+                Orders::Fit {
+                    twice_zero,
+                    gains,
+                    coast_q8: self.coast_q8(supply_v),
+                }
+            }
+            Err(_) => Orders::Latch(Fault::NotACoil),
+        }
+    }
+
+    /// The law for the present supply and resistance, where they have changed.
+    fn adapt(&mut self, supply_v: f32) -> Orders {
+        let Some(findings) = self.findings else {
+            return Orders::Attended;
+        };
+        // What copper can become; a short that creeps in is not followed beyond.
+        let tested_ohm = findings.coil.resistance_ohm;
+        let now_ohm = self.resistance_ohm.unwrap_or(tested_ohm);
+        let resistance_ohm = now_ohm.clamp(0.6 * tested_ohm, 1.6 * tested_ohm);
+        let (before_v, before_ohm) = self.made_for;
+        let changed = |now: f32, before: f32| (now - before).abs() > CHANGE * before;
+        if !changed(supply_v, before_v) && !changed(resistance_ohm, before_ohm) {
+            return Orders::Attended;
+        }
+        let coil = Coil {
+            resistance_ohm,
+            ..findings.coil
+        };
+        match self.gains(&coil, supply_v) {
+            Ok(gains) => {
+                self.made_for = (supply_v, resistance_ohm);
+                Orders::Adapt {
+                    gains,
+                    coast_q8: self.coast_q8(supply_v),
+                }
+            }
+            Err(_) => Orders::Attended,
+        }
+    }
+
+    fn gains(&self, coil: &Coil, supply_v: f32) -> Result<Gains, Refusal> {
+        Gains::new(&self.hardware, &self.limits, coil, supply_v)
+    }
+
+    fn coast_q8(&self, supply_v: f32) -> i32 {
+        (256.0 * supply_v / (supply_v + 2.0 * self.hardware.diode_v)) as i32
+    }
+
+    fn follow_resistance(&mut self, report: &Report, supply_v: f32) {
+        let (levels, units, blocks) = self.seen;
+        if report.state != State::Driving {
+            self.seen = (report.levels, report.units, report.blocks);
+            return;
+        }
+        let passed = report.blocks.wrapping_sub(blocks);
+        if passed < RESISTANCE_BLOCKS {
+            return;
+        }
+        self.seen = (report.levels, report.units, report.blocks);
+        let periods = (passed * BLOCK) as f32;
+        let mean_a =
+            report.units.wrapping_sub(units) as f32 / periods * self.hardware.ampere_per_unit();
+        let level = report.levels.wrapping_sub(levels) as f32 / periods;
+        let lost = self.findings.map_or(0.0, |found| found.coil.lost);
+        if mean_a.abs() > 0.5 * TARGET_A {
+            let share = level / f32::from(self.hardware.full_level);
+            let share = if mean_a > 0.0 {
+                share - lost
+            } else {
+                share + lost
+            };
+            self.resistance_ohm = Some(share * supply_v / mean_a);
+        }
+    }
+}

@@ -1,0 +1,127 @@
+//! What is watched while current flows. Sums over a block of periods, compared at its end.
+
+use crate::averages::BLOCK;
+use crate::fault::Fault;
+use crate::line::Wanted;
+use crate::regulator::Gains;
+
+/// Blocks in a row in which voltage and current do not belong together.
+const UNBALANCED_BLOCKS: u32 = 4;
+/// Blocks in a row in which the current is not where it is wanted.
+const ASTRAY_BLOCKS: u32 = 31;
+
+/// Periods within which voltage without current, or current without voltage, is found. What begins
+/// within a block is seen in the next.
+pub const BALANCED_WITHIN: u32 = (UNBALANCED_BLOCKS + 1) * BLOCK;
+/// Periods within which a current that does not come to where it is wanted is found.
+pub const FOLLOWS_WITHIN: u32 = (ASTRAY_BLOCKS + 1) * BLOCK;
+/// Periods within which the supervisor has to look: 20 ms at 16 us.
+pub const ATTENDED_WITHIN: u32 = 1_250;
+
+/// Bounds in units and levels.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Bounds {
+    /// Difference of voltage that is nobody's fault, levels: 1/24 of the supply, for dead time,
+    /// diodes and a supply that has just changed.
+    pub(crate) margin: i32,
+    /// Difference of current that is no fault, units.
+    pub(crate) astray: i32,
+    /// Periods with the bridge on, at most.
+    pub(crate) on_periods: u32,
+}
+
+/// The sums.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Watch {
+    periods: u32,
+    levels: i32,
+    units: i32,
+    power: i32,
+    /// The current at the end of the last block.
+    last: i32,
+    unbalanced: u32,
+    astray: u32,
+    on: u32,
+}
+
+/// What a block amounts to.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Block {
+    pub(crate) levels: i32,
+    pub(crate) units: i32,
+    pub(crate) power: i32,
+}
+
+impl Watch {
+    /// Takes the level that is given in a period and the current measured in it.
+    #[inline]
+    pub(crate) fn push(&mut self, level: i32, measured: i32) -> bool {
+        self.levels += level;
+        self.units += measured;
+        self.power += level * measured;
+        self.periods += 1;
+        self.periods >= BLOCK
+    }
+
+    /// The end of a block.
+    pub(crate) fn close(
+        &mut self,
+        gains: &Gains,
+        bounds: &Bounds,
+        wanted: Wanted,
+        measured: i32,
+    ) -> (Block, Option<Fault>) {
+        let block = Block {
+            levels: self.levels,
+            units: self.units,
+            power: self.power,
+        };
+        let fault = self.judge(gains, bounds, wanted, measured);
+        self.on = self.on.saturating_add(BLOCK);
+        (self.levels, self.units, self.power, self.periods) = (0, 0, 0, 0);
+        self.last = measured;
+        // Another block would be beyond.
+        let late = (self.on + BLOCK > bounds.on_periods).then_some(Fault::OnTime);
+        (block, late.or(fault))
+    }
+
+    fn judge(
+        &mut self,
+        gains: &Gains,
+        bounds: &Bounds,
+        wanted: Wanted,
+        measured: i32,
+    ) -> Option<Fault> {
+        // The voltage that this current took: u - drop i = di/pull, all times the block.
+        let resistive = (gains.drop >> 4) * (self.units >> 4);
+        let inductive = gains.kick * (measured - self.last).clamp(-8_000, 8_000) / 4096;
+        let excess = self.levels - (resistive >> 4) - inductive;
+        let allowed = bounds.margin * BLOCK as i32 + (resistive >> 4).abs() / 2;
+        self.unbalanced = if excess.abs() > allowed {
+            self.unbalanced + 1
+        } else {
+            0
+        };
+        let off = (wanted.at_q4 >> 4) - measured;
+        self.astray = if off.abs() > bounds.astray {
+            self.astray + 1
+        } else {
+            0
+        };
+        if self.unbalanced >= UNBALANCED_BLOCKS {
+            // Along the voltage that was given: too little came of it.
+            let missing = (excess > 0) == (self.levels > 0);
+            return Some(if missing {
+                Fault::CurrentMissing
+            } else {
+                Fault::CurrentUnexplained
+            });
+        }
+        (self.astray >= ASTRAY_BLOCKS).then_some(Fault::NotFollowing)
+    }
+
+    /// Blocks with the bridge on, in periods.
+    pub(crate) const fn on(&self) -> u32 {
+        self.on
+    }
+}

@@ -1,0 +1,60 @@
+//! The electrical side of the coil: bridge, supply, current measurement, converter.
+//!
+//! Double precision, and no step of time: between two changes of the bridge's state the circuit is
+//! linear, so its current is an exponential, which is evaluated where it is asked for.
+
+mod circuit;
+mod regulated;
+mod sense;
+
+pub use circuit::{Circuit, CircuitParameters, Pins, Totals};
+pub use regulated::{Period, Regulated, Slow, reference_hardware, reference_limits};
+pub use sense::{Converter, ConverterParameters, Filter};
+
+/// The moments at which the outputs of a phase-correct PWM change within one period, as parts of
+/// it, with what they are from then on. Both pulses are centred on the beginning of the period.
+///
+/// ```
+/// use palpate_sim::electrical::edges;
+/// // IN1 high throughout, IN2 for a half: the supply drives from 1/4 to 3/4 of the period
+/// let found: Vec<_> = edges([960, 480], 960).collect();
+/// assert_eq!(found, [(0.0, [true, true]), (0.25, [true, false]), (0.75, [true, true])]);
+/// ```
+pub fn edges(levels: [u16; 2], full: u16) -> impl Iterator<Item = (f64, [bool; 2])> {
+    let part = |level: u16| 0.5 * f64::from(level.min(full)) / f64::from(full);
+    let [first, second] = levels.map(part);
+    let mut moments = [0.0, first, second, 1.0 - first, 1.0 - second];
+    moments.sort_by(f64::total_cmp);
+    let is_high = move |high: f64, at: f64| at < high || at >= 1.0 - high;
+    let mut last = None;
+    moments.into_iter().filter_map(move |at| {
+        // An output of the full level has its edges in the middle, and is high throughout.
+        let state = [is_high(first, at), is_high(second, at)];
+        if at >= 1.0 || last == Some(state) {
+            return None;
+        }
+        last = Some(state);
+        Some((at, state))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::edges;
+
+    #[test]
+    fn constant_outputs_have_no_edges() {
+        let all = |levels| edges(levels, 960).collect::<Vec<_>>();
+        assert_eq!(all([0, 0]), [(0.0, [false, false])]);
+        assert_eq!(all([960, 960]), [(0.0, [true, true])]);
+        assert_eq!(all([960, 0]), [(0.0, [true, false])]);
+        assert_eq!(
+            all([480, 480]),
+            [
+                (0.0, [true, true]),
+                (0.25, [false, false]),
+                (0.75, [true, true])
+            ]
+        );
+    }
+}

@@ -1,0 +1,381 @@
+//! The guards of the coil's driver, each from both sides: it acts within its stated time, and not
+//! before.
+
+use coil_hbridge::{
+    ATTENDED_WITHIN, BALANCED_WITHIN, BLOCK, FOLLOWS_WITHIN, Fault, Limits, Refusal, State,
+    Supervisor, Waveform,
+};
+use palpate_sim::electrical::{
+    Circuit, CircuitParameters, Converter, ConverterParameters, Regulated, reference_hardware,
+    reference_limits,
+};
+
+fn with_limits(circuit: CircuitParameters, limits: Limits) -> Regulated {
+    Regulated::new(
+        Circuit::new(circuit),
+        Converter::new(ConverterParameters::RP2040, 1),
+        reference_hardware(),
+        limits,
+    )
+    .expect("the driver takes the reference board")
+}
+
+fn common() -> CircuitParameters {
+    CircuitParameters::common(0.389, 40e-6, 12.0)
+}
+
+fn ready() -> Regulated {
+    let mut loop_ = with_limits(common(), reference_limits());
+    loop_.test().expect("a sound coil passes");
+    loop_
+}
+
+fn driving(to_a: f32) -> Regulated {
+    let mut loop_ = ready();
+    loop_.go(to_a, 1e-3).unwrap();
+    loop_.run_for(10e-3);
+    loop_
+}
+
+/// Periods until a fault latches, and which.
+fn trips(loop_: &mut Regulated, within: u32) -> Option<(u32, Fault)> {
+    (1..=within).find_map(|period| {
+        loop_.period();
+        match loop_.state() {
+            State::Latched(fault) => Some((period, fault)),
+            _ => None,
+        }
+    })
+}
+
+fn latched(loop_: &Regulated) -> Option<Fault> {
+    match loop_.state() {
+        State::Latched(fault) => Some(fault),
+        _ => None,
+    }
+}
+
+// ---- over-current ----
+
+#[test]
+fn the_greatest_current_does_not_trip_and_a_little_more_does() {
+    let mut loop_ = driving(12.0);
+    loop_.run_for(0.3);
+    assert_eq!(loop_.state(), State::Driving);
+    // The amplifier reads the limit of 12.7 A, whatever flows; first just below, by four times its
+    // noise.
+    let volts = |current_a: f64| Some(1.65 + 0.125 * current_a);
+    let mut below = driving(12.0);
+    below.slow.stuck_v = volts(12.7 - 0.15);
+    assert_ne!(
+        trips(&mut below, 2).map(|(_, fault)| fault),
+        Some(Fault::OverCurrent)
+    );
+    let mut above = driving(12.0);
+    above.slow.stuck_v = volts(12.7 + 0.15);
+    assert_eq!(trips(&mut above, 2), Some((1, Fault::OverCurrent)));
+}
+
+/// Peak and energy that a dead short lets through, with and without the hardware's limit.
+fn short(limit_a: f64, current_a: f32) -> (f64, f64, u32) {
+    let mut loop_ = driving(current_a);
+    loop_.circuit.parameters = CircuitParameters {
+        coil_ohm: 10e-3,
+        inductance_h: 2e-6,
+        limit_a,
+        ..loop_.circuit.parameters
+    };
+    loop_.circuit.forget_peak();
+    let before = loop_.circuit.totals();
+    let (periods, fault) = trips(&mut loop_, 200).expect("a short does not last");
+    assert!(
+        matches!(fault, Fault::OverCurrent | Fault::Bridge),
+        "{fault:?}"
+    );
+    loop_.run_for(1e-3);
+    assert_eq!(loop_.circuit.current_a(), 0.0);
+    let energy_j = loop_.circuit.totals().supply_j - before.supply_j;
+    (loop_.circuit.peak().0, energy_j, periods)
+}
+
+#[test]
+fn a_dead_short_lets_little_through() {
+    for current_a in [1.0, 5.0, 12.0] {
+        let (peak_a, energy_j, periods) = short(15.0, current_a);
+        // 12 V / 2 uH for the 1.5 us of the hardware's limit, above its 15 A.
+        assert!(peak_a < 25.0, "{current_a} A: peak {peak_a} A");
+        assert!(energy_j < 0.02, "{current_a} A: {energy_j} J");
+        assert!(periods <= 8, "{current_a} A: {periods} periods");
+    }
+}
+
+#[test]
+fn the_first_sample_above_the_limit_ends_the_drive_by_itself() {
+    // Without the hardware's limit: what the software alone lets through of a coil that shorts all
+    // but a tenth of its turns.
+    let mut loop_ = driving(8.0);
+    loop_.circuit.parameters.inductance_h = 4e-6;
+    loop_.circuit.parameters.coil_ohm = 0.04;
+    loop_.circuit.parameters.limit_a = f64::INFINITY;
+    let mut above = None;
+    for period in 0..100 {
+        // Both samples of a period lie before its interrupt; the true current tells the first.
+        let begin_a = loop_.circuit.current_a();
+        loop_.period();
+        if above.is_none() && begin_a > 12.8 {
+            above = Some(period);
+        }
+        if latched(&loop_).is_some() {
+            let first = above.unwrap_or(period);
+            assert!(period - first <= 1, "{first} {period}");
+            assert_eq!(latched(&loop_), Some(Fault::OverCurrent));
+            return;
+        }
+    }
+    panic!("it never tripped");
+}
+
+// ---- current that does not belong to its voltage ----
+
+#[test]
+fn a_lost_measurement_and_an_open_coil_are_found_in_time_and_not_at_once() {
+    let mut lost = driving(3.0);
+    lost.slow.stuck_v = Some(1.65);
+    let mut open = driving(3.0);
+    open.circuit.parameters.coil_ohm = 1e4;
+    let mut reported = driving(3.0);
+    reported.slow.stuck_v = Some(1.65);
+    // A bridge that reports its limit is quicker.
+    let (periods, fault) = trips(&mut reported, 1_000).unwrap();
+    assert_eq!(fault, Fault::Bridge);
+    assert!(periods < BALANCED_WITHIN, "{periods}");
+    for loop_ in [&mut lost, &mut open] {
+        loop_.slow.limit_faults = false;
+        loop_.circuit.forget_peak();
+        let (periods, fault) = trips(loop_, 1_000).unwrap();
+        assert_eq!(fault, Fault::CurrentMissing);
+        assert!(periods <= BALANCED_WITHIN, "{periods}");
+        assert!(periods > BALANCED_WITHIN - 2 * BLOCK, "{periods}");
+        // A dead measurement drives until the hardware's limit, which holds.
+        assert!(loop_.circuit.peak().0 < 16.0);
+    }
+}
+
+#[test]
+fn a_disturbance_shorter_than_that_is_survived() {
+    let mut loop_ = driving(3.0);
+    loop_.slow.limit_faults = false;
+    loop_.slow.stuck_v = Some(1.65);
+    assert_eq!(trips(&mut loop_, 2 * BLOCK), None);
+    loop_.slow.stuck_v = None;
+    let after = trips(&mut loop_, 2_000);
+    // What it drove meanwhile may well be too much, which is another guard's.
+    assert!(
+        matches!(after, None | Some((1 | 2, Fault::OverCurrent))),
+        "{after:?}"
+    );
+}
+
+#[test]
+fn a_partly_shorted_coil_is_found_and_a_hot_one_is_not() {
+    let mut shorted = driving(6.0);
+    shorted.circuit.parameters.coil_ohm = 0.02;
+    let found = trips(&mut shorted, 2_000).map(|(_, fault)| fault);
+    assert!(
+        matches!(found, Some(Fault::CurrentUnexplained | Fault::OverCurrent)),
+        "{found:?}"
+    );
+    for factor in [0.7, 1.4] {
+        let mut changed = driving(6.0);
+        changed.circuit.parameters.coil_ohm *= factor;
+        assert_eq!(trips(&mut changed, 20_000), None, "{factor}");
+    }
+}
+
+#[test]
+fn a_current_that_is_not_reached_is_found_in_time_and_not_before() {
+    let weak = CircuitParameters::common(0.389, 40e-6, 5.0);
+    let mut loop_ = with_limits(weak, reference_limits());
+    loop_.test().unwrap();
+    // 5 V push 9.8 A through 0.51 ohm.
+    loop_.go(9.0, 1e-3).unwrap();
+    assert_eq!(trips(&mut loop_, 5_000), None);
+    loop_.go(11.5, 0.0).unwrap();
+    let (periods, fault) = trips(&mut loop_, 5_000).unwrap();
+    assert_eq!(fault, Fault::NotFollowing);
+    assert!(
+        (FOLLOWS_WITHIN - 2 * BLOCK..=FOLLOWS_WITHIN).contains(&periods),
+        "{periods}"
+    );
+}
+
+// ---- bridge, supply, supervisor ----
+
+#[test]
+fn a_fault_of_the_bridge_ends_the_drive_in_its_period() {
+    let mut loop_ = driving(3.0);
+    loop_.slow.bridge_faults = true;
+    assert_eq!(trips(&mut loop_, 10), Some((1, Fault::Bridge)));
+    loop_.slow.bridge_faults = false;
+    loop_.run_for(0.1);
+    assert_eq!(latched(&loop_), Some(Fault::Bridge), "it is latched");
+    let refused = loop_.go(1.0, 0.1);
+    assert_eq!(refused, Err(Refusal::Latched(Fault::Bridge)));
+    loop_.order(&Supervisor::clear());
+    assert_eq!(loop_.go(1.0, 0.1), Err(Refusal::NotTested));
+    loop_.test().unwrap();
+    loop_.go(1.0, 0.1).unwrap();
+}
+
+#[test]
+fn the_supply_ends_the_drive_beyond_its_limits_and_not_within() {
+    for (supply_v, fault) in [
+        (4.7, None),
+        (4.3, Some(Fault::SupplyLow)),
+        (13.9, None),
+        (14.3, Some(Fault::SupplyHigh)),
+    ] {
+        let mut loop_ = driving(2.0);
+        loop_.circuit.parameters.supply_v = supply_v;
+        // 10 ms: its capacitor has five time constants, and a look comes every millisecond.
+        let found = trips(&mut loop_, 625).map(|(_, fault)| fault);
+        assert_eq!(found, fault, "{supply_v} V");
+    }
+}
+
+#[test]
+fn nobody_looking_ends_the_drive_in_twenty_milliseconds_and_not_before() {
+    let mut loop_ = driving(3.0);
+    loop_.slow.attended = false;
+    let (periods, fault) = trips(&mut loop_, 5_000).unwrap();
+    assert_eq!(fault, Fault::Unattended);
+    assert!(
+        periods <= ATTENDED_WITHIN + 1 && periods > ATTENDED_WITHIN - 70,
+        "{periods}"
+    );
+}
+
+// ---- time and energy ----
+
+#[test]
+fn the_on_time_ends_the_drive_and_not_before() {
+    let limits = Limits {
+        on_time_s: 0.05,
+        ..reference_limits()
+    };
+    let mut loop_ = with_limits(common(), limits);
+    loop_.test().unwrap();
+    assert_eq!(loop_.go(1.0, 0.06), Err(Refusal::Duration(0.06)));
+    loop_.go(1.0, 1e-3).unwrap();
+    let (periods, fault) = trips(&mut loop_, 10_000).unwrap();
+    assert_eq!(fault, Fault::OnTime);
+    // 0.05 s are 3 125 periods.
+    assert!((3_125 - BLOCK..=3_125).contains(&periods), "{periods}");
+}
+
+#[test]
+fn energy_is_bounded_over_any_number_of_runs() {
+    let limits = Limits {
+        energy_j: 12.0,
+        ..reference_limits()
+    };
+    let mut loop_ = with_limits(common(), limits);
+    loop_.test().unwrap();
+    let begin = loop_.circuit.totals();
+    let mut ended = None;
+    for _ in 0..200 {
+        if loop_.go(10.0, 0.0).is_err() {
+            loop_.order(&Supervisor::clear());
+        }
+        loop_.run_for(20e-3);
+        ended = ended.or(latched(&loop_));
+        loop_.order(&Supervisor::stop());
+        loop_.run_for(1e-3);
+        let now = loop_.circuit.totals();
+        let taken_j = now.supply_j - begin.supply_j;
+        let given_off_j = 3.5 * (now.time_s - begin.time_s);
+        assert!(taken_j - given_off_j < 12.0, "{taken_j}");
+    }
+    assert_eq!(ended, Some(Fault::Energy));
+    let taken_j = loop_.circuit.totals().supply_j - begin.supply_j;
+    assert!(taken_j > 6.0, "{taken_j}: it may use what it is allowed");
+}
+
+#[test]
+fn a_waveform_that_is_too_hot_is_refused_with_a_waiting_time() {
+    let mut loop_ = ready();
+    // 12 A for 1 s: 144 * 0.48 = 69 J.
+    let hot = Waveform::new().line(12.0, 1e-3).and_then(|of| of.hold(1.0));
+    let Err(Refusal::Energy(energy_j)) = loop_.run(&hot.unwrap()) else {
+        panic!("it was begun")
+    };
+    assert!((60.0..80.0).contains(&energy_j), "{energy_j}");
+    let warm = Waveform::new().line(10.0, 1e-3).and_then(|of| of.hold(0.6));
+    let warm = warm.unwrap();
+    loop_.run(&warm).unwrap();
+    loop_.run_for(0.65);
+    loop_.order(&Supervisor::stop());
+    let Err(Refusal::Energy(energy_j)) = loop_.run(&warm) else {
+        panic!("it was begun")
+    };
+    let wait_s = f64::from(loop_.supervisor().wait_s(energy_j));
+    loop_.run_for(wait_s - 0.1);
+    assert!(loop_.run(&warm).is_err(), "not before");
+    loop_.run_for(0.2);
+    loop_.run(&warm).unwrap();
+}
+
+// ---- self-test ----
+
+fn fails(change: impl Fn(&mut Regulated)) -> Option<Fault> {
+    let mut loop_ = with_limits(common(), reference_limits());
+    change(&mut loop_);
+    loop_.circuit.forget_peak();
+    let found = loop_.test().err();
+    assert!(loop_.circuit.peak().0 < 16.0, "{:?}", loop_.circuit.peak());
+    found
+}
+
+#[test]
+fn the_self_test_tells_what_is_wrong() {
+    assert_eq!(fails(|_| ()), None);
+    assert_eq!(
+        fails(|of| of.circuit.parameters.coil_ohm = 1e4),
+        Some(Fault::Open)
+    );
+    assert_eq!(
+        fails(|of| {
+            of.circuit.parameters.coil_ohm = 0.01;
+            of.circuit.parameters.inductance_h = 2e-6;
+        }),
+        Some(Fault::Short)
+    );
+    // turns that are shorted
+    assert_eq!(
+        fails(|of| of.circuit.parameters.inductance_h = 6e-6),
+        Some(Fault::Short)
+    );
+    assert_eq!(
+        fails(|of| of.circuit.parameters.inductance_h = 1e-3),
+        Some(Fault::NotACoil)
+    );
+    assert_eq!(
+        fails(|of| of.slow.gain_error = -2.0),
+        Some(Fault::SenseReversed)
+    );
+    assert_eq!(fails(|of| of.slow.offset_a = 0.6), Some(Fault::Offset));
+    assert_eq!(fails(|of| of.slow.offset_a = -0.6), Some(Fault::Offset));
+    assert_eq!(fails(|of| of.slow.stuck_v = Some(0.0)), Some(Fault::Offset));
+    assert_eq!(fails(|of| of.slow.stuck_v = Some(1.65)), Some(Fault::Open));
+    assert_eq!(
+        fails(|of| of.slow.bridge_faults = true),
+        Some(Fault::Bridge)
+    );
+    assert_eq!(
+        fails(|of| of.circuit.parameters.limit_a = f64::INFINITY),
+        Some(Fault::NoHardwareLimit)
+    );
+    // within tolerance
+    assert_eq!(fails(|of| of.slow.offset_a = 0.35), None);
+    assert_eq!(fails(|of| of.slow.offset_a = -0.35), None);
+}

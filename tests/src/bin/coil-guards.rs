@@ -1,0 +1,66 @@
+//! The campaign of random sequences for the coil's driver in full: see `system_tests::coil`.
+
+use std::fmt::Write;
+use std::process::ExitCode;
+use std::thread;
+
+use clap::Parser;
+use coil_hbridge::Fault;
+use system_tests::coil::{Summary, campaign};
+use system_tests::evidence::conclude;
+
+/// Runs random sequences of orders, settings, faults and clocks and holds the truth against every
+/// limit
+#[derive(Parser)]
+struct Arguments {
+    /// How many sequences
+    #[arg(long, default_value_t = 100_000)]
+    sequences: u64,
+    /// The seed of the first sequence; the others follow
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+}
+
+fn main() -> ExitCode {
+    let Arguments { sequences, seed } = Arguments::parse();
+    let half = sequences / 2;
+    let other = thread::spawn(move || campaign(seed + half, sequences - half));
+    let mut summary = campaign(seed, half);
+    match other.join() {
+        Ok(rest) => summary.merge(rest),
+        Err(_) => return conclude("A sequence panicked.", false),
+    }
+    conclude(&describe(&summary), summary.defects.is_empty())
+}
+
+fn describe(summary: &Summary) -> String {
+    let mut text = format!(
+        "## Result\n\n\
+         | | |\n|---|---|\n\
+         | sequences | {} |\n\
+         | orders obeyed, refused | {}, {} |\n\
+         | limits exceeded | {} |\n\
+         | greatest current in a sound circuit (limit 12 A) | {:.2} A |\n\
+         | greatest current of all, in dead shorts behind a hardware limit of 15 A | {:.1} A |\n\
+         | greatest part of the allowed energy | {:.0} % |\n\
+         | greatest error of the copper's predicted temperature | {:.2} K |\n\
+         | greatest rise of the copper | {:.0} K |\n",
+        summary.sequences,
+        summary.begun,
+        summary.refused,
+        summary.defects.len(),
+        summary.greatest_a,
+        summary.peak_a,
+        100.0 * summary.energy,
+        summary.error_k,
+        summary.rise_k,
+    );
+    text += "\n## Faults latched\n\n| fault | times |\n|---|---|\n";
+    for (fault, count) in Fault::ALL.iter().zip(summary.faults) {
+        let _ = writeln!(text, "| {fault:?} | {count} |");
+    }
+    for (seed, what) in summary.defects.iter().take(20) {
+        let _ = writeln!(text, "\nSeed {seed}: {what}");
+    }
+    text
+}
