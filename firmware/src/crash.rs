@@ -131,6 +131,8 @@ pub struct Beginning {
     pub cause: ResetCause,
     /// What the last run died of, if it did.
     pub crash: Option<Crash>,
+    /// Runs in a row that ended by a panic, a fault or a hang.
+    pub streak: u8,
 }
 
 impl Beginning {
@@ -154,11 +156,19 @@ impl Beginning {
             _ if chip.had_run().bit_is_set() => ResetCause::Pin,
             _ => ResetCause::PowerOn,
         };
-        let crash = kept.filter(|_| forced).map(|kept| record(&kept, cause));
-        if crash.is_none() {
-            forget();
+        let streak = match (cause, &kept) {
+            (ResetCause::Watchdog, kept) => count_hang(kept.as_ref()),
+            (_, Some(kept)) if forced => kept.streak,
+            _ => {
+                forget();
+                0
+            }
+        };
+        Self {
+            cause,
+            crash: kept.filter(|_| forced).map(|kept| record(&kept, cause)),
+            streak: u8::try_from(streak).unwrap_or(u8::MAX),
         }
-        Self { cause, crash }
     }
 
     /// Whether the last run ended of itself, and the bridge has to stay off until it is armed.
@@ -168,6 +178,25 @@ impl Beginning {
             ResetCause::Watchdog | ResetCause::Panic | ResetCause::HardFault
         )
     }
+}
+
+/// A hang keeps nothing of itself: it is counted by the run that follows.
+fn count_hang(kept: Option<&Kept>) -> u32 {
+    let streak = kept.map_or(0, |kept| kept.streak).saturating_add(1);
+    let mut hang = Kept {
+        magic: MAGIC,
+        is_fault: 0,
+        streak,
+        line: 0,
+        program_counter: 0,
+        link_register: 0,
+        uptime_ms: 0,
+        name: [0; NAME],
+        check: 0,
+    };
+    hang.check = hang.sum();
+    hang.write();
+    streak
 }
 
 fn record(kept: &Kept, cause: ResetCause) -> Crash {

@@ -21,6 +21,9 @@ pub enum Action {
         /// How long that takes.
         over: Duration,
     },
+    /// Bridge, coil and current measurement are to be tested;
+    /// [`Event::CoilTested`](crate::Event::CoilTested) or a fault follows.
+    TestCoil,
     /// Converters are to be configured anew.
     ConfigureSensors {
         /// Active channels: bit n for channel n.

@@ -17,9 +17,14 @@ pub struct Board {
     pub channels: [u8; 2],
     /// Whether there are bridge, coil and current measurement.
     pub coil: bool,
+    /// Crashes in a row, of which the last run's was the last.
+    pub crashes: u8,
     /// What no setting, command or calibration exceeds.
     pub limits: Limits,
 }
+
+/// Crashes in a row after which the outputs stay off until the device is started without one.
+pub const MOST_CRASHES: u8 = 5;
 
 /// What no setting, command or calibration exceeds.
 #[derive(Clone, Copy, Debug, PartialEq)]

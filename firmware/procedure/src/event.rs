@@ -3,6 +3,7 @@
 use ldc161x::Reading;
 use palpate_model::units::{Ampere, Celsius};
 use palpate_wire::code::{FaultCode, Place};
+use palpate_wire::record::CoilTest;
 use palpate_wire::{Command, Frame, FrameError};
 
 use crate::time::{Duration, Instant};
@@ -19,6 +20,8 @@ pub enum Event<'a> {
     Command(&'a Frame<Command>),
     /// A frame has arrived that could not be understood.
     NotUnderstood(FrameError),
+    /// The test of the coil has found something.
+    CoilTested(CoilTest),
     /// What the slow measurements say.
     Conditions(Conditions),
     /// Something has failed. The bridge goes off.

@@ -112,6 +112,32 @@ impl Heat {
         self.now.pad
     }
 
+    /// How long to wait, without current, until a train keeps below the limit, s; within a second.
+    /// Nothing if an hour is not enough.
+    pub(crate) fn wait_s(&self, course: &Course, limit: Celsius) -> Option<f32> {
+        const LONGEST_S: f32 = 3_600.0;
+        let bears = |after_s: f32| {
+            let mut later = self.clone();
+            later.now = self
+                .nodes
+                .after(self.now, Watt(0.0), self.ambient, Second(after_s));
+            later.forecast(course, limit).hottest.is_some()
+        };
+        if !bears(LONGEST_S) {
+            return None;
+        }
+        let (mut no_s, mut yes_s) = (0.0, LONGEST_S);
+        while yes_s - no_s > 1.0 {
+            let middle_s = 0.5 * (no_s + yes_s);
+            if bears(middle_s) {
+                yes_s = middle_s;
+            } else {
+                no_s = middle_s;
+            }
+        }
+        Some(yes_s)
+    }
+
     /// What a train would cost, if it began now.
     pub(crate) fn forecast(&self, course: &Course, limit: Celsius) -> Forecast {
         let duration = in_seconds(course.duration());

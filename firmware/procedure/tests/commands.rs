@@ -11,7 +11,7 @@ use support::sensor::Sensor;
 use support::{BOOT, Rig, answers, frame};
 
 /// What each state makes of arm, measure and sweep while armed.
-const OUTCOMES: [(State, Outcome, Outcome, Outcome); 10] = {
+const OUTCOMES: [(State, Outcome, Outcome, Outcome); 11] = {
     use Outcome::{Accepted, Busy, Faulted, NoContact};
     [
         (State::SelfTest, Accepted, NoContact, Busy),
@@ -23,6 +23,7 @@ const OUTCOMES: [(State, Outcome, Outcome, Outcome); 10] = {
         (State::Ramps, Accepted, Busy, Busy),
         (State::Estimating, Accepted, Busy, Busy),
         (State::Release, Accepted, Accepted, Accepted),
+        (State::Directed, Accepted, Busy, Busy),
         (State::Fault, Faulted, Faulted, Faulted),
     ]
 };
@@ -80,7 +81,8 @@ fn abort_disarm_and_sensing_only_end_a_measurement_in_any_state() {
             assert!(rig.line.is_off());
             let measures = matches!(state, State::Settling | State::Peak | State::Ramps);
             assert_eq!(rig.refusals().len(), usize::from(measures), "{state}");
-            let after = if measures { State::Release } else { state };
+            let drives = measures || state == State::Directed;
+            let after = if drives { State::Release } else { state };
             // The points of an estimate go on being told meanwhile.
             assert_eq!(rig.state(), after);
             assert_eq!(rig.procedure.is_armed(), !disarms && state != State::Fault);

@@ -169,6 +169,7 @@ impl Instrument {
                 second_chip: Chip::Absent,
                 configuration_crc: 0,
             },
+            crashes: self.beginning.streak,
             crash: self.beginning.crash.take(),
             channels: [CHANNELS, 0],
             coil: true,

@@ -13,7 +13,7 @@ pub use calibration::{Attraction, Coil, Crosstalk, Springs, Stiffening, Tank, Te
 pub use curve::{
     DeformationCurve, DeformationKnot, KNOTS_PER_CHUNK, MAX_KNOTS, StiffeningCurve, StiffeningKnot,
 };
-pub use request::{ClearFault, GetCalibration};
+pub use request::{ClearFault, DriveCoil, GetCalibration};
 pub use settings::Settings;
 
 messages! {
@@ -39,12 +39,18 @@ messages! {
             Sweep = 0x8A "sweep",
             /// Asks for `settings`.
             GetSettings = 0x88 "get_settings",
+            /// Tests bridge, coil and current measurement, with up to 6 A for a tenth of a second;
+            /// answered by `coil_test` or a fault. The device has to be armed.
+            TestCoil = 0x8B "test_coil",
         }
         with payload {
             /// Clears a fault. Refused if another one stands, or its cause has not gone.
             ClearFault(ClearFault) = 0x87 "clear_fault",
             /// A curve comes as several records.
             GetCalibration(GetCalibration) = 0x89 "get_calibration",
+            /// Drives a current directly, for tests of the coil. The device has to be armed. It ends
+            /// with a fault 100 ms after the last command of any kind; `abort` ends it without one.
+            DriveCoil(DriveCoil) = 0x8C "drive_coil",
             /// Replaces all settings. Not while armed.
             SetSettings(Settings) = 0x90 "set_settings",
             /// Calibrates a resonator. Not while armed.

@@ -13,7 +13,7 @@ mod hello;
 mod measurement;
 mod sample;
 
-pub use event::{Acknowledgement, Fault, StateChange, Status};
+pub use event::{Acknowledgement, CoilTest, Fault, StateChange, Status};
 pub use hello::{Crash, Hello};
 pub use measurement::{Estimate, LoadPoint, Refusal};
 pub use sample::{Conversion, Raw, Sample};
@@ -46,6 +46,8 @@ messages! {
             Status(Status) = 0x0A "status",
             /// The answer to every command frame that arrived whole.
             Acknowledgement(Acknowledgement) = 0x0B "acknowledgement",
+            /// What the test of the coil found: after `test_coil`.
+            CoilTest(CoilTest) = 0x0C "coil_test",
             /// The settings in force: answer to `get_settings`.
             Settings(Settings) = 0x10 "settings",
             /// Calibration of a resonator: answer to `get_calibration`.

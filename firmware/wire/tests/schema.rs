@@ -19,7 +19,7 @@ use support::reference::{content_bytes, framed, largest, payload_bytes, smallest
 /// fixture anew.
 #[test]
 fn the_layout_belongs_to_its_version() {
-    let known = [(1, 0, 0xFBB1_7F98)];
+    let known = [(1, 0, 0xFBB1_7F98), (1, 1, 0xD3E8_584A)];
     assert!(
         known.contains(&(VERSION, MINOR_VERSION, SCHEMA_HASH)),
         "version {VERSION}.{MINOR_VERSION} has the layout 0x{SCHEMA_HASH:08x}"
@@ -57,7 +57,7 @@ fn all_fields() -> Vec<(&'static str, &'static Field)> {
 }
 
 /// Units, and how the name of a field ends that has one.
-const SUFFIXES: [(&str, &str); 23] = [
+const SUFFIXES: [(&str, &str); 24] = [
     ("Hz", "_hz"),
     ("s", "_s"),
     ("ms", "_ms"),
@@ -76,6 +76,7 @@ const SUFFIXES: [(&str, &str); 23] = [
     ("F", "_f"),
     ("T", "_t"),
     ("ohm", "_ohm"),
+    ("H", "_h"),
     ("m/A^2", "_m_per_a2"),
     ("1/m", "_per_m"),
     ("1/K", "_per_k"),

@@ -31,6 +31,7 @@ pub fn board() -> Board {
             configuration_crc: 0,
         },
         crash: None,
+        crashes: 0,
         channels: [0b1111, 0],
         coil: true,
         limits: Limits::REFERENCE,

@@ -269,6 +269,8 @@ impl<'a> VirtualBoard<'a> {
                     let mut world = self.hardware.world.borrow_mut();
                     world.ramp_current(to.0.into(), over);
                 }
+                // An ideal source of current: there is nothing to find.
+                Action::TestCoil => {}
                 Action::ConfigureSensors { channels, rate } => {
                     let plan = self.plan(channels, rate.0).map_err(BoardError::Plan)?;
                     self.wanted = Some(plan);

@@ -113,7 +113,9 @@ impl Drive {
         settings: &Settings,
         heat: &Heat,
     ) -> Result<Ampere, Progress> {
-        check_heat(settings, heat)?;
+        if let Some(failure) = check_heat(settings, heat) {
+            return Err(Progress::Failed(failure));
+        }
         self.check_current(scan)
     }
 
@@ -145,7 +147,7 @@ impl Drive {
 }
 
 /// The forecast allowed the train; this is what the measured current made of the coil.
-fn check_heat(settings: &Settings, heat: &Heat) -> Result<(), Progress> {
+pub(crate) fn check_heat(settings: &Settings, heat: &Heat) -> Option<Failure> {
     let copper_c = heat.copper().0;
     let (code, value, limit) = if copper_c > settings.greatest_temperature_c {
         let limit_c = settings.greatest_temperature_c;
@@ -154,14 +156,14 @@ fn check_heat(settings: &Settings, heat: &Heat) -> Result<(), Progress> {
         let limit_j = settings.greatest_energy_j;
         (FaultCode::TooMuchEnergy, heat.energy_j(), limit_j)
     } else {
-        return Ok(());
+        return None;
     };
-    Err(Progress::Failed(Failure {
+    Some(Failure {
         code,
         place: Place::Coil,
         value: Some(value),
         limit: Some(limit),
-    }))
+    })
 }
 
 impl Measurement {
@@ -306,6 +308,7 @@ pub(crate) fn refusal(measurement: u32, (reason, value, limit): Reason) -> Refus
         reason,
         value: told(value),
         limit: told(limit),
+        wait_s: None,
     }
 }
 

@@ -1,11 +1,12 @@
 //! Commands and their answers.
 
-use palpate_wire::code::{Mode, Outcome, RefusalReason};
+use palpate_wire::code::{FaultCode, Mode, Outcome, RefusalReason};
 use palpate_wire::record::Acknowledgement;
 use palpate_wire::{Command, Frame, FrameError, Message, Record};
 
 use super::states::Phase;
 use super::{Out, Procedure, Telling};
+use crate::board::MOST_CRASHES;
 
 impl Procedure {
     /// A command that arrived whole: checked, carried out, and answered once.
@@ -46,6 +47,7 @@ impl Procedure {
     }
 
     fn obey(&mut self, command: &Command, out: &mut Out<'_>) -> Outcome {
+        self.word(out.now);
         match command {
             Command::Identify => {
                 out.record(Record::Hello(self.hello()));
@@ -67,7 +69,18 @@ impl Procedure {
                 Err(outcome) => outcome,
             },
             Command::Sweep => self.begin_sweep(out),
+            Command::TestCoil => self.test_coil(out),
+            Command::DriveCoil(line) => self.direct(line, out),
             Command::ClearFault(of) => match &self.phase {
+                // Whoever crashes again and again is not to be trusted with a coil; a start
+                // without a crash ends it.
+                Phase::Fault(standing)
+                    if standing.code == of.code
+                        && standing.code == FaultCode::CrashStreak
+                        && self.board.crashes >= MOST_CRASHES =>
+                {
+                    Outcome::FaultPersists
+                }
                 Phase::Fault(standing) if standing.code == of.code => {
                     self.clear(out);
                     Outcome::Accepted
@@ -141,6 +154,7 @@ impl Procedure {
         ) {
             self.refuse((RefusalReason::Aborted, None, None), out);
         }
+        self.end_directed(out);
     }
 
     fn set(&mut self, command: &Command, out: &mut Out<'_>) -> Outcome {

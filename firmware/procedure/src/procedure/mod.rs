@@ -1,19 +1,20 @@
 //! The state machine.
 
 mod commands;
+mod directed;
 mod faults;
 mod states;
 
 use palpate_model::units::{Ampere, Celsius, Hertz, Second};
 use palpate_wire::Record;
-use palpate_wire::code::{Mode, Part, State};
+use palpate_wire::code::{FaultCode, Mode, Part, Place, State};
 use palpate_wire::record::{Hello, StateChange, Status};
 
 use crate::action::{Action, Actions};
-use crate::board::Board;
+use crate::board::{Board, MOST_CRASHES};
 use crate::configuration::Configuration;
 use crate::deformation::Follower;
-use crate::event::{Conditions, Event, Scan};
+use crate::event::{Conditions, Event, Failure, Scan};
 use crate::heat::Heat;
 use crate::stream::{FeltScan, Streamer};
 use crate::time::{Duration, Instant, after, between, seconds, span};
@@ -139,6 +140,7 @@ impl Procedure {
             Event::Scan(scan) => self.scan(scan, &mut out),
             Event::Command(frame) => self.command(frame, &mut out),
             Event::NotUnderstood(error) => self.not_understood(error, &mut out),
+            Event::CoilTested(found) => self.coil_tested(found, &mut out),
             Event::Conditions(conditions) => self.conditions(conditions),
             Event::Fault(failure) => self.fail(*failure, &mut out),
             Event::Recovered(code) => self.recovered(*code, &mut out),
@@ -156,6 +158,16 @@ impl Procedure {
         }
         out.push(self.sensors());
         self.next_status = self.status_after(out.now);
+        if self.board.crashes >= MOST_CRASHES {
+            self.fail(
+                Failure {
+                    value: Some(self.board.crashes.into()),
+                    limit: Some(MOST_CRASHES.into()),
+                    ..Failure::new(FaultCode::CrashStreak, Place::Processor)
+                },
+                out,
+            );
+        }
     }
 
     fn status_after(&self, now: Instant) -> Instant {

@@ -5,6 +5,7 @@ use palpate_model::units::{Celsius, Second};
 use palpate_wire::Record;
 use palpate_wire::code::{FaultCode, Mode, Outcome as Answer, Place, RefusalReason, State};
 
+use super::directed::Directed;
 use super::{Out, Procedure};
 use crate::deformation::Felt;
 use crate::event::{Failure, Scan};
@@ -56,6 +57,8 @@ pub(super) enum Phase {
     Release {
         since: Instant,
     },
+    /// A current that a PC commands directly.
+    Directed(Directed),
     Fault(Failure),
 }
 
@@ -89,6 +92,7 @@ impl Phase {
             }
             Self::Telling { .. } => State::Estimating,
             Self::Release { .. } => State::Release,
+            Self::Directed(_) => State::Directed,
             Self::Fault(_) => State::Fault,
         }
     }
@@ -266,6 +270,20 @@ impl Procedure {
         Ok(())
     }
 
+    /// How long the coil has to cool before the train may begin, s; none where that is not the
+    /// reason, or an hour does not help.
+    fn wait_s(&self, reason: &Reason) -> Option<f32> {
+        if reason.0 != RefusalReason::CoilTooHot {
+            return None;
+        }
+        let settings = &self.configuration.settings;
+        let limit_c = settings
+            .greatest_temperature_c
+            .min(self.board.limits.temperature.0);
+        let heat = self.heat.as_ref()?;
+        heat.wait_s(&Course::new(settings), Celsius(limit_c))
+    }
+
     fn progress(&mut self, progress: Progress, out: &mut Out<'_>) {
         match progress {
             Progress::On(line) => {
@@ -312,7 +330,7 @@ impl Procedure {
 
     /// The end of a train for calibration. What it did to an untouched sensor's readings is no
     /// part of their baseline.
-    fn swept(&mut self, touched: Option<Instant>, out: &mut Out<'_>) {
+    pub(super) fn swept(&mut self, touched: Option<Instant>, out: &mut Out<'_>) {
         match touched {
             Some(since) => self.go(Phase::Release { since }, out),
             None => {
@@ -330,6 +348,7 @@ impl Procedure {
             Phase::Settling(_)
             | Phase::Driving(_)
             | Phase::Telling { .. }
+            | Phase::Directed(_)
             | Phase::Sweeping { .. } => {
                 return Answer::Busy;
             }
@@ -363,7 +382,9 @@ impl Procedure {
         };
         out.safe();
         self.counters.refusals = self.counters.refusals.wrapping_add(1);
-        out.record(Record::Refusal(refusal(number, reason)));
+        let mut told = refusal(number, reason);
+        told.wait_s = self.wait_s(&reason);
+        out.record(Record::Refusal(told));
         match since {
             Some(since) if reason.0 != RefusalReason::ContactLost => {
                 self.go(Phase::Release { since }, out);
@@ -402,6 +423,7 @@ impl Procedure {
                 self.driven(progress, before, out);
             }
             Phase::Telling { .. } => self.tell_point(out),
+            Phase::Directed(_) => self.watch_directed(out),
             _ => {}
         }
     }
@@ -467,6 +489,7 @@ impl Procedure {
             Phase::Settling(_)
             | Phase::Driving(_)
             | Phase::Sweeping { .. }
+            | Phase::Directed(_)
             | Phase::Telling { .. } => Err(Answer::Busy),
             _ if self.mode == Mode::SensingOnly => Err(Answer::SensingOnly),
             _ if !self.armed => Err(Answer::NotArmed),

@@ -13,7 +13,7 @@ use palpate_procedure::{
     Action, Actions, Board, Conversion, Duration, Event, Instant, Limits, Procedure, Scan,
 };
 use palpate_wire::code::{Chip, FaultCode, Outcome, Place, ResetCause, State};
-use palpate_wire::command::Settings;
+use palpate_wire::command::{DriveCoil, Settings};
 use palpate_wire::record::{Acknowledgement, Estimate, Fault, Hello, Refusal, StateChange};
 use palpate_wire::{Command, Frame, Header, MINOR_VERSION, Record, SCHEMA_HASH};
 
@@ -22,7 +22,7 @@ use sensor::Sensor;
 pub(crate) const BOOT: u32 = 7;
 
 /// Every state but the fault.
-pub(crate) const STATES: [State; 9] = [
+pub(crate) const STATES: [State; 10] = [
     State::SelfTest,
     State::Baseline,
     State::Watching,
@@ -32,6 +32,7 @@ pub(crate) const STATES: [State; 9] = [
     State::Ramps,
     State::Estimating,
     State::Release,
+    State::Directed,
 ];
 
 /// A board with one converter of four channels, and a coil.
@@ -55,6 +56,7 @@ pub(crate) fn board() -> Board {
             configuration_crc: 0,
         },
         crash: None,
+        crashes: 0,
         channels: [0b1111, 0],
         coil: true,
         limits: Limits::REFERENCE,
@@ -194,7 +196,10 @@ impl Rig {
             _ => {
                 rig.until(State::Watching, 3_000);
                 rig.touch(3e-4);
-                if state != State::Contact {
+                if state == State::Directed {
+                    let (to_a, over_s) = (1.0, 0.01);
+                    rig.accepted(Command::DriveCoil(DriveCoil { to_a, over_s }));
+                } else if state != State::Contact {
                     rig.accepted(Command::Measure);
                 }
             }
@@ -225,7 +230,7 @@ impl Rig {
                         over_us: over.as_ticks(),
                     };
                 }
-                Action::ConfigureSensors { .. } => {}
+                Action::ConfigureSensors { .. } | Action::TestCoil => {}
                 Action::Record { at, record } => self.records.push((*at, record.clone())),
             }
         }

@@ -5,7 +5,7 @@ use palpate_procedure::event::{Conditions, Failure};
 use palpate_procedure::units::{Ampere, Celsius};
 use palpate_procedure::{Duration, Event, Instant};
 use palpate_wire::code::{Drift, FaultCode, Part, Place, Stream};
-use palpate_wire::command::{ClearFault, GetCalibration, Settings};
+use palpate_wire::command::{ClearFault, DriveCoil, GetCalibration, Settings};
 use palpate_wire::{Command, FrameError, Header, PayloadError};
 use proptest::prelude::*;
 use proptest::sample::select;
@@ -210,8 +210,13 @@ fn commands() -> impl Strategy<Value = Command> {
             Command::Abort,
             Command::SensingOnly,
             Command::GetSettings,
+            Command::TestCoil,
             Command::SetSettings(short()),
         ]),
+        (floats(), floats())
+            .prop_map(|(to_a, over_s)| { Command::DriveCoil(DriveCoil { to_a, over_s }) }),
+        (-9.0..9.0_f32, 0.0..0.1_f32)
+            .prop_map(|(to_a, over_s)| { Command::DriveCoil(DriveCoil { to_a, over_s }) }),
         select(FaultCode::ALL).prop_map(|code| Command::ClearFault(ClearFault { code })),
         get,
         changed_settings().prop_map(Command::SetSettings),

@@ -65,6 +65,27 @@ codes! {
         Overrun = 28 "overrun",
         /// A clock does not run or is off. Value and limit: frequency, Hz.
         Clock = 29 "clock",
+        /// No coil is connected, or a wire is broken. Check the coil's wires.
+        CoilOpen = 30 "coil_open",
+        /// The coil has too little resistance or inductance. Look for a short.
+        CoilShort = 31 "coil_short",
+        /// What hangs at the bridge has too much resistance or inductance. Check the coil.
+        CoilUnknown = 32 "coil_unknown",
+        /// The current amplifier is off zero or turned round. Check its supply, reference and
+        /// inputs.
+        CurrentSense = 33 "current_sense",
+        /// The bridge's own limit of the current does not act. Set it up.
+        NoHardwareLimit = 34 "no_hardware_limit",
+        /// The current does not come to where it is wanted. Check the supply.
+        CurrentAstray = 35 "current_astray",
+        /// The coil was on for too long. Limit: time, s.
+        OnTime = 36 "on_time",
+        /// The PC that commanded a current has gone silent. Value and limit: time, s. Check the
+        /// link; command the current anew.
+        HostSilent = 37 "host_silent",
+        /// The device crashed again and again and keeps its outputs off. Value: crashes in a row.
+        /// Read the records `crash`; after ten seconds without one, switch off and on.
+        CrashStreak = 38 "crash_streak",
     }
 
     /// Where something happened.

@@ -31,6 +31,8 @@ codes! {
         Release = 9 "release",
         /// Stopped by a fault, with the bridge off.
         Fault = 10 "fault",
+        /// Driving a current that the PC commands directly.
+        Directed = 11 "directed",
     }
 
     /// Whether something touches the sensor.

@@ -21,3 +21,13 @@ structure! {
         channel: u8 ["", 0, 3],
     }
 }
+
+structure! {
+    /// A straight line of the coil's current from where it is.
+    pub struct DriveCoil {
+        /// Where it goes; the sign is the polarity.
+        to_a: f32 ["A", -20, 20],
+        /// How long that takes.
+        over_s: f32 ["s", 0, 10],
+    }
+}

@@ -80,6 +80,25 @@ structure! {
 }
 
 structure! {
+    /// What hangs at the bridge, as its test found it.
+    pub struct CoilTest {
+        /// Resistance of coil, bridge, wires and supply together.
+        resistance_ohm: f32 ["ohm", 0, 1000],
+        /// Inductance of the coil.
+        inductance_h: f32 ["H", 0, 1],
+        /// Part of a period of the bridge that its dead time takes.
+        lost: f32 ["1", 0, 1],
+        /// Reading of the current measurement without current.
+        zero_v: f32 ["V", 0, 5],
+        /// Supply during the test.
+        supply_v: f32 ["V", 0, 100],
+        /// Current to which the bridge limited itself, its limit reduced; absent where that cannot
+        /// be tested.
+        limited_to_a: Option<f32> ["A", 0, 100],
+    }
+}
+
+structure! {
     /// What became of the command. The fields after the outcome are present as far as they apply.
     pub struct Acknowledgement {
         /// Sequence number of the command's frame.

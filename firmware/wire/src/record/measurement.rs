@@ -81,5 +81,7 @@ structure! {
         value: Option<f32> ["", -1e30, 1e30],
         /// What is allowed or needed; the reason says what it is and its unit.
         limit: Option<f32> ["", -1e30, 1e30],
+        /// How long to wait before it can be measured; absent where waiting does not help.
+        wait_s: Option<f32> ["s", 0, 1e6],
     }
 }

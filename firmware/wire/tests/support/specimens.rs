@@ -94,6 +94,7 @@ fn measured() -> Vec<Record> {
             reason: RefusalReason::SignalTooSmall,
             value: Some(1.4),
             limit: Some(2.0),
+            wait_s: None,
         }),
     ]
 }
@@ -169,6 +170,14 @@ fn happened() -> Vec<Record> {
             processor_load: Some(0.25),
             stack_bytes: 2_048,
         }),
+        Record::CoilTest(CoilTest {
+            resistance_ohm: 0.476,
+            inductance_h: 4e-5,
+            lost: 0.0065,
+            zero_v: 1.652,
+            supply_v: 11.9,
+            limited_to_a: Some(2.1),
+        }),
         Record::Acknowledgement(Acknowledgement {
             command: 12,
             kind: 0x90,
@@ -211,6 +220,11 @@ pub(crate) fn commands() -> Vec<Command> {
         }),
         Command::Sweep,
         Command::GetSettings,
+        Command::TestCoil,
+        Command::DriveCoil(DriveCoil {
+            to_a: -2.5,
+            over_s: 0.01,
+        }),
         Command::GetCalibration(GetCalibration {
             part: Part::DeformationCurve,
             sensor: 0,

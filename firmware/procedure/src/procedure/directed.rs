@@ -1,0 +1,152 @@
+//! A current that a PC commands directly, and the test of the coil.
+
+use palpate_model::units::{Ampere, Celsius};
+use palpate_wire::Record;
+use palpate_wire::code::{FaultCode, Outcome as Answer, Place, RefusalReason};
+use palpate_wire::command::DriveCoil;
+use palpate_wire::record::CoilTest;
+
+use super::states::Phase;
+use super::{Out, Procedure};
+use crate::action::Action;
+use crate::event::Failure;
+use crate::measurement::check_heat;
+use crate::time::{Duration, Instant, between, seconds, span};
+
+/// From the PC's last word to the end of a current that it commanded.
+const SILENCE: Duration = Duration::from_ticks(100_000);
+
+/// A current that a PC commands directly.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Directed {
+    began: Instant,
+    /// When the PC last said anything.
+    heard: Instant,
+    /// The time of touch, if something touches.
+    touched: Option<Instant>,
+}
+
+impl Procedure {
+    /// Asks for the test of bridge and coil.
+    pub(super) fn test_coil(&mut self, out: &mut Out<'_>) -> Answer {
+        match self.may_direct() {
+            Ok(()) => {
+                out.push(Action::TestCoil);
+                Answer::Accepted
+            }
+            Err(answer) => answer,
+        }
+    }
+
+    /// What it found.
+    pub(super) fn coil_tested(&self, found: &CoilTest, out: &mut Out<'_>) {
+        out.record(Record::CoilTest(found.clone()));
+    }
+
+    fn may_direct(&self) -> Result<(), Answer> {
+        match &self.phase {
+            Phase::Fault(_) => Err(Answer::Faulted),
+            Phase::SelfTest { .. }
+            | Phase::Settling(_)
+            | Phase::Driving(_)
+            | Phase::Telling { .. }
+            | Phase::Directed(_)
+            | Phase::Sweeping { .. } => Err(Answer::Busy),
+            Phase::Baseline | Phase::Watching | Phase::Contact { .. } | Phase::Release { .. } => {
+                if self.armed {
+                    Ok(())
+                } else {
+                    Err(Answer::NotArmed)
+                }
+            }
+        }
+    }
+
+    /// A current, from where it is.
+    pub(super) fn direct(&mut self, line: &DriveCoil, out: &mut Out<'_>) -> Answer {
+        let limit_a = self.board.limits.current.0;
+        if line.to_a.abs() > limit_a.min(self.configuration.settings.peak_current_a) {
+            return Answer::OutOfRange;
+        }
+        if !matches!(self.phase, Phase::Directed(_)) {
+            if let Err(answer) = self.may_direct() {
+                return answer;
+            }
+            if let Some((copper_c, limit_c)) = self.too_hot() {
+                let reason = RefusalReason::CoilTooHot;
+                self.refuse((reason, Some(copper_c), Some(limit_c)), out);
+                return Answer::Accepted;
+            }
+            if let Some(heat) = &mut self.heat {
+                heat.start_measurement();
+            }
+            let directed = Directed {
+                began: out.now,
+                heard: out.now,
+                touched: self.touched_since(),
+            };
+            self.go(Phase::Directed(directed), out);
+        }
+        out.line((Ampere(line.to_a), span(line.over_s)));
+        Answer::Accepted
+    }
+
+    fn too_hot(&self) -> Option<(f32, f32)> {
+        let settings_c = self.configuration.settings.greatest_temperature_c;
+        let Celsius(limits_c) = self.board.limits.temperature;
+        let limit_c = settings_c.min(limits_c);
+        let copper_c = self
+            .heat
+            .as_ref()
+            .map_or(f32::INFINITY, |heat| heat.copper().0);
+        // Negated, so that NaN counts as hot.
+        (copper_c.is_nan() || copper_c > limit_c).then_some((copper_c, limit_c))
+    }
+
+    /// The PC has said something.
+    pub(super) const fn word(&mut self, now: Instant) {
+        if let Phase::Directed(directed) = &mut self.phase {
+            directed.heard = now;
+        }
+    }
+
+    /// Time alone: nobody is there any more, it lasts too long, or the coil is too hot.
+    pub(super) fn watch_directed(&mut self, out: &mut Out<'_>) {
+        let Phase::Directed(directed) = &self.phase else {
+            return;
+        };
+        let silent = between(directed.heard, out.now);
+        let on_s = seconds(directed.began, out.now).0;
+        let settings = &self.configuration.settings;
+        let (code, place, value, limit) = if silent > SILENCE {
+            let seconds_of = |of: Duration| of.as_ticks() as f32 * 1e-6;
+            let (silent_s, limit_s) = (seconds_of(silent), seconds_of(SILENCE));
+            (FaultCode::HostSilent, Place::Link, silent_s, limit_s)
+        } else if on_s > self.board.limits.on_time_s {
+            let limit_s = self.board.limits.on_time_s;
+            (FaultCode::OnTime, Place::Coil, on_s, limit_s)
+        } else if let Some(failure) = self
+            .heat
+            .as_ref()
+            .and_then(|heat| check_heat(settings, heat))
+        {
+            return self.fail(failure, out);
+        } else {
+            return;
+        };
+        let failure = Failure {
+            value: Some(value),
+            limit: Some(limit),
+            ..Failure::new(code, place)
+        };
+        self.fail(failure, out);
+    }
+
+    /// The PC ends it: no fault, and nothing was measured that could be refused.
+    pub(super) fn end_directed(&mut self, out: &mut Out<'_>) {
+        if let Phase::Directed(Directed { touched, .. }) = self.phase {
+            out.safe();
+            self.swept(touched, out);
+        }
+    }
+}
