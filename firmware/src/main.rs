@@ -1,7 +1,7 @@
 //! The firmware of the palpate tactile sensor: the list of what is wired to what.
 //!
-//! Priorities, from the most urgent: the two interrupts of the converter's bus, outside of RTIC and
-//! from memory (`bus::engine`); `frame_over`; sensing and coil; instrument and supervisor; idle.
+//! Priorities, from the most urgent: the two interrupts of the converter's bus and that of the
+//! coil's PWM, outside of RTIC (`bus::engine`, `coil::period`); `frame_over`; sensing and coil; instrument and supervisor; idle.
 //! See docs/firmware.md.
 
 #![no_std]
@@ -12,7 +12,6 @@ mod board;
 mod bus;
 mod coil;
 mod crash;
-mod history;
 mod link;
 #[cfg(any(planted_defect = "panic", planted_defect = "fed_by_idle"))]
 mod planted;
@@ -55,7 +54,6 @@ mod app {
     use crate::acquisition::Sampled;
     use crate::board::{pico::Board, sleep_in_memory, vectors};
     use crate::bus::{self, Master};
-    use crate::coil::Coil;
     use crate::crash::Beginning;
     use crate::supervision::Watchdog;
     use crate::tasks::*;
@@ -71,7 +69,6 @@ mod app {
     #[local]
     struct Local {
         sensing: Sensing,
-        coil: Coil,
         instrument: Instrument,
         arrived: Sleeper,
         watchdog: Watchdog,
@@ -108,6 +105,7 @@ mod app {
             actions: Actions::new(),
             standing: [None; 2],
             latched: None,
+            waiting: None,
             conditions_due_us: 0,
             last_conditions: (0, 0),
         };
@@ -118,7 +116,6 @@ mod app {
         let _ = supervisor::spawn();
         let local = Local {
             sensing,
-            coil: board.coil,
             instrument,
             arrived,
             watchdog: Watchdog::start(board.watchdog),
@@ -142,7 +139,7 @@ mod app {
     extern "Rust" {
         #[task(local = [sensing], priority = 2)]
         async fn sensing(cx: sensing::Context);
-        #[task(local = [coil], priority = 2)]
+        #[task(priority = 2)]
         async fn coil(cx: coil::Context);
         #[task(local = [instrument, arrived], priority = 1)]
         async fn instrument(cx: instrument::Context);

@@ -147,12 +147,12 @@ fn window(loop_: &mut Regulated, periods: u32) -> [f64; 2] {
     [loop_.told_a(begin, begin + periods).unwrap(), true_a]
 }
 
-/// As `palpate calibrate current` does: slow sweeps over 0.3 A about each of 13 currents, with a
+/// As `palpate calibrate current` does: slow sweeps over 0.3 A about each of 25 currents, with a
 /// reference beside them. A sweep passes over a wide code, where a step could end upon it.
 fn calibrate(loop_: &mut Regulated, most_a: f64, reference_error: f64) {
-    let pairs: Vec<[f32; 2]> = (-6..=6)
+    let pairs: Vec<[f32; 2]> = (-12..=12)
         .map(|step| {
-            let to_a = (most_a - 0.15) / 6.0 * f64::from(step);
+            let to_a = (most_a - 0.15) / 12.0 * f64::from(step);
             loop_.go((to_a - 0.15) as f32, 2e-3).unwrap();
             loop_.run_for(4e-3);
             loop_.go((to_a + 0.15) as f32, 10e-3).unwrap();
@@ -248,6 +248,7 @@ fn two_uses_weeks_apart_give_the_same_current() {
 
 #[test]
 fn ramps_are_straight() {
+    let mut worst = 0.0_f64;
     for circuit in corners() {
         let mut loop_ = tested(circuit);
         let peak_a = reachable_a(&circuit);
@@ -265,14 +266,12 @@ fn ramps_are_straight() {
                 .map(|_| window(&mut loop_, 62)[1])
                 .collect();
             let worst_a = from_a_line(&means);
-            assert!(
-                worst_a <= 0.005 * peak_a,
-                "{circuit:?} {fall_s} s: {worst_a} of {peak_a}"
-            );
+            worst = worst.max(worst_a / peak_a);
             loop_.order(&Supervisor::stop());
             loop_.run_for(1e-3);
         }
     }
+    assert!(worst <= 0.005, "{worst}");
 }
 
 /// Greatest distance from the straight line of least squares.

@@ -21,8 +21,12 @@ const THERMAL_PERIODS: u32 = 62;
 /// Above the limit to which the current is regulated: 2 % overshoot, 2 % error of the measurement
 /// with its bow and offset, and what a sample may miss.
 const CURRENT_MARGIN: f64 = 1.05;
-/// What the hardware's limit lets through of a dead short: 1.5 us of the greatest supply at 1 uH.
-const PEAK_A: f64 = 15.0 + 1.6e-6 * 16.0 / 1e-6;
+/// What the hardware's limit lets through of a dead short: 1.5 us of the greatest supply at 1 uH
+/// take 24 A; a pulse that is shorter than that is not seen at all, and another may follow before
+/// the next sample.
+const PEAK_A: f64 = 15.0 + 1.5 * 24.0;
+/// Periods in which the driver learns that a fault of the circuit has ended.
+const LEARNS: u32 = 200;
 /// Greatest difference of true and predicted copper temperature, K.
 const TEMPERATURE_K: f64 = 5.0;
 
@@ -111,8 +115,9 @@ struct Sequence {
     prediction: Option<Prediction>,
     /// Whether what was measured could be trusted so far.
     measured: bool,
-    /// Whether the circuit is sound now.
+    /// Whether the circuit is sound now, and since when.
     is_sound: bool,
+    sound_since: u32,
     square_a2_s: f64,
     since: u32,
     awake_periods: u32,
@@ -176,6 +181,7 @@ pub fn run(seed: u64) -> Summary {
         prediction: None,
         measured: true,
         is_sound: true,
+        sound_since: 0,
         square_a2_s: 0.0,
         since: 0,
         awake_periods: 0,
@@ -263,6 +269,9 @@ impl Sequence {
                 self.loop_.slow = kept;
                 is_sound = true;
             }
+        }
+        if is_sound && !self.is_sound {
+            self.sound_since = self.loop_.periods();
         }
         self.is_sound = is_sound;
     }
@@ -396,7 +405,8 @@ impl Sequence {
             self.defect(format!("{peak_a} A"));
         }
         let measures = self.loop_.slow.stuck_v.is_none();
-        if self.is_sound && measures && state == State::Driving {
+        let learned = self.loop_.periods().wrapping_sub(self.sound_since) > LEARNS;
+        if self.is_sound && learned && measures && state == State::Driving {
             let current_a = self.loop_.circuit.current_a().abs();
             self.summary.greatest_a = self.summary.greatest_a.max(current_a);
             let limit_a = CURRENT_MARGIN * f64::from(self.limits.current_a);

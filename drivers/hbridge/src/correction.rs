@@ -76,6 +76,7 @@ impl Correction {
     /// The corrected current, in units.
     #[inline]
     pub(crate) fn apply(&self, measured: i32) -> i32 {
+        // Two comparisons with constants: this clamp cannot panic.
         let from = (measured - FIRST).clamp(0, ((KNOTS as i32 - 1) << PIECE) - 1);
         let place = (from >> PIECE) as usize;
         let (Some(&low), Some(&high)) = (self.0.get(place), self.0.get(place + 1)) else {

@@ -10,6 +10,12 @@ use crate::self_test::{Plan, SelfTest, Step, Sums};
 use crate::watch::{ATTENDED_WITHIN, Block, Bounds, Watch};
 use crate::waveform::MOST_SEGMENTS;
 
+/// A current that is as near as this to where it is wanted, in units, is on its course: 0.15 A of
+/// the reference board, twice the noise of its converter's worst codes.
+const NEAR: i32 = 48;
+/// Periods for which the law is asked every time after the current was off its course.
+const BUSY_PERIODS: u32 = 16;
+
 /// A line in integers: where to, in units, and periods.
 pub(crate) type Leg = (i32, u32);
 
@@ -93,7 +99,7 @@ pub struct Drive {
     nominal_twice_zero: i32,
     twice_zero: i32,
     gains: Option<Gains>,
-    correction: Correction,
+    correction: Option<Correction>,
     shaper: Shaper,
     state: Mode,
     line: Line,
@@ -101,6 +107,12 @@ pub struct Drive {
     next: usize,
     regulator: Regulator,
     watch: Watch,
+    /// The current of the period, and the level and the current that are wanted of the next.
+    measured: i32,
+    level: i32,
+    wanted: Wanted,
+    /// Periods in which the law is asked each time.
+    busy: u32,
     unattended: u32,
     report: Sum,
     outcome: Option<Sums>,
@@ -143,7 +155,7 @@ impl Drive {
             nominal_twice_zero: fixed.twice_zero,
             twice_zero: fixed.twice_zero,
             gains: None,
-            correction: Correction::NONE,
+            correction: None,
             shaper: fixed.shaper,
             state: Mode::Off,
             line: Line::default(),
@@ -151,6 +163,10 @@ impl Drive {
             next: 0,
             regulator: Regulator::default(),
             watch: Watch::default(),
+            measured: 0,
+            level: 0,
+            wanted: Wanted::default(),
+            busy: 0,
             unattended: 0,
             report: Sum::default(),
             outcome: None,
@@ -226,7 +242,9 @@ impl Drive {
                 }
             }
             Orders::Run(legs) => self.run(legs),
-            Orders::Correct(correction) => self.correction = *correction,
+            Orders::Correct(correction) => {
+                self.correction = (*correction != Correction::NONE).then_some(*correction);
+            }
         }
     }
 
@@ -269,7 +287,8 @@ impl Drive {
     /// The next line of the waveform.
     fn leg(&mut self) {
         if let Some(&(to, periods)) = self.legs.get(self.next) {
-            self.line.go(to.clamp(-self.current, self.current), periods);
+            self.line
+                .go(to.min(self.current).max(-self.current), periods);
             self.next += 1;
         }
     }
@@ -278,43 +297,62 @@ impl Drive {
     /// bridge reports a fault. Returns what the bridge is to do: at once where it is to sleep, from
     /// the next period on otherwise.
     ///
-    /// To be called once a period, after the second sample and before the period ends.
+    /// To be called once a period, after the second sample; the levels have to be written before
+    /// the period ends. [`account`](Self::account) follows.
     #[inline]
-    pub fn tick<const N: usize>(
-        &mut self,
-        samples: [u16; 2],
-        bridge_faults: bool,
-        averages: &Averages<N>,
-    ) -> Output {
-        let [first, second] = samples.map(i32::from);
-        let raw = self.sign(first + second - self.twice_zero);
-        let measured = self.correction.apply(raw);
-        averages.push(measured);
-        if matches!(self.state, Mode::Off | Mode::Latched(_)) {
-            return Output::OFF;
-        }
-        let trips = |sample: i32| (2 * sample - self.twice_zero).abs() > self.trip;
-        let knows_zero = match &self.state {
-            Mode::Testing(test) => test.twice_zero().is_some(),
-            _ => true,
+    pub fn tick(&mut self, samples: [u16; 2], bridge_faults: bool) -> Output {
+        let [first, second] = samples;
+        let (first, second) = (i32::from(first), i32::from(second));
+        let units = self.sign(first + second - self.twice_zero);
+        self.measured = match &self.correction {
+            Some(correction) => correction.apply(units),
+            None => units,
         };
-        if knows_zero && (trips(first) || trips(second)) {
-            self.latch(Fault::OverCurrent);
-            return Output::OFF;
+        match self.state {
+            Mode::Driving => {
+                if self.trips(first) || self.trips(second) {
+                    self.latch(Fault::OverCurrent);
+                    return Output::OFF;
+                }
+                if bridge_faults {
+                    self.latch(Fault::Bridge);
+                    return Output::OFF;
+                }
+                self.drive()
+            }
+            Mode::Off | Mode::Latched(_) => Output::OFF,
+            Mode::Testing(_) => self.test([first, second], bridge_faults),
+        }
+    }
+
+    /// The rest of the period's work, for which there is time after the levels have been written:
+    /// sums, and what is watched over several periods. Returns whether the bridge has to go off at
+    /// once.
+    #[inline]
+    pub fn account<const N: usize>(&mut self, averages: &Averages<N>) -> bool {
+        averages.push(self.measured);
+        if matches!(self.state, Mode::Off | Mode::Latched(_)) {
+            return false;
         }
         self.unattended += 1;
         if self.unattended > ATTENDED_WITHIN {
             self.latch(Fault::Unattended);
-            return Output::OFF;
+            return true;
         }
-        match self.state {
-            Mode::Driving if bridge_faults => {
-                self.latch(Fault::Bridge);
-                Output::OFF
-            }
-            Mode::Driving => self.drive(measured),
-            _ => self.test(first + second, bridge_faults),
+        if matches!(self.state, Mode::Driving)
+            && self.watch.push(self.level, self.measured)
+            && let Some(fault) = self.close()
+        {
+            self.latch(fault);
+            return true;
         }
+        false
+    }
+
+    #[inline]
+    fn trips(&self, sample: i32) -> bool {
+        let twice = 2 * sample - self.twice_zero;
+        twice > self.trip || twice < -self.trip
     }
 
     #[inline]
@@ -323,24 +361,35 @@ impl Drive {
     }
 
     #[inline]
-    fn drive(&mut self, measured: i32) -> Output {
-        let Some(gains) = self.gains else {
+    fn drive(&mut self) -> Output {
+        let Some(gains) = &self.gains else {
             self.stop();
             return Output::OFF;
         };
-        if self.line.is_over() {
-            self.leg();
+        if self.line.is_over()
+            && let Some(&(to, periods)) = self.legs.get(self.next)
+        {
+            self.line
+                .go(to.min(self.current).max(-self.current), periods);
+            self.next += 1;
+            self.busy = BUSY_PERIODS;
         }
         let wanted = self.line.advance();
-        let level = self.regulator.step(&gains, wanted, measured);
+        let measured = self.measured;
+        let off = (wanted.at_q4 >> 4) - measured;
+        if !(-NEAR..=NEAR).contains(&off) {
+            self.busy = BUSY_PERIODS;
+        }
+        let level = if self.busy > 0 {
+            self.busy -= 1;
+            self.regulator.step(gains, wanted, measured)
+        } else {
+            self.regulator.rest(gains, wanted, off)
+        };
         let (level, levels) = self.shaper.shape(level, measured, wanted.at_q4);
         self.regulator.given(level);
-        if self.watch.push(level, measured)
-            && let Some(fault) = self.close(&gains, wanted, measured)
-        {
-            self.latch(fault);
-            return Output::OFF;
-        }
+        self.level = level;
+        self.wanted = wanted;
         Output {
             awake: true,
             levels,
@@ -349,8 +398,11 @@ impl Drive {
     }
 
     #[inline(never)]
-    fn close(&mut self, gains: &Gains, wanted: Wanted, measured: i32) -> Option<Fault> {
-        let (block, fault) = self.watch.close(gains, &self.bounds, wanted, measured);
+    fn close(&mut self) -> Option<Fault> {
+        let gains = self.gains.as_ref()?;
+        let (block, fault) = self
+            .watch
+            .close(gains, &self.bounds, self.wanted, self.measured);
         let Block {
             levels,
             units,
@@ -364,10 +416,16 @@ impl Drive {
     }
 
     #[inline(never)]
-    fn test(&mut self, sum: i32, bridge_faults: bool) -> Output {
+    fn test(&mut self, [first, second]: [i32; 2], bridge_faults: bool) -> Output {
+        let trips = self.trips(first) || self.trips(second);
         let Mode::Testing(test) = &mut self.state else {
             return Output::OFF;
         };
+        if trips && test.twice_zero().is_some() {
+            self.latch(Fault::OverCurrent);
+            return Output::OFF;
+        }
+        let sum = first + second;
         let sum = if self.reversed {
             2 * self.nominal_twice_zero - sum
         } else {

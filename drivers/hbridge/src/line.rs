@@ -10,7 +10,7 @@ pub(crate) struct Line {
 }
 
 /// A moment of a line, in sixteenths of a unit.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Wanted {
     /// The current at the end of the period.
     pub(crate) at_q4: i32,

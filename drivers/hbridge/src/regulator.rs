@@ -26,6 +26,15 @@ const EIGHTHS: i32 = 7;
 /// as a power of two: a quarter.
 const LEARN_SHIFT: u32 = 2;
 
+/// Periods from one trim to the next while the current is on its course.
+const TRIM_PERIODS: i32 = 8;
+/// Part of the voltage that the mean error takes in the long run, as a power of two: half.
+const FOREVER_SHIFT: u32 = 1;
+/// Part of the voltage that would take the mean error away in one period, as a power of two: in
+/// eight, all of it. These three were chosen together: other neighbours miss the bars of
+/// `coil_drive` for ramps or repeatability where the converter's wide codes lie.
+const TRIM_SHIFT: u32 = 3;
+
 /// What the law multiplies by: settings, brought down to integers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Gains {
@@ -84,12 +93,25 @@ impl Gains {
 pub(crate) struct Regulator {
     /// Level of the period under way.
     level: i32,
-    /// The current that was expected at its beginning, in sixteenths of a unit.
+    /// The level that keeps the current on its course, in 2^-12.
+    steady: i32,
+    /// The current that was expected at the beginning of the period, in sixteenths of a unit.
     expected_q4: i32,
+    /// Whether something was expected of this period.
+    expects: bool,
     /// Voltage that something unknown takes, level in 2^-12.
     unknown: i32,
     /// What the last level left of the wanted one, in 2^-12.
     residue: i32,
+    /// Periods on its course, and the sum of their errors, since the level was last trimmed.
+    rested: i32,
+    off: i32,
+}
+
+/// Within plus and minus a limit. Without the check of `clamp`, which could panic.
+#[inline]
+fn within(value: i32, most: i32) -> i32 {
+    value.min(most).max(-most)
 }
 
 impl Regulator {
@@ -101,35 +123,67 @@ impl Regulator {
     /// the given voltage should have done, not with what was wanted.
     #[inline]
     pub(crate) fn step(&mut self, gains: &Gains, wanted: Wanted, measured: i32) -> i32 {
-        let two_full = 2 * gains.most;
         let lost = gains.lost * measured.signum();
         let given = (self.level << LEVEL) - self.unknown - lost;
-        let drive = (given - gains.drop * measured).clamp(-two_full, two_full);
+        let drive = within(given - gains.drop * measured, 2 * gains.most);
         let change_q4 = ((drive >> 6) * gains.pull) >> 12;
         let measured_q4 = measured << 4;
-        let surprise =
-            (measured_q4 - self.expected_q4 - (change_q4 >> 2)).clamp(-gains.reach, gains.reach);
-        let taken = (gains.kick * surprise) >> 4;
-        let most = gains.most >> 1;
-        self.unknown = (self.unknown - (taken >> LEARN_SHIFT)).clamp(-most, most);
+        if self.expects {
+            let surprise = measured_q4 - self.expected_q4 - (change_q4 >> 2);
+            let taken = (gains.kick * within(surprise, gains.reach)) >> 4;
+            self.unknown = within(self.unknown - (taken >> LEARN_SHIFT), gains.most >> 1);
+        }
+        self.expects = true;
+        (self.off, self.rested) = (0, 0);
         self.expected_q4 = measured_q4 + ((change_q4 * 3) >> 2);
-        self.law(gains, wanted)
+        let push = self.law(gains, wanted);
+        self.dither(self.steady + push, gains.most)
     }
 
     #[inline]
     fn law(&mut self, gains: &Gains, wanted: Wanted) -> i32 {
         let expected_q4 = self.expected_q4;
         let error = wanted.at_q4 - wanted.change_q4 - expected_q4;
-        let error = (error.clamp(-gains.reach, gains.reach) * EIGHTHS) >> 3;
-        let change = wanted.change_q4.clamp(-gains.reach, gains.reach);
+        let error = (within(error, gains.reach) * EIGHTHS) >> 3;
+        let change = within(wanted.change_q4, gains.reach);
         let push = (gains.kick * error) >> 4;
         let slope = (gains.kick * change) >> 4;
-        let hold = gains.drop * (expected_q4 >> 4) + gains.lost * (wanted.at_q4 >> 4).signum();
-        let law = (push + slope + hold + self.unknown).clamp(-gains.most, gains.most);
-        // Dither: what is below one level is carried over to the next period.
-        let fine = law + self.residue;
-        let level = (fine.clamp(-gains.most, gains.most) + (1 << (LEVEL - 1))) >> LEVEL;
-        self.residue = (fine - (level << LEVEL)).clamp(-(1 << LEVEL), 1 << LEVEL);
+        let lost = gains.lost * (wanted.at_q4 >> 4).signum();
+        let at = gains.drop * (wanted.at_q4 >> 4);
+        self.steady = at + slope + lost + self.unknown;
+        // What the current has, not what it is to have, is what the voltage has to overcome.
+        push + gains.drop * ((expected_q4 - wanted.at_q4) >> 4)
+    }
+
+    /// The level for the next period while the current is on its course: the law is not asked.
+    /// Every eight periods their mean error, `off` units each, trims the level, and what it takes
+    /// for ever is learned: eight measurements are less noisy than one.
+    #[inline]
+    pub(crate) fn rest(&mut self, gains: &Gains, wanted: Wanted, off: i32) -> i32 {
+        self.expects = false;
+        self.off += off;
+        self.rested += 1;
+        if self.rested >= TRIM_PERIODS {
+            // The mean, in sixteenths of a unit.
+            let off_q4 = within(self.off * (16 / TRIM_PERIODS), gains.reach);
+            (self.off, self.rested) = (0, 0);
+            let forever = (gains.drop * off_q4) >> (4 + FOREVER_SHIFT);
+            self.unknown = within(self.unknown + forever, gains.most >> 1);
+            let trim = (gains.kick * off_q4) >> (4 + TRIM_SHIFT);
+            // The middle of the next eight.
+            let at = (wanted.at_q4 + (TRIM_PERIODS / 2) * wanted.change_q4) >> 4;
+            let slope = (gains.kick * within(wanted.change_q4, gains.reach)) >> 4;
+            let lost = gains.lost * at.signum();
+            self.steady = gains.drop * at + slope + lost + self.unknown + trim;
+        }
+        self.dither(self.steady, gains.most)
+    }
+
+    #[inline]
+    fn dither(&mut self, level: i32, most: i32) -> i32 {
+        let fine = within(level, most) + self.residue;
+        let level = (within(fine, most) + (1 << (LEVEL - 1))) >> LEVEL;
+        self.residue = within(fine - (level << LEVEL), 1 << LEVEL);
         self.level = level;
         level
     }

@@ -28,14 +28,14 @@ const STEP_PART: i32 = 512;
 const STEP_PERIODS: u16 = 8;
 /// Periods for the zero.
 const ZERO_PERIODS: u16 = 64;
-/// Periods for a current to come to rest: 8 ms at 16 us, 13 time constants of 200 uH and 0.33 ohm.
-const REST_PERIODS: u16 = 512;
+/// Periods for a current to come to rest: 5 ms at 16 us, 8 time constants of 200 uH and 0.33 ohm.
+const REST_PERIODS: u16 = 320;
 /// Periods over which a current at rest is averaged.
 const MEAN_PERIODS: u16 = 256;
 /// Periods over which a rise is added up: five time constants of 200 uH and 0.5 ohm.
 const AREA_PERIODS: u16 = 128;
 /// Rises that are averaged.
-const RISES: u8 = 4;
+const RISES: u8 = 2;
 /// Current above which a reduced limit has not acted, as a part of it.
 const LIMIT_TOLERANCE: f32 = 1.5;
 
@@ -152,7 +152,7 @@ impl SelfTest {
         Step::On {
             levels: Levels {
                 in1: plan.full as u16,
-                in2: (plan.full - self.level.clamp(0, plan.most)) as u16,
+                in2: (plan.full - self.level.max(0).min(plan.most)) as u16,
             },
             limit_low: matches!(self.stage, Stage::LimitRest | Stage::LimitMean),
             power,

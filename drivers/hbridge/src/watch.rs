@@ -94,7 +94,8 @@ impl Watch {
     ) -> Option<Fault> {
         // The voltage that this current took: u - drop i = di/pull, all times the block.
         let resistive = (gains.drop >> 4) * (self.units >> 4);
-        let inductive = gains.kick * (measured - self.last).clamp(-8_000, 8_000) / 4096;
+        let change = (measured - self.last).clamp(-8_000, 8_000);
+        let inductive = (gains.kick * change) >> 12;
         let excess = self.levels - (resistive >> 4) - inductive;
         let allowed = bounds.margin * BLOCK as i32 + (resistive >> 4).abs() / 2;
         self.unbalanced = if excess.abs() > allowed {

@@ -148,7 +148,6 @@ const UNUSED: &[FaultCode] = &[
     FaultCode::SensorAmplitude,
     FaultCode::SensorNotOscillating,
     FaultCode::SensorOverRange,
-    FaultCode::CurrentUnwanted,
     FaultCode::Thermometer,
     FaultCode::ConfigurationDamaged,
     FaultCode::Storage,

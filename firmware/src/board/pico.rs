@@ -6,7 +6,7 @@
 use rp2040_pac::{IO_BANK0, PADS_BANK0, PWM, Peripherals, SIO};
 
 use super::{clocks, wait};
-use crate::coil::Coil;
+use crate::coil;
 
 /// I2C data.
 pub const SDA: usize = 4;
@@ -24,11 +24,13 @@ pub const IN2: usize = 17;
 pub const BRIDGE_ENABLE: usize = 18;
 /// Fault of the H-bridge: low is one.
 pub const BRIDGE_FAULT: usize = 19;
+/// Limit of the H-bridge: low reduces it, for its test.
+pub const BRIDGE_LIMIT: usize = 20;
 /// The converter's clock.
 pub const CLKIN: usize = 21;
 /// The LED.
 pub const LED: usize = 25;
-/// Pins of the ADC's inputs 0 to 2: coil current, thermometer (not read yet), supply.
+/// Pins of the ADC's inputs 0 to 2: coil current, thermometer, supply.
 pub const ANALOGUE: [usize; 3] = [26, 27, 28];
 /// The PWM slice of the bridge: IN1 is its output A, IN2 its output B.
 pub const COIL_SLICE: usize = 0;
@@ -142,8 +144,6 @@ fn input(pin: usize, pull: u32) {
 pub struct Board {
     /// Clocks run as planned.
     pub clocks_run: bool,
-    /// The coil's bridge, off.
-    pub coil: Coil,
     /// The timer, for the monotonic clock.
     pub timer: rp2040_pac::TIMER,
     /// The resets, for the same.
@@ -164,13 +164,15 @@ impl Board {
             w.pads_bank0().set_bit();
             w.pwm().set_bit();
             w.adc().set_bit();
+            w.dma().set_bit();
             w.timer().set_bit()
         });
         resets.reset().modify(|_, w| {
             w.io_bank0().clear_bit();
             w.pads_bank0().clear_bit();
             w.pwm().clear_bit();
-            w.adc().clear_bit()
+            w.adc().clear_bit();
+            w.dma().clear_bit()
         });
         let ready = wait(|| {
             let done = resets.reset_done().read();
@@ -178,7 +180,11 @@ impl Board {
                 && done.pads_bank0().bit_is_set()
                 && done.pwm().bit_is_set()
                 && done.adc().bit_is_set()
+                && done.dma().bit_is_set()
         });
+        open_drain(BRIDGE_LIMIT, false);
+        set_pad(BRIDGE_LIMIT, INPUT);
+        set_function(BRIDGE_LIMIT, Function::Sio);
         output(BRIDGE_ENABLE, false);
         output(IN1, false);
         output(IN2, false);
@@ -195,9 +201,9 @@ impl Board {
         set_up_analogue(&device.ADC);
         output(LED, false);
         input(BRIDGE_FAULT, PULL_UP);
+        coil::start();
         Self {
             clocks_run,
-            coil: Coil::new(),
             timer: device.TIMER,
             resets,
             watchdog: device.WATCHDOG,
@@ -240,27 +246,6 @@ fn set_up_analogue(adc: &rp2040_pac::ADC) {
 pub fn set_clkin(divisor: u32) {
     // SAFETY: CLK_GPOUT0 is used for nothing else.
     clocks::send_out(unsafe { &*rp2040_pac::CLOCKS::ptr() }, divisor);
-}
-
-/// Converts one input of the ADC: 0 to 4095, or nothing if it does not answer in 20 us.
-pub fn convert(input: u8) -> Option<u16> {
-    // SAFETY: the ADC is used by the coil's task alone, one conversion at a time.
-    let adc = unsafe { &*rp2040_pac::ADC::ptr() };
-    // SAFETY: three bits, of which the inputs 0 to 4 exist.
-    adc.cs().write(|w| unsafe {
-        w.en()
-            .set_bit()
-            .ainsel()
-            .bits(input & 0b11)
-            .start_once()
-            .set_bit()
-    });
-    for _ in 0..200 {
-        if adc.cs().read().ready().bit_is_set() {
-            return Some(adc.result().read().bits() as u16);
-        }
-    }
-    None
 }
 
 /// A number by chance from the jitter of the ring oscillator; not for secrets. Never 0.

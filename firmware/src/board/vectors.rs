@@ -8,11 +8,14 @@ use cortex_m::peripheral::{NVIC, SCB};
 use rp2040_pac::Interrupt;
 
 use crate::bus::engine;
+use crate::coil::period;
 
 /// Vectors of the processor and of the 32 interrupts.
 const VECTORS: usize = 48;
 /// Vectors that are the processor's own.
 const EXCEPTIONS: usize = 16;
+/// Below the bus's interrupts: the second of four.
+const CONTROL_PRIORITY: u8 = 0x40;
 /// Where the linker puts the table in flash.
 const FLASH: *const usize = 0x1000_0100 as *const usize;
 
@@ -45,16 +48,25 @@ pub fn move_to_memory(scb: &SCB, nvic: &mut NVIC) {
             }
             nvic.set_priority(interrupt, 0);
         }
+        if let Some(vector) = table.get_mut(EXCEPTIONS + Interrupt::PWM_IRQ_WRAP as usize) {
+            let handler: unsafe extern "C" fn() = period::on_period;
+            *vector = handler as usize;
+        }
+        nvic.set_priority(Interrupt::PWM_IRQ_WRAP, CONTROL_PRIORITY);
         scb.vtor.write(TABLE.0.get() as u32);
         cortex_m::asm::dsb();
         NVIC::unmask(Interrupt::IO_IRQ_BANK0);
         NVIC::unmask(Interrupt::I2C0_IRQ);
+        NVIC::unmask(Interrupt::PWM_IRQ_WRAP);
     }
 }
 
-/// The interrupts that no critical section of a task holds back: those of the converter's bus,
-/// which share nothing with tasks but through `engine`'s own, shorter ones.
-const NEVER_MASKED: u32 = 1 << Interrupt::IO_IRQ_BANK0 as u32 | 1 << Interrupt::I2C0_IRQ as u32;
+/// The interrupts that no critical section of a task holds back: those of the converter's bus and
+/// of the coil, which share nothing with tasks but through `engine`'s and `period`'s own, shorter
+/// ones.
+const NEVER_MASKED: u32 = 1 << Interrupt::IO_IRQ_BANK0 as u32
+    | 1 << Interrupt::I2C0_IRQ as u32
+    | 1 << Interrupt::PWM_IRQ_WRAP as u32;
 
 /// Masks every other interrupt that is enabled, and says which those are. From memory, since it
 /// holds back all of them while it does so.

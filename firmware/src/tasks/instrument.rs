@@ -84,6 +84,8 @@ pub struct Instrument {
     pub standing: [Option<FaultCode>; 2],
     /// The fault that the procedure stands in, as it said.
     pub latched: Option<FaultCode>,
+    /// A command that waits for the test of the coil.
+    pub waiting: Option<Frame<Command>>,
     /// When the next conditions are due.
     pub conditions_due_us: u64,
     /// Time of the last conditions, and the sleep up to then.
@@ -187,6 +189,11 @@ impl Instrument {
             self.sampled(&scan);
             told = true;
         }
+        if !coil::is_testing()
+            && let Some(frame) = self.waiting.take()
+        {
+            self.step(&Event::Command(&frame));
+        }
         if let Some(received) = self.inbox.receive(COMMAND_BYTES) {
             self.received(&received);
             told = true;
@@ -213,12 +220,16 @@ impl Instrument {
             match action {
                 Action::SafeState => coil::stop(),
                 Action::Current { to, over } => coil::go(now_us, to.0, over.as_ticks()),
+                Action::TestCoil => coil::test(now_us),
                 Action::ConfigureSensors { channels, rate } => want(Wanted {
                     channels: *channels,
                     rate_hz: rate.0,
                 }),
                 Action::Record { at, record } => {
                     if let Record::Fault(fault) = record {
+                        if !fault.active {
+                            coil::clear(fault.code);
+                        }
                         self.latched = match self.latched {
                             Some(code) if !fault.active && code == fault.code => None,
                             None if fault.active => Some(fault.code),
@@ -254,6 +265,10 @@ impl Instrument {
                 let now_us = Mono::now().as_ticks();
                 self.outbox.send(now_us, &Record::Acknowledgement(refusal));
             }
+            // What needs the coil waits until it is known.
+            Ok(frame) if needs_the_coil(&frame.message) && coil::is_testing() => {
+                self.waiting = Some(frame.clone());
+            }
             Ok(frame) => self.step(&Event::Command(frame)),
             Err(error) => self.step(&Event::NotUnderstood(*error)),
         }
@@ -276,9 +291,10 @@ impl Instrument {
     /// Tells of failures when they begin, and of those of the bridge when they end too. That the
     /// converter's have ended is told by its next sample.
     fn follow_faults(&mut self) {
-        let bridge =
-            coil::bridge_faults().then_some(Failure::new(FaultCode::Bridge, Place::Bridge));
-        for (place, failure) in [report::fault(), bridge].into_iter().enumerate() {
+        if let Some(found) = coil::take_found() {
+            self.step(&Event::CoilTested(found));
+        }
+        for (place, failure) in [report::fault(), coil::failure()].into_iter().enumerate() {
             let Some(standing) = self.standing.get_mut(place) else {
                 continue;
             };
@@ -310,6 +326,13 @@ impl Instrument {
     }
 }
 
+const fn needs_the_coil(command: &Command) -> bool {
+    matches!(
+        command,
+        Command::Measure | Command::Sweep | Command::DriveCoil(_) | Command::TestCoil
+    )
+}
+
 /// A sample as the procedure takes it, with the current that flowed meanwhile.
 fn scan_of(sampled: &Sampled) -> Scan {
     let half_us = u64::from(sampled.window_us / 2);
@@ -329,7 +352,7 @@ fn scan_of(sampled: &Sampled) -> Scan {
         conversions: Vec::new(),
         lost: sampled.missed,
         gap: sampled.gap,
-        current: coil::mean_current_a(begin_us, end_us).map(Ampere),
+        current: coil::mean_current_a(Mono::now().as_ticks(), begin_us, end_us).map(Ampere),
     };
     scan.conversions.extend(conversions);
     scan

@@ -3,10 +3,12 @@
 use std::ops::Range;
 
 use ldc161x_sim::{Chip, Settings, Time};
+use palpate_sim::electrical::Circuit;
 use rp2040_emu::core::CortexM0Plus;
 
-use crate::bridge::{Bridge, BridgeInputs};
+use crate::bridge::BridgeInputs;
 use crate::bus::Bus;
+use crate::coil::Drive;
 use crate::image::{Image, VECTORS};
 use crate::interrupts::HARD_FAULT;
 use crate::plant::Plant;
@@ -38,10 +40,8 @@ pub struct Options {
     pub boot: Time,
     /// What memory holds when the power comes: real memory holds anything.
     pub ram_fill: u8,
-    /// Whether some codes of the ADC are eight times as wide as others (erratum RP2040-E11).
-    pub wide_codes: bool,
-    /// The bridge.
-    pub bridge: Bridge,
+    /// Bridge and current measurement.
+    pub drive: Drive,
     /// Whether what passes on the bus is kept.
     pub record: bool,
     /// Whether pins and current are traced.
@@ -57,8 +57,7 @@ impl Default for Options {
             scl_rise: Time::from_ns(150),
             boot: Time::from_ms(2),
             ram_fill: 0xA5,
-            wide_codes: true,
-            bridge: Bridge::default(),
+            drive: Drive::default(),
             record: false,
             trace: false,
         }
@@ -419,7 +418,19 @@ impl<P: Plant> Board<P> {
     /// The coil's current, A.
     #[must_use]
     pub const fn current_a(&self) -> f64 {
-        self.bus.current_a
+        self.bus.coil.circuit().current_a()
+    }
+
+    /// The coil's circuit.
+    #[must_use]
+    pub const fn circuit(&self) -> &Circuit {
+        self.bus.coil.circuit()
+    }
+
+    /// The coil's circuit, to disturb; what the plant says of coil and supply comes back with its
+    /// next look.
+    pub const fn circuit_mut(&mut self) -> &mut Circuit {
+        self.bus.coil.circuit_mut()
     }
 
     /// What was kept of the bus, if it was to be.

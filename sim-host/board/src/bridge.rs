@@ -1,40 +1,50 @@
-//! The H-bridge with its coil, as the firmware sees it: an ideal source of current.
+//! The bridge's inputs.
+
+use crate::pwm::Wave;
+
+/// What drives an input of the bridge.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Source {
+    /// A pin that stays.
+    Level(bool),
+    /// An output of the PWM: A or B.
+    Pwm(usize),
+}
 
 /// What the pins tell the bridge.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BridgeInputs {
     /// nSLEEP is high.
     pub awake: bool,
-    /// The part of the time in which IN1 is high.
-    pub forward: f64,
-    /// The same of IN2.
-    pub backward: f64,
+    /// The bridge's limit is reduced, for its test.
+    pub limit_low: bool,
+    pub(crate) sources: [Source; 2],
 }
 
-/// The bridge: the coil's current is the difference of the two pulse widths times a full scale.
-///
-/// The lag of the coil, ripple and the supply's limits are left out; a bridge without power, or
-/// with both inputs low, carries nothing.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Bridge {
-    /// The current at full pulse width, A.
-    pub full_scale_a: f64,
-}
-
-impl Default for Bridge {
+impl Default for BridgeInputs {
     fn default() -> Self {
-        Self { full_scale_a: 20.0 }
+        Self {
+            awake: false,
+            limit_low: false,
+            sources: [Source::Level(false); 2],
+        }
     }
 }
 
-impl Bridge {
-    /// The coil's current, A.
-    #[must_use]
-    pub fn current_a(&self, inputs: BridgeInputs) -> f64 {
-        if inputs.awake {
-            self.full_scale_a * (inputs.forward - inputs.backward)
-        } else {
-            0.0
-        }
+impl BridgeInputs {
+    pub(crate) fn levels_at(&self, wave: &Wave, now_ps: u64) -> [bool; 2] {
+        self.sources.map(|source| match source {
+            Source::Level(level) => level,
+            Source::Pwm(output) => wave.is_high(output, now_ps),
+        })
+    }
+
+    /// When an input next changes by itself.
+    pub(crate) fn next_edge(&self, wave: &Wave, now_ps: u64) -> u64 {
+        let edges = self.sources.into_iter().filter_map(|source| match source {
+            Source::Level(_) => None,
+            Source::Pwm(output) => wave.next_edge(output, now_ps),
+        });
+        edges.min().unwrap_or(u64::MAX)
     }
 }

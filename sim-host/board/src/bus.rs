@@ -8,13 +8,15 @@ use rp2040_emu::core::{CoreBus, Nvic};
 
 use crate::adc::Adc;
 use crate::board::Options;
-use crate::bridge::BridgeInputs;
+use crate::bridge::{BridgeInputs, Source};
 use crate::clocks::Clocks;
+use crate::coil::Coil;
+use crate::dma::Dma;
 use crate::gpio::{Gpio, function};
 use crate::i2c::I2c;
 use crate::image::{FLASH_SIZE, Image};
 use crate::interrupts::Interrupts;
-use crate::plant::Plant;
+use crate::plant::{Conditions, Plant};
 use crate::power::{Power, block};
 use crate::pwm::Pwm;
 use crate::rtt;
@@ -45,6 +47,7 @@ mod pin {
     pub(super) const IN2: usize = 17;
     pub(super) const SLEEP: usize = 18;
     pub(super) const FAULT: usize = 19;
+    pub(super) const LIMIT: usize = 20;
     pub(super) const CLKIN: usize = 21;
     pub(super) const LED: usize = 25;
 }
@@ -53,19 +56,18 @@ mod pin {
 const COIL_SLICE: usize = 0;
 const EDGE_SLICE: usize = 3;
 
-/// Divider of the coil's supply: 100 kiloohm over 10 kiloohm.
-const SUPPLY_RATIO: f64 = 11.0;
-
-/// The voltage of a thermistor of 10 kiloohm at 25 degrees Celsius and a constant of 3950 K, between
-/// ground and 10 kiloohm to 3.3 V.
-fn thermistor_v(celsius: f64) -> f64 {
-    let ohm = 10e3 * (3950.0 * (1.0 / (celsius + 273.15) - 1.0 / 298.15)).exp();
-    3.3 * ohm / (ohm + 10e3)
-}
+/// How often the plant is told the coil's mean current while there is any, and how often what
+/// changes slowly is looked at while there is none.
+const TELLS_PS: u64 = 256_000_000;
+const LOOKS_PS: u64 = 1_000_000_000;
+/// Conversions that fill the ring of memory behind the ADC whatever its size: with nobody to see
+/// each of them, only the last ones are made.
+const LAST_CONVERSIONS: u64 = 16;
 
 /// Interrupt numbers (datasheet 2.3.2).
 mod line {
     pub(super) const TIMER: u32 = 0;
+    pub(super) const PWM_WRAP: u32 = 4;
     pub(super) const IO_BANK0: u32 = 13;
     pub(super) const I2C0: u32 = 23;
 }
@@ -73,7 +75,6 @@ mod line {
 /// Everything but the processor's core.
 #[derive(Clone)]
 pub(crate) struct Bus<P> {
-    options: Options,
     flash: Arc<[u8]>,
     ram: Vec<u8>,
     pub(crate) cache: Cache,
@@ -100,12 +101,19 @@ pub(crate) struct Bus<P> {
     watchdog: Watchdog,
     pub(crate) pwm: Pwm,
     adc: Adc,
+    dma: Dma,
     i2c: I2c,
     pub(crate) wire: Wire<P>,
     shut_down: bool,
     clkin_hz: Option<f64>,
     pub(crate) bridge: BridgeInputs,
-    pub(crate) current_a: f64,
+    pub(crate) coil: Coil,
+    /// What the plant last said of coil and supply.
+    conditions: Conditions,
+    /// When the plant was last told the current.
+    told_ps: u64,
+    /// Results on their way into memory: when, where, what.
+    converting: Option<(u64, u16)>,
     pub(crate) trace: Option<Trace>,
     /// Up to when the pulses are traced.
     traced_ps: u64,
@@ -113,6 +121,7 @@ pub(crate) struct Bus<P> {
 
 impl<P: Plant> Bus<P> {
     pub(crate) fn new(image: &Image, options: Options, wire: Wire<P>) -> Self {
+        let conditions = wire.chip.sensors().conditions();
         let mut bus = Self {
             flash: Arc::clone(&image.flash),
             ram: vec![options.ram_fill; RAM_SIZE],
@@ -138,15 +147,18 @@ impl<P: Plant> Bus<P> {
             watchdog: Watchdog::default(),
             pwm: Pwm::default(),
             adc: Adc::default(),
+            dma: Dma::default(),
             i2c: I2c::new(options.scl_rise.as_ps()),
             wire,
             shut_down: false,
             clkin_hz: None,
             bridge: BridgeInputs::default(),
-            current_a: 0.0,
             trace: options.trace.then(Trace::default),
             traced_ps: 0,
-            options,
+            coil: Coil::new(options.drive, options.seed, &conditions),
+            conditions,
+            told_ps: 0,
+            converting: None,
         };
         bus.gpio.drive(pin::INTB, true);
         bus.gpio.drive(pin::FAULT, true);
@@ -159,6 +171,7 @@ impl<P: Plant> Bus<P> {
     pub(crate) fn reset(&mut self) {
         let now_ps = self.clock.now_ps();
         self.trace_pulses(now_ps);
+        self.run_coil(now_ps);
         self.i2c.reset(&mut self.wire);
         self.sio = Sio::default();
         self.gpio.reset();
@@ -168,6 +181,8 @@ impl<P: Plant> Bus<P> {
         self.watchdog.after_reset();
         self.pwm = Pwm::default();
         self.adc = Adc::default();
+        self.dma = Dma::default();
+        self.converting = None;
         self.interrupts = Interrupts::default();
         self.ppb = Ppb::new();
         self.cache.flush();
@@ -219,8 +234,13 @@ impl<P: Plant> Bus<P> {
             let latch_ps = self.pwm.next_event(self.serviced_ps, self.sys_hz);
             self.trace_pulses(latch_ps.map_or(now_ps, |latch_ps| latch_ps.min(now_ps)));
         }
+        if let Some(wrap_ps) = self.pwm.latches_by(COIL_SLICE, now_ps, self.sys_hz) {
+            // With the old levels up to there.
+            self.run_coil(wrap_ps);
+        }
         self.pwm.service(self.serviced_ps, now_ps, self.sys_hz);
         self.serviced_ps = now_ps;
+        self.run_coil(now_ps);
         if self.watchdog.expires(now_ps) {
             self.fire_watchdog();
         }
@@ -273,6 +293,7 @@ impl<P: Plant> Bus<P> {
         let now_ps = self.clock.now_ps();
         let lines = self.timer.lines() << line::TIMER
             | u32::from(self.gpio.line()) << line::IO_BANK0
+            | u32::from(self.pwm.line()) << line::PWM_WRAP
             | u32::from(self.i2c.line()) << line::I2C0;
         self.interrupts.drive(lines, self.ppb.active);
         let due = [
@@ -281,6 +302,7 @@ impl<P: Plant> Bus<P> {
             self.wire.chip.next_event().map(Time::as_ps),
             self.pwm.next_event(now_ps, self.sys_hz),
             self.watchdog.next_event(),
+            Some(self.coil_due_ps()),
         ];
         self.next_event_ps = due.into_iter().flatten().min().unwrap_or(u64::MAX);
     }
@@ -351,24 +373,99 @@ impl<P: Plant> Bus<P> {
     }
 
     fn follow_bridge(&mut self) {
-        let duty = |pin, channel_b| match self.gpio.function(pin) {
-            function::PWM => self.pwm.duty(COIL_SLICE, channel_b),
-            _ => f64::from(u8::from(self.gpio.level(pin))),
+        let source = |pin, output| match self.gpio.function(pin) {
+            function::PWM => Source::Pwm(output),
+            _ => Source::Level(self.gpio.level(pin)),
         };
         let inputs = BridgeInputs {
             awake: self.gpio.level(pin::SLEEP),
-            forward: duty(pin::IN1, false),
-            backward: duty(pin::IN2, true),
+            limit_low: self.gpio.pulls_low(pin::LIMIT),
+            sources: [source(pin::IN1, 0), source(pin::IN2, 1)],
         };
         if inputs != self.bridge {
+            let now_ps = self.clock.now_ps();
+            self.run_coil(now_ps);
+            self.coil.follow(&self.conditions, inputs.limit_low);
             self.bridge = inputs;
-            self.current_a = self.options.bridge.current_a(inputs);
-            let now = self.clock.now();
+        }
+    }
+
+    /// When the coil has to be looked at again.
+    fn coil_due_ps(&self) -> u64 {
+        let idle = self.coil.is_idle(&self.bridge);
+        self.told_ps + if idle { LOOKS_PS } else { TELLS_PS }
+    }
+
+    /// Lets the coil's circuit, the converter and the way into memory come to a time.
+    fn run_coil(&mut self, now_ps: u64) {
+        let wave = self.pwm.wave(COIL_SLICE, self.sys_hz);
+        self.skip_conversions(now_ps);
+        let coil_c = self.conditions.coil_c;
+        while let Some(conversion) = self.adc.next() {
+            if let Some((done_ps, code)) = self.converting
+                && done_ps <= now_ps
+            {
+                self.converting = None;
+                self.store_result(code);
+            }
+            if conversion.sampled_ps > now_ps {
+                break;
+            }
+            self.coil
+                .advance(conversion.sampled_ps, &self.bridge, &wave);
+            match self.coil.convert(conversion.input, coil_c) {
+                Some(code) => self.converting = Some((conversion.done_ps, code)),
+                None => self.fail("a conversion of an input that nothing is wired to"),
+            }
+            self.adc.advance(1);
+        }
+        self.coil.advance(now_ps, &self.bridge, &wave);
+        let limits = self.coil.circuit().is_limiting();
+        if self.gpio.level(pin::FAULT) == limits {
+            self.gpio.drive(pin::FAULT, !limits);
+        }
+        if now_ps >= self.coil_due_ps() {
+            self.tell_current(now_ps);
+        }
+    }
+
+    /// Without the control interrupt nobody sees each result: those that others will overwrite are
+    /// not made.
+    fn skip_conversions(&mut self, now_ps: u64) {
+        let waiting = self.adc.sampled_by(now_ps);
+        if self.pwm.interrupts() || waiting <= LAST_CONVERSIONS {
+            return;
+        }
+        let skipped = waiting - LAST_CONVERSIONS;
+        if self.adc.feeds_dma() {
+            // At most a second's, at 500 000 a second.
+            self.dma.skip(skipped as u32);
+        }
+        self.adc.advance(skipped);
+    }
+
+    fn store_result(&mut self, code: u16) {
+        if !self.adc.feeds_dma() {
+            return;
+        }
+        if let Some(place) = self.dma.next() {
+            let [low, high] = code.to_le_bytes();
+            self.store(place, low);
+            self.store(place + 1, high);
+        }
+    }
+
+    fn tell_current(&mut self, now_ps: u64) {
+        self.told_ps = now_ps;
+        if let Some(mean_a) = self.coil.mean_a() {
+            let now = Time::from_ps(now_ps);
             self.wire.chip.advance_to(now);
             let plant = self.wire.chip.sensors_mut();
             plant.advance_to(now);
-            plant.set_current(self.current_a);
+            plant.set_current(mean_a);
         }
+        self.conditions = self.wire.chip.sensors().conditions();
+        self.coil.follow(&self.conditions, self.bridge.limit_low);
     }
 
     fn follow_trace(&mut self, now_ps: u64) {
@@ -394,7 +491,11 @@ impl<P: Plant> Bus<P> {
         ] {
             trace.is(now_ps, signal, Value::Level(self.gpio.level(pin)));
         }
-        trace.is(now_ps, Signal::Current, Value::Real(self.current_a));
+        trace.is(
+            now_ps,
+            Signal::Current,
+            Value::Real(self.coil.circuit().current_a()),
+        );
         self.trace_pulses(now_ps);
     }
 
@@ -439,6 +540,7 @@ impl<P: Plant> Bus<P> {
             0x4004_C000 => block::ADC,
             0x4005_0000 => block::PWM,
             0x4005_4000 => block::TIMER,
+            0x5000_0000 => block::DMA,
             _ => 0,
         };
         if self.power.in_reset & block != 0 {
@@ -453,6 +555,10 @@ impl<P: Plant> Bus<P> {
                 self.stall += APB_CYCLES;
                 self.check_reset(address);
                 self.read_apb(address & !0x3FFF, address & 0xFFF)
+            }
+            0x5 if address >> 12 & 0xF == 0 => {
+                self.check_reset(address);
+                self.dma.read(address & 0xFFF)
             }
             0xD => {
                 let offset = address & 0xFFF;
@@ -488,7 +594,7 @@ impl<P: Plant> Bus<P> {
                 self.refresh();
                 value
             }
-            0x4004_C000 => self.adc.read(offset, now_ps),
+            0x4004_C000 => self.adc.read(offset),
             0x4005_0000 => self.pwm.read(offset, now_ps, self.sys_hz),
             0x4005_4000 => self.timer.read(offset, now_ps),
             0x4005_8000 => self.watchdog.read(offset),
@@ -505,6 +611,10 @@ impl<P: Plant> Bus<P> {
                 self.stall += APB_CYCLES;
                 self.check_reset(address);
                 self.write_alias(address, value)
+            }
+            0x5 if address >> 12 & 0xF == 0 => {
+                self.check_reset(address);
+                self.dma.write(address & 0xFFF, value)
             }
             0xD => {
                 let offset = address & 0xFFF;
@@ -559,7 +669,10 @@ impl<P: Plant> Bus<P> {
                 self.i2c.write(offset, value, now_ps, &mut self.wire)?;
             }
             0x4004_C000 => self.write_adc(offset, value)?,
-            0x4005_0000 => self.pwm.write(offset, value, now_ps, self.sys_hz)?,
+            0x4005_0000 => {
+                self.run_coil(now_ps);
+                self.pwm.write(offset, value, now_ps, self.sys_hz)?;
+            }
             0x4005_4000 => self.timer.write(offset, value)?,
             0x4005_8000 => {
                 let tick_ps = self.tick_ps();
@@ -597,6 +710,10 @@ impl<P: Plant> Bus<P> {
         }
         if enters(block::ADC) {
             self.adc = Adc::default();
+            self.converting = None;
+        }
+        if enters(block::DMA) {
+            self.dma = Dma::default();
         }
         if enters(block::TIMER) {
             self.timer.reset(now_ps);
@@ -611,31 +728,8 @@ impl<P: Plant> Bus<P> {
     }
 
     fn write_adc(&mut self, offset: u32, value: u32) -> Option<()> {
-        if offset != 0 {
-            return None;
-        }
         let clock_hz = self.clocks.adc_hz();
-        let started = self
-            .adc
-            .write_control(value, self.clock.now_ps(), clock_hz)?;
-        if let Some(channel) = started {
-            let volts = match channel {
-                0 => self.current_voltage(),
-                1 => thermistor_v(self.wire.chip.sensors_mut().conditions().coil_c),
-                2 => self.wire.chip.sensors_mut().conditions().supply_v / SUPPLY_RATIO,
-                _ => return None,
-            };
-            self.adc.convert(volts, self.options.wide_codes);
-        }
-        Some(())
-    }
-
-    /// The current amplifier: 0.125 V/A about 1.65 V.
-    fn current_voltage(&mut self) -> f64 {
-        let now = self.clock.now();
-        let plant = self.wire.chip.sensors_mut();
-        plant.advance_to(now);
-        1.65 + 0.125 * plant.told_current_a()
+        self.adc.write(offset, value, self.clock.now_ps(), clock_hz)
     }
 
     fn read_private(&self, offset: u32) -> Option<u32> {

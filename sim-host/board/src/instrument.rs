@@ -6,10 +6,12 @@ use ldc161x_sim::Time;
 use palpate_procedure::Instant;
 use palpate_sim::board::TimedRecord;
 use palpate_sim::device::Device;
+use palpate_sim::electrical::ConverterParameters;
 use palpate_sim::world::World;
 use palpate_wire::{Command, Message, Record, RecordDecoder, Sequencer, encode};
 
 use crate::board::{Board, Options};
+use crate::coil::Drive;
 use crate::image::Image;
 use crate::plant::Pressed;
 use crate::stop::Stop;
@@ -88,10 +90,19 @@ impl Instrument {
         let chip = world.chip_settings(CLKIN_HZ);
         let clock = chip.external_clock;
         let error = clock.map_or(0.0, |clock| clock.relative_error);
+        let current = &world.parameters().current;
         let options = Options {
             crystal_hz: CRYSTAL_HZ * (1.0 + error),
-            // The world's own measurement of the current has a non-linearity already.
-            wide_codes: false,
+            drive: Drive {
+                gain_error: current.gain_error,
+                converter: ConverterParameters {
+                    nonlinearity_lsb: current.nonlinearity_lsb,
+                    nonlinearity_phase: current.nonlinearity_phase,
+                    noise_lsb: current.noise_lsb,
+                    ..options.drive.converter
+                },
+                ..options.drive
+            },
             ..options
         };
         Self {

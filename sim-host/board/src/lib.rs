@@ -7,6 +7,8 @@ mod board;
 mod bridge;
 mod bus;
 mod clocks;
+mod coil;
+mod dma;
 pub mod firmware;
 mod gpio;
 mod i2c;
@@ -29,7 +31,8 @@ mod wire;
 mod xip;
 
 pub use board::{Board, Options, ResetCount};
-pub use bridge::{Bridge, BridgeInputs};
+pub use bridge::BridgeInputs;
+pub use coil::Drive;
 pub use image::{Image, ImageError};
 pub use instrument::{COMMANDS, Failure, Instrument, LOGS, RECORDS};
 pub use plant::{Conditions, Plant, Pressed, Still};

@@ -10,8 +10,14 @@ use palpate_sim::world::World;
 pub struct Conditions {
     /// Temperature of the coil's thermometer, degrees Celsius.
     pub coil_c: f64,
-    /// Supply of the coil, V.
+    /// Supply of the coil without load, V, and its resistance, ohm.
     pub supply_v: f64,
+    /// See [`supply_v`](Self::supply_v).
+    pub supply_ohm: f64,
+    /// Resistance of the coil at its present temperature, ohm.
+    pub coil_ohm: f64,
+    /// Its inductance, H.
+    pub inductance_h: f64,
 }
 
 impl Default for Conditions {
@@ -19,6 +25,9 @@ impl Default for Conditions {
         Self {
             coil_c: 25.0,
             supply_v: 12.0,
+            supply_ohm: 0.05,
+            coil_ohm: 0.389,
+            inductance_h: 40e-6,
         }
     }
 }
@@ -29,8 +38,6 @@ pub trait Plant: Sensors + Clone {
     fn advance_to(&mut self, time: Time);
     /// Sets the coil's current, A, from its present time on.
     fn set_current(&mut self, current_a: f64);
-    /// What the current amplifier tells now, A, with its errors.
-    fn told_current_a(&mut self) -> f64;
     /// What is measured besides, now.
     fn conditions(&self) -> Conditions {
         Conditions::default()
@@ -44,7 +51,6 @@ pub struct Still {
     pub frequencies_hz: [f64; 4],
     /// What they gain a second.
     pub drift_hz_per_s: f64,
-    current_a: f64,
 }
 
 impl Still {
@@ -54,7 +60,6 @@ impl Still {
         Self {
             frequencies_hz,
             drift_hz_per_s: 0.0,
-            current_a: 0.0,
         }
     }
 }
@@ -69,13 +74,7 @@ impl Sensors for Still {
 impl Plant for Still {
     fn advance_to(&mut self, _: Time) {}
 
-    fn set_current(&mut self, current_a: f64) {
-        self.current_a = current_a;
-    }
-
-    fn told_current_a(&mut self) -> f64 {
-        self.current_a
-    }
+    fn set_current(&mut self, _: f64) {}
 }
 
 /// A [`World`] of its own: the sensing coil on channel 0, nothing on the others. A clone is a
@@ -140,22 +139,24 @@ impl Plant for Pressed {
         self.world_mut().set_current(current_a);
     }
 
-    fn told_current_a(&mut self) -> f64 {
-        self.world_mut().told_current_a()
-    }
-
     fn conditions(&self) -> Conditions {
         let Ok(world) = self.0.try_borrow() else {
             return Conditions::default();
         };
-        let supply_v = world.parameters().current.supply_v;
+        let usual = Conditions::default();
+        let parameters = world.parameters();
+        let current = &parameters.current;
+        let truth = world.truth();
         Conditions {
-            coil_c: world.truth().pad_c,
-            supply_v: if supply_v.is_finite() {
-                supply_v
+            coil_c: truth.pad_c,
+            supply_v: if current.supply_v.is_finite() {
+                current.supply_v
             } else {
-                Conditions::default().supply_v
+                usual.supply_v
             },
+            supply_ohm: current.supply_ohm,
+            coil_ohm: truth.coil_ohm,
+            inductance_h: current.inductance_h,
         }
     }
 }

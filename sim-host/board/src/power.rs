@@ -3,6 +3,7 @@
 /// Blocks in RESETS, by bit (2.14.1).
 pub(crate) mod block {
     pub(crate) const ADC: u32 = 1 << 0;
+    pub(crate) const DMA: u32 = 1 << 2;
     pub(crate) const I2C0: u32 = 1 << 3;
     pub(crate) const IO_BANK0: u32 = 1 << 5;
     pub(crate) const PADS_BANK0: u32 = 1 << 8;

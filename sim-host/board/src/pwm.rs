@@ -9,6 +9,10 @@ const SLICES: usize = 8;
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Pwm {
     slices: [Slice; SLICES],
+    /// Wraps, by slice, of those slices whose wraps anything asks for.
+    raw: u32,
+    enabled: u32,
+    serviced_ps: u64,
 }
 
 #[derive(Clone, Debug)]
@@ -43,6 +47,7 @@ impl Default for Slice {
 
 /// Modes of counting: free, or falling edges of input B.
 const FREE: u32 = 0;
+const PHASE_CORRECT: u32 = 1 << 1;
 const FALLING: u32 = 3;
 
 impl Slice {
@@ -62,18 +67,52 @@ impl Slice {
         f64::from(self.divider) / 16.0 * 1e12 / sys_hz
     }
 
-    fn count_at(&self, now_ps: u64, sys_hz: f64) -> u32 {
-        if !self.runs() {
-            return self.count;
+    /// Steps from wrap to wrap: up, or up and down again.
+    fn cycle(&self) -> u64 {
+        let up = u64::from(self.top) + 1;
+        if self.control & PHASE_CORRECT == 0 {
+            up
+        } else {
+            2 * up
         }
-        let steps = ((now_ps - self.since_ps) as f64 / self.step_ps(sys_hz)) as u64;
-        ((u64::from(self.count) + steps) % (u64::from(self.top) + 1)) as u32
     }
 
-    /// When the count next wraps.
+    /// Steps since the wrap.
+    fn position_at(&self, now_ps: u64, sys_hz: f64) -> u64 {
+        if !self.runs() {
+            return u64::from(self.count);
+        }
+        let steps = (now_ps.saturating_sub(self.since_ps) as f64 / self.step_ps(sys_hz)) as u64;
+        (u64::from(self.count) + steps) % self.cycle()
+    }
+
+    fn count_at(&self, now_ps: u64, sys_hz: f64) -> u32 {
+        let position = self.position_at(now_ps, sys_hz);
+        let up = u64::from(self.top) + 1;
+        // Within 16 bits either way.
+        (if self.runs() && position >= up {
+            2 * up - 1 - position
+        } else {
+            position
+        }) as u32
+    }
+
+    /// The first wrap after a time.
     fn wrap_ps(&self, now_ps: u64, sys_hz: f64) -> u64 {
-        let left = u64::from(self.top) + 1 - u64::from(self.count_at(now_ps, sys_hz));
-        now_ps + periods_ps(left, sys_hz * 16.0 / f64::from(self.divider))
+        let cycle = self.cycle();
+        let passed = now_ps.saturating_sub(self.since_ps) as f64 / self.step_ps(sys_hz);
+        let first = cycle - u64::from(self.count) % cycle;
+        let hz = sys_hz * 16.0 / f64::from(self.divider);
+        let mut steps = first;
+        if passed >= first as f64 {
+            steps += ((passed - first as f64) / cycle as f64) as u64 * cycle;
+        }
+        let mut at_ps = self.since_ps + periods_ps(steps, hz);
+        while at_ps <= now_ps {
+            steps += cycle;
+            at_ps = self.since_ps + periods_ps(steps, hz);
+        }
+        at_ps
     }
 
     fn waits(&self) -> bool {
@@ -86,68 +125,121 @@ impl Slice {
     }
 
     fn advance(&mut self, now_ps: u64, sys_hz: f64) {
-        self.count = self.count_at(now_ps, sys_hz);
+        // The largest cycle is 2^17.
+        self.count = self.position_at(now_ps, sys_hz) as u32;
         self.since_ps = now_ps;
     }
 
-    fn level(&self, channel_b: bool) -> u32 {
-        if channel_b {
-            self.compare >> 16
+    fn wave(&self, sys_hz: f64) -> Wave {
+        let up = f64::from(self.top) + 1.0;
+        let levels = [self.compare & 0xFFFF, self.compare >> 16];
+        Wave {
+            since_ps: self.since_ps,
+            position: f64::from(self.count),
+            step_ps: if self.runs() {
+                self.step_ps(sys_hz)
+            } else {
+                0.0
+            },
+            cycle: self.cycle() as f64,
+            up,
+            levels: levels.map(|level| f64::from(level).min(up)),
+            centred: self.control & PHASE_CORRECT != 0,
+        }
+    }
+}
+
+/// The two outputs of a slice as functions of time, until a value is written or taken over.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Wave {
+    since_ps: u64,
+    position: f64,
+    /// Length of a step; 0 while the slice stands.
+    step_ps: f64,
+    cycle: f64,
+    up: f64,
+    levels: [f64; 2],
+    centred: bool,
+}
+
+impl Wave {
+    fn position_at(&self, now_ps: u64) -> f64 {
+        if self.step_ps == 0.0 {
+            return self.position;
+        }
+        let steps = now_ps.saturating_sub(self.since_ps) as f64 / self.step_ps;
+        (self.position + steps) % self.cycle
+    }
+
+    /// Where within a cycle an output falls, and where it rises again.
+    fn edges(&self, output: usize) -> [f64; 2] {
+        let level = self.levels.get(output).copied().unwrap_or(0.0);
+        let rises = if self.centred {
+            self.cycle - level
         } else {
-            self.compare & 0xFFFF
-        }
-    }
-
-    fn inverted(&self, channel_b: bool) -> bool {
-        self.control >> (2 + u32::from(channel_b)) & 1 == 1
-    }
-
-    /// The output at a time, and its changes from there to another, while nothing is written and
-    /// no written value comes into force.
-    fn edges(&self, channel_b: bool, from_ps: u64, to_ps: u64, sys_hz: f64) -> Vec<(u64, bool)> {
-        let (level, inverted) = (self.level(channel_b), self.inverted(channel_b));
-        if !self.runs() || level == 0 || level > self.top {
-            return vec![(from_ps, (self.count < level) != inverted)];
-        }
-        let step_ps = self.step_ps(sys_hz);
-        let period_ps = (f64::from(self.top) + 1.0) * step_ps;
-        let first_ps = self.since_ps as f64 - f64::from(self.count) * step_ps;
-        let passed = ((from_ps as f64 - first_ps) / period_ps).floor();
-        let mut edges = vec![(from_ps, inverted)];
-        let mut rise_ps = first_ps + (passed - 1.0) * period_ps;
-        while rise_ps <= to_ps as f64 {
-            let fall_ps = rise_ps + f64::from(level) * step_ps;
-            for (at_ps, high) in [(rise_ps as u64, !inverted), (fall_ps as u64, inverted)] {
-                if at_ps <= from_ps {
-                    edges = vec![(from_ps, high)];
-                } else if at_ps <= to_ps {
-                    edges.push((at_ps, high));
-                }
-            }
-            rise_ps += period_ps;
-        }
-        edges
-    }
-
-    fn duty(&self, channel_b: bool) -> f64 {
-        let level = self.level(channel_b);
-        let inverted = self.inverted(channel_b);
-        let duty = if self.runs() {
-            (f64::from(level) / (f64::from(self.top) + 1.0)).min(1.0)
-        } else {
-            // Stopped: the output stays where the count left it.
-            f64::from(u8::from(self.count < level))
+            self.cycle
         };
-        if inverted { 1.0 - duty } else { duty }
+        [level, rises]
+    }
+
+    pub(crate) fn is_high(&self, output: usize, now_ps: u64) -> bool {
+        let [falls, rises] = self.edges(output);
+        // A thousandth of a step: an edge that was stepped to has happened.
+        let position = self.position_at(now_ps) + 1e-3;
+        falls > 0.0 && (position < falls || position >= rises) || falls >= self.up
+    }
+
+    pub(crate) fn next_edge(&self, output: usize, now_ps: u64) -> Option<u64> {
+        let [falls, rises] = self.edges(output);
+        if self.step_ps == 0.0 || falls <= 0.0 || falls >= self.up {
+            return None;
+        }
+        let position = self.position_at(now_ps) + 1e-3;
+        let next = [falls, rises, self.cycle + falls]
+            .into_iter()
+            .find(|&edge| edge > position)?;
+        let at_ps = (next - position + 1e-3) * self.step_ps;
+        Some(now_ps + (at_ps.round() as u64).max(1))
     }
 }
 
 impl Pwm {
-    /// The part of the time in which an output is high.
-    pub(crate) fn duty(&self, slice: usize, channel_b: bool) -> f64 {
-        self.slices
-            .get(slice)
-            .map_or(0.0, |slice| slice.duty(channel_b))
+    /// The outputs of a slice from now on.
+    pub(crate) fn wave(&self, slice: usize, sys_hz: f64) -> Wave {
+        match self.slices.get(slice) {
+            Some(slice) => slice.wave(sys_hz),
+            None => Slice::default().wave(sys_hz),
+        }
+    }
+
+    /// When a value written to this slice comes into force, if that is by a time.
+    pub(crate) fn latches_by(&self, slice: usize, now_ps: u64, sys_hz: f64) -> Option<u64> {
+        let slice = self.slices.get(slice)?;
+        if !slice.runs() || !slice.waits() {
+            return None;
+        }
+        let wrap_ps = slice.wrap_ps(slice.since_ps, sys_hz);
+        let wrap_ps = if wrap_ps < self.serviced_ps {
+            slice.wrap_ps(self.serviced_ps, sys_hz)
+        } else {
+            wrap_ps
+        };
+        (wrap_ps <= now_ps).then_some(wrap_ps)
+    }
+
+    /// The level of the interrupt line.
+    pub(crate) const fn line(&self) -> bool {
+        self.raw & self.enabled != 0
+    }
+
+    /// Whether any slice interrupts.
+    pub(crate) const fn interrupts(&self) -> bool {
+        self.enabled != 0
+    }
+
+    fn wraps_count(&self, place: usize) -> bool {
+        let slice = self.slices.get(place);
+        slice.is_some_and(|slice| slice.runs() && (slice.waits() || self.enabled >> place & 1 == 1))
     }
 
     /// The level of an output at a time, and its changes from there to another; neither may lie
@@ -159,9 +251,14 @@ impl Pwm {
         (from_ps, to_ps): (u64, u64),
         sys_hz: f64,
     ) -> Vec<(u64, bool)> {
-        self.slices.get(slice).map_or_else(Vec::new, |slice| {
-            slice.edges(channel_b, from_ps, to_ps, sys_hz)
-        })
+        let (wave, output) = (self.wave(slice, sys_hz), usize::from(channel_b));
+        let mut edges = vec![(from_ps, wave.is_high(output, from_ps))];
+        let mut at_ps = from_ps;
+        while let Some(next_ps) = wave.next_edge(output, at_ps).filter(|&next| next <= to_ps) {
+            at_ps = next_ps;
+            edges.push((at_ps, wave.is_high(output, at_ps)));
+        }
+        edges
     }
 
     /// A falling edge at a slice's input B.
@@ -174,27 +271,33 @@ impl Pwm {
         }
     }
 
-    /// When a written value next comes into force.
+    /// When a written value next comes into force, or a wrap interrupts.
     pub(crate) fn next_event(&self, now_ps: u64, sys_hz: f64) -> Option<u64> {
-        self.slices
-            .iter()
-            .filter(|slice| slice.runs() && slice.waits())
-            .map(|slice| slice.wrap_ps(now_ps.max(slice.since_ps), sys_hz))
+        let slices = self.slices.iter().enumerate();
+        slices
+            .filter(|(place, _)| self.wraps_count(*place))
+            .map(|(_, slice)| slice.wrap_ps(now_ps.max(slice.since_ps), sys_hz))
             .min()
     }
 
-    /// Brings values into force whose wrap lies between two times.
+    /// Brings values into force whose wrap lies between two times, and tells of wraps.
     pub(crate) fn service(&mut self, since_ps: u64, now_ps: u64, sys_hz: f64) {
-        for slice in &mut self.slices {
-            if slice.runs() && slice.waits() {
-                let wrap_ps = slice.wrap_ps(since_ps.max(slice.since_ps), sys_hz);
-                if wrap_ps <= now_ps {
-                    slice.count = 0;
-                    slice.since_ps = wrap_ps;
-                    slice.latch();
-                }
+        for place in 0..SLICES {
+            if !self.wraps_count(place) {
+                continue;
+            }
+            let Some(slice) = self.slices.get_mut(place) else {
+                continue;
+            };
+            let wrap_ps = slice.wrap_ps(since_ps.max(slice.since_ps), sys_hz);
+            if wrap_ps <= now_ps {
+                slice.count = 0;
+                slice.since_ps = wrap_ps;
+                slice.latch();
+                self.raw |= 1 << place;
             }
         }
+        self.serviced_ps = now_ps;
     }
 
     /// The system clock changes: counts go on from where they are.
@@ -208,6 +311,12 @@ impl Pwm {
         if offset == 0xA0 {
             let enabled = |(bits, slice): (u32, &Slice)| u32::from(slice.enabled()) << bits;
             return Some((0..).zip(&self.slices).map(enabled).sum());
+        }
+        match offset {
+            0xA4 => return Some(self.raw),
+            0xA8 => return Some(self.enabled),
+            0xB0 => return Some(self.raw & self.enabled),
+            _ => {}
         }
         let slice = self.slices.get(offset as usize / 0x14)?;
         Some(match offset % 0x14 {
@@ -233,11 +342,21 @@ impl Pwm {
             }
             return Some(());
         }
+        match offset {
+            0xA4 => self.raw &= !value,
+            0xA8 => self.enabled = value & 0xFF,
+            _ => {}
+        }
+        if matches!(offset, 0xA4 | 0xA8) {
+            return Some(());
+        }
         let slice = self.slices.get_mut(offset as usize / 0x14)?;
-        slice.advance(now_ps, sys_hz);
+        if !matches!(offset % 0x14, 0x0C | 0x10) {
+            slice.advance(now_ps, sys_hz);
+        }
         match offset % 0x14 {
-            // Phase-correct counting, gating by level, rising edges and steps are not modelled.
-            0x00 if value & 0b1100_0010 == 0 && matches!(value >> 4 & 0b11, FREE | FALLING) => {
+            // Gating by level, rising edges, steps and inverted outputs are not modelled.
+            0x00 if value & 0b1100_1100 == 0 && matches!(value >> 4 & 0b11, FREE | FALLING) => {
                 slice.control = value;
             }
             0x04 if value >= 16 => slice.divider = value & 0xFFF,
@@ -268,16 +387,21 @@ mod tests {
         pwm
     }
 
+    fn is_high(pwm: &Pwm, now_ps: u64) -> bool {
+        pwm.wave(0, HZ).is_high(0, now_ps)
+    }
+
     #[test]
     fn a_new_level_comes_at_the_wrap() {
         let mut pwm = running();
-        assert_eq!(pwm.duty(0, false), 0.5);
+        assert!(is_high(&pwm, 20_000_000) && !is_high(&pwm, 30_000_000));
         pwm.write(0x0C, 0, 10_000_000, HZ).unwrap();
-        assert_eq!(pwm.duty(0, false), 0.5);
+        assert!(is_high(&pwm, 20_000_000));
         let due = pwm.next_event(10_000_000, HZ).unwrap();
         assert!(due.abs_diff(50_000_000) < 10_000, "{due}");
+        assert_eq!(pwm.latches_by(0, due, HZ), Some(due));
         pwm.service(10_000_000, due, HZ);
-        assert_eq!(pwm.duty(0, false), 0.0);
+        assert!(!is_high(&pwm, due + 1));
         assert_eq!(pwm.next_event(due, HZ), None);
     }
 
@@ -285,8 +409,11 @@ mod tests {
     fn edges_come_at_every_wrap_and_every_level() {
         let pwm = running();
         let us = 1_000_000;
+        let edges = pwm.edges(0, false, (10 * us, 110 * us), HZ);
+        // Whole picoseconds, of steps that are none.
+        let near = |(at_ps, high): (u64, bool)| ((at_ps + 500) / 1_000 * 1_000, high);
         assert_eq!(
-            pwm.edges(0, false, (10 * us, 110 * us), HZ),
+            edges.into_iter().map(near).collect::<Vec<_>>(),
             [
                 (10 * us, true),
                 (25 * us, false),
@@ -302,7 +429,47 @@ mod tests {
     fn a_stopped_slice_holds_its_output() {
         let mut pwm = running();
         pwm.write(0x00, 0, 10_000_000, HZ).unwrap();
-        assert_eq!(pwm.duty(0, false), 1.0, "stopped within the pulse");
+        assert!(is_high(&pwm, 40_000_000), "stopped within the pulse");
+    }
+
+    #[test]
+    fn phase_correct_pulses_are_centred_on_the_wrap() {
+        let mut pwm = Pwm::default();
+        pwm.write(0x10, 959, 0, HZ).unwrap();
+        pwm.write(0x0C, 240 << 16 | 960, 0, HZ).unwrap();
+        pwm.write(0x00, 0b11, 0, HZ).unwrap();
+        let wave = pwm.wave(0, HZ);
+        let edges: Vec<u64> = (0..3)
+            .scan(0, |now, _| {
+                *now = wave.next_edge(1, *now)?;
+                Some(*now / 1_000)
+            })
+            .collect();
+        // 240 steps of 8.33 ns after each wrap, and as many before the next, at 16 us
+        assert_eq!(edges, [2_000, 14_000, 18_000]);
+        assert!(wave.is_high(1, 1_000_000) && !wave.is_high(1, 8_000_000));
+        assert_eq!(wave.next_edge(0, 0), None);
+        assert!(wave.is_high(0, 8_000_000));
+        // 15.004 us are 1 800.5 steps: 1 800 of 1 920, on the way down.
+        assert_eq!(pwm.read(0x08, 15_004_000, HZ), Some(119));
+    }
+
+    #[test]
+    fn wraps_interrupt_where_they_are_enabled_and_never_drift() {
+        let mut pwm = Pwm::default();
+        pwm.write(0x14 + 0x10, 1_919, 0, HZ).unwrap();
+        pwm.write(0x14 + 0x08, 690, 0, HZ).unwrap();
+        pwm.write(0xA8, 0b10, 0, HZ).unwrap();
+        pwm.write(0xA0, 0b10, 0, HZ).unwrap();
+        let mut now = 0;
+        for wrap in 0..1_000 {
+            now = pwm.next_event(now, HZ).unwrap();
+            assert!(now.abs_diff(10_250_000 + 16_000_000 * wrap) < 10, "{now}");
+            pwm.service(now - 1, now + 40_000, HZ);
+            assert!(pwm.line());
+            pwm.write(0xA4, 0b10, now + 90_000, HZ).unwrap();
+            assert!(!pwm.line());
+        }
     }
 
     #[test]

@@ -179,7 +179,8 @@ fn the_current_follows_its_course_and_ends() {
         highest = highest.max(bench.board.current_a());
         assert!(bench.frames.len() < 2_000, "the train does not end");
     }
-    assert!((9.8..=10.0).contains(&highest), "{highest}");
+    // Half of the ripple lies above the mean.
+    assert!((9.8..=10.8).contains(&highest), "{highest}");
     assert_eq!(bench.board.current_a(), 0.0);
     let told = bench.samples().filter_map(|(_, sample)| sample.current_a);
     let told = told.fold(0.0, f32::max);

@@ -270,7 +270,10 @@ impl Regulated {
         self.bridge(0.5, decided, period_s);
         let limits = self.slow.limit_faults && self.circuit.is_limiting();
         let faulty = self.slow.bridge_faults || limits;
-        let next = self.drive.tick([first, second], faulty, &self.averages);
+        let mut next = self.drive.tick([first, second], faulty);
+        if self.drive.account(&self.averages) {
+            next = Output::OFF;
+        }
         if !next.awake {
             self.output = next;
         }

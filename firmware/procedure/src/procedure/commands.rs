@@ -6,6 +6,7 @@ use palpate_wire::{Command, Frame, FrameError, Message, Record};
 
 use super::states::Phase;
 use super::{Out, Procedure, Telling};
+use crate::action::Action;
 use crate::board::MOST_CRASHES;
 
 impl Procedure {
@@ -126,6 +127,10 @@ impl Procedure {
             return Outcome::NotCalibrated;
         }
         let changed = !self.armed || self.mode != Mode::Stiffness;
+        if !self.armed {
+            // Not driven before it is known: what hangs there, and the zero of its current.
+            out.push(Action::TestCoil);
+        }
         self.armed = true;
         self.mode = Mode::Stiffness;
         if changed {

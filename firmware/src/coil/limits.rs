@@ -1,0 +1,40 @@
+//! The coil's hardware on this board, and what nothing exceeds. Compiled in, and nowhere else.
+
+use coil_hbridge::{Decay, Hardware, Limits};
+
+/// Steps of the PWM from its middle to its end: 960 up and 960 down at 120 MHz are 16 us, in which
+/// the ADC makes eight conversions exactly.
+pub const FULL_LEVEL: u16 = 960;
+/// A period of the PWM.
+pub const PERIOD_US: u32 = 16;
+
+/// Bridge, PWM and current measurement (docs/firmware.md).
+pub const HARDWARE: Hardware = Hardware {
+    period_s: PERIOD_US as f32 * 1e-6,
+    full_level: FULL_LEVEL,
+    // 12 bits of 3.3 V behind 0.125 V/A about 1.65 V.
+    ampere_per_count: 3.3 / 4096.0 / 0.125,
+    zero_count: 2048,
+    zero_tolerance: 64,
+    greatest_count: 4095,
+    diode_v: 0.8,
+    decay: Decay::Fast,
+    reduced_limit_a: Some(2.0),
+};
+
+/// Current, energy, time and temperature are those of the procedure's `Limits::REFERENCE`, which
+/// gives the reasons. 12.7 A is the end of the converter's range less the tolerance of its zero.
+/// Bridges keep their upper switches supplied for 2 % of the time. 3.5 W is the continuous rating
+/// of the paper's coils, 3 A. Resistance and inductance are those of coils that make sense here,
+/// with a factor to spare.
+pub const LIMITS: Limits = Limits {
+    current_a: 12.0,
+    trip_a: 12.7,
+    duty: 0.98,
+    on_time_s: 20.0,
+    energy_j: 60.0,
+    continuous_w: 3.5,
+    supply_v: [4.5, 14.0],
+    resistance_ohm: [0.15, 3.0],
+    inductance_h: [10e-6, 400e-6],
+};

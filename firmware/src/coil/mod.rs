@@ -1,0 +1,353 @@
+//! The coil: what the tasks want of its drive, and what they are told.
+
+pub mod limits;
+pub mod period;
+
+use core::cell::RefCell;
+
+use coil_hbridge::{Fault, Findings, Refusal, State, Supervisor};
+use critical_section::Mutex;
+use palpate_procedure::event::Failure;
+use palpate_wire::code::{FaultCode, Place};
+use palpate_wire::record::CoilTest;
+
+use crate::safe;
+use limits::{HARDWARE, LIMITS, PERIOD_US};
+use period::{AVERAGES, held};
+
+/// From one look at the drive to the next.
+pub const LOOK_US: u64 = 1_000;
+/// Looks after which the interrupt rests when the bridge is off: until the means of the last
+/// conversions have been asked for.
+const RESTS_AFTER: u16 = 200;
+/// Looks after which the current has died in any coil, and a current that flows is unwanted.
+const DEAD_AFTER: u16 = 20;
+/// A current that is no offset, A.
+const UNWANTED_A: f32 = 0.5;
+/// Looks from one to the next while the interrupt rests.
+const RARELY: u16 = 50;
+/// Part of the difference that a slow reading takes over.
+const SMOOTHING: f32 = 0.25;
+/// Volts of a count of the ADC, of which the middle counts.
+const VOLTS_PER_COUNT: f32 = 3.3 / 4096.0;
+/// Divider of the coil's supply: 100 kiloohm over 10 kiloohm.
+const SUPPLY_RATIO: f32 = 11.0;
+
+/// What belongs to the tasks.
+struct Coil {
+    supervisor: Supervisor,
+    supply_v: f32,
+    thermistor_v: f32,
+    /// Since when the interrupt runs.
+    runs_since_us: Option<u64>,
+    looked_us: u64,
+    /// Looks since the bridge went off.
+    off: u16,
+    /// A line that waits for the test: to, over.
+    pending: Option<(f32, f32)>,
+    was: State,
+    failure: Option<Failure>,
+    found: Option<CoilTest>,
+}
+
+static COIL: Mutex<RefCell<Option<Coil>>> = Mutex::new(RefCell::new(None));
+
+fn with<T>(work: impl FnOnce(&mut Coil) -> T) -> Option<T> {
+    critical_section::with(|section| {
+        let mut coil = COIL.borrow(section).try_borrow_mut().ok()?;
+        coil.as_mut().map(work)
+    })
+}
+
+/// Starts PWM, ADC and drive; the bridge is off.
+pub fn start() {
+    let Ok((supervisor, drive)) = Supervisor::new(HARDWARE, LIMITS) else {
+        // Constants that do not fit each other: without a drive there is no current.
+        return;
+    };
+    period::start(drive);
+    let coil = Coil {
+        supervisor,
+        supply_v: 0.0,
+        thermistor_v: 0.0,
+        runs_since_us: None,
+        looked_us: 0,
+        off: RESTS_AFTER,
+        pending: None,
+        was: State::Off { tested: false },
+        failure: None,
+        found: None,
+    };
+    critical_section::with(|section| {
+        if let Ok(mut place) = COIL.borrow(section).try_borrow_mut() {
+            *place = Some(coil);
+        }
+    });
+}
+
+/// Lets the current go from where it is to another value, in a straight line.
+pub fn go(now_us: u64, to_a: f32, over_us: u64) {
+    with(|coil| coil.go(now_us, to_a, over_us as f32 * 1e-6));
+}
+
+/// Tests bridge, coil and current measurement.
+pub fn test(now_us: u64) {
+    with(|coil| coil.test(now_us));
+}
+
+/// The bridge is off when this returns, and stays so.
+pub fn stop() {
+    safe::bridge_off();
+    held(|drive| drive.obey(&Supervisor::stop()));
+    with(|coil| coil.pending = None);
+}
+
+/// Whether the test runs.
+pub fn is_testing() -> bool {
+    held(|drive| drive.state() == State::Testing).unwrap_or(false)
+}
+
+/// Clears a fault, if it is this one that stands.
+pub fn clear(code: FaultCode) {
+    with(|coil| {
+        if coil.failure.is_some_and(|failure| failure.code == code) {
+            coil.failure = None;
+            held(|drive| drive.obey(&Supervisor::clear()));
+        }
+    });
+}
+
+/// Looks after the drive; once a millisecond.
+pub fn look(now_us: u64) {
+    with(|coil| coil.look(now_us));
+}
+
+/// What has failed, while it stands.
+pub fn failure() -> Option<Failure> {
+    with(|coil| coil.failure).flatten()
+}
+
+/// What a test has found, once.
+pub fn take_found() -> Option<CoilTest> {
+    with(|coil| coil.found.take()).flatten()
+}
+
+/// Supply of the coil, V.
+pub fn supply_v() -> Option<f32> {
+    with(|coil| coil.supply_v)
+}
+
+/// Temperature of the coil, degrees Celsius; nothing without a thermometer.
+pub fn temperature_c() -> Option<f32> {
+    with(|coil| coil.thermistor_v).and_then(crate::thermistor::celsius)
+}
+
+/// Mean of the measured current over a past window, A; nothing if it is too old.
+pub fn mean_current_a(now_us: u64, from_us: u64, to_us: u64) -> Option<f32> {
+    let since_us = with(|coil| coil.runs_since_us).flatten();
+    // Before the interrupt ran there was none.
+    let from = from_us.max(since_us.unwrap_or(u64::MAX));
+    if from >= to_us {
+        return Some(0.0);
+    }
+    let now = AVERAGES.now();
+    let ago = |time_us: u64| (now_us.saturating_sub(time_us) / u64::from(PERIOD_US)) as u32;
+    let (begin, end) = (now.wrapping_sub(ago(from)), now.wrapping_sub(ago(to_us)));
+    if begin == end {
+        return Some(0.0);
+    }
+    let mean_a = AVERAGES.mean_a(begin, end, &HARDWARE)?;
+    let part = (to_us - from) as f32 / to_us.saturating_sub(from_us).max(1) as f32;
+    Some(mean_a * part)
+}
+
+impl Coil {
+    fn wake(&mut self, now_us: u64) {
+        if self.runs_since_us.is_none() {
+            self.runs_since_us = Some(now_us);
+            self.looked_us = now_us;
+            period::run(true);
+        }
+        self.off = 0;
+    }
+
+    fn test(&mut self, now_us: u64) {
+        self.wake(now_us);
+        let Some(report) = held(|drive| drive.report()) else {
+            return;
+        };
+        match self.supervisor.test(&report, self.supply_v) {
+            Ok(order) => drop(held(|drive| drive.obey(&order))),
+            Err(refusal) => self.refused(&refusal),
+        }
+    }
+
+    fn go(&mut self, now_us: u64, to_a: f32, over_s: f32) {
+        self.wake(now_us);
+        let Some(report) = held(|drive| drive.report()) else {
+            return;
+        };
+        match self.supervisor.go(&report, to_a, over_s) {
+            Ok(order) => drop(held(|drive| drive.obey(&order))),
+            Err(Refusal::Testing) => self.pending = Some((to_a, over_s)),
+            Err(Refusal::NotTested) => {
+                self.pending = Some((to_a, over_s));
+                self.test(now_us);
+            }
+            Err(refusal) => self.refused(&refusal),
+        }
+    }
+
+    /// The drive's own limits forbid what the procedure's allow, or a fault stands.
+    fn refused(&mut self, refusal: &Refusal) {
+        let (code, value) = match *refusal {
+            // It has been told.
+            Refusal::Latched(_) | Refusal::Testing => return,
+            Refusal::Energy(energy_j) => (FaultCode::TooMuchEnergy, energy_j),
+            Refusal::Duration(duration_s) => (FaultCode::OnTime, duration_s),
+            Refusal::Supply(supply_v) if supply_v > LIMITS.supply_v[1] => {
+                (FaultCode::SupplyHigh, supply_v)
+            }
+            Refusal::Supply(supply_v) => (FaultCode::SupplyLow, supply_v),
+            Refusal::Current(current_a) => (FaultCode::OverCurrent, current_a),
+            _ => (FaultCode::CoilUnknown, 0.0),
+        };
+        self.fails(code, Some(value));
+    }
+
+    fn fails(&mut self, code: FaultCode, value: Option<f32>) {
+        if self.failure.is_none() {
+            let (place, limit) = about(code);
+            self.failure = Some(Failure {
+                code,
+                place,
+                value,
+                limit,
+            });
+        }
+    }
+
+    fn look(&mut self, now_us: u64) {
+        let [thermistor, supply] = period::slow_results();
+        let volts = |count: u16| (f32::from(count) + 0.5) * VOLTS_PER_COUNT;
+        let smooth = |old: &mut f32, new: f32| {
+            *old = if *old == 0.0 {
+                new
+            } else {
+                *old + SMOOTHING * (new - *old)
+            };
+        };
+        smooth(&mut self.thermistor_v, volts(thermistor));
+        smooth(&mut self.supply_v, SUPPLY_RATIO * volts(supply));
+        self.off = self.off.saturating_add(1);
+        if self.runs_since_us.is_none() && !self.off.is_multiple_of(RARELY) {
+            return;
+        }
+        let Some(report) = held(|drive| drive.report()) else {
+            return;
+        };
+        let elapsed_us = now_us.saturating_sub(self.looked_us);
+        self.looked_us = now_us;
+        let elapsed_us = u32::try_from(elapsed_us).unwrap_or(u32::MAX);
+        let order = self.supervisor.attend(&report, self.supply_v, elapsed_us);
+        let Some(state) = held(|drive| {
+            drive.obey(&order);
+            drive.state()
+        }) else {
+            return;
+        };
+        self.follow(now_us, state);
+    }
+
+    fn follow(&mut self, now_us: u64, state: State) {
+        let before = core::mem::replace(&mut self.was, state);
+        match state {
+            State::Testing | State::Driving => self.off = 0,
+            State::Latched(fault) => {
+                self.pending = None;
+                self.fails(code(fault), None);
+            }
+            State::Off { tested } => {
+                if tested && before != state {
+                    self.tested();
+                }
+                if let (true, Some((to_a, over_s))) = (tested, self.pending.take()) {
+                    return self.go(now_us, to_a, over_s);
+                }
+                self.watch_the_rest(now_us, tested);
+            }
+        }
+    }
+
+    fn tested(&mut self) {
+        let Some(Findings {
+            zero_count,
+            coil,
+            limited_to_a,
+        }) = self.supervisor.findings().copied()
+        else {
+            return;
+        };
+        self.found = Some(CoilTest {
+            resistance_ohm: coil.resistance_ohm,
+            inductance_h: coil.inductance_h,
+            lost: coil.lost,
+            zero_v: (zero_count + 0.5) * VOLTS_PER_COUNT,
+            supply_v: self.supply_v,
+            limited_to_a,
+        });
+    }
+
+    /// The bridge is off: no current has to flow, and after a while nobody has to look.
+    fn watch_the_rest(&mut self, now_us: u64, tested: bool) {
+        let Some(_) = self.runs_since_us else {
+            return;
+        };
+        if tested && self.off > DEAD_AFTER {
+            let now = AVERAGES.now();
+            let flows_a = AVERAGES.mean_a(now.wrapping_sub(32), now, &HARDWARE);
+            if flows_a.is_some_and(|flows_a| flows_a.abs() > UNWANTED_A) {
+                self.fails(FaultCode::CurrentUnwanted, flows_a);
+            }
+        }
+        if self.off >= RESTS_AFTER {
+            period::run(false);
+            self.runs_since_us = None;
+            self.looked_us = now_us;
+        }
+    }
+}
+
+/// The drive's fault as the protocol has it.
+const fn code(fault: Fault) -> FaultCode {
+    match fault {
+        Fault::OverCurrent => FaultCode::OverCurrent,
+        Fault::Bridge => FaultCode::Bridge,
+        Fault::CurrentMissing => FaultCode::CurrentMissing,
+        Fault::CurrentUnexplained | Fault::Short => FaultCode::CoilShort,
+        Fault::NotFollowing => FaultCode::CurrentAstray,
+        Fault::SupplyLow => FaultCode::SupplyLow,
+        Fault::SupplyHigh => FaultCode::SupplyHigh,
+        Fault::OnTime => FaultCode::OnTime,
+        Fault::Energy => FaultCode::TooMuchEnergy,
+        Fault::Unattended => FaultCode::Overrun,
+        Fault::Offset | Fault::SenseReversed => FaultCode::CurrentSense,
+        Fault::Open => FaultCode::CoilOpen,
+        Fault::NotACoil => FaultCode::CoilUnknown,
+        Fault::NoHardwareLimit => FaultCode::NoHardwareLimit,
+    }
+}
+
+/// Where a fault is, and what the limit was.
+const fn about(code: FaultCode) -> (Place, Option<f32>) {
+    match code {
+        FaultCode::Bridge | FaultCode::NoHardwareLimit => (Place::Bridge, None),
+        FaultCode::SupplyLow => (Place::Supply, Some(LIMITS.supply_v[0])),
+        FaultCode::SupplyHigh => (Place::Supply, Some(LIMITS.supply_v[1])),
+        FaultCode::OverCurrent => (Place::Coil, Some(LIMITS.trip_a)),
+        FaultCode::OnTime => (Place::Coil, Some(LIMITS.on_time_s)),
+        FaultCode::TooMuchEnergy => (Place::Coil, Some(LIMITS.energy_j)),
+        FaultCode::Overrun => (Place::Processor, None),
+        _ => (Place::Coil, None),
+    }
+}

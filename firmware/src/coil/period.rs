@@ -1,0 +1,212 @@
+//! What happens every period of the bridge's PWM: two samples in, two pulse widths out.
+//!
+//! The PWM counts up and down (phase-correct), so its pulses lie about the beginning of the period.
+//! The ADC converts without end, started together with the PWM: current at the beginning and in the
+//! middle of every period, thermometer, supply and the processor's own temperature in between. DMA
+//! puts the eight results into a ring of eight places, so that each has its own. A second slice of
+//! the PWM calls the interrupt when the current of the period's middle is there.
+
+#![allow(unsafe_code)]
+
+use core::cell::UnsafeCell;
+
+use coil_hbridge::{Averages, Drive, Output};
+use cortex_m::peripheral::NVIC;
+use rp2040_pac::{ADC, DMA, Interrupt, PWM};
+
+use super::limits::FULL_LEVEL;
+use crate::board::pico::{self, Function};
+use crate::safe;
+
+/// The slice that calls the interrupt.
+const CONTROL_SLICE: usize = 1;
+/// Its count when the bridge's slice begins a period: it wraps 10.25 us later, a conversion and a
+/// quarter of a microsecond after the middle.
+const CONTROL_BEGINS: u32 = 2 * FULL_LEVEL as u32 - 1_230;
+const PHASE_CORRECT: u32 = 1 << 1;
+/// ADC.CS: enabled, temperature sensor on, without end, inputs 0, 1, 2 and 4 in turn.
+const CONVERT: u32 = 1 | 1 << 1 | 1 << 3 | 0b10111 << 16;
+/// ADC.FCS: the FIFO on, asking DMA.
+const FIFO_TO_DMA: u32 = 1 | 1 << 3;
+/// DMA: enabled, half-words, writing on in a ring of 16 bytes, asked by the ADC's FIFO.
+const CARRY: u32 = 1 | 1 << 2 | 1 << 5 | 4 << 6 | 1 << 10 | 36 << 15;
+/// Results until one channel hands over to the other: a multiple of the ring, and an hour.
+const RESULTS: u32 = 0x6000_0000;
+
+/// Results of a period.
+const RING: usize = 8;
+/// Places of the inputs in it: the current's two, and one of thermometer and supply.
+const CURRENT: [usize; 2] = [0, 4];
+const THERMISTOR: usize = 5;
+const SUPPLY: usize = 6;
+
+#[repr(C, align(16))]
+struct Ring(UnsafeCell<[u16; RING]>);
+
+// SAFETY: written by DMA alone, read by half-words.
+unsafe impl Sync for Ring {}
+
+static RESULTS_RING: Ring = Ring(UnsafeCell::new([0; RING]));
+
+/// What belongs to the interrupt.
+struct Control {
+    drive: Drive,
+    awake: bool,
+    limit_low: bool,
+}
+
+struct Place(UnsafeCell<Option<Control>>);
+
+// SAFETY: written before the interrupt is enabled; then used by the interrupt, and by tasks while
+// it is masked: `held`.
+unsafe impl Sync for Place {}
+
+static CONTROL: Place = Place(UnsafeCell::new(None));
+
+/// The current as it was measured: 512 blocks of 256 us, longer than the slowest conversion of the
+/// first channel (26 ms at 40 MHz) and the three that follow it.
+pub static AVERAGES: Averages<512> = Averages::new();
+
+/// Sets PWM, ADC and DMA up and starts them; the bridge is off.
+pub fn start(drive: Drive) {
+    // SAFETY: nothing else uses these slices, the ADC or DMA; the interrupt is not enabled yet.
+    unsafe {
+        *CONTROL.0.get() = Some(Control {
+            drive,
+            awake: false,
+            limit_low: false,
+        });
+        let dma = &*DMA::ptr();
+        set_up(dma.ch(1));
+        dma.ch(1).ch_al1_ctrl().write(|w| w.bits(CARRY));
+        set_up(dma.ch(0));
+        // The other takes over at its end.
+        let chained = CARRY | 1 << 11;
+        dma.ch(0).ch_ctrl_trig().write(|w| w.bits(chained));
+        let pwm = &*PWM::ptr();
+        let bridge = pwm.ch(pico::COIL_SLICE);
+        bridge.csr().write(|w| w.bits(PHASE_CORRECT));
+        bridge.top().write(|w| w.bits(u32::from(FULL_LEVEL) - 1));
+        bridge.cc().write(|w| w.bits(0));
+        bridge.ctr().write(|w| w.bits(0));
+        let control = pwm.ch(CONTROL_SLICE);
+        control.csr().write(|w| w.bits(0));
+        control
+            .top()
+            .write(|w| w.bits(2 * u32::from(FULL_LEVEL) - 1));
+        control.ctr().write(|w| w.bits(CONTROL_BEGINS));
+        let adc = &*ADC::ptr();
+        adc.fcs().write(|w| w.bits(FIFO_TO_DMA));
+        let slices = 1 << pico::COIL_SLICE | 1 << CONTROL_SLICE;
+        let enabled = pwm.en().read().bits() | slices;
+        // One after the other, a few cycles apart.
+        pwm.en().write(|w| w.bits(enabled));
+        adc.cs().write(|w| w.bits(CONVERT));
+    }
+}
+
+/// From the ADC's FIFO into the ring.
+fn set_up(channel: &rp2040_pac::dma::CH) {
+    // SAFETY: an address of a register and one of a static.
+    unsafe {
+        let from = (*ADC::ptr()).fifo().as_ptr() as u32;
+        channel.ch_read_addr().write(|w| w.bits(from));
+        let to = RESULTS_RING.0.get() as u32;
+        channel.ch_write_addr().write(|w| w.bits(to));
+        channel.ch_trans_count().write(|w| w.bits(RESULTS));
+    }
+}
+
+/// Lets the interrupt run, or rest: the bridge is off then.
+pub fn run(on: bool) {
+    // SAFETY: the wraps of no other slice interrupt.
+    unsafe {
+        let pwm = &*PWM::ptr();
+        pwm.intr().write(|w| w.bits(1 << CONTROL_SLICE));
+        pwm.inte().write(|w| w.bits(u32::from(on) << CONTROL_SLICE));
+    }
+}
+
+/// The drive, with the interrupt held back.
+pub fn held<T>(work: impl FnOnce(&mut Drive) -> T) -> Option<T> {
+    // No task comes between, and so nobody unmasks while another works.
+    critical_section::with(|_| {
+        NVIC::mask(Interrupt::PWM_IRQ_WRAP);
+        cortex_m::asm::dsb();
+        // SAFETY: see `Place`.
+        let done = unsafe { (*CONTROL.0.get()).as_mut() }.map(|control| work(&mut control.drive));
+        // SAFETY: it was enabled: it always is, since `vectors` has enabled it.
+        unsafe { NVIC::unmask(Interrupt::PWM_IRQ_WRAP) };
+        done
+    })
+}
+
+#[inline]
+fn result(place: usize) -> u16 {
+    // SAFETY: within the ring; DMA writes whole half-words.
+    unsafe {
+        RESULTS_RING
+            .0
+            .get()
+            .cast::<u16>()
+            .add(place % RING)
+            .read_volatile()
+    }
+}
+
+/// The last results of thermometer and supply.
+pub fn slow_results() -> [u16; 2] {
+    [result(THERMISTOR), result(SUPPLY)]
+}
+
+/// The interrupt: once a period.
+pub unsafe extern "C" fn on_period() {
+    // SAFETY: clears the flag of the slice that called.
+    unsafe {
+        (*PWM::ptr()).intr().write(|w| w.bits(1 << CONTROL_SLICE));
+    }
+    let [first, second] = CURRENT;
+    let samples = [result(first), result(second)];
+    let faulty = !pico::is_high(pico::BRIDGE_FAULT);
+    // SAFETY: see `Place`: tasks mask this interrupt.
+    if let Some(control) = unsafe { (*CONTROL.0.get()).as_mut() } {
+        let output = control.drive.tick(samples, faulty);
+        control.apply(&output);
+        if control.drive.account(&AVERAGES) {
+            control.apply(&Output::OFF);
+        }
+    }
+}
+
+fn set_levels(levels: u32) {
+    // SAFETY: the slice belongs to the coil; two half-words.
+    unsafe {
+        (*PWM::ptr())
+            .ch(pico::COIL_SLICE)
+            .cc()
+            .write(|w| w.bits(levels));
+    }
+}
+
+impl Control {
+    fn apply(&mut self, output: &Output) {
+        if output.awake {
+            let levels = output.levels;
+            set_levels(u32::from(levels.in2) << 16 | u32::from(levels.in1));
+            if !self.awake {
+                self.awake = true;
+                pico::set_function(pico::IN1, Function::Pwm);
+                pico::set_function(pico::IN2, Function::Pwm);
+                pico::set(pico::BRIDGE_ENABLE, true);
+            }
+        } else if self.awake {
+            self.awake = false;
+            safe::bridge_off();
+            set_levels(0);
+        }
+        if output.limit_low != self.limit_low {
+            self.limit_low = output.limit_low;
+            pico::open_drain(pico::BRIDGE_LIMIT, output.limit_low);
+        }
+    }
+}

@@ -1,0 +1,172 @@
+//! What hangs at the bridge and at the ADC's inputs: the circuit of the coil, driven by the edges
+//! of the PWM, sampled at the moments of the conversions.
+
+use palpate_sim::electrical::{
+    Circuit, CircuitParameters, Converter, ConverterParameters, Filter, Pins,
+};
+
+use crate::bridge::BridgeInputs;
+use crate::plant::Conditions;
+use crate::pwm::Wave;
+
+/// Divider of the coil's supply: 100 kiloohm over 10 kiloohm, with its capacitor.
+const SUPPLY_RATIO: f64 = 11.0;
+const SUPPLY_TAU_S: f64 = 1e-3;
+/// Part of its limit to which the bridge limits with its input for the self-test low.
+const LIMIT_LOW: f64 = 2.0 / 15.0;
+/// The current amplifier.
+const AMPLIFIER_V_PER_A: f64 = 0.125;
+const AMPLIFIER_ZERO_V: f64 = 1.65;
+
+/// Bridge and current measurement of a board.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Drive {
+    /// Limit of the bridge, A; infinite for one without.
+    pub limit_a: f64,
+    /// Resistance of the bridge's transistors and wires, ohm.
+    pub bridge_ohm: f64,
+    /// Dead time, s.
+    pub dead_s: f64,
+    /// Relative error of the current amplifier.
+    pub gain_error: f64,
+    /// Offset of the current amplifier, A.
+    pub offset_a: f64,
+    /// The converter.
+    pub converter: ConverterParameters,
+}
+
+impl Default for Drive {
+    /// A common bridge; a converter with wide codes and two codes of noise.
+    fn default() -> Self {
+        let common = CircuitParameters::common(1.0, 1.0, 1.0);
+        Self {
+            limit_a: common.limit_a,
+            bridge_ohm: common.bridge_ohm,
+            dead_s: common.dead_s,
+            gain_error: 0.0,
+            offset_a: 0.0,
+            converter: ConverterParameters {
+                noise_lsb: 2.0,
+                wide_codes: true,
+                ..ConverterParameters::EXACT
+            },
+        }
+    }
+}
+
+/// The circuit at its present.
+#[derive(Clone, Debug)]
+pub(crate) struct Coil {
+    drive: Drive,
+    circuit: Circuit,
+    converter: Converter,
+    supply: Filter,
+    now_ps: u64,
+    /// Charge and time when the plant was last told its mean current.
+    told: (f64, f64),
+}
+
+impl Coil {
+    pub(crate) fn new(drive: Drive, seed: u64, conditions: &Conditions) -> Self {
+        let mut coil = Self {
+            drive,
+            circuit: Circuit::new(CircuitParameters::common(1.0, 1.0, 1.0)),
+            converter: Converter::new(drive.converter, seed),
+            supply: Filter {
+                tau_s: SUPPLY_TAU_S,
+                value: conditions.supply_v,
+            },
+            now_ps: 0,
+            told: (0.0, 0.0),
+        };
+        coil.follow(conditions, false);
+        coil
+    }
+
+    /// The present of what changes slowly.
+    pub(crate) fn follow(&mut self, conditions: &Conditions, limit_low: bool) {
+        let drive = &self.drive;
+        let limit_a = drive.limit_a * if limit_low { LIMIT_LOW } else { 1.0 };
+        self.circuit.parameters = CircuitParameters {
+            bridge_ohm: drive.bridge_ohm,
+            dead_s: drive.dead_s,
+            limit_a,
+            supply_ohm: conditions.supply_ohm,
+            ..CircuitParameters::common(
+                conditions.coil_ohm,
+                conditions.inductance_h,
+                conditions.supply_v,
+            )
+        };
+    }
+
+    pub(crate) const fn circuit(&self) -> &Circuit {
+        &self.circuit
+    }
+
+    pub(crate) const fn circuit_mut(&mut self) -> &mut Circuit {
+        &mut self.circuit
+    }
+
+    /// Whether nothing flows and nothing can.
+    pub(crate) fn is_idle(&self, inputs: &BridgeInputs) -> bool {
+        !inputs.awake && self.circuit.current_a() == 0.0
+    }
+
+    /// Mean current since this was last asked, A; nothing if no time has passed.
+    pub(crate) fn mean_a(&mut self) -> Option<f64> {
+        let totals = self.circuit.totals();
+        let (charge, time_s) = (totals.charge_a_s, totals.time_s);
+        let (before, since_s) = std::mem::replace(&mut self.told, (charge, time_s));
+        (time_s > since_s).then(|| (charge - before) / (time_s - since_s))
+    }
+
+    /// Lets time pass: the pins stay as they are, the PWM goes on.
+    pub(crate) fn advance(&mut self, to_ps: u64, inputs: &BridgeInputs, wave: &Wave) {
+        let before = self.circuit.totals();
+        while self.now_ps < to_ps {
+            let levels = inputs.levels_at(wave, self.now_ps);
+            let until_ps = if inputs.awake {
+                inputs.next_edge(wave, self.now_ps).min(to_ps)
+            } else {
+                to_ps
+            };
+            let pins = Pins {
+                awake: inputs.awake,
+                inputs: levels,
+            };
+            self.circuit
+                .advance(pins, (until_ps - self.now_ps) as f64 * 1e-12);
+            self.now_ps = until_ps;
+        }
+        let after = self.circuit.totals();
+        let passed_s = after.time_s - before.time_s;
+        if passed_s > 0.0 {
+            let mean_v = (after.supply_v_s - before.supply_v_s) / passed_s;
+            self.supply.push(mean_v, passed_s);
+        }
+    }
+
+    /// The code of an input now.
+    pub(crate) fn convert(&mut self, input: usize, coil_c: f64) -> Option<u16> {
+        let volts = match input {
+            0 => {
+                let current_a = self.circuit.current_a() + self.drive.offset_a;
+                AMPLIFIER_ZERO_V + AMPLIFIER_V_PER_A * (1.0 + self.drive.gain_error) * current_a
+            }
+            1 => thermistor_v(coil_c),
+            2 => self.supply.value / SUPPLY_RATIO,
+            // The processor's own temperature, 27 degrees Celsius (RP2040 datasheet 4.9.5).
+            4 => 0.706,
+            _ => return None,
+        };
+        Some(self.converter.code(volts))
+    }
+}
+
+/// The voltage of a thermistor of 10 kiloohm at 25 degrees Celsius and a constant of 3950 K, between
+/// ground and 10 kiloohm to 3.3 V.
+fn thermistor_v(celsius: f64) -> f64 {
+    let ohm = 10e3 * (3950.0 * (1.0 / (celsius + 273.15) - 1.0 / 298.15)).exp();
+    3.3 * ohm / (ohm + 10e3)
+}

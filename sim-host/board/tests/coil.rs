@@ -1,0 +1,367 @@
+//! The coil's drive, as the image runs it: on the circuit, through PWM, ADC and DMA.
+
+mod common;
+
+use common::{Bench, coil, image, streaming};
+use palpate_board::{Options, Time};
+use palpate_sim::electrical::{Circuit, Pins};
+use palpate_wire::code::{FaultCode, Outcome};
+use palpate_wire::command::{ClearFault, DriveCoil};
+use palpate_wire::record::CoilTest;
+use palpate_wire::{Command, Frame, Record};
+
+/// Exception number of the control interrupt, PWM_IRQ_WRAP.
+const CONTROL: u32 = 16 + 4;
+/// Those of the converter's bus, which may preempt it: IO_IRQ_BANK0 and I2C0_IRQ.
+const EDGE: u32 = 16 + 13;
+const I2C: u32 = 16 + 23;
+const PERIOD: Time = Time::from_us(16);
+
+fn drive(to_a: f32, over_s: f32) -> Command {
+    Command::DriveCoil(DriveCoil { to_a, over_s })
+}
+
+fn coil_test(frames: &[Frame<Record>]) -> Option<&CoilTest> {
+    frames.iter().find_map(|frame| match &frame.message {
+        Record::CoilTest(found) => Some(found),
+        _ => None,
+    })
+}
+
+/// Armed, with the self-test over.
+fn armed() -> Bench {
+    armed_on(streaming())
+}
+
+fn armed_on(mut bench: Bench) -> Bench {
+    let before = bench.frames.len();
+    for command in [Command::SetCoil(coil()), Command::Arm] {
+        assert_eq!(bench.command(&command).outcome, Outcome::Accepted);
+    }
+    for _ in 0..300 {
+        if coil_test(&bench.frames[before..]).is_some() {
+            return bench;
+        }
+        bench.run(Time::from_ms(1));
+    }
+    panic!("the self-test does not end");
+}
+
+fn driving(to_a: f32) -> Bench {
+    let mut bench = armed();
+    assert_eq!(bench.command(&drive(to_a, 0.0)).outcome, Outcome::Accepted);
+    bench.run(Time::from_ms(5));
+    bench
+}
+
+/// True mean current over a time, with the PC saying something now and then.
+fn mean_a(bench: &mut Bench, time: Time) -> f64 {
+    let before = bench.board.circuit().totals();
+    bench.run(time);
+    let after = bench.board.circuit().totals();
+    (after.charge_a_s - before.charge_a_s) / (after.time_s - before.time_s)
+}
+
+fn fault(bench: &Bench) -> Option<FaultCode> {
+    bench.faults().last().map(|fault| fault.code)
+}
+
+#[test]
+fn the_self_test_finds_the_circuit() {
+    let bench = armed();
+    let found = coil_test(&bench.frames).unwrap();
+    // 0.389 and 0.07 ohm always, 50 milliohm of supply while it drives
+    assert!((0.44..0.52).contains(&found.resistance_ohm), "{found:?}");
+    assert!((found.inductance_h / 40e-6 - 1.0).abs() < 0.05, "{found:?}");
+    assert!((found.limited_to_a.unwrap() - 2.0).abs() < 0.5, "{found:?}");
+    assert_eq!(bench.board.current_a(), 0.0);
+}
+
+#[test]
+fn the_current_is_what_was_commanded() {
+    let mut bench = armed();
+    for to_a in [0.5_f32, 2.0, 5.0, 8.0, 9.9, -3.0, 1.0] {
+        bench.command(&drive(to_a, 1e-3));
+        bench.run(Time::from_ms(5));
+        let mean_a = mean_a(&mut bench, Time::from_ms(20));
+        // 2 % of 10 A; four codes are wide, the rest of this converter is exact.
+        assert!((mean_a - f64::from(to_a)).abs() < 0.05, "{to_a}: {mean_a}");
+    }
+    bench.command(&Command::Abort);
+    bench.run(Time::from_ms(1));
+    assert_eq!(bench.board.current_a(), 0.0);
+    assert!(bench.faults().is_empty());
+}
+
+#[test]
+fn conversions_get_the_mean_of_their_own_window() {
+    let mut bench = armed();
+    bench.command(&drive(8.0, 1e-3));
+    bench.run(Time::from_ms(10));
+    bench.command(&drive(1.0, 0.06));
+    bench.frames.clear();
+    // the true current, as it was every 10 us
+    let mut truth = Vec::new();
+    for _ in 0..5_000 {
+        bench.board.run_for(Time::from_us(10)).unwrap();
+        let totals = bench.board.circuit().totals();
+        truth.push((bench.board.now(), totals.charge_a_s));
+    }
+    bench.listen();
+    let charge_at = |time: Time| {
+        let after = truth.partition_point(|(at, _)| *at < time);
+        let (before, after) = (truth.get(after.checked_sub(1)?)?, truth.get(after)?);
+        let part = (time - before.0).as_secs_f64() / (after.0 - before.0).as_secs_f64();
+        Some(before.1 + part * (after.1 - before.1))
+    };
+    // A record's time is the middle of its conversion, by the device's clock; how long after the
+    // power that began is what fits best.
+    let half = Time::from_us(496);
+    let worst_a = |offset_us: u64| {
+        let mut worst_a = (0.0_f64, 0);
+        for (time_us, sample) in bench.samples() {
+            let middle = Time::from_us(time_us + offset_us);
+            let window = (charge_at(middle - half), charge_at(middle + half));
+            let ((Some(begin), Some(end)), Some(told_a)) = (window, sample.current_a) else {
+                continue;
+            };
+            let true_a = (end - begin) / (half + half).as_secs_f64();
+            worst_a = (
+                worst_a.0.max((f64::from(told_a) - true_a).abs()),
+                worst_a.1 + 1,
+            );
+        }
+        worst_a
+    };
+    let (worst_a, compared) = (0..4_000)
+        .map(|step| worst_a(10 * step))
+        .filter(|(_, compared)| *compared > 30)
+        .min_by(|one, other| one.0.total_cmp(&other.0))
+        .expect("conversions within the ramp");
+    println!("{compared} windows, worst {:.1} mA", 1e3 * worst_a);
+    // 0.2 % of 10 A; half a wide code is 26 mA.
+    assert!(worst_a < 0.03, "{worst_a}");
+}
+
+/// The time that supply and inductance allow from rest, with the bridge always on.
+fn possible(circuit: &Circuit, to_a: f64) -> Time {
+    let mut circuit = *circuit;
+    let pins = Pins {
+        awake: true,
+        inputs: [true, false],
+    };
+    let mut took = Time::ZERO;
+    while circuit.current_a() < 0.9 * to_a {
+        circuit.advance(pins, 1e-7);
+        took += Time::from_ns(100);
+    }
+    took
+}
+
+#[test]
+fn a_step_takes_what_the_circuit_allows_and_two_periods() {
+    let mut bench = armed();
+    bench.command(&drive(0.0, 0.0));
+    bench.run(Time::from_ms(2));
+    let possible = possible(bench.board.circuit(), 9.0);
+    // The mean over a period tells, since the ripple is 1 A: asked for after each.
+    bench.send(&drive(9.0, 0.0));
+    let mut means = Vec::new();
+    let mut before = bench.board.circuit().totals();
+    for _ in 0..400 {
+        bench.board.run_for(PERIOD).unwrap();
+        let after = bench.board.circuit().totals();
+        means.push((after.charge_a_s - before.charge_a_s) / (after.time_s - before.time_s));
+        before = after;
+    }
+    let begin = means.iter().position(|mean_a| *mean_a > 0.2).unwrap();
+    let reached = means.iter().position(|mean_a| *mean_a > 0.9 * 9.0).unwrap();
+    let took = Time::from_us(16 * (reached - begin) as u64);
+    assert!(took <= possible + PERIOD + PERIOD, "{took} of {possible}");
+    let highest = means.iter().copied().fold(0.0, f64::max);
+    // The driver's own overshoot is below 2 % (`coil_drive`); a bus interrupt within the control
+    // interrupt can make a level come a period late, which costs up to 4 %.
+    assert!(highest < 1.05 * 9.0, "{highest}");
+}
+
+#[test]
+fn a_silent_host_ends_it_after_a_tenth_of_a_second() {
+    let mut bench = driving(3.0);
+    bench.command(&Command::GetSettings);
+    let since = bench.board.now();
+    let mut died = None;
+    while died.is_none() && bench.board.now() - since < Time::from_ms(200) {
+        bench.run(Time::from_us(500));
+        died = (bench.board.current_a() == 0.0).then(|| bench.board.now() - since);
+    }
+    let took = died.expect("it ends");
+    // The answer to the last word has taken up to 2 ms of it.
+    assert!(
+        took > Time::from_ms(97) && took < Time::from_ms(103),
+        "{took}"
+    );
+    bench.run(Time::from_ms(5));
+    assert_eq!(fault(&bench), Some(FaultCode::HostSilent));
+    assert_eq!(bench.command(&drive(1.0, 0.0)).outcome, Outcome::Faulted);
+}
+
+/// A disturbance of the circuit, as often as the plant puts it right again.
+fn disturbed(bench: &mut Bench, time: Time, change: impl Fn(&mut Circuit)) {
+    let end = bench.board.now() + time;
+    while bench.board.now() < end {
+        change(bench.board.circuit_mut());
+        bench.board.run_for(Time::from_us(8)).unwrap();
+    }
+    bench.listen();
+}
+
+#[test]
+fn a_dead_short_lets_little_through() {
+    let mut bench = driving(5.0);
+    bench.board.circuit_mut().forget_peak();
+    let before = bench.board.circuit().totals();
+    disturbed(&mut bench, Time::from_ms(2), |circuit| {
+        circuit.parameters.coil_ohm = 10e-3;
+        circuit.parameters.inductance_h = 2e-6;
+    });
+    assert!(!bench.board.bridge().awake);
+    let (peak_a, _) = bench.board.circuit().peak();
+    let energy_j = bench.board.circuit().totals().supply_j - before.supply_j;
+    println!("dead short: peak {peak_a:.1} A, {:.1} mJ", 1e3 * energy_j);
+    assert!(peak_a < 25.0, "{peak_a} A");
+    assert!(energy_j < 0.02, "{energy_j} J");
+    bench.run(Time::from_ms(5));
+    let code = fault(&bench).unwrap();
+    assert!(
+        matches!(code, FaultCode::OverCurrent | FaultCode::Bridge),
+        "{code}"
+    );
+    // Cleared, armed and tested again, it drives again.
+    bench.command(&Command::ClearFault(ClearFault { code }));
+    bench.run(Time::from_ms(300));
+    let mut bench = armed_on(bench);
+    bench.command(&drive(2.0, 0.0));
+    bench.run(Time::from_ms(5));
+    let again_a = mean_a(&mut bench, Time::from_ms(5));
+    assert!((again_a - 2.0).abs() < 0.05, "{again_a}");
+}
+
+#[test]
+fn an_open_coil_is_found_by_the_test_and_while_it_is_driven() {
+    let mut bench = driving(3.0);
+    disturbed(&mut bench, Time::from_ms(4), |circuit| {
+        circuit.parameters.coil_ohm = 1e4;
+    });
+    bench.run(Time::from_ms(5));
+    assert_eq!(fault(&bench), Some(FaultCode::CurrentMissing));
+    let mut bench = streaming();
+    bench.command(&Command::SetCoil(coil()));
+    bench.command(&Command::Arm);
+    disturbed(&mut bench, Time::from_ms(100), |circuit| {
+        circuit.parameters.coil_ohm = 1e4;
+    });
+    bench.run(Time::from_ms(5));
+    assert_eq!(fault(&bench), Some(FaultCode::CoilOpen));
+}
+
+#[test]
+fn a_bridge_without_a_limit_is_not_driven() {
+    let options = Options {
+        drive: palpate_board::Drive {
+            limit_a: f64::INFINITY,
+            ..Options::default().drive
+        },
+        ..common::recording()
+    };
+    let mut bench = Bench::with(ldc161x_sim::Settings::default(), options);
+    bench.stream();
+    bench.command(&Command::SetCoil(coil()));
+    bench.command(&Command::Arm);
+    bench.run(Time::from_ms(150));
+    assert_eq!(fault(&bench), Some(FaultCode::NoHardwareLimit));
+    assert_eq!(bench.board.current_a(), 0.0);
+    assert_eq!(bench.command(&Command::Arm).outcome, Outcome::Faulted);
+}
+
+#[test]
+fn the_control_interrupt_keeps_its_time() {
+    let _ = image();
+    let mut bench = driving(5.0);
+    bench.command(&drive(1.0, 0.1));
+    let (mut begun, mut longest, mut total) = (Vec::new(), Time::ZERO, Time::ZERO);
+    for _ in 0..2_000 {
+        let is_in = |board: &palpate_board::Board<_>| board.exception() == CONTROL;
+        bench.board.run_until(Time::from_us(50), is_in).unwrap();
+        let begin = bench.board.now();
+        begun.push(begin);
+        // What preempts it counts: the levels have to be there before the period ends.
+        bench
+            .board
+            .run_until(Time::from_us(50), |board| {
+                !matches!(board.exception(), CONTROL | EDGE | I2C)
+            })
+            .unwrap();
+        let took = bench.board.now() - begin;
+        (longest, total) = (longest.max(took), total + took);
+    }
+    // Starts on a grid of 16 us; the earliest is not delayed.
+    let first = begun[0].as_ps();
+    let late = |at: &Time| (at.as_ps() - first + 8_000_000) % 16_000_000;
+    let phases: Vec<u64> = begun.iter().map(late).collect();
+    let (least, most) = (phases.iter().min().unwrap(), phases.iter().max().unwrap());
+    let jitter_us = (most - least) as f64 * 1e-6;
+    let periods = (begun[begun.len() - 1].as_ps() - first) as f64 / 16e6;
+    let longest_us = longest.as_secs_f64() * 1e6;
+    let mean_us = total.as_secs_f64() * 1e6 / begun.len() as f64;
+    println!(
+        "control interrupt: mean {mean_us:.2} us, longest {longest_us:.2} us, jitter {jitter_us:.2} us"
+    );
+    assert!((periods - 1_999.0).abs() < 0.5, "{periods}: one was missed");
+    // Nothing is lost while it is over before it is called again.
+    assert!(jitter_us + longest_us < 14.0, "{jitter_us} {longest_us}");
+}
+
+/// A plant as the demonstration draws it, with its own supply, coil and errors of the measurement:
+/// a train, driven whole.
+#[test]
+fn a_drawn_sensor_drives_its_train() {
+    use palpate_board::Instrument;
+    use palpate_sim::device::Device;
+    use palpate_sim::parameters::draw;
+    use palpate_sim::stack::{Disturbances, Stack};
+    use palpate_sim::switches::Switches;
+    use palpate_sim::world::{Setup, World};
+    use palpate_wire::code::State;
+
+    let stack = Stack::builtin("ultrasoft").unwrap();
+    let disturbances = Disturbances::builtin().unwrap();
+    for seed in 1..=3 {
+        let plant = draw(&stack, &disturbances, seed);
+        let world = World::new(&plant, Switches::all(), Setup::default()).unwrap();
+        let mut instrument = Instrument::new(image(), world, Options::default());
+        instrument.start().unwrap();
+        instrument.send(Command::SetCoil(coil())).unwrap();
+        instrument.send(Command::Arm).unwrap();
+        instrument.send(Command::Sweep).unwrap();
+        let end = instrument.now() + Time::from_ms(5_000);
+        let is_over = |record: &Record| match record {
+            Record::State(change) => change.previous == State::Ramps,
+            Record::Fault(_) | Record::Refusal(_) => true,
+            _ => false,
+        };
+        assert!(instrument.run_to(end, is_over).unwrap(), "seed {seed}");
+        let mut greatest_a = 0.0_f32;
+        for (_, record) in instrument.take_records() {
+            match record {
+                Record::Sample(sample) => {
+                    greatest_a = greatest_a.max(sample.current_a.unwrap_or(0.0));
+                }
+                Record::CoilTest(found) => println!("{seed}: {found:?}"),
+                Record::Fault(_) | Record::Refusal(_) => panic!("seed {seed}: {record:?}"),
+                Record::Status(status) => println!("{seed}: load {:?}", status.processor_load),
+                _ => {}
+            }
+        }
+        assert!(greatest_a > 4.0, "seed {seed}: {greatest_a}");
+    }
+}
