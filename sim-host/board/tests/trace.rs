@@ -201,32 +201,57 @@ fn scl_has_its_period_and_its_low_time_and_edges_call_for_frames() {
     }
 }
 
+/// The part of a time in which a signal is high.
+fn high_part(changes: &Changes, (from, to): (u64, u64)) -> f64 {
+    let begin = changes.partition_point(|(at, _)| *at <= from).max(1) - 1;
+    let mut high_ns = 0;
+    for (place, (at, level)) in changes.iter().enumerate().skip(begin) {
+        let end = changes.get(place + 1).map_or(to, |(next, _)| *next).min(to);
+        if *at >= to {
+            break;
+        }
+        if *level == Some(1.0) {
+            high_ns += end.saturating_sub((*at).max(from));
+        }
+    }
+    high_ns as f64 / (to - from) as f64
+}
+
 #[test]
-fn pulses_of_the_bridge_have_the_width_of_the_current() {
+fn pulses_of_the_bridge_drive_the_current_through_its_resistance() {
     let mut bench = ramping_on(traced());
     let signals = dump(&mut bench);
     let current = &signals["board.coil_current_a"];
-    let in1 = &signals["board.in1"];
+    let ampere = |at_ns: u64| {
+        let place = current.partition_point(|(at, _)| *at <= at_ns);
+        current[place.max(1) - 1].1.unwrap_or(0.0)
+    };
+    let end = current.last().unwrap().0;
     let mut looked = 0;
-    for two in in1.windows(2).filter(|two| two[0].1 == Some(1.0)) {
-        let (rise, fall) = (two[0].0, two[1].0);
-        let at = current.partition_point(|(at, _)| *at <= (rise + fall) / 2);
-        let Some(ampere) = at.checked_sub(1).and_then(|at| current[at].1) else {
+    // Whole milliseconds, of which each has 62.5 pulses.
+    for from in (0..end - 1_000_000).step_by(1_000_000) {
+        let to = from + 1_000_000;
+        let (first_a, last_a) = (ampere(from), ampere(to));
+        // While the bridge limits, as in the self-test, its inputs do not drive the current.
+        let limits = high_part(&signals["board.nfault"], (from, to)) < 1.0;
+        if limits || first_a.min(last_a) < 2.0 || (last_a - first_a).abs() > 0.6 {
             continue;
-        };
-        // 20 A at full width, of 50 us.
-        let expected_ns = ampere / 20.0 * 50_000.0;
+        }
+        let [in1, in2] =
+            ["board.in1", "board.in2"].map(|name| high_part(&signals[name], (from, to)));
+        // 12 V at the bridge, of which 40 uH take what the change needs; the rest drives it through
+        // 0.39 ohm of coil and 0.08 of the bridge.
+        let resistive_v = 12.0 * (in1 - in2) - 40e-6 * (last_a - first_a) / 1e-3;
+        let resistance_ohm = resistive_v / (0.5 * (first_a + last_a));
         assert!(
-            ((fall - rise) as f64 - expected_ns).abs() < 30.0,
-            "{rise}: {} for {ampere} A",
-            fall - rise
+            (0.45..0.49).contains(&resistance_ohm),
+            "{from}: {resistance_ohm} ohm"
         );
         looked += 1;
     }
-    assert!(looked > 500, "{looked}");
+    assert!(looked > 10, "{looked}");
     let on = |name: &str| signals[name].iter().any(|(_, level)| *level == Some(1.0));
     assert!(on("board.nsleep") && on("board.nfault"));
-    assert!(!on("board.in2"));
 }
 
 #[test]
