@@ -55,6 +55,7 @@ pub fn board() -> Board {
         crash: None,
         channels: [0b1111, 0],
         coil: true,
+        crashes: 0,
         limits: Limits::REFERENCE,
     }
 }
@@ -161,6 +162,7 @@ pub fn sum(actions: &Actions) -> u32 {
                 sum.word((*channels).into());
                 sum.number(rate.0);
             }
+            Action::TestCoil => sum.word(4),
             Action::Record { at, record } => {
                 let header = Header {
                     boot_id: BOOT,
