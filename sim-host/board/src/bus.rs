@@ -58,7 +58,7 @@ const EDGE_SLICE: usize = 3;
 
 /// How often the plant is told the coil's mean current while there is any, and how often what
 /// changes slowly is looked at while there is none.
-const TELLS_PS: u64 = 256_000_000;
+const TELLS_PS: u64 = 128_000_000;
 const LOOKS_PS: u64 = 1_000_000_000;
 /// Conversions that fill the ring of memory behind the ADC whatever its size: with nobody to see
 /// each of them, only the last ones are made.
@@ -457,7 +457,7 @@ impl<P: Plant> Bus<P> {
 
     fn tell_current(&mut self, now_ps: u64) {
         self.told_ps = now_ps;
-        if let Some(mean_a) = self.coil.mean_a() {
+        if let Some(mean_a) = self.coil.expected_a() {
             let now = Time::from_ps(now_ps);
             self.wire.chip.advance_to(now);
             let plant = self.wire.chip.sensors_mut();

@@ -99,6 +99,9 @@ impl Instrument {
                     nonlinearity_lsb: current.nonlinearity_lsb,
                     nonlinearity_phase: current.nonlinearity_phase,
                     noise_lsb: current.noise_lsb,
+                    // The world's own measurement of the current has a non-linearity already, which
+                    // the bench has calibrated with.
+                    wide_codes: false,
                     ..options.drive.converter
                 },
                 ..options.drive
