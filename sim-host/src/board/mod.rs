@@ -37,6 +37,7 @@ use ldc161x_sim::{Bus, Chip, Delay, I2cError, IntbPin, Time};
 use palpate_procedure::event::{Conditions, Failure};
 use palpate_procedure::{Action, Actions, Conversion, Duration, Event, Instant, Procedure, Scan};
 use palpate_wire::code::{FaultCode, Place};
+use palpate_wire::record::CoilTest;
 use palpate_wire::{Command, Header, Record};
 
 use crate::device::Device;
@@ -62,6 +63,10 @@ const TICK: Time = Time::from_ms(10);
 const CONDITIONS_PERIOD: Time = Time::from_ms(100);
 /// Samples of the ADC averaged over a conversion: at 10 kHz.
 const ADC_SAMPLES_PER_S: f64 = 10e3;
+/// Reading of the current amplifier without current: the middle of the ADC's range.
+const AMPLIFIER_ZERO_V: f32 = 1.65;
+/// Supply that is told where the world's has no limit: that of the reference board.
+const NO_LIMIT_V: f64 = 12.0;
 /// A failed start is tried again after this time.
 const RETRY: Time = Time::from_ms(20);
 
@@ -270,7 +275,10 @@ impl<'a> VirtualBoard<'a> {
                     world.ramp_current(to.0.into(), over);
                 }
                 // An ideal source of current: there is nothing to find.
-                Action::TestCoil => {}
+                Action::TestCoil => {
+                    let found = self.coil_test();
+                    self.step(&Event::CoilTested(found))?;
+                }
                 Action::ConfigureSensors { channels, rate } => {
                     let plan = self.plan(channels, rate.0).map_err(BoardError::Plan)?;
                     self.wanted = Some(plan);
@@ -280,6 +288,25 @@ impl<'a> VirtualBoard<'a> {
             }
         }
         Ok(())
+    }
+
+    /// What a test of the ideal source finds: the coil as it is.
+    fn coil_test(&self) -> CoilTest {
+        let world = self.hardware.world.borrow();
+        let current = &world.parameters().current;
+        let supply_v = if current.supply_v.is_finite() {
+            current.supply_v
+        } else {
+            NO_LIMIT_V
+        };
+        CoilTest {
+            resistance_ohm: (world.truth().coil_ohm + current.supply_ohm) as f32,
+            inductance_h: current.inductance_h as f32,
+            lost: 0.0,
+            zero_v: AMPLIFIER_ZERO_V,
+            supply_v: supply_v as f32,
+            limited_to_a: None,
+        }
     }
 
     /// Register values for channels and a rate, for a sensor as the coil's designer knows it: its
