@@ -43,11 +43,13 @@ const SOUND: &[(&str, &str, RunsOn, &[&str])] = &[
         RunsOn::Everywhere,
         &["palpate-model", "palpate-wire", "ldc161x"],
     ),
+    ("palpate-float", "firmware/float", RunsOn::Everywhere, &[]),
     (
         "palpate-firmware",
         "firmware",
         RunsOn::Mcu,
         &[
+            "palpate-float",
             "palpate-procedure",
             "palpate-wire",
             "ldc161x",
@@ -138,9 +140,15 @@ const PLANTED: &[(&str, &str, &str, Kind)] = &[
         Kind::Dev,
     ),
     (
+        "float-alone",
+        "palpate-float",
+        "palpate-model",
+        Kind::Normal,
+    ),
+    (
         "firmware-below",
         "palpate-firmware",
-        "palpate-model",
+        "palpate-field",
         Kind::Normal,
     ),
     (
