@@ -25,7 +25,7 @@ pub enum Fault {
     OnTime,
     /// Too much energy.
     Energy,
-    /// [`Drive::attend`](crate::Drive::attend) was not called in time.
+    /// [`Drive::obey`](crate::Drive::obey) was not called in time.
     Unattended,
     /// Self-test: the reading without current is too far from its nominal value.
     Offset,
