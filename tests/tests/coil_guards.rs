@@ -1,7 +1,19 @@
 //! A small part of the campaign `coil-guards`.
 
 use coil_hbridge::Fault;
+use palpate_sim::electrical::{reference_hardware, reference_limits};
 use system_tests::coil::campaign;
+
+/// What the firmware compiles in, from its own source.
+#[path = "../../firmware/src/coil/limits.rs"]
+#[allow(dead_code, reason = "the firmware uses the rest")]
+mod limits;
+
+#[test]
+fn what_is_judged_is_what_the_firmware_compiles_in() {
+    assert_eq!(limits::HARDWARE, reference_hardware());
+    assert_eq!(limits::LIMITS, reference_limits());
+}
 
 #[test]
 fn no_limit_is_exceeded_whatever_happens() {
