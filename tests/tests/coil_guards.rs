@@ -6,7 +6,7 @@ use system_tests::coil::campaign;
 
 /// What the firmware compiles in, from its own source.
 #[path = "../../firmware/src/coil/limits.rs"]
-#[allow(dead_code, reason = "the firmware uses the rest")]
+#[allow(dead_code, unreachable_pub, reason = "it is the firmware's")]
 mod limits;
 
 #[test]
