@@ -73,13 +73,11 @@ fn every_position_of_every_switch_is_found() {
 }
 
 /// A board behind a probe that looks at its channels every 5 ms, as a probe's server does.
-fn serve(listener: &TcpListener) {
+fn serve(listener: &TcpListener, image: &Image) {
     let (mut stream, _) = listener.accept().unwrap();
     stream.set_nonblocking(true).unwrap();
-    let file = firmware::build_example("bring_up").unwrap_or_else(|error| panic!("{error}"));
-    let image = Image::load(&file).unwrap();
     let plant = Still::new([3.1e6, 3.2e6, 3.3e6, 3.4e6]);
-    let mut board = Board::new(&image, plant, Settings::default(), Options::default());
+    let mut board = Board::new(image, plant, Settings::default(), Options::default());
     // Flashed and running long before.
     board.run_for(Time::from_ms(100)).unwrap();
     loop {
@@ -98,7 +96,10 @@ fn serve(listener: &TcpListener) {
 fn a_slow_probe_makes_no_difference() {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap().to_string();
-    let server = std::thread::spawn(move || serve(&listener));
+    // Before anybody waits for an answer: the first build takes minutes.
+    let file = firmware::build_example("bring_up").unwrap_or_else(|error| panic!("{error}"));
+    let image = Image::load(&file).unwrap();
+    let server = std::thread::spawn(move || serve(&listener, &image));
     let folder = tempfile::tempdir().unwrap();
     let found = folder.path().join("found.toml");
     let output = Command::new(env!("CARGO_BIN_EXE_palpate"))
