@@ -72,7 +72,7 @@ mod tests {
 
     #[test]
     fn the_fixture_becomes_one_object_a_frame() {
-        let records = include_bytes!("../../firmware/wire/fixture/v1-records.bin");
+        let records = include_bytes!("../../firmware/wire/fixture/v2-records.bin");
         let mut text = Vec::new();
         decode(&records[..], &mut text).unwrap();
         let text = String::from_utf8(text).unwrap();
@@ -85,7 +85,7 @@ mod tests {
 
     #[test]
     fn a_damaged_frame_becomes_an_error_and_the_next_is_read() {
-        let records = include_bytes!("../../firmware/wire/fixture/v1-records.bin");
+        let records = include_bytes!("../../firmware/wire/fixture/v2-records.bin");
         let mut bytes = records.to_vec();
         bytes[5] ^= 0x10;
         let mut text = Vec::new();

@@ -45,7 +45,7 @@ pub(crate) struct Arguments {
 }
 
 /// Names of commands in the order in which a calibration is sent.
-const ORDER: [&str; 10] = [
+const ORDER: [&str; 11] = [
     "set_settings",
     "set_tank",
     "set_deformation_curve",
@@ -56,6 +56,7 @@ const ORDER: [&str; 10] = [
     "set_attraction",
     "set_temperature_effect",
     "set_coil",
+    "set_current_correction",
 ];
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
@@ -172,7 +173,7 @@ mod tests {
 
     const COIL: &str = "[set_coil]\nresistance_ohm = 0.39\ncopper_capacity_j_per_k = 0.8\n\
         pad_capacity_j_per_k = 60.0\ncopper_to_pad_k_per_w = 2.0\npad_to_ambient_k_per_w = 10.0\n\
-        gain_v_per_a = 0.125\nzero_v = 1.65\ncurrent_uncertainty = 0.0\n\
+        current_uncertainty = 0.0\n\
         [[set_tank]]\nsensor = 0\nchannel = 0\ncapacitance_f = 330e-12\nrest_frequency_hz = 3.06e6\n";
 
     #[test]

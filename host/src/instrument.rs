@@ -127,8 +127,6 @@ fn coil(plant: &Parameters) -> Coil {
         pad_capacity_j_per_k: thermal.pad_j_per_k as f32,
         copper_to_pad_k_per_w: thermal.copper_to_pad_k_per_w as f32,
         pad_to_ambient_k_per_w: thermal.pad_to_ambient_k_per_w as f32,
-        gain_v_per_a: 0.125,
-        zero_v: 1.65,
         // The gain was the same at the calibration, so that the rise contains it.
         current_uncertainty: 0.0,
     }

@@ -73,6 +73,12 @@ impl Correction {
         Ok(Self(knots))
     }
 
+    /// The corrected current, A.
+    #[must_use]
+    pub fn corrected_a(&self, measured_a: f32, hardware: &Hardware) -> f32 {
+        self.apply(hardware.units(measured_a)) as f32 * hardware.ampere_per_unit()
+    }
+
     /// The corrected current, in units.
     #[inline]
     pub(crate) fn apply(&self, measured: i32) -> i32 {

@@ -202,6 +202,14 @@ impl Drive {
         }
     }
 
+    /// The current of the last period, corrected, in units of the driver: what a
+    /// [`Trace`](crate::Trace) takes.
+    #[inline]
+    #[must_use]
+    pub const fn measured(&self) -> i32 {
+        self.measured
+    }
+
     /// Takes an order. What a limit forbids is held to it, whoever made the order.
     pub fn obey(&mut self, order: &Order) {
         self.unattended = 0;

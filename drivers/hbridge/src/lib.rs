@@ -17,6 +17,7 @@ mod pins;
 mod regulator;
 mod self_test;
 mod supervisor;
+mod trace;
 mod watch;
 mod waveform;
 
@@ -30,5 +31,6 @@ pub use output::{Levels, Output};
 pub use pins::{HBridge, PinError};
 pub use self_test::Findings;
 pub use supervisor::Supervisor;
+pub use trace::Trace;
 pub use watch::{ATTENDED_WITHIN, BALANCED_WITHIN, FOLLOWS_WITHIN};
 pub use waveform::{MOST_SEGMENTS, Segment, Waveform};

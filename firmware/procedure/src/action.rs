@@ -1,7 +1,8 @@
 //! What the procedure wants done.
 
-use palpate_model::units::{Ampere, Hertz};
+use palpate_model::units::{Ampere, Hertz, Second};
 use palpate_wire::Record;
+use palpate_wire::command::CurrentCorrection;
 
 use crate::time::{Duration, Instant};
 
@@ -24,6 +25,13 @@ pub enum Action {
     /// Bridge, coil and current measurement are to be tested;
     /// [`Event::CoilTested`](crate::Event::CoilTested) or a fault follows.
     TestCoil,
+    /// The measured current is to be recorded from now on.
+    TraceCurrent {
+        /// From one to the next of what is kept.
+        interval: Second,
+    },
+    /// The current measurement has been calibrated.
+    CorrectCurrent(CurrentCorrection),
     /// Converters are to be configured anew.
     ConfigureSensors {
         /// Active channels: bit n for channel n.

@@ -3,7 +3,7 @@
 use ldc161x::Reading;
 use palpate_model::units::{Ampere, Celsius};
 use palpate_wire::code::{FaultCode, Place};
-use palpate_wire::record::CoilTest;
+use palpate_wire::record::{CoilTest, CurrentTrace};
 use palpate_wire::{Command, Frame, FrameError};
 
 use crate::time::{Duration, Instant};
@@ -22,6 +22,13 @@ pub enum Event<'a> {
     NotUnderstood(FrameError),
     /// The test of the coil has found something.
     CoilTested(CoilTest),
+    /// A part of the current that was to be recorded.
+    CurrentTraced {
+        /// When its first was measured.
+        at: Instant,
+        /// The currents.
+        trace: CurrentTrace,
+    },
     /// What the slow measurements say.
     Conditions(Conditions),
     /// Something has failed. The bridge goes off.

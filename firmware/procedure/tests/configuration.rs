@@ -3,8 +3,11 @@
 
 mod support;
 
+use palpate_procedure::{Action, Event};
 use palpate_wire::code::{Outcome, Part, State};
-use palpate_wire::command::{GetCalibration, StiffeningCurve, StiffeningKnot, TemperatureEffect};
+use palpate_wire::command::{
+    CurrentCorrection, GetCalibration, StiffeningCurve, StiffeningKnot, TemperatureEffect,
+};
 use palpate_wire::{Command, Message, Record};
 use support::Rig;
 use support::calibration::{calibration, settings};
@@ -101,6 +104,7 @@ fn what_was_set_is_read_back_and_numbered() {
         springs_uncertainty_per_k: 0.001,
         rise_uncertainty_per_k: 0.002,
     }));
+    sent.push(Command::SetCurrentCorrection(correction([0.1, 0.0, -0.1])));
     for part in Part::ALL {
         let get = get(*part);
         assert_eq!(rig.outcome(get), Outcome::NotSet, "{part}");
@@ -134,9 +138,44 @@ fn what_was_set_is_read_back_and_numbered() {
         Record::Coil(of) => Some(Command::SetCoil(of)),
         Record::Attraction(of) => Some(Command::SetAttraction(of)),
         Record::TemperatureEffect(of) => Some(Command::SetTemperatureEffect(of)),
+        Record::CurrentCorrection(of) => Some(Command::SetCurrentCorrection(of)),
         _ => None,
     };
     assert_eq!(rig.told(as_command), sent);
+}
+
+fn correction<const N: usize>(changes_a: [f32; N]) -> CurrentCorrection {
+    CurrentCorrection {
+        greatest_a: 10.0,
+        changes_a: changes_a.into_iter().collect(),
+    }
+}
+
+#[test]
+fn a_correction_of_the_current_is_handed_on_when_it_is_sound() {
+    let mut rig = Rig::started();
+    let sound = correction([1.3, 0.2, 0.0, -0.2, -1.3]);
+    let set = |of: &CurrentCorrection| {
+        let command = Command::SetCurrentCorrection(of.clone());
+        support::frame(command, support::BOOT, 5)
+    };
+    let actions = rig.step(&Event::Command(&set(&sound)));
+    assert!(actions.contains(&Action::CorrectCurrent(sound.clone())));
+    let correcting = |action: &Action| matches!(action, Action::CorrectCurrent(_));
+    for bad in [
+        correction([0.1]),
+        correction([1.5, 0.0, 0.0]),
+        correction([0.0, 0.5, 0.0]),
+        correction([0.0, f32::NAN]),
+    ] {
+        let actions = rig.step(&Event::Command(&set(&bad)));
+        assert!(!actions.iter().any(correcting), "{bad:?}");
+    }
+    let mut armed = Rig::standing_in(State::Contact, |_| {});
+    assert_eq!(
+        armed.outcome(Command::SetCurrentCorrection(sound)),
+        Outcome::Armed
+    );
 }
 
 fn get(part: Part) -> Command {

@@ -2,16 +2,19 @@
 
 mod support;
 
-use palpate_procedure::{Action, Event, Procedure};
+use palpate_procedure::{Action, Event, Instant, Procedure};
 use palpate_wire::code::{FaultCode, Outcome, Place, RefusalReason, State};
 use palpate_wire::command::{ClearFault, DriveCoil};
-use palpate_wire::record::CoilTest;
+use palpate_wire::record::{CoilTest, CurrentTrace};
 use palpate_wire::{Command, Record};
 use support::{Rig, board};
 
 fn drive(to_a: f32) -> Command {
-    let over_s = 0.01;
-    Command::DriveCoil(DriveCoil { to_a, over_s })
+    Command::DriveCoil(DriveCoil {
+        to_a,
+        over_s: 0.01,
+        trace_interval_s: 0.0,
+    })
 }
 
 fn directed() -> Rig {
@@ -131,6 +134,42 @@ fn the_coils_test_is_asked_for_and_told() {
         rig.records.pop().map(|of| of.1),
         Some(Record::CoilTest(found))
     );
+}
+
+#[test]
+fn a_current_is_recorded_before_it_is_driven_and_told() {
+    let mut rig = Rig::standing_in(State::Contact, |_| {});
+    let mut line = DriveCoil {
+        to_a: 2.0,
+        over_s: 0.0,
+        trace_interval_s: 1.6e-5,
+    };
+    let mut drive = |line: &DriveCoil, sequence| {
+        let frame = support::frame(Command::DriveCoil(line.clone()), support::BOOT, sequence);
+        rig.step(&Event::Command(&frame))
+    };
+    let actions = drive(&line, 90);
+    let place = |of: fn(&Action) -> bool| actions.iter().position(of);
+    let traced =
+        place(|action| matches!(action, Action::TraceCurrent { interval } if interval.0 == 1.6e-5));
+    let driven = place(|action| matches!(action, Action::Current { .. }));
+    assert!(traced.is_some() && traced < driven, "{traced:?} {driven:?}");
+    line.trace_interval_s = 0.0;
+    let tracing = |action: &Action| matches!(action, Action::TraceCurrent { .. });
+    assert!(!drive(&line, 91).iter().any(tracing));
+    let trace = CurrentTrace {
+        total: 2,
+        first: 0,
+        interval_s: 1.6e-5,
+        currents_a: [0.0, 1.9].into_iter().collect(),
+    };
+    rig.records.clear();
+    let at = Instant::from_ticks(123_456);
+    rig.step(&Event::CurrentTraced {
+        at,
+        trace: trace.clone(),
+    });
+    assert_eq!(rig.records.pop(), Some((at, Record::CurrentTrace(trace))));
 }
 
 #[test]

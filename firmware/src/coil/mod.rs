@@ -5,15 +5,16 @@ pub mod period;
 
 use core::cell::RefCell;
 
-use coil_hbridge::{Fault, Findings, Refusal, State, Supervisor};
+use coil_hbridge::{Correction, Fault, Findings, Refusal, State, Supervisor};
 use critical_section::Mutex;
 use palpate_procedure::event::Failure;
 use palpate_wire::code::{FaultCode, Place};
-use palpate_wire::record::CoilTest;
+use palpate_wire::command::{CurrentCorrection, MAX_PLACES};
+use palpate_wire::record::{CoilTest, CurrentTrace};
 
 use crate::safe;
 use limits::{HARDWARE, LIMITS, PERIOD_US};
-use period::{AVERAGES, held};
+use period::{AVERAGES, TRACE, TRACE_LENGTH, held};
 
 /// From one look at the drive to the next.
 pub const LOOK_US: u64 = 1_000;
@@ -48,6 +49,17 @@ struct Coil {
     was: State,
     failure: Option<Failure>,
     found: Option<CoilTest>,
+    tracing: Option<Tracing>,
+}
+
+/// A record of the current under way.
+#[derive(Clone, Copy)]
+struct Tracing {
+    began_us: u64,
+    /// Periods from one current to the next.
+    every: u32,
+    /// Currents that have been told.
+    told: usize,
 }
 
 static COIL: Mutex<RefCell<Option<Coil>>> = Mutex::new(RefCell::new(None));
@@ -77,6 +89,7 @@ pub fn start() {
         was: State::Off { tested: false },
         failure: None,
         found: None,
+        tracing: None,
     };
     critical_section::with(|section| {
         if let Ok(mut place) = COIL.borrow(section).try_borrow_mut() {
@@ -93,6 +106,30 @@ pub fn go(now_us: u64, to_a: f32, over_us: u64) {
 /// Tests bridge, coil and current measurement.
 pub fn test(now_us: u64) {
     with(|coil| coil.test(now_us));
+}
+
+/// Records the current from now on.
+pub fn trace(now_us: u64, interval_s: f32) {
+    with(|coil| coil.trace(now_us, interval_s));
+}
+
+/// A part of the record, with the time of its first current, when the record is over.
+pub fn take_trace() -> Option<(u64, CurrentTrace)> {
+    with(Coil::take_trace).flatten()
+}
+
+/// Corrects the measured current from now on.
+pub fn correct(correction: &CurrentCorrection) {
+    let pairs: heapless::Vec<[f32; 2], MAX_PLACES> = correction
+        .places()
+        .map(|(measured_a, change_a)| [measured_a, measured_a + change_a])
+        .collect();
+    match Correction::new(&pairs, &HARDWARE) {
+        Ok(correction) => drop(held(|drive| drive.obey(&Supervisor::correct(correction)))),
+        // The protocol's limits are narrower than the driver's: a table that this refuses means
+        // that the two no longer agree.
+        Err(_) => drop(with(|coil| coil.fails(FaultCode::CurrentSense, None))),
+    }
 }
 
 /// The bridge is off when this returns, and stays so.
@@ -180,6 +217,49 @@ impl Coil {
             Ok(order) => drop(held(|drive| drive.obey(&order))),
             Err(refusal) => self.refused(&refusal),
         }
+    }
+
+    fn trace(&mut self, now_us: u64, interval_s: f32) {
+        self.wake(now_us);
+        let every = (interval_s / HARDWARE.period_s + 0.5) as u32;
+        self.tracing = Some(Tracing {
+            began_us: now_us,
+            every: every.max(1),
+            told: 0,
+        });
+        held(|_| TRACE.start(every));
+    }
+
+    fn take_trace(&mut self) -> Option<(u64, CurrentTrace)> {
+        let tracing = self.tracing.as_mut()?;
+        let taken = TRACE.taken();
+        // It ends with the interrupt, at the latest.
+        if taken < TRACE_LENGTH && self.runs_since_us.is_some() {
+            return None;
+        }
+        let first = tracing.told;
+        let mut currents_a = heapless::Vec::new();
+        for current_a in TRACE.currents_a(&HARDWARE).skip(first) {
+            if currents_a.push(current_a).is_err() {
+                break;
+            }
+        }
+        tracing.told += currents_a.len();
+        let interval_us = tracing.every * PERIOD_US;
+        let at_us = tracing.began_us + u64::from(interval_us) * (first as u64 + 1);
+        if tracing.told >= taken {
+            self.tracing = None;
+        }
+        if currents_a.is_empty() {
+            return None;
+        }
+        let trace = CurrentTrace {
+            total: taken as u8,
+            first: first as u8,
+            interval_s: interval_us as f32 * 1e-6,
+            currents_a,
+        };
+        Some((at_us, trace))
     }
 
     fn go(&mut self, now_us: u64, to_a: f32, over_s: f32) {

@@ -10,7 +10,7 @@
 
 use core::cell::UnsafeCell;
 
-use coil_hbridge::{Averages, Drive, Output};
+use coil_hbridge::{Averages, Drive, Output, Trace};
 use cortex_m::peripheral::NVIC;
 use rp2040_pac::{ADC, DMA, Interrupt, PWM};
 
@@ -66,6 +66,12 @@ static CONTROL: Place = Place(UnsafeCell::new(None));
 /// The current as it was measured: 512 blocks of 256 us, longer than the slowest conversion of the
 /// first channel (26 ms at 40 MHz) and the three that follow it.
 pub static AVERAGES: Averages<512> = Averages::new();
+
+/// Currents of a record: those of one `drive_coil` (docs/protocol.md, `current_trace`).
+pub const TRACE_LENGTH: usize = 128;
+
+/// The current, period by period, when that is asked for.
+pub static TRACE: Trace<TRACE_LENGTH> = Trace::new();
 
 /// Sets PWM, ADC and DMA up and starts them; the bridge is off.
 pub fn start(drive: Drive) {
@@ -175,6 +181,7 @@ pub unsafe extern "C" fn on_period() {
         if control.drive.account(&AVERAGES) {
             control.apply(&Output::OFF);
         }
+        TRACE.push(control.drive.measured());
     }
 }
 

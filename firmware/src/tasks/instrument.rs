@@ -221,6 +221,8 @@ impl Instrument {
                 Action::SafeState => coil::stop(),
                 Action::Current { to, over } => coil::go(now_us, to.0, over.as_ticks()),
                 Action::TestCoil => coil::test(now_us),
+                Action::TraceCurrent { interval } => coil::trace(now_us, interval.0),
+                Action::CorrectCurrent(correction) => coil::correct(correction),
                 Action::ConfigureSensors { channels, rate } => want(Wanted {
                     channels: *channels,
                     rate_hz: rate.0,
@@ -293,6 +295,10 @@ impl Instrument {
     fn follow_faults(&mut self) {
         if let Some(found) = coil::take_found() {
             self.step(&Event::CoilTested(found));
+        }
+        if let Some((at_us, trace)) = coil::take_trace() {
+            let at = Instant::from_ticks(at_us);
+            self.step(&Event::CurrentTraced { at, trace });
         }
         for (place, failure) in [report::fault(), coil::failure()].into_iter().enumerate() {
             let Some(standing) = self.standing.get_mut(place) else {

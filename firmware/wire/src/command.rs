@@ -5,11 +5,13 @@ use crate::decoder::Decoder;
 use crate::frame::MAX_HEADER;
 
 mod calibration;
+mod current;
 mod curve;
 mod request;
 mod settings;
 
 pub use calibration::{Attraction, Coil, Crosstalk, Springs, Stiffening, Tank, TemperatureEffect};
+pub use current::{CurrentCorrection, MAX_PLACES};
 pub use curve::{
     DeformationCurve, DeformationKnot, KNOTS_PER_CHUNK, MAX_KNOTS, StiffeningCurve, StiffeningKnot,
 };
@@ -67,12 +69,14 @@ messages! {
             /// Calibrates the magnetorheological effect as a curve, chunk by chunk; replaces a
             /// law. Not while armed.
             SetStiffeningCurve(StiffeningCurve) = 0x96 "set_stiffening_curve",
-            /// Calibrates coil and current measurement. Not while armed.
+            /// Tells the coil's data. Not while armed.
             SetCoil(Coil) = 0x97 "set_coil",
             /// Calibrates the attraction of the actuated layer's halves. Not while armed.
             SetAttraction(Attraction) = 0x98 "set_attraction",
             /// Tells what another temperature leaves open. Not while armed.
             SetTemperatureEffect(TemperatureEffect) = 0x99 "set_temperature_effect",
+            /// Calibrates the measurement of the coil's current. Not while armed.
+            SetCurrentCorrection(CurrentCorrection) = 0x9A "set_current_correction",
         }
     }
 }

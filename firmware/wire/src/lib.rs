@@ -35,14 +35,14 @@ pub use validation::{Invalid, Problem, Verdict};
 /// renamed, or given another type or unit; a number given another meaning; a change of the frame.
 /// A decoder refuses a frame of another major version. What never changes is what it takes to find
 /// that out: COBS, the zero byte at the end, the CRC-32 over all before it, and the first byte.
-pub const VERSION: u8 = 1;
+pub const VERSION: u8 = 2;
 
 /// Minor version of the protocol, told in [`Hello`](record::Hello).
 ///
 /// It rises when a kind of record or command is added, or a number to an enumeration, and starts
 /// from 0 with a new major version. An older decoder counts a kind that it does not know, with its
 /// header, and reads a number that it does not know as `Unknown`.
-pub const MINOR_VERSION: u8 = 1;
+pub const MINOR_VERSION: u8 = 0;
 
 /// Number of the layout of all frames, told in [`Hello`](record::Hello).
 ///

@@ -2,8 +2,8 @@
 
 use crate::Message;
 use crate::command::{
-    Attraction, Coil, Crosstalk, DeformationCurve, Settings, Springs, Stiffening, StiffeningCurve,
-    Tank, TemperatureEffect,
+    Attraction, Coil, Crosstalk, CurrentCorrection, DeformationCurve, Settings, Springs,
+    Stiffening, StiffeningCurve, Tank, TemperatureEffect,
 };
 use crate::decoder::Decoder;
 use crate::frame::MAX_HEADER;
@@ -13,7 +13,7 @@ mod hello;
 mod measurement;
 mod sample;
 
-pub use event::{Acknowledgement, CoilTest, Fault, StateChange, Status};
+pub use event::{Acknowledgement, CoilTest, CurrentTrace, Fault, StateChange, Status};
 pub use hello::{Crash, Hello};
 pub use measurement::{Estimate, LoadPoint, Refusal};
 pub use sample::{Conversion, Raw, Sample};
@@ -48,6 +48,9 @@ messages! {
             Acknowledgement(Acknowledgement) = 0x0B "acknowledgement",
             /// What the test of the coil found: after `test_coil`.
             CoilTest(CoilTest) = 0x0C "coil_test",
+            /// Part of a recorded current: after a `drive_coil` that asks for it, when the last
+            /// current has been recorded.
+            CurrentTrace(CurrentTrace) = 0x0D "current_trace",
             /// The settings in force: answer to `get_settings`.
             Settings(Settings) = 0x10 "settings",
             /// Calibration of a resonator: answer to `get_calibration`.
@@ -62,12 +65,14 @@ messages! {
             Stiffening(Stiffening) = 0x15 "stiffening",
             /// Part of the stiffening curve: answer to `get_calibration`.
             StiffeningCurve(StiffeningCurve) = 0x16 "stiffening_curve",
-            /// Coil and current measurement: answer to `get_calibration`.
+            /// The coil's data: answer to `get_calibration`.
             Coil(Coil) = 0x17 "coil",
             /// Attraction of the actuated layer's halves: answer to `get_calibration`.
             Attraction(Attraction) = 0x18 "attraction",
             /// What another temperature leaves open: answer to `get_calibration`.
             TemperatureEffect(TemperatureEffect) = 0x19 "temperature_effect",
+            /// Calibration of the current measurement: answer to `get_calibration`.
+            CurrentCorrection(CurrentCorrection) = 0x1A "current_correction",
         }
     }
 }

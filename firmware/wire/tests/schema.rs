@@ -19,7 +19,11 @@ use support::reference::{content_bytes, framed, largest, payload_bytes, smallest
 /// fixture anew.
 #[test]
 fn the_layout_belongs_to_its_version() {
-    let known = [(1, 0, 0xFBB1_7F98), (1, 1, 0xD3E8_584A)];
+    let known = [
+        (1, 0, 0xFBB1_7F98),
+        (1, 1, 0xD3E8_584A),
+        (2, 0, 0x5177_0E18),
+    ];
     assert!(
         known.contains(&(VERSION, MINOR_VERSION, SCHEMA_HASH)),
         "version {VERSION}.{MINOR_VERSION} has the layout 0x{SCHEMA_HASH:08x}"
@@ -159,7 +163,7 @@ fn codes_are_unique_and_turn_back_into_themselves() {
     }
     assert_eq!(Part::from_number(9).to_string(), "unknown (9)");
     assert_eq!(Part::Coil.to_string(), "coil");
-    assert_eq!(Part::Coil.meaning().trim(), "Coil and current measurement.");
+    assert_eq!(Part::Coil.meaning().trim(), "The coil's data.");
 }
 
 /// Encodes the largest value of every kind and compares with the constants.

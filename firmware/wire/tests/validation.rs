@@ -60,6 +60,28 @@ fn for_every_field(mut check: impl FnMut(Place<'_>, &dyn Fn(Value) -> Command)) 
                 whole[number] = value;
                 decoded(kind, &Value::Fields(whole))
             };
+            if let Type::List {
+                item: item @ Type::F32,
+                ..
+            } = field.of
+            {
+                let of_item = palpate_wire::schema::Field {
+                    of: *item,
+                    ..*field
+                };
+                let others = f32_value(0.5 * (field.range.low + field.range.high));
+                let set_item =
+                    |value| set(Value::List(vec![others.clone(), others.clone(), value]));
+                check(
+                    Place {
+                        field: &of_item,
+                        number,
+                        item: Some(2),
+                    },
+                    &set_item,
+                );
+                continue;
+            }
             check(
                 Place {
                     field,
@@ -147,8 +169,8 @@ fn infinities_and_nan_are_refused_in_every_field() {
         }
         _ => {}
     });
-    // 16 in the settings, 34 in the calibration, 2 of a current that is driven directly.
-    assert_eq!(fields, 52);
+    // 16 in the settings, 34 in the calibration, 3 of a current that is driven directly.
+    assert_eq!(fields, 53);
 }
 
 /// The limits themselves are allowed, the next number beyond them is not.
@@ -209,7 +231,7 @@ fn limits_hold_to_the_last_digit() {
         }
     });
     // Those of the test above, and 16 integers.
-    assert_eq!(fields, 68);
+    assert_eq!(fields, 69);
 }
 
 #[test]

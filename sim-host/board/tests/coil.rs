@@ -18,7 +18,11 @@ const I2C: u32 = 16 + 23;
 const PERIOD: Time = Time::from_us(16);
 
 fn drive(to_a: f32, over_s: f32) -> Command {
-    Command::DriveCoil(DriveCoil { to_a, over_s })
+    Command::DriveCoil(DriveCoil {
+        to_a,
+        over_s,
+        trace_interval_s: 0.0,
+    })
 }
 
 fn coil_test(frames: &[Frame<Record>]) -> Option<&CoilTest> {

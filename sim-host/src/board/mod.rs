@@ -29,6 +29,7 @@ mod identity;
 use core::cell::RefCell;
 use core::fmt;
 
+use coil_hbridge::Correction;
 use ldc161x::{
     Acquisition, Address, Channel, Error, Frame, Ldc161x, Model, Plan, Rate, ReferenceClock,
     Request, Sensor, Sequence,
@@ -37,10 +38,11 @@ use ldc161x_sim::{Bus, Chip, Delay, I2cError, IntbPin, Time};
 use palpate_procedure::event::{Conditions, Failure};
 use palpate_procedure::{Action, Actions, Conversion, Duration, Event, Instant, Procedure, Scan};
 use palpate_wire::code::{FaultCode, Place};
-use palpate_wire::record::CoilTest;
+use palpate_wire::record::{CoilTest, CurrentTrace};
 use palpate_wire::{Command, Header, Record};
 
 use crate::device::Device;
+use crate::electrical::reference_hardware;
 use crate::world::{SharedWorld, World};
 
 pub use identity::{BOOT_ID, board};
@@ -63,6 +65,13 @@ const TICK: Time = Time::from_ms(10);
 const CONDITIONS_PERIOD: Time = Time::from_ms(100);
 /// Samples of the ADC averaged over a conversion: at 10 kHz.
 const ADC_SAMPLES_PER_S: f64 = 10e3;
+/// Currents of a record, each the mean over a period of the reference board's bridge, from two
+/// samples.
+const TRACE_LENGTH: usize = 128;
+/// See [`TRACE_LENGTH`].
+const TRACE_WINDOW: Time = Time::from_us(16);
+/// See [`TRACE_LENGTH`].
+const TRACE_SAMPLES: u32 = 2;
 /// Reading of the current amplifier without current: the middle of the ADC's range.
 const AMPLIFIER_ZERO_V: f32 = 1.65;
 /// Supply that is told where the world's has no limit: that of the reference board.
@@ -152,6 +161,8 @@ pub struct VirtualBoard<'a> {
     procedure: Procedure,
     sensing: Option<Sensing>,
     wanted: Option<Plan>,
+    correction: Option<Correction>,
+    tracing: Option<Tracing>,
     next_conditions: Time,
     commands_sent: u32,
     records: Vec<TimedRecord>,
@@ -164,6 +175,45 @@ struct Sensing {
     conversion: Time,
     /// Time of the last edge.
     last: Option<Time>,
+}
+
+/// A record of the current under way.
+#[derive(Clone, Debug)]
+struct Tracing {
+    began: Time,
+    interval: Time,
+    next: Time,
+    currents_a: Vec<f32>,
+}
+
+impl Tracing {
+    fn new(began: Time, interval_s: f64) -> Self {
+        let interval = Time::from_secs_f64(interval_s).max(TRACE_WINDOW);
+        Self {
+            began,
+            interval,
+            next: began + interval,
+            currents_a: Vec::new(),
+        }
+    }
+
+    /// The parts that it is told in, each with the time of its first current.
+    fn parts(&self) -> impl Iterator<Item = (Instant, CurrentTrace)> + '_ {
+        let interval_s = self.interval.as_secs_f64() as f32;
+        (0..)
+            .step_by(16)
+            .zip(self.currents_a.chunks(16))
+            .map(move |(first, chunk)| {
+                let at = self.began + Time::from_ps(self.interval.as_ps() * (u64::from(first) + 1));
+                let trace = CurrentTrace {
+                    total: TRACE_LENGTH as u8,
+                    first,
+                    interval_s,
+                    currents_a: chunk.iter().copied().collect(),
+                };
+                (Instant::from_ticks(micros(at)), trace)
+            })
+    }
 }
 
 impl<'a> VirtualBoard<'a> {
@@ -179,6 +229,8 @@ impl<'a> VirtualBoard<'a> {
             procedure: Procedure::new(board()),
             sensing: None,
             wanted: None,
+            correction: None,
+            tracing: None,
             next_conditions: hardware.world.borrow().now(),
             commands_sent: 0,
             records: Vec::new(),
@@ -230,11 +282,7 @@ impl<'a> VirtualBoard<'a> {
             }
         });
         let samples = (sensing.conversion.as_secs_f64() * ADC_SAMPLES_PER_S).max(1.0) as u32;
-        let told_a = self
-            .hardware
-            .world
-            .borrow_mut()
-            .told_mean_current_a(begins, first, samples);
+        let told_a = self.told_a(begins, first, samples);
         Scan {
             sensor: 0,
             middle: Instant::from_ticks(micros(middle)),
@@ -244,6 +292,40 @@ impl<'a> VirtualBoard<'a> {
             gap: frame.marks.gap,
             current: Some(palpate_procedure::units::Ampere(told_a as f32)),
         }
+    }
+
+    /// The measured mean of the current, corrected.
+    fn told_a(&self, from: Time, to: Time, samples: u32) -> f64 {
+        let mut world = self.hardware.world.borrow_mut();
+        let measured_a = world.told_mean_current_a(from, to, samples);
+        match &self.correction {
+            Some(of) => of
+                .corrected_a(measured_a as f32, &reference_hardware())
+                .into(),
+            None => measured_a,
+        }
+    }
+
+    /// Records what has passed of the current, and tells it when there is all of it.
+    fn follow_trace(&mut self) -> Result<(), BoardError> {
+        let now = self.now();
+        let Some(mut tracing) = self.tracing.take() else {
+            return Ok(());
+        };
+        while tracing.currents_a.len() < TRACE_LENGTH && tracing.next <= now {
+            let from = tracing.next - TRACE_WINDOW;
+            let told_a = self.told_a(from, tracing.next, TRACE_SAMPLES);
+            tracing.currents_a.push(told_a as f32);
+            tracing.next += tracing.interval;
+        }
+        if tracing.currents_a.len() < TRACE_LENGTH {
+            self.tracing = Some(tracing);
+            return Ok(());
+        }
+        for (at, trace) in tracing.parts() {
+            self.step(&Event::CurrentTraced { at, trace })?;
+        }
+        Ok(())
     }
 
     fn conditions(&self) -> Conditions {
@@ -278,6 +360,17 @@ impl<'a> VirtualBoard<'a> {
                 Action::TestCoil => {
                     let found = self.coil_test();
                     self.step(&Event::CoilTested(found))?;
+                }
+                Action::TraceCurrent { interval } => {
+                    self.tracing = Some(Tracing::new(self.now(), interval.0.into()));
+                }
+                Action::CorrectCurrent(correction) => {
+                    let pairs: Vec<[f32; 2]> = correction
+                        .places()
+                        .map(|(measured_a, change_a)| [measured_a, measured_a + change_a])
+                        .collect();
+                    let made = Correction::new(&pairs, &reference_hardware());
+                    self.correction = made.ok();
                 }
                 Action::ConfigureSensors { channels, rate } => {
                     let plan = self.plan(channels, rate.0).map_err(BoardError::Plan)?;
@@ -393,6 +486,7 @@ impl Device for VirtualBoard<'_> {
             .world
             .borrow_mut()
             .advance_to(edge.unwrap_or(limit));
+        self.follow_trace()?;
         match (edge, self.sensing) {
             (Some(edge), Some(sensing)) => self.converted(edge, sensing)?,
             _ => self.idle()?,

@@ -14,8 +14,8 @@ use palpate_model::units::{Ampere, Metre, NewtonPerMetre, Tesla};
 use palpate_wire::Command;
 use palpate_wire::code::{Drift, Outcome, Part, Stream};
 use palpate_wire::command::{
-    Attraction, Coil, Crosstalk, MAX_KNOTS, Settings, Springs, Stiffening, StiffeningCurve, Tank,
-    TemperatureEffect,
+    Attraction, Coil, Crosstalk, CurrentCorrection, MAX_KNOTS, Settings, Springs, Stiffening,
+    StiffeningCurve, Tank, TemperatureEffect,
 };
 
 use crate::Board;
@@ -37,6 +37,7 @@ pub struct Configuration {
     coil: Option<Coil>,
     attraction: Option<Attraction>,
     temperature_effect: Option<TemperatureEffect>,
+    current_correction: Option<CurrentCorrection>,
     assembly: Option<Assembly>,
 }
 
@@ -118,6 +119,7 @@ impl Default for Configuration {
             coil: None,
             attraction: None,
             temperature_effect: None,
+            current_correction: None,
             assembly: None,
         }
     }
@@ -223,6 +225,10 @@ impl Configuration {
             }
             Command::SetTemperatureEffect(effect) => {
                 self.temperature_effect = Some(effect.clone());
+                Outcome::Accepted
+            }
+            Command::SetCurrentCorrection(correction) => {
+                self.current_correction = Some(correction.clone());
                 Outcome::Accepted
             }
             _ => return None,

@@ -12,7 +12,7 @@ use super::{Configuration, Curve, SetStiffening};
 const MOST_CHUNKS: usize = (palpate_wire::command::MAX_KNOTS as usize).div_ceil(KNOTS_PER_CHUNK);
 
 /// The parts in the order of the commands that set them.
-const PARTS: [Part; 9] = [
+const PARTS: [Part; 10] = [
     Part::Tank,
     Part::DeformationCurve,
     Part::Crosstalk,
@@ -22,6 +22,7 @@ const PARTS: [Part; 9] = [
     Part::Coil,
     Part::Attraction,
     Part::TemperatureEffect,
+    Part::CurrentCorrection,
 ];
 
 /// Whether there is one for every channel of every converter.
@@ -64,6 +65,7 @@ impl Configuration {
             Command::SetCoil(of) => Record::Coil(of),
             Command::SetAttraction(of) => Record::Attraction(of),
             Command::SetTemperatureEffect(of) => Record::TemperatureEffect(of),
+            Command::SetCurrentCorrection(of) => Record::CurrentCorrection(of),
             _ => return None,
         })
     }
@@ -90,6 +92,9 @@ impl Configuration {
             Part::Attraction => Command::SetAttraction(self.attraction.clone()?),
             Part::TemperatureEffect => {
                 Command::SetTemperatureEffect(self.temperature_effect.clone()?)
+            }
+            Part::CurrentCorrection => {
+                Command::SetCurrentCorrection(self.current_correction.clone()?)
             }
             _ => return None,
         })

@@ -182,6 +182,9 @@ impl Procedure {
             }
             Command::SetDeformationCurve(_) | Command::SetCrosstalk(_) => self.begin_anew(out),
             Command::SetCoil(_) => self.follow_heat(),
+            Command::SetCurrentCorrection(correction) => {
+                out.push(Action::CorrectCurrent(correction.clone()));
+            }
             _ => {}
         }
         outcome

@@ -1,10 +1,8 @@
 //! A current that a PC commands directly, and the test of the coil.
 
-use palpate_model::units::{Ampere, Celsius};
-use palpate_wire::Record;
+use palpate_model::units::{Ampere, Celsius, Second};
 use palpate_wire::code::{FaultCode, Outcome as Answer, Place, RefusalReason};
 use palpate_wire::command::DriveCoil;
-use palpate_wire::record::CoilTest;
 
 use super::states::Phase;
 use super::{Out, Procedure};
@@ -36,11 +34,6 @@ impl Procedure {
             }
             Err(answer) => answer,
         }
-    }
-
-    /// What it found.
-    pub(super) fn coil_tested(&self, found: &CoilTest, out: &mut Out<'_>) {
-        out.record(Record::CoilTest(found.clone()));
     }
 
     fn may_direct(&self) -> Result<(), Answer> {
@@ -86,6 +79,10 @@ impl Procedure {
                 touched: self.touched_since(),
             };
             self.go(Phase::Directed(directed), out);
+        }
+        if line.trace_interval_s > 0.0 {
+            let interval = Second(line.trace_interval_s);
+            out.push(Action::TraceCurrent { interval });
         }
         out.line((Ampere(line.to_a), span(line.over_s)));
         Answer::Accepted

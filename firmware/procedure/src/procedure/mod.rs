@@ -140,7 +140,11 @@ impl Procedure {
             Event::Scan(scan) => self.scan(scan, &mut out),
             Event::Command(frame) => self.command(frame, &mut out),
             Event::NotUnderstood(error) => self.not_understood(error, &mut out),
-            Event::CoilTested(found) => self.coil_tested(found, &mut out),
+            Event::CoilTested(found) => out.record(Record::CoilTest(found.clone())),
+            Event::CurrentTraced { at, trace } => {
+                let record = Record::CurrentTrace(trace.clone());
+                out.push(Action::Record { at: *at, record });
+            }
             Event::Conditions(conditions) => self.conditions(conditions),
             Event::Fault(failure) => self.fail(*failure, &mut out),
             Event::Recovered(code) => self.recovered(*code, &mut out),

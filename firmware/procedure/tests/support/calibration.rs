@@ -64,8 +64,6 @@ pub(crate) const COIL: Coil = Coil {
     pad_capacity_j_per_k: 60.0,
     copper_to_pad_k_per_w: 0.5,
     pad_to_ambient_k_per_w: 8.0,
-    gain_v_per_a: 0.1,
-    zero_v: 1.65,
     current_uncertainty: 0.0,
 };
 

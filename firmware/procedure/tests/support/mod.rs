@@ -197,8 +197,11 @@ impl Rig {
                 rig.until(State::Watching, 3_000);
                 rig.touch(3e-4);
                 if state == State::Directed {
-                    let (to_a, over_s) = (1.0, 0.01);
-                    rig.accepted(Command::DriveCoil(DriveCoil { to_a, over_s }));
+                    rig.accepted(Command::DriveCoil(DriveCoil {
+                        to_a: 1.0,
+                        over_s: 0.01,
+                        trace_interval_s: 0.0,
+                    }));
                 } else if state != State::Contact {
                     rig.accepted(Command::Measure);
                 }
@@ -230,7 +233,10 @@ impl Rig {
                         over_us: over.as_ticks(),
                     };
                 }
-                Action::ConfigureSensors { .. } | Action::TestCoil => {}
+                Action::ConfigureSensors { .. }
+                | Action::TestCoil
+                | Action::TraceCurrent { .. }
+                | Action::CorrectCurrent(_) => {}
                 Action::Record { at, record } => self.records.push((*at, record.clone())),
             }
         }

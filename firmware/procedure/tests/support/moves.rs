@@ -213,10 +213,8 @@ fn commands() -> impl Strategy<Value = Command> {
             Command::TestCoil,
             Command::SetSettings(short()),
         ]),
-        (floats(), floats())
-            .prop_map(|(to_a, over_s)| { Command::DriveCoil(DriveCoil { to_a, over_s }) }),
-        (-9.0..9.0_f32, 0.0..0.1_f32)
-            .prop_map(|(to_a, over_s)| { Command::DriveCoil(DriveCoil { to_a, over_s }) }),
+        (floats(), floats(), floats()).prop_map(drive_coil),
+        (-9.0..9.0_f32, 0.0..0.1_f32, 0.0..0.01_f32).prop_map(drive_coil),
         select(FaultCode::ALL).prop_map(|code| Command::ClearFault(ClearFault { code })),
         get,
         changed_settings().prop_map(Command::SetSettings),
@@ -348,4 +346,12 @@ fn not_understood() -> impl Strategy<Value = FrameError> {
             cause,
         },
     ])
+}
+
+fn drive_coil((to_a, over_s, trace_interval_s): (f32, f32, f32)) -> Command {
+    Command::DriveCoil(DriveCoil {
+        to_a,
+        over_s,
+        trace_interval_s,
+    })
 }

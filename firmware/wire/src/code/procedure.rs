@@ -87,11 +87,13 @@ codes! {
         Stiffening = 0x15 "stiffening",
         /// Magnetorheological effect as a curve.
         StiffeningCurve = 0x16 "stiffening_curve",
-        /// Coil and current measurement.
+        /// The coil's data.
         Coil = 0x17 "coil",
         /// Attraction of the actuated layer's halves.
         Attraction = 0x18 "attraction",
         /// What another temperature than at the calibration leaves open.
         TemperatureEffect = 0x19 "temperature_effect",
+        /// Corrections of the measured current.
+        CurrentCorrection = 0x1A "current_correction",
     }
 }

@@ -68,7 +68,7 @@ structure! {
 }
 
 structure! {
-    /// The coil of the actuated layer, its heat and the measurement of its current.
+    /// The coil of the actuated layer and its heat.
     pub struct Coil {
         /// Resistance at 20 degrees Celsius.
         resistance_ohm: f32 ["ohm", 0.001, 1000],
@@ -80,10 +80,6 @@ structure! {
         copper_to_pad_k_per_w: f32 ["K/W", 0.001, 1000],
         /// Thermal resistance from layer to surroundings.
         pad_to_ambient_k_per_w: f32 ["K/W", 0.001, 1000],
-        /// Gain of the current amplifier.
-        gain_v_per_a: f32 ["V/A", 0.001, 10],
-        /// Voltage of the current amplifier at zero current.
-        zero_v: f32 ["V", 0, 5],
         /// Relative standard uncertainty of the current since the magnetorheological effect was
         /// calibrated.
         current_uncertainty: f32 ["1", 0, 1],

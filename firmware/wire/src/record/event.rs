@@ -1,5 +1,7 @@
 //! What happens to the device.
 
+use heapless::Vec;
+
 use crate::Header;
 use crate::code::{FaultCode, Mode, Outcome, Place, State};
 use crate::decoder::FrameError;
@@ -95,6 +97,21 @@ structure! {
         /// Current to which the bridge limited itself, its limit reduced; absent where that cannot
         /// be tested.
         limited_to_a: Option<f32> ["A", 0, 100],
+    }
+}
+
+structure! {
+    /// Measured currents, each the mean over a period of the bridge. The header's time is the one
+    /// of this part's first.
+    pub struct CurrentTrace {
+        /// Currents in all.
+        total: u8 ["1", 1, 128],
+        /// Place of this part's first.
+        first: u8 ["", 0, 127],
+        /// From one to the next.
+        interval_s: f32 ["s", 0, 1],
+        /// The currents of this part.
+        currents_a: Vec<f32, 16> ["A", -100, 100],
     }
 }
 

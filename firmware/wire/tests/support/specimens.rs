@@ -178,6 +178,12 @@ fn happened() -> Vec<Record> {
             supply_v: 11.9,
             limited_to_a: Some(2.1),
         }),
+        Record::CurrentTrace(CurrentTrace {
+            total: 128,
+            first: 112,
+            interval_s: 1.6e-5,
+            currents_a: [9.02, 8.99, 9.01].into_iter().collect(),
+        }),
         Record::Acknowledgement(Acknowledgement {
             command: 12,
             kind: 0x90,
@@ -203,6 +209,7 @@ fn configured() -> Vec<Record> {
         Record::Coil(coil()),
         Record::Attraction(attraction()),
         Record::TemperatureEffect(temperature_effect()),
+        Record::CurrentCorrection(current_correction()),
     ]
 }
 
@@ -224,6 +231,7 @@ pub(crate) fn commands() -> Vec<Command> {
         Command::DriveCoil(DriveCoil {
             to_a: -2.5,
             over_s: 0.01,
+            trace_interval_s: 1.6e-5,
         }),
         Command::GetCalibration(GetCalibration {
             part: Part::DeformationCurve,
@@ -240,7 +248,16 @@ pub(crate) fn commands() -> Vec<Command> {
         Command::SetCoil(coil()),
         Command::SetAttraction(attraction()),
         Command::SetTemperatureEffect(temperature_effect()),
+        Command::SetCurrentCorrection(current_correction()),
     ]
+}
+
+/// An amplifier that reads 1 % too much, and a converter with a bow.
+fn current_correction() -> CurrentCorrection {
+    CurrentCorrection {
+        greatest_a: 10.0,
+        changes_a: [0.1, 0.03, 0.0, -0.07, -0.1].into_iter().collect(),
+    }
 }
 
 /// Settings for the stack `ultrasoft`.
@@ -362,8 +379,6 @@ fn coil() -> Coil {
         pad_capacity_j_per_k: 60.0,
         copper_to_pad_k_per_w: 0.5,
         pad_to_ambient_k_per_w: 8.0,
-        gain_v_per_a: 0.125,
-        zero_v: 1.65,
         current_uncertainty: 0.01,
     }
 }

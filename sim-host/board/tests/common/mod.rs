@@ -240,8 +240,6 @@ pub(crate) fn coil() -> Coil {
         pad_capacity_j_per_k: 50.0,
         copper_to_pad_k_per_w: 1.0,
         pad_to_ambient_k_per_w: 10.0,
-        gain_v_per_a: 0.125,
-        zero_v: 1.65,
         current_uncertainty: 0.01,
     }
 }

@@ -1,0 +1,62 @@
+//! Calibration of the current measurement.
+
+use heapless::Vec;
+
+use crate::schema::Described;
+use crate::validation::{Invalid, inconsistent};
+
+/// Places of a correction, at most.
+pub const MAX_PLACES: usize = 17;
+
+/// Greatest change as a part of the current, and in ampere besides: more than the parts of a sound
+/// measurement may be off.
+const GREATEST_PART: f32 = 0.1;
+const GREATEST_A: f32 = 0.4;
+
+structure! {
+    /// What is to be added to the measured current at evenly spaced places; straight between them,
+    /// in proportion beyond the outermost. All zero for no correction.
+    ///
+    /// The limit at which the bridge is switched off is not corrected.
+    pub struct CurrentCorrection {
+        /// Measured current of the last place; the first one has its negative.
+        greatest_a: f32 ["A", 0.1, 20],
+        /// What is added at each place, 2 to 17 of them: 0.4 A and a tenth of the current there at
+        /// most.
+        changes_a: Vec<f32, 17> ["A", -2.4, 2.4],
+    }
+    also of_places
+}
+
+impl CurrentCorrection {
+    /// Measured current and its change at each place, in rising order.
+    pub fn places(&self) -> impl Iterator<Item = (f32, f32)> + '_ {
+        let last = self.changes_a.len().saturating_sub(1).max(1) as f32;
+        let places = self.changes_a.iter().enumerate();
+        places.map(move |(place, change_a)| {
+            let current_a = self.greatest_a * (2.0 * place as f32 / last - 1.0);
+            (current_a, *change_a)
+        })
+    }
+}
+
+fn of_places(correction: &CurrentCorrection) -> Result<(), Invalid> {
+    if correction.changes_a.len() < 2 {
+        return inconsistent!(
+            CurrentCorrection,
+            "changes_a",
+            "there are two places at least"
+        );
+    }
+    let too_much = |(current_a, change_a): (f32, f32)| {
+        change_a.abs() > GREATEST_PART * current_a.abs() + GREATEST_A
+    };
+    if correction.places().any(too_much) {
+        return inconsistent!(
+            CurrentCorrection,
+            "changes_a",
+            "a change is above 0.4 A and a tenth of its current"
+        );
+    }
+    Ok(())
+}

@@ -1,0 +1,170 @@
+//! What the image tells of the coil's current period by period, and what a calibration of its
+//! measurement does.
+
+mod common;
+
+use common::Bench;
+use palpate_board::{Drive, Options, Time};
+use palpate_wire::code::Outcome;
+use palpate_wire::command::{Command, CurrentCorrection, DriveCoil};
+use palpate_wire::record::CurrentTrace;
+use palpate_wire::{Frame, Record};
+
+const PERIOD_US: u64 = 16;
+
+fn drive(to_a: f32, over_s: f32, trace_interval_s: f32) -> Command {
+    Command::DriveCoil(DriveCoil {
+        to_a,
+        over_s,
+        trace_interval_s,
+    })
+}
+
+/// A board whose current amplifier errs so much.
+fn bench(gain_error: f64) -> Bench {
+    let usual = common::recording();
+    let options = Options {
+        drive: Drive {
+            gain_error,
+            ..usual.drive
+        },
+        ..usual
+    };
+    let mut bench = Bench::with(ldc161x_sim::Settings::default(), options);
+    bench.stream();
+    let set = bench.command(&Command::SetCoil(common::coil()));
+    assert_eq!(set.outcome, Outcome::Accepted);
+    bench
+}
+
+fn arm(bench: &mut Bench) {
+    assert_eq!(bench.command(&Command::Arm).outcome, Outcome::Accepted);
+    let tested = |record: &Record| matches!(record, Record::CoilTest(_)).then_some(());
+    bench.wait_for(Time::from_ms(200), tested).unwrap();
+}
+
+fn traces(frames: &[Frame<Record>]) -> Vec<(u64, CurrentTrace)> {
+    let of = |frame: &Frame<Record>| match &frame.message {
+        Record::CurrentTrace(trace) => Some((frame.header.time_us, trace.clone())),
+        _ => None,
+    };
+    frames.iter().filter_map(of).collect()
+}
+
+#[test]
+fn a_step_is_told_period_by_period() {
+    let mut bench = bench(0.0);
+    arm(&mut bench);
+    bench.command(&drive(1.0, 0.0, 0.0));
+    bench.run(Time::from_ms(5));
+    bench.send(&drive(6.0, 0.0, 16e-6));
+    // The true mean of every period meanwhile, with the time of its end.
+    let mut truth = Vec::new();
+    let mut before = bench.board.circuit().totals();
+    for _ in 0..250 {
+        bench.board.run_for(Time::from_us(PERIOD_US)).unwrap();
+        let after = bench.board.circuit().totals();
+        let mean_a = (after.charge_a_s - before.charge_a_s) / (after.time_s - before.time_s);
+        truth.push(mean_a);
+        before = after;
+    }
+    bench.run(Time::from_ms(30));
+    let told = traces(&bench.frames);
+    let currents: Vec<f32> = told
+        .iter()
+        .flat_map(|(_, of)| of.currents_a.clone())
+        .collect();
+    assert_eq!(currents.len(), 128);
+    for (place, (at_us, part)) in told.iter().enumerate() {
+        assert_eq!((part.total, usize::from(part.first)), (128, 16 * place));
+        assert_eq!(part.interval_s, 16e-6);
+        assert_eq!(at_us - told[0].0, 256 * place as u64);
+    }
+    let step_true = truth.iter().position(|mean_a| *mean_a > 3.5).unwrap();
+    let step_told = currents
+        .iter()
+        .position(|current_a| *current_a > 3.5)
+        .unwrap();
+    // The answer to the command is told when its current has been ordered.
+    let answered = bench.frames.iter().rev().find_map(|frame| {
+        let is_answer = matches!(frame.message, Record::Acknowledgement(_));
+        is_answer.then_some(frame.header.time_us)
+    });
+    let stepped_us = told[0].0 + PERIOD_US * step_told as u64;
+    assert!(
+        stepped_us.abs_diff(answered.unwrap()) < 1_000,
+        "{stepped_us} {answered:?}"
+    );
+    for (told_a, true_a) in currents[step_told + 4..]
+        .iter()
+        .zip(&truth[step_true + 4..])
+    {
+        assert!(
+            (f64::from(*told_a) - true_a).abs() < 0.1,
+            "{told_a} {true_a}"
+        );
+    }
+    let first_a = currents[0];
+    assert!((first_a - 1.0).abs() < 0.1, "{first_a}");
+}
+
+#[test]
+fn a_record_of_a_ramp_goes_on_while_the_current_does_and_ends_with_it() {
+    let mut bench = bench(0.0);
+    arm(&mut bench);
+    bench.command(&drive(4.0, 0.0, 0.0));
+    bench.command(&drive(1.0, 0.06, 0.5e-3));
+    bench.run(Time::from_ms(70));
+    bench.command(&Command::Identify);
+    let told = traces(&bench.frames);
+    let currents: Vec<f32> = told
+        .iter()
+        .flat_map(|(_, of)| of.currents_a.clone())
+        .collect();
+    assert_eq!(currents.len(), 128);
+    // 0.5 ms are 31 periods.
+    assert!(told.iter().all(|(_, of)| of.interval_s == 31.0 * 16e-6));
+    let slope = f64::from(currents[100] - currents[20]) / (80.0 * 31.0 * 16e-6);
+    assert!((slope + 50.0).abs() < 0.5, "{slope} A/s");
+    // Aborted, the rest is told as far as it got.
+    let before = bench.frames.len();
+    bench.command(&drive(2.0, 0.0, 0.01));
+    bench.run(Time::from_ms(50));
+    bench.command(&Command::Abort);
+    bench.run(Time::from_ms(300));
+    let told = traces(&bench.frames[before..]);
+    let total = told.first().map(|(_, of)| of.total).unwrap();
+    let sum: usize = told.iter().map(|(_, of)| of.currents_a.len()).sum();
+    assert_eq!(usize::from(total), sum);
+    assert!(
+        (20..35).contains(&total),
+        "{total} of 10 ms each in 0.25 to 0.3 s"
+    );
+}
+
+#[test]
+fn a_calibration_takes_the_error_of_the_gain_away() {
+    let mut bench = bench(0.05);
+    let true_a = |bench: &mut Bench| {
+        arm(bench);
+        bench.command(&drive(6.0, 0.0, 0.0));
+        bench.run(Time::from_ms(3));
+        let before = bench.board.circuit().totals();
+        bench.run(Time::from_ms(10));
+        let after = bench.board.circuit().totals();
+        bench.command(&Command::Disarm);
+        (after.charge_a_s - before.charge_a_s) / (after.time_s - before.time_s)
+    };
+    let before_a = true_a(&mut bench);
+    assert!((before_a - 6.0 / 1.05).abs() < 0.03, "{before_a}");
+    // What is read 5 % too high is 1/1.05 of it.
+    let change = |measured_a: f32| measured_a / 1.05 - measured_a;
+    let correction = CurrentCorrection {
+        greatest_a: 12.0,
+        changes_a: (-8..=8).map(|place| change(1.5 * place as f32)).collect(),
+    };
+    let set = Command::SetCurrentCorrection(correction);
+    assert_eq!(bench.command(&set).outcome, Outcome::Accepted);
+    let after_a = true_a(&mut bench);
+    assert!((after_a - 6.0).abs() < 0.03, "{after_a}");
+}
