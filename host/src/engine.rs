@@ -13,7 +13,7 @@ use crate::log::Log;
 use crate::progress::Progress;
 
 /// Where `cargo xtask firmware` writes the image.
-const DEFAULT_IMAGE: &str = "target/image/palpate-pico.elf";
+pub(crate) const DEFAULT_IMAGE: &str = "target/image/palpate-pico.elf";
 
 /// Which program runs the instrument
 #[derive(Args)]
@@ -97,7 +97,7 @@ fn only_with_image(argument: &str) -> Failure {
     ))
 }
 
-fn unusable(file: &Path, error: &dyn std::fmt::Display) -> Failure {
+pub(crate) fn unusable(file: &Path, error: &dyn std::fmt::Display) -> Failure {
     Failure::Refused(format!(
         "{}: {error}. Build the image with `cargo xtask firmware`, or name one with --image.",
         file.display()

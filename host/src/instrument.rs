@@ -119,7 +119,7 @@ fn affordable_peak_a(plant: &Parameters) -> f64 {
 }
 
 /// The coil's data as its maker gives them.
-fn coil(plant: &Parameters) -> Coil {
+pub(crate) fn coil(plant: &Parameters) -> Coil {
     let thermal = &plant.thermal;
     Coil {
         resistance_ohm: thermal.resistance_ohm as f32,

@@ -3,6 +3,7 @@
 mod bring_up;
 mod calibrate;
 mod chip;
+mod coil;
 mod coverage;
 mod decode;
 mod demo;
@@ -52,6 +53,8 @@ enum Verb {
     PlanLdc(plan_ldc::Arguments),
     Chip(chip::Arguments),
     BringUp(bring_up::Arguments),
+    Coil(coil::Arguments),
+    Calibrate(coil::calibrate::Arguments),
     Decode(decode::Arguments),
     Encode(encode::Arguments),
     Demo(demo::Arguments),
@@ -67,6 +70,8 @@ fn main() -> ExitCode {
         Verb::PlanLdc(arguments) => plan_ldc::run(&arguments),
         Verb::Chip(arguments) => chip::run(&arguments),
         Verb::BringUp(arguments) => bring_up::run(&arguments),
+        Verb::Coil(arguments) => coil::run(&arguments),
+        Verb::Calibrate(arguments) => coil::calibrate::run(&arguments),
         Verb::Decode(arguments) => decode::run(&arguments),
         Verb::Encode(arguments) => encode::run(&arguments),
         Verb::Demo(arguments) => demo::run(&arguments),

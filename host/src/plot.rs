@@ -14,6 +14,8 @@ const ENLARGED: u32 = 3;
 /// As shown, in CSS pixels.
 const SIZE: (u32, u32) = (520, 300);
 const FONT: &str = "sans-serif";
+/// About the part of a chart that a legend takes, across and along.
+const LEGEND: (f64, f64) = (0.55, 0.3);
 const TITLE_SIZE: u32 = 15 * ENLARGED;
 const LABEL_SIZE: u32 = 13 * ENLARGED;
 
@@ -203,13 +205,42 @@ impl Chart {
         }
         chart
             .configure_series_labels()
-            .position(SeriesLabelPosition::UpperLeft)
+            .position(self.legend_position(&(across, along)))
             .legend_area_size(20 * ENLARGED)
             .label_font((FONT, LABEL_SIZE))
             .background_style(WHITE.mix(0.8))
             .border_style(GREY)
             .draw()
             .map_err(|error| error.to_string())
+    }
+
+    /// The corner for the legend that hides the least.
+    fn legend_position(&self, (across, along): &(Range<f64>, Range<f64>)) -> SeriesLabelPosition {
+        let part = |place: f64, span: &Range<f64>| (place - span.start) / (span.end - span.start);
+        let places = || {
+            let corners = self.series.iter().flat_map(|series| series.marks.corners());
+            corners.filter_map(|(x, y)| {
+                let (x, y) = (self.x.place(x)?, self.y.place(y)?);
+                Some((part(x, across), part(y, along)))
+            })
+        };
+        let hidden = |left: bool, upper: bool| {
+            let within = |&(x, y): &(f64, f64)| {
+                let x = if left { x } else { 1.0 - x };
+                let y = if upper { 1.0 - y } else { y };
+                x < LEGEND.0 && y < LEGEND.1
+            };
+            places().filter(within).count()
+        };
+        [
+            (hidden(true, true), SeriesLabelPosition::UpperLeft),
+            (hidden(false, true), SeriesLabelPosition::UpperRight),
+            (hidden(true, false), SeriesLabelPosition::LowerLeft),
+            (hidden(false, false), SeriesLabelPosition::LowerRight),
+        ]
+        .into_iter()
+        .min_by_key(|(hidden, _)| *hidden)
+        .map_or(SeriesLabelPosition::UpperLeft, |(_, position)| position)
     }
 
     fn draw_series(&self, chart: &mut Context<'_, '_>, series: &Series) -> Result<(), String> {

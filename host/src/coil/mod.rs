@@ -1,0 +1,379 @@
+//! `palpate coil`: what hangs at the bridge, and how its current answers.
+
+pub(crate) mod calibrate;
+mod link;
+mod response;
+
+use std::fs;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use comfy_table::Table;
+use comfy_table::presets::NOTHING;
+use palpate_wire::command::{DriveCoil, Settings};
+use palpate_wire::record::CoilTest;
+use palpate_wire::{Command, Record};
+use serde::Serialize;
+
+use crate::failure::Failure;
+use crate::plot::{Axis, BLUE, Chart, GREY, Marks, Series};
+use link::{Link, Told};
+use response::{Ramp, Step, Traced};
+
+/// Test bridge and coil of a board, and see how its current follows a step and a ramp
+///
+/// Runs the self-test, which finds resistance and inductance, steps the current up and lets it fall
+/// in a ramp, and draws what the board has measured.
+#[derive(Args)]
+#[command(after_help = "\
+A board is reached through the servers of its debug probe for the channels of its RTT;
+docs/bring-up.md has the commands for OpenOCD. Its coil gets current: up to 6 A for a tenth of a
+second in the test, and the step's for a fifth of one.
+
+Exit code 1 if the current does not follow as it should.
+
+Examples:
+  palpate coil --records localhost:9091 --commands localhost:9090 --stack mine.toml
+  palpate coil --emulated --to 6")]
+pub(crate) struct Arguments {
+    #[command(flatten)]
+    link: link::Arguments,
+    /// Where the step goes, A, of either sign. Otherwise what supply and settings allow
+    #[arg(long, value_name = "A", allow_negative_numbers = true)]
+    to: Option<f64>,
+    /// Folder for the plots step.svg and ramp.svg
+    #[arg(long, value_name = "FOLDER", default_value = ".")]
+    plots: PathBuf,
+    /// Print JSON instead of a table
+    #[arg(long)]
+    json: bool,
+}
+
+/// Longest that the self-test takes, s: a sixth of one with a coil of 400 uH.
+const TEST_S: f64 = 1.0;
+/// Every period of the bridge.
+const STEP_INTERVAL_S: f32 = 16e-6;
+/// Longest that the parts of a record take through a probe, s.
+const RECORD_S: f64 = 1.0;
+/// A ramp as in a measurement, s.
+const RAMP_S: f32 = 0.06;
+/// Part of the step's current at which the ramp ends.
+const RAMP_ENDS: f64 = 0.2;
+/// At a current before the ramp begins, s.
+const HOLD_S: f64 = 0.03;
+/// Part of what supply and resistance allow that a step goes to: what is left regulates.
+const OF_SUPPLY: f64 = 0.8;
+
+/// What was found.
+#[derive(Serialize)]
+struct Found {
+    simulated: bool,
+    test: CoilTest,
+    time_constant_s: f64,
+    step: Step,
+    ramp: Ramp,
+    as_it_should_be: bool,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let mut link = arguments.link.open()?;
+    let settings = settings(&mut link)?;
+    let test = armed(&mut link)?;
+    let to_a = destination(arguments.to, &settings, &test)?;
+    link.take();
+    let stepped = step(&mut link, to_a)?;
+    link.drive_on(HOLD_S)?;
+    let fallen = ramp(&mut link, RAMP_ENDS * to_a)?;
+    link.must(&Command::Abort)?;
+    link.must(&Command::Disarm)?;
+    let found = Found {
+        simulated: arguments.link.emulated,
+        time_constant_s: f64::from(test.inductance_h) / f64::from(test.resistance_ohm),
+        step: Step::of(&stepped, to_a, &test)?,
+        ramp: Ramp::of(&fallen, [to_a, RAMP_ENDS * to_a])?,
+        as_it_should_be: false,
+        test,
+    };
+    let found = Found {
+        as_it_should_be: found.step.is_as_it_should_be() && found.ramp.is_as_it_should_be(),
+        ..found
+    };
+    let charts = [
+        step_chart(&found.step, &stepped),
+        ramp_chart(&found.ramp, &fallen),
+    ];
+    let files = plots(&arguments.plots, &charts)?;
+    if arguments.json {
+        writeln!(io::stdout(), "{}", serde_json::to_string(&found)?)?;
+    } else {
+        print(&found, &files)?;
+    }
+    if found.as_it_should_be {
+        return Ok(());
+    }
+    Err(Failure::Refused(
+        "the current does not follow as it should: see the plots; docs/firmware.md has what it \
+         should do, docs/faults.md what goes wrong"
+            .to_owned(),
+    ))
+}
+
+/// The settings in force.
+fn settings(link: &mut Link) -> Result<Settings, Failure> {
+    link.must(&Command::GetSettings)?;
+    link.wait_for(1.0, "settings", |(_, record)| match record {
+        Record::Settings(settings) => Some(settings.clone()),
+        _ => None,
+    })
+}
+
+/// Arms the board, and waits for what its test of the coil finds.
+fn armed(link: &mut Link) -> Result<CoilTest, Failure> {
+    link.take();
+    link.must(&Command::Arm)?;
+    link.wait_for(
+        TEST_S,
+        "result of the coil's test",
+        |(_, record)| match record {
+            Record::CoilTest(test) => Some(test.clone()),
+            _ => None,
+        },
+    )
+}
+
+/// The greatest current that supply and settings allow, A.
+fn allowed_a(settings: &Settings, test: &CoilTest) -> f64 {
+    let supplied_a = f64::from(test.supply_v) / f64::from(test.resistance_ohm);
+    f64::from(settings.peak_current_a).min(OF_SUPPLY * supplied_a)
+}
+
+fn destination(
+    wanted_a: Option<f64>,
+    settings: &Settings,
+    test: &CoilTest,
+) -> Result<f64, Failure> {
+    let allowed_a = allowed_a(settings, test);
+    match wanted_a {
+        None => Ok((10.0 * allowed_a).floor() / 10.0),
+        Some(to_a) if to_a.abs() <= allowed_a && to_a.abs() >= 1.0 => Ok(to_a),
+        Some(to_a) => Err(Failure::Argument(format!(
+            "--to {to_a}: allowed are 1 to {allowed_a:.1} A of either sign, by the settings' peak \
+             current and by what {:.1} V push through {:.2} ohm",
+            test.supply_v, test.resistance_ohm
+        ))),
+    }
+}
+
+fn drive(link: &mut Link, to_a: f64, over_s: f32, trace_interval_s: f32) -> Result<f64, Failure> {
+    link.must(&Command::DriveCoil(DriveCoil {
+        to_a: to_a as f32,
+        over_s,
+        trace_interval_s,
+    }))
+}
+
+/// Steps from rest, and waits for the record of it.
+fn step(link: &mut Link, to_a: f64) -> Result<Traced, Failure> {
+    link.take();
+    drive(link, to_a, 0.0, STEP_INTERVAL_S)?;
+    let mut told: Vec<Told> = Vec::new();
+    let mut left_s = RECORD_S;
+    while left_s > 0.0 {
+        link.drive_on(link::WORD_S)?;
+        told.extend(link.take());
+        if let Some(traced) = Traced::whole(&told) {
+            return Ok(traced);
+        }
+        left_s -= link::WORD_S;
+    }
+    Err(Failure::Refused(
+        "the board did not tell the whole record of the current: the probe loses records"
+            .to_owned(),
+    ))
+}
+
+/// Falls in a ramp: what the board told of its conversions meanwhile, as time since its beginning,
+/// s, and current, A.
+fn ramp(link: &mut Link, to_a: f64) -> Result<Vec<(f64, f64)>, Failure> {
+    link.take();
+    let begin_s = drive(link, to_a, RAMP_S, 0.0)?;
+    link.drive_on(f64::from(RAMP_S) + HOLD_S)?;
+    let told = link.take().into_iter();
+    let currents = told.filter_map(|(at_s, record)| match record {
+        Record::Sample(sample) => Some((at_s - begin_s, f64::from(sample.current_a?))),
+        _ => None,
+    });
+    Ok(currents.collect())
+}
+
+fn plots(folder: &Path, charts: &[Chart; 2]) -> Result<[PathBuf; 2], Failure> {
+    let files = ["step.svg", "ramp.svg"].map(|name| folder.join(name));
+    fs::create_dir_all(folder)?;
+    for (chart, file) in charts.iter().zip(&files) {
+        fs::write(file, chart.svg()?)?;
+    }
+    Ok(files)
+}
+
+fn series(name: &str, colour: plotters::style::RGBColor, marks: Marks) -> Series {
+    Series {
+        name: name.to_owned(),
+        colour,
+        marks,
+    }
+}
+
+/// Where a step's chart begins before it, and ends, s.
+const AROUND_STEP_S: [f64; 2] = [-100e-6, 700e-6];
+
+fn step_chart(step: &Step, traced: &Traced) -> Chart {
+    let shown = traced.points().filter_map(|(at_s, current_a)| {
+        let since_s = at_s - step.begins_s;
+        let [from_s, to_s] = AROUND_STEP_S;
+        (from_s..=to_s)
+            .contains(&since_s)
+            .then_some((1e6 * since_s, current_a))
+    });
+    let [_, to_s] = AROUND_STEP_S;
+    let possible = step.possible_course(to_s);
+    Chart {
+        title: format!("Step to {:.1} A", step.to_a),
+        x: Axis::linear("time, µs"),
+        y: Axis::linear("current, A"),
+        series: vec![
+            series(
+                "possible with this coil and supply",
+                GREY,
+                Marks::Line(possible),
+            ),
+            series(
+                "measured, by periods of the bridge",
+                BLUE,
+                Marks::Crosses(shown.collect()),
+            ),
+        ],
+    }
+}
+
+fn ramp_chart(ramp: &Ramp, told: &[(f64, f64)]) -> Chart {
+    let [from_s, to_s] = ramp.span_s;
+    let off = told
+        .iter()
+        .filter(|(at_s, _)| (from_s..=to_s).contains(at_s))
+        .map(|(at_s, current_a)| (1e3 * at_s, 1e3 * (current_a - ramp.at(*at_s))));
+    let allowed_ma = 1e3 * response::NONLINEARITY * ramp.from_a.abs();
+    let bound = |off_ma: f64| Marks::Line([from_s, to_s].map(|at_s| (1e3 * at_s, off_ma)).to_vec());
+    Chart {
+        title: format!(
+            "Ramp from {:.1} to {:.1} A, less its straight line",
+            ramp.from_a, ramp.to_a
+        ),
+        x: Axis::linear("time, ms"),
+        y: Axis::linear("off the line, mA"),
+        series: vec![
+            series(
+                "measured, by conversions",
+                BLUE,
+                Marks::Crosses(off.collect()),
+            ),
+            series("allowed", GREY, bound(allowed_ma)),
+            series("and below", GREY, bound(-allowed_ma)),
+        ],
+    }
+}
+
+fn print(found: &Found, files: &[PathBuf; 2]) -> Result<(), Failure> {
+    let Found {
+        test, step, ramp, ..
+    } = found;
+    let mut table = Table::new();
+    table.load_style(NOTHING);
+    let limit = test.limited_to_a.map_or_else(
+        || "not tested: the board cannot lower it".to_owned(),
+        |limited_a| format!("acts: {limited_a:.1} A when lowered"),
+    );
+    for [what, value, should] in [
+        [
+            "resistance of the circuit".into(),
+            format!("{:.3} ohm", test.resistance_ohm),
+            String::new(),
+        ],
+        [
+            "inductance".into(),
+            format!("{:.1} µH", 1e6 * test.inductance_h),
+            String::new(),
+        ],
+        [
+            "time constant".into(),
+            format!("{:.0} µs", 1e6 * found.time_constant_s),
+            String::new(),
+        ],
+        [
+            "dead time".into(),
+            format!("{:.1} % of a period", 1e2 * test.lost),
+            String::new(),
+        ],
+        [
+            "current measurement at rest".into(),
+            format!("{:.3} V", test.zero_v),
+            String::new(),
+        ],
+        [
+            "supply".into(),
+            format!("{:.1} V", test.supply_v),
+            String::new(),
+        ],
+        ["the bridge's own limit".into(), limit, String::new()],
+        [
+            format!("step to {:.1} A: to 90 %", step.to_a),
+            format!("{:.0} µs", 1e6 * step.to_90_s),
+            format!(
+                "{:.0} at most: {:.0} that the circuit takes, two periods, and one of the record",
+                1e6 * step.to_90_at_most_s(),
+                1e6 * step.possible_s
+            ),
+        ],
+        [
+            "overshoot".into(),
+            format!("{:.1} %", 1e2 * step.overshoot),
+            format!(
+                "{:.1} at most: 2 and the noise of a period",
+                1e2 * step.overshoot_at_most()
+            ),
+        ],
+        [
+            "after it".into(),
+            format!("{:.2} A", step.settled_a),
+            format!(
+                "{:.2} to {:.2}",
+                step.to_a - step.tolerance_a(),
+                step.to_a + step.tolerance_a()
+            ),
+        ],
+        [
+            format!("ramp to {:.1} A: from a straight line", ramp.to_a),
+            format!("{:.2} %", 1e2 * ramp.nonlinearity),
+            format!("{:.2} at most", 1e2 * response::NONLINEARITY),
+        ],
+        [
+            "scatter about it".into(),
+            format!("{:.0} mA", 1e3 * ramp.scatter_a),
+            String::new(),
+        ],
+    ] {
+        table.add_row([what, value, should]);
+    }
+    let mut out = io::stdout().lock();
+    if found.simulated {
+        writeln!(out, "simulated coil at the emulated board")?;
+    }
+    writeln!(out, "{table}")?;
+    let [step_file, ramp_file] = files;
+    Ok(writeln!(
+        out,
+        "Plots: {}, {}",
+        step_file.display(),
+        ramp_file.display()
+    )?)
+}
