@@ -11,8 +11,9 @@ use palpate_procedure::event::Failure;
 use palpate_wire::code::{FaultCode, Place};
 use palpate_wire::command::{CurrentCorrection, MAX_PLACES};
 use palpate_wire::record::{CoilTest, CurrentTrace};
+use rtic_monotonics::rp2040::prelude::*;
 
-use crate::safe;
+use crate::{Mono, safe};
 use limits::{HARDWARE, LIMITS, PERIOD_US};
 use period::{AVERAGES, TRACE, TRACE_LENGTH, held};
 
@@ -180,14 +181,15 @@ pub fn temperature_c() -> Option<f32> {
 }
 
 /// Mean of the measured current over a past window, A; nothing if it is too old.
-pub fn mean_current_a(now_us: u64, from_us: u64, to_us: u64) -> Option<f32> {
+pub fn mean_current_a(from_us: u64, to_us: u64) -> Option<f32> {
     let since_us = with(|coil| coil.runs_since_us).flatten();
     // Before the interrupt ran there was none.
     let from = from_us.max(since_us.unwrap_or(u64::MAX));
     if from >= to_us {
         return Some(0.0);
     }
-    let now = AVERAGES.now();
+    // Together: a task that came between would shift the window by as long as it runs.
+    let (now_us, now) = critical_section::with(|_| (Mono::now().as_ticks(), AVERAGES.now()));
     let ago = |time_us: u64| (now_us.saturating_sub(time_us) / u64::from(PERIOD_US)) as u32;
     let (begin, end) = (now.wrapping_sub(ago(from)), now.wrapping_sub(ago(to_us)));
     if begin == end {

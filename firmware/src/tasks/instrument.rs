@@ -358,7 +358,7 @@ fn scan_of(sampled: &Sampled) -> Scan {
         conversions: Vec::new(),
         lost: sampled.missed,
         gap: sampled.gap,
-        current: coil::mean_current_a(Mono::now().as_ticks(), begin_us, end_us).map(Ampere),
+        current: coil::mean_current_a(begin_us, end_us).map(Ampere),
     };
     scan.conversions.extend(conversions);
     scan

@@ -57,7 +57,7 @@ pub(crate) struct Arguments {
 const USUAL: &str = "ultrasoft";
 /// How long a board's answer may take. It waits for a test of the coil itself; a probe's server
 /// looks every 10 ms.
-const PATIENCE: Duration = Duration::from_millis(1_000);
+const PATIENCE: Duration = Duration::from_secs(5);
 /// From one look at a probe's server to the next.
 const LOOK: Duration = Duration::from_millis(2);
 /// From one word to the board to the next while it drives a current: it waits for 100 ms.

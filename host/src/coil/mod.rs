@@ -50,12 +50,13 @@ pub(crate) struct Arguments {
     json: bool,
 }
 
-/// Longest that the self-test takes, s: a sixth of one with a coil of 400 uH.
-const TEST_S: f64 = 1.0;
+/// Longest that is waited for the self-test, s: it takes a fifth of one at most.
+const TEST_S: f64 = 5.0;
 /// Every period of the bridge.
 const STEP_INTERVAL_S: f32 = 16e-6;
-/// Longest that the parts of a record take through a probe, s.
-const RECORD_S: f64 = 1.0;
+/// Longest that is waited for the parts of a record, s; they take two milliseconds, and the way
+/// through a probe.
+const RECORD_S: f64 = 5.0;
 /// A ramp as in a measurement, s.
 const RAMP_S: f32 = 0.06;
 /// Part of the step's current at which the ramp ends.
