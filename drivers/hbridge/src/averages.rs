@@ -10,13 +10,14 @@ pub const BLOCK: u32 = 16;
 ///
 /// A moment is a number of periods since the start, which wraps.
 #[derive(Debug)]
+#[repr(C)]
 pub struct Averages<const N: usize> {
-    /// Sum of all units up to the end of each block; wraps.
-    sums: [AtomicI32; N],
     /// Periods so far; wraps.
     periods: AtomicU32,
     /// Sum of all units so far; wraps. Written by the interrupt alone.
     total: AtomicI32,
+    /// Sum of all units up to the end of each block; wraps.
+    sums: [AtomicI32; N],
 }
 
 impl<const N: usize> Default for Averages<N> {

@@ -3,11 +3,11 @@
 use crate::averages::Averages;
 use crate::correction::Correction;
 use crate::fault::Fault;
-use crate::line::{Line, Wanted};
-use crate::output::{Output, Shaper};
+use crate::line::{Ahead, Line};
+use crate::output::{Levels, Output, Shaper};
 use crate::regulator::{Gains, Regulator};
 use crate::self_test::{Plan, SelfTest, Step, Sums};
-use crate::watch::{ATTENDED_WITHIN, Block, Bounds, Watch};
+use crate::watch::{self, ATTENDED_WITHIN, Bounds, Watch};
 use crate::waveform::MOST_SEGMENTS;
 
 /// A current that is as near as this to where it is wanted, in units, is on its course: 0.15 A of
@@ -15,6 +15,9 @@ use crate::waveform::MOST_SEGMENTS;
 const NEAR: i32 = 48;
 /// Periods for which the law is asked every time after the current was off its course.
 const BUSY_PERIODS: u32 = 16;
+
+/// The period in which it has not looked in time.
+const PATIENCE: u32 = ATTENDED_WITHIN + 1;
 
 /// A line in integers: where to, in units, and periods.
 pub(crate) type Leg = (i32, u32);
@@ -89,31 +92,54 @@ pub struct Report {
 }
 
 /// The drive: told of two samples every period, it says what the bridge is to do.
+///
+/// What every period needs comes first and in this order: the processor reaches 124 bytes from an
+/// address in one instruction.
 #[derive(Clone, Debug)]
+#[repr(C)]
 pub struct Drive {
+    mode: Mode,
+    /// Whether there is a correction.
+    corrects: bool,
+    /// Whether there is a law.
+    tested: bool,
+    /// Whether a line follows the present one.
+    goes_on: bool,
+    /// Two readings without current.
+    twice_zero: i32,
+    /// -1 where the measurement is reversed, otherwise 0.
+    sign: i32,
+    /// The least sample that is no trip, and how many more are none.
+    least: i32,
+    range: u32,
+    /// The current of the period.
+    measured: i32,
+    /// Periods in which the law is asked each time.
+    busy: u32,
+    /// Periods until the supervisor has to have looked.
+    patience: u32,
+    shaper: Shaper,
+    /// Greatest level.
+    top: i32,
+    line: Line,
+    sums: watch::Sums,
+    regulator: Regulator,
+    gains: Gains,
+    // From here on for a few periods only.
+    correction: Correction,
+    next: usize,
+    /// The next line, if it was prepared.
+    ahead: Ahead,
+    is_prepared: bool,
+    legs: Legs,
+    watch: Watch,
+    bounds: Bounds,
     /// Current limit and trip, units.
     current: i32,
     trip: i32,
-    bounds: Bounds,
-    reversed: bool,
     nominal_twice_zero: i32,
-    twice_zero: i32,
-    gains: Option<Gains>,
-    correction: Option<Correction>,
-    shaper: Shaper,
-    state: Mode,
-    line: Line,
-    legs: Legs,
-    next: usize,
-    regulator: Regulator,
-    watch: Watch,
-    /// The current of the period, and the level and the current that are wanted of the next.
-    measured: i32,
-    level: i32,
-    wanted: Wanted,
-    /// Periods in which the law is asked each time.
-    busy: u32,
-    unattended: u32,
+    fault: Fault,
+    test: SelfTest,
     report: Sum,
     outcome: Option<Sums>,
 }
@@ -126,12 +152,14 @@ struct Sum {
     blocks: u32,
 }
 
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Mode {
     Off,
-    Testing(SelfTest),
+    /// By `test`.
+    Testing,
     Driving,
-    Latched(Fault),
+    /// By `fault`.
+    Latched,
 }
 
 /// What never changes, in integers.
@@ -143,34 +171,47 @@ pub(crate) struct Fixed {
     pub(crate) reversed: bool,
     pub(crate) twice_zero: i32,
     pub(crate) shaper: Shaper,
+    /// Greatest level.
+    pub(crate) top: i32,
 }
 
 impl Drive {
     pub(crate) fn new(fixed: Fixed) -> Self {
-        Self {
+        let mut drive = Self {
+            mode: Mode::Off,
+            corrects: false,
+            tested: false,
+            goes_on: false,
+            twice_zero: 0,
+            sign: if fixed.reversed { -1 } else { 0 },
+            least: 0,
+            range: 0,
+            measured: 0,
+            busy: 0,
+            patience: PATIENCE,
+            shaper: fixed.shaper,
+            top: fixed.top,
+            line: Line::default(),
+            regulator: Regulator::default(),
+            sums: watch::Sums::default(),
+            gains: Gains::default(),
+            correction: Correction::NONE,
+            next: 0,
+            ahead: Ahead::default(),
+            is_prepared: false,
+            legs: Legs::new(),
+            watch: Watch::default(),
+            bounds: fixed.bounds,
             current: fixed.current,
             trip: fixed.trip,
-            bounds: fixed.bounds,
-            reversed: fixed.reversed,
             nominal_twice_zero: fixed.twice_zero,
-            twice_zero: fixed.twice_zero,
-            gains: None,
-            correction: None,
-            shaper: fixed.shaper,
-            state: Mode::Off,
-            line: Line::default(),
-            legs: Legs::new(),
-            next: 0,
-            regulator: Regulator::default(),
-            watch: Watch::default(),
-            measured: 0,
-            level: 0,
-            wanted: Wanted::default(),
-            busy: 0,
-            unattended: 0,
+            fault: Fault::Unattended,
+            test: SelfTest::new(Plan::default()),
             report: Sum::default(),
             outcome: None,
-        }
+        };
+        drive.set_zero(fixed.twice_zero);
+        drive
     }
 
     /// What the supervisor has to know.
@@ -192,13 +233,13 @@ impl Drive {
     /// Where it stands.
     #[must_use]
     pub fn state(&self) -> State {
-        match self.state {
+        match self.mode {
             Mode::Off => State::Off {
-                tested: self.gains.is_some(),
+                tested: self.tested,
             },
-            Mode::Testing(_) => State::Testing,
+            Mode::Testing => State::Testing,
             Mode::Driving => State::Driving,
-            Mode::Latched(fault) => State::Latched(fault),
+            Mode::Latched => State::Latched(self.fault),
         }
     }
 
@@ -212,25 +253,24 @@ impl Drive {
 
     /// Takes an order. What a limit forbids is held to it, whoever made the order.
     pub fn obey(&mut self, order: &Order) {
-        self.unattended = 0;
+        self.patience = PATIENCE;
         match &order.0 {
             Orders::Attended => {}
             Orders::Stop => self.stop(),
             Orders::Clear => {
-                if let Mode::Latched(fault) = self.state {
-                    self.state = Mode::Off;
-                    if fault.asks_for_a_test() {
-                        self.gains = None;
-                    }
+                if self.mode == Mode::Latched {
+                    self.mode = Mode::Off;
+                    self.tested &= !self.fault.asks_for_a_test();
                 }
             }
             Orders::Latch(fault) => self.latch(*fault),
             Orders::Test(plan) => {
-                if matches!(self.state, Mode::Off) {
-                    self.gains = None;
-                    self.twice_zero = self.nominal_twice_zero;
+                if self.mode == Mode::Off {
+                    self.tested = false;
+                    self.set_zero(self.nominal_twice_zero);
                     self.outcome = None;
-                    self.state = Mode::Testing(SelfTest::new(*plan));
+                    self.test = SelfTest::new(*plan);
+                    self.mode = Mode::Testing;
                 }
             }
             Orders::Fit {
@@ -239,66 +279,81 @@ impl Drive {
                 coast_q8,
             } => {
                 self.outcome = None;
-                self.twice_zero = *twice_zero;
-                self.gains = Some(*gains);
+                self.set_zero(*twice_zero);
+                self.tested = true;
+                self.gains = *gains;
                 self.shaper.coast_q8 = *coast_q8;
             }
             Orders::Adapt { gains, coast_q8 } => {
-                if self.gains.is_some() {
-                    self.gains = Some(*gains);
+                if self.tested {
+                    self.gains = *gains;
                     self.shaper.coast_q8 = *coast_q8;
                 }
             }
             Orders::Run(legs) => self.run(legs),
             Orders::Correct(correction) => {
-                self.correction = (*correction != Correction::NONE).then_some(*correction);
+                self.corrects = *correction != Correction::NONE;
+                self.correction = *correction;
             }
         }
     }
 
+    fn set_zero(&mut self, twice_zero: i32) {
+        self.twice_zero = twice_zero;
+        // Twice a sample less twice the zero is within plus and minus the trip.
+        self.least = (twice_zero - self.trip + 1) >> 1;
+        self.range = (((twice_zero + self.trip) >> 1) - self.least) as u32;
+    }
+
     fn run(&mut self, legs: &Legs) {
-        if self.gains.is_none() {
+        if !self.tested {
             return;
         }
-        match self.state {
+        match self.mode {
             Mode::Driving => {}
             Mode::Off => {
                 self.line = Line::default();
                 self.regulator = Regulator::default();
+                self.sums = watch::Sums::default();
                 self.watch = Watch::default();
-                self.state = Mode::Driving;
+                self.mode = Mode::Driving;
             }
-            Mode::Testing(_) | Mode::Latched(_) => return,
+            Mode::Testing | Mode::Latched => return,
         }
         self.legs.clone_from(legs);
         self.next = 0;
-        self.leg();
+        self.is_prepared = false;
+        if let Some((to, periods)) = self.leg() {
+            self.line.go(to, periods);
+            self.next = 1;
+        }
+        self.goes_on = self.leg().is_some();
     }
 
     fn stop(&mut self) {
-        if !matches!(self.state, Mode::Latched(_)) {
-            self.state = Mode::Off;
+        if self.mode != Mode::Latched {
+            self.mode = Mode::Off;
         }
         self.legs.clear();
         self.next = 0;
+        self.goes_on = false;
         self.line = Line::default();
     }
 
     /// Off, and so it stays. The first fault stands.
+    #[inline(never)]
     fn latch(&mut self, fault: Fault) {
         self.stop();
-        if !matches!(self.state, Mode::Latched(_)) {
-            self.state = Mode::Latched(fault);
+        if self.mode != Mode::Latched {
+            self.mode = Mode::Latched;
+            self.fault = fault;
         }
     }
 
-    /// The next line of the waveform.
-    fn leg(&mut self) {
-        if let Some(&(to, periods)) = self.legs.get(self.next) {
-            self.line
-                .go(to.min(self.current).max(-self.current), periods);
-            self.next += 1;
-        }
+    /// The next line of the waveform, if there is one.
+    fn leg(&self) -> Option<Leg> {
+        let &(to, periods) = self.legs.get(self.next)?;
+        Some((to.min(self.current).max(-self.current), periods))
     }
 
     /// A period: its two samples, taken where the ripple passes through its mean, and whether the
@@ -311,25 +366,30 @@ impl Drive {
     pub fn tick(&mut self, samples: [u16; 2], bridge_faults: bool) -> Output {
         let [first, second] = samples;
         let (first, second) = (i32::from(first), i32::from(second));
-        let units = self.sign(first + second - self.twice_zero);
-        self.measured = match &self.correction {
-            Some(correction) => correction.apply(units),
-            None => units,
+        let units = ((first + second - self.twice_zero) ^ self.sign) - self.sign;
+        self.measured = if self.corrects {
+            self.correction.apply(units)
+        } else {
+            units
         };
-        match self.state {
-            Mode::Driving => {
-                if self.trips(first) || self.trips(second) {
-                    self.latch(Fault::OverCurrent);
-                    return Output::OFF;
-                }
-                if bridge_faults {
-                    self.latch(Fault::Bridge);
-                    return Output::OFF;
-                }
-                self.drive()
-            }
-            Mode::Off | Mode::Latched(_) => Output::OFF,
-            Mode::Testing(_) => self.test([first, second], bridge_faults),
+        if self.mode != Mode::Driving || self.trips(first) || self.trips(second) || bridge_faults {
+            // By its parts: the compiler keeps these in registers, where it would put the whole
+            // into memory in the other case as well.
+            let Output {
+                awake,
+                levels,
+                limit_low,
+            } = self.otherwise([first, second], bridge_faults);
+            return Output {
+                awake,
+                levels,
+                limit_low,
+            };
+        }
+        Output {
+            awake: true,
+            levels: self.drive(),
+            limit_low: false,
         }
     }
 
@@ -339,113 +399,128 @@ impl Drive {
     #[inline]
     pub fn account<const N: usize>(&mut self, averages: &Averages<N>) -> bool {
         averages.push(self.measured);
-        if matches!(self.state, Mode::Off | Mode::Latched(_)) {
-            return false;
+        if self.mode != Mode::Driving {
+            return self.wait();
         }
-        self.unattended += 1;
-        if self.unattended > ATTENDED_WITHIN {
-            self.latch(Fault::Unattended);
-            return true;
-        }
-        if matches!(self.state, Mode::Driving)
-            && self.watch.push(self.level, self.measured)
-            && let Some(fault) = self.close()
-        {
-            self.latch(fault);
-            return true;
-        }
-        false
+        self.patience -= 1;
+        let is_whole = self.sums.push(self.regulator.level, self.measured);
+        (is_whole || self.patience == 0) && self.close(is_whole)
     }
 
     #[inline]
     fn trips(&self, sample: i32) -> bool {
-        let twice = 2 * sample - self.twice_zero;
-        twice > self.trip || twice < -self.trip
+        (sample - self.least) as u32 > self.range
     }
 
     #[inline]
-    fn sign(&self, units: i32) -> i32 {
-        if self.reversed { -units } else { units }
-    }
-
-    #[inline]
-    fn drive(&mut self) -> Output {
-        let Some(gains) = &self.gains else {
-            self.stop();
-            return Output::OFF;
-        };
-        if self.line.is_over()
-            && let Some(&(to, periods)) = self.legs.get(self.next)
-        {
-            self.line
-                .go(to.min(self.current).max(-self.current), periods);
-            self.next += 1;
-            self.busy = BUSY_PERIODS;
+    fn drive(&mut self) -> Levels {
+        if self.line.is_over() && self.goes_on {
+            self.turn();
         }
-        let wanted = self.line.advance();
+        self.line.advance();
         let measured = self.measured;
-        let off = (wanted.at_q4 >> 4) - measured;
+        let off = self.line.now() - measured;
         if !(-NEAR..=NEAR).contains(&off) {
             self.busy = BUSY_PERIODS;
         }
-        let level = if self.busy > 0 {
+        let wanted = if self.busy > 0 {
             self.busy -= 1;
-            self.regulator.step(gains, wanted, measured)
+            self.regulator.step(&self.gains, &self.line, measured)
         } else {
-            self.regulator.rest(gains, wanted, off)
+            self.regulator.rest(&self.gains, &self.line, off)
         };
-        let (level, levels) = self.shaper.shape(level, measured, wanted.at_q4);
-        self.regulator.given(level);
-        self.level = level;
-        self.wanted = wanted;
-        Output {
-            awake: true,
-            levels,
-            limit_low: false,
+        let level = self.regulator.dither(wanted, self.top);
+        let (level, levels) = self.shaper.shape(level, measured, &self.line);
+        self.regulator.level = level;
+        levels
+    }
+
+    /// At the end of a line: goes on with the next one.
+    #[inline(never)]
+    fn turn(&mut self) {
+        if let Some((to, periods)) = self.leg() {
+            if self.is_prepared {
+                self.line.follow(&self.ahead);
+            } else {
+                self.line.go(to, periods);
+            }
+            self.is_prepared = false;
+            self.next += 1;
+            self.goes_on = self.leg().is_some();
+            self.busy = BUSY_PERIODS;
         }
     }
 
+    /// The end of a block, or of the supervisor's time. Returns whether that was the end of all.
     #[inline(never)]
-    fn close(&mut self) -> Option<Fault> {
-        let gains = self.gains.as_ref()?;
-        let (block, fault) = self
+    fn close(&mut self, is_whole: bool) -> bool {
+        if self.patience == 0 {
+            self.latch(Fault::Unattended);
+            return true;
+        }
+        if !is_whole {
+            return false;
+        }
+        let block = self.sums.take();
+        let wanted = self.line.wanted();
+        let fault = self
             .watch
-            .close(gains, &self.bounds, self.wanted, self.measured);
-        let Block {
-            levels,
-            units,
-            power,
-        } = block;
-        self.report.power = self.report.power.wrapping_add(power.into());
-        self.report.levels = self.report.levels.wrapping_add(levels);
-        self.report.units = self.report.units.wrapping_add(units);
+            .close(&block, &self.gains, &self.bounds, wanted, self.measured);
+        self.report.power = self.report.power.wrapping_add(block.power.into());
+        self.report.levels = self.report.levels.wrapping_add(block.levels);
+        self.report.units = self.report.units.wrapping_add(block.units);
         self.report.blocks = self.report.blocks.wrapping_add(1);
-        fault
+        if let Some(fault) = fault {
+            self.latch(fault);
+            return true;
+        }
+        if !self.is_prepared
+            && let Some((to, periods)) = self.leg()
+        {
+            self.ahead = self.line.ahead(to, periods);
+            self.is_prepared = true;
+        }
+        false
+    }
+
+    /// A period without regulation has passed; whether nobody has looked at a test for too long.
+    #[inline(never)]
+    fn wait(&mut self) -> bool {
+        if self.mode != Mode::Testing {
+            return false;
+        }
+        self.patience -= 1;
+        if self.patience == 0 {
+            self.latch(Fault::Unattended);
+        }
+        self.patience == 0
+    }
+
+    /// A period in which no current is regulated any more, or not yet.
+    #[inline(never)]
+    fn otherwise(&mut self, samples: [i32; 2], bridge_faults: bool) -> Output {
+        match self.mode {
+            Mode::Off | Mode::Latched => {}
+            Mode::Testing => return self.test(samples, bridge_faults),
+            Mode::Driving if samples.iter().any(|sample| self.trips(*sample)) => {
+                self.latch(Fault::OverCurrent);
+            }
+            Mode::Driving => self.latch(Fault::Bridge),
+        }
+        Output::OFF
     }
 
     #[inline(never)]
     fn test(&mut self, [first, second]: [i32; 2], bridge_faults: bool) -> Output {
         let trips = self.trips(first) || self.trips(second);
-        let Mode::Testing(test) = &mut self.state else {
-            return Output::OFF;
-        };
-        if trips && test.twice_zero().is_some() {
+        if trips && self.test.twice_zero().is_some() {
             self.latch(Fault::OverCurrent);
             return Output::OFF;
         }
-        let sum = first + second;
-        let sum = if self.reversed {
-            2 * self.nominal_twice_zero - sum
-        } else {
-            sum
-        };
-        let step = test.step(sum);
-        if let Some(twice_zero) = test.twice_zero() {
-            self.twice_zero = if self.reversed {
-                2 * self.nominal_twice_zero - twice_zero
-            } else {
-                twice_zero
-            };
+        let sum = self.reverse(first + second);
+        let step = self.test.step(sum);
+        if let Some(twice_zero) = self.test.twice_zero() {
+            self.set_zero(self.reverse(twice_zero));
         }
         match step {
             Step::Asleep => Output::OFF,
@@ -468,13 +543,23 @@ impl Drive {
             }
             Step::Over(Ok(sums)) => {
                 self.outcome = Some(sums);
-                self.state = Mode::Off;
+                self.mode = Mode::Off;
                 Output::OFF
             }
             Step::Over(Err(fault)) => {
                 self.latch(fault);
                 Output::OFF
             }
+        }
+    }
+
+    /// Two samples, or two readings without current, as they would be if a measurement that is
+    /// reversed were not; and back.
+    fn reverse(&self, sum: i32) -> i32 {
+        if self.sign < 0 {
+            2 * self.nominal_twice_zero - sum
+        } else {
+            sum
         }
     }
 }

@@ -2,11 +2,13 @@
 
 /// A straight line from one current to another, in units with 32 bits behind the point.
 #[derive(Clone, Copy, Debug, Default)]
+#[repr(C)]
 pub(crate) struct Line {
     now: i64,
     slope: i64,
-    end: i64,
     left: u32,
+    change_q4: i32,
+    end: i32,
 }
 
 /// A moment of a line, in sixteenths of a unit.
@@ -18,47 +20,84 @@ pub(crate) struct Wanted {
     pub(crate) change_q4: i32,
 }
 
+/// The next line, with its division done: that takes longer than all the rest of a period.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Ahead {
+    to: i32,
+    periods: u32,
+    slope: i64,
+}
+
 const POINT: u32 = 32;
 const TO_Q4: u32 = POINT - 4;
 
 impl Line {
     /// Goes from here to `to` in so many periods; at once in none.
     pub(crate) fn go(&mut self, to: i32, periods: u32) {
-        self.end = i64::from(to) << POINT;
-        self.left = periods;
-        if periods == 0 {
-            self.now = self.end;
-            self.slope = 0;
-        } else {
-            self.slope = (self.end - self.now) / i64::from(periods);
+        self.follow(&Ahead::from(self.now, to, periods));
+    }
+
+    /// What comes after this line's end.
+    pub(crate) fn ahead(&self, to: i32, periods: u32) -> Ahead {
+        Ahead::from(i64::from(self.end) << POINT, to, periods)
+    }
+
+    /// Goes on with a line that begins here.
+    #[inline]
+    pub(crate) fn follow(&mut self, ahead: &Ahead) {
+        self.end = ahead.to;
+        self.left = ahead.periods;
+        self.slope = ahead.slope;
+        self.change_q4 = (ahead.slope >> TO_Q4) as i32;
+        if ahead.periods == 0 {
+            self.now = i64::from(ahead.to) << POINT;
         }
     }
 
     /// The next period.
     #[inline]
-    pub(crate) fn advance(&mut self) -> Wanted {
-        if self.left > 0 {
-            self.left -= 1;
-            if self.left == 0 {
-                self.now = self.end;
-            } else {
-                self.now += self.slope;
-            }
-        } else {
-            self.slope = 0;
+    pub(crate) fn advance(&mut self) {
+        if self.left == 0 {
+            self.change_q4 = 0;
+            return;
         }
-        Wanted {
-            at_q4: (self.now >> TO_Q4) as i32,
-            change_q4: (self.slope >> TO_Q4) as i32,
+        self.left -= 1;
+        if self.left == 0 {
+            self.now = i64::from(self.end) << POINT;
+        } else {
+            self.now += self.slope;
         }
     }
 
+    /// What is wanted of the period that was advanced to.
+    #[inline]
+    pub(crate) const fn wanted(&self) -> Wanted {
+        Wanted {
+            at_q4: (self.now >> TO_Q4) as i32,
+            change_q4: self.change_q4,
+        }
+    }
+
+    #[inline]
     pub(crate) const fn is_over(&self) -> bool {
         self.left == 0
     }
 
+    /// The same without its sixteenths.
+    #[inline]
     pub(crate) const fn now(&self) -> i32 {
         (self.now >> POINT) as i32
+    }
+}
+
+impl Ahead {
+    fn from(now: i64, to: i32, periods: u32) -> Self {
+        let slope = if periods == 0 {
+            0
+        } else {
+            ((i64::from(to) << POINT) - now) / i64::from(periods)
+        };
+        Self { to, periods, slope }
     }
 }
 
@@ -70,19 +109,22 @@ mod tests {
     fn a_line_is_straight_and_ends_exactly() {
         let mut line = Line::default();
         line.go(3_000, 0);
-        assert_eq!(line.advance().at_q4, 48_000);
+        line.advance();
+        assert_eq!(line.wanted().at_q4, 48_000);
         // the longest line: 20 s of 16 us
         line.go(-1_000, 1_250_000);
         let mut worst = 0;
         for step in 1..=1_250_000_i64 {
-            let at = i64::from(line.advance().at_q4);
+            line.advance();
+            let at = i64::from(line.wanted().at_q4);
             let ideal = 48_000 - 64_000 * step / 1_250_000;
             worst = worst.max((at - ideal).abs());
         }
         assert!(worst <= 1, "{worst}");
         assert!(line.is_over());
+        line.advance();
         assert_eq!(
-            line.advance(),
+            line.wanted(),
             Wanted {
                 at_q4: -16_000,
                 change_q4: 0

@@ -1,6 +1,7 @@
 //! What goes to the bridge.
 
 use crate::hardware::Decay;
+use crate::line::Line;
 
 /// Compare values of the PWM's two outputs: how much of a period each is high. The pulses are
 /// centred on the count's zero, where samples of a phase-correct PWM are taken.
@@ -43,40 +44,56 @@ const NO_SIGN: i32 = 8;
 /// - one high: the supply drives;
 /// - both low: the diodes drive against the current, which decays fast and stops at zero.
 #[derive(Clone, Copy, Debug)]
+#[repr(C)]
 pub(crate) struct Shaper {
     pub(crate) full: i32,
-    pub(crate) decay: Decay,
     /// Supply over supply and two diodes, in 1/256.
     pub(crate) coast_q8: i32,
+    pub(crate) decay: Decay,
 }
 
 impl Shaper {
     /// Pulses for a signed level; also the level that they amount to.
     #[inline]
-    pub(crate) fn shape(&self, level: i32, measured: i32, wanted: i32) -> (i32, Levels) {
+    pub(crate) fn shape(&self, level: i32, measured: i32, line: &Line) -> (i32, Levels) {
+        // Signs that differ.
+        if level ^ measured < 0
+            && let Some(opposed) = self.oppose(level, measured, line.wanted().at_q4)
+        {
+            return opposed;
+        }
+        // The level where it is negative, otherwise 0.
+        let negative = level & (level >> 31);
         let full = self.full;
+        (level, levels([full + negative, full - (level - negative)]))
+    }
+
+    /// The same for a level against the current, if it is one that is not driven.
+    #[inline(never)]
+    fn oppose(&self, level: i32, measured: i32, wanted: i32) -> Option<(i32, Levels)> {
         let opposes = (level > 0 && measured < -NO_SIGN) || (level < 0 && measured > NO_SIGN);
         // The way through zero into the other direction is driven.
         let crosses = (level > 0 && wanted > 0) || (level < 0 && wanted < 0);
-        let (level, [in1, in2]) = if opposes && !crosses {
-            match self.decay {
-                Decay::Slow => (0, [full, full]),
-                Decay::Fast => {
-                    let high = full - ((level.abs() * self.coast_q8) >> 8);
-                    (level, [high, high])
-                }
+        if !opposes || crosses {
+            return None;
+        }
+        let full = self.full;
+        Some(match self.decay {
+            Decay::Slow => (0, levels([full, full])),
+            Decay::Fast => {
+                let high = full - ((level.abs() * self.coast_q8) >> 8);
+                (level, levels([high, high]))
             }
-        } else if level >= 0 {
-            (level, [full, full - level])
-        } else {
-            (level, [full + level, full])
-        };
-        // Between 0 and `full`, which came from 16 bits.
-        let levels = Levels {
-            in1: in1 as u16,
-            in2: in2 as u16,
-        };
-        (level, levels)
+        })
+    }
+}
+
+/// Between 0 and the full level, which came from 16 bits.
+#[inline]
+const fn levels([in1, in2]: [i32; 2]) -> Levels {
+    Levels {
+        in1: in1 as u16,
+        in2: in2 as u16,
     }
 }
 
@@ -90,31 +107,37 @@ mod tests {
         coast_q8: 230,
     };
 
+    fn shape(shaper: &Shaper, level: i32, measured: i32, wanted: i32) -> (i32, Levels) {
+        let mut line = Line::default();
+        line.go(wanted, 0);
+        shaper.shape(level, measured, &line)
+    }
+
     fn levels(in1: u16, in2: u16) -> Levels {
         Levels { in1, in2 }
     }
 
     #[test]
     fn a_voltage_along_the_current_drives_and_shorts() {
-        assert_eq!(FAST.shape(100, 500, 500), (100, levels(960, 860)));
-        assert_eq!(FAST.shape(-100, -500, -500), (-100, levels(860, 960)));
-        assert_eq!(FAST.shape(0, 500, 500), (0, levels(960, 960)));
+        assert_eq!(shape(&FAST, 100, 500, 500), (100, levels(960, 860)));
+        assert_eq!(shape(&FAST, -100, -500, -500), (-100, levels(860, 960)));
+        assert_eq!(shape(&FAST, 0, 500, 500), (0, levels(960, 960)));
     }
 
     #[test]
     fn a_voltage_against_it_coasts_or_shorts() {
         // 100 * 230 / 256 = 89 of 960 low on both.
-        assert_eq!(FAST.shape(-100, 500, 100), (-100, levels(871, 871)));
-        assert_eq!(FAST.shape(100, -500, 0), (100, levels(871, 871)));
+        assert_eq!(shape(&FAST, -100, 500, 100), (-100, levels(871, 871)));
+        assert_eq!(shape(&FAST, 100, -500, 0), (100, levels(871, 871)));
         let slow = Shaper {
             decay: Decay::Slow,
             ..FAST
         };
-        assert_eq!(slow.shape(-100, 500, 100), (0, levels(960, 960)));
+        assert_eq!(shape(&slow, -100, 500, 100), (0, levels(960, 960)));
     }
 
     #[test]
     fn the_way_through_zero_is_driven() {
-        assert_eq!(FAST.shape(-100, 500, -100), (-100, levels(860, 960)));
+        assert_eq!(shape(&FAST, -100, 500, -100), (-100, levels(860, 960)));
     }
 }

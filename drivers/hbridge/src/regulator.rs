@@ -14,7 +14,7 @@
 use crate::fault::Refusal;
 use crate::hardware::{Coil, Hardware};
 use crate::limits::Limits;
-use crate::line::Wanted;
+use crate::line::{Line, Wanted};
 
 /// Bits behind the point of a level.
 pub(crate) const LEVEL: u32 = 12;
@@ -27,7 +27,7 @@ const EIGHTHS: i32 = 7;
 const LEARN_SHIFT: u32 = 2;
 
 /// Periods from one trim to the next while the current is on its course.
-const TRIM_PERIODS: i32 = 8;
+const TRIM_PERIODS: u32 = 8;
 /// Part of the voltage that the mean error takes in the long run, as a power of two: half.
 const FOREVER_SHIFT: u32 = 1;
 /// Part of the voltage that would take the mean error away in one period, as a power of two: in
@@ -36,7 +36,7 @@ const FOREVER_SHIFT: u32 = 1;
 const TRIM_SHIFT: u32 = 3;
 
 /// What the law multiplies by: settings, brought down to integers.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Gains {
     /// 1/pull, levels of 2^-12 for a unit.
     pub(crate) kick: i32,
@@ -89,23 +89,37 @@ impl Gains {
 }
 
 /// What the law remembers.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
+#[repr(C)]
 pub(crate) struct Regulator {
     /// Level of the period under way.
-    level: i32,
-    /// The level that keeps the current on its course, in 2^-12.
+    pub(crate) level: i32,
+    /// The level that keeps the current on its course, in 2^-12, within the greatest.
     steady: i32,
-    /// The current that was expected at the beginning of the period, in sixteenths of a unit.
-    expected_q4: i32,
-    /// Whether something was expected of this period.
-    expects: bool,
-    /// Voltage that something unknown takes, level in 2^-12.
-    unknown: i32,
     /// What the last level left of the wanted one, in 2^-12.
     residue: i32,
-    /// Periods on its course, and the sum of their errors, since the level was last trimmed.
-    rested: i32,
+    /// Sum of the errors since the level was last trimmed.
     off: i32,
+    /// Periods on its course since then, and [`TRIM_PERIODS`]; 0 after the law was asked.
+    rested: u32,
+    /// The current that the law expected at the beginning of the period, in sixteenths of a unit.
+    expected_q4: i32,
+    /// Voltage that something unknown takes, level in 2^-12.
+    unknown: i32,
+}
+
+impl Default for Regulator {
+    fn default() -> Self {
+        Self {
+            level: 0,
+            steady: 0,
+            residue: 0,
+            off: 0,
+            rested: TRIM_PERIODS,
+            expected_q4: 0,
+            unknown: 0,
+        }
+    }
 }
 
 /// Within plus and minus a limit. Without the check of `clamp`, which could panic.
@@ -115,31 +129,31 @@ fn within(value: i32, most: i32) -> i32 {
 }
 
 impl Regulator {
-    /// The level for the next period, which may oppose the current.
+    /// The level for the next period, in 2^-12, which may oppose the current.
     ///
     /// Where the current of the period under way differs from what was expected of it, some voltage
     /// has gone elsewhere: a hotter coil, a weaker supply, dead time. That voltage is learned and
     /// given on top. It takes the place of an integral, and cannot wind up: it compares with what
     /// the given voltage should have done, not with what was wanted.
-    #[inline]
-    pub(crate) fn step(&mut self, gains: &Gains, wanted: Wanted, measured: i32) -> i32 {
+    #[inline(never)]
+    pub(crate) fn step(&mut self, gains: &Gains, line: &Line, measured: i32) -> i32 {
         let lost = gains.lost * measured.signum();
         let given = (self.level << LEVEL) - self.unknown - lost;
         let drive = within(given - gains.drop * measured, 2 * gains.most);
         let change_q4 = ((drive >> 6) * gains.pull) >> 12;
         let measured_q4 = measured << 4;
-        if self.expects {
+        if self.rested == 0 {
             let surprise = measured_q4 - self.expected_q4 - (change_q4 >> 2);
             let taken = (gains.kick * within(surprise, gains.reach)) >> 4;
             self.unknown = within(self.unknown - (taken >> LEARN_SHIFT), gains.most >> 1);
         }
-        self.expects = true;
         (self.off, self.rested) = (0, 0);
         self.expected_q4 = measured_q4 + ((change_q4 * 3) >> 2);
-        let push = self.law(gains, wanted);
-        self.dither(self.steady + push, gains.most)
+        within(self.law(gains, line.wanted()), gains.most)
     }
 
+    /// The level that brings the current to where it is wanted; without that, the one that keeps it
+    /// there becomes the steady one.
     #[inline]
     fn law(&mut self, gains: &Gains, wanted: Wanted) -> i32 {
         let expected_q4 = self.expected_q4;
@@ -150,47 +164,61 @@ impl Regulator {
         let slope = (gains.kick * change) >> 4;
         let lost = gains.lost * (wanted.at_q4 >> 4).signum();
         let at = gains.drop * (wanted.at_q4 >> 4);
-        self.steady = at + slope + lost + self.unknown;
+        let steady = at + slope + lost + self.unknown;
+        self.steady = within(steady, gains.most);
         // What the current has, not what it is to have, is what the voltage has to overcome.
-        push + gains.drop * ((expected_q4 - wanted.at_q4) >> 4)
+        steady + push + gains.drop * ((expected_q4 - wanted.at_q4) >> 4)
     }
 
-    /// The level for the next period while the current is on its course: the law is not asked.
-    /// Every eight periods their mean error, `off` units each, trims the level, and what it takes
+    /// The same while the current is on its course, `off` units from it: the
+    /// law is not asked. Every eight periods their mean error trims the level, and what it takes
     /// for ever is learned: eight measurements are less noisy than one.
     #[inline]
-    pub(crate) fn rest(&mut self, gains: &Gains, wanted: Wanted, off: i32) -> i32 {
-        self.expects = false;
+    pub(crate) fn rest(&mut self, gains: &Gains, line: &Line, off: i32) -> i32 {
         self.off += off;
         self.rested += 1;
-        if self.rested >= TRIM_PERIODS {
-            // The mean, in sixteenths of a unit.
-            let off_q4 = within(self.off * (16 / TRIM_PERIODS), gains.reach);
-            (self.off, self.rested) = (0, 0);
-            let forever = (gains.drop * off_q4) >> (4 + FOREVER_SHIFT);
-            self.unknown = within(self.unknown + forever, gains.most >> 1);
-            let trim = (gains.kick * off_q4) >> (4 + TRIM_SHIFT);
-            // The middle of the next eight.
-            let at = (wanted.at_q4 + (TRIM_PERIODS / 2) * wanted.change_q4) >> 4;
-            let slope = (gains.kick * within(wanted.change_q4, gains.reach)) >> 4;
-            let lost = gains.lost * at.signum();
-            self.steady = gains.drop * at + slope + lost + self.unknown + trim;
+        if self.rested.is_multiple_of(TRIM_PERIODS) {
+            self.trim(gains, line);
         }
-        self.dither(self.steady, gains.most)
+        self.steady
     }
 
+    #[inline(never)]
+    fn trim(&mut self, gains: &Gains, line: &Line) {
+        const PERIODS: i32 = TRIM_PERIODS as i32;
+        let wanted = line.wanted();
+        // The mean, in sixteenths of a unit.
+        let off_q4 = within(self.off * (16 / PERIODS), gains.reach);
+        (self.off, self.rested) = (0, TRIM_PERIODS);
+        let forever = (gains.drop * off_q4) >> (4 + FOREVER_SHIFT);
+        self.unknown = within(self.unknown + forever, gains.most >> 1);
+        let trim = (gains.kick * off_q4) >> (4 + TRIM_SHIFT);
+        // The middle of the next eight.
+        let at = (wanted.at_q4 + (PERIODS / 2) * wanted.change_q4) >> 4;
+        let slope = (gains.kick * within(wanted.change_q4, gains.reach)) >> 4;
+        let lost = gains.lost * at.signum();
+        let steady = gains.drop * at + slope + lost + self.unknown + trim;
+        self.steady = within(steady, gains.most);
+    }
+
+    /// The whole level for a wanted one in 2^-12, `top` at most; what is left comes the next time.
     #[inline]
-    fn dither(&mut self, level: i32, most: i32) -> i32 {
-        let fine = within(level, most) + self.residue;
-        let level = (within(fine, most) + (1 << (LEVEL - 1))) >> LEVEL;
-        self.residue = within(fine - (level << LEVEL), 1 << LEVEL);
-        self.level = level;
+    pub(crate) fn dither(&mut self, wanted: i32, top: i32) -> i32 {
+        const HALF: i32 = 1 << (LEVEL - 1);
+        let fine = wanted + self.residue;
+        let level = (fine + HALF) >> LEVEL;
+        if (level + top) as u32 > 2 * top as u32 {
+            return self.bound(fine, top);
+        }
+        self.residue = fine - (level << LEVEL);
         level
     }
 
-    /// The level that was given in the end.
-    #[inline]
-    pub(crate) fn given(&mut self, level: i32) {
-        self.level = level;
+    /// The same where that is beyond the top.
+    #[inline(never)]
+    fn bound(&mut self, fine: i32, top: i32) -> i32 {
+        let level = if fine > 0 { top } else { -top };
+        self.residue = within(fine - (level << LEVEL), 1 << LEVEL);
+        level
     }
 }

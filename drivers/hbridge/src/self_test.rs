@@ -40,7 +40,7 @@ const RISES: u8 = 2;
 const LIMIT_TOLERANCE: f32 = 1.5;
 
 /// What the integer half needs to know.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Plan {
     pub(crate) full: i32,
     /// Greatest level.

@@ -64,6 +64,7 @@ impl Supervisor {
                 decay: hardware.decay,
                 coast_q8: 256,
             },
+            top: (limits.duty * f32::from(hardware.full_level)) as i32,
         });
         let supervisor = Self {
             hardware,

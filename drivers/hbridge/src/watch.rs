@@ -30,13 +30,44 @@ pub(crate) struct Bounds {
     pub(crate) on_periods: u32,
 }
 
-/// The sums.
+/// Sums over the block under way.
+#[derive(Clone, Copy, Debug, Default)]
+#[repr(C)]
+pub(crate) struct Sums {
+    periods: u32,
+    pub(crate) block: Block,
+}
+
+/// What a block amounts to: levels, units, and their products.
+#[derive(Clone, Copy, Debug, Default)]
+#[repr(C)]
+pub(crate) struct Block {
+    pub(crate) levels: i32,
+    pub(crate) units: i32,
+    pub(crate) power: i32,
+}
+
+impl Sums {
+    /// Takes the level that is given in a period and the current measured in it; whether that was
+    /// the block's last.
+    #[inline]
+    pub(crate) fn push(&mut self, level: i32, measured: i32) -> bool {
+        self.block.levels += level;
+        self.block.units += measured;
+        self.block.power += level * measured;
+        self.periods += 1;
+        self.periods >= BLOCK
+    }
+
+    /// Takes the sums, and begins the next block.
+    pub(crate) fn take(&mut self) -> Block {
+        core::mem::take(self).block
+    }
+}
+
+/// What was seen of the blocks so far.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Watch {
-    periods: u32,
-    levels: i32,
-    units: i32,
-    power: i32,
     /// The current at the end of the last block.
     last: i32,
     unbalanced: u32,
@@ -44,59 +75,37 @@ pub(crate) struct Watch {
     on: u32,
 }
 
-/// What a block amounts to.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Block {
-    pub(crate) levels: i32,
-    pub(crate) units: i32,
-    pub(crate) power: i32,
-}
-
 impl Watch {
-    /// Takes the level that is given in a period and the current measured in it.
-    #[inline]
-    pub(crate) fn push(&mut self, level: i32, measured: i32) -> bool {
-        self.levels += level;
-        self.units += measured;
-        self.power += level * measured;
-        self.periods += 1;
-        self.periods >= BLOCK
-    }
-
     /// The end of a block.
     pub(crate) fn close(
         &mut self,
+        block: &Block,
         gains: &Gains,
         bounds: &Bounds,
         wanted: Wanted,
         measured: i32,
-    ) -> (Block, Option<Fault>) {
-        let block = Block {
-            levels: self.levels,
-            units: self.units,
-            power: self.power,
-        };
-        let fault = self.judge(gains, bounds, wanted, measured);
+    ) -> Option<Fault> {
+        let fault = self.judge(block, gains, bounds, wanted, measured);
         self.on = self.on.saturating_add(BLOCK);
-        (self.levels, self.units, self.power, self.periods) = (0, 0, 0, 0);
         self.last = measured;
         // Another block would be beyond.
         let late = (self.on + BLOCK > bounds.on_periods).then_some(Fault::OnTime);
-        (block, late.or(fault))
+        late.or(fault)
     }
 
     fn judge(
         &mut self,
+        block: &Block,
         gains: &Gains,
         bounds: &Bounds,
         wanted: Wanted,
         measured: i32,
     ) -> Option<Fault> {
         // The voltage that this current took: u - drop i = di/pull, all times the block.
-        let resistive = (gains.drop >> 4) * (self.units >> 4);
+        let resistive = (gains.drop >> 4) * (block.units >> 4);
         let change = (measured - self.last).clamp(-8_000, 8_000);
         let inductive = (gains.kick * change) >> 12;
-        let excess = self.levels - (resistive >> 4) - inductive;
+        let excess = block.levels - (resistive >> 4) - inductive;
         let allowed = bounds.margin * BLOCK as i32 + (resistive >> 4).abs() / 2;
         self.unbalanced = if excess.abs() > allowed {
             self.unbalanced + 1
@@ -111,7 +120,7 @@ impl Watch {
         };
         if self.unbalanced >= UNBALANCED_BLOCKS {
             // Along the voltage that was given: too little came of it.
-            let missing = (excess > 0) == (self.levels > 0);
+            let missing = (excess > 0) == (block.levels > 0);
             return Some(if missing {
                 Fault::CurrentMissing
             } else {
