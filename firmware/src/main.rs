@@ -1,7 +1,8 @@
 //! The firmware of the palpate tactile sensor: the list of what is wired to what.
 //!
 //! Priorities, from the most urgent: the two interrupts of the converter's bus and that of the
-//! coil's PWM, outside of RTIC (`bus::engine`, `coil::period`); `frame_over`; sensing and coil; instrument and supervisor; idle.
+//! coil's PWM, outside of RTIC (`bus::engine`, `coil::period`); `frame_over`, sensing and coil;
+//! instrument and supervisor; idle.
 //! See docs/firmware.md.
 
 #![no_std]
@@ -79,7 +80,8 @@ mod app {
         safe::bridge_off();
         let beginning = Beginning::read();
         let board = Board::init(cx.device);
-        Mono::start(board.timer, &board.resets, Priority::rtic_default());
+        // Beside the upper tasks: above them it would hold the coil's interrupt back.
+        Mono::start(board.timer, &board.resets, const { Priority::new(2) });
         vectors::move_to_memory(&cx.core.SCB, &mut cx.core.NVIC);
         let (outbox, inbox) = link::set_up(board.boot_id);
         let (producer, consumer) = cx.local.queue.split();
@@ -130,8 +132,9 @@ mod app {
         }
     }
 
-    /// A transaction is over; pended by the engine.
-    #[task(binds = PIO0_IRQ_0, priority = 3)]
+    /// A transaction is over; pended by the engine. Not above the tasks that it calls: the coil's
+    /// interrupt would have to wait for it.
+    #[task(binds = PIO0_IRQ_0, priority = 2)]
     fn frame_over(_: frame_over::Context) {
         bus::wake();
     }

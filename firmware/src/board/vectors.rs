@@ -14,7 +14,8 @@ use crate::coil::period;
 const VECTORS: usize = 48;
 /// Vectors that are the processor's own.
 const EXCEPTIONS: usize = 16;
-/// Below the bus's interrupts: the second of four.
+/// Below the bus's interrupts, which wait for it where they can (`coil::precedence`), and above
+/// everything of RTIC's: the second of four.
 const CONTROL_PRIORITY: u8 = 0x40;
 /// Where the linker puts the table in flash.
 const FLASH: *const usize = 0x1000_0100 as *const usize;

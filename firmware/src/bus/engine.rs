@@ -16,6 +16,7 @@ use embedded_hal::i2c::Operation;
 use rp2040_pac::{I2C0, IO_BANK0, Interrupt, NVIC, PWM, TIMER};
 
 use crate::board::pico;
+use crate::coil::precedence;
 
 /// Commands of the longest frame: STATUS, and MSB and LSB of four channels, each read twice, by
 /// pointer, high byte and low byte.
@@ -68,10 +69,11 @@ impl Stamp {
 
 /// A transaction.
 #[derive(Clone, Copy)]
+#[repr(C)]
 pub struct Job {
-    commands: [u16; MAX_COMMANDS],
     length: u8,
     bytes: u8,
+    commands: [u16; MAX_COMMANDS],
 }
 
 impl Job {
@@ -155,25 +157,27 @@ enum Runs {
     Single,
 }
 
+/// What every interrupt needs comes first: the processor reaches it in one instruction.
+#[repr(C)]
 struct Engine {
-    /// The job that edges begin, if there is one.
-    ahead: Job,
+    runs: Runs,
     is_ahead: bool,
-    /// The job that the master began itself.
-    single: Job,
-    single_outcome: Outcome,
     single_is_over: bool,
-    frames: [Outcome; FRAMES],
+    next: usize,
     /// Places in `frames`: of the oldest, and how many wait.
     first: usize,
     waiting: usize,
-    runs: Runs,
-    next: usize,
     since_us: u32,
-    /// An edge that came while the bus was taken.
-    late: Option<Stamp>,
     edges: u32,
     last_edge_us: u32,
+    /// An edge that came while the bus was taken.
+    late: Option<Stamp>,
+    /// The job that edges begin, if there is one.
+    ahead: Job,
+    /// The job that the master began itself.
+    single: Job,
+    single_outcome: Outcome,
+    frames: [Outcome; FRAMES],
 }
 
 struct Shared(UnsafeCell<Engine>);
@@ -220,77 +224,88 @@ fn now_us() -> u32 {
     unsafe { (*TIMER::ptr()).timerawl().read().bits() }
 }
 
-impl Engine {
-    #[inline(always)]
-    fn job(&self) -> &Job {
-        match self.runs {
-            Runs::Ahead => &self.ahead,
-            _ => &self.single,
-        }
-    }
+/// Commands that the block has room for.
+#[inline(always)]
+fn room() -> usize {
+    DEPTH.saturating_sub(i2c().ic_txflr().read().bits() as usize)
+}
 
-    #[inline(always)]
-    fn outcome(&mut self) -> &mut Outcome {
-        let place = (self.first + self.waiting) % FRAMES;
-        match (self.runs, self.frames.get_mut(place)) {
-            (Runs::Ahead, Some(frame)) => frame,
-            _ => &mut self.single_outcome,
-        }
-    }
+/// The transaction that runs: what it sends, how far it is, what came of it.
+struct Transfer<'a> {
+    job: &'a Job,
+    next: &'a mut usize,
+    outcome: &'a mut Outcome,
+}
 
-    #[inline(always)]
-    fn start(&mut self, runs: Runs, stamp: Stamp) {
-        self.runs = runs;
-        self.next = 0;
-        self.since_us = now_us();
-        let stamp = Stamp {
-            begun_us: self.since_us,
-            ..stamp
-        };
-        let outcome = self.outcome();
-        outcome.count = 0;
-        outcome.cause = 0;
-        outcome.stamp = stamp;
-        // A STOP of an earlier, aborted transaction may have come since.
-        let _ = i2c().ic_clr_stop_det().read().bits();
-        self.feed();
-    }
-
+impl Transfer<'_> {
     /// Puts commands into the block while it has room.
     #[inline(always)]
-    fn feed(&mut self) {
-        let room = DEPTH.saturating_sub(i2c().ic_txflr().read().bits() as usize);
-        let (commands, length) = match self.runs {
-            Runs::Ahead => (&self.ahead.commands, usize::from(self.ahead.length)),
-            _ => (&self.single.commands, usize::from(self.single.length)),
-        };
-        let end = length.min(self.next + room);
-        while self.next < end {
-            let command = commands.get(self.next).copied().unwrap_or(STOP);
+    fn feed(&mut self, room: usize) {
+        let length = self.job.length();
+        let end = length.min(*self.next + room);
+        for &command in self.job.commands.get(*self.next..end).unwrap_or_default() {
             // SAFETY: any command of eleven bits may be written.
             i2c()
                 .ic_data_cmd()
                 .write(|w| unsafe { w.bits(u32::from(command)) });
-            self.next += 1;
         }
-        let more = if self.next < length { TX_EMPTY } else { 0 };
+        *self.next = end;
+        let more = if end < length { TX_EMPTY } else { 0 };
         let mask = more | RX_FULL | TX_ABORT | STOP_DETECTED;
         // SAFETY: any mask may be written.
         i2c().ic_intr_mask().write(|w| unsafe { w.bits(mask) });
     }
 
+    fn is_sent(&self) -> bool {
+        *self.next >= self.job.length()
+    }
+
+    /// Takes the bytes that the block has.
     #[inline(always)]
     fn drain(&mut self) {
-        let mut left = i2c().ic_rxflr().read().bits().min(DEPTH as u32);
-        let outcome = self.outcome();
-        while left > 0 {
-            let byte = i2c().ic_data_cmd().read().bits() as u8;
-            if let Some(place) = outcome.bytes.get_mut(usize::from(outcome.count)) {
-                *place = byte;
-                outcome.count += 1;
-            }
-            left -= 1;
+        let waiting = i2c().ic_rxflr().read().bits() as usize;
+        let begin = usize::from(self.outcome.count);
+        // No more than were asked for, so there is room.
+        let end = (begin + waiting).min(MAX_BYTES);
+        for place in self.outcome.bytes.get_mut(begin..end).unwrap_or_default() {
+            *place = i2c().ic_data_cmd().read().bits() as u8;
         }
+        self.outcome.count = end as u8;
+    }
+}
+
+impl Engine {
+    #[inline(always)]
+    fn transfer(&mut self) -> Transfer<'_> {
+        let place = (self.first + self.waiting) % FRAMES;
+        let next = &mut self.next;
+        match (self.runs, self.frames.get_mut(place)) {
+            (Runs::Ahead, Some(outcome)) => Transfer {
+                job: &self.ahead,
+                next,
+                outcome,
+            },
+            _ => Transfer {
+                job: &self.single,
+                next,
+                outcome: &mut self.single_outcome,
+            },
+        }
+    }
+
+    #[inline(always)]
+    fn start(&mut self, runs: Runs, stamp: Stamp) {
+        let begun_us = now_us();
+        self.runs = runs;
+        self.next = 0;
+        self.since_us = begun_us;
+        let mut transfer = self.transfer();
+        transfer.outcome.count = 0;
+        transfer.outcome.cause = 0;
+        transfer.outcome.stamp = Stamp { begun_us, ..stamp };
+        // A STOP of an earlier, aborted transaction may have come since.
+        let _ = i2c().ic_clr_stop_det().read().bits();
+        transfer.feed(room());
     }
 
     #[inline(always)]
@@ -298,28 +313,33 @@ impl Engine {
         if self.runs == Runs::Nothing {
             // SAFETY: nothing runs, so nothing is to be heard of.
             i2c().ic_intr_mask().write(|w| unsafe { w.bits(0) });
+            self.catch_up();
             return;
         }
+        if precedence::must_wait() {
+            return;
+        }
+        let mut transfer = self.transfer();
         let raised = i2c().ic_raw_intr_stat().read().bits();
         if raised & TX_ABORT != 0 {
             let cause = i2c().ic_tx_abrt_source().read().bits();
             let _ = i2c().ic_clr_tx_abrt().read().bits();
-            self.next = usize::from(self.job().length);
-            self.outcome().cause = cause | 1 << 31;
+            *transfer.next = transfer.job.length();
+            transfer.outcome.cause = cause | 1 << 31;
             if cause & ARBITRATION != 0 {
                 self.finish();
                 return;
             }
         } else {
-            self.drain();
-            self.feed();
+            transfer.drain();
+            if !transfer.is_sent() {
+                transfer.feed(room());
+            }
         }
         if raised & STOP_DETECTED != 0 {
             let _ = i2c().ic_clr_stop_det().read().bits();
-            let is_sent = self.next >= usize::from(self.job().length);
-            let wanted = self.job().bytes;
-            let outcome = self.outcome();
-            if is_sent && (outcome.count >= wanted || outcome.cause != 0) {
+            let is_read = transfer.outcome.count >= transfer.job.bytes;
+            if transfer.is_sent() && (is_read || transfer.outcome.cause != 0) {
                 self.finish();
             }
         }
@@ -344,6 +364,8 @@ impl Engine {
         if self.is_ahead
             && self.runs == Runs::Nothing
             && self.waiting < FRAMES
+            && self.late.is_some()
+            && !precedence::must_wait()
             && let Some(stamp) = self.late.take()
         {
             self.start(Runs::Ahead, stamp);

@@ -2,6 +2,7 @@
 
 pub mod limits;
 pub mod period;
+pub mod precedence;
 
 use core::cell::RefCell;
 
@@ -15,7 +16,7 @@ use rtic_monotonics::rp2040::prelude::*;
 
 use crate::{Mono, safe};
 use limits::{HARDWARE, LIMITS, PERIOD_US};
-use period::{AVERAGES, TRACE, TRACE_LENGTH, held};
+use period::{AVERAGES, TRACE, TRACE_LENGTH, held, obey};
 
 /// From one look at the drive to the next.
 pub const LOOK_US: u64 = 1_000;
@@ -126,7 +127,7 @@ pub fn correct(correction: &CurrentCorrection) {
         .map(|(measured_a, change_a)| [measured_a, measured_a + change_a])
         .collect();
     match Correction::new(&pairs, &HARDWARE) {
-        Ok(correction) => drop(held(|drive| drive.obey(&Supervisor::correct(correction)))),
+        Ok(correction) => obey(&Supervisor::correct(correction)),
         // The protocol's limits are narrower than the driver's: a table that this refuses means
         // that the two no longer agree.
         Err(_) => drop(with(|coil| coil.fails(FaultCode::CurrentSense, None))),
@@ -216,7 +217,7 @@ impl Coil {
             return;
         };
         match self.supervisor.test(&report, self.supply_v) {
-            Ok(order) => drop(held(|drive| drive.obey(&order))),
+            Ok(order) => obey(&order),
             Err(refusal) => self.refused(&refusal),
         }
     }
@@ -270,7 +271,7 @@ impl Coil {
             return;
         };
         match self.supervisor.go(&report, to_a, over_s) {
-            Ok(order) => drop(held(|drive| drive.obey(&order))),
+            Ok(order) => obey(&order),
             Err(Refusal::Testing) => self.pending = Some((to_a, over_s)),
             Err(Refusal::NotTested) => {
                 self.pending = Some((to_a, over_s));

@@ -9,20 +9,29 @@
 #![allow(unsafe_code)]
 
 use core::cell::UnsafeCell;
+use core::mem::MaybeUninit;
+use core::sync::atomic::{AtomicBool, Ordering};
 
-use coil_hbridge::{Averages, Drive, Output, Trace};
+use coil_hbridge::{Averages, Drive, Order, Output, Trace};
 use cortex_m::peripheral::NVIC;
 use rp2040_pac::{ADC, DMA, Interrupt, PWM};
 
 use super::limits::FULL_LEVEL;
+use super::precedence;
 use crate::board::pico::{self, Function};
 use crate::safe;
 
 /// The slice that calls the interrupt.
-const CONTROL_SLICE: usize = 1;
+pub const CONTROL_SLICE: usize = 1;
+/// Cycles of a period.
+pub const CYCLES: u32 = 2 * FULL_LEVEL as u32;
 /// Its count when the bridge's slice begins a period: it wraps 10.25 us later, a conversion and a
 /// quarter of a microsecond after the middle.
-const CONTROL_BEGINS: u32 = 2 * FULL_LEVEL as u32 - 1_230;
+const CONTROL_BEGINS: u32 = CYCLES - 1_230;
+/// Cycles for which tasks hold the interrupt back, with those of the bus's interrupts that may come
+/// meanwhile: a report takes 110, a waveform of 48 lines 800.
+const SHORT: u32 = 200;
+const LONG: u32 = 1_200;
 const PHASE_CORRECT: u32 = 1 << 1;
 /// ADC.CS: enabled, temperature sensor on, without end, inputs 0, 1, 2 and 4 in turn.
 const CONVERT: u32 = 1 | 1 << 1 | 1 << 3 | 0b10111 << 16;
@@ -48,20 +57,24 @@ unsafe impl Sync for Ring {}
 
 static RESULTS_RING: Ring = Ring(UnsafeCell::new([0; RING]));
 
-/// What belongs to the interrupt.
+/// What belongs to the interrupt. In this order: see [`Drive`].
+#[repr(C)]
 struct Control {
-    drive: Drive,
+    /// Whether the bridge is awake, with its limit as it should be.
+    drives: bool,
     awake: bool,
     limit_low: bool,
+    drive: Drive,
 }
 
-struct Place(UnsafeCell<Option<Control>>);
+struct Place(UnsafeCell<MaybeUninit<Control>>);
 
-// SAFETY: written before the interrupt is enabled; then used by the interrupt, and by tasks while
-// it is masked: `held`.
+// SAFETY: written by `start`, which says so afterwards; then used by the interrupt, which cannot
+// come before, and by tasks while it is masked: `held`.
 unsafe impl Sync for Place {}
 
-static CONTROL: Place = Place(UnsafeCell::new(None));
+static CONTROL: Place = Place(UnsafeCell::new(MaybeUninit::uninit()));
+static IS_STARTED: AtomicBool = AtomicBool::new(false);
 
 /// The current as it was measured: 512 blocks of 256 us, longer than the slowest conversion of the
 /// first channel (26 ms at 40 MHz) and the three that follow it.
@@ -77,11 +90,13 @@ pub static TRACE: Trace<TRACE_LENGTH> = Trace::new();
 pub fn start(drive: Drive) {
     // SAFETY: nothing else uses these slices, the ADC or DMA; the interrupt is not enabled yet.
     unsafe {
-        *CONTROL.0.get() = Some(Control {
+        (*CONTROL.0.get()).write(Control {
             drive,
+            drives: false,
             awake: false,
             limit_low: false,
         });
+        IS_STARTED.store(true, Ordering::Release);
         let dma = &*DMA::ptr();
         set_up(dma.ch(1));
         dma.ch(1).ch_al1_ctrl().write(|w| w.bits(CARRY));
@@ -97,9 +112,7 @@ pub fn start(drive: Drive) {
         bridge.ctr().write(|w| w.bits(0));
         let control = pwm.ch(CONTROL_SLICE);
         control.csr().write(|w| w.bits(0));
-        control
-            .top()
-            .write(|w| w.bits(2 * u32::from(FULL_LEVEL) - 1));
+        control.top().write(|w| w.bits(CYCLES - 1));
         control.ctr().write(|w| w.bits(CONTROL_BEGINS));
         let adc = &*ADC::ptr();
         adc.fcs().write(|w| w.bits(FIFO_TO_DMA));
@@ -125,26 +138,59 @@ fn set_up(channel: &rp2040_pac::dma::CH) {
 
 /// Lets the interrupt run, or rest: the bridge is off then.
 pub fn run(on: bool) {
+    if !IS_STARTED.load(Ordering::Acquire) {
+        return;
+    }
     // SAFETY: the wraps of no other slice interrupt.
     unsafe {
         let pwm = &*PWM::ptr();
         pwm.intr().write(|w| w.bits(1 << CONTROL_SLICE));
         pwm.inte().write(|w| w.bits(u32::from(on) << CONTROL_SLICE));
     }
+    precedence::set_on(on);
 }
 
-/// The drive, with the interrupt held back.
+/// The drive, with the interrupt held back for a microsecond: for a report, or for an order that
+/// changes little.
 pub fn held<T>(work: impl FnOnce(&mut Drive) -> T) -> Option<T> {
+    held_for(SHORT, work)
+}
+
+/// Gives an order of any kind.
+pub fn obey(order: &Order) {
+    held_for(LONG, |drive| drive.obey(order));
+}
+
+/// The drive, with the interrupt held back for so many cycles: not if it would have to wait.
+fn held_for<T>(cycles: u32, work: impl FnOnce(&mut Drive) -> T) -> Option<T> {
+    if !IS_STARTED.load(Ordering::Acquire) {
+        return None;
+    }
     // No task comes between, and so nobody unmasks while another works.
     critical_section::with(|_| {
-        NVIC::mask(Interrupt::PWM_IRQ_WRAP);
-        cortex_m::asm::dsb();
+        let latest = CYCLES - cycles;
+        // Ends within a period: the interrupt takes less than what these cycles leave of it.
+        while !mask_before(latest) {}
         // SAFETY: see `Place`.
-        let done = unsafe { (*CONTROL.0.get()).as_mut() }.map(|control| work(&mut control.drive));
+        let done = work(unsafe { &mut (*CONTROL.0.get()).assume_init_mut().drive });
         // SAFETY: it was enabled: it always is, since `vectors` has enabled it.
         unsafe { NVIC::unmask(Interrupt::PWM_IRQ_WRAP) };
-        done
+        Some(done)
     })
+}
+
+/// Masks the interrupt, if it does not wait already and its slice has not counted so far yet.
+fn mask_before(latest: u32) -> bool {
+    NVIC::mask(Interrupt::PWM_IRQ_WRAP);
+    cortex_m::asm::dsb();
+    // SAFETY: a register is read.
+    let count = unsafe { (*PWM::ptr()).ch(CONTROL_SLICE).ctr().read().bits() };
+    let is_early = count < latest && !NVIC::is_pending(Interrupt::PWM_IRQ_WRAP);
+    if !is_early {
+        // SAFETY: as in `held_for`.
+        unsafe { NVIC::unmask(Interrupt::PWM_IRQ_WRAP) };
+    }
+    is_early
 }
 
 #[inline]
@@ -167,6 +213,7 @@ pub fn slow_results() -> [u16; 2] {
 
 /// The interrupt: once a period.
 pub unsafe extern "C" fn on_period() {
+    precedence::begin();
     // SAFETY: clears the flag of the slice that called.
     unsafe {
         (*PWM::ptr()).intr().write(|w| w.bits(1 << CONTROL_SLICE));
@@ -174,15 +221,15 @@ pub unsafe extern "C" fn on_period() {
     let [first, second] = CURRENT;
     let samples = [result(first), result(second)];
     let faulty = !pico::is_high(pico::BRIDGE_FAULT);
-    // SAFETY: see `Place`: tasks mask this interrupt.
-    if let Some(control) = unsafe { (*CONTROL.0.get()).as_mut() } {
-        let output = control.drive.tick(samples, faulty);
-        control.apply(&output);
-        if control.drive.account(&AVERAGES) {
-            control.apply(&Output::OFF);
-        }
-        TRACE.push(control.drive.measured());
+    // SAFETY: see `Place`: tasks mask this interrupt, and `run` has enabled it.
+    let control = unsafe { (*CONTROL.0.get()).assume_init_mut() };
+    let output = control.drive.tick(samples, faulty);
+    control.apply(output);
+    precedence::end();
+    if control.drive.account(&AVERAGES) {
+        control.apply(Output::OFF);
     }
+    TRACE.push(control.drive.measured());
 }
 
 fn set_levels(levels: u32) {
@@ -196,21 +243,30 @@ fn set_levels(levels: u32) {
 }
 
 impl Control {
-    fn apply(&mut self, output: &Output) {
+    #[inline(always)]
+    fn apply(&mut self, output: Output) {
         if output.awake {
             let levels = output.levels;
             set_levels(u32::from(levels.in2) << 16 | u32::from(levels.in1));
-            if !self.awake {
-                self.awake = true;
-                pico::set_function(pico::IN1, Function::Pwm);
-                pico::set_function(pico::IN2, Function::Pwm);
-                pico::set(pico::BRIDGE_ENABLE, true);
-            }
-        } else if self.awake {
-            self.awake = false;
+        }
+        let drives = output.awake && !output.limit_low;
+        if !(drives && self.drives) {
+            self.turn(output);
+        }
+    }
+
+    #[inline(never)]
+    fn turn(&mut self, output: Output) {
+        if output.awake && !self.awake {
+            pico::set_function(pico::IN1, Function::Pwm);
+            pico::set_function(pico::IN2, Function::Pwm);
+            pico::set(pico::BRIDGE_ENABLE, true);
+        } else if self.awake && !output.awake {
             safe::bridge_off();
             set_levels(0);
         }
+        self.awake = output.awake;
+        self.drives = output.awake && !output.limit_low;
         if output.limit_low != self.limit_low {
             self.limit_low = output.limit_low;
             pico::open_drain(pico::BRIDGE_LIMIT, output.limit_low);

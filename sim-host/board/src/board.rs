@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use ldc161x_sim::{Chip, Settings, Time};
-use palpate_sim::electrical::Circuit;
+use palpate_sim::electrical::{Circuit, Totals};
 use rp2040_emu::core::CortexM0Plus;
 
 use crate::bridge::BridgeInputs;
@@ -13,6 +13,7 @@ use crate::image::{Image, VECTORS};
 use crate::interrupts::HARD_FAULT;
 use crate::plant::Plant;
 use crate::profile::Profile;
+use crate::pwm::LevelTimes;
 use crate::rtt;
 use crate::stop::Stop;
 use crate::trace::Trace;
@@ -419,6 +420,18 @@ impl<P: Plant> Board<P> {
     #[must_use]
     pub const fn current_a(&self) -> f64 {
         self.bus.coil.circuit().current_a()
+    }
+
+    /// What has flowed up to the present. The circuit itself is followed when something asks for it,
+    /// and may be some of a period behind.
+    pub fn totals(&mut self) -> Totals {
+        self.bus.run_coil(self.bus.clock.now_ps());
+        self.bus.coil.circuit().totals()
+    }
+
+    /// When the levels of the bridge's PWM were written, since this was last asked.
+    pub fn take_level_times(&mut self) -> LevelTimes {
+        self.bus.pwm.take_level_times()
     }
 
     /// The coil's circuit.

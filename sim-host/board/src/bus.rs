@@ -397,7 +397,7 @@ impl<P: Plant> Bus<P> {
     }
 
     /// Lets the coil's circuit, the converter and the way into memory come to a time.
-    fn run_coil(&mut self, now_ps: u64) {
+    pub(crate) fn run_coil(&mut self, now_ps: u64) {
         let wave = self.pwm.wave(COIL_SLICE, self.sys_hz);
         self.skip_conversions(now_ps);
         let coil_c = self.conditions.coil_c;

@@ -37,6 +37,7 @@ pub use image::{Image, ImageError};
 pub use instrument::{COMMANDS, Failure, Instrument, LOGS, RECORDS};
 pub use plant::{Conditions, Plant, Pressed, Still};
 pub use profile::{Cost, Handler, Profile};
+pub use pwm::LevelTimes;
 pub use sources::{Function, Sources, SourcesError};
 pub use stop::Stop;
 pub use time::Time;

@@ -1,14 +1,41 @@
 //! PWM: pulse widths, and a counter of edges (RP2040 datasheet 4.5). It runs on whatever the
 //! processor does.
 
+use ldc161x_sim::Time;
+
 use crate::time::periods_ps;
 
 const SLICES: usize = 8;
+
+/// When the compare values of a phase-correct slice were written, as to the wraps at which they come
+/// into force.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LevelTimes {
+    /// How often while the slice ran.
+    pub written: u64,
+    /// How often in the first half of a cycle: a writer that follows samples of the middle has
+    /// missed the wrap it meant.
+    pub late: u64,
+    /// The shortest time that was left until the wrap, of those in the second half.
+    pub least_left: Time,
+}
+
+impl Default for LevelTimes {
+    fn default() -> Self {
+        Self {
+            written: 0,
+            late: 0,
+            least_left: Time::MAX,
+        }
+    }
+}
 
 /// The eight slices.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Pwm {
     slices: [Slice; SLICES],
+    /// Of the first slice.
+    level_times: LevelTimes,
     /// Wraps, by slice, of those slices whose wraps anything asks for.
     raw: u32,
     enabled: u32,
@@ -122,6 +149,12 @@ impl Slice {
     fn latch(&mut self) {
         self.top = self.next_top;
         self.compare = self.next_compare;
+    }
+
+    /// Steps that are left until the wrap, and those of a half cycle.
+    fn left_at(&self, now_ps: u64, sys_hz: f64) -> (u64, u64) {
+        let cycle = self.cycle();
+        (cycle - self.position_at(now_ps, sys_hz), cycle / 2)
     }
 
     fn advance(&mut self, now_ps: u64, sys_hz: f64) {
@@ -328,6 +361,27 @@ impl Pwm {
         })
     }
 
+    /// When the first slice's levels were written, since the last call.
+    pub(crate) fn take_level_times(&mut self) -> LevelTimes {
+        std::mem::take(&mut self.level_times)
+    }
+
+    fn count_level(&mut self, now_ps: u64, sys_hz: f64) {
+        let [slice, ..] = &self.slices;
+        if !slice.runs() {
+            return;
+        }
+        let (left, half) = slice.left_at(now_ps, sys_hz);
+        let times = &mut self.level_times;
+        times.written += 1;
+        if left > half {
+            times.late += 1;
+        } else {
+            let left = Time::from_ps((left as f64 * slice.step_ps(sys_hz)) as u64);
+            times.least_left = times.least_left.min(left);
+        }
+    }
+
     pub(crate) fn write(
         &mut self,
         offset: u32,
@@ -349,6 +403,9 @@ impl Pwm {
         }
         if matches!(offset, 0xA4 | 0xA8) {
             return Some(());
+        }
+        if offset == 0x0C {
+            self.count_level(now_ps, sys_hz);
         }
         let slice = self.slices.get_mut(offset as usize / 0x14)?;
         if !matches!(offset % 0x14, 0x0C | 0x10) {
@@ -452,6 +509,26 @@ mod tests {
         assert!(wave.is_high(0, 8_000_000));
         // 15.004 us are 1 800.5 steps: 1 800 of 1 920, on the way down.
         assert_eq!(pwm.read(0x08, 15_004_000, HZ), Some(119));
+    }
+
+    #[test]
+    fn levels_before_the_wrap_are_told_from_those_behind_it() {
+        let mut pwm = Pwm::default();
+        pwm.write(0x10, 959, 0, HZ).unwrap();
+        pwm.write(0x0C, 240, 0, HZ).unwrap();
+        pwm.write(0x00, 0b11, 0, HZ).unwrap();
+        assert_eq!(pwm.take_level_times(), LevelTimes::default());
+        for at_us in [12, 15, 17] {
+            pwm.write(0x0C, 240, at_us * 1_000_000, HZ).unwrap();
+        }
+        let times = pwm.take_level_times();
+        assert_eq!((times.written, times.late), (3, 1));
+        // Whole steps of the count.
+        let left = times.least_left;
+        assert!(
+            left >= Time::from_us(1) && left < Time::from_ns(1_010),
+            "{left}"
+        );
     }
 
     #[test]

@@ -60,9 +60,9 @@ fn driving(to_a: f32) -> Bench {
 
 /// True mean current over a time, with the PC saying something now and then.
 fn mean_a(bench: &mut Bench, time: Time) -> f64 {
-    let before = bench.board.circuit().totals();
+    let before = bench.board.totals();
     bench.run(time);
-    let after = bench.board.circuit().totals();
+    let after = bench.board.totals();
     (after.charge_a_s - before.charge_a_s) / (after.time_s - before.time_s)
 }
 
@@ -108,7 +108,7 @@ fn conversions_get_the_mean_of_their_own_window() {
     let mut truth = Vec::new();
     for _ in 0..5_000 {
         bench.board.run_for(Time::from_us(10)).unwrap();
-        let totals = bench.board.circuit().totals();
+        let totals = bench.board.totals();
         truth.push((bench.board.now(), totals.charge_a_s));
     }
     bench.listen();
@@ -162,30 +162,40 @@ fn possible(circuit: &Circuit, to_a: f64) -> Time {
     took
 }
 
+/// Mean currents of 400 periods, A, after a command for a step from rest.
+fn step(mut bench: Bench, to_a: f32) -> Vec<f64> {
+    bench.send(&drive(to_a, 0.0));
+    let mut means = Vec::new();
+    let mut before = bench.board.totals();
+    for _ in 0..400 {
+        bench.board.run_for(PERIOD).unwrap();
+        let after = bench.board.totals();
+        means.push((after.charge_a_s - before.charge_a_s) / (after.time_s - before.time_s));
+        before = after;
+    }
+    means
+}
+
+/// The mean over a period tells, since the ripple is 1 A. At 16 phases between converter's bus and
+/// PWM, whose interrupts get in each other's way.
 #[test]
 fn a_step_takes_what_the_circuit_allows_and_two_periods() {
     let mut bench = armed();
     bench.command(&drive(0.0, 0.0));
     bench.run(Time::from_ms(2));
     let possible = possible(bench.board.circuit(), 9.0);
-    // The mean over a period tells, since the ripple is 1 A: asked for after each.
-    bench.send(&drive(9.0, 0.0));
-    let mut means = Vec::new();
-    let mut before = bench.board.circuit().totals();
-    for _ in 0..400 {
-        bench.board.run_for(PERIOD).unwrap();
-        let after = bench.board.circuit().totals();
-        means.push((after.charge_a_s - before.charge_a_s) / (after.time_s - before.time_s));
-        before = after;
+    let mut highest = 0.0_f64;
+    for _ in 0..16 {
+        bench.run(Time::from_us(63));
+        let means = step(bench.clone(), 9.0);
+        let begin = means.iter().position(|mean_a| *mean_a > 0.2).unwrap();
+        let reached = means.iter().position(|mean_a| *mean_a > 0.9 * 9.0).unwrap();
+        let took = Time::from_us(16 * (reached - begin) as u64);
+        assert!(took <= possible + PERIOD + PERIOD, "{took} of {possible}");
+        highest = means.iter().copied().fold(highest, f64::max);
     }
-    let begin = means.iter().position(|mean_a| *mean_a > 0.2).unwrap();
-    let reached = means.iter().position(|mean_a| *mean_a > 0.9 * 9.0).unwrap();
-    let took = Time::from_us(16 * (reached - begin) as u64);
-    assert!(took <= possible + PERIOD + PERIOD, "{took} of {possible}");
-    let highest = means.iter().copied().fold(0.0, f64::max);
-    // The driver's own overshoot is below 2 % (`coil_drive`); a bus interrupt within the control
-    // interrupt can make a level come a period late, which costs up to 4 %.
-    assert!(highest < 1.05 * 9.0, "{highest}");
+    println!("overshoot: {:.2} %", 100.0 * (highest / 9.0 - 1.0));
+    assert!(highest <= 1.02 * 9.0, "{highest}");
 }
 
 #[test]
@@ -223,14 +233,14 @@ fn disturbed(bench: &mut Bench, time: Time, change: impl Fn(&mut Circuit)) {
 fn a_dead_short_lets_little_through() {
     let mut bench = driving(5.0);
     bench.board.circuit_mut().forget_peak();
-    let before = bench.board.circuit().totals();
+    let before = bench.board.totals();
     disturbed(&mut bench, Time::from_ms(2), |circuit| {
         circuit.parameters.coil_ohm = 10e-3;
         circuit.parameters.inductance_h = 2e-6;
     });
     assert!(!bench.board.bridge().awake);
     let (peak_a, _) = bench.board.circuit().peak();
-    let energy_j = bench.board.circuit().totals().supply_j - before.supply_j;
+    let energy_j = bench.board.totals().supply_j - before.supply_j;
     println!("dead short: peak {peak_a:.1} A, {:.1} mJ", 1e3 * energy_j);
     assert!(peak_a < 25.0, "{peak_a} A");
     assert!(energy_j < 0.02, "{energy_j} J");
@@ -323,6 +333,29 @@ fn the_control_interrupt_keeps_its_time() {
     assert!((periods - 1_999.0).abs() < 0.5, "{periods}: one was missed");
     // Nothing is lost while it is over before it is called again.
     assert!(jitter_us + longest_us < 14.0, "{jitter_us} {longest_us}");
+}
+
+/// A level that misses the wrap it was meant for comes a period late, and the current overshoots.
+#[test]
+fn no_level_comes_late() {
+    let mut bench = armed();
+    bench.board.take_level_times();
+    let mut courses = [(6.0, 0.03), (9.0, 0.0), (2.0, 0.05), (-4.0, 0.0)]
+        .into_iter()
+        .cycle();
+    // 24 000 periods.
+    for _ in 0..8 {
+        let (to_a, over_s) = courses.next().unwrap();
+        assert_eq!(
+            bench.command(&drive(to_a, over_s)).outcome,
+            Outcome::Accepted
+        );
+        bench.run(Time::from_ms(48));
+    }
+    let times = bench.board.take_level_times();
+    println!("{times:?}");
+    assert!(times.written > 24_000);
+    assert_eq!(times.late, 0);
 }
 
 /// A plant as the demonstration draws it, with its own supply, coil and errors of the measurement:
