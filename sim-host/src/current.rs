@@ -1,13 +1,15 @@
 //! The coil's current: what flows, and what the instrument is told about it.
 //!
-//! For now an ideal source drives the coil: it follows the command at once, without ripple, within
-//! the hardware's limit and what the supply can push through the coil. Only the way back, the
-//! measurement, is imperfect.
+//! An ideal source drives the coil: its mean follows the command at once, within the hardware's limit
+//! and what the supply can push through the coil. What the bridge's switching adds is known in closed
+//! form: the ripple, whose square acts as the current's own does, and the part of the period for
+//! which it drives. The way back, the measurement, has its errors.
 
 use core::f64::consts::TAU;
 
 use ldc161x_sim::Time;
 
+use crate::coil::interference::Bridge;
 use crate::random::Stream;
 
 /// Hardware limit of the current in units of the stack's peak current (the bridge has one, which is
@@ -39,13 +41,56 @@ pub struct CurrentParameters {
     pub nonlinearity_phase: f64,
     /// Noise of one sample of the ADC, LSB rms, 0 to 200; white.
     pub noise_lsb: f64,
+    /// Share of the ripple that there is: 1, or 0 for a source without.
+    pub ripple: f64,
 }
+
+/// Period of the bridge, s (the reference board: 62.5 kHz; docs/decisions/0040).
+pub const PWM_PERIOD_S: f64 = 16e-6;
+
+/// What drives the coil where the supply has no limit, V.
+const UNLIMITED_V: f64 = 12.0;
 
 impl CurrentParameters {
     /// The largest current that flows through a coil of this resistance, A.
     #[must_use]
     pub fn limit_a(&self, coil_ohm: f64) -> f64 {
         (HARD_LIMIT * self.peak_a).min(self.supply_v / (coil_ohm + self.supply_ohm))
+    }
+
+    /// What the bridge does to hold this current in a coil of this resistance.
+    #[must_use]
+    pub fn bridge(&self, current_a: f64, coil_ohm: f64) -> Bridge {
+        let supply_v = if self.supply_v.is_finite() {
+            self.supply_v
+        } else {
+            UNLIMITED_V
+        };
+        let ohm = coil_ohm + self.supply_ohm;
+        Bridge {
+            supply_v,
+            duty: (current_a.abs() * ohm / supply_v).min(1.0),
+            period_s: PWM_PERIOD_S,
+        }
+    }
+
+    /// The current that does what mean and ripple do together, where that goes by its square, A:
+    /// its root mean square over a period, with its sign.
+    ///
+    /// The ripple of a coil that is driven for the part d of the period and shorted for the rest is a
+    /// triangle of V d (1 − d) T/L, whose variance is a twelfth of its square; the coil's resistance
+    /// bends it by less than a part R T/L of it.
+    #[must_use]
+    pub fn effective_a(&self, current_a: f64, coil_ohm: f64) -> f64 {
+        let Bridge {
+            supply_v,
+            duty,
+            period_s,
+        } = self.bridge(current_a, coil_ohm);
+        let peak_to_peak_a =
+            self.ripple * supply_v * duty * (1.0 - duty) * period_s / self.inductance_h;
+        let square = current_a * current_a + peak_to_peak_a * peak_to_peak_a / 12.0;
+        libm::copysign(libm::sqrt(square), current_a)
     }
 
     /// What the instrument is told of a true mean current, from the mean of so many samples, A.
@@ -121,12 +166,56 @@ mod tests {
         nonlinearity_lsb: 0.0,
         nonlinearity_phase: 0.0,
         noise_lsb: 0.0,
+        ripple: 1.0,
     };
 
     #[test]
     fn the_supply_limits_before_the_hardware_does() {
         assert!((CHAIN.limit_a(0.4) - 10.0).abs() < 1e-12);
         assert_eq!(CHAIN.limit_a(0.01), 15.0);
+    }
+
+    #[test]
+    fn the_ripple_is_that_of_the_circuit() {
+        use crate::electrical::{Circuit, CircuitParameters, Pins, edges};
+        for (duty, inductance_h) in [(0.1, 40e-6), (0.4, 40e-6), (0.5, 20e-6), (0.9, 20e-6)] {
+            let mut circuit = Circuit::new(CircuitParameters {
+                bridge_ohm: 0.0,
+                dead_s: 0.0,
+                supply_ohm: 0.0,
+                limit_a: f64::INFINITY,
+                ..CircuitParameters::common(0.4, inductance_h, 6.0)
+            });
+            let level = (960.0 * (1.0 - duty)) as u16;
+            let period = |circuit: &mut Circuit| {
+                let mut moments = edges([960, level], 960).peekable();
+                while let Some((from, inputs)) = moments.next() {
+                    let until = moments.peek().map_or(1.0, |next| next.0);
+                    let pins = Pins {
+                        awake: true,
+                        inputs,
+                    };
+                    circuit.advance(pins, (until - from) * 16e-6);
+                }
+            };
+            (0..500).for_each(|_| period(&mut circuit));
+            let before = circuit.totals();
+            period(&mut circuit);
+            let after = circuit.totals();
+            let mean_a = (after.charge_a_s - before.charge_a_s) / 16e-6;
+            let square = (after.square_a2_s - before.square_a2_s) / 16e-6;
+            let chain = CurrentParameters {
+                inductance_h,
+                supply_ohm: 0.0,
+                ..CHAIN
+            };
+            let found = chain.effective_a(mean_a, 0.4).powi(2) - mean_a * mean_a;
+            let exact = square - mean_a * mean_a;
+            assert!(
+                (found / exact - 1.0).abs() < 0.05,
+                "{duty}: {found} {exact}"
+            );
+        }
     }
 
     #[test]

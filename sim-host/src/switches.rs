@@ -103,6 +103,11 @@ switches! {
     ldc_noise,
     /// The drive current of the converter shifts its frequency (3.9).
     ldc_drive_shift,
+    /// The current ripples with the bridge's switching, which heats, attracts, stiffens and disturbs
+    /// the sensing coil by its square (3.11).
+    ripple,
+    /// Harmonics of the bridge's switching pull the oscillation of the sensing coil (3.11).
+    pwm_coupling,
     /// The sensing coil bends with the layer (3.10).
     coil_bending,
     /// Copper of the actuated layer lies under the sensing coil (3.10).

@@ -3,6 +3,7 @@
 mod common;
 
 use common::*;
+use ldc161x_sim::Window;
 use palpate_sim::current::LSB_A;
 use palpate_sim::mechanics::{load::Load, press::Profile};
 use palpate_sim::parameters::Parameters;
@@ -53,6 +54,8 @@ fn transplant(name: &str, plant: &mut Parameters, other: &Parameters) {
         "ldc_noise" => plant.ldc.white_noise_relative = 2e-6,
         "ldc_quantisation" => plant.ldc.quantised = false,
         "ldc_drive_shift" => plant.ldc.drive_shift = false,
+        "ripple" => current.ripple = 0.5,
+        "pwm_coupling" => plant.interference.volt_per_volt = other.interference.volt_per_volt,
         "coil_bending" => plant.tank.curvature_per_m = other.tank.curvature_per_m,
         "copper_image" => plant.tank.copper = false,
         "rig_frame" => rig.frame_m_per_n = other.rig.frame_m_per_n,
@@ -66,6 +69,17 @@ fn transplant(name: &str, plant: &mut Parameters, other: &Parameters) {
 
 fn reading_bits(reading: Reading) -> [u64; 2] {
     [reading.force_n.to_bits(), reading.stage_m.to_bits()]
+}
+
+/// What the bridge's switching adds to a conversion, cycles.
+fn pulled(mut world: World) -> f64 {
+    world.set_current(4.2);
+    world.advance(ms(2));
+    world.pulled_cycles(&Window {
+        start_s: 0.5e-3,
+        length_s: 1e-3,
+        free_hz: 3.01e6,
+    })
 }
 
 /// All that anybody can see of a plant: a measurement on a stand and by hand, the converter's
@@ -85,6 +99,7 @@ fn everything(plant: &Parameters, switches: Switches) -> Vec<u64> {
             u64::from(chip.conversions.quantised),
             chip.drive.shift_per_code.to_bits(),
         ]);
+        seen.push(pulled(world.clone()).to_bits());
         seen.extend(trajectory(world));
     }
     for specimen in [

@@ -4,7 +4,7 @@ use crate::counter::{Counts, Ratio, Signal, exact_ratio};
 use crate::drive::{AMPLITUDE_HIGH_V, AMPLITUDE_LOW_V};
 use crate::errors::Errors;
 use crate::random::Random;
-use crate::sensor::Sensors;
+use crate::sensor::{Sensors, Window};
 use crate::settings::Settings;
 use crate::switches::Deglitch33;
 use crate::time::{Moment, Time};
@@ -26,7 +26,7 @@ pub struct Conversion {
     /// Mean of [`Sensors::frequency_hz`] from `start` to `end`, Hz.
     pub sensor_hz: f64,
     /// Mean frequency at the comparator, Hz: the sensor's with the shifts by drive, clamp and
-    /// settling, and with noise. The word tells this one.
+    /// settling, with noise, and with what pulls it from outside. The word tells this one.
     pub oscillation_hz: f64,
     /// True reference frequency, Hz, behind FREF_DIVIDERx.
     pub reference_hz: f64,
@@ -88,6 +88,28 @@ impl Sweep {
             first: self.first * factor,
             mean: self.mean * factor,
             last: self.last * factor,
+        }
+    }
+
+    /// With what pulls it from outside spread evenly over the conversion: the edges at its ends are
+    /// placed by a frequency that is off by some 10⁻⁵ at most.
+    fn pulled(self, sensors: &impl Sensors, channel: u8, start_s: f64, length_s: f64) -> Self {
+        let window = Window {
+            start_s,
+            length_s,
+            free_hz: self.mean,
+        };
+        if self.mean <= 0.0 {
+            return self;
+        }
+        let cycles = sensors.pulled_cycles(usize::from(channel), &window);
+        if cycles.is_finite() {
+            Self {
+                mean: self.mean + cycles / length_s,
+                ..self
+            }
+        } else {
+            self
         }
     }
 
@@ -156,7 +178,8 @@ impl Gate {
         );
         let stopped = self.amplitude_v < settings.drive.least_amplitude_v;
         let shift = self.shift(settings) + self.noise(settings, length_s, random);
-        let oscillation = sensor.scaled(1.0 + shift).silenced(stopped);
+        let free = sensor.scaled(1.0 + shift).silenced(stopped);
+        let oscillation = free.pulled(sensors, self.channel, self.start.seconds(), length_s);
         let bandwidth_hz = deglitch_hz(self.deglitch, settings.switches.deglitch_33);
         let slow_filter = oscillation.mean >= bandwidth_hz;
         let spoilt = slow_filter || self.disturbed;

@@ -46,7 +46,7 @@ pub use faults::{
 };
 pub use i2c::{Ack, Traffic};
 pub use results::CHANNELS;
-pub use sensor::{Sensors, Tank};
+pub use sensor::{Sensors, Tank, Window};
 pub use settings::{Conversions, Drive, ExternalClock, InternalClock, Part, Settings};
 pub use switches::{
     ActiveWrite, BurstRead, ConfigReadback, Counter, Deglitch33, EarlyTermination, FlagRead,

@@ -26,6 +26,26 @@ pub trait Sensors {
         let _ = (channel, time_s);
         25.0
     }
+
+    /// Cycles by which something from outside pulls the oscillation on (or back) during a
+    /// conversion, beyond those of its own mean frequency: an interferer near the resonance, whose
+    /// beat is too fast for the few moments at which [`frequency_hz`](Self::frequency_hz) is asked.
+    /// Asked once for each conversion, in the order of time.
+    fn pulled_cycles(&self, channel: usize, window: &Window) -> f64 {
+        let _ = (channel, window);
+        0.0
+    }
+}
+
+/// A conversion, as what may pull the oscillation meanwhile is told of it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Window {
+    /// Its beginning, s.
+    pub start_s: f64,
+    /// Its length, s.
+    pub length_s: f64,
+    /// Mean frequency of the oscillation if nothing pulls it, Hz.
+    pub free_hz: f64,
 }
 
 impl<F: Fn(usize, f64) -> f64> Sensors for F {

@@ -476,3 +476,33 @@ fn each_activation_begins_with_a_phase_of_chance() {
         "the ratio is exact, but M and N move"
     );
 }
+
+#[test]
+fn what_pulls_the_oscillation_reaches_the_word() {
+    struct Pulled(std::cell::RefCell<Vec<ldc161x_sim::Window>>);
+    impl Sensors for Pulled {
+        fn frequency_hz(&self, channel: usize, _: f64) -> f64 {
+            if channel == 0 { 3e6 } else { 0.0 }
+        }
+        fn pulled_cycles(&self, channel: usize, window: &ldc161x_sim::Window) -> f64 {
+            assert_eq!(channel, 0);
+            self.0.borrow_mut().push(*window);
+            -0.125
+        }
+    }
+    let rig = Rig::new(Settings::ideal(), Pulled(Vec::new().into()));
+    rig.single(2500);
+    let conversion = convert(&rig);
+    // 16 * 2500 periods of 40 MHz are 1 ms: an eighth of a cycle less is 125 Hz.
+    assert!((conversion.oscillation_hz - (3e6 - 125.0)).abs() < 1e-6);
+    assert_eq!(conversion.sensor_hz, 3e6);
+    let told_hz = f64::from(conversion.word) / FULL_SCALE * 40e6;
+    assert!((told_hz - (3e6 - 125.0)).abs() < 0.1, "{told_hz}");
+    convert(&rig);
+    let chip = rig.chip.borrow();
+    let windows = chip.sensors().0.borrow();
+    assert_eq!(windows.len(), 2, "once for each conversion");
+    assert!(windows.iter().all(|window| window.free_hz == 3e6));
+    assert!((windows[0].length_s - 1e-3).abs() < 1e-12);
+    assert!(windows[1].start_s >= windows[0].start_s + 1e-3);
+}

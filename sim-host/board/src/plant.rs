@@ -2,7 +2,7 @@
 
 use std::cell::RefCell;
 
-use ldc161x_sim::{Sensors, Time};
+use ldc161x_sim::{Sensors, Time, Window};
 use palpate_sim::world::World;
 
 /// What is measured besides the sensor.
@@ -127,6 +127,10 @@ impl Sensors for Pressed {
 
     fn quality_factor(&self, channel: usize, time_s: f64) -> f64 {
         self.losses(channel, time_s).0
+    }
+
+    fn pulled_cycles(&self, channel: usize, window: &Window) -> f64 {
+        self.of_coil(channel, 0.0, |world| world.pulled_cycles(window))
     }
 }
 

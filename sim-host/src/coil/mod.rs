@@ -11,7 +11,9 @@
 pub mod curve;
 mod filaments;
 pub mod integral;
+pub mod interference;
 pub mod layers;
+pub mod mutual;
 pub mod tank;
 
 use core::f64::consts::PI;

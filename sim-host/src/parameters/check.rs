@@ -168,7 +168,16 @@ impl Parameters {
             -10.0,
             10.0,
         )?;
-        within("noise_lsb", current.noise_lsb, 0.0, 200.0)
+        within("noise_lsb", current.noise_lsb, 0.0, 200.0)?;
+        within("ripple", current.ripple, 0.0, 1.0)?;
+        let interference = &self.interference;
+        within(
+            "interference volt_per_volt",
+            interference.volt_per_volt,
+            0.0,
+            1.0,
+        )?;
+        within("interference edge_s", interference.edge_s, 0.0, 1e-5)
     }
 
     fn check_surroundings(&self) -> Result<(), ParameterError> {

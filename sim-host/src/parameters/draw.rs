@@ -6,6 +6,7 @@ use super::{
     AttractionParameters, CrosstalkParameters, LdcParameters, Parameters, PressParameters,
     RigParameters,
 };
+use crate::coil::interference::InterferenceParameters;
 use crate::coil::tank::TankParameters;
 use crate::current::CurrentParameters;
 use crate::magnetorheological::MagnetorheologicalParameters;
@@ -28,6 +29,22 @@ pub const FRAME_SPRING_N_PER_M: Quantity = Quantity::LogUniform {
 pub const CURVATURE_PER_M: Quantity = Quantity::Uniform {
     min: 0.0,
     max: 20.0,
+};
+
+/// Range of the voltage that the drive coils induce in the sensing coil near its resonance, for each
+/// volt across them: mutual over own inductance of the paper's coils, 5·10⁻⁵ to 9·10⁻⁵ through a
+/// plane of 70 µm of copper (computed, [`crate::coil::mutual`]), and twice that and a third of it
+/// for what the computation leaves out: elastomer, the plane's edge, capacitance between turns.
+pub const INTERFERENCE_V_PER_V: Quantity = Quantity::LogUniform {
+    min: 2e-5,
+    max: 2e-4,
+};
+
+/// Range of the time that an edge of the bridge takes, s: 12 V at 60 to 24 V/µs. Integrated bridges
+/// let it be chosen, 1.5 to 50 V/µs (data sheet of the DRV8245-Q1).
+pub const EDGE_S: Quantity = Quantity::Uniform {
+    min: 0.2e-6,
+    max: 0.5e-6,
 };
 
 /// Draws one plant: the same seed gives the same plant, and each quantity has its own stream.
@@ -95,6 +112,10 @@ fn assemble(stack: &Stack, d: &Disturbances, pick: Pick<'_>) -> Parameters {
             capacitance_per_kelvin: pick(&d.tank.capacitance_tempco_per_k, "capacitance_tempco"),
             curvature_per_m: pick(&CURVATURE_PER_M, "coil_curvature") / depth_m,
             copper: true,
+        },
+        interference: InterferenceParameters {
+            volt_per_volt: pick(&INTERFERENCE_V_PER_V, "pwm_coupling"),
+            edge_s: pick(&EDGE_S, "bridge_edge"),
         },
         ldc: LdcParameters {
             reference_clock_error: pick(&d.ldc.reference_clock_error, "reference_clock"),
@@ -165,6 +186,7 @@ fn current(stack: &Stack, d: &Disturbances, peak_a: f64, pick: Pick<'_>) -> Curr
         nonlinearity_lsb: pick(&ranges.inl_lsb, "adc_nonlinearity"),
         nonlinearity_phase: pick(&PHASE, "adc_nonlinearity_phase"),
         noise_lsb: pick(&ranges.noise_lsb_rms, "adc_noise"),
+        ripple: 1.0,
     }
 }
 

@@ -5,8 +5,11 @@ mod draw;
 
 pub use check::ParameterError;
 pub(crate) use check::within;
-pub use draw::{CURVATURE_PER_M, FRAME_SPRING_N_PER_M, central, draw};
+pub use draw::{
+    CURVATURE_PER_M, EDGE_S, FRAME_SPRING_N_PER_M, INTERFERENCE_V_PER_V, central, draw,
+};
 
+use crate::coil::interference::InterferenceParameters;
 use crate::coil::tank::TankParameters;
 use crate::current::CurrentParameters;
 use crate::magnetorheological::MagnetorheologicalParameters;
@@ -39,6 +42,8 @@ pub struct Parameters {
     pub thermal: ThermalParameters,
     /// The sensing coil and its capacitor.
     pub tank: TankParameters,
+    /// What couples the bridge's switching to the sensing coil.
+    pub interference: InterferenceParameters,
     /// The converter.
     pub ldc: LdcParameters,
     /// The actuating coils' current.
@@ -157,6 +162,8 @@ impl Parameters {
         if !on.supply {
             current.supply_v = f64::INFINITY;
         }
+        neutral(on.ripple, [&mut current.ripple]);
+        neutral(on.pwm_coupling, [&mut self.interference.volt_per_volt]);
         neutral(on.current_gain, [&mut current.gain_error]);
         neutral(on.adc_nonlinearity, [&mut current.nonlinearity_lsb]);
         neutral(on.adc_noise, [&mut current.noise_lsb]);

@@ -15,12 +15,13 @@ mod truth;
 
 use std::collections::VecDeque;
 
-use ldc161x_sim::{Conversions, Drive, ExternalClock, Settings, Time};
+use ldc161x_sim::{Conversions, Drive, ExternalClock, Settings, Time, Window};
 
 use self::history::History;
 use self::plant::{Inputs, Plant, State};
 pub use self::shared::SharedWorld;
 pub use self::truth::Truth;
+use crate::coil::interference::Oscillation;
 use crate::current::{Command, HARD_LIMIT};
 use crate::mechanics::chain::{Chain, LEAST_STABILITY};
 use crate::mechanics::load::Load;
@@ -100,6 +101,7 @@ pub struct World {
     states: VecDeque<State>,
     history: History,
     adc_noise: Stream,
+    oscillation: Oscillation,
 }
 
 impl World {
@@ -151,6 +153,7 @@ impl World {
             states: VecDeque::from([first]),
             history: History::default(),
             adc_noise,
+            oscillation: Oscillation::default(),
         }
     }
 
@@ -286,6 +289,27 @@ impl World {
         let time = Time::from_secs_f64(time_s) + Time::from_ps(1);
         self.extend_to(time.min(self.now + FURTHEST_AHEAD));
         self.history.frequency_hz(time_s)
+    }
+
+    /// Cycles that the bridge's switching adds to the oscillation during a conversion (see
+    /// [`crate::coil::interference`]), with the bridge as it holds the mean current of that time.
+    /// Windows are to come in the order of time.
+    pub fn pulled_cycles(&mut self, window: &Window) -> f64 {
+        let span = (window.start_s, window.length_s);
+        let [from, to] =
+            [window.start_s, window.start_s + window.length_s].map(Time::from_secs_f64);
+        let current_a = self.history.mean_current_a(from, to).unwrap_or(0.0);
+        let parameters = &self.plant.parameters;
+        let interferer = (current_a != 0.0).then(|| {
+            let coil_ohm = self.states.front().map_or_else(
+                || parameters.thermal.resistance_ohm,
+                |state| parameters.thermal.coil_resistance_ohm(&state.thermal),
+            );
+            let bridge = parameters.current.bridge(current_a, coil_ohm);
+            parameters.interference.nearest(&bridge, window.free_hz)
+        });
+        self.oscillation
+            .follow(interferer.as_ref(), span, window.free_hz)
     }
 
     /// Quality factor and parallel resistance, ohm, of the tank at a frequency.

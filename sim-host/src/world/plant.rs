@@ -32,6 +32,8 @@ impl Inputs {
 pub(super) struct State {
     pub(super) time: Time,
     pub(super) current_a: f64,
+    /// What acts by its square: the current with its ripple, root mean square.
+    pub(super) effective_a: f64,
     pub(super) thermal: ThermalState,
     pub(super) play: Play,
     pub(super) stiffening: f64,
@@ -105,18 +107,19 @@ impl Plant {
         let resistance_ohm = p.thermal.coil_resistance_ohm(&from.thermal);
         let limit_a = p.current.limit_a(resistance_ohm);
         let current_a = inputs.command.at(to).clamp(-limit_a, limit_a);
-        let (i0, i1) = (from.current_a, current_a);
+        let effective_a = p.current.effective_a(current_a, resistance_ohm);
+        let (i0, i1) = (from.effective_a, effective_a);
         let square_a2 = (i0 * i0 + i0 * i1 + i1 * i1) / 3.0;
         let thermal = p.thermal.advance(&from.thermal, square_a2, duration_s);
 
-        let (play, stiffening) = self.stiffen(from, current_a, duration_s);
+        let (play, stiffening) = self.stiffen(from, effective_a, duration_s);
         let strength = p.magnetorheological.strength(thermal.pad_k);
         let (shaken_m, shaking_m_per_s) = self.shake.at(to.as_secs_f64());
         let softened = p.actuated.spring_at(thermal.pad_k);
         let conditions = Conditions {
             sensing_spring_n_per_m: p.sensing.spring_at(thermal.pad_k),
             actuated_spring_n_per_m: softened * (1.0 + strength * stiffening),
-            attraction_n: p.attraction.n_per_a2 * current_a * current_a,
+            attraction_n: p.attraction.n_per_a2 * effective_a * effective_a,
             press_m: inputs.profile.position_m(to) + shaken_m,
             growth_m: p.thermal.growth_m_per_k * thermal.pad_k,
         };
@@ -125,13 +128,14 @@ impl Plant {
         let (before, after) = ((&from.chain, &from.conditions), (&chain, &conditions));
         let energy = from.energy.after(&self.chain, &decays, before, after);
         let resonance = self.tank.resonance(&TankState {
-            apparent_m: self.apparent_m(chain.sensing_m, current_a),
+            apparent_m: self.apparent_m(chain.sensing_m, effective_a),
             displacement_m: chain.sensing_m,
             warmer_k: thermal.pad_k,
         });
         State {
             time: to,
             current_a,
+            effective_a,
             thermal,
             play,
             stiffening,
@@ -152,8 +156,11 @@ impl Plant {
 
     fn stiffen(&self, from: &State, current_a: f64, duration_s: f64) -> (Play, f64) {
         let law = &self.parameters.magnetorheological;
-        let (before, after) = (self.saturation(from.current_a), self.saturation(current_a));
-        let turned = from.current_a * current_a < 0.0;
+        let (before, after) = (
+            self.saturation(from.effective_a),
+            self.saturation(current_a),
+        );
+        let turned = from.effective_a * current_a < 0.0;
         // a current that changes its sign passes the point without field
         let play = if turned {
             from.play.follow(0.0)
@@ -199,9 +206,9 @@ impl Plant {
     /// Rate of the frequency at a node, Hz/s, within a step that begins or ends there.
     fn frequency_rate(&self, state: &State, slopes: &Slopes) -> f64 {
         let sensing = self.sensing_rate(state, slopes);
-        let (flat_m, slope) = self.crosstalk(state.current_a);
+        let (flat_m, slope) = self.crosstalk(state.effective_a);
         let flat_rate =
-            2.0 * self.parameters.crosstalk.at_peak_m * state.current_a * slopes.current
+            2.0 * self.parameters.crosstalk.at_peak_m * state.effective_a * slopes.current
                 / (self.parameters.current.peak_a * self.parameters.current.peak_a);
         let apparent =
             sensing * (1.0 - flat_m * slope) - flat_rate * (1.0 + slope * state.chain.sensing_m);
@@ -214,7 +221,7 @@ impl Plant {
     fn sensing_rate(&self, state: &State, slopes: &Slopes) -> f64 {
         let law = &self.parameters.magnetorheological;
         let stiffening = if law.lag_s > 0.0 {
-            let target = law.target(self.saturation(state.current_a), state.play);
+            let target = law.target(self.saturation(state.effective_a), state.play);
             (target - state.stiffening) / law.lag_s
         } else {
             slopes.stiffening
@@ -225,7 +232,7 @@ impl Plant {
         let rates = Rates {
             sensing_spring: slopes.sensing_spring,
             actuated_spring: state.conditions.actuated_spring_n_per_m * (hardening + warming),
-            attraction: 2.0 * k * state.current_a * slopes.current,
+            attraction: 2.0 * k * state.effective_a * slopes.current,
             drive: slopes.press + state.shaking_m_per_s + slopes.growth,
             in_contact: slopes.in_contact,
         };
@@ -254,7 +261,7 @@ impl Slopes {
         let slope = |before: f64, after: f64| (after - before) / duration_s;
         let (before, after) = (&from.conditions, &to.conditions);
         Self {
-            current: slope(from.current_a, to.current_a),
+            current: slope(from.effective_a, to.effective_a),
             stiffening: slope(from.stiffening, to.stiffening),
             // the profile alone: what shakes it has its own velocity
             press: slope(

@@ -3,7 +3,7 @@
 use core::cell::{BorrowError, Ref, RefCell, RefMut};
 use std::rc::Rc;
 
-use ldc161x_sim::Sensors;
+use ldc161x_sim::{Sensors, Window};
 
 use super::World;
 
@@ -79,5 +79,12 @@ impl Sensors for SharedWorld {
 
     fn quality_factor(&self, channel: usize, time_s: f64) -> f64 {
         self.losses(channel, time_s).0
+    }
+
+    fn pulled_cycles(&self, channel: usize, window: &Window) -> f64 {
+        match self.0.try_borrow_mut() {
+            Ok(mut world) if channel == SENSING_CHANNEL => world.pulled_cycles(window),
+            _ => 0.0,
+        }
     }
 }

@@ -46,7 +46,7 @@ pub struct Truth {
     /// Tangent stiffness c_L of the load in series with what it stands on, N/m: what an instrument
     /// can measure. Infinite for a rigid load on a rigid frame.
     pub load_spring_n_per_m: f64,
-    /// Current in the coils, A.
+    /// Mean current in the coils, without its ripple, A.
     pub current_a: f64,
     /// Resistance of the coils, ohm.
     pub coil_ohm: f64,
@@ -77,7 +77,7 @@ impl Truth {
             actuated_force_n: chain.actuated_force_n,
             attraction_n: plant.chain.attraction_n(conditions, chain.actuated_m),
             sensing_m: chain.sensing_m,
-            apparent_m: plant.apparent_m(chain.sensing_m, state.current_a),
+            apparent_m: plant.apparent_m(chain.sensing_m, state.effective_a),
             actuated_m: chain.actuated_m,
             load_m: chain.load_m,
             frame_m: plant.chain.frame_m_per_n() * chain.force_n,

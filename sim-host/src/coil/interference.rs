@@ -1,0 +1,251 @@
+//! What the bridge's edges do to the oscillation of the sensing coil.
+//!
+//! The bridge switches some 62 500 times a second; one of its harmonics always lies within half of
+//! that from the resonance near 3 MHz. Coil to coil it induces a small voltage in the tank, and an
+//! oscillator that is injected so follows Adler's equation (Adler 1946; Razavi 2004): the phase φ of
+//! the oscillation against the interferer moves as
+//!
+//! dφ/dt = Δ − Λ sin φ,  Λ = (ω₀/2Q) V_tank/V_osc = ω₀ e/(2 V_osc)
+//!
+//! with Δ the distance between free oscillation and interferer, and e the induced voltage in series
+//! with the coil, which the resonance raises to V_tank = Q e. Within ±Λ the oscillation locks; beyond,
+//! its mean frequency is off by Δ − √(Δ² − Λ²), and its phase sways by Λ/Δ.
+//!
+//! Only the nearest harmonic acts. Its neighbours are a whole switching frequency further off, where
+//! they pull by Λ²/2Δ: below 10⁻² Hz for any Λ/2π below 25 Hz.
+
+use core::f64::consts::{PI, TAU};
+
+/// Amplitude of the oscillation, V: the least that the converter calls right (datasheet SNOSCY9A,
+/// 8.1.5), since an interferer pulls a faint oscillation most.
+pub const OSCILLATION_V: f64 = 1.2;
+
+/// How the bridge is coupled to the sensing coil.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct InterferenceParameters {
+    /// Voltage induced in the sensing coil for a voltage across the drive coil, near the resonance,
+    /// V/V, 0 to 1: mutual over own inductance (see [`mutual`](super::mutual)).
+    pub volt_per_volt: f64,
+    /// Time that an edge of the bridge takes, s, 0 to 10⁻⁵.
+    pub edge_s: f64,
+}
+
+/// The bridge as an interferer.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bridge {
+    /// Its supply, V.
+    pub supply_v: f64,
+    /// Part of the period for which it drives, 0 to 1.
+    pub duty: f64,
+    /// Its period, s.
+    pub period_s: f64,
+}
+
+impl InterferenceParameters {
+    /// The harmonic of the bridge that is nearest to a frequency.
+    #[must_use]
+    pub fn nearest(&self, bridge: &Bridge, free_hz: f64) -> Interferer {
+        let number = libm::round(free_hz * bridge.period_s).max(1.0);
+        let frequency_hz = number / bridge.period_s;
+        // Pulses of finite edges: sinc of the edge, of which the envelope, since its zeros are not
+        // to be relied upon.
+        let edge = (1.0 / (PI * frequency_hz * self.edge_s)).min(1.0);
+        let pulse_v =
+            2.0 * bridge.supply_v / (PI * number) * libm::sin(PI * number * bridge.duty) * edge;
+        Interferer {
+            frequency_hz,
+            lock_hz: frequency_hz * self.volt_per_volt * pulse_v / (2.0 * OSCILLATION_V),
+        }
+    }
+}
+
+/// A voltage in the tank near its resonance.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Interferer {
+    /// Its frequency, Hz.
+    pub frequency_hz: f64,
+    /// Λ/2π, Hz, to either side of which the oscillation locks. Its sign is that of the voltage.
+    pub lock_hz: f64,
+}
+
+/// The oscillation's phase as far as it has been followed.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Oscillation {
+    at_s: f64,
+    /// Cycles, without the whole ones.
+    phase: f64,
+}
+
+impl Oscillation {
+    /// Follows a conversion, and gives the cycles that the interferer has added. Until it begins
+    /// the oscillation is free.
+    pub fn follow(
+        &mut self,
+        interferer: Option<&Interferer>,
+        (start_s, length_s): (f64, f64),
+        free_hz: f64,
+    ) -> f64 {
+        let phase = self.phase + free_hz * (start_s - self.at_s);
+        let pulled = interferer.map_or(0.0, |interferer| {
+            let against = phase - interferer.frequency_hz * start_s;
+            let detuning_hz = free_hz - interferer.frequency_hz;
+            interferer.pull(against, detuning_hz, length_s)
+        });
+        *self = Self {
+            at_s: start_s + length_s,
+            phase: fraction(phase + free_hz * length_s + pulled),
+        };
+        pulled
+    }
+}
+
+impl Interferer {
+    /// Cycles that it adds within a time to an oscillation that begins at a phase against it,
+    /// cycles, and is `detuning_hz` above it.
+    ///
+    /// Adler's equation solved exactly. With φ/2 as the direction of a vector it is linear:
+    /// v' = M v, M² = (Λ² − Δ²)/4, so that v turns or stretches in closed form.
+    #[must_use]
+    pub fn pull(&self, phase: f64, detuning_hz: f64, length_s: f64) -> f64 {
+        let (delta, lock) = (TAU * detuning_hz, TAU * self.lock_hz);
+        let square = delta * delta - lock * lock;
+        let beats = square > 0.0;
+        let rate = libm::sqrt(square.abs());
+        // A whole beat of the unlocked oscillation turns the phase once.
+        let whole = if beats {
+            libm::floor(rate * length_s / TAU)
+        } else {
+            0.0
+        };
+        let left_s = if beats {
+            length_s - whole * TAU / rate
+        } else {
+            length_s
+        };
+        let half = 0.5 * rate * left_s;
+        // cos or cosh, and their integrals over half the rate
+        let (even, odd) = if half < 1e-9 {
+            (1.0, left_s)
+        } else if beats {
+            (libm::cos(half), 2.0 * libm::sin(half) / rate)
+        } else {
+            // a stretch common to both components changes no direction
+            let small = libm::exp(-2.0 * half);
+            (1.0 + small, 2.0 * (1.0 - small) / rate)
+        };
+        let (sine, cosine) = (
+            libm::sin(PI * fraction(phase)),
+            libm::cos(PI * fraction(phase)),
+        );
+        let next_cosine = even * cosine + 0.5 * odd * (lock * cosine - delta * sine);
+        let next_sine = even * sine + 0.5 * odd * (delta * cosine - lock * sine);
+        let turned = libm::atan2(
+            cosine * next_sine - sine * next_cosine,
+            cosine * next_cosine + sine * next_sine,
+        ) / PI;
+        // An oscillation that beats turns one way, by less than a cycle beyond the whole ones: what
+        // seems to have turned far back has turned far on.
+        let turned = if beats && turned * delta.signum() < -0.5 {
+            turned + 2.0 * delta.signum()
+        } else {
+            turned
+        };
+        let free = detuning_hz * length_s;
+        turned + whole * delta.signum() - free
+    }
+}
+
+/// Phase without its whole cycles.
+fn fraction(cycles: f64) -> f64 {
+    cycles - libm::floor(cycles)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Adler's equation by the method of Runge and Kutta.
+    fn integrated(interferer: &Interferer, phase: f64, detuning_hz: f64, length_s: f64) -> f64 {
+        let (delta, lock) = (TAU * detuning_hz, TAU * interferer.lock_hz);
+        let rate = |angle: f64| delta - lock * angle.sin();
+        let steps = 4_000;
+        let h = length_s / f64::from(steps);
+        let start = TAU * phase;
+        let mut angle = start;
+        for _ in 0..steps {
+            let a = rate(angle);
+            let b = rate(angle + 0.5 * h * a);
+            let c = rate(angle + 0.5 * h * b);
+            let d = rate(angle + h * c);
+            angle += h / 6.0 * (a + 2.0 * b + 2.0 * c + d);
+        }
+        (angle - start) / TAU - detuning_hz * length_s
+    }
+
+    #[test]
+    fn the_closed_form_is_the_integral() {
+        for lock_hz in [15.0, -200.0, 3_000.0] {
+            let interferer = Interferer {
+                frequency_hz: 3e6,
+                lock_hz,
+            };
+            for detuning_hz in [0.0, 1.0, -14.9, 15.0, 199.0, -201.0, 2_999.0, 9e3, -3e4] {
+                for phase in [0.0, 0.13, 0.5, 0.77, 0.999] {
+                    for length_s in [1e-6, 2.4e-4, 1e-3] {
+                        let found = interferer.pull(phase, detuning_hz, length_s);
+                        let exact = integrated(&interferer, phase, detuning_hz, length_s);
+                        assert!(
+                            (found - exact).abs() < 1e-6,
+                            "{lock_hz} {detuning_hz} {phase} {length_s}: {found} {exact}"
+                        );
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn within_the_range_it_locks_and_beyond_it_pulls() {
+        let interferer = Interferer {
+            frequency_hz: 3e6,
+            lock_hz: 100.0,
+        };
+        let mean_hz = |detuning_hz: f64| {
+            let mut oscillation = Oscillation::default();
+            let windows = (0..5_000).map(|index| (1e-3 * f64::from(index), 1e-3));
+            let pulled: f64 = windows
+                .map(|window| oscillation.follow(Some(&interferer), window, 3e6 + detuning_hz))
+                .sum();
+            detuning_hz + pulled / 5.0
+        };
+        assert!(mean_hz(80.0).abs() < 0.2, "locked: {}", mean_hz(80.0));
+        let beat_hz = (300.0_f64.powi(2) - 100.0_f64.powi(2)).sqrt();
+        assert!((mean_hz(300.0) - beat_hz).abs() < 0.2);
+        assert!((mean_hz(-300.0) + beat_hz).abs() < 0.2);
+    }
+
+    #[test]
+    fn harmonics_are_those_of_a_trapezoid() {
+        let parameters = InterferenceParameters {
+            volt_per_volt: 1e-4,
+            edge_s: 0.25e-6,
+        };
+        let bridge = Bridge {
+            supply_v: 12.0,
+            duty: 0.31,
+            period_s: 16e-6,
+        };
+        let found = parameters.nearest(&bridge, 2.99e6);
+        assert_eq!(found.frequency_hz, 3e6);
+        // Fourier integral of the pulse with edges in no time, by sums.
+        let steps = 200_000;
+        let sum: f64 = (0..steps)
+            .map(|step| (f64::from(step) + 0.5) / f64::from(steps) - 0.5)
+            .filter(|at: &f64| at.abs() < 0.155)
+            .map(|at| 2.0 * 12.0 * (TAU * 48.0 * at).cos() / f64::from(steps))
+            .sum();
+        let edge = 1.0 / (PI * 3e6 * 0.25e-6);
+        let expected = 3e6 * 1e-4 * sum * edge / 2.4;
+        assert!((found.lock_hz / expected - 1.0).abs() < 1e-3);
+    }
+}
