@@ -11,6 +11,7 @@ use palpate_wire::{Command, Record};
 
 use crate::Time;
 use crate::board::{BoardError, Hardware, VirtualBoard};
+use crate::current::acting_a;
 use crate::device::Device;
 use crate::parameters::{ParameterError, Parameters};
 use crate::rig::{BareRig, CLEARANCE_M, Gauges, Rig, Specimen};
@@ -24,7 +25,7 @@ pub struct Line {
     pub time_s: f64,
     /// Resonance frequency, Hz.
     pub frequency_hz: f64,
-    /// Mean current over the conversion, A.
+    /// Current that acts over the conversion, A: mean and ripple, root mean square.
     pub current_a: f64,
     /// When the gauges were read, s.
     pub gauges_time_s: f64,
@@ -296,7 +297,10 @@ impl Bench<'_> {
             self.lines.push(Line {
                 time_s: at.as_ticks() as f64 * 1e-6,
                 frequency_hz: conversion.frequency_hz,
-                current_a: sample.current_a.unwrap_or(0.0).into(),
+                current_a: acting_a(
+                    sample.current_a.unwrap_or(0.0).into(),
+                    sample.ripple_a.unwrap_or(0.0).into(),
+                ),
                 gauges_time_s: world.now().as_secs_f64(),
                 force_n: reading.force_n,
                 stage_m: reading.stage_m,

@@ -48,6 +48,13 @@ pub struct CurrentParameters {
 /// Period of the bridge, s (the reference board: 62.5 kHz; docs/decisions/0040).
 pub const PWM_PERIOD_S: f64 = 16e-6;
 
+/// The current that does what a mean and the root mean square of its ripple do together, where that
+/// goes by the square, A.
+#[must_use]
+pub fn acting_a(mean_a: f64, ripple_a: f64) -> f64 {
+    libm::copysign(libm::hypot(mean_a, ripple_a), mean_a)
+}
+
 /// What drives the coil where the supply has no limit, V.
 const UNLIMITED_V: f64 = 12.0;
 
@@ -76,21 +83,25 @@ impl CurrentParameters {
 
     /// The current that does what mean and ripple do together, where that goes by its square, A:
     /// its root mean square over a period, with its sign.
+    #[must_use]
+    pub fn effective_a(&self, current_a: f64, coil_ohm: f64) -> f64 {
+        acting_a(current_a, self.ripple_a(current_a, coil_ohm))
+    }
+
+    /// Root mean square of the ripple, A.
     ///
     /// The ripple of a coil that is driven for the part d of the period and shorted for the rest is a
     /// triangle of V d (1 − d) T/L, whose variance is a twelfth of its square; the coil's resistance
     /// bends it by less than a part R T/L of it.
     #[must_use]
-    pub fn effective_a(&self, current_a: f64, coil_ohm: f64) -> f64 {
+    pub fn ripple_a(&self, current_a: f64, coil_ohm: f64) -> f64 {
         let Bridge {
             supply_v,
             duty,
             period_s,
         } = self.bridge(current_a, coil_ohm);
-        let peak_to_peak_a =
-            self.ripple * supply_v * duty * (1.0 - duty) * period_s / self.inductance_h;
-        let square = current_a * current_a + peak_to_peak_a * peak_to_peak_a / 12.0;
-        libm::copysign(libm::sqrt(square), current_a)
+        let peak_to_peak_a = supply_v * duty * (1.0 - duty) * period_s / self.inductance_h;
+        self.ripple * peak_to_peak_a / libm::sqrt(12.0)
     }
 
     /// What the instrument is told of a true mean current, from the mean of so many samples, A.

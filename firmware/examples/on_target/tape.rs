@@ -143,6 +143,8 @@ fn scan(words: &mut Words<'_>) -> Option<Scan> {
         lost,
         gap,
         current,
+        // The rig that is recorded has none.
+        ripple: None,
     })
 }
 

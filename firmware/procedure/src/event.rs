@@ -55,14 +55,42 @@ pub struct Scan {
     /// Mean of the coil's current over the first channel's conversion, as measured; absent without
     /// a current measurement.
     pub current: Option<Ampere>,
+    /// Root mean square of its ripple meanwhile, which the bridge's switching makes; absent where
+    /// it is not known, and then taken for none.
+    pub ripple: Option<Ampere>,
 }
+
+/// The largest current that the protocol has room for, A.
+const GREATEST_A: f32 = 100.0;
 
 impl Scan {
     /// The current, if it is one that the protocol has room for: infinity or NaN would spoil every
     /// sum it went into.
     pub(crate) fn measured_current(&self) -> Option<Ampere> {
-        const GREATEST_A: f32 = 100.0;
         self.current.filter(|of| of.0.abs() <= GREATEST_A)
+    }
+
+    /// The ripple, if it is one that the protocol has room for.
+    pub(crate) fn known_ripple(&self) -> Option<Ampere> {
+        self.ripple.filter(|of| (0.0..=GREATEST_A).contains(&of.0))
+    }
+
+    /// The current that acts as mean and ripple do together: the root of its mean square, with its
+    /// sign.
+    ///
+    /// Heat, attraction and crosstalk go by the square, so that for them this is exact. The
+    /// stiffening nearly does: its mean over the ripple differs from its value here by the part
+    /// 4 s^2/Ic^2 at most, s the ripple and Ic the current of half the saturated stiffening: 1.2e-3
+    /// with 1.2 A peak to peak and 20 A. The value at the mean current differs by s^2/I^2 far below
+    /// saturation.
+    pub(crate) fn acting_current(&self) -> Option<Ampere> {
+        let Ampere(mean_a) = self.measured_current()?;
+        let Some(Ampere(ripple_a)) = self.known_ripple() else {
+            return Some(Ampere(mean_a));
+        };
+        let square_a2 = mean_a * mean_a + ripple_a * ripple_a;
+        let acting_a = palpate_model::math::sqrt(square_a2);
+        Some(Ampere(if mean_a < 0.0 { -acting_a } else { acting_a }))
     }
 }
 

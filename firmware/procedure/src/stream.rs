@@ -85,6 +85,7 @@ impl Streamer {
             force_n: force.map(|(newton, _)| newton),
             force_sigma_n: force.map(|(_, sigma)| sigma),
             current_a: scan.measured_current().map(|current| current.0),
+            ripple_a: scan.known_ripple().map(|ripple| ripple.0),
         };
         Some((scan.middle, Record::Sample(sample)))
     }

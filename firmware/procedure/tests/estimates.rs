@@ -2,6 +2,8 @@
 
 mod support;
 
+use palpate_model::magnetorheological::{Saturating, Stiffening};
+use palpate_model::units::{Ampere, NewtonPerMetre, Tesla};
 use palpate_wire::code::{Contact, Drift, State};
 use palpate_wire::command::{Settings, StiffeningCurve, StiffeningKnot, TemperatureEffect};
 use palpate_wire::record::{Estimate, LoadPoint};
@@ -100,6 +102,68 @@ fn estimate(rig: &Rig) -> Estimate {
         Record::Estimate(estimate) => Some(estimate.clone()),
         _ => None,
     })
+}
+
+/// Of a coil of 20 uH and 0.5 ohm at 12 V, switched every 16 us: a triangle of 2.3 A at 10 A.
+fn ripple_a(mean_a: f64) -> f64 {
+    let duty = mean_a.abs() * 0.5 / 12.0;
+    12.0 * duty * (1.0 - duty) * 16e-6 / 20e-6 / f64::sqrt(12.0)
+}
+
+#[test]
+fn the_ripple_counts_and_is_counted() {
+    let (mut told, mut untold) = (0.0_f64, 0.0_f64);
+    for ratio in RATIOS {
+        for tells_ripple in [true, false] {
+            let sensor = Sensor {
+                attraction_n_per_a2: 3e-4,
+                crosstalk_m_per_a2: 2e-8,
+                crosstalk_growth_per_m: 200.0,
+                ..Sensor::default()
+            };
+            let mut rig = pressed(ratio, sensor, |_| {});
+            (rig.ripple_a, rig.tells_ripple) = (ripple_a, tells_ripple);
+            let error = error(&rig.measure(), &rig).abs();
+            let worst = if tells_ripple { &mut told } else { &mut untold };
+            *worst = worst.max(error);
+        }
+    }
+    println!("told {told:.1e}, not told {untold:.1e}");
+    assert!(told < 5e-3, "{told:e}");
+    assert!(untold > 2.0 * told, "it does not count: {untold:e}");
+}
+
+/// What `Scan::acting_current` says of the law's mean over a triangle of ripple.
+#[test]
+fn the_law_at_the_acting_current_is_its_mean() {
+    for half_way_a in [20.0_f32, 43.0] {
+        let law = Saturating::new(NewtonPerMetre(15e3), 0.15, Ampere(10.0)).unwrap();
+        let law = law
+            .saturating(Tesla(10.0 / half_way_a), Tesla(1.0))
+            .unwrap();
+        let rise = |current_a: f64| f64::from(law.rise(Ampere(current_a as f32)).value);
+        for mean_a in [1.0, 3.0, 6.0, 10.0] {
+            let ripple_a = ripple_a(mean_a);
+            let steps = 1_000;
+            let mean = (0..steps)
+                .map(|step| (f64::from(step) + 0.5) / f64::from(steps) - 0.5)
+                .map(|at| rise(mean_a + at * ripple_a * f64::sqrt(12.0)))
+                .sum::<f64>()
+                / f64::from(steps);
+            let bound = 4.0 * (ripple_a / f64::from(half_way_a)).powi(2);
+            let acting = rise(mean_a.hypot(ripple_a)) / mean - 1.0;
+            assert!(
+                acting.abs() < bound + 2e-6,
+                "{mean_a}: {acting:e}, {bound:e}"
+            );
+            // The reference stacks are far from saturation.
+            let at_mean = (rise(mean_a) / mean - 1.0).abs();
+            assert!(
+                half_way_a < 40.0 || at_mean > 3.0 * acting.abs(),
+                "{mean_a}: {at_mean:e}"
+            );
+        }
+    }
 }
 
 #[test]

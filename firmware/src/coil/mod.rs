@@ -201,6 +201,12 @@ pub fn mean_current_a(from_us: u64, to_us: u64) -> Option<f32> {
     Some(mean_a * part)
 }
 
+/// Root mean square of the ripple about a mean current, A; nothing before a coil is known.
+pub fn ripple_a(mean_a: f32) -> Option<f32> {
+    let ripple_a2 = with(|coil| coil.supervisor.ripple_a2(mean_a, coil.supply_v))?;
+    (ripple_a2 > 0.0).then(|| libm::sqrtf(ripple_a2))
+}
+
 impl Coil {
     fn wake(&mut self, now_us: u64) {
         if self.runs_since_us.is_none() {

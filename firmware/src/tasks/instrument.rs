@@ -351,6 +351,7 @@ fn scan_of(sampled: &Sampled) -> Scan {
             reading: *reading,
             offset: Duration::from_ticks(offset_us.into()),
         });
+    let current_a = coil::mean_current_a(begin_us, end_us);
     let mut scan = Scan {
         sensor: 0,
         middle: Instant::from_ticks(sampled.time_us),
@@ -358,7 +359,8 @@ fn scan_of(sampled: &Sampled) -> Scan {
         conversions: Vec::new(),
         lost: sampled.missed,
         gap: sampled.gap,
-        current: coil::mean_current_a(begin_us, end_us).map(Ampere),
+        current: current_a.map(Ampere),
+        ripple: current_a.and_then(coil::ripple_a).map(Ampere),
     };
     scan.conversions.extend(conversions);
     scan

@@ -3,6 +3,7 @@
 //! In `f64` and by the calibration's own code, so that the charts are no image of the instrument's
 //! arithmetic.
 
+use palpate_sim::current::acting_a;
 use palpate_wire::Record;
 use palpate_wire::code::Contact;
 
@@ -96,7 +97,10 @@ fn readings(measured: &Measured) -> Vec<Reading> {
                 Some(Reading {
                     time_s: at.as_ticks() as f64 * 1e-6,
                     deformation_m: deformation_m.into(),
-                    current_a: sample.current_a?.into(),
+                    current_a: acting_a(
+                        sample.current_a?.into(),
+                        sample.ripple_a.unwrap_or(0.0).into(),
+                    ),
                 })
             }
             _ => None,

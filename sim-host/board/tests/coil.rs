@@ -143,6 +143,13 @@ fn conversions_get_the_mean_of_their_own_window() {
         .min_by(|one, other| one.0.total_cmp(&other.0))
         .expect("conversions within the ramp");
     println!("{compared} windows, worst {:.1} mA", 1e3 * worst_a);
+    // A coil of 40 uH and half an ohm at 12 V, at 5 A: 0.9 A peak to peak.
+    let at_5_a = bench.samples().find_map(|(_, sample)| {
+        let near = (sample.current_a? - 5.0).abs() < 0.2;
+        near.then_some(sample.ripple_a?)
+    });
+    let ripple_a = at_5_a.expect("a conversion on the way");
+    assert!((ripple_a - 0.9 / 12_f32.sqrt()).abs() < 0.05, "{ripple_a}");
     // 0.2 % of 10 A; half a wide code is 26 mA.
     assert!(worst_a < 0.03, "{worst_a}");
 }

@@ -36,6 +36,7 @@ use ldc161x::{
 };
 use ldc161x_sim::{Bus, Chip, Delay, I2cError, IntbPin, Time};
 use palpate_procedure::event::{Conditions, Failure};
+use palpate_procedure::units::{Ampere, Celsius};
 use palpate_procedure::{Action, Actions, Conversion, Duration, Event, Instant, Procedure, Scan};
 use palpate_wire::code::{FaultCode, Place};
 use palpate_wire::record::{CoilTest, CurrentTrace};
@@ -283,6 +284,7 @@ impl<'a> VirtualBoard<'a> {
         });
         let samples = (sensing.conversion.as_secs_f64() * ADC_SAMPLES_PER_S).max(1.0) as u32;
         let told_a = self.told_a(begins, first, samples);
+        let ripple_a = self.hardware.world.borrow().ripple_a(told_a);
         Scan {
             sensor: 0,
             middle: Instant::from_ticks(micros(middle)),
@@ -290,7 +292,9 @@ impl<'a> VirtualBoard<'a> {
             conversions: conversions.take(4).collect(),
             lost: lost(edge, sensing),
             gap: frame.marks.gap,
-            current: Some(palpate_procedure::units::Ampere(told_a as f32)),
+            current: Some(Ampere(told_a as f32)),
+            // A drive that knows its coil knows the ripple.
+            ripple: Some(Ampere(ripple_a as f32)),
         }
     }
 
@@ -333,7 +337,7 @@ impl<'a> VirtualBoard<'a> {
         let truth = world.truth();
         let supply_v = world.parameters().current.supply_v;
         Conditions {
-            temperature: Some(palpate_procedure::units::Celsius(truth.pad_c as f32)),
+            temperature: Some(Celsius(truth.pad_c as f32)),
             supply_v: supply_v.is_finite().then_some(supply_v as f32),
             ..Conditions::default()
         }

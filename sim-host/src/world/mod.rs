@@ -337,6 +337,13 @@ impl World {
         chain.told_a(mean_a, samples, &mut self.adc_noise)
     }
 
+    /// Root mean square of the ripple that coil and supply make of a mean current now, A.
+    #[must_use]
+    pub fn ripple_a(&self, mean_a: f64) -> f64 {
+        let chain = &self.plant.parameters.current;
+        chain.ripple_a(mean_a, self.truth().coil_ohm)
+    }
+
     /// The settings of a converter in this world, with its clock input at `clkin_hz`.
     #[must_use]
     pub fn chip_settings(&self, clkin_hz: f64) -> Settings {

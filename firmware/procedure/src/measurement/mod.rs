@@ -106,21 +106,21 @@ impl Drive {
         }
     }
 
-    /// A scan: the measured current, if heat and current are as they should be.
+    /// A scan: whether heat and current are as they should be.
     pub(crate) fn check(
         &self,
         scan: &Scan,
         settings: &Settings,
         heat: &Heat,
-    ) -> Result<Ampere, Progress> {
+    ) -> Result<(), Progress> {
         if let Some(failure) = check_heat(settings, heat) {
             return Err(Progress::Failed(failure));
         }
         self.check_current(scan)
     }
 
-    /// The measured current, if it is on its course.
-    fn check_current(&self, scan: &Scan) -> Result<Ampere, Progress> {
+    /// Whether the measured current is on its course.
+    fn check_current(&self, scan: &Scan) -> Result<(), Progress> {
         let refused =
             |reason, value, limit: Ampere| Err(Progress::Refused((reason, value, Some(limit.0))));
         let peak = self.train.course().peak;
@@ -133,11 +133,11 @@ impl Drive {
         let half = scan.window.as_ticks() / 2;
         let begins = Instant::from_ticks(scan.middle.as_ticks().saturating_sub(half));
         if self.train.wanted(begins).is_none() || self.train.leg() == Leg::Rise {
-            return Ok(current);
+            return Ok(());
         }
         let wanted = self.train.wanted(scan.middle).unwrap_or(current);
         if (current - wanted).0.abs() <= OFF_COURSE * peak.0 {
-            return Ok(current);
+            return Ok(());
         }
         if self.train.leg() == Leg::Hold && current < wanted {
             return refused(RefusalReason::PeakNotReached, Some(current.0), peak);
@@ -204,7 +204,7 @@ impl Measurement {
         let verdict = self
             .drive
             .check(scan, settings, heat)
-            .and_then(|current| self.evaluate(scan, felt, current, settings));
+            .and_then(|()| self.evaluate(scan, felt, settings));
         match verdict {
             Ok(()) => Progress::On(None),
             Err(progress) => progress,
@@ -215,7 +215,6 @@ impl Measurement {
         &mut self,
         scan: &Scan,
         felt: Option<Felt>,
-        current: Ampere,
         settings: &Settings,
     ) -> Result<(), Progress> {
         let refuse = |(reason, value, limit)| Err(Progress::Refused((reason, value, limit)));
@@ -241,7 +240,9 @@ impl Measurement {
             let deepest = metres(self.calibrated.deepest);
             return refuse((RefusalReason::PressedTooFar, Some(deformation), deepest));
         }
-        if self.drive.train.falls_through(scan.middle, scan.window) {
+        if let Some(current) = scan.acting_current()
+            && self.drive.train.falls_through(scan.middle, scan.window)
+        {
             self.take(scan, &felt, current, settings);
         }
         Ok(())

@@ -212,7 +212,7 @@ impl Procedure {
         };
         let usual = || Second(1.0 / self.configuration.settings.rate_hz);
         let interval = last.map_or_else(usual, |last| seconds(last, scan.middle));
-        if let (0, Some(heat), Some(current)) = (sensor, &mut self.heat, scan.measured_current()) {
+        if let (0, Some(heat), Some(current)) = (sensor, &mut self.heat, scan.acting_current()) {
             heat.push(current, interval);
         }
         let felt = self.feel(scan, interval);
@@ -234,7 +234,7 @@ impl Procedure {
     /// What every channel of a scan felt.
     fn feel(&mut self, scan: &Scan, interval: Second) -> FeltScan {
         let (configuration, followers) = (&self.configuration, &mut self.followers);
-        let current = scan.measured_current();
+        let current = scan.acting_current();
         let of = followers.get_mut(usize::from(scan.sensor & 1));
         let mut of: Option<&mut [Option<Follower>; 4]> = of;
         scan.conversions

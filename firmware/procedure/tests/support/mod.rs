@@ -97,6 +97,9 @@ pub(crate) struct Rig {
     /// Gain and zero of the current measurement.
     pub(crate) current_gain: f64,
     pub(crate) current_offset_a: f64,
+    /// Root mean square of the ripple at a mean current, A, and whether it is told.
+    pub(crate) ripple_a: fn(f64) -> f64,
+    pub(crate) tells_ripple: bool,
     pub(crate) line: Line,
     pub(crate) now_us: u64,
     pub(crate) records: Vec<(Instant, Record)>,
@@ -144,6 +147,8 @@ impl Rig {
             sensor: Sensor::default(),
             current_gain: 1.0,
             current_offset_a: 0.0,
+            ripple_a: |_| 0.0,
+            tells_ripple: false,
             line: Line::default(),
             now_us: 1_000_000,
             records: Vec::new(),
@@ -254,7 +259,9 @@ impl Rig {
         let window_us = self.period_us();
         let middle_us = self.now_us.saturating_sub(window_us / 2);
         let current_a = self.line.at(middle_us);
-        let reading = self.sensor.reading(current_a, middle_us as f64 * 1e-6);
+        let ripple_a = (self.ripple_a)(current_a);
+        let acting_a = current_a.hypot(ripple_a).copysign(current_a);
+        let reading = self.sensor.reading(acting_a, middle_us as f64 * 1e-6);
         let offset = Duration::from_ticks(0);
         let told_a = current_a * self.current_gain + self.current_offset_a;
         Scan {
@@ -265,6 +272,7 @@ impl Rig {
             lost: 0,
             gap: false,
             current: Some(Ampere(told_a as f32)),
+            ripple: self.tells_ripple.then_some(Ampere(ripple_a as f32)),
         }
     }
 

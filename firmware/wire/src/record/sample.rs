@@ -28,6 +28,10 @@ structure! {
         /// Mean of the coil's current over the first conversion, as measured; absent without a
         /// current measurement.
         current_a: Option<f32> ["A", -100, 100],
+        /// Root mean square of what the bridge's switching adds to that mean, as coil and supply
+        /// have it; absent where it is not known. What goes by the square of the current, as
+        /// stiffening, crosstalk and heat do, sees sqrt(current_a^2 + ripple_a^2).
+        ripple_a: Option<f32> ["A", 0, 100],
     }
 }
 

@@ -121,6 +121,7 @@ pub(crate) fn sample(channels: u8) -> Sample {
         force_n: Some(1.506),
         force_sigma_n: Some(0.015),
         current_a: Some(9.75),
+        ripple_a: Some(0.25),
     }
 }
 
