@@ -165,6 +165,17 @@ pub fn sum(actions: &Actions) -> u32 {
                 sum.number(rate.0);
             }
             Action::TestCoil => sum.word(4),
+            Action::TraceCurrent { interval } => {
+                sum.word(5);
+                sum.number(interval.0);
+            }
+            Action::CorrectCurrent(correction) => {
+                sum.word(6);
+                for (current_a, change_a) in correction.places() {
+                    sum.number(current_a);
+                    sum.number(change_a);
+                }
+            }
             Action::Record { at, record } => {
                 let header = Header {
                     boot_id: BOOT,
