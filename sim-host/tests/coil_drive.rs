@@ -306,6 +306,27 @@ fn ramps_are_straight() {
     assert!(worst <= 0.005, "{worst}");
 }
 
+/// The law is made anew every time the supply has changed by 2 %: that moves no current.
+#[test]
+fn a_supply_that_recovers_bends_no_ramp() {
+    let circuit = CircuitParameters {
+        supply_ohm: 0.15,
+        ..CircuitParameters::common(0.389, 40e-6, 12.0)
+    };
+    let mut loop_ = regulated(circuit, ConverterParameters::EXACT, 1);
+    loop_.test().unwrap();
+    let waveform = Waveform::new()
+        .line(10.0, 2e-3)
+        .and_then(|of| of.hold(30e-3))
+        .and_then(|of| of.line(2.0, 60e-3))
+        .unwrap();
+    loop_.run(&waveform).unwrap();
+    loop_.run_for(35e-3);
+    let means: Vec<f64> = (0..54).map(|_| window(&mut loop_, 62)[1]).collect();
+    let worst_a = from_a_line(&means);
+    assert!(worst_a < 5e-3, "{worst_a} A");
+}
+
 /// Greatest distance from the straight line of least squares.
 fn from_a_line(values: &[f64]) -> f64 {
     let count = values.len() as f64;

@@ -286,6 +286,7 @@ impl Drive {
             }
             Orders::Adapt { gains, coast_q8 } => {
                 if self.tested {
+                    self.regulator.adapt(&self.gains, gains, self.line.wanted());
                     self.gains = *gains;
                     self.shaper.coast_q8 = *coast_q8;
                 }

@@ -129,6 +129,18 @@ fn within(value: i32, most: i32) -> i32 {
 }
 
 impl Regulator {
+    /// The law is made anew for a supply or a resistance that have changed. What that took has been
+    /// learned already, a little at a time: it moves from what is unknown to what is known, and the
+    /// level stays.
+    pub(crate) fn adapt(&mut self, from: &Gains, to: &Gains, wanted: Wanted) {
+        let known = |gains: &Gains| {
+            let slope = gains.kick * within(wanted.change_q4, gains.reach);
+            gains.drop * (wanted.at_q4 >> 4) + (slope >> 4)
+        };
+        let moved = self.unknown + known(from) - known(to);
+        self.unknown = within(moved, to.most >> 1);
+    }
+
     /// The level for the next period, in 2^-12, which may oppose the current.
     ///
     /// Where the current of the period under way differs from what was expected of it, some voltage
