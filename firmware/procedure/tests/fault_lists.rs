@@ -21,6 +21,8 @@ fn page() -> String {
 const RAISED: &[(FaultCode, &str, &str)] = {
     use FaultCode::*;
     const IMAGE: &str = "sim-host/board/tests/faults.rs";
+    const CURRENT: &str = "sim-host/board/tests/current.rs";
+    const WRONG: &str = "an_absent_converter_and_a_wrong_one_are_reported";
     const DIRECTED: &str = "firmware/procedure/tests/directed.rs";
     const FAULTS: &str = "firmware/procedure/tests/faults.rs";
     const GUARDS: &str = "sim-host/tests/coil_guards.rs";
@@ -33,7 +35,29 @@ const RAISED: &[(FaultCode, &str, &str)] = {
             FAULTS,
             "more_energy_went_into_the_coil_than_was_forecast",
         ),
+        (SensorAbsent, IMAGE, WRONG),
+        (SensorIdentity, IMAGE, WRONG),
         (BusDataStuck, IMAGE, "sda_held_low_at_some_bits_is_survived"),
+        (
+            BusClockStuck,
+            IMAGE,
+            "scl_held_for_a_while_is_survived_and_for_ever_is_reported",
+        ),
+        (
+            HardFault,
+            IMAGE,
+            "a_fault_anywhere_switches_the_bridge_off_within_a_millisecond",
+        ),
+        (
+            Watchdog,
+            IMAGE,
+            "an_endless_loop_anywhere_switches_the_bridge_off_within_60_ms",
+        ),
+        (
+            CurrentUnwanted,
+            CURRENT,
+            "a_current_that_flows_with_the_bridge_off_is_told",
+        ),
         (
             Bridge,
             GUARDS,

@@ -4,8 +4,9 @@
 mod common;
 
 use common::Bench;
-use palpate_board::{Drive, Options, Time};
-use palpate_wire::code::Outcome;
+use ldc161x_sim::Sensors;
+use palpate_board::{Board, Conditions, Drive, Options, Plant, Still, Time};
+use palpate_wire::code::{FaultCode, Outcome};
 use palpate_wire::command::{Command, CurrentCorrection, DriveCoil};
 use palpate_wire::record::CurrentTrace;
 use palpate_wire::{Frame, Record};
@@ -167,4 +168,61 @@ fn a_calibration_takes_the_error_of_the_gain_away() {
     assert_eq!(bench.command(&set).outcome, Outcome::Accepted);
     let after_a = true_a(&mut bench);
     assert!((after_a - 6.0).abs() < 0.03, "{after_a}");
+}
+
+/// Sensors that rest, and a coil whose inductance is another at will.
+#[derive(Clone)]
+struct Coil {
+    still: Still,
+    inductance_h: f64,
+}
+
+impl Sensors for Coil {
+    fn frequency_hz(&self, channel: usize, time_s: f64) -> f64 {
+        self.still.frequency_hz(channel, time_s)
+    }
+}
+
+impl Plant for Coil {
+    fn advance_to(&mut self, _: Time) {}
+
+    fn set_current(&mut self, _: f64) {}
+
+    fn conditions(&self) -> Conditions {
+        Conditions {
+            inductance_h: self.inductance_h,
+            ..Conditions::default()
+        }
+    }
+}
+
+/// What a failed switch does: the current goes on. Here a coil of a henry keeps it up.
+#[test]
+fn a_current_that_flows_with_the_bridge_off_is_told() {
+    let plant = Coil {
+        still: Still::new(common::FREQUENCIES_HZ),
+        inductance_h: 40e-6,
+    };
+    let board = Board::new(
+        common::image(),
+        plant,
+        ldc161x_sim::Settings::default(),
+        common::recording(),
+    );
+    let mut bench = Bench::of(board);
+    bench.stream();
+    bench.command(&Command::SetCoil(common::coil()));
+    bench.command(&Command::Arm);
+    bench.run(Time::from_ms(150));
+    bench.command(&drive(4.0, 0.0, 0.0));
+    bench.run(Time::from_ms(5));
+    bench.board.plant_mut().inductance_h = 1.0;
+    bench.run(Time::from_ms(1));
+    bench.command(&Command::Abort);
+    assert!(!bench.board.bridge().awake && bench.board.current_a() > 3.0);
+    bench.run(Time::from_ms(15));
+    assert!(bench.faults().is_empty(), "any coil may take 20 ms");
+    bench.run(Time::from_ms(15));
+    let told = bench.faults().last().map(|fault| fault.code);
+    assert_eq!(told, Some(FaultCode::CurrentUnwanted));
 }
