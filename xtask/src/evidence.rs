@@ -156,6 +156,20 @@ const CAMPAIGNS: &[Campaign] = &[
         ],
     },
     Campaign {
+        name: "coil-current",
+        purpose: "The coil's current as the firmware's image drives it: steps and ramps over resistance, \
+                  inductance and supply, errors before calibration and over weeks, two minutes of full \
+                  telemetry.",
+        arguments: &[
+            "run",
+            "--release",
+            "-p",
+            "palpate-board",
+            "--example",
+            "coil-current",
+        ],
+    },
+    Campaign {
         name: IMAGE_COST,
         purpose: "What the firmware's image costs of processor, flash and memory, by its parts.",
         arguments: &[
@@ -382,6 +396,7 @@ mod tests {
             "field-accuracy",
             "image-faults",
             "image-rates",
+            "coil-current",
         ];
         for (index, campaign) in CAMPAIGNS.iter().enumerate() {
             let seeded = seed(&campaign.invocation()).is_some();

@@ -16,7 +16,7 @@ use embedded_hal::i2c::Operation;
 use rp2040_pac::{I2C0, IO_BANK0, Interrupt, NVIC, PWM, TIMER};
 
 use crate::board::pico;
-use crate::coil::precedence;
+use crate::coil::precedence::{self, TO_BEGIN, TO_SERVE};
 
 /// Commands of the longest frame: STATUS, and MSB and LSB of four channels, each read twice, by
 /// pointer, high byte and low byte.
@@ -316,7 +316,7 @@ impl Engine {
             self.catch_up();
             return;
         }
-        if precedence::must_wait() {
+        if precedence::must_wait(TO_SERVE) {
             return;
         }
         let mut transfer = self.transfer();
@@ -365,7 +365,7 @@ impl Engine {
             && self.runs == Runs::Nothing
             && self.waiting < FRAMES
             && self.late.is_some()
-            && !precedence::must_wait()
+            && !precedence::must_wait(TO_BEGIN)
             && let Some(stamp) = self.late.take()
         {
             self.start(Runs::Ahead, stamp);

@@ -14,8 +14,11 @@ use rp2040_pac::{Interrupt, PWM};
 
 use super::period::{CONTROL_SLICE, CYCLES};
 
-/// Cycles that the longest part of the bus's engine takes, from its question on.
-const ENGINE: u32 = 330;
+/// Cycles that parts of the bus's engine take, from their question on: to begin a transaction, and
+/// to move a frame's bytes.
+pub const TO_BEGIN: u32 = 210;
+/// See [`TO_BEGIN`].
+pub const TO_SERVE: u32 = 330;
 
 /// Cycles after which the coil's interrupt has said that it has begun, unless it is still pending:
 /// its entry, and what the bus's own takes from its entry, just before, to the question.
@@ -61,16 +64,16 @@ fn release() {
     NVIC::pend(Interrupt::I2C0_IRQ);
 }
 
-/// Whether the bus's engine has to wait. If so, I2C0_IRQ comes when it need not any more, and not
+/// Whether the bus's engine has to wait with what takes so many cycles. If so, I2C0_IRQ comes when it need not any more, and not
 /// before. For its interrupts, and for tasks that hold them back.
 #[inline(always)]
-pub fn must_wait() -> bool {
+pub fn must_wait(cycles: u32) -> bool {
     if !IS_ON.load(Ordering::Relaxed) {
         return false;
     }
     // SAFETY: a register is read.
     let count = unsafe { (*PWM::ptr()).ch(CONTROL_SLICE).ctr().read().bits() };
-    let is_near = !(BEGUN..=CYCLES - ENGINE).contains(&count);
+    let is_near = !(BEGUN..=CYCLES - cycles).contains(&count);
     let waits = is_near || IS_BUSY.load(Ordering::Relaxed) || NVIC::is_pending(CONTROL);
     if waits {
         IS_AWAITED.store(true, Ordering::Relaxed);

@@ -18,6 +18,9 @@ pub struct LevelTimes {
     pub late: u64,
     /// The shortest time that was left until the wrap, of those in the second half.
     pub least_left: Time,
+    /// The longest time from one to the next: above one and a half cycles, one was left out.
+    pub longest_gap: Time,
+    last: Option<Time>,
 }
 
 impl Default for LevelTimes {
@@ -26,6 +29,8 @@ impl Default for LevelTimes {
             written: 0,
             late: 0,
             least_left: Time::MAX,
+            longest_gap: Time::ZERO,
+            last: None,
         }
     }
 }
@@ -374,6 +379,10 @@ impl Pwm {
         let (left, half) = slice.left_at(now_ps, sys_hz);
         let times = &mut self.level_times;
         times.written += 1;
+        let now = Time::from_ps(now_ps);
+        if let Some(last) = times.last.replace(now) {
+            times.longest_gap = times.longest_gap.max(now - last);
+        }
         if left > half {
             times.late += 1;
         } else {
@@ -523,6 +532,7 @@ mod tests {
         }
         let times = pwm.take_level_times();
         assert_eq!((times.written, times.late), (3, 1));
+        assert_eq!(times.longest_gap, Time::from_us(3));
         // Whole steps of the count.
         let left = times.least_left;
         assert!(

@@ -2,6 +2,8 @@
 
 #![allow(dead_code, reason = "no test file uses all of it")]
 
+pub(crate) mod driven;
+
 use std::sync::OnceLock;
 
 use ldc161x_sim::Settings;
