@@ -233,7 +233,7 @@ fn full_telemetry() -> bool {
             us(levels.longest_gap),
             us(worst),
         );
-        let is_missed = levels.late > 0 || levels.longest_gap > PERIOD + PERIOD / 2;
+        let is_missed = levels.late > 0 || levels.longest_gap >= Time::from_us(24);
         holds &= !is_missed && lost == 0 && worst <= LATENCY;
     }
     println!();
