@@ -80,7 +80,8 @@ fn the_ripple_is_known_from_coil_and_supply() {
             let ripple_a2 = square_a2 - mean_a * mean_a;
             let told_a = loop_.told_a(from, to).unwrap() as f32;
             let supply_v = circuit.supply_v - circuit.supply_ohm * 0.5 * to_a;
-            let known_a2 = loop_.supervisor().ripple_a2(told_a, supply_v as f32);
+            let ripple = loop_.supervisor().ripple(supply_v as f32).unwrap();
+            let known_a2 = ripple.square_a2(told_a);
             let missed = (f64::from(known_a2) - ripple_a2).abs() / square_a2;
             let all = ripple_a2 / square_a2;
             greatest = (greatest.0.max(all), greatest.1.max(missed));

@@ -109,7 +109,7 @@ impl<const N: usize> Averages<N> {
 
     /// Mean of a function of the current, A, over the same window: where the function is not a
     /// straight line this is not the function of the mean. Of what happens within a block, as the
-    /// ripple, it knows nothing: that is [`Supervisor::ripple_a2`](crate::Supervisor::ripple_a2).
+    /// ripple, it knows nothing: that is [`Ripple`](crate::Ripple).
     #[must_use]
     pub fn mean_of_current(
         &self,

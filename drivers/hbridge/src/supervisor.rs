@@ -8,6 +8,7 @@ use crate::hardware::{Coil, Hardware};
 use crate::limits::Limits;
 use crate::output::Shaper;
 use crate::regulator::Gains;
+use crate::ripple::Ripple;
 use crate::self_test::{COSTS_J, Findings, Plan, TARGET_A, evaluate};
 use crate::watch::{ATTENDED_WITHIN, BALANCED_WITHIN, Bounds};
 use crate::waveform::Waveform;
@@ -105,26 +106,17 @@ impl Supervisor {
         self.resistance_ohm
     }
 
-    /// Mean square of what the switching adds to a mean current, A²: what goes by the square of the
-    /// current sees `mean_a² + ripple_a2`. Zero before a coil is known.
-    ///
-    /// A coil that is driven for the part d = R I/V of a period and shorted for the rest has a
-    /// triangle of V d (1 − d) T/L, peak to peak, about its mean, whose variance is a twelfth of the
-    /// square; 10 % off while R T/L, by which the resistance bends it, is below one half.
+    /// What the switching adds to the mean current with this supply; nothing before a coil is
+    /// known.
     #[must_use]
-    pub fn ripple_a2(&self, mean_a: f32, supply_v: f32) -> f32 {
-        let Some(Findings { coil, .. }) = &self.findings else {
-            return 0.0;
-        };
-        let ohm = self.resistance_ohm.unwrap_or(coil.resistance_ohm);
-        let drop_v = mean_a.abs() * ohm;
-        // Written so that what is no number has none.
-        if !(drop_v > 0.0 && drop_v < supply_v) {
-            return 0.0;
-        }
-        let duty = drop_v / supply_v;
-        let peak_to_peak_a = drop_v * (1.0 - duty) * self.hardware.period_s / coil.inductance_h;
-        peak_to_peak_a * peak_to_peak_a / 12.0
+    pub fn ripple(&self, supply_v: f32) -> Option<Ripple> {
+        let Findings { coil, .. } = self.findings.as_ref()?;
+        Some(Ripple {
+            supply_v,
+            resistance_ohm: self.resistance_ohm.unwrap_or(coil.resistance_ohm),
+            inductance_h: coil.inductance_h,
+            period_s: self.hardware.period_s,
+        })
     }
 
     /// Energy that the circuit has taken and not given off yet, J.
