@@ -104,6 +104,13 @@ impl CurrentParameters {
         self.ripple * peak_to_peak_a / libm::sqrt(12.0)
     }
 
+    /// What is told where there is no current, but for the noise, A: the zero that a drive measures
+    /// in its self-test, and takes out.
+    #[must_use]
+    pub fn zero_a(&self) -> f64 {
+        LSB_A * self.nonlinearity_lsb * libm::sin(self.nonlinearity_phase)
+    }
+
     /// What the instrument is told of a true mean current, from the mean of so many samples, A.
     ///
     /// Whole codes are not modelled: the noise dithers them.
@@ -247,6 +254,11 @@ mod tests {
             .map(|current| (bowed.told_a(current, 1, &mut noise) - current).abs())
             .fold(0.0, f64::max);
         assert!((worst / LSB_A - 8.0).abs() < 0.01, "{worst}");
+        let turned = CurrentParameters {
+            nonlinearity_phase: 1.0,
+            ..bowed
+        };
+        assert_eq!(turned.told_a(0.0, 1, &mut noise), turned.zero_a());
         let noisy = CurrentParameters {
             noise_lsb: 2.0,
             ..CHAIN

@@ -56,9 +56,10 @@ mod pin {
 const COIL_SLICE: usize = 0;
 const EDGE_SLICE: usize = 3;
 
-/// How often the plant is told the coil's mean current while there is any, and how often what
-/// changes slowly is looked at while there is none.
-const TELLS_PS: u64 = 128_000_000;
+/// How often the plant is told the coil's mean current while there is any: a period of the bridge,
+/// over which the ripple averages out. How often what changes slowly is looked at while there is
+/// none.
+const TELLS_PS: u64 = 16_000_000;
 const LOOKS_PS: u64 = 1_000_000_000;
 /// Conversions that fill the ring of memory behind the ADC whatever its size: with nobody to see
 /// each of them, only the last ones are made.
@@ -396,8 +397,21 @@ impl<P: Plant> Bus<P> {
         self.told_ps + if idle { LOOKS_PS } else { TELLS_PS }
     }
 
-    /// Lets the coil's circuit, the converter and the way into memory come to a time.
+    /// Lets the coil's circuit, the converter and the way into memory come to a time, and tells the
+    /// plant of each of the periods that have passed.
     pub(crate) fn run_coil(&mut self, now_ps: u64) {
+        loop {
+            let due_ps = self.coil_due_ps();
+            if due_ps > now_ps {
+                break;
+            }
+            self.run_circuit(due_ps);
+            self.tell_current(due_ps);
+        }
+        self.run_circuit(now_ps);
+    }
+
+    fn run_circuit(&mut self, now_ps: u64) {
         let wave = self.pwm.wave(COIL_SLICE, self.sys_hz);
         self.skip_conversions(now_ps);
         let coil_c = self.conditions.coil_c;
@@ -423,9 +437,6 @@ impl<P: Plant> Bus<P> {
         let limits = self.coil.circuit().is_limiting();
         if self.gpio.level(pin::FAULT) == limits {
             self.gpio.drive(pin::FAULT, !limits);
-        }
-        if now_ps >= self.coil_due_ps() {
-            self.tell_current(now_ps);
         }
     }
 
@@ -457,7 +468,7 @@ impl<P: Plant> Bus<P> {
 
     fn tell_current(&mut self, now_ps: u64) {
         self.told_ps = now_ps;
-        if let Some(mean_a) = self.coil.expected_a() {
+        if let Some(mean_a) = self.coil.mean_a() {
             let now = Time::from_ps(now_ps);
             self.wire.chip.advance_to(now);
             let plant = self.wire.chip.sensors_mut();

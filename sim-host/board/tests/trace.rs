@@ -217,6 +217,20 @@ fn high_part(changes: &Changes, (from, to): (u64, u64)) -> f64 {
     high_ns as f64 / (to - from) as f64
 }
 
+/// The mean of a signal over a time. A single value of the current has its ripple in it.
+fn mean(changes: &Changes, (from, to): (u64, u64)) -> f64 {
+    let begin = changes.partition_point(|(at, _)| *at <= from).max(1) - 1;
+    let held = changes.iter().enumerate().skip(begin);
+    let sum: f64 = held
+        .take_while(|(_, (at, _))| *at < to)
+        .map(|(place, (at, value))| {
+            let end = changes.get(place + 1).map_or(to, |(next, _)| *next).min(to);
+            value.unwrap_or(0.0) * end.saturating_sub((*at).max(from)) as f64
+        })
+        .sum();
+    sum / (to - from) as f64
+}
+
 #[test]
 fn pulses_of_the_bridge_drive_the_current_through_its_resistance() {
     let mut bench = ramping_on(traced());
@@ -243,7 +257,7 @@ fn pulses_of_the_bridge_drive_the_current_through_its_resistance() {
         // 0.39 ohm of coil and 0.08 of the bridge. The currents are those of two moments, within a
         // ripple of half an ampere.
         let resistive_v = 12.0 * (in1 - in2) - 40e-6 * (last_a - first_a) / 1e-3;
-        let resistance_ohm = resistive_v / (0.5 * (first_a + last_a));
+        let resistance_ohm = resistive_v / mean(current, (from, to));
         assert!(
             (0.44..0.50).contains(&resistance_ohm),
             "{from}: {resistance_ohm} ohm"

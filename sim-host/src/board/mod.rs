@@ -298,10 +298,12 @@ impl<'a> VirtualBoard<'a> {
         }
     }
 
-    /// The measured mean of the current, corrected.
+    /// The measured mean of the current, without its zero, corrected.
     fn told_a(&self, from: Time, to: Time, samples: u32) -> f64 {
         let mut world = self.hardware.world.borrow_mut();
-        let measured_a = world.told_mean_current_a(from, to, samples);
+        // A drive finds its zero before it drives.
+        let zero_a = world.told_zero_a();
+        let measured_a = world.told_mean_current_a(from, to, samples) - zero_a;
         match &self.correction {
             Some(of) => of
                 .corrected_a(measured_a as f32, &reference_hardware())

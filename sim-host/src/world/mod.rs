@@ -337,6 +337,12 @@ impl World {
         chain.told_a(mean_a, samples, &mut self.adc_noise)
     }
 
+    /// What it is told where there is no current, but for the noise, A.
+    #[must_use]
+    pub fn told_zero_a(&self) -> f64 {
+        self.plant.parameters.current.zero_a()
+    }
+
     /// Root mean square of the ripple that coil and supply make of a mean current now, A.
     #[must_use]
     pub fn ripple_a(&self, mean_a: f64) -> f64 {
