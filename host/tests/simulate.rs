@@ -58,8 +58,8 @@ fn undisturbed_every_estimate_is_within_half_a_percent() {
     }
 }
 
-/// Intervals of 95 %: of 24, two or fewer are missed in seven of eight sets of seeds. That the share
-/// is right is the matter of `palpate coverage` and its evidence.
+/// Intervals of 95 %: of 24, one is missed in the mean. That the share is right is the matter of
+/// `palpate coverage` and its evidence.
 #[test]
 fn disturbed_nearly_every_estimate_is_within_its_claim() {
     let mut missed = Vec::new();
@@ -71,7 +71,7 @@ fn disturbed_nearly_every_estimate_is_within_its_claim() {
             }
         }
     }
-    assert!(missed.len() <= 2, "{missed:?}");
+    assert!(missed.len() <= 1, "{missed:?}");
 }
 
 #[test]

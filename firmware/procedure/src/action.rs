@@ -8,10 +8,6 @@ use crate::time::{Duration, Instant};
 
 /// An action. Those of one step are to be carried out in their order.
 #[derive(Clone, Debug, PartialEq)]
-#[expect(
-    clippy::large_enum_variant,
-    reason = "most actions are records, and there is no heap to put them on"
-)]
 pub enum Action {
     /// Bridge off, before anything else.
     SafeState,

@@ -366,12 +366,10 @@ impl Probe {
         read(&mut self.commands, &mut bytes)?;
         let length = read(&mut self.records, &mut bytes)?;
         let new = bytes.get(..length).unwrap_or_default();
-        for frame in self.decoder.frames(new) {
-            // A frame that began before we came, or was damaged, is one that is not there.
-            if let Ok(frame) = frame {
-                self.sequencer.address(frame.header.boot_id);
-                told.push((frame.header.time_us as f64 * 1e-6, frame.message));
-            }
+        // A frame that began before we came, or was damaged, is one that is not there.
+        for frame in self.decoder.frames(new).flatten() {
+            self.sequencer.address(frame.header.boot_id);
+            told.push((frame.header.time_us as f64 * 1e-6, frame.message));
         }
         Ok(())
     }

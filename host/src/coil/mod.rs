@@ -328,11 +328,11 @@ fn print(found: &Found, files: &[PathBuf; 2]) -> Result<(), Failure> {
         ["the bridge's own limit".into(), limit, String::new()],
         [
             format!("step to {:.1} A: to 90 %", step.to_a),
-            format!("{:.0} µs", 1e6 * step.to_90_s),
+            format!("{:.0} µs", 1e6 * step.rise_s),
             format!(
                 "{:.0} at most: {:.0} that the circuit takes, two periods, and one of the record",
-                1e6 * step.to_90_at_most_s(),
-                1e6 * step.possible_s
+                1e6 * step.longest_rise_s(),
+                1e6 * step.shortest_rise_s
             ),
         ],
         [

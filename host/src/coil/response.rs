@@ -69,8 +69,8 @@ pub(super) struct Step {
     /// When it began, in the record's time, s.
     pub(super) begins_s: f64,
     /// From the beginning to 90 %, s, and the least that this circuit takes, s.
-    pub(super) to_90_s: f64,
-    pub(super) possible_s: f64,
+    pub(super) rise_s: f64,
+    pub(super) shortest_rise_s: f64,
     /// Highest above the end, as a part of it.
     pub(super) overshoot: f64,
     /// Mean of the record's second half, A.
@@ -111,8 +111,8 @@ impl Step {
         Ok(Self {
             to_a,
             begins_s: *begins_s,
-            to_90_s: risen_s - begins_s,
-            possible_s: -time_constant_s * (1.0 - 0.9 * size_a / final_a).ln(),
+            rise_s: risen_s - begins_s,
+            shortest_rise_s: -time_constant_s * (1.0 - 0.9 * size_a / final_a).ln(),
             overshoot: (highest - 1.0).max(0.0),
             settled_a: settled * to_a,
             final_a,
@@ -122,8 +122,8 @@ impl Step {
     }
 
     /// What is promised of the drive, and one period by which a record may miss the beginning.
-    pub(super) fn to_90_at_most_s(&self) -> f64 {
-        self.possible_s + 3.0 * self.interval_s
+    pub(super) fn longest_rise_s(&self) -> f64 {
+        self.shortest_rise_s + 3.0 * self.interval_s
     }
 
     pub(super) fn overshoot_at_most(&self) -> f64 {
@@ -135,7 +135,7 @@ impl Step {
     }
 
     pub(super) fn is_as_it_should_be(&self) -> bool {
-        self.to_90_s <= self.to_90_at_most_s()
+        self.rise_s <= self.longest_rise_s()
             && self.overshoot <= self.overshoot_at_most()
             && (self.settled_a - self.to_a).abs() <= self.tolerance_a()
     }
@@ -261,8 +261,11 @@ mod tests {
         let step = Step::of(&traced(16e-6, |at_s| rising(at_s, 8.0)), 8.0, &test()).unwrap();
         assert!(step.is_as_it_should_be(), "{step:?}");
         // 0.9 * 8 of 23.52 A: 80 us times ln(23.52/16.32).
-        assert!((step.possible_s - 29.2e-6).abs() < 0.2e-6, "{step:?}");
-        assert!((step.to_90_s - step.possible_s).abs() < 16e-6, "{step:?}");
+        assert!((step.shortest_rise_s - 29.2e-6).abs() < 0.2e-6, "{step:?}");
+        assert!(
+            (step.rise_s - step.shortest_rise_s).abs() < 16e-6,
+            "{step:?}"
+        );
         assert!(step.overshoot < 1e-9 && (step.settled_a - 8.0).abs() < 1e-6);
         let falling = Step::of(&traced(16e-6, |at_s| -rising(at_s, 8.0)), -8.0, &test()).unwrap();
         assert!(falling.is_as_it_should_be(), "{falling:?}");
