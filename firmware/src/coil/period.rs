@@ -170,7 +170,10 @@ fn held_for<T>(cycles: u32, work: impl FnOnce(&mut Drive) -> T) -> Option<T> {
     critical_section::with(|_| {
         let latest = CYCLES - cycles;
         // Ends within a period: the interrupt takes less than what these cycles leave of it.
-        while !mask_before(latest) {}
+        let _ = (0..TRIES).any(|_| mask_before(latest));
+        // A level that comes late is better than an order that never comes.
+        NVIC::mask(Interrupt::PWM_IRQ_WRAP);
+        cortex_m::asm::dsb();
         // SAFETY: see `Place`.
         let done = work(unsafe { &mut (*CONTROL.0.get()).assume_init_mut().drive });
         // SAFETY: it was enabled: it always is, since `vectors` has enabled it.
@@ -178,6 +181,9 @@ fn held_for<T>(cycles: u32, work: impl FnOnce(&mut Drive) -> T) -> Option<T> {
         Some(done)
     })
 }
+
+/// How often it is asked for: for ten periods, of 1920 cycles, at twenty cycles each.
+const TRIES: u32 = 1_000;
 
 /// Masks the interrupt, if it does not wait already and its slice has not counted so far yet.
 fn mask_before(latest: u32) -> bool {
