@@ -56,10 +56,11 @@ mod pin {
 const COIL_SLICE: usize = 0;
 const EDGE_SLICE: usize = 3;
 
-/// How often the plant is told the coil's mean current while there is any: a period of the bridge,
-/// over which the ripple averages out. How often what changes slowly is looked at while there is
-/// none.
-const TELLS_PS: u64 = 16_000_000;
+/// How often the plant is told the coil's mean current while there is any: two periods of the bridge,
+/// over which the ripple averages out. How often what changes slowly is looked at meanwhile, in
+/// such times; and how often while there is no current.
+const TELLS_PS: u64 = 32_000_000;
+const TELLS_IN_A_LOOK: u64 = 4;
 const LOOKS_PS: u64 = 1_000_000_000;
 /// Conversions that fill the ring of memory behind the ADC whatever its size: with nobody to see
 /// each of them, only the last ones are made.
@@ -398,7 +399,7 @@ impl<P: Plant> Bus<P> {
     }
 
     /// Lets the coil's circuit, the converter and the way into memory come to a time, and tells the
-    /// plant of each of the periods that have passed.
+    /// plant of the periods that have passed.
     pub(crate) fn run_coil(&mut self, now_ps: u64) {
         loop {
             let due_ps = self.coil_due_ps();
@@ -475,8 +476,11 @@ impl<P: Plant> Bus<P> {
             plant.advance_to(now);
             plant.set_current(mean_a);
         }
-        self.conditions = self.wire.chip.sensors().conditions();
-        self.coil.follow(&self.conditions, self.bridge.limit_low);
+        let idle = self.coil.is_idle(&self.bridge);
+        if idle || (now_ps / TELLS_PS).is_multiple_of(TELLS_IN_A_LOOK) {
+            self.conditions = self.wire.chip.sensors().conditions();
+            self.coil.follow(&self.conditions, self.bridge.limit_low);
+        }
     }
 
     fn follow_trace(&mut self, now_ps: u64) {

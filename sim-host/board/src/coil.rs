@@ -114,7 +114,7 @@ impl Coil {
     }
 
     /// Mean current since this was last asked, A: as what the next time as long will see it lags
-    /// behind a fall of 10 A in 60 ms by 3 mA, and never leads. Nothing if no time has passed.
+    /// behind a fall of 10 A in 60 ms by 5 mA, and never leads. Nothing if no time has passed.
     pub(crate) fn mean_a(&mut self) -> Option<f64> {
         let totals = self.circuit.totals();
         let (charge, time_s) = (totals.charge_a_s, totals.time_s);
