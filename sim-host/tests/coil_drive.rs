@@ -328,6 +328,23 @@ fn a_supply_that_recovers_bends_no_ramp() {
     assert!(worst_a < 5e-3, "{worst_a} A");
 }
 
+/// The elastomer remembers the greatest field: where a rise ends, nothing may go beyond it.
+#[test]
+fn a_rise_ends_where_it_should() {
+    for circuit in corners() {
+        let mut loop_ = regulated(circuit, ConverterParameters::EXACT, 1);
+        loop_.test().unwrap();
+        let peak_a = reachable_a(&circuit);
+        // As the firmware has it: a line, and the next one when its time comes.
+        loop_.go(peak_a as f32, 10e-3).unwrap();
+        let highest_a = (0..1_300)
+            .map(|_| loop_.period().mean_a)
+            .fold(0.0, f64::max);
+        let beyond = highest_a / peak_a - 1.0;
+        assert!(beyond < 0.005, "{circuit:?}: {beyond}");
+    }
+}
+
 /// Greatest distance from the straight line of least squares.
 fn from_a_line(values: &[f64]) -> f64 {
     let count = values.len() as f64;

@@ -327,6 +327,7 @@ impl Drive {
         if let Some((to, periods)) = self.leg() {
             self.line.go(to, periods);
             self.next = 1;
+            self.busy = BUSY_PERIODS;
         }
         self.goes_on = self.leg().is_some();
     }
@@ -415,8 +416,13 @@ impl Drive {
 
     #[inline]
     fn drive(&mut self) -> Levels {
-        if self.line.is_over() && self.goes_on {
-            self.turn();
+        if self.line.is_over() {
+            if self.goes_on {
+                self.turn();
+            } else if self.line.ends() {
+                // The level of a slope is not that of its end.
+                self.busy = BUSY_PERIODS;
+            }
         }
         self.line.advance();
         let measured = self.measured;

@@ -83,6 +83,12 @@ impl Line {
         self.left == 0
     }
 
+    /// Whether the last period was the last of a slope.
+    #[inline]
+    pub(crate) const fn ends(&self) -> bool {
+        self.change_q4 != 0
+    }
+
     /// The same without its sixteenths.
     #[inline]
     pub(crate) const fn now(&self) -> i32 {
