@@ -115,15 +115,21 @@ impl CurrentParameters {
     ///
     /// Whole codes are not modelled: the noise dithers them.
     pub fn told_a(&self, true_a: f64, samples: u32, noise: &mut Stream) -> f64 {
-        let amplified = true_a * (1.0 + self.gain_error);
-        let turns = amplified / (4096.0 * LSB_A);
-        let bow = self.nonlinearity_lsb * libm::sin(TAU * turns + self.nonlinearity_phase);
         let scatter = if self.noise_lsb > 0.0 {
             self.noise_lsb * noise.normal() / libm::sqrt(f64::from(samples.max(1)))
         } else {
             0.0
         };
-        amplified + LSB_A * (bow + scatter)
+        self.noiseless_a(true_a) + LSB_A * scatter
+    }
+
+    /// The same without noise.
+    #[must_use]
+    pub fn noiseless_a(&self, true_a: f64) -> f64 {
+        let amplified = true_a * (1.0 + self.gain_error);
+        let turns = amplified / (4096.0 * LSB_A);
+        let bow = self.nonlinearity_lsb * libm::sin(TAU * turns + self.nonlinearity_phase);
+        amplified + LSB_A * bow
     }
 }
 

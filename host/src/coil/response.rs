@@ -270,7 +270,7 @@ mod tests {
         let falling = Step::of(&traced(16e-6, |at_s| -rising(at_s, 8.0)), -8.0, &test()).unwrap();
         assert!(falling.is_as_it_should_be(), "{falling:?}");
         let bad: [(&str, &dyn Fn(f64) -> f64); 3] = [
-            ("late", &|at_s| rising(0.5 * at_s, 8.0)),
+            ("late", &|at_s| rising(0.3 * at_s, 8.0)),
             ("over", &|at_s| {
                 let peak = if (200e-6..240e-6).contains(&at_s) {
                     0.4
