@@ -138,6 +138,21 @@ struct Served {
     server: JoinHandle<()>,
 }
 
+impl Served {
+    /// Runs a verb on the board.
+    fn palpate(&self, arguments: &[&str], folder: &Path) -> Output {
+        let place = [
+            "--records",
+            &self.records,
+            "--commands",
+            &self.commands,
+            "--stack",
+            "ultrasoft",
+        ];
+        palpate(&[arguments, &place].concat(), folder)
+    }
+}
+
 /// An emulated board behind a probe's server, in real time. Its true current, averaged over a
 /// tenth of a second, stands in a file.
 fn serve(meter: Option<PathBuf>) -> Served {
@@ -207,19 +222,7 @@ fn read_meter(board: &mut Board<Still>, meter: &Path) {
 fn a_board_behind_a_probe_is_tested_the_same_way() {
     let served = serve(None);
     let folder = tempfile::tempdir().unwrap();
-    let arguments = [
-        "coil",
-        "--records",
-        &served.records,
-        "--commands",
-        &served.commands,
-        "--stack",
-        "ultrasoft",
-        "--to",
-        "5",
-        "--json",
-    ];
-    let found = json(&palpate(&arguments, folder.path()));
+    let found = json(&served.palpate(&["coil", "--to", "5", "--json"], folder.path()));
     assert_eq!(found["simulated"], false);
     assert_eq!(found["as_it_should_be"], true, "{found}");
     served.server.join().unwrap();
@@ -246,22 +249,18 @@ fn a_board_behind_a_probe_is_calibrated_against_a_program() {
         meter.display()
     );
     let reference = program(folder.path(), &lines);
-    let arguments = [
-        "calibrate",
-        "current",
-        "--records",
-        &served.records,
-        "--commands",
-        &served.commands,
-        "--stack",
-        "ultrasoft",
-        "--greatest",
-        "2",
-        "--reference",
-        reference.to_str().unwrap(),
-        "--json",
-    ];
-    let found = json(&palpate(&arguments, folder.path()));
+    let found = json(&served.palpate(
+        &[
+            "calibrate",
+            "current",
+            "--greatest",
+            "2",
+            "--reference",
+            reference.to_str().unwrap(),
+            "--json",
+        ],
+        folder.path(),
+    ));
     // A meter that averages over other 80 ms than the board, and half a wide code of it.
     let after_a = number(&found["worst_after_a"]);
     assert!(after_a < ABSOLUTE_A, "{after_a}");
@@ -273,21 +272,17 @@ fn a_program_that_reads_no_current_is_told_so() {
     let folder = tempfile::tempdir().unwrap();
     let served = serve(None);
     let reference = program(folder.path(), "echo overload");
-    let arguments = [
-        "calibrate",
-        "current",
-        "--records",
-        &served.records,
-        "--commands",
-        &served.commands,
-        "--stack",
-        "ultrasoft",
-        "--greatest",
-        "2",
-        "--reference",
-        reference.to_str().unwrap(),
-    ];
-    let output = palpate(&arguments, folder.path());
+    let output = served.palpate(
+        &[
+            "calibrate",
+            "current",
+            "--greatest",
+            "2",
+            "--reference",
+            reference.to_str().unwrap(),
+        ],
+        folder.path(),
+    );
     assert_eq!(output.status.code(), Some(1));
     let told = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(

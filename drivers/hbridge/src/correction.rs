@@ -108,19 +108,7 @@ fn between(pairs: &[[f32; 2]], told_a: f32) -> Option<f32> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Decay;
-
-    const HARDWARE: Hardware = Hardware {
-        period_s: 16e-6,
-        full_level: 960,
-        ampere_per_count: 0.006,
-        zero_count: 2048,
-        zero_tolerance: 64,
-        greatest_count: 4095,
-        diode_v: 0.8,
-        decay: Decay::Fast,
-        reduced_limit_a: None,
-    };
+    use crate::hardware::EXAMPLE as HARDWARE;
 
     #[test]
     fn a_gain_is_taken_away_everywhere() {

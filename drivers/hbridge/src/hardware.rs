@@ -104,3 +104,17 @@ impl Coil {
         self.inductance_h / self.resistance_ohm
     }
 }
+
+/// One for tests, with a unit of 3 mA.
+#[cfg(test)]
+pub(crate) const EXAMPLE: Hardware = Hardware {
+    period_s: 16e-6,
+    full_level: 960,
+    ampere_per_count: 0.006,
+    zero_count: 2048,
+    zero_tolerance: 64,
+    greatest_count: 4095,
+    diode_v: 0.8,
+    decay: Decay::Fast,
+    reduced_limit_a: None,
+};

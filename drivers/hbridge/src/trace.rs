@@ -83,19 +83,7 @@ impl<const N: usize> Trace<N> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Decay;
-
-    const HARDWARE: Hardware = Hardware {
-        period_s: 16e-6,
-        full_level: 960,
-        ampere_per_count: 0.01,
-        zero_count: 2048,
-        zero_tolerance: 64,
-        greatest_count: 4095,
-        diode_v: 0.8,
-        decay: Decay::Fast,
-        reduced_limit_a: None,
-    };
+    use crate::hardware::EXAMPLE as HARDWARE;
 
     #[test]
     fn every_so_many_periods_one_is_kept_until_it_is_full() {
@@ -108,7 +96,7 @@ mod tests {
         }
         let units = |trace: &Trace<4>| -> heapless::Vec<i32, 4> {
             let of = trace.currents_a(&HARDWARE);
-            of.map(|of_a| (of_a / 0.005).round() as i32).collect()
+            of.map(|of_a| (of_a / 0.003).round() as i32).collect()
         };
         assert_eq!(units(&trace)[..], [300, 600, 900]);
         for period in 11..=40 {
