@@ -27,9 +27,12 @@ const RESTS_AFTER: u16 = 200;
 const DEAD_AFTER: u16 = 20;
 /// A current that is no offset, A.
 const UNWANTED_A: f32 = 0.5;
-/// Looks from one to the next while the interrupt rests.
-const RARELY: u16 = 50;
-/// Part of the difference that a slow reading takes over.
+/// Looks from one at the slow readings to the next, and from one at the drive, while the interrupt
+/// rests: both divide the looks that are counted.
+const SELDOM: u8 = 8;
+const RARELY: u8 = 64;
+/// Part of the difference that a slow reading takes over at each look; all of it where there are
+/// few.
 const SMOOTHING: f32 = 0.25;
 /// Volts of a count of the ADC, of which the middle counts.
 const VOLTS_PER_COUNT: f32 = 3.3 / 4096.0;
@@ -44,6 +47,8 @@ struct Coil {
     /// Since when the interrupt runs.
     runs_since_us: Option<u64>,
     looked_us: u64,
+    /// Looks; wraps.
+    looks: u8,
     /// Looks since the bridge went off.
     off: u16,
     /// A line that waits for the test: to, over.
@@ -86,6 +91,7 @@ pub fn start() {
         thermistor_v: 0.0,
         runs_since_us: None,
         looked_us: 0,
+        looks: 0,
         off: RESTS_AFTER,
         pending: None,
         was: State::Off { tested: false },
@@ -319,19 +325,16 @@ impl Coil {
     }
 
     fn look(&mut self, now_us: u64) {
-        let [thermistor, supply] = period::slow_results();
-        let volts = |count: u16| (f32::from(count) + 0.5) * VOLTS_PER_COUNT;
-        let smooth = |old: &mut f32, new: f32| {
-            *old = if *old == 0.0 {
-                new
-            } else {
-                *old + SMOOTHING * (new - *old)
-            };
-        };
-        smooth(&mut self.thermistor_v, volts(thermistor));
-        smooth(&mut self.supply_v, SUPPLY_RATIO * volts(supply));
+        self.looks = self.looks.wrapping_add(1);
         self.off = self.off.saturating_add(1);
-        if self.runs_since_us.is_none() && !self.off.is_multiple_of(RARELY) {
+        let rests = self.runs_since_us.is_none();
+        let skips = |every: u8| rests && !self.looks.is_multiple_of(every);
+        let (skips_all, skips_the_drive) = (skips(SELDOM), skips(RARELY));
+        if skips_all && self.supply_v != 0.0 {
+            return;
+        }
+        self.read(if rests { 1.0 } else { SMOOTHING });
+        if skips_the_drive {
             return;
         }
         let Some(report) = held(|drive| drive.report()) else {
@@ -348,6 +351,21 @@ impl Coil {
             return;
         };
         self.follow(now_us, state);
+    }
+
+    /// Takes over a part of how the slow readings have changed.
+    fn read(&mut self, part: f32) {
+        let [thermistor, supply] = period::slow_results();
+        let volts = |count: u16| (f32::from(count) + 0.5) * VOLTS_PER_COUNT;
+        let smooth = |old: &mut f32, new: f32| {
+            *old = if *old == 0.0 {
+                new
+            } else {
+                *old + part * (new - *old)
+            };
+        };
+        smooth(&mut self.thermistor_v, volts(thermistor));
+        smooth(&mut self.supply_v, SUPPLY_RATIO * volts(supply));
     }
 
     fn follow(&mut self, now_us: u64, state: State) {
