@@ -32,6 +32,8 @@ const CONTROL_BEGINS: u32 = CYCLES - 1_230;
 /// meanwhile: a report takes 110, a waveform of 48 lines 800.
 const SHORT: u32 = 200;
 const LONG: u32 = 1_200;
+/// How often a task tries to hold it back: for ten periods, of 1920 cycles, at twenty cycles each.
+const TRIES: u32 = 1_000;
 const PHASE_CORRECT: u32 = 1 << 1;
 /// ADC.CS: enabled, temperature sensor on, without end, inputs 0, 1, 2 and 4 in turn.
 const CONVERT: u32 = 1 | 1 << 1 | 1 << 3 | 0b10111 << 16;
@@ -161,7 +163,7 @@ pub fn obey(order: &Order) {
     held_for(LONG, |drive| drive.obey(order));
 }
 
-/// The drive, with the interrupt held back for so many cycles: not if it would have to wait.
+/// The drive, with the interrupt held back for so many cycles: begun when it is not due for as long.
 fn held_for<T>(cycles: u32, work: impl FnOnce(&mut Drive) -> T) -> Option<T> {
     if !IS_STARTED.load(Ordering::Acquire) {
         return None;
@@ -181,9 +183,6 @@ fn held_for<T>(cycles: u32, work: impl FnOnce(&mut Drive) -> T) -> Option<T> {
         Some(done)
     })
 }
-
-/// How often it is asked for: for ten periods, of 1920 cycles, at twenty cycles each.
-const TRIES: u32 = 1_000;
 
 /// Masks the interrupt, if it does not wait already and its slice has not counted so far yet.
 fn mask_before(latest: u32) -> bool {

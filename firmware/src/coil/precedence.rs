@@ -64,8 +64,8 @@ fn release() {
     NVIC::pend(Interrupt::I2C0_IRQ);
 }
 
-/// Whether the bus's engine has to wait with what takes so many cycles. If so, I2C0_IRQ comes when it need not any more, and not
-/// before. For its interrupts, and for tasks that hold them back.
+/// Whether the bus's engine has to wait with what takes so many cycles. If so, I2C0_IRQ comes when it
+/// need not any more, and not before. For its interrupts, and for tasks that hold them back.
 #[inline(always)]
 pub fn must_wait(cycles: u32) -> bool {
     if !IS_ON.load(Ordering::Relaxed) {
