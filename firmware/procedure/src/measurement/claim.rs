@@ -43,6 +43,8 @@ struct LoadCurve {
     of_calibration: f32,
     /// By how much the noise is larger than the fit says.
     scatter: f32,
+    /// Points to tell.
+    points: u8,
 }
 
 impl Measurement {
@@ -81,7 +83,10 @@ impl Measurement {
             regressors: ramps.regressors(),
             of_calibration: root_of_rest(claim.standard_error, of_noise.standard_error),
             scatter,
+            points: settings.load_points,
         });
+        // A press that changes during the ramps may leave a stiffness and no curve.
+        let curve = curve.filter(|curve| curve.can_be_told(self.number));
         let tangent = curve.as_ref().and_then(|curve| curve.tangent(sensing));
         let estimate = Estimate {
             measurement: self.number,
@@ -104,11 +109,7 @@ impl Measurement {
             total_displacement_m: total.0,
             temperature_c: heat.map(|heat| heat.copper().0),
             duration_s: seconds(began, now).0,
-            load_points: if curve.is_some() {
-                settings.load_points
-            } else {
-                0
-            },
+            load_points: curve.as_ref().map_or(0, |curve| curve.points),
         };
         // A calibration or sigmas far from any sensor's may lead beyond what the protocol holds.
         if estimate.validate().is_err() {
@@ -119,30 +120,39 @@ impl Measurement {
 }
 
 impl Report {
-    /// A point of the load's curve, evenly spaced along the regressor.
+    /// A point of the load's curve.
     pub(crate) fn load_point(&self, index: u8) -> Option<palpate_wire::record::LoadPoint> {
-        let points = self.estimate.load_points;
-        let curve = self.curve.as_ref().filter(|_| index < points)?;
-        let (low, high) = curve.regressors;
-        let part = if points > 1 {
-            f32::from(index) / f32::from(points - 1)
-        } else {
-            0.5
-        };
-        let point = curve.at(low + (high - low) * part);
-        Some(palpate_wire::record::LoadPoint {
-            measurement: self.estimate.measurement,
-            index,
-            points,
-            displacement_m: point.displacement.0,
-            displacement_sigma_m: point.displacement_sigma.0,
-            force_n: point.force.0,
-            force_sigma_n: point.force_sigma.0,
-        })
+        let curve = self.curve.as_ref()?;
+        (index < curve.points).then(|| curve.point(self.estimate.measurement, index))
     }
 }
 
 impl LoadCurve {
+    /// Whether every point lies within what the protocol holds.
+    fn can_be_told(&self, measurement: u32) -> bool {
+        (0..self.points).all(|index| self.point(measurement, index).validate().is_ok())
+    }
+
+    /// A point as it is told, evenly spaced along the regressor.
+    fn point(&self, measurement: u32, index: u8) -> palpate_wire::record::LoadPoint {
+        let (low, high) = self.regressors;
+        let part = if self.points > 1 {
+            f32::from(index) / f32::from(self.points - 1)
+        } else {
+            0.5
+        };
+        let point = self.at(low + (high - low) * part);
+        palpate_wire::record::LoadPoint {
+            measurement,
+            index,
+            points: self.points,
+            displacement_m: point.displacement.0,
+            displacement_sigma_m: point.displacement_sigma.0,
+            force_n: point.force.0,
+            force_sigma_n: point.force_sigma.0,
+        }
+    }
+
     /// The point at a regressor, with the uncertainty of its way from the middle of the ramps.
     fn at(&self, regressor: f32) -> LoadPoint {
         let (low, high) = self.regressors;
