@@ -86,12 +86,12 @@ fn answered_once(event: &Event<'_>, actions: &Actions) {
     assert_eq!(given, Vec::from_iter(expected));
 }
 
-/// What the procedure itself reckons lies within the protocol's limits. Samples, faults and answers
-/// pass on what they were given.
+/// What the procedure itself reckons lies within the protocol's limits. Samples, words, faults and
+/// answers pass on what they were given.
 fn record_is_sound(record: &Record) {
     let passed_on = matches!(
         record,
-        Record::Sample(_) | Record::Fault(_) | Record::Acknowledgement(_)
+        Record::Sample(_) | Record::Raw(_) | Record::Fault(_) | Record::Acknowledgement(_)
     );
     if !passed_on {
         assert_eq!(record.validate(), Ok(()), "{record:?}");
