@@ -140,6 +140,8 @@ pub(crate) struct Command {
     end: Time,
     from_a: f64,
     to_a: f64,
+    /// The ripple, root mean square, A, of one that a circuit outside has made.
+    pub(crate) ripple_a: Option<f64>,
 }
 
 impl Command {
@@ -150,11 +152,19 @@ impl Command {
             end,
             from_a,
             to_a,
+            ripple_a: None,
         }
     }
 
     pub(crate) fn constant(current_a: f64) -> Self {
         Self::ramp(Time::ZERO, Time::ZERO, current_a, current_a)
+    }
+
+    pub(crate) fn rippling(mean_a: f64, ripple_a: f64) -> Self {
+        Self {
+            ripple_a: Some(ripple_a),
+            ..Self::constant(mean_a)
+        }
     }
 
     /// Commanded current, A.
@@ -171,9 +181,9 @@ impl Command {
         (self.end > time).then_some(self.end)
     }
 
-    /// Whether it stays at this current for ever.
-    pub(crate) fn rests_at(&self, time: Time, current_a: f64) -> bool {
-        time >= self.end && self.to_a == current_a
+    /// Whether it does for ever what another, which is constant, does.
+    pub(crate) fn rests_as(&self, time: Time, other: &Self) -> bool {
+        time >= self.end && (self.to_a, self.ripple_a) == (other.to_a, other.ripple_a)
     }
 }
 

@@ -104,7 +104,7 @@ switches! {
     /// The drive current of the converter shifts its frequency (3.9).
     ldc_drive_shift,
     /// The current ripples with the bridge's switching, which heats, attracts, stiffens and disturbs
-    /// the sensing coil by its square (3.11).
+    /// the sensing coil by its square (3.11). The circuit of an emulated board ripples in any case.
     ripple,
     /// Harmonics of the bridge's switching pull the oscillation of the sensing coil (3.11).
     pwm_coupling,

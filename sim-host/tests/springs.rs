@@ -81,6 +81,17 @@ fn the_reciprocal_of_x_is_straight_in_g() {
 }
 
 #[test]
+fn a_ripple_from_outside_acts_by_its_square() {
+    let mut world = undisturbed("ultrasoft", 1, 1.0);
+    world.set_current_with_ripple(8.0, 6.0);
+    world.advance(ms(1));
+    let rippling = world.truth();
+    let steady_m = sensing_at(&mut world, 10.0);
+    assert_eq!(rippling.current_a, 8.0);
+    assert!((rippling.sensing_m / steady_m - 1.0).abs() < 1e-12);
+}
+
+#[test]
 fn the_actuated_spring_follows_the_law_of_the_stack() {
     let mut world = undisturbed("soft-closed", 4, 1.0);
     let p = world.parameters().clone();

@@ -18,6 +18,8 @@ pub(crate) struct Course {
     pub(crate) hold: Duration,
     pub(crate) fall: Duration,
     pub(crate) ramps: u8,
+    /// Half the time from one conversion to the next.
+    half_conversion: Duration,
 }
 
 impl Course {
@@ -29,6 +31,7 @@ impl Course {
             hold: span(settings.hold_s),
             fall: span(settings.ramp_s),
             ramps: settings.ramps,
+            half_conversion: span(0.5 / settings.rate_hz),
         }
     }
 
@@ -106,22 +109,40 @@ impl Train {
         self.completed
     }
 
-    fn ends(&self) -> Instant {
-        let lasts = match self.leg {
+    fn lasts(&self) -> Duration {
+        match self.leg {
             Leg::Rise | Leg::Down => self.course.rise,
             Leg::Hold => self.course.hold,
             Leg::Fall => self.course.fall,
             Leg::Done => Duration::from_ticks(0),
-        };
-        after(self.since, lasts)
+        }
     }
 
-    /// Goes on to the next leg if the one under way has ended, and tells the current to set.
+    fn ends(&self) -> Instant {
+        after(self.since, self.lasts())
+    }
+
+    /// How much earlier than planned the leg under way may end. What rises to the peak, and what
+    /// goes down to zero, gets there.
+    fn early(&self) -> Duration {
+        let is_last = self.completed.saturating_add(1) >= self.course.ramps;
+        match self.leg {
+            Leg::Hold => self.course.half_conversion.min(self.lasts()),
+            Leg::Fall if !is_last => self.course.half_conversion.min(self.lasts()),
+            _ => Duration::from_ticks(0),
+        }
+    }
+
+    /// Goes on to the next leg with the conversion that is nearest to the end of the one under way,
+    /// and tells the current to set.
     ///
-    /// A leg begins when this is called, not when the one before should have ended: what is late
-    /// makes the train longer, and no leg shorter.
+    /// Conversions then lie at the same places on every fall, whatever else happens meanwhile, and
+    /// what lags behind the current does so alike on all. The first one at or after the end would
+    /// be a conversion later or not by the accident of its last microsecond, as 10 conversions of
+    /// 0.9993 ms are just less than 10 ms.
     pub(crate) fn advance(&mut self, now: Instant) -> Option<Line> {
-        if self.leg == Leg::Done || now < self.ends() {
+        let ends = self.ends();
+        if self.leg == Leg::Done || after(now, self.early()) < ends {
             return None;
         }
         let Course {
@@ -133,7 +154,11 @@ impl Train {
             ..
         } = self.course;
         let (leg, line) = match self.leg {
-            Leg::Rise => (Leg::Hold, None),
+            Leg::Rise => {
+                // Nothing is set here, so the hold begins when the rise has ended.
+                (self.leg, self.since) = (Leg::Hold, ends);
+                return None;
+            }
             Leg::Hold => (Leg::Fall, Some((end, fall))),
             Leg::Fall => {
                 self.completed = self.completed.saturating_add(1);

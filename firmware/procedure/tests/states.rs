@@ -2,7 +2,7 @@
 
 mod support;
 
-use palpate_procedure::Action;
+use palpate_procedure::{Action, Actions};
 use palpate_wire::code::{Mode, Outcome, State};
 use palpate_wire::{Command, Record};
 use support::calibration::settings;
@@ -93,6 +93,33 @@ fn the_train_rises_falls_and_ends_at_zero() {
         (1_210_000..=1_210_000 + 37_000).contains(&took_us),
         "{took_us}"
     );
+}
+
+#[test]
+fn every_ramp_begins_with_the_conversion_that_is_nearest_to_its_time() {
+    // 10, 40 and 100 of these conversions are a little less than 10, 40 and 100 ms.
+    let mut rig = Rig::armed(Sensor::default(), settings(|of| of.rate_hz = 1_001.0));
+    rig.touch(3e-4);
+    rig.accepted(Command::Measure);
+    let falls = |actions: &Actions| {
+        let is_fall =
+            |of: &&Action| matches!(of, Action::Current { over, .. } if over.as_ticks() == 60_000);
+        actions.iter().filter(is_fall).count()
+    };
+    let mut begun_us = Vec::new();
+    for _ in 0..2_000 {
+        // What comes between conversions changes nothing.
+        let between = rig.wait(600);
+        assert_eq!(falls(&between), 0);
+        rig.now_us -= 600;
+        if falls(&rig.convert()) > 0 {
+            begun_us.push(rig.now_us);
+        }
+    }
+    assert_eq!(begun_us.len(), 12);
+    for pair in begun_us.windows(2) {
+        assert_eq!(pair[1] - pair[0], 100 * 999);
+    }
 }
 
 #[test]

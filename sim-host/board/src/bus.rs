@@ -56,9 +56,9 @@ mod pin {
 const COIL_SLICE: usize = 0;
 const EDGE_SLICE: usize = 3;
 
-/// How often the plant is told the coil's mean current while there is any: two periods of the bridge,
-/// over which the ripple averages out. How often what changes slowly is looked at meanwhile, in
-/// such times; and how often while there is no current.
+/// How often the plant is told the coil's current of the time that has passed, while there is any:
+/// two periods of the bridge, over which the ripple averages out. How often what changes slowly is
+/// looked at meanwhile, in such times; and how often while there is no current.
 const TELLS_PS: u64 = 32_000_000;
 const TELLS_IN_A_LOOK: u64 = 4;
 const LOOKS_PS: u64 = 1_000_000_000;
@@ -262,7 +262,6 @@ impl<P: Plant> Bus<P> {
         let now = Time::from_ps(now_ps);
         while let Some(due) = self.wire.chip.next_event().filter(|&due| due <= now) {
             self.wire.chip.advance_to(due);
-            self.wire.chip.sensors_mut().advance_to(due);
             self.follow_interrupt(due.as_ps());
         }
     }
@@ -392,10 +391,12 @@ impl<P: Plant> Bus<P> {
         }
     }
 
-    /// When the coil has to be looked at again.
+    /// When the coil has to be looked at again: not before the present of its circuit, for which it
+    /// may be late where the bridge has just been woken.
     fn coil_due_ps(&self) -> u64 {
         let idle = self.coil.is_idle(&self.bridge);
-        self.told_ps + if idle { LOOKS_PS } else { TELLS_PS }
+        let due_ps = self.told_ps + if idle { LOOKS_PS } else { TELLS_PS };
+        due_ps.max(self.coil.now_ps())
     }
 
     /// Lets the coil's circuit, the converter and the way into memory come to a time, and tells the
@@ -469,12 +470,13 @@ impl<P: Plant> Bus<P> {
 
     fn tell_current(&mut self, now_ps: u64) {
         self.told_ps = now_ps;
-        if let Some(mean_a) = self.coil.mean_a() {
+        if let Some((mean_a, ripple_a)) = self.coil.current_since() {
             let now = Time::from_ps(now_ps);
             self.wire.chip.advance_to(now);
+            // The plant still stands where it was told the last time.
             let plant = self.wire.chip.sensors_mut();
+            plant.set_current(mean_a, ripple_a);
             plant.advance_to(now);
-            plant.set_current(mean_a);
         }
         let idle = self.coil.is_idle(&self.bridge);
         if idle || (now_ps / TELLS_PS).is_multiple_of(TELLS_IN_A_LOOK) {

@@ -2,7 +2,7 @@
 //! of the PWM, sampled at the moments of the conversions.
 
 use palpate_sim::electrical::{
-    Circuit, CircuitParameters, Converter, ConverterParameters, Filter, Pins,
+    Circuit, CircuitParameters, Converter, ConverterParameters, Filter, Pins, Totals,
 };
 
 use crate::bridge::BridgeInputs;
@@ -62,8 +62,8 @@ pub(crate) struct Coil {
     converter: Converter,
     supply: Filter,
     now_ps: u64,
-    /// Charge and time when the plant was last told its mean current.
-    told: (f64, f64),
+    /// The sums when the plant was last told its current.
+    told: Totals,
 }
 
 impl Coil {
@@ -77,7 +77,7 @@ impl Coil {
                 value: conditions.supply_v,
             },
             now_ps: 0,
-            told: (0.0, 0.0),
+            told: Totals::default(),
         };
         coil.follow(conditions, false);
         coil
@@ -108,24 +108,28 @@ impl Coil {
         &mut self.circuit
     }
 
+    /// The present of the circuit.
+    pub(crate) const fn now_ps(&self) -> u64 {
+        self.now_ps
+    }
+
     /// Whether nothing flows and nothing can.
     pub(crate) fn is_idle(&self, inputs: &BridgeInputs) -> bool {
         !inputs.awake && self.circuit.current_a() == 0.0
     }
 
-    /// Mean current since this was last asked, A: as what the next time as long will see it lags
-    /// behind a fall of 10 A in 60 ms by 5 mA, and never leads. Nothing if no time has passed.
-    pub(crate) fn mean_a(&mut self) -> Option<f64> {
-        let totals = self.circuit.totals();
-        let (charge, time_s) = (totals.charge_a_s, totals.time_s);
-        let (before, since_s) = std::mem::replace(&mut self.told, (charge, time_s));
-        if time_s <= since_s {
+    /// Mean current since this was last asked, and its ripple, root mean square, A. Nothing if no
+    /// time has passed.
+    pub(crate) fn current_since(&mut self) -> Option<(f64, f64)> {
+        let now = self.circuit.totals();
+        let before = std::mem::replace(&mut self.told, now);
+        let passed_s = now.time_s - before.time_s;
+        if passed_s <= 0.0 {
             return None;
         }
-        if self.circuit.current_a() == 0.0 {
-            return Some(0.0);
-        }
-        Some((charge - before) / (time_s - since_s))
+        let mean_a = (now.charge_a_s - before.charge_a_s) / passed_s;
+        let square_a2 = (now.square_a2_s - before.square_a2_s) / passed_s;
+        Some((mean_a, (square_a2 - mean_a * mean_a).max(0.0).sqrt()))
     }
 
     /// Lets time pass: the pins stay as they are, the PWM goes on.

@@ -36,8 +36,8 @@ impl Default for Conditions {
 pub trait Plant: Sensors + Clone {
     /// Lets time pass.
     fn advance_to(&mut self, time: Time);
-    /// Sets the coil's current, A, from its present time on.
-    fn set_current(&mut self, current_a: f64);
+    /// Sets the coil's mean current and its ripple, root mean square, A, from its present time on.
+    fn set_current(&mut self, mean_a: f64, ripple_a: f64);
     /// What is measured besides, now.
     fn conditions(&self) -> Conditions {
         Conditions::default()
@@ -74,7 +74,7 @@ impl Sensors for Still {
 impl Plant for Still {
     fn advance_to(&mut self, _: Time) {}
 
-    fn set_current(&mut self, _: f64) {}
+    fn set_current(&mut self, _: f64, _: f64) {}
 }
 
 /// A [`World`] of its own: the sensing coil on channel 0, nothing on the others. A clone is a
@@ -139,8 +139,8 @@ impl Plant for Pressed {
         self.world_mut().advance_to(time);
     }
 
-    fn set_current(&mut self, current_a: f64) {
-        self.world_mut().set_current(current_a);
+    fn set_current(&mut self, mean_a: f64, ripple_a: f64) {
+        self.world_mut().set_current_with_ripple(mean_a, ripple_a);
     }
 
     fn conditions(&self) -> Conditions {

@@ -186,7 +186,7 @@ impl Sensors for Coil {
 impl Plant for Coil {
     fn advance_to(&mut self, _: Time) {}
 
-    fn set_current(&mut self, _: f64) {}
+    fn set_current(&mut self, _: f64, _: f64) {}
 
     fn conditions(&self) -> Conditions {
         Conditions {
@@ -226,4 +226,75 @@ fn a_current_that_flows_with_the_bridge_off_is_told() {
     bench.run(Time::from_ms(15));
     let told = bench.faults().last().map(|fault| fault.code);
     assert_eq!(told, Some(FaultCode::CurrentUnwanted));
+}
+
+/// Sensors that rest, and what they are told of the current, summed over the time for which it holds.
+#[derive(Clone)]
+struct Told {
+    still: Still,
+    now: Time,
+    current_a: (f64, f64),
+    charge_a_s: f64,
+    square_a2_s: f64,
+}
+
+impl Sensors for Told {
+    fn frequency_hz(&self, channel: usize, time_s: f64) -> f64 {
+        self.still.frequency_hz(channel, time_s)
+    }
+}
+
+impl Plant for Told {
+    fn advance_to(&mut self, time: Time) {
+        let (mean_a, ripple_a) = self.current_a;
+        let passed_s = (time.max(self.now) - self.now).as_secs_f64();
+        self.charge_a_s += mean_a * passed_s;
+        self.square_a2_s += (mean_a * mean_a + ripple_a * ripple_a) * passed_s;
+        self.now = time;
+    }
+
+    fn set_current(&mut self, mean_a: f64, ripple_a: f64) {
+        self.current_a = (mean_a, ripple_a);
+    }
+}
+
+#[test]
+fn the_plant_gets_the_circuits_current_at_its_time_with_its_ripple() {
+    let plant = Told {
+        still: Still::new([3e6; 4]),
+        now: Time::ZERO,
+        current_a: (0.0, 0.0),
+        charge_a_s: 0.0,
+        square_a2_s: 0.0,
+    };
+    let settings = ldc161x_sim::Settings::default();
+    let board = Board::new(common::image(), plant, settings, common::recording());
+    let mut bench = Bench::of(board);
+    bench.stream();
+    let set = bench.command(&Command::SetCoil(common::coil()));
+    assert_eq!(set.outcome, Outcome::Accepted);
+    bench.command(&Command::Arm);
+    bench.run(Time::from_ms(100));
+    bench.command(&drive(8.0, 0.0, 0.0));
+    bench.command(&drive(0.0, 0.06, 0.0));
+    // Early and late in the fall.
+    for wait_ms in [10, 35] {
+        bench.run(Time::from_ms(wait_ms));
+        let now = bench.board.now();
+        let circuit = *bench.board.circuit();
+        let plant = bench.board.plant_mut();
+        // What has passed since it was told the last time, two periods of the bridge at most.
+        let rest_s = (now - plant.now).as_secs_f64();
+        assert!(rest_s < 40e-6, "{rest_s}");
+        let (mean_a, _) = plant.current_a;
+        let totals = circuit.totals();
+        let charge_a_s = totals.charge_a_s - mean_a * rest_s;
+        // A period late would be 6e-5 A s and more.
+        let missed_a_s = charge_a_s - plant.charge_a_s;
+        assert!(missed_a_s.abs() < 2e-5, "{missed_a_s:e}");
+        let square_a2_s = totals.square_a2_s - mean_a * mean_a * rest_s;
+        // Without the ripple 1e-3 A^2 s would be missing.
+        let missed_a2_s = square_a2_s - plant.square_a2_s;
+        assert!(missed_a2_s.abs() < 3e-4, "{missed_a2_s:e}");
+    }
 }

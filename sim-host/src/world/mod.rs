@@ -183,11 +183,19 @@ impl World {
     /// Sets the coil's current, A, at once. It is held to the hardware's limit, 1.5 times the
     /// stack's peak current, and to what the supply can push; what is no number is none.
     pub fn set_current(&mut self, current_a: f64) {
-        let current_a = sound(current_a);
-        if self.inputs.command.rests_at(self.now, current_a) {
-            return;
+        self.hold(Command::constant(sound(current_a)));
+    }
+
+    /// The same as a circuit outside makes it, whose ripple, root mean square, A, acts in place of
+    /// what this world would reckon: as it is, whether the world's own is switched on or not.
+    pub fn set_current_with_ripple(&mut self, mean_a: f64, ripple_a: f64) {
+        self.hold(Command::rippling(sound(mean_a), sound(ripple_a)));
+    }
+
+    fn hold(&mut self, command: Command) {
+        if !self.inputs.command.rests_as(self.now, &command) {
+            self.interrupt(|inputs, _| inputs.command = command);
         }
-        self.interrupt(|inputs, _| inputs.command = Command::constant(current_a));
     }
 
     /// Moves the coil's current from where it is to `current_a` in a straight line, A.

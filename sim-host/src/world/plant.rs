@@ -4,7 +4,7 @@ use ldc161x_sim::Time;
 
 use super::history::Segment;
 use crate::coil::tank::{Resonance, SensingTank, TankState};
-use crate::current::Command;
+use crate::current::{Command, acting_a};
 use crate::magnetorheological::Play;
 use crate::mechanics::chain::{Chain, ChainState, Conditions, Decays, Rates};
 use crate::mechanics::energy::Energy;
@@ -107,7 +107,10 @@ impl Plant {
         let resistance_ohm = p.thermal.coil_resistance_ohm(&from.thermal);
         let limit_a = p.current.limit_a(resistance_ohm);
         let current_a = inputs.command.at(to).clamp(-limit_a, limit_a);
-        let effective_a = p.current.effective_a(current_a, resistance_ohm);
+        let effective_a = match inputs.command.ripple_a {
+            Some(ripple_a) => acting_a(current_a, ripple_a),
+            None => p.current.effective_a(current_a, resistance_ohm),
+        };
         let (i0, i1) = (from.effective_a, effective_a);
         let square_a2 = (i0 * i0 + i0 * i1 + i1 * i1) / 3.0;
         let thermal = p.thermal.advance(&from.thermal, square_a2, duration_s);

@@ -72,8 +72,8 @@ impl Drive {
     pub(crate) fn start(settings: &Settings, limits: &Limits, now: Instant) -> (Self, Line) {
         let course = Course::new(settings);
         let (train, line) = Train::start(course, now);
-        // Every leg begins with the first event after the one before has ended: with ticks every
-        // 10 ms, a tenth of a second late is a scheduler that has failed.
+        // Every leg begins with the conversion nearest to the end of the one before: a tenth of a
+        // second late is a scheduler that has failed.
         let slack = span(0.1).as_ticks() * (u64::from(course.ramps) * 3 + 3);
         let allowed = course.duration().as_ticks() + slack;
         let allowed = allowed.min(span(limits.on_time_s).as_ticks());
@@ -90,15 +90,15 @@ impl Drive {
         &self.train
     }
 
-    /// Time alone.
-    pub(crate) fn tick(&mut self, now: Instant) -> Progress {
+    /// Time goes on; `converted` says that a conversion has ended now.
+    pub(crate) fn tick(&mut self, now: Instant, converted: bool) -> Progress {
         if now >= self.deadline {
             let allowed = seconds(self.began, self.deadline).0;
             let took = seconds(self.began, now).0;
             let reason = RefusalReason::TimedOut;
             return Progress::Refused((reason, Some(took), Some(allowed)));
         }
-        let line = self.train.advance(now);
+        let line = converted.then(|| self.train.advance(now)).flatten();
         if self.train.leg() == Leg::Done {
             Progress::Done
         } else {

@@ -127,6 +127,7 @@ impl Procedure {
         self.now = if set_back { now } else { now.max(self.now) };
         let mut out = Out {
             now: self.now,
+            converted: matches!(event, Event::Scan(_)),
             actions,
         };
         if !self.greeted {
@@ -369,6 +370,8 @@ impl Procedure {
 /// The actions of a step, as they come together.
 struct Out<'a> {
     now: Instant,
+    /// A conversion is what has happened.
+    converted: bool,
     actions: &'a mut Actions,
 }
 

@@ -415,11 +415,11 @@ impl Procedure {
                 }
             }
             Phase::Driving(measurement) => {
-                let progress = measurement.drive.tick(out.now);
+                let progress = measurement.drive.tick(out.now, out.converted);
                 self.driven(progress, before, out);
             }
             Phase::Sweeping { drive, .. } => {
-                let progress = drive.tick(out.now);
+                let progress = drive.tick(out.now, out.converted);
                 self.driven(progress, before, out);
             }
             Phase::Telling { .. } => self.tell_point(out),

@@ -31,7 +31,7 @@ impl Sensors for Wired {
 impl Plant for Wired {
     fn advance_to(&mut self, _: Time) {}
 
-    fn set_current(&mut self, _: f64) {}
+    fn set_current(&mut self, _: f64, _: f64) {}
 
     fn conditions(&self) -> Conditions {
         self.conditions
