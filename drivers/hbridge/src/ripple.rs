@@ -3,7 +3,11 @@
 /// The ripple of the current, from what makes it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ripple {
-    pub(crate) supply_v: f32,
+    /// Supply without load.
+    pub(crate) open_v: f32,
+    /// What the supply has, which is in the circuit while it drives.
+    pub(crate) source_ohm: f32,
+    /// Coil and bridge.
     pub(crate) resistance_ohm: f32,
     pub(crate) inductance_h: f32,
     pub(crate) period_s: f32,
@@ -14,16 +18,18 @@ impl Ripple {
     /// sees `mean_a² + square_a2`.
     ///
     /// A coil that is driven for the part d = R I/V of a period and shorted for the rest has a
-    /// triangle of V d (1 − d) T/L, peak to peak, about its mean, whose variance is a twelfth of the
-    /// square; 10 % off while R T/L, by which the resistance bends it, is below one half.
+    /// triangle of R I (1 − d) T/L, peak to peak, about its mean, whose variance is a twelfth of the
+    /// square; V is what the supply's own resistance leaves of it meanwhile. 10 % off while R T/L,
+    /// by which the resistance bends it, is below one half.
     #[must_use]
     pub fn square_a2(&self, mean_a: f32) -> f32 {
         let drop_v = mean_a.abs() * self.resistance_ohm;
+        let driven_v = self.open_v - mean_a.abs() * self.source_ohm;
         // Written so that what is no number has none.
-        if !(drop_v > 0.0 && drop_v < self.supply_v) {
+        if !(drop_v > 0.0 && drop_v < driven_v) {
             return 0.0;
         }
-        let shorted = 1.0 - drop_v / self.supply_v;
+        let shorted = 1.0 - drop_v / driven_v;
         let peak_to_peak_a = drop_v * shorted * self.period_s / self.inductance_h;
         peak_to_peak_a * peak_to_peak_a / 12.0
     }
@@ -36,7 +42,8 @@ mod tests {
     #[test]
     fn a_hand_counted_triangle() {
         let ripple = Ripple {
-            supply_v: 12.0,
+            open_v: 12.0,
+            source_ohm: 0.0,
             resistance_ohm: 0.6,
             inductance_h: 20e-6,
             period_s: 16e-6,
@@ -47,5 +54,12 @@ mod tests {
         for none in [0.0, 20.0, 1e9, f32::NAN, f32::INFINITY] {
             assert_eq!(ripple.square_a2(none), 0.0);
         }
+        // A supply of 0.2 ohm leaves 10 V for 5 V of coil: 5 V for 8 us are 2 A, and 4/12 A².
+        let behind_resistance = Ripple {
+            source_ohm: 0.2,
+            resistance_ohm: 0.5,
+            ..ripple
+        };
+        assert!((behind_resistance.square_a2(10.0) - 1.0 / 3.0).abs() < 1e-6);
     }
 }

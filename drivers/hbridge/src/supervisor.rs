@@ -37,7 +37,19 @@ pub struct Supervisor {
     power: i64,
     seen: (i32, i32, u32),
     resistance_ohm: Option<f32>,
+    source: Source,
     latched: bool,
+}
+
+/// What is known of the supply behind its voltage, and of the circuit without it.
+#[derive(Clone, Copy, Debug, Default)]
+struct Source {
+    /// Its voltage while nothing flows.
+    open_v: f32,
+    /// Its resistance.
+    ohm: f32,
+    /// Resistance of coil and bridge alone, once it is known.
+    shorted_ohm: Option<f32>,
 }
 
 impl Supervisor {
@@ -76,6 +88,7 @@ impl Supervisor {
             power: 0,
             seen: (0, 0, 0),
             resistance_ohm: None,
+            source: Source::default(),
             latched: false,
         };
         Ok((supervisor, drive))
@@ -106,14 +119,19 @@ impl Supervisor {
         self.resistance_ohm
     }
 
-    /// What the switching adds to the mean current with this supply; nothing before a coil is
-    /// known.
+    /// What the switching adds to the mean current; nothing before a coil is known.
     #[must_use]
-    pub fn ripple(&self, supply_v: f32) -> Option<Ripple> {
+    pub fn ripple(&self) -> Option<Ripple> {
         let Findings { coil, .. } = self.findings.as_ref()?;
+        let Source {
+            open_v,
+            ohm,
+            shorted_ohm,
+        } = self.source;
         Some(Ripple {
-            supply_v,
-            resistance_ohm: self.resistance_ohm.unwrap_or(coil.resistance_ohm),
+            open_v,
+            source_ohm: ohm,
+            resistance_ohm: shorted_ohm.unwrap_or(coil.resistance_ohm),
             inductance_h: coil.inductance_h,
             period_s: self.hardware.period_s,
         })
@@ -246,6 +264,9 @@ impl Supervisor {
     pub fn attend(&mut self, report: &Report, supply_v: f32, elapsed_us: u32) -> Order {
         self.count_energy(report, supply_v, elapsed_us);
         let active = matches!(report.state, State::Testing | State::Driving);
+        if !active {
+            self.source.open_v = supply_v;
+        }
         let [low_v, high_v] = self.limits.supply_v;
         let orders = if active && (supply_v.is_nan() || supply_v < low_v) {
             Orders::Latch(Fault::SupplyLow)
@@ -364,7 +385,21 @@ impl Supervisor {
             } else {
                 share + lost
             };
-            self.resistance_ohm = Some(share * supply_v / mean_a);
+            let seen_ohm = share * supply_v / mean_a;
+            self.resistance_ohm = Some(seen_ohm);
+            self.source
+                .follow(share.abs(), mean_a.abs(), supply_v, seen_ohm);
         }
+    }
+}
+
+impl Source {
+    /// The part d of a period on the supply lowers its mean voltage by its resistance r to
+    /// V = V₀ − r d I. What resistance the coil then seems to have, V d/I, is with
+    /// d = R I/(V₀ − r I) that of coil and bridge, R, and r d (1 − d).
+    fn follow(&mut self, share: f32, mean_a: f32, supply_v: f32, seen_ohm: f32) {
+        let ohm = (self.open_v - supply_v) / (share * mean_a);
+        self.ohm = if ohm > 0.0 { ohm } else { 0.0 };
+        self.shorted_ohm = Some(seen_ohm - self.ohm * share * (1.0 - share));
     }
 }

@@ -209,7 +209,7 @@ pub fn mean_current_a(from_us: u64, to_us: u64) -> Option<f32> {
 
 /// Root mean square of the ripple about a mean current, A; nothing before a coil is known.
 pub fn ripple_a(mean_a: f32) -> Option<f32> {
-    let ripple = with(|coil| coil.supervisor.ripple(coil.supply_v)).flatten()?;
+    let ripple = with(|coil| coil.supervisor.ripple()).flatten()?;
     // Outside of the critical section: the control interrupt does not wait for arithmetic.
     let ripple_a2 = ripple.square_a2(mean_a);
     (ripple_a2 > 0.0).then(|| libm::sqrtf(ripple_a2))
