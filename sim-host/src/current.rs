@@ -133,31 +133,26 @@ impl CurrentParameters {
     }
 }
 
-/// The commanded current as a function of time: a constant, after a ramp.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+/// The commanded current as a function of time: straight lines between points, constant after the
+/// last one.
+#[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Command {
-    start: Time,
-    end: Time,
-    from_a: f64,
-    to_a: f64,
+    points: Vec<(Time, f64)>,
     /// The ripple, root mean square, A, of one that a circuit outside has made.
     pub(crate) ripple_a: Option<f64>,
 }
 
 impl Command {
-    /// From `from_a` at `start` to `to_a` at `end`, and then constant.
-    pub(crate) fn ramp(start: Time, end: Time, from_a: f64, to_a: f64) -> Self {
+    /// Through these points, in the order of time.
+    pub(crate) const fn path(points: Vec<(Time, f64)>) -> Self {
         Self {
-            start,
-            end,
-            from_a,
-            to_a,
+            points,
             ripple_a: None,
         }
     }
 
     pub(crate) fn constant(current_a: f64) -> Self {
-        Self::ramp(Time::ZERO, Time::ZERO, current_a, current_a)
+        Self::path(vec![(Time::ZERO, current_a)])
     }
 
     pub(crate) fn rippling(mean_a: f64, ripple_a: f64) -> Self {
@@ -169,21 +164,28 @@ impl Command {
 
     /// Commanded current, A.
     pub(crate) fn at(&self, time: Time) -> f64 {
-        if time >= self.end {
-            return self.to_a;
+        let passed = self.points.partition_point(|&(at, _)| at <= time);
+        let before = passed.checked_sub(1).and_then(|at| self.points.get(at));
+        match (before, self.points.get(passed)) {
+            (Some(&(start, from_a)), Some(&(end, to_a))) => {
+                let share = (time - start).as_secs_f64() / (end - start).as_secs_f64();
+                from_a + share * (to_a - from_a)
+            }
+            (Some(&(_, current_a)), None) | (None, Some(&(_, current_a))) => current_a,
+            (None, None) => 0.0,
         }
-        let share = (time - self.start).as_secs_f64() / (self.end - self.start).as_secs_f64();
-        self.from_a + share * (self.to_a - self.from_a)
     }
 
-    /// Where the ramp ends, if that lies after `time`.
+    /// The next point after `time`.
     pub(crate) fn next_knot(&self, time: Time) -> Option<Time> {
-        (self.end > time).then_some(self.end)
+        let passed = self.points.partition_point(|&(at, _)| at <= time);
+        self.points.get(passed).map(|&(at, _)| at)
     }
 
     /// Whether it does for ever what another, which is constant, does.
     pub(crate) fn rests_as(&self, time: Time, other: &Self) -> bool {
-        time >= self.end && (self.to_a, self.ripple_a) == (other.to_a, other.ripple_a)
+        let rests = |command: &Self| (command.at(time), command.ripple_a);
+        self.next_knot(time).is_none() && rests(self) == rests(other)
     }
 }
 
@@ -292,15 +294,23 @@ mod tests {
     }
 
     #[test]
-    fn a_ramp_is_straight_and_then_stays() {
-        let [start, middle, end] = [10, 15, 20].map(Time::from_ms);
-        let ramp = Command::ramp(start, end, 8.0, 2.0);
-        assert_eq!(ramp.at(start), 8.0);
-        assert!((ramp.at(middle) - 5.0).abs() < 1e-12);
-        assert_eq!(ramp.at(end), 2.0);
-        assert_eq!(ramp.at(Time::MAX), 2.0);
-        assert_eq!(ramp.next_knot(middle), Some(end));
-        assert_eq!(ramp.next_knot(end), None);
-        assert!(ramp.rests_at(end, 2.0) && !ramp.rests_at(middle, 2.0));
+    fn a_path_is_straight_between_its_points_and_then_stays() {
+        let [start, middle, corner, end] = [10, 15, 20, 30].map(Time::from_ms);
+        let path = Command::path(vec![(start, 8.0), (corner, 2.0), (end, 1.0)]);
+        assert_eq!(path.at(Time::ZERO), 8.0);
+        assert_eq!(path.at(start), 8.0);
+        assert!((path.at(middle) - 5.0).abs() < 1e-12);
+        assert_eq!(path.at(corner), 2.0);
+        assert_eq!((path.at(end), path.at(Time::MAX)), (1.0, 1.0));
+        assert_eq!(path.next_knot(middle), Some(corner));
+        assert_eq!(path.next_knot(corner), Some(end));
+        assert_eq!(path.next_knot(end), None);
+        let rest = Command::constant(1.0);
+        assert!(path.rests_as(end, &rest) && !path.rests_as(middle, &rest));
+        assert!(!path.rests_as(end, &Command::rippling(1.0, 0.1)));
+        // A jump, and nothing at all.
+        let jump = Command::path(vec![(start, 8.0), (start, 2.0)]);
+        assert_eq!(jump.at(start), 2.0);
+        assert_eq!(Command::default().at(start), 0.0);
     }
 }

@@ -200,10 +200,18 @@ impl World {
 
     /// Moves the coil's current from where it is to `current_a` in a straight line, A.
     pub fn ramp_current(&mut self, current_a: f64, duration: Time) {
-        let current_a = sound(current_a);
+        self.follow_current(&[(duration, current_a)]);
+    }
+
+    /// Moves the coil's current from where it is through these points, in straight lines: times from
+    /// now on, in their order, and currents, A.
+    pub fn follow_current(&mut self, points: &[(Time, f64)]) {
         self.interrupt(|inputs, now| {
-            let from_a = inputs.command.at(now);
-            inputs.command = Command::ramp(now, now + duration, from_a, current_a);
+            let from = (now, inputs.command.at(now));
+            let then = points
+                .iter()
+                .map(|&(after, current_a)| (now + after, sound(current_a)));
+            inputs.command = Command::path(core::iter::once(from).chain(then).collect());
         });
     }
 
