@@ -8,7 +8,17 @@ use palpate_sim::stack::{Disturbances, Stack};
 use palpate_sim::switches::Switches;
 use palpate_sim::world::{Setup, World};
 use palpate_wire::code::State;
+use palpate_wire::command::{Coil, DriveCoil};
 use palpate_wire::{Command, Record};
+
+const COIL: Coil = Coil {
+    resistance_ohm: 0.389,
+    copper_capacity_j_per_k: 0.8,
+    pad_capacity_j_per_k: 60.0,
+    copper_to_pad_k_per_w: 0.5,
+    pad_to_ambient_k_per_w: 8.0,
+    current_uncertainty: 0.02,
+};
 
 fn world() -> World {
     let stack = Stack::builtin("ultrasoft").unwrap();
@@ -91,4 +101,53 @@ fn the_same_seed_gives_the_same_records() {
     };
     let (here, there) = (run(), std::thread::spawn(run).join().unwrap());
     assert_eq!(here, there);
+}
+
+/// A drive knows nothing but its measurement: its bow, 51 mA at the most, bends the true current.
+#[test]
+fn a_line_of_the_current_is_straight_as_it_is_measured() {
+    let stack = Stack::builtin("ultrasoft").unwrap();
+    let plant = draw(&stack, &Disturbances::builtin().unwrap(), 1);
+    let switches = Switches::none()
+        .with("adc_nonlinearity", true)
+        .with("current_gain", true);
+    let world = World::new(&plant, switches, Setup::default()).unwrap();
+    let hardware = Hardware::new(world);
+    let mut board = VirtualBoard::new(&hardware);
+    board.send(Command::SetCoil(COIL)).unwrap();
+    board.run_until(Time::from_ms(100)).unwrap();
+    board.send(Command::Arm).unwrap();
+    let line = |to_a, over_s| {
+        Command::DriveCoil(DriveCoil {
+            to_a,
+            over_s,
+            trace_interval_s: 0.0,
+        })
+    };
+    board.send(line(10.0, 0.0)).unwrap();
+    board.run_until(board.now() + Time::from_ms(10)).unwrap();
+    board.send(line(0.0, 0.06)).unwrap();
+    board.take_records();
+    let begin = board.now();
+    board.run_until(begin + Time::from_ms(58)).unwrap();
+    let told: Vec<[f64; 2]> = board
+        .take_records()
+        .iter()
+        .filter_map(|(at, record)| match record {
+            Record::Sample(sample) => Some([
+                at.as_ticks() as f64 * 1e-6,
+                sample.current_a.unwrap().into(),
+            ]),
+            _ => None,
+        })
+        .filter(|[at_s, _]| *at_s > begin.as_secs_f64() + 1e-3)
+        .collect();
+    assert!(told.len() > 50);
+    let ([t0, a0], [t1, a1]) = (told[0], told[told.len() - 1]);
+    assert!((a0 - a1) > 9.0, "{a0} {a1}");
+    for [at_s, current_a] in told {
+        let straight_a = a0 + (a1 - a0) * (at_s - t0) / (t1 - t0);
+        let off_a = current_a - straight_a;
+        assert!(off_a.abs() < 2e-3, "{current_a} A: {off_a}");
+    }
 }
