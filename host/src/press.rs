@@ -236,8 +236,8 @@ mod tests {
             .fold(0.0, f64::max)
     }
 
-    /// 39 of the seeds 1 to 40 are. Seed 2 is not: what the bench's fit leaves of the stiffening's
-    /// shape bends the line there.
+    /// 39 of the seeds 1 to 40 are, the others to 2.5. Seed 5 is not, with 6.7: what the bench's fit
+    /// leaves of the stiffening's shape bends the line there.
     #[test]
     fn the_curve_of_a_hardening_load_is_within_three_standard_errors() {
         let missed: Vec<u64> = (1..=6)
@@ -247,7 +247,7 @@ mod tests {
                 greatest_miss(&pressed, &points) > 3.0
             })
             .collect();
-        assert_eq!(missed, [2]);
+        assert_eq!(missed, [5]);
     }
 
     #[test]

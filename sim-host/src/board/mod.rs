@@ -317,7 +317,8 @@ impl<'a> VirtualBoard<'a> {
     /// errors bend the true one.
     fn follow_line(&self, to_a: f64, over: Time) {
         let from_a = self.measured_a(self.hardware.world.borrow().truth().current_a);
-        let points: Vec<(Time, f64)> = (1..=PIECES)
+        // From where it is, which a supply may have kept from where it was led.
+        let points: Vec<(Time, f64)> = (0..=PIECES)
             .map(|piece| {
                 let part = f64::from(piece) / f64::from(PIECES);
                 let time = Time::from_ps(over.as_ps() / u64::from(PIECES) * u64::from(piece));
