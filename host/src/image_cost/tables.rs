@@ -30,7 +30,7 @@ pub(super) fn write(
          count as their caller's.\n\n{}",
         per_sample(measured, &splits)
     )?;
-    writeln!(out, "\n{}", once(measured, &splits, sources))?;
+    writeln!(out, "\n{}", once(measured))?;
     writeln!(
         out,
         "\n## Interrupts\n\nOf all phases together. A run counts without the handlers that \
@@ -134,22 +134,18 @@ fn per_sample(measured: &Measured, splits: &[Split]) -> Table {
     rows
 }
 
-/// What the estimate costs, once in a train.
-fn once(measured: &Measured, splits: &[Split], sources: &Sources) -> String {
-    let rest = Split::new(&measured.rest.profile, sources);
-    let parts = [Part::Estimator, Part::Model, Part::Procedure];
-    let of = |split: &Split| -> u64 { parts.iter().map(|&part| split.charged(part)).sum() };
-    let train = measured.phases.iter().zip(splits).next_back();
-    let rate = train.map_or(0.0, |(phase, split)| {
-        of(split) as f64 / phase.samples.max(1) as f64
-    });
-    let cycles = of(&rest) as f64 - rate * measured.rest.samples as f64;
+/// What the estimate costs, once in a train: the longest run of the tasks that it is reckoned in.
+fn once(measured: &Measured) -> String {
+    let handlers = measured.rest.profile.handlers();
+    let cycles = handlers.get(&ESTIMATES).map_or(0, |of| of.worst_cycles);
     format!(
-        "The estimate at the end of the train takes {:.0} cycles more, {:.1} ms, once.",
-        cycles,
-        cycles / measured.cpu_hz * 1e3
+        "The step that ends the train with its estimate takes {cycles} cycles, {:.1} ms, once.",
+        cycles as f64 / measured.cpu_hz * 1e3
     )
 }
+
+/// Exception of the tasks of the lower priority, the procedure's among them.
+const ESTIMATES: u32 = 16 + 26;
 
 /// Interrupts of the RP2040 (datasheet 2.3.2) that the firmware uses, and what for.
 const INTERRUPTS: [(u32, &str); 8] = [
