@@ -115,7 +115,8 @@ fn a_record_of_a_ramp_goes_on_while_the_current_does_and_ends_with_it() {
     arm(&mut bench);
     bench.command(&drive(4.0, 0.0, 0.0));
     bench.command(&drive(1.0, 0.06, 0.5e-3));
-    bench.run(Time::from_ms(70));
+    // 63.5 ms, and then a part of it with each pulse of a millisecond.
+    bench.run(Time::from_ms(80));
     bench.command(&Command::Identify);
     let told = traces(&bench.frames);
     let currents: Vec<f32> = told
