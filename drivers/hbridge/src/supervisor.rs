@@ -181,6 +181,9 @@ impl Supervisor {
         }
         self.energy_j += COSTS_J;
         self.findings = None;
+        if report.state != State::Driving {
+            self.source.open_v = supply_v;
+        }
         let full = i32::from(self.hardware.full_level);
         let target = self.hardware.units(TARGET_A);
         // No more voltage than the target takes through the greatest resistance.

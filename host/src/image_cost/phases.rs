@@ -28,6 +28,8 @@ const SETTLED: Time = Time::from_ms(1_000);
 const WATCHED: Time = Time::from_ms(2_000);
 /// Much less than a train takes, which is watched for so long.
 const OF_THE_TRAIN: Time = Time::from_ms(400);
+/// The estimate has been reckoned and its curve told.
+const AFTERWARDS: Time = Time::from_ms(100);
 /// An estimate comes within this time after the press.
 const PATIENCE: Time = Time::from_ms(30_000);
 
@@ -158,7 +160,9 @@ impl Watched<'_> {
                 Record::Refusal(refusal) => Some(format!("{refusal:?}")),
                 _ => None,
             });
-            refused.map_or(Ok(()), |reason| Err(Failure::Refused(reason)))
+            refused.map_or(Ok(()), |reason| Err(Failure::Refused(reason)))?;
+            // The run that tells it has to end, to be counted.
+            watched.pass(AFTERWARDS)
         })
     }
 

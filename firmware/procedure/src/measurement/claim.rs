@@ -140,8 +140,8 @@ impl Report {
 }
 
 impl LoadCurve {
-    /// Whether its ends and its middle lie within what the protocol holds. A point takes the
-    /// processor half a millisecond, so that not all of them can be looked at at once.
+    /// Whether its ends and its middle lie within what the protocol holds. The others, up to 64, are
+    /// reckoned one by one as they are told, so that no step is long.
     fn can_be_told(&self, measurement: u32) -> bool {
         let told = |part| self.point(measurement, 0, part);
         self.points == 0 || [0.0, 0.5, 1.0].map(told).iter().all(Option::is_some)
