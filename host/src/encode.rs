@@ -111,7 +111,7 @@ fn checked(command: Command, file: &Path, line: u64) -> Result<Command, Failure>
         Err(invalid) => Err(Failure::Input {
             file: file.to_path_buf(),
             line,
-            problem: invalid.to_string(),
+            problem: invalid.named(command.payload()).to_string(),
             allowed: "what docs/protocol.md says of this field".to_owned(),
         }),
     }

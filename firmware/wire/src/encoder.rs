@@ -2,15 +2,13 @@
 
 use core::fmt;
 
-use heapless::Vec;
-use postcard::Serializer;
-use postcard::ser_flavors::Flavor;
-use serde::Serialize;
-
 use crate::checksum::crc32;
 use crate::frame::{CHECKSUM, Header};
 use crate::message::Message;
+use crate::validation::Invalid;
+use crate::value::{Place, Value, Visitor};
 use crate::{Record, VERSION};
+use heapless::Vec;
 
 /// The buffer cannot hold the frame. [`Message::MAX_FRAME`] bytes hold any.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -65,16 +63,12 @@ pub fn encode_vec<M: Message, const N: usize>(
 fn fill<M: Message>(header: &Header, message: &M, buffer: &mut [u8]) -> Option<usize> {
     // What `stuff` relies on.
     const { assert!(M::MAX_FRAME <= LONGEST_RUN) };
-    let mut to = Serializer {
-        output: Plain { buffer, end: 1 },
-    };
-    to.output.put(VERSION);
-    to.output.put(message.kind());
-    // Neither can fail: the output takes every byte, and the types of this crate contain nothing
-    // that postcard cannot write.
-    let _ = header.serialize(&mut to);
-    let _ = message.write(&mut to);
-    let Plain { buffer, end } = to.output;
+    let mut to = Plain { buffer, end: 1 };
+    to.put(VERSION);
+    to.put(message.kind());
+    header.show(&Place::WHOLE, &mut to);
+    message.show(&mut to);
+    let Plain { buffer, end } = to;
     let checksum = crc32(buffer.get(1..end)?);
     let checked = end + CHECKSUM;
     buffer
@@ -108,8 +102,7 @@ fn stuff(frame: &mut [u8]) {
 
 /// Writes the bytes as they are, behind the place of the first distance.
 ///
-/// What has no room is left out and found at the end. So there is no error to hand on at every
-/// field of every record, which takes a kilobyte of a firmware.
+/// What has no room is left out and found at the end.
 struct Plain<'buffer> {
     buffer: &'buffer mut [u8],
     /// Where they would end, had they room.
@@ -125,34 +118,68 @@ impl Plain<'_> {
         self.end += 1;
     }
 
-    #[inline(never)]
-    fn extend(&mut self, bytes: &[u8]) {
-        let end = self.end + bytes.len();
-        if let Some(places) = self.buffer.get_mut(self.end..end) {
-            places.copy_from_slice(bytes);
+    /// A few bytes, for which copying memory in general would take longer than they themselves.
+    fn put_all<const N: usize>(&mut self, bytes: [u8; N]) {
+        let rest = self.buffer.get_mut(self.end..).unwrap_or_default();
+        if let Some(places) = rest.first_chunk_mut() {
+            *places = bytes;
         }
-        self.end = end;
+        self.end += N;
     }
 }
 
-impl Flavor for Plain<'_> {
-    type Output = ();
-
-    #[inline]
-    fn try_push(&mut self, byte: u8) -> postcard::Result<()> {
-        self.put(byte);
-        Ok(())
+impl Visitor for Plain<'_> {
+    fn byte(&mut self, value: u8, _: &'static Place) {
+        self.put(value);
     }
 
-    #[inline]
-    fn try_extend(&mut self, bytes: &[u8]) -> postcard::Result<()> {
-        self.extend(bytes);
-        Ok(())
+    fn integer(&mut self, value: u64, _: &'static Place) {
+        let mut rest = value;
+        while rest > 0x7F {
+            self.put(rest as u8 | 0x80);
+            rest >>= 7;
+        }
+        self.put(rest as u8);
     }
 
-    fn finalize(self) -> postcard::Result<()> {
-        Ok(())
+    fn float(&mut self, value: f32, _: &'static Place) {
+        self.put_all(value.to_le_bytes());
     }
+
+    fn double(&mut self, value: f64, _: &'static Place) {
+        self.put_all(value.to_le_bytes());
+    }
+
+    fn code(&mut self, number: u8, _: bool, _: &'static Place) {
+        self.put(number);
+    }
+
+    fn flag(&mut self, value: bool) {
+        self.put(value.into());
+    }
+
+    fn length(&mut self, length: usize) {
+        // The compiler has seen to it that every list's length fits one byte.
+        self.put(length as u8);
+    }
+
+    fn text(&mut self, bytes: &[u8]) {
+        for &byte in bytes {
+            self.put(byte);
+        }
+    }
+
+    fn item(&mut self, _: Option<usize>) {}
+
+    fn rule(&mut self, _: &dyn Fn() -> Result<(), Invalid>) {}
+}
+
+/// Writes what a message holds, without frame and header, and returns how long it is; what has no
+/// room in the buffer is left out.
+pub(crate) fn write_payload<M: Message>(message: &M, buffer: &mut [u8]) -> usize {
+    let mut to = Plain { buffer, end: 0 };
+    message.show(&mut to);
+    to.end
 }
 
 /// Numbers the frames of one sender.

@@ -17,7 +17,9 @@ mod decoder;
 mod encoder;
 mod frame;
 mod message;
+mod reader;
 mod validation;
+mod value;
 
 pub use checksum::crc32;
 pub use command::{Command, CommandDecoder};
@@ -27,7 +29,7 @@ pub use encoder::{BufferTooSmall, Sequencer, encode, encode_vec};
 pub use frame::{Frame, Header, MAX_HEADER, frame_size};
 pub use message::Message;
 pub use record::{Record, RecordDecoder};
-pub use validation::{Invalid, Problem, Verdict};
+pub use validation::{Invalid, InvalidField, Problem};
 
 /// Major version of the protocol: the first byte of every frame.
 ///

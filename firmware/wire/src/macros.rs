@@ -32,7 +32,9 @@ macro_rules! structure {
         impl $name {
             /// Checks every field against its limits and the fields against each other.
             pub fn validate(&self) -> Result<(), $crate::validation::Invalid> {
-                $crate::validation::validate(self)
+                $crate::validation::validate(|to| {
+                    $crate::value::Value::show(self, &$crate::value::Place::WHOLE, to);
+                })
             }
         }
 
@@ -49,20 +51,32 @@ macro_rules! structure {
                     }),+],
                 });
 
-            fn check(&self, _: &$crate::schema::Range, to: &mut $crate::validation::Verdict) {
+        }
+
+        impl $crate::value::Value for $name {
+            fn show(
+                &self,
+                _: &'static $crate::value::Place,
+                to: &mut dyn $crate::value::Visitor,
+            ) {
                 $(
-                    to.check_field(&self.$field, const {
-                        &$crate::validation::Place {
-                            field: $crate::schema::field_number(
+                    $crate::value::Value::show(&self.$field, const {
+                        &$crate::value::Place::new(
+                            $crate::schema::field_number(
                                 &<Self as $crate::schema::Described>::TYPE,
                                 stringify!($field),
                             ),
-                            name: stringify!($field),
-                            range: range!($($unit $(, $low, $high)?)?),
-                        }
-                    });
+                            &range!($($unit $(, $low, $high)?)?),
+                        )
+                    }, to);
                 )+
-                $(to.check_rule(|| $rule(self));)?
+                $(to.rule(&|| $rule(self));)?
+            }
+
+            fn read(from: &mut $crate::reader::Reader<'_>) -> Self {
+                Self {
+                    $($field: $crate::value::Value::read(from),)+
+                }
             }
         }
     };
@@ -137,6 +151,7 @@ macro_rules! codes {
             pub const ALL: &[Self] = &[$(Self::$variant),+];
 
             /// The number on the wire.
+            #[inline(never)]
             pub const fn number(self) -> u8 {
                 match self {
                     $(Self::$variant => $number,)+
@@ -227,11 +242,20 @@ macro_rules! codes {
                         doc: concat!($($entry_doc, "\n"),+),
                     }),+],
                 });
+        }
 
-            fn check(&self, _: &$crate::schema::Range, to: &mut $crate::validation::Verdict) {
-                if let Self::Unknown(number) = *self {
-                    to.refuse($crate::validation::Problem::UnknownCode { number });
-                }
+        impl $crate::value::Value for $name {
+            fn show(
+                &self,
+                place: &'static $crate::value::Place,
+                to: &mut dyn $crate::value::Visitor,
+            ) {
+                let is_known = !matches!(self, Self::Unknown(_));
+                to.code(self.number(), is_known, place);
+            }
+
+            fn read(from: &mut $crate::reader::Reader<'_>) -> Self {
+                Self::from_number(from.byte())
             }
         }
     )+};
@@ -301,34 +325,23 @@ macro_rules! messages {
                     $(Self::$variant(_) => $text,)*
                 }
             }
-
-            fn validate(&self) -> Result<(), $crate::validation::Invalid> {
-                match self {
-                    $(Self::$bare => Ok(()),)*
-                    $(Self::$variant(payload) => payload.validate(),)*
-                }
-            }
         }
 
         impl $crate::message::sealed::Payload for $name {
-            fn write<F: ::postcard::ser_flavors::Flavor>(
-                &self,
-                to: &mut ::postcard::Serializer<F>,
-            ) -> ::postcard::Result<()> {
+            fn show(&self, to: &mut dyn $crate::value::Visitor) {
                 match self {
-                    $(Self::$bare => Ok(()),)*
-                    $(Self::$variant(payload) => ::serde::Serialize::serialize(payload, to),)*
+                    $(Self::$bare => {})*
+                    $(Self::$variant(payload) => {
+                        $crate::value::Value::show(payload, &$crate::value::Place::WHOLE, to);
+                    })*
                 }
             }
 
-            fn read<'de>(
-                kind: u8,
-                from: &mut $crate::message::sealed::Reader<'de>,
-            ) -> Option<::postcard::Result<Self>> {
+            fn read(kind: u8, from: &mut $crate::reader::Reader<'_>) -> Option<Self> {
                 Some(match kind {
-                    $($bare_number => Ok(Self::$bare),)*
+                    $($bare_number => Self::$bare,)*
                     $($number => {
-                        <$payload as ::serde::Deserialize>::deserialize(from).map(Self::$variant)
+                        Self::$variant(<$payload as $crate::value::Value>::read(from))
                     })*
                     _ => return None,
                 })

@@ -1,8 +1,8 @@
 //! What records and commands have in common.
 
 use crate::frame::frame_size;
-use crate::schema::{self, Kind};
-use crate::validation::Invalid;
+use crate::schema::{self, Kind, Structure};
+use crate::validation::{self, Invalid};
 
 /// The messages of one direction: [`Record`](crate::Record) or [`Command`](crate::Command).
 pub trait Message: sealed::Payload {
@@ -25,24 +25,28 @@ pub trait Message: sealed::Payload {
     ///
     /// A device does this with every command before it acts on it. A record is not refused for
     /// its values: there the check finds defects of the device.
-    fn validate(&self) -> Result<(), Invalid>;
+    fn validate(&self) -> Result<(), Invalid> {
+        validation::validate(|to| self.show(to))
+    }
+
+    /// What follows the header, if anything does: names and units of what [`Invalid`] speaks of.
+    fn payload(&self) -> Option<&'static Structure> {
+        let mut kinds = Self::KINDS.iter();
+        kinds.find(|kind| kind.number == self.kind())?.payload
+    }
 }
 
-/// How a payload is written and read: closed to other crates.
+/// How a payload is shown and read: closed to other crates.
 pub(crate) mod sealed {
-    use postcard::de_flavors::Slice;
-    use postcard::ser_flavors::Flavor;
-    use postcard::{Deserializer, Result, Serializer};
-
-    /// Reads the bytes of one frame.
-    pub(crate) type Reader<'de> = Deserializer<'de, Slice<'de>>;
+    use crate::reader::Reader;
+    use crate::value::Visitor;
 
     /// A message without its header.
     pub trait Payload: Sized {
-        /// Writes the payload.
-        fn write<F: Flavor>(&self, to: &mut Serializer<F>) -> Result<()>;
+        /// Shows the payload.
+        fn show(&self, to: &mut dyn Visitor);
 
         /// Reads the payload of a kind; `None` for a kind of another direction or version.
-        fn read<'de>(kind: u8, from: &mut Reader<'de>) -> Option<Result<Self>>;
+        fn read(kind: u8, from: &mut Reader<'_>) -> Option<Self>;
     }
 }

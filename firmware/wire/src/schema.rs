@@ -3,9 +3,10 @@
 //!
 //! A firmware that only encodes and decodes contains none of it.
 
+use heapless::{String, Vec};
+
 use crate::checksum::{Digest, digest};
 use crate::message::Message;
-use crate::validation::Verdict;
 use crate::{Command, Header, MINOR_VERSION, Record, VERSION};
 
 /// Type of a field. The encoding is that of postcard: integers above eight bits as varints, floats
@@ -125,13 +126,51 @@ pub struct Kind {
     pub payload: Option<&'static Structure>,
 }
 
-/// A value of the format: its description for people and its check for machines.
+/// A value of the format, described.
 pub trait Described {
     /// Its type.
     const TYPE: Type;
+}
 
-    /// Checks the value against the limits of the field it stands in.
-    fn check(&self, range: &Range, to: &mut Verdict);
+macro_rules! plain {
+    ($($plain:ty: $variant:ident,)+) => {$(
+        impl Described for $plain {
+            const TYPE: Type = Type::$variant;
+        }
+    )+};
+}
+
+plain! {
+    bool: Bool,
+    u8: U8,
+    u16: U16,
+    u32: U32,
+    u64: U64,
+    f32: F32,
+    f64: F64,
+}
+
+impl<T: Described> Described for Option<T> {
+    const TYPE: Type = Type::Optional(&T::TYPE);
+}
+
+impl<T: Described, const N: usize> Described for Vec<T, N> {
+    const TYPE: Type = Type::List {
+        item: &T::TYPE,
+        capacity: capacity(N),
+    };
+}
+
+impl<const N: usize> Described for String<N> {
+    const TYPE: Type = Type::Text {
+        capacity: capacity(N),
+    };
+}
+
+/// A capacity that takes one byte on the wire. Evaluated by the compiler only.
+const fn capacity(length: usize) -> u8 {
+    assert!(length < 128, "a list's length has to fit one byte");
+    length as u8
 }
 
 impl Type {

@@ -2,24 +2,29 @@
 
 use core::fmt;
 
-use heapless::{String, Vec};
+use crate::schema::{Field, Structure, Type};
+use crate::value::{Place, Visitor};
 
-use crate::schema::{Described, Range, Type};
-
-/// A field whose value cannot be accepted.
+/// A field whose value cannot be accepted, by its number: the device that finds it needs no names.
+/// [`named`](Self::named) finds them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Invalid {
     /// Number of the field: its place in the command, or in the item where there is one.
     pub field: u8,
-    /// Name of the field.
-    pub name: &'static str,
-    /// Unit of the field.
-    pub unit: &'static str,
     /// Place of the item in the command's list, if the field lies in one.
     pub item: Option<u8>,
     /// What is wrong.
     pub problem: Problem,
+}
+
+/// The same by name, for people.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct InvalidField {
+    /// The field; none if the payload has none of this number.
+    pub field: Option<&'static Field>,
+    /// What is wrong with it.
+    pub invalid: Invalid,
 }
 
 /// What is wrong with a value.
@@ -57,114 +62,54 @@ pub enum Problem {
 }
 
 impl Invalid {
-    pub(crate) const fn new(problem: Problem) -> Self {
+    pub(crate) const fn new(field: u8, problem: Problem) -> Self {
         Self {
-            field: 0,
-            name: "",
-            unit: "",
+            field,
             item: None,
             problem,
         }
     }
 
-    pub(crate) const fn named(self, field: u8, name: &'static str, unit: &'static str) -> Self {
-        Self {
-            field,
-            name,
-            unit,
-            ..self
-        }
+    /// Finds the field in the payload that was checked.
+    ///
+    /// ```
+    /// use palpate_wire::command::DriveCoil;
+    /// use palpate_wire::{Command, Message};
+    /// let far = Command::DriveCoil(DriveCoil { to_a: 50.0, over_s: 1.0, trace_interval_s: 0.0 });
+    /// let invalid = far.validate().unwrap_err();
+    /// assert_eq!(invalid.to_string(), "field 0 is 50; allowed are -20 to 20");
+    /// let named = invalid.named(far.payload());
+    /// assert_eq!(named.to_string(), "to_a is 50 A; allowed are -20 to 20 A");
+    /// ```
+    pub fn named(self, payload: Option<&Structure>) -> InvalidField {
+        let item = |field: &Field| match field.of {
+            Type::List { item, .. } => item.structure(),
+            _ => None,
+        };
+        let field = payload.and_then(|payload| {
+            let of_item = self
+                .item
+                .and_then(|_| payload.fields.iter().find_map(item))
+                .unwrap_or(payload);
+            of_item.fields.get(usize::from(self.field))
+        });
+        let invalid = self;
+        InvalidField { field, invalid }
     }
 
-    pub(crate) fn in_item(self, index: usize) -> Self {
-        Self {
-            item: u8::try_from(index).ok(),
-            ..self
-        }
-    }
-}
-
-/// What the check has found: the first thing that is wrong.
-///
-/// Every check writes to it, where a `Result` would be copied and asked at every field: code that
-/// a firmware has to hold.
-#[derive(Debug, Default)]
-pub struct Verdict(Option<Invalid>);
-
-/// A field, for the error.
-#[derive(Debug)]
-pub(crate) struct Place {
-    pub(crate) field: u8,
-    pub(crate) name: &'static str,
-    pub(crate) range: Range,
-}
-
-impl Verdict {
-    /// Refuses the value.
-    pub(crate) fn refuse(&mut self, problem: Problem) {
-        if self.0.is_none() {
-            self.0 = Some(Invalid::new(problem));
-        }
-    }
-
-    #[inline(never)]
-    pub(crate) fn check_field<T: Described>(&mut self, value: &T, place: &'static Place) {
-        if self.0.is_none() {
-            value.check(&place.range, self);
-            self.blame(place);
-        }
-    }
-
-    /// Names the field that was refused, unless it lies in an item and has a name.
-    fn blame(&mut self, place: &'static Place) {
-        if let Some(invalid) = &mut self.0
-            && invalid.name.is_empty()
-        {
-            invalid.field = place.field;
-            invalid.name = place.name;
-            invalid.unit = place.range.unit;
-        }
-    }
-
-    /// Checks what concerns several fields, if each of them is right.
-    pub(crate) fn check_rule(&mut self, rule: impl FnOnce() -> Result<(), Invalid>) {
-        if self.0.is_none() {
-            self.0 = rule().err();
-        }
-    }
-}
-
-pub(crate) fn validate<T: Described>(value: &T) -> Result<(), Invalid> {
-    let mut verdict = Verdict::default();
-    value.check(&Range::NONE, &mut verdict);
-    verdict.0.map_or(Ok(()), Err)
-}
-
-/// Refuses a structure whose fields contradict each other; the field of the given name is blamed.
-macro_rules! inconsistent {
-    ($structure:ty, $field:literal, $rule:literal) => {
-        Err(
-            $crate::validation::Invalid::new($crate::validation::Problem::Inconsistent {
-                rule: $rule,
-            })
-            .named(
-                const { $crate::schema::field_number(&<$structure as Described>::TYPE, $field) },
-                $field,
-                "",
-            ),
-        )
-    };
-}
-pub(crate) use inconsistent;
-
-impl fmt::Display for Invalid {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name)?;
+    /// In words, for a field of some name and unit.
+    fn write(
+        &self,
+        f: &mut fmt::Formatter<'_>,
+        name: fmt::Arguments<'_>,
+        unit: &str,
+    ) -> fmt::Result {
+        f.write_fmt(name)?;
         if let Some(item) = self.item {
             write!(f, " of item {item}")?;
         }
         // A plain number has the unit 1, which nobody writes.
-        let (space, unit) = match self.unit {
+        let (space, unit) = match unit {
             "" | "1" => ("", ""),
             unit => (" ", unit),
         };
@@ -186,109 +131,113 @@ impl fmt::Display for Invalid {
     }
 }
 
+impl fmt::Display for Invalid {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.write(f, format_args!("field {}", self.field), "")
+    }
+}
+
+impl fmt::Display for InvalidField {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.field {
+            Some(Field { name, range, .. }) => {
+                self.invalid.write(f, format_args!("{name}"), range.unit)
+            }
+            None => self.invalid.fmt(f),
+        }
+    }
+}
+
 impl core::error::Error for Invalid {}
 
-impl Range {
-    fn check(&self, value: f32, to: &mut Verdict) {
+impl core::error::Error for InvalidField {}
+
+/// What the check has found: the first thing that is wrong.
+#[derive(Debug, Default)]
+struct Verdict {
+    invalid: Option<Invalid>,
+    /// Item of a list that is shown.
+    item: Option<u8>,
+}
+
+impl Verdict {
+    #[inline(never)]
+    fn refuse(&mut self, place: &Place, problem: Problem) {
+        let item = self.item;
+        self.invalid.get_or_insert(Invalid {
+            item,
+            ..Invalid::new(place.field, problem)
+        });
+    }
+}
+
+/// Checks what is shown.
+pub(crate) fn validate(show: impl FnOnce(&mut dyn Visitor)) -> Result<(), Invalid> {
+    let mut verdict = Verdict::default();
+    show(&mut verdict);
+    verdict.invalid.map_or(Ok(()), Err)
+}
+
+impl Visitor for Verdict {
+    // Limits lie below 2^24, up to which every integer is an `f32`.
+    fn byte(&mut self, value: u8, place: &'static Place) {
+        self.float(value.into(), place);
+    }
+
+    fn integer(&mut self, value: u64, place: &'static Place) {
+        self.float(value as f32, place);
+    }
+
+    fn float(&mut self, value: f32, place: &'static Place) {
+        let Place { low, high, .. } = *place;
         if !value.is_finite() {
-            to.refuse(Problem::NotFinite);
-        } else if value < self.low || value > self.high {
-            to.refuse(self.exceeded_by(value));
+            self.refuse(place, Problem::NotFinite);
+        } else if value < low || value > high {
+            self.refuse(place, Problem::OutOfRange { value, low, high });
         }
     }
 
-    const fn exceeded_by(&self, value: f32) -> Problem {
-        Problem::OutOfRange {
-            value,
-            low: self.low,
-            high: self.high,
+    fn double(&mut self, value: f64, place: &'static Place) {
+        let Place { low, high, .. } = *place;
+        if !value.is_finite() {
+            self.refuse(place, Problem::NotFinite);
+        } else if value < f64::from(low) || value > f64::from(high) {
+            let value = value as f32;
+            self.refuse(place, Problem::OutOfRange { value, low, high });
         }
     }
-}
 
-macro_rules! integer {
-    ($($integer:ident $variant:ident,)+) => {$(
-        impl Described for $integer {
-            const TYPE: Type = Type::$variant;
-
-            // Limits lie below 2^24, up to which every integer is an `f32`.
-            fn check(&self, range: &Range, to: &mut Verdict) {
-                range.check(*self as f32, to);
-            }
+    fn code(&mut self, number: u8, is_known: bool, place: &'static Place) {
+        if !is_known {
+            self.refuse(place, Problem::UnknownCode { number });
         }
-    )+};
-}
-
-integer! {
-    u8 U8,
-    u16 U16,
-    u32 U32,
-    u64 U64,
-}
-
-impl Described for f32 {
-    const TYPE: Type = Type::F32;
-
-    fn check(&self, range: &Range, to: &mut Verdict) {
-        range.check(*self, to);
     }
-}
 
-impl Described for f64 {
-    const TYPE: Type = Type::F64;
+    fn flag(&mut self, _: bool) {}
 
-    fn check(&self, range: &Range, to: &mut Verdict) {
-        if !self.is_finite() {
-            to.refuse(Problem::NotFinite);
-        } else if *self < f64::from(range.low) || *self > f64::from(range.high) {
-            to.refuse(range.exceeded_by(*self as f32));
+    fn length(&mut self, _: usize) {}
+
+    fn text(&mut self, _: &[u8]) {}
+
+    fn item(&mut self, index: Option<usize>) {
+        self.item = index.and_then(|index| u8::try_from(index).ok());
+    }
+
+    fn rule(&mut self, check: &dyn Fn() -> Result<(), Invalid>) {
+        // Of values that are right, each by itself.
+        if self.invalid.is_none() {
+            self.invalid = check().err();
         }
     }
 }
 
-impl Described for bool {
-    const TYPE: Type = Type::Bool;
-
-    fn check(&self, _: &Range, _: &mut Verdict) {}
-}
-
-impl<T: Described> Described for Option<T> {
-    const TYPE: Type = Type::Optional(&T::TYPE);
-
-    fn check(&self, range: &Range, to: &mut Verdict) {
-        if let Some(value) = self {
-            value.check(range, to);
-        }
-    }
-}
-
-impl<T: Described, const N: usize> Described for Vec<T, N> {
-    const TYPE: Type = Type::List {
-        item: &T::TYPE,
-        capacity: capacity(N),
+/// Refuses a structure whose fields contradict each other; the field of the given name is blamed.
+macro_rules! inconsistent {
+    ($structure:ty, $field:literal, $rule:literal) => {
+        Err($crate::validation::Invalid::new(
+            const { $crate::schema::field_number(&<$structure as Described>::TYPE, $field) },
+            $crate::validation::Problem::Inconsistent { rule: $rule },
+        ))
     };
-
-    fn check(&self, range: &Range, to: &mut Verdict) {
-        for (index, item) in self.iter().enumerate() {
-            item.check(range, to);
-            if let Some(invalid) = &mut to.0 {
-                invalid.item = u8::try_from(index).ok();
-                return;
-            }
-        }
-    }
 }
-
-impl<const N: usize> Described for String<N> {
-    const TYPE: Type = Type::Text {
-        capacity: capacity(N),
-    };
-
-    fn check(&self, _: &Range, _: &mut Verdict) {}
-}
-
-/// A capacity that takes one byte on the wire. Evaluated by the compiler only.
-const fn capacity(length: usize) -> u8 {
-    assert!(length < 128, "a list's length has to fit one byte");
-    length as u8
-}
+pub(crate) use inconsistent;

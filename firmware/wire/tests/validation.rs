@@ -3,9 +3,9 @@
 mod support;
 
 use palpate_wire::code::{FaultCode, Outcome};
-use palpate_wire::command::{ClearFault, Settings, StiffeningCurve};
+use palpate_wire::command::{ClearFault, DeformationCurve, Settings, StiffeningCurve};
 use palpate_wire::record::Acknowledgement;
-use palpate_wire::schema::{Kind, Type};
+use palpate_wire::schema::{Described, Kind, Type};
 use palpate_wire::{Command, Frame, Invalid, Message, Problem};
 use support::fixture::decode_one;
 use support::reference::{self, Value, content_bytes, framed, payload_bytes};
@@ -130,10 +130,12 @@ struct Place<'a> {
 }
 
 impl Place<'_> {
-    /// That `invalid` blames this field for `problem`.
-    fn assert_blamed(&self, result: Result<(), Invalid>, problem: Problem) {
-        let invalid = result.expect_err(self.field.name);
-        assert_eq!(invalid.name, self.field.name);
+    /// That the command is refused for `problem` with this field.
+    fn assert_blamed(&self, command: &Command, problem: Problem) {
+        let invalid = command.validate().expect_err(self.field.name);
+        let named = invalid.named(command.payload()).field.expect("a field");
+        assert_eq!(named.name, self.field.name);
+        assert_eq!(named.range.unit, self.field.range.unit);
         assert_eq!(
             usize::from(invalid.field),
             self.number,
@@ -141,7 +143,6 @@ impl Place<'_> {
             self.field.name
         );
         assert_eq!(invalid.item, self.item, "{}", self.field.name);
-        assert_eq!(invalid.unit, self.field.range.unit, "{}", self.field.name);
         assert_eq!(invalid.problem, problem, "{}", self.field.name);
     }
 }
@@ -157,14 +158,14 @@ fn infinities_and_nan_are_refused_in_every_field() {
         Type::F32 => {
             fields += 1;
             for value in [f32::NAN, -f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
-                place.assert_blamed(set(f32_value(value)).validate(), Problem::NotFinite);
+                place.assert_blamed(&set(f32_value(value)), Problem::NotFinite);
             }
         }
         Type::F64 => {
             fields += 1;
             for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
                 let value = Value::F64(value.to_bits());
-                place.assert_blamed(set(value).validate(), Problem::NotFinite);
+                place.assert_blamed(&set(value), Problem::NotFinite);
             }
         }
         _ => {}
@@ -201,7 +202,7 @@ fn limits_hold_to_the_last_digit() {
                 allowed(&place, set(f32_value(low)));
                 allowed(&place, set(f32_value(high)));
                 for value in [low.next_down(), high.next_up()] {
-                    place.assert_blamed(set(f32_value(value)).validate(), refused(value));
+                    place.assert_blamed(&set(f32_value(value)), refused(value));
                 }
             }
             Type::F64 => {
@@ -210,21 +211,18 @@ fn limits_hold_to_the_last_digit() {
                 allowed(&place, set(Value::F64(high.to_bits())));
                 for value in [low.next_down(), high.next_up()] {
                     let command = set(Value::F64(value.to_bits()));
-                    place.assert_blamed(command.validate(), refused(value as f32));
+                    place.assert_blamed(&command, refused(value as f32));
                 }
             }
             Type::U8 | Type::U16 | Type::U32 => {
                 allowed(&place, set(Value::Unsigned(low as u64)));
                 allowed(&place, set(Value::Unsigned(high as u64)));
                 let above = high as u64 + 1;
-                place.assert_blamed(
-                    set(Value::Unsigned(above)).validate(),
-                    refused(above as f32),
-                );
+                place.assert_blamed(&set(Value::Unsigned(above)), refused(above as f32));
                 if low > 0.0 {
                     let below = low as u64 - 1;
                     let command = set(Value::Unsigned(below));
-                    place.assert_blamed(command.validate(), refused(below as f32));
+                    place.assert_blamed(&command, refused(below as f32));
                 }
             }
             ref of => panic!("{}: no check of {of:?} is written", place.field.name),
@@ -242,7 +240,7 @@ fn unknown_numbers_are_refused() {
             fields += 1;
             let number = 0xEE;
             let command = set(Value::Unsigned(number.into()));
-            place.assert_blamed(command.validate(), Problem::UnknownCode { number });
+            place.assert_blamed(&command, Problem::UnknownCode { number });
         }
     });
     assert_eq!(fields, 4);
@@ -254,16 +252,24 @@ fn invalid(change: impl FnOnce(&mut Settings)) -> Invalid {
     settings.validate().unwrap_err()
 }
 
+/// In words.
+fn named<T: Described>(invalid: Invalid) -> String {
+    invalid.named(T::TYPE.structure()).to_string()
+}
+
 #[test]
 fn settings_that_contradict_each_other_are_refused() {
     let blamed = invalid(|settings| settings.end_current_a = settings.peak_current_a);
-    assert_eq!((blamed.field, blamed.name), (12, "end_current_a"));
+    assert_eq!(blamed.field, 12);
     assert_eq!(
-        blamed.to_string(),
+        named::<Settings>(blamed),
         "end_current_a: has to be below peak_current_a"
     );
     let blamed = invalid(|settings| settings.release_m = settings.least_press_m * 1.01);
-    assert_eq!((blamed.field, blamed.name), (6, "release_m"));
+    assert_eq!(
+        named::<Settings>(blamed),
+        "release_m: may not be above least_press_m"
+    );
     let mut settings = specimens::settings();
     settings.release_m = settings.least_press_m;
     assert_eq!(settings.validate(), Ok(()));
@@ -272,10 +278,10 @@ fn settings_that_contradict_each_other_are_refused() {
 #[test]
 fn chunks_that_are_no_part_of_a_curve_are_refused() {
     let curve = specimens::deformation_curve;
-    let blamed = |change: fn(&mut palpate_wire::command::DeformationCurve)| {
+    let blamed = |change: fn(&mut DeformationCurve)| {
         let mut curve = curve();
         change(&mut curve);
-        curve.validate().map_err(|invalid| invalid.to_string())
+        curve.validate().map_err(named::<DeformationCurve>)
     };
     let error = |text: &str| Err(text.to_owned());
     assert_eq!(blamed(|_| {}), Ok(()));
@@ -302,7 +308,7 @@ fn chunks_that_are_no_part_of_a_curve_are_refused() {
     let invalid = curve.validate().unwrap_err();
     assert_eq!((invalid.field, invalid.item), (0, Some(1)));
     assert_eq!(
-        invalid.to_string(),
+        named::<StiffeningCurve>(invalid),
         "current_a of item 1 is 8.5 A, not above the 9 A before it"
     );
 }
@@ -312,7 +318,7 @@ fn a_stiffening_curve_begins_at_its_origin() {
     let curve = |current_a, rise| {
         let mut curve: StiffeningCurve = specimens::stiffening_curve();
         (curve.first, curve.knots[0].current_a, curve.knots[0].rise) = (0, current_a, rise);
-        curve.validate().map_err(|invalid| invalid.to_string())
+        curve.validate().map_err(named::<StiffeningCurve>)
     };
     assert_eq!(curve(0.0, 0.0), Ok(()));
     let error = Err("knots: the curve has to begin at 0, 0".to_owned());
@@ -320,17 +326,19 @@ fn a_stiffening_curve_begins_at_its_origin() {
     assert_eq!(curve(0.0, 0.1), error);
     let mut empty = specimens::stiffening_curve();
     empty.knots.clear();
-    assert_eq!(empty.validate().unwrap_err().name, "knots");
+    let refused = empty.validate().map_err(named::<StiffeningCurve>);
+    assert_eq!(refused, Err("knots: a chunk has at least one knot".into()));
     let mut far = specimens::stiffening_curve();
     far.first = 9;
-    assert_eq!(far.validate().unwrap_err().name, "first");
+    let refused = far.validate().map_err(named::<StiffeningCurve>);
+    assert_eq!(refused, Err("first: the knots go beyond total".into()));
 }
 
 #[test]
 fn a_refusal_names_field_value_and_limits() {
     let refused = invalid(|settings| settings.peak_current_a = 25.0);
     assert_eq!(
-        refused.to_string(),
+        named::<Settings>(refused),
         "peak_current_a is 25 A; allowed are 0.05 to 20 A"
     );
     let answer = Acknowledgement::invalid(&header(12), 0x90, &refused);
@@ -347,12 +355,21 @@ fn a_refusal_names_field_value_and_limits() {
     assert_eq!(name, Some("peak_current_a"));
 
     let refused = invalid(|settings| settings.ramps = 0);
-    assert_eq!(refused.to_string(), "ramps is 0; allowed are 1 to 64");
+    assert_eq!(
+        named::<Settings>(refused),
+        "ramps is 0; allowed are 1 to 64"
+    );
     let refused = invalid(|settings| settings.rise_s = f32::NAN);
-    assert_eq!(refused.to_string(), "rise_s is infinite or not a number");
+    assert_eq!(
+        named::<Settings>(refused),
+        "rise_s is infinite or not a number"
+    );
     let code = FaultCode::Unknown(99);
     let refused = ClearFault { code }.validate().unwrap_err();
-    assert_eq!(refused.to_string(), "code has the unknown number 99");
+    assert_eq!(
+        named::<ClearFault>(refused),
+        "code has the unknown number 99"
+    );
 }
 
 #[test]

@@ -168,6 +168,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let correction = correction_of(&told);
     let command = Command::SetCurrentCorrection(correction.clone());
     command.validate().map_err(|invalid| {
+        let invalid = invalid.named(command.payload());
         Failure::Refused(format!(
             "the board would not take this correction ({invalid}): are the reference's unit and \
              sign right, and the amplifier's 0.125 V/A?"

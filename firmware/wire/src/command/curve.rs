@@ -74,10 +74,7 @@ fn of_deformation(curve: &DeformationCurve) -> Result<(), Invalid> {
     if exceeds(curve.total, curve.first, curve.knots.len()) {
         return inconsistent!(DeformationCurve, "first", "the knots go beyond total");
     }
-    rising(
-        curve.knots.iter().map(|knot| knot.inductance_change),
-        |invalid| invalid.named(0, "inductance_change", ""),
-    )
+    rising(curve.knots.iter().map(|knot| knot.inductance_change))
 }
 
 fn of_stiffening(curve: &StiffeningCurve) -> Result<(), Invalid> {
@@ -90,25 +87,23 @@ fn of_stiffening(curve: &StiffeningCurve) -> Result<(), Invalid> {
     if curve.first == 0 && (start.current_a != 0.0 || start.rise != 0.0) {
         return inconsistent!(StiffeningCurve, "knots", "the curve has to begin at 0, 0");
     }
-    rising(curve.knots.iter().map(|knot| knot.current_a), |invalid| {
-        invalid.named(0, "current_a", "A")
-    })
+    rising(curve.knots.iter().map(|knot| knot.current_a))
 }
 
 fn exceeds(total: u8, first: u8, knots: usize) -> bool {
     usize::from(first) + knots > usize::from(total)
 }
 
-/// Refuses arguments that do not rise.
-fn rising(
-    arguments: impl Iterator<Item = f32>,
-    named: impl Fn(Invalid) -> Invalid,
-) -> Result<(), Invalid> {
+/// Refuses arguments that do not rise: the first field of every knot.
+fn rising(arguments: impl Iterator<Item = f32>) -> Result<(), Invalid> {
     let mut previous = f32::NEG_INFINITY;
     for (item, value) in arguments.enumerate() {
         if value <= previous {
             let problem = Problem::NotIncreasing { value, previous };
-            return Err(named(Invalid::new(problem)).in_item(item));
+            return Err(Invalid {
+                item: u8::try_from(item).ok(),
+                ..Invalid::new(0, problem)
+            });
         }
         previous = value;
     }
