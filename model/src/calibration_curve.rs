@@ -194,10 +194,12 @@ impl Knot {
         // from `near` in units of the width, at most a half: there it has made at most 7/8 of the
         // step to `far`, so that rounding does not carry it beyond.
         let way = x - near.x;
-        let (s, rest) = (way.abs() / width, 1.0 - way.abs() / width);
-        let (a, b) = (near.slope - secant, far.slope - secant);
-        let value = near.y + way * (secant + rest * (a * rest - b * s));
-        let slope = secant + a * rest * (1.0 - 3.0 * s) - b * s * (2.0 - 3.0 * s);
+        let s = way.abs() / width;
+        let rest = 1.0 - s;
+        let (a, b) = ((near.slope - secant) * rest, (far.slope - secant) * s);
+        let bend = a - b;
+        let value = near.y + way * (secant + rest * bend);
+        let slope = secant + bend * (1.0 - 3.0 * s) - b;
         CurvePoint {
             value,
             slope: if secant > 0.0 {

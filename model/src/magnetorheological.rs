@@ -67,15 +67,6 @@ pub trait Stiffening {
             per_ampere: -reference / stiffened * rise.per_ampere / stiffened,
         }
     }
-
-    /// What to add to h for the halves of the actuated layer attracting each other with `pull`.
-    ///
-    /// The pull shortens the layer by p = f/c_D(I), so that x (1 + kappa + g) = x_0 - p: the same
-    /// as a regressor g + p/x, with the deformation x as read. Without it 0.3 mN/A^2 at 10 A cost
-    /// 40 % of c_L on the stack of the table in the crate's front page.
-    fn attraction(&self, pull: Newton, current: Ampere, deformation: Metre) -> f32 {
-        pull / self.spring(current) / deformation
-    }
 }
 
 /// The stiffening follows the field late, by some milliseconds: a first-order lag of the rise.
@@ -119,6 +110,16 @@ impl Lag {
 /// h = g - g_0 = -g_0 rho/(1 + rho) for a rise that is not the current's own, as after a [`Lag`].
 pub fn deviation(reference_ratio: f32, rise: f32) -> f32 {
     -reference_ratio / (1.0 + rise) * rise
+}
+
+/// What to add to h for the halves of the actuated layer, now of the spring c_D(I), attracting each
+/// other with `pull`.
+///
+/// The pull shortens the layer by p = f/c_D(I), so that x (1 + kappa + g) = x_0 - p: the same as a
+/// regressor g + p/x, with the deformation x as read. Without it 0.3 mN/A^2 at 10 A cost 40 % of c_L
+/// on the stack of the table in the crate's front page.
+pub fn attraction(pull: Newton, actuated: NewtonPerMetre, deformation: Metre) -> f32 {
+    pull / actuated / deformation
 }
 
 /// The quadratic, saturating law, fixed by its rise at a peak current:

@@ -56,6 +56,7 @@ impl OutOfRange {
         Self::check_in(value, "", requirement)
     }
 
+    #[inline(never)]
     const fn check_in(
         value: f32,
         unit: &'static str,

@@ -7,7 +7,9 @@ use common::rng::Rng;
 use palpate_model::calibration_curve::MonotoneCurve;
 use palpate_model::demagnetising::Burst;
 use palpate_model::layer::{BondedDisc, apparent_modulus};
-use palpate_model::magnetorheological::{Lag, Saturating, Stiffening, Tabulated, deviation};
+use palpate_model::magnetorheological::{
+    Lag, Saturating, Stiffening, Tabulated, attraction, deviation,
+};
 use palpate_model::springs::{Shares, Springs, two_state_load};
 use palpate_model::tank;
 use palpate_model::units::*;
@@ -256,7 +258,7 @@ fn an_attraction_is_a_part_of_the_regressor() {
         let c_d = 4e3 * (1.0 + 0.1 * f64::from(i * i) / 100.0);
         let x = (x_0 - pull / c_d) / (1.0 + c_s / c_l + c_s / c_d);
         let (pull, x) = (Newton(pull as f32), Metre(x as f32));
-        let h = law.attraction(pull, Ampere(i as f32), x)
+        let h = attraction(pull, law.spring(Ampere(i as f32)), x)
             + law
                 .regressor(NewtonPerMetre(6e3), Ampere(i as f32))
                 .deviation;

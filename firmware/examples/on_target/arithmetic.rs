@@ -5,7 +5,9 @@ use palpate_model::calibration_curve::MonotoneCurve;
 use palpate_model::contact::{Baseline, Cusum, Detector, Touch, Watch};
 use palpate_model::demagnetising::Burst;
 use palpate_model::layer::{BondedDisc, apparent_modulus};
-use palpate_model::magnetorheological::{Lag, Saturating, Stiffening, Tabulated, deviation};
+use palpate_model::magnetorheological::{
+    Lag, Saturating, Stiffening, Tabulated, attraction, deviation,
+};
 use palpate_model::math;
 use palpate_model::ramp::{
     Basis, Drift, Fit, LoadRatio, LoadStiffness, Noise, Ramp, Reference, Sample, Scatter, Term,
@@ -248,7 +250,11 @@ pub const CHECKS: [(&str, Check); COUNT] = [
         to.number(law.reference_ratio(NewtonPerMetre(6e3)));
         let regressor = law.regressor(NewtonPerMetre(6e3), current);
         to.numbers([regressor.deviation, regressor.per_ampere]);
-        let pull = law.attraction(Newton(from.within(0.0, 1.0)), current, Metre(3e-4));
+        let pull = attraction(
+            Newton(from.within(0.0, 1.0)),
+            law.spring(current),
+            Metre(3e-4),
+        );
         to.number(pull);
         Some(())
     }),

@@ -3,7 +3,7 @@
 use ldc161x::Reading;
 use palpate_model::contact::{Detector, Observation, Touch, Watch};
 use palpate_model::tank::{relative_frequency_change, relative_inductance_change};
-use palpate_model::units::{Ampere, Metre, OutOfRange, Second};
+use palpate_model::units::{Metre, OutOfRange, Second};
 use palpate_wire::command::{Crosstalk, Settings};
 
 use crate::configuration::Channel;
@@ -60,14 +60,15 @@ impl Follower {
         })
     }
 
-    /// Evaluates a reading that nothing speaks against, `interval` after the one before.
+    /// Evaluates a reading that nothing speaks against, `interval` after the one before, with that
+    /// mean square of the coil's current.
     ///
     /// `None` without a calibrated curve.
     pub(crate) fn push(
         &mut self,
         reading: &Reading,
         interval: Second,
-        current: Option<Ampere>,
+        square_a2: Option<f32>,
         calibration: &Channel,
     ) -> Option<Felt> {
         let curve = calibration.curve.as_ref()?;
@@ -77,7 +78,7 @@ impl Follower {
         let point = curve.at(change);
         let apparent = Metre(point.value);
         let read = match &calibration.crosstalk {
-            Some(crosstalk) => without_crosstalk(apparent, current, crosstalk),
+            Some(crosstalk) => without_crosstalk(apparent, square_a2, crosstalk),
             None => apparent,
         };
         let Observation { deformation, touch } = self.detector.push(interval, read);
@@ -97,11 +98,11 @@ impl Follower {
 }
 
 /// Takes out what the coil's current adds to the reading: a I^2 (1 + g x).
-fn without_crosstalk(apparent: Metre, current: Option<Ampere>, crosstalk: &Crosstalk) -> Metre {
-    let Some(Ampere(current_a)) = current else {
+fn without_crosstalk(apparent: Metre, square_a2: Option<f32>, crosstalk: &Crosstalk) -> Metre {
+    let Some(square_a2) = square_a2 else {
         return apparent;
     };
-    let untouched_m = crosstalk.apparent_m_per_a2 * current_a * current_a;
+    let untouched_m = crosstalk.apparent_m_per_a2 * square_a2;
     // x + a I^2 (1 + g x) = apparent, solved for x.
     let growth = 1.0 + untouched_m * crosstalk.growth_per_m;
     (apparent - Metre(untouched_m)) / growth

@@ -75,22 +75,26 @@ impl Scan {
         self.ripple.filter(|of| (0.0..=GREATEST_A).contains(&of.0))
     }
 
-    /// The current that acts as mean and ripple do together: the root of its mean square, with its
-    /// sign.
+    /// Mean square of the current in A^2, that of the ripple included: what heat, attraction and
+    /// crosstalk go by.
+    pub(crate) fn square_current_a2(&self) -> Option<f32> {
+        let Ampere(mean_a) = self.measured_current()?;
+        let square_a2 = mean_a * mean_a;
+        Some(match self.known_ripple() {
+            Some(Ampere(ripple_a)) => square_a2 + ripple_a * ripple_a,
+            None => square_a2,
+        })
+    }
+
+    /// The current that stiffens as mean and ripple do together: the root of the mean square.
     ///
-    /// Heat, attraction and crosstalk go by the square, so that for them this is exact. The
-    /// stiffening nearly does: its mean over the ripple differs from its value here by the part
+    /// The stiffening is even, and its mean over the ripple differs from its value here by the part
     /// 4 s^2/Ic^2 at most, s the ripple and Ic the current of half the saturated stiffening: 1.2e-3
     /// with 1.2 A peak to peak and 20 A. The value at the mean current differs by s^2/I^2 far below
     /// saturation.
     pub(crate) fn acting_current(&self) -> Option<Ampere> {
-        let Ampere(mean_a) = self.measured_current()?;
-        let Some(Ampere(ripple_a)) = self.known_ripple() else {
-            return Some(Ampere(mean_a));
-        };
-        let square_a2 = mean_a * mean_a + ripple_a * ripple_a;
-        let acting_a = palpate_model::math::sqrt(square_a2);
-        Some(Ampere(if mean_a < 0.0 { -acting_a } else { acting_a }))
+        let square_a2 = self.square_current_a2()?;
+        Some(Ampere(palpate_model::math::sqrt(square_a2)))
     }
 }
 

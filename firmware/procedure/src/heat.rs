@@ -64,10 +64,10 @@ impl Heat {
         })
     }
 
-    /// Takes a mean current over a time.
-    pub(crate) fn push(&mut self, current: Ampere, interval: Second) {
+    /// Takes a mean square of the current over a time.
+    pub(crate) fn push(&mut self, square_a2: f32, interval: Second) {
         self.elapsed = self.elapsed + interval;
-        self.square_a2_s += current.0 * current.0 * interval.0;
+        self.square_a2_s += square_a2 * interval.0;
         if self.elapsed < STEP {
             return;
         }

@@ -183,9 +183,14 @@ impl Train {
             && after(middle, half) <= self.ends()
     }
 
+    /// Whether the leg under way had begun at a moment.
+    pub(crate) fn has_begun(&self, at: Instant) -> bool {
+        at >= self.since
+    }
+
     /// The current that was wanted at a moment of the leg under way; `None` before it.
     pub(crate) fn wanted(&self, at: Instant) -> Option<Ampere> {
-        if at < self.since {
+        if !self.has_begun(at) {
             return None;
         }
         let part = |lasts: Duration| {

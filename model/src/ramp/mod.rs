@@ -225,22 +225,56 @@ impl Ramp {
             return Err(Rejected::Sigma);
         }
         let weight = Wide::from_f32(weight);
-        let [x_ref, u] = [x_ref, u].map(|length| Wide::from_f32(length.0));
-        let level = (x_ref + u) * weight;
+        let [x_ref, u] = [x_ref, u].map(|length| Wide::from_f32(length.0) * weight);
+        let level = x_ref + u;
+        let slope = level.scale(h);
         let mut row: Row<Wide> = [level; MOST_TERMS];
         for (entry, (term, phi)) in row.iter_mut().zip(terms.iter().zip(phis)) {
             *entry = match term {
                 Term::Level => level,
-                Term::Slope => level.scale(h),
-                Term::Quadratic => level.scale(h).scale(h),
-                Term::Cubic => level.scale(h).scale(h).scale(h),
-                Term::Drift(_) => (x_ref * weight).scale(-phi),
+                Term::Slope => slope,
+                Term::Quadratic => slope.scale(h),
+                Term::Cubic => slope.scale(h).scale(h),
+                Term::Drift(_) => x_ref.scale(-phi),
             };
         }
         let row = row.get(..terms.len()).unwrap_or_default();
-        self.moments.add(row, -u * weight);
+        self.moments.add(row, -u);
         self.sigma = Some(first);
         Ok(())
+    }
+
+    /// The samples taken since these sums were `earlier`, a copy of them: one run of sums serves a
+    /// train of ramps and each ramp by itself. `None` if `earlier` is no such copy.
+    ///
+    /// ```
+    /// # use palpate_model::ramp::{Basis, Noise, Ramp, Reference, Sample};
+    /// # use palpate_model::units::{Metre, Second};
+    /// let reference = Reference::new(Metre(0.3e-3), 1.0).unwrap();
+    /// let sample = |i: u16| {
+    ///     let h = f32::from(i) * -1e-3;
+    ///     let deformation = Metre(h * h * 1e-6 - 0.1e-3 * h);
+    ///     Sample { time: Second(0.0), deformation, regressor: h, sigma: Metre(30e-9) }
+    /// };
+    /// let (mut both, mut second) = (Ramp::new(reference, Basis::LINEAR), Ramp::new(reference, Basis::LINEAR));
+    /// (0..20).try_for_each(|i| both.push(&sample(i)))?;
+    /// let first = both;
+    /// (5..20).try_for_each(|i| both.push(&sample(i)))?;
+    /// (5..20).try_for_each(|i| second.push(&sample(i)))?;
+    /// let since = both.since(&first).unwrap();
+    /// assert_eq!(since.samples(), 15);
+    /// assert_eq!(since.fit(Noise::Larger)?.load_ratio()?, second.fit(Noise::Larger)?.load_ratio()?);
+    /// assert!(first.since(&both).is_none());
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    #[must_use]
+    pub fn since(&self, earlier: &Self) -> Option<Self> {
+        let begun = earlier.sigma.is_none() || earlier.sigma == self.sigma;
+        let copied = (self.basis, self.reference) == (earlier.basis, earlier.reference);
+        (begun && copied && earlier.samples() <= self.samples()).then(|| Self {
+            moments: self.moments.since(&earlier.moments),
+            ..*self
+        })
     }
 
     /// Solves for the load and the drifts. The sums stay, so a ramp can be looked at on its way.

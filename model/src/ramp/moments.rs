@@ -88,6 +88,22 @@ impl Moments {
         self.rows = self.rows.saturating_add(1);
     }
 
+    /// The sums of the rows that were added since they were `earlier`: exact but for the rounding
+    /// of the sums themselves, 2^-60 of the longer ones.
+    pub(super) fn since(&self, earlier: &Self) -> Self {
+        let mut since = *self;
+        let rows = since.products.iter_mut().zip(&earlier.products);
+        for (sum, &before) in rows.flat_map(|(row, before)| row.iter_mut().zip(before)) {
+            *sum = *sum - before;
+        }
+        for (sum, &before) in since.with_response.iter_mut().zip(&earlier.with_response) {
+            *sum = *sum - before;
+        }
+        since.response = since.response - earlier.response;
+        since.rows = since.rows.saturating_sub(earlier.rows);
+        since
+    }
+
     /// Solves for the first `count` columns by sweeping them one after another (Goodnight, *A
     /// tutorial on the SWEEP operator*, The American Statistician 33, 1979): the level first, which
     /// centres; then disturbances and curvature; the slope last, so that its pivot is what they

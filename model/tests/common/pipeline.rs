@@ -6,7 +6,9 @@ use palpate_model::calibration_curve::MonotoneCurve;
 use palpate_model::contact::{Cusum, Detector, Watch};
 use palpate_model::demagnetising::Burst;
 use palpate_model::layer::BondedDisc;
-use palpate_model::magnetorheological::{Lag, Saturating, Stiffening, Tabulated, deviation};
+use palpate_model::magnetorheological::{
+    Lag, Saturating, Stiffening, Tabulated, attraction, deviation,
+};
 use palpate_model::ramp::{
     Basis, Drift, LoadRatio, LoadStiffness, Noise, Ramp, Reference, Sample, Scatter, Term,
 };
@@ -89,7 +91,7 @@ pub fn run(one: f32) -> Option<Bits> {
         let sample = Sample {
             time: Second(i as f32 / 400.0),
             deformation: Metre(read.value) - Metre(0.3e-3),
-            regressor: h + law.attraction(Newton(1e-3), current, Metre(read.value)),
+            regressor: h + attraction(Newton(1e-3), law.spring(current), Metre(read.value)),
             sigma: Metre(read.sigma(1e-6)),
         };
         straight.push(&sample).ok()?;

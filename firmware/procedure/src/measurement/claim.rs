@@ -1,6 +1,6 @@
 //! From the sums to what is claimed.
 
-use palpate_model::magnetorheological::Stiffening;
+use palpate_model::magnetorheological::{self, Stiffening};
 use palpate_model::math::{hypot, sqrt};
 use palpate_model::ramp::{Fit, LoadPoint, LoadRatio, LoadStiffness, Reference, Refusal as NoFit};
 use palpate_model::uncertainty::{Calibration, OperatingPoint};
@@ -51,15 +51,15 @@ struct LoadCurve {
 
 impl Measurement {
     pub(super) fn conclude(
-        mut self,
+        &mut self,
         settings: &Settings,
         heat: Option<&Heat>,
         now: Instant,
     ) -> Result<Report, Reason> {
         let (completed, began) = (self.drive.train().completed(), self.drive.began);
-        let mut ramps =
+        let ramps =
             self.ramps
-                .take()
+                .as_mut()
                 .ok_or((RefusalReason::TooFewSamples, Some(0.0), Some(4.0)))?;
         let (fit, curved) = ramps.solve().map_err(reason)?;
         let ratio = fit.load_ratio().map_err(reason)?;
@@ -242,7 +242,8 @@ fn uncertainties(
     let sensing = NewtonPerMetre(springs.sensing_n_per_m);
     let change = law.regressor(sensing, peak).deviation.abs();
     let whole = 1.0 + ratio.value + at.actuated_ratio;
-    let pulled = law.attraction(calibrated.pull(peak), peak, at.deformation);
+    let pulled =
+        magnetorheological::attraction(calibrated.pull(peak), law.spring(peak), at.deformation);
     let seen = crosstalk.apparent_m_per_a2 * peak.0 * peak.0 / at.deformation.0;
     let of_signal = hypot(
         pulled / change * attraction.uncertainty,

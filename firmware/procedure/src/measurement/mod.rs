@@ -3,7 +3,7 @@
 mod claim;
 mod ramps;
 
-use palpate_model::magnetorheological::Stiffening;
+use palpate_model::magnetorheological::{Stiffening, attraction, deviation};
 use palpate_model::ramp::Sample;
 use palpate_model::units::{Ampere, Metre, Newton, NewtonPerMetre};
 use palpate_wire::code::{FaultCode, Place, RefusalReason};
@@ -15,7 +15,7 @@ use crate::configuration::Calibrated;
 use crate::deformation::Felt;
 use crate::event::{Failure, Scan};
 use crate::heat::Heat;
-use crate::time::{Instant, seconds, span};
+use crate::time::{Instant, in_seconds, seconds, span};
 use crate::train::{Course, Leg, Line, Train};
 pub(crate) use claim::{Outcome, Report};
 use ramps::{Ramps, TwoStates};
@@ -53,6 +53,8 @@ pub(crate) struct Measurement {
     two_states: TwoStates,
     lost: u32,
     flagged: u32,
+    /// How many of the train's conversions may be lost, and how many flagged.
+    allowed: u32,
 }
 
 /// What an event means for a train.
@@ -132,7 +134,7 @@ impl Drive {
         // current was.
         let half = scan.window.as_ticks() / 2;
         let begins = Instant::from_ticks(scan.middle.as_ticks().saturating_sub(half));
-        if self.train.wanted(begins).is_none() || self.train.leg() == Leg::Rise {
+        if !self.train.has_begun(begins) || self.train.leg() == Leg::Rise {
             return Ok(());
         }
         let wanted = self.train.wanted(scan.middle).unwrap_or(current);
@@ -172,8 +174,10 @@ impl Measurement {
         number: u32,
         calibrated: Calibrated,
         touched: Instant,
+        settings: &Settings,
         (drive, line): (Drive, Line),
     ) -> (Self, Line) {
+        let conversions = in_seconds(drive.train.course().duration()).0 * settings.rate_hz;
         let measurement = Self {
             number,
             drive,
@@ -183,6 +187,7 @@ impl Measurement {
             two_states: TwoStates::default(),
             lost: 0,
             flagged: 0,
+            allowed: conversions as u32 / ONE_IN,
         };
         (measurement, line)
     }
@@ -218,7 +223,7 @@ impl Measurement {
         settings: &Settings,
     ) -> Result<(), Progress> {
         let refuse = |(reason, value, limit)| Err(Progress::Refused((reason, value, limit)));
-        let allowed = self.allowed(settings);
+        let allowed = self.allowed;
         if self.lost > allowed {
             let reason = RefusalReason::ConversionsLost;
             return refuse((reason, Some(self.lost as f32), Some(allowed as f32)));
@@ -240,29 +245,20 @@ impl Measurement {
             let deepest = metres(self.calibrated.deepest);
             return refuse((RefusalReason::PressedTooFar, Some(deformation), deepest));
         }
-        if let Some(current) = scan.acting_current()
-            && self.drive.train.falls_through(scan.middle, scan.window)
+        if self.drive.train.falls_through(scan.middle, scan.window)
+            && let Some(current) = scan.acting_current()
         {
             self.take(scan, &felt, current, settings);
         }
         Ok(())
     }
 
-    /// How many of a train's conversions may be lost or flagged.
-    fn allowed(&self, settings: &Settings) -> u32 {
-        let train = self.drive.train.course().duration().as_ticks() as f32 * 1e-6;
-        (train * settings.rate_hz) as u32 / ONE_IN
-    }
-
     /// Takes a sample of a fall into the sums.
     fn take(&mut self, scan: &Scan, felt: &Felt, current: Ampere, settings: &Settings) {
         let law = &self.calibrated.law;
-        let sensing = NewtonPerMetre(self.calibrated.springs.sensing_n_per_m);
-        let pull = self.calibrated.pull(current);
-        let regressor = law.regressor(sensing, current).deviation
-            + law.attraction(pull, current, felt.deformation);
         let (began, touched) = (self.drive.began, self.touched);
         if self.ramps.is_none() {
+            let sensing = NewtonPerMetre(self.calibrated.springs.sensing_n_per_m);
             let actuated_ratio = law.reference_ratio(sensing);
             let since_touch = seconds(touched, began);
             let drift = ramps::drift(settings, since_touch, self.drive.train.course());
@@ -271,20 +267,31 @@ impl Measurement {
         let Some(ramps) = &mut self.ramps else {
             return;
         };
+        let rise = law.rise(current).value;
+        let actuated = law.at_rest() * (1.0 + rise);
+        let reference = ramps.reference();
+        let pull = self.calibrated.pull(current);
         let sample = Sample {
             time: seconds(began, scan.middle),
-            deformation: felt.deformation - ramps.reference().deformation(),
-            regressor,
+            deformation: felt.deformation - reference.deformation(),
+            regressor: deviation(reference.regressor(), rise)
+                + attraction(pull, actuated, felt.deformation),
             sigma: felt.sigma,
         };
-        ramps.push(&sample, self.drive.train.completed());
-        if self.drive.train.completed() == 0 {
-            self.two_states.push(felt.deformation, law.spring(current));
+        let completed = self.drive.train.completed();
+        ramps.push(&sample, completed);
+        if completed == 0 {
+            self.two_states.push(felt.deformation, actuated);
         }
     }
 
     /// Ends in an estimate or a refusal, which names the measurement.
-    pub(crate) fn finish(self, settings: &Settings, heat: Option<&Heat>, now: Instant) -> Outcome {
+    pub(crate) fn finish(
+        &mut self,
+        settings: &Settings,
+        heat: Option<&Heat>,
+        now: Instant,
+    ) -> Outcome {
         let number = self.number;
         match self.conclude(settings, heat, now) {
             Ok(report) => Outcome::Estimate(report),

@@ -11,14 +11,16 @@ use palpate_wire::command::Settings;
 use crate::time::in_seconds;
 use crate::train::Course;
 
-/// Sums over the whole train, and over the ramp under way alone.
+/// Sums over the whole train.
 #[derive(Clone, Debug)]
 pub(super) struct Ramps {
-    /// Level, slope and drift, and a quadratic term as the last: without it for the estimate, with
+    /// Level, slope and drifts, and a quadratic term as the last: without it for the estimate, with
     /// it for the load's curve.
     sums: Ramp,
-    /// The ramp under way: its number, and its sums with a linear drift, which is what any slow
-    /// drift is over a single ramp.
+    /// Unknowns of a single ramp, the first of the sums: level, slope and, if the settings allow
+    /// for a drift, a linear one, which is what any slow drift is over a single ramp.
+    of_single: usize,
+    /// The ramp under way: its number, and the sums as they were when it began.
     single: (u8, Ramp),
     /// The single ramps' own estimates.
     scatter: Scatter,
@@ -77,12 +79,13 @@ impl Ramps {
             // A drift that bends, and a straight one: rubber creeps while the coil's heat goes on
             // its way, and one of them alone left ten times the noise (the residuals in the demo's
             // report show it).
-            Some(drift) => Basis::new(&[level, slope, Term::Drift(drift), straight, bend]),
+            Some(drift) => Basis::new(&[level, slope, straight, Term::Drift(drift), bend]),
         };
         let sums = Ramp::new(reference, basis.ok()?);
         Some(Self {
             sums,
-            single: (0, single(reference)?),
+            of_single: if drift.is_some() { 3 } else { 2 },
+            single: (0, sums),
             scatter: Scatter::default(),
             regressors: (f32::INFINITY, f32::NEG_INFINITY),
         })
@@ -119,26 +122,18 @@ impl Ramps {
         if self.sums.push(sample).is_err() {
             return;
         }
-        // Time counts from the ramp's own start there, so that slope and level are not mixed up
-        // by rounding; any origin will do for a linear drift.
-        let _ = self.single.1.push(sample);
         let (low, high) = self.regressors;
         self.regressors = (low.min(sample.regressor), high.max(sample.regressor));
     }
 
     /// Takes the ramp under way into the scatter, and begins the next.
     fn close_single(&mut self, next: u8) {
-        if let Ok(ratio) = self
-            .single
-            .1
-            .fit(Noise::Residual)
-            .and_then(|fit| fit.load_ratio())
-        {
+        let alone = self.sums.since(&self.single.1);
+        let fit = alone.and_then(|alone| alone.fit_first(self.of_single, Noise::Residual));
+        if let Some(Ok(ratio)) = fit.map(|fit| fit.and_then(|fit| fit.load_ratio())) {
             self.scatter.add(ratio.value, ratio.standard_error);
         }
-        if let Some(empty) = single(*self.reference()) {
-            self.single = (next, empty);
-        }
+        self.single = (next, self.sums);
     }
 
     /// The single ramps' own estimates, the last one included.
@@ -146,10 +141,6 @@ impl Ramps {
         self.close_single(self.single.0);
         &self.scatter
     }
-}
-
-fn single(reference: Reference) -> Option<Ramp> {
-    Some(Ramp::new(reference, Basis::with_drift(Drift::Linear).ok()?))
 }
 
 /// First and last sample of the first ramp, for eq. (2) as the paper has it.

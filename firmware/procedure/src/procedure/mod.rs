@@ -16,6 +16,7 @@ use crate::configuration::Configuration;
 use crate::deformation::Follower;
 use crate::event::{Conditions, Event, Failure, Scan};
 use crate::heat::Heat;
+use crate::list::gathered;
 use crate::stream::{FeltScan, Streamer};
 use crate::time::{Duration, Instant, after, between, seconds, span};
 use states::Phase;
@@ -213,10 +214,11 @@ impl Procedure {
         };
         let usual = || Second(1.0 / self.configuration.settings.rate_hz);
         let interval = last.map_or_else(usual, |last| seconds(last, scan.middle));
-        if let (0, Some(heat), Some(current)) = (sensor, &mut self.heat, scan.acting_current()) {
-            heat.push(current, interval);
+        let square_a2 = scan.square_current_a2();
+        if let (0, Some(heat), Some(square_a2)) = (sensor, &mut self.heat, square_a2) {
+            heat.push(square_a2, interval);
         }
-        let felt = self.feel(scan, interval);
+        let felt = self.feel(scan, interval, square_a2);
         self.count(scan, sensor);
         let springs = self.configuration.springs();
         let settings = &self.configuration.settings;
@@ -233,24 +235,20 @@ impl Procedure {
     }
 
     /// What every channel of a scan felt.
-    fn feel(&mut self, scan: &Scan, interval: Second) -> FeltScan {
+    fn feel(&mut self, scan: &Scan, interval: Second, square_a2: Option<f32>) -> FeltScan {
         let (configuration, followers) = (&self.configuration, &mut self.followers);
-        let current = scan.acting_current();
         let of = followers.get_mut(usize::from(scan.sensor & 1));
         let mut of: Option<&mut [Option<Follower>; 4]> = of;
-        scan.conversions
-            .iter()
-            .map(|conversion| {
-                let reading = &conversion.reading;
-                let channel = usize::from(reading.channel.number());
-                let calibration = configuration.channel(scan.sensor, channel as u8)?;
-                let follower = of.as_mut()?.get_mut(channel)?.as_mut()?;
-                reading
-                    .is_good()
-                    .then(|| follower.push(reading, interval, current, calibration))
-                    .flatten()
-            })
-            .collect()
+        gathered(scan.conversions.iter().map(|conversion| {
+            let reading = &conversion.reading;
+            let channel = usize::from(reading.channel.number());
+            let calibration = configuration.channel(scan.sensor, channel as u8)?;
+            let follower = of.as_mut()?.get_mut(channel)?.as_mut()?;
+            reading
+                .is_good()
+                .then(|| follower.push(reading, interval, square_a2, calibration))
+                .flatten()
+        }))
     }
 
     fn count(&mut self, scan: &Scan, sensor: usize) {

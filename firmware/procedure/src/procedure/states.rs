@@ -236,7 +236,7 @@ impl Procedure {
         let (settings, limits) = (&self.configuration.settings, &self.board.limits);
         let started = Drive::start(settings, limits, out.now);
         let (measurement, line) =
-            Measurement::start(self.measurement, calibrated, touched, started);
+            Measurement::start(self.measurement, calibrated, touched, settings, started);
         self.go(Phase::Driving(measurement), out);
         out.line(line);
     }
@@ -303,8 +303,8 @@ impl Procedure {
         if let Phase::Sweeping { touched, .. } = self.phase {
             return self.swept(touched, out);
         }
-        let idle = Phase::Release { since: out.now };
-        let Phase::Driving(measurement) = core::mem::replace(&mut self.phase, idle) else {
+        // Where it lies: it is the largest thing there is, and the stack is short.
+        let Phase::Driving(measurement) = &mut self.phase else {
             return;
         };
         let since = measurement.touched();
