@@ -53,7 +53,7 @@ mod app {
     use rtic_monotonics::rp2040::Priority;
 
     use crate::acquisition::Sampled;
-    use crate::board::{pico::Board, sleep_in_memory, vectors};
+    use crate::board::{pico::Board, sleep, vectors};
     use crate::bus::{self, Master};
     use crate::crash::Beginning;
     use crate::supervision::Watchdog;
@@ -128,7 +128,7 @@ mod app {
     #[idle]
     fn idle(_: idle::Context) -> ! {
         loop {
-            sleep_in_memory();
+            sleep();
         }
     }
 

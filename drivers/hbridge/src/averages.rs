@@ -58,15 +58,30 @@ impl<const N: usize> Averages<N> {
         self.periods.load(Ordering::Acquire)
     }
 
-    /// Sum of a block, by the number of its end.
-    fn block(&self, end: u32) -> f32 {
-        let at = |end: u32| {
-            let place = end as usize % N;
-            self.sums
-                .get(place)
-                .map_or(0, |sum| sum.load(Ordering::Relaxed))
-        };
-        at(end).wrapping_sub(at(end.wrapping_sub(1))) as f32
+    /// Sum of all units up to the end of a block; wraps.
+    fn sum(&self, end: u32) -> i32 {
+        let place = (end / BLOCK) as usize % N;
+        self.sums
+            .get(place)
+            .map_or(0, |sum| sum.load(Ordering::Relaxed))
+    }
+
+    /// The end of the block that a moment lies in, or of the last whole one before `now`.
+    fn whole(moment: u32, now: u32) -> u32 {
+        let end = (moment - moment % BLOCK).wrapping_add(BLOCK);
+        let is_whole = now.wrapping_sub(end) as i32 >= 0;
+        if is_whole { end } else { now - now % BLOCK }
+    }
+
+    /// The present, if a window is not empty, no older than what is kept, and ends less than a
+    /// block in the future.
+    fn kept(&self, from: u32, to: u32) -> Option<u32> {
+        let now = self.now();
+        // One block in hand, for the one that may be written meanwhile.
+        let kept = BLOCK * (N as u32).saturating_sub(2);
+        let is_kept = now.wrapping_sub(from) <= kept;
+        let is_past = (to.wrapping_sub(now) as i32) < BLOCK as i32;
+        (from != to && is_kept && is_past).then_some(now)
     }
 
     /// Mean of a function of the current between two moments, in what the function gives. The
@@ -76,35 +91,44 @@ impl<const N: usize> Averages<N> {
     /// Nothing if the window is empty, or older than what is kept, or ends a block or more in the
     /// future.
     fn mean_of(&self, from: u32, to: u32, of: impl Fn(f32) -> f32) -> Option<f32> {
-        let now = self.now();
-        let last = now / BLOCK;
-        let length = to.wrapping_sub(from);
-        let ago = now.wrapping_sub(from);
-        // One block in hand, for the one that may be written meanwhile.
-        let kept = BLOCK * (N as u32).saturating_sub(2);
-        if length == 0 || ago > kept || (to.wrapping_sub(now) as i32) >= BLOCK as i32 {
-            return None;
-        }
+        let now = self.kept(from, to)?;
         let (mut at, mut sum) = (from, 0.0);
         while at != to {
-            let begin = at / BLOCK;
-            let rest = BLOCK - at % BLOCK;
-            let part = rest.min(to.wrapping_sub(at));
-            // The number of the block's end, the last whole one at most.
-            let ahead = (begin.wrapping_add(1).wrapping_sub(last) as i32).max(0);
-            let end = begin.wrapping_add(1).wrapping_sub(ahead as u32);
-            let mean = self.block(end) / BLOCK as f32;
-            sum += part as f32 * of(mean);
+            let part = (BLOCK - at % BLOCK).min(to.wrapping_sub(at));
+            let end = Self::whole(at, now);
+            let units = self
+                .sum(end)
+                .wrapping_sub(self.sum(end.wrapping_sub(BLOCK)));
+            sum += part as f32 * of(units as f32 / BLOCK as f32);
             at = at.wrapping_add(part);
         }
-        Some(sum / length as f32)
+        Some(sum / to.wrapping_sub(from) as f32)
+    }
+
+    /// The same for the current itself, whose whole blocks need not be asked one by one: what lies
+    /// between two moments is what was summed up to the one less what was up to the other.
+    fn mean(&self, from: u32, to: u32) -> Option<f32> {
+        let now = self.kept(from, to)?;
+        let until = |moment: u32| {
+            let end = Self::whole(moment, now);
+            let begin = end.wrapping_sub(BLOCK);
+            let before = self.sum(begin);
+            let block = self.sum(end).wrapping_sub(before);
+            // Of the block, in parts of a period's share.
+            let parts = i64::from(block) * i64::from(moment.wrapping_sub(begin));
+            (before, parts)
+        };
+        let ((first, first_parts), (last, last_parts)) = (until(from), until(to));
+        let between = i64::from(last.wrapping_sub(first)) * i64::from(BLOCK);
+        let sum = (between + last_parts - first_parts) as f32 / BLOCK as f32;
+        Some(sum / to.wrapping_sub(from) as f32)
     }
 
     /// Mean current between two moments, A.
     #[must_use]
     pub fn mean_a(&self, from: u32, to: u32, hardware: &crate::Hardware) -> Option<f32> {
         let unit_a = hardware.ampere_per_unit();
-        Some(self.mean_of(from, to, |units| units)? * unit_a)
+        Some(self.mean(from, to)? * unit_a)
     }
 
     /// Mean of a function of the current, A, over the same window: where the function is not a
@@ -136,14 +160,23 @@ mod tests {
         averages
     }
 
+    /// The mean of the current, block by block and at once.
+    fn both_means(averages: &Averages<64>, from: u32, to: u32) -> [f32; 2] {
+        [
+            averages.mean_of(from, to, |units| units).unwrap(),
+            averages.mean(from, to).unwrap(),
+        ]
+    }
+
     #[test]
     fn the_mean_of_a_ramp_is_its_middle() {
         let averages = ramp(1_000);
         for (from, to) in [(160, 320), (320, 336), (500, 900), (437, 911)] {
-            let mean = averages.mean_of(from, to, |units| units).unwrap();
             let exact = 100.0 + 0.5 * (from + to - 1) as f32;
-            // Half a block of slope at either end, where a block is cut.
-            assert!((mean - exact).abs() < 0.2, "{from}..{to}: {mean} {exact}");
+            for mean in both_means(&averages, from, to) {
+                // Half a block of slope at either end, where a block is cut.
+                assert!((mean - exact).abs() < 0.2, "{from}..{to}: {mean} {exact}");
+            }
         }
     }
 
@@ -162,24 +195,28 @@ mod tests {
     #[test]
     fn the_last_block_stands_for_what_is_not_there_yet() {
         let averages = ramp(1_000); // 62 blocks and 8 periods
-        let mean = averages.mean_of(992, 1_004, |units| units).unwrap();
-        assert_eq!(mean, 100.0 + 976.0 + 7.5);
-        assert!(averages.mean_of(992, 1_016, |units| units).is_none());
-        assert!(averages.mean_of(900, 900, |units| units).is_none());
-        assert!(averages.mean_of(0, 100, |units| units).is_none(), "too old");
+        assert_eq!(both_means(&averages, 992, 1_004), [100.0 + 976.0 + 7.5; 2]);
+        for (from, to) in [(992, 1_016), (900, 900), (0, 100)] {
+            assert!(averages.mean_of(from, to, |units| units).is_none());
+            assert!(averages.mean(from, to).is_none(), "{from} {to}");
+        }
     }
 
     #[test]
     fn time_and_sums_wrap() {
         let averages = ramp(0);
-        averages.periods.store(u32::MAX - 800, Ordering::Relaxed);
+        averages.periods.store(u32::MAX - 799, Ordering::Relaxed);
         averages.total.store(i32::MAX - 5_000, Ordering::Relaxed);
-        for _ in 0..1_600 {
-            averages.push(700);
+        for period in 0..1_600 {
+            averages.push(100 + period);
         }
-        let now = averages.now();
-        let mean = averages.mean_of(now.wrapping_sub(900), now, |units| units);
-        // 2^32 is a multiple of the ring only if it is a power of two, which it is here.
-        assert_eq!(mean, Some(700.0));
+        // Before the moment 0, across it, and after it, which is period 800 here.
+        for (from, to) in [(700_u32, 790), (700, 1_500), (790, 810), (810, 1_500)] {
+            let [begin, end] = [from, to].map(|at| at.wrapping_sub(800));
+            let exact = 100.0 + 0.5 * (from + to - 1) as f32;
+            for mean in both_means(&averages, begin, end) {
+                assert!((mean - exact).abs() < 0.2, "{from}..{to}: {mean} {exact}");
+            }
+        }
     }
 }

@@ -230,14 +230,12 @@ impl Supervisor {
         if energy_j.is_nan() || self.energy_j + energy_j > self.usable_j() {
             return Err(Refusal::Energy(energy_j));
         }
-        let legs: Legs = waveform
-            .segments()
-            .iter()
-            .map(|segment| {
-                let periods = segment.over_s / self.hardware.period_s + 0.5;
-                (self.hardware.units(segment.to_a), periods as u32)
-            })
-            .collect();
+        let mut legs = Legs::new();
+        for segment in waveform.segments() {
+            let periods = segment.over_s / self.hardware.period_s + 0.5;
+            // There is room for as many as a waveform has.
+            let _ = legs.push((self.hardware.units(segment.to_a), periods as u32));
+        }
         Ok(Order(Orders::Run(legs)))
     }
 
@@ -335,7 +333,8 @@ impl Supervisor {
         // What copper can become; a short that creeps in is not followed beyond.
         let tested_ohm = findings.coil.resistance_ohm;
         let now_ohm = self.resistance_ohm.unwrap_or(tested_ohm);
-        let resistance_ohm = now_ohm.clamp(0.6 * tested_ohm, 1.6 * tested_ohm);
+        // Not `clamp`, which panics where a limit is no number.
+        let resistance_ohm = now_ohm.max(0.6 * tested_ohm).min(1.6 * tested_ohm);
         let (before_v, before_ohm) = self.made_for;
         let changed = |now: f32, before: f32| (now - before).abs() > CHANGE * before;
         if !changed(supply_v, before_v) && !changed(resistance_ohm, before_ohm) {

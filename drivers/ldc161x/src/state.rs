@@ -82,13 +82,22 @@ impl State {
         }
     }
 
+    /// Stops, to begin with this.
+    // Its references say that the two do not overlap, which the future that awaits does not know.
+    #[inline(never)]
+    pub(crate) fn wants(&mut self, configuration: &Configuration) {
+        self.stopped();
+        self.wanted = Some(*configuration);
+    }
+
     pub(crate) fn stopped(&mut self) {
         self.running = false;
         self.marks.gap = true;
     }
 
-    pub(crate) fn started(&mut self, configuration: Configuration) {
-        self.wanted = Some(configuration);
+    #[inline(never)]
+    pub(crate) fn started(&mut self, configuration: &Configuration) {
+        self.wanted = Some(*configuration);
         self.units_hz = Channel::ALL.map(|channel| configuration.scale(channel).hz_per_lsb());
         self.running = true;
         self.suspect = false;

@@ -11,6 +11,7 @@ pub mod configuration;
 mod deformation;
 pub mod event;
 mod heat;
+mod list;
 mod measurement;
 mod procedure;
 mod steadiness;

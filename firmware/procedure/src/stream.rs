@@ -9,6 +9,7 @@ use palpate_wire::record::{Conversion, Raw, Sample};
 
 use crate::deformation::Felt;
 use crate::event::Scan;
+use crate::list::gathered;
 use crate::time::Instant;
 
 /// What is kept of one converter between its records.
@@ -60,9 +61,10 @@ impl Streamer {
         }
         self.skipped = 0;
         let conversions = scan.conversions.iter().zip(felt);
-        let channels = conversions
-            .map(|(of, felt)| conversion(&of.reading, of.offset.as_ticks(), felt.as_ref()))
-            .collect();
+        let channels = gathered(
+            conversions
+                .map(|(of, felt)| conversion(&of.reading, of.offset.as_ticks(), felt.as_ref())),
+        );
         let principal = felt.first().copied().flatten().filter(|_| scan.sensor == 0);
         let force = principal.zip(springs).map(|(felt, springs)| {
             let newton = springs.sensing_n_per_m * felt.deformation.0;
@@ -100,14 +102,17 @@ impl Streamer {
             _ => None,
         };
         match &mut self.raw {
-            Some((_, raw)) => raw.words.extend(words),
+            // There is room for them: see `full`.
+            Some((_, raw)) => words.for_each(|word| {
+                let _ = raw.words.push(word);
+            }),
             None => {
                 let raw = Raw {
                     sensor: scan.sensor,
                     missed: core::mem::take(&mut self.missed),
                     channels: settings.channels,
                     period_us: 1e6 / settings.rate_hz,
-                    words: words.collect(),
+                    words: gathered(words),
                 };
                 self.raw = Some((scan.middle, raw));
             }

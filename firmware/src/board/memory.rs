@@ -8,7 +8,7 @@
 // A copy by words reads and writes four at a time; one that is not aligned takes four bytes at a
 // time, in half the time that the compiler's own takes for the few dozen bytes of a frame.
 core::arch::global_asm!(
-    ".section .data.copy, \"ax\", %progbits",
+    ".section .text.copy, \"ax\", %progbits",
     ".balign 4",
     ".global memcpy",
     ".global __aeabi_memcpy",

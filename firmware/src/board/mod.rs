@@ -25,12 +25,8 @@ pub fn wait(mut holds: impl FnMut() -> bool) -> bool {
 }
 
 /// Sleeps until an interrupt comes, and counts the time. The interrupt runs after it was counted.
-///
-/// From memory, since interrupts wait for its end.
 #[allow(unsafe_code)]
-#[unsafe(link_section = ".data.idle")]
-#[inline(never)]
-pub fn sleep_in_memory() {
+pub fn sleep() {
     // SAFETY: reading the raw timer has no effect on it.
     let timer = unsafe { &*rp2040_pac::TIMER::ptr() };
     cortex_m::interrupt::free(|_| {

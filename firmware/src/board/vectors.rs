@@ -69,9 +69,7 @@ const NEVER_MASKED: u32 = 1 << Interrupt::IO_IRQ_BANK0 as u32
     | 1 << Interrupt::I2C0_IRQ as u32
     | 1 << Interrupt::PWM_IRQ_WRAP as u32;
 
-/// Masks every other interrupt that is enabled, and says which those are. From memory, since it
-/// holds back all of them while it does so.
-#[unsafe(link_section = ".data.section")]
+/// Masks every other interrupt that is enabled, and says which those are.
 #[inline(never)]
 fn mask() -> u32 {
     // With interrupts off as a whole there is no moment at which one that was just masked could
@@ -89,6 +87,16 @@ fn mask() -> u32 {
     })
 }
 
+/// Lets those interrupts through again that were enabled before [`mask`].
+fn unmask(enabled: u32) {
+    // SAFETY: these were enabled when the section began.
+    let nvic = unsafe { &*NVIC::PTR };
+    if let Some(iser) = nvic.iser.first() {
+        // SAFETY: as above.
+        unsafe { iser.write(enabled) };
+    }
+}
+
 struct Section;
 critical_section::set_impl!(Section);
 
@@ -100,11 +108,6 @@ unsafe impl critical_section::Impl for Section {
     }
 
     unsafe fn release(enabled: u32) {
-        // SAFETY: these were enabled when the section began.
-        let nvic = unsafe { &*NVIC::PTR };
-        if let Some(iser) = nvic.iser.first() {
-            // SAFETY: as above.
-            unsafe { iser.write(enabled) };
-        }
+        unmask(enabled);
     }
 }

@@ -1,4 +1,4 @@
-//! The part of the I2C master that runs in interrupts, from memory.
+//! The part of the I2C master that runs in interrupts.
 //!
 //! A transaction is a [`Job`]: its commands are put into the block's queue as there is room, its
 //! bytes are collected, and its end is told to the master by an interrupt of lower priority.
@@ -6,7 +6,7 @@
 //! One job can be kept ready: every falling edge of INTB then begins it at once, and its bytes wait
 //! with the edge's time until the master takes them. Thus a frame is fetched within a microsecond
 //! of the converter's call, whatever the tasks do, and the next one while they still work on the
-//! last. Nothing here lies in flash, whose cache could delay it by a hundred microseconds.
+//! last.
 
 #![allow(unsafe_code)]
 
@@ -170,8 +170,9 @@ struct Engine {
     since_us: u32,
     edges: u32,
     last_edge_us: u32,
-    /// An edge that came while the bus was taken.
-    late: Option<Stamp>,
+    /// There is an edge that came while the bus was taken: `late`.
+    is_late: bool,
+    late: Stamp,
     /// The job that edges begin, if there is one.
     ahead: Job,
     /// The job that the master began itself.
@@ -198,7 +199,8 @@ static ENGINE: Shared = Shared(UnsafeCell::new(Engine {
     runs: Runs::Nothing,
     next: 0,
     since_us: 0,
-    late: None,
+    is_late: false,
+    late: Outcome::NONE.stamp,
     edges: 0,
     last_edge_us: 0,
 }));
@@ -261,7 +263,6 @@ impl Transfer<'_> {
     }
 
     /// Takes the bytes that the block has.
-    #[inline(always)]
     fn drain(&mut self) {
         let waiting = i2c().ic_rxflr().read().bits() as usize;
         let begin = usize::from(self.outcome.count);
@@ -308,7 +309,6 @@ impl Engine {
         transfer.feed(room());
     }
 
-    #[inline(always)]
     fn serve(&mut self) {
         if self.runs == Runs::Nothing {
             // SAFETY: nothing runs, so nothing is to be heard of.
@@ -345,7 +345,6 @@ impl Engine {
         }
     }
 
-    #[inline(always)]
     fn finish(&mut self) {
         // SAFETY: nothing runs now, so nothing is to be heard of.
         i2c().ic_intr_mask().write(|w| unsafe { w.bits(0) });
@@ -359,30 +358,29 @@ impl Engine {
     }
 
     /// Begins with the edge that had to wait, if it can.
-    #[inline(always)]
+    #[inline(never)]
     fn catch_up(&mut self) {
         if self.is_ahead
             && self.runs == Runs::Nothing
             && self.waiting < FRAMES
-            && self.late.is_some()
+            && self.is_late
             && !precedence::must_wait(TO_BEGIN)
-            && let Some(stamp) = self.late.take()
         {
-            self.start(Runs::Ahead, stamp);
+            self.is_late = false;
+            self.start(Runs::Ahead, self.late);
         }
     }
 
-    #[inline(always)]
     fn edge(&mut self, stamp: Stamp) {
         self.edges = self.edges.wrapping_add(1);
         self.last_edge_us = stamp.time_us;
-        self.late = Some(stamp);
+        self.is_late = true;
+        self.late = stamp;
         self.catch_up();
     }
 }
 
 /// IO_IRQ_BANK0: INTB has fallen.
-#[unsafe(link_section = ".data.engine")]
 pub unsafe extern "C" fn on_edge() {
     // SAFETY: reading timer and counter changes nothing; INTR0 is cleared by this handler alone.
     let stamp = unsafe {
@@ -401,20 +399,17 @@ pub unsafe extern "C" fn on_edge() {
 }
 
 /// I2C0_IRQ: the block wants something.
-#[unsafe(link_section = ".data.engine")]
 pub unsafe extern "C" fn on_i2c() {
     // SAFETY: see `Shared`.
     unsafe { (*ENGINE.0.get()).serve() }
 }
 
 /// Begins a transaction. `false` if another one runs.
-#[unsafe(link_section = ".data.engine")]
 #[inline(never)]
 pub fn submit(job: &Job) -> bool {
     if runs_since_us().is_some() {
         return false;
     }
-    // Copied before interrupts are held back, since copying may have to be fetched from flash.
     // SAFETY: the single job is looked at while it runs only, and the master, which alone calls
     // this, waits for its end before the next.
     unsafe { (&raw mut (*ENGINE.0.get()).single).write(*job) };
@@ -437,13 +432,12 @@ pub fn take_single<T>(look: impl FnOnce(&Outcome) -> T) -> Option<T> {
 }
 
 /// Keeps a transaction ready for edges, unless one is already.
-#[unsafe(link_section = ".data.engine")]
 #[inline(never)]
 pub fn keep_ready(job: &Job) {
     if with(|engine| engine.is_ahead) {
         return;
     }
-    // SAFETY: nothing looks at it while none is kept ready; see `submit` for the copy.
+    // SAFETY: nothing looks at it while none is kept ready.
     unsafe { (&raw mut (*ENGINE.0.get()).ahead).write(*job) };
     with(|engine| {
         engine.is_ahead = true;
@@ -480,19 +474,17 @@ pub fn ready(operations: &[Operation<'_>]) -> Ready {
 }
 
 /// Keeps nothing ready any more, and forgets what waits.
-#[unsafe(link_section = ".data.engine")]
 #[inline(never)]
 pub fn rest() {
     with(|engine| {
         engine.is_ahead = false;
         engine.waiting = 0;
-        engine.late = None;
+        engine.is_late = false;
         engine.single_is_over = false;
     });
 }
 
 /// The block was reset: what ran is lost.
-#[unsafe(link_section = ".data.engine")]
 #[inline(never)]
 pub fn forget() {
     with(|engine| engine.runs = Runs::Nothing);
@@ -514,7 +506,6 @@ pub fn take_frame<T>(look: impl FnOnce(&Outcome) -> T) -> Option<T> {
 }
 
 /// The oldest frame was taken.
-#[unsafe(link_section = ".data.engine")]
 #[inline(never)]
 fn release_frame() {
     with(|engine| {
@@ -525,14 +516,12 @@ fn release_frame() {
 }
 
 /// Since when something runs, if something does.
-#[unsafe(link_section = ".data.engine")]
 #[inline(never)]
 pub fn runs_since_us() -> Option<u32> {
     with(|engine| (engine.runs != Runs::Nothing).then_some(engine.since_us))
 }
 
 /// Time of the last edge and how many there were.
-#[unsafe(link_section = ".data.engine")]
 #[inline(never)]
 pub fn last_edge() -> (u32, u32) {
     with(|engine| (engine.last_edge_us, engine.edges))
@@ -540,12 +529,12 @@ pub fn last_edge() -> (u32, u32) {
 
 /// INTB is low, nothing runs, and no edge is known: takes this for an edge of now. An edge can be
 /// missed while the bus is being recovered.
-#[unsafe(link_section = ".data.engine")]
 #[inline(never)]
 pub fn begin_without_edge() {
     with(|engine| {
-        if engine.runs == Runs::Nothing && engine.late.is_none() && engine.waiting == 0 {
-            engine.late = Some(Stamp::default());
+        if engine.runs == Runs::Nothing && !engine.is_late && engine.waiting == 0 {
+            engine.is_late = true;
+            engine.late = Stamp::default();
             engine.catch_up();
         }
     });

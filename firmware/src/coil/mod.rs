@@ -128,10 +128,11 @@ pub fn take_trace() -> Option<(u64, CurrentTrace)> {
 
 /// Corrects the measured current from now on.
 pub fn correct(correction: &CurrentCorrection) {
-    let pairs: heapless::Vec<[f32; 2], MAX_PLACES> = correction
-        .places()
-        .map(|(measured_a, change_a)| [measured_a, measured_a + change_a])
-        .collect();
+    let mut pairs = heapless::Vec::<[f32; 2], MAX_PLACES>::new();
+    for (measured_a, change_a) in correction.places() {
+        // There is room for as many as a correction has.
+        let _ = pairs.push([measured_a, measured_a + change_a]);
+    }
     match Correction::new(&pairs, &HARDWARE) {
         Ok(correction) => obey(&Supervisor::correct(correction)),
         // The protocol's limits are narrower than the driver's: a table that this refuses means

@@ -315,11 +315,11 @@ impl Link {
     }
 
     /// True current so far; nothing on a board.
-    pub(super) fn truth(&self) -> Option<Truth> {
-        match &self.way {
+    pub(super) fn truth(&mut self) -> Option<Truth> {
+        match &mut self.way {
             Way::Probe(_) => None,
             Way::Emulated(board) => {
-                let totals = board.board().circuit().totals();
+                let totals = board.board_mut().circuit().totals();
                 Some(Truth {
                     charge_a_s: totals.charge_a_s,
                     time_s: totals.time_s,

@@ -434,9 +434,11 @@ impl<P: Plant> Board<P> {
         self.bus.pwm.take_level_times()
     }
 
-    /// The coil's circuit.
+    /// The coil's circuit, brought to the present: it goes on only where something is to be seen of
+    /// it.
     #[must_use]
-    pub const fn circuit(&self) -> &Circuit {
+    pub fn circuit(&mut self) -> &Circuit {
+        self.bus.run_coil(self.bus.clock.now_ps());
         self.bus.coil.circuit()
     }
 

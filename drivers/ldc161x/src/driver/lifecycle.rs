@@ -95,13 +95,12 @@ impl<I2C: I2c> Ldc161x<I2C> {
         if !configuration.fits(self.model) {
             return Err(Error::NoSuchChannel);
         }
-        self.state.stopped();
-        self.state.wanted = Some(*configuration);
+        self.state.wants(configuration);
         self.identify().await?;
         self.write_asleep(configuration).await?;
         let config = configuration.config(false).to_bits();
         self.write_verified(Register::Config, config).await?;
-        self.state.started(*configuration);
+        self.state.started(configuration);
         self.verify().await?;
         Ok(())
     }
@@ -169,7 +168,7 @@ impl<I2C: I2c> Ldc161x<I2C> {
         self.state.stopped();
         self.write_verified(Register::Config, configuration.config(false).to_bits())
             .await?;
-        self.state.started(configuration);
+        self.state.started(&configuration);
         self.verify().await?;
         Ok(())
     }

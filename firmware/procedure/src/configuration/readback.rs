@@ -7,6 +7,7 @@ use palpate_wire::command::{
 use palpate_wire::{Command, Record, configuration_crc};
 
 use super::{Configuration, Curve, SetStiffening};
+use crate::list::gathered;
 
 /// Chunks of the longest curve.
 const MOST_CHUNKS: usize = (palpate_wire::command::MAX_KNOTS as usize).div_ceil(KNOTS_PER_CHUNK);
@@ -111,7 +112,7 @@ impl Configuration {
             total,
             first,
             rise_uncertainty: *uncertainty,
-            knots: knots.collect(),
+            knots: gathered(knots),
         }))
     }
 }
@@ -140,6 +141,6 @@ fn deformation_chunk(curve: &Curve, sensor: u8, channel: u8, chunk: usize) -> Op
         channel,
         total,
         first,
-        knots: knots.collect(),
+        knots: gathered(knots),
     }))
 }
