@@ -5,6 +5,38 @@ use core::sync::atomic::{AtomicI32, AtomicU32, Ordering};
 /// Periods whose currents are kept as one sum.
 pub const BLOCK: u32 = 16;
 
+/// A moment: so many periods since the start, which wrap, and so many sixteenths of the next one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Moment {
+    /// Whole periods.
+    pub periods: u32,
+    /// Below 16.
+    pub sixteenths: u32,
+}
+
+impl Moment {
+    /// So many sixteenths of a period after the end of one.
+    #[must_use]
+    pub const fn after(periods: u32, sixteenths: i32) -> Self {
+        Self {
+            periods: periods.wrapping_add_signed(sixteenths >> 4),
+            sixteenths: (sixteenths & 15) as u32,
+        }
+    }
+
+    /// Sixteenths since an earlier one.
+    const fn since(self, earlier: Self) -> u32 {
+        let periods = self.periods.wrapping_sub(earlier.periods);
+        (periods.wrapping_mul(16) + self.sixteenths).wrapping_sub(earlier.sixteenths)
+    }
+}
+
+impl From<u32> for Moment {
+    fn from(periods: u32) -> Self {
+        Self::after(periods, 0)
+    }
+}
+
 /// The measured current of the last `N` blocks, as running sums: written by the control interrupt,
 /// read by anybody, without a lock.
 ///
@@ -107,26 +139,30 @@ impl<const N: usize> Averages<N> {
 
     /// The same for the current itself, whose whole blocks need not be asked one by one: what lies
     /// between two moments is what was summed up to the one less what was up to the other.
-    fn mean(&self, from: u32, to: u32) -> Option<f32> {
-        let now = self.kept(from, to)?;
-        let until = |moment: u32| {
-            let end = Self::whole(moment, now);
+    fn mean(&self, from: Moment, to: Moment) -> Option<f32> {
+        let length = to.since(from);
+        let now = self.kept(
+            from.periods,
+            to.periods.wrapping_add(u32::from(length < 16)),
+        )?;
+        let until = |moment: Moment| {
+            let end = Self::whole(moment.periods, now);
             let begin = end.wrapping_sub(BLOCK);
             let before = self.sum(begin);
             let block = self.sum(end).wrapping_sub(before);
-            // Of the block, in parts of a period's share.
-            let parts = i64::from(block) * i64::from(moment.wrapping_sub(begin));
+            // Of the block, in sixteenths of a period's share.
+            let parts = i64::from(block) * i64::from(moment.since(begin.into()));
             (before, parts)
         };
         let ((first, first_parts), (last, last_parts)) = (until(from), until(to));
-        let between = i64::from(last.wrapping_sub(first)) * i64::from(BLOCK);
+        let between = i64::from(last.wrapping_sub(first)) * i64::from(16 * BLOCK);
         let sum = (between + last_parts - first_parts) as f32 / BLOCK as f32;
-        Some(sum / to.wrapping_sub(from) as f32)
+        (length > 0).then(|| sum / length as f32)
     }
 
     /// Mean current between two moments, A.
     #[must_use]
-    pub fn mean_a(&self, from: u32, to: u32, hardware: &crate::Hardware) -> Option<f32> {
+    pub fn mean_a(&self, from: Moment, to: Moment, hardware: &crate::Hardware) -> Option<f32> {
         let unit_a = hardware.ampere_per_unit();
         Some(self.mean(from, to)? * unit_a)
     }
@@ -164,7 +200,7 @@ mod tests {
     fn both_means(averages: &Averages<64>, from: u32, to: u32) -> [f32; 2] {
         [
             averages.mean_of(from, to, |units| units).unwrap(),
-            averages.mean(from, to).unwrap(),
+            averages.mean(from.into(), to.into()).unwrap(),
         ]
     }
 
@@ -178,6 +214,33 @@ mod tests {
                 assert!((mean - exact).abs() < 0.2, "{from}..{to}: {mean} {exact}");
             }
         }
+    }
+
+    #[test]
+    fn a_window_may_begin_and_end_within_a_period() {
+        let averages = ramp(1_000);
+        for (from, to) in [(5_121_i32, 8_007), (5_120, 5_121), (8_000, 8_015)] {
+            let [begin, end] = [from, to].map(|at| Moment::after(0, at));
+            let mean = averages.mean(begin, end).unwrap();
+            let exact = 99.5 + (from + to) as f32 / 32.0;
+            // Half a block of slope, for a window within one.
+            assert!((mean - exact).abs() < 8.0, "{from}..{to}: {mean} {exact}");
+        }
+        let [early, late] = [-7, 9].map(|by| {
+            let at = |place: i32| Moment::after(0, place + by);
+            averages.mean(at(5_120), at(10_240)).unwrap()
+        });
+        assert!(
+            (late - early - 1.0).abs() < 1e-3,
+            "a period apart: {early} {late}"
+        );
+        assert_eq!(
+            Moment::after(3, -1),
+            Moment {
+                periods: 2,
+                sixteenths: 15
+            }
+        );
     }
 
     #[test]
@@ -198,7 +261,10 @@ mod tests {
         assert_eq!(both_means(&averages, 992, 1_004), [100.0 + 976.0 + 7.5; 2]);
         for (from, to) in [(992, 1_016), (900, 900), (0, 100)] {
             assert!(averages.mean_of(from, to, |units| units).is_none());
-            assert!(averages.mean(from, to).is_none(), "{from} {to}");
+            assert!(
+                averages.mean(from.into(), to.into()).is_none(),
+                "{from} {to}"
+            );
         }
     }
 

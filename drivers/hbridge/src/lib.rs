@@ -22,7 +22,7 @@ mod trace;
 mod watch;
 mod waveform;
 
-pub use averages::{Averages, BLOCK};
+pub use averages::{Averages, BLOCK, Moment};
 pub use correction::Correction;
 pub use drive::{Drive, Order, Report, State};
 pub use fault::{Fault, Refusal};

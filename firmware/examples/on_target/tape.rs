@@ -154,8 +154,10 @@ pub fn sum(actions: &Actions) -> u32 {
     for action in actions {
         match action {
             Action::SafeState => sum.word(1),
-            Action::Current { to, over } => {
+            Action::Current { at, from, to, over } => {
                 sum.word(2);
+                sum.word(at.as_ticks() as u32);
+                sum.number(from.0);
                 sum.number(to.0);
                 sum.word(over.as_ticks() as u32);
             }

@@ -11,8 +11,13 @@ use crate::time::{Duration, Instant};
 pub enum Action {
     /// Bridge off, before anything else.
     SafeState,
-    /// The coil's current goes in a straight line from where it is to `to`, and stays there.
+    /// The coil's current goes in a straight line to `from`, where it is at `at`, and from there in
+    /// another to `to`, where it stays. Where `at` has passed it goes to `to` from wherever it is.
     Current {
+        /// When the line begins.
+        at: Instant,
+        /// Where it begins.
+        from: Ampere,
         /// Where it goes.
         to: Ampere,
         /// How long that takes.

@@ -71,30 +71,78 @@ pub(crate) enum Leg {
     Done,
 }
 
+/// A straight line of the current that is to begin at a moment, from where the current is to be
+/// then.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Line {
+    pub(crate) at: Instant,
+    pub(crate) from: Ampere,
+    pub(crate) to: Ampere,
+    pub(crate) over: Duration,
+}
+
+/// A fall, the one under way or the last.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Fall {
+    ramp: u8,
+    since: Instant,
+    until: Instant,
+}
+
 /// The train under way.
+///
+/// A leg is told ahead of the moment at which it begins, so that this does not depend on how long
+/// it takes to tell: with a processor that has much to do it is most of a millisecond, and a fall
+/// that begins half a millisecond later against its conversions than the calibration's did makes
+/// two per cent of a hard load, by an elastomer that follows the current five milliseconds late.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Train {
     course: Course,
     leg: Leg,
-    /// When the leg began.
+    /// When the leg begins or began.
     since: Instant,
     /// Ramps that have been completed.
     completed: u8,
+    fall: Option<Fall>,
+    /// End of the last conversion.
+    converted: Option<Instant>,
+    /// From one conversion's end to the next.
+    interval: Duration,
 }
 
-/// A current to be set.
-pub(crate) type Line = (Ampere, Duration);
+/// From the telling of a leg to its beginning, at least. On the board, from the end of a conversion:
+/// 0.3 ms to read it, 0.2 ms until the procedure gets it, and half a millisecond until it has told
+/// (docs/evidence/image-cost.md).
+const LEAD: Duration = Duration::from_ticks(1_500);
+
+/// From the telling of the train to its first rise. Before it tells, the procedure reckons what the
+/// coil's temperature would become, for more than a millisecond.
+const FIRST_LEAD: Duration = Duration::from_ticks(5_000);
+
+/// A leg begins by so much before the end of a conversion, so that the next lies within it as a
+/// whole: times are told within 2 us, and the bridge begins a line with a period of its own, 16 us.
+const MARGIN: Duration = Duration::from_ticks(20);
 
 impl Train {
     /// Begins with the first rise.
     pub(crate) fn start(course: Course, now: Instant) -> (Self, Line) {
+        let since = after(now, FIRST_LEAD);
         let train = Self {
             course,
             leg: Leg::Rise,
-            since: now,
+            since,
             completed: 0,
+            fall: None,
+            converted: None,
+            interval: Duration::from_ticks(course.half_conversion.as_ticks() * 2),
         };
-        (train, (course.peak, course.rise))
+        let rise = Line {
+            at: since,
+            from: Ampere(0.0),
+            to: course.peak,
+            over: course.rise,
+        };
+        (train, rise)
     }
 
     pub(crate) const fn course(&self) -> &Course {
@@ -133,8 +181,35 @@ impl Train {
         }
     }
 
-    /// Goes on to the next leg with the conversion that is nearest to the end of the one under way,
-    /// and tells the current to set.
+    /// Takes a conversion.
+    pub(crate) fn convert(&mut self, middle: Instant, window: Duration) {
+        let end = after(middle, Duration::from_ticks(window.as_ticks() / 2));
+        let usual = self.course.half_conversion.as_ticks() * 2;
+        if let Some(last) = self.converted.replace(end) {
+            let passed = between(last, end);
+            // Not across a gap.
+            if passed.as_ticks() < usual + usual / 2 {
+                self.interval = passed;
+            }
+        }
+    }
+
+    /// The end of the first conversion that leaves enough time to tell a leg.
+    fn next_begin(&self, now: Instant) -> Instant {
+        let Some(end) = self.converted else {
+            return now;
+        };
+        let interval = self.interval.as_ticks().max(1);
+        let ahead = LEAD.as_ticks().div_ceil(interval) * interval;
+        after(
+            end,
+            Duration::from_ticks(ahead.saturating_sub(MARGIN.as_ticks())),
+        )
+        .max(now)
+    }
+
+    /// Goes on to the next leg at the end of the conversion that is nearest to the end of the one
+    /// under way, and tells the current to set.
     ///
     /// Conversions then lie at the same places on every fall, whatever else happens meanwhile, and
     /// what lags behind the current does so alike on all. The first one at or after the end would
@@ -142,7 +217,12 @@ impl Train {
     /// 0.9993 ms are just less than 10 ms.
     pub(crate) fn advance(&mut self, now: Instant) -> Option<Line> {
         let ends = self.ends();
-        if self.leg == Leg::Done || after(now, self.early()) < ends {
+        // The rise and the way to zero end by themselves: nothing is to be told ahead.
+        let at = match self.leg {
+            Leg::Hold | Leg::Fall => self.next_begin(now),
+            Leg::Rise | Leg::Down | Leg::Done => now,
+        };
+        if self.leg == Leg::Done || after(at, self.early()) < ends {
             return None;
         }
         let Course {
@@ -153,34 +233,47 @@ impl Train {
             ramps,
             ..
         } = self.course;
-        let (leg, line) = match self.leg {
+        let from = self.wanted(at).unwrap_or(peak);
+        let (leg, to, over) = match self.leg {
             Leg::Rise => {
                 // Nothing is set here, so the hold begins when the rise has ended.
                 (self.leg, self.since) = (Leg::Hold, ends);
                 return None;
             }
-            Leg::Hold => (Leg::Fall, Some((end, fall))),
+            Leg::Hold => {
+                self.fall = Some(Fall {
+                    ramp: self.completed,
+                    since: at,
+                    until: after(at, fall),
+                });
+                (Leg::Fall, end, fall)
+            }
             Leg::Fall => {
+                if let Some(fall) = &mut self.fall {
+                    fall.until = fall.until.min(at);
+                }
                 self.completed = self.completed.saturating_add(1);
                 if self.completed < ramps {
-                    (Leg::Rise, Some((peak, rise)))
+                    (Leg::Rise, peak, rise)
                 } else {
-                    (Leg::Down, Some((Ampere(0.0), rise)))
+                    (Leg::Down, Ampere(0.0), rise)
                 }
             }
-            Leg::Down | Leg::Done => (Leg::Done, None),
+            Leg::Down | Leg::Done => {
+                self.leg = Leg::Done;
+                return None;
+            }
         };
-        self.leg = leg;
-        self.since = now;
-        line
+        (self.leg, self.since) = (leg, at);
+        Some(Line { at, from, to, over })
     }
 
-    /// Whether a conversion lay within the fall under way as a whole.
-    pub(crate) fn falls_through(&self, middle: Instant, window: Duration) -> bool {
+    /// The ramp in whose fall a conversion lay as a whole, from 0.
+    pub(crate) fn ramp_of(&self, middle: Instant, window: Duration) -> Option<u8> {
         let half = Duration::from_ticks(window.as_ticks() / 2);
-        self.leg == Leg::Fall
-            && between(self.since, middle) >= half
-            && after(middle, half) <= self.ends()
+        let Fall { ramp, since, until } = self.fall?;
+        let within = between(since, middle) >= half && after(middle, half) <= until;
+        within.then_some(ramp)
     }
 
     /// Whether the leg under way had begun at a moment.

@@ -63,7 +63,10 @@ fn a_drift_of_the_kind_that_is_set_does_not_count() {
         (Drift::Exponential, |time_s| {
             1.0 - (-time_s / 0.5).exp() + 0.5 * time_s
         }),
-        (Drift::SawTooth, |time_s| time_s / 0.1 % 1.0 + 0.5 * time_s),
+        // From ramp to ramp, the first of which rises 5 ms after it has been told.
+        (Drift::SawTooth, |time_s| {
+            (time_s - 0.005) / 0.1 % 1.0 + 0.5 * time_s
+        }),
     ];
     for (drift, shape) in shapes {
         for ratio in [0.2, 1.0, 5.0] {

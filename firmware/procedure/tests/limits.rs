@@ -55,28 +55,6 @@ proptest! {
     }
 }
 
-/// The load turns rigid and is pressed anew within the ramps: a stiffness has its lower bound still,
-/// the points of the load's curve would be uncertain by metres. `promises` would see them.
-#[test]
-fn a_curve_beyond_what_the_protocol_holds_is_not_told() {
-    let mut rig = start();
-    for of in [
-        Move::Convert(251),
-        Move::Load(1e9),
-        Move::Convert(28),
-        Move::Press(3e-4),
-        Move::Convert(63),
-    ] {
-        carry_out(&mut rig, &of);
-    }
-    let estimate = rig.last(|record| match record {
-        Record::Estimate(estimate) => Some(estimate.clone()),
-        _ => None,
-    });
-    assert_eq!(estimate.load_points, 0, "{estimate:?}");
-    assert_eq!(estimate.tangent_n_per_m, None, "{estimate:?}");
-}
-
 #[test]
 fn twenty_thousand_moves_from_fixed_seeds_reach_everything() {
     let mut states = BTreeSet::new();

@@ -2,7 +2,7 @@
 
 mod support;
 
-use palpate_procedure::{Action, Actions};
+use palpate_procedure::{Action, Actions, Instant};
 use palpate_wire::code::{Mode, Outcome, State};
 use palpate_wire::{Command, Record};
 use support::calibration::settings;
@@ -72,20 +72,26 @@ fn the_train_rises_falls_and_ends_at_zero() {
         }
         for action in rig.convert() {
             match action {
-                Action::Current { to, over } => {
+                Action::Current { at, from, to, over } => {
                     if lines.is_empty() {
-                        began_us = rig.now_us;
+                        began_us = at.as_ticks();
                     }
-                    lines.push((to.0, over.as_ticks()));
+                    // Every line begins where the one before has led, in time or to its end.
+                    lines.push((from.0, to.0, over.as_ticks()));
                 }
                 Action::SafeState => off_at = Some(lines.len()),
                 _ => {}
             }
         }
     }
-    let mut expected = [(10.0, 10_000), (0.0, 60_000)].repeat(12);
-    expected.push((0.0, 10_000));
-    assert_eq!(lines, expected);
+    let mut expected = [(0.0, 10.0, 10_000), (10.0, 0.0, 60_000)].repeat(12);
+    expected.push((0.0, 0.0, 10_000));
+    assert_eq!(lines.len(), expected.len());
+    for (line, expected) in lines.iter().zip(expected) {
+        assert_eq!((line.1, line.2), (expected.1, expected.2));
+        // A fall may end half a conversion early, 1/120 of its way.
+        assert!((line.0 - expected.0).abs() < 0.1, "{line:?}");
+    }
     assert_eq!(off_at, Some(25), "the bridge goes off after the way down");
     // Twelve periods of 0.1 s and the way down; every leg may begin a conversion late.
     let took_us = rig.now_us - began_us;
@@ -119,6 +125,33 @@ fn every_ramp_begins_with_the_conversion_that_is_nearest_to_its_time() {
     assert_eq!(begun_us.len(), 12);
     for pair in begun_us.windows(2) {
         assert_eq!(pair[1] - pair[0], 100 * 999);
+    }
+}
+
+#[test]
+fn a_fall_begins_with_a_conversion_however_late_the_last_was_told() {
+    for late_us in [0, 300, 900] {
+        let mut rig = Rig::touched();
+        rig.accepted(Command::Measure);
+        let mut falls = 0;
+        for _ in 0..2_000 {
+            let mut end_us = 0;
+            let actions = rig.convert_with(|scan| {
+                scan.middle = Instant::from_ticks(scan.middle.as_ticks() - late_us);
+                end_us = scan.middle.as_ticks() + scan.window.as_ticks() / 2;
+            });
+            for action in actions {
+                if let Action::Current { at, from, over, .. } = action
+                    && over.as_ticks() == 60_000
+                {
+                    falls += 1;
+                    assert_eq!(from.0, 10.0);
+                    // Two conversions of a millisecond on, and a little before the end.
+                    assert_eq!(at.as_ticks() - end_us, 2_000 - 20, "{late_us}");
+                }
+            }
+        }
+        assert_eq!(falls, 12);
     }
 }
 

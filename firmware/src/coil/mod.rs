@@ -6,7 +6,7 @@ pub mod precedence;
 
 use core::cell::RefCell;
 
-use coil_hbridge::{Correction, Fault, Findings, Refusal, State, Supervisor};
+use coil_hbridge::{Correction, Fault, Findings, Moment, Refusal, State, Supervisor, Waveform};
 use critical_section::Mutex;
 use palpate_procedure::event::Failure;
 use palpate_wire::code::{FaultCode, Place};
@@ -51,8 +51,8 @@ struct Coil {
     looks: u8,
     /// Looks since the bridge went off.
     off: u16,
-    /// A line that waits for the test: to, over.
-    pending: Option<(f32, f32)>,
+    /// A course that waits for the test.
+    pending: Option<Course>,
     was: State,
     failure: Option<Failure>,
     found: Option<CoilTest>,
@@ -106,9 +106,22 @@ pub fn start() {
     });
 }
 
-/// Lets the current go from where it is to another value, in a straight line.
-pub fn go(now_us: u64, to_a: f32, over_us: u64) {
-    with(|coil| coil.go(now_us, to_a, over_us as f32 * 1e-6));
+/// A course of the current.
+#[derive(Clone, Copy)]
+pub struct Course {
+    /// Until when it goes to `from_a`; once that has passed, it does not.
+    pub at_us: u64,
+    /// Where it is then, A.
+    pub from_a: f32,
+    /// Where it goes from there, A.
+    pub to_a: f32,
+    /// In which time, s.
+    pub over_s: f32,
+}
+
+/// Lets the current take a course from where it is.
+pub fn go(now_us: u64, course: &Course) {
+    with(|coil| coil.go(now_us, course));
 }
 
 /// Tests bridge, coil and current measurement.
@@ -196,10 +209,18 @@ pub fn mean_current_a(from_us: u64, to_us: u64) -> Option<f32> {
     if from >= to_us {
         return Some(0.0);
     }
+    // A sixteenth of a period is a microsecond.
+    const { assert!(PERIOD_US == 16) };
     // Together: a task that came between would shift the window by as long as it runs.
-    let (now_us, now) = critical_section::with(|_| (Mono::now().as_ticks(), AVERAGES.now()));
-    let ago = |time_us: u64| (now_us.saturating_sub(time_us) / u64::from(PERIOD_US)) as u32;
-    let (begin, end) = (now.wrapping_sub(ago(from)), now.wrapping_sub(ago(to_us)));
+    let (now_us, last, ended_us) = critical_section::with(|_| {
+        let (last, ended_us) = period::last();
+        (Mono::now().as_ticks(), last, ended_us)
+    });
+    let at = |time_us: u64| {
+        let ago_us = now_us.saturating_sub(time_us) as i32 - ended_us;
+        Moment::after(last, -ago_us)
+    };
+    let (begin, end) = (at(from), at(to_us));
     if begin == end {
         return Some(0.0);
     }
@@ -280,16 +301,17 @@ impl Coil {
         Some((at_us, trace))
     }
 
-    fn go(&mut self, now_us: u64, to_a: f32, over_s: f32) {
+    fn go(&mut self, now_us: u64, course: &Course) {
         self.wake(now_us);
         let Some(report) = held(|drive| drive.report()) else {
             return;
         };
-        match self.supervisor.go(&report, to_a, over_s) {
+        let order = waveform(course).and_then(|course| self.supervisor.run(&report, &course));
+        match order {
             Ok(order) => obey(&order),
-            Err(Refusal::Testing) => self.pending = Some((to_a, over_s)),
+            Err(Refusal::Testing) => self.pending = Some(*course),
             Err(Refusal::NotTested) => {
-                self.pending = Some((to_a, over_s));
+                self.pending = Some(*course);
                 self.test(now_us);
             }
             Err(refusal) => self.refused(&refusal),
@@ -381,8 +403,8 @@ impl Coil {
                 if tested && before != state {
                     self.tested();
                 }
-                if let (true, Some((to_a, over_s))) = (tested, self.pending.take()) {
-                    return self.go(now_us, to_a, over_s);
+                if let (true, Some(course)) = (tested, self.pending.take()) {
+                    return self.go(now_us, &course);
                 }
                 self.watch_the_rest(now_us, tested);
             }
@@ -415,7 +437,8 @@ impl Coil {
         };
         if tested && self.off > DEAD_AFTER {
             let now = AVERAGES.now();
-            let flows_a = AVERAGES.mean_a(now.wrapping_sub(32), now, &HARDWARE);
+            let since = now.wrapping_sub(32);
+            let flows_a = AVERAGES.mean_a(since.into(), now.into(), &HARDWARE);
             if flows_a.is_some_and(|flows_a| flows_a.abs() > UNWANTED_A) {
                 self.fails(FaultCode::CurrentUnwanted, flows_a);
             }
@@ -426,6 +449,18 @@ impl Coil {
             self.looked_us = now_us;
         }
     }
+}
+
+/// A course from now on. It is asked for late in a step that may have taken a millisecond.
+fn waveform(course: &Course) -> Result<Waveform, Refusal> {
+    let ahead_us = course.at_us.saturating_sub(Mono::now().as_ticks());
+    let waveform = Waveform::new();
+    let waveform = if ahead_us > 0 {
+        waveform.line(course.from_a, ahead_us as f32 * 1e-6)?
+    } else {
+        waveform
+    };
+    waveform.line(course.to_a, course.over_s)
 }
 
 /// The drive's fault as the protocol has it.

@@ -16,7 +16,7 @@ use coil_hbridge::{Averages, Drive, Order, Output, Trace};
 use cortex_m::peripheral::NVIC;
 use rp2040_pac::{ADC, DMA, Interrupt, PWM};
 
-use super::limits::FULL_LEVEL;
+use super::limits::{FULL_LEVEL, PERIOD_US};
 use super::precedence;
 use crate::board::pico::{self, Function};
 use crate::safe;
@@ -150,6 +150,29 @@ pub fn run(on: bool) {
         pwm.inte().write(|w| w.bits(u32::from(on) << CONTROL_SLICE));
     }
     precedence::set_on(on);
+}
+
+/// The number of the last period in [`AVERAGES`], and how long ago it ended, us.
+///
+/// Its two samples, at the beginning and in the middle of a period of the bridge, are the current of
+/// the moment between them, which is the mean over a period about that moment: to two microseconds
+/// after the interrupt was called.
+pub fn last() -> (u32, i32) {
+    const CYCLES_PER_US: u32 = CYCLES / PERIOD_US;
+    const AFTER_CALL_US: i32 = 2;
+    let read = || {
+        let periods = AVERAGES.now();
+        // SAFETY: a register is read.
+        let count = unsafe { (*PWM::ptr()).ch(CONTROL_SLICE).ctr().read().bits() };
+        (periods, (count / CYCLES_PER_US) as i32 - AFTER_CALL_US)
+    };
+    let first = read();
+    // Where the interrupt came between, it does not come again so soon.
+    if AVERAGES.now() == first.0 {
+        first
+    } else {
+        read()
+    }
 }
 
 /// The drive, with the interrupt held back for a microsecond: for a report, or for an order that

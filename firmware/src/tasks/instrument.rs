@@ -219,7 +219,15 @@ impl Instrument {
         for action in &self.actions {
             match action {
                 Action::SafeState => coil::stop(),
-                Action::Current { to, over } => coil::go(now_us, to.0, over.as_ticks()),
+                Action::Current { at, from, to, over } => {
+                    let course = coil::Course {
+                        at_us: at.as_ticks(),
+                        from_a: from.0,
+                        to_a: to.0,
+                        over_s: over.as_ticks() as f32 * 1e-6,
+                    };
+                    coil::go(now_us, &course);
+                }
                 Action::TestCoil => coil::test(now_us),
                 Action::TraceCurrent { interval } => coil::trace(now_us, interval.0),
                 Action::CorrectCurrent(correction) => coil::correct(correction),

@@ -54,6 +54,12 @@ pub fn default_settings() -> palpate_wire::command::Settings {
     palpate_procedure::configuration::DEFAULT_SETTINGS
 }
 
+/// How much later than told a drive's current takes a line: an order waits for its period, the law
+/// for two, and for eight while the current is on its course. In what the image tells of ramps of 0.17
+/// A/ms, on the sensors of seeds 1 to 8 without disturbances, a fall's knee is 86 to 147 us late, 112
+/// on average. An elastomer that lags behind the current makes half a per cent of a hard load of it.
+const RESPONSE: Time = Time::from_us(112);
+
 /// CLKIN for one channel (shared pin plan: 120 MHz divided by 4).
 const SINGLE_CLKIN_HZ: u32 = 30_000_000;
 /// CLKIN for several: 120 MHz divided by 3.
@@ -315,14 +321,24 @@ impl<'a> VirtualBoard<'a> {
 
     /// A drive leads its measured current along the line, for it knows no other: the measurement's
     /// errors bend the true one.
-    fn follow_line(&self, to_a: f64, over: Time) {
-        let from_a = self.measured_a(self.hardware.world.borrow().truth().current_a);
-        // From where it is, which a supply may have kept from where it was led.
+    ///
+    /// `until` says how long it takes to where the line begins, and where that is; without it the
+    /// line begins now.
+    fn follow_line(&self, until: Option<(Time, f64)>, to_a: f64, over: Time) {
+        let (begin, from_a) = until.unwrap_or_else(|| {
+            // From where it is, which a supply may have kept from where it was led.
+            let now_a = self.hardware.world.borrow().truth().current_a;
+            (Time::ZERO, self.measured_a(now_a))
+        });
+        let begin = begin + RESPONSE;
         let points: Vec<(Time, f64)> = (0..=PIECES)
             .map(|piece| {
                 let part = f64::from(piece) / f64::from(PIECES);
                 let time = Time::from_ps(over.as_ps() / u64::from(PIECES) * u64::from(piece));
-                (time, self.flowing_a(from_a + part * (to_a - from_a)))
+                (
+                    begin + time,
+                    self.flowing_a(from_a + part * (to_a - from_a)),
+                )
             })
             .collect();
         self.hardware.world.borrow_mut().follow_current(&points);
@@ -397,9 +413,11 @@ impl<'a> VirtualBoard<'a> {
         for action in actions {
             match action {
                 Action::SafeState => self.hardware.world.borrow_mut().set_current(0.0),
-                Action::Current { to, over } => {
+                Action::Current { at, from, to, over } => {
+                    let ahead = at.as_ticks().saturating_sub(micros(self.now()));
+                    let until = (ahead > 0).then(|| (Time::from_us(ahead), from.0.into()));
                     let over = Time::from_us(over.as_ticks());
-                    self.follow_line(to.0.into(), over);
+                    self.follow_line(until, to.0.into(), over);
                 }
                 // An ideal source of current: there is nothing to find.
                 Action::TestCoil => {

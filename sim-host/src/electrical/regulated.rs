@@ -184,7 +184,9 @@ impl Regulated {
     /// The measured mean current from one period to another, A.
     #[must_use]
     pub fn told_a(&self, from: u32, to: u32) -> Option<f64> {
-        let mean_a = self.averages.mean_a(from, to, self.supervisor.hardware());
+        let mean_a = self
+            .averages
+            .mean_a(from.into(), to.into(), self.supervisor.hardware());
         mean_a.map(f64::from)
     }
 

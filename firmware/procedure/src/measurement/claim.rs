@@ -334,3 +334,56 @@ fn reason(refusal: NoFit) -> Reason {
 fn root_of_rest(whole: f32, part: f32) -> f32 {
     sqrt((whole * whole - part * part).max(0.0))
 }
+
+#[cfg(test)]
+mod tests {
+    use palpate_model::ramp::{Basis, Noise, Ramp, Sample};
+    use palpate_model::units::Second;
+
+    use super::*;
+
+    /// The curve of three equal springs, of which the single ramps disagree by a factor.
+    fn curve(scatter: f32) -> LoadCurve {
+        let deformation = Metre(0.3e-3);
+        let reference = Reference::new(deformation, 1.0).unwrap();
+        let mut ramp = Ramp::new(reference, Basis::LINEAR);
+        for i in 0..100_u8 {
+            let h = -0.03 * (1.0 - f32::from(i) / 99.0);
+            let sample = Sample {
+                time: Second(0.0),
+                deformation: Metre(-0.3e-3 * h / (3.0 + h)),
+                regressor: h,
+                sigma: Metre(30e-9),
+            };
+            ramp.push(&sample).unwrap();
+        }
+        let fit = ramp.fit(Noise::Larger).unwrap();
+        LoadCurve {
+            total: fit.total_displacement(),
+            fit,
+            sensing: NewtonPerMetre(6e3),
+            regressors: (-0.03, 0.0),
+            middle: Newton(1.8),
+            of_calibration: 0.05,
+            scatter,
+            points: 16,
+        }
+    }
+
+    /// A press that changes within the ramps leaves a stiffness, if only a lower bound, and points
+    /// that are uncertain by metres. Such were found by random sequences.
+    #[test]
+    fn a_curve_beyond_what_the_protocol_holds_is_not_told() {
+        assert!(curve(1.0).can_be_told(1));
+        assert!(curve(1e3).can_be_told(1));
+        assert!(!curve(1e9).can_be_told(1));
+        let points = 0;
+        assert!(
+            LoadCurve {
+                points,
+                ..curve(1e9)
+            }
+            .can_be_told(1)
+        );
+    }
+}

@@ -15,7 +15,7 @@ use crate::configuration::Calibrated;
 use crate::deformation::Felt;
 use crate::event::{Failure, Scan};
 use crate::heat::Heat;
-use crate::time::{Instant, in_seconds, seconds, span};
+use crate::time::{Duration, Instant, after, in_seconds, seconds, span};
 use crate::train::{Course, Leg, Line, Train};
 pub(crate) use claim::{Outcome, Report};
 use ramps::{Ramps, TwoStates};
@@ -74,15 +74,16 @@ impl Drive {
     pub(crate) fn start(settings: &Settings, limits: &Limits, now: Instant) -> (Self, Line) {
         let course = Course::new(settings);
         let (train, line) = Train::start(course, now);
+        let began = line.at;
         // Every leg begins with the conversion nearest to the end of the one before: a tenth of a
         // second late is a scheduler that has failed.
         let slack = span(0.1).as_ticks() * (u64::from(course.ramps) * 3 + 3);
         let allowed = course.duration().as_ticks() + slack;
         let allowed = allowed.min(span(limits.on_time_s).as_ticks());
-        let deadline = Instant::from_ticks(now.as_ticks().saturating_add(allowed));
+        let deadline = Instant::from_ticks(began.as_ticks().saturating_add(allowed));
         let drive = Self {
             train,
-            began: now,
+            began,
             deadline,
         };
         (drive, line)
@@ -90,6 +91,13 @@ impl Drive {
 
     pub(crate) const fn train(&self) -> &Train {
         &self.train
+    }
+
+    /// From which the samples' times count: the middle of the first rise, so that a drift that
+    /// starts anew with every ramp does so in the middle of a rise, far from any sample.
+    fn origin(&self) -> Instant {
+        let half = Duration::from_ticks(self.train.course().rise.as_ticks() / 2);
+        after(self.began, half)
     }
 
     /// Time goes on; `converted` says that a conversion has ended now.
@@ -110,11 +118,12 @@ impl Drive {
 
     /// A scan: whether heat and current are as they should be.
     pub(crate) fn check(
-        &self,
+        &mut self,
         scan: &Scan,
         settings: &Settings,
         heat: &Heat,
     ) -> Result<(), Progress> {
+        self.train.convert(scan.middle, scan.window);
         if let Some(failure) = check_heat(settings, heat) {
             return Err(Progress::Failed(failure));
         }
@@ -245,22 +254,28 @@ impl Measurement {
             let deepest = metres(self.calibrated.deepest);
             return refuse((RefusalReason::PressedTooFar, Some(deformation), deepest));
         }
-        if self.drive.train.falls_through(scan.middle, scan.window)
+        if let Some(ramp) = self.drive.train.ramp_of(scan.middle, scan.window)
             && let Some(current) = scan.acting_current()
         {
-            self.take(scan, &felt, current, settings);
+            self.take(scan, &felt, (ramp, current), settings);
         }
         Ok(())
     }
 
-    /// Takes a sample of a fall into the sums.
-    fn take(&mut self, scan: &Scan, felt: &Felt, current: Ampere, settings: &Settings) {
+    /// Takes a sample of a ramp's fall into the sums.
+    fn take(
+        &mut self,
+        scan: &Scan,
+        felt: &Felt,
+        (ramp, current): (u8, Ampere),
+        settings: &Settings,
+    ) {
         let law = &self.calibrated.law;
-        let (began, touched) = (self.drive.began, self.touched);
+        let origin = self.drive.origin();
         if self.ramps.is_none() {
             let sensing = NewtonPerMetre(self.calibrated.springs.sensing_n_per_m);
             let actuated_ratio = law.reference_ratio(sensing);
-            let since_touch = seconds(touched, began);
+            let since_touch = seconds(self.touched, origin);
             let drift = ramps::drift(settings, since_touch, self.drive.train.course());
             self.ramps = Ramps::new(felt.deformation, actuated_ratio, drift);
         }
@@ -272,15 +287,14 @@ impl Measurement {
         let reference = ramps.reference();
         let pull = self.calibrated.pull(current);
         let sample = Sample {
-            time: seconds(began, scan.middle),
+            time: seconds(origin, scan.middle),
             deformation: felt.deformation - reference.deformation(),
             regressor: deviation(reference.regressor(), rise)
                 + attraction(pull, actuated, felt.deformation),
             sigma: felt.sigma,
         };
-        let completed = self.drive.train.completed();
-        ramps.push(&sample, completed);
-        if completed == 0 {
+        ramps.push(&sample, ramp);
+        if ramp == 0 {
             self.two_states.push(felt.deformation, actuated);
         }
     }

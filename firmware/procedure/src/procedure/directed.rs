@@ -10,6 +10,7 @@ use crate::action::Action;
 use crate::event::Failure;
 use crate::measurement::check_heat;
 use crate::time::{Duration, Instant, between, seconds, span};
+use crate::train::Line;
 
 /// From the PC's last word to the end of a current that it commanded.
 const SILENCE: Duration = Duration::from_ticks(100_000);
@@ -84,7 +85,14 @@ impl Procedure {
             let interval = Second(line.trace_interval_s);
             out.push(Action::TraceCurrent { interval });
         }
-        out.line((Ampere(line.to_a), span(line.over_s)));
+        let to = Ampere(line.to_a);
+        // At once, from wherever it is.
+        out.line(Line {
+            at: out.now,
+            from: to,
+            to,
+            over: span(line.over_s),
+        });
         Answer::Accepted
     }
 

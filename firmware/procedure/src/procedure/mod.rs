@@ -5,7 +5,7 @@ mod directed;
 mod faults;
 mod states;
 
-use palpate_model::units::{Ampere, Celsius, Hertz, Second};
+use palpate_model::units::{Celsius, Hertz, Second};
 use palpate_wire::Record;
 use palpate_wire::code::{FaultCode, Mode, Part, Place, State};
 use palpate_wire::record::{Hello, StateChange, Status};
@@ -19,6 +19,7 @@ use crate::heat::Heat;
 use crate::list::gathered;
 use crate::stream::{FeltScan, Streamer};
 use crate::time::{Duration, Instant, after, between, seconds, span};
+use crate::train::Line;
 use states::Phase;
 
 /// The longest time between two steps. Two tasks may tell their events in another order than they
@@ -397,8 +398,8 @@ impl Out<'_> {
         }
     }
 
-    fn line(&mut self, (to, over): (Ampere, Duration)) {
-        self.push(Action::Current { to, over });
+    fn line(&mut self, Line { at, from, to, over }: Line) {
+        self.push(Action::Current { at, from, to, over });
     }
 
     fn record(&mut self, record: Record) {

@@ -63,9 +63,11 @@ pub(crate) fn board() -> Board {
     }
 }
 
-/// The way of the coil's current: a straight line, then level.
+/// The way of the coil's current: a straight line to where another begins, that, then level.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Line {
+    told_a: f64,
+    told_us: u64,
     from_a: f64,
     to_a: f64,
     since_us: u64,
@@ -75,7 +77,11 @@ pub(crate) struct Line {
 impl Line {
     pub(crate) fn at(&self, time_us: u64) -> f64 {
         let gone = time_us.saturating_sub(self.since_us) as f64;
-        if gone < self.over_us as f64 {
+        if time_us < self.since_us {
+            let part =
+                time_us.saturating_sub(self.told_us) as f64 / (self.since_us - self.told_us) as f64;
+            self.told_a + (self.from_a - self.told_a) * part
+        } else if gone < self.over_us as f64 {
             self.from_a + (self.to_a - self.from_a) * gone / self.over_us as f64
         } else {
             self.to_a
@@ -230,11 +236,19 @@ impl Rig {
         for action in &actions {
             match action {
                 Action::SafeState => self.line = Line::default(),
-                Action::Current { to, over } => {
+                Action::Current { at, from, to, over } => {
+                    let (told_us, told_a) = (self.now_us, self.line.at(self.now_us));
+                    let since_us = at.as_ticks().max(told_us);
                     self.line = Line {
-                        from_a: self.line.at(self.now_us),
+                        told_a,
+                        told_us,
+                        from_a: if since_us > told_us {
+                            from.0.into()
+                        } else {
+                            told_a
+                        },
                         to_a: to.0.into(),
-                        since_us: self.now_us,
+                        since_us,
                         over_us: over.as_ticks(),
                     };
                 }
