@@ -105,8 +105,8 @@ fn the_image_finds_what_the_computer_finds() {
         // Of the line's slope, which is what is measured.
         let apart = (there - here) / (here + 1.0 + actuated_ratio);
         println!("{here:.5} and {there:.5}: {apart:+.2e} of the slope");
-        // 1e-4 where the current is told of the time at which it flowed: ten microseconds make 3e-4.
-        assert!(apart.abs() < 2.5e-4, "{here} {there} {apart:e}");
+        // 3e-4, which is what ten microseconds between the current as it is told and as it flowed make.
+        assert!(apart.abs() < 6e-4, "{here} {there} {apart:e}");
     }
 }
 

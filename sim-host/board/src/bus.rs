@@ -469,17 +469,14 @@ impl<P: Plant> Bus<P> {
     }
 
     fn tell_current(&mut self, now_ps: u64) {
-        let before_ps = std::mem::replace(&mut self.told_ps, now_ps);
+        self.told_ps = now_ps;
         if let Some((mean_a, ripple_a)) = self.coil.current_since() {
-            self.wire.chip.advance_to(Time::from_ps(now_ps));
-            // A mean is the current of the middle of its time; what the plant has between two such
-            // is between them too. Told of their ends it would be 16 us late, of which a hard load
-            // is two parts in a thousand harder.
-            let passed_ps = (now_ps - before_ps).min(TELLS_PS);
-            let middle = Time::from_ps(now_ps - passed_ps / 2);
+            let now = Time::from_ps(now_ps);
+            self.wire.chip.advance_to(now);
+            // The plant still stands where it was told the last time.
             let plant = self.wire.chip.sensors_mut();
             plant.set_current(mean_a, ripple_a);
-            plant.advance_to(middle);
+            plant.advance_to(now);
         }
         let idle = self.coil.is_idle(&self.bridge);
         if idle || (now_ps / TELLS_PS).is_multiple_of(TELLS_IN_A_LOOK) {

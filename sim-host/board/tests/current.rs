@@ -229,14 +229,12 @@ fn a_current_that_flows_with_the_bridge_off_is_told() {
     assert_eq!(told, Some(FaultCode::CurrentUnwanted));
 }
 
-/// Sensors that rest, and what they are told of the current, summed as a world does: what it was told at
-/// two moments is straight between them.
+/// Sensors that rest, and what they are told of the current, summed over the time for which it holds.
 #[derive(Clone)]
 struct Told {
     still: Still,
     now: Time,
     current_a: (f64, f64),
-    before_a: (f64, f64),
     charge_a_s: f64,
     square_a2_s: f64,
 }
@@ -249,16 +247,10 @@ impl Sensors for Told {
 
 impl Plant for Told {
     fn advance_to(&mut self, time: Time) {
+        let (mean_a, ripple_a) = self.current_a;
         let passed_s = (time.max(self.now) - self.now).as_secs_f64();
-        // Where nothing is driven it is told seldom, and was as it is since the last time.
-        let half_s = 0.5 * passed_s.min(32e-6);
-        for (since_s, (mean_a, ripple_a)) in
-            [(half_s, self.before_a), (passed_s - half_s, self.current_a)]
-        {
-            self.charge_a_s += mean_a * since_s;
-            self.square_a2_s += (mean_a * mean_a + ripple_a * ripple_a) * since_s;
-        }
-        self.before_a = self.current_a;
+        self.charge_a_s += mean_a * passed_s;
+        self.square_a2_s += (mean_a * mean_a + ripple_a * ripple_a) * passed_s;
         self.now = time;
     }
 
@@ -273,7 +265,6 @@ fn the_plant_gets_the_circuits_current_at_its_time_with_its_ripple() {
         still: Still::new([3e6; 4]),
         now: Time::ZERO,
         current_a: (0.0, 0.0),
-        before_a: (0.0, 0.0),
         charge_a_s: 0.0,
         square_a2_s: 0.0,
     };
@@ -293,10 +284,9 @@ fn the_plant_gets_the_circuits_current_at_its_time_with_its_ripple() {
         let now = bench.board.now();
         let circuit = *bench.board.circuit();
         let plant = bench.board.plant_mut();
-        // What has passed since it was told the last time, two periods of the bridge at most, and
-        // half of that: it gets a mean at the middle of its time.
+        // What has passed since it was told the last time, two periods of the bridge at most.
         let rest_s = (now - plant.now).as_secs_f64();
-        assert!((15e-6..56e-6).contains(&rest_s), "{rest_s}");
+        assert!(rest_s < 40e-6, "{rest_s}");
         let (mean_a, _) = plant.current_a;
         let totals = circuit.totals();
         let charge_a_s = totals.charge_a_s - mean_a * rest_s;
