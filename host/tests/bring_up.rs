@@ -9,8 +9,8 @@ use std::path::Path;
 use assert_cmd::Command;
 use ldc161x_sim::{
     ActiveWrite, BurstRead, ConfigReadback, Counter, Deglitch33, EarlyTermination, FlagRead,
-    InterruptRelease, Overhead, RcountMinimum, Settings, ShadowLatch, SleepExit, StatusReporting,
-    Switches, UnreadCleared,
+    InterruptRelease, Overhead, Overwrite, RcountMinimum, Settings, ShadowLatch, SleepExit,
+    StatusReporting, Switches, UnreadCleared,
 };
 use palpate_board::{Board, Image, Options, Still, Time, firmware};
 use serde::{Deserialize, Serialize};
@@ -41,6 +41,7 @@ fn positions(number: usize) -> Switches {
         counter: position!(Counter),
         flag_read: position!(FlagRead),
         shadow_latch: position!(ShadowLatch),
+        overwrite: position!(Overwrite),
         early_termination: position!(EarlyTermination),
     }
 }

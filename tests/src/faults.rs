@@ -11,8 +11,8 @@ use ldc161x::{
 use ldc161x_sim::{
     ActiveWrite, BurstRead, Bus, Chip, ConfigReadback, Conversion, Counter, Deglitch33, Delay,
     EarlyTermination, Fault, FaultEvent, FlagRead, I2cError, IntbPin, InterruptRelease, Lost,
-    Overhead, Path, RcountMinimum, Sensors, Settings, ShadowLatch, ShutdownPin, SleepExit,
-    StatusReporting, Strike, Switches, Time, UnreadCleared,
+    Overhead, Overwrite, Path, RcountMinimum, Sensors, Settings, ShadowLatch, ShutdownPin,
+    SleepExit, StatusReporting, Strike, Switches, Time, UnreadCleared,
 };
 use rand::{RngExt, SeedableRng, seq::IndexedRandom};
 use rand_pcg::Pcg64Mcg;
@@ -168,6 +168,7 @@ fn random_switches(random: &mut Pcg64Mcg) -> Switches {
         counter: pick(Counter::VARIANTS, random),
         flag_read: pick(FlagRead::VARIANTS, random),
         shadow_latch: pick(ShadowLatch::VARIANTS, random),
+        overwrite: pick(Overwrite::VARIANTS, random),
         early_termination: pick(EarlyTermination::VARIANTS, random),
     }
 }

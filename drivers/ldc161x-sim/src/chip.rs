@@ -322,6 +322,7 @@ impl<S: Sensors> Chip<S> {
             error_config: self.registers.error_config(),
             interrupt_disabled: self.registers.config().interrupt_disabled(),
             status: self.settings.switches.status_reporting,
+            overwrite: self.settings.switches.overwrite,
             now: self.now,
         }
     }

@@ -50,7 +50,7 @@ pub use sensor::{Sensors, Tank, Window};
 pub use settings::{Conversions, Drive, ExternalClock, InternalClock, Part, Settings};
 pub use switches::{
     ActiveWrite, BurstRead, ConfigReadback, Counter, Deglitch33, EarlyTermination, FlagRead,
-    InterruptRelease, Overhead, RcountMinimum, ShadowLatch, SleepExit, StatusReporting, Switches,
-    UnreadCleared,
+    InterruptRelease, Overhead, Overwrite, RcountMinimum, ShadowLatch, SleepExit, StatusReporting,
+    Switches, UnreadCleared,
 };
 pub use time::Time;

@@ -3,7 +3,7 @@
 use crate::conversion::Conversion;
 use crate::errors::Errors;
 use crate::switches::{
-    FlagRead, InterruptRelease, ShadowLatch, StatusReporting, Switches, UnreadCleared,
+    FlagRead, InterruptRelease, Overwrite, ShadowLatch, StatusReporting, Switches, UnreadCleared,
 };
 use crate::time::Time;
 
@@ -16,6 +16,15 @@ const DATA_READY_TO_INTERRUPT: u16 = 1 << 0;
 const DATA_READY: u16 = 1 << 6;
 /// The error flags in DATAx_MSB.
 const FLAGS: u16 = 0xF000;
+
+/// What a conversion leaves for DATAx.
+#[derive(Clone, Copy, Debug)]
+struct Outcome {
+    /// Upper and lower half, flags and all.
+    halves: (u16, u16),
+    /// Nothing if it was aborted.
+    conversion: Option<Conversion>,
+}
 
 /// The two registers of one channel and the shadow behind them (datasheet 7.5.3).
 #[derive(Clone, Copy, Debug, Default)]
@@ -34,6 +43,27 @@ struct Channel {
     /// The conversion that is in the shadow.
     shown: Option<Conversion>,
     last_read: Option<Conversion>,
+    /// Waits for the end of the autoscan cycle.
+    held: Option<Outcome>,
+}
+
+impl Channel {
+    fn publish(&mut self, outcome: Outcome) {
+        self.shadow = outcome.halves;
+        self.shown = outcome.conversion;
+        if outcome.conversion.is_some() {
+            self.overwritten += u64::from(self.waiting);
+            self.unread = true;
+            self.waiting = true;
+        }
+    }
+
+    fn take(&mut self, outcome: Outcome, overwrite: Overwrite) {
+        match overwrite {
+            Overwrite::ByChannel => self.publish(outcome),
+            Overwrite::ByScan => self.held = Some(outcome),
+        }
+    }
 }
 
 /// Everything that conversions leave behind.
@@ -55,6 +85,7 @@ pub(crate) struct Reporting {
     pub(crate) error_config: u16,
     pub(crate) interrupt_disabled: bool,
     pub(crate) status: StatusReporting,
+    pub(crate) overwrite: Overwrite,
     pub(crate) now: Time,
 }
 
@@ -68,13 +99,14 @@ impl Results {
             channel.unread = false;
             channel.waiting = false;
             channel.shown = None;
+            channel.held = None;
         }
         self.forget_errors();
         self.data_ready = false;
         self.interrupt = false;
     }
 
-    /// Takes a finished conversion into the shadow of its channel and reports its errors.
+    /// Takes a finished conversion for DATAx of its channel and reports its errors.
     pub(crate) fn finish(&mut self, mut conversion: Conversion, reporting: Reporting) {
         let errors = conversion.errors;
         let Some(channel) = self.channels.get_mut(usize::from(conversion.channel)) else {
@@ -82,12 +114,12 @@ impl Results {
         };
         conversion.number = channel.finished;
         channel.finished += 1;
-        channel.overwritten += u64::from(channel.waiting);
-        channel.unread = true;
-        channel.waiting = true;
-        channel.shadow = halves(conversion.word, errors.to_data(reporting.error_config));
         channel.newest = Some(conversion);
-        channel.shown = Some(conversion);
+        let outcome = Outcome {
+            halves: halves(conversion.word, errors.to_data(reporting.error_config)),
+            conversion: Some(conversion),
+        };
+        channel.take(outcome, reporting.overwrite);
         self.report(conversion.channel, errors, reporting);
     }
 
@@ -95,14 +127,22 @@ impl Results {
     /// (SNOA959 3.3 and its table 2: the word is zero).
     pub(crate) fn abort(&mut self, channel: u8, errors: Errors, reporting: Reporting) {
         if let Some(channel) = self.channels.get_mut(usize::from(channel)) {
-            channel.shadow = halves(0, errors.to_data(reporting.error_config));
-            channel.shown = None;
+            let outcome = Outcome {
+                halves: halves(0, errors.to_data(reporting.error_config)),
+                conversion: None,
+            };
+            channel.take(outcome, reporting.overwrite);
         }
         self.report(channel, errors, reporting);
     }
 
     /// All channels of the sequence have new results.
     pub(crate) fn sequence_done(&mut self, reporting: Reporting) {
+        for channel in &mut self.channels {
+            if let Some(outcome) = channel.held.take() {
+                channel.publish(outcome);
+            }
+        }
         let enabled = reporting.error_config & DATA_READY_TO_INTERRUPT != 0;
         self.data_ready |= enabled || reporting.status == StatusReporting::Always;
         if enabled {

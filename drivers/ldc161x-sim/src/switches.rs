@@ -209,6 +209,18 @@ pub enum ShadowLatch {
     None,
 }
 
+/// When the results of an autoscan cycle reach DATAx. With one channel the two are the same.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub enum Overwrite {
+    /// Each at the end of its own conversion: channel 0 is overwritten long before INTB falls for the
+    /// cycle, and a frame that is read late mixes two cycles. Default: no source says otherwise.
+    #[default]
+    ByChannel,
+    /// All at the end of the last conversion, with INTB.
+    ByScan,
+}
+
 /// What a STOP or START within the two bytes of a register does.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -244,6 +256,7 @@ variants! {
     Counter: [TwoGates, HalfPeriods];
     FlagRead: [Clears, Keeps];
     ShadowLatch: [OnMsbRead, None];
+    Overwrite: [ByChannel, ByScan];
     EarlyTermination: [CorruptsFollowing, Harmless];
 }
 
@@ -278,6 +291,8 @@ pub struct Switches {
     pub flag_read: FlagRead,
     /// Whether the halves of a word belong together.
     pub shadow_latch: ShadowLatch,
+    /// When the results of an autoscan cycle reach DATAx.
+    pub overwrite: Overwrite,
     /// What a broken-off access does.
     pub early_termination: EarlyTermination,
 }
@@ -290,7 +305,7 @@ impl Switches {
     /// use ldc161x_sim::Switches;
     ///
     /// assert_eq!(Switches::one_at_a_time().next(), Some(Switches::default()));
-    /// assert_eq!(Switches::one_at_a_time().count(), 19);
+    /// assert_eq!(Switches::one_at_a_time().count(), 20);
     /// ```
     pub fn one_at_a_time() -> impl Iterator<Item = Self> + Clone {
         core::iter::once(Self::default())
@@ -321,6 +336,7 @@ impl Switches {
             .chain(moved(ShadowLatch::VARIANTS, |all, to| {
                 all.shadow_latch = to
             }))
+            .chain(moved(Overwrite::VARIANTS, |all, to| all.overwrite = to))
             .chain(moved(EarlyTermination::VARIANTS, |all, to| {
                 all.early_termination = to
             }))
@@ -355,7 +371,7 @@ mod tests {
             seen[count] = switches;
             count += 1;
         }
-        let alternatives = 11 + 2 * 2 + 3; // eleven of two, two of three, one of four positions
+        let alternatives = 12 + 2 * 2 + 3; // twelve of two, two of three, one of four positions
         assert_eq!(count, 1 + alternatives);
     }
 
@@ -378,6 +394,7 @@ mod tests {
             Counter,
             FlagRead,
             ShadowLatch,
+            Overwrite,
             EarlyTermination
         );
     }

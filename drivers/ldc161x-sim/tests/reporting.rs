@@ -5,7 +5,7 @@ mod common;
 use common::*;
 use embedded_hal::i2c::I2c;
 use ldc161x_sim::{
-    Errors, FlagRead, InterruptRelease, Sensors, Settings, ShadowLatch, StatusReporting,
+    Errors, FlagRead, InterruptRelease, Overwrite, Sensors, Settings, ShadowLatch, StatusReporting,
     UnreadCleared,
 };
 
@@ -206,6 +206,32 @@ fn the_low_half_is_latched_by_the_high_one() {
         assert_eq!(u32::from(high), first >> 16);
         assert_eq!(u32::from(low), expected & 0xFFFF, "{latch:?}");
         assert_eq!(rig.read(0x01), low, "reading the low half alone repeats it");
+    }
+}
+
+#[test]
+fn results_of_a_cycle_reach_data_one_by_one_or_together() {
+    for &overwrite in Overwrite::VARIANTS {
+        let settings = with_switches(quiet(40e6), |s| s.overwrite = overwrite);
+        let rig = Rig::new(settings, |_: usize, t: f64| 3e6 + 1e7 * t);
+        rig.autoscan(1, 2500, 16);
+        rig.next_interrupt();
+        let first = rig.frame(0).1;
+        rig.frame(1);
+        assert_eq!(rig.chip.borrow().overwritten(0), 0);
+        // Channel 0 of the next cycle has ended, channel 1 has not.
+        rig.convert(0, 1);
+        let newest = rig.chip.borrow().last_conversion(0).copied().unwrap();
+        assert_ne!(newest.word, first);
+        let at_once = overwrite == Overwrite::ByChannel;
+        assert_eq!(rig.frame(0).1, if at_once { newest.word } else { first });
+        assert_eq!(rig.chip.borrow().last_read(0) == Some(&newest), at_once);
+        rig.convert(1, 1);
+        assert_eq!(rig.frame(0).1, newest.word, "{overwrite:?}");
+        // Unread: the next cycle overwrites it when its own result is there.
+        rig.convert(0, 2);
+        let lost = if at_once { 1 } else { 0 };
+        assert_eq!(rig.chip.borrow().overwritten(0), lost, "{overwrite:?}");
     }
 }
 

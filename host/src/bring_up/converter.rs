@@ -29,6 +29,8 @@ pub(super) const OWN_DRIVE: u16 = 1 << 12;
 pub(super) const REPORTS: u16 = 0xF801;
 /// MUX_CONFIG: one channel, deglitch filter of 10 MHz.
 pub(super) const MUX: u16 = 0x020D;
+/// MUX_CONFIG: channels 0 and 1 in turn.
+pub(super) const SCAN: u16 = 1 << 15;
 /// STATUS: a result has come, and one of channel 0 is unread.
 pub(super) const READY: u16 = 1 << 6;
 pub(super) const UNREAD: u16 = 1 << 3;
@@ -108,6 +110,8 @@ pub(super) enum Op {
     Write(u8, u16),
     /// Tells whether INTB is high.
     Level,
+    /// Waits so many milliseconds.
+    Pause(u8),
 }
 
 impl Op {
@@ -120,13 +124,14 @@ impl Op {
                 vec![b'T', 3, register, high, low]
             }
             Self::Level => vec![b'I'],
+            Self::Pause(ms) => vec![b'D', ms],
         }
     }
 
     /// Bytes of its answer.
     const fn length(self) -> usize {
         match self {
-            Self::Interrupt | Self::Write(..) => 0,
+            Self::Interrupt | Self::Write(..) | Self::Pause(_) => 0,
             Self::Read(_) => 2,
             Self::Level => 1,
         }

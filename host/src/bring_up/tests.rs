@@ -3,13 +3,13 @@
 use ldc161x::{Code28, Hypothesis, PlausibilityCount, Rational, Rcount, Word};
 use ldc161x_sim::{
     ActiveWrite, BurstRead, ConfigReadback, Counter, Deglitch33, EarlyTermination, FlagRead,
-    InterruptRelease, Overhead, RcountMinimum, ShadowLatch, SleepExit, StatusReporting, Switches,
-    UnreadCleared,
+    InterruptRelease, Overhead, Overwrite, RcountMinimum, ShadowLatch, SleepExit, StatusReporting,
+    Switches, UnreadCleared,
 };
 
 use super::converter::register::{DATA_LSB, DATA_MSB, STATUS};
 use super::converter::{
-    ACTIVE, Converter, MUX, OWN_DRIVE, Op, READY, REPORTS, Setup, UNREAD, register,
+    ACTIVE, Converter, MUX, OWN_DRIVE, Op, READY, REPORTS, SCAN, Setup, UNREAD, register,
 };
 use crate::failure::Failure;
 
@@ -75,6 +75,7 @@ impl Tests {
             Self::status,
             Self::flags,
             Self::halves,
+            Self::overwriting,
             Self::active_writes,
             Self::limits,
             Self::drive_steps,
@@ -375,6 +376,58 @@ impl Tests {
         self.tell(
             "DATA_LSB read a conversion after DATA_MSB",
             format!("of the old word {old} times, of the new one {new} times"),
+        );
+        Ok(())
+    }
+
+    /// Whether channel 0 of a scan is overwritten before the next scan ends.
+    fn overwriting(&mut self) -> Result<()> {
+        let setup = self.setup(Setup {
+            mux: MUX | SCAN,
+            ..SLOW
+        });
+        self.converter.prepare(&setup)?;
+        for (register, value) in [
+            (register::RCOUNT, setup.rcount),
+            (register::SETTLECOUNT, 0x40),
+            (register::CLOCK_DIVIDERS, setup.input_divider << 12 | 1),
+            (register::DRIVE_CURRENT, setup.drive),
+        ] {
+            // The register of channel 1 follows that of channel 0.
+            self.converter.write(register + 1, value)?;
+        }
+        self.converter.write(register::CONFIG, ACTIVE)?;
+        self.converter.words(2)?;
+        let (mut early, mut scans) = (0, 0);
+        for _ in 0..8 {
+            // A conversion takes 4.3 ms: 6 ms after INTB that of channel 0 has ended, that of
+            // channel 1 has not.
+            let [_, _, _, high, low, later_high, later_low, level] = self.converter.at_once(&[
+                Op::Read(STATUS),
+                Op::Read(DATA_MSB),
+                Op::Interrupt,
+                Op::Read(STATUS),
+                Op::Read(DATA_MSB),
+                Op::Read(DATA_LSB),
+                Op::Pause(6),
+                Op::Read(DATA_MSB),
+                Op::Read(DATA_LSB),
+                Op::Level,
+            ])?;
+            scans += u32::from(level == 1);
+            let is_new = (high & 0x0FFF, low) != (later_high & 0x0FFF, later_low);
+            early += u32::from(level == 1 && is_new);
+        }
+        if scans > 0 {
+            self.switches.overwrite = if early > 0 {
+                Overwrite::ByChannel
+            } else {
+                Overwrite::ByScan
+            };
+        }
+        self.tell(
+            "DATA of channel 0 between two scans",
+            format!("a new word in {early} of {scans} scans"),
         );
         Ok(())
     }
