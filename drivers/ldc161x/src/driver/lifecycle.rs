@@ -64,8 +64,9 @@ impl<I2C: I2c> Ldc161x<I2C> {
     }
 
     /// Sleep, identity, every register written and read back, CONFIG last; then every register
-    /// once more, since chips were seen to lose them on leaving sleep. The first frame comes
-    /// marked as following a gap.
+    /// once more, since chips were seen to lose them on leaving sleep. INTB is released then, so
+    /// that its next fall is the end of a whole frame. The first frame comes marked as following a
+    /// gap.
     ///
     /// # Errors
     ///
@@ -102,7 +103,7 @@ impl<I2C: I2c> Ldc161x<I2C> {
         self.write_verified(Register::Config, config).await?;
         self.state.started(configuration);
         self.verify().await?;
-        Ok(())
+        self.release_interrupt().await
     }
 
     /// Stops converting. The chip keeps its registers and forgets its results.
@@ -170,7 +171,7 @@ impl<I2C: I2c> Ldc161x<I2C> {
             .await?;
         self.state.started(&configuration);
         self.verify().await?;
-        Ok(())
+        self.release_interrupt().await
     }
 
     /// Resets the chip by its register and starts the wanted configuration again.
@@ -343,6 +344,12 @@ impl<I2C: I2c> Ldc161x<I2C> {
         self.start(&configuration).await?;
         self.state.drive_stepped();
         Ok(())
+    }
+
+    /// While the registers were compared the chip has converted, and pulled INTB low. Released, it
+    /// falls again at the end of a frame, which then can be read before it is overwritten.
+    async fn release_interrupt(&mut self) -> Result<(), Error<I2C::Error>> {
+        self.read_status().await.map(drop)
     }
 
     /// Puts the chip to sleep, writes every register but CONFIG, and reads each back.

@@ -45,8 +45,8 @@ pub fn frame(registers: &[(u8, u16)]) -> Vec<Transaction> {
     list
 }
 
-/// What a start sends for these settings: identity, sleep, settings, read-back, wake, and every
-/// register once more.
+/// What a start sends for these settings: identity, sleep, settings, read-back, wake, every register
+/// once more, and STATUS, which releases INTB.
 pub fn start(asleep: u16, awake: u16, settings: &[(u8, u16)]) -> Vec<Transaction> {
     let mut list = identity();
     list.extend([write(CONFIG, asleep), read(CONFIG, asleep)]);
@@ -66,7 +66,7 @@ pub fn start(asleep: u16, awake: u16, settings: &[(u8, u16)]) -> Vec<Transaction
             .iter()
             .map(|(register, value)| read(*register, *value)),
     );
-    list.push(read(CONFIG, awake));
+    list.extend([read(CONFIG, awake), read(STATUS, 0x0048)]);
     list
 }
 
