@@ -8,7 +8,6 @@
 #![no_std]
 #![no_main]
 
-mod acquisition;
 mod board;
 mod bus;
 mod coil;
@@ -49,10 +48,10 @@ fn halt() -> ! {
 mod app {
     use heapless::spsc::Queue;
     use ldc161x::{Address, AsyncLdc161x, Model};
+    use palpate_node::acquisition::Sampled;
     use palpate_procedure::Actions;
     use rtic_monotonics::rp2040::Priority;
 
-    use crate::acquisition::Sampled;
     use crate::board::{pico::Board, sleep, vectors};
     use crate::bus::{self, Master};
     use crate::crash::Beginning;

@@ -98,6 +98,7 @@ fn code(error: &Error<BusError>) -> (FaultCode, Option<u16>) {
             BusError::DataStuck | BusError::Arbitration => (FaultCode::BusDataStuck, None),
             BusError::ClockStuck => (FaultCode::BusClockStuck, None),
             BusError::Silent => (FaultCode::SensorSilent, None),
+            BusError::Pace => (FaultCode::Clock, None),
             BusError::Timeout | BusError::Length | BusError::Aborted => {
                 (FaultCode::BusTimeout, None)
             }

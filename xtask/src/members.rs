@@ -81,6 +81,13 @@ pub(crate) const MEMBERS: &[Member] = &[
         mcu_examples: &[],
     },
     Member {
+        name: "palpate-node",
+        runs_on: RunsOn::Everywhere,
+        published: false,
+        features: &[],
+        mcu_examples: &[],
+    },
+    Member {
         name: "palpate-procedure",
         runs_on: RunsOn::Everywhere,
         published: false,

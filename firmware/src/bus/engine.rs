@@ -47,8 +47,8 @@ const EDGE: u32 = 1 << (4 * pico::INTB + 2);
 pub struct Stamp {
     /// The lower half of the microsecond timer.
     pub time_us: u32,
-    /// When the transaction that it called for began.
-    pub begun_us: u32,
+    /// When the transaction that it called for was over.
+    pub ended_us: u32,
     /// Edges that the hardware has counted.
     pub edges: u16,
     /// There was an edge: its time is known.
@@ -61,7 +61,7 @@ impl Stamp {
     pub const fn taken_at(self, now_us: u32) -> Self {
         Self {
             time_us: now_us,
-            begun_us: now_us,
+            ended_us: now_us,
             ..self
         }
     }
@@ -142,7 +142,7 @@ impl Outcome {
         count: 0,
         stamp: Stamp {
             time_us: 0,
-            begun_us: 0,
+            ended_us: 0,
             edges: 0,
             is_known: false,
         },
@@ -173,6 +173,8 @@ struct Engine {
     /// There is an edge that came while the bus was taken: `late`.
     is_late: bool,
     late: Stamp,
+    /// How long after its edge the job may begin, in microseconds.
+    latest_us: u32,
     /// The job that edges begin, if there is one.
     ahead: Job,
     /// The job that the master began itself.
@@ -201,6 +203,7 @@ static ENGINE: Shared = Shared(UnsafeCell::new(Engine {
     since_us: 0,
     is_late: false,
     late: Outcome::NONE.stamp,
+    latest_us: u32::MAX,
     edges: 0,
     last_edge_us: 0,
 }));
@@ -296,14 +299,13 @@ impl Engine {
 
     #[inline(always)]
     fn start(&mut self, runs: Runs, stamp: Stamp) {
-        let begun_us = now_us();
         self.runs = runs;
         self.next = 0;
-        self.since_us = begun_us;
+        self.since_us = now_us();
         let mut transfer = self.transfer();
         transfer.outcome.count = 0;
         transfer.outcome.cause = 0;
-        transfer.outcome.stamp = Stamp { begun_us, ..stamp };
+        transfer.outcome.stamp = stamp;
         // A STOP of an earlier, aborted transaction may have come since.
         let _ = i2c().ic_clr_stop_det().read().bits();
         transfer.feed(room());
@@ -348,6 +350,7 @@ impl Engine {
     fn finish(&mut self) {
         // SAFETY: nothing runs now, so nothing is to be heard of.
         i2c().ic_intr_mask().write(|w| unsafe { w.bits(0) });
+        self.transfer().outcome.stamp.ended_us = now_us();
         match self.runs {
             Runs::Ahead => self.waiting += 1,
             _ => self.single_is_over = true,
@@ -367,8 +370,31 @@ impl Engine {
             && !precedence::must_wait(TO_BEGIN)
         {
             self.is_late = false;
-            self.start(Runs::Ahead, self.late);
+            let late_us = now_us().wrapping_sub(self.late.time_us);
+            if self.late.is_known && late_us > self.latest_us {
+                self.pass_over();
+            } else {
+                self.start(Runs::Ahead, self.late);
+            }
         }
+    }
+
+    /// What the edge called for would be overwritten while it is read.
+    #[inline(never)]
+    fn pass_over(&mut self) {
+        let place = (self.first + self.waiting) % FRAMES;
+        if let Some(outcome) = self.frames.get_mut(place) {
+            *outcome = Outcome {
+                stamp: Stamp {
+                    // Never: so long after its edge that no frame is in time.
+                    ended_us: self.late.time_us.wrapping_sub(1),
+                    ..self.late
+                },
+                ..Outcome::NONE
+            };
+            self.waiting += 1;
+        }
+        NVIC::pend(Interrupt::PIO0_IRQ_0);
     }
 
     fn edge(&mut self, stamp: Stamp) {
@@ -389,7 +415,7 @@ pub unsafe extern "C" fn on_edge() {
         let edges = (*PWM::ptr()).ch(pico::EDGE_SLICE).ctr().read().bits() as u16;
         Stamp {
             time_us,
-            begun_us: time_us,
+            ended_us: time_us,
             edges,
             is_known: true,
         }
@@ -444,6 +470,11 @@ pub fn keep_ready(job: &Job) {
         engine.waiting = 0;
         engine.catch_up();
     });
+}
+
+/// Sets how long after its edge the job that is kept ready may begin.
+pub fn set_latest(latest_us: u32) {
+    with(|engine| engine.latest_us = latest_us);
 }
 
 /// What is kept ready for edges.

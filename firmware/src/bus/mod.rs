@@ -55,6 +55,8 @@ pub enum BusError {
     ClockStuck,
     /// No edge of INTB came in time.
     Silent,
+    /// The edges of INTB come at another pace than planned.
+    Pace,
     /// The transaction has more commands than any frame, or none.
     Length,
     /// The block aborted for another reason.
@@ -96,9 +98,11 @@ impl BusError {
 }
 
 /// From now on a transaction waits for an edge of INTB, and is repeated at every later one ahead of
-/// its request. The first one after this call is the one that is repeated.
-pub fn read_on_edges(silence_us: u32) {
+/// its request. The first one after this call is the one that is repeated. One that would begin later
+/// than `latest_us` after its edge is not begun, and reads nothing but zeros.
+pub fn read_on_edges(silence_us: u32, latest_us: u32) {
     engine::rest();
+    engine::set_latest(latest_us);
     SILENCE_US.store(silence_us, Ordering::Relaxed);
     ON_EDGES.store(true, Ordering::Relaxed);
 }
@@ -129,7 +133,7 @@ pub struct Master {
 static STAMP: critical_section::Mutex<core::cell::Cell<Stamp>> =
     critical_section::Mutex::new(core::cell::Cell::new(Stamp {
         time_us: 0,
-        begun_us: 0,
+        ended_us: 0,
         edges: 0,
         is_known: false,
     }));

@@ -7,6 +7,7 @@ use core::task::Poll;
 use critical_section::Mutex;
 use heapless::Vec;
 use heapless::spsc::Consumer;
+use palpate_node::acquisition::{Sampled, Scheme, Wanted};
 use palpate_procedure::event::{Conditions, Failure};
 use palpate_procedure::units::{Ampere, Celsius};
 use palpate_procedure::{
@@ -18,7 +19,6 @@ use palpate_wire::record::{Acknowledgement, Hello};
 use palpate_wire::{Frame, MINOR_VERSION, Message, Record, SCHEMA_HASH};
 use rtic_monotonics::rp2040::prelude::*;
 
-use crate::acquisition::{Sampled, Scheme, Wanted};
 use crate::crash::Beginning;
 use crate::link::{Inbox, Outbox, Received, log};
 use crate::supervision::{Task, check_in};

@@ -1,12 +1,12 @@
 //! The sensing task: brings the converter up, reads it on every edge, and recovers it.
 
 use heapless::spsc::Producer;
-use ldc161x::{AsyncLdc161x, DriveCode, Error, InterruptRelease};
+use ldc161x::{AsyncLdc161x, Direction, DriveCode, Error, InterruptRelease, Register};
+use palpate_node::acquisition::{Fetch, Grid, Sampled, Scheme, Wanted, with_room};
 use rtic_monotonics::rp2040::prelude::*;
 
-use crate::acquisition::{Grid, REGISTER_US, Sampled, Scheme, Wanted, with_room};
 use crate::board::pico::{self, IntbPin, ShutdownPin};
-use crate::bus::{self, BusError, Master};
+use crate::bus::{self, BusError, Master, engine::Stamp};
 use crate::supervision::{Task, check_in};
 use crate::tasks::instrument;
 use crate::{Mono, SAMPLES, app, report};
@@ -15,8 +15,10 @@ use crate::{Mono, SAMPLES, app, report};
 const CANARY_EVERY: u32 = 64;
 /// The reset that SD gives takes this long at most (datasheet 6.5), and a little.
 const WAKE_UP_US: u64 = 2_500;
-/// Between two attempts to bring a converter up.
-const PAUSE_MS: u64 = 20;
+/// Between two attempts to bring a converter up, and between two schemes: SD is held high for as
+/// long as the driver does to reset the converter.
+const PAUSE_US: u64 = 20_000;
+const RESET_US: u64 = 1_000;
 /// Frames without an edge before the converter counts as silent, and what to add.
 const SILENT_FRAMES: f32 = 4.0;
 const SILENT_US: f32 = 2_000.0;
@@ -30,6 +32,13 @@ const PROBE: Wanted = Wanted {
 };
 
 type Result<T> = core::result::Result<T, Error<BusError>>;
+
+/// The converter holds its registers and still makes its scans at another pace: its clock is off.
+const OFF_PACE: Error<BusError> = Error::Bus {
+    register: Register::Config,
+    direction: Direction::Read,
+    source: BusError::Pace,
+};
 
 /// What the task owns.
 pub struct Sensing {
@@ -75,12 +84,13 @@ pub async fn sensing(cx: app::sensing::Context<'_>) {
             Err(_) => Ok(()),
         };
         bus::read_at_once();
+        let off_us = if result.is_ok() { RESET_US } else { PAUSE_US };
         if let Err(error) = result {
             defmt::warn!("converter: {}", error);
             report::set_fault(Some(&error));
             report::RECOVERIES.add(1);
         }
-        sensing.switch_off().await;
+        sensing.switch_off(off_us).await;
     }
 }
 
@@ -90,35 +100,34 @@ impl Sensing {
         self.bring_up(&mut scheme, number).await?;
         let scheme = &scheme;
         let silence_us = scheme.period_us * SILENT_FRAMES + SILENT_US;
-        bus::read_on_edges(silence_us as u32);
-        let mut grid = Grid::new(scheme.period_us);
-        let mut gap = true;
+        let with_status = self.release == Some(InterruptRelease::ByStatusOnly);
+        let mut grid = Grid::new(scheme, with_status);
+        bus::read_on_edges(silence_us as u32, grid.latest_begin_us());
         let mut errors = 0;
         let mut until_canary = CANARY_EVERY;
-        let with_status = self.release == Some(InterruptRelease::ByStatusOnly);
-        // Where a register has no room beside the frames, reading one would delay the next frame
-        // beyond a conversion. A converter that has lost its registers then shows by its silence
-        // alone: a reset puts it to sleep.
-        let registers = 1.0 + f32::from(u8::from(with_status));
-        let has_room = scheme.spare_us > registers * REGISTER_US;
         while instrument::wanted_number() == number {
             match self.driver.read_frame().await {
                 Ok(frame) => {
                     errors = 0;
                     report::set_fault(None);
-                    // A frame whose time is not known only lets go of INTB.
-                    if bus::last_stamp().is_known {
-                        let after_gap = core::mem::take(&mut gap);
-                        self.hand_on(stamped(scheme, frame, &mut grid, after_gap));
+                    let stamp = bus::last_stamp();
+                    if !stamp.is_known {
+                        // Such a frame only releases INTB.
+                        grid.skip();
+                    } else if let Some(sampled) = grid.sampled(scheme, frame, &fetch(stamp)) {
+                        self.hand_on(sampled);
+                    } else {
+                        // INTB may be low still; released, its next fall finds a free bus.
+                        self.driver.read_status().await?;
                     }
                 }
                 Err(error @ Error::Bus { .. }) if errors < PATIENCE => {
                     errors += 1;
                     defmt::warn!("frame: {}", error);
                     report::BUS_ERRORS.add(1);
-                    gap = true;
                     grid.interrupt();
-                    self.read_past(silence_us as u32).await?;
+                    self.read_past(silence_us as u32, grid.latest_begin_us())
+                        .await?;
                 }
                 Err(error) => {
                     report::BUS_ERRORS.add(1);
@@ -128,9 +137,16 @@ impl Sensing {
             until_canary -= 1;
             if until_canary == 0 {
                 until_canary = CANARY_EVERY;
-                if has_room {
+                // Where there is no room a register that changes the length of a conversion still
+                // shows in the grid, and a reset of the converter in its silence.
+                if grid.has_room() {
                     self.driver.check_canary().await?;
                 }
+            }
+            if grid.is_suspect() {
+                self.driver.verify().await?;
+            } else if grid.is_off() {
+                return Err(OFF_PACE);
             }
             #[cfg(planted_defect = "panic")]
             crate::planted::panic_if_asked(Task::Sensing);
@@ -140,10 +156,10 @@ impl Sensing {
 
     /// After an error: one frame at once, which asks the converter who it is and releases INTB.
     /// It may be old, and is not handed on.
-    async fn read_past(&mut self, silence_us: u32) -> Result<()> {
+    async fn read_past(&mut self, silence_us: u32, latest_us: u32) -> Result<()> {
         bus::read_at_once();
         let result = self.driver.read_frame().await;
-        bus::read_on_edges(silence_us);
+        bus::read_on_edges(silence_us, latest_us);
         result.map(drop)
     }
 
@@ -208,11 +224,11 @@ impl Sensing {
         Ok(())
     }
 
-    /// Off, with the bus free, for the least time that resets it.
-    async fn switch_off(&mut self) {
+    /// Off, with the bus free.
+    async fn switch_off(&mut self, time_us: u64) {
         use embedded_hal::digital::OutputPin;
         let _ = ShutdownPin.set_high();
-        wait_us(PAUSE_MS * 1_000).await;
+        wait_us(time_us).await;
     }
 
     fn hand_on(&mut self, sampled: Sampled) {
@@ -231,25 +247,14 @@ impl Sensing {
     }
 }
 
-fn stamped(scheme: &Scheme, frame: ldc161x::Frame, grid: &mut Grid, gap: bool) -> Sampled {
-    let stamp = bus::last_stamp();
+/// When a frame was read.
+fn fetch(stamp: Stamp) -> Fetch {
     #[cfg(planted_defect = "late_stamp")]
     let stamp = stamp.taken_at(Mono::now().as_ticks() as u32);
-    // What was fetched is the newest frame, which may have ended after the edge that called.
-    let late_us = stamp.begun_us.wrapping_sub(stamp.time_us);
-    let mut edge_us = extended(stamp.time_us);
-    let overwritten = grid.overwritten(late_us);
-    if overwritten > 0 {
-        edge_us += (overwritten as f32 * grid.period_us()) as u64;
-    }
-    let missed = grid.missed(edge_us, stamp.edges);
-    Sampled {
-        frame,
-        time_us: edge_us.saturating_sub(u64::from(scheme.before_edge_us)),
-        offsets_us: scheme.offsets_us,
-        missed,
-        gap: gap || frame.marks.gap || missed > 0,
-        window_us: scheme.window_us,
+    Fetch {
+        edge_us: extended(stamp.time_us),
+        ended_us: stamp.ended_us.wrapping_sub(stamp.time_us),
+        edges: stamp.edges,
     }
 }
 

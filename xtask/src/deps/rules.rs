@@ -72,6 +72,12 @@ pub(super) const RULES: &[Rule] = &[
         because: "the procedure takes values and knows no bus, clock or board",
     },
     Rule {
+        name: "node-without-hardware",
+        who: "palpate-node",
+        may_depend: On::Only(&["palpate-procedure", "palpate-wire", DRIVERS]),
+        because: "what the firmware decides is tested on a PC, without bus, clock or board",
+    },
+    Rule {
         name: "float-alone",
         who: "palpate-float",
         may_depend: On::Only(&[]),
@@ -82,6 +88,7 @@ pub(super) const RULES: &[Rule] = &[
         who: FIRMWARE,
         may_depend: On::Only(&[
             "palpate-float",
+            "palpate-node",
             "palpate-procedure",
             "palpate-wire",
             DRIVERS,

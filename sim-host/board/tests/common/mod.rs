@@ -3,6 +3,7 @@
 #![allow(dead_code, reason = "no test file uses all of it")]
 
 pub(crate) mod driven;
+pub(crate) mod stamps;
 
 use std::sync::OnceLock;
 

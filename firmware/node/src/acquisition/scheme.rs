@@ -1,8 +1,8 @@
-//! From settings to a plan for the converter, and from frames to samples in time.
+//! From settings to a plan for the converter.
 
 use ldc161x::{
-    Acquisition, Channel, Configuration, DriveCode, Frame, Model, Plan, Rate, ReferenceClock,
-    Refusal, Request, Sensor, Sequence,
+    Acquisition, Channel, Configuration, DriveCode, Model, Plan, Rate, ReferenceClock, Refusal,
+    Request, Sensor, Sequence,
 };
 
 /// The resonators that the board is made for: 2 to 5 MHz with a quality factor of 50 at most. The
@@ -16,17 +16,8 @@ const SENSOR: Sensor = Sensor {
 /// Clocks of the converter with one channel and with several.
 const SINGLE_HZ: u32 = 30_000_000;
 const SCAN_HZ: u32 = 40_000_000;
-/// To read one register: 48 bit times of 2.5 us, and the master's way to it.
-pub const REGISTER_US: f32 = 130.0;
 /// Between two channels of a scan (datasheet equation 8).
 const SWITCH_S: f32 = 692e-9 + 5.0 / SCAN_HZ as f32;
-/// Bits of a microsecond's fraction in the learnt period.
-const FRACTION: u32 = 16;
-/// An interval is one period if it differs by less than a period halved so often.
-const TOLERANCE: u32 = 2;
-/// A new interval's share in the period, as halvings: the converter shares the crystal with the
-/// timer, so that the period is constant and only its value is not known.
-const GAIN: u32 = 6;
 
 /// What the procedure wants of the converter.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -44,15 +35,16 @@ pub struct Scheme {
     pub configuration: Configuration,
     /// From one frame to the next as planned, in microseconds.
     pub period_us: f32,
-    /// What a frame leaves of that on the bus, in microseconds; less by [`REGISTER_US`] if STATUS is
-    /// read with it.
-    pub spare_us: f32,
     /// Only one channel is active.
     pub is_single: bool,
     /// From the middle of the first conversion to the frame's edge, in microseconds.
     pub before_edge_us: u32,
     /// From the middle of the first conversion to that of each.
     pub offsets_us: [u16; 4],
+    /// From the end of each conversion to the frame's edge, in microseconds: 0 for the last one.
+    pub ages_us: [f32; 4],
+    /// How many channels are converted.
+    pub channels: u8,
     /// How long a conversion takes, in microseconds.
     pub window_us: u16,
 }
@@ -68,17 +60,22 @@ impl Scheme {
         let plan: Plan = Request::new(Model::Ldc1614, clock, acquisition, SENSOR)
             .rate(rate)
             .plan()?;
-        let (before_edge_us, offsets_us) = times(&plan.configuration);
+        let Times {
+            before_edge_us,
+            offsets_us,
+            ages_us,
+        } = times(&plan.configuration);
         let first = plan.configuration.acquisition.channels().next();
         let scale = plan.configuration.scale(first.unwrap_or_default());
         Ok(Self {
             window_us: (scale.conversion_s() as f32 * 1e6 + 0.5) as u16,
             configuration: plan.configuration,
             period_us: plan.frame_period_ns as f32 / 1e3,
-            spare_us: plan.frame_period_ns.saturating_sub(plan.frame_read_ns) as f32 / 1e3,
             is_single,
             before_edge_us,
             offsets_us,
+            ages_us,
+            channels: plan.configuration.acquisition.channel_count(),
         })
     }
 
@@ -123,104 +120,42 @@ fn acquisition(channels: u8) -> Acquisition {
     }
 }
 
-/// A frame with its time.
-#[derive(Clone, Copy)]
-pub struct Sampled {
-    /// The words.
-    pub frame: Frame,
-    /// Middle of its first conversion.
-    pub time_us: u64,
-    /// From there to the middle of each conversion.
-    pub offsets_us: [u16; 4],
-    /// How long a conversion takes.
-    pub window_us: u16,
-    /// Frames that were lost between the last one and this.
-    pub missed: u32,
-    /// What went before is unknown.
-    pub gap: bool,
+/// Where the conversions of a scan lie before its edge; see [`Scheme`].
+struct Times {
+    before_edge_us: u32,
+    offsets_us: [u16; 4],
+    ages_us: [f32; 4],
 }
 
-/// The grid of the frames: their period as it is learnt, and what is missing from it.
-pub struct Grid {
-    /// In parts of a microsecond.
-    period: i64,
-    last: Option<(u64, u16)>,
-    /// Frames of which the edge was counted, but not seen.
-    pub unseen: u32,
-}
-
-impl Grid {
-    /// A grid of which only the planned period is known.
-    pub const fn new(period_us: f32) -> Self {
-        Self {
-            period: (period_us * (1 << FRACTION) as f32) as i64,
-            last: None,
-            unseen: 0,
-        }
-    }
-
-    /// The learnt period.
-    pub const fn period_us(&self) -> f32 {
-        self.period as f32 / (1 << FRACTION) as f32
-    }
-
-    /// How many frames have ended since an edge, when its frame was fetched so late: each of them
-    /// has overwritten the one before, without an edge of its own.
-    pub fn overwritten(&self, late_us: u32) -> u32 {
-        if i64::from(late_us) << FRACTION < self.period {
-            return 0;
-        }
-        (late_us as f32 / self.period_us()) as u32
-    }
-
-    /// The next edge is the first one of a new grid.
-    pub const fn interrupt(&mut self) {
-        self.last = None;
-    }
-
-    /// Takes the next edge, and returns how many frames are missing before it. The edge counter
-    /// is the cross-check: a conversion that overwrites another makes no edge, so that each edge
-    /// has to have been seen.
-    pub fn missed(&mut self, edge_us: u64, edges: u16) -> u32 {
-        let Some((last_us, last_edges)) = self.last.replace((edge_us, edges)) else {
-            return 0;
-        };
-        let passed = u32::from(edges.wrapping_sub(last_edges));
-        if edges != 0 && last_edges != 0 {
-            self.unseen = self.unseen.wrapping_add(passed.saturating_sub(1));
-        }
-        let interval_us = edge_us.saturating_sub(last_us);
-        // Less than the age of the universe: no bit is lost.
-        let more = ((interval_us << FRACTION) as i64).saturating_sub(self.period);
-        if more.abs() < self.period >> TOLERANCE {
-            self.period += more >> GAIN;
-            return 0;
-        }
-        ((interval_us as f32 / self.period_us() + 0.5) as u32).saturating_sub(1)
-    }
-}
-
-/// From the middle of a frame's first conversion to its edge, and to the middles of the others:
-/// the edge comes at the end of the last one.
-fn times(configuration: &Configuration) -> (u32, [u16; 4]) {
+/// The edge comes at the end of the last conversion.
+fn times(configuration: &Configuration) -> Times {
     let mut middles = [0.0_f32; 4];
+    let mut ages_us = [0.0_f32; 4];
     let mut end_s = 0.0;
     let count = usize::from(configuration.acquisition.channel_count());
-    for (place, middle) in middles.iter_mut().enumerate().take(count).rev() {
+    let places = middles.iter_mut().zip(&mut ages_us).enumerate();
+    for (place, (middle, age_us)) in places.take(count).rev() {
         let position = u8::try_from(place).unwrap_or_default();
         let Some(channel) = configuration.acquisition.channel_at(position) else {
             continue;
         };
         let conversion_s = configuration.scale(channel).conversion_s() as f32;
         *middle = end_s - conversion_s / 2.0;
+        *age_us = -end_s * 1e6;
         let settings = configuration.channel(channel);
         let periods = settings.settle_count.reference_periods() as f32;
         let settle_s = periods / reference_hz(configuration);
         end_s -= conversion_s + settle_s + SWITCH_S;
     }
-    let [first_s, ..] = middles;
-    let offsets = middles.map(|middle_s| ((middle_s - first_s) * 1e6 + 0.5) as u16);
-    ((-first_s * 1e6 + 0.5) as u32, offsets)
+    // Each is rounded by itself against the edge, so that no time is rounded twice.
+    let before_us = middles.map(|middle_s| (-middle_s * 1e6 + 0.5) as u32);
+    let [before_edge_us, ..] = before_us;
+    let offset_us = |before_us| u16::try_from(before_edge_us.saturating_sub(before_us));
+    Times {
+        before_edge_us,
+        offsets_us: before_us.map(|before_us| offset_us(before_us).unwrap_or(u16::MAX)),
+        ages_us,
+    }
 }
 
 fn reference_hz(configuration: &Configuration) -> f32 {

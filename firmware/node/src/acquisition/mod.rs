@@ -1,0 +1,7 @@
+//! The converter's plan, and the time of every scan that it makes.
+
+mod grid;
+mod scheme;
+
+pub use grid::{Fetch, Finding, Grid, Sampled};
+pub use scheme::{Scheme, Wanted, with_room};
