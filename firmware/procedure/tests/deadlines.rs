@@ -13,6 +13,8 @@ use support::calibration::settings;
 use support::sensor::Sensor;
 use support::{Rig, STATES};
 
+/// What bringing a converter up may take.
+const BRING_UP_US: u64 = 140_000;
 const DAY_US: u64 = 86_400_000_000;
 
 /// Armed and touched, with changed settings.
@@ -32,14 +34,15 @@ fn without_conversions_every_state_ends_in_a_fault() {
         for event in [Event::Tick, Event::Conditions(conditions)] {
             let mut rig = Rig::standing_in(state, |_| {});
             let heard_us = rig.now_us;
-            for _ in 0..6 {
-                assert_ne!(rig.state(), State::Fault, "{state}");
+            while rig.state() != State::Fault {
                 rig.now_us += 10_000;
                 rig.step(&event);
+                assert!(rig.now_us - heard_us <= 60_000 + BRING_UP_US, "{state}");
             }
-            // The first event after 50 ms.
-            assert_eq!(rig.now_us - heard_us, 60_000);
-            assert_eq!(rig.state(), State::Fault, "{state}");
+            // The first event after 50 ms, or later while the converter is being configured.
+            let took_us = rig.now_us - heard_us;
+            let is_early = matches!(state, State::SelfTest | State::Baseline);
+            assert_eq!(took_us == 60_000, !is_early, "{state}: {took_us}");
         }
     }
 }
@@ -47,7 +50,7 @@ fn without_conversions_every_state_ends_in_a_fault() {
 #[test]
 fn without_any_event_the_first_that_comes_finds_it() {
     for state in STATES {
-        for gone_us in [50_001, 1_000_000, DAY_US, u64::MAX] {
+        for gone_us in [50_001 + BRING_UP_US, 1_000_000, DAY_US, u64::MAX] {
             let mut rig = Rig::standing_in(state, |_| {});
             let actions = rig.wait(gone_us);
             assert_eq!(actions[0], Action::SafeState, "{state} {gone_us}");

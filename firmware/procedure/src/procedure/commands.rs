@@ -174,9 +174,7 @@ impl Procedure {
         }
         match command {
             Command::SetSettings(_) => {
-                out.push(self.sensors());
-                // The old rate's conversions may be further apart than the new one allows.
-                self.heard = Some(out.now);
+                self.configure_sensors(out);
                 self.next_status = self.status_after(out.now);
                 self.begin_anew(out);
             }

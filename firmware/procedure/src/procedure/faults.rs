@@ -59,9 +59,8 @@ impl Procedure {
         };
         out.record(fault(&standing, false));
         self.mode = Mode::SensingOnly;
-        self.heard = Some(out.now);
         self.begin_baseline();
-        out.push(self.sensors());
+        self.configure_sensors(out);
         self.go(Phase::SelfTest { good: 0 }, out);
     }
 }

@@ -20,7 +20,7 @@ use crate::list::gathered;
 use crate::stream::{FeltScan, Streamer};
 use crate::time::{Duration, Instant, after, between, seconds, span};
 use crate::train::Line;
-use states::Phase;
+use states::{BRING_UP, Phase};
 
 /// The longest time between two steps. Two tasks may tell their events in another order than they
 /// read the clock, but no later than that.
@@ -51,6 +51,8 @@ pub struct Procedure {
     greeted: bool,
     /// When the first converter was last heard of, or when waiting for it began.
     heard: Option<Instant>,
+    /// Until when the converters may be busy with being configured.
+    configured: Instant,
 }
 
 /// A part of the calibration whose next record is due.
@@ -93,6 +95,7 @@ impl Procedure {
             telling: None,
             greeted: false,
             heard: None,
+            configured: Instant::from_ticks(0),
         };
         procedure.begin_baseline();
         procedure
@@ -163,7 +166,7 @@ impl Procedure {
         if let Some(crash) = self.board.crash.take() {
             out.record(Record::Crash(crash));
         }
-        out.push(self.sensors());
+        self.configure_sensors(out);
         self.next_status = self.status_after(out.now);
         if self.board.crashes >= MOST_CRASHES {
             self.fail(
@@ -188,11 +191,14 @@ impl Procedure {
         }
     }
 
-    fn sensors(&self) -> Action {
-        Action::ConfigureSensors {
+    /// Lets the converters be configured as the settings say, which takes its time.
+    fn configure_sensors(&mut self, out: &mut Out<'_>) {
+        self.heard = Some(out.now);
+        self.configured = after(out.now, BRING_UP);
+        out.push(Action::ConfigureSensors {
             channels: self.configuration.settings.channels,
             rate: Hertz(self.configuration.settings.rate_hz),
-        }
+        });
     }
 
     /// Forgets what the untouched sensor reads.

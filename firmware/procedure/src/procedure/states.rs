@@ -21,6 +21,11 @@ const SELF_TEST_CONVERSIONS: u8 = 10;
 /// time: what recovering the bus may take (50 ms).
 const SILENT_PERIODS: f32 = 10.0;
 const SILENT_S: f32 = 0.05;
+/// What bringing a converter up may take, beside conversions. With four channels, which is the most,
+/// the drive of each is sought, and 280 registers are written, read back or compared, one transaction
+/// each. Each has 0.47 ms until it fails, which is a fault of its own: 132 ms. Reset and waking take
+/// 3.5 ms. The emulated board takes up to 45 ms (docs/evidence/image-starts.md).
+pub(super) const BRING_UP: Duration = Duration::from_ticks(140_000);
 /// The same time.
 const LEAST_SILENCE: Duration = Duration::from_ticks(50_000);
 
@@ -458,18 +463,20 @@ impl Procedure {
         }
     }
 
-    /// A converter that tells nothing is a fault; before the first conversion it has as long.
+    /// A converter that tells nothing is a fault. Until it is configured it has longer.
     fn watch_for_silence(&mut self, out: &mut Out<'_>) {
         if matches!(self.phase, Phase::Fault(_)) {
             return;
         }
         let heard = self.heard.get_or_insert(out.now);
         let silent = between(*heard, out.now);
-        if silent <= LEAST_SILENCE {
+        let busy = between(*heard, self.configured);
+        if silent <= busy + LEAST_SILENCE {
             return;
         }
         let silent_s = in_seconds(silent).0;
-        let allowed_s = (SILENT_PERIODS / self.configuration.settings.rate_hz).max(SILENT_S);
+        let allowed_s = (SILENT_PERIODS / self.configuration.settings.rate_hz).max(SILENT_S)
+            + in_seconds(busy).0;
         if silent_s > allowed_s {
             self.fail(
                 Failure {
