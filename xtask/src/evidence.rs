@@ -156,6 +156,18 @@ const CAMPAIGNS: &[Campaign] = &[
         ],
     },
     Campaign {
+        name: "image-starts",
+        purpose: "Time stamps of the firmware's image after starts of the converter and changes of settings.",
+        arguments: &[
+            "run",
+            "--release",
+            "-p",
+            "palpate-board",
+            "--example",
+            "image-starts",
+        ],
+    },
+    Campaign {
         name: "coil-current",
         purpose: "The coil's current as the firmware's image drives it: steps and ramps over resistance, \
                   inductance and supply, errors before calibration and over weeks, two minutes of full \
