@@ -342,6 +342,7 @@ impl Engine {
             let _ = i2c().ic_clr_stop_det().read().bits();
             let is_read = transfer.outcome.count >= transfer.job.bytes;
             if transfer.is_sent() && (is_read || transfer.outcome.cause != 0) {
+                transfer.outcome.stamp.ended_us = now_us();
                 self.finish();
             }
         }
@@ -350,7 +351,6 @@ impl Engine {
     fn finish(&mut self) {
         // SAFETY: nothing runs now, so nothing is to be heard of.
         i2c().ic_intr_mask().write(|w| unsafe { w.bits(0) });
-        self.transfer().outcome.stamp.ended_us = now_us();
         match self.runs {
             Runs::Ahead => self.waiting += 1,
             _ => self.single_is_over = true,
