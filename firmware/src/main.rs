@@ -19,7 +19,6 @@ mod report;
 mod safe;
 mod supervision;
 mod tasks;
-mod thermistor;
 mod wakeup;
 
 use rtic_monotonics::rp2040_timer_monotonic;

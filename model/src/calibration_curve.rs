@@ -164,6 +164,24 @@ impl<const N: usize> MonotoneCurve<N> {
         knots.iter().map(|knot| (knot.x, knot.y))
     }
 
+    /// A sum over points and slopes that differs when any one of them does.
+    ///
+    /// ```
+    /// use palpate_model::calibration_curve::MonotoneCurve;
+    /// let sum = |y| MonotoneCurve::<8>::new(&[(0.0, 0.0), (0.1, y)]).map(|of| of.checksum());
+    /// assert_eq!(sum(0.2e-3)?, sum(0.2e-3)?);
+    /// assert_ne!(sum(0.2e-3)?, sum(f32::next_up(0.2e-3))?);
+    /// # Ok::<(), palpate_model::calibration_curve::CurveError>(())
+    /// ```
+    pub fn checksum(&self) -> u32 {
+        // Each step can be undone, so that no change of one word is lost; the factor is 2^32 over
+        // the golden ratio, odd, as usual for this.
+        let mix = |sum: u32, word: u32| (sum.rotate_left(5) ^ word).wrapping_mul(0x9E37_79B9);
+        let knots = self.knots.get(..self.len).unwrap_or(&self.knots);
+        let words = knots.iter().flat_map(|of| [of.x, of.y, of.slope]);
+        words.fold(self.len as u32, |sum, word| mix(sum, word.to_bits()))
+    }
+
     /// Smallest and largest calibrated argument.
     pub fn domain(&self) -> (f32, f32) {
         let knots = self.knots.get(..self.len).unwrap_or(&self.knots);

@@ -2,8 +2,8 @@
 //! before.
 
 use coil_hbridge::{
-    ATTENDED_WITHIN, BALANCED_WITHIN, BLOCK, FOLLOWS_WITHIN, Fault, Limits, Refusal, State,
-    Supervisor, Waveform,
+    ATTENDED_WITHIN, BALANCED_WITHIN, BLOCK, FOLLOWS_WITHIN, FROZEN_WITHIN, Fault, HELD_BEFORE,
+    Limits, Refusal, State, Supervisor, Waveform,
 };
 use palpate_sim::electrical::{
     Circuit, CircuitParameters, Converter, ConverterParameters, Regulated, reference_hardware,
@@ -207,6 +207,145 @@ fn a_current_that_is_not_reached_is_found_in_time_and_not_before() {
         (FOLLOWS_WITHIN - 2 * BLOCK..=FOLLOWS_WITHIN).contains(&periods),
         "{periods}"
     );
+}
+
+// ---- a measurement that is frozen ----
+
+/// Corners of resistance, inductance and supply.
+const CORNERS: [(f64, f64, f64); 6] = [
+    (0.389, 40e-6, 12.0),
+    (0.545, 200e-6, 5.0),
+    (0.233, 20e-6, 12.0),
+    (0.233, 200e-6, 12.0),
+    (0.545, 20e-6, 5.0),
+    (0.389, 40e-6, 5.0),
+];
+/// Currents, of which 3.3 A and 9.9 A lie in wide codes of the converter.
+const CURRENTS_A: [f32; 6] = [0.6, 1.0, 3.3, 5.0, 7.0, -3.0];
+const LOOK_PERIODS: u32 = 62;
+
+fn held(
+    (coil_ohm, inductance_h, supply_v): (f64, f64, f64),
+    converter: ConverterParameters,
+    to_a: f32,
+    seed: u64,
+) -> Regulated {
+    let circuit = CircuitParameters::common(coil_ohm, inductance_h, supply_v);
+    let mut loop_ = Regulated::new(
+        Circuit::new(circuit),
+        Converter::new(converter, seed),
+        reference_hardware(),
+        reference_limits(),
+    )
+    .expect("the driver takes the reference board");
+    loop_.test().expect("a sound coil passes");
+    // The limit that the test has reached holds on for 20 us.
+    loop_.run_for(1e-3);
+    loop_.go(to_a, 1e-3).unwrap();
+    loop_.run_for(10e-3);
+    assert_eq!(loop_.state(), State::Driving);
+    loop_
+}
+
+/// The amplifier freezes exactly where the current is held: nothing is to be regulated.
+#[test]
+fn a_measurement_that_freezes_at_its_target_is_found_in_time() {
+    let (mut longest, mut least_a, mut greatest_a) = (0, f64::MAX, 0.0_f64);
+    for corner in CORNERS {
+        for converter in [ConverterParameters::EXACT, ConverterParameters::RP2040] {
+            for to_a in CURRENTS_A {
+                // At any moment between two steps of the test.
+                for later in [0, 45, 60, 67, 71, 75] {
+                    let mut loop_ = held(corner, converter, to_a, 1 + u64::from(later));
+                    loop_.periods_of(later * LOOK_PERIODS);
+                    loop_.slow.stuck_v = Some(1.65 + 0.125 * f64::from(to_a));
+                    let within = FROZEN_WITHIN + HELD_BEFORE;
+                    let what = format!("{corner:?} {to_a} A, {later} looks later");
+                    let (periods, fault) =
+                        trips(&mut loop_, within).unwrap_or_else(|| panic!("{what}: not found"));
+                    // The current may go so fast that another guard is the first.
+                    let others = [Fault::CurrentMissing, Fault::CurrentUnexplained];
+                    assert!(
+                        fault == Fault::SenseFrozen || others.contains(&fault),
+                        "{what}: {fault:?}"
+                    );
+                    if fault == Fault::SenseFrozen {
+                        let error_a = (loop_.circuit.current_a() - f64::from(to_a)).abs();
+                        longest = longest.max(periods);
+                        (least_a, greatest_a) = (least_a.min(error_a), greatest_a.max(error_a));
+                    }
+                }
+            }
+        }
+    }
+    println!(
+        "found within {:.0} ms, off by {least_a:.2} to {greatest_a:.2} A",
+        f64::from(longest) * 16e-3
+    );
+}
+
+#[test]
+fn a_measurement_that_works_is_not_called_frozen() {
+    for (place, corner) in CORNERS.into_iter().enumerate() {
+        for (seed, noise_lsb, wide_codes) in [(1, 0.0, true), (2, 2.0, true), (3, 6.0, true)] {
+            for to_a in CURRENTS_A {
+                let converter = ConverterParameters {
+                    noise_lsb,
+                    wide_codes,
+                    ..ConverterParameters::RP2040
+                };
+                let mut loop_ = held(corner, converter, to_a, seed);
+                // Ripple of the mains on the supply, a coil that gets hot, and steps of the supply.
+                let supply_v = corner.2.max(5.5);
+                for ms in 0..400_u32 {
+                    let time_s = f64::from(ms) * 1e-3;
+                    let ripple = 0.03 * (std::f64::consts::TAU * 100.0 * time_s).sin();
+                    let step = if ms % 37 < 5 { -0.05 } else { 0.0 };
+                    let parameters = &mut loop_.circuit.parameters;
+                    parameters.supply_v = supply_v * (1.0 + ripple + step);
+                    parameters.coil_ohm *= 1.0 + 2e-4;
+                    loop_.run_for(1e-3);
+                    assert_eq!(
+                        loop_.state(),
+                        State::Driving,
+                        "corner {place}, {to_a} A, noise {noise_lsb}, {ms} ms"
+                    );
+                }
+            }
+        }
+    }
+}
+
+/// What is not reached for want of supply is not frozen.
+#[test]
+fn a_current_at_the_end_of_its_supply_is_not_called_frozen() {
+    let weak = CircuitParameters::common(0.389, 40e-6, 5.0);
+    for to_a in [9.3, 9.5, 9.6, 9.7, 9.8, 9.9, 10.2] {
+        let mut loop_ = with_limits(weak, reference_limits());
+        loop_.test().unwrap();
+        loop_.go(to_a, 1e-3).unwrap();
+        assert_eq!(trips(&mut loop_, 30_000), None, "{to_a} A");
+    }
+}
+
+#[test]
+fn the_test_of_the_measurement_stays_within_its_step() {
+    // 3 counts of 6.4 mA either way, for 3 ms each, every 23 ms.
+    for to_a in [12.0_f32, 5.0, -5.0, 1.0] {
+        let mut loop_ = driving(to_a);
+        loop_.run_for(0.1);
+        let (mut least_a, mut most_a, mut sum_a) = (f64::MAX, 0.0_f64, 0.0);
+        for _ in 0..12_400 {
+            let mean_a = loop_.period().mean_a.abs();
+            (least_a, most_a) = (least_a.min(mean_a), most_a.max(mean_a));
+            sum_a += mean_a;
+        }
+        let target_a = f64::from(to_a.abs());
+        let mean_a = sum_a / 12_400.0;
+        println!("{to_a} A: {least_a:.3} to {most_a:.3}, mean {mean_a:.4}");
+        assert!(most_a - target_a < 0.08, "{most_a}");
+        assert!(target_a - least_a < 0.12, "{least_a}");
+    }
 }
 
 // ---- bridge, supply, supervisor ----

@@ -53,6 +53,8 @@ pub(crate) enum Orders {
         coast_q8: i32,
     },
     Run(Legs),
+    /// To hold this current, units, where one is held already.
+    Hold(i32),
     Correct(Correction),
 }
 
@@ -219,7 +221,7 @@ impl Drive {
     pub fn report(&self) -> Report {
         Report {
             state: self.state(),
-            holds: self.line.is_over() && self.next >= self.legs.len(),
+            holds: self.holds(),
             on_periods: self.watch.on(),
             wanted: self.line.now(),
             power: self.report.power,
@@ -292,6 +294,7 @@ impl Drive {
                 }
             }
             Orders::Run(legs) => self.run(legs),
+            Orders::Hold(units) => self.hold(*units),
             Orders::Correct(correction) => {
                 self.corrects = *correction != Correction::NONE;
                 self.correction = *correction;
@@ -330,6 +333,18 @@ impl Drive {
             self.busy = BUSY_PERIODS;
         }
         self.goes_on = self.leg().is_some();
+    }
+
+    fn hold(&mut self, units: i32) {
+        if self.mode == Mode::Driving && self.holds() {
+            self.line.go(units.min(self.current).max(-self.current), 0);
+            self.busy = BUSY_PERIODS;
+        }
+    }
+
+    /// Whether the waveform is over.
+    fn holds(&self) -> bool {
+        self.line.is_over() && self.next >= self.legs.len()
     }
 
     fn stop(&mut self) {

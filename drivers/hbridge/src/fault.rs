@@ -35,6 +35,8 @@ pub enum Fault {
     Short,
     /// Self-test: the current's sign is wrong.
     SenseReversed,
+    /// The measured current does not follow a small change of the wanted one.
+    SenseFrozen,
     /// Self-test: resistance or inductance is too high.
     NotACoil,
     /// Self-test: the hardware's own limit of the current does not act.
@@ -43,7 +45,7 @@ pub enum Fault {
 
 impl Fault {
     /// Every fault.
-    pub const ALL: [Self; 16] = [
+    pub const ALL: [Self; 17] = [
         Self::OverCurrent,
         Self::Bridge,
         Self::CurrentMissing,
@@ -58,6 +60,7 @@ impl Fault {
         Self::Open,
         Self::Short,
         Self::SenseReversed,
+        Self::SenseFrozen,
         Self::NotACoil,
         Self::NoHardwareLimit,
     ];
@@ -94,6 +97,7 @@ impl fmt::Display for Fault {
             Self::Open => "no current flows: connect the coil",
             Self::Short => "resistance or inductance is too low: look for a short",
             Self::SenseReversed => "the current amplifier is turned round: swap its inputs",
+            Self::SenseFrozen => "the current amplifier is frozen: check its supply and output",
             Self::NotACoil => "resistance or inductance is too high: check the coil",
             Self::NoHardwareLimit => "the bridge's own current limit does not act: set it up",
         })

@@ -7,6 +7,7 @@ use crate::fault::{Fault, Refusal};
 use crate::hardware::{Coil, Hardware};
 use crate::limits::Limits;
 use crate::output::Shaper;
+use crate::probe::{Next, Probe, Reach};
 use crate::regulator::Gains;
 use crate::ripple::Ripple;
 use crate::self_test::{COSTS_J, Findings, Plan, TARGET_A, evaluate};
@@ -21,6 +22,8 @@ const MOST_ELAPSED_US: u32 = 1_000_000;
 /// Energy is counted too high by what current and supply may be measured too low together: 2 % of
 /// gain and bow, 5 % of the divider, and the offset.
 const MEASUREMENT: f32 = 1.1;
+/// Part of the greatest current by which one may miss where it is wanted.
+const ASTRAY: f32 = 1.0 / 16.0;
 /// Blocks from one value of the resistance to the next: 16 ms at 16 us.
 const RESISTANCE_BLOCKS: u32 = 64;
 
@@ -39,6 +42,7 @@ pub struct Supervisor {
     resistance_ohm: Option<f32>,
     source: Source,
     latched: bool,
+    probe: Probe,
 }
 
 /// What is known of the supply behind its voltage, and of the circuit without it.
@@ -67,7 +71,7 @@ impl Supervisor {
             trip: hardware.units(limits.trip_a),
             bounds: Bounds {
                 margin: full / 24,
-                astray: hardware.units(limits.current_a) / 16,
+                astray: hardware.units(ASTRAY * limits.current_a),
                 on_periods: (limits.on_time_s / hardware.period_s) as u32,
             },
             reversed: hardware.ampere_per_count < 0.0,
@@ -90,6 +94,7 @@ impl Supervisor {
             resistance_ohm: None,
             source: Source::default(),
             latched: false,
+            probe: Probe::default(),
         };
         Ok((supervisor, drive))
     }
@@ -282,9 +287,26 @@ impl Supervisor {
             }
         } else {
             self.follow_resistance(report, supply_v);
-            self.adapt(supply_v)
+            match self.probe(report) {
+                Next::Nothing => self.adapt(supply_v),
+                Next::Hold(units) => Orders::Hold(units),
+                Next::Frozen => Orders::Latch(Fault::SenseFrozen),
+            }
         };
         Order(orders)
+    }
+
+    /// Whether the measurement follows, where the current is held.
+    fn probe(&mut self, report: &Report) -> Next {
+        let units = |current_a: f32| self.hardware.units(current_a);
+        let limit_a = self.limits.current_a;
+        let top = 0.95 * self.limits.duty * f32::from(self.hardware.full_level);
+        let reach = Reach {
+            currents: [units(0.5 * TARGET_A), units(limit_a)],
+            astray: units(ASTRAY * limit_a),
+            top: top as i32,
+        };
+        self.probe.look(report, &reach)
     }
 
     fn count_energy(&mut self, report: &Report, supply_v: f32, elapsed_us: u32) {

@@ -54,3 +54,36 @@ impl Limits {
         rate: Hertz(5_000.0),
     };
 }
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use palpate_wire::code::{Board as Name, Chip, ResetCause};
+
+    use super::*;
+
+    /// A board with one converter and a coil.
+    pub(crate) const BOARD: Board = Board {
+        boot_id: 7,
+        hello: Hello {
+            minor_version: 0,
+            schema_hash: 0,
+            firmware_major: 0,
+            firmware_minor: 0,
+            firmware_patch: 0,
+            commit: 0,
+            dirty: false,
+            simulated: true,
+            board: Name::Virtual,
+            unit: 0,
+            reset_cause: ResetCause::PowerOn,
+            chip: Chip::Ldc161x,
+            second_chip: Chip::Absent,
+            configuration_crc: 0,
+        },
+        crash: None,
+        channels: [0b1111, 0],
+        coil: true,
+        crashes: 0,
+        limits: Limits::REFERENCE,
+    };
+}

@@ -16,6 +16,7 @@ mod measurement;
 mod procedure;
 mod steadiness;
 mod stream;
+pub mod thermometer;
 mod time;
 mod train;
 

@@ -101,6 +101,106 @@ fn silence_is_a_fault_and_ends_with_it() {
     }
 }
 
+/// The flags of a word, and the fault that they become when they persist.
+const FLAGS: [(u16, FaultCode); 4] = [
+    (0x1000, FaultCode::SensorAmplitude),
+    (0x2000, FaultCode::SensorNotOscillating),
+    (0x4000, FaultCode::SensorOverRange),
+    (0x8000, FaultCode::SensorNotOscillating),
+];
+
+#[test]
+fn flags_that_persist_are_a_fault_and_end_with_their_cause() {
+    for state in STATES {
+        for (flags, code) in FLAGS {
+            let mut rig = Rig::standing_in(state, |_| {});
+            let convert = |rig: &mut Rig, flags| {
+                rig.sensor.flags = flags;
+                // The PC that commands a current says something now and then.
+                rig.accepted(Command::Identify);
+                rig.convert()
+            };
+            // 50 ms at 1 kHz, twice, with a good one between.
+            for _ in 0..2 {
+                convert(&mut rig, 0);
+                for _ in 0..51 {
+                    convert(&mut rig, flags);
+                }
+                assert!(rig.faults().is_empty(), "{state} {code}");
+            }
+            let actions = convert(&mut rig, flags);
+            let fault = stops(&rig, &actions, code);
+            assert_eq!((fault.place, fault.value), (Place::Sensor, Some(0.0)));
+            // That the converter answers does not end it, nor does another flag.
+            rig.step(&Event::Recovered(code));
+            for (other, _) in FLAGS {
+                convert(&mut rig, other);
+            }
+            assert_eq!((rig.state(), rig.faults().len()), (State::Fault, 1));
+            rig.sensor.depth_m = 0.0;
+            convert(&mut rig, 0);
+            let ended = rig.faults().pop().expect("a fault");
+            assert_eq!((ended.code, ended.active), (code, false));
+            assert_eq!(rig.state(), State::SelfTest);
+            assert!(!rig.procedure.is_armed());
+            rig.until(State::Watching, 3_000);
+        }
+    }
+}
+
+#[test]
+fn flags_of_a_slow_converter_have_ten_conversions() {
+    let mut rig = Rig::standing_in(State::Watching, |of| of.rate_hz = 100.0);
+    rig.sensor.flags = 0x2000;
+    rig.run(110);
+    assert_eq!(rig.state(), State::Watching);
+    rig.run(10);
+    assert_eq!(rig.state(), State::Fault);
+    // Cleared while its cause lasts, it comes again.
+    rig.accepted(clear(FaultCode::SensorNotOscillating));
+    rig.run(110);
+    assert_eq!(rig.state(), State::SelfTest);
+    rig.run(10);
+    assert_eq!(rig.state(), State::Fault);
+}
+
+#[test]
+fn each_channel_and_converter_is_at_fault_by_itself() {
+    let mut rig = Rig::standing_in(State::Watching, |_| {});
+    let scan_of = |rig: &mut Rig, sensor: u8, flagged: bool| {
+        rig.now_us += 1_000;
+        let mut scan = rig.scan();
+        scan.sensor = sensor;
+        let mut third = scan.conversions[0];
+        third.reading.channel = ldc161x::Channel::Two;
+        if flagged {
+            third.reading.word = ldc161x::Word::from_registers(0x2000, 0);
+        }
+        scan.conversions.push(third).expect("room");
+        rig.step(&Event::Scan(&scan))
+    };
+    for (sensor, place) in [(0, Place::Sensor), (1, Place::SecondSensor)] {
+        let mut rig = rig.clone();
+        for _ in 0..60 {
+            scan_of(&mut rig, 0, sensor == 0);
+            scan_of(&mut rig, 1, sensor == 1);
+        }
+        let fault = rig.faults().pop().expect("a fault");
+        assert_eq!((fault.place, fault.value), (place, Some(2.0)));
+        assert_eq!(fault.code, FaultCode::SensorNotOscillating);
+        // The other converter's good readings do not end it.
+        scan_of(&mut rig, 1 - sensor, false);
+        assert_eq!(rig.state(), State::Fault);
+        scan_of(&mut rig, sensor, false);
+        assert_eq!(rig.state(), State::SelfTest);
+    }
+    // A reading that is old or follows a gap says nothing of the sensor.
+    for _ in 0..200 {
+        rig.convert_with(|scan| scan.conversions[0].reading.after_gap = true);
+    }
+    assert!(rig.faults().is_empty());
+}
+
 #[test]
 fn a_converter_that_is_being_configured_may_be_silent_for_longer() {
     let mut rig = Rig::standing_in(State::Watching, |_| {});

@@ -201,7 +201,12 @@ impl Board {
         set_up_analogue(&device.ADC);
         output(LED, false);
         input(BRIDGE_FAULT, PULL_UP);
-        coil::start();
+        if clocks_run {
+            coil::start();
+        } else {
+            // The coil stays off: its periods would have any length.
+            clocks::count_what_runs(&device.CLOCKS, &device.WATCHDOG);
+        }
         Self {
             clocks_run,
             timer: device.TIMER,

@@ -8,7 +8,10 @@ use core::cell::RefCell;
 
 use coil_hbridge::{Correction, Fault, Findings, Moment, Refusal, State, Supervisor, Waveform};
 use critical_section::Mutex;
+use palpate_procedure::Instant;
 use palpate_procedure::event::Failure;
+use palpate_procedure::thermometer::Thermometer;
+use palpate_procedure::units::Celsius;
 use palpate_wire::code::{FaultCode, Place};
 use palpate_wire::command::{CurrentCorrection, MAX_PLACES};
 use palpate_wire::record::{CoilTest, CurrentTrace};
@@ -34,8 +37,9 @@ const RARELY: u8 = 64;
 /// Part of the difference that a slow reading takes over at each look; all of it where there are
 /// few.
 const SMOOTHING: f32 = 0.25;
-/// Volts of a count of the ADC, of which the middle counts.
-const VOLTS_PER_COUNT: f32 = 3.3 / 4096.0;
+/// Counts of the ADC, and volts of one, of which the middle counts.
+const COUNTS: f32 = 4096.0;
+const VOLTS_PER_COUNT: f32 = 3.3 / COUNTS;
 /// Divider of the coil's supply: 100 kiloohm over 10 kiloohm.
 const SUPPLY_RATIO: f32 = 11.0;
 
@@ -43,7 +47,9 @@ const SUPPLY_RATIO: f32 = 11.0;
 struct Coil {
     supervisor: Supervisor,
     supply_v: f32,
-    thermistor_v: f32,
+    thermometer: Thermometer,
+    /// Whether there is a coil that needs one, driven or not.
+    expects_thermometer: bool,
     /// Since when the interrupt runs.
     runs_since_us: Option<u64>,
     looked_us: u64,
@@ -88,7 +94,8 @@ pub fn start() {
     let coil = Coil {
         supervisor,
         supply_v: 0.0,
-        thermistor_v: 0.0,
+        thermometer: Thermometer::default(),
+        expects_thermometer: false,
         runs_since_us: None,
         looked_us: 0,
         looks: 0,
@@ -119,14 +126,15 @@ pub struct Course {
     pub over_s: f32,
 }
 
-/// Lets the current take a course from where it is.
+/// Lets the current take a course from where it is, unless a failure stands that is not known yet
+/// where this is wanted.
 pub fn go(now_us: u64, course: &Course) {
-    with(|coil| coil.go(now_us, course));
+    with(|coil| coil.failure.is_none().then(|| coil.go(now_us, course)));
 }
 
-/// Tests bridge, coil and current measurement.
+/// Tests bridge, coil and current measurement; under the same condition.
 pub fn test(now_us: u64) {
-    with(|coil| coil.test(now_us));
+    with(|coil| coil.failure.is_none().then(|| coil.test(now_us)));
 }
 
 /// Records the current from now on.
@@ -196,9 +204,16 @@ pub fn supply_v() -> Option<f32> {
     with(|coil| coil.supply_v)
 }
 
-/// Temperature of the coil, degrees Celsius; nothing without a thermometer.
-pub fn temperature_c() -> Option<f32> {
-    with(|coil| coil.thermistor_v).and_then(crate::thermistor::celsius)
+/// Temperature of the coil; nothing without a thermometer.
+pub fn temperature() -> Option<Celsius> {
+    // Outside of the critical section: the control interrupt does not wait for arithmetic.
+    with(|coil| coil.thermometer)?.temperature()
+}
+
+/// Whether a thermometer that is open or shorted is a fault while the coil rests, too. While it is
+/// tested or driven it always is.
+pub fn expect_thermometer(expects: bool) {
+    with(|coil| coil.expects_thermometer = expects);
 }
 
 /// Mean of the measured current over a past window, A; nothing if it is too old.
@@ -356,7 +371,7 @@ impl Coil {
         if skips_all && self.supply_v != 0.0 {
             return;
         }
-        self.read(if rests { 1.0 } else { SMOOTHING });
+        self.read(now_us, rests);
         if skips_the_drive {
             return;
         }
@@ -376,19 +391,34 @@ impl Coil {
         self.follow(now_us, state);
     }
 
-    /// Takes over a part of how the slow readings have changed.
-    fn read(&mut self, part: f32) {
-        let [thermistor, supply] = period::slow_results();
-        let volts = |count: u16| (f32::from(count) + 0.5) * VOLTS_PER_COUNT;
-        let smooth = |old: &mut f32, new: f32| {
-            *old = if *old == 0.0 {
-                new
-            } else {
-                *old + part * (new - *old)
-            };
+    /// Takes the slow readings, of the supply's change a part where they are many.
+    fn read(&mut self, now_us: u64, rests: bool) {
+        let [thermistor, supply] = period::slow_results().map(|count| f32::from(count) + 0.5);
+        let supply_v = SUPPLY_RATIO * VOLTS_PER_COUNT * supply;
+        let part = if rests || self.supply_v == 0.0 {
+            1.0
+        } else {
+            SMOOTHING
         };
-        smooth(&mut self.thermistor_v, volts(thermistor));
-        smooth(&mut self.supply_v, SUPPLY_RATIO * volts(supply));
+        self.supply_v += part * (supply_v - self.supply_v);
+        let now = Instant::from_ticks(now_us);
+        let failure = self.thermometer.push(now, thermistor / COUNTS);
+        if let Some(failure) = failure
+            && (self.expects_thermometer || !rests)
+        {
+            self.ends(failure);
+        }
+    }
+
+    /// A failure that the drive does not know of: the bridge goes off before all else.
+    fn ends(&mut self, failure: Failure) {
+        if self.failure.is_some() {
+            return;
+        }
+        safe::bridge_off();
+        held(|drive| drive.obey(&Supervisor::stop()));
+        self.pending = None;
+        self.failure = Some(failure);
     }
 
     fn follow(&mut self, now_us: u64, state: State) {
@@ -476,7 +506,7 @@ const fn code(fault: Fault) -> FaultCode {
         Fault::OnTime => FaultCode::OnTime,
         Fault::Energy => FaultCode::TooMuchEnergy,
         Fault::Unattended => FaultCode::Overrun,
-        Fault::Offset | Fault::SenseReversed => FaultCode::CurrentSense,
+        Fault::Offset | Fault::SenseReversed | Fault::SenseFrozen => FaultCode::CurrentSense,
         Fault::Open => FaultCode::CoilOpen,
         Fault::NotACoil => FaultCode::CoilUnknown,
         Fault::NoHardwareLimit => FaultCode::NoHardwareLimit,

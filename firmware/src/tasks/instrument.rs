@@ -9,7 +9,7 @@ use heapless::Vec;
 use heapless::spsc::Consumer;
 use palpate_node::acquisition::{Sampled, Scheme, Wanted};
 use palpate_procedure::event::{Conditions, Failure};
-use palpate_procedure::units::{Ampere, Celsius};
+use palpate_procedure::units::Ampere;
 use palpate_procedure::{
     Action, Actions, Board, Conversion, Duration, Event, Instant, Limits, Procedure, Scan,
 };
@@ -204,6 +204,8 @@ impl Instrument {
             self.conditions_due_us = now_us + CONDITIONS_US;
             let conditions = self.conditions(now_us);
             self.step(&Event::Conditions(conditions));
+            let expects = |of: &Procedure| of.expects_thermometer();
+            coil::expect_thermometer(self.procedure.as_ref().is_some_and(expects));
         } else if !told {
             self.step(&Event::Tick);
         }
@@ -239,6 +241,9 @@ impl Instrument {
                     if let Record::Fault(fault) = record {
                         if !fault.active {
                             coil::clear(fault.code);
+                            // Where its cause lasts, it is a new one.
+                            let [_, of_coil] = &mut self.standing;
+                            of_coil.take_if(|code| *code == fault.code);
                         }
                         self.latched = match self.latched {
                             Some(code) if !fault.active && code == fault.code => None,
@@ -329,7 +334,7 @@ impl Instrument {
         let passed_us = now_us.saturating_sub(then_us) as f32;
         let idle = asleep_us.wrapping_sub(slept_us) as f32 / passed_us;
         Conditions {
-            temperature: coil::temperature_c().map(Celsius),
+            temperature: coil::temperature(),
             supply_v: coil::supply_v(),
             processor_load: (passed_us > 0.0).then_some((1.0 - idle).clamp(0.0, 1.0)),
             stack_bytes: board::stack_used(),

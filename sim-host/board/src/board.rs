@@ -27,7 +27,8 @@ const WFI: u32 = 0xBF30;
 /// What tells one emulated board from another.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// True frequency of the crystal, Hz, from which everything is clocked.
+    /// True frequency of the crystal, Hz, from which everything is clocked; 0 for one that does not
+    /// start.
     pub crystal_hz: f64,
     /// Seed of the ring oscillator's chance.
     pub seed: u64,
@@ -446,6 +447,11 @@ impl<P: Plant> Board<P> {
     /// next look.
     pub const fn circuit_mut(&mut self) -> &mut Circuit {
         self.bus.coil.circuit_mut()
+    }
+
+    /// Bridge and measurement, to disturb; the converter of the current stays as it is.
+    pub const fn drive_mut(&mut self) -> &mut Drive {
+        self.bus.coil.drive_mut()
     }
 
     /// What was kept of the bus, if it was to be.

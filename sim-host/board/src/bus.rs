@@ -436,9 +436,9 @@ impl<P: Plant> Bus<P> {
             self.adc.advance(1);
         }
         self.coil.advance(now_ps, &self.bridge, &wave);
-        let limits = self.coil.circuit().is_limiting();
-        if self.gpio.level(pin::FAULT) == limits {
-            self.gpio.drive(pin::FAULT, !limits);
+        let faults = self.coil.circuit().is_limiting() || self.coil.drive().bridge_faults;
+        if self.gpio.level(pin::FAULT) == faults {
+            self.gpio.drive(pin::FAULT, !faults);
         }
     }
 

@@ -245,7 +245,7 @@ impl Clocks {
         match offset {
             0x0 => {
                 self.crystal.control = value;
-                if value >> 12 & 0xFFF == 0xFAB {
+                if value >> 12 & 0xFFF == 0xFAB && self.crystal_hz > 0.0 {
                     let cycles = u64::from(self.crystal.startup & 0x3FFF) * 256;
                     let due = now_ps + periods_ps(cycles, self.crystal_hz);
                     self.crystal.stable_ps.get_or_insert(due);

@@ -33,6 +33,12 @@ pub struct Drive {
     pub offset_a: f64,
     /// The converter.
     pub converter: ConverterParameters,
+    /// Where the current amplifier's output is held, V: it is stuck or frozen.
+    pub amplifier_v: Option<f64>,
+    /// Where the thermometer's input is held, V: 3.3 of a thermistor that is open, 0 of a short.
+    pub thermistor_v: Option<f64>,
+    /// Whether the bridge pulls nFAULT.
+    pub bridge_faults: bool,
 }
 
 impl Default for Drive {
@@ -50,6 +56,9 @@ impl Default for Drive {
                 wide_codes: true,
                 ..ConverterParameters::EXACT
             },
+            amplifier_v: None,
+            thermistor_v: None,
+            bridge_faults: false,
         }
     }
 }
@@ -108,6 +117,14 @@ impl Coil {
         &mut self.circuit
     }
 
+    pub(crate) const fn drive(&self) -> &Drive {
+        &self.drive
+    }
+
+    pub(crate) const fn drive_mut(&mut self) -> &mut Drive {
+        &mut self.drive
+    }
+
     /// The present of the circuit.
     pub(crate) const fn now_ps(&self) -> u64 {
         self.now_ps
@@ -163,9 +180,15 @@ impl Coil {
         let volts = match input {
             0 => {
                 let current_a = self.circuit.current_a() + self.drive.offset_a;
-                AMPLIFIER_ZERO_V + AMPLIFIER_V_PER_A * (1.0 + self.drive.gain_error) * current_a
+                self.drive.amplifier_v.unwrap_or(
+                    AMPLIFIER_ZERO_V
+                        + AMPLIFIER_V_PER_A * (1.0 + self.drive.gain_error) * current_a,
+                )
             }
-            1 => thermistor_v(coil_c),
+            1 => self
+                .drive
+                .thermistor_v
+                .unwrap_or_else(|| thermistor_v(coil_c)),
             2 => self.supply.value / SUPPLY_RATIO,
             // The processor's own temperature, 27 degrees Celsius (RP2040 datasheet 4.9.5).
             4 => 0.706,

@@ -6,6 +6,7 @@
 
 mod assembly;
 mod readback;
+mod seal;
 mod stiffening;
 
 use palpate_model::calibration_curve::{CurveError, MonotoneCurve};
@@ -20,6 +21,9 @@ use palpate_wire::command::{
 
 use crate::Board;
 use assembly::{Assembly, Target};
+pub(crate) use seal::ITEMS;
+#[cfg(test)]
+pub(crate) use seal::tests;
 pub use stiffening::Law;
 
 /// A calibration curve.
@@ -39,6 +43,8 @@ pub struct Configuration {
     temperature_effect: Option<TemperatureEffect>,
     current_correction: Option<CurrentCorrection>,
     assembly: Option<Assembly>,
+    /// What all this adds up to.
+    sums: seal::Sums,
 }
 
 /// Calibration of one channel of one converter.
@@ -121,6 +127,7 @@ impl Default for Configuration {
             temperature_effect: None,
             current_correction: None,
             assembly: None,
+            sums: [0; ITEMS],
         }
     }
 }
@@ -132,7 +139,7 @@ impl Configuration {
         let [first, _] = board.channels;
         let defaults = DEFAULT_SETTINGS;
         let lowest = 1u8.checked_shl(first.trailing_zeros());
-        Self {
+        let mut configuration = Self {
             settings: Settings {
                 channels: lowest.unwrap_or(defaults.channels),
                 rate_hz: defaults.rate_hz.min(limits.rate.0),
@@ -142,7 +149,9 @@ impl Configuration {
                 ..defaults
             },
             ..Self::default()
-        }
+        };
+        configuration.seal_all();
+        configuration
     }
 
     /// The settings.
@@ -167,6 +176,12 @@ impl Configuration {
         self.coil.as_ref()
     }
 
+    /// The coil, to upset.
+    #[cfg(test)]
+    pub(crate) const fn coil_mut(&mut self) -> Option<&mut Coil> {
+        self.coil.as_mut()
+    }
+
     /// The channel of the first converter that touch and stiffness come from: the lowest active
     /// one.
     pub(crate) const fn principal(&self) -> u8 {
@@ -182,6 +197,14 @@ impl Configuration {
 
     /// Takes what a command sets, or nothing of it. `None` for a command that sets nothing.
     pub(crate) fn set(&mut self, command: &Command, board: &Board) -> Option<Outcome> {
+        let outcome = self.take(command, board)?;
+        if outcome == Outcome::Accepted {
+            self.seal(command);
+        }
+        Some(outcome)
+    }
+
+    fn take(&mut self, command: &Command, board: &Board) -> Option<Outcome> {
         Some(match command {
             Command::SetSettings(settings) => self.set_settings(settings, board),
             Command::SetTank(tank) => {

@@ -13,7 +13,7 @@ use crate::list::gathered;
 const MOST_CHUNKS: usize = (palpate_wire::command::MAX_KNOTS as usize).div_ceil(KNOTS_PER_CHUNK);
 
 /// The parts in the order of the commands that set them.
-const PARTS: [Part; 10] = [
+pub(super) const PARTS: [Part; 10] = [
     Part::Tank,
     Part::DeformationCurve,
     Part::Crosstalk,
@@ -71,7 +71,13 @@ impl Configuration {
         })
     }
 
-    fn setter(&self, part: Part, sensor: u8, channel: u8, chunk: usize) -> Option<Command> {
+    pub(super) fn setter(
+        &self,
+        part: Part,
+        sensor: u8,
+        channel: u8,
+        chunk: usize,
+    ) -> Option<Command> {
         let of = self.channel(sensor, channel);
         match part {
             Part::DeformationCurve => {

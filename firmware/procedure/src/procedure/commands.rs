@@ -126,6 +126,9 @@ impl Procedure {
         if self.heat.is_none() {
             return Outcome::NotCalibrated;
         }
+        if !self.check_all(out) {
+            return Outcome::Faulted;
+        }
         let changed = !self.armed || self.mode != Mode::Stiffness;
         if !self.armed {
             // Not driven before it is known: what hangs there, and the zero of its current.

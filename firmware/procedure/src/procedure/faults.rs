@@ -5,8 +5,10 @@ use palpate_wire::code::{FaultCode, Mode, Place, RefusalReason};
 use palpate_wire::record::Fault;
 
 use super::states::Phase;
-use super::{Out, Procedure};
+use super::{CHECK, Out, Procedure};
+use crate::configuration::ITEMS;
 use crate::event::Failure;
+use crate::time::after;
 
 impl Procedure {
     /// Something has failed: bridge off, disarmed, and said so.
@@ -38,8 +40,38 @@ impl Procedure {
     /// The clock was set back: nothing that was to end by it would.
     pub(super) fn clock_set_back(&mut self, out: &mut Out<'_>) {
         self.heard = Some(out.now);
+        self.next_check.1 = out.now;
         self.next_status = self.status_after(out.now);
         self.fail(Failure::new(FaultCode::Clock, Place::Clock), out);
+    }
+
+    /// Checks one item of the configuration, where it is time for the next.
+    pub(super) fn check_next(&mut self, out: &mut Out<'_>) {
+        let (number, due) = self.next_check;
+        if out.now < due || matches!(self.phase, Phase::Fault(_)) {
+            return;
+        }
+        self.next_check = ((number + 1) % ITEMS, after(out.now, CHECK));
+        if let Some(kind) = self.configuration.damaged(number) {
+            self.configuration_is_damaged(kind, out);
+        }
+    }
+
+    /// Checks the whole configuration; whether it still is what was set.
+    pub(super) fn check_all(&mut self, out: &mut Out<'_>) -> bool {
+        let damaged = self.configuration.any_damaged();
+        if let Some(kind) = damaged {
+            self.configuration_is_damaged(kind, out);
+        }
+        damaged.is_none()
+    }
+
+    fn configuration_is_damaged(&mut self, kind: u8, out: &mut Out<'_>) {
+        let failure = Failure {
+            value: Some(kind.into()),
+            ..Failure::new(FaultCode::ConfigurationDamaged, Place::Configuration)
+        };
+        self.fail(failure, out);
     }
 
     /// The cause of a failure has gone. A fault that ends by that does.
@@ -82,4 +114,101 @@ fn fault(failure: &Failure, active: bool) -> Record {
         value: failure.value,
         limit: failure.limit,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use palpate_wire::code::{Outcome, State};
+    use palpate_wire::command::ClearFault;
+    use palpate_wire::{Command, Frame, Header};
+
+    use crate::action::{Action, Actions};
+    use crate::board::tests::BOARD;
+    use crate::configuration::tests::COIL;
+    use crate::event::Event;
+    use crate::time::Instant;
+
+    use super::*;
+
+    const CODE: FaultCode = FaultCode::ConfigurationDamaged;
+
+    struct Rig {
+        procedure: Procedure,
+        now_us: u64,
+    }
+
+    impl Rig {
+        fn step(&mut self, event: &Event<'_>) -> Actions {
+            self.now_us += 1_000;
+            self.procedure.step(Instant::from_ticks(self.now_us), event)
+        }
+
+        fn outcome(&mut self, message: Command) -> Outcome {
+            let header = Header {
+                boot_id: 7,
+                sequence: 0,
+                time_us: 0,
+                dropped: 0,
+            };
+            let actions = self.step(&Event::Command(&Frame { header, message }));
+            let answer = actions.iter().find_map(|action| match action {
+                Action::Record {
+                    record: Record::Acknowledgement(answer),
+                    ..
+                } => Some(answer.outcome),
+                _ => None,
+            });
+            answer.expect("an answer")
+        }
+
+        /// Milliseconds until a fault, with its value; the first conversion is never awaited.
+        fn fault(&mut self, within_ms: u32) -> Option<(u32, f32)> {
+            (1..=within_ms).find_map(|ms| {
+                // Silence is another matter.
+                self.procedure.heard = Some(Instant::from_ticks(self.now_us));
+                let actions = self.step(&Event::Tick);
+                let fault = actions.iter().find_map(|action| match action {
+                    Action::Record {
+                        record: Record::Fault(fault),
+                        ..
+                    } => Some(fault.clone()),
+                    _ => None,
+                })?;
+                assert_eq!((fault.code, fault.active), (CODE, true));
+                assert_eq!(actions.first(), Some(&Action::SafeState));
+                Some((ms, fault.value?))
+            })
+        }
+    }
+
+    #[test]
+    fn an_upset_of_the_configuration_is_found_within_a_second_and_before_it_arms() {
+        let mut rig = Rig {
+            procedure: Procedure::new(BOARD),
+            now_us: 0,
+        };
+        assert_eq!(rig.outcome(Command::SetCoil(COIL)), Outcome::Accepted);
+        assert_eq!(rig.fault(3_000), None);
+        let coil = |rig: &mut Rig| {
+            let coil = rig.procedure.configuration.coil_mut().expect("a coil");
+            coil.resistance_ohm = f32::from_bits(coil.resistance_ohm.to_bits() ^ 1 << 22);
+        };
+        coil(&mut rig);
+        let (took_ms, kind) = rig.fault(3_000).expect("a fault");
+        assert!(took_ms <= 1_024, "{took_ms} ms");
+        assert_eq!(kind, f32::from(palpate_wire::code::Part::Coil.number()));
+        assert_eq!(rig.procedure.state(), State::Fault);
+        // Not set anew, it comes again.
+        let clear = Command::ClearFault(ClearFault { code: CODE });
+        assert_eq!(rig.outcome(clear.clone()), Outcome::Accepted);
+        assert!(rig.fault(1_024).is_some());
+        assert_eq!(rig.outcome(Command::SetCoil(COIL)), Outcome::Accepted);
+        assert_eq!(rig.outcome(clear.clone()), Outcome::Accepted);
+        assert_eq!(rig.fault(3_000), None);
+        // Armed with it at no time.
+        coil(&mut rig);
+        assert_eq!(rig.outcome(Command::Arm), Outcome::Faulted);
+        assert!(!rig.procedure.is_armed());
+        assert_eq!(rig.procedure.state(), State::Fault);
+    }
 }

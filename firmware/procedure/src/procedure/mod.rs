@@ -3,6 +3,7 @@
 mod commands;
 mod directed;
 mod faults;
+mod readings;
 mod states;
 
 use palpate_model::units::{Celsius, Hertz, Second};
@@ -12,7 +13,7 @@ use palpate_wire::record::{Hello, StateChange, Status};
 
 use crate::action::{Action, Actions};
 use crate::board::{Board, MOST_CRASHES};
-use crate::configuration::Configuration;
+use crate::configuration::{Configuration, ITEMS};
 use crate::deformation::Follower;
 use crate::event::{Conditions, Event, Failure, Scan};
 use crate::heat::Heat;
@@ -20,11 +21,14 @@ use crate::list::gathered;
 use crate::stream::{FeltScan, Streamer};
 use crate::time::{Duration, Instant, after, between, seconds, span};
 use crate::train::Line;
+use readings::{FlaggedSince, is_of_readings};
 use states::{BRING_UP, Phase};
 
 /// The longest time between two steps. Two tasks may tell their events in another order than they
 /// read the clock, but no later than that.
 const TICK: Duration = Duration::from_ticks(10_000);
+/// From the check of one item of the configuration to that of the next: all of them once a second.
+const CHECK: Duration = Duration::from_ticks(1_000_000 / ITEMS as u64);
 
 /// What the instrument does, from event to actions.
 ///
@@ -53,6 +57,9 @@ pub struct Procedure {
     heard: Option<Instant>,
     /// Until when the converters may be busy with being configured.
     configured: Instant,
+    flagged_since: FlaggedSince,
+    /// The item of the configuration that is checked next, and when.
+    next_check: (usize, Instant),
 }
 
 /// A part of the calibration whose next record is due.
@@ -96,6 +103,8 @@ impl Procedure {
             greeted: false,
             heard: None,
             configured: Instant::from_ticks(0),
+            flagged_since: FlaggedSince::default(),
+            next_check: (0, Instant::from_ticks(0)),
         };
         procedure.begin_baseline();
         procedure
@@ -114,6 +123,11 @@ impl Procedure {
     /// Whether the coil may be driven.
     pub const fn is_armed(&self) -> bool {
         self.armed
+    }
+
+    /// Whether there is a coil that may be driven, and so a thermometer that has to work.
+    pub const fn expects_thermometer(&self) -> bool {
+        self.heat.is_some()
     }
 
     /// Takes an event and says what is to be done. `now` does not go backwards: by less than a
@@ -153,6 +167,8 @@ impl Procedure {
             }
             Event::Conditions(conditions) => self.conditions(conditions),
             Event::Fault(failure) => self.fail(*failure, &mut out),
+            // Any conversion shows that the converter and its bus work, not that its sensor does.
+            Event::Recovered(code) if is_of_readings(*code) => {}
             Event::Recovered(code) => self.recovered(*code, &mut out),
         }
         self.tick(&mut out);
@@ -194,6 +210,7 @@ impl Procedure {
     /// Lets the converters be configured as the settings say, which takes its time.
     fn configure_sensors(&mut self, out: &mut Out<'_>) {
         self.heard = Some(out.now);
+        self.flagged_since = FlaggedSince::default();
         self.configured = after(out.now, BRING_UP);
         out.push(Action::ConfigureSensors {
             channels: self.configuration.settings.channels,
@@ -227,6 +244,7 @@ impl Procedure {
         }
         let felt = self.feel(scan, interval, square_a2);
         self.count(scan, sensor);
+        self.watch_readings(scan, out);
         let springs = self.configuration.springs();
         let settings = &self.configuration.settings;
         if let Some(streamer) = self.streamers.get_mut(sensor)
@@ -293,6 +311,7 @@ impl Procedure {
     /// What is due by time alone.
     fn tick(&mut self, out: &mut Out<'_>) {
         self.deadlines(out);
+        self.check_next(out);
         if out.now >= self.next_status {
             self.next_status = self.status_after(out.now);
             out.record(Record::Status(self.status()));

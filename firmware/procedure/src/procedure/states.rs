@@ -224,6 +224,9 @@ impl Procedure {
     }
 
     fn begin_measurement(&mut self, touched: Instant, out: &mut Out<'_>) {
+        if !self.check_all(out) {
+            return;
+        }
         let calibrated = match self.configuration.calibrated() {
             Ok(calibrated) => calibrated,
             Err(kind) => {
@@ -362,6 +365,9 @@ impl Procedure {
         if !self.armed {
             return Answer::NotArmed;
         }
+        if !self.check_all(out) {
+            return Answer::Faulted;
+        }
         if let Err(reason) = self.forecast() {
             self.refuse(reason, out);
             return Answer::Accepted;
@@ -475,8 +481,7 @@ impl Procedure {
             return;
         }
         let silent_s = in_seconds(silent).0;
-        let allowed_s = (SILENT_PERIODS / self.configuration.settings.rate_hz).max(SILENT_S)
-            + in_seconds(busy).0;
+        let allowed_s = self.allowed_silence_s() + in_seconds(busy).0;
         if silent_s > allowed_s {
             self.fail(
                 Failure {
@@ -487,6 +492,11 @@ impl Procedure {
                 out,
             );
         }
+    }
+
+    /// How long a sensor may give nothing of use, s.
+    pub(super) fn allowed_silence_s(&self) -> f32 {
+        (SILENT_PERIODS / self.configuration.settings.rate_hz).max(SILENT_S)
     }
 
     /// Whether a measurement may be asked for now.

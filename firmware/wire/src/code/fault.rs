@@ -2,7 +2,8 @@
 
 codes! {
     /// What stopped the instrument, or a part of it. The record `fault` carries a value and a
-    /// limit, whose meaning is told here.
+    /// limit, whose meaning is told here. Number 27 is reserved: it will be the storage's, once
+    /// something is stored.
     pub enum FaultCode {
         /// No converter answers at its address. Check supply, wiring and the address pin.
         SensorAbsent = 1 "sensor_absent",
@@ -25,11 +26,12 @@ codes! {
         BusNotAcknowledged = 9 "bus_not_acknowledged",
         /// A transfer took too long. Value and limit: time, s.
         BusTimeout = 10 "bus_timeout",
-        /// The amplitude is out of range. Value: channel. Set the drive current anew.
+        /// The amplitude of a sensor stays out of range. Value: channel. Check coil and what is
+        /// near it.
         SensorAmplitude = 11 "sensor_amplitude",
-        /// The sensor does not oscillate. Value: channel. Check coil and capacitor.
+        /// A sensor does not oscillate. Value: channel. Check coil and capacitor.
         SensorNotOscillating = 12 "sensor_not_oscillating",
-        /// The sensor is too fast for the reference clock. Value: channel.
+        /// A sensor is too fast for the reference clock. Value: channel. Check its capacitor.
         SensorOverRange = 13 "sensor_over_range",
         /// The bridge reports a fault: overcurrent, overtemperature or undervoltage.
         Bridge = 14 "bridge",
@@ -43,7 +45,8 @@ codes! {
         CurrentUnwanted = 17 "current_unwanted",
         /// The coil is too hot. Value and limit: temperature, degrees Celsius. Let it cool.
         CoilTooHot = 18 "coil_too_hot",
-        /// The thermometer of the coil is open or shorted. Value: voltage, V.
+        /// The thermometer of the coil is open or shorted. Value and limit: voltage, V. Check its
+        /// wires.
         Thermometer = 19 "thermometer",
         /// The supply of the coil is too low. Value and limit: voltage, V.
         SupplyLow = 20 "supply_low",
@@ -57,10 +60,9 @@ codes! {
         Panic = 24 "panic",
         /// The device came from a hard fault; the record `crash` tells where.
         HardFault = 25 "hard_fault",
-        /// Settings or calibration are damaged. Value: kind of the record. Set them anew.
+        /// Settings or calibration are not what was set: memory was upset. Value: kind of the
+        /// record that tells the part. Set it anew.
         ConfigurationDamaged = 26 "configuration_damaged",
-        /// The storage could not be written or read.
-        Storage = 27 "storage",
         /// A task missed its deadline. Value and limit: time, s.
         Overrun = 28 "overrun",
         /// A clock does not run or is off. Value and limit: frequency, Hz.
@@ -71,8 +73,8 @@ codes! {
         CoilShort = 31 "coil_short",
         /// What hangs at the bridge has too much resistance or inductance. Check the coil.
         CoilUnknown = 32 "coil_unknown",
-        /// The current amplifier is off zero or turned round. Check its supply, reference and
-        /// inputs.
+        /// The current amplifier is off zero, turned round or frozen. Check its supply, reference
+        /// and inputs.
         CurrentSense = 33 "current_sense",
         /// The bridge's own limit of the current does not act. Set it up.
         NoHardwareLimit = 34 "no_hardware_limit",
@@ -88,7 +90,7 @@ codes! {
         CrashStreak = 38 "crash_streak",
     }
 
-    /// Where something happened.
+    /// Where something happened. Number 10 is reserved.
     pub enum Place {
         /// The processor and its firmware.
         Processor = 1 "processor",
@@ -108,10 +110,8 @@ codes! {
         Supply = 8 "supply",
         /// The clocks.
         Clock = 9 "clock",
-        /// The procedure.
-        Procedure = 10 "procedure",
-        /// Settings, calibration and their storage.
-        Storage = 11 "storage",
+        /// Settings and calibration.
+        Configuration = 11 "configuration",
         /// The link to the PC.
         Link = 12 "link",
     }

@@ -1,7 +1,7 @@
 //! What became of a command.
 
 codes! {
-    /// What became of a command.
+    /// What became of a command. Numbers 21 and 24 are reserved.
     pub enum Outcome {
         /// Accepted, and begun.
         Accepted = 0 "accepted",
@@ -46,14 +46,10 @@ codes! {
         FaultPersists = 19 "fault_persists",
         /// There is no bridge, no coil or no current measurement.
         NoCoil = 20 "no_coil",
-        /// No converter answers.
-        NoSensor = 21 "no_sensor",
         /// Nothing touches.
         NoContact = 22 "no_contact",
         /// The coil has to cool down.
         CoilTooHot = 23 "coil_too_hot",
-        /// The device could not store it.
-        StorageFailed = 24 "storage_failed",
         /// The device is in sensing-only mode.
         SensingOnly = 25 "sensing_only",
         /// The device is too busy to read the command. Send it again.

@@ -18,13 +18,22 @@ pub(crate) const WINDOW: usize = 62;
 /// Still sensors, and a circuit.
 #[derive(Clone)]
 pub(crate) struct Wired {
-    sensors: Still,
-    conditions: Conditions,
+    pub(crate) sensors: Still,
+    pub(crate) conditions: Conditions,
+    /// Parallel resistance of the sensors, ohm.
+    pub(crate) parallel_ohm: f64,
 }
+
+/// That of sound sensors.
+const PARALLEL_OHM: f64 = 3_000.0;
 
 impl Sensors for Wired {
     fn frequency_hz(&self, channel: usize, time_s: f64) -> f64 {
         self.sensors.frequency_hz(channel, time_s)
+    }
+
+    fn parallel_resistance_ohm(&self, _: usize, _: f64) -> f64 {
+        self.parallel_ohm
     }
 }
 
@@ -52,6 +61,7 @@ pub(crate) fn wired(
     let plant = Wired {
         sensors: Still::new(FREQUENCIES_HZ),
         conditions,
+        parallel_ohm: PARALLEL_OHM,
     };
     let mut bench = Bench::of(Board::new(image(), plant, Settings::default(), options));
     bench.stream();

@@ -1,0 +1,338 @@
+//! Whether settings and calibration still are what was set.
+//!
+//! They lie in memory for weeks, and one inverted bit of a spring or a curve falsifies every
+//! measurement without a trace. So each part has a sum, taken when it is set and compared by and by.
+
+use palpate_wire::code::Part;
+use palpate_wire::{Command, configuration_crc};
+
+use super::readback::PARTS;
+use super::{Configuration, SetStiffening};
+
+/// Parts of which there is one for each channel of each converter, before the others in [`PARTS`].
+const OF_A_CHANNEL: usize = 3;
+const CHANNELS: usize = 8;
+/// What has a sum of its own: the settings, and every part.
+pub(crate) const ITEMS: usize = 1 + OF_A_CHANNEL * CHANNELS + (PARTS.len() - OF_A_CHANNEL);
+
+/// The sums, in the order of the items.
+pub(super) type Sums = [u32; ITEMS];
+
+/// The part with a number, with converter and channel; nothing for the settings.
+fn item(number: usize) -> Option<(Part, u8, u8)> {
+    let place = number.checked_sub(1)?;
+    let (part, of) = if place < OF_A_CHANNEL * CHANNELS {
+        (place / CHANNELS, (place % CHANNELS) as u8)
+    } else {
+        (place - OF_A_CHANNEL * (CHANNELS - 1), 0)
+    };
+    Some((*PARTS.get(part)?, of / 4, of % 4))
+}
+
+/// Whether a command sets an item.
+fn sets(command: &Command, number: usize) -> bool {
+    use Part::{Crosstalk, DeformationCurve, Tank};
+    let Some((part, sensor, channel)) = item(number) else {
+        return matches!(command, Command::SetSettings(_));
+    };
+    let is_at = |at: (u8, u8)| at == (sensor, channel);
+    match command {
+        Command::SetTank(of) => part == Tank && is_at((of.sensor, of.channel)),
+        Command::SetDeformationCurve(of) => {
+            part == DeformationCurve && is_at((of.sensor, of.channel))
+        }
+        Command::SetCrosstalk(of) => part == Crosstalk && is_at((of.sensor, of.channel)),
+        // One takes the place of the other.
+        Command::SetStiffening(_) | Command::SetStiffeningCurve(_) => {
+            matches!(part, Part::Stiffening | Part::StiffeningCurve)
+        }
+        Command::SetSprings(_) => part == Part::Springs,
+        Command::SetCoil(_) => part == Part::Coil,
+        Command::SetAttraction(_) => part == Part::Attraction,
+        Command::SetTemperatureEffect(_) => part == Part::TemperatureEffect,
+        Command::SetCurrentCorrection(_) => part == Part::CurrentCorrection,
+        _ => false,
+    }
+}
+
+/// Kind of the record that tells the settings back.
+const SETTINGS: u8 = 0x10;
+
+impl Configuration {
+    /// The sum over an item as it lies in memory.
+    fn sum(&self, number: usize) -> u32 {
+        let Some((part, sensor, channel)) = item(number) else {
+            return configuration_crc([Command::SetSettings(self.settings.clone())]);
+        };
+        match (part, &self.stiffening) {
+            // With the slopes, which no record carries.
+            (Part::DeformationCurve, _) => {
+                let curve = self.channel(sensor, channel).map(|of| &of.curve);
+                curve.and_then(Option::as_ref).map_or(0, |of| of.checksum())
+            }
+            (Part::StiffeningCurve, Some(SetStiffening::Curve { rise, uncertainty })) => {
+                rise.checksum() ^ uncertainty.to_bits()
+            }
+            _ => configuration_crc(self.setter(part, sensor, channel, 0)),
+        }
+    }
+
+    /// Takes the sums anew of what a command has set.
+    pub(super) fn seal(&mut self, command: &Command) {
+        // A curve of which chunks are missing is not in force yet.
+        if self.assembly.is_none() {
+            self.seal_where(|number| sets(command, number));
+        }
+    }
+
+    /// Takes the sums of everything.
+    pub(super) fn seal_all(&mut self) {
+        self.seal_where(|_| true);
+    }
+
+    fn seal_where(&mut self, is_new: impl Fn(usize) -> bool) {
+        for number in (0..ITEMS).filter(|number| is_new(*number)) {
+            let sum = self.sum(number);
+            if let Some(of) = self.sums.get_mut(number) {
+                *of = sum;
+            }
+        }
+    }
+
+    /// The kind of the record that would tell an item back, if the item is not what was set.
+    pub(crate) fn damaged(&self, number: usize) -> Option<u8> {
+        let is_whole = self.sums.get(number) == Some(&self.sum(number));
+        (!is_whole).then(|| item(number).map_or(SETTINGS, |(part, ..)| part.number()))
+    }
+
+    /// The same for the first item that is damaged.
+    pub(crate) fn any_damaged(&self) -> Option<u8> {
+        (0..ITEMS).find_map(|number| self.damaged(number))
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    extern crate std;
+
+    use std::{vec, vec::Vec};
+
+    use palpate_wire::code::Outcome;
+    use palpate_wire::command::{
+        Attraction, Coil, Crosstalk, CurrentCorrection, DeformationCurve, DeformationKnot, Springs,
+        Stiffening, StiffeningCurve, StiffeningKnot, Tank, TemperatureEffect,
+    };
+
+    use super::*;
+    use crate::board::{Board, tests::BOARD};
+    use crate::configuration::DEFAULT_SETTINGS;
+
+    const SPRINGS: Springs = Springs {
+        sensing_n_per_m: 6e3,
+        sensing_uncertainty: 0.0,
+        actuated_n_per_m: 4e3,
+        actuated_uncertainty: 0.0,
+        force_scale_uncertainty: 0.0,
+        zero_uncertainty_m: 0.0,
+    };
+
+    pub(crate) const COIL: Coil = Coil {
+        resistance_ohm: 0.389,
+        copper_capacity_j_per_k: 0.8,
+        pad_capacity_j_per_k: 60.0,
+        copper_to_pad_k_per_w: 0.5,
+        pad_to_ambient_k_per_w: 8.0,
+        current_uncertainty: 0.0,
+    };
+
+    fn curve(first: u8) -> Command {
+        let knot = |place: u8| DeformationKnot {
+            inductance_change: f32::from(place),
+            deformation_m: 1e-3 * f32::from(place * place),
+        };
+        Command::SetDeformationCurve(DeformationCurve {
+            sensor: 0,
+            channel: 2,
+            total: 4,
+            first,
+            knots: [knot(first + 1), knot(first + 2)].into_iter().collect(),
+        })
+    }
+
+    fn stiffening_curve() -> Command {
+        let knot = |place: u8| StiffeningKnot {
+            current_a: f32::from(place),
+            rise: 0.01 * f32::from(place * place),
+        };
+        Command::SetStiffeningCurve(StiffeningCurve {
+            total: 3,
+            first: 0,
+            rise_uncertainty: 0.02,
+            knots: (0..3).map(knot).collect(),
+        })
+    }
+
+    /// An inversion of one bit of what a part is made of.
+    type Upset = fn(&mut Configuration);
+
+    fn invert(value: &mut f32) {
+        *value = f32::from_bits(value.to_bits() ^ 1);
+    }
+
+    /// Commands for one part, the kind of its record, and upsets of it.
+    fn parts() -> [(Vec<Command>, u8, Vec<Upset>); 10] {
+        [
+            (
+                vec![Command::SetSettings(DEFAULT_SETTINGS)],
+                0x10,
+                vec![
+                    |of| invert(&mut of.settings.peak_current_a),
+                    |of| of.settings.ramps ^= 1,
+                    |of| of.settings.automatic ^= true,
+                ],
+            ),
+            (
+                vec![Command::SetTank(Tank {
+                    sensor: 0,
+                    channel: 3,
+                    capacitance_f: 1e-9,
+                    rest_frequency_hz: 3e6,
+                })],
+                0x11,
+                vec![
+                    |of| invert(&mut of.channels[0][3].tank.as_mut().unwrap().capacitance_f),
+                    |of| of.channels[0][3].tank = None,
+                ],
+            ),
+            (
+                vec![curve(0), curve(2)],
+                0x12,
+                vec![|of| of.channels[0][2].curve = None],
+            ),
+            (
+                vec![Command::SetCrosstalk(Crosstalk {
+                    sensor: 0,
+                    channel: 1,
+                    apparent_m_per_a2: 1e-9,
+                    growth_per_m: 0.0,
+                    uncertainty: 0.0,
+                })],
+                0x13,
+                vec![|of| {
+                    let crosstalk = &mut of.channels[0][1].crosstalk;
+                    invert(&mut crosstalk.as_mut().unwrap().apparent_m_per_a2);
+                }],
+            ),
+            (
+                vec![Command::SetSprings(SPRINGS)],
+                0x14,
+                vec![|of| invert(&mut of.springs.as_mut().unwrap().sensing_n_per_m)],
+            ),
+            (
+                vec![stiffening_curve()],
+                0x16,
+                vec![|of| {
+                    if let Some(SetStiffening::Curve { uncertainty, .. }) = &mut of.stiffening {
+                        invert(uncertainty);
+                    }
+                }],
+            ),
+            (
+                vec![Command::SetCoil(COIL)],
+                0x17,
+                vec![|of| invert(&mut of.coil.as_mut().unwrap().resistance_ohm)],
+            ),
+            (
+                vec![Command::SetAttraction(Attraction {
+                    attraction_n_per_a2: 1e-3,
+                    uncertainty: 0.0,
+                })],
+                0x18,
+                vec![|of| invert(&mut of.attraction.as_mut().unwrap().attraction_n_per_a2)],
+            ),
+            (
+                vec![Command::SetTemperatureEffect(TemperatureEffect {
+                    calibrated_at_c: 25.0,
+                    springs_uncertainty_per_k: 1e-3,
+                    rise_uncertainty_per_k: 1e-3,
+                })],
+                0x19,
+                vec![|of| invert(&mut of.temperature_effect.as_mut().unwrap().calibrated_at_c)],
+            ),
+            (
+                vec![Command::SetCurrentCorrection(CurrentCorrection {
+                    greatest_a: 12.0,
+                    changes_a: [0.0, 0.1, 0.2].into_iter().collect(),
+                })],
+                0x1A,
+                vec![|of| {
+                    let correction = of.current_correction.as_mut().unwrap();
+                    invert(&mut correction.changes_a[1]);
+                }],
+            ),
+        ]
+    }
+
+    fn set(configuration: &mut Configuration, board: &Board, commands: &[Command]) {
+        for command in commands {
+            let outcome = configuration.set(command, board);
+            assert_eq!(outcome, Some(Outcome::Accepted), "{command:?}");
+        }
+    }
+
+    #[test]
+    fn every_part_that_is_upset_is_found_and_setting_it_anew_mends_it() {
+        let board = BOARD;
+        let mut sound = Configuration::new(&board);
+        assert_eq!(sound.any_damaged(), None);
+        for (commands, ..) in parts() {
+            set(&mut sound, &board, &commands);
+            assert_eq!(sound.any_damaged(), None, "{commands:?}");
+        }
+        for (commands, kind, upsets) in parts() {
+            for upset in upsets {
+                let mut configuration = sound.clone();
+                upset(&mut configuration);
+                assert_eq!(configuration.any_damaged(), Some(kind));
+                // Setting any other part does not hide it.
+                for (others, other_kind, _) in parts() {
+                    if other_kind != kind {
+                        set(&mut configuration, &board, &others);
+                    }
+                }
+                assert_eq!(configuration.any_damaged(), Some(kind));
+                set(&mut configuration, &board, &commands);
+                assert_eq!(configuration.any_damaged(), None);
+            }
+        }
+    }
+
+    #[test]
+    fn one_stiffening_takes_the_place_of_the_other() {
+        let board = BOARD;
+        let mut configuration = Configuration::new(&board);
+        let law = Command::SetStiffening(Stiffening {
+            peak_current_a: 10.0,
+            rise_at_peak: 0.1,
+            rise_uncertainty: 0.0,
+            field_at_peak_t: 0.0,
+            field_half_t: 1.0,
+        });
+        for command in [law.clone(), stiffening_curve(), law] {
+            set(&mut configuration, &board, &[command]);
+            assert_eq!(configuration.any_damaged(), None);
+        }
+    }
+
+    #[test]
+    fn a_chunk_of_a_curve_does_not_hide_that_the_old_one_is_upset() {
+        let board = BOARD;
+        let mut configuration = Configuration::new(&board);
+        set(&mut configuration, &board, &[curve(0), curve(2)]);
+        configuration.channels[0][2].curve = None;
+        set(&mut configuration, &board, &[curve(0)]);
+        assert_eq!(configuration.any_damaged(), Some(0x12));
+        set(&mut configuration, &board, &[curve(2)]);
+        assert_eq!(configuration.any_damaged(), None);
+    }
+}

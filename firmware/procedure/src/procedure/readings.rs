@@ -1,0 +1,84 @@
+//! Error flags of readings: one is data, one that persists is a fault.
+
+use ldc161x::{Quality, Reading};
+use palpate_wire::code::{FaultCode, Place};
+
+use super::states::Phase;
+use super::{Out, Procedure};
+use crate::event::{Failure, Scan};
+use crate::time::{Instant, seconds};
+
+/// Since when each channel of each converter gives flagged readings and no good one between.
+#[derive(Clone, Debug, Default)]
+pub(super) struct FlaggedSince([[Option<Instant>; 4]; 2]);
+
+/// What a flag says of the sensor. A reading that is old, that was read twice differently or that
+/// follows a gap says nothing of it.
+const fn cause(quality: Quality) -> Option<FaultCode> {
+    match quality {
+        Quality::Watchdog | Quality::UnderRange => Some(FaultCode::SensorNotOscillating),
+        Quality::Amplitude => Some(FaultCode::SensorAmplitude),
+        Quality::OverRange | Quality::AboveQuarterReference => Some(FaultCode::SensorOverRange),
+        Quality::Good | Quality::AfterGap | Quality::Repeated | Quality::Differs => None,
+    }
+}
+
+/// Whether a fault is one of these, which good readings end and nothing else.
+pub(super) const fn is_of_readings(code: FaultCode) -> bool {
+    matches!(
+        code,
+        FaultCode::SensorNotOscillating | FaultCode::SensorAmplitude | FaultCode::SensorOverRange
+    )
+}
+
+impl FlaggedSince {
+    /// Takes a reading; returns what is wrong, and since when, while something is.
+    fn push(
+        &mut self,
+        sensor: u8,
+        reading: &Reading,
+        now: Instant,
+    ) -> Option<(FaultCode, Instant)> {
+        let channels = self.0.get_mut(usize::from(sensor & 1))?;
+        let since = channels.get_mut(usize::from(reading.channel.number()))?;
+        let quality = reading.quality();
+        if quality == Quality::Good {
+            *since = None;
+        }
+        Some((cause(quality)?, *since.get_or_insert(now)))
+    }
+}
+
+impl Procedure {
+    /// Raises a fault for a channel whose readings are flagged for as long as a silent converter
+    /// may be silent: a sensor without one usable reading is worth no more than one without any.
+    /// Ends it when every channel of that converter reads well.
+    pub(super) fn watch_readings(&mut self, scan: &Scan, out: &mut Out<'_>) {
+        let place = if scan.sensor & 1 == 0 {
+            Place::Sensor
+        } else {
+            Place::SecondSensor
+        };
+        let mut failure = None;
+        for conversion in &scan.conversions {
+            let reading = &conversion.reading;
+            let wrong = self.flagged_since.push(scan.sensor, reading, out.now);
+            if let Some((code, since)) = wrong
+                && seconds(since, out.now).0 > self.allowed_silence_s()
+            {
+                failure.get_or_insert(Failure {
+                    value: Some(reading.channel.number().into()),
+                    ..Failure::new(code, place)
+                });
+            }
+        }
+        if let Phase::Fault(standing) = &self.phase {
+            let all_good = scan.conversions.iter().all(|of| of.reading.is_good());
+            if all_good && is_of_readings(standing.code) && standing.place == place {
+                self.recovered(standing.code, out);
+            }
+        } else if let Some(failure) = failure {
+            self.fail(failure, out);
+        }
+    }
+}

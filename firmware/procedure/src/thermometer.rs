@@ -1,0 +1,158 @@
+//! The coil's thermometer: a thermistor to ground and a resistor of the same value to the supply of
+//! the converter, which is its reference as well. What the converter reads is the ratio R/(R + R25).
+
+use palpate_model::units::Celsius;
+use palpate_wire::code::{FaultCode, Place};
+
+use crate::event::Failure;
+use crate::time::{Duration, Instant, between};
+
+/// 10 kiloohm at 25 degrees Celsius, as the resistor to the supply: the common value.
+const REFERENCE_K: f32 = 298.15;
+/// Its constant between 25 and 85 degrees Celsius, K, of the common 1 % parts (type 3950). By the
+/// law of two points the error is below 1 K from 0 to 100 degrees Celsius.
+const BETA_K: f32 = 3_950.0;
+const ZERO_C_K: f32 = 273.15;
+/// Reference of the converter, V.
+const REFERENCE_V: f32 = 3.3;
+
+/// Ratios at 150 and at -40 degrees Celsius: R/R25 = exp(beta (1/T - 1/T25)) is 0.0200 and 40.2.
+/// Between them a reading is a temperature.
+const PLAUSIBLE: [f32; 2] = [0.0196, 0.9757];
+/// Halfway from there to the ends of the range, 40 and 50 counts of 4096 from them: a short reads
+/// below, an open circuit above. A converter errs by 8 counts. What lies between these and the
+/// plausible readings begins no fault and ends none, so that noise at a bound does neither.
+const FAILED: [f32; 2] = [0.0098, 0.9879];
+/// For how long a reading has to be beyond before it is a fault. 12 A in half an ohm heat copper of
+/// 0.8 J/K by 1.8 K in this time; a disturbance of the wire by a discharge or by the bridge's edges
+/// lasts microseconds.
+pub const PERSISTENCE: Duration = Duration::from_ticks(20_000);
+/// Part of the difference that one reading takes over.
+const SMOOTHING: f32 = 0.25;
+
+/// Follows the readings of a thermistor.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Thermometer {
+    /// The ratio, smoothed; nothing while it is not plausible.
+    ratio: Option<f32>,
+    /// Since when it is open or shorted.
+    failed: Option<Instant>,
+}
+
+impl Thermometer {
+    /// Takes a reading as a part of the converter's range. Returns a fault where the thermometer
+    /// has been open or shorted for [`PERSISTENCE`], in every call until it no longer is.
+    pub fn push(&mut self, now: Instant, ratio: f32) -> Option<Failure> {
+        let [least, most] = PLAUSIBLE;
+        if (least..=most).contains(&ratio) {
+            let before = self.ratio.unwrap_or(ratio);
+            self.ratio = Some(before + SMOOTHING * (ratio - before));
+            self.failed = None;
+            return None;
+        }
+        self.ratio = None;
+        let [short, open] = FAILED;
+        if ratio < short || ratio > open || ratio.is_nan() {
+            self.failed.get_or_insert(now);
+        }
+        let since = self.failed?;
+        let limit = if ratio < 0.5 { short } else { open };
+        (between(since, now) >= PERSISTENCE).then_some(Failure {
+            code: FaultCode::Thermometer,
+            place: Place::Thermometer,
+            value: Some(REFERENCE_V * ratio).filter(|volts| volts.is_finite()),
+            limit: Some(REFERENCE_V * limit),
+        })
+    }
+
+    /// The temperature; nothing while the reading is not plausible.
+    ///
+    /// R/R25 = r/(1 - r) and 1/T = 1/T25 + ln(R/R25)/beta.
+    pub fn temperature(&self) -> Option<Celsius> {
+        let ratio = self.ratio?;
+        let logarithm = palpate_model::math::ln(ratio / (1.0 - ratio));
+        Some(Celsius(
+            1.0 / (1.0 / REFERENCE_K + logarithm / BETA_K) - ZERO_C_K,
+        ))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Written from the law, in `f64`.
+    fn ratio(celsius: f64) -> f64 {
+        let ratio = (3_950.0 * (1.0 / (celsius + 273.15) - 1.0 / 298.15)).exp();
+        ratio / (1.0 + ratio)
+    }
+
+    fn at(ms: u64) -> Instant {
+        Instant::from_ticks(1_000 * ms)
+    }
+
+    #[test]
+    fn it_reads_temperatures_from_minus_39_to_149_degrees() {
+        for celsius in (-39..150).step_by(4) {
+            let mut thermometer = Thermometer::default();
+            let truth = f64::from(celsius);
+            assert_eq!(thermometer.push(at(0), ratio(truth) as f32), None);
+            let Celsius(found) = thermometer.temperature().unwrap();
+            // Half a count of 4096 is more than that at either end.
+            assert!((f64::from(found) - truth).abs() < 0.02, "{truth}: {found}");
+        }
+    }
+
+    #[test]
+    fn its_bounds_are_those_of_the_law() {
+        let [least, most] = PLAUSIBLE.map(f64::from);
+        assert!((least - ratio(150.0)).abs() < 1e-4, "{}", ratio(150.0));
+        assert!((most - ratio(-40.0)).abs() < 1e-4, "{}", ratio(-40.0));
+        let [short, open] = FAILED.map(f64::from);
+        assert!((short - 0.5 * least).abs() < 1e-4);
+        assert!((open - 0.5 * (1.0 + most)).abs() < 1e-4);
+    }
+
+    #[test]
+    fn open_and_short_are_faults_after_20_ms_and_not_before() {
+        for (broken, is_low) in [(0.0, true), (0.009, true), (0.99, false), (1.0, false)] {
+            let mut thermometer = Thermometer::default();
+            thermometer.push(at(0), 0.5);
+            for ms in 1..21 {
+                assert_eq!(thermometer.push(at(ms), broken), None, "{broken}: {ms} ms");
+                assert_eq!(thermometer.temperature(), None);
+            }
+            let failure = thermometer.push(at(21), broken).unwrap();
+            assert_eq!(failure.code, FaultCode::Thermometer);
+            assert_eq!(failure.place, Place::Thermometer);
+            assert_eq!(failure.value, Some(REFERENCE_V * broken));
+            let limit_v = failure.limit.unwrap();
+            assert_eq!(limit_v < 1.0, is_low, "{limit_v}");
+            // It stands while the cause does, and ends with it.
+            assert!(thermometer.push(at(500), broken).is_some());
+            assert_eq!(thermometer.push(at(501), 0.5), None);
+            assert!(thermometer.temperature().is_some());
+        }
+        let mut thermometer = Thermometer::default();
+        assert_eq!(thermometer.push(at(0), f32::NAN), None);
+        assert!(thermometer.push(at(20), f32::NAN).is_some());
+    }
+
+    #[test]
+    fn a_spike_is_none_and_the_band_between_begins_and_ends_nothing() {
+        let mut thermometer = Thermometer::default();
+        for ms in 0..200 {
+            let spike = if ms % 19 == 0 { 0.5 } else { 1.0 };
+            assert_eq!(thermometer.push(at(ms), spike), None, "{ms}");
+        }
+        // Between a plausible reading and an open circuit: no temperature, no fault.
+        let mut thermometer = Thermometer::default();
+        for ms in 0..200 {
+            assert_eq!(thermometer.push(at(ms), 0.98), None, "{ms}");
+        }
+        assert_eq!(thermometer.temperature(), None);
+        // Once open, that does not end it.
+        thermometer.push(at(200), 1.0);
+        assert!(thermometer.push(at(220), 0.98).is_some());
+    }
+}
