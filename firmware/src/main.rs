@@ -118,7 +118,7 @@ mod app {
             sensing,
             instrument,
             arrived,
-            watchdog: Watchdog::start(board.watchdog),
+            watchdog: Watchdog::start(board.watchdog, board.clocks_run),
         };
         (Shared {}, local)
     }

@@ -46,10 +46,14 @@ pub struct Watchdog(rp2040_pac::WATCHDOG);
 
 #[allow(unsafe_code)]
 impl Watchdog {
-    /// Starts it. It counts two a microsecond (erratum RP2040-E1), and runs on while a debugger
-    /// stops the processor: a coil must not stay on at a breakpoint.
-    pub fn start(registers: rp2040_pac::WATCHDOG) -> Self {
+    /// Starts it, where the clocks run: without them the processor is too slow to feed it, and the
+    /// coil is never driven. It counts two a microsecond (erratum RP2040-E1), and runs on while a
+    /// debugger stops the processor: a coil must not stay on at a breakpoint.
+    pub fn start(registers: rp2040_pac::WATCHDOG, clocks_run: bool) -> Self {
         let watchdog = Self(registers);
+        if !clocks_run {
+            return watchdog;
+        }
         watchdog.feed();
         // SAFETY: only enables it; the pauses stay off.
         watchdog.0.ctrl().write(|w| unsafe { w.bits(1 << 30) });

@@ -262,6 +262,88 @@ fn an_open_coil_is_found_by_the_test_and_while_it_is_driven() {
     assert_eq!(fault(&bench), Some(FaultCode::CoilOpen));
 }
 
+/// The time until the bridge is off, with the PC saying something now and then, and the greatest
+/// difference of the true current from its target meanwhile.
+fn off_after(bench: &mut Bench, target_a: f64, limit: Time) -> (Time, f64) {
+    let begin = bench.board.now();
+    let mut off_a = 0.0_f64;
+    while bench.board.bridge().awake {
+        assert!(bench.board.now() - begin < limit, "it stays on");
+        if (bench.board.now() - begin).as_ps() % 40_000_000_000 < 1_000_000_000 {
+            bench.send(&Command::GetSettings);
+        }
+        bench.run(Time::from_us(500));
+        if bench.board.bridge().awake {
+            off_a = off_a.max((bench.board.current_a() - target_a).abs());
+        }
+    }
+    let took = bench.board.now() - begin;
+    bench.run(Time::from_ms(5));
+    assert_eq!(bench.board.current_a(), 0.0);
+    (took, off_a)
+}
+
+#[test]
+fn a_thermometer_that_opens_or_shorts_switches_off_within_25_ms() {
+    let snapshot = driving(5.0);
+    for volts in [3.3, 0.0] {
+        let mut bench = snapshot.clone();
+        bench.board.drive_mut().thermistor_v = Some(volts);
+        let (took, _) = off_after(&mut bench, 5.0, Time::from_ms(100));
+        println!("thermometer at {volts} V: off after {took}");
+        assert!(
+            took >= Time::from_ms(19) && took <= Time::from_ms(25),
+            "{took}"
+        );
+        assert_eq!(fault(&bench), Some(FaultCode::Thermometer));
+        // Cleared while its cause lasts, it comes again; without it, it does not.
+        let clear = Command::ClearFault(ClearFault {
+            code: FaultCode::Thermometer,
+        });
+        assert_eq!(bench.command(&clear).outcome, Outcome::Accepted);
+        bench.run(Time::from_ms(200));
+        assert!(bench.faults().last().is_some_and(|fault| fault.active));
+        bench.board.drive_mut().thermistor_v = None;
+        bench.run(Time::from_ms(50));
+        assert_eq!(bench.command(&clear).outcome, Outcome::Accepted);
+        bench.run(Time::from_ms(300));
+        assert!(bench.faults().last().is_some_and(|fault| !fault.active));
+        let temperature_c = bench.status().temperature_c.expect("a temperature");
+        assert!((temperature_c - 25.0).abs() < 1.0, "{temperature_c}");
+    }
+}
+
+#[test]
+fn a_board_without_coil_needs_no_thermometer_and_one_with_a_coil_does() {
+    let mut bench = streaming();
+    bench.board.drive_mut().thermistor_v = Some(3.3);
+    bench.run(Time::from_ms(500));
+    assert_eq!(bench.faults(), []);
+    assert_eq!(bench.status().temperature_c, None);
+    bench.command(&Command::SetCoil(coil()));
+    bench.run(Time::from_ms(250));
+    assert_eq!(fault(&bench), Some(FaultCode::Thermometer));
+    assert_eq!(bench.command(&Command::Arm).outcome, Outcome::Faulted);
+}
+
+#[test]
+fn an_amplifier_that_freezes_at_its_target_is_found() {
+    let snapshot = driving(5.0);
+    for later_ms in [0, 45, 70, 80] {
+        let mut bench = snapshot.clone();
+        for _ in 0..later_ms / 5 {
+            bench.send(&Command::GetSettings);
+            bench.run(Time::from_ms(5));
+        }
+        bench.board.drive_mut().amplifier_v = Some(1.65 + 0.125 * 5.0);
+        let (took, off_a) = off_after(&mut bench, 5.0, Time::from_ms(200));
+        let code = fault(&bench);
+        println!("frozen after {later_ms} ms: {took}, off by {off_a:.2} A, {code:?}");
+        assert_eq!(code, Some(FaultCode::CurrentSense));
+        assert!(took <= Time::from_ms(174), "{took}");
+    }
+}
+
 #[test]
 fn a_bridge_without_a_limit_is_not_driven() {
     let options = Options {

@@ -65,7 +65,7 @@ fn cause(code: FaultCode) -> Vec<record::Fault> {
         }),
         NoHardwareLimit => without_limit(),
         CurrentAstray => weak(9.5),
-        OnTime => driven(2.0, |bench| talk(bench, Time::from_ms(20_100))),
+        OnTime => driven(1.0, |bench| talk(bench, Time::from_ms(20_100))),
         HostSilent => driven(2.0, |bench| bench.run(Time::from_ms(110))),
         CrashStreak => crashed_five_times(),
         Unknown(_) => Vec::new(),
@@ -300,7 +300,8 @@ fn without_crystal() -> Vec<record::Fault> {
         ..recording()
     };
     let mut bench = Bench::with(Settings::default(), options);
-    bench.run(Time::from_ms(2_000));
+    bench.run(Time::from_ms(1_000));
+    assert_eq!(bench.board.resets().watchdog, 0);
     bench.faults()
 }
 

@@ -163,6 +163,34 @@ fn an_interrupt_line_that_is_stuck_is_survived() {
     }
 }
 
+/// Flagged samples of 40 ms are data; of 100 ms they are a fault, which ends with its cause.
+#[test]
+fn a_sensing_coil_that_opens_is_reported_and_its_return_too() {
+    let mut bench = streaming();
+    let set_hz = |bench: &mut Bench, hz: f64| {
+        bench.board.plant_mut().frequencies_hz[0] = hz;
+    };
+    set_hz(&mut bench, 0.0);
+    bench.run(Time::from_ms(40));
+    set_hz(&mut bench, common::FREQUENCIES_HZ[0]);
+    bench.run(Time::from_ms(50));
+    assert_eq!(bench.faults(), []);
+    assert!(bench.words().iter().any(|word| word >> 28 != 0));
+    set_hz(&mut bench, 0.0);
+    bench.run(Time::from_ms(100));
+    let faults = bench.faults();
+    let raised = faults.last().expect("a fault");
+    assert_eq!(raised.code, FaultCode::SensorNotOscillating);
+    assert_eq!((raised.active, raised.value), (true, Some(0.0)));
+    // However many flagged samples follow, it stands.
+    bench.run(Time::from_ms(100));
+    assert_eq!(bench.faults().len(), faults.len(), "{:?}", bench.faults());
+    set_hz(&mut bench, common::FREQUENCIES_HZ[0]);
+    bench.run(Time::from_ms(50));
+    let ended = bench.faults().pop().expect("a fault");
+    assert_eq!((ended.code, ended.active), (raised.code, false));
+}
+
 // ---- the coil and the safe state ----
 
 #[test]
