@@ -24,7 +24,7 @@ const SILENT_S: f32 = 0.05;
 /// What bringing a converter up may take, beside conversions. With four channels, which is the most,
 /// the drive of each is sought, and 280 registers are written, read back or compared, one transaction
 /// each. Each has 0.47 ms until it fails, which is a fault of its own: 132 ms. Reset and waking take
-/// 3.5 ms. The emulated board takes up to 45 ms (docs/evidence/image-starts.md).
+/// 3.5 ms.
 pub(super) const BRING_UP: Duration = Duration::from_ticks(140_000);
 /// The same time.
 const LEAST_SILENCE: Duration = Duration::from_ticks(50_000);
