@@ -52,8 +52,8 @@ fn depth(text: &str) -> Result<f64, String> {
 const HONEST: usize = 94;
 
 /// Comments that `cargo xtask evidence` looks for around what it keeps.
-const BEGIN: &str = "<!-- evidence:begin -->";
-const END: &str = "<!-- evidence:end -->";
+pub(crate) const BEGIN: &str = "<!-- evidence:begin -->";
+pub(crate) const END: &str = "<!-- evidence:end -->";
 
 /// What one sensor made of the row, or why it could not be calibrated.
 type Plant = Result<Vec<Measured>, String>;
@@ -154,12 +154,7 @@ impl ByLoad {
             return;
         };
         self.held += usize::from(measured.verdict.holds(truth) == Some(true));
-        // In 1/c_L, in which the error is nearly normal, and an interval without an end has one.
-        let low = truth / f64::from(estimate.lower_n_per_m);
-        let high = estimate
-            .upper_n_per_m
-            .map_or(0.0, |upper| truth / f64::from(upper));
-        self.widths.push(0.5 * (low - high));
+        self.widths.extend(measured.half_width());
         let value = estimate
             .stiffness_n_per_m
             .map_or(0.0, |value| truth / f64::from(value));
@@ -197,7 +192,8 @@ fn table(loads: &[ByLoad]) -> Table {
     table
 }
 
-fn quantile(values: &[f64], part: f64) -> Option<f64> {
+/// The value below which this part of the values lies; nothing of none.
+pub(crate) fn quantile(values: &[f64], part: f64) -> Option<f64> {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
     let place = part * sorted.len().saturating_sub(1) as f64;

@@ -105,6 +105,17 @@ pub(crate) fn unusable(file: &Path, error: &dyn std::fmt::Display) -> Failure {
 }
 
 impl OnBoard {
+    /// An image of which nothing is to be seen but its records.
+    #[cfg(test)]
+    pub(crate) fn quiet(image: Image) -> Self {
+        Self {
+            image,
+            log: None,
+            trace: None,
+            traced: Cell::new(0),
+        }
+    }
+
     /// How the board is to be set up.
     pub(crate) fn options(&self) -> Options {
         Options {

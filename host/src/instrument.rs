@@ -52,6 +52,16 @@ impl Instrument {
         settings: &Settings,
     ) -> Result<Self, Failure> {
         let plant = draw(stack, disturbances, seed);
+        Self::of_plant(plant, stack, switches, settings)
+    }
+
+    /// Calibrates a plant of this stack on its bench.
+    pub(crate) fn of_plant(
+        plant: Parameters,
+        stack: &Stack,
+        switches: Switches,
+        settings: &Settings,
+    ) -> Result<Self, Failure> {
         let effective = plant.effective(&switches);
         let settings = Settings {
             peak_current_a: affordable_peak_a(&effective) as f32,

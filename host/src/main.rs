@@ -14,6 +14,7 @@ mod field;
 mod image_cost;
 mod instrument;
 mod log;
+mod misfit;
 mod plan_ldc;
 mod plot;
 mod press;
@@ -60,6 +61,8 @@ enum Verb {
     Demo(demo::Arguments),
     Simulate(simulate::Arguments),
     Coverage(coverage::Arguments),
+    #[command(hide = true)]
+    Misfit(misfit::Arguments),
     Field(field::Arguments),
     ImageCost(image_cost::Arguments),
 }
@@ -77,6 +80,7 @@ fn main() -> ExitCode {
         Verb::Demo(arguments) => demo::run(&arguments),
         Verb::Simulate(arguments) => simulate::run(&arguments),
         Verb::Coverage(arguments) => coverage::run(&arguments),
+        Verb::Misfit(arguments) => misfit::run(&arguments),
         Verb::Field(arguments) => field::run(&arguments),
         Verb::ImageCost(arguments) => image_cost::run(&arguments),
     };

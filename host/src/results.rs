@@ -151,6 +151,17 @@ impl Measured {
         }
     }
 
+    /// Half the width of the interval of 1/c_L, over the true 1/c_L: in it the error is nearly normal,
+    /// and an interval without an end has one.
+    pub(crate) fn half_width(&self) -> Option<f64> {
+        let estimate = self.verdict.estimate()?;
+        let truth = self.pressed.true_n_per_m;
+        let low = truth / f64::from(estimate.lower_n_per_m);
+        let upper = estimate.upper_n_per_m;
+        let high = upper.map_or(0.0, |upper| truth / f64::from(upper));
+        Some(0.5 * (low - high))
+    }
+
     /// Under the headings of [`COLUMNS`].
     pub(crate) fn cells(&self) -> [String; 7] {
         let truth = self.pressed.true_n_per_m;

@@ -23,7 +23,7 @@
 //! are within 3 % of a ramp evaluated with a wrong calibration at a stiffening of 10 %
 //! (`tests/uncertainty.rs`).
 
-use crate::math::{hypot, student::NORMAL_975};
+use crate::math::hypot;
 use crate::ramp::LoadRatio;
 use crate::units::Metre;
 
@@ -134,13 +134,6 @@ impl Calibration {
     /// ```
     #[must_use]
     pub fn widen(&self, ratio: &LoadRatio, at: &OperatingPoint) -> LoadRatio {
-        let systematic = self.budget(ratio.value, at).total();
-        let reach = NORMAL_975 * systematic;
-        LoadRatio {
-            value: ratio.value,
-            standard_error: hypot(ratio.standard_error, systematic),
-            low: ratio.value - hypot(ratio.value - ratio.low, reach),
-            high: ratio.value + hypot(ratio.high - ratio.value, reach),
-        }
+        ratio.with_uncertainty(self.budget(ratio.value, at).total())
     }
 }

@@ -6,7 +6,7 @@ mod support;
 use palpate_procedure::units::Ampere;
 use palpate_wire::Command;
 use palpate_wire::code::{Drift, FaultCode, Part, Place, RefusalReason, State};
-use palpate_wire::command::{ClearFault, Settings};
+use palpate_wire::command::{ClearFault, Settings, Springs};
 use palpate_wire::record::Refusal;
 use support::Rig;
 use support::calibration::{COIL, attraction, crosstalk, curve, settings, springs, stiffening};
@@ -260,6 +260,56 @@ fn the_sums_leave_the_range_of_numbers() {
         is(&rig.refused(), RefusalReason::NotFinite, None, None);
         recovers(rig);
     }
+}
+
+/// Pressed on a sensor whose stiffening saturates half-way at this current, which its calibration does
+/// not know.
+fn saturating(half_way_a: f64, springs_uncertain: f32) -> Rig {
+    let mut rig = Rig::calibrated(Sensor::default(), settings(|_| {}));
+    rig.accepted(Command::SetSprings(Springs {
+        sensing_uncertainty: springs_uncertain,
+        ..springs(&rig.sensor)
+    }));
+    rig.accepted(Command::Arm);
+    rig.until(State::Watching, 3_000);
+    rig.sensor.half_way_a = half_way_a;
+    rig.touch(3e-4);
+    rig
+}
+
+#[test]
+fn the_stiffening_is_not_the_calibrated_one() {
+    let mut rig = saturating(10.0, 0.02);
+    let refusal = rig.refused();
+    assert_eq!(refusal.reason, RefusalReason::Misfit, "{refusal:?}");
+    let (value, limit) = (refusal.value.unwrap(), refusal.limit.unwrap());
+    // What the springs leave open, and the residuals that the misfit makes.
+    assert!((0.02..0.04).contains(&limit), "{refusal:?}");
+    assert!(value > 10.0 * limit, "{refusal:?}");
+    assert_eq!((refusal.measurement, rig.state()), (1, State::Release));
+    recovers(rig);
+
+    // Half a per cent of the slope at least: 1 + c_S/c_L + c_S/c_D is 3.5.
+    let refusal = saturating(40.0, 0.0).refused();
+    assert_eq!(refusal.reason, RefusalReason::Misfit, "{refusal:?}");
+    let limit = refusal.limit.unwrap();
+    assert!((limit / (0.005 * 3.5) - 1.0).abs() < 0.05, "{refusal:?}");
+    saturating(200.0, 0.0).measure();
+}
+
+#[test]
+fn a_misfit_within_the_claim_widens_it() {
+    let straight = saturating(f64::INFINITY, 0.1).measure();
+    let mut rig = saturating(50.0, 0.1);
+    let bent = rig.measure();
+    let errors = [&straight, &bent].map(|of| of.load_ratio_standard_error);
+    assert!((errors[0] - 0.1).abs() < 1e-3, "{errors:?}");
+    assert!(
+        (1.05..1.41).contains(&(errors[1] / errors[0])),
+        "{errors:?}"
+    );
+    let truth = rig.sensor.load_n_per_m as f32;
+    assert!(bent.lower_n_per_m < truth && bent.upper_n_per_m.unwrap() > truth);
 }
 
 #[test]

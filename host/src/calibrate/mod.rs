@@ -67,6 +67,18 @@ pub(crate) struct Calibration {
     pub(crate) crosstalk: Crosstalk,
 }
 
+impl Calibration {
+    /// States a relative standard uncertainty of the rise, for what has the shape of the signal and so
+    /// is seen by no press: an error of the rise itself, and creep that is over before a train.
+    pub(crate) fn allow_for_rise(&mut self, uncertainty: f32) {
+        for command in &mut self.commands {
+            if let Command::SetStiffeningCurve(chunk) = command {
+                chunk.rise_uncertainty = uncertainty;
+            }
+        }
+    }
+}
+
 /// Why the notes give no calibration.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Unusable {

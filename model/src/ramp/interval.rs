@@ -1,7 +1,7 @@
 //! Intervals for a ratio, and what they say about a stiffness.
 
 use super::Refusal;
-use crate::math::sqrt;
+use crate::math::{hypot, sqrt, student::NORMAL_975};
 use crate::units::NewtonPerMetre;
 
 /// kappa = c_S/c_L, the load's compliance in units of the sensing layer's, with a 95 % interval.
@@ -76,6 +76,19 @@ impl LoadStiffness {
 }
 
 impl LoadRatio {
+    /// The same with a further standard uncertainty of kappa: standard errors and the interval's two
+    /// reaches each as root of the sum of squares.
+    #[must_use]
+    pub fn with_uncertainty(&self, further: f32) -> Self {
+        let reach = NORMAL_975 * further;
+        Self {
+            value: self.value,
+            standard_error: hypot(self.standard_error, further),
+            low: self.value - hypot(self.value - self.low, reach),
+            high: self.value + hypot(self.high - self.value, reach),
+        }
+    }
+
     /// c_L = c_S/kappa: the interval of kappa turned over, exactly as wide in probability.
     ///
     /// ```

@@ -63,6 +63,7 @@
 mod basis;
 mod fit;
 mod interval;
+mod misfit;
 mod moments;
 mod refusal;
 mod scatter;
@@ -70,6 +71,7 @@ mod scatter;
 pub use basis::{Basis, BasisError, Drift, MOST_TERMS, Term};
 pub use fit::{Coefficient, Fit, LoadPoint, Noise};
 pub use interval::{LoadRatio, LoadStiffness};
+pub use misfit::{Bend, SLOPE_BY_BEND};
 pub use refusal::{Refusal, Rejected};
 pub use scatter::Scatter;
 

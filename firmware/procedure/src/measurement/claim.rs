@@ -2,7 +2,9 @@
 
 use palpate_model::magnetorheological::{self, Stiffening};
 use palpate_model::math::{hypot, sqrt};
-use palpate_model::ramp::{Fit, LoadPoint, LoadRatio, LoadStiffness, Reference, Refusal as NoFit};
+use palpate_model::ramp::{
+    Bend, Fit, LoadPoint, LoadRatio, LoadStiffness, Reference, Refusal as NoFit,
+};
 use palpate_model::uncertainty::{Calibration, OperatingPoint};
 use palpate_model::units::{Ampere, Celsius, Metre, Newton, NewtonPerMetre};
 use palpate_wire::code::RefusalReason;
@@ -73,8 +75,11 @@ impl Measurement {
             &self.calibrated,
             temperature,
         );
+        let bend = curved.and_then(|curved| Bend::of(&fit, &curved, ramps.span()));
         let claim = calibration.widen(&of_noise, &at);
         let sensing = NewtonPerMetre(self.calibrated.springs.sensing_n_per_m);
+        claim.stiffness(sensing).map_err(reason)?;
+        let claim = with_misfit(claim, bend, &at, scatter)?;
         let load = claim.stiffness(sensing).map_err(reason)?;
         too_uncertain(&load, settings)?;
         let total = fit.total_displacement();
@@ -200,6 +205,27 @@ fn widened(ratio: &LoadRatio, factor: f32) -> LoadRatio {
         low: ratio.value - (ratio.value - ratio.low) * factor,
         high: ratio.value + (ratio.high - ratio.value) * factor,
     }
+}
+
+/// Part of the slope's standard error that a bend may always be worth: an ideal sensor's ramps bend by
+/// as much, of what conversions and the current's readings are means over.
+const LEAST_MISFIT: f32 = 0.005;
+
+/// The claim with what a bend of the line leaves open, or a refusal if that is more than all else.
+fn with_misfit(
+    claim: LoadRatio,
+    bend: Option<Bend>,
+    at: &OperatingPoint,
+    scatter: f32,
+) -> Result<LoadRatio, Reason> {
+    let whole = 1.0 + claim.value + at.actuated_ratio;
+    let misfit = bend.map_or(0.0, |bend| bend.uncertainty(whole, scatter));
+    let limit = claim.standard_error.max(LEAST_MISFIT * whole);
+    // Negated, so that NaN is refused.
+    if !(misfit <= limit) {
+        return Err((RefusalReason::Misfit, Some(misfit), Some(limit)));
+    }
+    Ok(claim.with_uncertainty(misfit))
 }
 
 fn operating_point(

@@ -113,6 +113,12 @@ impl Ramps {
         self.regressors
     }
 
+    /// Width of the regressor's range.
+    pub(super) fn span(&self) -> f32 {
+        let (low, high) = self.regressors;
+        high - low
+    }
+
     /// Takes a sample of the ramp with this number. One that the sums reject - not finite, not
     /// pressed - is left out of all of them.
     pub(super) fn push(&mut self, sample: &Sample, ramp: u8) {

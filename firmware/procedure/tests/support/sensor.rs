@@ -20,6 +20,8 @@ pub(crate) struct Sensor {
     pub(crate) actuated_n_per_m: f64,
     /// Relative rise of c_D at 10 A, proportional to the current's square.
     pub(crate) rise: f64,
+    /// Current at which that saturates half-way; the rise at 10 A stays.
+    pub(crate) half_way_a: f64,
     /// c_L.
     pub(crate) load_n_per_m: f64,
     /// Way that all three are pressed together; zero lifts.
@@ -59,6 +61,7 @@ impl Default for Sensor {
             sensing_n_per_m: 6e3,
             actuated_n_per_m: 4e3,
             rise: 0.1,
+            half_way_a: f64::INFINITY,
             load_n_per_m: 6e3,
             depth_m: 0.0,
             attraction_n_per_a2: 0.0,
@@ -81,7 +84,10 @@ impl Default for Sensor {
 impl Sensor {
     /// c_D at a current.
     pub(crate) fn actuated(&self, current_a: f64) -> f64 {
-        self.actuated_n_per_m * (1.0 + self.rise * (current_a / PEAK_A).powi(2))
+        let part = (current_a / PEAK_A).powi(2);
+        let saturates = (PEAK_A / self.half_way_a).powi(2);
+        let stiffening = part * (1.0 + saturates) / (1.0 + saturates * part);
+        self.actuated_n_per_m * (1.0 + self.rise * stiffening)
     }
 
     /// Presses so far that the sensing layer is deformed by `deformation_m` without current.

@@ -35,7 +35,8 @@ codes! {
         SignalReversed = 13 "signal_reversed",
         /// The whole interval is of negative stiffness. Value: greatest c_S/c_L in it.
         NegativeStiffness = 14 "negative_stiffness",
-        /// The samples do not fit the model. Value and limit: reduced chi-square.
+        /// The samples do not fit the calibrated stiffening. Value: standard error of c_S/c_L that
+        /// the misfit makes; limit: that of all else.
         Misfit = 15 "misfit",
         /// The standard error is greater than the settings allow. Value and limit: standard error
         /// as a fraction of the stiffness.

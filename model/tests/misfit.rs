@@ -1,0 +1,122 @@
+//! What bends the line of a train, and by how much it errs meanwhile. The ramps are made in `f64`.
+
+use palpate_model::ramp::{Basis, Bend, Fit, Noise, Ramp, Reference, SLOPE_BY_BEND, Sample, Term};
+use palpate_model::units::{Metre, Second};
+
+const X_REF_M: f64 = 0.3e-3;
+const KAPPA: f64 = 1.0;
+const RATIO: f64 = 1.5;
+/// Of c_D at the peak.
+const RISE: f64 = 0.1;
+const FALL_S: f64 = 0.06;
+
+/// Stiffening at a part of the fall, in units of that at the peak, and what was calibrated.
+type Stiffening = fn(f64, f64) -> f64;
+
+/// (1 - s)^2: the calibrated one, of a current that falls in a straight line.
+fn quadratic(part: f64) -> f64 {
+    (1.0 - part).powi(2)
+}
+
+/// Follows it `lag` of a fall late, from rest at the peak: y = u + lag y' solved in closed form.
+fn lagging(part: f64, lag: f64) -> f64 {
+    let particular = |s: f64| (1.0 - s).powi(2) + 2.0 * lag * (1.0 - s) + 2.0 * lag * lag;
+    particular(part) + (1.0 - particular(0.0)) * (-part / lag).exp()
+}
+
+/// The share `play` of it goes through a play of a quarter to each side, as in the simulated plant.
+fn with_play(part: f64, play: f64) -> f64 {
+    let u = quadratic(part);
+    (1.0 - play) * u + play * (u + 0.25).min(0.75) / 0.75
+}
+
+/// Saturates half-way at the field 1/sqrt(`square`) of the peak's.
+fn saturating(part: f64, square: f64) -> f64 {
+    let u = quadratic(part);
+    u * (1.0 + square) / (1.0 + square * u)
+}
+
+fn rho_to_h(stiffening: f64) -> f64 {
+    let rise = RISE * stiffening;
+    -RATIO * rise / (1.0 + rise)
+}
+
+/// Straight and bent line of twelve falls of 60 readings, noise of `noise_m` uniform, and the span.
+fn fits(acts: Stiffening, size: f64, noise_m: f64) -> (Fit, Fit, f32) {
+    let whole = 1.0 + KAPPA + RATIO;
+    let reference = Reference::new(Metre(X_REF_M as f32), RATIO as f32).unwrap();
+    let basis = Basis::new(&[Term::Level, Term::Slope, Term::Quadratic]).unwrap();
+    let mut ramp = Ramp::new(reference, basis);
+    let mut random = 88172645463325252_u64;
+    for reading in 0..720_u32 {
+        let part = (f64::from(reading % 60) + 0.5) / 60.0;
+        random ^= random << 13;
+        random ^= random >> 7;
+        random ^= random << 17;
+        let noise = (random as f64 / u64::MAX as f64 * 2.0 - 1.0) * noise_m;
+        let x = X_REF_M * (whole + rho_to_h(1.0)) / (whole + rho_to_h(acts(part, size))) + noise;
+        ramp.push(&Sample {
+            time: Second((f64::from(reading) * FALL_S / 60.0) as f32),
+            deformation: Metre((x - X_REF_M) as f32),
+            regressor: rho_to_h(quadratic(part)) as f32,
+            sigma: Metre(60e-9),
+        })
+        .unwrap();
+    }
+    let straight = ramp.fit_first(2, Noise::Larger).unwrap().unwrap();
+    let bent = ramp.fit(Noise::Larger).unwrap();
+    let span = (rho_to_h(0.0) - rho_to_h(1.0)) as f32;
+    (straight, bent, span)
+}
+
+/// Bend, and relative error of the slope.
+fn bend_and_error(acts: Stiffening, size: f64, noise_m: f64) -> (Bend, f64) {
+    let (straight, bent, span) = fits(acts, size, noise_m);
+    let whole = f64::from(straight.load_ratio().unwrap().value) + 1.0 + RATIO;
+    let error = (1.0 + KAPPA + RATIO) / whole - 1.0;
+    (Bend::of(&straight, &bent, span).unwrap(), error)
+}
+
+#[test]
+fn a_line_that_is_straight_has_no_bend_and_no_further_uncertainty() {
+    let (bend, error) = bend_and_error(|part, _| quadratic(part), 0.0, 100e-9);
+    assert!(error.abs() < 5e-3, "{error:e}");
+    let b = bend.relative;
+    assert!(b.value.abs() < 3.0 * b.standard_error, "{b:?}");
+    assert_eq!(bend.uncertainty(3.5, 1.0), 0.0);
+}
+
+#[test]
+fn what_is_left_out_bends_the_line_by_as_much_as_is_said() {
+    let lags = [0.5, 1.0, 2.0, 5.0, 10.0].map(|ms| (lagging as Stiffening, ms * 1e-3 / FALL_S));
+    let plays = [0.01, 0.03, 0.1, 0.3].map(|share| (with_play as Stiffening, share));
+    let saturations = [0.01, 0.1, 1.0].map(|square| (saturating as Stiffening, square));
+    for (acts, size) in lags.into_iter().chain(plays).chain(saturations) {
+        let (bend, error) = bend_and_error(acts, size, 0.0);
+        let ratio = error.abs() / f64::from(bend.relative.value.abs());
+        println!(
+            "{size:.4}: error {error:+.4}, bend {:+.4}, {ratio:.2}",
+            bend.relative.value
+        );
+        assert!(ratio <= 0.71, "{size}: {ratio}");
+        assert!(ratio < 2.0 * f64::from(SLOPE_BY_BEND), "{size}: {ratio}");
+    }
+}
+
+#[test]
+fn the_uncertainty_grows_with_the_bend_and_shrinks_with_the_noise() {
+    let (bend, _) = bend_and_error(lagging, 5e-3 / FALL_S, 0.0);
+    let alone = bend.uncertainty(3.5, 1.0);
+    let expected = SLOPE_BY_BEND * 3.5 * bend.relative.value.abs();
+    assert!((alone / expected - 1.0).abs() < 0.1, "{alone} {expected}");
+    // Of single ramps that disagree by much more than their own errors, it may be chance.
+    assert!(bend.uncertainty(3.5, 10.0) < alone);
+    assert_eq!(bend.uncertainty(3.5, 1e3), 0.0);
+}
+
+#[test]
+fn without_a_bent_line_there_is_no_bend() {
+    let (straight, bent, span) = fits(|part, _| quadratic(part), 0.0, 0.0);
+    assert!(Bend::of(&straight, &straight, span).is_none());
+    assert!(Bend::of(&straight, &bent, f32::NAN).is_none());
+}
