@@ -264,10 +264,11 @@ fn the_sums_leave_the_range_of_numbers() {
 
 /// Pressed on a sensor whose stiffening saturates half-way at this current, which its calibration does
 /// not know.
-fn saturating(half_way_a: f64, springs_uncertain: f32) -> Rig {
+fn saturating(half_way_a: f64, (springs_uncertain, bend): (f32, f32)) -> Rig {
     let mut rig = Rig::calibrated(Sensor::default(), settings(|_| {}));
     rig.accepted(Command::SetSprings(Springs {
         sensing_uncertainty: springs_uncertain,
+        bend,
         ..springs(&rig.sensor)
     }));
     rig.accepted(Command::Arm);
@@ -279,7 +280,7 @@ fn saturating(half_way_a: f64, springs_uncertain: f32) -> Rig {
 
 #[test]
 fn the_stiffening_is_not_the_calibrated_one() {
-    let mut rig = saturating(10.0, 0.02);
+    let mut rig = saturating(10.0, (0.02, 0.0));
     let refusal = rig.refused();
     assert_eq!(refusal.reason, RefusalReason::Misfit, "{refusal:?}");
     let (value, limit) = (refusal.value.unwrap(), refusal.limit.unwrap());
@@ -290,17 +291,21 @@ fn the_stiffening_is_not_the_calibrated_one() {
     recovers(rig);
 
     // Half a per cent of the slope at least: 1 + c_S/c_L + c_S/c_D is 3.5.
-    let refusal = saturating(40.0, 0.0).refused();
+    let refusal = saturating(40.0, (0.0, 0.0)).refused();
     assert_eq!(refusal.reason, RefusalReason::Misfit, "{refusal:?}");
     let limit = refusal.limit.unwrap();
     assert!((limit / (0.005 * 3.5) - 1.0).abs() < 0.05, "{refusal:?}");
-    saturating(200.0, 0.0).measure();
+    saturating(200.0, (0.0, 0.0)).measure();
+
+    // Where the calibration's own trains bent by as much, it is what it is: the interval is wider.
+    let estimate = saturating(40.0, (0.0, 0.05)).measure();
+    assert!(estimate.load_ratio_standard_error > 0.02, "{estimate:?}");
 }
 
 #[test]
 fn a_misfit_within_the_claim_widens_it() {
-    let straight = saturating(f64::INFINITY, 0.1).measure();
-    let mut rig = saturating(50.0, 0.1);
+    let straight = saturating(f64::INFINITY, (0.1, 0.0)).measure();
+    let mut rig = saturating(50.0, (0.1, 0.0));
     let bent = rig.measure();
     let errors = [&straight, &bent].map(|of| of.load_ratio_standard_error);
     assert!((errors[0] - 0.1).abs() < 1e-3, "{errors:?}");

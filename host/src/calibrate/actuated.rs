@@ -53,6 +53,47 @@ impl Actuated {
         ratio_now + pull_n * ratio_now / sensing_n_per_m / sample.deformation_m
     }
 
+    /// The equation of a sample of a train by itself: total way over `depth_m` and its drifts, kappa;
+    /// right side and weight.
+    fn row(
+        &self,
+        sample: &Sample,
+        depth_m: f64,
+        sensing_n_per_m: f64,
+        tau_s: f64,
+    ) -> (Vec<f64>, f64, f64) {
+        let phi = (sample.time_s / tau_s).ln_1p();
+        let level = depth_m / sample.deformation_m;
+        let right = 1.0 + self.compliance(sample, sensing_n_per_m);
+        // Noise of x enters as x_0/x^2.
+        let weight = (level * level).recip();
+        let row = vec![level, level * phi, -1.0, level * sample.time_s];
+        (row, right, weight)
+    }
+
+    /// By how much the line of a train bends: the change of its slope from the middle to an end of its
+    /// span of h, over the slope, without what noise makes of it.
+    fn bend(&self, samples: &[Sample], sensing_n_per_m: f64, tau_s: f64) -> Result<f64, Unusable> {
+        let h = |sample: &Sample| self.compliance(sample, sensing_n_per_m) - self.ratio;
+        let (low, high) = samples
+            .iter()
+            .map(h)
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), h| {
+                (low.min(h), high.max(h))
+            });
+        let depth_m = mean_m(samples);
+        let mut system = System::new(5);
+        for sample in samples {
+            let (row, right, weight) = self.row(sample, depth_m, sensing_n_per_m, tau_s);
+            let bent = row.into_iter().chain([-h(sample).powi(2)]).collect();
+            system.add(bent, right, weight);
+        }
+        let solved = system.solve("the bend of a train by itself")?;
+        let gamma = solved.unknowns.last().copied().unwrap_or(0.0);
+        let variance = solved.covariance[(4, 4)];
+        Ok((gamma * gamma - variance).max(0.0).sqrt() * (high - low))
+    }
+
     /// The line of one train by itself, for a press that was `tau_s` old when it began.
     pub(crate) fn line(
         &self,
@@ -60,20 +101,11 @@ impl Actuated {
         sensing_n_per_m: f64,
         tau_s: f64,
     ) -> Result<Line, Unusable> {
-        let count = samples.len().max(1) as f64;
-        let depth_m = samples.iter().map(|s| s.deformation_m).sum::<f64>() / count;
+        let depth_m = mean_m(samples);
         let mut system = System::new(4);
         for sample in samples {
-            let phi = (sample.time_s / tau_s).ln_1p();
-            let level = depth_m / sample.deformation_m;
-            let right = 1.0 + self.compliance(sample, sensing_n_per_m);
-            // Noise of x enters as x_0/x^2.
-            let weight = (level * level).recip();
-            system.add(
-                vec![level, level * phi, -1.0, level * sample.time_s],
-                right,
-                weight,
-            );
+            let (row, right, weight) = self.row(sample, depth_m, sensing_n_per_m, tau_s);
+            system.add(row, right, weight);
         }
         match system.solve("a train by itself")?.unknowns.as_slice() {
             &[total, drift, kappa, linear] => Ok(Line {
@@ -86,6 +118,12 @@ impl Actuated {
             _ => Err(Unusable::Undetermined("a train by itself")),
         }
     }
+}
+
+/// Mean deformation, m.
+fn mean_m(samples: &[Sample]) -> f64 {
+    let sum_m: f64 = samples.iter().map(|sample| sample.deformation_m).sum();
+    sum_m / samples.len().max(1) as f64
 }
 
 /// x (1 + kappa + g) = x_0 (1 + d phi(t)), fitted to a train.
@@ -219,10 +257,7 @@ pub(super) fn fit(
 impl Problem {
     /// The least mean deformation of a train, m: nothing is known of shallower presses.
     pub(super) fn shallowest_m(&self) -> f64 {
-        let means = self.trains.iter().map(|train| {
-            let sum_m: f64 = train.samples.iter().map(|s| s.deformation_m).sum();
-            sum_m / train.samples.len().max(1) as f64
-        });
+        let means = self.trains.iter().map(|train| mean_m(&train.samples));
         means.fold(f64::INFINITY, f64::min)
     }
 
@@ -272,6 +307,12 @@ impl Problem {
             Ok((train.kappa, line.kappa - train.kappa))
         };
         self.trains.iter().map(miss).collect()
+    }
+
+    /// By how much the line of each train by itself bends over its own span of h.
+    pub(super) fn bends(&self, actuated: &Actuated) -> Result<Vec<f64>, Unusable> {
+        let bend = |train: &Train| actuated.bend(&train.samples, self.sensing_n_per_m, train.tau_s);
+        self.trains.iter().map(bend).collect()
     }
 
     fn system(&self, guess: &Actuated, stiffer: &[f64]) -> System {

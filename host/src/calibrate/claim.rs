@@ -9,6 +9,8 @@ use super::{Known, Unusable};
 pub(crate) struct Uncertainty {
     pub(crate) constant: f64,
     pub(crate) scale: f64,
+    /// By how much the trains' own lines bend, root of the mean square.
+    pub(crate) bend: f64,
 }
 
 /// Loads at which it is looked at: kappa from a rigid load to one five times as soft as the
@@ -58,6 +60,7 @@ pub(super) fn uncertainty(fit: &Fit, known: &Known) -> Result<Uncertainty, Unusa
         scale: scale
             .hypot(taken_up * rms(soft.map(|(kappa, miss)| miss / kappa)))
             .hypot(known.load_cell_gain / 3_f64.sqrt()),
+        bend: rms(fit.problem.bends(&fit.actuated)?.into_iter()),
     })
 }
 

@@ -65,6 +65,7 @@ impl Findings<'_> {
                 actuated_uncertainty: 0.0,
                 force_scale_uncertainty: self.uncertainty.scale as f32,
                 zero_uncertainty_m: 0.0,
+                bend: self.uncertainty.bend as f32,
             }),
         ]);
         commands.extend(self.stiffening_curve());

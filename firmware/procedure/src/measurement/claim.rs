@@ -3,7 +3,7 @@
 use palpate_model::magnetorheological::{self, Stiffening};
 use palpate_model::math::{hypot, sqrt};
 use palpate_model::ramp::{
-    Bend, Fit, LoadPoint, LoadRatio, LoadStiffness, Reference, Refusal as NoFit,
+    Bend, Fit, LoadPoint, LoadRatio, LoadStiffness, Reference, Refusal as NoFit, SLOPE_BY_BEND,
 };
 use palpate_model::uncertainty::{Calibration, OperatingPoint};
 use palpate_model::units::{Ampere, Celsius, Metre, Newton, NewtonPerMetre};
@@ -79,7 +79,8 @@ impl Measurement {
         let claim = calibration.widen(&of_noise, &at);
         let sensing = NewtonPerMetre(self.calibrated.springs.sensing_n_per_m);
         claim.stiffness(sensing).map_err(reason)?;
-        let claim = with_misfit(claim, bend, &at, scatter)?;
+        let usual = self.calibrated.springs.bend;
+        let claim = with_misfit(claim, bend, (scatter, usual), &at)?;
         let load = claim.stiffness(sensing).map_err(reason)?;
         too_uncertain(&load, settings)?;
         let total = fit.total_displacement();
@@ -211,16 +212,23 @@ fn widened(ratio: &LoadRatio, factor: f32) -> LoadRatio {
 /// as much, of what conversions and the current's readings are means over.
 const LEAST_MISFIT: f32 = 0.005;
 
-/// The claim with what a bend of the line leaves open, or a refusal if that is more than all else.
+/// A bend of so many times the calibration's own is no misfit yet: vibration in step with the ramps
+/// bends each train by another amount, up to the root of two of them.
+const OF_USUAL_BEND: f32 = 2.0;
+
+/// The claim with what a bend of the line leaves open, or a refusal if that is more than all else and
+/// more than the calibration's trains show. `scatter` is by how much the noise is larger than the fit
+/// says, `usual` the bend of the calibration's trains.
 fn with_misfit(
     claim: LoadRatio,
     bend: Option<Bend>,
+    (scatter, usual): (f32, f32),
     at: &OperatingPoint,
-    scatter: f32,
 ) -> Result<LoadRatio, Reason> {
     let whole = 1.0 + claim.value + at.actuated_ratio;
     let misfit = bend.map_or(0.0, |bend| bend.uncertainty(whole, scatter));
-    let limit = claim.standard_error.max(LEAST_MISFIT * whole);
+    let allowed = LEAST_MISFIT.max(OF_USUAL_BEND * SLOPE_BY_BEND * usual);
+    let limit = claim.standard_error.max(allowed * whole);
     // Negated, so that NaN is refused.
     if !(misfit <= limit) {
         return Err((RefusalReason::Misfit, Some(misfit), Some(limit)));
@@ -363,7 +371,7 @@ fn root_of_rest(whole: f32, part: f32) -> f32 {
 
 #[cfg(test)]
 mod tests {
-    use palpate_model::ramp::{Basis, Noise, Ramp, Sample};
+    use palpate_model::ramp::{Basis, Noise, Ramp, SLOPE_BY_BEND, Sample};
     use palpate_model::units::Second;
 
     use super::*;

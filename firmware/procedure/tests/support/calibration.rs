@@ -44,6 +44,7 @@ pub(crate) fn springs(sensor: &Sensor) -> Springs {
         actuated_uncertainty: 0.0,
         force_scale_uncertainty: 0.0,
         zero_uncertainty_m: 0.0,
+        bend: 0.0,
     }
 }
 

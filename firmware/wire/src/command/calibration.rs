@@ -47,6 +47,8 @@ structure! {
         force_scale_uncertainty: f32 ["1", 0, 1],
         /// Of the zero of the deformation.
         zero_uncertainty_m: f32 ["m", 0, 1e-3],
+        /// By how much the lines of the calibration's own trains bend, root of the mean square.
+        bend: f32 ["1", 0, 10],
     }
 }
 

@@ -333,6 +333,7 @@ fn springs() -> Springs {
         actuated_n_per_m: 4_000.0,
         actuated_uncertainty: 0.005,
         force_scale_uncertainty: 0.001,
+        bend: 0.012,
         zero_uncertainty_m: 1e-7,
     }
 }
