@@ -134,6 +134,7 @@ pub(crate) mod tests {
         actuated_uncertainty: 0.0,
         force_scale_uncertainty: 0.0,
         zero_uncertainty_m: 0.0,
+        bend: 0.0,
     };
 
     pub(crate) const COIL: Coil = Coil {
