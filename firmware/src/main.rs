@@ -53,11 +53,10 @@ mod app {
 
     use crate::board::{pico::Board, sleep, vectors};
     use crate::bus::{self, Master};
-    use crate::crash::Beginning;
     use crate::supervision::Watchdog;
     use crate::tasks::*;
     use crate::wakeup::Sleeper;
-    use crate::{Mono, SAMPLES, halt, link, safe};
+    use crate::{Mono, SAMPLES, crash, halt, link, safe};
 
     /// Samples that can wait for the instrument.
     const WAITING: usize = 8;
@@ -76,7 +75,7 @@ mod app {
     #[init(local = [queue: Queue<Sampled, WAITING> = Queue::new()])]
     fn init(mut cx: init::Context) -> (Shared, Local) {
         safe::bridge_off();
-        let beginning = Beginning::read();
+        let boot = crash::boot();
         let board = Board::init(cx.device);
         // Beside the upper tasks: above them it would hold the coil's interrupt back.
         Mono::start(board.timer, &board.resets, const { Priority::new(2) });
@@ -98,14 +97,13 @@ mod app {
             outbox,
             inbox,
             samples: consumer,
-            beginning,
+            boot,
             boot_id: board.boot_id,
             clocks_run: board.clocks_run,
             procedure: None,
             actions: Actions::new(),
             standing: [None; 2],
             latched: None,
-            waiting: None,
             conditions_due_us: 0,
             last_conditions: (0, 0),
         };

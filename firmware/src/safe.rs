@@ -9,7 +9,7 @@ use rp2040_pac::{IO_BANK0, RESETS, SIO};
 
 #[cfg(not(planted_defect = "no_safe_state"))]
 use crate::board::pico;
-use crate::crash::{self, Cause};
+use crate::crash::{self, End};
 
 /// The safe state: the bridge is off, whatever the rest of the firmware does or has done.
 ///
@@ -53,14 +53,14 @@ fn panic(info: &core::panic::PanicInfo<'_>) -> ! {
     let (file, line) = info
         .location()
         .map_or(("", 0), |location| (location.file(), location.line()));
-    crash::keep(Cause::Panic { file, line });
+    crash::keep(&End::Panic { file, line });
     restart()
 }
 
 #[exception]
 unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
     bridge_off();
-    crash::keep(Cause::HardFault {
+    crash::keep(&End::HardFault {
         program_counter: frame.pc(),
         link_register: frame.lr(),
     });

@@ -54,6 +54,7 @@ impl Watchdog {
         if !clocks_run {
             return watchdog;
         }
+        crate::crash::mark_watchdog();
         watchdog.feed();
         // SAFETY: only enables it; the pauses stay off.
         watchdog.0.ctrl().write(|w| unsafe { w.bits(1 << 30) });

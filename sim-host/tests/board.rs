@@ -7,7 +7,7 @@ use palpate_sim::parameters::draw;
 use palpate_sim::stack::{Disturbances, Stack};
 use palpate_sim::switches::Switches;
 use palpate_sim::world::{Setup, World};
-use palpate_wire::code::State;
+use palpate_wire::code::{Outcome, State};
 use palpate_wire::command::{Coil, DriveCoil};
 use palpate_wire::{Command, Record};
 
@@ -150,4 +150,62 @@ fn a_line_of_the_current_is_straight_as_it_is_measured() {
         let off_a = current_a - straight_a;
         assert!(off_a.abs() < 2e-3, "{current_a} A: {off_a}");
     }
+}
+
+/// Answers that have come, each with its command's number.
+fn answers(board: &mut VirtualBoard<'_>) -> Vec<(u32, Outcome)> {
+    let records = board.take_records();
+    let answers = records.iter().filter_map(|(_, record)| match record {
+        Record::Acknowledgement(answer) => Some((answer.command, answer.outcome)),
+        _ => None,
+    });
+    answers.collect()
+}
+
+/// The queue is the procedure's: the virtual board shows what the image shows
+/// (`one_command_waits_for_the_test_and_each_has_one_answer` in `sim-host/board/tests/coil.rs`).
+#[test]
+fn one_command_waits_for_the_coils_test_and_an_abort_drops_it() {
+    let hardware = Hardware::new(world());
+    let drive = |to_a| {
+        Command::DriveCoil(DriveCoil {
+            to_a,
+            over_s: 0.0,
+            trace_interval_s: 0.0,
+        })
+    };
+    let testing = || {
+        let mut board = VirtualBoard::new(&hardware);
+        board.run_until(board.now() + Time::from_ms(300)).unwrap();
+        board.send(Command::SetCoil(COIL)).unwrap();
+        board.send(Command::Arm).unwrap();
+        board.take_records();
+        board
+    };
+    let run = |board: &mut VirtualBoard<'_>, ms| {
+        let end = board.now() + Time::from_ms(ms);
+        board.run_until(end).unwrap();
+    };
+    let mut board = testing();
+    let one = board.post(drive(2.0)).unwrap();
+    let two = board.post(drive(4.0)).unwrap();
+    assert_eq!(answers(&mut board), [(two, Outcome::Busy)]);
+    run(&mut board, 70);
+    assert_eq!(answers(&mut board), [(one, Outcome::Accepted)]);
+    let flows_a = board.with_world(|world| world.truth().current_a);
+    assert!((flows_a - 2.0).abs() < 0.1, "{flows_a}");
+    board.send(Command::Abort).unwrap();
+    drop(board);
+
+    let mut board = testing();
+    let one = board.post(drive(2.0)).unwrap();
+    let abort = board.post(Command::Abort).unwrap();
+    assert_eq!(
+        answers(&mut board),
+        [(one, Outcome::Aborted), (abort, Outcome::Accepted)]
+    );
+    run(&mut board, 300);
+    assert_eq!(answers(&mut board), []);
+    let flows_a = board.with_world(|world| world.truth().current_a);
+    assert_eq!(flows_a, 0.0);
 }

@@ -40,6 +40,8 @@ pub(crate) enum Orders {
     Stop,
     Clear,
     Latch(Fault),
+    /// What stands behind the fault that is latched.
+    Cause(Fault),
     Test(Plan),
     /// What the self-test found: the zero and the law.
     Fit {
@@ -266,6 +268,11 @@ impl Drive {
                 }
             }
             Orders::Latch(fault) => self.latch(*fault),
+            Orders::Cause(fault) => {
+                if self.mode == Mode::Latched {
+                    self.fault = *fault;
+                }
+            }
             Orders::Test(plan) => {
                 if self.mode == Mode::Off {
                     self.tested = false;

@@ -6,8 +6,10 @@
 )]
 
 mod averages;
+mod blame;
 mod correction;
 mod drive;
+mod energy;
 mod fault;
 mod hardware;
 mod limits;
@@ -26,6 +28,7 @@ mod waveform;
 pub use averages::{Averages, BLOCK, Moment};
 pub use correction::Correction;
 pub use drive::{Drive, Order, Report, State};
+pub use energy::{Account, Demand, Load};
 pub use fault::{Fault, Refusal};
 pub use hardware::{Coil, Decay, Hardware};
 pub use limits::Limits;

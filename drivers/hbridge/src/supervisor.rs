@@ -1,8 +1,10 @@
 //! The half that thinks in amperes: it makes orders, outside of any lock and interrupt.
 
 use crate::averages::BLOCK;
+use crate::blame::{Blame, Needs};
 use crate::correction::Correction;
 use crate::drive::{Drive, Fixed, Legs, Order, Orders, Report, State};
+use crate::energy::{Account, Demand, Load};
 use crate::fault::{Fault, Refusal};
 use crate::hardware::{Coil, Hardware};
 use crate::limits::Limits;
@@ -11,7 +13,7 @@ use crate::probe::{Next, Probe, Reach};
 use crate::regulator::Gains;
 use crate::ripple::Ripple;
 use crate::self_test::{COSTS_J, Findings, Plan, TARGET_A, evaluate};
-use crate::watch::{ATTENDED_WITHIN, BALANCED_WITHIN, Bounds};
+use crate::watch::{BALANCED_WITHIN, Bounds};
 use crate::waveform::Waveform;
 
 /// Relative change of supply or resistance at which the law is made anew: far below what the law
@@ -19,9 +21,6 @@ use crate::waveform::Waveform;
 const CHANGE: f32 = 0.02;
 /// Most of the time that one look may stand for, us: a clock that jumps forgets no energy.
 const MOST_ELAPSED_US: u32 = 1_000_000;
-/// Energy is counted too high by what current and supply may be measured too low together: 2 % of
-/// gain and bow, 5 % of the divider, and the offset.
-const MEASUREMENT: f32 = 1.1;
 /// Part of the greatest current by which one may miss where it is wanted.
 const ASTRAY: f32 = 1.0 / 16.0;
 /// Blocks from one value of the resistance to the next: 16 ms at 16 us.
@@ -35,7 +34,7 @@ pub struct Supervisor {
     findings: Option<Findings>,
     /// Supply, V, and resistance, ohm, that the law is made for.
     made_for: (f32, f32),
-    energy_j: f32,
+    account: Account,
     /// Sums at the last look, and at the last value of the resistance.
     power: i64,
     seen: (i32, i32, u32),
@@ -43,6 +42,11 @@ pub struct Supervisor {
     source: Source,
     latched: bool,
     probe: Probe,
+    blame: Blame,
+    /// The supply's lowest reading since the last look, V, if readings were told.
+    lowest_v: Option<f32>,
+    /// The current that was wanted when the drive was last seen driving, units.
+    wanted: i32,
 }
 
 /// What is known of the supply behind its voltage, and of the circuit without it.
@@ -88,13 +92,16 @@ impl Supervisor {
             limits,
             findings: None,
             made_for: (0.0, 0.0),
-            energy_j: 0.0,
+            account: Account::new(&hardware, &limits),
             power: 0,
             seen: (0, 0, 0),
             resistance_ohm: None,
             source: Source::default(),
             latched: false,
             probe: Probe::default(),
+            blame: Blame::default(),
+            lowest_v: None,
+            wanted: 0,
         };
         Ok((supervisor, drive))
     }
@@ -142,28 +149,23 @@ impl Supervisor {
         })
     }
 
-    /// Energy that the circuit has taken and not given off yet, J.
+    /// Energy that the circuit has taken and not given off yet.
     #[must_use]
-    pub const fn energy_j(&self) -> f32 {
-        self.energy_j
+    pub const fn account(&self) -> &Account {
+        &self.account
     }
 
-    /// Seconds until so much energy may be taken.
+    /// Whether it is known what is behind the fault that stands: 6 ms after the bridge went off, at
+    /// most. A current that does not come may have its cause in the supply, whose reading comes later.
     #[must_use]
-    pub fn wait_s(&self, energy_j: f32) -> f32 {
-        let over_j = self.energy_j + energy_j - self.usable_j();
-        if over_j <= 0.0 {
-            0.0
-        } else {
-            over_j / self.limits.continuous_w
-        }
+    pub const fn knows_the_cause(&self) -> bool {
+        self.blame.is_settled()
     }
 
-    /// The limit less what may flow before it is looked at again.
-    fn usable_j(&self) -> f32 {
-        let unseen_s = ATTENDED_WITHIN as f32 * self.hardware.period_s;
-        let [_, supply_v] = self.limits.supply_v;
-        self.limits.energy_j - unseen_s * supply_v * self.limits.trip_a
+    /// The supply at its lowest and what was needed, V, where the last fault was a supply too low.
+    #[must_use]
+    pub const fn supply_low_v(&self) -> Option<[f32; 2]> {
+        self.blame.low_v
     }
 
     /// The self-test, where no fault stands.
@@ -181,10 +183,10 @@ impl Supervisor {
         if !(low_v..=high_v).contains(&supply_v) {
             return Err(Refusal::Supply(supply_v));
         }
-        if self.energy_j + COSTS_J > self.usable_j() {
+        if self.account.energy_j() + COSTS_J > self.account.usable_j() {
             return Err(Refusal::Energy(COSTS_J));
         }
-        self.energy_j += COSTS_J;
+        self.account.charge(COSTS_J);
         self.findings = None;
         if report.state != State::Driving {
             self.source.open_v = supply_v;
@@ -219,7 +221,7 @@ impl Supervisor {
     ///
     /// # Errors
     /// No coil known, a fault, a limit; [`Refusal::Energy`] if the waveform would take more than is
-    /// left: [`wait_s`](Self::wait_s) tells for how long.
+    /// left: [`Account::time_until_s`] tells for how long.
     pub fn run(&self, report: &Report, waveform: &Waveform) -> Result<Order, Refusal> {
         match report.state {
             State::Latched(fault) => return Err(Refusal::Latched(fault)),
@@ -230,10 +232,20 @@ impl Supervisor {
         let findings = self.findings.ok_or(Refusal::NotTested)?;
         waveform.check(&self.limits)?;
         let from_a = report.wanted as f32 * self.hardware.ampere_per_unit();
-        let resistance_ohm = self.resistance_ohm.unwrap_or(findings.coil.resistance_ohm);
-        let energy_j = waveform.square_a2_s(from_a) * resistance_ohm;
-        if energy_j.is_nan() || self.energy_j + energy_j > self.usable_j() {
-            return Err(Refusal::Energy(energy_j));
+        let (supply_v, _) = self.made_for;
+        let mut demand = Demand::new(
+            &self.account,
+            Load {
+                resistance_ohm: self.resistance_ohm.unwrap_or(findings.coil.resistance_ohm),
+                lost_v: findings.coil.lost * supply_v,
+            },
+        );
+        demand.starts_at(from_a);
+        for segment in waveform.segments() {
+            demand.line(segment.to_a, segment.over_s);
+        }
+        if !self.account.bears(&demand) {
+            return Err(Refusal::Energy(demand.most_j()));
         }
         let mut legs = Legs::new();
         for segment in waveform.segments() {
@@ -269,16 +281,20 @@ impl Supervisor {
     /// Without it a drive switches itself off after [`ATTENDED_WITHIN`] periods.
     pub fn attend(&mut self, report: &Report, supply_v: f32, elapsed_us: u32) -> Order {
         self.count_energy(report, supply_v, elapsed_us);
+        let gave_way = self.gave_way(report, supply_v, elapsed_us);
         let active = matches!(report.state, State::Testing | State::Driving);
         if !active {
             self.source.open_v = supply_v;
         }
         let [low_v, high_v] = self.limits.supply_v;
         let orders = if active && (supply_v.is_nan() || supply_v < low_v) {
+            self.blame.low_v = Some([supply_v, low_v]);
             Orders::Latch(Fault::SupplyLow)
+        } else if gave_way {
+            Orders::Cause(Fault::SupplyLow)
         } else if active && supply_v > high_v {
             Orders::Latch(Fault::SupplyHigh)
-        } else if active && self.energy_j > self.usable_j() {
+        } else if active && self.account.is_used_up() {
             Orders::Latch(Fault::Energy)
         } else if let Some(sums) = report.outcome {
             match evaluate(&sums, &self.hardware, &self.limits, supply_v) {
@@ -309,26 +325,48 @@ impl Supervisor {
         self.probe.look(report, &reach)
     }
 
+    /// A reading of the supply, to be told before [`attend`](Self::attend) where that is given a
+    /// smoothed one: the latest, and the one of the moment at which the bridge went off. By the lowest
+    /// of them a supply that breaks down is known for the cause of a missing current.
+    pub fn read_supply(&mut self, reading_v: f32) {
+        let lowest_v = self
+            .lowest_v
+            .map_or(reading_v, |so_far_v| so_far_v.min(reading_v));
+        self.lowest_v = Some(lowest_v);
+    }
+
+    /// Whether the supply is behind the fault that stands.
+    fn gave_way(&mut self, report: &Report, supply_v: f32, elapsed_us: u32) -> bool {
+        if report.state == State::Driving {
+            self.wanted = report.wanted;
+        }
+        let latest_v = self.lowest_v.take().unwrap_or(supply_v);
+        let [limit_v, _] = self.limits.supply_v;
+        let tested_ohm = self.findings.map_or(0.0, |found| found.coil.resistance_ohm);
+        let wanted_a = self.wanted as f32 * self.hardware.ampere_per_unit();
+        let needs = Needs {
+            limit_v,
+            open_v: self.source.open_v,
+            wanted_v: wanted_a.abs() * tested_ohm / self.limits.duty,
+        };
+        self.blame.follow(report, latest_v, elapsed_us, &needs)
+    }
+
     fn count_energy(&mut self, report: &Report, supply_v: f32, elapsed_us: u32) {
         let elapsed_s = elapsed_us.min(MOST_ELAPSED_US) as f32 * 1e-6;
         let work = report.power.wrapping_sub(self.power);
         self.power = report.power;
         let full = f32::from(self.hardware.full_level);
         let step_j = supply_v / full * self.hardware.ampere_per_unit() * self.hardware.period_s;
-        // What comes back from the coil's field has been counted when it went there.
-        let taken_j = (MEASUREMENT * work as f32 * step_j).max(0.0);
+        self.account.pass(work as f32 * step_j, elapsed_s);
         let was_latched =
             core::mem::replace(&mut self.latched, matches!(report.state, State::Latched(_)));
-        let unseen_j = if self.latched && !was_latched {
+        if self.latched && !was_latched {
             // What may have flowed unmeasured before the fault was found.
             let found_s = BALANCED_WITHIN as f32 * self.hardware.period_s;
             let [_, most_v] = self.limits.supply_v;
-            found_s * most_v * self.limits.trip_a
-        } else {
-            0.0
-        };
-        let left_j = unseen_j + self.energy_j - self.limits.continuous_w * elapsed_s;
-        self.energy_j = left_j.max(0.0) + if taken_j.is_finite() { taken_j } else { 0.0 };
+            self.account.charge(found_s * most_v * self.limits.trip_a);
+        }
     }
 
     fn fit(&mut self, findings: Findings, twice_zero: i32, supply_v: f32) -> Orders {

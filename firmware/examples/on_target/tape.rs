@@ -145,6 +145,7 @@ fn scan(words: &mut Words<'_>) -> Option<Scan> {
         current,
         // The rig that is recorded has none.
         ripple: None,
+        account: None,
     })
 }
 

@@ -49,9 +49,10 @@ pub enum Action {
     },
 }
 
-/// The actions of one step, at most ten.
+/// The actions of one step, at most twelve.
 pub type Actions = heapless::Vec<Action, MOST_ACTIONS>;
 
 /// No step asks for more: a safe state, a current, a configuration; then a sample, a change of
-/// state and its end (estimate, refusal or fault), a status and an answer.
-pub(crate) const MOST_ACTIONS: usize = 10;
+/// state and its end (estimate, refusal or fault), a status, and two answers: to a command, and to
+/// one that waited and is dropped.
+pub(crate) const MOST_ACTIONS: usize = 12;

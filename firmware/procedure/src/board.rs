@@ -41,15 +41,32 @@ pub struct Limits {
     pub rate: Hertz,
 }
 
+/// What the drive of the reference board never exceeds: the one place of these numbers.
+///
+/// 12 A: bridges for 15 A, with a margin. 12.7 A is the end of the converter's range less the
+/// tolerance of its zero. Bridges keep their upper switches supplied for 2 % of the time. 60 J would
+/// heat copper of 0.8 J/K by 75 K if it kept them all; from 25 degrees Celsius that ends at the 100
+/// allowed. 3.5 W is the continuous rating of the paper's coils, 3 A; 20 s is what it makes of 60 J.
+/// Resistance and inductance are those of coils that make sense here, with a factor to spare.
+pub const DRIVE: coil_hbridge::Limits = coil_hbridge::Limits {
+    current_a: 12.0,
+    trip_a: 12.7,
+    duty: 0.98,
+    on_time_s: 20.0,
+    energy_j: 60.0,
+    continuous_w: 3.5,
+    supply_v: [4.5, 14.0],
+    resistance_ohm: [0.15, 3.0],
+    inductance_h: [10e-6, 400e-6],
+};
+
 impl Limits {
-    /// For the reference board and the paper's coils. 12 A: bridges for 15 A, with a margin. 60 J
-    /// would heat copper of 0.8 J/K by 75 K if it kept them all; from 25 degrees Celsius that ends
-    /// at the 100 allowed. 20 s: what 3 A, the continuous rating, make of 60 J. 5 kHz is the
+    /// For the reference board and the paper's coils: those of its [drive](DRIVE), and 5 kHz, the
     /// protocol's limit.
     pub const REFERENCE: Self = Self {
-        current: Ampere(12.0),
-        energy_j: 60.0,
-        on_time_s: 20.0,
+        current: Ampere(DRIVE.current_a),
+        energy_j: DRIVE.energy_j,
+        on_time_s: DRIVE.on_time_s,
         temperature: Celsius(100.0),
         rate: Hertz(5_000.0),
     };

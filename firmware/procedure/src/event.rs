@@ -1,5 +1,6 @@
 //! What happens to the procedure.
 
+use coil_hbridge::Account;
 use ldc161x::Reading;
 use palpate_model::units::{Ampere, Celsius};
 use palpate_wire::code::{FaultCode, Place};
@@ -58,6 +59,9 @@ pub struct Scan {
     /// Root mean square of its ripple meanwhile, which the bridge's switching makes; absent where
     /// it is not known, and then taken for none.
     pub ripple: Option<Ampere>,
+    /// The energy that the coil has taken and not given off yet, as its drive counts it now; absent
+    /// without a drive.
+    pub account: Option<Account>,
 }
 
 /// The largest current that the protocol has room for, A.

@@ -107,6 +107,11 @@ impl Heat {
         self.now.copper
     }
 
+    /// The coil's resistance at a temperature, by its calibration.
+    pub(crate) fn resistance(&self, temperature: Celsius) -> Ohm {
+        self.copper.resistance(temperature)
+    }
+
     /// The pad, as far as it is known.
     pub(crate) const fn pad(&self) -> Celsius {
         self.now.pad

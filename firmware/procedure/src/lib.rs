@@ -7,6 +7,7 @@
 
 mod action;
 pub mod board;
+pub mod boot;
 pub mod configuration;
 mod deformation;
 pub mod event;

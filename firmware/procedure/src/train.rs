@@ -35,6 +35,33 @@ impl Course {
         }
     }
 
+    /// The longest that it may become, conversions lost apart. Hold and fall end with the conversion
+    /// that is nearest to their planned end; a hold, which begins without a conversion, not before
+    /// one has found that the rise is over, and another has sent the fall [ahead](LEAD).
+    pub(crate) fn longest(&self) -> Self {
+        let half = self.half_conversion.as_ticks();
+        let whole = (2 * half).max(1);
+        let ahead = LEAD.as_ticks().div_ceil(whole) * whole;
+        let longer =
+            |span: Duration, least: u64| Duration::from_ticks((span.as_ticks() + half).max(least));
+        Self {
+            hold: longer(self.hold, 2 * whole + ahead),
+            fall: longer(self.fall, whole),
+            ..*self
+        }
+    }
+
+    /// The straight lines of the current from rest, each with its end and how long it takes.
+    pub(crate) fn lines(&self) -> impl Iterator<Item = (Ampere, Duration)> + '_ {
+        let ramp = [
+            (self.peak, self.rise),
+            (self.peak, self.hold),
+            (self.end, self.fall),
+        ];
+        let ramps = core::iter::repeat_n(ramp, self.ramps.into()).flatten();
+        ramps.chain([(Ampere(0.0), self.rise)])
+    }
+
     /// From one ramp to the next.
     pub(crate) fn period(&self) -> Duration {
         let ticks = self.rise.as_ticks() + self.hold.as_ticks() + self.fall.as_ticks();

@@ -5,7 +5,7 @@ mod support;
 use palpate_procedure::{Action, Event, Instant, Procedure};
 use palpate_wire::code::{FaultCode, Outcome, Place, RefusalReason, State};
 use palpate_wire::command::{ClearFault, DriveCoil};
-use palpate_wire::record::{CoilTest, CurrentTrace};
+use palpate_wire::record::CurrentTrace;
 use palpate_wire::{Command, Record};
 use support::{Rig, board};
 
@@ -117,23 +117,20 @@ fn a_train_that_would_be_too_hot_is_refused_with_a_waiting_time() {
 #[test]
 fn the_coils_test_is_asked_for_and_told() {
     let mut rig = Rig::standing_in(State::Contact, |_| {});
+    rig.test_us = 60_000;
     let frame = support::frame(Command::TestCoil, support::BOOT, 77);
     let actions = rig.step(&Event::Command(&frame));
     assert!(actions.contains(&Action::TestCoil));
-    let found = CoilTest {
-        resistance_ohm: 0.48,
-        inductance_h: 4e-5,
-        lost: 0.006,
-        zero_v: 1.65,
-        supply_v: 12.0,
-        limited_to_a: None,
-    };
+    let found = support::coil_test();
     rig.records.clear();
     rig.step(&Event::CoilTested(found.clone()));
     assert_eq!(
         rig.records.pop().map(|of| of.1),
-        Some(Record::CoilTest(found))
+        Some(Record::CoilTest(found.clone()))
     );
+    // Once: another that nothing has asked for is not told.
+    rig.step(&Event::CoilTested(found));
+    assert_eq!(rig.records, []);
 }
 
 #[test]

@@ -22,19 +22,5 @@ pub const HARDWARE: Hardware = Hardware {
     reduced_limit_a: Some(2.0),
 };
 
-/// Current, energy, time and temperature are those of the procedure's `Limits::REFERENCE`, which
-/// gives the reasons. 12.7 A is the end of the converter's range less the tolerance of its zero.
-/// Bridges keep their upper switches supplied for 2 % of the time. 3.5 W is the continuous rating
-/// of the paper's coils, 3 A. Resistance and inductance are those of coils that make sense here,
-/// with a factor to spare.
-pub const LIMITS: Limits = Limits {
-    current_a: 12.0,
-    trip_a: 12.7,
-    duty: 0.98,
-    on_time_s: 20.0,
-    energy_j: 60.0,
-    continuous_w: 3.5,
-    supply_v: [4.5, 14.0],
-    resistance_ohm: [0.15, 3.0],
-    inductance_h: [10e-6, 400e-6],
-};
+/// What nothing exceeds, with its reasons: the procedure forecasts by the same.
+pub const LIMITS: Limits = palpate_procedure::board::DRIVE;

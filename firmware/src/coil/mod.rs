@@ -6,7 +6,9 @@ pub mod precedence;
 
 use core::cell::RefCell;
 
-use coil_hbridge::{Correction, Fault, Findings, Moment, Refusal, State, Supervisor, Waveform};
+use coil_hbridge::{
+    Account, Correction, Fault, Findings, Moment, Refusal, State, Supervisor, Waveform,
+};
 use critical_section::Mutex;
 use palpate_procedure::Instant;
 use palpate_procedure::event::Failure;
@@ -57,8 +59,6 @@ struct Coil {
     looks: u8,
     /// Looks since the bridge went off.
     off: u16,
-    /// A course that waits for the test.
-    pending: Option<Course>,
     was: State,
     failure: Option<Failure>,
     found: Option<CoilTest>,
@@ -100,7 +100,6 @@ pub fn start() {
         looked_us: 0,
         looks: 0,
         off: RESTS_AFTER,
-        pending: None,
         was: State::Off { tested: false },
         failure: None,
         found: None,
@@ -166,12 +165,8 @@ pub fn correct(correction: &CurrentCorrection) {
 pub fn stop() {
     safe::bridge_off();
     held(|drive| drive.obey(&Supervisor::stop()));
-    with(|coil| coil.pending = None);
-}
-
-/// Whether the test runs.
-pub fn is_testing() -> bool {
-    held(|drive| drive.state() == State::Testing).unwrap_or(false)
+    // What a test has found that nobody waits for any more.
+    with(|coil| coil.found = None);
 }
 
 /// Clears a fault, if it is this one that stands.
@@ -202,6 +197,11 @@ pub fn take_found() -> Option<CoilTest> {
 /// Supply of the coil, V.
 pub fn supply_v() -> Option<f32> {
     with(|coil| coil.supply_v)
+}
+
+/// The energy that the coil has taken and not given off yet, as its drive counts it.
+pub fn account() -> Option<Account> {
+    with(|coil| *coil.supervisor.account())
 }
 
 /// Temperature of the coil; nothing without a thermometer.
@@ -321,14 +321,8 @@ impl Coil {
         let Some(report) = held(|drive| drive.report()) else {
             return;
         };
-        let order = waveform(course).and_then(|course| self.supervisor.run(&report, &course));
-        match order {
+        match waveform(course).and_then(|course| self.supervisor.run(&report, &course)) {
             Ok(order) => obey(&order),
-            Err(Refusal::Testing) => self.pending = Some(*course),
-            Err(Refusal::NotTested) => {
-                self.pending = Some(*course);
-                self.test(now_us);
-            }
             Err(refusal) => self.refused(&refusal),
         }
     }
@@ -336,8 +330,8 @@ impl Coil {
     /// The drive's own limits forbid what the procedure's allow, or a fault stands.
     fn refused(&mut self, refusal: &Refusal) {
         let (code, value) = match *refusal {
-            // It has been told.
-            Refusal::Latched(_) | Refusal::Testing => return,
+            // It is told.
+            Refusal::Latched(_) => return,
             Refusal::Energy(energy_j) => (FaultCode::TooMuchEnergy, energy_j),
             Refusal::Duration(duration_s) => (FaultCode::OnTime, duration_s),
             Refusal::Supply(supply_v) if supply_v > LIMITS.supply_v[1] => {
@@ -348,6 +342,18 @@ impl Coil {
             _ => (FaultCode::CoilUnknown, 0.0),
         };
         self.fails(code, Some(value));
+    }
+
+    fn latched(&mut self, fault: Fault) {
+        match (fault, self.supervisor.supply_low_v()) {
+            (Fault::SupplyLow, Some([supply_v, needed_v])) => {
+                self.fails(FaultCode::SupplyLow, Some(supply_v));
+                if let Some(failure) = &mut self.failure {
+                    failure.limit = Some(needed_v);
+                }
+            }
+            _ => self.fails(code(fault), None),
+        }
     }
 
     fn fails(&mut self, code: FaultCode, value: Option<f32>) {
@@ -400,6 +406,11 @@ impl Coil {
         } else {
             SMOOTHING
         };
+        if let Some(reading) = period::take_supply_at_off() {
+            let reading_v = SUPPLY_RATIO * VOLTS_PER_COUNT * (f32::from(reading) + 0.5);
+            self.supervisor.read_supply(reading_v);
+        }
+        self.supervisor.read_supply(supply_v);
         self.supply_v += part * (supply_v - self.supply_v);
         let now = Instant::from_ticks(now_us);
         let failure = self.thermometer.push(now, thermistor / COUNTS);
@@ -417,7 +428,6 @@ impl Coil {
         }
         safe::bridge_off();
         held(|drive| drive.obey(&Supervisor::stop()));
-        self.pending = None;
         self.failure = Some(failure);
     }
 
@@ -426,15 +436,14 @@ impl Coil {
         match state {
             State::Testing | State::Driving => self.off = 0,
             State::Latched(fault) => {
-                self.pending = None;
-                self.fails(code(fault), None);
+                if self.supervisor.knows_the_cause() {
+                    self.latched(fault);
+                }
             }
             State::Off { tested } => {
-                if tested && before != state {
+                // A drive that ends finds nothing new.
+                if tested && matches!(before, State::Testing | State::Off { tested: false }) {
                     self.tested();
-                }
-                if let (true, Some(course)) = (tested, self.pending.take()) {
-                    return self.go(now_us, &course);
                 }
                 self.watch_the_rest(now_us, tested);
             }

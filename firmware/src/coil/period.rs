@@ -10,7 +10,7 @@
 
 use core::cell::UnsafeCell;
 use core::mem::MaybeUninit;
-use core::sync::atomic::{AtomicBool, Ordering};
+use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
 use coil_hbridge::{Averages, Drive, Order, Output, Trace};
 use cortex_m::peripheral::NVIC;
@@ -87,6 +87,17 @@ pub const TRACE_LENGTH: usize = 128;
 
 /// The current, period by period, when that is asked for.
 pub static TRACE: Trace<TRACE_LENGTH> = Trace::new();
+
+/// The supply's result when the bridge last went off; [`NONE`] once it was taken.
+static SUPPLY_AT_OFF: AtomicU32 = AtomicU32::new(NONE);
+const NONE: u32 = u32::MAX;
+
+/// The supply's result of the moment at which the bridge went off, once.
+pub fn take_supply_at_off() -> Option<u16> {
+    let result = SUPPLY_AT_OFF.load(Ordering::Relaxed);
+    SUPPLY_AT_OFF.store(NONE, Ordering::Relaxed);
+    u16::try_from(result).ok()
+}
 
 /// Sets PWM, ADC and DMA up and starts them; the bridge is off.
 pub fn start(drive: Drive) {
@@ -292,6 +303,7 @@ impl Control {
         } else if self.awake && !output.awake {
             safe::bridge_off();
             set_levels(0);
+            SUPPLY_AT_OFF.store(result(SUPPLY).into(), Ordering::Relaxed);
         }
         self.awake = output.awake;
         self.drives = output.awake && !output.limit_low;

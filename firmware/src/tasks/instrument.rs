@@ -8,18 +8,18 @@ use critical_section::Mutex;
 use heapless::Vec;
 use heapless::spsc::Consumer;
 use palpate_node::acquisition::{Sampled, Scheme, Wanted};
+use palpate_procedure::boot::Boot;
 use palpate_procedure::event::{Conditions, Failure};
 use palpate_procedure::units::Ampere;
 use palpate_procedure::{
     Action, Actions, Board, Conversion, Duration, Event, Instant, Limits, Procedure, Scan,
 };
-use palpate_wire::code::{self, Chip, FaultCode, Outcome, Place, ResetCause};
+use palpate_wire::code::{self, Chip, FaultCode, Outcome, Place};
 use palpate_wire::command::Command;
 use palpate_wire::record::{Acknowledgement, Hello};
 use palpate_wire::{Frame, MINOR_VERSION, Message, Record, SCHEMA_HASH};
 use rtic_monotonics::rp2040::prelude::*;
 
-use crate::crash::Beginning;
 use crate::link::{Inbox, Outbox, Received, log};
 use crate::supervision::{Task, check_in};
 use crate::wakeup::Sleeper;
@@ -71,7 +71,7 @@ pub struct Instrument {
     /// From the sensing task.
     pub samples: Consumer<'static, Sampled>,
     /// Why this run began.
-    pub beginning: Beginning,
+    pub boot: Boot,
     /// The number of this run.
     pub boot_id: u32,
     /// The clocks run as planned.
@@ -84,8 +84,6 @@ pub struct Instrument {
     pub standing: [Option<FaultCode>; 2],
     /// The fault that the procedure stands in, as it said.
     pub latched: Option<FaultCode>,
-    /// A command that waits for the test of the coil.
-    pub waiting: Option<Frame<Command>>,
     /// When the next conditions are due.
     pub conditions_due_us: u64,
     /// Time of the last conditions, and the sleep up to then.
@@ -143,13 +141,6 @@ impl Instrument {
         if !self.clocks_run {
             self.fail(Failure::new(FaultCode::Clock, Place::Clock));
         }
-        let code = match self.beginning.cause {
-            ResetCause::Watchdog => FaultCode::Watchdog,
-            ResetCause::Panic => FaultCode::Panic,
-            ResetCause::HardFault => FaultCode::HardFault,
-            _ => return,
-        };
-        self.fail(Failure::new(code, Place::Processor));
     }
 
     fn board(&mut self) -> Board {
@@ -166,13 +157,13 @@ impl Instrument {
                 simulated: false,
                 board: code::Board::Pico,
                 unit: 0,
-                reset_cause: self.beginning.cause,
+                reset_cause: self.boot.cause,
                 chip: report::chip().unwrap_or(Chip::Absent),
                 second_chip: Chip::Absent,
                 configuration_crc: 0,
             },
-            crashes: self.beginning.streak,
-            crash: self.beginning.crash.take(),
+            crashes: self.boot.streak,
+            crash: self.boot.crash.take(),
             channels: [CHANNELS, 0],
             coil: true,
             limits: Limits::REFERENCE,
@@ -188,11 +179,6 @@ impl Instrument {
             let _ = self.samples.dequeue();
             self.sampled(&scan);
             told = true;
-        }
-        if !coil::is_testing()
-            && let Some(frame) = self.waiting.take()
-        {
-            self.step(&Event::Command(&frame));
         }
         if let Some(received) = self.inbox.receive(COMMAND_BYTES) {
             self.received(&received);
@@ -280,10 +266,6 @@ impl Instrument {
                 let now_us = Mono::now().as_ticks();
                 self.outbox.send(now_us, &Record::Acknowledgement(refusal));
             }
-            // What needs the coil waits until it is known.
-            Ok(frame) if needs_the_coil(&frame.message) && coil::is_testing() => {
-                self.waiting = Some(frame.clone());
-            }
             Ok(frame) => self.step(&Event::Command(frame)),
             Err(error) => self.step(&Event::NotUnderstood(*error)),
         }
@@ -345,13 +327,6 @@ impl Instrument {
     }
 }
 
-const fn needs_the_coil(command: &Command) -> bool {
-    matches!(
-        command,
-        Command::Measure | Command::Sweep | Command::DriveCoil(_) | Command::TestCoil
-    )
-}
-
 /// A sample as the procedure takes it, with the current that flowed meanwhile.
 fn scan_of(sampled: &Sampled) -> Scan {
     let half_us = u64::from(sampled.window_us / 2);
@@ -374,6 +349,7 @@ fn scan_of(sampled: &Sampled) -> Scan {
         gap: sampled.gap,
         current: current_a.map(Ampere),
         ripple: current_a.and_then(coil::ripple_a).map(Ampere),
+        account: coil::account(),
     };
     scan.conversions.extend(conversions);
     scan

@@ -32,7 +32,9 @@ messages! {
             Disarm = 0x83 "disarm",
             /// Begins a measurement of the object that touches. The device has to be armed.
             Measure = 0x84 "measure",
-            /// Ends a measurement with a refusal, bridge off first. May be addressed to any boot.
+            /// Bridge off first, in every state: ends a measurement with a refusal, and a current that
+            /// was commanded, or the coil's test, without one. A command that waits for the test is
+            /// dropped. May be addressed to any boot.
             Abort = 0x85 "abort",
             /// Disarms, and goes to sensing-only mode. May be addressed to any boot.
             SensingOnly = 0x86 "sensing_only",
@@ -51,7 +53,8 @@ messages! {
             /// A curve comes as several records.
             GetCalibration(GetCalibration) = 0x89 "get_calibration",
             /// Drives a current directly, for tests of the coil. The device has to be armed. It ends
-            /// with a fault 100 ms after the last command of any kind; `abort` ends it without one.
+            /// with a fault 100 ms after its answer or the last command of any kind; `abort` ends it
+            /// without one.
             DriveCoil(DriveCoil) = 0x8C "drive_coil",
             /// Replaces all settings. Not while armed.
             SetSettings(Settings) = 0x90 "set_settings",

@@ -46,7 +46,7 @@ messages! {
             Status(Status) = 0x0A "status",
             /// The answer to every command frame that arrived whole.
             Acknowledgement(Acknowledgement) = 0x0B "acknowledgement",
-            /// What the test of the coil found: after `test_coil`.
+            /// What a test of the coil found: once after each, which `test_coil` and `arm` begin.
             CoilTest(CoilTest) = 0x0C "coil_test",
             /// Part of a recorded current: after a `drive_coil` that asks for it, when the last
             /// current has been recorded.

@@ -6,10 +6,10 @@ use common::driven::{PERIOD, bend, steps, telemetry, wired};
 use common::{Bench, coil, image, streaming};
 use palpate_board::{Conditions, Options, Time};
 use palpate_sim::electrical::Circuit;
-use palpate_wire::code::{FaultCode, Outcome, Stream};
+use palpate_wire::code::{FaultCode, Outcome, RefusalReason, State, Stream};
 use palpate_wire::command::{ClearFault, DriveCoil};
 use palpate_wire::record::CoilTest;
-use palpate_wire::{Command, Frame, Record};
+use palpate_wire::{Command, Frame, Message, Record};
 
 /// Exception number of the control interrupt, PWM_IRQ_WRAP.
 const CONTROL: u32 = 16 + 4;
@@ -417,6 +417,160 @@ fn nothing_is_missed_under_full_telemetry() {
     }
 }
 
+/// Answers that have come, each with its command's kind, from a frame on.
+fn answers(bench: &Bench, from: usize) -> Vec<(u8, Outcome)> {
+    let of = |frame: &Frame<Record>| match &frame.message {
+        Record::Acknowledgement(answer) => Some((answer.kind, answer.outcome)),
+        _ => None,
+    };
+    bench.frames[from..].iter().filter_map(of).collect()
+}
+
+fn tests_told(bench: &Bench, from: usize) -> usize {
+    let is_test = |frame: &&Frame<Record>| matches!(frame.message, Record::CoilTest(_));
+    bench.frames[from..].iter().filter(is_test).count()
+}
+
+/// Armed, within the test that arming begins.
+fn testing() -> Bench {
+    let mut bench = streaming();
+    for command in [Command::SetCoil(coil()), Command::Arm] {
+        assert_eq!(bench.command(&command).outcome, Outcome::Accepted);
+    }
+    bench.run(Time::from_ms(5));
+    bench
+}
+
+#[test]
+fn one_command_waits_for_the_test_and_each_has_one_answer() {
+    let mut bench = testing();
+    let from = bench.frames.len();
+    bench.send(&drive(2.0, 0.0));
+    bench.send(&drive(4.0, 0.0));
+    bench.run(Time::from_ms(10));
+    let kind = drive(1.0, 0.0).kind();
+    assert_eq!(answers(&bench, from), [(kind, Outcome::Busy)]);
+    bench.run(Time::from_ms(80));
+    assert_eq!(
+        answers(&bench, from)[1..],
+        [(kind, Outcome::Accepted)],
+        "{:?}",
+        bench.faults()
+    );
+    let flows_a = mean_a(&mut bench, Time::from_ms(10));
+    assert!((flows_a - 2.0).abs() < 0.05, "{flows_a}");
+}
+
+#[test]
+fn an_abort_during_the_test_stops_it_and_drops_what_waits() {
+    for stop in [Command::Abort, Command::Disarm, Command::SensingOnly] {
+        let mut bench = testing();
+        let from = bench.frames.len();
+        bench.send(&drive(3.0, 0.0));
+        bench.run(Time::from_ms(5));
+        assert_eq!(bench.command(&stop).outcome, Outcome::Accepted);
+        let kind = drive(1.0, 0.0).kind();
+        assert_eq!(
+            answers(&bench, from),
+            [(kind, Outcome::Aborted), (stop.kind(), Outcome::Accepted)]
+        );
+        for _ in 0..300 {
+            bench.run(Time::from_ms(1));
+            assert!(!bench.board.bridge().awake);
+        }
+        assert_eq!(bench.board.current_a(), 0.0);
+        assert_eq!(tests_told(&bench, from), 0);
+        assert!(bench.faults().is_empty(), "{:?}", bench.faults());
+    }
+    // Armed still, it is tested before it is driven again.
+    let mut bench = testing();
+    bench.command(&Command::Abort);
+    let from = bench.frames.len();
+    assert_eq!(bench.command(&drive(2.0, 0.0)).outcome, Outcome::Accepted);
+    assert_eq!(tests_told(&bench, from), 1);
+    let flows_a = mean_a(&mut bench, Time::from_ms(20));
+    assert!((flows_a - 2.0).abs() < 0.2, "{flows_a}");
+}
+
+#[test]
+fn a_test_is_told_once_however_much_is_driven_after_it() {
+    let mut bench = armed();
+    for to_a in [1.0, 2.0, 3.0] {
+        bench.command(&drive(to_a, 0.0));
+        bench.run(Time::from_ms(5));
+        bench.command(&Command::Abort);
+        bench.run(Time::from_ms(20));
+    }
+    assert_eq!(tests_told(&bench, 0), 1);
+    bench.command(&Command::TestCoil);
+    bench.run(Time::from_ms(100));
+    assert_eq!(tests_told(&bench, 0), 2);
+}
+
+/// A supply that breaks down at once, and one that gives way under load only.
+#[test]
+fn a_supply_that_collapses_is_told_as_that() {
+    let snapshot = driving(5.0);
+    let collapses: [(&str, fn(&mut Circuit)); 3] = [
+        ("0 V", |circuit| circuit.parameters.supply_v = 0.0),
+        ("3 V", |circuit| circuit.parameters.supply_v = 3.0),
+        ("3 ohm", |circuit| circuit.parameters.supply_ohm = 3.0),
+    ];
+    for (what, change) in collapses {
+        let mut bench = snapshot.clone();
+        bench.board.circuit_mut().forget_peak();
+        disturbed(&mut bench, Time::from_ms(12), change);
+        bench.run(Time::from_ms(5));
+        let fault = bench.faults().pop();
+        println!("{what}: {fault:?}");
+        let fault = fault.unwrap_or_else(|| panic!("{what}: no fault"));
+        assert_eq!(fault.code, FaultCode::SupplyLow, "{what}: {fault:?}");
+        assert!(fault.value < fault.limit, "{what}: {fault:?}");
+        assert!(!bench.board.bridge().awake, "{what}");
+    }
+}
+
+/// 34 J each, with 56 J to take and 3.5 W to give off.
+#[test]
+fn a_second_train_soon_after_the_first_is_refused_with_the_time_to_wait() {
+    let conditions = Conditions {
+        coil_ohm: 0.48,
+        ..Conditions::default()
+    };
+    let mut bench = wired(conditions, palpate_board::Drive::default(), 1);
+    bench.arm();
+    let sweep = |bench: &mut Bench<_>| {
+        let from = bench.frames.len();
+        assert_eq!(bench.command(&Command::Sweep).outcome, Outcome::Accepted);
+        let end = bench.board.now() + Time::from_ms(3_000);
+        while bench.board.now() < end {
+            bench.run(Time::from_ms(10));
+            let found = bench.frames[from..]
+                .iter()
+                .find_map(|frame| match &frame.message {
+                    Record::Refusal(refusal) => Some(Some(refusal.clone())),
+                    Record::State(change) if change.previous == State::Ramps => Some(None),
+                    Record::Fault(fault) => panic!("{fault:?}"),
+                    _ => None,
+                });
+            if let Some(refused) = found {
+                return refused;
+            }
+        }
+        panic!("the train does not end");
+    };
+    assert_eq!(sweep(&mut bench), None);
+    bench.run(Time::from_ms(2_000));
+    let refusal = sweep(&mut bench).expect("it does not fit");
+    println!("{refusal:?}");
+    assert_eq!(refusal.reason, RefusalReason::TooMuchEnergy);
+    let wait_s = refusal.wait_s.expect("a time to wait");
+    assert!((1.0..15.0).contains(&wait_s), "{wait_s}");
+    bench.run(Time::from_secs_f64(wait_s.into()));
+    assert_eq!(sweep(&mut bench), None);
+    assert!(bench.faults().is_empty());
+}
+
 /// A plant as the demonstration draws it, with its own supply, coil and errors of the measurement:
 /// a train, driven whole.
 #[test]
@@ -427,7 +581,6 @@ fn a_drawn_sensor_drives_its_train() {
     use palpate_sim::stack::{Disturbances, Stack};
     use palpate_sim::switches::Switches;
     use palpate_sim::world::{Setup, World};
-    use palpate_wire::code::State;
 
     let stack = Stack::builtin("ultrasoft").unwrap();
     let disturbances = Disturbances::builtin().unwrap();
@@ -445,7 +598,10 @@ fn a_drawn_sensor_drives_its_train() {
             Record::Fault(_) | Record::Refusal(_) => true,
             _ => false,
         };
-        assert!(instrument.run_to(end, is_over).unwrap(), "seed {seed}");
+        let is_driven = instrument.run_to(end, is_over).unwrap();
+        let refused = |(_, record): &(_, Record)| matches!(record, Record::Refusal(_));
+        let refusal = instrument.records().iter().find(|of| refused(of)).cloned();
+        assert!(is_driven, "seed {seed}: {refusal:?}");
         let mut greatest_a = 0.0_f32;
         for (_, record) in instrument.take_records() {
             match record {

@@ -53,6 +53,7 @@ fn cause(code: FaultCode) -> Vec<record::Fault> {
         Watchdog => crashed(Crash::Loop),
         HardFault => crashed(Crash::HardFault),
         Panic => panicked(),
+        CrashUnreadable => reset_by_itself(),
         ConfigurationDamaged => upset(),
         Overrun => driven(2.0, |bench| hold_tasks(bench, Time::from_ms(25))),
         Clock => without_crystal(),
@@ -255,6 +256,13 @@ fn crashed(crash: Crash) -> Vec<record::Fault> {
     let mut bench = ramping(image());
     crash.in_exception(&mut bench, common::PLACES[0]).unwrap();
     bench.run(Time::from_ms(50));
+    bench.faults()
+}
+
+fn reset_by_itself() -> Vec<record::Fault> {
+    let mut bench = ramping(image());
+    common::reset_without_a_record(&mut bench);
+    bench.run(Time::from_ms(150));
     bench.faults()
 }
 

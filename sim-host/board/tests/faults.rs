@@ -284,3 +284,77 @@ fn the_image_fits_its_budget() {
     assert!(image().flash_bytes() <= 128 * 1024);
     assert_eq!(firmware::TARGET, "thumbv6m-none-eabi");
 }
+
+/// Chance of 64 bits (xorshift).
+fn random(state: &mut u64) -> u32 {
+    *state ^= *state << 13;
+    *state ^= *state >> 7;
+    *state ^= *state << 17;
+    (*state >> 32) as u32
+}
+
+/// Words at random over the record of a crash, between the reset and the start that reads it: in a
+/// run of the older firmware such a start said `software`, and latched nothing.
+#[test]
+fn a_crash_whose_record_cannot_be_read_is_a_fault() {
+    let record = image().symbol("CRASH_RECORD").unwrap();
+    let mut snapshot = ramping(image());
+    snapshot.board.poke(common::SPARE, common::UNDEFINED);
+    snapshot.board.set_pc(common::SPARE);
+    snapshot
+        .board
+        .run_until(Time::from_ms(10), |board| board.resets().watchdog == 1)
+        .unwrap();
+    let mut state = 0x5EED;
+    for words in [20, 20, 1, 1, 1, 0] {
+        let mut bench = snapshot.clone();
+        for word in 0..words {
+            let place = if words == 1 {
+                random(&mut state) % 20
+            } else {
+                word
+            };
+            bench.board.poke(record + 4 * place, random(&mut state));
+        }
+        bench.restart_listening();
+        bench.run(Time::from_ms(100));
+        let hello = bench.frames.iter().find_map(|frame| match &frame.message {
+            Record::Hello(hello) => Some(hello.clone()),
+            _ => None,
+        });
+        let is_told = bench
+            .frames
+            .iter()
+            .any(|frame| matches!(frame.message, Record::Crash(_)));
+        let (cause, code) = if words == 0 {
+            (ResetCause::HardFault, FaultCode::HardFault)
+        } else {
+            (ResetCause::Unexplained, FaultCode::CrashUnreadable)
+        };
+        assert_eq!(hello.unwrap().reset_cause, cause, "{words}");
+        assert_eq!(is_told, words == 0);
+        let faults: Vec<_> = bench.faults().iter().map(|fault| fault.code).collect();
+        assert_eq!(faults, [code], "{words} words");
+        assert_eq!(bench.command(&Command::Arm).outcome, Outcome::Faulted);
+        // Cleared, it works as ever, and the next crash is the second.
+        bench.stream();
+    }
+}
+
+/// A reset that the firmware never asked for: memory was written over, and the processor with it.
+#[test]
+fn a_reset_without_a_record_is_a_fault() {
+    let mut bench = ramping(image());
+    common::reset_without_a_record(&mut bench);
+    let took = time_to_off(&mut bench);
+    // The reset takes the outputs with it; the emulator's step counts the boot, 2 ms, too.
+    assert!(took.unwrap() <= Time::from_ms(3), "{took:?}");
+    assert_eq!(bench.board.resets().watchdog, 1);
+    let faults = bench.faults();
+    assert!(
+        faults
+            .iter()
+            .any(|fault| fault.code == FaultCode::CrashUnreadable),
+        "{faults:?}"
+    );
+}

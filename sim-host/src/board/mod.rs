@@ -29,7 +29,7 @@ mod identity;
 use core::cell::RefCell;
 use core::fmt;
 
-use coil_hbridge::Correction;
+use coil_hbridge::{Account, Correction};
 use ldc161x::{
     Acquisition, Address, Channel, Error, Frame, Ldc161x, Model, Plan, Rate, ReferenceClock,
     Request, Sensor, Sequence,
@@ -40,10 +40,10 @@ use palpate_procedure::units::{Ampere, Celsius};
 use palpate_procedure::{Action, Actions, Conversion, Duration, Event, Instant, Procedure, Scan};
 use palpate_wire::code::{FaultCode, Place};
 use palpate_wire::record::{CoilTest, CurrentTrace};
-use palpate_wire::{Command, Header, Record};
+use palpate_wire::{Command, Header, Message, Record};
 
 use crate::device::Device;
-use crate::electrical::reference_hardware;
+use crate::electrical::{reference_hardware, reference_limits};
 use crate::world::{SharedWorld, World};
 
 pub use identity::{BOOT_ID, board};
@@ -88,6 +88,14 @@ const ROUNDS: u32 = 6;
 const PIECES: u32 = 16;
 /// Supply that is told where the world's has no limit: that of the reference board.
 const NO_LIMIT_V: f64 = 12.0;
+/// How long the coil's test takes: that of the reference board's coil, 40 uH and 0.5 ohm at 12 V.
+const COIL_TEST: Time = Time::from_ms(60);
+/// What the drive counts for it, whatever it takes.
+const COIL_TEST_J: f32 = 1.0;
+/// A current that is no error of the world's sums.
+const UNWANTED_A: f64 = 0.01;
+/// Longest wait for an answer: what waits for the coil's test is answered after it.
+const ANSWER: Time = Time::from_ms(500);
 /// A failed start is tried again after this time.
 const RETRY: Time = Time::from_ms(20);
 
@@ -146,12 +154,20 @@ impl Hardware {
 pub enum BoardError {
     /// The converter cannot be configured as asked.
     Plan(ldc161x::Refusal),
+    /// A command of this kind was not answered.
+    NoAnswer {
+        /// The command's kind.
+        kind: u8,
+    },
 }
 
 impl fmt::Display for BoardError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Plan(refusal) => write!(f, "converter: {refusal}"),
+            Self::NoAnswer { kind } => {
+                write!(f, "the command 0x{kind:02x} was not answered")
+            }
         }
     }
 }
@@ -175,6 +191,11 @@ pub struct VirtualBoard<'a> {
     wanted: Option<Plan>,
     correction: Option<Correction>,
     tracing: Option<Tracing>,
+    /// When the test of the coil ends.
+    test_ends: Option<Time>,
+    /// The energy that the coil has taken and not given off yet, and until when it is counted.
+    account: Account,
+    counted: Time,
     next_conditions: Time,
     commands_sent: u32,
     records: Vec<TimedRecord>,
@@ -243,10 +264,34 @@ impl<'a> VirtualBoard<'a> {
             wanted: None,
             correction: None,
             tracing: None,
+            test_ends: None,
+            account: Account::new(&reference_hardware(), &reference_limits()),
+            counted: hardware.world.borrow().now(),
             next_conditions: hardware.world.borrow().now(),
             commands_sent: 0,
             records: Vec::new(),
         }
+    }
+
+    /// Sends a command without waiting for its answer; returns its number.
+    ///
+    /// # Errors
+    /// If the board cannot run on.
+    pub fn post(&mut self, command: Command) -> Result<u32, BoardError> {
+        let sequence = self.commands_sent;
+        let header = Header {
+            boot_id: BOOT_ID,
+            sequence,
+            time_us: 0,
+            dropped: 0,
+        };
+        self.commands_sent += 1;
+        let frame = palpate_wire::Frame {
+            header,
+            message: command,
+        };
+        self.step(&Event::Command(&frame))?;
+        Ok(sequence)
     }
 
     /// The procedure, to look at.
@@ -306,6 +351,7 @@ impl<'a> VirtualBoard<'a> {
             current: Some(Ampere(told_a as f32)),
             // A drive that knows its coil knows the ripple.
             ripple: Some(Ampere(ripple_a as f32)),
+            account: Some(self.account),
         }
     }
 
@@ -390,6 +436,41 @@ impl<'a> VirtualBoard<'a> {
         Ok(())
     }
 
+    /// Tells what the test of the coil has found, when it is over.
+    fn follow_test(&mut self) -> Result<(), BoardError> {
+        if self.test_ends.is_some_and(|ends| ends <= self.now()) {
+            self.test_ends = None;
+            let found = self.coil_test();
+            self.step(&Event::CoilTested(found))?;
+        }
+        Ok(())
+    }
+
+    /// The drive's guard of energy: counts what has flowed, and ends what is too much.
+    fn count_energy(&mut self) -> Result<(), BoardError> {
+        let (from, now) = (self.counted, self.now());
+        if now <= from {
+            return Ok(());
+        }
+        self.counted = now;
+        let world = self.hardware.world.borrow();
+        let mean_a = world.mean_current_a(from, now);
+        let square_a2 = mean_a * mean_a + world.ripple_a(mean_a).powi(2);
+        drop(world);
+        let elapsed_s = (now - from).as_secs_f64();
+        let taken_j = self.coil_test().resistance_ohm * (square_a2 * elapsed_s) as f32;
+        self.account.pass(taken_j, elapsed_s as f32);
+        if mean_a.abs() > UNWANTED_A && self.account.is_used_up() {
+            let failure = Failure {
+                value: Some(self.account.energy_j()),
+                limit: Some(self.account.usable_j()),
+                ..Failure::new(FaultCode::TooMuchEnergy, Place::Coil)
+            };
+            self.step(&Event::Fault(failure))?;
+        }
+        Ok(())
+    }
+
     fn conditions(&self) -> Conditions {
         let world = self.hardware.world.borrow();
         let truth = world.truth();
@@ -412,17 +493,20 @@ impl<'a> VirtualBoard<'a> {
     fn carry_out(&mut self, actions: Actions) -> Result<(), BoardError> {
         for action in actions {
             match action {
-                Action::SafeState => self.hardware.world.borrow_mut().set_current(0.0),
+                Action::SafeState => {
+                    self.test_ends = None;
+                    self.hardware.world.borrow_mut().set_current(0.0);
+                }
                 Action::Current { at, from, to, over } => {
                     let ahead = at.as_ticks().saturating_sub(micros(self.now()));
                     let until = (ahead > 0).then(|| (Time::from_us(ahead), from.0.into()));
                     let over = Time::from_us(over.as_ticks());
                     self.follow_line(until, to.0.into(), over);
                 }
-                // An ideal source of current: there is nothing to find.
+                // An ideal source of current has nothing to find; it takes the time all the same.
                 Action::TestCoil => {
-                    let found = self.coil_test();
-                    self.step(&Event::CoilTested(found))?;
+                    self.test_ends = Some(self.now() + COIL_TEST);
+                    self.account.charge(COIL_TEST_J);
                 }
                 Action::TraceCurrent { interval } => {
                     self.tracing = Some(Tracing::new(self.now(), interval.0.into()));
@@ -527,18 +611,20 @@ impl Device for VirtualBoard<'_> {
     }
 
     fn send(&mut self, command: Command) -> Result<(), Self::Error> {
-        let header = Header {
-            boot_id: BOOT_ID,
-            sequence: self.commands_sent,
-            time_us: 0,
-            dropped: 0,
+        let kind = command.kind();
+        let seen = self.records.len();
+        let sequence = self.post(command)?;
+        let is_answer = |record: &Record| match record {
+            Record::Acknowledgement(answer) => answer.command == sequence,
+            _ => false,
         };
-        self.commands_sent += 1;
-        let frame = palpate_wire::Frame {
-            header,
-            message: command,
-        };
-        self.step(&Event::Command(&frame))
+        let records = self.records.get(seen..).unwrap_or_default();
+        let is_answered = records.iter().any(|(_, record)| is_answer(record));
+        let end = self.now() + ANSWER;
+        if is_answered || self.run_to(end, is_answer)? {
+            return Ok(());
+        }
+        Err(BoardError::NoAnswer { kind })
     }
 
     fn advance(&mut self, end: Time) -> Result<(), Self::Error> {
@@ -550,6 +636,8 @@ impl Device for VirtualBoard<'_> {
             .borrow_mut()
             .advance_to(edge.unwrap_or(limit));
         self.follow_trace()?;
+        self.follow_test()?;
+        self.count_energy()?;
         match (edge, self.sensing) {
             (Some(edge), Some(sensing)) => self.converted(edge, sensing)?,
             _ => self.idle()?,

@@ -38,18 +38,8 @@ pub fn reference_hardware() -> Hardware {
 
 /// Its limits.
 #[must_use]
-pub fn reference_limits() -> Limits {
-    Limits {
-        current_a: 12.0,
-        trip_a: 12.7,
-        duty: 0.98,
-        on_time_s: 20.0,
-        energy_j: 60.0,
-        continuous_w: 3.5,
-        supply_v: [4.5, 14.0],
-        resistance_ohm: [0.15, 3.0],
-        inductance_h: [10e-6, 400e-6],
-    }
+pub const fn reference_limits() -> Limits {
+    palpate_procedure::board::DRIVE
 }
 
 /// What is measured slowly, or wrong.
@@ -285,6 +275,9 @@ impl Regulated {
         let after = self.circuit.totals();
         self.supply
             .push((after.supply_v_s - before.supply_v_s) / period_s, period_s);
+        if output.awake && !next.awake {
+            self.supervisor.read_supply(self.supply_v());
+        }
         self.looks += 1;
         if self.looks >= LOOK_PERIODS {
             self.looks = 0;
@@ -302,11 +295,17 @@ impl Regulated {
         if !self.slow.attended {
             return;
         }
-        let supply_v = self.supply.value * (1.0 + self.slow.supply_error);
+        let supply_v = self.supply_v();
+        self.supervisor.read_supply(supply_v);
         let elapsed_us = LOOK_PERIODS * 16;
         let report = self.drive.report();
-        let order = self.supervisor.attend(&report, supply_v as f32, elapsed_us);
+        let order = self.supervisor.attend(&report, supply_v, elapsed_us);
         self.drive.obey(&order);
+    }
+
+    /// The supply as it is measured, V.
+    fn supply_v(&self) -> f32 {
+        (self.supply.value * (1.0 + self.slow.supply_error)) as f32
     }
 
     /// Lets the circuit pass through a part of the period, given from 0 to 1.

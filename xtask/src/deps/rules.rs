@@ -68,8 +68,8 @@ pub(super) const RULES: &[Rule] = &[
     Rule {
         name: "procedure-sans-io",
         who: "palpate-procedure",
-        may_depend: On::Only(&["palpate-model", "palpate-wire", "ldc161x"]),
-        because: "the procedure takes values and knows no bus, clock or board",
+        may_depend: On::Only(&["palpate-model", "palpate-wire", "ldc161x", "coil-hbridge"]),
+        because: "the procedure takes the drivers' values and knows no bus, clock or board",
     },
     Rule {
         name: "node-without-hardware",

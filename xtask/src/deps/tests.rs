@@ -41,7 +41,7 @@ const SOUND: &[(&str, &str, RunsOn, &[&str])] = &[
         "palpate-procedure",
         "firmware/procedure",
         RunsOn::Everywhere,
-        &["palpate-model", "palpate-wire", "ldc161x"],
+        &["palpate-model", "palpate-wire", "ldc161x", "coil-hbridge"],
     ),
     ("palpate-float", "firmware/float", RunsOn::Everywhere, &[]),
     (
@@ -130,7 +130,7 @@ const PLANTED: &[(&str, &str, &str, Kind)] = &[
     (
         "procedure-sans-io",
         "palpate-procedure",
-        "coil-hbridge",
+        "ldc161x-sim",
         Kind::Normal,
     ),
     (

@@ -4,13 +4,15 @@ use palpate_wire::code::{FaultCode, Mode, Outcome, RefusalReason};
 use palpate_wire::record::Acknowledgement;
 use palpate_wire::{Command, Frame, FrameError, Message, Record};
 
+use super::coil::{CoilCommand, Knowledge};
 use super::states::Phase;
 use super::{Out, Procedure, Telling};
 use crate::action::Action;
 use crate::board::MOST_CRASHES;
 
 impl Procedure {
-    /// A command that arrived whole: checked, carried out, and answered once.
+    /// A command that arrived whole: checked, carried out, and answered once; what
+    /// waits for the coil's test is answered after it.
     pub(super) fn command(&mut self, frame: &Frame<Command>, out: &mut Out<'_>) {
         let Frame { header, message } = frame;
         let answer = if !message.is_for(self.board.boot_id, header.boot_id) {
@@ -18,7 +20,14 @@ impl Procedure {
         } else if let Err(invalid) = message.validate() {
             Acknowledgement::invalid(header, message.kind(), &invalid)
         } else {
-            let outcome = self.obey(message, out);
+            self.word(out.now);
+            let outcome = match CoilCommand::of(message) {
+                Some(command) => self.with_coil(header, message.kind(), command, out),
+                None => Some(self.obey(message, out)),
+            };
+            let Some(outcome) = outcome else {
+                return;
+            };
             Acknowledgement::new(header, message.kind(), outcome)
         };
         self.answer(answer, out);
@@ -39,7 +48,7 @@ impl Procedure {
         }
     }
 
-    fn answer(&mut self, answer: Acknowledgement, out: &mut Out<'_>) {
+    pub(super) fn answer(&mut self, answer: Acknowledgement, out: &mut Out<'_>) {
         if answer.outcome != Outcome::Accepted {
             let refused = &mut self.counters.commands_refused;
             *refused = refused.wrapping_add(1);
@@ -47,8 +56,8 @@ impl Procedure {
         out.record(Record::Acknowledgement(answer));
     }
 
+    /// Carries out a command that does not need the coil.
     fn obey(&mut self, command: &Command, out: &mut Out<'_>) -> Outcome {
-        self.word(out.now);
         match command {
             Command::Identify => {
                 out.record(Record::Hello(self.hello()));
@@ -62,16 +71,6 @@ impl Procedure {
                 self.abort(out);
                 Outcome::Accepted
             }
-            Command::Measure => match self.may_measure() {
-                Ok(touched) => {
-                    self.begin_settling(touched, out);
-                    Outcome::Accepted
-                }
-                Err(outcome) => outcome,
-            },
-            Command::Sweep => self.begin_sweep(out),
-            Command::TestCoil => self.test_coil(out),
-            Command::DriveCoil(line) => self.direct(line, out),
             Command::ClearFault(of) => match &self.phase {
                 // Whoever crashes again and again is not to be trusted with a coil; a start
                 // without a crash ends it.
@@ -132,7 +131,7 @@ impl Procedure {
         let changed = !self.armed || self.mode != Mode::Stiffness;
         if !self.armed {
             // Not driven before it is known: what hangs there, and the zero of its current.
-            out.push(Action::TestCoil);
+            self.begin_test(out);
         }
         self.armed = true;
         self.mode = Mode::Stiffness;
@@ -143,19 +142,22 @@ impl Procedure {
     }
 
     fn disarm(&mut self, mode: Mode, out: &mut Out<'_>) -> Outcome {
-        out.safe();
         let changed = self.armed || self.mode != mode;
         self.armed = false;
         self.mode = mode;
         self.abort(out);
+        // Tested again before it is driven again.
+        self.coil = Knowledge::None;
         if changed {
             self.announce(self.state(), out);
         }
         Outcome::Accepted
     }
 
-    /// Ends a measurement, if there is one.
+    /// Bridge off in every state; ends a measurement, a test of the coil and a commanded current,
+    /// whichever there is, and drops what waits.
     fn abort(&mut self, out: &mut Out<'_>) {
+        self.safe(Outcome::Aborted, out);
         if matches!(
             self.phase,
             Phase::Driving(_) | Phase::Settling(_) | Phase::Sweeping { .. }

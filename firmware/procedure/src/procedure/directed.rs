@@ -1,7 +1,7 @@
-//! A current that a PC commands directly, and the test of the coil.
+//! A current that a PC commands directly.
 
-use palpate_model::units::{Ampere, Celsius, Second};
-use palpate_wire::code::{FaultCode, Outcome as Answer, Place, RefusalReason};
+use palpate_model::units::{Ampere, Second};
+use palpate_wire::code::{FaultCode, Outcome as Answer, Place};
 use palpate_wire::command::DriveCoil;
 
 use super::states::Phase;
@@ -26,51 +26,34 @@ pub(super) struct Directed {
 }
 
 impl Procedure {
-    /// Asks for the test of bridge and coil.
-    pub(super) fn test_coil(&mut self, out: &mut Out<'_>) -> Answer {
-        match self.may_direct() {
-            Ok(()) => {
-                out.push(Action::TestCoil);
-                Answer::Accepted
-            }
-            Err(answer) => answer,
+    /// Whether a current may be commanded now.
+    pub(super) fn may_direct(&self, line: &DriveCoil) -> Result<(), Answer> {
+        let limit_a = self.board.limits.current.0;
+        if line.to_a.abs() > limit_a.min(self.configuration.settings.peak_current_a) {
+            return Err(Answer::OutOfRange);
         }
-    }
-
-    fn may_direct(&self) -> Result<(), Answer> {
-        match &self.phase {
-            Phase::Fault(_) => Err(Answer::Faulted),
-            Phase::SelfTest { .. }
-            | Phase::Settling(_)
-            | Phase::Driving(_)
-            | Phase::Telling { .. }
-            | Phase::Directed(_)
-            | Phase::Sweeping { .. } => Err(Answer::Busy),
-            Phase::Baseline | Phase::Watching | Phase::Contact { .. } | Phase::Release { .. } => {
-                if self.armed {
-                    Ok(())
-                } else {
-                    Err(Answer::NotArmed)
-                }
-            }
+        match self.phase {
+            Phase::Directed(_) => Ok(()),
+            _ => self.may_drive(),
         }
     }
 
     /// A current, from where it is.
     pub(super) fn direct(&mut self, line: &DriveCoil, out: &mut Out<'_>) -> Answer {
-        let limit_a = self.board.limits.current.0;
-        if line.to_a.abs() > limit_a.min(self.configuration.settings.peak_current_a) {
-            return Answer::OutOfRange;
+        let to = Ampere(line.to_a);
+        // At once, from wherever it is.
+        let course = Line {
+            at: out.now,
+            from: to,
+            to,
+            over: span(line.over_s),
+        };
+        if let Err(hindrance) = self.may_take_line(&course, out.now) {
+            self.end_directed(out);
+            self.hindered(&hindrance, out);
+            return Answer::Accepted;
         }
         if !matches!(self.phase, Phase::Directed(_)) {
-            if let Err(answer) = self.may_direct() {
-                return answer;
-            }
-            if let Some((copper_c, limit_c)) = self.too_hot() {
-                let reason = RefusalReason::CoilTooHot;
-                self.refuse((reason, Some(copper_c), Some(limit_c)), out);
-                return Answer::Accepted;
-            }
             if let Some(heat) = &mut self.heat {
                 heat.start_measurement();
             }
@@ -85,27 +68,8 @@ impl Procedure {
             let interval = Second(line.trace_interval_s);
             out.push(Action::TraceCurrent { interval });
         }
-        let to = Ampere(line.to_a);
-        // At once, from wherever it is.
-        out.line(Line {
-            at: out.now,
-            from: to,
-            to,
-            over: span(line.over_s),
-        });
+        out.line(course);
         Answer::Accepted
-    }
-
-    fn too_hot(&self) -> Option<(f32, f32)> {
-        let settings_c = self.configuration.settings.greatest_temperature_c;
-        let Celsius(limits_c) = self.board.limits.temperature;
-        let limit_c = settings_c.min(limits_c);
-        let copper_c = self
-            .heat
-            .as_ref()
-            .map_or(f32::INFINITY, |heat| heat.copper().0);
-        // Negated, so that NaN counts as hot.
-        (copper_c.is_nan() || copper_c > limit_c).then_some((copper_c, limit_c))
     }
 
     /// The PC has said something.
@@ -150,7 +114,7 @@ impl Procedure {
     /// The PC ends it: no fault, and nothing was measured that could be refused.
     pub(super) fn end_directed(&mut self, out: &mut Out<'_>) {
         if let Phase::Directed(Directed { touched, .. }) = self.phase {
-            out.safe();
+            self.safe(Answer::Aborted, out);
             self.swept(touched, out);
         }
     }

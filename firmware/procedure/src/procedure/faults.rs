@@ -1,9 +1,10 @@
 //! What stops the instrument, and what starts it again.
 
 use palpate_wire::Record;
-use palpate_wire::code::{FaultCode, Mode, Place, RefusalReason};
+use palpate_wire::code::{FaultCode, Mode, Outcome, Place, RefusalReason};
 use palpate_wire::record::Fault;
 
+use super::coil::Knowledge;
 use super::states::Phase;
 use super::{CHECK, Out, Procedure};
 use crate::configuration::ITEMS;
@@ -16,7 +17,9 @@ impl Procedure {
     /// The first fault stands until it is cleared; one that comes while it stands is told, and
     /// takes its place only if it waits for its user and the first does not.
     pub(super) fn fail(&mut self, failure: Failure, out: &mut Out<'_>) {
-        out.safe();
+        self.safe(Outcome::Faulted, out);
+        // What failed may be the coil.
+        self.coil = Knowledge::None;
         if matches!(
             self.phase,
             Phase::Driving(_) | Phase::Settling(_) | Phase::Sweeping { .. }

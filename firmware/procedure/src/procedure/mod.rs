@@ -1,5 +1,7 @@
 //! The state machine.
 
+mod budget;
+mod coil;
 mod commands;
 mod directed;
 mod faults;
@@ -13,6 +15,7 @@ use palpate_wire::record::{Hello, StateChange, Status};
 
 use crate::action::{Action, Actions};
 use crate::board::{Board, MOST_CRASHES};
+use crate::boot;
 use crate::configuration::{Configuration, ITEMS};
 use crate::deformation::Follower;
 use crate::event::{Conditions, Event, Failure, Scan};
@@ -21,6 +24,8 @@ use crate::list::gathered;
 use crate::stream::{FeltScan, Streamer};
 use crate::time::{Duration, Instant, after, between, seconds, span};
 use crate::train::Line;
+use budget::Budget;
+use coil::{Knowledge, Waiting};
 use readings::{FlaggedSince, is_of_readings};
 use states::{BRING_UP, Phase};
 
@@ -40,6 +45,11 @@ pub struct Procedure {
     phase: Phase,
     mode: Mode,
     armed: bool,
+    coil: Knowledge,
+    /// The queue of commands that need the coil.
+    waiting: Option<Waiting>,
+    /// What the coil's drive has said of its energy.
+    budget: Budget,
     /// Number of the last measurement that began.
     measurement: u32,
     followers: [[Option<Follower>; 4]; 2],
@@ -91,6 +101,9 @@ impl Procedure {
             phase: Phase::SelfTest { good: 0 },
             mode: Mode::SensingOnly,
             armed: false,
+            coil: Knowledge::None,
+            waiting: None,
+            budget: Budget::new(),
             measurement: 0,
             followers: Default::default(),
             streamers: Default::default(),
@@ -155,12 +168,13 @@ impl Procedure {
         if set_back {
             self.clock_set_back(&mut out);
         }
+        self.follow_drive(out.now);
         match event {
             Event::Tick => {}
             Event::Scan(scan) => self.scan(scan, &mut out),
             Event::Command(frame) => self.command(frame, &mut out),
             Event::NotUnderstood(error) => self.not_understood(error, &mut out),
-            Event::CoilTested(found) => out.record(Record::CoilTest(found.clone())),
+            Event::CoilTested(found) => self.coil_tested(found, &mut out),
             Event::CurrentTraced { at, trace } => {
                 let record = Record::CurrentTrace(trace.clone());
                 out.push(Action::Record { at: *at, record });
@@ -193,6 +207,9 @@ impl Procedure {
                 },
                 out,
             );
+        }
+        if let Some(code) = boot::fault(self.board.hello.reset_cause) {
+            self.fail(Failure::new(code, Place::Processor), out);
         }
     }
 
@@ -252,6 +269,7 @@ impl Procedure {
         {
             out.push(Action::Record { at, record });
         }
+        self.take_account(scan, out.now);
         if sensor == 0 {
             self.heard = Some(out.now);
             let principal = felt.first().copied().flatten();

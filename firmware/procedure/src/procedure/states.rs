@@ -1,10 +1,12 @@
 //! The phases, and how one leads to the next.
 
 use palpate_model::contact::Touch;
-use palpate_model::units::{Celsius, Second};
+use palpate_model::units::Second;
 use palpate_wire::Record;
 use palpate_wire::code::{FaultCode, Mode, Outcome as Answer, Place, RefusalReason, State};
 
+use super::budget::Hindrance;
+use super::coil::Knowledge;
 use super::directed::Directed;
 use super::{Out, Procedure};
 use crate::deformation::Felt;
@@ -12,7 +14,7 @@ use crate::event::{Failure, Scan};
 use crate::measurement::{Drive, Measurement, Outcome, Progress, Reason, Report, metres, refusal};
 use crate::steadiness::Steadiness;
 use crate::time::{Duration, Instant, between, in_seconds, seconds, span};
-use crate::train::{Course, Leg};
+use crate::train::Leg;
 
 /// Good conversions in a row that prove sensor, clock and bus.
 const SELF_TEST_CONVERSIONS: u8 = 10;
@@ -72,7 +74,7 @@ pub(super) enum Phase {
 pub(super) struct Settling {
     /// When the object touched.
     touched: Instant,
-    began: Instant,
+    pub(super) began: Instant,
     steadiness: Steadiness,
     /// The last rate seen, in m/s.
     rate_m_per_s: f32,
@@ -180,6 +182,22 @@ impl Procedure {
         }
     }
 
+    /// A measurement that was asked for.
+    pub(super) fn begin_asked(&mut self, out: &mut Out<'_>) -> Answer {
+        match self.may_measure() {
+            Ok(touched) => {
+                // What the coil could not bear now it is not likely to in the second that the press
+                // takes to settle.
+                match self.may_take_train(out.now) {
+                    Err(hindrance) if hindrance.wait_s.is_some() => self.hindered(&hindrance, out),
+                    _ => self.begin_settling(touched, out),
+                }
+                Answer::Accepted
+            }
+            Err(answer) => answer,
+        }
+    }
+
     pub(super) fn begin_settling(&mut self, touched: Instant, out: &mut Out<'_>) {
         let settling = Settling {
             touched,
@@ -220,7 +238,10 @@ impl Procedure {
             let reason = RefusalReason::PressedTooLittle;
             return self.refuse((reason, Some(pressed_m), Some(least_m)), out);
         }
-        self.begin_measurement(touched, out);
+        // One that was not asked for may come while the coil is not known.
+        if self.coil_is_tested(out) {
+            self.begin_measurement(touched, out);
+        }
     }
 
     fn begin_measurement(&mut self, touched: Instant, out: &mut Out<'_>) {
@@ -234,8 +255,8 @@ impl Procedure {
                 return self.refuse((reason, Some(kind.into()), None), out);
             }
         };
-        if let Err(reason) = self.forecast() {
-            return self.refuse(reason, out);
+        if let Err(hindrance) = self.may_take_train(out.now) {
+            return self.hindered(&hindrance, out);
         }
         if let Some(heat) = &mut self.heat {
             heat.start_measurement();
@@ -247,49 +268,6 @@ impl Procedure {
             Measurement::start(self.measurement, calibrated, touched, settings, started);
         self.go(Phase::Driving(measurement), out);
         out.line(line);
-    }
-
-    /// Whether the coil can bear the train.
-    fn forecast(&self) -> Result<(), Reason> {
-        let settings = &self.configuration.settings;
-        let limits = &self.board.limits;
-        let course = Course::new(settings);
-        let heat = self.heat.as_ref().ok_or((
-            RefusalReason::NotCalibrated,
-            Some(palpate_wire::code::Part::Coil.number().into()),
-            None,
-        ))?;
-        let limit_c = settings.greatest_temperature_c.min(limits.temperature.0);
-        let forecast = heat.forecast(&course, Celsius(limit_c));
-        if forecast.hottest.is_none() {
-            let (reason, copper) = (RefusalReason::CoilTooHot, heat.copper().0);
-            return Err((reason, Some(copper), Some(limit_c)));
-        }
-        let limit_j = settings.greatest_energy_j.min(limits.energy_j);
-        if forecast.energy_j.is_nan() || forecast.energy_j > limit_j {
-            let reason = RefusalReason::TooMuchEnergy;
-            return Err((reason, Some(forecast.energy_j), Some(limit_j)));
-        }
-        let takes_s = course.duration().as_ticks() as f32 * 1e-6;
-        if takes_s > limits.on_time_s {
-            let reason = RefusalReason::TimedOut;
-            return Err((reason, Some(takes_s), Some(limits.on_time_s)));
-        }
-        Ok(())
-    }
-
-    /// How long the coil has to cool before the train may begin, s; none where that is not the
-    /// reason, or an hour does not help.
-    fn wait_s(&self, reason: &Reason) -> Option<f32> {
-        if reason.0 != RefusalReason::CoilTooHot {
-            return None;
-        }
-        let settings = &self.configuration.settings;
-        let limit_c = settings
-            .greatest_temperature_c
-            .min(self.board.limits.temperature.0);
-        let heat = self.heat.as_ref()?;
-        heat.wait_s(&Course::new(settings), Celsius(limit_c))
     }
 
     fn progress(&mut self, progress: Progress, out: &mut Out<'_>) {
@@ -307,7 +285,7 @@ impl Procedure {
 
     /// All ramps are done: bridge off, and the result.
     fn conclude(&mut self, out: &mut Out<'_>) {
-        out.safe();
+        self.safe(Answer::Aborted, out);
         if let Phase::Sweeping { touched, .. } = self.phase {
             return self.swept(touched, out);
         }
@@ -350,26 +328,11 @@ impl Procedure {
 
     /// Begins a train for calibration.
     pub(super) fn begin_sweep(&mut self, out: &mut Out<'_>) -> Answer {
-        match &self.phase {
-            Phase::Fault(_) => return Answer::Faulted,
-            Phase::SelfTest { .. } => return Answer::Busy,
-            Phase::Settling(_)
-            | Phase::Driving(_)
-            | Phase::Telling { .. }
-            | Phase::Directed(_)
-            | Phase::Sweeping { .. } => {
-                return Answer::Busy;
-            }
-            Phase::Baseline | Phase::Watching | Phase::Contact { .. } | Phase::Release { .. } => {}
-        }
-        if !self.armed {
-            return Answer::NotArmed;
-        }
         if !self.check_all(out) {
             return Answer::Faulted;
         }
-        if let Err(reason) = self.forecast() {
-            self.refuse(reason, out);
+        if let Err(hindrance) = self.may_take_train(out.now) {
+            self.hindered(&hindrance, out);
             return Answer::Accepted;
         }
         if let Some(heat) = &mut self.heat {
@@ -385,16 +348,23 @@ impl Procedure {
 
     /// Ends a measurement, or the attempt at one, with a reason. Bridge off first.
     pub(super) fn refuse(&mut self, reason: Reason, out: &mut Out<'_>) {
+        let wait_s = None;
+        self.hindered(&Hindrance { reason, wait_s }, out);
+    }
+
+    /// The same, with the time after which it may be asked for again.
+    pub(super) fn hindered(&mut self, hindrance: &Hindrance, out: &mut Out<'_>) {
+        let &Hindrance { reason, wait_s } = hindrance;
         let (number, since) = match &self.phase {
             Phase::Driving(measurement) => (measurement.number, Some(measurement.touched())),
             Phase::Settling(settling) => (0, Some(settling.touched)),
             Phase::Sweeping { touched, .. } => (0, *touched),
             _ => (0, self.touched_since()),
         };
-        out.safe();
+        self.safe(Answer::Aborted, out);
         self.counters.refusals = self.counters.refusals.wrapping_add(1);
         let mut told = refusal(number, reason);
-        told.wait_s = self.wait_s(&reason);
+        told.wait_s = wait_s;
         out.record(Record::Refusal(told));
         match since {
             Some(since) if reason.0 != RefusalReason::ContactLost => {
@@ -407,8 +377,12 @@ impl Procedure {
     /// What is due by time alone.
     pub(super) fn deadlines(&mut self, out: &mut Out<'_>) {
         self.watch_for_silence(out);
+        self.watch_test(out);
+        let is_testing = matches!(self.coil, Knowledge::Testing(_));
         let before = self.state();
         match &mut self.phase {
+            // A test of the coil has a deadline of its own.
+            Phase::Settling(_) if is_testing => {}
             Phase::Settling(settling) => {
                 let settings = &self.configuration.settings;
                 let least_s = Steadiness::least_s(settings.rate_hz);

@@ -3,6 +3,7 @@
 #![allow(dead_code, reason = "no test uses all of it")]
 
 pub(crate) mod calibration;
+pub(crate) mod drive;
 pub(crate) mod moves;
 pub(crate) mod promises;
 pub(crate) mod sensor;
@@ -14,9 +15,12 @@ use palpate_procedure::{
 };
 use palpate_wire::code::{Chip, FaultCode, Outcome, Place, ResetCause, State};
 use palpate_wire::command::{DriveCoil, Settings};
-use palpate_wire::record::{Acknowledgement, Estimate, Fault, Hello, Refusal, StateChange};
+use palpate_wire::record::{
+    Acknowledgement, CoilTest, Estimate, Fault, Hello, Refusal, StateChange,
+};
 use palpate_wire::{Command, Frame, Header, MINOR_VERSION, Record, SCHEMA_HASH};
 
+use drive::Drive;
 use sensor::Sensor;
 
 pub(crate) const BOOT: u32 = 7;
@@ -64,14 +68,14 @@ pub(crate) fn board() -> Board {
 }
 
 /// The way of the coil's current: a straight line to where another begins, that, then level.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Line {
-    told_a: f64,
-    told_us: u64,
-    from_a: f64,
-    to_a: f64,
-    since_us: u64,
-    over_us: u64,
+    pub(crate) told_a: f64,
+    pub(crate) told_us: u64,
+    pub(crate) from_a: f64,
+    pub(crate) to_a: f64,
+    pub(crate) since_us: u64,
+    pub(crate) over_us: u64,
 }
 
 impl Line {
@@ -110,6 +114,15 @@ pub(crate) struct Rig {
     pub(crate) now_us: u64,
     pub(crate) records: Vec<(Instant, Record)>,
     pub(crate) sequence: u32,
+    /// How long a test of the coil takes, and when the one under way ends.
+    pub(crate) test_us: u64,
+    pub(crate) test_ends_us: Option<u64>,
+    /// The coil's drive with its guard of energy, if there is one; without, the coil is ideal.
+    pub(crate) drive: Option<Drive>,
+    /// Commands without an answer yet: sequence number and kind.
+    pub(crate) open: Vec<(u32, u8)>,
+    /// The last word was to stop: nothing may be driven.
+    pub(crate) stopped: bool,
     /// What was heard and what came of it, for who wants to repeat it.
     pub(crate) tape: Option<Vec<Heard>>,
 }
@@ -159,6 +172,11 @@ impl Rig {
             now_us: 1_000_000,
             records: Vec::new(),
             sequence: 0,
+            test_us: 0,
+            test_ends_us: None,
+            drive: None,
+            open: Vec::new(),
+            stopped: false,
             tape: None,
         }
     }
@@ -222,8 +240,44 @@ impl Rig {
         rig
     }
 
-    /// An event at this moment: carried out, and held against the promises.
+    /// An event at this moment: carried out, and held against the promises. A test of the coil that
+    /// has ended meanwhile is told after it.
     pub(crate) fn step(&mut self, event: &Event<'_>) -> Actions {
+        let line = self.line;
+        let now_us = self.now_us;
+        let drive = self.drive.as_mut();
+        let is_over = drive.is_some_and(|drive| drive.advance(now_us, &line));
+        let actions = self.step_alone(event);
+        let is_refused = self.line != line
+            && self
+                .drive
+                .as_ref()
+                .is_some_and(|drive| drive.refuses(&self.line));
+        if is_over || is_refused {
+            self.fail(FaultCode::TooMuchEnergy, Place::Coil);
+        }
+        if self
+            .test_ends_us
+            .is_some_and(|ends_us| ends_us <= self.now_us)
+        {
+            self.test_ends_us = None;
+            let found = self.coil_test();
+            self.step_alone(&Event::CoilTested(found));
+        }
+        actions
+    }
+
+    /// What the test finds.
+    fn coil_test(&self) -> CoilTest {
+        let mut found = coil_test();
+        if let Some(drive) = &self.drive {
+            found.resistance_ohm = drive.resistance_ohm() as f32;
+            found.lost = drive.lost_v as f32 / found.supply_v;
+        }
+        found
+    }
+
+    fn step_alone(&mut self, event: &Event<'_>) -> Actions {
         let now = Instant::from_ticks(self.now_us);
         let actions = self.procedure.step(now, event);
         if let Some(tape) = &mut self.tape {
@@ -235,7 +289,16 @@ impl Rig {
         }
         for action in &actions {
             match action {
-                Action::SafeState => self.line = Line::default(),
+                Action::SafeState => {
+                    self.line = Line::default();
+                    self.test_ends_us = None;
+                }
+                Action::TestCoil => {
+                    self.test_ends_us = Some(self.now_us + self.test_us);
+                    if let Some(drive) = &mut self.drive {
+                        drive.account.charge(1.0);
+                    }
+                }
                 Action::Current { at, from, to, over } => {
                     let (told_us, told_a) = (self.now_us, self.line.at(self.now_us));
                     let since_us = at.as_ticks().max(told_us);
@@ -253,7 +316,6 @@ impl Rig {
                     };
                 }
                 Action::ConfigureSensors { .. }
-                | Action::TestCoil
                 | Action::TraceCurrent { .. }
                 | Action::CorrectCurrent(_) => {}
                 Action::Record { at, record } => self.records.push((*at, record.clone())),
@@ -287,6 +349,11 @@ impl Rig {
             gap: false,
             current: Some(Ampere(told_a as f32)),
             ripple: self.tells_ripple.then_some(Ampere(ripple_a as f32)),
+            account: self
+                .drive
+                .as_ref()
+                .filter(|drive| !drive.is_silent)
+                .map(|drive| drive.account),
         }
     }
 
@@ -441,6 +508,18 @@ impl Rig {
         let changes = self.changes();
         let moved = changes.iter().filter(|of| of.state != of.previous);
         moved.map(|of| of.state).collect()
+    }
+}
+
+/// What a test finds.
+pub(crate) fn coil_test() -> CoilTest {
+    CoilTest {
+        resistance_ohm: 0.48,
+        inductance_h: 4e-5,
+        lost: 0.006,
+        zero_v: 1.65,
+        supply_v: 12.0,
+        limited_to_a: None,
     }
 }
 

@@ -38,6 +38,10 @@ pub(crate) enum Move {
     Load(f64),
     /// A command, and the boot that it is for.
     Command(Box<Command>, u32),
+    /// A command with the sequence number of the one before.
+    Again(Box<Command>),
+    /// How long a test of the coil takes, in microseconds.
+    Test(u64),
     NotUnderstood(FrameError),
     Conditions(Conditions),
     Fault(Failure),
@@ -98,6 +102,11 @@ pub(crate) fn carry_out(rig: &mut Rig, of: &Move) {
             let frame = frame(command.as_ref().clone(), *boot, rig.sequence);
             rig.step(&Event::Command(&frame));
         }
+        Move::Again(command) => {
+            let frame = frame(command.as_ref().clone(), BOOT, rig.sequence);
+            rig.step(&Event::Command(&frame));
+        }
+        Move::Test(test_us) => rig.test_us = *test_us,
         Move::NotUnderstood(error) => drop(rig.step(&Event::NotUnderstood(*error))),
         Move::Conditions(conditions) => drop(rig.step(&Event::Conditions(*conditions))),
         Move::Fault(failure) => drop(rig.step(&Event::Fault(*failure))),
@@ -145,6 +154,9 @@ pub(crate) fn moves() -> impl Strategy<Value = Move> {
         6 => commands().prop_map(to_us),
         1 => (commands(), select(vec![0, BOOT + 1]))
             .prop_map(|(command, boot)| Move::Command(Box::new(command), boot)),
+        2 => prop_oneof![usual_commands(), commands()]
+            .prop_map(|command| Move::Again(Box::new(command))),
+        2 => select(vec![0, 60_000, 200_000, 600_000]).prop_map(Move::Test),
         1 => not_understood().prop_map(Move::NotUnderstood),
         2 => conditions().prop_map(Move::Conditions),
         1 => failures().prop_map(Move::Fault),
@@ -172,6 +184,8 @@ fn usual_commands() -> impl Strategy<Value = Command> {
         Command::Arm,
         Command::Measure,
         Command::Sweep,
+        Command::TestCoil,
+        Command::Abort,
         clear(FaultCode::Clock),
         clear(FaultCode::CoilTooHot),
         clear(FaultCode::Bridge),

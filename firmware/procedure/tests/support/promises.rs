@@ -1,13 +1,13 @@
 //! What the procedure promises at every step, whatever happens to it.
 
 use palpate_procedure::{Action, Actions, Event};
-use palpate_wire::code::State;
-use palpate_wire::{FrameError, Message, Record};
+use palpate_wire::code::{Outcome, State};
+use palpate_wire::{Command, FrameError, Message, Record};
 
 use super::{Rig, answers};
 
 /// Holds the actions of a step, carried out already, against the promises.
-pub(crate) fn hold(rig: &Rig, event: &Event<'_>, actions: &Actions) {
+pub(crate) fn hold(rig: &mut Rig, event: &Event<'_>, actions: &Actions) {
     assert!(
         !actions.is_full(),
         "an action may have been lost: {actions:?}"
@@ -15,7 +15,8 @@ pub(crate) fn hold(rig: &Rig, event: &Event<'_>, actions: &Actions) {
     safe_state_first(actions);
     currents_are_allowed(rig, actions);
     coil_is_off_where_it_has_to_be(rig);
-    answered_once(event, actions);
+    answered_once(rig, event, actions);
+    stopped_until_asked(rig, event, actions);
     for action in actions {
         if let Action::Record { record, .. } = action {
             record_is_sound(record);
@@ -72,18 +73,59 @@ fn coil_is_off_where_it_has_to_be(rig: &Rig) {
     assert!(rig.state() != State::Fault || !rig.procedure.is_armed());
 }
 
-/// Every command, and every frame whose header could be read, has one answer, its own.
-fn answered_once(event: &Event<'_>, actions: &Actions) {
-    let expected = match event {
+/// Every command, and every frame whose header could be read, has one answer, its own. One that needs
+/// the coil may wait for the end of its test; no two do, and nothing waits when nothing is tested.
+fn answered_once(rig: &mut Rig, event: &Event<'_>, actions: &Actions) {
+    let asked = match event {
         Event::Command(frame) => Some((frame.header.sequence, frame.message.kind())),
         Event::NotUnderstood(
             FrameError::UnknownKind { header, kind } | FrameError::Payload { header, kind, .. },
         ) => Some((header.sequence, *kind)),
         _ => None,
     };
-    let answers = answers(actions);
-    let given: Vec<_> = answers.iter().map(|of| (of.command, of.kind)).collect();
-    assert_eq!(given, Vec::from_iter(expected));
+    rig.open.extend(asked);
+    for answer in answers(actions) {
+        let given = (answer.command, answer.kind);
+        let place = rig.open.iter().position(|open| *open == given);
+        rig.open
+            .remove(place.unwrap_or_else(|| panic!("not asked: {answer:?}")));
+    }
+    let waits = rig.open.len();
+    assert!(waits <= 1, "{:?}", rig.open);
+    assert!(waits == 0 || rig.test_ends_us.is_some(), "{:?}", rig.open);
+}
+
+/// After `abort`, `disarm` and `sensing_only` nothing is driven or tested until a command asks for it;
+/// or, with `automatic`, an object touches anew.
+fn stopped_until_asked(rig: &mut Rig, event: &Event<'_>, actions: &Actions) {
+    let touches = actions.iter().any(|action| match action {
+        Action::Record {
+            record: Record::State(change),
+            ..
+        } => change.state == State::Contact && change.previous == State::Watching,
+        _ => false,
+    });
+    if touches && rig.settings().automatic {
+        rig.stopped = false;
+    }
+    if let Event::Command(frame) = event {
+        let accepted = answers(actions).iter().any(|answer| {
+            answer.command == frame.header.sequence && answer.outcome == Outcome::Accepted
+        });
+        match frame.message {
+            Command::Abort | Command::Disarm | Command::SensingOnly if accepted => {
+                rig.stopped = true;
+            }
+            Command::Arm
+            | Command::Measure
+            | Command::Sweep
+            | Command::TestCoil
+            | Command::DriveCoil(_) => rig.stopped = false,
+            _ => {}
+        }
+    }
+    let drives = |action: &Action| matches!(action, Action::Current { .. } | Action::TestCoil);
+    assert!(!(rig.stopped && actions.iter().any(drives)), "{actions:?}");
 }
 
 /// What the procedure itself reckons lies within the protocol's limits. Samples, words, faults and

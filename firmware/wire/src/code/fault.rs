@@ -88,6 +88,8 @@ codes! {
         /// The device crashed again and again and keeps its outputs off. Value: crashes in a row.
         /// Read the records `crash`; after ten seconds without one, switch off and on.
         CrashStreak = 38 "crash_streak",
+        /// The device reset itself, and the record that says why cannot be read.
+        CrashUnreadable = 39 "crash_unreadable",
     }
 
     /// Where something happened. Number 10 is reserved.

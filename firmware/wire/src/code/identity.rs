@@ -3,13 +3,11 @@
 codes! {
     /// Why the device started.
     pub enum ResetCause {
-        /// Power was applied.
+        /// Power was applied, or came back after a sag; the processor does not tell them apart.
         PowerOn = 1 "power_on",
-        /// The supply of the processor sagged.
-        BrownOut = 2 "brown_out",
         /// The reset pin was pulled.
         Pin = 3 "pin",
-        /// The firmware asked for it.
+        /// The processor's boot loader asked for it, after it has written a new image.
         Software = 4 "software",
         /// A debug probe asked for it.
         Debugger = 5 "debugger",
@@ -20,6 +18,9 @@ codes! {
         /// The processor took a hard fault, a stack overflow among others. The bridge stays off
         /// until it is armed again.
         HardFault = 8 "hard_fault",
+        /// The firmware reset itself, and what it kept of the reason cannot be read. The bridge
+        /// stays off until it is armed again.
+        Unexplained = 9 "unexplained",
     }
 
     /// What answers at the address of an inductance-to-digital converter.

@@ -1,7 +1,7 @@
 //! What became of a command.
 
 codes! {
-    /// What became of a command. Numbers 21 and 24 are reserved.
+    /// What became of a command. Numbers 21, 23, 24 and 26 are reserved.
     pub enum Outcome {
         /// Accepted, and begun.
         Accepted = 0 "accepted",
@@ -34,7 +34,8 @@ codes! {
         NotCalibrated = 13 "not_calibrated",
         /// The device has to be armed first.
         NotArmed = 14 "not_armed",
-        /// A measurement is running.
+        /// A measurement is running, or another command already waits for the end of the coil's
+        /// test.
         Busy = 15 "busy",
         /// The device is armed, and this may not change while it is.
         Armed = 16 "armed",
@@ -48,11 +49,10 @@ codes! {
         NoCoil = 20 "no_coil",
         /// Nothing touches.
         NoContact = 22 "no_contact",
-        /// The coil has to cool down.
-        CoilTooHot = 23 "coil_too_hot",
         /// The device is in sensing-only mode.
         SensingOnly = 25 "sensing_only",
-        /// The device is too busy to read the command. Send it again.
-        Overloaded = 26 "overloaded",
+        /// The command waited for the end of the coil's test, and was dropped before it began: by
+        /// `abort`, `disarm` or `sensing_only`, or because the test was stopped.
+        Aborted = 27 "aborted",
     }
 }

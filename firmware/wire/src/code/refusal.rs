@@ -6,8 +6,6 @@ codes! {
     pub enum RefusalReason {
         /// A calibration is missing. Value: kind of the record that would carry it.
         NotCalibrated = 1 "not_calibrated",
-        /// Nothing touches.
-        NoContact = 2 "no_contact",
         /// The contact was lost. Value: time since the start, s.
         ContactLost = 3 "contact_lost",
         /// The press did not become steady. Value and limit: drift, m/s.
@@ -47,7 +45,9 @@ codes! {
         PeakNotReached = 18 "peak_not_reached",
         /// The coil is too hot, or would become so. Value and limit: temperature, degrees Celsius.
         CoilTooHot = 19 "coil_too_hot",
-        /// The pulse would exceed the allowed energy. Value and limit: energy, J.
+        /// The pulse would exceed the energy that the settings allow for one measurement, or that
+        /// the coil's drive has left. Value and limit: energy, J. In the second case both count what
+        /// the coil has not given off yet, and `wait_s` says when it has.
         TooMuchEnergy = 20 "too_much_energy",
         /// The user aborted it.
         Aborted = 21 "aborted",

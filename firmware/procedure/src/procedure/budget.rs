@@ -1,0 +1,243 @@
+//! Whether the coil may take a course of the current: its heat, and the energy that its drive has
+//! left, by the drive's own law and constants ([`Account`]). What does not fit is refused before it
+//! begins, with the time to wait.
+
+use coil_hbridge::{Account, Demand, Load};
+use palpate_model::units::{Ampere, Celsius};
+use palpate_wire::code::{Part, RefusalReason};
+use palpate_wire::record::CoilTest;
+
+use super::Procedure;
+use super::states::Phase;
+use crate::event::Scan;
+use crate::heat::{Forecast, Heat};
+use crate::measurement::Reason;
+use crate::time::{Instant, in_seconds, seconds};
+use crate::train::{Course, Line};
+
+/// More than is forecast, as a part: what the ripple heats (1.5 % of the square at most, decision 40).
+const RIPPLE: f32 = 1.02;
+/// The same for what the drive counts, with what its account does not follow exactly: supply and
+/// current are read a millisecond apart, and the supply smoothed. On circuits of 0.23 to 0.55 ohm and
+/// 20 to 200 uH at 8 and 12 V the count is 0.913 to 1.013 of the forecast without this
+/// (`the_forecast_is_what_the_drive_counts` in sim-host/tests/energy.rs).
+const RESERVE: f32 = 1.03;
+/// What the drive counts for a test of the coil, J.
+const TEST_J: f32 = 1.0;
+/// The drive's account at rest is told up to 0.07 s late; the wait is longer by so much, s.
+const LATE_S: f32 = 0.1;
+
+/// Why the coil may not be driven now, and how long to wait; no time where that does not help.
+pub(super) struct Hindrance {
+    pub(super) reason: Reason,
+    pub(super) wait_s: Option<f32>,
+}
+
+/// What the drive has said.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Budget {
+    /// The account, and when it was told.
+    account: Option<(Instant, Account)>,
+    /// The current at the last scan.
+    current: Ampere,
+    /// When the coil's test was last begun.
+    tested: Instant,
+    /// The last step at which the coil was driven.
+    driven: Instant,
+    /// The circuit as its test found it, and the copper's temperature then.
+    load: Option<(Load, Celsius)>,
+}
+
+impl Budget {
+    pub(super) const fn new() -> Self {
+        Self {
+            account: None,
+            current: Ampere(0.0),
+            tested: Instant::from_ticks(0),
+            driven: Instant::from_ticks(0),
+            load: None,
+        }
+    }
+}
+
+impl Procedure {
+    /// Takes the drive's account, and the current.
+    pub(super) fn take_account(&mut self, scan: &Scan, now: Instant) {
+        self.budget.account = scan.account.map(|account| (now, account));
+        self.budget.current = scan.measured_current().unwrap_or_default();
+    }
+
+    /// Takes what the coil's test has found, which was begun then.
+    pub(super) fn take_load(&mut self, found: &CoilTest, begun: Instant) {
+        self.budget.tested = begun;
+        let load = Load {
+            resistance_ohm: found.resistance_ohm,
+            lost_v: found.lost * found.supply_v,
+        };
+        self.budget.load = self.heat.as_ref().map(|heat| (load, heat.copper()));
+    }
+
+    /// Follows until when the coil is driven.
+    pub(super) fn follow_drive(&mut self, now: Instant) {
+        if matches!(
+            self.phase,
+            Phase::Driving(_) | Phase::Sweeping { .. } | Phase::Directed(_)
+        ) {
+            self.budget.driven = now;
+        }
+    }
+
+    /// Whether the coil can bear the train.
+    pub(super) fn may_take_train(&self, now: Instant) -> Result<(), Hindrance> {
+        let never = |reason, value, limit| {
+            Err(Hindrance {
+                reason: (reason, value, limit),
+                wait_s: None,
+            })
+        };
+        let settings = &self.configuration.settings;
+        let limits = &self.board.limits;
+        let Some(heat) = &self.heat else {
+            let part = Part::Coil.number();
+            return never(RefusalReason::NotCalibrated, Some(part.into()), None);
+        };
+        let course = Course::new(settings);
+        let longest = course.longest();
+        let limit_c = self.hottest();
+        let forecast = heat.forecast(&longest, limit_c);
+        let energy_j = RIPPLE * forecast.energy_j;
+        let limit_j = settings.greatest_energy_j.min(limits.energy_j);
+        let takes_s = in_seconds(course.duration()).0;
+        // Hot copper takes more; once it has cooled that may be less.
+        if forecast.hottest.is_some() && !(energy_j <= limit_j) {
+            return never(RefusalReason::TooMuchEnergy, Some(energy_j), Some(limit_j));
+        }
+        if takes_s > limits.on_time_s {
+            return never(
+                RefusalReason::TimedOut,
+                Some(takes_s),
+                Some(limits.on_time_s),
+            );
+        }
+        let energy = self.train_fits(heat, &longest, forecast, now);
+        if forecast.hottest.is_some() {
+            return energy;
+        }
+        // Both have to have passed.
+        let cool_s = heat.wait_s(&longest, limit_c);
+        let wait_s = match energy {
+            Ok(()) => cool_s,
+            Err(Hindrance { wait_s, .. }) => cool_s
+                .zip(wait_s)
+                .map(|(cool_s, wait_s)| cool_s.max(wait_s)),
+        };
+        Err(Hindrance {
+            reason: (
+                RefusalReason::CoilTooHot,
+                Some(heat.copper().0),
+                Some(limit_c.0),
+            ),
+            wait_s,
+        })
+    }
+
+    /// Whether the coil can bear a straight line that is commanded.
+    pub(super) fn may_take_line(&self, line: &Line, now: Instant) -> Result<(), Hindrance> {
+        let Some(heat) = &self.heat else {
+            return Ok(());
+        };
+        let copper = heat.copper();
+        let limit = self.hottest();
+        // Negated, so that NaN counts as hot.
+        if !(copper <= limit) {
+            let course = Course::new(&self.configuration.settings);
+            return Err(Hindrance {
+                reason: (RefusalReason::CoilTooHot, Some(copper.0), Some(limit.0)),
+                wait_s: heat.wait_s(&course, limit),
+            });
+        }
+        self.fits(heat, copper, now, |demand| {
+            demand.starts_at(self.budget.current.0);
+            demand.line(line.to.0, in_seconds(line.over).0);
+        })
+    }
+
+    fn hottest(&self) -> Celsius {
+        let settings_c = self.configuration.settings.greatest_temperature_c;
+        Celsius(settings_c.min(self.board.limits.temperature.0))
+    }
+
+    fn train_fits(
+        &self,
+        heat: &Heat,
+        course: &Course,
+        forecast: Forecast,
+        now: Instant,
+    ) -> Result<(), Hindrance> {
+        let hottest = forecast.hottest.unwrap_or_else(|| self.hottest());
+        self.fits(heat, hottest, now, |demand| {
+            for (to, over) in course.lines() {
+                demand.line(to.0, in_seconds(over).0);
+            }
+        })
+    }
+
+    /// Whether the drive's account bears a course of the current that makes the copper so hot.
+    fn fits(
+        &self,
+        heat: &Heat,
+        hottest: Celsius,
+        now: Instant,
+        course: impl FnOnce(&mut Demand),
+    ) -> Result<(), Hindrance> {
+        // Nothing to go by: the drive itself still keeps the limit.
+        let Some(load) = self.load_at(heat, hottest) else {
+            return Ok(());
+        };
+        let Some(account) = self.account(load, now) else {
+            return Ok(());
+        };
+        let mut demand = Demand::new(&account, load);
+        course(&mut demand);
+        if account.bears(&demand) {
+            return Ok(());
+        }
+        let energy_j = account.energy_j() + demand.most_j();
+        Err(Hindrance {
+            reason: (
+                RefusalReason::TooMuchEnergy,
+                Some(energy_j),
+                Some(account.usable_j()),
+            ),
+            wait_s: account.wait_s(&demand).map(|wait_s| wait_s + LATE_S),
+        })
+    }
+
+    /// The circuit with its copper at a temperature: as the coil's test found it, and what its copper
+    /// gains from then on by the coil's calibration.
+    fn load_at(&self, heat: &Heat, hottest: Celsius) -> Option<Load> {
+        let (found, then) = self.budget.load?;
+        let gained_ohm = heat.resistance(hottest).0 - heat.resistance(then).0;
+        Some(Load {
+            resistance_ohm: RESERVE * (found.resistance_ohm + gained_ohm.max(0.0)),
+            lost_v: found.lost_v,
+        })
+    }
+
+    /// The drive's account as it stands now, an upper bound: since it was told, the current may have
+    /// been at its peak for as long as it flowed, and the coil may have been tested.
+    fn account(&self, load: Load, now: Instant) -> Option<Account> {
+        let Budget { tested, driven, .. } = self.budget;
+        let (told, mut account) = self.budget.account?;
+        let peak_a = self.configuration.settings.peak_current_a;
+        let mut unseen = Demand::new(&account, load);
+        unseen.starts_at(peak_a);
+        unseen.line(peak_a, seconds(told, driven).0);
+        account.charge(unseen.most_j());
+        if told <= tested {
+            account.charge(TEST_J);
+        }
+        account.pass(0.0, seconds(told.max(driven), now).0);
+        Some(account)
+    }
+}
