@@ -12,12 +12,13 @@ use common::stamps::{Judged, Silicon, change, judge};
 use ldc161x_sim::{Fault, FaultEvent, InterruptRelease, Lost, Overwrite, Time};
 
 /// Starts and changes of each case: 64 cases make 256 of each.
-const REPEATS: u64 = 4;
+const REPEATS: usize = 4;
 /// How long each runs after its first sample is due.
 const LENGTH: Time = Time::from_ms(80);
 /// Between the moments at which the converter is disturbed or the command comes: no part of any
-/// period.
+/// period. Sixteen of them go through the periods of most rates in steps of a few hundred microseconds.
 const PHASE: Time = Time::from_us(1_237);
+const PHASES: u64 = 16;
 
 /// What became of the starts or changes of a case.
 #[derive(Default)]
@@ -89,7 +90,7 @@ fn print(silicon: Silicon, channels: u8, rate_hz: f32, rows: [&Row; 2]) {
     let mut both = changes.judged;
     both.add(&starts.judged);
     println!(
-        "| {} | {rate_hz} Hz | {by} | {overwritten} | {} | {} | {} | {} | {} | {} | {} | {:+.2} to {:+.2} µs | {} | {:.0} ms |",
+        "| {} | {rate_hz} Hz | {by} | {overwritten} | {} | {} | {} | {} | {} | {} | {} | {} | {:+.2} to {:+.2} µs | {} | {:.0} ms |",
         channels.count_ones(),
         starts.runs,
         changes.runs,
@@ -98,6 +99,7 @@ fn print(silicon: Silicon, channels: u8, rate_hz: f32, rows: [&Row; 2]) {
         both.off,
         both.mixed,
         both.skipped,
+        both.torn,
         both.least_us,
         both.most_us,
         changes.faults,
@@ -109,19 +111,19 @@ fn main() -> ExitCode {
     println!("<!-- evidence:begin -->");
     println!(
         "| channels | rate | INTB released by | DATA overwritten | starts | changes | samples \
-         | marked | off | mixed | skipped | time stamps, unmarked | faults | change to sample |"
+         | marked | off | mixed | skipped | torn | time stamps, unmarked | faults | change to sample |"
     );
-    println!("|---|---|---|---|---|---|---|---|---|---|---|---|---|---|");
+    println!("|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|");
     let mut all = Judged::default();
     let (mut starts, mut changes, mut faults) = (0, 0, 0);
+    let mut phases = (1..=PHASES).cycle();
     for silicon in Silicon::all() {
         let mut snapshot = silicon.bench();
         snapshot.stream();
         for channels in [0b0001, 0b0011, 0b0111, 0b1111] {
             for rate_hz in [100.0, 500.0, 1_000.0, silicon.fastest_hz(channels)] {
                 let (mut change, mut start) = (Row::default(), Row::default());
-                for repeat in 0..REPEATS {
-                    let phase = 1 + repeat;
+                for phase in phases.by_ref().take(REPEATS) {
                     let bench = changed(&snapshot, channels, rate_hz, phase, &mut change);
                     restarted(&bench, rate_hz, phase, &mut start);
                 }
@@ -139,7 +141,9 @@ fn main() -> ExitCode {
         "{starts} starts after the converter had lost everything, {changes} changes of settings, \
          {} samples, {} of them marked: with a gap, or scans missed before them. Of the others, off: \
          a time is more than 2 µs beside the middle of its conversion; mixed: its words are of two \
-         scans; skipped: a scan is missing before it. {} off, {} mixed, {} skipped; time stamps from \
+         scans; skipped: a scan is missing before it; torn: the converter's supply failed \
+         in the last byte of the frame, which no reader of the bus can see. {} off, {} mixed, {} skipped, \
+         {} torn; time stamps from \
          {:+.2} to {:+.2} µs, {:.2} µs between two that follow one another. Judged by the simulated converter's own record of every conversion. Four \
          channels at 1 kHz are more than the bus can fetch with STATUS: every second scan is missed \
          there, and marked. Faults: raised after a change. Change to sample: from the command to the \
@@ -149,6 +153,7 @@ fn main() -> ExitCode {
         all.off,
         all.mixed,
         all.skipped,
+        all.torn,
         all.least_us,
         all.most_us,
         all.jitter_us,

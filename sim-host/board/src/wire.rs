@@ -187,14 +187,15 @@ impl<P: Plant> Wire<P> {
 
     pub(crate) fn read(&mut self, now_ps: u64, acknowledged: bool) -> u8 {
         let ack = if acknowledged { Ack::Ack } else { Ack::Nack };
-        self.chip.read(Time::from_ps(now_ps), ack)
+        let byte = self.chip.read(Time::from_ps(now_ps), ack);
+        self.note_what_was_fetched();
+        byte
     }
 
     /// STOP.
     pub(crate) fn stop(&mut self, now_ps: u64) {
         self.in_transaction = false;
         self.chip.stop(Time::from_ps(now_ps));
-        self.note_what_was_fetched();
     }
 
     /// The master lets go without a STOP.
@@ -202,6 +203,7 @@ impl<P: Plant> Wire<P> {
         self.in_transaction = false;
     }
 
+    /// After each byte: a converter that is reset before the STOP has forgotten what was read of it.
     fn note_what_was_fetched(&mut self) {
         let Some(log) = &mut self.log else {
             return;

@@ -147,8 +147,10 @@ fn times(configuration: &Configuration) -> Times {
         let settle_s = periods / reference_hz(configuration);
         end_s -= conversion_s + settle_s + SWITCH_S;
     }
-    // Each is rounded by itself against the edge, so that no time is rounded twice.
-    let before_us = middles.map(|middle_s| (-middle_s * 1e6 + 0.5) as u32);
+    // Each is rounded by itself against the edge, so that no time is rounded twice; up, since an
+    // edge's stamp is late: 0.1 to 1.7 us of its interrupt, less what is cut to whole microseconds. A
+    // time is then between 1.9 us early and 1.7 us late (docs/evidence/image-starts.md).
+    let before_us = middles.map(|middle_s| (-middle_s * 1e6 + 1.0) as u32);
     let [before_edge_us, ..] = before_us;
     let offset_us = |before_us| u16::try_from(before_edge_us.saturating_sub(before_us));
     Times {

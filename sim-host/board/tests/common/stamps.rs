@@ -69,6 +69,10 @@ pub(crate) struct Judged {
     pub(crate) mixed: u32,
     /// Unmarked samples before which a scan is missing.
     pub(crate) skipped: u32,
+    /// Unmarked samples whose last byte is not the converter's, because its supply failed while it sent
+    /// that byte: the line then reads as ones, and there is no acknowledge that could be missing. The
+    /// next sample has to be marked, since the converter is started again.
+    pub(crate) torn: u32,
     /// The smallest and the largest error of an unmarked time, in microseconds.
     pub(crate) least_us: f64,
     pub(crate) most_us: f64,
@@ -88,6 +92,7 @@ impl Judged {
         self.off += other.off;
         self.mixed += other.mixed;
         self.skipped += other.skipped;
+        self.torn += other.torn;
         self.least_us = self.least_us.min(other.least_us);
         self.most_us = self.most_us.max(other.most_us);
         self.jitter_us = self.jitter_us.max(other.jitter_us);
@@ -128,6 +133,12 @@ fn truths<'a>(
     sample.channels.iter().map(of).collect()
 }
 
+/// Whether the last byte of a sample's frame was read from a line that nothing drove.
+fn ends_in_ones(sample: &Sample) -> bool {
+    let last = sample.channels.last();
+    last.is_some_and(|it| it.word & 0xFF == 0xFF)
+}
+
 /// Judges the samples that a bench has.
 pub(crate) fn judge<P: Plant>(bench: &Bench<P>) -> Judged {
     let origin_us = origin_us(&bench.board);
@@ -140,6 +151,7 @@ pub(crate) fn judge<P: Plant>(bench: &Bench<P>) -> Judged {
     let mut judged = Judged::default();
     let mut last = None;
     let mut last_error_us = None;
+    let mut after_torn = false;
     for (time_us, sample) in bench.samples() {
         judged.samples += 1;
         let truths = truths(&fetched, time_us as f64 + origin_us, sample);
@@ -149,12 +161,16 @@ pub(crate) fn judge<P: Plant>(bench: &Bench<P>) -> Judged {
         let before = last.take();
         let error_before_us = last_error_us.take();
         last = truths.as_deref().map(numbers);
-        if sample.gap || sample.missed > 0 {
+        let is_marked = sample.gap || sample.missed > 0;
+        judged.mixed += u32::from(core::mem::take(&mut after_torn) && !is_marked);
+        if is_marked {
             judged.marked += 1;
             continue;
         }
         let Some(truths) = truths else {
-            judged.mixed += 1;
+            after_torn = ends_in_ones(sample);
+            judged.torn += u32::from(after_torn);
+            judged.mixed += u32::from(!after_torn);
             continue;
         };
         let errors = || truths.iter().map(|(truth, us)| us - middle_us(truth));
