@@ -47,6 +47,7 @@ pub struct Supervisor {
     lowest_v: Option<f32>,
     /// The current that was wanted when the drive was last seen driving, units.
     wanted: i32,
+    reach: Reach,
 }
 
 /// What is known of the supply behind its voltage, and of the circuit without it.
@@ -102,6 +103,11 @@ impl Supervisor {
             blame: Blame::default(),
             lowest_v: None,
             wanted: 0,
+            reach: Reach {
+                currents: [0.5 * TARGET_A, limits.current_a].map(|of| hardware.units(of)),
+                astray: hardware.units(ASTRAY * limits.current_a),
+                top: (0.95 * limits.duty * f32::from(hardware.full_level)) as i32,
+            },
         };
         Ok((supervisor, drive))
     }
@@ -303,26 +309,13 @@ impl Supervisor {
             }
         } else {
             self.follow_resistance(report, supply_v);
-            match self.probe(report) {
+            match self.probe.look(report, &self.reach) {
                 Next::Nothing => self.adapt(supply_v),
                 Next::Hold(units) => Orders::Hold(units),
                 Next::Frozen => Orders::Latch(Fault::SenseFrozen),
             }
         };
         Order(orders)
-    }
-
-    /// Whether the measurement follows, where the current is held.
-    fn probe(&mut self, report: &Report) -> Next {
-        let units = |current_a: f32| self.hardware.units(current_a);
-        let limit_a = self.limits.current_a;
-        let top = 0.95 * self.limits.duty * f32::from(self.hardware.full_level);
-        let reach = Reach {
-            currents: [units(0.5 * TARGET_A), units(limit_a)],
-            astray: units(ASTRAY * limit_a),
-            top: top as i32,
-        };
-        self.probe.look(report, &reach)
     }
 
     /// A reading of the supply, to be told before [`attend`](Self::attend) where that is given a

@@ -10,7 +10,11 @@ use crate::time::{Instant, seconds};
 
 /// Since when each channel of each converter gives flagged readings and no good one between.
 #[derive(Clone, Debug, Default)]
-pub(super) struct FlaggedSince([[Option<Instant>; 4]; 2]);
+pub(super) struct FlaggedSince {
+    channels: [[Option<Instant>; 4]; 2],
+    /// Whether one of them does, or did when that was last looked at.
+    any: bool,
+}
 
 /// What a flag says of the sensor. A reading that is old, that was read twice differently or that
 /// follows a gap says nothing of it.
@@ -32,6 +36,10 @@ pub(super) const fn is_of_readings(code: FaultCode) -> bool {
 }
 
 impl FlaggedSince {
+    fn forget_ended(&mut self) {
+        self.any = self.channels.iter().flatten().any(Option::is_some);
+    }
+
     /// Takes a reading; returns what is wrong, and since when, while something is.
     fn push(
         &mut self,
@@ -39,13 +47,15 @@ impl FlaggedSince {
         reading: &Reading,
         now: Instant,
     ) -> Option<(FaultCode, Instant)> {
-        let channels = self.0.get_mut(usize::from(sensor & 1))?;
+        let channels = self.channels.get_mut(usize::from(sensor & 1))?;
         let since = channels.get_mut(usize::from(reading.channel.number()))?;
         let quality = reading.quality();
         if quality == Quality::Good {
             *since = None;
         }
-        Some((cause(quality)?, *since.get_or_insert(now)))
+        let code = cause(quality)?;
+        self.any = true;
+        Some((code, *since.get_or_insert(now)))
     }
 }
 
@@ -54,12 +64,17 @@ impl Procedure {
     /// may be silent: a sensor without one usable reading is worth no more than one without any.
     /// Ends it when every channel of that converter reads well.
     pub(super) fn watch_readings(&mut self, scan: &Scan, out: &mut Out<'_>) {
+        let all_good = scan.conversions.iter().all(|of| of.reading.is_good());
+        if all_good && !self.flagged_since.any && !matches!(self.phase, Phase::Fault(_)) {
+            return;
+        }
         let place = if scan.sensor & 1 == 0 {
             Place::Sensor
         } else {
             Place::SecondSensor
         };
         let mut failure = None;
+        self.flagged_since.forget_ended();
         for conversion in &scan.conversions {
             let reading = &conversion.reading;
             let wrong = self.flagged_since.push(scan.sensor, reading, out.now);
@@ -73,7 +88,6 @@ impl Procedure {
             }
         }
         if let Phase::Fault(standing) = &self.phase {
-            let all_good = scan.conversions.iter().all(|of| of.reading.is_good());
             if all_good && is_of_readings(standing.code) && standing.place == place {
                 self.recovered(standing.code, out);
             }
