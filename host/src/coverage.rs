@@ -1,28 +1,32 @@
 //! `palpate coverage`: how often claims hold, over many sensors of a kind.
 
 use std::collections::BTreeMap;
+use std::fs::File;
 use std::io::{self, Write};
+use std::path::{Path, PathBuf};
 
 use clap::Args;
-use clap::builder::PossibleValuesParser;
 use comfy_table::presets::ASCII_MARKDOWN;
 use comfy_table::{CellAlignment, Table};
 use palpate_sim::stack::{Disturbances, LoadError, Stack};
 use palpate_sim::switches::Switches;
-use rayon::prelude::*;
+use serde::Serialize;
 
 use crate::demo;
 use crate::engine::Engine;
 use crate::failure::Failure;
+use crate::in_order::in_order;
 use crate::instrument::{Instrument, default_settings};
+use crate::output::OutputFile;
 use crate::progress::Progress;
-use crate::results::Measured;
+use crate::results::{self, Measured};
 
 /// Press the demo's row upon many sensors, each calibrated on its own bench, and count how often
 /// the claims hold
 #[derive(Args)]
 #[command(after_help = "\
-Prints Markdown. Exit code 1 when fewer than 94 % of all estimates hold, since an interval of 95 % is
+Prints Markdown: a line for each sensor as it is done, then the table. An interrupted run has its lines,
+and with --rows every press of the sensors that were done. Exit code 1 when fewer than 94 % of all estimates hold, since an interval of 95 % is
 then no such interval, and when there is no estimate at all.")]
 pub(crate) struct Arguments {
     /// How many sensors are drawn
@@ -31,13 +35,16 @@ pub(crate) struct Arguments {
     /// The first sensor; the following have the following seeds
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Kind of sensor
-    #[arg(long, default_value = "ultrasoft", value_parser = PossibleValuesParser::new(Stack::BUILTIN))]
+    /// Kind of sensor: paper, soft-closed, ultrasoft, or a stack file
+    #[arg(long, value_name = "NAME|FILE.toml", default_value = "ultrasoft")]
     stack: String,
     /// How deep the loads are pressed, in units of the depth that the sensor was drawn for; the
     /// bench presses 0.6 to 1.4 deep
     #[arg(long, default_value_t = 1.0, value_parser = depth)]
     depth: f64,
+    /// Write every press to this file as its sensor is done, as CSV
+    #[arg(long, value_name = "FILE.csv")]
+    rows: Option<PathBuf>,
 }
 
 fn depth(text: &str) -> Result<f64, String> {
@@ -60,17 +67,24 @@ type Plant = Result<Vec<Measured>, String>;
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let disturbances = Disturbances::builtin().map_err(LoadError::from)?;
-    let stack = Stack::builtin(&arguments.stack).map_err(LoadError::from)?;
-    let last = arguments.seed.saturating_add(arguments.plants - 1);
+    let stack = Stack::named(&arguments.stack, Path::new(""))?;
+    let mut rows = arguments.rows.as_deref().map(Rows::create).transpose()?;
     let progress = Progress::new(arguments.plants as usize);
-    let plants: Vec<Plant> = (arguments.seed..=last)
-        .into_par_iter()
-        .map(|seed| {
-            let row = row(&stack, &disturbances, seed, arguments.depth);
-            progress.step();
-            row.map_err(|failure| failure.to_string())
-        })
-        .collect();
+    let seed_of = |place: usize| arguments.seed.saturating_add(place as u64);
+    let plant = |place| -> Plant {
+        let row = row(&stack, &disturbances, seed_of(place), arguments.depth);
+        row.map_err(|failure| failure.to_string())
+    };
+    let mut plants: Vec<Plant> = Vec::new();
+    in_order(arguments.plants as usize, plant, |place, plant| {
+        let seed = seed_of(place);
+        if let Some(rows) = &mut rows {
+            rows.write(seed, &plant)?;
+        }
+        plants.push(plant);
+        progress.step();
+        say(seed, &plants)
+    })?;
     progress.finish();
     let mut out = io::stdout().lock();
     writeln!(out, "{BEGIN}")?;
@@ -78,7 +92,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         out,
         "{} sensors of the stack {} from seed {}, all disturbances, each calibrated on its own \
          simulated bench and pressed to {} of its working depth:\n",
-        arguments.plants, arguments.stack, arguments.seed, arguments.depth
+        arguments.plants, stack.name, arguments.seed, arguments.depth
     )?;
     let loads = by_load(&plants);
     writeln!(out, "{}\n", table(&loads))?;
@@ -100,6 +114,97 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         )));
     }
     Ok(())
+}
+
+/// A line for a sensor that is done, the last one, with what all have come to.
+fn say(seed: u64, plants: &[Plant]) -> Result<(), Failure> {
+    let of_last = match plants.last() {
+        Some(Ok(row)) => {
+            let (covered, estimated) = results::covered(row);
+            format!("{covered} of {estimated} intervals cover the truth")
+        }
+        Some(Err(reason)) => reason.clone(),
+        None => return Ok(()),
+    };
+    let all = plants.iter().flatten().map(|row| results::covered(row));
+    let (covered, estimated) = all.fold((0, 0), |sum, of| (sum.0 + of.0, sum.1 + of.1));
+    let mut out = io::stdout().lock();
+    writeln!(
+        out,
+        "seed {seed}: {of_last}; {covered} of {estimated} so far, {} sensors",
+        plants.len()
+    )?;
+    Ok(out.flush()?)
+}
+
+/// The file of presses, written sensor by sensor.
+struct Rows {
+    path: PathBuf,
+    file: csv::Writer<File>,
+}
+
+/// A row of the file: a press, or a sensor that could not be calibrated.
+#[derive(Default, Serialize)]
+#[allow(non_snake_case, reason = "keys carry units")]
+struct Row<'m> {
+    seed: u64,
+    load: &'m str,
+    true_N_per_m: Option<f64>,
+    estimate_N_per_m: Option<f32>,
+    lower_N_per_m: Option<f32>,
+    upper_N_per_m: Option<f32>,
+    covered: Option<bool>,
+    reason: Option<String>,
+}
+
+impl Rows {
+    fn create(path: &Path) -> Result<Self, Failure> {
+        OutputFile::new("--rows", path)?;
+        let file = File::create(path).map_err(|error| Self::unwritten(path, &error))?;
+        Ok(Self {
+            path: path.to_path_buf(),
+            file: csv::Writer::from_writer(file),
+        })
+    }
+
+    fn unwritten(path: &Path, error: &dyn std::fmt::Display) -> Failure {
+        Failure::Refused(format!(
+            "--rows {}: {error}. It has the sensors before this one.",
+            path.display()
+        ))
+    }
+
+    fn write(&mut self, seed: u64, plant: &Plant) -> Result<(), Failure> {
+        let rows = match plant {
+            Ok(measured) => measured.iter().map(|of| Row::of(seed, of)).collect(),
+            Err(reason) => vec![Row {
+                seed,
+                reason: Some(reason.clone()),
+                ..Row::default()
+            }],
+        };
+        rows.iter()
+            .try_for_each(|row| self.file.serialize(row))
+            .and_then(|()| Ok(self.file.flush()?))
+            .map_err(|error| Self::unwritten(&self.path, &error))
+    }
+}
+
+impl<'m> Row<'m> {
+    fn of(seed: u64, measured: &'m Measured) -> Self {
+        let truth = measured.pressed.true_n_per_m;
+        let estimate = measured.verdict.estimate();
+        Self {
+            seed,
+            load: &measured.load,
+            true_N_per_m: truth.is_finite().then_some(truth),
+            estimate_N_per_m: estimate.and_then(|of| of.stiffness_n_per_m),
+            lower_N_per_m: estimate.map(|of| of.lower_n_per_m),
+            upper_N_per_m: estimate.and_then(|of| of.upper_n_per_m),
+            covered: measured.verdict.holds(truth),
+            reason: measured.verdict.reason(),
+        }
+    }
 }
 
 fn row(

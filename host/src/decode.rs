@@ -3,67 +3,73 @@
 use std::io::{self, Read, Write};
 
 use clap::Args;
-use palpate_wire::{FrameError, Record, RecordDecoder};
-use serde::Serialize;
+use palpate_wire::RecordDecoder;
 
 use crate::failure::Failure;
+use crate::jsonl::{self, Note};
 
 /// Turn the device's frames on standard input into JSON on standard output, one object a line
 #[derive(Args)]
 #[command(after_help = "\
-Every line has boot_id, sequence, time_us, dropped and record; a frame that cannot be understood
-gives a line with error instead. docs/protocol.md names every field with unit and range.
+A line has header (boot_id, sequence, time_us, dropped) and message, the record under its name; a
+frame that cannot be understood gives a line with error instead. docs/protocol.md names every field
+with unit and range.
+
+Exit code 1 if there is no sound frame at all.
 
 Example, with what a debug probe wrote of RTT channel 1:
   palpate decode < records.bin")]
 pub(crate) struct Arguments {}
 
-#[derive(Serialize)]
-struct Line<'r> {
-    boot_id: u32,
-    sequence: u32,
-    time_us: u64,
-    dropped: u32,
-    record: &'r Record,
-}
-
-#[derive(Serialize)]
-struct Damaged {
-    error: String,
-}
-
 pub(crate) fn run(_: &Arguments) -> Result<(), Failure> {
-    decode(io::stdin().lock(), io::stdout().lock())
+    let seen = decode(io::stdin().lock(), io::stdout().lock())?;
+    if seen.frames > 0 {
+        return Ok(());
+    }
+    Err(Failure::Refused(format!(
+        "no frame found in {} bytes ({} damaged pieces between zeros). The input has \
+         to be what a board sends on its channel of records (RTT channel 1), as bytes: docs/protocol.md.",
+        seen.bytes, seen.damaged
+    )))
 }
 
-fn decode(mut from: impl Read, mut to: impl Write) -> Result<(), Failure> {
+/// What was read.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Seen {
+    bytes: u64,
+    /// Sound frames.
+    frames: u64,
+    /// Pieces that are none.
+    damaged: u64,
+}
+
+fn decode(mut from: impl Read, mut to: impl Write) -> Result<Seen, Failure> {
     let mut decoder = RecordDecoder::new();
     let mut buffer = [0; 4096];
+    let mut seen = Seen::default();
     loop {
         let length = from.read(&mut buffer)?;
         let bytes = buffer.get(..length).unwrap_or_default();
         if bytes.is_empty() {
-            return Ok(to.flush()?);
+            to.flush()?;
+            return Ok(seen);
         }
+        seen.bytes += bytes.len() as u64;
         for frame in bytes.iter().filter_map(|&byte| decoder.push(byte)) {
-            writeln!(to, "{}", line(frame)?)?;
+            let line = match frame {
+                Ok(frame) => {
+                    seen.frames += 1;
+                    jsonl::frame(&frame)?
+                }
+                Err(error) => {
+                    seen.damaged += 1;
+                    let error = error.to_string();
+                    jsonl::note(&Note::Damaged { error })?
+                }
+            };
+            writeln!(to, "{line}")?;
         }
     }
-}
-
-fn line(frame: Result<palpate_wire::Frame<Record>, FrameError>) -> Result<String, Failure> {
-    Ok(match frame {
-        Ok(frame) => serde_json::to_string(&Line {
-            boot_id: frame.header.boot_id,
-            sequence: frame.header.sequence,
-            time_us: frame.header.time_us,
-            dropped: frame.header.dropped,
-            record: &frame.message,
-        })?,
-        Err(error) => serde_json::to_string(&Damaged {
-            error: error.to_string(),
-        })?,
-    })
 }
 
 #[cfg(test)]
@@ -79,7 +85,7 @@ mod tests {
         assert!(text.lines().count() > 40);
         for line in text.lines() {
             let value: serde_json::Value = serde_json::from_str(line).unwrap();
-            assert!(value.get("record").is_some(), "{line}");
+            assert!(value.get("message").is_some(), "{line}");
         }
     }
 
@@ -92,6 +98,6 @@ mod tests {
         decode(&bytes[..], &mut text).unwrap();
         let text = String::from_utf8(text).unwrap();
         assert!(text.lines().next().unwrap().starts_with("{\"error\":"));
-        assert!(text.lines().nth(1).unwrap().contains("\"record\":"));
+        assert!(text.lines().nth(1).unwrap().contains("\"message\":"));
     }
 }

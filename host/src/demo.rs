@@ -1,11 +1,9 @@
 //! `palpate demo`: a row of springs, much softer to much stiffer than the sensor.
 
-use std::io::Write;
-use std::path::PathBuf;
-use std::{fs, io};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
 
 use clap::Args;
-use clap::builder::PossibleValuesParser;
 use palpate_sim::mechanics::load::Load;
 use palpate_sim::stack::{Disturbances, LoadError, Stack};
 use palpate_sim::switches::Switches;
@@ -14,6 +12,7 @@ use palpate_sim::world::Holder;
 use crate::engine::{self, Engine};
 use crate::failure::Failure;
 use crate::instrument::{Instrument, SPEED_M_PER_S, default_settings};
+use crate::output::OutputFile;
 use crate::press::{Press, press};
 use crate::report;
 use crate::results::{self, Measured};
@@ -27,8 +26,8 @@ pub(crate) struct Arguments {
     /// Which sensor of the stack is drawn
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Kind of sensor
-    #[arg(long, default_value = "ultrasoft", value_parser = PossibleValuesParser::new(Stack::BUILTIN))]
+    /// Kind of sensor: paper, soft-closed, ultrasoft, or a stack file
+    #[arg(long, value_name = "NAME|FILE.toml", default_value = "ultrasoft")]
     stack: String,
     /// Without disturbances, noise and quantisation
     #[arg(long)]
@@ -47,6 +46,9 @@ pub(crate) struct Arguments {
 const RATIOS: [f64; 7] = [0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0];
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let report = (!arguments.json)
+        .then(|| OutputFile::new("--report", &arguments.report))
+        .transpose()?;
     let engine = arguments.engine.engine()?;
     let switches = if arguments.ideal {
         Switches::none()
@@ -54,7 +56,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         Switches::all()
     };
     let disturbances = Disturbances::builtin().map_err(LoadError::from)?;
-    let stack = Stack::builtin(&arguments.stack).map_err(LoadError::from)?;
+    let stack = Stack::named(&arguments.stack, Path::new(""))?;
     let progress = arguments.engine.progress(RATIOS.len() + 2);
     progress.say("calibrating on the bench");
     let instrument = Instrument::calibrated(
@@ -72,14 +74,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         progress.step();
     }
     progress.finish();
-    if arguments.json {
+    let Some(file) = report else {
         return results::print_json(&row);
-    }
-    let title = results::title(&instrument, &arguments.stack, arguments.seed);
+    };
+    let title = results::title(&instrument, &stack.name, arguments.seed);
     results::print(&instrument, &row, &title)?;
-    fs::write(&arguments.report, report::page(&instrument, &row, &title)?)?;
-    writeln!(io::stdout(), "Report: {}", arguments.report.display())?;
-    Ok(())
+    file.write(report::page(&instrument, &row, &title)?)?;
+    Ok(writeln!(io::stdout(), "Report: {}", file.path().display())?)
 }
 
 /// The row for a sensor with this c_S, with names.
@@ -104,7 +105,7 @@ pub(crate) fn measure(
         name: name.clone(),
         load,
         holder: Holder::Stand,
-        depth_m: depth * instrument.plant.press.depth_m,
+        depth_m: depth * instrument.depth_m,
         speed_m_per_s: SPEED_M_PER_S,
     };
     Ok(Measured::new(name, press(instrument, &how, engine)?))

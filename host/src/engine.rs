@@ -1,19 +1,17 @@
 //! Which program runs the simulated instrument.
 
 use std::cell::Cell;
-use std::fs::{self, File};
-use std::io::BufWriter;
+use std::fs;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 use palpate_board::{Image, Instrument, Options};
 
 use crate::failure::Failure;
+use crate::image::{self, Program};
 use crate::log::Log;
+use crate::output::OutputFile;
 use crate::progress::Progress;
-
-/// Where `cargo xtask firmware` writes the image.
-pub(crate) const DEFAULT_IMAGE: &str = "target/image/palpate-pico.elf";
 
 /// Which program runs the instrument
 #[derive(Args)]
@@ -24,9 +22,8 @@ pub(crate) struct Arguments {
     /// emulated board
     #[arg(long, value_enum, default_value_t = Kind::Native)]
     engine: Kind,
-    /// The image for `--engine image`
-    #[arg(long, value_name = "FILE", default_value = DEFAULT_IMAGE)]
-    image: PathBuf,
+    #[command(flatten)]
+    image: image::Arguments,
     /// With `--engine image`: show the image's own log on standard error, each line with the time
     /// of the image's clock in seconds
     #[arg(long)]
@@ -55,7 +52,7 @@ pub(crate) enum Engine {
 pub(crate) struct OnBoard {
     pub(crate) image: Image,
     log: Option<Log>,
-    trace: Option<PathBuf>,
+    trace: Option<OutputFile>,
     /// Presses that were traced.
     traced: Cell<u32>,
 }
@@ -66,14 +63,23 @@ impl Arguments {
         match self.engine {
             Kind::Native if self.log => Err(only_with_image("--log")),
             Kind::Native if self.trace.is_some() => Err(only_with_image("--trace")),
-            Kind::Native => Ok(Engine::Native),
-            Kind::Image => Ok(Engine::Image(Box::new(OnBoard {
-                image: Image::load(&self.image).map_err(|error| unusable(&self.image, &error))?,
-                log: self.log.then(|| self.load_log()).transpose()?,
-                trace: self.trace.clone(),
-                traced: Cell::new(0),
-            }))),
+            Kind::Native => {
+                self.image.none_without("--engine image")?;
+                Ok(Engine::Native)
+            }
+            Kind::Image => Ok(Engine::Image(Box::new(self.on_board()?))),
         }
+    }
+
+    fn on_board(&self) -> Result<OnBoard, Failure> {
+        let trace = OutputFile::optional("--trace", self.trace.as_ref())?;
+        let (file, image) = self.image.load(Program::Firmware)?;
+        Ok(OnBoard {
+            image,
+            log: self.log.then(|| load_log(&file)).transpose()?,
+            trace,
+            traced: Cell::new(0),
+        })
     }
 
     /// A bar for the presses; none where the log is shown.
@@ -84,23 +90,19 @@ impl Arguments {
             Progress::new(steps)
         }
     }
+}
 
-    fn load_log(&self) -> Result<Log, Failure> {
-        let bytes = fs::read(&self.image).map_err(|error| unusable(&self.image, &error))?;
-        Log::of(&bytes, &self.image)
-    }
+fn load_log(image: &Path) -> Result<Log, Failure> {
+    let bytes = fs::read(image).map_err(|reason| Failure::Unreadable {
+        file: image.to_path_buf(),
+        reason,
+    })?;
+    Log::of(&bytes, image)
 }
 
 fn only_with_image(argument: &str) -> Failure {
     Failure::Argument(format!(
         "{argument} shows what the firmware's image does on the emulated board: add --engine image"
-    ))
-}
-
-pub(crate) fn unusable(file: &Path, error: &dyn std::fmt::Display) -> Failure {
-    Failure::Refused(format!(
-        "{}: {error}. Build the image with `cargo xtask firmware`, or name one with --image.",
-        file.display()
     ))
 }
 
@@ -133,36 +135,7 @@ impl OnBoard {
             return Ok(());
         };
         self.traced.set(self.traced.get() + 1);
-        let file = numbered(file, self.traced.get());
-        let unwritable = |error: std::io::Error| {
-            Failure::Refused(format!(
-                "{}: {error}. Name a file that may be written with --trace.",
-                file.display()
-            ))
-        };
-        let to = File::create(&file).map_err(unwritable)?;
-        trace.write(BufWriter::new(to)).map_err(unwritable)
-    }
-}
-
-/// The file for the press of this number, from 1.
-fn numbered(file: &Path, number: u32) -> PathBuf {
-    if number == 1 {
-        return file.to_path_buf();
-    }
-    let stem = file.file_stem().unwrap_or_default().to_string_lossy();
-    let extension = file.extension().unwrap_or_default().to_string_lossy();
-    file.with_file_name(format!("{stem}-{number}.{extension}"))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_first_press_has_the_file_and_the_next_ones_numbers() {
-        let file = Path::new("out/finger.vcd");
-        assert_eq!(numbered(file, 1), file);
-        assert_eq!(numbered(file, 3), Path::new("out/finger-3.vcd"));
+        let file = file.numbered(self.traced.get());
+        file.write_with(|to| trace.write(to))
     }
 }

@@ -30,6 +30,15 @@ pub(crate) enum Failure {
         /// The system's reason.
         reason: io::Error,
     },
+    /// A file that is to be written cannot be.
+    Unwritable {
+        /// The file.
+        file: PathBuf,
+        /// The argument that names it or its folder.
+        argument: &'static str,
+        /// The system's reason.
+        reason: io::Error,
+    },
     /// Arguments that do not go together, or do not fit what they are for.
     Argument(String),
     /// What was asked for was refused, or failed while running.
@@ -45,6 +54,7 @@ impl Failure {
             Self::Input { .. }
             | Self::Document(_)
             | Self::Unreadable { .. }
+            | Self::Unwritable { .. }
             | Self::Argument(_) => ExitCode::from(2),
             Self::Refused(_) | Self::Output(_) => ExitCode::FAILURE,
         }
@@ -70,6 +80,15 @@ impl fmt::Display for Failure {
             Self::Unreadable { file, reason } => write!(
                 f,
                 "{}: {reason}. Name a file that exists and may be read.",
+                file.display()
+            ),
+            Self::Unwritable {
+                file,
+                argument,
+                reason,
+            } => write!(
+                f,
+                "{argument} {}: {reason}. Name a file in a folder that exists and may be written.",
                 file.display()
             ),
             Self::Argument(reason) | Self::Refused(reason) => f.write_str(reason),

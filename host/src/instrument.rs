@@ -17,10 +17,16 @@ pub(crate) struct Instrument {
     pub(crate) switches: Switches,
     pub(crate) calibration: Calibration,
     pub(crate) settings: Settings,
+    /// How deep the sensing layer is pressed at rest, m.
+    pub(crate) depth_m: f64,
 }
 
 /// Depths to which everything is pressed, in units of the working depth: what users' hands vary.
 const DEPTHS: [f64; 3] = [0.6, 1.0, 1.4];
+/// How deep the sensing layer may be pressed at the peak current, m: as deep as the deepest press of
+/// the shipped stacks goes (soft-closed: 0.4 mm, 1.4 times, 1.08 times as deep at the peak). It is
+/// flat at 0.9 mm, and its inductance rises ever more steeply before.
+const REACH_M: f64 = 0.62e-3;
 /// Springs of the bench, in units of the nominal c_S.
 const SPRINGS: [f64; 6] = [0.1, 0.2, 0.5, 1.0, 2.0, 5.0];
 /// How fast objects are pressed, on the bench as later, m/s.
@@ -69,10 +75,11 @@ impl Instrument {
         };
         let coil = coil(&effective);
         let sensing_n_per_m = stack.sensing_spring_n_per_m.centre();
+        let depth_m = plant.press.depth_m.min(greatest_depth_m(stack));
         let plan = bench::Plan {
             settings: settings.clone(),
             coil: coil.clone(),
-            depth_m: plant.press.depth_m,
+            depth_m,
             depths: DEPTHS.to_vec(),
             springs_n_per_m: SPRINGS.map(|ratio| ratio * sensing_n_per_m).to_vec(),
             speed_m_per_s: SPEED_M_PER_S,
@@ -115,8 +122,20 @@ impl Instrument {
             switches,
             calibration,
             settings,
+            depth_m,
         })
     }
+}
+
+/// The greatest working depth at rest, m, from which the deepest press upon a rigid load stays
+/// within [`REACH_M`] at the peak current, by the stack's nominal values: the actuated layer
+/// stiffens and leaves more of the deformation to the sensing layer.
+fn greatest_depth_m(stack: &Stack) -> f64 {
+    let ratio = stack.sensing_spring_n_per_m.centre() / stack.actuated_spring_n_per_m.centre();
+    let at_peak = ratio / (1.0 + stack.stiffening_at_peak.centre());
+    let deeper = (1.0 + ratio) / (1.0 + at_peak);
+    let deepest = DEPTHS.into_iter().fold(1.0, f64::max);
+    REACH_M / (deepest * deeper)
 }
 
 /// The stack's peak current, or what the supply can drive through the warm coil, in whole tenths

@@ -144,6 +144,22 @@ pub(crate) struct Series {
     pub(crate) marks: Marks,
 }
 
+/// An area on which SVG is drawn.
+pub(crate) type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+
+/// A drawing of this size, in pixels, as SVG.
+pub(crate) fn svg(
+    size: (u32, u32),
+    draw: impl FnOnce(&Area<'_>) -> Result<(), String>,
+) -> Result<String, String> {
+    let mut text = String::new();
+    let area = SVGBackend::with_string(&mut text, size).into_drawing_area();
+    draw(&area)?;
+    area.present().map_err(|error| error.to_string())?;
+    drop(area);
+    Ok(text)
+}
+
 /// A chart.
 #[derive(Clone, Debug)]
 pub(crate) struct Chart {
@@ -157,20 +173,13 @@ impl Chart {
     /// The chart as an `<svg>` element that fills its place on a page.
     pub(crate) fn svg(&self) -> Result<String, Failure> {
         let size = (SIZE.0 * ENLARGED, SIZE.1 * ENLARGED);
-        let mut text = String::new();
-        {
-            let area = SVGBackend::with_string(&mut text, size).into_drawing_area();
-            self.draw(&area)
-                .and_then(|()| area.present().map_err(|error| error.to_string()))
-                .map_err(|error| {
-                    Failure::Refused(format!("cannot draw {:?}: {error}", self.title))
-                })?;
-        }
+        let text = svg(size, |area| self.draw(area))
+            .map_err(|error| Failure::Refused(format!("cannot draw {:?}: {error}", self.title)))?;
         let fixed = format!("width=\"{}\" height=\"{}\"", size.0, size.1);
         Ok(text.replacen(&fixed, "role=\"img\"", 1))
     }
 
-    fn draw(&self, area: &DrawingArea<SVGBackend<'_>, Shift>) -> Result<(), String> {
+    fn draw(&self, area: &Area<'_>) -> Result<(), String> {
         let corners = self.series.iter().flat_map(|series| series.marks.corners());
         let (xs, ys): (Vec<f64>, Vec<f64>) = corners
             .filter_map(|(x, y)| Some((self.x.place(x)?, self.y.place(y)?)))

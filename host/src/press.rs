@@ -1,13 +1,13 @@
 //! One press of an object upon a simulated, calibrated instrument.
 
 use palpate_sim::Time;
-use palpate_sim::board::{BoardError, Hardware, TimedRecord, VirtualBoard};
+use palpate_sim::board::{BoardError, Hardware, VirtualBoard};
 use palpate_sim::device::Device;
 use palpate_sim::mechanics::load::Load;
 use palpate_sim::mechanics::press::Profile;
 use palpate_sim::parameters::ParameterError;
 use palpate_sim::world::{Holder, Setup, World};
-use palpate_wire::{Command, Record};
+use palpate_wire::{Command, Frame, Record};
 
 use crate::engine::Engine;
 use crate::failure::Failure;
@@ -40,8 +40,8 @@ const AFTERWARDS: Time = Time::from_ms(100);
 /// What came of it.
 #[derive(Clone, Debug)]
 pub(crate) struct Pressed {
-    /// Everything the instrument told.
-    pub(crate) records: Vec<TimedRecord>,
+    /// Every record of the instrument, with its header.
+    pub(crate) frames: Vec<Frame<Record>>,
     /// What was pressed.
     pub(crate) load: Load,
     /// Compliance of what the load stands on, m/N.
@@ -55,6 +55,12 @@ pub(crate) struct Pressed {
 }
 
 impl Pressed {
+    /// The records, each with its time by the instrument's clock, s.
+    pub(crate) fn records(&self) -> impl Iterator<Item = (f64, &Record)> {
+        let frames = self.frames.iter();
+        frames.map(|frame| (frame.header.time_us as f64 * 1e-6, &frame.message))
+    }
+
     /// How far load and frame give way to a force, m.
     pub(crate) fn displacement_m(&self, force_n: f64) -> f64 {
         self.load.displacement_m(force_n) + self.frame_m_per_n * force_n
@@ -157,7 +163,7 @@ where
     let end = board.now() + AFTERWARDS;
     board.run_until(end)?;
     Ok(Pressed {
-        records: board.take_records(),
+        frames: board.take_frames(),
         load: how.load,
         frame_m_per_n: plant.effective(&switches).press.frame_m_per_n,
         true_n_per_m: truth.load_spring_n_per_m,
@@ -203,13 +209,12 @@ mod tests {
                 cubic_n_per_m3: 3e10,
             },
             holder: Holder::Stand,
-            depth_m: instrument.plant.press.depth_m,
+            depth_m: instrument.depth_m,
             speed_m_per_s: SPEED_M_PER_S,
         };
         let pressed = press(&instrument, &how, &Engine::Native).unwrap();
         let points = pressed
-            .records
-            .iter()
+            .records()
             .filter_map(|(_, record)| match record {
                 Record::LoadPoint(point) => Some(point.clone()),
                 _ => None,

@@ -211,14 +211,19 @@ fn error(value: f64, truth: f64) -> String {
     }
 }
 
-/// How many of the claims hold.
-pub(crate) fn summary(row: &[Measured]) -> String {
-    let held = row
+/// How many estimates' intervals cover the truth, and how many estimates there are.
+pub(crate) fn covered(row: &[Measured]) -> (usize, usize) {
+    let covers = row
         .iter()
         .filter_map(|measured| measured.verdict.holds(measured.pressed.true_n_per_m));
-    let (good, all) = held.fold((0, 0), |(good, all), holds| {
-        (good + usize::from(holds), all + 1)
-    });
+    covers.fold((0, 0), |(covered, all), covers| {
+        (covered + usize::from(covers), all + 1)
+    })
+}
+
+/// How many of the claims hold.
+pub(crate) fn summary(row: &[Measured]) -> String {
+    let (good, all) = covered(row);
     let simulated_s: f64 = row
         .iter()
         .map(|measured| measured.pressed.simulated_s)

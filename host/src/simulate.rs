@@ -1,17 +1,16 @@
 //! `palpate simulate`: a scenario from a file.
 
-use std::fs;
 use std::path::PathBuf;
 
 use clap::Args;
 use palpate_sim::scenario::{self, Scenario};
 use palpate_sim::stack::{Disturbances, LoadError};
-use palpate_wire::Record;
-use serde::Serialize;
 
 use crate::engine::{self, Engine};
 use crate::failure::Failure;
 use crate::instrument::{Instrument, SPEED_M_PER_S, default_settings};
+use crate::jsonl::{self, Note};
+use crate::output::OutputFile;
 use crate::press::{Press, press};
 use crate::report;
 use crate::results::{self, Measured};
@@ -48,7 +47,8 @@ pub(crate) struct Arguments {
     /// Write a report to this file
     #[arg(long, value_name = "FILE.html")]
     report: Option<PathBuf>,
-    /// Write everything that the instrument tells to this file, one JSON object a line
+    /// Write all records of the instrument to this file, one JSON object a line: `palpate decode` has
+    /// the same lines, and here a line with the name of each press precedes its records
     #[arg(long, value_name = "FILE.jsonl")]
     records: Option<PathBuf>,
     #[command(flatten)]
@@ -56,8 +56,10 @@ pub(crate) struct Arguments {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let engine = arguments.engine.engine()?;
     let scenario = Scenario::load(&arguments.scenario)?;
+    let report = OutputFile::optional("--report", arguments.report.as_ref())?;
+    let records = OutputFile::optional("--records", arguments.records.as_ref())?;
+    let engine = arguments.engine.engine()?;
     let disturbances = Disturbances::builtin().map_err(LoadError::from)?;
     let progress = arguments.engine.progress(scenario.presses.len() + 1);
     progress.say("calibrating on the bench");
@@ -76,17 +78,18 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         progress.step();
     }
     progress.finish();
-    if let Some(file) = &arguments.records {
-        fs::write(file, records(&row)?)?;
-    }
     let title = results::title(&instrument, &scenario.stack.name, arguments.seed);
-    if let Some(file) = &arguments.report {
-        fs::write(file, report::page(&instrument, &row, &title)?)?;
-    }
-    if arguments.json {
-        return results::print_json(&row);
-    }
-    results::print(&instrument, &row, &title)
+    let recorded = records.map_or(Ok(()), |file| file.write(lines(&row)?));
+    let reported = report.map_or(Ok(()), |file| {
+        file.write(report::page(&instrument, &row, &title)?)
+    });
+    // Printed whatever has become of the files.
+    let printed = if arguments.json {
+        results::print_json(&row)
+    } else {
+        results::print(&instrument, &row, &title)
+    };
+    recorded.and(reported).and(printed)
 }
 
 fn measure(
@@ -98,33 +101,24 @@ fn measure(
         name: what.name.clone(),
         load: what.load,
         holder: what.holder,
-        depth_m: what.depth_m.unwrap_or(instrument.plant.press.depth_m),
+        depth_m: what.depth_m.unwrap_or(instrument.depth_m),
         speed_m_per_s: what.speed_m_per_s.unwrap_or(SPEED_M_PER_S),
     };
     let pressed = press(instrument, &how, engine)?;
     Ok(Measured::new(what.name.clone(), pressed))
 }
 
-/// A record of a press, as a line.
-#[derive(Serialize)]
-struct Line<'r> {
-    simulated: bool,
-    press: &'r str,
-    time_us: u64,
-    record: &'r Record,
-}
-
-fn records(row: &[Measured]) -> Result<String, Failure> {
+/// The frames of all presses, press by press.
+fn lines(row: &[Measured]) -> Result<String, Failure> {
     let mut text = String::new();
     for measured in row {
-        for (at, record) in &measured.pressed.records {
-            let line = Line {
-                simulated: true,
-                press: &measured.load,
-                time_us: at.as_ticks(),
-                record,
-            };
-            text.push_str(&serde_json::to_string(&line)?);
+        let press = Note::Press {
+            press: &measured.load,
+        };
+        text.push_str(&jsonl::note(&press)?);
+        text.push('\n');
+        for frame in &measured.pressed.frames {
+            text.push_str(&jsonl::frame(frame)?);
             text.push('\n');
         }
     }

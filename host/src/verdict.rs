@@ -19,15 +19,12 @@ pub(crate) enum Verdict {
 impl Verdict {
     /// The first result among the records.
     pub(crate) fn of(pressed: &Pressed) -> Self {
-        let results = pressed
-            .records
-            .iter()
-            .filter_map(|(_, record)| match record {
-                Record::Estimate(estimate) => Some(Self::Estimate(Box::new(estimate.clone()))),
-                Record::Refusal(refusal) => Some(Self::Refusal(refusal.clone())),
-                Record::Fault(fault) => Some(Self::Fault(fault.clone())),
-                _ => None,
-            });
+        let results = pressed.records().filter_map(|(_, record)| match record {
+            Record::Estimate(estimate) => Some(Self::Estimate(Box::new(estimate.clone()))),
+            Record::Refusal(refusal) => Some(Self::Refusal(refusal.clone())),
+            Record::Fault(fault) => Some(Self::Fault(fault.clone())),
+            _ => None,
+        });
         results.into_iter().next().unwrap_or(Self::Silence)
     }
 

@@ -43,14 +43,12 @@ fn run(folder: &Path, scenario: &str, arguments: &[&str]) -> Output {
     let file = folder.join("scenario.toml");
     fs::write(&file, scenario).unwrap();
     let image: PathBuf = palpate_board::firmware::build().unwrap_or_else(|error| panic!("{error}"));
-    Command::new(env!("CARGO_BIN_EXE_palpate"))
-        .arg("simulate")
-        .arg(file)
-        .arg("--image")
-        .arg(image)
-        .args(arguments)
-        .output()
-        .unwrap()
+    let mut command = Command::new(env!("CARGO_BIN_EXE_palpate"));
+    command.arg("simulate").arg(file).args(arguments);
+    if arguments.contains(&"image") {
+        command.arg("--image").arg(image);
+    }
+    command.output().unwrap()
 }
 
 #[test]

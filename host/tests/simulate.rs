@@ -179,7 +179,7 @@ fn the_example_runs_and_its_records_are_whole() {
     let samples = records
         .lines()
         .map(|line| serde_json::from_str::<Value>(line).unwrap())
-        .filter(|line| line["record"]["sample"].is_object());
+        .filter(|line| line["message"]["sample"].is_object());
     assert!(samples.count() > 8_000);
 }
 

@@ -4,6 +4,10 @@
 //! procedure. Its user presses specimens upon it - nothing, a rigid block, reference
 //! springs, to several depths - and drives the train of ramps on each; the instrument's samples and the
 //! bench's gauges go into a [`Session`]. What calibration follows from that is not decided here.
+//!
+//! A train presses the sensing layer deeper than it was: the actuated layer stiffens and takes less of
+//! the deformation. So the block is pressed once more, without a train, until the coil's frequency is
+//! below that of all trains: the sensing layer's own curve is then known wherever a train leads it.
 
 use palpate_wire::code::{Outcome, State};
 use palpate_wire::command::{Coil, Settings};
@@ -49,7 +53,7 @@ pub enum Pressed {
     },
 }
 
-/// One train of ramps.
+/// One press with its train of ramps.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Run {
     /// What was pressed.
@@ -62,11 +66,25 @@ pub struct Run {
     pub pressed_s: f64,
 }
 
+impl Run {
+    /// The lowest frequency until a moment, Hz.
+    fn lowest_hz(&self, until_s: f64) -> f64 {
+        let lines = self.lines.iter();
+        let lines = lines.filter(|line| line.time_s > START_S && line.time_s < until_s);
+        lines
+            .map(|line| line.frequency_hz)
+            .fold(f64::INFINITY, f64::min)
+    }
+}
+
 /// Everything that was written down.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Session {
     /// The runs.
     pub runs: Vec<Run>,
+    /// A press upon the block without a train, to a lower frequency than any run's, in the time that
+    /// the deepest of their presses took.
+    pub deepest_press: Run,
     /// Block on block, without the sensor: force in N and scale in m.
     pub bare: Vec<(f64, f64)>,
     /// The coil's temperature during the calibration, by its thermometer, degrees Celsius.
@@ -155,6 +173,19 @@ const BASELINE: Time = Time::from_ms(800);
 /// Time after the train.
 const AFTERWARDS: Time = Time::from_ms(50);
 
+/// The press by itself begins with so many times the greatest force of all runs: creep lets go of a
+/// few per cent of the force between a press and a train.
+const BEYOND_TRAINS: f64 = 1.08;
+/// It goes so many times further until it is beyond their readings: a load that gives way lets the
+/// sensing layer creep at the same force, by a tenth and more.
+const FURTHER: f64 = 1.05;
+/// Then it is given up: nothing that creeps takes 1.6 times the deformation.
+const ATTEMPTS: u32 = 10;
+/// The end of a press, in which a conversion is a mean over the stop, s.
+const STOP_S: f64 = 5e-3;
+/// The first conversions after a start, s: the oscillator settles.
+const START_S: f64 = 0.05;
+
 /// Goes through a calibration of a plant.
 ///
 /// # Errors
@@ -164,20 +195,51 @@ pub fn calibrate(
     switches: Switches,
     plan: &Plan,
 ) -> Result<Session, BenchError> {
-    let mut session = Session {
-        runs: vec![run(parameters, switches, plan, Pressed::Nothing, 0.0)?],
-        bare: Vec::new(),
-        temperature_c: crate::thermal::CALIBRATION_C,
+    let pressing = |pressed, depth_m, speed_m_per_s, train| {
+        let task = Task {
+            pressed,
+            depth_m,
+            speed_m_per_s,
+            train,
+        };
+        run(parameters, switches, plan, &task)
     };
+    let mut runs = vec![pressing(Pressed::Nothing, 0.0, plan.speed_m_per_s, true)?];
     let springs = plan.springs_n_per_m.iter();
     let springs = springs.map(|&n_per_m| Pressed::Spring { n_per_m });
     for pressed in core::iter::once(Pressed::Block).chain(springs) {
         for depth in &plan.depths {
             let depth_m = depth * plan.depth_m;
-            let run = run(parameters, switches, plan, pressed, depth_m)?;
-            session.runs.push(run);
+            runs.push(pressing(pressed, depth_m, plan.speed_m_per_s, true)?);
         }
     }
+    let deepest = plan.depths.iter().copied().fold(0.0, f64::max);
+    let press = |times: f64| {
+        let (depth_m, speed_m_per_s) = (deepest * plan.depth_m, plan.speed_m_per_s);
+        pressing(
+            Pressed::Block,
+            times * depth_m,
+            times * speed_m_per_s,
+            false,
+        )
+    };
+    let lowest = runs.iter().map(|run| run.lowest_hz(f64::INFINITY));
+    let lowest_hz = lowest.fold(f64::INFINITY, f64::min);
+    let mut times = BEYOND_TRAINS * growth(&runs);
+    let mut deepest_press = press(times)?;
+    for _ in 0..ATTEMPTS {
+        if deepest_press.lowest_hz(deepest_press.pressed_s - STOP_S) < lowest_hz {
+            break;
+        }
+        times *= FURTHER;
+        deepest_press = press(times)?;
+    }
+    let mut session = Session {
+        runs,
+        deepest_press,
+        bare: Vec::new(),
+        temperature_c: crate::thermal::CALIBRATION_C,
+    };
     let mut bare = BareRig::new(parameters, switches);
     for force_n in BARE_FORCES_N {
         let readings = (0..BARE_READINGS).map(|_| bare.press(force_n));
@@ -190,13 +252,47 @@ pub fn calibrate(
     Ok(session)
 }
 
+/// The greatest force of all runs over the greatest at rest before a train upon the block.
+fn growth(runs: &[Run]) -> f64 {
+    let greatest_n =
+        |lines: &mut dyn Iterator<Item = &Line>| lines.map(|line| line.force_n).fold(0.0, f64::max);
+    let blocks = runs.iter().filter(|run| run.pressed == Pressed::Block);
+    let mut at_rest = blocks.flat_map(|run| {
+        let lines = run.lines.iter();
+        lines.filter(|line| line.gauges_time_s < run.began_s)
+    });
+    let at_rest_n = greatest_n(&mut at_rest);
+    let all_n = greatest_n(&mut runs.iter().flat_map(|run| &run.lines));
+    if at_rest_n > 0.0 {
+        all_n / at_rest_n
+    } else {
+        1.0
+    }
+}
+
+/// What is done in one run.
+struct Task {
+    pressed: Pressed,
+    /// Depth of the sensing layer to aim at, m.
+    depth_m: f64,
+    /// How fast the stage moves, m/s.
+    speed_m_per_s: f64,
+    /// Whether a train is driven after the press.
+    train: bool,
+}
+
 fn run(
     parameters: &Parameters,
     switches: Switches,
     plan: &Plan,
-    pressed: Pressed,
-    depth_m: f64,
+    task: &Task,
 ) -> Result<Run, BenchError> {
+    let Task {
+        pressed,
+        depth_m,
+        speed_m_per_s,
+        train,
+    } = *task;
     let specimen = match pressed {
         Pressed::Nothing | Pressed::Block => Specimen::Block,
         Pressed::Spring { n_per_m } => Specimen::Spring {
@@ -220,16 +316,18 @@ fn run(
     let mut pressed_s = 0.0;
     if let Some(travel_m) = travel_m {
         let mut world = hardware.world().borrow_mut();
-        world.move_press(travel_m, plan.speed_m_per_s);
+        world.move_press(travel_m, speed_m_per_s);
         drop(world);
-        let moving_s = (travel_m + CLEARANCE_M) / plan.speed_m_per_s;
+        let moving_s = (travel_m + CLEARANCE_M) / speed_m_per_s;
         let at_rest = bench.board.now() + Time::from_secs_f64(moving_s);
         bench.run_until(at_rest)?;
         pressed_s = at_rest.as_secs_f64();
         bench.run_until(at_rest + Time::from_secs_f64(plan.rest_s))?;
     }
     let began_s = bench.board.now().as_secs_f64();
-    bench.sweep()?;
+    if train {
+        bench.sweep()?;
+    }
     Ok(Run {
         pressed,
         lines: bench.lines,

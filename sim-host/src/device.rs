@@ -1,6 +1,7 @@
 //! An instrument under way on a simulated plant, whatever runs it.
 
-use palpate_wire::{Command, Record};
+use palpate_procedure::Instant;
+use palpate_wire::{Command, Frame, Record};
 
 use crate::Time;
 use crate::board::TimedRecord;
@@ -29,15 +30,23 @@ pub trait Device {
     /// If the device cannot run on.
     fn advance(&mut self, end: Time) -> Result<(), Self::Error>;
 
-    /// The records that were not taken yet.
-    fn records(&mut self) -> &mut Vec<TimedRecord>;
+    /// The records that were not taken yet, each with its header.
+    fn frames(&mut self) -> &mut Vec<Frame<Record>>;
 
     /// Looks at the world, or changes it, now.
     fn with_world<T>(&mut self, look: impl FnOnce(&mut World) -> T) -> T;
 
+    /// Takes the frames since this was last asked.
+    fn take_frames(&mut self) -> Vec<Frame<Record>> {
+        core::mem::take(self.frames())
+    }
+
     /// Takes the records since this was last asked.
     fn take_records(&mut self) -> Vec<TimedRecord> {
-        core::mem::take(self.records())
+        let frames = self.take_frames().into_iter();
+        let timed =
+            |frame: Frame<Record>| (Instant::from_ticks(frame.header.time_us), frame.message);
+        frames.map(timed).collect()
     }
 
     /// Runs until `end`.
@@ -56,14 +65,14 @@ pub trait Device {
     /// # Errors
     /// If the device cannot run on.
     fn run_to(&mut self, end: Time, found: impl Fn(&Record) -> bool) -> Result<bool, Self::Error> {
-        let mut seen = self.records().len();
+        let mut seen = self.frames().len();
         while self.now() < end {
             self.advance(end)?;
-            let new = self.records().get(seen..).unwrap_or_default();
-            if new.iter().any(|(_, record)| found(record)) {
+            let new = self.frames().get(seen..).unwrap_or_default();
+            if new.iter().any(|frame| found(&frame.message)) {
                 return Ok(true);
             }
-            seen = self.records().len();
+            seen = self.frames().len();
         }
         Ok(false)
     }

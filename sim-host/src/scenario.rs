@@ -105,22 +105,10 @@ impl Scenario {
         let mut presses = document.sections("press", &PRESS_KEYS)?;
         let presses = presses.iter_mut().map(press).collect::<Result<_, _>>()?;
         Ok(Self {
-            stack: stack(&name, folder)?,
+            stack: Stack::named(&name, folder)?,
             switches,
             presses,
         })
-    }
-}
-
-/// A built-in stack, or a file if the name ends in `.toml`.
-fn stack(name: &str, folder: &Path) -> Result<Stack, LoadError> {
-    let is_file = Path::new(name)
-        .extension()
-        .is_some_and(|ending| ending.eq_ignore_ascii_case("toml"));
-    if is_file {
-        Stack::load(&folder.join(name))
-    } else {
-        Ok(Stack::builtin(name)?)
     }
 }
 

@@ -18,7 +18,7 @@ pub(crate) use size::check as check_size;
 
 const PACKAGE: &str = "palpate-firmware";
 const PROFILE: &str = "firmware";
-/// Where the files for flash tools and for `--engine image` are written, in the workspace.
+/// Where the files for flash tools and for `palpate --image` are written, in the workspace.
 const FOLDER: &str = "target/image";
 const NAME: &str = "palpate-pico";
 
@@ -36,7 +36,7 @@ pub(crate) fn make(workspace: &Workspace) -> Result<()> {
     let flash = uf2::convert(&bytes)?;
     let file = elf.with_extension("uf2");
     fs::write(&file, flash).with_context(|| format!("{} cannot be written", file.display()))?;
-    println!("{FOLDER}/{NAME}.elf: for a debug probe, and for `palpate demo --engine image`");
+    println!("{FOLDER}/{NAME}.elf: for a debug probe, and for `--image` of palpate");
     println!("{FOLDER}/{NAME}.uf2: for a board that was started with BOOTSEL held");
     println!("{}", size::check(workspace)?);
     Ok(())

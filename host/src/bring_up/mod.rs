@@ -12,10 +12,12 @@ use clap::Args;
 use comfy_table::Table;
 use comfy_table::presets::NOTHING;
 use ldc161x_sim::{Settings, Switches};
-use palpate_board::{Board, Image, Options, Still, firmware};
+use palpate_board::{Board, Options, Still};
 use serde::{Deserialize, Serialize};
 
 use crate::failure::Failure;
+use crate::image::{self, Program};
+use crate::output::OutputFile;
 use crate::progress::Progress;
 use converter::Converter;
 use link::Link;
@@ -48,6 +50,8 @@ pub(crate) struct Arguments {
     /// The emulated board instead
     #[arg(long)]
     emulated: bool,
+    #[command(flatten)]
+    image: image::Arguments,
     /// Switches of the emulated board's converter, instead of the usual ones
     #[arg(long, value_name = "FILE.toml", requires = "emulated")]
     switches: Option<PathBuf>,
@@ -83,8 +87,12 @@ const TESTS: usize = 16;
 const SENSORS_HZ: [f64; 4] = [3.1e6, 3.2e6, 3.3e6, 3.4e6];
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let settings = OutputFile::new("--settings", &arguments.settings)?;
     let link = match &arguments.connect {
-        Some(address) => Link::connect(address)?,
+        Some(address) => {
+            arguments.image.none_without("--emulated")?;
+            Link::connect(address)?
+        }
         None => emulated(arguments)?,
     };
     let mut tests = Tests::new(Converter(link));
@@ -101,20 +109,18 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     };
     let text = toml::to_string(&document)
         .map_err(|error| Failure::Refused(format!("the switches cannot be written: {error}")))?;
-    fs::write(&arguments.settings, text)?;
     print(arguments, &tests)?;
-    eprintln!("switches: {}", arguments.settings.display());
+    settings.write(text)?;
+    eprintln!("switches: {}", settings.path().display());
     Ok(())
 }
 
 fn emulated(arguments: &Arguments) -> Result<Link, Failure> {
-    let refused = |error: &dyn std::fmt::Display| Failure::Refused(error.to_string());
-    let file = firmware::build_example("bring_up").map_err(|error| refused(&error))?;
-    let image = Image::load(&file).map_err(|error| refused(&error))?;
     let switches = match &arguments.switches {
         Some(file) => read_switches(file)?,
         None => Switches::default(),
     };
+    let (_, image) = arguments.image.load(Program::BringUp)?;
     let settings = Settings {
         switches,
         ..Settings::default()

@@ -11,10 +11,10 @@
 use palpate_sim::bench::Pressed;
 
 use super::crosstalk::Crosstalk;
-use super::curve::ForceCurve;
+use super::curve::{ForceCurve, chebyshev};
 use super::least_squares::{Solution, System};
 use super::samples::{Fallen, Run};
-use super::{Known, Unusable};
+use super::{Known, Signal, Unusable};
 
 /// Degree of h in the current: enough for the bends that memory and lag put on a quadratic law.
 const DEGREE: usize = 8;
@@ -25,7 +25,7 @@ const ROUNDS: usize = 4;
 pub(crate) struct Actuated {
     /// g0 = c_S/c_D0.
     pub(crate) ratio: f64,
-    /// Coefficients of h(I) in the shifted Chebyshev polynomials of `basis`.
+    /// Coefficients of h(I) in the terms of [`chebyshev`] in I/I_peak.
     pub(crate) regressor: Vec<f64>,
     pub(crate) peak_a: f64,
     pub(crate) attraction_n_per_a2: f64,
@@ -34,8 +34,8 @@ pub(crate) struct Actuated {
 impl Actuated {
     /// h(I) = g(I) - g(0).
     pub(crate) fn regressor(&self, current_a: f64) -> f64 {
-        let terms = basis(current_a / self.peak_a);
-        terms.zip(&self.regressor).map(|(term, c)| term * c).sum()
+        let terms = chebyshev(current_a / self.peak_a).zip(&self.regressor);
+        terms.map(|((term, _), c)| term * c).sum()
     }
 
     /// rho(I) = c_D/c_D0 - 1.
@@ -152,17 +152,6 @@ impl Line {
     }
 }
 
-/// T_k(2u - 1) - T_k(-1), k from 1: polynomials that vanish without current.
-fn basis(part: f64) -> impl Iterator<Item = f64> {
-    let t = 2.0 * part - 1.0;
-    let mut pair = (1.0, t);
-    (1..=DEGREE).map(move |k| {
-        let value = pair.1;
-        pair = (pair.1, 2.0 * t * pair.1 - pair.0);
-        value - if k % 2 == 0 { 1.0 } else { -1.0 }
-    })
-}
-
 /// The solution, with what is needed to see how it depends on the springs.
 #[derive(Clone, Debug)]
 pub(super) struct Fit {
@@ -235,6 +224,14 @@ pub(super) fn fit(
             })
         })
         .collect();
+    let changes = runs.iter().flat_map(|run| &run.falls);
+    let greatest = changes.map(|fallen| fallen.change).fold(0.0, f64::max);
+    if greatest > force.greatest_change {
+        return Err(Unusable::BeyondPresses {
+            train: greatest,
+            press: force.greatest_change,
+        });
+    }
     if trains.iter().any(|train| train.samples.is_empty()) {
         return Err(Unusable::Missing(
             "fall of the current in one of its trains",
@@ -255,10 +252,12 @@ pub(super) fn fit(
 }
 
 impl Problem {
-    /// The least mean deformation of a train, m: nothing is known of shallower presses.
+    /// The least deformation of all trains, m, which is one at the end of a fall: nothing is known of
+    /// shallower presses.
     pub(super) fn shallowest_m(&self) -> f64 {
-        let means = self.trains.iter().map(|train| mean_m(&train.samples));
-        means.fold(f64::INFINITY, f64::min)
+        let samples = self.trains.iter().flat_map(|train| &train.samples);
+        let deformations = samples.map(|sample| sample.deformation_m);
+        deformations.fold(f64::INFINITY, f64::min)
     }
 
     /// Number of springs.
@@ -268,8 +267,6 @@ impl Problem {
 
     /// Solves for springs that are stiffer than written on them by these parts.
     pub(super) fn fit(&self, stiffer: &[f64]) -> Result<Fit, Unusable> {
-        let what = "the actuated layer: it stiffens too little to be seen, or no spring differs enough \
-                    from the sensor's own";
         let mut actuated = Actuated {
             ratio: self.start_ratio,
             regressor: vec![0.0; DEGREE],
@@ -278,7 +275,9 @@ impl Problem {
         };
         let mut solution = None;
         for _ in 0..ROUNDS {
-            let solved = self.system(&actuated, stiffer).solve(what)?;
+            let solved = self
+                .system(&actuated, stiffer)
+                .solve("the actuated layer")?;
             let unknown = |place: usize| solved.unknowns.get(place).copied().unwrap_or(0.0);
             actuated = Actuated {
                 ratio: unknown(RATIO),
@@ -295,7 +294,40 @@ impl Problem {
                 solution,
                 problem: self.clone(),
             }),
-            _ => Err(Unusable::Undetermined(what)),
+            _ => Err(self.cause(actuated.ratio)),
+        }
+    }
+
+    /// Why there is no solution but one with this c_S/c_D0.
+    fn cause(&self, ratio: f64) -> Unusable {
+        match self.signal() {
+            Ok(signal) if signal.is_clear() => Unusable::Contradiction { signal, ratio },
+            Ok(signal) => Unusable::StiffensTooLittle(signal),
+            Err(cause) => cause,
+        }
+    }
+
+    /// What shows of the stiffening in a train of the hardest load.
+    fn signal(&self) -> Result<Signal, Unusable> {
+        let hardest = self
+            .trains
+            .iter()
+            .min_by(|a, b| a.kappa.total_cmp(&b.kappa));
+        let hardest = hardest.ok_or(Unusable::Missing("train under a load"))?;
+        let mut system = System::new(4);
+        for sample in &hardest.samples {
+            let part = sample.current_a / self.peak_a;
+            let phi = (sample.time_s / hardest.tau_s).ln_1p();
+            let row = vec![1.0, part * part, phi, sample.time_s];
+            system.add(row, sample.deformation_m, 1.0);
+        }
+        let solution = system.solve("the deformation on the block")?;
+        match solution.unknowns.as_slice() {
+            [rest_m, change_m, ..] => Ok(Signal {
+                change: change_m / rest_m,
+                scatter: solution.sigma / rest_m,
+            }),
+            _ => Err(Unusable::Undetermined("the deformation on the block")),
         }
     }
 
@@ -332,7 +364,8 @@ impl Problem {
                 let square_a2 = current_a * current_a;
                 let ratio_now = guess.ratio + guess.regressor(current_a);
                 let whole = 1.0 + kappa + ratio_now;
-                for (entry, term) in row.iter_mut().zip(basis(current_a / self.peak_a)) {
+                let terms = chebyshev(current_a / self.peak_a).take(DEGREE);
+                for (entry, (term, _)) in row.iter_mut().zip(terms) {
                     *entry = -term;
                 }
                 // 1/c_D = g/c_S.

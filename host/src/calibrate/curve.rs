@@ -9,23 +9,26 @@ use super::samples::Run;
 /// Degree of the polynomial through the quick presses: with 7 the coil's own curve between two slabs
 /// is met as with 9.
 const DEGREE: usize = 7;
-/// The coefficients of (y/y_greatest)^k fall off by this factor from one power to the next (0.36 to
-/// 0.41 for presses of 0.3 to 0.5 mm between slabs 1 mm off): twice their size is what is believed
-/// of them beforehand, so that noise of the load cell does not bend the curve.
-const DECAY: f64 = 0.4;
+/// Prior size of the polynomial's terms, relative to the greatest force: of the second, and of each
+/// to the one before. `terms_of_the_coils_curve_are_within_their_prior` has the coil's own, for
+/// presses of 0.3 to 0.7 mm between slabs 1 mm off. So noise of the load cell does not bend the
+/// curve.
+const SECOND: f64 = 0.15;
+const DECAY: f64 = 0.3;
 
 /// F(y), y = L/L0 - 1, with F(0) = 0.
 #[derive(Clone, Debug)]
 pub(super) struct ForceCurve {
-    /// Coefficients of (y/y_greatest)^k, k from 1, N.
+    /// Coefficients of the terms of [`chebyshev`] in y/y_greatest, N.
     coefficients: Vec<f64>,
     pub(super) greatest_change: f64,
 }
 
 impl ForceCurve {
     /// Fits the presses upon the block.
-    pub(super) fn fit(runs: &[Run]) -> Result<Self, Unusable> {
+    pub(super) fn fit(runs: &[Run], deepest: &Run) -> Result<Self, Unusable> {
         let presses = runs.iter().filter(|run| run.pressed == Pressed::Block);
+        let presses = presses.chain([deepest]);
         let points: Vec<(f64, f64)> = presses.flat_map(|run| run.press.iter().copied()).collect();
         let greatest_change = points.iter().map(|(change, _)| *change).fold(0.0, f64::max);
         if greatest_change <= 0.0 {
@@ -33,8 +36,8 @@ impl ForceCurve {
         }
         let mut system = System::new(DEGREE);
         for (change, force_n) in &points {
-            let powers = (1..=DEGREE as i32).map(|k| (change / greatest_change).powi(k));
-            system.add(powers.collect(), *force_n, 1.0);
+            let terms = chebyshev(change / greatest_change).take(DEGREE);
+            system.add(terms.map(|(value, _)| value).collect(), *force_n, 1.0);
         }
         let what = "force against inductance";
         let noise_n = system.solve(what)?.sigma;
@@ -43,7 +46,7 @@ impl ForceCurve {
             .map(|(_, force_n)| *force_n)
             .fold(0.0, f64::max);
         for k in 2..=DEGREE {
-            let sigma_n = 2.0 * greatest_n * DECAY.powi(k as i32 - 1);
+            let sigma_n = SECOND * greatest_n * DECAY.powi(k as i32 - 2);
             let mut row = vec![0.0; DEGREE];
             if let Some(entry) = row.get_mut(k - 1) {
                 *entry = 1.0;
@@ -64,20 +67,36 @@ impl ForceCurve {
 
     /// F, N.
     pub(super) fn at(&self, change: f64) -> f64 {
-        let part = change / self.greatest_change;
-        let terms = self.coefficients.iter().rev();
-        part * terms.fold(0.0, |sum, coefficient| sum * part + coefficient)
+        let terms = chebyshev(change / self.greatest_change);
+        let terms = terms.zip(&self.coefficients);
+        terms
+            .map(|((value, _), coefficient)| value * coefficient)
+            .sum()
     }
 
     /// dF/dy, N.
     pub(super) fn slope(&self, change: f64) -> f64 {
-        let part = change / self.greatest_change;
-        let terms = self.coefficients.iter().enumerate().rev();
-        let sum = terms.fold(0.0, |sum, (place, coefficient)| {
-            sum * part + (place + 1) as f64 * coefficient
-        });
+        let terms = chebyshev(change / self.greatest_change);
+        let terms = terms.zip(&self.coefficients);
+        let sum: f64 = terms
+            .map(|((_, slope), coefficient)| slope * coefficient)
+            .sum();
         sum / self.greatest_change
     }
+}
+
+/// T_k(2u - 1) - T_k(-1), k from 1, and its slope: polynomials that vanish at u = 0, of one size from
+/// there to u = 1.
+pub(super) fn chebyshev(u: f64) -> impl Iterator<Item = (f64, f64)> {
+    let t = 2.0 * u - 1.0;
+    // T_k and T_(k+1), and their slopes.
+    let (mut value, mut slope) = ((1.0, t), (0.0, 2.0));
+    (1_u32..).map(move |k| {
+        let term = (value.1 - if k % 2 == 0 { 1.0 } else { -1.0 }, slope.1);
+        slope = (slope.1, 2.0 * t * slope.1 + 4.0 * value.1 - slope.0);
+        value = (value.1, 2.0 * t * value.1 - value.0);
+        term
+    })
 }
 
 /// Compliance of the bench's frame, m/N, from block upon block.
@@ -92,4 +111,57 @@ pub(super) fn frame(bare: &[(f64, f64)]) -> Result<f64, Unusable> {
     slope
         .map(|slope| slope.max(0.0))
         .ok_or(Unusable::Missing("press of block upon block"))
+}
+
+#[cfg(test)]
+mod tests {
+    use palpate_sim::coil::CoilDesign;
+    use palpate_sim::coil::curve::CoilCurve;
+
+    use super::*;
+
+    /// Deformation against change of inductance of the simulated coil, in the terms of the curve.
+    fn terms(deepest_m: f64) -> (f64, Vec<f64>) {
+        let curve = CoilCurve::shared(&CoilDesign::REFERENCE, None);
+        let at_rest_h = curve.at(1e-3).0;
+        let change = |x_m: f64| curve.at(1e-3 - x_m).0 / at_rest_h - 1.0;
+        let greatest_change = change(deepest_m);
+        let mut system = System::new(DEGREE);
+        for step in 1..=1000 {
+            let x_m = deepest_m * f64::from(step) * 1e-3;
+            let terms = chebyshev(change(x_m) / greatest_change).take(DEGREE);
+            let terms = terms.map(|(value, _)| value).collect();
+            system.add(terms, x_m / deepest_m, 1.0);
+        }
+        let solution = system.solve("the coil's curve").unwrap();
+        (solution.sigma, solution.unknowns)
+    }
+
+    #[test]
+    fn terms_of_the_coils_curve_are_within_their_prior() {
+        for deepest_m in [0.3e-3, 0.5e-3, 0.7e-3] {
+            let (sigma, terms) = terms(deepest_m);
+            println!("{deepest_m}: {sigma:e} {terms:?}");
+            assert!(sigma < 1e-6, "{deepest_m}: {sigma}");
+            for (place, term) in terms.iter().enumerate().skip(1) {
+                let prior = SECOND * DECAY.powi(place as i32 - 1);
+                assert!(term.abs() < prior, "{deepest_m}, {place}: {term} {prior}");
+            }
+        }
+    }
+
+    #[test]
+    fn terms_vanish_at_zero_and_have_their_slopes() {
+        let at = |u: f64| chebyshev(u).take(DEGREE).collect::<Vec<_>>();
+        assert!(at(0.0).iter().all(|(value, _)| value.abs() < 1e-12));
+        let (u, step) = (0.37, 1e-6);
+        let around = at(u - step).into_iter().zip(at(u + step)).zip(at(u));
+        for (((before, _), (after, _)), (_, slope)) in around {
+            let secant = (after - before) / (2.0 * step);
+            assert!(
+                (secant - slope).abs() < 1e-6 * (1.0 + slope.abs()),
+                "{secant} {slope}"
+            );
+        }
+    }
 }

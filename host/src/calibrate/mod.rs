@@ -86,6 +86,56 @@ pub(crate) enum Unusable {
     Missing(&'static str),
     /// The notes contradict each other or do not determine a quantity.
     Undetermined(&'static str),
+    /// A train led the sensing layer beyond its curve: greatest relative changes of inductance in the
+    /// trains, and in the presses upon the block.
+    BeyondPresses {
+        /// In the trains.
+        train: f64,
+        /// In the presses.
+        press: f64,
+    },
+    /// The actuated layer's stiffening does not show.
+    StiffensTooLittle(Signal),
+    /// It shows, but the trains are not those of three springs in series.
+    Contradiction {
+        /// What shows of the stiffening.
+        signal: Signal,
+        /// c_S/c_D0 as the trains have it.
+        ratio: f64,
+    },
+}
+
+/// What the current does to the sensing layer's deformation under the hardest load, relative to the
+/// deformation.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Signal {
+    /// Change at the peak current.
+    pub(crate) change: f64,
+    /// Standard deviation of a sample about it.
+    pub(crate) scatter: f64,
+}
+
+impl Signal {
+    /// Change over scatter below which a failed evaluation is put down to the signal: the stack
+    /// `paper` has 0.7 at most, `ultrasoft` with a rise of 0.3 to 3 % less than none, since the
+    /// attraction outweighs the stiffening.
+    const CLEAR: f64 = 10.0;
+
+    fn is_clear(&self) -> bool {
+        self.change >= Self::CLEAR * self.scatter
+    }
+}
+
+impl fmt::Display for Signal {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "the peak current changes the sensing layer's deformation by {:+.3} % (stiffening adds, the \
+             attraction of the actuated layer's halves takes away), and samples scatter by {:.3} %",
+            self.change * 100.0,
+            self.scatter * 100.0
+        )
+    }
 }
 
 impl fmt::Display for Unusable {
@@ -95,6 +145,25 @@ impl fmt::Display for Unusable {
             Self::Undetermined(quantity) => {
                 write!(f, "the calibration's runs do not determine {quantity}")
             }
+            Self::BeyondPresses { train, press } => write!(
+                f,
+                "a train led the sensing layer beyond its curve: the inductance rose by {:.1} %, and by \
+                 {:.1} % in the deepest press upon the block. It is pressed flat: press less deep \
+                 (press_depth_of_sensing_layer_m of the stack)",
+                train * 100.0,
+                press * 100.0
+            ),
+            Self::StiffensTooLittle(signal) => write!(
+                f,
+                "the actuated layer stiffens too little to be seen: on the block {signal}. It takes a \
+                 stronger field, a softer elastomer, or a softer actuated layer than the sensing one"
+            ),
+            Self::Contradiction { signal, ratio } => write!(
+                f,
+                "the trains contradict each other: on the block {signal}, so that the stiffening is \
+                 there, but c_S/c_D0 comes out as {ratio:.3}. Are the springs those that are written \
+                 down, do some differ from the sensor's own, and did nothing slip?"
+            ),
         }
     }
 }
@@ -109,7 +178,8 @@ pub(crate) fn evaluate(session: &Session, known: &Known) -> Result<Calibration, 
         .map(|run| samples::Run::new(run, &known.settings))
         .collect::<Result<_, _>>()?;
     let frame_m_per_n = curve::frame(&session.bare)?;
-    let force = ForceCurve::fit(&runs)?;
+    let deepest_press = samples::Run::new(&session.deepest_press, &known.settings)?;
+    let force = ForceCurve::fit(&runs, &deepest_press)?;
     let crosstalk = Crosstalk::fit(&runs, &force, known)?;
     let fit = actuated::fit(&runs, &force, crosstalk, frame_m_per_n, known)?;
     let uncertainty = claim::uncertainty(&fit, known)?;

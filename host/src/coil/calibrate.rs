@@ -1,6 +1,5 @@
 //! `palpate calibrate current`: the current measurement against a reference.
 
-use std::fs;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command as Process, Stdio};
@@ -16,6 +15,7 @@ use serde::Serialize;
 use super::link::{self, Link, Truth};
 use super::{allowed_a, armed, settings};
 use crate::failure::Failure;
+use crate::output::OutputFile;
 use crate::progress::Progress;
 
 /// Calibrate a board against references
@@ -126,6 +126,7 @@ enum Reference<'r> {
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let What::Current(arguments) = &arguments.what;
+    let file = OutputFile::new("--output", &arguments.output)?;
     let mut link = arguments.link.open()?;
     let settings = settings(&mut link)?;
     // The one in force would be found once more.
@@ -185,10 +186,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let after = bench.pairs(checks, &progress)?;
     bench.link.must(&Command::Disarm)?;
     progress.finish();
-    fs::write(
-        &arguments.output,
-        format!("{}\n", serde_json::to_string(&command)?),
-    )?;
+    let written = file.write(format!("{}\n", serde_json::to_string(&command)?));
     let found = Found {
         simulated: arguments.link.emulated,
         worst_before_a: worst_a(&before),
@@ -198,13 +196,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         correction: &correction,
     };
     if arguments.json {
-        return Ok(writeln!(
-            io::stdout(),
-            "{}",
-            serde_json::to_string(&found)?
-        )?);
+        writeln!(io::stdout(), "{}", serde_json::to_string(&found)?)?;
+        return written;
     }
-    print(&found, &arguments.output)
+    print(&found)?;
+    written?;
+    let path = file.path().display();
+    Ok(writeln!(io::stdout(), "The correction is in {path}")?)
 }
 
 fn worst_a(pairs: &[Pair]) -> f64 {
@@ -409,7 +407,7 @@ fn reading(process: Child, program: &Path) -> Result<f64, Failure> {
     }
 }
 
-fn print(found: &Found<'_>, output: &Path) -> Result<(), Failure> {
+fn print(found: &Found<'_>) -> Result<(), Failure> {
     let mut table = Table::new();
     table.load_style(NOTHING);
     table.set_header(["wanted, A", "measured, A", "reference, A", "off by, mA"]);
@@ -442,11 +440,7 @@ fn print(found: &Found<'_>, output: &Path) -> Result<(), Failure> {
         1e3 * found.worst_before_a,
         1e3 * found.worst_after_a
     )?;
-    Ok(writeln!(
-        out,
-        "The correction is in force, and in {}",
-        output.display()
-    )?)
+    Ok(writeln!(out, "The correction is in force.")?)
 }
 
 #[cfg(test)]

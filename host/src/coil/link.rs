@@ -2,12 +2,12 @@
 
 use std::io::{ErrorKind, Read, Write};
 use std::net::TcpStream;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 use clap::Args;
-use palpate_board::{Image, Instrument, Options};
+use palpate_board::{Instrument, Options};
 use palpate_sim::Time;
 use palpate_sim::device::Device;
 use palpate_sim::parameters::draw;
@@ -17,8 +17,8 @@ use palpate_sim::world::{Setup, World};
 use palpate_wire::code::Outcome;
 use palpate_wire::{Command, Message, Record, RecordDecoder, Sequencer, encode};
 
-use crate::engine::{DEFAULT_IMAGE, unusable};
 use crate::failure::Failure;
+use crate::image::{self, Program};
 use crate::instrument::coil;
 
 /// How a board is reached.
@@ -41,9 +41,8 @@ pub(crate) struct Arguments {
     /// The firmware's image on the emulated board instead
     #[arg(long)]
     pub(super) emulated: bool,
-    /// The image for the emulated board
-    #[arg(long, value_name = "FILE", default_value = DEFAULT_IMAGE)]
-    image: PathBuf,
+    #[command(flatten)]
+    image: image::Arguments,
     /// The stack that the coil belongs to, by name or file, for its data: without it a board has
     /// to know them already. The emulated board has this coil, `ultrasoft` without a word
     #[arg(long, value_name = "STACK")]
@@ -95,12 +94,15 @@ impl Arguments {
     /// Connects, and tells the coil's data if they are named.
     pub(super) fn open(&self) -> Result<Link, Failure> {
         let stack = match (&self.stack, self.emulated) {
-            (Some(name), _) => Some(named(name)?),
-            (None, true) => Some(named(USUAL)?),
+            (Some(name), _) => Some(Stack::named(name, Path::new(""))?),
+            (None, true) => Some(Stack::builtin(USUAL).map_err(LoadError::from)?),
             (None, false) => None,
         };
         let mut link = match (&self.records, &self.commands, &stack) {
-            (Some(records), Some(commands), _) => Link::probe(records, commands)?,
+            (Some(records), Some(commands), _) => {
+                self.image.none_without("--emulated")?;
+                Link::probe(records, commands)?
+            }
             (_, _, Some(stack)) => self.emulated(stack)?,
             _ => {
                 return Err(Failure::Argument(
@@ -118,7 +120,7 @@ impl Arguments {
     }
 
     fn emulated(&self, stack: &Stack) -> Result<Link, Failure> {
-        let image = Image::load(&self.image).map_err(|error| unusable(&self.image, &error))?;
+        let (_, image) = self.image.load(Program::Firmware)?;
         let disturbances = Disturbances::builtin().map_err(LoadError::from)?;
         let plant = draw(stack, &disturbances, self.seed);
         let world = World::new(&plant, Switches::all(), Setup::default())
@@ -130,14 +132,6 @@ impl Arguments {
             told: Vec::new(),
         })
     }
-}
-
-/// A built-in stack, or one from a file.
-fn named(name: &str) -> Result<Stack, Failure> {
-    if Stack::BUILTIN.contains(&name) {
-        return Ok(Stack::builtin(name).map_err(LoadError::from)?);
-    }
-    Ok(Stack::load(Path::new(name))?)
 }
 
 fn stopped(failure: palpate_board::Failure) -> Failure {

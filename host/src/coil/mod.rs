@@ -4,9 +4,8 @@ pub(crate) mod calibrate;
 mod link;
 mod response;
 
-use std::fs;
 use std::io::{self, Write};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 use comfy_table::Table;
@@ -17,6 +16,7 @@ use palpate_wire::{Command, Record};
 use serde::Serialize;
 
 use crate::failure::Failure;
+use crate::output::OutputFile;
 use crate::plot::{Axis, BLUE, Chart, GREY, Marks, Series};
 use link::{Link, Told};
 use response::{Ramp, Step, Traced};
@@ -78,6 +78,8 @@ struct Found {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let names = ["step.svg", "ramp.svg"].map(str::to_owned);
+    let files = OutputFile::in_folder("--plots", &arguments.plots, names)?;
     let mut link = arguments.link.open()?;
     let settings = settings(&mut link)?;
     let test = armed(&mut link)?;
@@ -104,12 +106,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         step_chart(&found.step, &stepped),
         ramp_chart(&found.ramp, &fallen),
     ];
-    let files = plots(&arguments.plots, &charts)?;
+    let drawn = draw(&charts, &files);
     if arguments.json {
         writeln!(io::stdout(), "{}", serde_json::to_string(&found)?)?;
     } else {
         print(&found, &files)?;
     }
+    drawn?;
     if found.as_it_should_be {
         return Ok(());
     }
@@ -208,13 +211,9 @@ fn ramp(link: &mut Link, to_a: f64) -> Result<Vec<(f64, f64)>, Failure> {
     Ok(currents.collect())
 }
 
-fn plots(folder: &Path, charts: &[Chart; 2]) -> Result<[PathBuf; 2], Failure> {
-    let files = ["step.svg", "ramp.svg"].map(|name| folder.join(name));
-    fs::create_dir_all(folder)?;
-    for (chart, file) in charts.iter().zip(&files) {
-        fs::write(file, chart.svg()?)?;
-    }
-    Ok(files)
+fn draw(charts: &[Chart], files: &[OutputFile]) -> Result<(), Failure> {
+    let mut drawings = charts.iter().zip(files);
+    drawings.try_for_each(|(chart, file)| file.write(chart.svg()?))
 }
 
 fn series(name: &str, colour: plotters::style::RGBColor, marks: Marks) -> Series {
@@ -284,7 +283,7 @@ fn ramp_chart(ramp: &Ramp, told: &[(f64, f64)]) -> Chart {
     }
 }
 
-fn print(found: &Found, files: &[PathBuf; 2]) -> Result<(), Failure> {
+fn print(found: &Found, files: &[OutputFile]) -> Result<(), Failure> {
     let Found {
         test, step, ramp, ..
     } = found;
@@ -370,11 +369,10 @@ fn print(found: &Found, files: &[PathBuf; 2]) -> Result<(), Failure> {
         writeln!(out, "simulated coil at the emulated board")?;
     }
     writeln!(out, "{table}")?;
-    let [step_file, ramp_file] = files;
+    let files = files.iter().map(|file| file.path().display().to_string());
     Ok(writeln!(
         out,
-        "Plots: {}, {}",
-        step_file.display(),
-        ramp_file.display()
+        "Plots: {}",
+        files.collect::<Vec<_>>().join(", ")
     )?)
 }

@@ -19,6 +19,8 @@ use crate::progress::Progress;
 A compass search: from the middle of the bounds it looks both ways along each number, on all
 cores, goes where it is best, and halves its steps where nothing is better. It finds a local
 optimum; start it from other bounds to see whether there is another.
+Every better design is printed as it is found, as a line that begins with #, so that an interrupted
+search leaves its best.
 
 Example
   palpate field optimise closed --goal stiffness-per-watt --mse ultrasoft \\
@@ -72,6 +74,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let start = value;
     let mut used = 1;
     let mut step = 0.25;
+    let mut out = io::stdout().lock();
+    report(&mut out, arguments.goal, used, value, &settings(&best))?;
     while step >= FINEST && used < arguments.budget {
         let candidates = neighbours(&best, step);
         used += candidates.len() as u64;
@@ -85,12 +89,14 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
             .zip(scores)
             .filter_map(|(point, score)| Some((point, score?)));
         match found.max_by(|a, b| a.1.total_cmp(&b.1)) {
-            Some((point, better)) if better > value => (best, value) = (point.clone(), better),
+            Some((point, better)) if better > value => {
+                (best, value) = (point.clone(), better);
+                report(&mut out, arguments.goal, used, value, &settings(&best))?;
+            }
             _ => step *= 0.5,
         }
     }
     progress.finish();
-    let mut out = io::stdout().lock();
     if arguments.print {
         let text =
             palpate_field::design::vary::set(&text, &settings(&best)).map_err(Failure::Refused)?;
@@ -99,15 +105,46 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     for (path, value) in settings(&best) {
         writeln!(out, "{path} = {value}")?;
     }
-    let (what, start, value) = match arguments.goal {
-        Goal::StiffnessPerWatt => ("relative rise of the spring per watt", start, value),
-        Goal::Homogeneity => ("std/mean of |B| in the core", -start, -value),
-    };
-    writeln!(
+    let [start, value] = [start, value].map(|score| arguments.goal.figure(score));
+    Ok(writeln!(
         out,
-        "{what}: {value:.6e} (from {start:.6e} in the middle), {used} designs"
-    )?;
-    Ok(())
+        "{}: {value:.6e} (from {start:.6e} in the middle), {used} designs",
+        arguments.goal.name()
+    )?)
+}
+
+/// A better design, as a line that a design's file takes as a comment.
+fn report(
+    out: &mut impl Write,
+    goal: Goal,
+    used: u64,
+    score: f64,
+    settings: &[(String, f64)],
+) -> Result<(), Failure> {
+    let (name, figure) = (goal.name(), goal.figure(score));
+    write!(out, "# {used} designs, {name} {figure:.6e}:")?;
+    for (path, value) in settings {
+        write!(out, " {path}={value}")?;
+    }
+    writeln!(out)?;
+    Ok(out.flush()?)
+}
+
+impl Goal {
+    const fn name(self) -> &'static str {
+        match self {
+            Self::StiffnessPerWatt => "relative rise of the spring per watt",
+            Self::Homogeneity => "std/mean of |B| in the core",
+        }
+    }
+
+    /// The figure that a score stands for.
+    fn figure(self, score: f64) -> f64 {
+        match self {
+            Self::StiffnessPerWatt => score,
+            Self::Homogeneity => -score,
+        }
+    }
 }
 
 /// One step each way along each number, within the bounds.

@@ -16,6 +16,7 @@ use serde::Serialize;
 use super::input::{Source, at_current, current};
 use super::mse::elastomer;
 use crate::failure::Failure;
+use crate::output::OutputFile;
 
 /// Write the stack file of a design: springs, their rise with the current, attraction, stray field
 #[derive(Args)]
@@ -118,20 +119,18 @@ struct Point {
 pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let design = arguments.source.load()?;
     let elastomer = elastomer(&arguments.mse)?;
+    let file = OutputFile::optional("--out", arguments.out.as_ref())?;
     let bridge = bridge(arguments, &design, &elastomer)?;
     let mut out = io::stdout().lock();
     if arguments.json {
         serde_json::to_writer_pretty(&mut out, &bridge)?;
         return Ok(writeln!(out)?);
     }
-    match &arguments.out {
-        None => write!(out, "{}", bridge.file())?,
-        Some(path) => {
-            std::fs::write(path, bridge.file())?;
-            writeln!(out, "written: {}", path.display())?;
-        }
-    }
-    Ok(())
+    let Some(file) = file else {
+        return Ok(write!(out, "{}", bridge.file())?);
+    };
+    file.write(bridge.file())?;
+    Ok(writeln!(out, "written: {}", file.path().display())?)
 }
 
 fn bridge(

@@ -3,11 +3,11 @@
 use std::io;
 
 use clap::Args;
-use rayon::prelude::*;
 
 use super::input::{Source, parse, per_ampere, text_of};
 use super::solve::Outcome;
 use crate::failure::Failure;
+use crate::in_order::in_order;
 use crate::progress::Progress;
 
 /// Solve a design over a grid of any of its numbers; prints CSV
@@ -16,7 +16,8 @@ use crate::progress::Progress;
 Example: the gap and the radius of the body, 200 designs on all cores
   palpate field sweep B1 --vary parameters.gap=3..7:20 --vary body.mse.shape.semi_r=10..20:10
 
-A point that is no design (parts that overlap, say) keeps its row, with the reason.")]
+A point that is no design (parts that overlap, say) keeps its row, with the reason.
+Rows are printed as they are computed: an interrupted sweep has the rows of its first points.")]
 pub(super) struct Arguments {
     #[command(flatten)]
     source: Source,
@@ -95,17 +96,28 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     // A path that does not exist is an error of the command, not of each point.
     palpate_field::design::vary::set(&text, &settings(0)).map_err(Failure::Argument)?;
     let progress = Progress::new(total);
-    let rows: Vec<Result<Outcome, Failure>> = (0..total)
-        .into_par_iter()
-        .map(|point| {
-            let design = parse(&name, &text, &settings(point))?;
-            let outcome = Outcome::of(&design, &per_ampere(&design, &arguments.source.effort)?);
-            progress.step();
-            Ok(outcome)
-        })
-        .collect();
+    let outcome = |point| {
+        let design = parse(&name, &text, &settings(point))?;
+        Ok(Outcome::of(
+            &design,
+            &per_ampere(&design, &arguments.source.effort)?,
+        ))
+    };
+    let mut out = csv::Writer::from_writer(io::stdout());
+    let mut write = |row: Vec<String>| -> Result<(), Failure> {
+        out.write_record(row)
+            .map_err(|error| Failure::Output(error.into()))?;
+        Ok(out.flush()?)
+    };
+    let paths = arguments.vary.iter().map(|axis| axis.path.as_str());
+    write(paths.chain(COLUMNS).map(str::to_owned).collect())?;
+    in_order(total, outcome, |point, outcome| {
+        write(row(&arguments.vary, &settings(point), &outcome))?;
+        progress.step();
+        Ok(())
+    })?;
     progress.finish();
-    print(arguments, settings, &rows)
+    Ok(())
 }
 
 const COLUMNS: [&str; 12] = [
@@ -123,46 +135,39 @@ const COLUMNS: [&str; 12] = [
     "refused",
 ];
 
-fn print(
-    arguments: &Arguments,
-    settings: impl Fn(usize) -> Vec<(String, f64)>,
-    rows: &[Result<Outcome, Failure>],
-) -> Result<(), Failure> {
-    let mut out = csv::Writer::from_writer(io::stdout().lock());
-    let paths = arguments.vary.iter().map(|axis| axis.path.as_str());
-    let written = |result: csv::Result<()>| result.map_err(|error| Failure::Output(error.into()));
-    written(out.write_record(paths.chain(COLUMNS)))?;
-    for (point, row) in rows.iter().enumerate() {
-        let varied = settings(point);
-        let value = |axis: &Axis| {
-            let set = varied.iter().rfind(|(path, _)| *path == axis.path);
-            set.map_or(String::new(), |(_, value)| value.to_string())
-        };
-        let mut record: Vec<String> = arguments.vary.iter().map(value).collect();
-        match row {
-            Ok(o) => {
-                let numbers = [
-                    o.centre_T_per_A,
-                    o.core_mean_T_per_A,
-                    o.cv_r8,
-                    o.cv_r6,
-                    o.cv_r4,
-                    o.axial_pp,
-                    o.radial_pp,
-                    o.inductance_H,
-                    o.force_N_per_A2,
-                    o.resistance_ohm,
-                    o.error_estimate,
-                ];
-                record.extend(numbers.map(|number| format!("{number:.9e}")));
-                record.push(String::new());
-            }
-            Err(failure) => {
-                record.extend(vec![String::new(); COLUMNS.len() - 1]);
-                record.push(failure.to_string());
-            }
+/// A point's row under the varied numbers and [`COLUMNS`].
+fn row(
+    vary: &[Axis],
+    settings: &[(String, f64)],
+    outcome: &Result<Outcome, Failure>,
+) -> Vec<String> {
+    let value = |axis: &Axis| {
+        let set = settings.iter().rfind(|(path, _)| *path == axis.path);
+        set.map_or(String::new(), |(_, value)| value.to_string())
+    };
+    let mut row: Vec<String> = vary.iter().map(value).collect();
+    match outcome {
+        Ok(o) => {
+            let numbers = [
+                o.centre_T_per_A,
+                o.core_mean_T_per_A,
+                o.cv_r8,
+                o.cv_r6,
+                o.cv_r4,
+                o.axial_pp,
+                o.radial_pp,
+                o.inductance_H,
+                o.force_N_per_A2,
+                o.resistance_ohm,
+                o.error_estimate,
+            ];
+            row.extend(numbers.map(|number| format!("{number:.9e}")));
+            row.push(String::new());
         }
-        written(out.write_record(&record))?;
+        Err(failure) => {
+            row.extend(vec![String::new(); COLUMNS.len() - 1]);
+            row.push(failure.to_string());
+        }
     }
-    Ok(out.flush()?)
+    row
 }

@@ -5,12 +5,12 @@ mod phases;
 mod tables;
 
 use std::io::{self, Write};
-use std::path::PathBuf;
 
 use clap::Args;
-use palpate_board::{Image, Sources, firmware};
+use palpate_board::Sources;
 
 use crate::failure::Failure;
+use crate::image::{self, Program};
 
 /// Run the firmware's image on the emulated board, untouched, calibrated and in the train of ramps,
 /// and tell where its time goes
@@ -20,14 +20,13 @@ Prints Markdown: processor load and cycles per sample by part of the firmware, h
 with their longest run and the jitter of their start, latency of the converter's interrupt, sizes, and
 the speed of the emulation. Cycles of floating point and of copying count as their caller's.
 
-Without --image it builds the repository's own image first.
+The image has to have its debug information, as `cargo xtask firmware` writes it.
 
 Example:
   palpate image-cost --functions 40")]
 pub(crate) struct Arguments {
-    /// An image with debug information, instead of the repository's own
-    #[arg(long, value_name = "FILE")]
-    image: Option<PathBuf>,
+    #[command(flatten)]
+    image: image::Arguments,
     /// Which sensor of the stack is pressed
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -41,13 +40,9 @@ const BEGIN: &str = "<!-- evidence:begin -->";
 const END: &str = "<!-- evidence:end -->";
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let refused = |error: &dyn std::fmt::Display| Failure::Refused(error.to_string());
-    let file = match &arguments.image {
-        Some(file) => file.clone(),
-        None => firmware::build().map_err(|error| refused(&error))?,
-    };
-    let image = Image::load(&file).map_err(|error| refused(&error))?;
-    let sources = Sources::load(&file).map_err(|error| refused(&error))?;
+    let (file, image) = arguments.image.load(Program::Firmware)?;
+    let sources = Sources::load(&file)
+        .map_err(|error| Failure::Argument(format!("{}: {error}", file.display())))?;
     let shared = parts::shared(&sources);
     let measured = phases::measure(&image, &shared, arguments.seed)?;
     let mut out = io::stdout().lock();

@@ -104,7 +104,7 @@ pub(super) fn measure(
     watched.pass(SETTLED)?;
     let calibrated = watched.phase("calibrated", WATCHED)?;
     let speed = watched.speed()?;
-    let depth_m = known.plant.press.depth_m;
+    let depth_m = known.depth_m;
     watched.board.with_world(|world| {
         let travel_m = world.press_for_depth_m(depth_m);
         world.move_press(travel_m, SPEED_M_PER_S);
@@ -156,10 +156,14 @@ impl Watched<'_> {
             let is_end =
                 |record: &Record| matches!(record, Record::Estimate(_) | Record::Refusal(_));
             watched.until(is_end, "no estimate came")?;
-            let refused = watched.board.records().iter().find_map(|(_, it)| match it {
-                Record::Refusal(refusal) => Some(format!("{refusal:?}")),
-                _ => None,
-            });
+            let refused = watched
+                .board
+                .frames()
+                .iter()
+                .find_map(|of| match &of.message {
+                    Record::Refusal(refusal) => Some(format!("{refusal:?}")),
+                    _ => None,
+                });
             refused.map_or(Ok(()), |reason| Err(Failure::Refused(reason)))?;
             // The run that tells it has to end, to be counted.
             watched.pass(AFTERWARDS)
@@ -203,8 +207,8 @@ impl Watched<'_> {
 
     fn stack_bytes(&mut self) -> Result<u32, Failure> {
         self.send(Command::Identify)?;
-        let told = self.board.records().iter().rev();
-        let mut told = told.filter_map(|(_, record)| match record {
+        let told = self.board.frames().iter().rev();
+        let mut told = told.filter_map(|frame| match &frame.message {
             Record::Status(status) => Some(status.stack_bytes),
             _ => None,
         });

@@ -75,10 +75,10 @@ fn over_time(
     colour: plotters::style::RGBColor,
     value: impl Fn(&Sample) -> Option<f64>,
 ) -> Chart {
-    let records = measured.pressed.records.iter();
+    let records = measured.pressed.records();
     let course: Vec<(f64, f64)> = records
-        .filter_map(|(at, record)| match record {
-            Record::Sample(sample) => Some((at.as_ticks() as f64 * 1e-6, value(sample)?)),
+        .filter_map(|(time_s, record)| match record {
+            Record::Sample(sample) => Some((time_s, value(sample)?)),
             _ => None,
         })
         .collect();
@@ -153,7 +153,7 @@ pub(super) fn residuals(evaluation: &Evaluation) -> Chart {
 /// Force against the load's displacement, about the middle of the ramps: how far the load had been
 /// pressed before is not in the ramps.
 pub(super) fn load_curve(measured: &Measured) -> Option<Chart> {
-    let records = measured.pressed.records.iter();
+    let records = measured.pressed.records();
     let points: Vec<&LoadPoint> = records
         .filter_map(|(_, record)| match record {
             Record::LoadPoint(point) => Some(point),

@@ -89,13 +89,13 @@ impl Evaluation {
 }
 
 fn readings(measured: &Measured) -> Vec<Reading> {
-    let records = measured.pressed.records.iter();
+    let records = measured.pressed.records();
     records
-        .filter_map(|(at, record)| match record {
+        .filter_map(|(time_s, record)| match record {
             Record::Sample(sample) => {
                 let deformation_m = sample.channels.first()?.deformation_m?;
                 Some(Reading {
-                    time_s: at.as_ticks() as f64 * 1e-6,
+                    time_s,
                     deformation_m: deformation_m.into(),
                     current_a: acting_a(
                         sample.current_a?.into(),
@@ -109,11 +109,9 @@ fn readings(measured: &Measured) -> Vec<Reading> {
 }
 
 fn touched_s(measured: &Measured) -> Option<f64> {
-    let mut records = measured.pressed.records.iter();
-    records.find_map(|(at, record)| match record {
-        Record::Sample(sample) if sample.contact == Contact::Began => {
-            Some(at.as_ticks() as f64 * 1e-6)
-        }
+    let mut records = measured.pressed.records();
+    records.find_map(|(time_s, record)| match record {
+        Record::Sample(sample) if sample.contact == Contact::Began => Some(time_s),
         _ => None,
     })
 }

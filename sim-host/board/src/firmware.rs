@@ -34,7 +34,8 @@ impl std::error::Error for BuildError {}
 /// # Errors
 /// [`BuildError`], with what to do.
 pub fn build() -> Result<PathBuf, BuildError> {
-    build_in(&target_folder(), &[])
+    let workspace = required()?;
+    build_in(&workspace, &target_folder(&workspace), &[])
 }
 
 /// Builds an image with a planted defect, for tests of the tests. One that is newer than the image
@@ -61,8 +62,9 @@ pub fn build_with_logs(level: &str) -> Result<PathBuf, BuildError> {
 /// # Errors
 /// [`BuildError`], with what to do.
 pub fn build_example(name: &str) -> Result<PathBuf, BuildError> {
-    let folder = target_folder();
-    cargo_build(&folder, &["--example", name], &[])?;
+    let workspace = required()?;
+    let folder = target_folder(&workspace);
+    cargo_build(&workspace, &folder, &["--example", name], &[])?;
     Ok(folder
         .join(TARGET)
         .join(PROFILE)
@@ -71,12 +73,13 @@ pub fn build_example(name: &str) -> Result<PathBuf, BuildError> {
 }
 
 fn build_variant(name: &str, variables: &[(&str, &str)]) -> Result<PathBuf, BuildError> {
-    let folder = target_folder().join("planted");
+    let workspace = required()?;
+    let folder = target_folder(&workspace).join("planted");
     let kept = folder.join(format!("{name}.elf"));
     if is_newer(&kept, &build()?) {
         return Ok(kept);
     }
-    let image = build_in(&folder, variables)?;
+    let image = build_in(&workspace, &folder, variables)?;
     std::fs::copy(&image, &kept)
         .map_err(|error| BuildError(format!("{} cannot be written: {error}", kept.display())))?;
     Ok(kept)
@@ -87,24 +90,54 @@ fn is_newer(file: &Path, than: &Path) -> bool {
     matches!((changed(file), changed(than)), (Ok(file), Ok(than)) if file > than)
 }
 
-fn workspace() -> PathBuf {
-    let package = Path::new(env!("CARGO_MANIFEST_DIR"));
-    package.ancestors().nth(2).unwrap_or(package).to_path_buf()
+/// The palpate workspace from which the image is built: the folder that holds the firmware's
+/// package, from the working directory upwards.
+#[must_use]
+pub fn workspace() -> Option<PathBuf> {
+    let here = env::current_dir().ok()?;
+    let found = here.ancestors().find(|folder| is_workspace(folder))?;
+    Some(found.to_path_buf())
 }
 
-/// Where cargo builds: as the environment says, or beside the program that runs.
-fn target_folder() -> PathBuf {
-    env::var_os("CARGO_TARGET_DIR").map_or_else(|| workspace().join("target"), PathBuf::from)
+fn is_workspace(folder: &Path) -> bool {
+    let manifest = std::fs::read_to_string(folder.join("firmware/Cargo.toml"));
+    let name = format!("name = \"{PACKAGE}\"");
+    folder.join("Cargo.toml").is_file()
+        && manifest.is_ok_and(|text| text.lines().any(|line| line.trim() == name))
 }
 
-fn build_in(folder: &Path, variables: &[(&str, &str)]) -> Result<PathBuf, BuildError> {
-    cargo_build(folder, &["--bin", PACKAGE], variables)?;
+fn required() -> Result<PathBuf, BuildError> {
+    workspace().ok_or_else(|| {
+        BuildError(
+            "the firmware image is built in a palpate checkout, and the working directory is in \
+             none: change to one"
+                .to_owned(),
+        )
+    })
+}
+
+/// Where cargo builds: as the environment says, or in the workspace.
+fn target_folder(workspace: &Path) -> PathBuf {
+    workspace.join(env::var_os("CARGO_TARGET_DIR").unwrap_or_else(|| "target".into()))
+}
+
+fn build_in(
+    workspace: &Path,
+    folder: &Path,
+    variables: &[(&str, &str)],
+) -> Result<PathBuf, BuildError> {
+    cargo_build(workspace, folder, &["--bin", PACKAGE], variables)?;
     Ok(folder.join(TARGET).join(PROFILE).join(PACKAGE))
 }
 
-fn cargo_build(folder: &Path, what: &[&str], variables: &[(&str, &str)]) -> Result<(), BuildError> {
-    provide_target()?;
-    let mut cargo = command("cargo");
+fn cargo_build(
+    workspace: &Path,
+    folder: &Path,
+    what: &[&str],
+    variables: &[(&str, &str)],
+) -> Result<(), BuildError> {
+    provide_target(workspace)?;
+    let mut cargo = command("cargo", workspace);
     cargo
         .args(["build", "--locked", "--package", PACKAGE])
         .args(["--profile", PROFILE, "--target", TARGET])
@@ -119,9 +152,9 @@ fn cargo_build(folder: &Path, what: &[&str], variables: &[(&str, &str)]) -> Resu
 }
 
 /// A child that does not inherit what describes the cargo that runs this program.
-fn command(program: &str) -> Command {
+fn command(program: &str, workspace: &Path) -> Command {
     let mut command = Command::new(program);
-    command.current_dir(workspace());
+    command.current_dir(workspace);
     for (name, _) in env::vars_os() {
         let describes_parent = name.to_str().is_some_and(|name| {
             matches!(
@@ -137,8 +170,8 @@ fn command(program: &str) -> Command {
     command
 }
 
-fn provide_target() -> Result<(), BuildError> {
-    let mut query = command("rustc");
+fn provide_target(workspace: &Path) -> Result<(), BuildError> {
+    let mut query = command("rustc", workspace);
     query.args(["--print", "target-libdir", "--target", TARGET]);
     let output = query.output().map_err(|error| {
         BuildError(format!("rustc could not be started: {error}; install Rust"))
@@ -147,7 +180,7 @@ fn provide_target() -> Result<(), BuildError> {
     if Path::new(&folder).is_dir() {
         return Ok(());
     }
-    let mut add = command("rustup");
+    let mut add = command("rustup", workspace);
     add.args(["target", "add", TARGET]);
     run(
         add,

@@ -3,12 +3,10 @@
 use std::fmt;
 
 use ldc161x_sim::Time;
-use palpate_procedure::Instant;
-use palpate_sim::board::TimedRecord;
 use palpate_sim::device::Device;
 use palpate_sim::electrical::ConverterParameters;
 use palpate_sim::world::World;
-use palpate_wire::{Command, Message, Record, RecordDecoder, Sequencer, encode};
+use palpate_wire::{Command, Frame, Message, Record, RecordDecoder, Sequencer, encode};
 
 use crate::board::{Board, Options};
 use crate::coil::Drive;
@@ -78,7 +76,7 @@ pub struct Instrument {
     /// Bytes of a frame that has not ended.
     pending: Vec<u8>,
     sequencer: Sequencer,
-    records: Vec<TimedRecord>,
+    frames: Vec<Frame<Record>>,
     logs: Vec<u8>,
     damaged: u32,
 }
@@ -112,7 +110,7 @@ impl Instrument {
             board: Board::new(image, Pressed::new(world), chip, options),
             pending: Vec::new(),
             sequencer: Sequencer::new(0),
-            records: Vec::new(),
+            frames: Vec::new(),
             logs: Vec::new(),
             damaged: 0,
         }
@@ -163,8 +161,7 @@ impl Instrument {
                     continue;
                 };
                 self.sequencer.address(frame.header.boot_id);
-                let at = Instant::from_ticks(frame.header.time_us);
-                self.records.push((at, frame.message));
+                self.frames.push(frame);
             }
         }
     }
@@ -205,8 +202,8 @@ impl Device for Instrument {
         ran.map_err(|stop| Failure::Stopped(stop, self.now()))
     }
 
-    fn records(&mut self) -> &mut Vec<TimedRecord> {
-        &mut self.records
+    fn frames(&mut self) -> &mut Vec<Frame<Record>> {
+        &mut self.frames
     }
 
     fn with_world<T>(&mut self, look: impl FnOnce(&mut World) -> T) -> T {

@@ -40,7 +40,7 @@ use palpate_procedure::units::{Ampere, Celsius};
 use palpate_procedure::{Action, Actions, Conversion, Duration, Event, Instant, Procedure, Scan};
 use palpate_wire::code::{FaultCode, Place};
 use palpate_wire::record::{CoilTest, CurrentTrace};
-use palpate_wire::{Command, Header, Message, Record};
+use palpate_wire::{Command, Header, Message, Record, Sequencer};
 
 use crate::device::Device;
 use crate::electrical::{reference_hardware, reference_limits};
@@ -198,7 +198,8 @@ pub struct VirtualBoard<'a> {
     counted: Time,
     next_conditions: Time,
     commands_sent: u32,
-    records: Vec<TimedRecord>,
+    sequencer: Sequencer,
+    frames: Vec<palpate_wire::Frame<Record>>,
 }
 
 /// The converter under way.
@@ -269,7 +270,8 @@ impl<'a> VirtualBoard<'a> {
             counted: hardware.world.borrow().now(),
             next_conditions: hardware.world.borrow().now(),
             commands_sent: 0,
-            records: Vec::new(),
+            sequencer: Sequencer::new(BOOT_ID),
+            frames: Vec::new(),
         }
     }
 
@@ -524,7 +526,10 @@ impl<'a> VirtualBoard<'a> {
                     self.wanted = Some(plan);
                     self.start_sensing();
                 }
-                Action::Record { at, record } => self.records.push((at, record)),
+                Action::Record { at, record } => self.frames.push(palpate_wire::Frame {
+                    header: self.sequencer.stamp(at.as_ticks()),
+                    message: record,
+                }),
             }
         }
         Ok(())
@@ -612,14 +617,14 @@ impl Device for VirtualBoard<'_> {
 
     fn send(&mut self, command: Command) -> Result<(), Self::Error> {
         let kind = command.kind();
-        let seen = self.records.len();
+        let seen = self.frames.len();
         let sequence = self.post(command)?;
         let is_answer = |record: &Record| match record {
             Record::Acknowledgement(answer) => answer.command == sequence,
             _ => false,
         };
-        let records = self.records.get(seen..).unwrap_or_default();
-        let is_answered = records.iter().any(|(_, record)| is_answer(record));
+        let frames = self.frames.get(seen..).unwrap_or_default();
+        let is_answered = frames.iter().any(|frame| is_answer(&frame.message));
         let end = self.now() + ANSWER;
         if is_answered || self.run_to(end, is_answer)? {
             return Ok(());
@@ -650,8 +655,8 @@ impl Device for VirtualBoard<'_> {
         Ok(())
     }
 
-    fn records(&mut self) -> &mut Vec<TimedRecord> {
-        &mut self.records
+    fn frames(&mut self) -> &mut Vec<palpate_wire::Frame<Record>> {
+        &mut self.frames
     }
 
     fn with_world<T>(&mut self, look: impl FnOnce(&mut World) -> T) -> T {

@@ -99,9 +99,24 @@ impl Stack {
                 line: 1,
                 key: String::new(),
                 problem: format!("there is no built-in stack {name:?}"),
-                allowed: Self::BUILTIN.join(", "),
+                allowed: format!("{}, or a file that ends in .toml", Self::BUILTIN.join(", ")),
             }),
         }
+    }
+
+    /// A stack by its name: one of [`Stack::BUILTIN`], or a file in `folder` if the name ends in
+    /// `.toml`.
+    ///
+    /// # Errors
+    /// [`LoadError`] for a name that is neither, or a file that cannot be read or is refused.
+    pub fn named(name: &str, folder: &Path) -> Result<Self, LoadError> {
+        let is_file = Path::new(name)
+            .extension()
+            .is_some_and(|ending| ending.eq_ignore_ascii_case("toml"));
+        if is_file {
+            return Self::load(&folder.join(name));
+        }
+        Ok(Self::builtin(name)?)
     }
 
     /// Reads a file.

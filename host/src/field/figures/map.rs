@@ -1,7 +1,5 @@
 //! The map: |B| in colours, field lines at equal steps of flux, and what lies where.
 
-use std::path::Path;
-
 use contour::ContourBuilder;
 use palpate_field::design::Design;
 use palpate_field::geometry::shape::Shape;
@@ -9,6 +7,7 @@ use palpate_field::solve::Locator;
 use plotters::prelude::*;
 
 use super::{FONT, LABEL, Picture, TITLE};
+use crate::plot::{self, Area};
 
 /// Half a millimetre of a 70 mm wide picture is three of these.
 const COLUMNS: usize = 200;
@@ -32,6 +31,11 @@ struct Lattice {
 }
 
 impl Lattice {
+    /// The greatest |B|, mT.
+    fn greatest(&self) -> f64 {
+        self.size.iter().copied().fold(0.0, f64::max)
+    }
+
     fn of(picture: &Picture<'_>) -> Self {
         let circle = picture.solved.level.space.mesh.circle;
         let locator = Locator::new(&picture.solved.level, &picture.solved.w);
@@ -85,7 +89,7 @@ fn height(design: &Design) -> [f64; 2] {
         })
 }
 
-pub(super) fn draw(picture: &Picture<'_>, path: &Path) -> Result<(), String> {
+pub(super) fn draw(picture: &Picture<'_>) -> Result<String, String> {
     let lattice = Lattice::of(picture);
     let [reach, tall] = lattice.to_mm();
     // One scale for both directions: 1520 pixels for both sides of the axis.
@@ -96,29 +100,36 @@ pub(super) fn draw(picture: &Picture<'_>, path: &Path) -> Result<(), String> {
         reason = "pixels"
     )]
     let (width, height) = (1520 + 140 + 260, (tall * scale) as u32 + 200);
-    let root = SVGBackend::new(path, (width, height)).into_drawing_area();
-    root.fill(&WHITE).map_err(text)?;
-    let (chart_area, legend) = root.split_horizontally(width - 250);
+    plot::svg((width, height), |root| {
+        let (chart_area, legend) = root.split_horizontally(width - 250);
+        root.fill(&WHITE).map_err(text)?;
+        draw_map(picture, &lattice, &chart_area)?;
+        colour_bar(&legend, lattice.greatest(), picture.unit)
+    })
+}
+
+fn draw_map(picture: &Picture<'_>, lattice: &Lattice, area: &Area<'_>) -> Result<(), String> {
+    let [reach, tall] = lattice.to_mm();
     let title = format!(
         "{}: flux density and field lines {}",
         picture.design.name, picture.driven
     );
-    let mut chart = ChartBuilder::on(&chart_area)
+    let mut chart = ChartBuilder::on(area)
         .caption(title, (FONT, TITLE))
         .margin(20)
         .x_label_area_size(85)
         .y_label_area_size(100)
         .build_cartesian_2d(-reach..reach, lattice.from_x_mm..lattice.from_x_mm + tall)
         .map_err(text)?;
-    let greatest = lattice.size.iter().copied().fold(0.0, f64::max);
+    let greatest = lattice.greatest();
     let band = |size: f64| {
         let decades = (size / greatest).log10();
         #[allow(clippy::cast_possible_truncation, reason = "clamped to the bands")]
         let band = (f64::from(BANDS) * (1.0 + decades / DECADES)) as i32;
         band.clamp(0, BANDS - 1)
     };
-    chart.draw_series(cells(&lattice, band)).map_err(text)?;
-    for line in field_lines(&lattice)? {
+    chart.draw_series(cells(lattice, band)).map_err(text)?;
+    for line in field_lines(lattice)? {
         for side in [-1.0, 1.0] {
             let line = line.iter().map(|&(r, x)| (side * r, x));
             let style = WHITE.mix(0.75).stroke_width(2);
@@ -144,9 +155,7 @@ pub(super) fn draw(picture: &Picture<'_>, path: &Path) -> Result<(), String> {
         .y_label_formatter(&|x| format!("{x:.0}"))
         .label_style((FONT, LABEL))
         .draw()
-        .map_err(text)?;
-    colour_bar(&legend, greatest, picture.unit)?;
-    root.present().map_err(text)
+        .map_err(text)
 }
 
 /// Rows of cells of the same band, on both sides of the axis, as few rectangles.
@@ -244,11 +253,7 @@ fn outlines(design: &Design) -> Vec<(Vec<(f64, f64)>, ShapeStyle)> {
 }
 
 /// What the colours stand for.
-fn colour_bar(
-    area: &DrawingArea<SVGBackend<'_>, plotters::coord::Shift>,
-    greatest: f64,
-    unit: &str,
-) -> Result<(), String> {
+fn colour_bar(area: &Area<'_>, greatest: f64, unit: &str) -> Result<(), String> {
     #[allow(clippy::cast_possible_wrap, reason = "pixels")]
     let height = area.dim_in_pixel().1 as i32;
     let (top, bottom) = (120, height - 120);

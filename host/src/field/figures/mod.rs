@@ -4,7 +4,7 @@ mod map;
 mod profiles;
 
 use std::io::{self, Write};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 use palpate_field::design::Design;
@@ -12,6 +12,7 @@ use palpate_field::solve::Solved;
 
 use super::input::{Source, at_current, current, per_ampere, sharpened};
 use crate::failure::Failure;
+use crate::output::OutputFile;
 
 /// Draw a design: map of the flux density with field lines, profiles along and across the axis
 #[derive(Args)]
@@ -39,6 +40,9 @@ struct Picture<'p> {
     driven: String,
 }
 
+/// Draws a picture as SVG.
+type Draw = fn(&Picture<'_>) -> Result<String, String>;
+
 /// Text in drawings: any sans-serif font, at these sizes. Drawings are made large, since the library
 /// rounds to whole pixels.
 const FONT: &str = "sans-serif";
@@ -47,6 +51,9 @@ const LABEL: u32 = 30;
 
 pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let design = arguments.source.load()?;
+    let kinds = ["map", "axial", "radial"];
+    let names = kinds.map(|kind| format!("{}-{kind}.svg", file_name(&design.name)));
+    let files = OutputFile::in_folder("--out", &arguments.out, names)?;
     let effort = &arguments.source.effort;
     let (solved, unit, driven) = match arguments.current {
         None => (
@@ -67,23 +74,14 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         unit,
         driven,
     };
-    let folder = &arguments.out;
-    let to = |kind: &str| folder.join(format!("{}-{kind}.svg", file_name(&design.name)));
-    std::fs::create_dir_all(folder)?;
     let mut out = io::stdout().lock();
-    let drawn = [
-        (
-            to("map"),
-            map::draw as fn(&Picture<'_>, &Path) -> Result<(), String>,
-        ),
-        (to("axial"), profiles::axial),
-        (to("radial"), profiles::radial),
-    ];
-    for (path, draw) in drawn {
-        draw(&picture, &path).map_err(|reason| {
-            Failure::Refused(format!("{} could not be drawn: {reason}", path.display()))
-        })?;
-        writeln!(out, "{}", path.display())?;
+    let drawn: [Draw; 3] = [map::draw, profiles::axial, profiles::radial];
+    for (file, draw) in files.iter().zip(drawn) {
+        let path = file.path().display();
+        let drawing = draw(&picture)
+            .map_err(|reason| Failure::Refused(format!("{path} could not be drawn: {reason}")))?;
+        file.write(drawing)?;
+        writeln!(out, "{path}")?;
     }
     Ok(())
 }

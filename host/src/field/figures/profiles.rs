@@ -1,7 +1,5 @@
 //! Profiles along and across the axis, as in the paper's figures 5 to 10.
 
-use std::path::Path;
-
 use plotters::prelude::*;
 
 use palpate_field::design::Core;
@@ -10,8 +8,11 @@ use palpate_field::solve::Solved;
 
 use super::{FONT, LABEL, Picture, TITLE};
 use crate::field::profile::Line;
+use crate::plot;
 
 const POINTS: u32 = 601;
+/// Of a drawing, in pixels.
+const SIZE: (u32, u32) = (1600, 1000);
 /// Lines that differ in brightness too.
 const COLOURS: [RGBColor; 4] = [
     RGBColor(0, 60, 160),
@@ -54,7 +55,7 @@ pub(super) fn points(core: &Core, solved: &Solved) -> Vec<Point> {
 }
 
 /// |B| parallel to the axis.
-pub(super) fn axial(picture: &Picture<'_>, path: &Path) -> Result<(), String> {
+pub(super) fn axial(picture: &Picture<'_>) -> Result<String, String> {
     let core = &picture.design.core;
     let chart = Chart {
         title: format!(
@@ -65,11 +66,11 @@ pub(super) fn axial(picture: &Picture<'_>, path: &Path) -> Result<(), String> {
         range: axial_range(core),
         core: core.x_m,
     };
-    chart.draw(picture, &axial_lines(core), path)
+    plot::svg(SIZE, |root| chart.draw(picture, &axial_lines(core), root))
 }
 
 /// |B| across the axis.
-pub(super) fn radial(picture: &Picture<'_>, path: &Path) -> Result<(), String> {
+pub(super) fn radial(picture: &Picture<'_>) -> Result<String, String> {
     let core = &picture.design.core;
     let chart = Chart {
         title: format!(
@@ -80,7 +81,7 @@ pub(super) fn radial(picture: &Picture<'_>, path: &Path) -> Result<(), String> {
         range: Line::Radius(0.0).range(picture.solved),
         core: [0.0, core.r_m],
     };
-    chart.draw(picture, &radial_lines(core), path)
+    plot::svg(SIZE, |root| chart.draw(picture, &radial_lines(core), root))
 }
 
 struct Chart {
@@ -93,7 +94,12 @@ struct Chart {
 }
 
 impl Chart {
-    fn draw(&self, picture: &Picture<'_>, curves: &[Named], path: &Path) -> Result<(), String> {
+    fn draw(
+        &self,
+        picture: &Picture<'_>,
+        curves: &[Named],
+        root: &plot::Area<'_>,
+    ) -> Result<(), String> {
         let sampled: Vec<(&str, Vec<(f64, f64)>)> = curves
             .iter()
             .map(|(name, line)| {
@@ -105,10 +111,9 @@ impl Chart {
             })
             .collect();
         let top = 1.08 * self.greatest(&sampled);
-        let root = SVGBackend::new(path, (1600, 1000)).into_drawing_area();
         root.fill(&WHITE).map_err(text)?;
         let [from, to] = self.range.map(|end| 1e3 * end);
-        let mut chart = ChartBuilder::on(&root)
+        let mut chart = ChartBuilder::on(root)
             .caption(&self.title, (FONT, TITLE))
             .margin(24)
             .x_label_area_size(90)
@@ -149,8 +154,7 @@ impl Chart {
             .border_style(BLACK.mix(0.4))
             .label_font((FONT, LABEL))
             .draw()
-            .map_err(text)?;
-        root.present().map_err(text)
+            .map_err(text)
     }
 
     /// The greatest value within three quarters of the core about its middle, or a bit beyond:

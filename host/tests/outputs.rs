@@ -1,0 +1,172 @@
+//! Files that verbs write, and what is left of a run that is interrupted.
+
+use std::fs;
+use std::io::{BufRead, BufReader, Read};
+use std::path::Path;
+use std::process::{Child, Command, Output, Stdio};
+
+/// Runs the tool in a folder outside of any checkout, where nothing that needs an image can run.
+fn palpate(place: &Path, arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_palpate"))
+        .args(arguments)
+        .current_dir(place)
+        .output()
+        .unwrap()
+}
+
+const SCENARIO: &str = "stack = \"ultrasoft\"\ndisturbances = \"none\"\n\n[[press]]\nload = \"spring\"\n\
+                        stiffness_N_per_m = 2e3\ndepth_m = 0.05e-3\n";
+
+#[test]
+fn what_cannot_be_written_is_refused_before_the_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let place = folder.path();
+    fs::write(place.join("scenario.toml"), SCENARIO).unwrap();
+    fs::write(place.join("file"), "no folder").unwrap();
+    fs::create_dir(place.join("folder")).unwrap();
+    let verbs: [&[&str]; 10] = [
+        &["demo", "--report"],
+        &["simulate", "scenario.toml", "--report"],
+        &["simulate", "scenario.toml", "--records"],
+        &["simulate", "scenario.toml", "--engine", "image", "--trace"],
+        &["coverage", "--rows"],
+        &["bring-up", "--emulated", "--settings"],
+        &["calibrate", "current", "--emulated", "--output"],
+        &["field", "stack", "closed", "--mse", "soft", "--out"],
+        &["coil", "--emulated", "--plots"],
+        &["field", "figures", "A", "--out"],
+    ];
+    for verb in verbs {
+        // What takes a folder makes it, if it can.
+        let names_folder = verb.contains(&"--plots") || verb.contains(&"figures");
+        let wrong: &[&str] = if names_folder {
+            &["file", "file/plots"]
+        } else {
+            &["missing/out", "folder", "file/out"]
+        };
+        for path in wrong {
+            let output = palpate(place, &[verb, &[*path]].concat());
+            let message = String::from_utf8(output.stderr).unwrap();
+            assert_eq!(output.status.code(), Some(2), "{verb:?}: {message}");
+            let named = format!("{} {path}: ", verb[verb.len() - 1]);
+            assert!(message.contains(&named), "{verb:?}: {message}");
+            assert!(message.contains("Name a file"), "{verb:?}: {message}");
+            assert!(output.stdout.is_empty(), "{verb:?}");
+        }
+    }
+    assert_eq!(fs::read_dir(place).unwrap().count(), 3);
+}
+
+/// A device that takes nothing, as a full disk: found only when it is written to.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_disk_loses_neither_the_table_nor_the_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let place = folder.path();
+    fs::write(place.join("scenario.toml"), SCENARIO).unwrap();
+    let output = palpate(
+        place,
+        &["simulate", "scenario.toml", "--report", "/dev/full"],
+    );
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(1), "{message}");
+    assert!(message.contains("--report /dev/full: "), "{message}");
+    let table = String::from_utf8(output.stdout).unwrap();
+    assert!(table.contains("of 1 loads estimated"), "{table}");
+}
+
+fn started(place: &Path, arguments: &[&str]) -> Child {
+    Command::new(env!("CARGO_BIN_EXE_palpate"))
+        .args(arguments)
+        .current_dir(place)
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap()
+}
+
+/// All that a run printed which was interrupted after so many lines.
+#[cfg(unix)]
+fn interrupted_after(lines: usize, mut run: Child) -> String {
+    let mut out = BufReader::new(run.stdout.take().unwrap());
+    let mut text = String::new();
+    for _ in 0..lines {
+        assert!(out.read_line(&mut text).unwrap() > 0, "{text}");
+    }
+    let id = run.id().to_string();
+    let sent = Command::new("kill").args(["-INT", &id]).status().unwrap();
+    assert!(sent.success());
+    out.read_to_string(&mut text).unwrap();
+    assert!(
+        !run.wait().unwrap().success(),
+        "it went on to its end: {text}"
+    );
+    text
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupted_sweep_has_its_first_rows() {
+    let folder = tempfile::tempdir().unwrap();
+    let vary = "parameters.gap=3..7:400";
+    let run = started(
+        folder.path(),
+        &["field", "sweep", "B1", "--accuracy", "1e-2", "--vary", vary],
+    );
+    let text = interrupted_after(6, run);
+    let mut reader = csv::Reader::from_reader(text.as_bytes());
+    let rows: Vec<csv::StringRecord> = reader.records().map(Result::unwrap).collect();
+    assert!((5..400).contains(&rows.len()), "{}", rows.len());
+    for (place, row) in rows.iter().enumerate() {
+        let gap: f64 = row[0].parse().unwrap();
+        assert!(
+            (gap - (3.0 + 4.0 * place as f64 / 399.0)).abs() < 1e-9,
+            "{row:?}"
+        );
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupted_search_has_its_best_as_a_comment_of_the_design() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = started(
+        folder.path(),
+        &[
+            "field",
+            "optimise",
+            "B1",
+            "--goal",
+            "homogeneity",
+            "--vary",
+            "parameters.gap=3..7",
+            "--print",
+        ],
+    );
+    let text = interrupted_after(2, run);
+    for line in text.lines() {
+        assert!(line.starts_with("# "), "{line}");
+        assert!(line.contains("std/mean of |B|"), "{line}");
+        assert!(line.contains(" parameters.gap="), "{line}");
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupted_coverage_has_the_sensors_that_were_done() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = started(
+        folder.path(),
+        &["coverage", "--plants", "1000", "--rows", "rows.csv"],
+    );
+    let text = interrupted_after(1, run);
+    assert!(text.starts_with("seed 1: 8 of 8 "), "{text}");
+    let mut reader = csv::Reader::from_path(folder.path().join("rows.csv")).unwrap();
+    let rows: Vec<csv::StringRecord> = reader.records().map(Result::unwrap).collect();
+    assert!(rows.len() >= 8, "{rows:?}");
+    let heads = reader.headers().unwrap();
+    let column = |name: &str| heads.iter().position(|head| head == name).unwrap();
+    for row in &rows[..8] {
+        assert_eq!(&row[column("seed")], "1");
+        assert_eq!(&row[column("covered")], "true", "{row:?}");
+    }
+}
