@@ -60,7 +60,11 @@ mod tests {
         let computed = AtomicUsize::new(0);
         let compute = |place: usize| {
             // Neighbours end in the wrong order.
-            sleep(Duration::from_millis(if place % 2 == 0 { 4 } else { 1 }));
+            sleep(Duration::from_millis(if place.is_multiple_of(2) {
+                4
+            } else {
+                1
+            }));
             computed.fetch_add(1, Ordering::Relaxed);
             place * place
         };

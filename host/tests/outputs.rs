@@ -115,7 +115,8 @@ fn an_interrupted_sweep_has_its_first_rows() {
     let text = interrupted_after(6, run);
     let mut reader = csv::Reader::from_reader(text.as_bytes());
     let rows: Vec<csv::StringRecord> = reader.records().map(Result::unwrap).collect();
-    assert!((5..400).contains(&rows.len()), "{}", rows.len());
+    // Long before the end: all at once, a pipe would have held most of them.
+    assert!((5..200).contains(&rows.len()), "{}", rows.len());
     for (place, row) in rows.iter().enumerate() {
         let gap: f64 = row[0].parse().unwrap();
         assert!(

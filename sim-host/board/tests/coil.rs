@@ -599,8 +599,8 @@ fn a_drawn_sensor_drives_its_train() {
             _ => false,
         };
         let is_driven = instrument.run_to(end, is_over).unwrap();
-        let refused = |(_, record): &(_, Record)| matches!(record, Record::Refusal(_));
-        let refusal = instrument.records().iter().find(|of| refused(of)).cloned();
+        let mut records = instrument.frames().iter().map(|frame| &frame.message);
+        let refusal = records.find(|of| matches!(of, Record::Refusal(_))).cloned();
         assert!(is_driven, "seed {seed}: {refusal:?}");
         let mut greatest_a = 0.0_f32;
         for (_, record) in instrument.take_records() {
