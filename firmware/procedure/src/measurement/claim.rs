@@ -229,8 +229,8 @@ fn with_misfit(
     let misfit = bend.map_or(0.0, |bend| bend.uncertainty(whole, scatter));
     let allowed = LEAST_MISFIT.max(OF_USUAL_BEND * SLOPE_BY_BEND * usual);
     let limit = claim.standard_error.max(allowed * whole);
-    // Negated, so that NaN is refused.
-    if !(misfit <= limit) {
+    // NaN is refused, too.
+    if misfit.is_nan() || limit.is_nan() || misfit > limit {
         return Err((RefusalReason::Misfit, Some(misfit), Some(limit)));
     }
     Ok(claim.with_uncertainty(misfit))
@@ -371,7 +371,7 @@ fn root_of_rest(whole: f32, part: f32) -> f32 {
 
 #[cfg(test)]
 mod tests {
-    use palpate_model::ramp::{Basis, Noise, Ramp, SLOPE_BY_BEND, Sample};
+    use palpate_model::ramp::{Basis, Noise, Ramp, Sample};
     use palpate_model::units::Second;
 
     use super::*;
