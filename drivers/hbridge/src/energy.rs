@@ -114,8 +114,9 @@ impl Account {
     /// Whether there is no more.
     #[must_use]
     pub fn is_used_up(&self) -> bool {
-        // Negated, so that NaN is.
-        !(self.energy_j <= self.usable_j)
+        // So is one that is not a number.
+        let compared = self.energy_j.partial_cmp(&self.usable_j);
+        compared.is_none_or(core::cmp::Ordering::is_gt)
     }
 
     /// Whether a course may begin now.

@@ -109,7 +109,8 @@ impl Procedure {
         let limit_j = settings.greatest_energy_j.min(limits.energy_j);
         let takes_s = in_seconds(course.duration()).0;
         // Hot copper takes more; once it has cooled that may be less.
-        if forecast.hottest.is_some() && !(energy_j <= limit_j) {
+        let is_too_much = energy_j.is_nan() || energy_j > limit_j;
+        if forecast.hottest.is_some() && is_too_much {
             return never(RefusalReason::TooMuchEnergy, Some(energy_j), Some(limit_j));
         }
         if takes_s > limits.on_time_s {
@@ -148,8 +149,8 @@ impl Procedure {
         };
         let copper = heat.copper();
         let limit = self.hottest();
-        // Negated, so that NaN counts as hot.
-        if !(copper <= limit) {
+        // What is not a number counts as hot.
+        if copper.0.is_nan() || copper > limit {
             let course = Course::new(&self.configuration.settings);
             return Err(Hindrance {
                 reason: (RefusalReason::CoilTooHot, Some(copper.0), Some(limit.0)),
