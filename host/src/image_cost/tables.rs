@@ -85,7 +85,7 @@ fn whole(measured: &Measured, image: &Image) -> Table {
     for [what, value, aim] in [
         ["edge of INTB to START, median", &us(median), ""],
         ["edge of INTB to START, worst", &us(worst), "10 µs"],
-        ["flash", &kib(image.flash_bytes()), "96 KiB"],
+        ["flash", &kib(image.flash_bytes()), ""],
         ["static memory", &kib(image.static_bytes()), "32 KiB"],
         ["code in memory", &kib(image.code_in_memory_bytes()), ""],
         [
