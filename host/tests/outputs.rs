@@ -84,17 +84,14 @@ fn started(place: &Path, arguments: &[&str]) -> Child {
         .unwrap()
 }
 
-/// All that a run printed which was interrupted after so many lines.
-#[cfg(unix)]
+/// All that a run printed which was killed after so many lines, with no chance to write more.
 fn interrupted_after(lines: usize, mut run: Child) -> String {
     let mut out = BufReader::new(run.stdout.take().unwrap());
     let mut text = String::new();
     for _ in 0..lines {
         assert!(out.read_line(&mut text).unwrap() > 0, "{text}");
     }
-    let id = run.id().to_string();
-    let sent = Command::new("kill").args(["-INT", &id]).status().unwrap();
-    assert!(sent.success());
+    run.kill().unwrap();
     out.read_to_string(&mut text).unwrap();
     assert!(
         !run.wait().unwrap().success(),
@@ -103,7 +100,6 @@ fn interrupted_after(lines: usize, mut run: Child) -> String {
     text
 }
 
-#[cfg(unix)]
 #[test]
 fn an_interrupted_sweep_has_its_first_rows() {
     let folder = tempfile::tempdir().unwrap();
@@ -126,7 +122,6 @@ fn an_interrupted_sweep_has_its_first_rows() {
     }
 }
 
-#[cfg(unix)]
 #[test]
 fn an_interrupted_search_has_its_best_as_a_comment_of_the_design() {
     let folder = tempfile::tempdir().unwrap();
@@ -151,7 +146,6 @@ fn an_interrupted_search_has_its_best_as_a_comment_of_the_design() {
     }
 }
 
-#[cfg(unix)]
 #[test]
 fn an_interrupted_coverage_has_the_sensors_that_were_done() {
     let folder = tempfile::tempdir().unwrap();

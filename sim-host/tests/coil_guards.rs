@@ -237,11 +237,14 @@ fn a_current_that_is_not_reached_is_found_in_time_and_not_before() {
     assert_eq!(told(&mut loop_), Some(Fault::NotFollowing));
 }
 
+/// What happens to bridge, coil and supply.
+type Change = fn(&mut Regulated);
+
 /// Bridge off in the watch's time, whatever it was; the cause comes with the supply's reading. (One that
 /// falls to 6 V is regulated through.)
 #[test]
 fn a_supply_that_collapses_is_the_cause_and_an_open_coil_is_not() {
-    let collapses: [(&str, fn(&mut Regulated)); 4] = [
+    let collapses: [(&str, Change); 4] = [
         ("0 V", |of| of.circuit.parameters.supply_v = 0.0),
         ("3 V", |of| of.circuit.parameters.supply_v = 3.0),
         ("4.3 V", |of| of.circuit.parameters.supply_v = 4.3),
@@ -261,7 +264,7 @@ fn a_supply_that_collapses_is_the_cause_and_an_open_coil_is_not() {
             assert_eq!(loop_.circuit.current_a(), 0.0);
         }
     }
-    let others: [(&str, fn(&mut Regulated)); 3] = [
+    let others: [(&str, Change); 3] = [
         ("open", |of| of.circuit.parameters.coil_ohm = 1e4),
         ("open behind a weak supply", |of| {
             of.circuit.parameters.supply_ohm = 0.24;

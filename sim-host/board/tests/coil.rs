@@ -507,11 +507,14 @@ fn a_test_is_told_once_however_much_is_driven_after_it() {
     assert_eq!(tests_told(&bench, 0), 2);
 }
 
+/// What happens to the circuit.
+type Change = fn(&mut Circuit);
+
 /// A supply that breaks down at once, and one that gives way under load only.
 #[test]
 fn a_supply_that_collapses_is_told_as_that() {
     let snapshot = driving(5.0);
-    let collapses: [(&str, fn(&mut Circuit)); 3] = [
+    let collapses: [(&str, Change); 3] = [
         ("0 V", |circuit| circuit.parameters.supply_v = 0.0),
         ("3 V", |circuit| circuit.parameters.supply_v = 3.0),
         ("3 ohm", |circuit| circuit.parameters.supply_ohm = 3.0),
