@@ -284,7 +284,7 @@ impl Supervisor {
     /// Looks after the drive; to be called every millisecond or so. `supply_v` is the measured
     /// supply, `elapsed_us` the time since the last call.
     ///
-    /// Without it a drive switches itself off after [`ATTENDED_WITHIN`] periods.
+    /// Without it a drive switches itself off after [`ATTENDED_WITHIN`](crate::ATTENDED_WITHIN) periods.
     pub fn attend(&mut self, report: &Report, supply_v: f32, elapsed_us: u32) -> Order {
         self.count_energy(report, supply_v, elapsed_us);
         let gave_way = self.gave_way(report, supply_v, elapsed_us);
