@@ -115,6 +115,18 @@ fn words(heard: &Heard) -> Vec<u32> {
             words.extend(number(conditions.temperature.map(|it| it.0)));
             words.extend(number(conditions.supply_v));
         }
+        OwnEvent::CoilTested(found) => {
+            words.push(tape::COIL_TESTED);
+            let numbers = [
+                found.resistance_ohm,
+                found.inductance_h,
+                found.lost,
+                found.zero_v,
+                found.supply_v,
+            ];
+            words.extend(numbers.map(f32::to_bits));
+            words.extend(number(found.limited_to_a));
+        }
         OwnEvent::Other => unreachable!("no such event in these presses"),
     }
     words

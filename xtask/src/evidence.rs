@@ -425,6 +425,7 @@ mod tests {
             "field-accuracy",
             "image-faults",
             "image-rates",
+            "image-starts",
             "coil-current",
         ];
         for (index, campaign) in CAMPAIGNS.iter().enumerate() {

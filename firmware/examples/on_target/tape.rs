@@ -7,7 +7,7 @@ use palpate_procedure::{
     Action, Actions, Board, Conversion, Duration, Event, Instant, Limits, Procedure, Scan,
 };
 use palpate_wire::code::{self, Chip, ResetCause};
-use palpate_wire::record::Hello;
+use palpate_wire::record::{CoilTest, Hello};
 use palpate_wire::{
     Command, CommandDecoder, Frame, Header, MINOR_VERSION, Message, Record, SCHEMA_HASH, encode,
 };
@@ -22,6 +22,8 @@ pub const SCAN: u32 = 1;
 pub const COMMAND: u32 = 2;
 /// See [`TICK`].
 pub const CONDITIONS: u32 = 3;
+/// See [`TICK`].
+pub const COIL_TESTED: u32 = 4;
 
 /// Words of the longest event, a command byte by byte.
 pub const WORDS: usize = 300;
@@ -102,6 +104,7 @@ pub fn step(procedure: &mut Procedure, actions: &mut Actions, words: &[u32]) -> 
             supply_v: words.number()?,
             ..Conditions::default()
         }),
+        COIL_TESTED => Event::CoilTested(coil_test(&mut words)?),
         _ => return None,
     };
     procedure.step_into(now, &event, actions);
@@ -115,6 +118,17 @@ fn command(words: &mut Words<'_>) -> Option<Frame<Command>> {
             return frame.ok();
         }
     }
+}
+
+fn coil_test(words: &mut Words<'_>) -> Option<CoilTest> {
+    Some(CoilTest {
+        resistance_ohm: f32::from_bits(words.word()?),
+        inductance_h: f32::from_bits(words.word()?),
+        lost: f32::from_bits(words.word()?),
+        zero_v: f32::from_bits(words.word()?),
+        supply_v: f32::from_bits(words.word()?),
+        limited_to_a: words.number()?,
+    })
 }
 
 fn scan(words: &mut Words<'_>) -> Option<Scan> {

@@ -186,7 +186,8 @@ fn a_second_converter_is_told_and_counted_beside_the_first() {
     for command in calibration(&Sensor::default()) {
         rig.accepted(command);
     }
-    for _ in 0..100 {
+    // Longer than bringing it up may take.
+    for _ in 0..200 {
         rig.convert();
         let mut scan = rig.scan();
         scan.sensor = 1;
@@ -198,11 +199,11 @@ fn a_second_converter_is_told_and_counted_beside_the_first() {
             .filter(|of| of.sensor == sensor)
             .count()
     };
-    assert_eq!((of(0), of(1)), (100, 100));
+    assert_eq!((of(0), of(1)), (200, 200));
     let counted = status(&mut rig);
     assert_eq!(
         (counted.conversions, counted.second_conversions),
-        (100, 100)
+        (200, 200)
     );
     // It does not stand in for the first.
     for _ in 0..51 {

@@ -43,6 +43,12 @@ const SOUND: &[(&str, &str, RunsOn, &[&str])] = &[
         RunsOn::Everywhere,
         &["palpate-model", "palpate-wire", "ldc161x", "coil-hbridge"],
     ),
+    (
+        "palpate-node",
+        "firmware/node",
+        RunsOn::Everywhere,
+        &["palpate-procedure", "palpate-wire", "ldc161x"],
+    ),
     ("palpate-float", "firmware/float", RunsOn::Everywhere, &[]),
     (
         "palpate-firmware",
@@ -50,6 +56,7 @@ const SOUND: &[(&str, &str, RunsOn, &[&str])] = &[
         RunsOn::Mcu,
         &[
             "palpate-float",
+            "palpate-node",
             "palpate-procedure",
             "palpate-wire",
             "ldc161x",
@@ -105,6 +112,12 @@ const PLANTED: &[(&str, &str, &str, Kind)] = &[
     ("model-alone", "palpate-model", "palpate-wire", Kind::Normal),
     ("model-alone", "palpate-model", "palpate-field", Kind::Dev),
     ("wire-alone", "palpate-wire", "palpate-model", Kind::Normal),
+    (
+        "node-without-hardware",
+        "palpate-node",
+        "palpate-sim",
+        Kind::Normal,
+    ),
     ("board-below", "palpate-board", "ldc161x", Kind::Normal),
     (
         "field-on-model",

@@ -142,6 +142,7 @@ pub(crate) enum OwnEvent {
     Scan(Scan),
     Command(Frame<Command>),
     Conditions(Conditions),
+    CoilTested(CoilTest),
     Other,
 }
 
@@ -152,6 +153,7 @@ impl OwnEvent {
             Event::Scan(scan) => Self::Scan((*scan).clone()),
             Event::Command(frame) => Self::Command((*frame).clone()),
             Event::Conditions(conditions) => Self::Conditions(*conditions),
+            Event::CoilTested(found) => Self::CoilTested(found.clone()),
             _ => Self::Other,
         }
     }
