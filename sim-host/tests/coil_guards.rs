@@ -207,7 +207,7 @@ fn weak(to_a: f32, change: impl Fn(&mut Regulated)) -> (u32, Fault, Regulated) {
 }
 
 /// What the driver says once it knows.
-fn told(loop_: &mut Regulated) -> Option<Fault> {
+fn reported(loop_: &mut Regulated) -> Option<Fault> {
     // A look every millisecond.
     for _ in 0..10 {
         loop_.run_for(1e-3);
@@ -227,14 +227,14 @@ fn a_current_that_is_not_reached_is_found_in_time_and_not_before() {
         "{periods}"
     );
     // 11.5 A take 6 V through the coil as it was tested: the supply is too low for them.
-    assert_eq!(told(&mut loop_), Some(Fault::SupplyLow));
+    assert_eq!(reported(&mut loop_), Some(Fault::SupplyLow));
     let [supply_v, needed_v] = loop_.supervisor().supply_low_v().expect("what was found");
     assert!((4.0..5.0).contains(&supply_v), "{supply_v}");
     assert!((5.4..6.2).contains(&needed_v), "{needed_v}");
     // Through one that is a third hotter they would not flow even if the supply sufficed.
     let (_, fault, mut loop_) = weak(8.4, |of| of.circuit.parameters.coil_ohm *= 1.35);
     assert_eq!(fault, Fault::NotFollowing);
-    assert_eq!(told(&mut loop_), Some(Fault::NotFollowing));
+    assert_eq!(reported(&mut loop_), Some(Fault::NotFollowing));
 }
 
 /// What happens to bridge, coil and supply.
@@ -260,7 +260,11 @@ fn a_supply_that_collapses_is_the_cause_and_an_open_coil_is_not() {
             let (periods, fault) = trips(&mut loop_, 1_000).expect(what);
             println!("{what}: {fault:?} after {periods} periods");
             assert!(periods <= BALANCED_WITHIN, "{what}: {periods}");
-            assert_eq!(told(&mut loop_), Some(Fault::SupplyLow), "{what} {phase}");
+            assert_eq!(
+                reported(&mut loop_),
+                Some(Fault::SupplyLow),
+                "{what} {phase}"
+            );
             assert_eq!(loop_.circuit.current_a(), 0.0);
         }
     }
@@ -282,7 +286,7 @@ fn a_supply_that_collapses_is_the_cause_and_an_open_coil_is_not() {
         loop_.slow.limit_faults = false;
         change(&mut loop_);
         trips(&mut loop_, 1_000).expect(what);
-        assert_eq!(told(&mut loop_), Some(Fault::CurrentMissing), "{what}");
+        assert_eq!(reported(&mut loop_), Some(Fault::CurrentMissing), "{what}");
     }
 }
 

@@ -297,7 +297,7 @@ mod tests {
             prop_assert!((forecast_j - most_j).abs() < 0.02 + 1e-3 * most_j, "{forecast_j} {most_j}");
         }
 
-        /// Who waits as long as is told may begin, and who waits less may not.
+        /// A course may begin after the time that is returned, and not before.
         #[test]
         fn the_wait_is_as_long_as_it_has_to_be(
             lines in prop::collection::vec((-12.0_f32..12.0, 0.0_f32..0.5), 1..12),

@@ -36,7 +36,7 @@ pub use output::{Levels, Output};
 pub use pins::{HBridge, PinError};
 pub use probe::{FROZEN_WITHIN, HELD_BEFORE};
 pub use ripple::Ripple;
-pub use self_test::Findings;
+pub use self_test::{Findings, SELF_TEST_J};
 pub use supervisor::Supervisor;
 pub use trace::Trace;
 pub use watch::{ATTENDED_WITHIN, BALANCED_WITHIN, FOLLOWS_WITHIN};

@@ -54,7 +54,7 @@ pub(crate) struct Reach {
     /// Least current with which it is done, and the greatest that is regulated to.
     pub(crate) currents: [i32; 2],
     /// By how much a current may miss where it is wanted.
-    pub(crate) astray: i32,
+    pub(crate) tracking_error: i32,
     /// Level below which a current surely is reached.
     pub(crate) top: i32,
 }
@@ -76,9 +76,9 @@ pub(crate) struct Probe {
     stage: Stage,
     /// Which of [`STEPS`].
     step: usize,
-    /// The current that is held, and what is wanted of the drive just now.
+    /// The current that is held, and the setpoint just now.
     held: i32,
-    wanted: i32,
+    setpoint: i32,
     /// Sums of units and levels, and blocks, when the stage began.
     since: (i32, i32, u32),
     /// Least and greatest of the means that are all the same, and for how many turns they are.
@@ -94,10 +94,10 @@ impl Probe {
         let [least, _] = reach.currents;
         let (_, _, begun) = self.since;
         let passed = report.blocks.wrapping_sub(begun);
-        if report.state != State::Driving || !report.holds || report.wanted != self.wanted {
+        if report.state != State::Driving || !report.holds || report.wanted != self.setpoint {
             *self = Self {
                 held: report.wanted,
-                wanted: report.wanted,
+                setpoint: report.wanted,
                 ..Self::default()
             };
             self.begin(Stage::Held, report);
@@ -152,11 +152,11 @@ impl Probe {
         let mut step = STEPS.get(self.step).copied().unwrap_or_default();
         if step < 0 && self.at_top {
             // Down to where it is reached for sure.
-            step -= reach.astray;
+            step -= reach.tracking_error;
         }
-        let wanted = self.held + step * self.held.signum();
-        self.wanted = wanted.min(most).max(-most);
-        Next::Hold(self.wanted)
+        let setpoint = self.held + step * self.held.signum();
+        self.setpoint = setpoint.min(most).max(-most);
+        Next::Hold(self.setpoint)
     }
 
     fn begin(&mut self, stage: Stage, report: &Report) {

@@ -19,7 +19,7 @@ use crate::output::Levels;
 pub(crate) const TARGET_A: f32 = 1.0;
 /// What a self-test counts as, J, whatever it measures: one that measures nothing because the
 /// current measurement is dead may have driven a few amperes for 60 ms.
-pub(crate) const COSTS_J: f32 = 1.0;
+pub const SELF_TEST_J: f32 = 1.0;
 /// Level of the second point over that of the first.
 const FACTOR: i32 = 4;
 /// Levels by which the voltage rises, as a part of the full one: 1/512.

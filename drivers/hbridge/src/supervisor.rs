@@ -12,7 +12,7 @@ use crate::output::Shaper;
 use crate::probe::{Next, Probe, Reach};
 use crate::regulator::Gains;
 use crate::ripple::Ripple;
-use crate::self_test::{COSTS_J, Findings, Plan, TARGET_A, evaluate};
+use crate::self_test::{Findings, Plan, SELF_TEST_J, TARGET_A, evaluate};
 use crate::watch::{BALANCED_WITHIN, Bounds};
 use crate::waveform::Waveform;
 
@@ -22,7 +22,7 @@ const CHANGE: f32 = 0.02;
 /// Most of the time that one look may stand for, us: a clock that jumps forgets no energy.
 const MOST_ELAPSED_US: u32 = 1_000_000;
 /// Part of the greatest current by which one may miss where it is wanted.
-const ASTRAY: f32 = 1.0 / 16.0;
+const TRACKING_ERROR: f32 = 1.0 / 16.0;
 /// Blocks from one value of the resistance to the next: 16 ms at 16 us.
 const RESISTANCE_BLOCKS: u32 = 64;
 
@@ -43,7 +43,7 @@ pub struct Supervisor {
     latched: bool,
     probe: Probe,
     blame: Blame,
-    /// The supply's lowest reading since the last look, V, if readings were told.
+    /// The supply's lowest reading since the last look, V, if there were readings.
     lowest_v: Option<f32>,
     /// The current that was wanted when the drive was last seen driving, units.
     wanted: i32,
@@ -76,7 +76,7 @@ impl Supervisor {
             trip: hardware.units(limits.trip_a),
             bounds: Bounds {
                 margin: full / 24,
-                astray: hardware.units(ASTRAY * limits.current_a),
+                astray: hardware.units(TRACKING_ERROR * limits.current_a),
                 on_periods: (limits.on_time_s / hardware.period_s) as u32,
             },
             reversed: hardware.ampere_per_count < 0.0,
@@ -105,7 +105,7 @@ impl Supervisor {
             wanted: 0,
             reach: Reach {
                 currents: [0.5 * TARGET_A, limits.current_a].map(|of| hardware.units(of)),
-                astray: hardware.units(ASTRAY * limits.current_a),
+                tracking_error: hardware.units(TRACKING_ERROR * limits.current_a),
                 top: (0.95 * limits.duty * f32::from(hardware.full_level)) as i32,
             },
         };
@@ -189,10 +189,10 @@ impl Supervisor {
         if !(low_v..=high_v).contains(&supply_v) {
             return Err(Refusal::Supply(supply_v));
         }
-        if self.account.energy_j() + COSTS_J > self.account.usable_j() {
-            return Err(Refusal::Energy(COSTS_J));
+        if self.account.energy_j() + SELF_TEST_J > self.account.usable_j() {
+            return Err(Refusal::Energy(SELF_TEST_J));
         }
-        self.account.charge(COSTS_J);
+        self.account.charge(SELF_TEST_J);
         self.findings = None;
         if report.state != State::Driving {
             self.source.open_v = supply_v;
@@ -227,7 +227,7 @@ impl Supervisor {
     ///
     /// # Errors
     /// No coil known, a fault, a limit; [`Refusal::Energy`] if the waveform would take more than is
-    /// left: [`Account::time_until_s`] tells for how long.
+    /// left: [`Account::time_until_s`] returns for how long.
     pub fn run(&self, report: &Report, waveform: &Waveform) -> Result<Order, Refusal> {
         match report.state {
             State::Latched(fault) => return Err(Refusal::Latched(fault)),
@@ -318,7 +318,7 @@ impl Supervisor {
         Order(orders)
     }
 
-    /// A reading of the supply, to be told before [`attend`](Self::attend) where that is given a
+    /// Takes a reading of the supply, before [`attend`](Self::attend) where that is given a
     /// smoothed one: the latest, and the one of the moment at which the bridge went off. By the lowest
     /// of them a supply that breaks down is known for the cause of a missing current.
     pub fn read_supply(&mut self, reading_v: f32) {

@@ -94,7 +94,7 @@ fn frames_in_time_are_passed_on_and_nothing_is_missing() {
 }
 
 /// When the word of a channel is latched at the latest, and when its next conversion ends, after the
-/// edge: reckoned from the datasheet, not from the code under test.
+/// edge: computed from the datasheet, not from the code under test.
 fn word_and_end_us(case: (u8, f32, bool), place: u32, delay_us: f64) -> (f64, f64) {
     let (channels, rate_hz, with_status) = case;
     let scheme = scheme(channels, rate_hz);

@@ -1,4 +1,4 @@
-//! Why a run began, from reset flags and any memory: a crash that can be read is told, one that
+//! Why a run began, from reset flags and any memory: a crash that can be read is reported, one that
 //! cannot is a fault.
 
 mod support;
@@ -122,7 +122,7 @@ fn crashes_in_a_row_are_counted_whatever_they_are_and_a_start_without_one_ends_i
     assert_eq!((boot.streak, keep), (0, NO_RECORD));
 }
 
-/// Otherwise a reset that leaves no record would be told with the place of an earlier crash.
+/// Otherwise a reset that leaves no record would be reported with the place of an earlier crash.
 #[test]
 fn a_record_is_read_once() {
     let (_, keep) = Boot::judge(FORCED, &panicked(&NO_RECORD));
@@ -196,14 +196,14 @@ fn the_procedure_begins_in_the_fault() {
         board.hello.reset_cause = cause;
         let mut procedure = Procedure::new(board);
         let actions = procedure.step(Instant::from_ticks(1_000), &Event::Tick);
-        let told = actions.iter().find_map(|action| match action {
+        let reported = actions.iter().find_map(|action| match action {
             palpate_procedure::Action::Record {
                 record: Record::Fault(fault),
                 ..
             } => Some(fault.code),
             _ => None,
         });
-        assert_eq!(told, fault(cause), "{cause}");
-        assert_eq!(procedure.state() == State::Fault, told.is_some());
+        assert_eq!(reported, fault(cause), "{cause}");
+        assert_eq!(procedure.state() == State::Fault, reported.is_some());
     }
 }

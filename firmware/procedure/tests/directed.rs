@@ -128,7 +128,7 @@ fn the_coils_test_is_asked_for_and_told() {
         rig.records.pop().map(|of| of.1),
         Some(Record::CoilTest(found.clone()))
     );
-    // Once: another that nothing has asked for is not told.
+    // Once: another that nothing has asked for is not reported.
     rig.step(&Event::CoilTested(found));
     assert_eq!(rig.records, []);
 }

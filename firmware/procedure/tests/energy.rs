@@ -26,7 +26,7 @@ fn touched(wires_ohm: f64, settings: Settings) -> Rig {
     rig
 }
 
-/// Converts for a time, with the thermometer told now and then.
+/// Converts for a time, with a reading of the thermometer now and then.
 fn rest(rig: &mut Rig, time_s: f64) {
     let end_us = rig.now_us + (time_s * 1e6) as u64;
     while rig.now_us < end_us {
@@ -120,7 +120,7 @@ fn a_commanded_current_that_does_not_fit_is_refused_with_the_time_to_wait() {
     assert_eq!(rig.state(), State::Directed);
 }
 
-/// What the train makes of the drive's account at its highest, J: driven on a copy, whose drive tells
+/// What the train makes of the drive's account at its highest, J: driven on a copy, whose drive reports
 /// nothing and has no guard.
 fn driven(rig: &Rig, command: Command) -> f32 {
     let mut rig = rig.clone();

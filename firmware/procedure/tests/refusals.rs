@@ -427,7 +427,7 @@ fn the_coil_could_not_bear_the_train() {
 
 #[test]
 fn events_that_come_too_late_stop_the_train() {
-    // A converter of 1 Hz tells nothing for up to ten seconds; holds that end with its conversions may
+    // A converter of 1 Hz is silent for up to ten seconds; holds that end with its conversions may
     // last four seconds, which the coil has to bear.
     let mut rig = with(|of| {
         (of.rate_hz, of.steady_m_per_s) = (1.0, 1.0);

@@ -128,12 +128,20 @@ pub struct Course {
 /// Lets the current take a course from where it is, unless a failure stands that is not known yet
 /// where this is wanted.
 pub fn go(now_us: u64, course: &Course) {
-    with(|coil| coil.failure.is_none().then(|| coil.go(now_us, course)));
+    with(|coil| {
+        if coil.failure.is_none() {
+            coil.go(now_us, course);
+        }
+    });
 }
 
 /// Tests bridge, coil and current measurement; under the same condition.
 pub fn test(now_us: u64) {
-    with(|coil| coil.failure.is_none().then(|| coil.test(now_us)));
+    with(|coil| {
+        if coil.failure.is_none() {
+            coil.test(now_us);
+        }
+    });
 }
 
 /// Records the current from now on.
@@ -165,7 +173,7 @@ pub fn correct(correction: &CurrentCorrection) {
 pub fn stop() {
     safe::bridge_off();
     held(|drive| drive.obey(&Supervisor::stop()));
-    // What a test has found that nobody waits for any more.
+    // Of a test that was stopped nothing is reported.
     with(|coil| coil.found = None);
 }
 
@@ -330,7 +338,7 @@ impl Coil {
     /// The drive's own limits forbid what the procedure's allow, or a fault stands.
     fn refused(&mut self, refusal: &Refusal) {
         let (code, value) = match *refusal {
-            // It is told.
+            // It has been reported.
             Refusal::Latched(_) => return,
             Refusal::Energy(energy_j) => (FaultCode::TooMuchEnergy, energy_j),
             Refusal::Duration(duration_s) => (FaultCode::OnTime, duration_s),

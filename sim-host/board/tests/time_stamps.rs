@@ -3,7 +3,7 @@
 
 mod common;
 
-use common::{Bench, image, recording};
+use common::{Bench, image, origin_us, recording};
 use ldc161x_sim::{Conversion, Settings};
 use palpate_board::{Board, Image, LOGS, Still, Time, firmware};
 
@@ -26,16 +26,6 @@ fn bench(image: &Image) -> Bench {
     // The period of the samples is learnt.
     bench.run(Time::from_ms(100));
     bench
-}
-
-/// The time, in microseconds, at which the image's timer showed 0.
-fn origin_us(board: &Board<Still>) -> f64 {
-    let mut board = board.clone();
-    let shown_us = board.timer_us();
-    board
-        .run_until(Time::from_us(10), |board| board.timer_us() > shown_us)
-        .unwrap();
-    board.now().as_secs_f64() * 1e6 - board.timer_us() as f64
 }
 
 /// By how much a sample's time lies beside the middle of its conversion.

@@ -29,7 +29,7 @@ mod identity;
 use core::cell::RefCell;
 use core::fmt;
 
-use coil_hbridge::{Account, Correction};
+use coil_hbridge::{Account, Correction, SELF_TEST_J};
 use ldc161x::{
     Acquisition, Address, Channel, Error, Frame, Ldc161x, Model, Plan, Rate, ReferenceClock,
     Request, Sensor, Sequence,
@@ -90,8 +90,6 @@ const PIECES: u32 = 16;
 const NO_LIMIT_V: f64 = 12.0;
 /// How long the coil's test takes: that of the reference board's coil, 40 uH and 0.5 ohm at 12 V.
 const COIL_TEST: Time = Time::from_ms(60);
-/// What the drive counts for it, whatever it takes.
-const COIL_TEST_J: f32 = 1.0;
 /// A current that is no error of the world's sums.
 const UNWANTED_A: f64 = 0.01;
 /// Longest wait for an answer: what waits for the coil's test is answered after it.
@@ -438,7 +436,7 @@ impl<'a> VirtualBoard<'a> {
         Ok(())
     }
 
-    /// Tells what the test of the coil has found, when it is over.
+    /// Reports what the test of the coil has found, when it is over.
     fn follow_test(&mut self) -> Result<(), BoardError> {
         if self.test_ends.is_some_and(|ends| ends <= self.now()) {
             self.test_ends = None;
@@ -508,7 +506,7 @@ impl<'a> VirtualBoard<'a> {
                 // An ideal source of current has nothing to find; it takes the time all the same.
                 Action::TestCoil => {
                     self.test_ends = Some(self.now() + COIL_TEST);
-                    self.account.charge(COIL_TEST_J);
+                    self.account.charge(SELF_TEST_J);
                 }
                 Action::TraceCurrent { interval } => {
                     self.tracing = Some(Tracing::new(self.now(), interval.0.into()));

@@ -55,7 +55,7 @@ fn sets(command: &Command, number: usize) -> bool {
     }
 }
 
-/// Kind of the record that tells the settings back.
+/// Kind of the record that holds the settings.
 const SETTINGS: u8 = 0x10;
 
 impl Configuration {
@@ -99,7 +99,7 @@ impl Configuration {
         }
     }
 
-    /// The kind of the record that would tell an item back, if the item is not what was set.
+    /// The kind of the record that holds an item, if the item is not what was set.
     pub(crate) fn damaged(&self, number: usize) -> Option<u8> {
         let is_whole = self.sums.get(number) == Some(&self.sum(number));
         (!is_whole).then(|| item(number).map_or(SETTINGS, |(part, ..)| part.number()))

@@ -2,7 +2,7 @@
 //! left, by the drive's own law and constants ([`Account`]). What does not fit is refused before it
 //! begins, with the time to wait.
 
-use coil_hbridge::{Account, Demand, Load};
+use coil_hbridge::{Account, Demand, Load, SELF_TEST_J};
 use palpate_model::units::{Ampere, Celsius};
 use palpate_wire::code::{Part, RefusalReason};
 use palpate_wire::record::CoilTest;
@@ -22,9 +22,7 @@ const RIPPLE: f32 = 1.02;
 /// 20 to 200 uH at 8 and 12 V the count is 0.913 to 1.013 of the forecast without this
 /// (`the_forecast_is_what_the_drive_counts` in sim-host/tests/energy.rs).
 const RESERVE: f32 = 1.03;
-/// What the drive counts for a test of the coil, J.
-const TEST_J: f32 = 1.0;
-/// The drive's account at rest is told up to 0.07 s late; the wait is longer by so much, s.
+/// The drive's account at rest is reported up to 0.07 s late; the wait is longer by so much, s.
 const LATE_S: f32 = 0.1;
 
 /// Why the coil may not be driven now, and how long to wait; no time where that does not help.
@@ -36,7 +34,7 @@ pub(super) struct Hindrance {
 /// What the drive has said.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Budget {
-    /// The account, and when it was told.
+    /// The account, and when it was reported.
     account: Option<(Instant, Account)>,
     /// The current at the last scan.
     current: Ampere,
@@ -225,20 +223,20 @@ impl Procedure {
         })
     }
 
-    /// The drive's account as it stands now, an upper bound: since it was told, the current may have
+    /// The drive's account as it stands now, an upper bound: since it was reported, the current may have
     /// been at its peak for as long as it flowed, and the coil may have been tested.
     fn account(&self, load: Load, now: Instant) -> Option<Account> {
         let Budget { tested, driven, .. } = self.budget;
-        let (told, mut account) = self.budget.account?;
+        let (reported, mut account) = self.budget.account?;
         let peak_a = self.configuration.settings.peak_current_a;
         let mut unseen = Demand::new(&account, load);
         unseen.starts_at(peak_a);
-        unseen.line(peak_a, seconds(told, driven).0);
+        unseen.line(peak_a, seconds(reported, driven).0);
         account.charge(unseen.most_j());
-        if told <= tested {
-            account.charge(TEST_J);
+        if reported <= tested {
+            account.charge(SELF_TEST_J);
         }
-        account.pass(0.0, seconds(told.max(driven), now).0);
+        account.pass(0.0, seconds(reported.max(driven), now).0);
         Some(account)
     }
 }

@@ -443,7 +443,7 @@ impl Procedure {
         }
     }
 
-    /// A converter that tells nothing is a fault. Until it is configured it has longer.
+    /// A silent converter is a fault. Until it is configured it has longer.
     fn watch_for_silence(&mut self, out: &mut Out<'_>) {
         if matches!(self.phase, Phase::Fault(_)) {
             return;

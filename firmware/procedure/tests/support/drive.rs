@@ -25,7 +25,7 @@ pub(crate) struct Drive {
     pub(crate) lost_v: f64,
     /// What the switching adds to the square of the current, as a part.
     pub(crate) ripple: f64,
-    /// It neither tells its account nor keeps its limit.
+    /// It neither reports its account nor keeps its limit.
     pub(crate) is_silent: bool,
     /// The account at its highest.
     pub(crate) most_j: f32,

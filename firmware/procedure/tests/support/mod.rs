@@ -243,7 +243,7 @@ impl Rig {
     }
 
     /// An event at this moment: carried out, and held against the promises. A test of the coil that
-    /// has ended meanwhile is told after it.
+    /// has ended meanwhile is reported after it.
     pub(crate) fn step(&mut self, event: &Event<'_>) -> Actions {
         let line = self.line;
         let now_us = self.now_us;

@@ -2,7 +2,7 @@
 
 codes! {
     /// What stopped the instrument, or a part of it. The record `fault` carries a value and a
-    /// limit, whose meaning is told here. Number 27 is reserved: it will be the storage's, once
+    /// limit, whose meaning stands here. Number 27 is reserved: it will be the storage's, once
     /// something is stored.
     pub enum FaultCode {
         /// No converter answers at its address. Check supply, wiring and the address pin.
@@ -61,7 +61,7 @@ codes! {
         /// The device came from a hard fault; the record `crash` tells where.
         HardFault = 25 "hard_fault",
         /// Settings or calibration are not what was set: memory was upset. Value: kind of the
-        /// record that tells the part. Set it anew.
+        /// record that holds the part. Set it anew.
         ConfigurationDamaged = 26 "configuration_damaged",
         /// A task missed its deadline. Value and limit: time, s.
         Overrun = 28 "overrun",

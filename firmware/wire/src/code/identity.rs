@@ -3,7 +3,7 @@
 codes! {
     /// Why the device started.
     pub enum ResetCause {
-        /// Power was applied, or came back after a sag; the processor does not tell them apart.
+        /// Power was applied, or came back after a sag; the processor does not distinguish them.
         PowerOn = 1 "power_on",
         /// The reset pin was pulled.
         Pin = 3 "pin",

@@ -221,6 +221,16 @@ impl<P: Plant> Bench<P> {
     }
 }
 
+/// The time, in microseconds, at which the image's timer showed 0.
+pub(crate) fn origin_us<P: Plant>(board: &Board<P>) -> f64 {
+    let mut board = board.clone();
+    let shown_us = board.timer_us();
+    board
+        .run_until(Time::from_us(10), |board| board.timer_us() > shown_us)
+        .unwrap();
+    board.now().as_secs_f64() * 1e6 - board.timer_us() as f64
+}
+
 /// A still board with an image.
 pub(crate) fn board(image: &Image) -> Board<Still> {
     let plant = Still::new(FREQUENCIES_HZ);

@@ -8,7 +8,7 @@ use palpate_wire::code::{Outcome, Stream};
 use palpate_wire::command::Command;
 use palpate_wire::record::Sample;
 
-use super::{Bench, FREQUENCIES_HZ, image, recording};
+use super::{Bench, FREQUENCIES_HZ, image, origin_us, recording};
 
 /// By how much a time stamp may be off.
 pub(crate) const ALLOWED_US: f64 = 2.0;
@@ -97,16 +97,6 @@ impl Judged {
         self.most_us = self.most_us.max(other.most_us);
         self.jitter_us = self.jitter_us.max(other.jitter_us);
     }
-}
-
-/// The time, in microseconds, at which the image's timer showed 0.
-fn origin_us<P: Plant>(board: &Board<P>) -> f64 {
-    let mut board = board.clone();
-    let shown_us = board.timer_us();
-    board
-        .run_until(Time::from_us(10), |board| board.timer_us() > shown_us)
-        .unwrap();
-    board.now().as_secs_f64() * 1e6 - board.timer_us() as f64
 }
 
 fn middle_us(conversion: &Conversion) -> f64 {
