@@ -15,9 +15,9 @@ use ldc161x_sim::{
 use serde::Serialize;
 
 use crate::{
-    bring_up,
     failure::Failure,
     plan_ldc::{self, Board},
+    switches,
 };
 
 /// Run the driver against the simulated chip and stream its readings.
@@ -93,7 +93,7 @@ impl Arguments {
     /// The switches of the simulated chip.
     fn switches(&self) -> Result<Switches, Failure> {
         if let Some(file) = &self.switches {
-            return bring_up::read_switches(file);
+            return switches::read(file);
         }
         Ok(Switches {
             interrupt_release: match self.release {

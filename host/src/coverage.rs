@@ -13,7 +13,7 @@ use palpate_sim::switches::Switches;
 use serde::Serialize;
 
 use crate::demo;
-use crate::engine::Engine;
+use crate::engine::Native;
 use crate::failure::Failure;
 use crate::in_order::in_order;
 use crate::instrument::{Instrument, default_settings};
@@ -217,7 +217,7 @@ fn row(
     let instrument = Instrument::calibrated(stack, disturbances, seed, Switches::all(), &settings)?;
     demo::loads(instrument.plant.sensing.spring_n_per_m)
         .into_iter()
-        .map(|(name, load)| demo::measure(&instrument, name, load, depth, &Engine::Native))
+        .map(|(name, load)| demo::measure(&instrument, name, load, depth, &Native))
         .collect()
 }
 

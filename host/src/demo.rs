@@ -70,7 +70,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mut row = Vec::new();
     for (name, load) in loads(instrument.plant.sensing.spring_n_per_m) {
         progress.say(&format!("pressing {name}"));
-        row.push(measure(&instrument, name, load, 1.0, &engine)?);
+        row.push(measure(&instrument, name, load, 1.0, engine.as_ref())?);
         progress.step();
     }
     progress.finish();
@@ -99,7 +99,7 @@ pub(crate) fn measure(
     name: String,
     load: Load,
     depth: f64,
-    engine: &Engine,
+    engine: &dyn Engine,
 ) -> Result<Measured, Failure> {
     let how = Press {
         name: name.clone(),

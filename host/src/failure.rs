@@ -2,10 +2,10 @@
 
 use std::{fmt, io, path::PathBuf, process::ExitCode};
 
+use palpate_sim::board::BoardError;
+use palpate_sim::parameters::ParameterError;
 use palpate_sim::stack::LoadError;
 use palpate_sim::stack::document::FileError;
-
-use crate::press::Broken;
 
 /// A failure with its place, its cause and what to do.
 #[derive(Debug)]
@@ -109,8 +109,14 @@ impl From<LoadError> for Failure {
     }
 }
 
-impl From<Broken> for Failure {
-    fn from(error: Broken) -> Self {
+impl From<ParameterError> for Failure {
+    fn from(error: ParameterError) -> Self {
+        Self::Refused(error.to_string())
+    }
+}
+
+impl From<BoardError> for Failure {
+    fn from(error: BoardError) -> Self {
         Self::Refused(error.to_string())
     }
 }

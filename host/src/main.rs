@@ -1,8 +1,13 @@
 //! `palpate`: the tool that users of the sensor have in their hands.
 
+// A tool that is built without a part has no use for all that its parts share.
+#![cfg_attr(not(all(feature = "emulator", feature = "field")), allow(dead_code))]
+
+#[cfg(feature = "emulator")]
 mod bring_up;
 mod calibrate;
 mod chip;
+#[cfg(feature = "emulator")]
 mod coil;
 mod coverage;
 mod decode;
@@ -10,12 +15,16 @@ mod demo;
 mod encode;
 mod engine;
 mod failure;
+#[cfg(feature = "field")]
 mod field;
+#[cfg(feature = "emulator")]
 mod image;
+#[cfg(feature = "emulator")]
 mod image_cost;
 mod in_order;
 mod instrument;
 mod jsonl;
+#[cfg(feature = "emulator")]
 mod log;
 mod misfit;
 mod output;
@@ -27,6 +36,7 @@ mod quantity;
 mod report;
 mod results;
 mod simulate;
+mod switches;
 mod train;
 mod verdict;
 mod words;
@@ -57,8 +67,11 @@ enum Verb {
     Words(words::Arguments),
     PlanLdc(plan_ldc::Arguments),
     Chip(chip::Arguments),
+    #[cfg(feature = "emulator")]
     BringUp(bring_up::Arguments),
+    #[cfg(feature = "emulator")]
     Coil(coil::Arguments),
+    #[cfg(feature = "emulator")]
     Calibrate(coil::calibrate::Arguments),
     Decode(decode::Arguments),
     Encode(encode::Arguments),
@@ -67,7 +80,9 @@ enum Verb {
     Coverage(coverage::Arguments),
     #[command(hide = true)]
     Misfit(misfit::Arguments),
+    #[cfg(feature = "field")]
     Field(field::Arguments),
+    #[cfg(feature = "emulator")]
     ImageCost(image_cost::Arguments),
 }
 
@@ -76,8 +91,11 @@ fn main() -> ExitCode {
         Verb::Words(arguments) => words::run(&arguments),
         Verb::PlanLdc(arguments) => plan_ldc::run(&arguments),
         Verb::Chip(arguments) => chip::run(&arguments),
+        #[cfg(feature = "emulator")]
         Verb::BringUp(arguments) => bring_up::run(&arguments),
+        #[cfg(feature = "emulator")]
         Verb::Coil(arguments) => coil::run(&arguments),
+        #[cfg(feature = "emulator")]
         Verb::Calibrate(arguments) => coil::calibrate::run(&arguments),
         Verb::Decode(arguments) => decode::run(&arguments),
         Verb::Encode(arguments) => encode::run(&arguments),
@@ -85,7 +103,9 @@ fn main() -> ExitCode {
         Verb::Simulate(arguments) => simulate::run(&arguments),
         Verb::Coverage(arguments) => coverage::run(&arguments),
         Verb::Misfit(arguments) => misfit::run(&arguments),
+        #[cfg(feature = "field")]
         Verb::Field(arguments) => field::run(&arguments),
+        #[cfg(feature = "emulator")]
         Verb::ImageCost(arguments) => image_cost::run(&arguments),
     };
     match result {

@@ -15,7 +15,7 @@ use rayon::prelude::*;
 
 use crate::coverage::{BEGIN, END};
 use crate::demo;
-use crate::engine::Engine;
+use crate::engine::{Engine, Native};
 use crate::failure::Failure;
 use crate::instrument::{Instrument, default_settings};
 use crate::progress::Progress;
@@ -209,7 +209,7 @@ fn presses(
             };
             let n_per_m = ratio * bench.sensing.spring_n_per_m;
             let mut press = |pressed: &Instrument, allowance| {
-                let measured = on_spring(pressed, n_per_m, &Engine::Native)?;
+                let measured = on_spring(pressed, n_per_m, &Native)?;
                 presses.push(Press {
                     left_out,
                     allowance,
@@ -230,7 +230,7 @@ fn presses(
 }
 
 /// A press upon a spring, as deep as the sensor is meant to be pressed.
-fn on_spring(pressed: &Instrument, n_per_m: f64, engine: &Engine) -> Result<Measured, Failure> {
+fn on_spring(pressed: &Instrument, n_per_m: f64, engine: &dyn Engine) -> Result<Measured, Failure> {
     let spring = Load::Spring { n_per_m };
     demo::measure(pressed, "spring".to_owned(), spring, 1.0, engine)
 }
@@ -374,7 +374,7 @@ mod tests {
     }
 
     #[track_caller]
-    fn is_refused(pressed: &Instrument, ratio: f64, engine: &Engine) {
+    fn is_refused(pressed: &Instrument, ratio: f64, engine: &dyn Engine) {
         let n_per_m = ratio * pressed.plant.sensing.spring_n_per_m;
         let measured = on_spring(pressed, n_per_m, engine).unwrap();
         match &measured.verdict {
@@ -391,20 +391,23 @@ mod tests {
     fn lag_play_and_creep_that_the_calibration_does_not_have_are_a_misfit() {
         let pressed = without_lag_play_and_creep(1);
         for ratio in [0.5, 1.0, 5.0] {
-            is_refused(&pressed, ratio, &Engine::Native);
+            is_refused(&pressed, ratio, &Native);
         }
     }
 
+    #[cfg(feature = "emulator")]
     #[test]
+    #[ignore = "long: `cargo xtask ci` runs it"]
     fn the_image_refuses_it_too() {
         let image = palpate_board::firmware::build().unwrap_or_else(|error| panic!("{error}"));
         let image = palpate_board::Image::load(&image).unwrap();
-        let engine = Engine::Image(Box::new(crate::engine::OnBoard::quiet(image)));
+        let engine = crate::engine::OnBoard::quiet(image);
         is_refused(&without_lag_play_and_creep(1), 1.0, &engine);
     }
 
     /// The campaign in small: one sensor and one load.
     #[test]
+    #[ignore = "long: `cargo xtask ci` runs it"]
     fn what_bends_the_line_is_covered_or_refused() {
         let stack = Stack::builtin("ultrasoft").unwrap();
         let drawn = draw(&stack, &Disturbances::builtin().unwrap(), 2);

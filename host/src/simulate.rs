@@ -74,7 +74,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mut row = Vec::new();
     for what in &scenario.presses {
         progress.say(&format!("pressing {}", what.name));
-        row.push(measure(&instrument, what, &engine)?);
+        row.push(measure(&instrument, what, engine.as_ref())?);
         progress.step();
     }
     progress.finish();
@@ -95,7 +95,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
 fn measure(
     instrument: &Instrument,
     what: &scenario::Press,
-    engine: &Engine,
+    engine: &dyn Engine,
 ) -> Result<Measured, Failure> {
     let how = Press {
         name: what.name.clone(),

@@ -3,7 +3,7 @@
 //! [--noise stated|residual|larger]`, from seed 1, 2000 ramps and `residual` if nothing is said.
 //! It fails when a bar is missed.
 
-#[path = "../tests/common/mod.rs"]
+#[path = "../tests/integration/common/mod.rs"]
 mod common;
 
 use std::process::ExitCode;

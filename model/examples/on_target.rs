@@ -1,11 +1,11 @@
-//! The evaluation of `tests/bits.rs` as an image for a Cortex-M0+: it leaves its bits in `BITS`,
+//! The evaluation of `tests/integration/bits.rs` as an image for a Cortex-M0+: it leaves its bits in `BITS`,
 //! where an emulator or a debugger finds them, and counts its runs in `RUNS`. Linked with
 //! `-C link-arg=-Tlink.x` and this folder as `-L`, it also shows that no panic can be reached; with
 //! `--cfg planted_panic` it holds one, to show that such a panic would be found.
 
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
-#[path = "../tests/common/pipeline.rs"]
+#[path = "../tests/integration/common/pipeline.rs"]
 #[allow(unreachable_pub)]
 mod pipeline;
 

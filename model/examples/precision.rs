@@ -1,7 +1,7 @@
 //! Why the sums are wide: the same fit with sums of `f32` beside it, against QR in `f64`:
 //! `cargo run --release -p palpate-model --example precision`.
 
-#[path = "../tests/common/mod.rs"]
+#[path = "../tests/integration/common/mod.rs"]
 mod common;
 
 use common::efficiency::fit;

@@ -21,7 +21,7 @@
 //!
 //! The formulas are of first order in e, on the scale, kappa and not c_L, where that is good; they
 //! are within 3 % of a ramp evaluated with a wrong calibration at a stiffening of 10 %
-//! (`tests/uncertainty.rs`).
+//! (`tests/integration/uncertainty.rs`).
 
 use crate::math::hypot;
 use crate::ramp::LoadRatio;

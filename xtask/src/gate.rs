@@ -8,27 +8,37 @@ use crate::setup::{CARGO_DENY, Need, TYPOS};
 use crate::steps::{Action, Step, select};
 use crate::{deps, firmware, hygiene, panic_free};
 
-/// The test suite: every crate with its usual features, then the crates that have features with
-/// each combination that the table asks for.
+/// The test suite: every crate with its usual features, then the tests that a feature has of its own.
 pub(crate) fn test_steps() -> Vec<Step> {
     let mut packages = vec!["test", "--locked"];
     packages.extend(host_packages());
-    vec![
-        Step {
-            name: "test",
-            purpose: "unit, integration and documentation tests; examples compile",
-            needs: Vec::new(),
-            action: Action::Commands(vec![Invocation::cargo(&packages)]),
-            remedy: "mend what the failed test describes; its name and place are printed above",
-        },
-        Step {
-            name: "features",
-            purpose: "the same tests with every set of features",
-            needs: Vec::new(),
-            action: Action::Commands(MEMBERS.iter().flat_map(feature_tests).collect()),
-            remedy: "mend the test or the `cfg` that the named features break",
-        },
+    let mut tests = vec![Invocation::cargo(&packages)];
+    tests.extend(MEMBERS.iter().filter_map(feature_tests));
+    vec![Step {
+        name: "test",
+        purpose: "unit, integration and documentation tests; examples compile",
+        needs: Vec::new(),
+        action: Action::Commands(tests),
+        remedy: "mend what the failed test describes; its name and place are printed above",
+    }]
+}
+
+/// The tests that `cargo xtask test` leaves out since they take long; they are marked `#[ignore]`.
+fn long_tests() -> Step {
+    let packages = host_packages();
+    let arguments = [
+        &["test", "--locked"],
+        packages.as_slice(),
+        &["--", "--ignored"],
     ]
+    .concat();
+    Step {
+        name: "long-tests",
+        purpose: "the tests that take long, most of them on the emulated board",
+        needs: vec![Need::Target(FIRMWARE_TARGET)],
+        action: commands(&arguments),
+        remedy: "mend what the failed test describes; its name and place are printed above",
+    }
 }
 
 /// The steps of `cargo xtask ci`: all of them, or those in `only`.
@@ -37,6 +47,7 @@ pub(crate) fn ci_steps(skip_tests: bool, only: &[String]) -> Result<Vec<Step>> {
     steps.extend(source_checks());
     steps.extend(host_checks());
     steps.extend(arm_checks());
+    steps.push(long_tests());
     steps.push(packaging());
     if only.is_empty() {
         Ok(steps)
@@ -102,6 +113,13 @@ fn host_checks() -> Vec<Step> {
                 &["--", "-D", "warnings"],
             )]),
             remedy: "mend the code; a lint is allowed only at its place and with a reason",
+        },
+        Step {
+            name: "features",
+            purpose: "lints of every library and program with every set of features",
+            needs: Vec::new(),
+            action: Action::Commands(MEMBERS.iter().flat_map(feature_sets).collect()),
+            remedy: "mend the `cfg` that the named features break",
         },
         Step {
             name: "doc",
@@ -196,22 +214,26 @@ fn commands(arguments: &[&str]) -> Action {
     Action::Commands(vec![Invocation::cargo(arguments)])
 }
 
-/// One test run for each set of a crate's features: none, each alone, and all.
-fn feature_tests(member: &Member) -> Vec<Invocation> {
-    let base = ["test", "--locked", "--package", member.name];
-    let run = |rest: &[&str]| Invocation::cargo(&[base.as_slice(), rest].concat());
+/// The tests of a crate with the features that have tests of their own.
+fn feature_tests(member: &Member) -> Option<Invocation> {
+    let features = member.tested_features.join(",");
+    let arguments = ["test", "--locked", "--package", member.name, "--features"];
+    (!features.is_empty())
+        .then(|| Invocation::cargo(&[arguments.as_slice(), &[&features]].concat()))
+}
+
+/// Lints of a crate for each set of its features: none, each alone, and all.
+fn feature_sets(member: &Member) -> Vec<Invocation> {
+    let base = ["clippy", "--locked", "--package", member.name];
+    let denied = ["--", "-D", "warnings"];
+    let run =
+        |rest: &[&str]| Invocation::cargo(&[base.as_slice(), rest, denied.as_slice()].concat());
+    let alone = |feature: &&str| run(&["--no-default-features", "--features", feature]);
     match member.features {
         [] => Vec::new(),
-        [only] => vec![
-            run(&["--no-default-features"]),
-            run(&["--no-default-features", "--features", only]),
-        ],
+        [only] => vec![run(&["--no-default-features"]), alone(only)],
         features => std::iter::once(run(&["--no-default-features"]))
-            .chain(
-                features
-                    .iter()
-                    .map(|feature| run(&["--no-default-features", "--features", feature])),
-            )
+            .chain(features.iter().map(alone))
             .chain([run(&["--all-features"])])
             .collect(),
     }
@@ -301,19 +323,31 @@ mod tests {
     }
 
     #[test]
-    fn tests_run_without_features_with_each_alone_and_with_all() {
-        let base = "cargo test --locked --package sample";
+    fn crates_are_checked_without_features_with_each_alone_and_with_all() {
+        let base = "cargo clippy --locked --package sample";
+        let denied = "-- -D warnings";
         assert_eq!(
-            lines(&feature_tests(&crate_with(&["a", "b"]))),
+            lines(&feature_sets(&crate_with(&["a", "b"]))),
             [
-                format!("{base} --no-default-features"),
-                format!("{base} --no-default-features --features a"),
-                format!("{base} --no-default-features --features b"),
-                format!("{base} --all-features"),
+                format!("{base} --no-default-features {denied}"),
+                format!("{base} --no-default-features --features a {denied}"),
+                format!("{base} --no-default-features --features b {denied}"),
+                format!("{base} --all-features {denied}"),
             ]
         );
-        assert_eq!(feature_tests(&crate_with(&["a"])).len(), 2);
-        assert!(feature_tests(&crate_with(&[])).is_empty());
+        assert_eq!(feature_sets(&crate_with(&["a"])).len(), 2);
+        assert!(feature_sets(&crate_with(&[])).is_empty());
+    }
+
+    #[test]
+    fn features_with_tests_of_their_own_are_tested() {
+        let member = Member {
+            tested_features: &["a", "b"],
+            ..crate_with(&["a", "b", "c"])
+        };
+        let line = feature_tests(&member).unwrap().to_string();
+        assert_eq!(line, "cargo test --locked --package sample --features a,b");
+        assert!(feature_tests(&crate_with(&["a"])).is_none());
     }
 
     #[test]

@@ -19,8 +19,10 @@ pub(crate) struct Member {
     pub(crate) runs_on: RunsOn,
     /// Whether it is meant for the registry, so that packaging it is part of the gate.
     pub(crate) published: bool,
-    /// Its features. The tests run with none of them, with each alone and with all.
+    /// Its features. The lints run with none of them, with each alone and with all.
     pub(crate) features: &'static [&'static str],
+    /// Those of them that have tests of their own and that no other crate asks for.
+    pub(crate) tested_features: &'static [&'static str],
     /// Its examples for a microcontroller.
     pub(crate) mcu_examples: &'static [McuExample],
 }
@@ -51,6 +53,7 @@ const HOST_PROGRAM: Member = Member {
     runs_on: RunsOn::Host,
     published: false,
     features: &[],
+    tested_features: &[],
     mcu_examples: &[],
 };
 
@@ -61,6 +64,7 @@ pub(crate) const MEMBERS: &[Member] = &[
         runs_on: RunsOn::Everywhere,
         published: true,
         features: &["defmt"],
+        tested_features: &[],
         mcu_examples: &[],
     },
     Member {
@@ -68,6 +72,7 @@ pub(crate) const MEMBERS: &[Member] = &[
         runs_on: RunsOn::Everywhere,
         published: true,
         features: &["async", "defmt", "serde"],
+        tested_features: &["async"],
         mcu_examples: &[McuExample {
             name: "stm32f411",
             target: "thumbv7em-none-eabihf",
@@ -78,6 +83,7 @@ pub(crate) const MEMBERS: &[Member] = &[
         runs_on: RunsOn::Everywhere,
         published: true,
         features: &["async", "serde"],
+        tested_features: &["async"],
         mcu_examples: &[],
     },
     Member {
@@ -85,6 +91,7 @@ pub(crate) const MEMBERS: &[Member] = &[
         runs_on: RunsOn::Everywhere,
         published: false,
         features: &[],
+        tested_features: &[],
         mcu_examples: &[],
     },
     Member {
@@ -92,6 +99,7 @@ pub(crate) const MEMBERS: &[Member] = &[
         runs_on: RunsOn::Everywhere,
         published: false,
         features: &[],
+        tested_features: &[],
         mcu_examples: &[],
     },
     Member {
@@ -99,6 +107,7 @@ pub(crate) const MEMBERS: &[Member] = &[
         runs_on: RunsOn::Everywhere,
         published: false,
         features: &["defmt", "serde"],
+        tested_features: &[],
         mcu_examples: &[McuExample {
             name: "on_target",
             target: "thumbv6m-none-eabi",
@@ -109,6 +118,7 @@ pub(crate) const MEMBERS: &[Member] = &[
         runs_on: RunsOn::Everywhere,
         published: false,
         features: &["defmt"],
+        tested_features: &[],
         mcu_examples: &[],
     },
     Member {
@@ -116,6 +126,7 @@ pub(crate) const MEMBERS: &[Member] = &[
         runs_on: RunsOn::Everywhere,
         published: false,
         features: &[],
+        tested_features: &[],
         mcu_examples: &[],
     },
     Member {
@@ -147,6 +158,7 @@ pub(crate) const MEMBERS: &[Member] = &[
     },
     Member {
         name: "palpate",
+        features: &["emulator", "field"],
         ..HOST_PROGRAM
     },
     Member {

@@ -38,7 +38,7 @@ const fn divide_normalised(sign: u32, (at_a, a): (i32, u32), (at_b, b): (i32, u3
 
 /// Bits of a digit of the quotient.
 const DIGIT: u32 = 13;
-/// By how much the last step of [`reciprocal`] may be too large: 3.6 (`tests/bits.rs` tries all).
+/// By how much the last step of [`reciprocal`] may be too large: 3.6 (`tests/integration/bits.rs` tries all).
 const ABOVE: u32 = 4;
 
 /// Of a number from 2^23 to below 2^24: 2^39 over it, from 2^15 to 2^16, never above.

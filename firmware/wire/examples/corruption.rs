@@ -10,7 +10,7 @@
 use std::process::ExitCode;
 use std::time::Instant;
 
-#[path = "../tests/support/mod.rs"]
+#[path = "../tests/integration/support/mod.rs"]
 mod support;
 
 fn main() -> ExitCode {

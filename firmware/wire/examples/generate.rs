@@ -7,7 +7,7 @@
 
 use std::fs;
 
-#[path = "../tests/support/mod.rs"]
+#[path = "../tests/integration/support/mod.rs"]
 mod support;
 
 fn main() -> std::io::Result<()> {

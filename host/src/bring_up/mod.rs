@@ -4,21 +4,21 @@ mod converter;
 mod link;
 mod tests;
 
-use std::fs;
 use std::io::{self, Write};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 use comfy_table::Table;
 use comfy_table::presets::NOTHING;
 use ldc161x_sim::{Settings, Switches};
 use palpate_board::{Board, Options, Still};
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 use crate::failure::Failure;
 use crate::image::{self, Program};
 use crate::output::OutputFile;
 use crate::progress::Progress;
+use crate::switches;
 use converter::Converter;
 use link::Link;
 use tests::Tests;
@@ -66,13 +66,6 @@ pub(crate) struct Arguments {
     json: bool,
 }
 
-/// A file of switches.
-#[derive(Deserialize, Serialize)]
-#[serde(deny_unknown_fields)]
-struct Document {
-    switches: Switches,
-}
-
 /// A line of the JSON output.
 #[derive(Serialize)]
 struct Line<'t> {
@@ -104,11 +97,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         print(arguments, &tests)?;
     }
     ended?;
-    let document = Document {
-        switches: tests.switches,
-    };
-    let text = toml::to_string(&document)
-        .map_err(|error| Failure::Refused(format!("the switches cannot be written: {error}")))?;
+    let text = switches::document(tests.switches)?;
     print(arguments, &tests)?;
     settings.write(text)?;
     eprintln!("switches: {}", settings.path().display());
@@ -117,7 +106,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
 
 fn emulated(arguments: &Arguments) -> Result<Link, Failure> {
     let switches = match &arguments.switches {
-        Some(file) => read_switches(file)?,
+        Some(file) => switches::read(file)?,
         None => Switches::default(),
     };
     let (_, image) = arguments.image.load(Program::BringUp)?;
@@ -128,25 +117,6 @@ fn emulated(arguments: &Arguments) -> Result<Link, Failure> {
     let plant = Still::new(SENSORS_HZ);
     let board = Board::new(&image, plant, settings, Options::default());
     Ok(Link::Emulated(Box::new(board)))
-}
-
-/// Reads a file of switches.
-pub(crate) fn read_switches(file: &Path) -> Result<Switches, Failure> {
-    let text = fs::read_to_string(file).map_err(|reason| Failure::Unreadable {
-        file: file.to_path_buf(),
-        reason,
-    })?;
-    let document: Document = toml::from_str(&text).map_err(|error| {
-        let at = error.span().map_or(0, |span| span.start);
-        let before = text.get(..at).unwrap_or_default();
-        Failure::Input {
-            file: file.to_path_buf(),
-            line: before.lines().count().max(1) as u64,
-            problem: error.message().to_owned(),
-            allowed: "the table [switches] as `palpate bring-up` writes it".to_owned(),
-        }
-    })?;
-    Ok(document.switches)
 }
 
 fn print(arguments: &Arguments, tests: &Tests) -> Result<(), Failure> {

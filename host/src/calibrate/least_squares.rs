@@ -1,7 +1,9 @@
 //! Linear least squares with a covariance.
+//!
+//! Householder's triangularisation (Golub and Van Loan, *Matrix Computations*, section 5.3.2), with
+//! the right side as one more column: what is left of it below the triangle is the residual.
 
-use faer::linalg::solvers::{DenseSolveCore, SolveLstsq};
-use faer::{Col, Mat};
+use std::ops::Index;
 
 use super::Unusable;
 
@@ -17,9 +19,21 @@ pub(super) struct System {
 #[derive(Clone, Debug)]
 pub(super) struct Solution {
     pub(super) unknowns: Vec<f64>,
-    pub(super) covariance: Mat<f64>,
+    pub(super) covariance: Covariance,
     /// Standard deviation of a row of weight 1.
     pub(super) sigma: f64,
+}
+
+/// A symmetric matrix, by row and column.
+#[derive(Clone, Debug)]
+pub(super) struct Covariance(Vec<Vec<f64>>);
+
+impl Index<(usize, usize)> for Covariance {
+    type Output = f64;
+
+    fn index(&self, (row, column): (usize, usize)) -> &f64 {
+        &self.0[row][column]
+    }
 }
 
 impl System {
@@ -37,43 +51,222 @@ impl System {
 
     /// Solves; `what` names the unknowns in the error.
     pub(super) fn solve(&self, what: &'static str) -> Result<Solution, Unusable> {
-        let (m, n) = (self.rows.len(), self.unknowns);
-        if m <= n {
+        let freedom = self.rows.len().saturating_sub(self.unknowns);
+        if freedom == 0 {
             return Err(Unusable::Undetermined(what));
         }
-        let entry = |i: usize, j: usize| {
-            let row = self.rows.get(i).map(|(row, _)| row.as_slice());
-            row.and_then(|row| row.get(j)).copied().unwrap_or(0.0)
-        };
-        // Columns of one length, so that neither solution nor inverse depends on units.
-        let lengths: Vec<f64> = (0..n)
-            .map(|j| (0..m).map(|i| entry(i, j).powi(2)).sum::<f64>().sqrt())
-            .collect();
-        if lengths
+        let mut columns = self.columns();
+        let right = self.rows.iter().map(|(_, right)| *right).collect();
+        // Columns of one length, so that no step depends on units.
+        let lengths: Vec<f64> = columns.iter().map(|column| norm(column)).collect();
+        for (column, length) in columns.iter_mut().zip(&lengths) {
+            column.iter_mut().for_each(|entry| *entry /= length);
+        }
+        columns.push(right);
+        triangularise(&mut columns, self.unknowns);
+        let inverse = inverse_of_triangle(&columns, self.unknowns);
+        let (solved, residual) = columns[self.unknowns].split_at(self.unknowns);
+        let variance = dot(residual, residual) / freedom as f64;
+        let unknowns: Vec<f64> = inverse
             .iter()
-            .any(|length| *length == 0.0 || length.is_nan())
-        {
-            return Err(Unusable::Undetermined(what));
-        }
-        let length = |j: usize| lengths.get(j).copied().unwrap_or(1.0);
-        let matrix = Mat::from_fn(m, n, |i, j| entry(i, j) / length(j));
-        let right = Col::from_fn(m, |i| self.rows.get(i).map_or(0.0, |(_, right)| *right));
-        let scaled = matrix.qr().solve_lstsq(&right);
-        let residual = &matrix * &scaled - &right;
-        let variance = residual.squared_norm_l2() / (m - n) as f64;
-        let normal = matrix.transpose() * &matrix;
-        let inverse = normal.partial_piv_lu().inverse();
-        let unknowns: Vec<f64> = (0..n).map(|j| scaled[j] / length(j)).collect();
+            .zip(&lengths)
+            .map(|(row, length)| dot(row, solved) / length)
+            .collect();
+        // A column of zeros, or one that depends on others, has no finite solution.
         if unknowns.iter().any(|unknown| !unknown.is_finite()) {
             return Err(Unusable::Undetermined(what));
         }
-        let covariance = Mat::from_fn(n, n, |i, j| {
-            inverse[(i, j)] * variance / (length(i) * length(j))
-        });
+        let entry = |i: usize, j: usize| {
+            dot(&inverse[i], &inverse[j]) * variance / (lengths[i] * lengths[j])
+        };
+        let row = |i: usize| (0..self.unknowns).map(|j| entry(i, j)).collect();
         Ok(Solution {
             unknowns,
-            covariance,
+            covariance: Covariance((0..self.unknowns).map(row).collect()),
             sigma: variance.sqrt(),
         })
+    }
+
+    /// The coefficients by column; a short row counts as filled up with zeros.
+    fn columns(&self) -> Vec<Vec<f64>> {
+        let entry = |row: &[f64], place: usize| row.get(place).copied().unwrap_or(0.0);
+        (0..self.unknowns)
+            .map(|place| self.rows.iter().map(|(row, _)| entry(row, place)).collect())
+            .collect()
+    }
+}
+
+/// Reflects the columns so that the first of them are an upper triangle.
+fn triangularise(columns: &mut [Vec<f64>], count: usize) {
+    for place in 0..count {
+        let (done, rest) = columns.split_at_mut(place + 1);
+        let column = &mut done[place][place..];
+        let length = norm(column);
+        // Away from zero, so that nothing cancels.
+        let diagonal = if column[0] > 0.0 { -length } else { length };
+        let mut mirror = column.to_vec();
+        mirror[0] -= diagonal;
+        let square = dot(&mirror, &mirror);
+        column.fill(0.0);
+        column[0] = diagonal;
+        for other in rest {
+            let other = &mut other[place..];
+            let share = 2.0 * dot(&mirror, other) / square;
+            for (entry, mirror) in other.iter_mut().zip(&mirror) {
+                *entry -= share * mirror;
+            }
+        }
+    }
+}
+
+/// The inverse of the upper triangle in the first columns, by rows.
+fn inverse_of_triangle(columns: &[Vec<f64>], size: usize) -> Vec<Vec<f64>> {
+    let mut inverse = vec![vec![0.0; size]; size];
+    for j in 0..size {
+        inverse[j][j] = 1.0 / columns[j][j];
+        for i in (0..j).rev() {
+            let sum: f64 = (i + 1..=j).map(|k| columns[k][i] * inverse[k][j]).sum();
+            inverse[i][j] = -sum / columns[i][i];
+        }
+    }
+    inverse
+}
+
+fn dot(one: &[f64], other: &[f64]) -> f64 {
+    one.iter().zip(other).map(|(one, other)| one * other).sum()
+}
+
+fn norm(of: &[f64]) -> f64 {
+    dot(of, of).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// NIST StRD "Longley": six economic series and a constant, so nearly dependent that a poor
+    /// method keeps no digit of them. Certified values from the National Institute of Standards
+    /// and Technology (public domain).
+    const LONGLEY: [[f64; 7]; 16] = [
+        [
+            60_323.0, 83.0, 234_289.0, 2_356.0, 1_590.0, 107_608.0, 1_947.0,
+        ],
+        [
+            61_122.0, 88.5, 259_426.0, 2_325.0, 1_456.0, 108_632.0, 1_948.0,
+        ],
+        [
+            60_171.0, 88.2, 258_054.0, 3_682.0, 1_616.0, 109_773.0, 1_949.0,
+        ],
+        [
+            61_187.0, 89.5, 284_599.0, 3_351.0, 1_650.0, 110_929.0, 1_950.0,
+        ],
+        [
+            63_221.0, 96.2, 328_975.0, 2_099.0, 3_099.0, 112_075.0, 1_951.0,
+        ],
+        [
+            63_639.0, 98.1, 346_999.0, 1_932.0, 3_594.0, 113_270.0, 1_952.0,
+        ],
+        [
+            64_989.0, 99.0, 365_385.0, 1_870.0, 3_547.0, 115_094.0, 1_953.0,
+        ],
+        [
+            63_761.0, 100.0, 363_112.0, 3_578.0, 3_350.0, 116_219.0, 1_954.0,
+        ],
+        [
+            66_019.0, 101.2, 397_469.0, 2_904.0, 3_048.0, 117_388.0, 1_955.0,
+        ],
+        [
+            67_857.0, 104.6, 419_180.0, 2_822.0, 2_857.0, 118_734.0, 1_956.0,
+        ],
+        [
+            68_169.0, 108.4, 442_769.0, 2_936.0, 2_798.0, 120_445.0, 1_957.0,
+        ],
+        [
+            66_513.0, 110.8, 444_546.0, 4_681.0, 2_637.0, 121_950.0, 1_958.0,
+        ],
+        [
+            68_655.0, 112.6, 482_704.0, 3_813.0, 2_552.0, 123_366.0, 1_959.0,
+        ],
+        [
+            69_564.0, 114.2, 502_601.0, 3_931.0, 2_514.0, 125_368.0, 1_960.0,
+        ],
+        [
+            69_331.0, 115.7, 518_173.0, 4_806.0, 2_572.0, 127_852.0, 1_961.0,
+        ],
+        [
+            70_551.0, 116.9, 554_894.0, 4_007.0, 2_827.0, 130_081.0, 1_962.0,
+        ],
+    ];
+    /// Certified coefficients and their standard deviations, the constant first.
+    const CERTIFIED: [(f64, f64); 7] = [
+        (-3_482_258.634_595_82, 890_420.383_607_373),
+        (15.061_872_271_373_3, 84.914_925_774_766_9),
+        (-0.358_191_792_925_910e-1, 0.334_910_077_722_432e-1),
+        (-2.020_229_803_816_83, 0.488_399_681_651_699),
+        (-1.033_226_867_173_59, 0.214_274_163_161_675),
+        (-0.511_041_056_535_807e-1, 0.226_073_200_069_370),
+        (1_829.151_464_613_55, 455.478_499_142_212),
+    ];
+    const CERTIFIED_SIGMA: f64 = 304.854_073_561_965;
+
+    #[test]
+    fn a_nearly_dependent_system_agrees_with_its_certified_solution() {
+        let mut system = System::new(7);
+        for [right, rest @ ..] in LONGLEY {
+            system.add([&[1.0], rest.as_slice()].concat(), right, 1.0);
+        }
+        let solution = system.solve("Longley").unwrap();
+        let near = |value: f64, certified: f64| {
+            assert!(
+                (value / certified - 1.0).abs() < 1e-8,
+                "{value} {certified}"
+            );
+        };
+        for (place, (certified, deviation)) in CERTIFIED.into_iter().enumerate() {
+            near(solution.unknowns[place], certified);
+            near(solution.covariance[(place, place)].sqrt(), deviation);
+        }
+        near(solution.sigma, CERTIFIED_SIGMA);
+    }
+
+    #[test]
+    fn what_the_rows_do_not_determine_is_an_error() {
+        let mut system = System::new(2);
+        for place in 0..5 {
+            system.add(vec![f64::from(place), 0.0], 1.0, 1.0);
+        }
+        assert!(system.solve("a column of zeros").is_err());
+        let mut short = System::new(2);
+        short.add(vec![1.0, 2.0], 1.0, 1.0);
+        short.add(vec![2.0, 1.0], 1.0, 1.0);
+        assert!(short.solve("nothing left for the residual").is_err());
+    }
+
+    proptest! {
+        /// The residual is at right angles to every column, and units do not matter.
+        #[test]
+        fn the_residual_is_orthogonal_to_the_columns(
+            rows in prop::collection::vec((prop::array::uniform3(-1.0_f64..1.0), -1.0_f64..1.0), 8..40),
+            unit in 1e-6_f64..1e6,
+        ) {
+            let solved = |unit: f64| {
+                let mut system = System::new(3);
+                for ([a, b, c], right) in &rows {
+                    system.add(vec![a * unit, *b, *c], *right, 1.0);
+                }
+                system.solve("random").unwrap()
+            };
+            let (plain, scaled) = (solved(1.0), solved(unit));
+            for column in 0..3 {
+                let product: f64 = rows.iter().map(|(row, right)| {
+                    row[column] * (dot(row, &plain.unknowns) - right)
+                }).sum();
+                prop_assert!(product.abs() < 1e-9, "{product}");
+            }
+            let [one, other] = [plain.unknowns[0], scaled.unknowns[0] * unit];
+            prop_assert!((one - other).abs() < 1e-8 * one.abs().max(1.0), "{one} {other}");
+        }
     }
 }

@@ -16,7 +16,7 @@ use palpate_wire::{Command, Record};
 
 use crate::failure::Failure;
 use crate::instrument::{self, SPEED_M_PER_S, default_settings};
-use crate::press::{Broken, automatic};
+use crate::press::automatic;
 
 /// The kind of sensor that is pressed.
 const STACK: &str = "ultrasoft";
@@ -85,7 +85,7 @@ pub(super) fn measure(
         profile: Way::at(-CLEARANCE_M),
         ..Setup::default()
     };
-    let world = World::new(&known.plant, known.switches, setup).map_err(Broken::from)?;
+    let world = World::new(&known.plant, known.switches, setup)?;
     let options = Options {
         record: true,
         ..Options::default()
@@ -94,7 +94,7 @@ pub(super) fn measure(
         board: Instrument::new(image, world, options),
         shared,
     };
-    watched.board.start().map_err(Broken::from)?;
+    watched.board.start()?;
     watched.pass(SETTLED)?;
     let uncalibrated = watched.phase("sensing, not calibrated", WATCHED)?;
     for command in &known.calibration.commands {
@@ -131,17 +131,17 @@ struct Watched<'s> {
 
 impl Watched<'_> {
     fn send(&mut self, command: Command) -> Result<(), Failure> {
-        Ok(self.board.send(command).map_err(Broken::from)?)
+        Ok(self.board.send(command)?)
     }
 
     fn pass(&mut self, time: Time) -> Result<(), Failure> {
         let end = self.board.now() + time;
-        Ok(self.board.run_until(end).map_err(Broken::from)?)
+        Ok(self.board.run_until(end)?)
     }
 
     fn until(&mut self, found: impl Fn(&Record) -> bool, otherwise: &str) -> Result<(), Failure> {
         let end = self.board.now() + PATIENCE;
-        match self.board.run_to(end, found).map_err(Broken::from)? {
+        match self.board.run_to(end, found)? {
             true => Ok(()),
             false => Err(Failure::Refused(otherwise.to_owned())),
         }
@@ -201,7 +201,7 @@ impl Watched<'_> {
         let mut copy = self.board.clone();
         let end = copy.now() + WATCHED;
         let begin = Instant::now();
-        copy.run_until(end).map_err(Broken::from)?;
+        copy.run_until(end)?;
         Ok(WATCHED.as_secs_f64() / begin.elapsed().as_secs_f64())
     }
 

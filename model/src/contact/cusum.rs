@@ -43,7 +43,7 @@ impl Cusum {
     ///
     /// Siegmund's approximation (*Sequential Analysis*, 1985), with D = shift - k and
     /// b = threshold + 1.166: (exp(-2 D b) + 2 D b - 1) / (2 D^2). Within 8 % of the exact value
-    /// (a Markov chain, `tests/contact.rs`) for k from 0.25 to 1, thresholds of 3 to 12 and shifts
+    /// (a Markov chain, `tests/integration/contact.rs`) for k from 0.25 to 1, thresholds of 3 to 12 and shifts
     /// from 0 to k + 1; beyond, the delay of a few samples is too short by up to one.
     ///
     /// ```

@@ -8,7 +8,7 @@
 //!
 //! # Figures
 //!
-//! Measured by `tests/contact.rs` with white noise of one sigma, a memory of 500 readings:
+//! Measured by `tests/integration/contact.rs` with white noise of one sigma, a memory of 500 readings:
 //!
 //! | | |
 //! |---|---|

@@ -1,7 +1,7 @@
 //! Cheap and coarse functions from `micromath`, for drive waveforms and nothing else.
 //!
 //! A demagnetising burst whose envelope is wrong by a thousandth demagnetises as well; an
-//! inductance from them would be lost. `tests/math.rs` proves the budgets over the stated domain.
+//! inductance from them would be lost. `tests/integration/math.rs` proves the budgets over the stated domain.
 
 use micromath::F32;
 

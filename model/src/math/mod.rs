@@ -6,7 +6,7 @@
 //! floating-point unit and on a PC. The `f32` methods of `std` promise no such thing, nor does a
 //! fused multiply-add; neither appears in this crate.
 //!
-//! The budgets below are relative to the result and enforced against `f64` by `tests/math.rs`.
+//! The budgets below are relative to the result and enforced against `f64` by `tests/integration/math.rs`.
 //! Half a unit in the last place (ulp) of `f32` is at most 6.0e-8 of the value.
 
 pub mod coarse;

@@ -2,7 +2,7 @@
 //! supply; its error before any calibration; two uses weeks apart; and two minutes of full
 //! telemetry. Prints its result as Markdown; fails if one of the bars is missed.
 
-#[path = "../tests/common/mod.rs"]
+#[path = "../tests/integration/common/mod.rs"]
 mod common;
 
 use std::process::ExitCode;

@@ -1,7 +1,7 @@
 //! Campaign: faults of bus and converter, and crashes in the midst of a ramp, each from a snapshot
 //! of the running image. Prints its result as Markdown; fails if a claim does not hold.
 
-#[path = "../tests/common/mod.rs"]
+#[path = "../tests/integration/common/mod.rs"]
 mod common;
 
 use std::process::ExitCode;

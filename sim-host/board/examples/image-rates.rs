@@ -1,7 +1,7 @@
 //! Campaign: how fast the image streams, how soon it answers an edge, what it loses and whether it
 //! counts that. Prints its result as Markdown; fails if a loss is not counted or an edge waits.
 
-#[path = "../tests/common/mod.rs"]
+#[path = "../tests/integration/common/mod.rs"]
 mod common;
 
 use std::ops::{Range, RangeInclusive};

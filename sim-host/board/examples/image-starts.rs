@@ -2,7 +2,7 @@
 //! stamp is right or its sample marked, and no sample of two scans. Prints its result as Markdown;
 //! fails if a sample that is not marked is wrong, or a change raises a fault.
 
-#[path = "../tests/common/mod.rs"]
+#[path = "../tests/integration/common/mod.rs"]
 mod common;
 
 use std::process::ExitCode;

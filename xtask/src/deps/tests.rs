@@ -243,6 +243,7 @@ fn sound() -> (Graph, Vec<Member>) {
             runs_on,
             published: false,
             features: &[],
+            tested_features: &[],
             mcu_examples: &[],
         })
         .collect();

@@ -15,7 +15,7 @@ const FRACTION: u32 = 16;
 const MICROSECOND: i64 = 1 << FRACTION;
 /// By how much an interval between two edges may differ from the period, in parts of a microsecond.
 /// A stamp is cut to whole microseconds, and its interrupt may wait for the bus's own; two seconds at
-/// 1 kHz have no interval beyond this (sim-host/board/tests/acquisition.rs). A conversion that is longer by less than this moves a time
+/// 1 kHz have no interval beyond this (sim-host/board/tests/integration/acquisition.rs). A conversion that is longer by less than this moves a time
 /// stamp by less than two microseconds.
 const TOLERANCE: i64 = 2 * MICROSECOND;
 /// What the plan does not know of an interval, per channel: the converter's time between two

@@ -20,7 +20,7 @@ const RIPPLE: f32 = 1.02;
 /// The same for what the drive counts, with what its account does not follow exactly: supply and
 /// current are read a millisecond apart, and the supply smoothed. On circuits of 0.23 to 0.55 ohm and
 /// 20 to 200 uH at 8 and 12 V the count is 0.913 to 1.013 of the forecast without this
-/// (`the_forecast_is_what_the_drive_counts` in sim-host/tests/energy.rs).
+/// (`the_forecast_is_what_the_drive_counts` in sim-host/tests/integration/energy.rs).
 const RESERVE: f32 = 1.03;
 /// The drive's account at rest is reported up to 0.07 s late; the wait is longer by so much, s.
 const LATE_S: f32 = 0.1;

@@ -2,7 +2,7 @@
 
 codes! {
     /// Why a measurement gave no estimate. The record `refusal` carries a value and a limit, whose
-    /// meaning is told here.
+    /// meaning stands here.
     pub enum RefusalReason {
         /// A calibration is missing. Value: kind of the record that would carry it.
         NotCalibrated = 1 "not_calibrated",

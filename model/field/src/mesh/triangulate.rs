@@ -73,29 +73,80 @@ pub(super) fn triangulate(
     Ok(work.finish())
 }
 
-/// Halves arcs until the chord of each stands for it.
+/// Halves arcs until the chord of each stands for it: it is nearly as flat, and nothing lies between
+/// the two.
 fn straighten(
     mut vertices: Vec<Point>,
-    segments: BTreeMap<[u32; 2], Segment>,
+    mut segments: BTreeMap<[u32; 2], Segment>,
     shortest: f64,
 ) -> (Vec<Point>, BTreeMap<[u32; 2], Segment>) {
-    // Sagitta over chord: 0.05 is an arc of 23 degrees.
-    const FLAT: f64 = 0.05;
-    let mut done = BTreeMap::new();
-    let mut open: Vec<([u32; 2], Segment)> = segments.into_iter().collect();
-    while let Some((ends, segment)) = open.pop() {
-        let [a, b] = ends.map(|end| vertices.get(end as usize).copied().unwrap_or([0.0; 2]));
-        let middle = segment.curve.between(a, b, 0.5);
-        let sagitta = distance(middle, [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])]);
-        if segment.fixed || sagitta <= FLAT * distance(a, b) || distance(a, middle) <= shortest {
-            done.insert([ends[0].min(ends[1]), ends[0].max(ends[1])], segment);
-            continue;
+    loop {
+        let mut halved = BTreeMap::new();
+        let before = vertices.len();
+        for (ends, segment) in segments {
+            let arc = Arc::of(&vertices, ends, &segment);
+            if segment.fixed || arc.is_shorter(shortest) || arc.is_straight(&vertices) {
+                halved.insert(ends, segment);
+                continue;
+            }
+            let number = u32::try_from(vertices.len()).unwrap_or(u32::MAX);
+            vertices.push(arc.middle);
+            // The newest vertex has the greatest number: the ends are in order.
+            halved.extend(ends.map(|end| ([end, number], segment)));
         }
-        let number = u32::try_from(vertices.len()).unwrap_or(u32::MAX);
-        vertices.push(middle);
-        open.extend(ends.map(|end| ([end, number], segment)));
+        if vertices.len() == before {
+            return (vertices, halved);
+        }
+        segments = halved;
     }
-    (vertices, done)
+}
+
+/// A segment's ends and the middle of its curve.
+struct Arc {
+    ends: [Point; 2],
+    middle: Point,
+}
+
+impl Arc {
+    fn of(vertices: &[Point], ends: [u32; 2], segment: &Segment) -> Self {
+        let [a, b] = ends.map(|end| vertices.get(end as usize).copied().unwrap_or([0.0; 2]));
+        Self {
+            ends: [a, b],
+            middle: segment.curve.between(a, b, 0.5),
+        }
+    }
+
+    /// Half of it is no longer than that, m.
+    fn is_shorter(&self, shortest: f64) -> bool {
+        distance(self.ends[0], self.middle) <= shortest
+    }
+
+    /// The chord stands for it.
+    fn is_straight(&self, vertices: &[Point]) -> bool {
+        // Sagitta over chord: 0.05 is an arc of 23 degrees.
+        const FLAT: f64 = 0.05;
+        // What no coordinate in metres resolves.
+        const STRAIGHT: f64 = 1e-12;
+        let [a, b] = self.ends;
+        let foot = [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])];
+        let sagitta = distance(self.middle, foot) / distance(a, b);
+        // Where the tangents at its ends meet: the arc lies in the triangle of the three.
+        let tip = [0, 1].map(|axis| 2.0 * self.middle[axis] - foot[axis]);
+        sagitta <= STRAIGHT
+            || (sagitta <= FLAT
+                && !vertices
+                    .iter()
+                    .any(|vertex| ![a, b].contains(vertex) && is_within([a, tip, b], *vertex)))
+    }
+}
+
+/// Whether a point lies within a triangle, or on its edge.
+fn is_within([a, b, c]: [Point; 3], point: Point) -> bool {
+    let side = |from: Point, to: Point| {
+        (to[0] - from[0]) * (point[1] - from[1]) - (to[1] - from[1]) * (point[0] - from[0])
+    };
+    let sides = [side(a, b), side(b, c), side(c, a)];
+    sides.iter().all(|side| *side >= 0.0) || sides.iter().all(|side| *side <= 0.0)
 }
 
 struct Work {

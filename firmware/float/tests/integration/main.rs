@@ -1,0 +1,3 @@
+//! Tests of `palpate-float` from outside: one program, whose modules are its parts.
+
+mod bits;

@@ -1,0 +1,242 @@
+//! Settings and calibration: taken whole or not at all, in force at once, told back as they were set,
+//! and gone after a start.
+
+use crate::support::Rig;
+use crate::support::calibration::{calibration, settings};
+use crate::support::sensor::Sensor;
+use palpate_procedure::{Action, Event};
+use palpate_wire::code::{Outcome, Part, State};
+use palpate_wire::command::{
+    CurrentCorrection, GetCalibration, StiffeningCurve, StiffeningKnot, TemperatureEffect,
+};
+use palpate_wire::{Command, Message, Record};
+
+#[test]
+fn a_slower_converter_may_be_set_faster() {
+    let mut rig = Rig::calibrated(Sensor::default(), settings(|of| of.rate_hz = 5.0));
+    rig.until(State::Watching, 30_000);
+    rig.wait(150_000);
+    rig.accepted(Command::SetSettings(settings(|_| {})));
+    rig.until(State::Watching, 3_000);
+    assert!(rig.faults().is_empty(), "{:?}", rig.faults());
+}
+
+#[test]
+fn a_shorter_status_period_counts_at_once() {
+    let mut rig = Rig::calibrated(Sensor::default(), settings(|of| of.status_period_s = 60.0));
+    // What was due by the period before.
+    rig.run(1_500);
+    rig.records.clear();
+    rig.accepted(Command::SetSettings(settings(|of| {
+        of.status_period_s = 0.1
+    })));
+    rig.run(1_000);
+    let told = rig.told(|record| matches!(record, Record::Status(_)).then_some(()));
+    assert!((9..=10).contains(&told.len()), "{}", told.len());
+}
+
+#[test]
+fn a_wrong_field_is_named_and_nothing_of_the_command_taken() {
+    let mut rig = Rig::started();
+    let before = rig.settings().clone();
+    for (wrong, outcome, value) in [
+        (
+            settings(|of| of.ramp_s = f32::NAN),
+            Outcome::NotFinite,
+            None,
+        ),
+        (
+            settings(|of| of.ramps = 65),
+            Outcome::OutOfRange,
+            Some(65.0),
+        ),
+        (
+            settings(|of| of.end_current_a = 10.0),
+            Outcome::Inconsistent,
+            None,
+        ),
+        // Within the protocol's limits, beyond the board's.
+        (
+            settings(|of| of.peak_current_a = 12.1),
+            Outcome::OutOfRange,
+            None,
+        ),
+        (
+            settings(|of| of.greatest_energy_j = 61.0),
+            Outcome::OutOfRange,
+            None,
+        ),
+        (
+            settings(|of| of.greatest_temperature_c = 101.0),
+            Outcome::OutOfRange,
+            None,
+        ),
+    ] {
+        let answer = rig.send(Command::SetSettings(wrong));
+        assert_eq!((answer.outcome, answer.value), (outcome, value));
+        assert_eq!(*rig.settings(), before);
+    }
+    let mut two = board_of_two_channels();
+    for channels in [0b0100, 0b1000] {
+        let other = settings(|of| of.channels = channels);
+        assert_eq!(
+            two.outcome(Command::SetSettings(other)),
+            Outcome::NoSuchChannel
+        );
+    }
+}
+
+fn board_of_two_channels() -> Rig {
+    let mut board = crate::support::board();
+    board.channels = [0b0011, 0];
+    Rig::started_as(board)
+}
+
+#[test]
+fn what_was_set_is_read_back_and_numbered() {
+    let mut rig = Rig::started();
+    let mut sent = calibration(&Sensor::default()).to_vec();
+    sent.insert(0, Command::SetSettings(settings(|of| of.ramps = 5)));
+    sent.push(Command::SetTemperatureEffect(TemperatureEffect {
+        calibrated_at_c: 25.0,
+        springs_uncertainty_per_k: 0.001,
+        rise_uncertainty_per_k: 0.002,
+    }));
+    sent.push(Command::SetCurrentCorrection(correction([0.1, 0.0, -0.1])));
+    for part in Part::ALL {
+        let get = get(*part);
+        assert_eq!(rig.outcome(get), Outcome::NotSet, "{part}");
+    }
+    for command in &sent {
+        rig.accepted(command.clone());
+    }
+    // Volatile: a device that starts anew has none of it.
+    let crc = rig.procedure.configuration().crc();
+    sent.sort_by_key(Message::kind);
+    assert_eq!(crc, palpate_wire::configuration_crc(&sent));
+    assert_ne!(crc, Rig::started().procedure.configuration().crc());
+
+    rig.records.clear();
+    rig.accepted(Command::GetSettings);
+    for part in Part::ALL {
+        let set = sent.iter().any(|of| of.kind() & 0x7F == part.number());
+        let expected = if set {
+            Outcome::Accepted
+        } else {
+            Outcome::NotSet
+        };
+        assert_eq!(rig.outcome(get(*part)), expected, "{part}");
+    }
+    let as_command = |record: &Record| match record.clone() {
+        Record::Settings(of) => Some(Command::SetSettings(of)),
+        Record::DeformationCurve(of) => Some(Command::SetDeformationCurve(of)),
+        Record::Crosstalk(of) => Some(Command::SetCrosstalk(of)),
+        Record::Springs(of) => Some(Command::SetSprings(of)),
+        Record::Stiffening(of) => Some(Command::SetStiffening(of)),
+        Record::Coil(of) => Some(Command::SetCoil(of)),
+        Record::Attraction(of) => Some(Command::SetAttraction(of)),
+        Record::TemperatureEffect(of) => Some(Command::SetTemperatureEffect(of)),
+        Record::CurrentCorrection(of) => Some(Command::SetCurrentCorrection(of)),
+        _ => None,
+    };
+    assert_eq!(rig.told(as_command), sent);
+}
+
+fn correction<const N: usize>(changes_a: [f32; N]) -> CurrentCorrection {
+    CurrentCorrection {
+        greatest_a: 10.0,
+        changes_a: changes_a.into_iter().collect(),
+    }
+}
+
+#[test]
+fn a_correction_of_the_current_is_handed_on_when_it_is_sound() {
+    let mut rig = Rig::started();
+    let sound = correction([1.3, 0.2, 0.0, -0.2, -1.3]);
+    let set = |of: &CurrentCorrection| {
+        let command = Command::SetCurrentCorrection(of.clone());
+        crate::support::frame(command, crate::support::BOOT, 5)
+    };
+    let actions = rig.step(&Event::Command(&set(&sound)));
+    assert!(actions.contains(&Action::CorrectCurrent(sound.clone())));
+    let correcting = |action: &Action| matches!(action, Action::CorrectCurrent(_));
+    for bad in [
+        correction([0.1]),
+        correction([1.5, 0.0, 0.0]),
+        correction([0.0, 0.5, 0.0]),
+        correction([0.0, f32::NAN]),
+    ] {
+        let actions = rig.step(&Event::Command(&set(&bad)));
+        assert!(!actions.iter().any(correcting), "{bad:?}");
+    }
+    let mut armed = Rig::standing_in(State::Contact, |_| {});
+    assert_eq!(
+        armed.outcome(Command::SetCurrentCorrection(sound)),
+        Outcome::Armed
+    );
+}
+
+fn get(part: Part) -> Command {
+    Command::GetCalibration(GetCalibration {
+        part,
+        sensor: 0,
+        channel: 0,
+    })
+}
+
+#[test]
+fn a_curve_comes_in_order_and_counts_with_its_last_knot() {
+    let knot = |of: u8| StiffeningKnot {
+        current_a: f32::from(of),
+        rise: 0.001 * f32::from(of).powi(2),
+    };
+    let chunk = |first: u8, last: u8| {
+        Command::SetStiffeningCurve(StiffeningCurve {
+            total: 20,
+            first,
+            rise_uncertainty: 0.01,
+            knots: (first..=last).map(knot).collect(),
+        })
+    };
+    let mut rig = Rig::started();
+    let crc = rig.procedure.configuration().crc();
+    assert_eq!(rig.outcome(chunk(8, 15)), Outcome::OutOfSequence);
+    rig.accepted(chunk(0, 7));
+    assert_eq!(rig.outcome(chunk(16, 19)), Outcome::OutOfSequence);
+    // What is out of sequence ends the curve.
+    assert_eq!(rig.outcome(chunk(8, 15)), Outcome::OutOfSequence);
+    rig.accepted(chunk(0, 7));
+    rig.accepted(chunk(8, 15));
+    assert_eq!(rig.procedure.configuration().crc(), crc);
+    rig.accepted(chunk(16, 19));
+    assert_ne!(rig.procedure.configuration().crc(), crc);
+
+    // Told back in the same chunks, one a step.
+    rig.accepted(get(Part::StiffeningCurve));
+    rig.run(5);
+    let told = rig.told(|record| match record {
+        Record::StiffeningCurve(of) => Some(Command::SetStiffeningCurve(of.clone())),
+        _ => None,
+    });
+    assert_eq!(told, [chunk(0, 7), chunk(8, 15), chunk(16, 19)]);
+}
+
+#[test]
+fn a_device_starts_within_its_boards_limits() {
+    let mut board = crate::support::board();
+    board.channels = [0b0110, 0];
+    board.limits.current.0 = 5.0;
+    board.limits.rate.0 = 500.0;
+    board.limits.energy_j = 10.0;
+    board.limits.temperature.0 = 50.0;
+    let mut rig = Rig::started_as(board);
+    let started = rig.settings().clone();
+    assert_eq!(started.channels, 0b0010, "the first that it has");
+    assert_eq!((started.peak_current_a, started.rate_hz), (5.0, 500.0));
+    assert_eq!(
+        (started.greatest_energy_j, started.greatest_temperature_c),
+        (10.0, 50.0)
+    );
+    // They could be set as they are.
+    rig.accepted(Command::SetSettings(started));
+}

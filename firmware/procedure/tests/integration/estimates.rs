@@ -1,0 +1,373 @@
+//! The stiffness of ideal presses, reckoned in `f64` by the test's own sensor.
+
+use crate::support::Rig;
+use crate::support::calibration::{settings, springs, stiffening};
+use crate::support::sensor::{Sensor, Shape};
+use palpate_model::magnetorheological::{Saturating, Stiffening};
+use palpate_model::units::{Ampere, NewtonPerMetre, Tesla};
+use palpate_wire::code::{Contact, Drift, State};
+use palpate_wire::command::{Settings, StiffeningCurve, StiffeningKnot, TemperatureEffect};
+use palpate_wire::record::{Estimate, LoadPoint};
+use palpate_wire::{Command, Record};
+
+const DRIFTS: [Drift; 5] = [
+    Drift::None,
+    Drift::Linear,
+    Drift::Logarithmic,
+    Drift::Exponential,
+    Drift::SawTooth,
+];
+
+/// c_L/c_S.
+const RATIOS: [f64; 7] = [0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0];
+
+/// Armed, and pressed by a load of so many c_S.
+fn pressed(ratio: f64, sensor: Sensor, change: impl FnOnce(&mut Settings)) -> Rig {
+    let mut rig = Rig::armed(sensor, settings(change));
+    rig.sensor.load_n_per_m = ratio * rig.sensor.sensing_n_per_m;
+    rig.touch(3e-4);
+    rig
+}
+
+/// c_L over the true one, less 1.
+fn error(estimate: &Estimate, rig: &Rig) -> f64 {
+    let found = estimate.stiffness_n_per_m.expect("not rigid");
+    f64::from(found) / rig.sensor.load_n_per_m - 1.0
+}
+
+#[test]
+fn an_ideal_press_gives_its_stiffness_with_every_drift_setting() {
+    let mut greatest = 0.0_f64;
+    for drift in DRIFTS {
+        for ratio in RATIOS {
+            let mut rig = pressed(ratio, Sensor::default(), |of| of.drift = drift);
+            let error = error(&rig.measure(), &rig);
+            assert!(error.abs() < 5e-3, "{drift}, c_L/c_S {ratio}: {error:e}");
+            greatest = greatest.max(error.abs());
+        }
+    }
+    // 5.6e-4, at ten times c_S.
+    assert!(greatest < 1e-3, "{greatest:e}");
+}
+
+#[test]
+fn a_drift_of_the_kind_that_is_set_does_not_count() {
+    // x (1 + d phi), phi as the protocol describes it. The logarithmic one counts from the touch.
+    let shapes: [(Drift, Shape); 4] = [
+        (Drift::Linear, |time_s| time_s),
+        (Drift::Logarithmic, |time_s| {
+            (1.0 + time_s / 0.2).ln() + 0.5 * time_s
+        }),
+        (Drift::Exponential, |time_s| {
+            1.0 - (-time_s / 0.5).exp() + 0.5 * time_s
+        }),
+        // From ramp to ramp, the first of which rises 5 ms after it has been told.
+        (Drift::SawTooth, |time_s| {
+            (time_s - 0.005) / 0.1 % 1.0 + 0.5 * time_s
+        }),
+    ];
+    for (drift, shape) in shapes {
+        for ratio in [0.2, 1.0, 5.0] {
+            let mut rig = pressed(ratio, Sensor::default(), |of| of.drift = drift);
+            let touched_s = rig.now_us as f64 * 1e-6;
+            rig.accepted(Command::Measure);
+            rig.until(State::Peak, 1_000);
+            let began_s = rig.now_us as f64 * 1e-6;
+            // As it was at the touch: 0.2 s of steadiness before the train.
+            assert!(
+                (began_s - touched_s - 0.2).abs() < 2e-3,
+                "{began_s} {touched_s}"
+            );
+            rig.sensor.creep.size = 0.01;
+            rig.sensor.creep.since_s = began_s;
+            rig.sensor.creep.shape = shape;
+            rig.until(State::Estimating, 5_000);
+            let error = error(&estimate(&rig), &rig);
+            assert!(error.abs() < 5e-3, "{drift}, c_L/c_S {ratio}: {error:e}");
+        }
+    }
+}
+
+#[test]
+fn another_drift_than_the_one_that_is_set_does_count() {
+    let mut rig = pressed(1.0, Sensor::default(), |of| of.drift = Drift::None);
+    rig.sensor.creep.size = 0.01;
+    rig.sensor.creep.since_s = rig.now_us as f64 * 1e-6;
+    rig.sensor.creep.shape = |time_s| time_s;
+    let error = error(&rig.measure(), &rig);
+    assert!(error.abs() > 5e-3, "{error:e}");
+}
+
+fn estimate(rig: &Rig) -> Estimate {
+    rig.last(|record| match record {
+        Record::Estimate(estimate) => Some(estimate.clone()),
+        _ => None,
+    })
+}
+
+/// Of a coil of 20 uH and 0.5 ohm at 12 V, switched every 16 us: a triangle of 2.3 A at 10 A.
+fn ripple_a(mean_a: f64) -> f64 {
+    let duty = mean_a.abs() * 0.5 / 12.0;
+    12.0 * duty * (1.0 - duty) * 16e-6 / 20e-6 / f64::sqrt(12.0)
+}
+
+#[test]
+fn the_ripple_counts_and_is_counted() {
+    let (mut told, mut untold) = (0.0_f64, 0.0_f64);
+    for ratio in RATIOS {
+        for tells_ripple in [true, false] {
+            let sensor = Sensor {
+                attraction_n_per_a2: 3e-4,
+                crosstalk_m_per_a2: 2e-8,
+                crosstalk_growth_per_m: 200.0,
+                ..Sensor::default()
+            };
+            let mut rig = pressed(ratio, sensor, |_| {});
+            (rig.ripple_a, rig.tells_ripple) = (ripple_a, tells_ripple);
+            let error = error(&rig.measure(), &rig).abs();
+            let worst = if tells_ripple { &mut told } else { &mut untold };
+            *worst = worst.max(error);
+        }
+    }
+    println!("told {told:.1e}, not told {untold:.1e}");
+    assert!(told < 5e-3, "{told:e}");
+    assert!(untold > 2.0 * told, "it does not count: {untold:e}");
+}
+
+/// What `Scan::acting_current` says of the law's mean over a triangle of ripple.
+#[test]
+fn the_law_at_the_acting_current_is_its_mean() {
+    for half_way_a in [20.0_f32, 43.0] {
+        let law = Saturating::new(NewtonPerMetre(15e3), 0.15, Ampere(10.0)).unwrap();
+        let law = law
+            .saturating(Tesla(10.0 / half_way_a), Tesla(1.0))
+            .unwrap();
+        let rise = |current_a: f64| f64::from(law.rise(Ampere(current_a as f32)).value);
+        for mean_a in [1.0, 3.0, 6.0, 10.0] {
+            let ripple_a = ripple_a(mean_a);
+            let steps = 1_000;
+            let mean = (0..steps)
+                .map(|step| (f64::from(step) + 0.5) / f64::from(steps) - 0.5)
+                .map(|at| rise(mean_a + at * ripple_a * f64::sqrt(12.0)))
+                .sum::<f64>()
+                / f64::from(steps);
+            let bound = 4.0 * (ripple_a / f64::from(half_way_a)).powi(2);
+            let acting = rise(mean_a.hypot(ripple_a)) / mean - 1.0;
+            assert!(
+                acting.abs() < bound + 2e-6,
+                "{mean_a}: {acting:e}, {bound:e}"
+            );
+            // The reference stacks are far from saturation.
+            let at_mean = (rise(mean_a) / mean - 1.0).abs();
+            assert!(
+                half_way_a < 40.0 || at_mean > 3.0 * acting.abs(),
+                "{mean_a}: {at_mean:e}"
+            );
+        }
+    }
+}
+
+#[test]
+fn attraction_and_cross_talk_are_taken_out() {
+    for ratio in RATIOS {
+        let sensor = Sensor {
+            attraction_n_per_a2: 3e-4,
+            crosstalk_m_per_a2: 2e-8,
+            crosstalk_growth_per_m: 200.0,
+            ..Sensor::default()
+        };
+        let mut rig = pressed(ratio, sensor, |_| {});
+        let error = error(&rig.measure(), &rig);
+        assert!(error.abs() < 5e-3, "c_L/c_S {ratio}: {error:e}");
+    }
+}
+
+#[test]
+fn a_curve_of_the_stiffening_does_as_the_law() {
+    let mut rig = Rig::calibrated(Sensor::default(), settings(|_| {}));
+    for first in [0_u8, 8, 16] {
+        let knot = |of: u8| {
+            let current_a = f64::from(of) * 0.5;
+            StiffeningKnot {
+                current_a: current_a as f32,
+                rise: (0.1 * (current_a / 10.0).powi(2)) as f32,
+            }
+        };
+        rig.accepted(Command::SetStiffeningCurve(StiffeningCurve {
+            total: 21,
+            first,
+            rise_uncertainty: 0.0,
+            knots: (first..(first + 8).min(21)).map(knot).collect(),
+        }));
+    }
+    rig.accepted(Command::Arm);
+    rig.until(State::Watching, 3_000);
+    rig.touch(3e-4);
+    let error = error(&rig.measure(), &rig);
+    assert!(error.abs() < 5e-3, "{error:e}");
+}
+
+#[test]
+fn the_other_numbers_are_those_of_the_sensor() {
+    let mut rig = pressed(0.5, Sensor::default(), |_| {});
+    let estimate = rig.measure();
+    let close = |found: f32, is: f64| (f64::from(found) / is - 1.0).abs() < 5e-3;
+    assert!(close(estimate.load_ratio, 2.0), "{estimate:?}");
+    // The reference is the first sample of the first fall, just below the peak.
+    let peak_n = 6e3 * rig.sensor.deformation_m(10.0, 0.0);
+    assert!(close(estimate.force_n, peak_n), "{estimate:?} {peak_n}");
+    assert!(
+        close(estimate.total_displacement_m, rig.sensor.depth_m),
+        "{estimate:?}"
+    );
+    assert!(close(estimate.duration_s, 1.21), "{estimate:?}");
+    assert_eq!(estimate.ramps, 12);
+    // 58 or 59 conversions lie within each fall as a whole.
+    assert!(
+        (12 * 57..=12 * 60).contains(&estimate.samples),
+        "{estimate:?}"
+    );
+    let heated_c = estimate.temperature_c.expect("a coil");
+    assert!((30.0..60.0).contains(&heated_c), "{heated_c}");
+}
+
+#[test]
+fn the_loads_curve_is_that_of_the_spring() {
+    for ratio in [0.2, 1.0, 5.0] {
+        let mut rig = pressed(ratio, Sensor::default(), |of| of.load_points = 5);
+        rig.measure();
+        rig.until(State::Release, 100);
+        let points: Vec<LoadPoint> = rig.told(|record| match record {
+            Record::LoadPoint(point) => Some(point.clone()),
+            _ => None,
+        });
+        assert_eq!(points.len(), 5);
+        for point in &points {
+            let force_n = rig.sensor.load_n_per_m * f64::from(point.displacement_m);
+            let error = force_n / f64::from(point.force_n) - 1.0;
+            assert!(error.abs() < 1e-2, "c_L/c_S {ratio}: {error:e} {point:?}");
+        }
+    }
+}
+
+#[test]
+fn two_states_are_reckoned_as_the_paper_does() {
+    for ratio in RATIOS {
+        let mut rig = pressed(ratio, Sensor::default(), |_| {});
+        rig.accepted(Command::Measure);
+        rig.until(State::Ramps, 1_000);
+        // Of the conversions that lie within the first fall as a whole, the first and the last.
+        let mut states: Vec<(f64, f64)> = Vec::new();
+        let (began_us, ends_us) = (rig.now_us, rig.now_us + 60_000);
+        while rig.now_us < ends_us {
+            rig.convert();
+            let (middle_us, half_us) = (rig.now_us - 500, 500);
+            if middle_us >= began_us + half_us && middle_us + half_us <= ends_us {
+                let current_a = 10.0 * (1.0 - (middle_us - began_us) as f64 / 60e3);
+                let x = rig.sensor.deformation_m(current_a, 0.0);
+                states.push((x, rig.sensor.actuated(current_a)));
+            }
+        }
+        assert_eq!(states.len(), 60);
+        let ((x1, d1), (x2, d2)) = (states[0], states[59]);
+        let s = rig.sensor.sensing_n_per_m;
+        // Eq. (2).
+        let expected =
+            s * d1 * d2 * (x1 - x2) / (x2 * (d1 * d2 + s * d1) - x1 * (d1 * d2 + s * d2));
+        assert!((expected / rig.sensor.load_n_per_m - 1.0).abs() < 1e-9);
+        rig.until(State::Estimating, 5_000);
+        let found = estimate(&rig).two_state_n_per_m.expect("a number");
+        let error = f64::from(found) / expected - 1.0;
+        assert!(error.abs() < 3e-3, "c_L/c_S {ratio}: {error:e}");
+    }
+}
+
+#[test]
+fn a_press_may_be_as_old_as_it_likes() {
+    for age_s in [0, 10, 30, 100, 1_000, 10_000] {
+        let mut rig = pressed(1.0, Sensor::default(), |_| {});
+        // It has been held, with nothing to tell of it but that it is still there.
+        for _ in 0..age_s * 25 {
+            rig.now_us += 39_000;
+            rig.convert();
+        }
+        let error = error(&rig.measure(), &rig);
+        assert!(error.abs() < 5e-3, "{age_s} s: {error:e}");
+    }
+    for drift_time_s in [0.1, 1.0, 30.0, 40.0, 100.0, 10_000.0] {
+        let mut rig = pressed(1.0, Sensor::default(), |of| {
+            (of.drift, of.drift_time_s) = (Drift::Exponential, drift_time_s);
+        });
+        let error = error(&rig.measure(), &rig);
+        assert!(error.abs() < 5e-3, "{drift_time_s} s: {error:e}");
+    }
+}
+
+#[test]
+fn the_interval_covers_the_truth_as_often_as_it_says() {
+    // White noise of 20 nm: the interval is that of the noise alone.
+    let (runs, mut covered) = (200, 0);
+    let mut rig = Rig::armed(Sensor::default(), settings(|of| of.ramps = 6));
+    rig.sensor.noise_m = 20e-9 * 3.0_f64.sqrt();
+    rig.sensor.stated = 2e-6;
+    rig.touch(3e-4);
+    for _ in 0..runs {
+        let estimate = rig.measure();
+        rig.until(State::Release, 100);
+        let truth = rig.sensor.load_n_per_m as f32;
+        let upper = estimate.upper_n_per_m.unwrap_or(f32::INFINITY);
+        covered += usize::from((estimate.lower_n_per_m..=upper).contains(&truth));
+        // A cold coil, so that the next train is not refused.
+        rig.temperature(25.0);
+        rig.run(500);
+    }
+    // 95 % of 200 with three standard deviations, or more: the scatter only widens.
+    assert!((181..=200).contains(&covered), "{covered} of {runs}");
+    assert!(covered < runs, "an interval that always covers is too wide");
+}
+
+#[test]
+fn what_the_calibration_leaves_open_widens_the_interval() {
+    let mut widths = Vec::new();
+    for (uncertainty, per_k) in [(0.0, 0.0), (0.03, 0.0), (0.0, 0.003)] {
+        let mut rig = Rig::calibrated(Sensor::default(), settings(|_| {}));
+        let mut uncertain = stiffening(&rig.sensor);
+        uncertain.rise_uncertainty = uncertainty;
+        rig.accepted(Command::SetStiffening(uncertain));
+        rig.accepted(Command::SetTemperatureEffect(TemperatureEffect {
+            calibrated_at_c: 15.0,
+            springs_uncertainty_per_k: 0.0,
+            rise_uncertainty_per_k: per_k,
+        }));
+        rig.accepted(Command::Arm);
+        rig.until(State::Watching, 3_000);
+        rig.touch(3e-4);
+        widths.push(rig.measure().load_ratio_standard_error);
+    }
+    // kappa 1, W 3.5: 3 % of the rise are 0.03 W/(1 + rho), rho 0.1 at the peak. Ten kelvin from
+    // the calibration, and a little more by the coil's heat, do the same.
+    let expected = 0.03 * 3.5 / 1.1;
+    assert!(widths[0] < 1e-3, "{widths:?}");
+    assert!((widths[1] / expected - 1.0).abs() < 0.01, "{widths:?}");
+    assert!((1.0..1.2).contains(&(widths[2] / expected)), "{widths:?}");
+}
+
+#[test]
+fn force_and_its_uncertainty_in_a_sample() {
+    let mut rig = Rig::calibrated(Sensor::default(), settings(|_| {}));
+    let mut scale = springs(&rig.sensor);
+    scale.force_scale_uncertainty = 0.02;
+    rig.accepted(Command::SetSprings(scale));
+    rig.until(State::Watching, 3_000);
+    rig.touch(3e-4);
+    rig.run(10);
+    let sample = rig.last(|record| match record {
+        Record::Sample(sample) => Some(sample.clone()),
+        _ => None,
+    });
+    assert_eq!(sample.contact, Contact::Held);
+    let force_n = f64::from(sample.force_n.expect("springs"));
+    assert!((force_n / (6e3 * 3e-4) - 1.0).abs() < 1e-4, "{force_n}");
+    let sigma_n = f64::from(sample.force_sigma_n.expect("springs"));
+    assert!((sigma_n / (0.02 * 1.8) - 1.0).abs() < 1e-3, "{sigma_n}");
+}

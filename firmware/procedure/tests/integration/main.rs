@@ -1,0 +1,17 @@
+//! Tests of `palpate-procedure` from outside: one program, whose modules are its parts.
+
+mod boot;
+mod commands;
+mod configuration;
+mod deadlines;
+mod directed;
+mod energy;
+mod estimates;
+mod fault_lists;
+mod faults;
+mod limits;
+mod queue;
+mod refusals;
+mod states;
+mod streams;
+mod support;

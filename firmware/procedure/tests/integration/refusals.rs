@@ -1,0 +1,463 @@
+//! Every reason for which the procedure refuses, with its numbers. Each leaves the coil without
+//! current, which `crate::support::promises` holds at every step, and the next measurement works.
+
+use crate::support::Rig;
+use crate::support::calibration::{
+    COIL, attraction, crosstalk, curve, settings, springs, stiffening,
+};
+use crate::support::sensor::Sensor;
+use palpate_procedure::units::Ampere;
+use palpate_wire::Command;
+use palpate_wire::code::{Drift, FaultCode, Part, Place, RefusalReason, State};
+use palpate_wire::command::{ClearFault, Settings, Springs};
+use palpate_wire::record::Refusal;
+
+/// Armed with changed settings, and touched.
+fn with(change: impl FnOnce(&mut Settings)) -> Rig {
+    let mut rig = Rig::armed(Sensor::default(), settings(change));
+    rig.touch(3e-4);
+    rig
+}
+
+/// Within the train, `ms` after its beginning.
+fn driving(mut rig: Rig, ms: u64) -> Rig {
+    rig.accepted(Command::Measure);
+    rig.until(State::Peak, 1_000);
+    rig.run(ms);
+    rig
+}
+
+/// The refusal that comes while it converts.
+fn comes(rig: &mut Rig) -> Refusal {
+    let before = rig.refusals().len();
+    for _ in 0..60_000 {
+        if let Some(refusal) = rig.refusals().get(before) {
+            return refusal.clone();
+        }
+        rig.convert();
+    }
+    panic!("no refusal; {}", rig.state());
+}
+
+#[track_caller]
+fn is(refusal: &Refusal, reason: RefusalReason, value: Option<f32>, limit: Option<f32>) {
+    assert_eq!(refusal.reason, reason, "{refusal:?}");
+    assert_eq!((refusal.value, refusal.limit), (value, limit), "{reason}");
+}
+
+/// The value, after a check of reason and limit.
+#[track_caller]
+fn value(refusal: &Refusal, reason: RefusalReason, limit: Option<f32>) -> f32 {
+    is(refusal, reason, refusal.value, limit);
+    refusal.value.expect("a value")
+}
+
+/// With all as it usually is, the next measurement works.
+fn recovers(mut rig: Rig) {
+    assert!(rig.line.is_off());
+    rig.sensor = Sensor::default();
+    (rig.current_gain, rig.current_offset_a) = (1.0, 0.0);
+    rig.accepted(Command::Disarm);
+    for command in crate::support::calibration::calibration(&rig.sensor.clone()) {
+        rig.accepted(command);
+    }
+    rig.accepted(Command::SetSettings(settings(|_| {})));
+    rig.accepted(Command::Arm);
+    rig.until(State::Watching, 3_000);
+    rig.touch(3e-4);
+    let load = rig.measure().stiffness_n_per_m.expect("a soft load");
+    assert!((load / 6e3 - 1.0).abs() < 5e-3, "{load}");
+}
+
+#[test]
+fn a_part_of_the_calibration_is_missing() {
+    let sensor = Sensor::default();
+    let parts = [
+        (Part::Springs, Command::SetSprings(springs(&sensor))),
+        (
+            Part::Stiffening,
+            Command::SetStiffening(stiffening(&sensor)),
+        ),
+        (
+            Part::Attraction,
+            Command::SetAttraction(attraction(&sensor)),
+        ),
+        (Part::Crosstalk, Command::SetCrosstalk(crosstalk(&sensor))),
+    ];
+    for (missing, _) in &parts {
+        let mut rig = Rig::started();
+        rig.accepted(Command::SetDeformationCurve(curve()));
+        rig.accepted(Command::SetCoil(COIL));
+        for (part, command) in &parts {
+            if part != missing {
+                rig.accepted(command.clone());
+            }
+        }
+        rig.accepted(Command::Arm);
+        rig.until(State::Watching, 3_000);
+        rig.touch(3e-4);
+        let refusal = rig.refused();
+        let kind = f32::from(missing.number());
+        is(&refusal, RefusalReason::NotCalibrated, Some(kind), None);
+        assert_eq!(refusal.measurement, 0, "it did not begin");
+        recovers(rig);
+    }
+}
+
+#[test]
+fn the_object_lets_go() {
+    let mut rig = with(|_| {});
+    rig.accepted(Command::Measure);
+    rig.run(100);
+    rig.sensor.depth_m = 0.0;
+    let after_s = value(&comes(&mut rig), RefusalReason::ContactLost, None);
+    assert!((0.1..0.12).contains(&after_s), "{after_s}");
+    assert_eq!(rig.state(), State::Baseline);
+
+    rig.until(State::Watching, 3_000);
+    rig.touch(3e-4);
+    let mut rig = driving(rig, 500);
+    rig.sensor.depth_m = 0.0;
+    let refusal = comes(&mut rig);
+    let after_s = value(&refusal, RefusalReason::ContactLost, None);
+    // From the first rise, 5 ms after it has been told.
+    assert!((0.495..0.515).contains(&after_s), "{after_s}");
+    assert_eq!((refusal.measurement, rig.state()), (1, State::Baseline));
+    recovers(rig);
+}
+
+#[test]
+fn the_press_does_not_become_steady() {
+    let mut rig = with(|_| {});
+    rig.sensor.creep.size = 1.0;
+    rig.sensor.creep.since_s = rig.now_us as f64 * 1e-6;
+    rig.sensor.creep.shape = |time_s| 0.2 * time_s;
+    let refusal = rig.refused();
+    let rate = value(&refusal, RefusalReason::Unsteady, Some(50e-6));
+    assert!((rate / 60e-6 - 1.0).abs() < 1e-3, "{rate}");
+    recovers(rig);
+}
+
+#[test]
+fn pressed_too_little_or_too_far() {
+    let mut rig = with(|_| {});
+    rig.sensor.press(40e-6);
+    let refusal = rig.refused();
+    let pressed_m = value(&refusal, RefusalReason::PressedTooLittle, Some(50e-6));
+    assert!((pressed_m - 40e-6).abs() < 1e-8, "{pressed_m}");
+
+    rig.sensor.press(1.05e-3);
+    let too_far = |refusal| {
+        let pressed_m = value(&refusal, RefusalReason::PressedTooFar, Some(1e-3));
+        assert!((1e-3..1.1e-3).contains(&pressed_m), "{pressed_m}");
+    };
+    too_far(rig.refused());
+    // It may happen only as the actuated layer stiffens.
+    rig.sensor.press(0.98e-3);
+    let refusal = rig.refused();
+    assert_eq!(refusal.measurement, 1);
+    too_far(refusal);
+    recovers(rig);
+}
+
+#[test]
+fn too_few_samples() {
+    // No conversion of 10 ms fits into a fall of 5 ms.
+    let mut rig = with(|of| (of.rate_hz, of.ramp_s) = (100.0, 0.005));
+    let refusal = rig.refused();
+    is(&refusal, RefusalReason::TooFewSamples, Some(0.0), Some(4.0));
+    recovers(rig);
+    // One fits into a single fall of 10 ms.
+    let mut rig = with(|of| (of.rate_hz, of.ramp_s, of.ramps) = (200.0, 0.012, 1));
+    let have = value(&rig.refused(), RefusalReason::TooFewSamples, Some(4.0));
+    assert!((1.0..=2.0).contains(&have), "{have}");
+}
+
+/// So many flagged conversions, with a good one after every forty.
+fn flagged(rig: &mut Rig, count: u32) {
+    for number in 1..=count {
+        rig.sensor.flags = 0x1000;
+        rig.convert();
+        rig.sensor.flags = 0;
+        if number % 40 == 0 {
+            rig.convert();
+        }
+    }
+}
+
+#[test]
+fn conversions_are_lost_or_flagged() {
+    // A tenth of 1.21 s at 1 kHz.
+    let mut rig = driving(with(|_| {}), 100);
+    rig.convert_with(|scan| scan.lost = 121);
+    assert_eq!(rig.state(), State::Ramps);
+    rig.convert_with(|scan| scan.lost = 1);
+    let refusal = rig.refusals().remove(0);
+    is(
+        &refusal,
+        RefusalReason::ConversionsLost,
+        Some(122.0),
+        Some(121.0),
+    );
+    recovers(rig);
+
+    // A good one between now and then: without it the sensor would be at fault.
+    let mut rig = driving(with(|_| {}), 100);
+    flagged(&mut rig, 121);
+    assert_eq!(rig.state(), State::Ramps);
+    flagged(&mut rig, 1);
+    is(
+        &rig.refusals().remove(0),
+        RefusalReason::Flagged,
+        Some(122.0),
+        Some(121.0),
+    );
+    recovers(rig);
+
+    // Too few to see whether it is steady.
+    let mut rig = with(|of| of.settling_s = 0.5);
+    rig.accepted(Command::Measure);
+    flagged(&mut rig, 489);
+    is(
+        &rig.refusals().remove(0),
+        RefusalReason::Flagged,
+        Some(489.0),
+        Some(0.0),
+    );
+    recovers(rig);
+}
+
+#[test]
+fn two_effects_cannot_be_told_apart() {
+    // The current is told as one that does not change.
+    let mut rig = with(|of| (of.peak_current_a, of.end_current_a) = (5.0, 4.9));
+    rig.accepted(Command::Measure);
+    for _ in 0..2_000 {
+        rig.convert_with(|scan| {
+            scan.current = scan
+                .current
+                .map(|told| if told.0 > 4.8 { Ampere(4.95) } else { told });
+        });
+    }
+    let term = value(&rig.refusals()[0], RefusalReason::IllConditioned, None);
+    assert_eq!(term, 1.0, "the slope");
+    recovers(rig);
+    // In a single ramp a saw-tooth is a straight line too: the two differ by a constant, which
+    // together with the level has the shape of the signal.
+    let mut rig = with(|of| (of.ramps, of.drift) = (1, Drift::SawTooth));
+    let term = value(&rig.refused(), RefusalReason::IllConditioned, None);
+    assert_eq!(term, 1.0, "the slope");
+    recovers(rig);
+}
+
+#[test]
+fn the_sums_leave_the_range_of_numbers() {
+    // A sigma of 1e18 m over a deformation of 0.3 mm, squared; residuals of 0.1 nm over a sigma of
+    // 1e-34 m, squared.
+    for stated in [1e20, 1e-32] {
+        let mut rig = with(|_| {});
+        rig.sensor.stated = stated;
+        is(&rig.refused(), RefusalReason::NotFinite, None, None);
+        recovers(rig);
+    }
+}
+
+/// Pressed on a sensor whose stiffening saturates half-way at this current, which its calibration does
+/// not know.
+fn saturating(half_way_a: f64, (springs_uncertain, bend): (f32, f32)) -> Rig {
+    let mut rig = Rig::calibrated(Sensor::default(), settings(|_| {}));
+    rig.accepted(Command::SetSprings(Springs {
+        sensing_uncertainty: springs_uncertain,
+        bend,
+        ..springs(&rig.sensor)
+    }));
+    rig.accepted(Command::Arm);
+    rig.until(State::Watching, 3_000);
+    rig.sensor.half_way_a = half_way_a;
+    rig.touch(3e-4);
+    rig
+}
+
+#[test]
+fn the_stiffening_is_not_the_calibrated_one() {
+    let mut rig = saturating(10.0, (0.02, 0.0));
+    let refusal = rig.refused();
+    assert_eq!(refusal.reason, RefusalReason::Misfit, "{refusal:?}");
+    let (value, limit) = (refusal.value.unwrap(), refusal.limit.unwrap());
+    // What the springs leave open, and the residuals that the misfit makes.
+    assert!((0.02..0.04).contains(&limit), "{refusal:?}");
+    assert!(value > 10.0 * limit, "{refusal:?}");
+    assert_eq!((refusal.measurement, rig.state()), (1, State::Release));
+    recovers(rig);
+
+    // Half a per cent of the slope at least: 1 + c_S/c_L + c_S/c_D is 3.5.
+    let refusal = saturating(40.0, (0.0, 0.0)).refused();
+    assert_eq!(refusal.reason, RefusalReason::Misfit, "{refusal:?}");
+    let limit = refusal.limit.unwrap();
+    assert!((limit / (0.005 * 3.5) - 1.0).abs() < 0.05, "{refusal:?}");
+    saturating(200.0, (0.0, 0.0)).measure();
+
+    // Where the calibration's own trains bent by as much, it is what it is: the interval is wider.
+    let estimate = saturating(40.0, (0.0, 0.05)).measure();
+    assert!(estimate.load_ratio_standard_error > 0.02, "{estimate:?}");
+}
+
+#[test]
+fn a_misfit_within_the_claim_widens_it() {
+    let straight = saturating(f64::INFINITY, (0.1, 0.0)).measure();
+    let mut rig = saturating(50.0, (0.1, 0.0));
+    let bent = rig.measure();
+    let errors = [&straight, &bent].map(|of| of.load_ratio_standard_error);
+    assert!((errors[0] - 0.1).abs() < 1e-3, "{errors:?}");
+    assert!(
+        (1.05..1.41).contains(&(errors[1] / errors[0])),
+        "{errors:?}"
+    );
+    let truth = rig.sensor.load_n_per_m as f32;
+    assert!(bent.lower_n_per_m < truth && bent.upper_n_per_m.unwrap() > truth);
+}
+
+#[test]
+fn no_signal_a_reversed_one_or_one_too_large() {
+    let mut rig = with(|_| {});
+    rig.sensor.rise = 1e-6;
+    rig.sensor.noise_m = 2e-6;
+    // One of twenty draws of the noise looks like a signal: not the one from here on.
+    rig.run(10);
+    let normal_975 = 1.959_964;
+    let of_errors = value(
+        &rig.refused(),
+        RefusalReason::SignalTooSmall,
+        Some(normal_975),
+    );
+    assert!(of_errors.abs() < normal_975 + 0.1, "{of_errors}");
+    recovers(rig);
+
+    let mut rig = with(|_| {});
+    rig.sensor.rise = -0.05;
+    let of_errors = value(&rig.refused(), RefusalReason::SignalReversed, None);
+    assert!(of_errors < -100.0, "{of_errors}");
+    recovers(rig);
+
+    // A rigid load on a layer that stiffens half as much again as was calibrated: kappa + 1 + g is
+    // two thirds of 2.5 for small rises.
+    let mut rig = with(|_| {});
+    rig.sensor.rise = 0.15;
+    rig.sensor.load_n_per_m = 1e9;
+    rig.sensor.press(3e-4);
+    let highest = value(&rig.refused(), RefusalReason::NegativeStiffness, None);
+    assert!((highest - (2.5 / 1.5 - 2.5)).abs() < 0.1, "{highest}");
+    recovers(rig);
+}
+
+#[test]
+fn the_error_is_too_large() {
+    let mut rig = with(|of| of.greatest_error = 0.02);
+    rig.accepted(Command::Disarm);
+    let mut uncertain = stiffening(&rig.sensor);
+    uncertain.rise_uncertainty = 0.05;
+    rig.accepted(Command::SetStiffening(uncertain));
+    rig.accepted(Command::Arm);
+    let part = value(&rig.refused(), RefusalReason::TooUncertain, Some(0.02));
+    // kappa = 1 and W = 3.5: 0.05 W/(1 + rho) of it, with rho = 0.1 at the peak.
+    assert!((part - 0.05 * 3.5 / 1.1).abs() < 1e-3, "{part}");
+    recovers(rig);
+}
+
+#[test]
+fn the_current_is_not_the_one_that_was_wanted() {
+    let mut rig = with(|_| {});
+    rig.current_gain = 0.85;
+    let current_a = value(&rig.refused(), RefusalReason::PeakNotReached, Some(10.0));
+    assert!((current_a - 8.5).abs() < 1e-3, "{current_a}");
+    recovers(rig);
+
+    let mut rig = with(|_| {});
+    rig.current_gain = 1.15;
+    let current_a = value(&rig.refused(), RefusalReason::CurrentOffCourse, Some(10.0));
+    assert!((current_a - 11.5).abs() < 1e-3, "{current_a}");
+    recovers(rig);
+
+    // On the fall too much remains: 30 ms after its beginning 5 A are wanted.
+    let mut rig = driving(with(|_| {}), 74);
+    rig.current_offset_a = 1.2;
+    let refusal = comes(&mut rig);
+    let (found, wanted) = (refusal.value.unwrap(), refusal.limit.unwrap());
+    assert_eq!(refusal.reason, RefusalReason::CurrentOffCourse);
+    assert!((found - wanted - 1.2).abs() < 0.02 && (4.0..6.0).contains(&wanted));
+    recovers(rig);
+}
+
+#[test]
+fn a_current_that_is_not_measured_is_off_its_course() {
+    for told in [None, Some(Ampere(f32::NAN)), Some(Ampere(f32::INFINITY))] {
+        for ms in [3, 20, 60] {
+            let mut rig = driving(with(|_| {}), ms);
+            rig.convert_with(|scan| scan.current = told);
+            let refusal = rig.refusals().pop().expect("a refusal");
+            let wanted = refusal.limit;
+            is(&refusal, RefusalReason::CurrentOffCourse, None, wanted);
+            assert!((0.0..=10.0).contains(&wanted.expect("a limit")));
+            recovers(rig);
+        }
+    }
+}
+
+#[test]
+fn the_coil_could_not_bear_the_train() {
+    let mut rig = with(|_| {});
+    rig.temperature(79.5);
+    let found = value(&rig.refused(), RefusalReason::CoilTooHot, Some(80.0));
+    assert!((found - 79.5).abs() < 0.1, "{found}");
+    rig.temperature(25.0);
+    recovers(rig);
+
+    let mut rig = with(|of| of.greatest_energy_j = 10.0);
+    let forecast = value(&rig.refused(), RefusalReason::TooMuchEnergy, Some(10.0));
+    // 53 A^2 for 1.21 s in 0.389 ohm at 20 degrees, and up to a fifth more for hot copper.
+    let cold = 0.389 * 1.21 * (70.0 * 100.0 / 3.0 + 30.0 * 100.0) / 100.0;
+    assert!((cold..1.2 * cold).contains(&forecast), "{forecast} {cold}");
+    recovers(rig);
+
+    let mut rig = with(|of| (of.peak_current_a, of.ramp_s) = (1.0, 2.0));
+    let takes_s = value(&rig.refused(), RefusalReason::TimedOut, Some(20.0));
+    assert!((takes_s - 12.0 * 2.04 - 0.01).abs() < 1e-3, "{takes_s}");
+    recovers(rig);
+}
+
+#[test]
+fn events_that_come_too_late_stop_the_train() {
+    // A converter of 1 Hz is silent for up to ten seconds; holds that end with its conversions may
+    // last four seconds, which the coil has to bear.
+    let mut rig = with(|of| {
+        (of.rate_hz, of.steady_m_per_s) = (1.0, 1.0);
+        of.peak_current_a = 0.5;
+    });
+    rig.accepted(Command::Measure);
+    rig.until(State::Peak, 20_000);
+    rig.wait(8_000_000);
+    let refusal = rig.refusals().remove(0);
+    // The train's 1.21 s, and 0.1 s for each of its 39 legs.
+    let took_s = value(&refusal, RefusalReason::TimedOut, Some(5.11));
+    // From the first rise, 5 ms after it has been told.
+    assert_eq!(took_s, 7.995);
+    recovers(rig);
+}
+
+#[test]
+fn aborted_or_ended_by_a_fault() {
+    for ms in [5, 20, 300] {
+        let mut rig = driving(with(|_| {}), ms);
+        rig.accepted(Command::Abort);
+        is(&rig.refusals()[0], RefusalReason::Aborted, None, None);
+        assert_eq!(rig.state(), State::Release);
+        recovers(rig);
+
+        let mut rig = driving(with(|_| {}), ms);
+        rig.fail(FaultCode::Bridge, Place::Bridge);
+        is(&rig.refusals()[0], RefusalReason::Faulted, Some(14.0), None);
+        let code = FaultCode::Bridge;
+        rig.accepted(Command::ClearFault(ClearFault { code }));
+        recovers(rig);
+    }
+}

@@ -1,0 +1,231 @@
+//! What is told without being asked: who speaks, conversions, status.
+
+use crate::support::calibration::{calibration, curve, settings};
+use crate::support::sensor::Sensor;
+use crate::support::{Rig, board};
+use palpate_procedure::{Action, Conversion, Duration, Event};
+use palpate_wire::code::{Contact, Stream};
+use palpate_wire::command::Settings;
+use palpate_wire::record::{Crash, Raw, Sample, Status};
+use palpate_wire::{Command, Record};
+
+fn samples(rig: &Rig) -> Vec<Sample> {
+    rig.told(|record| match record {
+        Record::Sample(sample) => Some(sample.clone()),
+        _ => None,
+    })
+}
+
+fn status(rig: &mut Rig) -> Status {
+    rig.accepted(Command::Identify);
+    rig.last(|record| match record {
+        Record::Status(status) => Some(status.clone()),
+        _ => None,
+    })
+}
+
+/// Calibrated, and nothing told yet but what these settings make of it.
+fn with(change: impl FnOnce(&mut Settings)) -> Rig {
+    let mut rig = Rig::calibrated(Sensor::default(), settings(change));
+    rig.records.clear();
+    rig
+}
+
+#[test]
+fn the_first_words_are_who_speaks_and_what_the_last_run_died_of() {
+    let crash = Crash {
+        cause: palpate_wire::code::ResetCause::Panic,
+        streak: 1,
+        file: Default::default(),
+        line: 12,
+        program_counter: 0,
+        link_register: 0,
+        uptime_ms: 5_000,
+    };
+    let mut board = board();
+    board.crash = Some(crash.clone());
+    let mut rig = Rig::started_as(board);
+    let actions = rig.wait(0);
+    assert_eq!(actions.len(), 3, "{actions:?}");
+    assert!(matches!(rig.records[0].1, Record::Hello(_)));
+    assert_eq!(rig.records[1].1, Record::Crash(crash));
+    let Action::ConfigureSensors { channels, rate } = actions[2] else {
+        panic!("{actions:?}");
+    };
+    assert_eq!((channels, rate.0), (0b0001, 1_000.0));
+    // Once.
+    rig.run(100);
+    let again = |record: &Record| matches!(record, Record::Hello(_) | Record::Crash(_));
+    assert_eq!(rig.told(|record| again(record).then_some(())).len(), 2);
+}
+
+#[test]
+fn every_so_many_samples_one_is_told_with_what_was_lost_before_it() {
+    let mut rig = with(|of| of.decimation = 5);
+    for number in 1..=20 {
+        rig.convert_with(|scan| scan.lost = u32::from(number == 7) * 3);
+    }
+    let told = samples(&rig);
+    let missed: Vec<_> = told.iter().map(|of| (of.missed, of.gap)).collect();
+    assert_eq!(missed, [(0, false), (3, true), (0, false), (0, false)]);
+    // With the time of the conversion's middle.
+    let (at, _) = rig.records[0];
+    assert_eq!(at.as_ticks(), rig.now_us - 15_000 - 500);
+}
+
+#[test]
+fn nothing_is_told_with_the_stream_off() {
+    let mut rig = with(|of| of.stream = Stream::Off);
+    rig.run(500);
+    assert!(samples(&rig).is_empty());
+    let raw = rig.told(|record| matches!(record, Record::Raw(_)).then_some(()));
+    assert!(raw.is_empty());
+}
+
+#[test]
+fn raw_words_come_in_full_runs_that_end_where_something_is_lost() {
+    let mut rig = with(|of| of.stream = Stream::Raw);
+    let mut words = Vec::new();
+    for number in 0..200 {
+        rig.convert_with(|scan| {
+            scan.lost = u32::from(number == 77) * 4;
+            words.push(scan.conversions[0].reading.word.bits());
+        });
+    }
+    let runs: Vec<Raw> = rig.told(|record| match record {
+        Record::Raw(raw) => Some(raw.clone()),
+        _ => None,
+    });
+    let told: Vec<u32> = runs.iter().flat_map(|run| run.words.clone()).collect();
+    assert_eq!(told, words[..told.len()]);
+    let capacity = runs[0].words.capacity();
+    assert!(told.len() + capacity >= words.len());
+    let mut counted = 0;
+    for run in &runs {
+        let broken = counted == 77;
+        assert_eq!(run.missed, u32::from(broken) * 4, "at {counted}");
+        assert_eq!((run.period_us, run.channels), (1_000.0, 1));
+        counted += run.words.len();
+        assert!(run.words.len() == capacity || counted == 77, "{counted}");
+    }
+}
+
+#[test]
+fn every_channel_has_its_own_conversion_and_baseline() {
+    let mut rig = Rig::started();
+    rig.accepted(Command::SetSettings(settings(|of| of.channels = 0b0011)));
+    let mut second = curve();
+    second.channel = 1;
+    rig.accepted(Command::SetDeformationCurve(curve()));
+    rig.accepted(Command::SetDeformationCurve(second));
+    // The second channel is pressed by half of what the first is, and offset.
+    let mut other = Sensor {
+        offset_m: 1e-6,
+        ..Sensor::default()
+    };
+    for step in 0..1_000 {
+        if step == 900 {
+            rig.sensor.press(3e-4);
+            other.press(1.5e-4);
+        }
+        let time_s = rig.now_us as f64 * 1e-6;
+        rig.convert_with(|scan| {
+            let mut reading = other.reading(0.0, time_s);
+            reading.channel = ldc161x::Channel::One;
+            let offset = Duration::from_ticks(400);
+            let second = Conversion { reading, offset };
+            scan.conversions.push(second).expect("room for four");
+        });
+    }
+    let told = samples(&rig).pop().expect("samples");
+    let channels: Vec<_> = told.channels.iter().collect();
+    assert_eq!((channels[0].channel, channels[0].offset_us), (0, 0));
+    assert_eq!((channels[1].channel, channels[1].offset_us), (1, 400));
+    for (conversion, expected_m) in channels.iter().zip([3e-4, 1.5e-4]) {
+        let found_m = conversion.deformation_m.expect("a curve");
+        assert!((found_m / expected_m - 1.0).abs() < 1e-3, "{found_m}");
+    }
+    assert_eq!(told.contact, Contact::Held);
+}
+
+#[test]
+fn flagged_conversions_are_told_and_counted_and_teach_nothing() {
+    let mut rig = with(|_| {});
+    rig.run(1_000);
+    rig.records.clear();
+    let before = status(&mut rig);
+    for _ in 0..10 {
+        // Far from the baseline, were it believed.
+        rig.sensor.press(3e-4);
+        rig.sensor.flags = 0x1000;
+        rig.convert();
+        rig.sensor.depth_m = 0.0;
+        rig.sensor.flags = 0;
+        rig.convert_with(|scan| scan.lost = 2);
+    }
+    let after = status(&mut rig);
+    let told = samples(&rig);
+    let flagged = told
+        .iter()
+        .filter(|of| of.channels[0].deformation_m.is_none());
+    assert_eq!(flagged.count(), 10);
+    assert!(told.iter().all(|of| of.contact != Contact::Began));
+    assert_eq!(after.conversions - before.conversions, 20);
+    assert_eq!(after.conversions_flagged - before.conversions_flagged, 10);
+    assert_eq!(after.conversions_lost - before.conversions_lost, 20);
+    assert_eq!(after.second_conversions, 0);
+}
+
+#[test]
+fn a_second_converter_is_told_and_counted_beside_the_first() {
+    let mut board = board();
+    board.channels = [0b0001, 0b0001];
+    let mut rig = Rig::started_as(board);
+    for command in calibration(&Sensor::default()) {
+        rig.accepted(command);
+    }
+    // Longer than bringing it up may take.
+    for _ in 0..200 {
+        rig.convert();
+        let mut scan = rig.scan();
+        scan.sensor = 1;
+        rig.step(&Event::Scan(&scan));
+    }
+    let of = |sensor| {
+        samples(&rig)
+            .iter()
+            .filter(|of| of.sensor == sensor)
+            .count()
+    };
+    assert_eq!((of(0), of(1)), (200, 200));
+    let counted = status(&mut rig);
+    assert_eq!(
+        (counted.conversions, counted.second_conversions),
+        (200, 200)
+    );
+    // It does not stand in for the first.
+    for _ in 0..51 {
+        rig.now_us += 1_000;
+        let mut scan = rig.scan();
+        scan.sensor = 1;
+        rig.step(&Event::Scan(&scan));
+    }
+    assert_eq!(rig.faults().len(), 1);
+}
+
+#[test]
+fn status_comes_every_period_and_counts_measurements() {
+    let mut rig = Rig::touched();
+    rig.measure();
+    rig.accepted(Command::Abort);
+    rig.until(palpate_wire::code::State::Release, 100);
+    rig.accepted(Command::Measure);
+    rig.accepted(Command::Abort);
+    let counted = status(&mut rig);
+    assert_eq!((counted.measurements, counted.refusals), (1, 1));
+    assert_eq!(counted.temperature_c, Some(25.0));
+    rig.records.clear();
+    rig.run(5_000);
+    let told = rig.told(|record| matches!(record, Record::Status(_)).then_some(()));
+    assert_eq!(told.len(), 5);
+}

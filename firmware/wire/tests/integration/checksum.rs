@@ -1,0 +1,49 @@
+//! The CRC-32: the right one, and what it promises.
+
+use crate::support::reference::crc32c;
+use palpate_wire::{MAX_HEADER, Message, Record, crc32};
+use proptest::prelude::*;
+
+#[test]
+fn it_gives_the_published_check_value() {
+    assert_eq!(crc32(b"123456789"), 0xE306_9283);
+    assert_eq!(crc32(b""), 0);
+}
+
+proptest! {
+    #[test]
+    fn it_is_that_of_a_second_implementation(
+        bytes in proptest::collection::vec(any::<u8>(), 0..300),
+    ) {
+        prop_assert_eq!(crc32(&bytes), crc32c(&bytes));
+    }
+}
+
+/// What each single flipped bit does to the check, in content or CRC-32 of the longest frame.
+fn syndromes() -> Vec<u32> {
+    let length = MAX_HEADER + Record::MAX_PAYLOAD;
+    let silent = crc32(&vec![0; length]);
+    let content = (0..length * 8).map(|bit| {
+        let mut bytes = vec![0; length];
+        bytes[bit / 8] = 1 << (bit % 8);
+        crc32(&bytes) ^ silent
+    });
+    content.chain((0..32).map(|bit| 1 << bit)).collect()
+}
+
+/// A CRC is linear: an error goes unseen if the syndromes of its bits add up to zero. Those of one,
+/// three or five bits do not, since each syndrome has an odd number of ones. Those of two or four
+/// do not, since no two pairs of bits have the same sum.
+#[test]
+fn it_finds_every_error_of_up_to_five_bits_in_the_longest_frame() {
+    let syndromes = syndromes();
+    assert!(syndromes.iter().all(|one| one.count_ones() % 2 == 1));
+    let mut sums = Vec::new();
+    for (index, one) in syndromes.iter().enumerate() {
+        sums.extend(syndromes[..index].iter().map(|other| one ^ other));
+    }
+    assert_eq!(sums.len(), syndromes.len() * (syndromes.len() - 1) / 2);
+    sums.sort_unstable();
+    assert_ne!(sums[0], 0);
+    assert!(sums.windows(2).all(|pair| pair[0] != pair[1]));
+}

@@ -1,0 +1,12 @@
+//! Tests of `palpate-wire` from outside: one program, whose modules are its parts.
+
+mod checksum;
+mod commands;
+mod fixture;
+mod loss;
+mod postcard;
+mod robustness;
+mod round_trip;
+mod schema;
+mod support;
+mod validation;

@@ -1,0 +1,158 @@
+//! The firmware's image on an emulated board, as an engine.
+
+use std::cell::Cell;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use clap::{Args, ValueEnum};
+use palpate_board::{Image, Options};
+use palpate_sim::world::World;
+
+use super::{Engine, Native};
+use crate::failure::Failure;
+use crate::image::{self, Program};
+use crate::instrument::Instrument;
+use crate::log::Log;
+use crate::output::OutputFile;
+use crate::press::{Press, Pressed, press_on};
+use crate::progress::Progress;
+
+/// Which program runs the instrument
+#[derive(Args)]
+// Its group would have the name of the verb's own arguments, which clap refuses.
+#[group(skip)]
+pub(crate) struct Arguments {
+    /// What runs the instrument: its crates on this computer, or the firmware's image on an
+    /// emulated board
+    #[arg(long, value_enum, default_value_t = Kind::Native)]
+    engine: Kind,
+    #[command(flatten)]
+    image: image::Arguments,
+    /// With `--engine image`: show the image's own log on standard error, each line with the time
+    /// of the image's clock in seconds
+    #[arg(long)]
+    log: bool,
+    /// With `--engine image`: write pins, bus and coil current of every press as a value change
+    /// dump, for a waveform viewer. The second press goes to FILE-2.vcd, and so on
+    #[arg(long, value_name = "FILE.vcd")]
+    trace: Option<PathBuf>,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Kind {
+    Native,
+    Image,
+}
+
+/// The firmware's image, and what is wanted to be seen of it.
+pub(crate) struct OnBoard {
+    image: Image,
+    log: Option<Log>,
+    trace: Option<OutputFile>,
+    /// Presses that were traced.
+    traced: Cell<u32>,
+}
+
+impl Arguments {
+    /// The engine, with its image loaded.
+    pub(crate) fn engine(&self) -> Result<Box<dyn Engine>, Failure> {
+        match self.engine {
+            Kind::Native if self.log => Err(only_with_image("--log")),
+            Kind::Native if self.trace.is_some() => Err(only_with_image("--trace")),
+            Kind::Native => {
+                self.image.none_without("--engine image")?;
+                Ok(Box::new(Native))
+            }
+            Kind::Image => Ok(Box::new(self.on_board()?)),
+        }
+    }
+
+    fn on_board(&self) -> Result<OnBoard, Failure> {
+        let trace = OutputFile::optional("--trace", self.trace.as_ref())?;
+        let (file, image) = self.image.load(Program::Firmware)?;
+        Ok(OnBoard {
+            image,
+            log: self.log.then(|| load_log(&file)).transpose()?,
+            trace,
+            traced: Cell::new(0),
+        })
+    }
+
+    /// A bar for the presses; none where the log is shown.
+    pub(crate) fn progress(&self, steps: usize) -> Progress {
+        if self.log {
+            Progress::hidden()
+        } else {
+            Progress::new(steps)
+        }
+    }
+}
+
+fn load_log(image: &Path) -> Result<Log, Failure> {
+    let bytes = fs::read(image).map_err(|reason| Failure::Unreadable {
+        file: image.to_path_buf(),
+        reason,
+    })?;
+    Log::of(&bytes, image)
+}
+
+fn only_with_image(argument: &str) -> Failure {
+    Failure::Argument(format!(
+        "{argument} shows what the firmware's image does on the emulated board: add --engine image"
+    ))
+}
+
+impl OnBoard {
+    /// An image of which nothing is to be seen but its records.
+    #[cfg(test)]
+    pub(crate) fn quiet(image: Image) -> Self {
+        Self {
+            image,
+            log: None,
+            trace: None,
+            traced: Cell::new(0),
+        }
+    }
+
+    /// How the board is to be set up.
+    fn options(&self) -> Options {
+        Options {
+            trace: self.trace.is_some(),
+            ..Options::default()
+        }
+    }
+
+    /// Shows what is wanted to be seen of a press, whatever came of it.
+    fn show(&self, what: &str, board: &mut palpate_board::Instrument) -> Result<(), Failure> {
+        if let Some(log) = &self.log {
+            log.show(what, &board.take_logs());
+        }
+        let (Some(file), Some(trace)) = (&self.trace, board.board_mut().take_trace()) else {
+            return Ok(());
+        };
+        self.traced.set(self.traced.get() + 1);
+        let file = file.numbered(self.traced.get());
+        file.write_with(|to| trace.write(to))
+    }
+}
+
+impl Engine for OnBoard {
+    fn press(
+        &self,
+        world: World,
+        instrument: &Instrument,
+        how: &Press,
+    ) -> Result<Pressed, Failure> {
+        let mut board = palpate_board::Instrument::new(&self.image, world, self.options());
+        let started = board.start().map_err(Failure::from);
+        let pressed = started.and_then(|()| press_on(&mut board, instrument, how));
+        self.show(&how.name, &mut board)?;
+        pressed
+    }
+}
+
+impl From<palpate_board::Failure> for Failure {
+    fn from(error: palpate_board::Failure) -> Self {
+        Self::Refused(error.to_string())
+    }
+}

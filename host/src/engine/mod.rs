@@ -1,0 +1,42 @@
+//! Which program runs the simulated instrument.
+
+#[cfg(feature = "emulator")]
+mod emulated;
+#[cfg(not(feature = "emulator"))]
+mod without_emulator;
+
+use palpate_sim::board::{Hardware, VirtualBoard};
+use palpate_sim::world::World;
+
+use crate::failure::Failure;
+use crate::instrument::Instrument;
+use crate::press::{Press, Pressed, press_on};
+
+#[cfg(feature = "emulator")]
+pub(crate) use emulated::Arguments;
+#[cfg(all(test, feature = "emulator"))]
+pub(crate) use emulated::OnBoard;
+#[cfg(not(feature = "emulator"))]
+pub(crate) use without_emulator::Arguments;
+
+/// What runs the instrument.
+pub(crate) trait Engine {
+    /// Presses an object upon the instrument in this world.
+    fn press(&self, world: World, instrument: &Instrument, how: &Press)
+    -> Result<Pressed, Failure>;
+}
+
+/// Driver and procedure on this computer.
+pub(crate) struct Native;
+
+impl Engine for Native {
+    fn press(
+        &self,
+        world: World,
+        instrument: &Instrument,
+        how: &Press,
+    ) -> Result<Pressed, Failure> {
+        let hardware = Hardware::new(world);
+        press_on(&mut VirtualBoard::new(&hardware), instrument, how)
+    }
+}

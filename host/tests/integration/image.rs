@@ -1,0 +1,121 @@
+//! `palpate simulate --engine image` with what it shows of the image.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Output;
+
+use assert_cmd::Command;
+
+/// A press that is refused soon, with the block far from the sensor's limits.
+const SCENARIO: &str = r#"
+stack = "ultrasoft"
+disturbances = "none"
+
+[[press]]
+name = "a touch"
+load = "spring"
+stiffness_N_per_m = 2e3
+depth_m = 0.05e-3
+"#;
+
+/// What is left between the engines is when things happen. With all disturbances, the converter's whole
+/// counts alone make a fifth of a standard error or more of it, on some sensors.
+const IDEAL: &str = r#"
+stack = "ultrasoft"
+disturbances = "none"
+
+[[press]]
+load = "spring"
+stiffness_N_per_m = 12e3
+holder = "stand"
+
+[[press]]
+load = "spring"
+stiffness_N_per_m = 30e3
+holder = "stand"
+"#;
+
+fn simulate(folder: &Path, arguments: &[&str]) -> Output {
+    run(folder, SCENARIO, arguments)
+}
+
+fn run(folder: &Path, scenario: &str, arguments: &[&str]) -> Output {
+    let file = folder.join("scenario.toml");
+    fs::write(&file, scenario).unwrap();
+    let image: PathBuf = palpate_board::firmware::build().unwrap_or_else(|error| panic!("{error}"));
+    let mut command = Command::new(env!("CARGO_BIN_EXE_palpate"));
+    command.arg("simulate").arg(file).args(arguments);
+    if arguments.contains(&"image") {
+        command.arg("--image").arg(image);
+    }
+    command.output().unwrap()
+}
+
+#[test]
+fn the_log_has_its_lines_and_the_trace_its_signals() {
+    let folder = tempfile::tempdir().unwrap();
+    let trace = folder.path().join("touch.vcd");
+    let name = trace.to_string_lossy();
+    let output = simulate(
+        folder.path(),
+        &["--engine", "image", "--log", "--trace", &name],
+    );
+    let told = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success(), "{told}");
+    assert!(told.contains("log, a touch:\n"), "{told}");
+    let line = told
+        .lines()
+        .find(|line| line.contains("converter up"))
+        .unwrap_or_else(|| panic!("{told}"));
+    let mut words = line.split_whitespace();
+    let time_s: f64 = words.next().unwrap().parse().unwrap();
+    assert!((0.01..0.2).contains(&time_s), "{line}");
+    assert_eq!(words.next(), Some("info"));
+    // What it says is read in the board's own tests.
+    let dump = fs::read_to_string(&trace).unwrap();
+    for signal in ["sda", "scl", "intb", "in1", "coil_current_a"] {
+        assert!(dump.contains(&format!(" {signal} $end\n")), "{signal}");
+    }
+    assert!(dump.len() > 100_000, "{}", dump.len());
+}
+
+/// Load ratios, c_S over c_L.
+fn ratios(folder: &Path, engine: &str) -> Vec<f64> {
+    let output = run(folder, IDEAL, &["--json", "--engine", engine]);
+    assert!(output.status.success(), "{output:?}");
+    let ratio = |line: &str| {
+        let press: serde_json::Value = serde_json::from_str(line).unwrap();
+        press["estimate"]["load_ratio"].as_f64().expect(line)
+    };
+    let told = String::from_utf8(output.stdout).unwrap();
+    told.lines().map(ratio).collect()
+}
+
+#[test]
+#[ignore = "long: `cargo xtask ci` runs it"]
+fn the_image_finds_what_the_computer_finds() {
+    // Sensing spring over actuated one, the stack's.
+    let actuated_ratio = 6.0 / 4.0;
+    let folder = tempfile::tempdir().unwrap();
+    let computer = ratios(folder.path(), "native");
+    let image = ratios(folder.path(), "image");
+    assert_eq!((computer.len(), image.len()), (2, 2));
+    for (here, there) in computer.iter().zip(&image) {
+        // Of the line's slope, which is what is measured.
+        let apart = (there - here) / (here + 1.0 + actuated_ratio);
+        println!("{here:.5} and {there:.5}: {apart:+.2e} of the slope");
+        // 3e-4, which is what ten microseconds between the current as it is told and as it flowed make.
+        assert!(apart.abs() < 6e-4, "{here} {there} {apart:e}");
+    }
+}
+
+#[test]
+fn what_only_an_image_has_is_refused_without_one() {
+    let folder = tempfile::tempdir().unwrap();
+    for arguments in [&["--log"][..], &["--trace", "x.vcd"]] {
+        let output = simulate(folder.path(), arguments);
+        assert_eq!(output.status.code(), Some(2));
+        let told = String::from_utf8(output.stderr).unwrap();
+        assert!(told.contains("--engine image"), "{told}");
+    }
+}

@@ -1,0 +1,135 @@
+//! Which image a verb runs: the same rule for all of them, and for a tool that was copied elsewhere.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use palpate_board::firmware;
+
+/// A copy of the tool, as an installation makes one.
+fn installed(folder: &Path) -> PathBuf {
+    let tool = folder.join("bin");
+    fs::create_dir(&tool).unwrap();
+    let tool = tool.join("palpate");
+    fs::copy(env!("CARGO_BIN_EXE_palpate"), &tool).unwrap();
+    tool
+}
+
+/// Runs it with nothing in its environment but where programs are.
+fn run(tool: &Path, place: &Path, arguments: &[&str]) -> Output {
+    let keep = [
+        "PATH",
+        "HOME",
+        "CARGO_HOME",
+        "RUSTUP_HOME",
+        "CARGO_TARGET_DIR",
+    ];
+    let kept = keep
+        .iter()
+        .filter_map(|name| Some((name, std::env::var_os(name)?)));
+    Command::new(tool)
+        .args(arguments)
+        .current_dir(place)
+        .env_clear()
+        .envs(kept)
+        .output()
+        .unwrap()
+}
+
+const SCENARIO: &str =
+    "stack = \"ultrasoft\"\ndisturbances = \"none\"\n\n[[press]]\nload = \"rigid\"\n";
+
+const ON_THE_EMULATED_BOARD: [&[&str]; 6] = [
+    &["demo", "--engine", "image", "--json"],
+    &["simulate", "scenario.toml", "--engine", "image"],
+    &["bring-up", "--emulated"],
+    &["coil", "--emulated"],
+    &["calibrate", "current", "--emulated"],
+    &["image-cost"],
+];
+
+#[test]
+fn without_image_and_checkout_every_verb_says_where_to_get_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let tool = installed(folder.path());
+    let empty = folder.path().join("empty");
+    fs::create_dir(&empty).unwrap();
+    fs::write(empty.join("scenario.toml"), SCENARIO).unwrap();
+    for arguments in ON_THE_EMULATED_BOARD {
+        let output = run(&tool, &empty, arguments);
+        let message = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {message}");
+        for part in ["--image FILE", "palpate checkout", "cargo "] {
+            assert!(message.contains(part), "{arguments:?}: {message}");
+        }
+        assert!(output.stdout.is_empty(), "{arguments:?}");
+    }
+    let entries = fs::read_dir(&empty).unwrap().count();
+    assert_eq!(entries, 1, "a refused command leaves nothing");
+}
+
+#[test]
+fn an_image_that_is_none_is_refused_by_every_verb() {
+    let folder = tempfile::tempdir().unwrap();
+    let place = folder.path();
+    fs::write(place.join("scenario.toml"), SCENARIO).unwrap();
+    fs::write(place.join("text.elf"), "no image").unwrap();
+    let tool = Path::new(env!("CARGO_BIN_EXE_palpate"));
+    for file in ["text.elf", "missing.elf"] {
+        for arguments in ON_THE_EMULATED_BOARD {
+            let output = run(tool, place, &[arguments, &["--image", file]].concat());
+            let message = String::from_utf8(output.stderr).unwrap();
+            assert_eq!(output.status.code(), Some(2), "{arguments:?}: {message}");
+            assert!(message.contains(file), "{arguments:?}: {message}");
+            assert!(message.contains("with --image"), "{arguments:?}: {message}");
+        }
+    }
+}
+
+#[test]
+fn an_image_that_would_not_be_run_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let place = folder.path();
+    fs::write(place.join("scenario.toml"), SCENARIO).unwrap();
+    let tool = Path::new(env!("CARGO_BIN_EXE_palpate"));
+    let board = ["--records", "localhost:1", "--commands", "localhost:1"];
+    for (arguments, instead) in [
+        (vec!["demo"], "--engine image"),
+        (vec!["simulate", "scenario.toml"], "--engine image"),
+        (vec!["bring-up", "--connect", "localhost:1"], "--emulated"),
+        ([&["coil"][..], &board].concat(), "--emulated"),
+    ] {
+        let arguments = [&arguments[..], &["--image", "some.elf"]].concat();
+        let output = run(tool, place, &arguments);
+        let message = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {message}");
+        assert!(message.contains(instead), "{arguments:?}: {message}");
+    }
+}
+
+#[test]
+#[ignore = "long: `cargo xtask ci` runs it"]
+fn an_installed_tool_runs_the_image_that_is_named_or_that_of_the_checkout_around_it() {
+    let image = firmware::build().unwrap_or_else(|error| panic!("{error}"));
+    let image = fs::canonicalize(image).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let tool = installed(folder.path());
+    let plots = folder.path().to_str().unwrap();
+    let coil = ["coil", "--emulated", "--to", "3", "--plots", plots];
+    let named = run(
+        &tool,
+        folder.path(),
+        &[&coil[..], &["--image", image.to_str().unwrap()]].concat(),
+    );
+    let message = String::from_utf8(named.stderr).unwrap();
+    assert!(named.status.success(), "{message}");
+    assert!(!message.contains("building"), "{message}");
+    // Here the tests' working directory is inside of the checkout.
+    let workspace = firmware::workspace().unwrap();
+    let found = run(&tool, &workspace.join("docs"), &coil);
+    let message = String::from_utf8(found.stderr).unwrap();
+    assert!(found.status.success(), "{message}");
+    let said = format!("building the firmware image of {}", workspace.display());
+    assert!(message.contains(&said), "{message}");
+    assert_eq!(found.stdout, named.stdout);
+}

@@ -1,0 +1,14 @@
+//! Tests of `palpate` from outside: one program, whose modules are its parts.
+
+mod bring_up;
+mod chip;
+mod coil;
+mod designer;
+mod field;
+mod image;
+mod installed;
+mod outputs;
+mod plan_ldc;
+mod records;
+mod simulate;
+mod words;

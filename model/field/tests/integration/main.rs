@@ -1,0 +1,5 @@
+//! Tests of `palpate-field` from outside: one program, whose modules are its parts.
+
+mod designs;
+mod exact;
+mod properties;

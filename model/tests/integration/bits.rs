@@ -1,0 +1,24 @@
+//! The same bits everywhere: with and without optimisation, on a PC and on a target.
+
+use crate::common::pipeline::{Bits, run};
+
+/// What `crate::common::pipeline` gives. A change of any formula changes it; a change of compiler,
+/// optimisation or machine must not.
+#[rustfmt::skip]
+const EXPECTED: Bits = [
+    0x3FC7_985F, 0x3A92_8662, 0x3FC7_5065, 0x3FC7_E06D, 0x40BE_0ACC, 0x3F49_CEA5,
+    0x4094_2C32, 0x40FA_DAE3, 0x3DA1_4E85, 0x3FB3_D5E2, 0x3FDB_5ADC, 0x4661_3449,
+    0x3517_57CD, 0x38E4_1AF9, 0x3F71_4A93, 0x3714_229C, 0x34D1_D7C6, 0x3FA8_0146,
+    0x4212_3C56, 0x41C9_982C, 0x3FFB_53A8, 0xB167_6E93, 0x36B8_2231, 0x3963_068C,
+    0xBB16_4AFA, 0x40A2_EFA0, 0x44CA_B3E5, 0x3EA6_0DD7, 0x45BD_96A6, 0x4585_748F,
+    0x4983_27C6, 0x39B3_42D6, 0xBD3E_6C06, 0x480A_08D5,
+];
+
+#[test]
+fn an_evaluation_has_the_frozen_bits() {
+    let bits = run(std::hint::black_box(1.0)).expect("nothing in it is refused");
+    let values = bits.map(f32::from_bits);
+    println!("{bits:#010x?}\n{values:?}");
+    assert!(values.iter().all(|value| value.is_finite()));
+    assert_eq!(bits, EXPECTED);
+}

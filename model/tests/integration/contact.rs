@@ -1,0 +1,313 @@
+//! Contact detection: run lengths against a Markov chain and by simulation, onset, release.
+
+use crate::common::rng::Rng;
+use palpate_model::contact::{Baseline, Cusum, Detector, Touch, Watch};
+use palpate_model::units::{Metre, Second};
+
+const SIGMA: f64 = 10e-9;
+const INTERVAL: f64 = 1e-3;
+
+/// Normal distribution function, by the series of A&S 26.2.10 and the fraction 26.2.14.
+fn normal(x: f64) -> f64 {
+    let density = (-0.5 * x * x).exp() / (2.0 * std::f64::consts::PI).sqrt();
+    if x.abs() < 3.0 {
+        let (mut term, mut sum, mut n) = (x, x, 1.0);
+        while term.abs() > 1e-18 {
+            n += 2.0;
+            term *= x * x / n;
+            sum += term;
+        }
+        0.5 + density * sum
+    } else {
+        let mut tail = x.abs();
+        for k in (1..200).rev() {
+            tail = x.abs() + f64::from(k) / tail;
+        }
+        let tail = density / tail;
+        if x > 0.0 { 1.0 - tail } else { tail }
+    }
+}
+
+/// Exact mean run length from a sum of zero: Brook and Evans' Markov chain (Biometrika 59, 1972)
+/// over `STATES` cells of the sum.
+fn run_length(allowance: f64, threshold: f64, shift: f64) -> f64 {
+    const STATES: usize = 150;
+    let width = 2.0 * threshold / (2 * STATES - 1) as f64;
+    let at_most = |x: f64| normal(x - shift + allowance);
+    let probability = |from: usize, to: usize| {
+        let way = (to as f64 - from as f64) * width;
+        let below = if to == 0 {
+            0.0
+        } else {
+            at_most(way - width / 2.0)
+        };
+        at_most(way + width / 2.0) - below
+    };
+    // (1 - Q) L = 1, eliminated from the top state down so that row 0 is left.
+    let mut a: Vec<Vec<f64>> = (0..STATES)
+        .map(|i| {
+            (0..STATES)
+                .map(|j| f64::from(u8::from(i == j)) - probability(i, j))
+                .collect()
+        })
+        .collect();
+    let mut right = vec![1.0; STATES];
+    for k in (1..STATES).rev() {
+        let (above, below) = a.split_at_mut(k);
+        for (i, row) in above.iter_mut().enumerate() {
+            let factor = row[k] / below[0][k];
+            for j in 0..k {
+                row[j] -= factor * below[0][j];
+            }
+            right[i] -= factor * right[k];
+        }
+    }
+    right[0] / a[0][0]
+}
+
+#[test]
+fn the_markov_chain_gives_published_run_lengths() {
+    // Montgomery, Introduction to Statistical Quality Control, one-sided: k 0.5, h 4.
+    for (shift, published) in [(0.0, 336.0), (0.5, 26.6), (1.0, 8.38)] {
+        let exact = run_length(0.5, 4.0, shift);
+        assert!((exact / published - 1.0).abs() < 0.01, "{shift}: {exact}");
+    }
+}
+
+#[test]
+fn the_formula_is_within_its_bounds_of_the_exact_run_length() {
+    let mut worst: (f64, String) = (0.0, String::new());
+    for allowance in [0.25, 0.5, 0.75, 1.0] {
+        for threshold in [3.0, 4.0, 6.0, 8.0, 10.0, 12.0] {
+            for tenth in 0..=10 {
+                let shift = f64::from(tenth) / 10.0 * (allowance + 1.0);
+                let cusum = Cusum {
+                    allowance: allowance as f32,
+                    threshold: threshold as f32,
+                };
+                let formula = f64::from(cusum.average_run_length(shift as f32));
+                let exact = run_length(allowance, threshold, shift);
+                let error = (formula / exact - 1.0).abs();
+                if error > worst.0 {
+                    worst = (
+                        error,
+                        format!("k {allowance} h {threshold} shift {shift}: {exact}"),
+                    );
+                }
+            }
+        }
+    }
+    println!(
+        "Siegmund's formula off by at most {:.3} at {}",
+        worst.0, worst.1
+    );
+    assert!(worst.0 <= 0.08);
+    // Large shifts: within a sample.
+    for shift in [3.0f32, 5.0, 10.0, 100.0] {
+        let exact = run_length(1.0, 10.0, f64::from(shift));
+        let formula = f64::from(Cusum::WATCH.average_run_length(shift));
+        println!("shift {shift}: exact {exact:.2}, formula {formula:.2}");
+        assert!((formula - exact).abs() < 1.0);
+    }
+    let month = run_length(1.0, 10.0, 0.0);
+    println!("WATCH: one false alarm in {month:.3e} samples");
+    assert!((month / 2.3e9 - 1.0).abs() < 0.1);
+    let shifted = run_length(1.0, 10.0, 2.0);
+    assert!((shifted - 11.0).abs() < 0.5, "{shifted}");
+}
+
+fn watch(threshold: f32) -> Watch {
+    let watch = Watch::new(Metre(SIGMA as f32));
+    Watch {
+        cusum: Cusum {
+            allowance: 1.0,
+            threshold,
+        },
+        ..watch
+    }
+}
+
+/// A sensor at rest with noise, a steady drift and a press.
+struct World {
+    rng: Rng,
+    drift: f64,
+    time: f64,
+}
+
+impl World {
+    fn new(seed: u64, drift: f64) -> Self {
+        Self {
+            rng: Rng::new(seed),
+            drift,
+            time: 0.0,
+        }
+    }
+
+    fn reading(&mut self, pressed: f64) -> Metre {
+        self.time += INTERVAL;
+        Metre((1e-6 + self.drift * self.time + pressed + SIGMA * self.rng.normal()) as f32)
+    }
+}
+
+#[test]
+fn false_alarms_come_as_rarely_as_stated() {
+    const RUNS: u32 = 300;
+    const LONGEST: u64 = 1_000_000;
+    let mut samples = 0u64;
+    let mut world = World::new(1, 20e-9);
+    for _ in 0..RUNS {
+        let mut detector = Detector::new(watch(4.0)).unwrap();
+        let mut next = || {
+            let reading = world.reading(0.0);
+            detector.push(Second(INTERVAL as f32), reading).touch
+        };
+        let settled = (0..LONGEST).find(|_| next() != Touch::Settling);
+        let alarm = (1..LONGEST).find(|_| matches!(next(), Touch::Began { .. }));
+        samples += settled.and(alarm).expect("an alarm comes");
+    }
+    let length = samples as f64 / f64::from(RUNS);
+    println!(
+        "{length:.0} readings between false alarms, {:.0} exact",
+        run_length(1.0, 4.0, 0.0)
+    );
+    assert!((12_500.0..17_500.0).contains(&length), "{length}");
+}
+
+/// Mean delay of detection and mean error of the onset, in readings, over `runs` presses that
+/// deepen by `speed` sigma a reading; the press begins at a random moment between two readings.
+fn presses(speed: f64, runs: u64) -> (f64, f64, f64) {
+    let (mut delay, mut late, mut squares) = (0.0, 0.0, 0.0);
+    for seed in 0..runs {
+        let mut world = World::new(seed, 1e-9);
+        let mut detector = Detector::new(watch(10.0)).unwrap();
+        let onset = 1000.0 + world.rng.uniform();
+        let found = (0u32..3000).find_map(|i| {
+            let pressed = (f64::from(i) - onset).max(0.0) * speed * SIGMA;
+            match detector
+                .push(Second(INTERVAL as f32), world.reading(pressed))
+                .touch
+            {
+                Touch::Began { ago } => Some((f64::from(i), f64::from(ago.0) / INTERVAL)),
+                _ => None,
+            }
+        });
+        let (at, ago) = found.unwrap();
+        let error = at - ago - onset;
+        delay += (at - onset) / runs as f64;
+        late += error / runs as f64;
+        squares += error * error / runs as f64;
+    }
+    println!(
+        "speed {speed}: delay {delay:.2}, onset late by {late:.2}, rms {:.2}",
+        squares.sqrt()
+    );
+    (delay, late, squares.sqrt())
+}
+
+#[test]
+fn touches_are_found_and_dated_as_stated() {
+    for (speed, delay, early, rms) in [
+        (0.1, 23.7, 0.7, 7.9),
+        (1.0, 5.4, 0.9, 1.8),
+        (10.0, 1.55, 0.5, 0.9),
+    ] {
+        let found = presses(speed, 1000);
+        assert!(
+            (found.0 - delay).abs() < 0.04 * delay + 0.1,
+            "delay at {speed}: {found:?}"
+        );
+        assert!(
+            (found.1 + early).abs() < 0.1 * rms,
+            "onset at {speed}: {found:?}"
+        );
+        assert!(
+            (found.2 / rms - 1.0).abs() < 0.15,
+            "onset at {speed}: {found:?}"
+        );
+    }
+}
+
+#[test]
+fn the_deformation_is_free_of_drift_and_a_release_is_seen() {
+    let mut world = World::new(5, 200e-9);
+    let mut detector = Detector::new(watch(10.0)).unwrap();
+    let mut events = Vec::new();
+    for i in 0..6000 {
+        let pressed = if (2000..4000).contains(&i) {
+            300e-6
+        } else {
+            0.0
+        };
+        let seen = detector.push(Second(INTERVAL as f32), world.reading(pressed));
+        if i == 3999 {
+            // Two seconds of a drift of 0.2 um/s, taken out to a few nanometres.
+            let error = f64::from(seen.deformation.0) - 300e-6;
+            assert!(error.abs() < 40e-9, "{error:e}");
+        }
+        match seen.touch {
+            Touch::Began { .. } | Touch::Ended => events.push((i, seen.touch)),
+            _ => {}
+        }
+    }
+    assert!(
+        matches!(
+            events.as_slice(),
+            [
+                (2000..2003, Touch::Began { .. }),
+                (4000..4004, Touch::Ended)
+            ]
+        ),
+        "{events:?}"
+    );
+    assert!(
+        (1900..2000).contains(&detector.baseline().readings()),
+        "the baseline is learnt anew"
+    );
+}
+
+#[test]
+fn the_baseline_follows_a_line_and_its_noise_is_as_stated() {
+    // Exactly, without noise.
+    let mut clean = Baseline::new(100.0);
+    let mut last = 1.0;
+    for i in 0..2000 {
+        let deviation = clean.deviation(Second(0.5), Metre(1e-6 + 2e-9 * i as f32));
+        clean.learn(Second(0.5), deviation);
+        last = deviation.0;
+    }
+    assert!(last.abs() < 2e-12 && (clean.rate() - 4e-9).abs() < 1e-13);
+    // Variance of the prediction, from the variance of what is left.
+    let memory = 20.0;
+    let (mut rng, mut baseline) = (Rng::new(9), Baseline::new(memory));
+    let (mut squares, mut count) = (0.0, 0.0);
+    for i in 0..200_000 {
+        let noise = Metre((SIGMA * rng.normal()) as f32);
+        let deviation = baseline.deviation(Second(1.0), noise);
+        baseline.learn(Second(1.0), deviation);
+        if i > 1000 {
+            squares += (f64::from(deviation.0) / SIGMA).powi(2);
+            count += 1.0;
+        }
+    }
+    let of_prediction = squares / count - 1.0;
+    println!(
+        "variance of the prediction {of_prediction:.4}, stated {:.4}",
+        1.25 / memory
+    );
+    assert!((of_prediction * f64::from(memory) / 1.25 - 1.0).abs() < 0.2);
+}
+
+#[test]
+fn bad_readings_pass_without_effect() {
+    let mut detector = Detector::new(watch(10.0)).unwrap();
+    for i in 0..600 {
+        detector.push(Second(1e-3), Metre(i as f32 * 1e-12));
+    }
+    let before = detector;
+    let seen = detector.push(Second(1e-3), Metre(f32::NAN));
+    assert_eq!((seen.touch, detector), (Touch::Clear, before));
+    detector.push(Second(f32::INFINITY), Metre(0.0));
+    assert_eq!(detector, before);
+    assert!(Detector::new(Watch::new(Metre(0.0))).is_err());
+    assert!(Detector::new(watch(f32::NAN)).is_err());
+}

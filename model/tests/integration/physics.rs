@@ -1,0 +1,326 @@
+//! Tank, springs, layer, magnetorheological law, heat: each against `f64` or a published figure.
+
+use crate::common::reference::equation_2;
+use crate::common::rng::Rng;
+use palpate_model::calibration_curve::MonotoneCurve;
+use palpate_model::demagnetising::Burst;
+use palpate_model::layer::{BondedDisc, apparent_modulus};
+use palpate_model::magnetorheological::{
+    Lag, Saturating, Stiffening, Tabulated, attraction, deviation,
+};
+use palpate_model::springs::{Shares, Springs, two_state_load};
+use palpate_model::tank;
+use palpate_model::units::*;
+
+fn relative(ours: f32, exact: f64) -> f64 {
+    (f64::from(ours) / exact - 1.0).abs()
+}
+
+#[test]
+fn inductance_of_the_published_coils() {
+    // Free-space spirals at 330 pF: frequency in MHz and inductance in uH, three digits.
+    let tank = tank::Tank::new(Farad(330e-12)).unwrap();
+    for (megahertz, microhenry) in [(8.5, 1.05), (3.74, 5.48), (3.08, 8.07), (2.25, 15.1)] {
+        let found = tank.inductance(Hertz(megahertz * 1e6)).unwrap().0 * 1e6;
+        assert!((found / microhenry - 1.0).abs() < 0.012, "{found}");
+    }
+    let mut rng = Rng::new(1);
+    let mut worst: f64 = 0.0;
+    for _ in 0..100_000 {
+        let f = rng.between(1e3, 10e6) as f32;
+        let omega = 2.0 * std::f64::consts::PI * f64::from(f);
+        let exact = 1.0 / (omega * omega * f64::from(330e-12f32));
+        worst = worst.max(relative(tank.inductance(Hertz(f)).unwrap().0, exact));
+    }
+    assert!(worst <= 4.0e-7 && worst > 1.0e-7, "{worst:e}");
+    for bad in [0.0, f32::NAN, f32::INFINITY] {
+        assert_eq!(tank.inductance(Hertz(bad)), None);
+    }
+    assert!(tank::Tank::new(Farad(-1e-12)).is_err());
+}
+
+#[test]
+fn codes_keep_their_digits() {
+    let mut rng = Rng::new(2);
+    let mut worst = [0.0f64; 3];
+    for _ in 0..200_000 {
+        let reference = rng.between(2e6, 2.6e8) as u32;
+        // From one count up to half of the reference.
+        let size = 10f64.powf(rng.between(0.0, f64::from(reference / 2).log10()));
+        let count = (size as u32).max(1);
+        let code = if rng.uniform() < 0.5 {
+            reference - count
+        } else {
+            reference + count
+        };
+        let delta = f64::from(code) / f64::from(reference) - 1.0;
+        let exact_delta = (f64::from(code) - f64::from(reference)) / f64::from(reference);
+        assert!((delta - exact_delta).abs() < 1e-15);
+        let ours = tank::relative_frequency_change(reference, code);
+        worst[0] = worst[0].max(relative(ours, exact_delta));
+        // From the rounded change on, so that each function answers for itself.
+        let delta = f64::from(ours);
+        let inductance = -delta * (2.0 + delta) / ((1.0 + delta) * (1.0 + delta));
+        let found = tank::relative_inductance_change(ours);
+        worst[1] = worst[1].max(relative(found, inductance));
+        let l = f64::from(found);
+        let back = -l / ((1.0 + l).sqrt() * (1.0 + (1.0 + l).sqrt()));
+        worst[2] = worst[2].max(relative(tank::relative_frequency_change_of(found), back));
+    }
+    println!(
+        "codes {:.2e}, inductance {:.2e}, back {:.2e}",
+        worst[0], worst[1], worst[2]
+    );
+    for (worst, budget) in worst.into_iter().zip([1.8e-7, 6.0e-7, 6.0e-7]) {
+        assert!(
+            worst <= budget && worst > budget / 4.0,
+            "{worst:e} of {budget:e}"
+        );
+    }
+    assert_eq!(tank::relative_frequency_change(0, 5), 0.0);
+    assert_eq!(tank::relative_frequency_change(7, 0), -1.0);
+}
+
+#[test]
+fn a_capacitor_s_drift_is_taken_out() {
+    for (inductance, capacitance) in [(0.25, 150e-6), (1e-4, -150e-6), (-0.01, 1e-3)] {
+        let apparent = (1.0 + inductance) * (1.0 + capacitance) - 1.0;
+        let found = tank::without_capacitance_change(apparent as f32, capacitance as f32);
+        let larger = f64::max(f64::abs(apparent), f64::abs(capacitance));
+        assert!((f64::from(found) - inductance).abs() < 1.2e-7 * larger);
+    }
+}
+
+#[test]
+fn springs_balance() {
+    let mut rng = Rng::new(3);
+    for _ in 0..10_000 {
+        let [l, s, d] = [(); 3].map(|()| 10f64.powf(rng.between(2.0, 6.0)) as f32);
+        let springs = Springs {
+            load: NewtonPerMetre(l),
+            sensing: NewtonPerMetre(s),
+            actuated: NewtonPerMetre(d),
+        };
+        let [l, s, d] = [l, s, d].map(f64::from);
+        // Eq. (1), and the deformation from the force through all three.
+        let whole = 1.0 / (1.0 / l + 1.0 / s + 1.0 / d);
+        assert!(relative(springs.in_series().0, whole) <= 4.0e-7);
+        let x0 = f64::from(1e-3f32);
+        let x = springs.sensing_deformation(Metre(1e-3)).0;
+        assert!(relative(x, whole * x0 / s) <= 4.0e-7);
+        let shares = springs.shares();
+        assert!((shares.load + shares.sensing + shares.actuated - 1.0).abs() < 3e-7);
+        assert!((f64::from(shares.load) - whole / l).abs() < 4e-7);
+        assert!((f64::from(shares.actuated) - whole / d).abs() < 4e-7);
+    }
+    assert_eq!(
+        Shares::new(1.0, 2.0),
+        Shares {
+            load: 0.25,
+            sensing: 0.25,
+            actuated: 0.5
+        }
+    );
+}
+
+#[test]
+fn equation_2_as_published() {
+    // Large changes, where f32 suffices: the published form in f64 on the same inputs.
+    let mut rng = Rng::new(4);
+    for _ in 0..10_000 {
+        let [s, d1, d2] = [(); 3].map(|()| rng.between(1e3, 1e5) as f32);
+        let [x1, x2] = [(); 2].map(|()| rng.between(1e-4, 1e-3) as f32);
+        let closed = equation_2(s.into(), [d1.into(), d2.into()], [x1.into(), x2.into()]);
+        let d = [NewtonPerMetre(d1), NewtonPerMetre(d2)];
+        let ours = two_state_load(NewtonPerMetre(s), d, [Metre(x1), Metre(x2)]).0;
+        // The denominator's two terms cancel for nearly every random state: judge 1/c_L.
+        let scale = 1.0 / f64::from(s);
+        let size = (f64::from(x1) + f64::from(x2)) / (f64::from(x1) - f64::from(x2)).abs();
+        assert!((1.0 / f64::from(ours) - 1.0 / closed).abs() < 1e-5 * scale * size * size * 10.0);
+    }
+}
+
+#[test]
+fn bonded_layers_as_published() {
+    // N/mm, three digits: a layer r 30, h 5 mm and a pad r 7, h 2 mm of E 0.1 MPa.
+    let cases = [(30e-3, 5e-3, 56.5, 1074.0), (7e-3, 2e-3, 7.70, 54.8)];
+    for (radius, height, plain, bonded) in cases {
+        let disc = BondedDisc::new(Metre(radius), Metre(height)).unwrap();
+        let stiffness = disc.stiffness(Pascal(0.1e6)).0 / 1e3;
+        assert!((stiffness / bonded - 1.0).abs() < 2e-3, "{stiffness}");
+        let factor = f64::from(radius) / (2.0 * f64::from(height));
+        let free = std::f64::consts::PI * f64::from(radius).powi(2) * 1e5 / f64::from(height);
+        assert!((free / 1e3 / plain - 1.0).abs() < 2e-3);
+        let exact = free * (1.0 + 2.0 * factor * factor) / 1e3;
+        assert!(relative(stiffness, exact) <= 6.0e-7);
+        let modulus = apparent_modulus(Pascal(1e5), disc.shape_factor()).0;
+        assert!(relative(modulus, 1e5 * (1.0 + 2.0 * factor * factor)) <= 6.0e-7);
+    }
+    assert!(BondedDisc::new(Metre(1e-3), Metre(0.0)).is_err());
+}
+
+#[test]
+fn stiffening_as_published() {
+    // E(B) = E0 [1 + R B^2/(B^2 + Bc^2)]: relative rise in % at 20.4, 64, 137 mT for three rubbers.
+    let rubbers = [
+        (1.0, 0.35, [0.34, 3.2, 13.0]),
+        (3.0, 0.30, [1.4, 13.0, 52.0]),
+        (15.0, 0.25, [9.9, 92.0, 346.0]),
+    ];
+    for (r, half, percents) in rubbers {
+        // The law of one rubber, fixed at 137 mT and 10 A, read at the other fields' currents.
+        let at_peak: f32 = r * 0.137 * 0.137 / (0.137 * 0.137 + half * half);
+        let law = Saturating::new(NewtonPerMetre(1e3), at_peak, Ampere(10.0)).unwrap();
+        let law = law.saturating(Tesla(0.137), Tesla(half)).unwrap();
+        for (field, percent) in [0.0204f32, 0.064, 0.137].into_iter().zip(percents) {
+            let rise = law.rise(Ampere(-10.0 * field / 0.137)).value * 100.0;
+            assert!((rise / percent - 1.0).abs() < 0.03, "{rise} {percent}");
+        }
+    }
+}
+
+#[test]
+fn the_regressor_keeps_its_digits_at_half_a_percent() {
+    let mut rng = Rng::new(5);
+    let mut worst = [0.0f64; 3];
+    for _ in 0..100_000 {
+        let eps = 10f64.powf(rng.between(-3.0, 0.0)) as f32;
+        let [peak, half] = [rng.between(0.01, 0.2) as f32, rng.between(0.2, 0.4) as f32];
+        let [s, d] = [(); 2].map(|()| rng.between(1e3, 1e5) as f32);
+        let current = rng.between(-10.0, 10.0) as f32;
+        let law = Saturating::new(NewtonPerMetre(d), eps, Ampere(10.0)).unwrap();
+        let law = law.saturating(Tesla(peak), Tesla(half)).unwrap();
+        let field = |i: f64| f64::from(peak) * i / 10.0;
+        let shape = |b: f64| b * b / (b * b + f64::from(half).powi(2));
+        let rise = |i: f64| f64::from(eps) * shape(field(i)) / shape(f64::from(peak));
+        let i = f64::from(current);
+        worst[0] = worst[0].max(relative(law.rise(Ampere(current)).value, rise(i)));
+        // From the rounded rise on: the regressor answers for itself.
+        let rho = f64::from(law.rise(Ampere(current)).value);
+        let g0 = f64::from(s) / f64::from(d);
+        let found = law.regressor(NewtonPerMetre(s), Ampere(current));
+        worst[1] = worst[1].max(relative(found.deviation, g0 / (1.0 + rho) * -rho));
+        let g = |i: f64| g0 / (1.0 + rise(i));
+        let numeric = (g(i + 1e-4) - g(i - 1e-4)) / 2e-4;
+        worst[2] =
+            worst[2].max((f64::from(found.per_ampere) - numeric).abs() / (g0 * f64::from(eps)));
+        let spring = law.spring(Ampere(current)).0;
+        assert!(relative(spring, f64::from(d) * (1.0 + rho)) < 2e-7);
+        let numeric = (rise(i * 1.0001) - rise(i * 0.9999)) / rise(i) / 2e-4;
+        assert!(relative(law.logarithmic_slope(Ampere(current)), numeric) < 1e-5);
+    }
+    println!(
+        "rise {:.2e}, regressor {:.2e}, derivative {:.2e}",
+        worst[0], worst[1], worst[2]
+    );
+    assert!(worst[0] <= 6.0e-7 && worst[1] <= 4.0e-7 && worst[2] < 1e-6);
+    assert!(Saturating::new(NewtonPerMetre(1e3), 0.0, Ampere(1.0)).is_err());
+    let law = Saturating::new(NewtonPerMetre(1e3), 0.1, Ampere(1.0)).unwrap();
+    assert!(law.saturating(Tesla(0.1), Tesla(0.0)).is_err());
+}
+
+#[test]
+fn a_table_of_the_law_is_the_law() {
+    let law = Saturating::new(NewtonPerMetre(4e3), 0.1, Ampere(10.0)).unwrap();
+    let points: Vec<(f32, f32)> = (0..=20)
+        .map(|i| i as f32 / 2.0)
+        .map(|i| (i, 0.1 * i * i / 100.0))
+        .collect();
+    let curve = MonotoneCurve::<21>::new(&points).unwrap();
+    let table = Tabulated::new(NewtonPerMetre(4e3), curve).unwrap();
+    for i in -100..=100 {
+        let current = Ampere(i as f32 / 10.0);
+        let (a, b) = (law.rise(current), table.rise(current));
+        assert!(
+            (a.value - b.value).abs() < 2e-5,
+            "{current}: {} {}",
+            a.value,
+            b.value
+        );
+        assert!(
+            (a.per_ampere - b.per_ampere).abs() < 6e-4,
+            "{current}: {a:?} {b:?}"
+        );
+    }
+    assert!(Tabulated::new(NewtonPerMetre(0.0), curve).is_err());
+}
+
+#[test]
+fn an_attraction_is_a_part_of_the_regressor() {
+    // x from the balance of lengths with a pull p = f/c_D on the actuated layer; then
+    // x_0/x = 1 + kappa + g + p/x, whatever the pull.
+    let law = Saturating::new(NewtonPerMetre(4e3), 0.1, Ampere(10.0)).unwrap();
+    let (c_s, c_l, x_0) = (6e3, 3e3, 1e-3);
+    for i in 0..=10 {
+        let pull = 0.3e-3 * f64::from(i * i);
+        let c_d = 4e3 * (1.0 + 0.1 * f64::from(i * i) / 100.0);
+        let x = (x_0 - pull / c_d) / (1.0 + c_s / c_l + c_s / c_d);
+        let (pull, x) = (Newton(pull as f32), Metre(x as f32));
+        let h = attraction(pull, law.spring(Ampere(i as f32)), x)
+            + law
+                .regressor(NewtonPerMetre(6e3), Ampere(i as f32))
+                .deviation;
+        let whole = 1.0 + c_s / c_l + 6.0 / 4.0 + f64::from(h);
+        assert!((whole * f64::from(x.0) / x_0 - 1.0).abs() < 3e-7);
+    }
+}
+
+#[test]
+fn the_rise_lags_by_its_time_constant() {
+    // After a step, and behind an even fall: rho(t - tau) but for what is left of the start.
+    let tau = 5e-3;
+    let mut lag = Lag::new(Second(5e-3), 0.1).unwrap();
+    let interval = 1e-4;
+    for i in 1..=1000 {
+        let t = f64::from(i) * interval;
+        // The mean of the target over the interval.
+        let target = 0.1 - 0.5 * (t - interval / 2.0);
+        let found = f64::from(lag.follow(target as f32, Second(interval as f32)));
+        let exact = 0.1 - 0.5 * (t - tau * (1.0 - (-t / tau).exp()));
+        assert!((found - exact).abs() < 1e-6, "{t}: {found} {exact}");
+    }
+    assert!(Lag::new(Second(0.0), 0.0).is_err());
+    assert!((f64::from(deviation(1.5, 0.25)) - (1.5 / 1.25 - 1.5)).abs() < 1e-7);
+}
+
+#[test]
+fn a_demagnetising_burst_is_what_it_says() {
+    let burst = Burst::new(Ampere(8.0), Second(0.2), Hertz(25.0)).unwrap();
+    let mut worst: f64 = 0.0;
+    for i in 0..200_000 {
+        let t = 2.0 * f64::from(i) / 200_000.0;
+        let t32 = t as f32;
+        let t = f64::from(t32);
+        let exact = (-t / f64::from(0.2f32)).exp() * (t * 25.0 * std::f64::consts::TAU).sin();
+        worst = worst.max((f64::from(burst.current(Second(t32)).0) / 8.0 - exact).abs());
+    }
+    println!("burst off by {worst:.2e} of its amplitude");
+    assert!(worst <= 2.0e-3 && worst > 5e-4);
+    assert_eq!(burst.current(Second(-1.0)), Ampere(0.0));
+    let exact = f64::from(0.2f32) * (8.0f64 / f64::from(0.01f32)).ln();
+    assert!(relative(burst.duration(Ampere(0.01)).0, exact) <= 3.0e-7);
+    assert_eq!(burst.duration(Ampere(9.0)), Second(0.0));
+    assert!(Burst::new(Ampere(0.0), Second(1.0), Hertz(1.0)).is_err());
+}
+
+#[test]
+fn quantities_check_and_name_themselves() {
+    assert_eq!(NewtonPerMetre::positive(5.0), Ok(NewtonPerMetre(5.0)));
+    for bad in [0.0, -1.0, f32::NAN, f32::INFINITY] {
+        assert!(NewtonPerMetre::positive(bad).is_err());
+    }
+    assert!(Kelvin::non_negative(0.0).is_ok() && Kelvin::non_negative(-0.1).is_err());
+    assert!(Kelvin::finite(-0.1).is_ok() && Kelvin::finite(f32::NEG_INFINITY).is_err());
+    let error = Metre::positive(-0.5).unwrap_err();
+    assert_eq!(error.to_string(), "-0.5 m must be finite and above zero");
+    assert_eq!(format!("{:.1}", Ampere(2.54)), "2.5 A");
+    assert_eq!(NewtonPerMetre(6.0) * Metre(0.5), Newton(3.0));
+    assert_eq!(Newton(3.0) / NewtonPerMetre(6.0), Metre(0.5));
+    assert_eq!(Celsius(30.0) - Celsius(20.0), Kelvin(10.0));
+    assert_eq!(Celsius(20.0) + Kelvin(-5.0), Celsius(15.0));
+    assert_eq!(Second(3.0) / Second(2.0), 1.5);
+    assert_eq!(
+        (Second(3.0) - Second(1.0)) * 2.0 / 4.0 + -Second(1.0),
+        Second(0.0)
+    );
+}

@@ -1,0 +1,279 @@
+//! When there is no estimate, and why.
+
+use crate::common::efficiency::fit;
+use crate::common::plant::{Ramps, Stack, record};
+use crate::common::rng::Rng;
+use palpate_model::ramp::{
+    Basis, BasisError, Drift, LoadStiffness, Noise, Ramp, Reference, Refusal, Rejected, Sample,
+    Term,
+};
+use palpate_model::units::{Metre, NewtonPerMetre, Second};
+
+fn reference() -> Reference {
+    Reference::new(Metre(3e-4), 1.0).unwrap()
+}
+
+fn sample(deformation: f32, regressor: f32) -> Sample {
+    Sample {
+        time: Second(0.0),
+        deformation: Metre(deformation),
+        regressor,
+        sigma: Metre(3e-8),
+    }
+}
+
+#[test]
+fn too_few() {
+    let mut ramp = Ramp::new(reference(), Basis::LINEAR);
+    let refusal = |ramp: &Ramp, noise| ramp.fit(noise).err();
+    assert_eq!(
+        refusal(&ramp, Noise::Stated),
+        Some(Refusal::TooFewSamples { have: 0, need: 2 })
+    );
+    ramp.push(&sample(0.0, 0.0)).unwrap();
+    assert_eq!(
+        refusal(&ramp, Noise::Larger),
+        Some(Refusal::TooFewSamples { have: 1, need: 2 })
+    );
+    ramp.push(&sample(1e-5, -0.1)).unwrap();
+    assert_eq!(
+        refusal(&ramp, Noise::Residual),
+        Some(Refusal::TooFewSamples { have: 2, need: 3 })
+    );
+    assert_eq!(refusal(&ramp, Noise::Larger), None);
+    assert_eq!(ramp.residual_sigma(), None);
+    assert_eq!(ramp.fit(Noise::Stated).unwrap().reduced_chi_square(), None);
+}
+
+#[test]
+fn a_constant_current_and_a_drift_like_the_signal() {
+    let mut ramp = Ramp::new(reference(), Basis::LINEAR);
+    for i in 0..100 {
+        ramp.push(&sample(i as f32 * 1e-8, -0.1)).unwrap();
+    }
+    assert_eq!(
+        ramp.fit(Noise::Stated).err(),
+        Some(Refusal::IllConditioned { term: 1 })
+    );
+
+    // A regressor that moves by its last digit only is constant too.
+    let mut ramp = Ramp::new(reference(), Basis::LINEAR);
+    for i in 0..100 {
+        let last_digit = f32::from_bits(0.1f32.to_bits() + i % 2);
+        ramp.push(&sample(i as f32 * 1e-8, -last_digit)).unwrap();
+    }
+    assert_eq!(
+        ramp.fit(Noise::Stated).err(),
+        Some(Refusal::IllConditioned { term: 1 })
+    );
+
+    // c_D linear in time: then a linear drift cannot be told from it at all.
+    let mut ramp = Ramp::new(reference(), Basis::with_drift(Drift::Linear).unwrap());
+    for i in 0..100 {
+        let h = -0.1 * (1.0 - i as f32 / 99.0);
+        let x = 9e-4 / (3.0 + h);
+        // The drift's column is phi/x, and that is what must be linear in h.
+        let time = Second(h * x / 3e-4);
+        ramp.push(&Sample {
+            time,
+            ..sample(x - 3e-4, h)
+        })
+        .unwrap();
+    }
+    let refusal = ramp.fit(Noise::Stated).err();
+    assert!(
+        matches!(refusal, Some(Refusal::IllConditioned { .. })),
+        "{refusal:?}"
+    );
+}
+
+#[test]
+fn no_signal_a_reversed_one_and_a_negative_spring() {
+    let stack = Stack::equal(1.0, 0.1);
+    let load = |noise: f64, change: fn(&Sample) -> Sample| {
+        let recording = record(&stack, &Ramps::ONE, noise, |_| 0.0, &mut Rng::new(4));
+        let mut ramp = Ramp::new(recording.reference, Basis::LINEAR);
+        recording
+            .samples
+            .iter()
+            .for_each(|s| ramp.push(&change(s)).unwrap());
+        ramp.fit(Noise::Stated).unwrap().load_ratio()
+    };
+    let small = load(0.2, |s| *s);
+    assert!(matches!(small, Err(Refusal::SignalTooSmall { significance }) if significance < 2.0));
+    let reversed = load(1e-4, |s| Sample {
+        deformation: -s.deformation,
+        ..*s
+    });
+    assert!(
+        matches!(reversed, Err(Refusal::SignalReversed { significance }) if significance < -50.0)
+    );
+    // Half as much more signal than three springs can have.
+    let strong = load(1e-4, |s| Sample {
+        deformation: s.deformation * 1.6,
+        ..*s
+    })
+    .unwrap();
+    assert!(strong.value < 0.0 && strong.high < 0.0);
+    let refused = strong.stiffness(NewtonPerMetre(6e3));
+    assert_eq!(
+        refused,
+        Err(Refusal::NegativeStiffness {
+            highest_load_ratio: strong.high
+        })
+    );
+    assert!(
+        refused
+            .unwrap_err()
+            .to_string()
+            .contains("negative stiffness")
+    );
+}
+
+#[test]
+fn a_rigid_load_has_no_upper_bound() {
+    let stack = Stack::equal(1e6, 0.1);
+    let (mut open, mut negative) = (0, 0);
+    for seed in 0..400 {
+        let recording = record(&stack, &Ramps::ONE, 1e-4, |_| 0.0, &mut Rng::new(seed));
+        match fit(&recording, Basis::LINEAR, Noise::Stated)
+            .unwrap()
+            .load_stiffness(NewtonPerMetre(6e3))
+        {
+            Ok(LoadStiffness::AtLeast { low }) => {
+                assert!(low.0 > 6e3 * 50.0, "{low}");
+                open += 1;
+            }
+            Ok(LoadStiffness::Within { .. }) => {}
+            Err(Refusal::NegativeStiffness { .. }) => negative += 1,
+            Err(other) => panic!("{other:?}"),
+        }
+    }
+    // By chance 2.5 % each of the intervals lie wholly above or below kappa = 0.
+    println!("{open} of 400 open, {negative} negative");
+    assert!(open >= 365 && negative <= 22);
+}
+
+#[test]
+fn senseless_samples_leave_the_sums_alone() {
+    let mut ramp = Ramp::new(reference(), Basis::with_drift(Drift::Linear).unwrap());
+    ramp.push(&sample(0.0, 0.0)).unwrap();
+    let before = ramp;
+    let good = sample(1e-5, -0.1);
+    let cases = [
+        (
+            Sample {
+                deformation: Metre(f32::NAN),
+                ..good
+            },
+            Rejected::NotFinite,
+        ),
+        (
+            Sample {
+                deformation: Metre(f32::INFINITY),
+                ..good
+            },
+            Rejected::NotFinite,
+        ),
+        (
+            Sample {
+                deformation: Metre(f32::MAX),
+                ..good
+            },
+            Rejected::Sigma,
+        ),
+        (
+            Sample {
+                regressor: f32::INFINITY,
+                ..good
+            },
+            Rejected::NotFinite,
+        ),
+        (
+            Sample {
+                time: Second(f32::NAN),
+                ..good
+            },
+            Rejected::NotFinite,
+        ),
+        (
+            Sample {
+                sigma: Metre(f32::INFINITY),
+                ..good
+            },
+            Rejected::NotFinite,
+        ),
+        (
+            Sample {
+                deformation: Metre(-3e-4),
+                ..good
+            },
+            Rejected::Unpressed,
+        ),
+        (
+            Sample {
+                deformation: Metre(-1.0),
+                ..good
+            },
+            Rejected::Unpressed,
+        ),
+        (
+            Sample {
+                sigma: Metre(0.0),
+                ..good
+            },
+            Rejected::Sigma,
+        ),
+        (
+            Sample {
+                sigma: Metre(-3e-8),
+                ..good
+            },
+            Rejected::Sigma,
+        ),
+    ];
+    for (bad, why) in cases {
+        assert_eq!(ramp.push(&bad), Err(why), "{bad:?}");
+        assert_eq!(ramp, before);
+    }
+    let mut empty = Ramp::new(reference(), Basis::LINEAR);
+    assert_eq!(
+        empty.push(&Sample {
+            sigma: Metre(0.0),
+            ..good
+        }),
+        Err(Rejected::Sigma)
+    );
+    assert_eq!(empty.samples(), 0);
+}
+
+#[test]
+fn a_basis_must_make_sense() {
+    let creep = |tau| Term::Drift(Drift::Logarithmic { tau: Second(tau) });
+    let [level, slope] = [Term::Level, Term::Slope];
+    assert_eq!(Basis::new(&[level]), Err(BasisError::LevelAndSlopeFirst));
+    assert_eq!(
+        Basis::new(&[slope, level]),
+        Err(BasisError::LevelAndSlopeFirst)
+    );
+    assert_eq!(
+        Basis::new(&[level, slope, level]),
+        Err(BasisError::Repeated { index: 2 })
+    );
+    let twice = Basis::new(&[level, slope, creep(0.1), creep(0.1)]);
+    assert_eq!(twice, Err(BasisError::Repeated { index: 3 }));
+    assert!(Basis::new(&[level, slope, creep(0.1), creep(1.0)]).is_ok());
+    for tau in [0.0, -1.0, f32::NAN] {
+        assert!(matches!(
+            Basis::new(&[level, slope, creep(tau)]),
+            Err(BasisError::TimeConstant(_))
+        ));
+        let saw = Term::Drift(Drift::SawTooth {
+            period: Second(tau),
+        });
+        assert!(matches!(
+            Basis::new(&[level, slope, saw]),
+            Err(BasisError::TimeConstant(_))
+        ));
+    }
+}

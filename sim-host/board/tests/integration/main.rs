@@ -1,0 +1,13 @@
+//! Tests of `palpate-board` from outside: one program, whose modules are its parts.
+
+mod acquisition;
+mod coil;
+mod common;
+mod current;
+mod every_fault;
+mod faults;
+mod planted;
+mod profile;
+mod starts;
+mod time_stamps;
+mod trace;

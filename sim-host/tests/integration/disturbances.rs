@@ -1,0 +1,469 @@
+//! Every disturbance: off it has no effect at all, on it has the effect that its source says.
+
+use crate::common::*;
+use ldc161x_sim::Window;
+use palpate_sim::current::LSB_A;
+use palpate_sim::mechanics::{load::Load, press::Profile};
+use palpate_sim::parameters::Parameters;
+use palpate_sim::rig::{BareRig, Reading, Rig, Specimen};
+use palpate_sim::switches::Switches;
+use palpate_sim::thermal::CALIBRATION_C;
+use palpate_sim::world::{Holder, Setup, World};
+
+/// Gives `plant` another plant's values of one disturbance.
+fn transplant(name: &str, plant: &mut Parameters, other: &Parameters) {
+    let law = &mut plant.magnetorheological;
+    let (thermal, current, rig) = (&mut plant.thermal, &mut plant.current, &mut plant.rig);
+    match name {
+        "crosstalk" => plant.crosstalk = other.crosstalk,
+        "attraction" => plant.attraction = other.attraction,
+        "heating" => thermal.heating = 0.3,
+        "ambient_change" => thermal.ambient_change_k = other.thermal.ambient_change_k,
+        "growth" => thermal.growth_m_per_k = other.thermal.growth_m_per_k,
+        "spring_temperature" => {
+            plant.sensing.spring_per_kelvin = other.sensing.spring_per_kelvin;
+            plant.actuated.spring_per_kelvin = other.actuated.spring_per_kelvin;
+        }
+        "stiffening_temperature" => {
+            law.stiffening_per_kelvin = other.magnetorheological.stiffening_per_kelvin;
+        }
+        "copper_temperature" => thermal.resistance_per_kelvin = 2e-3,
+        "capacitance_temperature" => {
+            plant.tank.capacitance_per_kelvin = other.tank.capacitance_per_kelvin;
+        }
+        "creep" => {
+            for (mode, other) in plant.sensing.creep.iter_mut().zip(other.sensing.creep) {
+                mode.amplitude = other.amplitude;
+            }
+            for (mode, other) in plant.actuated.creep.iter_mut().zip(other.actuated.creep) {
+                mode.amplitude = other.amplitude;
+            }
+        }
+        "memory" => law.memory = other.magnetorheological.memory,
+        "lag" => law.lag_s = other.magnetorheological.lag_s,
+        "supply" => current.supply_v = 3.0,
+        "frame" => plant.press.frame_m_per_n = other.press.frame_m_per_n,
+        "vibration" => plant.press.vibration = other.press.vibration,
+        "tremor" => plant.press.tremor = other.press.tremor,
+        "current_gain" => current.gain_error = other.current.gain_error,
+        "adc_nonlinearity" => current.nonlinearity_phase = other.current.nonlinearity_phase,
+        "adc_noise" => current.noise_lsb = 3.0,
+        "reference_clock" => plant.ldc.reference_clock_error = other.ldc.reference_clock_error,
+        "ldc_noise" => plant.ldc.white_noise_relative = 2e-6,
+        "ldc_quantisation" => plant.ldc.quantised = false,
+        "ldc_drive_shift" => plant.ldc.drive_shift = false,
+        "ripple" => current.ripple = 0.5,
+        "pwm_coupling" => plant.interference.volt_per_volt = other.interference.volt_per_volt,
+        "coil_bending" => plant.tank.curvature_per_m = other.tank.curvature_per_m,
+        "copper_image" => plant.tank.copper = false,
+        "rig_frame" => rig.frame_m_per_n = other.rig.frame_m_per_n,
+        "load_cell_noise" => rig.load_cell_noise_n = 2e-3,
+        "load_cell_gain" => rig.load_cell_gain_error = other.rig.load_cell_gain_error,
+        "stage_error" => rig.stage_phase = other.rig.stage_phase,
+        "spring_tolerance" => rig.spring_tolerance = 0.02,
+        _ => panic!("{name} has no test"),
+    }
+}
+
+fn reading_bits(reading: Reading) -> [u64; 2] {
+    [reading.force_n.to_bits(), reading.stage_m.to_bits()]
+}
+
+/// What the bridge's switching adds to a conversion, cycles.
+fn pulled(mut world: World) -> f64 {
+    world.set_current(4.2);
+    world.advance(ms(2));
+    world.pulled_cycles(&Window {
+        start_s: 0.5e-3,
+        length_s: 1e-3,
+        free_hz: 3.01e6,
+    })
+}
+
+/// All that anybody can see of a plant: a measurement on a stand and by hand, the converter's
+/// settings, and the calibration rig.
+fn everything(plant: &Parameters, switches: Switches) -> Vec<u64> {
+    let mut seen = Vec::new();
+    for holder in [Holder::Stand, Holder::Hand] {
+        let setup = Setup {
+            holder,
+            ..pressed(plant)
+        };
+        let world = world(plant, switches, setup);
+        let chip = world.chip_settings(40e6);
+        seen.extend([
+            chip.external_clock.unwrap().relative_error.to_bits(),
+            chip.conversions.noise_at_1ms.to_bits(),
+            u64::from(chip.conversions.quantised),
+            chip.drive.shift_per_code.to_bits(),
+        ]);
+        seen.push(pulled(world.clone()).to_bits());
+        seen.extend(trajectory(world));
+    }
+    for specimen in [
+        Specimen::Block,
+        Specimen::Spring {
+            nominal_n_per_m: 5e3,
+        },
+    ] {
+        let mut rig = Rig::new(plant, switches, specimen).unwrap();
+        for step in 1..10 {
+            rig.move_stage(1e-4 * f64::from(step), 1e-3);
+            rig.world_mut().advance(ms(400));
+            seen.extend(reading_bits(rig.read()));
+        }
+    }
+    let mut bare = BareRig::new(plant, switches);
+    seen.extend((0..5).flat_map(|force| reading_bits(bare.press(f64::from(force)))));
+    seen
+}
+
+#[test]
+fn what_is_off_has_no_effect_and_what_is_on_has_one() {
+    let other = plant("ultrasoft", 2);
+    for name in Switches::NAMES {
+        let mut one = plant("ultrasoft", 1);
+        one.current.supply_v = 5.0; // weak enough to matter at 10 A
+        let mut two = one.clone();
+        transplant(name, &mut two, &other);
+        assert_ne!(one, two, "{name}: the test transplants something");
+        let off = Switches::all().with(name, false);
+        let same =
+            |a: &Parameters, a_on, b: &Parameters, b_on| everything(a, a_on) == everything(b, b_on);
+        assert!(same(&one, off, &two, off), "{name} off");
+        let on = Switches::all();
+        assert!(!same(&one, on, &two, on), "{name} on");
+        assert!(!same(&one, on, &one, off), "{name} on and off");
+    }
+}
+
+#[test]
+fn a_plant_without_a_disturbance_is_one_with_it_off() {
+    for name in Switches::NAMES {
+        let plant = plant("soft-closed", 5);
+        let without = plant.effective(&Switches::all().with(name, false));
+        let off = Switches::all().with(name, false);
+        let same = everything(&without, Switches::all()) == everything(&plant, off);
+        assert!(same, "{name}");
+    }
+}
+
+#[test]
+fn only_the_holder_that_holds_shakes() {
+    let plant = plant("ultrasoft", 1);
+    for (holder, other) in [(Holder::Stand, "tremor"), (Holder::Hand, "vibration")] {
+        let run = |switches| {
+            trajectory(world(
+                &plant,
+                switches,
+                Setup {
+                    holder,
+                    ..pressed(&plant)
+                },
+            ))
+        };
+        assert_eq!(
+            run(Switches::all()),
+            run(Switches::all().with(other, false))
+        );
+    }
+}
+
+// ---- sizes, each disturbance alone ----
+
+/// The plant in the middle, with one disturbance.
+fn alone(name: &str, change: impl FnOnce(&mut Parameters), load: Option<Load>) -> World {
+    let mut plant = middle("ultrasoft");
+    change(&mut plant);
+    let setup = Setup {
+        load: load.unwrap_or(Load::Rigid),
+        profile: if load.is_some() {
+            Profile::at(0.0).then_move(0.6e-3, 10e-3)
+        } else {
+            Profile::at(-1e-3)
+        },
+        ..Setup::default()
+    };
+    let mut world = world(&plant, Switches::only(name).expect("known"), setup);
+    world.advance(ms(100));
+    world
+}
+
+fn frequency(world: &World) -> f64 {
+    world
+        .frequency_hz(world.now().as_secs_f64())
+        .expect("it is past")
+}
+
+const SPRING: Option<Load> = Some(Load::Spring { n_per_m: 6e3 });
+
+fn close(actual: f64, expected: f64, relative: f64) {
+    let error = (actual / expected - 1.0).abs();
+    assert!(error < relative, "{actual} for {expected}");
+}
+
+#[test]
+fn crosstalk_is_even_and_grows_with_the_press() {
+    for load in [None, SPRING] {
+        let mut world = alone(
+            "crosstalk",
+            |p| p.crosstalk.slope_per_press_depth = 0.3,
+            load,
+        );
+        let depth = world.parameters().press.depth_m;
+        for current in [10.0, -10.0, 5.0] {
+            world.set_current(current);
+            let truth = world.truth();
+            let expected =
+                8e-6 * (current / 10.0_f64).powi(2) * (1.0 + 0.3 * truth.sensing_m / depth);
+            close(truth.sensing_m - truth.apparent_m, expected, 1e-9);
+        }
+        assert_eq!(world.truth().sensing_m > 0.0, load.is_some());
+    }
+}
+
+#[test]
+fn crosstalk_lowers_the_frequency_by_the_coils_sensitivity() {
+    // 158 ppm of the frequency per um with MSE on both sides at 1 mm (SOURCES.md section 5)
+    let mut world = alone("crosstalk", |p| p.crosstalk.at_peak_m = 5e-6, None);
+    let before = frequency(&world);
+    world.set_current(10.0);
+    world.advance(ms(1));
+    close(frequency(&world) / before - 1.0, 5.0 * 158e-6, 0.01);
+}
+
+#[test]
+fn attraction_compresses_the_actuated_layer() {
+    let mut world = alone("attraction", |_| {}, None);
+    world.set_current(10.0);
+    let truth = world.truth();
+    let (k, gradient) = (0.30e-3 * 100.0, 200.0);
+    let c_d = truth.actuated_spring_n_per_m;
+    close(c_d, 4.4e3, 1e-12);
+    close(
+        truth.actuated_m,
+        k / c_d / (1.0 - k * gradient / c_d),
+        1e-12,
+    );
+    close(
+        truth.attraction_n,
+        k * (1.0 + gradient * truth.actuated_m),
+        1e-12,
+    );
+}
+
+#[test]
+fn the_coils_heat_themselves() {
+    let mut world = alone("heating", |_| {}, None);
+    world.set_current(10.0);
+    world.advance(ms(20));
+    let truth = world.truth();
+    // adiabatic but for 0.02 s of 0.4 s
+    close(truth.copper_c - CALIBRATION_C, 38.9 / 0.8 * 0.02, 0.03);
+    close(truth.heat_in_j, 38.9 * 0.02, 1e-9);
+}
+
+#[test]
+fn ambient_and_its_effects_are_as_large_as_drawn() {
+    let warm = |p: &mut Parameters| {
+        p.thermal.ambient_change_k = 4.0;
+        p.sensing.spring_per_kelvin = -0.004;
+        p.actuated.spring_per_kelvin = -0.004;
+        p.magnetorheological.stiffening_per_kelvin = 0.005;
+        p.tank.capacitance_per_kelvin = 30e-6;
+    };
+    let truth = alone("ambient_change", warm, None).truth();
+    assert_eq!([truth.ambient_c, truth.pad_c, truth.copper_c], [29.0; 3]);
+
+    let growth = alone("growth", warm, SPRING).truth();
+    let without = alone("ambient_change", warm, SPRING).truth();
+    close(growth.growth_m, 4.0 * 0.9e-6, 1e-9);
+    // force of the grown length on the springs in series
+    close(
+        (growth.force_n - without.force_n) * (2.0 / 6e3 + 1.0 / 4e3),
+        growth.growth_m,
+        1e-9,
+    );
+
+    let truth = alone("spring_temperature", warm, None).truth();
+    close(
+        truth.sensing_spring_n_per_m,
+        6e3 * (-0.016_f64).exp(),
+        1e-12,
+    );
+    close(
+        truth.actuated_spring_n_per_m,
+        4e3 * (-0.016_f64).exp(),
+        1e-12,
+    );
+
+    let mut world = alone("stiffening_temperature", warm, None);
+    world.set_current(10.0);
+    close(
+        world.truth().actuated_spring_n_per_m,
+        4e3 * (1.0 + 0.1 * (0.02_f64).exp()),
+        1e-12,
+    );
+
+    let truth = alone("copper_temperature", warm, None).truth();
+    close(truth.coil_ohm, 0.389 * (1.0 + 3.9e-3 * 4.0), 1e-12);
+
+    let ratio = frequency(&alone("capacitance_temperature", warm, None))
+        / frequency(&alone("ambient_change", warm, None));
+    close(ratio - 1.0, -0.5 * 30e-6 * 4.0, 1e-3);
+}
+
+#[test]
+fn creep_adds_its_amplitudes_in_time() {
+    let mut world = alone("creep", |_| {}, SPRING);
+    world.advance(ms(400_000));
+    let truth = world.truth();
+    // the force changes little, so each mode has its share of the instant displacement
+    let instant = truth.force_n / truth.sensing_spring_n_per_m;
+    let modes = world.parameters().sensing.creep;
+    let expected: f64 = modes
+        .iter()
+        .map(|m| m.amplitude * (1.0 - (-400.0 / m.tau_s).exp()))
+        .sum();
+    close(truth.sensing_creep_m / instant, expected, 0.03);
+    assert!((0.1..0.18).contains(&expected));
+}
+
+#[test]
+fn memory_keeps_a_third_of_its_share() {
+    let mut world = alone("memory", |_| {}, None);
+    world.set_current(7.0);
+    let rising = world.truth().actuated_spring_n_per_m;
+    world.set_current(10.0);
+    close(world.truth().actuated_spring_n_per_m, 4.4e3, 1e-12);
+    world.set_current(7.0);
+    assert!(world.truth().actuated_spring_n_per_m > rising + 0.5 * 400.0 * 0.125 * 0.25);
+    world.set_current(0.0);
+    close(
+        world.truth().actuated_spring_n_per_m,
+        4e3 * (1.0 + 0.1 * 0.125 / 3.0),
+        1e-12,
+    );
+}
+
+#[test]
+fn the_lag_is_one_over_e_after_its_time() {
+    let mut world = alone("lag", |p| p.magnetorheological.lag_s = 5e-3, None);
+    world.set_current(10.0);
+    assert_eq!(world.truth().actuated_spring_n_per_m, 4e3);
+    world.advance(ms(5));
+    close(world.truth().stiffening, 1.0 - (-1.0_f64).exp(), 1e-12);
+}
+
+#[test]
+fn a_weak_supply_limits_the_current() {
+    let mut world = alone("supply", |p| p.current.supply_v = 6.0, None);
+    world.set_current(12.0);
+    world.advance(ms(1));
+    close(world.truth().current_a, 6.0 / (0.389 + 0.175), 1e-9);
+    close(world.told_current_a(), 6.0 / (0.389 + 0.175), 1e-9);
+    let mut strong = alone("lag", |_| {}, None);
+    strong.set_current(99.0);
+    assert_eq!(strong.truth().current_a, 15.0, "the hardware's limit");
+}
+
+#[test]
+fn the_frame_is_in_series_with_the_load() {
+    let truth = alone("frame", |p| p.press.frame_m_per_n = 1.0 / 20e3, SPRING).truth();
+    close(
+        truth.load_spring_n_per_m,
+        1.0 / (1.0 / 6e3 + 1.0 / 20e3),
+        1e-12,
+    );
+    close(truth.frame_m, truth.force_n / 20e3, 1e-12);
+    assert_eq!(alone("creep", |_| {}, SPRING).truth().frame_m, 0.0);
+}
+
+#[test]
+fn shaking_has_its_amplitude_and_frequency() {
+    for (name, holder, amplitude, hertz) in [
+        ("vibration", Holder::Stand, 0.25e-6, 62.5),
+        ("tremor", Holder::Hand, 5e-6, 8.5),
+    ] {
+        let plant = middle("ultrasoft");
+        let setup = Setup {
+            holder,
+            profile: Profile::at(0.5e-3),
+            ..pressed(&plant)
+        };
+        let mut world = world(&plant, Switches::only(name).unwrap(), setup);
+        let (mut most, mut crossings, mut last) = (0.0_f64, 0, 0.0);
+        for _ in 0..20_000 {
+            world.advance(palpate_sim::Time::from_us(100));
+            let off = world.truth().press_m - 0.5e-3;
+            most = most.max(off.abs());
+            crossings += i32::from(off > 0.0 && last <= 0.0);
+            last = off;
+        }
+        close(most, amplitude, 1e-3);
+        assert!(
+            (f64::from(crossings) - 2.0 * hertz).abs() <= 1.0,
+            "{crossings}"
+        );
+    }
+}
+
+#[test]
+fn what_is_told_of_the_current_is_wrong_by_its_errors() {
+    let told = |name: &str, current: f64| {
+        let mut world = alone(name, |p| p.current.gain_error = 0.02, None);
+        world.set_current(current);
+        world.told_current_a() - current
+    };
+    close(told("current_gain", 8.0), 0.16, 1e-9);
+    let worst = (-20..=20)
+        .map(|current| told("adc_nonlinearity", f64::from(current) / 2.0).abs())
+        .fold(0.0, f64::max);
+    assert!(worst > 7.0 * LSB_A && worst <= 8.0 * LSB_A, "{worst}");
+    let mut world = alone("adc_noise", |_| {}, None);
+    let squares: f64 = (0..5_000).map(|_| world.told_current_a().powi(2)).sum();
+    close((squares / 5_000.0).sqrt(), 2.0 * LSB_A, 0.05);
+    let (from, to) = (ms(90), ms(91));
+    let squares: f64 = (0..5_000)
+        .map(|_| world.told_mean_current_a(from, to, 25).powi(2))
+        .sum();
+    close((squares / 5_000.0).sqrt(), 0.4 * LSB_A, 0.05);
+}
+
+#[test]
+fn the_converter_is_set_up_with_its_errors() {
+    let plant = plant("ultrasoft", 1);
+    let settings = |switches| world(&plant, switches, Setup::default()).chip_settings(30e6);
+    let all = settings(Switches::all());
+    let clock = all.external_clock.unwrap();
+    assert_eq!(clock.frequency_hz, 30e6);
+    assert_eq!(clock.relative_error, plant.ldc.reference_clock_error);
+    assert!(clock.relative_error != 0.0 && clock.relative_error.abs() <= 50e-6);
+    assert_eq!(all.conversions.noise_at_1ms, 1e-6);
+    assert!(all.conversions.quantised && all.drive.shift_per_code != 0.0);
+    let none = settings(Switches::none());
+    assert_eq!(none.external_clock.unwrap().relative_error, 0.0);
+    assert_eq!(none.conversions.noise_at_1ms, 0.0);
+    assert!(!none.conversions.quantised && none.drive.shift_per_code == 0.0);
+}
+
+#[test]
+fn the_coil_bends_and_sees_copper() {
+    let flat = alone("lag", |_| {}, SPRING);
+    let x = flat.truth().sensing_m;
+    let bent = alone(
+        "coil_bending",
+        |p| p.tank.curvature_per_m = 20.0 / x,
+        SPRING,
+    );
+    close(
+        frequency(&bent) / frequency(&flat) - 1.0,
+        0.5 * (1.0 - 0.9974),
+        0.01,
+    );
+    // the slab between copper and coil screens a little; 6 % of the coil in air remain about 3 %
+    let copper = alone("copper_image", |_| {}, None);
+    let lost = 1.0 - (frequency(&alone("lag", |_| {}, None)) / frequency(&copper)).powi(2);
+    println!("{lost}");
+    assert!((0.02..0.08).contains(&lost), "{lost}");
+}

@@ -1,0 +1,19 @@
+//! Tests of `system-tests` from outside: one program, whose modules are its parts.
+
+mod chip;
+mod coil_guards;
+mod copies;
+mod fault_schedules;
+mod on_target;
+mod planted_defects;
+mod sigma;
+
+// What the example on_target of the firmware runs on the processor.
+#[path = "../../../firmware/examples/on_target/arithmetic.rs"]
+#[allow(unreachable_pub)]
+mod arithmetic;
+#[path = "../../../firmware/procedure/tests/integration/support/mod.rs"]
+mod support;
+#[path = "../../../firmware/examples/on_target/tape.rs"]
+#[allow(dead_code, unreachable_pub)]
+mod tape;
