@@ -183,7 +183,7 @@ fn serve(kind: u8, rest: &[u8], answer: &mut Answer) -> Option<Outcome> {
         (b'I', []) => answer.push(pins::interrupt_is_high().into()),
         (b'S', [high]) => pins::shut_down(*high != 0),
         (b'C', [divisor @ 3..=12]) => {
-            // SAFETY: nobody else touches the clocks.
+            // SAFETY: no other code touches the clocks.
             let clocks = unsafe { &*rp2040_pac::CLOCKS::ptr() };
             clocks::send_out(clocks, (*divisor).into());
         }

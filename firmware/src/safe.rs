@@ -22,7 +22,7 @@ pub fn bridge_off() {
     unsafe {
         let pins = 1 << pico::BRIDGE_ENABLE | 1 << pico::IN1 | 1 << pico::IN2;
         (*SIO::ptr()).gpio_out_clr().write(|w| w.bits(pins));
-        // In reset, as at the start, the pins are nobody's.
+        // In reset, as at the start, no block has the pins.
         if (*RESETS::ptr())
             .reset_done()
             .read()

@@ -1,11 +1,11 @@
-//! The watchdog, fed only when every task has been heard of.
+//! The watchdog, fed only when every task has checked in.
 
 use core::sync::atomic::{AtomicBool, Ordering};
 
 /// From the last feeding to the reset. With the boot ROM's time the bridge is off within 60 ms of
 /// a hang; the outputs themselves fall with the reset.
 pub const WATCHDOG_US: u32 = 40_000;
-/// How often the supervisor looks. A task has to be heard of between two looks.
+/// How often the supervisor polls. Every task has to check in between two polls.
 pub const PERIOD_MS: u64 = 10;
 
 /// Tasks that are supervised. The supervisor itself feeds, and so needs no place here.
@@ -21,22 +21,25 @@ pub enum Task {
 
 const TASKS: usize = 3;
 
-static HEARD: [AtomicBool; TASKS] = [const { AtomicBool::new(false) }; TASKS];
+static RECEIVED: [AtomicBool; TASKS] = [const { AtomicBool::new(false) }; TASKS];
 
 /// A task lives.
 pub fn check_in(task: Task) {
-    if let Some(heard) = HEARD.get(task as usize) {
-        heard.store(true, Ordering::Relaxed);
+    if let Some(received) = RECEIVED.get(task as usize) {
+        received.store(true, Ordering::Relaxed);
     }
 }
 
-/// Whether all tasks have been heard of since the last time that they had.
+/// Whether all tasks have checked in since the last time that they had.
 pub fn all_have_checked_in() -> bool {
-    if !HEARD.iter().all(|heard| heard.load(Ordering::Relaxed)) {
+    if !RECEIVED
+        .iter()
+        .all(|received| received.load(Ordering::Relaxed))
+    {
         return false;
     }
-    for heard in &HEARD {
-        heard.store(false, Ordering::Relaxed);
+    for received in &RECEIVED {
+        received.store(false, Ordering::Relaxed);
     }
     true
 }

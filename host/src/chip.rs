@@ -122,8 +122,8 @@ impl FaultKind {
     }
 }
 
-/// Where the simulated comparator's falling edge is; the driver is told, as a calibrated board's
-/// would be.
+/// Where the simulated comparator's falling edge is. The driver's configuration states it, as that of a
+/// calibrated board does.
 const COMPARATOR_DUTY: f32 = 0.29;
 /// The sensors sweep between the middle and the top of their range once in this time.
 const SWEEP_S: f64 = 1.618_034;

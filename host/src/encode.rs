@@ -33,7 +33,7 @@ Example:
   echo '\"identify\"' | palpate encode > commands.bin
   palpate encode --calibration mine.toml --boot 305419896 > commands.bin")]
 pub(crate) struct Arguments {
-    /// Boot id of the device's present run, from its records; 0 for what any run obeys
+    /// Boot id of the device's present run, from its records; 0 for commands that any run executes
     #[arg(long, default_value_t = 0)]
     boot: u32,
     /// Number of the first command, which its answer repeats

@@ -19,7 +19,7 @@ const LEGEND: (f64, f64) = (0.55, 0.3);
 const TITLE_SIZE: u32 = 15 * ENLARGED;
 const LABEL_SIZE: u32 = 13 * ENLARGED;
 
-/// Colours that can be told apart by everybody, and on paper (Okabe and Ito 2008).
+/// Colours that everybody can distinguish, on paper as well (Okabe and Ito 2008).
 pub(crate) const BLUE: RGBColor = RGBColor(0, 114, 178);
 pub(crate) const ORANGE: RGBColor = RGBColor(213, 94, 0);
 pub(crate) const GREEN: RGBColor = RGBColor(0, 158, 115);

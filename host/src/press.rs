@@ -116,7 +116,7 @@ where
     })
 }
 
-/// Measures at every contact, as nobody is there to ask.
+/// Sets the instrument to measure at every contact, as no operator is there to ask for it.
 pub(crate) fn automatic(command: &Command) -> Command {
     match command {
         Command::SetSettings(settings) => Command::SetSettings(palpate_wire::command::Settings {

@@ -1,4 +1,4 @@
-//! A bar on the terminal while something runs; nothing where nobody looks.
+//! A bar on the terminal while something runs; nothing where standard error is no terminal.
 
 use std::io::{self, IsTerminal};
 

@@ -138,7 +138,7 @@ impl TwoNode {
     }
 
     /// Temperatures at the end of a planned pulse of `current`, an upper bound: its heat is
-    /// reckoned at the resistance of the copper's hotter end. For pulses that are short against the
+    /// computed at the resistance of the copper's hotter end. For pulses that are short against the
     /// pad's cooling, so that the copper is hottest at one of the two ends.
     ///
     /// Too high by at most 0.4 % of what the current's heat adds, for every kelvin between the

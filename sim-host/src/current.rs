@@ -1,4 +1,4 @@
-//! The coil's current: what flows, and what the instrument is told about it.
+//! The coil's current: what flows, and what the instrument measures of it.
 //!
 //! An ideal source drives the coil: its mean follows the command at once, within the hardware's limit
 //! and what the supply can push through the coil. What the bridge's switching adds is known in closed
@@ -104,17 +104,17 @@ impl CurrentParameters {
         self.ripple * peak_to_peak_a / libm::sqrt(12.0)
     }
 
-    /// What is told where there is no current, but for the noise, A: the zero that a drive measures
-    /// in its self-test, and takes out.
+    /// The measured value where there is no current, without the noise, A: the zero that a drive
+    /// measures in its self-test, and takes out.
     #[must_use]
     pub fn zero_a(&self) -> f64 {
         LSB_A * self.nonlinearity_lsb * libm::sin(self.nonlinearity_phase)
     }
 
-    /// What the instrument is told of a true mean current, from the mean of so many samples, A.
+    /// The measured value of a true mean current, from the mean of so many samples, A.
     ///
     /// Whole codes are not modelled: the noise dithers them.
-    pub fn told_a(&self, true_a: f64, samples: u32, noise: &mut Stream) -> f64 {
+    pub fn reported_a(&self, true_a: f64, samples: u32, noise: &mut Stream) -> f64 {
         let scatter = if self.noise_lsb > 0.0 {
             self.noise_lsb * noise.normal() / libm::sqrt(f64::from(samples.max(1)))
         } else {
@@ -255,35 +255,35 @@ mod tests {
     }
 
     #[test]
-    fn what_is_told_is_off_by_the_gain_the_bow_and_the_noise() {
+    fn the_measured_current_is_off_by_the_gain_the_bow_and_the_noise() {
         let mut noise = Stream::named(1, "test");
-        assert_eq!(CHAIN.told_a(-7.0, 1, &mut noise), -7.0);
+        assert_eq!(CHAIN.reported_a(-7.0, 1, &mut noise), -7.0);
         let gain = CurrentParameters {
             gain_error: 0.02,
             ..CHAIN
         };
-        assert!((gain.told_a(5.0, 1, &mut noise) - 5.1).abs() < 1e-12);
+        assert!((gain.reported_a(5.0, 1, &mut noise) - 5.1).abs() < 1e-12);
         let bowed = CurrentParameters {
             nonlinearity_lsb: 8.0,
             ..CHAIN
         };
         let worst = (-100..=100)
             .map(|step| 0.13 * f64::from(step))
-            .map(|current| (bowed.told_a(current, 1, &mut noise) - current).abs())
+            .map(|current| (bowed.reported_a(current, 1, &mut noise) - current).abs())
             .fold(0.0, f64::max);
         assert!((worst / LSB_A - 8.0).abs() < 0.01, "{worst}");
         let turned = CurrentParameters {
             nonlinearity_phase: 1.0,
             ..bowed
         };
-        assert_eq!(turned.told_a(0.0, 1, &mut noise), turned.zero_a());
+        assert_eq!(turned.reported_a(0.0, 1, &mut noise), turned.zero_a());
         let noisy = CurrentParameters {
             noise_lsb: 2.0,
             ..CHAIN
         };
         let square = |samples: u32, noise: &mut Stream| {
             (0..4000)
-                .map(|_| noisy.told_a(0.0, samples, noise).powi(2))
+                .map(|_| noisy.reported_a(0.0, samples, noise).powi(2))
                 .sum::<f64>()
                 / 4000.0
         };

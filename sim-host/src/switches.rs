@@ -89,7 +89,7 @@ switches! {
     vibration,
     /// A hand trembles (3.7); acts with [`crate::world::Holder::Hand`].
     tremor,
-    /// The instrument is told a current that is off by a factor (`[current_chain]`).
+    /// The measured current is off by a factor (`[current_chain]`).
     current_gain,
     /// The ADC is not linear (3.8).
     adc_nonlinearity,

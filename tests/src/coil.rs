@@ -98,7 +98,7 @@ const HEAT: ThermalParameters = ThermalParameters {
     heating: 1.0,
 };
 
-/// The prediction, as the procedure makes it: two nodes, told currents, the found resistance.
+/// The prediction, as the procedure makes it: two nodes, reported currents, the resistance found.
 struct Prediction {
     nodes: TwoNode,
     now: Temperatures,
@@ -457,9 +457,9 @@ impl Sequence {
         let hardware = *self.loop_.supervisor().hardware();
         let averages: &Averages<_> = self.loop_.averages();
         let from = now.wrapping_sub(THERMAL_PERIODS);
-        let told =
+        let mean_square =
             averages.mean_of_current(from, now, &hardware, |current_a| current_a * current_a);
-        let (Some(square_a2), Some(prediction)) = (told, &mut self.prediction) else {
+        let (Some(square_a2), Some(prediction)) = (mean_square, &mut self.prediction) else {
             return;
         };
         if !sound || !self.measured {

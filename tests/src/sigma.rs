@@ -18,7 +18,7 @@ pub struct Case {
     pub autoscan: bool,
     /// White noise of the sensors: relative standard deviation in 1 ms.
     pub noise_in_1_ms: f64,
-    /// Whether the driver is told where the simulated comparator's falling edge is.
+    /// Whether the driver's configuration states where the simulated comparator's falling edge is.
     pub duty_is_known: bool,
     /// How the simulated core counts.
     pub counter: Counter,

@@ -75,7 +75,7 @@ fn source_checks() -> Vec<Step> {
         },
         Step {
             name: "hygiene",
-            purpose: "no machine paths, open marks or build output in the repository",
+            purpose: "no machine paths, open marks, retired words or build output in the repository",
             needs: Vec::new(),
             action: Action::Check(hygiene::check_workspace),
             remedy: "mend the named lines; take build output out with `git rm --cached`",

@@ -1,5 +1,5 @@
 //! What does not belong into the repository: paths of somebody's machine, marks of unfinished
-//! work, and build output.
+//! work, retired words, and build output.
 //!
 //! The check reads what git tracks and what it would add, so that a new file is found before it
 //! is committed.
@@ -22,6 +22,24 @@ const MARKS: &[&str] = &[
     concat!("to", "do!"),
     concat!("unimpl", "emented!"),
 ];
+
+/// Words that say no more than the field's own, which stand after them: `docs` and code use those. Taken
+/// apart like the marks.
+const RETIRED: &[(&str, &str)] = &[
+    (concat!("to", "ld"), "reported, sent, measured"),
+    (concat!("fe", "lt"), "deformation, contact"),
+    (concat!("he", "ard"), "received, last seen"),
+    (concat!("ob", "ey"), "apply, execute"),
+    (concat!("ob", "eyed"), "applied, executed"),
+    (concat!("ob", "eys"), "applies, executes"),
+    (concat!("ast", "ray"), "tracking error, off target"),
+    (concat!("rec", "kon"), "compute"),
+    (concat!("rec", "koned"), "computed"),
+    (concat!("no", "body"), "the name of the part that does not"),
+    (concat!("who", "ever"), "the name of the part that does"),
+];
+/// Pages that campaigns wrote, with the words of their day.
+const WRITTEN_PAGES: &str = "docs/evidence/";
 
 /// Folders and name endings of build output.
 const OUTPUT_FOLDERS: &[&str] = &["target", "__pycache__", "node_modules"];
@@ -103,11 +121,17 @@ fn check_file(name: &str, content: &[u8]) -> Vec<Finding> {
     let Ok(text) = std::str::from_utf8(content) else {
         return Vec::new();
     };
+    let has_our_words = !name.starts_with(WRITTEN_PAGES)
+        && [".rs", ".md", ".toml"]
+            .iter()
+            .any(|ending| name.ends_with(ending));
     text.lines()
         .enumerate()
         .flat_map(|(index, line)| {
             let place = format!("{name}:{}", index + 1);
-            faults(line).map(move |fault| Finding {
+            let words = has_our_words.then(|| retired_words(line));
+            let faults = faults(line).chain(words.into_iter().flatten());
+            faults.map(move |fault| Finding {
                 place: place.clone(),
                 fault,
             })
@@ -137,6 +161,34 @@ fn faults(line: &str) -> impl Iterator<Item = String> {
         .filter(|mark| has_word(line, mark))
         .map(|mark| format!("has the mark {mark} of unfinished work"));
     paths.chain(marks).collect::<Vec<_>>().into_iter()
+}
+
+/// The retired words of a line, by themselves or as a part of a name.
+fn retired_words(line: &str) -> Vec<String> {
+    let words = line.split(|c: char| !c.is_alphabetic()).flat_map(parts);
+    words
+        .filter_map(|word| {
+            let retired = RETIRED
+                .iter()
+                .find(|(retired, _)| word.eq_ignore_ascii_case(retired));
+            retired.map(|(word, instead)| format!("has the word \"{word}\"; instead: {instead}"))
+        })
+        .collect()
+}
+
+/// The parts of a name in CamelCase; a name in capitals is one.
+fn parts(name: &str) -> Vec<&str> {
+    let is_capitals = !name.contains(|c: char| c.is_lowercase());
+    let mut parts = Vec::new();
+    let mut begin = 0;
+    for (at, c) in name.char_indices().skip(1) {
+        if c.is_uppercase() && !is_capitals {
+            parts.push(&name[begin..at]);
+            begin = at;
+        }
+    }
+    parts.push(&name[begin..]);
+    parts
 }
 
 /// Whether an absolute path with this start, and something below it, stands in the line.
@@ -204,6 +256,24 @@ mod tests {
         }
         assert_eq!(count("todo = \"warn\""), 0);
         assert_eq!(count("unimplemented = \"warn\""), 0);
+    }
+
+    #[test]
+    fn a_retired_word_is_found_alone_and_in_every_kind_of_name() {
+        for (word, _) in RETIRED {
+            let capital = word[..1].to_uppercase() + &word[1..];
+            for line in [
+                format!("/// It is {word}."),
+                format!("let {word}_a = 1;"),
+                format!("struct Last{capital}Value;"),
+                format!("const {}: u8 = 1;", word.to_uppercase()),
+            ] {
+                assert_eq!(retired_words(&line).len(), 1, "{line}");
+                assert_eq!(check_file("src/a.rs", line.as_bytes()).len(), 1, "{line}");
+                assert!(check_file("docs/evidence/a.md", line.as_bytes()).is_empty());
+            }
+            assert!(retired_words(&format!("thresh{word}s")).is_empty());
+        }
     }
 
     #[test]

@@ -50,20 +50,24 @@ impl Correction {
         let unit_a = hardware.ampere_per_unit();
         let mut knots = [0; KNOTS];
         for (place, knot) in (0_i32..).zip(&mut knots) {
-            let told_a = (FIRST + (place << PIECE)) as f32 * unit_a;
-            let change_a = if told_a <= first[0] || told_a >= last[0] {
-                let [told, of] = if told_a <= first[0] { *first } else { *last };
-                // In proportion where that has a meaning.
-                if (told_a > 0.0) == (told > 0.0) && told.abs() > 64.0 * unit_a {
-                    (of - told) * told_a / told
+            let reported_a = (FIRST + (place << PIECE)) as f32 * unit_a;
+            let change_a = if reported_a <= first[0] || reported_a >= last[0] {
+                let [measured, of] = if reported_a <= first[0] {
+                    *first
                 } else {
-                    of - told
+                    *last
+                };
+                // In proportion where that has a meaning.
+                if (reported_a > 0.0) == (measured > 0.0) && measured.abs() > 64.0 * unit_a {
+                    (of - measured) * reported_a / measured
+                } else {
+                    of - measured
                 }
             } else {
-                between(pairs, told_a).ok_or(Refusal::Correction)?
+                between(pairs, reported_a).ok_or(Refusal::Correction)?
             };
             let units = change_a / unit_a;
-            let most = GREATEST_PART * (told_a / unit_a).abs() + GREATEST_UNITS;
+            let most = GREATEST_PART * (reported_a / unit_a).abs() + GREATEST_UNITS;
             if units.is_nan() || units.abs() > most {
                 return Err(Refusal::Correction);
             }
@@ -95,10 +99,10 @@ impl Correction {
 }
 
 /// The change of the pair of neighbours that a value lies between.
-fn between(pairs: &[[f32; 2]], told_a: f32) -> Option<f32> {
+fn between(pairs: &[[f32; 2]], reported_a: f32) -> Option<f32> {
     pairs.windows(2).find_map(|of| match of {
-        [[low, low_of], [high, high_of]] if told_a >= *low && told_a <= *high => {
-            let part = (told_a - low) / (high - low);
+        [[low, low_of], [high, high_of]] if reported_a >= *low && reported_a <= *high => {
+            let part = (reported_a - low) / (high - low);
             Some((low_of - low) * (1.0 - part) + (high_of - high) * part)
         }
         _ => None,
@@ -115,8 +119,8 @@ mod tests {
         let pairs = [-10.0, -3.0, 2.0, 10.0].map(|of: f32| [of * 1.02, of]);
         let correction = Correction::new(&pairs, &HARDWARE).unwrap();
         for true_a in [-11.0_f32, -6.3, 0.0, 0.7, 5.0, 11.9] {
-            let told = (true_a * 1.02 / 0.003) as i32;
-            let error = correction.apply(told) as f32 * 0.003 - true_a;
+            let measured = (true_a * 1.02 / 0.003) as i32;
+            let error = correction.apply(measured) as f32 * 0.003 - true_a;
             assert!(error.abs() < 0.012, "{true_a}: {error}");
         }
     }

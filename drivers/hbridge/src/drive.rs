@@ -95,7 +95,7 @@ pub struct Report {
     pub(crate) outcome: Option<Sums>,
 }
 
-/// The drive: told of two samples every period, it says what the bridge is to do.
+/// The drive: from two samples every period it computes the bridge's inputs.
 ///
 /// What every period needs comes first and in this order: the processor reaches 124 bytes from an
 /// address in one instruction.
@@ -255,8 +255,8 @@ impl Drive {
         self.measured
     }
 
-    /// Takes an order. What a limit forbids is held to it, whoever made the order.
-    pub fn obey(&mut self, order: &Order) {
+    /// Applies an order. The drive holds the current to its limits whatever the order says.
+    pub fn apply(&mut self, order: &Order) {
         self.patience = PATIENCE;
         match &order.0 {
             Orders::Attended => {}
@@ -512,7 +512,7 @@ impl Drive {
         false
     }
 
-    /// A period without regulation has passed; whether nobody has looked at a test for too long.
+    /// A period without regulation has passed; whether a test has had no order for too long.
     #[inline(never)]
     fn wait(&mut self) -> bool {
         if self.mode != Mode::Testing {

@@ -25,7 +25,7 @@ pub enum Fault {
     OnTime,
     /// Too much energy.
     Energy,
-    /// [`Drive::obey`](crate::Drive::obey) was not called in time.
+    /// [`Drive::apply`](crate::Drive::apply) was not called in time.
     Unattended,
     /// Self-test: the reading without current is too far from its nominal value.
     Offset,
@@ -92,7 +92,7 @@ impl fmt::Display for Fault {
             Self::SupplyHigh => "the supply is too high",
             Self::OnTime => "the coil was on for too long: ask for less",
             Self::Energy => "too much energy: let the coil cool",
-            Self::Unattended => "nobody looked after the drive: the program hangs",
+            Self::Unattended => "no order came in time: the program hangs",
             Self::Offset => "the current amplifier is off zero: check its supply and reference",
             Self::Open => "no current flows: connect the coil",
             Self::Short => "resistance or inductance is too low: look for a short",

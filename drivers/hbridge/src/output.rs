@@ -14,7 +14,7 @@ pub struct Levels {
     pub in2: u16,
 }
 
-/// What the bridge is to be told until the next period.
+/// The bridge's inputs until the next period.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Output {

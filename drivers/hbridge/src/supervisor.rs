@@ -76,7 +76,7 @@ impl Supervisor {
             trip: hardware.units(limits.trip_a),
             bounds: Bounds {
                 margin: full / 24,
-                astray: hardware.units(TRACKING_ERROR * limits.current_a),
+                tracking: hardware.units(TRACKING_ERROR * limits.current_a),
                 on_periods: (limits.on_time_s / hardware.period_s) as u32,
             },
             reversed: hardware.ampere_per_count < 0.0,

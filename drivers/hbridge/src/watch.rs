@@ -8,24 +8,24 @@ use crate::regulator::Gains;
 /// Blocks in a row in which voltage and current do not belong together.
 const UNBALANCED_BLOCKS: u32 = 4;
 /// Blocks in a row in which the current is not where it is wanted.
-const ASTRAY_BLOCKS: u32 = 31;
+const TRACKING_BLOCKS: u32 = 31;
 
 /// Periods within which voltage without current, or current without voltage, is found. What begins
 /// within a block is seen in the next.
 pub const BALANCED_WITHIN: u32 = (UNBALANCED_BLOCKS + 1) * BLOCK;
 /// Periods within which a current that does not come to where it is wanted is found.
-pub const FOLLOWS_WITHIN: u32 = (ASTRAY_BLOCKS + 1) * BLOCK;
+pub const FOLLOWS_WITHIN: u32 = (TRACKING_BLOCKS + 1) * BLOCK;
 /// Periods within which the supervisor has to look: 20 ms at 16 us.
 pub const ATTENDED_WITHIN: u32 = 1_250;
 
 /// Bounds in units and levels.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Bounds {
-    /// Difference of voltage that is nobody's fault, levels: 1/24 of the supply, for dead time,
+    /// Difference of voltage that is no fault, levels: 1/24 of the supply, for dead time,
     /// diodes and a supply that has just changed.
     pub(crate) margin: i32,
-    /// Difference of current that is no fault, units.
-    pub(crate) astray: i32,
+    /// Tracking error that is no fault, units.
+    pub(crate) tracking: i32,
     /// Periods with the bridge on, at most.
     pub(crate) on_periods: u32,
 }
@@ -71,7 +71,7 @@ pub(crate) struct Watch {
     /// The current at the end of the last block.
     last: i32,
     unbalanced: u32,
-    astray: u32,
+    off_target: u32,
     on: u32,
 }
 
@@ -113,8 +113,8 @@ impl Watch {
             0
         };
         let off = (wanted.at_q4 >> 4) - measured;
-        self.astray = if off.abs() > bounds.astray {
-            self.astray + 1
+        self.off_target = if off.abs() > bounds.tracking {
+            self.off_target + 1
         } else {
             0
         };
@@ -127,7 +127,7 @@ impl Watch {
                 Fault::CurrentUnexplained
             });
         }
-        (self.astray >= ASTRAY_BLOCKS).then_some(Fault::NotFollowing)
+        (self.off_target >= TRACKING_BLOCKS).then_some(Fault::NotFollowing)
     }
 
     /// Blocks with the bridge on, in periods.

@@ -322,7 +322,7 @@ impl<'a, S: Sensors> Delay<'a, S> {
     }
 
     fn wait(&self, length: Time) {
-        // no error can be told here; the next transfer reports a borrow that the test holds
+        // this function cannot report an error; the next transfer reports a borrow that the test holds
         if let Ok(time) = now(self.chips) {
             let _ = each(self.chips, |chip| chip.advance_to(time + length));
         }

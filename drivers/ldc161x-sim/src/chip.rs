@@ -18,8 +18,8 @@ use crate::time::Time;
 /// from running for days.
 const LONGEST_RUN: u32 = 1 << 22;
 
-/// Breaches of the datasheet's rules by whoever drives the chip. A driver's test asserts that this
-/// equals its `default()`.
+/// Breaches of the datasheet's rules by the driver. A driver's test asserts that this equals its
+/// `default()`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Misuse {
     /// Writes of another value than the required one to reserved bits (7.6.1).
@@ -390,7 +390,7 @@ impl<S: Sensors> Chip<S> {
         self.results.last_fall()
     }
 
-    /// What whoever drives the chip has done against the datasheet.
+    /// What the driver has done against the datasheet.
     #[must_use]
     pub fn misuse(&self) -> Misuse {
         self.misuse

@@ -218,7 +218,7 @@ pub struct Disturbances {
     pub flipped_bytes: u64,
     /// Identities that were forged.
     pub forged_identities: u64,
-    /// STOPs that the chip saw and nobody sent.
+    /// STOPs that the chip saw and the controller did not send.
     pub early_stops: u64,
 }
 

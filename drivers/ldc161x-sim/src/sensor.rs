@@ -37,7 +37,7 @@ pub trait Sensors {
     }
 }
 
-/// A conversion, as what may pull the oscillation meanwhile is told of it.
+/// A conversion's window, as [`Sensors::pulled_cycles`] receives it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Window {
     /// Its beginning, s.

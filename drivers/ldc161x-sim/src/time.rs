@@ -15,7 +15,7 @@ pub struct Time(u64);
 impl Time {
     /// The creation of the chip; no time at all.
     pub const ZERO: Self = Self(0);
-    /// The largest time that can be told: further than any test goes.
+    /// The largest time that the type holds: further than any test goes.
     pub const MAX: Self = Self(u64::MAX);
 
     /// Time from picoseconds.

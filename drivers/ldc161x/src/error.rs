@@ -93,7 +93,7 @@ impl<E> Error<E> {
             Self::WrongIdentity {
                 manufacturer: 0xFFFF,
                 ..
-            } => "nobody drives the data line: the chip is absent, unpowered or shut down",
+            } => "no device drives the data line: the chip is absent, unpowered or shut down",
             Self::WrongIdentity {
                 manufacturer: 0x5449,
                 ..

@@ -48,7 +48,7 @@ pub(crate) struct State {
     pub(crate) read_twice: bool,
     /// What the chip should be.
     pub(crate) wanted: Option<Configuration>,
-    /// One unit of each channel's code in hertz, while it runs: reckoned once, and not with a
+    /// One unit of each channel's code in hertz, while it runs: computed once, and not with a
     /// division for every reading.
     units_hz: [f64; 4],
     /// The chip converts as wanted, as far as is known.

@@ -10,7 +10,7 @@ use crate::configuration::Channel;
 
 /// What one channel of the sensor feels.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Felt {
+pub(crate) struct Deformation {
     /// Deformation above the untouched sensor.
     pub(crate) deformation: Metre,
     /// Its standard uncertainty from noise and quantisation.
@@ -21,7 +21,7 @@ pub(crate) struct Felt {
     pub(crate) touch: Touch,
 }
 
-impl Felt {
+impl Deformation {
     /// Whether nothing touches, as far as is known.
     pub(crate) const fn is_untouched(&self) -> bool {
         matches!(self.touch, Touch::Ended | Touch::Clear | Touch::Settling)
@@ -70,7 +70,7 @@ impl Follower {
         interval: Second,
         square_a2: Option<f32>,
         calibration: &Channel,
-    ) -> Option<Felt> {
+    ) -> Option<Deformation> {
         let curve = calibration.curve.as_ref()?;
         let code = reading.word.code().get();
         let reference = *self.reference_code.get_or_insert(code);
@@ -88,7 +88,7 @@ impl Follower {
         // L ~ f^-2, so that the relative sigma of L/L0 is twice the frequency's.
         let relative = reading.sigma_hz / reading.frequency_hz as f32;
         let sigma = point.sigma(2.0 * (1.0 + change) * relative);
-        Some(Felt {
+        Some(Deformation {
             deformation,
             sigma: Metre(sigma),
             extrapolated: point.extrapolated,

@@ -7,7 +7,7 @@ use palpate_wire::code::{Contact, Stream};
 use palpate_wire::command::{Settings, Springs};
 use palpate_wire::record::{Conversion, Raw, Sample};
 
-use crate::deformation::Felt;
+use crate::deformation::Deformation;
 use crate::event::Scan;
 use crate::list::gathered;
 use crate::time::Instant;
@@ -25,22 +25,22 @@ pub(crate) struct Streamer {
     last: Option<Instant>,
 }
 
-/// Felt by each channel of a scan, in their order.
-pub(crate) type FeltScan = heapless::Vec<Option<Felt>, 4>;
+/// The deformation at each channel of a scan, in their order; `None` where there is none.
+pub(crate) type DeformationScan = heapless::Vec<Option<Deformation>, 4>;
 
 impl Streamer {
     /// Takes a scan and gives the record that is due, with its time.
     pub(crate) fn push(
         &mut self,
         scan: &Scan,
-        felt: &FeltScan,
+        deformations: &DeformationScan,
         settings: &Settings,
         springs: Option<&Springs>,
     ) -> Option<(Instant, Record)> {
         self.missed = self.missed.wrapping_add(scan.lost);
         self.gap |= scan.gap || scan.lost > 0;
         let record = match settings.stream {
-            Stream::Samples => self.sample(scan, felt, settings, springs),
+            Stream::Samples => self.sample(scan, deformations, settings, springs),
             Stream::Raw => self.packed(scan, settings),
             _ => None,
         };
@@ -51,7 +51,7 @@ impl Streamer {
     fn sample(
         &mut self,
         scan: &Scan,
-        felt: &FeltScan,
+        deformations: &DeformationScan,
         settings: &Settings,
         springs: Option<&Springs>,
     ) -> Option<(Instant, Record)> {
@@ -60,18 +60,21 @@ impl Streamer {
             return None;
         }
         self.skipped = 0;
-        let conversions = scan.conversions.iter().zip(felt);
-        let channels = gathered(
-            conversions
-                .map(|(of, felt)| conversion(&of.reading, of.offset.as_ticks(), felt.as_ref())),
-        );
-        let principal = felt.first().copied().flatten().filter(|_| scan.sensor == 0);
-        let force = principal.zip(springs).map(|(felt, springs)| {
-            let newton = springs.sensing_n_per_m * felt.deformation.0;
+        let conversions = scan.conversions.iter().zip(deformations);
+        let channels = gathered(conversions.map(|(of, deformation)| {
+            conversion(&of.reading, of.offset.as_ticks(), deformation.as_ref())
+        }));
+        let principal = deformations
+            .first()
+            .copied()
+            .flatten()
+            .filter(|_| scan.sensor == 0);
+        let force = principal.zip(springs).map(|(deformation, springs)| {
+            let newton = springs.sensing_n_per_m * deformation.deformation.0;
             let relative = springs
                 .sensing_uncertainty
                 .max(springs.force_scale_uncertainty);
-            let of_noise = springs.sensing_n_per_m * felt.sigma.0;
+            let of_noise = springs.sensing_n_per_m * deformation.sigma.0;
             let of_calibration = newton * relative;
             // Millinewtons to newtons, whose squares `f32` holds without further care.
             let variance = of_noise * of_noise + of_calibration * of_calibration;
@@ -83,7 +86,7 @@ impl Streamer {
             gap: core::mem::take(&mut self.gap),
             drive_step: false,
             channels,
-            contact: principal.map_or(Contact::Settling, |felt| contact(felt.touch)),
+            contact: principal.map_or(Contact::Settling, |of| contact(of.touch)),
             force_n: force.map(|(newton, _)| newton),
             force_sigma_n: force.map(|(_, sigma)| sigma),
             current_a: scan.measured_current().map(|current| current.0),
@@ -126,16 +129,16 @@ impl Streamer {
     }
 }
 
-fn conversion(reading: &Reading, offset_us: u64, felt: Option<&Felt>) -> Conversion {
+fn conversion(reading: &Reading, offset_us: u64, deformation: Option<&Deformation>) -> Conversion {
     Conversion {
         channel: reading.channel.number(),
         offset_us: u16::try_from(offset_us).unwrap_or(u16::MAX),
         word: reading.word.bits(),
         frequency_hz: reading.frequency_hz,
         sigma_hz: reading.sigma_hz,
-        deformation_m: felt.map(|felt| felt.deformation.0),
-        deformation_sigma_m: felt.map(|felt| felt.sigma.0),
-        extrapolated: felt.is_some_and(|felt| felt.extrapolated),
+        deformation_m: deformation.map(|of| of.deformation.0),
+        deformation_sigma_m: deformation.map(|of| of.sigma.0),
+        extrapolated: deformation.is_some_and(|of| of.extrapolated),
     }
 }
 

@@ -118,10 +118,10 @@ struct Fall {
 
 /// The train under way.
 ///
-/// A leg is told ahead of the moment at which it begins, so that this does not depend on how long
-/// it takes to tell: with a processor that has much to do it is most of a millisecond, and a fall
-/// that begins half a millisecond later against its conversions than the calibration's did makes
-/// two per cent of a hard load, by an elastomer that follows the current five milliseconds late.
+/// Each leg is sent before it begins, so its start time does not depend on how long sending takes:
+/// a busy processor needs most of a millisecond. With an elastomer that follows the current five
+/// milliseconds late, a fall that begins half a millisecond later against its conversions than the
+/// calibration's did changes the estimate of a hard load by two per cent.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Train {
     course: Course,
@@ -138,16 +138,16 @@ pub(crate) struct Train {
 }
 
 /// From the end of a conversion to the beginning of a leg that it decides, at least. On the emulated
-/// board the procedure has a conversion 0.56 ms after its end, and a line that was told at once began
+/// board the procedure has a conversion 0.56 ms after its end, and a line that was sent at once began
 /// 0.25 to 0.55 ms after that.
 const LEAD: Duration = Duration::from_ticks(1_500);
 
-/// From the telling of the train to its first rise. Before it tells, the procedure reckons what the
+/// From the telling of the train to its first rise. Before it tells, the procedure computes what the
 /// coil's temperature would become, for more than a millisecond.
 const FIRST_LEAD: Duration = Duration::from_ticks(5_000);
 
 /// A leg begins by so much before the end of a conversion, so that the next lies within it as a
-/// whole: times are told within 2 us, and the bridge begins a line with a period of its own, 16 us.
+/// whole: times are reported within 2 us, and the bridge begins a line with a period of its own, 16 us.
 const MARGIN: Duration = Duration::from_ticks(20);
 
 impl Train {
@@ -244,7 +244,7 @@ impl Train {
     /// 0.9993 ms are just less than 10 ms.
     pub(crate) fn advance(&mut self, now: Instant) -> Option<Line> {
         let ends = self.ends();
-        // The rise and the way to zero end by themselves: nothing is to be told ahead.
+        // The rise and the way to zero end by themselves: the next leg need not be sent ahead.
         let at = match self.leg {
             Leg::Hold | Leg::Fall => self.next_begin(now),
             Leg::Rise | Leg::Down | Leg::Done => now,

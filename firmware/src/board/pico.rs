@@ -226,7 +226,7 @@ fn set_up_converter_pins() {
     }
     set_pad(CLKIN, INPUT | PULL_DOWN);
     set_function(CLKIN, Function::Clock);
-    // To the counter of edges; the interrupt looks at the pad itself, whoever has the pin.
+    // To the counter of edges; the interrupt reads the pad itself, whichever function has the pin.
     input(INTB, PULL_UP);
     set_function(INTB, Function::Pwm);
     // SAFETY: within the fields; the slice counts nothing else. INTR0 and INTE0: the falling edge

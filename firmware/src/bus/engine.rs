@@ -1,7 +1,7 @@
 //! The part of the I2C master that runs in interrupts.
 //!
 //! A transaction is a [`Job`]: its commands are put into the block's queue as there is room, its
-//! bytes are collected, and its end is told to the master by an interrupt of lower priority.
+//! bytes are collected, and an interrupt of lower priority reports its end to the master.
 //!
 //! One job can be kept ready: every falling edge of INTB then begins it at once, and its bytes wait
 //! with the edge's time until the master takes them. Thus a frame is fetched within a microsecond
@@ -313,7 +313,7 @@ impl Engine {
 
     fn serve(&mut self) {
         if self.runs == Runs::Nothing {
-            // SAFETY: nothing runs, so nothing is to be heard of.
+            // SAFETY: no transaction runs, so no interrupt of the block is needed.
             i2c().ic_intr_mask().write(|w| unsafe { w.bits(0) });
             self.catch_up();
             return;
@@ -349,7 +349,7 @@ impl Engine {
     }
 
     fn finish(&mut self) {
-        // SAFETY: nothing runs now, so nothing is to be heard of.
+        // SAFETY: the transaction has ended, so no interrupt of the block is needed.
         i2c().ic_intr_mask().write(|w| unsafe { w.bits(0) });
         match self.runs {
             Runs::Ahead => self.waiting += 1,

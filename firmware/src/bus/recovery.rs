@@ -32,7 +32,7 @@ const SETTLE: u32 = 20 * CORE_MHZ;
 /// Sets the block up from reset, for one target address.
 pub fn set_up(address: u8) {
     // SAFETY: no transaction runs: the block is in reset or was just taken out of it, and the
-    // engine is told by the caller. Values are within the fields.
+    // caller resets the engine. Values are within the fields.
     unsafe {
         let resets = &*RESETS::ptr();
         resets.reset().modify(|_, w| w.i2c0().set_bit());

@@ -1,4 +1,4 @@
-//! The coil: what the tasks want of its drive, and what they are told.
+//! The coil: what the tasks request of its drive, and the reports that they receive.
 
 pub mod limits;
 pub mod period;
@@ -21,7 +21,7 @@ use rtic_monotonics::rp2040::prelude::*;
 
 use crate::{Mono, safe};
 use limits::{HARDWARE, LIMITS, PERIOD_US};
-use period::{AVERAGES, TRACE, TRACE_LENGTH, held, obey};
+use period::{AVERAGES, TRACE, TRACE_LENGTH, apply, held};
 
 /// From one look at the drive to the next.
 pub const LOOK_US: u64 = 1_000;
@@ -71,8 +71,8 @@ struct Tracing {
     began_us: u64,
     /// Periods from one current to the next.
     every: u32,
-    /// Currents that have been told.
-    told: usize,
+    /// Number of currents that have been reported.
+    reported: usize,
 }
 
 static COIL: Mutex<RefCell<Option<Coil>>> = Mutex::new(RefCell::new(None));
@@ -162,7 +162,7 @@ pub fn correct(correction: &CurrentCorrection) {
         let _ = pairs.push([measured_a, measured_a + change_a]);
     }
     match Correction::new(&pairs, &HARDWARE) {
-        Ok(correction) => obey(&Supervisor::correct(correction)),
+        Ok(correction) => apply(&Supervisor::correct(correction)),
         // The protocol's limits are narrower than the driver's: a table that this refuses means
         // that the two no longer agree.
         Err(_) => drop(with(|coil| coil.fails(FaultCode::CurrentSense, None))),
@@ -172,7 +172,7 @@ pub fn correct(correction: &CurrentCorrection) {
 /// The bridge is off when this returns, and stays so.
 pub fn stop() {
     safe::bridge_off();
-    held(|drive| drive.obey(&Supervisor::stop()));
+    held(|drive| drive.apply(&Supervisor::stop()));
     // Of a test that was stopped nothing is reported.
     with(|coil| coil.found = None);
 }
@@ -182,7 +182,7 @@ pub fn clear(code: FaultCode) {
     with(|coil| {
         if coil.failure.is_some_and(|failure| failure.code == code) {
             coil.failure = None;
-            held(|drive| drive.obey(&Supervisor::clear()));
+            held(|drive| drive.apply(&Supervisor::clear()));
         }
     });
 }
@@ -276,7 +276,7 @@ impl Coil {
             return;
         };
         match self.supervisor.test(&report, self.supply_v) {
-            Ok(order) => obey(&order),
+            Ok(order) => apply(&order),
             Err(refusal) => self.refused(&refusal),
         }
     }
@@ -287,7 +287,7 @@ impl Coil {
         self.tracing = Some(Tracing {
             began_us: now_us,
             every: every.max(1),
-            told: 0,
+            reported: 0,
         });
         held(|_| TRACE.start(every));
     }
@@ -299,17 +299,17 @@ impl Coil {
         if taken < TRACE_LENGTH && self.runs_since_us.is_some() {
             return None;
         }
-        let first = tracing.told;
+        let first = tracing.reported;
         let mut currents_a = heapless::Vec::new();
         for current_a in TRACE.currents_a(&HARDWARE).skip(first) {
             if currents_a.push(current_a).is_err() {
                 break;
             }
         }
-        tracing.told += currents_a.len();
+        tracing.reported += currents_a.len();
         let interval_us = tracing.every * PERIOD_US;
         let at_us = tracing.began_us + u64::from(interval_us) * (first as u64 + 1);
-        if tracing.told >= taken {
+        if tracing.reported >= taken {
             self.tracing = None;
         }
         if currents_a.is_empty() {
@@ -330,7 +330,7 @@ impl Coil {
             return;
         };
         match waveform(course).and_then(|course| self.supervisor.run(&report, &course)) {
-            Ok(order) => obey(&order),
+            Ok(order) => apply(&order),
             Err(refusal) => self.refused(&refusal),
         }
     }
@@ -397,7 +397,7 @@ impl Coil {
         let elapsed_us = u32::try_from(elapsed_us).unwrap_or(u32::MAX);
         let order = self.supervisor.attend(&report, self.supply_v, elapsed_us);
         let Some(state) = held(|drive| {
-            drive.obey(&order);
+            drive.apply(&order);
             drive.state()
         }) else {
             return;
@@ -435,7 +435,7 @@ impl Coil {
             return;
         }
         safe::bridge_off();
-        held(|drive| drive.obey(&Supervisor::stop()));
+        held(|drive| drive.apply(&Supervisor::stop()));
         self.failure = Some(failure);
     }
 
@@ -477,7 +477,7 @@ impl Coil {
         });
     }
 
-    /// The bridge is off: no current has to flow, and after a while nobody has to look.
+    /// While the bridge is off no current may flow, and after a while the interrupt rests.
     fn watch_the_rest(&mut self, now_us: u64, tested: bool) {
         let Some(_) = self.runs_since_us else {
             return;
@@ -517,7 +517,7 @@ const fn code(fault: Fault) -> FaultCode {
         Fault::Bridge => FaultCode::Bridge,
         Fault::CurrentMissing => FaultCode::CurrentMissing,
         Fault::CurrentUnexplained | Fault::Short => FaultCode::CoilShort,
-        Fault::NotFollowing => FaultCode::CurrentAstray,
+        Fault::NotFollowing => FaultCode::CurrentOffTarget,
         Fault::SupplyLow => FaultCode::SupplyLow,
         Fault::SupplyHigh => FaultCode::SupplyHigh,
         Fault::OnTime => FaultCode::OnTime,

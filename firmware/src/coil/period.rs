@@ -192,9 +192,9 @@ pub fn held<T>(work: impl FnOnce(&mut Drive) -> T) -> Option<T> {
     held_for(SHORT, work)
 }
 
-/// Gives an order of any kind.
-pub fn obey(order: &Order) {
-    held_for(LONG, |drive| drive.obey(order));
+/// Applies an order of any kind.
+pub fn apply(order: &Order) {
+    held_for(LONG, |drive| drive.apply(order));
 }
 
 /// The drive, with the interrupt held back for so many cycles: begun when it is not due for as long.
@@ -202,7 +202,7 @@ fn held_for<T>(cycles: u32, work: impl FnOnce(&mut Drive) -> T) -> Option<T> {
     if !IS_STARTED.load(Ordering::Acquire) {
         return None;
     }
-    // No task comes between, and so nobody unmasks while another works.
+    // No task comes between, and so no task unmasks the interrupt while another works.
     critical_section::with(|_| {
         let latest = CYCLES - cycles;
         // Ends within a period: the interrupt takes less than what these cycles leave of it.

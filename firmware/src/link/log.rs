@@ -22,8 +22,8 @@ struct Log {
 
 struct Shared(UnsafeCell<Log>);
 
-// SAFETY: it is reached only by whoever has raised `DEPTH` from 0 to 1: a task that interrupts a
-// message finds it raised, and ends its own before the interrupted one goes on.
+// SAFETY: only the task that has raised `DEPTH` from 0 to 1 reaches it: a task that interrupts a
+// message finds `DEPTH` raised, and ends its own message before the interrupted one goes on.
 unsafe impl Sync for Shared {}
 
 static LOG: Shared = Shared(UnsafeCell::new(Log {
@@ -71,7 +71,7 @@ struct Logger;
 // reaches the log.
 unsafe impl defmt::Logger for Logger {
     fn acquire() {
-        // Whoever interrupts between the two leaves the number as it was.
+        // A task that interrupts between the two leaves the number as it was.
         let depth = DEPTH.load(Ordering::Relaxed) + 1;
         DEPTH.store(depth, Ordering::Relaxed);
         if depth > 1 {

@@ -80,7 +80,8 @@ pub struct Instrument {
     pub procedure: Option<Procedure>,
     /// What it wanted done last.
     pub actions: Actions,
-    /// The failures that the procedure was told of and that last: of the converter, of the bridge.
+    /// The failures that were reported to the procedure and that last: of the converter, of the
+    /// bridge.
     pub standing: [Option<FaultCode>; 2],
     /// The fault that the procedure stands in, as it said.
     pub latched: Option<FaultCode>,
@@ -171,18 +172,18 @@ impl Instrument {
     }
 
     fn work(&mut self) {
-        let mut told = false;
+        let mut stepped = false;
         for _ in 0..AT_ONCE {
             let Some(scan) = self.samples.peek().map(scan_of) else {
                 break;
             };
             let _ = self.samples.dequeue();
             self.sampled(&scan);
-            told = true;
+            stepped = true;
         }
         if let Some(received) = self.inbox.receive(COMMAND_BYTES) {
             self.received(&received);
-            told = true;
+            stepped = true;
         }
         self.follow_faults();
         let now_us = Mono::now().as_ticks();
@@ -192,7 +193,7 @@ impl Instrument {
             self.step(&Event::Conditions(conditions));
             let expects = |of: &Procedure| of.expects_thermometer();
             coil::expect_thermometer(self.procedure.as_ref().is_some_and(expects));
-        } else if !told {
+        } else if !stepped {
             self.step(&Event::Tick);
         }
     }
@@ -285,8 +286,8 @@ impl Instrument {
         is_for_us && frame.message.validate().is_ok() && Scheme::new(wanted).is_err()
     }
 
-    /// Tells of failures when they begin, and of those of the bridge when they end too. That the
-    /// converter's have ended is told by its next sample.
+    /// Reports failures when they begin, and those of the bridge when they end too. The converter's
+    /// next sample shows that its failures have ended.
     fn follow_faults(&mut self) {
         if let Some(found) = coil::take_found() {
             self.step(&Event::CoilTested(found));

@@ -1,4 +1,4 @@
-//! Commands: what the device is told.
+//! Commands: what the host sends to the device.
 
 use crate::Message;
 use crate::decoder::Decoder;

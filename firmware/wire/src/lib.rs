@@ -39,14 +39,14 @@ pub use validation::{Invalid, InvalidField, Problem};
 /// that out: COBS, the zero byte at the end, the CRC-32 over all before it, and the first byte.
 pub const VERSION: u8 = 2;
 
-/// Minor version of the protocol, told in [`Hello`](record::Hello).
+/// Minor version of the protocol, sent in [`Hello`](record::Hello).
 ///
 /// It rises when a kind of record or command is added, or a number to an enumeration, and starts
 /// from 0 with a new major version. An older decoder counts a kind that it does not know, with its
 /// header, and reads a number that it does not know as `Unknown`.
 pub const MINOR_VERSION: u8 = 1;
 
-/// Number of the layout of all frames, told in [`Hello`](record::Hello).
+/// Number of the layout of all frames, sent in [`Hello`](record::Hello).
 ///
 /// CRC-32 over the names, types, units and numbers of everything in the [`schema`], so that two
 /// builds that claim the same version and differ nevertheless are found out.

@@ -4,12 +4,12 @@
 //!
 //! produced = received + missing, missing = dropped by the device + lost or damaged on the way,
 //!
-//! exactly, counted from the first frame that the receiver heard up to the last. A damaged frame
+//! exactly, counted from the first received frame up to the last. A damaged frame
 //! shows up among the missing ones by its number, and must not be counted again.
 
 use crate::Header;
 
-/// How far back a late frame is told from a repeated one.
+/// How far back a late frame is distinguished from a repeated one, in frames.
 const WINDOW: u32 = 128;
 
 /// What a frame is to the receiver.
@@ -17,7 +17,7 @@ const WINDOW: u32 = 128;
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[serde(rename_all = "snake_case")]
 pub enum Arrival {
-    /// The first frame of a boot that was not heard before: the device has started anew, unless
+    /// The first frame of a boot that was not seen before: the device has started anew, unless
     /// it is the first frame of all. What was produced between the last frame of the boot before
     /// and its end cannot be known.
     FirstOfBoot,
@@ -32,8 +32,8 @@ pub enum Arrival {
     Late,
     /// A frame that was received before: not counted again.
     Duplicate,
-    /// A frame from so long ago, or from before the first one, that nobody knows whether it was
-    /// received: not counted.
+    /// A frame from so long ago, or from before the first one, that the account does not show
+    /// whether it was received: not counted.
     Stale,
 }
 
@@ -113,13 +113,13 @@ impl Tally {
         self.boot_id
     }
 
-    /// Frames that the device had produced before the first one heard: none, if the receiver
+    /// Frames that the device had produced before the first one received: none, if the receiver
     /// listened from the start.
     pub const fn before_first(&self) -> u64 {
         self.first
     }
 
-    /// Frames produced from the first one heard to the last.
+    /// Frames produced from the first one received to the last.
     pub const fn produced(&self) -> u64 {
         self.next - self.first
     }
@@ -150,7 +150,7 @@ impl Tally {
         self.duplicates
     }
 
-    /// Frames that came too late to be told from repeated ones.
+    /// Frames that came too late to be distinguished from repeated ones.
     pub const fn stale(&self) -> u64 {
         self.stale
     }
@@ -210,7 +210,7 @@ impl Account {
         Arrival::FirstOfBoot
     }
 
-    /// The boot that was heard of last.
+    /// The boot that was last seen.
     pub const fn current(&self) -> Option<&Tally> {
         self.current.as_ref()
     }
@@ -220,7 +220,7 @@ impl Account {
         self.previous.as_ref()
     }
 
-    /// How many boots were heard.
+    /// How many boots were seen.
     pub const fn boots(&self) -> u32 {
         self.boots
     }

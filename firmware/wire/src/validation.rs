@@ -108,7 +108,7 @@ impl Invalid {
         if let Some(item) = self.item {
             write!(f, " of item {item}")?;
         }
-        // A plain number has the unit 1, which nobody writes.
+        // A plain number has the unit 1, which is not written.
         let (space, unit) = match unit {
             "" | "1" => ("", ""),
             unit => (" ", unit),

@@ -1,6 +1,6 @@
 //! Values of the format, field by field.
 //!
-//! Every type says once which fields it has, in their order, and shows them to whoever asks: the
+//! Every type says once which fields it has, in their order, and shows them to a visitor: the
 //! encoder, or the check of limits. So a firmware holds one piece of code for each structure and
 //! not one for each purpose, with a library's error to hand on at every field: as `serde` and
 //! `postcard` write and read the same bytes it took 9 KiB more (docs/decisions/0042-own-encoding.md).

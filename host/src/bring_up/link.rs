@@ -79,7 +79,7 @@ impl Link {
         Ok(())
     }
 
-    /// Whether nobody is needed for a dip of the supply.
+    /// Whether the board dips its supply without the user.
     pub(super) const fn dips_itself(&self) -> bool {
         matches!(self, Self::Emulated(_))
     }

@@ -62,7 +62,7 @@ impl Tests {
         }
     }
 
-    /// All of them; the dip of the supply only where nobody is needed or somebody waits for it.
+    /// Runs all tests; the dip of the supply only where the board makes it, or where the user asked for it.
     pub(super) fn run(&mut self, dip: bool, done: impl Fn()) -> Result<()> {
         self.converter.greet()?;
         for test in [
@@ -215,7 +215,7 @@ impl Tests {
 
     /// 3: what an interval is longer than 16 RCOUNT clocks, at two clocks.
     fn intervals(&mut self) -> Result<()> {
-        let mut told = Vec::new();
+        let mut texts = Vec::new();
         let mut measured = Vec::new();
         for divider in [4, 8] {
             // Two lengths give the clock and the overhead apart. Both are longer than two transfers,
@@ -230,7 +230,7 @@ impl Tests {
             let clocks = 16.0 * f64::from(long.rcount - short.rcount);
             let clock_hz = clocks / (of_long_s - of_short_s);
             let overhead_s = of_short_s - 16.0 * f64::from(short.rcount) / long.reference_hz();
-            told.push(format!(
+            texts.push(format!(
                 "{:.1} ns at {:.3} MHz",
                 overhead_s * 1e9,
                 clock_hz * 1e-6
@@ -247,7 +247,7 @@ impl Tests {
             .iter()
             .min_by(|one, other| miss(one).total_cmp(&miss(other)));
         self.switches.overhead = nearest.copied().unwrap_or_default();
-        self.tell("3. interval beyond 16 RCOUNT", told.join(", "));
+        self.tell("3. interval beyond 16 RCOUNT", texts.join(", "));
         Ok(())
     }
 
@@ -627,16 +627,16 @@ impl Tests {
 
     /// 10: a sensor that locks to the clock does not scatter: the least over the clocks.
     fn locking(&mut self) -> Result<()> {
-        let mut told = Vec::new();
+        let mut texts = Vec::new();
         for divider in DIVISORS {
             let setup = self.setup(Setup { divider, ..QUICK });
             self.converter.start(&setup)?;
             let words = self.converter.words(WORDS / 2)?;
             let ratio = 1.0 / mean(&words);
             let k = relative_deviation(&words) * f64::from(setup.rcount);
-            told.push(format!("{k:.3} at CLKIN/{ratio:.2}"));
+            texts.push(format!("{k:.3} at CLKIN/{ratio:.2}"));
         }
-        self.tell("10. scatter times RCOUNT by clock", told.join(", "));
+        self.tell("10. scatter times RCOUNT by clock", texts.join(", "));
         Ok(())
     }
 }

@@ -40,7 +40,7 @@ impl Crosstalk {
 /// x = a_j + d_j phi(t) + F/c + X I^2 (1 + growth x),
 ///
 /// with the force F from the load cell. On a single run F follows I^2, and their shares cannot be
-/// told apart; a soft spring's force follows it less than a block's, though, and the cross-talk is
+/// distinguished; a soft spring's force follows it less than a block's, though, and the cross-talk is
 /// the same. c is the sensing layer's spring for changes as fast as the ramps.
 fn growth(
     runs: &[Run],

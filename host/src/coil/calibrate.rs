@@ -96,7 +96,7 @@ const PATIENCE_S: f64 = 5.0;
 #[derive(Clone, Copy, Debug, Serialize)]
 struct Pair {
     wanted_a: f64,
-    told_a: f64,
+    reported_a: f64,
     true_a: f64,
 }
 
@@ -161,12 +161,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         &progress,
     )?;
     bench.link.must(&Command::Disarm)?;
-    let told: Vec<[f64; 2]> = before
+    let pairs: Vec<[f64; 2]> = before
         .iter()
-        .map(|pair| [pair.told_a, pair.true_a])
+        .map(|pair| [pair.reported_a, pair.true_a])
         .collect();
-    check(&told)?;
-    let correction = correction_of(&told);
+    check(&pairs)?;
+    let correction = correction_of(&pairs);
     let command = Command::SetCurrentCorrection(correction.clone());
     command.validate().map_err(|invalid| {
         let invalid = invalid.named(command.payload());
@@ -213,8 +213,8 @@ fn worst_a(pairs: &[Pair]) -> f64 {
 }
 
 /// The readings have to rise with the current.
-fn check(told: &[[f64; 2]]) -> Result<(), Failure> {
-    let rises = told.windows(2).all(|of| match of {
+fn check(pairs: &[[f64; 2]]) -> Result<(), Failure> {
+    let rises = pairs.windows(2).all(|of| match of {
         [[low, low_of], [high, high_of]] => high > low && high_of > low_of,
         _ => false,
     });
@@ -232,7 +232,9 @@ fn check(told: &[[f64; 2]]) -> Result<(), Failure> {
 /// proportion beyond the outermost.
 fn correction_of(pairs: &[[f64; 2]]) -> CurrentCorrection {
     let ends = [pairs.first(), pairs.last()].into_iter().flatten();
-    let greatest_a = ends.map(|[told_a, _]| told_a.abs()).fold(0.0, f64::max);
+    let greatest_a = ends
+        .map(|[reported_a, _]| reported_a.abs())
+        .fold(0.0, f64::max);
     let changes = (0..MAX_PLACES).map(|place| {
         let part = 2.0 * place as f64 / (MAX_PLACES - 1) as f64 - 1.0;
         change_a(pairs, part * greatest_a) as f32
@@ -243,20 +245,20 @@ fn correction_of(pairs: &[[f64; 2]]) -> CurrentCorrection {
     }
 }
 
-fn change_a(pairs: &[[f64; 2]], told_a: f64) -> f64 {
+fn change_a(pairs: &[[f64; 2]], reported_a: f64) -> f64 {
     let inside = pairs.windows(2).find_map(|of| match of {
-        &[[low, low_of], [high, high_of]] if (low..=high).contains(&told_a) => {
-            let part = (told_a - low) / (high - low);
+        &[[low, low_of], [high, high_of]] if (low..=high).contains(&reported_a) => {
+            let part = (reported_a - low) / (high - low);
             Some((low_of - low) * (1.0 - part) + (high_of - high) * part)
         }
         _ => None,
     });
-    let nearest = if told_a < 0.0 {
+    let nearest = if reported_a < 0.0 {
         pairs.first()
     } else {
         pairs.last()
     };
-    inside.unwrap_or_else(|| nearest.map_or(0.0, |[told, of]| (of - told) * told_a / told))
+    inside.unwrap_or_else(|| nearest.map_or(0.0, |[end_a, of]| (of - end_a) * reported_a / end_a))
 }
 
 /// Board and reference.
@@ -291,8 +293,8 @@ impl Bench<'_> {
             Reference::Truth(error) => self.against_truth(wanted_a, error)?,
             Reference::Program(program) => self.against_program(program, wanted_a, patience_s)?,
         };
-        let told = self.link.take();
-        let within = told.iter().filter_map(|(at_s, record)| match record {
+        let records = self.link.take();
+        let within = records.iter().filter_map(|(at_s, record)| match record {
             Record::Sample(sample) => {
                 let inside = *at_s > begin_s + EDGE_S && *at_s < end_s - EDGE_S;
                 sample.current_a.filter(|_| inside).map(f64::from)
@@ -302,7 +304,7 @@ impl Bench<'_> {
         let currents: Vec<f64> = within.collect();
         if currents.len() < 10 {
             return Err(Failure::Refused(
-                "the board tells too few samples of its current: set its stream to samples, and \
+                "the board reports too few samples of its current: set its stream to samples, and \
                  its rate to 1 kHz"
                     .to_owned(),
             ));
@@ -312,7 +314,7 @@ impl Bench<'_> {
         self.link.pass(power_w * took_s / CONTINUOUS_W)?;
         Ok(Pair {
             wanted_a,
-            told_a: currents.iter().sum::<f64>() / currents.len() as f64,
+            reported_a: currents.iter().sum::<f64>() / currents.len() as f64,
             true_a,
         })
     }
@@ -417,7 +419,7 @@ fn print(found: &Found<'_>) -> Result<(), Failure> {
         for pair in pairs {
             table.add_row([
                 format!("{:.2}", pair.wanted_a),
-                format!("{:.3}", pair.told_a),
+                format!("{:.3}", pair.reported_a),
                 format!("{:.3}", pair.true_a),
                 format!("{:.0}", 1e3 * pair.off_a()),
             ]);
@@ -449,16 +451,16 @@ mod tests {
 
     #[test]
     fn a_correction_takes_gain_and_bow_away() {
-        let told = |true_a: f64| true_a * 1.01 + 0.05 * (true_a / 4.0).sin();
+        let reported = |true_a: f64| true_a * 1.01 + 0.05 * (true_a / 4.0).sin();
         let pairs: Vec<[f64; 2]> = (-12..=12)
             .map(|step| 0.8 * f64::from(step))
-            .map(|true_a| [told(true_a), true_a])
+            .map(|true_a| [reported(true_a), true_a])
             .collect();
         let correction = correction_of(&pairs);
         assert_eq!(correction.validate(), Ok(()));
         for (measured_a, change_a) in correction.places() {
             let corrected_a = f64::from(measured_a + change_a);
-            let error_a = told(corrected_a) - f64::from(measured_a);
+            let error_a = reported(corrected_a) - f64::from(measured_a);
             assert!(error_a.abs() < 2e-3, "{measured_a}: {error_a}");
         }
         let none = correction_of(&[[-1.0, -1.0], [1.0, 1.0]]);

@@ -63,12 +63,12 @@ const LOOK: Duration = Duration::from_millis(2);
 pub(super) const WORD_S: f64 = 0.04;
 
 /// A record with the time that it tells, s of the device.
-pub(super) type Told = (f64, Record);
+pub(super) type Reported = (f64, Record);
 
 /// A board, spoken to.
 pub(super) struct Link {
     way: Way,
-    told: Vec<Told>,
+    received: Vec<Reported>,
 }
 
 enum Way {
@@ -129,7 +129,7 @@ impl Arguments {
         board.start().map_err(stopped)?;
         Ok(Link {
             way: Way::Emulated(Box::new(board)),
-            told: Vec::new(),
+            received: Vec::new(),
         })
     }
 }
@@ -148,7 +148,7 @@ impl Link {
         };
         let mut link = Self {
             way: Way::Probe(Box::new(probe)),
-            told: Vec::new(),
+            received: Vec::new(),
         };
         // Its answer tells which run it is that commands have to name.
         link.must(&Command::Identify)?;
@@ -180,10 +180,13 @@ impl Link {
     }
 
     fn fault(&self) -> Option<String> {
-        self.told.iter().rev().find_map(|(_, record)| match record {
-            Record::Fault(fault) if fault.active => Some(fault.code.to_string()),
-            _ => None,
-        })
+        self.received
+            .iter()
+            .rev()
+            .find_map(|(_, record)| match record {
+                Record::Fault(fault) if fault.active => Some(fault.code.to_string()),
+                _ => None,
+            })
     }
 
     fn ask(&mut self, command: &Command) -> Result<(f64, Outcome), Failure> {
@@ -197,9 +200,9 @@ impl Link {
         };
         let begin = Instant::now();
         loop {
-            let before = self.told.len();
+            let before = self.received.len();
             self.listen()?;
-            let answer = self.told.get(before..).into_iter().flatten().rev();
+            let answer = self.received.get(before..).into_iter().flatten().rev();
             let mut answer = answer.filter_map(|(at_s, record)| match record {
                 Record::Acknowledgement(of)
                     if of.kind == kind && sequence.is_none_or(|number| number == of.command) =>
@@ -227,17 +230,17 @@ impl Link {
         match &mut self.way {
             Way::Emulated(board) => {
                 let records = board.take_records().into_iter();
-                self.told
+                self.received
                     .extend(records.map(|(at, record)| (at.as_ticks() as f64 * 1e-6, record)));
             }
-            Way::Probe(probe) => probe.listen(&mut self.told)?,
+            Way::Probe(probe) => probe.listen(&mut self.received)?,
         }
         Ok(())
     }
 
     /// Lets time pass: the board's, or that of the emulation. A fault ends it.
     pub(super) fn pass(&mut self, time_s: f64) -> Result<(), Failure> {
-        let before = self.told.len();
+        let before = self.received.len();
         match &mut self.way {
             Way::Emulated(board) => {
                 let end = board.now() + Time::from_secs_f64(time_s);
@@ -267,7 +270,7 @@ impl Link {
     }
 
     fn no_fault(&self, since: usize) -> Result<(), Failure> {
-        let mut new = self.told.get(since..).into_iter().flatten();
+        let mut new = self.received.get(since..).into_iter().flatten();
         let fault = new.find_map(|(_, record)| match record {
             Record::Fault(fault) if fault.active => Some(fault.code),
             _ => None,
@@ -285,27 +288,27 @@ impl Link {
         &mut self,
         patience_s: f64,
         what: &str,
-        of: impl Fn(&Told) -> Option<T>,
+        of: impl Fn(&Reported) -> Option<T>,
     ) -> Result<T, Failure> {
         let mut seen = 0;
         let mut left_s = patience_s;
         loop {
-            let new = self.told.get(seen..).into_iter().flatten();
+            let new = self.received.get(seen..).into_iter().flatten();
             if let Some(found) = new.rev().find_map(&of) {
                 return Ok(found);
             }
             if left_s <= 0.0 {
-                return Err(Failure::Refused(format!("the board told no {what}")));
+                return Err(Failure::Refused(format!("the board sent no {what}")));
             }
-            seen = self.told.len();
+            seen = self.received.len();
             self.pass(0.01)?;
             left_s -= 0.01;
         }
     }
 
-    /// What has been told and not been taken.
-    pub(super) fn take(&mut self) -> Vec<Told> {
-        std::mem::take(&mut self.told)
+    /// The records that have been received and not been taken.
+    pub(super) fn take(&mut self) -> Vec<Reported> {
+        std::mem::take(&mut self.received)
     }
 
     /// True current so far; nothing on a board.
@@ -354,7 +357,7 @@ impl Probe {
         Ok(header.sequence)
     }
 
-    fn listen(&mut self, told: &mut Vec<Told>) -> Result<(), Failure> {
+    fn listen(&mut self, received: &mut Vec<Reported>) -> Result<(), Failure> {
         let mut bytes = [0; 4096];
         // The other direction of the command channel has the board's log.
         read(&mut self.commands, &mut bytes)?;
@@ -363,7 +366,7 @@ impl Probe {
         // A frame that began before we came, or was damaged, is one that is not there.
         for frame in self.decoder.frames(new).flatten() {
             self.sequencer.address(frame.header.boot_id);
-            told.push((frame.header.time_us as f64 * 1e-6, frame.message));
+            received.push((frame.header.time_us as f64 * 1e-6, frame.message));
         }
         Ok(())
     }

@@ -18,7 +18,7 @@ use serde::Serialize;
 use crate::failure::Failure;
 use crate::output::OutputFile;
 use crate::plot::{Axis, BLUE, Chart, GREY, Marks, Series};
-use link::{Link, Told};
+use link::{Link, Reported};
 use response::{Ramp, Step, Traced};
 
 /// Test bridge and coil of a board, and see how its current follows a step and a ramp
@@ -181,30 +181,30 @@ fn drive(link: &mut Link, to_a: f64, over_s: f32, trace_interval_s: f32) -> Resu
 fn step(link: &mut Link, to_a: f64) -> Result<Traced, Failure> {
     link.take();
     drive(link, to_a, 0.0, STEP_INTERVAL_S)?;
-    let mut told: Vec<Told> = Vec::new();
+    let mut records: Vec<Reported> = Vec::new();
     let mut left_s = RECORD_S;
     while left_s > 0.0 {
         link.drive_on(link::WORD_S)?;
-        told.extend(link.take());
-        if let Some(traced) = Traced::whole(&told) {
+        records.extend(link.take());
+        if let Some(traced) = Traced::whole(&records) {
             return Ok(traced);
         }
         left_s -= link::WORD_S;
     }
     Err(Failure::Refused(
-        "the board did not tell the whole record of the current: the probe loses records"
+        "the board did not send the whole record of the current: the probe loses records"
             .to_owned(),
     ))
 }
 
-/// Falls in a ramp: what the board told of its conversions meanwhile, as time since its beginning,
-/// s, and current, A.
+/// Falls in a ramp. Returns the currents that the board reports meanwhile, each with the time since the
+/// ramp's start: s, A.
 fn ramp(link: &mut Link, to_a: f64) -> Result<Vec<(f64, f64)>, Failure> {
     link.take();
     let begin_s = drive(link, to_a, RAMP_S, 0.0)?;
     link.drive_on(f64::from(RAMP_S) + HOLD_S)?;
-    let told = link.take().into_iter();
-    let currents = told.filter_map(|(at_s, record)| match record {
+    let records = link.take().into_iter();
+    let currents = records.filter_map(|(at_s, record)| match record {
         Record::Sample(sample) => Some((at_s - begin_s, f64::from(sample.current_a?))),
         _ => None,
     });
@@ -256,9 +256,9 @@ fn step_chart(step: &Step, traced: &Traced) -> Chart {
     }
 }
 
-fn ramp_chart(ramp: &Ramp, told: &[(f64, f64)]) -> Chart {
+fn ramp_chart(ramp: &Ramp, currents: &[(f64, f64)]) -> Chart {
     let [from_s, to_s] = ramp.span_s;
-    let off = told
+    let off = currents
         .iter()
         .filter(|(at_s, _)| (from_s..=to_s).contains(at_s))
         .map(|(at_s, current_a)| (1e3 * at_s, 1e3 * (current_a - ramp.at(*at_s))));

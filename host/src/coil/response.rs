@@ -4,7 +4,7 @@ use palpate_wire::Record;
 use palpate_wire::record::CoilTest;
 use serde::Serialize;
 
-use super::link::Told;
+use super::link::Reported;
 use crate::failure::Failure;
 
 /// A recorded current.
@@ -15,9 +15,9 @@ pub(super) struct Traced {
 }
 
 impl Traced {
-    /// The record, if all its parts have been told.
-    pub(super) fn whole(told: &[Told]) -> Option<Self> {
-        let mut parts: Vec<_> = told
+    /// The record, if the board has sent all its parts.
+    pub(super) fn whole(records: &[Reported]) -> Option<Self> {
+        let mut parts: Vec<_> = records
             .iter()
             .filter_map(|(_, record)| match record {
                 Record::CurrentTrace(part) => Some(part),
@@ -172,11 +172,11 @@ pub(super) struct Ramp {
 }
 
 impl Ramp {
-    /// Of what was told of the conversions: time, s, and current, A.
-    pub(super) fn of(told: &[(f64, f64)], [from_a, to_a]: [f64; 2]) -> Result<Self, Failure> {
+    /// From the currents that the board reported, each with its time: s, A.
+    pub(super) fn of(currents: &[(f64, f64)], [from_a, to_a]: [f64; 2]) -> Result<Self, Failure> {
         let [early, late] = MIDDLE.map(|part| from_a + part * (to_a - from_a));
         let (low_a, high_a) = (early.min(late), early.max(late));
-        let points: Vec<(f64, f64)> = told
+        let points: Vec<(f64, f64)> = currents
             .iter()
             .copied()
             .filter(|(_, current_a)| (low_a..=high_a).contains(current_a))
@@ -185,8 +185,8 @@ impl Ramp {
             (points.first(), points.last(), points.len())
         else {
             return Err(Failure::Refused(format!(
-                "the board told {} conversions of the ramp from {from_a} to {to_a} A: set its stream \
-                 to samples and its rate to 1 kHz, and see that the probe loses no records",
+                "the board reported {} conversions of the ramp from {from_a} to {to_a} A: set its \
+                 stream to samples and its rate to 1 kHz, and see that the probe loses no records",
                 points.len()
             )));
         };
@@ -290,24 +290,24 @@ mod tests {
 
     #[test]
     fn a_straight_ramp_is_straight_and_a_bent_one_is_not() {
-        let told = |of: &dyn Fn(f64) -> f64| -> Vec<(f64, f64)> {
+        let reported = |of: &dyn Fn(f64) -> f64| -> Vec<(f64, f64)> {
             let times = (0..100).map(|number| 1e-3 * (f64::from(number) + 0.3));
             times.map(|at_s| (at_s, of(at_s))).collect()
         };
         let fall = |at_s: f64| 8.0 - 6.4 * (at_s / 0.06).min(1.0);
-        let ramp = Ramp::of(&told(&fall), [8.0, 1.6]).unwrap();
+        let ramp = Ramp::of(&reported(&fall), [8.0, 1.6]).unwrap();
         assert!(
             ramp.is_as_it_should_be() && ramp.nonlinearity < 1e-9,
             "{ramp:?}"
         );
         assert!((ramp.at(0.03) - 4.8).abs() < 1e-9);
         let bent = |at_s: f64| fall(at_s) + 0.2 * (at_s / 0.06 * 3.0).sin();
-        let ramp = Ramp::of(&told(&bent), [8.0, 1.6]).unwrap();
+        let ramp = Ramp::of(&reported(&bent), [8.0, 1.6]).unwrap();
         assert!(!ramp.is_as_it_should_be(), "{ramp:?}");
-        assert!(Ramp::of(&told(&|_| 0.0), [8.0, 1.6]).is_err());
+        assert!(Ramp::of(&reported(&|_| 0.0), [8.0, 1.6]).is_err());
         let up = |at_s: f64| -fall(at_s);
         assert!(
-            Ramp::of(&told(&up), [-8.0, -1.6])
+            Ramp::of(&reported(&up), [-8.0, -1.6])
                 .unwrap()
                 .is_as_it_should_be()
         );

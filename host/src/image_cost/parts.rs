@@ -17,7 +17,7 @@ pub(super) enum Part {
     Coil,
     Tasks,
     Rtic,
-    /// Works for whoever calls it: floating point, mathematics, copying, the core library.
+    /// Works for every caller: floating point, mathematics, copying, the core library.
     Shared,
 }
 
@@ -83,7 +83,7 @@ const FILES: [(&str, Part); 21] = [
     ("/rp2040-pac", Part::Rtic),
 ];
 
-/// The addresses of functions that work for whoever calls them.
+/// The addresses of functions that work for every caller.
 pub(super) fn shared(sources: &Sources) -> Vec<Range<u32>> {
     let functions = sources.functions().iter();
     functions

@@ -28,7 +28,7 @@ const SETTLED: Time = Time::from_ms(1_000);
 const WATCHED: Time = Time::from_ms(2_000);
 /// Much less than a train takes, which is watched for so long.
 const OF_THE_TRAIN: Time = Time::from_ms(400);
-/// The estimate has been reckoned and its curve told.
+/// Within this time the firmware computes the estimate and sends its curve.
 const AFTERWARDS: Time = Time::from_ms(100);
 /// An estimate comes within this time after the press.
 const PATIENCE: Time = Time::from_ms(30_000);
@@ -56,7 +56,7 @@ impl Phase {
 pub(super) struct Measured {
     /// Those at a steady rate.
     pub(super) phases: Vec<Phase>,
-    /// From there to the estimate, which is reckoned once.
+    /// From there to the estimate, which is computed once.
     pub(super) rest: Phase,
     pub(super) stack_bytes: u32,
     pub(super) cpu_hz: f64,
@@ -196,7 +196,7 @@ impl Watched<'_> {
         })
     }
 
-    /// How fast the emulation runs, on a copy that nobody counts.
+    /// Emulated seconds per second of this computer, on a copy of the board that no phase counts.
     fn speed(&self) -> Result<f64, Failure> {
         let mut copy = self.board.clone();
         let end = copy.now() + WATCHED;
@@ -207,12 +207,13 @@ impl Watched<'_> {
 
     fn stack_bytes(&mut self) -> Result<u32, Failure> {
         self.send(Command::Identify)?;
-        let told = self.board.frames().iter().rev();
-        let mut told = told.filter_map(|frame| match &frame.message {
+        let frames = self.board.frames().iter().rev();
+        let mut sizes = frames.filter_map(|frame| match &frame.message {
             Record::Status(status) => Some(status.stack_bytes),
             _ => None,
         });
-        told.next()
-            .ok_or_else(|| Failure::Refused("the image did not tell its status".to_owned()))
+        sizes
+            .next()
+            .ok_or_else(|| Failure::Refused("the image did not report its status".to_owned()))
     }
 }

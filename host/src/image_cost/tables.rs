@@ -134,7 +134,7 @@ fn per_sample(measured: &Measured, splits: &[Split]) -> Table {
     rows
 }
 
-/// What the estimate costs, once in a train: the longest run of the tasks that it is reckoned in.
+/// What the estimate costs, once in a train: the longest run of the tasks that it is computed in.
 fn once(measured: &Measured) -> String {
     let handlers = measured.rest.profile.handlers();
     let cycles = handlers.get(&ESTIMATES).map_or(0, |of| of.worst_cycles);

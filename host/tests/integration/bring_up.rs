@@ -56,9 +56,9 @@ fn bring_up(folder: &Path, switches: Switches) -> Switches {
         .arg(&found)
         .output()
         .unwrap();
-    let told = String::from_utf8_lossy(&output.stderr);
+    let stderr = String::from_utf8_lossy(&output.stderr);
     let table = String::from_utf8_lossy(&output.stdout);
-    assert!(output.status.success(), "{told}\n{table}");
+    assert!(output.status.success(), "{stderr}\n{table}");
     println!("{table}");
     let text = fs::read_to_string(found).unwrap();
     toml::from_str::<Document>(&text).unwrap().switches
@@ -109,8 +109,8 @@ fn a_slow_probe_makes_no_difference() {
         .arg(&found)
         .output()
         .unwrap();
-    let told = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "{told}");
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{stderr}");
     server.join().unwrap();
     let text = fs::read_to_string(found).unwrap();
     let document: Document = toml::from_str(&text).unwrap();
@@ -136,7 +136,7 @@ fn a_port_behind_which_is_something_else_is_refused() {
         .unwrap();
     assert_eq!(server.join().unwrap(), [1, b'?']);
     assert_eq!(output.status.code(), Some(1));
-    let told = String::from_utf8_lossy(&output.stderr);
-    assert!(told.contains("bring_up"), "{told}");
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert!(stderr.contains("bring_up"), "{stderr}");
     assert!(!folder.path().join("found.toml").exists());
 }

@@ -35,8 +35,8 @@ fn emulated(arguments: &[&str], folder: &Path) -> Output {
 }
 
 fn json(output: &Output) -> Value {
-    let told = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "{told}");
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{stderr}");
     serde_json::from_slice(&output.stdout).unwrap()
 }
 
@@ -77,11 +77,11 @@ fn what_cannot_be_driven_is_refused_with_what_can() {
     let folder = tempfile::tempdir().unwrap();
     let output = emulated(&["coil", "--to", "40"], folder.path());
     assert_eq!(output.status.code(), Some(2));
-    let told = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert!(told.contains("allowed are 1 to"), "{told}");
+    let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(stderr.contains("allowed are 1 to"), "{stderr}");
     let output = palpate(&["coil"], folder.path());
     assert_eq!(output.status.code(), Some(2));
-    let nobody = palpate(
+    let unreachable_board = palpate(
         &[
             "coil",
             "--records",
@@ -91,9 +91,9 @@ fn what_cannot_be_driven_is_refused_with_what_can() {
         ],
         folder.path(),
     );
-    assert_eq!(nobody.status.code(), Some(1));
-    let told = String::from_utf8_lossy(&nobody.stderr).into_owned();
-    assert!(told.contains("bring-up.md"), "{told}");
+    assert_eq!(unreachable_board.status.code(), Some(1));
+    let stderr = String::from_utf8_lossy(&unreachable_board.stderr).into_owned();
+    assert!(stderr.contains("bring-up.md"), "{stderr}");
 }
 
 /// The bar of the calibration: 0.3 % of 10 A.
@@ -280,7 +280,7 @@ fn a_board_behind_a_probe_is_calibrated_against_a_program() {
 }
 
 #[test]
-fn a_program_that_reads_no_current_is_told_so() {
+fn a_program_that_reads_no_current_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let served = serve(None);
     let reference = program(folder.path(), "echo overload");
@@ -296,10 +296,10 @@ fn a_program_that_reads_no_current_is_told_so() {
         folder.path(),
     );
     assert_eq!(output.status.code(), Some(1));
-    let told = String::from_utf8_lossy(&output.stderr).into_owned();
+    let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(
-        told.contains("overload") && told.contains("ampere"),
-        "{told}"
+        stderr.contains("overload") && stderr.contains("ampere"),
+        "{stderr}"
     );
     assert!(!folder.path().join("current.jsonl").exists());
     served.server.join().unwrap();

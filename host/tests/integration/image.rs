@@ -60,13 +60,13 @@ fn the_log_has_its_lines_and_the_trace_its_signals() {
         folder.path(),
         &["--engine", "image", "--log", "--trace", &name],
     );
-    let told = String::from_utf8(output.stderr).unwrap();
-    assert!(output.status.success(), "{told}");
-    assert!(told.contains("log, a touch:\n"), "{told}");
-    let line = told
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success(), "{stderr}");
+    assert!(stderr.contains("log, a touch:\n"), "{stderr}");
+    let line = stderr
         .lines()
         .find(|line| line.contains("converter up"))
-        .unwrap_or_else(|| panic!("{told}"));
+        .unwrap_or_else(|| panic!("{stderr}"));
     let mut words = line.split_whitespace();
     let time_s: f64 = words.next().unwrap().parse().unwrap();
     assert!((0.01..0.2).contains(&time_s), "{line}");
@@ -87,8 +87,8 @@ fn ratios(folder: &Path, engine: &str) -> Vec<f64> {
         let press: serde_json::Value = serde_json::from_str(line).unwrap();
         press["estimate"]["load_ratio"].as_f64().expect(line)
     };
-    let told = String::from_utf8(output.stdout).unwrap();
-    told.lines().map(ratio).collect()
+    let stdout = String::from_utf8(output.stdout).unwrap();
+    stdout.lines().map(ratio).collect()
 }
 
 #[test]
@@ -104,7 +104,7 @@ fn the_image_finds_what_the_computer_finds() {
         // Of the line's slope, which is what is measured.
         let apart = (there - here) / (here + 1.0 + actuated_ratio);
         println!("{here:.5} and {there:.5}: {apart:+.2e} of the slope");
-        // 3e-4, which is what ten microseconds between the current as it is told and as it flowed make.
+        // 3e-4, which is what ten microseconds between the reported current and the one that flowed make.
         assert!(apart.abs() < 6e-4, "{here} {there} {apart:e}");
     }
 }
@@ -115,7 +115,7 @@ fn what_only_an_image_has_is_refused_without_one() {
     for arguments in [&["--log"][..], &["--trace", "x.vcd"]] {
         let output = simulate(folder.path(), arguments);
         assert_eq!(output.status.code(), Some(2));
-        let told = String::from_utf8(output.stderr).unwrap();
-        assert!(told.contains("--engine image"), "{told}");
+        let stderr = String::from_utf8(output.stderr).unwrap();
+        assert!(stderr.contains("--engine image"), "{stderr}");
     }
 }

@@ -15,9 +15,9 @@ pub enum Noise {
     Stated,
     /// The sigmas are right up to a common factor, taken from the residuals; Student's quantiles.
     Residual,
-    /// Whichever of the two is larger (Birge's rule), Student's quantiles: noise that nobody
-    /// stated, as vibration, widens the interval, and lucky residuals do not narrow it. With right
-    /// sigmas and 400 samples it covers 95.4 % for 95 %.
+    /// Whichever of the two is larger (Birge's rule), Student's quantiles: noise that the
+    /// sigmas do not state, as vibration, widens the interval, and lucky residuals do not narrow it.
+    /// With right sigmas and 400 samples it covers 95.4 % for 95 %.
     #[default]
     Larger,
 }

@@ -38,7 +38,7 @@ pub enum LoadStiffness {
         /// Upper end of the interval.
         high: NewtonPerMetre,
     },
-    /// Not told from rigid: the interval has no upper end.
+    /// Not distinguished from rigid: the interval has no upper end.
     AtLeast {
         /// Lower end of the interval.
         low: NewtonPerMetre,
@@ -61,7 +61,7 @@ impl LoadStiffness {
         }
     }
 
-    /// Best estimate; `None` when the load cannot be told from a rigid one.
+    /// Best estimate; `None` when the load cannot be distinguished from a rigid one.
     pub const fn value(&self) -> Option<NewtonPerMetre> {
         match *self {
             Self::Within { value, .. } => Some(value),

@@ -39,8 +39,8 @@ pub enum Refusal {
         /// Samples needed.
         need: u32,
     },
-    /// A term cannot be told from the ones before it: the current did not change, or a drift has
-    /// the shape of the signal.
+    /// A term cannot be distinguished from the ones before it: the current did not change, or a drift
+    /// has the shape of the signal.
     IllConditioned {
         /// Place of the term in the basis.
         term: usize,
@@ -72,7 +72,7 @@ impl fmt::Display for Refusal {
         match *self {
             Self::TooFewSamples { have, need } => write!(f, "{have} samples, {need} needed"),
             Self::IllConditioned { term } => {
-                write!(f, "term {term} cannot be told from the others")
+                write!(f, "term {term} cannot be distinguished from the others")
             }
             Self::NotFinite => f.write_str("result is not finite"),
             Self::SignalTooSmall { significance } => {

@@ -67,7 +67,7 @@ fn a_constant_current_and_a_drift_like_the_signal() {
         Some(Refusal::IllConditioned { term: 1 })
     );
 
-    // c_D linear in time: then a linear drift cannot be told from it at all.
+    // c_D linear in time: then a linear drift cannot be distinguished from it at all.
     let mut ramp = Ramp::new(reference(), Basis::with_drift(Drift::Linear).unwrap());
     for i in 0..100 {
         let h = -0.1 * (1.0 - i as f32 / 99.0);

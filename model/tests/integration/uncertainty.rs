@@ -47,7 +47,7 @@ fn kappa(wrong: Wrong) -> f64 {
     let g_ref = (c_s / c_d) as f32;
     let reference = Reference::new(truth.reference.deformation(), g_ref).unwrap();
     let found = reciprocal_line(&Recording { reference, samples }, &[]);
-    // c_L = c_S/kappa with the wrong c_S, told in units of the true one.
+    // c_L = c_S/kappa with the wrong c_S, in units of the true one.
     found.kappa / (1.0 + wrong.sensing)
 }
 

@@ -109,9 +109,9 @@ fn wires(snapshot: &Bench, rows: &mut Vec<Row>) {
         let lasting = None;
         bench.board.disturb(LineFault::SclHeld { bit, lasting });
         bench.run(Time::from_ms(150));
-        let told = bench.faults().iter().any(|fault| fault.active);
+        let reported = bench.faults().iter().any(|fault| fault.active);
         bench.board.release();
-        row.add(recovery(&mut bench).filter(|_| told));
+        row.add(recovery(&mut bench).filter(|_| reported));
     }
     rows.push(row);
 }
@@ -160,11 +160,11 @@ fn converter(snapshot: &Bench, rows: &mut Vec<Row>) {
         let event = FaultEvent::from(Time::ZERO, fault);
         let scheduled = bench.board.chip_mut().schedule(event).is_ok();
         bench.run(Time::from_ms(300));
-        let told = bench.faults().iter().any(|fault| fault.active);
+        let reported = bench.faults().iter().any(|fault| fault.active);
         bench.board.chip_mut().clear_faults();
         // A recovery pauses for 20 ms between two attempts and brings the converter up for the
         // first time, which seeks its drive: that is allowed 100 ms here.
-        row.add(recovery(&mut bench).filter(|_| scheduled && told));
+        row.add(recovery(&mut bench).filter(|_| scheduled && reported));
     }
     row.limit = Time::from_ms(100);
     row.broken = u32::from(row.worst > row.limit);

@@ -38,10 +38,10 @@ impl Case {
 
 struct Found {
     rate_hz: f64,
-    /// At least and at most: a status is not told at the very moment at which the converter's own
-    /// count is looked at.
+    /// At least and at most: the firmware does not report a status at the very moment at which the
+    /// campaign reads the converter's own count.
     lost: RangeInclusive<u32>,
-    told: u32,
+    reported: u32,
     median: Time,
     worst: Time,
     load: f64,
@@ -98,7 +98,7 @@ fn run(case: &Case) -> Found {
     Found {
         rate_hz: f64::from(after.conversions - before.conversions) / passed,
         lost: (to.start - from.end) as u32..=(to.end - from.start) as u32,
-        told: after.conversions_lost - before.conversions_lost,
+        reported: after.conversions_lost - before.conversions_lost,
         median: latencies
             .get(latencies.len() / 2)
             .copied()
@@ -154,7 +154,7 @@ fn main() -> ExitCode {
     println!("<!-- evidence:begin -->");
     println!(
         "| channels | asked | stream | INTB released by | scans per second | of the bus's limit \
-         | lost | told | edge to START, median | worst | load |"
+         | lost | reported | edge to START, median | worst | load |"
     );
     println!("|---|---|---|---|---|---|---|---|---|---|---|");
     let mut holds = true;
@@ -177,19 +177,19 @@ fn main() -> ExitCode {
             found.rate_hz,
             found.rate_hz / case.limit_hz() * 100.0,
             text(&found.lost),
-            found.told,
+            found.reported,
             us(found.median),
             us(found.worst),
             found.load * 100.0,
         );
-        holds &= found.worst <= LATENCY && found.lost.contains(&found.told);
+        holds &= found.worst <= LATENCY && found.lost.contains(&found.reported);
         holds &= case.overloaded == (*found.lost.start() > 0);
     }
     println!();
     println!(
         "{} simulated seconds each. The bus's limit: a frame's bit times at 400 kHz and 10 µs. \
-         Lost: conversions that the converter overwrote unread, before and after the device told its \
-         count. Told: those that the firmware says \
+         Lost: conversions that the converter overwrote unread, before and after the device reported its \
+         count. Reported: those that the firmware says \
          were lost. The last row asks for more than the bus can fetch.",
         LENGTH.as_secs_f64()
     );
@@ -198,7 +198,7 @@ fn main() -> ExitCode {
         ExitCode::SUCCESS
     } else {
         eprintln!(
-            "a loss was not told, a conversion was lost without need, or an edge waited too long"
+            "a loss was not reported, a conversion was lost without need, or an edge waited too long"
         );
         ExitCode::FAILURE
     }

@@ -462,7 +462,7 @@ impl<P: Plant> Board<P> {
 
     /// Ends the trace and returns it, if one was made.
     pub fn take_trace(&mut self) -> Option<Trace> {
-        self.bus.wire.told = None;
+        self.bus.wire.changes = None;
         self.bus.trace.take()
     }
 
@@ -500,7 +500,7 @@ impl<P: Plant> Board<P> {
 
     /// Begins to count where the cycles go, from nothing. What functions at shared addresses cost,
     /// as those of soft floating point do, is charged to their callers. Takes some time for every
-    /// instruction, and none while nobody has asked for it.
+    /// instruction, and none before the first call.
     pub fn profile(&mut self, shared: &[Range<u32>]) {
         self.profile = Some(Box::new(Profile::new(&self.image, shared)));
     }

@@ -56,13 +56,13 @@ mod pin {
 const COIL_SLICE: usize = 0;
 const EDGE_SLICE: usize = 3;
 
-/// How often the plant is told the coil's current of the time that has passed, while there is any:
-/// two periods of the bridge, over which the ripple averages out. How often what changes slowly is
-/// looked at meanwhile, in such times; and how often while there is no current.
+/// How often the plant receives the coil's mean current since the last time, while there is any: every
+/// two periods of the bridge, over which the ripple averages out. How often the bus polls what changes
+/// slowly meanwhile, in such times; and how often while there is no current.
 const TELLS_PS: u64 = 32_000_000;
 const TELLS_IN_A_LOOK: u64 = 4;
 const LOOKS_PS: u64 = 1_000_000_000;
-/// Conversions that fill the ring of memory behind the ADC whatever its size: with nobody to see
+/// Conversions that fill the ring of memory behind the ADC whatever its size: where no interrupt reads
 /// each of them, only the last ones are made.
 const LAST_CONVERSIONS: u64 = 16;
 
@@ -112,8 +112,8 @@ pub(crate) struct Bus<P> {
     pub(crate) coil: Coil,
     /// What the plant last said of coil and supply.
     conditions: Conditions,
-    /// When the plant was last told the current.
-    told_ps: u64,
+    /// When the plant last received the current.
+    reported_ps: u64,
     /// Results on their way into memory: when, where, what.
     converting: Option<(u64, u16)>,
     pub(crate) trace: Option<Trace>,
@@ -159,7 +159,7 @@ impl<P: Plant> Bus<P> {
             traced_ps: 0,
             coil: Coil::new(options.drive, options.seed, &conditions),
             conditions,
-            told_ps: 0,
+            reported_ps: 0,
             converting: None,
         };
         bus.gpio.drive(pin::INTB, true);
@@ -395,7 +395,7 @@ impl<P: Plant> Bus<P> {
     /// may be late where the bridge has just been woken.
     fn coil_due_ps(&self) -> u64 {
         let idle = self.coil.is_idle(&self.bridge);
-        let due_ps = self.told_ps + if idle { LOOKS_PS } else { TELLS_PS };
+        let due_ps = self.reported_ps + if idle { LOOKS_PS } else { TELLS_PS };
         due_ps.max(self.coil.now_ps())
     }
 
@@ -442,8 +442,8 @@ impl<P: Plant> Bus<P> {
         }
     }
 
-    /// Without the control interrupt nobody sees each result: those that others will overwrite are
-    /// not made.
+    /// Without the control interrupt the firmware does not read each result: those that others will
+    /// overwrite are not made.
     fn skip_conversions(&mut self, now_ps: u64) {
         let waiting = self.adc.sampled_by(now_ps);
         if self.pwm.interrupts() || waiting <= LAST_CONVERSIONS {
@@ -469,11 +469,11 @@ impl<P: Plant> Bus<P> {
     }
 
     fn tell_current(&mut self, now_ps: u64) {
-        self.told_ps = now_ps;
+        self.reported_ps = now_ps;
         if let Some((mean_a, ripple_a)) = self.coil.current_since() {
             let now = Time::from_ps(now_ps);
             self.wire.chip.advance_to(now);
-            // The plant still stands where it was told the last time.
+            // The plant's time is still that of the last report.
             let plant = self.wire.chip.sensors_mut();
             plant.set_current(mean_a, ripple_a);
             plant.advance_to(now);
@@ -489,7 +489,7 @@ impl<P: Plant> Bus<P> {
         let Some(trace) = &mut self.trace else {
             return;
         };
-        for change in self.wire.told.iter_mut().flat_map(|told| told.drain(..)) {
+        for change in self.wire.changes.iter_mut().flat_map(|all| all.drain(..)) {
             trace.push(change);
         }
         for (signal, pin) in [(Signal::Sda, pin::SDA), (Signal::Scl, pin::SCL)] {

@@ -71,8 +71,8 @@ pub(crate) struct Coil {
     converter: Converter,
     supply: Filter,
     now_ps: u64,
-    /// The sums when the plant was last told its current.
-    told: Totals,
+    /// The sums when the plant last received its current.
+    reported: Totals,
 }
 
 impl Coil {
@@ -86,7 +86,7 @@ impl Coil {
                 value: conditions.supply_v,
             },
             now_ps: 0,
-            told: Totals::default(),
+            reported: Totals::default(),
         };
         coil.follow(conditions, false);
         coil
@@ -139,7 +139,7 @@ impl Coil {
     /// time has passed.
     pub(crate) fn current_since(&mut self) -> Option<(f64, f64)> {
         let now = self.circuit.totals();
-        let before = std::mem::replace(&mut self.told, now);
+        let before = std::mem::replace(&mut self.reported, now);
         let passed_s = now.time_s - before.time_s;
         if passed_s <= 0.0 {
             return None;

@@ -521,7 +521,7 @@ mod tests {
     }
 
     #[test]
-    fn levels_before_the_wrap_are_told_from_those_behind_it() {
+    fn levels_before_the_wrap_are_distinguished_from_those_behind_it() {
         let mut pwm = Pwm::default();
         pwm.write(0x10, 959, 0, HZ).unwrap();
         pwm.write(0x0C, 240, 0, HZ).unwrap();

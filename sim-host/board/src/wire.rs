@@ -73,7 +73,7 @@ pub(crate) struct Wire<P> {
     /// Levels while the pins are driven as plain outputs.
     plain: Option<(bool, bool)>,
     /// What the wires did, if it is traced.
-    pub(crate) told: Option<Vec<Change>>,
+    pub(crate) changes: Option<Vec<Change>>,
 }
 
 impl<P: Plant> Wire<P> {
@@ -88,14 +88,14 @@ impl<P: Plant> Wire<P> {
             bits: 0,
             last_edge_ps: None,
             plain: None,
-            told: trace.then(Vec::new),
+            changes: trace.then(Vec::new),
         }
     }
 
     /// A wire is something from a time on, which may have passed.
     pub(crate) fn tell(&mut self, at_ps: u64, signal: Signal, value: Value) {
-        if let Some(told) = &mut self.told {
-            told.push(Change {
+        if let Some(changes) = &mut self.changes {
+            changes.push(Change {
                 at_ps,
                 signal,
                 value,

@@ -8,7 +8,7 @@ use palpate_wire::{MINOR_VERSION, SCHEMA_HASH};
 /// Its boot id: a simulation starts only once.
 pub const BOOT_ID: u32 = 1;
 
-/// The board as the procedure is told: no hardware, one converter with four channels, a coil.
+/// The board as it is reported to the procedure: no hardware, one converter with four channels, a coil.
 #[must_use]
 pub fn board() -> Board {
     let part = |number: Option<&str>| number.and_then(|text| text.parse().ok()).unwrap_or(0);

@@ -3,8 +3,8 @@
 //!
 //! What runs here is what runs on the real board - the same driver, the same procedure, the same
 //! records - with the tasks between them replaced by one loop: wait for INTB, read the frame, tell
-//! the procedure, do what it asks. The coil's current is ideal: it takes the course that it is told
-//! to, within what the supply can push.
+//! the procedure, do what it asks. The coil's current is ideal: it follows the commanded profile,
+//! within what the supply can push.
 //!
 //! ```
 //! use palpate_sim::Time;
@@ -54,10 +54,11 @@ pub fn default_settings() -> palpate_wire::command::Settings {
     palpate_procedure::configuration::DEFAULT_SETTINGS
 }
 
-/// How much later than told a drive's current takes a line: an order waits for its period, the law
-/// for two, and for eight while the current is on its course. In what the image tells of ramps of 0.17
-/// A/ms, on the sensors of seeds 1 to 8 without disturbances, a fall's knee is 86 to 147 us late, 112
-/// on average. An elastomer that lags behind the current makes half a per cent of a hard load of it.
+/// Delay of a drive's current behind the commanded line: an order waits for its period, the control
+/// law for two, and for eight while the current follows its profile. In what the image reports of ramps
+/// of 0.17 A/ms, on the sensors of seeds 1 to 8 without disturbances, a fall's knee is 86 to 147 us
+/// late, 112 on average. An elastomer that lags behind the current makes half a per cent of a hard load
+/// of it.
 const RESPONSE: Time = Time::from_us(112);
 
 /// CLKIN for one channel (shared pin plan: 120 MHz divided by 4).
@@ -66,9 +67,9 @@ const SINGLE_CLKIN_HZ: u32 = 30_000_000;
 const SCAN_CLKIN_HZ: u32 = 40_000_000;
 /// I2C clock.
 const SCL_HZ: u32 = 400_000;
-/// Longest wait for an interrupt before the procedure is told the time.
+/// Longest wait for an interrupt before the procedure receives the time.
 const TICK: Time = Time::from_ms(10);
-/// How often temperature and supply are told.
+/// How often the board reports temperature and supply.
 const CONDITIONS_PERIOD: Time = Time::from_ms(100);
 /// Samples of the ADC averaged over a conversion: at 10 kHz.
 const ADC_SAMPLES_PER_S: f64 = 10e3;
@@ -86,7 +87,7 @@ const ROUNDS: u32 = 6;
 /// Straight pieces of a true current whose measured one is a straight line: 16 leave 0.2 mA of a bow
 /// of 8 LSB.
 const PIECES: u32 = 16;
-/// Supply that is told where the world's has no limit: that of the reference board.
+/// Supply that the board reports where the world's has no limit: that of the reference board.
 const NO_LIMIT_V: f64 = 12.0;
 /// How long the coil's test takes: that of the reference board's coil, 40 uH and 0.5 ohm at 12 V.
 const COIL_TEST: Time = Time::from_ms(60);
@@ -229,7 +230,7 @@ impl Tracing {
         }
     }
 
-    /// The parts that it is told in, each with the time of its first current.
+    /// The parts in which it is sent, each with the time of its first current.
     fn parts(&self) -> impl Iterator<Item = (Instant, CurrentTrace)> + '_ {
         let interval_s = self.interval.as_secs_f64() as f32;
         (0..)
@@ -339,8 +340,8 @@ impl<'a> VirtualBoard<'a> {
             }
         });
         let samples = (sensing.conversion.as_secs_f64() * ADC_SAMPLES_PER_S).max(1.0) as u32;
-        let told_a = self.told_a(begins, first, samples);
-        let ripple_a = self.hardware.world.borrow().ripple_a(told_a);
+        let reported_a = self.reported_a(begins, first, samples);
+        let ripple_a = self.hardware.world.borrow().ripple_a(reported_a);
         Scan {
             sensor: 0,
             middle: Instant::from_ticks(micros(middle)),
@@ -348,7 +349,7 @@ impl<'a> VirtualBoard<'a> {
             conversions: conversions.take(4).collect(),
             lost: lost(edge, sensing),
             gap: frame.marks.gap,
-            current: Some(Ampere(told_a as f32)),
+            current: Some(Ampere(reported_a as f32)),
             // A drive that knows its coil knows the ripple.
             ripple: Some(Ampere(ripple_a as f32)),
             account: Some(self.account),
@@ -356,11 +357,11 @@ impl<'a> VirtualBoard<'a> {
     }
 
     /// The measured mean of the current, without its zero, corrected.
-    fn told_a(&self, from: Time, to: Time, samples: u32) -> f64 {
+    fn reported_a(&self, from: Time, to: Time, samples: u32) -> f64 {
         let mut world = self.hardware.world.borrow_mut();
         // A drive finds its zero before it drives.
-        let zero_a = world.told_zero_a();
-        let measured_a = world.told_mean_current_a(from, to, samples) - zero_a;
+        let zero_a = world.measured_zero_a();
+        let measured_a = world.reported_mean_current_a(from, to, samples) - zero_a;
         drop(world);
         self.corrected_a(measured_a)
     }
@@ -390,14 +391,14 @@ impl<'a> VirtualBoard<'a> {
         self.hardware.world.borrow_mut().follow_current(&points);
     }
 
-    /// What is told of a true current, but for noise.
+    /// The measured value of a true current, without noise, A.
     fn measured_a(&self, true_a: f64) -> f64 {
         let world = self.hardware.world.borrow();
         let chain = &world.parameters().current;
         self.corrected_a(chain.noiseless_a(true_a) - chain.zero_a())
     }
 
-    /// The true current of which this is told.
+    /// The true current whose measured value this is, A.
     fn flowing_a(&self, wanted_a: f64) -> f64 {
         // Gain and bow are off by parts of a hundred: each round leaves as little of the error.
         (0..ROUNDS).fold(wanted_a, |true_a, _| {
@@ -422,8 +423,8 @@ impl<'a> VirtualBoard<'a> {
         };
         while tracing.currents_a.len() < TRACE_LENGTH && tracing.next <= now {
             let from = tracing.next - TRACE_WINDOW;
-            let told_a = self.told_a(from, tracing.next, TRACE_SAMPLES);
-            tracing.currents_a.push(told_a as f32);
+            let reported_a = self.reported_a(from, tracing.next, TRACE_SAMPLES);
+            tracing.currents_a.push(reported_a as f32);
             tracing.next += tracing.interval;
         }
         if tracing.currents_a.len() < TRACE_LENGTH {

@@ -87,7 +87,7 @@ pub struct Period {
     pub mean_a: f64,
     /// True current at its end, A.
     pub end_a: f64,
-    /// What the bridge was told for it.
+    /// The bridge's inputs in it.
     pub output: Output,
 }
 
@@ -173,7 +173,7 @@ impl Regulated {
 
     /// The measured mean current from one period to another, A.
     #[must_use]
-    pub fn told_a(&self, from: u32, to: u32) -> Option<f64> {
+    pub fn reported_a(&self, from: u32, to: u32) -> Option<f64> {
         let mean_a = self
             .averages
             .mean_a(from.into(), to.into(), self.supervisor.hardware());
@@ -182,7 +182,7 @@ impl Regulated {
 
     /// Gives an order.
     pub fn order(&mut self, order: &Order) {
-        self.drive.obey(order);
+        self.drive.apply(order);
     }
 
     /// Begins a waveform.
@@ -191,7 +191,7 @@ impl Regulated {
     /// What the driver refuses.
     pub fn run(&mut self, waveform: &Waveform) -> Result<(), Refusal> {
         let order = self.supervisor.run(&self.drive.report(), waveform)?;
-        self.drive.obey(&order);
+        self.drive.apply(&order);
         Ok(())
     }
 
@@ -201,7 +201,7 @@ impl Regulated {
     /// What the driver refuses.
     pub fn go(&mut self, to_a: f32, over_s: f32) -> Result<(), Refusal> {
         let order = self.supervisor.go(&self.drive.report(), to_a, over_s)?;
-        self.drive.obey(&order);
+        self.drive.apply(&order);
         Ok(())
     }
 
@@ -212,7 +212,7 @@ impl Regulated {
     pub fn begin_test(&mut self) -> Result<(), Refusal> {
         let supply_v = self.supply.value as f32;
         let order = self.supervisor.test(&self.drive.report(), supply_v)?;
-        self.drive.obey(&order);
+        self.drive.apply(&order);
         Ok(())
     }
 
@@ -300,7 +300,7 @@ impl Regulated {
         let elapsed_us = LOOK_PERIODS * 16;
         let report = self.drive.report();
         let order = self.supervisor.attend(&report, supply_v, elapsed_us);
-        self.drive.obey(&order);
+        self.drive.apply(&order);
     }
 
     /// The supply as it is measured, V.
@@ -346,7 +346,7 @@ impl Regulated {
         self.converter.code(volts)
     }
 
-    /// The ripple of the current with what the bridge is told now, peak to peak, A.
+    /// The ripple of the current with the bridge's present inputs, peak to peak, A.
     #[must_use]
     pub fn ripple_a(&self) -> f64 {
         const STEPS: u32 = 200;

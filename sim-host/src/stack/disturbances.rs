@@ -96,7 +96,7 @@ pub struct LdcRanges {
 /// `[current_chain]`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CurrentChainRanges {
-    /// Relative error of what the instrument is told, ±0.5.
+    /// Relative error of the measured current, ±0.5.
     pub gain_error: Quantity,
     /// Integral non-linearity of the ADC, LSB, 0 to 200.
     pub inl_lsb: Quantity,

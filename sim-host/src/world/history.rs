@@ -84,7 +84,7 @@ impl History {
         }
     }
 
-    /// Forgets what nobody may ask for any more.
+    /// Forgets what lies too far back to be asked for.
     pub(super) fn forget_before(&mut self, now: Time) {
         while self
             .segments

@@ -187,7 +187,7 @@ impl World {
     }
 
     /// The same as a circuit outside makes it, whose ripple, root mean square, A, acts in place of
-    /// what this world would reckon: as it is, whether the world's own is switched on or not.
+    /// what this world would compute: as it is, whether the world's own is switched on or not.
     pub fn set_current_with_ripple(&mut self, mean_a: f64, ripple_a: f64) {
         self.hold(Command::rippling(sound(mean_a), sound(ripple_a)));
     }
@@ -338,24 +338,24 @@ impl World {
         )
     }
 
-    /// What the instrument is told of the coil's current now, from one sample of the ADC, A.
-    pub fn told_current_a(&mut self) -> f64 {
+    /// The coil's current as the instrument measures it now, from one sample of the ADC, A.
+    pub fn measured_current_a(&mut self) -> f64 {
         let current_a = self.state().current_a;
         let chain = &self.plant.parameters.current;
-        chain.told_a(current_a, 1, &mut self.adc_noise)
+        chain.reported_a(current_a, 1, &mut self.adc_noise)
     }
 
-    /// What it is told of the mean current over a past window, from so many samples, A. The window
-    /// may reach back 0.6 s; an empty one is told as now.
-    pub fn told_mean_current_a(&mut self, from: Time, to: Time, samples: u32) -> f64 {
+    /// The mean current over a past window as the instrument measures it, from so many samples, A. The
+    /// window may reach back 0.6 s; an empty one gives the current of now.
+    pub fn reported_mean_current_a(&mut self, from: Time, to: Time, samples: u32) -> f64 {
         let mean_a = self.mean_current_a(from, to);
         let chain = &self.plant.parameters.current;
-        chain.told_a(mean_a, samples, &mut self.adc_noise)
+        chain.reported_a(mean_a, samples, &mut self.adc_noise)
     }
 
-    /// What it is told where there is no current, but for the noise, A.
+    /// What the instrument measures where there is no current, without the noise, A.
     #[must_use]
-    pub fn told_zero_a(&self) -> f64 {
+    pub fn measured_zero_a(&self) -> f64 {
         self.plant.parameters.current.zero_a()
     }
 

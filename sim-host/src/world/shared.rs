@@ -11,7 +11,7 @@ use super::World;
 const SENSING_CHANNEL: usize = 0;
 
 /// A handle of a [`World`]. Clones share the world: one goes into an [`ldc161x_sim::Chip`] as its
-/// sensors, another stays with whoever moves time and sets the current.
+/// sensors, another stays with the code that advances time and sets the current.
 ///
 /// A converter on a bus may be ahead of the world's clock by the length of a transfer. It is then
 /// answered as if no input changed until that time; the next input takes effect from its own time

@@ -80,7 +80,7 @@ fn several_channels_come_scan_by_scan() {
             scan.channels
                 .is_sorted_by_key(|conversion| conversion.offset_us)
         );
-        // Nothing is connected to channels 1 to 3: no count, and still told.
+        // Nothing is connected to channels 1 to 3: the board reports them without a count.
         assert_eq!(scan.channels[3].word & 0x0FFF_FFFF, 0);
     }
     let steps = scans.windows(2).map(|pair| pair[1].0 - pair[0].0);
@@ -130,7 +130,7 @@ fn a_line_of_the_current_is_straight_as_it_is_measured() {
     board.take_records();
     let begin = board.now();
     board.run_until(begin + Time::from_ms(58)).unwrap();
-    let told: Vec<[f64; 2]> = board
+    let currents: Vec<[f64; 2]> = board
         .take_records()
         .iter()
         .filter_map(|(at, record)| match record {
@@ -142,10 +142,10 @@ fn a_line_of_the_current_is_straight_as_it_is_measured() {
         })
         .filter(|[at_s, _]| *at_s > begin.as_secs_f64() + 1e-3)
         .collect();
-    assert!(told.len() > 50);
-    let ([t0, a0], [t1, a1]) = (told[0], told[told.len() - 1]);
+    assert!(currents.len() > 50);
+    let ([t0, a0], [t1, a1]) = (currents[0], currents[currents.len() - 1]);
     assert!((a0 - a1) > 9.0, "{a0} {a1}");
-    for [at_s, current_a] in told {
+    for [at_s, current_a] in currents {
         let straight_a = a0 + (a1 - a0) * (at_s - t0) / (t1 - t0);
         let off_a = current_a - straight_a;
         assert!(off_a.abs() < 2e-3, "{current_a} A: {off_a}");

@@ -83,9 +83,9 @@ fn the_ripple_is_known_from_coil_and_supply() {
             loop_.run_for(40e-3);
             let from = loop_.periods();
             let (mean_a, ripple_a2) = mean_and_ripple(&mut loop_);
-            let told_a = loop_.told_a(from, loop_.periods()).unwrap() as f32;
+            let reported_a = loop_.reported_a(from, loop_.periods()).unwrap() as f32;
             let ripple = loop_.supervisor().ripple().unwrap();
-            let known_a2 = f64::from(ripple.square_a2(told_a));
+            let known_a2 = f64::from(ripple.square_a2(reported_a));
             let square_a2 = mean_a * mean_a + ripple_a2;
             let missed = (known_a2 - ripple_a2).abs() / square_a2;
             greatest = (
@@ -203,7 +203,7 @@ fn window(loop_: &mut Regulated, periods: u32) -> [f64; 2] {
     loop_.periods_of(periods);
     let after = loop_.circuit.totals();
     let true_a = (after.charge_a_s - before.charge_a_s) / (after.time_s - before.time_s);
-    [loop_.told_a(begin, begin + periods).unwrap(), true_a]
+    [loop_.reported_a(begin, begin + periods).unwrap(), true_a]
 }
 
 /// As `palpate calibrate current` does: slow sweeps over 0.3 A about each of 25 currents, with a
@@ -215,8 +215,8 @@ fn calibrate(loop_: &mut Regulated, most_a: f64, reference_error: f64) {
             loop_.go((to_a - 0.15) as f32, 2e-3).unwrap();
             loop_.run_for(4e-3);
             loop_.go((to_a + 0.15) as f32, 10e-3).unwrap();
-            let [told_a, true_a] = window(loop_, 625);
-            [told_a as f32, (true_a * (1.0 + reference_error)) as f32]
+            let [reported_a, true_a] = window(loop_, 625);
+            [reported_a as f32, (true_a * (1.0 + reference_error)) as f32]
         })
         .collect();
     loop_.order(&Supervisor::stop());
@@ -389,7 +389,7 @@ fn from_a_line(values: &[f64]) -> f64 {
 }
 
 #[test]
-fn what_is_told_is_the_mean_in_spite_of_the_ripple() {
+fn the_measured_current_is_the_mean_in_spite_of_the_ripple() {
     // The largest ripple: least inductance, greatest supply, about half of the period.
     let mut circuit = CircuitParameters::common(0.545, 20e-6, 12.0);
     circuit.dead_s = 0.0;
@@ -399,8 +399,8 @@ fn what_is_told_is_the_mean_in_spite_of_the_ripple() {
     loop_.run_for(5e-3);
     let ripple_a = loop_.ripple_a();
     assert!((1.0..2.5).contains(&ripple_a), "{ripple_a}");
-    let [told_a, true_a] = window(&mut loop_, 625);
-    assert!((told_a - true_a).abs() < 0.01, "{told_a} {true_a}");
+    let [reported_a, true_a] = window(&mut loop_, 625);
+    assert!((reported_a - true_a).abs() < 0.01, "{reported_a} {true_a}");
 }
 
 #[test]

@@ -470,7 +470,7 @@ fn the_supply_ends_the_drive_beyond_its_limits_and_not_within() {
 }
 
 #[test]
-fn nobody_looking_ends_the_drive_in_twenty_milliseconds_and_not_before() {
+fn an_unattended_drive_ends_in_twenty_milliseconds_and_not_before() {
     let mut loop_ = driving(3.0);
     loop_.slow.attended = false;
     let (periods, fault) = trips(&mut loop_, 5_000).unwrap();

@@ -361,7 +361,7 @@ fn a_weak_supply_limits_the_current() {
     world.set_current(12.0);
     world.advance(ms(1));
     close(world.truth().current_a, 6.0 / (0.389 + 0.175), 1e-9);
-    close(world.told_current_a(), 6.0 / (0.389 + 0.175), 1e-9);
+    close(world.measured_current_a(), 6.0 / (0.389 + 0.175), 1e-9);
     let mut strong = alone("lag", |_| {}, None);
     strong.set_current(99.0);
     assert_eq!(strong.truth().current_a, 15.0, "the hardware's limit");
@@ -409,23 +409,23 @@ fn shaking_has_its_amplitude_and_frequency() {
 }
 
 #[test]
-fn what_is_told_of_the_current_is_wrong_by_its_errors() {
-    let told = |name: &str, current: f64| {
+fn the_measured_current_is_wrong_by_its_errors() {
+    let error_a = |name: &str, current: f64| {
         let mut world = alone(name, |p| p.current.gain_error = 0.02, None);
         world.set_current(current);
-        world.told_current_a() - current
+        world.measured_current_a() - current
     };
-    close(told("current_gain", 8.0), 0.16, 1e-9);
+    close(error_a("current_gain", 8.0), 0.16, 1e-9);
     let worst = (-20..=20)
-        .map(|current| told("adc_nonlinearity", f64::from(current) / 2.0).abs())
+        .map(|current| error_a("adc_nonlinearity", f64::from(current) / 2.0).abs())
         .fold(0.0, f64::max);
     assert!(worst > 7.0 * LSB_A && worst <= 8.0 * LSB_A, "{worst}");
     let mut world = alone("adc_noise", |_| {}, None);
-    let squares: f64 = (0..5_000).map(|_| world.told_current_a().powi(2)).sum();
+    let squares: f64 = (0..5_000).map(|_| world.measured_current_a().powi(2)).sum();
     close((squares / 5_000.0).sqrt(), 2.0 * LSB_A, 0.05);
     let (from, to) = (ms(90), ms(91));
     let squares: f64 = (0..5_000)
-        .map(|_| world.told_mean_current_a(from, to, 25).powi(2))
+        .map(|_| world.reported_mean_current_a(from, to, 25).powi(2))
         .sum();
     close((squares / 5_000.0).sqrt(), 0.4 * LSB_A, 0.05);
 }

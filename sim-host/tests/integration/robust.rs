@@ -66,8 +66,11 @@ fn perform(world: &mut World, act: &Act) {
             assert!((2.0e6..4.0e6).contains(&frequency), "{frequency} Hz");
         }
         Act::Tell => {
-            let told = world.told_current_a();
-            assert!((told - world.truth().current_a).abs() < 0.6, "{told} A");
+            let measured_a = world.measured_current_a();
+            assert!(
+                (measured_a - world.truth().current_a).abs() < 0.6,
+                "{measured_a} A"
+            );
         }
     }
 }

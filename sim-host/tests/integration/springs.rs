@@ -189,7 +189,7 @@ fn the_frequency_is_that_of_the_gap() {
 }
 
 #[test]
-fn without_contact_nothing_is_felt() {
+fn without_contact_the_current_changes_nothing() {
     let plant = plant("ultrasoft", 1);
     let mut world = world(&plant, Switches::none(), Setup::default());
     let frequency = |world: &World| world.frequency_hz(world.now().as_secs_f64()).unwrap();

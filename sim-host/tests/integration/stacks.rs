@@ -204,7 +204,7 @@ fn unknown_sections_and_keys_in_sections_are_refused() {
 }
 
 #[test]
-fn what_is_missing_is_told_with_its_range() {
+fn a_missing_key_is_reported_with_its_range() {
     let bad = ULTRASOFT.replace("field_half_T = 0.25\n", "");
     let error = Stack::parse("ultrasoft.toml", &bad).unwrap_err();
     assert_eq!(

@@ -38,7 +38,7 @@ fn describe(summary: &Summary) -> String {
         "## Result\n\n\
          | | |\n|---|---|\n\
          | sequences | {} |\n\
-         | orders obeyed, refused | {}, {} |\n\
+         | orders executed, refused | {}, {} |\n\
          | limits exceeded | {} |\n\
          | greatest current in a sound circuit (limit 12 A) | {:.2} A |\n\
          | greatest current of all, in dead shorts behind a hardware limit of 15 A | {:.1} A |\n\

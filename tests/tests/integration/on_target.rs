@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 
 use crate::support::calibration::settings;
 use crate::support::sensor::Sensor;
-use crate::support::{Heard, OwnEvent, Rig};
+use crate::support::{Observed, OwnEvent, Rig};
 use crate::{arithmetic, tape};
 use ldc161x_sim::Settings;
 use palpate_board::{Board, Image, Options, Still, Time, firmware};
@@ -82,9 +82,9 @@ fn number(number: Option<f32>) -> [u32; 2] {
 }
 
 /// An event in the words that the target reads.
-fn words(heard: &Heard) -> Vec<u32> {
-    let mut words = split(heard.now_us).to_vec();
-    match &heard.event {
+fn words(observed: &Observed) -> Vec<u32> {
+    let mut words = split(observed.now_us).to_vec();
+    match &observed.event {
         OwnEvent::Tick => words.push(tape::TICK),
         OwnEvent::Scan(scan) => {
             let reading = &scan.conversions[0].reading;
@@ -125,7 +125,7 @@ fn words(heard: &Heard) -> Vec<u32> {
 }
 
 /// A press of a disturbed sensor with its measurement, as it was recorded.
-fn recorded(drift: Drift) -> Vec<Heard> {
+fn recorded(drift: Drift) -> Vec<Observed> {
     let sensor = Sensor {
         attraction_n_per_a2: 3e-4,
         crosstalk_m_per_a2: 2e-8,
@@ -168,17 +168,17 @@ fn the_procedure_gives_the_same_bits_through_a_whole_press() {
     let ready = Target::new();
     for drift in [Drift::Logarithmic, Drift::SawTooth] {
         let tape = recorded(drift);
-        assert!(tape.iter().any(|heard| has_estimate(&heard.actions)));
+        assert!(tape.iter().any(|observed| has_estimate(&observed.actions)));
         let mut target = ready.clone();
-        for (place, heard) in tape.iter().enumerate() {
-            let there = target.tell(&words(heard));
-            let here = tape::sum(&heard.actions);
+        for (place, observed) in tape.iter().enumerate() {
+            let there = target.tell(&words(observed));
+            let here = tape::sum(&observed.actions);
             assert_eq!(
                 there,
                 here,
                 "{drift}: step {place} of {}: {:?}",
                 tape.len(),
-                heard.actions
+                observed.actions
             );
         }
         println!("{drift}: {} steps", tape.len());
@@ -192,10 +192,10 @@ fn a_single_bit_is_seen() {
     let mut tape = recorded(Drift::Logarithmic);
     let place = tape
         .iter()
-        .position(|heard| matches!(heard.event, OwnEvent::Scan(_)))
+        .position(|observed| matches!(observed.event, OwnEvent::Scan(_)))
         .unwrap();
-    for heard in &tape[..place] {
-        assert_eq!(target.tell(&words(heard)), tape::sum(&heard.actions));
+    for observed in &tape[..place] {
+        assert_eq!(target.tell(&words(observed)), tape::sum(&observed.actions));
     }
     let OwnEvent::Scan(scan) = &mut tape[place].event else {
         unreachable!();

@@ -81,7 +81,7 @@ pub(super) const RULES: &[Rule] = &[
         name: "float-alone",
         who: "palpate-float",
         may_depend: On::Only(&[]),
-        because: "arithmetic knows nothing of what is reckoned with it",
+        because: "arithmetic knows nothing of what is computed with it",
     },
     Rule {
         name: "firmware-below",

@@ -339,10 +339,10 @@ fn writes_while_converting() {
         let corrupts = active_write == ActiveWrite::CorruptsConversion;
         assert_eq!(during.spoilt, corrupts);
         assert!(!after.spoilt);
-        let told_hz = f64::from(during.word) / 268_435_456.0 * 40e6;
-        assert_eq!((told_hz - 3e6).abs() > 1e3, corrupts, "{told_hz}");
+        let reported_hz = f64::from(during.word) / 268_435_456.0 * 40e6;
+        assert_eq!((reported_hz - 3e6).abs() > 1e3, corrupts, "{reported_hz}");
         assert!(
-            (1.5e6..3.001e6).contains(&told_hz),
+            (1.5e6..3.001e6).contains(&reported_hz),
             "half of the edges at worst"
         );
     }

@@ -28,8 +28,8 @@ fn rms_error(settings: Settings, rcount: u16, start_hz: f64) -> f64 {
     let squares: f64 = (0..count)
         .map(|_| {
             let conversion = convert(&rig);
-            let told_hz = f64::from(conversion.word) / FULL_SCALE * conversion.reference_hz;
-            (told_hz / conversion.oscillation_hz - 1.0).powi(2)
+            let reported_hz = f64::from(conversion.word) / FULL_SCALE * conversion.reference_hz;
+            (reported_hz / conversion.oscillation_hz - 1.0).powi(2)
         })
         .sum();
     (squares / f64::from(count)).sqrt()
@@ -240,10 +240,10 @@ fn dividers_and_offset_follow_equation_6() {
         let conversion = convert(&rig);
         let reference_hz = 40e6 / f64::from(fref);
         let ratio = f64::from(conversion.word) / FULL_SCALE + f64::from(offset) / 65_536.0;
-        let told_hz = f64::from(fin) * reference_hz * ratio;
+        let reported_hz = f64::from(fin) * reference_hz * ratio;
         assert!(
-            (told_hz - 2.5e6).abs() < 0.5 * f64::from(fin),
-            "{fin} {fref} {offset}: {told_hz}"
+            (reported_hz - 2.5e6).abs() < 0.5 * f64::from(fin),
+            "{fin} {fref} {offset}: {reported_hz}"
         );
         assert_eq!(conversion.errors, Errors::AMPLITUDE_LOW, "1.13 V");
     }
@@ -261,8 +261,8 @@ fn a_divided_sensor_is_quantised_alike() {
     let squares: f64 = (0..count)
         .map(|_| {
             let conversion = convert(&rig);
-            let told_hz = 2.0 * f64::from(conversion.word) / FULL_SCALE * 40e6;
-            (told_hz / conversion.oscillation_hz - 1.0).powi(2)
+            let reported_hz = 2.0 * f64::from(conversion.word) / FULL_SCALE * 40e6;
+            (reported_hz / conversion.oscillation_hz - 1.0).powi(2)
         })
         .sum();
     let k = (squares / f64::from(count)).sqrt() * 2500.0;
@@ -350,16 +350,16 @@ fn a_slow_deglitch_filter_spoils_the_count_silently() {
             rig.write(0x1B, 0x0208 | code);
             rig.write(0x1A, 0x1601);
             let conversion = convert(&rig);
-            let told_hz = f64::from(conversion.word) / FULL_SCALE * 40e6;
+            let reported_hz = f64::from(conversion.word) / FULL_SCALE * 40e6;
             let spoilt = bandwidth_hz < 3.2e6;
             assert_eq!(conversion.spoilt, spoilt, "{widest:?}, code {code:#05b}");
             let least_hz = 0.8 * bandwidth_hz;
-            let told = if spoilt {
+            let expected = if spoilt {
                 least_hz..bandwidth_hz
             } else {
                 3.19e6..3.21e6
             };
-            assert!(told.contains(&told_hz), "told {told_hz}");
+            assert!(expected.contains(&reported_hz), "{reported_hz}");
             assert!(conversion.errors.is_empty(), "the chip says nothing");
         }
     }
@@ -378,8 +378,11 @@ fn a_moving_frequency_is_averaged_over_the_window() {
         let integral = -5e3 / omega * ((omega * end).cos() - (omega * start).cos());
         let mean_hz = 3e6 + integral / (end - start);
         assert!((conversion.sensor_hz - mean_hz).abs() < 1e-3);
-        let told_hz = f64::from(conversion.word) / FULL_SCALE * 40e6;
-        assert!((told_hz - mean_hz).abs() < 0.1, "half a bit is 0.075 Hz");
+        let reported_hz = f64::from(conversion.word) / FULL_SCALE * 40e6;
+        assert!(
+            (reported_hz - mean_hz).abs() < 0.1,
+            "half a bit is 0.075 Hz"
+        );
     }
 }
 
@@ -494,8 +497,8 @@ fn what_pulls_the_oscillation_reaches_the_word() {
     // 16 * 2500 periods of 40 MHz are 1 ms: an eighth of a cycle less is 125 Hz.
     assert!((conversion.oscillation_hz - (3e6 - 125.0)).abs() < 1e-6);
     assert_eq!(conversion.sensor_hz, 3e6);
-    let told_hz = f64::from(conversion.word) / FULL_SCALE * 40e6;
-    assert!((told_hz - (3e6 - 125.0)).abs() < 0.1, "{told_hz}");
+    let reported_hz = f64::from(conversion.word) / FULL_SCALE * 40e6;
+    assert!((reported_hz - (3e6 - 125.0)).abs() < 0.1, "{reported_hz}");
     convert(&rig);
     let chip = rig.chip.borrow();
     let windows = chip.sensors().0.borrow();

@@ -137,9 +137,9 @@ impl<I2C: I2c> Ldc161x<I2C> {
     }
 
     /// Reads the latest result of every active channel. Call it when INTB has fallen: without
-    /// that, and without STATUS, a result that was read before cannot be told from a new one,
-    /// and its flags are gone; [`read_frame_if_ready`](Self::read_frame_if_ready) is for boards
-    /// without INTB.
+    /// that, and without STATUS, the driver cannot distinguish a result that was read before
+    /// from a new one, and its flags are gone; [`read_frame_if_ready`](Self::read_frame_if_ready) is
+    /// for boards without INTB.
     ///
     /// STATUS is read in the same transaction unless the chip is known to release INTB by
     /// itself. After a failed transfer the identity and CONFIG are read before the next frame,

@@ -9,7 +9,7 @@ use palpate_model::uncertainty::{Calibration, OperatingPoint};
 use palpate_model::units::{Ampere, Celsius, Metre, Newton, NewtonPerMetre};
 use palpate_wire::code::RefusalReason;
 use palpate_wire::command::Settings;
-use palpate_wire::record::{Estimate, LoadPoint as Told, Refusal};
+use palpate_wire::record::{Estimate, LoadPoint as Reported, Refusal};
 
 use super::{Measurement, Reason};
 use crate::configuration::Calibrated;
@@ -27,7 +27,7 @@ pub(crate) enum Outcome {
     Refusal(Refusal),
 }
 
-/// An estimate, and the load's curve, whose points are reckoned one by one.
+/// An estimate, and the load's curve, whose points are computed one by one.
 #[derive(Clone, Debug)]
 pub(crate) struct Report {
     pub(crate) estimate: Estimate,
@@ -98,7 +98,7 @@ impl Measurement {
             points: settings.load_points,
         });
         // A press that changes during the ramps may leave a stiffness and no curve.
-        let curve = curve.filter(|curve| curve.can_be_told(self.number));
+        let curve = curve.filter(|curve| curve.can_be_reported(self.number));
         let tangent = curve.as_ref().and_then(|curve| curve.tangent(sensing));
         let estimate = Estimate {
             measurement: self.number,
@@ -133,7 +133,7 @@ impl Measurement {
 
 impl Report {
     /// A point of the load's curve, evenly spaced along the regressor.
-    pub(crate) fn load_point(&self, index: u8) -> Option<Told> {
+    pub(crate) fn load_point(&self, index: u8) -> Option<Reported> {
         let curve = self.curve.as_ref()?;
         let last = curve.points.checked_sub(1).filter(|last| index <= *last)?;
         let part = if last > 0 {
@@ -147,17 +147,17 @@ impl Report {
 
 impl LoadCurve {
     /// Whether its ends and its middle lie within what the protocol holds. The others, up to 64, are
-    /// reckoned one by one as they are told, so that no step is long.
-    fn can_be_told(&self, measurement: u32) -> bool {
-        let told = |part| self.point(measurement, 0, part);
-        self.points == 0 || [0.0, 0.5, 1.0].map(told).iter().all(Option::is_some)
+    /// computed one by one as they are sent, so that no step is long.
+    fn can_be_reported(&self, measurement: u32) -> bool {
+        let point = |part| self.point(measurement, 0, part);
+        self.points == 0 || [0.0, 0.5, 1.0].map(point).iter().all(Option::is_some)
     }
 
     /// A point at a part of the way along the regressor, if the protocol holds it.
-    fn point(&self, measurement: u32, index: u8, part: f32) -> Option<Told> {
+    fn point(&self, measurement: u32, index: u8, part: f32) -> Option<Reported> {
         let (low, high) = self.regressors;
         let point = self.at(low + (high - low) * part);
-        let told = Told {
+        let reported = Reported {
             measurement,
             index,
             points: self.points,
@@ -166,7 +166,7 @@ impl LoadCurve {
             force_n: point.force.0,
             force_sigma_n: point.force_sigma.0,
         };
-        told.validate().is_ok().then_some(told)
+        reported.validate().is_ok().then_some(reported)
     }
 
     /// The point at a regressor, with the uncertainty of its way from the middle of the ramps.
@@ -407,17 +407,17 @@ mod tests {
     /// A press that changes within the ramps leaves a stiffness, if only a lower bound, and points
     /// that are uncertain by metres. Such were found by random sequences.
     #[test]
-    fn a_curve_beyond_what_the_protocol_holds_is_not_told() {
-        assert!(curve(1.0).can_be_told(1));
-        assert!(curve(1e3).can_be_told(1));
-        assert!(!curve(1e9).can_be_told(1));
+    fn a_curve_beyond_what_the_protocol_holds_is_not_reported() {
+        assert!(curve(1.0).can_be_reported(1));
+        assert!(curve(1e3).can_be_reported(1));
+        assert!(!curve(1e9).can_be_reported(1));
         let points = 0;
         assert!(
             LoadCurve {
                 points,
                 ..curve(1e9)
             }
-            .can_be_told(1)
+            .can_be_reported(1)
         );
     }
 }

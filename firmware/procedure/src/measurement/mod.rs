@@ -12,7 +12,7 @@ use palpate_wire::record::Refusal;
 
 use crate::board::Limits;
 use crate::configuration::Calibrated;
-use crate::deformation::Felt;
+use crate::deformation::Deformation;
 use crate::event::{Failure, Scan};
 use crate::heat::Heat;
 use crate::time::{Duration, Instant, after, in_seconds, seconds, span};
@@ -206,11 +206,11 @@ impl Measurement {
         self.touched
     }
 
-    /// A scan, and what the principal channel felt; `None` if it was flagged.
+    /// A scan, and the deformation at the principal channel; `None` if it was flagged.
     pub(crate) fn push(
         &mut self,
         scan: &Scan,
-        felt: Option<Felt>,
+        deformation: Option<Deformation>,
         settings: &Settings,
         heat: &Heat,
     ) -> Progress {
@@ -218,7 +218,7 @@ impl Measurement {
         let verdict = self
             .drive
             .check(scan, settings, heat)
-            .and_then(|()| self.evaluate(scan, felt, settings));
+            .and_then(|()| self.evaluate(scan, deformation, settings));
         match verdict {
             Ok(()) => Progress::On(None),
             Err(progress) => progress,
@@ -228,7 +228,7 @@ impl Measurement {
     fn evaluate(
         &mut self,
         scan: &Scan,
-        felt: Option<Felt>,
+        deformation: Option<Deformation>,
         settings: &Settings,
     ) -> Result<(), Progress> {
         let refuse = |(reason, value, limit)| Err(Progress::Refused((reason, value, limit)));
@@ -237,7 +237,7 @@ impl Measurement {
             let reason = RefusalReason::ConversionsLost;
             return refuse((reason, Some(self.lost as f32), Some(allowed as f32)));
         }
-        let Some(felt) = felt else {
+        let Some(deformation) = deformation else {
             self.flagged = self.flagged.saturating_add(1);
             if self.flagged > allowed {
                 let reason = RefusalReason::Flagged;
@@ -245,19 +245,19 @@ impl Measurement {
             }
             return Ok(());
         };
-        if felt.is_untouched() {
+        if deformation.is_untouched() {
             let after = seconds(self.drive.began, scan.middle).0;
             return refuse((RefusalReason::ContactLost, Some(after), None));
         }
-        if felt.extrapolated {
-            let deformation = felt.deformation.0;
+        if deformation.extrapolated {
+            let pressed_m = deformation.deformation.0;
             let deepest = metres(self.calibrated.deepest);
-            return refuse((RefusalReason::PressedTooFar, Some(deformation), deepest));
+            return refuse((RefusalReason::PressedTooFar, Some(pressed_m), deepest));
         }
         if let Some(ramp) = self.drive.train.ramp_of(scan.middle, scan.window)
             && let Some(current) = scan.acting_current()
         {
-            self.take(scan, &felt, (ramp, current), settings);
+            self.take(scan, &deformation, (ramp, current), settings);
         }
         Ok(())
     }
@@ -266,7 +266,7 @@ impl Measurement {
     fn take(
         &mut self,
         scan: &Scan,
-        felt: &Felt,
+        deformation: &Deformation,
         (ramp, current): (u8, Ampere),
         settings: &Settings,
     ) {
@@ -277,7 +277,7 @@ impl Measurement {
             let actuated_ratio = law.reference_ratio(sensing);
             let since_touch = seconds(self.touched, origin);
             let drift = ramps::drift(settings, since_touch, self.drive.train.course());
-            self.ramps = Ramps::new(felt.deformation, actuated_ratio, drift);
+            self.ramps = Ramps::new(deformation.deformation, actuated_ratio, drift);
         }
         let Some(ramps) = &mut self.ramps else {
             return;
@@ -288,14 +288,14 @@ impl Measurement {
         let pull = self.calibrated.pull(current);
         let sample = Sample {
             time: seconds(origin, scan.middle),
-            deformation: felt.deformation - reference.deformation(),
+            deformation: deformation.deformation - reference.deformation(),
             regressor: deviation(reference.regressor(), rise)
-                + attraction(pull, actuated, felt.deformation),
-            sigma: felt.sigma,
+                + attraction(pull, actuated, deformation.deformation),
+            sigma: deformation.sigma,
         };
         ramps.push(&sample, ramp);
         if ramp == 0 {
-            self.two_states.push(felt.deformation, actuated);
+            self.two_states.push(deformation.deformation, actuated);
         }
     }
 
@@ -324,12 +324,12 @@ impl Calibrated {
 /// The record of a refusal. Numbers that the protocol has no room for are left out.
 pub(crate) fn refusal(measurement: u32, (reason, value, limit): Reason) -> Refusal {
     const GREATEST: f32 = 1e30;
-    let told = |number: Option<f32>| number.filter(|number| number.abs() <= GREATEST);
+    let in_range = |number: Option<f32>| number.filter(|number| number.abs() <= GREATEST);
     Refusal {
         measurement,
         reason,
-        value: told(value),
-        limit: told(limit),
+        value: in_range(value),
+        limit: in_range(limit),
         wait_s: None,
     }
 }

@@ -30,7 +30,7 @@ pub(super) struct Ramps {
 
 /// A drift's time over the train's above which the drift is a straight line. Creep of one per cent
 /// of the deformation departs from one by 1/8 of 1 % over this number's square then, 1.4e-6 of the
-/// deformation, less than the noise of a train; at a hundred the two can no longer be told apart,
+/// deformation, less than the noise of a train; at a hundred the two can no longer be distinguished,
 /// and every measurement would be refused as ill-conditioned.
 const STRAIGHT: f32 = 30.0;
 
@@ -95,7 +95,7 @@ impl Ramps {
         self.sums.reference()
     }
 
-    /// Solves without the last term, which bends the line, and with it if that can be told.
+    /// Solves without the last term, which bends the line, and with it if the samples determine it.
     pub(super) fn solve(&self) -> Result<(Fit, Option<Fit>), Refusal> {
         let straight = self.sums.basis().terms().len().saturating_sub(1);
         let fit = self.sums.fit_first(straight, Noise::Larger);

@@ -23,7 +23,7 @@ impl Procedure {
             self.word(out.now);
             let outcome = match CoilCommand::of(message) {
                 Some(command) => self.with_coil(header, message.kind(), command, out),
-                None => Some(self.obey(message, out)),
+                None => Some(self.execute(message, out)),
             };
             let Some(outcome) = outcome else {
                 return;
@@ -56,8 +56,8 @@ impl Procedure {
         out.record(Record::Acknowledgement(answer));
     }
 
-    /// Carries out a command that does not need the coil.
-    fn obey(&mut self, command: &Command, out: &mut Out<'_>) -> Outcome {
+    /// Executes a command that does not need the coil.
+    fn execute(&mut self, command: &Command, out: &mut Out<'_>) -> Outcome {
         match command {
             Command::Identify => {
                 out.record(Record::Hello(self.hello()));
@@ -72,8 +72,8 @@ impl Procedure {
                 Outcome::Accepted
             }
             Command::ClearFault(of) => match &self.phase {
-                // Whoever crashes again and again is not to be trusted with a coil; a start
-                // without a crash ends it.
+                // A device that crashes again and again must not drive a coil; a start
+                // without a crash ends this.
                 Phase::Fault(standing)
                     if standing.code == of.code
                         && standing.code == FaultCode::CrashStreak

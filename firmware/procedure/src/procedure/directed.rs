@@ -19,8 +19,8 @@ const SILENCE: Duration = Duration::from_ticks(100_000);
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Directed {
     began: Instant,
-    /// When the PC last said anything.
-    heard: Instant,
+    /// When the last message of the PC was received.
+    last_received: Instant,
     /// The time of touch, if something touches.
     touched: Option<Instant>,
 }
@@ -59,7 +59,7 @@ impl Procedure {
             }
             let directed = Directed {
                 began: out.now,
-                heard: out.now,
+                last_received: out.now,
                 touched: self.touched_since(),
             };
             self.go(Phase::Directed(directed), out);
@@ -75,16 +75,16 @@ impl Procedure {
     /// The PC has said something.
     pub(super) const fn word(&mut self, now: Instant) {
         if let Phase::Directed(directed) = &mut self.phase {
-            directed.heard = now;
+            directed.last_received = now;
         }
     }
 
-    /// Time alone: nobody is there any more, it lasts too long, or the coil is too hot.
+    /// Time alone: the PC is silent, the current lasts too long, or the coil is too hot.
     pub(super) fn watch_directed(&mut self, out: &mut Out<'_>) {
         let Phase::Directed(directed) = &self.phase else {
             return;
         };
-        let silent = between(directed.heard, out.now);
+        let silent = between(directed.last_received, out.now);
         let on_s = seconds(directed.began, out.now).0;
         let settings = &self.configuration.settings;
         let (code, place, value, limit) = if silent > SILENCE {

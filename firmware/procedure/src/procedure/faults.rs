@@ -14,7 +14,7 @@ use crate::time::after;
 impl Procedure {
     /// Something has failed: bridge off, disarmed, and said so.
     ///
-    /// The first fault stands until it is cleared; one that comes while it stands is told, and
+    /// The first fault stands until it is cleared; one that comes while it stands is reported, and
     /// takes its place only if it waits for its user and the first does not.
     pub(super) fn fail(&mut self, failure: Failure, out: &mut Out<'_>) {
         self.safe(Outcome::Faulted, out);
@@ -42,7 +42,7 @@ impl Procedure {
 
     /// The clock was set back: nothing that was to end by it would.
     pub(super) fn clock_set_back(&mut self, out: &mut Out<'_>) {
-        self.heard = Some(out.now);
+        self.last_seen = Some(out.now);
         self.next_check.1 = out.now;
         self.next_status = self.status_after(out.now);
         self.fail(Failure::new(FaultCode::Clock, Place::Clock), out);
@@ -168,7 +168,7 @@ mod tests {
         fn fault(&mut self, within_ms: u32) -> Option<(u32, f32)> {
             (1..=within_ms).find_map(|ms| {
                 // Silence is another matter.
-                self.procedure.heard = Some(Instant::from_ticks(self.now_us));
+                self.procedure.last_seen = Some(Instant::from_ticks(self.now_us));
                 let actions = self.step(&Event::Tick);
                 let fault = actions.iter().find_map(|action| match action {
                     Action::Record {

@@ -21,7 +21,7 @@ use crate::deformation::Follower;
 use crate::event::{Conditions, Event, Failure, Scan};
 use crate::heat::Heat;
 use crate::list::gathered;
-use crate::stream::{FeltScan, Streamer};
+use crate::stream::{DeformationScan, Streamer};
 use crate::time::{Duration, Instant, after, between, seconds, span};
 use crate::train::Line;
 use budget::Budget;
@@ -60,11 +60,11 @@ pub struct Procedure {
     /// Time of the last step.
     now: Instant,
     next_status: Instant,
-    /// A calibration that is being told, chunk by chunk.
+    /// A calibration that is being sent, chunk by chunk.
     telling: Option<Telling>,
     greeted: bool,
-    /// When the first converter was last heard of, or when waiting for it began.
-    heard: Option<Instant>,
+    /// When the first converter was last seen, or when waiting for it began.
+    last_seen: Option<Instant>,
     /// Until when the converters may be busy with being configured.
     configured: Instant,
     flagged_since: FlaggedSince,
@@ -114,7 +114,7 @@ impl Procedure {
             next_status: Instant::from_ticks(0),
             telling: None,
             greeted: false,
-            heard: None,
+            last_seen: None,
             configured: Instant::from_ticks(0),
             flagged_since: FlaggedSince::default(),
             next_check: (0, Instant::from_ticks(0)),
@@ -226,7 +226,7 @@ impl Procedure {
 
     /// Lets the converters be configured as the settings say, which takes its time.
     fn configure_sensors(&mut self, out: &mut Out<'_>) {
-        self.heard = Some(out.now);
+        self.last_seen = Some(out.now);
         self.flagged_since = FlaggedSince::default();
         self.configured = after(out.now, BRING_UP);
         out.push(Action::ConfigureSensors {
@@ -259,26 +259,31 @@ impl Procedure {
         if let (0, Some(heat), Some(square_a2)) = (sensor, &mut self.heat, square_a2) {
             heat.push(square_a2, interval);
         }
-        let felt = self.feel(scan, interval, square_a2);
+        let deformations = self.deformations(scan, interval, square_a2);
         self.count(scan, sensor);
         self.watch_readings(scan, out);
         let springs = self.configuration.springs();
         let settings = &self.configuration.settings;
         if let Some(streamer) = self.streamers.get_mut(sensor)
-            && let Some((at, record)) = streamer.push(scan, &felt, settings, springs)
+            && let Some((at, record)) = streamer.push(scan, &deformations, settings, springs)
         {
             out.push(Action::Record { at, record });
         }
         self.take_account(scan, out.now);
         if sensor == 0 {
-            self.heard = Some(out.now);
-            let principal = felt.first().copied().flatten();
+            self.last_seen = Some(out.now);
+            let principal = deformations.first().copied().flatten();
             self.principal(scan, principal, interval, out);
         }
     }
 
-    /// What every channel of a scan felt.
-    fn feel(&mut self, scan: &Scan, interval: Second, square_a2: Option<f32>) -> FeltScan {
+    /// The deformation at every channel of a scan; `None` where its conversion gives none.
+    fn deformations(
+        &mut self,
+        scan: &Scan,
+        interval: Second,
+        square_a2: Option<f32>,
+    ) -> DeformationScan {
         let (configuration, followers) = (&self.configuration, &mut self.followers);
         let of = followers.get_mut(usize::from(scan.sensor & 1));
         let mut of: Option<&mut [Option<Follower>; 4]> = of;

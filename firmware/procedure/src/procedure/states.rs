@@ -9,7 +9,7 @@ use super::budget::Hindrance;
 use super::coil::Knowledge;
 use super::directed::Directed;
 use super::{Out, Procedure};
-use crate::deformation::Felt;
+use crate::deformation::Deformation;
 use crate::event::{Failure, Scan};
 use crate::measurement::{Drive, Measurement, Outcome, Progress, Reason, Report, metres, refusal};
 use crate::steadiness::Steadiness;
@@ -54,7 +54,7 @@ pub(super) enum Phase {
         drive: Drive,
         touched: Option<Instant>,
     },
-    /// The estimate has been told; the points of the load's curve follow, one a step.
+    /// The estimate has been sent; the points of the load's curve follow, one a step.
     Telling {
         report: Report,
         next: u8,
@@ -106,16 +106,16 @@ impl Phase {
 }
 
 impl Procedure {
-    /// A scan of the first converter, and what its principal channel felt.
+    /// A scan of the first converter, and the deformation at its principal channel.
     pub(super) fn principal(
         &mut self,
         scan: &Scan,
-        felt: Option<Felt>,
+        deformation: Option<Deformation>,
         interval: Second,
         out: &mut Out<'_>,
     ) {
         let settings = &self.configuration.settings;
-        let touch = felt.map(|felt| felt.touch);
+        let touch = deformation.map(|of| of.touch);
         let all_good = scan.conversions.iter().all(|of| of.reading.is_good());
         match &mut self.phase {
             Phase::SelfTest { good } => {
@@ -132,23 +132,23 @@ impl Procedure {
                     self.touched(Instant::from_ticks(since), out);
                 }
             }
-            // It may have let go while the coil was driven, where nobody asked.
+            // The object may have left while the coil was driven, when the contact was not checked.
             Phase::Contact { .. } | Phase::Release { .. } | Phase::Telling { .. }
-                if felt.is_some_and(|felt| felt.is_untouched()) =>
+                if deformation.is_some_and(|of| of.is_untouched()) =>
             {
                 self.go(Phase::Baseline, out);
             }
             Phase::Settling(settling) => {
-                let Some(felt) = felt else {
+                let Some(deformation) = deformation else {
                     settling.flagged = settling.flagged.saturating_add(1);
                     return;
                 };
-                let rate = settling.steadiness.push(interval, felt.deformation);
-                self.settle(felt, rate, out);
+                let rate = settling.steadiness.push(interval, deformation.deformation);
+                self.settle(deformation, rate, out);
             }
             Phase::Driving(measurement) => {
                 if let Some(heat) = &self.heat {
-                    let progress = measurement.push(scan, felt, settings, heat);
+                    let progress = measurement.push(scan, deformation, settings, heat);
                     self.progress(progress, out);
                 }
             }
@@ -210,14 +210,14 @@ impl Procedure {
     }
 
     /// A conversion while the press settles; `rate` in m/s at the end of a block.
-    fn settle(&mut self, felt: Felt, rate: Option<f32>, out: &mut Out<'_>) {
+    fn settle(&mut self, deformation: Deformation, rate: Option<f32>, out: &mut Out<'_>) {
         let settings = &self.configuration.settings;
         let Phase::Settling(settling) = &mut self.phase else {
             return;
         };
         let touched = settling.touched;
-        let pressed_m = felt.deformation.0;
-        if felt.is_untouched() {
+        let pressed_m = deformation.deformation.0;
+        if deformation.is_untouched() {
             let after = seconds(settling.began, out.now).0;
             return self.refuse((RefusalReason::ContactLost, Some(after), None), out);
         }
@@ -228,10 +228,10 @@ impl Procedure {
         if rate.is_nan() || rate.abs() > settings.steady_m_per_s {
             return;
         }
-        if felt.extrapolated {
+        if deformation.extrapolated {
             let reason = RefusalReason::PressedTooFar;
             let deepest = self.configuration.deepest().and_then(metres);
-            return self.refuse((reason, metres(felt.deformation), deepest), out);
+            return self.refuse((reason, metres(deformation.deformation), deepest), out);
         }
         let least_m = settings.least_press_m;
         if pressed_m < least_m {
@@ -363,9 +363,9 @@ impl Procedure {
         };
         self.safe(Answer::Aborted, out);
         self.counters.refusals = self.counters.refusals.wrapping_add(1);
-        let mut told = refusal(number, reason);
-        told.wait_s = wait_s;
-        out.record(Record::Refusal(told));
+        let mut record = refusal(number, reason);
+        record.wait_s = wait_s;
+        out.record(Record::Refusal(record));
         match since {
             Some(since) if reason.0 != RefusalReason::ContactLost => {
                 self.go(Phase::Release { since }, out);
@@ -448,9 +448,9 @@ impl Procedure {
         if matches!(self.phase, Phase::Fault(_)) {
             return;
         }
-        let heard = self.heard.get_or_insert(out.now);
-        let silent = between(*heard, out.now);
-        let busy = between(*heard, self.configured);
+        let last_seen = self.last_seen.get_or_insert(out.now);
+        let silent = between(*last_seen, out.now);
+        let busy = between(*last_seen, self.configured);
         if silent <= busy + LEAST_SILENCE {
             return;
         }

@@ -38,7 +38,7 @@ fn faulted(before: &RecordWords) -> RecordWords {
 }
 
 #[test]
-fn what_was_kept_is_told() {
+fn what_was_kept_is_reported() {
     let (boot, _) = Boot::judge(FORCED, &panicked(&NO_RECORD));
     assert_eq!((boot.cause, boot.streak), (ResetCause::Panic, 1));
     let crash = boot.crash.expect("a record");
@@ -158,7 +158,7 @@ proptest! {
     }
 
     #[test]
-    fn a_damaged_record_is_never_told(damage in damage(), hard in any::<bool>()) {
+    fn a_damaged_record_is_never_reported(damage in damage(), hard in any::<bool>()) {
         let whole = if hard { faulted(&NO_RECORD) } else { panicked(&NO_RECORD) };
         let mut words = whole;
         for (place, bits) in damage {

@@ -44,11 +44,15 @@ fn arm_measure_and_sweep_are_answered_as_the_state_demands() {
         // Disarmed, nothing of it begins.
         let mut rig = rig.clone();
         rig.accepted(Command::Disarm);
-        let told = state == State::Estimating;
+        let estimates = state == State::Estimating;
         let busy = |is| if is { Outcome::Busy } else { Outcome::NotArmed };
-        assert_eq!(rig.outcome(Command::Measure), busy(told), "{state}");
+        assert_eq!(rig.outcome(Command::Measure), busy(estimates), "{state}");
         let tested = state == State::SelfTest;
-        assert_eq!(rig.outcome(Command::Sweep), busy(told || tested), "{state}");
+        assert_eq!(
+            rig.outcome(Command::Sweep),
+            busy(estimates || tested),
+            "{state}"
+        );
         assert!(rig.line.is_off());
     }
 }
@@ -81,7 +85,7 @@ fn abort_disarm_and_sensing_only_end_a_measurement_in_any_state() {
             assert_eq!(rig.refusals().len(), usize::from(measures), "{state}");
             let drives = measures || state == State::Directed;
             let after = if drives { State::Release } else { state };
-            // The points of an estimate go on being told meanwhile.
+            // Meanwhile the procedure goes on sending the points of an estimate.
             assert_eq!(rig.state(), after);
             assert_eq!(rig.procedure.is_armed(), !disarms && state != State::Fault);
             if disarms {

@@ -1,4 +1,4 @@
-//! Settings and calibration: taken whole or not at all, in force at once, told back as they were set,
+//! Settings and calibration: taken whole or not at all, in force at once, sent back as they were set,
 //! and gone after a start.
 
 use crate::support::Rig;
@@ -31,8 +31,8 @@ fn a_shorter_status_period_counts_at_once() {
         of.status_period_s = 0.1
     })));
     rig.run(1_000);
-    let told = rig.told(|record| matches!(record, Record::Status(_)).then_some(()));
-    assert!((9..=10).contains(&told.len()), "{}", told.len());
+    let reports = rig.reported(|record| matches!(record, Record::Status(_)).then_some(()));
+    assert!((9..=10).contains(&reports.len()), "{}", reports.len());
 }
 
 #[test]
@@ -139,7 +139,7 @@ fn what_was_set_is_read_back_and_numbered() {
         Record::CurrentCorrection(of) => Some(Command::SetCurrentCorrection(of)),
         _ => None,
     };
-    assert_eq!(rig.told(as_command), sent);
+    assert_eq!(rig.reported(as_command), sent);
 }
 
 fn correction<const N: usize>(changes_a: [f32; N]) -> CurrentCorrection {
@@ -211,14 +211,14 @@ fn a_curve_comes_in_order_and_counts_with_its_last_knot() {
     rig.accepted(chunk(16, 19));
     assert_ne!(rig.procedure.configuration().crc(), crc);
 
-    // Told back in the same chunks, one a step.
+    // Sent back in the same chunks, one a step.
     rig.accepted(get(Part::StiffeningCurve));
     rig.run(5);
-    let told = rig.told(|record| match record {
+    let chunks = rig.reported(|record| match record {
         Record::StiffeningCurve(of) => Some(Command::SetStiffeningCurve(of.clone())),
         _ => None,
     });
-    assert_eq!(told, [chunk(0, 7), chunk(8, 15), chunk(16, 19)]);
+    assert_eq!(chunks, [chunk(0, 7), chunk(8, 15), chunk(16, 19)]);
 }
 
 #[test]

@@ -31,14 +31,14 @@ fn without_conversions_every_state_ends_in_a_fault() {
     for state in STATES {
         for event in [Event::Tick, Event::Conditions(conditions)] {
             let mut rig = Rig::standing_in(state, |_| {});
-            let heard_us = rig.now_us;
+            let received_us = rig.now_us;
             while rig.state() != State::Fault {
                 rig.now_us += 10_000;
                 rig.step(&event);
-                assert!(rig.now_us - heard_us <= 60_000 + BRING_UP_US, "{state}");
+                assert!(rig.now_us - received_us <= 60_000 + BRING_UP_US, "{state}");
             }
             // The first event after 50 ms, or later while the converter is being configured.
-            let took_us = rig.now_us - heard_us;
+            let took_us = rig.now_us - received_us;
             let is_early = matches!(state, State::SelfTest | State::Baseline);
             assert_eq!(took_us == 60_000, !is_early, "{state}: {took_us}");
         }

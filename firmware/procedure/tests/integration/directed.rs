@@ -113,7 +113,7 @@ fn a_train_that_would_be_too_hot_is_refused_with_a_waiting_time() {
 }
 
 #[test]
-fn the_coils_test_is_asked_for_and_told() {
+fn the_coils_test_is_asked_for_and_reported() {
     let mut rig = Rig::standing_in(State::Contact, |_| {});
     rig.test_us = 60_000;
     let frame = crate::support::frame(Command::TestCoil, crate::support::BOOT, 77);
@@ -132,7 +132,7 @@ fn the_coils_test_is_asked_for_and_told() {
 }
 
 #[test]
-fn a_current_is_recorded_before_it_is_driven_and_told() {
+fn a_current_is_recorded_before_it_is_driven_and_reported() {
     let mut rig = Rig::standing_in(State::Contact, |_| {});
     let mut line = DriveCoil {
         to_a: 2.0,

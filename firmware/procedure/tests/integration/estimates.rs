@@ -1,4 +1,4 @@
-//! The stiffness of ideal presses, reckoned in `f64` by the test's own sensor.
+//! The stiffness of ideal presses, computed in `f64` by the test's own sensor.
 
 use crate::support::Rig;
 use crate::support::calibration::{settings, springs, stiffening};
@@ -61,7 +61,7 @@ fn a_drift_of_the_kind_that_is_set_does_not_count() {
         (Drift::Exponential, |time_s| {
             1.0 - (-time_s / 0.5).exp() + 0.5 * time_s
         }),
-        // From ramp to ramp, the first of which rises 5 ms after it has been told.
+        // From ramp to ramp, the first of which rises 5 ms after it has been sent.
         (Drift::SawTooth, |time_s| {
             (time_s - 0.005) / 0.1 % 1.0 + 0.5 * time_s
         }),
@@ -113,7 +113,7 @@ fn ripple_a(mean_a: f64) -> f64 {
 
 #[test]
 fn the_ripple_counts_and_is_counted() {
-    let (mut told, mut untold) = (0.0_f64, 0.0_f64);
+    let (mut reported, mut unreported) = (0.0_f64, 0.0_f64);
     for ratio in RATIOS {
         for tells_ripple in [true, false] {
             let sensor = Sensor {
@@ -125,13 +125,20 @@ fn the_ripple_counts_and_is_counted() {
             let mut rig = pressed(ratio, sensor, |_| {});
             (rig.ripple_a, rig.tells_ripple) = (ripple_a, tells_ripple);
             let error = error(&rig.measure(), &rig).abs();
-            let worst = if tells_ripple { &mut told } else { &mut untold };
+            let worst = if tells_ripple {
+                &mut reported
+            } else {
+                &mut unreported
+            };
             *worst = worst.max(error);
         }
     }
-    println!("told {told:.1e}, not told {untold:.1e}");
-    assert!(told < 5e-3, "{told:e}");
-    assert!(untold > 2.0 * told, "it does not count: {untold:e}");
+    println!("reported {reported:.1e}, not reported {unreported:.1e}");
+    assert!(reported < 5e-3, "{reported:e}");
+    assert!(
+        unreported > 2.0 * reported,
+        "it does not count: {unreported:e}"
+    );
 }
 
 /// What `Scan::acting_current` says of the law's mean over a triangle of ripple.
@@ -237,7 +244,7 @@ fn the_loads_curve_is_that_of_the_spring() {
         let mut rig = pressed(ratio, Sensor::default(), |of| of.load_points = 5);
         rig.measure();
         rig.until(State::Release, 100);
-        let points: Vec<LoadPoint> = rig.told(|record| match record {
+        let points: Vec<LoadPoint> = rig.reported(|record| match record {
             Record::LoadPoint(point) => Some(point.clone()),
             _ => None,
         });
@@ -251,7 +258,7 @@ fn the_loads_curve_is_that_of_the_spring() {
 }
 
 #[test]
-fn two_states_are_reckoned_as_the_paper_does() {
+fn two_states_are_computed_as_in_the_paper() {
     for ratio in RATIOS {
         let mut rig = pressed(ratio, Sensor::default(), |_| {});
         rig.accepted(Command::Measure);

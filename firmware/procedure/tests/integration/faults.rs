@@ -18,7 +18,7 @@ fn clear(code: FaultCode) -> Command {
     Command::ClearFault(ClearFault { code })
 }
 
-/// The bridge is off first, and the fault told as standing, disarmed.
+/// The bridge is off first, and the fault reported as standing, disarmed.
 #[track_caller]
 fn stops(rig: &Rig, actions: &Actions, code: FaultCode) -> Fault {
     assert_eq!(actions[0], Action::SafeState);
@@ -56,7 +56,7 @@ fn any_fault_stops_any_state() {
             let fault = stops(&rig, &actions, *code);
             assert_eq!((fault.value, fault.limit), (Some(1.0), Some(2.0)));
             assert_eq!(fault.place, *place);
-            // It stands as long as nobody clears it, whatever is converted meanwhile.
+            // It stands until a command clears it, whatever is converted meanwhile.
             rig.sensor.depth_m = 0.0;
             rig.run(1_000);
             assert_eq!((rig.state(), rig.faults().len()), (State::Fault, 1));
@@ -351,7 +351,7 @@ fn no_other_command_clears_a_fault() {
         }
         rig.step(&Event::Recovered(*code));
         assert_eq!(rig.state(), State::Fault);
-        // The documented one: told as ended, and started anew without arms.
+        // The documented one: reported as ended, and started anew without arms.
         rig.accepted(clear(*code));
         let ended = rig.faults().pop().expect("a fault");
         assert_eq!((ended.code, ended.active), (*code, false));

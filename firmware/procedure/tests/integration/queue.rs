@@ -38,19 +38,19 @@ fn send(rig: &mut Rig, command: Command) -> u32 {
 
 /// All answers so far, by sequence number.
 fn given(rig: &Rig) -> Vec<(u32, Outcome)> {
-    rig.told(|record| match record {
+    rig.reported(|record| match record {
         Record::Acknowledgement(answer) => Some((answer.command, answer.outcome)),
         _ => None,
     })
 }
 
-fn tests_told(rig: &Rig) -> usize {
+fn tests_reported(rig: &Rig) -> usize {
     let is_test = |record: &Record| matches!(record, Record::CoilTest(_)).then_some(());
-    rig.told(is_test).len()
+    rig.reported(is_test).len()
 }
 
 #[test]
-fn one_waits_for_the_test_and_the_next_is_told_that_it_is_busy() {
+fn one_waits_for_the_test_and_the_next_is_answered_with_busy() {
     let commands = [
         Command::Measure,
         Command::Sweep,
@@ -132,7 +132,11 @@ fn what_stops_the_coil_empties_the_queue_in_every_state() {
                 rig.convert();
                 assert!(rig.line.is_off());
             }
-            assert_eq!(tests_told(&rig), 0, "a test that was stopped finds nothing");
+            assert_eq!(
+                tests_reported(&rig),
+                0,
+                "a test that was stopped finds nothing"
+            );
         }
     }
 }
@@ -146,7 +150,7 @@ fn after_an_abort_the_coil_is_tested_before_it_is_driven() {
     assert!(rig.line.is_off());
     rig.run(40);
     assert_eq!(given(&rig).last(), Some(&(one, Outcome::Accepted)));
-    assert_eq!(tests_told(&rig), 1);
+    assert_eq!(tests_reported(&rig), 1);
     assert!(!rig.line.is_off());
 }
 
@@ -174,7 +178,7 @@ fn a_test_that_does_not_end_is_a_fault() {
 }
 
 #[test]
-fn a_test_is_told_once_however_much_is_driven_after_it() {
+fn a_test_is_reported_once_however_much_is_driven_after_it() {
     let mut rig = testing(State::Watching);
     rig.run(60);
     for _ in 0..3 {
@@ -183,12 +187,12 @@ fn a_test_is_told_once_however_much_is_driven_after_it() {
         rig.accepted(Command::Abort);
         rig.lift();
     }
-    assert_eq!(tests_told(&rig), 1);
+    assert_eq!(tests_reported(&rig), 1);
 }
 
 /// With `automatic` a touch may come while the coil is being tested.
 #[test]
-fn a_measurement_that_nobody_asked_for_waits_for_the_test_too() {
+fn an_automatic_measurement_waits_for_the_test_too() {
     let mut rig = Rig::standing_in(State::Watching, |of| {
         (of.automatic, of.settling_s) = (true, 0.3);
     });

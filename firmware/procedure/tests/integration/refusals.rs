@@ -120,7 +120,7 @@ fn the_object_lets_go() {
     rig.sensor.depth_m = 0.0;
     let refusal = comes(&mut rig);
     let after_s = value(&refusal, RefusalReason::ContactLost, None);
-    // From the first rise, 5 ms after it has been told.
+    // From the first rise, 5 ms after it has been sent.
     assert!((0.495..0.515).contains(&after_s), "{after_s}");
     assert_eq!((refusal.measurement, rig.state()), (1, State::Baseline));
     recovers(rig);
@@ -228,15 +228,19 @@ fn conversions_are_lost_or_flagged() {
 }
 
 #[test]
-fn two_effects_cannot_be_told_apart() {
-    // The current is told as one that does not change.
+fn two_effects_cannot_be_distinguished() {
+    // The reported current does not change.
     let mut rig = with(|of| (of.peak_current_a, of.end_current_a) = (5.0, 4.9));
     rig.accepted(Command::Measure);
     for _ in 0..2_000 {
         rig.convert_with(|scan| {
-            scan.current = scan
-                .current
-                .map(|told| if told.0 > 4.8 { Ampere(4.95) } else { told });
+            scan.current = scan.current.map(|current| {
+                if current.0 > 4.8 {
+                    Ampere(4.95)
+                } else {
+                    current
+                }
+            });
         });
     }
     let term = value(&rig.refusals()[0], RefusalReason::IllConditioned, None);
@@ -390,10 +394,10 @@ fn the_current_is_not_the_one_that_was_wanted() {
 
 #[test]
 fn a_current_that_is_not_measured_is_off_its_course() {
-    for told in [None, Some(Ampere(f32::NAN)), Some(Ampere(f32::INFINITY))] {
+    for measured in [None, Some(Ampere(f32::NAN)), Some(Ampere(f32::INFINITY))] {
         for ms in [3, 20, 60] {
             let mut rig = driving(with(|_| {}), ms);
-            rig.convert_with(|scan| scan.current = told);
+            rig.convert_with(|scan| scan.current = measured);
             let refusal = rig.refusals().pop().expect("a refusal");
             let wanted = refusal.limit;
             is(&refusal, RefusalReason::CurrentOffCourse, None, wanted);
@@ -439,7 +443,7 @@ fn events_that_come_too_late_stop_the_train() {
     let refusal = rig.refusals().remove(0);
     // The train's 1.21 s, and 0.1 s for each of its 39 legs.
     let took_s = value(&refusal, RefusalReason::TimedOut, Some(5.11));
-    // From the first rise, 5 ms after it has been told.
+    // From the first rise, 5 ms after it has been sent.
     assert_eq!(took_s, 7.995);
     recovers(rig);
 }

@@ -1,4 +1,4 @@
-//! The way from start to start: which state follows which, and what is told on it.
+//! The way from start to start: which state follows which, and what is reported on it.
 
 use crate::support::calibration::settings;
 use crate::support::sensor::Sensor;
@@ -8,7 +8,7 @@ use palpate_wire::code::{Mode, Outcome, State};
 use palpate_wire::{Command, Record};
 
 #[test]
-fn a_press_is_measured_and_every_state_is_told_in_its_order() {
+fn a_press_is_measured_and_every_state_is_reported_in_its_order() {
     let mut rig = Rig::touched();
     rig.measure();
     rig.until(State::Release, 100);
@@ -37,14 +37,14 @@ fn a_press_is_measured_and_every_state_is_told_in_its_order() {
 }
 
 #[test]
-fn a_measurement_has_the_same_number_in_all_that_is_told_of_it() {
+fn a_measurement_has_the_same_number_in_all_its_records() {
     let mut rig = Rig::touched();
     for number in 1..=2 {
         rig.records.clear();
         let estimate = rig.measure();
         rig.until(State::Release, 100);
         assert_eq!(estimate.measurement, number);
-        let points = rig.told(|record| match record {
+        let points = rig.reported(|record| match record {
             Record::LoadPoint(point) => Some((point.measurement, point.index, point.points)),
             _ => None,
         });
@@ -127,7 +127,7 @@ fn every_ramp_begins_with_the_conversion_that_is_nearest_to_its_time() {
 }
 
 #[test]
-fn a_fall_begins_with_a_conversion_however_late_the_last_was_told() {
+fn a_fall_begins_with_a_conversion_however_late_the_last_was_reported() {
     for late_us in [0, 300, 900] {
         let mut rig = Rig::touched();
         rig.accepted(Command::Measure);
@@ -200,7 +200,7 @@ fn sensing_only_needs_no_coil_and_never_drives_it() {
     assert_eq!(rig.outcome(Command::Measure), Outcome::SensingOnly);
     assert_eq!(rig.outcome(Command::Sweep), Outcome::NotArmed);
     rig.run(2_000);
-    // Deformation and force are told all the same.
+    // Deformation and force are reported all the same.
     let sample = rig.last(|record| match record {
         Record::Sample(sample) => Some(sample.clone()),
         _ => None,
@@ -283,13 +283,13 @@ fn a_sweep_drives_the_train_and_evaluates_nothing() {
         State::Release,
     ]);
     assert_eq!(rig.course(), expected);
-    let samples = rig.told(|record| match record {
+    let samples = rig.reported(|record| match record {
         Record::Sample(sample) => sample.current_a,
         _ => None,
     });
     assert!(samples.iter().any(|&current_a| current_a > 9.9));
     assert!(
-        rig.told(|record| matches!(record, Record::Estimate(_)).then_some(()))
+        rig.reported(|record| matches!(record, Record::Estimate(_)).then_some(()))
             .is_empty()
     );
 }
@@ -305,12 +305,12 @@ fn an_object_that_lets_go_during_a_sweep_is_not_waited_for() {
 
 #[test]
 fn the_same_events_give_the_same_records() {
-    let told = |()| {
+    let records = |()| {
         let mut rig = Rig::touched();
         rig.sensor.noise_m = 1e-7;
         rig.measure();
         rig.lift();
         rig.records
     };
-    assert!(told(()) == told(()));
+    assert!(records(()) == records(()));
 }

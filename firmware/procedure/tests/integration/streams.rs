@@ -1,4 +1,4 @@
-//! What is told without being asked: who speaks, conversions, status.
+//! What the procedure sends without a command: who speaks, conversions, status.
 
 use crate::support::calibration::{calibration, curve, settings};
 use crate::support::sensor::Sensor;
@@ -10,7 +10,7 @@ use palpate_wire::record::{Crash, Raw, Sample, Status};
 use palpate_wire::{Command, Record};
 
 fn samples(rig: &Rig) -> Vec<Sample> {
-    rig.told(|record| match record {
+    rig.reported(|record| match record {
         Record::Sample(sample) => Some(sample.clone()),
         _ => None,
     })
@@ -24,7 +24,7 @@ fn status(rig: &mut Rig) -> Status {
     })
 }
 
-/// Calibrated, and nothing told yet but what these settings make of it.
+/// Calibrated, and nothing sent yet but what these settings make of it.
 fn with(change: impl FnOnce(&mut Settings)) -> Rig {
     let mut rig = Rig::calibrated(Sensor::default(), settings(change));
     rig.records.clear();
@@ -56,17 +56,17 @@ fn the_first_words_are_who_speaks_and_what_the_last_run_died_of() {
     // Once.
     rig.run(100);
     let again = |record: &Record| matches!(record, Record::Hello(_) | Record::Crash(_));
-    assert_eq!(rig.told(|record| again(record).then_some(())).len(), 2);
+    assert_eq!(rig.reported(|record| again(record).then_some(())).len(), 2);
 }
 
 #[test]
-fn every_so_many_samples_one_is_told_with_what_was_lost_before_it() {
+fn every_so_many_samples_one_is_sent_with_what_was_lost_before_it() {
     let mut rig = with(|of| of.decimation = 5);
     for number in 1..=20 {
         rig.convert_with(|scan| scan.lost = u32::from(number == 7) * 3);
     }
-    let told = samples(&rig);
-    let missed: Vec<_> = told.iter().map(|of| (of.missed, of.gap)).collect();
+    let samples = samples(&rig);
+    let missed: Vec<_> = samples.iter().map(|of| (of.missed, of.gap)).collect();
     assert_eq!(missed, [(0, false), (3, true), (0, false), (0, false)]);
     // With the time of the conversion's middle.
     let (at, _) = rig.records[0];
@@ -74,11 +74,11 @@ fn every_so_many_samples_one_is_told_with_what_was_lost_before_it() {
 }
 
 #[test]
-fn nothing_is_told_with_the_stream_off() {
+fn nothing_is_sent_with_the_stream_off() {
     let mut rig = with(|of| of.stream = Stream::Off);
     rig.run(500);
     assert!(samples(&rig).is_empty());
-    let raw = rig.told(|record| matches!(record, Record::Raw(_)).then_some(()));
+    let raw = rig.reported(|record| matches!(record, Record::Raw(_)).then_some(()));
     assert!(raw.is_empty());
 }
 
@@ -92,14 +92,14 @@ fn raw_words_come_in_full_runs_that_end_where_something_is_lost() {
             words.push(scan.conversions[0].reading.word.bits());
         });
     }
-    let runs: Vec<Raw> = rig.told(|record| match record {
+    let runs: Vec<Raw> = rig.reported(|record| match record {
         Record::Raw(raw) => Some(raw.clone()),
         _ => None,
     });
-    let told: Vec<u32> = runs.iter().flat_map(|run| run.words.clone()).collect();
-    assert_eq!(told, words[..told.len()]);
+    let received: Vec<u32> = runs.iter().flat_map(|run| run.words.clone()).collect();
+    assert_eq!(received, words[..received.len()]);
     let capacity = runs[0].words.capacity();
-    assert!(told.len() + capacity >= words.len());
+    assert!(received.len() + capacity >= words.len());
     let mut counted = 0;
     for run in &runs {
         let broken = counted == 77;
@@ -137,19 +137,19 @@ fn every_channel_has_its_own_conversion_and_baseline() {
             scan.conversions.push(second).expect("room for four");
         });
     }
-    let told = samples(&rig).pop().expect("samples");
-    let channels: Vec<_> = told.channels.iter().collect();
+    let sample = samples(&rig).pop().expect("samples");
+    let channels: Vec<_> = sample.channels.iter().collect();
     assert_eq!((channels[0].channel, channels[0].offset_us), (0, 0));
     assert_eq!((channels[1].channel, channels[1].offset_us), (1, 400));
     for (conversion, expected_m) in channels.iter().zip([3e-4, 1.5e-4]) {
         let found_m = conversion.deformation_m.expect("a curve");
         assert!((found_m / expected_m - 1.0).abs() < 1e-3, "{found_m}");
     }
-    assert_eq!(told.contact, Contact::Held);
+    assert_eq!(sample.contact, Contact::Held);
 }
 
 #[test]
-fn flagged_conversions_are_told_and_counted_and_teach_nothing() {
+fn flagged_conversions_are_reported_and_counted_and_teach_nothing() {
     let mut rig = with(|_| {});
     rig.run(1_000);
     rig.records.clear();
@@ -164,12 +164,12 @@ fn flagged_conversions_are_told_and_counted_and_teach_nothing() {
         rig.convert_with(|scan| scan.lost = 2);
     }
     let after = status(&mut rig);
-    let told = samples(&rig);
-    let flagged = told
+    let samples = samples(&rig);
+    let flagged = samples
         .iter()
         .filter(|of| of.channels[0].deformation_m.is_none());
     assert_eq!(flagged.count(), 10);
-    assert!(told.iter().all(|of| of.contact != Contact::Began));
+    assert!(samples.iter().all(|of| of.contact != Contact::Began));
     assert_eq!(after.conversions - before.conversions, 20);
     assert_eq!(after.conversions_flagged - before.conversions_flagged, 10);
     assert_eq!(after.conversions_lost - before.conversions_lost, 20);
@@ -177,7 +177,7 @@ fn flagged_conversions_are_told_and_counted_and_teach_nothing() {
 }
 
 #[test]
-fn a_second_converter_is_told_and_counted_beside_the_first() {
+fn a_second_converter_is_reported_and_counted_beside_the_first() {
     let mut board = board();
     board.channels = [0b0001, 0b0001];
     let mut rig = Rig::started_as(board);
@@ -226,6 +226,6 @@ fn status_comes_every_period_and_counts_measurements() {
     assert_eq!(counted.temperature_c, Some(25.0));
     rig.records.clear();
     rig.run(5_000);
-    let told = rig.told(|record| matches!(record, Record::Status(_)).then_some(()));
-    assert_eq!(told.len(), 5);
+    let reports = rig.reported(|record| matches!(record, Record::Status(_)).then_some(()));
+    assert_eq!(reports.len(), 5);
 }

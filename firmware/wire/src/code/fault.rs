@@ -79,7 +79,7 @@ codes! {
         /// The bridge's own limit of the current does not act. Set it up.
         NoHardwareLimit = 34 "no_hardware_limit",
         /// The current does not come to where it is wanted. Check the supply.
-        CurrentAstray = 35 "current_astray",
+        CurrentOffTarget = 35 "current_off_target",
         /// The coil was on for too long. Limit: time, s.
         OnTime = 36 "on_time",
         /// The PC that commanded a current has gone silent. Value and limit: time, s. Check the

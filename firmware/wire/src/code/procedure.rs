@@ -1,4 +1,4 @@
-//! Where the procedure stands and what it is told to do.
+//! Codes of the procedure: its states, and the choices that commands set.
 
 codes! {
     /// What the instrument is used for.

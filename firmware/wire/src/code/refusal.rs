@@ -20,8 +20,8 @@ codes! {
         ConversionsLost = 8 "conversions_lost",
         /// The converter flagged conversions. Value and limit: number.
         Flagged = 9 "flagged",
-        /// Two effects cannot be told apart: the current did not change, or drift has the shape of
-        /// the signal. Value: place of the term.
+        /// Two effects cannot be distinguished: the current did not change, or drift has the shape
+        /// of the signal. Value: place of the term.
         IllConditioned = 10 "ill_conditioned",
         /// The sums left the range of numbers.
         NotFinite = 11 "not_finite",

@@ -30,7 +30,7 @@ structure! {
         /// How long that takes.
         over_s: f32 ["s", 0, 10],
         /// From one measured current to the next of those that are recorded from now on, 128 in
-        /// all, and told as `current_trace`; the device rounds it to whole periods of its bridge,
+        /// all, and sent as `current_trace`; the device rounds it to whole periods of its bridge,
         /// one at least. 0 records none.
         trace_interval_s: f32 ["s", 0, 0.01],
     }

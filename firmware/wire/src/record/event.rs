@@ -186,7 +186,7 @@ impl Acknowledgement {
     }
 
     /// The answer to a frame that arrived whole and could not be understood; `None` for one whose
-    /// header could not be read, which nobody can answer.
+    /// header could not be read, which the device cannot answer.
     pub const fn not_understood(error: &FrameError) -> Option<Self> {
         match error {
             FrameError::UnknownKind { header, kind } => {

@@ -8,7 +8,7 @@ structure! {
     pub struct Estimate {
         /// Number of the measurement since the start, from 1.
         measurement: u32,
-        /// c_L; absent if the load cannot be told from a rigid one.
+        /// c_L; absent if the load cannot be distinguished from a rigid one.
         stiffness_n_per_m: Option<f32> ["N/m", 0, 1e12],
         /// Standard error of c_L, to first order; absent if c_L is.
         standard_error_n_per_m: Option<f32> ["N/m", 0, 1e12],
@@ -50,7 +50,7 @@ structure! {
 structure! {
     /// A point of the curve of force against the load's displacement, from the ramps of one
     /// measurement. Only the way from one point to another is measured: how far the load had given
-    /// way before the ramps is reckoned as if it were linear from its first touch on.
+    /// way before the ramps is computed as if it were linear from its first touch on.
     pub struct LoadPoint {
         /// Number of the measurement.
         measurement: u32,

@@ -53,7 +53,7 @@ fn commands_decode_to_their_listing_and_encode_to_their_bytes() {
     agree::<Command>("commands");
 }
 
-/// The sums that the damaged stream has to give, reckoned by hand.
+/// The sums that the damaged stream has to give, computed by hand.
 #[test]
 fn the_damaged_stream_is_accounted_for() {
     let listing = String::from_utf8(committed(&format!("v{VERSION}-damaged.jsonl"))).unwrap();

@@ -52,10 +52,10 @@ fn arrivals(boot_id: u32, first: u32, dropped_before: u32, fates: &[Fate]) -> Ve
     arriving.into_iter().map(|(_, header)| header).collect()
 }
 
-/// What a tally has to say of the headers that arrived: reckoned from all of them at once.
+/// What a tally has to say of the headers that arrived: computed from all of them at once.
 fn assert_true(tally: &Tally, headers: &[Header]) {
     let first = headers[0].sequence;
-    // Places from the first frame heard, negative for those before it.
+    // Places from the first frame received, negative for those before it.
     let places = headers
         .iter()
         .map(|header| i64::from(header.sequence.wrapping_sub(first) as i32));
@@ -183,7 +183,7 @@ fn header(boot_id: u32, sequence: u32) -> Header {
 }
 
 #[test]
-fn arrivals_are_told_apart() {
+fn arrivals_are_distinguished() {
     let mut account = Account::new();
     let mut take = |boot_id, sequence| account.take(&header(boot_id, sequence));
     assert_eq!(take(7, 100), Arrival::FirstOfBoot);

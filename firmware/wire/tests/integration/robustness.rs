@@ -1,4 +1,4 @@
-//! Whatever comes over the line: no panic, no frame that nobody sent, and back in step.
+//! Whatever comes over the line: no panic, no frame that was never sent, and back in step.
 
 use crate::support::reference::{cobs, content_bytes, framed};
 use crate::support::{bytes_of, corruption, fixture, header, specimens};

@@ -84,7 +84,8 @@ impl Arrangement {
         pieces.flat_map(|piece| beside(&self.path(piece))).collect()
     }
 
-    /// Keeps the pieces that `keep` wants, told the points just left and right of their middle.
+    /// Keeps the pieces for which `keep` returns true; it gets the path and the points just left and right
+    /// of its middle.
     pub fn retain(&mut self, keep: impl Fn(&Path, Point, Point) -> bool) {
         let paths: Vec<Path> = self.pieces.iter().map(|piece| self.path(piece)).collect();
         let mut paths = paths.iter();

@@ -47,7 +47,7 @@ pub struct Disturbance {
     pub gain: f64,
     /// Amplitude (m) and frequency (Hz) of a vibration of x.
     pub vibration: (f64, f64),
-    /// Attraction and lag that the evaluation reckons with.
+    /// Attraction and lag that the evaluation models.
     pub modelled: (f64, f64),
     pub load: Load,
 }

@@ -124,12 +124,12 @@ fn conversions_get_the_mean_of_their_own_window() {
         for (time_us, sample) in bench.samples() {
             let middle = Time::from_us(time_us + offset_us);
             let window = (charge_at(middle - half), charge_at(middle + half));
-            let ((Some(begin), Some(end)), Some(told_a)) = (window, sample.current_a) else {
+            let ((Some(begin), Some(end)), Some(reported_a)) = (window, sample.current_a) else {
                 continue;
             };
             let true_a = (end - begin) / (half + half).as_secs_f64();
             worst_a = (
-                worst_a.0.max((f64::from(told_a) - true_a).abs()),
+                worst_a.0.max((f64::from(reported_a) - true_a).abs()),
                 worst_a.1 + 1,
             );
         }
@@ -424,7 +424,7 @@ fn answers(bench: &Bench, from: usize) -> Vec<(u8, Outcome)> {
     bench.frames[from..].iter().filter_map(of).collect()
 }
 
-fn tests_told(bench: &Bench, from: usize) -> usize {
+fn tests_reported(bench: &Bench, from: usize) -> usize {
     let is_test = |frame: &&Frame<Record>| matches!(frame.message, Record::CoilTest(_));
     bench.frames[from..].iter().filter(is_test).count()
 }
@@ -477,7 +477,7 @@ fn an_abort_during_the_test_stops_it_and_drops_what_waits() {
             assert!(!bench.board.bridge().awake);
         }
         assert_eq!(bench.board.current_a(), 0.0);
-        assert_eq!(tests_told(&bench, from), 0);
+        assert_eq!(tests_reported(&bench, from), 0);
         assert!(bench.faults().is_empty(), "{:?}", bench.faults());
     }
     // Armed still, it is tested before it is driven again.
@@ -485,13 +485,13 @@ fn an_abort_during_the_test_stops_it_and_drops_what_waits() {
     bench.command(&Command::Abort);
     let from = bench.frames.len();
     assert_eq!(bench.command(&drive(2.0, 0.0)).outcome, Outcome::Accepted);
-    assert_eq!(tests_told(&bench, from), 1);
+    assert_eq!(tests_reported(&bench, from), 1);
     let flows_a = mean_a(&mut bench, Time::from_ms(20));
     assert!((flows_a - 2.0).abs() < 0.2, "{flows_a}");
 }
 
 #[test]
-fn a_test_is_told_once_however_much_is_driven_after_it() {
+fn a_test_is_reported_once_however_much_is_driven_after_it() {
     let mut bench = armed();
     for to_a in [1.0, 2.0, 3.0] {
         bench.command(&drive(to_a, 0.0));
@@ -499,10 +499,10 @@ fn a_test_is_told_once_however_much_is_driven_after_it() {
         bench.command(&Command::Abort);
         bench.run(Time::from_ms(20));
     }
-    assert_eq!(tests_told(&bench, 0), 1);
+    assert_eq!(tests_reported(&bench, 0), 1);
     bench.command(&Command::TestCoil);
     bench.run(Time::from_ms(100));
-    assert_eq!(tests_told(&bench, 0), 2);
+    assert_eq!(tests_reported(&bench, 0), 2);
 }
 
 /// What happens to the circuit.
@@ -510,7 +510,7 @@ type Change = fn(&mut Circuit);
 
 /// A supply that breaks down at once, and one that gives way under load only.
 #[test]
-fn a_supply_that_collapses_is_told_as_that() {
+fn a_supply_that_collapses_is_reported_as_that() {
     let snapshot = driving(5.0);
     let collapses: [(&str, Change); 3] = [
         ("0 V", |circuit| circuit.parameters.supply_v = 0.0),

@@ -67,7 +67,7 @@ fn slope_per_value(values: &[f32]) -> f64 {
 }
 
 #[test]
-fn a_step_is_told_period_by_period() {
+fn a_step_is_reported_period_by_period() {
     let mut bench = bench(0.0);
     arm(&mut bench);
     bench.command(&drive(1.0, 0.0, 0.0));
@@ -84,39 +84,39 @@ fn a_step_is_told_period_by_period() {
         before = after;
     }
     bench.run(Time::from_ms(30));
-    let told = traces(&bench.frames);
-    let currents: Vec<f32> = told
+    let parts = traces(&bench.frames);
+    let currents: Vec<f32> = parts
         .iter()
         .flat_map(|(_, of)| of.currents_a.clone())
         .collect();
     assert_eq!(currents.len(), 128);
-    for (place, (at_us, part)) in told.iter().enumerate() {
+    for (place, (at_us, part)) in parts.iter().enumerate() {
         assert_eq!((part.total, usize::from(part.first)), (128, 16 * place));
         assert_eq!(part.interval_s, 16e-6);
-        assert_eq!(at_us - told[0].0, 256 * place as u64);
+        assert_eq!(at_us - parts[0].0, 256 * place as u64);
     }
     let step_true = truth.iter().position(|mean_a| *mean_a > 3.5).unwrap();
-    let step_told = currents
+    let reported_step = currents
         .iter()
         .position(|current_a| *current_a > 3.5)
         .unwrap();
-    // The answer to the command is told when its current has been ordered.
+    // The device sends the answer to the command when it has ordered the current.
     let answered = bench.frames.iter().rev().find_map(|frame| {
         let is_answer = matches!(frame.message, Record::Acknowledgement(_));
         is_answer.then_some(frame.header.time_us)
     });
-    let stepped_us = told[0].0 + PERIOD_US * step_told as u64;
+    let stepped_us = parts[0].0 + PERIOD_US * reported_step as u64;
     assert!(
         stepped_us.abs_diff(answered.unwrap()) < 1_000,
         "{stepped_us} {answered:?}"
     );
-    for (told_a, true_a) in currents[step_told + 4..]
+    for (reported_a, true_a) in currents[reported_step + 4..]
         .iter()
         .zip(&truth[step_true + 4..])
     {
         assert!(
-            (f64::from(*told_a) - true_a).abs() < 0.1,
-            "{told_a} {true_a}"
+            (f64::from(*reported_a) - true_a).abs() < 0.1,
+            "{reported_a} {true_a}"
         );
     }
     let first_a = currents[0];
@@ -132,26 +132,26 @@ fn a_record_of_a_ramp_goes_on_while_the_current_does_and_ends_with_it() {
     // 63.5 ms, and then a part of it with each pulse of a millisecond.
     bench.run(Time::from_ms(80));
     bench.command(&Command::Identify);
-    let told = traces(&bench.frames);
-    let currents: Vec<f32> = told
+    let parts = traces(&bench.frames);
+    let currents: Vec<f32> = parts
         .iter()
         .flat_map(|(_, of)| of.currents_a.clone())
         .collect();
     assert_eq!(currents.len(), 128);
     // 0.5 ms are 31 periods.
-    assert!(told.iter().all(|(_, of)| of.interval_s == 31.0 * 16e-6));
+    assert!(parts.iter().all(|(_, of)| of.interval_s == 31.0 * 16e-6));
     // By all values of the ramp: two of them, each with noise, say it to no better than 1 A/s.
     let slope = slope_per_value(&currents[10..110]) / (31.0 * 16e-6);
     assert!((slope + 50.0).abs() < 0.5, "{slope} A/s");
-    // Aborted, the rest is told as far as it got.
+    // After an abort the device reports the trace as far as it got.
     let before = bench.frames.len();
     bench.command(&drive(2.0, 0.0, 0.01));
     bench.run(Time::from_ms(50));
     bench.command(&Command::Abort);
     bench.run(Time::from_ms(300));
-    let told = traces(&bench.frames[before..]);
-    let total = told.first().map(|(_, of)| of.total).unwrap();
-    let sum: usize = told.iter().map(|(_, of)| of.currents_a.len()).sum();
+    let parts = traces(&bench.frames[before..]);
+    let total = parts.first().map(|(_, of)| of.total).unwrap();
+    let sum: usize = parts.iter().map(|(_, of)| of.currents_a.len()).sum();
     assert_eq!(usize::from(total), sum);
     assert!(
         (20..35).contains(&total),
@@ -214,7 +214,7 @@ impl Plant for Coil {
 
 /// What a failed switch does: the current goes on. Here a coil of a henry keeps it up.
 #[test]
-fn a_current_that_flows_with_the_bridge_off_is_told() {
+fn a_current_that_flows_with_the_bridge_off_is_reported() {
     let plant = Coil {
         still: Still::new(crate::common::FREQUENCIES_HZ),
         inductance_h: 40e-6,
@@ -240,13 +240,13 @@ fn a_current_that_flows_with_the_bridge_off_is_told() {
     bench.run(Time::from_ms(15));
     assert!(bench.faults().is_empty(), "any coil may take 20 ms");
     bench.run(Time::from_ms(15));
-    let told = bench.faults().last().map(|fault| fault.code);
-    assert_eq!(told, Some(FaultCode::CurrentUnwanted));
+    let reported = bench.faults().last().map(|fault| fault.code);
+    assert_eq!(reported, Some(FaultCode::CurrentUnwanted));
 }
 
-/// Sensors that rest, and what they are told of the current, summed over the time for which it holds.
+/// Sensors at rest, and the current that they receive, summed over the time for which it holds.
 #[derive(Clone)]
-struct Told {
+struct Reported {
     still: Still,
     now: Time,
     current_a: (f64, f64),
@@ -254,13 +254,13 @@ struct Told {
     square_a2_s: f64,
 }
 
-impl Sensors for Told {
+impl Sensors for Reported {
     fn frequency_hz(&self, channel: usize, time_s: f64) -> f64 {
         self.still.frequency_hz(channel, time_s)
     }
 }
 
-impl Plant for Told {
+impl Plant for Reported {
     fn advance_to(&mut self, time: Time) {
         let (mean_a, ripple_a) = self.current_a;
         let passed_s = (time.max(self.now) - self.now).as_secs_f64();
@@ -276,7 +276,7 @@ impl Plant for Told {
 
 #[test]
 fn the_plant_gets_the_circuits_current_at_its_time_with_its_ripple() {
-    let plant = Told {
+    let plant = Reported {
         still: Still::new([3e6; 4]),
         now: Time::ZERO,
         current_a: (0.0, 0.0),
@@ -304,7 +304,7 @@ fn the_plant_gets_the_circuits_current_at_its_time_with_its_ripple() {
         let now = bench.board.now();
         let circuit = *bench.board.circuit();
         let plant = bench.board.plant_mut();
-        // What has passed since it was told the last time, two periods of the bridge at most.
+        // The time since the plant last received the current, two periods of the bridge at most.
         let rest_s = (now - plant.now).as_secs_f64();
         assert!(rest_s < 40e-6, "{rest_s}");
         let (mean_a, _) = plant.current_a;

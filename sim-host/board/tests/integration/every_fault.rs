@@ -64,7 +64,7 @@ fn cause(code: FaultCode) -> Vec<record::Fault> {
         }),
         NoHardwareLimit => without_limit(),
         // A coil that is hotter than any: its resistance is what the supply cannot overcome.
-        CurrentAstray => driven_at(5.0, 8.0, |bench| {
+        CurrentOffTarget => driven_at(5.0, 8.0, |bench| {
             conditions(bench).coil_ohm *= 1.35;
             bench.command(&drive(8.4, 0.0));
         }),

@@ -208,9 +208,9 @@ fn the_current_follows_its_course_and_ends() {
     // Half of the ripple lies above the mean.
     assert!((9.8..=10.8).contains(&highest), "{highest}");
     assert_eq!(bench.board.current_a(), 0.0);
-    let told = bench.samples().filter_map(|(_, sample)| sample.current_a);
-    let told = told.fold(0.0, f32::max);
-    assert!((9.9..=10.1).contains(&told), "{told}");
+    let reported_a = bench.samples().filter_map(|(_, sample)| sample.current_a);
+    let highest_a = reported_a.fold(0.0, f32::max);
+    assert!((9.9..=10.1).contains(&highest_a), "{highest_a}");
 }
 
 #[test]
@@ -236,7 +236,7 @@ fn a_fault_anywhere_switches_the_bridge_off_within_a_millisecond() {
             Record::Crash(crash) => Some(crash.clone()),
             _ => None,
         });
-        let crash = crash.expect("the crash is told");
+        let crash = crash.expect("the crash is reported");
         assert_eq!(crash.cause, ResetCause::HardFault);
         assert_eq!(crash.program_counter, crate::common::SPARE);
         let faults = bench.faults();
@@ -322,7 +322,7 @@ fn a_crash_whose_record_cannot_be_read_is_a_fault() {
             Record::Hello(hello) => Some(hello.clone()),
             _ => None,
         });
-        let is_told = bench
+        let is_reported = bench
             .frames
             .iter()
             .any(|frame| matches!(frame.message, Record::Crash(_)));
@@ -332,7 +332,7 @@ fn a_crash_whose_record_cannot_be_read_is_a_fault() {
             (ResetCause::Unexplained, FaultCode::CrashUnreadable)
         };
         assert_eq!(hello.unwrap().reset_cause, cause, "{words}");
-        assert_eq!(is_told, words == 0);
+        assert_eq!(is_reported, words == 0);
         let faults: Vec<_> = bench.faults().iter().map(|fault| fault.code).collect();
         assert_eq!(faults, [code], "{words} words");
         assert_eq!(bench.command(&Command::Arm).outcome, Outcome::Faulted);

@@ -62,7 +62,7 @@ fn a_panic_in_any_task_switches_the_bridge_off_within_a_millisecond() {
             Record::Crash(crash) => Some(crash.clone()),
             _ => None,
         });
-        let crash = crash.expect("the panic is told");
+        let crash = crash.expect("the panic is reported");
         assert_eq!(crash.cause, ResetCause::Panic);
         assert!(crash.file.ends_with("planted.rs"), "{}", crash.file);
     }

@@ -1,4 +1,4 @@
-//! Sample times are what they are whoever listens: with logs and without, with a PC at the
+//! Sample times do not depend on who reads the channels: with logs and without, with a PC at the
 //! channels, one that has stopped reading, and none.
 
 use crate::common::{Bench, image, origin_us, recording};
@@ -102,7 +102,7 @@ fn is_right(lowest: f64, highest: f64) -> bool {
 
 #[test]
 #[ignore = "long: `cargo xtask ci` runs it"]
-fn sample_times_move_by_less_than_two_microseconds_whoever_listens() {
+fn sample_times_move_by_less_than_two_microseconds_with_any_reader() {
     let silent = load(firmware::build_with_logs("off"));
     let chatty = load(firmware::build_with_logs("debug"));
     let shipped = image();

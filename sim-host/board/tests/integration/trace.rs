@@ -106,7 +106,7 @@ fn dump(bench: &mut Bench) -> BTreeMap<String, Changes> {
 }
 
 #[test]
-fn the_lines_say_what_the_chip_told() {
+fn the_lines_say_what_the_chip_reported() {
     let mut bench = Bench::of(traced());
     bench.stream();
     bench.run(Time::from_ms(50));

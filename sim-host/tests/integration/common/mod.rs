@@ -87,7 +87,7 @@ pub(crate) fn bits(truth: &Truth) -> Vec<u64> {
 }
 
 /// A measurement in little: press, hold, peak, four falling ramps, release; the bits of truth,
-/// frequency and told current every 7 ms.
+/// frequency and measured current every 7 ms.
 pub(crate) fn trajectory(mut world: World) -> Vec<u64> {
     let mut seen = Vec::new();
     for step in 0..160_u64 {
@@ -106,7 +106,7 @@ pub(crate) fn trajectory(mut world: World) -> Vec<u64> {
         seen.extend(bits(&world.truth()));
         let at_s = world.now().as_secs_f64() - 2.3e-3;
         seen.push(world.frequency_hz(at_s).expect("it is past").to_bits());
-        seen.push(world.told_current_a().to_bits());
+        seen.push(world.measured_current_a().to_bits());
     }
     seen
 }

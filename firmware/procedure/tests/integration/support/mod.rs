@@ -70,8 +70,8 @@ pub(crate) fn board() -> Board {
 /// The way of the coil's current: a straight line to where another begins, that, then level.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Line {
-    pub(crate) told_a: f64,
-    pub(crate) told_us: u64,
+    pub(crate) reported_a: f64,
+    pub(crate) reported_us: u64,
     pub(crate) from_a: f64,
     pub(crate) to_a: f64,
     pub(crate) since_us: u64,
@@ -82,9 +82,9 @@ impl Line {
     pub(crate) fn at(&self, time_us: u64) -> f64 {
         let gone = time_us.saturating_sub(self.since_us) as f64;
         if time_us < self.since_us {
-            let part =
-                time_us.saturating_sub(self.told_us) as f64 / (self.since_us - self.told_us) as f64;
-            self.told_a + (self.from_a - self.told_a) * part
+            let part = time_us.saturating_sub(self.reported_us) as f64
+                / (self.since_us - self.reported_us) as f64;
+            self.reported_a + (self.from_a - self.reported_a) * part
         } else if gone < self.over_us as f64 {
             self.from_a + (self.to_a - self.from_a) * gone / self.over_us as f64
         } else {
@@ -107,7 +107,7 @@ pub(crate) struct Rig {
     /// Gain and zero of the current measurement.
     pub(crate) current_gain: f64,
     pub(crate) current_offset_a: f64,
-    /// Root mean square of the ripple at a mean current, A, and whether it is told.
+    /// Root mean square of the ripple at a mean current, A, and whether it is reported.
     pub(crate) ripple_a: fn(f64) -> f64,
     pub(crate) tells_ripple: bool,
     pub(crate) line: Line,
@@ -123,13 +123,13 @@ pub(crate) struct Rig {
     pub(crate) open: Vec<(u32, u8)>,
     /// The last word was to stop: nothing may be driven.
     pub(crate) stopped: bool,
-    /// What was heard and what came of it, for who wants to repeat it.
-    pub(crate) tape: Option<Vec<Heard>>,
+    /// The events and the actions that followed, for a test that repeats them.
+    pub(crate) tape: Option<Vec<Observed>>,
 }
 
 /// An event with its time, and the actions that followed.
 #[derive(Clone)]
-pub(crate) struct Heard {
+pub(crate) struct Observed {
     pub(crate) now_us: u64,
     pub(crate) event: OwnEvent,
     pub(crate) actions: Actions,
@@ -283,7 +283,7 @@ impl Rig {
         let now = Instant::from_ticks(self.now_us);
         let actions = self.procedure.step(now, event);
         if let Some(tape) = &mut self.tape {
-            tape.push(Heard {
+            tape.push(Observed {
                 now_us: self.now_us,
                 event: OwnEvent::of(event),
                 actions: actions.clone(),
@@ -302,15 +302,15 @@ impl Rig {
                     }
                 }
                 Action::Current { at, from, to, over } => {
-                    let (told_us, told_a) = (self.now_us, self.line.at(self.now_us));
-                    let since_us = at.as_ticks().max(told_us);
+                    let (reported_us, reported_a) = (self.now_us, self.line.at(self.now_us));
+                    let since_us = at.as_ticks().max(reported_us);
                     self.line = Line {
-                        told_a,
-                        told_us,
-                        from_a: if since_us > told_us {
+                        reported_a,
+                        reported_us,
+                        from_a: if since_us > reported_us {
                             from.0.into()
                         } else {
-                            told_a
+                            reported_a
                         },
                         to_a: to.0.into(),
                         since_us,
@@ -341,7 +341,7 @@ impl Rig {
         let acting_a = current_a.hypot(ripple_a).copysign(current_a);
         let reading = self.sensor.reading(acting_a, middle_us as f64 * 1e-6);
         let offset = Duration::from_ticks(0);
-        let told_a = current_a * self.current_gain + self.current_offset_a;
+        let reported_a = current_a * self.current_gain + self.current_offset_a;
         Scan {
             sensor: 0,
             middle: Instant::from_ticks(middle_us),
@@ -349,7 +349,7 @@ impl Rig {
             conversions: [Conversion { reading, offset }].into_iter().collect(),
             lost: 0,
             gap: false,
-            current: Some(Ampere(told_a as f32)),
+            current: Some(Ampere(reported_a as f32)),
             ripple: self.tells_ripple.then_some(Ampere(ripple_a as f32)),
             account: self
                 .drive
@@ -474,32 +474,32 @@ impl Rig {
         self.procedure.configuration().settings()
     }
 
-    /// What all records of a kind say.
-    pub(crate) fn told<T>(&self, kind: impl Fn(&Record) -> Option<T>) -> Vec<T> {
+    /// What all records of a kind report.
+    pub(crate) fn reported<T>(&self, kind: impl Fn(&Record) -> Option<T>) -> Vec<T> {
         let records = self.records.iter();
         records.filter_map(|(_, record)| kind(record)).collect()
     }
 
     pub(crate) fn last<T>(&self, kind: impl Fn(&Record) -> Option<T>) -> T {
-        self.told(kind).pop().expect("such a record")
+        self.reported(kind).pop().expect("such a record")
     }
 
     pub(crate) fn refusals(&self) -> Vec<Refusal> {
-        self.told(|record| match record {
+        self.reported(|record| match record {
             Record::Refusal(refusal) => Some(refusal.clone()),
             _ => None,
         })
     }
 
     pub(crate) fn faults(&self) -> Vec<Fault> {
-        self.told(|record| match record {
+        self.reported(|record| match record {
             Record::Fault(fault) => Some(fault.clone()),
             _ => None,
         })
     }
 
     pub(crate) fn changes(&self) -> Vec<StateChange> {
-        self.told(|record| match record {
+        self.reported(|record| match record {
             Record::State(change) => Some(change.clone()),
             _ => None,
         })

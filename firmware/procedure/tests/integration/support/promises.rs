@@ -128,7 +128,7 @@ fn stopped_until_asked(rig: &mut Rig, event: &Event<'_>, actions: &Actions) {
     assert!(!(rig.stopped && actions.iter().any(drives)), "{actions:?}");
 }
 
-/// What the procedure itself reckons lies within the protocol's limits. Samples, words, faults and
+/// What the procedure itself computes lies within the protocol's limits. Samples, words, faults and
 /// answers pass on what they were given.
 fn record_is_sound(record: &Record) {
     let passed_on = matches!(

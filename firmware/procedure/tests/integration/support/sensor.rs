@@ -101,7 +101,7 @@ impl Sensor {
         1.0 + s / self.load_n_per_m + s / self.actuated(current_a)
     }
 
-    /// x_S, which nobody sees.
+    /// x_S, which the procedure does not see.
     pub(crate) fn deformation_m(&self, current_a: f64, time_s: f64) -> f64 {
         let pull_m = self.attraction_n_per_a2 * current_a.powi(2) / self.actuated(current_a);
         let pressed = if self.depth_m > 0.0 {

@@ -13,7 +13,7 @@ use super::{bytes_of, header, reference};
 pub(crate) struct Outcome {
     /// Frames or groups of frames that were damaged.
     pub(crate) damaged: u64,
-    /// Those that were received as if they were sound, though nobody sent them.
+    /// Those that were received as if they were sound, though they were never sent.
     pub(crate) undetected: u64,
     /// Frames sent after the damage, with one other frame between, that were not received.
     pub(crate) out_of_step: u64,

@@ -7,14 +7,14 @@ use palpate_wire::{Command, Record, SCHEMA_HASH, configuration_crc};
 
 /// One record of every kind.
 pub(crate) fn records() -> Vec<Record> {
-    let mut records = told();
+    let mut records = reports();
     records.extend(measured());
     records.extend(happened());
     records.extend(configured());
     records
 }
 
-fn told() -> Vec<Record> {
+fn reports() -> Vec<Record> {
     let setters: Vec<_> = commands()
         .into_iter()
         .filter(|command| palpate_wire::Message::kind(command) >= 0x90)
