@@ -331,6 +331,8 @@ fn held(
 /// The amplifier freezes exactly where the current is held: nothing is to be regulated.
 #[test]
 fn a_measurement_that_freezes_at_its_target_is_found_in_time() {
+    // What docs/faults.md promises at 16 us a period.
+    assert!(f64::from(FROZEN_WITHIN + HELD_BEFORE) * 16e-6 < 0.175);
     let (mut longest, mut least_a, mut greatest_a) = (0, f64::MAX, 0.0_f64);
     for corner in CORNERS {
         for converter in [ConverterParameters::EXACT, ConverterParameters::RP2040] {
