@@ -19,7 +19,7 @@ pub(crate) fn test_steps() -> Vec<Step> {
         purpose: "unit, integration and documentation tests; examples compile",
         needs: Vec::new(),
         action: Action::Commands(tests),
-        remedy: "mend what the failed test describes; its name and place are printed above",
+        remedy: "fix what the failed test describes; its name and place are printed above",
     }]
 }
 
@@ -37,7 +37,7 @@ fn long_tests() -> Step {
         purpose: "the tests that take long, most of them on the emulated board",
         needs: vec![Need::Target(FIRMWARE_TARGET)],
         action: commands(&arguments),
-        remedy: "mend what the failed test describes; its name and place are printed above",
+        remedy: "fix what the failed test describes; its name and place are printed above",
     }
 }
 
@@ -78,7 +78,7 @@ fn source_checks() -> Vec<Step> {
             purpose: "no machine paths, open marks, retired words or build output in the repository",
             needs: Vec::new(),
             action: Action::Check(hygiene::check_workspace),
-            remedy: "mend the named lines; take build output out with `git rm --cached`",
+            remedy: "fix the named lines; take build output out with `git rm --cached`",
         },
         Step {
             name: "spelling",
@@ -112,14 +112,14 @@ fn host_checks() -> Vec<Step> {
                 &["clippy", "--locked", "--all-targets", "--all-features"],
                 &["--", "-D", "warnings"],
             )]),
-            remedy: "mend the code; a lint is allowed only at its place and with a reason",
+            remedy: "fix the code; a lint is allowed only at its place and with a reason",
         },
         Step {
             name: "features",
             purpose: "lints of every library and program with every set of features",
             needs: Vec::new(),
             action: Action::Commands(MEMBERS.iter().flat_map(feature_sets).collect()),
-            remedy: "mend the `cfg` that the named features break",
+            remedy: "fix the `cfg` that the named features break",
         },
         Step {
             name: "doc",
@@ -129,7 +129,7 @@ fn host_checks() -> Vec<Step> {
                 all_of(&["doc", "--locked", "--no-deps", "--all-features"], &[])
                     .with_env("RUSTDOCFLAGS", "-D warnings"),
             ]),
-            remedy: "mend the link or the markup that rustdoc names",
+            remedy: "fix the link or the markup that rustdoc names",
         },
     ]
 }
@@ -148,7 +148,7 @@ fn arm_checks() -> Vec<Step> {
                     .chain([clippy_for_firmware()])
                     .collect(),
             ),
-            remedy: "mend the code; a lint is allowed only at its place and with a reason",
+            remedy: "fix the code; a lint is allowed only at its place and with a reason",
         },
         Step {
             name: "no-std",
@@ -170,7 +170,7 @@ fn arm_checks() -> Vec<Step> {
             purpose: "the examples for a microcontroller build and link",
             needs: targets().collect(),
             action: Action::Commands(MEMBERS.iter().flat_map(mcu_examples).collect()),
-            remedy: "mend the example; the table of examples is xtask/src/members.rs",
+            remedy: "fix the example; the table of examples is xtask/src/members.rs",
         },
         Step {
             name: "image-size",

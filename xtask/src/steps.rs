@@ -145,7 +145,7 @@ mod tests {
             purpose: "try something",
             needs: Vec::new(),
             action: Action::Check(check),
-            remedy: "mend it",
+            remedy: "fix it",
         }
     }
 
@@ -168,7 +168,7 @@ mod tests {
         let message = run_all(&workspace, &steps).unwrap_err().to_string();
         assert!(message.contains("`two`"), "{message}");
         assert!(message.contains("cause: a planted defect"), "{message}");
-        assert!(message.contains("what to do: mend it"), "{message}");
+        assert!(message.contains("what to do: fix it"), "{message}");
     }
 
     #[test]
@@ -178,7 +178,7 @@ mod tests {
         needy.needs = vec![Need::Tool(&setup::ABSENT)];
         let message = run_all(&workspace, &[needy]).unwrap_err().to_string();
         assert!(message.contains("is not installed"), "{message}");
-        assert!(!message.contains("mend it"), "{message}");
+        assert!(!message.contains("fix it"), "{message}");
     }
 
     #[test]

@@ -8,11 +8,11 @@ use palpate_wire::command::{Crosstalk, Settings};
 
 use crate::configuration::Channel;
 
-/// What one channel of the sensor feels.
+/// The deformation at one channel of the sensor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Deformation {
-    /// Deformation above the untouched sensor.
-    pub(crate) deformation: Metre,
+    /// Against the untouched sensor.
+    pub(crate) value: Metre,
     /// Its standard uncertainty from noise and quantisation.
     pub(crate) sigma: Metre,
     /// Whether it lies beyond the calibrated curve.
@@ -89,7 +89,7 @@ impl Follower {
         let relative = reading.sigma_hz / reading.frequency_hz as f32;
         let sigma = point.sigma(2.0 * (1.0 + change) * relative);
         Some(Deformation {
-            deformation,
+            value: deformation,
             sigma: Metre(sigma),
             extrapolated: point.extrapolated,
             touch,

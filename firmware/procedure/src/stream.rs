@@ -70,7 +70,7 @@ impl Streamer {
             .flatten()
             .filter(|_| scan.sensor == 0);
         let force = principal.zip(springs).map(|(deformation, springs)| {
-            let newton = springs.sensing_n_per_m * deformation.deformation.0;
+            let newton = springs.sensing_n_per_m * deformation.value.0;
             let relative = springs
                 .sensing_uncertainty
                 .max(springs.force_scale_uncertainty);
@@ -136,7 +136,7 @@ fn conversion(reading: &Reading, offset_us: u64, deformation: Option<&Deformatio
         word: reading.word.bits(),
         frequency_hz: reading.frequency_hz,
         sigma_hz: reading.sigma_hz,
-        deformation_m: deformation.map(|of| of.deformation.0),
+        deformation_m: deformation.map(|of| of.value.0),
         deformation_sigma_m: deformation.map(|of| of.sigma.0),
         extrapolated: deformation.is_some_and(|of| of.extrapolated),
     }

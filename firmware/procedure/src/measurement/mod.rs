@@ -250,7 +250,7 @@ impl Measurement {
             return refuse((RefusalReason::ContactLost, Some(after), None));
         }
         if deformation.extrapolated {
-            let pressed_m = deformation.deformation.0;
+            let pressed_m = deformation.value.0;
             let deepest = metres(self.calibrated.deepest);
             return refuse((RefusalReason::PressedTooFar, Some(pressed_m), deepest));
         }
@@ -277,7 +277,7 @@ impl Measurement {
             let actuated_ratio = law.reference_ratio(sensing);
             let since_touch = seconds(self.touched, origin);
             let drift = ramps::drift(settings, since_touch, self.drive.train.course());
-            self.ramps = Ramps::new(deformation.deformation, actuated_ratio, drift);
+            self.ramps = Ramps::new(deformation.value, actuated_ratio, drift);
         }
         let Some(ramps) = &mut self.ramps else {
             return;
@@ -288,14 +288,14 @@ impl Measurement {
         let pull = self.calibrated.pull(current);
         let sample = Sample {
             time: seconds(origin, scan.middle),
-            deformation: deformation.deformation - reference.deformation(),
+            deformation: deformation.value - reference.deformation(),
             regressor: deviation(reference.regressor(), rise)
-                + attraction(pull, actuated, deformation.deformation),
+                + attraction(pull, actuated, deformation.value),
             sigma: deformation.sigma,
         };
         ramps.push(&sample, ramp);
         if ramp == 0 {
-            self.two_states.push(deformation.deformation, actuated);
+            self.two_states.push(deformation.value, actuated);
         }
     }
 

@@ -143,7 +143,7 @@ impl Procedure {
                     settling.flagged = settling.flagged.saturating_add(1);
                     return;
                 };
-                let rate = settling.steadiness.push(interval, deformation.deformation);
+                let rate = settling.steadiness.push(interval, deformation.value);
                 self.settle(deformation, rate, out);
             }
             Phase::Driving(measurement) => {
@@ -216,7 +216,7 @@ impl Procedure {
             return;
         };
         let touched = settling.touched;
-        let pressed_m = deformation.deformation.0;
+        let pressed_m = deformation.value.0;
         if deformation.is_untouched() {
             let after = seconds(settling.began, out.now).0;
             return self.refuse((RefusalReason::ContactLost, Some(after), None), out);
@@ -231,7 +231,7 @@ impl Procedure {
         if deformation.extrapolated {
             let reason = RefusalReason::PressedTooFar;
             let deepest = self.configuration.deepest().and_then(metres);
-            return self.refuse((reason, metres(deformation.deformation), deepest), out);
+            return self.refuse((reason, metres(deformation.value), deepest), out);
         }
         let least_m = settings.least_press_m;
         if pressed_m < least_m {
