@@ -9,18 +9,21 @@
 #![no_main]
 #![allow(unsafe_code)]
 
-#[path = "../src/board/clocks.rs"]
+#[path = "../src/board/rp2040/clocks.rs"]
 mod clocks;
-#[path = "../src/board/hot.rs"]
-mod hot;
-#[path = "../src/board/memory.rs"]
-mod memory;
+#[path = "../src/board/rp2040/code_in_memory.rs"]
+mod code_in_memory;
 #[path = "bring_up/pins.rs"]
 mod pins;
+#[path = "../src/board/rp2040/routines.rs"]
+mod routines;
+#[path = "../src/board/rp2040/i2c/timing.rs"]
+mod timing;
 #[path = "bring_up/transfer.rs"]
 mod transfer;
 
 use cortex_m_rt::entry;
+use palpate_node::board::Clkin;
 use rp2040_pac::Peripherals;
 use rtt_target::{DownChannel, UpChannel};
 
@@ -67,19 +70,20 @@ fn main() -> ! {
     };
     let (mut up, mut down) = (channels.up.0, channels.down.0);
     // SAFETY: called once, and nothing else has been set up.
-    let device = unsafe { Peripherals::steal() };
+    let mut device = unsafe { Peripherals::steal() };
     pins::set_up(&device);
     clocks::set_up(
-        &device.RESETS,
+        &mut device.RESETS,
         &device.CLOCKS,
-        &device.XOSC,
-        &device.PLL_SYS,
-        &device.PLL_USB,
+        device.XOSC,
+        device.PLL_SYS,
+        device.PLL_USB,
+        &mut device.VREG_AND_CHIP_RESET,
         &device.WATCHDOG,
     );
     device.RESETS.reset().modify(|_, w| w.timer().clear_bit());
     wait(|| device.RESETS.reset_done().read().timer().bit_is_set());
-    clocks::send_out(&device.CLOCKS, pins::CLKIN_DIVISOR);
+    clocks::send_out(&device.CLOCKS, Clkin::SINGLE.divisor());
     transfer::set_up();
     let mut request = [0; LONGEST];
     loop {
@@ -170,7 +174,7 @@ fn serve_all(mut requests: &[u8], answer: &mut Answer) -> Option<Outcome> {
 /// Does what a request asks; nothing if it is none.
 fn serve(kind: u8, rest: &[u8], answer: &mut Answer) -> Option<Outcome> {
     match (kind, rest) {
-        (b'?', []) => answer.extend(b"palpate bring-up 1"),
+        (b'?', []) => answer.extend(b"palpate bring-up 2"),
         (b'T', segments) => return transfer::run(segments, |byte| answer.push(byte)),
         (b'E', [count, timeout_ms, segments @ ..]) => {
             return edges(*count, *timeout_ms, segments, answer);
@@ -182,7 +186,7 @@ fn serve(kind: u8, rest: &[u8], answer: &mut Answer) -> Option<Outcome> {
         }
         (b'I', []) => answer.push(pins::interrupt_is_high().into()),
         (b'S', [high]) => pins::shut_down(*high != 0),
-        (b'C', [divisor @ 3..=12]) => {
+        (b'C', [divisor @ 5..=20]) => {
             // SAFETY: no other code touches the clocks.
             let clocks = unsafe { &*rp2040_pac::CLOCKS::ptr() };
             clocks::send_out(clocks, (*divisor).into());

@@ -11,12 +11,12 @@
 
 #[path = "on_target/arithmetic.rs"]
 mod arithmetic;
-#[path = "../src/board/float.rs"]
+#[path = "../src/board/rp2040/code_in_memory.rs"]
+mod code_in_memory;
+#[path = "../src/board/rp2040/float.rs"]
 mod float;
-#[path = "../src/board/hot.rs"]
-mod hot;
-#[path = "../src/board/memory.rs"]
-mod memory;
+#[path = "../src/board/rp2040/routines.rs"]
+mod routines;
 #[path = "on_target/tape.rs"]
 mod tape;
 

@@ -1,18 +1,16 @@
-//! Why this run began, and what the next one is to know of its end: the processor's flags, and
-//! memory that no start clears. What they mean is decided in [`palpate_procedure::boot`].
+//! What the next run is to know of the end of this one, in memory that no start clears. What it means,
+//! with the chip's own flags, is decided in [`palpate_procedure::boot`].
 
 #![allow(unsafe_code)]
 
 use core::cell::UnsafeCell;
 use core::mem::MaybeUninit;
 
-use palpate_procedure::boot::{self, Boot, NO_RECORD, RecordWords, ResetFlags};
-use rp2040_pac::{PSM, TIMER, VREG_AND_CHIP_RESET, WATCHDOG};
+use palpate_procedure::boot::{self, Boot, NO_RECORD, RecordWords};
+
+use crate::board::reset;
 
 pub use palpate_procedure::boot::End;
-
-/// In a scratch register of the watchdog, which outlives its resets: it was started by this firmware.
-const OWN_WATCHDOG: u32 = 0x5061_6C70;
 
 #[repr(transparent)]
 struct Place(UnsafeCell<MaybeUninit<RecordWords>>);
@@ -38,41 +36,14 @@ fn write(words: RecordWords) {
 
 /// Keeps the cause for the next run.
 pub fn keep(end: &End<'_>) {
-    // SAFETY: reading the raw timer has no effect on it.
-    let uptime_ms = unsafe { (*TIMER::ptr()).timerawl().read().bits() } / 1_000;
-    write(boot::record(end, &read(), uptime_ms));
+    write(boot::record(end, &read(), reset::uptime_ms()));
 }
 
-/// Reads why this run began, and makes sure that a watchdog resets everything. Once, before
-/// interrupts are on.
+/// Why this run began. Once, before interrupts are on.
 pub fn boot() -> Boot {
-    // SAFETY: only this function and `mark_watchdog` use these registers.
-    let flags = unsafe {
-        (*PSM::ptr()).wdsel().write(|w| w.bits(0x1_FFFC));
-        let watchdog = &*WATCHDOG::ptr();
-        let reason = watchdog.reason().read();
-        let chip = (*VREG_AND_CHIP_RESET::ptr()).chip_reset().read();
-        ResetFlags {
-            forced: reason.force().bit_is_set(),
-            timed_out: reason.timer().bit_is_set(),
-            is_own_watchdog: watchdog.scratch0().read().bits() == OWN_WATCHDOG,
-            debugger: chip.had_psm_restart().bit_is_set(),
-            pin: chip.had_run().bit_is_set(),
-        }
-    };
-    let (boot, keep) = Boot::judge(flags, &read());
+    let (boot, keep) = Boot::judge(reset::flags(), &read());
     write(keep);
     boot
-}
-
-/// The watchdog is the firmware's from now on.
-pub fn mark_watchdog() {
-    // SAFETY: one register that nothing else uses.
-    unsafe {
-        (*WATCHDOG::ptr())
-            .scratch0()
-            .write(|w| w.bits(OWN_WATCHDOG));
-    }
 }
 
 /// The run has lasted: what the last one died of is not the first of a streak any more.

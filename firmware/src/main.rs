@@ -1,7 +1,7 @@
 //! The firmware of the palpate tactile sensor: the list of what is wired to what.
 //!
 //! Priorities, from the most urgent: the two interrupts of the converter's bus and that of the
-//! coil's PWM, outside of RTIC (`bus::engine`, `coil::period`); `frame_over`, sensing and coil;
+//! coil's PWM, outside of RTIC (`board::i2c::engine`, `board::control`); `frame_over`, sensing and coil;
 //! instrument and supervisor; idle.
 //! See docs/firmware.md.
 
@@ -9,14 +9,10 @@
 #![no_main]
 
 mod board;
-mod bus;
-mod coil;
 mod crash;
 mod link;
 #[cfg(any(planted_defect = "panic", planted_defect = "fed_by_idle"))]
 mod planted;
-mod report;
-mod safe;
 mod supervision;
 mod tasks;
 mod wakeup;
@@ -26,53 +22,51 @@ use wakeup::Wakeup;
 
 rp2040_timer_monotonic!(Mono);
 
-/// The second stage of the boot loader, for the flash of a Raspberry Pi Pico.
-#[allow(unsafe_code)]
-#[unsafe(link_section = ".boot2")]
-#[used]
-static BOOT2: [u8; 256] = rp2040_boot2::BOOT_LOADER_W25Q080;
-
 /// A sample has been handed on.
 static SAMPLES: Wakeup = Wakeup::new();
 
 /// Something without which nothing can go on is taken already. It never is: `init` runs once.
 fn halt() -> ! {
-    safe::bridge_off();
+    board::safe::bridge_off();
     loop {
-        cortex_m::asm::nop();
+        core::hint::spin_loop();
     }
 }
 
 #[rtic::app(device = rp2040_pac, dispatchers = [SW0_IRQ, SW1_IRQ])]
 mod app {
     use heapless::spsc::Queue;
-    use ldc161x::{Address, AsyncLdc161x, Model};
     use palpate_node::acquisition::Sampled;
-    use palpate_procedure::Actions;
+    use palpate_node::coil::CoilManager;
+    use palpate_node::converter::{CONVERTERS, ConverterState};
+    use palpate_node::instrument::Instrument;
     use rtic_monotonics::rp2040::Priority;
 
-    use crate::board::{pico::Board, sleep, vectors};
-    use crate::bus::{self, Master};
-    use crate::supervision::Watchdog;
+    use crate::board::coil::PicoCoil;
+    use crate::board::{Board, Watchdog, i2c, safe, sleep, vectors};
     use crate::tasks::*;
-    use crate::wakeup::Sleeper;
-    use crate::{Mono, SAMPLES, crash, halt, link, safe};
+    use crate::{Mono, SAMPLES, crash, halt, link};
 
-    /// Samples that can wait for the instrument.
+    /// Samples of a converter that can wait for the instrument.
     const WAITING: usize = 8;
 
     #[shared]
-    struct Shared {}
+    struct Shared {
+        converters: [ConverterState; CONVERTERS],
+        coil: Option<CoilManager<PicoCoil>>,
+    }
 
     #[local]
     struct Local {
-        sensing: Sensing,
+        first: Sensing,
+        second: Sensing,
+        channels: Channels,
+        run: Run,
         instrument: Instrument,
-        arrived: Sleeper,
         watchdog: Watchdog,
     }
 
-    #[init(local = [queue: Queue<Sampled, WAITING> = Queue::new()])]
+    #[init(local = [queues: [Queue<Sampled, WAITING>; 2] = [const { Queue::new() }; 2]])]
     fn init(mut cx: init::Context) -> (Shared, Local) {
         safe::bridge_off();
         let boot = crash::boot();
@@ -80,45 +74,38 @@ mod app {
         // Beside the upper tasks: above them it would hold the coil's interrupt back.
         Mono::start(board.timer, &board.resets, const { Priority::new(2) });
         vectors::move_to_memory(&cx.core.SCB, &mut cx.core.NVIC);
-        let (outbox, inbox) = link::set_up(board.boot_id);
-        let (producer, consumer) = cx.local.queue.split();
-        let (Some(master), Some(arrived)) = (Master::take(Address::AddrLow.bits()), SAMPLES.take())
-        else {
+        let [first, second] = cx.local.queues.each_mut().map(Queue::split);
+        let samples = [first.1, second.1];
+        let (Some(first), Some(second), Some(arrived)) = (
+            Sensing::take(0, first.0),
+            Sensing::take(1, second.0),
+            SAMPLES.take(),
+        ) else {
             halt()
-        };
-        let sensing = Sensing {
-            driver: AsyncLdc161x::new(master, Model::Ldc1614, Address::AddrLow),
-            samples: producer,
-            release: None,
-            drives: None,
-            not_taken: 0,
-        };
-        let instrument = Instrument {
-            outbox,
-            inbox,
-            samples: consumer,
-            boot,
-            boot_id: board.boot_id,
-            clocks_run: board.clocks_run,
-            procedure: None,
-            actions: Actions::new(),
-            standing: [None; 2],
-            latched: None,
-            conditions_due_us: 0,
-            last_conditions: (0, 0),
         };
         // Each task is spawned for the first time, which cannot fail.
         let _ = sensing::spawn();
+        let _ = second_sensing::spawn();
         let _ = coil::spawn();
         let _ = instrument::spawn();
         let _ = supervisor::spawn();
+        let shared = Shared {
+            converters: [ConverterState::new(); CONVERTERS],
+            coil: board.supervisor.map(|of| CoilManager::new(PicoCoil, of)),
+        };
         let local = Local {
-            sensing,
-            instrument,
-            arrived,
+            first,
+            second,
+            channels: Channels::new(link::set_up(board.boot_id), samples, arrived),
+            run: Run {
+                boot,
+                boot_id: board.boot_id,
+                clocks_run: board.clocks_run,
+            },
+            instrument: Instrument::new(),
             watchdog: Watchdog::start(board.watchdog, board.clocks_run),
         };
-        (Shared {}, local)
+        (shared, local)
     }
 
     #[idle]
@@ -132,15 +119,21 @@ mod app {
     /// interrupt would have to wait for it.
     #[task(binds = PIO0_IRQ_0, priority = 2)]
     fn frame_over(_: frame_over::Context) {
-        bus::wake();
+        i2c::wake();
     }
 
     extern "Rust" {
-        #[task(local = [sensing], priority = 2)]
+        #[task(local = [first], shared = [converters], priority = 2)]
         async fn sensing(cx: sensing::Context);
-        #[task(priority = 2)]
+        #[task(local = [second], shared = [converters], priority = 2)]
+        async fn second_sensing(cx: second_sensing::Context);
+        #[task(shared = [coil], priority = 2)]
         async fn coil(cx: coil::Context);
-        #[task(local = [instrument, arrived], priority = 1)]
+        #[task(
+            local = [channels, run, instrument],
+            shared = [coil, converters],
+            priority = 1
+        )]
         async fn instrument(cx: instrument::Context);
         #[task(local = [watchdog], priority = 1)]
         async fn supervisor(cx: supervisor::Context);

@@ -10,7 +10,7 @@ pub use stall::stall_if_asked;
 
 #[cfg(planted_defect = "panic")]
 mod panic {
-    use crate::supervision::Task;
+    use palpate_node::supervision::Task;
 
     /// The number of the task that is to panic, from 1; a test writes it.
     #[unsafe(no_mangle)]

@@ -9,32 +9,32 @@ use std::{
 use clap::{Args, ValueEnum};
 use ldc161x::{Address, Error, Frame, InterruptRelease, Ldc161x, Quality, Reading};
 use ldc161x_sim::{
-    Bus, Chip, Conversions, Counter, Delay, ExternalClock, Fault, FaultEvent, IntbPin, Lost, Part,
-    Sensors, Settings, ShutdownPin, Switches, Time,
+    Bus, Chip, ChipFault, Conversions, Counter, Delay, ExternalClock, FaultEvent, IntbPin, Lost,
+    PartNumber, Sensors, Settings, ShutdownPin, Switches, Time,
 };
 use serde::Serialize;
 
 use crate::{
     failure::Failure,
-    plan_ldc::{self, Board},
+    plan_ldc::{self, PlannedBoard},
     switches,
 };
 
 /// Run the driver against the simulated chip and stream its readings.
 ///
 /// Simulated data: nothing here was measured. The sensors sweep slowly through the upper half of
-/// their range, so that each reading can be held against the true frequency beside it.
+/// their range, so that each reading can be compared with the true frequency beside it.
 #[derive(Args)]
 #[command(after_help = "\
 Each line is one reading; with --json one JSON object a line. Exit code 1 when the driver cannot
-go on; what it met and how it recovered is reported on standard error.
+go on; errors and recoveries are reported on standard error.
 
 Examples:
   palpate chip --channels 0-3 --rate 500 --frames 20
   palpate chip --rate 1000 --frames 2000 --fault brown-out --json > readings.jsonl")]
 pub(crate) struct Arguments {
     #[command(flatten)]
-    board: Board,
+    board: PlannedBoard,
     /// Frames to read
     #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u32).range(1..=10_000_000))]
     frames: u32,
@@ -113,11 +113,11 @@ impl FaultKind {
     fn event(self, at: Time) -> FaultEvent {
         let passing = Time::from_ms(5);
         match self {
-            Self::BrownOut => FaultEvent::at(at, Fault::BrownOut(Lost::Everything), passing),
-            Self::Nack => FaultEvent::at(at, Fault::Nack { after_bytes: 0 }, passing),
-            Self::SdaStuck => FaultEvent::at(at, Fault::SdaStuck { clocks: None }, passing),
-            Self::ClockLoss => FaultEvent::at(at, Fault::ClockLoss, passing),
-            Self::Absent => FaultEvent::from(at, Fault::Absent),
+            Self::BrownOut => FaultEvent::at(at, ChipFault::BrownOut(Lost::Everything), passing),
+            Self::Nack => FaultEvent::at(at, ChipFault::Nack { after_bytes: 0 }, passing),
+            Self::SdaStuck => FaultEvent::at(at, ChipFault::SdaStuck { clocks: None }, passing),
+            Self::ClockLoss => FaultEvent::at(at, ChipFault::ClockLoss, passing),
+            Self::Absent => FaultEvent::from(at, ChipFault::Absent),
         }
     }
 }
@@ -129,7 +129,7 @@ const COMPARATOR_DUTY: f32 = 0.29;
 const SWEEP_S: f64 = 1.618_034;
 /// Recoveries tried in a row before the verb gives up: 50 of 5 ms and more, a quarter of a second.
 const RECOVERIES: u32 = 50;
-/// The bus master gives up on a line held low after this time, some transfers' length.
+/// The bus master gives up on a line that stays low after this time, some transfers' length.
 const BUS_DEADLINE: Time = Time::from_ms(1);
 /// Registers are compared one by one, one after each of so many frames.
 const FRAMES_PER_CANARY: u32 = 8;
@@ -161,7 +161,7 @@ impl Sensors for Coils {
 
 /// One reading beside the truth.
 #[derive(Serialize)]
-struct Line {
+struct ReadingLine {
     simulated: bool,
     /// End of the conversion less half its length, since the start of the simulation.
     time_s: f64,
@@ -213,8 +213,8 @@ fn settings(arguments: &Arguments, switches: Switches) -> Settings {
     let clock_hz = f64::from(arguments.board.external_clock_hz().unwrap_or(40_000_000));
     Settings {
         part: match arguments.board.model() {
-            ldc161x::Model::Ldc1612 => Part::Ldc1612,
-            ldc161x::Model::Ldc1614 => Part::Ldc1614,
+            ldc161x::Model::Ldc1612 => PartNumber::Ldc1612,
+            ldc161x::Model::Ldc1614 => PartNumber::Ldc1614,
         },
         seed: arguments.seed,
         external_clock: Some(ExternalClock::exact(clock_hz)),
@@ -229,7 +229,7 @@ fn settings(arguments: &Arguments, switches: Switches) -> Settings {
     }
 }
 
-fn coils(board: &Board) -> Coils {
+fn coils(board: &PlannedBoard) -> Coils {
     Coils {
         lowest_hz: f64::from(board.sensor.0),
         highest_hz: f64::from(board.sensor.1),
@@ -313,7 +313,7 @@ impl<'a> Session<'a> {
         Ok(out.flush()?)
     }
 
-    /// Nine clocks to free the bus, the SD pin, the wanted configuration again.
+    /// Nine clocks to free the bus, the SD pin, the configuration again.
     fn recover(&mut self, error: &Error<ldc161x_sim::I2cError>) -> Result<(), Failure> {
         let at = self.now_ms();
         eprintln!("palpate: {at:.3} ms: {error}");
@@ -366,12 +366,12 @@ impl<'a> Session<'a> {
     }
 
     /// The reading with the simulated chip's own record of the same conversion.
-    fn line(&self, frame: &Frame, reading: &Reading) -> Option<Line> {
+    fn line(&self, frame: &Frame, reading: &Reading) -> Option<ReadingLine> {
         let chip = self.chip.borrow();
         let truth = chip.last_read(reading.channel.number())?;
         let scale = self.driver.configuration()?.scale(reading.channel);
         let ratio = scale.rational(reading.word.code());
-        Some(Line {
+        Some(ReadingLine {
             simulated: true,
             time_s: truth.end.as_secs_f64() - 0.5 * scale.conversion_s(),
             frame: frame.number,

@@ -16,18 +16,19 @@ use crate::demo;
 use crate::engine::Native;
 use crate::failure::Failure;
 use crate::in_order::in_order;
-use crate::instrument::{Instrument, default_settings};
+use crate::instrument::{CalibratedInstrument, default_settings};
 use crate::output::OutputFile;
 use crate::progress::Progress;
 use crate::results::{self, Measured};
 
 /// Press the demo's row upon many sensors, each calibrated on its own bench, and count how often
-/// the claims hold
+/// their intervals cover the truth
 #[derive(Args)]
 #[command(after_help = "\
 Prints Markdown: a line for each sensor as it is done, then the table. An interrupted run has its lines,
-and with --rows every press of the sensors that were done. Exit code 1 when fewer than 94 % of all estimates hold, since an interval of 95 % is
-then no such interval, and when there is no estimate at all.")]
+and with --rows every press of the sensors that were done. Exit code 1 when fewer than 94 % of all
+intervals cover the truth, since an interval of 95 % is then no such interval, and when there is no
+estimate at all.")]
 pub(crate) struct Arguments {
     /// How many sensors are drawn
     #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u64).range(1..=100_000))]
@@ -58,12 +59,12 @@ fn depth(text: &str) -> Result<f64, String> {
 /// what is random about a few hundred plants.
 const HONEST: usize = 94;
 
-/// Comments that `cargo xtask evidence` looks for around what it keeps.
+/// Comments by which `cargo xtask evidence` finds what it keeps.
 pub(crate) const BEGIN: &str = "<!-- evidence:begin -->";
 pub(crate) const END: &str = "<!-- evidence:end -->";
 
 /// What one sensor made of the row, or why it could not be calibrated.
-type Plant = Result<Vec<Measured>, String>;
+type PlantResult = Result<Vec<Measured>, String>;
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let disturbances = Disturbances::builtin().map_err(LoadError::from)?;
@@ -71,11 +72,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mut rows = arguments.rows.as_deref().map(Rows::create).transpose()?;
     let progress = Progress::new(arguments.plants as usize);
     let seed_of = |place: usize| arguments.seed.saturating_add(place as u64);
-    let plant = |place| -> Plant {
+    let plant = |place| -> PlantResult {
         let row = row(&stack, &disturbances, seed_of(place), arguments.depth);
         row.map_err(|failure| failure.to_string())
     };
-    let mut plants: Vec<Plant> = Vec::new();
+    let mut plants: Vec<PlantResult> = Vec::new();
     in_order(arguments.plants as usize, plant, |place, plant| {
         let seed = seed_of(place);
         if let Some(rows) = &mut rows {
@@ -99,25 +100,28 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     for (reason, count) in reasons(&plants) {
         writeln!(out, "- {count} without an estimate: {reason}")?;
     }
-    let (held, estimated) = loads.iter().fold((0, 0), |(held, estimated), load| {
-        (held + load.held, estimated + load.widths.len())
+    let (covered, estimated) = loads.iter().fold((0, 0), |(covered, estimated), load| {
+        (covered + load.covered, estimated + load.widths.len())
     });
-    writeln!(out, "\n{held} of {estimated} estimates hold.\n{END}")?;
+    writeln!(
+        out,
+        "\n{covered} of {estimated} intervals cover the truth.\n{END}"
+    )?;
     if estimated == 0 {
         return Err(Failure::Refused(
             "no press came to an estimate, so that there is no claim to count".to_owned(),
         ));
     }
-    if held * 100 < estimated * HONEST {
+    if covered * 100 < estimated * HONEST {
         return Err(Failure::Refused(format!(
-            "{held} of {estimated} claims of 95 % hold, fewer than {HONEST} %"
+            "{covered} of {estimated} intervals of 95 % cover the truth, fewer than {HONEST} %"
         )));
     }
     Ok(())
 }
 
 /// A line for a sensor that is done, the last one, with what all have come to.
-fn say(seed: u64, plants: &[Plant]) -> Result<(), Failure> {
+fn say(seed: u64, plants: &[PlantResult]) -> Result<(), Failure> {
     let of_last = match plants.last() {
         Some(Ok(row)) => {
             let (covered, estimated) = results::covered(row);
@@ -146,7 +150,7 @@ struct Rows {
 /// A row of the file: a press, or a sensor that could not be calibrated.
 #[derive(Default, Serialize)]
 #[allow(non_snake_case, reason = "keys carry units")]
-struct Row<'m> {
+struct CoverageRow<'m> {
     seed: u64,
     load: &'m str,
     true_N_per_m: Option<f64>,
@@ -174,13 +178,16 @@ impl Rows {
         ))
     }
 
-    fn write(&mut self, seed: u64, plant: &Plant) -> Result<(), Failure> {
+    fn write(&mut self, seed: u64, plant: &PlantResult) -> Result<(), Failure> {
         let rows = match plant {
-            Ok(measured) => measured.iter().map(|of| Row::of(seed, of)).collect(),
-            Err(reason) => vec![Row {
+            Ok(measured) => measured
+                .iter()
+                .map(|of| CoverageRow::of(seed, of))
+                .collect(),
+            Err(reason) => vec![CoverageRow {
                 seed,
                 reason: Some(reason.clone()),
-                ..Row::default()
+                ..CoverageRow::default()
             }],
         };
         rows.iter()
@@ -190,7 +197,7 @@ impl Rows {
     }
 }
 
-impl<'m> Row<'m> {
+impl<'m> CoverageRow<'m> {
     fn of(seed: u64, measured: &'m Measured) -> Self {
         let truth = measured.pressed.true_n_per_m;
         let estimate = measured.verdict.estimate();
@@ -214,7 +221,8 @@ fn row(
     depth: f64,
 ) -> Result<Vec<Measured>, Failure> {
     let settings = default_settings();
-    let instrument = Instrument::calibrated(stack, disturbances, seed, Switches::all(), &settings)?;
+    let instrument =
+        CalibratedInstrument::calibrated(stack, disturbances, seed, Switches::all(), &settings)?;
     demo::loads(instrument.plant.sensing.spring_n_per_m)
         .into_iter()
         .map(|(name, load)| demo::measure(&instrument, name, load, depth, &Native))
@@ -226,14 +234,14 @@ fn row(
 struct ByLoad {
     name: String,
     pressed: usize,
-    held: usize,
+    covered: usize,
     /// Half the width of each interval of c_S/c_L, over its value.
     widths: Vec<f64>,
     /// Error of each c_S/c_L over its value.
     errors: Vec<f64>,
 }
 
-fn by_load(plants: &[Plant]) -> Vec<ByLoad> {
+fn by_load(plants: &[PlantResult]) -> Vec<ByLoad> {
     let mut loads: Vec<ByLoad> = Vec::new();
     for measured in plants.iter().flatten().flatten() {
         let place = loads.iter().position(|load| load.name == measured.load);
@@ -258,7 +266,7 @@ impl ByLoad {
         let Some(estimate) = measured.verdict.estimate() else {
             return;
         };
-        self.held += usize::from(measured.verdict.holds(truth) == Some(true));
+        self.covered += usize::from(measured.verdict.holds(truth) == Some(true));
         self.widths.extend(measured.half_width());
         let value = estimate
             .stiffness_n_per_m
@@ -285,7 +293,7 @@ fn table(loads: &[ByLoad]) -> Table {
             load.name.clone(),
             load.pressed.to_string(),
             load.widths.len().to_string(),
-            load.held.to_string(),
+            load.covered.to_string(),
             quantile(&load.widths, 0.5).map_or(String::new(), percent),
             quantile(&load.errors, 0.5).map_or(String::new(), percent),
             quantile(&load.errors, 0.95).map_or(String::new(), percent),
@@ -306,7 +314,7 @@ pub(crate) fn quantile(values: &[f64], part: f64) -> Option<f64> {
 }
 
 /// Reasons without their numbers, and how many results each took.
-fn reasons(plants: &[Plant]) -> BTreeMap<String, usize> {
+fn reasons(plants: &[PlantResult]) -> BTreeMap<String, usize> {
     let of_plants = plants
         .iter()
         .filter_map(|plant| plant.as_ref().err().cloned());

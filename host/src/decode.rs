@@ -15,7 +15,7 @@ A line has header (boot_id, sequence, time_us, dropped) and message, the record 
 frame that cannot be understood gives a line with error instead. docs/protocol.md names every field
 with unit and range.
 
-Exit code 1 if there is no sound frame at all.
+Exit code 1 if there is no valid frame at all.
 
 Example, with what a debug probe wrote of RTT channel 1:
   palpate decode < records.bin")]

@@ -11,13 +11,13 @@ use palpate_sim::world::Holder;
 
 use crate::engine::{self, Engine};
 use crate::failure::Failure;
-use crate::instrument::{Instrument, SPEED_M_PER_S, default_settings};
+use crate::instrument::{CalibratedInstrument, SPEED_M_PER_S, default_settings};
 use crate::output::OutputFile;
 use crate::press::{Press, press};
 use crate::report;
 use crate::results::{self, Measured};
 
-/// Press a row of springs upon a simulated sensor, and show what it makes of them
+/// Press a row of springs upon a simulated sensor, and show its estimates
 ///
 /// The sensor is drawn from a stack and calibrated on its own simulated bench, with all that
 /// disturbs both. Driver, procedure and estimator are the firmware's own.
@@ -59,7 +59,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let stack = Stack::named(&arguments.stack, Path::new(""))?;
     let progress = arguments.engine.progress(RATIOS.len() + 2);
     progress.say("calibrating on the bench");
-    let instrument = Instrument::calibrated(
+    let instrument = CalibratedInstrument::calibrated(
         &stack,
         &disturbances,
         arguments.seed,
@@ -95,7 +95,7 @@ pub(crate) fn loads(sensing_n_per_m: f64) -> Vec<(String, Load)> {
 
 /// Presses one load so many times as deep as the sensor is meant to be pressed.
 pub(crate) fn measure(
-    instrument: &Instrument,
+    instrument: &CalibratedInstrument,
     name: String,
     load: Load,
     depth: f64,

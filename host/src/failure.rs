@@ -2,12 +2,12 @@
 
 use std::{fmt, io, path::PathBuf, process::ExitCode};
 
-use palpate_sim::board::BoardError;
+use palpate_sim::native::BoardError;
 use palpate_sim::parameters::ParameterError;
 use palpate_sim::stack::LoadError;
 use palpate_sim::stack::document::FileError;
 
-/// A failure with its place, its cause and what to do.
+/// A failure with its location, its cause and what to do.
 #[derive(Debug)]
 pub(crate) enum Failure {
     /// Something in a file is not as it may be.

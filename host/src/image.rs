@@ -8,7 +8,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use palpate_board::{Image, firmware};
+use palpate_emulator::{Image, firmware};
 
 use crate::failure::Failure;
 

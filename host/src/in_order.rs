@@ -29,7 +29,7 @@ pub(crate) fn in_order<T: Send>(
 }
 
 struct Queue<T, R> {
-    /// The place of the next result to be received.
+    /// The index of the next result to be received.
     next: usize,
     /// Results that came before it.
     waiting: BTreeMap<usize, T>,

@@ -1,7 +1,7 @@
 //! A simulated instrument, calibrated on its own bench.
 
 use palpate_sim::bench;
-use palpate_sim::board;
+use palpate_sim::native;
 use palpate_sim::parameters::{Parameters, draw};
 use palpate_sim::stack::{Disturbances, Stack};
 use palpate_sim::switches::Switches;
@@ -12,7 +12,7 @@ use crate::failure::Failure;
 
 /// A plant and the calibration that it was given.
 #[derive(Clone, Debug)]
-pub(crate) struct Instrument {
+pub(crate) struct CalibratedInstrument {
     pub(crate) plant: Parameters,
     pub(crate) switches: Switches,
     pub(crate) calibration: Calibration,
@@ -48,7 +48,7 @@ const RISE_PER_K: f64 = 0.002_9;
 const SPRING_TOLERANCE: f64 = 0.01;
 const LOAD_CELL_GAIN: f64 = 0.001;
 
-impl Instrument {
+impl CalibratedInstrument {
     /// Draws a plant and calibrates it.
     pub(crate) fn calibrated(
         stack: &Stack,
@@ -76,7 +76,7 @@ impl Instrument {
         let coil = coil(&effective);
         let sensing_n_per_m = stack.sensing_spring_n_per_m.centre();
         let depth_m = plant.press.depth_m.min(greatest_depth_m(stack));
-        let plan = bench::Plan {
+        let plan = bench::BenchPlan {
             settings: settings.clone(),
             coil: coil.clone(),
             depth_m,
@@ -163,5 +163,5 @@ pub(crate) fn coil(plant: &Parameters) -> Coil {
 
 /// Settings with which the instrument starts.
 pub(crate) fn default_settings() -> Settings {
-    board::default_settings()
+    native::default_settings()
 }

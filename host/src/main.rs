@@ -1,4 +1,4 @@
-//! `palpate`: the tool that users of the sensor have in their hands.
+//! `palpate`: the command-line tool of the sensor.
 
 // A tool that is built without a part has no use for all that its parts share.
 #![cfg_attr(not(all(feature = "emulator", feature = "field")), allow(dead_code))]
@@ -60,7 +60,7 @@ const EXIT_CODES: &str = "\
 Exit codes:
   0  done
   1  a refusal or a failure of what was run; the reason is printed
-  2  bad input or arguments; the message names the place and what is allowed";
+  2  bad input or arguments; the message names the location and what is allowed";
 
 #[derive(Subcommand)]
 enum Verb {

@@ -17,7 +17,7 @@ use crate::coverage::{BEGIN, END};
 use crate::demo;
 use crate::engine::{Engine, Native};
 use crate::failure::Failure;
-use crate::instrument::{Instrument, default_settings};
+use crate::instrument::{CalibratedInstrument, default_settings};
 use crate::progress::Progress;
 use crate::results::Measured;
 use crate::verdict::Verdict;
@@ -191,7 +191,7 @@ fn presses(
 ) -> Result<Vec<Press>, Failure> {
     let bench = left_out.on_the_bench(drawn);
     let instrument =
-        Instrument::of_plant(bench.clone(), stack, Switches::all(), &default_settings())?;
+        CalibratedInstrument::of_plant(bench.clone(), stack, Switches::all(), &default_settings())?;
     let mut chance = Stream::named(drawn.seed, &format!("misfit.{}", left_out.name()));
     let mut presses = Vec::new();
     for &ratio in ratios {
@@ -203,12 +203,12 @@ fn presses(
             if left_out == LeftOut::Rise && chance.between(-1.0, 1.0) < 0.0 {
                 size = -size;
             }
-            let mut pressed = Instrument {
+            let mut pressed = CalibratedInstrument {
                 plant: left_out.pressed(drawn, &bench, size),
                 ..instrument.clone()
             };
             let n_per_m = ratio * bench.sensing.spring_n_per_m;
-            let mut press = |pressed: &Instrument, allowance| {
+            let mut press = |pressed: &CalibratedInstrument, allowance| {
                 let measured = on_spring(pressed, n_per_m, &Native)?;
                 presses.push(Press {
                     left_out,
@@ -230,7 +230,11 @@ fn presses(
 }
 
 /// A press upon a spring, as deep as the sensor is meant to be pressed.
-fn on_spring(pressed: &Instrument, n_per_m: f64, engine: &dyn Engine) -> Result<Measured, Failure> {
+fn on_spring(
+    pressed: &CalibratedInstrument,
+    n_per_m: f64,
+    engine: &dyn Engine,
+) -> Result<Measured, Failure> {
     let spring = Load::Spring { n_per_m };
     demo::measure(pressed, "spring".to_owned(), spring, 1.0, engine)
 }
@@ -359,22 +363,23 @@ mod tests {
 
     /// A sensor whose lag, play and creep its calibration does not have; and how it is pressed: with
     /// the creep as drawn, a lag of 10 ms and a play of a tenth.
-    fn without_lag_play_and_creep(seed: u64) -> Instrument {
+    fn without_lag_play_and_creep(seed: u64) -> CalibratedInstrument {
         let stack = Stack::builtin("ultrasoft").unwrap();
         let drawn = draw(&stack, &Disturbances::builtin().unwrap(), seed);
         let bench = LeftOut::All.on_the_bench(&drawn);
         let (switches, settings) = (Switches::all(), default_settings());
-        let calibrated = Instrument::of_plant(bench.clone(), &stack, switches, &settings).unwrap();
+        let calibrated =
+            CalibratedInstrument::of_plant(bench.clone(), &stack, switches, &settings).unwrap();
         let mut plant = LeftOut::All.pressed(&drawn, &bench, 1.0);
         plant.magnetorheological.lag_s = 10e-3;
-        Instrument {
+        CalibratedInstrument {
             plant,
             ..calibrated
         }
     }
 
     #[track_caller]
-    fn is_refused(pressed: &Instrument, ratio: f64, engine: &dyn Engine) {
+    fn is_refused(pressed: &CalibratedInstrument, ratio: f64, engine: &dyn Engine) {
         let n_per_m = ratio * pressed.plant.sensing.spring_n_per_m;
         let measured = on_spring(pressed, n_per_m, engine).unwrap();
         match &measured.verdict {
@@ -399,8 +404,8 @@ mod tests {
     #[test]
     #[ignore = "long: `cargo xtask ci` runs it"]
     fn the_image_refuses_it_too() {
-        let image = palpate_board::firmware::build().unwrap_or_else(|error| panic!("{error}"));
-        let image = palpate_board::Image::load(&image).unwrap();
+        let image = palpate_emulator::firmware::build().unwrap_or_else(|error| panic!("{error}"));
+        let image = palpate_emulator::Image::load(&image).unwrap();
         let engine = crate::engine::OnBoard::quiet(image);
         is_refused(&without_lag_play_and_creep(1), 1.0, &engine);
     }

@@ -4,7 +4,7 @@ use std::io::{self, Write};
 
 use clap::{Args, ValueEnum};
 use ldc161x::{
-    Acquisition, BusAccess, Channel, Model, Noise, Plan, Rate, Rcount, ReferenceClock, Refusal,
+    Acquisition, BusAccess, Channel, LimitError, Model, Noise, Plan, Rate, Rcount, ReferenceClock,
     Request, Sensor, Sequence,
 };
 use serde::Serialize;
@@ -21,18 +21,18 @@ Example: four coils between 2.9 and 3.8 MHz, 500 frames a second, clock of 40 MH
   palpate plan-ldc --clock 40M --sensor 2.9M..3.8M --channels 0-3 --rate 500")]
 pub(crate) struct Arguments {
     #[command(flatten)]
-    pub(crate) board: Board,
+    pub(crate) board: PlannedBoard,
     /// Print JSON instead of an explanation
     #[arg(long)]
     json: bool,
 }
 
-/// What is on the board, and what is wanted of it.
+/// What is on the board, and what is requested of it.
 #[derive(Args)]
-pub(crate) struct Board {
+pub(crate) struct PlannedBoard {
     /// The chip
     #[arg(long, value_enum, default_value = "ldc1614")]
-    chip: Chip,
+    chip: ChipChoice,
     /// Clock on CLKIN in Hz (40M), or `internal`
     #[arg(long, default_value = "40M", value_parser = clock)]
     clock: ReferenceClock,
@@ -66,7 +66,7 @@ pub(crate) struct Board {
 }
 
 #[derive(Clone, Copy, ValueEnum)]
-enum Chip {
+enum ChipChoice {
     Ldc1612,
     Ldc1614,
 }
@@ -116,11 +116,11 @@ fn noise(text: &str) -> Result<f32, String> {
     }
 }
 
-impl Board {
+impl PlannedBoard {
     pub(crate) fn model(&self) -> Model {
         match self.chip {
-            Chip::Ldc1612 => Model::Ldc1612,
-            Chip::Ldc1614 => Model::Ldc1614,
+            ChipChoice::Ldc1612 => Model::Ldc1612,
+            ChipChoice::Ldc1614 => Model::Ldc1614,
         }
     }
 
@@ -156,7 +156,7 @@ impl Board {
 /// The outcome as JSON.
 #[derive(Serialize)]
 #[serde(rename_all = "snake_case")]
-enum Outcome {
+enum PlanOutcome {
     Plan(Plan),
     Refusal {
         limit: &'static str,
@@ -171,8 +171,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
     if arguments.json {
         let outcome = match &result {
-            Ok(plan) => Outcome::Plan(*plan),
-            Err(refusal) => Outcome::Refusal {
+            Ok(plan) => PlanOutcome::Plan(*plan),
+            Err(refusal) => PlanOutcome::Refusal {
                 limit: refusal.limit(),
                 remedy: refusal.remedy(),
                 text: refusal.to_string(),
@@ -188,7 +188,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-pub(crate) fn refused(refusal: Refusal) -> Failure {
+pub(crate) fn refused(refusal: LimitError) -> Failure {
     Failure::Refused(format!("the plan is refused: {refusal}"))
 }
 

@@ -147,13 +147,14 @@ pub(crate) struct Series {
 /// An area on which SVG is drawn.
 pub(crate) type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
-/// A drawing of this size, in pixels, as SVG.
+/// A drawing of this size, in pixels, as SVG; on white, so that a dark page shows it as well.
 pub(crate) fn svg(
     size: (u32, u32),
     draw: impl FnOnce(&Area<'_>) -> Result<(), String>,
 ) -> Result<String, String> {
     let mut text = String::new();
     let area = SVGBackend::with_string(&mut text, size).into_drawing_area();
+    area.fill(&WHITE).map_err(|error| error.to_string())?;
     draw(&area)?;
     area.present().map_err(|error| error.to_string())?;
     drop(area);
@@ -170,7 +171,7 @@ pub(crate) struct Chart {
 }
 
 impl Chart {
-    /// The chart as an `<svg>` element that fills its place on a page.
+    /// The chart as an `<svg>` element that fills its container on a page.
     pub(crate) fn svg(&self) -> Result<String, Failure> {
         let size = (SIZE.0 * ENLARGED, SIZE.1 * ENLARGED);
         let text = svg(size, |area| self.draw(area))
@@ -300,7 +301,7 @@ impl Chart {
     }
 }
 
-/// A range with its marks where they are wanted.
+/// A range with its marks at given values.
 struct Marked {
     span: Range<f64>,
     marks: Vec<f64>,
@@ -350,4 +351,20 @@ fn span(places: &[f64]) -> Range<f64> {
         low.abs().max(1.0) * 0.05
     };
     low - room..high + room
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_drawing_is_on_white() {
+        let text = svg((30, 20), |_| Ok(())).unwrap();
+        let (_, first) = text.split_once('\n').unwrap();
+        assert!(
+            first.starts_with("<rect x=\"0\" y=\"0\" width=\"30\" height=\"20\""),
+            "{text}"
+        );
+        assert!(first.contains("fill=\"#FFFFFF\""), "{text}");
+    }
 }

@@ -9,7 +9,7 @@ use palpate_wire::{Command, Frame, Record};
 
 use crate::engine::Engine;
 use crate::failure::Failure;
-use crate::instrument::Instrument;
+use crate::instrument::CalibratedInstrument;
 
 /// How an object is pressed.
 #[derive(Clone, Debug)]
@@ -37,7 +37,7 @@ const AFTERWARDS: Time = Time::from_ms(100);
 
 /// What came of it.
 #[derive(Clone, Debug)]
-pub(crate) struct Pressed {
+pub(crate) struct PressOutcome {
     /// Every record of the instrument, with its header.
     pub(crate) frames: Vec<Frame<Record>>,
     /// What was pressed.
@@ -52,7 +52,7 @@ pub(crate) struct Pressed {
     pub(crate) simulated_s: f64,
 }
 
-impl Pressed {
+impl PressOutcome {
     /// The records, each with its time by the instrument's clock, s.
     pub(crate) fn records(&self) -> impl Iterator<Item = (f64, &Record)> {
         let frames = self.frames.iter();
@@ -67,10 +67,10 @@ impl Pressed {
 
 /// Presses an object upon the instrument and waits for its estimate or refusal.
 pub(crate) fn press(
-    instrument: &Instrument,
+    instrument: &CalibratedInstrument,
     how: &Press,
     engine: &dyn Engine,
-) -> Result<Pressed, Failure> {
+) -> Result<PressOutcome, Failure> {
     let setup = Setup {
         load: how.load,
         holder: how.holder,
@@ -84,9 +84,9 @@ pub(crate) fn press(
 /// The press on a board, or on what stands for one.
 pub(crate) fn press_on<D: Device>(
     board: &mut D,
-    instrument: &Instrument,
+    instrument: &CalibratedInstrument,
     how: &Press,
-) -> Result<Pressed, Failure>
+) -> Result<PressOutcome, Failure>
 where
     Failure: From<D::Error>,
 {
@@ -106,7 +106,7 @@ where
     let truth = board.with_world(|world| world.truth());
     let end = board.now() + AFTERWARDS;
     board.run_until(end)?;
-    Ok(Pressed {
+    Ok(PressOutcome {
         frames: board.take_frames(),
         load: how.load,
         frame_m_per_n: plant.effective(&switches).press.frame_m_per_n,
@@ -138,8 +138,8 @@ mod tests {
     use crate::instrument::{SPEED_M_PER_S, default_settings};
 
     /// Points of the load's curve of a finger-like object that grows stiffer, and the press.
-    fn hardening(seed: u64, switches: Switches) -> (Pressed, Vec<LoadPoint>) {
-        let instrument = Instrument::calibrated(
+    fn hardening(seed: u64, switches: Switches) -> (PressOutcome, Vec<LoadPoint>) {
+        let instrument = CalibratedInstrument::calibrated(
             &Stack::builtin("ultrasoft").unwrap(),
             &Disturbances::builtin().unwrap(),
             seed,
@@ -169,7 +169,7 @@ mod tests {
     }
 
     /// Greatest miss of the curve, counted from its middle, in standard errors.
-    fn greatest_miss(pressed: &Pressed, points: &[LoadPoint]) -> f64 {
+    fn greatest_miss(pressed: &PressOutcome, points: &[LoadPoint]) -> f64 {
         let (first, last) = (&points[0], &points[points.len() - 1]);
         // Between the outer points the curve is nearly straight.
         let middle = |of: fn(&LoadPoint) -> f32| 0.5 * f64::from(of(first) + of(last));

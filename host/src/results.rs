@@ -8,8 +8,8 @@ use palpate_sim::switches::Switches;
 use serde::Serialize;
 
 use crate::failure::Failure;
-use crate::instrument::Instrument;
-use crate::press::Pressed;
+use crate::instrument::CalibratedInstrument;
+use crate::press::PressOutcome;
 use crate::verdict::Verdict;
 
 /// One press of the row.
@@ -17,13 +17,13 @@ use crate::verdict::Verdict;
 pub(crate) struct Measured {
     /// What was pressed, in words.
     pub(crate) load: String,
-    pub(crate) pressed: Pressed,
+    pub(crate) pressed: PressOutcome,
     pub(crate) verdict: Verdict,
 }
 
 /// A line of the JSON output.
 #[derive(Serialize)]
-struct Line<'m> {
+struct ResultLine<'m> {
     simulated: bool,
     load: &'m str,
     /// Tangent stiffness of the load and what it stands on; absent if infinite.
@@ -41,7 +41,7 @@ pub(crate) fn print_json(row: &[Measured]) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
     for measured in row {
         let truth = measured.pressed.true_n_per_m;
-        let line = Line {
+        let line = ResultLine {
             simulated: true,
             load: &measured.load,
             true_n_per_m: truth.is_finite().then_some(truth),
@@ -56,7 +56,7 @@ pub(crate) fn print_json(row: &[Measured]) -> Result<(), Failure> {
 }
 
 /// Which sensor this is.
-pub(crate) fn title(instrument: &Instrument, stack: &str, seed: u64) -> String {
+pub(crate) fn title(instrument: &CalibratedInstrument, stack: &str, seed: u64) -> String {
     let plant = &instrument.plant;
     let off = Switches::NAMES
         .iter()
@@ -78,7 +78,7 @@ pub(crate) fn title(instrument: &Instrument, stack: &str, seed: u64) -> String {
 }
 
 /// What the bench made of it.
-pub(crate) fn calibrated(instrument: &Instrument) -> String {
+pub(crate) fn calibrated(instrument: &CalibratedInstrument) -> String {
     let calibration = &instrument.calibration;
     let peak_a = f64::from(instrument.settings.peak_current_a);
     let square_a2 = peak_a * peak_a;
@@ -96,7 +96,11 @@ pub(crate) fn calibrated(instrument: &Instrument) -> String {
 }
 
 /// What people read on the terminal.
-pub(crate) fn print(instrument: &Instrument, row: &[Measured], title: &str) -> Result<(), Failure> {
+pub(crate) fn print(
+    instrument: &CalibratedInstrument,
+    row: &[Measured],
+    title: &str,
+) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
     writeln!(out, "{title}")?;
     writeln!(out, "{}", calibrated(instrument))?;
@@ -122,7 +126,7 @@ pub(crate) const COLUMNS: [&str; 7] = [
     "estimate",
     "error",
     "95 % interval",
-    "holds",
+    "covered",
     "eq. (2)",
 ];
 
@@ -142,7 +146,7 @@ fn table(row: &[Measured]) -> Table {
 }
 
 impl Measured {
-    pub(crate) fn new(load: String, pressed: Pressed) -> Self {
+    pub(crate) fn new(load: String, pressed: PressOutcome) -> Self {
         let verdict = Verdict::of(&pressed);
         Self {
             load,

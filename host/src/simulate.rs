@@ -8,7 +8,7 @@ use palpate_sim::stack::{Disturbances, LoadError};
 
 use crate::engine::{self, Engine};
 use crate::failure::Failure;
-use crate::instrument::{Instrument, SPEED_M_PER_S, default_settings};
+use crate::instrument::{CalibratedInstrument, SPEED_M_PER_S, default_settings};
 use crate::jsonl::{self, Note};
 use crate::output::OutputFile;
 use crate::press::{Press, press};
@@ -63,7 +63,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let disturbances = Disturbances::builtin().map_err(LoadError::from)?;
     let progress = arguments.engine.progress(scenario.presses.len() + 1);
     progress.say("calibrating on the bench");
-    let instrument = Instrument::calibrated(
+    let instrument = CalibratedInstrument::calibrated(
         &scenario.stack,
         &disturbances,
         arguments.seed,
@@ -93,7 +93,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
 }
 
 fn measure(
-    instrument: &Instrument,
+    instrument: &CalibratedInstrument,
     what: &scenario::Press,
     engine: &dyn Engine,
 ) -> Result<Measured, Failure> {

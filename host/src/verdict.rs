@@ -1,10 +1,10 @@
-//! What the instrument said of a press, held against the truth.
+//! The instrument's result of a press, compared with the truth.
 
 use palpate_wire::Record;
 use palpate_wire::code::RefusalReason;
 use palpate_wire::record::{Estimate, Fault, Refusal};
 
-use crate::press::Pressed;
+use crate::press::PressOutcome;
 
 /// What came of a press.
 #[derive(Clone, Debug, PartialEq)]
@@ -18,7 +18,7 @@ pub(crate) enum Verdict {
 
 impl Verdict {
     /// The first result among the records.
-    pub(crate) fn of(pressed: &Pressed) -> Self {
+    pub(crate) fn of(pressed: &PressOutcome) -> Self {
         let results = pressed.records().filter_map(|(_, record)| match record {
             Record::Estimate(estimate) => Some(Self::Estimate(Box::new(estimate.clone()))),
             Record::Refusal(refusal) => Some(Self::Refusal(refusal.clone())),

@@ -14,7 +14,7 @@ use serde::Serialize;
 use crate::failure::Failure;
 
 /// Decode LDC161x conversion words: frequency, standard uncertainty, and the ratio of counts
-/// M/N that the word is, or is not.
+/// M/N, where the word is one.
 #[derive(Args)]
 #[command(after_help = "\
 The file is CSV with the columns source, fref_hz, rcount, kind and value, in any order;
@@ -37,7 +37,7 @@ const REFERENCE_HZ: std::ops::RangeInclusive<f64> = 1_955.0..=55e6;
 
 /// One decoded word.
 #[derive(Debug, Serialize)]
-struct Row {
+struct WordRow {
     source: String,
     fref_hz: f64,
     rcount: u16,
@@ -67,7 +67,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-fn decode_file(path: &Path) -> Result<Vec<Row>, Failure> {
+fn decode_file(path: &Path) -> Result<Vec<WordRow>, Failure> {
     let unreadable = |reason| Failure::Unreadable {
         file: path.to_owned(),
         reason,
@@ -169,14 +169,14 @@ impl Columns {
 /// The problem of a field, and what is allowed in it.
 type FieldError = (String, String);
 
-fn decode_record(columns: &Columns, record: &csv::StringRecord) -> Result<Row, FieldError> {
+fn decode_record(columns: &Columns, record: &csv::StringRecord) -> Result<WordRow, FieldError> {
     let [source, fref_hz, rcount, kind, value] = columns.fields(record);
     let fref_hz = reference(fref_hz)?;
     let rcount = reference_count(rcount)?;
     let code = code(kind, value, fref_hz)?;
     let scale = Scale::undivided(fref_hz, rcount);
     let ratio = scale.rational(code);
-    Ok(Row {
+    Ok(WordRow {
         source: source.into(),
         fref_hz,
         rcount: rcount.get(),
@@ -241,7 +241,7 @@ fn code(kind: &str, value: &str, fref_hz: f64) -> Result<Code28, FieldError> {
     }
 }
 
-fn table(rows: &[Row]) -> Table {
+fn table(rows: &[WordRow]) -> Table {
     let mut table = Table::new();
     table.load_style(presets::NOTHING);
     table.set_header([
@@ -285,7 +285,7 @@ fn table(rows: &[Row]) -> Table {
 }
 
 /// Whether the words of this file behave as ratios of counts at all.
-fn summary(rows: &[Row]) -> String {
+fn summary(rows: &[WordRow]) -> String {
     let mut count = PlausibilityCount::default();
     for row in rows {
         count.add(&Rational {

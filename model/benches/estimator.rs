@@ -4,20 +4,20 @@ use divan::{Bencher, black_box};
 use palpate_model::calibration_curve::MonotoneCurve;
 use palpate_model::contact::{Detector, Watch};
 use palpate_model::magnetorheological::{Saturating, Stiffening};
-use palpate_model::ramp::{Basis, Drift, Noise, Ramp, Reference, Sample, Term};
+use palpate_model::ramp::{Basis, DriftModel, Noise, Ramp, RampSample, Reference, Term};
 use palpate_model::units::{Ampere, Metre, NewtonPerMetre, Second};
 
 fn main() {
     divan::main();
 }
 
-const CREEP: Drift = Drift::Logarithmic { tau: Second(0.05) };
+const CREEP: DriftModel = DriftModel::Logarithmic { tau: Second(0.05) };
 
 /// Samples of a ramp: content does not change the cost.
-fn samples() -> Vec<Sample> {
+fn samples() -> Vec<RampSample> {
     let sample = |i: usize| {
         let h = -0.1 * (1.0 - i as f32 / 400.0);
-        Sample {
+        RampSample {
             time: Second(i as f32 * 2e-3),
             deformation: Metre(-3e-4 * h / (3.0 + h)),
             regressor: h,
@@ -67,7 +67,7 @@ mod push_400_samples {
 
     #[divan::bench]
     fn linear_drift(bencher: Bencher<'_, '_>) {
-        push(bencher, Basis::with_drift(Drift::Linear).unwrap());
+        push(bencher, Basis::with_drift(DriftModel::Linear).unwrap());
     }
 
     #[divan::bench]
@@ -77,7 +77,7 @@ mod push_400_samples {
 
     #[divan::bench]
     fn quadratic_and_two_drifts(bencher: Bencher<'_, '_>) {
-        let drifts = [Term::Drift(Drift::Linear), Term::Drift(CREEP)];
+        let drifts = [Term::Drift(DriftModel::Linear), Term::Drift(CREEP)];
         let [a, b] = drifts;
         push(
             bencher,

@@ -8,18 +8,18 @@ mod common;
 
 use std::process::ExitCode;
 
-use common::efficiency::{CASES, Case};
-use common::statistics::Errors;
+use common::efficiency::{CASES, EfficiencyCase};
+use common::statistics::EstimateErrors;
 use palpate_model::ramp::Noise;
 
-struct Arguments {
+struct EfficiencyArguments {
     seed: u64,
     ramps: u64,
     noise: Noise,
 }
 
-fn arguments() -> Option<Arguments> {
-    let mut arguments = Arguments {
+fn arguments() -> Option<EfficiencyArguments> {
+    let mut arguments = EfficiencyArguments {
         seed: 1,
         ramps: 2000,
         noise: Noise::Residual,
@@ -40,7 +40,7 @@ fn arguments() -> Option<Arguments> {
 }
 
 /// RMSE within 5 % of the bound, bias within a tenth of a standard error, coverage within 1.5 %.
-fn meets_the_bars(case: &Case, errors: &Errors) -> bool {
+fn meets_the_bars(case: &EfficiencyCase, errors: &EstimateErrors) -> bool {
     // The creep term on a single ramp is there for comparison.
     case.published > 0.03
         || (errors.rms() <= 1.05
@@ -50,7 +50,7 @@ fn meets_the_bars(case: &Case, errors: &Errors) -> bool {
 }
 
 fn main() -> ExitCode {
-    let Some(Arguments { seed, ramps, noise }) = arguments() else {
+    let Some(EfficiencyArguments { seed, ramps, noise }) = arguments() else {
         eprintln!("usage: efficiency [--seed N] [--ramps N] [--noise stated|residual|larger]");
         return ExitCode::from(2);
     };

@@ -8,7 +8,7 @@ use common::efficiency::fit;
 use common::plant::{Ramps, Recording, Stack, record};
 use common::reference::{Phi, reciprocal_line};
 use common::rng::Rng;
-use palpate_model::ramp::{Basis, Drift, Noise};
+use palpate_model::ramp::{Basis, DriftModel, Noise};
 use palpate_model::units::Second;
 
 /// 1/x on g with a drift term, weights x^4/sigma^2, by centred (Welford) sums of `f32`.
@@ -65,7 +65,7 @@ fn plain_f32(recording: &Recording) -> f32 {
 
 fn main() {
     let creep = |t: f64| (1.0 + t / 0.05).ln();
-    let basis = Basis::with_drift(Drift::Logarithmic { tau: Second(0.05) }).unwrap();
+    let basis = Basis::with_drift(DriftModel::Logarithmic { tau: Second(0.05) }).unwrap();
     println!("relative difference of c_L from QR in f64, same f32 inputs, noise 1e-6, worst of 20");
     println!(
         "{:>6} {:>7} | {:>9} {:>9} {:>9} | {:>9} {:>9}  one ramp with a creep term",

@@ -12,8 +12,7 @@
 //! a board's own calibration, as a law of this form or as a table.
 
 use crate::calibration_curve::MonotoneCurve;
-use crate::math;
-use crate::units::{Ampere, Metre, Newton, NewtonPerMetre, OutOfRange, Requirement, Second, Tesla};
+use crate::units::{Ampere, Metre, Newton, NewtonPerMetre, OutOfRange, Requirement, Tesla};
 
 /// Relative rise of the actuated spring at some current.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -69,45 +68,7 @@ pub trait Stiffening {
     }
 }
 
-/// The stiffening follows the field late, by some milliseconds: a first-order lag of the rise.
-///
-/// A ramp's regressor is g at the rise that *is*, not at the one that the current will lead to.
-/// Eight ramps of 0.1 s make 15 % of c_L out of 5 ms that are left out.
-///
-/// ```
-/// use palpate_model::magnetorheological::Lag;
-/// use palpate_model::units::Second;
-/// let mut lag = Lag::new(Second(5e-3), 0.1)?;
-/// let after_one_tau = lag.follow(0.0, Second(5e-3));
-/// assert!((after_one_tau - 0.1 / core::f32::consts::E).abs() < 1e-8);
-/// # Ok::<(), palpate_model::units::OutOfRange>(())
-/// ```
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct Lag {
-    tau: Second,
-    rise: f32,
-}
-
-impl Lag {
-    /// Time constant above zero, and the rise that the layer has settled to.
-    pub fn new(tau: Second, settled: f32) -> Result<Self, OutOfRange> {
-        Ok(Self {
-            tau: Second::positive(tau.0)?,
-            rise: settled,
-        })
-    }
-
-    /// The rise after `interval` in which the current asked for `target`. Exact for a target that
-    /// stays; one that moves evenly is followed `interval`/2 too early.
-    pub fn follow(&mut self, target: f32, interval: Second) -> f32 {
-        self.rise -= math::exp_m1(-(interval / self.tau)) * (target - self.rise);
-        self.rise
-    }
-}
-
-/// h = g - g_0 = -g_0 rho/(1 + rho) for a rise that is not the current's own, as after a [`Lag`].
+/// h = g - g_0 = -g_0 rho/(1 + rho) for a rise that is not the current's own, as where the elastomer lags behind it.
 pub fn deviation(reference_ratio: f32, rise: f32) -> f32 {
     -reference_ratio / (1.0 + rise) * rise
 }

@@ -65,11 +65,6 @@ impl Springs {
     pub fn shares(&self) -> Shares {
         Shares::new(self.sensing / self.load, self.sensing / self.actuated)
     }
-
-    /// x_S when all three together are pressed by `total`, x_0. Relative error at most 4.0e-7.
-    pub fn sensing_deformation(&self, total: Metre) -> Metre {
-        Metre(total.0 / (1.0 + self.sensing / self.load + self.sensing / self.actuated))
-    }
 }
 
 /// Eq. (2), the plain formula for two states: c_L from the deformations x_S1, x_S2 of the sensing

@@ -185,10 +185,6 @@ quantity!(/// Electric current.
     Ampere, "A");
 quantity!(/// Temperature on the Celsius scale; differences are in [`Kelvin`].
     Celsius, "degC");
-quantity!(/// Capacitance.
-    Farad, "F");
-quantity!(/// Inductance.
-    Henry, "H");
 quantity!(/// Frequency.
     Hertz, "Hz");
 quantity!(/// Heat capacity.
@@ -216,8 +212,6 @@ quantity!(/// Power.
 
 ratio_scale!(
     Ampere,
-    Farad,
-    Henry,
     Hertz,
     JoulePerKelvin,
     Kelvin,

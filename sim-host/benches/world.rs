@@ -6,9 +6,9 @@ use core::cell::RefCell;
 use divan::{Bencher, counter::ItemsCount};
 use embedded_hal::i2c::{I2c, Operation};
 use ldc161x_sim::{Bus, Chip, Time};
-use palpate_sim::board::{Hardware, VirtualBoard};
 use palpate_sim::device::Device;
 use palpate_sim::mechanics::{load::Load, press::Profile};
+use palpate_sim::native::{NativeBoard, Wiring};
 use palpate_sim::parameters::draw;
 use palpate_sim::stack::{Disturbances, Stack};
 use palpate_sim::switches::Switches;
@@ -69,8 +69,11 @@ fn new_world(bencher: Bencher<'_, '_>) {
 
 /// The integral of a new coil.
 #[divan::bench]
-fn new_coil() -> palpate_sim::coil::curve::CoilCurve {
-    palpate_sim::coil::curve::CoilCurve::new(&palpate_sim::coil::CoilDesign::REFERENCE, Some(5e-3))
+fn new_coil() -> palpate_sim::sensing_coil::curve::CoilCurve {
+    palpate_sim::sensing_coil::curve::CoilCurve::new(
+        &palpate_sim::sensing_coil::CoilDesign::REFERENCE,
+        Some(5e-3),
+    )
 }
 
 /// A converter at about 1 kHz: 30 MHz, 16 · 1875 periods.
@@ -146,9 +149,9 @@ fn plant_and_chip_read_over_the_bus(bencher: Bencher<'_, '_>) {
 fn whole_board(bencher: Bencher<'_, '_>) {
     bencher
         .counter(ItemsCount::new(5_u32))
-        .with_inputs(|| Hardware::new(pressed()))
+        .with_inputs(|| Wiring::new(pressed()))
         .bench_local_refs(|hardware| {
-            let mut board = VirtualBoard::new(hardware);
+            let mut board = NativeBoard::new(hardware);
             let end = board.now() + Time::from_ms(5_000);
             board.run_until(end).expect("the chip answers");
             board.take_records().len()

@@ -1,6 +1,6 @@
 //! A calibration on the bench: what its user does there, and what they write down.
 //!
-//! The instrument on the [`rig`](crate::rig) is the virtual board with its own firmware's
+//! The instrument on the [`rig`](crate::rig) is the native board with its own firmware's
 //! procedure. Its user presses specimens upon it - nothing, a rigid block, reference
 //! springs, to several depths - and drives the train of ramps on each; the instrument's samples and the
 //! bench's gauges go into a [`Session`]. What calibration follows from that is not decided here.
@@ -14,9 +14,9 @@ use palpate_wire::command::{Coil, Settings};
 use palpate_wire::{Command, Record};
 
 use crate::Time;
-use crate::board::{BoardError, Hardware, VirtualBoard};
 use crate::current::acting_a;
 use crate::device::Device;
+use crate::native::{BoardError, NativeBoard, Wiring};
 use crate::parameters::{ParameterError, Parameters};
 use crate::rig::{BareRig, CLEARANCE_M, Gauges, Rig, Specimen};
 use crate::switches::Switches;
@@ -24,7 +24,7 @@ use crate::world::World;
 
 /// One sample of the instrument, with what the gauges said soon after.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Line {
+pub struct BenchSample {
     /// Middle of the conversion, s.
     pub time_s: f64,
     /// Resonance frequency, Hz.
@@ -59,9 +59,11 @@ pub struct Run {
     /// What was pressed.
     pub pressed: Pressed,
     /// The samples, from before the touch to after the last ramp.
-    pub lines: Vec<Line>,
-    /// When the first rise began, s.
+    pub lines: Vec<BenchSample>,
+    /// When the train was asked for, s.
     pub began_s: f64,
+    /// When its ramps began, after the coil's test, s.
+    pub ramps_s: f64,
     /// When the press came to rest, s; the start for nothing.
     pub pressed_s: f64,
 }
@@ -93,7 +95,7 @@ pub struct Session {
 
 /// What the bench's user sets beforehand.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Plan {
+pub struct BenchPlan {
     /// Settings of the instrument: the train is the one that it will measure with.
     pub settings: Settings,
     /// The coil's data, without which nothing limits its heat.
@@ -193,10 +195,10 @@ const START_S: f64 = 0.05;
 pub fn calibrate(
     parameters: &Parameters,
     switches: Switches,
-    plan: &Plan,
+    plan: &BenchPlan,
 ) -> Result<Session, BenchError> {
     let pressing = |pressed, depth_m, speed_m_per_s, train| {
-        let task = Task {
+        let task = BenchTask {
             pressed,
             depth_m,
             speed_m_per_s,
@@ -254,8 +256,9 @@ pub fn calibrate(
 
 /// The greatest force of all runs over the greatest at rest before a train upon the block.
 fn growth(runs: &[Run]) -> f64 {
-    let greatest_n =
-        |lines: &mut dyn Iterator<Item = &Line>| lines.map(|line| line.force_n).fold(0.0, f64::max);
+    let greatest_n = |lines: &mut dyn Iterator<Item = &BenchSample>| {
+        lines.map(|line| line.force_n).fold(0.0, f64::max)
+    };
     let blocks = runs.iter().filter(|run| run.pressed == Pressed::Block);
     let mut at_rest = blocks.flat_map(|run| {
         let lines = run.lines.iter();
@@ -271,7 +274,7 @@ fn growth(runs: &[Run]) -> f64 {
 }
 
 /// What is done in one run.
-struct Task {
+struct BenchTask {
     pressed: Pressed,
     /// Depth of the sensing layer to aim at, m.
     depth_m: f64,
@@ -284,10 +287,10 @@ struct Task {
 fn run(
     parameters: &Parameters,
     switches: Switches,
-    plan: &Plan,
-    task: &Task,
+    plan: &BenchPlan,
+    task: &BenchTask,
 ) -> Result<Run, BenchError> {
-    let Task {
+    let BenchTask {
         pressed,
         depth_m,
         speed_m_per_s,
@@ -304,9 +307,9 @@ fn run(
         Pressed::Nothing => None,
         _ => Some(world.press_for_depth_m(depth_m)),
     };
-    let hardware = Hardware::new(world);
+    let hardware = Wiring::new(world);
     let mut bench = Bench {
-        board: VirtualBoard::new(&hardware),
+        board: NativeBoard::new(&hardware),
         hardware: &hardware,
         gauges,
         lines: Vec::new(),
@@ -325,27 +328,26 @@ fn run(
         bench.run_until(at_rest + Time::from_secs_f64(plan.rest_s))?;
     }
     let began_s = bench.board.now().as_secs_f64();
-    if train {
-        bench.sweep()?;
-    }
+    let ramps_s = if train { bench.sweep()? } else { began_s };
     Ok(Run {
         pressed,
         lines: bench.lines,
         began_s,
+        ramps_s,
         pressed_s,
     })
 }
 
 /// The bench during a run.
 struct Bench<'a> {
-    board: VirtualBoard<'a>,
-    hardware: &'a Hardware,
+    board: NativeBoard<'a>,
+    hardware: &'a Wiring,
     gauges: Gauges,
-    lines: Vec<Line>,
+    lines: Vec<BenchSample>,
 }
 
 impl Bench<'_> {
-    fn prepare(&mut self, plan: &Plan) -> Result<(), BenchError> {
+    fn prepare(&mut self, plan: &BenchPlan) -> Result<(), BenchError> {
         let settings = Settings {
             stream: palpate_wire::code::Stream::Samples,
             decimation: 1,
@@ -391,8 +393,8 @@ impl Bench<'_> {
                 continue;
             };
             let world: core::cell::Ref<'_, World> = self.hardware.world().borrow();
-            let reading = self.gauges.look_at(&world);
-            self.lines.push(Line {
+            let reading = self.gauges.read(&world);
+            self.lines.push(BenchSample {
                 time_s: at.as_ticks() as f64 * 1e-6,
                 frequency_hz: conversion.frequency_hz,
                 current_a: acting_a(
@@ -407,19 +409,23 @@ impl Bench<'_> {
         others
     }
 
-    /// Drives the train.
-    fn sweep(&mut self) -> Result<(), BenchError> {
+    /// Drives the train; the time at which its ramps began, s. The coil's test goes before it.
+    fn sweep(&mut self) -> Result<f64, BenchError> {
         self.command(Command::Arm)?;
-        self.board.send(Command::Sweep)?;
+        self.board.post(Command::Sweep);
         let limit = self.board.now() + Time::from_ms(60_000);
-        let mut said = None;
+        let (mut ramps_s, mut said) = (None, None);
         while self.board.now() < limit {
             self.board.advance(limit)?;
             for record in self.write_down() {
                 match record {
+                    Record::State(change) if change.state == State::Ramps => {
+                        ramps_s = Some(self.board.now().as_secs_f64());
+                    }
                     Record::State(change) if change.previous == State::Ramps && said.is_none() => {
                         let end = self.board.now() + AFTERWARDS;
-                        return self.run_until(end);
+                        self.run_until(end)?;
+                        return ramps_s.ok_or(BenchError::NoTrain { said });
                     }
                     Record::Refusal(_) | Record::Fault(_) => said = Some(Box::new(record)),
                     _ => {}

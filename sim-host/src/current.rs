@@ -9,8 +9,8 @@ use core::f64::consts::TAU;
 
 use ldc161x_sim::Time;
 
-use crate::coil::interference::Bridge;
 use crate::random::Stream;
+use crate::sensing_coil::interference::Bridge;
 
 /// Hardware limit of the current in units of the stack's peak current (the bridge has one, which is
 /// mandatory; its height is a guess).

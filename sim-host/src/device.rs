@@ -4,12 +4,12 @@ use palpate_procedure::Instant;
 use palpate_wire::{Command, Frame, Record};
 
 use crate::Time;
-use crate::board::TimedRecord;
+use crate::native::TimedRecord;
 use crate::world::World;
 
 /// An instrument that takes commands and tells records, on a plant whose time it drives.
 ///
-/// [`VirtualBoard`](crate::board::VirtualBoard) is one on this computer; an emulated board that
+/// [`NativeBoard`](crate::native::NativeBoard) is one on this computer; an emulated board that
 /// runs the firmware's image is another.
 pub trait Device {
     /// Why it cannot run on.
@@ -34,7 +34,7 @@ pub trait Device {
     fn frames(&mut self) -> &mut Vec<Frame<Record>>;
 
     /// Looks at the world, or changes it, now.
-    fn with_world<T>(&mut self, look: impl FnOnce(&mut World) -> T) -> T;
+    fn with_world<T>(&mut self, apply: impl FnOnce(&mut World) -> T) -> T;
 
     /// Takes the frames since this was last asked.
     fn take_frames(&mut self) -> Vec<Frame<Record>> {

@@ -13,17 +13,18 @@
 #![doc = include_str!("../README.md")]
 
 pub mod bench;
-pub mod board;
-pub mod coil;
+
 pub mod current;
 pub mod device;
 pub mod electrical;
 pub mod magnetorheological;
 pub mod mechanics;
+pub mod native;
 pub mod parameters;
 pub mod random;
 pub mod rig;
 pub mod scenario;
+pub mod sensing_coil;
 pub mod stack;
 pub mod switches;
 pub mod thermal;

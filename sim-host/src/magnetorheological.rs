@@ -86,14 +86,12 @@ impl MagnetorheologicalParameters {
     }
 }
 
-/// State of the play operator: the output of a rod with backlash that follows its input.
+/// State of the play operator: the output of a rod with backlash that follows its input. The default
+/// is a fresh sample, never magnetised.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Play(f64);
 
 impl Play {
-    /// A fresh sample, never magnetised.
-    pub const FRESH: Self = Self(0.0);
-
     /// The state after the input has moved, without turning, to `input`.
     #[must_use]
     pub fn follow(self, input: f64) -> Self {
@@ -136,21 +134,21 @@ mod tests {
 
     #[test]
     fn rising_stiffens_less_than_falling() {
-        let rising = Play::FRESH.follow(0.5);
-        let falling = Play::FRESH.follow(1.0).follow(0.5);
+        let rising = Play::default().follow(0.5);
+        let falling = Play::default().follow(1.0).follow(0.5);
         let gap = LAW.target(0.5, falling) - LAW.target(0.5, rising);
         // the whole width of the play, times the share
         assert!((gap - 0.2 * 0.5 / 0.75).abs() < 1e-14, "{gap}");
-        assert!((LAW.target(1.0, Play::FRESH.follow(1.0)) - 1.0).abs() < 1e-15);
-        let left = LAW.target(0.0, Play::FRESH.follow(1.0).follow(0.0));
+        assert!((LAW.target(1.0, Play::default().follow(1.0)) - 1.0).abs() < 1e-15);
+        let left = LAW.target(0.0, Play::default().follow(1.0).follow(0.0));
         assert!((left - 0.2 / 3.0).abs() < 1e-15);
     }
 
     #[test]
     fn a_loop_closes_and_a_small_one_stays_inside() {
         let up = |play: Play| play.follow(1.0).follow(0.0);
-        assert_eq!(up(Play::FRESH), up(up(Play::FRESH)));
-        let outer = Play::FRESH.follow(1.0).follow(0.4);
+        assert_eq!(up(Play::default()), up(up(Play::default())));
+        let outer = Play::default().follow(1.0).follow(0.4);
         assert_eq!(outer.follow(0.6), outer, "less than the play's width");
     }
 

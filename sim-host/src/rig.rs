@@ -34,7 +34,7 @@ pub enum Specimen {
 
 /// One reading of the bench.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Reading {
+pub struct RigReading {
     /// What the load cell tells, N.
     pub force_n: f64,
     /// What the stage's scale tells, m.
@@ -50,11 +50,11 @@ pub struct Gauges {
 
 impl Gauges {
     /// Reads load cell and scale of a bench's world now. Each call has its own noise.
-    pub fn look_at(&mut self, world: &World) -> Reading {
-        self.read(world.truth().force_n, world.planned_press_m())
+    pub fn read(&mut self, world: &World) -> RigReading {
+        self.reading(world.truth().force_n, world.planned_press_m())
     }
 
-    fn read(&mut self, force_n: f64, stage_m: f64) -> Reading {
+    fn reading(&mut self, force_n: f64, stage_m: f64) -> RigReading {
         let rig = &self.parameters;
         let noise_n = if rig.load_cell_noise_n > 0.0 {
             rig.load_cell_noise_n * self.noise.normal()
@@ -62,7 +62,7 @@ impl Gauges {
             0.0
         };
         let turns = stage_m / STAGE_PITCH_M;
-        Reading {
+        RigReading {
             force_n: force_n * (1.0 + rig.load_cell_gain_error) + noise_n,
             stage_m: stage_m + rig.stage_error_m * libm::sin(TAU * turns + rig.stage_phase),
         }
@@ -144,20 +144,14 @@ impl Rig {
         &mut self.world
     }
 
-    /// The bench's world, when its gauges are not needed any more.
-    #[must_use]
-    pub fn into_world(self) -> World {
-        self.world
-    }
-
     /// Moves the stage to a true displacement at a speed.
     pub fn move_stage(&mut self, position_m: f64, speed_m_per_s: f64) {
         self.world.move_press(position_m, speed_m_per_s);
     }
 
     /// Reads load cell and scale now. Each call has its own noise.
-    pub fn read(&mut self) -> Reading {
-        self.gauges.look_at(&self.world)
+    pub fn read(&mut self) -> RigReading {
+        self.gauges.read(&self.world)
     }
 
     /// World and gauges apart.
@@ -197,8 +191,8 @@ impl BareRig {
 
     /// Presses block on block until the true force is `force_n`, and reads. The scale is zero where
     /// they touch.
-    pub fn press(&mut self, force_n: f64) -> Reading {
+    pub fn press(&mut self, force_n: f64) -> RigReading {
         let stage_m = force_n * self.gauges.parameters.frame_m_per_n;
-        self.gauges.read(force_n, stage_m)
+        self.gauges.reading(force_n, stage_m)
     }
 }

@@ -27,7 +27,7 @@
 use std::path::Path;
 
 use crate::mechanics::load::Load;
-use crate::stack::document::{FileError, Section};
+use crate::stack::document::{FileError, TableSection};
 use crate::stack::quantity::Allowed;
 use crate::stack::{LoadError, Stack, read};
 use crate::switches::Switches;
@@ -99,7 +99,7 @@ impl Scenario {
     }
 
     fn read(file: &str, text: &str, folder: &Path) -> Result<Self, LoadError> {
-        let mut document = Section::parse(file, text, &KEYS)?;
+        let mut document = TableSection::parse(file, text, &KEYS)?;
         let name = document.text("stack")?;
         let switches = switches(&mut document)?;
         let mut presses = document.sections("press", &PRESS_KEYS)?;
@@ -112,7 +112,7 @@ impl Scenario {
     }
 }
 
-fn switches(document: &mut Section<'_>) -> Result<Switches, FileError> {
+fn switches(document: &mut TableSection<'_>) -> Result<Switches, FileError> {
     let all = document.parsed("disturbances", "\"all\" or \"none\"", |text| match text {
         "all" => Ok(true),
         "none" => Ok(false),
@@ -137,9 +137,9 @@ fn switches(document: &mut Section<'_>) -> Result<Switches, FileError> {
     Ok(switches)
 }
 
-fn press(section: &mut Section<'_>) -> Result<Press, FileError> {
+fn press(section: &mut TableSection<'_>) -> Result<Press, FileError> {
     let load = load(section)?;
-    let optional = |section: &mut Section<'_>, key, allowed| {
+    let optional = |section: &mut TableSection<'_>, key, allowed| {
         let given = section.has(key);
         given
             .then(|| section.number_within(key, allowed))
@@ -170,7 +170,7 @@ fn press(section: &mut Section<'_>) -> Result<Press, FileError> {
     })
 }
 
-fn load(section: &mut Section<'_>) -> Result<Load, FileError> {
+fn load(section: &mut TableSection<'_>) -> Result<Load, FileError> {
     let kinds = "\"spring\", \"hardening\" or \"rigid\"";
     let kind = section.parsed("load", kinds, |text| match text {
         "spring" | "hardening" | "rigid" => Ok(text.to_owned()),

@@ -157,13 +157,6 @@ impl Switches {
             ..one
         })
     }
-
-    /// Every disturbance by name, alone as by [`Switches::only`].
-    pub fn singles() -> impl Iterator<Item = (&'static str, Self)> {
-        Self::NAMES
-            .into_iter()
-            .filter_map(|name| Some((name, Self::only(name)?)))
-    }
 }
 
 #[cfg(test)]
@@ -171,9 +164,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn singles_are_single_but_for_temperature() {
-        assert_eq!(Switches::singles().count(), Switches::NAMES.len());
-        for (name, switches) in Switches::singles() {
+    fn only_one_is_on_but_for_temperature() {
+        for name in Switches::NAMES {
+            let switches = Switches::only(name).expect("a name");
             let on: Vec<_> = Switches::NAMES
                 .into_iter()
                 .filter(|name| switches.get(name) == Some(true))

@@ -1,11 +1,11 @@
 //! Random sequences of orders, settings, faults and clocks for the coil's driver, on its simulated
 //! circuit; the truth is compared with the limits after every period.
 
-use coil_hbridge::{Averages, BLOCK, Fault, Limits, State, Supervisor, Waveform};
+use coil_hbridge::{Averages, BLOCK, DriveState, Fault, Limits, Supervisor, Waveform};
 use palpate_model::thermal::{Copper, Temperatures, TwoNode};
 use palpate_model::units::{Celsius, JoulePerKelvin, KelvinPerWatt, Ohm, Second, Watt};
 use palpate_sim::electrical::{
-    Circuit, CircuitParameters, Converter, ConverterParameters, Regulated, Slow,
+    Circuit, CircuitParameters, ControlLoop, Converter, ConverterParameters, Regulated, Slow,
     reference_hardware, reference_limits,
 };
 use palpate_sim::thermal::{COPPER_PER_KELVIN, ThermalParameters, ThermalState};
@@ -18,6 +18,8 @@ const STEPS: u32 = 12;
 const HOT: u64 = 8;
 /// Periods from one step of the temperatures to the next: 1 ms.
 const THERMAL_PERIODS: u32 = 62;
+/// Levels of the bridge's PWM: half of 16 us at 200 MHz.
+const FULL_LEVEL: f32 = 1_600.0;
 /// Above the limit to which the current is regulated: to where the driver switches off, 12.7 A. An
 /// overshoot of 2 %, 2 % of the measurement with its bow and offset, and a wide code add up to less;
 /// in a hundred thousand sequences two came to 12.62 A.
@@ -105,7 +107,7 @@ struct Prediction {
     copper: Copper,
 }
 
-struct Sequence {
+struct GuardSequence {
     chance: Pcg64,
     seed: u64,
     sound: CircuitParameters,
@@ -171,7 +173,7 @@ pub fn run(seed: u64) -> Summary {
         resistance_ohm: coil_ohm,
         ..HEAT
     };
-    let mut sequence = Sequence {
+    let mut sequence = GuardSequence {
         chance,
         seed,
         sound,
@@ -213,7 +215,7 @@ pub fn run(seed: u64) -> Summary {
     sequence.summary
 }
 
-impl Sequence {
+impl GuardSequence {
     fn predict(&mut self) {
         let nodes = TwoNode::new(
             JoulePerKelvin(self.heat.copper_j_per_k as f32),
@@ -234,10 +236,11 @@ impl Sequence {
     /// A fault of circuit, measurement, supply or supervision, or its end.
     fn disturb(&mut self) {
         let sound = self.sound;
-        let parameters = &mut self.loop_.circuit.parameters;
+        let control: &mut ControlLoop = &mut self.loop_;
+        let parameters = &mut control.circuit.parameters;
         let kept = Slow {
-            gain_error: self.loop_.slow.gain_error,
-            offset_a: self.loop_.slow.offset_a,
+            gain_error: control.slow.gain_error,
+            offset_a: control.slow.offset_a,
             ..Slow::default()
         };
         let mut is_sound = false;
@@ -250,24 +253,24 @@ impl Sequence {
             2 => {
                 let volts = [0.0, 1.65, 3.3, self.chance.random_range(0.0..3.3)];
                 let at = self.chance.random_range(0..volts.len());
-                self.loop_.slow.stuck_v = Some(volts[at]);
+                control.slow.stuck_v = Some(volts[at]);
                 self.measured = false;
             }
-            3 => self.loop_.slow.bridge_faults = true,
-            4 => self.loop_.slow.attended = false,
+            3 => control.slow.bridge_faults = true,
+            4 => control.slow.attended = false,
             5 => parameters.supply_v = self.chance.random_range(0.5..16.0),
             6 => {
-                self.loop_.slow.supply_error =
+                control.slow.supply_error =
                     [f64::NAN, -1.0, 0.05, -0.05, f64::INFINITY][self.chance.random_range(0..5)];
             }
-            7 => self.loop_.slow.limit_faults = false,
+            7 => control.slow.limit_faults = false,
             _ => {
                 let copper_ohm = parameters.coil_ohm;
                 *parameters = sound;
                 if copper_ohm < 1.0 && copper_ohm > 0.2 {
                     parameters.coil_ohm = copper_ohm;
                 }
-                self.loop_.slow = kept;
+                control.slow = kept;
                 is_sound = true;
             }
         }
@@ -331,7 +334,7 @@ impl Sequence {
     fn heat_up(&mut self) {
         if matches!(
             self.loop_.state(),
-            State::Latched(_) | State::Off { tested: false }
+            DriveState::Latched(_) | DriveState::Off { tested: false }
         ) && self.finish_test().is_err()
         {
             self.summary.refused += 1;
@@ -355,7 +358,7 @@ impl Sequence {
         self.loop_.begin_test()?;
         for _ in 0..12_000 {
             self.period();
-            if self.loop_.state() != State::Testing {
+            if self.loop_.state() != DriveState::Testing {
                 break;
             }
         }
@@ -372,21 +375,21 @@ impl Sequence {
         self.loop_.circuit.forget_peak();
         let period = self.loop_.period();
         let state = self.loop_.state();
-        if let (State::Latched(fault), false) = (state, before == state)
+        if let (DriveState::Latched(fault), false) = (state, before == state)
             && let Some(place) = Fault::ALL.iter().position(|of| *of == fault)
         {
             self.summary.faults[place] += 1;
         }
         self.check_current(begin_a, state);
         let levels = period.output.levels;
-        let duty = f32::from(levels.in1.abs_diff(levels.in2)) / 960.0;
+        let duty = f32::from(levels.in1.abs_diff(levels.in2)) / FULL_LEVEL;
         if duty > self.limits.duty {
             self.defect(format!("duty {duty}"));
         }
         if !period.output.awake && (levels.in1 > 0 || levels.in2 > 0) {
             self.defect("asleep with an input high".to_owned());
         }
-        let driven = before == State::Driving && period.output.awake;
+        let driven = before == DriveState::Driving && period.output.awake;
         self.awake_periods = if driven { self.awake_periods + 1 } else { 0 };
         let most = (f64::from(self.limits.on_time_s) / 16e-6) as u32 + BLOCK;
         if self.awake_periods > most {
@@ -399,7 +402,7 @@ impl Sequence {
         }
     }
 
-    fn check_current(&mut self, begin_a: f64, state: State) {
+    fn check_current(&mut self, begin_a: f64, state: DriveState) {
         let (peak_a, _) = self.loop_.circuit.peak();
         self.summary.peak_a = self.summary.peak_a.max(peak_a);
         if peak_a > PEAK_A {
@@ -407,7 +410,7 @@ impl Sequence {
         }
         let measures = self.loop_.slow.stuck_v.is_none();
         let learned = self.loop_.periods().wrapping_sub(self.sound_since) > LEARNS;
-        if self.is_sound && learned && measures && state == State::Driving {
+        if self.is_sound && learned && measures && state == DriveState::Driving {
             let current_a = self.loop_.circuit.current_a().abs();
             self.summary.greatest_a = self.summary.greatest_a.max(current_a);
             let limit_a = CURRENT_MARGIN * f64::from(self.limits.current_a);
@@ -417,7 +420,7 @@ impl Sequence {
         }
         // Within two periods of the first sample that reads more than the limit, whatever reads it.
         let over = measures && begin_a.abs() > 1.04 * f64::from(self.limits.trip_a);
-        let drives = matches!(state, State::Driving | State::Testing);
+        let drives = matches!(state, DriveState::Driving | DriveState::Testing);
         match (over && drives, self.above) {
             (true, Some(since)) if self.loop_.periods().wrapping_sub(since) > 1 => {
                 self.defect(format!("{begin_a} A for more than two periods"));

@@ -9,10 +9,10 @@ use ldc161x::{
     ReferenceClock, Request, Sensor, Sequence,
 };
 use ldc161x_sim::{
-    ActiveWrite, BurstRead, Bus, Chip, ConfigReadback, Conversion, Counter, Deglitch33, Delay,
-    EarlyTermination, Fault, FaultEvent, FlagRead, I2cError, IntbPin, InterruptRelease, Lost,
-    Overhead, Overwrite, Path, RcountMinimum, Sensors, Settings, ShadowLatch, ShutdownPin,
-    SleepExit, StatusReporting, Strike, Switches, Time, UnreadCleared,
+    ActiveWrite, BurstRead, Bus, Chip, ChipFault, ConfigReadback, Counter, Deglitch33, Delay,
+    EarlyTermination, FaultEvent, FlagRead, I2cError, IntbPin, InterruptRelease, Lost, Overhead,
+    Overwrite, Path, RcountMinimum, Sensors, Settings, ShadowLatch, ShutdownPin, SleepExit,
+    StatusReporting, Strike, Switches, Time, TrueConversion, UnreadCleared,
 };
 use rand::{RngExt, SeedableRng, seq::IndexedRandom};
 use rand_pcg::Pcg64Mcg;
@@ -45,7 +45,7 @@ pub enum Integrity {
 
 /// How one schedule ended.
 #[derive(Clone, Debug)]
-pub struct Outcome {
+pub struct ScheduleOutcome {
     /// Documented errors met, by name.
     pub errors: BTreeMap<&'static str, u32>,
     /// Readings trusted.
@@ -79,7 +79,7 @@ impl fmt::Display for Defect {
 /// # Errors
 ///
 /// The [`Defect`] found.
-pub fn run(seed: u64) -> Result<Outcome, Defect> {
+pub fn run(seed: u64) -> Result<ScheduleOutcome, Defect> {
     let integrity = if seed % 4 < 2 {
         Integrity::ReadTwice
     } else {
@@ -93,7 +93,7 @@ pub fn run(seed: u64) -> Result<Outcome, Defect> {
 /// # Errors
 ///
 /// The [`Defect`] found.
-pub fn run_with(integrity: Integrity, seed: u64) -> Result<Outcome, Defect> {
+pub fn run_with(integrity: Integrity, seed: u64) -> Result<ScheduleOutcome, Defect> {
     let mut random = Pcg64Mcg::seed_from_u64(seed);
     let settings = Settings {
         seed,
@@ -115,7 +115,7 @@ pub fn run_with(integrity: Integrity, seed: u64) -> Result<Outcome, Defect> {
         // no trace but its conversions: at most one fault a schedule changes single registers.
         let disturbs = matches!(
             event.fault,
-            Fault::RegisterUpset { .. } | Fault::BrownOut(Lost::Registers(_))
+            ChipFault::RegisterUpset { .. } | ChipFault::BrownOut(Lost::Registers(_))
         );
         if disturbs && registers_disturbed {
             continue;
@@ -128,7 +128,7 @@ pub fn run_with(integrity: Integrity, seed: u64) -> Result<Outcome, Defect> {
     let chip = RefCell::new(chip);
     let mut program = Program::new(&chip, &plan, integrity, &mut random);
     program.run(lasting_fault)?;
-    Ok(Outcome {
+    Ok(ScheduleOutcome {
         lasting_fault,
         ..program.outcome
     })
@@ -213,14 +213,14 @@ fn fault(integrity: Integrity, random: &mut Pcg64Mcg) -> (FaultEvent, bool) {
     }
     let isolated = matches!(
         fault,
-        Fault::BitFlip {
+        ChipFault::BitFlip {
             strike: Strike::Byte(_),
             ..
-        } | Fault::EarlyStop { .. }
+        } | ChipFault::EarlyStop { .. }
     );
     // A chip that falls silent in the middle of a byte leaves ones on the wire, and nothing says
     // so: read once, it is silent from the start of a transaction.
-    let whole = integrity == Integrity::ReadOnce && fault == Fault::Absent;
+    let whole = integrity == Integrity::ReadOnce && fault == ChipFault::Absent;
     if isolated || whole || random.random_ratio(1, 3) {
         let first = random.random_range(0..400);
         let count = if isolated {
@@ -234,35 +234,35 @@ fn fault(integrity: Integrity, random: &mut Pcg64Mcg) -> (FaultEvent, bool) {
     (FaultEvent::at(begin, fault, length), false)
 }
 
-fn kind(integrity: Integrity, random: &mut Pcg64Mcg) -> Fault {
+fn kind(integrity: Integrity, random: &mut Pcg64Mcg) -> ChipFault {
     let kinds = if integrity == Integrity::ReadOnce {
         9
     } else {
         12
     };
     match random.random_range(0..kinds) {
-        0 => Fault::Nack {
+        0 => ChipFault::Nack {
             after_bytes: random.random_range(0..12),
         },
-        1 => Fault::Absent,
-        2 => Fault::ClockLoss,
-        3 => Fault::SclStuck,
-        4 => Fault::BrownOut(Lost::Everything),
+        1 => ChipFault::Absent,
+        2 => ChipFault::ClockLoss,
+        3 => ChipFault::SclStuck,
+        4 => ChipFault::BrownOut(Lost::Everything),
         // RCOUNT0 to DRIVE_CURRENT3.
-        5 => Fault::BrownOut(Lost::Registers(random.random::<u64>() & 0x3_FFFF_FF00)),
-        6 => Fault::RegisterUpset {
+        5 => ChipFault::BrownOut(Lost::Registers(random.random::<u64>() & 0x3_FFFF_FF00)),
+        6 => ChipFault::RegisterUpset {
             address: random.random_range(0x08..=0x21),
             bits: 1 << random.random_range(0..16),
         },
-        7 => Fault::WrongIdentity {
+        7 => ChipFault::WrongIdentity {
             manufacturer: 0x5449,
             device: random.random(),
         },
-        8 => Fault::IntbStuck {
+        8 => ChipFault::IntbStuck {
             low: random.random(),
         },
         // From here on bytes change on the wire and nothing says so.
-        9 => Fault::SdaStuck {
+        9 => ChipFault::SdaStuck {
             clocks: random
                 .random::<bool>()
                 .then_some(random.random_range(1..10)),
@@ -279,9 +279,9 @@ fn kind(integrity: Integrity, random: &mut Pcg64Mcg) -> Fault {
             } else {
                 Strike::Probability(1e-4)
             };
-            Fault::BitFlip { path, strike }
+            ChipFault::BitFlip { path, strike }
         }
-        _ => Fault::EarlyStop {
+        _ => ChipFault::EarlyStop {
             after_bytes: random.random_range(0..16),
         },
     }
@@ -291,7 +291,7 @@ fn kind(integrity: Integrity, random: &mut Pcg64Mcg) -> Fault {
 struct Trusted {
     frame: u32,
     reading: ldc161x::Reading,
-    truth: Option<Conversion>,
+    truth: Option<TrueConversion>,
 }
 
 /// What a careful user's program does with the driver.
@@ -309,7 +309,7 @@ struct Program<'a, S> {
     frames_per_canary: u32,
     integrity: Integrity,
     failed: bool,
-    outcome: Outcome,
+    outcome: ScheduleOutcome,
 }
 
 type DriverError = Error<I2cError>;
@@ -341,7 +341,7 @@ impl<'a, S: Sensors> Program<'a, S> {
             frames_per_canary: random.random_range(1..=4),
             integrity,
             failed: true,
-            outcome: Outcome {
+            outcome: ScheduleOutcome {
                 errors: BTreeMap::new(),
                 trusted: 0,
                 withdrawn: 0,
@@ -525,6 +525,7 @@ impl<'a, S: Sensors> Program<'a, S> {
             Error::NoSuchChannel => "no such channel",
             Error::NotStarted => "not started",
             Error::NotRunning => "not running",
+            Error::FrameLength { .. } => "frame length",
             Error::NoInterrupt { .. } => "no interrupt",
             Error::InterruptStuck => "interrupt stuck",
             Error::Pin => "pin",
@@ -606,7 +607,7 @@ pub struct Summary {
 }
 
 impl Summary {
-    fn add(&mut self, outcome: Outcome) {
+    fn add(&mut self, outcome: ScheduleOutcome) {
         self.measuring += u64::from(outcome.measuring);
         self.lasting += u64::from(outcome.lasting_fault);
         self.trusted += u64::from(outcome.trusted);
@@ -638,7 +639,11 @@ impl Summary {
 
 /// Runs schedules `first` to `first + count - 1` by `run`: [`run`], or [`run_with`] one kind of
 /// protection.
-pub fn campaign(first: u64, count: u64, run: impl Fn(u64) -> Result<Outcome, Defect>) -> Summary {
+pub fn campaign(
+    first: u64,
+    count: u64,
+    run: impl Fn(u64) -> Result<ScheduleOutcome, Defect>,
+) -> Summary {
     let mut summary = Summary::default();
     for seed in first..first + count {
         summary.schedules += 1;

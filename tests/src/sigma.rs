@@ -11,7 +11,7 @@ use ldc161x_sim::{Bus, Chip, Conversions, Counter, Delay, IntbPin, Settings, Swi
 
 /// One setting of the converter.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Case {
+pub struct ConverterCase {
     /// RCOUNT of every channel.
     pub rcount: u16,
     /// Four channels in turn, or channel 0 alone.
@@ -52,7 +52,7 @@ const SWEEP_S: f64 = 1.618_034;
 /// # Errors
 ///
 /// What the driver or the plan complains of.
-pub fn measure(case: &Case, readings: u32, seed: u64) -> Result<Vec<Scatter>, String> {
+pub fn measure(case: &ConverterCase, readings: u32, seed: u64) -> Result<Vec<Scatter>, String> {
     let configuration = configuration(case)?;
     // With one channel the clock is halved, since its limit is 35 MHz.
     let reference_hz = if case.autoscan { 40e6 } else { 20e6 };
@@ -101,7 +101,7 @@ pub fn measure(case: &Case, readings: u32, seed: u64) -> Result<Vec<Scatter>, St
 
 /// A plan for the sensors, with the RCOUNT of the case put in: the shortest conversions end
 /// sooner than the bus can fetch them, which is no plan but measures quantisation as well.
-fn configuration(case: &Case) -> Result<Configuration, String> {
+fn configuration(case: &ConverterCase) -> Result<Configuration, String> {
     let acquisition = if case.autoscan {
         Acquisition::Autoscan(Sequence::ZeroToThree)
     } else {
@@ -136,7 +136,7 @@ fn configuration(case: &Case) -> Result<Configuration, String> {
 }
 
 /// Quantisation and noise and nothing else: no shift by the drive, an exact clock.
-fn settings(case: &Case, seed: u64) -> Settings {
+fn settings(case: &ConverterCase, seed: u64) -> Settings {
     let ideal = Settings::ideal();
     Settings {
         seed,
@@ -156,18 +156,20 @@ fn settings(case: &Case, seed: u64) -> Settings {
 
 /// The cases of the campaign: RCOUNT 100 to 65,535, one channel and four, without noise and with
 /// the 1e-6 in 1 ms of this project's reference plants.
-pub fn cases(counter: Counter, duty_is_known: bool) -> impl Iterator<Item = Case> {
+pub fn cases(counter: Counter, duty_is_known: bool) -> impl Iterator<Item = ConverterCase> {
     [100, 300, 1_000, 3_000, 10_000, 30_000, 65_535]
         .into_iter()
         .flat_map(move |rcount| {
             [false, true].into_iter().flat_map(move |autoscan| {
-                [0.0, 1e-6].into_iter().map(move |noise_in_1_ms| Case {
-                    rcount,
-                    autoscan,
-                    noise_in_1_ms,
-                    duty_is_known,
-                    counter,
-                })
+                [0.0, 1e-6]
+                    .into_iter()
+                    .map(move |noise_in_1_ms| ConverterCase {
+                        rcount,
+                        autoscan,
+                        noise_in_1_ms,
+                        duty_is_known,
+                        counter,
+                    })
             })
         })
 }

@@ -11,6 +11,7 @@
 //! commit, with which toolchain and when, and the result as the campaign printed it. A campaign
 //! that fails, or prints no result, leaves the file as it was.
 
+mod age;
 mod document;
 mod provenance;
 
@@ -22,6 +23,7 @@ use std::time::Instant;
 use anyhow::{Context, Result, bail};
 
 use crate::process::{Invocation, Workspace};
+pub(crate) use age::check as check_age;
 use document::Record;
 use provenance::Origin;
 
@@ -37,7 +39,33 @@ struct Campaign {
     purpose: &'static str,
     /// The arguments of cargo.
     arguments: &'static [&'static str],
+    /// The code that decides its result: when it changes, the page is out of date.
+    rests_on: &'static [&'static str],
 }
+
+/// What the converter's driver does against the simulated chip.
+const DRIVER: &[&str] = &[
+    "drivers/ldc161x/src",
+    "drivers/ldc161x-sim/src",
+    "tests/src",
+];
+/// What drives the coil.
+const COIL: &[&str] = &["drivers/hbridge/src", "tests/src"];
+/// The instrument in a simulated world.
+const INSTRUMENT: &[&str] = &[
+    "drivers",
+    "firmware/node",
+    "firmware/procedure",
+    "host/src",
+    "model/src",
+    "sim-host/src",
+];
+/// The field solver.
+const FIELD: &[&str] = &["model/field/src", "model/field/examples"];
+/// The firmware's image on the emulated board.
+const IMAGE: &[&str] = &["drivers", "firmware", "model/src", "sim-host"];
+/// The tests, and what they test.
+const TESTS: &[&str] = &["drivers", "firmware", "host", "model", "sim-host", "tests"];
 
 /// Every campaign.
 const CAMPAIGNS: &[Campaign] = &[
@@ -57,6 +85,7 @@ const CAMPAIGNS: &[Campaign] = &[
             "--seed",
             "1",
         ],
+        rests_on: DRIVER,
     },
     Campaign {
         name: "coil-guards",
@@ -74,6 +103,7 @@ const CAMPAIGNS: &[Campaign] = &[
             "--seed",
             "1",
         ],
+        rests_on: COIL,
     },
     Campaign {
         name: "sigma",
@@ -89,6 +119,7 @@ const CAMPAIGNS: &[Campaign] = &[
             "--seed",
             "1",
         ],
+        rests_on: DRIVER,
     },
     Campaign {
         name: "claims",
@@ -106,6 +137,7 @@ const CAMPAIGNS: &[Campaign] = &[
             "--seed",
             "1",
         ],
+        rests_on: INSTRUMENT,
     },
     Campaign {
         name: "misfit",
@@ -123,6 +155,7 @@ const CAMPAIGNS: &[Campaign] = &[
             "--seed",
             "20001",
         ],
+        rests_on: INSTRUMENT,
     },
     Campaign {
         name: "field-accuracy",
@@ -135,6 +168,7 @@ const CAMPAIGNS: &[Campaign] = &[
             "--example",
             "accuracy",
         ],
+        rests_on: FIELD,
     },
     Campaign {
         name: "planted-defects",
@@ -147,6 +181,7 @@ const CAMPAIGNS: &[Campaign] = &[
             "--bin",
             "planted-defects",
         ],
+        rests_on: TESTS,
     },
     Campaign {
         name: "image-faults",
@@ -155,10 +190,11 @@ const CAMPAIGNS: &[Campaign] = &[
             "run",
             "--release",
             "-p",
-            "palpate-board",
+            "palpate-emulator",
             "--example",
             "image-faults",
         ],
+        rests_on: IMAGE,
     },
     Campaign {
         name: "image-rates",
@@ -167,10 +203,11 @@ const CAMPAIGNS: &[Campaign] = &[
             "run",
             "--release",
             "-p",
-            "palpate-board",
+            "palpate-emulator",
             "--example",
             "image-rates",
         ],
+        rests_on: IMAGE,
     },
     Campaign {
         name: "image-starts",
@@ -179,10 +216,11 @@ const CAMPAIGNS: &[Campaign] = &[
             "run",
             "--release",
             "-p",
-            "palpate-board",
+            "palpate-emulator",
             "--example",
             "image-starts",
         ],
+        rests_on: IMAGE,
     },
     Campaign {
         name: "coil-current",
@@ -193,10 +231,11 @@ const CAMPAIGNS: &[Campaign] = &[
             "run",
             "--release",
             "-p",
-            "palpate-board",
+            "palpate-emulator",
             "--example",
             "coil-current",
         ],
+        rests_on: IMAGE,
     },
     Campaign {
         name: IMAGE_COST,
@@ -211,6 +250,7 @@ const CAMPAIGNS: &[Campaign] = &[
             "--seed",
             "1",
         ],
+        rests_on: IMAGE,
     },
 ];
 
@@ -243,7 +283,7 @@ pub(crate) fn collect(workspace: &Workspace, name: &str) -> Result<()> {
     // Read before the run: it is this state of the sources that the run builds.
     let origin = Origin::read(workspace, FOLDER)?;
     let invocation = campaign.invocation();
-    let text = perform(workspace, name, campaign.purpose, &invocation, origin)?;
+    let text = perform(workspace, campaign, &invocation, origin)?;
     write(workspace, name, &text)
 }
 
@@ -253,6 +293,7 @@ pub(crate) fn keep(
     name: &str,
     purpose: &str,
     command: &str,
+    rests_on: &[&str],
     campaign: impl FnOnce() -> Result<String>,
 ) -> Result<()> {
     let origin = Origin::read(workspace, FOLDER)?;
@@ -265,6 +306,7 @@ pub(crate) fn keep(
         command: command.to_owned(),
         seed: None,
         origin,
+        rests_on,
         seconds: start.elapsed().as_secs(),
     };
     write(workspace, name, &record.render(&result))
@@ -283,20 +325,20 @@ fn write(workspace: &Workspace, name: &str, text: &str) -> Result<()> {
 /// Runs a campaign and returns the text of its file.
 fn perform(
     workspace: &Workspace,
-    name: &str,
-    purpose: &str,
+    campaign: &Campaign,
     invocation: &Invocation,
     origin: Origin,
 ) -> Result<String> {
     let start = Instant::now();
     let printed = observe(workspace, invocation)?;
     let record = Record {
-        name,
-        verb: format!("evidence {name}"),
-        purpose,
+        name: campaign.name,
+        verb: format!("evidence {}", campaign.name),
+        purpose: campaign.purpose,
         command: invocation.to_string(),
         seed: seed(invocation),
         origin,
+        rests_on: campaign.rests_on,
         seconds: start.elapsed().as_secs(),
     };
     let result = document::result(&printed)
@@ -380,7 +422,13 @@ mod tests {
             toolchain: "rustc 1.95.0".to_owned(),
         };
         let invocation = invocation.with_env(KIND, kind);
-        perform(&workspace, "trial", "A trial.", &invocation, origin)
+        let campaign = Campaign {
+            name: "trial",
+            purpose: "A trial.",
+            arguments: &[],
+            rests_on: &["xtask/src"],
+        };
+        perform(&workspace, &campaign, &invocation, origin)
     }
 
     #[test]
@@ -392,6 +440,7 @@ mod tests {
         );
         assert!(text.contains("fake_campaign"), "{text}");
         assert!(text.contains("| Commit | 0123abcd |"), "{text}");
+        assert!(text.contains("| Rests on | `xtask/src` |"), "{text}");
         assert!(
             text.ends_with("\n## Result\n\n3 of 3 schedules recovered.\n"),
             "{text}"

@@ -4,41 +4,56 @@ use anyhow::Result;
 
 use crate::members::{ARM_TARGETS, FIRMWARE_TARGET, MEMBERS, Member, host_packages, no_std};
 use crate::process::Invocation;
-use crate::setup::{CARGO_DENY, Need, TYPOS};
+use crate::setup::{CARGO_DENY, MDBOOK, Need, TYPOS};
 use crate::steps::{Action, Step, select};
-use crate::{deps, firmware, hygiene, panic_free};
+use crate::{book, deps, evidence, firmware, hygiene, package_files, panic_free};
 
-/// The test suite: every crate with its usual features, then the tests that a feature has of its own.
+/// The test suite: every crate with its usual features and those that have tests of their own.
 pub(crate) fn test_steps() -> Vec<Step> {
-    let mut packages = vec!["test", "--locked"];
-    packages.extend(host_packages());
-    let mut tests = vec![Invocation::cargo(&packages)];
-    tests.extend(MEMBERS.iter().filter_map(feature_tests));
+    let programs = tests(&["--lib", "--bins", "--tests"]);
     vec![Step {
         name: "test",
-        purpose: "unit, integration and documentation tests; examples compile",
+        purpose: "unit, integration and documentation tests",
         needs: Vec::new(),
-        action: Action::Commands(tests),
+        action: Action::Commands(vec![programs, tests(&["--doc"])]),
         remedy: "fix what the failed test describes; its name and place are printed above",
     }]
 }
 
 /// The tests that `cargo xtask test` leaves out since they take long; they are marked `#[ignore]`.
 fn long_tests() -> Step {
-    let packages = host_packages();
-    let arguments = [
-        &["test", "--locked"],
-        packages.as_slice(),
-        &["--", "--ignored"],
-    ]
-    .concat();
+    let programs = tests(&["--lib", "--bins", "--tests", "--", "--ignored"]);
     Step {
         name: "long-tests",
         purpose: "the tests that take long, most of them on the emulated board",
         needs: vec![Need::Target(FIRMWARE_TARGET)],
-        action: commands(&arguments),
+        action: Action::Commands(vec![programs]),
         remedy: "fix what the failed test describes; its name and place are printed above",
     }
+}
+
+/// The tests of every crate for the host. All have the same features, so that each crate is built
+/// once. The examples, which `clippy` checks, are left out.
+fn tests(rest: &[&str]) -> Invocation {
+    let features = tested_features();
+    let packages = host_packages();
+    let arguments = [
+        &["test", "--locked"],
+        packages.as_slice(),
+        &["--features", &features],
+        rest,
+    ];
+    Invocation::cargo(&arguments.concat())
+}
+
+/// The features that have tests of their own, as cargo's argument.
+fn tested_features() -> String {
+    let of = |member: &Member| {
+        let name = member.name;
+        let features = member.tested_features.iter();
+        features.map(move |feature| format!("{name}/{feature}"))
+    };
+    MEMBERS.iter().flat_map(of).collect::<Vec<_>>().join(",")
 }
 
 /// The steps of `cargo xtask ci`: all of them, or those in `only`.
@@ -75,10 +90,32 @@ fn source_checks() -> Vec<Step> {
         },
         Step {
             name: "hygiene",
-            purpose: "no machine paths, open marks, retired words or build output in the repository",
+            purpose: "no machine paths, open marks, retired words or build output in the repository; the \
+                      microcontroller is named in its board's folder only",
             needs: Vec::new(),
             action: Action::Check(hygiene::check_workspace),
             remedy: "fix the named lines; take build output out with `git rm --cached`",
+        },
+        Step {
+            name: "book",
+            purpose: "every page is listed, every link leads to a file, and the book builds",
+            needs: vec![Need::Tool(&MDBOOK)],
+            action: Action::Check(book::check_workspace),
+            remedy: "fix the named lines; which links are allowed stands in CONTRIBUTING.md",
+        },
+        Step {
+            name: "package-files",
+            purpose: "each package has its licences, a titled README, keywords and a Rust version",
+            needs: Vec::new(),
+            action: Action::Check(package_files::check_workspace),
+            remedy: "copy LICENSE-MIT and LICENSE-APACHE from the root, and complete the manifest",
+        },
+        Step {
+            name: "evidence-age",
+            purpose: "which pages of evidence are older than their code; age alone fails nothing",
+            needs: Vec::new(),
+            action: Action::Check(evidence::check_age),
+            remedy: "name a commit and paths of this repository in the page's table",
         },
         Step {
             name: "spelling",
@@ -214,14 +251,6 @@ fn commands(arguments: &[&str]) -> Action {
     Action::Commands(vec![Invocation::cargo(arguments)])
 }
 
-/// The tests of a crate with the features that have tests of their own.
-fn feature_tests(member: &Member) -> Option<Invocation> {
-    let features = member.tested_features.join(",");
-    let arguments = ["test", "--locked", "--package", member.name, "--features"];
-    (!features.is_empty())
-        .then(|| Invocation::cargo(&[arguments.as_slice(), &[&features]].concat()))
-}
-
 /// Lints of a crate for each set of its features: none, each alone, and all.
 fn feature_sets(member: &Member) -> Vec<Invocation> {
     let base = ["clippy", "--locked", "--package", member.name];
@@ -340,14 +369,16 @@ mod tests {
     }
 
     #[test]
-    fn features_with_tests_of_their_own_are_tested() {
-        let member = Member {
-            tested_features: &["a", "b"],
-            ..crate_with(&["a", "b", "c"])
-        };
-        let line = feature_tests(&member).unwrap().to_string();
-        assert_eq!(line, "cargo test --locked --package sample --features a,b");
-        assert!(feature_tests(&crate_with(&["a"])).is_none());
+    fn features_with_tests_of_their_own_are_tested_in_every_run() {
+        let runs = test_steps().into_iter().chain([long_tests()]);
+        for step in runs {
+            let Action::Commands(invocations) = &step.action else {
+                panic!("{} runs cargo", step.name);
+            };
+            for line in lines(invocations) {
+                assert!(line.contains("ldc161x/async,ldc161x-sim/async"), "{line}");
+            }
+        }
     }
 
     #[test]

@@ -1,5 +1,5 @@
 //! What does not belong into the repository: paths of somebody's machine, marks of unfinished
-//! work, retired words, and build output.
+//! work, retired words, build output, and a microcontroller outside of its board's folder.
 //!
 //! The check reads what git tracks and what it would add, so that a new file is found before it
 //! is committed.
@@ -9,7 +9,8 @@ use std::fs;
 
 use anyhow::{Context, Result, bail};
 
-use crate::process::{Invocation, Workspace};
+use crate::process::Workspace;
+use crate::repository;
 
 /// First folders of absolute paths that exist on one machine only.
 const MACHINE_FOLDERS: &[&str] = &["home", "root", "Users", "tmp", "work", "mnt"];
@@ -41,6 +42,14 @@ const RETIRED: &[(&str, &str)] = &[
 /// Pages that campaigns wrote, with the words of their day.
 const WRITTEN_PAGES: &str = "docs/evidence/";
 
+/// Crates that name a microcontroller, the firmware's sources, and the one folder of those that may:
+/// the instrument's logic is tested on a PC, and another board comes as another folder.
+const MICROCONTROLLER: &[&str] = &["rp2040_pac", "rp2040_hal", "rp2040_boot2", "cortex_m"];
+const FIRMWARE_SOURCES: &str = "firmware/src/";
+const BOARD_FOLDER: &str = "firmware/src/board/rp2040/";
+/// The one line besides, in which RTIC has to be given the device.
+const RTIC_DEVICE: (&str, &str) = ("firmware/src/main.rs", "#[rtic::app(device = rp2040_pac,");
+
 /// Folders and name endings of build output.
 const OUTPUT_FOLDERS: &[&str] = &["target", "__pycache__", "node_modules"];
 const OUTPUT_ENDINGS: &[&str] = &[
@@ -67,7 +76,7 @@ impl fmt::Display for Finding {
 
 /// Checks every file of the repository.
 pub(crate) fn check_workspace(workspace: &Workspace) -> Result<String> {
-    let files = repository_files(workspace)?;
+    let files = repository::files(workspace)?;
     let mut findings = Vec::new();
     for name in &files {
         let path = workspace.root().join(name);
@@ -83,31 +92,6 @@ pub(crate) fn check_workspace(workspace: &Workspace) -> Result<String> {
     }
     let lines: Vec<_> = findings.iter().map(ToString::to_string).collect();
     bail!("{} findings:\n    {}", lines.len(), lines.join("\n    "));
-}
-
-/// The files that git tracks or would add.
-fn repository_files(workspace: &Workspace) -> Result<Vec<String>> {
-    let list = Invocation::new(
-        "git",
-        &[
-            "ls-files",
-            "-z",
-            "--cached",
-            "--others",
-            "--exclude-standard",
-        ],
-    );
-    let names = workspace
-        .output(&list)
-        .context("the check reads git's list of files; run it in a clone")?;
-    let files: Vec<_> = names
-        .split_terminator('\0')
-        .map(ToOwned::to_owned)
-        .collect();
-    if files.is_empty() {
-        bail!("git lists no file, so there is nothing to check; run it in a clone");
-    }
-    Ok(files)
 }
 
 /// Everything wrong with one file.
@@ -130,7 +114,9 @@ fn check_file(name: &str, content: &[u8]) -> Vec<Finding> {
         .flat_map(|(index, line)| {
             let place = format!("{name}:{}", index + 1);
             let words = has_our_words.then(|| retired_words(line));
-            let faults = faults(line).chain(words.into_iter().flatten());
+            let faults = faults(line)
+                .chain(words.into_iter().flatten())
+                .chain(misplaced(name, line));
             faults.map(move |fault| Finding {
                 place: place.clone(),
                 fault,
@@ -161,6 +147,16 @@ fn faults(line: &str) -> impl Iterator<Item = String> {
         .filter(|mark| has_word(line, mark))
         .map(|mark| format!("has the mark {mark} of unfinished work"));
     paths.chain(marks).collect::<Vec<_>>().into_iter()
+}
+
+/// The crate of a microcontroller that a line of the firmware names outside of the board's folder.
+fn misplaced(name: &str, line: &str) -> Option<String> {
+    let is_free = !name.starts_with(FIRMWARE_SOURCES) || name.starts_with(BOARD_FOLDER);
+    if is_free || (name == RTIC_DEVICE.0 && line.starts_with(RTIC_DEVICE.1)) {
+        return None;
+    }
+    let named = MICROCONTROLLER.iter().find(|part| line.contains(*part))?;
+    Some(format!("names {named}: that belongs into {BOARD_FOLDER}"))
 }
 
 /// The retired words of a line, by themselves or as a part of a name.
@@ -274,6 +270,30 @@ mod tests {
             }
             assert!(retired_words(&format!("thresh{word}s")).is_empty());
         }
+    }
+
+    #[test]
+    fn a_microcontroller_is_named_in_its_boards_folder_and_where_rtic_gets_it() {
+        for line in [
+            "use rp2040_pac::I2C0;",
+            "use rp2040_hal::pac;",
+            "    cortex_m::asm::nop();",
+            "use cortex_m_rt::exception;",
+            "static B: [u8; 256] = rp2040_boot2::BOOT_LOADER_W25Q080;",
+        ] {
+            for name in ["firmware/src/main.rs", "firmware/src/tasks/coil.rs"] {
+                assert_eq!(check_file(name, line.as_bytes()).len(), 1, "{name}: {line}");
+            }
+            for name in ["firmware/src/board/rp2040/mod.rs", "firmware/examples/a.rs"] {
+                assert!(
+                    check_file(name, line.as_bytes()).is_empty(),
+                    "{name}: {line}"
+                );
+            }
+        }
+        let device = b"#[rtic::app(device = rp2040_pac, dispatchers = [SW0_IRQ])]";
+        assert!(check_file("firmware/src/main.rs", device).is_empty());
+        assert_eq!(check_file("firmware/src/tasks/mod.rs", device).len(), 1);
     }
 
     #[test]

@@ -14,6 +14,7 @@
 //!
 //! A new crate is entered once, in [`members`]; a new check is one [`steps::Step`] in [`gate`].
 
+mod book;
 mod deps;
 mod evidence;
 mod field_peers;
@@ -21,8 +22,10 @@ mod firmware;
 mod gate;
 mod hygiene;
 mod members;
+mod package_files;
 mod panic_free;
 mod process;
+mod repository;
 mod setup;
 mod steps;
 

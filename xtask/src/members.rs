@@ -65,7 +65,10 @@ pub(crate) const MEMBERS: &[Member] = &[
         published: true,
         features: &["defmt"],
         tested_features: &[],
-        mcu_examples: &[],
+        mcu_examples: &[McuExample {
+            name: "rp2040",
+            target: FIRMWARE_TARGET,
+        }],
     },
     Member {
         name: "ldc161x",
@@ -90,7 +93,7 @@ pub(crate) const MEMBERS: &[Member] = &[
         name: "palpate-node",
         runs_on: RunsOn::Everywhere,
         published: false,
-        features: &[],
+        features: &["defmt"],
         tested_features: &[],
         mcu_examples: &[],
     },
@@ -153,7 +156,7 @@ pub(crate) const MEMBERS: &[Member] = &[
         ..HOST_PROGRAM
     },
     Member {
-        name: "palpate-board",
+        name: "palpate-emulator",
         ..HOST_PROGRAM
     },
     Member {
@@ -188,4 +191,60 @@ pub(crate) fn host_packages() -> Vec<&'static str> {
         arguments.extend(["--exclude", member.name]);
     }
     arguments
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+    use std::path::{Path, PathBuf};
+
+    use serde_json::Value;
+
+    use crate::process::{Invocation, Workspace};
+
+    /// The source files in a folder and below.
+    fn sources(folder: &Path) -> Vec<PathBuf> {
+        let entries = fs::read_dir(folder).unwrap().map(|it| it.unwrap().path());
+        let (folders, files): (Vec<_>, Vec<_>) = entries.partition(|path| path.is_dir());
+        let below = folders.iter().flat_map(|folder| sources(folder));
+        files.into_iter().chain(below).collect()
+    }
+
+    /// A library or program whose manifest turns its tests off must have none: cargo would leave
+    /// them out and say nothing.
+    #[test]
+    fn what_is_not_tested_holds_no_test() {
+        let workspace = Workspace::find(None).unwrap();
+        let query = ["metadata", "--format-version", "1", "--no-deps"];
+        let printed = workspace.output(&Invocation::cargo(&query)).unwrap();
+        let metadata: Value = serde_json::from_str(&printed).unwrap();
+        let packages = metadata["packages"].as_array().unwrap();
+        let of_package = |package: &Value| package["targets"].as_array().unwrap().clone();
+        let mut seen = 0;
+        for target in packages.iter().flat_map(of_package) {
+            let file = PathBuf::from(target["src_path"].as_str().unwrap());
+            let kind = target["kind"][0].as_str().unwrap();
+            let files = match kind {
+                "lib" => sources(file.parent().unwrap()),
+                "bin" => vec![file],
+                _ => continue,
+            };
+            let marks: &[(&str, &[&str])] = &[
+                ("test", &["#[test]", "cfg(test)", "proptest!"]),
+                ("doctest", &["```"]),
+            ];
+            for (switch, marks) in marks {
+                if target[switch] != false || (kind == "bin" && *switch == "doctest") {
+                    continue;
+                }
+                seen += 1;
+                for file in &files {
+                    let text = fs::read_to_string(file).unwrap();
+                    let found = marks.iter().find(|mark| text.contains(**mark));
+                    assert_eq!(found, None, "{}: {switch} = false", file.display());
+                }
+            }
+        }
+        assert!(seen > 0);
+    }
 }

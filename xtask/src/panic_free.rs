@@ -7,6 +7,7 @@ use std::fs;
 use std::path::PathBuf;
 
 use anyhow::{Context, Result, bail};
+use serde_json::Value;
 
 use crate::process::{Invocation, Workspace};
 
@@ -87,16 +88,9 @@ fn examples(workspace: &Workspace, package: &str) -> Result<PathBuf> {
 pub(crate) fn executable(messages: &str) -> Option<PathBuf> {
     messages
         .lines()
-        .filter_map(|line| {
-            cargo_metadata::Message::parse_stream(line.as_bytes())
-                .next()?
-                .ok()
-        })
-        .find_map(|message| match message {
-            cargo_metadata::Message::CompilerArtifact(artifact) => artifact.executable,
-            _ => None,
-        })
-        .map(Into::into)
+        .filter_map(|line| serde_json::from_str::<Value>(line).ok())
+        .filter(|message| message["reason"] == "compiler-artifact")
+        .find_map(|message| message["executable"].as_str().map(PathBuf::from))
 }
 
 /// Which names of the panic machinery stand in an image's table of symbols.

@@ -1,4 +1,4 @@
-//! What the checks need besides stable Rust: microcontroller targets and two tools.
+//! What the checks need besides stable Rust: microcontroller targets and three tools.
 
 use anyhow::{Context, Result, anyhow, bail};
 
@@ -12,6 +12,8 @@ pub(crate) struct Tool {
     package: &'static str,
     /// The version that is installed, so that a new release cannot turn an old commit red.
     version: &'static str,
+    /// Its features in the place of the usual ones, where those take long to build.
+    features: Option<&'static str>,
     /// A command that succeeds when the tool is there.
     probe: &'static [&'static str],
 }
@@ -20,6 +22,7 @@ pub(crate) struct Tool {
 pub(crate) const CARGO_DENY: Tool = Tool {
     package: "cargo-deny",
     version: "0.20.2",
+    features: None,
     probe: &["cargo", "deny", "--version"],
 };
 
@@ -27,7 +30,16 @@ pub(crate) const CARGO_DENY: Tool = Tool {
 pub(crate) const TYPOS: Tool = Tool {
     package: "typos-cli",
     version: "1.52.0",
+    features: None,
     probe: &["typos", "--version"],
+};
+
+/// The book. Without its server and without watching files, which the gate has no use for.
+pub(crate) const MDBOOK: Tool = Tool {
+    package: "mdbook",
+    version: "0.5.4",
+    features: Some("search"),
+    probe: &["mdbook", "--version"],
 };
 
 /// A tool that no machine has, for tests.
@@ -35,11 +47,19 @@ pub(crate) const TYPOS: Tool = Tool {
 pub(crate) const ABSENT: Tool = Tool {
     package: "palpate-no-such-tool",
     version: "1.2.3",
+    features: None,
     probe: &["palpate-no-such-tool", "--version"],
 };
 
 /// Every tool that the checks use.
-const TOOLS: &[&Tool] = &[&CARGO_DENY, &TYPOS];
+const TOOLS: &[&Tool] = &[&CARGO_DENY, &MDBOOK, &TYPOS];
+
+/// How a tool is built: it runs for seconds, and to optimise it as a whole takes minutes.
+const QUICK_BUILD: &[(&str, &str)] = &[
+    ("CARGO_PROFILE_RELEASE_CODEGEN_UNITS", "16"),
+    ("CARGO_PROFILE_RELEASE_LTO", "off"),
+    ("CARGO_PROFILE_RELEASE_OPT_LEVEL", "1"),
+];
 
 /// What a step needs before it can run.
 #[derive(Debug, Clone, Copy)]
@@ -66,7 +86,11 @@ impl Tool {
     /// The command that installs it.
     fn install(&self) -> Invocation {
         let package = format!("{}@{}", self.package, self.version);
-        Invocation::cargo(&["install", "--locked", &package])
+        let mut arguments = vec!["install", "--locked", &package];
+        if let Some(features) = self.features {
+            arguments.extend(["--no-default-features", "--features", features]);
+        }
+        Invocation::cargo(&arguments)
     }
 
     /// Whether it is there, in whatever version.
@@ -98,8 +122,10 @@ pub(crate) fn install_everything(workspace: &Workspace) -> Result<()> {
     for tool in TOOLS {
         if !tool.is_installed(workspace) {
             println!("{}: not installed, building it", tool.package);
+            let quick = |install: Invocation, (name, value)| install.with_env(name, value);
+            let install = QUICK_BUILD.iter().copied().fold(tool.install(), quick);
             workspace
-                .run(&tool.install())
+                .run(&install)
                 .with_context(|| format!("{} could not be installed", tool.package))?;
         }
         println!("{}: ready", tool.package);

@@ -3,7 +3,7 @@
 //! The bridge goes off at once, whatever it was. The supply's reading comes later, through its
 //! divider's capacitor; so the fault that was latched is looked at again until that has come to rest.
 
-use crate::drive::{Report, State};
+use crate::drive::{DriveState, Report};
 use crate::fault::Fault;
 
 /// Time for the supply's reading to come to rest, us: five time constants of a divider of 1 ms.
@@ -26,7 +26,7 @@ pub(crate) struct Needs {
     pub(crate) open_v: f32,
     /// What the current that was wanted takes through the circuit as it was tested, the supply's own
     /// resistance included, at the greatest duty.
-    pub(crate) wanted_v: f32,
+    pub(crate) setpoint_v: f32,
 }
 
 impl Needs {
@@ -35,11 +35,11 @@ impl Needs {
         let Self {
             limit_v,
             open_v,
-            wanted_v,
+            setpoint_v,
         } = *self;
         match fault {
             Fault::CurrentMissing => Some(limit_v.max(EXPLAINS * open_v)),
-            Fault::NotFollowing => Some(limit_v.max(wanted_v)),
+            Fault::NotFollowing => Some(limit_v.max(setpoint_v)),
             _ => None,
         }
     }
@@ -73,7 +73,7 @@ impl Blame {
     ) -> bool {
         let [before_v, older_v, _] = self.readings_v;
         self.readings_v = [latest_v, before_v, older_v];
-        let State::Latched(fault) = report.state else {
+        let DriveState::Latched(fault) = report.state else {
             (self.was_latched, self.open) = (false, None);
             return false;
         };

@@ -3,27 +3,27 @@
 use crate::averages::Averages;
 use crate::correction::Correction;
 use crate::fault::Fault;
-use crate::line::{Ahead, Line};
+use crate::line::{Ahead, FixedPointLine};
 use crate::output::{Levels, Output, Shaper};
 use crate::regulator::{Gains, Regulator};
-use crate::self_test::{Plan, SelfTest, Step, Sums};
+use crate::self_test::{SelfTest, TestPlan, TestStep, TestSums};
 use crate::watch::{self, ATTENDED_WITHIN, Bounds, Watch};
 use crate::waveform::MOST_SEGMENTS;
 
-/// A current that is as near as this to where it is wanted, in units, is on its course: 0.15 A of
+/// A current that is as near as this to its setpoint, in units, is on track: 0.15 A of
 /// the reference board, twice the noise of its converter's worst codes.
 const NEAR: i32 = 48;
-/// Periods for which the law is asked every time after the current was off its course.
+/// Periods for which the law is asked every time after the current was off its setpoint.
 const BUSY_PERIODS: u32 = 16;
 
 /// The period in which it has not looked in time.
 const PATIENCE: u32 = ATTENDED_WITHIN + 1;
 
 /// A line in integers: where to, in units, and periods.
-pub(crate) type Leg = (i32, u32);
+pub(crate) type RawSegment = (i32, u32);
 
 /// A waveform in integers.
-pub(crate) type Legs = heapless::Vec<Leg, MOST_SEGMENTS>;
+pub(crate) type RawSegments = heapless::Vec<RawSegment, MOST_SEGMENTS>;
 
 /// What the supervisor wants. Made by [`Supervisor`](crate::Supervisor) outside of any lock.
 #[derive(Clone, Debug)]
@@ -42,7 +42,7 @@ pub(crate) enum Orders {
     Latch(Fault),
     /// What stands behind the fault that is latched.
     Cause(Fault),
-    Test(Plan),
+    Test(TestPlan),
     /// What the self-test found: the zero and the law.
     Fit {
         twice_zero: i32,
@@ -54,7 +54,7 @@ pub(crate) enum Orders {
         gains: Gains,
         coast_q8: i32,
     },
-    Run(Legs),
+    Run(RawSegments),
     /// To hold this current, units, where one is held already.
     Hold(i32),
     Correct(Correction),
@@ -63,7 +63,7 @@ pub(crate) enum Orders {
 /// Where a drive stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum State {
+pub enum DriveState {
     /// Off. `tested`: whether it may be driven.
     Off {
         /// The self-test has found a coil.
@@ -81,18 +81,18 @@ pub enum State {
 #[derive(Clone, Copy, Debug)]
 pub struct Report {
     /// Where it stands.
-    pub state: State,
+    pub state: DriveState,
     /// Whether the waveform is over and its last current is held.
     pub holds: bool,
     /// Periods with the bridge on in this run.
     pub on_periods: u32,
-    pub(crate) wanted: i32,
+    pub(crate) setpoint: i32,
     /// Sums of level times units, of levels, of units, over all whole blocks; they wrap.
     pub(crate) power: i64,
     pub(crate) levels: i32,
     pub(crate) units: i32,
     pub(crate) blocks: u32,
-    pub(crate) outcome: Option<Sums>,
+    pub(crate) outcome: Option<TestSums>,
 }
 
 /// The drive: from two samples every period it computes the bridge's inputs.
@@ -125,8 +125,8 @@ pub struct Drive {
     shaper: Shaper,
     /// Greatest level.
     top: i32,
-    line: Line,
-    sums: watch::Sums,
+    line: FixedPointLine,
+    sums: watch::BlockSums,
     regulator: Regulator,
     gains: Gains,
     // From here on for a few periods only.
@@ -135,7 +135,7 @@ pub struct Drive {
     /// The next line, if it was prepared.
     ahead: Ahead,
     is_prepared: bool,
-    legs: Legs,
+    segments: RawSegments,
     watch: Watch,
     bounds: Bounds,
     /// Current limit and trip, units.
@@ -145,7 +145,7 @@ pub struct Drive {
     fault: Fault,
     test: SelfTest,
     report: Sum,
-    outcome: Option<Sums>,
+    outcome: Option<TestSums>,
 }
 
 #[derive(Clone, Copy, Debug, Default)]
@@ -195,22 +195,22 @@ impl Drive {
             patience: PATIENCE,
             shaper: fixed.shaper,
             top: fixed.top,
-            line: Line::default(),
+            line: FixedPointLine::default(),
             regulator: Regulator::default(),
-            sums: watch::Sums::default(),
+            sums: watch::BlockSums::default(),
             gains: Gains::default(),
             correction: Correction::NONE,
             next: 0,
             ahead: Ahead::default(),
             is_prepared: false,
-            legs: Legs::new(),
+            segments: RawSegments::new(),
             watch: Watch::default(),
             bounds: fixed.bounds,
             current: fixed.current,
             trip: fixed.trip,
             nominal_twice_zero: fixed.twice_zero,
             fault: Fault::Unattended,
-            test: SelfTest::new(Plan::default()),
+            test: SelfTest::new(TestPlan::default()),
             report: Sum::default(),
             outcome: None,
         };
@@ -225,7 +225,7 @@ impl Drive {
             state: self.state(),
             holds: self.holds(),
             on_periods: self.watch.on(),
-            wanted: self.line.now(),
+            setpoint: self.line.now(),
             power: self.report.power,
             levels: self.report.levels,
             units: self.report.units,
@@ -236,14 +236,14 @@ impl Drive {
 
     /// Where it stands.
     #[must_use]
-    pub fn state(&self) -> State {
+    pub fn state(&self) -> DriveState {
         match self.mode {
-            Mode::Off => State::Off {
+            Mode::Off => DriveState::Off {
                 tested: self.tested,
             },
-            Mode::Testing => State::Testing,
-            Mode::Driving => State::Driving,
-            Mode::Latched => State::Latched(self.fault),
+            Mode::Testing => DriveState::Testing,
+            Mode::Driving => DriveState::Driving,
+            Mode::Latched => DriveState::Latched(self.fault),
         }
     }
 
@@ -295,12 +295,13 @@ impl Drive {
             }
             Orders::Adapt { gains, coast_q8 } => {
                 if self.tested {
-                    self.regulator.adapt(&self.gains, gains, self.line.wanted());
+                    self.regulator
+                        .adapt(&self.gains, gains, self.line.setpoint());
                     self.gains = *gains;
                     self.shaper.coast_q8 = *coast_q8;
                 }
             }
-            Orders::Run(legs) => self.run(legs),
+            Orders::Run(segments) => self.run(segments),
             Orders::Hold(units) => self.hold(*units),
             Orders::Correct(correction) => {
                 self.corrects = *correction != Correction::NONE;
@@ -316,30 +317,30 @@ impl Drive {
         self.range = (((twice_zero + self.trip) >> 1) - self.least) as u32;
     }
 
-    fn run(&mut self, legs: &Legs) {
+    fn run(&mut self, segments: &RawSegments) {
         if !self.tested {
             return;
         }
         match self.mode {
             Mode::Driving => {}
             Mode::Off => {
-                self.line = Line::default();
+                self.line = FixedPointLine::default();
                 self.regulator = Regulator::default();
-                self.sums = watch::Sums::default();
+                self.sums = watch::BlockSums::default();
                 self.watch = Watch::default();
                 self.mode = Mode::Driving;
             }
             Mode::Testing | Mode::Latched => return,
         }
-        self.legs.clone_from(legs);
+        self.segments.clone_from(segments);
         self.next = 0;
         self.is_prepared = false;
-        if let Some((to, periods)) = self.leg() {
+        if let Some((to, periods)) = self.segment() {
             self.line.go(to, periods);
             self.next = 1;
             self.busy = BUSY_PERIODS;
         }
-        self.goes_on = self.leg().is_some();
+        self.goes_on = self.segment().is_some();
     }
 
     fn hold(&mut self, units: i32) {
@@ -351,17 +352,17 @@ impl Drive {
 
     /// Whether the waveform is over.
     fn holds(&self) -> bool {
-        self.line.is_over() && self.next >= self.legs.len()
+        self.line.is_over() && self.next >= self.segments.len()
     }
 
     fn stop(&mut self) {
         if self.mode != Mode::Latched {
             self.mode = Mode::Off;
         }
-        self.legs.clear();
+        self.segments.clear();
         self.next = 0;
         self.goes_on = false;
-        self.line = Line::default();
+        self.line = FixedPointLine::default();
     }
 
     /// Off, and so it stays. The first fault stands.
@@ -375,8 +376,8 @@ impl Drive {
     }
 
     /// The next line of the waveform, if there is one.
-    fn leg(&self) -> Option<Leg> {
-        let &(to, periods) = self.legs.get(self.next)?;
+    fn segment(&self) -> Option<RawSegment> {
+        let &(to, periods) = self.segments.get(self.next)?;
         Some((to.min(self.current).max(-self.current), periods))
     }
 
@@ -452,13 +453,13 @@ impl Drive {
         if !(-NEAR..=NEAR).contains(&off) {
             self.busy = BUSY_PERIODS;
         }
-        let wanted = if self.busy > 0 {
+        let setpoint = if self.busy > 0 {
             self.busy -= 1;
             self.regulator.step(&self.gains, &self.line, measured)
         } else {
             self.regulator.rest(&self.gains, &self.line, off)
         };
-        let level = self.regulator.dither(wanted, self.top);
+        let level = self.regulator.dither(setpoint, self.top);
         let (level, levels) = self.shaper.shape(level, measured, &self.line);
         self.regulator.level = level;
         levels
@@ -467,7 +468,7 @@ impl Drive {
     /// At the end of a line: goes on with the next one.
     #[inline(never)]
     fn turn(&mut self) {
-        if let Some((to, periods)) = self.leg() {
+        if let Some((to, periods)) = self.segment() {
             if self.is_prepared {
                 self.line.follow(&self.ahead);
             } else {
@@ -475,7 +476,7 @@ impl Drive {
             }
             self.is_prepared = false;
             self.next += 1;
-            self.goes_on = self.leg().is_some();
+            self.goes_on = self.segment().is_some();
             self.busy = BUSY_PERIODS;
         }
     }
@@ -491,10 +492,10 @@ impl Drive {
             return false;
         }
         let block = self.sums.take();
-        let wanted = self.line.wanted();
+        let setpoint = self.line.setpoint();
         let fault = self
             .watch
-            .close(&block, &self.gains, &self.bounds, wanted, self.measured);
+            .close(&block, &self.gains, &self.bounds, setpoint, self.measured);
         self.report.power = self.report.power.wrapping_add(block.power.into());
         self.report.levels = self.report.levels.wrapping_add(block.levels);
         self.report.units = self.report.units.wrapping_add(block.units);
@@ -504,7 +505,7 @@ impl Drive {
             return true;
         }
         if !self.is_prepared
-            && let Some((to, periods)) = self.leg()
+            && let Some((to, periods)) = self.segment()
         {
             self.ahead = self.line.ahead(to, periods);
             self.is_prepared = true;
@@ -552,13 +553,13 @@ impl Drive {
             self.set_zero(self.reverse(twice_zero));
         }
         match step {
-            Step::Asleep => Output::OFF,
+            TestStep::Asleep => Output::OFF,
             // A bridge may report its limit, which is to act here.
-            Step::On { limit_low, .. } if bridge_faults && !limit_low => {
+            TestStep::On { limit_low, .. } if bridge_faults && !limit_low => {
                 self.latch(Fault::Bridge);
                 Output::OFF
             }
-            Step::On {
+            TestStep::On {
                 levels,
                 limit_low,
                 power,
@@ -570,12 +571,12 @@ impl Drive {
                     limit_low,
                 }
             }
-            Step::Over(Ok(sums)) => {
+            TestStep::Over(Ok(sums)) => {
                 self.outcome = Some(sums);
                 self.mode = Mode::Off;
                 Output::OFF
             }
-            Step::Over(Err(fault)) => {
+            TestStep::Over(Err(fault)) => {
                 self.latch(fault);
                 Output::OFF
             }

@@ -46,7 +46,7 @@ pub struct Load {
     pub lost_v: f32,
 }
 
-/// What a course of the current asks of an [`Account`]: straight lines, one after the other, from
+/// What a profile of the current asks of an [`Account`]: straight lines, one after the other, from
 /// rest.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -119,13 +119,13 @@ impl Account {
         compared.is_none_or(core::cmp::Ordering::is_gt)
     }
 
-    /// Whether a course may begin now.
+    /// Whether a profile may begin now.
     #[must_use]
     pub fn bears(&self, demand: &Demand) -> bool {
         self.energy_j + demand.most_j <= self.usable_j && demand.rise_j <= self.usable_j
     }
 
-    /// How long until a course may begin, s; nothing if it never may.
+    /// How long until a profile may begin, s; nothing if it never may.
     #[must_use]
     pub fn wait_s(&self, demand: &Demand) -> Option<f32> {
         let fits = demand.most_j <= self.usable_j && demand.rise_j <= self.usable_j;
@@ -303,7 +303,7 @@ mod tests {
             prop_assert!((forecast_j - most_j).abs() < 0.02 + 1e-3 * most_j, "{forecast_j} {most_j}");
         }
 
-        /// A course may begin after the time that is returned, and not before.
+        /// A profile may begin after the time that is returned, and not before.
         #[test]
         fn the_wait_is_as_long_as_it_has_to_be(
             lines in prop::collection::vec((-12.0_f32..12.0, 0.0_f32..0.5), 1..12),

@@ -87,7 +87,7 @@ impl Hardware {
 /// A coil with everything in its circuit, as the self-test finds it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub struct Coil {
+pub struct CoilParameters {
     /// Resistance of coil, bridge and supply together, ohm: what the voltage at the supply's input
     /// has to overcome.
     pub resistance_ohm: f32,
@@ -97,7 +97,7 @@ pub struct Coil {
     pub lost: f32,
 }
 
-impl Coil {
+impl CoilParameters {
     /// L/R, s.
     #[must_use]
     pub fn time_constant_s(&self) -> f32 {

@@ -27,10 +27,10 @@ mod waveform;
 
 pub use averages::{Averages, BLOCK, Moment};
 pub use correction::Correction;
-pub use drive::{Drive, Order, Report, State};
+pub use drive::{Drive, DriveState, Order, Report};
 pub use energy::{Account, Demand, Load};
 pub use fault::{Fault, Refusal};
-pub use hardware::{Coil, Decay, Hardware};
+pub use hardware::{CoilParameters, Decay, Hardware};
 pub use limits::Limits;
 pub use output::{Levels, Output};
 pub use pins::{HBridge, PinError};

@@ -3,7 +3,7 @@
 /// A straight line from one current to another, in units with 32 bits behind the point.
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(C)]
-pub(crate) struct Line {
+pub(crate) struct FixedPointLine {
     now: i64,
     slope: i64,
     left: u32,
@@ -13,7 +13,7 @@ pub(crate) struct Line {
 
 /// A moment of a line, in sixteenths of a unit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Wanted {
+pub(crate) struct Setpoint {
     /// The current at the end of the period.
     pub(crate) at_q4: i32,
     /// Its change within it.
@@ -31,7 +31,7 @@ pub(crate) struct Ahead {
 const POINT: u32 = 32;
 const TO_Q4: u32 = POINT - 4;
 
-impl Line {
+impl FixedPointLine {
     /// Goes from here to `to` in so many periods; at once in none.
     pub(crate) fn go(&mut self, to: i32, periods: u32) {
         self.follow(&Ahead::from(self.now, to, periods));
@@ -71,8 +71,8 @@ impl Line {
 
     /// What is wanted of the period that was advanced to.
     #[inline]
-    pub(crate) const fn wanted(&self) -> Wanted {
-        Wanted {
+    pub(crate) const fn setpoint(&self) -> Setpoint {
+        Setpoint {
             at_q4: (self.now >> TO_Q4) as i32,
             change_q4: self.change_q4,
         }
@@ -113,16 +113,16 @@ mod tests {
 
     #[test]
     fn a_line_is_straight_and_ends_exactly() {
-        let mut line = Line::default();
+        let mut line = FixedPointLine::default();
         line.go(3_000, 0);
         line.advance();
-        assert_eq!(line.wanted().at_q4, 48_000);
+        assert_eq!(line.setpoint().at_q4, 48_000);
         // the longest line: 20 s of 16 us
         line.go(-1_000, 1_250_000);
         let mut worst = 0;
         for step in 1..=1_250_000_i64 {
             line.advance();
-            let at = i64::from(line.wanted().at_q4);
+            let at = i64::from(line.setpoint().at_q4);
             let ideal = 48_000 - 64_000 * step / 1_250_000;
             worst = worst.max((at - ideal).abs());
         }
@@ -130,8 +130,8 @@ mod tests {
         assert!(line.is_over());
         line.advance();
         assert_eq!(
-            line.wanted(),
-            Wanted {
+            line.setpoint(),
+            Setpoint {
                 at_q4: -16_000,
                 change_q4: 0
             }

@@ -1,7 +1,7 @@
 //! What goes to the bridge.
 
 use crate::hardware::Decay;
-use crate::line::Line;
+use crate::line::FixedPointLine;
 
 /// Compare values of the PWM's two outputs: how much of a period each is high. The pulses are
 /// centred on the count's zero, where samples of a phase-correct PWM are taken.
@@ -55,10 +55,10 @@ pub(crate) struct Shaper {
 impl Shaper {
     /// Pulses for a signed level; also the level that they amount to.
     #[inline]
-    pub(crate) fn shape(&self, level: i32, measured: i32, line: &Line) -> (i32, Levels) {
+    pub(crate) fn shape(&self, level: i32, measured: i32, line: &FixedPointLine) -> (i32, Levels) {
         // Signs that differ.
         if level ^ measured < 0
-            && let Some(opposed) = self.oppose(level, measured, line.wanted().at_q4)
+            && let Some(opposed) = self.oppose(level, measured, line.setpoint().at_q4)
         {
             return opposed;
         }
@@ -70,10 +70,10 @@ impl Shaper {
 
     /// The same for a level against the current, if it is one that is not driven.
     #[inline(never)]
-    fn oppose(&self, level: i32, measured: i32, wanted: i32) -> Option<(i32, Levels)> {
+    fn oppose(&self, level: i32, measured: i32, setpoint: i32) -> Option<(i32, Levels)> {
         let opposes = (level > 0 && measured < -NO_SIGN) || (level < 0 && measured > NO_SIGN);
         // The way through zero into the other direction is driven.
-        let crosses = (level > 0 && wanted > 0) || (level < 0 && wanted < 0);
+        let crosses = (level > 0 && setpoint > 0) || (level < 0 && setpoint < 0);
         if !opposes || crosses {
             return None;
         }
@@ -107,9 +107,9 @@ mod tests {
         coast_q8: 230,
     };
 
-    fn shape(shaper: &Shaper, level: i32, measured: i32, wanted: i32) -> (i32, Levels) {
-        let mut line = Line::default();
-        line.go(wanted, 0);
+    fn shape(shaper: &Shaper, level: i32, measured: i32, setpoint: i32) -> (i32, Levels) {
+        let mut line = FixedPointLine::default();
+        line.go(setpoint, 0);
         shaper.shape(level, measured, &line)
     }
 

@@ -31,7 +31,7 @@ pub enum PinError<A, B, S> {
 }
 
 /// The error of a bridge with these pins.
-type Failure<A, B, S> = PinError<
+type PinFailure<A, B, S> = PinError<
     <A as embedded_hal::pwm::ErrorType>::Error,
     <B as embedded_hal::pwm::ErrorType>::Error,
     <S as embedded_hal::digital::ErrorType>::Error,
@@ -47,7 +47,7 @@ impl<A: SetDutyCycle, B: SetDutyCycle, S: OutputPin, F: InputPin> HBridge<A, B, 
         sleep: S,
         fault: F,
         full_level: u16,
-    ) -> Result<Self, Failure<A, B, S>> {
+    ) -> Result<Self, PinFailure<A, B, S>> {
         let mut bridge = Self {
             in1,
             in2,
@@ -63,7 +63,7 @@ impl<A: SetDutyCycle, B: SetDutyCycle, S: OutputPin, F: InputPin> HBridge<A, B, 
     ///
     /// # Errors
     /// A pin failed. The others have been tried all the same.
-    pub fn apply(&mut self, output: &Output) -> Result<(), Failure<A, B, S>> {
+    pub fn apply(&mut self, output: &Output) -> Result<(), PinFailure<A, B, S>> {
         let asleep = if output.awake {
             Ok(())
         } else {

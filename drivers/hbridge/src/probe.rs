@@ -8,7 +8,7 @@
 //! frozen one does not.
 
 use crate::averages::BLOCK;
-use crate::drive::{Report, State};
+use crate::drive::{DriveState, Report};
 
 /// How far the current is raised and then lowered, units: 4 counts of the converter, 26 mA of the
 /// reference board. As far up as down: what a frozen measurement lets the current do meanwhile
@@ -28,7 +28,7 @@ const TURNS: u8 = 3;
 /// Blocks for which a current is held before the first time: a hold in a train of ramps is shorter,
 /// and the ramps themselves show that the measurement follows.
 const HELD: u32 = 200;
-/// Blocks from one look to the next, by which each wait may be longer.
+/// Blocks from one poll to the next, by which each wait may be longer.
 const LOOK: u32 = 4;
 
 /// Periods within which a measurement that freezes is found, where the current has been held for
@@ -89,15 +89,16 @@ pub(crate) struct Probe {
 }
 
 impl Probe {
-    /// A look at the drive.
-    pub(crate) fn look(&mut self, report: &Report, reach: &Reach) -> Next {
+    /// Polls the drive.
+    pub(crate) fn poll(&mut self, report: &Report, reach: &Reach) -> Next {
         let [least, _] = reach.currents;
         let (_, _, begun) = self.since;
         let passed = report.blocks.wrapping_sub(begun);
-        if report.state != State::Driving || !report.holds || report.wanted != self.setpoint {
+        if report.state != DriveState::Driving || !report.holds || report.setpoint != self.setpoint
+        {
             *self = Self {
-                held: report.wanted,
-                setpoint: report.wanted,
+                held: report.setpoint,
+                setpoint: report.setpoint,
                 ..Self::default()
             };
             self.begin(Stage::Held, report);

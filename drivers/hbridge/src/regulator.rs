@@ -12,9 +12,9 @@
 //! beginning, and three quarters of that change are still to come.
 
 use crate::fault::Refusal;
-use crate::hardware::{Coil, Hardware};
+use crate::hardware::{CoilParameters, Hardware};
 use crate::limits::Limits;
-use crate::line::{Line, Wanted};
+use crate::line::{FixedPointLine, Setpoint};
 
 /// Bits behind the point of a level.
 pub(crate) const LEVEL: u32 = 12;
@@ -26,7 +26,7 @@ const EIGHTHS: i32 = 7;
 /// as a power of two: a quarter.
 const LEARN_SHIFT: u32 = 2;
 
-/// Periods from one trim to the next while the current is on its course.
+/// Periods from one trim to the next while the current is at its setpoint.
 const TRIM_PERIODS: u32 = 8;
 /// Part of the voltage that the mean error takes in the long run, as a power of two: half.
 const FOREVER_SHIFT: u32 = 1;
@@ -57,7 +57,7 @@ impl Gains {
     pub(crate) fn new(
         hardware: &Hardware,
         limits: &Limits,
-        coil: &Coil,
+        coil: &CoilParameters,
         supply_v: f32,
     ) -> Result<Self, Refusal> {
         let full = f32::from(hardware.full_level);
@@ -94,13 +94,13 @@ impl Gains {
 pub(crate) struct Regulator {
     /// Level of the period under way.
     pub(crate) level: i32,
-    /// The level that keeps the current on its course, in 2^-12, within the greatest.
+    /// The level that keeps the current at its setpoint, in 2^-12, within the greatest.
     steady: i32,
     /// What the last level left of the wanted one, in 2^-12.
     residue: i32,
     /// Sum of the errors since the level was last trimmed.
     off: i32,
-    /// Periods on its course since then, and [`TRIM_PERIODS`]; 0 after the law was asked.
+    /// Periods at its setpoint since then, and [`TRIM_PERIODS`]; 0 after the law was asked.
     rested: u32,
     /// The current that the law expected at the beginning of the period, in sixteenths of a unit.
     expected_q4: i32,
@@ -132,10 +132,10 @@ impl Regulator {
     /// The law is made anew for a supply or a resistance that have changed. What that took has been
     /// learned already, a little at a time: it moves from what is unknown to what is known, and the
     /// level stays.
-    pub(crate) fn adapt(&mut self, from: &Gains, to: &Gains, wanted: Wanted) {
+    pub(crate) fn adapt(&mut self, from: &Gains, to: &Gains, setpoint: Setpoint) {
         let known = |gains: &Gains| {
-            let slope = gains.kick * within(wanted.change_q4, gains.reach);
-            gains.drop * (wanted.at_q4 >> 4) + (slope >> 4)
+            let slope = gains.kick * within(setpoint.change_q4, gains.reach);
+            gains.drop * (setpoint.at_q4 >> 4) + (slope >> 4)
         };
         let moved = self.unknown + known(from) - known(to);
         self.unknown = within(moved, to.most >> 1);
@@ -148,7 +148,7 @@ impl Regulator {
     /// given on top. It takes the place of an integral, and cannot wind up: it compares with what
     /// the given voltage should have done, not with what was wanted.
     #[inline(never)]
-    pub(crate) fn step(&mut self, gains: &Gains, line: &Line, measured: i32) -> i32 {
+    pub(crate) fn step(&mut self, gains: &Gains, line: &FixedPointLine, measured: i32) -> i32 {
         let lost = gains.lost * measured.signum();
         let given = (self.level << LEVEL) - self.unknown - lost;
         let drive = within(given - gains.drop * measured, 2 * gains.most);
@@ -161,32 +161,32 @@ impl Regulator {
         }
         (self.off, self.rested) = (0, 0);
         self.expected_q4 = measured_q4 + ((change_q4 * 3) >> 2);
-        within(self.law(gains, line.wanted()), gains.most)
+        within(self.law(gains, line.setpoint()), gains.most)
     }
 
     /// The level that brings the current to where it is wanted; without that, the one that keeps it
     /// there becomes the steady one.
     #[inline]
-    fn law(&mut self, gains: &Gains, wanted: Wanted) -> i32 {
+    fn law(&mut self, gains: &Gains, setpoint: Setpoint) -> i32 {
         let expected_q4 = self.expected_q4;
-        let error = wanted.at_q4 - wanted.change_q4 - expected_q4;
+        let error = setpoint.at_q4 - setpoint.change_q4 - expected_q4;
         let error = (within(error, gains.reach) * EIGHTHS) >> 3;
-        let change = within(wanted.change_q4, gains.reach);
+        let change = within(setpoint.change_q4, gains.reach);
         let push = (gains.kick * error) >> 4;
         let slope = (gains.kick * change) >> 4;
-        let lost = gains.lost * (wanted.at_q4 >> 4).signum();
-        let at = gains.drop * (wanted.at_q4 >> 4);
+        let lost = gains.lost * (setpoint.at_q4 >> 4).signum();
+        let at = gains.drop * (setpoint.at_q4 >> 4);
         let steady = at + slope + lost + self.unknown;
         self.steady = within(steady, gains.most);
         // What the current has, not what it is to have, is what the voltage has to overcome.
-        steady + push + gains.drop * ((expected_q4 - wanted.at_q4) >> 4)
+        steady + push + gains.drop * ((expected_q4 - setpoint.at_q4) >> 4)
     }
 
-    /// The same while the current is on its course, `off` units from it: the
+    /// The same while the current is at its setpoint, `off` units from it: the
     /// law is not asked. Every eight periods their mean error trims the level, and what it takes
     /// for ever is learned: eight measurements are less noisy than one.
     #[inline]
-    pub(crate) fn rest(&mut self, gains: &Gains, line: &Line, off: i32) -> i32 {
+    pub(crate) fn rest(&mut self, gains: &Gains, line: &FixedPointLine, off: i32) -> i32 {
         self.off += off;
         self.rested += 1;
         if self.rested.is_multiple_of(TRIM_PERIODS) {
@@ -196,9 +196,9 @@ impl Regulator {
     }
 
     #[inline(never)]
-    fn trim(&mut self, gains: &Gains, line: &Line) {
+    fn trim(&mut self, gains: &Gains, line: &FixedPointLine) {
         const PERIODS: i32 = TRIM_PERIODS as i32;
-        let wanted = line.wanted();
+        let setpoint = line.setpoint();
         // The mean, in sixteenths of a unit.
         let off_q4 = within(self.off * (16 / PERIODS), gains.reach);
         (self.off, self.rested) = (0, TRIM_PERIODS);
@@ -206,8 +206,8 @@ impl Regulator {
         self.unknown = within(self.unknown + forever, gains.most >> 1);
         let trim = (gains.kick * off_q4) >> (4 + TRIM_SHIFT);
         // The middle of the next eight.
-        let at = (wanted.at_q4 + (PERIODS / 2) * wanted.change_q4) >> 4;
-        let slope = (gains.kick * within(wanted.change_q4, gains.reach)) >> 4;
+        let at = (setpoint.at_q4 + (PERIODS / 2) * setpoint.change_q4) >> 4;
+        let slope = (gains.kick * within(setpoint.change_q4, gains.reach)) >> 4;
         let lost = gains.lost * at.signum();
         let steady = gains.drop * at + slope + lost + self.unknown + trim;
         self.steady = within(steady, gains.most);
@@ -215,9 +215,9 @@ impl Regulator {
 
     /// The whole level for a wanted one in 2^-12, `top` at most; what is left comes the next time.
     #[inline]
-    pub(crate) fn dither(&mut self, wanted: i32, top: i32) -> i32 {
+    pub(crate) fn dither(&mut self, setpoint: i32, top: i32) -> i32 {
         const HALF: i32 = 1 << (LEVEL - 1);
-        let fine = wanted + self.residue;
+        let fine = setpoint + self.residue;
         let level = (fine + HALF) >> LEVEL;
         if (level + top) as u32 > 2 * top as u32 {
             return self.bound(fine, top);

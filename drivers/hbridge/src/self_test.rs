@@ -4,14 +4,14 @@
 //! PWM and adds up; [`evaluate`] makes numbers of the sums.
 //!
 //! 1. Bridge asleep: the mean reading is the zero.
-//! 2. The level rises by [`STEP`] every [`STEP_PERIODS`] until [`TARGET_A`] flows.
+//! 2. The level rises, to the full one within [`RISE_PERIODS`], until [`TARGET_A`] flows.
 //! 3. It rests there, then at up to [`FACTOR`] times the level: two points of a straight line,
 //!    whose slope is the resistance and whose foot is what dead time takes.
 //! 4. The area between the second current and its rise is the time constant times the step.
 //! 5. Once more with the hardware's limit reduced, where that can be done.
 
 use crate::fault::Fault;
-use crate::hardware::{Coil, Hardware};
+use crate::hardware::{CoilParameters, Hardware};
 use crate::limits::Limits;
 use crate::output::Levels;
 
@@ -22,10 +22,9 @@ pub(crate) const TARGET_A: f32 = 1.0;
 pub const SELF_TEST_J: f32 = 1.0;
 /// Level of the second point over that of the first.
 const FACTOR: i32 = 4;
-/// Levels by which the voltage rises, as a part of the full one: 1/512.
-const STEP_PART: i32 = 512;
-/// Periods of a level while it rises.
-const STEP_PERIODS: u16 = 8;
+/// Periods in which the voltage would rise to the full one: 0.12 s at 16 us, so slowly that the
+/// current of a coil is at rest meanwhile, however many levels there are.
+const RISE_PERIODS: i32 = 7_680;
 /// Periods for the zero.
 const ZERO_PERIODS: u16 = 64;
 /// Periods for a current to come to rest: 5 ms at 16 us, 8 time constants of 200 uH and 0.33 ohm.
@@ -41,7 +40,7 @@ const LIMIT_TOLERANCE: f32 = 1.5;
 
 /// What the integer half needs to know.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Plan {
+pub(crate) struct TestPlan {
     pub(crate) full: i32,
     /// Greatest level.
     pub(crate) most: i32,
@@ -56,7 +55,7 @@ pub(crate) struct Plan {
 
 /// The sums.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Sums {
+pub(crate) struct TestSums {
     /// Of two samples without current, over [`ZERO_PERIODS`].
     zero: i32,
     /// Level of the first point, and its units over [`MEAN_PERIODS`].
@@ -87,16 +86,18 @@ enum Stage {
 /// The integer half.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SelfTest {
-    plan: Plan,
+    plan: TestPlan,
     stage: Stage,
     left: u16,
     rises: u8,
     level: i32,
-    sums: Sums,
+    /// What the rising voltage is above its level, in parts of one: of [`RISE_PERIODS`].
+    rest: i32,
+    sums: TestSums,
 }
 
 /// What a period of the test wants.
-pub(crate) enum Step {
+pub(crate) enum TestStep {
     On {
         levels: Levels,
         limit_low: bool,
@@ -104,18 +105,19 @@ pub(crate) enum Step {
         power: i32,
     },
     Asleep,
-    Over(Result<Sums, Fault>),
+    Over(Result<TestSums, Fault>),
 }
 
 impl SelfTest {
-    pub(crate) fn new(plan: Plan) -> Self {
+    pub(crate) fn new(plan: TestPlan) -> Self {
         Self {
             plan,
             stage: Stage::Zero,
             left: ZERO_PERIODS,
             rises: 0,
             level: 0,
-            sums: Sums::default(),
+            rest: 0,
+            sums: TestSums::default(),
         }
     }
 
@@ -125,22 +127,20 @@ impl SelfTest {
     }
 
     /// A period: the sum of its two samples.
-    pub(crate) fn step(&mut self, sum: i32) -> Step {
+    pub(crate) fn step(&mut self, sum: i32) -> TestStep {
         if self.stage == Stage::Zero {
             self.sums.zero += sum;
             let [nominal, tolerance] = self.plan.twice_zero;
-            if self.next(Stage::Rise, STEP_PERIODS)
-                && (twice_zero(&self.sums) - nominal).abs() > tolerance
-            {
-                return Step::Over(Err(Fault::Offset));
+            if self.next(Stage::Rise, 0) && (twice_zero(&self.sums) - nominal).abs() > tolerance {
+                return TestStep::Over(Err(Fault::Offset));
             }
-            return Step::Asleep;
+            return TestStep::Asleep;
         }
         let units = sum - twice_zero(&self.sums);
         let plan = self.plan;
         let power = self.level * units;
         if units < -plan.target / 2 {
-            return Step::Over(Err(Fault::SenseReversed));
+            return TestStep::Over(Err(Fault::SenseReversed));
         }
         if self.stage == Stage::Rise {
             if let Some(over) = self.rise(units) {
@@ -149,7 +149,7 @@ impl SelfTest {
         } else if let Some(over) = self.point(units) {
             return over;
         }
-        Step::On {
+        TestStep::On {
             levels: Levels {
                 in1: plan.full as u16,
                 in2: (plan.full - self.level.max(0).min(plan.most)) as u16,
@@ -159,27 +159,28 @@ impl SelfTest {
         }
     }
 
-    fn rise(&mut self, units: i32) -> Option<Step> {
+    fn rise(&mut self, units: i32) -> Option<TestStep> {
         let plan = self.plan;
         if units > plan.too_much {
-            return Some(Step::Over(Err(Fault::Short)));
+            return Some(TestStep::Over(Err(Fault::Short)));
         }
         if units >= plan.target {
             self.sums.low.0 = self.level;
             self.go(Stage::LowRest, REST_PERIODS);
-        } else if self.left > 1 {
-            self.left -= 1;
-        } else {
+            return None;
+        }
+        self.rest += plan.full;
+        if self.rest >= RISE_PERIODS {
             if self.level >= plan.most {
-                return Some(Step::Over(Err(Fault::Open)));
+                return Some(TestStep::Over(Err(Fault::Open)));
             }
-            self.level += (plan.full / STEP_PART).max(1);
-            self.left = STEP_PERIODS;
+            self.rest -= RISE_PERIODS;
+            self.level += 1;
         }
         None
     }
 
-    fn point(&mut self, units: i32) -> Option<Step> {
+    fn point(&mut self, units: i32) -> Option<TestStep> {
         let high = (FACTOR * self.sums.low.0).min(self.plan.most);
         match self.stage {
             Stage::LowRest => {
@@ -208,7 +209,7 @@ impl SelfTest {
                         self.level = high;
                         self.go(Stage::LimitRest, REST_PERIODS);
                     } else if self.rises >= RISES {
-                        return Some(Step::Over(Ok(self.sums)));
+                        return Some(TestStep::Over(Ok(self.sums)));
                     }
                 }
             }
@@ -223,7 +224,7 @@ impl SelfTest {
             Stage::LimitMean => {
                 self.sums.limited = Some(self.sums.limited.unwrap_or(0) + units);
                 if self.next(Stage::Over, 0) {
-                    return Some(Step::Over(Ok(self.sums)));
+                    return Some(TestStep::Over(Ok(self.sums)));
                 }
             }
             Stage::Zero | Stage::Rise | Stage::Over => {}
@@ -247,7 +248,7 @@ impl SelfTest {
     }
 }
 
-fn twice_zero(sums: &Sums) -> i32 {
+fn twice_zero(sums: &TestSums) -> i32 {
     let periods = i32::from(ZERO_PERIODS);
     (sums.zero + periods / 2) / periods
 }
@@ -259,7 +260,7 @@ pub struct Findings {
     /// Reading without current, in counts.
     pub zero_count: f32,
     /// The circuit.
-    pub coil: Coil,
+    pub coil: CoilParameters,
     /// The current to which the hardware limited it with its limit reduced, A; nothing where that
     /// cannot be tested.
     pub limited_to_a: Option<f32>,
@@ -267,7 +268,7 @@ pub struct Findings {
 
 /// Makes numbers of the sums.
 pub(crate) fn evaluate(
-    sums: &Sums,
+    sums: &TestSums,
     hardware: &Hardware,
     limits: &Limits,
     supply_v: f32,
@@ -309,7 +310,7 @@ pub(crate) fn evaluate(
     }
     let findings = Findings {
         zero_count: 0.5 * twice as f32,
-        coil: Coil {
+        coil: CoilParameters {
             resistance_ohm,
             inductance_h,
             lost,
@@ -317,4 +318,36 @@ pub(crate) fn evaluate(
         limited_to_a,
     };
     Ok((findings, twice))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Periods until the voltage is at its greatest without a current.
+    fn rises_in(full: i32) -> u32 {
+        let mut test = SelfTest::new(TestPlan {
+            full,
+            most: full,
+            target: 100,
+            too_much: 1_000,
+            test_limit: false,
+            twice_zero: [0, 10],
+        });
+        (0..20_000)
+            .position(|_| matches!(test.step(0), TestStep::Over(Err(Fault::Open))))
+            .map_or(0, |at| at as u32)
+    }
+
+    #[test]
+    fn the_voltage_rises_as_fast_whatever_the_number_of_levels() {
+        for full in [16, 960, 1_600, 2_048] {
+            let rise = rises_in(full) - u32::from(ZERO_PERIODS);
+            let level = RISE_PERIODS as u32 / full as u32 + 1;
+            assert!(
+                rise.abs_diff(RISE_PERIODS as u32) <= level,
+                "{full}: {rise}"
+            );
+        }
+    }
 }

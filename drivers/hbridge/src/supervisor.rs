@@ -3,23 +3,23 @@
 use crate::averages::BLOCK;
 use crate::blame::{Blame, Needs};
 use crate::correction::Correction;
-use crate::drive::{Drive, Fixed, Legs, Order, Orders, Report, State};
+use crate::drive::{Drive, DriveState, Fixed, Order, Orders, RawSegments, Report};
 use crate::energy::{Account, Demand, Load};
 use crate::fault::{Fault, Refusal};
-use crate::hardware::{Coil, Hardware};
+use crate::hardware::{CoilParameters, Hardware};
 use crate::limits::Limits;
 use crate::output::Shaper;
 use crate::probe::{Next, Probe, Reach};
 use crate::regulator::Gains;
 use crate::ripple::Ripple;
-use crate::self_test::{Findings, Plan, SELF_TEST_J, TARGET_A, evaluate};
+use crate::self_test::{Findings, SELF_TEST_J, TARGET_A, TestPlan, evaluate};
 use crate::watch::{BALANCED_WITHIN, Bounds};
 use crate::waveform::Waveform;
 
 /// Relative change of supply or resistance at which the law is made anew: far below what the law
 /// learns by itself.
 const CHANGE: f32 = 0.02;
-/// Most of the time that one look may stand for, us: a clock that jumps forgets no energy.
+/// Most of the time that one poll may stand for, us: a clock that jumps forgets no energy.
 const MOST_ELAPSED_US: u32 = 1_000_000;
 /// Part of the greatest current by which one may miss where it is wanted.
 const TRACKING_ERROR: f32 = 1.0 / 16.0;
@@ -35,24 +35,24 @@ pub struct Supervisor {
     /// Supply, V, and resistance, ohm, that the law is made for.
     made_for: (f32, f32),
     account: Account,
-    /// Sums at the last look, and at the last value of the resistance.
+    /// Sums at the last poll, and at the last value of the resistance.
     power: i64,
     seen: (i32, i32, u32),
     resistance_ohm: Option<f32>,
-    source: Source,
+    source: SupplyModel,
     latched: bool,
     probe: Probe,
     blame: Blame,
-    /// The supply's lowest reading since the last look, V, if there were readings.
+    /// The supply's lowest reading since the last poll, V, if there were readings.
     lowest_v: Option<f32>,
     /// The current that was wanted when the drive was last seen driving, units.
-    wanted: i32,
+    setpoint: i32,
     reach: Reach,
 }
 
 /// What is known of the supply behind its voltage, and of the circuit without it.
 #[derive(Clone, Copy, Debug, Default)]
-struct Source {
+struct SupplyModel {
     /// Its voltage while nothing flows.
     open_v: f32,
     /// Its resistance.
@@ -97,12 +97,12 @@ impl Supervisor {
             power: 0,
             seen: (0, 0, 0),
             resistance_ohm: None,
-            source: Source::default(),
+            source: SupplyModel::default(),
             latched: false,
             probe: Probe::default(),
             blame: Blame::default(),
             lowest_v: None,
-            wanted: 0,
+            setpoint: 0,
             reach: Reach {
                 currents: [0.5 * TARGET_A, limits.current_a].map(|of| hardware.units(of)),
                 tracking_error: hardware.units(TRACKING_ERROR * limits.current_a),
@@ -141,7 +141,7 @@ impl Supervisor {
     #[must_use]
     pub fn ripple(&self) -> Option<Ripple> {
         let Findings { coil, .. } = self.findings.as_ref()?;
-        let Source {
+        let SupplyModel {
             open_v,
             ohm,
             shorted_ohm,
@@ -181,9 +181,9 @@ impl Supervisor {
     /// already.
     pub fn test(&mut self, report: &Report, supply_v: f32) -> Result<Order, Refusal> {
         match report.state {
-            State::Latched(fault) => return Err(Refusal::Latched(fault)),
-            State::Testing => return Err(Refusal::Testing),
-            State::Off { .. } | State::Driving => {}
+            DriveState::Latched(fault) => return Err(Refusal::Latched(fault)),
+            DriveState::Testing => return Err(Refusal::Testing),
+            DriveState::Off { .. } | DriveState::Driving => {}
         }
         let [low_v, high_v] = self.limits.supply_v;
         if !(low_v..=high_v).contains(&supply_v) {
@@ -194,7 +194,7 @@ impl Supervisor {
         }
         self.account.charge(SELF_TEST_J);
         self.findings = None;
-        if report.state != State::Driving {
+        if report.state != DriveState::Driving {
             self.source.open_v = supply_v;
         }
         let full = i32::from(self.hardware.full_level);
@@ -202,7 +202,7 @@ impl Supervisor {
         // No more voltage than the target takes through the greatest resistance.
         let [_, most_ohm] = self.limits.resistance_ohm;
         let most = (TARGET_A * most_ohm / supply_v).min(self.limits.duty);
-        Ok(Order(Orders::Test(Plan {
+        Ok(Order(Orders::Test(TestPlan {
             full,
             most: (most * full as f32) as i32,
             target,
@@ -230,14 +230,14 @@ impl Supervisor {
     /// left: [`Account::time_until_s`] returns for how long.
     pub fn run(&self, report: &Report, waveform: &Waveform) -> Result<Order, Refusal> {
         match report.state {
-            State::Latched(fault) => return Err(Refusal::Latched(fault)),
-            State::Testing => return Err(Refusal::Testing),
-            State::Off { tested: false } => return Err(Refusal::NotTested),
-            State::Off { tested: true } | State::Driving => {}
+            DriveState::Latched(fault) => return Err(Refusal::Latched(fault)),
+            DriveState::Testing => return Err(Refusal::Testing),
+            DriveState::Off { tested: false } => return Err(Refusal::NotTested),
+            DriveState::Off { tested: true } | DriveState::Driving => {}
         }
         let findings = self.findings.ok_or(Refusal::NotTested)?;
         waveform.check(&self.limits)?;
-        let from_a = report.wanted as f32 * self.hardware.ampere_per_unit();
+        let from_a = report.setpoint as f32 * self.hardware.ampere_per_unit();
         let (supply_v, _) = self.made_for;
         let mut demand = Demand::new(
             &self.account,
@@ -253,13 +253,13 @@ impl Supervisor {
         if !self.account.bears(&demand) {
             return Err(Refusal::Energy(demand.most_j()));
         }
-        let mut legs = Legs::new();
+        let mut segments = RawSegments::new();
         for segment in waveform.segments() {
             let periods = segment.over_s / self.hardware.period_s + 0.5;
             // There is room for as many as a waveform has.
-            let _ = legs.push((self.hardware.units(segment.to_a), periods as u32));
+            let _ = segments.push((self.hardware.units(segment.to_a), periods as u32));
         }
-        Ok(Order(Orders::Run(legs)))
+        Ok(Order(Orders::Run(segments)))
     }
 
     /// Off.
@@ -288,7 +288,7 @@ impl Supervisor {
     pub fn attend(&mut self, report: &Report, supply_v: f32, elapsed_us: u32) -> Order {
         self.count_energy(report, supply_v, elapsed_us);
         let gave_way = self.gave_way(report, supply_v, elapsed_us);
-        let active = matches!(report.state, State::Testing | State::Driving);
+        let active = matches!(report.state, DriveState::Testing | DriveState::Driving);
         if !active {
             self.source.open_v = supply_v;
         }
@@ -309,7 +309,7 @@ impl Supervisor {
             }
         } else {
             self.follow_resistance(report, supply_v);
-            match self.probe.look(report, &self.reach) {
+            match self.probe.poll(report, &self.reach) {
                 Next::Nothing => self.adapt(supply_v),
                 Next::Hold(units) => Orders::Hold(units),
                 Next::Frozen => Orders::Latch(Fault::SenseFrozen),
@@ -330,17 +330,17 @@ impl Supervisor {
 
     /// Whether the supply is behind the fault that stands.
     fn gave_way(&mut self, report: &Report, supply_v: f32, elapsed_us: u32) -> bool {
-        if report.state == State::Driving {
-            self.wanted = report.wanted;
+        if report.state == DriveState::Driving {
+            self.setpoint = report.setpoint;
         }
         let latest_v = self.lowest_v.take().unwrap_or(supply_v);
         let [limit_v, _] = self.limits.supply_v;
         let tested_ohm = self.findings.map_or(0.0, |found| found.coil.resistance_ohm);
-        let wanted_a = self.wanted as f32 * self.hardware.ampere_per_unit();
+        let setpoint_a = self.setpoint as f32 * self.hardware.ampere_per_unit();
         let needs = Needs {
             limit_v,
             open_v: self.source.open_v,
-            wanted_v: wanted_a.abs() * tested_ohm / self.limits.duty,
+            setpoint_v: setpoint_a.abs() * tested_ohm / self.limits.duty,
         };
         self.blame.follow(report, latest_v, elapsed_us, &needs)
     }
@@ -352,8 +352,10 @@ impl Supervisor {
         let full = f32::from(self.hardware.full_level);
         let step_j = supply_v / full * self.hardware.ampere_per_unit() * self.hardware.period_s;
         self.account.pass(work as f32 * step_j, elapsed_s);
-        let was_latched =
-            core::mem::replace(&mut self.latched, matches!(report.state, State::Latched(_)));
+        let was_latched = core::mem::replace(
+            &mut self.latched,
+            matches!(report.state, DriveState::Latched(_)),
+        );
         if self.latched && !was_latched {
             // What may have flowed unmeasured before the fault was found.
             let found_s = BALANCED_WITHIN as f32 * self.hardware.period_s;
@@ -393,7 +395,7 @@ impl Supervisor {
         if !changed(supply_v, before_v) && !changed(resistance_ohm, before_ohm) {
             return Orders::Attended;
         }
-        let coil = Coil {
+        let coil = CoilParameters {
             resistance_ohm,
             ..findings.coil
         };
@@ -409,7 +411,7 @@ impl Supervisor {
         }
     }
 
-    fn gains(&self, coil: &Coil, supply_v: f32) -> Result<Gains, Refusal> {
+    fn gains(&self, coil: &CoilParameters, supply_v: f32) -> Result<Gains, Refusal> {
         Gains::new(&self.hardware, &self.limits, coil, supply_v)
     }
 
@@ -419,7 +421,7 @@ impl Supervisor {
 
     fn follow_resistance(&mut self, report: &Report, supply_v: f32) {
         let (levels, units, blocks) = self.seen;
-        if report.state != State::Driving {
+        if report.state != DriveState::Driving {
             self.seen = (report.levels, report.units, report.blocks);
             return;
         }
@@ -448,7 +450,7 @@ impl Supervisor {
     }
 }
 
-impl Source {
+impl SupplyModel {
     /// The part d of a period on the supply lowers its mean voltage by its resistance r to
     /// V = V₀ − r d I. What resistance the coil then seems to have, V d/I, is with
     /// d = R I/(V₀ − r I) that of coil and bridge, R, and r d (1 − d).

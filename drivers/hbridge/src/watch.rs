@@ -2,7 +2,7 @@
 
 use crate::averages::BLOCK;
 use crate::fault::Fault;
-use crate::line::Wanted;
+use crate::line::Setpoint;
 use crate::regulator::Gains;
 
 /// Blocks in a row in which voltage and current do not belong together.
@@ -33,7 +33,7 @@ pub(crate) struct Bounds {
 /// Sums over the block under way.
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(C)]
-pub(crate) struct Sums {
+pub(crate) struct BlockSums {
     periods: u32,
     pub(crate) block: Block,
 }
@@ -47,7 +47,7 @@ pub(crate) struct Block {
     pub(crate) power: i32,
 }
 
-impl Sums {
+impl BlockSums {
     /// Takes the level that is given in a period and the current measured in it; whether that was
     /// the block's last.
     #[inline]
@@ -82,10 +82,10 @@ impl Watch {
         block: &Block,
         gains: &Gains,
         bounds: &Bounds,
-        wanted: Wanted,
+        setpoint: Setpoint,
         measured: i32,
     ) -> Option<Fault> {
-        let fault = self.judge(block, gains, bounds, wanted, measured);
+        let fault = self.judge(block, gains, bounds, setpoint, measured);
         self.on = self.on.saturating_add(BLOCK);
         self.last = measured;
         // Another block would be beyond.
@@ -98,7 +98,7 @@ impl Watch {
         block: &Block,
         gains: &Gains,
         bounds: &Bounds,
-        wanted: Wanted,
+        setpoint: Setpoint,
         measured: i32,
     ) -> Option<Fault> {
         // The voltage that this current took: u - drop i = di/pull, all times the block.
@@ -112,7 +112,7 @@ impl Watch {
         } else {
             0
         };
-        let off = (wanted.at_q4 >> 4) - measured;
+        let off = (setpoint.at_q4 >> 4) - measured;
         self.off_target = if off.abs() > bounds.tracking {
             self.off_target + 1
         } else {

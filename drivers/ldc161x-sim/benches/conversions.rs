@@ -11,11 +11,11 @@ fn main() {
     divan::main();
 }
 
-type Sensor = fn(usize, f64) -> f64;
+type SensorFunction = fn(usize, f64) -> f64;
 
 /// A chip converting on one channel (MUX_CONFIG 0x020D) or on four (0xC20D).
-fn converting(mux: u16) -> RefCell<Chip<Sensor>> {
-    let sensor: Sensor = |_, time| 3.2e6 + 50.0 * time;
+fn converting(mux: u16) -> RefCell<Chip<SensorFunction>> {
+    let sensor: SensorFunction = |_, time| 3.2e6 + 50.0 * time;
     let chip = RefCell::new(Chip::new(Settings::default(), sensor));
     let mut bus = Bus::new(&chip, 400_000);
     let mut write = |register: u8, value: u16| {

@@ -1,7 +1,7 @@
 //! What reads and writes of registers do.
 
 use crate::chip::Chip;
-use crate::faults::Fault;
+use crate::faults::ChipFault;
 use crate::registers::{Config, Register, address, describe};
 use crate::sensor::Sensors;
 use crate::switches::{ActiveWrite, ConfigReadback};
@@ -39,7 +39,7 @@ impl<S: Sensors> Chip<S> {
 
     fn identity(&self, register: u8) -> u16 {
         let forged = self.faults.active().find_map(|fault| match fault {
-            Fault::WrongIdentity {
+            ChipFault::WrongIdentity {
                 manufacturer,
                 device,
             } => Some((*manufacturer, *device)),
@@ -68,7 +68,7 @@ impl<S: Sensors> Chip<S> {
     }
 
     fn log_forgery(&mut self) {
-        let is_forged = |fault: &Fault| matches!(fault, Fault::WrongIdentity { .. });
+        let is_forged = |fault: &ChipFault| matches!(fault, ChipFault::WrongIdentity { .. });
         let forged = self.faults.active().any(is_forged);
         self.faults.log.forged_identities += u64::from(forged);
     }

@@ -1,8 +1,9 @@
 //! The chip as a whole: its time, its pins, its supply, and the truth about it.
 
-use crate::conversion::Conversion;
+use crate::conversion::TrueConversion;
 use crate::faults::{
-    Change, Disturbances, Fault, FaultEvent, FaultId, FaultState, Lost, Schedule, ScheduleFull,
+    ChipFault, Disturbances, FaultChange, FaultEvent, FaultId, FaultState, Lost, Schedule,
+    ScheduleFull,
 };
 use crate::i2c::{Link, Traffic};
 use crate::random::Random;
@@ -164,7 +165,7 @@ impl<S: Sensors> Chip<S> {
     #[must_use]
     pub fn intb_is_low(&self) -> bool {
         let stuck = self.faults.active().find_map(|fault| match fault {
-            Fault::IntbStuck { low } => Some(*low),
+            ChipFault::IntbStuck { low } => Some(*low),
             _ => None,
         });
         let driven_low = self.results.interrupt() && !self.registers.config().interrupt_disabled();
@@ -264,19 +265,21 @@ impl<S: Sensors> Chip<S> {
     }
 
     pub(crate) fn clkin_is_lost(&self) -> bool {
-        self.faults.active().any(|fault| *fault == Fault::ClockLoss)
+        self.faults
+            .active()
+            .any(|fault| *fault == ChipFault::ClockLoss)
     }
 
     /// Does what a fault does at its beginning or end, beyond being looked at while it acts.
-    pub(crate) fn apply(&mut self, change: Change) {
+    pub(crate) fn apply(&mut self, change: FaultChange) {
         match change.fault {
-            Fault::BrownOut(Lost::Everything) => self.brown_out(),
-            Fault::BrownOut(Lost::Registers(which)) => self.lose_registers(which),
-            Fault::RegisterUpset { address, bits } => {
+            ChipFault::BrownOut(Lost::Everything) => self.brown_out(),
+            ChipFault::BrownOut(Lost::Registers(which)) => self.lose_registers(which),
+            ChipFault::RegisterUpset { address, bits } => {
                 let value = self.registers.get(address) ^ bits;
                 self.put_register(address, value);
             }
-            Fault::ClockLoss => self.follow_clkin(),
+            ChipFault::ClockLoss => self.follow_clkin(),
             _ => {}
         }
     }
@@ -366,7 +369,7 @@ impl<S: Sensors> Chip<S> {
 
     /// The truth about the last conversion of a channel.
     #[must_use]
-    pub fn last_conversion(&self, channel: u8) -> Option<&Conversion> {
+    pub fn last_conversion(&self, channel: u8) -> Option<&TrueConversion> {
         self.results.newest(channel)
     }
 
@@ -374,7 +377,7 @@ impl<S: Sensors> Chip<S> {
     /// the driver holds in its hands. Nothing if there was none to be read: since sleep, or because
     /// the watchdog had aborted it.
     #[must_use]
-    pub fn last_read(&self, channel: u8) -> Option<&Conversion> {
+    pub fn last_read(&self, channel: u8) -> Option<&TrueConversion> {
         self.results.last_read(channel)
     }
 

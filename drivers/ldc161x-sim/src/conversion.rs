@@ -1,6 +1,6 @@
 //! One conversion: from a moving frequency to a word.
 
-use crate::counter::{Counts, Ratio, Signal, exact_ratio};
+use crate::counter::{Counts, DividedSignal, Ratio, exact_ratio};
 use crate::drive::{AMPLITUDE_HIGH_V, AMPLITUDE_LOW_V};
 use crate::errors::Errors;
 use crate::random::Random;
@@ -14,7 +14,7 @@ pub(crate) const OVER_RANGE_WORD: u32 = (1 << 28) - 1;
 
 /// One finished conversion as it truly was: the ground truth of a test.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Conversion {
+pub struct TrueConversion {
     /// Channel, 0 to 3.
     pub channel: u8,
     /// How many conversions of this channel came before it since the chip was made.
@@ -167,7 +167,7 @@ impl Gate {
         sensors: &impl Sensors,
         phase: &mut f64,
         random: &mut Random,
-    ) -> Conversion {
+    ) -> TrueConversion {
         let length_s = self.clocks() / self.reference_hz;
         let sensor = Sweep::over(
             sensors,
@@ -189,7 +189,7 @@ impl Gate {
         *phase = fraction(signal.phase + signal.cycles);
         let (counts, ratio) = self.count(settings, signal);
         let (word, errors) = offset_word(ratio, self.offset);
-        Conversion {
+        TrueConversion {
             channel: self.channel,
             number: 0,
             start: self.start.time(),
@@ -244,12 +244,12 @@ impl Gate {
     }
 
     /// The signal behind FIN_DIVIDERx; a divider of zero passes nothing.
-    fn signal(&self, seen: Sweep, phase: f64, length_s: f64) -> Signal {
+    fn signal(&self, seen: Sweep, phase: f64, length_s: f64) -> DividedSignal {
         let divided = match self.sensor_divider {
             0 => seen.scaled(0.0),
             divider => seen.scaled(1.0 / f64::from(divider)),
         };
-        Signal {
+        DividedSignal {
             phase,
             cycles: divided.mean * length_s,
             first_rate: divided.first / self.reference_hz,
@@ -257,7 +257,7 @@ impl Gate {
         }
     }
 
-    fn count(&self, settings: &Settings, signal: Signal) -> (Counts, Ratio) {
+    fn count(&self, settings: &Settings, signal: DividedSignal) -> (Counts, Ratio) {
         if self.rcount < settings.switches.rcount_minimum.value() {
             return (Counts::default(), Ratio::Zero);
         }

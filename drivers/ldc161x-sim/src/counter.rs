@@ -115,7 +115,7 @@ pub(crate) fn exact_ratio(ratio: f64) -> Ratio {
 /// the gate is counted in them. The sensor's phase is free. Only the first and the last edge in the
 /// gate matter, so the signal is given by its phase at both ends and its rate there.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Signal {
+pub(crate) struct DividedSignal {
     /// Phase at the start, cycles.
     pub(crate) phase: f64,
     /// Cycles during the whole conversion: the integral of the frequency.
@@ -126,7 +126,7 @@ pub(crate) struct Signal {
     pub(crate) last_rate: f64,
 }
 
-impl Signal {
+impl DividedSignal {
     /// What the core counts in a conversion of `clocks` reference periods.
     pub(crate) fn count(&self, core: Core, clocks: f64) -> Counts {
         if !(self.first_rate > 0.0 && self.last_rate > 0.0 && self.cycles > 0.0) {
@@ -181,8 +181,8 @@ fn whole(number: f64) -> u64 {
 mod tests {
     use super::*;
 
-    fn steady(phase: f64, rate: f64, clocks: f64) -> Signal {
-        Signal {
+    fn steady(phase: f64, rate: f64, clocks: f64) -> DividedSignal {
+        DividedSignal {
             phase,
             cycles: rate * clocks,
             first_rate: rate,
@@ -263,7 +263,7 @@ mod tests {
                 falling_edge,
                 ..core(Counter::TwoGates, 4.0, 0.5)
             };
-            let signal = Signal {
+            let signal = DividedSignal {
                 phase,
                 cycles: rate * clocks + bend * clocks * clocks / 2.0,
                 first_rate: rate,

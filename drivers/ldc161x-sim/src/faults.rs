@@ -41,7 +41,7 @@ pub enum Strike {
 /// Something that goes wrong.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub enum Fault {
+pub enum ChipFault {
     /// The chip acknowledges no byte once this many have passed in a transaction, addresses and what
     /// it sent itself included; 0 refuses the address.
     Nack {
@@ -96,7 +96,7 @@ pub enum Fault {
     ClockLoss,
 }
 
-impl Fault {
+impl ChipFault {
     /// Whether it is over as soon as it has happened.
     const fn is_instant(&self) -> bool {
         matches!(self, Self::BrownOut(_) | Self::RegisterUpset { .. })
@@ -135,13 +135,13 @@ pub struct FaultEvent {
     /// How long it lasts.
     pub span: Span,
     /// What it is.
-    pub fault: Fault,
+    pub fault: ChipFault,
 }
 
 impl FaultEvent {
     /// A fault at a time, for a time.
     #[must_use]
-    pub const fn at(time: Time, fault: Fault, lasting: Time) -> Self {
+    pub const fn at(time: Time, fault: ChipFault, lasting: Time) -> Self {
         Self {
             trigger: Trigger::At(time),
             span: Span::Time(lasting),
@@ -151,7 +151,7 @@ impl FaultEvent {
 
     /// A fault in transactions `first` to `first + count - 1`.
     #[must_use]
-    pub const fn in_transactions(first: u64, count: u32, fault: Fault) -> Self {
+    pub const fn in_transactions(first: u64, count: u32, fault: ChipFault) -> Self {
         Self {
             trigger: Trigger::Transaction(first),
             span: Span::Transactions(count),
@@ -161,7 +161,7 @@ impl FaultEvent {
 
     /// A fault from a time on.
     #[must_use]
-    pub const fn from(time: Time, fault: Fault) -> Self {
+    pub const fn from(time: Time, fault: ChipFault) -> Self {
         Self {
             trigger: Trigger::At(time),
             span: Span::Forever,
@@ -251,8 +251,8 @@ impl Slot {
 
 /// What the chip has to do because of a fault that begins or ends.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Change {
-    pub(crate) fault: Fault,
+pub(crate) struct FaultChange {
+    pub(crate) fault: ChipFault,
     pub(crate) begins: bool,
 }
 
@@ -368,7 +368,7 @@ impl Schedule {
     }
 
     /// Begins or ends one fault that is due, and tells which.
-    pub(crate) fn advance(&mut self, now: Time) -> Option<Change> {
+    pub(crate) fn advance(&mut self, now: Time) -> Option<FaultChange> {
         let slot = self
             .slots
             .iter_mut()
@@ -382,11 +382,11 @@ impl Schedule {
         };
         let fault = slot.event.fault;
         self.find_due();
-        Some(Change { fault, begins })
+        Some(FaultChange { fault, begins })
     }
 
     /// Begins one fault that waits for this transaction, and tells which.
-    pub(crate) fn begin_transaction(&mut self, number: u64, now: Time) -> Option<Change> {
+    pub(crate) fn begin_transaction(&mut self, number: u64, now: Time) -> Option<FaultChange> {
         let slot = self.slots.iter_mut().find(|slot| {
             slot.state == FaultState::Waiting
                 && matches!(slot.event.trigger, Trigger::Transaction(first) if first <= number)
@@ -394,7 +394,7 @@ impl Schedule {
         begin(slot, now, &mut self.log);
         let fault = slot.event.fault;
         self.find_due();
-        Some(Change {
+        Some(FaultChange {
             fault,
             begins: true,
         })
@@ -402,7 +402,7 @@ impl Schedule {
 
     /// Counts a finished transaction; ends one fault that lasted for it, and tells which. Call with
     /// `counted` false until nothing is left to end.
-    pub(crate) fn end_transaction(&mut self, now: Time, counted: bool) -> Option<Change> {
+    pub(crate) fn end_transaction(&mut self, now: Time, counted: bool) -> Option<FaultChange> {
         let spans =
             |slot: &Slot| slot.is_active() && matches!(slot.event.span, Span::Transactions(_));
         if counted {
@@ -415,7 +415,7 @@ impl Schedule {
             .iter_mut()
             .find(|slot| spans(slot) && slot.transactions_left == 0)?;
         finish(slot, now, &mut self.log);
-        Some(Change {
+        Some(FaultChange {
             fault: slot.event.fault,
             begins: false,
         })
@@ -424,7 +424,7 @@ impl Schedule {
     /// Ends faults that SCL pulses end.
     pub(crate) fn clock_pulses(&mut self, pulses: u32, now: Time) {
         for slot in self.slots.iter_mut().filter(|slot| slot.is_active()) {
-            if let Fault::SdaStuck {
+            if let ChipFault::SdaStuck {
                 clocks: Some(clocks),
             } = &mut slot.event.fault
             {
@@ -442,7 +442,7 @@ impl Schedule {
     }
 
     /// The faults that act now.
-    pub(crate) fn active(&self) -> impl Iterator<Item = &Fault> {
+    pub(crate) fn active(&self) -> impl Iterator<Item = &ChipFault> {
         self.slots
             .iter()
             .filter(|slot| slot.is_active())
@@ -450,7 +450,7 @@ impl Schedule {
     }
 
     /// When an active fault that `is_meant` will end; [`Time::MAX`] if nothing but the test ends it.
-    pub(crate) fn lasts_until(&self, is_meant: impl Fn(&Fault) -> bool) -> Option<Time> {
+    pub(crate) fn lasts_until(&self, is_meant: impl Fn(&ChipFault) -> bool) -> Option<Time> {
         self.slots
             .iter()
             .filter(|slot| slot.is_active() && is_meant(&slot.event.fault))
@@ -463,7 +463,7 @@ impl Schedule {
     pub(crate) fn distort(&mut self, on: Path, index: u32, byte: u8) -> u8 {
         let mut distorted = byte;
         for slot in self.slots.iter().filter(|slot| slot.is_active()) {
-            let Fault::BitFlip { path, strike } = slot.event.fault else {
+            let ChipFault::BitFlip { path, strike } = slot.event.fault else {
                 continue;
             };
             let struck = path == on

@@ -1,7 +1,7 @@
 //! The chip as a target on the I2C bus, byte by byte (datasheet 7.5).
 
 use crate::chip::Chip;
-use crate::faults::{Fault, Path};
+use crate::faults::{ChipFault, Path};
 use crate::sensor::Sensors;
 use crate::switches::{BurstRead, EarlyTermination};
 use crate::time::Time;
@@ -187,7 +187,7 @@ impl<S: Sensors> Chip<S> {
     /// [`Time::MAX`] if there is no end to it, nothing if the line is free.
     pub fn sda_held_until(&mut self, time: Time) -> Option<Time> {
         self.advance_to(time);
-        let is_stuck = |fault: &Fault| matches!(fault, Fault::SdaStuck { .. });
+        let is_stuck = |fault: &ChipFault| matches!(fault, ChipFault::SdaStuck { .. });
         self.faults.lasts_until(is_stuck)
     }
 
@@ -201,7 +201,7 @@ impl<S: Sensors> Chip<S> {
     pub fn scl_held_until(&mut self, time: Time) -> Option<Time> {
         self.advance_to(time);
         self.faults
-            .lasts_until(|fault| matches!(fault, Fault::SclStuck))
+            .lasts_until(|fault| matches!(fault, ChipFault::SclStuck))
     }
 
     /// Pulses of SCL outside of a transaction, as a master sends to free SDA.
@@ -213,7 +213,7 @@ impl<S: Sensors> Chip<S> {
     fn sda_is_stuck(&self) -> bool {
         self.faults
             .active()
-            .any(|fault| matches!(fault, Fault::SdaStuck { .. }))
+            .any(|fault| matches!(fault, ChipFault::SdaStuck { .. }))
     }
 
     /// Whether the chip can take part in a transfer at all.
@@ -221,7 +221,7 @@ impl<S: Sensors> Chip<S> {
         let is_silenced = self.faults.active().any(|fault| {
             matches!(
                 fault,
-                Fault::Absent | Fault::SdaStuck { .. } | Fault::SclStuck
+                ChipFault::Absent | ChipFault::SdaStuck { .. } | ChipFault::SclStuck
             )
         });
         self.is_on_the_bus() && !is_silenced
@@ -233,7 +233,7 @@ impl<S: Sensors> Chip<S> {
         let refuses = self
             .faults
             .active()
-            .any(|fault| matches!(fault, Fault::Nack { after_bytes } if bytes >= *after_bytes));
+            .any(|fault| matches!(fault, ChipFault::Nack { after_bytes } if bytes >= *after_bytes));
         self.faults.log.nacks += u64::from(refuses);
         refuses
     }
@@ -314,7 +314,7 @@ impl<S: Sensors> Chip<S> {
         self.link.bytes = self.link.bytes.saturating_add(1);
         let bytes = self.link.bytes;
         let stops = self.faults.active().any(
-            |fault| matches!(fault, Fault::EarlyStop { after_bytes } if bytes == *after_bytes),
+            |fault| matches!(fault, ChipFault::EarlyStop { after_bytes } if bytes == *after_bytes),
         );
         if stops {
             self.faults.log.early_stops += 1;

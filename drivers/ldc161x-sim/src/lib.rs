@@ -33,7 +33,7 @@ mod time;
 
 pub use bus::{Bus, Delay, I2cError, IntbPin, ShutdownPin};
 pub use chip::{Chip, Misuse};
-pub use conversion::Conversion;
+pub use conversion::TrueConversion;
 pub use counter::{Counts, StartUp};
 pub use drive::{
     AMPLITUDE_HIGH_V, AMPLITUDE_LOW_V, DRIVE_CURRENTS_UA, amplitude_v, calibrated_code,
@@ -41,13 +41,13 @@ pub use drive::{
 };
 pub use errors::Errors;
 pub use faults::{
-    Disturbances, FAULT_SLOTS, Fault, FaultEvent, FaultId, FaultState, Lost, Path, ScheduleFull,
-    Span, Strike, Trigger,
+    ChipFault, Disturbances, FAULT_SLOTS, FaultEvent, FaultId, FaultState, Lost, Path,
+    ScheduleFull, Span, Strike, Trigger,
 };
 pub use i2c::{Ack, Traffic};
 pub use results::CHANNELS;
 pub use sensor::{Sensors, Tank, Window};
-pub use settings::{Conversions, Drive, ExternalClock, InternalClock, Part, Settings};
+pub use settings::{Conversions, ExternalClock, InternalClock, PartNumber, SensorDrive, Settings};
 pub use switches::{
     ActiveWrite, BurstRead, ConfigReadback, Counter, Deglitch33, EarlyTermination, FlagRead,
     InterruptRelease, Overhead, Overwrite, RcountMinimum, ShadowLatch, SleepExit, StatusReporting,

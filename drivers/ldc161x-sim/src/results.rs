@@ -1,6 +1,6 @@
 //! Results, STATUS and INTB: what the chip tells, and what a read takes away.
 
-use crate::conversion::Conversion;
+use crate::conversion::TrueConversion;
 use crate::errors::Errors;
 use crate::switches::{
     FlagRead, InterruptRelease, Overwrite, ShadowLatch, StatusReporting, Switches, UnreadCleared,
@@ -19,16 +19,16 @@ const FLAGS: u16 = 0xF000;
 
 /// What a conversion leaves for DATAx.
 #[derive(Clone, Copy, Debug)]
-struct Outcome {
+struct ConversionResult {
     /// Upper and lower half, flags and all.
     halves: (u16, u16),
     /// Nothing if it was aborted.
-    conversion: Option<Conversion>,
+    conversion: Option<TrueConversion>,
 }
 
 /// The two registers of one channel and the shadow behind them (datasheet 7.5.3).
 #[derive(Clone, Copy, Debug, Default)]
-struct Channel {
+struct ChannelRegisters {
     /// Newest result with its flags.
     shadow: (u16, u16),
     /// Low half as latched by the last read of the high one.
@@ -39,16 +39,16 @@ struct Channel {
     waiting: bool,
     finished: u64,
     overwritten: u64,
-    newest: Option<Conversion>,
+    newest: Option<TrueConversion>,
     /// The conversion that is in the shadow.
-    shown: Option<Conversion>,
-    last_read: Option<Conversion>,
+    shown: Option<TrueConversion>,
+    last_read: Option<TrueConversion>,
     /// Waits for the end of the autoscan cycle.
-    held: Option<Outcome>,
+    held: Option<ConversionResult>,
 }
 
-impl Channel {
-    fn publish(&mut self, outcome: Outcome) {
+impl ChannelRegisters {
+    fn publish(&mut self, outcome: ConversionResult) {
         self.shadow = outcome.halves;
         self.shown = outcome.conversion;
         if outcome.conversion.is_some() {
@@ -58,7 +58,7 @@ impl Channel {
         }
     }
 
-    fn take(&mut self, outcome: Outcome, overwrite: Overwrite) {
+    fn take(&mut self, outcome: ConversionResult, overwrite: Overwrite) {
         match overwrite {
             Overwrite::ByChannel => self.publish(outcome),
             Overwrite::ByScan => self.held = Some(outcome),
@@ -69,7 +69,7 @@ impl Channel {
 /// Everything that conversions leave behind.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Results {
-    channels: [Channel; CHANNELS],
+    channels: [ChannelRegisters; CHANNELS],
     errors: Errors,
     error_channel: u8,
     data_ready: bool,
@@ -107,7 +107,7 @@ impl Results {
     }
 
     /// Takes a finished conversion for DATAx of its channel and reports its errors.
-    pub(crate) fn finish(&mut self, mut conversion: Conversion, reporting: Reporting) {
+    pub(crate) fn finish(&mut self, mut conversion: TrueConversion, reporting: Reporting) {
         let errors = conversion.errors;
         let Some(channel) = self.channels.get_mut(usize::from(conversion.channel)) else {
             return;
@@ -115,7 +115,7 @@ impl Results {
         conversion.number = channel.finished;
         channel.finished += 1;
         channel.newest = Some(conversion);
-        let outcome = Outcome {
+        let outcome = ConversionResult {
             halves: halves(conversion.word, errors.to_data(reporting.error_config)),
             conversion: Some(conversion),
         };
@@ -127,7 +127,7 @@ impl Results {
     /// (SNOA959 3.3 and its table 2: the word is zero).
     pub(crate) fn abort(&mut self, channel: u8, errors: Errors, reporting: Reporting) {
         if let Some(channel) = self.channels.get_mut(usize::from(channel)) {
-            let outcome = Outcome {
+            let outcome = ConversionResult {
                 halves: halves(0, errors.to_data(reporting.error_config)),
                 conversion: None,
             };
@@ -262,15 +262,15 @@ impl Results {
             .map_or(0, |channel| channel.overwritten)
     }
 
-    pub(crate) fn newest(&self, channel: u8) -> Option<&Conversion> {
+    pub(crate) fn newest(&self, channel: u8) -> Option<&TrueConversion> {
         self.channel(channel)?.newest.as_ref()
     }
 
-    pub(crate) fn last_read(&self, channel: u8) -> Option<&Conversion> {
+    pub(crate) fn last_read(&self, channel: u8) -> Option<&TrueConversion> {
         self.channel(channel)?.last_read.as_ref()
     }
 
-    fn channel(&self, channel: u8) -> Option<&Channel> {
+    fn channel(&self, channel: u8) -> Option<&ChannelRegisters> {
         self.channels.get(usize::from(channel))
     }
 }

@@ -1,7 +1,7 @@
 //! The schedule: start-up, activation, conversion and pause, channel after channel.
 
 use crate::chip::Chip;
-use crate::conversion::{Conversion, Gate, fraction};
+use crate::conversion::{Gate, TrueConversion, fraction};
 use crate::drive::{
     AMPLITUDE_HIGH_V, AMPLITUDE_LOW_V, BuildUp, amplitude_v, calibrated_code, corrected_code,
     drive_current_a,
@@ -9,7 +9,7 @@ use crate::drive::{
 use crate::errors::Errors;
 use crate::results::CHANNELS;
 use crate::sensor::Sensors;
-use crate::settings::Part;
+use crate::settings::PartNumber;
 use crate::switches::SleepExit;
 use crate::time::{Moment, Time};
 
@@ -20,7 +20,7 @@ const FULL_CURRENT_CODE: u8 = 31;
 
 /// What the chip is about.
 #[derive(Clone, Copy, Debug)]
-enum Step {
+enum SequenceStep {
     /// Asleep, shut down or without supply.
     Idle,
     /// The 16 384 periods of the internal oscillator after sleep.
@@ -36,7 +36,7 @@ enum Step {
 /// Where the chip is in its schedule.
 #[derive(Clone, Debug)]
 pub(crate) struct Sequence {
-    step: Step,
+    step: SequenceStep,
     channel: u8,
     ends: Moment,
     /// Length and end of the last activation.
@@ -54,7 +54,7 @@ impl Sequence {
     pub(crate) fn new() -> Self {
         let start = Moment::at(Time::ZERO);
         Self {
-            step: Step::Idle,
+            step: SequenceStep::Idle,
             channel: 0,
             ends: Moment::NEVER,
             settle_s: 0.0,
@@ -67,25 +67,25 @@ impl Sequence {
 
     /// Stops; the next start calibrates anew.
     pub(crate) fn halt(&mut self) {
-        self.step = Step::Idle;
+        self.step = SequenceStep::Idle;
         self.ends = Moment::NEVER;
         self.calibrated = [None; CHANNELS];
     }
 
     /// A write has come amid a conversion.
     pub(crate) fn disturb(&mut self) {
-        if let Step::Conversion(gate) = &mut self.step {
+        if let SequenceStep::Conversion(gate) = &mut self.step {
             gate.disturbed = true;
         }
     }
 
-    fn enter(&mut self, step: Step, ends: Moment) {
+    fn enter(&mut self, step: SequenceStep, ends: Moment) {
         self.step = step;
         self.ends = ends;
     }
 
     fn measures(&self) -> bool {
-        !matches!(self.step, Step::Idle | Step::StartUp)
+        !matches!(self.step, SequenceStep::Idle | SequenceStep::StartUp)
     }
 }
 
@@ -120,11 +120,11 @@ impl<S: Sensors> Chip<S> {
             return;
         }
         match self.sequence.step {
-            Step::Idle => {}
-            Step::StartUp => self.first_channel(ends),
-            Step::Activation => self.settle(ends),
-            Step::Conversion(gate) => self.complete(&gate, ends),
-            Step::Pause => self.next_channel(ends),
+            SequenceStep::Idle => {}
+            SequenceStep::StartUp => self.first_channel(ends),
+            SequenceStep::Activation => self.settle(ends),
+            SequenceStep::Conversion(gate) => self.complete(&gate, ends),
+            SequenceStep::Pause => self.next_channel(ends),
         }
     }
 
@@ -138,7 +138,7 @@ impl<S: Sensors> Chip<S> {
         let start = Moment::at(self.now);
         self.sequence.halt();
         let ends = start.after(self.settings.start_up());
-        self.sequence.enter(Step::StartUp, ends);
+        self.sequence.enter(SequenceStep::StartUp, ends);
     }
 
     /// Begins the channel under way anew: its reference has come or gone, or time has been skipped.
@@ -152,8 +152,8 @@ impl<S: Sensors> Chip<S> {
     fn active_channel(&self) -> u8 {
         let channel = self.registers.config().active_channel();
         match self.settings.part {
-            Part::Ldc1612 => channel & 1,
-            Part::Ldc1614 => channel,
+            PartNumber::Ldc1612 => channel & 1,
+            PartNumber::Ldc1614 => channel,
         }
     }
 
@@ -162,8 +162,8 @@ impl<S: Sensors> Chip<S> {
         let mux = self.registers.mux();
         match (mux.autoscan(), self.settings.part) {
             (false, _) => self.active_channel(),
-            (true, Part::Ldc1612) => 1,
-            (true, Part::Ldc1614) => mux.last_channel(),
+            (true, PartNumber::Ldc1612) => 1,
+            (true, PartNumber::Ldc1614) => mux.last_channel(),
         }
     }
 
@@ -206,7 +206,7 @@ impl<S: Sensors> Chip<S> {
         sequence.channel = channel;
         sequence.phase = phase;
         sequence.settle_s = settle_s;
-        sequence.enter(Step::Activation, at.after(settle_s));
+        sequence.enter(SequenceStep::Activation, at.after(settle_s));
     }
 
     fn settle(&mut self, at: Moment) {
@@ -233,7 +233,8 @@ impl<S: Sensors> Chip<S> {
             disturbed: false,
         };
         gate.end = at.after(gate.clocks() / gate.reference_hz);
-        self.sequence.enter(Step::Conversion(gate), gate.end);
+        self.sequence
+            .enter(SequenceStep::Conversion(gate), gate.end);
     }
 
     /// Closes the gate and reports.
@@ -264,7 +265,7 @@ impl<S: Sensors> Chip<S> {
         let divided_hz = oscillation_hz / f64::from(gate.sensor_divider.max(1));
         self.sequence.phase = fraction(self.sequence.phase + divided_hz * length_s);
         if length_s > 0.0 {
-            self.sequence.enter(Step::Pause, at.after(length_s));
+            self.sequence.enter(SequenceStep::Pause, at.after(length_s));
         } else {
             self.next_channel(at);
         }
@@ -399,7 +400,7 @@ impl<S: Sensors> Chip<S> {
     }
 
     /// Counts what the datasheet forbids (sections 8.1.5.5 and 8.1.6, table 43).
-    fn judge(&mut self, gate: &Gate, conversion: &Conversion) {
+    fn judge(&mut self, gate: &Gate, conversion: &TrueConversion) {
         // a clock may be off by its tolerance without breaking a rule
         const TOLERANCE: f64 = 1.001;
         let config = self.registers.config();

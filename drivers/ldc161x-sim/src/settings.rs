@@ -7,7 +7,7 @@ use crate::time::Time;
 /// Which chip it is. Both answer with the same identity.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub enum Part {
+pub enum PartNumber {
     /// Two channels. The register file is that of the LDC1614; sequences stop at channel 1, and
     /// only the low bit of ACTIVE_CHAN counts (guess: the same die with two channels bonded).
     Ldc1612,
@@ -123,7 +123,7 @@ impl Conversions {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(default))]
-pub struct Drive {
+pub struct SensorDrive {
     /// Relative shift of the frequency for each step of the drive-current code, counted from code 0
     /// (datasheet 8.1.5: "an output code offset when the current drive is changed"; its size is a
     /// guess, 2·10⁻⁶).
@@ -142,7 +142,7 @@ pub struct Drive {
     pub high_current_a: f64,
 }
 
-impl Default for Drive {
+impl Default for SensorDrive {
     fn default() -> Self {
         Self {
             shift_per_code: 2e-6,
@@ -170,7 +170,7 @@ impl Default for Drive {
 #[cfg_attr(feature = "serde", serde(default))]
 pub struct Settings {
     /// Which chip it is.
-    pub part: Part,
+    pub part: PartNumber,
     /// The level of the ADDR pin: low is address 0x2A, high 0x2B.
     pub address_pin_high: bool,
     /// Where the chance comes from: equal seeds and equal calls give equal bytes.
@@ -191,7 +191,7 @@ pub struct Settings {
     /// The counter and its noise.
     pub conversions: Conversions,
     /// The drive and the amplitude.
-    pub drive: Drive,
+    pub drive: SensorDrive,
     /// What is not settled about the silicon.
     pub switches: Switches,
 }
@@ -200,7 +200,7 @@ impl Default for Settings {
     /// An LDC1614 at 0x2A with an exact 40 MHz clock at CLKIN and all switches at their defaults.
     fn default() -> Self {
         Self {
-            part: Part::default(),
+            part: PartNumber::default(),
             address_pin_high: false,
             seed: 0x1614,
             temperature_c: 25.0,
@@ -209,7 +209,7 @@ impl Default for Settings {
             wake_up: Time::from_ms(2),
             watchdog_s: 5.2e-3,
             conversions: Conversions::default(),
-            drive: Drive::default(),
+            drive: SensorDrive::default(),
             switches: Switches::default(),
         }
     }
@@ -226,11 +226,11 @@ impl Settings {
                 noise_at_1ms: 0.0,
                 ..Conversions::default()
             },
-            drive: Drive {
+            drive: SensorDrive {
                 shift_per_code: 0.0,
                 clamp_shift_per_volt: 0.0,
                 settling_shift: 0.0,
-                ..Drive::default()
+                ..SensorDrive::default()
             },
             ..Self::default()
         }

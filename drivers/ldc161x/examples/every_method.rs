@@ -36,13 +36,13 @@ mod image {
         black_box(WORD.load(Ordering::Relaxed))
     }
 
-    struct Bus;
+    struct NoBus;
 
-    impl ErrorType for Bus {
+    impl ErrorType for NoBus {
         type Error = i2c::ErrorKind;
     }
 
-    impl I2c for Bus {
+    impl I2c for NoBus {
         fn transaction(
             &mut self,
             _address: u8,
@@ -93,9 +93,9 @@ mod image {
         }
     }
 
-    struct Delay;
+    struct NoDelay;
 
-    impl DelayNs for Delay {
+    impl DelayNs for NoDelay {
         fn delay_ns(&mut self, ns: u32) {
             black_box(ns);
         }
@@ -150,7 +150,7 @@ mod image {
         black_box((count.hypothesis(), sums.ratio(), frame.of(Channel::One)));
     }
 
-    fn exercise(driver: &mut Ldc161x<Bus>) -> Result<(), Error<i2c::ErrorKind>> {
+    fn exercise(driver: &mut Ldc161x<NoBus>) -> Result<(), Error<i2c::ErrorKind>> {
         let access = [BusAccess::FramePerTransaction, BusAccess::SeparateTransfers];
         driver.set_access(if anything() == 0 {
             access[0]
@@ -168,10 +168,10 @@ mod image {
                 black_box((refusal.limit(), refusal.remedy()));
             }
         }
-        black_box(driver.probe_interrupt_release(&mut Pin, &mut Delay)?);
-        black_box(driver.calibrate_drive_current(&mut Delay)?);
+        black_box(driver.probe_interrupt_release(&mut Pin, &mut NoDelay)?);
+        black_box(driver.calibrate_drive_current(&mut NoDelay)?);
         driver.set_drive_current(Channel::One, DriveCode::STRONGEST)?;
-        driver.wait_for_interrupt(&mut Pin, &mut Delay)?;
+        driver.wait_for_interrupt(&mut Pin, &mut NoDelay)?;
         look_at(&driver.read_frame()?);
         if let Some(frame) = driver.read_frame_if_ready()? {
             look_at(&frame);
@@ -185,13 +185,13 @@ mod image {
         black_box(driver.read_register(Register::Config)?);
         driver.sleep()?;
         driver.wake()?;
-        driver.recover(&mut Delay)?;
-        driver.recover_by_shutdown(&mut Pin, &mut Delay)
+        driver.recover(&mut NoDelay)?;
+        driver.recover_by_shutdown(&mut Pin, &mut NoDelay)
     }
 
     #[entry]
     fn main() -> ! {
-        let mut driver = Ldc161x::new(Bus, Model::Ldc1614, Address::AddrLow);
+        let mut driver = Ldc161x::new(NoBus, Model::Ldc1614, Address::AddrLow);
         loop {
             if let Err(error) = exercise(&mut driver) {
                 black_box(error.advice());

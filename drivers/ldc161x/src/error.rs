@@ -61,6 +61,13 @@ pub enum Error<E> {
     NotStarted,
     /// The chip is asleep, or lost its registers, and converts nothing.
     NotRunning,
+    /// The bytes are not those of a frame as it is requested.
+    FrameLength {
+        /// Bytes of a frame.
+        expected: usize,
+        /// Bytes that were given.
+        found: usize,
+    },
     /// INTB did not fall in the time of two frames.
     NoInterrupt {
         /// How long was waited, in microseconds.
@@ -110,6 +117,7 @@ impl<E> Error<E> {
             }
             Self::NoSuchChannel => "use an LDC1614, or channels 0 and 1 only",
             Self::NotStarted => "call start with a configuration first",
+            Self::FrameLength { .. } => "request the frame anew after a change of settings",
             Self::NotRunning => "call wake after sleep, recover after an error",
             Self::NoInterrupt { .. } => {
                 "check the wire of INTB, that the chip is awake, and that its clock runs"
@@ -167,6 +175,9 @@ impl<E: fmt::Debug> fmt::Display for Error<E> {
             Self::NoSuchChannel => f.write_str("the chip has no such channel")?,
             Self::NotStarted => f.write_str("no configuration")?,
             Self::NotRunning => f.write_str("the chip does not convert")?,
+            Self::FrameLength { expected, found } => {
+                write!(f, "{found} bytes instead of a frame's {expected}")?;
+            }
             Self::NoInterrupt { waited_us } => write!(f, "no interrupt in {waited_us} us")?,
             Self::InterruptStuck => f.write_str("INTB is stuck low")?,
             Self::Pin => f.write_str("a pin failed")?,

@@ -26,10 +26,10 @@ pub use error::{Direction, Error};
 pub use plan::{Advice, Plan, Rate, Request, Sensor};
 pub use rational::{Hypothesis, PlausibilityCount, RatioOfSums, Rational, Window};
 pub use reading::{Code28, Flags, Frame, Freshness, Marks, Quality, Reading, Word};
-pub use refusal::Refusal;
+pub use refusal::LimitError;
 pub use register::{
     ClockDividers, Config, DEVICE_ID, Deglitch, DriveCurrent, ErrorConfig, MANUFACTURER_ID,
     MuxConfig, Rcount, Register, SettleCount, Status,
 };
 pub use scale::{Noise, Scale};
-pub use state::{Canary, InterruptRelease};
+pub use state::{Canary, FrameRequest, InterruptRelease};

@@ -6,7 +6,7 @@
 
 use crate::{
     Acquisition, BusAccess, Channel, ChannelSettings, ClockDividers, Configuration, Deglitch,
-    DriveCode, ErrorConfig, Model, Noise, Rcount, ReferenceClock, Refusal, SettleCount,
+    DriveCode, ErrorConfig, LimitError, Model, Noise, Rcount, ReferenceClock, SettleCount,
     drive::{HIGHEST_AMPLITUDE_V, LOWEST_AMPLITUDE_V, LOWEST_CLEAN_AMPLITUDE_V},
 };
 
@@ -214,9 +214,9 @@ impl Request {
     ///     Sensor::new(9_000_000, 11_000_000),
     /// )
     /// .plan();
-    /// assert!(matches!(refusal, Err(Refusal::SensorFrequency { .. })));
+    /// assert!(matches!(refusal, Err(LimitError::SensorFrequency { .. })));
     /// ```
-    pub const fn plan(&self) -> Result<Plan, Refusal> {
+    pub const fn plan(&self) -> Result<Plan, LimitError> {
         if let Err(refusal) = self.check_board() {
             return Err(refusal);
         }
@@ -279,7 +279,7 @@ impl Request {
         // At the fastest clock the frames come soonest.
         let shortest_ns = frame_period_ns(&configuration, self.reference.range_hz().2);
         if shortest_ns < plan.frame_read_ns {
-            return Err(Refusal::BusTooSlow {
+            return Err(LimitError::BusTooSlow {
                 frame_period_ns: shortest_ns,
                 frame_read_ns: plan.frame_read_ns,
             });
@@ -287,23 +287,23 @@ impl Request {
         Ok(plan)
     }
 
-    const fn check_board(&self) -> Result<(), Refusal> {
+    const fn check_board(&self) -> Result<(), LimitError> {
         if !self.acquisition.fits(self.model) {
-            return Err(Refusal::NoSuchChannel { model: self.model });
+            return Err(LimitError::NoSuchChannel { model: self.model });
         }
         if self.bus_hz < BUS_HZ.0 || self.bus_hz > BUS_HZ.1 {
-            return Err(Refusal::BusClock { hz: self.bus_hz });
+            return Err(LimitError::BusClock { hz: self.bus_hz });
         }
         if let ReferenceClock::External { hz } = self.reference
             && (hz < CLKIN_HZ.0 || hz > CLKIN_HZ.1)
         {
-            return Err(Refusal::Clkin { hz });
+            return Err(LimitError::Clkin { hz });
         }
         Ok(())
     }
 
     /// The smallest divider that brings the fastest clock within its limit.
-    const fn reference_divider(&self) -> Result<u16, Refusal> {
+    const fn reference_divider(&self) -> Result<u16, LimitError> {
         let limit = match (self.acquisition, self.reference) {
             (Acquisition::Single(_), _) => SINGLE_REFERENCE_HZ,
             (Acquisition::Autoscan(_), ReferenceClock::External { .. }) => AUTOSCAN_REFERENCE_HZ.0,
@@ -326,7 +326,7 @@ impl Request {
             position += 1;
         }
         if divider > 1_023 || slowest < divider {
-            return Err(Refusal::SettleTooLong {
+            return Err(LimitError::SettleTooLong {
                 channel: slowest_to_settle,
             });
         }
@@ -339,7 +339,7 @@ impl Request {
         channel: Channel,
         sensor: &Sensor,
         reference_divider: u16,
-    ) -> Result<ClockDividers, Refusal> {
+    ) -> Result<ClockDividers, LimitError> {
         let (slowest, _, _) = self.reference.range_hz();
         let mut divider = if sensor.highest_hz >= DIVIDE_FROM_HZ {
             2
@@ -355,7 +355,7 @@ impl Request {
             }
             divider += 1;
         }
-        Err(Refusal::ReferenceTooSlow {
+        Err(LimitError::ReferenceTooSlow {
             channel,
             sensor_hz: sensor.highest_hz,
             reference_hz: (slowest as u64 / at_least_one(reference_divider as u64)) as u32,
@@ -368,7 +368,7 @@ impl Request {
         channel: Channel,
         sensor: &Sensor,
         reference_divider: u16,
-    ) -> Result<SettleCount, Refusal> {
+    ) -> Result<SettleCount, LimitError> {
         let (_, _, fastest) = self.reference.range_hz();
         let count =
             settle_periods(sensor, fastest).div_ceil(at_least_one(reference_divider as u64));
@@ -382,14 +382,14 @@ impl Request {
         {
             return Ok(settle_count);
         }
-        Err(Refusal::SettleTooLong { channel })
+        Err(LimitError::SettleTooLong { channel })
     }
 
     /// The same conversion time for every channel, so that the frame lasts as long as it may.
-    const fn set_rcount(&self, configuration: &mut Configuration) -> Result<(), Refusal> {
+    const fn set_rcount(&self, configuration: &mut Configuration) -> Result<(), LimitError> {
         let rcount = match self.rate {
             Rate::Conversion(rcount) => rcount,
-            Rate::PerSecond(0) => return Err(Refusal::RateZero),
+            Rate::PerSecond(0) => return Err(LimitError::RateZero),
             Rate::PerSecond(rate) => {
                 // At the slowest clock a frame takes longest: it still has to be in time.
                 let (slowest, _, _) = self.reference.range_hz();
@@ -408,7 +408,7 @@ impl Request {
                         Some(next) => next,
                         None => Rcount::MAX,
                     },
-                    Err(Refusal::RateTooHigh { .. }) => Rcount::MIN,
+                    Err(LimitError::RateTooHigh { .. }) => Rcount::MIN,
                     Err(refusal) => return Err(refusal),
                 }
             }
@@ -427,18 +427,18 @@ impl Request {
         configuration: &Configuration,
         period_ns: u64,
         clock_hz: u32,
-    ) -> Result<Rcount, Refusal> {
+    ) -> Result<Rcount, LimitError> {
         // With RCOUNT at its least, what a frame takes beside its conversions.
         let least_ns = frame_period_ns(configuration, clock_hz);
         if least_ns > period_ns {
-            return Err(Refusal::RateTooHigh {
+            return Err(LimitError::RateTooHigh {
                 frame_period_ns: least_ns,
-                wanted_period_ns: period_ns,
+                requested_period_ns: period_ns,
             });
         }
         let spare_ns = (period_ns - least_ns) / self.acquisition.channel_count() as u64;
         let Some(first) = self.acquisition.channel_at(0) else {
-            return Err(Refusal::NoSuchChannel { model: self.model });
+            return Err(LimitError::NoSuchChannel { model: self.model });
         };
         let divider = configuration.channel(first).dividers.reference() as u64;
         let spare = spare_ns * clock_hz as u64 / at_least_one(16 * divider * 1_000_000_000);
@@ -476,14 +476,14 @@ const fn settle_periods(sensor: &Sensor, clock_hz: u32) -> u64 {
     numerator.div_ceil(16 * lowest_hz)
 }
 
-const fn check_sensor(channel: Channel, sensor: &Sensor) -> Result<(), Refusal> {
+const fn check_sensor(channel: Channel, sensor: &Sensor) -> Result<(), LimitError> {
     let Sensor {
         lowest_hz,
         highest_hz,
         ..
     } = *sensor;
     if lowest_hz < SENSOR_HZ.0 || highest_hz > SENSOR_HZ.1 || lowest_hz > highest_hz {
-        return Err(Refusal::SensorFrequency {
+        return Err(LimitError::SensorFrequency {
             channel,
             lowest_hz,
             highest_hz,
@@ -495,7 +495,7 @@ const fn check_sensor(channel: Channel, sensor: &Sensor) -> Result<(), Refusal> 
         ..
     } = *sensor;
     if lowest_rp_ohm < RP_OHM.0 || highest_rp_ohm > RP_OHM.1 || lowest_rp_ohm > highest_rp_ohm {
-        return Err(Refusal::ParallelResistance {
+        return Err(LimitError::ParallelResistance {
             channel,
             lowest_rp_ohm,
             highest_rp_ohm,
@@ -506,15 +506,15 @@ const fn check_sensor(channel: Channel, sensor: &Sensor) -> Result<(), Refusal> 
 
 /// The strongest drive below the clamp at the highest resistance; it has to keep the sensor
 /// oscillating at the lowest.
-const fn drive_code(channel: Channel, sensor: &Sensor) -> Result<DriveCode, Refusal> {
+const fn drive_code(channel: Channel, sensor: &Sensor) -> Result<DriveCode, LimitError> {
     let Some(drive) = DriveCode::strongest_below_clamp(sensor.highest_rp_ohm) else {
-        return Err(Refusal::AmplitudeTooHigh {
+        return Err(LimitError::AmplitudeTooHigh {
             channel,
             highest_rp_ohm: sensor.highest_rp_ohm,
         });
     };
     if drive.amplitude_v(sensor.lowest_rp_ohm) < LOWEST_AMPLITUDE_V {
-        return Err(Refusal::ResistanceRange {
+        return Err(LimitError::ResistanceRange {
             channel,
             lowest_rp_ohm: sensor.lowest_rp_ohm,
             highest_rp_ohm: sensor.highest_rp_ohm,

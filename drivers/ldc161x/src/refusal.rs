@@ -9,7 +9,7 @@ use crate::{Channel, Model, plan::amplitude_limits_mv};
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(rename_all = "snake_case"))]
-pub enum Refusal {
+pub enum LimitError {
     /// The chip has fewer channels.
     NoSuchChannel {
         /// The chip.
@@ -80,7 +80,7 @@ pub enum Refusal {
         /// The shortest frame, in nanoseconds.
         frame_period_ns: u64,
         /// What the rate allows, in nanoseconds.
-        wanted_period_ns: u64,
+        requested_period_ns: u64,
     },
     /// Frames end sooner than the bus can fetch them: results would be overwritten unread.
     BusTooSlow {
@@ -91,11 +91,11 @@ pub enum Refusal {
     },
 }
 
-impl Refusal {
+impl LimitError {
     /// The limit and where it stands.
     ///
     /// ```
-    /// let refusal = ldc161x::Refusal::Clkin { hz: 50_000_000 };
+    /// let refusal = ldc161x::LimitError::Clkin { hz: 50_000_000 };
     /// assert_eq!(refusal.limit(), "CLKIN 2 to 40 MHz (datasheet 6.5)");
     /// ```
     pub const fn limit(&self) -> &'static str {
@@ -122,7 +122,7 @@ impl Refusal {
     /// What to change.
     ///
     /// ```
-    /// assert!(ldc161x::Refusal::RateZero.remedy().starts_with("ask"));
+    /// assert!(ldc161x::LimitError::RateZero.remedy().starts_with("ask"));
     /// ```
     pub const fn remedy(&self) -> &'static str {
         match self {
@@ -148,7 +148,7 @@ impl Refusal {
     }
 }
 
-impl fmt::Display for Refusal {
+impl fmt::Display for LimitError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match *self {
             Self::NoSuchChannel { model } => {
@@ -209,10 +209,10 @@ impl fmt::Display for Refusal {
             Self::RateZero => write!(f, "a rate of zero")?,
             Self::RateTooHigh {
                 frame_period_ns,
-                wanted_period_ns,
+                requested_period_ns,
             } => write!(
                 f,
-                "a frame takes at least {frame_period_ns} ns and may take {wanted_period_ns} ns"
+                "a frame takes at least {frame_period_ns} ns and may take {requested_period_ns} ns"
             )?,
             Self::BusTooSlow {
                 frame_period_ns,
@@ -226,4 +226,4 @@ impl fmt::Display for Refusal {
     }
 }
 
-impl core::error::Error for Refusal {}
+impl core::error::Error for LimitError {}

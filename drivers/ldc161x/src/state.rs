@@ -14,6 +14,23 @@ pub(crate) const FRAME_REGISTERS: usize = 1 + 2 * 2 * 4;
 /// The registers of a frame.
 pub(crate) type RegisterList = Vec<Register, FRAME_REGISTERS>;
 
+/// The registers of a frame, in the order in which they are read: STATUS where it is, then MSB and
+/// LSB of every active channel. For bus masters that read frames by themselves.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FrameRequest(RegisterList);
+
+impl FrameRequest {
+    /// What is written before each register's two bytes are read, behind the target's address.
+    pub fn pointers(&self) -> impl Iterator<Item = u8> + '_ {
+        self.0.iter().map(|register| register.address())
+    }
+
+    /// Number of registers, 2 to 17; each has two bytes.
+    pub fn register_count(&self) -> usize {
+        self.0.len()
+    }
+}
+
 /// What releases INTB on the chip in hand. The datasheet says both (8.1.8), and so do those who
 /// measured: ask the chip with `probe_interrupt_release`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -42,12 +59,12 @@ pub struct Canary {
 /// What the driver remembers.
 #[derive(Clone, Copy, Debug)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub(crate) struct State {
+pub(crate) struct DriverState {
     pub(crate) access: BusAccess,
     pub(crate) release: InterruptRelease,
     pub(crate) read_twice: bool,
     /// What the chip should be.
-    pub(crate) wanted: Option<Configuration>,
+    pub(crate) requested: Option<Configuration>,
     /// One unit of each channel's code in hertz, while it runs: computed once, and not with a
     /// division for every reading.
     units_hz: [f64; 4],
@@ -62,13 +79,13 @@ pub(crate) struct State {
     round_began_at: u32,
 }
 
-impl State {
+impl DriverState {
     pub(crate) const fn new() -> Self {
         Self {
             access: BusAccess::FramePerTransaction,
             release: InterruptRelease::ByStatusOnly,
             read_twice: false,
-            wanted: None,
+            requested: None,
             units_hz: [0.0; 4],
             running: false,
             suspect: false,
@@ -85,9 +102,9 @@ impl State {
     /// Stops, to begin with this.
     // Its references say that the two do not overlap, which the future that awaits does not know.
     #[inline(never)]
-    pub(crate) fn wants(&mut self, configuration: &Configuration) {
+    pub(crate) fn request(&mut self, configuration: &Configuration) {
         self.stopped();
-        self.wanted = Some(*configuration);
+        self.requested = Some(*configuration);
     }
 
     pub(crate) fn stopped(&mut self) {
@@ -97,7 +114,7 @@ impl State {
 
     #[inline(never)]
     pub(crate) fn started(&mut self, configuration: &Configuration) {
-        self.wanted = Some(*configuration);
+        self.requested = Some(*configuration);
         self.units_hz = Channel::ALL.map(|channel| configuration.scale(channel).hz_per_lsb());
         self.running = true;
         self.suspect = false;
@@ -136,6 +153,17 @@ impl State {
         list
     }
 
+    /// What is read for a frame.
+    pub(crate) fn frame_request(&self, configuration: &Configuration) -> FrameRequest {
+        let status = self.reads_status();
+        FrameRequest(self.frame_registers(configuration.acquisition, status))
+    }
+
+    /// Whether a frame begins with STATUS.
+    pub(crate) fn reads_status(&self) -> bool {
+        self.release == InterruptRelease::ByStatusOnly
+    }
+
     fn reads(&self) -> usize {
         if self.read_twice { 2 } else { 1 }
     }
@@ -156,8 +184,13 @@ impl State {
         self.frame_number = self.frame_number.wrapping_add(1);
         let marks = core::mem::take(&mut self.marks);
         let mut frame = Frame::new(self.frame_number, marks, status);
-        let pairs = data.chunks_exact(2 * self.reads());
-        for (channel, pair) in configuration.acquisition.channels().zip(pairs) {
+        let width = 2 * self.reads();
+        let mut rest = data;
+        for channel in configuration.acquisition.channels() {
+            let Some((pair, later)) = rest.split_at_checked(width) else {
+                break;
+            };
+            rest = later;
             let unit_hz = self.units_hz.get(usize::from(channel.number()));
             let scale = (
                 configuration.scale(channel),

@@ -11,9 +11,6 @@ const SHUTDOWN: usize = 8;
 const BRIDGE: [usize; 3] = [16, 17, 18];
 const CLKIN: usize = 21;
 
-/// 30 MHz.
-pub const CLKIN_DIVISOR: u32 = 4;
-
 /// PADS: input on, Schmitt trigger, 4 mA; with a pull.
 const PAD: u32 = 1 << 6 | 1 << 4 | 1 << 1;
 const PULL_UP: u32 = 1 << 3;

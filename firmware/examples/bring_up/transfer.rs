@@ -2,16 +2,11 @@
 
 use rp2040_pac::{I2C0, RESETS};
 
+use crate::timing::{CONTROL, HIGH, HOLD, LOW, SPIKE};
 use crate::{now_us, wait};
 
 /// The converter with ADDR low.
 const ADDRESS: u32 = 0x2A;
-/// Timing at 120 MHz as `bus::recovery` reasons it.
-const CONTROL: u32 = 0x65;
-const SPIKE: u32 = 6;
-const LOW: u32 = 164;
-const HIGH: u32 = 104;
-const HOLD: u32 = 36;
 /// Commands of the block.
 const READ: u32 = 1 << 8;
 const STOP: u32 = 1 << 9;

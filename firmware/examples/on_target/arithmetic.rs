@@ -5,18 +5,14 @@ use palpate_model::calibration_curve::MonotoneCurve;
 use palpate_model::contact::{Baseline, Cusum, Detector, Touch, Watch};
 use palpate_model::demagnetising::Burst;
 use palpate_model::layer::{BondedDisc, apparent_modulus};
-use palpate_model::magnetorheological::{
-    Lag, Saturating, Stiffening, Tabulated, attraction, deviation,
-};
+use palpate_model::magnetorheological::{Saturating, Stiffening, Tabulated, attraction, deviation};
 use palpate_model::math;
 use palpate_model::ramp::{
-    Basis, Drift, Fit, LoadRatio, LoadStiffness, Noise, Ramp, Reference, Sample, Scatter, Term,
+    Basis, DriftModel, Fit, LoadRatio, LoadStiffness, Noise, Ramp, RampSample, Reference, Scatter,
+    Term,
 };
 use palpate_model::springs::{Shares, Springs, two_state_load};
-use palpate_model::tank::{
-    Tank, relative_frequency_change, relative_frequency_change_of, relative_inductance_change,
-    without_capacitance_change,
-};
+use palpate_model::tank::{relative_frequency_change, relative_inductance_change};
 use palpate_model::thermal::{Copper, Temperatures, TwoNode};
 use palpate_model::uncertainty::{Calibration, OperatingPoint};
 use palpate_model::units::*;
@@ -96,7 +92,7 @@ pub fn sum(check: Check) -> u32 {
 }
 
 /// Functions in [`CHECKS`].
-pub const COUNT: usize = 40;
+pub const COUNT: usize = 39;
 
 /// Every function, by its name.
 pub const CHECKS: [(&str, Check); COUNT] = [
@@ -160,11 +156,6 @@ pub const CHECKS: [(&str, Check); COUNT] = [
         to.number(Metre::positive(a).ok()?.0);
         Some(())
     }),
-    ("tank: inductance", |from, to| {
-        let tank = Tank::new(Farad(from.within(1e-10, 1e-9))).ok()?;
-        to.number(tank.inductance(Hertz(from.within(1e6, 5e6)))?.0);
-        Some(())
-    }),
     ("tank: changes", |from, to| {
         let reference = from.bits() >> 4;
         let change = relative_frequency_change(reference, reference ^ from.bits() >> 16);
@@ -172,8 +163,6 @@ pub const CHECKS: [(&str, Check); COUNT] = [
         to.number(relative_inductance_change(change));
         let change = from.within(-0.3, 0.3);
         to.number(relative_inductance_change(change));
-        to.number(relative_frequency_change_of(change));
-        to.number(without_capacitance_change(change, from.within(-1e-3, 1e-3)));
         Some(())
     }),
     ("calibration curve", |from, to| {
@@ -205,7 +194,6 @@ pub const CHECKS: [(&str, Check); COUNT] = [
             shares.sensing,
             shares.actuated,
         ]);
-        to.number(springs.sensing_deformation(Metre(1e-3)).0);
         to.number(Shares::new(from.within(0.1, 10.0), from.within(0.1, 10.0)).load);
         Some(())
     }),
@@ -265,10 +253,7 @@ pub const CHECKS: [(&str, Check); COUNT] = [
         to.numbers([rise.value, rise.per_ampere, law.at_rest().0]);
         Some(())
     }),
-    ("stiffening: lag, deviation", |from, to| {
-        let mut lag = Lag::new(Second(from.within(1e-4, 1e-2)), 0.0).ok()?;
-        to.number(lag.follow(from.within(0.0, 0.2), Second(from.within(1e-4, 1e-2))));
-        to.number(lag.follow(from.within(0.0, 0.2), Second(from.within(1e-4, 1e-2))));
+    ("stiffening: deviation", |from, to| {
         to.number(deviation(from.within(0.1, 10.0), from.within(0.0, 0.3)));
         Some(())
     }),
@@ -343,10 +328,10 @@ pub const CHECKS: [(&str, Check); COUNT] = [
             Second(from.within(0.0, 3.0)),
         );
         for drift in [
-            Drift::Linear,
-            Drift::Logarithmic { tau },
-            Drift::Exponential { tau },
-            Drift::SawTooth { period: tau },
+            DriftModel::Linear,
+            DriftModel::Logarithmic { tau },
+            DriftModel::Exponential { tau },
+            DriftModel::SawTooth { period: tau },
         ] {
             to.number(drift.at(time));
         }
@@ -373,7 +358,7 @@ pub const CHECKS: [(&str, Check); COUNT] = [
     }),
     ("ramp: fit with a drift", |from, to| {
         let tau = Second(from.within(0.01, 0.5));
-        let basis = Basis::with_drift(Drift::Exponential { tau }).ok()?;
+        let basis = Basis::with_drift(DriftModel::Exponential { tau }).ok()?;
         let mut ramp = Ramp::new(reference(from)?, basis);
         fill(&mut ramp, from)?;
         to.number(ramp.residual_sigma()?.0);
@@ -385,8 +370,8 @@ pub const CHECKS: [(&str, Check); COUNT] = [
             Term::Level,
             Term::Slope,
             Term::Quadratic,
-            Term::Drift(Drift::Logarithmic { tau }),
-            Term::Drift(Drift::SawTooth {
+            Term::Drift(DriftModel::Logarithmic { tau }),
+            Term::Drift(DriftModel::SawTooth {
                 period: Second(0.05),
             }),
         ]);
@@ -520,9 +505,9 @@ fn reference(from: &mut Inputs) -> Option<Reference> {
     Reference::new(Metre(from.within(1e-4, 5e-4)), from.within(0.5, 3.0)).ok()
 }
 
-fn sample(from: &mut Inputs, place: u16) -> Sample {
+fn sample(from: &mut Inputs, place: u16) -> RampSample {
     let regressor = -0.002 * f32::from(place % 50);
-    Sample {
+    RampSample {
         time: Second(f32::from(place) * 1e-3),
         deformation: Metre(-1e-4 * regressor + from.within(-3e-8, 3e-8)),
         regressor,
@@ -540,13 +525,12 @@ fn fill(ramp: &mut Ramp, from: &mut Inputs) -> Option<()> {
 /// Everything that a fit tells.
 fn judge(fit: &Fit, from: &mut Inputs, to: &mut Sum) -> Option<()> {
     to.word(fit.degrees_of_freedom());
-    to.numbers([fit.chi_square(), fit.centre(), fit.variance_inflation()]);
+    to.numbers([fit.chi_square(), fit.centre()]);
     to.number(fit.reduced_chi_square()?);
     for place in 0..fit.basis().terms().len() {
         let coefficient = fit.coefficient(place)?;
         to.numbers([coefficient.value, coefficient.standard_error]);
     }
-    to.number(fit.correlation(0, 1)?);
     let sensing = NewtonPerMetre(6e3);
     let h = from.within(-0.1, 0.0);
     let total = fit.total_displacement();

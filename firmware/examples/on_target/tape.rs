@@ -4,7 +4,7 @@ use ldc161x::{Channel, Freshness, Reading, Word};
 use palpate_procedure::event::Conditions;
 use palpate_procedure::units::{Ampere, Celsius};
 use palpate_procedure::{
-    Action, Actions, Board, Conversion, Duration, Event, Instant, Limits, Procedure, Scan,
+    Action, Actions, BoardInfo, Conversion, Duration, Event, Instant, Limits, Procedure, Scan,
 };
 use palpate_wire::code::{self, Chip, ResetCause};
 use palpate_wire::record::{CoilTest, Hello};
@@ -35,8 +35,8 @@ pub const READY: u32 = 0x5EAD_D00D;
 pub const BOOT: u32 = 7;
 
 /// The board that both procedures believe to be on.
-pub fn board() -> Board {
-    Board {
+pub fn board() -> BoardInfo {
+    BoardInfo {
         boot_id: BOOT,
         hello: Hello {
             minor_version: MINOR_VERSION,
@@ -47,7 +47,7 @@ pub fn board() -> Board {
             commit: 0,
             dirty: false,
             simulated: true,
-            board: code::Board::Virtual,
+            board: code::Board::Native,
             unit: 0,
             reset_cause: ResetCause::PowerOn,
             chip: Chip::Ldc161x,

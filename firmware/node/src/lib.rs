@@ -1,10 +1,5 @@
-//! What the firmware decides without touching hardware: from settings to a plan for the converter,
-//! and from frames with their edges to samples in time.
-//!
-//! The tasks of `palpate-firmware` are shells over it: they own bus, pins and clock, and pass what
-//! they have read. Time is an argument, in microseconds of the board's timer.
-
-#![no_std]
+#![doc = include_str!("../README.md")]
+#![cfg_attr(not(test), no_std)]
 #![forbid(unsafe_code)]
 #![deny(missing_docs)]
 #![cfg_attr(
@@ -19,3 +14,8 @@
 )]
 
 pub mod acquisition;
+pub mod board;
+pub mod coil;
+pub mod converter;
+pub mod instrument;
+pub mod supervision;

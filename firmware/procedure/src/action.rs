@@ -42,7 +42,7 @@ pub enum Action {
     },
     /// A record for the PC.
     Record {
-        /// When what it tells happened.
+        /// When what it reports happened.
         at: Instant,
         /// The record.
         record: Record,

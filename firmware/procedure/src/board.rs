@@ -5,7 +5,7 @@ use palpate_wire::record::{Crash, Hello};
 
 /// A board, as far as the procedure has to know it.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Board {
+pub struct BoardInfo {
     /// A random number that the device drew when it started, never 0.
     pub boot_id: u32,
     /// Who speaks; the procedure fills in the configuration's check number.
@@ -74,12 +74,12 @@ impl Limits {
 
 #[cfg(test)]
 pub(crate) mod tests {
-    use palpate_wire::code::{Board as Name, Chip, ResetCause};
+    use palpate_wire::code::{Board, Chip, ResetCause};
 
     use super::*;
 
     /// A board with one converter and a coil.
-    pub(crate) const BOARD: Board = Board {
+    pub(crate) const BOARD: BoardInfo = BoardInfo {
         boot_id: 7,
         hello: Hello {
             minor_version: 0,
@@ -90,7 +90,7 @@ pub(crate) mod tests {
             commit: 0,
             dirty: false,
             simulated: true,
-            board: Name::Virtual,
+            board: Board::Native,
             unit: 0,
             reset_cause: ResetCause::PowerOn,
             chip: Chip::Ldc161x,

@@ -78,14 +78,14 @@ pub struct Boot {
 
 /// What a record says.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Kind {
+enum WordKind {
     /// How many runs in a row have crashed, up to the present one.
     Count,
     Panic,
     HardFault,
 }
 
-impl Kind {
+impl WordKind {
     const fn from_number(number: u32) -> Option<Self> {
         Some(match number {
             1 => Self::Count,
@@ -106,7 +106,7 @@ impl Kind {
 
 /// A record that was read.
 struct Kept {
-    kind: Kind,
+    kind: WordKind,
     streak: u32,
     line: u32,
     program_counter: u32,
@@ -116,7 +116,7 @@ struct Kept {
 }
 
 impl Kept {
-    const fn new(kind: Kind, streak: u32) -> Self {
+    const fn new(kind: WordKind, streak: u32) -> Self {
         Self {
             kind,
             streak,
@@ -153,7 +153,7 @@ impl Kept {
             program_counter,
             link_register,
             uptime_ms,
-            ..Self::new(Kind::from_number(kind)?, streak)
+            ..Self::new(WordKind::from_number(kind)?, streak)
         };
         for (bytes, word) in kept.name.chunks_exact_mut(4).zip(name) {
             bytes.copy_from_slice(&word.to_le_bytes());
@@ -181,7 +181,8 @@ impl Kept {
         *program_counter = self.program_counter;
         *link_register = self.link_register;
         *uptime_ms = self.uptime_ms;
-        for (word, bytes) in name.iter_mut().zip(self.name.chunks_exact(4)) {
+        let (quadruples, _) = self.name.as_chunks::<4>();
+        for (word, bytes) in name.iter_mut().zip(quadruples) {
             *word = bytes
                 .iter()
                 .rev()
@@ -220,7 +221,7 @@ pub fn record(end: &End<'_>, before: &RecordWords, uptime_ms: u32) -> RecordWord
     let mut kept = match *end {
         End::Panic { line, .. } => Kept {
             line,
-            ..Kept::new(Kind::Panic, streak)
+            ..Kept::new(WordKind::Panic, streak)
         },
         End::HardFault {
             program_counter,
@@ -228,7 +229,7 @@ pub fn record(end: &End<'_>, before: &RecordWords, uptime_ms: u32) -> RecordWord
         } => Kept {
             program_counter,
             link_register,
-            ..Kept::new(Kind::HardFault, streak)
+            ..Kept::new(WordKind::HardFault, streak)
         },
     };
     kept.uptime_ms = uptime_ms;
@@ -268,7 +269,7 @@ impl Boot {
         let keep = if streak == 0 {
             NO_RECORD
         } else {
-            Kept::new(Kind::Count, streak).words()
+            Kept::new(WordKind::Count, streak).words()
         };
         (boot, keep)
     }
@@ -287,9 +288,9 @@ pub const fn fault(cause: ResetCause) -> Option<FaultCode> {
 
 fn cause(flags: ResetFlags, kept: Option<&Kept>) -> ResetCause {
     let has_crashed = match kept.map(|kept| kept.kind) {
-        Some(Kind::Panic) => Some(ResetCause::Panic),
-        Some(Kind::HardFault) => Some(ResetCause::HardFault),
-        Some(Kind::Count) | None => None,
+        Some(WordKind::Panic) => Some(ResetCause::Panic),
+        Some(WordKind::HardFault) => Some(ResetCause::HardFault),
+        Some(WordKind::Count) | None => None,
     };
     if flags.forced || (flags.timed_out && flags.is_own_watchdog) {
         // The firmware asks for a reset only after it has written why.

@@ -6,7 +6,7 @@ use palpate_model::tank::{relative_frequency_change, relative_inductance_change}
 use palpate_model::units::{Metre, OutOfRange, Second};
 use palpate_wire::command::{Crosstalk, Settings};
 
-use crate::configuration::Channel;
+use crate::configuration::ChannelCalibration;
 
 /// The deformation at one channel of the sensor.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -69,7 +69,7 @@ impl Follower {
         reading: &Reading,
         interval: Second,
         square_a2: Option<f32>,
-        calibration: &Channel,
+        calibration: &ChannelCalibration,
     ) -> Option<Deformation> {
         let curve = calibration.curve.as_ref()?;
         let code = reading.word.code().get();

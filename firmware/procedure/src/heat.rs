@@ -8,9 +8,9 @@ use palpate_model::units::{
 use palpate_wire::command::Coil;
 
 use crate::time::in_seconds;
-use crate::train::Course;
+use crate::train::TrainProfile;
 
-/// Surroundings, where no thermometer tells: a warm room, above which the coil's own heat is
+/// Surroundings, where no thermometer reports: a warm room, above which the coil's own heat is
 /// counted.
 const WARM_ROOM: Celsius = Celsius(30.0);
 
@@ -119,14 +119,14 @@ impl Heat {
 
     /// How long to wait, without current, until a train keeps below the limit, s; within a second.
     /// Nothing if an hour is not enough.
-    pub(crate) fn wait_s(&self, course: &Course, limit: Celsius) -> Option<f32> {
+    pub(crate) fn wait_s(&self, profile: &TrainProfile, limit: Celsius) -> Option<f32> {
         const LONGEST_S: f32 = 3_600.0;
         let bears = |after_s: f32| {
             let mut later = self.clone();
             later.now = self
                 .nodes
                 .after(self.now, Watt(0.0), self.ambient, Second(after_s));
-            later.forecast(course, limit).hottest.is_some()
+            later.forecast(profile, limit).hottest.is_some()
         };
         if !bears(LONGEST_S) {
             return None;
@@ -144,13 +144,13 @@ impl Heat {
     }
 
     /// What a train would cost, if it began now.
-    pub(crate) fn forecast(&self, course: &Course, limit: Celsius) -> Forecast {
-        let duration = in_seconds(course.duration());
-        let mean_square_a2 = course.mean_square_a2();
+    pub(crate) fn forecast(&self, profile: &TrainProfile, limit: Celsius) -> Forecast {
+        let duration = in_seconds(profile.duration());
+        let mean_square_a2 = profile.mean_square_a2();
         // The bound is for a constant current of the same heat; within a period the copper swings
         // above it by what rise and hold add at most.
-        let at_peak = in_seconds(course.rise) + in_seconds(course.hold);
-        let swing_j = self.copper.heat(course.peak, limit).0 * at_peak.0;
+        let at_peak = in_seconds(profile.rise) + in_seconds(profile.hold);
+        let swing_j = self.copper.heat(profile.peak, limit).0 * at_peak.0;
         let swing = Kelvin(swing_j / self.nodes.copper_capacity().0);
         let end = self.nodes.after_pulse(
             self.now,

@@ -25,7 +25,7 @@ pub use action::{Action, Actions};
 /// The quantities in its signatures.
 pub use palpate_model::units;
 
-pub use board::{Board, Limits};
+pub use board::{BoardInfo, Limits};
 pub use configuration::Configuration;
 pub use event::{Conversion, Event, Scan};
 pub use procedure::Procedure;

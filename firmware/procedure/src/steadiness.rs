@@ -16,13 +16,13 @@ pub(crate) struct Steadiness {
 }
 
 impl Steadiness {
-    /// The least time in which it tells a rate: two blocks, of two conversions at least, and half
+    /// The least time in which it gives a rate: two blocks, of two conversions at least, and half
     /// a block for the first conversion to come.
     pub(crate) fn least_s(rate_hz: f32) -> f32 {
         2.5 * BLOCK.0.max(2.0 / rate_hz)
     }
 
-    /// Takes a deformation, `interval` after the one before, and tells its rate in m/s at the end
+    /// Takes a deformation, `interval` after the one before, and returns its rate in m/s at the end
     /// of a block.
     pub(crate) fn push(&mut self, interval: Second, deformation: Metre) -> Option<f32> {
         self.sum = self.sum + deformation;

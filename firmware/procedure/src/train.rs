@@ -9,9 +9,9 @@ use palpate_wire::command::Settings;
 
 use crate::time::{Duration, Instant, after, between, in_seconds, span};
 
-/// The course that the current is to take.
+/// The profile of the current over a train.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Course {
+pub(crate) struct TrainProfile {
     pub(crate) peak: Ampere,
     pub(crate) end: Ampere,
     pub(crate) rise: Duration,
@@ -22,7 +22,7 @@ pub(crate) struct Course {
     half_conversion: Duration,
 }
 
-impl Course {
+impl TrainProfile {
     pub(crate) fn new(settings: &Settings) -> Self {
         Self {
             peak: Ampere(settings.peak_current_a),
@@ -87,9 +87,9 @@ impl Course {
     }
 }
 
-/// Where on its course the train is.
+/// The segment of the profile in which the train is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Leg {
+pub(crate) enum TrainSegment {
     Rise,
     Hold,
     Fall,
@@ -101,7 +101,7 @@ pub(crate) enum Leg {
 /// A straight line of the current that is to begin at a moment, from where the current is to be
 /// then.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Line {
+pub(crate) struct CurrentLine {
     pub(crate) at: Instant,
     pub(crate) from: Ampere,
     pub(crate) to: Ampere,
@@ -118,15 +118,15 @@ struct Fall {
 
 /// The train under way.
 ///
-/// Each leg is sent before it begins, so its start time does not depend on how long sending takes:
+/// Each segment is sent before it begins, so its start time does not depend on how long sending takes:
 /// a busy processor needs most of a millisecond. With an elastomer that follows the current five
 /// milliseconds late, a fall that begins half a millisecond later against its conversions than the
 /// calibration's did changes the estimate of a hard load by two per cent.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Train {
-    course: Course,
-    leg: Leg,
-    /// When the leg begins or began.
+    profile: TrainProfile,
+    segment: TrainSegment,
+    /// When the segment begins or began.
     since: Instant,
     /// Ramps that have been completed.
     completed: u8,
@@ -137,47 +137,47 @@ pub(crate) struct Train {
     interval: Duration,
 }
 
-/// From the end of a conversion to the beginning of a leg that it decides, at least. On the emulated
+/// From the end of a conversion to the start of a segment that it decides, at least. On the emulated
 /// board the procedure has a conversion 0.56 ms after its end, and a line that was sent at once began
 /// 0.25 to 0.55 ms after that.
 const LEAD: Duration = Duration::from_ticks(1_500);
 
-/// From the telling of the train to its first rise. Before it tells, the procedure computes what the
+/// From the start of the train to its first rise. Before it sends the rise, the procedure computes what the
 /// coil's temperature would become, for more than a millisecond.
 const FIRST_LEAD: Duration = Duration::from_ticks(5_000);
 
-/// A leg begins by so much before the end of a conversion, so that the next lies within it as a
+/// A segment begins by so much before the end of a conversion, so that the next lies within it as a
 /// whole: times are reported within 2 us, and the bridge begins a line with a period of its own, 16 us.
 const MARGIN: Duration = Duration::from_ticks(20);
 
 impl Train {
     /// Begins with the first rise.
-    pub(crate) fn start(course: Course, now: Instant) -> (Self, Line) {
+    pub(crate) fn start(profile: TrainProfile, now: Instant) -> (Self, CurrentLine) {
         let since = after(now, FIRST_LEAD);
         let train = Self {
-            course,
-            leg: Leg::Rise,
+            profile,
+            segment: TrainSegment::Rise,
             since,
             completed: 0,
             fall: None,
             converted: None,
-            interval: Duration::from_ticks(course.half_conversion.as_ticks() * 2),
+            interval: Duration::from_ticks(profile.half_conversion.as_ticks() * 2),
         };
-        let rise = Line {
+        let rise = CurrentLine {
             at: since,
             from: Ampere(0.0),
-            to: course.peak,
-            over: course.rise,
+            to: profile.peak,
+            over: profile.rise,
         };
         (train, rise)
     }
 
-    pub(crate) const fn course(&self) -> &Course {
-        &self.course
+    pub(crate) const fn profile(&self) -> &TrainProfile {
+        &self.profile
     }
 
-    pub(crate) const fn leg(&self) -> Leg {
-        self.leg
+    pub(crate) const fn segment(&self) -> TrainSegment {
+        self.segment
     }
 
     pub(crate) const fn completed(&self) -> u8 {
@@ -185,11 +185,11 @@ impl Train {
     }
 
     fn lasts(&self) -> Duration {
-        match self.leg {
-            Leg::Rise | Leg::Down => self.course.rise,
-            Leg::Hold => self.course.hold,
-            Leg::Fall => self.course.fall,
-            Leg::Done => Duration::from_ticks(0),
+        match self.segment {
+            TrainSegment::Rise | TrainSegment::Down => self.profile.rise,
+            TrainSegment::Hold => self.profile.hold,
+            TrainSegment::Fall => self.profile.fall,
+            TrainSegment::Done => Duration::from_ticks(0),
         }
     }
 
@@ -197,13 +197,13 @@ impl Train {
         after(self.since, self.lasts())
     }
 
-    /// How much earlier than planned the leg under way may end. What rises to the peak, and what
+    /// How much earlier than planned the segment under way may end. What rises to the peak, and what
     /// goes down to zero, gets there.
     fn early(&self) -> Duration {
-        let is_last = self.completed.saturating_add(1) >= self.course.ramps;
-        match self.leg {
-            Leg::Hold => self.course.half_conversion.min(self.lasts()),
-            Leg::Fall if !is_last => self.course.half_conversion.min(self.lasts()),
+        let is_last = self.completed.saturating_add(1) >= self.profile.ramps;
+        match self.segment {
+            TrainSegment::Hold => self.profile.half_conversion.min(self.lasts()),
+            TrainSegment::Fall if !is_last => self.profile.half_conversion.min(self.lasts()),
             _ => Duration::from_ticks(0),
         }
     }
@@ -211,7 +211,7 @@ impl Train {
     /// Takes a conversion.
     pub(crate) fn convert(&mut self, middle: Instant, window: Duration) {
         let end = after(middle, Duration::from_ticks(window.as_ticks() / 2));
-        let usual = self.course.half_conversion.as_ticks() * 2;
+        let usual = self.profile.half_conversion.as_ticks() * 2;
         if let Some(last) = self.converted.replace(end) {
             let passed = between(last, end);
             // Not across a gap.
@@ -221,7 +221,7 @@ impl Train {
         }
     }
 
-    /// The end of the first conversion that leaves enough time to tell a leg.
+    /// The end of the first conversion that leaves enough time to send a segment.
     fn next_begin(&self, now: Instant) -> Instant {
         let Some(end) = self.converted else {
             return now;
@@ -235,64 +235,64 @@ impl Train {
         .max(now)
     }
 
-    /// Goes on to the next leg at the end of the conversion that is nearest to the end of the one
-    /// under way, and tells the current to set.
+    /// Goes on to the next segment at the end of the conversion that is nearest to the end of the one
+    /// under way, and returns the line to drive.
     ///
     /// Conversions then lie at the same places on every fall, whatever else happens meanwhile, and
     /// what lags behind the current does so alike on all. The first one at or after the end would
     /// be a conversion later or not by the accident of its last microsecond, as 10 conversions of
     /// 0.9993 ms are just less than 10 ms.
-    pub(crate) fn advance(&mut self, now: Instant) -> Option<Line> {
+    pub(crate) fn advance(&mut self, now: Instant) -> Option<CurrentLine> {
         let ends = self.ends();
-        // The rise and the way to zero end by themselves: the next leg need not be sent ahead.
-        let at = match self.leg {
-            Leg::Hold | Leg::Fall => self.next_begin(now),
-            Leg::Rise | Leg::Down | Leg::Done => now,
+        // The rise and the way to zero end by themselves: the next segment need not be sent ahead.
+        let at = match self.segment {
+            TrainSegment::Hold | TrainSegment::Fall => self.next_begin(now),
+            TrainSegment::Rise | TrainSegment::Down | TrainSegment::Done => now,
         };
-        if self.leg == Leg::Done || after(at, self.early()) < ends {
+        if self.segment == TrainSegment::Done || after(at, self.early()) < ends {
             return None;
         }
-        let Course {
+        let TrainProfile {
             peak,
             end,
             rise,
             fall,
             ramps,
             ..
-        } = self.course;
-        let from = self.wanted(at).unwrap_or(peak);
-        let (leg, to, over) = match self.leg {
-            Leg::Rise => {
+        } = self.profile;
+        let from = self.setpoint(at).unwrap_or(peak);
+        let (segment, to, over) = match self.segment {
+            TrainSegment::Rise => {
                 // Nothing is set here, so the hold begins when the rise has ended.
-                (self.leg, self.since) = (Leg::Hold, ends);
+                (self.segment, self.since) = (TrainSegment::Hold, ends);
                 return None;
             }
-            Leg::Hold => {
+            TrainSegment::Hold => {
                 self.fall = Some(Fall {
                     ramp: self.completed,
                     since: at,
                     until: after(at, fall),
                 });
-                (Leg::Fall, end, fall)
+                (TrainSegment::Fall, end, fall)
             }
-            Leg::Fall => {
+            TrainSegment::Fall => {
                 if let Some(fall) = &mut self.fall {
                     fall.until = fall.until.min(at);
                 }
                 self.completed = self.completed.saturating_add(1);
                 if self.completed < ramps {
-                    (Leg::Rise, peak, rise)
+                    (TrainSegment::Rise, peak, rise)
                 } else {
-                    (Leg::Down, Ampere(0.0), rise)
+                    (TrainSegment::Down, Ampere(0.0), rise)
                 }
             }
-            Leg::Down | Leg::Done => {
-                self.leg = Leg::Done;
+            TrainSegment::Down | TrainSegment::Done => {
+                self.segment = TrainSegment::Done;
                 return None;
             }
         };
-        (self.leg, self.since) = (leg, at);
-        Some(Line { at, from, to, over })
+        (self.segment, self.since) = (segment, at);
+        Some(CurrentLine { at, from, to, over })
     }
 
     /// The ramp in whose fall a conversion lay as a whole, from 0.
@@ -303,13 +303,13 @@ impl Train {
         within.then_some(ramp)
     }
 
-    /// Whether the leg under way had begun at a moment.
+    /// Whether the segment under way had begun at a moment.
     pub(crate) fn has_begun(&self, at: Instant) -> bool {
         at >= self.since
     }
 
-    /// The current that was wanted at a moment of the leg under way; `None` before it.
-    pub(crate) fn wanted(&self, at: Instant) -> Option<Ampere> {
+    /// The setpoint at a moment of the segment under way; `None` before it.
+    pub(crate) fn setpoint(&self, at: Instant) -> Option<Ampere> {
         if !self.has_begun(at) {
             return None;
         }
@@ -318,15 +318,15 @@ impl Train {
             let gone = in_seconds(between(self.since, at)).0;
             if gone < lasts { gone / lasts } else { 1.0 }
         };
-        let Course {
+        let TrainProfile {
             peak,
             end,
             rise,
             fall,
             ..
-        } = self.course;
-        Some(match self.leg {
-            Leg::Rise => {
+        } = self.profile;
+        Some(match self.segment {
+            TrainSegment::Rise => {
                 let from = if self.completed == 0 {
                     Ampere(0.0)
                 } else {
@@ -334,10 +334,10 @@ impl Train {
                 };
                 from + (peak - from) * part(rise)
             }
-            Leg::Hold => peak,
-            Leg::Fall => peak + (end - peak) * part(fall),
-            Leg::Down => end * (1.0 - part(rise)),
-            Leg::Done => Ampere(0.0),
+            TrainSegment::Hold => peak,
+            TrainSegment::Fall => peak + (end - peak) * part(fall),
+            TrainSegment::Down => end * (1.0 - part(rise)),
+            TrainSegment::Done => Ampere(0.0),
         })
     }
 }

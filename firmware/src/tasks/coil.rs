@@ -1,25 +1,32 @@
-//! The coil's task: looks after its drive a thousand times a second. It is also the pulse of the
-//! tasks that wait.
+//! The coil's task: polls its drive a thousand times a second. It is also the pulse of the tasks that
+//! wait.
 
+use palpate_node::coil::POLL_US;
+use palpate_node::supervision::Task;
+use rtic::Mutex;
 use rtic_monotonics::rp2040::prelude::*;
 
-use crate::coil::{LOOK_US, look};
-use crate::supervision::{Task, check_in};
-use crate::{Mono, SAMPLES, app, bus};
+use crate::board::i2c;
+use crate::supervision::CHECK_INS;
+use crate::{Mono, SAMPLES, app};
 
-/// Looks.
-pub async fn coil(_: app::coil::Context<'_>) {
+/// Polls, for ever.
+pub async fn coil(mut cx: app::coil::Context<'_>) {
     let mut next = Mono::now();
     loop {
-        check_in(Task::Coil);
-        look(Mono::now().as_ticks());
+        CHECK_INS.check_in(Task::Coil);
+        cx.shared.coil.lock(|coil| {
+            if let Some(coil) = coil {
+                coil.poll();
+            }
+        });
         #[cfg(planted_defect = "panic")]
         crate::planted::panic_if_asked(Task::Coil);
         #[cfg(planted_defect = "fed_by_idle")]
         crate::planted::stall_if_asked().await;
-        bus::pulse();
+        i2c::pulse();
         SAMPLES.pulse();
-        next += LOOK_US.micros();
+        next += POLL_US.micros();
         Mono::delay_until(next).await;
     }
 }

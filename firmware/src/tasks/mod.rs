@@ -6,6 +6,6 @@ mod sensing;
 mod supervisor;
 
 pub use coil::coil;
-pub use instrument::{Instrument, instrument};
-pub use sensing::{Sensing, sensing};
+pub use instrument::{Channels, Run, instrument};
+pub use sensing::{Sensing, second_sensing, sensing};
 pub use supervisor::supervisor;

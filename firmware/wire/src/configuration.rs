@@ -4,7 +4,7 @@ use core::borrow::Borrow;
 
 use crate::Command;
 use crate::checksum::digest;
-use crate::encoder::write_payload;
+use crate::encoder::payload;
 use crate::message::Message;
 
 /// CRC-32 over the commands that would set a configuration: what `hello` tells.
@@ -16,10 +16,10 @@ pub fn configuration_crc(commands: impl IntoIterator<Item: Borrow<Command>>) -> 
     let mut digest = digest();
     for command in commands {
         let command = command.borrow();
-        let mut payload = [0; Command::MAX_PAYLOAD];
-        let length = write_payload(command, &mut payload);
+        let mut buffer = [0; Command::MAX_PAYLOAD];
         digest.update(&[command.kind()]);
-        digest.update(payload.get(..length).unwrap_or(&payload));
+        // Every payload fits.
+        digest.update(payload(command, &mut buffer).unwrap_or_default());
     }
     digest.finalize()
 }

@@ -3,14 +3,15 @@
 use core::fmt;
 use core::marker::PhantomData;
 
+use cobs::{DecodeResult, DecoderState};
+use heapless::Vec;
+use serde::Deserialize;
+
 use crate::VERSION;
 use crate::checksum::crc32;
 use crate::frame::{CHECKSUM, Frame, Header};
 use crate::message::Message;
-use crate::reader::Reader;
-use crate::value::Value;
-use cobs::{DecodeResult, DecoderState};
-use heapless::Vec;
+use crate::message::sealed::Reader;
 
 /// Decodes a stream of bytes, in pieces of any size.
 ///
@@ -222,7 +223,7 @@ impl<M: Message, const N: usize> Decoder<M, N> {
     /// Takes a byte; the zero at the end of a frame returns it.
     pub fn push(&mut self, byte: u8) -> Option<Result<Frame<M>, FrameError>> {
         let ended = match self.stuffing.feed(byte) {
-            Ok(DecodeResult::NoData | DecodeResult::DataStart) => return None,
+            Ok(DecodeResult::NoData) => return None,
             Ok(DecodeResult::DataContinue(byte)) => {
                 self.overflown |= self.body.push(byte).is_err();
                 return None;
@@ -280,23 +281,16 @@ fn parse<M: Message>(body: &[u8]) -> Result<Frame<M>, FrameError> {
         return Err(FrameError::TooShort);
     };
     let kind = *kind;
-    let mut from = Reader::new(rest);
-    let header = Header::read(&mut from);
-    if !from.is_sound() {
-        return Err(FrameError::Header);
-    }
+    let mut from = Reader::from_bytes(rest);
+    let header = Header::deserialize(&mut from).map_err(|_| FrameError::Header)?;
     let payload_error = |cause| FrameError::Payload {
         header,
         kind,
         cause,
     };
-    let Some(message) = M::read(kind, &mut from) else {
-        return Err(FrameError::UnknownKind { header, kind });
-    };
-    if !from.is_sound() {
-        return Err(payload_error(PayloadError::Malformed));
-    }
-    let excess = from.rest().len();
+    let message = M::read(kind, &mut from).ok_or(FrameError::UnknownKind { header, kind })?;
+    let message = message.map_err(|_| payload_error(PayloadError::Malformed))?;
+    let excess = from.finalize().map_or(0, <[u8]>::len);
     if excess > 0 {
         return Err(payload_error(PayloadError::Excess { bytes: excess }));
     }

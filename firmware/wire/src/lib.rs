@@ -11,15 +11,14 @@ pub mod loss;
 pub mod record;
 pub mod schema;
 
+mod check;
 mod checksum;
 mod configuration;
 mod decoder;
 mod encoder;
 mod frame;
 mod message;
-mod reader;
 mod validation;
-mod value;
 
 pub use checksum::crc32;
 pub use command::{Command, CommandDecoder};

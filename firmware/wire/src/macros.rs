@@ -32,9 +32,7 @@ macro_rules! structure {
         impl $name {
             /// Checks every field against its limits and the fields against each other.
             pub fn validate(&self) -> Result<(), $crate::validation::Invalid> {
-                $crate::validation::validate(|to| {
-                    $crate::value::Value::show(self, &$crate::value::Place::WHOLE, to);
-                })
+                $crate::check::check(self)
             }
         }
 
@@ -50,33 +48,26 @@ macro_rules! structure {
                         range: range!($($unit $(, $low, $high)?)?),
                     }),+],
                 });
-
         }
 
-        impl $crate::value::Value for $name {
-            fn show(
+        impl $crate::check::Check for $name {
+            fn check(
                 &self,
-                _: &'static $crate::value::Place,
-                to: &mut dyn $crate::value::Visitor,
+                _: &'static $crate::check::FieldLimits,
+                checker: &mut $crate::check::Checker,
             ) {
                 $(
-                    $crate::value::Value::show(&self.$field, const {
-                        &$crate::value::Place::new(
+                    $crate::check::Check::check(&self.$field, const {
+                        &$crate::check::FieldLimits::new(
                             $crate::schema::field_number(
                                 &<Self as $crate::schema::Described>::TYPE,
                                 stringify!($field),
                             ),
                             &range!($($unit $(, $low, $high)?)?),
                         )
-                    }, to);
+                    }, checker);
                 )+
-                $(to.rule(&|| $rule(self));)?
-            }
-
-            fn read(from: &mut $crate::reader::Reader<'_>) -> Self {
-                Self {
-                    $($field: $crate::value::Value::read(from),)+
-                }
+                $(checker.rule(|| $rule(self));)?
             }
         }
     };
@@ -244,18 +235,15 @@ macro_rules! codes {
                 });
         }
 
-        impl $crate::value::Value for $name {
-            fn show(
+        impl $crate::check::Check for $name {
+            fn check(
                 &self,
-                place: &'static $crate::value::Place,
-                to: &mut dyn $crate::value::Visitor,
+                limits: &'static $crate::check::FieldLimits,
+                checker: &mut $crate::check::Checker,
             ) {
-                let is_known = !matches!(self, Self::Unknown(_));
-                to.code(self.number(), is_known, place);
-            }
-
-            fn read(from: &mut $crate::reader::Reader<'_>) -> Self {
-                Self::from_number(from.byte())
+                if let Self::Unknown(number) = *self {
+                    checker.unknown_code(number, limits);
+                }
             }
         }
     )+};
@@ -325,23 +313,31 @@ macro_rules! messages {
                     $(Self::$variant(_) => $text,)*
                 }
             }
+
+            fn validate(&self) -> Result<(), $crate::validation::Invalid> {
+                match self {
+                    $(Self::$bare => Ok(()),)*
+                    $(Self::$variant(payload) => payload.validate(),)*
+                }
+            }
         }
 
         impl $crate::message::sealed::Payload for $name {
-            fn show(&self, to: &mut dyn $crate::value::Visitor) {
+            fn write(&self, to: &mut $crate::message::sealed::Writer<'_>) -> ::postcard::Result<()> {
                 match self {
-                    $(Self::$bare => {})*
-                    $(Self::$variant(payload) => {
-                        $crate::value::Value::show(payload, &$crate::value::Place::WHOLE, to);
-                    })*
+                    $(Self::$bare => Ok(()),)*
+                    $(Self::$variant(payload) => ::serde::Serialize::serialize(payload, to),)*
                 }
             }
 
-            fn read(kind: u8, from: &mut $crate::reader::Reader<'_>) -> Option<Self> {
+            fn read(
+                kind: u8,
+                from: &mut $crate::message::sealed::Reader<'_>,
+            ) -> Option<::postcard::Result<Self>> {
                 Some(match kind {
-                    $($bare_number => Self::$bare,)*
+                    $($bare_number => Ok(Self::$bare),)*
                     $($number => {
-                        Self::$variant(<$payload as $crate::value::Value>::read(from))
+                        <$payload as ::serde::Deserialize>::deserialize(from).map(Self::$variant)
                     })*
                     _ => return None,
                 })

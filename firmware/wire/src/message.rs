@@ -2,7 +2,7 @@
 
 use crate::frame::frame_size;
 use crate::schema::{self, Kind, Structure};
-use crate::validation::{self, Invalid};
+use crate::validation::Invalid;
 
 /// The messages of one direction: [`Record`](crate::Record) or [`Command`](crate::Command).
 pub trait Message: sealed::Payload {
@@ -25,9 +25,7 @@ pub trait Message: sealed::Payload {
     ///
     /// A device does this with every command before it acts on it. A record is not refused for
     /// its values: there the check finds defects of the device.
-    fn validate(&self) -> Result<(), Invalid> {
-        validation::validate(|to| self.show(to))
-    }
+    fn validate(&self) -> Result<(), Invalid>;
 
     /// What follows the header, if anything does: names and units of what [`Invalid`] speaks of.
     fn payload(&self) -> Option<&'static Structure> {
@@ -36,17 +34,22 @@ pub trait Message: sealed::Payload {
     }
 }
 
-/// How a payload is shown and read: closed to other crates.
+/// How a payload is written and read: closed to other crates.
 pub(crate) mod sealed {
-    use crate::reader::Reader;
-    use crate::value::Visitor;
+    use postcard::{Deserializer, Result, Serializer, de_flavors, ser_flavors};
+
+    /// Writes to a buffer.
+    pub(crate) type Writer<'buffer> = Serializer<ser_flavors::Slice<'buffer>>;
+
+    /// Reads the bytes of one frame.
+    pub(crate) type Reader<'frame> = Deserializer<'frame, de_flavors::Slice<'frame>>;
 
     /// A message without its header.
     pub trait Payload: Sized {
-        /// Shows the payload.
-        fn show(&self, to: &mut dyn Visitor);
+        /// Writes the payload.
+        fn write(&self, to: &mut Writer<'_>) -> Result<()>;
 
         /// Reads the payload of a kind; `None` for a kind of another direction or version.
-        fn read(kind: u8, from: &mut Reader<'_>) -> Option<Self>;
+        fn read(kind: u8, from: &mut Reader<'_>) -> Option<Result<Self>>;
     }
 }

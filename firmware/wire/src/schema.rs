@@ -29,14 +29,14 @@ pub enum Type {
     F64,
     /// One byte, 0 or 1, and after a 1 the value.
     Optional(&'static Type),
-    /// One byte for the number of items, and the items.
+    /// The number of items, a varint of one byte, and the items.
     List {
         /// Type of an item.
         item: &'static Type,
         /// Greatest number of items, below 128.
         capacity: u8,
     },
-    /// One byte for the length, and UTF-8.
+    /// The length in bytes, a varint of one byte, and UTF-8.
     Text {
         /// Greatest length in bytes, below 128.
         capacity: u8,

@@ -1,9 +1,8 @@
-//! Values against the limits of their fields.
+//! What is wrong with a value.
 
 use core::fmt;
 
 use crate::schema::{Field, Structure, Type};
-use crate::value::{Place, Visitor};
 
 /// A field whose value cannot be accepted, by its number: the device that finds it needs no names.
 /// [`named`](Self::named) finds them.
@@ -151,85 +150,6 @@ impl fmt::Display for InvalidField {
 impl core::error::Error for Invalid {}
 
 impl core::error::Error for InvalidField {}
-
-/// What the check has found: the first thing that is wrong.
-#[derive(Debug, Default)]
-struct Verdict {
-    invalid: Option<Invalid>,
-    /// Item of a list that is shown.
-    item: Option<u8>,
-}
-
-impl Verdict {
-    #[inline(never)]
-    fn refuse(&mut self, place: &Place, problem: Problem) {
-        let item = self.item;
-        self.invalid.get_or_insert(Invalid {
-            item,
-            ..Invalid::new(place.field, problem)
-        });
-    }
-}
-
-/// Checks what is shown.
-pub(crate) fn validate(show: impl FnOnce(&mut dyn Visitor)) -> Result<(), Invalid> {
-    let mut verdict = Verdict::default();
-    show(&mut verdict);
-    verdict.invalid.map_or(Ok(()), Err)
-}
-
-impl Visitor for Verdict {
-    // Limits lie below 2^24, up to which every integer is an `f32`.
-    fn byte(&mut self, value: u8, place: &'static Place) {
-        self.float(value.into(), place);
-    }
-
-    fn integer(&mut self, value: u64, place: &'static Place) {
-        self.float(value as f32, place);
-    }
-
-    fn float(&mut self, value: f32, place: &'static Place) {
-        let Place { low, high, .. } = *place;
-        if !value.is_finite() {
-            self.refuse(place, Problem::NotFinite);
-        } else if value < low || value > high {
-            self.refuse(place, Problem::OutOfRange { value, low, high });
-        }
-    }
-
-    fn double(&mut self, value: f64, place: &'static Place) {
-        let Place { low, high, .. } = *place;
-        if !value.is_finite() {
-            self.refuse(place, Problem::NotFinite);
-        } else if value < f64::from(low) || value > f64::from(high) {
-            let value = value as f32;
-            self.refuse(place, Problem::OutOfRange { value, low, high });
-        }
-    }
-
-    fn code(&mut self, number: u8, is_known: bool, place: &'static Place) {
-        if !is_known {
-            self.refuse(place, Problem::UnknownCode { number });
-        }
-    }
-
-    fn flag(&mut self, _: bool) {}
-
-    fn length(&mut self, _: usize) {}
-
-    fn text(&mut self, _: &[u8]) {}
-
-    fn item(&mut self, index: Option<usize>) {
-        self.item = index.and_then(|index| u8::try_from(index).ok());
-    }
-
-    fn rule(&mut self, check: &dyn Fn() -> Result<(), Invalid>) {
-        // Of values that are right, each by itself.
-        if self.invalid.is_none() {
-            self.invalid = check().err();
-        }
-    }
-}
 
 /// Refuses a structure whose fields contradict each other; the field of the given name is blamed.
 macro_rules! inconsistent {

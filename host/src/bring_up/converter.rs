@@ -1,6 +1,6 @@
 //! The converter as the tests use it: registers, edges, words (datasheet SNOSCY9A, 7.6).
 
-use super::link::{Link, Outcome};
+use super::link::{Link, RequestOutcome};
 use crate::failure::Failure;
 
 /// Registers, of channel 0 where there is one for each.
@@ -36,6 +36,9 @@ pub(super) const READY: u16 = 1 << 6;
 pub(super) const UNREAD: u16 = 1 << 3;
 /// The longest that is waited for an edge, ms.
 const EDGE_MS: u8 = 100;
+
+/// The clock that the image divides for CLKIN, Hz.
+const CORE_HZ: f64 = 200e6;
 
 /// The segments of a transaction that reads STATUS and DATA: INTB is released whatever does it.
 const FRAME: [u8; 9] = [
@@ -84,7 +87,7 @@ impl Default for Setup {
         Self {
             rcount: 1_000,
             drive: 0xA000,
-            divider: 4,
+            divider: 6,
             mux: MUX,
             reports: REPORTS,
             input_divider: 1,
@@ -95,7 +98,7 @@ impl Default for Setup {
 impl Setup {
     /// Frequency of the reference, Hz.
     pub(super) fn reference_hz(&self) -> f64 {
-        120e6 / f64::from(self.divider)
+        CORE_HZ / f64::from(self.divider)
     }
 }
 
@@ -144,11 +147,11 @@ pub(super) struct Converter(pub(super) Link);
 impl Converter {
     fn done(&mut self, kind: u8, rest: &[u8]) -> Result<Vec<u8>, Failure> {
         match self.0.ask(kind, rest)? {
-            (Outcome::Done, answer) => Ok(answer),
-            (Outcome::NotAcknowledged, _) => Err(Failure::Refused(
+            (RequestOutcome::Done, answer) => Ok(answer),
+            (RequestOutcome::NotAcknowledged, _) => Err(Failure::Refused(
                 "the converter does not acknowledge: see its supply, SD, ADDR and the bus".into(),
             )),
-            (Outcome::NoEdge, _) => Err(Failure::Refused(
+            (RequestOutcome::NoEdge, _) => Err(Failure::Refused(
                 "no edge of INTB came: see INTB's wire, CLKIN and the sensor".into(),
             )),
             (outcome, _) => Err(Failure::Refused(format!("the board: {outcome:?}"))),
@@ -158,7 +161,7 @@ impl Converter {
     /// Who answers at the other end.
     pub(super) fn greet(&mut self) -> Result<(), Failure> {
         let name = self.done(b'?', &[])?;
-        if name.starts_with(b"palpate bring-up 1") {
+        if name.starts_with(b"palpate bring-up 2") {
             return Ok(());
         }
         Err(Failure::Refused(
@@ -194,7 +197,7 @@ impl Converter {
     pub(super) fn try_read(&mut self, register: u8) -> Result<Option<u16>, Failure> {
         let (outcome, bytes) = self.0.ask(b'T', &[1, register, 0x82])?;
         Ok(match (outcome, &bytes[..]) {
-            (Outcome::Done, &[high, low]) => Some(u16::from_be_bytes([high, low])),
+            (RequestOutcome::Done, &[high, low]) => Some(u16::from_be_bytes([high, low])),
             _ => None,
         })
     }
@@ -203,7 +206,7 @@ impl Converter {
         self.done(b'D', &[ms]).map(drop)
     }
 
-    /// Does several things at once, since a PC is too slow to look twice at one conversion, and
+    /// Does several things at once, since a PC is too slow to poll twice within one conversion, and
     /// returns what was read, in its order.
     pub(super) fn at_once<const N: usize>(&mut self, ops: &[Op]) -> Result<[u16; N], Failure> {
         let mut requests = Vec::new();

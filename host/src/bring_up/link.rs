@@ -4,8 +4,8 @@ use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::time::Duration;
 
-use ldc161x_sim::{Fault, FaultEvent, Lost};
-use palpate_board::{Board, Still, Time};
+use ldc161x_sim::{ChipFault, FaultEvent, Lost};
+use palpate_emulator::{EmulatedBoard, Still, Time};
 
 use crate::failure::Failure;
 
@@ -13,12 +13,12 @@ use crate::failure::Failure;
 const CHANNEL: u32 = 0;
 /// The longest that an answer may take: 200 edges are 0.7 s, and a probe may be slow.
 const PATIENCE_S: u64 = 30;
-/// How often an emulated board is looked at.
+/// How often an emulated board is polled.
 const LOOK: Time = Time::from_us(20);
 
 /// What came of a request, by the image's numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Outcome {
+pub(super) enum RequestOutcome {
     Done,
     NotUnderstood,
     NotAcknowledged,
@@ -26,7 +26,7 @@ pub(super) enum Outcome {
     NoEdge,
 }
 
-impl Outcome {
+impl RequestOutcome {
     const fn of(number: u8) -> Option<Self> {
         Some(match number {
             0 => Self::Done,
@@ -44,7 +44,7 @@ pub(super) enum Link {
     /// Behind a debug probe whose server offers the channel at a port.
     Probe(TcpStream),
     /// The emulated one.
-    Emulated(Box<Board<Still>>),
+    Emulated(Box<EmulatedBoard<Still>>),
 }
 
 impl Link {
@@ -70,7 +70,7 @@ impl Link {
                 std::io::stdin().read_line(&mut String::new())?;
             }
             Self::Emulated(board) => {
-                let dip = Fault::BrownOut(Lost::Everything);
+                let dip = ChipFault::BrownOut(Lost::Everything);
                 let event = FaultEvent::at(board.now(), dip, Time::ZERO);
                 let scheduled = board.chip_mut().schedule(event);
                 scheduled.map_err(|full| Failure::Refused(full.to_string()))?;
@@ -85,7 +85,11 @@ impl Link {
     }
 
     /// Asks, and waits for the answer.
-    pub(super) fn ask(&mut self, kind: u8, rest: &[u8]) -> Result<(Outcome, Vec<u8>), Failure> {
+    pub(super) fn ask(
+        &mut self,
+        kind: u8,
+        rest: &[u8],
+    ) -> Result<(RequestOutcome, Vec<u8>), Failure> {
         let mut request = vec![rest.len() as u8 + 1, kind];
         request.extend(rest);
         let answer = match self {
@@ -97,7 +101,9 @@ impl Link {
             })?,
             Self::Emulated(board) => over_emulation(board, &request)?,
         };
-        let outcome = answer.first().and_then(|&number| Outcome::of(number));
+        let outcome = answer
+            .first()
+            .and_then(|&number| RequestOutcome::of(number));
         let outcome = outcome.ok_or_else(|| {
             Failure::Refused("the board's answer is none of the image bring_up".to_owned())
         })?;
@@ -114,9 +120,9 @@ fn over_probe(stream: &mut TcpStream, request: &[u8]) -> std::io::Result<Vec<u8>
     Ok(answer)
 }
 
-fn over_emulation(board: &mut Board<Still>, request: &[u8]) -> Result<Vec<u8>, Failure> {
+fn over_emulation(board: &mut EmulatedBoard<Still>, request: &[u8]) -> Result<Vec<u8>, Failure> {
     let end = board.now() + Time::from_ms(1_000 * PATIENCE_S);
-    let stopped = |stop: palpate_board::Stop| Failure::Refused(format!("the image: {stop}"));
+    let stopped = |stop: palpate_emulator::Stop| Failure::Refused(format!("the image: {stop}"));
     let mut left = request;
     let mut answer = Vec::new();
     while board.now() < end {

@@ -11,7 +11,7 @@ use clap::Args;
 use comfy_table::Table;
 use comfy_table::presets::NOTHING;
 use ldc161x_sim::{Settings, Switches};
-use palpate_board::{Board, Options, Still};
+use palpate_emulator::{EmulatedBoard, Options, Still};
 use serde::Serialize;
 
 use crate::failure::Failure;
@@ -68,7 +68,7 @@ pub(crate) struct Arguments {
 
 /// A line of the JSON output.
 #[derive(Serialize)]
-struct Line<'t> {
+struct TestLine<'t> {
     simulated: bool,
     test: &'t str,
     found: &'t str,
@@ -115,7 +115,7 @@ fn emulated(arguments: &Arguments) -> Result<Link, Failure> {
         ..Settings::default()
     };
     let plant = Still::new(SENSORS_HZ);
-    let board = Board::new(&image, plant, settings, Options::default());
+    let board = EmulatedBoard::new(&image, plant, settings, Options::default());
     Ok(Link::Emulated(Box::new(board)))
 }
 
@@ -123,7 +123,7 @@ fn print(arguments: &Arguments, tests: &Tests) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
     if arguments.json {
         for finding in &tests.findings {
-            let line = Line {
+            let line = TestLine {
                 simulated: arguments.emulated,
                 test: finding.test,
                 found: &finding.found,

@@ -14,7 +14,7 @@ use super::converter::{
 use crate::failure::Failure;
 
 /// What a test has found.
-pub(super) struct Finding {
+pub(super) struct TestFinding {
     pub(super) test: &'static str,
     pub(super) found: String,
 }
@@ -30,13 +30,13 @@ const SLOW: Setup = Setup {
 const QUICK: Setup = Setup {
     rcount: 1_000,
     drive: 0xA000,
-    divider: 4,
+    divider: 6,
     mux: MUX,
     reports: REPORTS,
     input_divider: 1,
 };
-/// Divisors of 120 MHz for CLKIN, all within the limit of 35 MHz with one channel.
-const DIVISORS: [u8; 5] = [4, 5, 6, 7, 8];
+/// Divisors of 200 MHz for CLKIN, all within the limit of 35 MHz with one channel.
+const DIVISORS: [u8; 5] = [6, 8, 10, 11, 13];
 /// Words for a standard deviation.
 const WORDS: usize = 40;
 /// DATA_MSB: the amplitude's flag.
@@ -47,7 +47,7 @@ pub(super) struct Tests {
     converter: Converter,
     /// What is settled so far; the rest as the simulation has it.
     pub(super) switches: Switches,
-    pub(super) findings: Vec<Finding>,
+    pub(super) findings: Vec<TestFinding>,
     /// DRIVE_CURRENT0 that the converter has found for the sensor.
     drive: u16,
 }
@@ -93,7 +93,7 @@ impl Tests {
     }
 
     fn tell(&mut self, test: &'static str, found: String) {
-        self.findings.push(Finding { test, found });
+        self.findings.push(TestFinding { test, found });
     }
 
     fn setup(&self, setup: Setup) -> Setup {
@@ -217,7 +217,7 @@ impl Tests {
     fn intervals(&mut self) -> Result<()> {
         let mut texts = Vec::new();
         let mut measured = Vec::new();
-        for divider in [4, 8] {
+        for divider in [6, 12] {
             // Two lengths give the clock and the overhead apart. Both are longer than two transfers,
             // so that no edge of the row is seen late.
             let [short, long] = [1_500, 3_000].map(|rcount| Setup {

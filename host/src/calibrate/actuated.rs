@@ -13,7 +13,7 @@ use palpate_sim::bench::Pressed;
 use super::crosstalk::Crosstalk;
 use super::curve::{ForceCurve, chebyshev};
 use super::least_squares::{Solution, System};
-use super::samples::{Fallen, Run};
+use super::samples::{Fallen, SampleRun};
 use super::{Known, Signal, Unusable};
 
 /// Degree of h in the current: enough for the bends that memory and lag put on a quadratic law.
@@ -47,7 +47,7 @@ impl Actuated {
 
 impl Actuated {
     /// What stands beside 1 + kappa: g(I), and the attraction as a compliance.
-    pub(crate) fn compliance(&self, sample: &Sample, sensing_n_per_m: f64) -> f64 {
+    pub(crate) fn compliance(&self, sample: &FallSample, sensing_n_per_m: f64) -> f64 {
         let ratio_now = self.ratio + self.regressor(sample.current_a);
         let pull_n = self.attraction_n_per_a2 * sample.current_a.powi(2);
         ratio_now + pull_n * ratio_now / sensing_n_per_m / sample.deformation_m
@@ -57,7 +57,7 @@ impl Actuated {
     /// right side and weight.
     fn row(
         &self,
-        sample: &Sample,
+        sample: &FallSample,
         depth_m: f64,
         sensing_n_per_m: f64,
         tau_s: f64,
@@ -73,8 +73,13 @@ impl Actuated {
 
     /// By how much the line of a train bends: the change of its slope from the middle to an end of its
     /// span of h, over the slope, without what noise makes of it.
-    fn bend(&self, samples: &[Sample], sensing_n_per_m: f64, tau_s: f64) -> Result<f64, Unusable> {
-        let h = |sample: &Sample| self.compliance(sample, sensing_n_per_m) - self.ratio;
+    fn bend(
+        &self,
+        samples: &[FallSample],
+        sensing_n_per_m: f64,
+        tau_s: f64,
+    ) -> Result<f64, Unusable> {
+        let h = |sample: &FallSample| self.compliance(sample, sensing_n_per_m) - self.ratio;
         let (low, high) = samples
             .iter()
             .map(h)
@@ -97,10 +102,10 @@ impl Actuated {
     /// The line of one train by itself, for a press that was `tau_s` old when it began.
     pub(crate) fn line(
         &self,
-        samples: &[Sample],
+        samples: &[FallSample],
         sensing_n_per_m: f64,
         tau_s: f64,
-    ) -> Result<Line, Unusable> {
+    ) -> Result<TrainFit, Unusable> {
         let depth_m = mean_m(samples);
         let mut system = System::new(4);
         for sample in samples {
@@ -108,7 +113,7 @@ impl Actuated {
             system.add(row, right, weight);
         }
         match system.solve("a train by itself")?.unknowns.as_slice() {
-            &[total, drift, kappa, linear] => Ok(Line {
+            &[total, drift, kappa, linear] => Ok(TrainFit {
                 total_m: total * depth_m,
                 drift: drift / total,
                 linear: linear / total,
@@ -121,14 +126,14 @@ impl Actuated {
 }
 
 /// Mean deformation, m.
-fn mean_m(samples: &[Sample]) -> f64 {
+fn mean_m(samples: &[FallSample]) -> f64 {
     let sum_m: f64 = samples.iter().map(|sample| sample.deformation_m).sum();
     sum_m / samples.len().max(1) as f64
 }
 
 /// x (1 + kappa + g) = x_0 (1 + d phi(t)), fitted to a train.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Line {
+pub(crate) struct TrainFit {
     /// x_0, m.
     pub(crate) total_m: f64,
     /// d.
@@ -140,7 +145,7 @@ pub(crate) struct Line {
     pub(crate) tau_s: f64,
 }
 
-impl Line {
+impl TrainFit {
     /// 1 + d phi(t).
     pub(crate) fn drifted(&self, time_s: f64) -> f64 {
         1.0 + self.drift * (time_s / self.tau_s).ln_1p() + self.linear * time_s
@@ -177,12 +182,12 @@ struct Train {
     spring: bool,
     /// Time constant of the logarithmic drift, s.
     tau_s: f64,
-    samples: Vec<Sample>,
+    samples: Vec<FallSample>,
 }
 
 /// A sample of a fall.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Sample {
+pub(crate) struct FallSample {
     /// Since the train began, s.
     pub(crate) time_s: f64,
     /// Deformation with the cross-talk taken out, m.
@@ -196,14 +201,14 @@ const RATIO: usize = DEGREE + 1;
 const SHARED: usize = DEGREE + 2;
 
 pub(super) fn fit(
-    runs: &[Run],
+    runs: &[SampleRun],
     force: &ForceCurve,
     crosstalk: Crosstalk,
     frame_m_per_n: f64,
     known: &Known,
 ) -> Result<Fit, Unusable> {
     let sensing = known.sensing_n_per_m;
-    let prepare = |sample: &Fallen| Sample {
+    let prepare = |sample: &Fallen| FallSample {
         time_s: sample.time_s,
         deformation_m: crosstalk.without(force.at(sample.change) / sensing, sample.current_a),
         current_a: sample.current_a,

@@ -13,7 +13,7 @@ pub(crate) struct Uncertainty {
     pub(crate) bend: f64,
 }
 
-/// Loads at which it is looked at: kappa from a rigid load to one five times as soft as the
+/// Loads at which it is evaluated: kappa from a rigid load to one five times as soft as the
 /// sensing layer.
 const KAPPAS: [f64; 7] = [0.0, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0];
 
@@ -106,7 +106,7 @@ fn columns(fit: &Fit) -> Vec<Vec<f64>> {
 }
 
 /// What an instrument calibrated as `wrong` reads of a load on a sensor that is as `right`: from
-/// the two ends of a ramp, to see how the one hangs on the other.
+/// the two ends of a ramp, for how the one depends on the other.
 fn read_with(wrong: &Actuated, right: &Actuated, problem: &Problem, kappa: f64) -> f64 {
     let (depth_m, sensing) = (problem.depth_m, problem.sensing_n_per_m);
     let peak_a = problem.peak_a;

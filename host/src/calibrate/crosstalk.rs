@@ -4,7 +4,7 @@ use palpate_sim::bench::Pressed;
 
 use super::curve::ForceCurve;
 use super::least_squares::System;
-use super::samples::Run;
+use super::samples::SampleRun;
 use super::{Known, Unusable};
 
 /// What the coil's current adds to the reading: X I^2 (1 + growth x).
@@ -18,7 +18,11 @@ pub(crate) struct Crosstalk {
 
 impl Crosstalk {
     /// Determines both.
-    pub(super) fn fit(runs: &[Run], force: &ForceCurve, known: &Known) -> Result<Self, Unusable> {
+    pub(super) fn fit(
+        runs: &[SampleRun],
+        force: &ForceCurve,
+        known: &Known,
+    ) -> Result<Self, Unusable> {
         let untouched_m_per_a2 = untouched(runs, force, known)?;
         Ok(Self {
             untouched_m_per_a2,
@@ -43,12 +47,12 @@ impl Crosstalk {
 /// distinguished; a soft spring's force follows it less than a block's, though, and the cross-talk is
 /// the same. c is the sensing layer's spring for changes as fast as the ramps.
 fn growth(
-    runs: &[Run],
+    runs: &[SampleRun],
     force: &ForceCurve,
     crosstalk_m_per_a2: f64,
     known: &Known,
 ) -> Result<f64, Unusable> {
-    let pressed: Vec<&Run> = runs
+    let pressed: Vec<&SampleRun> = runs
         .iter()
         .filter(|run| run.pressed != Pressed::Nothing)
         .collect();
@@ -84,7 +88,7 @@ fn growth(
 }
 
 /// Apparent deformation per square of the current, m/A^2.
-fn untouched(runs: &[Run], force: &ForceCurve, known: &Known) -> Result<f64, Unusable> {
+fn untouched(runs: &[SampleRun], force: &ForceCurve, known: &Known) -> Result<f64, Unusable> {
     let free = runs
         .iter()
         .find(|run| run.pressed == Pressed::Nothing)

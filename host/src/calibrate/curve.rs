@@ -4,7 +4,7 @@ use palpate_sim::bench::Pressed;
 
 use super::Unusable;
 use super::least_squares::System;
-use super::samples::Run;
+use super::samples::SampleRun;
 
 /// Degree of the polynomial through the quick presses: with 7 the coil's own curve between two slabs
 /// is met as with 9.
@@ -26,7 +26,7 @@ pub(super) struct ForceCurve {
 
 impl ForceCurve {
     /// Fits the presses upon the block.
-    pub(super) fn fit(runs: &[Run], deepest: &Run) -> Result<Self, Unusable> {
+    pub(super) fn fit(runs: &[SampleRun], deepest: &SampleRun) -> Result<Self, Unusable> {
         let presses = runs.iter().filter(|run| run.pressed == Pressed::Block);
         let presses = presses.chain([deepest]);
         let points: Vec<(f64, f64)> = presses.flat_map(|run| run.press.iter().copied()).collect();
@@ -115,8 +115,8 @@ pub(super) fn frame(bare: &[(f64, f64)]) -> Result<f64, Unusable> {
 
 #[cfg(test)]
 mod tests {
-    use palpate_sim::coil::CoilDesign;
-    use palpate_sim::coil::curve::CoilCurve;
+    use palpate_sim::sensing_coil::CoilDesign;
+    use palpate_sim::sensing_coil::curve::CoilCurve;
 
     use super::*;
 

@@ -25,7 +25,7 @@ use palpate_sim::bench::Session;
 use palpate_wire::Command;
 use palpate_wire::command::{Coil, Settings};
 
-pub(crate) use actuated::{Actuated, Line, Sample};
+pub(crate) use actuated::{Actuated, FallSample, TrainFit};
 use commands::Findings;
 pub(crate) use crosstalk::Crosstalk;
 use curve::ForceCurve;
@@ -172,13 +172,13 @@ impl std::error::Error for Unusable {}
 
 /// Evaluates a session.
 pub(crate) fn evaluate(session: &Session, known: &Known) -> Result<Calibration, Unusable> {
-    let runs: Vec<samples::Run> = session
+    let runs: Vec<samples::SampleRun> = session
         .runs
         .iter()
-        .map(|run| samples::Run::new(run, &known.settings))
+        .map(|run| samples::SampleRun::new(run, &known.settings))
         .collect::<Result<_, _>>()?;
     let frame_m_per_n = curve::frame(&session.bare)?;
-    let deepest_press = samples::Run::new(&session.deepest_press, &known.settings)?;
+    let deepest_press = samples::SampleRun::new(&session.deepest_press, &known.settings)?;
     let force = ForceCurve::fit(&runs, &deepest_press)?;
     let crosstalk = Crosstalk::fit(&runs, &force, known)?;
     let fit = actuated::fit(&runs, &force, crosstalk, frame_m_per_n, known)?;

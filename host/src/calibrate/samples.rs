@@ -1,6 +1,6 @@
 //! The lines of a run, as the evaluation needs them.
 
-use palpate_sim::bench::{Line, Pressed, Run as Notes};
+use palpate_sim::bench::{BenchSample, Pressed, Run};
 use palpate_wire::command::Settings;
 
 use super::Unusable;
@@ -8,7 +8,7 @@ use crate::train::Fall;
 
 /// A run.
 #[derive(Clone, Debug)]
-pub(super) struct Run {
+pub(super) struct SampleRun {
     pub(super) pressed: Pressed,
     /// Frequency of the untouched sensor, Hz.
     pub(super) rest_hz: f64,
@@ -32,13 +32,13 @@ pub(super) struct Fallen {
     pub(super) force_n: f64,
 }
 
-/// The untouched sensor is looked at for this long, from the start: the bench moves later.
+/// The untouched sensor is measured for this long, from the start: the bench moves later.
 const REST_S: f64 = 0.75;
 /// The first conversions after a start, in s: the oscillator settles.
 const START_S: f64 = 0.05;
 
-impl Run {
-    pub(super) fn new(notes: &Notes, settings: &Settings) -> Result<Self, Unusable> {
+impl SampleRun {
+    pub(super) fn new(notes: &Run, settings: &Settings) -> Result<Self, Unusable> {
         let rest: Vec<f64> = notes
             .lines
             .iter()
@@ -49,7 +49,7 @@ impl Run {
             return Err(Unusable::Missing("reading of the untouched sensor"));
         }
         let rest_hz = rest.iter().sum::<f64>() / rest.len() as f64;
-        let change = |line: &Line| (rest_hz / line.frequency_hz).powi(2) - 1.0;
+        let change = |line: &BenchSample| (rest_hz / line.frequency_hz).powi(2) - 1.0;
         let press: Vec<(f64, f64)> = notes
             .lines
             .windows(2)
@@ -69,13 +69,13 @@ impl Run {
             rest_hz,
             press,
             falls: falls(notes, settings, change),
-            since_touch_s: notes.began_s - touched_s,
+            since_touch_s: notes.ramps_s - touched_s,
         })
     }
 }
 
 /// Force at the middle of a conversion, between the gauges' readings before and after it.
-fn force_at(before: &Line, line: &Line) -> f64 {
+fn force_at(before: &BenchSample, line: &BenchSample) -> f64 {
     let way = (line.time_s - before.gauges_time_s) / (line.gauges_time_s - before.gauges_time_s);
     before.force_n + way * (line.force_n - before.force_n)
 }
@@ -87,15 +87,15 @@ const CLEAR_OF_STOP_S: f64 = 3e-3;
 /// A force that is no noise of the load cell (1 mN), N.
 const TOUCHING_N: f64 = 10e-3;
 
-fn touch_s(notes: &Notes) -> f64 {
+fn touch_s(notes: &Run) -> f64 {
     let touching = notes.lines.iter().find(|line| line.force_n > TOUCHING_N);
     touching.map_or(0.0, |line| line.gauges_time_s)
 }
 
 /// The samples whose neighbours show that the current fell all along.
-fn falls(notes: &Notes, settings: &Settings, change: impl Fn(&Line) -> f64) -> Vec<Fallen> {
+fn falls(notes: &Run, settings: &Settings, change: impl Fn(&BenchSample) -> f64) -> Vec<Fallen> {
     let fall = Fall::of(settings);
-    let steep = |from: &Line, to: &Line| {
+    let steep = |from: &BenchSample, to: &BenchSample| {
         fall.between((from.time_s, from.current_a), (to.time_s, to.current_a))
     };
     notes
@@ -103,10 +103,10 @@ fn falls(notes: &Notes, settings: &Settings, change: impl Fn(&Line) -> f64) -> V
         .windows(3)
         .filter_map(|lines| match lines {
             [before, line, after]
-                if line.time_s > notes.began_s && steep(before, line) && steep(line, after) =>
+                if line.time_s > notes.ramps_s && steep(before, line) && steep(line, after) =>
             {
                 Some(Fallen {
-                    time_s: line.time_s - notes.began_s,
+                    time_s: line.time_s - notes.ramps_s,
                     change: change(line),
                     current_a: line.current_a,
                     force_n: force_at(before, line),

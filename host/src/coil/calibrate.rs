@@ -33,7 +33,7 @@ enum What {
 /// Calibrate the measurement of the coil's current against a reference
 ///
 /// Drives 25 currents of both signs, compares what the board measures with what the reference says,
-/// sends the board a correction, and looks at currents in between. The correction is lost with the
+/// sends the board a correction, and checks currents in between. The correction is lost with the
 /// board's power: the file has it as a command for `palpate encode`.
 #[derive(Args)]
 #[command(after_help = "\
@@ -101,7 +101,7 @@ struct Pair {
 }
 
 impl Pair {
-    /// How much the current was off what was wanted.
+    /// How much the current was off its setpoint.
     fn off_a(&self) -> f64 {
         self.true_a - self.wanted_a
     }
@@ -145,7 +145,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             )));
         }
     };
-    let mut bench = Bench {
+    let mut bench = CurrentBench {
         link,
         reference: match &arguments.reference {
             Some(program) if !arguments.link.emulated => Reference::Program(program),
@@ -262,13 +262,13 @@ fn change_a(pairs: &[[f64; 2]], reported_a: f64) -> f64 {
 }
 
 /// Board and reference.
-struct Bench<'r> {
+struct CurrentBench<'r> {
     link: Link,
     reference: Reference<'r>,
     ohm: f64,
 }
 
-impl Bench<'_> {
+impl CurrentBench<'_> {
     fn pairs(
         &mut self,
         wanted: impl Iterator<Item = f64>,
@@ -412,7 +412,7 @@ fn reading(process: Child, program: &Path) -> Result<f64, Failure> {
 fn print(found: &Found<'_>) -> Result<(), Failure> {
     let mut table = Table::new();
     table.load_style(NOTHING);
-    table.set_header(["wanted, A", "measured, A", "reference, A", "off by, mA"]);
+    table.set_header(["setpoint, A", "measured, A", "reference, A", "off by, mA"]);
     let rows = [(found.before, "before"), (found.after, "corrected")];
     for (pairs, what) in rows {
         table.add_row([what, "", "", ""]);

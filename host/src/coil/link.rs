@@ -7,7 +7,7 @@ use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 use clap::Args;
-use palpate_board::{Instrument, Options};
+use palpate_emulator::{Instrument, Options};
 use palpate_sim::Time;
 use palpate_sim::device::Device;
 use palpate_sim::parameters::draw;
@@ -55,14 +55,14 @@ pub(crate) struct Arguments {
 /// The stack of the emulated board where none is named.
 const USUAL: &str = "ultrasoft";
 /// How long a board's answer may take. It waits for a test of the coil itself; a probe's server
-/// looks every 10 ms.
+/// polls every 10 ms.
 const PATIENCE: Duration = Duration::from_secs(5);
-/// From one look at a probe's server to the next.
+/// From one poll of a probe's server to the next.
 const LOOK: Duration = Duration::from_millis(2);
 /// From one word to the board to the next while it drives a current: it waits for 100 ms.
 pub(super) const WORD_S: f64 = 0.04;
 
-/// A record with the time that it tells, s of the device.
+/// A record with its time, s of the device.
 pub(super) type Reported = (f64, Record);
 
 /// A board, spoken to.
@@ -91,7 +91,7 @@ pub(super) struct Truth {
 }
 
 impl Arguments {
-    /// Connects, and tells the coil's data if they are named.
+    /// Connects, and sends the coil's data if they are named.
     pub(super) fn open(&self) -> Result<Link, Failure> {
         let stack = match (&self.stack, self.emulated) {
             (Some(name), _) => Some(Stack::named(name, Path::new(""))?),
@@ -134,7 +134,7 @@ impl Arguments {
     }
 }
 
-fn stopped(failure: palpate_board::Failure) -> Failure {
+fn stopped(failure: palpate_emulator::ImageFailure) -> Failure {
     Failure::Refused(failure.to_string())
 }
 

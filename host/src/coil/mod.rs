@@ -1,4 +1,4 @@
-//! `palpate coil`: what hangs at the bridge, and how its current answers.
+//! `palpate coil`: the load at the bridge, and how its current responds.
 
 pub(crate) mod calibrate;
 mod link;
@@ -19,7 +19,7 @@ use crate::failure::Failure;
 use crate::output::OutputFile;
 use crate::plot::{Axis, BLUE, Chart, GREY, Marks, Series};
 use link::{Link, Reported};
-use response::{Ramp, Step, Traced};
+use response::{Ramp, StepResponse, Traced};
 
 /// Test bridge and coil of a board, and see how its current follows a step and a ramp
 ///
@@ -31,7 +31,7 @@ A board is reached through the servers of its debug probe for the channels of it
 docs/bring-up.md has the commands for OpenOCD. Its coil gets current: up to 6 A for a tenth of a
 second in the test, and the step's for a fifth of one.
 
-Exit code 1 if the current does not follow as it should.
+Exit code 1 if the current does not follow within its limits.
 
 Examples:
   palpate coil --records localhost:9091 --commands localhost:9090 --stack mine.toml
@@ -72,7 +72,7 @@ struct Found {
     simulated: bool,
     test: CoilTest,
     time_constant_s: f64,
-    step: Step,
+    step: StepResponse,
     ramp: Ramp,
     as_it_should_be: bool,
 }
@@ -93,7 +93,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let found = Found {
         simulated: arguments.link.emulated,
         time_constant_s: f64::from(test.inductance_h) / f64::from(test.resistance_ohm),
-        step: Step::of(&stepped, to_a, &test)?,
+        step: StepResponse::of(&stepped, to_a, &test)?,
         ramp: Ramp::of(&fallen, [to_a, RAMP_ENDS * to_a])?,
         as_it_should_be: false,
         test,
@@ -227,7 +227,7 @@ fn series(name: &str, colour: plotters::style::RGBColor, marks: Marks) -> Series
 /// Where a step's chart begins before it, and ends, s.
 const AROUND_STEP_S: [f64; 2] = [-100e-6, 700e-6];
 
-fn step_chart(step: &Step, traced: &Traced) -> Chart {
+fn step_chart(step: &StepResponse, traced: &Traced) -> Chart {
     let shown = traced.points().filter_map(|(at_s, current_a)| {
         let since_s = at_s - step.begins_s;
         let [from_s, to_s] = AROUND_STEP_S;
@@ -236,7 +236,7 @@ fn step_chart(step: &Step, traced: &Traced) -> Chart {
             .then_some((1e6 * since_s, current_a))
     });
     let [_, to_s] = AROUND_STEP_S;
-    let possible = step.possible_course(to_s);
+    let possible = step.fastest_rise(to_s);
     Chart {
         title: format!("Step to {:.1} A", step.to_a),
         x: Axis::linear("time, µs"),

@@ -51,24 +51,24 @@ impl Traced {
 const NOISE_A: f64 = 0.052;
 /// Greatest part of a period for which the bridge drives: its upper switches need the rest.
 const DUTY: f64 = 0.98;
-/// Least of what a coil's own drive may differ from what was wanted, A: offset and bow of the
+/// Least of what a coil's own drive may differ from the setpoint, A: offset and bow of the
 /// measurement before it is calibrated do not show in its own reading.
 const SETTLED: f64 = 0.01;
 /// What docs/firmware.md promises.
 const OVERSHOOT: f64 = 0.02;
 pub(super) const NONLINEARITY: f64 = 0.005;
-/// Part of a ramp that is looked at: conversions at its ends have a part of what is beside it.
+/// Part of a ramp that is evaluated: conversions at its ends have a part of what is beside it.
 const MIDDLE: [f64; 2] = [0.05, 0.95];
 /// Fewer conversions are no ramp.
 const LEAST: usize = 10;
 
 /// A step from rest.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub(super) struct Step {
+pub(super) struct StepResponse {
     pub(super) to_a: f64,
     /// When it began, in the record's time, s.
     pub(super) begins_s: f64,
-    /// From the beginning to 90 %, s, and the least that this circuit takes, s.
+    /// From the start to 90 %, s, and the least that this circuit takes, s.
     pub(super) rise_s: f64,
     pub(super) shortest_rise_s: f64,
     /// Highest above the end, as a part of it.
@@ -81,7 +81,7 @@ pub(super) struct Step {
     interval_s: f64,
 }
 
-impl Step {
+impl StepResponse {
     pub(super) fn of(traced: &Traced, to_a: f64, test: &CoilTest) -> Result<Self, Failure> {
         let sign = to_a.signum();
         let size_a = to_a.abs();
@@ -121,7 +121,7 @@ impl Step {
         })
     }
 
-    /// What is promised of the drive, and one period by which a record may miss the beginning.
+    /// What is promised of the drive, and one period by which a record may miss the start.
     pub(super) fn longest_rise_s(&self) -> f64 {
         self.shortest_rise_s + 3.0 * self.interval_s
     }
@@ -140,18 +140,18 @@ impl Step {
             && (self.settled_a - self.to_a).abs() <= self.tolerance_a()
     }
 
-    /// The course with the bridge always on until the current is there: µs and A.
-    pub(super) fn possible_course(&self, to_s: f64) -> Vec<(f64, f64)> {
+    /// The rise with the bridge always on until the current is there: µs and A.
+    pub(super) fn fastest_rise(&self, to_s: f64) -> Vec<(f64, f64)> {
         const STEPS: u32 = 400;
         let at = |step: u32| to_s * f64::from(step) / f64::from(STEPS);
-        let course = (0..=STEPS).map(|step| {
+        let rise = (0..=STEPS).map(|step| {
             let risen_a = self.final_a * (1.0 - (-at(step) / self.time_constant_s).exp());
             (
                 1e6 * at(step),
                 self.to_a.signum() * risen_a.min(self.to_a.abs()),
             )
         });
-        course.collect()
+        rise.collect()
     }
 }
 
@@ -164,7 +164,7 @@ pub(super) struct Ramp {
     pub(super) nonlinearity: f64,
     /// Standard deviation about it, A.
     pub(super) scatter_a: f64,
-    /// What was looked at, since its beginning, s.
+    /// The part that was evaluated, since its start, s.
     pub(super) span_s: [f64; 2],
     /// The line: at the middle of the span, A, and its slope, A/s.
     middle_a: f64,
@@ -258,7 +258,8 @@ mod tests {
 
     #[test]
     fn an_ideal_step_is_as_it_should_be_and_others_are_not() {
-        let step = Step::of(&traced(16e-6, |at_s| rising(at_s, 8.0)), 8.0, &test()).unwrap();
+        let step =
+            StepResponse::of(&traced(16e-6, |at_s| rising(at_s, 8.0)), 8.0, &test()).unwrap();
         assert!(step.is_as_it_should_be(), "{step:?}");
         // 0.9 * 8 of 23.52 A: 80 us times ln(23.52/16.32).
         assert!((step.shortest_rise_s - 29.2e-6).abs() < 0.2e-6, "{step:?}");
@@ -267,7 +268,8 @@ mod tests {
             "{step:?}"
         );
         assert!(step.overshoot < 1e-9 && (step.settled_a - 8.0).abs() < 1e-6);
-        let falling = Step::of(&traced(16e-6, |at_s| -rising(at_s, 8.0)), -8.0, &test()).unwrap();
+        let falling =
+            StepResponse::of(&traced(16e-6, |at_s| -rising(at_s, 8.0)), -8.0, &test()).unwrap();
         assert!(falling.is_as_it_should_be(), "{falling:?}");
         let bad: [(&str, &dyn Fn(f64) -> f64); 3] = [
             ("late", &|at_s| rising(0.3 * at_s, 8.0)),
@@ -282,10 +284,10 @@ mod tests {
             ("off", &|at_s| rising(at_s, 7.9)),
         ];
         for (what, of) in bad {
-            let step = Step::of(&traced(16e-6, of), 8.0, &test()).unwrap();
+            let step = StepResponse::of(&traced(16e-6, of), 8.0, &test()).unwrap();
             assert!(!step.is_as_it_should_be(), "{what}: {step:?}");
         }
-        assert!(Step::of(&traced(16e-6, |_| 0.0), 8.0, &test()).is_err());
+        assert!(StepResponse::of(&traced(16e-6, |_| 0.0), 8.0, &test()).is_err());
     }
 
     #[test]

@@ -5,16 +5,16 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
-use palpate_board::{Image, Options};
+use palpate_emulator::{Image, Options};
 use palpate_sim::world::World;
 
 use super::{Engine, Native};
 use crate::failure::Failure;
 use crate::image::{self, Program};
-use crate::instrument::Instrument;
+use crate::instrument::CalibratedInstrument;
 use crate::log::Log;
 use crate::output::OutputFile;
-use crate::press::{Press, Pressed, press_on};
+use crate::press::{Press, PressOutcome, press_on};
 use crate::progress::Progress;
 
 /// Which program runs the instrument
@@ -24,8 +24,8 @@ use crate::progress::Progress;
 pub(crate) struct Arguments {
     /// What runs the instrument: its crates on this computer, or the firmware's image on an
     /// emulated board
-    #[arg(long, value_enum, default_value_t = Kind::Native)]
-    engine: Kind,
+    #[arg(long, value_enum, default_value_t = EngineKind::Native)]
+    engine: EngineKind,
     #[command(flatten)]
     image: image::Arguments,
     /// With `--engine image`: show the image's own log on standard error, each line with the time
@@ -39,12 +39,12 @@ pub(crate) struct Arguments {
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum Kind {
+enum EngineKind {
     Native,
     Image,
 }
 
-/// The firmware's image, and what is wanted to be seen of it.
+/// The firmware's image, and what is shown of it.
 pub(crate) struct OnBoard {
     image: Image,
     log: Option<Log>,
@@ -57,13 +57,13 @@ impl Arguments {
     /// The engine, with its image loaded.
     pub(crate) fn engine(&self) -> Result<Box<dyn Engine>, Failure> {
         match self.engine {
-            Kind::Native if self.log => Err(only_with_image("--log")),
-            Kind::Native if self.trace.is_some() => Err(only_with_image("--trace")),
-            Kind::Native => {
+            EngineKind::Native if self.log => Err(only_with_image("--log")),
+            EngineKind::Native if self.trace.is_some() => Err(only_with_image("--trace")),
+            EngineKind::Native => {
                 self.image.none_without("--engine image")?;
                 Ok(Box::new(Native))
             }
-            Kind::Image => Ok(Box::new(self.on_board()?)),
+            EngineKind::Image => Ok(Box::new(self.on_board()?)),
         }
     }
 
@@ -122,8 +122,8 @@ impl OnBoard {
         }
     }
 
-    /// Shows what is wanted to be seen of a press, whatever came of it.
-    fn show(&self, what: &str, board: &mut palpate_board::Instrument) -> Result<(), Failure> {
+    /// Shows log and trace of a press, whatever its result.
+    fn show(&self, what: &str, board: &mut palpate_emulator::Instrument) -> Result<(), Failure> {
         if let Some(log) = &self.log {
             log.show(what, &board.take_logs());
         }
@@ -140,10 +140,10 @@ impl Engine for OnBoard {
     fn press(
         &self,
         world: World,
-        instrument: &Instrument,
+        instrument: &CalibratedInstrument,
         how: &Press,
-    ) -> Result<Pressed, Failure> {
-        let mut board = palpate_board::Instrument::new(&self.image, world, self.options());
+    ) -> Result<PressOutcome, Failure> {
+        let mut board = palpate_emulator::Instrument::new(&self.image, world, self.options());
         let started = board.start().map_err(Failure::from);
         let pressed = started.and_then(|()| press_on(&mut board, instrument, how));
         self.show(&how.name, &mut board)?;
@@ -151,8 +151,8 @@ impl Engine for OnBoard {
     }
 }
 
-impl From<palpate_board::Failure> for Failure {
-    fn from(error: palpate_board::Failure) -> Self {
+impl From<palpate_emulator::ImageFailure> for Failure {
+    fn from(error: palpate_emulator::ImageFailure) -> Self {
         Self::Refused(error.to_string())
     }
 }

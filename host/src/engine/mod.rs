@@ -5,12 +5,12 @@ mod emulated;
 #[cfg(not(feature = "emulator"))]
 mod without_emulator;
 
-use palpate_sim::board::{Hardware, VirtualBoard};
+use palpate_sim::native::{NativeBoard, Wiring};
 use palpate_sim::world::World;
 
 use crate::failure::Failure;
-use crate::instrument::Instrument;
-use crate::press::{Press, Pressed, press_on};
+use crate::instrument::CalibratedInstrument;
+use crate::press::{Press, PressOutcome, press_on};
 
 #[cfg(feature = "emulator")]
 pub(crate) use emulated::Arguments;
@@ -22,8 +22,12 @@ pub(crate) use without_emulator::Arguments;
 /// What runs the instrument.
 pub(crate) trait Engine {
     /// Presses an object upon the instrument in this world.
-    fn press(&self, world: World, instrument: &Instrument, how: &Press)
-    -> Result<Pressed, Failure>;
+    fn press(
+        &self,
+        world: World,
+        instrument: &CalibratedInstrument,
+        how: &Press,
+    ) -> Result<PressOutcome, Failure>;
 }
 
 /// Driver and procedure on this computer.
@@ -33,10 +37,10 @@ impl Engine for Native {
     fn press(
         &self,
         world: World,
-        instrument: &Instrument,
+        instrument: &CalibratedInstrument,
         how: &Press,
-    ) -> Result<Pressed, Failure> {
-        let hardware = Hardware::new(world);
-        press_on(&mut VirtualBoard::new(&hardware), instrument, how)
+    ) -> Result<PressOutcome, Failure> {
+        let hardware = Wiring::new(world);
+        press_on(&mut NativeBoard::new(&hardware), instrument, how)
     }
 }

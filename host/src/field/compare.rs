@@ -8,7 +8,7 @@ use palpate_field::design::Design;
 use rayon::prelude::*;
 
 use super::input::{Effort, parse, per_ampere, text_of};
-use super::solve::Outcome;
+use super::solve::SolvedFigures;
 use crate::failure::Failure;
 
 /// Compare designs
@@ -34,8 +34,13 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         .iter()
         .map(load)
         .collect::<Result<_, _>>()?;
-    let solve = |design: &Design| Ok(Outcome::of(design, &per_ampere(design, &arguments.effort)?));
-    let outcomes: Vec<Outcome> = designs
+    let solve = |design: &Design| {
+        Ok(SolvedFigures::of(
+            design,
+            &per_ampere(design, &arguments.effort)?,
+        ))
+    };
+    let outcomes: Vec<SolvedFigures> = designs
         .par_iter()
         .map(solve)
         .collect::<Result<_, Failure>>()?;
@@ -49,7 +54,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-fn table(outcomes: &[Outcome]) -> Table {
+fn table(outcomes: &[SolvedFigures]) -> Table {
     let mut table = Table::new();
     table.load_style(presets::NOTHING);
     table.set_header([

@@ -24,7 +24,7 @@ pub(super) fn show(arguments: &Show) -> Result<(), Failure> {
 
 /// A design, numbers to change in it, and how accurately to solve it.
 #[derive(Args, Clone)]
-pub(super) struct Source {
+pub(super) struct DesignSource {
     /// File, or name of a built-in design
     pub(super) design: String,
     #[command(flatten)]
@@ -143,7 +143,7 @@ fn refused(error: DesignError) -> Failure {
     }
 }
 
-impl Source {
+impl DesignSource {
     pub(super) fn load(&self) -> Result<Design, Failure> {
         let (name, text) = text_of(&self.design)?;
         parse(&name, &text, &self.effort.settings)

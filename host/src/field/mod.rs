@@ -21,11 +21,11 @@ DESIGN is a file, or a built-in design: air, A, A0, A10, B1, B2, B3, C1in, C1out
 backplates, pot, closed. `palpate field show A` prints one to start from.")]
 pub(crate) struct Arguments {
     #[command(subcommand)]
-    task: Task,
+    task: FieldTask,
 }
 
 #[derive(Subcommand)]
-enum Task {
+enum FieldTask {
     Show(input::Show),
     Solve(solve::Arguments),
     Profile(profile::Arguments),
@@ -38,13 +38,13 @@ enum Task {
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     match &arguments.task {
-        Task::Show(arguments) => input::show(arguments),
-        Task::Solve(arguments) => solve::run(arguments),
-        Task::Profile(arguments) => profile::run(arguments),
-        Task::Figures(arguments) => figures::run(arguments),
-        Task::Sweep(arguments) => sweep::run(arguments),
-        Task::Optimise(arguments) => optimise::run(arguments),
-        Task::Compare(arguments) => compare::run(arguments),
-        Task::Stack(arguments) => stack::run(arguments),
+        FieldTask::Show(arguments) => input::show(arguments),
+        FieldTask::Solve(arguments) => solve::run(arguments),
+        FieldTask::Profile(arguments) => profile::run(arguments),
+        FieldTask::Figures(arguments) => figures::run(arguments),
+        FieldTask::Sweep(arguments) => sweep::run(arguments),
+        FieldTask::Optimise(arguments) => optimise::run(arguments),
+        FieldTask::Compare(arguments) => compare::run(arguments),
+        FieldTask::Stack(arguments) => stack::run(arguments),
     }
 }

@@ -7,7 +7,7 @@ use palpate_field::design::Design;
 use palpate_field::layer::Layer;
 use rayon::prelude::*;
 
-use super::input::{Source, at_current, parse, per_ampere, text_of};
+use super::input::{DesignSource, at_current, parse, per_ampere, text_of};
 use super::mse::elastomer;
 use super::sweep::range;
 use crate::failure::Failure;
@@ -27,7 +27,7 @@ Example
       --vary parameters.disc=4..7.9 --vary parameters.rim=1..6")]
 pub(super) struct Arguments {
     #[command(flatten)]
-    source: Source,
+    source: DesignSource,
     /// What is to be better
     #[arg(long, value_enum)]
     goal: Goal,

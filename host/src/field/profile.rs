@@ -6,7 +6,7 @@ use clap::Args;
 use palpate_field::geometry::Point;
 use palpate_field::solve::{FieldAt, Locator, Solved};
 
-use super::input::{Source, per_ampere, sharpened};
+use super::input::{DesignSource, per_ampere, sharpened};
 use crate::failure::Failure;
 
 /// The field along a line, in mm and tesla per ampere
@@ -17,10 +17,10 @@ nearer than 0.1 mm to a corner of a plate or body nothing is promised.
 `radius@x=` and `parallel@r=` take mm in the design's own coordinates: A has its mid-plane at 4.14.")]
 pub(super) struct Arguments {
     #[command(flatten)]
-    source: Source,
+    source: DesignSource,
     /// axis; radius@x=MM: outwards at a position on the axis; parallel@r=MM: along the axis
     #[arg(long, value_parser = line, allow_hyphen_values = true)]
-    along: Line,
+    along: ProfileLine,
     /// Where to begin, mm; without it, where the drawing of the design begins
     #[arg(long, value_name = "MM", allow_hyphen_values = true)]
     from: Option<f64>,
@@ -37,14 +37,14 @@ pub(super) struct Arguments {
 
 /// A line in the half-plane; lengths in m.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Line {
+pub(super) enum ProfileLine {
     /// Along x at this r.
     Parallel(f64),
     /// Along r at this x.
     Radius(f64),
 }
 
-fn line(text: &str) -> Result<Line, String> {
+fn line(text: &str) -> Result<ProfileLine, String> {
     let allowed = "allowed: axis, radius@x=MM, parallel@r=MM";
     let number = |text: &str| {
         let value: f64 = text.parse().map_err(|_| allowed)?;
@@ -55,12 +55,12 @@ fn line(text: &str) -> Result<Line, String> {
         }
     };
     if text == "axis" {
-        Ok(Line::Parallel(0.0))
+        Ok(ProfileLine::Parallel(0.0))
     } else if let Some(x) = text.strip_prefix("radius@x=") {
-        Ok(Line::Radius(number(x)?))
+        Ok(ProfileLine::Radius(number(x)?))
     } else if let Some(r) = text.strip_prefix("parallel@r=") {
         match number(r)? {
-            r if r >= 0.0 => Ok(Line::Parallel(r)),
+            r if r >= 0.0 => Ok(ProfileLine::Parallel(r)),
             _ => Err("r is 0 or more".into()),
         }
     } else {
@@ -68,7 +68,7 @@ fn line(text: &str) -> Result<Line, String> {
     }
 }
 
-impl Line {
+impl ProfileLine {
     /// Points at equal distances.
     pub(super) fn points(self, [from, to]: [f64; 2], count: u32) -> Vec<Point> {
         let step = (to - from) / f64::from(count.max(2) - 1);
@@ -116,7 +116,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
             *end = 1e-3 * given;
         }
     }
-    let lowest = if matches!(arguments.along, Line::Radius(_)) {
+    let lowest = if matches!(arguments.along, ProfileLine::Radius(_)) {
         0.0
     } else {
         f64::NEG_INFINITY

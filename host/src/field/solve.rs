@@ -7,7 +7,7 @@ use palpate_field::design::Design;
 use palpate_field::solve::Solved;
 use serde::Serialize;
 
-use super::input::{Source, at_current, current, per_ampere};
+use super::input::{DesignSource, at_current, current, per_ampere};
 use crate::failure::Failure;
 
 /// Solve a design: field, homogeneity, inductance, force, resistance
@@ -18,7 +18,7 @@ half of it (r4): 8, 6 and 4 mm for the built-in designs with a core of 8 mm.
 Figures per ampere are those of a small current; --current adds those with saturation.")]
 pub(super) struct Arguments {
     #[command(flatten)]
-    source: Source,
+    source: DesignSource,
     /// Solve with saturation at this current too, A
     #[arg(long, value_name = "A", value_parser = current)]
     current: Option<f64>,
@@ -30,7 +30,7 @@ pub(super) struct Arguments {
 /// The figures as they are printed, in SI units.
 #[derive(Serialize)]
 #[allow(non_snake_case, reason = "keys carry units")]
-pub(super) struct Outcome {
+pub(super) struct SolvedFigures {
     pub(super) design: String,
     pub(super) centre_T_per_A: f64,
     pub(super) core_mean_T_per_A: f64,
@@ -46,14 +46,14 @@ pub(super) struct Outcome {
     pub(super) error_estimate: f64,
     pub(super) unknowns: usize,
     /// Estimated absolute error of each figure, in its unit.
-    errors: Errors,
+    errors: FigureErrors,
     #[serde(flatten)]
     at_current: Option<AtCurrent>,
 }
 
 #[derive(Serialize)]
 #[allow(non_snake_case, reason = "keys carry units")]
-struct Errors {
+struct FigureErrors {
     centre_T_per_A: f64,
     core_mean_T_per_A: f64,
     cv_r8: f64,
@@ -85,7 +85,7 @@ pub(super) fn relative_error(solved: &Solved) -> f64 {
     centre.max(errors.core_mean_t / figures.core_mean_t)
 }
 
-impl Outcome {
+impl SolvedFigures {
     pub(super) fn of(design: &Design, solved: &Solved) -> Self {
         let (f, e) = (&solved.figures, &solved.errors);
         Self {
@@ -102,7 +102,7 @@ impl Outcome {
             resistance_ohm: design.resistance_ohm(),
             error_estimate: relative_error(solved),
             unknowns: solved.report.unknowns,
-            errors: Errors {
+            errors: FigureErrors {
                 centre_T_per_A: e.centre_t,
                 core_mean_T_per_A: e.core_mean_t,
                 cv_r8: e.cv[0],
@@ -187,7 +187,7 @@ impl Outcome {
 pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let design = arguments.source.load()?;
     let effort = &arguments.source.effort;
-    let mut outcome = Outcome::of(&design, &per_ampere(&design, effort)?);
+    let mut outcome = SolvedFigures::of(&design, &per_ampere(&design, effort)?);
     if let Some(current_a) = arguments.current {
         let solved = at_current(&design, current_a, effort)?;
         outcome = outcome.with_current(&design, current_a, &solved);

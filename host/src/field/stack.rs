@@ -13,7 +13,7 @@ use palpate_field::solve::{Locator, Solved};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::input::{Source, at_current, current};
+use super::input::{DesignSource, at_current, current};
 use super::mse::elastomer;
 use crate::failure::Failure;
 use crate::output::OutputFile;
@@ -30,7 +30,7 @@ Example
   palpate field stack closed --mse ultrasoft --out closed.toml")]
 pub(super) struct Arguments {
     #[command(flatten)]
-    source: Source,
+    source: DesignSource,
     /// The elastomer: soft, ultrasoft or a file
     #[arg(long, value_name = "NAME|FILE")]
     mse: String,
@@ -81,7 +81,7 @@ const LEAST_CROSSTALK: f64 = 0.5;
 /// Everything that the file follows from, in SI units.
 #[derive(Serialize)]
 #[allow(non_snake_case, reason = "keys carry units")]
-struct Bridge {
+struct BridgeFigures {
     design: String,
     mse: String,
     sensing_spring_N_per_m: f64,
@@ -137,7 +137,7 @@ fn bridge(
     arguments: &Arguments,
     design: &Design,
     elastomer: &Elastomer,
-) -> Result<Bridge, Failure> {
+) -> Result<BridgeFigures, Failure> {
     let peak_a = arguments.current.unwrap_or(design.current_a);
     if design.coils.is_empty() || peak_a <= 0.0 {
         let reason =
@@ -173,7 +173,7 @@ fn bridge(
     let power = peak_a * peak_a * design.resistance_ohm();
     let heat = HeatCapacity::of(design, peak);
     let pad = [arguments.pad_radius, arguments.pad_height].map(|mm| 1e-3 * mm);
-    Ok(Bridge {
+    Ok(BridgeFigures {
         design: design.name.clone(),
         mse: arguments.mse.clone(),
         sensing_spring_N_per_m: pad_spring_n_per_m(elastomer, pad[0], pad[1]),
@@ -216,7 +216,7 @@ fn stray(design: &Design, solved: &Solved, spacer_m: f64, radius_m: f64) -> f64 
     sum / area
 }
 
-impl Bridge {
+impl BridgeFigures {
     /// The stack file.
     fn file(&self) -> String {
         let peak = self.with_current.last();

@@ -4,8 +4,8 @@ use std::io;
 
 use clap::Args;
 
-use super::input::{Source, parse, per_ampere, text_of};
-use super::solve::Outcome;
+use super::input::{DesignSource, parse, per_ampere, text_of};
+use super::solve::SolvedFigures;
 use crate::failure::Failure;
 use crate::in_order::in_order;
 use crate::progress::Progress;
@@ -20,7 +20,7 @@ A point that is no design (parts that overlap, say) keeps its row, with the reas
 Rows are printed as they are computed: an interrupted sweep has the rows of its first points.")]
 pub(super) struct Arguments {
     #[command(flatten)]
-    source: Source,
+    source: DesignSource,
     /// A number of the design, its range and how many values
     #[arg(long, required = true, value_name = "PATH=FROM..TO:COUNT", value_parser = axis)]
     vary: Vec<Axis>,
@@ -98,7 +98,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let progress = Progress::new(total);
     let outcome = |point| {
         let design = parse(&name, &text, &settings(point))?;
-        Ok(Outcome::of(
+        Ok(SolvedFigures::of(
             &design,
             &per_ampere(&design, &arguments.source.effort)?,
         ))
@@ -139,7 +139,7 @@ const COLUMNS: [&str; 12] = [
 fn row(
     vary: &[Axis],
     settings: &[(String, f64)],
-    outcome: &Result<Outcome, Failure>,
+    outcome: &Result<SolvedFigures, Failure>,
 ) -> Vec<String> {
     let value = |axis: &Axis| {
         let set = settings.iter().rfind(|(path, _)| *path == axis.path);

@@ -7,13 +7,13 @@ mod tables;
 use std::io::{self, Write};
 
 use clap::Args;
-use palpate_board::Sources;
+use palpate_emulator::Sources;
 
 use crate::failure::Failure;
 use crate::image::{self, Program};
 
 /// Run the firmware's image on the emulated board, untouched, calibrated and in the train of ramps,
-/// and tell where its time goes
+/// and show where its time goes
 #[derive(Args)]
 #[command(after_help = "\
 Prints Markdown: processor load and cycles per sample by part of the firmware, handlers of interrupts
@@ -35,7 +35,7 @@ pub(crate) struct Arguments {
     functions: usize,
 }
 
-/// Comments that `cargo xtask evidence` looks for around what it keeps.
+/// Comments by which `cargo xtask evidence` finds what it keeps.
 const BEGIN: &str = "<!-- evidence:begin -->";
 const END: &str = "<!-- evidence:end -->";
 

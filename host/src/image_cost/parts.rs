@@ -3,11 +3,11 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-use palpate_board::{Profile, Sources};
+use palpate_emulator::{Profile, Sources};
 
 /// A part of the firmware.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) enum Part {
+pub(super) enum FirmwarePart {
     Engine,
     Driver,
     Procedure,
@@ -21,7 +21,7 @@ pub(super) enum Part {
     Shared,
 }
 
-impl Part {
+impl FirmwarePart {
     pub(super) const ALL: [Self; 10] = [
         Self::Engine,
         Self::Driver,
@@ -59,54 +59,57 @@ impl Part {
 }
 
 /// Files by a part of their path; the first that fits counts.
-const FILES: [(&str, Part); 21] = [
-    ("/firmware/src/bus/", Part::Engine),
-    ("/firmware/src/board/float.rs", Part::Shared),
-    ("/firmware/src/board/memory.rs", Part::Shared),
-    ("/drivers/ldc161x/", Part::Driver),
-    ("/drivers/hbridge/", Part::Coil),
-    ("/firmware/procedure/", Part::Procedure),
-    ("/model/src/ramp/", Part::Estimator),
-    ("/model/src/math/", Part::Shared),
-    ("/model/src/units.rs", Part::Shared),
-    ("/model/src/", Part::Model),
-    ("/firmware/wire/", Part::Wire),
-    ("/firmware/src/coil.rs", Part::Coil),
-    ("/firmware/src/coil/", Part::Coil),
-    ("/firmware/src/history.rs", Part::Coil),
-    ("/firmware/src/tasks/coil.rs", Part::Coil),
-    ("/firmware/src/", Part::Tasks),
-    ("/rtic", Part::Rtic),
-    ("/rtt-target", Part::Rtic),
-    ("/cortex-m", Part::Rtic),
-    ("/critical-section", Part::Rtic),
-    ("/rp2040-pac", Part::Rtic),
+const FILES: [(&str, FirmwarePart); 21] = [
+    ("/firmware/src/board/rp2040/i2c/", FirmwarePart::Engine),
+    ("/firmware/src/board/rp2040/control/", FirmwarePart::Coil),
+    ("/firmware/src/board/rp2040/coil.rs", FirmwarePart::Coil),
+    ("/firmware/src/board/rp2040/float.rs", FirmwarePart::Shared),
+    (
+        "/firmware/src/board/rp2040/routines.rs",
+        FirmwarePart::Shared,
+    ),
+    ("/drivers/ldc161x/", FirmwarePart::Driver),
+    ("/drivers/hbridge/", FirmwarePart::Coil),
+    ("/firmware/procedure/", FirmwarePart::Procedure),
+    ("/model/src/ramp/", FirmwarePart::Estimator),
+    ("/model/src/math/", FirmwarePart::Shared),
+    ("/model/src/units.rs", FirmwarePart::Shared),
+    ("/model/src/", FirmwarePart::Model),
+    ("/firmware/wire/", FirmwarePart::Wire),
+    ("/firmware/node/src/coil/", FirmwarePart::Coil),
+    ("/firmware/src/tasks/coil.rs", FirmwarePart::Coil),
+    ("/firmware/src/", FirmwarePart::Tasks),
+    ("/rtic", FirmwarePart::Rtic),
+    ("/rtt-target", FirmwarePart::Rtic),
+    ("/cortex-m", FirmwarePart::Rtic),
+    ("/critical-section", FirmwarePart::Rtic),
+    ("/rp2040-pac", FirmwarePart::Rtic),
 ];
 
 /// The addresses of functions that work for every caller.
 pub(super) fn shared(sources: &Sources) -> Vec<Range<u32>> {
     let functions = sources.functions().iter();
     functions
-        .filter(|(range, _)| part_at(sources, range.start).0 == Part::Shared)
+        .filter(|(range, _)| part_at(sources, range.start).0 == FirmwarePart::Shared)
         .map(|(range, _)| range.clone())
         .collect()
 }
 
 /// The part at an address, and the function: of those inlined there, the innermost that belongs to
 /// a part of its own.
-fn part_at(sources: &Sources, address: u32) -> (Part, String) {
+fn part_at(sources: &Sources, address: u32) -> (FirmwarePart, String) {
     let functions = sources.at(address);
     let owned = functions
         .iter()
-        .map(|function| (Part::of(&function.file), function))
-        .find(|(part, _)| *part != Part::Shared);
+        .map(|function| (FirmwarePart::of(&function.file), function))
+        .find(|(part, _)| *part != FirmwarePart::Shared);
     if let Some((part, function)) = owned {
         return (part, function.name.clone());
     }
     let linked = sources.functions().iter();
     let linked = linked.rev().find(|(range, _)| range.contains(&address));
     let name = linked.map_or_else(|| format!("{address:#010x}"), |(_, name)| name.clone());
-    (Part::Shared, name)
+    (FirmwarePart::Shared, name)
 }
 
 /// Cycles of a function or a part.
@@ -128,8 +131,8 @@ impl Cycles {
 /// A profile by parts and by functions.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Split {
-    pub(super) parts: BTreeMap<Part, Cycles>,
-    pub(super) functions: BTreeMap<(Part, String), Cycles>,
+    pub(super) parts: BTreeMap<FirmwarePart, Cycles>,
+    pub(super) functions: BTreeMap<(FirmwarePart, String), Cycles>,
 }
 
 impl Split {
@@ -145,7 +148,7 @@ impl Split {
         split
     }
 
-    pub(super) fn charged(&self, part: Part) -> u64 {
+    pub(super) fn charged(&self, part: FirmwarePart) -> u64 {
         self.parts.get(&part).map_or(0, |cycles| cycles.charged)
     }
 }
@@ -157,19 +160,28 @@ mod tests {
     #[test]
     fn a_file_belongs_to_the_part_whose_folder_it_lies_in() {
         for (file, part) in [
-            ("/p/palpate/firmware/src/bus/engine.rs", Part::Engine),
-            ("/p/firmware/src/tasks/coil.rs", Part::Coil),
-            ("/p/firmware/src/tasks/sensing.rs", Part::Tasks),
-            ("/p/firmware/procedure/src/stream.rs", Part::Procedure),
-            ("/p/model/src/ramp/fit.rs", Part::Estimator),
-            ("/p/model/src/contact/mod.rs", Part::Model),
-            ("/p/model/src/math/mod.rs", Part::Shared),
-            ("C:\\p\\drivers\\ldc161x\\src\\scale.rs", Part::Driver),
-            ("/r/rtic-sync-1.6.0/src/signal.rs", Part::Rtic),
-            ("/r/libm-0.2.16/src/math/sqrtf.rs", Part::Shared),
-            ("/rustc/library/core/src/slice/mod.rs", Part::Shared),
+            (
+                "/p/palpate/firmware/src/board/rp2040/i2c/engine.rs",
+                FirmwarePart::Engine,
+            ),
+            ("/p/firmware/src/tasks/coil.rs", FirmwarePart::Coil),
+            ("/p/firmware/src/tasks/sensing.rs", FirmwarePart::Tasks),
+            (
+                "/p/firmware/procedure/src/stream.rs",
+                FirmwarePart::Procedure,
+            ),
+            ("/p/model/src/ramp/fit.rs", FirmwarePart::Estimator),
+            ("/p/model/src/contact/mod.rs", FirmwarePart::Model),
+            ("/p/model/src/math/mod.rs", FirmwarePart::Shared),
+            (
+                "C:\\p\\drivers\\ldc161x\\src\\scale.rs",
+                FirmwarePart::Driver,
+            ),
+            ("/r/rtic-sync-1.6.0/src/signal.rs", FirmwarePart::Rtic),
+            ("/r/libm-0.2.16/src/math/sqrtf.rs", FirmwarePart::Shared),
+            ("/rustc/library/core/src/slice/mod.rs", FirmwarePart::Shared),
         ] {
-            assert_eq!(Part::of(file), part, "{file}");
+            assert_eq!(FirmwarePart::of(file), part, "{file}");
         }
     }
 }

@@ -3,11 +3,11 @@
 use std::ops::Range;
 use std::time::Instant;
 
-use palpate_board::{Image, Instrument, Options, Profile};
+use palpate_emulator::{Image, Instrument, Options, Profile};
 use palpate_sim::Time;
 use palpate_sim::device::Device;
 use palpate_sim::mechanics::load::Load;
-use palpate_sim::mechanics::press::Profile as Way;
+use palpate_sim::mechanics::press;
 use palpate_sim::stack::{Disturbances, LoadError, Stack};
 use palpate_sim::switches::Switches;
 use palpate_sim::world::{Setup, World};
@@ -71,7 +71,7 @@ pub(super) fn measure(
 ) -> Result<Measured, Failure> {
     let stack = Stack::builtin(STACK).map_err(LoadError::from)?;
     let disturbances = Disturbances::builtin().map_err(LoadError::from)?;
-    let known = instrument::Instrument::calibrated(
+    let known = instrument::CalibratedInstrument::calibrated(
         &stack,
         &disturbances,
         seed,
@@ -82,7 +82,7 @@ pub(super) fn measure(
         load: Load::Spring {
             n_per_m: known.plant.sensing.spring_n_per_m,
         },
-        profile: Way::at(-CLEARANCE_M),
+        profile: press::Profile::at(-CLEARANCE_M),
         ..Setup::default()
     };
     let world = World::new(&known.plant, known.switches, setup)?;

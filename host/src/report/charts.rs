@@ -76,7 +76,7 @@ fn over_time(
     value: impl Fn(&Sample) -> Option<f64>,
 ) -> Chart {
     let records = measured.pressed.records();
-    let course: Vec<(f64, f64)> = records
+    let profile: Vec<(f64, f64)> = records
         .filter_map(|(time_s, record)| match record {
             Record::Sample(sample) => Some((time_s, value(sample)?)),
             _ => None,
@@ -86,15 +86,15 @@ fn over_time(
         title: title.to_owned(),
         x: Axis::linear("time, s"),
         y: Axis::linear(label),
-        series: vec![series(label, colour, Marks::Line(thinned(&course)))],
+        series: vec![series(label, colour, Marks::Line(thinned(&profile)))],
     }
 }
 
-/// Least and greatest of each piece, in their order: looks as the whole curve does.
-fn thinned(course: &[(f64, f64)]) -> Vec<(f64, f64)> {
-    let piece = course.len().div_ceil(PIECES).max(1);
+/// Least and greatest of each piece, in their order: drawn, the same as the whole curve.
+fn thinned(profile: &[(f64, f64)]) -> Vec<(f64, f64)> {
+    let piece = profile.len().div_ceil(PIECES).max(1);
     let by_value = |a: &&(f64, f64), b: &&(f64, f64)| a.1.total_cmp(&b.1);
-    course
+    profile
         .chunks(piece)
         .flat_map(|piece| {
             let mut ends: Vec<(f64, f64)> =

@@ -5,10 +5,10 @@
 
 use palpate_sim::current::acting_a;
 use palpate_wire::Record;
-use palpate_wire::code::Contact;
+use palpate_wire::code::{Contact, State};
 
-use crate::calibrate::{Line, Sample};
-use crate::instrument::Instrument;
+use crate::calibrate::{FallSample, TrainFit};
+use crate::instrument::CalibratedInstrument;
 use crate::results::Measured;
 use crate::train::Fall;
 
@@ -29,11 +29,11 @@ pub(super) struct Point {
 #[derive(Clone, Debug)]
 pub(super) struct Evaluation {
     pub(super) points: Vec<Point>,
-    pub(super) line: Line,
+    pub(super) line: TrainFit,
 }
 
 /// A reading with everything in it.
-struct Reading {
+struct EvaluatedReading {
     time_s: f64,
     deformation_m: f64,
     current_a: f64,
@@ -41,22 +41,23 @@ struct Reading {
 
 impl Evaluation {
     /// Nothing if there was no train, or too little of one.
-    pub(super) fn of(instrument: &Instrument, measured: &Measured) -> Option<Self> {
+    pub(super) fn of(instrument: &CalibratedInstrument, measured: &Measured) -> Option<Self> {
         measured.verdict.estimate()?;
-        let readings = readings(measured);
         let touched_s = touched_s(measured)?;
-        let first = readings.iter().find(|reading| reading.current_a > 0.1)?;
-        let began_s = first.time_s;
+        // The coil's test takes current before that.
+        let began_s = ramps_s(measured)?;
+        let mut readings = readings(measured);
+        readings.retain(|reading| reading.time_s >= began_s);
         let fall = Fall::of(&instrument.settings);
-        let at = |reading: &Reading| (reading.time_s, reading.current_a);
-        let samples: Vec<Sample> = readings
+        let at = |reading: &EvaluatedReading| (reading.time_s, reading.current_a);
+        let samples: Vec<FallSample> = readings
             .windows(3)
             .filter_map(|near| match near {
                 [before, reading, after]
                     if fall.between(at(before), at(reading))
                         && fall.between(at(reading), at(after)) =>
                 {
-                    Some(Sample {
+                    Some(FallSample {
                         time_s: reading.time_s - began_s,
                         deformation_m: reading.deformation_m,
                         current_a: reading.current_a,
@@ -71,7 +72,7 @@ impl Evaluation {
             .actuated
             .line(&samples, sensing_n_per_m, began_s - touched_s)
             .ok()?;
-        let point = |sample: &Sample| {
+        let point = |sample: &FallSample| {
             let compliance = calibration.actuated.compliance(sample, sensing_n_per_m);
             let drifted = line.drifted(sample.time_s);
             Point {
@@ -88,13 +89,13 @@ impl Evaluation {
     }
 }
 
-fn readings(measured: &Measured) -> Vec<Reading> {
+fn readings(measured: &Measured) -> Vec<EvaluatedReading> {
     let records = measured.pressed.records();
     records
         .filter_map(|(time_s, record)| match record {
             Record::Sample(sample) => {
                 let deformation_m = sample.channels.first()?.deformation_m?;
-                Some(Reading {
+                Some(EvaluatedReading {
                     time_s,
                     deformation_m: deformation_m.into(),
                     current_a: acting_a(
@@ -106,6 +107,15 @@ fn readings(measured: &Measured) -> Vec<Reading> {
             _ => None,
         })
         .collect()
+}
+
+/// When the train began.
+fn ramps_s(measured: &Measured) -> Option<f64> {
+    let mut records = measured.pressed.records();
+    records.find_map(|(time_s, record)| match record {
+        Record::State(change) if change.state == State::Ramps => Some(time_s),
+        _ => None,
+    })
 }
 
 fn touched_s(measured: &Measured) -> Option<f64> {

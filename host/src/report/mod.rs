@@ -6,12 +6,13 @@ mod evaluation;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use crate::failure::Failure;
-use crate::instrument::Instrument;
+use crate::instrument::CalibratedInstrument;
 use crate::results::{self, COLUMNS, Measured};
 use evaluation::Evaluation;
 
 /// Readable on a screen and on A4: two charts beside each other, a load never torn apart.
 const STYLE: &str = "
+:root { color-scheme: light; background: #fff }
 body { font: 15px/1.4 sans-serif; max-width: 1100px; margin: 1.5em auto; padding: 0 1em; color: #111 }
 h1 { font-size: 1.5em } h2 { font-size: 1.15em; margin: 1.6em 0 .3em }
 table { border-collapse: collapse; margin: 1em 0 } th, td { padding: .2em .9em; text-align: right }
@@ -24,7 +25,7 @@ svg { width: 100%; height: auto } .wide { max-width: 760px }
 
 /// The page of a row of presses.
 pub(crate) fn page(
-    instrument: &Instrument,
+    instrument: &CalibratedInstrument,
     row: &[Measured],
     title: &str,
 ) -> Result<String, Failure> {
@@ -70,7 +71,7 @@ fn table(row: &[Measured]) -> Markup {
     }
 }
 
-fn section(instrument: &Instrument, measured: &Measured) -> Result<Markup, Failure> {
+fn section(instrument: &CalibratedInstrument, measured: &Measured) -> Result<Markup, Failure> {
     let mut drawings = vec![charts::deformation(measured), charts::current(measured)];
     if let Some(evaluation) = Evaluation::of(instrument, measured) {
         drawings.push(charts::line(&evaluation));

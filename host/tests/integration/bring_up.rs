@@ -12,7 +12,7 @@ use ldc161x_sim::{
     InterruptRelease, Overhead, Overwrite, RcountMinimum, Settings, ShadowLatch, SleepExit,
     StatusReporting, Switches, UnreadCleared,
 };
-use palpate_board::{Board, Image, Options, Still, Time, firmware};
+use palpate_emulator::{EmulatedBoard, Image, Options, Still, Time, firmware};
 use serde::{Deserialize, Serialize};
 
 #[derive(Deserialize, Serialize)]
@@ -79,7 +79,7 @@ fn serve(listener: &TcpListener, image: &Image) {
     let (mut stream, _) = listener.accept().unwrap();
     stream.set_nonblocking(true).unwrap();
     let plant = Still::new([3.1e6, 3.2e6, 3.3e6, 3.4e6]);
-    let mut board = Board::new(image, plant, Settings::default(), Options::default());
+    let mut board = EmulatedBoard::new(image, plant, Settings::default(), Options::default());
     // Flashed and running long before.
     board.run_for(Time::from_ms(100)).unwrap();
     loop {

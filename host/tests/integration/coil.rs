@@ -11,7 +11,9 @@ use std::sync::OnceLock;
 use std::thread::{JoinHandle, sleep, spawn};
 use std::time::{Duration, Instant};
 
-use palpate_board::{Board, COMMANDS, Drive, Image, LOGS, Options, RECORDS, Still, Time, firmware};
+use palpate_emulator::{
+    BridgeCircuit, COMMANDS, EmulatedBoard, Image, LOGS, Options, RECORDS, Still, Time, firmware,
+};
 use serde_json::Value;
 
 /// The image that is flashed, built once.
@@ -170,14 +172,14 @@ fn serve(meter: Option<PathBuf>) -> Served {
         let plant = Still::new([3.1e6, 3.2e6, 3.3e6, 3.4e6]);
         let usual = Options::default();
         let options = Options {
-            drive: Drive {
+            drive: BridgeCircuit {
                 gain_error: if meter.is_some() { GAIN_ERROR } else { 0.0 },
                 ..usual.drive
             },
             ..usual
         };
         let settings = ldc161x_sim::Settings::default();
-        let mut board = Board::new(&image, plant, settings, options);
+        let mut board = EmulatedBoard::new(&image, plant, settings, options);
         board.run_for(Time::from_ms(100)).unwrap();
         while exchange(&mut board, &mut records, &mut commands) {
             if let Some(meter) = &meter {
@@ -194,7 +196,11 @@ fn serve(meter: Option<PathBuf>) -> Served {
 }
 
 /// Ten milliseconds; false when the client has gone.
-fn exchange(board: &mut Board<Still>, records: &mut TcpStream, commands: &mut TcpStream) -> bool {
+fn exchange(
+    board: &mut EmulatedBoard<Still>,
+    records: &mut TcpStream,
+    commands: &mut TcpStream,
+) -> bool {
     let begin = Instant::now();
     let mut bytes = [0; 256];
     match commands.read(&mut bytes) {
@@ -211,7 +217,7 @@ fn exchange(board: &mut Board<Still>, records: &mut TcpStream, commands: &mut Tc
 }
 
 /// Writes the number of the reading, and the true mean since the one before.
-fn read_meter(board: &mut Board<Still>, meter: &Path) {
+fn read_meter(board: &mut EmulatedBoard<Still>, meter: &Path) {
     thread_local! {
         static LAST: Cell<(u32, f64, f64)> = const { Cell::new((0, 0.0, 0.0)) };
     }

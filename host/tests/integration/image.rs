@@ -42,7 +42,8 @@ fn simulate(folder: &Path, arguments: &[&str]) -> Output {
 fn run(folder: &Path, scenario: &str, arguments: &[&str]) -> Output {
     let file = folder.join("scenario.toml");
     fs::write(&file, scenario).unwrap();
-    let image: PathBuf = palpate_board::firmware::build().unwrap_or_else(|error| panic!("{error}"));
+    let image: PathBuf =
+        palpate_emulator::firmware::build().unwrap_or_else(|error| panic!("{error}"));
     let mut command = Command::new(env!("CARGO_BIN_EXE_palpate"));
     command.arg("simulate").arg(file).args(arguments);
     if arguments.contains(&"image") {

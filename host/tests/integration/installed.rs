@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use palpate_board::firmware;
+use palpate_emulator::firmware;
 
 /// A copy of the tool, as an installation makes one.
 fn installed(folder: &Path) -> PathBuf {

@@ -11,7 +11,7 @@ use serde::Deserialize;
 
 /// What docs/protocol.md says a line may be, and nothing else.
 #[derive(Debug)]
-enum Line {
+enum RecordLine {
     Frame(Box<Frame<Record>>),
     Damaged(Damaged),
     Press(Press),
@@ -29,10 +29,10 @@ struct Press {
     press: String,
 }
 
-fn line(text: &str) -> Line {
-    let frame = serde_json::from_str(text).map(|frame| Line::Frame(Box::new(frame)));
-    let damaged = || serde_json::from_str(text).map(Line::Damaged);
-    let press = || serde_json::from_str(text).map(Line::Press);
+fn line(text: &str) -> RecordLine {
+    let frame = serde_json::from_str(text).map(|frame| RecordLine::Frame(Box::new(frame)));
+    let damaged = || serde_json::from_str(text).map(RecordLine::Damaged);
+    let press = || serde_json::from_str(text).map(RecordLine::Press);
     frame
         .or_else(|_| damaged())
         .or_else(|_| press())
@@ -51,7 +51,7 @@ fn decode(bytes: &[u8]) -> Output {
 fn sent<'l>(lines: impl IntoIterator<Item = &'l str>) -> Vec<u8> {
     let mut bytes = Vec::new();
     for text in lines {
-        if let Line::Frame(frame) = line(text) {
+        if let RecordLine::Frame(frame) = line(text) {
             let mut buffer = [0; Record::MAX_FRAME];
             bytes.extend(encode(&frame.header, &frame.message, &mut buffer).unwrap());
         }
@@ -73,7 +73,7 @@ fn documented() -> Vec<String> {
 fn of_frames(lines: &[String]) -> Vec<&str> {
     let lines = lines.iter().map(String::as_str);
     lines
-        .filter(|text| matches!(line(text), Line::Frame(_)))
+        .filter(|text| matches!(line(text), RecordLine::Frame(_)))
         .collect()
 }
 
@@ -88,10 +88,10 @@ fn the_documents_examples_are_what_decode_prints() {
     assert_eq!(printed.lines().collect::<Vec<_>>(), frames);
     let damaged = examples
         .iter()
-        .any(|text| matches!(line(text), Line::Damaged(_)));
+        .any(|text| matches!(line(text), RecordLine::Damaged(_)));
     let press = examples
         .iter()
-        .any(|text| matches!(line(text), Line::Press(_)));
+        .any(|text| matches!(line(text), RecordLine::Press(_)));
     assert!(damaged && press, "{examples:?}");
 }
 
@@ -112,7 +112,7 @@ fn simulate_writes_what_decode_prints_of_the_same_frames() {
     assert!(run.status.success());
     let written = fs::read_to_string(file).unwrap();
     let written: Vec<String> = written.lines().map(str::to_owned).collect();
-    let Line::Press(Press { press }) = line(&written[0]) else {
+    let RecordLine::Press(Press { press }) = line(&written[0]) else {
         panic!("{}", written[0]);
     };
     assert_eq!(press, "a touch");
@@ -127,7 +127,7 @@ fn simulate_writes_what_decode_prints_of_the_same_frames() {
     }
     // Numbered from 0, as a board does.
     for (number, text) in (0..).zip(&frames) {
-        let Line::Frame(frame) = line(text) else {
+        let RecordLine::Frame(frame) = line(text) else {
             panic!("{text}");
         };
         assert_eq!(frame.header.sequence, number);
@@ -164,7 +164,7 @@ fn what_has_no_frame_is_a_failure() {
         assert!(
             lines
                 .lines()
-                .all(|text| matches!(line(text), Line::Damaged(_)))
+                .all(|text| matches!(line(text), RecordLine::Damaged(_)))
         );
     }
 }
@@ -178,9 +178,9 @@ fn frames_among_garbage_are_found() {
     assert!(output.status.success());
     let lines = String::from_utf8(output.stdout).unwrap();
     let mut lines = lines.lines().map(line);
-    let Some(Line::Damaged(Damaged { error })) = lines.next() else {
+    let Some(RecordLine::Damaged(Damaged { error })) = lines.next() else {
         panic!("the garbage is not there");
     };
     assert!(!error.is_empty());
-    assert!(lines.all(|of| matches!(of, Line::Frame(_))));
+    assert!(lines.all(|of| matches!(of, RecordLine::Frame(_))));
 }

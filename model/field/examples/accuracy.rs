@@ -36,13 +36,13 @@ fn main() -> ExitCode {
 }
 
 /// What was found of one design.
-struct Row {
+struct AccuracyRow {
     text: [String; 3],
     holds: bool,
 }
 
 fn run() -> Result<bool, Box<dyn core::error::Error>> {
-    let rows: Vec<(&str, Row)> = BUILTIN
+    let rows: Vec<(&str, AccuracyRow)> = BUILTIN
         .into_iter()
         .map(|name| Ok((name, judge(&builtin(name)?)?)))
         .collect::<Result<_, Box<dyn core::error::Error>>>()?;
@@ -76,7 +76,7 @@ fn run() -> Result<bool, Box<dyn core::error::Error>> {
     Ok(holds)
 }
 
-fn judge(design: &Design) -> Result<Row, SolveError> {
+fn judge(design: &Design) -> Result<AccuracyRow, SolveError> {
     let small = Excitation::small(design, 1.0);
     let (solved, time) = timed(|| solve(design, &small, &Accuracy::default()))?;
     let fine = solve(design, &small, &FINE)?;
@@ -118,7 +118,7 @@ fn judge(design: &Design) -> Result<Row, SolveError> {
     let misses = profiles(design, solved, fine)?;
     let near = misses.iter().all(|&miss| miss <= CLAIMED_PROFILE);
     let second: Vec<String> = misses.iter().map(|miss| format!("{miss:.1e}")).collect();
-    Ok(Row {
+    Ok(AccuracyRow {
         text: [accuracy, second.join(" | "), third],
         holds: holds && forces_agree && solves && near,
     })

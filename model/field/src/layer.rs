@@ -6,7 +6,7 @@
 
 use core::f64::consts::TAU;
 
-use crate::design::{Cut, Design, Part};
+use crate::design::{Cut, Design, MagneticPart};
 use crate::material::MU_0;
 use crate::solve::Solved;
 
@@ -107,7 +107,7 @@ impl Layer {
 }
 
 /// The field in what is left of a cut body: H is that of the mixture.
-fn in_the_pieces(part: &Part, design: &Design, b: [f64; 2]) -> f64 {
+fn in_the_pieces(part: &MagneticPart, design: &Design, b: [f64; 2]) -> f64 {
     let size = b[0].hypot(b[1]);
     let fill = match (part.cut, extent_in_plane(part, design.core.middle_m())) {
         (Cut::Whole, _) | (_, None) => return size,
@@ -120,7 +120,7 @@ fn in_the_pieces(part: &Part, design: &Design, b: [f64; 2]) -> f64 {
 
 /// Where a body begins and ends on a plane across the axis. Its outline is sampled at 2,000 radii,
 /// which for the area means 0.1 %.
-fn extent_in_plane(part: &Part, x: f64) -> Option<[f64; 2]> {
+fn extent_in_plane(part: &MagneticPart, x: f64) -> Option<[f64; 2]> {
     const STEPS: u32 = 2_000;
     let reach = part
         .shape

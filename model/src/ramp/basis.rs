@@ -8,7 +8,7 @@ use core::fmt;
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub enum Drift {
+pub enum DriftModel {
     /// phi = t, in seconds: warming, a slow hand. d is a rate, 1/s.
     Linear,
     /// phi = ln(1 + t/tau): creep of rubber over decades of time.
@@ -31,7 +31,7 @@ pub enum Drift {
     },
 }
 
-impl Drift {
+impl DriftModel {
     fn time_constant(&self) -> Option<Second> {
         match *self {
             Self::Linear => None,
@@ -68,7 +68,7 @@ pub enum Term {
     /// delta h^3: second departure from a linear load.
     Cubic,
     /// A disturbance in time.
-    Drift(Drift),
+    Drift(DriftModel),
 }
 
 impl Term {
@@ -141,16 +141,16 @@ impl Basis {
     };
 
     /// A linear load and one drift.
-    pub fn with_drift(drift: Drift) -> Result<Self, BasisError> {
+    pub fn with_drift(drift: DriftModel) -> Result<Self, BasisError> {
         Self::new(&[Term::Level, Term::Slope, Term::Drift(drift)])
     }
 
     /// Any unknowns, level and slope first, none twice.
     ///
     /// ```
-    /// use palpate_model::ramp::{Basis, Drift, Term};
+    /// use palpate_model::ramp::{Basis, DriftModel, Term};
     /// use palpate_model::units::Second;
-    /// let creep = Drift::Logarithmic { tau: Second(0.02) };
+    /// let creep = DriftModel::Logarithmic { tau: Second(0.02) };
     /// assert!(Basis::new(&[Term::Level, Term::Slope, Term::Quadratic, Term::Drift(creep)]).is_ok());
     /// assert!(Basis::new(&[Term::Slope, Term::Level]).is_err());
     /// ```

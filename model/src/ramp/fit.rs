@@ -2,7 +2,7 @@
 
 use super::interval::{RatioCovariance, fieller};
 use super::moments::{Row, Solution};
-use super::{Basis, LoadRatio, LoadStiffness, MOST_TERMS, Reference, Refusal};
+use super::{Basis, LoadRatio, LoadStiffness, MOST_TERMS, RampRefusal, Reference};
 use crate::math::{Wide, sqrt};
 use crate::units::{Metre, Newton, NewtonPerMetre};
 
@@ -40,7 +40,7 @@ pub struct Coefficient {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct LoadPoint {
+pub struct LoadCurvePoint {
     /// F = c_S x_S.
     pub force: Newton,
     /// Displacement of the load.
@@ -64,11 +64,10 @@ pub struct Fit {
     degrees: u32,
     quantile: f32,
     centre: f32,
-    inflation: f32,
 }
 
 /// l(h) and l'(h), with their derivatives by the coefficients.
-struct Curve {
+struct FittedCurve {
     level: Wide,
     slope: Wide,
     level_by: Row<f32>,
@@ -81,7 +80,7 @@ impl Fit {
         reference: Reference,
         solution: &Solution,
         scale: ErrorScale,
-    ) -> Result<Self, Refusal> {
+    ) -> Result<Self, RampRefusal> {
         let covariance = solution
             .inverse
             .map(|row| row.map(|c| (c * scale.row_variance).to_f32()));
@@ -92,7 +91,7 @@ impl Fit {
             .flatten()
             .all(|number| number.is_finite())
         {
-            return Err(Refusal::NotFinite);
+            return Err(RampRefusal::NotFinite);
         }
         Ok(Self {
             basis,
@@ -103,12 +102,11 @@ impl Fit {
             degrees: scale.degrees,
             quantile: scale.quantile,
             centre: solution.centre,
-            inflation: solution.inflation,
         })
     }
 
     /// kappa = c_S/c_L of a linear load, or of a non-linear one at the middle of the ramp.
-    pub fn load_ratio(&self) -> Result<LoadRatio, Refusal> {
+    pub fn load_ratio(&self) -> Result<LoadRatio, RampRefusal> {
         self.load_ratio_at(self.centre)
     }
 
@@ -116,7 +114,7 @@ impl Fit {
     ///
     /// From x (1 + g) + x_L = x_0 follows c_S dx_L/dF = l/l' - (1 + g), whatever x_0 is. With a
     /// straight line l, no quadratic or cubic term in the basis, it is the same for all `h`.
-    pub fn load_ratio_at(&self, h: f32) -> Result<LoadRatio, Refusal> {
+    pub fn load_ratio_at(&self, h: f32) -> Result<LoadRatio, RampRefusal> {
         let curve = self.curve(h);
         let slope = curve.slope.to_f32();
         let covariance = RatioCovariance {
@@ -127,10 +125,10 @@ impl Fit {
         let quotient = curve.level / curve.slope;
         let ratio = quotient.to_f32();
         let (below, above) = fieller(ratio, slope, covariance, self.quantile)
-            .map_err(|significance| Refusal::SignalTooSmall { significance })?;
+            .map_err(|significance| RampRefusal::SignalTooSmall { significance })?;
         if slope < 0.0 {
             let significance = slope / sqrt(covariance.denominator);
-            return Err(Refusal::SignalReversed { significance });
+            return Err(RampRefusal::SignalReversed { significance });
         }
         // As wide numbers: for a stiff load the ratio is nearly 1 + g, and kappa the small rest.
         let value =
@@ -148,19 +146,19 @@ impl Fit {
         if result.low.is_finite() && result.high.is_finite() && value.is_finite() {
             Ok(result)
         } else {
-            Err(Refusal::NotFinite)
+            Err(RampRefusal::NotFinite)
         }
     }
 
     /// c_L with its 95 % interval, statistical errors only; see
     /// [`uncertainty`](crate::uncertainty) for the calibration's.
-    pub fn load_stiffness(&self, sensing: NewtonPerMetre) -> Result<LoadStiffness, Refusal> {
+    pub fn load_stiffness(&self, sensing: NewtonPerMetre) -> Result<LoadStiffness, RampRefusal> {
         self.load_ratio()?.stiffness(sensing)
     }
 
     /// The load's force and displacement where the regressor deviates by `h`, the displacement
     /// counted from the state h = 0, as the ramp alone shows it.
-    pub fn load_point(&self, h: f32, sensing: NewtonPerMetre) -> LoadPoint {
+    pub fn load_point(&self, h: f32, sensing: NewtonPerMetre) -> LoadCurvePoint {
         let (rest, curve) = (self.curve(0.0), self.curve(h));
         let (l0, l) = (rest.level.to_f32(), curve.level.to_f32());
         let (at_rest, here) = (
@@ -177,7 +175,7 @@ impl Fit {
             &curve.level_by,
             here / (l * l),
         );
-        LoadPoint {
+        LoadCurvePoint {
             displacement: Metre(x_ref * numerator / (l0 * l)),
             displacement_sigma: Metre(x_ref * sqrt(self.covariance(&by, &by).max(0.0))),
             ..self.forces(&curve, sensing)
@@ -186,21 +184,26 @@ impl Fit {
 
     /// The load's force and displacement where the regressor deviates by `h`, the displacement
     /// counted from the unloaded object: needs x_0, the whole way pressed since contact.
-    pub fn load_point_within(&self, h: f32, sensing: NewtonPerMetre, total: Metre) -> LoadPoint {
+    pub fn load_point_within(
+        &self,
+        h: f32,
+        sensing: NewtonPerMetre,
+        total: Metre,
+    ) -> LoadCurvePoint {
         let forces = self.forces(&self.curve(h), sensing);
         let stack = 1.0 + self.reference.regressor() + h;
-        LoadPoint {
+        LoadCurvePoint {
             displacement: total - forces.force / sensing * stack,
             displacement_sigma: forces.force_sigma / sensing * stack,
             ..forces
         }
     }
 
-    fn forces(&self, curve: &Curve, sensing: NewtonPerMetre) -> LoadPoint {
+    fn forces(&self, curve: &FittedCurve, sensing: NewtonPerMetre) -> LoadCurvePoint {
         let level = curve.level.to_f32();
         let force = sensing * (self.reference.deformation() / level);
         let relative = sqrt(self.covariance(&curve.level_by, &curve.level_by).max(0.0)) / level;
-        LoadPoint {
+        LoadCurvePoint {
             force,
             force_sigma: force * relative.abs(),
             displacement: Metre(0.0),
@@ -225,14 +228,6 @@ impl Fit {
         })
     }
 
-    /// Correlation of the errors of two coefficients.
-    pub fn correlation(&self, i: usize, j: usize) -> Option<f32> {
-        let terms = self.basis.terms();
-        terms.get(i).and(terms.get(j))?;
-        let entry = |i: usize, j: usize| self.covariance.get(i).and_then(|row| row.get(j)).copied();
-        Some(entry(i, j)? / (sqrt(entry(i, i)?) * sqrt(entry(j, j)?)))
-    }
-
     /// Sum of the squared residuals over the stated sigmas.
     pub const fn chi_square(&self) -> f32 {
         self.chi_square
@@ -249,12 +244,6 @@ impl Fit {
         (self.degrees > 0).then(|| self.chi_square / self.degrees as f32)
     }
 
-    /// By how much the drifts and curvatures inflate the variance of the slope, 1 and up: its
-    /// root is the price in standard error that they cost.
-    pub const fn variance_inflation(&self) -> f32 {
-        self.inflation
-    }
-
     /// Weighted mean of the regressor's deviation.
     pub const fn centre(&self) -> f32 {
         self.centre
@@ -265,8 +254,8 @@ impl Fit {
         &self.basis
     }
 
-    fn curve(&self, h: f32) -> Curve {
-        let mut curve = Curve {
+    fn curve(&self, h: f32) -> FittedCurve {
+        let mut curve = FittedCurve {
             level: Wide::ONE,
             slope: Wide::ZERO,
             level_by: [0.0; MOST_TERMS],

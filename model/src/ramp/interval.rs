@@ -1,6 +1,6 @@
 //! Intervals for a ratio, and what they say about a stiffness.
 
-use super::Refusal;
+use super::RampRefusal;
 use crate::math::{hypot, sqrt, student::NORMAL_975};
 use crate::units::NewtonPerMetre;
 
@@ -103,10 +103,10 @@ impl LoadRatio {
     /// let stiffness = hard.stiffness(NewtonPerMetre(6e3)).unwrap();
     /// assert_eq!(stiffness, LoadStiffness::AtLeast { low: NewtonPerMetre(24e3) });
     /// ```
-    pub fn stiffness(&self, sensing: NewtonPerMetre) -> Result<LoadStiffness, Refusal> {
+    pub fn stiffness(&self, sensing: NewtonPerMetre) -> Result<LoadStiffness, RampRefusal> {
         // Negated, so that NaN is refused.
         if !(self.high > 0.0) {
-            return Err(Refusal::NegativeStiffness {
+            return Err(RampRefusal::NegativeStiffness {
                 highest_load_ratio: self.high,
             });
         }

@@ -34,7 +34,7 @@
 //! # Example
 //!
 //! ```
-//! use palpate_model::ramp::{Basis, Noise, Ramp, Reference, Sample};
+//! use palpate_model::ramp::{Basis, Noise, Ramp, Reference, RampSample};
 //! use palpate_model::units::{Metre, NewtonPerMetre, Second};
 //!
 //! // Three equal springs, pressed 0.9 mm in all, while the actuated layer softens from 3 % above.
@@ -46,7 +46,7 @@
 //!     let h = -rise / (1.0 + rise);
 //!     // x - x_ref, formed so that it keeps its digits: x = 0.9 mm / (3 + h).
 //!     let deviation = -0.3e-3 * h / (3.0 + h);
-//!     ramp.push(&Sample {
+//!     ramp.push(&RampSample {
 //!         time: Second(i as f32 * 1e-3),
 //!         deformation: Metre(deviation),
 //!         regressor: h,
@@ -68,11 +68,11 @@ mod moments;
 mod refusal;
 mod scatter;
 
-pub use basis::{Basis, BasisError, Drift, MOST_TERMS, Term};
-pub use fit::{Coefficient, Fit, LoadPoint, Noise};
+pub use basis::{Basis, BasisError, DriftModel, MOST_TERMS, Term};
+pub use fit::{Coefficient, Fit, LoadCurvePoint, Noise};
 pub use interval::{LoadRatio, LoadStiffness};
 pub use misfit::{Bend, SLOPE_BY_BEND};
-pub use refusal::{Refusal, Rejected};
+pub use refusal::{RampRefusal, Rejected};
 pub use scatter::Scatter;
 
 use crate::math::{Wide, sqrt, student};
@@ -115,7 +115,7 @@ impl Reference {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct Sample {
+pub struct RampSample {
     /// Time since the drifts' origin, the middle of the reading's window.
     pub time: Second,
     /// u = x - x_ref. With x as a whole `f32` at hand, u = x - x_ref is exact within a factor of
@@ -128,7 +128,7 @@ pub struct Sample {
     pub sigma: Metre,
 }
 
-impl Sample {
+impl RampSample {
     /// Adds the regressor's noise to sigma: at most x sigma_g / (1 + g) of deformation, which is
     /// what a rigid load makes of it; a softer load less, by 1/(1 + kappa/(1 + g)).
     ///
@@ -147,12 +147,12 @@ impl Sample {
 
     /// The load's force and displacement from this one sample, drifts and all: F = c_S x, and
     /// the displacement x_0 - x (1 + g) counted from the reference state.
-    pub fn load_point(&self, reference: &Reference, sensing: NewtonPerMetre) -> LoadPoint {
+    pub fn load_point(&self, reference: &Reference, sensing: NewtonPerMetre) -> LoadCurvePoint {
         let deformation = reference.deformation + self.deformation;
         let at_rest = 1.0 + reference.regressor;
         let stack = at_rest + self.regressor;
         let displacement = -(self.deformation * at_rest) - deformation * self.regressor;
-        LoadPoint {
+        LoadCurvePoint {
             force: sensing * deformation,
             displacement,
             force_sigma: Newton(sensing.0 * self.sigma.0),
@@ -201,7 +201,7 @@ impl Ramp {
     }
 
     /// Takes a sample into the sums, or leaves the sums as they were.
-    pub fn push(&mut self, sample: &Sample) -> Result<(), Rejected> {
+    pub fn push(&mut self, sample: &RampSample) -> Result<(), Rejected> {
         let (x_ref, u) = (self.reference.deformation, sample.deformation);
         let h = sample.regressor;
         let first = self.sigma.unwrap_or(sample.sigma);
@@ -250,13 +250,13 @@ impl Ramp {
     /// train of ramps and each ramp by itself. `None` if `earlier` is no such copy.
     ///
     /// ```
-    /// # use palpate_model::ramp::{Basis, Noise, Ramp, Reference, Sample};
+    /// # use palpate_model::ramp::{Basis, Noise, Ramp, Reference, RampSample};
     /// # use palpate_model::units::{Metre, Second};
     /// let reference = Reference::new(Metre(0.3e-3), 1.0).unwrap();
     /// let sample = |i: u16| {
     ///     let h = f32::from(i) * -1e-3;
     ///     let deformation = Metre(h * h * 1e-6 - 0.1e-3 * h);
-    ///     Sample { time: Second(0.0), deformation, regressor: h, sigma: Metre(30e-9) }
+    ///     RampSample { time: Second(0.0), deformation, regressor: h, sigma: Metre(30e-9) }
     /// };
     /// let (mut both, mut second) = (Ramp::new(reference, Basis::LINEAR), Ramp::new(reference, Basis::LINEAR));
     /// (0..20).try_for_each(|i| both.push(&sample(i)))?;
@@ -280,7 +280,7 @@ impl Ramp {
     }
 
     /// Solves for the load and the drifts. The sums stay, so a ramp can be looked at on its way.
-    pub fn fit(&self, noise: Noise) -> Result<Fit, Refusal> {
+    pub fn fit(&self, noise: Noise) -> Result<Fit, RampRefusal> {
         self.solve(&self.basis, noise)
     }
 
@@ -289,7 +289,7 @@ impl Ramp {
     /// there are not as many unknowns.
     ///
     /// ```
-    /// # use palpate_model::ramp::{Basis, Noise, Ramp, Reference, Sample, Term};
+    /// # use palpate_model::ramp::{Basis, Noise, Ramp, Reference, RampSample, Term};
     /// # use palpate_model::units::{Metre, Second};
     /// let reference = Reference::new(Metre(0.3e-3), 1.0).unwrap();
     /// let bent = Basis::new(&[Term::Level, Term::Slope, Term::Quadratic]).unwrap();
@@ -297,7 +297,7 @@ impl Ramp {
     /// for i in 0..20 {
     ///     let (time, h) = (Second(i as f32 * 1e-3), i as f32 * -1e-3);
     ///     let deformation = Metre(h * h * 1e-6 - 0.1e-3 * h);
-    ///     let sample = Sample { time, deformation, regressor: h, sigma: Metre(30e-9) };
+    ///     let sample = RampSample { time, deformation, regressor: h, sigma: Metre(30e-9) };
     ///     both.push(&sample)?;
     ///     straight.push(&sample)?;
     /// }
@@ -306,23 +306,23 @@ impl Ramp {
     /// assert!(both.fit_first(4, Noise::Larger).is_none());
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
-    pub fn fit_first(&self, count: usize, noise: Noise) -> Option<Result<Fit, Refusal>> {
+    pub fn fit_first(&self, count: usize, noise: Noise) -> Option<Result<Fit, RampRefusal>> {
         let basis = self.basis.first(count)?;
         Some(self.solve(&basis, noise))
     }
 
-    fn solve(&self, basis: &Basis, noise: Noise) -> Result<Fit, Refusal> {
+    fn solve(&self, basis: &Basis, noise: Noise) -> Result<Fit, RampRefusal> {
         let have = self.moments.rows();
         let count = basis.terms().len();
         let unknowns = count as u32;
         let need = unknowns.saturating_add(u32::from(noise == Noise::Residual));
         if have < need {
-            return Err(Refusal::TooFewSamples { have, need });
+            return Err(RampRefusal::TooFewSamples { have, need });
         }
         let solution = self
             .moments
             .solve(count)
-            .map_err(|Dependent(term)| Refusal::IllConditioned { term })?;
+            .map_err(|Dependent(term)| RampRefusal::IllConditioned { term })?;
         let degrees = have.saturating_sub(unknowns);
         let sigma = Wide::from_f32(self.sigma.unwrap_or_default().0);
         let stated = sigma * sigma;

@@ -37,8 +37,6 @@ pub(super) struct Solution {
     pub(super) residual: Wide,
     /// Mean of the slope's column over that of the level.
     pub(super) centre: f32,
-    /// By how much the other columns inflate the variance of the slope.
-    pub(super) inflation: f32,
 }
 
 /// The column at this place has too little that the ones before it have not.
@@ -117,7 +115,6 @@ impl Moments {
         };
         let raw = sweep.diagonal();
         let mut centred = raw;
-        let mut inflation = 1.0;
         let order = core::iter::once(LEVEL)
             .chain(2..count)
             .chain(core::iter::once(SLOPE));
@@ -129,7 +126,6 @@ impl Moments {
             if !sound || !pivot.is_finite() {
                 return Err(Dependent(k));
             }
-            inflation = alone / pivot;
             sweep.eliminate(k).ok_or(Dependent(k))?;
             if k == LEVEL {
                 centred = sweep.diagonal();
@@ -140,7 +136,6 @@ impl Moments {
             inverse: sweep.rows,
             residual: sweep.residual,
             centre: self.centre(),
-            inflation,
         })
     }
 

@@ -31,7 +31,7 @@ impl core::error::Error for Rejected {}
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub enum Refusal {
+pub enum RampRefusal {
     /// Fewer samples than unknowns, or no sample left over to tell the noise from.
     TooFewSamples {
         /// Samples taken.
@@ -67,7 +67,7 @@ pub enum Refusal {
     },
 }
 
-impl fmt::Display for Refusal {
+impl fmt::Display for RampRefusal {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match *self {
             Self::TooFewSamples { have, need } => write!(f, "{have} samples, {need} needed"),
@@ -91,4 +91,4 @@ impl fmt::Display for Refusal {
     }
 }
 
-impl core::error::Error for Refusal {}
+impl core::error::Error for RampRefusal {}

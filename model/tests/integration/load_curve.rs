@@ -1,9 +1,9 @@
 //! Non-linear loads: load curve and tangent stiffness along the ramp against the truth.
 
 use crate::common::efficiency::fit;
-use crate::common::plant::{Load, Ramps, Recording, Stack, record};
+use crate::common::plant::{LoadLaw, Ramps, Recording, Stack, record};
 use crate::common::rng::Rng;
-use palpate_model::ramp::{Basis, Drift, Fit, Noise, Term};
+use palpate_model::ramp::{Basis, DriftModel, Fit, Noise, Term};
 use palpate_model::units::{Metre, NewtonPerMetre, Second};
 
 const SENSING: NewtonPerMetre = NewtonPerMetre(6e3);
@@ -13,7 +13,7 @@ fn hardening(eps: f64) -> Stack {
     let k = 3e3;
     let x = 0.3e-3;
     // k3 x^2 = k: F = 2 k x and dF/dx = 4 k there.
-    let load = Load::Hardening { k, k3: k / (x * x) };
+    let load = LoadLaw::Hardening { k, k3: k / (x * x) };
     Stack {
         load,
         total: x + 2.0 * k * x * 2.0 / 6e3,
@@ -26,7 +26,7 @@ fn cubic() -> Basis {
 }
 
 fn quadratic_with_creep() -> Basis {
-    let creep = Drift::Logarithmic { tau: Second(0.05) };
+    let creep = DriftModel::Logarithmic { tau: Second(0.05) };
     Basis::new(&[
         Term::Level,
         Term::Slope,

@@ -1,6 +1,8 @@
 //! What bends the line of a train, and by how much it errs meanwhile. The ramps are made in `f64`.
 
-use palpate_model::ramp::{Basis, Bend, Fit, Noise, Ramp, Reference, SLOPE_BY_BEND, Sample, Term};
+use palpate_model::ramp::{
+    Basis, Bend, Fit, Noise, Ramp, RampSample, Reference, SLOPE_BY_BEND, Term,
+};
 use palpate_model::units::{Metre, Second};
 
 const X_REF_M: f64 = 0.3e-3;
@@ -55,7 +57,7 @@ fn fits(acts: Stiffening, size: f64, noise_m: f64) -> (Fit, Fit, f32) {
         random ^= random << 17;
         let noise = (random as f64 / u64::MAX as f64 * 2.0 - 1.0) * noise_m;
         let x = X_REF_M * (whole + rho_to_h(1.0)) / (whole + rho_to_h(acts(part, size))) + noise;
-        ramp.push(&Sample {
+        ramp.push(&RampSample {
             time: Second((f64::from(reading) * FALL_S / 60.0) as f32),
             deformation: Metre((x - X_REF_M) as f32),
             regressor: rho_to_h(quadratic(part)) as f32,

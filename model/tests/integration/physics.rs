@@ -5,9 +5,7 @@ use crate::common::rng::Rng;
 use palpate_model::calibration_curve::MonotoneCurve;
 use palpate_model::demagnetising::Burst;
 use palpate_model::layer::{BondedDisc, apparent_modulus};
-use palpate_model::magnetorheological::{
-    Lag, Saturating, Stiffening, Tabulated, attraction, deviation,
-};
+use palpate_model::magnetorheological::{Saturating, Stiffening, Tabulated, attraction, deviation};
 use palpate_model::springs::{Shares, Springs, two_state_load};
 use palpate_model::tank;
 use palpate_model::units::*;
@@ -17,32 +15,9 @@ fn relative(ours: f32, exact: f64) -> f64 {
 }
 
 #[test]
-fn inductance_of_the_published_coils() {
-    // Free-space spirals at 330 pF: frequency in MHz and inductance in uH, three digits.
-    let tank = tank::Tank::new(Farad(330e-12)).unwrap();
-    for (megahertz, microhenry) in [(8.5, 1.05), (3.74, 5.48), (3.08, 8.07), (2.25, 15.1)] {
-        let found = tank.inductance(Hertz(megahertz * 1e6)).unwrap().0 * 1e6;
-        assert!((found / microhenry - 1.0).abs() < 0.012, "{found}");
-    }
-    let mut rng = Rng::new(1);
-    let mut worst: f64 = 0.0;
-    for _ in 0..100_000 {
-        let f = rng.between(1e3, 10e6) as f32;
-        let omega = 2.0 * std::f64::consts::PI * f64::from(f);
-        let exact = 1.0 / (omega * omega * f64::from(330e-12f32));
-        worst = worst.max(relative(tank.inductance(Hertz(f)).unwrap().0, exact));
-    }
-    assert!(worst <= 4.0e-7 && worst > 1.0e-7, "{worst:e}");
-    for bad in [0.0, f32::NAN, f32::INFINITY] {
-        assert_eq!(tank.inductance(Hertz(bad)), None);
-    }
-    assert!(tank::Tank::new(Farad(-1e-12)).is_err());
-}
-
-#[test]
 fn codes_keep_their_digits() {
     let mut rng = Rng::new(2);
-    let mut worst = [0.0f64; 3];
+    let mut worst = [0.0f64; 2];
     for _ in 0..200_000 {
         let reference = rng.between(2e6, 2.6e8) as u32;
         // From one count up to half of the reference.
@@ -63,15 +38,9 @@ fn codes_keep_their_digits() {
         let inductance = -delta * (2.0 + delta) / ((1.0 + delta) * (1.0 + delta));
         let found = tank::relative_inductance_change(ours);
         worst[1] = worst[1].max(relative(found, inductance));
-        let l = f64::from(found);
-        let back = -l / ((1.0 + l).sqrt() * (1.0 + (1.0 + l).sqrt()));
-        worst[2] = worst[2].max(relative(tank::relative_frequency_change_of(found), back));
     }
-    println!(
-        "codes {:.2e}, inductance {:.2e}, back {:.2e}",
-        worst[0], worst[1], worst[2]
-    );
-    for (worst, budget) in worst.into_iter().zip([1.8e-7, 6.0e-7, 6.0e-7]) {
+    println!("codes {:.2e}, inductance {:.2e}", worst[0], worst[1]);
+    for (worst, budget) in worst.into_iter().zip([1.8e-7, 6.0e-7]) {
         assert!(
             worst <= budget && worst > budget / 4.0,
             "{worst:e} of {budget:e}"
@@ -79,16 +48,6 @@ fn codes_keep_their_digits() {
     }
     assert_eq!(tank::relative_frequency_change(0, 5), 0.0);
     assert_eq!(tank::relative_frequency_change(7, 0), -1.0);
-}
-
-#[test]
-fn a_capacitor_s_drift_is_taken_out() {
-    for (inductance, capacitance) in [(0.25, 150e-6), (1e-4, -150e-6), (-0.01, 1e-3)] {
-        let apparent = (1.0 + inductance) * (1.0 + capacitance) - 1.0;
-        let found = tank::without_capacitance_change(apparent as f32, capacitance as f32);
-        let larger = f64::max(f64::abs(apparent), f64::abs(capacitance));
-        assert!((f64::from(found) - inductance).abs() < 1.2e-7 * larger);
-    }
 }
 
 #[test]
@@ -105,9 +64,6 @@ fn springs_balance() {
         // Eq. (1), and the deformation from the force through all three.
         let whole = 1.0 / (1.0 / l + 1.0 / s + 1.0 / d);
         assert!(relative(springs.in_series().0, whole) <= 4.0e-7);
-        let x0 = f64::from(1e-3f32);
-        let x = springs.sensing_deformation(Metre(1e-3)).0;
-        assert!(relative(x, whole * x0 / s) <= 4.0e-7);
         let shares = springs.shares();
         assert!((shares.load + shares.sensing + shares.actuated - 1.0).abs() < 3e-7);
         assert!((f64::from(shares.load) - whole / l).abs() < 4e-7);
@@ -266,20 +222,7 @@ fn an_attraction_is_a_part_of_the_regressor() {
 }
 
 #[test]
-fn the_rise_lags_by_its_time_constant() {
-    // After a step, and behind an even fall: rho(t - tau) but for what is left of the start.
-    let tau = 5e-3;
-    let mut lag = Lag::new(Second(5e-3), 0.1).unwrap();
-    let interval = 1e-4;
-    for i in 1..=1000 {
-        let t = f64::from(i) * interval;
-        // The mean of the target over the interval.
-        let target = 0.1 - 0.5 * (t - interval / 2.0);
-        let found = f64::from(lag.follow(target as f32, Second(interval as f32)));
-        let exact = 0.1 - 0.5 * (t - tau * (1.0 - (-t / tau).exp()));
-        assert!((found - exact).abs() < 1e-6, "{t}: {found} {exact}");
-    }
-    assert!(Lag::new(Second(0.0), 0.0).is_err());
+fn a_deviation_is_that_of_the_stiffened_layer() {
     assert!((f64::from(deviation(1.5, 0.25)) - (1.5 / 1.25 - 1.5)).abs() < 1e-7);
 }
 

@@ -1,10 +1,10 @@
 //! The estimator against the Cramer-Rao bound: a small version of `examples/efficiency.rs`.
 
-use crate::common::efficiency::{CASES, Case};
+use crate::common::efficiency::{CASES, EfficiencyCase};
 use crate::common::fisher::cramer_rao;
 use crate::common::plant::{Ramps, Stack, record};
 use crate::common::rng::Rng;
-use crate::common::statistics::Errors;
+use crate::common::statistics::EstimateErrors;
 use palpate_model::ramp::{Basis, Noise};
 use palpate_model::units::NewtonPerMetre;
 
@@ -33,7 +33,7 @@ fn the_bounds_are_the_published_ones() {
 
 /// The bars for 2000 ramps. Chance alone moves RMSE/bound by 0.016, the mean by 0.022 and the
 /// coverage by 0.005 (one standard deviation).
-fn judge(case: &Case, errors: &Errors) {
+fn judge(case: &EfficiencyCase, errors: &EstimateErrors) {
     let (rms, mean, cover) = (errors.rms(), errors.mean(), errors.coverage());
     println!(
         "{:26} rms {rms:.4} mean {mean:+.4} coverage {cover:.4}",
@@ -66,9 +66,9 @@ fn both_other_readings_of_the_noise_cover_too() {
 }
 
 /// Ramps on stacks where the standard error of kappa is a good part of kappa.
-fn coverage(ratio: f64, eps: f64, noise: f64, ramps: Ramps, seeds: u64) -> (Errors, usize) {
+fn coverage(ratio: f64, eps: f64, noise: f64, ramps: Ramps, seeds: u64) -> (EstimateErrors, usize) {
     let stack = Stack::equal(ratio, eps);
-    let (mut errors, mut open) = (Errors::default(), 0);
+    let (mut errors, mut open) = (EstimateErrors::default(), 0);
     for seed in 0..seeds {
         let recording = record(&stack, &ramps, noise, |_| 0.0, &mut Rng::new(seed));
         let fit =
@@ -123,7 +123,7 @@ fn intervals_from_five_samples_use_student() {
 fn noisy_readings_do_not_bias() {
     // SNR 100, where second-order bias would show: 20 times the noise at 20 times the stiffening.
     let stack = Stack::equal(1.0, 0.5);
-    let mut errors = Errors::default();
+    let mut errors = EstimateErrors::default();
     let mut expected: f64 = 0.0;
     for seed in 0..4000 {
         let recording = record(&stack, &Ramps::EIGHT, 1e-2, |_| 0.0, &mut Rng::new(seed));

@@ -4,22 +4,25 @@ use crate::common::efficiency::fit;
 use crate::common::plant::{Ramps, Stack, record};
 use crate::common::reference::reciprocal_line;
 use crate::common::rng::Rng;
-use palpate_model::ramp::{Basis, Drift, Noise, Ramp, Reference, Sample, Scatter};
+use palpate_model::ramp::{Basis, DriftModel, Noise, Ramp, RampSample, Reference, Scatter};
 use palpate_model::units::{Metre, Second};
 
 #[test]
 fn drifts_are_what_they_say() {
     for i in 0..2000 {
         let t = i as f32 * 7.3e-3;
-        let at = |drift: Drift| f64::from(drift.at(Second(t)));
+        let at = |drift: DriftModel| f64::from(drift.at(Second(t)));
         let t64 = f64::from(t);
         let tau = Second(0.25);
         let cases = [
-            (at(Drift::Linear), t64),
-            (at(Drift::Logarithmic { tau }), (1.0 + t64 / 0.25).ln()),
-            (at(Drift::Exponential { tau }), 1.0 - (-t64 / 0.25).exp()),
+            (at(DriftModel::Linear), t64),
+            (at(DriftModel::Logarithmic { tau }), (1.0 + t64 / 0.25).ln()),
             (
-                at(Drift::SawTooth { period: tau }),
+                at(DriftModel::Exponential { tau }),
+                1.0 - (-t64 / 0.25).exp(),
+            ),
+            (
+                at(DriftModel::SawTooth { period: tau }),
                 (t64 / 0.25).fract() - 0.5,
             ),
         ];
@@ -37,20 +40,20 @@ fn each_drift_is_found_and_taken_out() {
     let stack = Stack::equal(2.0, 0.1);
     let tau = Second(0.2);
     let cases = [
-        Drift::Linear,
-        Drift::Logarithmic { tau },
-        Drift::Exponential { tau },
-        Drift::SawTooth {
+        DriftModel::Linear,
+        DriftModel::Logarithmic { tau },
+        DriftModel::Exponential { tau },
+        DriftModel::SawTooth {
             period: Second(1.0 / 8.0),
         },
     ];
     for drift in cases {
         // phi written out again.
         let phi = move |t: f64| match drift {
-            Drift::Linear => t,
-            Drift::Logarithmic { .. } => (1.0 + t / 0.2).ln(),
-            Drift::Exponential { .. } => 1.0 - (-t / 0.2).exp(),
-            Drift::SawTooth { .. } => (t * 8.0).fract() - 0.5,
+            DriftModel::Linear => t,
+            DriftModel::Logarithmic { .. } => (1.0 + t / 0.2).ln(),
+            DriftModel::Exponential { .. } => 1.0 - (-t / 0.2).exp(),
+            DriftModel::SawTooth { .. } => (t * 8.0).fract() - 0.5,
         };
         // 5 % of drift, and a noise of which nothing is seen.
         let recording = record(
@@ -76,7 +79,7 @@ fn each_drift_is_found_and_taken_out() {
 #[test]
 fn errors_and_diagnostics_are_those_of_the_reference() {
     let creep = |t: f64| (1.0 + t / 0.05).ln();
-    let drift = Drift::Logarithmic { tau: Second(0.05) };
+    let drift = DriftModel::Logarithmic { tau: Second(0.05) };
     for (ratio, eps) in [(0.2, 0.3), (1.0, 0.03), (5.0, 0.1)] {
         let stack = Stack::equal(ratio, eps);
         let recording = record(&stack, &Ramps::ONE, 1e-4, |_| 0.0, &mut Rng::new(2));
@@ -89,8 +92,6 @@ fn errors_and_diagnostics_are_those_of_the_reference() {
         let plain = fit(&recording, Basis::LINEAR, Noise::Stated).unwrap();
         let [dear, cheap] = [fitted.coefficient(1), plain.coefficient(1)].map(Option::unwrap);
         let price = dear.standard_error / cheap.standard_error;
-        assert!((fitted.variance_inflation().sqrt() / price - 1.0).abs() < 1e-3);
-        assert_eq!(plain.variance_inflation(), 1.0);
         assert!(eps != 0.03 || (price - 6.27).abs() < 0.1, "{price}");
         // White noise of the stated size: chi-square 397 +- 28.
         assert_eq!(fitted.degrees_of_freedom(), 397);
@@ -99,12 +100,7 @@ fn errors_and_diagnostics_are_those_of_the_reference() {
             "{}",
             fitted.chi_square()
         );
-        let [c, d] = [fitted.correlation(1, 2), fitted.correlation(2, 1)].map(Option::unwrap);
-        assert!(
-            (c - d).abs() < 1e-3 && c.abs() > 0.95 && c.abs() <= 1.0,
-            "{c} {d}"
-        );
-        assert!(fitted.coefficient(3).is_none() && fitted.correlation(0, 3).is_none());
+        assert!(fitted.coefficient(3).is_none());
         let total = fitted.total_displacement().0;
         let expected = stack.total as f32;
         assert!((total / expected - 1.0).abs() < 0.2, "{total} {expected}");
@@ -222,7 +218,7 @@ fn weights_follow_sigma() {
 #[test]
 fn the_regressor_s_noise_is_put_into_sigma() {
     let reference = Reference::new(Metre(3e-4), 1.0).unwrap();
-    let quiet = Sample {
+    let quiet = RampSample {
         time: Second(0.0),
         deformation: Metre(1e-5),
         regressor: -0.1,

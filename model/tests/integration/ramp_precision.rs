@@ -5,7 +5,7 @@ use crate::common::efficiency::fit;
 use crate::common::plant::{Ramps, Recording, Stack, record};
 use crate::common::reference::{Phi, equation_2, maximum_likelihood, reciprocal_line};
 use crate::common::rng::Rng;
-use palpate_model::ramp::{Basis, Drift, Noise, Ramp, Reference, Sample, Term};
+use palpate_model::ramp::{Basis, DriftModel, Noise, Ramp, RampSample, Reference, Term};
 use palpate_model::units::{Metre, Second};
 
 /// c_L/c from 0.1 to 10 and eps from 0.5 to 50 %, seven values each, evenly on a logarithm.
@@ -84,8 +84,8 @@ fn drifts_as_by_qr_in_f64() {
                 let basis = Basis::new(&[
                     Term::Level,
                     Term::Slope,
-                    Term::Drift(Drift::Linear),
-                    Term::Drift(Drift::Logarithmic { tau: Second(tau) }),
+                    Term::Drift(DriftModel::Linear),
+                    Term::Drift(DriftModel::Logarithmic { tau: Second(tau) }),
                 ]);
                 let phis: [Phi<'_>; 2] = [&linear, &creep];
                 relative(
@@ -105,7 +105,7 @@ fn as_maximum_likelihood_in_f64_at_low_noise() {
         &Ramps::EIGHT,
         |t| 0.004 * creep(t),
         |recording| {
-            let drift = Drift::Logarithmic { tau: Second(0.05) };
+            let drift = DriftModel::Logarithmic { tau: Second(0.05) };
             let ours = fit(recording, Basis::with_drift(drift).unwrap(), Noise::Stated).unwrap();
             let ours = ours.load_ratio().unwrap();
             let best = maximum_likelihood(recording, &[&creep]);
@@ -146,7 +146,7 @@ fn a_far_reference_loses_only_the_rounding_of_its_deviations() {
     let x_ref = near.reference.deformation().0;
     let g_ref = near.reference.regressor();
     let reference = Reference::new(Metre(x_ref * 0.8), 0.0).unwrap();
-    let samples = near.samples.iter().map(|s| Sample {
+    let samples = near.samples.iter().map(|s| RampSample {
         deformation: Metre((x_ref + s.deformation.0) - x_ref * 0.8),
         regressor: g_ref + s.regressor,
         ..*s
@@ -182,7 +182,7 @@ fn two_samples_are_equation_2() {
             let reference = Reference::new(Metre(x_ref), g_ref).unwrap();
             let mut ramp = Ramp::new(reference, Basis::LINEAR);
             for ([u, h], sigma) in [(first, 3e-8), (second, 5e-8)] {
-                let sample = Sample {
+                let sample = RampSample {
                     time: Second(0.0),
                     deformation: Metre(u),
                     regressor: h,

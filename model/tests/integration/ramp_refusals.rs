@@ -4,8 +4,8 @@ use crate::common::efficiency::fit;
 use crate::common::plant::{Ramps, Stack, record};
 use crate::common::rng::Rng;
 use palpate_model::ramp::{
-    Basis, BasisError, Drift, LoadStiffness, Noise, Ramp, Reference, Refusal, Rejected, Sample,
-    Term,
+    Basis, BasisError, DriftModel, LoadStiffness, Noise, Ramp, RampRefusal, RampSample, Reference,
+    Rejected, Term,
 };
 use palpate_model::units::{Metre, NewtonPerMetre, Second};
 
@@ -13,8 +13,8 @@ fn reference() -> Reference {
     Reference::new(Metre(3e-4), 1.0).unwrap()
 }
 
-fn sample(deformation: f32, regressor: f32) -> Sample {
-    Sample {
+fn sample(deformation: f32, regressor: f32) -> RampSample {
+    RampSample {
         time: Second(0.0),
         deformation: Metre(deformation),
         regressor,
@@ -28,17 +28,17 @@ fn too_few() {
     let refusal = |ramp: &Ramp, noise| ramp.fit(noise).err();
     assert_eq!(
         refusal(&ramp, Noise::Stated),
-        Some(Refusal::TooFewSamples { have: 0, need: 2 })
+        Some(RampRefusal::TooFewSamples { have: 0, need: 2 })
     );
     ramp.push(&sample(0.0, 0.0)).unwrap();
     assert_eq!(
         refusal(&ramp, Noise::Larger),
-        Some(Refusal::TooFewSamples { have: 1, need: 2 })
+        Some(RampRefusal::TooFewSamples { have: 1, need: 2 })
     );
     ramp.push(&sample(1e-5, -0.1)).unwrap();
     assert_eq!(
         refusal(&ramp, Noise::Residual),
-        Some(Refusal::TooFewSamples { have: 2, need: 3 })
+        Some(RampRefusal::TooFewSamples { have: 2, need: 3 })
     );
     assert_eq!(refusal(&ramp, Noise::Larger), None);
     assert_eq!(ramp.residual_sigma(), None);
@@ -53,7 +53,7 @@ fn a_constant_current_and_a_drift_like_the_signal() {
     }
     assert_eq!(
         ramp.fit(Noise::Stated).err(),
-        Some(Refusal::IllConditioned { term: 1 })
+        Some(RampRefusal::IllConditioned { term: 1 })
     );
 
     // A regressor that moves by its last digit only is constant too.
@@ -64,17 +64,17 @@ fn a_constant_current_and_a_drift_like_the_signal() {
     }
     assert_eq!(
         ramp.fit(Noise::Stated).err(),
-        Some(Refusal::IllConditioned { term: 1 })
+        Some(RampRefusal::IllConditioned { term: 1 })
     );
 
     // c_D linear in time: then a linear drift cannot be distinguished from it at all.
-    let mut ramp = Ramp::new(reference(), Basis::with_drift(Drift::Linear).unwrap());
+    let mut ramp = Ramp::new(reference(), Basis::with_drift(DriftModel::Linear).unwrap());
     for i in 0..100 {
         let h = -0.1 * (1.0 - i as f32 / 99.0);
         let x = 9e-4 / (3.0 + h);
         // The drift's column is phi/x, and that is what must be linear in h.
         let time = Second(h * x / 3e-4);
-        ramp.push(&Sample {
+        ramp.push(&RampSample {
             time,
             ..sample(x - 3e-4, h)
         })
@@ -82,7 +82,7 @@ fn a_constant_current_and_a_drift_like_the_signal() {
     }
     let refusal = ramp.fit(Noise::Stated).err();
     assert!(
-        matches!(refusal, Some(Refusal::IllConditioned { .. })),
+        matches!(refusal, Some(RampRefusal::IllConditioned { .. })),
         "{refusal:?}"
     );
 }
@@ -90,7 +90,7 @@ fn a_constant_current_and_a_drift_like_the_signal() {
 #[test]
 fn no_signal_a_reversed_one_and_a_negative_spring() {
     let stack = Stack::equal(1.0, 0.1);
-    let load = |noise: f64, change: fn(&Sample) -> Sample| {
+    let load = |noise: f64, change: fn(&RampSample) -> RampSample| {
         let recording = record(&stack, &Ramps::ONE, noise, |_| 0.0, &mut Rng::new(4));
         let mut ramp = Ramp::new(recording.reference, Basis::LINEAR);
         recording
@@ -100,16 +100,18 @@ fn no_signal_a_reversed_one_and_a_negative_spring() {
         ramp.fit(Noise::Stated).unwrap().load_ratio()
     };
     let small = load(0.2, |s| *s);
-    assert!(matches!(small, Err(Refusal::SignalTooSmall { significance }) if significance < 2.0));
-    let reversed = load(1e-4, |s| Sample {
+    assert!(
+        matches!(small, Err(RampRefusal::SignalTooSmall { significance }) if significance < 2.0)
+    );
+    let reversed = load(1e-4, |s| RampSample {
         deformation: -s.deformation,
         ..*s
     });
     assert!(
-        matches!(reversed, Err(Refusal::SignalReversed { significance }) if significance < -50.0)
+        matches!(reversed, Err(RampRefusal::SignalReversed { significance }) if significance < -50.0)
     );
     // Half as much more signal than three springs can have.
-    let strong = load(1e-4, |s| Sample {
+    let strong = load(1e-4, |s| RampSample {
         deformation: s.deformation * 1.6,
         ..*s
     })
@@ -118,7 +120,7 @@ fn no_signal_a_reversed_one_and_a_negative_spring() {
     let refused = strong.stiffness(NewtonPerMetre(6e3));
     assert_eq!(
         refused,
-        Err(Refusal::NegativeStiffness {
+        Err(RampRefusal::NegativeStiffness {
             highest_load_ratio: strong.high
         })
     );
@@ -145,7 +147,7 @@ fn a_rigid_load_has_no_upper_bound() {
                 open += 1;
             }
             Ok(LoadStiffness::Within { .. }) => {}
-            Err(Refusal::NegativeStiffness { .. }) => negative += 1,
+            Err(RampRefusal::NegativeStiffness { .. }) => negative += 1,
             Err(other) => panic!("{other:?}"),
         }
     }
@@ -156,76 +158,76 @@ fn a_rigid_load_has_no_upper_bound() {
 
 #[test]
 fn senseless_samples_leave_the_sums_alone() {
-    let mut ramp = Ramp::new(reference(), Basis::with_drift(Drift::Linear).unwrap());
+    let mut ramp = Ramp::new(reference(), Basis::with_drift(DriftModel::Linear).unwrap());
     ramp.push(&sample(0.0, 0.0)).unwrap();
     let before = ramp;
     let good = sample(1e-5, -0.1);
     let cases = [
         (
-            Sample {
+            RampSample {
                 deformation: Metre(f32::NAN),
                 ..good
             },
             Rejected::NotFinite,
         ),
         (
-            Sample {
+            RampSample {
                 deformation: Metre(f32::INFINITY),
                 ..good
             },
             Rejected::NotFinite,
         ),
         (
-            Sample {
+            RampSample {
                 deformation: Metre(f32::MAX),
                 ..good
             },
             Rejected::Sigma,
         ),
         (
-            Sample {
+            RampSample {
                 regressor: f32::INFINITY,
                 ..good
             },
             Rejected::NotFinite,
         ),
         (
-            Sample {
+            RampSample {
                 time: Second(f32::NAN),
                 ..good
             },
             Rejected::NotFinite,
         ),
         (
-            Sample {
+            RampSample {
                 sigma: Metre(f32::INFINITY),
                 ..good
             },
             Rejected::NotFinite,
         ),
         (
-            Sample {
+            RampSample {
                 deformation: Metre(-3e-4),
                 ..good
             },
             Rejected::Unpressed,
         ),
         (
-            Sample {
+            RampSample {
                 deformation: Metre(-1.0),
                 ..good
             },
             Rejected::Unpressed,
         ),
         (
-            Sample {
+            RampSample {
                 sigma: Metre(0.0),
                 ..good
             },
             Rejected::Sigma,
         ),
         (
-            Sample {
+            RampSample {
                 sigma: Metre(-3e-8),
                 ..good
             },
@@ -238,7 +240,7 @@ fn senseless_samples_leave_the_sums_alone() {
     }
     let mut empty = Ramp::new(reference(), Basis::LINEAR);
     assert_eq!(
-        empty.push(&Sample {
+        empty.push(&RampSample {
             sigma: Metre(0.0),
             ..good
         }),
@@ -249,7 +251,7 @@ fn senseless_samples_leave_the_sums_alone() {
 
 #[test]
 fn a_basis_must_make_sense() {
-    let creep = |tau| Term::Drift(Drift::Logarithmic { tau: Second(tau) });
+    let creep = |tau| Term::Drift(DriftModel::Logarithmic { tau: Second(tau) });
     let [level, slope] = [Term::Level, Term::Slope];
     assert_eq!(Basis::new(&[level]), Err(BasisError::LevelAndSlopeFirst));
     assert_eq!(
@@ -268,7 +270,7 @@ fn a_basis_must_make_sense() {
             Basis::new(&[level, slope, creep(tau)]),
             Err(BasisError::TimeConstant(_))
         ));
-        let saw = Term::Drift(Drift::SawTooth {
+        let saw = Term::Drift(DriftModel::SawTooth {
             period: Second(tau),
         });
         assert!(matches!(

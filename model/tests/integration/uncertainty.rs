@@ -4,7 +4,7 @@
 use crate::common::plant::{Ramps, Recording, Stack, record};
 use crate::common::reference::reciprocal_line;
 use crate::common::rng::Rng;
-use palpate_model::ramp::{LoadRatio, Reference, Sample};
+use palpate_model::ramp::{LoadRatio, RampSample, Reference};
 use palpate_model::uncertainty::{Budget, Calibration, OperatingPoint};
 use palpate_model::units::Metre;
 
@@ -36,7 +36,7 @@ fn kappa(wrong: Wrong) -> f64 {
         let current = Ramps::ONE.current(i) * (1.0 + wrong.current);
         let rise = EPS * (1.0 + wrong.stiffening) * current * current;
         let g = c_s / c_d / (1.0 + rise) - c_s / c_d;
-        Sample {
+        RampSample {
             regressor: g as f32,
             deformation: sample.deformation + Metre(wrong.zero as f32),
             sigma: Metre(1e-8),

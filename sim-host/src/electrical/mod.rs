@@ -4,12 +4,14 @@
 //! linear, so its current is an exponential, which is evaluated where it is asked for.
 
 mod circuit;
+mod control_loop;
 mod regulated;
 mod sense;
 
 pub use circuit::{Circuit, CircuitParameters, Pins, Totals};
-pub use regulated::{Period, Regulated, Slow, reference_hardware, reference_limits};
-pub use sense::{Converter, ConverterParameters, Filter};
+pub use control_loop::{ControlLoop, HISTORY, Passed, Period, Slow, TRACED};
+pub use regulated::{Regulated, reference_hardware, reference_limits};
+pub use sense::{Converter, ConverterParameters, Filter, thermistor_v};
 
 /// The moments at which the outputs of a phase-correct PWM change within one period, as parts of
 /// it, with what they are from then on. Both pulses are centred on the beginning of the period.

@@ -90,6 +90,14 @@ impl Converter {
     }
 }
 
+/// The voltage of a thermistor of 10 kiloohm at 25 degrees Celsius and a constant of 3950 K, between
+/// ground and 10 kiloohm to 3.3 V.
+#[must_use]
+pub fn thermistor_v(celsius: f64) -> f64 {
+    let ohm = 10e3 * libm::exp(3950.0 * (1.0 / (celsius + 273.15) - 1.0 / 298.15));
+    3.3 * ohm / (ohm + 10e3)
+}
+
 /// A resistor and a capacitor in front of a slow input.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Filter {

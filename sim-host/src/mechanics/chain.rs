@@ -1,6 +1,6 @@
 //! Balance of the springs in series.
 
-use super::layer::{LayerParameters, MODES, Step, creep_rate};
+use super::layer::{LayerParameters, LayerStep, MODES, creep_rate};
 use super::load::Load;
 
 /// Least share of the actuated layer's stiffness that the gradient of the attraction may leave:
@@ -23,7 +23,7 @@ pub struct Chain {
 
 /// What the chain is under at one moment.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Conditions {
+pub struct ChainConditions {
     /// Spring c_S now, N/m.
     pub sensing_spring_n_per_m: f64,
     /// Spring c_D now, N/m.
@@ -134,7 +134,7 @@ impl Chain {
 
     /// Attraction between the halves of the actuated layer, N.
     #[must_use]
-    pub fn attraction_n(&self, conditions: &Conditions, actuated_m: f64) -> f64 {
+    pub fn attraction_n(&self, conditions: &ChainConditions, actuated_m: f64) -> f64 {
         conditions.attraction_n * (1.0 + self.attraction_gradient_per_m * actuated_m)
     }
 
@@ -144,8 +144,12 @@ impl Chain {
         1.0 - attraction_n * self.attraction_gradient_per_m * compliance_m_per_n
     }
 
-    pub(crate) fn sensing_step<'a>(&'a self, from: &'a ChainState, decays: &'a Decays) -> Step<'a> {
-        Step {
+    pub(crate) fn sensing_step<'a>(
+        &'a self,
+        from: &'a ChainState,
+        decays: &'a Decays,
+    ) -> LayerStep<'a> {
+        LayerStep {
             compliances: &self.sensing_modes,
             decays: &decays.sensing,
             modes_m: &from.sensing_creep_m,
@@ -157,8 +161,8 @@ impl Chain {
         &'a self,
         from: &'a ChainState,
         decays: &'a Decays,
-    ) -> Step<'a> {
-        Step {
+    ) -> LayerStep<'a> {
+        LayerStep {
             compliances: &self.actuated_modes,
             decays: &decays.actuated,
             modes_m: &from.actuated_creep_m,
@@ -172,7 +176,7 @@ impl Chain {
         &self,
         from: &ChainState,
         decays: &Decays,
-        end: &Conditions,
+        end: &ChainConditions,
     ) -> ChainState {
         let sensing_step = self.sensing_step(from, decays);
         let actuated_step = self.actuated_step(from, decays);
@@ -203,7 +207,12 @@ impl Chain {
     }
 
     /// Rate of the sensing layer's displacement, m/s, from the differentiated balance.
-    pub(crate) fn sensing_rate(&self, state: &ChainState, now: &Conditions, rates: &Rates) -> f64 {
+    pub(crate) fn sensing_rate(
+        &self,
+        state: &ChainState,
+        now: &ChainConditions,
+        rates: &Rates,
+    ) -> f64 {
         let (c_s, c_d) = (now.sensing_spring_n_per_m, now.actuated_spring_n_per_m);
         let sensing_creep = creep_rate(
             &self.sensing,

@@ -1,6 +1,6 @@
 //! The account of mechanical work.
 
-use super::chain::{Chain, ChainState, Conditions, Decays};
+use super::chain::{Chain, ChainConditions, ChainState, Decays};
 use super::layer::stored_j;
 
 /// Work done on the springs since the beginning, by whom, and what became of it, J.
@@ -55,8 +55,8 @@ impl Energy {
         &self,
         chain: &Chain,
         decays: &Decays,
-        (from, before): (&ChainState, &Conditions),
-        (to, after): (&ChainState, &Conditions),
+        (from, before): (&ChainState, &ChainConditions),
+        (to, after): (&ChainState, &ChainConditions),
     ) -> Self {
         let force_n = 0.5 * (from.force_n + to.force_n);
         let load_work = chain.load().energy_j(to.load_m) - chain.load().energy_j(from.load_m);
@@ -97,7 +97,7 @@ fn changed_spring_j((force_0, spring_0): (f64, f64), (force_1, spring_1): (f64, 
 }
 
 /// Energy stored in all springs of the chain, J.
-fn chain_stored_j(chain: &Chain, state: &ChainState, now: &Conditions) -> f64 {
+fn chain_stored_j(chain: &Chain, state: &ChainState, now: &ChainConditions) -> f64 {
     let square = |force_n: f64| 0.5 * force_n * force_n;
     chain.load().energy_j(state.load_m)
         + square(state.force_n) * (chain.frame_m_per_n() + 1.0 / now.sensing_spring_n_per_m)

@@ -70,7 +70,7 @@ pub(crate) struct Response {
 
 /// A layer's modes with their decays over a step.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Step<'a> {
+pub(crate) struct LayerStep<'a> {
     pub(crate) compliances: &'a [f64; MODES],
     pub(crate) decays: &'a [f64; MODES],
     /// Displacements of the modes at the beginning, m.
@@ -79,7 +79,7 @@ pub(crate) struct Step<'a> {
     pub(crate) force_n: f64,
 }
 
-impl Step<'_> {
+impl LayerStep<'_> {
     fn each(&self) -> impl Iterator<Item = (f64, f64, f64)> + '_ {
         let modes = self.compliances.iter().zip(self.decays).zip(self.modes_m);
         modes.map(|((&compliance, &decay), &z)| (compliance, decay, z))
@@ -177,7 +177,7 @@ mod tests {
         let mut modes_m = [0.0; MODES];
         for step in 0..steps {
             let at = |offset: u32| force(f64::from(step + offset) * step_s);
-            let step = Step {
+            let step = LayerStep {
                 compliances: &compliances,
                 decays: &decays,
                 modes_m: &modes_m,
@@ -228,7 +228,7 @@ mod tests {
         let compliances = LAYER.mode_compliances();
         let decays = LAYER.decays(0.02);
         let modes_m = [3e-6, -1e-6, 8e-6];
-        let step = Step {
+        let step = LayerStep {
             compliances: &compliances,
             decays: &decays,
             modes_m: &modes_m,

@@ -6,13 +6,13 @@ use super::{
     AttractionParameters, CrosstalkParameters, LdcParameters, Parameters, PressParameters,
     RigParameters,
 };
-use crate::coil::interference::InterferenceParameters;
-use crate::coil::tank::TankParameters;
 use crate::current::CurrentParameters;
 use crate::magnetorheological::MagnetorheologicalParameters;
 use crate::mechanics::layer::{CreepMode, LayerParameters, MODES};
 use crate::mechanics::press::Shake;
 use crate::random::Stream;
+use crate::sensing_coil::interference::InterferenceParameters;
+use crate::sensing_coil::tank::TankParameters;
 use crate::stack::quantity::Quantity;
 use crate::stack::{Disturbances, Stack};
 use crate::thermal::{COPPER_PER_KELVIN, ThermalParameters};
@@ -33,7 +33,7 @@ pub const CURVATURE_PER_M: Quantity = Quantity::Uniform {
 
 /// Range of the voltage that the drive coils induce in the sensing coil near its resonance, for each
 /// volt across them: mutual over own inductance of the paper's coils, 5·10⁻⁵ to 9·10⁻⁵ through a
-/// plane of 70 µm of copper (computed, [`crate::coil::mutual`]), and twice that and a third of it
+/// plane of 70 µm of copper (computed, [`crate::sensing_coil::mutual`]), and twice that and a third of it
 /// for what the computation leaves out: elastomer, the plane's edge, capacitance between turns.
 pub const INTERFERENCE_V_PER_V: Quantity = Quantity::LogUniform {
     min: 2e-5,

@@ -9,12 +9,12 @@ pub use draw::{
     CURVATURE_PER_M, EDGE_S, FRAME_SPRING_N_PER_M, INTERFERENCE_V_PER_V, central, draw,
 };
 
-use crate::coil::interference::InterferenceParameters;
-use crate::coil::tank::TankParameters;
 use crate::current::CurrentParameters;
 use crate::magnetorheological::MagnetorheologicalParameters;
 use crate::mechanics::layer::LayerParameters;
 use crate::mechanics::press::Shake;
+use crate::sensing_coil::interference::InterferenceParameters;
+use crate::sensing_coil::tank::TankParameters;
 use crate::switches::Switches;
 use crate::thermal::ThermalParameters;
 

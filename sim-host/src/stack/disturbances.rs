@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use super::document::{FileError, Section};
+use super::document::{FileError, TableSection};
 use super::quantity::{Allowed, Quantity};
 use super::{LoadError, read};
-use crate::coil::{CoilDesign, Sides};
+use crate::sensing_coil::{CoilDesign, Sides};
 
 /// Ranges of all disturbances, in the sections of the file.
 #[derive(Clone, Debug, PartialEq)]
@@ -184,7 +184,7 @@ impl Disturbances {
     /// # Errors
     /// [`FileError`] names line, key and what is allowed.
     pub fn parse(file: &str, text: &str) -> Result<Self, FileError> {
-        let mut s = Section::parse(file, text, &SECTIONS)?;
+        let mut s = TableSection::parse(file, text, &SECTIONS)?;
         Ok(Self {
             crosstalk_relative_slope_per_press_depth: alone(
                 &mut s,
@@ -225,17 +225,17 @@ impl Disturbances {
 
 /// Reads a section.
 fn section<'t, T>(
-    parent: &mut Section<'t>,
+    parent: &mut TableSection<'t>,
     name: &str,
     keys: &[&str],
-    read: impl FnOnce(&mut Section<'t>) -> Result<T, FileError>,
+    read: impl FnOnce(&mut TableSection<'t>) -> Result<T, FileError>,
 ) -> Result<T, FileError> {
     read(&mut parent.section(name, keys)?)
 }
 
 /// The only quantity of a section.
 fn alone(
-    parent: &mut Section<'_>,
+    parent: &mut TableSection<'_>,
     name: &str,
     key: &str,
     allowed: &Allowed,
@@ -245,7 +245,7 @@ fn alone(
 
 const CREEP_KEYS: [&str; 4] = ["amplitude", "tau_fast_s", "tau_mid_s", "tau_slow_s"];
 
-fn creep(s: &mut Section<'_>) -> Result<CreepRanges, FileError> {
+fn creep(s: &mut TableSection<'_>) -> Result<CreepRanges, FileError> {
     let tau = Allowed::new(1e-3, 1e6, "s");
     Ok(CreepRanges {
         amplitude: s.quantity("amplitude", &Allowed::new(0.0, 1.0, ""))?,
@@ -264,7 +264,7 @@ const MAGNETORHEOLOGICAL_KEYS: [&str; 4] = [
     "dlnspring_dT_per_K",
 ];
 
-fn magnetorheological(s: &mut Section<'_>) -> Result<MagnetorheologicalRanges, FileError> {
+fn magnetorheological(s: &mut TableSection<'_>) -> Result<MagnetorheologicalRanges, FileError> {
     let per_kelvin = Allowed::new(-0.05, 0.05, "1/K");
     Ok(MagnetorheologicalRanges {
         memory: s.quantity("memory", &Allowed::new(0.0, 0.9, ""))?,
@@ -283,7 +283,7 @@ const THERMAL_KEYS: [&str; 6] = [
     "pad_to_ambient_K_per_W",
 ];
 
-fn thermal(s: &mut Section<'_>) -> Result<ThermalRanges, FileError> {
+fn thermal(s: &mut TableSection<'_>) -> Result<ThermalRanges, FileError> {
     let capacity = Allowed::new(1e-3, 1e5, "J/K");
     let resistance = Allowed::new(1e-3, 1e4, "K/W");
     Ok(ThermalRanges {
@@ -301,7 +301,7 @@ fn thermal(s: &mut Section<'_>) -> Result<ThermalRanges, FileError> {
 
 const TANK_KEYS: [&str; 3] = ["coil", "capacitance_F", "capacitance_tempco_per_K"];
 
-fn tank(s: &mut Section<'_>) -> Result<TankRanges, FileError> {
+fn tank(s: &mut TableSection<'_>) -> Result<TankRanges, FileError> {
     Ok(TankRanges {
         coil: s.parsed("coil", COIL_FORM, coil)?,
         capacitance_f: s.quantity("capacitance_F", &Allowed::new(1e-12, 1e-6, "F"))?,
@@ -314,7 +314,7 @@ fn tank(s: &mut Section<'_>) -> Result<TankRanges, FileError> {
 
 const LDC_KEYS: [&str; 2] = ["reference_clock_error", "white_noise_relative"];
 
-fn ldc(s: &mut Section<'_>) -> Result<LdcRanges, FileError> {
+fn ldc(s: &mut TableSection<'_>) -> Result<LdcRanges, FileError> {
     Ok(LdcRanges {
         reference_clock_error: s
             .quantity("reference_clock_error", &Allowed::new(-0.01, 0.01, ""))?,
@@ -330,7 +330,7 @@ const CURRENT_CHAIN_KEYS: [&str; 5] = [
     "supply_resistance_ohm",
 ];
 
-fn current_chain(s: &mut Section<'_>) -> Result<CurrentChainRanges, FileError> {
+fn current_chain(s: &mut TableSection<'_>) -> Result<CurrentChainRanges, FileError> {
     Ok(CurrentChainRanges {
         gain_error: s.quantity("gain_error", &Allowed::new(-0.5, 0.5, ""))?,
         inl_lsb: s.quantity("inl_lsb", &Allowed::new(0.0, 200.0, "LSB"))?,
@@ -348,7 +348,7 @@ const PRESS_KEYS: [&str; 4] = [
     "hand_tremor_hz",
 ];
 
-fn press(s: &mut Section<'_>) -> Result<PressRanges, FileError> {
+fn press(s: &mut TableSection<'_>) -> Result<PressRanges, FileError> {
     let amplitude = Allowed::new(0.0, 1e-3, "m");
     Ok(PressRanges {
         vibration_amplitude_m: s.quantity("vibration_amplitude_m", &amplitude)?,
@@ -366,7 +366,7 @@ const CALIBRATION_RIG_KEYS: [&str; 5] = [
     "spring_tolerance",
 ];
 
-fn calibration_rig(s: &mut Section<'_>) -> Result<RigRanges, FileError> {
+fn calibration_rig(s: &mut TableSection<'_>) -> Result<RigRanges, FileError> {
     Ok(RigRanges {
         frame_spring_n_per_m: s.quantity("frame_spring_N_per_m", &Allowed::new(1e3, 1e9, "N/m"))?,
         load_cell_noise_n: s.quantity("load_cell_noise_N", &Allowed::new(0.0, 1.0, "N"))?,

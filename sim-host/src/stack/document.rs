@@ -66,7 +66,7 @@ impl Source<'_> {
 }
 
 #[derive(Debug)]
-struct Entry<'t> {
+struct TableEntry<'t> {
     key: Cow<'t, str>,
     key_span: Range<usize>,
     value: Spanned<DeValue<'t>>,
@@ -75,15 +75,15 @@ struct Entry<'t> {
 /// A table that is being read. The keys that it may hold are given at its opening, so that a key
 /// with a typing error or in another unit is reported as unknown, and not the right one as missing.
 #[derive(Debug)]
-pub struct Section<'t> {
+pub struct TableSection<'t> {
     source: Source<'t>,
     /// "", or the name of the section with a dot.
     prefix: String,
     span: Range<usize>,
-    entries: Vec<Entry<'t>>,
+    entries: Vec<TableEntry<'t>>,
 }
 
-impl<'t> Section<'t> {
+impl<'t> TableSection<'t> {
     /// The whole of a text, with the keys that it may hold. `file` is only for messages.
     ///
     /// # Errors
@@ -105,9 +105,9 @@ impl<'t> Section<'t> {
         table: DeTable<'t>,
         keys: &[&str],
     ) -> Result<Self, FileError> {
-        let entries: Vec<Entry<'t>> = table
+        let entries: Vec<TableEntry<'t>> = table
             .into_iter()
-            .map(|(key, value)| Entry {
+            .map(|(key, value)| TableEntry {
                 key_span: key.span(),
                 key: key.into_inner(),
                 value,

@@ -11,7 +11,7 @@ use core::fmt;
 use std::path::{Path, PathBuf};
 
 pub use disturbances::Disturbances;
-use document::{FileError, Section};
+use document::{FileError, TableSection};
 use quantity::{Allowed, Quantity};
 
 /// A kind of sensor: its nominal values and how far single sensors differ.
@@ -133,7 +133,7 @@ impl Stack {
     /// # Errors
     /// [`FileError`] names line, key and what is allowed.
     pub fn parse(file: &str, text: &str) -> Result<Self, FileError> {
-        let mut s = Section::parse(file, text, &KEYS)?;
+        let mut s = TableSection::parse(file, text, &KEYS)?;
         Ok(Self {
             name: s.text("name")?,
             sensing_spring_n_per_m: s.quantity("sensing_spring_N_per_m", &SPRING)?,

@@ -10,7 +10,7 @@ const KEPT: Time = Time::from_ms(600);
 
 /// Frequency and current over one step.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Segment {
+pub(super) struct HistorySegment {
     start: Time,
     end: Time,
     start_s: f64,
@@ -20,7 +20,7 @@ pub(super) struct Segment {
     current_a: (f64, f64),
 }
 
-impl Segment {
+impl HistorySegment {
     /// A cubic through frequency, Hz, and rate, Hz/s, at both ends (Hermite), and a straight current.
     pub(super) fn new(
         (start, end): (Time, Time),
@@ -69,11 +69,11 @@ impl Segment {
 /// Segments that follow each other without gaps.
 #[derive(Clone, Debug, Default)]
 pub(super) struct History {
-    segments: VecDeque<Segment>,
+    segments: VecDeque<HistorySegment>,
 }
 
 impl History {
-    pub(super) fn push(&mut self, segment: Segment) {
+    pub(super) fn push(&mut self, segment: HistorySegment) {
         self.segments.push_back(segment);
     }
 

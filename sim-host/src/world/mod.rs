@@ -3,7 +3,7 @@
 //! The state moves in steps of at most a millisecond that end wherever an input has a kink. Creep,
 //! lag and heat are advanced by rules that are exact or conserve energy over any step, and the
 //! balance of forces is solved at its end. Between two ends the frequency of the sensing coil is a
-//! cubic, so a converter may look at any moment.
+//! cubic, so a converter may read it at any moment.
 //!
 //! What happens does not depend on how the caller cuts time: [`World::advance`] by ten times 0.1 ms
 //! or once by 1 ms gives the same bits. Only [`World::set_current`] and its fellows end a step.
@@ -15,22 +15,22 @@ mod truth;
 
 use std::collections::VecDeque;
 
-use ldc161x_sim::{Conversions, Drive, ExternalClock, Settings, Time, Window};
+use ldc161x_sim::{Conversions, ExternalClock, SensorDrive, Settings, Time, Window};
 
 use self::history::History;
-use self::plant::{Inputs, Plant, State};
+use self::plant::{Inputs, Plant, PlantState};
 pub use self::shared::SharedWorld;
 pub use self::truth::Truth;
-use crate::coil::interference::Oscillation;
 use crate::current::{Command, HARD_LIMIT};
 use crate::mechanics::chain::{Chain, LEAST_STABILITY};
 use crate::mechanics::load::Load;
 use crate::mechanics::press::{Profile, Shake};
 use crate::parameters::{ParameterError, Parameters, within};
 use crate::random::Stream;
+use crate::sensing_coil::interference::Oscillation;
 use crate::switches::Switches;
 
-/// How far a converter may look ahead of the world's clock.
+/// How far a converter may read ahead of the world's clock.
 const FURTHEST_AHEAD: Time = Time::from_ms(1_000);
 
 /// Who holds the sensor or presses it.
@@ -98,7 +98,7 @@ pub struct World {
     inputs: Inputs,
     now: Time,
     /// The last node at or before now, and all after it.
-    states: VecDeque<State>,
+    states: VecDeque<PlantState>,
     history: History,
     adc_noise: Stream,
     oscillation: Oscillation,
@@ -255,7 +255,7 @@ impl World {
 
     /// The state after the next step. A step in which contact is made or lost ends there, so that
     /// no step has a kink inside.
-    fn next_state(&self, last: &State) -> State {
+    fn next_state(&self, last: &PlantState) -> PlantState {
         let end = (last.time + self.plant.usual_step()).min(self.inputs.next_knot(last.time));
         let next = self.plant.step(&self.inputs, last, end);
         let side = last.chain.in_contact();
@@ -281,7 +281,7 @@ impl World {
     }
 
     /// The state now.
-    fn state(&self) -> State {
+    fn state(&self) -> PlantState {
         match self.states.front() {
             Some(base) if base.time < self.now => self.plant.step(&self.inputs, base, self.now),
             Some(base) => *base,
@@ -308,7 +308,7 @@ impl World {
     }
 
     /// Cycles that the bridge's switching adds to the oscillation during a conversion (see
-    /// [`crate::coil::interference`]), with the bridge as it holds the mean current of that time.
+    /// [`crate::sensing_coil::interference`]), with the bridge as it holds the mean current of that time.
     /// Windows are to come in the order of time.
     pub fn pulled_cycles(&mut self, window: &Window) -> f64 {
         let span = (window.start_s, window.length_s);
@@ -371,7 +371,7 @@ impl World {
     pub fn chip_settings(&self, clkin_hz: f64) -> Settings {
         let Parameters { seed, ldc, .. } = &self.plant.parameters;
         let drive = if ldc.drive_shift {
-            Drive::default()
+            SensorDrive::default()
         } else {
             Settings::ideal().drive
         };

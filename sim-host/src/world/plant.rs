@@ -2,14 +2,14 @@
 
 use ldc161x_sim::Time;
 
-use super::history::Segment;
-use crate::coil::tank::{Resonance, SensingTank, TankState};
+use super::history::HistorySegment;
 use crate::current::{Command, acting_a};
 use crate::magnetorheological::Play;
-use crate::mechanics::chain::{Chain, ChainState, Conditions, Decays, Rates};
+use crate::mechanics::chain::{Chain, ChainConditions, ChainState, Decays, Rates};
 use crate::mechanics::energy::Energy;
 use crate::mechanics::press::{Profile, Shake};
 use crate::parameters::Parameters;
+use crate::sensing_coil::tank::{Resonance, SensingTank, TankState};
 use crate::thermal::ThermalState;
 
 /// What acts on the plant from outside, as functions of time.
@@ -29,7 +29,7 @@ impl Inputs {
 
 /// Everything that the future depends on.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct State {
+pub(super) struct PlantState {
     pub(super) time: Time,
     pub(super) current_a: f64,
     /// What acts by its square: the current with its ripple, root mean square.
@@ -42,7 +42,7 @@ pub(super) struct State {
     /// Velocity of what shakes the press, m/s.
     shaking_m_per_s: f64,
     resonance: Resonance,
-    pub(super) conditions: Conditions,
+    pub(super) conditions: ChainConditions,
     pub(super) chain: ChainState,
     pub(super) energy: Energy,
     /// Contact is just being made or lost, so the next step may begin on the other side of it.
@@ -85,21 +85,21 @@ impl Plant {
     }
 
     /// The plant before anything has touched it, at time zero.
-    pub(super) fn at_rest(&self) -> State {
-        State {
+    pub(super) fn at_rest(&self) -> PlantState {
+        PlantState {
             thermal: self.parameters.thermal.at_rest(),
-            conditions: Conditions {
+            conditions: ChainConditions {
                 sensing_spring_n_per_m: self.parameters.sensing.spring_n_per_m,
                 actuated_spring_n_per_m: self.parameters.actuated.spring_n_per_m,
-                ..Conditions::default()
+                ..ChainConditions::default()
             },
-            ..State::default()
+            ..PlantState::default()
         }
     }
 
     /// The state at `to`. With `to` at the state's own time, what follows at once from a jump of the
     /// inputs: the balance is found anew, while creep, lag and temperatures stay.
-    pub(super) fn step(&self, inputs: &Inputs, from: &State, to: Time) -> State {
+    pub(super) fn step(&self, inputs: &Inputs, from: &PlantState, to: Time) -> PlantState {
         let duration = to - from.time;
         let duration_s = duration.as_secs_f64();
         let p = &self.parameters;
@@ -119,7 +119,7 @@ impl Plant {
         let strength = p.magnetorheological.strength(thermal.pad_k);
         let (shaken_m, shaking_m_per_s) = self.shake.at(to.as_secs_f64());
         let softened = p.actuated.spring_at(thermal.pad_k);
-        let conditions = Conditions {
+        let conditions = ChainConditions {
             sensing_spring_n_per_m: p.sensing.spring_at(thermal.pad_k),
             actuated_spring_n_per_m: softened * (1.0 + strength * stiffening),
             attraction_n: p.attraction.n_per_a2 * effective_a * effective_a,
@@ -135,7 +135,7 @@ impl Plant {
             displacement_m: chain.sensing_m,
             warmer_k: thermal.pad_k,
         });
-        State {
+        PlantState {
             time: to,
             current_a,
             effective_a,
@@ -157,7 +157,7 @@ impl Plant {
         self.parameters.magnetorheological.saturation(relative)
     }
 
-    fn stiffen(&self, from: &State, current_a: f64, duration_s: f64) -> (Play, f64) {
+    fn stiffen(&self, from: &PlantState, current_a: f64, duration_s: f64) -> (Play, f64) {
         let law = &self.parameters.magnetorheological;
         let (before, after) = (
             self.saturation(from.effective_a),
@@ -193,9 +193,14 @@ impl Plant {
     }
 
     /// The tank's frequency over a step, as a cubic through its values and rates at both ends.
-    pub(super) fn segment(&self, inputs: &Inputs, from: &State, to: &State) -> Segment {
+    pub(super) fn segment(
+        &self,
+        inputs: &Inputs,
+        from: &PlantState,
+        to: &PlantState,
+    ) -> HistorySegment {
         let slopes = Slopes::over(inputs, from, to);
-        Segment::new(
+        HistorySegment::new(
             (from.time, to.time),
             (from.current_a, to.current_a),
             (
@@ -207,7 +212,7 @@ impl Plant {
     }
 
     /// Rate of the frequency at a node, Hz/s, within a step that begins or ends there.
-    fn frequency_rate(&self, state: &State, slopes: &Slopes) -> f64 {
+    fn frequency_rate(&self, state: &PlantState, slopes: &Slopes) -> f64 {
         let sensing = self.sensing_rate(state, slopes);
         let (flat_m, slope) = self.crosstalk(state.effective_a);
         let flat_rate =
@@ -221,7 +226,7 @@ impl Plant {
     }
 
     /// Rate of the sensing layer's displacement at a node, m/s.
-    fn sensing_rate(&self, state: &State, slopes: &Slopes) -> f64 {
+    fn sensing_rate(&self, state: &PlantState, slopes: &Slopes) -> f64 {
         let law = &self.parameters.magnetorheological;
         let stiffening = if law.lag_s > 0.0 {
             let target = law.target(self.saturation(state.effective_a), state.play);
@@ -259,7 +264,7 @@ struct Slopes {
 }
 
 impl Slopes {
-    fn over(inputs: &Inputs, from: &State, to: &State) -> Self {
+    fn over(inputs: &Inputs, from: &PlantState, to: &PlantState) -> Self {
         let duration_s = (to.time - from.time).as_secs_f64();
         let slope = |before: f64, after: f64| (after - before) / duration_s;
         let (before, after) = (&from.conditions, &to.conditions);

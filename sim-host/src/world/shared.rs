@@ -26,7 +26,7 @@ impl SharedWorld {
         Self(Rc::new(RefCell::new(world)))
     }
 
-    /// The world, to look at.
+    /// The world, to read.
     ///
     /// # Panics
     /// If it is borrowed for changes elsewhere.

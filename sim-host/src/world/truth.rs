@@ -2,7 +2,7 @@
 
 use ldc161x_sim::Time;
 
-use super::plant::{Plant, State};
+use super::plant::{Plant, PlantState};
 use crate::mechanics::energy::Energy;
 use crate::thermal::CALIBRATION_C;
 
@@ -65,8 +65,8 @@ pub struct Truth {
 }
 
 impl Truth {
-    pub(super) fn of(plant: &Plant, state: &State) -> Self {
-        let State {
+    pub(super) fn of(plant: &Plant, state: &PlantState) -> Self {
+        let PlantState {
             chain, conditions, ..
         } = state;
         let load_m_per_n = plant.chain.load().compliance_m_per_n(chain.load_m);

@@ -2,8 +2,8 @@
 //! before.
 
 use coil_hbridge::{
-    ATTENDED_WITHIN, BALANCED_WITHIN, BLOCK, FOLLOWS_WITHIN, FROZEN_WITHIN, Fault, HELD_BEFORE,
-    Limits, Refusal, State, Supervisor, Waveform,
+    ATTENDED_WITHIN, BALANCED_WITHIN, BLOCK, DriveState, FOLLOWS_WITHIN, FROZEN_WITHIN, Fault,
+    HELD_BEFORE, Limits, Refusal, Supervisor, Waveform,
 };
 use palpate_sim::electrical::{
     Circuit, CircuitParameters, Converter, ConverterParameters, Regulated, reference_hardware,
@@ -42,7 +42,7 @@ fn trips(loop_: &mut Regulated, within: u32) -> Option<(u32, Fault)> {
     (1..=within).find_map(|period| {
         loop_.period();
         match loop_.state() {
-            State::Latched(fault) => Some((period, fault)),
+            DriveState::Latched(fault) => Some((period, fault)),
             _ => None,
         }
     })
@@ -50,7 +50,7 @@ fn trips(loop_: &mut Regulated, within: u32) -> Option<(u32, Fault)> {
 
 fn latched(loop_: &Regulated) -> Option<Fault> {
     match loop_.state() {
-        State::Latched(fault) => Some(fault),
+        DriveState::Latched(fault) => Some(fault),
         _ => None,
     }
 }
@@ -61,7 +61,7 @@ fn latched(loop_: &Regulated) -> Option<Fault> {
 fn the_greatest_current_does_not_trip_and_a_little_more_does() {
     let mut loop_ = driving(12.0);
     loop_.run_for(0.3);
-    assert_eq!(loop_.state(), State::Driving);
+    assert_eq!(loop_.state(), DriveState::Driving);
     // The amplifier reads the limit of 12.7 A, whatever flows; first just below, by four times its
     // noise.
     let volts = |current_a: f64| Some(1.65 + 0.125 * current_a);
@@ -208,7 +208,7 @@ fn weak(to_a: f32, change: impl Fn(&mut Regulated)) -> (u32, Fault, Regulated) {
 
 /// What the driver says once it knows.
 fn reported(loop_: &mut Regulated) -> Option<Fault> {
-    // A look every millisecond.
+    // A poll every millisecond.
     for _ in 0..10 {
         loop_.run_for(1e-3);
         if loop_.supervisor().knows_the_cause() {
@@ -238,13 +238,13 @@ fn a_current_that_is_not_reached_is_found_in_time_and_not_before() {
 }
 
 /// What happens to bridge, coil and supply.
-type Change = fn(&mut Regulated);
+type GuardedChange = fn(&mut Regulated);
 
 /// Bridge off in the watch's time, whatever it was; the cause comes with the supply's reading. (One that
 /// falls to 6 V is regulated through.)
 #[test]
 fn a_supply_that_collapses_is_the_cause_and_an_open_coil_is_not() {
-    let collapses: [(&str, Change); 4] = [
+    let collapses: [(&str, GuardedChange); 4] = [
         ("0 V", |of| of.circuit.parameters.supply_v = 0.0),
         ("3 V", |of| of.circuit.parameters.supply_v = 3.0),
         ("4.3 V", |of| of.circuit.parameters.supply_v = 4.3),
@@ -268,7 +268,7 @@ fn a_supply_that_collapses_is_the_cause_and_an_open_coil_is_not() {
             assert_eq!(loop_.circuit.current_a(), 0.0);
         }
     }
-    let others: [(&str, Change); 3] = [
+    let others: [(&str, GuardedChange); 3] = [
         ("open", |of| of.circuit.parameters.coil_ohm = 1e4),
         ("open behind a weak supply", |of| {
             of.circuit.parameters.supply_ohm = 0.24;
@@ -324,7 +324,7 @@ fn held(
     loop_.run_for(1e-3);
     loop_.go(to_a, 1e-3).unwrap();
     loop_.run_for(10e-3);
-    assert_eq!(loop_.state(), State::Driving);
+    assert_eq!(loop_.state(), DriveState::Driving);
     loop_
 }
 
@@ -390,7 +390,7 @@ fn a_measurement_that_works_is_not_called_frozen() {
                     loop_.run_for(1e-3);
                     assert_eq!(
                         loop_.state(),
-                        State::Driving,
+                        DriveState::Driving,
                         "corner {place}, {to_a} A, noise {noise_lsb}, {ms} ms"
                     );
                 }
@@ -465,7 +465,7 @@ fn the_supply_ends_the_drive_beyond_its_limits_and_not_within() {
         loop_.go(2.0, 1e-3).unwrap();
         loop_.run_for(10e-3);
         loop_.circuit.parameters.supply_v = supply_v;
-        // 10 ms: its capacitor has five time constants, and a look comes every millisecond.
+        // 10 ms: its capacitor has five time constants, and a poll comes every millisecond.
         let found = trips(&mut loop_, 625).map(|(_, fault)| fault);
         assert_eq!(found, fault, "{supply_v} V");
     }

@@ -5,7 +5,7 @@ use ldc161x_sim::Window;
 use palpate_sim::current::LSB_A;
 use palpate_sim::mechanics::{load::Load, press::Profile};
 use palpate_sim::parameters::Parameters;
-use palpate_sim::rig::{BareRig, Reading, Rig, Specimen};
+use palpate_sim::rig::{BareRig, Rig, RigReading, Specimen};
 use palpate_sim::switches::Switches;
 use palpate_sim::thermal::CALIBRATION_C;
 use palpate_sim::world::{Holder, Setup, World};
@@ -65,7 +65,7 @@ fn transplant(name: &str, plant: &mut Parameters, other: &Parameters) {
     }
 }
 
-fn reading_bits(reading: Reading) -> [u64; 2] {
+fn reading_bits(reading: RigReading) -> [u64; 2] {
     [reading.force_n.to_bits(), reading.stage_m.to_bits()]
 }
 

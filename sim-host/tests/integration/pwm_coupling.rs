@@ -6,14 +6,14 @@ use core::cell::RefCell;
 use crate::common::{middle, ms, world};
 use embedded_hal::i2c::I2c;
 use ldc161x_sim::{Bus, Chip};
-use palpate_sim::coil::CoilDesign;
-use palpate_sim::coil::interference::{Bridge, InterferenceParameters, Oscillation};
-use palpate_sim::coil::mutual::{drive_turns, mutual_inductance_h};
-use palpate_sim::coil::tank::{SensingTank, TankState};
 use palpate_sim::current::PWM_PERIOD_S;
 use palpate_sim::electrical::{Circuit, CircuitParameters, Pins, edges};
 use palpate_sim::parameters::{EDGE_S, INTERFERENCE_V_PER_V};
 use palpate_sim::random::Stream;
+use palpate_sim::sensing_coil::CoilDesign;
+use palpate_sim::sensing_coil::interference::{Bridge, InterferenceParameters, Oscillation};
+use palpate_sim::sensing_coil::mutual::{drive_turns, mutual_inductance_h};
+use palpate_sim::sensing_coil::tank::{SensingTank, TankState};
 use palpate_sim::switches::Switches;
 use palpate_sim::world::{Setup, SharedWorld};
 

@@ -175,7 +175,7 @@ fn the_depth_asked_for_is_the_depth_pressed() {
 
 #[test]
 fn the_frequency_is_that_of_the_gap() {
-    use palpate_sim::coil::{CoilDesign, integral::CoilIntegral};
+    use palpate_sim::sensing_coil::{CoilDesign, integral::CoilIntegral};
     let world = undisturbed("ultrasoft", 1, 1.0);
     let truth = world.truth();
     let coil = CoilIntegral::new(CoilDesign::REFERENCE, None);

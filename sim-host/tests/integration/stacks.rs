@@ -1,6 +1,6 @@
 //! The files of the plants: what is in them, and what is refused.
 
-use palpate_sim::coil::CoilDesign;
+use palpate_sim::sensing_coil::CoilDesign;
 use palpate_sim::stack::{Disturbances, Stack, document::FileError, quantity::Quantity};
 
 const ULTRASOFT: &str = include_str!("../../stacks/ultrasoft.toml");

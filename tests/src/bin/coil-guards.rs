@@ -12,7 +12,7 @@ use system_tests::evidence::conclude;
 /// Runs random sequences of orders, settings, faults and clocks and holds the truth against every
 /// limit
 #[derive(Parser)]
-struct Arguments {
+struct GuardArguments {
     /// How many sequences
     #[arg(long, default_value_t = 100_000)]
     sequences: u64,
@@ -22,7 +22,7 @@ struct Arguments {
 }
 
 fn main() -> ExitCode {
-    let Arguments { sequences, seed } = Arguments::parse();
+    let GuardArguments { sequences, seed } = GuardArguments::parse();
     let half = sequences / 2;
     let other = thread::spawn(move || campaign(seed + half, sequences - half));
     let mut summary = campaign(seed, half);

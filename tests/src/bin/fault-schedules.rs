@@ -10,7 +10,7 @@ use system_tests::{
 
 /// Runs random fault schedules and holds every trusted reading against the truth.
 #[derive(Parser)]
-struct Arguments {
+struct ScheduleArguments {
     /// How many schedules
     #[arg(long, default_value_t = 100_000)]
     schedules: u64,
@@ -20,7 +20,7 @@ struct Arguments {
 }
 
 fn main() -> ExitCode {
-    let Arguments { schedules, seed } = Arguments::parse();
+    let ScheduleArguments { schedules, seed } = ScheduleArguments::parse();
     let half = schedules / 2;
     let other = thread::spawn(move || campaign(seed + half, schedules - half, run));
     let mut summary = campaign(seed, half, run);

@@ -6,12 +6,12 @@ use clap::Parser;
 use ldc161x_sim::Counter;
 use system_tests::{
     evidence::conclude,
-    sigma::{Case, cases, measure},
+    sigma::{ConverterCase, cases, measure},
 };
 
 /// Compares stated standard uncertainties with the scatter about the truth.
 #[derive(Parser)]
-struct Arguments {
+struct SigmaArguments {
     /// Readings of each channel in each case
     #[arg(long, default_value_t = 20_000)]
     readings: u32,
@@ -54,7 +54,7 @@ const CLAIMS: [Claim; 3] = [
 ];
 
 fn main() -> ExitCode {
-    let arguments = Arguments::parse();
+    let arguments = SigmaArguments::parse();
     let mut text = String::from(
         "Root mean square of (reading - true mean frequency of its conversion) over the stated \
          sigma: 1 where the statement is right. Sensors sweep over 1 % of their frequency; four \
@@ -67,7 +67,7 @@ fn main() -> ExitCode {
     conclude(&text, holds)
 }
 
-fn report(text: &mut String, claim: &Claim, arguments: &Arguments) -> bool {
+fn report(text: &mut String, claim: &Claim, arguments: &SigmaArguments) -> bool {
     let _ = writeln!(
         text,
         "\n## {}\n\n| RCOUNT | mode | noise in 1 ms | rms of error / sigma, channels 0 to 3 |\n\
@@ -97,7 +97,7 @@ fn report(text: &mut String, claim: &Claim, arguments: &Arguments) -> bool {
     lowest >= claim.lowest && highest <= claim.highest
 }
 
-fn row(text: &mut String, case: &Case, ratios: &[f64]) {
+fn row(text: &mut String, case: &ConverterCase, ratios: &[f64]) {
     let mode = if case.autoscan { "autoscan" } else { "single" };
     let list: Vec<_> = ratios.iter().map(|ratio| format!("{ratio:.3}")).collect();
     let _ = writeln!(

@@ -139,10 +139,15 @@ fn frames_cost_what_the_plan_counts_on() {
 
 #[test]
 fn the_probe_finds_what_releases_the_interrupt() {
-    use ldc161x_sim::InterruptRelease as Silicon;
     for (silicon, expected) in [
-        (Silicon::StatusOrData, InterruptRelease::ByData),
-        (Silicon::StatusOnly, InterruptRelease::ByStatusOnly),
+        (
+            ldc161x_sim::InterruptRelease::StatusOrData,
+            InterruptRelease::ByData,
+        ),
+        (
+            ldc161x_sim::InterruptRelease::StatusOnly,
+            InterruptRelease::ByStatusOnly,
+        ),
     ] {
         for acquisition in MODES {
             let switches = Switches {

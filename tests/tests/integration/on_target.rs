@@ -8,7 +8,7 @@ use crate::support::sensor::Sensor;
 use crate::support::{Observed, OwnEvent, Rig};
 use crate::{arithmetic, tape};
 use ldc161x_sim::Settings;
-use palpate_board::{Board, Image, Options, Still, Time, firmware};
+use palpate_emulator::{EmulatedBoard, Image, Options, Still, Time, firmware};
 use palpate_procedure::Actions;
 use palpate_wire::code::{Drift, State};
 use palpate_wire::{Command, Message, Record, encode};
@@ -26,13 +26,18 @@ fn image() -> &'static Image {
 
 /// The processor, with the image's variables at hand.
 #[derive(Clone)]
-struct Target(Board<Still>);
+struct Target(EmulatedBoard<Still>);
 
 impl Target {
     fn new() -> Self {
         let plant = Still::new([3e6; 4]);
         let options = Options::default();
-        let mut target = Self(Board::new(image(), plant, Settings::default(), options));
+        let mut target = Self(EmulatedBoard::new(
+            image(),
+            plant,
+            Settings::default(),
+            options,
+        ));
         let answer = target.symbol("ANSWER");
         target
             .0

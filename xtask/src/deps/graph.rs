@@ -1,9 +1,35 @@
 //! The part of `cargo metadata` that the rules look at.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
+
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
-use cargo_metadata::{DependencyKind, Metadata, MetadataCommand, Package};
+use serde::Deserialize;
+
+/// What `cargo metadata --no-deps` prints.
+#[derive(Deserialize)]
+struct Metadata {
+    workspace_root: PathBuf,
+    packages: Vec<Package>,
+}
+
+#[derive(Deserialize)]
+struct Package {
+    name: String,
+    manifest_path: PathBuf,
+    features: BTreeMap<String, Vec<String>>,
+    dependencies: Vec<Entry>,
+}
+
+#[derive(Deserialize)]
+struct Entry {
+    name: String,
+    /// None stands for `[dependencies]`.
+    kind: Option<String>,
+    optional: bool,
+    target: Option<String>,
+}
 
 /// The workspace's crates and what they depend on directly.
 #[derive(Debug, Clone, Default)]
@@ -52,11 +78,11 @@ pub(super) enum Kind {
 impl Graph {
     /// Reads the output of `cargo metadata --no-deps`.
     pub(super) fn parse(json: &str) -> Result<Self> {
-        let metadata = MetadataCommand::parse(json)?;
+        let metadata: Metadata = serde_json::from_str(json)?;
         let crates = metadata
-            .workspace_packages()
-            .into_iter()
-            .map(|package| Crate::read(package, &metadata))
+            .packages
+            .iter()
+            .map(|package| Crate::read(package, &metadata.workspace_root))
             .collect::<Result<_>>()?;
         Ok(Self { crates })
     }
@@ -68,15 +94,15 @@ impl Graph {
 }
 
 impl Crate {
-    fn read(package: &Package, metadata: &Metadata) -> Result<Self> {
+    fn read(package: &Package, root: &Path) -> Result<Self> {
         let folder = package
             .manifest_path
             .parent()
-            .and_then(|folder| folder.strip_prefix(&metadata.workspace_root).ok())
+            .and_then(|folder| folder.strip_prefix(root).ok()?.to_str())
             .with_context(|| format!("{} lies outside the workspace's folder", package.name))?;
         Ok(Self {
-            name: package.name.to_string(),
-            folder: folder.as_str().replace('\\', "/"),
+            name: package.name.clone(),
+            folder: folder.replace('\\', "/"),
             features: package
                 .features
                 .keys()
@@ -89,12 +115,12 @@ impl Crate {
 }
 
 impl Dependency {
-    fn read(entry: &cargo_metadata::Dependency) -> Self {
+    fn read(entry: &Entry) -> Self {
         Self {
             name: entry.name.clone(),
-            kind: match entry.kind {
-                DependencyKind::Development => Kind::Dev,
-                DependencyKind::Build => Kind::Build,
+            kind: match entry.kind.as_deref() {
+                Some("dev") => Kind::Dev,
+                Some("build") => Kind::Build,
                 // A kind that cargo may invent later is judged as strictly as there is.
                 _ => Kind::Normal,
             },

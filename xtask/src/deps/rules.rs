@@ -105,7 +105,7 @@ pub(super) const RULES: &[Rule] = &[
     },
     Rule {
         name: "board-below",
-        who: "palpate-board",
+        who: "palpate-emulator",
         may_depend: On::Only(&[
             "palpate-sim",
             "palpate-procedure",
@@ -120,7 +120,7 @@ pub(super) const RULES: &[Rule] = &[
         who: "palpate",
         may_depend: On::Only(&[
             "palpate-sim",
-            "palpate-board",
+            "palpate-emulator",
             "palpate-wire",
             "palpate-field",
             DRIVERS,

@@ -80,8 +80,8 @@ const SOUND: &[(&str, &str, RunsOn, &[&str])] = &[
         ],
     ),
     (
-        "palpate-board",
-        "sim-host/board",
+        "palpate-emulator",
+        "sim-host/emulator",
         RunsOn::Host,
         &["palpate-sim", "palpate-procedure", "rp2040-emu"],
     ),
@@ -91,7 +91,7 @@ const SOUND: &[(&str, &str, RunsOn, &[&str])] = &[
         RunsOn::Host,
         &[
             "palpate-sim",
-            "palpate-board",
+            "palpate-emulator",
             "palpate-wire",
             "palpate-field",
             "ldc161x",
@@ -118,7 +118,7 @@ const PLANTED: &[(&str, &str, &str, Kind)] = &[
         "palpate-sim",
         Kind::Normal,
     ),
-    ("board-below", "palpate-board", "ldc161x", Kind::Normal),
+    ("board-below", "palpate-emulator", "ldc161x", Kind::Normal),
     (
         "field-on-model",
         "palpate-field",

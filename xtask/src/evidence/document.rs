@@ -1,6 +1,6 @@
 //! The text of an evidence file.
 
-use anyhow::{Result, bail};
+use anyhow::{Context, Result, bail};
 
 use super::provenance::Origin;
 
@@ -26,6 +26,8 @@ pub(super) struct Record<'a> {
     pub(super) seed: Option<String>,
     /// The sources, the day and the compiler.
     pub(super) origin: Origin,
+    /// The paths of the code that decides the result.
+    pub(super) rests_on: &'a [&'a str],
     /// How long it took, building included.
     pub(super) seconds: u64,
 }
@@ -34,6 +36,7 @@ impl Record<'_> {
     /// The file: heading, origin, result.
     pub(super) fn render(&self, result: &str) -> String {
         let seed = self.seed.as_deref().unwrap_or("none");
+        let rests_on: Vec<_> = self.rests_on.iter().map(|it| format!("`{it}`")).collect();
         format!(
             "# Evidence: {name}\n\n\
              {purpose}\n\n\
@@ -42,6 +45,7 @@ impl Record<'_> {
              |---|---|\n\
              | Command | `{command}` |\n\
              | Commit | {commit} |\n\
+             | Rests on | {rests_on} |\n\
              | Seed | {seed} |\n\
              | Date | {date} (UTC) |\n\
              | Toolchain | {toolchain} |\n\
@@ -52,11 +56,28 @@ impl Record<'_> {
             purpose = self.purpose,
             command = self.command,
             commit = self.origin.commit,
+            rests_on = rests_on.join(", "),
             date = self.origin.date,
             toolchain = self.origin.toolchain,
             seconds = self.seconds,
         )
     }
+}
+
+/// The commit and the paths that a page names in its heading's table.
+pub(super) fn origin(page: &str) -> Result<(&str, Vec<&str>)> {
+    let commit = cell(page, "Commit")?;
+    let commit = commit.strip_suffix(" (dirty)").unwrap_or(commit);
+    let paths = cell(page, "Rests on")?.split(", ");
+    Ok((commit, paths.map(|path| path.trim_matches('`')).collect()))
+}
+
+/// What stands beside a label in the table.
+fn cell<'p>(page: &'p str, label: &str) -> Result<&'p str> {
+    let start = format!("| {label} | ");
+    page.lines()
+        .find_map(|line| line.strip_prefix(&start)?.strip_suffix(" |"))
+        .with_context(|| format!("the table has no row `{label}`"))
 }
 
 /// The result between the two markers of a campaign's output.
@@ -142,6 +163,7 @@ mod tests {
                 date: "2026-02-03".to_owned(),
                 toolchain: "rustc 1.95.0".to_owned(),
             },
+            rests_on: &["model/src", "tests"],
             seconds: 61,
         };
         let text = record.render("## Result");
@@ -149,6 +171,7 @@ mod tests {
             "# Evidence: trial",
             "| Command | `cargo run -- --seed 7` |",
             "| Commit | 0123abcd (dirty) |",
+            "| Rests on | `model/src`, `tests` |",
             "| Seed | 7 |",
             "| Date | 2026-02-03 (UTC) |",
             "| Toolchain | rustc 1.95.0 |",
@@ -157,5 +180,7 @@ mod tests {
         ] {
             assert!(text.lines().any(|l| l == line), "no line `{line}`");
         }
+        let (commit, paths) = origin(&text).unwrap();
+        assert_eq!((commit, paths), ("0123abcd", vec!["model/src", "tests"]));
     }
 }

@@ -68,7 +68,8 @@ pub(crate) fn compare(
     }
     let purpose = "The field solver beside NGSolve and GetDP on every named case.";
     let command = "cargo xtask field-peers";
-    crate::evidence::keep(workspace, "field-peers", purpose, command, || {
+    let rests_on = &["model/field/src", "xtask/src/field_peers"];
+    crate::evidence::keep(workspace, "field-peers", purpose, command, rests_on, || {
         run(workspace, python, &CASES)
     })
 }

@@ -25,7 +25,7 @@ fn chip_with(change: impl FnOnce(&mut Switches)) -> Chip<[f64; 4]> {
 
 /// Time and bit times of one transaction of register reads at 400 kHz.
 fn cost(registers: &[u8]) -> (u64, Time) {
-    let rig = Rig::new(Settings::default(), [3e6; 4]);
+    let rig = ChipRig::new(Settings::default(), [3e6; 4]);
     let mut buffers = vec![[0; 2]; registers.len()];
     let pointers: Vec<[u8; 1]> = registers.iter().map(|&register| [register]).collect();
     let mut operations = Vec::new();
@@ -56,7 +56,7 @@ fn frames_cost_what_the_reference_counts() {
 
 #[test]
 fn a_register_write_costs_38_bits() {
-    let rig = Rig::new(Settings::default(), [3e6]);
+    let rig = ChipRig::new(Settings::default(), [3e6]);
     rig.write(0x08, 0x1234);
     assert_eq!(rig.chip.borrow().traffic().bit_times(), 38);
     assert_eq!(rig.now(), us(95));
@@ -64,7 +64,7 @@ fn a_register_write_costs_38_bits() {
 
 #[test]
 fn adjacent_operations_of_one_kind_are_one_transfer() {
-    let rig = Rig::new(Settings::default(), [3e6]);
+    let rig = ChipRig::new(Settings::default(), [3e6]);
     let (mut high, mut low, mut none) = ([0; 1], [0; 1], [0; 0]);
     rig.bus()
         .transaction(
@@ -227,7 +227,7 @@ fn a_write_takes_effect_with_its_second_byte() {
 #[test]
 fn what_follows_the_two_bytes_of_a_read() {
     for &burst_read in BurstRead::VARIANTS {
-        let rig = Rig::new(
+        let rig = ChipRig::new(
             with_switches(Settings::default(), |s| s.burst_read = burst_read),
             [3e6],
         );
@@ -292,7 +292,7 @@ fn an_early_termination_may_corrupt_what_follows() {
 
 #[test]
 fn a_read_of_one_byte_is_an_early_termination() {
-    let rig = Rig::new(Settings::default(), [3e6]);
+    let rig = ChipRig::new(Settings::default(), [3e6]);
     let mut byte = [0];
     rig.bus()
         .write_read(ADDRESS, &[0x7E], &mut byte)
@@ -305,7 +305,7 @@ fn a_read_of_one_byte_is_an_early_termination() {
 
 #[test]
 fn probing_the_address_is_harmless() {
-    let rig = Rig::new(Settings::default(), [3e6]);
+    let rig = ChipRig::new(Settings::default(), [3e6]);
     rig.bus().write(ADDRESS, &[]).expect("an answer");
     rig.bus().write(ADDRESS, &[0x7E]).expect("an answer");
     assert_eq!(rig.chip.borrow().misuse(), Default::default());
@@ -316,7 +316,7 @@ fn probing_the_address_is_harmless() {
 fn writes_while_converting() {
     for &active_write in ActiveWrite::VARIANTS {
         let settings = with_switches(quiet(40e6), |s| s.active_write = active_write);
-        let rig = Rig::new(settings, [3e6]);
+        let rig = ChipRig::new(settings, [3e6]);
         rig.single(2500);
         rig.convert(0, 1);
         rig.write(0x08, 5000);
@@ -352,7 +352,7 @@ fn writes_while_converting() {
 fn config_while_converting_can_always_sleep() {
     for &active_write in ActiveWrite::VARIANTS {
         let settings = with_switches(quiet(40e6), |s| s.active_write = active_write);
-        let rig = Rig::new(settings, [3e6; 2]);
+        let rig = ChipRig::new(settings, [3e6; 2]);
         rig.prepare(1, 2500, 20);
         rig.single(2500);
         rig.convert(0, 1);
@@ -371,7 +371,7 @@ fn config_while_converting_can_always_sleep() {
 
 #[test]
 fn the_shutdown_pin_loses_the_registers_and_the_bus_for_two_milliseconds() {
-    let rig = Rig::new(Settings::default(), [3e6]);
+    let rig = ChipRig::new(Settings::default(), [3e6]);
     let mut pin = ShutdownPin::new(&rig.chip);
     let mut delay = Delay::new(&rig.chip);
     let nack = Err(I2cError::NoAcknowledge(NoAcknowledgeSource::Address));
@@ -400,7 +400,7 @@ fn the_shutdown_pin_loses_the_registers_and_the_bus_for_two_milliseconds() {
 
 #[test]
 fn the_interrupt_pin_follows_the_chip() {
-    let rig = Rig::new(Settings::default(), [3e6]);
+    let rig = ChipRig::new(Settings::default(), [3e6]);
     let mut pin = IntbPin::new(&rig.chip);
     assert_eq!((pin.is_high(), pin.is_low()), (Ok(true), Ok(false)));
     rig.single(1000);
@@ -410,7 +410,7 @@ fn the_interrupt_pin_follows_the_chip() {
 
 #[test]
 fn delays_take_their_time() {
-    let rig = Rig::new(Settings::default(), [3e6]);
+    let rig = ChipRig::new(Settings::default(), [3e6]);
     let mut delay = Delay::new(&rig.chip);
     delay.delay_ns(1);
     delay.delay_us(2);
@@ -442,7 +442,7 @@ fn errors_tell_what_they_are() {
 
 #[test]
 fn a_borrow_held_by_the_test_is_an_error_and_no_panic() {
-    let rig = Rig::new(Settings::default(), [3e6]);
+    let rig = ChipRig::new(Settings::default(), [3e6]);
     let held = rig.chip.borrow_mut();
     assert_eq!(rig.try_read(0x7E), Err(I2cError::Borrowed));
     Delay::new(&rig.chip).delay_ms(1);
@@ -469,7 +469,7 @@ mod asynchronous {
     #[test]
     fn the_same_bus_serves_asynchronous_drivers() {
         use embedded_hal_async::{delay::DelayNs, i2c::I2c};
-        let rig = Rig::new(Settings::default(), [3e6]);
+        let rig = ChipRig::new(Settings::default(), [3e6]);
         let mut bytes = [0; 2];
         let mut bus = rig.bus();
         ready(I2c::write_read(&mut bus, ADDRESS, &[0x7E], &mut bytes)).expect("an answer");

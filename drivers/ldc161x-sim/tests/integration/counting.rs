@@ -2,19 +2,25 @@
 
 use crate::common::*;
 use ldc161x_sim::{
-    Conversion, Conversions, Counter, Deglitch33, Errors, RcountMinimum, Sensors, Settings, StartUp,
+    Conversions, Counter, Deglitch33, Errors, RcountMinimum, Sensors, Settings, StartUp,
+    TrueConversion,
 };
 
 const FULL_SCALE: f64 = 268_435_456.0;
 
-fn convert<S: Sensors>(rig: &Rig<S>) -> Conversion {
+fn convert<S: Sensors>(rig: &ChipRig<S>) -> TrueConversion {
     rig.convert(0, 1);
     *rig.chip.borrow().last_conversion(0).expect("a conversion")
 }
 
 /// A single-channel rig on a slowly rising frequency, so that all phases come by.
-fn sweep(settings: Settings, rcount: u16, start_hz: f64, slope_hz_per_s: f64) -> Rig<impl Sensors> {
-    let rig = Rig::new(settings, move |_: usize, time: f64| {
+fn sweep(
+    settings: Settings,
+    rcount: u16,
+    start_hz: f64,
+    slope_hz_per_s: f64,
+) -> ChipRig<impl Sensors> {
+    let rig = ChipRig::new(settings, move |_: usize, time: f64| {
         start_hz + slope_hz_per_s * time
     });
     rig.single(rcount);
@@ -207,7 +213,7 @@ fn a_sensor_locked_to_the_reference_does_not_dither() {
     let settings = with_switches(quiet(12e6), |switches| {
         switches.overhead = ldc161x_sim::Overhead::NONE;
     });
-    let rig = Rig::new(settings, [3e6 / 4.0]);
+    let rig = ChipRig::new(settings, [3e6 / 4.0]);
     rig.single(1500);
     let first = convert(&rig).word;
     assert!((0..200).all(|_| convert(&rig).word == first));
@@ -215,7 +221,7 @@ fn a_sensor_locked_to_the_reference_does_not_dither() {
 
 #[test]
 fn without_quantisation_words_are_the_exact_ratio() {
-    let rig = Rig::new(Settings::ideal(), [3.217_003e6]);
+    let rig = ChipRig::new(Settings::ideal(), [3.217_003e6]);
     rig.single(100);
     let word = convert(&rig).word;
     assert!((f64::from(word) - FULL_SCALE * 3.217_003e6 / 40e6).abs() <= 0.5);
@@ -231,7 +237,7 @@ fn dividers_and_offset_follow_equation_6() {
         (1, 3, 0x1000),
         (3, 2, 0x07FF),
     ] {
-        let rig = Rig::new(Settings::ideal(), [2.5e6]);
+        let rig = ChipRig::new(Settings::ideal(), [2.5e6]);
         rig.prepare(0, 1000, 20);
         rig.write(0x14, fin << 12 | fref);
         rig.write(0x0C, offset);
@@ -252,7 +258,7 @@ fn dividers_and_offset_follow_equation_6() {
 #[test]
 fn a_divided_sensor_is_quantised_alike() {
     // FIN_DIVIDER 2: half as many, twice as long periods between the same two gates
-    let rig = Rig::new(quiet(40e6), |_: usize, time: f64| 6.0e6 + 100.0 * time);
+    let rig = ChipRig::new(quiet(40e6), |_: usize, time: f64| 6.0e6 + 100.0 * time);
     rig.prepare(0, 2500, 20);
     rig.write(0x14, 0x2001);
     rig.write(0x1B, 0x020D);
@@ -272,7 +278,7 @@ fn a_divided_sensor_is_quantised_alike() {
 #[test]
 fn under_range_over_range_and_zero_count() {
     let word_of = |sensor_hz: f64, dividers: u16, offset: u16| {
-        let rig = Rig::new(quiet(10e6), [sensor_hz]);
+        let rig = ChipRig::new(quiet(10e6), [sensor_hz]);
         rig.single(1000);
         rig.write(0x1A, 0x3601);
         rig.write(0x14, dividers);
@@ -306,7 +312,7 @@ fn the_smallest_rcount_that_converts() {
             let settings = with_switches(quiet(40e6), |switches| {
                 switches.rcount_minimum = minimum;
             });
-            let rig = Rig::new(settings, [5e6]);
+            let rig = ChipRig::new(settings, [5e6]);
             rig.single(rcount);
             let conversion = convert(&rig);
             let converts = match minimum {
@@ -344,7 +350,7 @@ fn a_slow_deglitch_filter_spoils_the_count_silently() {
             ),
         ] {
             let settings = with_switches(quiet(40e6), |switches| switches.deglitch_33 = widest);
-            let rig = Rig::new(settings, [3.2e6]);
+            let rig = ChipRig::new(settings, [3.2e6]);
             rig.single(1000);
             rig.write(0x1A, 0x3601);
             rig.write(0x1B, 0x0208 | code);
@@ -369,7 +375,7 @@ fn a_slow_deglitch_filter_spoils_the_count_silently() {
 fn a_moving_frequency_is_averaged_over_the_window() {
     // 3 MHz with a vibration of 200 Hz and 5 kHz amplitude, against 1 ms windows
     let wave = |_: usize, t: f64| 3e6 + 5e3 * (core::f64::consts::TAU * 200.0 * t).sin();
-    let rig = Rig::new(Settings::ideal(), wave);
+    let rig = ChipRig::new(Settings::ideal(), wave);
     rig.single(2500);
     for _ in 0..50 {
         let conversion = convert(&rig);
@@ -398,7 +404,7 @@ fn noise_is_white() {
             },
             ..ideal
         };
-        let rig = Rig::new(settings, [3e6]);
+        let rig = ChipRig::new(settings, [3e6]);
         rig.single(rcount);
         let count = 4_000;
         let errors: Vec<f64> = (0..count)
@@ -433,7 +439,7 @@ fn the_phase_runs_on_between_conversions_of_a_single_channel() {
     // One unknown phase at the beginning must explain all conversions after it, through the pauses
     // of 11 clocks between them, and behind a divider as well.
     for (divider, sensor_hz) in [(1_u16, 3_171_933.0), (2, 5_171_933.0)] {
-        let rig = Rig::new(quiet(40e6), [sensor_hz]);
+        let rig = ChipRig::new(quiet(40e6), [sensor_hz]);
         rig.single(300);
         rig.write(0x1A, 0x3601);
         rig.write(0x14, divider << 12 | 1);
@@ -466,7 +472,7 @@ fn the_phase_runs_on_between_conversions_of_a_single_channel() {
 
 #[test]
 fn each_activation_begins_with_a_phase_of_chance() {
-    let rig = Rig::new(quiet(40e6), [4e6; 2]);
+    let rig = ChipRig::new(quiet(40e6), [4e6; 2]);
     // exactly ten clocks a period: in a single channel every word would be the same
     rig.autoscan(1, 100, 20);
     let words: std::collections::BTreeSet<u32> = (0..100).map(|_| convert(&rig).word).collect();
@@ -491,7 +497,7 @@ fn what_pulls_the_oscillation_reaches_the_word() {
             -0.125
         }
     }
-    let rig = Rig::new(Settings::ideal(), Pulled(Vec::new().into()));
+    let rig = ChipRig::new(Settings::ideal(), Pulled(Vec::new().into()));
     rig.single(2500);
     let conversion = convert(&rig);
     // 16 * 2500 periods of 40 MHz are 1 ms: an eighth of a cycle less is 125 Hz.

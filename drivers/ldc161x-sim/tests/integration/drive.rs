@@ -2,8 +2,8 @@
 
 use crate::common::*;
 use ldc161x_sim::{
-    Conversion, DRIVE_CURRENTS_UA, Drive, Errors, Sensors, Settings, SleepExit, Tank, Time,
-    amplitude_v, calibrated_code, drive_current_a,
+    DRIVE_CURRENTS_UA, Errors, SensorDrive, Sensors, Settings, SleepExit, Tank, Time,
+    TrueConversion, amplitude_v, calibrated_code, drive_current_a,
 };
 
 /// A tank of 3 MHz with the given losses and quality factor.
@@ -16,14 +16,14 @@ fn tank(parallel_resistance_ohm: f64, quality_factor: f64) -> Tank {
     }
 }
 
-fn first_conversion<S: Sensors>(rig: &Rig<S>) -> Conversion {
+fn first_conversion<S: Sensors>(rig: &ChipRig<S>) -> TrueConversion {
     rig.convert(0, 1);
     *rig.chip.borrow().last_conversion(0).expect("a conversion")
 }
 
 /// A rig whose channel 0 runs with a drive code.
-fn driven<S: Sensors>(settings: Settings, sensors: S, code: u16, config: u16) -> Rig<S> {
-    let rig = Rig::new(settings, sensors);
+fn driven<S: Sensors>(settings: Settings, sensors: S, code: u16, config: u16) -> ChipRig<S> {
+    let rig = ChipRig::new(settings, sensors);
     rig.prepare(0, 2500, 0x100);
     rig.write(0x1E, code << 11);
     rig.write(0x19, 0xF8FD);
@@ -83,7 +83,7 @@ fn oscillation_stops_below_the_least_amplitude() {
 
 #[test]
 fn a_step_of_the_drive_and_the_clamp_shift_the_frequency() {
-    let drive = Drive {
+    let drive = SensorDrive {
         shift_per_code: 3e-6,
         clamp_shift_per_volt: -1e-3,
         ..Settings::ideal().drive
@@ -111,7 +111,7 @@ fn a_step_of_the_drive_and_the_clamp_shift_the_frequency() {
 fn too_short_a_settling_shows_in_amplitude_and_frequency() {
     // Q 100 at 3 MHz: time constant 10.6 us. Code 21 at 3.9 kohm: 1.70 V settled.
     let settings = Settings {
-        drive: Drive {
+        drive: SensorDrive {
             settling_shift: -1e-3,
             ..Settings::ideal().drive
         },
@@ -123,7 +123,7 @@ fn too_short_a_settling_shows_in_amplitude_and_frequency() {
         (84, (-33.6_f64 / 10.61).exp(), Errors::NONE), // Q/f = 33.3 us: datasheet equation 10
         (1000, 0.0, Errors::NONE),
     ] {
-        let rig = Rig::new(settings, [tank(3.9e3, 100.0)]);
+        let rig = ChipRig::new(settings, [tank(3.9e3, 100.0)]);
         rig.single(2500);
         rig.write(0x1A, 0x3601);
         rig.write(0x10, settle);
@@ -145,7 +145,7 @@ fn too_short_a_settling_shows_in_amplitude_and_frequency() {
 #[test]
 fn full_current_activation_settles_sooner_than_low_power() {
     let amplitude = |config| {
-        let rig = Rig::new(Settings::ideal(), [tank(3.9e3, 100.0)]);
+        let rig = ChipRig::new(Settings::ideal(), [tank(3.9e3, 100.0)]);
         rig.single(2500);
         rig.write(0x1A, 0x3601);
         rig.write(0x10, 26);
@@ -158,7 +158,7 @@ fn full_current_activation_settles_sooner_than_low_power() {
 
 #[test]
 fn autoscan_settles_each_time() {
-    let rig = Rig::new(quiet(40e6), [tank(3.9e3, 100.0); 2]);
+    let rig = ChipRig::new(quiet(40e6), [tank(3.9e3, 100.0); 2]);
     rig.autoscan(1, 500, 26);
     rig.write(0x1A, 0x3601);
     rig.write(0x1A, 0x1E01);
@@ -264,7 +264,7 @@ fn interrupted(_: usize, time_s: f64) -> f64 {
 
 #[test]
 fn zero_counts_precede_the_watchdog_in_single_channel_mode() {
-    let rig = Rig::new(quiet(40e6), interrupted);
+    let rig = ChipRig::new(quiet(40e6), interrupted);
     rig.single(2500);
     while rig.now() < ms(22) {
         rig.convert(0, 1);
@@ -286,7 +286,7 @@ fn zero_counts_precede_the_watchdog_in_single_channel_mode() {
 
 #[test]
 fn the_watchdog_restarts_until_the_sensor_returns() {
-    let rig = Rig::new(quiet(40e6), interrupted);
+    let rig = ChipRig::new(quiet(40e6), interrupted);
     rig.single(20_000); // 8 ms: longer than the watchdog
     rig.convert(0, 2);
     let before = rig.chip.borrow().conversions(0);
@@ -329,7 +329,7 @@ fn the_watchdog_restarts_until_the_sensor_returns() {
 #[test]
 fn the_watchdog_takes_less_than_250_hz_for_silence() {
     for (sensor_hz, barks) in [(240.0, true), (260.0, false)] {
-        let rig = Rig::new(quiet(2e6), [sensor_hz]);
+        let rig = ChipRig::new(quiet(2e6), [sensor_hz]);
         rig.single(0xFFFF); // 0.5 s
         rig.wait(ms(1_200));
         let status = rig.read(0x18);
@@ -340,7 +340,7 @@ fn the_watchdog_takes_less_than_250_hz_for_silence() {
 
 #[test]
 fn autoscan_has_no_watchdog_but_zero_counts() {
-    let rig = Rig::new(quiet(40e6), [3e6, 0.0]);
+    let rig = ChipRig::new(quiet(40e6), [3e6, 0.0]);
     rig.autoscan(1, 20_000, 20);
     rig.convert(1, 3);
     let status = rig.read(0x18);
@@ -363,7 +363,7 @@ fn without_a_reference_nothing_ends() {
             external_clock: clkin,
             ..quiet(40e6)
         };
-        let rig = Rig::new(settings, [3e6; 2]);
+        let rig = ChipRig::new(settings, [3e6; 2]);
         rig.single(1000);
         rig.write(0x1A, 0x3601);
         rig.write(0x14, dividers);
@@ -376,7 +376,7 @@ fn without_a_reference_nothing_ends() {
             "the watchdog runs on its own clock"
         );
 
-        let rig = Rig::new(settings, [3e6; 2]);
+        let rig = ChipRig::new(settings, [3e6; 2]);
         rig.autoscan(1, 1000, 20);
         rig.write(0x1A, 0x3601);
         rig.write(0x14, dividers);
@@ -391,7 +391,7 @@ fn without_a_reference_nothing_ends() {
 fn leaving_sleep_may_lose_the_registers_once() {
     for &exit in SleepExit::VARIANTS {
         let settings = with_switches(quiet(40e6), |switches| switches.sleep_exit = exit);
-        let rig = Rig::new(settings, [3e6]);
+        let rig = ChipRig::new(settings, [3e6]);
         rig.single(1000);
         let loses = exit == SleepExit::LosesOnce;
         assert_eq!(

@@ -3,15 +3,15 @@
 use crate::common::*;
 use embedded_hal::i2c::NoAcknowledgeSource;
 use ldc161x_sim::{
-    Ack, ExternalClock, FAULT_SLOTS, Fault, FaultEvent, FaultState, I2cError, Lost, Path,
+    Ack, ChipFault, ExternalClock, FAULT_SLOTS, FaultEvent, FaultState, I2cError, Lost, Path,
     ScheduleFull, Settings, Span, Strike, Time, Trigger,
 };
 
 const T0: Time = Time::ZERO;
 const ADDRESS_NACK: I2cError = I2cError::NoAcknowledge(NoAcknowledgeSource::Address);
 
-fn rig() -> Rig<[f64; 4]> {
-    Rig::new(quiet(40e6), [3e6; 4])
+fn rig() -> ChipRig<[f64; 4]> {
+    ChipRig::new(quiet(40e6), [3e6; 4])
 }
 
 #[test]
@@ -19,7 +19,7 @@ fn a_full_brown_out_is_a_power_on_reset() {
     let rig = rig();
     rig.single(1000);
     rig.wait(ms(2));
-    let fault = rig.for_time(T0, Fault::BrownOut(Lost::Everything));
+    let fault = rig.for_time(T0, ChipFault::BrownOut(Lost::Everything));
     assert!(!rig.intb_is_low());
     assert!(!rig.chip.borrow().is_converting());
     assert_eq!(rig.try_read(0x7E), Err(ADDRESS_NACK), "it has to wake up");
@@ -38,7 +38,7 @@ fn a_partial_brown_out_changes_the_chosen_registers_alone() {
     let done = rig.chip.borrow().conversions(0);
     // RCOUNT0, ERROR_CONFIG and DRIVE_CURRENT0
     let which = 1 << 0x08 | 1 << 0x19 | 1 << 0x1E;
-    rig.for_time(T0, Fault::BrownOut(Lost::Registers(which)));
+    rig.for_time(T0, ChipFault::BrownOut(Lost::Registers(which)));
     assert_eq!(rig.read(0x08), 0x0080);
     assert_eq!(rig.read(0x19), 0x0000);
     assert_eq!(rig.read(0x1E), 0x0000);
@@ -47,7 +47,7 @@ fn a_partial_brown_out_changes_the_chosen_registers_alone() {
     rig.wait(ms(2));
     assert!(rig.chip.borrow().conversions(0) > done);
     // with CONFIG among them it falls asleep
-    rig.for_time(T0, Fault::BrownOut(Lost::Registers(1 << 0x1A)));
+    rig.for_time(T0, ChipFault::BrownOut(Lost::Registers(1 << 0x1A)));
     assert!(!rig.chip.borrow().is_converting());
 }
 
@@ -66,7 +66,7 @@ fn an_upset_register_stays_upset() {
     rig.single(2500);
     let event = FaultEvent::at(
         ms(3),
-        Fault::RegisterUpset {
+        ChipFault::RegisterUpset {
             address: 0x08,
             bits: 0x0400,
         },
@@ -80,7 +80,7 @@ fn an_upset_register_stays_upset() {
     // the sleep bit of CONFIG puts it to sleep
     rig.for_time(
         T0,
-        Fault::RegisterUpset {
+        ChipFault::RegisterUpset {
             address: 0x1A,
             bits: 0x2000,
         },
@@ -89,7 +89,7 @@ fn an_upset_register_stays_upset() {
     // and wakes it
     rig.for_time(
         T0,
-        Fault::RegisterUpset {
+        ChipFault::RegisterUpset {
             address: 0x1A,
             bits: 0x2000,
         },
@@ -100,12 +100,12 @@ fn an_upset_register_stays_upset() {
 #[test]
 fn a_stuck_interrupt_line() {
     let rig = rig();
-    rig.for_time(ms(1), Fault::IntbStuck { low: true });
+    rig.for_time(ms(1), ChipFault::IntbStuck { low: true });
     assert!(rig.intb_is_low());
     rig.wait(ms(1));
     assert!(!rig.intb_is_low());
     rig.single(1000);
-    rig.for_time(ms(5), Fault::IntbStuck { low: false });
+    rig.for_time(ms(5), ChipFault::IntbStuck { low: false });
     rig.convert(0, 1);
     assert!(!rig.intb_is_low());
     assert_eq!(
@@ -124,7 +124,7 @@ fn a_lost_clock_aborts_the_conversion_and_its_return_restarts_it() {
     rig.convert(0, 1);
     rig.read(0x18);
     rig.wait(us(300));
-    rig.for_time(ms(12), Fault::ClockLoss);
+    rig.for_time(ms(12), ChipFault::ClockLoss);
     let done = rig.chip.borrow().conversions(0);
     rig.wait(ms(11));
     assert_eq!(rig.chip.borrow().conversions(0), done);
@@ -144,7 +144,7 @@ fn a_lost_clkin_does_not_matter_to_the_internal_oscillator() {
     rig.write(0x1A, 0x1401);
     rig.convert(0, 1);
     let done = rig.chip.borrow().conversions(0);
-    rig.for_time(ms(10), Fault::ClockLoss);
+    rig.for_time(ms(10), ChipFault::ClockLoss);
     rig.wait(ms(5));
     assert!(rig.chip.borrow().conversions(0) >= done + 4);
 }
@@ -152,7 +152,7 @@ fn a_lost_clkin_does_not_matter_to_the_internal_oscillator() {
 #[test]
 fn the_test_can_know_when_a_fault_acts() {
     let rig = rig();
-    let event = FaultEvent::at(ms(1), Fault::Absent, ms(2));
+    let event = FaultEvent::at(ms(1), ChipFault::Absent, ms(2));
     let fault = rig.schedule(event);
     let state = || rig.chip.borrow().fault_state(fault);
     assert_eq!(state(), Some(FaultState::Waiting));
@@ -179,12 +179,12 @@ fn the_test_can_know_when_a_fault_acts() {
 #[test]
 fn faults_last_until_cleared() {
     let rig = rig();
-    rig.schedule(FaultEvent::from(ms(1), Fault::Absent));
-    rig.schedule(FaultEvent::from(ms(900), Fault::Absent));
+    rig.schedule(FaultEvent::from(ms(1), ChipFault::Absent));
+    rig.schedule(FaultEvent::from(ms(900), ChipFault::Absent));
     rig.schedule(FaultEvent {
         trigger: Trigger::At(T0),
         span: Span::Forever,
-        fault: Fault::ClockLoss,
+        fault: ChipFault::ClockLoss,
     });
     rig.wait(ms(500));
     assert_eq!(rig.try_read(0x7E), Err(ADDRESS_NACK));
@@ -197,16 +197,16 @@ fn faults_last_until_cleared() {
 #[test]
 fn the_schedule_is_bounded_and_reuses_what_is_over() {
     let rig = rig();
-    let far = FaultEvent::from(ms(1_000), Fault::Absent);
+    let far = FaultEvent::from(ms(1_000), ChipFault::Absent);
     for _ in 0..FAULT_SLOTS {
         rig.schedule(far);
     }
     assert_eq!(rig.chip.borrow_mut().schedule(far), Err(ScheduleFull));
     rig.chip.borrow_mut().clear_faults();
-    let first = rig.schedule(FaultEvent::at(rig.now(), Fault::Absent, us(1)));
+    let first = rig.schedule(FaultEvent::at(rig.now(), ChipFault::Absent, us(1)));
     rig.wait(us(10));
     for _ in 0..FAULT_SLOTS {
-        rig.schedule(FaultEvent::at(rig.now(), Fault::Absent, us(1)));
+        rig.schedule(FaultEvent::at(rig.now(), ChipFault::Absent, us(1)));
         rig.wait(us(10));
     }
     assert_eq!(
@@ -223,10 +223,10 @@ fn the_schedule_is_bounded_and_reuses_what_is_over() {
 #[test]
 fn faults_draw_nothing_from_the_noise() {
     let words = |with_fault: bool| {
-        let rig = Rig::new(Settings::default(), [3e6; 4]);
+        let rig = ChipRig::new(Settings::default(), [3e6; 4]);
         if with_fault {
             let strike = Strike::Probability(0.5);
-            let fault = Fault::BitFlip {
+            let fault = ChipFault::BitFlip {
                 path: Path::ReadData,
                 strike,
             };
@@ -248,7 +248,7 @@ fn faults_draw_nothing_from_the_noise() {
 #[test]
 fn a_dip_amid_a_transaction_leaves_it_one_transaction() {
     let rig = rig();
-    rig.in_next(1, Fault::IntbStuck { low: true });
+    rig.in_next(1, ChipFault::IntbStuck { low: true });
     let mut chip = rig.chip.borrow_mut();
     chip.start(T0, ADDRESS << 1);
     chip.brown_out();
@@ -264,7 +264,7 @@ fn a_dip_amid_a_transaction_leaves_it_one_transaction() {
 fn a_late_fault_begins_at_once() {
     let rig = rig();
     rig.wait(ms(5));
-    let event = FaultEvent::at(ms(1), Fault::Absent, ms(1));
+    let event = FaultEvent::at(ms(1), ChipFault::Absent, ms(1));
     let fault = rig.chip.borrow_mut().schedule(event).expect("a free slot");
     assert_eq!(
         rig.chip.borrow().fault_state(fault),
@@ -292,7 +292,7 @@ fn settings_and_faults_can_be_written_down() {
             ..Settings::default()
         }
     );
-    let event = FaultEvent::at(ms(1), Fault::Nack { after_bytes: 2 }, ms(2));
+    let event = FaultEvent::at(ms(1), ChipFault::Nack { after_bytes: 2 }, ms(2));
     let text = serde_json::to_string(&event).expect("text");
     assert_eq!(
         serde_json::from_str::<FaultEvent>(&text).expect("an event"),

@@ -44,8 +44,8 @@ const TABLE: [(u8, u16, u16, u16); 35] = [
     (0x7F, 0x3055, 0x3055, 0x3055),
 ];
 
-fn rig() -> Rig<[f64; 4]> {
-    Rig::new(Settings::default(), [3e6; 4])
+fn rig() -> ChipRig<[f64; 4]> {
+    ChipRig::new(Settings::default(), [3e6; 4])
 }
 
 #[test]
@@ -124,7 +124,7 @@ fn config_reads_back_in_both_ways() {
         let settings = with_switches(Settings::default(), |switches| {
             switches.config_readback = readback;
         });
-        let rig = Rig::new(settings, [3e6]);
+        let rig = ChipRig::new(settings, [3e6]);
         let reserved = match readback {
             ConfigReadback::AsWritten => 0x0001,
             ConfigReadback::ReservedAsZero => 0x0000,

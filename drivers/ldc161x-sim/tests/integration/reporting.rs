@@ -9,8 +9,8 @@ use ldc161x_sim::{
 
 const DRDY: u16 = 0x0040;
 
-fn single(settings: Settings) -> Rig<[f64; 4]> {
-    let rig = Rig::new(settings, [3e6; 4]);
+fn single(settings: Settings) -> ChipRig<[f64; 4]> {
+    let rig = ChipRig::new(settings, [3e6; 4]);
     rig.single(2500);
     rig
 }
@@ -37,7 +37,7 @@ fn a_result_arrives_with_the_interrupt_and_reads_as_it_is() {
 
 #[test]
 fn every_channel_has_its_own_result() {
-    let rig = Rig::new(quiet(40e6), [3.0e6, 3.1e6, 3.2e6, 3.3e6]);
+    let rig = ChipRig::new(quiet(40e6), [3.0e6, 3.1e6, 3.2e6, 3.3e6]);
     rig.autoscan(3, 2500, 20);
     rig.next_interrupt();
     for channel in [2, 0, 3, 1] {
@@ -56,7 +56,7 @@ fn every_channel_has_its_own_result() {
 #[test]
 fn data_ready_and_its_interrupt_need_their_bit() {
     for &reporting in StatusReporting::VARIANTS {
-        let rig = Rig::new(settings_with(|s| s.status_reporting = reporting), [3e6]);
+        let rig = ChipRig::new(settings_with(|s| s.status_reporting = reporting), [3e6]);
         rig.single(2500);
         rig.write(0x1A, 0x3601);
         rig.write(0x19, 0x0000);
@@ -75,7 +75,7 @@ fn data_ready_and_its_interrupt_need_their_bit() {
 #[test]
 fn data_ready_in_autoscan_waits_for_the_last_channel() {
     for last in 1..=3 {
-        let rig = Rig::new(quiet(40e6), [3e6; 4]);
+        let rig = ChipRig::new(quiet(40e6), [3e6; 4]);
         rig.autoscan(last, 500, 20);
         let edge = rig.next_interrupt();
         let chip = rig.chip.borrow();
@@ -93,7 +93,7 @@ fn data_ready_in_autoscan_waits_for_the_last_channel() {
 
 #[test]
 fn unread_flags_show_single_channels_before_the_sequence_ends() {
-    let rig = Rig::new(quiet(40e6), [3e6; 4]);
+    let rig = ChipRig::new(quiet(40e6), [3e6; 4]);
     rig.autoscan(3, 2500, 20);
     rig.convert(1, 1);
     assert_eq!(rig.read(0x18), 0x000C);
@@ -174,7 +174,7 @@ fn an_overwritten_result_makes_no_new_edge_and_is_counted() {
 #[test]
 fn the_low_half_is_latched_by_the_high_one() {
     for &latch in ShadowLatch::VARIANTS {
-        let rig = Rig::new(
+        let rig = ChipRig::new(
             settings_with(|s| s.shadow_latch = latch),
             |_: usize, t: f64| 3e6 + 1e7 * t,
         );
@@ -211,7 +211,7 @@ fn the_low_half_is_latched_by_the_high_one() {
 fn results_of_a_cycle_reach_data_one_by_one_or_together() {
     for &overwrite in Overwrite::VARIANTS {
         let settings = with_switches(quiet(40e6), |s| s.overwrite = overwrite);
-        let rig = Rig::new(settings, |_: usize, t: f64| 3e6 + 1e7 * t);
+        let rig = ChipRig::new(settings, |_: usize, t: f64| 3e6 + 1e7 * t);
         rig.autoscan(1, 2500, 16);
         rig.next_interrupt();
         let first = rig.frame(0).1;
@@ -237,7 +237,7 @@ fn results_of_a_cycle_reach_data_one_by_one_or_together() {
 fn flags_in_data_are_cleared_by_reading_or_not() {
     for &flag_read in FlagRead::VARIANTS {
         // code 20 at 3 kohm is 1.13 V: amplitude low
-        let rig = Rig::new(settings_with(|s| s.flag_read = flag_read), [3e6]);
+        let rig = ChipRig::new(settings_with(|s| s.flag_read = flag_read), [3e6]);
         rig.single(2500);
         rig.write(0x1A, 0x3601);
         rig.write(0x1E, 0xA000);
@@ -261,7 +261,7 @@ fn flags_in_data_are_cleared_by_reading_or_not() {
 fn flags_need_their_2out_bit_and_are_not_sticky() {
     let low_once = |_: usize, t: f64| if t < 2e-3 { 12e6 } else { 3e6 };
     for (error_config, flag) in [(0xF800, 0x4000), (0x4000, 0x4000), (0xB8FD, 0)] {
-        let rig = Rig::new(quiet(10e6), low_once);
+        let rig = ChipRig::new(quiet(10e6), low_once);
         rig.single(200);
         rig.write(0x1A, 0x3601);
         rig.write(0x19, error_config);
@@ -276,8 +276,8 @@ fn flags_need_their_2out_bit_and_are_not_sticky() {
 }
 
 /// An autoscan at 10 MHz in which channels 1 and 2 have errors: 1 is over-range, 2 silent.
-fn erring(settings: Settings) -> Rig<impl Sensors> {
-    let rig = Rig::new(settings, [3e6, 12e6, 0.0, 3e6]);
+fn erring(settings: Settings) -> ChipRig<impl Sensors> {
+    let rig = ChipRig::new(settings, [3e6, 12e6, 0.0, 3e6]);
     rig.autoscan(3, 500, 100);
     rig.write(0x1A, 0x3601);
     rig.write(0x1B, 0xC20F);
@@ -306,7 +306,7 @@ fn status_keeps_the_first_channel_with_an_error_until_it_is_read() {
 
 #[test]
 fn status_is_sticky() {
-    let rig = Rig::new(
+    let rig = ChipRig::new(
         quiet(8e6),
         |_: usize, t: f64| if t < 2e-3 { 9e6 } else { 3e6 },
     );

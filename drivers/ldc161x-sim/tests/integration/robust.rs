@@ -2,7 +2,7 @@
 
 use crate::common::*;
 use ldc161x_sim::{
-    Ack, Chip, ExternalClock, Fault, FaultEvent, Lost, Overhead, Path, Settings, Span, Strike,
+    Ack, Chip, ChipFault, ExternalClock, FaultEvent, Lost, Overhead, Path, Settings, Span, Strike,
     Switches, Time, Trigger,
 };
 use proptest::prelude::*;
@@ -25,7 +25,7 @@ enum Act {
     Look(u8),
 }
 
-fn fault() -> impl Strategy<Value = Fault> {
+fn fault() -> impl Strategy<Value = ChipFault> {
     let path = prop_oneof![
         Just(Path::ReadData),
         Just(Path::WriteData),
@@ -36,22 +36,22 @@ fn fault() -> impl Strategy<Value = Fault> {
         (0.0..=1.0).prop_map(Strike::Probability)
     ];
     prop_oneof![
-        (0..6_u32).prop_map(|after_bytes| Fault::Nack { after_bytes }),
-        Just(Fault::Absent),
-        proptest::option::of(0..12_u8).prop_map(|clocks| Fault::SdaStuck { clocks }),
-        Just(Fault::SclStuck),
-        Just(Fault::BrownOut(Lost::Everything)),
-        any::<u64>().prop_map(|which| Fault::BrownOut(Lost::Registers(which))),
-        (path, strike).prop_map(|(path, strike)| Fault::BitFlip { path, strike }),
+        (0..6_u32).prop_map(|after_bytes| ChipFault::Nack { after_bytes }),
+        Just(ChipFault::Absent),
+        proptest::option::of(0..12_u8).prop_map(|clocks| ChipFault::SdaStuck { clocks }),
+        Just(ChipFault::SclStuck),
+        Just(ChipFault::BrownOut(Lost::Everything)),
+        any::<u64>().prop_map(|which| ChipFault::BrownOut(Lost::Registers(which))),
+        (path, strike).prop_map(|(path, strike)| ChipFault::BitFlip { path, strike }),
         (any::<u8>(), any::<u16>())
-            .prop_map(|(address, bits)| Fault::RegisterUpset { address, bits }),
-        (any::<u16>(), any::<u16>()).prop_map(|(manufacturer, device)| Fault::WrongIdentity {
+            .prop_map(|(address, bits)| ChipFault::RegisterUpset { address, bits }),
+        (any::<u16>(), any::<u16>()).prop_map(|(manufacturer, device)| ChipFault::WrongIdentity {
             manufacturer,
             device
         }),
-        (0..6_u32).prop_map(|after_bytes| Fault::EarlyStop { after_bytes }),
-        any::<bool>().prop_map(|low| Fault::IntbStuck { low }),
-        Just(Fault::ClockLoss),
+        (0..6_u32).prop_map(|after_bytes| ChipFault::EarlyStop { after_bytes }),
+        any::<bool>().prop_map(|low| ChipFault::IntbStuck { low }),
+        Just(ChipFault::ClockLoss),
     ]
 }
 
@@ -210,7 +210,7 @@ proptest! {
 fn a_senseless_time_is_skipped_to() {
     // the shortest conversions there are, and 213 days
     let settings = with_switches(Settings::ideal(), |s| s.overhead = Overhead::NONE);
-    let rig = Rig::new(settings, [3e6]);
+    let rig = ChipRig::new(settings, [3e6]);
     rig.single(9);
     let mut chip = rig.chip.borrow_mut();
     chip.advance_to(Time::MAX - ms(1));
@@ -228,7 +228,7 @@ fn absurd_clocks_make_no_endless_loop() {
             external_clock: Some(ExternalClock::exact(hz)),
             ..Settings::default()
         };
-        let rig = Rig::new(settings, [3e6; 2]);
+        let rig = ChipRig::new(settings, [3e6; 2]);
         rig.single(100);
         rig.wait(Time::from_ns(50));
         rig.write(0x1A, 0x3601);
@@ -240,7 +240,7 @@ fn absurd_clocks_make_no_endless_loop() {
 #[test]
 fn the_same_seed_gives_the_same_bytes_and_another_does_not() {
     let run = |seed| {
-        let rig = Rig::new(
+        let rig = ChipRig::new(
             Settings {
                 seed,
                 ..Settings::default()
@@ -262,7 +262,7 @@ fn the_same_seed_gives_the_same_bytes_and_another_does_not() {
 #[test]
 fn the_step_of_time_does_not_matter() {
     let words = |step: Time| {
-        let rig = Rig::new(Settings::default(), [3e6; 4]);
+        let rig = ChipRig::new(Settings::default(), [3e6; 4]);
         rig.single(333);
         let end = ms(50);
         let mut chip = rig.chip.borrow_mut();
@@ -280,7 +280,7 @@ fn the_step_of_time_does_not_matter() {
 
 #[test]
 fn a_clone_is_a_snapshot() {
-    let rig = Rig::new(Settings::default(), [3e6; 4]);
+    let rig = ChipRig::new(Settings::default(), [3e6; 4]);
     rig.single(333);
     rig.wait(ms(7));
     let mut copy = rig.chip.borrow().clone();
@@ -293,7 +293,7 @@ fn a_clone_is_a_snapshot() {
 
 #[test]
 fn a_sensor_can_be_changed_on_the_way() {
-    let rig = Rig::new(Settings::ideal(), [3e6]);
+    let rig = ChipRig::new(Settings::ideal(), [3e6]);
     rig.single(1000);
     rig.convert(0, 1);
     *rig.chip.borrow_mut().sensors_mut() = [4e6];

@@ -2,13 +2,14 @@
 
 use crate::common::*;
 use ldc161x_sim::{
-    Conversion, ExternalClock, InternalClock, Misuse, Overhead, Part, Sensors, Settings, Time,
+    ExternalClock, InternalClock, Misuse, Overhead, PartNumber, Sensors, Settings, Time,
+    TrueConversion,
 };
 
 /// 16384 / 43.4 MHz.
 const START_UP_S: f64 = 377.511_521e-6;
 
-fn last<S: Sensors>(rig: &Rig<S>, channel: u8) -> Conversion {
+fn last<S: Sensors>(rig: &ChipRig<S>, channel: u8) -> TrueConversion {
     *rig.chip
         .borrow()
         .last_conversion(channel)
@@ -21,7 +22,7 @@ fn close(time: Time, seconds: f64) {
 }
 
 /// Time of the write that wakes the chip: its last byte.
-fn wake<S: Sensors>(rig: &Rig<S>, config: u16) -> f64 {
+fn wake<S: Sensors>(rig: &ChipRig<S>, config: u16) -> f64 {
     rig.write(0x1A, config);
     // a STOP bit of 2.5 us follows the byte
     rig.now().as_secs_f64() - 2.5e-6
@@ -29,7 +30,7 @@ fn wake<S: Sensors>(rig: &Rig<S>, config: u16) -> f64 {
 
 #[test]
 fn the_first_conversion_waits_for_start_up_and_settling() {
-    let rig = Rig::new(quiet(40e6), [3e6]);
+    let rig = ChipRig::new(quiet(40e6), [3e6]);
     rig.prepare(0, 2500, 100);
     rig.write(0x1B, 0x020D);
     let woken = wake(&rig, 0x1601);
@@ -44,7 +45,7 @@ fn the_first_conversion_waits_for_start_up_and_settling() {
 #[test]
 fn settle_counts_of_zero_and_one_take_32_clocks() {
     for (count, clocks) in [(0, 32.0), (1, 32.0), (2, 32.0), (3, 48.0), (10, 160.0)] {
-        let rig = Rig::new(quiet(10e6), [1e6]);
+        let rig = ChipRig::new(quiet(10e6), [1e6]);
         rig.prepare(0, 100, count);
         rig.write(0x1B, 0x020D);
         let woken = wake(&rig, 0x1601);
@@ -63,7 +64,7 @@ fn single_channel_intervals_have_the_overhead_of_the_switch() {
         (Overhead::NONE, 24_192.0 / 12e6),
     ] {
         let settings = with_switches(quiet(12e6), |switches| switches.overhead = overhead);
-        let rig = Rig::new(settings, [3e6]);
+        let rig = ChipRig::new(settings, [3e6]);
         rig.single(1512);
         rig.convert(0, 1);
         let first = last(&rig, 0);
@@ -77,7 +78,7 @@ fn single_channel_intervals_have_the_overhead_of_the_switch() {
 
 #[test]
 fn the_grid_holds_for_ten_minutes() {
-    let rig = Rig::new(quiet(12e6), [3e6]);
+    let rig = ChipRig::new(quiet(12e6), [3e6]);
     rig.single(3049);
     rig.convert(0, 1);
     let first = last(&rig, 0).end;
@@ -92,7 +93,7 @@ fn the_grid_holds_for_ten_minutes() {
 #[test]
 fn autoscan_dwells_on_each_channel() {
     // dwell = settling 16*50 + conversion 16*(500 + 100 ch) clocks + 692 ns + 5 clocks, at 40 MHz
-    let rig = Rig::new(quiet(40e6), [3e6; 4]);
+    let rig = ChipRig::new(quiet(40e6), [3e6; 4]);
     let dwell =
         |channel: u8| (800.0 + 16.0 * (500.0 + 100.0 * f64::from(channel)) + 5.0) / 40e6 + 692e-9;
     for channel in 0..4 {
@@ -113,7 +114,7 @@ fn autoscan_dwells_on_each_channel() {
 
 #[test]
 fn each_channel_has_its_own_reference_divider() {
-    let rig = Rig::new(quiet(40e6), [3e6; 2]);
+    let rig = ChipRig::new(quiet(40e6), [3e6; 2]);
     rig.prepare(0, 500, 50);
     rig.prepare(1, 500, 50);
     rig.write(0x15, 0x1004);
@@ -129,8 +130,8 @@ fn each_channel_has_its_own_reference_divider() {
 fn sequences_by_part() {
     // (RR_SEQUENCE, channels of an LDC1614, channels of an LDC1612)
     for (code, four, two) in [(0, 2, 2), (1, 3, 2), (2, 4, 2), (3, 2, 2)] {
-        for (part, channels) in [(Part::Ldc1614, four), (Part::Ldc1612, two)] {
-            let rig = Rig::new(
+        for (part, channels) in [(PartNumber::Ldc1614, four), (PartNumber::Ldc1612, two)] {
+            let rig = ChipRig::new(
                 Settings {
                     part,
                     ..quiet(40e6)
@@ -160,8 +161,8 @@ fn sequences_by_part() {
 #[test]
 fn the_active_channel_by_part() {
     for (code, four, two) in [(0, 0, 0), (1, 1, 1), (2, 2, 0), (3, 3, 1)] {
-        for (part, channel) in [(Part::Ldc1614, four), (Part::Ldc1612, two)] {
-            let rig = Rig::new(
+        for (part, channel) in [(PartNumber::Ldc1614, four), (PartNumber::Ldc1612, two)] {
+            let rig = ChipRig::new(
                 Settings {
                     part,
                     ..quiet(40e6)
@@ -197,7 +198,7 @@ fn the_internal_oscillator_and_its_temperature() {
             external_clock: None,
             ..Settings::ideal()
         };
-        let rig = Rig::new(settings, [3e6]);
+        let rig = ChipRig::new(settings, [3e6]);
         rig.prepare(0, 2000, 20);
         rig.write(0x14, 0x1002);
         rig.write(0x1B, 0x020D);
@@ -228,7 +229,7 @@ fn an_erring_and_drifting_clock_shows_in_intervals_and_words() {
         external_clock: Some(clock),
         ..Settings::ideal()
     };
-    let rig = Rig::new(settings, [3e6]);
+    let rig = ChipRig::new(settings, [3e6]);
     rig.single(2500);
     rig.convert(0, 1);
     let early = last(&rig, 0);
@@ -248,7 +249,7 @@ fn an_erring_and_drifting_clock_shows_in_intervals_and_words() {
 
 #[test]
 fn sleep_stops_and_keeps_the_registers() {
-    let rig = Rig::new(quiet(40e6), [3e6]);
+    let rig = ChipRig::new(quiet(40e6), [3e6]);
     rig.single(100);
     rig.convert(0, 3);
     rig.write(0x1A, 0x3601);
@@ -268,7 +269,7 @@ fn sleep_stops_and_keeps_the_registers() {
 
 #[test]
 fn next_event_is_where_the_interrupt_falls() {
-    let rig = Rig::new(quiet(40e6), [3e6]);
+    let rig = ChipRig::new(quiet(40e6), [3e6]);
     rig.single(2500);
     let edge = rig.next_interrupt();
     assert_eq!(edge, last(&rig, 0).end);
@@ -287,7 +288,7 @@ fn misuse(clkin_hz: f64, sensor_hz: f64, writes: &[(u8, u16)]) -> Misuse {
         },
         ..quiet(clkin_hz)
     };
-    let rig = Rig::new(settings, [sensor_hz; 2]);
+    let rig = ChipRig::new(settings, [sensor_hz; 2]);
     for channel in 0..2 {
         rig.prepare(channel, 1000, 20);
     }

@@ -2,14 +2,14 @@
 
 use crate::common::*;
 use embedded_hal::i2c::{Error, ErrorKind, I2c, NoAcknowledgeSource, Operation};
-use ldc161x_sim::{Bus, Fault, FaultEvent, FaultState, I2cError, Path, Strike, Time};
+use ldc161x_sim::{Bus, ChipFault, FaultEvent, FaultState, I2cError, Path, Strike, Time};
 
 const T0: Time = Time::ZERO;
 const ADDRESS_NACK: I2cError = I2cError::NoAcknowledge(NoAcknowledgeSource::Address);
 const DATA_NACK: I2cError = I2cError::NoAcknowledge(NoAcknowledgeSource::Data);
 
-fn rig() -> Rig<[f64; 4]> {
-    Rig::new(quiet(40e6), [3e6; 4])
+fn rig() -> ChipRig<[f64; 4]> {
+    ChipRig::new(quiet(40e6), [3e6; 4])
 }
 
 #[test]
@@ -17,7 +17,7 @@ fn nack_after_each_number_of_bytes() {
     // a register write is address, pointer, high, low
     for after_bytes in 0..4 {
         let rig = rig();
-        let fault = rig.in_next(2, Fault::Nack { after_bytes });
+        let fault = rig.in_next(2, ChipFault::Nack { after_bytes });
         let expected = if after_bytes == 0 {
             ADDRESS_NACK
         } else {
@@ -46,7 +46,7 @@ fn nack_after_each_number_of_bytes() {
 fn nack_within_a_combined_read() {
     // address, pointer, address again: the third byte is refused
     let rig = rig();
-    rig.in_next(1, Fault::Nack { after_bytes: 2 });
+    rig.in_next(1, ChipFault::Nack { after_bytes: 2 });
     assert_eq!(rig.try_read(0x7E), Err(ADDRESS_NACK));
     assert_eq!(rig.read(0x7E), 0x5449);
 }
@@ -54,7 +54,7 @@ fn nack_within_a_combined_read() {
 #[test]
 fn an_absent_chip_does_not_answer() {
     let rig = rig();
-    rig.for_time(ms(1), Fault::Absent);
+    rig.for_time(ms(1), ChipFault::Absent);
     assert_eq!(rig.try_read(0x7E), Err(ADDRESS_NACK));
     rig.wait(ms(1));
     assert_eq!(rig.read(0x7E), 0x5449);
@@ -63,7 +63,7 @@ fn an_absent_chip_does_not_answer() {
 #[test]
 fn a_stuck_sda_blocks_the_start_until_the_deadline() {
     let rig = rig();
-    rig.for_time(ms(50), Fault::SdaStuck { clocks: None });
+    rig.for_time(ms(50), ChipFault::SdaStuck { clocks: None });
     let start = rig.now();
     let mut bus = rig.bus().with_deadline(ms(5));
     let error = bus.write(ADDRESS, &[0x00]).expect_err("stuck");
@@ -79,7 +79,7 @@ fn a_stuck_sda_blocks_the_start_until_the_deadline() {
 #[test]
 fn a_short_hold_of_sda_only_delays() {
     let rig = rig();
-    rig.for_time(us(100), Fault::SdaStuck { clocks: None });
+    rig.for_time(us(100), ChipFault::SdaStuck { clocks: None });
     assert_eq!(rig.read(0x7E), 0x5449);
     assert_eq!(rig.now(), us(100 + 120));
 }
@@ -90,7 +90,7 @@ fn sda_stuck_amid_a_transfer_loses_arbitration_or_reads_zeros() {
     // within the high byte of a write: pointer byte ends at 47.5 us
     rig.schedule(FaultEvent::at(
         us(50),
-        Fault::SdaStuck { clocks: None },
+        ChipFault::SdaStuck { clocks: None },
         us(60),
     ));
     assert_eq!(rig.try_write(0x08, 0x1234), Err(I2cError::ArbitrationLoss));
@@ -98,7 +98,7 @@ fn sda_stuck_amid_a_transfer_loses_arbitration_or_reads_zeros() {
     // within the data of a read, which begin at 72.5 us: the second byte is gone
     rig.schedule(FaultEvent::at(
         us(80),
-        Fault::SdaStuck { clocks: None },
+        ChipFault::SdaStuck { clocks: None },
         us(60),
     ));
     assert_eq!(rig.read(0x7E), 0x5400);
@@ -108,7 +108,7 @@ fn sda_stuck_amid_a_transfer_loses_arbitration_or_reads_zeros() {
 fn nine_clocks_free_sda_where_they_can() {
     for (needed, freed) in [(Some(9), true), (Some(10), false), (None, false)] {
         let rig = rig();
-        rig.for_time(ms(500), Fault::SdaStuck { clocks: needed });
+        rig.for_time(ms(500), ChipFault::SdaStuck { clocks: needed });
         let mut bus: Bus<'_, _> = rig.bus();
         bus.clock_pulses(9).expect("not borrowed");
         assert_eq!(bus.write(ADDRESS, &[0x00]).is_ok(), freed, "{needed:?}");
@@ -119,7 +119,7 @@ fn nine_clocks_free_sda_where_they_can() {
 #[test]
 fn a_held_scl_times_out_at_the_deadline() {
     let rig = rig();
-    rig.for_time(ms(50), Fault::SclStuck);
+    rig.for_time(ms(50), ChipFault::SclStuck);
     assert_eq!(rig.chip.borrow_mut().scl_held_until(T0), Some(ms(50)));
     let start = rig.now();
     let error = rig
@@ -133,7 +133,7 @@ fn a_held_scl_times_out_at_the_deadline() {
     rig.wait(ms(50));
     // amid a transfer, and shorter than the deadline: it is stretched
     let begin = rig.now();
-    rig.schedule(FaultEvent::at(begin + us(50), Fault::SclStuck, us(500)));
+    rig.schedule(FaultEvent::at(begin + us(50), ChipFault::SclStuck, us(500)));
     assert_eq!(rig.read(0x7E), 0x5449);
     assert!(rig.now() - begin > us(500), "{}", rig.now() - begin);
 }
@@ -144,7 +144,7 @@ fn one_bit(difference: u16) -> bool {
 
 #[test]
 fn bit_flips_strike_the_chosen_byte() {
-    let flip = |path, strike| Fault::BitFlip { path, strike };
+    let flip = |path, strike| ChipFault::BitFlip { path, strike };
     // read data
     let rig = rig();
     rig.in_next(1, flip(Path::ReadData, Strike::Byte(0)));
@@ -175,7 +175,7 @@ fn bit_flips_can_be_counted_through_a_frame() {
     let rig = rig();
     rig.single(2500);
     rig.convert(0, 1);
-    let fault = Fault::BitFlip {
+    let fault = ChipFault::BitFlip {
         path: Path::ReadData,
         strike: Strike::Byte(2),
     };
@@ -195,7 +195,7 @@ fn bit_flips_by_chance_keep_to_their_probability() {
     let strike = Strike::Probability(0.1);
     rig.in_next(
         u32::MAX,
-        Fault::BitFlip {
+        ChipFault::BitFlip {
             path: Path::ReadData,
             strike,
         },
@@ -210,7 +210,7 @@ fn bit_flips_by_chance_keep_to_their_probability() {
 #[test]
 fn a_wrong_identity() {
     let rig = rig();
-    let fault = Fault::WrongIdentity {
+    let fault = ChipFault::WrongIdentity {
         manufacturer: 0x5449,
         device: 0x3054,
     };
@@ -224,7 +224,7 @@ fn a_wrong_identity() {
 #[test]
 fn an_early_stop_cuts_the_transaction() {
     let rig = rig();
-    rig.in_next(1, Fault::EarlyStop { after_bytes: 3 });
+    rig.in_next(1, ChipFault::EarlyStop { after_bytes: 3 });
     assert_eq!(rig.try_write(0x08, 0x1234), Err(DATA_NACK));
     assert_eq!(rig.chip.borrow().register(0x08), 0x1280, "half written");
     assert_eq!(rig.chip.borrow().disturbances().early_stops, 1);
@@ -236,14 +236,14 @@ fn an_early_stop_cuts_the_transaction() {
     assert_ne!(rig.read(0x7E), 0x5449, "the next transaction is slipped");
     assert_eq!(rig.read(0x7E), 0x5449);
     // amid a read: the line floats high
-    rig.in_next(1, Fault::EarlyStop { after_bytes: 4 });
+    rig.in_next(1, ChipFault::EarlyStop { after_bytes: 4 });
     assert_eq!(rig.read(0x7E), 0x54FF);
 }
 
 #[test]
 fn a_transaction_is_one_from_start_to_stop() {
     let rig = rig();
-    rig.in_next(1, Fault::Nack { after_bytes: 5 });
+    rig.in_next(1, ChipFault::Nack { after_bytes: 5 });
     let (mut high, mut low) = ([0; 2], [0; 2]);
     // S a p S a d d S <- the sixth byte that the master sends, and the eighth of all
     let outcome = rig.bus().transaction(

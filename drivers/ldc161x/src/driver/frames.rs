@@ -8,7 +8,8 @@ use embedded_hal_async::{delay::DelayNs as AsyncDelayNs, i2c::I2c as AsyncI2c};
 use super::AsyncLdc161x;
 use super::Ldc161x;
 use crate::{
-    Configuration, Error, Frame, InterruptRelease, Register, Status, state::FRAME_REGISTERS,
+    Configuration, Error, Frame, FrameRequest, InterruptRelease, Register, Status,
+    state::FRAME_REGISTERS,
 };
 
 /// INTB is looked at this often while waiting for it.
@@ -36,20 +37,8 @@ impl<I2C: I2c> Ldc161x<I2C> {
     /// releases it, [`Error::NotRunning`], or a bus error.
     ///
     /// ```
-    /// # use core::cell::RefCell;
-    /// # use ldc161x::*;
-    /// # let sensor = Sensor { highest_quality_factor: 25, lowest_rp_ohm: 3_000,
-    /// #     highest_rp_ohm: 3_000, ..Sensor::new(2_900_000, 3_800_000) };
-    /// # let clock = ReferenceClock::External { hz: 40_000_000 };
-    /// # let plan = Request::new(Model::Ldc1614, clock, Acquisition::Single(Channel::Zero), sensor)
-    /// #     .rate(Rate::PerSecond(1_000)).plan()?;
-    /// # let chip = RefCell::new(ldc161x_sim::Chip::new(ldc161x_sim::Settings::default(), [3.1e6; 4]));
-    /// # let mut interrupt = ldc161x_sim::IntbPin::new(&chip);
-    /// # let mut shutdown = ldc161x_sim::ShutdownPin::new(&chip);
-    /// # let mut delay = ldc161x_sim::Delay::new(&chip);
-    /// # let i2c = ldc161x_sim::Bus::new(&chip, 400_000);
-    /// # let mut driver = Ldc161x::new(i2c, Model::Ldc1614, Address::AddrLow);
-    /// # driver.start(&plan.configuration)?;
+    #[doc = include_str!("doctest_bus.txt")]
+    #[doc = include_str!("doctest_started.txt")]
     /// let found = driver.probe_interrupt_release(&mut interrupt, &mut delay)?;
     /// assert_eq!(found, InterruptRelease::ByStatusOnly); // this simulated chip
     /// # Ok::<(), Box<dyn std::error::Error>>(())
@@ -102,20 +91,8 @@ impl<I2C: I2c> Ldc161x<I2C> {
     /// [`Error::NoInterrupt`], [`Error::NotStarted`], [`Error::NotRunning`] or [`Error::Pin`].
     ///
     /// ```
-    /// # use core::cell::RefCell;
-    /// # use ldc161x::*;
-    /// # let sensor = Sensor { highest_quality_factor: 25, lowest_rp_ohm: 3_000,
-    /// #     highest_rp_ohm: 3_000, ..Sensor::new(2_900_000, 3_800_000) };
-    /// # let clock = ReferenceClock::External { hz: 40_000_000 };
-    /// # let plan = Request::new(Model::Ldc1614, clock, Acquisition::Single(Channel::Zero), sensor)
-    /// #     .rate(Rate::PerSecond(1_000)).plan()?;
-    /// # let chip = RefCell::new(ldc161x_sim::Chip::new(ldc161x_sim::Settings::default(), [3.1e6; 4]));
-    /// # let mut interrupt = ldc161x_sim::IntbPin::new(&chip);
-    /// # let mut shutdown = ldc161x_sim::ShutdownPin::new(&chip);
-    /// # let mut delay = ldc161x_sim::Delay::new(&chip);
-    /// # let i2c = ldc161x_sim::Bus::new(&chip, 400_000);
-    /// # let mut driver = Ldc161x::new(i2c, Model::Ldc1614, Address::AddrLow);
-    /// # driver.start(&plan.configuration)?;
+    #[doc = include_str!("doctest_bus.txt")]
+    #[doc = include_str!("doctest_started.txt")]
     /// driver.wait_for_interrupt(&mut interrupt, &mut delay)?;
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
@@ -151,28 +128,15 @@ impl<I2C: I2c> Ldc161x<I2C> {
     /// [`Error::WrongIdentity`], [`Error::RegistersLost`].
     ///
     /// ```
-    /// # use core::cell::RefCell;
-    /// # use ldc161x::*;
-    /// # let sensor = Sensor { highest_quality_factor: 25, lowest_rp_ohm: 3_000,
-    /// #     highest_rp_ohm: 3_000, ..Sensor::new(2_900_000, 3_800_000) };
-    /// # let clock = ReferenceClock::External { hz: 40_000_000 };
-    /// # let plan = Request::new(Model::Ldc1614, clock, Acquisition::Single(Channel::Zero), sensor)
-    /// #     .rate(Rate::PerSecond(1_000)).plan()?;
-    /// # let chip = RefCell::new(ldc161x_sim::Chip::new(ldc161x_sim::Settings::default(), [3.1e6; 4]));
-    /// # let mut interrupt = ldc161x_sim::IntbPin::new(&chip);
-    /// # let mut shutdown = ldc161x_sim::ShutdownPin::new(&chip);
-    /// # let mut delay = ldc161x_sim::Delay::new(&chip);
-    /// # let i2c = ldc161x_sim::Bus::new(&chip, 400_000);
-    /// # let mut driver = Ldc161x::new(i2c, Model::Ldc1614, Address::AddrLow);
-    /// # driver.start(&plan.configuration)?;
+    #[doc = include_str!("doctest_bus.txt")]
+    #[doc = include_str!("doctest_started.txt")]
     /// driver.wait_for_interrupt(&mut interrupt, &mut delay)?;
     /// let frame = driver.read_frame()?;
     /// assert!(frame.covers(Acquisition::Single(Channel::Zero)));
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     pub async fn read_frame(&mut self) -> Result<Frame, Error<I2C::Error>> {
-        let with_status = self.state.release == InterruptRelease::ByStatusOnly;
-        self.read_data(None, with_status).await
+        self.read_data(None, self.state.reads_status()).await
     }
 
     /// Reads STATUS and, when it says that a frame has ended, the frame; `None` otherwise.
@@ -182,20 +146,8 @@ impl<I2C: I2c> Ldc161x<I2C> {
     /// As [`read_frame`](Self::read_frame).
     ///
     /// ```
-    /// # use core::cell::RefCell;
-    /// # use ldc161x::*;
-    /// # let sensor = Sensor { highest_quality_factor: 25, lowest_rp_ohm: 3_000,
-    /// #     highest_rp_ohm: 3_000, ..Sensor::new(2_900_000, 3_800_000) };
-    /// # let clock = ReferenceClock::External { hz: 40_000_000 };
-    /// # let plan = Request::new(Model::Ldc1614, clock, Acquisition::Single(Channel::Zero), sensor)
-    /// #     .rate(Rate::PerSecond(1_000)).plan()?;
-    /// # let chip = RefCell::new(ldc161x_sim::Chip::new(ldc161x_sim::Settings::default(), [3.1e6; 4]));
-    /// # let mut interrupt = ldc161x_sim::IntbPin::new(&chip);
-    /// # let mut shutdown = ldc161x_sim::ShutdownPin::new(&chip);
-    /// # let mut delay = ldc161x_sim::Delay::new(&chip);
-    /// # let i2c = ldc161x_sim::Bus::new(&chip, 400_000);
-    /// # let mut driver = Ldc161x::new(i2c, Model::Ldc1614, Address::AddrLow);
-    /// # driver.start(&plan.configuration)?;
+    #[doc = include_str!("doctest_bus.txt")]
+    #[doc = include_str!("doctest_started.txt")]
     /// assert!(driver.read_frame_if_ready()?.is_none());
     /// driver.wait_for_interrupt(&mut interrupt, &mut delay)?;
     /// assert!(driver.read_frame_if_ready()?.is_some());
@@ -208,6 +160,123 @@ impl<I2C: I2c> Ldc161x<I2C> {
             return Ok(None);
         }
         self.read_data(Some(status), false).await.map(Some)
+    }
+
+    /// What to send for a frame, for a bus master that reads frames by itself: on each edge of INTB,
+    /// ahead of the program. Its bytes go to [`decode_frame`](Self::decode_frame). The request stays
+    /// the same until the driver starts another configuration or
+    /// [`set_interrupt_release`](Self::set_interrupt_release) changes it.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::NotStarted`] or [`Error::NotRunning`].
+    ///
+    /// ```
+    /// # use core::cell::RefCell;
+    /// # use ldc161x::*;
+    /// # let sensor = Sensor { highest_quality_factor: 25, lowest_rp_ohm: 3_000,
+    /// #     highest_rp_ohm: 3_000, ..Sensor::new(2_900_000, 3_800_000) };
+    /// # let clock = ReferenceClock::External { hz: 40_000_000 };
+    /// # let plan = Request::new(Model::Ldc1614, clock, Acquisition::Single(Channel::Zero), sensor)
+    /// #     .rate(Rate::PerSecond(1_000)).plan()?;
+    /// # let chip = RefCell::new(ldc161x_sim::Chip::new(ldc161x_sim::Settings::default(), [3.1e6; 4]));
+    /// # let mut interrupt = ldc161x_sim::IntbPin::new(&chip);
+    /// # let mut shutdown = ldc161x_sim::ShutdownPin::new(&chip);
+    /// # let mut delay = ldc161x_sim::Delay::new(&chip);
+    /// # let i2c = ldc161x_sim::Bus::new(&chip, 400_000);
+    /// # let mut driver = Ldc161x::new(i2c, Model::Ldc1614, Address::AddrLow);
+    /// # driver.start(&plan.configuration)?;
+    /// use embedded_hal::i2c::I2c;
+    /// driver.wait_for_interrupt(&mut interrupt, &mut delay)?;
+    /// let request = driver.frame_request()?;
+    /// let mut bytes = [0; 6]; // STATUS, MSB and LSB of one channel
+    /// for (pointer, data) in request.pointers().zip(bytes.chunks_mut(2)) {
+    ///     ldc161x_sim::Bus::new(&chip, 400_000).write_read(0x2A, &[pointer], data)?;
+    /// }
+    /// let frame = driver.decode_frame(&bytes)?;
+    /// assert!(frame.covers(Acquisition::Single(Channel::Zero)));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn frame_request(&self) -> Result<FrameRequest, Error<I2C::Error>> {
+        let configuration = self.running()?;
+        Ok(self.state.frame_request(&configuration))
+    }
+
+    /// Makes a frame of bytes that were read as [`frame_request`](Self::frame_request) says: two a
+    /// register, the high one first. Nothing is sent.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::NotStarted`], [`Error::NotRunning`], or [`Error::FrameLength`] for bytes that are not
+    /// those of the request.
+    ///
+    /// ```
+    /// # use core::cell::RefCell;
+    /// # use ldc161x::*;
+    /// # let sensor = Sensor { highest_quality_factor: 25, lowest_rp_ohm: 3_000,
+    /// #     highest_rp_ohm: 3_000, ..Sensor::new(2_900_000, 3_800_000) };
+    /// # let clock = ReferenceClock::External { hz: 40_000_000 };
+    /// # let plan = Request::new(Model::Ldc1614, clock, Acquisition::Single(Channel::Zero), sensor)
+    /// #     .rate(Rate::PerSecond(1_000)).plan()?;
+    /// # let chip = RefCell::new(ldc161x_sim::Chip::new(ldc161x_sim::Settings::default(), [3.1e6; 4]));
+    /// # let mut interrupt = ldc161x_sim::IntbPin::new(&chip);
+    /// # let mut shutdown = ldc161x_sim::ShutdownPin::new(&chip);
+    /// # let mut delay = ldc161x_sim::Delay::new(&chip);
+    /// # let i2c = ldc161x_sim::Bus::new(&chip, 400_000);
+    /// # let mut driver = Ldc161x::new(i2c, Model::Ldc1614, Address::AddrLow);
+    /// # driver.start(&plan.configuration)?;
+    /// let error = driver.decode_frame(&[0; 3]).unwrap_err();
+    /// assert_eq!(error, Error::FrameLength { expected: 6, found: 3 });
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn decode_frame(&mut self, bytes: &[u8]) -> Result<Frame, Error<I2C::Error>> {
+        let configuration = self.running()?;
+        let expected = 2 * self.state.frame_request(&configuration).register_count();
+        if bytes.len() != expected {
+            return Err(Error::FrameLength {
+                expected,
+                found: bytes.len(),
+            });
+        }
+        let mut words = [0; FRAME_REGISTERS];
+        for (word, pair) in words.iter_mut().zip(bytes.chunks_exact(2)) {
+            if let [high, low] = *pair {
+                *word = u16::from_be_bytes([high, low]);
+            }
+        }
+        let words = words.get(..expected / 2).unwrap_or_default();
+        let with_status = self.state.reads_status();
+        let frame = self
+            .state
+            .assemble(&configuration, None, words, with_status);
+        Ok(frame)
+    }
+
+    /// A frame that the bus master read by itself was lost, or its transfer failed: the next frame
+    /// follows a gap, and [`read_frame`](Self::read_frame) asks the chip for its identity first.
+    ///
+    /// ```
+    /// # use core::cell::RefCell;
+    /// # use ldc161x::*;
+    /// # let sensor = Sensor { highest_quality_factor: 25, lowest_rp_ohm: 3_000,
+    /// #     highest_rp_ohm: 3_000, ..Sensor::new(2_900_000, 3_800_000) };
+    /// # let clock = ReferenceClock::External { hz: 40_000_000 };
+    /// # let plan = Request::new(Model::Ldc1614, clock, Acquisition::Single(Channel::Zero), sensor)
+    /// #     .rate(Rate::PerSecond(1_000)).plan()?;
+    /// # let chip = RefCell::new(ldc161x_sim::Chip::new(ldc161x_sim::Settings::default(), [3.1e6; 4]));
+    /// # let mut interrupt = ldc161x_sim::IntbPin::new(&chip);
+    /// # let mut shutdown = ldc161x_sim::ShutdownPin::new(&chip);
+    /// # let mut delay = ldc161x_sim::Delay::new(&chip);
+    /// # let i2c = ldc161x_sim::Bus::new(&chip, 400_000);
+    /// # let mut driver = Ldc161x::new(i2c, Model::Ldc1614, Address::AddrLow);
+    /// # driver.start(&plan.configuration)?;
+    /// driver.read_frame()?;
+    /// driver.frame_lost();
+    /// assert!(driver.read_frame()?.marks.gap);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn frame_lost(&mut self) {
+        self.state.transfer_failed();
     }
 
     async fn read_data(

@@ -34,18 +34,7 @@ impl<I2C: I2c> Ldc161x<I2C> {
     /// [`Error::WrongIdentity`] with a plain-words cause, or a bus error.
     ///
     /// ```
-    /// # use core::cell::RefCell;
-    /// # use ldc161x::*;
-    /// # let sensor = Sensor { highest_quality_factor: 25, lowest_rp_ohm: 3_000,
-    /// #     highest_rp_ohm: 3_000, ..Sensor::new(2_900_000, 3_800_000) };
-    /// # let clock = ReferenceClock::External { hz: 40_000_000 };
-    /// # let plan = Request::new(Model::Ldc1614, clock, Acquisition::Single(Channel::Zero), sensor)
-    /// #     .rate(Rate::PerSecond(1_000)).plan()?;
-    /// # let chip = RefCell::new(ldc161x_sim::Chip::new(ldc161x_sim::Settings::default(), [3.1e6; 4]));
-    /// # let mut interrupt = ldc161x_sim::IntbPin::new(&chip);
-    /// # let mut shutdown = ldc161x_sim::ShutdownPin::new(&chip);
-    /// # let mut delay = ldc161x_sim::Delay::new(&chip);
-    /// # let i2c = ldc161x_sim::Bus::new(&chip, 400_000);
+    #[doc = include_str!("doctest_bus.txt")]
     /// # let mut driver = Ldc161x::new(i2c, Model::Ldc1614, Address::AddrLow);
     /// driver.identify()?;
     /// # Ok::<(), Box<dyn std::error::Error>>(())
@@ -75,18 +64,7 @@ impl<I2C: I2c> Ldc161x<I2C> {
     /// counts as not running.
     ///
     /// ```
-    /// # use core::cell::RefCell;
-    /// # use ldc161x::*;
-    /// # let sensor = Sensor { highest_quality_factor: 25, lowest_rp_ohm: 3_000,
-    /// #     highest_rp_ohm: 3_000, ..Sensor::new(2_900_000, 3_800_000) };
-    /// # let clock = ReferenceClock::External { hz: 40_000_000 };
-    /// # let plan = Request::new(Model::Ldc1614, clock, Acquisition::Single(Channel::Zero), sensor)
-    /// #     .rate(Rate::PerSecond(1_000)).plan()?;
-    /// # let chip = RefCell::new(ldc161x_sim::Chip::new(ldc161x_sim::Settings::default(), [3.1e6; 4]));
-    /// # let mut interrupt = ldc161x_sim::IntbPin::new(&chip);
-    /// # let mut shutdown = ldc161x_sim::ShutdownPin::new(&chip);
-    /// # let mut delay = ldc161x_sim::Delay::new(&chip);
-    /// # let i2c = ldc161x_sim::Bus::new(&chip, 400_000);
+    #[doc = include_str!("doctest_bus.txt")]
     /// # let mut driver = Ldc161x::new(i2c, Model::Ldc1614, Address::AddrLow);
     /// driver.start(&plan.configuration)?;
     /// assert!(driver.read_frame()?.marks.gap);
@@ -96,7 +74,7 @@ impl<I2C: I2c> Ldc161x<I2C> {
         if !configuration.fits(self.model) {
             return Err(Error::NoSuchChannel);
         }
-        self.state.wants(configuration);
+        self.state.request(configuration);
         self.identify().await?;
         self.write_asleep(configuration).await?;
         let config = configuration.config(false).to_bits();
@@ -113,26 +91,14 @@ impl<I2C: I2c> Ldc161x<I2C> {
     /// [`Error::NotStarted`] before a configuration was started, or a bus error.
     ///
     /// ```
-    /// # use core::cell::RefCell;
-    /// # use ldc161x::*;
-    /// # let sensor = Sensor { highest_quality_factor: 25, lowest_rp_ohm: 3_000,
-    /// #     highest_rp_ohm: 3_000, ..Sensor::new(2_900_000, 3_800_000) };
-    /// # let clock = ReferenceClock::External { hz: 40_000_000 };
-    /// # let plan = Request::new(Model::Ldc1614, clock, Acquisition::Single(Channel::Zero), sensor)
-    /// #     .rate(Rate::PerSecond(1_000)).plan()?;
-    /// # let chip = RefCell::new(ldc161x_sim::Chip::new(ldc161x_sim::Settings::default(), [3.1e6; 4]));
-    /// # let mut interrupt = ldc161x_sim::IntbPin::new(&chip);
-    /// # let mut shutdown = ldc161x_sim::ShutdownPin::new(&chip);
-    /// # let mut delay = ldc161x_sim::Delay::new(&chip);
-    /// # let i2c = ldc161x_sim::Bus::new(&chip, 400_000);
-    /// # let mut driver = Ldc161x::new(i2c, Model::Ldc1614, Address::AddrLow);
-    /// # driver.start(&plan.configuration)?;
+    #[doc = include_str!("doctest_bus.txt")]
+    #[doc = include_str!("doctest_started.txt")]
     /// driver.sleep()?;
     /// assert_eq!(driver.read_frame(), Err(Error::NotRunning));
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     pub async fn sleep(&mut self) -> Result<(), Error<I2C::Error>> {
-        let configuration = self.state.wanted.ok_or(Error::NotStarted)?;
+        let configuration = self.state.requested.ok_or(Error::NotStarted)?;
         self.state.stopped();
         self.write_verified(Register::Config, configuration.config(true).to_bits())
             .await
@@ -145,27 +111,15 @@ impl<I2C: I2c> Ldc161x<I2C> {
     /// [`Error::NotStarted`], [`Error::RegistersLost`] or a bus error.
     ///
     /// ```
-    /// # use core::cell::RefCell;
-    /// # use ldc161x::*;
-    /// # let sensor = Sensor { highest_quality_factor: 25, lowest_rp_ohm: 3_000,
-    /// #     highest_rp_ohm: 3_000, ..Sensor::new(2_900_000, 3_800_000) };
-    /// # let clock = ReferenceClock::External { hz: 40_000_000 };
-    /// # let plan = Request::new(Model::Ldc1614, clock, Acquisition::Single(Channel::Zero), sensor)
-    /// #     .rate(Rate::PerSecond(1_000)).plan()?;
-    /// # let chip = RefCell::new(ldc161x_sim::Chip::new(ldc161x_sim::Settings::default(), [3.1e6; 4]));
-    /// # let mut interrupt = ldc161x_sim::IntbPin::new(&chip);
-    /// # let mut shutdown = ldc161x_sim::ShutdownPin::new(&chip);
-    /// # let mut delay = ldc161x_sim::Delay::new(&chip);
-    /// # let i2c = ldc161x_sim::Bus::new(&chip, 400_000);
-    /// # let mut driver = Ldc161x::new(i2c, Model::Ldc1614, Address::AddrLow);
-    /// # driver.start(&plan.configuration)?;
+    #[doc = include_str!("doctest_bus.txt")]
+    #[doc = include_str!("doctest_started.txt")]
     /// driver.sleep()?;
     /// driver.wake()?;
     /// driver.read_frame()?;
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     pub async fn wake(&mut self) -> Result<(), Error<I2C::Error>> {
-        let configuration = self.state.wanted.ok_or(Error::NotStarted)?;
+        let configuration = self.state.requested.ok_or(Error::NotStarted)?;
         self.state.stopped();
         self.write_verified(Register::Config, configuration.config(false).to_bits())
             .await?;
@@ -184,26 +138,14 @@ impl<I2C: I2c> Ldc161x<I2C> {
     /// Those of [`start`](Self::start), and [`Error::NotStarted`].
     ///
     /// ```
-    /// # use core::cell::RefCell;
-    /// # use ldc161x::*;
-    /// # let sensor = Sensor { highest_quality_factor: 25, lowest_rp_ohm: 3_000,
-    /// #     highest_rp_ohm: 3_000, ..Sensor::new(2_900_000, 3_800_000) };
-    /// # let clock = ReferenceClock::External { hz: 40_000_000 };
-    /// # let plan = Request::new(Model::Ldc1614, clock, Acquisition::Single(Channel::Zero), sensor)
-    /// #     .rate(Rate::PerSecond(1_000)).plan()?;
-    /// # let chip = RefCell::new(ldc161x_sim::Chip::new(ldc161x_sim::Settings::default(), [3.1e6; 4]));
-    /// # let mut interrupt = ldc161x_sim::IntbPin::new(&chip);
-    /// # let mut shutdown = ldc161x_sim::ShutdownPin::new(&chip);
-    /// # let mut delay = ldc161x_sim::Delay::new(&chip);
-    /// # let i2c = ldc161x_sim::Bus::new(&chip, 400_000);
-    /// # let mut driver = Ldc161x::new(i2c, Model::Ldc1614, Address::AddrLow);
-    /// # driver.start(&plan.configuration)?;
+    #[doc = include_str!("doctest_bus.txt")]
+    #[doc = include_str!("doctest_started.txt")]
     /// driver.recover(&mut delay)?;
     /// assert!(driver.read_frame()?.marks.gap);
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     pub async fn recover(&mut self, delay: &mut impl DelayNs) -> Result<(), Error<I2C::Error>> {
-        let configuration = self.state.wanted.ok_or(Error::NotStarted)?;
+        let configuration = self.state.requested.ok_or(Error::NotStarted)?;
         self.state.stopped();
         self.write_register(Register::ResetDev, RESET).await?;
         delay.delay_us(RESET_US).await;
@@ -218,20 +160,8 @@ impl<I2C: I2c> Ldc161x<I2C> {
     /// Those of [`start`](Self::start), [`Error::NotStarted`] and [`Error::Pin`].
     ///
     /// ```
-    /// # use core::cell::RefCell;
-    /// # use ldc161x::*;
-    /// # let sensor = Sensor { highest_quality_factor: 25, lowest_rp_ohm: 3_000,
-    /// #     highest_rp_ohm: 3_000, ..Sensor::new(2_900_000, 3_800_000) };
-    /// # let clock = ReferenceClock::External { hz: 40_000_000 };
-    /// # let plan = Request::new(Model::Ldc1614, clock, Acquisition::Single(Channel::Zero), sensor)
-    /// #     .rate(Rate::PerSecond(1_000)).plan()?;
-    /// # let chip = RefCell::new(ldc161x_sim::Chip::new(ldc161x_sim::Settings::default(), [3.1e6; 4]));
-    /// # let mut interrupt = ldc161x_sim::IntbPin::new(&chip);
-    /// # let mut shutdown = ldc161x_sim::ShutdownPin::new(&chip);
-    /// # let mut delay = ldc161x_sim::Delay::new(&chip);
-    /// # let i2c = ldc161x_sim::Bus::new(&chip, 400_000);
-    /// # let mut driver = Ldc161x::new(i2c, Model::Ldc1614, Address::AddrLow);
-    /// # driver.start(&plan.configuration)?;
+    #[doc = include_str!("doctest_bus.txt")]
+    #[doc = include_str!("doctest_started.txt")]
     /// driver.recover_by_shutdown(&mut shutdown, &mut delay)?;
     /// assert!(driver.read_frame()?.marks.gap);
     /// # Ok::<(), Box<dyn std::error::Error>>(())
@@ -241,7 +171,7 @@ impl<I2C: I2c> Ldc161x<I2C> {
         shutdown: &mut impl OutputPin,
         delay: &mut impl DelayNs,
     ) -> Result<(), Error<I2C::Error>> {
-        let configuration = self.state.wanted.ok_or(Error::NotStarted)?;
+        let configuration = self.state.requested.ok_or(Error::NotStarted)?;
         self.state.stopped();
         shutdown.set_high().map_err(|_| Error::Pin)?;
         delay.delay_us(SHUTDOWN_US).await;
@@ -259,20 +189,8 @@ impl<I2C: I2c> Ldc161x<I2C> {
     /// [`Error::NotStarted`], those of [`start`](Self::start), or a bus error.
     ///
     /// ```
-    /// # use core::cell::RefCell;
-    /// # use ldc161x::*;
-    /// # let sensor = Sensor { highest_quality_factor: 25, lowest_rp_ohm: 3_000,
-    /// #     highest_rp_ohm: 3_000, ..Sensor::new(2_900_000, 3_800_000) };
-    /// # let clock = ReferenceClock::External { hz: 40_000_000 };
-    /// # let plan = Request::new(Model::Ldc1614, clock, Acquisition::Single(Channel::Zero), sensor)
-    /// #     .rate(Rate::PerSecond(1_000)).plan()?;
-    /// # let chip = RefCell::new(ldc161x_sim::Chip::new(ldc161x_sim::Settings::default(), [3.1e6; 4]));
-    /// # let mut interrupt = ldc161x_sim::IntbPin::new(&chip);
-    /// # let mut shutdown = ldc161x_sim::ShutdownPin::new(&chip);
-    /// # let mut delay = ldc161x_sim::Delay::new(&chip);
-    /// # let i2c = ldc161x_sim::Bus::new(&chip, 400_000);
-    /// # let mut driver = Ldc161x::new(i2c, Model::Ldc1614, Address::AddrLow);
-    /// # driver.start(&plan.configuration)?;
+    #[doc = include_str!("doctest_bus.txt")]
+    #[doc = include_str!("doctest_started.txt")]
     /// let found = driver.calibrate_drive_current(&mut delay)?;
     /// assert!(found[0].is_some());
     /// assert!(driver.read_frame()?.marks.drive_step);
@@ -282,7 +200,7 @@ impl<I2C: I2c> Ldc161x<I2C> {
         &mut self,
         delay: &mut impl DelayNs,
     ) -> Result<[Option<DriveCode>; 4], Error<I2C::Error>> {
-        let mut configuration = self.state.wanted.ok_or(Error::NotStarted)?;
+        let mut configuration = self.state.requested.ok_or(Error::NotStarted)?;
         self.state.stopped();
         self.write_asleep(&configuration).await?;
         let config = configuration.calibrating_config(false).to_bits();
@@ -316,20 +234,8 @@ impl<I2C: I2c> Ldc161x<I2C> {
     /// [`Error::NotStarted`], those of [`start`](Self::start), or a bus error.
     ///
     /// ```
-    /// # use core::cell::RefCell;
-    /// # use ldc161x::*;
-    /// # let sensor = Sensor { highest_quality_factor: 25, lowest_rp_ohm: 3_000,
-    /// #     highest_rp_ohm: 3_000, ..Sensor::new(2_900_000, 3_800_000) };
-    /// # let clock = ReferenceClock::External { hz: 40_000_000 };
-    /// # let plan = Request::new(Model::Ldc1614, clock, Acquisition::Single(Channel::Zero), sensor)
-    /// #     .rate(Rate::PerSecond(1_000)).plan()?;
-    /// # let chip = RefCell::new(ldc161x_sim::Chip::new(ldc161x_sim::Settings::default(), [3.1e6; 4]));
-    /// # let mut interrupt = ldc161x_sim::IntbPin::new(&chip);
-    /// # let mut shutdown = ldc161x_sim::ShutdownPin::new(&chip);
-    /// # let mut delay = ldc161x_sim::Delay::new(&chip);
-    /// # let i2c = ldc161x_sim::Bus::new(&chip, 400_000);
-    /// # let mut driver = Ldc161x::new(i2c, Model::Ldc1614, Address::AddrLow);
-    /// # driver.start(&plan.configuration)?;
+    #[doc = include_str!("doctest_bus.txt")]
+    #[doc = include_str!("doctest_started.txt")]
     /// driver.set_drive_current(Channel::Zero, DriveCode::default())?;
     /// assert!(driver.read_frame()?.marks.drive_step);
     /// # Ok::<(), Box<dyn std::error::Error>>(())
@@ -339,7 +245,7 @@ impl<I2C: I2c> Ldc161x<I2C> {
         channel: Channel,
         drive: DriveCode,
     ) -> Result<(), Error<I2C::Error>> {
-        let mut configuration = self.state.wanted.ok_or(Error::NotStarted)?;
+        let mut configuration = self.state.requested.ok_or(Error::NotStarted)?;
         configuration.channel_mut(channel).drive = drive;
         self.start(&configuration).await?;
         self.state.drive_stepped();

@@ -8,7 +8,7 @@ use embedded_hal::i2c::I2c;
 #[cfg(feature = "async")]
 use embedded_hal_async::i2c::I2c as AsyncI2c;
 
-use crate::{Address, BusAccess, Configuration, InterruptRelease, Model, state::State};
+use crate::{Address, BusAccess, Configuration, InterruptRelease, Model, state::DriverState};
 
 #[cfg_attr(
     not(feature = "async"),
@@ -25,7 +25,7 @@ pub struct Ldc161x<I2C> {
     i2c: I2C,
     model: Model,
     address: Address,
-    state: State,
+    state: DriverState,
 }
 
 #[maybe_async_cfg::maybe(
@@ -40,18 +40,7 @@ impl<I2C: I2c> Ldc161x<I2C> {
     /// Takes the bus; nothing is sent yet.
     ///
     /// ```
-    /// # use core::cell::RefCell;
-    /// # use ldc161x::*;
-    /// # let sensor = Sensor { highest_quality_factor: 25, lowest_rp_ohm: 3_000,
-    /// #     highest_rp_ohm: 3_000, ..Sensor::new(2_900_000, 3_800_000) };
-    /// # let clock = ReferenceClock::External { hz: 40_000_000 };
-    /// # let plan = Request::new(Model::Ldc1614, clock, Acquisition::Single(Channel::Zero), sensor)
-    /// #     .rate(Rate::PerSecond(1_000)).plan()?;
-    /// # let chip = RefCell::new(ldc161x_sim::Chip::new(ldc161x_sim::Settings::default(), [3.1e6; 4]));
-    /// # let mut interrupt = ldc161x_sim::IntbPin::new(&chip);
-    /// # let mut shutdown = ldc161x_sim::ShutdownPin::new(&chip);
-    /// # let mut delay = ldc161x_sim::Delay::new(&chip);
-    /// # let i2c = ldc161x_sim::Bus::new(&chip, 400_000);
+    #[doc = include_str!("doctest_bus.txt")]
     /// let mut driver = Ldc161x::new(i2c, Model::Ldc1614, Address::AddrLow);
     /// driver.identify()?;
     /// # Ok::<(), Box<dyn std::error::Error>>(())
@@ -61,25 +50,14 @@ impl<I2C: I2c> Ldc161x<I2C> {
             i2c,
             model,
             address,
-            state: State::new(),
+            state: DriverState::new(),
         }
     }
 
     /// Gives the bus back. The chip goes on as it is.
     ///
     /// ```
-    /// # use core::cell::RefCell;
-    /// # use ldc161x::*;
-    /// # let sensor = Sensor { highest_quality_factor: 25, lowest_rp_ohm: 3_000,
-    /// #     highest_rp_ohm: 3_000, ..Sensor::new(2_900_000, 3_800_000) };
-    /// # let clock = ReferenceClock::External { hz: 40_000_000 };
-    /// # let plan = Request::new(Model::Ldc1614, clock, Acquisition::Single(Channel::Zero), sensor)
-    /// #     .rate(Rate::PerSecond(1_000)).plan()?;
-    /// # let chip = RefCell::new(ldc161x_sim::Chip::new(ldc161x_sim::Settings::default(), [3.1e6; 4]));
-    /// # let mut interrupt = ldc161x_sim::IntbPin::new(&chip);
-    /// # let mut shutdown = ldc161x_sim::ShutdownPin::new(&chip);
-    /// # let mut delay = ldc161x_sim::Delay::new(&chip);
-    /// # let i2c = ldc161x_sim::Bus::new(&chip, 400_000);
+    #[doc = include_str!("doctest_bus.txt")]
     /// # let mut driver = Ldc161x::new(i2c, Model::Ldc1614, Address::AddrLow);
     /// let i2c = driver.release();
     /// # Ok::<(), Box<dyn std::error::Error>>(())
@@ -91,20 +69,8 @@ impl<I2C: I2c> Ldc161x<I2C> {
     /// Sets how registers are fetched; see [`BusAccess`].
     ///
     /// ```
-    /// # use core::cell::RefCell;
-    /// # use ldc161x::*;
-    /// # let sensor = Sensor { highest_quality_factor: 25, lowest_rp_ohm: 3_000,
-    /// #     highest_rp_ohm: 3_000, ..Sensor::new(2_900_000, 3_800_000) };
-    /// # let clock = ReferenceClock::External { hz: 40_000_000 };
-    /// # let plan = Request::new(Model::Ldc1614, clock, Acquisition::Single(Channel::Zero), sensor)
-    /// #     .rate(Rate::PerSecond(1_000)).plan()?;
-    /// # let chip = RefCell::new(ldc161x_sim::Chip::new(ldc161x_sim::Settings::default(), [3.1e6; 4]));
-    /// # let mut interrupt = ldc161x_sim::IntbPin::new(&chip);
-    /// # let mut shutdown = ldc161x_sim::ShutdownPin::new(&chip);
-    /// # let mut delay = ldc161x_sim::Delay::new(&chip);
-    /// # let i2c = ldc161x_sim::Bus::new(&chip, 400_000);
-    /// # let mut driver = Ldc161x::new(i2c, Model::Ldc1614, Address::AddrLow);
-    /// # driver.start(&plan.configuration)?;
+    #[doc = include_str!("doctest_bus.txt")]
+    #[doc = include_str!("doctest_started.txt")]
     /// driver.set_access(BusAccess::RegisterPerTransaction);
     /// driver.read_frame()?;
     /// # Ok::<(), Box<dyn std::error::Error>>(())
@@ -117,20 +83,8 @@ impl<I2C: I2c> Ldc161x<I2C> {
     /// twice the bus time.
     ///
     /// ```
-    /// # use core::cell::RefCell;
-    /// # use ldc161x::*;
-    /// # let sensor = Sensor { highest_quality_factor: 25, lowest_rp_ohm: 3_000,
-    /// #     highest_rp_ohm: 3_000, ..Sensor::new(2_900_000, 3_800_000) };
-    /// # let clock = ReferenceClock::External { hz: 40_000_000 };
-    /// # let plan = Request::new(Model::Ldc1614, clock, Acquisition::Single(Channel::Zero), sensor)
-    /// #     .rate(Rate::PerSecond(1_000)).plan()?;
-    /// # let chip = RefCell::new(ldc161x_sim::Chip::new(ldc161x_sim::Settings::default(), [3.1e6; 4]));
-    /// # let mut interrupt = ldc161x_sim::IntbPin::new(&chip);
-    /// # let mut shutdown = ldc161x_sim::ShutdownPin::new(&chip);
-    /// # let mut delay = ldc161x_sim::Delay::new(&chip);
-    /// # let i2c = ldc161x_sim::Bus::new(&chip, 400_000);
-    /// # let mut driver = Ldc161x::new(i2c, Model::Ldc1614, Address::AddrLow);
-    /// # driver.start(&plan.configuration)?;
+    #[doc = include_str!("doctest_bus.txt")]
+    #[doc = include_str!("doctest_started.txt")]
     /// driver.set_read_twice(true);
     /// driver.wait_for_interrupt(&mut interrupt, &mut delay)?;
     /// assert_eq!(driver.read_frame()?.readings()[0].agrees, Some(true));
@@ -143,20 +97,8 @@ impl<I2C: I2c> Ldc161x<I2C> {
     /// States what releases INTB, as an earlier probe found.
     ///
     /// ```
-    /// # use core::cell::RefCell;
-    /// # use ldc161x::*;
-    /// # let sensor = Sensor { highest_quality_factor: 25, lowest_rp_ohm: 3_000,
-    /// #     highest_rp_ohm: 3_000, ..Sensor::new(2_900_000, 3_800_000) };
-    /// # let clock = ReferenceClock::External { hz: 40_000_000 };
-    /// # let plan = Request::new(Model::Ldc1614, clock, Acquisition::Single(Channel::Zero), sensor)
-    /// #     .rate(Rate::PerSecond(1_000)).plan()?;
-    /// # let chip = RefCell::new(ldc161x_sim::Chip::new(ldc161x_sim::Settings::default(), [3.1e6; 4]));
-    /// # let mut interrupt = ldc161x_sim::IntbPin::new(&chip);
-    /// # let mut shutdown = ldc161x_sim::ShutdownPin::new(&chip);
-    /// # let mut delay = ldc161x_sim::Delay::new(&chip);
-    /// # let i2c = ldc161x_sim::Bus::new(&chip, 400_000);
-    /// # let mut driver = Ldc161x::new(i2c, Model::Ldc1614, Address::AddrLow);
-    /// # driver.start(&plan.configuration)?;
+    #[doc = include_str!("doctest_bus.txt")]
+    #[doc = include_str!("doctest_started.txt")]
     /// driver.set_interrupt_release(InterruptRelease::ByData);
     /// assert!(driver.read_frame()?.status.is_none());
     /// # Ok::<(), Box<dyn std::error::Error>>(())
@@ -168,24 +110,12 @@ impl<I2C: I2c> Ldc161x<I2C> {
     /// The configuration last started.
     ///
     /// ```
-    /// # use core::cell::RefCell;
-    /// # use ldc161x::*;
-    /// # let sensor = Sensor { highest_quality_factor: 25, lowest_rp_ohm: 3_000,
-    /// #     highest_rp_ohm: 3_000, ..Sensor::new(2_900_000, 3_800_000) };
-    /// # let clock = ReferenceClock::External { hz: 40_000_000 };
-    /// # let plan = Request::new(Model::Ldc1614, clock, Acquisition::Single(Channel::Zero), sensor)
-    /// #     .rate(Rate::PerSecond(1_000)).plan()?;
-    /// # let chip = RefCell::new(ldc161x_sim::Chip::new(ldc161x_sim::Settings::default(), [3.1e6; 4]));
-    /// # let mut interrupt = ldc161x_sim::IntbPin::new(&chip);
-    /// # let mut shutdown = ldc161x_sim::ShutdownPin::new(&chip);
-    /// # let mut delay = ldc161x_sim::Delay::new(&chip);
-    /// # let i2c = ldc161x_sim::Bus::new(&chip, 400_000);
-    /// # let mut driver = Ldc161x::new(i2c, Model::Ldc1614, Address::AddrLow);
-    /// # driver.start(&plan.configuration)?;
+    #[doc = include_str!("doctest_bus.txt")]
+    #[doc = include_str!("doctest_started.txt")]
     /// assert_eq!(driver.configuration(), Some(&plan.configuration));
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     pub const fn configuration(&self) -> Option<&Configuration> {
-        self.state.wanted.as_ref()
+        self.state.requested.as_ref()
     }
 }

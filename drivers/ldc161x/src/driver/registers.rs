@@ -32,20 +32,8 @@ impl<I2C: I2c> Ldc161x<I2C> {
     /// confirmed one is in doubt. Otherwise as [`read_frame`](Self::read_frame).
     ///
     /// ```
-    /// # use core::cell::RefCell;
-    /// # use ldc161x::*;
-    /// # let sensor = Sensor { highest_quality_factor: 25, lowest_rp_ohm: 3_000,
-    /// #     highest_rp_ohm: 3_000, ..Sensor::new(2_900_000, 3_800_000) };
-    /// # let clock = ReferenceClock::External { hz: 40_000_000 };
-    /// # let plan = Request::new(Model::Ldc1614, clock, Acquisition::Single(Channel::Zero), sensor)
-    /// #     .rate(Rate::PerSecond(1_000)).plan()?;
-    /// # let chip = RefCell::new(ldc161x_sim::Chip::new(ldc161x_sim::Settings::default(), [3.1e6; 4]));
-    /// # let mut interrupt = ldc161x_sim::IntbPin::new(&chip);
-    /// # let mut shutdown = ldc161x_sim::ShutdownPin::new(&chip);
-    /// # let mut delay = ldc161x_sim::Delay::new(&chip);
-    /// # let i2c = ldc161x_sim::Bus::new(&chip, 400_000);
-    /// # let mut driver = Ldc161x::new(i2c, Model::Ldc1614, Address::AddrLow);
-    /// # driver.start(&plan.configuration)?;
+    #[doc = include_str!("doctest_bus.txt")]
+    #[doc = include_str!("doctest_started.txt")]
     /// let number = driver.read_frame()?.number;
     /// while driver.check_canary()?.confirmed.is_none() {}
     /// // The round began before the frame: the next one confirms it.
@@ -66,20 +54,8 @@ impl<I2C: I2c> Ldc161x<I2C> {
     /// As [`check_canary`](Self::check_canary).
     ///
     /// ```
-    /// # use core::cell::RefCell;
-    /// # use ldc161x::*;
-    /// # let sensor = Sensor { highest_quality_factor: 25, lowest_rp_ohm: 3_000,
-    /// #     highest_rp_ohm: 3_000, ..Sensor::new(2_900_000, 3_800_000) };
-    /// # let clock = ReferenceClock::External { hz: 40_000_000 };
-    /// # let plan = Request::new(Model::Ldc1614, clock, Acquisition::Single(Channel::Zero), sensor)
-    /// #     .rate(Rate::PerSecond(1_000)).plan()?;
-    /// # let chip = RefCell::new(ldc161x_sim::Chip::new(ldc161x_sim::Settings::default(), [3.1e6; 4]));
-    /// # let mut interrupt = ldc161x_sim::IntbPin::new(&chip);
-    /// # let mut shutdown = ldc161x_sim::ShutdownPin::new(&chip);
-    /// # let mut delay = ldc161x_sim::Delay::new(&chip);
-    /// # let i2c = ldc161x_sim::Bus::new(&chip, 400_000);
-    /// # let mut driver = Ldc161x::new(i2c, Model::Ldc1614, Address::AddrLow);
-    /// # driver.start(&plan.configuration)?;
+    #[doc = include_str!("doctest_bus.txt")]
+    #[doc = include_str!("doctest_started.txt")]
     /// let number = driver.read_frame()?.number;
     /// assert_eq!(driver.verify()?.confirmed, Some(number));
     /// # Ok::<(), Box<dyn std::error::Error>>(())
@@ -101,20 +77,8 @@ impl<I2C: I2c> Ldc161x<I2C> {
     /// A bus error.
     ///
     /// ```
-    /// # use core::cell::RefCell;
-    /// # use ldc161x::*;
-    /// # let sensor = Sensor { highest_quality_factor: 25, lowest_rp_ohm: 3_000,
-    /// #     highest_rp_ohm: 3_000, ..Sensor::new(2_900_000, 3_800_000) };
-    /// # let clock = ReferenceClock::External { hz: 40_000_000 };
-    /// # let plan = Request::new(Model::Ldc1614, clock, Acquisition::Single(Channel::Zero), sensor)
-    /// #     .rate(Rate::PerSecond(1_000)).plan()?;
-    /// # let chip = RefCell::new(ldc161x_sim::Chip::new(ldc161x_sim::Settings::default(), [3.1e6; 4]));
-    /// # let mut interrupt = ldc161x_sim::IntbPin::new(&chip);
-    /// # let mut shutdown = ldc161x_sim::ShutdownPin::new(&chip);
-    /// # let mut delay = ldc161x_sim::Delay::new(&chip);
-    /// # let i2c = ldc161x_sim::Bus::new(&chip, 400_000);
-    /// # let mut driver = Ldc161x::new(i2c, Model::Ldc1614, Address::AddrLow);
-    /// # driver.start(&plan.configuration)?;
+    #[doc = include_str!("doctest_bus.txt")]
+    #[doc = include_str!("doctest_started.txt")]
     /// driver.wait_for_interrupt(&mut interrupt, &mut delay)?;
     /// assert!(driver.read_status()?.data_ready());
     /// # Ok::<(), Box<dyn std::error::Error>>(())
@@ -132,20 +96,8 @@ impl<I2C: I2c> Ldc161x<I2C> {
     /// A bus error.
     ///
     /// ```
-    /// # use core::cell::RefCell;
-    /// # use ldc161x::*;
-    /// # let sensor = Sensor { highest_quality_factor: 25, lowest_rp_ohm: 3_000,
-    /// #     highest_rp_ohm: 3_000, ..Sensor::new(2_900_000, 3_800_000) };
-    /// # let clock = ReferenceClock::External { hz: 40_000_000 };
-    /// # let plan = Request::new(Model::Ldc1614, clock, Acquisition::Single(Channel::Zero), sensor)
-    /// #     .rate(Rate::PerSecond(1_000)).plan()?;
-    /// # let chip = RefCell::new(ldc161x_sim::Chip::new(ldc161x_sim::Settings::default(), [3.1e6; 4]));
-    /// # let mut interrupt = ldc161x_sim::IntbPin::new(&chip);
-    /// # let mut shutdown = ldc161x_sim::ShutdownPin::new(&chip);
-    /// # let mut delay = ldc161x_sim::Delay::new(&chip);
-    /// # let i2c = ldc161x_sim::Bus::new(&chip, 400_000);
-    /// # let mut driver = Ldc161x::new(i2c, Model::Ldc1614, Address::AddrLow);
-    /// # driver.start(&plan.configuration)?;
+    #[doc = include_str!("doctest_bus.txt")]
+    #[doc = include_str!("doctest_started.txt")]
     /// let planned = plan.configuration.channel(Channel::Zero).drive;
     /// assert_eq!(driver.read_drive_current(Channel::Zero)?.drive, planned);
     /// # Ok::<(), Box<dyn std::error::Error>>(())
@@ -166,20 +118,8 @@ impl<I2C: I2c> Ldc161x<I2C> {
     /// A bus error.
     ///
     /// ```
-    /// # use core::cell::RefCell;
-    /// # use ldc161x::*;
-    /// # let sensor = Sensor { highest_quality_factor: 25, lowest_rp_ohm: 3_000,
-    /// #     highest_rp_ohm: 3_000, ..Sensor::new(2_900_000, 3_800_000) };
-    /// # let clock = ReferenceClock::External { hz: 40_000_000 };
-    /// # let plan = Request::new(Model::Ldc1614, clock, Acquisition::Single(Channel::Zero), sensor)
-    /// #     .rate(Rate::PerSecond(1_000)).plan()?;
-    /// # let chip = RefCell::new(ldc161x_sim::Chip::new(ldc161x_sim::Settings::default(), [3.1e6; 4]));
-    /// # let mut interrupt = ldc161x_sim::IntbPin::new(&chip);
-    /// # let mut shutdown = ldc161x_sim::ShutdownPin::new(&chip);
-    /// # let mut delay = ldc161x_sim::Delay::new(&chip);
-    /// # let i2c = ldc161x_sim::Bus::new(&chip, 400_000);
-    /// # let mut driver = Ldc161x::new(i2c, Model::Ldc1614, Address::AddrLow);
-    /// # driver.start(&plan.configuration)?;
+    #[doc = include_str!("doctest_bus.txt")]
+    #[doc = include_str!("doctest_started.txt")]
     /// assert_eq!(driver.read_register(Register::DeviceId)?, 0x3055);
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
@@ -305,7 +245,7 @@ impl<I2C: I2c> Ldc161x<I2C> {
     }
 
     pub(super) fn running(&self) -> Result<Configuration, Error<I2C::Error>> {
-        let configuration = self.state.wanted.ok_or(Error::NotStarted)?;
+        let configuration = self.state.requested.ok_or(Error::NotStarted)?;
         if self.state.running {
             Ok(configuration)
         } else {

@@ -3,8 +3,8 @@
 use std::cell::Cell;
 
 use ldc161x::{
-    Acquisition, BusAccess, Channel, Deglitch, Model, Plan, Rate, Rcount, ReferenceClock, Refusal,
-    Request, Sensor, Sequence,
+    Acquisition, BusAccess, Channel, Deglitch, LimitError, Model, Plan, Rate, Rcount,
+    ReferenceClock, Request, Sensor, Sequence,
 };
 use proptest::{prelude::*, test_runner::TestRunner};
 
@@ -315,6 +315,6 @@ fn check(request: &Request, plan: &Plan) -> Result<(), TestCaseError> {
 #[test]
 fn a_refused_rate_passes_when_lowered() {
     let refused = single(30_000_000).rate(Rate::PerSecond(5_000));
-    assert!(matches!(refused.plan(), Err(Refusal::BusTooSlow { .. })));
+    assert!(matches!(refused.plan(), Err(LimitError::BusTooSlow { .. })));
     assert!(refused.rate(Rate::PerSecond(4_000)).plan().is_ok());
 }

@@ -401,7 +401,7 @@ fn the_other_address_is_used() {
 }
 
 #[test]
-fn recovery_resets_and_replays_the_wanted_configuration() {
+fn recovery_resets_and_replays_the_requested_configuration() {
     let (acquisition, asleep, awake, channels, mux) = MODES[6];
     let once = start(asleep, awake, &settings(channels, mux));
     let mut expected = once.clone();

@@ -15,7 +15,7 @@ const FRACTION: u32 = 16;
 const MICROSECOND: i64 = 1 << FRACTION;
 /// By how much an interval between two edges may differ from the period, in parts of a microsecond.
 /// A stamp is cut to whole microseconds, and its interrupt may wait for the bus's own; two seconds at
-/// 1 kHz have no interval beyond this (sim-host/board/tests/integration/acquisition.rs). A conversion that is longer by less than this moves a time
+/// 1 kHz have no interval beyond this (sim-host/emulator/tests/integration/acquisition.rs). A conversion that is longer by less than this moves a time
 /// stamp by less than two microseconds.
 const TOLERANCE: i64 = 2 * MICROSECOND;
 /// What the plan does not know of an interval, per channel: the converter's time between two
@@ -76,7 +76,7 @@ pub enum Finding {
 }
 
 /// A scan with its time.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 pub struct Sampled {
     /// The words.
     pub frame: Frame,
@@ -93,6 +93,7 @@ pub struct Sampled {
 }
 
 /// The grid of the scans, as it is learnt.
+#[derive(Debug)]
 pub struct Grid {
     /// From one scan to the next, in parts of a microsecond.
     period: i64,

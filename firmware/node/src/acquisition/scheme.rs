@@ -1,9 +1,11 @@
 //! From settings to a plan for the converter.
 
 use ldc161x::{
-    Acquisition, Channel, Configuration, DriveCode, Model, Plan, Rate, ReferenceClock, Refusal,
+    Acquisition, Channel, Configuration, DriveCode, LimitError, Model, Plan, Rate, ReferenceClock,
     Request, Sensor, Sequence,
 };
+
+use crate::board::Clkin;
 
 /// The resonators that the board is made for: 2 to 5 MHz with a quality factor of 50 at most. The
 /// parallel resistance only gives the drive to begin with: the converter seeks its own at the start.
@@ -13,30 +15,38 @@ const SENSOR: Sensor = Sensor {
     highest_rp_ohm: 3_000,
     ..Sensor::new(2_000_000, 5_000_000)
 };
-/// Clocks of the converter with one channel and with several.
-const SINGLE_HZ: u32 = 30_000_000;
-const SCAN_HZ: u32 = 40_000_000;
 /// Between two channels of a scan (datasheet equation 8).
-const SWITCH_S: f32 = 692e-9 + 5.0 / SCAN_HZ as f32;
+const SWITCH_S: f32 = 692e-9 + 5.0 / Clkin::SCAN.hz() as f32;
 
-/// What the procedure wants of the converter.
+/// How a converter is to be run.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Wanted {
+pub struct Setpoint {
     /// Active channels: bit n for channel n.
     pub channels: u8,
     /// Scans per second.
     pub rate_hz: f32,
 }
 
-/// How the converter is to be run.
-#[derive(Clone, Copy)]
+impl Setpoint {
+    /// The clock that the converter needs for it.
+    #[must_use]
+    pub fn clkin(&self) -> Clkin {
+        match acquisition(self.channels) {
+            Acquisition::Single(_) => Clkin::SINGLE,
+            Acquisition::Autoscan(_) => Clkin::SCAN,
+        }
+    }
+}
+
+/// How a converter is run.
+#[derive(Clone, Copy, Debug)]
 pub struct Scheme {
+    /// What it was made for.
+    pub setpoint: Setpoint,
     /// What is written to it.
     pub configuration: Configuration,
     /// From one frame to the next as planned, in microseconds.
     pub period_us: f32,
-    /// Only one channel is active.
-    pub is_single: bool,
     /// From the middle of the first conversion to the frame's edge, in microseconds.
     pub before_edge_us: u32,
     /// From the middle of the first conversion to that of each.
@@ -50,13 +60,16 @@ pub struct Scheme {
 }
 
 impl Scheme {
-    /// The scheme for channels and a rate.
-    pub fn new(wanted: Wanted) -> Result<Self, Refusal> {
-        let acquisition = acquisition(wanted.channels);
-        let is_single = matches!(acquisition, Acquisition::Single(_));
-        let hz = if is_single { SINGLE_HZ } else { SCAN_HZ };
-        let rate = Rate::PerSecond(ceil(wanted.rate_hz));
-        let clock = ReferenceClock::External { hz };
+    /// The scheme for a setpoint.
+    ///
+    /// # Errors
+    /// What the converter cannot follow, as its driver says it.
+    pub fn new(setpoint: Setpoint) -> Result<Self, LimitError> {
+        let acquisition = acquisition(setpoint.channels);
+        let rate = Rate::PerSecond(ceil(setpoint.rate_hz));
+        let clock = ReferenceClock::External {
+            hz: setpoint.clkin().hz(),
+        };
         let plan: Plan = Request::new(Model::Ldc1614, clock, acquisition, SENSOR)
             .rate(rate)
             .plan()?;
@@ -68,10 +81,10 @@ impl Scheme {
         let first = plan.configuration.acquisition.channels().next();
         let scale = plan.configuration.scale(first.unwrap_or_default());
         Ok(Self {
+            setpoint,
             window_us: (scale.conversion_s() as f32 * 1e6 + 0.5) as u16,
             configuration: plan.configuration,
             period_us: plan.frame_period_ns as f32 / 1e3,
-            is_single,
             before_edge_us,
             offsets_us,
             ages_us,
@@ -89,11 +102,25 @@ impl Scheme {
     }
 }
 
-/// A drive with room for the growth of the parallel resistance when the sensor is pressed. What the
-/// converter finds is the strongest below 1.8 V (datasheet 8.1.5.2); one code less is 1.1 to 1.25
-/// times less, and a press makes the resistance up to 1.2 times as high.
+/// Growth of the parallel resistance, and with it of the amplitude, when the sensor is pressed as far
+/// as it can be: 0.4 mm between slabs raise the inductance by a fifth, and the resistance is L/(R C).
+const PRESSED: [u32; 2] = [6, 5];
+
+/// A drive with room for that growth: the strongest that is a fifth weaker. What the converter finds
+/// is the strongest below 1.8 V (datasheet 8.1.5.2); a code is 1.1 to 1.25 times the next lower one.
+/// At rest the oscillation may be too faint with it: see [`stronger`].
 pub fn with_room(found: DriveCode) -> DriveCode {
-    DriveCode::new(found.code().saturating_sub(1)).unwrap_or(found)
+    let [pressed, at_rest] = PRESSED;
+    let has_room = |code: &DriveCode| {
+        u32::from(code.current_ua()) * pressed <= u32::from(found.current_ua()) * at_rest
+    };
+    let weaker = (0..found.code()).rev().filter_map(DriveCode::new);
+    weaker.into_iter().find(has_room).unwrap_or_default()
+}
+
+/// The next stronger drive, for an oscillation below 1.2 V.
+pub fn stronger(drive: DriveCode) -> DriveCode {
+    DriveCode::new(drive.code().saturating_add(1)).unwrap_or(drive)
 }
 
 /// The next whole number of scans per second.
@@ -163,4 +190,29 @@ fn times(configuration: &Configuration) -> Times {
 fn reference_hz(configuration: &Configuration) -> f32 {
     let (_, nominal_hz, _) = configuration.reference.range_hz();
     nominal_hz as f32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// For every code: at rest and pressed the amplitude stays within 1.2 and 1.8 V, wherever within its
+    /// step the sensor is, or one code more than the room does.
+    #[test]
+    fn a_pressed_sensor_has_room_and_one_at_rest_is_not_faint() {
+        // The strongest code that is known to be below the clamp, and the next one above it.
+        for code in 3..31 {
+            let found = DriveCode::new(code).unwrap();
+            let drive = with_room(found);
+            let [found_ua, next_ua, drive_ua, stronger_ua] =
+                [found, stronger(found), drive, stronger(drive)]
+                    .map(|of| f64::from(of.current_ua()));
+            // The sensor's amplitude at the found code lies between these.
+            let [low_v, high_v] = [1.8 * found_ua / next_ua, 1.8];
+            let pressed_v = 1.2 * high_v * drive_ua / found_ua;
+            assert!(pressed_v <= 1.8, "{found}: {pressed_v}");
+            let at_rest_v = low_v * stronger_ua / found_ua;
+            assert!(at_rest_v >= 1.2, "{found}: {at_rest_v}");
+        }
+    }
 }

@@ -1,12 +1,12 @@
 //! The grid of the scans: which frame is passed on, what is counted as missed, what is marked.
 
-use palpate_node::acquisition::{Fetch, Finding, Grid, Scheme, Wanted};
+use palpate_node::acquisition::{Fetch, Finding, Grid, Scheme, Setpoint};
 
 /// Bit time of the bus, in microseconds.
 const BIT_US: f64 = 2.5;
 
 fn scheme(channels: u8, rate_hz: f32) -> Scheme {
-    Scheme::new(Wanted { channels, rate_hz }).unwrap_or_else(|refusal| panic!("{refusal}"))
+    Scheme::new(Setpoint { channels, rate_hz }).unwrap_or_else(|refusal| panic!("{refusal}"))
 }
 
 /// A converter that makes a scan in every period, and a master that reads it.
@@ -104,7 +104,7 @@ fn word_and_end_us(case: (u8, f32, bool), place: u32, delay_us: f64) -> (f64, f6
     let latched_us = delay_us + f64::from(47 * before + 29) * BIT_US;
     let channel = scheme.configuration.acquisition.channel_at(place as u8);
     let settings = scheme.configuration.channel(channel.unwrap_or_default());
-    let reference_hz = if count == 1 { 30e6 } else { 40e6 };
+    let reference_hz = if count == 1 { 200e6 / 6.0 } else { 40e6 };
     let switch_s = 692e-9 + 5.0 / reference_hz;
     let clocks = f64::from(settings.rcount.get()) * 16.0;
     let settling = if count == 1 {

@@ -2,7 +2,7 @@
 //!
 //! Commands bring them, checked whole before any part is taken; curves come in chunks and take
 //! effect with their last knot. What is kept is what the model computes with, and the records that
-//! tell it back are made from that, so there is no second copy that could differ.
+//! read it back are made from that, so there is no second copy that could differ.
 
 mod assembly;
 mod readback;
@@ -19,7 +19,7 @@ use palpate_wire::command::{
     StiffeningCurve, Tank, TemperatureEffect,
 };
 
-use crate::Board;
+use crate::BoardInfo;
 use assembly::{Assembly, Target};
 pub(crate) use seal::ITEMS;
 #[cfg(test)]
@@ -35,7 +35,7 @@ pub struct Configuration {
     pub(crate) settings: Settings,
     /// Whether the settings were set by a command.
     settings_are_set: bool,
-    channels: [[Channel; 4]; 2],
+    channels: [[ChannelCalibration; 4]; 2],
     springs: Option<Springs>,
     stiffening: Option<SetStiffening>,
     coil: Option<Coil>,
@@ -49,7 +49,7 @@ pub struct Configuration {
 
 /// Calibration of one channel of one converter.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Channel {
+pub(crate) struct ChannelCalibration {
     tank: Option<Tank>,
     /// Deformation against the relative change of inductance.
     pub(crate) curve: Option<Curve>,
@@ -134,7 +134,7 @@ impl Default for Configuration {
 
 impl Configuration {
     /// The default settings, within what the board may do, and no calibration.
-    pub(crate) fn new(board: &Board) -> Self {
+    pub(crate) fn new(board: &BoardInfo) -> Self {
         let limits = &board.limits;
         let [first, _] = board.channels;
         let defaults = DEFAULT_SETTINGS;
@@ -160,7 +160,7 @@ impl Configuration {
     }
 
     /// Calibration of a channel.
-    pub(crate) fn channel(&self, sensor: u8, channel: u8) -> Option<&Channel> {
+    pub(crate) fn channel(&self, sensor: u8, channel: u8) -> Option<&ChannelCalibration> {
         self.channels
             .get(usize::from(sensor))?
             .get(usize::from(channel))
@@ -196,7 +196,7 @@ impl Configuration {
     }
 
     /// Takes what a command sets, or nothing of it. `None` for a command that sets nothing.
-    pub(crate) fn set(&mut self, command: &Command, board: &Board) -> Option<Outcome> {
+    pub(crate) fn set(&mut self, command: &Command, board: &BoardInfo) -> Option<Outcome> {
         let outcome = self.take(command, board)?;
         if outcome == Outcome::Accepted {
             self.seal(command);
@@ -204,7 +204,7 @@ impl Configuration {
         Some(outcome)
     }
 
-    fn take(&mut self, command: &Command, board: &Board) -> Option<Outcome> {
+    fn take(&mut self, command: &Command, board: &BoardInfo) -> Option<Outcome> {
         Some(match command {
             Command::SetSettings(settings) => self.set_settings(settings, board),
             Command::SetTank(tank) => {
@@ -258,7 +258,7 @@ impl Configuration {
         })
     }
 
-    fn set_settings(&mut self, settings: &Settings, board: &Board) -> Outcome {
+    fn set_settings(&mut self, settings: &Settings, board: &BoardInfo) -> Outcome {
         let [first, second] = board.channels;
         if settings.channels & !(first | second) != 0 || settings.channels & first == 0 {
             return Outcome::NoSuchChannel;
@@ -288,8 +288,8 @@ impl Configuration {
         &mut self,
         sensor: u8,
         channel: u8,
-        board: &Board,
-        set: impl FnOnce(&mut Channel),
+        board: &BoardInfo,
+        set: impl FnOnce(&mut ChannelCalibration),
     ) -> Outcome {
         let place = self.channels.get_mut(usize::from(sensor));
         match place.and_then(|of| of.get_mut(usize::from(channel))) {
@@ -386,7 +386,7 @@ impl Configuration {
 }
 
 /// Whether the board has a channel.
-fn has(board: &Board, sensor: u8, channel: u8) -> bool {
+fn has(board: &BoardInfo, sensor: u8, channel: u8) -> bool {
     let channels = board.channels.get(usize::from(sensor)).copied();
     channels.is_some_and(|channels| channels.checked_shr(channel.into()).unwrap_or(0) & 1 == 1)
 }

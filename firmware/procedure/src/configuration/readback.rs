@@ -1,4 +1,4 @@
-//! The configuration as the commands that would set it, to tell it and to number it.
+//! The configuration as the commands that would set it, to read it back and to compute its CRC.
 
 use palpate_wire::code::Part;
 use palpate_wire::command::{
@@ -32,7 +32,7 @@ const fn is_of_a_channel(part: Part) -> bool {
 }
 
 impl Configuration {
-    /// CRC-32 over settings and calibration in force, as `hello` tells it.
+    /// CRC-32 over settings and calibration in force, as `hello` reports it.
     pub fn crc(&self) -> u32 {
         let settings = self.settings_are_set.then(|| self.settings.clone());
         let parts = PARTS.into_iter().flat_map(|part| {
@@ -111,7 +111,7 @@ impl Configuration {
         let SetStiffening::Curve { rise, uncertainty } = self.stiffening.as_ref()? else {
             return None;
         };
-        let (total, first) = place(rise, chunk)?;
+        let (total, first) = position(rise, chunk)?;
         let knots = knots(rise, first);
         let knots = knots.map(|(current_a, rise)| StiffeningKnot { current_a, rise });
         Some(Command::SetStiffeningCurve(StiffeningCurve {
@@ -123,8 +123,8 @@ impl Configuration {
     }
 }
 
-/// Place of a chunk in its curve: knots in all, and its first one. `None` beyond the end.
-fn place(curve: &Curve, chunk: usize) -> Option<(u8, u8)> {
+/// Position of a chunk in its curve: knots in all, and its first one. `None` beyond the end.
+fn position(curve: &Curve, chunk: usize) -> Option<(u8, u8)> {
     let total = curve.points().len();
     let first = chunk.checked_mul(KNOTS_PER_CHUNK)?;
     (first < total).then_some((total as u8, first as u8))
@@ -136,7 +136,7 @@ fn knots(curve: &Curve, first: u8) -> impl Iterator<Item = (f32, f32)> + '_ {
 }
 
 fn deformation_chunk(curve: &Curve, sensor: u8, channel: u8, chunk: usize) -> Option<Command> {
-    let (total, first) = place(curve, chunk)?;
+    let (total, first) = position(curve, chunk)?;
     let knots = knots(curve, first);
     let knots = knots.map(|(inductance_change, deformation_m)| DeformationKnot {
         inductance_change,

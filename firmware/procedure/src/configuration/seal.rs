@@ -124,7 +124,7 @@ pub(crate) mod tests {
     };
 
     use super::*;
-    use crate::board::{Board, tests::BOARD};
+    use crate::board::{BoardInfo, tests::BOARD};
     use crate::configuration::DEFAULT_SETTINGS;
 
     const SPRINGS: Springs = Springs {
@@ -274,7 +274,7 @@ pub(crate) mod tests {
         ]
     }
 
-    fn set(configuration: &mut Configuration, board: &Board, commands: &[Command]) {
+    fn set(configuration: &mut Configuration, board: &BoardInfo, commands: &[Command]) {
         for command in commands {
             let outcome = configuration.set(command, board);
             assert_eq!(outcome, Some(Outcome::Accepted), "{command:?}");
@@ -282,7 +282,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn every_part_that_is_upset_is_found_and_setting_it_anew_mends_it() {
+    fn every_part_that_is_upset_is_found_and_setting_it_anew_repairs_it() {
         let board = BOARD;
         let mut sound = Configuration::new(&board);
         assert_eq!(sound.any_damaged(), None);

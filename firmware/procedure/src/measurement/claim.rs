@@ -3,13 +3,13 @@
 use palpate_model::magnetorheological::{self, Stiffening};
 use palpate_model::math::{hypot, sqrt};
 use palpate_model::ramp::{
-    Bend, Fit, LoadPoint, LoadRatio, LoadStiffness, Reference, Refusal as NoFit, SLOPE_BY_BEND,
+    Bend, Fit, LoadCurvePoint, LoadRatio, LoadStiffness, RampRefusal, Reference, SLOPE_BY_BEND,
 };
 use palpate_model::uncertainty::{Calibration, OperatingPoint};
 use palpate_model::units::{Ampere, Celsius, Metre, Newton, NewtonPerMetre};
 use palpate_wire::code::RefusalReason;
 use palpate_wire::command::Settings;
-use palpate_wire::record::{Estimate, LoadPoint as Reported, Refusal};
+use palpate_wire::record::{Estimate, LoadPoint, Refusal};
 
 use super::{Measurement, Reason};
 use crate::configuration::Calibrated;
@@ -22,14 +22,14 @@ use crate::time::{Instant, seconds};
     clippy::large_enum_variant,
     reason = "there is one of it, and no heap to put the larger one on"
 )]
-pub(crate) enum Outcome {
-    Estimate(Report),
+pub(crate) enum MeasurementOutcome {
+    Estimate(EstimateReport),
     Refusal(Refusal),
 }
 
 /// An estimate, and the load's curve, whose points are computed one by one.
 #[derive(Clone, Debug)]
-pub(crate) struct Report {
+pub(crate) struct EstimateReport {
     pub(crate) estimate: Estimate,
     curve: Option<LoadCurve>,
 }
@@ -47,7 +47,7 @@ struct LoadCurve {
     of_calibration: f32,
     /// By how much the noise is larger than the fit says.
     scatter: f32,
-    /// Points to tell.
+    /// Points to report.
     points: u8,
 }
 
@@ -57,14 +57,15 @@ impl Measurement {
         settings: &Settings,
         heat: Option<&Heat>,
         now: Instant,
-    ) -> Result<Report, Reason> {
+    ) -> Result<EstimateReport, Reason> {
         let (completed, began) = (self.drive.train().completed(), self.drive.began);
-        let ramps =
-            self.ramps
-                .as_mut()
-                .ok_or((RefusalReason::TooFewSamples, Some(0.0), Some(4.0)))?;
-        let (fit, curved) = ramps.solve().map_err(reason)?;
-        let ratio = fit.load_ratio().map_err(reason)?;
+        let ramps = self.ramps.as_mut().ok_or(Reason::new(
+            RefusalReason::TooFewSamples,
+            Some(0.0),
+            Some(4.0),
+        ))?;
+        let (fit, curved) = ramps.solve()?;
+        let ratio = fit.load_ratio()?;
         let scatter = ramps.scatter().birge_ratio().unwrap_or(1.0).max(1.0);
         let of_noise = widened(&ratio, scatter);
         let reference = *ramps.reference();
@@ -78,10 +79,10 @@ impl Measurement {
         let bend = curved.and_then(|curved| Bend::of(&fit, &curved, ramps.span()));
         let claim = calibration.widen(&of_noise, &at);
         let sensing = NewtonPerMetre(self.calibrated.springs.sensing_n_per_m);
-        claim.stiffness(sensing).map_err(reason)?;
+        claim.stiffness(sensing)?;
         let usual = self.calibrated.springs.bend;
         let claim = with_misfit(claim, bend, (scatter, usual), &at)?;
-        let load = claim.stiffness(sensing).map_err(reason)?;
+        let load = claim.stiffness(sensing)?;
         too_uncertain(&load, settings)?;
         let total = fit.total_displacement();
         let (low, high) = ramps.regressors();
@@ -125,15 +126,15 @@ impl Measurement {
         };
         // A calibration or sigmas far from any sensor's may lead beyond what the protocol holds.
         if estimate.validate().is_err() {
-            return Err(reason(NoFit::NotFinite));
+            return Err(RampRefusal::NotFinite.into());
         }
-        Ok(Report { estimate, curve })
+        Ok(EstimateReport { estimate, curve })
     }
 }
 
-impl Report {
+impl EstimateReport {
     /// A point of the load's curve, evenly spaced along the regressor.
-    pub(crate) fn load_point(&self, index: u8) -> Option<Reported> {
+    pub(crate) fn load_point(&self, index: u8) -> Option<LoadPoint> {
         let curve = self.curve.as_ref()?;
         let last = curve.points.checked_sub(1).filter(|last| index <= *last)?;
         let part = if last > 0 {
@@ -154,10 +155,10 @@ impl LoadCurve {
     }
 
     /// A point at a part of the way along the regressor, if the protocol holds it.
-    fn point(&self, measurement: u32, index: u8, part: f32) -> Option<Reported> {
+    fn point(&self, measurement: u32, index: u8, part: f32) -> Option<LoadPoint> {
         let (low, high) = self.regressors;
         let point = self.at(low + (high - low) * part);
-        let reported = Reported {
+        let reported = LoadPoint {
             measurement,
             index,
             points: self.points,
@@ -170,13 +171,13 @@ impl LoadCurve {
     }
 
     /// The point at a regressor, with the uncertainty of its way from the middle of the ramps.
-    fn at(&self, regressor: f32) -> LoadPoint {
+    fn at(&self, regressor: f32) -> LoadCurvePoint {
         let point = self
             .fit
             .load_point_within(regressor, self.sensing, self.total);
         let from_middle = point.force - self.middle;
         let turned = self.of_calibration * from_middle.0 / self.sensing.0;
-        LoadPoint {
+        LoadCurvePoint {
             force_sigma: point.force_sigma * self.scatter,
             displacement_sigma: Metre(hypot(point.displacement_sigma.0 * self.scatter, turned)),
             ..point
@@ -231,7 +232,11 @@ fn with_misfit(
     let limit = claim.standard_error.max(allowed * whole);
     // NaN is refused, too.
     if misfit.is_nan() || limit.is_nan() || misfit > limit {
-        return Err((RefusalReason::Misfit, Some(misfit), Some(limit)));
+        return Err(Reason::new(
+            RefusalReason::Misfit,
+            Some(misfit),
+            Some(limit),
+        ));
     }
     Ok(claim.with_uncertainty(misfit))
 }
@@ -331,36 +336,40 @@ fn too_uncertain(load: &LoadStiffness, settings: &Settings) -> Result<(), Reason
     if part <= settings.greatest_error {
         return Ok(());
     }
-    Err((
+    Err(Reason::new(
         RefusalReason::TooUncertain,
         Some(part),
         Some(settings.greatest_error),
     ))
 }
 
-/// The model's refusal as the protocol's.
-fn reason(refusal: NoFit) -> Reason {
-    match refusal {
-        NoFit::TooFewSamples { have, need } => (
-            RefusalReason::TooFewSamples,
-            Some(have as f32),
-            Some(need as f32),
-        ),
-        NoFit::IllConditioned { term } => (RefusalReason::IllConditioned, Some(term as f32), None),
-        NoFit::NotFinite => (RefusalReason::NotFinite, None, None),
-        NoFit::SignalTooSmall { significance } => (
-            RefusalReason::SignalTooSmall,
-            Some(significance),
-            Some(palpate_model::math::student::NORMAL_975),
-        ),
-        NoFit::SignalReversed { significance } => {
-            (RefusalReason::SignalReversed, Some(significance), None)
-        }
-        NoFit::NegativeStiffness { highest_load_ratio } => (
-            RefusalReason::NegativeStiffness,
-            Some(highest_load_ratio),
-            None,
-        ),
+impl From<RampRefusal> for Reason {
+    fn from(refusal: RampRefusal) -> Self {
+        let (code, value, limit) = match refusal {
+            RampRefusal::TooFewSamples { have, need } => (
+                RefusalReason::TooFewSamples,
+                Some(have as f32),
+                Some(need as f32),
+            ),
+            RampRefusal::IllConditioned { term } => {
+                (RefusalReason::IllConditioned, Some(term as f32), None)
+            }
+            RampRefusal::NotFinite => (RefusalReason::NotFinite, None, None),
+            RampRefusal::SignalTooSmall { significance } => (
+                RefusalReason::SignalTooSmall,
+                Some(significance),
+                Some(palpate_model::math::student::NORMAL_975),
+            ),
+            RampRefusal::SignalReversed { significance } => {
+                (RefusalReason::SignalReversed, Some(significance), None)
+            }
+            RampRefusal::NegativeStiffness { highest_load_ratio } => (
+                RefusalReason::NegativeStiffness,
+                Some(highest_load_ratio),
+                None,
+            ),
+        };
+        Self::new(code, value, limit)
     }
 }
 
@@ -371,7 +380,7 @@ fn root_of_rest(whole: f32, part: f32) -> f32 {
 
 #[cfg(test)]
 mod tests {
-    use palpate_model::ramp::{Basis, Noise, Ramp, Sample};
+    use palpate_model::ramp::{Basis, Noise, Ramp, RampSample};
     use palpate_model::units::Second;
 
     use super::*;
@@ -383,7 +392,7 @@ mod tests {
         let mut ramp = Ramp::new(reference, Basis::LINEAR);
         for i in 0..100_u8 {
             let h = -0.03 * (1.0 - f32::from(i) / 99.0);
-            let sample = Sample {
+            let sample = RampSample {
                 time: Second(0.0),
                 deformation: Metre(-0.3e-3 * h / (3.0 + h)),
                 regressor: h,

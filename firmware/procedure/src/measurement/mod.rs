@@ -4,7 +4,7 @@ mod claim;
 mod ramps;
 
 use palpate_model::magnetorheological::{Stiffening, attraction, deviation};
-use palpate_model::ramp::Sample;
+use palpate_model::ramp::RampSample;
 use palpate_model::units::{Ampere, Metre, Newton, NewtonPerMetre};
 use palpate_wire::code::{FaultCode, Place, RefusalReason};
 use palpate_wire::command::Settings;
@@ -16,25 +16,36 @@ use crate::deformation::Deformation;
 use crate::event::{Failure, Scan};
 use crate::heat::Heat;
 use crate::time::{Duration, Instant, after, in_seconds, seconds, span};
-use crate::train::{Course, Leg, Line, Train};
-pub(crate) use claim::{Outcome, Report};
+use crate::train::{CurrentLine, Train, TrainProfile, TrainSegment};
+pub(crate) use claim::{EstimateReport, MeasurementOutcome};
 use ramps::{Ramps, TwoStates};
 
-/// The current may differ from its course by this part of the peak. A larger difference means that
-/// another course was driven than the stiffening was calibrated on; 2 % of gain and an amplifier's
+/// The current may differ from its setpoint by this part of the peak. A larger difference means that
+/// another profile was driven than the stiffening was calibrated on; 2 % of gain and an amplifier's
 /// non-linearity (sim-host/stacks) lie well within.
-const OFF_COURSE: f32 = 0.1;
+const MAX_TRACKING_ERROR: f32 = 0.1;
 
 /// More than one conversion in so many flagged or lost ends a measurement: what took that many
 /// touched the others too.
 const ONE_IN: u32 = 10;
 
-/// A reason without an estimate, with its numbers.
-pub(crate) type Reason = (RefusalReason, Option<f32>, Option<f32>);
+/// Why there is no estimate, with the numbers whose meaning stands at the code.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Reason {
+    pub(crate) code: RefusalReason,
+    pub(crate) value: Option<f32>,
+    pub(crate) limit: Option<f32>,
+}
+
+impl Reason {
+    pub(crate) const fn new(code: RefusalReason, value: Option<f32>, limit: Option<f32>) -> Self {
+        Self { code, value, limit }
+    }
+}
 
 /// A train under way, with its guards.
 #[derive(Clone, Debug)]
-pub(crate) struct Drive {
+pub(crate) struct TrainDrive {
     train: Train,
     began: Instant,
     deadline: Instant,
@@ -44,7 +55,7 @@ pub(crate) struct Drive {
 #[derive(Clone, Debug)]
 pub(crate) struct Measurement {
     pub(crate) number: u32,
-    pub(crate) drive: Drive,
+    pub(crate) drive: TrainDrive,
     calibrated: Calibrated,
     /// When the object touched.
     touched: Instant,
@@ -60,7 +71,7 @@ pub(crate) struct Measurement {
 /// What an event means for a train.
 pub(crate) enum Progress {
     /// It goes on.
-    On(Option<Line>),
+    On(Option<CurrentLine>),
     /// All ramps are done and the current is zero.
     Done,
     /// There is no estimate.
@@ -69,16 +80,16 @@ pub(crate) enum Progress {
     Failed(Failure),
 }
 
-impl Drive {
+impl TrainDrive {
     /// Begins with the first rise.
-    pub(crate) fn start(settings: &Settings, limits: &Limits, now: Instant) -> (Self, Line) {
-        let course = Course::new(settings);
-        let (train, line) = Train::start(course, now);
+    pub(crate) fn start(settings: &Settings, limits: &Limits, now: Instant) -> (Self, CurrentLine) {
+        let profile = TrainProfile::new(settings);
+        let (train, line) = Train::start(profile, now);
         let began = line.at;
-        // Every leg begins with the conversion nearest to the end of the one before: a tenth of a
+        // Every segment begins with the conversion nearest to the end of the one before: a tenth of a
         // second late is a scheduler that has failed.
-        let slack = span(0.1).as_ticks() * (u64::from(course.ramps) * 3 + 3);
-        let allowed = course.duration().as_ticks() + slack;
+        let slack = span(0.1).as_ticks() * (u64::from(profile.ramps) * 3 + 3);
+        let allowed = profile.duration().as_ticks() + slack;
         let allowed = allowed.min(span(limits.on_time_s).as_ticks());
         let deadline = Instant::from_ticks(began.as_ticks().saturating_add(allowed));
         let drive = Self {
@@ -96,7 +107,7 @@ impl Drive {
     /// From which the samples' times count: the middle of the first rise, so that a drift that
     /// starts anew with every ramp does so in the middle of a rise, far from any sample.
     fn origin(&self) -> Instant {
-        let half = Duration::from_ticks(self.train.course().rise.as_ticks() / 2);
+        let half = Duration::from_ticks(self.train.profile().rise.as_ticks() / 2);
         after(self.began, half)
     }
 
@@ -106,10 +117,10 @@ impl Drive {
             let allowed = seconds(self.began, self.deadline).0;
             let took = seconds(self.began, now).0;
             let reason = RefusalReason::TimedOut;
-            return Progress::Refused((reason, Some(took), Some(allowed)));
+            return Progress::Refused(Reason::new(reason, Some(took), Some(allowed)));
         }
         let line = converted.then(|| self.train.advance(now)).flatten();
-        if self.train.leg() == Leg::Done {
+        if self.train.segment() == TrainSegment::Done {
             Progress::Done
         } else {
             Progress::On(line)
@@ -130,30 +141,31 @@ impl Drive {
         self.check_current(scan)
     }
 
-    /// Whether the measured current is on its course.
+    /// Whether the measured current follows its setpoint.
     fn check_current(&self, scan: &Scan) -> Result<(), Progress> {
-        let refused =
-            |reason, value, limit: Ampere| Err(Progress::Refused((reason, value, Some(limit.0))));
-        let peak = self.train.course().peak;
-        let Some(current) = scan.measured_current() else {
-            let wanted = self.train.wanted(scan.middle).unwrap_or(peak);
-            return refused(RefusalReason::CurrentOffCourse, None, wanted);
+        let refused = |code, value, limit: Ampere| {
+            Err(Progress::Refused(Reason::new(code, value, Some(limit.0))))
         };
-        // Only where the whole conversion lay within the leg. A rise begins from wherever the
+        let peak = self.train.profile().peak;
+        let Some(current) = scan.measured_current() else {
+            let setpoint = self.train.setpoint(scan.middle).unwrap_or(peak);
+            return refused(RefusalReason::CurrentOffCourse, None, setpoint);
+        };
+        // Only where the whole conversion lay within the segment. A rise begins from wherever the
         // current was.
         let half = scan.window.as_ticks() / 2;
         let begins = Instant::from_ticks(scan.middle.as_ticks().saturating_sub(half));
-        if !self.train.has_begun(begins) || self.train.leg() == Leg::Rise {
+        if !self.train.has_begun(begins) || self.train.segment() == TrainSegment::Rise {
             return Ok(());
         }
-        let wanted = self.train.wanted(scan.middle).unwrap_or(current);
-        if (current - wanted).0.abs() <= OFF_COURSE * peak.0 {
+        let setpoint = self.train.setpoint(scan.middle).unwrap_or(current);
+        if (current - setpoint).0.abs() <= MAX_TRACKING_ERROR * peak.0 {
             return Ok(());
         }
-        if self.train.leg() == Leg::Hold && current < wanted {
+        if self.train.segment() == TrainSegment::Hold && current < setpoint {
             return refused(RefusalReason::PeakNotReached, Some(current.0), peak);
         }
-        refused(RefusalReason::CurrentOffCourse, Some(current.0), wanted)
+        refused(RefusalReason::CurrentOffCourse, Some(current.0), setpoint)
     }
 }
 
@@ -184,9 +196,9 @@ impl Measurement {
         calibrated: Calibrated,
         touched: Instant,
         settings: &Settings,
-        (drive, line): (Drive, Line),
-    ) -> (Self, Line) {
-        let conversions = in_seconds(drive.train.course().duration()).0 * settings.rate_hz;
+        (drive, line): (TrainDrive, CurrentLine),
+    ) -> (Self, CurrentLine) {
+        let conversions = in_seconds(drive.train.profile().duration()).0 * settings.rate_hz;
         let measurement = Self {
             number,
             drive,
@@ -231,28 +243,40 @@ impl Measurement {
         deformation: Option<Deformation>,
         settings: &Settings,
     ) -> Result<(), Progress> {
-        let refuse = |(reason, value, limit)| Err(Progress::Refused((reason, value, limit)));
+        let refuse = |reason| Err(Progress::Refused(reason));
         let allowed = self.allowed;
         if self.lost > allowed {
             let reason = RefusalReason::ConversionsLost;
-            return refuse((reason, Some(self.lost as f32), Some(allowed as f32)));
+            return refuse(Reason::new(
+                reason,
+                Some(self.lost as f32),
+                Some(allowed as f32),
+            ));
         }
         let Some(deformation) = deformation else {
             self.flagged = self.flagged.saturating_add(1);
             if self.flagged > allowed {
                 let reason = RefusalReason::Flagged;
-                return refuse((reason, Some(self.flagged as f32), Some(allowed as f32)));
+                return refuse(Reason::new(
+                    reason,
+                    Some(self.flagged as f32),
+                    Some(allowed as f32),
+                ));
             }
             return Ok(());
         };
         if deformation.is_untouched() {
             let after = seconds(self.drive.began, scan.middle).0;
-            return refuse((RefusalReason::ContactLost, Some(after), None));
+            return refuse(Reason::new(RefusalReason::ContactLost, Some(after), None));
         }
         if deformation.extrapolated {
             let pressed_m = deformation.value.0;
             let deepest = metres(self.calibrated.deepest);
-            return refuse((RefusalReason::PressedTooFar, Some(pressed_m), deepest));
+            return refuse(Reason::new(
+                RefusalReason::PressedTooFar,
+                Some(pressed_m),
+                deepest,
+            ));
         }
         if let Some(ramp) = self.drive.train.ramp_of(scan.middle, scan.window)
             && let Some(current) = scan.acting_current()
@@ -276,7 +300,7 @@ impl Measurement {
             let sensing = NewtonPerMetre(self.calibrated.springs.sensing_n_per_m);
             let actuated_ratio = law.reference_ratio(sensing);
             let since_touch = seconds(self.touched, origin);
-            let drift = ramps::drift(settings, since_touch, self.drive.train.course());
+            let drift = ramps::drift(settings, since_touch, self.drive.train.profile());
             self.ramps = Ramps::new(deformation.value, actuated_ratio, drift);
         }
         let Some(ramps) = &mut self.ramps else {
@@ -286,7 +310,7 @@ impl Measurement {
         let actuated = law.at_rest() * (1.0 + rise);
         let reference = ramps.reference();
         let pull = self.calibrated.pull(current);
-        let sample = Sample {
+        let sample = RampSample {
             time: seconds(origin, scan.middle),
             deformation: deformation.value - reference.deformation(),
             regressor: deviation(reference.regressor(), rise)
@@ -305,11 +329,11 @@ impl Measurement {
         settings: &Settings,
         heat: Option<&Heat>,
         now: Instant,
-    ) -> Outcome {
+    ) -> MeasurementOutcome {
         let number = self.number;
         match self.conclude(settings, heat, now) {
-            Ok(report) => Outcome::Estimate(report),
-            Err(reason) => Outcome::Refusal(refusal(number, reason)),
+            Ok(report) => MeasurementOutcome::Estimate(report),
+            Err(reason) => MeasurementOutcome::Refusal(refusal(number, reason)),
         }
     }
 }
@@ -322,14 +346,14 @@ impl Calibrated {
 }
 
 /// The record of a refusal. Numbers that the protocol has no room for are left out.
-pub(crate) fn refusal(measurement: u32, (reason, value, limit): Reason) -> Refusal {
+pub(crate) fn refusal(measurement: u32, reason: Reason) -> Refusal {
     const GREATEST: f32 = 1e30;
     let in_range = |number: Option<f32>| number.filter(|number| number.abs() <= GREATEST);
     Refusal {
         measurement,
-        reason,
-        value: in_range(value),
-        limit: in_range(limit),
+        reason: reason.code,
+        value: in_range(reason.value),
+        limit: in_range(reason.limit),
         wait_s: None,
     }
 }

@@ -1,15 +1,15 @@
 //! The running sums of a train, and what other ways of looking at it are kept beside them.
 
 use palpate_model::ramp::{
-    Basis, Drift, Fit, Noise, Ramp, Reference, Refusal, Sample, Scatter, Term,
+    Basis, DriftModel, Fit, Noise, Ramp, RampRefusal, RampSample, Reference, Scatter, Term,
 };
 use palpate_model::springs::two_state_load;
 use palpate_model::units::{Metre, NewtonPerMetre, Second};
-use palpate_wire::code::Drift as DriftKind;
+use palpate_wire::code::Drift;
 use palpate_wire::command::Settings;
 
 use crate::time::in_seconds;
-use crate::train::Course;
+use crate::train::TrainProfile;
 
 /// Sums over the whole train.
 #[derive(Clone, Debug)]
@@ -36,27 +36,31 @@ const STRAIGHT: f32 = 30.0;
 
 /// The drift that the settings ask for, for a press that was `since_touch` old when the train
 /// began: creep of rubber goes on as the logarithm of the time since the touch.
-pub(super) fn drift(settings: &Settings, since_touch: Second, course: &Course) -> Option<Drift> {
-    let train = in_seconds(course.duration());
+pub(super) fn drift(
+    settings: &Settings,
+    since_touch: Second,
+    profile: &TrainProfile,
+) -> Option<DriftModel> {
+    let train = in_seconds(profile.duration());
     let unless_straight = |tau: Second, drift| {
         if tau.0 > STRAIGHT * train.0 {
-            Drift::Linear
+            DriftModel::Linear
         } else {
             drift
         }
     };
     match settings.drift {
-        DriftKind::Linear => Some(Drift::Linear),
-        DriftKind::Logarithmic => {
+        Drift::Linear => Some(DriftModel::Linear),
+        Drift::Logarithmic => {
             let tau = since_touch;
-            Some(unless_straight(tau, Drift::Logarithmic { tau }))
+            Some(unless_straight(tau, DriftModel::Logarithmic { tau }))
         }
-        DriftKind::Exponential => {
+        Drift::Exponential => {
             let tau = Second(settings.drift_time_s);
-            Some(unless_straight(tau, Drift::Exponential { tau }))
+            Some(unless_straight(tau, DriftModel::Exponential { tau }))
         }
-        DriftKind::SawTooth => Some(Drift::SawTooth {
-            period: in_seconds(course.period()),
+        Drift::SawTooth => Some(DriftModel::SawTooth {
+            period: in_seconds(profile.period()),
         }),
         _ => None,
     }
@@ -68,14 +72,14 @@ impl Ramps {
     pub(super) fn new(
         deformation: Metre,
         actuated_ratio: f32,
-        drift: Option<Drift>,
+        drift: Option<DriftModel>,
     ) -> Option<Self> {
         let reference = Reference::new(deformation, actuated_ratio).ok()?;
         let (level, slope, bend) = (Term::Level, Term::Slope, Term::Quadratic);
-        let straight = Term::Drift(Drift::Linear);
+        let straight = Term::Drift(DriftModel::Linear);
         let basis = match drift {
             None => Basis::new(&[level, slope, bend]),
-            Some(Drift::Linear) => Basis::new(&[level, slope, straight, bend]),
+            Some(DriftModel::Linear) => Basis::new(&[level, slope, straight, bend]),
             // A drift that bends, and a straight one: rubber creeps while the coil's heat goes on
             // its way, and one of them alone left ten times the noise (the residuals in the demo's
             // report show it).
@@ -96,10 +100,10 @@ impl Ramps {
     }
 
     /// Solves without the last term, which bends the line, and with it if the samples determine it.
-    pub(super) fn solve(&self) -> Result<(Fit, Option<Fit>), Refusal> {
+    pub(super) fn solve(&self) -> Result<(Fit, Option<Fit>), RampRefusal> {
         let straight = self.sums.basis().terms().len().saturating_sub(1);
         let fit = self.sums.fit_first(straight, Noise::Larger);
-        let fit = fit.unwrap_or(Err(Refusal::NotFinite))?;
+        let fit = fit.unwrap_or(Err(RampRefusal::NotFinite))?;
         Ok((fit, self.sums.fit(Noise::Larger).ok()))
     }
 
@@ -121,7 +125,7 @@ impl Ramps {
 
     /// Takes a sample of the ramp with this number. One that the sums reject - not finite, not
     /// pressed - is left out of all of them.
-    pub(super) fn push(&mut self, sample: &Sample, ramp: u8) {
+    pub(super) fn push(&mut self, sample: &RampSample, ramp: u8) {
         if ramp != self.single.0 {
             self.close_single(ramp);
         }

@@ -1,4 +1,4 @@
-//! Whether the coil may take a course of the current: its heat, and the energy that its drive has
+//! Whether the coil may take a profile of the current: its heat, and the energy that its drive has
 //! left, by the drive's own law and constants ([`Account`]). What does not fit is refused before it
 //! begins, with the time to wait.
 
@@ -8,12 +8,11 @@ use palpate_wire::code::{Part, RefusalReason};
 use palpate_wire::record::CoilTest;
 
 use super::Procedure;
-use super::states::Phase;
 use crate::event::Scan;
 use crate::heat::{Forecast, Heat};
 use crate::measurement::Reason;
 use crate::time::{Instant, in_seconds, seconds};
-use crate::train::{Course, Line};
+use crate::train::{CurrentLine, TrainProfile};
 
 /// More than is forecast, as a part: what the ripple heats (1.5 % of the square at most, decision 40).
 const RIPPLE: f32 = 1.02;
@@ -77,19 +76,16 @@ impl Procedure {
 
     /// Follows until when the coil is driven.
     pub(super) fn follow_drive(&mut self, now: Instant) {
-        if matches!(
-            self.phase,
-            Phase::Driving(_) | Phase::Sweeping { .. } | Phase::Directed(_)
-        ) {
+        if self.phase.activity().drives() {
             self.budget.driven = now;
         }
     }
 
     /// Whether the coil can bear the train.
     pub(super) fn may_take_train(&self, now: Instant) -> Result<(), Hindrance> {
-        let never = |reason, value, limit| {
+        let never = |code, value, limit| {
             Err(Hindrance {
-                reason: (reason, value, limit),
+                reason: Reason::new(code, value, limit),
                 wait_s: None,
             })
         };
@@ -99,13 +95,13 @@ impl Procedure {
             let part = Part::Coil.number();
             return never(RefusalReason::NotCalibrated, Some(part.into()), None);
         };
-        let course = Course::new(settings);
-        let longest = course.longest();
+        let profile = TrainProfile::new(settings);
+        let longest = profile.longest();
         let limit_c = self.hottest();
         let forecast = heat.forecast(&longest, limit_c);
         let energy_j = RIPPLE * forecast.energy_j;
         let limit_j = settings.greatest_energy_j.min(limits.energy_j);
-        let takes_s = in_seconds(course.duration()).0;
+        let takes_s = in_seconds(profile.duration()).0;
         // Hot copper takes more; once it has cooled that may be less.
         let is_too_much = energy_j.is_nan() || energy_j > limit_j;
         if forecast.hottest.is_some() && is_too_much {
@@ -131,7 +127,7 @@ impl Procedure {
                 .map(|(cool_s, wait_s)| cool_s.max(wait_s)),
         };
         Err(Hindrance {
-            reason: (
+            reason: Reason::new(
                 RefusalReason::CoilTooHot,
                 Some(heat.copper().0),
                 Some(limit_c.0),
@@ -141,7 +137,7 @@ impl Procedure {
     }
 
     /// Whether the coil can bear a straight line that is commanded.
-    pub(super) fn may_take_line(&self, line: &Line, now: Instant) -> Result<(), Hindrance> {
+    pub(super) fn may_take_line(&self, line: &CurrentLine, now: Instant) -> Result<(), Hindrance> {
         let Some(heat) = &self.heat else {
             return Ok(());
         };
@@ -149,10 +145,10 @@ impl Procedure {
         let limit = self.hottest();
         // What is not a number counts as hot.
         if copper.0.is_nan() || copper > limit {
-            let course = Course::new(&self.configuration.settings);
+            let profile = TrainProfile::new(&self.configuration.settings);
             return Err(Hindrance {
-                reason: (RefusalReason::CoilTooHot, Some(copper.0), Some(limit.0)),
-                wait_s: heat.wait_s(&course, limit),
+                reason: Reason::new(RefusalReason::CoilTooHot, Some(copper.0), Some(limit.0)),
+                wait_s: heat.wait_s(&profile, limit),
             });
         }
         self.fits(heat, copper, now, |demand| {
@@ -169,25 +165,25 @@ impl Procedure {
     fn train_fits(
         &self,
         heat: &Heat,
-        course: &Course,
+        profile: &TrainProfile,
         forecast: Forecast,
         now: Instant,
     ) -> Result<(), Hindrance> {
         let hottest = forecast.hottest.unwrap_or_else(|| self.hottest());
         self.fits(heat, hottest, now, |demand| {
-            for (to, over) in course.lines() {
+            for (to, over) in profile.lines() {
                 demand.line(to.0, in_seconds(over).0);
             }
         })
     }
 
-    /// Whether the drive's account bears a course of the current that makes the copper so hot.
+    /// Whether the drive's account bears a profile of the current that makes the copper so hot.
     fn fits(
         &self,
         heat: &Heat,
         hottest: Celsius,
         now: Instant,
-        course: impl FnOnce(&mut Demand),
+        profile: impl FnOnce(&mut Demand),
     ) -> Result<(), Hindrance> {
         // Nothing to go by: the drive itself still keeps the limit.
         let Some(load) = self.load_at(heat, hottest) else {
@@ -197,13 +193,13 @@ impl Procedure {
             return Ok(());
         };
         let mut demand = Demand::new(&account, load);
-        course(&mut demand);
+        profile(&mut demand);
         if account.bears(&demand) {
             return Ok(());
         }
         let energy_j = account.energy_j() + demand.most_j();
         Err(Hindrance {
-            reason: (
+            reason: Reason::new(
                 RefusalReason::TooMuchEnergy,
                 Some(energy_j),
                 Some(account.usable_j()),

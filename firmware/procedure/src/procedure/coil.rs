@@ -95,7 +95,7 @@ impl Procedure {
         match command {
             CoilCommand::Measure => self.may_measure().map(drop),
             CoilCommand::Sweep | CoilCommand::Test => self.may_drive(),
-            CoilCommand::Drive(line) => self.may_direct(line),
+            CoilCommand::Drive(line) => self.may_drive_manually(line),
         }
     }
 
@@ -103,7 +103,7 @@ impl Procedure {
         match command {
             CoilCommand::Measure => self.begin_asked(out),
             CoilCommand::Sweep => self.begin_sweep(out),
-            CoilCommand::Drive(line) => self.direct(line, out),
+            CoilCommand::Drive(line) => self.drive_manually(line, out),
             CoilCommand::Test => {
                 self.begin_test(out);
                 Outcome::Accepted
@@ -113,19 +113,16 @@ impl Procedure {
 
     /// Whether a train, a test or a commanded current may begin.
     pub(super) fn may_drive(&self) -> Result<(), Outcome> {
-        match &self.phase {
-            Phase::Fault(_) => Err(Outcome::Faulted),
-            // The sensor's self-test is over before the coil's.
-            Phase::SelfTest { .. } if !matches!(self.coil, Knowledge::Testing(_)) => {
-                Err(Outcome::Busy)
-            }
-            Phase::Settling(_)
-            | Phase::Driving(_)
-            | Phase::Telling { .. }
-            | Phase::Directed(_)
-            | Phase::Sweeping { .. } => Err(Outcome::Busy),
-            _ if self.armed => Ok(()),
-            _ => Err(Outcome::NotArmed),
+        self.phase.activity().ensure_free()?;
+        // The sensor's self-test is over before the coil's.
+        let is_testing = matches!(self.coil, Knowledge::Testing(_));
+        if matches!(self.phase, Phase::SelfTest { .. }) && !is_testing {
+            return Err(Outcome::Busy);
+        }
+        if self.armed {
+            Ok(())
+        } else {
+            Err(Outcome::NotArmed)
         }
     }
 

@@ -6,9 +6,10 @@ use palpate_wire::{Command, Frame, FrameError, Message, Record};
 
 use super::coil::{CoilCommand, Knowledge};
 use super::states::Phase;
-use super::{Out, Procedure, Telling};
+use super::{Out, Procedure, Readback};
 use crate::action::Action;
 use crate::board::MOST_CRASHES;
+use crate::measurement::Reason;
 
 impl Procedure {
     /// A command that arrived whole: checked, carried out, and answered once; what
@@ -20,7 +21,7 @@ impl Procedure {
         } else if let Err(invalid) = message.validate() {
             Acknowledgement::invalid(header, message.kind(), &invalid)
         } else {
-            self.word(out.now);
+            self.host_seen(out.now);
             let outcome = match CoilCommand::of(message) {
                 Some(command) => self.with_coil(header, message.kind(), command, out),
                 None => Some(self.execute(message, out)),
@@ -93,7 +94,7 @@ impl Procedure {
                 Outcome::Accepted
             }
             Command::GetCalibration(of) => {
-                let telling = Telling {
+                let readback = Readback {
                     part: of.part,
                     sensor: of.sensor,
                     channel: of.channel,
@@ -107,7 +108,7 @@ impl Procedure {
                 {
                     return Outcome::NotSet;
                 }
-                self.telling = Some(telling);
+                self.readback = Some(readback);
                 Outcome::Accepted
             }
             setting => self.set(setting, out),
@@ -130,7 +131,7 @@ impl Procedure {
         }
         let changed = !self.armed || self.mode != Mode::Stiffness;
         if !self.armed {
-            // Not driven before it is known: what hangs there, and the zero of its current.
+            // Not driven before it is known: the load, and the zero of its current.
             self.begin_test(out);
         }
         self.armed = true;
@@ -158,13 +159,10 @@ impl Procedure {
     /// whichever there is, and drops what waits.
     fn abort(&mut self, out: &mut Out<'_>) {
         self.safe(Outcome::Aborted, out);
-        if matches!(
-            self.phase,
-            Phase::Driving(_) | Phase::Settling(_) | Phase::Sweeping { .. }
-        ) {
-            self.refuse((RefusalReason::Aborted, None, None), out);
+        if self.phase.activity().measures() {
+            self.refuse(Reason::new(RefusalReason::Aborted, None, None), out);
         }
-        self.end_directed(out);
+        self.end_manual(out);
     }
 
     fn set(&mut self, command: &Command, out: &mut Out<'_>) -> Outcome {

@@ -9,6 +9,7 @@ use super::states::Phase;
 use super::{CHECK, Out, Procedure};
 use crate::configuration::ITEMS;
 use crate::event::Failure;
+use crate::measurement::Reason;
 use crate::time::after;
 
 impl Procedure {
@@ -20,12 +21,12 @@ impl Procedure {
         self.safe(Outcome::Faulted, out);
         // What failed may be the coil.
         self.coil = Knowledge::None;
-        if matches!(
-            self.phase,
-            Phase::Driving(_) | Phase::Settling(_) | Phase::Sweeping { .. }
-        ) {
+        if self.phase.activity().measures() {
             let code = failure.code.number();
-            self.refuse((RefusalReason::Faulted, Some(code.into()), None), out);
+            self.refuse(
+                Reason::new(RefusalReason::Faulted, Some(code.into()), None),
+                out,
+            );
         }
         self.armed = false;
         out.record(fault(&failure, true));

@@ -3,8 +3,8 @@
 mod budget;
 mod coil;
 mod commands;
-mod directed;
 mod faults;
+mod manual;
 mod readings;
 mod states;
 
@@ -14,7 +14,7 @@ use palpate_wire::code::{FaultCode, Mode, Part, Place, State};
 use palpate_wire::record::{Hello, StateChange, Status};
 
 use crate::action::{Action, Actions};
-use crate::board::{Board, MOST_CRASHES};
+use crate::board::{BoardInfo, MOST_CRASHES};
 use crate::boot;
 use crate::configuration::{Configuration, ITEMS};
 use crate::deformation::Follower;
@@ -23,7 +23,7 @@ use crate::heat::Heat;
 use crate::list::gathered;
 use crate::stream::{DeformationScan, Streamer};
 use crate::time::{Duration, Instant, after, between, seconds, span};
-use crate::train::Line;
+use crate::train::CurrentLine;
 use budget::Budget;
 use coil::{Knowledge, Waiting};
 use readings::{FlaggedSince, is_of_readings};
@@ -40,7 +40,7 @@ const CHECK: Duration = Duration::from_ticks(1_000_000 / ITEMS as u64);
 /// See the [crate](crate) for an example.
 #[derive(Clone, Debug)]
 pub struct Procedure {
-    board: Board,
+    board: BoardInfo,
     configuration: Configuration,
     phase: Phase,
     mode: Mode,
@@ -61,7 +61,7 @@ pub struct Procedure {
     now: Instant,
     next_status: Instant,
     /// A calibration that is being sent, chunk by chunk.
-    telling: Option<Telling>,
+    readback: Option<Readback>,
     greeted: bool,
     /// When the first converter was last seen, or when waiting for it began.
     last_seen: Option<Instant>,
@@ -74,7 +74,7 @@ pub struct Procedure {
 
 /// A part of the calibration whose next record is due.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Telling {
+struct Readback {
     part: Part,
     sensor: u8,
     channel: u8,
@@ -94,7 +94,7 @@ struct Counters {
 
 impl Procedure {
     /// An instrument that has just started, with the default settings and no calibration.
-    pub fn new(board: Board) -> Self {
+    pub fn new(board: BoardInfo) -> Self {
         let mut procedure = Self {
             configuration: Configuration::new(&board),
             board,
@@ -112,7 +112,7 @@ impl Procedure {
             counters: Counters::default(),
             now: Instant::from_ticks(0),
             next_status: Instant::from_ticks(0),
-            telling: None,
+            readback: None,
             greeted: false,
             last_seen: None,
             configured: Instant::from_ticks(0),
@@ -126,6 +126,11 @@ impl Procedure {
     /// Settings and calibration in force.
     pub const fn configuration(&self) -> &Configuration {
         &self.configuration
+    }
+
+    /// The number of this run, to which commands are addressed.
+    pub const fn boot_id(&self) -> u32 {
+        self.board.boot_id
     }
 
     /// Where it stands.
@@ -186,7 +191,7 @@ impl Procedure {
             Event::Recovered(code) => self.recovered(*code, &mut out),
         }
         self.tick(&mut out);
-        self.tell(&mut out);
+        self.send_readback(&mut out);
     }
 
     /// The first words after a start, and the configuration for the sensors.
@@ -375,21 +380,21 @@ impl Procedure {
         self.conditions.temperature
     }
 
-    /// Tells the next chunk of a calibration, or the next point of a load's curve.
-    fn tell(&mut self, out: &mut Out<'_>) {
-        if let Some(telling) = &mut self.telling {
-            let Telling {
+    /// Sends the next chunk of a calibration.
+    fn send_readback(&mut self, out: &mut Out<'_>) {
+        if let Some(readback) = &mut self.readback {
+            let Readback {
                 part,
                 sensor,
                 channel,
                 chunk,
-            } = *telling;
+            } = *readback;
             match self.configuration.record(part, sensor, channel, chunk) {
                 Some(record) => {
-                    telling.chunk += 1;
+                    readback.chunk += 1;
                     out.record(record);
                 }
-                None => self.telling = None,
+                None => self.readback = None,
             }
         }
     }
@@ -446,7 +451,7 @@ impl Out<'_> {
         }
     }
 
-    fn line(&mut self, Line { at, from, to, over }: Line) {
+    fn line(&mut self, CurrentLine { at, from, to, over }: CurrentLine) {
         self.push(Action::Current { at, from, to, over });
     }
 

@@ -3,18 +3,20 @@
 use palpate_model::contact::Touch;
 use palpate_model::units::Second;
 use palpate_wire::Record;
-use palpate_wire::code::{FaultCode, Mode, Outcome as Answer, Place, RefusalReason, State};
+use palpate_wire::code::{FaultCode, Mode, Outcome, Place, RefusalReason, State};
 
 use super::budget::Hindrance;
 use super::coil::Knowledge;
-use super::directed::Directed;
+use super::manual::ManualDrive;
 use super::{Out, Procedure};
 use crate::deformation::Deformation;
 use crate::event::{Failure, Scan};
-use crate::measurement::{Drive, Measurement, Outcome, Progress, Reason, Report, metres, refusal};
+use crate::measurement::{
+    EstimateReport, Measurement, MeasurementOutcome, Progress, Reason, TrainDrive, metres, refusal,
+};
 use crate::steadiness::Steadiness;
 use crate::time::{Duration, Instant, between, in_seconds, seconds, span};
-use crate::train::Leg;
+use crate::train::TrainSegment;
 
 /// Good conversions in a row that prove sensor, clock and bus.
 const SELF_TEST_CONVERSIONS: u8 = 10;
@@ -51,12 +53,12 @@ pub(super) enum Phase {
     Driving(Measurement),
     /// A train for calibration. The time of touch, if something touches.
     Sweeping {
-        drive: Drive,
+        drive: TrainDrive,
         touched: Option<Instant>,
     },
     /// The estimate has been sent; the points of the load's curve follow, one a step.
-    Telling {
-        report: Report,
+    Reporting {
+        report: EstimateReport,
         next: u8,
         since: Instant,
     },
@@ -65,7 +67,7 @@ pub(super) enum Phase {
         since: Instant,
     },
     /// A current that a PC commands directly.
-    Directed(Directed),
+    Manual(ManualDrive),
     Fault(Failure),
 }
 
@@ -82,7 +84,60 @@ pub(super) struct Settling {
     flagged: u32,
 }
 
+/// What a phase does, for everything that has to know no more of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Activity {
+    /// Sensing, with the coil at rest.
+    Sensing,
+    /// Waiting for a press to become steady.
+    Settling,
+    /// Driving a train.
+    Train,
+    /// Driving a current that a PC commands.
+    Manual,
+    /// Sending a result.
+    Reporting,
+    /// Stopped by a fault.
+    Fault,
+}
+
+impl Activity {
+    /// Whether the coil is driven.
+    pub(super) const fn drives(self) -> bool {
+        matches!(self, Self::Train | Self::Manual)
+    }
+
+    /// Whether it ends in a result or a refusal.
+    pub(super) const fn measures(self) -> bool {
+        matches!(self, Self::Settling | Self::Train)
+    }
+
+    /// Checks that a command may take the coil; otherwise the command's outcome.
+    pub(super) const fn ensure_free(self) -> Result<(), Outcome> {
+        match self {
+            Self::Sensing => Ok(()),
+            Self::Fault => Err(Outcome::Faulted),
+            Self::Settling | Self::Train | Self::Manual | Self::Reporting => Err(Outcome::Busy),
+        }
+    }
+}
+
 impl Phase {
+    pub(super) const fn activity(&self) -> Activity {
+        match self {
+            Self::SelfTest { .. }
+            | Self::Baseline
+            | Self::Watching
+            | Self::Contact { .. }
+            | Self::Release { .. } => Activity::Sensing,
+            Self::Settling(_) => Activity::Settling,
+            Self::Driving(_) | Self::Sweeping { .. } => Activity::Train,
+            Self::Manual(_) => Activity::Manual,
+            Self::Reporting { .. } => Activity::Reporting,
+            Self::Fault(_) => Activity::Fault,
+        }
+    }
+
     pub(super) const fn state(&self) -> State {
         match self {
             Self::SelfTest { .. } => State::SelfTest,
@@ -92,14 +147,16 @@ impl Phase {
             Self::Settling(_) => State::Settling,
             Self::Driving(Measurement { drive, .. }) | Self::Sweeping { drive, .. } => {
                 let train = drive.train();
-                match train.leg() {
-                    Leg::Rise | Leg::Hold if train.completed() == 0 => State::Peak,
+                match train.segment() {
+                    TrainSegment::Rise | TrainSegment::Hold if train.completed() == 0 => {
+                        State::Peak
+                    }
                     _ => State::Ramps,
                 }
             }
-            Self::Telling { .. } => State::Estimating,
+            Self::Reporting { .. } => State::Estimating,
             Self::Release { .. } => State::Release,
-            Self::Directed(_) => State::Directed,
+            Self::Manual(_) => State::Directed,
             Self::Fault(_) => State::Fault,
         }
     }
@@ -133,7 +190,7 @@ impl Procedure {
                 }
             }
             // The object may have left while the coil was driven, when the contact was not checked.
-            Phase::Contact { .. } | Phase::Release { .. } | Phase::Telling { .. }
+            Phase::Contact { .. } | Phase::Release { .. } | Phase::Reporting { .. }
                 if deformation.is_some_and(|of| of.is_untouched()) =>
             {
                 self.go(Phase::Baseline, out);
@@ -183,7 +240,7 @@ impl Procedure {
     }
 
     /// A measurement that was asked for.
-    pub(super) fn begin_asked(&mut self, out: &mut Out<'_>) -> Answer {
+    pub(super) fn begin_asked(&mut self, out: &mut Out<'_>) -> Outcome {
         match self.may_measure() {
             Ok(touched) => {
                 // What the coil could not bear now it is not likely to in the second that the press
@@ -192,7 +249,7 @@ impl Procedure {
                     Err(hindrance) if hindrance.wait_s.is_some() => self.hindered(&hindrance, out),
                     _ => self.begin_settling(touched, out),
                 }
-                Answer::Accepted
+                Outcome::Accepted
             }
             Err(answer) => answer,
         }
@@ -219,7 +276,10 @@ impl Procedure {
         let pressed_m = deformation.value.0;
         if deformation.is_untouched() {
             let after = seconds(settling.began, out.now).0;
-            return self.refuse((RefusalReason::ContactLost, Some(after), None), out);
+            return self.refuse(
+                Reason::new(RefusalReason::ContactLost, Some(after), None),
+                out,
+            );
         }
         let Some(rate) = rate else {
             return;
@@ -231,12 +291,12 @@ impl Procedure {
         if deformation.extrapolated {
             let reason = RefusalReason::PressedTooFar;
             let deepest = self.configuration.deepest().and_then(metres);
-            return self.refuse((reason, metres(deformation.value), deepest), out);
+            return self.refuse(Reason::new(reason, metres(deformation.value), deepest), out);
         }
         let least_m = settings.least_press_m;
         if pressed_m < least_m {
             let reason = RefusalReason::PressedTooLittle;
-            return self.refuse((reason, Some(pressed_m), Some(least_m)), out);
+            return self.refuse(Reason::new(reason, Some(pressed_m), Some(least_m)), out);
         }
         // One that was not asked for may come while the coil is not known.
         if self.coil_is_tested(out) {
@@ -252,7 +312,7 @@ impl Procedure {
             Ok(calibrated) => calibrated,
             Err(kind) => {
                 let reason = RefusalReason::NotCalibrated;
-                return self.refuse((reason, Some(kind.into()), None), out);
+                return self.refuse(Reason::new(reason, Some(kind.into()), None), out);
             }
         };
         if let Err(hindrance) = self.may_take_train(out.now) {
@@ -263,7 +323,7 @@ impl Procedure {
         }
         self.measurement = self.measurement.wrapping_add(1);
         let (settings, limits) = (&self.configuration.settings, &self.board.limits);
-        let started = Drive::start(settings, limits, out.now);
+        let started = TrainDrive::start(settings, limits, out.now);
         let (measurement, line) =
             Measurement::start(self.measurement, calibrated, touched, settings, started);
         self.go(Phase::Driving(measurement), out);
@@ -285,7 +345,7 @@ impl Procedure {
 
     /// All ramps are done: bridge off, and the result.
     fn conclude(&mut self, out: &mut Out<'_>) {
-        self.safe(Answer::Aborted, out);
+        self.safe(Outcome::Aborted, out);
         if let Phase::Sweeping { touched, .. } = self.phase {
             return self.swept(touched, out);
         }
@@ -296,16 +356,16 @@ impl Procedure {
         let since = measurement.touched();
         let settings = &self.configuration.settings;
         match measurement.finish(settings, self.heat.as_ref(), out.now) {
-            Outcome::Estimate(report) => {
+            MeasurementOutcome::Estimate(report) => {
                 out.record(Record::Estimate(report.estimate.clone()));
-                self.phase = Phase::Telling {
+                self.phase = Phase::Reporting {
                     report,
                     next: 0,
                     since,
                 };
                 self.announce(State::Ramps, out);
             }
-            Outcome::Refusal(refusal) => {
+            MeasurementOutcome::Refusal(refusal) => {
                 self.counters.refusals = self.counters.refusals.wrapping_add(1);
                 out.record(Record::Refusal(refusal));
                 self.phase = Phase::Release { since };
@@ -327,23 +387,23 @@ impl Procedure {
     }
 
     /// Begins a train for calibration.
-    pub(super) fn begin_sweep(&mut self, out: &mut Out<'_>) -> Answer {
+    pub(super) fn begin_sweep(&mut self, out: &mut Out<'_>) -> Outcome {
         if !self.check_all(out) {
-            return Answer::Faulted;
+            return Outcome::Faulted;
         }
         if let Err(hindrance) = self.may_take_train(out.now) {
             self.hindered(&hindrance, out);
-            return Answer::Accepted;
+            return Outcome::Accepted;
         }
         if let Some(heat) = &mut self.heat {
             heat.start_measurement();
         }
         let touched = self.touched_since();
         let (settings, limits) = (&self.configuration.settings, &self.board.limits);
-        let (drive, line) = Drive::start(settings, limits, out.now);
+        let (drive, line) = TrainDrive::start(settings, limits, out.now);
         self.go(Phase::Sweeping { drive, touched }, out);
         out.line(line);
-        Answer::Accepted
+        Outcome::Accepted
     }
 
     /// Ends a measurement, or the attempt at one, with a reason. Bridge off first.
@@ -361,13 +421,13 @@ impl Procedure {
             Phase::Sweeping { touched, .. } => (0, *touched),
             _ => (0, self.touched_since()),
         };
-        self.safe(Answer::Aborted, out);
+        self.safe(Outcome::Aborted, out);
         self.counters.refusals = self.counters.refusals.wrapping_add(1);
         let mut record = refusal(number, reason);
         record.wait_s = wait_s;
         out.record(Record::Refusal(record));
         match since {
-            Some(since) if reason.0 != RefusalReason::ContactLost => {
+            Some(since) if reason.code != RefusalReason::ContactLost => {
                 self.go(Phase::Release { since }, out);
             }
             _ => self.swept(None, out),
@@ -391,10 +451,10 @@ impl Procedure {
                     let reason = if settling.rate_m_per_s.is_finite() {
                         let limit = settings.steady_m_per_s;
                         let rate = settling.rate_m_per_s;
-                        (RefusalReason::Unsteady, Some(rate), Some(limit))
+                        Reason::new(RefusalReason::Unsteady, Some(rate), Some(limit))
                     } else {
                         let flagged = settling.flagged as f32;
-                        (RefusalReason::Flagged, Some(flagged), Some(0.0))
+                        Reason::new(RefusalReason::Flagged, Some(flagged), Some(0.0))
                     };
                     self.refuse(reason, out);
                 }
@@ -407,8 +467,8 @@ impl Procedure {
                 let progress = drive.tick(out.now, out.converted);
                 self.driven(progress, before, out);
             }
-            Phase::Telling { .. } => self.tell_point(out),
-            Phase::Directed(_) => self.watch_directed(out),
+            Phase::Reporting { .. } => self.report_point(out),
+            Phase::Manual(_) => self.watch_manual(out),
             _ => {}
         }
     }
@@ -421,9 +481,9 @@ impl Procedure {
         self.progress(progress, out);
     }
 
-    /// Tells the next point of the load's curve.
-    fn tell_point(&mut self, out: &mut Out<'_>) {
-        let Phase::Telling {
+    /// Sends the next point of the load's curve.
+    fn report_point(&mut self, out: &mut Out<'_>) {
+        let Phase::Reporting {
             report,
             next,
             since,
@@ -474,17 +534,14 @@ impl Procedure {
     }
 
     /// Whether a measurement may be asked for now.
-    pub(super) fn may_measure(&self) -> Result<Instant, Answer> {
-        match &self.phase {
-            Phase::Fault(_) => Err(Answer::Faulted),
-            Phase::Settling(_)
-            | Phase::Driving(_)
-            | Phase::Sweeping { .. }
-            | Phase::Directed(_)
-            | Phase::Telling { .. } => Err(Answer::Busy),
-            _ if self.mode == Mode::SensingOnly => Err(Answer::SensingOnly),
-            _ if !self.armed => Err(Answer::NotArmed),
-            _ => self.touched_since().ok_or(Answer::NoContact),
+    pub(super) fn may_measure(&self) -> Result<Instant, Outcome> {
+        self.phase.activity().ensure_free()?;
+        if self.mode == Mode::SensingOnly {
+            return Err(Outcome::SensingOnly);
         }
+        if !self.armed {
+            return Err(Outcome::NotArmed);
+        }
+        self.touched_since().ok_or(Outcome::NoContact)
     }
 }

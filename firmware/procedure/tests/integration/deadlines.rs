@@ -138,7 +138,7 @@ fn a_press_that_does_not_become_steady_is_refused_in_time() {
 }
 
 #[test]
-fn a_late_event_makes_the_train_longer_and_no_leg_shorter() {
+fn a_late_event_makes_the_train_longer_and_no_segment_shorter() {
     let mut rig = with(|_| {});
     rig.accepted(Command::Measure);
     rig.until(State::Peak, 1_000);

@@ -3,7 +3,7 @@
 
 use crate::support::Rig;
 use crate::support::calibration::settings;
-use crate::support::drive::Drive;
+use crate::support::drive::SimulatedDrive;
 use crate::support::sensor::Sensor;
 use palpate_procedure::event::{Conditions, Event};
 use palpate_procedure::units::Celsius;
@@ -16,7 +16,7 @@ use proptest::prelude::*;
 /// The paper's coil behind a bridge and wires of this resistance, armed, tested and touched.
 fn touched(wires_ohm: f64, settings: Settings) -> Rig {
     let mut rig = Rig::calibrated(Sensor::default(), settings);
-    rig.drive = Some(Drive::new(0.389, wires_ohm, rig.now_us));
+    rig.drive = Some(SimulatedDrive::new(0.389, wires_ohm, rig.now_us));
     rig.test_us = 60_000;
     rig.accepted(Command::Arm);
     rig.until(State::Watching, 3_000);
@@ -132,19 +132,19 @@ fn driven(rig: &Rig, command: Command) -> f32 {
 }
 
 #[derive(Clone, Debug)]
-struct Plan {
+struct EnergyCase {
     wires_ohm: f64,
     settings: Settings,
     /// Waits before each measurement, and whether it is a sweep.
     asks: Vec<(f64, bool)>,
 }
 
-fn plans() -> impl Strategy<Value = Plan> {
+fn plans() -> impl Strategy<Value = EnergyCase> {
     let asks = prop::collection::vec((0.0..6.0_f64, any::<bool>()), 2..6);
     let shape = (2_u8..16, 0.02_f32..0.12, 0.0_f32..0.05, 0.0_f32..4.0);
     let rates = prop::sample::select(vec![200.0_f32, 500.0, 1_000.0]);
     (0.02..0.4_f64, 5.0_f32..12.0, shape, rates, asks).prop_map(
-        |(wires_ohm, peak_a, (ramps, ramp_s, hold_s, end_a), rate_hz, asks)| Plan {
+        |(wires_ohm, peak_a, (ramps, ramp_s, hold_s, end_a), rate_hz, asks)| EnergyCase {
             wires_ohm,
             settings: settings(|of| {
                 (of.peak_current_a, of.end_current_a) = (peak_a, end_a);

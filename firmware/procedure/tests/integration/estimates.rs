@@ -293,7 +293,7 @@ fn two_states_are_computed_as_in_the_paper() {
 fn a_press_may_be_as_old_as_it_likes() {
     for age_s in [0, 10, 30, 100, 1_000, 10_000] {
         let mut rig = pressed(1.0, Sensor::default(), |_| {});
-        // It has been held, with nothing to tell of it but that it is still there.
+        // It has been held, with nothing to report of it but that it is still there.
         for _ in 0..age_s * 25 {
             rig.now_us += 39_000;
             rig.convert();

@@ -1,5 +1,5 @@
 //! The two lists of faults: the protocol's codes, and the entries of docs/faults.md. That each code
-//! is raised by its cause is shown on the image: sim-host/board/tests/integration/every_fault.rs.
+//! is raised by its cause is shown on the image: sim-host/emulator/tests/integration/every_fault.rs.
 
 use std::collections::BTreeMap;
 use std::fs;

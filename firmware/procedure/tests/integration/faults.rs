@@ -232,7 +232,7 @@ fn the_coil_gets_hotter_than_was_forecast() {
         let fault = stops(&rig, &actions, FaultCode::CoilTooHot);
         assert_eq!((fault.place, fault.limit), (Place::Coil, Some(80.0)));
         assert!((fault.value.expect("a temperature") - 81.0).abs() < 0.1);
-        // The thermometer tells that it has cooled, which clears nothing.
+        // The thermometer reports that it has cooled, which clears nothing.
         rig.temperature(25.0);
         rig.run(1_000);
         assert_eq!(rig.state(), State::Fault);

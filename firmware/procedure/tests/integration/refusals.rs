@@ -19,7 +19,7 @@ fn with(change: impl FnOnce(&mut Settings)) -> Rig {
     rig
 }
 
-/// Within the train, `ms` after its beginning.
+/// Within the train, `ms` after its start.
 fn driving(mut rig: Rig, ms: u64) -> Rig {
     rig.accepted(Command::Measure);
     rig.until(State::Peak, 1_000);
@@ -369,7 +369,7 @@ fn the_error_is_too_large() {
 }
 
 #[test]
-fn the_current_is_not_the_one_that_was_wanted() {
+fn the_current_is_not_the_one_that_was_requested() {
     let mut rig = with(|_| {});
     rig.current_gain = 0.85;
     let current_a = value(&rig.refused(), RefusalReason::PeakNotReached, Some(10.0));
@@ -382,26 +382,26 @@ fn the_current_is_not_the_one_that_was_wanted() {
     assert!((current_a - 11.5).abs() < 1e-3, "{current_a}");
     recovers(rig);
 
-    // On the fall too much remains: 30 ms after its beginning 5 A are wanted.
+    // On the fall too much remains: 30 ms after its start 5 A are requested.
     let mut rig = driving(with(|_| {}), 74);
     rig.current_offset_a = 1.2;
     let refusal = comes(&mut rig);
-    let (found, wanted) = (refusal.value.unwrap(), refusal.limit.unwrap());
+    let (found, requested) = (refusal.value.unwrap(), refusal.limit.unwrap());
     assert_eq!(refusal.reason, RefusalReason::CurrentOffCourse);
-    assert!((found - wanted - 1.2).abs() < 0.02 && (4.0..6.0).contains(&wanted));
+    assert!((found - requested - 1.2).abs() < 0.02 && (4.0..6.0).contains(&requested));
     recovers(rig);
 }
 
 #[test]
-fn a_current_that_is_not_measured_is_off_its_course() {
+fn a_current_that_is_not_measured_does_not_follow_its_setpoint() {
     for measured in [None, Some(Ampere(f32::NAN)), Some(Ampere(f32::INFINITY))] {
         for ms in [3, 20, 60] {
             let mut rig = driving(with(|_| {}), ms);
             rig.convert_with(|scan| scan.current = measured);
             let refusal = rig.refusals().pop().expect("a refusal");
-            let wanted = refusal.limit;
-            is(&refusal, RefusalReason::CurrentOffCourse, None, wanted);
-            assert!((0.0..=10.0).contains(&wanted.expect("a limit")));
+            let requested = refusal.limit;
+            is(&refusal, RefusalReason::CurrentOffCourse, None, requested);
+            assert!((0.0..=10.0).contains(&requested.expect("a limit")));
             recovers(rig);
         }
     }
@@ -441,7 +441,7 @@ fn events_that_come_too_late_stop_the_train() {
     rig.until(State::Peak, 20_000);
     rig.wait(8_000_000);
     let refusal = rig.refusals().remove(0);
-    // The train's 1.21 s, and 0.1 s for each of its 39 legs.
+    // The train's 1.21 s, and 0.1 s for each of its 39 segments.
     let took_s = value(&refusal, RefusalReason::TimedOut, Some(5.11));
     // From the first rise, 5 ms after it has been sent.
     assert_eq!(took_s, 7.995);

@@ -25,7 +25,7 @@ fn a_press_is_measured_and_every_state_is_reported_in_its_order() {
         State::Baseline,
         State::Watching,
     ];
-    assert_eq!(rig.course(), expected);
+    assert_eq!(rig.states(), expected);
     // Every change names the state that the one before it led to.
     let mut stands = State::SelfTest;
     for change in rig.changes() {
@@ -91,7 +91,7 @@ fn the_train_rises_falls_and_ends_at_zero() {
         assert!((line.0 - expected.0).abs() < 0.1, "{line:?}");
     }
     assert_eq!(off_at, Some(25), "the bridge goes off after the way down");
-    // Twelve periods of 0.1 s and the way down; every leg may begin a conversion late.
+    // Twelve periods of 0.1 s and the way down; every segment may begin a conversion late.
     let took_us = rig.now_us - began_us;
     assert!(
         (1_210_000..=1_210_000 + 37_000).contains(&took_us),
@@ -176,7 +176,7 @@ fn without_a_curve_there_is_no_contact() {
     rig.run(1_000);
     rig.sensor.press(3e-4);
     rig.run(1_000);
-    assert_eq!(rig.course(), [State::Baseline]);
+    assert_eq!(rig.states(), [State::Baseline]);
     let sample = rig.last(|record| match record {
         Record::Sample(sample) => Some(sample.clone()),
         _ => None,
@@ -217,7 +217,7 @@ fn sensing_only_needs_no_coil_and_never_drives_it() {
         State::Baseline,
         State::Watching,
     ];
-    assert_eq!(rig.course(), expected);
+    assert_eq!(rig.states(), expected);
     let changes = rig.changes();
     assert!(
         changes
@@ -269,7 +269,7 @@ fn a_sweep_drives_the_train_and_evaluates_nothing() {
     rig.accepted(Command::Sweep);
     rig.until(State::Baseline, 3_000);
     let mut expected = vec![State::Peak, State::Ramps, State::Baseline];
-    assert_eq!(rig.course(), expected);
+    assert_eq!(rig.states(), expected);
     assert!(rig.refusals().is_empty());
     rig.until(State::Watching, 3_000);
     rig.touch(3e-4);
@@ -282,7 +282,7 @@ fn a_sweep_drives_the_train_and_evaluates_nothing() {
         State::Ramps,
         State::Release,
     ]);
-    assert_eq!(rig.course(), expected);
+    assert_eq!(rig.states(), expected);
     let samples = rig.reported(|record| match record {
         Record::Sample(sample) => sample.current_a,
         _ => None,

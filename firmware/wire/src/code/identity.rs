@@ -38,7 +38,7 @@ codes! {
     /// The board that the firmware was built for.
     pub enum Board {
         /// No hardware: the same tasks on a computer.
-        Virtual = 1 "virtual",
+        Native = 1 "native",
         /// Raspberry Pi Pico, RP2040.
         Pico = 2 "pico",
     }

@@ -5,7 +5,7 @@ use crate::support::reference::{self, Value, content_bytes, framed, payload_byte
 use crate::support::{header, kind_of, specimens};
 use palpate_wire::code::{FaultCode, Outcome};
 use palpate_wire::command::{ClearFault, DeformationCurve, Settings, StiffeningCurve};
-use palpate_wire::record::Acknowledgement;
+use palpate_wire::record::{Acknowledgement, Sample};
 use palpate_wire::schema::{Described, Kind, Type};
 use palpate_wire::{Command, Frame, Invalid, Message, Problem};
 
@@ -419,4 +419,20 @@ fn records_can_be_checked_too() {
             decode_one(&framed(&content_bytes(&header(1), kind.number, &payload)));
         assert!(frame.message.validate().is_err(), "{}", kind.name);
     }
+}
+
+/// Only a field of an item has the item's place; one that follows the list has none.
+#[test]
+fn a_field_after_a_list_lies_in_no_item() {
+    let invalid = |change: fn(&mut Sample)| {
+        let mut sample = specimens::sample(2);
+        change(&mut sample);
+        let invalid = sample.validate().unwrap_err();
+        (invalid.field, invalid.item)
+    };
+    assert_eq!(
+        invalid(|sample| sample.channels[1].channel = 9),
+        (0, Some(1))
+    );
+    assert_eq!(invalid(|sample| sample.force_n = Some(1e6)), (6, None));
 }

@@ -102,7 +102,6 @@ pub(super) fn draw(picture: &Picture<'_>) -> Result<String, String> {
     let (width, height) = (1520 + 140 + 260, (tall * scale) as u32 + 200);
     plot::svg((width, height), |root| {
         let (chart_area, legend) = root.split_horizontally(width - 250);
-        root.fill(&WHITE).map_err(text)?;
         draw_map(picture, &lattice, &chart_area)?;
         colour_bar(&legend, lattice.greatest(), picture.unit)
     })

@@ -10,7 +10,7 @@ use clap::Args;
 use palpate_field::design::Design;
 use palpate_field::solve::Solved;
 
-use super::input::{Source, at_current, current, per_ampere, sharpened};
+use super::input::{DesignSource, at_current, current, per_ampere, sharpened};
 use crate::failure::Failure;
 use crate::output::OutputFile;
 
@@ -21,7 +21,7 @@ Writes DESIGN-map.svg, DESIGN-axial.svg and DESIGN-radial.svg.
 Without --current the field is that of one ampere, far below saturation.")]
 pub(super) struct Arguments {
     #[command(flatten)]
-    source: Source,
+    source: DesignSource,
     /// Draw the field at this current, with saturation, A
     #[arg(long, value_name = "A", value_parser = current)]
     current: Option<f64>,

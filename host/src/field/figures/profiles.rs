@@ -7,7 +7,7 @@ use palpate_field::geometry::Point;
 use palpate_field::solve::Solved;
 
 use super::{FONT, LABEL, Picture, TITLE};
-use crate::field::profile::Line;
+use crate::field::profile::ProfileLine;
 use crate::plot;
 
 const POINTS: u32 = 601;
@@ -22,7 +22,7 @@ const COLOURS: [RGBColor; 4] = [
 ];
 
 /// A line with its name.
-type Named = (String, Line);
+type Named = (String, ProfileLine);
 
 /// From one length of the core below it to one above, m.
 fn axial_range(core: &Core) -> [f64; 2] {
@@ -34,7 +34,7 @@ fn axial_range(core: &Core) -> [f64; 2] {
 fn axial_lines(core: &Core) -> [Named; 3] {
     [0.0, 0.5, 0.9].map(|share| {
         let r = share * core.r_m;
-        (format!("r = {:.1} mm", 1e3 * r), Line::Parallel(r))
+        (format!("r = {:.1} mm", 1e3 * r), ProfileLine::Parallel(r))
     })
 }
 
@@ -43,7 +43,7 @@ fn radial_lines(core: &Core) -> [Named; 3] {
     let half = 0.5 * (core.x_m[1] - core.x_m[0]);
     [0.0, 0.4, 0.8].map(|share| {
         let x = core.middle_m() + share * half;
-        (format!("x = {:.2} mm", 1e3 * x), Line::Radius(x))
+        (format!("x = {:.2} mm", 1e3 * x), ProfileLine::Radius(x))
     })
 }
 
@@ -78,7 +78,7 @@ pub(super) fn radial(picture: &Picture<'_>) -> Result<String, String> {
             picture.design.name, picture.driven
         ),
         across: "r / mm",
-        range: Line::Radius(0.0).range(picture.solved),
+        range: ProfileLine::Radius(0.0).range(picture.solved),
         core: [0.0, core.r_m],
     };
     plot::svg(SIZE, |root| chart.draw(picture, &radial_lines(core), root))
@@ -111,7 +111,6 @@ impl Chart {
             })
             .collect();
         let top = 1.08 * self.greatest(&sampled);
-        root.fill(&WHITE).map_err(text)?;
         let [from, to] = self.range.map(|end| 1e3 * end);
         let mut chart = ChartBuilder::on(root)
             .caption(&self.title, (FONT, TITLE))

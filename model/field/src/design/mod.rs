@@ -27,11 +27,11 @@ pub struct Design {
     /// and the force that closes it are defined.
     pub core: Core,
     /// Windings, in series.
-    pub coils: Vec<Coil>,
+    pub coils: Vec<RingCoil>,
     /// Circuit boards. They displace the cast bodies and are not magnetic.
-    pub boards: Vec<Board>,
+    pub boards: Vec<CircuitBoard>,
     /// Bodies and plates.
-    pub parts: Vec<Part>,
+    pub parts: Vec<MagneticPart>,
     /// Resistivity of the windings, Ω m.
     pub resistivity_ohm_m: f64,
     /// The current that the design is meant for, A.
@@ -66,7 +66,7 @@ impl Core {
 
 /// Rings of the same size side by side, or one ring; in series.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Coil {
+pub struct RingCoil {
     /// What it is called.
     pub name: String,
     /// Each ring's cross-section.
@@ -102,7 +102,7 @@ impl Rectangle {
 
 /// A circuit board with its copper: not magnetic.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Board {
+pub struct CircuitBoard {
     /// What it is called.
     pub name: String,
     /// Its cross-section.
@@ -111,7 +111,7 @@ pub struct Board {
 
 /// A magnetic part.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Part {
+pub struct MagneticPart {
     /// What it is called.
     pub name: String,
     /// The name of its material.
@@ -186,7 +186,7 @@ impl Cut {
     }
 }
 
-impl Part {
+impl MagneticPart {
     /// Whether a point lies in its outline and in nothing that is cut out.
     #[must_use]
     pub fn contains(&self, point: [f64; 2]) -> bool {
@@ -219,7 +219,7 @@ impl Design {
     /// runs in circles, evenly over each ring, ρ · 2π r̄ turns² / area for each.
     #[must_use]
     pub fn resistance_ohm(&self) -> f64 {
-        let ring = |coil: &Coil, ring: &Rectangle| {
+        let ring = |coil: &RingCoil, ring: &Rectangle| {
             self.resistivity_ohm_m * ring.circumference_m() * coil.turns.powi(2) / ring.area_m2()
         };
         self.coils

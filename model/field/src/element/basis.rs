@@ -2,7 +2,7 @@
 
 /// Values and slopes of all basis functions at a point of the triangle.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Sample {
+pub struct BasisValues {
     /// Values.
     pub values: Vec<f64>,
     /// Derivatives by the second and third barycentric coordinate, the first giving way.
@@ -66,7 +66,7 @@ impl Basis {
 
     /// All functions at a point.
     #[must_use]
-    pub fn sample(&self, at: [f64; 3]) -> Sample {
+    pub fn sample(&self, at: [f64; 3]) -> BasisValues {
         let order = f64::from(self.order);
         let mut values = Vec::with_capacity(self.len());
         let mut slopes = Vec::with_capacity(self.len());
@@ -76,7 +76,7 @@ impl Basis {
             let by_first = a.1 * b.0 * c.0;
             slopes.push([a.0 * b.1 * c.0 - by_first, a.0 * b.0 * c.1 - by_first]);
         }
-        Sample { values, slopes }
+        BasisValues { values, slopes }
     }
 }
 

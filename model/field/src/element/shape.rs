@@ -5,20 +5,20 @@
 //! others (Szabó and Babuška's blending).
 
 use super::Basis;
-use super::basis::Sample;
+use super::basis::BasisValues;
 use crate::geometry::Point;
-use crate::geometry::path::Curve;
+use crate::geometry::path::PathCurve;
 use crate::mesh::{Mesh, Triangle};
 
 /// Positions of a triangle's nodes.
 #[must_use]
 pub fn nodes(mesh: &Mesh, triangle: &Triangle, basis: &Basis) -> Vec<Point> {
     let corners = mesh.corners_of(triangle);
-    let bent: Vec<(usize, usize, Curve)> = [(0, 1), (1, 2), (2, 0)]
+    let bent: Vec<(usize, usize, PathCurve)> = [(0, 1), (1, 2), (2, 0)]
         .into_iter()
         .zip(triangle.edges())
         .map(|((a, b), edge)| (a, b, mesh.curve(edge)))
-        .filter(|(_, _, curve)| *curve != Curve::Line)
+        .filter(|(_, _, curve)| *curve != PathCurve::Line)
         .collect();
     let place = |at: [f64; 3]| {
         let mut point = [0, 1].map(|axis: usize| (0..3).map(|k| at[k] * corners[k][axis]).sum());
@@ -62,7 +62,7 @@ impl Placed {
     }
 
     /// Computes everything at a sampled point of the triangle with these nodes.
-    pub fn fill(&mut self, nodes: &[Point], sample: &Sample) {
+    pub fn fill(&mut self, nodes: &[Point], sample: &BasisValues) {
         self.point = [0.0; 2];
         let mut m = [[0.0; 2]; 2];
         for ((node, value), slope) in nodes.iter().zip(&sample.values).zip(&sample.slopes) {

@@ -1,6 +1,6 @@
 //! All paths of a design cut at each other, without those that part nothing.
 
-use super::path::{Curve, Path};
+use super::path::{Path, PathCurve};
 use super::{Point, cross, distance};
 
 /// A piece of a path between two vertices that nothing crosses.
@@ -9,7 +9,7 @@ pub struct Piece {
     /// Vertices.
     pub ends: [usize; 2],
     /// What it runs along.
-    pub curve: Curve,
+    pub curve: PathCurve,
 }
 
 /// Vertices and the pieces between them.
@@ -55,7 +55,7 @@ impl Arrangement {
         })
     }
 
-    fn add(&mut self, a: usize, b: usize, curve: Curve) {
+    fn add(&mut self, a: usize, b: usize, curve: PathCurve) {
         let ends = [a.min(b), a.max(b)];
         let known = self
             .pieces
@@ -113,7 +113,7 @@ impl Arrangement {
             let far = |piece: &Piece| piece.ends[0] + piece.ends[1] - vertex;
             let at = |end: usize| self.vertices.get(end).copied().unwrap_or([0.0; 2]);
             let (p, q) = (at(far(&a)), at(far(&b)));
-            let straight = a.curve == Curve::Line && b.curve == Curve::Line;
+            let straight = a.curve == PathCurve::Line && b.curve == PathCurve::Line;
             let turn = cross(p, at(vertex), q).abs();
             if straight && turn <= 1e-9 * distance(p, at(vertex)) * distance(at(vertex), q) {
                 let ends = [far(&a).min(far(&b)), far(&a).max(far(&b))];
@@ -176,7 +176,7 @@ fn bounds(path: &Path) -> [Point; 2] {
         }
     };
     take(path.to);
-    if let Curve::Ellipse {
+    if let PathCurve::Ellipse {
         centre_x,
         semi_r,
         semi_x,

@@ -4,7 +4,7 @@ use super::{Point, distance};
 
 /// The curve that a path runs along.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Curve {
+pub enum PathCurve {
     /// A straight line.
     Line,
     /// An ellipse about a point of the axis: r = semi_r cos t, x = centre + semi_x sin t.
@@ -18,7 +18,7 @@ pub enum Curve {
     },
 }
 
-impl Curve {
+impl PathCurve {
     /// The point at the angle `t`; none for a line.
     fn at(&self, t: f64) -> Option<Point> {
         match *self {
@@ -70,7 +70,7 @@ impl Curve {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Path {
     /// Its curve.
-    pub curve: Curve,
+    pub curve: PathCurve,
     /// Where it begins.
     pub from: Point,
     /// Where it ends.
@@ -82,7 +82,7 @@ impl Path {
     #[must_use]
     pub fn line(from: Point, to: Point) -> Self {
         Self {
-            curve: Curve::Line,
+            curve: PathCurve::Line,
             from,
             to,
         }
@@ -90,7 +90,7 @@ impl Path {
 
     /// An arc between two angles. Its ends are exactly on the axis where the angles are ±π/2.
     #[must_use]
-    pub fn arc(curve: Curve, from: f64, to: f64) -> Self {
+    pub fn arc(curve: PathCurve, from: f64, to: f64) -> Self {
         let end = |t: f64| {
             let mut point = curve.at(t).unwrap_or([0.0; 2]);
             if t.abs() == core::f64::consts::FRAC_PI_2 {
@@ -121,8 +121,8 @@ impl Path {
     #[must_use]
     pub fn meetings(&self, other: &Self, tolerance: f64) -> Vec<f64> {
         let mut found = match (self.curve, other.curve) {
-            (Curve::Line, Curve::Line) => self.line_with_line(other, tolerance),
-            (Curve::Line, _) => self.line_with_ellipse(other, tolerance),
+            (PathCurve::Line, PathCurve::Line) => self.line_with_line(other, tolerance),
+            (PathCurve::Line, _) => self.line_with_ellipse(other, tolerance),
             _ if self.curve == other.curve => Vec::new(),
             _ => self.arc_with(other, tolerance),
         };
@@ -136,7 +136,7 @@ impl Path {
     /// The share at which a point on the path lies.
     #[must_use]
     pub fn share_of(&self, point: Point) -> f64 {
-        if self.curve == Curve::Line {
+        if self.curve == PathCurve::Line {
             let d = [self.to[0] - self.from[0], self.to[1] - self.from[1]];
             let p = [point[0] - self.from[0], point[1] - self.from[1]];
             (p[0] * d[0] + p[1] * d[1]) / (d[0] * d[0] + d[1] * d[1])
@@ -163,7 +163,7 @@ impl Path {
     }
 
     fn line_with_ellipse(&self, other: &Self, tolerance: f64) -> Vec<f64> {
-        let Curve::Ellipse {
+        let PathCurve::Ellipse {
             centre_x,
             semi_r,
             semi_x,
@@ -199,7 +199,7 @@ impl Path {
 
     /// Crossings of an arc with anything, by signs along it.
     fn arc_with(&self, other: &Self, tolerance: f64) -> Vec<f64> {
-        if other.curve == Curve::Line {
+        if other.curve == PathCurve::Line {
             let found = other.line_with_ellipse(self, tolerance);
             return found
                 .iter()

@@ -2,7 +2,7 @@
 
 use core::f64::consts::{FRAC_PI_2, TAU};
 
-use super::path::{Curve, Path};
+use super::path::{Path, PathCurve};
 use super::{Point, cross};
 
 /// An outline in the half-plane; revolved about the axis it is a body.
@@ -64,7 +64,7 @@ impl Shape {
                 semi_r_m,
                 semi_x_m,
             } => {
-                let curve = Curve::Ellipse {
+                let curve = PathCurve::Ellipse {
                     centre_x: *centre_x_m,
                     semi_r: *semi_r_m,
                     semi_x: *semi_x_m,

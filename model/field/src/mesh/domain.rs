@@ -2,11 +2,11 @@
 
 use std::collections::{BTreeMap, HashMap};
 
-use super::plan::{Plan, Region};
-use super::triangulate::{Outcome, Segment, Wish, centroid, triangulate};
+use super::plan::{MeshPlan, Region};
+use super::triangulate::{KeptSegment, MeshTriangulation, Wish, centroid, triangulate};
 use super::{Circle, Mesh, MeshError, Triangle, ascending};
 use crate::design::{Design, Rectangle};
-use crate::geometry::path::{Curve, Path};
+use crate::geometry::path::{Path, PathCurve};
 use crate::geometry::{Point, distance};
 
 /// Pieces that a narrow rectangle is divided into are at most so many times longer than wide.
@@ -23,7 +23,7 @@ const SHORTEST: f64 = 1e-5;
 /// # Errors
 /// [`MeshError`] where lines of the design come too near each other.
 pub fn build(design: &Design) -> Result<Mesh, MeshError> {
-    let plan = Plan::of(design);
+    let plan = MeshPlan::of(design);
     let circle = plan.circle;
     let (vertices, segments) = lines(&plan);
     let narrow = |point: Point| plan.narrow.iter().any(|section| holds(section, point));
@@ -52,7 +52,7 @@ pub fn build(design: &Design) -> Result<Mesh, MeshError> {
         regions: vec![Region::EXTERIOR],
     };
     for (&ends, segment) in &inside.segments {
-        if segment.curve != Curve::Line {
+        if segment.curve != PathCurve::Line {
             mesh.bent.insert(ends, segment.curve);
         }
         if segment.curve == arc_of(&circle) {
@@ -68,8 +68,8 @@ fn holds(section: &Rectangle, [r, x]: Point) -> bool {
     (section.r_m[0]..=section.r_m[1]).contains(&r) && (section.x_m[0]..=section.x_m[1]).contains(&x)
 }
 
-fn arc_of(circle: &Circle) -> Curve {
-    Curve::Ellipse {
+fn arc_of(circle: &Circle) -> PathCurve {
+    PathCurve::Ellipse {
         centre_x: circle.centre_x,
         semi_r: circle.radius,
         semi_x: circle.radius,
@@ -94,10 +94,10 @@ fn gaps(design: &Design) -> Vec<Rectangle> {
     gaps
 }
 
-type Lines = (Vec<Point>, BTreeMap<[u32; 2], Segment>);
+type Lines = (Vec<Point>, BTreeMap<[u32; 2], KeptSegment>);
 
 /// The plan's pieces, narrow rectangles divided across.
-fn lines(plan: &Plan) -> Lines {
+fn lines(plan: &MeshPlan) -> Lines {
     let mut vertices = plan.arrangement.vertices.clone();
     let mut across: Vec<Path> = Vec::new();
     for section in &plan.narrow {
@@ -113,10 +113,10 @@ fn lines(plan: &Plan) -> Lines {
             vertices.len() - 1
         }
     };
-    let mut pieces: Vec<([usize; 2], Segment)> = Vec::new();
+    let mut pieces: Vec<([usize; 2], KeptSegment)> = Vec::new();
     for path in &across {
-        let segment = Segment {
-            curve: Curve::Line,
+        let segment = KeptSegment {
+            curve: PathCurve::Line,
             fixed: true,
         };
         pieces.push(([find(path.from), find(path.to)], segment));
@@ -125,17 +125,17 @@ fn lines(plan: &Plan) -> Lines {
         let path = plan.arrangement.path(piece);
         let middle = path.at(0.5);
         let slack = 4.0 * plan.tolerance;
-        let fixed = piece.curve == Curve::Line
+        let fixed = piece.curve == PathCurve::Line
             && plan
                 .narrow
                 .iter()
                 .any(|section| on_outline(section, middle, slack));
-        let segment = Segment {
+        let segment = KeptSegment {
             curve: piece.curve,
             fixed,
         };
         let mut stops: Vec<(f64, usize)> = Vec::new();
-        if piece.curve == Curve::Line {
+        if piece.curve == PathCurve::Line {
             for (index, &vertex) in vertices.iter().enumerate() {
                 let share = path.share_of(vertex);
                 let on = (0.0..=1.0).contains(&share) && distance(path.at(share), vertex) <= slack;
@@ -226,7 +226,7 @@ fn divide(section: &Rectangle, vertices: &[Point], tolerance: f64) -> Vec<Path> 
 }
 
 /// Adds the inside's triangles with their regions.
-fn fill(mesh: &mut Mesh, design: &Design, inside: &Outcome) {
+fn fill(mesh: &mut Mesh, design: &Design, inside: &MeshTriangulation) {
     let mut known: HashMap<Region, u32> = HashMap::new();
     for &vertices in &inside.triangles {
         let corners = vertices.map(|vertex| mesh.position(vertex));
@@ -270,7 +270,7 @@ fn attach_exterior(mesh: &mut Mesh) -> Result<(), MeshError> {
     let mut segments = BTreeMap::new();
     for ends in &mesh.arc {
         let ends = ends.map(|end| u32::try_from(local(end)).unwrap_or(0));
-        segments.insert(ascending(ends), Segment { curve, fixed: true });
+        segments.insert(ascending(ends), KeptSegment { curve, fixed: true });
     }
     let mut poles: Vec<u32> = (0..)
         .zip(&vertices)
@@ -279,8 +279,8 @@ fn attach_exterior(mesh: &mut Mesh) -> Result<(), MeshError> {
         .collect();
     poles.truncate(2);
     if let &[low, high] = poles.as_slice() {
-        let axis = Segment {
-            curve: Curve::Line,
+        let axis = KeptSegment {
+            curve: PathCurve::Line,
             fixed: false,
         };
         segments.insert(ascending([low, high]), axis);

@@ -16,7 +16,7 @@ pub use domain::build;
 pub use plan::{Region, Zone};
 
 use crate::geometry::Point;
-use crate::geometry::path::Curve;
+use crate::geometry::path::PathCurve;
 
 /// A triangulation.
 #[derive(Clone, Debug)]
@@ -26,7 +26,7 @@ pub struct Mesh {
     /// Triangles.
     pub triangles: Vec<Triangle>,
     /// Edges that are bent, by their vertices in ascending order.
-    pub bent: HashMap<[u32; 2], Curve>,
+    pub bent: HashMap<[u32; 2], PathCurve>,
     /// Edges on the arc that inside and outside share, ascending vertices.
     pub arc: Vec<[u32; 2]>,
     /// Vertices at which permeable parts have corners: the field is singular there.
@@ -103,11 +103,11 @@ impl Mesh {
 
     /// The curve of an edge; a straight line for most.
     #[must_use]
-    pub fn curve(&self, edge: [u32; 2]) -> Curve {
+    pub fn curve(&self, edge: [u32; 2]) -> PathCurve {
         self.bent
             .get(&ascending(edge))
             .copied()
-            .unwrap_or(Curve::Line)
+            .unwrap_or(PathCurve::Line)
     }
 }
 

@@ -4,7 +4,7 @@ use super::Circle;
 use crate::design::{Design, Rectangle};
 use crate::geometry::Point;
 use crate::geometry::arrangement::{Arrangement, Piece};
-use crate::geometry::path::{Curve, Path};
+use crate::geometry::path::{Path, PathCurve};
 use crate::geometry::shape::Shape;
 
 /// Positions nearer than this are one, relative to the design's radius.
@@ -112,7 +112,7 @@ fn zone_at(design: &Design, [r, x]: Point) -> Zone {
 
 /// Everything that a triangulation has to respect.
 #[derive(Debug)]
-pub(super) struct Plan {
+pub(super) struct MeshPlan {
     pub(super) circle: Circle,
     pub(super) arrangement: Arrangement,
     /// Narrow rectangles, which are divided across and not further: r, then x.
@@ -122,7 +122,7 @@ pub(super) struct Plan {
     pub(super) tolerance: f64,
 }
 
-impl Plan {
+impl MeshPlan {
     pub(super) fn of(design: &Design) -> Self {
         let circle = circle_about(design);
         let tolerance = TOLERANCE * circle.radius;
@@ -207,7 +207,7 @@ fn paths(design: &Design, circle: &Circle) -> Vec<Path> {
     let half = core::f64::consts::FRAC_PI_2;
     let ends = [-1.0, 1.0].map(|side| [0.0, circle.centre_x + side * circle.radius]);
     paths.push(Path::line(ends[0], ends[1]));
-    let curve = Curve::Ellipse {
+    let curve = PathCurve::Ellipse {
         centre_x: circle.centre_x,
         semi_r: circle.radius,
         semi_x: circle.radius,

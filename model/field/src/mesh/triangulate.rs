@@ -11,13 +11,13 @@ use spade::{ConstrainedDelaunayTriangulation, Point2, Triangulation};
 
 use super::MeshError;
 use super::quality::{circumcircle, cross_each_other, sides};
-use crate::geometry::path::Curve;
+use crate::geometry::path::PathCurve;
 use crate::geometry::{Point, distance};
 
 /// A line that the triangulation keeps.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Segment {
-    pub(super) curve: Curve,
+pub(super) struct KeptSegment {
+    pub(super) curve: PathCurve,
     /// It may not be divided any further.
     pub(super) fixed: bool,
 }
@@ -41,18 +41,18 @@ const MOST_SWEEPS: usize = 60;
 const MOST_VERTICES: usize = 400_000;
 
 /// Vertices, triangles and the lines that were kept.
-pub(super) struct Outcome {
+pub(super) struct MeshTriangulation {
     pub(super) vertices: Vec<Point>,
     pub(super) triangles: Vec<[u32; 3]>,
-    pub(super) segments: BTreeMap<[u32; 2], Segment>,
+    pub(super) segments: BTreeMap<[u32; 2], KeptSegment>,
 }
 
 /// Triangulates the convex hull of `vertices`.
 pub(super) fn triangulate(
     vertices: &[Point],
-    segments: BTreeMap<[u32; 2], Segment>,
+    segments: BTreeMap<[u32; 2], KeptSegment>,
     wish: &Wish<'_>,
-) -> Result<Outcome, MeshError> {
+) -> Result<MeshTriangulation, MeshError> {
     let mut work = Work {
         delaunay: ConstrainedDelaunayTriangulation::new(),
         vertices: Vec::new(),
@@ -77,9 +77,9 @@ pub(super) fn triangulate(
 /// the two.
 fn straighten(
     mut vertices: Vec<Point>,
-    mut segments: BTreeMap<[u32; 2], Segment>,
+    mut segments: BTreeMap<[u32; 2], KeptSegment>,
     shortest: f64,
-) -> (Vec<Point>, BTreeMap<[u32; 2], Segment>) {
+) -> (Vec<Point>, BTreeMap<[u32; 2], KeptSegment>) {
     loop {
         let mut halved = BTreeMap::new();
         let before = vertices.len();
@@ -108,7 +108,7 @@ struct Arc {
 }
 
 impl Arc {
-    fn of(vertices: &[Point], ends: [u32; 2], segment: &Segment) -> Self {
+    fn of(vertices: &[Point], ends: [u32; 2], segment: &KeptSegment) -> Self {
         let [a, b] = ends.map(|end| vertices.get(end as usize).copied().unwrap_or([0.0; 2]));
         Self {
             ends: [a, b],
@@ -152,7 +152,7 @@ fn is_within([a, b, c]: [Point; 3], point: Point) -> bool {
 struct Work {
     delaunay: ConstrainedDelaunayTriangulation<Point2<f64>>,
     vertices: Vec<Point>,
-    segments: BTreeMap<[u32; 2], Segment>,
+    segments: BTreeMap<[u32; 2], KeptSegment>,
 }
 
 fn handle(vertex: u32) -> FixedVertexHandle {
@@ -184,7 +184,7 @@ impl Work {
         u32::try_from(index).map_err(|error| MeshError(error.to_string()))
     }
 
-    fn keep(&mut self, [a, b]: [u32; 2], segment: Segment) -> Result<(), MeshError> {
+    fn keep(&mut self, [a, b]: [u32; 2], segment: KeptSegment) -> Result<(), MeshError> {
         if a == b || !self.delaunay.can_add_constraint(handle(a), handle(b)) {
             return Err(MeshError(format!(
                 "lines cross or nearly touch between {:?} and {:?} m: move them apart, or onto each other",
@@ -292,9 +292,9 @@ impl Work {
         crossed.map(|(ends, _)| ends).or(encroached)
     }
 
-    fn finish(self) -> Outcome {
+    fn finish(self) -> MeshTriangulation {
         let triangles = self.triangles();
-        Outcome {
+        MeshTriangulation {
             vertices: self.vertices,
             triangles,
             segments: self.segments,

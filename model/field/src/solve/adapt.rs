@@ -4,7 +4,7 @@ use super::assembly::Level;
 use super::evaluate::{invert, value_at};
 use super::indicator::{decay, jumps, mark};
 use super::judge::{WEAK, axis, centre_error, close, estimate, goal, rough, scores};
-use super::newton::{Excitation, Pattern, SolveError, back_substitute, balance};
+use super::newton::{Excitation, Pattern, SolveError, balance};
 use super::space::Space;
 use crate::design::Design;
 use crate::figures::Figures;
@@ -34,7 +34,7 @@ impl Default for Accuracy {
 
 /// How a solution came about.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Report {
+pub struct SolveReport {
     /// Unknowns on the last mesh.
     pub unknowns: usize,
     /// Meshes that were solved on.
@@ -59,7 +59,7 @@ pub struct Solved {
     /// Estimated absolute error of each figure.
     pub errors: Figures,
     /// How it came about.
-    pub report: Report,
+    pub report: SolveReport,
 }
 
 /// Share of the indicator that is refined at a time. Half makes the unknowns grow by about 1.7.
@@ -86,7 +86,7 @@ pub fn solve(
     let mut last_profile: Vec<f64> = Vec::new();
     let mut axis_settled = false;
     loop {
-        let pattern = Pattern::of(&level)?;
+        let pattern = Pattern::of(&level);
         let balanced = balance(&level, &pattern, guess)?;
         linear_solves += balanced.steps;
         let figures = Figures::of(design, &level, &balanced.w, excitation);
@@ -131,7 +131,7 @@ pub fn solve(
         if let Some(errors) = errors
             && ((settled && !rough.contains(&true)) || full)
         {
-            let report = Report {
+            let report = SolveReport {
                 unknowns: level.space.count,
                 levels: history.len(),
                 newton_iterations: balanced.steps,
@@ -149,7 +149,7 @@ pub fn solve(
         refined_locally = settled;
         let mut marked = rough;
         if !settled {
-            let dual = back_substitute(&balanced.factor, &goal(&level));
+            let dual = pattern.solve(&balanced.factor, &goal(&level));
             let scores = scores(&level, &balanced.w, &primal, &dual);
             for (marked, coarse) in marked.iter_mut().zip(mark(&scores, SHARE)) {
                 *marked |= coarse;
@@ -183,7 +183,7 @@ pub fn solve_on(
 ) -> Result<(Level, Vec<f64>), SolveError> {
     let level = Level::new(design, Space::new(mesh, order), excitation);
     let guess = vec![0.0; level.space.count];
-    let balanced = balance(&level, &Pattern::of(&level)?, guess)?;
+    let balanced = balance(&level, &Pattern::of(&level), guess)?;
     Ok((level, balanced.w))
 }
 

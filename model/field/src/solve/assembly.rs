@@ -3,7 +3,7 @@
 use super::newton::Excitation;
 use super::space::Space;
 use crate::design::Design;
-use crate::element::basis::Sample;
+use crate::element::basis::BasisValues;
 use crate::element::quadrature;
 use crate::element::shape::Placed;
 use crate::geometry::Point;
@@ -168,8 +168,8 @@ impl Level {
         }
     }
 
-    /// The arc's integral (1/R) ∮ w v r³ ds for each of its edges: unknowns and full matrix.
-    pub(super) fn arc(&self) -> Vec<(Vec<u32>, Vec<f64>)> {
+    /// The arc's integral (1/R) ∮ w v r³ ds for each of its edges: triangle and full matrix.
+    pub(super) fn arc(&self) -> Vec<(usize, Vec<f64>)> {
         let mesh = &self.space.mesh;
         let radius = mesh.circle.radius;
         let order = self.space.basis.order() as usize;
@@ -202,7 +202,7 @@ impl Level {
                         }
                     }
                 }
-                edges.push((unknowns.clone(), matrix));
+                edges.push((index, matrix));
             }
         }
         edges
@@ -218,7 +218,7 @@ pub(super) fn on_side(side: usize, t: f64) -> [f64; 3] {
 }
 
 /// Position on a side, and how it moves per share of the side.
-pub(super) fn along(nodes: &[Point], sample: &Sample, side: usize) -> (Point, [f64; 2]) {
+pub(super) fn along(nodes: &[Point], sample: &BasisValues, side: usize) -> (Point, [f64; 2]) {
     // The second and third barycentric coordinates change along the three sides by these.
     let by = [[1.0, 0.0], [-1.0, 1.0], [0.0, -1.0]][side];
     let mut point = [0.0; 2];
@@ -236,7 +236,7 @@ pub(super) fn along(nodes: &[Point], sample: &Sample, side: usize) -> (Point, [f
 pub(super) fn combine(
     w: &[f64],
     unknowns: &[u32],
-    sample: &Sample,
+    sample: &BasisValues,
     placed: &Placed,
 ) -> (f64, [f64; 2]) {
     let mut value = 0.0;

@@ -10,6 +10,7 @@
 
 mod adapt;
 mod assembly;
+mod cholesky;
 mod evaluate;
 mod indicator;
 mod judge;
@@ -18,7 +19,7 @@ mod sharpen;
 mod space;
 mod sums;
 
-pub use adapt::{Accuracy, Report, Solved, solve, solve_on};
+pub use adapt::{Accuracy, SolveReport, Solved, solve, solve_on};
 pub use assembly::{Level, integrate};
 pub use evaluate::{FieldAt, Locator};
 pub use newton::{Excitation, SolveError};

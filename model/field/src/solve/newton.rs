@@ -2,12 +2,8 @@
 
 use core::fmt;
 
-use faer::Side;
-use faer::linalg::solvers::Solve;
-use faer::sparse::linalg::solvers::{Llt, SymbolicLlt};
-use faer::sparse::{Argsort, Pair, SparseColMat, SymbolicSparseColMat};
-
 use super::assembly::{Level, Local};
+use super::cholesky::{Dissection, Element, Factor, NotPositive};
 use crate::design::Design;
 use crate::element::shape::Placed;
 
@@ -48,8 +44,8 @@ impl Excitation {
 pub enum SolveError {
     /// The design could not be triangulated.
     Mesh(crate::mesh::MeshError),
-    /// The matrix could not be factored.
-    Factor(String),
+    /// The matrix is not positive definite.
+    Factor,
     /// Newton's method did not come to rest.
     Diverged {
         /// Steps that were taken.
@@ -61,7 +57,7 @@ impl fmt::Display for SolveError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Mesh(error) => error.fmt(f),
-            Self::Factor(error) => write!(f, "the matrix could not be factored: {error}"),
+            Self::Factor => f.write_str("the matrix is not positive definite"),
             Self::Diverged { steps } => write!(
                 f,
                 "the field did not settle in {steps} Newton steps: lower the current, or the exponent of the material"
@@ -78,49 +74,29 @@ impl From<crate::mesh::MeshError> for SolveError {
     }
 }
 
-/// Where the matrix of a level has entries, and the order in which it is eliminated.
+/// Which entries the matrix of a level is the sum of, and the order in which it is eliminated.
 pub(super) struct Pattern {
-    symbolic: SymbolicSparseColMat<usize>,
-    order: Argsort<usize>,
-    elimination: SymbolicLlt<usize>,
+    elimination: Dissection,
     entries: usize,
-    arc: Vec<(Vec<u32>, Vec<f64>)>,
+    /// For each edge of the arc, its triangle and its matrix.
+    arc: Vec<(usize, Vec<f64>)>,
 }
 
-/// A factored matrix.
-pub(super) type Factor = Llt<usize, f64>;
-
 impl Pattern {
-    pub(super) fn of(level: &Level) -> Result<Self, SolveError> {
+    pub(super) fn of(level: &Level) -> Self {
         let arc = level.arc();
-        let mut places = Vec::new();
-        let mut add = |unknowns: &[u32]| {
-            for (i, &a) in unknowns.iter().enumerate() {
-                for &b in unknowns.iter().take(i + 1) {
-                    let (row, col) = (a.max(b) as usize, a.min(b) as usize);
-                    places.push(Pair { row, col });
-                }
-            }
-        };
-        level
-            .space
-            .unknowns
-            .iter()
-            .for_each(|unknowns| add(unknowns));
-        arc.iter().for_each(|(unknowns, _)| add(unknowns));
-        let count = level.space.count;
-        let fail = |error: &dyn fmt::Debug| SolveError::Factor(format!("{error:?}"));
-        let (symbolic, order) = SymbolicSparseColMat::try_new_from_indices(count, count, &places)
-            .map_err(|error| fail(&error))?;
-        let elimination =
-            SymbolicLlt::try_new(symbolic.as_ref(), Side::Lower).map_err(|error| fail(&error))?;
-        Ok(Self {
-            symbolic,
-            order,
-            elimination,
-            entries: places.len(),
+        let space = &level.space;
+        let triangles = 0..space.unknowns.len();
+        let of_arc = arc.iter().map(|&(triangle, _)| triangle);
+        let elements: Vec<_> = triangles
+            .chain(of_arc)
+            .filter_map(|triangle| space.element(triangle))
+            .collect();
+        Self {
+            elimination: Dissection::of(&elements, space.count),
+            entries: elements.iter().map(Element::entries).sum(),
             arc,
-        })
+        }
     }
 
     /// Residual, and the tangent's entries in the pattern's order if they are wanted.
@@ -140,7 +116,10 @@ impl Pattern {
                 entries.extend_from_slice(&local.tangent);
             }
         }
-        for (unknowns, matrix) in &self.arc {
+        for (triangle, matrix) in &self.arc {
+            let Some(unknowns) = level.space.unknowns.get(*triangle) else {
+                continue;
+            };
             for (i, row) in matrix.chunks(unknowns.len()).enumerate() {
                 let product = row.iter().zip(unknowns).map(|(entry, &unknown)| {
                     entry * w.get(unknown as usize).copied().unwrap_or(0.0)
@@ -160,12 +139,9 @@ impl Pattern {
         (residual, entries)
     }
 
-    fn factor(&self, entries: &[f64]) -> Result<Factor, SolveError> {
-        let fail = |error: &dyn fmt::Debug| SolveError::Factor(format!("{error:?}"));
-        let matrix = SparseColMat::new_from_argsort(self.symbolic.clone(), &self.order, entries)
-            .map_err(|error| fail(&error))?;
-        Llt::try_new_with_symbolic(self.elimination.clone(), matrix.as_ref(), Side::Lower)
-            .map_err(|error| fail(&error))
+    /// Solves with a factor of a matrix of this pattern.
+    pub(super) fn solve(&self, factor: &Factor, rhs: &[f64]) -> Vec<f64> {
+        self.elimination.solve(factor, rhs)
     }
 }
 
@@ -175,12 +151,6 @@ fn scatter(global: &mut [f64], unknowns: &[u32], local: &[f64]) {
             *entry += value;
         }
     }
-}
-
-/// Solves with a factored matrix.
-pub(super) fn back_substitute(factor: &Factor, rhs: &[f64]) -> Vec<f64> {
-    let rhs = faer::Col::from_fn(rhs.len(), |row| rhs.get(row).copied().unwrap_or(0.0));
-    factor.solve(rhs).iter().copied().collect()
 }
 
 /// A state that balances, with the last factor of the matrix and the steps it took.
@@ -210,8 +180,11 @@ pub(super) fn balance(
     let mut scale = 0.0_f64;
     for step in 1..=MOST_STEPS {
         let (residual, entries) = pattern.assemble(level, &w, true);
-        let factor = pattern.factor(&entries)?;
-        let mut direction = back_substitute(&factor, &residual);
+        let factor = pattern
+            .elimination
+            .factor(&entries)
+            .map_err(|NotPositive| SolveError::Factor)?;
+        let mut direction = pattern.solve(&factor, &residual);
         direction.iter_mut().for_each(|d| *d = -*d);
         let slope = dot(&direction, &residual);
         let share = if linear {

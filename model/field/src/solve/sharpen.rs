@@ -47,7 +47,7 @@ impl Solved {
             let order = self.level.space.basis.order();
             let next = Level::new(design, Space::new(finer, order), &self.excitation);
             let guess = transfer(&self.level.space, &self.w, &next.space, &parents);
-            let balanced = balance(&next, &Pattern::of(&next)?, guess)?;
+            let balanced = balance(&next, &Pattern::of(&next), guess)?;
             self.w = balanced.w;
             self.level = next;
             self.report.levels += 1;

@@ -2,8 +2,9 @@
 
 use std::collections::HashMap;
 
+use super::cholesky::Element;
 use crate::element::Basis;
-use crate::element::basis::Sample;
+use crate::element::basis::BasisValues;
 use crate::element::{quadrature, shape};
 use crate::geometry::Point;
 use crate::mesh::{Mesh, ascending};
@@ -22,7 +23,7 @@ pub struct Space {
     /// For each triangle, the positions of its nodes.
     pub nodes: Vec<Vec<Point>>,
     /// Points of integration, with weights for a triangle of area 1.
-    pub samples: Vec<(Sample, f64)>,
+    pub samples: Vec<(BasisValues, f64)>,
 }
 
 impl Space {
@@ -71,6 +72,16 @@ impl Space {
             nodes,
             samples,
         }
+    }
+
+    /// A triangle as the elimination sees it.
+    pub(super) fn element(&self, triangle: usize) -> Option<Element<'_>> {
+        let (unknowns, nodes) = (self.unknowns.get(triangle)?, self.nodes.get(triangle)?);
+        // The first three nodes are the vertices.
+        let centre = nodes.iter().take(3).fold([0.0; 2], |[r, x], node| {
+            [r + node[0] / 3.0, x + node[1] / 3.0]
+        });
+        Some(Element { unknowns, centre })
     }
 }
 

@@ -7,7 +7,7 @@ use proptest::test_runner::RngSeed;
 
 /// Two rings and a body between them or about the axis.
 #[derive(Clone, Debug)]
-struct Random {
+struct RandomRings {
     gap_mm: f64,
     radii_mm: [f64; 2],
     width_mm: f64,
@@ -16,7 +16,7 @@ struct Random {
     spheroid: bool,
 }
 
-fn random() -> impl Strategy<Value = Random> {
+fn random() -> impl Strategy<Value = RandomRings> {
     let body = (2.0..6.0_f64, 2.0..12.0_f64);
     (
         4.0..12.0_f64,
@@ -26,17 +26,19 @@ fn random() -> impl Strategy<Value = Random> {
         1.5..200.0_f64,
         any::<bool>(),
     )
-        .prop_map(|(gap_mm, radii, width_mm, body, mu_r, spheroid)| Random {
-            gap_mm,
-            radii_mm: [radii.0, radii.1],
-            width_mm,
-            body_mm: [body.0, body.1],
-            mu_r,
-            spheroid,
-        })
+        .prop_map(
+            |(gap_mm, radii, width_mm, body, mu_r, spheroid)| RandomRings {
+                gap_mm,
+                radii_mm: [radii.0, radii.1],
+                width_mm,
+                body_mm: [body.0, body.1],
+                mu_r,
+                spheroid,
+            },
+        )
 }
 
-impl Random {
+impl RandomRings {
     fn design(&self) -> Design {
         let [a, b] = self.radii_mm;
         let [r, x] = self.body_mm;
@@ -79,7 +81,7 @@ fn run(design: &Design, currents_a: [f64; 2], saturating: bool) -> Solved {
 /// Between the spheroid and the chord of its flattest part lies a corner of the core.
 #[test]
 fn a_corner_between_an_arc_and_its_chord_is_no_crossing() {
-    let random = Random {
+    let random = RandomRings {
         gap_mm: 6.219_766_620_515_934_5,
         radii_mm: [8.0, 8.0],
         width_mm: 0.2,

@@ -1,11 +1,13 @@
 //! The plain formula and the estimator under one disturbance at a time: a small `f64` plant with
 //! each disturbance of section 3 of the physics as a switch, at a size within its published range.
 
-use palpate_model::magnetorheological::{Lag, deviation};
-use palpate_model::ramp::{Basis, Drift, Fit, Noise, Ramp, Reference, Refusal, Sample};
+use palpate_model::magnetorheological::deviation;
+use palpate_model::ramp::{
+    Basis, DriftModel, Fit, Noise, Ramp, RampRefusal, RampSample, Reference,
+};
 use palpate_model::units::{Metre, NewtonPerMetre, Second};
 
-use super::plant::Load;
+use super::plant::LoadLaw;
 use super::reference::equation_2;
 use super::rng::Rng;
 
@@ -49,7 +51,7 @@ pub struct Disturbance {
     pub vibration: (f64, f64),
     /// Attraction and lag that the evaluation models.
     pub modelled: (f64, f64),
-    pub load: Load,
+    pub load: LoadLaw,
 }
 
 const NONE: Disturbance = Disturbance {
@@ -67,7 +69,7 @@ const NONE: Disturbance = Disturbance {
     gain: 0.0,
     vibration: (0.0, 1.0),
     modelled: (0.0, 0.0),
-    load: Load::Linear { stiffness: SENSING },
+    load: LoadLaw::Linear { stiffness: SENSING },
 };
 
 pub const ALL: [Disturbance; 18] = [
@@ -105,7 +107,7 @@ pub const ALL: [Disturbance; 18] = [
     // k3 x^2 = k at 0.3 mm: the tangent, which is judged, is there twice the secant.
     Disturbance {
         name: "load hardens with x^3",
-        load: Load::Hardening {
+        load: LoadLaw::Hardening {
             k: SENSING / 2.0,
             k3: SENSING / 2.0 / (0.3e-3 * 0.3e-3),
         },
@@ -165,7 +167,7 @@ pub const ALL: [Disturbance; 18] = [
     },
 ];
 
-struct Reading {
+struct DisturbedReading {
     time: f64,
     x: f64,
     /// Current over its peak, as read.
@@ -173,7 +175,7 @@ struct Reading {
 }
 
 impl Disturbance {
-    fn readings(&self, rng: &mut Rng) -> Vec<Reading> {
+    fn readings(&self, rng: &mut Rng) -> Vec<DisturbedReading> {
         let mut readings = Vec::new();
         for tooth in 0..TEETH {
             // Held at the peak before it falls: the stiffening has settled there.
@@ -190,7 +192,7 @@ impl Disturbance {
                     target
                 };
                 let x = self.deformation(EPS * lagging, current, time);
-                readings.push(Reading {
+                readings.push(DisturbedReading {
                     time,
                     x: x * (1.0 + self.noise * rng.normal()),
                     current: current * (1.0 + self.gain),
@@ -241,16 +243,16 @@ impl Disturbance {
 }
 
 /// Relative errors of c_L, and of the estimator's its 95 % interval.
-pub struct Row {
+pub struct ErrorRow {
     pub name: &'static str,
     /// Eq. (2), first reading of the first ramp and its last.
     pub plain: f64,
     /// Estimator with no drift term, and with a logarithmic creep term.
-    pub ours: [Result<Verdict, Refusal>; 2],
+    pub ours: [Result<DisturbanceVerdict, RampRefusal>; 2],
 }
 
 #[derive(Clone, Copy, Debug)]
-pub struct Verdict {
+pub struct DisturbanceVerdict {
     pub error: f64,
     pub low: f64,
     pub high: f64,
@@ -258,23 +260,19 @@ pub struct Verdict {
 
 impl Disturbance {
     /// h of every reading, as an evaluation would form it that knows what is `modelled`.
-    fn regressors(&self, readings: &[Reading]) -> Vec<f32> {
+    fn regressors(&self, readings: &[DisturbedReading]) -> Vec<f32> {
         let (attraction, lag) = self.modelled;
         let eps = EPS * (1.0 + self.eps);
-        let mut lagging = None;
-        let regressor = |(i, reading): (usize, &Reading)| {
-            let rise = (eps * reading.current * reading.current) as f32;
-            let rise = if lag > 0.0 {
-                if i % PER_TOOTH == 0 {
-                    lagging = Lag::new(Second(lag as f32), rise).ok();
-                }
-                lagging
-                    .as_mut()
-                    .unwrap()
-                    .follow(rise, Second(INTERVAL_S as f32))
+        let mut lagging = 0.0;
+        let regressor = |(i, reading): (usize, &DisturbedReading)| {
+            let rise = eps * reading.current * reading.current;
+            // Settled at the peak, and from there on a first-order lag behind.
+            lagging = if lag > 0.0 && i % PER_TOOTH != 0 {
+                rise + (lagging - rise) * (-INTERVAL_S / lag).exp()
             } else {
                 rise
             };
+            let rise = lagging as f32;
             let amperes = reading.current * PEAK_A;
             let actuated = ACTUATED * (1.0 + f64::from(rise));
             let pulled = attraction * amperes * amperes / actuated / reading.x;
@@ -284,7 +282,7 @@ impl Disturbance {
     }
 }
 
-pub fn row(disturbance: &Disturbance) -> Row {
+pub fn row(disturbance: &Disturbance) -> ErrorRow {
     let readings = disturbance.readings(&mut Rng::new(1));
     let assumed =
         |current: f64| ACTUATED * (1.0 + EPS * (1.0 + disturbance.eps) * current * current);
@@ -292,15 +290,15 @@ pub fn row(disturbance: &Disturbance) -> Row {
     let springs = [assumed(first.current), assumed(last.current)];
     let truth = disturbance.truth();
     let plain = equation_2(SENSING, springs, [first.x, last.x]) / SENSING / truth - 1.0;
-    let creep = Drift::Logarithmic {
+    let creep = DriftModel::Logarithmic {
         tau: Second(SETTLE_S as f32),
     };
     let x_ref = last.x as f32;
     let regressors = disturbance.regressors(&readings);
-    let samples: Vec<Sample> = readings
+    let samples: Vec<RampSample> = readings
         .iter()
         .zip(regressors)
-        .map(|(r, regressor)| Sample {
+        .map(|(r, regressor)| RampSample {
             time: Second(r.time as f32),
             deformation: Metre((r.x - f64::from(x_ref)) as f32),
             regressor,
@@ -308,7 +306,7 @@ pub fn row(disturbance: &Disturbance) -> Row {
         })
         .collect();
     let reference = Reference::new(Metre(x_ref), (SENSING / ACTUATED) as f32).unwrap();
-    Row {
+    ErrorRow {
         name: disturbance.name,
         plain,
         ours: [
@@ -326,9 +324,9 @@ pub fn row(disturbance: &Disturbance) -> Row {
 fn judge(
     truth: f64,
     reference: Reference,
-    samples: &[Sample],
+    samples: &[RampSample],
     basis: Basis,
-) -> Result<Verdict, Refusal> {
+) -> Result<DisturbanceVerdict, RampRefusal> {
     let mut ramp = Ramp::new(reference, basis);
     samples.iter().for_each(|sample| ramp.push(sample).unwrap());
     let fit: Fit = ramp.fit(Noise::Larger)?;
@@ -336,7 +334,7 @@ fn judge(
     let relative = |c: Option<NewtonPerMetre>| {
         c.map_or(f64::INFINITY, |c| f64::from(c.0) / SENSING / truth - 1.0)
     };
-    Ok(Verdict {
+    Ok(DisturbanceVerdict {
         error: relative(load.value()),
         low: relative(Some(load.low())),
         high: relative(load.high()),
@@ -351,7 +349,7 @@ pub fn table() -> String {
     );
     for row in ALL.iter().map(row) {
         let [without, with] = row.ours;
-        let cell = |verdict: &Result<Verdict, Refusal>| match verdict {
+        let cell = |verdict: &Result<DisturbanceVerdict, RampRefusal>| match verdict {
             Ok(verdict) => percent(verdict.error),
             Err(refusal) => format!("refused: {refusal}"),
         };

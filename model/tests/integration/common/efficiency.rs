@@ -1,12 +1,12 @@
 //! The estimator against the Cramer-Rao bound, on the case of section 2 of the physics.
 
-use palpate_model::ramp::{Basis, Drift, Fit, Noise, Ramp, Refusal};
+use palpate_model::ramp::{Basis, DriftModel, Fit, Noise, Ramp, RampRefusal};
 use palpate_model::units::{NewtonPerMetre, Second};
 
 use super::fisher::cramer_rao;
 use super::plant::{Ramps, Recording, Stack, record};
 use super::rng::Rng;
-use super::statistics::Errors;
+use super::statistics::EstimateErrors;
 
 /// Time constant of the creep regressor over the whole duration.
 pub const CREEP: f64 = 0.05;
@@ -38,7 +38,7 @@ impl Disturbance {
 }
 
 #[derive(Clone, Copy, Debug)]
-pub struct Case {
+pub struct EfficiencyCase {
     pub name: &'static str,
     pub ramps: Ramps,
     pub disturbance: Disturbance,
@@ -46,26 +46,26 @@ pub struct Case {
     pub published: f64,
 }
 
-pub const CASES: [Case; 4] = [
-    Case {
+pub const CASES: [EfficiencyCase; 4] = [
+    EfficiencyCase {
         name: "(a) no drift term",
         ramps: Ramps::ONE,
         disturbance: Disturbance::None,
         published: 0.0051,
     },
-    Case {
+    EfficiencyCase {
         name: "(b) linear drift",
         ramps: Ramps::ONE,
         disturbance: Disturbance::Linear,
         published: 0.021,
     },
-    Case {
+    EfficiencyCase {
         name: "(c) creep, saw-tooth of 8",
         ramps: Ramps::EIGHT,
         disturbance: Disturbance::Creep,
         published: 0.0051,
     },
-    Case {
+    EfficiencyCase {
         name: "(-) creep, one ramp",
         ramps: Ramps::ONE,
         disturbance: Disturbance::Creep,
@@ -77,7 +77,7 @@ pub const CASES: [Case; 4] = [
 pub const NOISE: f64 = 1e-4;
 pub const EPS: f64 = 0.03;
 
-impl Case {
+impl EfficiencyCase {
     pub fn stack(&self) -> Stack {
         Stack::equal(1.0, EPS)
     }
@@ -114,9 +114,9 @@ impl Case {
     }
 
     /// Errors of c_L relative to the bound, over `seeds`.
-    pub fn run(&self, seeds: std::ops::RangeInclusive<u64>, noise: Noise) -> Errors {
+    pub fn run(&self, seeds: std::ops::RangeInclusive<u64>, noise: Noise) -> EstimateErrors {
         let bound = self.bound();
-        let mut errors = Errors::default();
+        let mut errors = EstimateErrors::default();
         for seed in seeds {
             let recording = self.recording(seed);
             let truth = self.stack().sensing;
@@ -128,23 +128,23 @@ impl Case {
         errors
     }
 
-    fn load(&self, recording: &Recording, noise: Noise) -> Result<(f64, bool), Refusal> {
+    fn load(&self, recording: &Recording, noise: Noise) -> Result<(f64, bool), RampRefusal> {
         let tau = Second(CREEP as f32);
         match self.disturbance {
             Disturbance::None => self.judge(fit(recording, Basis::LINEAR, noise)?),
             Disturbance::Linear => self.judge(fit(
                 recording,
-                Basis::with_drift(Drift::Linear).unwrap(),
+                Basis::with_drift(DriftModel::Linear).unwrap(),
                 noise,
             )?),
             Disturbance::Creep => {
-                let creep = Drift::Logarithmic { tau };
+                let creep = DriftModel::Logarithmic { tau };
                 self.judge(fit(recording, Basis::with_drift(creep).unwrap(), noise)?)
             }
         }
     }
 
-    fn judge(&self, fit: Fit) -> Result<(f64, bool), Refusal> {
+    fn judge(&self, fit: Fit) -> Result<(f64, bool), RampRefusal> {
         let c = NewtonPerMetre(self.stack().sensing as f32);
         let load = fit.load_stiffness(c)?;
         let value = load
@@ -155,7 +155,7 @@ impl Case {
 }
 
 /// Pushes a recording through the estimator.
-pub fn fit(recording: &Recording, basis: Basis, noise: Noise) -> Result<Fit, Refusal> {
+pub fn fit(recording: &Recording, basis: Basis, noise: Noise) -> Result<Fit, RampRefusal> {
     let mut ramp = Ramp::new(recording.reference, basis);
     for sample in &recording.samples {
         ramp.push(sample).unwrap();

@@ -6,17 +6,13 @@ use palpate_model::calibration_curve::MonotoneCurve;
 use palpate_model::contact::{Cusum, Detector, Watch};
 use palpate_model::demagnetising::Burst;
 use palpate_model::layer::BondedDisc;
-use palpate_model::magnetorheological::{
-    Lag, Saturating, Stiffening, Tabulated, attraction, deviation,
-};
+use palpate_model::magnetorheological::{Saturating, Stiffening, Tabulated, attraction, deviation};
+use palpate_model::math::exp_m1;
 use palpate_model::ramp::{
-    Basis, Drift, LoadRatio, LoadStiffness, Noise, Ramp, Reference, Sample, Scatter, Term,
+    Basis, DriftModel, LoadRatio, LoadStiffness, Noise, Ramp, RampSample, Reference, Scatter, Term,
 };
 use palpate_model::springs::{Springs, two_state_load};
-use palpate_model::tank::{
-    Tank, relative_frequency_change, relative_frequency_change_of, relative_inductance_change,
-    without_capacitance_change,
-};
+use palpate_model::tank::{relative_frequency_change, relative_inductance_change};
 use palpate_model::thermal::{Copper, Temperatures, TwoNode};
 use palpate_model::uncertainty::{Calibration, OperatingPoint};
 use palpate_model::units::*;
@@ -29,7 +25,7 @@ fn a_third(one: f32) -> f32 {
 pub const READINGS: u32 = 400;
 
 /// Everything that can differ, as bits.
-pub type Bits = [u32; 34];
+pub type Bits = [u32; 31];
 
 struct Noise32(u32);
 
@@ -66,15 +62,16 @@ pub fn run(one: f32) -> Option<Bits> {
         Term::Level,
         Term::Slope,
         Term::Quadratic,
-        Term::Drift(Drift::Logarithmic { tau }),
-        Term::Drift(Drift::SawTooth {
+        Term::Drift(DriftModel::Logarithmic { tau }),
+        Term::Drift(DriftModel::SawTooth {
             period: Second(0.125),
         }),
     ]);
     let mut curved = Ramp::new(reference, basis.ok()?);
-    let drift = Drift::Exponential { tau };
+    let drift = DriftModel::Exponential { tau };
     let mut straight = Ramp::new(reference, Basis::with_drift(drift).ok()?);
-    let mut lag = Lag::new(Second(2e-3 * one), 0.1).ok()?;
+    // The rise, 2 ms late.
+    let (lag, mut late) = (Second(2e-3 * one), 0.1);
     let mut detector = Detector::new(Watch::new(Metre(10e-9 * one))).ok()?;
     let mut last = 0.0;
 
@@ -88,19 +85,17 @@ pub fn run(one: f32) -> Option<Bits> {
         let change = relative_inductance_change(relative_frequency_change(230_000_000, code));
         let read = curve.at(change);
         last = read.value;
-        let sample = Sample {
+        let sample = RampSample {
             time: Second(i as f32 / 400.0),
             deformation: Metre(read.value) - Metre(0.3e-3),
             regressor: h + attraction(Newton(1e-3), law.spring(current), Metre(read.value)),
             sigma: Metre(read.sigma(1e-6)),
         };
         straight.push(&sample).ok()?;
-        let lagging = deviation(
-            law.reference_ratio(sensing),
-            lag.follow(rise, Second(2.5e-3)),
-        );
+        late -= exp_m1(-(Second(2.5e-3) / lag)) * (rise - late);
+        let lagging = deviation(law.reference_ratio(sensing), late);
         curved
-            .push(&Sample {
+            .push(&RampSample {
                 regressor: lagging,
                 ..sample
             })
@@ -164,7 +159,7 @@ pub fn run(one: f32) -> Option<Bits> {
     let [a, b, c, d] = ends(&of_line);
     let [e, f, g, h] = ends(&of_curve);
     let [_, i, j, k] = ends(&claim);
-    let values: [f32; 34] = [
+    let values: [f32; 31] = [
         a,
         b,
         c,
@@ -179,7 +174,6 @@ pub fn run(one: f32) -> Option<Bits> {
         straight.chi_square(),
         straight.coefficient(2)?.value,
         curved.coefficient(3)?.value,
-        curved.correlation(1, 2)?,
         point.displacement.0,
         point.displacement_sigma.0,
         point.force.0,
@@ -187,7 +181,6 @@ pub fn run(one: f32) -> Option<Bits> {
         hot.pad.0,
         burst.current(Second(0.123)).0,
         detector.baseline().rate(),
-        Tank::new(Farad(330e-12)).ok()?.inductance(Hertz(3.74e6))?.0,
         last,
         rise.per_ampere,
         scatter.birge_ratio()?,
@@ -200,7 +193,6 @@ pub fn run(one: f32) -> Option<Bits> {
             .load_point_within(-0.05, sensing, total)
             .displacement
             .0,
-        relative_frequency_change_of(without_capacitance_change(0.1 * one, 1e-4)),
         Cusum::WATCH.average_run_length(0.5 * one),
     ];
     Some(values.map(f32::to_bits))

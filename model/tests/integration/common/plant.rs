@@ -1,7 +1,7 @@
 //! A press on a spring, after section 2 of the physics: three springs in series at a constant
 //! overall length, the actuated one softening with the current.
 
-use palpate_model::ramp::{Reference, Sample};
+use palpate_model::ramp::{RampSample, Reference};
 use palpate_model::units::{Metre, Second};
 
 use super::rng::Rng;
@@ -40,7 +40,7 @@ impl Ramps {
 
 /// The load's displacement under a force, in metres and newtons.
 #[derive(Clone, Copy, Debug)]
-pub enum Load {
+pub enum LoadLaw {
     Linear {
         stiffness: f64,
     },
@@ -51,7 +51,7 @@ pub enum Load {
     },
 }
 
-impl Load {
+impl LoadLaw {
     pub fn force(&self, x: f64) -> f64 {
         match *self {
             Self::Linear { stiffness } => stiffness * x,
@@ -72,14 +72,14 @@ pub struct Stack {
     pub sensing: f64,
     pub actuated: f64,
     pub eps: f64,
-    pub load: Load,
+    pub load: LoadLaw,
     /// Way pressed in all, m.
     pub total: f64,
 }
 
 /// Layer deformations of one state.
 #[derive(Clone, Copy, Debug)]
-pub struct State {
+pub struct LayerState {
     pub sensing: f64,
     pub load: f64,
     pub force: f64,
@@ -93,7 +93,7 @@ impl Stack {
             sensing: c,
             actuated: c,
             eps,
-            load: Load::Linear {
+            load: LoadLaw::Linear {
                 stiffness: ratio * c,
             },
             total: 0.3e-3 * (2.0 + 1.0 / ratio),
@@ -105,7 +105,7 @@ impl Stack {
     }
 
     /// Solves F(x_L) = F with F (1/c_S + 1/c_D) + x_L = total, by Newton.
-    pub fn at(&self, current: f64) -> State {
+    pub fn at(&self, current: f64) -> LayerState {
         let compliance = 1.0 / self.sensing + 1.0 / self.actuated_at(current);
         let mut x = self.total / 3.0;
         for _ in 0..100 {
@@ -116,7 +116,7 @@ impl Stack {
             }
         }
         let force = self.load.force(x);
-        State {
+        LayerState {
             sensing: force / self.sensing,
             load: x,
             force,
@@ -138,7 +138,7 @@ impl Stack {
 /// One measurement, as the device's own `f32` inputs.
 pub struct Recording {
     pub reference: Reference,
-    pub samples: Vec<Sample>,
+    pub samples: Vec<RampSample>,
 }
 
 /// Presses, ramps the current down and reads, with noise of `relative` of x and a multiplicative
@@ -156,7 +156,7 @@ pub fn record(
             let (t, current) = (ramps.time(i), ramps.current(i));
             let clean = stack.at(current).sensing * (1.0 + drift(t));
             let read = clean * (1.0 + relative * rng.normal());
-            Sample {
+            RampSample {
                 time: Second(t as f32),
                 deformation: Metre((read - f64::from(x_ref)) as f32),
                 regressor: stack.regressor(current) as f32,

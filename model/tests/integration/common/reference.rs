@@ -12,12 +12,12 @@ pub struct Estimate {
     pub kappa: f64,
     pub standard_error: f64,
     pub drifts: Vec<f64>,
-    line: Line,
+    line: FittedLine,
 }
 
 /// The straight line behind it: 1/x at the mean of g, its slope, and their covariances.
 #[derive(Default)]
-struct Line {
+struct FittedLine {
     mean_g: f64,
     level: f64,
     slope: f64,
@@ -27,7 +27,7 @@ struct Line {
 impl Estimate {
     /// Fieller's interval of kappa, as the textbook's quadratic in the ratio level/slope.
     pub fn interval(&self, quantile: f64) -> (f64, f64) {
-        let Line {
+        let FittedLine {
             mean_g,
             level,
             slope,
@@ -44,20 +44,20 @@ impl Estimate {
     }
 }
 
-struct Reading {
+struct ReferenceReading {
     t: f64,
     x: f64,
     g: f64,
     sigma: f64,
 }
 
-fn readings(recording: &Recording) -> Vec<Reading> {
+fn readings(recording: &Recording) -> Vec<ReferenceReading> {
     let x_ref = f64::from(recording.reference.deformation().0);
     let g_ref = f64::from(recording.reference.regressor());
     recording
         .samples
         .iter()
-        .map(|s| Reading {
+        .map(|s| ReferenceReading {
             t: f64::from(s.time.0),
             x: x_ref + f64::from(s.deformation.0),
             g: g_ref + f64::from(s.regressor),
@@ -86,7 +86,7 @@ pub fn reciprocal_line(recording: &Recording, phis: &[Phi<'_>]) -> Estimate {
         kappa: ratio - mean_g - 1.0,
         standard_error: variance.sqrt() / theta[1],
         drifts: theta[2..].to_vec(),
-        line: Line {
+        line: FittedLine {
             mean_g,
             level: theta[0],
             slope: theta[1],
@@ -133,7 +133,7 @@ pub fn maximum_likelihood(recording: &Recording, phis: &[Phi<'_>]) -> Estimate {
         kappa: p[0],
         standard_error: covariance[0][0].sqrt(),
         drifts: p[2..].to_vec(),
-        line: Line::default(),
+        line: FittedLine::default(),
     }
 }
 

@@ -2,7 +2,7 @@
 
 /// Errors of many estimates, in units of what is asked.
 #[derive(Clone, Debug, Default)]
-pub struct Errors {
+pub struct EstimateErrors {
     pub count: usize,
     sum: f64,
     squares: f64,
@@ -10,7 +10,7 @@ pub struct Errors {
     pub refused: usize,
 }
 
-impl Errors {
+impl EstimateErrors {
     pub fn add(&mut self, error: f64, covered: bool) {
         self.count += 1;
         self.sum += error;

@@ -6,8 +6,8 @@ use core::cell::RefCell;
 
 use embedded_hal::i2c::{I2c, Operation};
 use ldc161x_sim::{
-    Bus, Chip, Conversions, Drive, ExternalClock, Fault, FaultEvent, FaultId, I2cError, Sensors,
-    Settings, Switches, Time,
+    Bus, Chip, ChipFault, Conversions, ExternalClock, FaultEvent, FaultId, I2cError, SensorDrive,
+    Sensors, Settings, Switches, Time,
 };
 
 pub(crate) const ADDRESS: u8 = 0x2A;
@@ -43,16 +43,16 @@ pub(crate) fn with_switches(settings: Settings, change: impl FnOnce(&mut Switche
 }
 
 /// Settings with no shift by the drive, but all else as by default.
-pub(crate) fn no_shift() -> Drive {
+pub(crate) fn no_shift() -> SensorDrive {
     Settings::ideal().drive
 }
 
 /// A chip on a bus of 400 kHz.
-pub(crate) struct Rig<S> {
+pub(crate) struct ChipRig<S> {
     pub(crate) chip: RefCell<Chip<S>>,
 }
 
-impl<S: Sensors> Rig<S> {
+impl<S: Sensors> ChipRig<S> {
     pub(crate) fn new(settings: Settings, sensors: S) -> Self {
         Self {
             chip: RefCell::new(Chip::new(settings, sensors)),
@@ -141,13 +141,13 @@ impl<S: Sensors> Rig<S> {
     }
 
     /// A fault in the next `count` transactions.
-    pub(crate) fn in_next(&self, count: u32, fault: Fault) -> FaultId {
+    pub(crate) fn in_next(&self, count: u32, fault: ChipFault) -> FaultId {
         let number = self.chip.borrow().traffic().transactions;
         self.schedule(FaultEvent::in_transactions(number, count, fault))
     }
 
     /// A fault from now on for a time.
-    pub(crate) fn for_time(&self, lasting: Time, fault: Fault) -> FaultId {
+    pub(crate) fn for_time(&self, lasting: Time, fault: ChipFault) -> FaultId {
         self.schedule(FaultEvent::at(self.now(), fault, lasting))
     }
 

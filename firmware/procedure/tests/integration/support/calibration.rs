@@ -1,4 +1,4 @@
-//! The commands that tell the procedure what [`Sensor`] is.
+//! The commands that give the procedure what [`Sensor`] is.
 
 use palpate_procedure::configuration::DEFAULT_SETTINGS;
 use palpate_wire::Command;

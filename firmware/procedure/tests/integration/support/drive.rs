@@ -3,7 +3,7 @@
 
 use coil_hbridge::{Account, Demand, Load};
 
-use super::Line;
+use super::CurrentPath;
 
 /// What the coil's heat goes into and through, as `calibration::COIL` has it.
 const COPPER_J_PER_K: f64 = 0.8;
@@ -11,12 +11,12 @@ const PAD_J_PER_K: f64 = 60.0;
 const COPPER_TO_PAD_K_PER_W: f64 = 0.5;
 const PAD_TO_AMBIENT_K_PER_W: f64 = 8.0;
 const AMBIENT_C: f64 = 25.0;
-/// From one look of the drive to the next.
+/// From one poll of the drive to the next.
 const LOOK_US: u64 = 1_000;
 
 /// The drive.
 #[derive(Clone)]
-pub(crate) struct Drive {
+pub(crate) struct SimulatedDrive {
     pub(crate) account: Account,
     /// Copper at 20 degrees, and what bridge, wires and supply add.
     pub(crate) copper_ohm: f64,
@@ -34,7 +34,7 @@ pub(crate) struct Drive {
     now_us: u64,
 }
 
-impl Drive {
+impl SimulatedDrive {
     pub(crate) fn new(copper_ohm: f64, wires_ohm: f64, now_us: u64) -> Self {
         Self {
             // 60 J less what flows unseen in 20 ms, and 3.5 W.
@@ -56,7 +56,7 @@ impl Drive {
     }
 
     /// What it refuses of a line that is asked for now.
-    pub(crate) fn refuses(&self, line: &Line) -> bool {
+    pub(crate) fn refuses(&self, line: &CurrentPath) -> bool {
         let load = Load {
             resistance_ohm: self.resistance_ohm() as f32,
             lost_v: self.lost_v as f32,
@@ -70,7 +70,7 @@ impl Drive {
     }
 
     /// Follows the current to a moment; whether its guard has ended that.
-    pub(crate) fn advance(&mut self, to_us: u64, line: &Line) -> bool {
+    pub(crate) fn advance(&mut self, to_us: u64, line: &CurrentPath) -> bool {
         let mut is_over = false;
         while self.now_us < to_us {
             let step_us = LOOK_US.min(to_us - self.now_us);

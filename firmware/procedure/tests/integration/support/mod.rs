@@ -11,7 +11,7 @@ pub(crate) mod sensor;
 use palpate_procedure::event::{Conditions, Failure};
 use palpate_procedure::units::{Ampere, Celsius};
 use palpate_procedure::{
-    Action, Actions, Board, Conversion, Duration, Event, Instant, Limits, Procedure, Scan,
+    Action, Actions, BoardInfo, Conversion, Duration, Event, Instant, Limits, Procedure, Scan,
 };
 use palpate_wire::code::{Chip, FaultCode, Outcome, Place, ResetCause, State};
 use palpate_wire::command::{DriveCoil, Settings};
@@ -20,7 +20,7 @@ use palpate_wire::record::{
 };
 use palpate_wire::{Command, Frame, Header, MINOR_VERSION, Record, SCHEMA_HASH};
 
-use drive::Drive;
+use drive::SimulatedDrive;
 use sensor::Sensor;
 
 pub(crate) const BOOT: u32 = 7;
@@ -40,8 +40,8 @@ pub(crate) const STATES: [State; 10] = [
 ];
 
 /// A board with one converter of four channels, and a coil.
-pub(crate) fn board() -> Board {
-    Board {
+pub(crate) fn board() -> BoardInfo {
+    BoardInfo {
         boot_id: BOOT,
         hello: Hello {
             minor_version: MINOR_VERSION,
@@ -52,7 +52,7 @@ pub(crate) fn board() -> Board {
             commit: 0,
             dirty: false,
             simulated: true,
-            board: palpate_wire::code::Board::Virtual,
+            board: palpate_wire::code::Board::Native,
             unit: 0,
             reset_cause: ResetCause::PowerOn,
             chip: Chip::Ldc161x,
@@ -69,7 +69,7 @@ pub(crate) fn board() -> Board {
 
 /// The way of the coil's current: a straight line to where another begins, that, then level.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct Line {
+pub(crate) struct CurrentPath {
     pub(crate) reported_a: f64,
     pub(crate) reported_us: u64,
     pub(crate) from_a: f64,
@@ -78,7 +78,7 @@ pub(crate) struct Line {
     pub(crate) over_us: u64,
 }
 
-impl Line {
+impl CurrentPath {
     pub(crate) fn at(&self, time_us: u64) -> f64 {
         let gone = time_us.saturating_sub(self.since_us) as f64;
         if time_us < self.since_us {
@@ -110,7 +110,7 @@ pub(crate) struct Rig {
     /// Root mean square of the ripple at a mean current, A, and whether it is reported.
     pub(crate) ripple_a: fn(f64) -> f64,
     pub(crate) tells_ripple: bool,
-    pub(crate) line: Line,
+    pub(crate) line: CurrentPath,
     pub(crate) now_us: u64,
     pub(crate) records: Vec<(Instant, Record)>,
     pub(crate) sequence: u32,
@@ -118,10 +118,10 @@ pub(crate) struct Rig {
     pub(crate) test_us: u64,
     pub(crate) test_ends_us: Option<u64>,
     /// The coil's drive with its guard of energy, if there is one; without, the coil is ideal.
-    pub(crate) drive: Option<Drive>,
+    pub(crate) drive: Option<SimulatedDrive>,
     /// Commands without an answer yet: sequence number and kind.
     pub(crate) open: Vec<(u32, u8)>,
-    /// The last word was to stop: nothing may be driven.
+    /// The last command was to stop: nothing may be driven.
     pub(crate) stopped: bool,
     /// The events and the actions that followed, for a test that repeats them.
     pub(crate) tape: Option<Vec<Observed>>,
@@ -161,7 +161,7 @@ impl OwnEvent {
 
 impl Rig {
     /// A device that has just started.
-    pub(crate) fn started_as(board: Board) -> Self {
+    pub(crate) fn started_as(board: BoardInfo) -> Self {
         Self {
             limits: board.limits,
             procedure: Procedure::new(board),
@@ -170,7 +170,7 @@ impl Rig {
             current_offset_a: 0.0,
             ripple_a: |_| 0.0,
             tells_ripple: false,
-            line: Line::default(),
+            line: CurrentPath::default(),
             now_us: 1_000_000,
             records: Vec::new(),
             sequence: 0,
@@ -292,7 +292,7 @@ impl Rig {
         for action in &actions {
             match action {
                 Action::SafeState => {
-                    self.line = Line::default();
+                    self.line = CurrentPath::default();
                     self.test_ends_us = None;
                 }
                 Action::TestCoil => {
@@ -304,7 +304,7 @@ impl Rig {
                 Action::Current { at, from, to, over } => {
                     let (reported_us, reported_a) = (self.now_us, self.line.at(self.now_us));
                     let since_us = at.as_ticks().max(reported_us);
-                    self.line = Line {
+                    self.line = CurrentPath {
                         reported_a,
                         reported_us,
                         from_a: if since_us > reported_us {
@@ -506,7 +506,7 @@ impl Rig {
     }
 
     /// The states gone to, in their order.
-    pub(crate) fn course(&self) -> Vec<State> {
+    pub(crate) fn states(&self) -> Vec<State> {
         let changes = self.changes();
         let moved = changes.iter().filter(|of| of.state != of.previous);
         moved.map(|of| of.state).collect()

@@ -27,7 +27,7 @@ pub(crate) enum Move {
     Wait(u64),
     /// The clock is set back.
     Back(u64),
-    /// Deformation wanted; zero lifts.
+    /// Deformation requested; zero lifts.
     Press(f64),
     Noise(f64),
     Flags(u16),

@@ -113,7 +113,7 @@ impl Sensor {
         pressed * (1.0 + creep.size * (creep.shape)((time_s - creep.since_s).max(0.0)))
     }
 
-    /// What the converter tells of it.
+    /// What the converter reports of it.
     pub(crate) fn reading(&mut self, current_a: f64, time_s: f64) -> Reading {
         let x = self.deformation_m(current_a, time_s);
         let growth = 1.0 + self.crosstalk_growth_per_m * x;

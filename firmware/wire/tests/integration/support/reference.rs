@@ -1,5 +1,5 @@
 //! A second implementation of the encoding, from the description of the format alone: it shares no
-//! line with postcard, cobs and crc.
+//! line with serde, postcard, cobs and crc.
 
 use palpate_wire::schema::{Described, Field, Kind, Structure, Type};
 use palpate_wire::{Header, VERSION};
@@ -28,12 +28,7 @@ pub(crate) fn write(value: &Value, to: &mut Vec<u8>, of: &Type) {
             to.push(u8::try_from(*value).expect("a byte"));
         }
         (Value::Unsigned(value), Type::U16 | Type::U32 | Type::U64) => {
-            let mut rest = *value;
-            while rest > 0x7F {
-                to.push(rest as u8 | 0x80);
-                rest >>= 7;
-            }
-            to.push(rest as u8);
+            write_varint(*value, to);
         }
         (Value::F32(bits), Type::F32) => to.extend(bits.to_le_bytes()),
         (Value::F64(bits), Type::F64) => to.extend(bits.to_le_bytes()),
@@ -60,6 +55,92 @@ pub(crate) fn write(value: &Value, to: &mut Vec<u8>, of: &Type) {
         }
         (value, of) => panic!("{value:?} is no {of:?}"),
     }
+}
+
+/// Encodes an integer above eight bits.
+fn write_varint(value: u64, to: &mut Vec<u8>) {
+    let mut rest = value;
+    while rest > 0x7F {
+        to.push(rest as u8 | 0x80);
+        rest >>= 7;
+    }
+    to.push(rest as u8);
+}
+
+/// Decodes a value from the start of the bytes and takes its bytes away; `None` if they hold none.
+pub(crate) fn read(bytes: &mut &[u8], of: &Type) -> Option<Value> {
+    Some(match of {
+        Type::Bool => Value::Bool(read_flag(bytes)?),
+        Type::U8 | Type::Code(_) => Value::Unsigned(read_byte(bytes)?.into()),
+        Type::U16 => Value::Unsigned(read_varint(bytes, 16)?),
+        Type::U32 => Value::Unsigned(read_varint(bytes, 32)?),
+        Type::U64 => Value::Unsigned(read_varint(bytes, 64)?),
+        Type::F32 => Value::F32(u32::from_le_bytes(take(bytes, 4)?.try_into().ok()?)),
+        Type::F64 => Value::F64(u64::from_le_bytes(take(bytes, 8)?.try_into().ok()?)),
+        Type::Optional(of) => match read_flag(bytes)? {
+            true => Value::Optional(Some(Box::new(read(bytes, of)?))),
+            false => Value::Optional(None),
+        },
+        Type::List { item, capacity } => {
+            let length = read_length(bytes, *capacity)?;
+            let items: Option<_> = (0..length).map(|_| read(bytes, item)).collect();
+            Value::List(items?)
+        }
+        Type::Text { capacity } => {
+            let length = read_length(bytes, *capacity)?;
+            let text = take(bytes, length)?.to_vec();
+            Value::Text(String::from_utf8(text).ok()?)
+        }
+        Type::Structure(structure) => {
+            let fields = structure.fields.iter();
+            let fields: Option<_> = fields.map(|field| read(bytes, &field.of)).collect();
+            Value::Fields(fields?)
+        }
+    })
+}
+
+/// Decodes a whole payload.
+pub(crate) fn read_payload(mut bytes: &[u8], structure: &'static Structure) -> Option<Value> {
+    let value = read(&mut bytes, &Type::Structure(structure))?;
+    bytes.is_empty().then_some(value)
+}
+
+fn take<'b>(bytes: &mut &'b [u8], length: usize) -> Option<&'b [u8]> {
+    let (taken, rest) = bytes.split_at_checked(length)?;
+    *bytes = rest;
+    Some(taken)
+}
+
+fn read_byte(bytes: &mut &[u8]) -> Option<u8> {
+    take(bytes, 1).map(|byte| byte[0])
+}
+
+fn read_flag(bytes: &mut &[u8]) -> Option<bool> {
+    match read_byte(bytes)? {
+        0 => Some(false),
+        1 => Some(true),
+        _ => None,
+    }
+}
+
+/// A varint may be longer than it needs to be, but not longer than the greatest number of so many
+/// bits, and has no bit beyond those.
+fn read_varint(bytes: &mut &[u8], bits: u32) -> Option<u64> {
+    let mut value = 0_u128;
+    for place in 0..bits.div_ceil(7) {
+        let byte = read_byte(bytes)?;
+        value |= u128::from(byte & 0x7F) << (7 * place);
+        if byte & 0x80 == 0 {
+            return u64::try_from(value).ok().filter(|_| value >> bits == 0);
+        }
+    }
+    None
+}
+
+/// The number of items or letters: a varint of the reader's own size of memory.
+fn read_length(bytes: &mut &[u8], capacity: u8) -> Option<usize> {
+    let length = read_varint(bytes, usize::BITS)?;
+    (length <= u64::from(capacity)).then_some(length as usize)
 }
 
 /// Encodes a payload.

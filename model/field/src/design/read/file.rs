@@ -13,8 +13,8 @@ pub(super) enum Number {
     Text(String),
 }
 
-pub(super) type Value = Spanned<Number>;
-pub(super) type Pair = Spanned<[Value; 2]>;
+pub(super) type SpannedNumber = Spanned<Number>;
+pub(super) type Pair = Spanned<[SpannedNumber; 2]>;
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -43,7 +43,7 @@ pub(super) struct File {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct CoreFile {
-    pub(super) r: Value,
+    pub(super) r: SpannedNumber,
     pub(super) x: Pair,
 }
 
@@ -51,28 +51,28 @@ pub(super) struct CoreFile {
 #[serde(deny_unknown_fields)]
 pub(super) struct ConductorFile {
     #[serde(rename = "resistivity_ohm_m")]
-    pub(super) resistivity: Value,
+    pub(super) resistivity: SpannedNumber,
     #[serde(rename = "current_A")]
-    pub(super) current: Value,
+    pub(super) current: SpannedNumber,
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct BackgroundFile {
     #[serde(rename = "field_T")]
-    pub(super) field: Value,
+    pub(super) field: SpannedNumber,
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct MaterialFile {
-    pub(super) mu_r: Option<Value>,
+    pub(super) mu_r: Option<SpannedNumber>,
     #[serde(rename = "saturation_A_per_m")]
-    pub(super) saturation: Option<Value>,
-    pub(super) initial_mu_r: Option<Value>,
+    pub(super) saturation: Option<SpannedNumber>,
+    pub(super) initial_mu_r: Option<SpannedNumber>,
     #[serde(rename = "knee_T")]
-    pub(super) knee: Option<Value>,
-    pub(super) exponent: Option<Value>,
+    pub(super) knee: Option<SpannedNumber>,
+    pub(super) exponent: Option<SpannedNumber>,
 }
 
 #[derive(Deserialize)]
@@ -82,8 +82,8 @@ pub(super) struct CoilFile {
     pub(super) r: Pair,
     pub(super) x: Pair,
     pub(super) rings: Option<Spanned<u32>>,
-    pub(super) pitch: Option<Value>,
-    pub(super) turns: Option<Value>,
+    pub(super) pitch: Option<SpannedNumber>,
+    pub(super) turns: Option<SpannedNumber>,
     pub(super) sense: Option<Spanned<String>>,
 }
 
@@ -111,14 +111,14 @@ pub(super) struct PartFile {
 #[serde(deny_unknown_fields)]
 pub(super) struct PillarsFile {
     pub(super) count: u32,
-    pub(super) diameter: Value,
+    pub(super) diameter: SpannedNumber,
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct SlotsFile {
     pub(super) count: u32,
-    pub(super) width: Value,
+    pub(super) width: SpannedNumber,
 }
 
 #[derive(Deserialize)]
@@ -127,7 +127,7 @@ pub(super) struct ShapeFile {
     pub(super) r: Option<Pair>,
     pub(super) x: Option<Pair>,
     pub(super) outline: Option<Spanned<Vec<Pair>>>,
-    pub(super) centre_x: Option<Value>,
-    pub(super) semi_r: Option<Value>,
-    pub(super) semi_x: Option<Value>,
+    pub(super) centre_x: Option<SpannedNumber>,
+    pub(super) semi_r: Option<SpannedNumber>,
+    pub(super) semi_x: Option<SpannedNumber>,
 }

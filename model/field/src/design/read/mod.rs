@@ -11,7 +11,7 @@ use toml::Spanned;
 use super::expression::evaluate;
 use super::{Core, Design, DesignError, Rectangle, check};
 use crate::material::Material;
-use file::{File, MaterialFile, Number, Pair, Value};
+use file::{File, MaterialFile, Number, Pair, SpannedNumber};
 
 const UNITS: &str = "\"m\", \"mm\", \"um\"";
 const MATERIALS: &str =
@@ -84,7 +84,7 @@ impl Reader<'_> {
         }
     }
 
-    fn number(&self, value: &Value, place: &str) -> Result<f64, DesignError> {
+    fn number(&self, value: &SpannedNumber, place: &str) -> Result<f64, DesignError> {
         let number = match value.get_ref() {
             Number::Value(value) => *value,
             Number::Text(text) => evaluate(text, &self.parameters).map_err(|problem| {
@@ -96,7 +96,13 @@ impl Reader<'_> {
         self.finite(&value.span(), place, number)
     }
 
-    fn within(&self, value: &Value, place: &str, low: f64, high: f64) -> Result<f64, DesignError> {
+    fn within(
+        &self,
+        value: &SpannedNumber,
+        place: &str,
+        low: f64,
+        high: f64,
+    ) -> Result<f64, DesignError> {
         let number = self.number(value, place)?;
         if (low..=high).contains(&number) {
             return Ok(number);
@@ -111,7 +117,7 @@ impl Reader<'_> {
     }
 
     /// A length: at most 10 m from the origin.
-    fn length(&self, value: &Value, place: &str) -> Result<f64, DesignError> {
+    fn length(&self, value: &SpannedNumber, place: &str) -> Result<f64, DesignError> {
         let metres = self.number(value, place)? * self.metre;
         if metres.abs() <= 10.0 {
             return Ok(metres);
@@ -121,7 +127,7 @@ impl Reader<'_> {
     }
 
     /// A distance from the axis.
-    fn radius(&self, value: &Value, place: &str) -> Result<f64, DesignError> {
+    fn radius(&self, value: &SpannedNumber, place: &str) -> Result<f64, DesignError> {
         let metres = self.length(value, place)?;
         if metres >= 0.0 {
             return Ok(metres);
@@ -134,7 +140,7 @@ impl Reader<'_> {
         &self,
         pair: &Pair,
         place: &str,
-        read: impl Fn(&Value, &str) -> Result<f64, DesignError>,
+        read: impl Fn(&SpannedNumber, &str) -> Result<f64, DesignError>,
     ) -> Result<[f64; 2], DesignError> {
         let [from, to] = pair.get_ref();
         let range = [read(from, place)?, read(to, place)?];

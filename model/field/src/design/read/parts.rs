@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 use toml::Spanned;
 
 use super::Reader;
-use super::file::{BoardFile, CoilFile, Pair, PartFile, ShapeFile, Value};
-use crate::design::{Board, Coil, Cut, DesignError, Part, Rectangle, check};
+use super::file::{BoardFile, CoilFile, Pair, PartFile, ShapeFile, SpannedNumber};
+use crate::design::{CircuitBoard, Cut, DesignError, MagneticPart, Rectangle, RingCoil, check};
 use crate::geometry::shape::Shape;
 use crate::material::Material;
 
@@ -17,7 +17,10 @@ const MOST_RINGS: usize = 2_000;
 const MOST_CORNERS: usize = 2_000;
 
 impl Reader<'_> {
-    pub(super) fn coils(&self, entries: &[Spanned<CoilFile>]) -> Result<Vec<Coil>, DesignError> {
+    pub(super) fn coils(
+        &self,
+        entries: &[Spanned<CoilFile>],
+    ) -> Result<Vec<RingCoil>, DesignError> {
         let mut coils = Vec::new();
         let mut total = 0_usize;
         for entry in entries {
@@ -33,7 +36,7 @@ impl Reader<'_> {
         Ok(coils)
     }
 
-    fn coil(&self, entry: &Spanned<CoilFile>) -> Result<Coil, DesignError> {
+    fn coil(&self, entry: &Spanned<CoilFile>) -> Result<RingCoil, DesignError> {
         let coil = entry.get_ref();
         let place = format!("coil {:?}", coil.name);
         let first = self.rectangle(&coil.r, &coil.x, &place)?;
@@ -83,7 +86,7 @@ impl Reader<'_> {
             r_m: first.r_m.map(|r| r + f64::from(k) * pitch),
             x_m: first.x_m,
         };
-        Ok(Coil {
+        Ok(RingCoil {
             name: coil.name.clone(),
             rings: (0..count).map(ring).collect(),
             turns,
@@ -91,10 +94,10 @@ impl Reader<'_> {
         })
     }
 
-    pub(super) fn board(&self, entry: &Spanned<BoardFile>) -> Result<Board, DesignError> {
+    pub(super) fn board(&self, entry: &Spanned<BoardFile>) -> Result<CircuitBoard, DesignError> {
         let board = entry.get_ref();
         let place = format!("board {:?}", board.name);
-        Ok(Board {
+        Ok(CircuitBoard {
             name: board.name.clone(),
             section: self.rectangle(&board.r, &board.x, &place)?,
         })
@@ -106,7 +109,7 @@ impl Reader<'_> {
         kind: &str,
         cast: bool,
         materials: &BTreeMap<String, Material>,
-    ) -> Result<Part, DesignError> {
+    ) -> Result<MagneticPart, DesignError> {
         let part = entry.get_ref();
         let place = format!("{kind} {:?}", part.name);
         let Some(material) = materials.get(part.material.get_ref()) else {
@@ -119,7 +122,7 @@ impl Reader<'_> {
         let minus: Vec<Shape> = minus.collect::<Result<_, _>>()?;
         let shape = self.shape(&part.shape, &format!("{place}.shape"))?;
         let (cut, fill) = self.cut(part, cast && minus.is_empty(), &shape, &place)?;
-        Ok(Part {
+        Ok(MagneticPart {
             name: part.name.clone(),
             material_name: part.material.get_ref().clone(),
             material: material.diluted(fill),
@@ -193,7 +196,7 @@ impl Reader<'_> {
             }
             (None, None, Some(outline), None, None, None) => self.outline(outline, place),
             (None, None, None, Some(centre), Some(semi_r), Some(semi_x)) => {
-                let semi = |value: &Value, key: &str| {
+                let semi = |value: &SpannedNumber, key: &str| {
                     let place = format!("{place}.{key}");
                     let length = self.radius(value, &place)?;
                     if length >= check::THINNEST_M {

@@ -1,0 +1,442 @@
+//! The coil: what is asked of its drive, and what the drive reports.
+//!
+//! The control interrupt of the board runs the drive every period. The manager stands above it: it
+//! starts and stops that interrupt, gives the drive its orders, polls it a thousand times a second,
+//! reads supply and thermistor, and turns what has failed into a fault of the protocol.
+
+mod faults;
+mod hardware;
+mod tracing;
+
+use coil_hbridge::{
+    Account, Correction, Drive, DriveState, Findings, Moment, Refusal, Supervisor, Waveform,
+};
+use palpate_procedure::Instant;
+use palpate_procedure::event::Failure;
+use palpate_procedure::thermometer::Thermometer;
+use palpate_procedure::units::Celsius;
+use palpate_wire::code::FaultCode;
+use palpate_wire::command::{CurrentCorrection, MAX_PLACES};
+use palpate_wire::record::{CoilTest, CurrentTrace};
+
+pub use hardware::{
+    AVERAGED_BLOCKS, CoilCircuit, CoilHardware, LastPeriod, SlowReadings, TRACE_LENGTH,
+};
+use tracing::Tracing;
+
+/// From one poll of the drive to the next, us.
+pub const POLL_US: u64 = 1_000;
+/// Polls after which the interrupt rests when the bridge is off: until the means of the last
+/// conversions have been asked for.
+const RESTS_AFTER: u16 = 200;
+/// Polls after which the current has died in any coil, and a current that flows is unwanted.
+const DEAD_AFTER: u16 = 20;
+/// A current that is no offset, A.
+const UNWANTED_A: f32 = 0.5;
+/// Periods over which such a current is measured.
+const UNWANTED_PERIODS: u32 = 32;
+/// Polls from one reading of thermistor and supply to the next, and from one of the drive, while the
+/// interrupt rests: both divide the polls that are counted.
+const SELDOM: u8 = 8;
+const RARELY: u8 = 64;
+/// Part of the difference that a reading of the supply takes over at each poll; all of it where there
+/// are few.
+const SMOOTHING: f32 = 0.25;
+/// Parts of a period in [`Moment`].
+const SIXTEENTHS: i64 = 16;
+
+/// A straight line of the current, as the procedure asks for it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CurrentLine {
+    /// When it begins, us of the board's timer: until then the current goes to `from_a`. Once that has
+    /// passed, the line begins at once from wherever the current is.
+    pub at_us: u64,
+    /// Where it begins, A.
+    pub from_a: f32,
+    /// Where it ends, A.
+    pub to_a: f32,
+    /// How long it takes, s.
+    pub over_s: f32,
+}
+
+impl CurrentLine {
+    fn waveform(&self, now_us: u64) -> Result<Waveform, Refusal> {
+        let ahead_us = self.at_us.saturating_sub(now_us);
+        let waveform = if ahead_us > 0 {
+            Waveform::new().line(self.from_a, ahead_us as f32 * 1e-6)?
+        } else {
+            Waveform::new()
+        };
+        waveform.line(self.to_a, self.over_s)
+    }
+}
+
+/// What stands above the coil's drive.
+#[derive(Debug)]
+pub struct CoilManager<H> {
+    hardware: H,
+    supervisor: Supervisor,
+    supply_v: f32,
+    thermometer: Thermometer,
+    /// Whether there is a coil that needs one, driven or not.
+    expects_thermometer: bool,
+    /// Since when the interrupt runs.
+    runs_since_us: Option<u64>,
+    polled_us: u64,
+    /// Polls; wraps.
+    polls: u8,
+    /// Polls since the bridge went off.
+    off: u16,
+    was: DriveState,
+    failure: Option<Failure>,
+    found: Option<CoilTest>,
+    tracing: Option<Tracing>,
+}
+
+impl<H: CoilHardware> CoilManager<H> {
+    const PERIOD_US: i64 = H::CIRCUIT.period_us() as i64;
+
+    /// The drive for the board's control interrupt, and what becomes a manager once that owns it. The
+    /// bridge is off.
+    ///
+    /// # Errors
+    /// Constants of the circuit that do not fit each other.
+    pub fn drive() -> Result<(Supervisor, Drive), Refusal> {
+        Supervisor::new(H::CIRCUIT.hardware, H::CIRCUIT.limits)
+    }
+
+    /// A manager of a drive that the control interrupt owns already.
+    pub fn new(hardware: H, supervisor: Supervisor) -> Self {
+        Self {
+            hardware,
+            supervisor,
+            supply_v: 0.0,
+            thermometer: Thermometer::default(),
+            expects_thermometer: false,
+            runs_since_us: None,
+            polled_us: 0,
+            polls: 0,
+            off: RESTS_AFTER,
+            was: DriveState::Off { tested: false },
+            failure: None,
+            found: None,
+            tracing: None,
+        }
+    }
+
+    // ---- requests ----
+
+    /// Lets the current follow a line, unless a failure stands: one that the procedure has not
+    /// received yet where it asks for this.
+    pub fn follow(&mut self, line: &CurrentLine) {
+        if self.failure.is_some() {
+            return;
+        }
+        self.wake();
+        let Some(report) = self.hardware.with_drive(|drive| drive.report()) else {
+            return;
+        };
+        // Asked for late in a step that may have taken a millisecond.
+        let waveform = line.waveform(self.hardware.now_us());
+        match waveform.and_then(|waveform| self.supervisor.run(&report, &waveform)) {
+            Ok(order) => self.hardware.apply(&order),
+            Err(refusal) => self.refused(&refusal),
+        }
+    }
+
+    /// Tests bridge, coil and current measurement, under the same condition.
+    pub fn test(&mut self) {
+        if self.failure.is_some() {
+            return;
+        }
+        self.wake();
+        let Some(report) = self.hardware.with_drive(|drive| drive.report()) else {
+            return;
+        };
+        match self.supervisor.test(&report, self.supply_v) {
+            Ok(order) => self.hardware.apply(&order),
+            Err(refusal) => self.refused(&refusal),
+        }
+    }
+
+    /// Records the current from now on, once each `interval_s`.
+    pub fn trace(&mut self, interval_s: f32) {
+        self.wake();
+        let now_us = self.hardware.now_us();
+        let tracing = Tracing::new(now_us, interval_s, &H::CIRCUIT.hardware);
+        let trace = self.hardware.trace();
+        trace.start(tracing.every());
+        self.tracing = Some(tracing);
+    }
+
+    /// Corrects the measured current from now on.
+    pub fn correct(&mut self, correction: &CurrentCorrection) {
+        let mut pairs = heapless::Vec::<[f32; 2], MAX_PLACES>::new();
+        for (measured_a, change_a) in correction.places() {
+            // There is room for as many as a correction has.
+            let _ = pairs.push([measured_a, measured_a + change_a]);
+        }
+        match Correction::new(&pairs, &H::CIRCUIT.hardware) {
+            Ok(correction) => self.hardware.apply(&Supervisor::correct(correction)),
+            // The protocol's limits are narrower than the driver's: a table that this refuses means
+            // that the two no longer agree.
+            Err(_) => self.fail(FaultCode::CurrentSense, None),
+        }
+    }
+
+    /// Switches the bridge off: it is when this returns, and stays so.
+    pub fn stop(&mut self) {
+        self.switch_off();
+        // Of a test that was stopped nothing is reported.
+        self.found = None;
+    }
+
+    /// Clears a failure, if it is this one that stands.
+    pub fn clear(&mut self, code: FaultCode) {
+        if self.failure.is_some_and(|failure| failure.code == code) {
+            self.failure = None;
+            let clear = Supervisor::clear();
+            self.hardware.with_drive(|drive| drive.apply(&clear));
+        }
+    }
+
+    /// Whether a thermometer that is open or shorted is a fault while the coil rests, too. While it
+    /// is tested or driven it always is.
+    pub const fn expect_thermometer(&mut self, expects: bool) {
+        self.expects_thermometer = expects;
+    }
+
+    // ---- reports ----
+
+    /// What has failed, while it stands.
+    pub const fn failure(&self) -> Option<Failure> {
+        self.failure
+    }
+
+    /// What a test has found, once.
+    pub const fn take_found(&mut self) -> Option<CoilTest> {
+        self.found.take()
+    }
+
+    /// A part of the record of the current, with the time of its first, when the record is over.
+    pub fn take_trace(&mut self) -> Option<(u64, CurrentTrace)> {
+        let tracing = self.tracing.as_mut()?;
+        let trace = self.hardware.trace();
+        let taken = trace.taken();
+        // It ends with the interrupt, at the latest.
+        if taken < TRACE_LENGTH && self.runs_since_us.is_some() {
+            return None;
+        }
+        let part = tracing.part(trace, taken, &H::CIRCUIT.hardware);
+        if tracing.is_over(taken) {
+            self.tracing = None;
+        }
+        part
+    }
+
+    /// Supply of the coil, V.
+    pub const fn supply_v(&self) -> f32 {
+        self.supply_v
+    }
+
+    /// Temperature of the coil; nothing without a thermometer.
+    pub fn temperature(&self) -> Option<Celsius> {
+        self.thermometer.temperature()
+    }
+
+    /// The energy that the coil has taken and not given off yet, as its drive counts it.
+    pub const fn account(&self) -> Account {
+        *self.supervisor.account()
+    }
+
+    /// Mean of the measured current over a window that has passed, A; nothing if it is too old.
+    pub fn mean_current_a(&self, from_us: u64, to_us: u64) -> Option<f32> {
+        // Before the interrupt ran there was none.
+        let driven_from_us = from_us.max(self.runs_since_us.unwrap_or(u64::MAX));
+        if driven_from_us >= to_us {
+            return Some(0.0);
+        }
+        let last = self.hardware.last_period();
+        let moment = |time_us: u64| {
+            let after_us = (time_us as i64).saturating_sub(last.ended_us as i64);
+            let sixteenths = after_us * SIXTEENTHS / Self::PERIOD_US;
+            Moment::after(last.number, i32::try_from(sixteenths).unwrap_or(i32::MIN))
+        };
+        let (begin, end) = (moment(driven_from_us), moment(to_us));
+        if begin == end {
+            return Some(0.0);
+        }
+        let averages = self.hardware.averages();
+        let mean_a = averages.mean_a(begin, end, &H::CIRCUIT.hardware)?;
+        let window_us = to_us.saturating_sub(from_us).max(1);
+        let driven_part = (to_us - driven_from_us) as f32 / window_us as f32;
+        Some(mean_a * driven_part)
+    }
+
+    /// Root mean square of the ripple about a mean current, A; nothing before a coil is known.
+    pub fn ripple_a(&self, mean_a: f32) -> Option<f32> {
+        let ripple_a2 = self.supervisor.ripple()?.square_a2(mean_a);
+        (ripple_a2 > 0.0).then(|| libm::sqrtf(ripple_a2))
+    }
+
+    // ---- once a millisecond ----
+
+    /// Polls the drive and the slow readings; to be called every [`POLL_US`].
+    pub fn poll(&mut self) {
+        self.polls = self.polls.wrapping_add(1);
+        self.off = self.off.saturating_add(1);
+        let rests = self.runs_since_us.is_none();
+        let skips = |every: u8| rests && !self.polls.is_multiple_of(every);
+        let (skips_all, skips_the_drive) = (skips(SELDOM), skips(RARELY));
+        if skips_all && self.supply_v != 0.0 {
+            return;
+        }
+        self.read(rests);
+        if skips_the_drive {
+            return;
+        }
+        let Some(report) = self.hardware.with_drive(|drive| drive.report()) else {
+            return;
+        };
+        let now_us = self.hardware.now_us();
+        let elapsed_us = now_us.saturating_sub(self.polled_us);
+        self.polled_us = now_us;
+        let elapsed_us = u32::try_from(elapsed_us).unwrap_or(u32::MAX);
+        let order = self.supervisor.attend(&report, self.supply_v, elapsed_us);
+        let state = self.hardware.with_drive(|drive| {
+            drive.apply(&order);
+            drive.state()
+        });
+        if let Some(state) = state {
+            self.changed(state);
+        }
+    }
+
+    /// Takes the slow readings, of the supply's change a part where they are many.
+    fn read(&mut self, rests: bool) {
+        let SlowReadings { thermistor, supply } = self.hardware.slow_readings();
+        let supply_v = H::CIRCUIT.supply_v(supply);
+        if let Some(reading) = self.hardware.take_supply_at_off() {
+            self.supervisor.read_supply(H::CIRCUIT.supply_v(reading));
+        }
+        self.supervisor.read_supply(supply_v);
+        let part = if rests || self.supply_v == 0.0 {
+            1.0
+        } else {
+            SMOOTHING
+        };
+        self.supply_v += part * (supply_v - self.supply_v);
+        let now = Instant::from_ticks(self.hardware.now_us());
+        let ratio = (f32::from(thermistor) + 0.5) / H::CIRCUIT.counts;
+        let failure = self.thermometer.push(now, ratio);
+        if let Some(failure) = failure
+            && (self.expects_thermometer || !rests)
+            && self.failure.is_none()
+        {
+            // The drive does not know of it: the bridge goes off before all else.
+            self.switch_off();
+            self.failure = Some(failure);
+        }
+    }
+
+    fn changed(&mut self, state: DriveState) {
+        let before = core::mem::replace(&mut self.was, state);
+        match state {
+            DriveState::Testing | DriveState::Driving => self.off = 0,
+            DriveState::Latched(fault) => {
+                if self.supervisor.knows_the_cause() {
+                    let supply_low_v = self.supervisor.supply_low_v();
+                    let limits = &H::CIRCUIT.limits;
+                    self.failed(faults::latched(fault, supply_low_v, limits));
+                }
+            }
+            DriveState::Off { tested } => {
+                // A drive that ends finds nothing new.
+                if tested
+                    && matches!(
+                        before,
+                        DriveState::Testing | DriveState::Off { tested: false }
+                    )
+                {
+                    self.tested();
+                }
+                self.watch_the_rest(tested);
+            }
+        }
+    }
+
+    fn tested(&mut self) {
+        let Some(Findings {
+            zero_count,
+            coil,
+            limited_to_a,
+        }) = self.supervisor.findings().copied()
+        else {
+            return;
+        };
+        self.found = Some(CoilTest {
+            resistance_ohm: coil.resistance_ohm,
+            inductance_h: coil.inductance_h,
+            lost: coil.lost,
+            zero_v: H::CIRCUIT.volts(zero_count),
+            supply_v: self.supply_v,
+            limited_to_a,
+        });
+    }
+
+    /// While the bridge is off no current may flow, and after a while the interrupt rests.
+    fn watch_the_rest(&mut self, tested: bool) {
+        if self.runs_since_us.is_none() {
+            return;
+        }
+        if tested && self.off > DEAD_AFTER {
+            let averages = self.hardware.averages();
+            let now = averages.now();
+            let since = now.wrapping_sub(UNWANTED_PERIODS);
+            let flows_a = averages.mean_a(since.into(), now.into(), &H::CIRCUIT.hardware);
+            if flows_a.is_some_and(|flows_a| flows_a.abs() > UNWANTED_A) {
+                self.fail(FaultCode::CurrentUnwanted, flows_a);
+            }
+        }
+        if self.off >= RESTS_AFTER {
+            self.hardware.run(false);
+            self.runs_since_us = None;
+            self.polled_us = self.hardware.now_us();
+        }
+    }
+
+    // ---- parts of these ----
+
+    fn wake(&mut self) {
+        if self.runs_since_us.is_none() {
+            let now_us = self.hardware.now_us();
+            self.runs_since_us = Some(now_us);
+            self.polled_us = now_us;
+            self.hardware.run(true);
+        }
+        self.off = 0;
+    }
+
+    fn switch_off(&mut self) {
+        self.hardware.bridge_off();
+        let stop = Supervisor::stop();
+        self.hardware.with_drive(|drive| drive.apply(&stop));
+    }
+
+    fn refused(&mut self, refusal: &Refusal) {
+        if let Some(failure) = faults::refused(refusal, &H::CIRCUIT.limits) {
+            self.failed(failure);
+        }
+    }
+
+    fn fail(&mut self, code: FaultCode, value: Option<f32>) {
+        self.failed(faults::failure(code, value, &H::CIRCUIT.limits));
+    }
+
+    /// The first failure stands until it is cleared.
+    const fn failed(&mut self, failure: Failure) {
+        if self.failure.is_none() {
+            self.failure = Some(failure);
+        }
+    }
+}

@@ -1,0 +1,280 @@
+//! What a transfer to a converter can fail of, and the protocol's fault for every failure.
+
+use core::fmt;
+
+use embedded_hal::i2c::{ErrorKind, NoAcknowledgeSource};
+use ldc161x::{Direction, Error, Register};
+use palpate_procedure::event::Failure;
+use palpate_wire::code::{Chip, FaultCode, Place};
+
+/// What a transfer can fail of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum TransferError {
+    /// The address, or a byte after it, was not acknowledged.
+    NotAcknowledged {
+        /// It was the address.
+        address: bool,
+    },
+    /// SDA was low where it had to be high.
+    Arbitration,
+    /// It took too long; the bus was freed then.
+    Timeout,
+    /// SDA is held low, and nine clocks did not free it.
+    DataStuck,
+    /// SCL is held low.
+    ClockStuck,
+    /// No edge of INTB came in time.
+    Silent,
+    /// The edges of INTB come at another pace than planned.
+    Pace,
+    /// The transaction has more commands than any frame, or none.
+    Length,
+    /// The bus master aborted for another reason.
+    Aborted,
+}
+
+impl embedded_hal::i2c::Error for TransferError {
+    fn kind(&self) -> ErrorKind {
+        match self {
+            Self::NotAcknowledged { address: true } => {
+                ErrorKind::NoAcknowledge(NoAcknowledgeSource::Address)
+            }
+            Self::NotAcknowledged { address: false } => {
+                ErrorKind::NoAcknowledge(NoAcknowledgeSource::Data)
+            }
+            Self::Arbitration => ErrorKind::ArbitrationLoss,
+            Self::DataStuck | Self::ClockStuck => ErrorKind::Bus,
+            _ => ErrorKind::Other,
+        }
+    }
+}
+
+impl fmt::Display for TransferError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("I2C transfer failed")
+    }
+}
+
+impl core::error::Error for TransferError {}
+
+/// What a converter's driver fails of.
+pub type ConverterError = Error<TransferError>;
+
+/// The converter holds its registers and still makes its scans at another pace: its clock is off.
+pub(crate) const OFF_PACE: ConverterError = edge_error(TransferError::Pace);
+
+/// An error of a frame that was read on an edge.
+pub(crate) const fn edge_error(source: TransferError) -> ConverterError {
+    Error::Bus {
+        register: Register::Config,
+        direction: Direction::Read,
+        source,
+    }
+}
+
+/// The failure that an error of converter 0 or 1 is.
+pub(crate) fn failure(error: &ConverterError, converter: usize) -> Failure {
+    let (code, value) = code(error);
+    let place = match (code, converter) {
+        (FaultCode::BusDataStuck | FaultCode::BusClockStuck, _)
+        | (FaultCode::BusNotAcknowledged | FaultCode::BusTimeout, 0) => Place::Bus,
+        (_, 0) => Place::Sensor,
+        // The bus may be sound for the first.
+        _ => Place::SecondSensor,
+    };
+    Failure {
+        value: value.map(f32::from),
+        ..Failure::new(code, place)
+    }
+}
+
+/// The fault, and the value that the protocol reports with it.
+const fn code(error: &ConverterError) -> (FaultCode, Option<u16>) {
+    match error {
+        Error::Bus { source, .. } => match source {
+            TransferError::NotAcknowledged { address: true } => (FaultCode::SensorAbsent, None),
+            TransferError::NotAcknowledged { address: false } => {
+                (FaultCode::BusNotAcknowledged, None)
+            }
+            TransferError::DataStuck | TransferError::Arbitration => {
+                (FaultCode::BusDataStuck, None)
+            }
+            TransferError::ClockStuck => (FaultCode::BusClockStuck, None),
+            TransferError::Silent => (FaultCode::SensorSilent, None),
+            TransferError::Pace => (FaultCode::Clock, None),
+            TransferError::Timeout | TransferError::Length | TransferError::Aborted => {
+                (FaultCode::BusTimeout, None)
+            }
+        },
+        Error::WrongIdentity { device, .. } => (FaultCode::SensorIdentity, Some(*device)),
+        Error::ReadBack { register, .. } => {
+            (FaultCode::SensorRegister, Some(register.address() as u16))
+        }
+        Error::RegistersLost { register, .. } => {
+            (FaultCode::SensorReset, Some(register.address() as u16))
+        }
+        Error::InterruptStuck => (FaultCode::InterruptStuck, Some(0)),
+        _ => (FaultCode::SensorSilent, None),
+    }
+}
+
+/// Which chip answers, by what came of asking it for its identity.
+pub(crate) const fn chip(identified: &Result<(), ConverterError>) -> Chip {
+    /// Device identity of an LDC1312 or LDC1314 (datasheet SNOSCZ0, DEVICE_ID).
+    const LDC131X: u16 = 0x3054;
+    match identified {
+        Ok(()) => Chip::Ldc161x,
+        Err(Error::WrongIdentity {
+            device: LDC131X, ..
+        }) => Chip::Ldc131x,
+        Err(Error::WrongIdentity { .. }) => Chip::Foreign,
+        Err(_) => Chip::Absent,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use embedded_hal::i2c::Error as _;
+
+    use super::*;
+
+    const REGISTER: Register = Register::Config;
+
+    /// A second transcription: what docs/faults.md says of each.
+    #[test]
+    fn every_error_has_its_fault_and_place() {
+        use FaultCode::{
+            BusClockStuck, BusDataStuck, BusNotAcknowledged, BusTimeout, Clock, InterruptStuck,
+            SensorAbsent, SensorIdentity, SensorRegister, SensorReset, SensorSilent,
+        };
+        let absent = TransferError::NotAcknowledged { address: true };
+        let refused = TransferError::NotAcknowledged { address: false };
+        let table = [
+            (
+                edge_error(absent),
+                SensorAbsent,
+                [Place::Sensor, Place::SecondSensor],
+            ),
+            (
+                edge_error(refused),
+                BusNotAcknowledged,
+                [Place::Bus, Place::SecondSensor],
+            ),
+            (
+                edge_error(TransferError::Arbitration),
+                BusDataStuck,
+                [Place::Bus; 2],
+            ),
+            (
+                edge_error(TransferError::DataStuck),
+                BusDataStuck,
+                [Place::Bus; 2],
+            ),
+            (
+                edge_error(TransferError::ClockStuck),
+                BusClockStuck,
+                [Place::Bus; 2],
+            ),
+            (
+                edge_error(TransferError::Timeout),
+                BusTimeout,
+                [Place::Bus, Place::SecondSensor],
+            ),
+            (
+                edge_error(TransferError::Length),
+                BusTimeout,
+                [Place::Bus, Place::SecondSensor],
+            ),
+            (
+                edge_error(TransferError::Aborted),
+                BusTimeout,
+                [Place::Bus, Place::SecondSensor],
+            ),
+            (
+                edge_error(TransferError::Silent),
+                SensorSilent,
+                [Place::Sensor, Place::SecondSensor],
+            ),
+            (OFF_PACE, Clock, [Place::Sensor, Place::SecondSensor]),
+            (
+                Error::WrongIdentity {
+                    manufacturer: 0x5449,
+                    device: 0x3054,
+                },
+                SensorIdentity,
+                [Place::Sensor, Place::SecondSensor],
+            ),
+            (
+                Error::ReadBack {
+                    register: REGISTER,
+                    written: 1,
+                    read: 2,
+                },
+                SensorRegister,
+                [Place::Sensor, Place::SecondSensor],
+            ),
+            (
+                Error::RegistersLost {
+                    register: REGISTER,
+                    expected: 1,
+                    found: 2,
+                },
+                SensorReset,
+                [Place::Sensor, Place::SecondSensor],
+            ),
+            (
+                Error::InterruptStuck,
+                InterruptStuck,
+                [Place::Sensor, Place::SecondSensor],
+            ),
+            (
+                Error::NoInterrupt { waited_us: 9 },
+                SensorSilent,
+                [Place::Sensor, Place::SecondSensor],
+            ),
+        ];
+        for (error, code, places) in table {
+            for (converter, place) in places.into_iter().enumerate() {
+                let found = failure(&error, converter);
+                assert_eq!((found.code, found.place), (code, place), "{error:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_chip_that_answers_is_known_by_its_identity() {
+        let identity = |manufacturer, device| {
+            Err(Error::WrongIdentity {
+                manufacturer,
+                device,
+            })
+        };
+        assert_eq!(chip(&Ok(())), Chip::Ldc161x);
+        assert_eq!(chip(&identity(0x5449, 0x3054)), Chip::Ldc131x);
+        assert_eq!(chip(&identity(0x1234, 0x5678)), Chip::Foreign);
+        assert_eq!(chip(&Err(edge_error(TransferError::Silent))), Chip::Absent);
+    }
+
+    #[test]
+    fn a_bus_error_has_its_kind() {
+        let kinds = [
+            (TransferError::Arbitration, ErrorKind::ArbitrationLoss),
+            (TransferError::DataStuck, ErrorKind::Bus),
+            (TransferError::ClockStuck, ErrorKind::Bus),
+            (TransferError::Timeout, ErrorKind::Other),
+            (
+                TransferError::NotAcknowledged { address: true },
+                ErrorKind::NoAcknowledge(NoAcknowledgeSource::Address),
+            ),
+            (
+                TransferError::NotAcknowledged { address: false },
+                ErrorKind::NoAcknowledge(NoAcknowledgeSource::Data),
+            ),
+        ];
+        for (error, kind) in kinds {
+            assert_eq!(error.kind(), kind);
+            assert_eq!(error.to_string(), "I2C transfer failed");
+        }
+    }
+}

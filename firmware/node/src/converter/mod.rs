@@ -1,0 +1,328 @@
+//! One converter: it is brought up, read on every edge of INTB, and recovered.
+
+mod error;
+mod port;
+mod state;
+
+use embedded_hal_async::delay::DelayNs;
+use embedded_hal_async::i2c::I2c;
+use heapless::Vec;
+use ldc161x::{Address, AsyncLdc161x, Channel, DriveCode, InterruptRelease, Model};
+use palpate_wire::code::Chip;
+
+use crate::acquisition::{Grid, Sampled, Scheme, Setpoint, stronger, with_room};
+pub use error::{ConverterError, TransferError};
+use error::{OFF_PACE, edge_error};
+pub use port::{EdgeDeadlines, EdgeFrame, EdgeReader, MOST_FRAME_BYTES, Port};
+pub use state::{CONVERTERS, ConverterState};
+
+/// Frames between two comparisons of a register that the converter might have lost.
+const CANARY_EVERY: u32 = 64;
+/// The reset that SD gives takes this long at most (datasheet 6.5), and a little.
+const WAKE_UP_US: u32 = 2_500;
+/// Between two attempts to bring a converter up, and between two setpoints: SD is held high for as
+/// long as the driver does to reset the converter.
+const PAUSE_US: u32 = 20_000;
+const RESET_US: u32 = 1_000;
+/// From one question for a setpoint to the next, before there is one; and for a second converter that
+/// did not answer, which never gets one: its task only shows that it is alive.
+const NO_SETPOINT_US: u32 = 1_000;
+const ABSENT_US: u32 = 5_000;
+/// Frames without an edge before the converter counts as silent, and what to add.
+const SILENT_FRAMES: f32 = 4.0;
+const SILENT_US: f32 = 2_000.0;
+/// Frames after which the oscillation has settled, with a margin for their length.
+const SETTLED_FRAMES: f32 = 2.5;
+/// Single errors of the bus that are passed over before the converter is started anew.
+const PATIENCE: u32 = 2;
+
+/// How the converter runs while it is asked what releases INTB: with fast conversions the next would
+/// have ended before INTB was read.
+const PROBE: Setpoint = Setpoint {
+    channels: 0b0001,
+    rate_hz: 500.0,
+};
+
+type Result<T> = core::result::Result<T, ConverterError>;
+
+/// The task of one converter.
+#[derive(Debug)]
+pub struct ConverterTask<I2C, E, P> {
+    driver: AsyncLdc161x<I2C>,
+    edges: E,
+    port: P,
+    /// 0 or 1.
+    converter: usize,
+    /// What releases INTB on this converter, once it was asked.
+    release: Option<InterruptRelease>,
+    /// The drive that was found for each channel, with the generation of the setpoint it was found for.
+    drives: Option<(u32, [Option<DriveCode>; 4])>,
+    /// Frames since the last one that the instrument had room for.
+    not_taken: u32,
+}
+
+/// Delays of the driver, through the port.
+struct Delay<'a, P>(&'a mut P);
+
+impl<P: Port> DelayNs for Delay<'_, P> {
+    async fn delay_ns(&mut self, time_ns: u32) {
+        self.0.wait_us(time_ns.div_ceil(1_000)).await;
+    }
+}
+
+impl<I2C, E, P> ConverterTask<I2C, E, P>
+where
+    I2C: I2c<Error = TransferError>,
+    E: EdgeReader,
+    P: Port,
+{
+    /// A task for the converter with this number, 0 or 1, which is its address as well: ADDR is low at
+    /// the first, high at the second.
+    pub fn new(converter: usize, i2c: I2C, edges: E, port: P) -> Self {
+        let address = if converter == 0 {
+            Address::AddrLow
+        } else {
+            Address::AddrHigh
+        };
+        Self {
+            driver: AsyncLdc161x::new(i2c, Model::Ldc1614, address),
+            edges,
+            port,
+            converter,
+            release: None,
+            drives: None,
+            not_taken: 0,
+        }
+    }
+
+    /// Brings up, reads, recovers, for ever.
+    pub async fn run(&mut self) -> ! {
+        let identified = self.identify().await;
+        let chip = error::chip(&identified);
+        self.port.with_state(|state| state.chip = Some(chip));
+        let idle_us = if chip == Chip::Absent {
+            ABSENT_US
+        } else {
+            NO_SETPOINT_US
+        };
+        loop {
+            let setpoint = self.port.with_state(|state| state.setpoint());
+            let Some((setpoint, generation)) = setpoint else {
+                self.port.wait_us(idle_us).await;
+                continue;
+            };
+            let result = match Scheme::new(setpoint) {
+                Ok(scheme) => self.acquire(scheme, generation).await,
+                // The instrument has not accepted it.
+                Err(_) => Ok(()),
+            };
+            self.edges.stop();
+            let off_us = match result {
+                Ok(()) => RESET_US,
+                Err(error) => {
+                    self.failed(&error);
+                    PAUSE_US
+                }
+            };
+            self.port.shut_down(true);
+            self.port.wait_us(off_us).await;
+        }
+    }
+
+    fn failed(&mut self, error: &ConverterError) {
+        #[cfg(feature = "defmt")]
+        defmt::warn!("converter: {}", error);
+        let failure = error::failure(error, self.converter);
+        self.port.with_state(|state| {
+            state.failure = Some(failure);
+            state.recoveries = state.recoveries.wrapping_add(1);
+        });
+    }
+
+    fn generation(&mut self) -> Option<u32> {
+        let setpoint = self.port.with_state(|state| state.setpoint());
+        setpoint.map(|(_, generation)| generation)
+    }
+
+    fn count_error(&mut self) {
+        self.port
+            .with_state(|state| state.transfer_errors = state.transfer_errors.wrapping_add(1));
+    }
+
+    // ---- to read ----
+
+    /// Reads by one scheme until another setpoint comes, or something fails.
+    async fn acquire(&mut self, mut scheme: Scheme, generation: u32) -> Result<()> {
+        self.bring_up(&mut scheme, generation).await?;
+        let scheme = &scheme;
+        let request = self.driver.frame_request()?;
+        let with_status = self.release == Some(InterruptRelease::ByStatusOnly);
+        let mut grid = Grid::new(scheme, with_status);
+        let deadlines = EdgeDeadlines {
+            silence_us: (scheme.period_us * SILENT_FRAMES + SILENT_US) as u32,
+            latest_begin_us: grid.latest_begin_us(),
+        };
+        self.edges.start(&request, deadlines);
+        let mut errors = 0;
+        let mut until_canary = CANARY_EVERY;
+        while self.generation() == Some(generation) {
+            match self.edges.next().await {
+                Ok(frame) => {
+                    errors = 0;
+                    self.port.with_state(|state| state.failure = None);
+                    self.take(scheme, &mut grid, &frame).await?;
+                }
+                Err(_error) if errors < PATIENCE => {
+                    errors += 1;
+                    #[cfg(feature = "defmt")]
+                    defmt::warn!("frame: {}", _error);
+                    self.count_error();
+                    grid.interrupt();
+                    self.driver.frame_lost();
+                    self.edges.stop();
+                    // Asks the converter for its identity, and releases INTB. The frame may be old.
+                    self.driver.read_frame().await?;
+                    self.edges.start(&request, deadlines);
+                }
+                Err(error) => {
+                    self.count_error();
+                    self.driver.frame_lost();
+                    return Err(edge_error(error));
+                }
+            }
+            until_canary -= 1;
+            if until_canary == 0 {
+                until_canary = CANARY_EVERY;
+                // Where there is no room a register that changes the length of a conversion still
+                // shows in the grid, and a reset of the converter in its silence.
+                if grid.has_room() {
+                    self.driver.check_canary().await?;
+                }
+            }
+            if grid.is_suspect() {
+                self.driver.verify().await?;
+            } else if grid.is_off() {
+                return Err(OFF_PACE);
+            }
+        }
+        Ok(())
+    }
+
+    /// Hands a frame over, if it is one scan's of a known time.
+    async fn take(&mut self, scheme: &Scheme, grid: &mut Grid, read: &EdgeFrame) -> Result<()> {
+        let frame = self.driver.decode_frame(&read.bytes)?;
+        let Some(fetch) = &read.fetch else {
+            grid.skip();
+            return Ok(());
+        };
+        match grid.sampled(scheme, frame, fetch) {
+            Some(sampled) => self.hand_over(sampled),
+            // INTB may be low still; released, its next fall finds a free bus.
+            None => drop(self.driver.read_status().await?),
+        }
+        Ok(())
+    }
+
+    fn hand_over(&mut self, sampled: Sampled) {
+        let missed = sampled.missed.saturating_add(self.not_taken);
+        let sampled = Sampled {
+            missed,
+            gap: sampled.gap || missed > 0,
+            ..sampled
+        };
+        self.not_taken = if self.port.hand_over(sampled) {
+            0
+        } else {
+            missed.saturating_add(1)
+        };
+    }
+
+    // ---- to bring up ----
+
+    /// Lets the converter wake, and asks it who it is; then what can be found out beforehand.
+    async fn identify(&mut self) -> Result<()> {
+        self.wake(PROBE).await;
+        self.driver.identify().await?;
+        // What fails here fails again, and is reported, when the converter is brought up.
+        let _ = self.probe_release().await;
+        Ok(())
+    }
+
+    async fn wake(&mut self, setpoint: Setpoint) {
+        self.port.set_clkin(setpoint.clkin());
+        self.port.shut_down(false);
+        self.port.wait_us(WAKE_UP_US).await;
+    }
+
+    async fn bring_up(&mut self, scheme: &mut Scheme, generation: u32) -> Result<()> {
+        self.wake(scheme.setpoint).await;
+        let release = match self.release {
+            Some(release) => release,
+            None => self.probe_release().await?,
+        };
+        self.driver.set_interrupt_release(release);
+        match self.drives.filter(|(of, _)| *of == generation) {
+            Some((_, drives)) => scheme.drive(&drives),
+            None => self.find_drives(scheme, generation).await?,
+        }
+        self.driver.start(&scheme.configuration).await?;
+        #[cfg(feature = "defmt")]
+        defmt::info!(
+            "converter up; INTB released by data: {}",
+            release == InterruptRelease::ByData
+        );
+        Ok(())
+    }
+
+    /// Finds out what releases INTB.
+    async fn probe_release(&mut self) -> Result<InterruptRelease> {
+        let Ok(probe) = Scheme::new(PROBE) else {
+            return Ok(InterruptRelease::ByStatusOnly);
+        };
+        self.driver.start(&probe.configuration).await?;
+        let mut intb = self.port.intb();
+        let mut delay = Delay(&mut self.port);
+        let release = self
+            .driver
+            .probe_interrupt_release(&mut intb, &mut delay)
+            .await?;
+        self.driver.sleep().await?;
+        self.release = Some(release);
+        Ok(release)
+    }
+
+    /// Lets the converter find the drive of every channel: it depends on the sensor that is there.
+    async fn find_drives(&mut self, scheme: &mut Scheme, generation: u32) -> Result<()> {
+        self.driver.start(&scheme.configuration).await?;
+        let mut delay = Delay(&mut self.port);
+        let found = self.driver.calibrate_drive_current(&mut delay).await?;
+        let mut drives = found.map(|found| found.map(with_room));
+        scheme.drive(&drives);
+        for channel in self.faint(scheme).await? {
+            if let Some(Some(drive)) = drives.get_mut(usize::from(channel.number())) {
+                *drive = stronger(*drive);
+            }
+        }
+        scheme.drive(&drives);
+        self.drives = Some((generation, drives));
+        Ok(())
+    }
+
+    /// The channels whose oscillation is too faint with this scheme's drives.
+    async fn faint(&mut self, scheme: &Scheme) -> Result<Vec<Channel, 4>> {
+        self.driver.start(&scheme.configuration).await?;
+        // In the first frame the oscillation may still build up.
+        self.port
+            .wait_us((SETTLED_FRAMES * scheme.period_us) as u32)
+            .await;
+        let frame = self.driver.read_frame().await?;
+        let mut faint = Vec::new();
+        for reading in frame.readings() {
+            if reading.word.flags().amplitude {
+                // There is room for every channel.
+                let _ = faint.push(reading.channel);
+            }
+        }
+        Ok(faint)
+    }
+}

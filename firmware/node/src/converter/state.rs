@@ -1,0 +1,72 @@
+//! What a converter's task and the instrument share.
+
+use palpate_procedure::event::Failure;
+use palpate_wire::code::Chip;
+
+use crate::acquisition::Setpoint;
+
+/// Converters that a board may have.
+pub const CONVERTERS: usize = 2;
+
+/// What a converter's task and the instrument share of one converter.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct ConverterState {
+    /// How it is to be run, with a generation that changes whenever that does. Nothing before the
+    /// procedure has begun.
+    setpoint: Option<(Setpoint, u32)>,
+    /// Which chip answers, once it was asked.
+    pub(super) chip: Option<Chip>,
+    /// What has failed, while it stands.
+    pub(super) failure: Option<Failure>,
+    /// Transfers that failed since the start.
+    pub(super) transfer_errors: u32,
+    /// Recoveries of bus or converter since the start.
+    pub(super) recoveries: u32,
+}
+
+impl ConverterState {
+    /// A converter before its first question.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self {
+            setpoint: None,
+            chip: None,
+            failure: None,
+            transfer_errors: 0,
+            recoveries: 0,
+        }
+    }
+
+    /// Sets how the converter is to be run. A converter that is run so already goes on undisturbed.
+    pub fn set(&mut self, setpoint: Setpoint) {
+        self.setpoint = match self.setpoint {
+            Some((already, _)) if already == setpoint => return,
+            Some((_, generation)) => Some((setpoint, generation.wrapping_add(1))),
+            None => Some((setpoint, 1)),
+        };
+    }
+
+    /// How it is to be run, with the generation of that.
+    #[must_use]
+    pub const fn setpoint(&self) -> Option<(Setpoint, u32)> {
+        self.setpoint
+    }
+
+    /// Which chip answers, once it was asked.
+    #[must_use]
+    pub const fn chip(&self) -> Option<Chip> {
+        self.chip
+    }
+
+    /// What has failed, while it stands.
+    #[must_use]
+    pub const fn failure(&self) -> Option<Failure> {
+        self.failure
+    }
+
+    /// Transfers that failed, and recoveries, since the start; both wrap.
+    #[must_use]
+    pub const fn counts(&self) -> [u32; 2] {
+        [self.transfer_errors, self.recoveries]
+    }
+}

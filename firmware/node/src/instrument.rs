@@ -1,0 +1,419 @@
+//! The instrument: samples, commands and time go to the procedure, and what it asks for is carried
+//! out.
+
+use heapless::Vec;
+use palpate_procedure::boot::Boot;
+use palpate_procedure::event::{Conditions, Failure};
+use palpate_procedure::units::Ampere;
+use palpate_procedure::{
+    Action, Actions, BoardInfo, Conversion, Duration, Event, Instant, Procedure, Scan,
+};
+use palpate_wire::code::{Chip, FaultCode, Outcome, Place};
+use palpate_wire::command::Command;
+use palpate_wire::record::{Acknowledgement, Hello};
+use palpate_wire::{Frame, FrameError, MINOR_VERSION, Message, Record, SCHEMA_HASH};
+
+use crate::acquisition::{Sampled, Scheme, Setpoint};
+use crate::coil::{CoilHardware, CoilManager, CurrentLine};
+use crate::converter::{CONVERTERS, ConverterState};
+
+/// How often the procedure receives temperature, supply and load, us.
+const CONDITIONS_US: u64 = 100_000;
+/// Channels of an LDC1614.
+const CHANNELS: u8 = 0b1111;
+/// Failures that may stand at once: of each converter, and of the coil.
+const SOURCES: usize = CONVERTERS + 1;
+const COIL: usize = CONVERTERS;
+
+/// A command frame, or why a frame is none.
+pub type Received = Result<Frame<Command>, FrameError>;
+
+/// What is known of the board when the instrument begins.
+#[derive(Clone, Debug)]
+pub struct Identity {
+    /// A random number of this run, never 0.
+    pub boot_id: u32,
+    /// The board, its build and why it was reset; who answers as converter, protocol and layout are
+    /// filled in.
+    pub hello: Hello,
+    /// How the last run ended.
+    pub boot: Boot,
+    /// The clocks run as planned.
+    pub clocks_run: bool,
+    /// What no setting, command or calibration exceeds.
+    pub limits: palpate_procedure::Limits,
+}
+
+/// What the processor has used.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Usage {
+    /// Microseconds in which it slept since the start; wraps. Nothing without a processor.
+    pub asleep_us: Option<u32>,
+    /// Greatest depth of the stack, bytes; 0 if it is not measured.
+    pub stack_bytes: u32,
+    /// Log messages dropped since the start.
+    pub logs_dropped: u32,
+}
+
+/// What the instrument needs of its board.
+pub trait Hardware {
+    /// The coil's side.
+    type Coil: CoilHardware;
+
+    /// The board's timer, us.
+    fn now_us(&self) -> u64;
+
+    /// Lets `work` see what stands above the coil's drive. Nothing on a board whose drive could not
+    /// start: its coil is never driven.
+    fn with_coil<T>(&mut self, work: impl FnOnce(&mut CoilManager<Self::Coil>) -> T) -> Option<T>;
+
+    /// Lets `work` see what the instrument shares with the converters' tasks.
+    fn with_converters<T>(
+        &mut self,
+        work: impl FnOnce(&mut [ConverterState; CONVERTERS]) -> T,
+    ) -> T;
+
+    /// Sends a record of a time to the PC. Never waits: what finds no room is dropped, and counted.
+    fn send(&mut self, at_us: u64, record: &Record);
+
+    /// What the processor has used so far.
+    fn usage(&mut self) -> Usage;
+}
+
+/// The procedure with its surroundings.
+#[derive(Debug)]
+pub struct Instrument {
+    /// What the instrument does, once it is known which converters there are.
+    procedure: Option<Procedure>,
+    /// What it asked for last.
+    actions: Actions,
+    /// The failures that were reported to the procedure and that last.
+    standing: [Option<FaultCode>; SOURCES],
+    /// The fault in which the procedure is, as it said, and where it is.
+    latched: Option<(FaultCode, Place)>,
+    conditions_due_us: u64,
+    /// Time of the last conditions, and the sleep up to then.
+    last_conditions: (u64, u32),
+}
+
+impl Default for Instrument {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Instrument {
+    /// An instrument that has not begun.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self {
+            procedure: None,
+            actions: Actions::new(),
+            standing: [None; SOURCES],
+            latched: None,
+            conditions_due_us: 0,
+            last_conditions: (0, 0),
+        }
+    }
+
+    /// The procedure, to read.
+    #[must_use]
+    pub const fn procedure(&self) -> Option<&Procedure> {
+        self.procedure.as_ref()
+    }
+
+    /// Whether all converters have been asked for their identity: the instrument may begin.
+    pub fn is_ready<H: Hardware>(hardware: &mut H) -> bool {
+        hardware.with_converters(|converters| {
+            converters
+                .iter()
+                .all(|converter| converter.chip().is_some())
+        })
+    }
+
+    /// Begins. A converter that has not answered yet counts as absent.
+    pub fn begin<H: Hardware>(&mut self, hardware: &mut H, identity: Identity) {
+        let clocks_run = identity.clocks_run;
+        self.make(hardware, identity);
+        self.step(hardware, &Event::Tick);
+        if !clocks_run {
+            self.fail(hardware, Failure::new(FaultCode::Clock, Place::Clock));
+        }
+    }
+
+    /// Makes the procedure, in a frame of its own: what that takes of the stack is free again before
+    /// the procedure runs.
+    #[inline(never)]
+    fn make<H: Hardware>(&mut self, hardware: &mut H, identity: Identity) {
+        let chips = hardware.with_converters(|converters| {
+            let chip = |of: &ConverterState| of.chip().unwrap_or(Chip::Absent);
+            let [first, second] = converters;
+            [chip(first), chip(second)]
+        });
+        self.procedure = Some(Procedure::new(board(identity, chips)));
+    }
+
+    // ---- what happens ----
+
+    /// A converter has made a scan.
+    pub fn sampled<H: Hardware>(&mut self, hardware: &mut H, converter: u8, sampled: &Sampled) {
+        let scan = hardware.with_coil(|coil| scan(converter, sampled, coil));
+        let scan = scan.unwrap_or_else(|| scan_without_coil(converter, sampled));
+        // Whatever stood against this converter or the bus has ended with it.
+        if let Some((code, place)) = self.latched
+            && place != other_converter(converter)
+        {
+            self.step(hardware, &Event::Recovered(code));
+        }
+        self.step(hardware, &Event::Scan(&scan));
+    }
+
+    /// A command has arrived, or a frame that is none.
+    pub fn received<H: Hardware>(&mut self, hardware: &mut H, received: &Received) {
+        match received {
+            Ok(frame) if self.is_beyond_the_converter(frame) => {
+                let kind = frame.message.kind();
+                let refusal = Acknowledgement::new(&frame.header, kind, Outcome::OutOfRange);
+                let now_us = hardware.now_us();
+                hardware.send(now_us, &Record::Acknowledgement(refusal));
+            }
+            Ok(frame) => self.step(hardware, &Event::Command(frame)),
+            Err(error) => self.step(hardware, &Event::NotUnderstood(*error)),
+        }
+    }
+
+    /// A millisecond has passed, or samples and commands have been taken: passes failures, findings
+    /// and conditions on. `stepped`: the procedure has received the time with them already.
+    pub fn poll<H: Hardware>(&mut self, hardware: &mut H, stepped: bool) {
+        self.follow_coil(hardware);
+        self.follow_failures(hardware);
+        let now_us = hardware.now_us();
+        if now_us >= self.conditions_due_us {
+            self.conditions_due_us = now_us + CONDITIONS_US;
+            let conditions = self.conditions(hardware, now_us);
+            self.step(hardware, &Event::Conditions(conditions));
+            let expects = |of: &Procedure| of.expects_thermometer();
+            let expects = self.procedure.as_ref().is_some_and(expects);
+            hardware.with_coil(|coil| coil.expect_thermometer(expects));
+        } else if !stepped {
+            self.step(hardware, &Event::Tick);
+        }
+    }
+
+    /// Passes on what a test or a record of the current has found.
+    fn follow_coil<H: Hardware>(&mut self, hardware: &mut H) {
+        let found = hardware.with_coil(CoilManager::take_found).flatten();
+        if let Some(found) = found {
+            self.step(hardware, &Event::CoilTested(found));
+        }
+        let trace = hardware.with_coil(CoilManager::take_trace).flatten();
+        if let Some((at_us, trace)) = trace {
+            let at = Instant::from_ticks(at_us);
+            self.step(hardware, &Event::CurrentTraced { at, trace });
+        }
+    }
+
+    /// Reports failures when they begin. A converter's next sample shows that its own have ended.
+    fn follow_failures<H: Hardware>(&mut self, hardware: &mut H) {
+        let [first, second] = hardware.with_converters(|converters| {
+            let [first, second] = converters;
+            [first.failure(), second.failure()]
+        });
+        let of_coil = hardware.with_coil(|coil| coil.failure()).flatten();
+        for (source, failure) in [first, second, of_coil].into_iter().enumerate() {
+            let Some(standing) = self.standing.get_mut(source) else {
+                continue;
+            };
+            let code = failure.as_ref().map(|failure| failure.code);
+            let before = core::mem::replace(standing, code);
+            if let Some(failure) = failure
+                && before != code
+            {
+                self.fail(hardware, failure);
+            }
+        }
+    }
+
+    fn conditions<H: Hardware>(&mut self, hardware: &mut H, now_us: u64) -> Conditions {
+        let usage = hardware.usage();
+        let asleep_us = usage.asleep_us.unwrap_or(0);
+        let (then_us, slept_us) =
+            core::mem::replace(&mut self.last_conditions, (now_us, asleep_us));
+        let passed_us = now_us.saturating_sub(then_us) as f32;
+        let idle = asleep_us.wrapping_sub(slept_us) as f32 / passed_us;
+        let is_known = usage.asleep_us.is_some() && passed_us > 0.0;
+        let [errors, recoveries] = hardware.with_converters(|converters| {
+            let [first, second] = converters.map(|converter| converter.counts());
+            [0, 1].map(|of: usize| {
+                let count = |counts: [u32; 2]| counts.get(of).copied().unwrap_or(0);
+                count(first).wrapping_add(count(second))
+            })
+        });
+        Conditions {
+            temperature: hardware.with_coil(|coil| coil.temperature()).flatten(),
+            supply_v: hardware.with_coil(|coil| coil.supply_v()),
+            processor_load: is_known.then(|| (1.0 - idle).clamp(0.0, 1.0)),
+            stack_bytes: usage.stack_bytes,
+            logs_dropped: usage.logs_dropped,
+            bus_errors: errors,
+            recoveries,
+        }
+    }
+
+    fn fail<H: Hardware>(&mut self, hardware: &mut H, failure: Failure) {
+        self.step(hardware, &Event::Fault(failure));
+    }
+
+    /// Whether a command asks for channels and a rate that the converter cannot follow. The procedure
+    /// knows the limits of each by itself only.
+    fn is_beyond_the_converter(&self, frame: &Frame<Command>) -> bool {
+        let Command::SetSettings(settings) = &frame.message else {
+            return false;
+        };
+        let setpoint = Setpoint {
+            channels: settings.channels,
+            rate_hz: settings.rate_hz,
+        };
+        let is_sound = frame.message.validate().is_ok();
+        let boot_id = self.procedure.as_ref().map(Procedure::boot_id);
+        let is_for_us = boot_id.is_some_and(|own| frame.message.is_for(own, frame.header.boot_id));
+        is_for_us && is_sound && Scheme::new(setpoint).is_err()
+    }
+
+    // ---- what the procedure asks for ----
+
+    /// Passes an event to the procedure, and carries out what it asks for.
+    fn step<H: Hardware>(&mut self, hardware: &mut H, event: &Event<'_>) {
+        let Some(procedure) = &mut self.procedure else {
+            return;
+        };
+        let now = Instant::from_ticks(hardware.now_us());
+        procedure.step_into(now, event, &mut self.actions);
+        for action in &self.actions {
+            match action {
+                Action::Record { at, record } => {
+                    if let Record::Fault(fault) = record {
+                        if !fault.active {
+                            hardware.with_coil(|coil| coil.clear(fault.code));
+                            // Where its cause lasts, it is a new one.
+                            if let Some(of_coil) = self.standing.get_mut(COIL) {
+                                of_coil.take_if(|code| *code == fault.code);
+                            }
+                        }
+                        self.latched = match self.latched {
+                            Some((code, _)) if !fault.active && code == fault.code => None,
+                            None if fault.active => Some((fault.code, fault.place)),
+                            latched => latched,
+                        };
+                    }
+                    hardware.send(at.as_ticks(), record);
+                }
+                Action::ConfigureSensors { channels, rate } => {
+                    let setpoint = Setpoint {
+                        channels: *channels,
+                        rate_hz: rate.0,
+                    };
+                    hardware.with_converters(|converters| set(converters, setpoint));
+                }
+                of_coil => drop(hardware.with_coil(|coil| drive(coil, of_coil))),
+            }
+        }
+    }
+}
+
+/// Where the failures of the other converter are.
+const fn other_converter(converter: u8) -> Place {
+    if converter == 0 {
+        Place::SecondSensor
+    } else {
+        Place::Sensor
+    }
+}
+
+/// Carries out what concerns the coil.
+fn drive<C: CoilHardware>(coil: &mut CoilManager<C>, action: &Action) {
+    match action {
+        Action::SafeState => coil.stop(),
+        Action::Current { at, from, to, over } => coil.follow(&CurrentLine {
+            at_us: at.as_ticks(),
+            from_a: from.0,
+            to_a: to.0,
+            over_s: over.as_ticks() as f32 * 1e-6,
+        }),
+        Action::TestCoil => coil.test(),
+        Action::TraceCurrent { interval } => coil.trace(interval.0),
+        Action::CorrectCurrent(correction) => coil.correct(correction),
+        Action::Record { .. } | Action::ConfigureSensors { .. } => {}
+    }
+}
+
+/// Sets how the converters that are there are to be run.
+fn set(converters: &mut [ConverterState; CONVERTERS], setpoint: Setpoint) {
+    let [first, second] = converters;
+    first.set(setpoint);
+    if second.chip() == Some(Chip::Ldc161x) {
+        second.set(setpoint);
+    }
+}
+
+/// The board as the procedure takes it.
+fn board(identity: Identity, chips: [Chip; CONVERTERS]) -> BoardInfo {
+    let [first, second] = chips;
+    let second_channels = if second == Chip::Ldc161x { CHANNELS } else { 0 };
+    BoardInfo {
+        boot_id: identity.boot_id,
+        hello: Hello {
+            minor_version: MINOR_VERSION,
+            schema_hash: SCHEMA_HASH,
+            reset_cause: identity.boot.cause,
+            chip: first,
+            second_chip: second,
+            configuration_crc: 0,
+            ..identity.hello
+        },
+        crashes: identity.boot.streak,
+        crash: identity.boot.crash,
+        channels: [CHANNELS, second_channels],
+        coil: true,
+        limits: identity.limits,
+    }
+}
+
+/// A sample as the procedure takes it, with the current that flowed meanwhile.
+fn scan<C: CoilHardware>(converter: u8, sampled: &Sampled, coil: &CoilManager<C>) -> Scan {
+    let half_us = u64::from(sampled.window_us / 2);
+    let begin_us = sampled.time_us.saturating_sub(half_us);
+    let end_us = begin_us + u64::from(sampled.window_us);
+    let current_a = coil.mean_current_a(begin_us, end_us);
+    Scan {
+        current: current_a.map(Ampere),
+        ripple: current_a
+            .and_then(|mean_a| coil.ripple_a(mean_a))
+            .map(Ampere),
+        account: Some(coil.account()),
+        ..scan_without_coil(converter, sampled)
+    }
+}
+
+fn scan_without_coil(converter: u8, sampled: &Sampled) -> Scan {
+    let readings = sampled.frame.readings().iter();
+    let conversions = readings
+        .zip(sampled.offsets_us)
+        .map(|(reading, offset_us)| Conversion {
+            reading: *reading,
+            offset: Duration::from_ticks(offset_us.into()),
+        });
+    let mut scan = Scan {
+        sensor: converter,
+        middle: Instant::from_ticks(sampled.time_us),
+        window: Duration::from_ticks(sampled.window_us.into()),
+        conversions: Vec::new(),
+        lost: sampled.missed,
+        gap: sampled.gap,
+        current: None,
+        ripple: None,
+        account: None,
+    };
+    scan.conversions.extend(conversions);
+    scan
+}

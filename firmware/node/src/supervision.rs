@@ -1,0 +1,83 @@
+//! Whether every task is alive: the watchdog is fed only then.
+
+use core::sync::atomic::{AtomicBool, Ordering};
+
+/// Tasks that are supervised. The supervisor itself feeds the watchdog, and needs no place here.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Task {
+    /// Reads the first converter.
+    Sensing,
+    /// Reads the second converter.
+    SecondSensing,
+    /// Looks after the coil's drive.
+    Coil,
+    /// Runs the procedure.
+    Instrument,
+}
+
+const TASKS: usize = 4;
+
+/// The check-ins of all tasks since the last poll.
+#[derive(Debug)]
+pub struct CheckIns([AtomicBool; TASKS]);
+
+impl Default for CheckIns {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl CheckIns {
+    /// No task has checked in.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self([const { AtomicBool::new(false) }; TASKS])
+    }
+
+    /// A task is alive.
+    pub fn check_in(&self, task: Task) {
+        if let Some(checked_in) = self.0.get(task as usize) {
+            checked_in.store(true, Ordering::Relaxed);
+        }
+    }
+
+    /// Whether all tasks have checked in since the last time that they all had.
+    pub fn all_alive(&self) -> bool {
+        if !self.0.iter().all(|task| task.load(Ordering::Relaxed)) {
+            return false;
+        }
+        for task in &self.0 {
+            task.store(false, Ordering::Relaxed);
+        }
+        true
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ALL: [Task; TASKS] = [
+        Task::Sensing,
+        Task::SecondSensing,
+        Task::Coil,
+        Task::Instrument,
+    ];
+
+    #[test]
+    fn one_task_that_hangs_is_enough() {
+        for hangs in ALL {
+            let check_ins = CheckIns::new();
+            for task in ALL {
+                if task != hangs {
+                    check_ins.check_in(task);
+                    check_ins.check_in(task);
+                }
+                assert!(!check_ins.all_alive());
+            }
+            check_ins.check_in(hangs);
+            assert!(check_ins.all_alive());
+            assert!(!check_ins.all_alive(), "each has to check in again");
+        }
+    }
+}

@@ -1,0 +1,121 @@
+//! A current that a PC commands directly.
+
+use palpate_model::units::{Ampere, Second};
+use palpate_wire::code::{FaultCode, Outcome, Place};
+use palpate_wire::command::DriveCoil;
+
+use super::states::Phase;
+use super::{Out, Procedure};
+use crate::action::Action;
+use crate::event::Failure;
+use crate::measurement::check_heat;
+use crate::time::{Duration, Instant, between, seconds, span};
+use crate::train::CurrentLine;
+
+/// From the PC's last message to the end of a current that it commanded.
+const SILENCE: Duration = Duration::from_ticks(100_000);
+
+/// A current that a PC commands directly.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct ManualDrive {
+    began: Instant,
+    /// When the last message of the PC was received.
+    last_received: Instant,
+    /// The time of touch, if something touches.
+    touched: Option<Instant>,
+}
+
+impl Procedure {
+    /// Whether a current may be commanded now.
+    pub(super) fn may_drive_manually(&self, line: &DriveCoil) -> Result<(), Outcome> {
+        let limit_a = self.board.limits.current.0;
+        if line.to_a.abs() > limit_a.min(self.configuration.settings.peak_current_a) {
+            return Err(Outcome::OutOfRange);
+        }
+        match self.phase {
+            Phase::Manual(_) => Ok(()),
+            _ => self.may_drive(),
+        }
+    }
+
+    /// A current, from where it is.
+    pub(super) fn drive_manually(&mut self, command: &DriveCoil, out: &mut Out<'_>) -> Outcome {
+        let to = Ampere(command.to_a);
+        // At once, from wherever it is.
+        let line = CurrentLine {
+            at: out.now,
+            from: to,
+            to,
+            over: span(command.over_s),
+        };
+        if let Err(hindrance) = self.may_take_line(&line, out.now) {
+            self.end_manual(out);
+            self.hindered(&hindrance, out);
+            return Outcome::Accepted;
+        }
+        if !matches!(self.phase, Phase::Manual(_)) {
+            if let Some(heat) = &mut self.heat {
+                heat.start_measurement();
+            }
+            let manual = ManualDrive {
+                began: out.now,
+                last_received: out.now,
+                touched: self.touched_since(),
+            };
+            self.go(Phase::Manual(manual), out);
+        }
+        if command.trace_interval_s > 0.0 {
+            let interval = Second(command.trace_interval_s);
+            out.push(Action::TraceCurrent { interval });
+        }
+        out.line(line);
+        Outcome::Accepted
+    }
+
+    /// The PC is there: a command of it was received.
+    pub(super) const fn host_seen(&mut self, now: Instant) {
+        if let Phase::Manual(manual) = &mut self.phase {
+            manual.last_received = now;
+        }
+    }
+
+    /// Time alone: the PC is silent, the current lasts too long, or the coil is too hot.
+    pub(super) fn watch_manual(&mut self, out: &mut Out<'_>) {
+        let Phase::Manual(manual) = &self.phase else {
+            return;
+        };
+        let silent = between(manual.last_received, out.now);
+        let on_s = seconds(manual.began, out.now).0;
+        let settings = &self.configuration.settings;
+        let (code, place, value, limit) = if silent > SILENCE {
+            let seconds_of = |of: Duration| of.as_ticks() as f32 * 1e-6;
+            let (silent_s, limit_s) = (seconds_of(silent), seconds_of(SILENCE));
+            (FaultCode::HostSilent, Place::Link, silent_s, limit_s)
+        } else if on_s > self.board.limits.on_time_s {
+            let limit_s = self.board.limits.on_time_s;
+            (FaultCode::OnTime, Place::Coil, on_s, limit_s)
+        } else if let Some(failure) = self
+            .heat
+            .as_ref()
+            .and_then(|heat| check_heat(settings, heat))
+        {
+            return self.fail(failure, out);
+        } else {
+            return;
+        };
+        let failure = Failure {
+            value: Some(value),
+            limit: Some(limit),
+            ..Failure::new(code, place)
+        };
+        self.fail(failure, out);
+    }
+
+    /// The PC ends it: no fault, and nothing was measured that could be refused.
+    pub(super) fn end_manual(&mut self, out: &mut Out<'_>) {
+        if let Phase::Manual(ManualDrive { touched, .. }) = self.phase {
+            self.safe(Outcome::Aborted, out);
+            self.swept(touched, out);
+        }
+    }
+}

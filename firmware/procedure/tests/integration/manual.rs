@@ -1,0 +1,201 @@
+//! A current that a PC commands directly: it ends with the PC, and with what ends any current.
+
+use crate::support::{Rig, board};
+use palpate_procedure::{Action, Event, Instant, Procedure};
+use palpate_wire::code::{FaultCode, Outcome, Place, RefusalReason, State};
+use palpate_wire::command::{ClearFault, DriveCoil};
+use palpate_wire::record::CurrentTrace;
+use palpate_wire::{Command, Record};
+
+fn drive(to_a: f32) -> Command {
+    Command::DriveCoil(DriveCoil {
+        to_a,
+        over_s: 0.01,
+        trace_interval_s: 0.0,
+    })
+}
+
+fn manual() -> Rig {
+    Rig::standing_in(State::Directed, |_| {})
+}
+
+#[test]
+fn the_host_falls_silent() {
+    let mut rig = manual();
+    // Words of any kind keep it, 99 ms apart.
+    for command in [Command::GetSettings, drive(2.0), Command::Identify] {
+        rig.run(98);
+        assert_eq!(rig.state(), State::Directed);
+        rig.outcome(command);
+    }
+    rig.run(100);
+    assert_eq!(rig.state(), State::Directed, "not before 100 ms");
+    assert!(!rig.line.is_off());
+    rig.run(2);
+    let fault = rig.faults().pop().expect("a fault");
+    assert_eq!(
+        (fault.code, fault.place),
+        (FaultCode::HostSilent, Place::Link)
+    );
+    assert!((fault.value.expect("a time") - 0.1).abs() < 0.0025);
+    assert!(rig.line.is_off() && !rig.procedure.is_armed());
+    // Latched: another command does not begin it again.
+    assert_eq!(rig.outcome(drive(1.0)), Outcome::Faulted);
+    let code = FaultCode::HostSilent;
+    rig.accepted(Command::ClearFault(ClearFault { code }));
+}
+
+#[test]
+fn a_measurement_does_not_need_the_host() {
+    let mut rig = Rig::standing_in(State::Ramps, |_| {});
+    rig.run(150);
+    assert!(rig.faults().is_empty());
+}
+
+#[test]
+fn it_takes_both_polarities_within_the_limits() {
+    let mut rig = manual();
+    rig.accepted(drive(-2.0));
+    rig.run(20);
+    assert!((rig.line.at(rig.now_us) + 2.0).abs() < 1e-6);
+    let peak_a = rig.settings().peak_current_a;
+    for to_a in [1.001 * peak_a, -1.001 * peak_a] {
+        assert_eq!(rig.outcome(drive(to_a)), Outcome::OutOfRange);
+    }
+    assert_eq!(rig.outcome(drive(f32::NAN)), Outcome::NotFinite);
+}
+
+#[test]
+fn it_is_on_for_too_long() {
+    let mut rig = manual();
+    // 20 s of the board's limit; the coil of the tests bears 1 A for ever.
+    for _ in 0..420 {
+        rig.run(50);
+        if rig.state() != State::Directed {
+            break;
+        }
+        rig.accepted(drive(0.5));
+    }
+    let fault = rig.faults().pop().expect("a fault");
+    assert_eq!((fault.code, fault.limit), (FaultCode::OnTime, Some(20.0)));
+    assert!((fault.value.expect("a time") - 20.0).abs() < 0.01);
+}
+
+#[test]
+fn abort_ends_it_without_a_fault() {
+    let mut rig = manual();
+    rig.accepted(Command::Abort);
+    assert_eq!(rig.state(), State::Release);
+    assert!(rig.line.is_off() && rig.faults().is_empty());
+}
+
+#[test]
+fn it_is_refused_where_nothing_else_may_be_driven() {
+    let mut rig = Rig::standing_in(State::Contact, |_| {});
+    rig.accepted(Command::Disarm);
+    assert_eq!(rig.outcome(drive(1.0)), Outcome::NotArmed);
+    assert_eq!(rig.outcome(Command::TestCoil), Outcome::NotArmed);
+    let mut ramps = Rig::standing_in(State::Ramps, |_| {});
+    assert_eq!(ramps.outcome(drive(1.0)), Outcome::Busy);
+}
+
+#[test]
+fn a_train_that_would_be_too_hot_is_refused_with_a_waiting_time() {
+    let mut rig = Rig::standing_in(State::Contact, |_| {});
+    rig.temperature(79.0);
+    rig.run(10);
+    rig.accepted(Command::Sweep);
+    let refusal = rig.refusals().pop().expect("a refusal");
+    assert_eq!(refusal.reason, RefusalReason::CoilTooHot);
+    let wait_s = refusal.wait_s.expect("a waiting time");
+    // The layer cools with its 480 s; how far depends on the surroundings of 25 degrees.
+    assert!((1.0..480.0).contains(&wait_s), "{wait_s}");
+}
+
+#[test]
+fn the_coils_test_is_asked_for_and_reported() {
+    let mut rig = Rig::standing_in(State::Contact, |_| {});
+    rig.test_us = 60_000;
+    let frame = crate::support::frame(Command::TestCoil, crate::support::BOOT, 77);
+    let actions = rig.step(&Event::Command(&frame));
+    assert!(actions.contains(&Action::TestCoil));
+    let found = crate::support::coil_test();
+    rig.records.clear();
+    rig.step(&Event::CoilTested(found.clone()));
+    assert_eq!(
+        rig.records.pop().map(|of| of.1),
+        Some(Record::CoilTest(found.clone()))
+    );
+    // Once: another that nothing has asked for is not reported.
+    rig.step(&Event::CoilTested(found));
+    assert_eq!(rig.records, []);
+}
+
+#[test]
+fn a_current_is_recorded_before_it_is_driven_and_reported() {
+    let mut rig = Rig::standing_in(State::Contact, |_| {});
+    let mut line = DriveCoil {
+        to_a: 2.0,
+        over_s: 0.0,
+        trace_interval_s: 1.6e-5,
+    };
+    let mut drive = |line: &DriveCoil, sequence| {
+        let frame = crate::support::frame(
+            Command::DriveCoil(line.clone()),
+            crate::support::BOOT,
+            sequence,
+        );
+        rig.step(&Event::Command(&frame))
+    };
+    let actions = drive(&line, 90);
+    let place = |of: fn(&Action) -> bool| actions.iter().position(of);
+    let traced =
+        place(|action| matches!(action, Action::TraceCurrent { interval } if interval.0 == 1.6e-5));
+    let driven = place(|action| matches!(action, Action::Current { .. }));
+    assert!(traced.is_some() && traced < driven, "{traced:?} {driven:?}");
+    line.trace_interval_s = 0.0;
+    let tracing = |action: &Action| matches!(action, Action::TraceCurrent { .. });
+    assert!(!drive(&line, 91).iter().any(tracing));
+    let trace = CurrentTrace {
+        total: 2,
+        first: 0,
+        interval_s: 1.6e-5,
+        currents_a: [0.0, 1.9].into_iter().collect(),
+    };
+    rig.records.clear();
+    let at = Instant::from_ticks(123_456);
+    rig.step(&Event::CurrentTraced {
+        at,
+        trace: trace.clone(),
+    });
+    assert_eq!(rig.records.pop(), Some((at, Record::CurrentTrace(trace))));
+}
+
+#[test]
+fn five_crashes_in_a_row_lock_the_outputs_and_it_still_talks() {
+    for (crashes, locked) in [(4, false), (5, true), (200, true)] {
+        let mut rig = Rig::started();
+        let mut board = board();
+        board.crashes = crashes;
+        rig.procedure = Procedure::new(board);
+        rig.records.clear();
+        rig.step(&Event::Tick);
+        let faults = rig.faults();
+        assert_eq!(
+            faults.iter().any(|of| of.code == FaultCode::CrashStreak),
+            locked
+        );
+        assert!(
+            rig.records
+                .iter()
+                .any(|of| matches!(of.1, Record::Hello(_)))
+        );
+        if locked {
+            let code = FaultCode::CrashStreak;
+            let cleared = rig.outcome(Command::ClearFault(ClearFault { code }));
+            assert_eq!(cleared, Outcome::FaultPersists);
+            assert_eq!(rig.outcome(Command::Arm), Outcome::Faulted);
+            assert_eq!(rig.outcome(Command::GetSettings), Outcome::Accepted);
+        }
+    }
+}

@@ -1,0 +1,168 @@
+//! Clocks: 200 MHz from the crystal for everything, 48 MHz for the ADC, and the LDC's own; and the
+//! core voltage that 200 MHz need.
+//!
+//! Crystal and PLLs are those of `rp2040-hal`, in states that a program cannot skip. Each is polled
+//! within a bound here: the HAL's own set-up waits without one
+//! (docs/decisions/0063-hal-and-own-registers.md).
+
+use cortex_m::asm::delay;
+use palpate_node::board::CORE_HZ;
+use rp2040_hal::fugit::HertzU32;
+use rp2040_hal::pll::{PLLConfig, PhaseLockedLoop, PhaseLockedLoopDevice};
+use rp2040_hal::vreg::set_voltage;
+use rp2040_hal::xosc::CrystalOscillator;
+use rp2040_pac::vreg_and_chip_reset::vreg::VSEL_A;
+use rp2040_pac::{CLOCKS, PLL_SYS, PLL_USB, RESETS, VREG_AND_CHIP_RESET, WATCHDOG, XOSC};
+
+use super::wait;
+
+const CRYSTAL_MHZ: u32 = 12;
+const CRYSTAL: HertzU32 = HertzU32::MHz(CRYSTAL_MHZ);
+/// The ring oscillator after a reset, typically (2.17.1); 1.8 to 12 MHz.
+const RING_MHZ: u32 = 6;
+/// From the order of another core voltage to the clock that needs it. The SDK waits 1 ms.
+const VOLTAGE_SETTLES_US: u32 = 1_500;
+/// CLK_REF_SELECTED: the source that runs, one bit each (2.15.7).
+const REF_IS_RING: u32 = 1 << 0;
+const REF_IS_CRYSTAL: u32 = 1 << 2;
+/// CLK_SYS_SELECTED.
+const SYS_IS_REF: u32 = 1 << 0;
+const SYS_IS_AUX: u32 = 1 << 1;
+
+/// 12 MHz * 100 / (6 * 1) = 200 MHz, with the oscillator at 1200 MHz.
+const SYSTEM: PLLConfig = pll(CORE_HZ, 6, 1);
+/// 12 MHz * 120 / (6 * 5) = 48 MHz, with the oscillator at 1440 MHz.
+const CONVERTER: PLLConfig = pll(48_000_000, 6, 5);
+
+/// The setting for an output, by its two divisors. One that is no whole multiple of the crystal, or
+/// whose oscillator is out of its range, does not compile (datasheet 2.18.2).
+const fn pll(output_hz: u32, post_div1: u8, post_div2: u8) -> PLLConfig {
+    let oscillator_hz = output_hz * post_div1 as u32 * post_div2 as u32;
+    assert!(oscillator_hz.is_multiple_of(CRYSTAL.raw()));
+    assert!(oscillator_hz >= 750_000_000 && oscillator_hz <= 1_600_000_000);
+    PLLConfig {
+        vco_freq: HertzU32::from_raw(oscillator_hz),
+        refdiv: 1,
+        post_div1,
+        post_div2,
+    }
+}
+
+/// Brings the clocks up. `false` if one does not run: the processor then goes on with what does, and
+/// the timer counts it.
+#[allow(unsafe_code)]
+pub fn set_up(
+    resets: &mut RESETS,
+    clocks: &CLOCKS,
+    crystal: XOSC,
+    system: PLL_SYS,
+    converter: PLL_USB,
+    regulator: &mut VREG_AND_CHIP_RESET,
+    watchdog: &WATCHDOG,
+) -> bool {
+    let runs = start_crystal(clocks, crystal)
+        .and_then(|()| raise_core_voltage(regulator))
+        .and_then(|()| start_plls(resets, system, converter))
+        .and_then(|()| distribute(clocks))
+        .is_some();
+    let is_crystal = clocks.clk_ref_selected().read().bits() == REF_IS_CRYSTAL;
+    // Without the tick no task would wait, and nothing be reported. Its microseconds are as good as
+    // what it counts.
+    let mhz = if is_crystal { CRYSTAL_MHZ } else { RING_MHZ };
+    watchdog.tick().write(|w| {
+        // SAFETY: within the field of nine bits.
+        let w = unsafe { w.cycles().bits(mhz as u16) };
+        w.enable().set_bit()
+    });
+    runs
+}
+
+/// Whether a condition came to hold in time.
+fn within_time(holds: impl FnMut() -> bool) -> Option<()> {
+    wait(holds).then_some(())
+}
+
+/// From the ring oscillator, which always runs, to the crystal (2.15.6, 2.16.3).
+fn start_crystal(clocks: &CLOCKS, crystal: XOSC) -> Option<()> {
+    clocks.clk_sys_ctrl().write(|w| w.src().clk_ref());
+    within_time(|| clocks.clk_sys_selected().read().bits() == SYS_IS_REF)?;
+    clocks.clk_ref_ctrl().write(|w| w.src().rosc_clksrc_ph());
+    within_time(|| clocks.clk_ref_selected().read().bits() == REF_IS_RING)?;
+    let crystal = CrystalOscillator::new(crystal)
+        .initialize(CRYSTAL, 1)
+        .ok()?;
+    within_time(|| crystal.await_stabilization().is_ok())?;
+    clocks.clk_ref_ctrl().write(|w| w.src().xosc_clksrc());
+    within_time(|| clocks.clk_ref_selected().read().bits() == REF_IS_CRYSTAL)
+}
+
+/// Sets the core voltage to 1.15 V, which more than 133 MHz need, and waits until it has settled. A
+/// reset by the watchdog leaves it so. For the processor at the crystal's frequency.
+fn raise_core_voltage(regulator: &mut VREG_AND_CHIP_RESET) -> Option<()> {
+    set_voltage(regulator, VSEL_A::VOLTAGE1_15);
+    delay(VOLTAGE_SETTLES_US * CRYSTAL_MHZ);
+    within_time(|| regulator.vreg().read().rok().bit_is_set())
+}
+
+fn start_plls(resets: &mut RESETS, system: PLL_SYS, converter: PLL_USB) -> Option<()> {
+    resets
+        .reset()
+        .modify(|_, w| w.pll_sys().set_bit().pll_usb().set_bit());
+    resets
+        .reset()
+        .modify(|_, w| w.pll_sys().clear_bit().pll_usb().clear_bit());
+    // The HAL waits for this as well, without a bound: it is done then.
+    within_time(|| {
+        let done = resets.reset_done().read();
+        done.pll_sys().bit_is_set() && done.pll_usb().bit_is_set()
+    })?;
+    start_pll(resets, system, SYSTEM)?;
+    start_pll(resets, converter, CONVERTER)
+}
+
+/// Oscillator on, dividers off until it is locked (2.18.3).
+fn start_pll(
+    resets: &mut RESETS,
+    pll: impl PhaseLockedLoopDevice,
+    setting: PLLConfig,
+) -> Option<()> {
+    let pll = PhaseLockedLoop::new(pll, CRYSTAL, setting).ok()?;
+    let pll = pll.initialize(resets);
+    let mut locked = None;
+    within_time(|| {
+        locked = pll.await_lock().ok();
+        locked.is_some()
+    })?;
+    pll.get_locked(locked?);
+    Some(())
+}
+
+/// The processor and the peripherals to the system's PLL, the ADC to its own.
+fn distribute(clocks: &CLOCKS) -> Option<()> {
+    clocks
+        .clk_sys_ctrl()
+        .write(|w| w.auxsrc().clksrc_pll_sys().src().clksrc_clk_sys_aux());
+    within_time(|| clocks.clk_sys_selected().read().bits() == SYS_IS_AUX)?;
+    clocks
+        .clk_peri_ctrl()
+        .write(|w| w.auxsrc().clk_sys().enable().set_bit());
+    clocks
+        .clk_adc_ctrl()
+        .write(|w| w.auxsrc().clksrc_pll_usb().enable().set_bit());
+    Some(())
+}
+
+/// Sends the processor's clock, divided, to the LDCs' CLKIN, which two converters share: where it is
+/// so already, it goes on without a gap. An odd divisor's duty is even as well.
+#[allow(unsafe_code)]
+pub fn send_out(clocks: &rp2040_pac::clocks::RegisterBlock, divisor: u32) {
+    let (control, division) = (clocks.clk_gpout0_ctrl(), clocks.clk_gpout0_div());
+    if division.read().int().bits() == divisor && control.read().enable().bit_is_set() {
+        return;
+    }
+    // The output is stopped while its divisor changes.
+    control.reset();
+    // SAFETY: within the field of 24 bits.
+    division.write(|w| unsafe { w.int().bits(divisor) });
+    control.write(|w| w.auxsrc().clk_sys().dc50().set_bit().enable().set_bit());
+}

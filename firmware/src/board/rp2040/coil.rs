@@ -1,0 +1,74 @@
+//! The coil's side of this board: what stands above its drive is `palpate_node::coil`.
+
+use coil_hbridge::{Averages, Drive, Order, Supervisor, Trace};
+use palpate_node::coil::{
+    AVERAGED_BLOCKS, CoilCircuit, CoilHardware, CoilManager, LastPeriod, SlowReadings, TRACE_LENGTH,
+};
+use rtic_monotonics::rp2040::prelude::*;
+
+use super::{control, safe};
+use crate::Mono;
+
+/// The control interrupt, the bridge and the ADC.
+pub struct PicoCoil;
+
+impl CoilHardware for PicoCoil {
+    const CIRCUIT: CoilCircuit = CoilCircuit::REFERENCE;
+
+    fn now_us(&self) -> u64 {
+        Mono::now().as_ticks()
+    }
+
+    fn bridge_off(&mut self) {
+        safe::bridge_off();
+    }
+
+    fn run(&mut self, on: bool) {
+        control::run(on);
+    }
+
+    fn with_drive<T>(&mut self, work: impl FnOnce(&mut Drive) -> T) -> Option<T> {
+        control::with_drive(work)
+    }
+
+    fn apply(&mut self, order: &Order) {
+        control::apply(order);
+    }
+
+    fn slow_readings(&self) -> SlowReadings {
+        control::slow_readings()
+    }
+
+    fn take_supply_at_off(&mut self) -> Option<u16> {
+        control::take_supply_at_off()
+    }
+
+    fn last_period(&self) -> LastPeriod {
+        // Together: what came between would shift the window by as long as it runs.
+        critical_section::with(|_| {
+            let (number, ended_us) = control::last();
+            LastPeriod {
+                number,
+                ended_us: Mono::now()
+                    .as_ticks()
+                    .saturating_sub_signed(ended_us.into()),
+            }
+        })
+    }
+
+    fn averages(&self) -> &Averages<AVERAGED_BLOCKS> {
+        &control::AVERAGES
+    }
+
+    fn trace(&self) -> &Trace<TRACE_LENGTH> {
+        &control::TRACE
+    }
+}
+
+/// Starts PWM, ADC and drive; the bridge is off. Nothing for constants that do not fit each other:
+/// without a drive there is no current.
+pub fn start() -> Option<Supervisor> {
+    let (supervisor, drive) = CoilManager::<PicoCoil>::drive().ok()?;
+    control::start(drive);
+    Some(supervisor)
+}

@@ -1,0 +1,315 @@
+//! What happens every period of the bridge's PWM: two samples in, two pulse widths out.
+//!
+//! The PWM counts up and down (phase-correct), so its pulses lie about the beginning of the period.
+//! The ADC converts without end, started together with the PWM: current at the beginning and in the
+//! middle of every period, thermometer, supply and the processor's own temperature in between. DMA
+//! puts the eight results into a ring of eight places, so that each has its own. A second slice of
+//! the PWM calls the interrupt when the current of the period's middle is there.
+
+#![allow(unsafe_code)]
+
+pub mod precedence;
+
+use core::cell::UnsafeCell;
+use core::mem::MaybeUninit;
+use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+
+use coil_hbridge::{Averages, Drive, Order, Output, Trace};
+use cortex_m::peripheral::NVIC;
+use palpate_node::board::{CORE_MHZ, FULL_LEVEL, cycles};
+use palpate_node::coil::{AVERAGED_BLOCKS, SlowReadings, TRACE_LENGTH};
+use rp2040_pac::{ADC, DMA, Interrupt, PWM};
+
+use crate::board::pins::{self, Function};
+use crate::board::safe;
+
+/// The slice that calls the interrupt.
+pub const CONTROL_SLICE: usize = 1;
+/// Cycles of a period.
+pub const CYCLES: u32 = 2 * FULL_LEVEL as u32;
+/// Its count when the bridge's slice begins a period: it wraps 10.25 us later, a conversion and a
+/// quarter of a microsecond after the middle.
+const CONTROL_BEGINS: u32 = CYCLES - cycles(10_250);
+/// Cycles for which tasks hold the interrupt back, with those of the bus's interrupts that may come
+/// meanwhile: a report takes 110, a waveform of 48 lines 800.
+const SHORT: u32 = 200;
+const LONG: u32 = 1_200;
+/// How often a task tries to hold it back: for ten periods, at twenty cycles each.
+const TRIES: u32 = 10 * CYCLES / 20;
+const PHASE_CORRECT: u32 = 1 << 1;
+/// ADC.CS: enabled, temperature sensor on, without end, inputs 0, 1, 2 and 4 in turn.
+const CONVERT: u32 = 1 | 1 << 1 | 1 << 3 | 0b10111 << 16;
+/// ADC.FCS: the FIFO on, asking DMA.
+const FIFO_TO_DMA: u32 = 1 | 1 << 3;
+/// DMA: enabled, half-words, writing on in a ring of 16 bytes, asked by the ADC's FIFO.
+const CARRY: u32 = 1 | 1 << 2 | 1 << 5 | 4 << 6 | 1 << 10 | 36 << 15;
+/// Results until one channel hands over to the other: a multiple of the ring, and an hour.
+const RESULTS: u32 = 0x6000_0000;
+
+/// Results of a period.
+const RING: usize = 8;
+/// Places of the inputs in it: the current's two, and one of thermometer and supply.
+const CURRENT: [usize; 2] = [0, 4];
+const THERMISTOR: usize = 5;
+const SUPPLY: usize = 6;
+
+#[repr(C, align(16))]
+struct Ring(UnsafeCell<[u16; RING]>);
+
+// SAFETY: written by DMA alone, read by half-words.
+unsafe impl Sync for Ring {}
+
+static RESULTS_RING: Ring = Ring(UnsafeCell::new([0; RING]));
+
+/// What belongs to the interrupt. In this order: see [`Drive`].
+#[repr(C)]
+struct Control {
+    /// Whether the bridge is awake, with its limit as it should be.
+    drives: bool,
+    awake: bool,
+    limit_low: bool,
+    drive: Drive,
+}
+
+struct Place(UnsafeCell<MaybeUninit<Control>>);
+
+// SAFETY: written by `start`, which says so afterwards; then used by the interrupt, which cannot
+// come before, and by tasks while it is masked: `with_drive`.
+unsafe impl Sync for Place {}
+
+static CONTROL: Place = Place(UnsafeCell::new(MaybeUninit::uninit()));
+static IS_STARTED: AtomicBool = AtomicBool::new(false);
+
+/// The current as it was measured.
+pub static AVERAGES: Averages<AVERAGED_BLOCKS> = Averages::new();
+
+/// The current, period by period, when that is asked for.
+pub static TRACE: Trace<TRACE_LENGTH> = Trace::new();
+
+/// The supply's result when the bridge last went off; [`NONE`] once it was taken.
+static SUPPLY_AT_OFF: AtomicU32 = AtomicU32::new(NONE);
+const NONE: u32 = u32::MAX;
+
+/// The supply's result of the moment at which the bridge went off, once.
+pub fn take_supply_at_off() -> Option<u16> {
+    let result = SUPPLY_AT_OFF.load(Ordering::Relaxed);
+    SUPPLY_AT_OFF.store(NONE, Ordering::Relaxed);
+    u16::try_from(result).ok()
+}
+
+/// Sets PWM, ADC and DMA up and starts them; the bridge is off.
+pub fn start(drive: Drive) {
+    // SAFETY: nothing else uses these slices, the ADC or DMA; the interrupt is not enabled yet.
+    unsafe {
+        (*CONTROL.0.get()).write(Control {
+            drive,
+            drives: false,
+            awake: false,
+            limit_low: false,
+        });
+        IS_STARTED.store(true, Ordering::Release);
+        let dma = &*DMA::ptr();
+        set_up(dma.ch(1));
+        dma.ch(1).ch_al1_ctrl().write(|w| w.bits(CARRY));
+        set_up(dma.ch(0));
+        // The other takes over at its end.
+        let chained = CARRY | 1 << 11;
+        dma.ch(0).ch_ctrl_trig().write(|w| w.bits(chained));
+        let pwm = &*PWM::ptr();
+        let bridge = pwm.ch(pins::COIL_SLICE);
+        bridge.csr().write(|w| w.bits(PHASE_CORRECT));
+        bridge.top().write(|w| w.bits(u32::from(FULL_LEVEL) - 1));
+        bridge.cc().write(|w| w.bits(0));
+        bridge.ctr().write(|w| w.bits(0));
+        let control = pwm.ch(CONTROL_SLICE);
+        control.csr().write(|w| w.bits(0));
+        control.top().write(|w| w.bits(CYCLES - 1));
+        control.ctr().write(|w| w.bits(CONTROL_BEGINS));
+        let adc = &*ADC::ptr();
+        adc.fcs().write(|w| w.bits(FIFO_TO_DMA));
+        let slices = 1 << pins::COIL_SLICE | 1 << CONTROL_SLICE;
+        let enabled = pwm.en().read().bits() | slices;
+        // One after the other, a few cycles apart.
+        pwm.en().write(|w| w.bits(enabled));
+        adc.cs().write(|w| w.bits(CONVERT));
+    }
+}
+
+/// From the ADC's FIFO into the ring.
+fn set_up(channel: &rp2040_pac::dma::CH) {
+    // SAFETY: an address of a register and one of a static.
+    unsafe {
+        let from = (*ADC::ptr()).fifo().as_ptr() as u32;
+        channel.ch_read_addr().write(|w| w.bits(from));
+        let to = RESULTS_RING.0.get() as u32;
+        channel.ch_write_addr().write(|w| w.bits(to));
+        channel.ch_trans_count().write(|w| w.bits(RESULTS));
+    }
+}
+
+/// Lets the interrupt run, or rest: the bridge is off then.
+pub fn run(on: bool) {
+    if !IS_STARTED.load(Ordering::Acquire) {
+        return;
+    }
+    // SAFETY: the wraps of no other slice interrupt.
+    unsafe {
+        let pwm = &*PWM::ptr();
+        pwm.intr().write(|w| w.bits(1 << CONTROL_SLICE));
+        pwm.inte().write(|w| w.bits(u32::from(on) << CONTROL_SLICE));
+    }
+    precedence::set_on(on);
+}
+
+/// The number of the last period in [`AVERAGES`], and how long ago it ended, us.
+///
+/// Its two samples, at the beginning and in the middle of a period of the bridge, are the current of
+/// the moment between them, which is the mean over a period about that moment: to two microseconds
+/// after the interrupt was called.
+pub fn last() -> (u32, i32) {
+    const AFTER_CALL_US: i32 = 2;
+    let read = || {
+        let periods = AVERAGES.now();
+        // SAFETY: a register is read.
+        let count = unsafe { (*PWM::ptr()).ch(CONTROL_SLICE).ctr().read().bits() };
+        (periods, (count / CORE_MHZ) as i32 - AFTER_CALL_US)
+    };
+    let first = read();
+    // Where the interrupt came between, it does not come again so soon.
+    if AVERAGES.now() == first.0 {
+        first
+    } else {
+        read()
+    }
+}
+
+/// The drive, with the interrupt held back for a microsecond: for a report, or for an order that
+/// changes little.
+pub fn with_drive<T>(work: impl FnOnce(&mut Drive) -> T) -> Option<T> {
+    masked_for(SHORT, work)
+}
+
+/// Applies an order of any kind.
+pub fn apply(order: &Order) {
+    masked_for(LONG, |drive| drive.apply(order));
+}
+
+/// The drive, with the interrupt held back for so many cycles: begun when it is not due for as long.
+fn masked_for<T>(cycles: u32, work: impl FnOnce(&mut Drive) -> T) -> Option<T> {
+    if !IS_STARTED.load(Ordering::Acquire) {
+        return None;
+    }
+    // No task comes between, and so no task unmasks the interrupt while another works.
+    critical_section::with(|_| {
+        let latest = CYCLES - cycles;
+        // Ends within a period: the interrupt takes less than what these cycles leave of it.
+        let _ = (0..TRIES).any(|_| mask_before(latest));
+        // A level that comes late is better than an order that never comes.
+        NVIC::mask(Interrupt::PWM_IRQ_WRAP);
+        cortex_m::asm::dsb();
+        // SAFETY: see `Place`.
+        let done = work(unsafe { &mut (*CONTROL.0.get()).assume_init_mut().drive });
+        // SAFETY: it was enabled: it always is, since `vectors` has enabled it.
+        unsafe { NVIC::unmask(Interrupt::PWM_IRQ_WRAP) };
+        Some(done)
+    })
+}
+
+/// Masks the interrupt, if it does not wait already and its slice has not counted so far yet.
+fn mask_before(latest: u32) -> bool {
+    NVIC::mask(Interrupt::PWM_IRQ_WRAP);
+    cortex_m::asm::dsb();
+    // SAFETY: a register is read.
+    let count = unsafe { (*PWM::ptr()).ch(CONTROL_SLICE).ctr().read().bits() };
+    let is_early = count < latest && !NVIC::is_pending(Interrupt::PWM_IRQ_WRAP);
+    if !is_early {
+        // SAFETY: as in `masked_for`.
+        unsafe { NVIC::unmask(Interrupt::PWM_IRQ_WRAP) };
+    }
+    is_early
+}
+
+#[inline]
+fn result(place: usize) -> u16 {
+    // SAFETY: within the ring; DMA writes whole half-words.
+    unsafe {
+        RESULTS_RING
+            .0
+            .get()
+            .cast::<u16>()
+            .add(place % RING)
+            .read_volatile()
+    }
+}
+
+/// The last results of thermistor and supply.
+pub fn slow_readings() -> SlowReadings {
+    SlowReadings {
+        thermistor: result(THERMISTOR),
+        supply: result(SUPPLY),
+    }
+}
+
+/// The interrupt: once a period.
+pub unsafe extern "C" fn on_period() {
+    precedence::begin();
+    // SAFETY: clears the flag of the slice that called.
+    unsafe {
+        (*PWM::ptr()).intr().write(|w| w.bits(1 << CONTROL_SLICE));
+    }
+    let [first, second] = CURRENT;
+    let samples = [result(first), result(second)];
+    let faulty = !pins::is_high(pins::BRIDGE_FAULT);
+    // SAFETY: see `Place`: tasks mask this interrupt, and `run` has enabled it.
+    let control = unsafe { (*CONTROL.0.get()).assume_init_mut() };
+    let output = control.drive.tick(samples, faulty);
+    control.apply(output);
+    precedence::end();
+    if control.drive.account(&AVERAGES) {
+        control.apply(Output::OFF);
+    }
+    TRACE.push(control.drive.measured());
+}
+
+fn set_levels(levels: u32) {
+    // SAFETY: the slice belongs to the coil; two half-words.
+    unsafe {
+        (*PWM::ptr())
+            .ch(pins::COIL_SLICE)
+            .cc()
+            .write(|w| w.bits(levels));
+    }
+}
+
+impl Control {
+    #[inline(always)]
+    fn apply(&mut self, output: Output) {
+        if output.awake {
+            let levels = output.levels;
+            set_levels(u32::from(levels.in2) << 16 | u32::from(levels.in1));
+        }
+        let drives = output.awake && !output.limit_low;
+        if !(drives && self.drives) {
+            self.turn(output);
+        }
+    }
+
+    #[inline(never)]
+    fn turn(&mut self, output: Output) {
+        if output.awake && !self.awake {
+            pins::set_function(pins::IN1, Function::Pwm);
+            pins::set_function(pins::IN2, Function::Pwm);
+            pins::set(pins::BRIDGE_ENABLE, true);
+        } else if self.awake && !output.awake {
+            safe::bridge_off();
+            set_levels(0);
+            SUPPLY_AT_OFF.store(result(SUPPLY).into(), Ordering::Relaxed);
+        }
+        self.awake = output.awake;
+        self.drives = output.awake && !output.limit_low;
+        if output.limit_low != self.limit_low {
+            self.limit_low = output.limit_low;
+            pins::open_drain(pins::BRIDGE_LIMIT, output.limit_low);
+        }
+    }
+}

@@ -1,0 +1,323 @@
+//! I2C: a master behind `embedded-hal-async`, and a reader of frames on the edges of INTB, with a
+//! deadline for everything.
+
+pub mod engine;
+pub mod recovery;
+mod timing;
+
+use embedded_hal_async::i2c::{ErrorType, I2c, Operation, SevenBitAddress};
+use ldc161x::FrameRequest;
+use palpate_node::acquisition::Fetch;
+use palpate_node::converter::{CONVERTERS, EdgeDeadlines, EdgeFrame, EdgeReader, TransferError};
+use palpate_node::supervision::Task;
+use rtic_monotonics::rp2040::prelude::*;
+
+use crate::Mono;
+use crate::board::pins;
+use crate::supervision::CHECK_INS;
+use crate::wakeup::{Sleeper, Wakeup};
+use engine::{Job, Outcome, READ, Stamp};
+
+/// Bit 0 of TX_ABRT_SOURCE: the address was not acknowledged; bit 3: a byte after it.
+const ADDRESS: u32 = 1 << 0;
+/// See [`ADDRESS`].
+const DATA: u32 = 1 << 3;
+/// See [`ADDRESS`]: another master, or a wire that is held low.
+const ARBITRATION: u32 = 1 << 12;
+
+/// A byte takes nine periods of 2.5 us; a transaction may take twice its length, and what a
+/// master and its interrupts need besides.
+const BYTE_US: u32 = 45;
+const MARGIN_US: u32 = 200;
+/// No transaction may take longer.
+const LONGEST_US: u32 = 5_000;
+
+/// Addresses of the converters.
+const ADDRESSES: [SevenBitAddress; CONVERTERS] = [0x2A, 0x2B];
+/// The tasks that wait.
+const TASKS: [Task; CONVERTERS] = [Task::Sensing, Task::SecondSensing];
+
+/// The signals that a transaction, or a frame, of a converter is over.
+static SINGLE: [Wakeup; CONVERTERS] = [const { Wakeup::new() }; CONVERTERS];
+/// See [`SINGLE`].
+static FRAME: [Wakeup; CONVERTERS] = [const { Wakeup::new() }; CONVERTERS];
+
+/// Wakes the tasks for which something is over; for the interrupt that the engine pends.
+pub fn wake() {
+    for ((converter, single), frame) in SINGLE.iter().enumerate().zip(&FRAME) {
+        let over = engine::over(converter);
+        if over.single {
+            single.call();
+        }
+        if over.frame {
+            frame.call();
+        }
+    }
+}
+
+/// A millisecond has passed, in which the deadline of a transaction may have.
+pub fn pulse() {
+    for wakeup in SINGLE.iter().chain(&FRAME) {
+        wakeup.pulse();
+    }
+}
+
+/// Sets the bus up. Once, at the start.
+pub fn set_up() {
+    recovery::set_up();
+}
+
+/// Master and edge reader of a converter; nothing if they were taken already.
+pub fn take(converter: usize) -> Option<(Master, Edges)> {
+    let task = *TASKS.get(converter)?;
+    let address = *ADDRESSES.get(converter)?;
+    let master = Master {
+        over: SINGLE.get(converter)?.take()?,
+        converter,
+        task,
+    };
+    let edges = Edges {
+        over: FRAME.get(converter)?.take()?,
+        converter,
+        task,
+        address,
+        deadline_us: LONGEST_US,
+        silence_us: 0,
+        known_us: 0,
+    };
+    Some((master, edges))
+}
+
+/// What the block's own bits say of an aborted transaction.
+fn aborted(cause: u32) -> Result<(), TransferError> {
+    match cause {
+        0 => Ok(()),
+        _ if cause & ADDRESS != 0 => Err(TransferError::NotAcknowledged { address: true }),
+        _ if cause & DATA != 0 => Err(TransferError::NotAcknowledged { address: false }),
+        _ if cause & ARBITRATION != 0 => Err(TransferError::Arbitration),
+        _ => Err(TransferError::Aborted),
+    }
+}
+
+/// Frees the bus; the error is what is the matter with it.
+fn give_up() -> TransferError {
+    match recovery::clear() {
+        Ok(()) => TransferError::Timeout,
+        Err(error) => error,
+    }
+}
+
+/// From the transaction's own length, 5 ms at most; it is polled when a pulse comes, every
+/// millisecond.
+fn deadline_us(commands: usize) -> u32 {
+    (commands as u32 * BYTE_US + MARGIN_US).min(LONGEST_US)
+}
+
+fn now_us() -> u32 {
+    Mono::now().as_ticks() as u32
+}
+
+fn passed_us(since_us: u32) -> u32 {
+    now_us().wrapping_sub(since_us)
+}
+
+// ---- master ----
+
+/// The master, for the task of one converter. Transactions of different tasks follow one another.
+pub struct Master {
+    over: Sleeper,
+    converter: usize,
+    task: Task,
+}
+
+impl Master {
+    /// Waits for the end of a transaction, or for the next pulse.
+    async fn wait(&mut self) {
+        CHECK_INS.check_in(self.task);
+        self.over.wait().await;
+    }
+}
+
+impl ErrorType for Master {
+    type Error = TransferError;
+}
+
+impl I2c for Master {
+    async fn transaction(
+        &mut self,
+        address: SevenBitAddress,
+        operations: &mut [Operation<'_>],
+    ) -> Result<(), TransferError> {
+        #[cfg(planted_defect = "write_dropped")]
+        if let [Operation::Write([_, _, _])] = operations {
+            return Ok(());
+        }
+        let job = job(address, operations).ok_or(TransferError::Length)?;
+        let deadline_us = deadline_us(job.length());
+        let asked_us = now_us();
+        while !engine::submit(self.converter, &job) {
+            if passed_us(asked_us) > LONGEST_US {
+                return Err(give_up());
+            }
+            self.wait().await;
+        }
+        loop {
+            let result = engine::take_single(self.converter, |outcome| {
+                aborted(outcome.cause)?;
+                hand_out(outcome, operations);
+                Ok(())
+            });
+            if let Some(result) = result {
+                return result;
+            }
+            let is_late = match engine::runs_since_us(self.converter) {
+                Some(since_us) => passed_us(since_us) > deadline_us,
+                None => passed_us(asked_us) > 2 * LONGEST_US,
+            };
+            if is_late {
+                return Err(give_up());
+            }
+            self.wait().await;
+        }
+    }
+}
+
+/// Hands out the bytes that a transaction read.
+fn hand_out(outcome: &Outcome, operations: &mut [Operation<'_>]) {
+    let mut bytes = outcome.bytes().iter();
+    for operation in operations {
+        if let Operation::Read(buffer) = operation {
+            for (place, byte) in buffer.iter_mut().zip(&mut bytes) {
+                *place = *byte;
+            }
+        }
+    }
+}
+
+/// The commands of a transaction; the block sends a repeated START by itself where reading and
+/// writing alternate. Nothing if it is longer than any frame, or empty.
+fn job(address: SevenBitAddress, operations: &[Operation<'_>]) -> Option<Job> {
+    let mut job = Job::to(address);
+    for operation in operations {
+        match operation {
+            Operation::Write(bytes) => {
+                bytes
+                    .iter()
+                    .try_for_each(|&byte| job.push(u16::from(byte)))?;
+            }
+            Operation::Read(buffer) => buffer.iter().try_for_each(|_| job.push(READ))?,
+        }
+    }
+    job.stop()?;
+    Some(job)
+}
+
+// ---- edge reader ----
+
+/// Reads a converter's frames on its edges.
+pub struct Edges {
+    over: Sleeper,
+    converter: usize,
+    task: Task,
+    address: SevenBitAddress,
+    deadline_us: u32,
+    silence_us: u32,
+    /// The last edge whose time is known, or when reading began.
+    known_us: u32,
+}
+
+impl EdgeReader for Edges {
+    fn start(&mut self, request: &FrameRequest, deadlines: EdgeDeadlines) {
+        let mut job = Job::to(self.address);
+        for pointer in request.pointers() {
+            for command in [u16::from(pointer), READ, READ] {
+                // There is room for the longest frame.
+                let _ = job.push(command);
+            }
+        }
+        let _ = job.stop();
+        self.deadline_us = deadline_us(job.length());
+        self.silence_us = deadlines.silence_us;
+        self.known_us = now_us();
+        engine::read_on_edges(self.converter, &job, deadlines.latest_begin_us);
+    }
+
+    async fn next(&mut self) -> Result<EdgeFrame, TransferError> {
+        let asked_us = now_us();
+        loop {
+            if let Some(result) = engine::take_frame(self.converter, frame) {
+                if let Ok(EdgeFrame {
+                    fetch: Some(of), ..
+                }) = &result
+                {
+                    self.known_us = of.edge_us as u32;
+                }
+                return result;
+            }
+            match engine::reads_since_us(self.converter) {
+                Some(since_us) if passed_us(since_us) > self.deadline_us => return Err(give_up()),
+                Some(_) => {}
+                None if passed_us(self.known_us) > self.silence_us => {
+                    self.known_us = now_us();
+                    return Err(TransferError::Silent);
+                }
+                None => {
+                    let edge_us = engine::last_edge_us(self.converter);
+                    let is_low = !pins::is_high(pins::intb(self.converter));
+                    // Not at once after the last: other transactions get their turn.
+                    let rests = passed_us(edge_us) <= self.deadline_us
+                        || passed_us(asked_us) <= self.deadline_us;
+                    if is_low && !rests {
+                        engine::begin_without_edge(self.converter);
+                    }
+                }
+            }
+            CHECK_INS.check_in(self.task);
+            self.over.wait().await;
+        }
+    }
+
+    fn stop(&mut self) {
+        engine::rest(self.converter);
+    }
+}
+
+/// A frame with its edge, of what came of reading it.
+fn frame(outcome: &Outcome) -> Result<EdgeFrame, TransferError> {
+    aborted(outcome.cause)?;
+    #[cfg(planted_defect = "words_swapped")]
+    let outcome = &swapped(outcome);
+    Ok(EdgeFrame {
+        // There is room for the longest frame.
+        bytes: heapless::Vec::from_slice(outcome.bytes()).unwrap_or_default(),
+        fetch: outcome.stamp.is_known.then(|| fetch(outcome.stamp)),
+    })
+}
+
+#[cfg(planted_defect = "words_swapped")]
+fn swapped(outcome: &Outcome) -> Outcome {
+    let mut swapped = *outcome;
+    if let ([first, second, third, fourth, ..], true) = (&mut swapped.bytes, outcome.stamp.is_known)
+    {
+        core::mem::swap(first, third);
+        core::mem::swap(second, fourth);
+    }
+    swapped
+}
+
+/// When a frame was read.
+fn fetch(stamp: Stamp) -> Fetch {
+    #[cfg(planted_defect = "late_stamp")]
+    let stamp = stamp.taken_at(now_us());
+    Fetch {
+        edge_us: extended(stamp.time_us),
+        ended_us: stamp.ended_us.wrapping_sub(stamp.time_us),
+        edges: stamp.edges,
+    }
+}
+
+/// A recent time of which only the lower half is known.
+fn extended(low_us: u32) -> u64 {
+    let now_us = Mono::now().as_ticks();
+    now_us - u64::from((now_us as u32).wrapping_sub(low_us))
+}

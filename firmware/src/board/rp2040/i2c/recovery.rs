@@ -1,0 +1,88 @@
+//! The I2C block and its pins: set up, and freed when something holds a wire.
+
+#![allow(unsafe_code)]
+
+use cortex_m::asm::delay;
+use palpate_node::board::cycles;
+use palpate_node::converter::TransferError;
+use rp2040_pac::{I2C0, RESETS};
+
+use super::timing::{CONTROL, HIGH, HOLD, LOW, SPIKE};
+use crate::board::pins::{self, Function};
+use crate::board::rp2040::wait;
+
+/// Half a period of the pulses that free the bus: 100 kHz.
+const HALF_PULSE: u32 = cycles(5_000);
+const PULSES: u32 = 9;
+/// How long a wire may take to be free.
+const SETTLE: u32 = cycles(20_000);
+
+/// Sets the block up from reset, without a target yet.
+pub fn set_up() {
+    // SAFETY: no transaction runs: the block is in reset or was just taken out of it, and the
+    // caller resets the engine. Values are within the fields.
+    unsafe {
+        let resets = &*RESETS::ptr();
+        resets.reset().modify(|_, w| w.i2c0().set_bit());
+        resets.reset().modify(|_, w| w.i2c0().clear_bit());
+        wait(|| resets.reset_done().read().i2c0().bit_is_set());
+        let i2c = &*I2C0::ptr();
+        i2c.ic_con().write(|w| w.bits(CONTROL));
+        i2c.ic_fs_spklen().write(|w| w.bits(SPIKE));
+        i2c.ic_fs_scl_lcnt().write(|w| w.bits(LOW));
+        i2c.ic_fs_scl_hcnt().write(|w| w.bits(HIGH));
+        i2c.ic_sda_hold().write(|w| w.bits(HOLD));
+        i2c.ic_tx_tl().write(|w| w.bits(4));
+        i2c.ic_rx_tl().write(|w| w.bits(7));
+        i2c.ic_intr_mask().write(|w| w.bits(0));
+        i2c.ic_enable().write(|w| w.bits(1));
+    }
+}
+
+/// Frees the bus: a target that was cut off within a byte lets go of SDA after nine clocks at
+/// most, and a STOP ends what it took part in (I2C specification 3.1.16).
+pub fn clear() -> Result<(), TransferError> {
+    super::engine::forget();
+    set_up();
+    pins::open_drain(pins::SDA, false);
+    pins::open_drain(pins::SCL, false);
+    pins::set_function(pins::SDA, Function::Sio);
+    pins::set_function(pins::SCL, Function::Sio);
+    delay(HALF_PULSE);
+    let result = pulse_until_free();
+    pins::set_function(pins::SDA, Function::I2c);
+    pins::set_function(pins::SCL, Function::I2c);
+    result
+}
+
+fn pulse_until_free() -> Result<(), TransferError> {
+    if !pins::is_high(pins::SCL) {
+        return Err(TransferError::ClockStuck);
+    }
+    for _ in 0..PULSES {
+        if pins::is_high(pins::SDA) {
+            break;
+        }
+        pulse();
+    }
+    // STOP: SDA rises while SCL is high.
+    pins::open_drain(pins::SCL, true);
+    delay(HALF_PULSE);
+    pins::open_drain(pins::SDA, true);
+    delay(HALF_PULSE);
+    pins::open_drain(pins::SCL, false);
+    delay(HALF_PULSE);
+    pins::open_drain(pins::SDA, false);
+    delay(SETTLE);
+    if !pins::is_high(pins::SDA) {
+        return Err(TransferError::DataStuck);
+    }
+    Ok(())
+}
+
+fn pulse() {
+    pins::open_drain(pins::SCL, true);
+    delay(HALF_PULSE);
+    pins::open_drain(pins::SCL, false);
+    delay(HALF_PULSE);
+}

@@ -1,0 +1,318 @@
+//! Raspberry Pi Pico: which pin does what, and everything set up for it. The wiring stands in
+//! docs/firmware.md.
+
+#![allow(unsafe_code)]
+
+use coil_hbridge::Supervisor;
+use palpate_node::board::{Clkin, cycles};
+use palpate_node::converter::CONVERTERS;
+use rp2040_pac::{IO_BANK0, PADS_BANK0, PWM, Peripherals, SIO};
+
+use super::{clocks, coil, i2c, wait};
+
+/// I2C data.
+pub const SDA: usize = 4;
+/// I2C clock.
+pub const SCL: usize = 5;
+/// INTB of a converter: low while a result waits.
+pub struct IntbLine {
+    /// Its pin.
+    pub pin: usize,
+    /// The PWM slice that counts its edges, at its input B.
+    slice: usize,
+}
+
+impl IntbLine {
+    /// The register among INTR, INTE and INTS that holds the pin, and the bit of its falling edge.
+    #[inline(always)]
+    pub const fn falling(&self) -> (usize, u32) {
+        // At most the last of the four, so that no index is beyond them.
+        ((self.pin / 8) & 3, 1 << (4 * (self.pin % 8) + 2))
+    }
+
+    /// The slice, which is one of the eight.
+    #[inline(always)]
+    pub const fn slice(&self) -> usize {
+        self.slice & 7
+    }
+}
+
+/// INTB of the first and the second converter.
+pub const INTB_LINES: [IntbLine; CONVERTERS] =
+    [IntbLine { pin: 7, slice: 3 }, IntbLine { pin: 9, slice: 4 }];
+/// Shutdown of the first and the second converter: high is off.
+pub const SHUTDOWN: [usize; CONVERTERS] = [8, 10];
+/// Inputs of the H-bridge.
+pub const IN1: usize = 16;
+/// See [`IN1`].
+pub const IN2: usize = 17;
+/// Enable of the H-bridge: low is off.
+pub const BRIDGE_ENABLE: usize = 18;
+/// Fault of the H-bridge: low is one.
+pub const BRIDGE_FAULT: usize = 19;
+/// Limit of the H-bridge: low reduces it, for its test.
+pub const BRIDGE_LIMIT: usize = 20;
+/// The converter's clock.
+pub const CLKIN: usize = 21;
+/// The LED.
+pub const LED: usize = 25;
+/// Pins of the ADC's inputs 0 to 2: coil current, thermometer, supply.
+pub const ANALOGUE: [usize; 3] = [26, 27, 28];
+/// The PWM slice of the bridge: IN1 is its output A, IN2 its output B.
+pub const COIL_SLICE: usize = 0;
+
+/// PADS: input on, Schmitt trigger, 4 mA.
+const INPUT: u32 = 1 << 6 | 1 << 1 | 1 << 4;
+const PULL_UP: u32 = 1 << 3;
+const PULL_DOWN: u32 = 1 << 2;
+/// PADS: output driver off, input off, for analogue use.
+const ANALOGUE_PAD: u32 = 1 << 7;
+/// PWM CSR: count falling edges of input B.
+const COUNT_FALLING: u32 = 3 << 4 | 1;
+
+/// What drives a pin (datasheet 2.19.2).
+#[derive(Clone, Copy)]
+pub enum Function {
+    /// The I2C block.
+    I2c = 3,
+    /// A PWM slice.
+    Pwm = 4,
+    /// The processor.
+    Sio = 5,
+    /// A clock's output.
+    Clock = 8,
+}
+
+fn io() -> &'static rp2040_pac::io_bank0::RegisterBlock {
+    // SAFETY: each pin's register is written by its owner alone; INTR0 belongs to `engine`.
+    unsafe { &*IO_BANK0::ptr() }
+}
+
+fn sio() -> &'static rp2040_pac::sio::RegisterBlock {
+    // SAFETY: levels are changed through the set and clear registers, one pin at a time.
+    unsafe { &*SIO::ptr() }
+}
+
+/// The highest pin. Every number here is below; that it is seen to be keeps a panic out.
+const LAST_PIN: usize = 29;
+
+/// Gives a pin to one of its drivers.
+pub fn set_function(pin: usize, function: Function) {
+    // SAFETY: the number is one of the field's, and no override is set.
+    unsafe {
+        io().gpio(pin.min(LAST_PIN))
+            .gpio_ctrl()
+            .write(|w| w.bits(function as u32))
+    };
+}
+
+fn set_pad(pin: usize, bits: u32) {
+    // SAFETY: any pad setting within the eight bits is allowed; the pin is the caller's.
+    unsafe {
+        (*PADS_BANK0::ptr())
+            .gpio(pin.min(LAST_PIN))
+            .write(|w| w.bits(bits))
+    };
+}
+
+/// The level of a pin.
+pub fn is_high(pin: usize) -> bool {
+    sio().gpio_in().read().bits() >> pin & 1 == 1
+}
+
+/// Sets the level of an output.
+pub fn set(pin: usize, high: bool) {
+    // SAFETY: only this pin's bit is written.
+    unsafe {
+        if high {
+            sio().gpio_out_set().write(|w| w.bits(1 << pin));
+        } else {
+            sio().gpio_out_clr().write(|w| w.bits(1 << pin));
+        }
+    }
+}
+
+/// Pulls a pin low, or lets go of it.
+pub fn open_drain(pin: usize, low: bool) {
+    set(pin, false);
+    // SAFETY: only this pin's bit is written.
+    unsafe {
+        if low {
+            sio().gpio_oe_set().write(|w| w.bits(1 << pin));
+        } else {
+            sio().gpio_oe_clr().write(|w| w.bits(1 << pin));
+        }
+    }
+}
+
+fn output(pin: usize, high: bool) {
+    set(pin, high);
+    // SAFETY: only this pin's bit is written.
+    unsafe { sio().gpio_oe_set().write(|w| w.bits(1 << pin)) };
+    set_pad(pin, INPUT | PULL_DOWN);
+    set_function(pin, Function::Sio);
+}
+
+fn input(pin: usize, pull: u32) {
+    open_drain(pin, false);
+    set_pad(pin, INPUT | pull);
+    set_function(pin, Function::Sio);
+}
+
+/// The board, set up.
+pub struct Board {
+    /// Clocks run as planned.
+    pub clocks_run: bool,
+    /// The timer, for the monotonic clock.
+    pub timer: rp2040_pac::TIMER,
+    /// The resets, for the same.
+    pub resets: rp2040_pac::RESETS,
+    /// The watchdog, not yet running.
+    pub watchdog: rp2040_pac::WATCHDOG,
+    /// What stands above the coil's drive; nothing where the clocks do not run.
+    pub supervisor: Option<Supervisor>,
+    /// A number drawn by chance, never 0.
+    pub boot_id: u32,
+}
+
+impl Board {
+    /// Sets everything up: the bridge off first, then clocks, pins, counters.
+    pub fn init(device: Peripherals) -> Self {
+        let mut resets = device.RESETS;
+        let mut regulator = device.VREG_AND_CHIP_RESET;
+        // Blocks that another program may have left in any state begin anew.
+        resets.reset().modify(|_, w| {
+            w.io_bank0().set_bit();
+            w.pads_bank0().set_bit();
+            w.pwm().set_bit();
+            w.adc().set_bit();
+            w.dma().set_bit();
+            w.timer().set_bit()
+        });
+        resets.reset().modify(|_, w| {
+            w.io_bank0().clear_bit();
+            w.pads_bank0().clear_bit();
+            w.pwm().clear_bit();
+            w.adc().clear_bit();
+            w.dma().clear_bit()
+        });
+        let ready = wait(|| {
+            let done = resets.reset_done().read();
+            done.io_bank0().bit_is_set()
+                && done.pads_bank0().bit_is_set()
+                && done.pwm().bit_is_set()
+                && done.adc().bit_is_set()
+                && done.dma().bit_is_set()
+        });
+        open_drain(BRIDGE_LIMIT, false);
+        set_pad(BRIDGE_LIMIT, INPUT);
+        set_function(BRIDGE_LIMIT, Function::Sio);
+        output(BRIDGE_ENABLE, false);
+        output(IN1, false);
+        output(IN2, false);
+        let clocks_run = clocks::set_up(
+            &mut resets,
+            &device.CLOCKS,
+            device.XOSC,
+            device.PLL_SYS,
+            device.PLL_USB,
+            &mut regulator,
+            &device.WATCHDOG,
+        ) && ready;
+        set_up_converter_pins();
+        set_up_analogue(&device.ADC);
+        output(LED, false);
+        input(BRIDGE_FAULT, PULL_UP);
+        i2c::set_up();
+        Self {
+            // Without clocks the coil stays off: its periods would have any length.
+            supervisor: if clocks_run { coil::start() } else { None },
+            clocks_run,
+            timer: device.TIMER,
+            resets,
+            watchdog: device.WATCHDOG,
+            boot_id: draw(&device.ROSC),
+        }
+    }
+}
+
+fn set_up_converter_pins() {
+    // Off, until it is started: no wire of it moves meanwhile.
+    for pin in SHUTDOWN {
+        output(pin, true);
+    }
+    for pin in [SDA, SCL] {
+        input(pin, PULL_UP);
+        set_function(pin, Function::I2c);
+    }
+    set_pad(CLKIN, INPUT | PULL_DOWN);
+    set_function(CLKIN, Function::Clock);
+    for line in &INTB_LINES {
+        // To the counter of edges; the interrupt reads the pad itself, whichever function has the pin.
+        input(line.pin, PULL_UP);
+        set_function(line.pin, Function::Pwm);
+        let (register, edge) = line.falling();
+        // SAFETY: within the fields; the slice counts nothing else. INTR and INTE: the falling edges of
+        // these pins alone.
+        unsafe {
+            let slice = (*PWM::ptr()).ch(line.slice());
+            slice.top().write(|w| w.bits(0xFFFF));
+            slice.csr().write(|w| w.bits(COUNT_FALLING));
+            io().intr(register).write(|w| w.bits(u32::MAX));
+            io().proc0_inte(register).write(|w| w.bits(edge));
+        }
+    }
+}
+
+fn set_up_analogue(adc: &rp2040_pac::ADC) {
+    for pin in ANALOGUE {
+        set_pad(pin, ANALOGUE_PAD);
+    }
+    adc.cs().write(|w| w.en().set_bit());
+}
+
+/// Sets the converters' clock. One that is set already goes on without a gap.
+pub fn set_clkin(clkin: Clkin) {
+    // SAFETY: CLK_GPOUT0 is used for nothing else.
+    let clocks = unsafe { &*rp2040_pac::CLOCKS::ptr() };
+    clocks::send_out(clocks, clkin.divisor());
+}
+
+/// A number by chance from the jitter of the ring oscillator; not for secrets. Never 0.
+fn draw(ring: &rp2040_pac::ROSC) -> u32 {
+    let number = (0..32).fold(0_u32, |number, _| {
+        cortex_m::asm::delay(cycles(500));
+        number << 1 | ring.randombit().read().bits() & 1
+    });
+    number.max(1)
+}
+
+/// The pin of a converter's INTB.
+pub fn intb(converter: usize) -> usize {
+    let line = INTB_LINES.get(converter);
+    line.map_or(LAST_PIN, |line| line.pin)
+}
+
+/// Holds a converter in shutdown, or lets it wake.
+pub fn shut_down(converter: usize, off: bool) {
+    if let Some(pin) = SHUTDOWN.get(converter) {
+        set(*pin, off);
+    }
+}
+
+/// INTB of a converter, for the question what releases it.
+pub struct IntbPin(pub usize);
+
+impl embedded_hal::digital::ErrorType for IntbPin {
+    type Error = core::convert::Infallible;
+}
+
+impl embedded_hal::digital::InputPin for IntbPin {
+    fn is_high(&mut self) -> Result<bool, Self::Error> {
+        Ok(is_high(self.0))
+    }
+
+    fn is_low(&mut self) -> Result<bool, Self::Error> {
+        Ok(!is_high(self.0))
+    }
+}

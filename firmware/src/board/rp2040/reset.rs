@@ -1,0 +1,85 @@
+//! Why this run began, as the chip's own flags say, and how a run ends: through the watchdog, which
+//! resets everything that it can.
+
+#![allow(unsafe_code)]
+
+use palpate_procedure::boot::ResetFlags;
+use rp2040_pac::{PSM, TIMER, VREG_AND_CHIP_RESET, WATCHDOG};
+
+use crate::supervision::WATCHDOG_US;
+
+/// In a scratch register of the watchdog, which outlives its resets: it was started by this firmware.
+const OWN_WATCHDOG: u32 = 0x5061_6C70;
+/// Stages of the start that a watchdog runs through again: all but the two oscillators'.
+const ALL_STAGES: u32 = 0x1_FFFC;
+
+/// Reads why this run began, and makes a watchdog reset everything. Once, before interrupts are on.
+pub fn flags() -> ResetFlags {
+    // SAFETY: nothing else uses these registers yet.
+    let (sequence, watchdog, chip) = unsafe {
+        (
+            &*PSM::ptr(),
+            &*WATCHDOG::ptr(),
+            &*VREG_AND_CHIP_RESET::ptr(),
+        )
+    };
+    // SAFETY: within the field of 17 bits.
+    sequence.wdsel().write(|w| unsafe { w.bits(ALL_STAGES) });
+    let reason = watchdog.reason().read();
+    let chip = chip.chip_reset().read();
+    ResetFlags {
+        forced: reason.force().bit_is_set(),
+        timed_out: reason.timer().bit_is_set(),
+        is_own_watchdog: watchdog.scratch0().read().bits() == OWN_WATCHDOG,
+        debugger: chip.had_psm_restart().bit_is_set(),
+        pin: chip.had_run().bit_is_set(),
+    }
+}
+
+/// Time since this run began, in milliseconds, as the lower half of the microsecond timer has it.
+pub fn uptime_ms() -> u32 {
+    // SAFETY: reading the raw timer has no effect on it.
+    let timer = unsafe { &*TIMER::ptr() };
+    timer.timerawl().read().bits() / 1_000
+}
+
+/// Resets the chip.
+pub fn restart() -> ! {
+    // SAFETY: the last thing that this run does.
+    let watchdog = unsafe { &*WATCHDOG::ptr() };
+    loop {
+        watchdog.ctrl().write(|w| w.trigger().set_bit());
+    }
+}
+
+/// The watchdog, which is fed while every task checks in.
+pub struct Watchdog(WATCHDOG);
+
+impl Watchdog {
+    /// Starts it, where the clocks run: without them the processor is too slow to feed it, and the
+    /// coil is never driven. It runs on while a debugger stops the processor: a coil must not stay on
+    /// at a breakpoint.
+    pub fn start(registers: WATCHDOG, clocks_run: bool) -> Self {
+        let watchdog = Self(registers);
+        if !clocks_run {
+            return watchdog;
+        }
+        let mark = watchdog.0.scratch0();
+        // SAFETY: any word may be kept there.
+        mark.write(|w| unsafe { w.bits(OWN_WATCHDOG) });
+        watchdog.feed();
+        watchdog.0.ctrl().write(|w| {
+            let w = w.pause_dbg0().clear_bit().pause_dbg1().clear_bit();
+            w.pause_jtag().clear_bit().enable().set_bit()
+        });
+        watchdog
+    }
+
+    /// Gives it another [`WATCHDOG_US`]. It counts two a microsecond (erratum RP2040-E1).
+    pub fn feed(&self) {
+        const { assert!(2 * WATCHDOG_US < 1 << 24) };
+        let load = self.0.load();
+        // SAFETY: within the field of 24 bits.
+        load.write(|w| unsafe { w.load().bits(2 * WATCHDOG_US) });
+    }
+}

@@ -1,0 +1,113 @@
+//! The vector table, in memory: a vector in flash may have to be fetched first, for a microsecond.
+
+#![allow(unsafe_code)]
+
+use core::cell::UnsafeCell;
+
+use cortex_m::peripheral::{NVIC, SCB};
+use rp2040_pac::Interrupt;
+
+use super::control;
+use super::i2c::engine;
+
+/// Vectors of the processor and of the 32 interrupts.
+const VECTORS: usize = 48;
+/// Vectors that are the processor's own.
+const EXCEPTIONS: usize = 16;
+/// Below the bus's interrupts, which wait for it where they can (`control::precedence`), and above
+/// everything of RTIC's: the second of four.
+const CONTROL_PRIORITY: u8 = 0x40;
+/// Where the linker puts the table in flash.
+const FLASH: *const usize = 0x1000_0100 as *const usize;
+
+/// Aligned as VTOR demands (ARMv6-M architecture, B3.2.5).
+#[repr(C, align(256))]
+struct Table(UnsafeCell<[usize; VECTORS]>);
+
+// SAFETY: it is written once, before any interrupt is enabled.
+unsafe impl Sync for Table {}
+
+static TABLE: Table = Table(UnsafeCell::new([0; VECTORS]));
+
+/// Moves the table to memory, with the two handlers of the converter's bus in it. Both get the
+/// highest priority, above every task, and so never interrupt each other.
+pub fn move_to_memory(scb: &SCB, nvic: &mut NVIC) {
+    // SAFETY: no interrupt is enabled yet; the table in flash has 48 words; the handlers are
+    // functions of the kind that a vector names.
+    unsafe {
+        let table = &mut *TABLE.0.get();
+        for (place, vector) in table.iter_mut().enumerate() {
+            *vector = FLASH.add(place).read();
+        }
+        let handlers: [(Interrupt, unsafe extern "C" fn()); 2] = [
+            (Interrupt::IO_IRQ_BANK0, engine::on_edge),
+            (Interrupt::I2C0_IRQ, engine::on_i2c),
+        ];
+        for (interrupt, handler) in handlers {
+            if let Some(vector) = table.get_mut(EXCEPTIONS + interrupt as usize) {
+                *vector = handler as usize;
+            }
+            nvic.set_priority(interrupt, 0);
+        }
+        if let Some(vector) = table.get_mut(EXCEPTIONS + Interrupt::PWM_IRQ_WRAP as usize) {
+            let handler: unsafe extern "C" fn() = control::on_period;
+            *vector = handler as usize;
+        }
+        nvic.set_priority(Interrupt::PWM_IRQ_WRAP, CONTROL_PRIORITY);
+        scb.vtor.write(TABLE.0.get() as u32);
+        cortex_m::asm::dsb();
+        NVIC::unmask(Interrupt::IO_IRQ_BANK0);
+        NVIC::unmask(Interrupt::I2C0_IRQ);
+        NVIC::unmask(Interrupt::PWM_IRQ_WRAP);
+    }
+}
+
+/// The interrupts that no critical section of a task holds back: those of the converter's bus and
+/// of the coil, which share nothing with tasks but through `engine`'s and `control`'s own, shorter
+/// ones.
+const NEVER_MASKED: u32 = 1 << Interrupt::IO_IRQ_BANK0 as u32
+    | 1 << Interrupt::I2C0_IRQ as u32
+    | 1 << Interrupt::PWM_IRQ_WRAP as u32;
+
+/// Masks every other interrupt that is enabled, and says which those are.
+#[inline(never)]
+fn mask() -> u32 {
+    // With interrupts off as a whole there is no moment at which one that was just masked could
+    // still be taken.
+    cortex_m::interrupt::free(|_| {
+        // SAFETY: masking interrupts cannot break anybody's assumptions.
+        let nvic = unsafe { &*NVIC::PTR };
+        let enabled = nvic.iser.first().map_or(0, |iser| iser.read()) & !NEVER_MASKED;
+        if let Some(icer) = nvic.icer.first() {
+            // SAFETY: as above.
+            unsafe { icer.write(enabled) };
+        }
+        cortex_m::asm::dsb();
+        enabled
+    })
+}
+
+/// Lets those interrupts through again that were enabled before [`mask`].
+fn unmask(enabled: u32) {
+    // SAFETY: these were enabled when the section began.
+    let nvic = unsafe { &*NVIC::PTR };
+    if let Some(iser) = nvic.iser.first() {
+        // SAFETY: as above.
+        unsafe { iser.write(enabled) };
+    }
+}
+
+struct Section;
+critical_section::set_impl!(Section);
+
+// SAFETY: between acquire and release no interrupt runs but the two whose handlers take no
+// critical section and touch nothing that one protects. Only one core runs.
+unsafe impl critical_section::Impl for Section {
+    unsafe fn acquire() -> u32 {
+        mask()
+    }
+
+    unsafe fn release(enabled: u32) {
+        unmask(enabled);
+    }
+}

@@ -1,0 +1,261 @@
+//! Campaign: the coil's current as the firmware's image drives it, over resistance, inductance and
+//! supply; its error before any calibration; two uses weeks apart; and two minutes of full
+//! telemetry. Prints its result as Markdown; fails if one of the bars is missed.
+
+#[path = "../tests/integration/common/mod.rs"]
+mod common;
+
+use std::process::ExitCode;
+
+use common::RecordedBoard;
+use common::driven::{PERIOD, Telemetry, Wired, bend, steps, telemetry, wired};
+use ldc161x_sim::Time;
+use palpate_emulator::{BridgeCircuit, PlantConditions};
+use palpate_sim::electrical::ConverterParameters;
+use palpate_sim::random;
+use palpate_wire::code::Stream;
+
+const FULL_SCALE_A: f64 = 10.0;
+/// The bars.
+const OVERSHOOT: f64 = 0.02;
+const BEND: f64 = 0.005;
+const ABSOLUTE: f64 = 0.02;
+const REPEATED: f64 = 0.002;
+const LATENCY: Time = Time::from_us(10);
+/// Chains of measurement that are drawn.
+const CHAINS: u64 = 10;
+/// With samples, and as long again with raw words.
+const TELEMETRY: Time = Time::from_ms(60_000);
+
+fn conditions(coil_ohm: f64, inductance_h: f64, supply_v: f64) -> PlantConditions {
+    PlantConditions {
+        coil_ohm,
+        inductance_h,
+        supply_v,
+        ..PlantConditions::default()
+    }
+}
+
+/// The current that this supply can push for ever, A, with something left to regulate with.
+fn reachable_a(conditions: &PlantConditions) -> f64 {
+    let ohm = conditions.coil_ohm + BridgeCircuit::default().bridge_ohm + conditions.supply_ohm;
+    (0.8 * conditions.supply_v / ohm).min(FULL_SCALE_A)
+}
+
+/// Every corner; whether all hold.
+fn corners() -> bool {
+    println!("## Resistance, inductance and supply\n");
+    println!(
+        "| coil | inductance | supply | step to | 90 % within | possible | overshoot | ramp, 10 ms \
+         | ramp, 60 ms | ripple |"
+    );
+    println!("|---|---|---|---|---|---|---|---|---|---|");
+    let mut holds = true;
+    for part in [0.6, 1.0, 1.4] {
+        for inductance_h in [20e-6, 63e-6, 200e-6] {
+            for supply_v in [5.0, 8.0, 12.0] {
+                holds &= corner(&conditions(part * 0.389, inductance_h, supply_v));
+            }
+        }
+    }
+    println!();
+    holds
+}
+
+fn corner(conditions: &PlantConditions) -> bool {
+    let mut bench = wired(*conditions, BridgeCircuit::default(), 1);
+    bench.arm();
+    let to_a = reachable_a(conditions);
+    let step = steps(&mut bench, to_a, 8);
+    let [fast, slow] = [0.01, 0.06].map(|fall_s| bend(&mut bench, to_a, fall_s));
+    bench.go(0.6 * to_a, 1e-3, Time::from_ms(5));
+    println!(
+        "| {:.3} Ω | {:.0} µH | {:.0} V | {to_a:.1} A | {} | {} | {:.2} % | {:.2} % | {:.2} % | {:.2} A |",
+        conditions.coil_ohm,
+        conditions.inductance_h * 1e6,
+        conditions.supply_v,
+        micro(step.took),
+        micro(step.possible),
+        100.0 * step.overshoot,
+        100.0 * fast,
+        100.0 * slow,
+        bench.ripple_a(),
+    );
+    step.took <= step.possible + PERIOD + PERIOD
+        && step.overshoot <= OVERSHOOT
+        && fast.max(slow) <= BEND
+}
+
+fn micro(time: Time) -> String {
+    format!("{:.0} µs", time.as_secs_f64() * 1e6)
+}
+
+/// A chain of the range that sources give: gain within 1 % (amplifier 0.5 %, shunt 0.5 %), offset
+/// within 0.1 A, reference within 0.5 %, bow of any phase.
+fn drawn(seed: u64) -> BridgeCircuit {
+    let mut chance = random::Stream::named(seed, "coil_current");
+    BridgeCircuit {
+        converter: ConverterParameters {
+            reference_error: chance.between(-0.005, 0.005),
+            nonlinearity_phase: chance.phase(),
+            ..ConverterParameters::RP2040
+        },
+        gain_error: chance.between(-0.01, 0.01),
+        offset_a: chance.between(-0.1, 0.1),
+        ..BridgeCircuit::default()
+    }
+}
+
+/// The same after ten kelvin and weeks: 50 ppm/K of the amplifier's gain, 50 ppm/K of the reference,
+/// 5 mA of its offset; another resistance of the copper, another supply.
+fn weeks_later(
+    seed: u64,
+    drive: &BridgeCircuit,
+    conditions: &PlantConditions,
+) -> (BridgeCircuit, PlantConditions) {
+    let mut chance = random::Stream::named(seed, "coil_current.weeks");
+    let mut drive = *drive;
+    drive.gain_error += chance.between(-5e-4, 5e-4);
+    drive.offset_a += chance.between(-5e-3, 5e-3);
+    drive.converter.reference_error += chance.between(-5e-4, 5e-4);
+    let conditions = PlantConditions {
+        coil_ohm: 1.04 * conditions.coil_ohm,
+        supply_v: 0.97 * conditions.supply_v,
+        ..*conditions
+    };
+    (drive, conditions)
+}
+
+/// A use: the true means of conversions at currents over the whole range, and on ramps between
+/// them; with the currents that were asked for, where they were held.
+struct Use {
+    held: Vec<(f64, Vec<f64>)>,
+    ramps: Vec<common::driven::ChargeCurve>,
+}
+
+fn use_it(bench: &mut RecordedBoard<Wired>) -> Use {
+    bench.arm();
+    let mut held = Vec::new();
+    for half in 1..=20 {
+        let to_a = 0.5 * f64::from(half);
+        bench.go(to_a, 1e-3, Time::from_ms(3));
+        held.push((to_a, bench.charge_curve(250).windows(1e-6)));
+    }
+    let ramps = (0..3)
+        .map(|_| {
+            bench.go(10.0, 2e-3, Time::from_ms(4));
+            bench.send(&common::driven::drive(2.0, 16e-3));
+            bench.charge_curve(1_100)
+        })
+        .collect();
+    bench.rest();
+    Use { held, ramps }
+}
+
+/// Greatest difference of held currents and of ramps. A conversion's window has its place on the
+/// ramp, which begins when the image has read the command: the time between the two uses that makes
+/// the difference least, a few periods.
+fn difference(first: &Use, second: &Use) -> [f64; 2] {
+    let greatest = |first: &[f64], second: &[f64]| {
+        let pairs = first.iter().zip(second);
+        pairs
+            .map(|(one, other)| (one - other).abs())
+            .fold(0.0, f64::max)
+    };
+    let held = first.held.iter().zip(&second.held);
+    let held_a = held.map(|((_, one), (_, other))| greatest(one, other));
+    let ramps = first.ramps.iter().zip(&second.ramps);
+    let ramps_a = ramps.map(|(one, other)| {
+        let still = one.windows(2e-3);
+        let shifted = (-400..=400).filter_map(|step| {
+            let other = other.windows(2e-3 + f64::from(step) * 4e-6);
+            // A window at either end may have no counterpart.
+            (other.len() + 2 > still.len()).then(|| greatest(&still, &other))
+        });
+        shifted.fold(f64::MAX, f64::min)
+    });
+    [held_a.fold(0.0, f64::max), ramps_a.fold(0.0, f64::max)]
+}
+
+/// Every chain; whether all hold.
+fn chains() -> bool {
+    println!("## Absolute error, and two uses weeks apart\n");
+    println!(
+        "| chain | gain | offset | absolute, before calibration | held, weeks apart | ramps, weeks apart |"
+    );
+    println!("|---|---|---|---|---|---|");
+    let mut holds = true;
+    for seed in 1..=CHAINS {
+        let (drive, conditions) = (drawn(seed), conditions(0.389, 40e-6, 12.0));
+        let first = use_it(&mut wired(conditions, drive, seed));
+        let (later, others) = weeks_later(seed, &drive, &conditions);
+        let second = use_it(&mut wired(others, later, seed + CHAINS));
+        let error = |(to_a, means): &(f64, Vec<f64>)| {
+            let errors = means.iter().map(|mean_a| (mean_a - to_a).abs());
+            errors.fold(0.0, f64::max)
+        };
+        let absolute = first.held.iter().map(error).fold(0.0, f64::max) / FULL_SCALE_A;
+        let apart = difference(&first, &second).map(|of_a| of_a / FULL_SCALE_A);
+        println!(
+            "| {seed} | {:+.2} % | {:+.0} mA | {:.2} % | {:.2} % | {:.2} % |",
+            100.0 * (drive.gain_error - drive.converter.reference_error),
+            1e3 * drive.offset_a,
+            100.0 * absolute,
+            100.0 * apart[0],
+            100.0 * apart[1],
+        );
+        holds &= absolute <= ABSOLUTE && apart.iter().all(|apart| *apart <= REPEATED);
+    }
+    println!();
+    println!("Parts of 10 A; means of conversions of 1 ms, the worst of all.\n");
+    holds
+}
+
+/// Two minutes; whether nothing was missed.
+fn full_telemetry() -> bool {
+    println!("## Full telemetry while the coil is driven\n");
+    println!(
+        "| stream | periods | levels late | least time left | longest from one to the next | samples | lost \
+         | edge to START, worst |"
+    );
+    println!("|---|---|---|---|---|---|---|---|");
+    let mut holds = true;
+    for (stream, name) in [(Stream::Samples, "samples"), (Stream::Raw, "raw")] {
+        let mut bench = wired(PlantConditions::default(), BridgeCircuit::default(), 1);
+        let Telemetry {
+            levels,
+            samples,
+            lost,
+            worst,
+        } = telemetry(&mut bench, TELEMETRY, stream);
+        let us = |time: Time| format!("{:.2} µs", time.as_secs_f64() * 1e6);
+        println!(
+            "| {name} | {} | {} | {} | {} | {samples} | {lost} | {} |",
+            levels.written,
+            levels.late,
+            us(levels.least_left),
+            us(levels.longest_gap),
+            us(worst),
+        );
+        let is_missed = levels.late > 0 || levels.longest_gap >= Time::from_us(24);
+        holds &= !is_missed && lost == 0 && worst <= LATENCY;
+    }
+    println!();
+    println!(
+        "{} simulated seconds each at 1 kHz, the PC reading and a command every 60 ms.",
+        TELEMETRY.as_secs_f64()
+    );
+    holds
+}
+
+fn main() -> ExitCode {
+    println!("<!-- evidence:begin -->");
+    let holds = [corners(), chains(), full_telemetry()];
+    println!("<!-- evidence:end -->");
+    if holds == [true; 3] {
+        ExitCode::SUCCESS
+    } else {
+        eprintln!("a bar is missed: corners, chains, telemetry hold: {holds:?}");
+        ExitCode::FAILURE
+    }
+}

@@ -1,0 +1,251 @@
+//! Campaign: faults of bus and converter, and crashes in the midst of a ramp, each from a snapshot
+//! of the running image. Prints its result as Markdown; fails if a claim does not hold.
+
+#[path = "../tests/integration/common/mod.rs"]
+mod common;
+
+use std::process::ExitCode;
+
+use common::{Crash, RecordedBoard, TASKS, ramping, streaming};
+use ldc161x_sim::{ChipFault, FaultEvent, Lost, Time};
+use palpate_emulator::{Image, LineFault, firmware};
+
+/// From the end of a cause to the next good sample.
+const RECOVERY: Time = Time::from_ms(50);
+/// From a panic or a fault to a bridge that is off, and from a hang.
+const OFF_AT_ONCE: Time = Time::from_ms(1);
+const OFF_AFTER_HANG: Time = Time::from_ms(60);
+/// Points of a ramp, 3 ms apart.
+const POINTS: u64 = 20;
+
+/// The worst of some cases.
+struct FaultRow {
+    what: String,
+    cases: u32,
+    worst: Time,
+    limit: Time,
+    broken: u32,
+}
+
+impl FaultRow {
+    fn new(what: &str, limit: Time) -> Self {
+        Self {
+            what: what.to_owned(),
+            cases: 0,
+            worst: Time::ZERO,
+            limit,
+            broken: 0,
+        }
+    }
+
+    /// A case that took so long, or did not come to its end.
+    fn add(&mut self, took: Option<Time>) {
+        self.cases += 1;
+        match took {
+            Some(took) => {
+                self.worst = self.worst.max(took);
+                self.broken += u32::from(took > self.limit);
+            }
+            None => self.broken += 1,
+        }
+    }
+}
+
+/// From now to the next sample that follows no gap; nothing if it does not come, if the watchdog
+/// had to help, or if a word with an error flag was called a sample.
+fn recovery(bench: &mut RecordedBoard) -> Option<Time> {
+    let begin = bench.board.now();
+    bench.frames.clear();
+    while bench.board.now() < begin + Time::from_ms(200) {
+        bench.run(Time::from_ms(1));
+        if bench.samples().any(|(_, it)| it.missed == 0 && !it.gap) {
+            let took = bench.board.now() - begin;
+            bench.run(Time::from_ms(20));
+            let sound = bench.board.resets().watchdog == 0
+                && bench.words().iter().all(|word| word >> 28 == 0);
+            return sound.then_some(took);
+        }
+    }
+    None
+}
+
+fn wires(snapshot: &RecordedBoard, rows: &mut Vec<FaultRow>) {
+    let mut row = FaultRow::new(
+        "SDA low from each bit of a frame, until 1 to 9 clocks",
+        RECOVERY,
+    );
+    for bit in 0..95 {
+        let mut bench = snapshot.clone();
+        bench.board.disturb(LineFault::SdaLow {
+            bit,
+            lasting: None,
+            clocks: Some(1 + bit % 9),
+        });
+        bench.run(Time::from_ms(5));
+        let freed = !bench.board.is_disturbed();
+        row.add(recovery(&mut bench).filter(|_| freed));
+    }
+    rows.push(row);
+    for held_us in [1_000, 4_900, 5_100, 30_000] {
+        let mut row = FaultRow::new(
+            &format!(
+                "SCL held for {} ms, from every fifth bit",
+                held_us as f64 / 1e3
+            ),
+            RECOVERY,
+        );
+        for bit in (0..95).step_by(5) {
+            let mut bench = snapshot.clone();
+            let lasting = Some(Time::from_us(held_us));
+            bench.board.disturb(LineFault::SclHeld { bit, lasting });
+            bench.run(Time::from_us(held_us + 1_000));
+            row.add(recovery(&mut bench));
+        }
+        rows.push(row);
+    }
+    let mut row = FaultRow::new("SCL held for ever, reported, then released", RECOVERY);
+    for bit in (0..95).step_by(10) {
+        let mut bench = snapshot.clone();
+        let lasting = None;
+        bench.board.disturb(LineFault::SclHeld { bit, lasting });
+        bench.run(Time::from_ms(150));
+        let reported = bench.faults().iter().any(|fault| fault.active);
+        bench.board.release();
+        row.add(recovery(&mut bench).filter(|_| reported));
+    }
+    rows.push(row);
+}
+
+fn converter(snapshot: &RecordedBoard, rows: &mut Vec<FaultRow>) {
+    let mut row = FaultRow::new("NACK of each byte of a frame", RECOVERY);
+    for after_bytes in 0..12 {
+        let mut bench = snapshot.clone();
+        let next = bench.board.chip().traffic().transactions;
+        let event = FaultEvent::in_transactions(next, 1, ChipFault::Nack { after_bytes });
+        let scheduled = bench.board.chip_mut().schedule(event).is_ok();
+        bench.run(Time::from_ms(2));
+        row.add(recovery(&mut bench).filter(|_| scheduled));
+    }
+    rows.push(row);
+    let mut row = FaultRow::new(
+        "the converter loses everything, at 50 points of a period",
+        RECOVERY,
+    );
+    for point in 0..50 {
+        let mut bench = snapshot.clone();
+        let at = bench.board.now() + Time::from_us(20 * point);
+        let event = FaultEvent::at(at, ChipFault::BrownOut(Lost::Everything), Time::ZERO);
+        let scheduled = bench.board.chip_mut().schedule(event).is_ok();
+        bench.run(Time::from_ms(2));
+        row.add(recovery(&mut bench).filter(|_| scheduled));
+    }
+    rows.push(row);
+    let mut row = FaultRow::new("INTB stuck for 60 ms, low and high", RECOVERY);
+    for low in [false, true] {
+        let mut bench = snapshot.clone();
+        let lasting = Time::from_ms(60);
+        let event = FaultEvent::at(bench.board.now(), ChipFault::IntbStuck { low }, lasting);
+        let scheduled = bench.board.chip_mut().schedule(event).is_ok();
+        bench.run(lasting);
+        row.add(recovery(&mut bench).filter(|_| scheduled));
+    }
+    rows.push(row);
+    let mut row = FaultRow::new("absent or another chip at the start, then there", RECOVERY);
+    let foreign = ChipFault::WrongIdentity {
+        manufacturer: 0x5449,
+        device: 0x3054,
+    };
+    for fault in [ChipFault::Absent, foreign] {
+        let mut bench = RecordedBoard::new();
+        let event = FaultEvent::from(Time::ZERO, fault);
+        let scheduled = bench.board.chip_mut().schedule(event).is_ok();
+        bench.run(Time::from_ms(300));
+        let reported = bench.faults().iter().any(|fault| fault.active);
+        bench.board.chip_mut().clear_faults();
+        // A recovery pauses for 20 ms between two attempts and brings the converter up for the
+        // first time, which seeks its drive: that is allowed 100 ms here.
+        row.add(recovery(&mut bench).filter(|_| scheduled && reported));
+    }
+    row.limit = Time::from_ms(100);
+    row.broken = u32::from(row.worst > row.limit);
+    rows.push(row);
+}
+
+fn crashes(image: &Image, rows: &mut Vec<FaultRow>) {
+    for (crash, what, limit) in [
+        (Crash::HardFault, "HardFault", OFF_AT_ONCE),
+        (Crash::Loop, "endless loop", OFF_AFTER_HANG),
+    ] {
+        let mut row = FaultRow::new(
+            &format!("{what} in each exception, at {POINTS} points of the ramps"),
+            limit,
+        );
+        let mut bench = ramping(common::image());
+        for _ in 0..POINTS {
+            bench.run(Time::from_ms(3));
+            for place in common::PLACES {
+                let mut bench = bench.clone();
+                row.add(crash.in_exception(&mut bench, place));
+            }
+        }
+        rows.push(row);
+    }
+    let mut row = FaultRow::new(
+        &format!("panic in each task, at {POINTS} points of the ramps"),
+        OFF_AT_ONCE,
+    );
+    let mut bench = ramping(image);
+    for _ in 0..POINTS {
+        bench.run(Time::from_ms(3));
+        for task in 0..TASKS {
+            let mut bench = bench.clone();
+            row.add(common::panic_in(&mut bench, task));
+        }
+    }
+    rows.push(row);
+}
+
+fn main() -> ExitCode {
+    let planted = match firmware::build_with_defect("panic").map(|path| Image::load(&path)) {
+        Ok(Ok(image)) => image,
+        Ok(Err(error)) => return failed(&error.to_string()),
+        Err(error) => return failed(&error.to_string()),
+    };
+    let mut rows = Vec::new();
+    let snapshot = streaming();
+    wires(&snapshot, &mut rows);
+    converter(&snapshot, &mut rows);
+    crashes(&planted, &mut rows);
+    println!("<!-- evidence:begin -->");
+    println!("| cause | cases | worst | limit | beyond it |");
+    println!("|---|---|---|---|---|");
+    for row in &rows {
+        let ms = |time: Time| format!("{:.3} ms", time.as_secs_f64() * 1e3);
+        println!(
+            "| {} | {} | {} | {} | {} |",
+            row.what,
+            row.cases,
+            ms(row.worst),
+            ms(row.limit),
+            row.broken
+        );
+    }
+    println!();
+    println!(
+        "The upper rows: from the cause's end to a sample that follows no gap, looked at every \
+         millisecond, without the watchdog and without a flagged word. The lower ones: until the \
+         bridge is off; it then stays off for 100 ms, in which the image starts anew."
+    );
+    let total: u32 = rows.iter().map(|row| row.broken).sum();
+    println!("<!-- evidence:end -->");
+    if total == 0 {
+        ExitCode::SUCCESS
+    } else {
+        failed(&format!("{total} cases are beyond their limits"))
+    }
+}
+
+fn failed(why: &str) -> ExitCode {
+    eprintln!("{why}");
+    ExitCode::FAILURE
+}

@@ -1,0 +1,538 @@
+//! The board: the processor's core with everything around it, stepped through time.
+
+use std::ops::Range;
+
+use ldc161x_sim::{Chip, Settings, Time};
+use palpate_sim::electrical::{Circuit, Totals};
+use rp2040_emu::core::CortexM0Plus;
+
+use crate::bridge::BridgeInputs;
+use crate::bus::SystemBus;
+use crate::coil::BridgeCircuit;
+use crate::image::{Image, VECTORS};
+use crate::interrupts::HARD_FAULT;
+use crate::plant::Plant;
+use crate::profile::Profile;
+use crate::pwm::LevelTimes;
+use crate::rtt;
+use crate::stop::Stop;
+use crate::trace::Trace;
+use crate::wire::{LineFault, Wire, WireLog};
+
+/// Cycles of an exception's entry without waiting for memory (Cortex-M0+ TRM; the RP2040 has no
+/// jitter suppression).
+const ENTRY_CYCLES: u64 = 16;
+const WFI: u32 = 0xBF30;
+
+/// What tells one emulated board from another.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// True frequency of the crystal, Hz, from which everything is clocked; 0 for one that does not
+    /// start.
+    pub crystal_hz: f64,
+    /// Seed of the ring oscillator's chance.
+    pub seed: u64,
+    /// Cycles for a line of flash that is not in the cache. 400 ns for a word, 50 cycles, were
+    /// measured at 125 MHz (oberon-rtk.org, "Flash Memory"); the second word of a line follows in
+    /// the same transfer, eight nibbles at half the processor's clock.
+    pub miss_cycles: u32,
+    /// Rise of SCL, from the pull-ups and what hangs on the wire.
+    pub scl_rise: Time,
+    /// From a reset to the first instruction of the image: boot ROM and second stage. Guess.
+    pub boot: Time,
+    /// What memory holds when the power comes: real memory holds anything.
+    pub ram_fill: u8,
+    /// Bridge and current measurement.
+    pub drive: BridgeCircuit,
+    /// Frequencies of the sensors of a second converter, Hz, at address 0x2B with INTB at GP9 and SD
+    /// at GP10; without one if nothing.
+    pub second_converter: Option<[f64; 4]>,
+    /// Whether what passes on the bus is kept.
+    pub record: bool,
+    /// Whether pins and current are traced.
+    pub trace: bool,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            crystal_hz: 12e6,
+            seed: 1,
+            miss_cycles: 66,
+            scl_rise: Time::from_ns(150),
+            boot: Time::from_ms(2),
+            ram_fill: 0xA5,
+            drive: BridgeCircuit::default(),
+            second_converter: None,
+            record: false,
+            trace: false,
+        }
+    }
+}
+
+/// Resets since the board got its power.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ResetCount {
+    /// By the watchdog, asked for or not.
+    pub watchdog: u32,
+}
+
+/// An emulated Raspberry Pi Pico with a converter and a plant. A clone is a snapshot.
+///
+/// Equal images, options and calls give equal runs, to the bit.
+pub struct EmulatedBoard<P> {
+    core: CortexM0Plus,
+    bus: SystemBus<P>,
+    image: Image,
+    boot: Time,
+    resets: ResetCount,
+    instructions: u64,
+    asleep_ps: u64,
+    profile: Option<Box<Profile>>,
+}
+
+impl<P: Plant> Clone for EmulatedBoard<P> {
+    fn clone(&self) -> Self {
+        let mut board = Self {
+            core: CortexM0Plus::new(),
+            bus: self.bus.clone(),
+            image: self.image.clone(),
+            boot: self.boot,
+            resets: self.resets,
+            instructions: self.instructions,
+            asleep_ps: self.asleep_ps,
+            profile: self.profile.clone(),
+        };
+        let (from, to) = (&self.core.regs, &mut board.core.regs);
+        to.r = from.r;
+        (to.xpsr, to.primask, to.control) = (from.xpsr, from.primask, from.control);
+        (to.msp, to.psp) = (from.msp, from.psp);
+        board.core.cycles = self.core.cycles;
+        if self.core.is_halted() {
+            board.core.halt();
+        }
+        board
+    }
+}
+
+impl<P: Plant> EmulatedBoard<P> {
+    /// A board that gets its power now, flashed with an image, with a converter of these settings.
+    /// Its clock input is what the firmware makes it, whatever the settings say.
+    #[must_use]
+    pub fn new(image: &Image, plant: P, chip: Settings, options: Options) -> Self {
+        let second = options.second_converter.map(|sensors| {
+            let mut second = Chip::new(chip, sensors);
+            second.set_shutdown(true);
+            second.set_address_pin(true);
+            second.set_shutdown(false);
+            second.set_external_clock(None);
+            second
+        });
+        let chip = Chip::new(chip, plant);
+        let wire = Wire::new(chip, second, options.record, options.trace);
+        let boot = options.boot;
+        let mut board = Self {
+            core: CortexM0Plus::new(),
+            bus: SystemBus::new(image, options, wire),
+            image: image.clone(),
+            boot,
+            resets: ResetCount::default(),
+            instructions: 0,
+            asleep_ps: 0,
+            profile: None,
+        };
+        board.start();
+        board
+    }
+
+    /// What the second stage does last: stack and entry from the vector table.
+    fn start(&mut self) {
+        if let Some(profile) = &mut self.profile {
+            profile.interrupted();
+        }
+        let cycles = self.core.cycles;
+        self.core = CortexM0Plus::new();
+        self.core.cycles = cycles;
+        self.bus.boot_delay(self.boot);
+        self.bus.ppb.vtor = VECTORS;
+        self.core.regs.msp = self.image.word(VECTORS);
+        self.core.regs.set_sp(self.image.word(VECTORS));
+        self.core.regs.set_pc(self.image.word(VECTORS + 4) & !1);
+    }
+
+    // ---- time ----
+
+    /// The present, since the power came.
+    #[must_use]
+    pub fn now(&self) -> Time {
+        self.bus.clock.now()
+    }
+
+    /// Runs for a time.
+    ///
+    /// # Errors
+    /// [`Stop`]: what the emulation cannot follow.
+    pub fn run_for(&mut self, time: Time) -> Result<(), Stop> {
+        let end_ps = (self.now() + time).as_ps();
+        while self.bus.clock.now_ps() < end_ps {
+            self.step(end_ps)?;
+        }
+        Ok(())
+    }
+
+    /// Runs until something is so, looking after every instruction.
+    ///
+    /// # Errors
+    /// [`Stop::TimedOut`] after the limit, or what the emulation cannot follow.
+    pub fn run_until(
+        &mut self,
+        limit: Time,
+        mut is_so: impl FnMut(&Self) -> bool,
+    ) -> Result<(), Stop> {
+        let end_ps = (self.now() + limit).as_ps();
+        while !is_so(self) {
+            if self.bus.clock.now_ps() >= end_ps {
+                return Err(Stop::TimedOut);
+            }
+            self.step(end_ps)?;
+        }
+        Ok(())
+    }
+
+    fn step(&mut self, end_ps: u64) -> Result<(), Stop> {
+        if self.bus.interrupts.any() {
+            self.take_interrupt();
+        }
+        let mut begin_ps = self.bus.clock.now_ps();
+        if self.core.is_halted() || self.bus.parked {
+            self.bus.sleep(end_ps);
+            self.asleep_ps += self.bus.clock.now_ps() - begin_ps;
+            begin_ps = self.bus.clock.now_ps();
+        } else {
+            self.execute();
+        }
+        if self.bus.clock.now_ps() >= self.bus.next_event_ps {
+            self.bus.service();
+        }
+        if let Some(profile) = &mut self.profile {
+            profile.pending(self.bus.interrupts.pending(), Time::from_ps(begin_ps));
+        }
+        if self.bus.watchdog_fired {
+            self.resets.watchdog += 1;
+            self.bus.reset();
+            self.start();
+        }
+        self.bus.stop.map_or(Ok(()), Err)
+    }
+
+    fn execute(&mut self) {
+        let pc = self.core.regs.pc();
+        self.bus.stall = 0;
+        self.bus.fetch_cost(pc);
+        let active = self.bus.ppb.active;
+        let exception = self.core.regs.ipsr();
+        let cycles = u64::from(self.core.step(&mut self.bus)) + u64::from(self.bus.stall);
+        self.instructions += 1;
+        self.bus.clock.advance(cycles);
+        if let Some(profile) = &mut self.profile {
+            profile.executed(pc, cycles, exception);
+            if self.bus.ppb.active < active {
+                profile.returned();
+            }
+        }
+        if self.bus.ppb.active != active {
+            // A handler has returned: a line that is still high interrupts again.
+            self.bus.next_event_ps = 0;
+        }
+    }
+
+    /// Wakes the core if it waits, and enters the handler of the most urgent interrupt.
+    fn take_interrupt(&mut self) {
+        self.bus.parked = false;
+        if self.core.is_halted() && !self.is_locked_up() {
+            self.core.wake();
+        }
+        if self.core.is_halted() || self.core.regs.primask & 1 == 1 {
+            return;
+        }
+        if let Some(exception) = self.bus.interrupts.take(self.bus.ppb.active) {
+            self.enter(exception);
+        }
+    }
+
+    /// Whether the core has given up: a fault within the fault's handler.
+    #[must_use]
+    pub fn is_locked_up(&self) -> bool {
+        let last = self.core.regs.pc().wrapping_sub(2);
+        self.core.is_halted()
+            && self.core.regs.ipsr() == HARD_FAULT
+            && self.bus.peek(last) & 0xFFFF != WFI
+    }
+
+    /// Exception entry (ARMv6-M architecture, B1.5.6), by hand: the core's own knows no
+    /// preemption.
+    fn enter(&mut self, exception: u32) {
+        use rp2040_emu::core::CoreBus;
+        self.bus.stall = 0;
+        let in_handler = self.core.regs.ipsr() != 0;
+        let regs = &mut self.core.regs;
+        regs.sync_sp_to_banked();
+        let on_process = !in_handler && regs.control & 0b10 != 0;
+        let stack = if on_process { regs.psp } else { regs.msp };
+        let frame = (stack & !0b111) - 32;
+        let padded = u32::from(stack & 0b100 != 0) << 9;
+        let words = [
+            regs.r[0],
+            regs.r[1],
+            regs.r[2],
+            regs.r[3],
+            regs.r[12],
+            regs.r[14],
+            regs.pc(),
+            regs.xpsr & !(1 << 9) | padded,
+        ];
+        *(if on_process {
+            &mut regs.psp
+        } else {
+            &mut regs.msp
+        }) = frame;
+        regs.r[14] = match (in_handler, on_process) {
+            (true, _) => 0xFFFF_FFF1,
+            (false, true) => 0xFFFF_FFFD,
+            (false, false) => 0xFFFF_FFF9,
+        };
+        regs.xpsr = regs.xpsr & !0x1FF | exception;
+        regs.control &= !0b10;
+        regs.sync_sp_from_banked();
+        for (place, word) in (0..).zip(words) {
+            self.bus.write32(frame + 4 * place, word);
+        }
+        self.bus.ppb.mark_active(exception as u16);
+        let vector = self.bus.read32(self.bus.ppb.vtor + 4 * exception);
+        self.core.regs.set_pc(vector & !1);
+        self.core.cycles += ENTRY_CYCLES;
+        let cycles = ENTRY_CYCLES + u64::from(self.bus.stall);
+        self.bus.clock.advance(cycles);
+        if let Some(profile) = &mut self.profile {
+            profile.entered(exception, cycles, self.bus.clock.now());
+        }
+    }
+
+    // ---- the debug probe ----
+
+    fn control_block(&self) -> Option<u32> {
+        self.image.symbol("_SEGGER_RTT")
+    }
+
+    /// Takes the bytes that wait in a channel from the firmware, as a probe does.
+    pub fn read_channel(&mut self, channel: u32) -> Vec<u8> {
+        self.control_block()
+            .map(|block| rtt::read(&mut self.bus, block, channel))
+            .unwrap_or_default()
+    }
+
+    /// Puts bytes into a channel to the firmware; returns how many there was room for.
+    pub fn write_channel(&mut self, channel: u32, bytes: &[u8]) -> usize {
+        self.control_block()
+            .map_or(0, |block| rtt::write(&mut self.bus, block, channel, bytes))
+    }
+
+    /// A word of memory.
+    #[must_use]
+    pub fn peek(&self, address: u32) -> u32 {
+        self.bus.peek(address)
+    }
+
+    /// Changes a word of memory.
+    pub fn poke(&mut self, address: u32, value: u32) {
+        self.bus.poke(address, value);
+        self.core
+            .invalidate_decode_cache_entries(&[address, address + 2]);
+    }
+
+    /// The image's symbols.
+    #[must_use]
+    pub const fn image(&self) -> &Image {
+        &self.image
+    }
+
+    /// Where the core is.
+    #[must_use]
+    pub fn pc(&self) -> u32 {
+        self.core.regs.pc()
+    }
+
+    /// Puts the core elsewhere.
+    pub fn set_pc(&mut self, pc: u32) {
+        self.core.regs.set_pc(pc & !1);
+        self.bus.parked = false;
+        self.core.wake();
+    }
+
+    /// The number of the exception that runs, 0 for none.
+    #[must_use]
+    pub fn exception(&self) -> u32 {
+        self.core.regs.ipsr()
+    }
+
+    /// The stack pointer.
+    #[must_use]
+    pub fn stack_pointer(&self) -> u32 {
+        self.core.regs.sp()
+    }
+
+    // ---- what is wired to it ----
+
+    /// The second converter, to schedule faults and to read its record; nothing without one.
+    pub const fn second_chip_mut(&mut self) -> Option<&mut Chip<[f64; 4]>> {
+        // What is scheduled may be due at once.
+        self.bus.next_event_ps = 0;
+        self.bus.wire.second.as_mut()
+    }
+
+    /// The converter.
+    #[must_use]
+    pub const fn chip(&self) -> &Chip<P> {
+        &self.bus.wire.chip
+    }
+
+    /// The converter, to disturb.
+    pub const fn chip_mut(&mut self) -> &mut Chip<P> {
+        // What is scheduled may be due before what was known.
+        self.bus.next_event_ps = 0;
+        &mut self.bus.wire.chip
+    }
+
+    /// The plant.
+    pub fn plant_mut(&mut self) -> &mut P {
+        self.bus.wire.chip.sensors_mut()
+    }
+
+    /// Arms a disturbance of a wire for the next transaction.
+    pub fn disturb(&mut self, fault: LineFault) {
+        self.bus.wire.arm(fault);
+    }
+
+    /// Ends every disturbance of the wires.
+    pub fn release(&mut self) {
+        self.bus.wire.release();
+        self.bus.next_event_ps = 0;
+    }
+
+    /// Whether a wire is held by a disturbance, or will be.
+    #[must_use]
+    pub fn is_disturbed(&self) -> bool {
+        self.bus.wire.is_disturbed(self.bus.clock.now_ps())
+    }
+
+    /// Whether the firmware's master does nothing.
+    #[must_use]
+    pub fn bus_is_idle(&self) -> bool {
+        self.bus.bus_is_idle()
+    }
+
+    /// What the pins tell the bridge.
+    #[must_use]
+    pub const fn bridge(&self) -> BridgeInputs {
+        self.bus.bridge
+    }
+
+    /// The coil's current, A.
+    #[must_use]
+    pub const fn current_a(&self) -> f64 {
+        self.bus.coil.circuit().current_a()
+    }
+
+    /// What has flowed up to the present. The circuit itself is followed when something asks for it,
+    /// and may be some of a period behind.
+    pub fn totals(&mut self) -> Totals {
+        self.bus.run_coil(self.bus.clock.now_ps());
+        self.bus.coil.circuit().totals()
+    }
+
+    /// When the levels of the bridge's PWM were written, since this was last asked.
+    pub fn take_level_times(&mut self) -> LevelTimes {
+        self.bus.pwm.take_level_times()
+    }
+
+    /// The coil's circuit, brought to the present: it goes on only where something is to be seen of
+    /// it.
+    #[must_use]
+    pub fn circuit(&mut self) -> &Circuit {
+        self.bus.run_coil(self.bus.clock.now_ps());
+        self.bus.coil.circuit()
+    }
+
+    /// The coil's circuit, to disturb; what the plant says of coil and supply comes back with its
+    /// next look.
+    pub const fn circuit_mut(&mut self) -> &mut Circuit {
+        self.bus.coil.circuit_mut()
+    }
+
+    /// Bridge and measurement, to disturb; the converter of the current stays as it is.
+    pub const fn drive_mut(&mut self) -> &mut BridgeCircuit {
+        self.bus.coil.drive_mut()
+    }
+
+    /// What was kept of the bus, if it was to be.
+    #[must_use]
+    pub const fn wire_log(&self) -> Option<&WireLog> {
+        self.bus.wire.log.as_ref()
+    }
+
+    /// Ends the trace and returns it, if one was made.
+    pub fn take_trace(&mut self) -> Option<Trace> {
+        self.bus.wire.changes = None;
+        self.bus.trace.take()
+    }
+
+    // ---- counts ----
+
+    /// What the microsecond timer shows, by which the image tells time.
+    #[must_use]
+    pub fn timer_us(&self) -> u64 {
+        self.bus.timer_us()
+    }
+
+    /// Frequencies of the processor and at the converter's CLKIN, Hz.
+    #[must_use]
+    pub fn frequencies_hz(&self) -> (f64, Option<f64>) {
+        self.bus.frequencies_hz()
+    }
+
+    /// Resets since the board got its power.
+    #[must_use]
+    pub const fn resets(&self) -> ResetCount {
+        self.resets
+    }
+
+    /// Instructions so far.
+    #[must_use]
+    pub const fn instructions(&self) -> u64 {
+        self.instructions
+    }
+
+    /// The time in which the core has slept.
+    #[must_use]
+    pub fn time_asleep(&self) -> Time {
+        Time::from_ps(self.asleep_ps)
+    }
+
+    /// Begins to count where the cycles go, from nothing. What functions at shared addresses cost,
+    /// as those of soft floating point do, is charged to their callers. Takes some time for every
+    /// instruction, and none before the first call.
+    pub fn profile(&mut self, shared: &[Range<u32>]) {
+        self.profile = Some(Box::new(Profile::new(&self.image, shared)));
+    }
+
+    /// Ends the count and returns it.
+    pub fn take_profile(&mut self) -> Option<Profile> {
+        self.profile.take().map(|profile| *profile)
+    }
+
+    /// Hits and misses of the flash's cache, lines fetched one after the other counted once.
+    #[must_use]
+    pub const fn cache(&self) -> (u64, u64) {
+        (self.bus.cache.hits, self.bus.cache.misses)
+    }
+}

@@ -1,0 +1,378 @@
+//! CLOCKS, XOSC, ROSC and the two PLLs (RP2040 datasheet 2.15 to 2.18).
+
+use crate::time::periods_ps;
+
+/// The ring oscillator after reset, divided by 16; 1.8 to 12 MHz, typically 6.5 MHz (2.17.1).
+const RING_HZ: f64 = 6.5e6;
+const RING_DIVIDER: u32 = 16;
+/// What a divider of the ring oscillator has to be written with (2.17.8).
+const RING_PASS: u32 = 0xAA0;
+/// From PWR to LOCK. The datasheet gives no number; guess.
+const LOCK_PS: u64 = 100_000_000;
+const ENABLE: u32 = 1 << 11;
+/// The fastest system clock that the chip is certified for, Hz, with room for the crystal's error;
+/// and the fastest at the core voltage that it starts with (datasheet 2.15.1).
+const FASTEST_HZ: f64 = 200.1e6;
+pub(crate) const FASTEST_AT_START_HZ: f64 = 133.1e6;
+
+/// The clock tree.
+#[derive(Clone, Debug)]
+pub(crate) struct Clocks {
+    crystal_hz: f64,
+    crystal: Crystal,
+    pll_sys: Pll,
+    pll_usb: Pll,
+    /// CTRL and DIV of the ten generators: GPOUT0 to 3, REF, SYS, PERI, USB, ADC, RTC.
+    generators: [(u32, u32); 10],
+    random: u64,
+    ring_divider: u32,
+}
+
+#[derive(Clone, Debug, Default)]
+struct Crystal {
+    control: u32,
+    startup: u32,
+    stable_ps: Option<u64>,
+}
+
+#[derive(Clone, Debug)]
+struct Pll {
+    control: u32,
+    power: u32,
+    feedback: u32,
+    post: u32,
+    locked_ps: Option<u64>,
+}
+
+const REF: usize = 4;
+const SYS: usize = 5;
+const PERI: usize = 6;
+const ADC: usize = 8;
+
+impl Pll {
+    const fn new() -> Self {
+        Self {
+            control: 1,
+            power: 0x2D,
+            feedback: 0,
+            post: 0x0007_7000,
+            locked_ps: None,
+        }
+    }
+
+    fn vco_hz(&self, crystal_hz: f64) -> f64 {
+        crystal_hz / f64::from((self.control & 0x3F).max(1)) * f64::from(self.feedback & 0xFFF)
+    }
+
+    fn output_hz(&self, crystal_hz: f64) -> f64 {
+        let (first, second) = (self.post >> 16 & 7, self.post >> 12 & 7);
+        let is_off = self.power & 0b10_1001 != 0 || first == 0 || second == 0;
+        if is_off {
+            return 0.0;
+        }
+        self.vco_hz(crystal_hz) / f64::from(first * second)
+    }
+
+    fn read(&self, offset: u32, now_ps: u64) -> Option<u32> {
+        let locked = self.locked_ps.is_some_and(|due| due <= now_ps);
+        Some(match offset {
+            0x0 => self.control | u32::from(locked) << 31,
+            0x4 => self.power,
+            0x8 => self.feedback,
+            0xC => self.post,
+            _ => return None,
+        })
+    }
+
+    fn write(&mut self, offset: u32, value: u32, now_ps: u64) -> Option<()> {
+        match offset {
+            0x0 if value & 1 << 8 == 0 => self.control = value & 0x3F,
+            0x4 => {
+                let runs = value & 0b10_0001 == 0;
+                let ran = self.power & 0b10_0001 == 0;
+                self.power = value & 0x2D;
+                if runs != ran {
+                    self.locked_ps = runs.then_some(now_ps + LOCK_PS);
+                }
+            }
+            0x8 => self.feedback = value & 0xFFF,
+            0xC => self.post = value & 0x0007_7000,
+            _ => return None,
+        }
+        Some(())
+    }
+}
+
+impl Clocks {
+    pub(crate) fn new(crystal_hz: f64, seed: u64) -> Self {
+        Self {
+            crystal_hz,
+            crystal: Crystal::default(),
+            pll_sys: Pll::new(),
+            pll_usb: Pll::new(),
+            generators: [(0, 1 << 8); 10],
+            random: seed | 1,
+            ring_divider: RING_DIVIDER,
+        }
+    }
+
+    /// After a reset of the chip; chance goes on.
+    pub(crate) fn reset(&mut self) {
+        *self = Self {
+            random: self.random,
+            ..Self::new(self.crystal_hz, 1)
+        };
+    }
+
+    pub(crate) fn reset_pll(&mut self, usb: bool) {
+        let pll = if usb {
+            &mut self.pll_usb
+        } else {
+            &mut self.pll_sys
+        };
+        *pll = Pll::new();
+    }
+
+    fn crystal_hz(&self) -> f64 {
+        if self.crystal.control >> 12 & 0xFFF == 0xFAB {
+            self.crystal_hz
+        } else {
+            0.0
+        }
+    }
+
+    fn pll_sys_hz(&self) -> f64 {
+        self.pll_sys.output_hz(self.crystal_hz())
+    }
+
+    fn pll_usb_hz(&self) -> f64 {
+        self.pll_usb.output_hz(self.crystal_hz())
+    }
+
+    pub(crate) fn ref_hz(&self) -> f64 {
+        let (control, divider) = self.generators[REF];
+        let source = match control & 0b11 {
+            2 => self.crystal_hz(),
+            _ => self.ring_hz(),
+        };
+        source / f64::from((divider >> 8 & 0b11).max(1))
+    }
+
+    /// The frequency of processor and buses; nothing if its source does not run.
+    pub(crate) fn sys_hz(&self) -> Option<f64> {
+        let (control, divider) = self.generators[SYS];
+        let source = match (control & 1, control >> 5 & 0b111) {
+            (0, _) => self.ref_hz(),
+            (1, 0) => self.pll_sys_hz(),
+            (1, 1) => self.pll_usb_hz(),
+            (1, 2) => self.ring_hz(),
+            (1, 3) => self.crystal_hz(),
+            _ => 0.0,
+        };
+        let hz = source / fraction(divider);
+        (1e6..=FASTEST_HZ).contains(&hz).then_some(hz)
+    }
+
+    /// The clock of a converter of the ADC; nothing if it stands.
+    pub(crate) fn adc_hz(&self) -> Option<f64> {
+        let (control, divider) = self.generators[ADC];
+        let source = match control >> 5 & 0b111 {
+            0 => self.pll_usb_hz(),
+            1 => self.pll_sys_hz(),
+            2 => self.ring_hz(),
+            3 => self.crystal_hz(),
+            _ => 0.0,
+        };
+        let hz = source / f64::from((divider >> 8 & 0b11).max(1));
+        (control & ENABLE != 0 && hz > 0.0).then_some(hz)
+    }
+
+    /// What CLK_GPOUT0 sends to its pin; nothing if it is off.
+    pub(crate) fn output_hz(&self) -> Option<f64> {
+        let (control, divider) = self.generators[0];
+        let source = match control >> 5 & 0xF {
+            0 => self.pll_sys_hz(),
+            3 => self.pll_usb_hz(),
+            5 => self.crystal_hz(),
+            6 => self.sys_hz()?,
+            10 => self.ref_hz(),
+            _ => return None,
+        };
+        // An even duty with an odd divisor needs DC50 (2.15.3.4), which the LDC demands.
+        let odd = divider >> 8 & 1 == 1 && divider >> 8 > 1;
+        let is_even = !odd || control >> 12 & 1 == 1;
+        (control & ENABLE != 0 && source > 0.0 && is_even).then(|| source / fraction(divider))
+    }
+
+    pub(crate) fn read(&self, offset: u32) -> Option<u32> {
+        if offset == 0x78 || offset == 0x7C {
+            return Some(0);
+        }
+        let (control, divider) = *self.generators.get((offset / 12) as usize)?;
+        Some(match offset % 12 {
+            0 => control,
+            4 => divider,
+            _ => match (offset / 12) as usize {
+                REF => 1 << (control & 0b11),
+                SYS => 1 << (control & 1),
+                _ => 1,
+            },
+        })
+    }
+
+    pub(crate) fn write(&mut self, offset: u32, value: u32) -> Option<()> {
+        if offset == 0x78 {
+            // The resuscitation circuit may be kept off, as after reset.
+            return (value == 0 || value == 0xFF).then_some(());
+        }
+        let number = (offset / 12) as usize;
+        let generator = self.generators.get_mut(number)?;
+        match offset % 12 {
+            0 => generator.0 = value,
+            4 if number != PERI => generator.1 = value,
+            _ => return None,
+        }
+        Some(())
+    }
+
+    pub(crate) fn read_crystal(&self, offset: u32, now_ps: u64) -> Option<u32> {
+        let stable = self.crystal.stable_ps.is_some_and(|due| due <= now_ps);
+        Some(match offset {
+            0x0 => self.crystal.control,
+            0x4 => u32::from(stable) << 31 | u32::from(self.crystal.stable_ps.is_some()) << 12,
+            0xC => self.crystal.startup,
+            _ => return None,
+        })
+    }
+
+    pub(crate) fn write_crystal(&mut self, offset: u32, value: u32, now_ps: u64) -> Option<()> {
+        match offset {
+            0x0 => {
+                self.crystal.control = value;
+                if value >> 12 & 0xFFF == 0xFAB && self.crystal_hz > 0.0 {
+                    let cycles = u64::from(self.crystal.startup & 0x3FFF) * 256;
+                    let due = now_ps + periods_ps(cycles, self.crystal_hz);
+                    self.crystal.stable_ps.get_or_insert(due);
+                } else {
+                    self.crystal.stable_ps = None;
+                }
+            }
+            0xC => self.crystal.startup = value,
+            _ => return None,
+        }
+        Some(())
+    }
+
+    fn ring_hz(&self) -> f64 {
+        RING_HZ * f64::from(RING_DIVIDER) / f64::from(self.ring_divider)
+    }
+
+    /// ROSC: its divider.
+    pub(crate) fn write_ring(&mut self, offset: u32, value: u32) -> Option<()> {
+        let divider = value.checked_sub(RING_PASS).filter(|&it| it < 32)?;
+        (offset == 0x10).then(|| self.ring_divider = if divider == 0 { 32 } else { divider })
+    }
+
+    /// ROSC: its bit of chance and that it runs.
+    pub(crate) fn read_ring(&mut self, offset: u32) -> Option<u32> {
+        match offset {
+            0x18 => Some(1 << 31 | 1 << 12),
+            0x1C => {
+                // xorshift64 (Marsaglia 2003)
+                self.random ^= self.random << 13;
+                self.random ^= self.random >> 7;
+                self.random ^= self.random << 17;
+                Some((self.random >> 32) as u32 & 1)
+            }
+            _ => None,
+        }
+    }
+
+    pub(crate) fn read_pll(&self, usb: bool, offset: u32, now_ps: u64) -> Option<u32> {
+        let pll = if usb { &self.pll_usb } else { &self.pll_sys };
+        pll.read(offset, now_ps)
+    }
+
+    pub(crate) fn write_pll(
+        &mut self,
+        usb: bool,
+        offset: u32,
+        value: u32,
+        now_ps: u64,
+    ) -> Option<()> {
+        let crystal_hz = self.crystal_hz();
+        let pll = if usb {
+            &mut self.pll_usb
+        } else {
+            &mut self.pll_sys
+        };
+        pll.write(offset, value, now_ps)?;
+        // 2.18.2: the oscillator runs from 750 to 1600 MHz.
+        let runs = pll.locked_ps.is_some();
+        let vco_hz = pll.vco_hz(crystal_hz);
+        (!runs || (749e6..1601e6).contains(&vco_hz)).then_some(())
+    }
+}
+
+fn fraction(divider: u32) -> f64 {
+    match divider {
+        0 => 65_536.0,
+        _ => f64::from(divider) / 256.0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn running() -> Clocks {
+        let mut clocks = Clocks::new(12e6, 1);
+        clocks.write_crystal(0xC, 47, 0).unwrap();
+        clocks.write_crystal(0x0, 0x00FA_BAA0, 0).unwrap();
+        clocks.write_pll(false, 0x8, 100, 0).unwrap();
+        clocks.write_pll(false, 0xC, 6 << 16 | 1 << 12, 0).unwrap();
+        clocks.write_pll(false, 0x4, 0x8, 0).unwrap();
+        clocks.write_pll(false, 0x4, 0, 0).unwrap();
+        clocks.write(0x3C, 1).unwrap();
+        clocks
+    }
+
+    #[test]
+    fn the_crystal_is_stable_after_its_delay() {
+        let clocks = running();
+        assert_eq!(clocks.read_crystal(0x4, 0).unwrap() >> 31, 0);
+        let millisecond = 1_002_666_667;
+        assert_eq!(clocks.read_crystal(0x4, millisecond).unwrap() >> 31, 1);
+    }
+
+    #[test]
+    fn the_plan_of_the_board_gives_200_and_33_megahertz() {
+        let mut clocks = running();
+        assert_eq!(clocks.sys_hz(), Some(200e6));
+        assert_eq!(clocks.output_hz(), None);
+        clocks.write(0x04, 6 << 8).unwrap();
+        clocks.write(0x00, ENABLE | 6 << 5).unwrap();
+        assert_eq!(clocks.output_hz(), Some(200e6 / 6.0));
+        clocks.write(0x04, 5 << 8).unwrap();
+        assert_eq!(
+            clocks.output_hz(),
+            None,
+            "a fifth without DC50 has an uneven duty"
+        );
+        clocks.write(0x00, ENABLE | 6 << 5 | 1 << 12).unwrap();
+        assert_eq!(clocks.output_hz(), Some(40e6));
+    }
+
+    #[test]
+    fn a_pll_beyond_its_oscillator_is_refused() {
+        let mut clocks = running();
+        assert_eq!(clocks.write_pll(false, 0x8, 200, 0), None);
+    }
+
+    #[test]
+    fn a_system_clock_above_200_megahertz_is_none() {
+        let mut clocks = running();
+        clocks.write_pll(false, 0x8, 101, 0).unwrap();
+        assert_eq!(clocks.sys_hz(), None);
+    }
+}

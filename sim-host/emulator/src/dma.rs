@@ -1,0 +1,115 @@
+//! DMA: channels that carry the ADC's results into memory (RP2040 datasheet 2.5).
+
+const CHANNELS: usize = 12;
+/// TREQ_SEL of the ADC's FIFO.
+const ADC: u32 = 36;
+const ENABLE: u32 = 1;
+/// Half-words, with the address of the writes going on, in a ring of writes.
+const HALF_WORDS: u32 = 0b01 << 2;
+const SIZE: u32 = 0b11 << 2;
+const READS_GO_ON: u32 = 1 << 4;
+const WRITES_GO_ON: u32 = 1 << 5;
+const RING_OF_WRITES: u32 = 1 << 10;
+/// ADC.FIFO.
+const FIFO: u32 = 0x4004_C00C;
+
+#[derive(Clone, Copy, Debug, Default)]
+struct DmaChannel {
+    read: u32,
+    write: u32,
+    /// Transfers left, and what a trigger sets them to.
+    left: u32,
+    count: u32,
+    control: u32,
+}
+
+/// The channels.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Dma {
+    channels: [DmaChannel; CHANNELS],
+}
+
+impl Dma {
+    pub(crate) fn read(&self, offset: u32) -> Option<u32> {
+        let channel = self.channels.get(offset as usize / 0x40)?;
+        Some(match offset % 0x40 {
+            0x00 => channel.read,
+            0x04 => channel.write,
+            0x08 => channel.left,
+            0x0C | 0x10 => channel.control | u32::from(channel.left > 0) << 24,
+            _ => return None,
+        })
+    }
+
+    pub(crate) fn write(&mut self, offset: u32, value: u32) -> Option<()> {
+        let place = offset as usize / 0x40;
+        let channel = self.channels.get_mut(place)?;
+        match offset % 0x40 {
+            0x00 => channel.read = value,
+            0x04 => channel.write = value,
+            0x08 => channel.count = value,
+            0x0C | 0x10 => {
+                let wished = HALF_WORDS | WRITES_GO_ON | RING_OF_WRITES | ENABLE | ADC << 15;
+                let looked_at = SIZE | READS_GO_ON | WRITES_GO_ON | RING_OF_WRITES | 0x3F << 15 | 1;
+                if value & looked_at != wished || channel.read != FIFO {
+                    return None;
+                }
+                channel.control = value & 0x7F_FFFF;
+                if offset % 0x40 == 0x0C {
+                    channel.left = channel.count;
+                }
+            }
+            _ => return None,
+        }
+        Some(())
+    }
+
+    /// Where the next result goes; nothing if no channel waits for one.
+    pub(crate) fn next(&mut self) -> Option<u32> {
+        self.skip(1)
+    }
+
+    /// Lets so many results go; where the last one went.
+    pub(crate) fn skip(&mut self, results: u32) -> Option<u32> {
+        let place = self
+            .channels
+            .iter()
+            .position(|channel| channel.left > 0 && channel.control & ENABLE != 0)?;
+        let channel = self.channels.get_mut(place)?;
+        let ring = 1_u32 << (channel.control >> 6 & 0xF);
+        let at =
+            |write: u32, on: u32| write & !(ring - 1) | (write.wrapping_add(2 * on)) & (ring - 1);
+        let last = at(channel.write, results - 1);
+        channel.write = at(channel.write, results);
+        channel.left = channel.left.saturating_sub(results);
+        let chained = (channel.control >> 11 & 0xF) as usize;
+        if channel.left == 0
+            && chained != place
+            && let Some(next) = self.channels.get_mut(chained)
+        {
+            next.left = next.count;
+        }
+        Some(last)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn two_channels_take_turns_in_a_ring() {
+        let mut dma = Dma::default();
+        let control = ENABLE | HALF_WORDS | WRITES_GO_ON | RING_OF_WRITES | 4 << 6 | ADC << 15;
+        for (base, chained) in [(0x40, 0_u32), (0x00, 1)] {
+            dma.write(base, FIFO).unwrap();
+            dma.write(base + 4, 0x2000_0100).unwrap();
+            dma.write(base + 8, 8).unwrap();
+            let register = if base == 0 { 0x0C } else { 0x10 };
+            dma.write(base + register, control | chained << 11).unwrap();
+        }
+        let places: Vec<u32> = (0..20).map(|_| dma.next().unwrap() & 0xF).collect();
+        let ring: Vec<u32> = (0..20).map(|place| 2 * place % 16).collect();
+        assert_eq!(places, ring);
+    }
+}

@@ -1,0 +1,164 @@
+//! The firmware image: the ELF file as it is flashed.
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::path::Path;
+use std::sync::Arc;
+
+use object::read::elf::{ElfFile32, ProgramHeader};
+use object::{Endianness, Object, ObjectSection, ObjectSymbol};
+
+/// Where the flash begins.
+pub(crate) const FLASH: u32 = 0x1000_0000;
+/// Size of the flash of a Raspberry Pi Pico.
+pub(crate) const FLASH_SIZE: usize = 2 * 1024 * 1024;
+/// Where the vector table lies: behind the second-stage loader.
+pub(crate) const VECTORS: u32 = FLASH + 0x100;
+
+/// A firmware image, loaded into flash.
+#[derive(Clone, Debug)]
+pub struct Image {
+    pub(crate) flash: Arc<[u8]>,
+    symbols: Arc<BTreeMap<String, u32>>,
+    sections: Arc<BTreeMap<String, u32>>,
+    end: u32,
+}
+
+/// Why a file is no image for this board.
+#[derive(Debug)]
+pub enum ImageError {
+    /// The file cannot be read.
+    File(std::io::Error),
+    /// It is no ELF file that can be understood.
+    Format(object::Error),
+    /// A segment lies outside of the flash.
+    Misplaced {
+        /// Its physical address.
+        address: u32,
+    },
+    /// There is no vector table behind the second-stage loader.
+    NoVectors,
+}
+
+impl fmt::Display for ImageError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::File(error) => write!(f, "the image cannot be read: {error}"),
+            Self::Format(error) => write!(f, "the image is no ELF file of this kind: {error}"),
+            Self::Misplaced { address } => {
+                write!(
+                    f,
+                    "a segment of the image lies at {address:#010x}, not in flash"
+                )
+            }
+            Self::NoVectors => write!(f, "the image has no vector table at {VECTORS:#010x}"),
+        }
+    }
+}
+
+impl std::error::Error for ImageError {}
+
+impl Image {
+    /// Flash without a program, for tests of the board's blocks.
+    #[cfg(test)]
+    pub(crate) fn empty() -> Self {
+        Self {
+            flash: Arc::from(vec![0xFF; FLASH_SIZE]),
+            symbols: Arc::default(),
+            sections: Arc::default(),
+            end: FLASH,
+        }
+    }
+
+    /// Reads an ELF file.
+    ///
+    /// # Errors
+    /// [`ImageError`].
+    pub fn load(path: &Path) -> Result<Self, ImageError> {
+        Self::parse(&std::fs::read(path).map_err(ImageError::File)?)
+    }
+
+    /// Loads the bytes of an ELF file: its segments go to their physical addresses, as a flash
+    /// tool would write them.
+    ///
+    /// # Errors
+    /// [`ImageError`].
+    pub fn parse(bytes: &[u8]) -> Result<Self, ImageError> {
+        let elf = ElfFile32::<Endianness>::parse(bytes).map_err(ImageError::Format)?;
+        let mut flash = vec![0xFF; FLASH_SIZE];
+        let mut end = FLASH;
+        for header in elf.elf_program_headers() {
+            let data = header
+                .data(elf.endian(), bytes)
+                .map_err(|()| ImageError::NoVectors)?;
+            if header.p_type(elf.endian()) != object::elf::PT_LOAD || data.is_empty() {
+                continue;
+            }
+            let address = header.p_paddr(elf.endian());
+            let misplaced = ImageError::Misplaced { address };
+            let offset = address.checked_sub(FLASH).ok_or(misplaced)? as usize;
+            flash
+                .get_mut(offset..offset + data.len())
+                .ok_or(ImageError::Misplaced { address })?
+                .copy_from_slice(data);
+            end = end.max(address + data.len() as u32);
+        }
+        let symbols = elf
+            .symbols()
+            .filter_map(|symbol| Some((symbol.name().ok()?.to_owned(), symbol.address() as u32)))
+            .collect();
+        let sections = elf
+            .sections()
+            .filter_map(|section| Some((section.name().ok()?.to_owned(), section.size() as u32)))
+            .collect();
+        let image = Self {
+            flash: flash.into(),
+            symbols: Arc::new(symbols),
+            sections: Arc::new(sections),
+            end,
+        };
+        if image.word(VECTORS + 4) & 0xF000_0001 != 0x1000_0001 {
+            return Err(ImageError::NoVectors);
+        }
+        Ok(image)
+    }
+
+    /// Bytes of flash from its beginning to the image's end.
+    #[must_use]
+    pub fn flash_bytes(&self) -> u32 {
+        self.end - FLASH
+    }
+
+    /// Bytes of memory that variables and buffers take, without stack and code.
+    #[must_use]
+    pub fn static_bytes(&self) -> u32 {
+        [".data", ".bss", ".uninit"]
+            .map(|name| self.section(name))
+            .iter()
+            .sum()
+    }
+
+    /// Bytes of code that is copied to memory at the start.
+    #[must_use]
+    pub fn code_in_memory_bytes(&self) -> u32 {
+        self.section(".hot")
+    }
+
+    fn section(&self, name: &str) -> u32 {
+        self.sections.get(name).copied().unwrap_or_default()
+    }
+
+    /// The address of a symbol.
+    #[must_use]
+    pub fn symbol(&self, name: &str) -> Option<u32> {
+        self.symbols.get(name).copied()
+    }
+
+    pub(crate) fn word(&self, address: u32) -> u32 {
+        let offset = (address - FLASH) as usize;
+        self.flash
+            .get(offset..offset + 4)
+            .and_then(|bytes| bytes.try_into().ok())
+            .map_or(0, u32::from_le_bytes)
+    }
+}

@@ -1,0 +1,215 @@
+//! The image with a PC at its channels: commands in, records out, on a plant.
+
+use std::fmt;
+
+use ldc161x_sim::Time;
+use palpate_sim::device::Device;
+use palpate_sim::electrical::ConverterParameters;
+use palpate_sim::world::World;
+use palpate_wire::{Command, Frame, Message, Record, RecordDecoder, Sequencer, encode};
+
+use crate::board::{EmulatedBoard, Options};
+use crate::coil::BridgeCircuit;
+use crate::image::Image;
+use crate::plant::PressedWorld;
+use crate::stop::Stop;
+
+/// The channels of the image: logs and records up, commands down.
+pub const LOGS: u32 = 0;
+/// See [`LOGS`].
+pub const RECORDS: u32 = 1;
+/// See [`LOGS`].
+pub const COMMANDS: u32 = 0;
+
+/// How often the PC looks for records: the firmware's channel holds those of a tenth of a second.
+const LOOK: Time = Time::from_ms(1);
+/// From power to the first word: boot, the converter's wake-up, and its deadlines if it is absent.
+const GREETING: Time = Time::from_ms(200);
+/// From a command to its answer.
+const ANSWER: Time = Time::from_ms(100);
+/// The crystal of a Raspberry Pi Pico.
+const CRYSTAL_HZ: f64 = 12e6;
+/// What the firmware makes of it for the converter with one channel.
+const CLKIN_HZ: f64 = 200e6 / 6.0;
+
+/// Why the image cannot run on, or what it did not do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ImageFailure {
+    /// It did what the emulation does not follow.
+    Stopped(Stop, Time),
+    /// It never said who it is.
+    Silent,
+    /// It did not answer a command of this kind.
+    NoAnswer {
+        /// The command's kind.
+        kind: u8,
+    },
+    /// The command is not one that can be sent.
+    NotEncoded {
+        /// The command's kind.
+        kind: u8,
+    },
+}
+
+impl fmt::Display for ImageFailure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Stopped(stop, time) => write!(f, "the image at {time}: {stop}"),
+            Self::Silent => f.write_str("the image never said who it is"),
+            Self::NoAnswer { kind } => {
+                write!(f, "the image did not answer the command 0x{kind:02x}")
+            }
+            Self::NotEncoded { kind } => {
+                write!(f, "the command 0x{kind:02x} does not fit into a frame")
+            }
+        }
+    }
+}
+
+impl std::error::Error for ImageFailure {}
+
+/// The image on its board, with a world of `palpate-sim` pressed upon its sensor and a PC at its
+/// channels. A clone is a snapshot.
+#[derive(Clone)]
+pub struct Instrument {
+    board: EmulatedBoard<PressedWorld>,
+    /// Bytes of a frame that has not ended.
+    pending: Vec<u8>,
+    sequencer: Sequencer,
+    frames: Vec<Frame<Record>>,
+    logs: Vec<u8>,
+    damaged: u32,
+}
+
+impl Instrument {
+    /// The image gets its power now, with the converter and the crystal of this world.
+    #[must_use]
+    pub fn new(image: &Image, world: World, options: Options) -> Self {
+        let chip = world.chip_settings(CLKIN_HZ);
+        let clock = chip.external_clock;
+        let error = clock.map_or(0.0, |clock| clock.relative_error);
+        let current = &world.parameters().current;
+        let options = Options {
+            crystal_hz: CRYSTAL_HZ * (1.0 + error),
+            drive: BridgeCircuit {
+                gain_error: current.gain_error,
+                converter: ConverterParameters {
+                    nonlinearity_lsb: current.nonlinearity_lsb,
+                    nonlinearity_phase: current.nonlinearity_phase,
+                    noise_lsb: current.noise_lsb,
+                    // The world's own measurement of the current has a non-linearity already, which
+                    // the bench has calibrated with.
+                    wide_codes: false,
+                    ..options.drive.converter
+                },
+                ..options.drive
+            },
+            ..options
+        };
+        Self {
+            board: EmulatedBoard::new(image, PressedWorld::new(world), chip, options),
+            pending: Vec::new(),
+            sequencer: Sequencer::new(0),
+            frames: Vec::new(),
+            logs: Vec::new(),
+            damaged: 0,
+        }
+    }
+
+    /// Waits until the image says who it is: before that it takes no commands.
+    ///
+    /// # Errors
+    /// [`ImageFailure`].
+    pub fn start(&mut self) -> Result<(), ImageFailure> {
+        let is_hello = |record: &Record| matches!(record, Record::Hello(_));
+        match self.run_to(GREETING, is_hello)? {
+            true => Ok(()),
+            false => Err(ImageFailure::Silent),
+        }
+    }
+
+    /// The board.
+    #[must_use]
+    pub const fn board(&self) -> &EmulatedBoard<PressedWorld> {
+        &self.board
+    }
+
+    /// The board, to disturb.
+    pub const fn board_mut(&mut self) -> &mut EmulatedBoard<PressedWorld> {
+        &mut self.board
+    }
+
+    /// The bytes of the log since this was last asked, as defmt encodes them.
+    pub fn take_logs(&mut self) -> Vec<u8> {
+        std::mem::take(&mut self.logs)
+    }
+
+    /// Frames that arrived damaged; a debug probe damages none.
+    #[must_use]
+    pub const fn damaged(&self) -> u32 {
+        self.damaged
+    }
+
+    fn listen(&mut self) {
+        self.logs.extend(self.board.read_channel(LOGS));
+        self.pending.extend(self.board.read_channel(RECORDS));
+        while let Some(end) = self.pending.iter().position(|&byte| byte == 0) {
+            let bytes: Vec<u8> = self.pending.drain(..=end).collect();
+            for frame in RecordDecoder::new().frames(&bytes) {
+                let Ok(frame) = frame else {
+                    self.damaged += 1;
+                    continue;
+                };
+                self.sequencer.address(frame.header.boot_id);
+                self.frames.push(frame);
+            }
+        }
+    }
+}
+
+impl Device for Instrument {
+    type Error = ImageFailure;
+
+    fn now(&self) -> Time {
+        self.board.now()
+    }
+
+    fn send(&mut self, command: Command) -> Result<(), ImageFailure> {
+        let header = self.sequencer.stamp(0);
+        let kind = command.kind();
+        let mut buffer = [0; Command::MAX_FRAME];
+        let bytes = encode(&header, &command, &mut buffer)
+            .map_err(|_| ImageFailure::NotEncoded { kind })?;
+        if self.board.write_channel(COMMANDS, bytes) < bytes.len() {
+            return Err(ImageFailure::NoAnswer { kind });
+        }
+        let end = self.now() + ANSWER;
+        let is_answer = |record: &Record| match record {
+            Record::Acknowledgement(answer) => answer.command == header.sequence,
+            _ => false,
+        };
+        match self.run_to(end, is_answer)? {
+            true => Ok(()),
+            false => Err(ImageFailure::NoAnswer { kind }),
+        }
+    }
+
+    fn advance(&mut self, end: Time) -> Result<(), ImageFailure> {
+        let end = end.min(self.now() + LOOK);
+        let left = end.max(self.now()) - self.now();
+        let ran = self.board.run_for(left);
+        self.listen();
+        ran.map_err(|stop| ImageFailure::Stopped(stop, self.now()))
+    }
+
+    fn frames(&mut self) -> &mut Vec<Frame<Record>> {
+        &mut self.frames
+    }
+
+    fn with_world<T>(&mut self, apply: impl FnOnce(&mut World) -> T) -> T {
+        let now = self.now();
+        let world = self.board.plant_mut().world_mut();
+        world.advance_to(now);
+        apply(world)
+    }
+}

@@ -1,0 +1,45 @@
+#![forbid(unsafe_code)]
+#![deny(missing_docs)]
+#![doc = include_str!("../README.md")]
+
+mod adc;
+mod board;
+mod bridge;
+mod bus;
+mod clocks;
+mod coil;
+mod dma;
+pub mod firmware;
+mod gpio;
+mod i2c;
+mod image;
+mod instrument;
+mod interrupts;
+mod plant;
+mod power;
+mod profile;
+mod pwm;
+mod rtt;
+mod sio;
+mod sources;
+mod stop;
+mod time;
+mod timer;
+mod trace;
+mod watchdog;
+mod wire;
+mod xip;
+
+pub use board::{EmulatedBoard, Options, ResetCount};
+pub use bridge::BridgeInputs;
+pub use coil::BridgeCircuit;
+pub use image::{Image, ImageError};
+pub use instrument::{COMMANDS, ImageFailure, Instrument, LOGS, RECORDS};
+pub use plant::{Plant, PlantConditions, PressedWorld, Still};
+pub use profile::{Cost, Handler, Profile};
+pub use pwm::LevelTimes;
+pub use sources::{Function, Sources, SourcesError};
+pub use stop::Stop;
+pub use time::Time;
+pub use trace::Trace;
+pub use wire::{LineFault, WireLog};

@@ -1,0 +1,308 @@
+//! Where the processor's cycles go: by instruction, and by exception.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+use ldc161x_sim::Time;
+
+use crate::bus::{RAM, RAM_SIZE};
+use crate::image::{FLASH, Image};
+
+/// What an instruction has cost.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Cost {
+    /// How often it was executed.
+    pub count: u64,
+    /// Its own cycles, waiting for memory included.
+    pub own_cycles: u64,
+    /// Its own and those of the shared functions that it called, directly or through one another;
+    /// none for an instruction of a shared function.
+    pub charged_cycles: u64,
+}
+
+/// What an exception's handler has cost. Exception 0 is what runs outside of all handlers.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Handler {
+    /// How often it ran to its end.
+    pub runs: u64,
+    /// Cycles of all runs, entries included; those of handlers that interrupted it are theirs.
+    pub cycles: u64,
+    /// The same of the longest run.
+    pub worst_cycles: u64,
+    /// The shortest and the longest time from its pending to its first instruction. It is counted
+    /// from the beginning of the instruction in which it became pending, and so too long by a part
+    /// of an instruction, never too short.
+    pub start: Option<(Time, Time)>,
+}
+
+impl Handler {
+    /// By how much its start moves.
+    #[must_use]
+    pub fn start_jitter(&self) -> Time {
+        self.start
+            .map_or(Time::ZERO, |(least, greatest)| greatest - least)
+    }
+
+    /// Counts another profile's runs of the same handler as well.
+    pub fn join(&mut self, other: &Self) {
+        self.runs += other.runs;
+        self.cycles += other.cycles;
+        self.worst_cycles = self.worst_cycles.max(other.worst_cycles);
+        if let Some((least, greatest)) = other.start {
+            self.started_after(least);
+            self.started_after(greatest);
+        }
+    }
+
+    fn started_after(&mut self, delay: Time) {
+        let (least, greatest) = self.start.unwrap_or((delay, delay));
+        self.start = Some((least.min(delay), greatest.max(delay)));
+    }
+
+    fn ended_after(&mut self, cycles: u64) {
+        self.runs += 1;
+        self.worst_cycles = self.worst_cycles.max(cycles);
+    }
+}
+
+/// A run of a handler that has not ended.
+#[derive(Clone, Copy, Debug)]
+struct HandlerRun {
+    exception: u32,
+    cycles: u64,
+    /// Where its last instruction outside of shared functions lies.
+    caller: usize,
+    /// Whether it was seen from its entry on.
+    is_whole: bool,
+}
+
+/// Counts since [`EmulatedBoard::profile`](crate::EmulatedBoard::profile) began them.
+#[derive(Clone, Debug)]
+pub struct Profile {
+    /// Of every half-word of memory, and of the image's flash behind it.
+    costs: Vec<Cost>,
+    is_shared: Vec<bool>,
+    handlers: BTreeMap<u32, Handler>,
+    runs: Vec<HandlerRun>,
+    /// Interrupts that are pending, and since when.
+    pending: u32,
+    pending_since: [Time; 32],
+}
+
+/// Half-words of memory, which come before those of flash.
+const RAM_PLACES: usize = RAM_SIZE / 2;
+/// The exception number of interrupt 0.
+const FIRST_INTERRUPT: u32 = 16;
+
+fn place(address: u32) -> usize {
+    match address.checked_sub(RAM) {
+        Some(offset) => offset as usize / 2,
+        None => RAM_PLACES + address.saturating_sub(FLASH) as usize / 2,
+    }
+}
+
+const fn address(place: usize) -> u32 {
+    match place.checked_sub(RAM_PLACES) {
+        Some(flash) => FLASH + 2 * flash as u32,
+        None => RAM + 2 * place as u32,
+    }
+}
+
+impl Profile {
+    /// Nothing counted yet. What functions at shared addresses cost is charged to their callers.
+    pub(crate) fn new(image: &Image, shared: &[Range<u32>]) -> Self {
+        let places = place(FLASH + image.flash_bytes()) + 1;
+        let mut is_shared = vec![false; places];
+        for range in shared {
+            let places = place(range.start)..place(range.end);
+            if let Some(functions) = is_shared.get_mut(places) {
+                functions.fill(true);
+            }
+        }
+        Self {
+            costs: vec![Cost::default(); places],
+            is_shared,
+            handlers: BTreeMap::new(),
+            runs: Vec::new(),
+            pending: 0,
+            pending_since: [Time::ZERO; 32],
+        }
+    }
+
+    /// An instruction was executed in an exception.
+    pub(crate) fn executed(&mut self, pc: u32, cycles: u64, exception: u32) {
+        let place = place(pc);
+        let shared = self.is_shared.get(place).copied().unwrap_or_default();
+        let run = self.run_of(exception);
+        run.cycles += cycles;
+        if !shared {
+            run.caller = place;
+        }
+        let caller = run.caller;
+        if let Some(cost) = self.costs.get_mut(place) {
+            cost.count += 1;
+            cost.own_cycles += cycles;
+        }
+        if let Some(cost) = self.costs.get_mut(caller) {
+            cost.charged_cycles += cycles;
+        }
+        self.handlers.entry(exception).or_default().cycles += cycles;
+    }
+
+    /// The run under way; what ended without having been seen to is forgotten.
+    fn run_of(&mut self, exception: u32) -> &mut HandlerRun {
+        if let Some(depth) = self.runs.iter().rposition(|it| it.exception == exception) {
+            self.runs.truncate(depth + 1);
+        } else {
+            self.runs.push(HandlerRun {
+                exception,
+                cycles: 0,
+                caller: 0,
+                is_whole: false,
+            });
+        }
+        let last = self.runs.len() - 1;
+        &mut self.runs[last]
+    }
+
+    /// The handler that ran has returned.
+    pub(crate) fn returned(&mut self) {
+        if let Some(run) = self.runs.pop().filter(|run| run.is_whole) {
+            let handler = self.handlers.entry(run.exception).or_default();
+            handler.ended_after(run.cycles);
+        }
+    }
+
+    /// An exception is entered; its first instruction comes now.
+    pub(crate) fn entered(&mut self, exception: u32, cycles: u64, now: Time) {
+        self.runs.push(HandlerRun {
+            exception,
+            cycles,
+            caller: 0,
+            is_whole: true,
+        });
+        let handler = self.handlers.entry(exception).or_default();
+        handler.cycles += cycles;
+        if let Some(number) = exception.checked_sub(FIRST_INTERRUPT)
+            && self.pending >> number & 1 == 1
+        {
+            self.pending &= !(1 << number);
+            handler.started_after(now - self.pending_since[number as usize]);
+        }
+    }
+
+    /// These interrupts are pending now, the new ones since a time.
+    pub(crate) fn pending(&mut self, pending: u32, since: Time) {
+        let new = pending & !self.pending;
+        self.pending = pending;
+        for number in (0..32).filter(|number| new >> number & 1 == 1) {
+            self.pending_since[number] = since;
+        }
+    }
+
+    /// The chip was reset.
+    pub(crate) fn interrupted(&mut self) {
+        self.runs.clear();
+        self.pending = 0;
+    }
+
+    /// What every instruction that was executed has cost, by its address.
+    pub fn instructions(&self) -> impl Iterator<Item = (u32, Cost)> {
+        let executed = self.costs.iter().enumerate();
+        executed
+            .filter(|(_, cost)| cost.count > 0 || cost.charged_cycles > 0)
+            .map(|(place, cost)| (address(place), *cost))
+    }
+
+    /// What every exception's handler has cost, by its number.
+    #[must_use]
+    pub const fn handlers(&self) -> &BTreeMap<u32, Handler> {
+        &self.handlers
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const CODE: u32 = RAM + 0x100;
+    const HELPER: u32 = RAM + 0x200;
+
+    fn profile() -> Profile {
+        let helper = HELPER..HELPER + 4;
+        Profile {
+            costs: vec![Cost::default(); RAM_PLACES],
+            is_shared: (0..RAM_PLACES)
+                .map(|place| helper.contains(&address(place)))
+                .collect(),
+            handlers: BTreeMap::new(),
+            runs: Vec::new(),
+            pending: 0,
+            pending_since: [Time::ZERO; 32],
+        }
+    }
+
+    fn cost(profile: &Profile, at: u32) -> Cost {
+        let found = profile.instructions().find(|(address, _)| *address == at);
+        found.map(|(_, cost)| cost).unwrap_or_default()
+    }
+
+    #[test]
+    fn an_address_and_its_place_belong_together() {
+        for at in [
+            RAM,
+            RAM + 2,
+            RAM + RAM_SIZE as u32 - 2,
+            FLASH,
+            FLASH + 0x100,
+        ] {
+            assert_eq!(address(place(at)), at, "{at:#x}");
+        }
+    }
+
+    #[test]
+    fn what_a_shared_function_costs_is_charged_to_its_caller_in_the_same_handler() {
+        let mut profile = profile();
+        profile.executed(CODE, 1, 0);
+        profile.executed(HELPER, 10, 0);
+        profile.entered(16, 16, Time::ZERO);
+        profile.executed(CODE + 2, 2, 16);
+        profile.executed(HELPER, 10, 16);
+        profile.returned();
+        profile.executed(HELPER + 2, 100, 0);
+        assert_eq!(cost(&profile, CODE).charged_cycles, 111);
+        assert_eq!(cost(&profile, CODE + 2).charged_cycles, 12);
+        assert_eq!(cost(&profile, HELPER).own_cycles, 20);
+        assert_eq!(cost(&profile, HELPER).charged_cycles, 0);
+    }
+
+    #[test]
+    fn a_handler_that_is_interrupted_does_not_pay_for_the_other() {
+        let mut profile = profile();
+        profile.entered(16, 16, Time::ZERO);
+        profile.executed(CODE, 4, 16);
+        profile.entered(17, 16, Time::ZERO);
+        profile.executed(CODE + 2, 100, 17);
+        profile.returned();
+        profile.executed(CODE, 4, 16);
+        profile.returned();
+        assert_eq!(profile.handlers()[&16].worst_cycles, 24);
+        assert_eq!(profile.handlers()[&17].worst_cycles, 116);
+        assert_eq!(profile.handlers()[&16].runs, 1);
+    }
+
+    #[test]
+    fn a_start_counts_from_when_the_interrupt_was_pending() {
+        let mut profile = profile();
+        for (since_us, begin_us) in [(10, 12), (20, 25), (30, 31)] {
+            profile.pending(0b10, Time::from_us(since_us));
+            profile.pending(0b10, Time::from_us(since_us + 1));
+            profile.entered(17, 16, Time::from_us(begin_us));
+            profile.returned();
+            profile.pending(0, Time::ZERO);
+        }
+        let handler = profile.handlers()[&17];
+        assert_eq!(handler.start, Some((Time::from_us(1), Time::from_us(5))));
+        assert_eq!(handler.start_jitter(), Time::from_us(4));
+    }
+}

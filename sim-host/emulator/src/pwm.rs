@@ -1,0 +1,569 @@
+//! PWM: pulse widths, and a counter of edges (RP2040 datasheet 4.5). It runs on whatever the
+//! processor does.
+
+use ldc161x_sim::Time;
+
+use crate::time::periods_ps;
+
+const SLICES: usize = 8;
+
+/// When the compare values of a phase-correct slice were written, as to the wraps at which they come
+/// into force.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LevelTimes {
+    /// How often while the slice ran.
+    pub written: u64,
+    /// How often in the first half of a cycle: a writer that follows samples of the middle has
+    /// missed the wrap it meant.
+    pub late: u64,
+    /// The shortest time that was left until the wrap, of those in the second half.
+    pub least_left: Time,
+    /// The longest time from one to the next: above one and a half cycles, one was left out.
+    pub longest_gap: Time,
+    last: Option<Time>,
+}
+
+impl Default for LevelTimes {
+    fn default() -> Self {
+        Self {
+            written: 0,
+            late: 0,
+            least_left: Time::MAX,
+            longest_gap: Time::ZERO,
+            last: None,
+        }
+    }
+}
+
+/// The eight slices.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Pwm {
+    slices: [Slice; SLICES],
+    /// Of the first slice.
+    level_times: LevelTimes,
+    /// Wraps, by slice, of those slices whose wraps anything asks for.
+    raw: u32,
+    enabled: u32,
+    serviced_ps: u64,
+}
+
+#[derive(Clone, Debug)]
+struct Slice {
+    control: u32,
+    /// Divider in sixteenths.
+    divider: u32,
+    /// The count at `since_ps`.
+    count: u32,
+    since_ps: u64,
+    top: u32,
+    compare: u32,
+    /// Written, in force from the next wrap on.
+    next_top: u32,
+    next_compare: u32,
+}
+
+impl Default for Slice {
+    fn default() -> Self {
+        Self {
+            control: 0,
+            divider: 16,
+            count: 0,
+            since_ps: 0,
+            top: 0xFFFF,
+            compare: 0,
+            next_top: 0xFFFF,
+            next_compare: 0,
+        }
+    }
+}
+
+/// Modes of counting: free, or falling edges of input B.
+const FREE: u32 = 0;
+const PHASE_CORRECT: u32 = 1 << 1;
+const FALLING: u32 = 3;
+
+impl Slice {
+    fn enabled(&self) -> bool {
+        self.control & 1 == 1
+    }
+
+    fn mode(&self) -> u32 {
+        self.control >> 4 & 0b11
+    }
+
+    fn runs(&self) -> bool {
+        self.enabled() && self.mode() == FREE
+    }
+
+    fn step_ps(&self, sys_hz: f64) -> f64 {
+        f64::from(self.divider) / 16.0 * 1e12 / sys_hz
+    }
+
+    /// Steps from wrap to wrap: up, or up and down again.
+    fn cycle(&self) -> u64 {
+        let up = u64::from(self.top) + 1;
+        if self.control & PHASE_CORRECT == 0 {
+            up
+        } else {
+            2 * up
+        }
+    }
+
+    /// Steps since the wrap.
+    fn position_at(&self, now_ps: u64, sys_hz: f64) -> u64 {
+        if !self.runs() {
+            return u64::from(self.count);
+        }
+        let steps = (now_ps.saturating_sub(self.since_ps) as f64 / self.step_ps(sys_hz)) as u64;
+        (u64::from(self.count) + steps) % self.cycle()
+    }
+
+    fn count_at(&self, now_ps: u64, sys_hz: f64) -> u32 {
+        let position = self.position_at(now_ps, sys_hz);
+        let up = u64::from(self.top) + 1;
+        // Within 16 bits either way.
+        (if self.runs() && position >= up {
+            2 * up - 1 - position
+        } else {
+            position
+        }) as u32
+    }
+
+    /// The first wrap after a time.
+    fn wrap_ps(&self, now_ps: u64, sys_hz: f64) -> u64 {
+        let cycle = self.cycle();
+        let passed = now_ps.saturating_sub(self.since_ps) as f64 / self.step_ps(sys_hz);
+        let first = cycle - u64::from(self.count) % cycle;
+        let hz = sys_hz * 16.0 / f64::from(self.divider);
+        let mut steps = first;
+        if passed >= first as f64 {
+            steps += ((passed - first as f64) / cycle as f64) as u64 * cycle;
+        }
+        let mut at_ps = self.since_ps + periods_ps(steps, hz);
+        while at_ps <= now_ps {
+            steps += cycle;
+            at_ps = self.since_ps + periods_ps(steps, hz);
+        }
+        at_ps
+    }
+
+    fn waits(&self) -> bool {
+        self.top != self.next_top || self.compare != self.next_compare
+    }
+
+    fn latch(&mut self) {
+        self.top = self.next_top;
+        self.compare = self.next_compare;
+    }
+
+    /// Steps that are left until the wrap, and those of a half cycle.
+    fn left_at(&self, now_ps: u64, sys_hz: f64) -> (u64, u64) {
+        let cycle = self.cycle();
+        (cycle - self.position_at(now_ps, sys_hz), cycle / 2)
+    }
+
+    fn advance(&mut self, now_ps: u64, sys_hz: f64) {
+        // The largest cycle is 2^17.
+        self.count = self.position_at(now_ps, sys_hz) as u32;
+        self.since_ps = now_ps;
+    }
+
+    fn wave(&self, sys_hz: f64) -> Wave {
+        let up = f64::from(self.top) + 1.0;
+        let levels = [self.compare & 0xFFFF, self.compare >> 16];
+        Wave {
+            since_ps: self.since_ps,
+            position: f64::from(self.count),
+            step_ps: if self.runs() {
+                self.step_ps(sys_hz)
+            } else {
+                0.0
+            },
+            cycle: self.cycle() as f64,
+            up,
+            levels: levels.map(|level| f64::from(level).min(up)),
+            centred: self.control & PHASE_CORRECT != 0,
+        }
+    }
+}
+
+/// The two outputs of a slice as functions of time, until a value is written or taken over.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Wave {
+    since_ps: u64,
+    position: f64,
+    /// Length of a step; 0 while the slice stands.
+    step_ps: f64,
+    cycle: f64,
+    up: f64,
+    levels: [f64; 2],
+    centred: bool,
+}
+
+impl Wave {
+    fn position_at(&self, now_ps: u64) -> f64 {
+        if self.step_ps == 0.0 {
+            return self.position;
+        }
+        let steps = now_ps.saturating_sub(self.since_ps) as f64 / self.step_ps;
+        (self.position + steps) % self.cycle
+    }
+
+    /// Where within a cycle an output falls, and where it rises again.
+    fn edges(&self, output: usize) -> [f64; 2] {
+        let level = self.levels.get(output).copied().unwrap_or(0.0);
+        let rises = if self.centred {
+            self.cycle - level
+        } else {
+            self.cycle
+        };
+        [level, rises]
+    }
+
+    pub(crate) fn is_high(&self, output: usize, now_ps: u64) -> bool {
+        let [falls, rises] = self.edges(output);
+        // A thousandth of a step: an edge that was stepped to has happened.
+        let position = self.position_at(now_ps) + 1e-3;
+        falls > 0.0 && (position < falls || position >= rises) || falls >= self.up
+    }
+
+    pub(crate) fn next_edge(&self, output: usize, now_ps: u64) -> Option<u64> {
+        let [falls, rises] = self.edges(output);
+        if self.step_ps == 0.0 || falls <= 0.0 || falls >= self.up {
+            return None;
+        }
+        let position = self.position_at(now_ps) + 1e-3;
+        let next = [falls, rises, self.cycle + falls]
+            .into_iter()
+            .find(|&edge| edge > position)?;
+        let at_ps = (next - position + 1e-3) * self.step_ps;
+        Some(now_ps + (at_ps.round() as u64).max(1))
+    }
+}
+
+impl Pwm {
+    /// The outputs of a slice from now on.
+    pub(crate) fn wave(&self, slice: usize, sys_hz: f64) -> Wave {
+        match self.slices.get(slice) {
+            Some(slice) => slice.wave(sys_hz),
+            None => Slice::default().wave(sys_hz),
+        }
+    }
+
+    /// When a value written to this slice comes into force, if that is by a time.
+    pub(crate) fn latches_by(&self, slice: usize, now_ps: u64, sys_hz: f64) -> Option<u64> {
+        let slice = self.slices.get(slice)?;
+        if !slice.runs() || !slice.waits() {
+            return None;
+        }
+        let wrap_ps = slice.wrap_ps(slice.since_ps, sys_hz);
+        let wrap_ps = if wrap_ps < self.serviced_ps {
+            slice.wrap_ps(self.serviced_ps, sys_hz)
+        } else {
+            wrap_ps
+        };
+        (wrap_ps <= now_ps).then_some(wrap_ps)
+    }
+
+    /// The level of the interrupt line.
+    pub(crate) const fn line(&self) -> bool {
+        self.raw & self.enabled != 0
+    }
+
+    /// Whether any slice interrupts.
+    pub(crate) const fn interrupts(&self) -> bool {
+        self.enabled != 0
+    }
+
+    fn wraps_count(&self, place: usize) -> bool {
+        let slice = self.slices.get(place);
+        slice.is_some_and(|slice| slice.runs() && (slice.waits() || self.enabled >> place & 1 == 1))
+    }
+
+    /// The level of an output at a time, and its changes from there to another; neither may lie
+    /// before the last write or the last value that came into force.
+    pub(crate) fn edges(
+        &self,
+        slice: usize,
+        channel_b: bool,
+        (from_ps, to_ps): (u64, u64),
+        sys_hz: f64,
+    ) -> Vec<(u64, bool)> {
+        let (wave, output) = (self.wave(slice, sys_hz), usize::from(channel_b));
+        let mut edges = vec![(from_ps, wave.is_high(output, from_ps))];
+        let mut at_ps = from_ps;
+        while let Some(next_ps) = wave.next_edge(output, at_ps).filter(|&next| next <= to_ps) {
+            at_ps = next_ps;
+            edges.push((at_ps, wave.is_high(output, at_ps)));
+        }
+        edges
+    }
+
+    /// A falling edge at a slice's input B.
+    pub(crate) fn falling_edge(&mut self, slice: usize) {
+        if let Some(slice) = self.slices.get_mut(slice)
+            && slice.enabled()
+            && slice.mode() == FALLING
+        {
+            slice.count = (slice.count + 1) % (slice.top + 1);
+        }
+    }
+
+    /// When a written value next comes into force, or a wrap interrupts.
+    pub(crate) fn next_event(&self, now_ps: u64, sys_hz: f64) -> Option<u64> {
+        let slices = self.slices.iter().enumerate();
+        slices
+            .filter(|(place, _)| self.wraps_count(*place))
+            .map(|(_, slice)| slice.wrap_ps(now_ps.max(slice.since_ps), sys_hz))
+            .min()
+    }
+
+    /// Brings values into force whose wrap lies between two times, and tells of wraps.
+    pub(crate) fn service(&mut self, since_ps: u64, now_ps: u64, sys_hz: f64) {
+        for place in 0..SLICES {
+            if !self.wraps_count(place) {
+                continue;
+            }
+            let Some(slice) = self.slices.get_mut(place) else {
+                continue;
+            };
+            let wrap_ps = slice.wrap_ps(since_ps.max(slice.since_ps), sys_hz);
+            if wrap_ps <= now_ps {
+                slice.count = 0;
+                slice.since_ps = wrap_ps;
+                slice.latch();
+                self.raw |= 1 << place;
+            }
+        }
+        self.serviced_ps = now_ps;
+    }
+
+    /// The system clock changes: counts go on from where they are.
+    pub(crate) fn advance(&mut self, now_ps: u64, sys_hz: f64) {
+        for slice in &mut self.slices {
+            slice.advance(now_ps, sys_hz);
+        }
+    }
+
+    pub(crate) fn read(&self, offset: u32, now_ps: u64, sys_hz: f64) -> Option<u32> {
+        if offset == 0xA0 {
+            let enabled = |(bits, slice): (u32, &Slice)| u32::from(slice.enabled()) << bits;
+            return Some((0..).zip(&self.slices).map(enabled).sum());
+        }
+        match offset {
+            0xA4 => return Some(self.raw),
+            0xA8 => return Some(self.enabled),
+            0xB0 => return Some(self.raw & self.enabled),
+            _ => {}
+        }
+        let slice = self.slices.get(offset as usize / 0x14)?;
+        Some(match offset % 0x14 {
+            0x00 => slice.control,
+            0x04 => slice.divider,
+            0x08 => slice.count_at(now_ps, sys_hz),
+            0x0C => slice.next_compare,
+            _ => slice.next_top,
+        })
+    }
+
+    /// When the first slice's levels were written, since the last call.
+    pub(crate) fn take_level_times(&mut self) -> LevelTimes {
+        std::mem::take(&mut self.level_times)
+    }
+
+    fn count_level(&mut self, now_ps: u64, sys_hz: f64) {
+        let [slice, ..] = &self.slices;
+        if !slice.runs() {
+            return;
+        }
+        let (left, half) = slice.left_at(now_ps, sys_hz);
+        let times = &mut self.level_times;
+        times.written += 1;
+        let now = Time::from_ps(now_ps);
+        if let Some(last) = times.last.replace(now) {
+            times.longest_gap = times.longest_gap.max(now - last);
+        }
+        if left > half {
+            times.late += 1;
+        } else {
+            let left = Time::from_ps((left as f64 * slice.step_ps(sys_hz)) as u64);
+            times.least_left = times.least_left.min(left);
+        }
+    }
+
+    pub(crate) fn write(
+        &mut self,
+        offset: u32,
+        value: u32,
+        now_ps: u64,
+        sys_hz: f64,
+    ) -> Option<()> {
+        if offset == 0xA0 {
+            for (bit, slice) in self.slices.iter_mut().enumerate() {
+                slice.advance(now_ps, sys_hz);
+                slice.control = slice.control & !1 | value >> bit & 1;
+            }
+            return Some(());
+        }
+        match offset {
+            0xA4 => self.raw &= !value,
+            0xA8 => self.enabled = value & 0xFF,
+            _ => {}
+        }
+        if matches!(offset, 0xA4 | 0xA8) {
+            return Some(());
+        }
+        if offset == 0x0C {
+            self.count_level(now_ps, sys_hz);
+        }
+        let slice = self.slices.get_mut(offset as usize / 0x14)?;
+        if !matches!(offset % 0x14, 0x0C | 0x10) {
+            slice.advance(now_ps, sys_hz);
+        }
+        match offset % 0x14 {
+            // Gating by level, rising edges, steps and inverted outputs are not modelled.
+            0x00 if value & 0b1100_1100 == 0 && matches!(value >> 4 & 0b11, FREE | FALLING) => {
+                slice.control = value;
+            }
+            0x04 if value >= 16 => slice.divider = value & 0xFFF,
+            0x08 => slice.count = value & 0xFFFF,
+            0x0C => slice.next_compare = value,
+            0x10 => slice.next_top = value & 0xFFFF,
+            _ => return None,
+        }
+        if !slice.enabled() {
+            // The shadow is transparent while the slice stands.
+            slice.latch();
+        }
+        Some(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const HZ: f64 = 200e6;
+
+    fn running() -> Pwm {
+        let mut pwm = Pwm::default();
+        pwm.write(0x10, 9_999, 0, HZ).unwrap();
+        pwm.write(0x0C, 5_000, 0, HZ).unwrap();
+        pwm.write(0x00, 1, 0, HZ).unwrap();
+        pwm
+    }
+
+    fn is_high(pwm: &Pwm, now_ps: u64) -> bool {
+        pwm.wave(0, HZ).is_high(0, now_ps)
+    }
+
+    #[test]
+    fn a_new_level_comes_at_the_wrap() {
+        let mut pwm = running();
+        assert!(is_high(&pwm, 20_000_000) && !is_high(&pwm, 30_000_000));
+        pwm.write(0x0C, 0, 10_000_000, HZ).unwrap();
+        assert!(is_high(&pwm, 20_000_000));
+        let due = pwm.next_event(10_000_000, HZ).unwrap();
+        assert!(due.abs_diff(50_000_000) < 10_000, "{due}");
+        assert_eq!(pwm.latches_by(0, due, HZ), Some(due));
+        pwm.service(10_000_000, due, HZ);
+        assert!(!is_high(&pwm, due + 1));
+        assert_eq!(pwm.next_event(due, HZ), None);
+    }
+
+    #[test]
+    fn edges_come_at_every_wrap_and_every_level() {
+        let pwm = running();
+        let us = 1_000_000;
+        let edges = pwm.edges(0, false, (10 * us, 110 * us), HZ);
+        assert_eq!(
+            edges,
+            [
+                (10 * us, true),
+                (25 * us, false),
+                (50 * us, true),
+                (75 * us, false),
+                (100 * us, true),
+            ]
+        );
+        assert_eq!(pwm.edges(0, true, (0, 110 * us), HZ), [(0, false)]);
+    }
+
+    #[test]
+    fn a_stopped_slice_holds_its_output() {
+        let mut pwm = running();
+        pwm.write(0x00, 0, 10_000_000, HZ).unwrap();
+        assert!(is_high(&pwm, 40_000_000), "stopped within the pulse");
+    }
+
+    #[test]
+    fn phase_correct_pulses_are_centred_on_the_wrap() {
+        let mut pwm = Pwm::default();
+        pwm.write(0x10, 1_599, 0, HZ).unwrap();
+        pwm.write(0x0C, 400 << 16 | 1_600, 0, HZ).unwrap();
+        pwm.write(0x00, 0b11, 0, HZ).unwrap();
+        let wave = pwm.wave(0, HZ);
+        let edges: Vec<u64> = (0..3)
+            .scan(0, |now, _| {
+                *now = wave.next_edge(1, *now)?;
+                Some(*now / 1_000)
+            })
+            .collect();
+        // 400 steps of 5 ns after each wrap, and as many before the next, at 16 us
+        assert_eq!(edges, [2_000, 14_000, 18_000]);
+        assert!(wave.is_high(1, 1_000_000) && !wave.is_high(1, 8_000_000));
+        assert_eq!(wave.next_edge(0, 0), None);
+        assert!(wave.is_high(0, 8_000_000));
+        // 15.002 us are 3 000.4 steps: 3 000 of 3 200, on the way down.
+        assert_eq!(pwm.read(0x08, 15_002_000, HZ), Some(199));
+    }
+
+    #[test]
+    fn levels_before_the_wrap_are_distinguished_from_those_behind_it() {
+        let mut pwm = Pwm::default();
+        pwm.write(0x10, 1_599, 0, HZ).unwrap();
+        pwm.write(0x0C, 400, 0, HZ).unwrap();
+        pwm.write(0x00, 0b11, 0, HZ).unwrap();
+        assert_eq!(pwm.take_level_times(), LevelTimes::default());
+        for at_us in [12, 15, 17] {
+            pwm.write(0x0C, 400, at_us * 1_000_000, HZ).unwrap();
+        }
+        let times = pwm.take_level_times();
+        assert_eq!((times.written, times.late), (3, 1));
+        assert_eq!(times.longest_gap, Time::from_us(3));
+        // Whole steps of the count.
+        let left = times.least_left;
+        assert!(
+            left >= Time::from_us(1) && left < Time::from_ns(1_010),
+            "{left}"
+        );
+    }
+
+    #[test]
+    fn wraps_interrupt_where_they_are_enabled_and_never_drift() {
+        let mut pwm = Pwm::default();
+        pwm.write(0x14 + 0x10, 3_199, 0, HZ).unwrap();
+        pwm.write(0x14 + 0x08, 1_150, 0, HZ).unwrap();
+        pwm.write(0xA8, 0b10, 0, HZ).unwrap();
+        pwm.write(0xA0, 0b10, 0, HZ).unwrap();
+        let mut now = 0;
+        for wrap in 0..1_000 {
+            now = pwm.next_event(now, HZ).unwrap();
+            assert!(now.abs_diff(10_250_000 + 16_000_000 * wrap) < 10, "{now}");
+            pwm.service(now - 1, now + 40_000, HZ);
+            assert!(pwm.line());
+            pwm.write(0xA4, 0b10, now + 90_000, HZ).unwrap();
+            assert!(!pwm.line());
+        }
+    }
+
+    #[test]
+    fn falling_edges_are_counted() {
+        let mut pwm = Pwm::default();
+        pwm.write(3 * 0x14, 1 | FALLING << 4, 0, HZ).unwrap();
+        for _ in 0..3 {
+            pwm.falling_edge(3);
+        }
+        assert_eq!(pwm.read(3 * 0x14 + 8, 0, HZ), Some(3));
+    }
+}

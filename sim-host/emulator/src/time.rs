@@ -1,0 +1,90 @@
+//! Time of the board: cycles of the processor as picoseconds.
+
+pub use ldc161x_sim::Time;
+
+/// Bits behind the point of a picosecond.
+const FRACTION_BITS: u32 = 24;
+
+/// The wall time, driven by the processor's clock.
+///
+/// A cycle is no whole number of picoseconds: 5000 for 200 MHz, but not where the crystal errs. The
+/// fraction is carried on, so that the error of a minute is below a nanosecond.
+#[derive(Clone, Debug)]
+pub(crate) struct Clock {
+    now_ps: u64,
+    fraction: u64,
+    /// One cycle, in 2^-24 ps.
+    period: u64,
+}
+
+impl Clock {
+    pub(crate) fn new(hz: f64) -> Self {
+        Self {
+            now_ps: 0,
+            fraction: 0,
+            period: period(hz),
+        }
+    }
+
+    /// Another frequency from now on.
+    pub(crate) fn set_frequency(&mut self, hz: f64) {
+        self.period = period(hz);
+    }
+
+    #[inline]
+    pub(crate) fn now_ps(&self) -> u64 {
+        self.now_ps
+    }
+
+    pub(crate) fn now(&self) -> Time {
+        Time::from_ps(self.now_ps)
+    }
+
+    #[inline]
+    pub(crate) fn advance(&mut self, cycles: u64) {
+        let sum = self.fraction + cycles * self.period;
+        self.now_ps += sum >> FRACTION_BITS;
+        self.fraction = sum & ((1 << FRACTION_BITS) - 1);
+    }
+
+    /// Whole cycles from now until `until_ps` is reached.
+    pub(crate) fn cycles_until(&self, until_ps: u64) -> u64 {
+        let left = until_ps.saturating_sub(self.now_ps).min(1 << 38);
+        ((left << FRACTION_BITS).saturating_sub(self.fraction)).div_ceil(self.period)
+    }
+}
+
+fn period(hz: f64) -> u64 {
+    (1e12 / hz * f64::from(1u32 << FRACTION_BITS)).round() as u64
+}
+
+/// Picoseconds of a number of periods of a frequency.
+pub(crate) fn periods_ps(count: u64, hz: f64) -> u64 {
+    (count as f64 * 1e12 / hz).round() as u64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_minute_of_cycles_takes_a_minute() {
+        let mut clock = Clock::new(199.99e6);
+        for _ in 0..60_000 {
+            clock.advance(199_990);
+        }
+        assert!(clock.now_ps().abs_diff(60_000_000_000_000) < 1_000);
+    }
+
+    #[test]
+    fn the_cycles_until_a_time_reach_it_and_not_one_fewer() {
+        let mut clock = Clock::new(199.99e6);
+        clock.advance(7);
+        let until = 1_000_000;
+        let cycles = clock.cycles_until(until);
+        let mut early = clock.clone();
+        early.advance(cycles - 1);
+        clock.advance(cycles);
+        assert!(early.now_ps() < until && clock.now_ps() >= until);
+    }
+}

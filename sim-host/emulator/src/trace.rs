@@ -1,0 +1,176 @@
+//! Pins, bus and current over time, as a value change dump (IEEE 1364-2005, clause 18).
+
+use std::io::{self, Write};
+
+use vcd::{IdCode, SimulationCommand, TimescaleUnit, VarType, Writer};
+
+/// What is traced.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Signal {
+    Sda,
+    Scl,
+    Intb,
+    Shutdown,
+    In1,
+    In2,
+    Sleep,
+    Fault,
+    Led,
+    /// The last byte on the bus, from the end of its acknowledge on.
+    Byte,
+    Current,
+}
+
+impl Signal {
+    const ALL: [Self; 11] = [
+        Self::Sda,
+        Self::Scl,
+        Self::Intb,
+        Self::Shutdown,
+        Self::In1,
+        Self::In2,
+        Self::Sleep,
+        Self::Fault,
+        Self::Led,
+        Self::Byte,
+        Self::Current,
+    ];
+
+    const fn name(self) -> &'static str {
+        match self {
+            Self::Sda => "sda",
+            Self::Scl => "scl",
+            Self::Intb => "intb",
+            Self::Shutdown => "sd",
+            Self::In1 => "in1",
+            Self::In2 => "in2",
+            Self::Sleep => "nsleep",
+            Self::Fault => "nfault",
+            Self::Led => "led",
+            Self::Byte => "i2c_byte",
+            Self::Current => "coil_current_a",
+        }
+    }
+
+    /// Kind and width of its variable.
+    const fn kind(self) -> (VarType, u32) {
+        match self {
+            Self::Byte => (VarType::Reg, 8),
+            Self::Current => (VarType::Real, 64),
+            _ => (VarType::Wire, 1),
+        }
+    }
+}
+
+/// What a signal is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum SignalValue {
+    Level(bool),
+    Byte(u8),
+    Real(f64),
+}
+
+/// A signal is something from a time on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Change {
+    pub(crate) at_ps: u64,
+    pub(crate) signal: Signal,
+    pub(crate) value: SignalValue,
+}
+
+/// A trace of the board's pins and bus and of the coil's current. SDA and SCL are there bit by bit,
+/// IN1 and IN2 pulse by pulse.
+#[derive(Clone, Debug, Default)]
+pub struct Trace {
+    /// Not by time: bits of the bus are known at their end.
+    changes: Vec<Change>,
+    last: [Option<SignalValue>; Signal::ALL.len()],
+}
+
+impl Trace {
+    pub(crate) fn push(&mut self, change: Change) {
+        self.changes.push(change);
+    }
+
+    /// A signal is something now. What it has been already is not kept.
+    pub(crate) fn is(&mut self, at_ps: u64, signal: Signal, value: SignalValue) {
+        let last = self.last.get_mut(signal as usize);
+        if last.is_some_and(|last| last.replace(value) != Some(value)) {
+            self.push(Change {
+                at_ps,
+                signal,
+                value,
+            });
+        }
+    }
+
+    /// Something else tells the signal from now on.
+    pub(crate) fn leave(&mut self, signal: Signal) {
+        if let Some(last) = self.last.get_mut(signal as usize) {
+            *last = None;
+        }
+    }
+
+    /// Writes the trace, in nanoseconds; to a file that ends with `.vcd`.
+    ///
+    /// # Errors
+    /// Those of writing.
+    pub fn write(mut self, to: impl Write) -> io::Result<()> {
+        self.changes.sort_by_key(|change| change.at_ps);
+        let mut to = Writer::new(to);
+        to.comment("simulated: palpate's image on an emulated Raspberry Pi Pico")?;
+        to.timescale(1, TimescaleUnit::NS)?;
+        to.add_module("board")?;
+        let mut codes = Vec::new();
+        for signal in Signal::ALL {
+            let (kind, width) = signal.kind();
+            codes.push(to.add_var(kind, width, signal.name(), None)?);
+        }
+        to.upscope()?;
+        to.enddefinitions()?;
+        to.begin(SimulationCommand::Dumpvars)?;
+        for (&code, signal) in codes.iter().zip(Signal::ALL) {
+            match signal {
+                Signal::Byte => to.change_vector(code, [vcd::Value::X; 8])?,
+                Signal::Current => to.change_real(code, 0.0)?,
+                _ => to.change_scalar(code, vcd::Value::X)?,
+            }
+        }
+        to.end()?;
+        write_changes(&mut to, &codes, &self.changes)?;
+        to.flush()
+    }
+}
+
+fn write_changes(
+    to: &mut Writer<impl Write>,
+    codes: &[IdCode],
+    changes: &[Change],
+) -> io::Result<()> {
+    let mut last = [None; Signal::ALL.len()];
+    let mut time_ns = None;
+    for change in changes {
+        let place = change.signal as usize;
+        let (Some(&code), Some(last)) = (codes.get(place), last.get_mut(place)) else {
+            continue;
+        };
+        // The same byte again is news, the same level is none.
+        let is_byte = change.signal == Signal::Byte;
+        if last.replace(change.value) == Some(change.value) && !is_byte {
+            continue;
+        }
+        let now_ns = change.at_ps / 1_000;
+        if time_ns.replace(now_ns) != Some(now_ns) {
+            to.timestamp(now_ns)?;
+        }
+        match change.value {
+            SignalValue::Level(high) => to.change_scalar(code, high)?,
+            SignalValue::Byte(byte) => {
+                let bits = (0..8).rev().map(|bit| (byte >> bit & 1 == 1).into());
+                to.change_vector(code, bits)?;
+            }
+            SignalValue::Real(value) => to.change_real(code, value)?,
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,276 @@
+//! The two wires of the bus with the converter on them, and what can go wrong with the wires.
+
+use ldc161x_sim::{Ack, Chip, Time, TrueConversion};
+
+use crate::plant::Plant;
+use crate::trace::{Change, Signal, SignalValue};
+
+/// A disturbance of a wire, from outside of both chips.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LineFault {
+    /// SDA is pulled low from a bit of the next transaction on.
+    SdaLow {
+        /// Bits of the transaction that pass before.
+        bit: u32,
+        /// How long; without end if nothing.
+        lasting: Option<Time>,
+        /// Pulses of SCL that end it, as when a target was cut off within a byte.
+        clocks: Option<u32>,
+    },
+    /// SCL is held low from a bit of the next transaction on.
+    SclHeld {
+        /// Bits of the transaction that pass before.
+        bit: u32,
+        /// How long; without end if nothing.
+        lasting: Option<Time>,
+    },
+}
+
+impl LineFault {
+    const fn bit(&self) -> u32 {
+        match *self {
+            Self::SdaLow { bit, .. } | Self::SclHeld { bit, .. } => bit,
+        }
+    }
+}
+
+/// What has passed on the bus, kept when [`crate::Options::record`] asks for it.
+#[derive(Clone, Debug, Default)]
+pub struct WireLog {
+    /// Conversions in the order in which the firmware fetched their results.
+    pub fetched: Vec<TrueConversion>,
+    /// From a falling edge of INTB that met a free bus to the START of the next transaction.
+    pub edge_to_start: Vec<Time>,
+    /// Falling edges of INTB.
+    pub edges: Vec<Time>,
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct Hold {
+    /// Until when the wire is low.
+    until_ps: u64,
+    clocks: Option<u32>,
+}
+
+impl Hold {
+    fn is_low(&self, now_ps: u64) -> bool {
+        now_ps < self.until_ps && self.clocks != Some(0)
+    }
+}
+
+/// A second converter, with still sensors of these frequencies, Hz.
+pub(crate) type SecondChip = Chip<[f64; 4]>;
+
+/// SDA and SCL.
+#[derive(Clone, Debug)]
+pub(crate) struct Wire<P> {
+    pub(crate) chip: Chip<P>,
+    pub(crate) second: Option<SecondChip>,
+    pub(crate) log: Option<WireLog>,
+    armed: Option<LineFault>,
+    sda: Hold,
+    scl: Hold,
+    in_transaction: bool,
+    /// Bits since its START.
+    bits: u32,
+    last_edge_ps: Option<u64>,
+    /// Levels while the pins are driven as plain outputs.
+    plain: Option<(bool, bool)>,
+    /// What the wires did, if it is traced.
+    pub(crate) changes: Option<Vec<Change>>,
+}
+
+impl<P: Plant> Wire<P> {
+    pub(crate) fn new(
+        chip: Chip<P>,
+        second: Option<SecondChip>,
+        record: bool,
+        trace: bool,
+    ) -> Self {
+        Self {
+            chip,
+            second,
+            log: record.then(WireLog::default),
+            armed: None,
+            sda: Hold::default(),
+            scl: Hold::default(),
+            in_transaction: false,
+            bits: 0,
+            last_edge_ps: None,
+            plain: None,
+            changes: trace.then(Vec::new),
+        }
+    }
+
+    /// A wire is something from a time on, which may have passed.
+    pub(crate) fn tell(&mut self, at_ps: u64, signal: Signal, value: SignalValue) {
+        if let Some(changes) = &mut self.changes {
+            changes.push(Change {
+                at_ps,
+                signal,
+                value,
+            });
+        }
+    }
+
+    pub(crate) fn arm(&mut self, fault: LineFault) {
+        self.armed = Some(fault);
+    }
+
+    /// Ends every disturbance of the wires.
+    pub(crate) fn release(&mut self) {
+        self.armed = None;
+        self.sda = Hold::default();
+        self.scl = Hold::default();
+    }
+
+    pub(crate) fn is_disturbed(&self, now_ps: u64) -> bool {
+        self.armed.is_some() || self.sda.is_low(now_ps) || self.scl.is_low(now_ps)
+    }
+
+    /// Whether something other than the master holds SDA low.
+    pub(crate) fn sda_is_low(&mut self, now_ps: u64) -> bool {
+        let now = Time::from_ps(now_ps);
+        let second = &mut self.second;
+        self.sda.is_low(now_ps)
+            || self.chip.sda_held_low(now)
+            || second.as_mut().is_some_and(|chip| chip.sda_held_low(now))
+    }
+
+    /// Until when something other than the master holds SCL low.
+    pub(crate) fn scl_low_until(&mut self, now_ps: u64) -> Option<u64> {
+        let own = self.scl.is_low(now_ps).then_some(self.scl.until_ps);
+        let now = Time::from_ps(now_ps);
+        let chip = self.chip.scl_held_until(now);
+        let second = self
+            .second
+            .as_mut()
+            .and_then(|chip| chip.scl_held_until(now));
+        own.max(chip.max(second).map(Time::as_ps))
+    }
+
+    /// INTB falls.
+    pub(crate) fn falling_edge(&mut self, now_ps: u64) {
+        self.last_edge_ps = (!self.in_transaction).then_some(now_ps);
+        if let Some(log) = &mut self.log {
+            log.edges.push(Time::from_ps(now_ps));
+        }
+    }
+
+    /// START or repeated START.
+    pub(crate) fn start(&mut self, now_ps: u64) {
+        if !self.in_transaction {
+            self.in_transaction = true;
+            self.bits = 0;
+            if let (Some(log), Some(edge_ps)) = (&mut self.log, self.last_edge_ps.take()) {
+                log.edge_to_start.push(Time::from_ps(now_ps - edge_ps));
+            }
+        }
+        self.count_bit(now_ps);
+    }
+
+    /// A bit passes; a disturbance may begin with it.
+    pub(crate) fn count_bit(&mut self, now_ps: u64) {
+        if let Some(fault) = self.armed.filter(|fault| fault.bit() <= self.bits) {
+            self.armed = None;
+            let until = |lasting: Option<Time>| {
+                lasting.map_or(u64::MAX, |time| now_ps.saturating_add(time.as_ps()))
+            };
+            match fault {
+                LineFault::SdaLow {
+                    lasting, clocks, ..
+                } => {
+                    self.sda = Hold {
+                        until_ps: until(lasting),
+                        clocks,
+                    };
+                }
+                LineFault::SclHeld { lasting, .. } => {
+                    self.scl = Hold {
+                        until_ps: until(lasting),
+                        clocks: None,
+                    };
+                }
+            }
+        }
+        self.bits += 1;
+    }
+
+    pub(crate) fn address(&mut self, now_ps: u64, byte: u8) -> bool {
+        let now = Time::from_ps(now_ps);
+        let second = self.second.as_mut().map(|chip| chip.start(now, byte));
+        self.chip.start(now, byte).is_ack() | second.is_some_and(Ack::is_ack)
+    }
+
+    pub(crate) fn write(&mut self, now_ps: u64, byte: u8) -> bool {
+        let now = Time::from_ps(now_ps);
+        let second = self.second.as_mut().map(|chip| chip.write(now, byte));
+        self.chip.write(now, byte).is_ack() | second.is_some_and(Ack::is_ack)
+    }
+
+    pub(crate) fn read(&mut self, now_ps: u64, acknowledged: bool) -> u8 {
+        let ack = if acknowledged { Ack::Ack } else { Ack::Nack };
+        let now = Time::from_ps(now_ps);
+        // Wired AND: a converter that is not addressed leaves the wire high.
+        let second = self.second.as_mut().map(|chip| chip.read(now, ack));
+        let byte = self.chip.read(now, ack) & second.unwrap_or(0xFF);
+        self.note_what_was_fetched();
+        byte
+    }
+
+    /// STOP.
+    pub(crate) fn stop(&mut self, now_ps: u64) {
+        self.in_transaction = false;
+        let now = Time::from_ps(now_ps);
+        self.chip.stop(now);
+        if let Some(second) = &mut self.second {
+            second.stop(now);
+        }
+    }
+
+    /// The master lets go without a STOP.
+    pub(crate) fn abandon(&mut self) {
+        self.in_transaction = false;
+    }
+
+    /// After each byte: a converter that is reset before the STOP has forgotten what was read of it.
+    fn note_what_was_fetched(&mut self) {
+        let Some(log) = &mut self.log else {
+            return;
+        };
+        for channel in 0..4 {
+            let Some(read) = self.chip.last_read(channel) else {
+                continue;
+            };
+            let known = log.fetched.iter().rev().take(8);
+            let is_known = known
+                .into_iter()
+                .any(|old| (old.channel, old.number, old.end) == (channel, read.number, read.end));
+            if !is_known {
+                log.fetched.push(*read);
+            }
+        }
+    }
+
+    /// The levels of SCL and SDA as the pins drive them when they are plain outputs; nothing when
+    /// they are not. A pulse of SCL may free SDA, and SDA rising while SCL is high is a STOP.
+    pub(crate) fn plain(&mut self, now_ps: u64, levels: Option<(bool, bool)>) {
+        let before = std::mem::replace(&mut self.plain, levels);
+        let (Some((scl_was, sda_was)), Some((scl, sda))) = (before, levels) else {
+            return;
+        };
+        if !scl_was && scl && !self.scl.is_low(now_ps) {
+            let now = Time::from_ps(now_ps);
+            self.chip.clock_pulses(now, 1);
+            if let Some(second) = &mut self.second {
+                second.clock_pulses(now, 1);
+            }
+            if let Some(clocks) = &mut self.sda.clocks {
+                *clocks = clocks.saturating_sub(1);
+            }
+        }
+        if scl && scl_was && !sda_was && sda && !self.sda_is_low(now_ps) {
+            self.stop(now_ps);
+        }
+    }
+}

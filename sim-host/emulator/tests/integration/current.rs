@@ -1,0 +1,323 @@
+//! What the image tells of the coil's current period by period, and what a calibration of its
+//! measurement does.
+
+use crate::common::RecordedBoard;
+use ldc161x_sim::Sensors;
+use palpate_emulator::{
+    BridgeCircuit, EmulatedBoard, Options, Plant, PlantConditions, Still, Time,
+};
+use palpate_wire::code::{FaultCode, Outcome};
+use palpate_wire::command::{Command, CurrentCorrection, DriveCoil};
+use palpate_wire::record::CurrentTrace;
+use palpate_wire::{Frame, Record};
+
+const PERIOD_US: u64 = 16;
+
+fn drive(to_a: f32, over_s: f32, trace_interval_s: f32) -> Command {
+    Command::DriveCoil(DriveCoil {
+        to_a,
+        over_s,
+        trace_interval_s,
+    })
+}
+
+/// A board whose current amplifier errs so much.
+fn bench(gain_error: f64) -> RecordedBoard {
+    let usual = crate::common::recording();
+    let options = Options {
+        drive: BridgeCircuit {
+            gain_error,
+            ..usual.drive
+        },
+        ..usual
+    };
+    let mut bench = RecordedBoard::with(ldc161x_sim::Settings::default(), options);
+    bench.stream();
+    let set = bench.command(&Command::SetCoil(crate::common::coil()));
+    assert_eq!(set.outcome, Outcome::Accepted);
+    bench
+}
+
+fn arm(bench: &mut RecordedBoard) {
+    assert_eq!(bench.command(&Command::Arm).outcome, Outcome::Accepted);
+    let tested = |record: &Record| matches!(record, Record::CoilTest(_)).then_some(());
+    bench.wait_for(Time::from_ms(200), tested).unwrap();
+}
+
+fn traces(frames: &[Frame<Record>]) -> Vec<(u64, CurrentTrace)> {
+    let of = |frame: &Frame<Record>| match &frame.message {
+        Record::CurrentTrace(trace) => Some((frame.header.time_us, trace.clone())),
+        _ => None,
+    };
+    frames.iter().filter_map(of).collect()
+}
+
+/// Slope of the least-squares line through values at equal distances.
+fn slope_per_value(values: &[f32]) -> f64 {
+    let middle = (values.len() - 1) as f64 / 2.0;
+    let (product, square) = values
+        .iter()
+        .enumerate()
+        .map(|(place, value)| (place as f64 - middle, f64::from(*value)))
+        .fold((0.0, 0.0), |(product, square), (from_middle, value)| {
+            (
+                product + from_middle * value,
+                square + from_middle * from_middle,
+            )
+        });
+    product / square
+}
+
+#[test]
+fn a_step_is_reported_period_by_period() {
+    let mut bench = bench(0.0);
+    arm(&mut bench);
+    bench.command(&drive(1.0, 0.0, 0.0));
+    bench.run(Time::from_ms(5));
+    bench.send(&drive(6.0, 0.0, 16e-6));
+    // The true mean of every period meanwhile, with the time of its end.
+    let mut truth = Vec::new();
+    let mut before = bench.board.circuit().totals();
+    for _ in 0..250 {
+        bench.board.run_for(Time::from_us(PERIOD_US)).unwrap();
+        let after = bench.board.circuit().totals();
+        let mean_a = (after.charge_a_s - before.charge_a_s) / (after.time_s - before.time_s);
+        truth.push(mean_a);
+        before = after;
+    }
+    bench.run(Time::from_ms(30));
+    let parts = traces(&bench.frames);
+    let currents: Vec<f32> = parts
+        .iter()
+        .flat_map(|(_, of)| of.currents_a.clone())
+        .collect();
+    assert_eq!(currents.len(), 128);
+    for (place, (at_us, part)) in parts.iter().enumerate() {
+        assert_eq!((part.total, usize::from(part.first)), (128, 16 * place));
+        assert_eq!(part.interval_s, 16e-6);
+        assert_eq!(at_us - parts[0].0, 256 * place as u64);
+    }
+    let step_true = truth.iter().position(|mean_a| *mean_a > 3.5).unwrap();
+    let reported_step = currents
+        .iter()
+        .position(|current_a| *current_a > 3.5)
+        .unwrap();
+    // The device sends the answer to the command when it has ordered the current.
+    let answered = bench.frames.iter().rev().find_map(|frame| {
+        let is_answer = matches!(frame.message, Record::Acknowledgement(_));
+        is_answer.then_some(frame.header.time_us)
+    });
+    let stepped_us = parts[0].0 + PERIOD_US * reported_step as u64;
+    assert!(
+        stepped_us.abs_diff(answered.unwrap()) < 1_000,
+        "{stepped_us} {answered:?}"
+    );
+    for (reported_a, true_a) in currents[reported_step + 4..]
+        .iter()
+        .zip(&truth[step_true + 4..])
+    {
+        assert!(
+            (f64::from(*reported_a) - true_a).abs() < 0.1,
+            "{reported_a} {true_a}"
+        );
+    }
+    let first_a = currents[0];
+    assert!((first_a - 1.0).abs() < 0.1, "{first_a}");
+}
+
+#[test]
+fn a_record_of_a_ramp_goes_on_while_the_current_does_and_ends_with_it() {
+    let mut bench = bench(0.0);
+    arm(&mut bench);
+    bench.command(&drive(4.0, 0.0, 0.0));
+    bench.command(&drive(1.0, 0.06, 0.5e-3));
+    // 63.5 ms, and then a part of it with each pulse of a millisecond.
+    bench.run(Time::from_ms(80));
+    bench.command(&Command::Identify);
+    let parts = traces(&bench.frames);
+    let currents: Vec<f32> = parts
+        .iter()
+        .flat_map(|(_, of)| of.currents_a.clone())
+        .collect();
+    assert_eq!(currents.len(), 128);
+    // 0.5 ms are 31 periods.
+    assert!(parts.iter().all(|(_, of)| of.interval_s == 31.0 * 16e-6));
+    // By all values of the ramp: two of them, each with noise, say it to no better than 1 A/s.
+    let slope = slope_per_value(&currents[10..110]) / (31.0 * 16e-6);
+    assert!((slope + 50.0).abs() < 0.5, "{slope} A/s");
+    // After an abort the device reports the trace as far as it got.
+    let before = bench.frames.len();
+    bench.command(&drive(2.0, 0.0, 0.01));
+    bench.run(Time::from_ms(50));
+    bench.command(&Command::Abort);
+    bench.run(Time::from_ms(300));
+    let parts = traces(&bench.frames[before..]);
+    let total = parts.first().map(|(_, of)| of.total).unwrap();
+    let sum: usize = parts.iter().map(|(_, of)| of.currents_a.len()).sum();
+    assert_eq!(usize::from(total), sum);
+    assert!(
+        (20..35).contains(&total),
+        "{total} of 10 ms each in 0.25 to 0.3 s"
+    );
+}
+
+#[test]
+fn a_calibration_takes_the_error_of_the_gain_away() {
+    let mut bench = bench(0.05);
+    let true_a = |bench: &mut RecordedBoard| {
+        arm(bench);
+        bench.command(&drive(6.0, 0.0, 0.0));
+        bench.run(Time::from_ms(3));
+        let before = bench.board.circuit().totals();
+        bench.run(Time::from_ms(10));
+        let after = bench.board.circuit().totals();
+        bench.command(&Command::Disarm);
+        (after.charge_a_s - before.charge_a_s) / (after.time_s - before.time_s)
+    };
+    let before_a = true_a(&mut bench);
+    assert!((before_a - 6.0 / 1.05).abs() < 0.03, "{before_a}");
+    // What is read 5 % too high is 1/1.05 of it.
+    let change = |measured_a: f32| measured_a / 1.05 - measured_a;
+    let correction = CurrentCorrection {
+        greatest_a: 12.0,
+        changes_a: (-8..=8).map(|place| change(1.5 * place as f32)).collect(),
+    };
+    let set = Command::SetCurrentCorrection(correction);
+    assert_eq!(bench.command(&set).outcome, Outcome::Accepted);
+    let after_a = true_a(&mut bench);
+    assert!((after_a - 6.0).abs() < 0.03, "{after_a}");
+}
+
+/// Sensors that rest, and a coil whose inductance is another at will.
+#[derive(Clone)]
+struct VaryingCoil {
+    still: Still,
+    inductance_h: f64,
+}
+
+impl Sensors for VaryingCoil {
+    fn frequency_hz(&self, channel: usize, time_s: f64) -> f64 {
+        self.still.frequency_hz(channel, time_s)
+    }
+}
+
+impl Plant for VaryingCoil {
+    fn advance_to(&mut self, _: Time) {}
+
+    fn set_current(&mut self, _: f64, _: f64) {}
+
+    fn conditions(&self) -> PlantConditions {
+        PlantConditions {
+            inductance_h: self.inductance_h,
+            ..PlantConditions::default()
+        }
+    }
+}
+
+/// What a failed switch does: the current goes on. Here a coil of a henry keeps it up.
+#[test]
+fn a_current_that_flows_with_the_bridge_off_is_reported() {
+    let plant = VaryingCoil {
+        still: Still::new(crate::common::FREQUENCIES_HZ),
+        inductance_h: 40e-6,
+    };
+    let board = EmulatedBoard::new(
+        crate::common::image(),
+        plant,
+        ldc161x_sim::Settings::default(),
+        crate::common::recording(),
+    );
+    let mut bench = RecordedBoard::of(board);
+    bench.stream();
+    bench.command(&Command::SetCoil(crate::common::coil()));
+    bench.command(&Command::Arm);
+    bench.run(Time::from_ms(150));
+    bench.command(&drive(4.0, 0.0, 0.0));
+    bench.run(Time::from_ms(5));
+    bench.board.plant_mut().inductance_h = 1.0;
+    // Two looks at it, and too short for the drive to miss a current that does not follow.
+    bench.run(Time::from_us(300));
+    bench.command(&Command::Abort);
+    assert!(!bench.board.bridge().awake && bench.board.current_a() > 3.0);
+    bench.run(Time::from_ms(15));
+    assert!(bench.faults().is_empty(), "any coil may take 20 ms");
+    bench.run(Time::from_ms(15));
+    let reported = bench.faults().last().map(|fault| fault.code);
+    assert_eq!(reported, Some(FaultCode::CurrentUnwanted));
+}
+
+/// Sensors at rest, and the current that they receive, summed over the time for which it holds.
+#[derive(Clone)]
+struct Reported {
+    still: Still,
+    now: Time,
+    current_a: (f64, f64),
+    charge_a_s: f64,
+    square_a2_s: f64,
+}
+
+impl Sensors for Reported {
+    fn frequency_hz(&self, channel: usize, time_s: f64) -> f64 {
+        self.still.frequency_hz(channel, time_s)
+    }
+}
+
+impl Plant for Reported {
+    fn advance_to(&mut self, time: Time) {
+        let (mean_a, ripple_a) = self.current_a;
+        let passed_s = (time.max(self.now) - self.now).as_secs_f64();
+        self.charge_a_s += mean_a * passed_s;
+        self.square_a2_s += (mean_a * mean_a + ripple_a * ripple_a) * passed_s;
+        self.now = time;
+    }
+
+    fn set_current(&mut self, mean_a: f64, ripple_a: f64) {
+        self.current_a = (mean_a, ripple_a);
+    }
+}
+
+#[test]
+fn the_plant_gets_the_circuits_current_at_its_time_with_its_ripple() {
+    let plant = Reported {
+        still: Still::new([3e6; 4]),
+        now: Time::ZERO,
+        current_a: (0.0, 0.0),
+        charge_a_s: 0.0,
+        square_a2_s: 0.0,
+    };
+    let settings = ldc161x_sim::Settings::default();
+    let board = EmulatedBoard::new(
+        crate::common::image(),
+        plant,
+        settings,
+        crate::common::recording(),
+    );
+    let mut bench = RecordedBoard::of(board);
+    bench.stream();
+    let set = bench.command(&Command::SetCoil(crate::common::coil()));
+    assert_eq!(set.outcome, Outcome::Accepted);
+    bench.command(&Command::Arm);
+    bench.run(Time::from_ms(100));
+    bench.command(&drive(8.0, 0.0, 0.0));
+    bench.command(&drive(0.0, 0.06, 0.0));
+    // Early and late in the fall.
+    for wait_ms in [10, 35] {
+        bench.run(Time::from_ms(wait_ms));
+        let now = bench.board.now();
+        let circuit = *bench.board.circuit();
+        let plant = bench.board.plant_mut();
+        // The time since the plant last received the current, two periods of the bridge at most.
+        let rest_s = (now - plant.now).as_secs_f64();
+        assert!(rest_s < 40e-6, "{rest_s}");
+        let (mean_a, _) = plant.current_a;
+        let totals = circuit.totals();
+        let charge_a_s = totals.charge_a_s - mean_a * rest_s;
+        // A period late would be 6e-5 A s and more.
+        let missed_a_s = charge_a_s - plant.charge_a_s;
+        assert!(missed_a_s.abs() < 2e-5, "{missed_a_s:e}");
+        let square_a2_s = totals.square_a2_s - mean_a * mean_a * rest_s;
+        // Without the ripple 1e-3 A^2 s would be missing.
+        let missed_a2_s = square_a2_s - plant.square_a2_s;
+        assert!(missed_a2_s.abs() < 3e-4, "{missed_a2_s:e}");
+    }
+}

@@ -1,0 +1,360 @@
+//! Faults of bus and converter, each from a snapshot of a running stream, and the safe state.
+//!
+//! Small form; the sweeps over every bit and byte are the campaign `image-faults`.
+
+use crate::common::{Crash, PLACES, RecordedBoard, image, ramping, streaming, time_to_off};
+use ldc161x_sim::{ChipFault, FaultEvent, Lost, Time};
+use palpate_emulator::{LineFault, firmware};
+use palpate_wire::Record;
+use palpate_wire::code::{FaultCode, Outcome, ResetCause, State};
+use palpate_wire::command::Command;
+
+/// After a fault's end the stream has to be back so soon.
+const RECOVERY: Time = Time::from_ms(50);
+
+/// The stream is back, its first sample says that something went before it, and no reset was
+/// needed.
+fn assert_recovers(bench: &mut RecordedBoard, what: &str) {
+    bench.frames.clear();
+    bench.run(RECOVERY);
+    let good = |bench: &RecordedBoard| {
+        bench
+            .samples()
+            .filter(|(_, sample)| sample.missed == 0)
+            .count()
+    };
+    let before = good(bench);
+    bench.run(Time::from_ms(20));
+    assert!(good(bench) >= before + 15, "{what}: the stream is not back");
+    assert_eq!(bench.board.resets().watchdog, 0, "{what}");
+    let flagged = bench.words().iter().any(|word| word >> 28 != 0);
+    assert!(!flagged, "{what}: a word with an error flag");
+}
+
+#[test]
+fn sda_held_low_at_some_bits_is_survived() {
+    let snapshot = streaming();
+    for bit in [0, 1, 5, 8, 9, 14, 18, 30, 60, 94] {
+        let mut bench = snapshot.clone();
+        bench.board.disturb(LineFault::SdaLow {
+            bit,
+            lasting: None,
+            clocks: Some(1 + bit % 9),
+        });
+        bench.run(Time::from_ms(10));
+        assert!(
+            !bench.board.is_disturbed(),
+            "bit {bit}: SDA was not freed by clocks"
+        );
+        assert_recovers(&mut bench, &format!("SDA low at bit {bit}"));
+    }
+}
+
+#[test]
+fn scl_held_for_a_while_is_survived_and_for_ever_is_reported() {
+    let snapshot = streaming();
+    for (bit, held_us) in [(3, 1_000), (40, 4_900), (40, 5_100), (60, 30_000)] {
+        let mut bench = snapshot.clone();
+        bench.board.disturb(LineFault::SclHeld {
+            bit,
+            lasting: Some(Time::from_us(held_us)),
+        });
+        bench.run(Time::from_us(held_us + 2_000));
+        assert_recovers(&mut bench, &format!("SCL held {held_us} us"));
+    }
+    let mut bench = snapshot.clone();
+    bench.board.disturb(LineFault::SclHeld {
+        bit: 40,
+        lasting: None,
+    });
+    bench.run(Time::from_ms(200));
+    let faults = bench.faults();
+    assert!(
+        faults
+            .iter()
+            .any(|fault| fault.active && fault.code == FaultCode::BusClockStuck),
+        "{faults:?}"
+    );
+    bench.board.release();
+    assert_recovers(&mut bench, "SCL held for 200 ms");
+    let ended = bench.faults();
+    assert!(
+        ended.iter().any(|fault| !fault.active),
+        "the fault ends: {ended:?}"
+    );
+}
+
+#[test]
+fn a_byte_that_is_not_acknowledged_is_survived() {
+    let snapshot = streaming();
+    for after_bytes in 0..6 {
+        let mut bench = snapshot.clone();
+        let next = bench.board.chip().traffic().transactions;
+        let fault = ChipFault::Nack { after_bytes };
+        bench
+            .board
+            .chip_mut()
+            .schedule(FaultEvent::in_transactions(next, 1, fault))
+            .unwrap();
+        bench.run(Time::from_ms(2));
+        assert_recovers(&mut bench, &format!("NACK after {after_bytes} bytes"));
+    }
+}
+
+#[test]
+fn a_converter_that_loses_everything_is_started_anew() {
+    let snapshot = streaming();
+    for after_us in [0, 210, 430, 650, 870] {
+        let mut bench = snapshot.clone();
+        let at = bench.board.now() + Time::from_us(after_us);
+        let fault = ChipFault::BrownOut(Lost::Everything);
+        bench
+            .board
+            .chip_mut()
+            .schedule(FaultEvent::at(at, fault, Time::ZERO))
+            .unwrap();
+        bench.run(Time::from_ms(20));
+        assert_recovers(&mut bench, &format!("reset after {after_us} us"));
+    }
+}
+
+#[test]
+fn an_absent_converter_and_a_wrong_one_are_reported() {
+    for (fault, code) in [
+        (ChipFault::Absent, FaultCode::SensorAbsent),
+        (
+            ChipFault::WrongIdentity {
+                manufacturer: 0x5449,
+                device: 0x3054,
+            },
+            FaultCode::SensorIdentity,
+        ),
+    ] {
+        let mut bench = RecordedBoard::new();
+        let event = FaultEvent::from(Time::ZERO, fault);
+        bench.board.chip_mut().schedule(event).unwrap();
+        bench.run(Time::from_ms(300));
+        let faults = bench.faults();
+        assert!(
+            faults.iter().any(|it| it.active && it.code == code),
+            "{faults:?}"
+        );
+        bench.board.chip_mut().clear_faults();
+        bench.run(Time::from_ms(50));
+        assert_recovers(&mut bench, &format!("{code:?}"));
+    }
+}
+
+#[test]
+fn an_interrupt_line_that_is_stuck_is_survived() {
+    let snapshot = streaming();
+    for low in [false, true] {
+        let mut bench = snapshot.clone();
+        let fault = FaultEvent::at(
+            bench.board.now(),
+            ChipFault::IntbStuck { low },
+            Time::from_ms(60),
+        );
+        bench.board.chip_mut().schedule(fault).unwrap();
+        bench.run(Time::from_ms(60));
+        assert_recovers(&mut bench, &format!("INTB stuck, low: {low}"));
+    }
+}
+
+/// Flagged samples of 40 ms are data; of 100 ms they are a fault, which ends with its cause.
+#[test]
+fn a_sensing_coil_that_opens_is_reported_and_its_return_too() {
+    let mut bench = streaming();
+    let set_hz = |bench: &mut RecordedBoard, hz: f64| {
+        bench.board.plant_mut().frequencies_hz[0] = hz;
+    };
+    set_hz(&mut bench, 0.0);
+    bench.run(Time::from_ms(40));
+    set_hz(&mut bench, crate::common::FREQUENCIES_HZ[0]);
+    bench.run(Time::from_ms(50));
+    assert_eq!(bench.faults(), []);
+    assert!(bench.words().iter().any(|word| word >> 28 != 0));
+    set_hz(&mut bench, 0.0);
+    bench.run(Time::from_ms(100));
+    let faults = bench.faults();
+    let raised = faults.last().expect("a fault");
+    assert_eq!(raised.code, FaultCode::SensorNotOscillating);
+    assert_eq!((raised.active, raised.value), (true, Some(0.0)));
+    // However many flagged samples follow, it stands.
+    bench.run(Time::from_ms(100));
+    assert_eq!(bench.faults().len(), faults.len(), "{:?}", bench.faults());
+    set_hz(&mut bench, crate::common::FREQUENCIES_HZ[0]);
+    bench.run(Time::from_ms(50));
+    let ended = bench.faults().pop().expect("a fault");
+    assert_eq!((ended.code, ended.active), (raised.code, false));
+}
+
+// ---- the coil and the safe state ----
+
+#[test]
+fn the_current_follows_its_course_and_ends() {
+    let mut bench = ramping(image());
+    bench.frames.clear();
+    let mut highest: f64 = 0.0;
+    let is_over = |frame: &palpate_wire::Frame<Record>| match &frame.message {
+        Record::State(change) => change.previous == State::Ramps,
+        _ => false,
+    };
+    while !bench.frames.iter().any(is_over) {
+        bench.run(Time::from_ms(1));
+        highest = highest.max(bench.board.current_a());
+        assert!(bench.frames.len() < 2_000, "the train does not end");
+    }
+    // Half of the ripple lies above the mean.
+    assert!((9.8..=10.8).contains(&highest), "{highest}");
+    assert_eq!(bench.board.current_a(), 0.0);
+    let reported_a = bench.samples().filter_map(|(_, sample)| sample.current_a);
+    let highest_a = reported_a.fold(0.0, f32::max);
+    assert!((9.9..=10.1).contains(&highest_a), "{highest_a}");
+}
+
+#[test]
+fn a_command_switches_the_bridge_off() {
+    let snapshot = ramping(image());
+    for command in [Command::Disarm, Command::Abort, Command::SensingOnly] {
+        let mut bench = snapshot.clone();
+        assert_eq!(bench.command(&command).outcome, Outcome::Accepted);
+        assert_eq!(bench.board.current_a(), 0.0, "{command:?}");
+        assert!(time_to_off(&mut bench).is_some());
+    }
+}
+
+#[test]
+fn a_fault_anywhere_switches_the_bridge_off_within_a_millisecond() {
+    let snapshot = ramping(image());
+    for place in PLACES {
+        let mut bench = snapshot.clone();
+        let took = Crash::HardFault.in_exception(&mut bench, place);
+        assert!(took.unwrap() <= Time::from_ms(1), "exception {place}");
+        assert_eq!(bench.board.resets().watchdog, 1);
+        let crash = bench.frames.iter().find_map(|frame| match &frame.message {
+            Record::Crash(crash) => Some(crash.clone()),
+            _ => None,
+        });
+        let crash = crash.expect("the crash is reported");
+        assert_eq!(crash.cause, ResetCause::HardFault);
+        assert_eq!(crash.program_counter, crate::common::SPARE);
+        let faults = bench.faults();
+        assert!(
+            faults
+                .iter()
+                .any(|fault| fault.code == FaultCode::HardFault),
+            "{faults:?}"
+        );
+        assert_eq!(bench.command(&Command::Arm).outcome, Outcome::Faulted);
+    }
+}
+
+#[test]
+fn an_endless_loop_anywhere_switches_the_bridge_off_within_60_ms() {
+    let snapshot = ramping(image());
+    for place in PLACES {
+        let mut bench = snapshot.clone();
+        let took = Crash::Loop.in_exception(&mut bench, place);
+        assert!(took.unwrap() <= Time::from_ms(60), "exception {place}");
+        let faults = bench.faults();
+        assert!(
+            faults.iter().any(|fault| fault.code == FaultCode::Watchdog),
+            "{faults:?}"
+        );
+        bench.stream();
+    }
+}
+
+#[test]
+fn a_snapshot_runs_on_like_its_original() {
+    let mut one = ramping(image());
+    let mut other = one.clone();
+    one.run(Time::from_ms(50));
+    other.run(Time::from_ms(50));
+    assert_eq!(one.frames, other.frames);
+    assert_eq!(one.board.instructions(), other.board.instructions());
+    assert_eq!(one.board.now(), other.board.now());
+}
+
+#[test]
+fn the_image_fits_its_budget() {
+    assert!(image().flash_bytes() <= 136 * 1024);
+    assert_eq!(firmware::TARGET, "thumbv6m-none-eabi");
+}
+
+/// Chance of 64 bits (xorshift).
+fn random(state: &mut u64) -> u32 {
+    *state ^= *state << 13;
+    *state ^= *state >> 7;
+    *state ^= *state << 17;
+    (*state >> 32) as u32
+}
+
+/// Words at random over the record of a crash, between the reset and the start that reads it: in a
+/// run of the older firmware such a start said `software`, and latched nothing.
+#[test]
+fn a_crash_whose_record_cannot_be_read_is_a_fault() {
+    let record = image().symbol("CRASH_RECORD").unwrap();
+    let mut snapshot = ramping(image());
+    snapshot
+        .board
+        .poke(crate::common::SPARE, crate::common::UNDEFINED);
+    snapshot.board.set_pc(crate::common::SPARE);
+    snapshot
+        .board
+        .run_until(Time::from_ms(10), |board| board.resets().watchdog == 1)
+        .unwrap();
+    let mut state = 0x5EED;
+    for words in [20, 20, 1, 1, 1, 0] {
+        let mut bench = snapshot.clone();
+        for word in 0..words {
+            let place = if words == 1 {
+                random(&mut state) % 20
+            } else {
+                word
+            };
+            bench.board.poke(record + 4 * place, random(&mut state));
+        }
+        bench.restart_listening();
+        bench.run(Time::from_ms(100));
+        let hello = bench.frames.iter().find_map(|frame| match &frame.message {
+            Record::Hello(hello) => Some(hello.clone()),
+            _ => None,
+        });
+        let is_reported = bench
+            .frames
+            .iter()
+            .any(|frame| matches!(frame.message, Record::Crash(_)));
+        let (cause, code) = if words == 0 {
+            (ResetCause::HardFault, FaultCode::HardFault)
+        } else {
+            (ResetCause::Unexplained, FaultCode::CrashUnreadable)
+        };
+        assert_eq!(hello.unwrap().reset_cause, cause, "{words}");
+        assert_eq!(is_reported, words == 0);
+        let faults: Vec<_> = bench.faults().iter().map(|fault| fault.code).collect();
+        assert_eq!(faults, [code], "{words} words");
+        assert_eq!(bench.command(&Command::Arm).outcome, Outcome::Faulted);
+        // Cleared, it works as ever, and the next crash is the second.
+        bench.stream();
+    }
+}
+
+/// A reset that the firmware never asked for: memory was written over, and the processor with it.
+#[test]
+fn a_reset_without_a_record_is_a_fault() {
+    let mut bench = ramping(image());
+    crate::common::reset_without_a_record(&mut bench);
+    let took = time_to_off(&mut bench);
+    // The reset takes the outputs with it; the emulator's step counts the boot, 2 ms, too.
+    assert!(took.unwrap() <= Time::from_ms(3), "{took:?}");
+    assert_eq!(bench.board.resets().watchdog, 1);
+    let faults = bench.faults();
+    assert!(
+        faults
+            .iter()
+            .any(|fault| fault.code == FaultCode::CrashUnreadable),
+        "{faults:?}"
+    );
+}

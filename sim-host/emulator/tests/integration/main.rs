@@ -1,0 +1,14 @@
+//! Tests of `palpate-emulator` from outside: one program, whose modules are its parts.
+
+mod acquisition;
+mod coil;
+mod common;
+mod current;
+mod every_fault;
+mod faults;
+mod planted;
+mod profile;
+mod second_converter;
+mod starts;
+mod time_stamps;
+mod trace;

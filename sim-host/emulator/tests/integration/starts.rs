@@ -1,0 +1,188 @@
+//! After a start of the converter, and when it is disturbed: a sample has its right time and is of
+//! one scan, or is marked. Small form; every rate and many phases are the campaign `image-starts`.
+
+use crate::common::stamps::{Judged, Silicon, change, judge};
+use crate::common::{FREQUENCIES_HZ, RecordedBoard, image, recording};
+use ldc161x_sim::{
+    ChipFault, FaultEvent, InterruptRelease, Overwrite, Sensors, Settings, registers::address,
+};
+use palpate_emulator::{EmulatedBoard, Plant, Still, Time};
+use palpate_wire::Record;
+use palpate_wire::code::{FaultCode, State};
+
+/// A converter that releases INTB when DATA is read.
+const BY_DATA: Silicon = Silicon {
+    release: InterruptRelease::StatusOrData,
+    overwrite: Overwrite::ByChannel,
+};
+
+#[test]
+fn samples_after_a_change_of_channels_are_right_or_marked() {
+    for silicon in Silicon::all() {
+        let mut snapshot = silicon.bench();
+        snapshot.stream();
+        for channels in [0b0001, 0b0011, 0b0111, 0b1111] {
+            for rate_hz in [500.0, 1_000.0, silicon.fastest_hz(channels)] {
+                let mut bench = snapshot.clone();
+                change(&mut bench, channels, rate_hz, Time::from_ms(150));
+                let judged = judge(&bench);
+                let what = format!("{silicon:?}, {channels:#06b}, {rate_hz} Hz: {judged:?}");
+                println!("{what}");
+                assert!(judged.samples > 20, "{what}");
+                assert!(judged.holds(), "{what}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_change_of_channels_is_no_fault() {
+    for silicon in Silicon::all().filter(|it| it.overwrite == Overwrite::ByChannel) {
+        let mut snapshot = silicon.bench();
+        snapshot.stream();
+        for (channels, rate_hz) in [
+            (0b0011, 1_000.0),
+            (0b0111, 1_000.0),
+            (0b1111, 900.0),
+            (0b1111, 100.0),
+        ] {
+            let mut bench = snapshot.clone();
+            let begin = bench.board.now();
+            change(&mut bench, channels, rate_hz, Time::ZERO);
+            let came = bench.wait_for(Time::from_ms(300), |record| match record {
+                Record::Sample(sample) => (sample.channels.len() > 1).then_some(()),
+                _ => None,
+            });
+            let took = bench.board.now() - begin;
+            println!("{silicon:?}, {channels:#06b}, {rate_hz} Hz: {took}");
+            assert!(came.is_some());
+            bench.run(Time::from_ms(100));
+            assert!(bench.faults().is_empty(), "{:?}", bench.faults());
+            let restarted = bench.frames.iter().any(
+                |frame| matches!(&frame.message, Record::State(it) if it.state == State::SelfTest),
+            );
+            assert!(!restarted, "{channels:#06b} {rate_hz}");
+        }
+    }
+}
+
+/// Sensors that stop for a while.
+#[derive(Clone)]
+struct Stopping {
+    sensors: Still,
+    from_s: f64,
+    to_s: f64,
+}
+
+impl Sensors for Stopping {
+    fn frequency_hz(&self, channel: usize, time_s: f64) -> f64 {
+        if (self.from_s..self.to_s).contains(&time_s) {
+            0.0
+        } else {
+            self.sensors.frequency_hz(channel, time_s)
+        }
+    }
+}
+
+impl Plant for Stopping {
+    fn advance_to(&mut self, _: Time) {}
+
+    fn set_current(&mut self, _: f64, _: f64) {}
+}
+
+#[test]
+fn a_conversion_that_the_watchdog_aborts_is_marked_and_not_called_lost() {
+    // The chip's watchdog looks 5.2 ms after the last result: a conversion that is longer is aborted,
+    // and begun anew until the sensor oscillates.
+    for lasting_s in [0.002, 0.012, 0.022] {
+        let plant = Stopping {
+            sensors: Still {
+                drift_hz_per_s: 1e6,
+                ..Still::new(FREQUENCIES_HZ)
+            },
+            from_s: f64::MAX,
+            to_s: f64::MAX,
+        };
+        let board = EmulatedBoard::new(image(), plant, Settings::default(), recording());
+        let mut bench = RecordedBoard::of(board);
+        bench.stream();
+        change(&mut bench, 0b0001, 100.0, Time::from_ms(150));
+        let before = bench.status();
+        let overwritten = bench.board.chip().overwritten(0);
+        let begun_s = bench
+            .board
+            .chip()
+            .last_conversion(0)
+            .unwrap()
+            .end
+            .as_secs_f64();
+        let plant = bench.board.plant_mut();
+        plant.from_s = begun_s + 0.0142;
+        plant.to_s = plant.from_s + lasting_s;
+        bench.run(Time::from_ms(150));
+        let after = bench.status();
+        let judged = judge(&bench);
+        assert_eq!(
+            bench.board.chip().overwritten(0),
+            overwritten,
+            "{lasting_s}"
+        );
+        assert_eq!(
+            after.conversions_lost, before.conversions_lost,
+            "{lasting_s}"
+        );
+        assert!(judged.holds(), "{lasting_s}: {judged:?}");
+        let gaps = bench.samples().filter(|(_, it)| it.gap).count();
+        // The start's own, and that of the first whole conversion; one that ended silent is flagged.
+        assert!((2..=3).contains(&gaps), "{lasting_s}: {gaps}");
+    }
+}
+
+/// A register of the converter changes by itself while it streams.
+fn upset(
+    silicon: Silicon,
+    channels: u8,
+    rate_hz: f32,
+    address: u8,
+    bits: u16,
+) -> (RecordedBoard, Judged) {
+    let mut bench = silicon.bench();
+    bench.stream();
+    change(&mut bench, channels, rate_hz, Time::from_ms(150));
+    assert!(bench.faults().is_empty());
+    let at = bench.board.now() + Time::from_us(1_230);
+    let fault = ChipFault::RegisterUpset { address, bits };
+    let event = FaultEvent::at(at, fault, Time::ZERO);
+    bench.board.chip_mut().schedule(event).unwrap();
+    bench.run(Time::from_ms(120));
+    let judged = judge(&bench);
+    (bench, judged)
+}
+
+#[test]
+fn a_conversion_time_that_changes_is_marked_at_once_and_its_register_reported() {
+    let by_status = Silicon {
+        release: InterruptRelease::StatusOnly,
+        ..BY_DATA
+    };
+    for (silicon, channels, rate_hz, address, bits) in [
+        (BY_DATA, 0b0001, 1_000.0, address::RCOUNT, 1 << 9),
+        (BY_DATA, 0b0001, 1_000.0, address::RCOUNT, 1 << 3),
+        (BY_DATA, 0b1111, 1_000.0, address::RCOUNT + 2, 1 << 6),
+        (BY_DATA, 0b1111, 1_000.0, address::SETTLE_COUNT + 1, 1 << 4),
+        (by_status, 0b1111, 900.0, address::RCOUNT + 3, 1 << 5),
+        (by_status, 0b0001, 1_000.0, address::RCOUNT, 1 << 10),
+    ] {
+        let (bench, judged) = upset(silicon, channels, rate_hz, address, bits);
+        let what = format!("{silicon:?} {channels:#06b} {address:#04x} {bits:#06x}: {judged:?}");
+        assert!(judged.holds(), "{what}");
+        let faults = bench.faults();
+        let reported = faults.first().unwrap_or_else(|| panic!("no fault: {what}"));
+        assert_eq!(reported.code, FaultCode::SensorReset, "{what}");
+        assert_eq!(reported.value, Some(f32::from(address)), "{what}");
+        // Started anew, it is right again.
+        let last = bench.samples().last().unwrap().1;
+        assert!(!last.gap && last.missed == 0, "{what}");
+        assert!(faults.iter().any(|fault| !fault.active), "{what}");
+    }
+}

@@ -1,0 +1,275 @@
+//! The control interrupt around the circuit, on a PC: period by period, in the plant's own time.
+
+use std::rc::Rc;
+
+use coil_hbridge::{Averages, Drive, Hardware, Output, Trace};
+
+use super::circuit::{Circuit, Pins, Totals};
+use super::edges;
+use super::sense::{Converter, Filter};
+
+/// Gain of the reference board's current amplifier, V/A, and its output without current, V.
+const AMPLIFIER_V_PER_A: f64 = 0.125;
+const AMPLIFIER_ZERO_V: f64 = 1.65;
+/// From the middle of a period, where its second sample is taken, to the end of the control
+/// interrupt: conversion, latency, and the law in 270 cycles of 200 MHz.
+const INTERRUPT_S: f64 = 3.6e-6;
+/// Time constant of the supply's divider with its capacitor.
+const SUPPLY_TAU_S: f64 = 1e-3;
+
+/// What is measured slowly, or wrong.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Slow {
+    /// Relative error of the current amplifier's gain, which drifts over weeks.
+    pub gain_error: f64,
+    /// Its offset, A, which drifts as well.
+    pub offset_a: f64,
+    /// Relative error of the measured supply.
+    pub supply_error: f64,
+    /// The amplifier's output is stuck here, V.
+    pub stuck_v: Option<f64>,
+    /// The bridge reports a fault.
+    pub bridge_faults: bool,
+    /// Whether it reports its limit as one; bridges differ.
+    pub limit_faults: bool,
+    /// The supervisor looks.
+    pub attended: bool,
+    /// What the limit is with its input for the self-test low, as a part.
+    pub limit_low: f64,
+}
+
+impl Default for Slow {
+    fn default() -> Self {
+        Self {
+            gain_error: 0.0,
+            offset_a: 0.0,
+            supply_error: 0.0,
+            stuck_v: None,
+            bridge_faults: false,
+            limit_faults: true,
+            attended: true,
+            limit_low: 2.0 / 15.0,
+        }
+    }
+}
+
+/// One period, as it was.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Period {
+    /// Its end, s.
+    pub end_s: f64,
+    /// True mean current, A.
+    pub mean_a: f64,
+    /// True current at its end, A.
+    pub end_a: f64,
+    /// The bridge's inputs in it.
+    pub output: Output,
+}
+
+/// Blocks of the measured current that are kept.
+pub const HISTORY: usize = 512;
+
+/// Currents of a record.
+pub const TRACED: usize = 128;
+
+/// Circuit, current measurement, and the drive that the control interrupt owns.
+pub struct ControlLoop {
+    /// The circuit.
+    pub circuit: Circuit,
+    /// The converter of the current.
+    pub converter: Converter,
+    /// What is measured slowly, or wrong.
+    pub slow: Slow,
+    /// The drive.
+    pub drive: Drive,
+    hardware: Hardware,
+    supply: Filter,
+    averages: Rc<Averages<HISTORY>>,
+    trace: Rc<Trace<TRACED>>,
+    /// In force.
+    output: Output,
+    periods: u32,
+    supply_at_off_v: Option<f32>,
+}
+
+impl ControlLoop {
+    /// At rest.
+    #[must_use]
+    pub fn new(circuit: Circuit, converter: Converter, drive: Drive, hardware: Hardware) -> Self {
+        Self {
+            supply: Filter {
+                tau_s: SUPPLY_TAU_S,
+                value: circuit.parameters.supply_v,
+            },
+            circuit,
+            converter,
+            slow: Slow::default(),
+            drive,
+            hardware,
+            averages: Rc::default(),
+            trace: Rc::default(),
+            output: Output::OFF,
+            periods: 0,
+            supply_at_off_v: None,
+        }
+    }
+
+    /// Periods so far.
+    #[must_use]
+    pub const fn periods(&self) -> u32 {
+        self.periods
+    }
+
+    /// The measured current, in blocks.
+    #[must_use]
+    pub const fn averages(&self) -> &Rc<Averages<HISTORY>> {
+        &self.averages
+    }
+
+    /// The measured current, period by period, where that was asked for.
+    #[must_use]
+    pub const fn trace(&self) -> &Rc<Trace<TRACED>> {
+        &self.trace
+    }
+
+    /// The supply as it is measured, V.
+    #[must_use]
+    pub fn supply_v(&self) -> f32 {
+        (self.supply.value * (1.0 + self.slow.supply_error)) as f32
+    }
+
+    /// The supply at the moment at which the bridge went off, once, V.
+    pub const fn take_supply_at_off_v(&mut self) -> Option<f32> {
+        self.supply_at_off_v.take()
+    }
+
+    /// Switches the bridge off, now.
+    pub const fn bridge_off(&mut self) {
+        self.output = Output::OFF;
+    }
+
+    /// One period of the PWM, with the control interrupt in its second half.
+    pub fn period(&mut self) -> Period {
+        let period_s = f64::from(self.hardware.period_s);
+        let before = self.circuit.totals();
+        let output = self.output;
+        let first = self.sample();
+        self.bridge(0.0, 0.5, period_s);
+        let second = self.sample();
+        let decided = 0.5 + INTERRUPT_S / period_s;
+        self.bridge(0.5, decided, period_s);
+        let limits = self.slow.limit_faults && self.circuit.is_limiting();
+        let faulty = self.slow.bridge_faults || limits;
+        let mut next = self.drive.tick([first, second], faulty);
+        if self.drive.account(&self.averages) {
+            next = Output::OFF;
+        }
+        self.trace.push(self.drive.measured());
+        if !next.awake {
+            self.output = next;
+        }
+        self.bridge(decided, 1.0, period_s);
+        self.output = next;
+        self.periods = self.periods.wrapping_add(1);
+        let after = self.circuit.totals();
+        let passed = Passed::between(&before, &after);
+        self.supply.push(passed.supply_v, period_s);
+        if output.awake && !next.awake {
+            self.supply_at_off_v = Some(self.supply_v());
+        }
+        Period {
+            end_s: after.time_s,
+            mean_a: passed.mean_a,
+            end_a: self.circuit.current_a(),
+            output,
+        }
+    }
+
+    /// Lets the circuit pass through a part of the period, given from 0 to 1.
+    fn bridge(&mut self, from: f64, to: f64, period_s: f64) {
+        let Output {
+            awake,
+            levels,
+            limit_low,
+        } = self.output;
+        let limit_a = self.circuit.parameters.limit_a;
+        if limit_low {
+            self.circuit.parameters.limit_a *= self.slow.limit_low;
+        }
+        let full = self.hardware.full_level;
+        let mut now = from;
+        let mut inputs = [false; 2];
+        for (at, next) in edges([levels.in1, levels.in2], full) {
+            let until = at.min(to);
+            if until > now {
+                self.circuit
+                    .advance(Pins { awake, inputs }, (until - now) * period_s);
+                now = until;
+            }
+            inputs = next;
+        }
+        if to > now {
+            self.circuit
+                .advance(Pins { awake, inputs }, (to - now) * period_s);
+        }
+        self.circuit.parameters.limit_a = limit_a;
+    }
+
+    fn sample(&mut self) -> u16 {
+        let current_a = self.circuit.current_a() + self.slow.offset_a;
+        let volts = self.slow.stuck_v.unwrap_or(
+            AMPLIFIER_ZERO_V + AMPLIFIER_V_PER_A * (1.0 + self.slow.gain_error) * current_a,
+        );
+        self.converter.code(volts)
+    }
+
+    /// The ripple of the current with the bridge's present inputs, peak to peak, A.
+    #[must_use]
+    pub fn ripple_a(&self) -> f64 {
+        const STEPS: u32 = 200;
+        let mut circuit = self.circuit;
+        let hardware = &self.hardware;
+        let levels = self.output.levels;
+        let step_s = f64::from(hardware.period_s) / f64::from(STEPS);
+        let (mut low_a, mut high_a) = (f64::INFINITY, f64::NEG_INFINITY);
+        for step in 0..STEPS {
+            let at = f64::from(step) / f64::from(STEPS);
+            let inputs = edges([levels.in1, levels.in2], hardware.full_level)
+                .take_while(|&(from, _)| from <= at)
+                .last()
+                .map_or([false; 2], |(_, inputs)| inputs);
+            let awake = self.output.awake;
+            circuit.advance(Pins { awake, inputs }, step_s);
+            low_a = low_a.min(circuit.current_a());
+            high_a = high_a.max(circuit.current_a());
+        }
+        high_a - low_a
+    }
+}
+
+/// Means over a time that has passed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Passed {
+    /// Of the current, A.
+    pub mean_a: f64,
+    /// Root mean square of the current about its mean, A.
+    pub ripple_a: f64,
+    /// Of the supply, V.
+    pub supply_v: f64,
+}
+
+impl Passed {
+    /// Between two sums, of which the second is later.
+    #[must_use]
+    pub fn between(before: &Totals, after: &Totals) -> Self {
+        let passed_s = after.time_s - before.time_s;
+        let mean = |before: f64, after: f64| (after - before) / passed_s;
+        let mean_a = mean(before.charge_a_s, after.charge_a_s);
+        let square_a2 = mean(before.square_a2_s, after.square_a2_s);
+        Self {
+            mean_a,
+            ripple_a: libm::sqrt((square_a2 - mean_a * mean_a).max(0.0)),
+            supply_v: mean(before.supply_v_s, after.supply_v_s),
+        }
+    }
+}

@@ -1,0 +1,225 @@
+//! The coil of the native board: the driver's own control law around the simulated circuit.
+
+use core::cell::RefCell;
+use std::rc::Rc;
+
+use coil_hbridge::{Averages, Drive, Order, Trace};
+use ldc161x_sim::Time;
+use palpate_node::coil::{
+    AVERAGED_BLOCKS, CoilCircuit, CoilHardware, LastPeriod, SlowReadings, TRACE_LENGTH,
+};
+
+use super::{Wiring, micros};
+use crate::electrical::{
+    Circuit, CircuitParameters, ControlLoop, Converter, ConverterParameters, Passed, Totals,
+    thermistor_v,
+};
+use crate::world::{SharedWorld, World};
+
+/// A period of the PWM.
+const PERIOD: Time = Time::from_us(16);
+/// Periods for which the plant has one current: 128 us, in which an elastomer that lags 5 ms behind
+/// takes a fortieth of a change.
+const PERIODS_A_STEP: u32 = 8;
+/// Such steps from one look at resistance and temperature to the next: 1 ms.
+const STEPS_A_CHANGE: u32 = 8;
+/// Supply of the coil where the world's has no limit, V: that of the reference board.
+const NO_LIMIT_V: f64 = 12.0;
+/// Part of its limit to which the bridge limits for the self-test.
+const LIMIT_LOW: f64 = 2.0 / 15.0;
+/// The board's converter of thermistor and supply.
+const COUNTS_PER_VOLT: f64 = 4096.0 / 3.3;
+/// The supply over what the converter reads of it.
+const SUPPLY_RATIO: f64 = 11.0;
+/// From the end of the window over which a period's two samples are the mean current, to the end of
+/// the period: a quarter of it.
+const AFTER_WINDOW: Time = Time::from_us(4);
+
+/// Circuit and control interrupt, with the world that they drive.
+pub(super) struct CoilDrive {
+    world: SharedWorld,
+    /// Nothing for constants that do not fit each other.
+    control: ControlLoop,
+    runs: bool,
+    /// End of the last period.
+    ended: Time,
+    reported: Totals,
+    steps: u32,
+}
+
+impl CoilDrive {
+    pub(super) fn new(world: SharedWorld, drive: Drive) -> Self {
+        let control = {
+            let world = world.borrow();
+            let current = &world.parameters().current;
+            let converter = ConverterParameters {
+                nonlinearity_lsb: current.nonlinearity_lsb,
+                nonlinearity_phase: current.nonlinearity_phase,
+                noise_lsb: current.noise_lsb,
+                ..ConverterParameters::EXACT
+            };
+            let converter = Converter::new(converter, world.parameters().seed);
+            let circuit = Circuit::new(circuit_parameters(&world));
+            let hardware = NativeCoil::CIRCUIT.hardware;
+            let mut control = ControlLoop::new(circuit, converter, drive, hardware);
+            control.slow.gain_error = current.gain_error;
+            control.slow.limit_low = LIMIT_LOW;
+            control
+        };
+        let ended = world.borrow().now();
+        Self {
+            ended,
+            world,
+            control,
+            runs: false,
+            reported: Totals::default(),
+            steps: 0,
+        }
+    }
+
+    /// Lets time pass for circuit and world.
+    pub(super) fn advance_to(&mut self, time: Time) {
+        while self.runs && self.ended + PERIOD <= time {
+            let left = (time - self.ended).as_ps() / PERIOD.as_ps();
+            self.step(PERIODS_A_STEP.min(left as u32));
+        }
+        if !self.runs {
+            self.world.borrow_mut().advance_to(time);
+        }
+    }
+
+    /// Runs some periods, and gives the plant the current that has flowed.
+    fn step(&mut self, periods: u32) {
+        if self.steps.is_multiple_of(STEPS_A_CHANGE) {
+            self.control.circuit.parameters = circuit_parameters(&self.world.borrow());
+        }
+        self.steps = self.steps.wrapping_add(1);
+        for _ in 0..periods {
+            self.control.period();
+        }
+        self.ended += PERIOD.times(periods.into());
+        let now = self.control.circuit.totals();
+        let before = core::mem::replace(&mut self.reported, now);
+        let passed = Passed::between(&before, &now);
+        let mut world = self.world.borrow_mut();
+        // The world's time is still that of the last step.
+        world.set_current_with_ripple(passed.mean_a, passed.ripple_a);
+        world.advance_to(self.ended);
+    }
+
+    fn run(&mut self, on: bool, now: Time) {
+        self.advance_to(now);
+        if on && !self.runs {
+            // The PWM runs since the start.
+            let periods = now.as_ps() / PERIOD.as_ps();
+            self.ended = PERIOD.times(periods);
+            self.reported = self.control.circuit.totals();
+        }
+        if !on {
+            self.world.borrow_mut().set_current(0.0);
+        }
+        self.runs = on;
+    }
+}
+
+/// The circuit's present: the coil's resistance changes with its temperature.
+fn circuit_parameters(world: &World) -> CircuitParameters {
+    let current = &world.parameters().current;
+    let supply_v = if current.supply_v.is_finite() {
+        current.supply_v
+    } else {
+        NO_LIMIT_V
+    };
+    CircuitParameters {
+        supply_ohm: current.supply_ohm,
+        ..CircuitParameters::common(world.truth().coil_ohm, current.inductance_h, supply_v)
+    }
+}
+
+/// The coil's side of the native board.
+#[derive(Clone)]
+pub(super) struct NativeCoil<'a> {
+    wiring: &'a Wiring,
+    averages: Rc<Averages<AVERAGED_BLOCKS>>,
+    trace: Rc<Trace<TRACE_LENGTH>>,
+}
+
+impl<'a> NativeCoil<'a> {
+    pub(super) fn new(wiring: &'a Wiring) -> Self {
+        let drive = wiring.drive.borrow();
+        Self {
+            wiring,
+            averages: drive.control.averages().clone(),
+            trace: drive.control.trace().clone(),
+        }
+    }
+
+    fn drive(&self) -> &RefCell<CoilDrive> {
+        &self.wiring.drive
+    }
+}
+
+impl CoilHardware for NativeCoil<'_> {
+    const CIRCUIT: CoilCircuit = CoilCircuit::REFERENCE;
+
+    fn now_us(&self) -> u64 {
+        micros(self.wiring.now())
+    }
+
+    fn bridge_off(&mut self) {
+        self.drive().borrow_mut().control.bridge_off();
+    }
+
+    fn run(&mut self, on: bool) {
+        let now = self.wiring.now();
+        self.drive().borrow_mut().run(on, now);
+    }
+
+    fn with_drive<T>(&mut self, work: impl FnOnce(&mut Drive) -> T) -> Option<T> {
+        let now = self.wiring.now();
+        let mut of = self.drive().borrow_mut();
+        of.advance_to(now);
+        Some(work(&mut of.control.drive))
+    }
+
+    fn apply(&mut self, order: &Order) {
+        self.with_drive(|drive| drive.apply(order));
+    }
+
+    fn slow_readings(&self) -> SlowReadings {
+        let of = self.drive().borrow();
+        let volts = thermistor_v(of.world.borrow().truth().pad_c);
+        SlowReadings {
+            thermistor: count(volts),
+            supply: count(f64::from(of.control.supply_v()) / SUPPLY_RATIO),
+        }
+    }
+
+    fn take_supply_at_off(&mut self) -> Option<u16> {
+        let supply_v = self.drive().borrow_mut().control.take_supply_at_off_v()?;
+        Some(count(f64::from(supply_v) / SUPPLY_RATIO))
+    }
+
+    fn last_period(&self) -> LastPeriod {
+        let now = self.wiring.now();
+        let mut of = self.drive().borrow_mut();
+        of.advance_to(now);
+        LastPeriod {
+            number: self.averages.now(),
+            ended_us: micros(of.ended).saturating_sub(micros(AFTER_WINDOW)),
+        }
+    }
+
+    fn averages(&self) -> &Averages<AVERAGED_BLOCKS> {
+        &self.averages
+    }
+
+    fn trace(&self) -> &Trace<TRACE_LENGTH> {
+        &self.trace
+    }
+}
+
+fn count(volts: f64) -> u16 {
+    // Within 12 bits after the clamp.
+    (volts * COUNTS_PER_VOLT).clamp(0.0, 4095.0) as u16
+}

@@ -1,0 +1,331 @@
+//! What the tasks of the converters are given: a bus, an edge reader and a port, all on the simulated
+//! chips.
+
+use core::cell::{Cell, RefCell};
+use core::future::poll_fn;
+use core::task::Poll;
+use std::collections::VecDeque;
+use std::rc::Rc;
+
+use embedded_hal::i2c::NoAcknowledgeSource;
+use embedded_hal_async::i2c::{ErrorType, I2c, Operation, SevenBitAddress};
+use ldc161x::FrameRequest;
+use ldc161x_sim::{Bus, ExternalClock, I2cError, IntbPin, Time};
+use palpate_node::acquisition::{Fetch, Sampled};
+use palpate_node::board::Clkin;
+use palpate_node::converter::{
+    CONVERTERS, ConverterState, EdgeDeadlines, EdgeFrame, EdgeReader, Port, TransferError,
+};
+
+use super::wiring::clkin_hz;
+use super::{DrivenWorld, Wiring, micros};
+
+/// I2C clock.
+const SCL_HZ: u32 = 400_000;
+/// Addresses of the two converters.
+const ADDRESSES: [SevenBitAddress; CONVERTERS] = [0x2A, 0x2B];
+/// INTB is low for so long without a known edge: one was missed.
+const MISSED_EDGE: Time = Time::from_ms(1);
+/// Samples that can wait for the instrument.
+const WAITING: usize = 8;
+
+/// What the converters' tasks share with the instrument.
+#[derive(Default)]
+pub(super) struct Shared {
+    pub(super) states: RefCell<[ConverterState; CONVERTERS]>,
+    pub(super) samples: RefCell<VecDeque<(u8, Sampled)>>,
+    /// When each task is to be polled again, at the latest.
+    wakes: [Cell<Time>; CONVERTERS],
+}
+
+impl Shared {
+    /// When a task is to be polled next, at the latest.
+    pub(super) fn wakes(&self) -> Time {
+        let [first, second] = &self.wakes;
+        first.get().min(second.get())
+    }
+
+    fn wake_at(&self, converter: usize, time: Time) {
+        if let Some(wake) = self.wakes.get(converter) {
+            wake.set(time);
+        }
+    }
+}
+
+/// The bus, whose transfers take their time at once. The other converter gets its turn after each.
+pub(super) struct NativeBus<'a> {
+    wiring: &'a Wiring,
+    shared: Rc<Shared>,
+    converter: usize,
+    bus: Bus<'a, DrivenWorld>,
+}
+
+impl<'a> NativeBus<'a> {
+    pub(super) fn new(wiring: &'a Wiring, shared: Rc<Shared>, converter: usize) -> Self {
+        Self {
+            wiring,
+            shared,
+            converter,
+            bus: Bus::shared(wiring.chips(), SCL_HZ),
+        }
+    }
+}
+
+impl ErrorType for NativeBus<'_> {
+    type Error = TransferError;
+}
+
+impl I2c for NativeBus<'_> {
+    async fn transaction(
+        &mut self,
+        address: SevenBitAddress,
+        operations: &mut [Operation<'_>],
+    ) -> Result<(), TransferError> {
+        let done = blocking(&mut self.bus, address, operations);
+        let ended = self.wiring.now();
+        poll_fn(|_| {
+            if self.wiring.now() > ended {
+                return Poll::Ready(());
+            }
+            self.shared.wake_at(self.converter, ended);
+            Poll::Pending
+        })
+        .await;
+        done
+    }
+}
+
+/// A transaction, which takes its time at once.
+fn blocking(
+    bus: &mut Bus<'_, DrivenWorld>,
+    address: SevenBitAddress,
+    operations: &mut [Operation<'_>],
+) -> Result<(), TransferError> {
+    let done = embedded_hal::i2c::I2c::transaction(bus, address, operations);
+    done.map_err(transfer)
+}
+
+const fn transfer(error: I2cError) -> TransferError {
+    match error {
+        I2cError::NoAcknowledge(NoAcknowledgeSource::Address) => {
+            TransferError::NotAcknowledged { address: true }
+        }
+        I2cError::NoAcknowledge(_) => TransferError::NotAcknowledged { address: false },
+        I2cError::ArbitrationLoss => TransferError::Arbitration,
+        I2cError::Bus => TransferError::DataStuck,
+        I2cError::Timeout => TransferError::ClockStuck,
+        I2cError::Borrowed => TransferError::Aborted,
+    }
+}
+
+/// Reads a converter's frames on its edges.
+pub(super) struct NativeEdges<'a> {
+    wiring: &'a Wiring,
+    shared: Rc<Shared>,
+    converter: usize,
+    bus: Bus<'a, DrivenWorld>,
+    pointers: Vec<u8>,
+    deadlines: EdgeDeadlines,
+    /// Falls of INTB that have been taken.
+    taken: u64,
+    /// The last of them, or when reading began.
+    known: Time,
+}
+
+impl<'a> NativeEdges<'a> {
+    pub(super) fn new(wiring: &'a Wiring, shared: Rc<Shared>, converter: usize) -> Self {
+        Self {
+            wiring,
+            shared,
+            converter,
+            bus: Bus::shared(wiring.chips(), SCL_HZ),
+            pointers: Vec::new(),
+            deadlines: EdgeDeadlines {
+                silence_us: 0,
+                latest_begin_us: 0,
+            },
+            taken: 0,
+            known: Time::ZERO,
+        }
+    }
+
+    /// Number of falls of INTB so far, and the time of the last one.
+    fn falls(&self) -> (u64, Option<Time>) {
+        let chip = self.wiring.chips().get(self.converter);
+        chip.map_or((0, None), |chip| {
+            let chip = chip.borrow();
+            (chip.interrupts(), chip.last_interrupt())
+        })
+    }
+
+    fn intb_is_low(&self) -> bool {
+        let chip = self.wiring.chips().get(self.converter);
+        chip.is_some_and(|chip| chip.borrow().intb_is_low())
+    }
+
+    /// The frame of an edge, read now if it is not too late for that.
+    fn read(&mut self, edge: Option<Time>) -> Result<EdgeFrame, TransferError> {
+        let mut data = vec![[0; 2]; self.pointers.len()];
+        // Rounded up: an interrupt takes a microsecond to read the timer.
+        let edge_us = edge.map(|edge| micros(edge) + 1);
+        let begun_us = micros(self.wiring.now());
+        let late_us = edge_us.map_or(0, |edge_us| begun_us.saturating_sub(edge_us));
+        let is_read = late_us <= self.deadlines.latest_begin_us.into();
+        if is_read {
+            let address = ADDRESSES.get(self.converter).copied().unwrap_or_default();
+            let mut operations = Vec::new();
+            for (pointer, data) in self.pointers.iter().zip(&mut data) {
+                operations.push(Operation::Write(core::slice::from_ref(pointer)));
+                operations.push(Operation::Read(data));
+            }
+            blocking(&mut self.bus, address, &mut operations)?;
+        }
+        let ended_us = micros(self.wiring.now());
+        let fetch = edge_us.map(|edge_us| Fetch {
+            edge_us,
+            ended_us: if is_read {
+                u32::try_from(ended_us.saturating_sub(edge_us)).unwrap_or(u32::MAX)
+            } else {
+                u32::MAX
+            },
+            edges: self.taken as u16,
+        });
+        Ok(EdgeFrame {
+            bytes: data.iter().flatten().copied().collect(),
+            fetch,
+        })
+    }
+}
+
+impl EdgeReader for NativeEdges<'_> {
+    fn start(&mut self, request: &FrameRequest, deadlines: EdgeDeadlines) {
+        self.pointers = request.pointers().collect();
+        self.deadlines = deadlines;
+        self.taken = self.falls().0;
+        self.known = self.wiring.now();
+    }
+
+    async fn next(&mut self) -> Result<EdgeFrame, TransferError> {
+        let began = self.wiring.now();
+        let silence = Time::from_us(self.deadlines.silence_us.into());
+        poll_fn(|_| {
+            let now = self.wiring.now();
+            let silent = self.known + silence;
+            let (falls, last) = self.falls();
+            if falls != self.taken {
+                self.taken = falls;
+                self.known = last.unwrap_or(now);
+                return Poll::Ready(self.read(last));
+            }
+            if now >= silent {
+                self.known = now;
+                return Poll::Ready(Err(TransferError::Silent));
+            }
+            let since = last.map_or(began, |last| last.max(began));
+            let missed = since + MISSED_EDGE;
+            if self.intb_is_low() && now >= missed {
+                return Poll::Ready(self.read(None));
+            }
+            let wake = if now < missed {
+                missed
+            } else {
+                now + MISSED_EDGE
+            };
+            self.shared.wake_at(self.converter, silent.min(wake));
+            Poll::Pending
+        })
+        .await
+    }
+
+    fn stop(&mut self) {}
+}
+
+/// Pins, clock and time of a converter.
+pub(super) struct NativePort<'a> {
+    wiring: &'a Wiring,
+    shared: Rc<Shared>,
+    converter: usize,
+}
+
+impl<'a> NativePort<'a> {
+    pub(super) const fn new(wiring: &'a Wiring, shared: Rc<Shared>, converter: usize) -> Self {
+        Self {
+            wiring,
+            shared,
+            converter,
+        }
+    }
+}
+
+impl<'a> Port for NativePort<'a> {
+    type Intb = Intb<'a>;
+
+    fn intb(&self) -> Intb<'a> {
+        Intb(self.wiring.chips().get(self.converter).map(IntbPin::new))
+    }
+
+    fn shut_down(&mut self, off: bool) {
+        if self.wiring.has(self.converter)
+            && let Some(chip) = self.wiring.chips().get(self.converter)
+        {
+            chip.borrow_mut().set_shutdown(off);
+        }
+    }
+
+    fn set_clkin(&mut self, clkin: Clkin) {
+        let Some(chip) = self.wiring.chips().get(self.converter) else {
+            return;
+        };
+        let mut chip = chip.borrow_mut();
+        let was = chip.settings().external_clock;
+        let relative_error = was.map_or(0.0, |was| was.relative_error);
+        chip.set_external_clock(Some(ExternalClock {
+            relative_error,
+            ..ExternalClock::exact(clkin_hz(clkin))
+        }));
+    }
+
+    async fn wait_us(&mut self, time_us: u32) {
+        let end = self.wiring.now() + Time::from_us(time_us.into());
+        poll_fn(|_| {
+            if self.wiring.now() >= end {
+                return Poll::Ready(());
+            }
+            self.shared.wake_at(self.converter, end);
+            Poll::Pending
+        })
+        .await;
+    }
+
+    fn with_state<T>(&mut self, work: impl FnOnce(&mut ConverterState) -> T) -> T {
+        let mut states = self.shared.states.borrow_mut();
+        let [first, second] = &mut *states;
+        work(if self.converter == 0 { first } else { second })
+    }
+
+    fn hand_over(&mut self, sampled: Sampled) -> bool {
+        let mut samples = self.shared.samples.borrow_mut();
+        let has_room = samples.len() < WAITING;
+        if has_room {
+            samples.push_back((self.converter as u8, sampled));
+        }
+        has_room
+    }
+}
+
+/// INTB; high where no converter is.
+pub(super) struct Intb<'a>(Option<IntbPin<'a, DrivenWorld>>);
+
+impl embedded_hal::digital::ErrorType for Intb<'_> {
+    type Error = core::convert::Infallible;
+}
+
+impl embedded_hal::digital::InputPin for Intb<'_> {
+    fn is_high(&mut self) -> Result<bool, Self::Error> {
+        self.0.as_mut().map_or(Ok(true), |pin| pin.is_high())
+    }
+
+    fn is_low(&mut self) -> Result<bool, Self::Error> {
+        self.is_high().map(|high| !high)
+    }
+}

@@ -1,0 +1,307 @@
+//! The native board: the firmware's own crates on a PC, against the simulated converters and plant, on
+//! the virtual clock.
+//!
+//! What runs here is what runs on the real board: `palpate-node` with driver, procedure and control
+//! law, and the same records. This module is the shell that the RTIC tasks are on the microcontroller:
+//! it polls the converters' tasks when something has happened for them, the coil's manager once a
+//! millisecond, and the instrument after both. The coil's current is that of the control law around
+//! the simulated circuit, period by period.
+//!
+//! ```
+//! use palpate_sim::Time;
+//! use palpate_sim::device::Device;
+//! use palpate_sim::native::{NativeBoard, Wiring};
+//! use palpate_sim::parameters::draw;
+//! use palpate_sim::stack::{Disturbances, Stack};
+//! use palpate_sim::switches::Switches;
+//! use palpate_sim::world::{Setup, World};
+//!
+//! let plant = draw(&Stack::builtin("ultrasoft")?, &Disturbances::builtin()?, 1);
+//! let wiring = Wiring::new(World::new(&plant, Switches::all(), Setup::default())?);
+//! let mut board = NativeBoard::new(&wiring);
+//! board.run_until(Time::from_ms(500))?;
+//! let records = board.take_records();
+//! assert!(records.len() > 400, "samples at 1 kHz after the start");
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+mod coil;
+mod converter;
+mod identity;
+mod wiring;
+
+use core::fmt;
+use core::future::Future;
+use core::pin::Pin;
+use core::task::{Context, Waker};
+use std::rc::Rc;
+
+use ldc161x_sim::Time;
+use palpate_node::coil::{CoilManager, POLL_US};
+use palpate_node::converter::{CONVERTERS, ConverterState, ConverterTask};
+use palpate_node::instrument::{self, Instrument, Usage};
+use palpate_procedure::{Instant, Procedure};
+use palpate_wire::{Command, Frame, Header, Message, Record, Sequencer};
+
+use self::coil::NativeCoil;
+use self::converter::{NativeBus, NativeEdges, NativePort, Shared};
+use crate::device::Device;
+use crate::world::World;
+
+pub use identity::BOOT_ID;
+pub use wiring::{DrivenWorld, Wiring};
+
+/// Settings with which the instrument starts.
+#[must_use]
+pub fn default_settings() -> palpate_wire::command::Settings {
+    palpate_procedure::configuration::DEFAULT_SETTINGS
+}
+
+/// From one poll of the coil's drive to the next.
+const POLL: Time = Time::from_us(POLL_US);
+/// Longest time until the converters have been asked for their identity, as on the device.
+const IDENTITY: Time = Time::from_ms(60);
+/// Longest wait for an answer: what waits for the coil's test is answered after it.
+const ANSWER: Time = Time::from_ms(500);
+
+/// Why the board cannot run.
+#[derive(Clone, Debug, PartialEq)]
+pub enum BoardError {
+    /// A command of this kind was not answered.
+    NoAnswer {
+        /// The command's kind.
+        kind: u8,
+    },
+}
+
+impl fmt::Display for BoardError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NoAnswer { kind } => {
+                write!(f, "the command 0x{kind:02x} was not answered")
+            }
+        }
+    }
+}
+
+impl core::error::Error for BoardError {}
+
+/// A record with its time.
+pub type TimedRecord = (Instant, Record);
+
+/// The task of a converter, for ever under way.
+type Task<'a> = Pin<Box<dyn Future<Output = ()> + 'a>>;
+
+/// The board under way.
+pub struct NativeBoard<'a> {
+    hardware: NativeHardware<'a>,
+    instrument: Instrument,
+    tasks: [Task<'a>; CONVERTERS],
+    /// When the instrument begins at the latest; nothing once it has.
+    begins: Option<Time>,
+    next_poll: Time,
+    commands_sent: u32,
+}
+
+impl fmt::Debug for NativeBoard<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("NativeBoard")
+            .field("instrument", &self.instrument)
+            .finish_non_exhaustive()
+    }
+}
+
+/// What the instrument drives.
+struct NativeHardware<'a> {
+    wiring: &'a Wiring,
+    shared: Rc<Shared>,
+    coil: CoilManager<NativeCoil<'a>>,
+    sequencer: Sequencer,
+    frames: Vec<Frame<Record>>,
+}
+
+impl<'a> instrument::Hardware for NativeHardware<'a> {
+    type Coil = NativeCoil<'a>;
+
+    fn now_us(&self) -> u64 {
+        micros(self.wiring.now())
+    }
+
+    fn with_coil<T>(
+        &mut self,
+        work: impl FnOnce(&mut CoilManager<NativeCoil<'a>>) -> T,
+    ) -> Option<T> {
+        Some(work(&mut self.coil))
+    }
+
+    fn with_converters<T>(
+        &mut self,
+        work: impl FnOnce(&mut [ConverterState; CONVERTERS]) -> T,
+    ) -> T {
+        work(&mut self.shared.states.borrow_mut())
+    }
+
+    fn send(&mut self, at_us: u64, record: &Record) {
+        self.frames.push(Frame {
+            header: self.sequencer.stamp(at_us),
+            message: record.clone(),
+        });
+    }
+
+    fn usage(&mut self) -> Usage {
+        Usage::default()
+    }
+}
+
+impl<'a> NativeBoard<'a> {
+    /// A board that starts now, with default settings and no calibration.
+    #[must_use]
+    pub fn new(wiring: &'a Wiring) -> Self {
+        let shared = Rc::new(Shared::default());
+        let task = |converter: usize| -> Task<'a> {
+            let bus = NativeBus::new(wiring, Rc::clone(&shared), converter);
+            let edges = NativeEdges::new(wiring, Rc::clone(&shared), converter);
+            let port = NativePort::new(wiring, Rc::clone(&shared), converter);
+            let mut task = ConverterTask::new(converter, bus, edges, port);
+            Box::pin(async move { task.run().await })
+        };
+        let now = wiring.now();
+        Self {
+            tasks: [0, 1].map(task),
+            hardware: NativeHardware {
+                wiring,
+                coil: CoilManager::new(NativeCoil::new(wiring), wiring.supervisor.clone()),
+                shared,
+                sequencer: Sequencer::new(BOOT_ID),
+                frames: Vec::new(),
+            },
+            instrument: Instrument::new(),
+            begins: Some(now + IDENTITY),
+            next_poll: now,
+            commands_sent: 0,
+        }
+    }
+
+    /// Sends a command without waiting for its answer; returns its number.
+    pub fn post(&mut self, command: Command) -> u32 {
+        while self.begins.is_some() {
+            self.advance_to(self.now() + IDENTITY);
+        }
+        let sequence = self.commands_sent;
+        let header = Header {
+            boot_id: BOOT_ID,
+            sequence,
+            time_us: 0,
+            dropped: 0,
+        };
+        self.commands_sent += 1;
+        let frame = Frame {
+            header,
+            message: command,
+        };
+        self.instrument.received(&mut self.hardware, &Ok(frame));
+        sequence
+    }
+
+    /// The procedure, to read; nothing before it has begun.
+    #[must_use]
+    pub const fn procedure(&self) -> Option<&Procedure> {
+        self.instrument.procedure()
+    }
+
+    /// Runs until something happens for a task, to `end` at most.
+    fn advance_to(&mut self, end: Time) {
+        let wiring = self.hardware.wiring;
+        let now = wiring.now();
+        let due = end.min(self.next_poll).min(self.hardware.shared.wakes());
+        wiring.advance_to_edge(due.max(now + Time::from_us(1)));
+        wiring.advance_world();
+        self.poll_tasks();
+        let polls = self.wiring_now() >= self.next_poll;
+        if polls {
+            self.next_poll += POLL;
+            self.hardware.coil.poll();
+        }
+        self.run_instrument(polls);
+        wiring.advance_world();
+    }
+
+    fn wiring_now(&self) -> Time {
+        self.hardware.wiring.now()
+    }
+
+    fn poll_tasks(&mut self) {
+        let mut context = Context::from_waker(Waker::noop());
+        for task in &mut self.tasks {
+            // A task never ends.
+            let _ = task.as_mut().poll(&mut context);
+        }
+    }
+
+    fn run_instrument(&mut self, polls: bool) {
+        if let Some(latest) = self.begins {
+            if !Instrument::is_ready(&mut self.hardware) && self.wiring_now() < latest {
+                return;
+            }
+            self.begins = None;
+            self.instrument
+                .begin(&mut self.hardware, identity::identity());
+        }
+        let mut stepped = false;
+        loop {
+            let next = self.hardware.shared.samples.borrow_mut().pop_front();
+            let Some((converter, sampled)) = next else {
+                break;
+            };
+            self.instrument
+                .sampled(&mut self.hardware, converter, &sampled);
+            stepped = true;
+        }
+        if stepped || polls {
+            self.instrument.poll(&mut self.hardware, stepped);
+        }
+    }
+}
+
+impl Device for NativeBoard<'_> {
+    type Error = BoardError;
+
+    fn now(&self) -> Time {
+        self.wiring_now()
+    }
+
+    fn send(&mut self, command: Command) -> Result<(), Self::Error> {
+        let kind = command.kind();
+        let seen = self.hardware.frames.len();
+        let sequence = self.post(command);
+        let is_answer = |record: &Record| match record {
+            Record::Acknowledgement(answer) => answer.command == sequence,
+            _ => false,
+        };
+        let frames = self.hardware.frames.get(seen..).unwrap_or_default();
+        let is_answered = frames.iter().any(|frame| is_answer(&frame.message));
+        let end = self.now() + ANSWER;
+        if is_answered || self.run_to(end, is_answer)? {
+            return Ok(());
+        }
+        Err(BoardError::NoAnswer { kind })
+    }
+
+    fn advance(&mut self, end: Time) -> Result<(), Self::Error> {
+        self.advance_to(end);
+        Ok(())
+    }
+
+    fn frames(&mut self) -> &mut Vec<Frame<Record>> {
+        &mut self.hardware.frames
+    }
+
+    fn with_world<T>(&mut self, look: impl FnOnce(&mut World) -> T) -> T {
+        look(&mut self.hardware.wiring.world().borrow_mut())
+    }
+}
+
+/// A moment in whole microseconds, cut off as a timer's.
+const fn micros(time: Time) -> u64 {
+    time.as_ps() / 1_000_000
+}

@@ -1,0 +1,186 @@
+//! What the native board is wired to: converters, coil and world.
+
+use core::cell::RefCell;
+use std::rc::Rc;
+
+use coil_hbridge::{Drive, Supervisor};
+use ldc161x_sim::{Chip, Sensors, Time, Window};
+use palpate_node::board::{CORE_HZ, Clkin};
+use palpate_node::coil::CoilManager;
+use palpate_node::converter::CONVERTERS;
+
+use super::coil::{CoilDrive, NativeCoil};
+use crate::world::{SharedWorld, World};
+
+/// Converters, coil and world, as they are wired to a board.
+pub struct Wiring {
+    world: SharedWorld,
+    /// The second is there, or held in shutdown for ever, in which it answers nothing.
+    chips: [RefCell<Chip<DrivenWorld>>; CONVERTERS],
+    has_second: bool,
+    pub(super) drive: Rc<RefCell<CoilDrive>>,
+    pub(super) supervisor: Supervisor,
+}
+
+impl core::fmt::Debug for Wiring {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.debug_struct("Wiring")
+            .field("world", &self.world)
+            .finish_non_exhaustive()
+    }
+}
+
+impl Wiring {
+    /// One converter in this world, at the world's own time.
+    ///
+    /// # Panics
+    /// If the reference board's constants do not fit each other, which a test of the driver excludes.
+    #[must_use]
+    pub fn new(world: World) -> Self {
+        Self::of(world, false)
+    }
+
+    /// The same with a second converter, which has the same sensing coil on its channel 0.
+    #[must_use]
+    pub fn with_second_converter(world: World) -> Self {
+        Self::of(world, true)
+    }
+
+    fn of(world: World, has_second: bool) -> Self {
+        let settings = world.chip_settings(clkin_hz(Clkin::SINGLE));
+        let start = world.now();
+        let world = SharedWorld::new(world);
+        let (supervisor, drive) = reference_drive();
+        let drive = Rc::new(RefCell::new(CoilDrive::new(world.clone(), drive)));
+        let chips = [false, true].map(|is_second| {
+            let driven = DrivenWorld {
+                world: world.clone(),
+                drive: Rc::clone(&drive),
+            };
+            let mut chip = Chip::new(settings, driven);
+            chip.advance_to(start);
+            if is_second {
+                chip.set_shutdown(true);
+                chip.set_address_pin(true);
+            }
+            RefCell::new(chip)
+        });
+        Self {
+            chips,
+            has_second,
+            world,
+            drive,
+            supervisor,
+        }
+    }
+
+    /// The world, to move its press and to read what is truly there.
+    #[must_use]
+    pub const fn world(&self) -> &SharedWorld {
+        &self.world
+    }
+
+    /// The first converter, to schedule faults and to read its record.
+    #[must_use]
+    pub const fn chip(&self) -> &RefCell<Chip<DrivenWorld>> {
+        let [first, _] = &self.chips;
+        first
+    }
+
+    /// Both converters. One that is not there stays in shutdown, and answers nothing.
+    #[must_use]
+    pub const fn chips(&self) -> &[RefCell<Chip<DrivenWorld>>; CONVERTERS] {
+        &self.chips
+    }
+
+    /// Whether a converter is there.
+    pub(super) const fn has(&self, converter: usize) -> bool {
+        converter == 0 || self.has_second
+    }
+
+    /// The present: that of the converter that is furthest on.
+    pub(super) fn now(&self) -> Time {
+        let times = self.chips.iter().map(|chip| chip.borrow().now());
+        times.max().unwrap_or(Time::ZERO)
+    }
+
+    /// Lets time pass until INTB of a converter falls, or up to `limit`.
+    pub(super) fn advance_to_edge(&self, limit: Time) {
+        let falls = || -> u64 {
+            let falls = self.chips.iter().map(|chip| chip.borrow().interrupts());
+            falls.sum()
+        };
+        let before = falls();
+        while falls() == before {
+            let events = self.chips.iter().map(|chip| chip.borrow().next_event());
+            let due = events.flatten().min().filter(|&due| due < limit);
+            for chip in &self.chips {
+                chip.borrow_mut().advance_to(due.unwrap_or(limit));
+            }
+            if due.is_none() {
+                break;
+            }
+        }
+    }
+
+    /// Lets coil and world catch up with the converters.
+    pub(super) fn advance_world(&self) {
+        let now = self.now();
+        self.drive.borrow_mut().advance_to(now);
+    }
+}
+
+/// The very frequency at CLKIN: the driver plans with whole hertz.
+pub(super) fn clkin_hz(clkin: Clkin) -> f64 {
+    f64::from(CORE_HZ) / f64::from(clkin.divisor())
+}
+
+/// Supervisor and drive of the reference board.
+#[expect(
+    clippy::expect_used,
+    reason = "a board without a drive simulates nothing"
+)]
+fn reference_drive() -> (Supervisor, Drive) {
+    CoilManager::<NativeCoil<'_>>::drive().expect("constants that fit each other")
+}
+
+/// The world as a converter sees it: the coil's drive has come as far as the moment in question.
+#[derive(Clone)]
+pub struct DrivenWorld {
+    world: SharedWorld,
+    drive: Rc<RefCell<CoilDrive>>,
+}
+
+impl core::fmt::Debug for DrivenWorld {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        self.world.fmt(f)
+    }
+}
+
+impl DrivenWorld {
+    fn at(&self, time_s: f64) -> &SharedWorld {
+        if let Ok(mut drive) = self.drive.try_borrow_mut() {
+            drive.advance_to(Time::from_secs_f64(time_s));
+        }
+        &self.world
+    }
+}
+
+impl Sensors for DrivenWorld {
+    fn frequency_hz(&self, channel: usize, time_s: f64) -> f64 {
+        self.at(time_s).frequency_hz(channel, time_s)
+    }
+
+    fn parallel_resistance_ohm(&self, channel: usize, time_s: f64) -> f64 {
+        self.at(time_s).parallel_resistance_ohm(channel, time_s)
+    }
+
+    fn quality_factor(&self, channel: usize, time_s: f64) -> f64 {
+        self.at(time_s).quality_factor(channel, time_s)
+    }
+
+    fn pulled_cycles(&self, channel: usize, window: &Window) -> f64 {
+        let end_s = window.start_s + window.length_s;
+        self.at(end_s).pulled_cycles(channel, window)
+    }
+}

@@ -1,0 +1,287 @@
+//! The native board by itself.
+
+use ldc161x_sim::{ChipFault, FaultEvent, Lost};
+use palpate_sim::Time;
+use palpate_sim::device::Device;
+use palpate_sim::native::{NativeBoard, TimedRecord, Wiring, default_settings};
+use palpate_sim::parameters::draw;
+use palpate_sim::stack::{Disturbances, Stack};
+use palpate_sim::switches::Switches;
+use palpate_sim::world::{Setup, World};
+use palpate_wire::code::{Outcome, Place, State};
+use palpate_wire::command::{Coil, DriveCoil};
+use palpate_wire::record::Sample;
+use palpate_wire::{Command, Record};
+
+const COIL: Coil = Coil {
+    resistance_ohm: 0.389,
+    copper_capacity_j_per_k: 0.8,
+    pad_capacity_j_per_k: 60.0,
+    copper_to_pad_k_per_w: 0.5,
+    pad_to_ambient_k_per_w: 8.0,
+    current_uncertainty: 0.02,
+};
+
+fn world() -> World {
+    let stack = Stack::builtin("ultrasoft").unwrap();
+    let plant = draw(&stack, &Disturbances::builtin().unwrap(), 1);
+    World::new(&plant, Switches::all(), Setup::default()).unwrap()
+}
+
+fn states(records: &[TimedRecord]) -> Vec<State> {
+    let states = records.iter().filter_map(|(_, record)| match record {
+        Record::State(change) => Some(change.state),
+        _ => None,
+    });
+    states.collect()
+}
+
+#[test]
+fn it_says_who_it_is_tests_itself_and_streams_what_the_chip_converted() {
+    let hardware = Wiring::new(world());
+    let mut board = NativeBoard::new(&hardware);
+    board.run_until(Time::from_ms(500)).unwrap();
+    let records = board.take_records();
+    assert!(matches!(&records[0].1, Record::Hello(hello) if hello.simulated));
+    assert_eq!(states(&records), [State::Baseline]);
+    let words: Vec<u32> = records
+        .iter()
+        .filter_map(|(_, record)| match record {
+            Record::Sample(sample) => Some(sample.channels[0].word),
+            _ => None,
+        })
+        .collect();
+    // From the end of the start, 38 ms, at 1 kHz.
+    assert!((458..=466).contains(&words.len()), "{}", words.len());
+    let last = hardware.chip().borrow().last_read(0).unwrap().word;
+    assert_eq!(*words.last().unwrap(), last);
+}
+
+#[test]
+fn several_channels_come_scan_by_scan() {
+    let hardware = Wiring::new(world());
+    let mut board = NativeBoard::new(&hardware);
+    let settings = palpate_wire::command::Settings {
+        channels: 0b1111,
+        rate_hz: 100.0,
+        ..default_settings()
+    };
+    board.send(Command::SetSettings(settings)).unwrap();
+    // The converter's start takes five scans of 10 ms each.
+    board.run_until(Time::from_ms(350)).unwrap();
+    let records = board.take_records();
+    let scans: Vec<_> = records
+        .iter()
+        .filter_map(|(at, record)| match record {
+            Record::Sample(sample) if sample.channels.len() == 4 => Some((at.as_ticks(), sample)),
+            _ => None,
+        })
+        .collect();
+    assert!(scans.len() > 20);
+    for (_, scan) in &scans {
+        assert!(
+            scan.channels
+                .is_sorted_by_key(|conversion| conversion.offset_us)
+        );
+        // Nothing is connected to channels 1 to 3: the board reports them without a count.
+        assert_eq!(scan.channels[3].word & 0x0FFF_FFFF, 0);
+    }
+    let steps = scans.windows(2).map(|pair| pair[1].0 - pair[0].0);
+    let steps: Vec<u64> = steps.collect();
+    assert!(
+        steps.iter().all(|step| (9_000..=10_100).contains(step)),
+        "{steps:?}"
+    );
+}
+
+/// Samples of each converter, with their times.
+fn samples(records: &[TimedRecord], sensor: u8) -> Vec<(u64, Sample)> {
+    let samples = records.iter().filter_map(|(at, record)| match record {
+        Record::Sample(sample) if sample.sensor == sensor => Some((at.as_ticks(), sample.clone())),
+        _ => None,
+    });
+    samples.collect()
+}
+
+/// Both converters at 500 scans a second; the second fails for 300 ms in each of these ways.
+#[test]
+fn a_second_converter_that_fails_costs_the_first_nothing() {
+    let ways = [
+        ChipFault::Absent,
+        ChipFault::Nack { after_bytes: 3 },
+        ChipFault::IntbStuck { low: true },
+        ChipFault::IntbStuck { low: false },
+        ChipFault::BrownOut(Lost::Everything),
+        ChipFault::ClockLoss,
+    ];
+    for way in ways {
+        let wiring = Wiring::with_second_converter(world());
+        let mut board = NativeBoard::new(&wiring);
+        let settings = palpate_wire::command::Settings {
+            rate_hz: 500.0,
+            ..default_settings()
+        };
+        board.send(Command::SetSettings(settings)).unwrap();
+        board.run_until(Time::from_ms(500)).unwrap();
+        let before = board.take_records();
+        for sensor in [0, 1] {
+            let count = samples(&before, sensor).len();
+            assert!(count > 190, "{way:?}: sensor {sensor}: {count}");
+        }
+        let fault = FaultEvent::at(board.now(), way, Time::from_ms(300));
+        wiring.chips()[1].borrow_mut().schedule(fault).unwrap();
+        board.run_until(Time::from_ms(1_500)).unwrap();
+        let after = board.take_records();
+        let first = samples(&after, 0);
+        let missed: u32 = first.iter().map(|(_, sample)| sample.missed).sum();
+        assert_eq!(missed, 0, "{way:?}");
+        assert!(
+            (499..=506).contains(&first.len()),
+            "{way:?}: {}",
+            first.len()
+        );
+        assert!(first.iter().all(|(_, sample)| !sample.gap), "{way:?}");
+        let even = first.windows(2).all(|pair| {
+            let [(before, _), (after, _)] = pair else {
+                return false;
+            };
+            (1_980..=2_002).contains(&(after - before))
+        });
+        assert!(even, "{way:?}");
+        // It comes back, and said so meanwhile.
+        let second = samples(&after, 1);
+        let last_us = second.last().expect("it comes back").0;
+        assert!(last_us > 1_450_000, "{way:?}: {last_us}");
+        let places: Vec<Place> = after
+            .iter()
+            .filter_map(|(_, record)| match record {
+                Record::Fault(fault) if fault.active => Some(fault.place),
+                _ => None,
+            })
+            .collect();
+        assert!(
+            places.iter().all(|place| *place == Place::SecondSensor),
+            "{way:?}: {places:?}"
+        );
+    }
+}
+
+#[test]
+fn the_same_seed_gives_the_same_records() {
+    let run = || {
+        let hardware = Wiring::new(world());
+        let mut board = NativeBoard::new(&hardware);
+        board.run_until(Time::from_ms(300)).unwrap();
+        board.take_records()
+    };
+    let (here, there) = (run(), std::thread::spawn(run).join().unwrap());
+    assert_eq!(here, there);
+}
+
+/// A drive knows nothing but its measurement: its bow, 51 mA at the most, bends the true current.
+#[test]
+fn a_line_of_the_current_is_straight_as_it_is_measured() {
+    let stack = Stack::builtin("ultrasoft").unwrap();
+    let plant = draw(&stack, &Disturbances::builtin().unwrap(), 1);
+    let switches = Switches::none()
+        .with("adc_nonlinearity", true)
+        .with("current_gain", true);
+    let world = World::new(&plant, switches, Setup::default()).unwrap();
+    let hardware = Wiring::new(world);
+    let mut board = NativeBoard::new(&hardware);
+    board.send(Command::SetCoil(COIL)).unwrap();
+    board.run_until(Time::from_ms(100)).unwrap();
+    board.send(Command::Arm).unwrap();
+    let line = |to_a, over_s| {
+        Command::DriveCoil(DriveCoil {
+            to_a,
+            over_s,
+            trace_interval_s: 0.0,
+        })
+    };
+    board.send(line(10.0, 0.0)).unwrap();
+    board.run_until(board.now() + Time::from_ms(10)).unwrap();
+    board.send(line(0.0, 0.06)).unwrap();
+    board.take_records();
+    let begin = board.now();
+    board.run_until(begin + Time::from_ms(58)).unwrap();
+    let currents: Vec<[f64; 2]> = board
+        .take_records()
+        .iter()
+        .filter_map(|(at, record)| match record {
+            Record::Sample(sample) => Some([
+                at.as_ticks() as f64 * 1e-6,
+                sample.current_a.unwrap().into(),
+            ]),
+            _ => None,
+        })
+        .filter(|[at_s, _]| *at_s > begin.as_secs_f64() + 1e-3)
+        .collect();
+    assert!(currents.len() > 50);
+    let ([t0, a0], [t1, a1]) = (currents[0], currents[currents.len() - 1]);
+    assert!((a0 - a1) > 9.0, "{a0} {a1}");
+    for [at_s, current_a] in currents {
+        let straight_a = a0 + (a1 - a0) * (at_s - t0) / (t1 - t0);
+        let off_a = current_a - straight_a;
+        // A tenth of the bow; the control law itself leaves 3 mA.
+        assert!(off_a.abs() < 5e-3, "{current_a} A: {off_a}");
+    }
+}
+
+/// Answers that have come, each with its command's number.
+fn answers(board: &mut NativeBoard<'_>) -> Vec<(u32, Outcome)> {
+    let records = board.take_records();
+    let answers = records.iter().filter_map(|(_, record)| match record {
+        Record::Acknowledgement(answer) => Some((answer.command, answer.outcome)),
+        _ => None,
+    });
+    answers.collect()
+}
+
+/// The queue is the procedure's: the native board shows what the image shows
+/// (`one_command_waits_for_the_test_and_each_has_one_answer` in `sim-host/emulator/tests/integration/coil.rs`).
+#[test]
+fn one_command_waits_for_the_coils_test_and_an_abort_drops_it() {
+    let hardware = Wiring::new(world());
+    let drive = |to_a| {
+        Command::DriveCoil(DriveCoil {
+            to_a,
+            over_s: 0.0,
+            trace_interval_s: 0.0,
+        })
+    };
+    let testing = || {
+        let mut board = NativeBoard::new(&hardware);
+        board.run_until(board.now() + Time::from_ms(300)).unwrap();
+        board.send(Command::SetCoil(COIL)).unwrap();
+        board.send(Command::Arm).unwrap();
+        board.take_records();
+        board
+    };
+    let run = |board: &mut NativeBoard<'_>, ms| {
+        let end = board.now() + Time::from_ms(ms);
+        board.run_until(end).unwrap();
+    };
+    let mut board = testing();
+    let one = board.post(drive(2.0));
+    let two = board.post(drive(4.0));
+    assert_eq!(answers(&mut board), [(two, Outcome::Busy)]);
+    run(&mut board, 70);
+    assert_eq!(answers(&mut board), [(one, Outcome::Accepted)]);
+    let flows_a = board.with_world(|world| world.truth().current_a);
+    assert!((flows_a - 2.0).abs() < 0.1, "{flows_a}");
+    board.send(Command::Abort).unwrap();
+    drop(board);
+
+    let mut board = testing();
+    let one = board.post(drive(2.0));
+    let abort = board.post(Command::Abort);
+    assert_eq!(
+        answers(&mut board),
+        [(one, Outcome::Aborted), (abort, Outcome::Accepted)]
+    );
+    run(&mut board, 300);
+    assert_eq!(answers(&mut board), []);
+    let flows_a = board.with_world(|world| world.truth().current_a);
+    assert_eq!(flows_a, 0.0);
+}

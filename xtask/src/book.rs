@@ -1,0 +1,299 @@
+//! The book: every page is listed, every link and every path in the text leads to a file, and
+//! mdbook builds it.
+//!
+//! A link stays within what its file is read with: a page of `docs` within the book, a file of a
+//! package within the package, any other within the repository. What lies outside is named in the
+//! text, by its path from the repository's root.
+
+mod markdown;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt;
+use std::fs;
+
+use anyhow::{Context, Result, bail};
+
+use crate::process::{Invocation, Workspace};
+use crate::repository;
+use markdown::Page;
+
+/// The folder of the book, and its list of pages.
+const BOOK: &str = "docs";
+const SUMMARY: &str = "docs/SUMMARY.md";
+
+/// Pages that record what was: the paths of their day may be gone.
+const RECORDS: &[&str] = &["CHANGELOG.md", "docs/decisions/", "docs/evidence/"];
+
+/// Something wrong with the text.
+#[derive(Debug, PartialEq, Eq)]
+struct Finding {
+    file: String,
+    line: usize,
+    fault: String,
+}
+
+impl fmt::Display for Finding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}:{}: {}", self.file, self.line, self.fault)
+    }
+}
+
+/// Checks the text, then builds the book into `target/book`.
+pub(crate) fn check_workspace(workspace: &Workspace) -> Result<String> {
+    let mut text = Text::default();
+    for name in repository::files(workspace)? {
+        let path = workspace.root().join(&name);
+        if name.ends_with(".md") && path.is_file() {
+            let content =
+                fs::read_to_string(&path).with_context(|| format!("{name} could not be read"))?;
+            text.pages.insert(name.clone(), Page::parse(&content));
+        }
+        if path.exists() {
+            text.files.insert(name);
+        }
+    }
+    let findings = text.findings();
+    if !findings.is_empty() {
+        let lines: Vec<_> = findings.iter().map(ToString::to_string).collect();
+        bail!("{} findings:\n    {}", lines.len(), lines.join("\n    "));
+    }
+    workspace.run(&Invocation::new("mdbook", &["build"]))?;
+    let links: usize = text.pages.values().map(|page| page.links.len()).sum();
+    Ok(format!(
+        "{} pages with {links} links; the book is target/book/index.html",
+        text.pages.len()
+    ))
+}
+
+/// The repository as its text sees it.
+#[derive(Debug, Default)]
+struct Text {
+    /// Every file, by its path from the root.
+    files: BTreeSet<String>,
+    /// Those that are Markdown.
+    pages: BTreeMap<String, Page>,
+}
+
+impl Text {
+    /// Everything wrong, in the order of the files.
+    fn findings(&self) -> Vec<Finding> {
+        let mut findings = self.unlisted();
+        for (file, page) in &self.pages {
+            let finding = |line, fault| Finding {
+                file: file.clone(),
+                line,
+                fault,
+            };
+            for (line, target) in &page.links {
+                let fault = self.fault_of_link(file, target);
+                findings.extend(fault.map(|fault| finding(*line, fault)));
+            }
+            for (line, path) in &page.code {
+                let gone = self.is_gone(file, path);
+                findings.extend(gone.then(|| finding(*line, format!("{path} does not exist"))));
+            }
+        }
+        findings
+    }
+
+    /// Pages of the book that its list leaves out: mdbook does not build them.
+    fn unlisted(&self) -> Vec<Finding> {
+        let Some(summary) = self.pages.get(SUMMARY) else {
+            return Vec::new();
+        };
+        let listed: BTreeSet<_> = summary
+            .links
+            .iter()
+            .filter_map(|(_, target)| resolve(SUMMARY, target))
+            .collect();
+        self.pages
+            .keys()
+            .filter(|page| is_below(page, BOOK) && *page != SUMMARY && !listed.contains(*page))
+            .map(|page| Finding {
+                file: page.clone(),
+                line: 1,
+                fault: format!("{SUMMARY} does not list this page"),
+            })
+            .collect()
+    }
+
+    /// What is wrong with a link, if anything is.
+    fn fault_of_link(&self, file: &str, link: &str) -> Option<String> {
+        if link.contains("://") || link.starts_with("mailto:") {
+            return None;
+        }
+        let (path, anchor) = link.split_once('#').unwrap_or((link, ""));
+        let target = if path.is_empty() {
+            file.to_owned()
+        } else {
+            let Some(target) = resolve(file, path) else {
+                return Some(format!("the link {link} leaves the repository"));
+            };
+            target
+        };
+        if !self.exists(&target) {
+            return Some(format!(
+                "the link {link} leads to {target}, which does not exist"
+            ));
+        }
+        let home = self.home(file);
+        if home != self.home(&target) && !home.is_empty() {
+            return Some(format!(
+                "the link {link} leaves {home}: name {target} in the text instead"
+            ));
+        }
+        let has_anchor = |page: &Page| anchor.is_empty() || page.anchors.contains(anchor);
+        match self.pages.get(&target) {
+            Some(page) if !has_anchor(page) => {
+                Some(format!("the link {link} leads to no heading of {target}"))
+            }
+            _ => None,
+        }
+    }
+
+    /// Whether code in the text names a path of the repository that does not exist.
+    fn is_gone(&self, file: &str, code: &str) -> bool {
+        let path = code.trim_end_matches('/');
+        let top = path.split('/').next().unwrap_or_default();
+        let plain = |c: char| c.is_ascii_alphanumeric() || "/._-".contains(c);
+        let is_path = path.contains('/') && path.chars().all(plain) && self.exists(top);
+        let records = RECORDS.iter().any(|record| file.starts_with(record));
+        // A crate's page names its own files from its own folder.
+        let nearby = format!("{}/{path}", self.home(file));
+        is_path && !records && !self.exists(path) && !self.exists(&nearby)
+    }
+
+    /// Whether there is such a file or folder.
+    fn exists(&self, path: &str) -> bool {
+        let below = format!("{path}/");
+        self.files.contains(path)
+            || self
+                .files
+                .range(below.clone()..)
+                .next()
+                .is_some_and(|file| file.starts_with(&below))
+    }
+
+    /// The folder that a file is read with: the book, the innermost package, or the repository.
+    fn home<'a>(&self, file: &'a str) -> &'a str {
+        if is_below(file, BOOK) {
+            return BOOK;
+        }
+        file.match_indices('/')
+            .rev()
+            .map(|(end, _)| &file[..end])
+            .find(|folder| self.files.contains(&format!("{folder}/Cargo.toml")))
+            .unwrap_or_default()
+    }
+}
+
+/// Whether a file lies in a folder.
+fn is_below(file: &str, folder: &str) -> bool {
+    file.strip_prefix(folder)
+        .is_some_and(|rest| rest.starts_with('/'))
+}
+
+/// The path from the root that a link in a file means, or `None` beyond the root.
+fn resolve(file: &str, link: &str) -> Option<String> {
+    let mut parts: Vec<&str> = file.split('/').collect();
+    parts.pop();
+    for part in link.split('/') {
+        match part {
+            "" | "." => {}
+            ".." => {
+                parts.pop()?;
+            }
+            name => parts.push(name),
+        }
+    }
+    Some(parts.join("/"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A repository of these files; those that end in `.md` have a text.
+    fn text(files: &[(&str, &str)]) -> Text {
+        let mut text = Text::default();
+        for (name, content) in files {
+            text.files.insert((*name).to_owned());
+            if name.ends_with(".md") {
+                text.pages.insert((*name).to_owned(), Page::parse(content));
+            }
+        }
+        text
+    }
+
+    /// What is found in `docs/a.md` with this text.
+    fn found(content: &str) -> Vec<String> {
+        let files = [
+            ("README.md", "# Top"),
+            ("docs/SUMMARY.md", "[A](a.md) [B](b.md)"),
+            ("docs/a.md", content),
+            ("docs/b.md", "# Of b\n## Its end"),
+            ("docs/images/c.svg", ""),
+            ("model/Cargo.toml", ""),
+            ("model/src/lib.rs", ""),
+        ];
+        let findings = text(&files).findings();
+        findings.into_iter().map(|finding| finding.fault).collect()
+    }
+
+    #[test]
+    fn links_within_the_book_pass() {
+        let good =
+            "[b](b.md#its-end) ![c](images/c.svg) [x](https://example.org/y.md) [d](#d)\n# D";
+        assert_eq!(found(good), Vec::<String>::new());
+    }
+
+    #[test]
+    fn a_link_to_nothing_is_found() {
+        assert!(found("[b](e.md)")[0].contains("docs/e.md, which does not exist"));
+        assert!(found("[b](b.md#start)")[0].contains("no heading of docs/b.md"));
+        assert!(found("[b](../../x.md)")[0].contains("leaves the repository"));
+    }
+
+    #[test]
+    fn a_link_out_of_the_book_is_found() {
+        for link in ["[m](../model/src/lib.rs)", "[t](../README.md)"] {
+            assert!(found(link)[0].contains("leaves docs"), "{link}");
+        }
+    }
+
+    #[test]
+    fn a_package_links_within_itself_and_the_root_anywhere() {
+        let files = |package: &'static str| {
+            [
+                ("README.md", "[m](model/README.md)"),
+                ("model/Cargo.toml", ""),
+                ("model/README.md", package),
+                ("model/SOURCES.md", ""),
+                ("model/field/Cargo.toml", ""),
+            ]
+        };
+        assert!(text(&files("[s](SOURCES.md)")).findings().is_empty());
+        for link in ["[t](../README.md)", "[f](field/Cargo.toml)"] {
+            assert!(
+                text(&files(link)).findings()[0]
+                    .fault
+                    .contains("leaves model")
+            );
+        }
+    }
+
+    #[test]
+    fn a_page_that_the_list_leaves_out_is_found() {
+        let files = [("docs/SUMMARY.md", ""), ("docs/a.md", "")];
+        assert!(text(&files).findings()[0].fault.contains("does not list"));
+    }
+
+    #[test]
+    fn a_path_in_the_text_has_to_exist() {
+        assert!(found("see `model/src/lib.rs`, `model/src/` and `a/b`").is_empty());
+        assert_eq!(
+            found("see `model/src/gone.rs`"),
+            ["model/src/gone.rs does not exist"]
+        );
+    }
+}
