@@ -1,7 +1,7 @@
 //! Random sequences of orders, settings, faults and clocks for the coil's driver, on its simulated
 //! circuit; the truth is compared with the limits after every period.
 
-use coil_hbridge::{Averages, BLOCK, DriveState, Fault, Limits, Supervisor, Waveform};
+use coil_hbridge::{Averages, BLOCK, CurrentLine, DriveState, Fault, Limits, Supervisor};
 use palpate_model::thermal::{Copper, Temperatures, TwoNode};
 use palpate_model::units::{Celsius, JoulePerKelvin, KelvinPerWatt, Ohm, Second, Watt};
 use palpate_sim::electrical::{
@@ -38,7 +38,7 @@ const TEMPERATURE_K: f64 = 5.0;
 pub struct Summary {
     /// Sequences.
     pub sequences: u64,
-    /// Waveforms that were begun, and orders that were refused.
+    /// Courses of the current that were begun, and orders that were refused.
     pub begun: u64,
     /// See [`begun`](Self::begun).
     pub refused: u64,
@@ -316,12 +316,18 @@ impl GuardSequence {
             }
             8 => {
                 let peak_a = self.number(10.0);
-                Waveform::demagnetising(peak_a, 0.8, 12, 1e-3).and_then(|of| self.loop_.run(&of))
+                // From one polarity to the other, ever less.
+                let half_wave = |of: i32| (peak_a * (-0.8_f32).powi(of), 1e-3);
+                self.loop_
+                    .follow_all((0..12).map(half_wave).chain([(0.0, 1e-3)]))
             }
             _ => {
                 let (peak_a, end_a) = (self.number(11.0), self.number(4.0));
-                let times = [0.0, 1e-3, 2e-3].map(|least| least + self.number(1e-3).abs());
-                Waveform::train(4, peak_a, end_a, times).and_then(|of| self.loop_.run(&of))
+                let [rise_s, rest_s, fall_s] =
+                    [0.0, 1e-3, 2e-3].map(|least| least + self.number(1e-3).abs());
+                let ramp = [(peak_a, rise_s), (peak_a, rest_s), (end_a, fall_s)];
+                let train = [ramp.repeat(4), vec![(0.0, rise_s)]].concat();
+                self.loop_.follow_all(train)
             }
         };
         match result {
@@ -342,10 +348,13 @@ impl GuardSequence {
         }
         let current_a = self.chance.random_range(6.0..12.0_f32);
         let longest_s = self.chance.random_range(0.05..0.8);
-        let hold = Waveform::new()
-            .line(current_a, 1e-3)
-            .and_then(|of| of.hold(longest_s));
-        match hold.and_then(|of| self.loop_.run(&of)) {
+        let stay = CurrentLine {
+            start_us: self.loop_.now_us() + 1_000,
+            from_a: current_a,
+            to_a: current_a,
+            over_s: longest_s,
+        };
+        match self.loop_.follow(&stay) {
             Ok(()) => self.summary.begun += 1,
             Err(_) => self.summary.refused += 1,
         }

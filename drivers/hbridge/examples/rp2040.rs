@@ -23,7 +23,7 @@ use panic_halt as _;
 #[rtic::app(device = rp_pico::hal::pac)]
 mod app {
     use coil_hbridge::{
-        Averages, Decay, Drive, DriveState, Hardware, Limits, Refusal, Supervisor, Waveform,
+        Averages, CurrentLine, Decay, Drive, DriveState, Hardware, Limits, Supervisor,
     };
     use embedded_hal::delay::DelayNs;
     use embedded_hal::digital::{InputPin, OutputPin};
@@ -65,6 +65,10 @@ mod app {
         resistance_ohm: [0.15, 3.0],
         inductance_h: [100e-6, 2e-3],
     };
+
+    /// A ramp: where each line ends, A, and how long it takes, s. A rise, a rest and the fall.
+    const RAMP: [(f32, f32); 3] = [(2.5, 5e-3), (2.5, 10e-3), (0.5, 50e-3)];
+    const RAMPS: usize = 8;
 
     static AVERAGES: Averages<512> = Averages::new();
 
@@ -166,28 +170,34 @@ mod app {
     #[idle(shared = [bridge], local = [supervisor, delay])]
     fn idle(mut cx: idle::Context) -> ! {
         let supervisor = cx.local.supervisor;
-        let mut has_driven = false;
+        let mut is_tested = false;
+        let mut lines = core::iter::repeat_n(RAMP, RAMPS).flatten();
         loop {
             cx.local.delay.delay_ms(1);
-            let drive = |bridge: &mut Bridge| (bridge.drive.report(), bridge.drive.state());
-            let (report, state) = cx.shared.bridge.lock(drive);
-            let order = match state {
-                DriveState::Off { tested: false } => supervisor.test(&report, SUPPLY_V),
-                DriveState::Off { tested: true } if !has_driven => {
-                    has_driven = true;
-                    train().and_then(|train| supervisor.run(&report, &train))
+            let report = cx.shared.bridge.lock(|bridge| bridge.drive.report());
+            let order = supervisor.attend(&report, SUPPLY_V, 1_000);
+            cx.shared.bridge.lock(|bridge| bridge.drive.apply(&order));
+            let order = match report.state {
+                DriveState::Off { tested: false } if !is_tested => {
+                    is_tested = true;
+                    supervisor.test(&report, SUPPLY_V)
                 }
-                _ => Ok(supervisor.attend(&report, SUPPLY_V, 1_000)),
+                DriveState::Off { tested: true } | DriveState::Driving if report.holds => {
+                    match lines.next() {
+                        Some((to_a, over_s)) => {
+                            let line = CurrentLine::at_once(to_a, over_s);
+                            supervisor.follow(&report, &line, 0)
+                        }
+                        // Otherwise the last current would stay.
+                        None => Ok(Supervisor::stop()),
+                    }
+                }
+                _ => continue,
             };
             // A program with a user reports what a refusal says.
             if let Ok(order) = order {
                 cx.shared.bridge.lock(|bridge| bridge.drive.apply(&order));
             }
         }
-    }
-
-    /// Eight falling ramps.
-    fn train() -> Result<Waveform, Refusal> {
-        Waveform::train(8, 2.5, 0.5, [5e-3, 10e-3, 50e-3])
     }
 }

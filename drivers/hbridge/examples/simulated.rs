@@ -6,7 +6,7 @@
 //! ```
 
 use coil_hbridge::{
-    Averages, Decay, Drive, Hardware, Limits, Output, Refusal, Supervisor, Waveform,
+    Averages, CurrentLine, Decay, Drive, Hardware, Limits, Output, Refusal, Supervisor,
 };
 
 const HARDWARE: Hardware = Hardware {
@@ -75,9 +75,17 @@ fn main() -> Result<(), Refusal> {
     (0..300).for_each(|_| board.millisecond(&mut drive, &mut supervisor));
     println!("{:?}", supervisor.findings());
 
-    let train = Waveform::train(2, 8.0, 2.0, [2e-3, 3e-3, 10e-3])?;
-    drive.apply(&supervisor.run(&drive.report(), &train)?);
-    for time_ms in 1..=32 {
+    // Two ramps: where each line ends, and how long it takes.
+    let mut lines = [(8.0, 2e-3), (8.0, 3e-3), (2.0, 10e-3)]
+        .repeat(2)
+        .into_iter();
+    for time_ms in 1..=32_u64 {
+        // The next line begins where the last one is over.
+        if drive.report().holds || time_ms == 1 {
+            let (to_a, over_s) = lines.next().unwrap_or((0.0, 2e-3));
+            let line = CurrentLine::at_once(to_a, over_s);
+            drive.apply(&supervisor.follow(&drive.report(), &line, time_ms * 1_000)?);
+        }
         board.millisecond(&mut drive, &mut supervisor);
         let now = AVERAGES.now();
         let since = now.wrapping_sub(PERIODS);

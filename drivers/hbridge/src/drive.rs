@@ -8,7 +8,6 @@ use crate::output::{Levels, Output, Shaper};
 use crate::regulator::{Gains, Regulator};
 use crate::self_test::{SelfTest, TestPlan, TestStep, TestSums};
 use crate::watch::{self, ATTENDED_WITHIN, Bounds, Watch};
-use crate::waveform::MOST_SEGMENTS;
 
 /// A current that is as near as this to its setpoint, in units, is on track: 0.15 A of
 /// the reference board, twice the noise of its converter's worst codes.
@@ -19,21 +18,19 @@ const BUSY_PERIODS: u32 = 16;
 /// The period in which it has not looked in time.
 const PATIENCE: u32 = ATTENDED_WITHIN + 1;
 
-/// A line in integers: where to, in units, and periods.
-pub(crate) type RawSegment = (i32, u32);
-
-/// A waveform in integers.
-pub(crate) type RawSegments = heapless::Vec<RawSegment, MOST_SEGMENTS>;
+/// A line in integers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct RawLine {
+    /// Where it ends, units.
+    pub(crate) to: i32,
+    pub(crate) periods: u32,
+}
 
 /// What the supervisor wants. Made by [`Supervisor`](crate::Supervisor) outside of any lock.
 #[derive(Clone, Debug)]
 pub struct Order(pub(crate) Orders);
 
 #[derive(Clone, Debug)]
-#[expect(
-    clippy::large_enum_variant,
-    reason = "an order lives for a moment, and there is no heap to put a waveform on"
-)]
 pub(crate) enum Orders {
     /// The supervisor has looked, and nothing changes.
     Attended,
@@ -54,7 +51,11 @@ pub(crate) enum Orders {
         gains: Gains,
         coast_q8: i32,
     },
-    Run(RawSegments),
+    /// To follow a line, and the next one after it.
+    Run {
+        line: RawLine,
+        next: Option<RawLine>,
+    },
     /// To hold this current, units, where one is held already.
     Hold(i32),
     Correct(Correction),
@@ -82,7 +83,7 @@ pub enum DriveState {
 pub struct Report {
     /// Where it stands.
     pub state: DriveState,
-    /// Whether the waveform is over and its last current is held.
+    /// Whether the line is over, and its last current stays.
     pub holds: bool,
     /// Periods with the bridge on in this run.
     pub on_periods: u32,
@@ -107,7 +108,7 @@ pub struct Drive {
     corrects: bool,
     /// Whether there is a law.
     tested: bool,
-    /// Whether a line follows the present one.
+    /// Whether a line follows the present one, which is `next`.
     goes_on: bool,
     /// Two readings without current.
     twice_zero: i32,
@@ -131,11 +132,10 @@ pub struct Drive {
     gains: Gains,
     // From here on for a few periods only.
     correction: Correction,
-    next: usize,
-    /// The next line, if it was prepared.
+    next: RawLine,
+    /// The same with its division done, if it was prepared.
     ahead: Ahead,
     is_prepared: bool,
-    segments: RawSegments,
     watch: Watch,
     bounds: Bounds,
     /// Current limit and trip, units.
@@ -200,10 +200,9 @@ impl Drive {
             sums: watch::BlockSums::default(),
             gains: Gains::default(),
             correction: Correction::NONE,
-            next: 0,
+            next: RawLine { to: 0, periods: 0 },
             ahead: Ahead::default(),
             is_prepared: false,
-            segments: RawSegments::new(),
             watch: Watch::default(),
             bounds: fixed.bounds,
             current: fixed.current,
@@ -301,7 +300,7 @@ impl Drive {
                     self.shaper.coast_q8 = *coast_q8;
                 }
             }
-            Orders::Run(segments) => self.run(segments),
+            Orders::Run { line, next } => self.run(*line, *next),
             Orders::Hold(units) => self.hold(*units),
             Orders::Correct(correction) => {
                 self.corrects = *correction != Correction::NONE;
@@ -317,7 +316,7 @@ impl Drive {
         self.range = (((twice_zero + self.trip) >> 1) - self.least) as u32;
     }
 
-    fn run(&mut self, segments: &RawSegments) {
+    fn run(&mut self, line: RawLine, next: Option<RawLine>) {
         if !self.tested {
             return;
         }
@@ -332,35 +331,39 @@ impl Drive {
             }
             Mode::Testing | Mode::Latched => return,
         }
-        self.segments.clone_from(segments);
-        self.next = 0;
+        self.line.go(self.limited(line.to), line.periods);
+        self.busy = BUSY_PERIODS;
         self.is_prepared = false;
-        if let Some((to, periods)) = self.segment() {
-            self.line.go(to, periods);
-            self.next = 1;
-            self.busy = BUSY_PERIODS;
+        self.goes_on = next.is_some();
+        if let Some(next) = next {
+            self.next = RawLine {
+                to: self.limited(next.to),
+                ..next
+            };
         }
-        self.goes_on = self.segment().is_some();
+    }
+
+    /// A current within the limits.
+    fn limited(&self, units: i32) -> i32 {
+        units.min(self.current).max(-self.current)
     }
 
     fn hold(&mut self, units: i32) {
         if self.mode == Mode::Driving && self.holds() {
-            self.line.go(units.min(self.current).max(-self.current), 0);
+            self.line.go(self.limited(units), 0);
             self.busy = BUSY_PERIODS;
         }
     }
 
-    /// Whether the waveform is over.
+    /// Whether the line is over, and none follows.
     fn holds(&self) -> bool {
-        self.line.is_over() && self.next >= self.segments.len()
+        self.line.is_over() && !self.goes_on
     }
 
     fn stop(&mut self) {
         if self.mode != Mode::Latched {
             self.mode = Mode::Off;
         }
-        self.segments.clear();
-        self.next = 0;
         self.goes_on = false;
         self.line = FixedPointLine::default();
     }
@@ -373,12 +376,6 @@ impl Drive {
             self.mode = Mode::Latched;
             self.fault = fault;
         }
-    }
-
-    /// The next line of the waveform, if there is one.
-    fn segment(&self) -> Option<RawSegment> {
-        let &(to, periods) = self.segments.get(self.next)?;
-        Some((to.min(self.current).max(-self.current), periods))
     }
 
     /// A period: its two samples, taken where the ripple passes through its mean, and whether the
@@ -468,17 +465,13 @@ impl Drive {
     /// At the end of a line: goes on with the next one.
     #[inline(never)]
     fn turn(&mut self) {
-        if let Some((to, periods)) = self.segment() {
-            if self.is_prepared {
-                self.line.follow(&self.ahead);
-            } else {
-                self.line.go(to, periods);
-            }
-            self.is_prepared = false;
-            self.next += 1;
-            self.goes_on = self.segment().is_some();
-            self.busy = BUSY_PERIODS;
+        if self.is_prepared {
+            self.line.follow(&self.ahead);
+        } else {
+            self.line.go(self.next.to, self.next.periods);
         }
+        self.goes_on = false;
+        self.busy = BUSY_PERIODS;
     }
 
     /// The end of a block, or of the supervisor's time. Returns whether that was the end of all.
@@ -504,10 +497,8 @@ impl Drive {
             self.latch(fault);
             return true;
         }
-        if !self.is_prepared
-            && let Some((to, periods)) = self.segment()
-        {
-            self.ahead = self.line.ahead(to, periods);
+        if self.goes_on && !self.is_prepared {
+            self.ahead = self.line.ahead(self.next.to, self.next.periods);
             self.is_prepared = true;
         }
         false

@@ -126,8 +126,6 @@ pub enum Refusal {
     Duration(f32),
     /// More energy than is left, J.
     Energy(f32),
-    /// The waveform has no room for another segment.
-    Full,
     /// The supply is out of its limits, V.
     Supply(f32),
     /// A calibration of the current that cannot be one.
@@ -145,7 +143,6 @@ impl fmt::Display for Refusal {
             Self::Current(current_a) => write!(f, "{current_a} A is beyond the limit"),
             Self::Duration(duration_s) => write!(f, "{duration_s} s is beyond the limit"),
             Self::Energy(energy_j) => write!(f, "{energy_j} J is more than is left: wait"),
-            Self::Full => f.write_str("the waveform has no room for another segment"),
             Self::Supply(supply_v) => write!(f, "the supply of {supply_v} V is out of its limits"),
             Self::Correction => f.write_str("these currents are no calibration: measure again"),
         }

@@ -8,6 +8,7 @@
 mod averages;
 mod blame;
 mod correction;
+mod current_line;
 mod drive;
 mod energy;
 mod fault;
@@ -23,10 +24,10 @@ mod self_test;
 mod supervisor;
 mod trace;
 mod watch;
-mod waveform;
 
 pub use averages::{Averages, BLOCK, Moment};
 pub use correction::Correction;
+pub use current_line::CurrentLine;
 pub use drive::{Drive, DriveState, Order, Report};
 pub use energy::{Account, Demand, Load};
 pub use fault::{Fault, Refusal};
@@ -40,4 +41,3 @@ pub use self_test::{Findings, SELF_TEST_J};
 pub use supervisor::Supervisor;
 pub use trace::Trace;
 pub use watch::{ATTENDED_WITHIN, BALANCED_WITHIN, FOLLOWS_WITHIN};
-pub use waveform::{MOST_SEGMENTS, Segment, Waveform};

@@ -3,7 +3,7 @@
 use crate::fault::Refusal;
 use crate::hardware::Hardware;
 
-/// What no command, setting or waveform exceeds. Given once, when the drive is made: meant to be a
+/// What no command, setting or line exceeds. Given once, when the drive is made: meant to be a
 /// constant of the program. There is no way to change it afterwards.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]

@@ -3,7 +3,8 @@
 use crate::averages::BLOCK;
 use crate::blame::{Blame, Needs};
 use crate::correction::Correction;
-use crate::drive::{Drive, DriveState, Fixed, Order, Orders, RawSegments, Report};
+use crate::current_line::CurrentLine;
+use crate::drive::{Drive, DriveState, Fixed, Order, Orders, RawLine, Report};
 use crate::energy::{Account, Demand, Load};
 use crate::fault::{Fault, Refusal};
 use crate::hardware::{CoilParameters, Hardware};
@@ -14,7 +15,6 @@ use crate::regulator::Gains;
 use crate::ripple::Ripple;
 use crate::self_test::{Findings, SELF_TEST_J, TARGET_A, TestPlan, evaluate};
 use crate::watch::{BALANCED_WITHIN, Bounds};
-use crate::waveform::Waveform;
 
 /// Relative change of supply or resistance at which the law is made anew: far below what the law
 /// learns by itself.
@@ -215,20 +215,17 @@ impl Supervisor {
         })))
     }
 
-    /// A straight line from the present current to another.
+    /// A straight line of the current.
     ///
     /// # Errors
-    /// No coil known, a fault, a limit.
-    pub fn go(&self, report: &Report, to_a: f32, over_s: f32) -> Result<Order, Refusal> {
-        self.run(report, &Waveform::new().line(to_a, over_s)?)
-    }
-
-    /// A waveform, from the present current on.
-    ///
-    /// # Errors
-    /// No coil known, a fault, a limit; [`Refusal::Energy`] if the waveform would take more than is
+    /// No coil known, a fault, a limit; [`Refusal::Energy`] if the line would take more than is
     /// left: [`Account::time_until_s`] returns for how long.
-    pub fn run(&self, report: &Report, waveform: &Waveform) -> Result<Order, Refusal> {
+    pub fn follow(
+        &self,
+        report: &Report,
+        line: &CurrentLine,
+        now_us: u64,
+    ) -> Result<Order, Refusal> {
         match report.state {
             DriveState::Latched(fault) => return Err(Refusal::Latched(fault)),
             DriveState::Testing => return Err(Refusal::Testing),
@@ -236,8 +233,8 @@ impl Supervisor {
             DriveState::Off { tested: true } | DriveState::Driving => {}
         }
         let findings = self.findings.ok_or(Refusal::NotTested)?;
-        waveform.check(&self.limits)?;
-        let from_a = report.setpoint as f32 * self.hardware.ampere_per_unit();
+        line.check(&self.limits, now_us)?;
+        let ahead_s = line.ahead_s(now_us);
         let (supply_v, _) = self.made_for;
         let mut demand = Demand::new(
             &self.account,
@@ -246,20 +243,31 @@ impl Supervisor {
                 lost_v: findings.coil.lost * supply_v,
             },
         );
-        demand.starts_at(from_a);
-        for segment in waveform.segments() {
-            demand.line(segment.to_a, segment.over_s);
+        demand.starts_at(report.setpoint as f32 * self.hardware.ampere_per_unit());
+        if ahead_s > 0.0 {
+            demand.line(line.from_a, ahead_s);
         }
+        demand.line(line.to_a, line.over_s);
         if !self.account.bears(&demand) {
             return Err(Refusal::Energy(demand.most_j()));
         }
-        let mut segments = RawSegments::new();
-        for segment in waveform.segments() {
-            let periods = segment.over_s / self.hardware.period_s + 0.5;
-            // There is room for as many as a waveform has.
-            let _ = segments.push((self.hardware.units(segment.to_a), periods as u32));
+        let begins = (ahead_s > 0.0).then(|| self.raw(line.from_a, ahead_s));
+        let line = self.raw(line.to_a, line.over_s);
+        Ok(Order(match begins {
+            None => Orders::Run { line, next: None },
+            Some(approach) => Orders::Run {
+                line: approach,
+                next: Some(line),
+            },
+        }))
+    }
+
+    /// A line in the drive's integers.
+    fn raw(&self, to_a: f32, over_s: f32) -> RawLine {
+        RawLine {
+            to: self.hardware.units(to_a),
+            periods: (over_s / self.hardware.period_s + 0.5) as u32,
         }
-        Ok(Order(Orders::Run(segments)))
     }
 
     /// Off.

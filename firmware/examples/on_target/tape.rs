@@ -169,12 +169,12 @@ pub fn sum(actions: &Actions) -> u32 {
     for action in actions {
         match action {
             Action::SafeState => sum.word(1),
-            Action::Current { at, from, to, over } => {
+            Action::Current(line) => {
                 sum.word(2);
-                sum.word(at.as_ticks() as u32);
-                sum.number(from.0);
-                sum.number(to.0);
-                sum.word(over.as_ticks() as u32);
+                sum.word(line.start_us as u32);
+                sum.number(line.from_a);
+                sum.number(line.to_a);
+                sum.number(line.over_s);
             }
             Action::ConfigureSensors { channels, rate } => {
                 sum.word(3);

@@ -14,7 +14,7 @@ use palpate_wire::record::{Acknowledgement, Hello};
 use palpate_wire::{Frame, FrameError, MINOR_VERSION, Message, Record, SCHEMA_HASH};
 
 use crate::acquisition::{Sampled, Scheme, Setpoint};
-use crate::coil::{CoilHardware, CoilManager, CurrentLine};
+use crate::coil::{CoilHardware, CoilManager};
 use crate::converter::{CONVERTERS, ConverterState};
 
 /// How often the procedure receives temperature, supply and load, us.
@@ -334,12 +334,7 @@ const fn other_converter(converter: u8) -> Place {
 fn drive<C: CoilHardware>(coil: &mut CoilManager<C>, action: &Action) {
     match action {
         Action::SafeState => coil.stop(),
-        Action::Current { at, from, to, over } => coil.follow(&CurrentLine {
-            at_us: at.as_ticks(),
-            from_a: from.0,
-            to_a: to.0,
-            over_s: over.as_ticks() as f32 * 1e-6,
-        }),
+        Action::Current(line) => coil.follow(line),
         Action::TestCoil => coil.test(),
         Action::TraceCurrent { interval } => coil.trace(interval.0),
         Action::CorrectCurrent(correction) => coil.correct(correction),

@@ -1,28 +1,19 @@
 //! What the procedure wants done.
 
-use palpate_model::units::{Ampere, Hertz, Second};
+use coil_hbridge::CurrentLine;
+use palpate_model::units::{Hertz, Second};
 use palpate_wire::Record;
 use palpate_wire::command::CurrentCorrection;
 
-use crate::time::{Duration, Instant};
+use crate::time::Instant;
 
 /// An action. Those of one step are to be carried out in their order.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Action {
     /// Bridge off, before anything else.
     SafeState,
-    /// The coil's current goes in a straight line to `from`, where it is at `at`, and from there in
-    /// another to `to`, where it stays. Where `at` has passed it goes to `to` from wherever it is.
-    Current {
-        /// When the line begins.
-        at: Instant,
-        /// Where it begins.
-        from: Ampere,
-        /// Where it goes.
-        to: Ampere,
-        /// How long that takes.
-        over: Duration,
-    },
+    /// The coil's current follows a line. It begins by the clock of [`Instant`].
+    Current(CurrentLine),
     /// Bridge, coil and current measurement are to be tested;
     /// [`Event::CoilTested`](crate::Event::CoilTested) or a fault follows.
     TestCoil,

@@ -4,6 +4,7 @@
 //! same magnetic state, and lag and memory of the elastomer are the same on all. Only the falls
 //! are evaluated: a rising current stiffens less, by the elastomer's memory.
 
+use coil_hbridge::CurrentLine;
 use palpate_model::units::Ampere;
 use palpate_wire::command::Settings;
 
@@ -98,16 +99,6 @@ pub(crate) enum TrainSegment {
     Done,
 }
 
-/// A straight line of the current that is to begin at a moment, from where the current is to be
-/// then.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct CurrentLine {
-    pub(crate) at: Instant,
-    pub(crate) from: Ampere,
-    pub(crate) to: Ampere,
-    pub(crate) over: Duration,
-}
-
 /// A fall, the one under way or the last.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Fall {
@@ -164,10 +155,10 @@ impl Train {
             interval: Duration::from_ticks(profile.half_conversion.as_ticks() * 2),
         };
         let rise = CurrentLine {
-            at: since,
-            from: Ampere(0.0),
-            to: profile.peak,
-            over: profile.rise,
+            start_us: since.as_ticks(),
+            from_a: 0.0,
+            to_a: profile.peak.0,
+            over_s: in_seconds(profile.rise).0,
         };
         (train, rise)
     }
@@ -292,7 +283,12 @@ impl Train {
             }
         };
         (self.segment, self.since) = (segment, at);
-        Some(CurrentLine { at, from, to, over })
+        Some(CurrentLine {
+            start_us: at.as_ticks(),
+            from_a: from.0,
+            to_a: to.0,
+            over_s: in_seconds(over).0,
+        })
     }
 
     /// The ramp in whose fall a conversion lay as a whole, from 0.

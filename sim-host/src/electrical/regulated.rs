@@ -1,9 +1,10 @@
 //! The driver's loop around the circuit with its supervisor, on a PC.
 
 use core::ops::{Deref, DerefMut};
+use std::collections::VecDeque;
 
 use coil_hbridge::{
-    DriveState, Fault, Findings, Hardware, Limits, Order, Refusal, Report, Supervisor, Waveform,
+    CurrentLine, DriveState, Fault, Findings, Hardware, Limits, Order, Refusal, Report, Supervisor,
 };
 
 use super::circuit::Circuit;
@@ -29,6 +30,8 @@ pub const fn reference_limits() -> Limits {
 pub struct Regulated {
     control: ControlLoop,
     supervisor: Supervisor,
+    /// Lines to follow after the present one.
+    lines: VecDeque<(f32, f32)>,
     polls: u32,
 }
 
@@ -61,6 +64,7 @@ impl Regulated {
         Ok(Self {
             control: ControlLoop::new(circuit, converter, drive, hardware),
             supervisor,
+            lines: VecDeque::new(),
             polls: 0,
         })
     }
@@ -96,19 +100,17 @@ impl Regulated {
 
     /// Gives an order.
     pub fn order(&mut self, order: &Order) {
+        self.lines.clear();
         self.control.drive.apply(order);
     }
 
-    /// Begins a waveform.
+    /// Follows a line; time is that of the circuit.
     ///
     /// # Errors
     /// What the driver refuses.
-    pub fn run(&mut self, waveform: &Waveform) -> Result<(), Refusal> {
-        let order = self
-            .supervisor
-            .run(&self.control.drive.report(), waveform)?;
-        self.control.drive.apply(&order);
-        Ok(())
+    pub fn follow(&mut self, line: &CurrentLine) -> Result<(), Refusal> {
+        self.lines.clear();
+        self.apply(line)
     }
 
     /// Goes in a straight line to a current.
@@ -116,11 +118,45 @@ impl Regulated {
     /// # Errors
     /// What the driver refuses.
     pub fn go(&mut self, to_a: f32, over_s: f32) -> Result<(), Refusal> {
-        let order = self
-            .supervisor
-            .go(&self.control.drive.report(), to_a, over_s)?;
+        self.follow(&CurrentLine::at_once(to_a, over_s))
+    }
+
+    /// Follows lines one after the other, each given by where it ends, A, and how long it takes, s.
+    /// Another order ends that, and so does a line that the driver refuses.
+    ///
+    /// # Errors
+    /// What the driver refuses of the first.
+    pub fn follow_all(
+        &mut self,
+        lines: impl IntoIterator<Item = (f32, f32)>,
+    ) -> Result<(), Refusal> {
+        self.lines = lines.into_iter().collect();
+        self.next_line()
+    }
+
+    fn next_line(&mut self) -> Result<(), Refusal> {
+        let Some((to_a, over_s)) = self.lines.pop_front() else {
+            return Ok(());
+        };
+        let result = self.apply(&CurrentLine::at_once(to_a, over_s));
+        if result.is_err() {
+            self.lines.clear();
+        }
+        result
+    }
+
+    fn apply(&mut self, line: &CurrentLine) -> Result<(), Refusal> {
+        let now_us = self.now_us();
+        let report = self.control.drive.report();
+        let order = self.supervisor.follow(&report, line, now_us)?;
         self.control.drive.apply(&order);
         Ok(())
+    }
+
+    /// Time of the circuit, us: the clock of [`follow`](Self::follow).
+    #[must_use]
+    pub fn now_us(&self) -> u64 {
+        (self.control.circuit.totals().time_s * 1e6).round() as u64
     }
 
     /// Begins the self-test.
@@ -174,6 +210,10 @@ impl Regulated {
         let period = self.control.period();
         if let Some(supply_v) = self.control.take_supply_at_off_v() {
             self.supervisor.read_supply(supply_v);
+        }
+        if !self.lines.is_empty() && self.report().holds {
+            // What is refused ends it.
+            let _ = self.next_line();
         }
         self.polls += 1;
         if self.polls >= POLL_PERIODS {

@@ -1,6 +1,6 @@
 //! The driver of the coil against its circuit: how well the current follows.
 
-use coil_hbridge::{Correction, Supervisor, Waveform};
+use coil_hbridge::{Correction, CurrentLine, Supervisor};
 use palpate_sim::electrical::{
     Circuit, CircuitParameters, Converter, ConverterParameters, Pins, Regulated, edges,
     reference_hardware, reference_limits,
@@ -277,8 +277,8 @@ fn two_uses_weeks_apart_give_the_same_current() {
         let use_it = |loop_: &mut Regulated| {
             loop_.test().unwrap();
             let mut train = Vec::new();
-            let waveform = Waveform::train(3, 10.0, 2.0, [2e-3, 2e-3, 16e-3]).unwrap();
-            loop_.run(&waveform).unwrap();
+            let ramp = [(10.0, 2e-3), (10.0, 2e-3), (2.0, 16e-3)];
+            loop_.follow_all(ramp.repeat(3)).unwrap();
             // conversions of 1 ms
             for _ in 0..60 {
                 train.push(window(loop_, 62)[1]);
@@ -313,12 +313,13 @@ fn ramps_are_straight() {
         let peak_a = reachable_a(&circuit);
         calibrate(&mut loop_, peak_a, 0.0);
         for fall_s in [0.01, 0.06] {
-            let waveform = Waveform::new()
-                .line(peak_a as f32, 2e-3)
-                .and_then(|of| of.hold(3e-3))
-                .and_then(|of| of.line(0.2 * peak_a as f32, fall_s))
-                .unwrap();
-            loop_.run(&waveform).unwrap();
+            let fall = CurrentLine {
+                start_us: loop_.now_us() + 5_000,
+                from_a: peak_a as f32,
+                to_a: 0.2 * peak_a as f32,
+                over_s: fall_s,
+            };
+            loop_.follow(&fall).unwrap();
             loop_.run_for(5e-3 + 0.05 * fall_s as f64);
             let conversions = (0.9 * f64::from(fall_s) / 1e-3) as usize;
             let means: Vec<f64> = (0..conversions)
@@ -342,12 +343,9 @@ fn a_supply_that_recovers_bends_no_ramp() {
     };
     let mut loop_ = regulated(circuit, ConverterParameters::EXACT, 1);
     loop_.test().unwrap();
-    let waveform = Waveform::new()
-        .line(10.0, 2e-3)
-        .and_then(|of| of.hold(30e-3))
-        .and_then(|of| of.line(2.0, 60e-3))
+    loop_
+        .follow_all([(10.0, 2e-3), (10.0, 30e-3), (2.0, 60e-3)])
         .unwrap();
-    loop_.run(&waveform).unwrap();
     loop_.run_for(35e-3);
     let means: Vec<f64> = (0..54).map(|_| window(&mut loop_, 62)[1]).collect();
     let worst_a = from_a_line(&means);
@@ -404,23 +402,28 @@ fn the_measured_current_is_the_mean_in_spite_of_the_ripple() {
 }
 
 #[test]
-fn the_waveform_goes_through_zero_and_ends_there() {
+fn lines_go_through_zero_and_end_there() {
     let mut loop_ = tested(CircuitParameters::common(0.389, 40e-6, 12.0));
-    let cycle = Waveform::demagnetising(8.0, 0.7, 12, 2e-3).unwrap();
-    loop_.run(&cycle).unwrap();
-    // What is wanted holds for the end of the period after the interrupt's.
-    loop_.periods_of(1);
+    // From one polarity to the other, each peak less than the one before: what takes away magnetic
+    // memory.
+    let ends = |of: usize| {
+        if of < 12 {
+            8.0 * (-0.7_f32).powi(of as i32)
+        } else {
+            0.0
+        }
+    };
     let mut peaks = Vec::new();
-    for _ in 0..12 {
+    for of in 0..=12 {
+        loop_.go(ends(of), 2e-3).unwrap();
         loop_.run_for(2e-3);
+        // The setpoint holds for the end of the period after the interrupt's.
+        loop_.periods_of(1);
         peaks.push(loop_.circuit.current_a());
     }
-    for (place, peak_a) in peaks.iter().enumerate() {
-        let wanted_a = 8.0 * (-0.7_f64).powi(place as i32);
-        assert!(
-            (peak_a - wanted_a).abs() < 0.15,
-            "{place}: {peak_a} {wanted_a}"
-        );
+    for (of, peak_a) in peaks.iter().enumerate() {
+        let end_a = f64::from(ends(of));
+        assert!((peak_a - end_a).abs() < 0.15, "{of}: {peak_a} {end_a}");
     }
     loop_.run_for(3e-3);
     assert!(loop_.circuit.current_a().abs() < 0.06);

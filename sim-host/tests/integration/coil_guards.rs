@@ -2,8 +2,8 @@
 //! before.
 
 use coil_hbridge::{
-    ATTENDED_WITHIN, BALANCED_WITHIN, BLOCK, DriveState, FOLLOWS_WITHIN, FROZEN_WITHIN, Fault,
-    HELD_BEFORE, Limits, Refusal, Supervisor, Waveform,
+    ATTENDED_WITHIN, BALANCED_WITHIN, BLOCK, CurrentLine, DriveState, FOLLOWS_WITHIN,
+    FROZEN_WITHIN, Fault, HELD_BEFORE, Limits, Refusal, Supervisor,
 };
 use palpate_sim::electrical::{
     Circuit, CircuitParameters, Converter, ConverterParameters, Regulated, reference_hardware,
@@ -530,27 +530,35 @@ fn energy_is_bounded_over_any_number_of_runs() {
 }
 
 #[test]
-fn a_waveform_that_is_too_hot_is_refused_with_a_waiting_time() {
+fn a_line_that_is_too_hot_is_refused_with_a_waiting_time() {
     let mut loop_ = ready();
+    let stay = |loop_: &Regulated, current_a: f32, for_s: f32| CurrentLine {
+        start_us: loop_.now_us() + 1_000,
+        from_a: current_a,
+        to_a: current_a,
+        over_s: for_s,
+    };
     // 12 A for 1 s: 144 * 0.48 = 69 J.
-    let hot = Waveform::new().line(12.0, 1e-3).and_then(|of| of.hold(1.0));
-    let Err(Refusal::Energy(energy_j)) = loop_.run(&hot.unwrap()) else {
+    let hot = stay(&loop_, 12.0, 1.0);
+    let Err(Refusal::Energy(energy_j)) = loop_.follow(&hot) else {
         panic!("it was begun")
     };
     assert!((60.0..80.0).contains(&energy_j), "{energy_j}");
-    let warm = Waveform::new().line(10.0, 1e-3).and_then(|of| of.hold(0.6));
-    let warm = warm.unwrap();
-    loop_.run(&warm).unwrap();
+    let warm = |loop_: &mut Regulated| {
+        let line = stay(loop_, 10.0, 0.6);
+        loop_.follow(&line)
+    };
+    warm(&mut loop_).unwrap();
     loop_.run_for(0.65);
     loop_.order(&Supervisor::stop());
-    let Err(Refusal::Energy(energy_j)) = loop_.run(&warm) else {
+    let Err(Refusal::Energy(energy_j)) = warm(&mut loop_) else {
         panic!("it was begun")
     };
     let wait_s = f64::from(loop_.supervisor().account().time_until_s(energy_j));
     loop_.run_for(wait_s - 0.1);
-    assert!(loop_.run(&warm).is_err(), "not before");
+    assert!(warm(&mut loop_).is_err(), "not before");
     loop_.run_for(0.2);
-    loop_.run(&warm).unwrap();
+    warm(&mut loop_).unwrap();
 }
 
 // ---- self-test ----

@@ -1,7 +1,7 @@
 //! What a drive counts of a train beside what was forecast of it, and the native board, which counts
 //! by the same law: what does not fit is refused with the time to wait.
 
-use coil_hbridge::{Account, Demand, DriveState, Load, Supervisor, Waveform};
+use coil_hbridge::{Account, Demand, DriveState, Load, Supervisor};
 use palpate_sim::Time;
 use palpate_sim::device::Device;
 use palpate_sim::electrical::{
@@ -29,7 +29,8 @@ fn regulated(coil_ohm: f64, inductance_h: f64, supply_v: f64) -> Regulated {
 
 /// What the train adds to the account: as counted by the drive, and as forecast from the coil's test.
 fn counted_and_forecast(drive: &mut Regulated, peak_a: f32, end_a: f32) -> (f32, f32) {
-    let train = Waveform::train(6, peak_a, end_a, [0.01, 0.03, 0.06]).unwrap();
+    let ramp = [(peak_a, 0.01), (peak_a, 0.03), (end_a, 0.06)];
+    let train = [ramp.repeat(6), vec![(0.0, 0.01)]].concat();
     let findings = *drive.supervisor().findings().unwrap();
     let account: Account = *drive.supervisor().account();
     let load = Load {
@@ -37,10 +38,10 @@ fn counted_and_forecast(drive: &mut Regulated, peak_a: f32, end_a: f32) -> (f32,
         lost_v: findings.coil.lost * drive.circuit.parameters.supply_v as f32,
     };
     let mut demand = Demand::new(&account, load);
-    for segment in train.segments() {
-        demand.line(segment.to_a, segment.over_s);
+    for &(to_a, over_s) in &train {
+        demand.line(to_a, over_s);
     }
-    drive.run(&train).unwrap();
+    drive.follow_all(train).unwrap();
     let mut most_j = account.energy_j();
     for _ in 0..620 {
         drive.run_for(1e-3);

@@ -9,7 +9,7 @@ mod hardware;
 mod tracing;
 
 use coil_hbridge::{
-    Account, Correction, Drive, DriveState, Findings, Moment, Refusal, Supervisor, Waveform,
+    Account, Correction, CurrentLine, Drive, DriveState, Findings, Moment, Refusal, Supervisor,
 };
 use palpate_procedure::Instant;
 use palpate_procedure::event::Failure;
@@ -44,32 +44,6 @@ const RARELY: u8 = 64;
 const SMOOTHING: f32 = 0.25;
 /// Parts of a period in [`Moment`].
 const SIXTEENTHS: i64 = 16;
-
-/// A straight line of the current, as the procedure asks for it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct CurrentLine {
-    /// When it begins, us of the board's timer: until then the current goes to `from_a`. Once that has
-    /// passed, the line begins at once from wherever the current is.
-    pub at_us: u64,
-    /// Where it begins, A.
-    pub from_a: f32,
-    /// Where it ends, A.
-    pub to_a: f32,
-    /// How long it takes, s.
-    pub over_s: f32,
-}
-
-impl CurrentLine {
-    fn waveform(&self, now_us: u64) -> Result<Waveform, Refusal> {
-        let ahead_us = self.at_us.saturating_sub(now_us);
-        let waveform = if ahead_us > 0 {
-            Waveform::new().line(self.from_a, ahead_us as f32 * 1e-6)?
-        } else {
-            Waveform::new()
-        };
-        waveform.line(self.to_a, self.over_s)
-    }
-}
 
 /// What stands above the coil's drive.
 #[derive(Debug)]
@@ -137,8 +111,8 @@ impl<H: CoilHardware> CoilManager<H> {
             return;
         };
         // Asked for late in a step that may have taken a millisecond.
-        let waveform = line.waveform(self.hardware.now_us());
-        match waveform.and_then(|waveform| self.supervisor.run(&report, &waveform)) {
+        let now_us = self.hardware.now_us();
+        match self.supervisor.follow(&report, line, now_us) {
             Ok(order) => self.hardware.apply(&order),
             Err(refusal) => self.refused(&refusal),
         }

@@ -3,6 +3,7 @@
 mod claim;
 mod ramps;
 
+use coil_hbridge::CurrentLine;
 use palpate_model::magnetorheological::{Stiffening, attraction, deviation};
 use palpate_model::ramp::RampSample;
 use palpate_model::units::{Ampere, Metre, Newton, NewtonPerMetre};
@@ -16,7 +17,7 @@ use crate::deformation::Deformation;
 use crate::event::{Failure, Scan};
 use crate::heat::Heat;
 use crate::time::{Duration, Instant, after, in_seconds, seconds, span};
-use crate::train::{CurrentLine, Train, TrainProfile, TrainSegment};
+use crate::train::{Train, TrainProfile, TrainSegment};
 pub(crate) use claim::{EstimateReport, MeasurementOutcome};
 use ramps::{Ramps, TwoStates};
 
@@ -85,7 +86,7 @@ impl TrainDrive {
     pub(crate) fn start(settings: &Settings, limits: &Limits, now: Instant) -> (Self, CurrentLine) {
         let profile = TrainProfile::new(settings);
         let (train, line) = Train::start(profile, now);
-        let began = line.at;
+        let began = Instant::from_ticks(line.start_us);
         // Every segment begins with the conversion nearest to the end of the one before: a tenth of a
         // second late is a scheduler that has failed.
         let slack = span(0.1).as_ticks() * (u64::from(profile.ramps) * 3 + 3);

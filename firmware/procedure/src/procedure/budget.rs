@@ -2,7 +2,7 @@
 //! left, by the drive's own law and constants ([`Account`]). What does not fit is refused before it
 //! begins, with the time to wait.
 
-use coil_hbridge::{Account, Demand, Load, SELF_TEST_J};
+use coil_hbridge::{Account, CurrentLine, Demand, Load, SELF_TEST_J};
 use palpate_model::units::{Ampere, Celsius};
 use palpate_wire::code::{Part, RefusalReason};
 use palpate_wire::record::CoilTest;
@@ -12,7 +12,7 @@ use crate::event::Scan;
 use crate::heat::{Forecast, Heat};
 use crate::measurement::Reason;
 use crate::time::{Instant, in_seconds, seconds};
-use crate::train::{CurrentLine, TrainProfile};
+use crate::train::TrainProfile;
 
 /// More than is forecast, as a part: what the ripple heats (1.5 % of the square at most, decision 40).
 const RIPPLE: f32 = 1.02;
@@ -153,7 +153,7 @@ impl Procedure {
         }
         self.fits(heat, copper, now, |demand| {
             demand.starts_at(self.budget.current.0);
-            demand.line(line.to.0, in_seconds(line.over).0);
+            demand.line(line.to_a, line.over_s);
         })
     }
 

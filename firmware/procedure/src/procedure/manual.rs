@@ -1,6 +1,7 @@
 //! A current that a PC commands directly.
 
-use palpate_model::units::{Ampere, Second};
+use coil_hbridge::CurrentLine;
+use palpate_model::units::Second;
 use palpate_wire::code::{FaultCode, Outcome, Place};
 use palpate_wire::command::DriveCoil;
 
@@ -9,8 +10,7 @@ use super::{Out, Procedure};
 use crate::action::Action;
 use crate::event::Failure;
 use crate::measurement::check_heat;
-use crate::time::{Duration, Instant, between, seconds, span};
-use crate::train::CurrentLine;
+use crate::time::{Duration, Instant, between, in_seconds, seconds, span};
 
 /// From the PC's last message to the end of a current that it commanded.
 const SILENCE: Duration = Duration::from_ticks(100_000);
@@ -40,14 +40,8 @@ impl Procedure {
 
     /// A current, from where it is.
     pub(super) fn drive_manually(&mut self, command: &DriveCoil, out: &mut Out<'_>) -> Outcome {
-        let to = Ampere(command.to_a);
-        // At once, from wherever it is.
-        let line = CurrentLine {
-            at: out.now,
-            from: to,
-            to,
-            over: span(command.over_s),
-        };
+        let over_s = in_seconds(span(command.over_s)).0;
+        let line = CurrentLine::at_once(command.to_a, over_s);
         if let Err(hindrance) = self.may_take_line(&line, out.now) {
             self.end_manual(out);
             self.hindered(&hindrance, out);
@@ -68,7 +62,7 @@ impl Procedure {
             let interval = Second(command.trace_interval_s);
             out.push(Action::TraceCurrent { interval });
         }
-        out.line(line);
+        out.push(Action::Current(line));
         Outcome::Accepted
     }
 

@@ -23,7 +23,6 @@ use crate::heat::Heat;
 use crate::list::gathered;
 use crate::stream::{DeformationScan, Streamer};
 use crate::time::{Duration, Instant, after, between, seconds, span};
-use crate::train::CurrentLine;
 use budget::Budget;
 use coil::{Knowledge, Waiting};
 use readings::{FlaggedSince, is_of_readings};
@@ -437,7 +436,7 @@ impl Out<'_> {
     /// Bridge off, before all else.
     fn safe(&mut self) {
         // In place: a copy of the actions would be two kilobytes of stack.
-        let keep = |action: &Action| !matches!(action, Action::SafeState | Action::Current { .. });
+        let keep = |action: &Action| !matches!(action, Action::SafeState | Action::Current(_));
         self.actions.retain(keep);
         if self.actions.is_full() {
             let _ = self.actions.pop();
@@ -449,10 +448,6 @@ impl Out<'_> {
             let kept = before.len() + 1;
             rest = rest.split_at_mut(kept).0;
         }
-    }
-
-    fn line(&mut self, CurrentLine { at, from, to, over }: CurrentLine) {
-        self.push(Action::Current { at, from, to, over });
     }
 
     fn record(&mut self, record: Record) {

@@ -9,6 +9,7 @@ use super::budget::Hindrance;
 use super::coil::Knowledge;
 use super::manual::ManualDrive;
 use super::{Out, Procedure};
+use crate::action::Action;
 use crate::deformation::Deformation;
 use crate::event::{Failure, Scan};
 use crate::measurement::{
@@ -327,14 +328,14 @@ impl Procedure {
         let (measurement, line) =
             Measurement::start(self.measurement, calibrated, touched, settings, started);
         self.go(Phase::Driving(measurement), out);
-        out.line(line);
+        out.push(Action::Current(line));
     }
 
     fn progress(&mut self, progress: Progress, out: &mut Out<'_>) {
         match progress {
             Progress::On(line) => {
                 if let Some(line) = line {
-                    out.line(line);
+                    out.push(Action::Current(line));
                 }
             }
             Progress::Done => self.conclude(out),
@@ -402,7 +403,7 @@ impl Procedure {
         let (settings, limits) = (&self.configuration.settings, &self.board.limits);
         let (drive, line) = TrainDrive::start(settings, limits, out.now);
         self.go(Phase::Sweeping { drive, touched }, out);
-        out.line(line);
+        out.push(Action::Current(line));
         Outcome::Accepted
     }
 

@@ -3,7 +3,7 @@
 
 use crate::support::calibration::settings;
 use crate::support::sensor::Sensor;
-use crate::support::{Rig, STATES};
+use crate::support::{Rig, STATES, micros};
 use palpate_procedure::event::Conditions;
 use palpate_procedure::units::Celsius;
 use palpate_procedure::{Action, Event};
@@ -150,7 +150,7 @@ fn a_late_event_makes_the_train_longer_and_no_segment_shorter() {
         rig.now_us += 7_000;
         let actions = rig.convert();
         let set = actions.iter().filter_map(|action| match action {
-            Action::Current { over, .. } => Some(over.as_ticks()),
+            Action::Current(line) => Some(micros(line.over_s)),
             _ => None,
         });
         lines.extend(set.map(|over_us| (rig.now_us, over_us)));

@@ -151,7 +151,7 @@ fn a_current_is_recorded_before_it_is_driven_and_reported() {
     let place = |of: fn(&Action) -> bool| actions.iter().position(of);
     let traced =
         place(|action| matches!(action, Action::TraceCurrent { interval } if interval.0 == 1.6e-5));
-    let driven = place(|action| matches!(action, Action::Current { .. }));
+    let driven = place(|action| matches!(action, Action::Current(_)));
     assert!(traced.is_some() && traced < driven, "{traced:?} {driven:?}");
     line.trace_interval_s = 0.0;
     let tracing = |action: &Action| matches!(action, Action::TraceCurrent { .. });

@@ -2,7 +2,7 @@
 
 use crate::support::calibration::settings;
 use crate::support::sensor::Sensor;
-use crate::support::{Rig, board};
+use crate::support::{Rig, board, micros};
 use palpate_procedure::{Action, Actions, Instant};
 use palpate_wire::code::{Mode, Outcome, State};
 use palpate_wire::{Command, Record};
@@ -70,12 +70,12 @@ fn the_train_rises_falls_and_ends_at_zero() {
         }
         for action in rig.convert() {
             match action {
-                Action::Current { at, from, to, over } => {
+                Action::Current(line) => {
                     if lines.is_empty() {
-                        began_us = at.as_ticks();
+                        began_us = line.start_us;
                     }
                     // Every line begins where the one before has led, in time or to its end.
-                    lines.push((from.0, to.0, over.as_ticks()));
+                    lines.push((line.from_a, line.to_a, micros(line.over_s)));
                 }
                 Action::SafeState => off_at = Some(lines.len()),
                 _ => {}
@@ -107,7 +107,7 @@ fn every_ramp_begins_with_the_conversion_that_is_nearest_to_its_time() {
     rig.accepted(Command::Measure);
     let falls = |actions: &Actions| {
         let is_fall =
-            |of: &&Action| matches!(of, Action::Current { over, .. } if over.as_ticks() == 60_000);
+            |of: &&Action| matches!(of, Action::Current(line) if micros(line.over_s) == 60_000);
         actions.iter().filter(is_fall).count()
     };
     let mut begun_us = Vec::new();
@@ -139,13 +139,13 @@ fn a_fall_begins_with_a_conversion_however_late_the_last_was_reported() {
                 end_us = scan.middle.as_ticks() + scan.window.as_ticks() / 2;
             });
             for action in actions {
-                if let Action::Current { at, from, over, .. } = action
-                    && over.as_ticks() == 60_000
+                if let Action::Current(line) = action
+                    && micros(line.over_s) == 60_000
                 {
                     falls += 1;
-                    assert_eq!(from.0, 10.0);
+                    assert_eq!(line.from_a, 10.0);
                     // Two conversions of a millisecond on, and a little before the end.
-                    assert_eq!(at.as_ticks() - end_us, 2_000 - 20, "{late_us}");
+                    assert_eq!(line.start_us - end_us, 2_000 - 20, "{late_us}");
                 }
             }
         }

@@ -25,6 +25,11 @@ use sensor::Sensor;
 
 pub(crate) const BOOT: u32 = 7;
 
+/// A time in whole microseconds.
+pub(crate) fn micros(time_s: f32) -> u64 {
+    (time_s * 1e6).round() as u64
+}
+
 /// Every state but the fault.
 pub(crate) const STATES: [State; 10] = [
     State::SelfTest,
@@ -301,20 +306,20 @@ impl Rig {
                         drive.account.charge(1.0);
                     }
                 }
-                Action::Current { at, from, to, over } => {
+                Action::Current(line) => {
                     let (reported_us, reported_a) = (self.now_us, self.line.at(self.now_us));
-                    let since_us = at.as_ticks().max(reported_us);
+                    let since_us = line.start_us.max(reported_us);
                     self.line = CurrentPath {
                         reported_a,
                         reported_us,
                         from_a: if since_us > reported_us {
-                            from.0.into()
+                            line.from_a.into()
                         } else {
                             reported_a
                         },
-                        to_a: to.0.into(),
+                        to_a: line.to_a.into(),
                         since_us,
-                        over_us: over.as_ticks(),
+                        over_us: micros(line.over_s),
                     };
                 }
                 Action::ConfigureSensors { .. }

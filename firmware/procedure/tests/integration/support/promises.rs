@@ -1,5 +1,6 @@
 //! What the procedure promises at every step, whatever happens to it.
 
+use coil_hbridge::CurrentLine;
 use palpate_procedure::{Action, Actions, Event};
 use palpate_wire::code::{Outcome, State};
 use palpate_wire::{Command, FrameError, Message, Record};
@@ -41,22 +42,22 @@ fn safe_state_first(actions: &Actions) {
     assert!(!stops || place == Some(0), "no safe state: {actions:?}");
     let drives = actions
         .iter()
-        .any(|action| matches!(action, Action::Current { .. }));
+        .any(|action| matches!(action, Action::Current(_)));
     assert!(!(drives && place.is_some()), "drives: {actions:?}");
 }
 
 fn currents_are_allowed(rig: &Rig, actions: &Actions) {
     for action in actions {
-        let Action::Current { to, .. } = action else {
+        let Action::Current(CurrentLine { to_a, .. }) = action else {
             continue;
         };
         let allowed_a = rig.settings().peak_current_a.min(rig.limits.current.0);
         assert!(rig.procedure.is_armed());
         if rig.state() == State::Directed {
-            assert!(to.0.abs() <= allowed_a, "{to:?}");
+            assert!(to_a.abs() <= allowed_a, "{to_a} A");
             continue;
         }
-        assert!((0.0..=allowed_a).contains(&to.0), "{to:?}");
+        assert!((0.0..=allowed_a).contains(to_a), "{to_a} A");
         assert!(matches!(rig.state(), State::Peak | State::Ramps));
     }
 }
@@ -124,7 +125,7 @@ fn stopped_until_asked(rig: &mut Rig, event: &Event<'_>, actions: &Actions) {
             _ => {}
         }
     }
-    let drives = |action: &Action| matches!(action, Action::Current { .. } | Action::TestCoil);
+    let drives = |action: &Action| matches!(action, Action::Current(_) | Action::TestCoil);
     assert!(!(rig.stopped && actions.iter().any(drives)), "{actions:?}");
 }
 

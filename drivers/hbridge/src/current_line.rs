@@ -1,0 +1,123 @@
+//! A course of the current: one straight line, from a moment on.
+
+use crate::fault::Refusal;
+use crate::limits::Limits;
+
+/// A straight line of the coil's current: the one type for it, from what plans the current to the
+/// [`Supervisor`](crate::Supervisor).
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct CurrentLine {
+    /// When it begins, us of the clock by which [`Supervisor::follow`](crate::Supervisor::follow) is
+    /// called: until then the current goes to `from_a` in a straight line of its own. Once that has
+    /// passed, the line begins at once from wherever the current is.
+    pub start_us: u64,
+    /// Where it begins, A; the sign is the polarity.
+    pub from_a: f32,
+    /// Where it ends and the current then stays, A.
+    pub to_a: f32,
+    /// How long it takes, s; 0 for at once.
+    pub over_s: f32,
+}
+
+impl CurrentLine {
+    /// A line that begins at once, from wherever the current is.
+    ///
+    /// ```
+    /// use coil_hbridge::CurrentLine;
+    /// // down to 2 A in 60 ms
+    /// let fall = CurrentLine::at_once(2.0, 60e-3);
+    /// assert_eq!(fall.ahead_s(1_000_000), 0.0);
+    /// // the same from 8 A on, 5 ms from now
+    /// let fall = CurrentLine { start_us: 1_005_000, from_a: 8.0, ..fall };
+    /// assert!((fall.ahead_s(1_000_000) - 5e-3).abs() < 1e-6);
+    /// ```
+    #[must_use]
+    pub const fn at_once(to_a: f32, over_s: f32) -> Self {
+        Self {
+            start_us: 0,
+            from_a: to_a,
+            to_a,
+            over_s,
+        }
+    }
+
+    /// Time until it begins, s.
+    #[must_use]
+    pub fn ahead_s(&self, now_us: u64) -> f32 {
+        self.start_us.saturating_sub(now_us) as f32 * 1e-6
+    }
+
+    /// Refuses what is no number, and what a limit forbids. No range contains what is no number.
+    pub(crate) fn check(&self, limits: &Limits, now_us: u64) -> Result<(), Refusal> {
+        let currents = -limits.current_a..=limits.current_a;
+        for current_a in [self.from_a, self.to_a] {
+            if !currents.contains(&current_a) {
+                return Err(Refusal::Current(current_a));
+            }
+        }
+        let durations = 0.0..=limits.on_time_s;
+        for duration_s in [self.over_s, self.ahead_s(now_us) + self.over_s] {
+            if !durations.contains(&duration_s) {
+                return Err(Refusal::Duration(duration_s));
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LIMITS: Limits = Limits {
+        current_a: 12.0,
+        trip_a: 12.7,
+        duty: 0.98,
+        on_time_s: 20.0,
+        energy_j: 60.0,
+        continuous_w: 3.5,
+        supply_v: [4.5, 14.0],
+        resistance_ohm: [0.15, 3.0],
+        inductance_h: [10e-6, 400e-6],
+    };
+
+    #[test]
+    fn it_takes_numbers_within_the_limits_only() {
+        let line = CurrentLine::at_once(12.0, 20.0);
+        assert_eq!(line.check(&LIMITS, 0), Ok(()));
+        for bad_a in [f32::NAN, f32::INFINITY, 12.1, -12.1] {
+            let [to, from] = [
+                CurrentLine {
+                    to_a: bad_a,
+                    ..line
+                },
+                CurrentLine {
+                    from_a: bad_a,
+                    ..line
+                },
+            ];
+            for line in [to, from] {
+                let refused = line.check(&LIMITS, 0);
+                assert!(matches!(refused, Err(Refusal::Current(_))), "{line:?}");
+            }
+        }
+        for bad_s in [f32::NAN, f32::INFINITY, -1e-3, 20.1] {
+            let refused = CurrentLine::at_once(1.0, bad_s).check(&LIMITS, 0);
+            assert!(matches!(refused, Err(Refusal::Duration(_))), "{bad_s}");
+        }
+    }
+
+    #[test]
+    fn the_time_until_it_begins_counts() {
+        let line = CurrentLine {
+            start_us: 11_000_000,
+            ..CurrentLine::at_once(1.0, 19.5)
+        };
+        assert_eq!(line.check(&LIMITS, 10_600_000), Ok(()));
+        assert_eq!(
+            line.check(&LIMITS, 10_000_000),
+            Err(Refusal::Duration(20.5))
+        );
+    }
+}
