@@ -187,6 +187,18 @@ impl<H: CoilHardware> CoilManager<H> {
         self.failure
     }
 
+    /// Whether a test has found something, or a part of a record of the current is there.
+    pub fn has_found(&self) -> bool {
+        self.found.is_some() || self.has_trace()
+    }
+
+    /// Whether a record of the current is over: with its last value or with the interrupt.
+    fn has_trace(&self) -> bool {
+        let is_over =
+            || self.runs_since_us.is_none() || self.hardware.trace().taken() >= TRACE_LENGTH;
+        self.tracing.is_some() && is_over()
+    }
+
     /// What a test has found, once.
     pub const fn take_found(&mut self) -> Option<CoilTest> {
         self.found.take()
@@ -194,13 +206,12 @@ impl<H: CoilHardware> CoilManager<H> {
 
     /// A part of the record of the current, with the time of its first, when the record is over.
     pub fn take_trace(&mut self) -> Option<(u64, CurrentTrace)> {
+        if !self.has_trace() {
+            return None;
+        }
         let tracing = self.tracing.as_mut()?;
         let trace = self.hardware.trace();
         let taken = trace.taken();
-        // It ends with the interrupt, at the latest.
-        if taken < TRACE_LENGTH && self.runs_since_us.is_some() {
-            return None;
-        }
         let part = tracing.part(trace, taken, &H::CIRCUIT.hardware);
         if tracing.is_over(taken) {
             self.tracing = None;
