@@ -72,11 +72,12 @@ messages! {
             /// Calibrates the magnetorheological effect as a curve, chunk by chunk; replaces a
             /// law. Not while armed.
             SetStiffeningCurve(StiffeningCurve) = 0x96 "set_stiffening_curve",
-            /// Tells the coil's data. Not while armed.
+            /// Sets the coil's data. Not while armed.
             SetCoil(Coil) = 0x97 "set_coil",
             /// Calibrates the attraction of the actuated layer's halves. Not while armed.
             SetAttraction(Attraction) = 0x98 "set_attraction",
-            /// Tells what another temperature leaves open. Not while armed.
+            /// Sets the uncertainty added by a temperature other than the calibration's. Not while
+            /// armed.
             SetTemperatureEffect(TemperatureEffect) = 0x99 "set_temperature_effect",
             /// Calibrates the measurement of the coil's current. Not while armed.
             SetCurrentCorrection(CurrentCorrection) = 0x9A "set_current_correction",

@@ -7,7 +7,7 @@ use crate::checksum::digest;
 use crate::encoder::payload;
 use crate::message::Message;
 
-/// CRC-32 over the commands that would set a configuration: what `hello` tells.
+/// CRC-32 over the commands that would set a configuration: the number that `hello` reports.
 ///
 /// It runs over the kind and the payload of each, ordered by kind, then sensor, channel and first
 /// knot, with every chunk of a curve but the last one full, and with nothing for what was never

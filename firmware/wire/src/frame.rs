@@ -11,7 +11,7 @@ structure! {
         /// Number of the frame, counted when it is produced, whether it is sent or not: from 0
         /// for records, from wherever the sender likes for commands. After 4294967295 comes 0.
         sequence: u32,
-        /// When what it tells happened, by the sender's clock, since its start.
+        /// Time of what the message reports, by the sender's clock, since its start.
         time_us: u64 ["us"],
         /// Frames that the sender has dropped since its start, of those with a lower sequence
         /// number. After 4294967295 comes 0.

@@ -1,4 +1,4 @@
-//! Records: what the device tells.
+//! Records: what the device reports.
 
 use crate::Message;
 use crate::command::{
@@ -23,10 +23,10 @@ messages! {
     pub enum Record {
         bare {}
         with payload {
-            /// Who speaks: the first record after a start, and the answer to `identify`.
+            /// Identity of the device: the first record after a start, and the answer to `identify`.
             Hello(Hello) = 0x01 "hello",
-            /// What the last run died of: after the `hello` of a start that follows a panic or a
-            /// hard fault.
+            /// Cause of the last crash: after the `hello` of a start that follows a panic or a hard
+            /// fault.
             Crash(Crash) = 0x02 "crash",
             /// A sample, evaluated.
             Sample(Sample) = 0x03 "sample",
@@ -42,7 +42,7 @@ messages! {
             Refusal(Refusal) = 0x08 "refusal",
             /// A fault.
             Fault(Fault) = 0x09 "fault",
-            /// Every so often, and after `identify`.
+            /// At the interval `status_period_s` of the settings, and after `identify`.
             Status(Status) = 0x0A "status",
             /// The answer to every command frame that arrived whole.
             Acknowledgement(Acknowledgement) = 0x0B "acknowledgement",
@@ -69,7 +69,8 @@ messages! {
             Coil(Coil) = 0x17 "coil",
             /// Attraction of the actuated layer's halves: answer to `get_calibration`.
             Attraction(Attraction) = 0x18 "attraction",
-            /// What another temperature leaves open: answer to `get_calibration`.
+            /// Uncertainty added by a temperature other than the calibration's: answer to
+            /// `get_calibration`.
             TemperatureEffect(TemperatureEffect) = 0x19 "temperature_effect",
             /// Calibration of the current measurement: answer to `get_calibration`.
             CurrentCorrection(CurrentCorrection) = 0x1A "current_correction",

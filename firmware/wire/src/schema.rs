@@ -52,7 +52,7 @@ pub enum Type {
 pub struct CodeTable {
     /// Name of the enumeration.
     pub name: &'static str,
-    /// What it tells.
+    /// What it means.
     pub doc: &'static str,
     /// Its numbers.
     pub entries: &'static [Entry],

@@ -37,8 +37,8 @@ codes! {
         Bridge = 14 "bridge",
         /// Too much current. Value and limit: current, A. Check the coil for a short.
         OverCurrent = 15 "over_current",
-        /// The coil takes no current. Value: current, A; limit: current wanted, A. Check the
-        /// coil's wires and the supply.
+        /// The coil takes no current. Value: current, A; limit: setpoint, A. Check the coil's
+        /// wires and the supply.
         CurrentMissing = 16 "current_missing",
         /// Current flows with the bridge off. Value: current, A. Disconnect the supply; check
         /// bridge and current amplifier.
@@ -56,9 +56,9 @@ codes! {
         TooMuchEnergy = 22 "too_much_energy",
         /// The device came from a watchdog reset.
         Watchdog = 23 "watchdog",
-        /// The device came from a panic; the record `crash` tells where.
+        /// The device came from a panic; the record `crash` gives the location.
         Panic = 24 "panic",
-        /// The device came from a hard fault; the record `crash` tells where.
+        /// The device came from a hard fault; the record `crash` gives the location.
         HardFault = 25 "hard_fault",
         /// Settings or calibration are not what was set: memory was upset. Value: kind of the
         /// record that holds the part. Set it anew.
@@ -71,14 +71,14 @@ codes! {
         CoilOpen = 30 "coil_open",
         /// The coil has too little resistance or inductance. Look for a short.
         CoilShort = 31 "coil_short",
-        /// What hangs at the bridge has too much resistance or inductance. Check the coil.
+        /// What is connected to the bridge has too much resistance or inductance. Check the coil.
         CoilUnknown = 32 "coil_unknown",
         /// The current amplifier is off zero, turned round or frozen. Check its supply, reference
         /// and inputs.
         CurrentSense = 33 "current_sense",
         /// The bridge's own limit of the current does not act. Set it up.
         NoHardwareLimit = 34 "no_hardware_limit",
-        /// The current does not come to where it is wanted. Check the supply.
+        /// The current does not reach its setpoint. Check the supply.
         CurrentOffTarget = 35 "current_off_target",
         /// The coil was on for too long. Limit: time, s.
         OnTime = 36 "on_time",

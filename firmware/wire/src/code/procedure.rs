@@ -27,7 +27,7 @@ codes! {
         Ramps = 7 "ramps",
         /// Evaluating; ends in an estimate or a refusal.
         Estimating = 8 "estimating",
-        /// Waiting until the object has let go.
+        /// Waiting until the object is released.
         Release = 9 "release",
         /// Stopped by a fault, with the bridge off.
         Fault = 10 "fault",
@@ -45,7 +45,7 @@ codes! {
         Began = 3 "began",
         /// Something touches.
         Held = 4 "held",
-        /// It has let go, found with this sample.
+        /// The object was released, found with this sample.
         Ended = 5 "ended",
     }
 
@@ -91,7 +91,7 @@ codes! {
         Coil = 0x17 "coil",
         /// Attraction of the actuated layer's halves.
         Attraction = 0x18 "attraction",
-        /// What another temperature than at the calibration leaves open.
+        /// Uncertainty added by a temperature other than the calibration's.
         TemperatureEffect = 0x19 "temperature_effect",
         /// Corrections of the measured current.
         CurrentCorrection = 0x1A "current_correction",

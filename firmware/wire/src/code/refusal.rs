@@ -21,7 +21,7 @@ codes! {
         /// The converter flagged conversions. Value and limit: number.
         Flagged = 9 "flagged",
         /// Two effects cannot be distinguished: the current did not change, or drift has the shape
-        /// of the signal. Value: place of the term.
+        /// of the signal. Value: index of the term.
         IllConditioned = 10 "ill_conditioned",
         /// The sums left the range of numbers.
         NotFinite = 11 "not_finite",
@@ -39,7 +39,7 @@ codes! {
         /// The standard error is greater than the settings allow. Value and limit: standard error
         /// as a fraction of the stiffness.
         TooUncertain = 16 "too_uncertain",
-        /// The current did not follow its course. Value: current, A; limit: current wanted, A.
+        /// The current did not follow its setpoint. Value: current, A; limit: setpoint, A.
         CurrentOffCourse = 17 "current_off_course",
         /// The supply cannot drive the peak current. Value and limit: current, A.
         PeakNotReached = 18 "peak_not_reached",

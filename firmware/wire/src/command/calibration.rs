@@ -100,8 +100,8 @@ structure! {
 }
 
 structure! {
-    /// What another temperature than at the calibration leaves open. Counts where the coil has a
-    /// thermometer.
+    /// Uncertainty added by a temperature other than the calibration's. Applies where the coil has
+    /// a thermometer.
     pub struct TemperatureEffect {
         /// Temperature at the calibration.
         calibrated_at_c: f32 ["degC", -60, 250],

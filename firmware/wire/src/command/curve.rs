@@ -24,7 +24,7 @@ structure! {
         channel: u8 ["", 0, 3],
         /// Knots of the whole curve.
         total: u8 ["1", 2, 32],
-        /// Place in the curve of this chunk's first knot.
+        /// Index in the curve of this chunk's first knot.
         first: u8 ["", 0, 31],
         /// The knots of this chunk, at least one.
         knots: Vec<DeformationKnot, 8>,
@@ -47,7 +47,7 @@ structure! {
     pub struct StiffeningCurve {
         /// Knots of the whole curve.
         total: u8 ["1", 2, 32],
-        /// Place in the curve of this chunk's first knot.
+        /// Index in the curve of this chunk's first knot.
         first: u8 ["", 0, 31],
         /// Relative standard uncertainty of the rise.
         rise_uncertainty: f32 ["1", 0, 1],

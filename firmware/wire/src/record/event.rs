@@ -82,7 +82,7 @@ structure! {
 }
 
 structure! {
-    /// What hangs at the bridge, as its test found it.
+    /// The coil and its circuit, as the test found them.
     pub struct CoilTest {
         /// Resistance of coil, bridge, wires and supply together.
         resistance_ohm: f32 ["ohm", 0, 1000],
@@ -106,7 +106,7 @@ structure! {
     pub struct CurrentTrace {
         /// Currents in all.
         total: u8 ["1", 1, 128],
-        /// Place of this part's first.
+        /// Index of this part's first current.
         first: u8 ["", 0, 127],
         /// From one to the next.
         interval_s: f32 ["s", 0, 1],
@@ -124,10 +124,10 @@ structure! {
         kind: u8,
         /// What became of it.
         outcome: Outcome,
-        /// Number of the field that was not accepted: its place in the command, from 0, or in the
-        /// item if there is one.
+        /// Index of the field that was not accepted: in the command, from 0, or in the item if
+        /// there is one.
         field: Option<u8>,
-        /// Place of the item in the command's list.
+        /// Index of the item in the command's list.
         item: Option<u8> ["", 0, 127],
         /// Value found.
         value: Option<f32> ["", -1e38, 1e38],

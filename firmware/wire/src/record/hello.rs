@@ -1,4 +1,4 @@
-//! Who speaks, and what became of its last run.
+//! Identity of the device, and how its last run ended.
 
 use heapless::String;
 
@@ -34,14 +34,14 @@ structure! {
         chip: Chip,
         /// Converter at the second address.
         second_chip: Chip,
-        /// CRC-32 over settings and calibration in force: it says whether data were taken with a
+        /// CRC-32 over settings and calibration in force: it shows whether data were taken with a
         /// known configuration.
         configuration_crc: u32,
     }
 }
 
 structure! {
-    /// Where it ended, as far as it is known.
+    /// Location of the crash, as far as it is known.
     pub struct Crash {
         /// What ended it.
         cause: ResetCause,

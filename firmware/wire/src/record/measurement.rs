@@ -54,7 +54,7 @@ structure! {
     pub struct LoadPoint {
         /// Number of the measurement.
         measurement: u32,
-        /// Place of the point, from 0.
+        /// Index of the point, from 0.
         index: u8 ["", 0, 63],
         /// Number of points of this measurement.
         points: u8 ["1", 1, 64],

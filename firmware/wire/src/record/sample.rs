@@ -5,8 +5,8 @@ use heapless::Vec;
 use crate::code::Contact;
 
 structure! {
-    /// One conversion of every active channel of a converter, and what they tell. The header's
-    /// time is the middle of the first of the conversions.
+    /// One conversion of every active channel of a converter, and the values computed from them.
+    /// The header's time is the middle of the first of the conversions.
     pub struct Sample {
         /// Converter: 0 first, 1 second.
         sensor: u8 ["", 0, 1],
@@ -15,7 +15,7 @@ structure! {
         missed: u32 ["1"],
         /// What went before is unknown: start, recovery, or conversions were lost.
         gap: bool,
-        /// The coil's current was stepped during a conversion.
+        /// Reserved: always false.
         drive_step: bool,
         /// The conversions, one after the other in time.
         channels: Vec<Conversion, 4>,
