@@ -20,6 +20,8 @@ pub(crate) struct Adc {
     began_ps: u64,
     clock_hz: f64,
     sampled: u64,
+    /// The conversion under way: when its result is there, and which.
+    converting: Option<(u64, u16)>,
 }
 
 /// A conversion: which input, when its voltage is sampled, and when its result is there.
@@ -104,8 +106,20 @@ impl Adc {
         })
     }
 
-    /// Goes on to the one after it.
-    pub(crate) fn advance(&mut self, conversions: u64) {
+    /// Takes the code of the next conversion and goes on to the one after it.
+    pub(crate) fn sample(&mut self, conversion: AdcConversion, code: u16) {
+        self.converting = Some((conversion.done_ps, code));
+        self.skip(1);
+    }
+
+    /// The result of the conversion under way, if it is there by a time.
+    pub(crate) fn take_result(&mut self, now_ps: u64) -> Option<u16> {
+        let (_, code) = self.converting.take_if(|(done_ps, _)| *done_ps <= now_ps)?;
+        Some(code)
+    }
+
+    /// Leaves out conversions.
+    pub(crate) fn skip(&mut self, conversions: u64) {
         self.sampled += conversions;
     }
 
@@ -136,7 +150,7 @@ mod tests {
             let conversion = adc.next().unwrap();
             assert_eq!(conversion.sampled_ps, 5_000_000 + 2_000_000 * count);
             inputs.push(conversion.input);
-            adc.advance(1);
+            adc.skip(1);
         }
         assert_eq!(inputs, [0, 1, 2, 4, 0, 1, 2, 4]);
         assert_eq!(adc.sampled_by(5_000_000 + 30_000_000), 7);

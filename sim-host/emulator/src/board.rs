@@ -154,7 +154,7 @@ impl<P: Plant> EmulatedBoard<P> {
         self.core = CortexM0Plus::new();
         self.core.cycles = cycles;
         self.bus.boot_delay(self.boot);
-        self.bus.ppb.vtor = VECTORS;
+        self.bus.private.ppb.vtor = VECTORS;
         self.core.regs.msp = self.image.word(VECTORS);
         self.core.regs.set_sp(self.image.word(VECTORS));
         self.core.regs.set_pc(self.image.word(VECTORS + 4) & !1);
@@ -200,11 +200,11 @@ impl<P: Plant> EmulatedBoard<P> {
     }
 
     fn step(&mut self, end_ps: u64) -> Result<(), Stop> {
-        if self.bus.interrupts.any() {
+        if self.bus.private.interrupts.any() {
             self.take_interrupt();
         }
         let mut begin_ps = self.bus.clock.now_ps();
-        if self.core.is_halted() || self.bus.parked {
+        if self.core.is_halted() || self.bus.private.parked {
             self.bus.sleep(end_ps);
             self.asleep_ps += self.bus.clock.now_ps() - begin_ps;
             begin_ps = self.bus.clock.now_ps();
@@ -215,9 +215,12 @@ impl<P: Plant> EmulatedBoard<P> {
             self.bus.service();
         }
         if let Some(profile) = &mut self.profile {
-            profile.pending(self.bus.interrupts.pending(), Time::from_ps(begin_ps));
+            profile.pending(
+                self.bus.private.interrupts.pending(),
+                Time::from_ps(begin_ps),
+            );
         }
-        if self.bus.watchdog_fired {
+        if self.bus.watchdog.has_fired {
             self.resets.watchdog += 1;
             self.bus.reset();
             self.start();
@@ -228,19 +231,19 @@ impl<P: Plant> EmulatedBoard<P> {
     fn execute(&mut self) {
         let pc = self.core.regs.pc();
         self.bus.stall = 0;
-        self.bus.fetch_cost(pc);
-        let active = self.bus.ppb.active;
+        self.bus.charge_access(pc);
+        let active = self.bus.private.ppb.active;
         let exception = self.core.regs.ipsr();
         let cycles = u64::from(self.core.step(&mut self.bus)) + u64::from(self.bus.stall);
         self.instructions += 1;
         self.bus.clock.advance(cycles);
         if let Some(profile) = &mut self.profile {
             profile.executed(pc, cycles, exception);
-            if self.bus.ppb.active < active {
+            if self.bus.private.ppb.active < active {
                 profile.returned();
             }
         }
-        if self.bus.ppb.active != active {
+        if self.bus.private.ppb.active != active {
             // A handler has returned: a line that is still high interrupts again.
             self.bus.next_event_ps = 0;
         }
@@ -248,14 +251,14 @@ impl<P: Plant> EmulatedBoard<P> {
 
     /// Wakes the core if it waits, and enters the handler of the most urgent interrupt.
     fn take_interrupt(&mut self) {
-        self.bus.parked = false;
+        self.bus.private.parked = false;
         if self.core.is_halted() && !self.is_locked_up() {
             self.core.wake();
         }
         if self.core.is_halted() || self.core.regs.primask & 1 == 1 {
             return;
         }
-        if let Some(exception) = self.bus.interrupts.take(self.bus.ppb.active) {
+        if let Some(exception) = self.bus.private.take() {
             self.enter(exception);
         }
     }
@@ -266,7 +269,7 @@ impl<P: Plant> EmulatedBoard<P> {
         let last = self.core.regs.pc().wrapping_sub(2);
         self.core.is_halted()
             && self.core.regs.ipsr() == HARD_FAULT
-            && self.bus.peek(last) & 0xFFFF != WFI
+            && self.bus.memory.word(last) & 0xFFFF != WFI
     }
 
     /// Exception entry (ARMv6-M architecture, B1.5.6), by hand: the core's own knows no
@@ -307,8 +310,8 @@ impl<P: Plant> EmulatedBoard<P> {
         for (place, word) in (0..).zip(words) {
             self.bus.write32(frame + 4 * place, word);
         }
-        self.bus.ppb.mark_active(exception as u16);
-        let vector = self.bus.read32(self.bus.ppb.vtor + 4 * exception);
+        self.bus.private.ppb.mark_active(exception as u16);
+        let vector = self.bus.read32(self.bus.private.ppb.vtor + 4 * exception);
         self.core.regs.set_pc(vector & !1);
         self.core.cycles += ENTRY_CYCLES;
         let cycles = ENTRY_CYCLES + u64::from(self.bus.stall);
@@ -327,25 +330,26 @@ impl<P: Plant> EmulatedBoard<P> {
     /// Takes the bytes that wait in a channel from the firmware, as a probe does.
     pub fn read_channel(&mut self, channel: u32) -> Vec<u8> {
         self.control_block()
-            .map(|block| rtt::read(&mut self.bus, block, channel))
+            .map(|block| rtt::read(&mut self.bus.memory, block, channel))
             .unwrap_or_default()
     }
 
     /// Puts bytes into a channel to the firmware; returns how many there was room for.
     pub fn write_channel(&mut self, channel: u32, bytes: &[u8]) -> usize {
-        self.control_block()
-            .map_or(0, |block| rtt::write(&mut self.bus, block, channel, bytes))
+        self.control_block().map_or(0, |block| {
+            rtt::write(&mut self.bus.memory, block, channel, bytes)
+        })
     }
 
     /// A word of memory.
     #[must_use]
     pub fn peek(&self, address: u32) -> u32 {
-        self.bus.peek(address)
+        self.bus.memory.word(address)
     }
 
     /// Changes a word of memory.
     pub fn poke(&mut self, address: u32, value: u32) {
-        self.bus.poke(address, value);
+        self.bus.memory.set_word(address, value);
         self.core
             .invalidate_decode_cache_entries(&[address, address + 2]);
     }
@@ -365,7 +369,7 @@ impl<P: Plant> EmulatedBoard<P> {
     /// Puts the core elsewhere.
     pub fn set_pc(&mut self, pc: u32) {
         self.core.regs.set_pc(pc & !1);
-        self.bus.parked = false;
+        self.bus.private.parked = false;
         self.core.wake();
     }
 
@@ -387,25 +391,25 @@ impl<P: Plant> EmulatedBoard<P> {
     pub const fn second_chip_mut(&mut self) -> Option<&mut Chip<[f64; 4]>> {
         // What is scheduled may be due at once.
         self.bus.next_event_ps = 0;
-        self.bus.wire.second.as_mut()
+        self.bus.wire.converters.second.as_mut()
     }
 
     /// The converter.
     #[must_use]
     pub const fn chip(&self) -> &Chip<P> {
-        &self.bus.wire.chip
+        &self.bus.wire.converters.first
     }
 
     /// The converter, to disturb.
     pub const fn chip_mut(&mut self) -> &mut Chip<P> {
         // What is scheduled may be due before what was known.
         self.bus.next_event_ps = 0;
-        &mut self.bus.wire.chip
+        &mut self.bus.wire.converters.first
     }
 
     /// The plant.
     pub fn plant_mut(&mut self) -> &mut P {
-        self.bus.wire.chip.sensors_mut()
+        self.bus.wire.converters.first.sensors_mut()
     }
 
     /// Arms a disturbance of a wire for the next transaction.
@@ -428,13 +432,13 @@ impl<P: Plant> EmulatedBoard<P> {
     /// Whether the firmware's master does nothing.
     #[must_use]
     pub fn bus_is_idle(&self) -> bool {
-        self.bus.bus_is_idle()
+        self.bus.i2c.is_idle()
     }
 
     /// What the pins tell the bridge.
     #[must_use]
     pub const fn bridge(&self) -> BridgeInputs {
-        self.bus.bridge
+        self.bus.coil.inputs()
     }
 
     /// The coil's current, A.
@@ -491,13 +495,14 @@ impl<P: Plant> EmulatedBoard<P> {
     /// What the microsecond timer shows, by which the image tells time.
     #[must_use]
     pub fn timer_us(&self) -> u64 {
-        self.bus.timer_us()
+        self.bus.timer.count(self.bus.clock.now_ps())
     }
 
     /// Frequencies of the processor and at the converter's CLKIN, Hz.
     #[must_use]
     pub fn frequencies_hz(&self) -> (f64, Option<f64>) {
-        self.bus.frequencies_hz()
+        let clkin_hz = self.bus.wire.converters.clkin_hz();
+        (self.bus.clock.hz(), clkin_hz)
     }
 
     /// Resets since the board got its power.
@@ -533,6 +538,6 @@ impl<P: Plant> EmulatedBoard<P> {
     /// Hits and misses of the flash's cache, lines fetched one after the other counted once.
     #[must_use]
     pub const fn cache(&self) -> (u64, u64) {
-        (self.bus.cache.hits, self.bus.cache.misses)
+        (self.bus.memory.cache.hits, self.bus.memory.cache.misses)
     }
 }

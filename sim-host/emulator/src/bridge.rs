@@ -5,13 +5,13 @@ use crate::pwm::Wave;
 /// What drives an input of the bridge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum InputSource {
-    /// A pin that stays.
+    /// A constant level.
     Level(bool),
     /// An output of the PWM: A or B.
     Pwm(usize),
 }
 
-/// What the pins tell the bridge.
+/// The levels at the bridge's pins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BridgeInputs {
     /// nSLEEP is high.

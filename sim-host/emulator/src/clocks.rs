@@ -1,5 +1,6 @@
 //! CLOCKS, XOSC, ROSC and the two PLLs (RP2040 datasheet 2.15 to 2.18).
 
+use crate::bus::base;
 use crate::time::periods_ps;
 
 /// The ring oscillator after reset, divided by 16; 1.8 to 12 MHz, typically 6.5 MHz (2.17.1).
@@ -20,8 +21,8 @@ pub(crate) const FASTEST_AT_START_HZ: f64 = 133.1e6;
 pub(crate) struct Clocks {
     crystal_hz: f64,
     crystal: Crystal,
-    pll_sys: Pll,
-    pll_usb: Pll,
+    pub(crate) pll_sys: Pll,
+    pub(crate) pll_usb: Pll,
     /// CTRL and DIV of the ten generators: GPOUT0 to 3, REF, SYS, PERI, USB, ADC, RTC.
     generators: [(u32, u32); 10],
     random: u64,
@@ -35,8 +36,9 @@ struct Crystal {
     stable_ps: Option<u64>,
 }
 
+/// A phase-locked loop.
 #[derive(Clone, Debug)]
-struct Pll {
+pub(crate) struct Pll {
     control: u32,
     power: u32,
     feedback: u32,
@@ -50,7 +52,8 @@ const PERI: usize = 6;
 const ADC: usize = 8;
 
 impl Pll {
-    const fn new() -> Self {
+    /// As after a reset.
+    pub(crate) const fn new() -> Self {
         Self {
             control: 1,
             power: 0x2D,
@@ -84,7 +87,7 @@ impl Pll {
         })
     }
 
-    fn write(&mut self, offset: u32, value: u32, now_ps: u64) -> Option<()> {
+    fn write(&mut self, offset: u32, value: u32, now_ps: u64, crystal_hz: f64) -> Option<()> {
         match offset {
             0x0 if value & 1 << 8 == 0 => self.control = value & 0x3F,
             0x4 => {
@@ -99,7 +102,9 @@ impl Pll {
             0xC => self.post = value & 0x0007_7000,
             _ => return None,
         }
-        Some(())
+        // 2.18.2: the oscillator runs from 750 to 1600 MHz.
+        let runs = self.locked_ps.is_some();
+        (!runs || (749e6..1601e6).contains(&self.vco_hz(crystal_hz))).then_some(())
     }
 }
 
@@ -122,15 +127,6 @@ impl Clocks {
             random: self.random,
             ..Self::new(self.crystal_hz, 1)
         };
-    }
-
-    pub(crate) fn reset_pll(&mut self, usb: bool) {
-        let pll = if usb {
-            &mut self.pll_usb
-        } else {
-            &mut self.pll_sys
-        };
-        *pll = Pll::new();
     }
 
     fn crystal_hz(&self) -> f64 {
@@ -204,7 +200,32 @@ impl Clocks {
         (control & ENABLE != 0 && source > 0.0 && is_even).then(|| source / fraction(divider))
     }
 
-    pub(crate) fn read(&self, offset: u32) -> Option<u32> {
+    /// Reads a register of one of the five blocks.
+    pub(crate) fn read(&mut self, base: u32, offset: u32, now_ps: u64) -> Option<u32> {
+        match base {
+            base::CLOCKS => self.read_generator(offset),
+            base::XOSC => self.read_crystal(offset, now_ps),
+            base::PLL_SYS => self.pll_sys.read(offset, now_ps),
+            base::PLL_USB => self.pll_usb.read(offset, now_ps),
+            base::ROSC => self.read_ring(offset),
+            _ => None,
+        }
+    }
+
+    /// Writes a register of one of the five blocks.
+    pub(crate) fn write(&mut self, base: u32, offset: u32, value: u32, now_ps: u64) -> Option<()> {
+        let crystal_hz = self.crystal_hz();
+        match base {
+            base::CLOCKS => self.write_generator(offset, value),
+            base::XOSC => self.write_crystal(offset, value, now_ps),
+            base::PLL_SYS => self.pll_sys.write(offset, value, now_ps, crystal_hz),
+            base::PLL_USB => self.pll_usb.write(offset, value, now_ps, crystal_hz),
+            base::ROSC => self.write_ring(offset, value),
+            _ => None,
+        }
+    }
+
+    fn read_generator(&self, offset: u32) -> Option<u32> {
         if offset == 0x78 || offset == 0x7C {
             return Some(0);
         }
@@ -220,22 +241,22 @@ impl Clocks {
         })
     }
 
-    pub(crate) fn write(&mut self, offset: u32, value: u32) -> Option<()> {
+    fn write_generator(&mut self, offset: u32, value: u32) -> Option<()> {
         if offset == 0x78 {
             // The resuscitation circuit may be kept off, as after reset.
             return (value == 0 || value == 0xFF).then_some(());
         }
-        let number = (offset / 12) as usize;
-        let generator = self.generators.get_mut(number)?;
+        let index = (offset / 12) as usize;
+        let generator = self.generators.get_mut(index)?;
         match offset % 12 {
             0 => generator.0 = value,
-            4 if number != PERI => generator.1 = value,
+            4 if index != PERI => generator.1 = value,
             _ => return None,
         }
         Some(())
     }
 
-    pub(crate) fn read_crystal(&self, offset: u32, now_ps: u64) -> Option<u32> {
+    fn read_crystal(&self, offset: u32, now_ps: u64) -> Option<u32> {
         let stable = self.crystal.stable_ps.is_some_and(|due| due <= now_ps);
         Some(match offset {
             0x0 => self.crystal.control,
@@ -245,7 +266,7 @@ impl Clocks {
         })
     }
 
-    pub(crate) fn write_crystal(&mut self, offset: u32, value: u32, now_ps: u64) -> Option<()> {
+    fn write_crystal(&mut self, offset: u32, value: u32, now_ps: u64) -> Option<()> {
         match offset {
             0x0 => {
                 self.crystal.control = value;
@@ -268,13 +289,13 @@ impl Clocks {
     }
 
     /// ROSC: its divider.
-    pub(crate) fn write_ring(&mut self, offset: u32, value: u32) -> Option<()> {
+    fn write_ring(&mut self, offset: u32, value: u32) -> Option<()> {
         let divider = value.checked_sub(RING_PASS).filter(|&it| it < 32)?;
         (offset == 0x10).then(|| self.ring_divider = if divider == 0 { 32 } else { divider })
     }
 
     /// ROSC: its bit of chance and that it runs.
-    pub(crate) fn read_ring(&mut self, offset: u32) -> Option<u32> {
+    fn read_ring(&mut self, offset: u32) -> Option<u32> {
         match offset {
             0x18 => Some(1 << 31 | 1 << 12),
             0x1C => {
@@ -286,31 +307,6 @@ impl Clocks {
             }
             _ => None,
         }
-    }
-
-    pub(crate) fn read_pll(&self, usb: bool, offset: u32, now_ps: u64) -> Option<u32> {
-        let pll = if usb { &self.pll_usb } else { &self.pll_sys };
-        pll.read(offset, now_ps)
-    }
-
-    pub(crate) fn write_pll(
-        &mut self,
-        usb: bool,
-        offset: u32,
-        value: u32,
-        now_ps: u64,
-    ) -> Option<()> {
-        let crystal_hz = self.crystal_hz();
-        let pll = if usb {
-            &mut self.pll_usb
-        } else {
-            &mut self.pll_sys
-        };
-        pll.write(offset, value, now_ps)?;
-        // 2.18.2: the oscillator runs from 750 to 1600 MHz.
-        let runs = pll.locked_ps.is_some();
-        let vco_hz = pll.vco_hz(crystal_hz);
-        (!runs || (749e6..1601e6).contains(&vco_hz)).then_some(())
     }
 }
 
@@ -325,15 +321,19 @@ fn fraction(divider: u32) -> f64 {
 mod tests {
     use super::*;
 
+    fn write_pll(clocks: &mut Clocks, offset: u32, value: u32) -> Option<()> {
+        clocks.write(base::PLL_SYS, offset, value, 0)
+    }
+
     fn running() -> Clocks {
         let mut clocks = Clocks::new(12e6, 1);
         clocks.write_crystal(0xC, 47, 0).unwrap();
         clocks.write_crystal(0x0, 0x00FA_BAA0, 0).unwrap();
-        clocks.write_pll(false, 0x8, 100, 0).unwrap();
-        clocks.write_pll(false, 0xC, 6 << 16 | 1 << 12, 0).unwrap();
-        clocks.write_pll(false, 0x4, 0x8, 0).unwrap();
-        clocks.write_pll(false, 0x4, 0, 0).unwrap();
-        clocks.write(0x3C, 1).unwrap();
+        write_pll(&mut clocks, 0x8, 100).unwrap();
+        write_pll(&mut clocks, 0xC, 6 << 16 | 1 << 12).unwrap();
+        write_pll(&mut clocks, 0x4, 0x8).unwrap();
+        write_pll(&mut clocks, 0x4, 0).unwrap();
+        clocks.write_generator(0x3C, 1).unwrap();
         clocks
     }
 
@@ -350,29 +350,31 @@ mod tests {
         let mut clocks = running();
         assert_eq!(clocks.sys_hz(), Some(200e6));
         assert_eq!(clocks.output_hz(), None);
-        clocks.write(0x04, 6 << 8).unwrap();
-        clocks.write(0x00, ENABLE | 6 << 5).unwrap();
+        clocks.write_generator(0x04, 6 << 8).unwrap();
+        clocks.write_generator(0x00, ENABLE | 6 << 5).unwrap();
         assert_eq!(clocks.output_hz(), Some(200e6 / 6.0));
-        clocks.write(0x04, 5 << 8).unwrap();
+        clocks.write_generator(0x04, 5 << 8).unwrap();
         assert_eq!(
             clocks.output_hz(),
             None,
             "a fifth without DC50 has an uneven duty"
         );
-        clocks.write(0x00, ENABLE | 6 << 5 | 1 << 12).unwrap();
+        clocks
+            .write_generator(0x00, ENABLE | 6 << 5 | 1 << 12)
+            .unwrap();
         assert_eq!(clocks.output_hz(), Some(40e6));
     }
 
     #[test]
     fn a_pll_beyond_its_oscillator_is_refused() {
         let mut clocks = running();
-        assert_eq!(clocks.write_pll(false, 0x8, 200, 0), None);
+        assert_eq!(write_pll(&mut clocks, 0x8, 200), None);
     }
 
     #[test]
     fn a_system_clock_above_200_megahertz_is_none() {
         let mut clocks = running();
-        clocks.write_pll(false, 0x8, 101, 0).unwrap();
+        write_pll(&mut clocks, 0x8, 101).unwrap();
         assert_eq!(clocks.sys_hz(), None);
     }
 }

@@ -1,15 +1,23 @@
-//! What hangs at the bridge and at the ADC's inputs: the circuit of the coil, driven by the edges
-//! of the PWM, sampled at the moments of the conversions.
+//! The circuit at the bridge and at the ADC's inputs: the coil, driven by the edges of the PWM and
+//! sampled by the conversions.
 
+use ldc161x_sim::{Chip, Time};
 use palpate_sim::electrical::{
     Circuit, CircuitParameters, Converter, ConverterParameters, Filter, Passed, Pins, Totals,
     thermistor_v,
 };
 
 use crate::bridge::BridgeInputs;
-use crate::plant::PlantConditions;
+use crate::plant::{Plant, PlantConditions};
 use crate::pwm::Wave;
 
+/// How often the plant receives the coil's mean current since the last time, while there is any: every
+/// two periods of the bridge, over which the ripple averages out.
+const REPORT_PS: u64 = 32_000_000;
+/// Reports to one reading of the plant's conditions, which change slowly.
+const REPORTS_PER_READING: u64 = 4;
+/// How often the conditions are read while there is no current.
+const IDLE_PS: u64 = 1_000_000_000;
 /// Divider of the coil's supply: 100 kiloohm over 10 kiloohm, with its capacitor.
 const SUPPLY_RATIO: f64 = 11.0;
 const SUPPLY_TAU_S: f64 = 1e-3;
@@ -34,9 +42,9 @@ pub struct BridgeCircuit {
     pub offset_a: f64,
     /// The converter.
     pub converter: ConverterParameters,
-    /// Where the current amplifier's output is held, V: it is stuck or frozen.
+    /// Fixed output of the current amplifier, V: it is stuck or frozen.
     pub amplifier_v: Option<f64>,
-    /// Where the thermometer's input is held, V: 3.3 of a thermistor that is open, 0 of a short.
+    /// Fixed voltage of the thermometer's input, V: 3.3 of a thermistor that is open, 0 of a short.
     pub thermistor_v: Option<f64>,
     /// Whether the bridge pulls nFAULT.
     pub bridge_faults: bool,
@@ -71,13 +79,17 @@ pub(crate) struct EmulatedCoil {
     circuit: Circuit,
     converter: Converter,
     supply: Filter,
+    inputs: BridgeInputs,
+    /// Coil and supply, as last read from the plant.
+    conditions: PlantConditions,
     now_ps: u64,
-    /// The sums when the plant last received its current.
+    /// When the plant last received its current, and the sums then.
+    reported_ps: u64,
     reported: Totals,
 }
 
 impl EmulatedCoil {
-    pub(crate) fn new(drive: BridgeCircuit, seed: u64, conditions: &PlantConditions) -> Self {
+    pub(crate) fn new(drive: BridgeCircuit, seed: u64, conditions: PlantConditions) -> Self {
         let mut coil = Self {
             drive,
             circuit: Circuit::new(CircuitParameters::common(1.0, 1.0, 1.0)),
@@ -86,16 +98,19 @@ impl EmulatedCoil {
                 tau_s: SUPPLY_TAU_S,
                 value: conditions.supply_v,
             },
+            inputs: BridgeInputs::default(),
+            conditions,
             now_ps: 0,
+            reported_ps: 0,
             reported: Totals::default(),
         };
-        coil.follow(conditions, false);
+        coil.set_parameters(false);
         coil
     }
 
-    /// The present of what changes slowly.
-    pub(crate) fn follow(&mut self, conditions: &PlantConditions, limit_low: bool) {
-        let drive = &self.drive;
+    /// The circuit's parameters at these conditions.
+    fn set_parameters(&mut self, limit_low: bool) {
+        let (drive, conditions) = (&self.drive, &self.conditions);
         let limit_a = drive.limit_a * if limit_low { LIMIT_LOW } else { 1.0 };
         self.circuit.parameters = CircuitParameters {
             bridge_ohm: drive.bridge_ohm,
@@ -118,27 +133,58 @@ impl EmulatedCoil {
         &mut self.circuit
     }
 
-    pub(crate) const fn drive(&self) -> &BridgeCircuit {
-        &self.drive
-    }
-
     pub(crate) const fn drive_mut(&mut self) -> &mut BridgeCircuit {
         &mut self.drive
     }
 
-    /// The present of the circuit.
-    pub(crate) const fn now_ps(&self) -> u64 {
-        self.now_ps
+    pub(crate) const fn inputs(&self) -> BridgeInputs {
+        self.inputs
+    }
+
+    /// Other inputs from the circuit's present on.
+    pub(crate) fn set_inputs(&mut self, inputs: BridgeInputs) {
+        self.set_parameters(inputs.limit_low);
+        self.inputs = inputs;
+    }
+
+    /// Whether the bridge pulls nFAULT.
+    pub(crate) fn has_fault(&self) -> bool {
+        self.circuit.is_limiting() || self.drive.bridge_faults
     }
 
     /// Whether nothing flows and nothing can.
-    pub(crate) fn is_idle(&self, inputs: &BridgeInputs) -> bool {
-        !inputs.awake && self.circuit.current_a() == 0.0
+    fn is_idle(&self) -> bool {
+        !self.inputs.awake && self.circuit.current_a() == 0.0
     }
 
-    /// Mean current since this was last asked, and its ripple, root mean square, A. Nothing if no
-    /// time has passed.
-    pub(crate) fn current_since(&mut self) -> Option<(f64, f64)> {
+    /// When the plant next receives the current: not before the present of the circuit, for which
+    /// that may be late where the bridge has just been woken.
+    pub(crate) fn report_ps(&self) -> u64 {
+        let period_ps = if self.is_idle() { IDLE_PS } else { REPORT_PS };
+        (self.reported_ps + period_ps).max(self.now_ps)
+    }
+
+    /// Reports the current since the last report to the plant, and reads the plant's conditions where
+    /// that is due.
+    pub(crate) fn report<P: Plant>(&mut self, now_ps: u64, chip: &mut Chip<P>) {
+        self.reported_ps = now_ps;
+        if let Some((mean_a, ripple_a)) = self.current_since_report() {
+            let now = Time::from_ps(now_ps);
+            chip.advance_to(now);
+            // The plant's time is still that of the last report.
+            let plant = chip.sensors_mut();
+            plant.set_current(mean_a, ripple_a);
+            plant.advance_to(now);
+        }
+        if self.is_idle() || (now_ps / REPORT_PS).is_multiple_of(REPORTS_PER_READING) {
+            self.conditions = chip.sensors().conditions();
+            self.set_parameters(self.inputs.limit_low);
+        }
+    }
+
+    /// Mean current since the last report, and its ripple, root mean square, A. Nothing if no time
+    /// has passed.
+    fn current_since_report(&mut self) -> Option<(f64, f64)> {
         let now = self.circuit.totals();
         let before = std::mem::replace(&mut self.reported, now);
         let has_passed = now.time_s > before.time_s;
@@ -149,7 +195,8 @@ impl EmulatedCoil {
     }
 
     /// Lets time pass: the pins stay as they are, the PWM goes on.
-    pub(crate) fn advance(&mut self, to_ps: u64, inputs: &BridgeInputs, wave: &Wave) {
+    pub(crate) fn advance(&mut self, to_ps: u64, wave: &Wave) {
+        let inputs = self.inputs;
         let before = self.circuit.totals();
         while self.now_ps < to_ps {
             let levels = inputs.levels_at(wave, self.now_ps);
@@ -174,8 +221,8 @@ impl EmulatedCoil {
         }
     }
 
-    /// The code of an input now.
-    pub(crate) fn convert(&mut self, input: usize, coil_c: f64) -> Option<u16> {
+    /// The code of an input now; nothing for one that is not connected.
+    pub(crate) fn convert(&mut self, input: usize) -> Option<u16> {
         let volts = match input {
             0 => {
                 let current_a = self.circuit.current_a() + self.drive.offset_a;
@@ -187,7 +234,7 @@ impl EmulatedCoil {
             1 => self
                 .drive
                 .thermistor_v
-                .unwrap_or_else(|| thermistor_v(coil_c)),
+                .unwrap_or_else(|| thermistor_v(self.conditions.coil_c)),
             2 => self.supply.value / SUPPLY_RATIO,
             // The processor's own temperature, 27 degrees Celsius (RP2040 datasheet 4.9.5).
             4 => 0.706,

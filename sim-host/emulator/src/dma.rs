@@ -42,16 +42,15 @@ impl Dma {
     }
 
     pub(crate) fn write(&mut self, offset: u32, value: u32) -> Option<()> {
-        let place = offset as usize / 0x40;
-        let channel = self.channels.get_mut(place)?;
+        let channel = self.channels.get_mut(offset as usize / 0x40)?;
         match offset % 0x40 {
             0x00 => channel.read = value,
             0x04 => channel.write = value,
             0x08 => channel.count = value,
             0x0C | 0x10 => {
-                let wished = HALF_WORDS | WRITES_GO_ON | RING_OF_WRITES | ENABLE | ADC << 15;
-                let looked_at = SIZE | READS_GO_ON | WRITES_GO_ON | RING_OF_WRITES | 0x3F << 15 | 1;
-                if value & looked_at != wished || channel.read != FIFO {
+                let required = HALF_WORDS | WRITES_GO_ON | RING_OF_WRITES | ENABLE | ADC << 15;
+                let checked = SIZE | READS_GO_ON | WRITES_GO_ON | RING_OF_WRITES | 0x3F << 15 | 1;
+                if value & checked != required || channel.read != FIFO {
                     return None;
                 }
                 channel.control = value & 0x7F_FFFF;
@@ -71,11 +70,11 @@ impl Dma {
 
     /// Lets so many results go; where the last one went.
     pub(crate) fn skip(&mut self, results: u32) -> Option<u32> {
-        let place = self
+        let index = self
             .channels
             .iter()
             .position(|channel| channel.left > 0 && channel.control & ENABLE != 0)?;
-        let channel = self.channels.get_mut(place)?;
+        let channel = self.channels.get_mut(index)?;
         let ring = 1_u32 << (channel.control >> 6 & 0xF);
         let at =
             |write: u32, on: u32| write & !(ring - 1) | (write.wrapping_add(2 * on)) & (ring - 1);
@@ -84,7 +83,7 @@ impl Dma {
         channel.left = channel.left.saturating_sub(results);
         let chained = (channel.control >> 11 & 0xF) as usize;
         if channel.left == 0
-            && chained != place
+            && chained != index
             && let Some(next) = self.channels.get_mut(chained)
         {
             next.left = next.count;
@@ -108,8 +107,8 @@ mod tests {
             let register = if base == 0 { 0x0C } else { 0x10 };
             dma.write(base + register, control | chained << 11).unwrap();
         }
-        let places: Vec<u32> = (0..20).map(|_| dma.next().unwrap() & 0xF).collect();
-        let ring: Vec<u32> = (0..20).map(|place| 2 * place % 16).collect();
-        assert_eq!(places, ring);
+        let addresses: Vec<u32> = (0..20).map(|_| dma.next().unwrap() & 0xF).collect();
+        let ring: Vec<u32> = (0..20).map(|index| 2 * index % 16).collect();
+        assert_eq!(addresses, ring);
     }
 }

@@ -1,5 +1,7 @@
 //! RESETS, PSM, the core voltage and the cause of the last reset (RP2040 datasheet 2.10 to 2.14).
 
+use crate::bus::base;
+
 /// Blocks in RESETS, by bit (2.14.1).
 pub(crate) mod block {
     pub(crate) const ADC: u32 = 1 << 0;
@@ -35,7 +37,7 @@ const SETTLES_PS: u64 = 1_000_000_000;
 /// What is in reset, and why the chip started.
 #[derive(Clone, Debug)]
 pub(crate) struct Power {
-    pub(crate) in_reset: u32,
+    in_reset: u32,
     watchdog_resets: u32,
     watchdog_restarts: u32,
     cause: u32,
@@ -80,6 +82,23 @@ impl Power {
         self.watchdog_restarts & EVERYTHING == EVERYTHING
     }
 
+    /// Whether the block of an address is in reset.
+    pub(crate) fn is_in_reset(&self, address: u32) -> bool {
+        let block = match base::of(address) {
+            base::IO_BANK0 => block::IO_BANK0,
+            base::PADS_BANK0 => block::PADS_BANK0,
+            base::PLL_SYS => block::PLL_SYS,
+            base::PLL_USB => block::PLL_USB,
+            base::I2C0 => block::I2C0,
+            base::ADC => block::ADC,
+            base::PWM => block::PWM,
+            base::TIMER => block::TIMER,
+            base::DMA => block::DMA,
+            _ => 0,
+        };
+        self.in_reset & block != 0
+    }
+
     pub(crate) fn read_resets(&self, offset: u32) -> Option<u32> {
         Some(match offset {
             0x0 => self.in_reset,
@@ -89,13 +108,15 @@ impl Power {
         })
     }
 
-    pub(crate) fn write_resets(&mut self, offset: u32, value: u32) -> Option<()> {
+    /// Returns the blocks that enter reset.
+    pub(crate) fn write_resets(&mut self, offset: u32, value: u32) -> Option<u32> {
+        let before = self.in_reset;
         match offset {
             0x0 => self.in_reset = value & block::ALL,
             0x4 => self.watchdog_resets = value & block::ALL,
             _ => return None,
         }
-        Some(())
+        Some(self.in_reset & !before)
     }
 
     pub(crate) fn read_sequence(&self, offset: u32) -> Option<u32> {

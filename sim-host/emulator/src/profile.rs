@@ -5,8 +5,8 @@ use std::ops::Range;
 
 use ldc161x_sim::Time;
 
-use crate::bus::{RAM, RAM_SIZE};
 use crate::image::{FLASH, Image};
+use crate::memory::{RAM, RAM_SIZE};
 
 /// What an instruction has cost.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

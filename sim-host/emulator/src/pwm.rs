@@ -36,9 +36,11 @@ impl Default for LevelTimes {
 }
 
 /// The eight slices.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub(crate) struct Pwm {
     slices: [Slice; SLICES],
+    /// Frequency of the system clock, which they count.
+    sys_hz: f64,
     /// Of the first slice.
     level_times: LevelTimes,
     /// Wraps, by slice, of those slices whose wraps anything asks for.
@@ -242,23 +244,47 @@ impl Wave {
 }
 
 impl Pwm {
+    pub(crate) fn new(sys_hz: f64) -> Self {
+        Self {
+            slices: Default::default(),
+            sys_hz,
+            level_times: LevelTimes::default(),
+            raw: 0,
+            enabled: 0,
+            serviced_ps: 0,
+        }
+    }
+
+    /// The block in reset.
+    pub(crate) fn reset(&mut self) {
+        *self = Self::new(self.sys_hz);
+    }
+
+    /// Takes another system clock: counts go on from where they are.
+    pub(crate) fn set_clock(&mut self, now_ps: u64, sys_hz: f64) {
+        for slice in &mut self.slices {
+            slice.advance(now_ps, self.sys_hz);
+        }
+        self.sys_hz = sys_hz;
+    }
+
     /// The outputs of a slice from now on.
-    pub(crate) fn wave(&self, slice: usize, sys_hz: f64) -> Wave {
+    pub(crate) fn wave(&self, slice: usize) -> Wave {
         match self.slices.get(slice) {
-            Some(slice) => slice.wave(sys_hz),
-            None => Slice::default().wave(sys_hz),
+            Some(slice) => slice.wave(self.sys_hz),
+            None => Slice::default().wave(self.sys_hz),
         }
     }
 
     /// When a value written to this slice comes into force, if that is by a time.
-    pub(crate) fn latches_by(&self, slice: usize, now_ps: u64, sys_hz: f64) -> Option<u64> {
+    pub(crate) fn latches_by(&self, slice: usize, now_ps: u64) -> Option<u64> {
         let slice = self.slices.get(slice)?;
         if !slice.runs() || !slice.waits() {
             return None;
         }
-        let wrap_ps = slice.wrap_ps(slice.since_ps, sys_hz);
+        let wrap_ps = slice.wrap_ps(slice.since_ps, self.sys_hz);
         let wrap_ps = if wrap_ps < self.serviced_ps {
-            slice.wrap_ps(self.serviced_ps, sys_hz)
+            slice.wrap_ps(self.serviced_ps, self.sys_hz)
         } else {
             wrap_ps
         };
@@ -275,9 +301,9 @@ impl Pwm {
         self.enabled != 0
     }
 
-    fn wraps_count(&self, place: usize) -> bool {
-        let slice = self.slices.get(place);
-        slice.is_some_and(|slice| slice.runs() && (slice.waits() || self.enabled >> place & 1 == 1))
+    fn wraps_count(&self, index: usize) -> bool {
+        let slice = self.slices.get(index);
+        slice.is_some_and(|slice| slice.runs() && (slice.waits() || self.enabled >> index & 1 == 1))
     }
 
     /// The level of an output at a time, and its changes from there to another; neither may lie
@@ -287,9 +313,8 @@ impl Pwm {
         slice: usize,
         channel_b: bool,
         (from_ps, to_ps): (u64, u64),
-        sys_hz: f64,
     ) -> Vec<(u64, bool)> {
-        let (wave, output) = (self.wave(slice, sys_hz), usize::from(channel_b));
+        let (wave, output) = (self.wave(slice), usize::from(channel_b));
         let mut edges = vec![(from_ps, wave.is_high(output, from_ps))];
         let mut at_ps = from_ps;
         while let Some(next_ps) = wave.next_edge(output, at_ps).filter(|&next| next <= to_ps) {
@@ -310,42 +335,41 @@ impl Pwm {
     }
 
     /// When a written value next comes into force, or a wrap interrupts.
-    pub(crate) fn next_event(&self, now_ps: u64, sys_hz: f64) -> Option<u64> {
+    pub(crate) fn next_event(&self, now_ps: u64) -> Option<u64> {
         let slices = self.slices.iter().enumerate();
         slices
-            .filter(|(place, _)| self.wraps_count(*place))
-            .map(|(_, slice)| slice.wrap_ps(now_ps.max(slice.since_ps), sys_hz))
+            .filter(|(index, _)| self.wraps_count(*index))
+            .map(|(_, slice)| slice.wrap_ps(now_ps.max(slice.since_ps), self.sys_hz))
             .min()
     }
 
-    /// Brings values into force whose wrap lies between two times, and tells of wraps.
-    pub(crate) fn service(&mut self, since_ps: u64, now_ps: u64, sys_hz: f64) {
-        for place in 0..SLICES {
-            if !self.wraps_count(place) {
+    /// When that next happens, or has happened since the last service.
+    pub(crate) fn due_ps(&self) -> Option<u64> {
+        self.next_event(self.serviced_ps)
+    }
+
+    /// Brings values into force whose wrap has come since the last call, and raises the wraps.
+    pub(crate) fn service(&mut self, now_ps: u64) {
+        for index in 0..SLICES {
+            if !self.wraps_count(index) {
                 continue;
             }
-            let Some(slice) = self.slices.get_mut(place) else {
+            let Some(slice) = self.slices.get_mut(index) else {
                 continue;
             };
-            let wrap_ps = slice.wrap_ps(since_ps.max(slice.since_ps), sys_hz);
+            let since_ps = self.serviced_ps.max(slice.since_ps);
+            let wrap_ps = slice.wrap_ps(since_ps, self.sys_hz);
             if wrap_ps <= now_ps {
                 slice.count = 0;
                 slice.since_ps = wrap_ps;
                 slice.latch();
-                self.raw |= 1 << place;
+                self.raw |= 1 << index;
             }
         }
         self.serviced_ps = now_ps;
     }
 
-    /// The system clock changes: counts go on from where they are.
-    pub(crate) fn advance(&mut self, now_ps: u64, sys_hz: f64) {
-        for slice in &mut self.slices {
-            slice.advance(now_ps, sys_hz);
-        }
-    }
-
-    pub(crate) fn read(&self, offset: u32, now_ps: u64, sys_hz: f64) -> Option<u32> {
+    pub(crate) fn read(&self, offset: u32, now_ps: u64) -> Option<u32> {
         if offset == 0xA0 {
             let enabled = |(bits, slice): (u32, &Slice)| u32::from(slice.enabled()) << bits;
             return Some((0..).zip(&self.slices).map(enabled).sum());
@@ -360,7 +384,7 @@ impl Pwm {
         Some(match offset % 0x14 {
             0x00 => slice.control,
             0x04 => slice.divider,
-            0x08 => slice.count_at(now_ps, sys_hz),
+            0x08 => slice.count_at(now_ps, self.sys_hz),
             0x0C => slice.next_compare,
             _ => slice.next_top,
         })
@@ -371,12 +395,12 @@ impl Pwm {
         std::mem::take(&mut self.level_times)
     }
 
-    fn count_level(&mut self, now_ps: u64, sys_hz: f64) {
+    fn count_level(&mut self, now_ps: u64) {
         let [slice, ..] = &self.slices;
         if !slice.runs() {
             return;
         }
-        let (left, half) = slice.left_at(now_ps, sys_hz);
+        let (left, half) = slice.left_at(now_ps, self.sys_hz);
         let times = &mut self.level_times;
         times.written += 1;
         let now = Time::from_ps(now_ps);
@@ -386,21 +410,15 @@ impl Pwm {
         if left > half {
             times.late += 1;
         } else {
-            let left = Time::from_ps((left as f64 * slice.step_ps(sys_hz)) as u64);
+            let left = Time::from_ps((left as f64 * slice.step_ps(self.sys_hz)) as u64);
             times.least_left = times.least_left.min(left);
         }
     }
 
-    pub(crate) fn write(
-        &mut self,
-        offset: u32,
-        value: u32,
-        now_ps: u64,
-        sys_hz: f64,
-    ) -> Option<()> {
+    pub(crate) fn write(&mut self, offset: u32, value: u32, now_ps: u64) -> Option<()> {
         if offset == 0xA0 {
             for (bit, slice) in self.slices.iter_mut().enumerate() {
-                slice.advance(now_ps, sys_hz);
+                slice.advance(now_ps, self.sys_hz);
                 slice.control = slice.control & !1 | value >> bit & 1;
             }
             return Some(());
@@ -414,11 +432,11 @@ impl Pwm {
             return Some(());
         }
         if offset == 0x0C {
-            self.count_level(now_ps, sys_hz);
+            self.count_level(now_ps);
         }
         let slice = self.slices.get_mut(offset as usize / 0x14)?;
         if !matches!(offset % 0x14, 0x0C | 0x10) {
-            slice.advance(now_ps, sys_hz);
+            slice.advance(now_ps, self.sys_hz);
         }
         match offset % 0x14 {
             // Gating by level, rising edges, steps and inverted outputs are not modelled.
@@ -446,36 +464,36 @@ mod tests {
     const HZ: f64 = 200e6;
 
     fn running() -> Pwm {
-        let mut pwm = Pwm::default();
-        pwm.write(0x10, 9_999, 0, HZ).unwrap();
-        pwm.write(0x0C, 5_000, 0, HZ).unwrap();
-        pwm.write(0x00, 1, 0, HZ).unwrap();
+        let mut pwm = Pwm::new(HZ);
+        pwm.write(0x10, 9_999, 0).unwrap();
+        pwm.write(0x0C, 5_000, 0).unwrap();
+        pwm.write(0x00, 1, 0).unwrap();
         pwm
     }
 
     fn is_high(pwm: &Pwm, now_ps: u64) -> bool {
-        pwm.wave(0, HZ).is_high(0, now_ps)
+        pwm.wave(0).is_high(0, now_ps)
     }
 
     #[test]
     fn a_new_level_comes_at_the_wrap() {
         let mut pwm = running();
         assert!(is_high(&pwm, 20_000_000) && !is_high(&pwm, 30_000_000));
-        pwm.write(0x0C, 0, 10_000_000, HZ).unwrap();
+        pwm.write(0x0C, 0, 10_000_000).unwrap();
         assert!(is_high(&pwm, 20_000_000));
-        let due = pwm.next_event(10_000_000, HZ).unwrap();
+        let due = pwm.next_event(10_000_000).unwrap();
         assert!(due.abs_diff(50_000_000) < 10_000, "{due}");
-        assert_eq!(pwm.latches_by(0, due, HZ), Some(due));
-        pwm.service(10_000_000, due, HZ);
+        assert_eq!(pwm.latches_by(0, due), Some(due));
+        pwm.service(due);
         assert!(!is_high(&pwm, due + 1));
-        assert_eq!(pwm.next_event(due, HZ), None);
+        assert_eq!(pwm.next_event(due), None);
     }
 
     #[test]
     fn edges_come_at_every_wrap_and_every_level() {
         let pwm = running();
         let us = 1_000_000;
-        let edges = pwm.edges(0, false, (10 * us, 110 * us), HZ);
+        let edges = pwm.edges(0, false, (10 * us, 110 * us));
         assert_eq!(
             edges,
             [
@@ -486,23 +504,23 @@ mod tests {
                 (100 * us, true),
             ]
         );
-        assert_eq!(pwm.edges(0, true, (0, 110 * us), HZ), [(0, false)]);
+        assert_eq!(pwm.edges(0, true, (0, 110 * us)), [(0, false)]);
     }
 
     #[test]
     fn a_stopped_slice_holds_its_output() {
         let mut pwm = running();
-        pwm.write(0x00, 0, 10_000_000, HZ).unwrap();
+        pwm.write(0x00, 0, 10_000_000).unwrap();
         assert!(is_high(&pwm, 40_000_000), "stopped within the pulse");
     }
 
     #[test]
     fn phase_correct_pulses_are_centred_on_the_wrap() {
-        let mut pwm = Pwm::default();
-        pwm.write(0x10, 1_599, 0, HZ).unwrap();
-        pwm.write(0x0C, 400 << 16 | 1_600, 0, HZ).unwrap();
-        pwm.write(0x00, 0b11, 0, HZ).unwrap();
-        let wave = pwm.wave(0, HZ);
+        let mut pwm = Pwm::new(HZ);
+        pwm.write(0x10, 1_599, 0).unwrap();
+        pwm.write(0x0C, 400 << 16 | 1_600, 0).unwrap();
+        pwm.write(0x00, 0b11, 0).unwrap();
+        let wave = pwm.wave(0);
         let edges: Vec<u64> = (0..3)
             .scan(0, |now, _| {
                 *now = wave.next_edge(1, *now)?;
@@ -515,18 +533,18 @@ mod tests {
         assert_eq!(wave.next_edge(0, 0), None);
         assert!(wave.is_high(0, 8_000_000));
         // 15.002 us are 3 000.4 steps: 3 000 of 3 200, on the way down.
-        assert_eq!(pwm.read(0x08, 15_002_000, HZ), Some(199));
+        assert_eq!(pwm.read(0x08, 15_002_000), Some(199));
     }
 
     #[test]
     fn levels_before_the_wrap_are_distinguished_from_those_behind_it() {
-        let mut pwm = Pwm::default();
-        pwm.write(0x10, 1_599, 0, HZ).unwrap();
-        pwm.write(0x0C, 400, 0, HZ).unwrap();
-        pwm.write(0x00, 0b11, 0, HZ).unwrap();
+        let mut pwm = Pwm::new(HZ);
+        pwm.write(0x10, 1_599, 0).unwrap();
+        pwm.write(0x0C, 400, 0).unwrap();
+        pwm.write(0x00, 0b11, 0).unwrap();
         assert_eq!(pwm.take_level_times(), LevelTimes::default());
         for at_us in [12, 15, 17] {
-            pwm.write(0x0C, 400, at_us * 1_000_000, HZ).unwrap();
+            pwm.write(0x0C, 400, at_us * 1_000_000).unwrap();
         }
         let times = pwm.take_level_times();
         assert_eq!((times.written, times.late), (3, 1));
@@ -541,29 +559,29 @@ mod tests {
 
     #[test]
     fn wraps_interrupt_where_they_are_enabled_and_never_drift() {
-        let mut pwm = Pwm::default();
-        pwm.write(0x14 + 0x10, 3_199, 0, HZ).unwrap();
-        pwm.write(0x14 + 0x08, 1_150, 0, HZ).unwrap();
-        pwm.write(0xA8, 0b10, 0, HZ).unwrap();
-        pwm.write(0xA0, 0b10, 0, HZ).unwrap();
+        let mut pwm = Pwm::new(HZ);
+        pwm.write(0x14 + 0x10, 3_199, 0).unwrap();
+        pwm.write(0x14 + 0x08, 1_150, 0).unwrap();
+        pwm.write(0xA8, 0b10, 0).unwrap();
+        pwm.write(0xA0, 0b10, 0).unwrap();
         let mut now = 0;
         for wrap in 0..1_000 {
-            now = pwm.next_event(now, HZ).unwrap();
+            now = pwm.next_event(now).unwrap();
             assert!(now.abs_diff(10_250_000 + 16_000_000 * wrap) < 10, "{now}");
-            pwm.service(now - 1, now + 40_000, HZ);
+            pwm.service(now + 40_000);
             assert!(pwm.line());
-            pwm.write(0xA4, 0b10, now + 90_000, HZ).unwrap();
+            pwm.write(0xA4, 0b10, now + 90_000).unwrap();
             assert!(!pwm.line());
         }
     }
 
     #[test]
     fn falling_edges_are_counted() {
-        let mut pwm = Pwm::default();
-        pwm.write(3 * 0x14, 1 | FALLING << 4, 0, HZ).unwrap();
+        let mut pwm = Pwm::new(HZ);
+        pwm.write(3 * 0x14, 1 | FALLING << 4, 0).unwrap();
         for _ in 0..3 {
             pwm.falling_edge(3);
         }
-        assert_eq!(pwm.read(3 * 0x14 + 8, 0, HZ), Some(3));
+        assert_eq!(pwm.read(3 * 0x14 + 8, 0), Some(3));
     }
 }

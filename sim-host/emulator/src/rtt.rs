@@ -1,22 +1,16 @@
 //! The other end of the debug probe's channels: what a probe does with memory alone
 //! (SEGGER RTT: a control block, and rings of bytes for each direction).
 
+use crate::memory::Memory;
+
 /// Bytes of a ring's descriptor.
 const RING: u32 = 24;
 const UP_COUNT: u32 = 16;
 const DOWN_COUNT: u32 = 20;
 const RINGS: u32 = 24;
 
-/// Memory as a probe sees it.
-pub(crate) trait Memory {
-    fn word(&self, address: u32) -> u32;
-    fn set_word(&mut self, address: u32, value: u32);
-    fn byte(&self, address: u32) -> u8;
-    fn set_byte(&mut self, address: u32, value: u8);
-}
-
 /// The address of a ring, if the firmware has set one up.
-fn ring(memory: &impl Memory, block: u32, down: bool, channel: u32) -> Option<u32> {
+fn ring(memory: &Memory, block: u32, down: bool, channel: u32) -> Option<u32> {
     let is_ready = (0..)
         .zip(*b"SEGGER RTT")
         .all(|(place, letter)| memory.byte(block + place) == letter);
@@ -39,7 +33,7 @@ struct Ring {
 }
 
 impl Ring {
-    fn find(memory: &impl Memory, block: u32, down: bool, channel: u32) -> Option<Self> {
+    fn find(memory: &Memory, block: u32, down: bool, channel: u32) -> Option<Self> {
         let at = ring(memory, block, down, channel)?;
         let ring = Self {
             at,
@@ -53,7 +47,7 @@ impl Ring {
 }
 
 /// Takes what waits in a channel from the firmware.
-pub(crate) fn read(memory: &mut impl Memory, block: u32, channel: u32) -> Vec<u8> {
+pub(crate) fn read(memory: &mut Memory, block: u32, channel: u32) -> Vec<u8> {
     let Some(ring) = Ring::find(memory, block, false, channel) else {
         return Vec::new();
     };
@@ -66,7 +60,7 @@ pub(crate) fn read(memory: &mut impl Memory, block: u32, channel: u32) -> Vec<u8
 }
 
 /// Puts bytes into a channel to the firmware; returns how many there was room for.
-pub(crate) fn write(memory: &mut impl Memory, block: u32, channel: u32, bytes: &[u8]) -> usize {
+pub(crate) fn write(memory: &mut Memory, block: u32, channel: u32, bytes: &[u8]) -> usize {
     let Some(ring) = Ring::find(memory, block, true, channel) else {
         return 0;
     };

@@ -13,6 +13,7 @@ const FRACTION_BITS: u32 = 24;
 pub(crate) struct Clock {
     now_ps: u64,
     fraction: u64,
+    hz: f64,
     /// One cycle, in 2^-24 ps.
     period: u64,
 }
@@ -22,13 +23,20 @@ impl Clock {
         Self {
             now_ps: 0,
             fraction: 0,
+            hz,
             period: period(hz),
         }
     }
 
     /// Another frequency from now on.
     pub(crate) fn set_frequency(&mut self, hz: f64) {
+        self.hz = hz;
         self.period = period(hz);
+    }
+
+    /// The processor's frequency.
+    pub(crate) fn hz(&self) -> f64 {
+        self.hz
     }
 
     #[inline]

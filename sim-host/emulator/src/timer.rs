@@ -14,6 +14,7 @@ pub(crate) struct Timer {
     raised: u32,
     enabled: u32,
     forced: u32,
+    serviced_ps: u64,
 }
 
 impl Timer {
@@ -27,7 +28,7 @@ impl Timer {
         }
     }
 
-    /// The whole block in reset.
+    /// The block in reset.
     pub(crate) fn reset(&mut self, now_ps: u64) {
         *self = Self {
             base_ps: now_ps,
@@ -62,7 +63,8 @@ impl Timer {
     }
 
     /// Fires the alarms whose time has come: those that equal the lower half of the count.
-    pub(crate) fn service(&mut self, now_ps: u64, since_ps: u64) {
+    pub(crate) fn service(&mut self, now_ps: u64) {
+        let since_ps = std::mem::replace(&mut self.serviced_ps, now_ps);
         if self.armed == 0 {
             return;
         }
@@ -133,9 +135,9 @@ mod tests {
         timer.write(0x10, 5).unwrap();
         let due = timer.next_event(0).unwrap();
         assert!((5_000_000..5_100_000).contains(&due), "{due}");
-        timer.service(4_999_999, 0);
+        timer.service(4_999_999);
         assert_eq!(timer.lines(), 0);
-        timer.service(due, 4_999_999);
+        timer.service(due);
         assert_eq!(timer.lines(), 1);
         assert_eq!(timer.next_event(due), None);
         timer.write(0x34, 1).unwrap();

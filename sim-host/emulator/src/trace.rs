@@ -4,6 +4,10 @@ use std::io::{self, Write};
 
 use vcd::{IdCode, SimulationCommand, TimescaleUnit, VarType, Writer};
 
+use crate::gpio::{Gpio, function};
+use crate::pins::{COIL_SLICE, pin};
+use crate::pwm::Pwm;
+
 /// What is traced.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Signal {
@@ -85,11 +89,50 @@ pub struct Trace {
     /// Not by time: bits of the bus are known at their end.
     changes: Vec<Change>,
     last: [Option<SignalValue>; Signal::ALL.len()],
+    /// Up to when the pulses of the PWM are traced.
+    pulses_ps: u64,
 }
 
 impl Trace {
     pub(crate) fn push(&mut self, change: Change) {
         self.changes.push(change);
+    }
+
+    /// The pins that have a level of their own, and the bus where its master does not trace it.
+    pub(crate) fn sample_pins(&mut self, now_ps: u64, gpio: &Gpio, bus_is_idle: bool) {
+        for (signal, pin) in [(Signal::Sda, pin::SDA), (Signal::Scl, pin::SCL)] {
+            if bus_is_idle {
+                self.is(now_ps, signal, SignalValue::Level(gpio.level(pin)));
+            } else {
+                self.leave(signal);
+            }
+        }
+        for (signal, pin) in [
+            (Signal::Intb, pin::INTB),
+            (Signal::Shutdown, pin::SD),
+            (Signal::Sleep, pin::SLEEP),
+            (Signal::Fault, pin::FAULT),
+            (Signal::Led, pin::LED),
+        ] {
+            self.is(now_ps, signal, SignalValue::Level(gpio.level(pin)));
+        }
+    }
+
+    /// The bridge's inputs up to a time. Called before anything changes them, and afterwards.
+    pub(crate) fn sample_pulses(&mut self, until_ps: u64, gpio: &Gpio, pwm: &Pwm) {
+        for (signal, pin, channel_b) in [
+            (Signal::In1, pin::IN1, false),
+            (Signal::In2, pin::IN2, true),
+        ] {
+            let edges = match gpio.function(pin) {
+                function::PWM => pwm.edges(COIL_SLICE, channel_b, (self.pulses_ps, until_ps)),
+                _ => vec![(until_ps, gpio.level(pin))],
+            };
+            for (at_ps, high) in edges {
+                self.is(at_ps, signal, SignalValue::Level(high));
+            }
+        }
+        self.pulses_ps = until_ps;
     }
 
     /// A signal is something now. What it has been already is not kept.
@@ -104,8 +147,8 @@ impl Trace {
         }
     }
 
-    /// Something else tells the signal from now on.
-    pub(crate) fn leave(&mut self, signal: Signal) {
+    /// Something else traces the signal from now on.
+    fn leave(&mut self, signal: Signal) {
         if let Some(last) = self.last.get_mut(signal as usize) {
             *last = None;
         }
@@ -150,8 +193,8 @@ fn write_changes(
     let mut last = [None; Signal::ALL.len()];
     let mut time_ns = None;
     for change in changes {
-        let place = change.signal as usize;
-        let (Some(&code), Some(last)) = (codes.get(place), last.get_mut(place)) else {
+        let index = change.signal as usize;
+        let (Some(&code), Some(last)) = (codes.get(index), last.get_mut(index)) else {
             continue;
         };
         // The same byte again is news, the same level is none.

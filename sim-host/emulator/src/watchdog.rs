@@ -13,6 +13,8 @@ pub(crate) struct Watchdog {
     is_forced: bool,
     scratch: [u32; 8],
     tick: u32,
+    /// It has expired, and the chip is to be reset.
+    pub(crate) has_fired: bool,
 }
 
 /// CTRL: halve the load, RP2040-E1: the count falls by two a tick.
@@ -22,9 +24,10 @@ const TIMER_EXPIRED: u32 = 1;
 const FORCED: u32 = 2;
 
 impl Watchdog {
-    /// Cycles of clk_ref in a tick, if ticks are made.
-    pub(crate) fn tick_cycles(&self) -> Option<u32> {
-        (self.tick & TICK_ENABLE != 0).then_some((self.tick & 0x1FF).max(1))
+    /// Length of the microsecond tick, if clk_ref runs and ticks are made of it.
+    pub(crate) fn tick_ps(&self, ref_hz: f64) -> Option<f64> {
+        let is_on = self.tick & TICK_ENABLE != 0 && ref_hz > 0.0;
+        is_on.then(|| f64::from((self.tick & 0x1FF).max(1)) * 1e12 / ref_hz)
     }
 
     pub(crate) fn next_event(&self) -> Option<u64> {
@@ -50,10 +53,12 @@ impl Watchdog {
         self.is_forced = false;
         self.due_ps = None;
         self.tick = 0;
+        self.has_fired = false;
     }
 
-    fn load(&mut self, now_ps: u64, tick_ps: Option<f64>) {
-        self.due_ps = tick_ps
+    fn load(&mut self, now_ps: u64, ref_hz: f64) {
+        self.due_ps = self
+            .tick_ps(ref_hz)
             .map(|tick| now_ps + (u64::from(self.left).div_ceil(PER_TICK) as f64 * tick) as u64);
     }
 
@@ -67,13 +72,13 @@ impl Watchdog {
         })
     }
 
-    /// `tick_ps` is the length of a tick as the clocks are now.
+    /// `ref_hz` is the frequency of clk_ref now.
     pub(crate) fn write(
         &mut self,
         offset: u32,
         value: u32,
         now_ps: u64,
-        tick_ps: Option<f64>,
+        ref_hz: f64,
     ) -> Option<()> {
         match offset {
             0x00 => {
@@ -81,7 +86,7 @@ impl Watchdog {
                 self.pauses = value & 0x0700_0000;
                 self.enabled = value >> 30 & 1 == 1;
                 if self.enabled && !was_enabled {
-                    self.load(now_ps, tick_ps);
+                    self.load(now_ps, ref_hz);
                 }
                 if value >> 31 == 1 {
                     self.enabled = true;
@@ -91,7 +96,7 @@ impl Watchdog {
             }
             0x04 => {
                 self.left = value & 0xFF_FFFF;
-                self.load(now_ps, tick_ps);
+                self.load(now_ps, ref_hz);
             }
             0x0C..=0x28 => *self.scratch.get_mut((offset as usize - 0x0C) / 4)? = value,
             0x2C => self.tick = value & 0x3FF,
@@ -105,14 +110,17 @@ impl Watchdog {
 mod tests {
     use super::*;
 
+    const REF_HZ: f64 = 12e6;
+
     #[test]
     fn it_expires_after_half_its_load_in_ticks_unless_fed() {
         let mut watchdog = Watchdog::default();
-        watchdog.write(0x04, 100_000, 0, Some(1e6)).unwrap();
-        watchdog.write(0x00, 1 << 30, 0, Some(1e6)).unwrap();
+        watchdog.write(0x2C, TICK_ENABLE | 12, 0, REF_HZ).unwrap();
+        watchdog.write(0x04, 100_000, 0, REF_HZ).unwrap();
+        watchdog.write(0x00, 1 << 30, 0, REF_HZ).unwrap();
         assert_eq!(watchdog.next_event(), Some(50_000_000_000));
         watchdog
-            .write(0x04, 100_000, 40_000_000_000, Some(1e6))
+            .write(0x04, 100_000, 40_000_000_000, REF_HZ)
             .unwrap();
         assert!(!watchdog.expires(89_999_000_000));
         assert!(watchdog.expires(90_000_000_000));
@@ -122,8 +130,8 @@ mod tests {
     #[test]
     fn the_scratch_registers_outlive_the_reset() {
         let mut watchdog = Watchdog::default();
-        watchdog.write(0x0C, 0xCAFE, 0, None).unwrap();
-        watchdog.write(0x00, 1 << 31, 0, None).unwrap();
+        watchdog.write(0x0C, 0xCAFE, 0, REF_HZ).unwrap();
+        watchdog.write(0x00, 1 << 31, 0, REF_HZ).unwrap();
         assert!(watchdog.expires(1));
         watchdog.after_reset();
         assert!(!watchdog.expires(2));

@@ -2,6 +2,7 @@
 
 use ldc161x_sim::{Ack, Chip, Time, TrueConversion};
 
+use crate::converters::{Converters, SecondChip};
 use crate::plant::Plant;
 use crate::trace::{Change, Signal, SignalValue};
 
@@ -58,14 +59,10 @@ impl Hold {
     }
 }
 
-/// A second converter, with still sensors of these frequencies, Hz.
-pub(crate) type SecondChip = Chip<[f64; 4]>;
-
 /// SDA and SCL.
 #[derive(Clone, Debug)]
 pub(crate) struct Wire<P> {
-    pub(crate) chip: Chip<P>,
-    pub(crate) second: Option<SecondChip>,
+    pub(crate) converters: Converters<P>,
     pub(crate) log: Option<WireLog>,
     armed: Option<LineFault>,
     sda: Hold,
@@ -88,8 +85,7 @@ impl<P: Plant> Wire<P> {
         trace: bool,
     ) -> Self {
         Self {
-            chip,
-            second,
+            converters: Converters::new(chip, second),
             log: record.then(WireLog::default),
             armed: None,
             sda: Hold::default(),
@@ -130,23 +126,14 @@ impl<P: Plant> Wire<P> {
 
     /// Whether something other than the master holds SDA low.
     pub(crate) fn sda_is_low(&mut self, now_ps: u64) -> bool {
-        let now = Time::from_ps(now_ps);
-        let second = &mut self.second;
-        self.sda.is_low(now_ps)
-            || self.chip.sda_held_low(now)
-            || second.as_mut().is_some_and(|chip| chip.sda_held_low(now))
+        self.sda.is_low(now_ps) || self.converters.sda_is_low(Time::from_ps(now_ps))
     }
 
     /// Until when something other than the master holds SCL low.
     pub(crate) fn scl_low_until(&mut self, now_ps: u64) -> Option<u64> {
         let own = self.scl.is_low(now_ps).then_some(self.scl.until_ps);
-        let now = Time::from_ps(now_ps);
-        let chip = self.chip.scl_held_until(now);
-        let second = self
-            .second
-            .as_mut()
-            .and_then(|chip| chip.scl_held_until(now));
-        own.max(chip.max(second).map(Time::as_ps))
+        let converters = self.converters.scl_low_until(Time::from_ps(now_ps));
+        own.max(converters.map(Time::as_ps))
     }
 
     /// INTB falls.
@@ -197,23 +184,16 @@ impl<P: Plant> Wire<P> {
     }
 
     pub(crate) fn address(&mut self, now_ps: u64, byte: u8) -> bool {
-        let now = Time::from_ps(now_ps);
-        let second = self.second.as_mut().map(|chip| chip.start(now, byte));
-        self.chip.start(now, byte).is_ack() | second.is_some_and(Ack::is_ack)
+        self.converters.start(Time::from_ps(now_ps), byte)
     }
 
     pub(crate) fn write(&mut self, now_ps: u64, byte: u8) -> bool {
-        let now = Time::from_ps(now_ps);
-        let second = self.second.as_mut().map(|chip| chip.write(now, byte));
-        self.chip.write(now, byte).is_ack() | second.is_some_and(Ack::is_ack)
+        self.converters.write(Time::from_ps(now_ps), byte)
     }
 
     pub(crate) fn read(&mut self, now_ps: u64, acknowledged: bool) -> u8 {
         let ack = if acknowledged { Ack::Ack } else { Ack::Nack };
-        let now = Time::from_ps(now_ps);
-        // Wired AND: a converter that is not addressed leaves the wire high.
-        let second = self.second.as_mut().map(|chip| chip.read(now, ack));
-        let byte = self.chip.read(now, ack) & second.unwrap_or(0xFF);
+        let byte = self.converters.read(Time::from_ps(now_ps), ack);
         self.note_what_was_fetched();
         byte
     }
@@ -221,11 +201,7 @@ impl<P: Plant> Wire<P> {
     /// STOP.
     pub(crate) fn stop(&mut self, now_ps: u64) {
         self.in_transaction = false;
-        let now = Time::from_ps(now_ps);
-        self.chip.stop(now);
-        if let Some(second) = &mut self.second {
-            second.stop(now);
-        }
+        self.converters.stop(Time::from_ps(now_ps));
     }
 
     /// The master lets go without a STOP.
@@ -239,7 +215,7 @@ impl<P: Plant> Wire<P> {
             return;
         };
         for channel in 0..4 {
-            let Some(read) = self.chip.last_read(channel) else {
+            let Some(read) = self.converters.first.last_read(channel) else {
                 continue;
             };
             let known = log.fetched.iter().rev().take(8);
@@ -260,11 +236,7 @@ impl<P: Plant> Wire<P> {
             return;
         };
         if !scl_was && scl && !self.scl.is_low(now_ps) {
-            let now = Time::from_ps(now_ps);
-            self.chip.clock_pulses(now, 1);
-            if let Some(second) = &mut self.second {
-                second.clock_pulses(now, 1);
-            }
+            self.converters.clock_pulse(Time::from_ps(now_ps));
             if let Some(clocks) = &mut self.sda.clocks {
                 *clocks = clocks.saturating_sub(1);
             }

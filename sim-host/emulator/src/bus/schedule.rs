@@ -1,0 +1,164 @@
+//! Time on the bus: what is due is done, and what is due next is found.
+
+use ldc161x_sim::Time;
+
+use crate::clocks::FASTEST_AT_START_HZ;
+use crate::pins::COIL_SLICE;
+use crate::plant::Plant;
+
+use super::SystemBus;
+
+/// Interrupt numbers (datasheet 2.3.2).
+mod line {
+    pub(super) const TIMER: u32 = 0;
+    pub(super) const PWM_WRAP: u32 = 4;
+    pub(super) const IO_BANK0: u32 = 13;
+    pub(super) const I2C0: u32 = 23;
+}
+
+impl<P: Plant> SystemBus<P> {
+    /// Does everything that is due, and finds out when something is due next.
+    pub(crate) fn service(&mut self) {
+        let now_ps = self.clock.now_ps();
+        self.timer.service(now_ps);
+        self.i2c.service(now_ps, &mut self.wire);
+        self.run_converters(now_ps);
+        self.service_pwm(now_ps);
+        self.run_coil(now_ps);
+        if self.watchdog.expires(now_ps) {
+            if self.power.watchdog_resets_all() {
+                self.watchdog.has_fired = true;
+            } else {
+                self.fail("a watchdog that does not reset everything");
+            }
+        }
+        self.settle();
+    }
+
+    /// Coil and trace see the old levels up to the wrap.
+    fn service_pwm(&mut self, now_ps: u64) {
+        if self.trace.is_some() {
+            let due_ps = self.pwm.due_ps().unwrap_or(now_ps);
+            self.trace_pulses(due_ps.min(now_ps));
+        }
+        if let Some(wrap_ps) = self.pwm.latches_by(COIL_SLICE, now_ps) {
+            self.run_coil(wrap_ps);
+        }
+        self.pwm.service(now_ps);
+    }
+
+    /// Lets what depends on what was written follow: pins, coil, interrupts.
+    pub(super) fn settle(&mut self) {
+        self.follow_pins();
+        self.refresh();
+    }
+
+    /// The interrupt lines, and when something is due next.
+    pub(super) fn refresh(&mut self) {
+        let now_ps = self.clock.now_ps();
+        let lines = self.timer.lines() << line::TIMER
+            | u32::from(self.gpio.line()) << line::IO_BANK0
+            | u32::from(self.pwm.line()) << line::PWM_WRAP
+            | u32::from(self.i2c.line()) << line::I2C0;
+        self.private.drive(lines);
+        let due = [
+            self.timer.next_event(now_ps),
+            self.i2c.next_event(),
+            self.wire.converters.next_event(),
+            self.pwm.next_event(now_ps),
+            self.watchdog.next_event(),
+            Some(self.coil.report_ps()),
+        ];
+        self.next_event_ps = due.into_iter().flatten().min().unwrap_or(u64::MAX);
+    }
+
+    /// Lets what counts a clock follow the clock tree.
+    pub(super) fn follow_clocks(&mut self) {
+        let now_ps = self.clock.now_ps();
+        match self.clocks.sys_hz() {
+            Some(hz) => self.set_sys_clock(now_ps, hz),
+            None => self.fail("a system clock that stands or is too fast"),
+        }
+        let tick_ps = self.watchdog.tick_ps(self.clocks.ref_hz());
+        self.timer.set_tick(now_ps, tick_ps);
+    }
+
+    fn set_sys_clock(&mut self, now_ps: u64, hz: f64) {
+        if hz > FASTEST_AT_START_HZ && !self.power.is_raised(now_ps) {
+            self.fail("a system clock above 133 MHz without a settled core voltage of 1.15 V");
+        }
+        if hz != self.clock.hz() {
+            self.clock.set_frequency(hz);
+            self.pwm.set_clock(now_ps, hz);
+            self.i2c.set_clock(hz);
+        }
+    }
+
+    /// Lets time pass without an instruction, up to the next event or a time.
+    pub(crate) fn sleep(&mut self, until_ps: u64) {
+        let until_ps = self.next_event_ps.min(until_ps);
+        let cycles = self.clock.cycles_until(until_ps).max(1);
+        self.clock.advance(cycles);
+    }
+
+    /// The boot ROM's time, in which nothing of the firmware runs.
+    pub(crate) fn boot_delay(&mut self, delay: Time) {
+        let end_ps = self.clock.now_ps() + delay.as_ps();
+        while self.clock.now_ps() < end_ps {
+            self.sleep(end_ps);
+            self.service();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use ldc161x_sim::Chip;
+    use rp2040_emu::core::CoreBus;
+
+    use super::*;
+    use crate::board::Options;
+    use crate::bus::base;
+    use crate::image::Image;
+    use crate::plant::Still;
+    use crate::power::block;
+    use crate::stop::Stop;
+    use crate::wire::Wire;
+
+    /// Orders 1.15 V, lets a time pass, and switches to the system PLL at so many megahertz.
+    fn switched(voltage: u32, settling: Time, feedback: u32) -> Option<Stop> {
+        let wire = Wire::new(
+            Chip::new(Default::default(), Still::new([3e6; 4])),
+            None,
+            false,
+            false,
+        );
+        let mut bus = SystemBus::new(&Image::empty(), Options::default(), wire);
+        let writes = [
+            (base::RESETS, block::ALL & !block::PLL_SYS),
+            (base::XOSC, 0x00FA_BAA0),
+            (base::PLL_SYS + 8, feedback),
+            (base::PLL_SYS + 12, 6 << 16 | 1 << 12),
+            (base::PLL_SYS + 4, 0),
+            (base::VREG_AND_CHIP_RESET, voltage << 4 | 1),
+        ];
+        for (address, value) in writes {
+            bus.write32(address, value);
+        }
+        bus.boot_delay(settling);
+        bus.write32(base::CLOCKS + 0x3C, 1);
+        bus.stop
+    }
+
+    #[test]
+    fn a_clock_above_133_megahertz_needs_a_settled_core_voltage() {
+        let settled = Time::from_us(1_001);
+        assert_eq!(switched(0xC, settled, 100), None);
+        // 132 MHz, at 1.10 V and at once.
+        assert_eq!(switched(0xB, Time::ZERO, 66), None);
+        for (voltage, settling) in [(0xB, settled), (0xC, Time::from_us(999))] {
+            let stop = switched(voltage, settling, 100);
+            assert!(matches!(stop, Some(Stop::NotFollowed { .. })), "{stop:?}");
+        }
+    }
+}

@@ -1,0 +1,217 @@
+//! What the board connects to which pin: converters, bridge and traces.
+
+use ldc161x_sim::Time;
+
+use crate::bridge::{BridgeInputs, InputSource};
+use crate::gpio::function;
+use crate::pins::{COIL_SLICE, EDGE_SLICE, SECOND_EDGE_SLICE, pin};
+use crate::plant::Plant;
+use crate::trace::{Signal, SignalValue};
+
+use super::SystemBus;
+
+/// Conversions that fill the ring of memory behind the ADC whatever its size: where no interrupt reads
+/// each of them, only the last ones are made.
+const LAST_CONVERSIONS: u64 = 16;
+
+impl<P: Plant> SystemBus<P> {
+    /// The pins that something outside drives from the start, all high.
+    pub(super) fn connect(&mut self) {
+        for pin in [pin::INTB, pin::SECOND_INTB, pin::FAULT] {
+            self.gpio.drive(pin, true);
+        }
+    }
+
+    /// Lets the outside follow the pins, and the pins the outside.
+    pub(super) fn follow_pins(&mut self) {
+        let now_ps = self.clock.now_ps();
+        self.follow_interrupt(now_ps);
+        self.follow_second_interrupt();
+        self.follow_clkin();
+        self.follow_shutdown();
+        self.follow_plain_bus(now_ps);
+        self.follow_bridge(now_ps);
+        self.follow_trace(now_ps);
+    }
+
+    // ---- converters ----
+
+    /// Runs the converters to their next changes of INTB, one by one.
+    pub(super) fn run_converters(&mut self, now_ps: u64) {
+        let now = Time::from_ps(now_ps);
+        while let Some(due) = self.wire.converters.first.next_event()
+            && due <= now
+        {
+            self.wire.converters.first.advance_to(due);
+            self.follow_interrupt(due.as_ps());
+        }
+        while let Some(second) = &mut self.wire.converters.second
+            && let Some(due) = second.next_event()
+            && due <= now
+        {
+            second.advance_to(due);
+            self.follow_second_interrupt();
+        }
+    }
+
+    fn follow_interrupt(&mut self, now_ps: u64) {
+        let [high, _] = self.wire.converters.intb();
+        if self.drive_interrupt(pin::INTB, EDGE_SLICE, high) {
+            self.wire.falling_edge(now_ps);
+        }
+    }
+
+    fn follow_second_interrupt(&mut self) {
+        let [_, high] = self.wire.converters.intb();
+        self.drive_interrupt(pin::SECOND_INTB, SECOND_EDGE_SLICE, high);
+    }
+
+    /// Drives a pin whose falling edges a slice of the PWM counts; whether it falls.
+    fn drive_interrupt(&mut self, pin: usize, slice: usize, high: bool) -> bool {
+        if self.gpio.level(pin) == high {
+            return false;
+        }
+        if !high {
+            self.pwm.falling_edge(slice);
+        }
+        self.gpio.drive(pin, high);
+        !high
+    }
+
+    fn follow_clkin(&mut self) {
+        let is_connected = self.gpio.function(pin::CLKIN) == function::CLOCK;
+        let hz = self.clocks.output_hz().filter(|_| is_connected);
+        self.wire.converters.set_clock(self.clock.now(), hz);
+    }
+
+    fn follow_shutdown(&mut self) {
+        let now = self.clock.now();
+        let levels = [pin::SD, pin::SECOND_SD].map(|pin| self.gpio.level(pin));
+        let [first, second] = self.wire.converters.set_shutdown(now, levels);
+        if first {
+            self.follow_interrupt(now.as_ps());
+        }
+        if second {
+            self.follow_second_interrupt();
+        }
+    }
+
+    /// SDA and SCL as plain pins.
+    fn follow_plain_bus(&mut self, now_ps: u64) {
+        let gpio = &self.gpio;
+        let is_plain = [pin::SCL, pin::SDA].map(|pin| gpio.function(pin) == function::SIO);
+        let levels =
+            (is_plain == [true; 2]).then(|| (!gpio.pulls_low(pin::SCL), !gpio.pulls_low(pin::SDA)));
+        self.wire.plain(now_ps, levels);
+        let outside_sda = !self.wire.sda_is_low(now_ps);
+        let outside_scl = self.wire.scl_low_until(now_ps).is_none();
+        for (pin, high) in [(pin::SDA, outside_sda), (pin::SCL, outside_scl)] {
+            if self.gpio.level(pin) != high || self.gpio.pulls_low(pin) {
+                self.gpio.drive(pin, high);
+            }
+        }
+    }
+
+    // ---- coil ----
+
+    fn follow_bridge(&mut self, now_ps: u64) {
+        let source = |pin, output| match self.gpio.function(pin) {
+            function::PWM => InputSource::Pwm(output),
+            _ => InputSource::Level(self.gpio.level(pin)),
+        };
+        let inputs = BridgeInputs {
+            awake: self.gpio.level(pin::SLEEP),
+            limit_low: self.gpio.pulls_low(pin::LIMIT),
+            sources: [source(pin::IN1, 0), source(pin::IN2, 1)],
+        };
+        if inputs != self.coil.inputs() {
+            self.run_coil(now_ps);
+            self.coil.set_inputs(inputs);
+        }
+    }
+
+    /// Runs the coil's circuit with the ADC and its way into memory to a time, and reports the
+    /// current to the plant.
+    pub(crate) fn run_coil(&mut self, now_ps: u64) {
+        loop {
+            let report_ps = self.coil.report_ps();
+            if report_ps > now_ps {
+                break;
+            }
+            self.run_circuit(report_ps);
+            self.coil.report(report_ps, &mut self.wire.converters.first);
+        }
+        self.run_circuit(now_ps);
+    }
+
+    fn run_circuit(&mut self, now_ps: u64) {
+        let wave = self.pwm.wave(COIL_SLICE);
+        self.skip_conversions(now_ps);
+        while let Some(conversion) = self.adc.next() {
+            if let Some(code) = self.adc.take_result(now_ps) {
+                self.store_result(code);
+            }
+            if conversion.sampled_ps > now_ps {
+                break;
+            }
+            self.coil.advance(conversion.sampled_ps, &wave);
+            match self.coil.convert(conversion.input) {
+                Some(code) => self.adc.sample(conversion, code),
+                None => {
+                    self.adc.skip(1);
+                    self.fail("a conversion of an input that is not connected");
+                }
+            }
+        }
+        self.coil.advance(now_ps, &wave);
+        let high = !self.coil.has_fault();
+        if self.gpio.level(pin::FAULT) != high {
+            self.gpio.drive(pin::FAULT, high);
+        }
+    }
+
+    /// Without the control interrupt the firmware does not read each result: those that others will
+    /// overwrite are not made.
+    fn skip_conversions(&mut self, now_ps: u64) {
+        let waiting = self.adc.sampled_by(now_ps);
+        if self.pwm.interrupts() || waiting <= LAST_CONVERSIONS {
+            return;
+        }
+        let skipped = waiting - LAST_CONVERSIONS;
+        if self.adc.feeds_dma() {
+            // At most a second's, at 500 000 a second.
+            self.dma.skip(skipped as u32);
+        }
+        self.adc.skip(skipped);
+    }
+
+    fn store_result(&mut self, code: u16) {
+        if self.adc.feeds_dma()
+            && let Some(address) = self.dma.next()
+        {
+            self.memory.set_half_word(address, code);
+        }
+    }
+
+    // ---- trace ----
+
+    fn follow_trace(&mut self, now_ps: u64) {
+        let Some(trace) = &mut self.trace else {
+            return;
+        };
+        for change in self.wire.changes.iter_mut().flat_map(|all| all.drain(..)) {
+            trace.push(change);
+        }
+        trace.sample_pins(now_ps, &self.gpio, self.i2c.is_off_the_wires());
+        let current_a = self.coil.circuit().current_a();
+        trace.is(now_ps, Signal::Current, SignalValue::Real(current_a));
+        trace.sample_pulses(now_ps, &self.gpio, &self.pwm);
+    }
+
+    /// Traces the bridge's inputs up to a time, before anything changes them.
+    pub(super) fn trace_pulses(&mut self, until_ps: u64) {
+        if let Some(trace) = &mut self.trace {
+            trace.sample_pulses(until_ps, &self.gpio, &self.pwm);
+        }
+    }
+}

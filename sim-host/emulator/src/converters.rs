@@ -1,0 +1,130 @@
+//! The converters on the bus, with the pins that they have besides the wires: SD and CLKIN.
+
+use ldc161x_sim::{Ack, Chip, ExternalClock, Time};
+
+/// A second converter, with still sensors of these frequencies, Hz.
+pub(crate) type SecondChip = Chip<[f64; 4]>;
+
+/// One converter or two.
+#[derive(Clone, Debug)]
+pub(crate) struct Converters<P> {
+    pub(crate) first: Chip<P>,
+    pub(crate) second: Option<SecondChip>,
+    /// Levels of their SD pins.
+    shut_down: [bool; 2],
+    /// Frequency at their CLKIN pins.
+    clkin_hz: Option<f64>,
+}
+
+impl<P: ldc161x_sim::Sensors> Converters<P> {
+    /// Converters without a clock.
+    pub(crate) fn new(mut first: Chip<P>, second: Option<SecondChip>) -> Self {
+        first.set_external_clock(None);
+        Self {
+            first,
+            second,
+            shut_down: [false; 2],
+            clkin_hz: None,
+        }
+    }
+
+    pub(crate) const fn clkin_hz(&self) -> Option<f64> {
+        self.clkin_hz
+    }
+
+    /// When one of them next does something.
+    pub(crate) fn next_event(&self) -> Option<u64> {
+        let second = self.second.as_ref().and_then(Chip::next_event);
+        let events = [self.first.next_event(), second];
+        events.into_iter().flatten().min().map(Time::as_ps)
+    }
+
+    /// The levels of INTB; high without a converter.
+    pub(crate) fn intb(&self) -> [bool; 2] {
+        let second = self.second.as_ref();
+        [
+            !self.first.intb_is_low(),
+            second.is_none_or(|chip| !chip.intb_is_low()),
+        ]
+    }
+
+    /// Takes the frequency at CLKIN.
+    pub(crate) fn set_clock(&mut self, now: Time, hz: Option<f64>) {
+        if hz == self.clkin_hz {
+            return;
+        }
+        self.clkin_hz = hz;
+        let clock = hz.map(ExternalClock::exact);
+        self.first.advance_to(now);
+        self.first.set_external_clock(clock);
+        if let Some(second) = &mut self.second {
+            second.advance_to(now);
+            second.set_external_clock(clock);
+        }
+    }
+
+    /// Takes the levels of SD; returns which of them have changed.
+    pub(crate) fn set_shutdown(&mut self, now: Time, levels: [bool; 2]) -> [bool; 2] {
+        let before = std::mem::replace(&mut self.shut_down, levels);
+        let changed = [levels[0] != before[0], levels[1] != before[1]];
+        if changed[0] {
+            self.first.advance_to(now);
+            self.first.set_shutdown(levels[0]);
+        }
+        if let Some(second) = &mut self.second
+            && changed[1]
+        {
+            second.advance_to(now);
+            second.set_shutdown(levels[1]);
+        }
+        changed
+    }
+
+    /// Whether one of them holds SDA low.
+    pub(crate) fn sda_is_low(&mut self, now: Time) -> bool {
+        let second = &mut self.second;
+        self.first.sda_held_low(now) || second.as_mut().is_some_and(|chip| chip.sda_held_low(now))
+    }
+
+    /// Until when one of them holds SCL low.
+    pub(crate) fn scl_low_until(&mut self, now: Time) -> Option<Time> {
+        let first = self.first.scl_held_until(now);
+        let second = self.second.as_mut();
+        first.max(second.and_then(|chip| chip.scl_held_until(now)))
+    }
+
+    /// START with an address; whether one of them acknowledges it.
+    pub(crate) fn start(&mut self, now: Time, byte: u8) -> bool {
+        let second = self.second.as_mut().map(|chip| chip.start(now, byte));
+        self.first.start(now, byte).is_ack() | second.is_some_and(Ack::is_ack)
+    }
+
+    /// A byte of the master; whether one of them acknowledges it.
+    pub(crate) fn write(&mut self, now: Time, byte: u8) -> bool {
+        let second = self.second.as_mut().map(|chip| chip.write(now, byte));
+        self.first.write(now, byte).is_ack() | second.is_some_and(Ack::is_ack)
+    }
+
+    /// A byte for the master.
+    pub(crate) fn read(&mut self, now: Time, ack: Ack) -> u8 {
+        // Wired AND: a converter that is not addressed leaves the wire high.
+        let second = self.second.as_mut().map(|chip| chip.read(now, ack));
+        self.first.read(now, ack) & second.unwrap_or(0xFF)
+    }
+
+    /// STOP.
+    pub(crate) fn stop(&mut self, now: Time) {
+        self.first.stop(now);
+        if let Some(second) = &mut self.second {
+            second.stop(now);
+        }
+    }
+
+    /// A pulse of SCL outside of a transfer.
+    pub(crate) fn clock_pulse(&mut self, now: Time) {
+        self.first.clock_pulses(now, 1);
+        if let Some(second) = &mut self.second {
+            second.clock_pulses(now, 1);
+        }
+    }
+}

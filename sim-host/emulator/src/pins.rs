@@ -1,0 +1,25 @@
+//! The board's pins and slices of the PWM by their role, as docs/firmware.md wires them.
+
+/// Pins of the bank.
+pub(crate) mod pin {
+    pub(crate) const SDA: usize = 4;
+    pub(crate) const SCL: usize = 5;
+    pub(crate) const INTB: usize = 7;
+    pub(crate) const SD: usize = 8;
+    pub(crate) const SECOND_INTB: usize = 9;
+    pub(crate) const SECOND_SD: usize = 10;
+    pub(crate) const IN1: usize = 16;
+    pub(crate) const IN2: usize = 17;
+    pub(crate) const SLEEP: usize = 18;
+    pub(crate) const FAULT: usize = 19;
+    pub(crate) const LIMIT: usize = 20;
+    pub(crate) const CLKIN: usize = 21;
+    pub(crate) const LED: usize = 25;
+}
+
+/// The PWM slice of the coil.
+pub(crate) const COIL_SLICE: usize = 0;
+/// The PWM slice that counts the falling edges of INTB.
+pub(crate) const EDGE_SLICE: usize = 3;
+/// The same for the second converter.
+pub(crate) const SECOND_EDGE_SLICE: usize = 4;
