@@ -46,8 +46,8 @@ fn conversions(bencher: Bencher<'_, '_>, (_, mux): (&str, u16)) {
             let mut chip = chip.borrow_mut();
             let done =
                 |chip: &Chip<_>| (0..4).map(|channel| chip.conversions(channel)).sum::<u64>();
-            let wanted = done(&chip) + CONVERSIONS;
-            while done(&chip) < wanted {
+            let target = done(&chip) + CONVERSIONS;
+            while done(&chip) < target {
                 let time = chip.now() + Time::from_ms(1);
                 chip.advance_to(time);
             }

@@ -12,7 +12,7 @@ const CONFIG_RESERVED: u16 = 0x003F;
 const RESET: u16 = 0x8000;
 
 impl<S: Sensors> Chip<S> {
-    /// The value that a register would be read as, without the effects of reading it: a look for
+    /// The value that a register would be read as, without the effects of reading it, for
     /// tests. Where there is no register it is zero (guess).
     #[must_use]
     pub fn register(&self, register: u8) -> u16 {

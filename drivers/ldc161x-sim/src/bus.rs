@@ -81,7 +81,7 @@ pub struct Bus<'a, S> {
 }
 
 impl<'a, S: Sensors> Bus<'a, S> {
-    /// A bus with one chip and a clock of `scl_hz`, held to the 10 kHz to 400 kHz of the datasheet
+    /// A bus with one chip and a clock of `scl_hz`, limited to the 10 kHz to 400 kHz of the datasheet
     /// (6.6).
     #[must_use]
     pub fn new(chip: &'a RefCell<Chip<S>>, scl_hz: u32) -> Self {
@@ -260,13 +260,13 @@ impl<'a, S: Sensors> Bus<'a, S> {
     /// Reads into a buffer; the last byte of a transfer is not acknowledged.
     fn fill(&mut self, buffer: &mut [u8], more_follow: bool) -> Result<(), I2cError> {
         let count = buffer.len();
-        for (number, place) in (1..).zip(buffer) {
-            let ack = if number < count || more_follow {
+        for (position, byte) in (1..).zip(buffer) {
+            let ack = if position < count || more_follow {
                 Ack::Ack
             } else {
                 Ack::Nack
             };
-            *place = self.read_byte(ack)?;
+            *byte = self.read_byte(ack)?;
         }
         Ok(())
     }

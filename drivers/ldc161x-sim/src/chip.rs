@@ -128,7 +128,7 @@ impl<S: Sensors> Chip<S> {
     }
 
     /// When something next happens inside the chip; nothing if only the bus or a pin can wake it.
-    /// An emulated microcontroller need not look at INTB before that.
+    /// An emulated microcontroller need not poll INTB before that.
     #[must_use]
     pub fn next_event(&self) -> Option<Time> {
         let sequence = self.sequence_due().time();
@@ -246,7 +246,7 @@ impl<S: Sensors> Chip<S> {
         }
     }
 
-    /// Where a fault stands; nothing once its place has been taken by a later one.
+    /// The state of a fault; nothing once a later one has taken its slot.
     #[must_use]
     pub fn fault_state(&self, fault: FaultId) -> Option<FaultState> {
         self.faults.state(fault)
@@ -270,7 +270,7 @@ impl<S: Sensors> Chip<S> {
             .any(|fault| *fault == ChipFault::ClockLoss)
     }
 
-    /// Does what a fault does at its beginning or end, beyond being looked at while it acts.
+    /// Applies what a fault does once, when it begins or ends; the rest is polled while it acts.
     pub(crate) fn apply(&mut self, change: FaultChange) {
         match change.fault {
             ChipFault::BrownOut(Lost::Everything) => self.brown_out(),
@@ -336,14 +336,14 @@ impl<S: Sensors> Chip<S> {
         &self.settings
     }
 
-    /// What hangs on its inputs.
+    /// What is connected to its inputs.
     #[must_use]
     pub fn sensors(&self) -> &S {
         &self.sensors
     }
 
-    /// What hangs on its inputs, to be changed. The conversion under way is counted with what hangs
-    /// there at its end.
+    /// What is connected to its inputs, to be changed. The conversion under way is counted with what
+    /// is connected at its end.
     pub fn sensors_mut(&mut self) -> &mut S {
         &mut self.sensors
     }
@@ -373,8 +373,8 @@ impl<S: Sensors> Chip<S> {
         self.results.newest(channel)
     }
 
-    /// The truth about the conversion whose result was last latched by a read of DATAx_MSB: what
-    /// the driver holds in its hands. Nothing if there was none to be read: since sleep, or because
+    /// The truth about the conversion whose result was last latched by a read of DATAx_MSB: the
+    /// one that the driver has read. Nothing if there was none to be read: since sleep, or because
     /// the watchdog had aborted it.
     #[must_use]
     pub fn last_read(&self, channel: u8) -> Option<&TrueConversion> {

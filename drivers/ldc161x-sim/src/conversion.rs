@@ -26,7 +26,7 @@ pub struct TrueConversion {
     /// Mean of [`Sensors::frequency_hz`] from `start` to `end`, Hz.
     pub sensor_hz: f64,
     /// Mean frequency at the comparator, Hz: the sensor's with the shifts by drive, clamp and
-    /// settling, with noise, and with what pulls it from outside. The word tells this one.
+    /// settling, with noise, and with what pulls it from outside. The word gives this one.
     pub oscillation_hz: f64,
     /// True reference frequency, Hz, behind FREF_DIVIDERx.
     pub reference_hz: f64,
@@ -40,7 +40,7 @@ pub struct TrueConversion {
     pub word: u32,
     /// What was wrong, whether or not ERROR_CONFIG lets it show.
     pub errors: Errors,
-    /// The count is wrong and nothing tells so: a register was written during the conversion, or
+    /// The count is wrong and nothing reports it: a register was written during the conversion, or
     /// the deglitch filter is slower than the sensor.
     pub spoilt: bool,
 }
@@ -55,7 +55,7 @@ pub(crate) struct Sweep {
 
 impl Sweep {
     /// Composite five-point Gauss–Lobatto quadrature: exact for polynomials of degree 7 in each
-    /// panel, and it looks at both ends, where the first and the last edge need the frequency.
+    /// panel, with nodes at both ends, where the first and the last edge need the frequency.
     pub(crate) fn over(
         sensors: &impl Sensors,
         channel: u8,
@@ -92,7 +92,7 @@ impl Sweep {
     }
 
     /// With what pulls it from outside spread evenly over the conversion: the edges at its ends are
-    /// placed by a frequency that is off by some 10⁻⁵ at most.
+    /// timed by a frequency that is off by some 10⁻⁵ at most.
     fn pulled(self, sensors: &impl Sensors, channel: u8, start_s: f64, length_s: f64) -> Self {
         let window = Window {
             start_s,

@@ -97,7 +97,7 @@ impl Counts {
     }
 }
 
-/// round(2²⁸ ratio) without counting, for tests that want no quantisation.
+/// round(2²⁸ ratio) without counting, for tests without quantisation.
 pub(crate) fn exact_ratio(ratio: f64) -> Ratio {
     let word = libm::round(ratio * FULL_SCALE as f64);
     if word >= FULL_SCALE as f64 {
@@ -235,10 +235,10 @@ mod tests {
 
     /// Walks over every edge of one gate of a signal phase + rate t + bend t²/2, one by one.
     fn walk(phase: f64, rate: f64, bend: f64, opening: f64, clocks: f64) -> (u64, u64) {
-        let mut edges = (0..).map(|number| {
-            let wanted = f64::from(number) - phase;
-            // the root of bend t²/2 + rate t - wanted that is stable for a small bend
-            2.0 * wanted / (rate + (rate * rate + 2.0 * bend * wanted).sqrt())
+        let mut edges = (0..).map(|edge| {
+            let advance = f64::from(edge) - phase;
+            // the root of bend t²/2 + rate t - advance that is stable for a small bend
+            2.0 * advance / (rate + (rate * rate + 2.0 * bend * advance).sqrt())
         });
         let first = edges.find(|&time| time >= opening).expect("an edge");
         let (mut last, mut periods) = (first, 0);

@@ -1,4 +1,4 @@
-//! The errors of a conversion, in the three places where the chip reports them.
+//! The errors of a conversion, in the three layouts in which the chip reports them.
 
 use core::fmt;
 use core::ops::{BitOr, BitOrAssign};
@@ -100,7 +100,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn each_error_has_its_bit_in_each_place() {
+    fn each_error_has_its_bit_in_each_layout() {
         // (error, 2OUT bit, DATAx_MSB bit, 2INT bit, STATUS bit) from datasheet tables 1, 25 and 26
         for (error, out, data, int, status) in [
             (Errors::UNDER_RANGE, Some(15), 15, 7, 13),

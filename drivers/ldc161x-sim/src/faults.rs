@@ -170,7 +170,7 @@ impl FaultEvent {
     }
 }
 
-/// Where a scheduled fault stands.
+/// The state of a scheduled fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FaultState {
     /// It has not begun.
@@ -193,13 +193,13 @@ pub enum FaultState {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FaultId(u64);
 
-/// All [`FAULT_SLOTS`] places are taken by faults that wait or act.
+/// All [`FAULT_SLOTS`] slots are taken by faults that wait or act.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ScheduleFull;
 
 impl core::fmt::Display for ScheduleFull {
     fn fmt(&self, formatter: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        write!(formatter, "all {FAULT_SLOTS} places for faults are taken")
+        write!(formatter, "all {FAULT_SLOTS} slots for faults are taken")
     }
 }
 
@@ -256,29 +256,29 @@ pub(crate) struct FaultChange {
     pub(crate) begins: bool,
 }
 
-/// Places for faults. Every byte on the bus looks through them, so that those which were never
+/// Slots for faults. Every byte on the bus goes through them, so that those which were never
 /// taken are left out.
 #[derive(Clone, Debug)]
 struct Slots {
-    places: [Option<Slot>; FAULT_SLOTS],
-    /// Places from here on were never taken.
+    all: [Option<Slot>; FAULT_SLOTS],
+    /// Slots from here on were never taken.
     taken: usize,
 }
 
 impl Slots {
     fn put(&mut self, index: usize, slot: Slot) {
-        if let Some(place) = self.places.get_mut(index) {
-            *place = Some(slot);
+        if let Some(entry) = self.all.get_mut(index) {
+            *entry = Some(slot);
             self.taken = self.taken.max(index + 1);
         }
     }
 
     fn iter(&self) -> impl Iterator<Item = &Slot> {
-        self.places.iter().take(self.taken).flatten()
+        self.all.iter().take(self.taken).flatten()
     }
 
     fn iter_mut(&mut self) -> impl Iterator<Item = &mut Slot> {
-        self.places.iter_mut().take(self.taken).flatten()
+        self.all.iter_mut().take(self.taken).flatten()
     }
 }
 
@@ -287,7 +287,7 @@ impl Slots {
 pub(crate) struct Schedule {
     slots: Slots,
     next_id: u64,
-    /// The earliest [`Slot::due`], kept because every conversion asks for it.
+    /// The earliest [`Slot::due`], kept because every conversion reads it.
     due: Option<Time>,
     random: Random,
     pub(crate) log: Disturbances,
@@ -297,7 +297,7 @@ impl Schedule {
     pub(crate) fn new(random: Random) -> Self {
         Self {
             slots: Slots {
-                places: [None; FAULT_SLOTS],
+                all: [None; FAULT_SLOTS],
                 taken: 0,
             },
             next_id: 0,
@@ -328,12 +328,12 @@ impl Schedule {
         Ok(FaultId(id))
     }
 
-    /// An empty place, or that of the oldest fault that is over.
+    /// An empty slot, or that of the oldest fault that is over.
     fn free_slot(&self) -> Option<usize> {
-        let empty = self.slots.places.iter().position(Option::is_none);
+        let empty = self.slots.all.iter().position(Option::is_none);
         empty.or_else(|| {
             (0..)
-                .zip(&self.slots.places)
+                .zip(&self.slots.all)
                 .filter_map(|(index, slot)| slot.filter(Slot::is_over).map(|slot| (slot.id, index)))
                 .min()
                 .map(|(_, index)| index)
@@ -342,12 +342,12 @@ impl Schedule {
 
     /// Ends what is active and forgets what waits.
     pub(crate) fn clear(&mut self, now: Time) {
-        for place in &mut self.slots.places {
-            match place {
+        for entry in &mut self.slots.all {
+            match entry {
                 Some(slot) if slot.is_active() => {
                     finish(slot, now, &mut self.log);
                 }
-                Some(slot) if slot.state == FaultState::Waiting => *place = None,
+                Some(slot) if slot.state == FaultState::Waiting => *entry = None,
                 _ => {}
             }
         }
@@ -367,7 +367,7 @@ impl Schedule {
         self.due = self.slots.iter().filter_map(Slot::due).min();
     }
 
-    /// Begins or ends one fault that is due, and tells which.
+    /// Begins or ends one fault that is due, and returns it.
     pub(crate) fn advance(&mut self, now: Time) -> Option<FaultChange> {
         let slot = self
             .slots
@@ -385,7 +385,7 @@ impl Schedule {
         Some(FaultChange { fault, begins })
     }
 
-    /// Begins one fault that waits for this transaction, and tells which.
+    /// Begins one fault that waits for this transaction, and returns it.
     pub(crate) fn begin_transaction(&mut self, number: u64, now: Time) -> Option<FaultChange> {
         let slot = self.slots.iter_mut().find(|slot| {
             slot.state == FaultState::Waiting
@@ -400,7 +400,7 @@ impl Schedule {
         })
     }
 
-    /// Counts a finished transaction; ends one fault that lasted for it, and tells which. Call with
+    /// Counts a finished transaction; ends one fault that lasted for it, and returns it. Call with
     /// `counted` false until nothing is left to end.
     pub(crate) fn end_transaction(&mut self, now: Time, counted: bool) -> Option<FaultChange> {
         let spans =

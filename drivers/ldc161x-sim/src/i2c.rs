@@ -9,7 +9,7 @@ use crate::time::Time;
 /// The bit that follows a byte.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ack {
-    /// Pulled low: taken, or more wanted.
+    /// Pulled low: taken, or more is to come.
     Ack,
     /// Left high: refused, or the last byte.
     Nack,

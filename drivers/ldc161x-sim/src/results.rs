@@ -1,4 +1,4 @@
-//! Results, STATUS and INTB: what the chip tells, and what a read takes away.
+//! Results, STATUS and INTB: what the chip reports, and what a read clears.
 
 use crate::conversion::TrueConversion;
 use crate::errors::Errors;
@@ -44,7 +44,7 @@ struct ChannelRegisters {
     shown: Option<TrueConversion>,
     last_read: Option<TrueConversion>,
     /// Waits for the end of the autoscan cycle.
-    held: Option<ConversionResult>,
+    pending: Option<ConversionResult>,
 }
 
 impl ChannelRegisters {
@@ -61,7 +61,7 @@ impl ChannelRegisters {
     fn take(&mut self, outcome: ConversionResult, overwrite: Overwrite) {
         match overwrite {
             Overwrite::ByChannel => self.publish(outcome),
-            Overwrite::ByScan => self.held = Some(outcome),
+            Overwrite::ByScan => self.pending = Some(outcome),
         }
     }
 }
@@ -99,7 +99,7 @@ impl Results {
             channel.unread = false;
             channel.waiting = false;
             channel.shown = None;
-            channel.held = None;
+            channel.pending = None;
         }
         self.forget_errors();
         self.data_ready = false;
@@ -139,7 +139,7 @@ impl Results {
     /// All channels of the sequence have new results.
     pub(crate) fn sequence_done(&mut self, reporting: Reporting) {
         for channel in &mut self.channels {
-            if let Some(outcome) = channel.held.take() {
+            if let Some(outcome) = channel.pending.take() {
                 channel.publish(outcome);
             }
         }

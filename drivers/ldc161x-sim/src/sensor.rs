@@ -1,4 +1,4 @@
-//! What hangs on the chip's inputs: the oscillating coils.
+//! What is connected to the chip's inputs: the oscillating coils.
 
 use core::f64::consts::PI;
 

@@ -368,8 +368,8 @@ impl<S: Sensors> Chip<S> {
     }
 
     fn set_calibrated(&mut self, channel: u8, code: u8) {
-        if let Some(place) = self.sequence.calibrated.get_mut(usize::from(channel)) {
-            *place = Some(code);
+        if let Some(calibrated) = self.sequence.calibrated.get_mut(usize::from(channel)) {
+            *calibrated = Some(code);
         }
         self.registers.show_initial_drive(channel, code);
     }
@@ -378,8 +378,8 @@ impl<S: Sensors> Chip<S> {
     /// takes no time of its own is a guess.
     fn calibrate(&mut self, channel: u8, at: Moment) {
         let config = self.registers.config();
-        let wanted = !config.overrides_rp() || config.amplitude_correction();
-        if wanted && self.calibrated(channel).is_none() {
+        let is_enabled = !config.overrides_rp() || config.amplitude_correction();
+        if is_enabled && self.calibrated(channel).is_none() {
             let resistance_ohm = self
                 .sensors
                 .parallel_resistance_ohm(usize::from(channel), at.seconds());

@@ -154,7 +154,7 @@ impl Default for SensorDrive {
     }
 }
 
-/// Everything that tells one simulated chip from another.
+/// Everything in which one simulated chip differs from another.
 ///
 /// ```
 /// use ldc161x_sim::{ExternalClock, Settings};

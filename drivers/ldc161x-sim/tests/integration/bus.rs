@@ -107,21 +107,21 @@ fn adjacent_operations_of_one_kind_are_one_transfer() {
 }
 
 #[test]
-fn the_clock_is_held_to_the_datasheet() {
-    for (wanted, bit_ns) in [
+fn the_clock_is_limited_to_the_datasheet() {
+    for (requested_hz, bit_ns) in [
         (100_000, 10_000),
         (400_000, 2_500),
         (1_000_000, 2_500),
         (1, 100_000),
     ] {
         let chip = RefCell::new(chip());
-        Bus::new(&chip, wanted)
+        Bus::new(&chip, requested_hz)
             .write(ADDRESS, &[0x00])
             .expect("an answer");
         assert_eq!(
             chip.borrow().now(),
             Time::from_ns(20 * bit_ns),
-            "{wanted} Hz"
+            "{requested_hz} Hz"
         );
     }
 }
@@ -443,12 +443,12 @@ fn errors_tell_what_they_are() {
 #[test]
 fn a_borrow_held_by_the_test_is_an_error_and_no_panic() {
     let rig = ChipRig::new(Settings::default(), [3e6]);
-    let held = rig.chip.borrow_mut();
+    let borrow = rig.chip.borrow_mut();
     assert_eq!(rig.try_read(0x7E), Err(I2cError::Borrowed));
     Delay::new(&rig.chip).delay_ms(1);
     assert_eq!(IntbPin::new(&rig.chip).is_low(), Ok(false));
     ShutdownPin::new(&rig.chip).set_high().expect("infallible");
-    drop(held);
+    drop(borrow);
     assert_eq!(rig.read(0x7E), 0x5449);
 }
 

@@ -449,9 +449,9 @@ fn the_phase_runs_on_between_conversions_of_a_single_channel() {
             .map(|counts| (counts.sensor as f64, counts.reference as f64))
             .collect();
         let rate = sensor_hz / f64::from(divider) / 40e6;
-        let places = 5_000;
-        let explained = (0..places).any(|place| {
-            let start = f64::from(place) / f64::from(places);
+        let phases = 5_000;
+        let explained = (0..phases).any(|step| {
+            let start = f64::from(step) / f64::from(phases);
             let mut phase = start;
             let mut off = 0.0;
             for &(sensor, reference) in &counted {

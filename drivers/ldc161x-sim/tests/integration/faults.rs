@@ -212,7 +212,7 @@ fn the_schedule_is_bounded_and_reuses_what_is_over() {
     assert_eq!(
         rig.chip.borrow().fault_state(first),
         None,
-        "its place was needed"
+        "its slot was needed"
     );
     assert_eq!(
         rig.chip.borrow().disturbances().ended,

@@ -374,7 +374,7 @@ fn intb_dis_holds_the_pin_high() {
     rig.convert(0, 2);
     assert!(!rig.intb_is_low());
     assert_eq!(rig.chip.borrow().interrupts(), 0);
-    assert_eq!(rig.read(0x18) & DRDY, DRDY, "STATUS still tells");
+    assert_eq!(rig.read(0x18) & DRDY, DRDY, "STATUS still reports it");
 }
 
 #[test]

@@ -177,9 +177,9 @@ impl<S: Sensors> ChipRig<S> {
     /// Runs until a channel has finished `count` more conversions.
     pub(crate) fn convert(&self, channel: u8, count: u64) {
         let mut chip = self.chip.borrow_mut();
-        let wanted = chip.conversions(channel) + count;
+        let target = chip.conversions(channel) + count;
         let limit = chip.now() + ms(2_000_000);
-        while chip.conversions(channel) < wanted {
+        while chip.conversions(channel) < target {
             let due = chip.next_event().expect("the chip converts");
             assert!(due < limit, "no conversion in half an hour");
             chip.advance_to(due);
