@@ -60,7 +60,7 @@ pub struct Run {
     pub pressed: Pressed,
     /// The samples, from before the touch to after the last ramp.
     pub lines: Vec<BenchSample>,
-    /// When the train was asked for, s.
+    /// When the train was requested, s.
     pub began_s: f64,
     /// When its ramps began, after the coil's test, s.
     pub ramps_s: f64,
@@ -175,7 +175,7 @@ const BASELINE: Time = Time::from_ms(800);
 /// Time after the train.
 const AFTERWARDS: Time = Time::from_ms(50);
 
-/// The press by itself begins with so many times the greatest force of all runs: creep lets go of a
+/// The press by itself begins with so many times the greatest force of all runs: creep releases a
 /// few per cent of the force between a press and a train.
 const BEYOND_TRAINS: f64 = 1.08;
 /// It goes so many times further until it is beyond their readings: a load that gives way lets the
@@ -357,7 +357,7 @@ impl Bench<'_> {
         self.command(Command::SetCoil(plan.coil.clone()))
     }
 
-    /// Sends a command and wants it accepted.
+    /// Sends a command, which has to be accepted.
     fn command(&mut self, command: Command) -> Result<(), BenchError> {
         self.board.send(command)?;
         let records = self.board.take_records();

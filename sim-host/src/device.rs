@@ -7,7 +7,7 @@ use crate::Time;
 use crate::native::TimedRecord;
 use crate::world::World;
 
-/// An instrument that takes commands and tells records, on a plant whose time it drives.
+/// An instrument that takes commands and sends records, on a plant whose time it drives.
 ///
 /// [`NativeBoard`](crate::native::NativeBoard) is one on this computer; an emulated board that
 /// runs the firmware's image is another.
@@ -36,12 +36,12 @@ pub trait Device {
     /// Looks at the world, or changes it, now.
     fn with_world<T>(&mut self, apply: impl FnOnce(&mut World) -> T) -> T;
 
-    /// Takes the frames since this was last asked.
+    /// Takes the frames since the last call.
     fn take_frames(&mut self) -> Vec<Frame<Record>> {
         core::mem::take(self.frames())
     }
 
-    /// Takes the records since this was last asked.
+    /// Takes the records since the last call.
     fn take_records(&mut self) -> Vec<TimedRecord> {
         let frames = self.take_frames().into_iter();
         let timed =
@@ -60,7 +60,7 @@ pub trait Device {
         Ok(())
     }
 
-    /// Runs until a record has come that satisfies `found`, or until `end`; tells whether it has.
+    /// Runs until a record has come that satisfies `found`, or until `end`; returns whether it has.
     ///
     /// # Errors
     /// If the device cannot run on.

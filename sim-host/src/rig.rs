@@ -1,7 +1,7 @@
 //! The bench on which an instrument is calibrated, and what its user reads there.
 //!
 //! A stage presses a specimen upon the sensor: a reference spring, or a rigid block. A load cell
-//! tells the force, the stage's scale the overall displacement. None of them is perfect, and the
+//! measures the force, the stage's scale the overall displacement. None of them is perfect, and the
 //! frame gives way (the disturbances' `[calibration_rig]`). The bench is at the temperature of
 //! calibration, and it vibrates as any stand.
 //!
@@ -35,9 +35,9 @@ pub enum Specimen {
 /// One reading of the bench.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RigReading {
-    /// What the load cell tells, N.
+    /// Force that the load cell measures, N.
     pub force_n: f64,
-    /// What the stage's scale tells, m.
+    /// Displacement that the stage's scale measures, m.
     pub stage_m: f64,
 }
 

@@ -80,7 +80,7 @@ const DEPTH: Allowed = Allowed::new(1e-6, 0.8e-3, "m");
 const SPEED: Allowed = Allowed::new(1e-5, 0.1, "m/s");
 
 impl Scenario {
-    /// Reads a file. A stack file that it names is looked for beside it.
+    /// Reads a file. A stack file that it names is searched beside it.
     ///
     /// # Errors
     /// [`LoadError`] if one of them cannot be read or is refused.
@@ -89,7 +89,7 @@ impl Scenario {
         Self::read(&path.display().to_string(), &read(path)?, folder)
     }
 
-    /// Reads a text; `file` is only for messages. A stack file is looked for in the working
+    /// Reads a text; `file` is only for messages. A stack file is searched in the working
     /// directory.
     ///
     /// # Errors

@@ -102,8 +102,8 @@ impl LayerStep<'_> {
     /// The modes at the end, with the force then.
     pub(crate) fn modes_after(&self, force_n: f64) -> [f64; MODES] {
         let mut after = [0.0; MODES];
-        for (place, (compliance, decay, z)) in after.iter_mut().zip(self.each()) {
-            *place = decay * z + 0.5 * (1.0 - decay) * compliance * (self.force_n + force_n);
+        for (mode, (compliance, decay, z)) in after.iter_mut().zip(self.each()) {
+            *mode = decay * z + 0.5 * (1.0 - decay) * compliance * (self.force_n + force_n);
         }
         after
     }

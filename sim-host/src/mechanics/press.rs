@@ -84,7 +84,7 @@ impl Profile {
     pub fn position_m(&self, time: Time) -> f64 {
         let after = self.knots.partition_point(|(knot, _)| *knot <= time);
         let next = self.knots.get(after);
-        let previous = after.checked_sub(1).and_then(|place| self.knots.get(place));
+        let previous = after.checked_sub(1).and_then(|index| self.knots.get(index));
         match (previous, next) {
             (Some(&(from, from_m)), Some(&(to, to_m))) => {
                 let share = (time - from).as_secs_f64() / (to - from).as_secs_f64();

@@ -21,7 +21,7 @@ use crate::thermal::ThermalParameters;
 /// Distance over which the error of the stage's scale repeats, m: a lead screw's pitch (guess).
 pub const STAGE_PITCH_M: f64 = 0.5e-3;
 
-/// One plant: every quantity that tells it from another.
+/// One plant: every quantity in which it differs from another.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parameters {
     /// Name of its stack.
@@ -118,7 +118,7 @@ pub struct RigParameters {
 
 impl Parameters {
     /// The same plant with the disturbances that are switched off at their neutral values, so that
-    /// no formula has to ask for a switch, and what is off has no effect at all.
+    /// no formula has to check a switch, and what is off has no effect at all.
     #[must_use]
     pub fn effective(&self, on: &Switches) -> Self {
         let mut p = self.clone();

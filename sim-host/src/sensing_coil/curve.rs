@@ -78,11 +78,11 @@ impl CoilCurve {
     /// Inductance, H, and its slope against the gap, H/m.
     #[must_use]
     pub fn at(&self, gap_m: f64) -> (f64, f64) {
-        let held = gap_m.clamp(LEAST_GAP_M, LARGEST_GAP_M);
-        let x = (libm::log(held) - CENTRE) / HALF_SPAN;
+        let clamped_m = gap_m.clamp(LEAST_GAP_M, LARGEST_GAP_M);
+        let x = (libm::log(clamped_m) - CENTRE) / HALF_SPAN;
         let (value, slope) = clenshaw(&self.value, &self.slope, x);
-        if held == gap_m {
-            (value, slope / held)
+        if clamped_m == gap_m {
+            (value, slope / clamped_m)
         } else {
             (value, 0.0)
         }
@@ -124,8 +124,8 @@ fn differentiated(series: &[f64; TERMS]) -> [f64; TERMS] {
     for (n, term) in series.iter().enumerate().skip(1).rev() {
         let this = after + 2.0 * n as f64 * term;
         (after, next) = (next, this);
-        if let Some(place) = slope.get_mut(n - 1) {
-            *place = if n == 1 { 0.5 * this } else { this };
+        if let Some(term) = slope.get_mut(n - 1) {
+            *term = if n == 1 { 0.5 * this } else { this };
         }
     }
     slope

@@ -45,13 +45,13 @@ impl InterferenceParameters {
     /// The harmonic of the bridge that is nearest to a frequency.
     #[must_use]
     pub fn nearest(&self, bridge: &Bridge, free_hz: f64) -> Interferer {
-        let number = libm::round(free_hz * bridge.period_s).max(1.0);
-        let frequency_hz = number / bridge.period_s;
+        let harmonic = libm::round(free_hz * bridge.period_s).max(1.0);
+        let frequency_hz = harmonic / bridge.period_s;
         // Pulses of finite edges: sinc of the edge, of which the envelope, since its zeros are not
         // to be relied upon.
         let edge = (1.0 / (PI * frequency_hz * self.edge_s)).min(1.0);
         let pulse_v =
-            2.0 * bridge.supply_v / (PI * number) * libm::sin(PI * number * bridge.duty) * edge;
+            2.0 * bridge.supply_v / (PI * harmonic) * libm::sin(PI * harmonic * bridge.duty) * edge;
         Interferer {
             frequency_hz,
             lock_hz: frequency_hz * self.volt_per_volt * pulse_v / (2.0 * OSCILLATION_V),

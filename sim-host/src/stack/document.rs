@@ -41,7 +41,7 @@ impl fmt::Display for FileError {
 
 impl core::error::Error for FileError {}
 
-/// A text with its name, to tell lines from offsets.
+/// A text with its name, to find lines by offsets.
 #[derive(Clone, Copy, Debug)]
 struct Source<'t> {
     file: &'t str,
@@ -150,7 +150,7 @@ impl<'t> TableSection<'t> {
         allowed: impl fmt::Display,
     ) -> Result<Spanned<DeValue<'t>>, FileError> {
         match self.entries.iter().position(|entry| entry.key == key) {
-            Some(place) => Ok(self.entries.swap_remove(place).value),
+            Some(index) => Ok(self.entries.swap_remove(index).value),
             None => Err(self.source.error(
                 &self.span,
                 &self.full(key),
@@ -380,7 +380,7 @@ impl<'t> TableSection<'t> {
     }
 }
 
-/// What a value is, where something else was wanted.
+/// What a value is, where something else was expected.
 fn kind(value: &DeValue<'_>) -> String {
     match value {
         DeValue::String(text) => format!("is the text {text:?}"),

@@ -1,7 +1,7 @@
 //! The reference plants: stack files and the file of disturbances.
 //!
 //! `stacks/` holds this crate's own copy of the frozen plants. Each quantity is read strictly (see
-//! [`document`]) and held to a range in which the model makes sense, wider than any real sensor.
+//! [`document`]) and limited to a range in which the model makes sense, wider than any real sensor.
 
 pub mod disturbances;
 pub mod document;

@@ -1,4 +1,4 @@
-//! What the converter may ask for: the recent past of frequency and current.
+//! The recent past of frequency and current, which the converter reads.
 
 use std::collections::VecDeque;
 
@@ -84,7 +84,7 @@ impl History {
         }
     }
 
-    /// Forgets what lies too far back to be asked for.
+    /// Forgets what is too old to be read.
     pub(super) fn forget_before(&mut self, now: Time) {
         while self
             .segments

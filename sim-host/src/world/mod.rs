@@ -180,7 +180,7 @@ impl World {
 
     // ---- inputs ----
 
-    /// Sets the coil's current, A, at once. It is held to the hardware's limit, 1.5 times the
+    /// Sets the coil's current, A, at once. It is limited to the hardware's, 1.5 times the
     /// stack's peak current, and to what the supply can push; what is no number is none.
     pub fn set_current(&mut self, current_a: f64) {
         self.hold(Command::constant(sound(current_a)));

@@ -63,7 +63,7 @@ impl SharedWorld {
     }
 }
 
-/// The sensing coil on channel 0, nothing on the others. While somebody holds a borrow of the world
+/// The sensing coil on channel 0, nothing on the others. While a caller holds a borrow of the world
 /// to change it, the coil does not oscillate.
 impl Sensors for SharedWorld {
     fn frequency_hz(&self, channel: usize, time_s: f64) -> f64 {

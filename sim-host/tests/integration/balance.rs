@@ -7,7 +7,7 @@ use palpate_sim::switches::Switches;
 use palpate_sim::thermal::CALIBRATION_C;
 use palpate_sim::world::{Holder, Setup, World};
 
-/// Presses, heats, ramps and lets go, and looks at the balance all along.
+/// Presses, heats, ramps and releases, and checks the balance all along.
 /// Returns the worst relative imbalance of displacements, forces and work.
 fn exercise(mut world: World) -> [f64; 3] {
     let thermal = world.parameters().thermal;
@@ -34,7 +34,7 @@ fn exercise(mut world: World) -> [f64; 3] {
         let off = truth.heat_in_j - truth.heat_out_j - stored;
         assert!(off.abs() <= 1e-9 * (truth.heat_in_j + 1e-3), "{off} J");
     }
-    assert!(world.truth().opening_m > 0.0, "it has let go");
+    assert!(world.truth().opening_m > 0.0, "it has released");
     worst
 }
 
@@ -80,7 +80,7 @@ fn they_hold_for_loads_that_are_no_springs() {
 
 #[test]
 fn the_work_of_the_press_is_the_integral_of_its_force() {
-    // independent of the account: the trapezoid over looks from outside, 0.1 ms apart
+    // independent of the account: the trapezoid over samples from outside, 0.1 ms apart
     let plant = plant("ultrasoft", 5);
     let load = Load::Hardening {
         n_per_m: 3e3,

@@ -52,7 +52,7 @@ const DRAWN: [f64; 5] = [
     7.500959685719329e-7,
 ];
 
-/// The same run with time cut into pieces of different lengths, looked at every 5 ms.
+/// The same run with time cut into pieces of different lengths, sampled every 5 ms.
 fn cut(pieces: &[u64]) -> Vec<u64> {
     assert_eq!(pieces.iter().sum::<u64>(), 5_000);
     let plant = plant("ultrasoft", 4);
@@ -67,7 +67,7 @@ fn cut(pieces: &[u64]) -> Vec<u64> {
         }
         for piece in pieces {
             world.advance(Time::from_us(*piece));
-            // looking must not disturb
+            // reading must not disturb
             let _ = (
                 world.truth(),
                 world.frequency_ahead_hz(world.now().as_secs_f64() + 2e-3),
@@ -198,14 +198,14 @@ fn mean_currents_are_means() {
 }
 
 #[test]
-fn other_channels_have_no_coil_and_a_held_world_no_answer() {
+fn other_channels_have_no_coil_and_a_borrowed_world_no_answer() {
     let plant = plant("ultrasoft", 2);
     let shared = SharedWorld::new(disturbed(&plant));
     assert!(shared.frequency_hz(0, 0.0) > 1e6);
     assert!((25.0..60.0).contains(&shared.quality_factor(0, 0.0)));
     assert!((3e3..20e3).contains(&shared.parallel_resistance_ohm(0, 0.0)));
     assert_eq!(shared.frequency_hz(1, 0.0), 0.0);
-    let _held = shared.borrow_mut();
+    let _borrow = shared.borrow_mut();
     assert_eq!(shared.frequency_hz(0, 0.0), 0.0);
 }
 

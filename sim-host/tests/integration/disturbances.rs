@@ -80,7 +80,7 @@ fn pulled(mut world: World) -> f64 {
     })
 }
 
-/// All that anybody can see of a plant: a measurement on a stand and by hand, the converter's
+/// All that is visible of a plant: a measurement on a stand and by hand, the converter's
 /// settings, and the calibration rig.
 fn everything(plant: &Parameters, switches: Switches) -> Vec<u64> {
     let mut seen = Vec::new();

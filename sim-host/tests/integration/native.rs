@@ -148,7 +148,7 @@ fn a_second_converter_that_fails_costs_the_first_nothing() {
             (1_980..=2_002).contains(&(after - before))
         });
         assert!(even, "{way:?}");
-        // It comes back, and said so meanwhile.
+        // It comes back, and reported that meanwhile.
         let second = samples(&after, 1);
         let last_us = second.last().expect("it comes back").0;
         assert!(last_us > 1_450_000, "{way:?}: {last_us}");
@@ -178,7 +178,7 @@ fn the_same_seed_gives_the_same_records() {
     assert_eq!(here, there);
 }
 
-/// A drive knows nothing but its measurement: its bow, 51 mA at the most, bends the true current.
+/// A drive has nothing but its measurement: its bow, 51 mA at the most, bends the true current.
 #[test]
 fn a_line_of_the_current_is_straight_as_it_is_measured() {
     let stack = Stack::builtin("ultrasoft").unwrap();

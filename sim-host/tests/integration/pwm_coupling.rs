@@ -52,10 +52,10 @@ fn band_hz() -> (f64, f64) {
 fn added_hz(parameters: &InterferenceParameters, period_s: f64, free_hz: f64) -> f64 {
     let mut random = Stream::named(7, "pwm_coupling");
     // The duty at which the nearest harmonic is largest, near a half.
-    let number = (free_hz * period_s).round();
+    let harmonic = (free_hz * period_s).round();
     let bridge = Bridge {
         supply_v: SUPPLY_V,
-        duty: ((0.5 * number).floor() + 0.5) / number,
+        duty: ((0.5 * harmonic).floor() + 0.5) / harmonic,
         period_s,
     };
     let interferer = parameters.nearest(&bridge, free_hz);
@@ -81,8 +81,8 @@ fn worst(parameters: &InterferenceParameters, period_s: f64) -> (f64, f64) {
     let last = (high_hz / spacing_hz).floor() as u32;
     assert!(last >= first, "no harmonic in the band");
     let mut worst = (0.0, 0.0);
-    for number in first..=last {
-        let harmonic_hz = f64::from(number) * spacing_hz;
+    for harmonic in first..=last {
+        let harmonic_hz = f64::from(harmonic) * spacing_hz;
         // Every hertz near the harmonic, where it locks, and then by steps of a tenth to its neighbour.
         let near = (-60..=60).map(f64::from);
         let far = (0..60).map(|step| 61.0 * 1.11_f64.powi(step));

@@ -112,7 +112,7 @@ pub(crate) fn trajectory(mut world: World) -> Vec<u64> {
 }
 
 /// Imbalances of displacements, forces and work, relative; the work to the most that has been moved
-/// so far, since a spring that is let go gives all of it back.
+/// so far, since a spring that is released gives all of it back.
 pub(crate) fn imbalances(truth: &Truth, most_j: &mut f64) -> [f64; 3] {
     let length_m = truth.press_m.abs() + truth.sensing_m.abs() + truth.opening_m + 1e-9;
     let force_n = truth.actuated_force_n.abs() + 1e-6;
