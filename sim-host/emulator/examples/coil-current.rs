@@ -127,7 +127,7 @@ fn weeks_later(
 }
 
 /// A use: the true means of conversions at currents over the whole range, and on ramps between
-/// them; with the currents that were asked for, where they were held.
+/// them; with the currents that were requested, where they were held.
 struct Use {
     held: Vec<(f64, Vec<f64>)>,
     ramps: Vec<common::driven::ChargeCurve>,
@@ -152,7 +152,7 @@ fn use_it(bench: &mut RecordedBoard<Wired>) -> Use {
     Use { held, ramps }
 }
 
-/// Greatest difference of held currents and of ramps. A conversion's window has its place on the
+/// Greatest difference of held currents and of ramps. A conversion's window has its time on the
 /// ramp, which begins when the image has read the command: the time between the two uses that makes
 /// the difference least, a few periods.
 fn difference(first: &Use, second: &Use) -> [f64; 2] {

@@ -183,9 +183,9 @@ fn crashes(image: &Image, rows: &mut Vec<FaultRow>) {
         let mut bench = ramping(common::image());
         for _ in 0..POINTS {
             bench.run(Time::from_ms(3));
-            for place in common::PLACES {
+            for exception in common::EXCEPTIONS {
                 let mut bench = bench.clone();
-                row.add(crash.in_exception(&mut bench, place));
+                row.add(crash.in_exception(&mut bench, exception));
             }
         }
         rows.push(row);

@@ -77,7 +77,7 @@ fn restarted(snapshot: &RecordedBoard, rate_hz: f32, phase: u64, row: &mut Start
     let at = bench.board.now() + PHASE.times(phase);
     let event = FaultEvent::at(at, ChipFault::BrownOut(Lost::Everything), Time::ZERO);
     let scheduled = bench.board.chip_mut().schedule(event);
-    assert!(scheduled.is_ok(), "no place for a fault");
+    assert!(scheduled.is_ok(), "no slot for a fault");
     // Until its silence is seen, and it is brought up.
     bench.run(length(rate_hz) + Time::from_ms(120));
     row.add(&judge(&bench));

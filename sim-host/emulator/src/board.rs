@@ -24,7 +24,7 @@ use crate::wire::{LineFault, Wire, WireLog};
 const ENTRY_CYCLES: u64 = 16;
 const WFI: u32 = 0xBF30;
 
-/// What tells one emulated board from another.
+/// In what one emulated board differs from another.
 #[derive(Clone, Debug)]
 pub struct Options {
     /// True frequency of the crystal, Hz, from which everything is clocked; 0 for one that does not
@@ -36,7 +36,7 @@ pub struct Options {
     /// measured at 125 MHz (oberon-rtk.org, "Flash Memory"); the second word of a line follows in
     /// the same transfer, eight nibbles at half the processor's clock.
     pub miss_cycles: u32,
-    /// Rise of SCL, from the pull-ups and what hangs on the wire.
+    /// Rise of SCL, from the pull-ups and the load of the wire.
     pub scl_rise: Time,
     /// From a reset to the first instruction of the image: boot ROM and second stage. Guess.
     pub boot: Time,
@@ -73,7 +73,7 @@ impl Default for Options {
 /// Resets since the board got its power.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ResetCount {
-    /// By the watchdog, asked for or not.
+    /// By the watchdog, requested or not.
     pub watchdog: u32,
 }
 
@@ -180,17 +180,17 @@ impl<P: Plant> EmulatedBoard<P> {
         Ok(())
     }
 
-    /// Runs until something is so, looking after every instruction.
+    /// Runs until a condition is true, which is checked after every instruction.
     ///
     /// # Errors
     /// [`Stop::TimedOut`] after the limit, or what the emulation cannot follow.
     pub fn run_until(
         &mut self,
         limit: Time,
-        mut is_so: impl FnMut(&Self) -> bool,
+        mut is_true: impl FnMut(&Self) -> bool,
     ) -> Result<(), Stop> {
         let end_ps = (self.now() + limit).as_ps();
-        while !is_so(self) {
+        while !is_true(self) {
             if self.bus.clock.now_ps() >= end_ps {
                 return Err(Stop::TimedOut);
             }
@@ -307,8 +307,8 @@ impl<P: Plant> EmulatedBoard<P> {
         regs.xpsr = regs.xpsr & !0x1FF | exception;
         regs.control &= !0b10;
         regs.sync_sp_from_banked();
-        for (place, word) in (0..).zip(words) {
-            self.bus.write32(frame + 4 * place, word);
+        for (index, word) in (0..).zip(words) {
+            self.bus.write32(frame + 4 * index, word);
         }
         self.bus.private.ppb.mark_active(exception as u16);
         let vector = self.bus.read32(self.bus.private.ppb.vtor + 4 * exception);
@@ -435,7 +435,7 @@ impl<P: Plant> EmulatedBoard<P> {
         self.bus.i2c.is_idle()
     }
 
-    /// What the pins tell the bridge.
+    /// The levels at the bridge's pins.
     #[must_use]
     pub const fn bridge(&self) -> BridgeInputs {
         self.bus.coil.inputs()
@@ -447,14 +447,14 @@ impl<P: Plant> EmulatedBoard<P> {
         self.bus.coil.circuit().current_a()
     }
 
-    /// What has flowed up to the present. The circuit itself is followed when something asks for it,
+    /// What has flowed up to the present. The circuit itself is advanced when its state is read,
     /// and may be some of a period behind.
     pub fn totals(&mut self) -> Totals {
         self.bus.run_coil(self.bus.clock.now_ps());
         self.bus.coil.circuit().totals()
     }
 
-    /// When the levels of the bridge's PWM were written, since this was last asked.
+    /// When the levels of the bridge's PWM were written, since the last call.
     pub fn take_level_times(&mut self) -> LevelTimes {
         self.bus.pwm.take_level_times()
     }
@@ -468,7 +468,7 @@ impl<P: Plant> EmulatedBoard<P> {
     }
 
     /// The coil's circuit, to disturb; what the plant says of coil and supply comes back with its
-    /// next look.
+    /// next reading.
     pub const fn circuit_mut(&mut self) -> &mut Circuit {
         self.bus.coil.circuit_mut()
     }
@@ -492,7 +492,7 @@ impl<P: Plant> EmulatedBoard<P> {
 
     // ---- counts ----
 
-    /// What the microsecond timer shows, by which the image tells time.
+    /// The count of the microsecond timer, which is the image's clock.
     #[must_use]
     pub fn timer_us(&self) -> u64 {
         self.bus.timer.count(self.bus.clock.now_ps())

@@ -63,12 +63,12 @@ impl Dma {
         Some(())
     }
 
-    /// Where the next result goes; nothing if no channel waits for one.
+    /// The address for the next result; nothing if no channel waits for one.
     pub(crate) fn next(&mut self) -> Option<u32> {
         self.skip(1)
     }
 
-    /// Lets so many results go; where the last one went.
+    /// Takes so many results at once; returns the address of the last one.
     pub(crate) fn skip(&mut self, results: u32) -> Option<u32> {
         let index = self
             .channels

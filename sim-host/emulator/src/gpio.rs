@@ -121,14 +121,14 @@ impl Gpio {
     }
 
     fn raw(&self, word: usize) -> u32 {
-        (0..8).fold(self.edges[word], |raw, place| {
-            let pin = word * 8 + place;
+        (0..8).fold(self.edges[word], |raw, index| {
+            let pin = word * 8 + index;
             let level = if pin < PINS && self.seen >> pin & 1 == 1 {
                 0b10
             } else {
                 0b01
             };
-            raw | level << (place * 4)
+            raw | level << (index * 4)
         })
     }
 

@@ -15,8 +15,8 @@ const DEPTH: usize = 16;
 /// From a command in an empty FIFO to the START, in clocks of the block. The datasheet does not
 /// say; guess.
 const START_LATENCY: u64 = 12;
-/// How often a master that waits for a free bus looks.
-const LOOK_PS: u64 = 1_000_000;
+/// How often a master that waits for a free bus polls it.
+const POLL_PS: u64 = 1_000_000;
 
 /// Bits of a command.
 const READ: u32 = 1 << 8;
@@ -49,13 +49,13 @@ mod cause {
 enum MasterState {
     /// Nothing.
     Idle,
-    /// It wants to send a START.
+    /// It is about to send a START.
     Waiting,
     /// It has sent START; the address follows.
     Started,
     /// A byte is under way; bit 8 is its acknowledge.
     Byte { kind: ByteKind, value: u8, bit: u8 },
-    /// Between two bytes, with SCL low, for want of a command.
+    /// Between two bytes, with SCL low, until there is a command.
     Holding,
     /// It sends STOP.
     Stopping,
@@ -78,8 +78,8 @@ pub(crate) struct I2c {
     spike: u32,
     hold: u32,
     enabled: bool,
-    abort_wanted: bool,
-    disable_wanted: bool,
+    abort_requested: bool,
+    disable_requested: bool,
     mask: u32,
     sticky: u32,
     source: u32,
@@ -112,8 +112,8 @@ impl I2c {
             spike: 7,
             hold: 1,
             enabled: false,
-            abort_wanted: false,
-            disable_wanted: false,
+            abort_requested: false,
+            disable_requested: false,
             mask: 0x8FF,
             sticky: 0,
             source: 0,
@@ -133,7 +133,7 @@ impl I2c {
         }
     }
 
-    /// The block in reset: it lets go of the wires in the midst of whatever it did.
+    /// The block in reset: it releases the wires, whatever it did.
     pub(crate) fn reset<P: Plant>(&mut self, wire: &mut Wire<P>) {
         if self.state != MasterState::Idle {
             wire.abandon();
@@ -174,7 +174,7 @@ impl I2c {
         self.state == MasterState::Idle
     }
 
-    /// Whether the master drives neither wire; while it does, it tells their levels itself.
+    /// Whether the master drives neither wire; while it does, it traces their levels itself.
     pub(crate) fn is_off_the_wires(&self) -> bool {
         matches!(self.state, MasterState::Idle | MasterState::Waiting)
     }
@@ -182,14 +182,14 @@ impl I2c {
     /// SCL falls.
     fn fall<P: Plant>(&mut self, now_ps: u64, wire: &mut Wire<P>) {
         self.bit_began_ps = now_ps;
-        wire.tell(now_ps, Signal::Scl, SignalValue::Level(false));
+        wire.trace(now_ps, Signal::Scl, SignalValue::Level(false));
     }
 
     /// The level of SDA in the bit that has begun, and the rise of SCL.
     fn trace_bit<P: Plant>(&self, rise_ps: u64, wire: &mut Wire<P>, high: bool) {
         let set_ps = self.bit_began_ps + self.clocks_ps(self.hold);
-        wire.tell(set_ps, Signal::Sda, SignalValue::Level(high));
-        wire.tell(rise_ps, Signal::Scl, SignalValue::Level(true));
+        wire.trace(set_ps, Signal::Sda, SignalValue::Level(high));
+        wire.trace(rise_ps, Signal::Scl, SignalValue::Level(true));
     }
 
     /// Does what is due at a time.
@@ -211,12 +211,12 @@ impl I2c {
     }
 
     fn try_start<P: Plant>(&mut self, now_ps: u64, wire: &mut Wire<P>) {
-        if self.abort_wanted || self.disable_wanted {
+        if self.abort_requested || self.disable_requested {
             self.rest(now_ps);
             return;
         }
         if wire.sda_is_low(now_ps) || wire.scl_low_until(now_ps).is_some() {
-            self.due_ps = Some(now_ps + LOOK_PS);
+            self.due_ps = Some(now_ps + POLL_PS);
             return;
         }
         let Some(&command) = self.transmit.front() else {
@@ -230,7 +230,7 @@ impl I2c {
     /// START, after which SCL stays high for the hold time.
     fn send_start<P: Plant>(&mut self, now_ps: u64, wire: &mut Wire<P>) {
         wire.start(now_ps);
-        wire.tell(now_ps, Signal::Sda, SignalValue::Level(false));
+        wire.trace(now_ps, Signal::Sda, SignalValue::Level(false));
         self.sticky |= raised::START_DET | raised::ACTIVITY;
         self.state = MasterState::Started;
         self.due_ps = Some(now_ps + self.clocks_ps(self.high_count));
@@ -262,9 +262,9 @@ impl I2c {
         bit: u8,
     ) {
         if let Some(until_ps) = wire.scl_low_until(now_ps) {
-            // The bit ends a high time after SCL is let go.
+            // The bit ends a high time after SCL is released.
             let free_ps = until_ps.saturating_add(self.high_ps());
-            self.due_ps = Some(free_ps.min(now_ps + LOOK_PS).max(now_ps + 1));
+            self.due_ps = Some(free_ps.min(now_ps + POLL_PS).max(now_ps + 1));
             return;
         }
         wire.count_bit(now_ps);
@@ -286,20 +286,20 @@ impl I2c {
             }
             (_, 0..=7) => self.next_bit(now_ps, wire, kind, value, bit),
             (ByteKind::Read { .. }, _) => {
-                wire.tell(now_ps, Signal::Byte, SignalValue::Byte(value));
+                wire.trace(now_ps, Signal::Byte, SignalValue::Byte(value));
                 self.take(value);
                 self.after_byte(now_ps, wire);
             }
             (ByteKind::Address, _) => {
                 let taken = wire.address(now_ps, value) || low;
                 self.trace_bit(rise_ps, wire, !taken);
-                wire.tell(now_ps, Signal::Byte, SignalValue::Byte(value));
+                wire.trace(now_ps, Signal::Byte, SignalValue::Byte(value));
                 self.after_acknowledge(now_ps, wire, taken, cause::ADDRESS);
             }
             (ByteKind::Write, _) => {
                 let taken = wire.write(now_ps, value) || low;
                 self.trace_bit(rise_ps, wire, !taken);
-                wire.tell(now_ps, Signal::Byte, SignalValue::Byte(value));
+                wire.trace(now_ps, Signal::Byte, SignalValue::Byte(value));
                 self.after_acknowledge(now_ps, wire, taken, cause::DATA);
             }
         }
@@ -338,7 +338,7 @@ impl I2c {
             self.abort(cause);
             self.begin_stop(now_ps, wire);
         } else if cause == cause::ADDRESS {
-            // The first command of the new direction is the one that asked for the START.
+            // The first command of the new direction is the one that requested the START.
             self.next_command(now_ps, wire);
         } else {
             self.after_byte(now_ps, wire);
@@ -355,7 +355,7 @@ impl I2c {
 
     /// Goes on with the next command, or waits for it with SCL low.
     fn next_command<P: Plant>(&mut self, now_ps: u64, wire: &mut Wire<P>) {
-        if self.abort_wanted || self.disable_wanted {
+        if self.abort_requested || self.disable_requested {
             self.begin_stop(now_ps, wire);
             return;
         }
@@ -412,11 +412,11 @@ impl I2c {
     fn end_stop<P: Plant>(&mut self, now_ps: u64, wire: &mut Wire<P>) {
         // SDA cannot rise while something holds it, nor SCL: there is no STOP until then.
         if wire.sda_is_low(now_ps) || wire.scl_low_until(now_ps).is_some() {
-            self.due_ps = Some(now_ps + LOOK_PS);
+            self.due_ps = Some(now_ps + POLL_PS);
             return;
         }
         wire.count_bit(now_ps);
-        wire.tell(now_ps, Signal::Sda, SignalValue::Level(true));
+        wire.trace(now_ps, Signal::Sda, SignalValue::Level(true));
         wire.stop(now_ps);
         self.sticky |= raised::STOP_DET;
         self.rest(now_ps);
@@ -430,12 +430,12 @@ impl I2c {
 
     /// Back to idle; the next START has to wait for the bus-free time.
     fn rest(&mut self, now_ps: u64) {
-        if self.abort_wanted {
+        if self.abort_requested {
             self.abort(cause::USER);
-            self.abort_wanted = false;
+            self.abort_requested = false;
         }
-        if self.disable_wanted {
-            self.disable_wanted = false;
+        if self.disable_requested {
+            self.disable_requested = false;
             self.disable();
         }
         self.state = MasterState::Idle;
@@ -521,7 +521,7 @@ impl I2c {
             0x5C => self.clear(raised::ACTIVITY),
             0x60 => self.clear(raised::STOP_DET),
             0x64 => self.clear(raised::START_DET),
-            0x6C => u32::from(self.enabled) | u32::from(self.abort_wanted) << 1,
+            0x6C => u32::from(self.enabled) | u32::from(self.abort_requested) << 1,
             0x70 => self.status(),
             0x74 => self.transmit.len() as u32,
             0x78 => self.receive.len() as u32,
@@ -596,15 +596,15 @@ impl I2c {
             self.source = 0;
             self.sticky = 0;
         }
-        self.abort_wanted |= value & 0b10 != 0 && self.state != MasterState::Idle;
+        self.abort_requested |= value & 0b10 != 0 && self.state != MasterState::Idle;
         if !on && self.enabled {
             if self.state == MasterState::Idle {
                 self.disable();
             } else {
-                self.disable_wanted = true;
+                self.disable_requested = true;
             }
         }
-        if self.state == MasterState::Holding && (self.abort_wanted || self.disable_wanted) {
+        if self.state == MasterState::Holding && (self.abort_requested || self.disable_requested) {
             self.begin_stop(now_ps, wire);
         }
     }

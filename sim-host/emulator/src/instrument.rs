@@ -21,8 +21,8 @@ pub const RECORDS: u32 = 1;
 /// See [`LOGS`].
 pub const COMMANDS: u32 = 0;
 
-/// How often the PC looks for records: the firmware's channel holds those of a tenth of a second.
-const LOOK: Time = Time::from_ms(1);
+/// How often the PC polls for records: the firmware's channel holds those of a tenth of a second.
+const POLL: Time = Time::from_ms(1);
 /// From power to the first word: boot, the converter's wake-up, and its deadlines if it is absent.
 const GREETING: Time = Time::from_ms(200);
 /// From a command to its answer.
@@ -139,7 +139,7 @@ impl Instrument {
         &mut self.board
     }
 
-    /// The bytes of the log since this was last asked, as defmt encodes them.
+    /// The bytes of the log since the last call, as defmt encodes them.
     pub fn take_logs(&mut self) -> Vec<u8> {
         std::mem::take(&mut self.logs)
     }
@@ -195,7 +195,7 @@ impl Device for Instrument {
     }
 
     fn advance(&mut self, end: Time) -> Result<(), ImageFailure> {
-        let end = end.min(self.now() + LOOK);
+        let end = end.min(self.now() + POLL);
         let left = end.max(self.now()) - self.now();
         let ran = self.board.run_for(left);
         self.listen();

@@ -1,4 +1,4 @@
-//! What hangs on the board: the sensor with whatever presses it.
+//! The plant behind the converter: the sensor with what presses it.
 
 use std::cell::RefCell;
 
@@ -89,14 +89,14 @@ impl PressedWorld {
         Self(RefCell::new(world))
     }
 
-    /// The world, to change or to look at.
+    /// The world, to change or to read.
     pub fn world_mut(&mut self) -> &mut World {
         self.0.get_mut()
     }
 
-    fn of_coil<T>(&self, channel: usize, otherwise: T, ask: impl Fn(&mut World) -> T) -> T {
+    fn of_coil<T>(&self, channel: usize, otherwise: T, read: impl Fn(&mut World) -> T) -> T {
         match self.0.try_borrow_mut() {
-            Ok(mut world) if channel == 0 => ask(&mut world),
+            Ok(mut world) if channel == 0 => read(&mut world),
             _ => otherwise,
         }
     }

@@ -90,37 +90,37 @@ pub struct Profile {
 }
 
 /// Half-words of memory, which come before those of flash.
-const RAM_PLACES: usize = RAM_SIZE / 2;
+const RAM_HALF_WORDS: usize = RAM_SIZE / 2;
 /// The exception number of interrupt 0.
 const FIRST_INTERRUPT: u32 = 16;
 
-fn place(address: u32) -> usize {
+fn index(address: u32) -> usize {
     match address.checked_sub(RAM) {
         Some(offset) => offset as usize / 2,
-        None => RAM_PLACES + address.saturating_sub(FLASH) as usize / 2,
+        None => RAM_HALF_WORDS + address.saturating_sub(FLASH) as usize / 2,
     }
 }
 
-const fn address(place: usize) -> u32 {
-    match place.checked_sub(RAM_PLACES) {
+const fn address(index: usize) -> u32 {
+    match index.checked_sub(RAM_HALF_WORDS) {
         Some(flash) => FLASH + 2 * flash as u32,
-        None => RAM + 2 * place as u32,
+        None => RAM + 2 * index as u32,
     }
 }
 
 impl Profile {
     /// Nothing counted yet. What functions at shared addresses cost is charged to their callers.
     pub(crate) fn new(image: &Image, shared: &[Range<u32>]) -> Self {
-        let places = place(FLASH + image.flash_bytes()) + 1;
-        let mut is_shared = vec![false; places];
+        let half_words = index(FLASH + image.flash_bytes()) + 1;
+        let mut is_shared = vec![false; half_words];
         for range in shared {
-            let places = place(range.start)..place(range.end);
-            if let Some(functions) = is_shared.get_mut(places) {
+            let range = index(range.start)..index(range.end);
+            if let Some(functions) = is_shared.get_mut(range) {
                 functions.fill(true);
             }
         }
         Self {
-            costs: vec![Cost::default(); places],
+            costs: vec![Cost::default(); half_words],
             is_shared,
             handlers: BTreeMap::new(),
             runs: Vec::new(),
@@ -131,15 +131,15 @@ impl Profile {
 
     /// An instruction was executed in an exception.
     pub(crate) fn executed(&mut self, pc: u32, cycles: u64, exception: u32) {
-        let place = place(pc);
-        let shared = self.is_shared.get(place).copied().unwrap_or_default();
+        let index = index(pc);
+        let shared = self.is_shared.get(index).copied().unwrap_or_default();
         let run = self.run_of(exception);
         run.cycles += cycles;
         if !shared {
-            run.caller = place;
+            run.caller = index;
         }
         let caller = run.caller;
-        if let Some(cost) = self.costs.get_mut(place) {
+        if let Some(cost) = self.costs.get_mut(index) {
             cost.count += 1;
             cost.own_cycles += cycles;
         }
@@ -211,7 +211,7 @@ impl Profile {
         let executed = self.costs.iter().enumerate();
         executed
             .filter(|(_, cost)| cost.count > 0 || cost.charged_cycles > 0)
-            .map(|(place, cost)| (address(place), *cost))
+            .map(|(index, cost)| (address(index), *cost))
     }
 
     /// What every exception's handler has cost, by its number.
@@ -231,9 +231,9 @@ mod tests {
     fn profile() -> Profile {
         let helper = HELPER..HELPER + 4;
         Profile {
-            costs: vec![Cost::default(); RAM_PLACES],
-            is_shared: (0..RAM_PLACES)
-                .map(|place| helper.contains(&address(place)))
+            costs: vec![Cost::default(); RAM_HALF_WORDS],
+            is_shared: (0..RAM_HALF_WORDS)
+                .map(|index| helper.contains(&address(index)))
                 .collect(),
             handlers: BTreeMap::new(),
             runs: Vec::new(),
@@ -248,7 +248,7 @@ mod tests {
     }
 
     #[test]
-    fn an_address_and_its_place_belong_together() {
+    fn an_address_and_its_index_belong_together() {
         for at in [
             RAM,
             RAM + 2,
@@ -256,7 +256,7 @@ mod tests {
             FLASH,
             FLASH + 0x100,
         ] {
-            assert_eq!(address(place(at)), at, "{at:#x}");
+            assert_eq!(address(index(at)), at, "{at:#x}");
         }
     }
 

@@ -43,7 +43,7 @@ pub(crate) struct Pwm {
     sys_hz: f64,
     /// Of the first slice.
     level_times: LevelTimes,
-    /// Wraps, by slice, of those slices whose wraps anything asks for.
+    /// Wraps, by slice, of those slices whose wraps are used.
     raw: u32,
     enabled: u32,
     serviced_ps: u64,

@@ -13,7 +13,7 @@ const RINGS: u32 = 24;
 fn ring(memory: &Memory, block: u32, down: bool, channel: u32) -> Option<u32> {
     let is_ready = (0..)
         .zip(*b"SEGGER RTT")
-        .all(|(place, letter)| memory.byte(block + place) == letter);
+        .all(|(offset, letter)| memory.byte(block + offset) == letter);
     let ups = memory.word(block + UP_COUNT);
     let count = if down {
         memory.word(block + DOWN_COUNT)
@@ -53,7 +53,7 @@ pub(crate) fn read(memory: &mut Memory, block: u32, channel: u32) -> Vec<u8> {
     };
     let waiting = (ring.write + ring.size - ring.read) % ring.size;
     let bytes = (0..waiting)
-        .map(|place| memory.byte(ring.buffer + (ring.read + place) % ring.size))
+        .map(|offset| memory.byte(ring.buffer + (ring.read + offset) % ring.size))
         .collect();
     memory.set_word(ring.at + 16, ring.write);
     bytes
@@ -66,11 +66,11 @@ pub(crate) fn write(memory: &mut Memory, block: u32, channel: u32, bytes: &[u8])
     };
     let room = (ring.read + ring.size - ring.write - 1) % ring.size;
     let taken = bytes.len().min(room as usize);
-    let mut place = ring.write;
+    let mut write = ring.write;
     for &byte in bytes.iter().take(taken) {
-        memory.set_byte(ring.buffer + place, byte);
-        place = (place + 1) % ring.size;
+        memory.set_byte(ring.buffer + write, byte);
+        write = (write + 1) % ring.size;
     }
-    memory.set_word(ring.at + 12, place);
+    memory.set_word(ring.at + 12, write);
     taken
 }

@@ -8,7 +8,7 @@ use addr2line::Loader;
 use object::read::elf::ElfFile32;
 use object::{Endianness, Object, ObjectSymbol, SymbolKind};
 
-/// A function, and the file in which its code at an address stands.
+/// A function, and the file that holds its code at an address.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Function {
     /// Its name, demangled.

@@ -29,7 +29,7 @@ pub enum Stop {
         /// The instruction that did it.
         pc: u32,
     },
-    /// The wished event did not come in time.
+    /// The expected event did not come in time.
     TimedOut,
 }
 

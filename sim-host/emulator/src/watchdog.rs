@@ -9,7 +9,7 @@ pub(crate) struct Watchdog {
     due_ps: Option<u64>,
     left: u32,
     reason: u32,
-    /// The reset was asked for.
+    /// The reset was requested.
     is_forced: bool,
     scratch: [u32; 8],
     tick: u32,

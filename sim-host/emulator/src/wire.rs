@@ -35,7 +35,7 @@ impl LineFault {
     }
 }
 
-/// What has passed on the bus, kept when [`crate::Options::record`] asks for it.
+/// What has passed on the bus, kept with [`crate::Options::record`].
 #[derive(Clone, Debug, Default)]
 pub struct WireLog {
     /// Conversions in the order in which the firmware fetched their results.
@@ -98,8 +98,8 @@ impl<P: Plant> Wire<P> {
         }
     }
 
-    /// A wire is something from a time on, which may have passed.
-    pub(crate) fn tell(&mut self, at_ps: u64, signal: Signal, value: SignalValue) {
+    /// Traces the level of a wire from a time on, which may have passed.
+    pub(crate) fn trace(&mut self, at_ps: u64, signal: Signal, value: SignalValue) {
         if let Some(changes) = &mut self.changes {
             changes.push(Change {
                 at_ps,
@@ -204,7 +204,7 @@ impl<P: Plant> Wire<P> {
         self.converters.stop(Time::from_ps(now_ps));
     }
 
-    /// The master lets go without a STOP.
+    /// The master releases the wires without a STOP.
     pub(crate) fn abandon(&mut self) {
         self.in_transaction = false;
     }

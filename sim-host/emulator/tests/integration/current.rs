@@ -1,4 +1,4 @@
-//! What the image tells of the coil's current period by period, and what a calibration of its
+//! What the image reports of the coil's current period by period, and what a calibration of its
 //! measurement does.
 
 use crate::common::RecordedBoard;
@@ -58,7 +58,7 @@ fn slope_per_value(values: &[f32]) -> f64 {
     let (product, square) = values
         .iter()
         .enumerate()
-        .map(|(place, value)| (place as f64 - middle, f64::from(*value)))
+        .map(|(index, value)| (index as f64 - middle, f64::from(*value)))
         .fold((0.0, 0.0), |(product, square), (from_middle, value)| {
             (
                 product + from_middle * value,
@@ -92,10 +92,10 @@ fn a_step_is_reported_period_by_period() {
         .flat_map(|(_, of)| of.currents_a.clone())
         .collect();
     assert_eq!(currents.len(), 128);
-    for (place, (at_us, part)) in parts.iter().enumerate() {
-        assert_eq!((part.total, usize::from(part.first)), (128, 16 * place));
+    for (index, (at_us, part)) in parts.iter().enumerate() {
+        assert_eq!((part.total, usize::from(part.first)), (128, 16 * index));
         assert_eq!(part.interval_s, 16e-6);
-        assert_eq!(at_us - parts[0].0, 256 * place as u64);
+        assert_eq!(at_us - parts[0].0, 256 * index as u64);
     }
     let step_true = truth.iter().position(|mean_a| *mean_a > 3.5).unwrap();
     let reported_step = currents
@@ -180,7 +180,7 @@ fn a_calibration_takes_the_error_of_the_gain_away() {
     let change = |measured_a: f32| measured_a / 1.05 - measured_a;
     let correction = CurrentCorrection {
         greatest_a: 12.0,
-        changes_a: (-8..=8).map(|place| change(1.5 * place as f32)).collect(),
+        changes_a: (-8..=8).map(|step| change(1.5 * step as f32)).collect(),
     };
     let set = Command::SetCurrentCorrection(correction);
     assert_eq!(bench.command(&set).outcome, Outcome::Accepted);
@@ -235,7 +235,7 @@ fn a_current_that_flows_with_the_bridge_off_is_reported() {
     bench.command(&drive(4.0, 0.0, 0.0));
     bench.run(Time::from_ms(5));
     bench.board.plant_mut().inductance_h = 1.0;
-    // Two looks at it, and too short for the drive to miss a current that does not follow.
+    // Two readings of it, and too short for the drive to miss a current that does not follow.
     bench.run(Time::from_us(300));
     bench.command(&Command::Abort);
     assert!(!bench.board.bridge().awake && bench.board.current_a() > 3.0);

@@ -81,7 +81,7 @@ fn cause(code: FaultCode) -> Vec<record::Fault> {
 fn raise(part: usize) {
     let parts = FaultCode::ALL.iter().enumerate();
     let mut missing = Vec::new();
-    for (_, &code) in parts.filter(|(place, _)| place % PARTS == part) {
+    for (_, &code) in parts.filter(|(index, _)| index % PARTS == part) {
         let begin = std::time::Instant::now();
         let faults = cause(code);
         println!("{code} {:.1} s", begin.elapsed().as_secs_f64());
@@ -96,13 +96,13 @@ const PARTS: usize = 2;
 
 #[test]
 #[ignore = "long: `cargo xtask ci` runs it"]
-fn every_code_of_even_place_is_raised_by_its_cause() {
+fn every_code_of_even_index_is_raised_by_its_cause() {
     raise(0);
 }
 
 #[test]
 #[ignore = "long: `cargo xtask ci` runs it"]
-fn every_code_of_odd_place_is_raised_by_its_cause() {
+fn every_code_of_odd_index_is_raised_by_its_cause() {
     raise(1);
 }
 
@@ -251,7 +251,7 @@ fn a_switch_that_conducts_for_ever() -> Vec<record::Fault> {
 fn crashed(crash: Crash) -> Vec<record::Fault> {
     let mut bench = ramping(image());
     crash
-        .in_exception(&mut bench, crate::common::PLACES[0])
+        .in_exception(&mut bench, crate::common::EXCEPTIONS[0])
         .unwrap();
     bench.run(Time::from_ms(50));
     bench.faults()
@@ -267,7 +267,7 @@ fn reset_by_itself() -> Vec<record::Fault> {
 fn crashed_five_times() -> Vec<record::Fault> {
     let mut bench = crate::common::streaming();
     for _ in 0..5 {
-        Crash::HardFault.in_exception(&mut bench, crate::common::PLACES[0]);
+        Crash::HardFault.in_exception(&mut bench, crate::common::EXCEPTIONS[0]);
         bench.run(Time::from_ms(200));
     }
     bench.faults()
@@ -311,11 +311,11 @@ fn without_crystal() -> Vec<record::Fault> {
     bench.faults()
 }
 
-/// Where a number lies in memory.
-fn places_of<P: Plant>(board: &EmulatedBoard<P>, number: f32) -> Vec<u32> {
+/// Where a value is in memory.
+fn addresses_of<P: Plant>(board: &EmulatedBoard<P>, value: f32) -> Vec<u32> {
     let memory = (0x2000_0000..0x2004_2000_u32).step_by(4);
     memory
-        .filter(|&at| board.peek(at) == number.to_bits())
+        .filter(|&at| board.peek(at) == value.to_bits())
         .collect()
 }
 
@@ -331,9 +331,9 @@ fn upset() -> Vec<record::Fault> {
     assert_eq!(bench.command(&set).outcome, Outcome::Accepted);
     bench.run(Time::from_ms(1_100));
     assert_eq!(bench.faults(), []);
-    for place in places_of(&bench.board, OHM) {
-        let word = bench.board.peek(place);
-        bench.board.poke(place, word ^ 1 << 21);
+    for address in addresses_of(&bench.board, OHM) {
+        let word = bench.board.peek(address);
+        bench.board.poke(address, word ^ 1 << 21);
     }
     let begin = bench.board.now();
     talk(&mut bench, Time::from_ms(1_200));

@@ -2,7 +2,7 @@
 //!
 //! Small form; the sweeps over every bit and byte are the campaign `image-faults`.
 
-use crate::common::{Crash, PLACES, RecordedBoard, image, ramping, streaming, time_to_off};
+use crate::common::{Crash, EXCEPTIONS, RecordedBoard, image, ramping, streaming, time_to_off};
 use ldc161x_sim::{ChipFault, FaultEvent, Lost, Time};
 use palpate_emulator::{LineFault, firmware};
 use palpate_wire::Record;
@@ -227,10 +227,10 @@ fn a_command_switches_the_bridge_off() {
 #[test]
 fn a_fault_anywhere_switches_the_bridge_off_within_a_millisecond() {
     let snapshot = ramping(image());
-    for place in PLACES {
+    for exception in EXCEPTIONS {
         let mut bench = snapshot.clone();
-        let took = Crash::HardFault.in_exception(&mut bench, place);
-        assert!(took.unwrap() <= Time::from_ms(1), "exception {place}");
+        let took = Crash::HardFault.in_exception(&mut bench, exception);
+        assert!(took.unwrap() <= Time::from_ms(1), "exception {exception}");
         assert_eq!(bench.board.resets().watchdog, 1);
         let crash = bench.frames.iter().find_map(|frame| match &frame.message {
             Record::Crash(crash) => Some(crash.clone()),
@@ -253,10 +253,10 @@ fn a_fault_anywhere_switches_the_bridge_off_within_a_millisecond() {
 #[test]
 fn an_endless_loop_anywhere_switches_the_bridge_off_within_60_ms() {
     let snapshot = ramping(image());
-    for place in PLACES {
+    for exception in EXCEPTIONS {
         let mut bench = snapshot.clone();
-        let took = Crash::Loop.in_exception(&mut bench, place);
-        assert!(took.unwrap() <= Time::from_ms(60), "exception {place}");
+        let took = Crash::Loop.in_exception(&mut bench, exception);
+        assert!(took.unwrap() <= Time::from_ms(60), "exception {exception}");
         let faults = bench.faults();
         assert!(
             faults.iter().any(|fault| fault.code == FaultCode::Watchdog),
@@ -309,12 +309,12 @@ fn a_crash_whose_record_cannot_be_read_is_a_fault() {
     for words in [20, 20, 1, 1, 1, 0] {
         let mut bench = snapshot.clone();
         for word in 0..words {
-            let place = if words == 1 {
+            let index = if words == 1 {
                 random(&mut state) % 20
             } else {
                 word
             };
-            bench.board.poke(record + 4 * place, random(&mut state));
+            bench.board.poke(record + 4 * index, random(&mut state));
         }
         bench.restart_listening();
         bench.run(Time::from_ms(100));
@@ -341,7 +341,7 @@ fn a_crash_whose_record_cannot_be_read_is_a_fault() {
     }
 }
 
-/// A reset that the firmware never asked for: memory was written over, and the processor with it.
+/// A reset that the firmware never requested: memory was written over, and the processor with it.
 #[test]
 fn a_reset_without_a_record_is_a_fault() {
     let mut bench = ramping(image());

@@ -1,7 +1,7 @@
 //! Images with a planted defect: a panic that the firmware survives, and defects that the other
 //! tests have to see.
 
-use crate::common::{Crash, PLACES, RecordedBoard, ramping};
+use crate::common::{Crash, EXCEPTIONS, RecordedBoard, ramping};
 use ldc161x_sim::Time;
 use palpate_emulator::{Image, firmware};
 use palpate_wire::Record;
@@ -18,7 +18,7 @@ fn an_image_without_its_safe_state_is_caught() {
     let mut bench = ramping(&planted("no_safe_state"));
     assert_eq!(
         Crash::HardFault
-            .in_exception(&mut bench, PLACES[0])
+            .in_exception(&mut bench, EXCEPTIONS[0])
             .filter(|took| *took <= Time::from_ms(1)),
         None
     );

@@ -95,7 +95,7 @@ fn a_second_converter_that_fails_costs_the_first_nothing() {
         second.schedule(fault).unwrap();
         bench.run(Time::from_ms(1_000));
         assert_whole(&of(&bench, 0), 1.0, &what);
-        // The second said so, and came back.
+        // The second reported that, and came back.
         let begun = bench.faults().into_iter().filter(|fault| fault.active);
         let places: Vec<Place> = begun.map(|fault| fault.place).collect();
         assert!(

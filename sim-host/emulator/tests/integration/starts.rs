@@ -92,7 +92,7 @@ impl Plant for Stopping {
 
 #[test]
 fn a_conversion_that_the_watchdog_aborts_is_marked_and_not_called_lost() {
-    // The chip's watchdog looks 5.2 ms after the last result: a conversion that is longer is aborted,
+    // The chip's watchdog expires 5.2 ms after the last result: a conversion that is longer is aborted,
     // and begun anew until the sensor oscillates.
     for lasting_s in [0.002, 0.012, 0.022] {
         let plant = Stopping {

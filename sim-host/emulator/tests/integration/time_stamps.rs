@@ -63,7 +63,7 @@ fn attached(image: &Image) -> Vec<f64> {
     errors_us(&bench)
 }
 
-/// With full channels. The samples that are stamped then are dropped, so each is looked at on a
+/// With full channels. The samples that are stamped then are dropped, so each is judged on a
 /// copy of the board whose channel is emptied between the sample's stamp and its record.
 fn unread(mut bench: RecordedBoard) -> Vec<f64> {
     bench.board.run_for(FILLED).unwrap();

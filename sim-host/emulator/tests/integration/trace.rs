@@ -107,7 +107,7 @@ fn traced() -> EmulatedBoard<Still> {
 
 fn dump(bench: &mut RecordedBoard) -> BTreeMap<String, Changes> {
     let mut dump = Vec::new();
-    let trace = bench.board.take_trace().expect("a trace was asked for");
+    let trace = bench.board.take_trace().expect("a trace was requested");
     trace.write(&mut dump).unwrap();
     read(dump)
 }
@@ -210,8 +210,8 @@ fn scl_has_its_period_and_its_low_time_and_edges_call_for_frames() {
 fn high_part(changes: &Changes, (from, to): (u64, u64)) -> f64 {
     let begin = changes.partition_point(|(at, _)| *at <= from).max(1) - 1;
     let mut high_ns = 0;
-    for (place, (at, level)) in changes.iter().enumerate().skip(begin) {
-        let end = changes.get(place + 1).map_or(to, |(next, _)| *next).min(to);
+    for (index, (at, level)) in changes.iter().enumerate().skip(begin) {
+        let end = changes.get(index + 1).map_or(to, |(next, _)| *next).min(to);
         if *at >= to {
             break;
         }
@@ -225,11 +225,11 @@ fn high_part(changes: &Changes, (from, to): (u64, u64)) -> f64 {
 /// The mean of a signal over a time. A single value of the current has its ripple in it.
 fn mean(changes: &Changes, (from, to): (u64, u64)) -> f64 {
     let begin = changes.partition_point(|(at, _)| *at <= from).max(1) - 1;
-    let held = changes.iter().enumerate().skip(begin);
-    let sum: f64 = held
+    let later = changes.iter().enumerate().skip(begin);
+    let sum: f64 = later
         .take_while(|(_, (at, _))| *at < to)
-        .map(|(place, (at, value))| {
-            let end = changes.get(place + 1).map_or(to, |(next, _)| *next).min(to);
+        .map(|(index, (at, value))| {
+            let end = changes.get(index + 1).map_or(to, |(next, _)| *next).min(to);
             value.unwrap_or(0.0) * end.saturating_sub((*at).max(from)) as f64
         })
         .sum();
@@ -242,11 +242,11 @@ fn pulses_of_the_bridge_drive_the_current_through_its_resistance() {
     let signals = dump(&mut bench);
     let current = &signals["board.coil_current_a"];
     let ampere = |at_ns: u64| {
-        let place = current.partition_point(|(at, _)| *at <= at_ns);
-        current[place.max(1) - 1].1.unwrap_or(0.0)
+        let index = current.partition_point(|(at, _)| *at <= at_ns);
+        current[index.max(1) - 1].1.unwrap_or(0.0)
     };
     let end = current.last().unwrap().0;
-    let mut looked = 0;
+    let mut checked = 0;
     // Whole milliseconds, of which each has 62.5 pulses.
     for from in (0..end - 1_000_000).step_by(1_000_000) {
         let to = from + 1_000_000;
@@ -267,15 +267,15 @@ fn pulses_of_the_bridge_drive_the_current_through_its_resistance() {
             (0.44..0.50).contains(&resistance_ohm),
             "{from}: {resistance_ohm} ohm"
         );
-        looked += 1;
+        checked += 1;
     }
-    assert!(looked > 10, "{looked}");
+    assert!(checked > 10, "{checked}");
     let on = |name: &str| signals[name].iter().any(|(_, level)| *level == Some(1.0));
     assert!(on("board.nsleep") && on("board.nfault"));
 }
 
 #[test]
-fn a_wire_that_is_held_is_seen_to_be() {
+fn a_wire_that_is_pulled_low_is_traced_so() {
     let mut bench = RecordedBoard::of(traced());
     bench.stream();
     let begin = bench.board.now().as_ps() / 1_000;
@@ -290,7 +290,7 @@ fn a_wire_that_is_held_is_seen_to_be() {
         .filter(|two| two[0].0 > begin && two[0].1 == Some(0.0))
         .map(|two| two[1].0 - two[0].0)
         .max();
-    // The recovery may hold it itself at the moment at which it is let go.
+    // The recovery may pull it low itself at the moment at which it is released.
     assert!(
         (999_000..1_050_000).contains(&longest.unwrap()),
         "{longest:?}"

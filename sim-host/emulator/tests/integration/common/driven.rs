@@ -97,8 +97,8 @@ impl ChargeCurve {
 
     /// Charge at a time, straight between the periods' ends; nothing outside.
     fn charge_at(&self, time_s: f64) -> Option<f64> {
-        let place = self.0.partition_point(|(at, _)| *at <= time_s);
-        let (before, after) = (self.0.get(place.checked_sub(1)?)?, self.0.get(place)?);
+        let index = self.0.partition_point(|(at, _)| *at <= time_s);
+        let (before, after) = (self.0.get(index.checked_sub(1)?)?, self.0.get(index)?);
         let part = (time_s - before.0) / (after.0 - before.0);
         Some(before.1 + part * (after.1 - before.1))
     }
@@ -224,7 +224,7 @@ pub(crate) fn steps<P: Plant>(bench: &mut RecordedBoard<P>, to_a: f64, phases: u
         bench.run(Time::from_us(1_008 / u64::from(phases)));
         let mut bench = bench.clone();
         bench.send(&drive(to_a, 0.0));
-        // The mean over a period tells, since the ripple is an ampere.
+        // The mean over a period decides, since the ripple is an ampere.
         let means = bench.charge_curve(500).means();
         let first = |level_a: f64| means.iter().position(|mean_a| *mean_a > level_a);
         let (Some(begin), Some(reached)) = (first(0.2), first(0.9 * to_a)) else {
@@ -255,14 +255,14 @@ fn from_a_line(values: &[f64]) -> f64 {
     let middle = 0.5 * (values.len() as f64 - 1.0);
     let mean = values.iter().sum::<f64>() / values.len() as f64;
     let (mut of_product, mut of_square) = (0.0, 0.0);
-    for (place, value) in values.iter().enumerate() {
-        let at = place as f64 - middle;
+    for (index, value) in values.iter().enumerate() {
+        let at = index as f64 - middle;
         of_product += at * value;
         of_square += at * at;
     }
     let slope = of_product / of_square;
     let off =
-        |(place, value): (usize, &f64)| (value - mean - slope * (place as f64 - middle)).abs();
+        |(index, value): (usize, &f64)| (value - mean - slope * (index as f64 - middle)).abs();
     values.iter().enumerate().map(off).fold(0.0, f64::max)
 }
 

@@ -310,7 +310,7 @@ pub(crate) const SPARE: u32 = 0x2004_1FF0;
 
 /// Exceptions in which the firmware spends its time: the tasks' two dispatchers, the timer, the
 /// two interrupts of the bus and the one that follows them, and none at all.
-pub(crate) const PLACES: [u32; 6] = [16 + 26, 16 + 27, 16, 16 + 13, 16 + 23, 16 + 7];
+pub(crate) const EXCEPTIONS: [u32; 6] = [16 + 26, 16 + 27, 16, 16 + 13, 16 + 23, 16 + 7];
 
 /// How a run is ended.
 #[derive(Clone, Copy)]
@@ -323,10 +323,10 @@ pub(crate) enum Crash {
 
 impl Crash {
     /// Ends the run in an exception; returns how long the bridge was on after that.
-    pub(crate) fn in_exception(self, bench: &mut RecordedBoard, place: u32) -> Option<Time> {
+    pub(crate) fn in_exception(self, bench: &mut RecordedBoard, number: u32) -> Option<Time> {
         bench
             .board
-            .run_until(Time::from_ms(20), |board| board.exception() == place)
+            .run_until(Time::from_ms(20), |board| board.exception() == number)
             .ok()?;
         let instruction = match self {
             Self::HardFault => UNDEFINED,
@@ -341,7 +341,7 @@ impl Crash {
 /// Tasks of an image with a planted panic.
 pub(crate) const TASKS: u32 = 3;
 
-/// Lets a task panic; returns how long the bridge was on after that. The task looks at its order
+/// Lets a task panic; returns how long the bridge was on after that. The task reads its order
 /// when its turn comes, which is not part of the time.
 pub(crate) fn panic_in(bench: &mut RecordedBoard, task: u32) -> Option<Time> {
     let order = bench.board.image().symbol("PLANTED_PANIC")?;
@@ -355,12 +355,12 @@ pub(crate) fn panic_in(bench: &mut RecordedBoard, task: u32) -> Option<Time> {
 }
 
 /// Lets the processor write the watchdog's trigger, as memory that was written over may do: a reset
-/// that the firmware never asked for.
+/// that the firmware never requested.
 pub(crate) fn reset_without_a_record<P: Plant>(bench: &mut RecordedBoard<P>) {
     // ldr r0, [pc, #4]; ldr r1, [pc, #8]; str r1, [r0], again and again; WATCHDOG.CTRL and TRIGGER.
     const PROGRAM: [u32; 4] = [0x4902_4801, 0xE7FD_6001, 0x4005_8000, 1 << 31];
-    for (place, word) in (0..).zip(PROGRAM) {
-        bench.board.poke(SPARE + 4 * place, word);
+    for (index, word) in (0..).zip(PROGRAM) {
+        bench.board.poke(SPARE + 4 * index, word);
     }
     bench.board.set_pc(SPARE);
 }

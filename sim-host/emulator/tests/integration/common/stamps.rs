@@ -1,4 +1,4 @@
-//! Samples held against the conversions that the simulated converter really made.
+//! Samples compared with the conversions that the simulated converter really made.
 
 use std::collections::BTreeMap;
 
