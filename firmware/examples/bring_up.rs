@@ -109,9 +109,9 @@ fn receive(down: &mut DownChannel, request: &mut [u8; LONGEST]) -> usize {
         byte
     };
     let length = usize::from(byte());
-    for place in 0..length {
+    for slot in 0..length {
         let byte = byte();
-        if let Some(free) = request.get_mut(place) {
+        if let Some(free) = request.get_mut(slot) {
             *free = byte;
         }
     }
@@ -133,8 +133,8 @@ impl Answer {
     }
 
     fn push(&mut self, byte: u8) {
-        if let Some(place) = self.bytes.get_mut(self.length) {
-            *place = byte;
+        if let Some(slot) = self.bytes.get_mut(self.length) {
+            *slot = byte;
             self.length += 1;
         }
     }
@@ -147,8 +147,8 @@ impl Answer {
 
     fn send(mut self, outcome: Outcome, up: &mut UpChannel) {
         let length = self.length as u8 - 1;
-        for (place, byte) in self.bytes.iter_mut().zip([length, outcome as u8]) {
-            *place = byte;
+        for (slot, byte) in self.bytes.iter_mut().zip([length, outcome as u8]) {
+            *slot = byte;
         }
         let mut left = self.bytes.get(..self.length).unwrap_or_default();
         while !left.is_empty() {

@@ -48,8 +48,8 @@ fn main() -> ! {
         if length == 0 {
             continue;
         }
-        for (word, place) in EVENT.iter_mut().zip(&MAILBOX[1..]) {
-            *word = place.load(Ordering::Relaxed);
+        for (word, slot) in EVENT.iter_mut().zip(&MAILBOX[1..]) {
+            *word = slot.load(Ordering::Relaxed);
         }
         let answer = match (EVENT.get(..length), PROCEDURE.as_mut()) {
             (Some(&[function]), _) => sum_of(function),
@@ -63,8 +63,8 @@ fn main() -> ! {
 
 /// In a frame of its own, so that what making takes of the stack is free again.
 #[inline(never)]
-fn make(place: &mut Option<Procedure>) {
-    *place = Some(Procedure::new(tape::board()));
+fn make(slot: &mut Option<Procedure>) {
+    *slot = Some(Procedure::new(tape::board()));
 }
 
 #[inline(never)]

@@ -13,16 +13,16 @@ use crate::board::reset;
 pub use palpate_procedure::boot::End;
 
 #[repr(transparent)]
-struct Place(UnsafeCell<MaybeUninit<RecordWords>>);
+struct RecordCell(UnsafeCell<MaybeUninit<RecordWords>>);
 
 // SAFETY: written at the end of a run, with interrupts off, and at its start before they are on;
 // `forget` is called from one task, and what it may be interrupted by ends the run.
-unsafe impl Sync for Place {}
+unsafe impl Sync for RecordCell {}
 
 /// Named, so that a test finds it.
 #[unsafe(export_name = "CRASH_RECORD")]
 #[unsafe(link_section = ".uninit.crash")]
-static KEPT: Place = Place(UnsafeCell::new(MaybeUninit::uninit()));
+static KEPT: RecordCell = RecordCell(UnsafeCell::new(MaybeUninit::uninit()));
 
 fn read() -> RecordWords {
     // SAFETY: every pattern of bits is a record's words; the pointer is to a static.
@@ -30,7 +30,7 @@ fn read() -> RecordWords {
 }
 
 fn write(words: RecordWords) {
-    // SAFETY: see `Place`.
+    // SAFETY: see `RecordCell`.
     unsafe { KEPT.0.get().cast::<RecordWords>().write_volatile(words) };
 }
 

@@ -71,14 +71,14 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let stack = Stack::named(&arguments.stack, Path::new(""))?;
     let mut rows = arguments.rows.as_deref().map(Rows::create).transpose()?;
     let progress = Progress::new(arguments.plants as usize);
-    let seed_of = |place: usize| arguments.seed.saturating_add(place as u64);
-    let plant = |place| -> PlantResult {
-        let row = row(&stack, &disturbances, seed_of(place), arguments.depth);
+    let seed_of = |index: usize| arguments.seed.saturating_add(index as u64);
+    let plant = |index| -> PlantResult {
+        let row = row(&stack, &disturbances, seed_of(index), arguments.depth);
         row.map_err(|failure| failure.to_string())
     };
     let mut plants: Vec<PlantResult> = Vec::new();
-    in_order(arguments.plants as usize, plant, |place, plant| {
-        let seed = seed_of(place);
+    in_order(arguments.plants as usize, plant, |index, plant| {
+        let seed = seed_of(index);
         if let Some(rows) = &mut rows {
             rows.write(seed, &plant)?;
         }
@@ -244,15 +244,15 @@ struct ByLoad {
 fn by_load(plants: &[PlantResult]) -> Vec<ByLoad> {
     let mut loads: Vec<ByLoad> = Vec::new();
     for measured in plants.iter().flatten().flatten() {
-        let place = loads.iter().position(|load| load.name == measured.load);
-        let place = place.unwrap_or_else(|| {
+        let index = loads.iter().position(|load| load.name == measured.load);
+        let index = index.unwrap_or_else(|| {
             loads.push(ByLoad {
                 name: measured.load.clone(),
                 ..ByLoad::default()
             });
             loads.len() - 1
         });
-        if let Some(load) = loads.get_mut(place) {
+        if let Some(load) = loads.get_mut(index) {
             load.add(measured);
         }
     }
@@ -309,8 +309,8 @@ fn table(loads: &[ByLoad]) -> Table {
 pub(crate) fn quantile(values: &[f64], part: f64) -> Option<f64> {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
-    let place = part * sorted.len().saturating_sub(1) as f64;
-    sorted.get(place.round() as usize).copied()
+    let index = part * sorted.len().saturating_sub(1) as f64;
+    sorted.get(index.round() as usize).copied()
 }
 
 /// Reasons without their numbers, and how many results each took.

@@ -162,7 +162,7 @@ fn from_toml(text: &str, file: &Path) -> Result<Vec<Command>, Failure> {
 /// The line on which a name first stands.
 fn line_of(text: &str, name: &str) -> u64 {
     let found = text.lines().position(|line| line.contains(name));
-    found.map_or(1, |place| place as u64 + 1)
+    found.map_or(1, |index| index as u64 + 1)
 }
 
 #[cfg(test)]

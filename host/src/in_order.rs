@@ -21,10 +21,10 @@ pub(crate) fn in_order<T: Send>(
         receive,
     });
     // One by one from the front: a parallel range would begin in its middle as well.
-    (0..count).par_bridge().try_for_each(|place| {
-        let result = compute(place);
+    (0..count).par_bridge().try_for_each(|index| {
+        let result = compute(index);
         let mut queue = queue.lock().unwrap_or_else(PoisonError::into_inner);
-        queue.add(place, result)
+        queue.add(index, result)
     })
 }
 
@@ -37,8 +37,8 @@ struct Queue<T, R> {
 }
 
 impl<T, R: FnMut(usize, T) -> Result<(), Failure>> Queue<T, R> {
-    fn add(&mut self, place: usize, result: T) -> Result<(), Failure> {
-        self.waiting.insert(place, result);
+    fn add(&mut self, index: usize, result: T) -> Result<(), Failure> {
+        self.waiting.insert(index, result);
         while let Some(result) = self.waiting.remove(&self.next) {
             (self.receive)(self.next, result)?;
             self.next += 1;
@@ -58,25 +58,25 @@ mod tests {
     #[test]
     fn results_come_in_order_and_before_the_end() {
         let computed = AtomicUsize::new(0);
-        let compute = |place: usize| {
+        let compute = |index: usize| {
             // Neighbours end in the wrong order.
-            sleep(Duration::from_millis(if place.is_multiple_of(2) {
+            sleep(Duration::from_millis(if index.is_multiple_of(2) {
                 4
             } else {
                 1
             }));
             computed.fetch_add(1, Ordering::Relaxed);
-            place * place
+            index * index
         };
         let mut received = Vec::new();
         let mut computed_at_first = None;
-        in_order(64, compute, |place, square| {
+        in_order(64, compute, |index, square| {
             computed_at_first.get_or_insert(computed.load(Ordering::Relaxed));
-            received.push((place, square));
+            received.push((index, square));
             Ok(())
         })
         .unwrap();
-        let squares: Vec<(usize, usize)> = (0..64).map(|place| (place, place * place)).collect();
+        let squares: Vec<(usize, usize)> = (0..64).map(|index| (index, index * index)).collect();
         assert_eq!(received, squares);
         assert!(computed_at_first.unwrap() < 32, "{computed_at_first:?}");
     }

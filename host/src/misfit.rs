@@ -135,7 +135,7 @@ struct Press {
     allowance: bool,
     /// Of the load, in units of c_S.
     ratio: f64,
-    /// Place of the size within its range, 0 to 1.
+    /// Location of the size within its range, 0 to 1.
     part: f64,
     measured: Measured,
 }
@@ -195,9 +195,9 @@ fn presses(
     let mut chance = Stream::named(drawn.seed, &format!("misfit.{}", left_out.name()));
     let mut presses = Vec::new();
     for &ratio in ratios {
-        for place in 0..SIZES {
+        for location in 0..SIZES {
             // One of each third of the range.
-            let part = (place as f64 + chance.between(0.0, 1.0)) / SIZES as f64;
+            let part = (location as f64 + chance.between(0.0, 1.0)) / SIZES as f64;
             let (least, greatest) = left_out.range();
             let mut size = least * (greatest / least).powf(part);
             if left_out == LeftOut::Rise && chance.between(-1.0, 1.0) < 0.0 {
@@ -283,7 +283,8 @@ fn show(arguments: &Arguments, presses: &[Press]) -> Result<(), Failure> {
         }
         let (least, greatest) = left_out.range();
         for third in 0..SIZES {
-            let at = |place: usize| least * (greatest / least).powf(place as f64 / SIZES as f64);
+            let at =
+                |location: usize| least * (greatest / least).powf(location as f64 / SIZES as f64);
             let range = format!("{:.3} to {:.3}", at(third), at(third + 1));
             let within = |press: &&&Press| (press.part * SIZES as f64) as usize == third;
             add(&mut sizes, &name, &range, all.iter().filter(within));

@@ -78,7 +78,7 @@ fn quantity(reason: RefusalReason, value: f32) -> String {
         }
         RefusalReason::Unsteady => format!("{:.1} µm/s", value * 1e6),
         RefusalReason::ContactLost | RefusalReason::TimedOut => format!("{value:.3} s"),
-        RefusalReason::CurrentOffCourse | RefusalReason::PeakNotReached => format!("{value:.2} A"),
+        RefusalReason::CurrentOffTarget | RefusalReason::PeakNotReached => format!("{value:.2} A"),
         RefusalReason::CoilTooHot => format!("{value:.1} °C"),
         RefusalReason::TooMuchEnergy => format!("{value:.1} J"),
         RefusalReason::TooUncertain => format!("{:.0} %", value * 100.0),

@@ -145,7 +145,7 @@ impl Columns {
             return Err(fail(format!("unknown column '{unknown}'")));
         }
         let mut places = [0; 5];
-        for (place, name) in places.iter_mut().zip(COLUMNS) {
+        for (slot, name) in places.iter_mut().zip(COLUMNS) {
             let mut found = header
                 .iter()
                 .enumerate()
@@ -156,7 +156,7 @@ impl Columns {
             if found.next().is_some() {
                 return Err(fail(format!("column '{name}' stands twice")));
             }
-            *place = index;
+            *slot = index;
         }
         Ok(Self(places))
     }

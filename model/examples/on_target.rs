@@ -34,8 +34,8 @@ mod image {
     fn main() -> ! {
         loop {
             if let Some(bits) = pipeline::run(black_box(1.0)) {
-                for (place, bits) in BITS.iter().zip(bits) {
-                    place.store(bits, Ordering::Relaxed);
+                for (index, bits) in BITS.iter().zip(bits) {
+                    index.store(bits, Ordering::Relaxed);
                 }
             }
             let runs = RUNS.load(Ordering::Relaxed).wrapping_add(1);

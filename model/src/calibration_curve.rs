@@ -49,17 +49,17 @@ pub enum CurveError {
     /// The point at `index` is infinite or NaN, or so close to the one before it that the secant
     /// overflows.
     NotFinite {
-        /// Place of the point.
+        /// Location of the point.
         index: usize,
     },
     /// The argument at `index` is not above the one before it.
     NotIncreasing {
-        /// Place of the point.
+        /// Location of the point.
         index: usize,
     },
     /// The value at `index` equals the one before it or turns back.
     NotMonotone {
-        /// Place of the point.
+        /// Location of the point.
         index: usize,
     },
 }

@@ -385,9 +385,9 @@ impl GuardSequence {
         let period = self.loop_.period();
         let state = self.loop_.state();
         if let (DriveState::Latched(fault), false) = (state, before == state)
-            && let Some(place) = Fault::ALL.iter().position(|of| *of == fault)
+            && let Some(index) = Fault::ALL.iter().position(|of| *of == fault)
         {
-            self.summary.faults[place] += 1;
+            self.summary.faults[index] += 1;
         }
         self.check_current(begin_a, state);
         let levels = period.output.levels;

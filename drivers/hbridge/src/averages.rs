@@ -92,9 +92,9 @@ impl<const N: usize> Averages<N> {
 
     /// Sum of all units up to the end of a block; wraps.
     fn sum(&self, end: u32) -> i32 {
-        let place = (end / BLOCK) as usize % N;
+        let index = (end / BLOCK) as usize % N;
         self.sums
-            .get(place)
+            .get(index)
             .map_or(0, |sum| sum.load(Ordering::Relaxed))
     }
 
@@ -227,7 +227,7 @@ mod tests {
             assert!((mean - exact).abs() < 8.0, "{from}..{to}: {mean} {exact}");
         }
         let [early, late] = [-7, 9].map(|by| {
-            let at = |place: i32| Moment::after(0, place + by);
+            let at = |index: i32| Moment::after(0, index + by);
             averages.mean(at(5_120), at(10_240)).unwrap()
         });
         assert!(

@@ -49,8 +49,8 @@ impl Correction {
         }
         let unit_a = hardware.ampere_per_unit();
         let mut knots = [0; KNOTS];
-        for (place, knot) in (0_i32..).zip(&mut knots) {
-            let reported_a = (FIRST + (place << PIECE)) as f32 * unit_a;
+        for (index, knot) in (0_i32..).zip(&mut knots) {
+            let reported_a = (FIRST + (index << PIECE)) as f32 * unit_a;
             let change_a = if reported_a <= first[0] || reported_a >= last[0] {
                 let [measured, of] = if reported_a <= first[0] {
                     *first
@@ -88,8 +88,8 @@ impl Correction {
     pub(crate) fn apply(&self, measured: i32) -> i32 {
         // Two comparisons with constants: this clamp cannot panic.
         let from = (measured - FIRST).clamp(0, ((KNOTS as i32 - 1) << PIECE) - 1);
-        let place = (from >> PIECE) as usize;
-        let (Some(&low), Some(&high)) = (self.0.get(place), self.0.get(place + 1)) else {
+        let index = (from >> PIECE) as usize;
+        let (Some(&low), Some(&high)) = (self.0.get(index), self.0.get(index + 1)) else {
             return measured;
         };
         let part = from & ((1 << PIECE) - 1);

@@ -56,9 +56,9 @@ impl<const N: usize> Trace<N> {
         }
         self.left.store(every, Ordering::Relaxed);
         let taken = self.taken.load(Ordering::Relaxed);
-        if let Some(place) = self.units.get(taken as usize) {
+        if let Some(index) = self.units.get(taken as usize) {
             // Two samples of 12 bits about their zero: 14 bits.
-            place.store(units as i16, Ordering::Relaxed);
+            index.store(units as i16, Ordering::Relaxed);
             self.taken.store(taken + 1, Ordering::Release);
         }
         if taken as usize + 1 >= N {

@@ -73,10 +73,10 @@ pub fn run(mut segments: &[u8], mut take: impl FnMut(u8)) -> Option<Outcome> {
         } else {
             (Some(rest.get(..length)?), rest.get(length..)?)
         };
-        for place in 0..length {
-            let start = if place == 0 && count > 0 { RESTART } else { 0 };
+        for index in 0..length {
+            let start = if index == 0 && count > 0 { RESTART } else { 0 };
             let byte = bytes.map_or(Some(READ), |bytes| {
-                bytes.get(place).map(|&byte| byte.into())
+                bytes.get(index).map(|&byte| byte.into())
             });
             *commands.get_mut(count)? = byte? | start;
             count += 1;

@@ -505,10 +505,10 @@ fn reference(from: &mut Inputs) -> Option<Reference> {
     Reference::new(Metre(from.within(1e-4, 5e-4)), from.within(0.5, 3.0)).ok()
 }
 
-fn sample(from: &mut Inputs, place: u16) -> RampSample {
-    let regressor = -0.002 * f32::from(place % 50);
+fn sample(from: &mut Inputs, index: u16) -> RampSample {
+    let regressor = -0.002 * f32::from(index % 50);
     RampSample {
-        time: Second(f32::from(place) * 1e-3),
+        time: Second(f32::from(index) * 1e-3),
         deformation: Metre(-1e-4 * regressor + from.within(-3e-8, 3e-8)),
         regressor,
         sigma: Metre(from.within(1e-8, 3e-8)),
@@ -516,8 +516,8 @@ fn sample(from: &mut Inputs, place: u16) -> RampSample {
 }
 
 fn fill(ramp: &mut Ramp, from: &mut Inputs) -> Option<()> {
-    for place in 0..60 {
-        ramp.push(&sample(from, place)).ok()?;
+    for index in 0..60 {
+        ramp.push(&sample(from, index)).ok()?;
     }
     Some(())
 }
@@ -527,8 +527,8 @@ fn judge(fit: &Fit, from: &mut Inputs, to: &mut Sum) -> Option<()> {
     to.word(fit.degrees_of_freedom());
     to.numbers([fit.chi_square(), fit.centre()]);
     to.number(fit.reduced_chi_square()?);
-    for place in 0..fit.basis().terms().len() {
-        let coefficient = fit.coefficient(place)?;
+    for index in 0..fit.basis().terms().len() {
+        let coefficient = fit.coefficient(index)?;
         to.numbers([coefficient.value, coefficient.standard_error]);
     }
     let sensing = NewtonPerMetre(6e3);

@@ -188,7 +188,7 @@ pub fn sum(actions: &Actions) -> u32 {
             }
             Action::CorrectCurrent(correction) => {
                 sum.word(6);
-                for (current_a, change_a) in correction.places() {
+                for (current_a, change_a) in correction.points() {
                     sum.number(current_a);
                     sum.number(change_a);
                 }

@@ -8,7 +8,7 @@ use palpate_procedure::units::Ampere;
 use palpate_procedure::{
     Action, Actions, BoardInfo, Conversion, Duration, Event, Instant, Procedure, Scan,
 };
-use palpate_wire::code::{Chip, FaultCode, Outcome, Place};
+use palpate_wire::code::{Chip, FaultCode, Location, Outcome};
 use palpate_wire::command::Command;
 use palpate_wire::record::{Acknowledgement, Hello};
 use palpate_wire::{Frame, FrameError, MINOR_VERSION, Message, Record, SCHEMA_HASH};
@@ -90,7 +90,7 @@ pub struct Instrument {
     /// The failures that were reported to the procedure and that last.
     standing: [Option<FaultCode>; SOURCES],
     /// The fault in which the procedure is, as it said, and where it is.
-    latched: Option<(FaultCode, Place)>,
+    latched: Option<(FaultCode, Location)>,
     conditions_due_us: u64,
     /// Time of the last conditions, and the sleep up to then.
     last_conditions: (u64, u32),
@@ -137,7 +137,7 @@ impl Instrument {
         self.make(hardware, identity);
         self.step(hardware, &Event::Tick);
         if !clocks_run {
-            self.fail(hardware, Failure::new(FaultCode::Clock, Place::Clock));
+            self.fail(hardware, Failure::new(FaultCode::Clock, Location::Clock));
         }
     }
 
@@ -161,8 +161,8 @@ impl Instrument {
         let mut scan = scan(converter, sampled);
         hardware.with_coil(|coil| add_current(&mut scan, sampled, coil));
         // Whatever stood against this converter or the bus has ended with it.
-        if let Some((code, place)) = self.latched
-            && place != other_converter(converter)
+        if let Some((code, location)) = self.latched
+            && location != other_converter(converter)
         {
             self.step(hardware, &Event::Recovered(code));
         }
@@ -307,7 +307,7 @@ impl Instrument {
                         }
                         self.latched = match self.latched {
                             Some((code, _)) if !fault.active && code == fault.code => None,
-                            None if fault.active => Some((fault.code, fault.place)),
+                            None if fault.active => Some((fault.code, fault.location)),
                             latched => latched,
                         };
                     }
@@ -327,11 +327,11 @@ impl Instrument {
 }
 
 /// Where the failures of the other converter are.
-const fn other_converter(converter: u8) -> Place {
+const fn other_converter(converter: u8) -> Location {
     if converter == 0 {
-        Place::SecondSensor
+        Location::SecondSensor
     } else {
-        Place::Sensor
+        Location::Sensor
     }
 }
 

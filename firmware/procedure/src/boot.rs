@@ -236,8 +236,8 @@ pub fn record(end: &End<'_>, before: &RecordWords, uptime_ms: u32) -> RecordWord
     if let End::Panic { file, .. } = end {
         let file = file.as_bytes();
         let tail = file.get(file.len().saturating_sub(NAME)..).unwrap_or(file);
-        for (place, &byte) in kept.name.iter_mut().zip(tail) {
-            *place = byte;
+        for (slot, &byte) in kept.name.iter_mut().zip(tail) {
+            *slot = byte;
         }
     }
     kept.words()
@@ -313,8 +313,8 @@ fn cause(flags: ResetFlags, kept: Option<&Kept>) -> ResetCause {
 
 fn check_of(words: &RecordWords) -> u32 {
     let mut bytes = [0; CHECKED];
-    for (place, word) in bytes.chunks_exact_mut(4).zip(words) {
-        place.copy_from_slice(&word.to_le_bytes());
+    for (slot, word) in bytes.chunks_exact_mut(4).zip(words) {
+        slot.copy_from_slice(&word.to_le_bytes());
     }
     crc32(&bytes)
 }

@@ -3,7 +3,7 @@
 use coil_hbridge::Account;
 use ldc161x::Reading;
 use palpate_model::units::{Ampere, Celsius};
-use palpate_wire::code::{FaultCode, Place};
+use palpate_wire::code::{FaultCode, Location};
 use palpate_wire::record::{CoilTest, CurrentTrace};
 use palpate_wire::{Command, Frame, FrameError};
 
@@ -153,7 +153,7 @@ pub struct Failure {
     /// Which fault.
     pub code: FaultCode,
     /// Where.
-    pub place: Place,
+    pub location: Location,
     /// What was found; the code says what it is.
     pub value: Option<f32>,
     /// What is allowed; the code says what it is.
@@ -162,10 +162,10 @@ pub struct Failure {
 
 impl Failure {
     /// A failure without numbers.
-    pub const fn new(code: FaultCode, place: Place) -> Self {
+    pub const fn new(code: FaultCode, location: Location) -> Self {
         Self {
             code,
-            place,
+            location,
             value: None,
             limit: None,
         }

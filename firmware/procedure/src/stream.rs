@@ -84,7 +84,6 @@ impl Streamer {
             sensor: scan.sensor,
             missed: core::mem::take(&mut self.missed),
             gap: core::mem::take(&mut self.gap),
-            drive_step: false,
             channels,
             contact: principal.map_or(Contact::Settling, |of| contact(of.touch)),
             force_n: force.map(|(newton, _)| newton),

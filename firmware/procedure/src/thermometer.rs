@@ -2,7 +2,7 @@
 //! the converter, which is its reference as well. What the converter reads is the ratio R/(R + R25).
 
 use palpate_model::units::Celsius;
-use palpate_wire::code::{FaultCode, Place};
+use palpate_wire::code::{FaultCode, Location};
 
 use crate::event::Failure;
 use crate::time::{Duration, Instant, between};
@@ -59,7 +59,7 @@ impl Thermometer {
         let limit = if ratio < 0.5 { short } else { open };
         (between(since, now) >= PERSISTENCE).then_some(Failure {
             code: FaultCode::Thermometer,
-            place: Place::Thermometer,
+            location: Location::Thermometer,
             value: Some(REFERENCE_V * ratio).filter(|volts| volts.is_finite()),
             limit: Some(REFERENCE_V * limit),
         })
@@ -124,7 +124,7 @@ mod tests {
             }
             let failure = thermometer.push(at(21), broken).unwrap();
             assert_eq!(failure.code, FaultCode::Thermometer);
-            assert_eq!(failure.place, Place::Thermometer);
+            assert_eq!(failure.location, Location::Thermometer);
             assert_eq!(failure.value, Some(REFERENCE_V * broken));
             let limit_v = failure.limit.unwrap();
             assert_eq!(limit_v < 1.0, is_low, "{limit_v}");

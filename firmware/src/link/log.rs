@@ -50,8 +50,8 @@ fn put(bytes: &[u8]) {
     // SAFETY: called by the encoder, under `DEPTH` 1.
     let log = unsafe { &mut *LOG.0.get() };
     for &byte in bytes {
-        if let Some(place) = log.message.get_mut(log.length) {
-            *place = byte;
+        if let Some(slot) = log.message.get_mut(log.length) {
+            *slot = byte;
         }
         log.length += 1;
     }

@@ -15,7 +15,7 @@ mod outcome;
 mod procedure;
 mod refusal;
 
-pub use fault::{FaultCode, Place};
+pub use fault::{FaultCode, Location};
 pub use identity::{Board, Chip, ResetCause};
 pub use outcome::Outcome;
 pub use procedure::{Contact, Drift, Mode, Part, State, Stream};

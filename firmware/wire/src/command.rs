@@ -11,7 +11,7 @@ mod request;
 mod settings;
 
 pub use calibration::{Attraction, Coil, Crosstalk, Springs, Stiffening, Tank, TemperatureEffect};
-pub use current::{CurrentCorrection, MAX_PLACES};
+pub use current::{CurrentCorrection, MAX_POINTS};
 pub use curve::{
     DeformationCurve, DeformationKnot, KNOTS_PER_CHUNK, MAX_KNOTS, StiffeningCurve, StiffeningKnot,
 };

@@ -223,9 +223,9 @@ impl Converter {
             let (of, after) = rest.split_at_checked(op.length()).unwrap_or_default();
             rest = after;
             if op.length() > 0
-                && let Some(place) = places.next()
+                && let Some(slot) = places.next()
             {
-                *place = of.iter().fold(0, |all, byte| all << 8 | u16::from(*byte));
+                *slot = of.iter().fold(0, |all, byte| all << 8 | u16::from(*byte));
             }
         }
         Ok(read)

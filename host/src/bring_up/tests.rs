@@ -439,8 +439,8 @@ impl Tests {
         let before = self.converter.words(4)?;
         let (mut taken, mut spoilt) = (0, 0);
         let count = 6;
-        for place in 0..count {
-            let value = 0x41 + place;
+        for slot in 0..count {
+            let value = 0x41 + slot;
             let [_, _, _, _, read, _, high, low] = self.converter.at_once(&[
                 Op::Read(STATUS),
                 Op::Read(DATA_MSB),
@@ -488,14 +488,14 @@ impl Tests {
             RcountMinimum::Nine
         };
         let mut passes = [false; 2];
-        for (place, code) in passes.iter_mut().zip([0b111, 0b011]) {
+        for (slot, code) in passes.iter_mut().zip([0b111, 0b011]) {
             let setup = self.setup(Setup {
                 mux: MUX & !0b111 | code,
                 ..QUICK
             });
             self.converter.start(&setup)?;
             self.converter.words(2)?;
-            *place = are_alike(&right, &self.converter.words(4)?);
+            *slot = are_alike(&right, &self.converter.words(4)?);
         }
         self.switches.deglitch_33 = match passes {
             [false, true] => Deglitch33::Code011,

@@ -283,7 +283,7 @@ impl Problem {
             let solved = self
                 .system(&actuated, stiffer)
                 .solve("the actuated layer")?;
-            let unknown = |place: usize| solved.unknowns.get(place).copied().unwrap_or(0.0);
+            let unknown = |index: usize| solved.unknowns.get(index).copied().unwrap_or(0.0);
             actuated = Actuated {
                 ratio: unknown(RATIO),
                 regressor: solved.unknowns.iter().take(DEGREE).copied().collect(),
@@ -356,7 +356,7 @@ impl Problem {
         let unknowns = SHARED + 3 * self.trains.len();
         let mut system = System::new(unknowns);
         let mut stiffer = stiffer.iter();
-        for (place, train) in self.trains.iter().enumerate() {
+        for (index, train) in self.trains.iter().enumerate() {
             let part = if train.spring {
                 stiffer.next().copied().unwrap_or(0.0)
             } else {
@@ -374,8 +374,8 @@ impl Problem {
                     *entry = -term;
                 }
                 // 1/c_D = g/c_S.
-                let set = |row: &mut Vec<f64>, place: usize, value: f64| {
-                    if let Some(entry) = row.get_mut(place) {
+                let set = |row: &mut Vec<f64>, index: usize, value: f64| {
+                    if let Some(entry) = row.get_mut(index) {
                         *entry = value;
                     }
                 };
@@ -383,11 +383,11 @@ impl Problem {
                 set(&mut row, ATTRACTION, -pull);
                 set(&mut row, RATIO, -1.0);
                 let phi = (sample.time_s / train.tau_s).ln_1p();
-                set(&mut row, SHARED + 3 * place, self.depth_m / x_m);
-                set(&mut row, SHARED + 3 * place + 1, self.depth_m / x_m * phi);
+                set(&mut row, SHARED + 3 * index, self.depth_m / x_m);
+                set(&mut row, SHARED + 3 * index + 1, self.depth_m / x_m * phi);
                 set(
                     &mut row,
-                    SHARED + 3 * place + 2,
+                    SHARED + 3 * index + 2,
                     self.depth_m / x_m * sample.time_s,
                 );
                 system.add(row, 1.0 + kappa, x_m / (self.depth_m * whole));
@@ -404,7 +404,7 @@ pub(super) const fn shared() -> usize {
 
 /// The actuated layer of other unknowns.
 pub(super) fn with_unknowns(like: &Actuated, unknowns: &[f64]) -> Actuated {
-    let unknown = |place: usize| unknowns.get(place).copied().unwrap_or(0.0);
+    let unknown = |index: usize| unknowns.get(index).copied().unwrap_or(0.0);
     Actuated {
         ratio: unknown(RATIO),
         regressor: unknowns.iter().take(DEGREE).copied().collect(),

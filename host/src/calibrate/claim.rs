@@ -41,13 +41,13 @@ pub(super) fn uncertainty(fit: &Fit, known: &Known) -> Result<Uncertainty, Unusa
         let unknowns: Vec<f64> = unknowns.map(|(unknown, change)| unknown + change).collect();
         add(&actuated::with_unknowns(&fit.actuated, &unknowns), 1.0);
     }
-    let sigma = |place: usize| variances.get(place).map_or(0.0, |v| v.sqrt());
+    let sigma = |index: usize| variances.get(index).map_or(0.0, |v| v.sqrt());
     let constant = sigma(0).max(sigma(1)).max(sigma(2));
     let scale = KAPPAS
         .iter()
         .enumerate()
         .filter(|(_, kappa)| **kappa >= SOFT)
-        .map(|(place, kappa)| sigma(place) / kappa)
+        .map(|(index, kappa)| sigma(index) / kappa)
         .fold(0.0, f64::max);
     let misses = fit.problem.misses(&fit.actuated)?;
     let hard = misses.iter().filter(|(kappa, _)| *kappa < SOFT);

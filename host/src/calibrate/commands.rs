@@ -87,8 +87,8 @@ impl Findings<'_> {
     fn deformation_curve(&self) -> Vec<Command> {
         let (force, sensing_n_per_m) = (self.force, self.known.sensing_n_per_m);
         let knots: Vec<_> = (0..KNOTS)
-            .map(|place| {
-                let change = force.greatest_change * place as f64 / (KNOTS - 1) as f64;
+            .map(|index| {
+                let change = force.greatest_change * index as f64 / (KNOTS - 1) as f64;
                 DeformationKnot {
                     inductance_change: change as f32,
                     deformation_m: (force.at(change) / sensing_n_per_m) as f32,
@@ -97,12 +97,12 @@ impl Findings<'_> {
             .collect();
         let chunks = knots.chunks(KNOTS_PER_CHUNK).enumerate();
         chunks
-            .map(|(place, knots)| {
+            .map(|(index, knots)| {
                 Command::SetDeformationCurve(DeformationCurve {
                     sensor: 0,
                     channel: 0,
                     total: KNOTS as u8,
-                    first: (place * KNOTS_PER_CHUNK) as u8,
+                    first: (index * KNOTS_PER_CHUNK) as u8,
                     knots: knots.iter().cloned().collect(),
                 })
             })
@@ -118,8 +118,8 @@ impl Findings<'_> {
         let least = actuated.rise(last_a) * 1e-6;
         let mut below = -least;
         let knots: Vec<_> = (0..KNOTS)
-            .map(|place| {
-                let current_a = last_a * place as f64 / (KNOTS - 1) as f64;
+            .map(|index| {
+                let current_a = last_a * index as f64 / (KNOTS - 1) as f64;
                 below = actuated.rise(current_a).max(below + least);
                 StiffeningKnot {
                     current_a: current_a as f32,
@@ -129,10 +129,10 @@ impl Findings<'_> {
             .collect();
         let chunks = knots.chunks(KNOTS_PER_CHUNK).enumerate();
         chunks
-            .map(|(place, knots)| {
+            .map(|(index, knots)| {
                 Command::SetStiffeningCurve(StiffeningCurve {
                     total: KNOTS as u8,
-                    first: (place * KNOTS_PER_CHUNK) as u8,
+                    first: (index * KNOTS_PER_CHUNK) as u8,
                     rise_uncertainty: 0.0,
                     knots: knots.iter().cloned().collect(),
                 })

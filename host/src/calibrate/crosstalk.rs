@@ -58,13 +58,13 @@ fn growth(
         .collect();
     let unknowns = 2 + 2 * pressed.len();
     let mut system = System::new(unknowns);
-    for (place, run) in pressed.iter().enumerate() {
+    for (index, run) in pressed.iter().enumerate() {
         for sample in &run.falls {
             let untouched_m = crosstalk_m_per_a2 * sample.current_a * sample.current_a;
             let read_m = force.at(sample.change) / known.sensing_n_per_m;
             let phi = (sample.time_s / run.since_touch_s).ln_1p();
             let mut row = vec![0.0; unknowns];
-            let own = row.iter_mut().skip(2 + 2 * place);
+            let own = row.iter_mut().skip(2 + 2 * index);
             own.zip([1.0, phi])
                 .for_each(|(entry, value)| *entry = value);
             let shared = [sample.force_n, untouched_m * (read_m - untouched_m)];

@@ -143,9 +143,9 @@ mod tests {
             let (sigma, terms) = terms(deepest_m);
             println!("{deepest_m}: {sigma:e} {terms:?}");
             assert!(sigma < 1e-6, "{deepest_m}: {sigma}");
-            for (place, term) in terms.iter().enumerate().skip(1) {
-                let prior = SECOND * DECAY.powi(place as i32 - 1);
-                assert!(term.abs() < prior, "{deepest_m}, {place}: {term} {prior}");
+            for (index, term) in terms.iter().enumerate().skip(1) {
+                let prior = SECOND * DECAY.powi(index as i32 - 1);
+                assert!(term.abs() < prior, "{deepest_m}, {index}: {term} {prior}");
             }
         }
     }

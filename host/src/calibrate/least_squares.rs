@@ -89,18 +89,18 @@ impl System {
 
     /// The coefficients by column; a short row counts as filled up with zeros.
     fn columns(&self) -> Vec<Vec<f64>> {
-        let entry = |row: &[f64], place: usize| row.get(place).copied().unwrap_or(0.0);
+        let entry = |row: &[f64], index: usize| row.get(index).copied().unwrap_or(0.0);
         (0..self.unknowns)
-            .map(|place| self.rows.iter().map(|(row, _)| entry(row, place)).collect())
+            .map(|index| self.rows.iter().map(|(row, _)| entry(row, index)).collect())
             .collect()
     }
 }
 
 /// Reflects the columns so that the first of them are an upper triangle.
 fn triangularise(columns: &mut [Vec<f64>], count: usize) {
-    for place in 0..count {
-        let (done, rest) = columns.split_at_mut(place + 1);
-        let column = &mut done[place][place..];
+    for index in 0..count {
+        let (done, rest) = columns.split_at_mut(index + 1);
+        let column = &mut done[index][index..];
         let length = norm(column);
         // Away from zero, so that nothing cancels.
         let diagonal = if column[0] > 0.0 { -length } else { length };
@@ -110,7 +110,7 @@ fn triangularise(columns: &mut [Vec<f64>], count: usize) {
         column.fill(0.0);
         column[0] = diagonal;
         for other in rest {
-            let other = &mut other[place..];
+            let other = &mut other[index..];
             let share = 2.0 * dot(&mirror, other) / square;
             for (entry, mirror) in other.iter_mut().zip(&mirror) {
                 *entry -= share * mirror;
@@ -224,9 +224,9 @@ mod tests {
                 "{value} {certified}"
             );
         };
-        for (place, (certified, deviation)) in CERTIFIED.into_iter().enumerate() {
-            near(solution.unknowns[place], certified);
-            near(solution.covariance[(place, place)].sqrt(), deviation);
+        for (index, (certified, deviation)) in CERTIFIED.into_iter().enumerate() {
+            near(solution.unknowns[index], certified);
+            near(solution.covariance[(index, index)].sqrt(), deviation);
         }
         near(solution.sigma, CERTIFIED_SIGMA);
     }
@@ -234,8 +234,8 @@ mod tests {
     #[test]
     fn what_the_rows_do_not_determine_is_an_error() {
         let mut system = System::new(2);
-        for place in 0..5 {
-            system.add(vec![f64::from(place), 0.0], 1.0, 1.0);
+        for index in 0..5 {
+            system.add(vec![f64::from(index), 0.0], 1.0, 1.0);
         }
         assert!(system.solve("a column of zeros").is_err());
         let mut short = System::new(2);

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use clap::{Args, Subcommand};
 use comfy_table::presets::NOTHING;
 use comfy_table::{CellAlignment, Table};
-use palpate_wire::command::{CurrentCorrection, DriveCoil, MAX_PLACES};
+use palpate_wire::command::{CurrentCorrection, DriveCoil, MAX_POINTS};
 use palpate_wire::{Command, Message, Record};
 use serde::Serialize;
 
@@ -235,8 +235,8 @@ fn correction_of(pairs: &[[f64; 2]]) -> CurrentCorrection {
     let greatest_a = ends
         .map(|[reported_a, _]| reported_a.abs())
         .fold(0.0, f64::max);
-    let changes = (0..MAX_PLACES).map(|place| {
-        let part = 2.0 * place as f64 / (MAX_PLACES - 1) as f64 - 1.0;
+    let changes = (0..MAX_POINTS).map(|index| {
+        let part = 2.0 * index as f64 / (MAX_POINTS - 1) as f64 - 1.0;
         change_a(pairs, part * greatest_a) as f32
     });
     CurrentCorrection {
@@ -458,7 +458,7 @@ mod tests {
             .collect();
         let correction = correction_of(&pairs);
         assert_eq!(correction.validate(), Ok(()));
-        for (measured_a, change_a) in correction.places() {
+        for (measured_a, change_a) in correction.points() {
             let corrected_a = f64::from(measured_a + change_a);
             let error_a = reported(corrected_a) - f64::from(measured_a);
             assert!(error_a.abs() < 2e-3, "{measured_a}: {error_a}");

@@ -38,11 +38,11 @@ impl Traced {
 
     /// Time since the record began, s, and current, A.
     pub(super) fn points(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
-        let at = |place: usize| (place as f64 + 1.0) * self.interval_s;
+        let at = |index: usize| (index as f64 + 1.0) * self.interval_s;
         self.currents_a
             .iter()
             .enumerate()
-            .map(move |(place, current_a)| (at(place), *current_a))
+            .map(move |(index, current_a)| (at(index), *current_a))
     }
 }
 
@@ -243,7 +243,7 @@ mod tests {
     }
 
     fn traced(interval_s: f64, of: impl Fn(f64) -> f64) -> Traced {
-        let at = |place: u32| of((f64::from(place) + 1.0) * interval_s);
+        let at = |index: u32| of((f64::from(index) + 1.0) * interval_s);
         Traced {
             interval_s,
             currents_a: (0..128).map(at).collect(),

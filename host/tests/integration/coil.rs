@@ -147,7 +147,7 @@ struct Served {
 impl Served {
     /// Runs a verb on the board.
     fn palpate(&self, arguments: &[&str], folder: &Path) -> Output {
-        let place = [
+        let index = [
             "--records",
             &self.records,
             "--commands",
@@ -155,7 +155,7 @@ impl Served {
             "--stack",
             "ultrasoft",
         ];
-        palpate(&[arguments, &place].concat(), folder)
+        palpate(&[arguments, &index].concat(), folder)
     }
 }
 

@@ -6,10 +6,10 @@ use std::path::Path;
 use assert_cmd::Command;
 use serde_json::Value;
 
-fn palpate(place: &Path, arguments: &[&str]) -> String {
+fn palpate(index: &Path, arguments: &[&str]) -> String {
     let output = Command::new(env!("CARGO_BIN_EXE_palpate"))
         .args(arguments)
-        .current_dir(place)
+        .current_dir(index)
         .output()
         .unwrap();
     let message = String::from_utf8_lossy(&output.stderr);
@@ -19,15 +19,15 @@ fn palpate(place: &Path, arguments: &[&str]) -> String {
 
 /// Presses springs on a sensor of this stack with all disturbances: each has to be estimated, and
 /// its interval to cover the truth.
-fn measures(place: &Path, stack: &str, seed: u32, springs_n_per_m: &[f64]) {
+fn measures(index: &Path, stack: &str, seed: u32, springs_n_per_m: &[f64]) {
     let mut scenario = format!("stack = \"{stack}\"\ndisturbances = \"all\"\n");
     for n_per_m in springs_n_per_m {
         scenario += &format!("[[press]]\nload = \"spring\"\nstiffness_N_per_m = {n_per_m:e}\n");
     }
     let file = format!("{stack}-{seed}-scenario.toml");
-    fs::write(place.join(&file), scenario).unwrap();
+    fs::write(index.join(&file), scenario).unwrap();
     let row = palpate(
-        place,
+        index,
         &["simulate", &file, "--json", "--seed", &seed.to_string()],
     );
     assert_eq!(row.lines().count(), springs_n_per_m.len());
@@ -44,7 +44,7 @@ fn measures(place: &Path, stack: &str, seed: u32, springs_n_per_m: &[f64]) {
 #[test]
 fn a_design_becomes_a_stack_that_calibrates_and_measures() {
     let folder = tempfile::tempdir().unwrap();
-    let place = folder.path();
+    let index = folder.path();
     let stack = [
         "field",
         "stack",
@@ -54,8 +54,8 @@ fn a_design_becomes_a_stack_that_calibrates_and_measures() {
         "--out",
         "closed.toml",
     ];
-    palpate(place, &[&stack[..], &["--accuracy", "1e-2"]].concat());
-    let text = fs::read_to_string(place.join("closed.toml")).unwrap();
+    palpate(index, &[&stack[..], &["--accuracy", "1e-2"]].concat());
+    let text = fs::read_to_string(index.join("closed.toml")).unwrap();
     let rise = text
         .lines()
         .find(|line| line.starts_with("stiffening_at_peak"))
@@ -63,7 +63,7 @@ fn a_design_becomes_a_stack_that_calibrates_and_measures() {
     assert!(rise.contains("nominal = 1.78"), "a rise of 178 %: {rise}");
     std::thread::scope(|scope| {
         for seed in [1, 2] {
-            scope.spawn(move || measures(place, "closed.toml", seed, &[2.5e3, 12e3]));
+            scope.spawn(move || measures(index, "closed.toml", seed, &[2.5e3, 12e3]));
         }
     });
 }
@@ -72,15 +72,15 @@ fn a_design_becomes_a_stack_that_calibrates_and_measures() {
 #[ignore = "long: `cargo xtask ci` runs it"]
 fn rises_of_a_third_to_two_and_a_half_calibrate_and_measure() {
     let folder = tempfile::tempdir().unwrap();
-    let place = folder.path();
+    let index = folder.path();
     let ultrasoft = include_str!("../../../sim-host/stacks/ultrasoft.toml");
     std::thread::scope(|scope| {
         for (rise, seed) in [("0.30", 3), ("1.00", 4), ("1.40", 5), ("2.50", 6)] {
             let stack = ultrasoft.replace("nominal = 0.10", &format!("nominal = {rise}"));
             assert_ne!(stack, ultrasoft);
             let name = format!("rise-{rise}.toml");
-            fs::write(place.join(&name), stack).unwrap();
-            scope.spawn(move || measures(place, &name, seed, &[3e3]));
+            fs::write(index.join(&name), stack).unwrap();
+            scope.spawn(move || measures(index, &name, seed, &[3e3]));
         }
     });
 }

@@ -240,8 +240,8 @@ fn refusals_name_file_and_line() {
         std::fs::write(&path, shown.replacen(from, to, 1)).unwrap();
         let (code, complaint) = refused(&["solve", path.to_str().unwrap()]);
         assert_eq!(code, Some(2), "{complaint}");
-        let place = format!("mine.toml, line {line}: ");
-        assert!(complaint.contains(&place), "{complaint}");
+        let index = format!("mine.toml, line {line}: ");
+        assert!(complaint.contains(&index), "{complaint}");
         assert!(complaint.contains(words), "{complaint}");
     }
     let (code, complaint) = refused(&["solve", "D7"]);

@@ -16,7 +16,7 @@ fn installed(folder: &Path) -> PathBuf {
 }
 
 /// Runs it with nothing in its environment but where programs are.
-fn run(tool: &Path, place: &Path, arguments: &[&str]) -> Output {
+fn run(tool: &Path, index: &Path, arguments: &[&str]) -> Output {
     let keep = [
         "PATH",
         "HOME",
@@ -29,7 +29,7 @@ fn run(tool: &Path, place: &Path, arguments: &[&str]) -> Output {
         .filter_map(|name| Some((name, std::env::var_os(name)?)));
     Command::new(tool)
         .args(arguments)
-        .current_dir(place)
+        .current_dir(index)
         .env_clear()
         .envs(kept)
         .output()
@@ -71,13 +71,13 @@ fn without_image_and_checkout_every_verb_says_where_to_get_one() {
 #[test]
 fn an_image_that_is_none_is_refused_by_every_verb() {
     let folder = tempfile::tempdir().unwrap();
-    let place = folder.path();
-    fs::write(place.join("scenario.toml"), SCENARIO).unwrap();
-    fs::write(place.join("text.elf"), "no image").unwrap();
+    let index = folder.path();
+    fs::write(index.join("scenario.toml"), SCENARIO).unwrap();
+    fs::write(index.join("text.elf"), "no image").unwrap();
     let tool = Path::new(env!("CARGO_BIN_EXE_palpate"));
     for file in ["text.elf", "missing.elf"] {
         for arguments in ON_THE_EMULATED_BOARD {
-            let output = run(tool, place, &[arguments, &["--image", file]].concat());
+            let output = run(tool, index, &[arguments, &["--image", file]].concat());
             let message = String::from_utf8(output.stderr).unwrap();
             assert_eq!(output.status.code(), Some(2), "{arguments:?}: {message}");
             assert!(message.contains(file), "{arguments:?}: {message}");
@@ -89,8 +89,8 @@ fn an_image_that_is_none_is_refused_by_every_verb() {
 #[test]
 fn an_image_that_would_not_be_run_is_refused() {
     let folder = tempfile::tempdir().unwrap();
-    let place = folder.path();
-    fs::write(place.join("scenario.toml"), SCENARIO).unwrap();
+    let index = folder.path();
+    fs::write(index.join("scenario.toml"), SCENARIO).unwrap();
     let tool = Path::new(env!("CARGO_BIN_EXE_palpate"));
     let board = ["--records", "localhost:1", "--commands", "localhost:1"];
     for (arguments, instead) in [
@@ -100,7 +100,7 @@ fn an_image_that_would_not_be_run_is_refused() {
         ([&["coil"][..], &board].concat(), "--emulated"),
     ] {
         let arguments = [&arguments[..], &["--image", "some.elf"]].concat();
-        let output = run(tool, place, &arguments);
+        let output = run(tool, index, &arguments);
         let message = String::from_utf8(output.stderr).unwrap();
         assert_eq!(output.status.code(), Some(2), "{arguments:?}: {message}");
         assert!(message.contains(instead), "{arguments:?}: {message}");

@@ -6,10 +6,10 @@ use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
 
 /// Runs the tool in a folder outside of any checkout, where nothing that needs an image can run.
-fn palpate(place: &Path, arguments: &[&str]) -> Output {
+fn palpate(index: &Path, arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_palpate"))
         .args(arguments)
-        .current_dir(place)
+        .current_dir(index)
         .output()
         .unwrap()
 }
@@ -20,10 +20,10 @@ const SCENARIO: &str = "stack = \"ultrasoft\"\ndisturbances = \"none\"\n\n[[pres
 #[test]
 fn what_cannot_be_written_is_refused_before_the_run() {
     let folder = tempfile::tempdir().unwrap();
-    let place = folder.path();
-    fs::write(place.join("scenario.toml"), SCENARIO).unwrap();
-    fs::write(place.join("file"), "no folder").unwrap();
-    fs::create_dir(place.join("folder")).unwrap();
+    let index = folder.path();
+    fs::write(index.join("scenario.toml"), SCENARIO).unwrap();
+    fs::write(index.join("file"), "no folder").unwrap();
+    fs::create_dir(index.join("folder")).unwrap();
     let verbs: [&[&str]; 10] = [
         &["demo", "--report"],
         &["simulate", "scenario.toml", "--report"],
@@ -45,7 +45,7 @@ fn what_cannot_be_written_is_refused_before_the_run() {
             &["missing/out", "folder", "file/out"]
         };
         for path in wrong {
-            let output = palpate(place, &[verb, &[*path]].concat());
+            let output = palpate(index, &[verb, &[*path]].concat());
             let message = String::from_utf8(output.stderr).unwrap();
             assert_eq!(output.status.code(), Some(2), "{verb:?}: {message}");
             let named = format!("{} {path}: ", verb[verb.len() - 1]);
@@ -54,7 +54,7 @@ fn what_cannot_be_written_is_refused_before_the_run() {
             assert!(output.stdout.is_empty(), "{verb:?}");
         }
     }
-    assert_eq!(fs::read_dir(place).unwrap().count(), 3);
+    assert_eq!(fs::read_dir(index).unwrap().count(), 3);
 }
 
 /// A device that takes nothing, as a full disk: found only when it is written to.
@@ -62,10 +62,10 @@ fn what_cannot_be_written_is_refused_before_the_run() {
 #[test]
 fn a_full_disk_loses_neither_the_table_nor_the_name() {
     let folder = tempfile::tempdir().unwrap();
-    let place = folder.path();
-    fs::write(place.join("scenario.toml"), SCENARIO).unwrap();
+    let index = folder.path();
+    fs::write(index.join("scenario.toml"), SCENARIO).unwrap();
     let output = palpate(
-        place,
+        index,
         &["simulate", "scenario.toml", "--report", "/dev/full"],
     );
     let message = String::from_utf8(output.stderr).unwrap();
@@ -75,10 +75,10 @@ fn a_full_disk_loses_neither_the_table_nor_the_name() {
     assert!(table.contains("of 1 loads estimated"), "{table}");
 }
 
-fn started(place: &Path, arguments: &[&str]) -> Child {
+fn started(index: &Path, arguments: &[&str]) -> Child {
     Command::new(env!("CARGO_BIN_EXE_palpate"))
         .args(arguments)
-        .current_dir(place)
+        .current_dir(index)
         .stdout(Stdio::piped())
         .spawn()
         .unwrap()
@@ -113,10 +113,10 @@ fn an_interrupted_sweep_has_its_first_rows() {
     let rows: Vec<csv::StringRecord> = reader.records().map(Result::unwrap).collect();
     // Long before the end: all at once, a pipe would have held most of them.
     assert!((5..200).contains(&rows.len()), "{}", rows.len());
-    for (place, row) in rows.iter().enumerate() {
+    for (index, row) in rows.iter().enumerate() {
         let gap: f64 = row[0].parse().unwrap();
         assert!(
-            (gap - (3.0 + 4.0 * place as f64 / 399.0)).abs() < 1e-9,
+            (gap - (3.0 + 4.0 * index as f64 / 399.0)).abs() < 1e-9,
             "{row:?}"
         );
     }

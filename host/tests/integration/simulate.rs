@@ -279,8 +279,8 @@ fn bad_scenarios_are_refused_with_file_line_and_what_is_allowed() {
         let output = palpate(&["simulate", file.to_str().unwrap()]);
         assert_eq!(output.status.code(), Some(2), "{text}");
         let message = String::from_utf8(output.stderr).unwrap();
-        let place = format!("{}:{line}:", file.display());
-        for part in parts.into_iter().chain([place.as_str()]) {
+        let index = format!("{}:{line}:", file.display());
+        for part in parts.into_iter().chain([index.as_str()]) {
             assert!(message.contains(part), "{part:?} in {message:?} of\n{text}");
         }
     }

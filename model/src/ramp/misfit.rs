@@ -38,8 +38,8 @@ impl Bend {
     pub fn of(straight: &Fit, bent: &Fit, span: f32) -> Option<Self> {
         let slope = straight.coefficient(1)?.value;
         let terms = bent.basis().terms();
-        let place = terms.iter().position(|term| *term == Term::Quadratic)?;
-        let gamma = bent.coefficient(place)?;
+        let index = terms.iter().position(|term| *term == Term::Quadratic)?;
+        let gamma = bent.coefficient(index)?;
         let relative = Coefficient {
             value: gamma.value * (span / slope),
             standard_error: gamma.standard_error * (span / slope).abs(),

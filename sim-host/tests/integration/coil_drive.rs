@@ -375,14 +375,14 @@ fn from_a_line(values: &[f64]) -> f64 {
     let middle = 0.5 * (count - 1.0);
     let mean = values.iter().sum::<f64>() / count;
     let (mut of_product, mut of_square) = (0.0, 0.0);
-    for (place, value) in values.iter().enumerate() {
-        let at = place as f64 - middle;
+    for (index, value) in values.iter().enumerate() {
+        let at = index as f64 - middle;
         of_product += at * value;
         of_square += at * at;
     }
     let slope = of_product / of_square;
     let off =
-        |(place, value): (usize, &f64)| (value - mean - slope * (place as f64 - middle)).abs();
+        |(index, value): (usize, &f64)| (value - mean - slope * (index as f64 - middle)).abs();
     values.iter().enumerate().map(off).fold(0.0, f64::max)
 }
 

@@ -369,7 +369,7 @@ fn a_measurement_that_freezes_at_its_target_is_found_in_time() {
 
 #[test]
 fn a_measurement_that_works_is_not_called_frozen() {
-    for (place, corner) in CORNERS.into_iter().enumerate() {
+    for (index, corner) in CORNERS.into_iter().enumerate() {
         for (seed, noise_lsb, wide_codes) in [(1, 0.0, true), (2, 2.0, true), (3, 6.0, true)] {
             for to_a in CURRENTS_A {
                 let converter = ConverterParameters {
@@ -391,7 +391,7 @@ fn a_measurement_that_works_is_not_called_frozen() {
                     assert_eq!(
                         loop_.state(),
                         DriveState::Driving,
-                        "corner {place}, {to_a} A, noise {noise_lsb}, {ms} ms"
+                        "corner {index}, {to_a} A, noise {noise_lsb}, {ms} ms"
                     );
                 }
             }

@@ -8,7 +8,7 @@ use palpate_sim::parameters::draw;
 use palpate_sim::stack::{Disturbances, Stack};
 use palpate_sim::switches::Switches;
 use palpate_sim::world::{Setup, World};
-use palpate_wire::code::{Outcome, Place, State};
+use palpate_wire::code::{Location, Outcome, State};
 use palpate_wire::command::{Coil, DriveCoil};
 use palpate_wire::record::Sample;
 use palpate_wire::{Command, Record};
@@ -152,16 +152,18 @@ fn a_second_converter_that_fails_costs_the_first_nothing() {
         let second = samples(&after, 1);
         let last_us = second.last().expect("it comes back").0;
         assert!(last_us > 1_450_000, "{way:?}: {last_us}");
-        let places: Vec<Place> = after
+        let locations: Vec<Location> = after
             .iter()
             .filter_map(|(_, record)| match record {
-                Record::Fault(fault) if fault.active => Some(fault.place),
+                Record::Fault(fault) if fault.active => Some(fault.location),
                 _ => None,
             })
             .collect();
         assert!(
-            places.iter().all(|place| *place == Place::SecondSensor),
-            "{way:?}: {places:?}"
+            locations
+                .iter()
+                .all(|location| *location == Location::SecondSensor),
+            "{way:?}: {locations:?}"
         );
     }
 }

@@ -10,8 +10,8 @@ fn no_limit_is_exceeded_whatever_happens() {
     assert!(summary.begun > 1_000);
     // Nothing was shown if nothing went wrong.
     let latched = |fault| {
-        let place = Fault::ALL.iter().position(|of| *of == fault);
-        place.and_then(|place| summary.faults.get(place)).copied()
+        let index = Fault::ALL.iter().position(|of| *of == fault);
+        index.and_then(|index| summary.faults.get(index)).copied()
     };
     for fault in [
         Fault::OverCurrent,

@@ -53,8 +53,8 @@ impl Target {
     /// Tells the target an event of the procedure or the number of a function, and returns its sum.
     fn tell(&mut self, words: &[u32]) -> u32 {
         let (mailbox, answer) = (self.symbol("MAILBOX"), self.symbol("ANSWER"));
-        for (place, word) in (1..).zip(words) {
-            self.0.poke(mailbox + 4 * place, *word);
+        for (location, word) in (1..).zip(words) {
+            self.0.poke(mailbox + 4 * location, *word);
         }
         self.0.poke(mailbox, words.len() as u32);
         self.0
@@ -175,13 +175,13 @@ fn the_procedure_gives_the_same_bits_through_a_whole_press() {
         let tape = recorded(drift);
         assert!(tape.iter().any(|observed| has_estimate(&observed.actions)));
         let mut target = ready.clone();
-        for (place, observed) in tape.iter().enumerate() {
+        for (location, observed) in tape.iter().enumerate() {
             let there = target.tell(&words(observed));
             let here = tape::sum(&observed.actions);
             assert_eq!(
                 there,
                 here,
-                "{drift}: step {place} of {}: {:?}",
+                "{drift}: step {location} of {}: {:?}",
                 tape.len(),
                 observed.actions
             );
@@ -195,20 +195,20 @@ fn the_procedure_gives_the_same_bits_through_a_whole_press() {
 fn a_single_bit_is_seen() {
     let mut target = Target::new();
     let mut tape = recorded(Drift::Logarithmic);
-    let place = tape
+    let location = tape
         .iter()
         .position(|observed| matches!(observed.event, OwnEvent::Scan(_)))
         .unwrap();
-    for observed in &tape[..place] {
+    for observed in &tape[..location] {
         assert_eq!(target.tell(&words(observed)), tape::sum(&observed.actions));
     }
-    let OwnEvent::Scan(scan) = &mut tape[place].event else {
+    let OwnEvent::Scan(scan) = &mut tape[location].event else {
         unreachable!();
     };
     let reading = &mut scan.conversions[0].reading;
     reading.frequency_hz = f64::from_bits(reading.frequency_hz.to_bits() + (1 << 29));
     assert_ne!(
-        target.tell(&words(&tape[place])),
-        tape::sum(&tape[place].actions)
+        target.tell(&words(&tape[location])),
+        tape::sum(&tape[location].actions)
     );
 }

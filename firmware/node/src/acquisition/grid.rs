@@ -127,9 +127,9 @@ impl Grid {
         // From the edge to when the frame has to begin, for every word in time.
         let mut slack_us = i32::MAX;
         let places = scheme.ages_us.iter().zip(0_u32..);
-        for (age_us, place) in places.take(usize::from(scheme.channels)) {
+        for (age_us, index) in places.take(usize::from(scheme.channels)) {
             let next_end_us = (scheme.period_us - age_us) as i32;
-            let latched_us = bits_us((status + 2 * place) * REGISTER_BITS + LATCHED_BITS);
+            let latched_us = bits_us((status + 2 * index) * REGISTER_BITS + LATCHED_BITS);
             slack_us = slack_us.min(next_end_us - latched_us - MARGIN_US);
         }
         Self {

@@ -161,8 +161,8 @@ fn times(configuration: &Configuration) -> Times {
     let mut end_s = 0.0;
     let count = usize::from(configuration.acquisition.channel_count());
     let places = middles.iter_mut().zip(&mut ages_us).enumerate();
-    for (place, (middle, age_us)) in places.take(count).rev() {
-        let position = u8::try_from(place).unwrap_or_default();
+    for (index, (middle, age_us)) in places.take(count).rev() {
+        let position = u8::try_from(index).unwrap_or_default();
         let Some(channel) = configuration.acquisition.channel_at(position) else {
             continue;
         };

@@ -2,7 +2,7 @@
 
 use coil_hbridge::{Fault, Limits, Refusal};
 use palpate_procedure::event::Failure;
-use palpate_wire::code::{FaultCode, Place};
+use palpate_wire::code::{FaultCode, Location};
 
 /// The failure that a latched fault of the drive is; `supply_low_v`: the supply that was found, and
 /// the one that is needed.
@@ -37,19 +37,19 @@ pub(crate) fn refused(refusal: &Refusal, limits: &Limits) -> Option<Failure> {
 /// A failure with its place and the limit that was passed.
 pub(crate) const fn failure(code: FaultCode, value: Option<f32>, limits: &Limits) -> Failure {
     let [lowest_supply_v, highest_supply_v] = limits.supply_v;
-    let (place, limit) = match code {
-        FaultCode::Bridge | FaultCode::NoHardwareLimit => (Place::Bridge, None),
-        FaultCode::SupplyLow => (Place::Supply, Some(lowest_supply_v)),
-        FaultCode::SupplyHigh => (Place::Supply, Some(highest_supply_v)),
-        FaultCode::OverCurrent => (Place::Coil, Some(limits.trip_a)),
-        FaultCode::OnTime => (Place::Coil, Some(limits.on_time_s)),
-        FaultCode::TooMuchEnergy => (Place::Coil, Some(limits.energy_j)),
-        FaultCode::Overrun => (Place::Processor, None),
-        _ => (Place::Coil, None),
+    let (location, limit) = match code {
+        FaultCode::Bridge | FaultCode::NoHardwareLimit => (Location::Bridge, None),
+        FaultCode::SupplyLow => (Location::Supply, Some(lowest_supply_v)),
+        FaultCode::SupplyHigh => (Location::Supply, Some(highest_supply_v)),
+        FaultCode::OverCurrent => (Location::Coil, Some(limits.trip_a)),
+        FaultCode::OnTime => (Location::Coil, Some(limits.on_time_s)),
+        FaultCode::TooMuchEnergy => (Location::Coil, Some(limits.energy_j)),
+        FaultCode::Overrun => (Location::Processor, None),
+        _ => (Location::Coil, None),
     };
     Failure {
         code,
-        place,
+        location,
         value,
         limit,
     }
@@ -84,39 +84,47 @@ mod tests {
     #[test]
     fn every_fault_of_the_drive_has_its_code_and_place() {
         let table = [
-            (Fault::OverCurrent, FaultCode::OverCurrent, Place::Coil),
-            (Fault::Bridge, FaultCode::Bridge, Place::Bridge),
+            (Fault::OverCurrent, FaultCode::OverCurrent, Location::Coil),
+            (Fault::Bridge, FaultCode::Bridge, Location::Bridge),
             (
                 Fault::CurrentMissing,
                 FaultCode::CurrentMissing,
-                Place::Coil,
+                Location::Coil,
             ),
-            (Fault::CurrentUnexplained, FaultCode::CoilShort, Place::Coil),
-            (Fault::Short, FaultCode::CoilShort, Place::Coil),
+            (
+                Fault::CurrentUnexplained,
+                FaultCode::CoilShort,
+                Location::Coil,
+            ),
+            (Fault::Short, FaultCode::CoilShort, Location::Coil),
             (
                 Fault::NotFollowing,
                 FaultCode::CurrentOffTarget,
-                Place::Coil,
+                Location::Coil,
             ),
-            (Fault::SupplyLow, FaultCode::SupplyLow, Place::Supply),
-            (Fault::SupplyHigh, FaultCode::SupplyHigh, Place::Supply),
-            (Fault::OnTime, FaultCode::OnTime, Place::Coil),
-            (Fault::Energy, FaultCode::TooMuchEnergy, Place::Coil),
-            (Fault::Unattended, FaultCode::Overrun, Place::Processor),
-            (Fault::Offset, FaultCode::CurrentSense, Place::Coil),
-            (Fault::SenseReversed, FaultCode::CurrentSense, Place::Coil),
-            (Fault::SenseFrozen, FaultCode::CurrentSense, Place::Coil),
-            (Fault::Open, FaultCode::CoilOpen, Place::Coil),
-            (Fault::NotACoil, FaultCode::CoilUnknown, Place::Coil),
+            (Fault::SupplyLow, FaultCode::SupplyLow, Location::Supply),
+            (Fault::SupplyHigh, FaultCode::SupplyHigh, Location::Supply),
+            (Fault::OnTime, FaultCode::OnTime, Location::Coil),
+            (Fault::Energy, FaultCode::TooMuchEnergy, Location::Coil),
+            (Fault::Unattended, FaultCode::Overrun, Location::Processor),
+            (Fault::Offset, FaultCode::CurrentSense, Location::Coil),
+            (
+                Fault::SenseReversed,
+                FaultCode::CurrentSense,
+                Location::Coil,
+            ),
+            (Fault::SenseFrozen, FaultCode::CurrentSense, Location::Coil),
+            (Fault::Open, FaultCode::CoilOpen, Location::Coil),
+            (Fault::NotACoil, FaultCode::CoilUnknown, Location::Coil),
             (
                 Fault::NoHardwareLimit,
                 FaultCode::NoHardwareLimit,
-                Place::Bridge,
+                Location::Bridge,
             ),
         ];
-        for (fault, code, place) in table {
+        for (fault, code, location) in table {
             let found = latched(fault, None, &LIMITS);
-            assert_eq!((found.code, found.place), (code, place), "{fault:?}");
+            assert_eq!((found.code, found.location), (code, location), "{fault:?}");
             assert_eq!(found.value, None);
         }
     }

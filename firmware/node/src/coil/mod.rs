@@ -16,7 +16,7 @@ use palpate_procedure::event::Failure;
 use palpate_procedure::thermometer::Thermometer;
 use palpate_procedure::units::Celsius;
 use palpate_wire::code::FaultCode;
-use palpate_wire::command::{CurrentCorrection, MAX_PLACES};
+use palpate_wire::command::{CurrentCorrection, MAX_POINTS};
 use palpate_wire::record::{CoilTest, CurrentTrace};
 
 pub use hardware::{
@@ -145,8 +145,8 @@ impl<H: CoilHardware> CoilManager<H> {
 
     /// Corrects the measured current from now on.
     pub fn correct(&mut self, correction: &CurrentCorrection) {
-        let mut pairs = heapless::Vec::<[f32; 2], MAX_PLACES>::new();
-        for (measured_a, change_a) in correction.places() {
+        let mut pairs = heapless::Vec::<[f32; 2], MAX_POINTS>::new();
+        for (measured_a, change_a) in correction.points() {
             // There is room for as many as a correction has.
             let _ = pairs.push([measured_a, measured_a + change_a]);
         }

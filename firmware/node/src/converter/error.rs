@@ -5,7 +5,7 @@ use core::fmt;
 use embedded_hal::i2c::{ErrorKind, NoAcknowledgeSource};
 use ldc161x::{Direction, Error, Register};
 use palpate_procedure::event::Failure;
-use palpate_wire::code::{Chip, FaultCode, Place};
+use palpate_wire::code::{Chip, FaultCode, Location};
 
 /// What a transfer can fail of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -76,16 +76,16 @@ pub(crate) const fn edge_error(source: TransferError) -> ConverterError {
 /// The failure that an error of converter 0 or 1 is.
 pub(crate) fn failure(error: &ConverterError, converter: usize) -> Failure {
     let (code, value) = code(error);
-    let place = match (code, converter) {
+    let location = match (code, converter) {
         (FaultCode::BusDataStuck | FaultCode::BusClockStuck, _)
-        | (FaultCode::BusNotAcknowledged | FaultCode::BusTimeout, 0) => Place::Bus,
-        (_, 0) => Place::Sensor,
+        | (FaultCode::BusNotAcknowledged | FaultCode::BusTimeout, 0) => Location::Bus,
+        (_, 0) => Location::Sensor,
         // The bus may be sound for the first.
-        _ => Place::SecondSensor,
+        _ => Location::SecondSensor,
     };
     Failure {
         value: value.map(f32::from),
-        ..Failure::new(code, place)
+        ..Failure::new(code, location)
     }
 }
 
@@ -154,56 +154,56 @@ mod tests {
             (
                 edge_error(absent),
                 SensorAbsent,
-                [Place::Sensor, Place::SecondSensor],
+                [Location::Sensor, Location::SecondSensor],
             ),
             (
                 edge_error(refused),
                 BusNotAcknowledged,
-                [Place::Bus, Place::SecondSensor],
+                [Location::Bus, Location::SecondSensor],
             ),
             (
                 edge_error(TransferError::Arbitration),
                 BusDataStuck,
-                [Place::Bus; 2],
+                [Location::Bus; 2],
             ),
             (
                 edge_error(TransferError::DataStuck),
                 BusDataStuck,
-                [Place::Bus; 2],
+                [Location::Bus; 2],
             ),
             (
                 edge_error(TransferError::ClockStuck),
                 BusClockStuck,
-                [Place::Bus; 2],
+                [Location::Bus; 2],
             ),
             (
                 edge_error(TransferError::Timeout),
                 BusTimeout,
-                [Place::Bus, Place::SecondSensor],
+                [Location::Bus, Location::SecondSensor],
             ),
             (
                 edge_error(TransferError::Length),
                 BusTimeout,
-                [Place::Bus, Place::SecondSensor],
+                [Location::Bus, Location::SecondSensor],
             ),
             (
                 edge_error(TransferError::Aborted),
                 BusTimeout,
-                [Place::Bus, Place::SecondSensor],
+                [Location::Bus, Location::SecondSensor],
             ),
             (
                 edge_error(TransferError::Silent),
                 SensorSilent,
-                [Place::Sensor, Place::SecondSensor],
+                [Location::Sensor, Location::SecondSensor],
             ),
-            (OFF_PACE, Clock, [Place::Sensor, Place::SecondSensor]),
+            (OFF_PACE, Clock, [Location::Sensor, Location::SecondSensor]),
             (
                 Error::WrongIdentity {
                     manufacturer: 0x5449,
                     device: 0x3054,
                 },
                 SensorIdentity,
-                [Place::Sensor, Place::SecondSensor],
+                [Location::Sensor, Location::SecondSensor],
             ),
             (
                 Error::ReadBack {
@@ -212,7 +212,7 @@ mod tests {
                     read: 2,
                 },
                 SensorRegister,
-                [Place::Sensor, Place::SecondSensor],
+                [Location::Sensor, Location::SecondSensor],
             ),
             (
                 Error::RegistersLost {
@@ -221,23 +221,23 @@ mod tests {
                     found: 2,
                 },
                 SensorReset,
-                [Place::Sensor, Place::SecondSensor],
+                [Location::Sensor, Location::SecondSensor],
             ),
             (
                 Error::InterruptStuck,
                 InterruptStuck,
-                [Place::Sensor, Place::SecondSensor],
+                [Location::Sensor, Location::SecondSensor],
             ),
             (
                 Error::NoInterrupt { waited_us: 9 },
                 SensorSilent,
-                [Place::Sensor, Place::SecondSensor],
+                [Location::Sensor, Location::SecondSensor],
             ),
         ];
-        for (error, code, places) in table {
-            for (converter, place) in places.into_iter().enumerate() {
+        for (error, code, locations) in table {
+            for (converter, location) in locations.into_iter().enumerate() {
                 let found = failure(&error, converter);
-                assert_eq!((found.code, found.place), (code, place), "{error:?}");
+                assert_eq!((found.code, found.location), (code, location), "{error:?}");
             }
         }
     }

@@ -95,14 +95,14 @@ fn frames_in_time_are_passed_on_and_nothing_is_missing() {
 
 /// When the word of a channel is latched at the latest, and when its next conversion ends, after the
 /// edge: computed from the datasheet, not from the code under test.
-fn word_and_end_us(case: (u8, f32, bool), place: u32, delay_us: f64) -> (f64, f64) {
+fn word_and_end_us(case: (u8, f32, bool), index: u32, delay_us: f64) -> (f64, f64) {
     let (channels, rate_hz, with_status) = case;
     let scheme = scheme(channels, rate_hz);
     let count = channels.count_ones();
-    let before = 2 * place + u32::from(with_status);
+    let before = 2 * index + u32::from(with_status);
     // START, address and pointer, repeated START, address: 29 bits, then the first data bit.
     let latched_us = delay_us + f64::from(47 * before + 29) * BIT_US;
-    let channel = scheme.configuration.acquisition.channel_at(place as u8);
+    let channel = scheme.configuration.acquisition.channel_at(index as u8);
     let settings = scheme.configuration.channel(channel.unwrap_or_default());
     let reference_hz = if count == 1 { 200e6 / 6.0 } else { 40e6 };
     let switch_s = 692e-9 + 5.0 / reference_hz;
@@ -113,7 +113,7 @@ fn word_and_end_us(case: (u8, f32, bool), place: u32, delay_us: f64) -> (f64, f6
         f64::from(settings.settle_count.get()) * 16.0
     };
     let dwell_us = ((clocks + settling) / reference_hz + switch_s) * 1e6;
-    (latched_us, dwell_us * f64::from(place + 1))
+    (latched_us, dwell_us * f64::from(index + 1))
 }
 
 #[test]
@@ -123,8 +123,8 @@ fn no_frame_that_may_be_of_two_scans_is_passed_on_and_none_is_dropped_long_befor
         let period_us = bus.period_us;
         let mut dropped_from_us = f64::MAX;
         for delay_us in (0..period_us as u32).map(f64::from) {
-            let whole = (0..channels.count_ones()).all(|place| {
-                let (latched_us, end_us) = word_and_end_us(case, place, delay_us);
+            let whole = (0..channels.count_ones()).all(|index| {
+                let (latched_us, end_us) = word_and_end_us(case, index, delay_us);
                 latched_us < end_us
             });
             let mut bus = Bus::new(channels, rate_hz, with_status).settled();

@@ -291,8 +291,8 @@ impl Configuration {
         board: &BoardInfo,
         set: impl FnOnce(&mut ChannelCalibration),
     ) -> Outcome {
-        let place = self.channels.get_mut(usize::from(sensor));
-        match place.and_then(|of| of.get_mut(usize::from(channel))) {
+        let index = self.channels.get_mut(usize::from(sensor));
+        match index.and_then(|of| of.get_mut(usize::from(channel))) {
             Some(to) if has(board, sensor, channel) => {
                 set(to);
                 Outcome::Accepted
@@ -333,8 +333,8 @@ impl Configuration {
     fn take_curve(&mut self, target: Target, curve: Curve) -> Outcome {
         match target {
             Target::Deformation { sensor, channel } => {
-                let place = self.channels.get_mut(usize::from(sensor));
-                let Some(to) = place.and_then(|of| of.get_mut(usize::from(channel))) else {
+                let index = self.channels.get_mut(usize::from(sensor));
+                let Some(to) = index.and_then(|of| of.get_mut(usize::from(channel))) else {
                     return Outcome::NoSuchChannel;
                 };
                 to.curve = Some(curve);

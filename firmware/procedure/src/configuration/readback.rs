@@ -37,7 +37,7 @@ impl Configuration {
         let settings = self.settings_are_set.then(|| self.settings.clone());
         let parts = PARTS.into_iter().flat_map(|part| {
             let places = if is_of_a_channel(part) { 8 } else { 1 };
-            (0..places).flat_map(move |place| self.chunks(part, place / 4, place % 4))
+            (0..places).flat_map(move |index| self.chunks(part, index / 4, index % 4))
         });
         configuration_crc(settings.map(Command::SetSettings).into_iter().chain(parts))
     }

@@ -20,11 +20,11 @@ pub(super) type Sums = [u32; ITEMS];
 
 /// The part with a number, with converter and channel; nothing for the settings.
 fn item(number: usize) -> Option<(Part, u8, u8)> {
-    let place = number.checked_sub(1)?;
-    let (part, of) = if place < OF_A_CHANNEL * CHANNELS {
-        (place / CHANNELS, (place % CHANNELS) as u8)
+    let index = number.checked_sub(1)?;
+    let (part, of) = if index < OF_A_CHANNEL * CHANNELS {
+        (index / CHANNELS, (index % CHANNELS) as u8)
     } else {
-        (place - OF_A_CHANNEL * (CHANNELS - 1), 0)
+        (index - OF_A_CHANNEL * (CHANNELS - 1), 0)
     };
     Some((*PARTS.get(part)?, of / 4, of % 4))
 }
@@ -147,9 +147,9 @@ pub(crate) mod tests {
     };
 
     fn curve(first: u8) -> Command {
-        let knot = |place: u8| DeformationKnot {
-            inductance_change: f32::from(place),
-            deformation_m: 1e-3 * f32::from(place * place),
+        let knot = |index: u8| DeformationKnot {
+            inductance_change: f32::from(index),
+            deformation_m: 1e-3 * f32::from(index * index),
         };
         Command::SetDeformationCurve(DeformationCurve {
             sensor: 0,
@@ -161,9 +161,9 @@ pub(crate) mod tests {
     }
 
     fn stiffening_curve() -> Command {
-        let knot = |place: u8| StiffeningKnot {
-            current_a: f32::from(place),
-            rise: 0.01 * f32::from(place * place),
+        let knot = |index: u8| StiffeningKnot {
+            current_a: f32::from(index),
+            rise: 0.01 * f32::from(index * index),
         };
         Command::SetStiffeningCurve(StiffeningCurve {
             total: 3,

@@ -7,7 +7,7 @@ use coil_hbridge::CurrentLine;
 use palpate_model::magnetorheological::{Stiffening, attraction, deviation};
 use palpate_model::ramp::RampSample;
 use palpate_model::units::{Ampere, Metre, Newton, NewtonPerMetre};
-use palpate_wire::code::{FaultCode, Place, RefusalReason};
+use palpate_wire::code::{FaultCode, Location, RefusalReason};
 use palpate_wire::command::Settings;
 use palpate_wire::record::Refusal;
 
@@ -150,7 +150,7 @@ impl TrainDrive {
         let peak = self.train.profile().peak;
         let Some(current) = scan.measured_current() else {
             let setpoint = self.train.setpoint(scan.middle).unwrap_or(peak);
-            return refused(RefusalReason::CurrentOffCourse, None, setpoint);
+            return refused(RefusalReason::CurrentOffTarget, None, setpoint);
         };
         // Only where the whole conversion lay within the segment. A rise begins from wherever the
         // current was.
@@ -166,7 +166,7 @@ impl TrainDrive {
         if self.train.segment() == TrainSegment::Hold && current < setpoint {
             return refused(RefusalReason::PeakNotReached, Some(current.0), peak);
         }
-        refused(RefusalReason::CurrentOffCourse, Some(current.0), setpoint)
+        refused(RefusalReason::CurrentOffTarget, Some(current.0), setpoint)
     }
 }
 
@@ -184,7 +184,7 @@ pub(crate) fn check_heat(settings: &Settings, heat: &Heat) -> Option<Failure> {
     };
     Some(Failure {
         code,
-        place: Place::Coil,
+        location: Location::Coil,
         value: Some(value),
         limit: Some(limit),
     })

@@ -6,7 +6,7 @@
 //! test and empties the queue, with an answer.
 
 use palpate_wire::Header;
-use palpate_wire::code::{FaultCode, Outcome, Place};
+use palpate_wire::code::{FaultCode, Location, Outcome};
 use palpate_wire::command::DriveCoil;
 use palpate_wire::record::{Acknowledgement, CoilTest};
 use palpate_wire::{Command, Record};
@@ -188,7 +188,7 @@ impl Procedure {
             let failure = Failure {
                 value: Some(in_seconds(takes).0),
                 limit: Some(in_seconds(LONGEST_TEST).0),
-                ..Failure::new(FaultCode::Overrun, Place::Coil)
+                ..Failure::new(FaultCode::Overrun, Location::Coil)
             };
             self.fail(failure, out);
         }

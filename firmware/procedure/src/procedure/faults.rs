@@ -1,7 +1,7 @@
 //! What stops the instrument, and what starts it again.
 
 use palpate_wire::Record;
-use palpate_wire::code::{FaultCode, Mode, Outcome, Place, RefusalReason};
+use palpate_wire::code::{FaultCode, Location, Mode, Outcome, RefusalReason};
 use palpate_wire::record::Fault;
 
 use super::coil::Knowledge;
@@ -46,7 +46,7 @@ impl Procedure {
         self.last_seen = Some(out.now);
         self.next_check.1 = out.now;
         self.next_status = self.status_after(out.now);
-        self.fail(Failure::new(FaultCode::Clock, Place::Clock), out);
+        self.fail(Failure::new(FaultCode::Clock, Location::Clock), out);
     }
 
     /// Checks one item of the configuration, where it is time for the next.
@@ -73,7 +73,7 @@ impl Procedure {
     fn configuration_is_damaged(&mut self, kind: u8, out: &mut Out<'_>) {
         let failure = Failure {
             value: Some(kind.into()),
-            ..Failure::new(FaultCode::ConfigurationDamaged, Place::Configuration)
+            ..Failure::new(FaultCode::ConfigurationDamaged, Location::Configuration)
         };
         self.fail(failure, out);
     }
@@ -105,15 +105,15 @@ impl Procedure {
 /// sense again, disarmed as the device is now. Any other waits for its user.
 const fn ends_with_its_cause(failure: &Failure) -> bool {
     matches!(
-        failure.place,
-        Place::Sensor | Place::SecondSensor | Place::Bus
+        failure.location,
+        Location::Sensor | Location::SecondSensor | Location::Bus
     )
 }
 
 fn fault(failure: &Failure, active: bool) -> Record {
     Record::Fault(Fault {
         code: failure.code,
-        place: failure.place,
+        location: failure.location,
         active,
         value: failure.value,
         limit: failure.limit,

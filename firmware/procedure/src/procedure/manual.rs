@@ -2,7 +2,7 @@
 
 use coil_hbridge::CurrentLine;
 use palpate_model::units::Second;
-use palpate_wire::code::{FaultCode, Outcome, Place};
+use palpate_wire::code::{FaultCode, Location, Outcome};
 use palpate_wire::command::DriveCoil;
 
 use super::states::Phase;
@@ -81,13 +81,13 @@ impl Procedure {
         let silent = between(manual.last_received, out.now);
         let on_s = seconds(manual.began, out.now).0;
         let settings = &self.configuration.settings;
-        let (code, place, value, limit) = if silent > SILENCE {
+        let (code, location, value, limit) = if silent > SILENCE {
             let seconds_of = |of: Duration| of.as_ticks() as f32 * 1e-6;
             let (silent_s, limit_s) = (seconds_of(silent), seconds_of(SILENCE));
-            (FaultCode::HostSilent, Place::Link, silent_s, limit_s)
+            (FaultCode::HostSilent, Location::Link, silent_s, limit_s)
         } else if on_s > self.board.limits.on_time_s {
             let limit_s = self.board.limits.on_time_s;
-            (FaultCode::OnTime, Place::Coil, on_s, limit_s)
+            (FaultCode::OnTime, Location::Coil, on_s, limit_s)
         } else if let Some(failure) = self
             .heat
             .as_ref()
@@ -100,7 +100,7 @@ impl Procedure {
         let failure = Failure {
             value: Some(value),
             limit: Some(limit),
-            ..Failure::new(code, place)
+            ..Failure::new(code, location)
         };
         self.fail(failure, out);
     }

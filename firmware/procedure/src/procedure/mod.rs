@@ -10,7 +10,7 @@ mod states;
 
 use palpate_model::units::{Celsius, Hertz, Second};
 use palpate_wire::Record;
-use palpate_wire::code::{FaultCode, Mode, Part, Place, State};
+use palpate_wire::code::{FaultCode, Location, Mode, Part, State};
 use palpate_wire::record::{Hello, StateChange, Status};
 
 use crate::action::{Action, Actions};
@@ -207,13 +207,13 @@ impl Procedure {
                 Failure {
                     value: Some(self.board.crashes.into()),
                     limit: Some(MOST_CRASHES.into()),
-                    ..Failure::new(FaultCode::CrashStreak, Place::Processor)
+                    ..Failure::new(FaultCode::CrashStreak, Location::Processor)
                 },
                 out,
             );
         }
         if let Some(code) = boot::fault(self.board.hello.reset_cause) {
-            self.fail(Failure::new(code, Place::Processor), out);
+            self.fail(Failure::new(code, Location::Processor), out);
         }
     }
 

@@ -1,7 +1,7 @@
 //! Error flags of readings: one is data, one that persists is a fault.
 
 use ldc161x::{Quality, Reading};
-use palpate_wire::code::{FaultCode, Place};
+use palpate_wire::code::{FaultCode, Location};
 
 use super::states::Phase;
 use super::{Out, Procedure};
@@ -68,10 +68,10 @@ impl Procedure {
         if all_good && !self.flagged_since.any && !matches!(self.phase, Phase::Fault(_)) {
             return;
         }
-        let place = if scan.sensor & 1 == 0 {
-            Place::Sensor
+        let location = if scan.sensor & 1 == 0 {
+            Location::Sensor
         } else {
-            Place::SecondSensor
+            Location::SecondSensor
         };
         let mut failure = None;
         self.flagged_since.forget_ended();
@@ -83,12 +83,12 @@ impl Procedure {
             {
                 failure.get_or_insert(Failure {
                     value: Some(reading.channel.number().into()),
-                    ..Failure::new(code, place)
+                    ..Failure::new(code, location)
                 });
             }
         }
         if let Phase::Fault(standing) = &self.phase {
-            if all_good && is_of_readings(standing.code) && standing.place == place {
+            if all_good && is_of_readings(standing.code) && standing.location == location {
                 self.recovered(standing.code, out);
             }
         } else if let Some(failure) = failure {

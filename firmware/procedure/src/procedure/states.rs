@@ -3,7 +3,7 @@
 use palpate_model::contact::Touch;
 use palpate_model::units::Second;
 use palpate_wire::Record;
-use palpate_wire::code::{FaultCode, Mode, Outcome, Place, RefusalReason, State};
+use palpate_wire::code::{FaultCode, Location, Mode, Outcome, RefusalReason, State};
 
 use super::budget::Hindrance;
 use super::coil::Knowledge;
@@ -157,7 +157,7 @@ impl Phase {
             }
             Self::Reporting { .. } => State::Estimating,
             Self::Release { .. } => State::Release,
-            Self::Manual(_) => State::Directed,
+            Self::Manual(_) => State::Manual,
             Self::Fault(_) => State::Fault,
         }
     }
@@ -522,7 +522,7 @@ impl Procedure {
                 Failure {
                     value: Some(silent_s),
                     limit: Some(allowed_s),
-                    ..Failure::new(FaultCode::SensorSilent, Place::Sensor)
+                    ..Failure::new(FaultCode::SensorSilent, Location::Sensor)
                 },
                 out,
             );

@@ -161,8 +161,8 @@ proptest! {
     fn a_damaged_record_is_never_reported(damage in damage(), hard in any::<bool>()) {
         let whole = if hard { faulted(&NO_RECORD) } else { panicked(&NO_RECORD) };
         let mut words = whole;
-        for (place, bits) in damage {
-            words[place] ^= bits;
+        for (index, bits) in damage {
+            words[index] ^= bits;
         }
         let (boot, _) = Boot::judge(FORCED, &words);
         if words == whole {

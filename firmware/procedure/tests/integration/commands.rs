@@ -4,7 +4,7 @@ use crate::support::calibration::{COIL, calibration, curve, settings, springs};
 use crate::support::sensor::Sensor;
 use crate::support::{BOOT, Rig, answers, frame};
 use palpate_procedure::{Action, Event};
-use palpate_wire::code::{FaultCode, Outcome, Place, State};
+use palpate_wire::code::{FaultCode, Location, Outcome, State};
 use palpate_wire::command::ClearFault;
 use palpate_wire::{Command, FrameError, Header, PayloadError, Record};
 
@@ -21,7 +21,7 @@ const OUTCOMES: [(State, Outcome, Outcome, Outcome); 11] = {
         (State::Ramps, Accepted, Busy, Busy),
         (State::Estimating, Accepted, Busy, Busy),
         (State::Release, Accepted, Accepted, Accepted),
-        (State::Directed, Accepted, Busy, Busy),
+        (State::Manual, Accepted, Busy, Busy),
         (State::Fault, Faulted, Faulted, Faulted),
     ]
 };
@@ -83,7 +83,7 @@ fn abort_disarm_and_sensing_only_end_a_measurement_in_any_state() {
             assert!(rig.line.is_off());
             let measures = matches!(state, State::Settling | State::Peak | State::Ramps);
             assert_eq!(rig.refusals().len(), usize::from(measures), "{state}");
-            let drives = measures || state == State::Directed;
+            let drives = measures || state == State::Manual;
             let after = if drives { State::Release } else { state };
             // Meanwhile the procedure goes on sending the points of an estimate.
             assert_eq!(rig.state(), after);
@@ -209,7 +209,7 @@ fn a_fault_is_cleared_by_its_name_alone() {
     let mut rig = Rig::standing_in(State::Watching, |_| {});
     let clear = |code| Command::ClearFault(ClearFault { code });
     assert_eq!(rig.outcome(clear(FaultCode::Bridge)), Outcome::OtherFault);
-    rig.fail(FaultCode::Bridge, Place::Bridge);
+    rig.fail(FaultCode::Bridge, Location::Bridge);
     let other = FaultCode::OverCurrent;
     assert_eq!(rig.outcome(clear(other)), Outcome::OtherFault);
     assert_eq!(rig.state(), State::Fault);

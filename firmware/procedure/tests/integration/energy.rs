@@ -115,7 +115,7 @@ fn a_commanded_current_that_does_not_fit_is_refused_with_the_time_to_wait() {
     let wait_s = refusal.wait_s.expect("a time to wait");
     rest(&mut rig, wait_s.into());
     rig.accepted(drive(1.5));
-    assert_eq!(rig.state(), State::Directed);
+    assert_eq!(rig.state(), State::Manual);
 }
 
 /// What the train makes of the drive's account at its highest, J: driven on a copy, whose drive reports

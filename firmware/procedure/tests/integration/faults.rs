@@ -6,7 +6,7 @@ use crate::support::{Rig, STATES};
 use palpate_procedure::event::{Conditions, Failure};
 use palpate_procedure::units::Celsius;
 use palpate_procedure::{Action, Actions, Event};
-use palpate_wire::code::{FaultCode, Mode, Outcome, Part, Place, State};
+use palpate_wire::code::{FaultCode, Location, Mode, Outcome, Part, State};
 use palpate_wire::command::{ClearFault, GetCalibration};
 use palpate_wire::record::Fault;
 use palpate_wire::{Command, Record};
@@ -44,18 +44,18 @@ fn comes(rig: &mut Rig) -> Actions {
 fn any_fault_stops_any_state() {
     for state in STATES {
         let rig = Rig::standing_in(state, |_| {});
-        for (place, code) in Place::ALL.iter().cycle().zip(FaultCode::ALL) {
+        for (location, code) in Location::ALL.iter().cycle().zip(FaultCode::ALL) {
             let mut rig = rig.clone();
             rig.records.clear();
             let failure = Failure {
                 value: Some(1.0),
                 limit: Some(2.0),
-                ..Failure::new(*code, *place)
+                ..Failure::new(*code, *location)
             };
             let actions = rig.step(&Event::Fault(failure));
             let fault = stops(&rig, &actions, *code);
             assert_eq!((fault.value, fault.limit), (Some(1.0), Some(2.0)));
-            assert_eq!(fault.place, *place);
+            assert_eq!(fault.location, *location);
             // It stands until a command clears it, whatever is converted meanwhile.
             rig.sensor.depth_m = 0.0;
             rig.run(1_000);
@@ -83,7 +83,7 @@ fn silence_is_a_fault_and_ends_with_it() {
             assert!(limit_s <= 0.0501 + BRING_UP_S, "{limit_s}");
         }
         let fault = stops(&rig, &actions, FaultCode::SensorSilent);
-        assert_eq!(fault.place, Place::Sensor);
+        assert_eq!(fault.location, Location::Sensor);
         assert!((fault.limit.expect("a time") - limit_s).abs() < 1e-3);
         assert!((fault.value.expect("a time") - limit_s - 0.001).abs() < 1e-6);
         // A flagged conversion proves nothing.
@@ -128,7 +128,7 @@ fn flags_that_persist_are_a_fault_and_end_with_their_cause() {
             }
             let actions = convert(&mut rig, flags);
             let fault = stops(&rig, &actions, code);
-            assert_eq!((fault.place, fault.value), (Place::Sensor, Some(0.0)));
+            assert_eq!((fault.location, fault.value), (Location::Sensor, Some(0.0)));
             // That the converter answers does not end it, nor does another flag.
             rig.step(&Event::Recovered(code));
             for (other, _) in FLAGS {
@@ -177,14 +177,14 @@ fn each_channel_and_converter_is_at_fault_by_itself() {
         scan.conversions.push(third).expect("room");
         rig.step(&Event::Scan(&scan))
     };
-    for (sensor, place) in [(0, Place::Sensor), (1, Place::SecondSensor)] {
+    for (sensor, location) in [(0, Location::Sensor), (1, Location::SecondSensor)] {
         let mut rig = rig.clone();
         for _ in 0..60 {
             scan_of(&mut rig, 0, sensor == 0);
             scan_of(&mut rig, 1, sensor == 1);
         }
         let fault = rig.faults().pop().expect("a fault");
-        assert_eq!((fault.place, fault.value), (place, Some(2.0)));
+        assert_eq!((fault.location, fault.value), (location, Some(2.0)));
         assert_eq!(fault.code, FaultCode::SensorNotOscillating);
         // The other converter's good readings do not end it.
         scan_of(&mut rig, 1 - sensor, false);
@@ -230,7 +230,7 @@ fn the_coil_gets_hotter_than_was_forecast() {
         rig.temperature(81.0);
         let actions = rig.convert();
         let fault = stops(&rig, &actions, FaultCode::CoilTooHot);
-        assert_eq!((fault.place, fault.limit), (Place::Coil, Some(80.0)));
+        assert_eq!((fault.location, fault.limit), (Location::Coil, Some(80.0)));
         assert!((fault.value.expect("a temperature") - 81.0).abs() < 0.1);
         // The thermometer reports that it has cooled, which clears nothing.
         rig.temperature(25.0);
@@ -253,7 +253,7 @@ fn more_energy_went_into_the_coil_than_was_forecast() {
     let actions = comes(&mut rig);
     let fault = stops(&rig, &actions, FaultCode::TooMuchEnergy);
     let (found_j, allowed_j) = (fault.value.unwrap(), fault.limit.unwrap());
-    assert_eq!((fault.place, allowed_j), (Place::Coil, limit_j));
+    assert_eq!((fault.location, allowed_j), (Location::Coil, limit_j));
     // Seen every 10 ms, in which 11 A leave half a joule.
     let found_in = limit_j..limit_j + 0.5;
     assert!(found_in.contains(&found_j), "{found_j} {limit_j}");
@@ -293,7 +293,7 @@ fn a_clock_that_is_set_back_is_a_fault() {
         rig.now_us -= 10_001;
         let actions = rig.wait(0);
         let fault = stops(&rig, &actions, FaultCode::Clock);
-        assert_eq!((fault.place, fault.value), (Place::Clock, None));
+        assert_eq!((fault.location, fault.value), (Location::Clock, None));
         // Cleared, it goes on by the new time; silence is seen by it too.
         rig.accepted(clear(FaultCode::Clock));
         rig.sensor.depth_m = 0.0;
@@ -340,7 +340,7 @@ fn no_other_command_clears_a_fault() {
     commands.extend(calibration(&Sensor::default()));
     for code in FaultCode::ALL {
         let mut rig = Rig::standing_in(State::Ramps, |_| {});
-        rig.fail(*code, Place::Bridge);
+        rig.fail(*code, Location::Bridge);
         for command in &commands {
             rig.outcome(command.clone());
             assert_eq!((rig.state(), rig.faults().len()), (State::Fault, 1));
@@ -367,16 +367,19 @@ fn no_other_command_clears_a_fault() {
 
 #[test]
 fn a_fault_of_sensor_or_bus_ends_when_its_cause_does_and_no_other() {
-    for place in Place::ALL {
+    for location in Location::ALL {
         let mut rig = Rig::standing_in(State::Ramps, |_| {});
         let code = FaultCode::BusTimeout;
-        rig.fail(code, *place);
+        rig.fail(code, *location);
         rig.step(&Event::Recovered(FaultCode::BusDataStuck));
         assert_eq!(rig.state(), State::Fault);
         let actions = rig.step(&Event::Recovered(code));
-        let ends = matches!(place, Place::Sensor | Place::SecondSensor | Place::Bus);
+        let ends = matches!(
+            location,
+            Location::Sensor | Location::SecondSensor | Location::Bus
+        );
         let expected = if ends { State::SelfTest } else { State::Fault };
-        assert_eq!(rig.state(), expected, "{place}");
+        assert_eq!(rig.state(), expected, "{location}");
         let configures = |action: &Action| matches!(action, Action::ConfigureSensors { .. });
         assert_eq!(actions.iter().any(configures), ends);
         assert!(!rig.procedure.is_armed());
@@ -388,14 +391,14 @@ fn a_fault_that_waits_for_its_user_is_not_hidden_by_one_that_does_not() {
     for bridge_first in [false, true] {
         let mut rig = Rig::standing_in(State::Watching, |_| {});
         let mut faults = [
-            (FaultCode::BusTimeout, Place::Bus),
-            (FaultCode::Bridge, Place::Bridge),
+            (FaultCode::BusTimeout, Location::Bus),
+            (FaultCode::Bridge, Location::Bridge),
         ];
         if bridge_first {
             faults.reverse();
         }
-        for (code, place) in faults {
-            let actions = rig.fail(code, place);
+        for (code, location) in faults {
+            let actions = rig.fail(code, location);
             stops(&rig, &actions, code);
         }
         rig.step(&Event::Recovered(FaultCode::BusTimeout));
@@ -409,8 +412,8 @@ fn a_fault_that_waits_for_its_user_is_not_hidden_by_one_that_does_not() {
     }
     // Of two alike the first stands.
     let mut rig = Rig::standing_in(State::Watching, |_| {});
-    rig.fail(FaultCode::Bridge, Place::Bridge);
-    rig.fail(FaultCode::OverCurrent, Place::Coil);
+    rig.fail(FaultCode::Bridge, Location::Bridge);
+    rig.fail(FaultCode::OverCurrent, Location::Coil);
     assert_eq!(
         rig.outcome(clear(FaultCode::OverCurrent)),
         Outcome::OtherFault

@@ -2,7 +2,7 @@
 
 use crate::support::{Rig, board};
 use palpate_procedure::{Action, Event, Instant, Procedure};
-use palpate_wire::code::{FaultCode, Outcome, Place, RefusalReason, State};
+use palpate_wire::code::{FaultCode, Location, Outcome, RefusalReason, State};
 use palpate_wire::command::{ClearFault, DriveCoil};
 use palpate_wire::record::CurrentTrace;
 use palpate_wire::{Command, Record};
@@ -16,7 +16,7 @@ fn drive(to_a: f32) -> Command {
 }
 
 fn manual() -> Rig {
-    Rig::standing_in(State::Directed, |_| {})
+    Rig::standing_in(State::Manual, |_| {})
 }
 
 #[test]
@@ -25,17 +25,17 @@ fn the_host_falls_silent() {
     // Words of any kind keep it, 99 ms apart.
     for command in [Command::GetSettings, drive(2.0), Command::Identify] {
         rig.run(98);
-        assert_eq!(rig.state(), State::Directed);
+        assert_eq!(rig.state(), State::Manual);
         rig.outcome(command);
     }
     rig.run(100);
-    assert_eq!(rig.state(), State::Directed, "not before 100 ms");
+    assert_eq!(rig.state(), State::Manual, "not before 100 ms");
     assert!(!rig.line.is_off());
     rig.run(2);
     let fault = rig.faults().pop().expect("a fault");
     assert_eq!(
-        (fault.code, fault.place),
-        (FaultCode::HostSilent, Place::Link)
+        (fault.code, fault.location),
+        (FaultCode::HostSilent, Location::Link)
     );
     assert!((fault.value.expect("a time") - 0.1).abs() < 0.0025);
     assert!(rig.line.is_off() && !rig.procedure.is_armed());
@@ -71,7 +71,7 @@ fn it_is_on_for_too_long() {
     // 20 s of the board's limit; the coil of the tests bears 1 A for ever.
     for _ in 0..420 {
         rig.run(50);
-        if rig.state() != State::Directed {
+        if rig.state() != State::Manual {
             break;
         }
         rig.accepted(drive(0.5));
@@ -148,10 +148,11 @@ fn a_current_is_recorded_before_it_is_driven_and_reported() {
         rig.step(&Event::Command(&frame))
     };
     let actions = drive(&line, 90);
-    let place = |of: fn(&Action) -> bool| actions.iter().position(of);
-    let traced =
-        place(|action| matches!(action, Action::TraceCurrent { interval } if interval.0 == 1.6e-5));
-    let driven = place(|action| matches!(action, Action::Current(_)));
+    let location = |of: fn(&Action) -> bool| actions.iter().position(of);
+    let traced = location(
+        |action| matches!(action, Action::TraceCurrent { interval } if interval.0 == 1.6e-5),
+    );
+    let driven = location(|action| matches!(action, Action::Current(_)));
     assert!(traced.is_some() && traced < driven, "{traced:?} {driven:?}");
     line.trace_interval_s = 0.0;
     let tracing = |action: &Action| matches!(action, Action::TraceCurrent { .. });

@@ -3,7 +3,7 @@
 
 use crate::support::{BOOT, Rig, answers, frame};
 use palpate_procedure::{Action, Event};
-use palpate_wire::code::{FaultCode, Outcome, Place, State};
+use palpate_wire::code::{FaultCode, Location, Outcome, State};
 use palpate_wire::command::DriveCoil;
 use palpate_wire::{Command, Header, Record};
 
@@ -72,7 +72,7 @@ fn one_waits_for_the_test_and_the_next_is_answered_with_busy() {
             let begun = match first {
                 Command::Measure => State::Settling,
                 Command::Sweep => State::Peak,
-                Command::DriveCoil(_) => State::Directed,
+                Command::DriveCoil(_) => State::Manual,
                 _ => State::Contact,
             };
             assert_eq!(rig.state(), begun);
@@ -158,7 +158,7 @@ fn after_an_abort_the_coil_is_tested_before_it_is_driven() {
 fn a_fault_empties_the_queue() {
     let mut rig = testing(State::Watching);
     let one = send(&mut rig, drive(2.0));
-    rig.fail(FaultCode::CoilOpen, Place::Coil);
+    rig.fail(FaultCode::CoilOpen, Location::Coil);
     assert_eq!(given(&rig), [(one, Outcome::Faulted)]);
     rig.run(200);
     assert!(rig.line.is_off());
@@ -173,7 +173,10 @@ fn a_test_that_does_not_end_is_a_fault() {
     assert_eq!(rig.state(), State::Watching);
     rig.run(10);
     let fault = rig.faults().pop().expect("a fault");
-    assert_eq!((fault.code, fault.place), (FaultCode::Overrun, Place::Coil));
+    assert_eq!(
+        (fault.code, fault.location),
+        (FaultCode::Overrun, Location::Coil)
+    );
     assert_eq!(given(&rig), [(one, Outcome::Faulted)]);
 }
 

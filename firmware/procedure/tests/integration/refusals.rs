@@ -8,7 +8,7 @@ use crate::support::calibration::{
 use crate::support::sensor::Sensor;
 use palpate_procedure::units::Ampere;
 use palpate_wire::Command;
-use palpate_wire::code::{Drift, FaultCode, Part, Place, RefusalReason, State};
+use palpate_wire::code::{Drift, FaultCode, Location, Part, RefusalReason, State};
 use palpate_wire::command::{ClearFault, Settings, Springs};
 use palpate_wire::record::Refusal;
 
@@ -378,7 +378,7 @@ fn the_current_is_not_the_one_that_was_requested() {
 
     let mut rig = with(|_| {});
     rig.current_gain = 1.15;
-    let current_a = value(&rig.refused(), RefusalReason::CurrentOffCourse, Some(10.0));
+    let current_a = value(&rig.refused(), RefusalReason::CurrentOffTarget, Some(10.0));
     assert!((current_a - 11.5).abs() < 1e-3, "{current_a}");
     recovers(rig);
 
@@ -387,7 +387,7 @@ fn the_current_is_not_the_one_that_was_requested() {
     rig.current_offset_a = 1.2;
     let refusal = comes(&mut rig);
     let (found, requested) = (refusal.value.unwrap(), refusal.limit.unwrap());
-    assert_eq!(refusal.reason, RefusalReason::CurrentOffCourse);
+    assert_eq!(refusal.reason, RefusalReason::CurrentOffTarget);
     assert!((found - requested - 1.2).abs() < 0.02 && (4.0..6.0).contains(&requested));
     recovers(rig);
 }
@@ -400,7 +400,7 @@ fn a_current_that_is_not_measured_does_not_follow_its_setpoint() {
             rig.convert_with(|scan| scan.current = measured);
             let refusal = rig.refusals().pop().expect("a refusal");
             let requested = refusal.limit;
-            is(&refusal, RefusalReason::CurrentOffCourse, None, requested);
+            is(&refusal, RefusalReason::CurrentOffTarget, None, requested);
             assert!((0.0..=10.0).contains(&requested.expect("a limit")));
             recovers(rig);
         }
@@ -458,7 +458,7 @@ fn aborted_or_ended_by_a_fault() {
         recovers(rig);
 
         let mut rig = driving(with(|_| {}), ms);
-        rig.fail(FaultCode::Bridge, Place::Bridge);
+        rig.fail(FaultCode::Bridge, Location::Bridge);
         is(&rig.refusals()[0], RefusalReason::Faulted, Some(14.0), None);
         let code = FaultCode::Bridge;
         rig.accepted(Command::ClearFault(ClearFault { code }));

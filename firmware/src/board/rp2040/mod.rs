@@ -93,7 +93,7 @@ pub fn stack_used() -> u32 {
     let (bottom, top) = (&raw const _stack_end, &raw const _stack_start);
     let words = (top as usize - bottom as usize) / size_of::<u32>();
     // SAFETY: the words between the linker's two symbols are the stack, all of them readable.
-    let is_paint = |place: &usize| unsafe { bottom.add(*place).read_volatile() } == PAINT;
+    let is_paint = |index: &usize| unsafe { bottom.add(*index).read_volatile() } == PAINT;
     let untouched = (0..words).take_while(is_paint).count();
     ((words - untouched) * size_of::<u32>()) as u32
 }

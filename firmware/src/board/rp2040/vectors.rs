@@ -36,8 +36,8 @@ pub fn move_to_memory(scb: &SCB, nvic: &mut NVIC) {
     // functions of the kind that a vector names.
     unsafe {
         let table = &mut *TABLE.0.get();
-        for (place, vector) in table.iter_mut().enumerate() {
-            *vector = FLASH.add(place).read();
+        for (index, vector) in table.iter_mut().enumerate() {
+            *vector = FLASH.add(index).read();
         }
         let handlers: [(Interrupt, unsafe extern "C" fn()); 2] = [
             (Interrupt::IO_IRQ_BANK0, engine::on_edge),

@@ -93,7 +93,7 @@ codes! {
     }
 
     /// Where something happened. Number 10 is reserved.
-    pub enum Place {
+    pub enum Location {
         /// The processor and its firmware.
         Processor = 1 "processor",
         /// The bus to the converters.

@@ -32,7 +32,7 @@ codes! {
         /// Stopped by a fault, with the bridge off.
         Fault = 10 "fault",
         /// Driving a current that the PC commands directly.
-        Directed = 11 "directed",
+        Manual = 11 "manual",
     }
 
     /// Whether something touches the sensor.

@@ -40,7 +40,7 @@ codes! {
         /// as a fraction of the stiffness.
         TooUncertain = 16 "too_uncertain",
         /// The current did not follow its setpoint. Value: current, A; limit: setpoint, A.
-        CurrentOffCourse = 17 "current_off_course",
+        CurrentOffTarget = 17 "current_off_target",
         /// The supply cannot drive the peak current. Value and limit: current, A.
         PeakNotReached = 18 "peak_not_reached",
         /// The coil is too hot, or would become so. Value and limit: temperature, degrees Celsius.

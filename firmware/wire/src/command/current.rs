@@ -5,8 +5,8 @@ use heapless::Vec;
 use crate::schema::Described;
 use crate::validation::{Invalid, inconsistent};
 
-/// Places of a correction, at most.
-pub const MAX_PLACES: usize = 17;
+/// Points of a correction, at most.
+pub const MAX_POINTS: usize = 17;
 
 /// Greatest change as a part of the current, and in ampere besides: more than the parts of a sound
 /// measurement may be off.
@@ -25,33 +25,33 @@ structure! {
         /// most.
         changes_a: Vec<f32, 17> ["A", -2.4, 2.4],
     }
-    also of_places
+    also of_points
 }
 
 impl CurrentCorrection {
-    /// Measured current and its change at each place, in rising order.
-    pub fn places(&self) -> impl Iterator<Item = (f32, f32)> + '_ {
+    /// Measured current and its change at each point, in rising order.
+    pub fn points(&self) -> impl Iterator<Item = (f32, f32)> + '_ {
         let last = self.changes_a.len().saturating_sub(1).max(1) as f32;
-        let places = self.changes_a.iter().enumerate();
-        places.map(move |(place, change_a)| {
-            let current_a = self.greatest_a * (2.0 * place as f32 / last - 1.0);
+        let points = self.changes_a.iter().enumerate();
+        points.map(move |(index, change_a)| {
+            let current_a = self.greatest_a * (2.0 * index as f32 / last - 1.0);
             (current_a, *change_a)
         })
     }
 }
 
-fn of_places(correction: &CurrentCorrection) -> Result<(), Invalid> {
+fn of_points(correction: &CurrentCorrection) -> Result<(), Invalid> {
     if correction.changes_a.len() < 2 {
         return inconsistent!(
             CurrentCorrection,
             "changes_a",
-            "there are two places at least"
+            "there are two points at least"
         );
     }
     let too_much = |(current_a, change_a): (f32, f32)| {
         change_a.abs() > GREATEST_PART * current_a.abs() + GREATEST_A
     };
-    if correction.places().any(too_much) {
+    if correction.points().any(too_much) {
         return inconsistent!(
             CurrentCorrection,
             "changes_a",

@@ -3,7 +3,7 @@
 use heapless::Vec;
 
 use crate::Header;
-use crate::code::{FaultCode, Mode, Outcome, Place, State};
+use crate::code::{FaultCode, Location, Mode, Outcome, State};
 use crate::decoder::FrameError;
 use crate::message::Message;
 use crate::validation::{Invalid, Problem};
@@ -30,7 +30,7 @@ structure! {
         /// Which one.
         code: FaultCode,
         /// Where.
-        place: Place,
+        location: Location,
         /// It stands; false when it was cleared.
         active: bool,
         /// What was found; the code says what it is and its unit.

@@ -15,8 +15,6 @@ structure! {
         missed: u32 ["1"],
         /// What went before is unknown: start, recovery, or conversions were lost.
         gap: bool,
-        /// Reserved: always false.
-        drive_step: bool,
         /// The conversions, one after the other in time.
         channels: Vec<Conversion, 4>,
         /// State of contact.

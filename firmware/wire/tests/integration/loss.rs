@@ -33,19 +33,19 @@ fn any_fate() -> impl Strategy<Value = Fate> {
 fn arrivals(boot_id: u32, first: u32, dropped_before: u32, fates: &[Fate]) -> Vec<Header> {
     let mut dropped = dropped_before;
     let mut arriving: Vec<(usize, Header)> = Vec::new();
-    for (place, fate) in fates.iter().enumerate() {
+    for (slot, fate) in fates.iter().enumerate() {
         let header = Header {
             boot_id,
-            sequence: first.wrapping_add(place as u32),
+            sequence: first.wrapping_add(slot as u32),
             time_us: 0,
             dropped,
         };
         match *fate {
-            Fate::Arrives => arriving.push((2 * place, header)),
+            Fate::Arrives => arriving.push((2 * slot, header)),
             Fate::DroppedByDevice => dropped = dropped.wrapping_add(1),
             Fate::Lost => {}
-            Fate::Twice => arriving.extend([(2 * place, header), (2 * place + 3, header)]),
-            Fate::Late(others) => arriving.push((2 * (place + others) + 1, header)),
+            Fate::Twice => arriving.extend([(2 * slot, header), (2 * slot + 3, header)]),
+            Fate::Late(others) => arriving.push((2 * (slot + others) + 1, header)),
         }
     }
     arriving.sort_by_key(|(when, _)| *when);
@@ -59,13 +59,13 @@ fn assert_true(tally: &Tally, headers: &[Header]) {
     let places = headers
         .iter()
         .map(|header| i64::from(header.sequence.wrapping_sub(first) as i32));
-    let distinct: HashSet<i64> = places.clone().filter(|place| *place >= 0).collect();
+    let distinct: HashSet<i64> = places.clone().filter(|slot| *slot >= 0).collect();
     let last = places.clone().max().unwrap();
-    let before = places.clone().filter(|place| *place < 0).count();
-    let dropped_at = |place: i64| {
+    let before = places.clone().filter(|slot| *slot < 0).count();
+    let dropped_at = |slot: i64| {
         headers
             .iter()
-            .find(|header| header.sequence == first.wrapping_add(place as u32))
+            .find(|header| header.sequence == first.wrapping_add(slot as u32))
             .unwrap()
             .dropped
     };

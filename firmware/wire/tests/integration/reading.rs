@@ -41,12 +41,12 @@ fn any_byte(random: &mut Random) -> u8 {
 
 /// Changes a byte, takes it away, or puts one before it.
 fn change(bytes: &mut Vec<u8>, random: &mut Random) {
-    let place = random.below(bytes.len() + 1);
+    let index = random.below(bytes.len() + 1);
     let byte = any_byte(random);
     match random.below(3) {
-        0 if place < bytes.len() => bytes[place] = byte,
-        1 if place < bytes.len() => drop(bytes.remove(place)),
-        _ => bytes.insert(place, byte),
+        0 if index < bytes.len() => bytes[index] = byte,
+        1 if index < bytes.len() => drop(bytes.remove(index)),
+        _ => bytes.insert(index, byte),
     }
 }
 

@@ -44,7 +44,7 @@ fn decoded(kind: &Kind, payload: &Value) -> Command {
 
 /// Calls back for every field of every command, and of the items of its lists: with the kind, the
 /// field's place and a function that makes the command with some value there.
-fn for_every_field(mut check: impl FnMut(Place<'_>, &dyn Fn(Value) -> Command)) {
+fn for_every_field(mut check: impl FnMut(Location<'_>, &dyn Fn(Value) -> Command)) {
     for kind in Command::KINDS {
         let Some(structure) = kind.payload else {
             continue;
@@ -71,7 +71,7 @@ fn for_every_field(mut check: impl FnMut(Place<'_>, &dyn Fn(Value) -> Command)) 
                 let set_item =
                     |value| set(Value::List(vec![others.clone(), others.clone(), value]));
                 check(
-                    Place {
+                    Location {
                         field: &of_item,
                         number,
                         item: Some(2),
@@ -81,7 +81,7 @@ fn for_every_field(mut check: impl FnMut(Place<'_>, &dyn Fn(Value) -> Command)) 
                 continue;
             }
             check(
-                Place {
+                Location {
                     field,
                     number,
                     item: None,
@@ -109,7 +109,7 @@ fn for_every_field(mut check: impl FnMut(Place<'_>, &dyn Fn(Value) -> Command)) 
                     ]))
                 };
                 check(
-                    Place {
+                    Location {
                         field,
                         number: inner,
                         item: Some(2),
@@ -121,13 +121,13 @@ fn for_every_field(mut check: impl FnMut(Place<'_>, &dyn Fn(Value) -> Command)) 
     }
 }
 
-struct Place<'a> {
+struct Location<'a> {
     field: &'a palpate_wire::schema::Field,
     number: usize,
     item: Option<u8>,
 }
 
-impl Place<'_> {
+impl Location<'_> {
     /// That the command is refused for `problem` with this field.
     fn assert_blamed(&self, command: &Command, problem: Problem) {
         let invalid = command.validate().expect_err(self.field.name);
@@ -152,18 +152,18 @@ fn f32_value(value: f32) -> Value {
 #[test]
 fn infinities_and_nan_are_refused_in_every_field() {
     let mut fields = 0;
-    for_every_field(|place, set| match place.field.of {
+    for_every_field(|location, set| match location.field.of {
         Type::F32 => {
             fields += 1;
             for value in [f32::NAN, -f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
-                place.assert_blamed(&set(f32_value(value)), Problem::NotFinite);
+                location.assert_blamed(&set(f32_value(value)), Problem::NotFinite);
             }
         }
         Type::F64 => {
             fields += 1;
             for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
                 let value = Value::F64(value.to_bits());
-                place.assert_blamed(&set(value), Problem::NotFinite);
+                location.assert_blamed(&set(value), Problem::NotFinite);
             }
         }
         _ => {}
@@ -175,7 +175,7 @@ fn infinities_and_nan_are_refused_in_every_field() {
 /// The limits themselves are allowed, the next number beyond them is not.
 #[test]
 fn limits_hold_to_the_last_digit() {
-    let allowed = |place: &Place<'_>, command: Command| match command.validate() {
+    let allowed = |location: &Location<'_>, command: Command| match command.validate() {
         Ok(()) => {}
         Err(invalid) => assert!(
             matches!(
@@ -183,47 +183,47 @@ fn limits_hold_to_the_last_digit() {
                 Problem::Inconsistent { .. } | Problem::NotIncreasing { .. }
             ),
             "{}: {invalid}",
-            place.field.name
+            location.field.name
         ),
     };
     let mut fields = 0;
-    for_every_field(|place, set| {
-        let range = place.field.range;
+    for_every_field(|location, set| {
+        let range = location.field.range;
         if !range.low.is_finite() {
             return;
         }
         fields += 1;
         let (low, high) = (range.low, range.high);
         let refused = |value: f32| Problem::OutOfRange { value, low, high };
-        match place.field.of {
+        match location.field.of {
             Type::F32 => {
-                allowed(&place, set(f32_value(low)));
-                allowed(&place, set(f32_value(high)));
+                allowed(&location, set(f32_value(low)));
+                allowed(&location, set(f32_value(high)));
                 for value in [low.next_down(), high.next_up()] {
-                    place.assert_blamed(&set(f32_value(value)), refused(value));
+                    location.assert_blamed(&set(f32_value(value)), refused(value));
                 }
             }
             Type::F64 => {
                 let (low, high) = (f64::from(low), f64::from(high));
-                allowed(&place, set(Value::F64(low.to_bits())));
-                allowed(&place, set(Value::F64(high.to_bits())));
+                allowed(&location, set(Value::F64(low.to_bits())));
+                allowed(&location, set(Value::F64(high.to_bits())));
                 for value in [low.next_down(), high.next_up()] {
                     let command = set(Value::F64(value.to_bits()));
-                    place.assert_blamed(&command, refused(value as f32));
+                    location.assert_blamed(&command, refused(value as f32));
                 }
             }
             Type::U8 | Type::U16 | Type::U32 => {
-                allowed(&place, set(Value::Unsigned(low as u64)));
-                allowed(&place, set(Value::Unsigned(high as u64)));
+                allowed(&location, set(Value::Unsigned(low as u64)));
+                allowed(&location, set(Value::Unsigned(high as u64)));
                 let above = high as u64 + 1;
-                place.assert_blamed(&set(Value::Unsigned(above)), refused(above as f32));
+                location.assert_blamed(&set(Value::Unsigned(above)), refused(above as f32));
                 if low > 0.0 {
                     let below = low as u64 - 1;
                     let command = set(Value::Unsigned(below));
-                    place.assert_blamed(&command, refused(below as f32));
+                    location.assert_blamed(&command, refused(below as f32));
                 }
             }
-            ref of => panic!("{}: no check of {of:?} is written", place.field.name),
+            ref of => panic!("{}: no check of {of:?} is written", location.field.name),
         }
     });
     // Those of the test above, and 16 integers.
@@ -233,12 +233,12 @@ fn limits_hold_to_the_last_digit() {
 #[test]
 fn unknown_numbers_are_refused() {
     let mut fields = 0;
-    for_every_field(|place, set| {
-        if let Type::Code(_) = place.field.of {
+    for_every_field(|location, set| {
+        if let Type::Code(_) = location.field.of {
             fields += 1;
             let number = 0xEE;
             let command = set(Value::Unsigned(number.into()));
-            place.assert_blamed(&command, Problem::UnknownCode { number });
+            location.assert_blamed(&command, Problem::UnknownCode { number });
         }
     });
     assert_eq!(fields, 4);
@@ -434,5 +434,5 @@ fn a_field_after_a_list_lies_in_no_item() {
         invalid(|sample| sample.channels[1].channel = 9),
         (0, Some(1))
     );
-    assert_eq!(invalid(|sample| sample.force_n = Some(1e6)), (6, None));
+    assert_eq!(invalid(|sample| sample.force_n = Some(1e6)), (5, None));
 }

@@ -2,7 +2,7 @@
 
 use ldc161x_sim::{ChipFault, FaultEvent, Lost, Settings};
 use palpate_emulator::{Options, Time};
-use palpate_wire::code::{Outcome, Place};
+use palpate_wire::code::{Location, Outcome};
 use palpate_wire::command::Command;
 use palpate_wire::record::Sample;
 
@@ -97,10 +97,12 @@ fn a_second_converter_that_fails_costs_the_first_nothing() {
         assert_whole(&of(&bench, 0), 1.0, &what);
         // The second reported that, and came back.
         let begun = bench.faults().into_iter().filter(|fault| fault.active);
-        let places: Vec<Place> = begun.map(|fault| fault.place).collect();
+        let locations: Vec<Location> = begun.map(|fault| fault.location).collect();
         assert!(
-            places.iter().all(|place| *place == Place::SecondSensor),
-            "{what}: {places:?}"
+            locations
+                .iter()
+                .all(|location| *location == Location::SecondSensor),
+            "{what}: {locations:?}"
         );
         let last_us = of(&bench, 1).last().map_or(0, |(at_us, _)| *at_us);
         let first_us = of(&bench, 0).last().map_or(0, |(at_us, _)| *at_us);

@@ -13,7 +13,7 @@ use palpate_procedure::units::{Ampere, Celsius};
 use palpate_procedure::{
     Action, Actions, BoardInfo, Conversion, Duration, Event, Instant, Limits, Procedure, Scan,
 };
-use palpate_wire::code::{Chip, FaultCode, Outcome, Place, ResetCause, State};
+use palpate_wire::code::{Chip, FaultCode, Location, Outcome, ResetCause, State};
 use palpate_wire::command::{DriveCoil, Settings};
 use palpate_wire::record::{
     Acknowledgement, CoilTest, Estimate, Fault, Hello, Refusal, StateChange,
@@ -41,7 +41,7 @@ pub(crate) const STATES: [State; 10] = [
     State::Ramps,
     State::Estimating,
     State::Release,
-    State::Directed,
+    State::Manual,
 ];
 
 /// A board with one converter of four channels, and a coil.
@@ -228,11 +228,11 @@ impl Rig {
         rig.accepted(Command::Arm);
         match state {
             State::SelfTest | State::Baseline | State::Watching => {}
-            State::Fault => drop(rig.fail(FaultCode::Bridge, Place::Bridge)),
+            State::Fault => drop(rig.fail(FaultCode::Bridge, Location::Bridge)),
             _ => {
                 rig.until(State::Watching, 3_000);
                 rig.touch(3e-4);
-                if state == State::Directed {
+                if state == State::Manual {
                     rig.accepted(Command::DriveCoil(DriveCoil {
                         to_a: 1.0,
                         over_s: 0.01,
@@ -261,7 +261,7 @@ impl Rig {
                 .as_ref()
                 .is_some_and(|drive| drive.refuses(&self.line));
         if is_over || is_refused {
-            self.fail(FaultCode::TooMuchEnergy, Place::Coil);
+            self.fail(FaultCode::TooMuchEnergy, Location::Coil);
         }
         if self
             .test_ends_us
@@ -467,8 +467,8 @@ impl Rig {
         }));
     }
 
-    pub(crate) fn fail(&mut self, code: FaultCode, place: Place) -> Actions {
-        self.step(&Event::Fault(Failure::new(code, place)))
+    pub(crate) fn fail(&mut self, code: FaultCode, location: Location) -> Actions {
+        self.step(&Event::Fault(Failure::new(code, location)))
     }
 
     pub(crate) fn state(&self) -> State {

@@ -4,7 +4,7 @@
 use palpate_procedure::event::{Conditions, Failure};
 use palpate_procedure::units::{Ampere, Celsius};
 use palpate_procedure::{Duration, Event, Instant};
-use palpate_wire::code::{Drift, FaultCode, Part, Place, Stream};
+use palpate_wire::code::{Drift, FaultCode, Location, Part, Stream};
 use palpate_wire::command::{ClearFault, DriveCoil, GetCalibration, Settings};
 use palpate_wire::{Command, FrameError, Header, PayloadError};
 use proptest::prelude::*;
@@ -332,11 +332,11 @@ fn failures() -> impl Strategy<Value = Failure> {
         proptest::option::of(floats()),
         proptest::option::of(floats()),
     );
-    (select(FaultCode::ALL), select(Place::ALL), numbers).prop_map(
-        |(code, place, (value, limit))| Failure {
+    (select(FaultCode::ALL), select(Location::ALL), numbers).prop_map(
+        |(code, location, (value, limit))| Failure {
             value,
             limit,
-            ..Failure::new(code, place)
+            ..Failure::new(code, location)
         },
     )
 }

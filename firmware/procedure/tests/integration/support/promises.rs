@@ -27,10 +27,10 @@ pub(crate) fn hold(rig: &mut Rig, event: &Event<'_>, actions: &Actions) {
 
 /// A refusal and a fault come with the bridge off, before all else, and with no current after it.
 fn safe_state_first(actions: &Actions) {
-    let place = actions
+    let index = actions
         .iter()
         .position(|action| matches!(action, Action::SafeState));
-    assert!(place.unwrap_or(0) == 0, "not first: {actions:?}");
+    assert!(index.unwrap_or(0) == 0, "not first: {actions:?}");
     let stops = actions.iter().any(|action| match action {
         Action::Record { record, .. } => match record {
             Record::Refusal(_) => true,
@@ -39,11 +39,11 @@ fn safe_state_first(actions: &Actions) {
         },
         _ => false,
     });
-    assert!(!stops || place == Some(0), "no safe state: {actions:?}");
+    assert!(!stops || index == Some(0), "no safe state: {actions:?}");
     let drives = actions
         .iter()
         .any(|action| matches!(action, Action::Current(_)));
-    assert!(!(drives && place.is_some()), "drives: {actions:?}");
+    assert!(!(drives && index.is_some()), "drives: {actions:?}");
 }
 
 fn currents_are_allowed(rig: &Rig, actions: &Actions) {
@@ -53,7 +53,7 @@ fn currents_are_allowed(rig: &Rig, actions: &Actions) {
         };
         let allowed_a = rig.settings().peak_current_a.min(rig.limits.current.0);
         assert!(rig.procedure.is_armed());
-        if rig.state() == State::Directed {
+        if rig.state() == State::Manual {
             assert!(to_a.abs() <= allowed_a, "{to_a} A");
             continue;
         }
@@ -63,7 +63,7 @@ fn currents_are_allowed(rig: &Rig, actions: &Actions) {
 }
 
 fn coil_is_off_where_it_has_to_be(rig: &Rig) {
-    let drives = matches!(rig.state(), State::Peak | State::Ramps | State::Directed);
+    let drives = matches!(rig.state(), State::Peak | State::Ramps | State::Manual);
     assert!(
         rig.line.is_off() || drives,
         "{} {:?}",
@@ -87,9 +87,9 @@ fn answered_once(rig: &mut Rig, event: &Event<'_>, actions: &Actions) {
     rig.open.extend(asked);
     for answer in answers(actions) {
         let given = (answer.command, answer.kind);
-        let place = rig.open.iter().position(|open| *open == given);
+        let index = rig.open.iter().position(|open| *open == given);
         rig.open
-            .remove(place.unwrap_or_else(|| panic!("not asked: {answer:?}")));
+            .remove(index.unwrap_or_else(|| panic!("not asked: {answer:?}")));
     }
     let waits = rig.open.len();
     assert!(waits <= 1, "{:?}", rig.open);

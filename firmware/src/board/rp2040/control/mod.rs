@@ -71,13 +71,13 @@ struct Control {
     drive: Drive,
 }
 
-struct Place(UnsafeCell<MaybeUninit<Control>>);
+struct ControlCell(UnsafeCell<MaybeUninit<Control>>);
 
 // SAFETY: written by `start`, which says so afterwards; then used by the interrupt, which cannot
 // come before, and by tasks while it is masked: `with_drive`.
-unsafe impl Sync for Place {}
+unsafe impl Sync for ControlCell {}
 
-static CONTROL: Place = Place(UnsafeCell::new(MaybeUninit::uninit()));
+static CONTROL: ControlCell = ControlCell(UnsafeCell::new(MaybeUninit::uninit()));
 static IS_STARTED: AtomicBool = AtomicBool::new(false);
 
 /// The current as it was measured.
@@ -207,7 +207,7 @@ fn masked_for<T>(cycles: u32, work: impl FnOnce(&mut Drive) -> T) -> Option<T> {
         // A level that comes late is better than an order that never comes.
         NVIC::mask(Interrupt::PWM_IRQ_WRAP);
         cortex_m::asm::dsb();
-        // SAFETY: see `Place`.
+        // SAFETY: see `ControlCell`.
         let done = work(unsafe { &mut (*CONTROL.0.get()).assume_init_mut().drive });
         // SAFETY: it was enabled: it always is, since `vectors` has enabled it.
         unsafe { NVIC::unmask(Interrupt::PWM_IRQ_WRAP) };
@@ -230,14 +230,14 @@ fn mask_before(latest: u32) -> bool {
 }
 
 #[inline]
-fn result(place: usize) -> u16 {
+fn result(index: usize) -> u16 {
     // SAFETY: within the ring; DMA writes whole half-words.
     unsafe {
         RESULTS_RING
             .0
             .get()
             .cast::<u16>()
-            .add(place % RING)
+            .add(index % RING)
             .read_volatile()
     }
 }
@@ -260,7 +260,7 @@ pub unsafe extern "C" fn on_period() {
     let [first, second] = CURRENT;
     let samples = [result(first), result(second)];
     let faulty = !pins::is_high(pins::BRIDGE_FAULT);
-    // SAFETY: see `Place`: tasks mask this interrupt, and `run` has enabled it.
+    // SAFETY: see `ControlCell`: tasks mask this interrupt, and `run` has enabled it.
     let control = unsafe { (*CONTROL.0.get()).assume_init_mut() };
     let output = control.drive.tick(samples, faulty);
     control.apply(output);

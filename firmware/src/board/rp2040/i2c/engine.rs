@@ -191,8 +191,8 @@ impl Reader {
     /// What the edge called for would be overwritten while it is read.
     #[inline(never)]
     fn pass_over(&mut self) {
-        let place = (self.first + self.waiting) % FRAMES;
-        if let Some(outcome) = self.frames.get_mut(place) {
+        let slot = (self.first + self.waiting) % FRAMES;
+        if let Some(outcome) = self.frames.get_mut(slot) {
             *outcome = Outcome {
                 stamp: Stamp {
                     // Never: so long after its edge that no frame is in time.
@@ -308,8 +308,8 @@ impl Transfer<'_> {
         let begin = usize::from(self.outcome.count);
         // No more than were asked for, so there is room.
         let end = (begin + waiting).min(MAX_BYTES);
-        for place in self.outcome.bytes.get_mut(begin..end).unwrap_or_default() {
-            *place = i2c().ic_data_cmd().read().bits() as u8;
+        for slot in self.outcome.bytes.get_mut(begin..end).unwrap_or_default() {
+            *slot = i2c().ic_data_cmd().read().bits() as u8;
         }
         self.outcome.count = end as u8;
     }
@@ -321,8 +321,8 @@ impl Engine {
         let next = &mut self.next;
         if let Runs::Frame(converter) = self.runs
             && let Some(reader) = self.readers.get_mut(converter)
-            && let place = (reader.first + reader.waiting) % FRAMES
-            && let Some(outcome) = reader.frames.get_mut(place)
+            && let slot = (reader.first + reader.waiting) % FRAMES
+            && let Some(outcome) = reader.frames.get_mut(slot)
         {
             return Transfer {
                 job: &reader.job,

@@ -187,8 +187,8 @@ fn hand_out(outcome: &Outcome, operations: &mut [Operation<'_>]) {
     let mut bytes = outcome.bytes().iter();
     for operation in operations {
         if let Operation::Read(buffer) = operation {
-            for (place, byte) in buffer.iter_mut().zip(&mut bytes) {
-                *place = *byte;
+            for (slot, byte) in buffer.iter_mut().zip(&mut bytes) {
+                *slot = *byte;
             }
         }
     }

@@ -127,9 +127,9 @@ fn read_flag(bytes: &mut &[u8]) -> Option<bool> {
 /// bits, and has no bit beyond those.
 fn read_varint(bytes: &mut &[u8], bits: u32) -> Option<u64> {
     let mut value = 0_u128;
-    for place in 0..bits.div_ceil(7) {
+    for index in 0..bits.div_ceil(7) {
         let byte = read_byte(bytes)?;
-        value |= u128::from(byte & 0x7F) << (7 * place);
+        value |= u128::from(byte & 0x7F) << (7 * index);
         if byte & 0x80 == 0 {
             return u64::try_from(value).ok().filter(|_| value >> bits == 0);
         }

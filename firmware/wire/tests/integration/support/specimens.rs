@@ -115,7 +115,6 @@ pub(crate) fn sample(channels: u8) -> Sample {
         sensor: 0,
         missed: 0,
         gap: false,
-        drive_step: false,
         channels: (0..channels).map(conversion).collect(),
         contact: Contact::Held,
         force_n: Some(1.506),
@@ -147,7 +146,7 @@ fn happened() -> Vec<Record> {
         }),
         Record::Fault(Fault {
             code: FaultCode::OverCurrent,
-            place: Place::Coil,
+            location: Location::Coil,
             active: true,
             value: Some(16.5),
             limit: Some(12.0),
