@@ -52,6 +52,16 @@ impl Baseline {
         self.rate
     }
 
+    /// The line at the last reading; zero before the first.
+    pub fn value(&self) -> Metre {
+        self.origin + Metre(self.level)
+    }
+
+    /// Counts all readings from here on, and those taken, from `zero`.
+    pub fn shift(&mut self, zero: Metre) {
+        self.origin = self.origin - zero;
+    }
+
     /// Goes on by `interval` along the line and returns `reading` as deviation from it.
     pub fn deviation(&mut self, interval: Second, reading: Metre) -> Metre {
         if self.readings == 0 {

@@ -187,6 +187,12 @@ impl Detector {
         &self.baseline
     }
 
+    /// Counts all readings from here on, and those taken, from `zero`: of a reading less by as much the
+    /// deformation is the same.
+    pub fn shift(&mut self, zero: Metre) {
+        self.baseline.shift(zero);
+    }
+
     /// Judges a reading that comes `interval` after the one before. One that is not finite is
     /// passed over: it neither touches nor teaches.
     pub fn push(&mut self, interval: Second, reading: Metre) -> Observation {
