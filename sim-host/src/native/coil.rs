@@ -27,8 +27,6 @@ const STEPS_A_CHANGE: u32 = 8;
 const NO_LIMIT_V: f64 = 12.0;
 /// Part of its limit to which the bridge limits for the self-test.
 const LIMIT_LOW: f64 = 2.0 / 15.0;
-/// The board's converter of thermistor and supply.
-const COUNTS_PER_VOLT: f64 = 4096.0 / 3.3;
 /// The supply over what the converter reads of it.
 const SUPPLY_RATIO: f64 = 11.0;
 /// From the end of the window over which a period's two samples are the mean current, to the end of
@@ -187,17 +185,19 @@ impl CoilHardware for NativeCoil<'_> {
     }
 
     fn slow_readings(&self) -> SlowReadings {
-        let of = self.drive().borrow();
+        let mut of = self.drive().borrow_mut();
         let volts = thermistor_v(of.world.borrow().truth().pad_c);
+        let supply_v = f64::from(of.control.supply_v());
         SlowReadings {
-            thermistor: count(volts),
-            supply: count(f64::from(of.control.supply_v()) / SUPPLY_RATIO),
+            thermistor: of.control.converter.code(volts),
+            supply: of.control.converter.code(supply_v / SUPPLY_RATIO),
         }
     }
 
     fn take_supply_at_off(&mut self) -> Option<u16> {
-        let supply_v = self.drive().borrow_mut().control.take_supply_at_off_v()?;
-        Some(count(f64::from(supply_v) / SUPPLY_RATIO))
+        let mut of = self.drive().borrow_mut();
+        let supply_v = f64::from(of.control.take_supply_at_off_v()?);
+        Some(of.control.converter.code(supply_v / SUPPLY_RATIO))
     }
 
     fn last_period(&self) -> LastPeriod {
@@ -217,9 +217,4 @@ impl CoilHardware for NativeCoil<'_> {
     fn trace(&self) -> &Trace<TRACE_LENGTH> {
         &self.trace
     }
-}
-
-fn count(volts: f64) -> u16 {
-    // Within 12 bits after the clamp.
-    (volts * COUNTS_PER_VOLT).clamp(0.0, 4095.0) as u16
 }
