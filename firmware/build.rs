@@ -8,7 +8,7 @@ use std::process::Command;
 
 /// Raspberry Pi Pico: 2 MiB of flash, whose first 256 bytes are the second stage of the boot
 /// loader; 264 KiB of memory. The stack lies below everything else, so that one that grows too
-/// far leaves the memory and ends in a fault instead of in somebody's variable.
+/// far leaves the memory and ends in a fault instead of in a variable.
 ///
 /// All code but the start lies in memory, copied there from flash at the start: the flash's cache
 /// holds 16 KiB in two ways, less than what a sample passes through, and every line that it lacks

@@ -38,7 +38,7 @@ const TEMPERATURE_K: f64 = 5.0;
 pub struct Summary {
     /// Sequences.
     pub sequences: u64,
-    /// Courses of the current that were begun, and orders that were refused.
+    /// Lines of the current that were begun, and orders that were refused.
     pub begun: u64,
     /// See [`begun`](Self::begun).
     pub refused: u64,

@@ -533,7 +533,7 @@ impl<'a, S: Sensors> Program<'a, S> {
         *self.outcome.errors.entry(name).or_default() += 1;
     }
 
-    /// Nine clocks, the SD pin, the wanted configuration, the probe.
+    /// Nine clocks, the SD pin, the requested configuration, the probe.
     fn recover(&mut self) -> bool {
         // The pulses free SDA or they do not; either way the reset comes next.
         let _ = self.bus.clock_pulses(9);

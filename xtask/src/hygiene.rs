@@ -1,4 +1,4 @@
-//! What does not belong into the repository: paths of somebody's machine, marks of unfinished
+//! What does not belong into the repository: paths of a machine, marks of unfinished
 //! work, retired words, build output, and a microcontroller outside of its board's folder.
 //!
 //! The check reads what git tracks and what it would add, so that a new file is found before it

@@ -186,7 +186,7 @@ mod app {
                     match lines.next() {
                         Some((to_a, over_s)) => {
                             let line = CurrentLine::at_once(to_a, over_s);
-                            supervisor.follow(&report, &line, 0)
+                            supervisor.follow(&report, &line, || 0)
                         }
                         // Otherwise the last current would stay.
                         None => Ok(Supervisor::stop()),

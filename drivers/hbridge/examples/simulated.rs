@@ -84,7 +84,7 @@ fn main() -> Result<(), Refusal> {
         if drive.report().holds || time_ms == 1 {
             let (to_a, over_s) = lines.next().unwrap_or((0.0, 2e-3));
             let line = CurrentLine::at_once(to_a, over_s);
-            drive.apply(&supervisor.follow(&drive.report(), &line, time_ms * 1_000)?);
+            drive.apply(&supervisor.follow(&drive.report(), &line, || time_ms * 1_000)?);
         }
         board.millisecond(&mut drive, &mut supervisor);
         let now = AVERAGES.now();

@@ -24,7 +24,7 @@ pub(crate) struct Needs {
     pub(crate) limit_v: f32,
     /// What it had while nothing flowed.
     pub(crate) open_v: f32,
-    /// What the current that was wanted takes through the circuit as it was tested, the supply's own
+    /// What the current of the setpoint takes through the circuit as it was tested, the supply's own
     /// resistance included, at the greatest duty.
     pub(crate) setpoint_v: f32,
 }

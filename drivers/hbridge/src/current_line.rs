@@ -1,4 +1,4 @@
-//! A course of the current: one straight line, from a moment on.
+//! A straight line of the current, from a moment on.
 
 use crate::fault::Refusal;
 use crate::limits::Limits;

@@ -1,4 +1,4 @@
-//! The energy that the circuit has taken and not given off yet: what a drive counts, and what a course
+//! The energy that the circuit has taken and not given off yet: what a drive counts, and what a profile
 //! of the current will make of that. One law for both.
 
 use crate::hardware::Hardware;

@@ -15,7 +15,7 @@ pub enum Fault {
     CurrentMissing,
     /// Current without the voltage that it takes: a short in the coil.
     CurrentUnexplained,
-    /// The current did not come to where it was wanted.
+    /// The current did not come to its setpoint.
     NotFollowing,
     /// The supply is below its limit.
     SupplyLow,
@@ -35,7 +35,7 @@ pub enum Fault {
     Short,
     /// Self-test: the current's sign is wrong.
     SenseReversed,
-    /// The measured current does not follow a small change of the wanted one.
+    /// The measured current does not follow a small change of the setpoint.
     SenseFrozen,
     /// Self-test: resistance or inductance is too high.
     NotACoil,

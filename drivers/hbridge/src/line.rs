@@ -69,7 +69,7 @@ impl FixedPointLine {
         }
     }
 
-    /// What is wanted of the period that was advanced to.
+    /// The setpoint of the period that was advanced to.
     #[inline]
     pub(crate) const fn setpoint(&self) -> Setpoint {
         Setpoint {

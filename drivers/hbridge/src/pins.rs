@@ -59,7 +59,7 @@ impl<A: SetDutyCycle, B: SetDutyCycle, S: OutputPin, F: InputPin> HBridge<A, B, 
         Ok(bridge)
     }
 
-    /// Does what the drive wants. Sleep comes first where it is wanted, and last where it ends.
+    /// Applies the output of the drive. The bridge goes to sleep before the levels change, and wakes after.
     ///
     /// # Errors
     /// A pin failed. The others have been tried all the same.

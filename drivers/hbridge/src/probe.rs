@@ -53,7 +53,7 @@ pub(crate) enum Next {
 pub(crate) struct Reach {
     /// Least current with which it is done, and the greatest that is regulated to.
     pub(crate) currents: [i32; 2],
-    /// By how much a current may miss where it is wanted.
+    /// By how much a current may miss its setpoint.
     pub(crate) tracking_error: i32,
     /// Level below which a current surely is reached.
     pub(crate) top: i32,

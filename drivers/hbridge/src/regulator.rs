@@ -1,5 +1,5 @@
 //! The law of the regulator: where the current will be at the end of this period, and the voltage
-//! that brings it to where it is wanted at the end of the next.
+//! that brings it to its setpoint at the end of the next.
 //!
 //! All in integers. Currents are in units of half a count of the converter, since two samples are
 //! added; voltages in levels of the PWM, that is in parts of the supply. With u the level, V the
@@ -96,7 +96,7 @@ pub(crate) struct Regulator {
     pub(crate) level: i32,
     /// The level that keeps the current at its setpoint, in 2^-12, within the greatest.
     steady: i32,
-    /// What the last level left of the wanted one, in 2^-12.
+    /// What the last whole level left of the level that was computed, in 2^-12.
     residue: i32,
     /// Sum of the errors since the level was last trimmed.
     off: i32,
@@ -146,7 +146,7 @@ impl Regulator {
     /// Where the current of the period under way differs from what was expected of it, some voltage
     /// has gone elsewhere: a hotter coil, a weaker supply, dead time. That voltage is learned and
     /// given on top. It takes the place of an integral, and cannot wind up: it compares with what
-    /// the given voltage should have done, not with what was wanted.
+    /// the given voltage should have done, not with the setpoint.
     #[inline(never)]
     pub(crate) fn step(&mut self, gains: &Gains, line: &FixedPointLine, measured: i32) -> i32 {
         let lost = gains.lost * measured.signum();
@@ -164,7 +164,7 @@ impl Regulator {
         within(self.law(gains, line.setpoint()), gains.most)
     }
 
-    /// The level that brings the current to where it is wanted; without that, the one that keeps it
+    /// The level that brings the current to its setpoint; without that, the one that keeps it
     /// there becomes the steady one.
     #[inline]
     fn law(&mut self, gains: &Gains, setpoint: Setpoint) -> i32 {
@@ -213,7 +213,7 @@ impl Regulator {
         self.steady = within(steady, gains.most);
     }
 
-    /// The whole level for a wanted one in 2^-12, `top` at most; what is left comes the next time.
+    /// The whole level for a level in 2^-12, `top` at most; what is left comes the next time.
     #[inline]
     pub(crate) fn dither(&mut self, setpoint: i32, top: i32) -> i32 {
         const HALF: i32 = 1 << (LEVEL - 1);

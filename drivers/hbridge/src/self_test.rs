@@ -1,4 +1,4 @@
-//! The self-test: what hangs at the bridge, and whether it may be driven.
+//! The self-test: what is connected to the bridge, and whether it may be driven.
 //!
 //! Voltage in steps, current as it comes; nothing is regulated yet. The integer half runs with the
 //! PWM and adds up; [`evaluate`] makes numbers of the sums.

@@ -21,7 +21,7 @@ use crate::watch::{BALANCED_WITHIN, Bounds};
 const CHANGE: f32 = 0.02;
 /// Most of the time that one poll may stand for, us: a clock that jumps forgets no energy.
 const MOST_ELAPSED_US: u32 = 1_000_000;
-/// Part of the greatest current by which one may miss where it is wanted.
+/// Part of the greatest current by which one may miss its setpoint.
 const TRACKING_ERROR: f32 = 1.0 / 16.0;
 /// Blocks from one value of the resistance to the next: 16 ms at 16 us.
 const RESISTANCE_BLOCKS: u32 = 64;
@@ -45,7 +45,7 @@ pub struct Supervisor {
     blame: Blame,
     /// The supply's lowest reading since the last poll, V, if there were readings.
     lowest_v: Option<f32>,
-    /// The current that was wanted when the drive was last seen driving, units.
+    /// The setpoint when the drive was last seen driving, units.
     setpoint: i32,
     reach: Reach,
 }
@@ -215,7 +215,9 @@ impl Supervisor {
         })))
     }
 
-    /// A straight line of the current.
+    /// A straight line of the current. `now_us` is the clock by which it begins, the order to be
+    /// applied at once: the clock is read again after the checks, which take a processor without
+    /// floating point 0.2 ms.
     ///
     /// # Errors
     /// No coil known, a fault, a limit; [`Refusal::Energy`] if the line would take more than is
@@ -224,7 +226,7 @@ impl Supervisor {
         &self,
         report: &Report,
         line: &CurrentLine,
-        now_us: u64,
+        now_us: impl Fn() -> u64,
     ) -> Result<Order, Refusal> {
         match report.state {
             DriveState::Latched(fault) => return Err(Refusal::Latched(fault)),
@@ -233,8 +235,9 @@ impl Supervisor {
             DriveState::Off { tested: true } | DriveState::Driving => {}
         }
         let findings = self.findings.ok_or(Refusal::NotTested)?;
-        line.check(&self.limits, now_us)?;
-        let ahead_s = line.ahead_s(now_us);
+        let checked_us = now_us();
+        line.check(&self.limits, checked_us)?;
+        let ahead_s = line.ahead_s(checked_us);
         let (supply_v, _) = self.made_for;
         let mut demand = Demand::new(
             &self.account,
@@ -251,14 +254,18 @@ impl Supervisor {
         if !self.account.bears(&demand) {
             return Err(Refusal::Energy(demand.most_j()));
         }
-        let begins = (ahead_s > 0.0).then(|| self.raw(line.from_a, ahead_s));
-        let line = self.raw(line.to_a, line.over_s);
-        Ok(Order(match begins {
-            None => Orders::Run { line, next: None },
-            Some(approach) => Orders::Run {
-                line: approach,
-                next: Some(line),
-            },
+        let last = self.raw(line.to_a, line.over_s);
+        let ahead_s = line.ahead_s(now_us());
+        Ok(Order(if ahead_s > 0.0 {
+            Orders::Run {
+                line: self.raw(line.from_a, ahead_s),
+                next: Some(last),
+            }
+        } else {
+            Orders::Run {
+                line: last,
+                next: None,
+            }
         }))
     }
 
@@ -466,5 +473,68 @@ impl SupplyModel {
         let ohm = (self.open_v - supply_v) / (share * mean_a);
         self.ohm = if ohm > 0.0 { ohm } else { 0.0 };
         self.shorted_ohm = Some(seen_ohm - self.ohm * share * (1.0 - share));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use core::cell::Cell;
+
+    use super::*;
+    use crate::hardware::Decay;
+
+    const HARDWARE: Hardware = Hardware {
+        period_s: 16e-6,
+        full_level: 960,
+        ampere_per_count: 3.3 / 4096.0 / 0.125,
+        zero_count: 2048,
+        zero_tolerance: 64,
+        greatest_count: 4095,
+        diode_v: 0.8,
+        decay: Decay::Fast,
+        reduced_limit_a: None,
+    };
+    const LIMITS: Limits = Limits {
+        current_a: 12.0,
+        trip_a: 12.7,
+        duty: 0.98,
+        on_time_s: 20.0,
+        energy_j: 60.0,
+        continuous_w: 3.5,
+        supply_v: [4.5, 14.0],
+        resistance_ohm: [0.15, 3.0],
+        inductance_h: [10e-6, 400e-6],
+    };
+
+    #[test]
+    fn a_line_begins_at_its_time_however_long_its_check_takes() {
+        let (mut supervisor, drive) = Supervisor::new(HARDWARE, LIMITS).unwrap();
+        supervisor.findings = Some(Findings {
+            zero_count: 2048.0,
+            coil: CoilParameters {
+                resistance_ohm: 0.4,
+                inductance_h: 40e-6,
+                lost: 0.05,
+            },
+            limited_to_a: None,
+        });
+        let report = Report {
+            state: DriveState::Off { tested: true },
+            ..drive.report()
+        };
+        let line = CurrentLine {
+            start_us: 10_000,
+            from_a: 8.0,
+            to_a: 2.0,
+            over_s: 60e-3,
+        };
+        let now_us = Cell::new(8_000);
+        let clock = || now_us.replace(now_us.get() + 400);
+        let order = supervisor.follow(&report, &line, clock).unwrap();
+        let Orders::Run { line, next } = order.0 else {
+            panic!("{order:?}")
+        };
+        assert_eq!(line.periods, 1_600 / 16);
+        assert_eq!(next.map(|line| line.periods), Some(3_750));
     }
 }

@@ -7,13 +7,13 @@ use crate::regulator::Gains;
 
 /// Blocks in a row in which voltage and current do not belong together.
 const UNBALANCED_BLOCKS: u32 = 4;
-/// Blocks in a row in which the current is not where it is wanted.
+/// Blocks in a row in which the current is not at its setpoint.
 const TRACKING_BLOCKS: u32 = 31;
 
 /// Periods within which voltage without current, or current without voltage, is found. What begins
 /// within a block is seen in the next.
 pub const BALANCED_WITHIN: u32 = (UNBALANCED_BLOCKS + 1) * BLOCK;
-/// Periods within which a current that does not come to where it is wanted is found.
+/// Periods within which a current that does not come to its setpoint is found.
 pub const FOLLOWS_WITHIN: u32 = (TRACKING_BLOCKS + 1) * BLOCK;
 /// Periods within which the supervisor has to look: 20 ms at 16 us.
 pub const ATTENDED_WITHIN: u32 = 1_250;

@@ -1,4 +1,4 @@
-//! What the chip is to be: every register's value, as wanted.
+//! What the chip is to be: every register's requested value.
 
 use crate::{
     Acquisition, Channel, ClockDividers, Config, Deglitch, DriveCode, DriveCurrent, ErrorConfig,

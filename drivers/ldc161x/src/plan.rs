@@ -1,4 +1,4 @@
-//! From what is wanted (clock, sensor, rate, channels) to register values, or to the limit that
+//! From what is requested (clock, sensor, rate, channels) to register values, or to the limit that
 //! stands in the way.
 //!
 //! All of it is `const`, so that a fixed plan costs no code and a plan that cannot work does not
@@ -71,7 +71,7 @@ impl Sensor {
     }
 }
 
-/// How often a frame is wanted.
+/// How often a frame is requested.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -84,7 +84,7 @@ pub enum Rate {
     Conversion(Rcount),
 }
 
-/// What is wanted of the chip.
+/// What is requested of the chip.
 ///
 /// ```
 /// use ldc161x::{Acquisition, Channel, Model, Plan, Rate, ReferenceClock, Request, Sensor};

@@ -68,7 +68,7 @@ pub(crate) struct DriverState {
     /// One unit of each channel's code in hertz, while it runs: computed once, and not with a
     /// division for every reading.
     units_hz: [f64; 4],
-    /// The chip converts as wanted, as far as is known.
+    /// The chip converts as requested, as far as is known.
     pub(crate) running: bool,
     /// A transfer failed: ask for the identity before the next frame is trusted.
     pub(crate) suspect: bool,

@@ -121,7 +121,7 @@ pub fn forget_edge() {
     unsafe { (*IO_BANK0::ptr()).intr(0).write(|w| w.bits(EDGE)) };
 }
 
-/// So many pulses of SCL with SDA let go, and a STOP.
+/// So many pulses of SCL with SDA released, and a STOP.
 pub fn pulse(count: u8) {
     for pin in [SDA, SCL] {
         set(pin, false);

@@ -65,17 +65,17 @@ mod tests {
     ];
 
     #[test]
-    fn one_task_that_hangs_is_enough() {
-        for hangs in ALL {
+    fn one_task_that_hung_is_enough() {
+        for hung in ALL {
             let check_ins = CheckIns::new();
             for task in ALL {
-                if task != hangs {
+                if task != hung {
                     check_ins.check_in(task);
                     check_ins.check_in(task);
                 }
                 assert!(!check_ins.all_alive());
             }
-            check_ins.check_in(hangs);
+            check_ins.check_in(hung);
             assert!(check_ins.all_alive());
             assert!(!check_ins.all_alive(), "each has to check in again");
         }

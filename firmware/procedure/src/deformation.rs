@@ -176,7 +176,7 @@ mod tests {
     /// Two counts of the converter at 1 kHz, and what 4 A in the coil add to a reading, which is of no
     /// deformation.
     #[test]
-    fn a_deformation_does_not_hang_on_the_very_first_reading() {
+    fn a_deformation_does_not_depend_on_the_first_reading() {
         let usual = pressed(UNTOUCHED);
         assert_eq!(usual.touch, Touch::Held);
         assert!((usual.value.0 - 4.1e-4).abs() < 1e-5, "{usual:?}");

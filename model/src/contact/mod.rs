@@ -77,7 +77,7 @@ pub enum Touch {
     },
     /// Something touches.
     Held,
-    /// It has let go, found with this reading; the baseline is learnt anew.
+    /// It was released, found with this reading; the baseline is learnt anew.
     Ended,
 }
 

@@ -1,7 +1,7 @@
 //! Running sums of a weighted least-squares fit, and their solution.
 //!
 //! **Why wide numbers.** At a stiffening of 0.5 % and a load ten times the sensor's stiffness the
-//! answer hangs on the seventh digit of a slope, and normal equations square the condition that
+//! answer depends on the seventh digit of a slope, and normal equations square the condition that
 //! drifts bring. Sums of `f32`, even centred (Welford), are off by 3e-5 of c_L there, and by 2e-3
 //! with a creep term (`examples/precision.rs`); compensation does not mend the rounding of the
 //! products. So rows are formed, multiplied and summed as [`Wide`] integers of 62 bits: the sums
@@ -145,7 +145,7 @@ impl Moments {
     }
 }
 
-/// Cross products in the course of Gauss-Jordan elimination in place: swept columns already hold
+/// Cross products during the Gauss-Jordan elimination in place: swept columns already hold
 /// the inverse, the others what is left of them.
 struct Sweep {
     count: usize,

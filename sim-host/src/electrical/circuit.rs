@@ -4,7 +4,7 @@
 //! i(t) = E/R + (i₀ − E/R) exp(−R t/L). Dead times, the hardware's limit and the end of a current
 //! through diodes cut a span into such pieces.
 
-/// What hangs together.
+/// What is connected.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CircuitParameters {
     /// Resistance of the coil now, ohm, 10⁻³ to 10³.
@@ -72,7 +72,7 @@ enum Half {
 }
 
 impl Pins {
-    /// Both inputs low let go of the coil, both high short it at the bottom.
+    /// Both inputs low disconnect the coil, both high short it at the bottom.
     const fn halves(self) -> [Half; 2] {
         match (self.awake, self.inputs) {
             (false, _) | (true, [false, false]) => [Half::Diodes; 2],

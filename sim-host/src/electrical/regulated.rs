@@ -148,7 +148,7 @@ impl Regulated {
     fn apply(&mut self, line: &CurrentLine) -> Result<(), Refusal> {
         let now_us = self.now_us();
         let report = self.control.drive.report();
-        let order = self.supervisor.follow(&report, line, now_us)?;
+        let order = self.supervisor.follow(&report, line, || now_us)?;
         self.control.drive.apply(&order);
         Ok(())
     }

@@ -9,8 +9,8 @@ use palpate_sim::stack::{Disturbances, Stack};
 use palpate_sim::switches::Switches;
 use palpate_sim::world::{Setup, World};
 use palpate_wire::code::{Location, Outcome, State};
-use palpate_wire::command::{Coil, DriveCoil};
-use palpate_wire::record::Sample;
+use palpate_wire::command::{Coil, CurrentCorrection, DriveCoil};
+use palpate_wire::record::{CurrentTrace, Sample};
 use palpate_wire::{Command, Record};
 
 const COIL: Coil = Coil {
@@ -230,6 +230,82 @@ fn a_line_of_the_current_is_straight_as_it_is_measured() {
     }
 }
 
+/// A board that is armed, with a current of its own: 8 A within 20 ms, recorded every quarter of a
+/// millisecond.
+fn with_recorded_current(board: &mut NativeBoard<'_>) -> u64 {
+    board.run_until(board.now() + Time::from_ms(300)).unwrap();
+    board.send(Command::SetCoil(COIL)).unwrap();
+    board.send(Command::Arm).unwrap();
+    board.run_until(board.now() + Time::from_ms(100)).unwrap();
+    board.take_records();
+    let begun = board.now();
+    let drive = DriveCoil {
+        to_a: 8.0,
+        over_s: 20e-3,
+        trace_interval_s: 250e-6,
+    };
+    board.send(Command::DriveCoil(drive)).unwrap();
+    board.run_until(begun + Time::from_ms(90)).unwrap();
+    (begun.as_secs_f64() * 1e6) as u64
+}
+
+#[test]
+fn a_recorded_current_is_the_one_that_flowed() {
+    let hardware = Wiring::new(world());
+    let mut board = NativeBoard::new(&hardware);
+    let begun_us = with_recorded_current(&mut board);
+    let parts: Vec<(u64, CurrentTrace)> = board
+        .take_records()
+        .into_iter()
+        .filter_map(|(at, record)| match record {
+            Record::CurrentTrace(part) => Some((at.as_ticks(), part)),
+            _ => None,
+        })
+        .collect();
+    let firsts: Vec<u8> = parts.iter().map(|(_, part)| part.first).collect();
+    assert_eq!(firsts, [0, 16, 32, 48, 64, 80, 96, 112]);
+    for (at_us, part) in &parts {
+        assert_eq!(part.total, 128);
+        // Whole periods of 16 us.
+        assert!((part.interval_s - 256e-6).abs() < 1e-9);
+        for (index, current_a) in part.currents_a.iter().enumerate() {
+            let after_s = (at_us - begun_us) as f64 * 1e-6 + 256e-6 * index as f64;
+            let setpoint_a = (8.0 * after_s / 20e-3).min(8.0);
+            // A period and a half from the order to the current is 10 mA; the noise is 40 mA.
+            let off_a = f64::from(*current_a) - setpoint_a;
+            assert!(off_a.abs() < 0.3, "{after_s} s: {current_a} A, {off_a}");
+        }
+    }
+}
+
+/// The measurement shows too little by 3 % of what it shows: the regulated current then is 3 % less
+/// than its setpoint was before.
+#[test]
+fn a_correction_moves_the_true_current() {
+    let current_a = |correction: Option<CurrentCorrection>| {
+        let stack = Stack::builtin("ultrasoft").unwrap();
+        let plant = draw(&stack, &Disturbances::builtin().unwrap(), 1);
+        let world = World::new(&plant, Switches::none(), Setup::default()).unwrap();
+        let hardware = Wiring::new(world);
+        let mut board = NativeBoard::new(&hardware);
+        if let Some(correction) = correction {
+            board
+                .send(Command::SetCurrentCorrection(correction))
+                .unwrap();
+        }
+        with_recorded_current(&mut board);
+        board.with_world(|world| world.truth().current_a)
+    };
+    let changes_a = [-0.3, 0.0, 0.3].into_iter().collect();
+    let corrected_a = current_a(Some(CurrentCorrection {
+        greatest_a: 10.0,
+        changes_a,
+    }));
+    let plain_a = current_a(None);
+    assert!((plain_a - 8.0).abs() < 0.05, "{plain_a}");
+    assert!((corrected_a * 1.03 - plain_a).abs() < 0.02, "{corrected_a}");
+}
+
 /// Answers that have come, each with its command's number.
 fn answers(board: &mut NativeBoard<'_>) -> Vec<(u32, Outcome)> {
     let records = board.take_records();
@@ -286,4 +362,35 @@ fn one_command_waits_for_the_coils_test_and_an_abort_drops_it() {
     assert_eq!(answers(&mut board), []);
     let flows_a = board.with_world(|world| world.truth().current_a);
     assert_eq!(flows_a, 0.0);
+}
+
+/// The temperature that the board reports after a second, degrees Celsius, with the true one.
+fn temperatures(nonlinearity_lsb: f64) -> [f64; 2] {
+    let stack = Stack::builtin("ultrasoft").unwrap();
+    let mut plant = draw(&stack, &Disturbances::builtin().unwrap(), 1);
+    plant.current.nonlinearity_lsb = nonlinearity_lsb;
+    plant.current.nonlinearity_phase = 1.5;
+    let world = World::new(&plant, Switches::all(), Setup::default()).unwrap();
+    let hardware = Wiring::new(world);
+    let mut board = NativeBoard::new(&hardware);
+    board.run_until(Time::from_ms(1_200)).unwrap();
+    let records = board.take_records();
+    let reported_c = records.iter().rev().find_map(|(_, record)| match record {
+        Record::Status(status) => status.temperature_c,
+        _ => None,
+    });
+    let true_c = hardware.world().borrow().truth().pad_c;
+    [reported_c.unwrap().into(), true_c]
+}
+
+#[test]
+fn the_thermometer_is_read_through_the_converter_of_the_current() {
+    let error_k = |nonlinearity_lsb| {
+        let [reported_c, true_c] = temperatures(nonlinearity_lsb);
+        (reported_c - true_c).abs()
+    };
+    let (exact_k, bowed_k) = (error_k(0.0), error_k(100.0));
+    assert!(exact_k < 0.15, "{exact_k}");
+    // A hundred counts in mid-range, where a count is 0.022 K.
+    assert!((1.5..3.0).contains(&bowed_k), "{bowed_k}");
 }

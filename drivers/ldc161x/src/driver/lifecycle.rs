@@ -128,7 +128,7 @@ impl<I2C: I2c> Ldc161x<I2C> {
         self.release_interrupt().await
     }
 
-    /// Resets the chip by its register and starts the wanted configuration again.
+    /// Resets the chip by its register and starts the requested configuration again.
     ///
     /// Where the bus itself is stuck, clear it first (nine clocks, then a stop), which is the
     /// business of the bus's owner. Call again, within a deadline of your own, where it fails.
@@ -153,7 +153,7 @@ impl<I2C: I2c> Ldc161x<I2C> {
     }
 
     /// Resets the chip by its SD pin, which also ends a transfer that it hangs in, and starts
-    /// the wanted configuration again.
+    /// the requested configuration again.
     ///
     /// # Errors
     ///

@@ -111,8 +111,8 @@ impl<H: CoilHardware> CoilManager<H> {
             return;
         };
         // Asked for late in a step that may have taken a millisecond.
-        let now_us = self.hardware.now_us();
-        match self.supervisor.follow(&report, line, now_us) {
+        let clock = || self.hardware.now_us();
+        match self.supervisor.follow(&report, line, clock) {
             Ok(order) => self.hardware.apply(&order),
             Err(refusal) => self.refused(&refusal),
         }

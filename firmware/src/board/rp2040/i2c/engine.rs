@@ -54,7 +54,7 @@ pub struct Stamp {
 
 #[cfg(planted_defect = "late_stamp")]
 impl Stamp {
-    /// As if the edge had come when somebody looked.
+    /// As if the edge had come when the task read the frame.
     pub const fn taken_at(self, now_us: u32) -> Self {
         Self {
             time_us: now_us,
