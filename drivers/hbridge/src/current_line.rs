@@ -70,22 +70,10 @@ impl CurrentLine {
 mod tests {
     use super::*;
 
-    const LIMITS: Limits = Limits {
-        current_a: 12.0,
-        trip_a: 12.7,
-        duty: 0.98,
-        on_time_s: 20.0,
-        energy_j: 60.0,
-        continuous_w: 3.5,
-        supply_v: [4.5, 14.0],
-        resistance_ohm: [0.15, 3.0],
-        inductance_h: [10e-6, 400e-6],
-    };
-
     #[test]
     fn it_takes_numbers_within_the_limits_only() {
         let line = CurrentLine::at_once(12.0, 20.0);
-        assert_eq!(line.check(&LIMITS, 0), Ok(()));
+        assert_eq!(line.check(&Limits::SPECIMEN, 0), Ok(()));
         for bad_a in [f32::NAN, f32::INFINITY, 12.1, -12.1] {
             let [to, from] = [
                 CurrentLine {
@@ -98,12 +86,12 @@ mod tests {
                 },
             ];
             for line in [to, from] {
-                let refused = line.check(&LIMITS, 0);
+                let refused = line.check(&Limits::SPECIMEN, 0);
                 assert!(matches!(refused, Err(Refusal::Current(_))), "{line:?}");
             }
         }
         for bad_s in [f32::NAN, f32::INFINITY, -1e-3, 20.1] {
-            let refused = CurrentLine::at_once(1.0, bad_s).check(&LIMITS, 0);
+            let refused = CurrentLine::at_once(1.0, bad_s).check(&Limits::SPECIMEN, 0);
             assert!(matches!(refused, Err(Refusal::Duration(_))), "{bad_s}");
         }
     }
@@ -114,9 +102,9 @@ mod tests {
             start_us: 11_000_000,
             ..CurrentLine::at_once(1.0, 19.5)
         };
-        assert_eq!(line.check(&LIMITS, 10_600_000), Ok(()));
+        assert_eq!(line.check(&Limits::SPECIMEN, 10_600_000), Ok(()));
         assert_eq!(
-            line.check(&LIMITS, 10_000_000),
+            line.check(&Limits::SPECIMEN, 10_000_000),
             Err(Refusal::Duration(20.5))
         );
     }

@@ -494,21 +494,10 @@ mod tests {
         decay: Decay::Fast,
         reduced_limit_a: None,
     };
-    const LIMITS: Limits = Limits {
-        current_a: 12.0,
-        trip_a: 12.7,
-        duty: 0.98,
-        on_time_s: 20.0,
-        energy_j: 60.0,
-        continuous_w: 3.5,
-        supply_v: [4.5, 14.0],
-        resistance_ohm: [0.15, 3.0],
-        inductance_h: [10e-6, 400e-6],
-    };
 
     #[test]
     fn a_line_begins_at_its_time_however_long_its_check_takes() {
-        let (mut supervisor, drive) = Supervisor::new(HARDWARE, LIMITS).unwrap();
+        let (mut supervisor, drive) = Supervisor::new(HARDWARE, Limits::SPECIMEN).unwrap();
         supervisor.findings = Some(Findings {
             zero_count: 2048.0,
             coil: CoilParameters {
