@@ -37,8 +37,7 @@ codes! {
         Bridge = 14 "bridge",
         /// Too much current. Value and limit: current, A. Check the coil for a short.
         OverCurrent = 15 "over_current",
-        /// The coil takes no current. Value: current, A; limit: setpoint, A. Check the coil's
-        /// wires and the supply.
+        /// The coil takes no current. Check the coil's wires and the supply.
         CurrentMissing = 16 "current_missing",
         /// Current flows with the bridge off. Value: current, A. Disconnect the supply; check
         /// bridge and current amplifier.
