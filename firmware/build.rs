@@ -65,8 +65,13 @@ fn main() -> Result<(), Box<dyn Error>> {
         commit.unwrap_or_else(|| "0".into())
     );
     println!("cargo:rustc-env=PALPATE_DIRTY={}", u8::from(dirty));
-    println!("cargo:rerun-if-changed=../.git/HEAD");
-    println!("cargo:rerun-if-changed=../.git/index");
+    // A file that is named and not there would have this run, and the firmware built, every time:
+    // git knows where its files are, also from a worktree or a copy below the checkout.
+    for file in ["HEAD", "index"] {
+        if let Some(path) = git(&["rev-parse", "--git-path", file]) {
+            println!("cargo:rerun-if-changed={path}");
+        }
+    }
     Ok(())
 }
 
