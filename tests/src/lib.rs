@@ -3,5 +3,4 @@
 pub mod coil;
 pub mod evidence;
 pub mod faults;
-pub mod planted;
 pub mod sigma;

@@ -25,6 +25,7 @@ use anyhow::{Context, Result, bail};
 use crate::process::{Invocation, Workspace};
 pub(crate) use age::check as check_age;
 use document::Record;
+pub(crate) use document::{BEGIN, END};
 use provenance::Origin;
 
 /// The folder of the results, in the workspace.
@@ -173,14 +174,7 @@ const CAMPAIGNS: &[Campaign] = &[
     Campaign {
         name: "planted-defects",
         purpose: "Tests of the tests: each planted defect has to turn a test red.",
-        arguments: &[
-            "run",
-            "--release",
-            "-p",
-            "system-tests",
-            "--bin",
-            "planted-defects",
-        ],
+        arguments: &["xtask", "planted-defects"],
         rests_on: TESTS,
     },
     Campaign {
@@ -399,9 +393,9 @@ mod tests {
         let kind = env::var(KIND).unwrap_or_default();
         if kind == "sound" || kind == "failing" {
             println!("progress, which is not kept");
-            println!("{}", document::BEGIN);
+            println!("{BEGIN}");
             println!("## Result\n\n3 of 3 schedules recovered.");
-            println!("{}", document::END);
+            println!("{END}");
             println!("more that is not kept");
         }
         if kind == "failing" {

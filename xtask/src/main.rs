@@ -8,6 +8,7 @@
 //! | `evidence` | run a long campaign and write its result into `docs/evidence/` |
 //! | `field-peers` | the field solver beside NGSolve and GetDP, which it installs |
 //! | `firmware` | build the image for the microcontroller, as ELF and UF2, and say what it takes |
+//! | `planted-defects` | plant each defect of a list and run the tests that have to find it |
 //! | `bench-image` | run the image on the emulated board and write what it costs into the book |
 //! | `flash` | flash it through a debug probe |
 //! | `setup` | add the microcontroller targets and install the tools that `ci` needs |
@@ -24,6 +25,7 @@ mod hygiene;
 mod members;
 mod package_files;
 mod panic_free;
+mod planted;
 mod process;
 mod repository;
 mod setup;
@@ -80,6 +82,8 @@ enum Verb {
     },
     /// Build the firmware's image into target/image, and hold its size against its budget
     Firmware,
+    /// Plant each defect of tests/planted-defects.toml and run the tests that have to find it
+    PlantedDefects,
     /// Measure what the image costs on the emulated board; writes docs/evidence/image-cost.md
     BenchImage,
     /// Flash the firmware through a debug probe, and show its log
@@ -116,6 +120,7 @@ fn run(arguments: Arguments) -> Result<()> {
             field_peers::compare(&workspace, python, case.as_deref())
         }
         Verb::Firmware => firmware::make(&workspace),
+        Verb::PlantedDefects => planted::run_campaign(&workspace),
         Verb::BenchImage => evidence::collect(&workspace, evidence::IMAGE_COST),
         Verb::Flash => firmware::flash(&workspace),
         Verb::Setup => setup::install_everything(&workspace),

@@ -46,6 +46,14 @@ impl Workspace {
         &self.root
     }
 
+    /// A copy of the workspace, for the same toolchain.
+    pub(crate) fn copied_to(&self, root: PathBuf) -> Self {
+        Self {
+            root,
+            toolchain: self.toolchain.clone(),
+        }
+    }
+
     /// A child process in the workspace's folder, with an environment of its own.
     pub(crate) fn command(&self, program: &str) -> Command {
         let mut command = Command::new(program);

@@ -5,7 +5,6 @@ mod coil_guards;
 mod copies;
 mod fault_schedules;
 mod on_target;
-mod planted_defects;
 mod sigma;
 
 // What the example on_target of the firmware runs on the processor.

@@ -6,10 +6,10 @@ use super::provenance::Origin;
 
 /// Ends the line before a campaign's result. The line may begin with anything, since the test
 /// harness prints a test's name without ending its line.
-pub(super) const BEGIN: &str = "<!-- evidence:begin -->";
+pub(crate) const BEGIN: &str = "<!-- evidence:begin -->";
 
 /// Is the line after a campaign's result.
-pub(super) const END: &str = "<!-- evidence:end -->";
+pub(crate) const END: &str = "<!-- evidence:end -->";
 
 /// Where a result comes from.
 #[derive(Debug)]

@@ -1,0 +1,74 @@
+//! The campaign `planted-defects`: plants each defect of the tests' list and runs the tests that
+//! have to find it.
+
+use std::fmt::Write as _;
+
+use anyhow::{Result, bail};
+
+use super::{Patch, copy, list};
+use crate::evidence::{BEGIN, END};
+use crate::process::{Invocation, Workspace};
+
+/// The list.
+pub(super) const LIST: &str = "tests/planted-defects.toml";
+/// Where the copy lies, and what is built of it.
+const SOURCE: &str = "target/planted-defects/source";
+const BUILD: &str = "target/planted-defects/build";
+
+/// Tries every defect and prints which tests found it; fails if one is not found.
+pub(crate) fn run(workspace: &Workspace) -> Result<()> {
+    let mut text = String::from("| planted defect | found by | red tests |\n|---|---|---|\n");
+    let mut missed = Vec::new();
+    for defect in list(workspace, LIST)? {
+        let red = try_out(workspace, &defect)?;
+        let is_found = !red.is_empty();
+        eprintln!(
+            "{}: {}",
+            defect.name,
+            if is_found { "found" } else { "NOT FOUND" }
+        );
+        let tests = if is_found {
+            red.join(", ")
+        } else {
+            "**none**".to_owned()
+        };
+        writeln!(
+            text,
+            "| {} | `cargo test {}` | {tests} |",
+            defect.name,
+            defect.test.join(" ")
+        )?;
+        if !is_found {
+            missed.push(defect.name);
+        }
+    }
+    println!("{BEGIN}\n{}\n{END}", text.trim_end());
+    if missed.is_empty() {
+        return Ok(());
+    }
+    bail!("no test found: {}", missed.join(", "))
+}
+
+/// Plants a defect and tests. The names of the tests that failed.
+fn try_out(workspace: &Workspace, defect: &Patch) -> Result<Vec<String>> {
+    let folder = workspace.root().join(SOURCE);
+    copy(workspace, std::slice::from_ref(defect), &folder)?;
+    let build = workspace.root().join(BUILD);
+    let build = build.to_string_lossy();
+    let mut arguments = vec!["test", "--locked", "--target-dir", &build];
+    arguments.extend(defect.test.iter().map(String::as_str));
+    let test = Invocation::cargo(&arguments);
+    let output = test.command(&workspace.copied_to(folder)).output()?;
+    let printed = String::from_utf8_lossy(&output.stdout);
+    let red: Vec<_> = printed
+        .lines()
+        .filter_map(|line| line.strip_prefix("test ")?.strip_suffix(" ... FAILED"))
+        .map(str::to_owned)
+        .collect();
+    if red.is_empty() && !output.status.success() {
+        // Not even compiled: the defect proves nothing about the tests.
+        let said = String::from_utf8_lossy(&output.stderr);
+        bail!("{}: {said}", defect.name);
+    }
+    Ok(red)
+}
