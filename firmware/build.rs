@@ -36,11 +36,6 @@ SECTIONS {
 } INSERT BEFORE .text;
 ";
 
-/// Defects that tests of the tests plant, by the variable that names one. See docs/firmware.md.
-const DEFECT: &str = "PALPATE_PLANTED_DEFECT";
-const DEFECTS: &str = "\"panic\", \"write_dropped\", \"words_swapped\", \"fed_by_idle\", \"no_safe_state\", \
-     \"late_stamp\"";
-
 fn main() -> Result<(), Box<dyn Error>> {
     let out = PathBuf::from(env::var_os("OUT_DIR").ok_or("cargo sets OUT_DIR")?);
     fs::write(out.join("board-memory.x"), PICO)?;
@@ -50,13 +45,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         println!("cargo:rustc-link-arg-examples={argument}");
     }
     println!("cargo:rerun-if-changed=build.rs");
-    println!("cargo:rerun-if-env-changed={DEFECT}");
     // What defmt compiles in.
     println!("cargo:rerun-if-env-changed=DEFMT_LOG");
-    println!("cargo:rustc-check-cfg=cfg(planted_defect, values({DEFECTS}))");
-    if let Ok(defect) = env::var(DEFECT) {
-        println!("cargo:rustc-cfg=planted_defect=\"{defect}\"");
-    }
     let commit = git(&["rev-parse", "--short=8", "HEAD"]);
     let dirty =
         git(&["status", "--porcelain", "--untracked-files=no"]).is_none_or(|it| !it.is_empty());

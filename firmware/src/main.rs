@@ -11,8 +11,6 @@
 mod board;
 mod crash;
 mod link;
-#[cfg(any(planted_defect = "panic", planted_defect = "fed_by_idle"))]
-mod planted;
 mod supervision;
 mod tasks;
 mod wakeup;

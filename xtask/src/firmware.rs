@@ -1,11 +1,12 @@
 //! The firmware's image: built anywhere, measured against its budget, written for flash tools.
 
 mod panics;
+mod planted;
 mod size;
 mod uf2;
 
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 
@@ -14,6 +15,8 @@ use crate::process::{Invocation, Workspace};
 use crate::setup::Need;
 
 pub(crate) use panics::check as check_panics;
+#[cfg(test)]
+pub(crate) use planted::DEFECTS;
 pub(crate) use size::check as check_size;
 
 const PACKAGE: &str = "palpate-firmware";
@@ -22,12 +25,9 @@ const PROFILE: &str = "firmware";
 const FOLDER: &str = "target/image";
 const NAME: &str = "palpate-pico";
 
-/// The variable that plants a defect when the image is built; see docs/firmware.md.
-const DEFECT: &str = "PALPATE_PLANTED_DEFECT";
-
 /// Builds the image, writes ELF and UF2, and prints what it takes.
 pub(crate) fn make(workspace: &Workspace) -> Result<()> {
-    let image = build(workspace, None)?;
+    let image = build(workspace)?;
     let folder = workspace.root().join(FOLDER);
     fs::create_dir_all(&folder).with_context(|| format!("{FOLDER} could not be created"))?;
     let elf = folder.join(NAME).with_extension("elf");
@@ -42,9 +42,15 @@ pub(crate) fn make(workspace: &Workspace) -> Result<()> {
     Ok(())
 }
 
+/// Builds the image with a defect of `firmware/planted-defects.toml` and prints its path alone.
+pub(crate) fn make_planted(workspace: &Workspace, defect: &str) -> Result<()> {
+    println!("{}", planted::image(workspace, defect)?.display());
+    Ok(())
+}
+
 /// Flashes the image through a debug probe and shows its log.
 pub(crate) fn flash(workspace: &Workspace) -> Result<()> {
-    let image = build(workspace, None)?;
+    let image = build(workspace)?;
     let image = image.to_string_lossy().into_owned();
     let run = Invocation::new("probe-rs", &["run", "--chip", "RP2040", &image]);
     workspace.run(&run).with_context(|| {
@@ -53,10 +59,15 @@ pub(crate) fn flash(workspace: &Workspace) -> Result<()> {
     })
 }
 
-/// Builds an image, with a planted defect if one is named, and returns its path.
-fn build(workspace: &Workspace, defect: Option<&'static str>) -> Result<PathBuf> {
+/// Builds the image and returns its path.
+fn build(workspace: &Workspace) -> Result<PathBuf> {
+    build_to(workspace, None)
+}
+
+/// Builds the image in a folder, or where cargo builds by itself, and returns its path.
+fn build_to(workspace: &Workspace, folder: Option<&Path>) -> Result<PathBuf> {
     Need::Target(FIRMWARE_TARGET).provide(workspace)?;
-    let mut cargo = Invocation::cargo(&[
+    let mut arguments = vec![
         "build",
         "--locked",
         "--package",
@@ -67,10 +78,11 @@ fn build(workspace: &Workspace, defect: Option<&'static str>) -> Result<PathBuf>
         FIRMWARE_TARGET,
         "--message-format",
         "json-render-diagnostics",
-    ]);
-    if let Some(defect) = defect {
-        cargo = cargo.with_env(DEFECT, defect);
+    ];
+    let folder = folder.map(Path::to_string_lossy);
+    if let Some(folder) = &folder {
+        arguments.extend(["--target-dir", folder]);
     }
-    let printed = workspace.output(&cargo)?;
+    let printed = workspace.output(&Invocation::cargo(&arguments))?;
     crate::panic_free::executable(&printed).context("cargo named no image")
 }

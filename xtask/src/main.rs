@@ -81,7 +81,11 @@ enum Verb {
         case: Option<String>,
     },
     /// Build the firmware's image into target/image, and hold its size against its budget
-    Firmware,
+    Firmware {
+        /// Build it with this defect of firmware/planted-defects.toml instead; prints its path alone
+        #[arg(long, value_name = "DEFECT")]
+        planted: Option<String>,
+    },
     /// Plant each defect of tests/planted-defects.toml and run the tests that have to find it
     PlantedDefects,
     /// Measure what the image costs on the emulated board; writes docs/evidence/image-cost.md
@@ -119,7 +123,10 @@ fn run(arguments: Arguments) -> Result<()> {
         Verb::FieldPeers { python, case } => {
             field_peers::compare(&workspace, python, case.as_deref())
         }
-        Verb::Firmware => firmware::make(&workspace),
+        Verb::Firmware { planted: None } => firmware::make(&workspace),
+        Verb::Firmware {
+            planted: Some(defect),
+        } => firmware::make_planted(&workspace, &defect),
         Verb::PlantedDefects => planted::run_campaign(&workspace),
         Verb::BenchImage => evidence::collect(&workspace, evidence::IMAGE_COST),
         Verb::Flash => firmware::flash(&workspace),

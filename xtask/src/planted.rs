@@ -1,7 +1,9 @@
 //! Tests of the tests: defects that are planted into a copy of the sources.
 //!
 //! A list of defects is a TOML file of patches: each replaces a text that stands exactly once in a
-//! file. Each defect of `tests/planted-defects.toml` has to turn the named tests red ([`campaign`]).
+//! file. Two lists: `tests/planted-defects.toml`, each of whose defects has to turn the named tests
+//! red ([`campaign`]), and `firmware/planted-defects.toml`, with which images are built for tests
+//! that have to see them ([`crate::firmware`]).
 
 mod campaign;
 
@@ -200,5 +202,21 @@ mod tests {
         let patches = check_plantable(campaign::LIST);
         assert!(patches.len() >= 5);
         assert!(patches.iter().all(|patch| !patch.test.is_empty()));
+    }
+
+    #[test]
+    fn every_defect_of_the_image_can_be_planted() {
+        let patches = check_plantable(crate::firmware::DEFECTS);
+        let names: BTreeSet<_> = patches.iter().map(|patch| patch.name.as_str()).collect();
+        let expected = [
+            "fed_by_idle",
+            "late_stamp",
+            "no_safe_state",
+            "panic",
+            "words_swapped",
+            "write_dropped",
+        ];
+        assert!(names.into_iter().eq(expected));
+        assert!(patches.iter().all(|patch| patch.test.is_empty()));
     }
 }

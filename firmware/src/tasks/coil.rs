@@ -20,10 +20,6 @@ pub async fn coil(mut cx: app::coil::Context<'_>) {
                 coil.poll();
             }
         });
-        #[cfg(planted_defect = "panic")]
-        crate::planted::panic_if_asked(Task::Coil);
-        #[cfg(planted_defect = "fed_by_idle")]
-        crate::planted::stall_if_asked().await;
         i2c::pulse();
         SAMPLES.pulse();
         next += POLL_US.micros();

@@ -104,8 +104,6 @@ impl<S: Mutex<T = [ConverterState; CONVERTERS]>> Port for PicoPort<'_, S> {
         let mut left_us = time_us;
         while left_us > 0 {
             CHECK_INS.check_in(task);
-            #[cfg(planted_defect = "panic")]
-            crate::planted::panic_if_asked(task);
             let slice_us = left_us.min(SLICE_US);
             Mono::delay(u64::from(slice_us).micros()).await;
             left_us -= slice_us;
@@ -121,8 +119,6 @@ impl<S: Mutex<T = [ConverterState; CONVERTERS]>> Port for PicoPort<'_, S> {
     }
 
     fn hand_over(&mut self, sampled: Sampled) -> bool {
-        #[cfg(planted_defect = "panic")]
-        crate::planted::panic_if_asked(Task::Sensing);
         defmt::debug!("sample of {} us", sampled.time_us);
         let has_room = self.samples.enqueue(sampled).is_ok();
         SAMPLES.call();

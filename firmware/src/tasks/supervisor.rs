@@ -15,8 +15,7 @@ const LASTED: u32 = 1_000;
 pub async fn supervisor(cx: app::supervisor::Context<'_>) {
     let mut polls = 0_u32;
     loop {
-        let alive = CHECK_INS.all_alive();
-        if alive || cfg!(planted_defect = "fed_by_idle") {
+        if CHECK_INS.all_alive() {
             cx.local.watchdog.feed();
         }
         polls = polls.wrapping_add(1);

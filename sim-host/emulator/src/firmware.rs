@@ -11,8 +11,6 @@ pub const TARGET: &str = "thumbv6m-none-eabi";
 pub const PROFILE: &str = "firmware";
 /// The package, and the name of its image.
 pub const PACKAGE: &str = "palpate-firmware";
-/// The variable that plants a defect when the image is built.
-const DEFECT: &str = "PALPATE_PLANTED_DEFECT";
 /// The variable that says which log lines are compiled in.
 const LOGS: &str = "DEFMT_LOG";
 
@@ -38,22 +36,37 @@ pub fn build() -> Result<PathBuf, BuildError> {
     build_in(&workspace, &target_folder(&workspace), &[])
 }
 
-/// Builds an image with a planted defect, for tests of the tests. One that is newer than the image
-/// without a defect is taken as it is.
+/// Builds an image with a planted defect of `firmware/planted-defects.toml`, if it is not up to
+/// date, and returns its path; for tests of the tests. `cargo xtask firmware --planted` does it.
 ///
 /// # Errors
 /// [`BuildError`], with what to do.
 pub fn build_with_defect(defect: &str) -> Result<PathBuf, BuildError> {
-    build_variant(defect, &[(DEFECT, defect)])
+    let workspace = required()?;
+    let mut cargo = cargo(&workspace);
+    cargo.args(["xtask", "firmware", "--planted", defect]);
+    let what = format!("the image with the defect {defect} could not be built");
+    let printed = run(cargo, &what)?;
+    let path = printed.lines().last().map(PathBuf::from);
+    path.ok_or_else(|| BuildError(format!("{what}: no path was printed")))
 }
 
 /// Builds an image with the log lines of a level and above (`off`, `error` to `trace`) instead of
-/// those that are shipped; else as [`build_with_defect`].
+/// those that are shipped. One that is newer than the image as shipped is taken as it is.
 ///
 /// # Errors
 /// [`BuildError`], with what to do.
 pub fn build_with_logs(level: &str) -> Result<PathBuf, BuildError> {
-    build_variant(&format!("logs-{level}"), &[(LOGS, level)])
+    let workspace = required()?;
+    let folder = target_folder(&workspace).join("logs");
+    let kept = folder.join(format!("{level}.elf"));
+    if is_newer(&kept, &build()?) {
+        return Ok(kept);
+    }
+    let image = build_in(&workspace, &folder, &[(LOGS, level)])?;
+    std::fs::copy(&image, &kept)
+        .map_err(|error| BuildError(format!("{} cannot be written: {error}", kept.display())))?;
+    Ok(kept)
 }
 
 /// Builds an example of the firmware's package, as the firmware itself is built: `on_target`, which
@@ -70,19 +83,6 @@ pub fn build_example(name: &str) -> Result<PathBuf, BuildError> {
         .join(PROFILE)
         .join("examples")
         .join(name))
-}
-
-fn build_variant(name: &str, variables: &[(&str, &str)]) -> Result<PathBuf, BuildError> {
-    let workspace = required()?;
-    let folder = target_folder(&workspace).join("planted");
-    let kept = folder.join(format!("{name}.elf"));
-    if is_newer(&kept, &build()?) {
-        return Ok(kept);
-    }
-    let image = build_in(&workspace, &folder, variables)?;
-    std::fs::copy(&image, &kept)
-        .map_err(|error| BuildError(format!("{} cannot be written: {error}", kept.display())))?;
-    Ok(kept)
 }
 
 fn is_newer(file: &Path, than: &Path) -> bool {
@@ -137,18 +137,24 @@ fn cargo_build(
     variables: &[(&str, &str)],
 ) -> Result<(), BuildError> {
     provide_target(workspace)?;
-    let mut cargo = command("cargo", workspace);
+    let mut cargo = cargo(workspace);
     cargo
         .args(["build", "--locked", "--package", PACKAGE])
         .args(["--profile", PROFILE, "--target", TARGET])
         .args(what)
         .env("CARGO_TARGET_DIR", folder)
+        .envs(variables.iter().copied());
+    run(cargo, "the firmware image could not be built").map(drop)
+}
+
+/// A cargo whose image is the same whatever flags and logs the environment asks for.
+fn cargo(workspace: &Path) -> Command {
+    let mut cargo = command("cargo", workspace);
+    cargo
         .env_remove("RUSTFLAGS")
         .env_remove("CARGO_ENCODED_RUSTFLAGS")
-        .env_remove(DEFECT)
-        .env_remove(LOGS)
-        .envs(variables.iter().copied());
-    run(cargo, "the firmware image could not be built")
+        .env_remove(LOGS);
+    cargo
 }
 
 /// A child that does not inherit what describes the cargo that runs this program.
@@ -188,14 +194,16 @@ fn provide_target(workspace: &Path) -> Result<(), BuildError> {
          network, run `rustup target add thumbv6m-none-eabi`; without rustup, install your \
          distribution's package for it",
     )
+    .map(drop)
 }
 
-fn run(mut command: Command, what: &str) -> Result<(), BuildError> {
+/// What a child prints.
+fn run(mut command: Command, what: &str) -> Result<String, BuildError> {
     let output = command
         .output()
         .map_err(|error| BuildError(format!("{what}: {error}")))?;
     if output.status.success() {
-        return Ok(());
+        return Ok(String::from_utf8_lossy(&output.stdout).into_owned());
     }
     let said = String::from_utf8_lossy(&output.stderr);
     Err(BuildError(format!("{what}\n{said}")))

@@ -4,11 +4,12 @@
 
 use std::collections::BTreeSet;
 use std::fs;
+use std::path::Path;
 
 use anyhow::{Context, Result, bail};
 use object::{Object, ObjectSymbol};
 
-use super::build;
+use super::{build, planted};
 use crate::process::Workspace;
 
 /// What the image may hold, as the end of a path, and why.
@@ -36,7 +37,7 @@ const FOLDED: &str = "panic_const::panic_const_async_fn_resumed";
 /// The check of the step `panic-image`.
 pub(crate) fn check(workspace: &Workspace) -> Result<String> {
     let allowed: BTreeSet<String> = ALLOWED.iter().map(|(name, _)| (*name).to_owned()).collect();
-    let found = machinery(workspace, None)?;
+    let found = machinery(&build(workspace)?)?;
     let more = found.difference(&allowed).filter(|name| *name != FOLDED);
     let more: Vec<_> = more.cloned().collect();
     if !more.is_empty() {
@@ -49,9 +50,9 @@ pub(crate) fn check(workspace: &Workspace) -> Result<String> {
             gone.join(", ")
         );
     }
-    let planted = machinery(workspace, Some("panic"))?;
+    let with_panic = machinery(&planted::image(workspace, "panic")?)?;
     let is_known = |name: &String| allowed.contains(name) || name == FOLDED;
-    if planted.iter().all(is_known) {
+    if with_panic.iter().all(is_known) {
         bail!("the planted panic was not found, so that finding none shows nothing");
     }
     Ok(format!(
@@ -61,9 +62,8 @@ pub(crate) fn check(workspace: &Workspace) -> Result<String> {
 }
 
 /// The functions of the panic machinery in an image's table of symbols.
-fn machinery(workspace: &Workspace, defect: Option<&'static str>) -> Result<BTreeSet<String>> {
-    let image = build(workspace, defect)?;
-    let bytes = fs::read(&image).with_context(|| format!("{} cannot be read", image.display()))?;
+fn machinery(image: &Path) -> Result<BTreeSet<String>> {
+    let bytes = fs::read(image).with_context(|| format!("{} cannot be read", image.display()))?;
     let elf = object::File::parse(&*bytes).context("the image is no ELF file")?;
     Ok(elf
         .symbols()

@@ -55,7 +55,7 @@ impl Taken {
 
 /// Builds the image and holds it against its budget; returns a table.
 pub(crate) fn check(workspace: &Workspace) -> Result<String> {
-    let image = build(workspace, None)?;
+    let image = build(workspace)?;
     let bytes = fs::read(&image).with_context(|| format!("{} cannot be read", image.display()))?;
     let budget = fs::read_to_string(workspace.root().join(BUDGET))
         .with_context(|| format!("{BUDGET} cannot be read"))?;

@@ -3,10 +3,8 @@
 #![allow(unsafe_code)]
 
 use cortex_m_rt::{ExceptionFrame, exception};
-#[cfg(not(planted_defect = "no_safe_state"))]
 use rp2040_pac::{IO_BANK0, RESETS, SIO};
 
-#[cfg(not(planted_defect = "no_safe_state"))]
 use super::pins;
 use super::reset::restart;
 use crate::crash::{self, End};
@@ -16,7 +14,6 @@ use crate::crash::{self, End};
 /// It needs nothing but two registers of the hardware, may be called from anywhere, and takes less
 /// than a microsecond and a half of cached code.
 pub fn bridge_off() {
-    #[cfg(not(planted_defect = "no_safe_state"))]
     // SAFETY: clears three outputs and takes two pins from the PWM; both are single writes that
     // nothing else depends on.
     unsafe {

@@ -52,18 +52,6 @@ pub struct Stamp {
     pub is_known: bool,
 }
 
-#[cfg(planted_defect = "late_stamp")]
-impl Stamp {
-    /// As if the edge had come when the task read the frame.
-    pub const fn taken_at(self, now_us: u32) -> Self {
-        Self {
-            time_us: now_us,
-            ended_us: now_us,
-            ..self
-        }
-    }
-}
-
 /// A transaction.
 #[derive(Clone, Copy)]
 #[repr(C)]

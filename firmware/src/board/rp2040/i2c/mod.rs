@@ -148,10 +148,6 @@ impl I2c for Master {
         address: SevenBitAddress,
         operations: &mut [Operation<'_>],
     ) -> Result<(), TransferError> {
-        #[cfg(planted_defect = "write_dropped")]
-        if let [Operation::Write([_, _, _])] = operations {
-            return Ok(());
-        }
         let job = job(address, operations).ok_or(TransferError::Length)?;
         let deadline_us = deadline_us(job.length());
         let asked_us = now_us();
@@ -285,8 +281,6 @@ impl EdgeReader for Edges {
 /// A frame with its edge, of what came of reading it.
 fn frame(outcome: &Outcome) -> Result<EdgeFrame, TransferError> {
     aborted(outcome.cause)?;
-    #[cfg(planted_defect = "words_swapped")]
-    let outcome = &swapped(outcome);
     Ok(EdgeFrame {
         // There is room for the longest frame.
         bytes: heapless::Vec::from_slice(outcome.bytes()).unwrap_or_default(),
@@ -294,21 +288,8 @@ fn frame(outcome: &Outcome) -> Result<EdgeFrame, TransferError> {
     })
 }
 
-#[cfg(planted_defect = "words_swapped")]
-fn swapped(outcome: &Outcome) -> Outcome {
-    let mut swapped = *outcome;
-    if let ([first, second, third, fourth, ..], true) = (&mut swapped.bytes, outcome.stamp.is_known)
-    {
-        core::mem::swap(first, third);
-        core::mem::swap(second, fourth);
-    }
-    swapped
-}
-
 /// When a frame was read.
 fn fetch(stamp: Stamp) -> Fetch {
-    #[cfg(planted_defect = "late_stamp")]
-    let stamp = stamp.taken_at(now_us());
     Fetch {
         edge_us: extended(stamp.time_us),
         ended_us: stamp.ended_us.wrapping_sub(stamp.time_us),

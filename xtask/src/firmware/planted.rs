@@ -1,0 +1,50 @@
+//! Images with a planted defect, for tests of the tests.
+//!
+//! All are built from one copy of the workspace, in which each defect is planted in turn. Their
+//! own folders would not do: cargo takes a package of another workspace with the same path in it
+//! for the same, and judges by the files' times alone.
+
+use std::fs::{self, File};
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail};
+
+use super::{build, build_to};
+use crate::planted;
+use crate::process::Workspace;
+
+/// The list.
+pub(crate) const DEFECTS: &str = "firmware/planted-defects.toml";
+/// Where the copy, what is built of it, and the images lie, in the workspace.
+const FOLDER: &str = "target/planted";
+
+/// Builds the image with a defect, and returns its path. One that is newer than the list and the
+/// image without a defect is taken as it is.
+pub(crate) fn image(workspace: &Workspace, defect: &str) -> Result<PathBuf> {
+    let list = workspace.root().join(DEFECTS);
+    let mut patches = planted::list(workspace, DEFECTS)?;
+    patches.retain(|patch| patch.name == defect);
+    if patches.is_empty() {
+        bail!("{DEFECTS} has no defect {defect}");
+    }
+    let folder = workspace.root().join(FOLDER);
+    fs::create_dir_all(&folder).with_context(|| format!("{FOLDER} could not be created"))?;
+    // Tests ask for several images at the same time. Unlocked when it is closed.
+    let lock = File::create(folder.join("lock")).context("the lock could not be created")?;
+    lock.lock().context("the copy could not be locked")?;
+    let kept = folder.join(format!("{defect}.elf"));
+    let sound = build(workspace)?;
+    if is_newer(&kept, &sound) && is_newer(&kept, &list) {
+        return Ok(kept);
+    }
+    let source = folder.join("source");
+    planted::copy(workspace, &patches, &source)?;
+    let image = build_to(&workspace.copied_to(source), Some(&folder.join("build")))?;
+    fs::copy(&image, &kept).with_context(|| format!("{} cannot be written", kept.display()))?;
+    Ok(kept)
+}
+
+fn is_newer(file: &Path, than: &Path) -> bool {
+    let changed = |path: &Path| fs::metadata(path).and_then(|data| data.modified());
+    matches!((changed(file), changed(than)), (Ok(file), Ok(than)) if file > than)
+}
