@@ -66,7 +66,16 @@ const FIELD: &[&str] = &["model/field/src", "model/field/examples"];
 /// The firmware's image on the emulated board.
 const IMAGE: &[&str] = &["drivers", "firmware", "model/src", "sim-host"];
 /// The tests, and what they test.
-const TESTS: &[&str] = &["drivers", "firmware", "host", "model", "sim-host", "tests"];
+const TESTS: &[&str] = &[
+    "drivers",
+    "firmware",
+    "host",
+    "model",
+    "sim-host",
+    "tests",
+    "xtask/src/planted.rs",
+    "xtask/src/planted",
+];
 
 /// Every campaign.
 const CAMPAIGNS: &[Campaign] = &[
