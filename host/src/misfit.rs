@@ -135,7 +135,7 @@ struct Press {
     allowance: bool,
     /// Of the load, in units of c_S.
     ratio: f64,
-    /// Location of the size within its range, 0 to 1.
+    /// Where the size lies within its range, 0 to 1.
     part: f64,
     measured: Measured,
 }

@@ -49,17 +49,17 @@ pub enum CurveError {
     /// The point at `index` is infinite or NaN, or so close to the one before it that the secant
     /// overflows.
     NotFinite {
-        /// Location of the point.
+        /// Index of the point.
         index: usize,
     },
     /// The argument at `index` is not above the one before it.
     NotIncreasing {
-        /// Location of the point.
+        /// Index of the point.
         index: usize,
     },
     /// The value at `index` equals the one before it or turns back.
     NotMonotone {
-        /// Location of the point.
+        /// Index of the point.
         index: usize,
     },
 }

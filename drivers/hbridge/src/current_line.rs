@@ -69,12 +69,13 @@ impl CurrentLine {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::limits::EXAMPLE as LIMITS;
 
     #[test]
     fn it_takes_numbers_within_the_limits_only() {
-        let line = CurrentLine::at_once(12.0, 20.0);
-        assert_eq!(line.check(&Limits::SPECIMEN, 0), Ok(()));
-        for bad_a in [f32::NAN, f32::INFINITY, 12.1, -12.1] {
+        let line = CurrentLine::at_once(10.0, 20.0);
+        assert_eq!(line.check(&LIMITS, 0), Ok(()));
+        for bad_a in [f32::NAN, f32::INFINITY, 10.1, -10.1] {
             let [to, from] = [
                 CurrentLine {
                     to_a: bad_a,
@@ -86,12 +87,12 @@ mod tests {
                 },
             ];
             for line in [to, from] {
-                let refused = line.check(&Limits::SPECIMEN, 0);
+                let refused = line.check(&LIMITS, 0);
                 assert!(matches!(refused, Err(Refusal::Current(_))), "{line:?}");
             }
         }
         for bad_s in [f32::NAN, f32::INFINITY, -1e-3, 20.1] {
-            let refused = CurrentLine::at_once(1.0, bad_s).check(&Limits::SPECIMEN, 0);
+            let refused = CurrentLine::at_once(1.0, bad_s).check(&LIMITS, 0);
             assert!(matches!(refused, Err(Refusal::Duration(_))), "{bad_s}");
         }
     }
@@ -102,9 +103,9 @@ mod tests {
             start_us: 11_000_000,
             ..CurrentLine::at_once(1.0, 19.5)
         };
-        assert_eq!(line.check(&Limits::SPECIMEN, 10_600_000), Ok(()));
+        assert_eq!(line.check(&LIMITS, 10_600_000), Ok(()));
         assert_eq!(
-            line.check(&Limits::SPECIMEN, 10_000_000),
+            line.check(&LIMITS, 10_000_000),
             Err(Refusal::Duration(20.5))
         );
     }

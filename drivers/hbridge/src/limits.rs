@@ -67,18 +67,16 @@ impl Limits {
     }
 }
 
+/// Some for tests.
 #[cfg(test)]
-impl Limits {
-    /// For tests: those of the README.
-    pub(crate) const SPECIMEN: Self = Self {
-        current_a: 12.0,
-        trip_a: 12.7,
-        duty: 0.98,
-        on_time_s: 20.0,
-        energy_j: 60.0,
-        continuous_w: 3.5,
-        supply_v: [4.5, 14.0],
-        resistance_ohm: [0.15, 3.0],
-        inductance_h: [10e-6, 400e-6],
-    };
-}
+pub(crate) const EXAMPLE: Limits = Limits {
+    current_a: 10.0,
+    trip_a: 11.0,
+    duty: 0.98,
+    on_time_s: 20.0,
+    energy_j: 60.0,
+    continuous_w: 3.5,
+    supply_v: [4.5, 14.0],
+    resistance_ohm: [0.15, 3.0],
+    inductance_h: [10e-6, 400e-6],
+};

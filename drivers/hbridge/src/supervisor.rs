@@ -481,23 +481,12 @@ mod tests {
     use core::cell::Cell;
 
     use super::*;
-    use crate::hardware::Decay;
-
-    const HARDWARE: Hardware = Hardware {
-        period_s: 16e-6,
-        full_level: 960,
-        ampere_per_count: 3.3 / 4096.0 / 0.125,
-        zero_count: 2048,
-        zero_tolerance: 64,
-        greatest_count: 4095,
-        diode_v: 0.8,
-        decay: Decay::Fast,
-        reduced_limit_a: None,
-    };
+    use crate::hardware::EXAMPLE as HARDWARE;
+    use crate::limits::EXAMPLE as LIMITS;
 
     #[test]
     fn a_line_begins_at_its_time_however_long_its_check_takes() {
-        let (mut supervisor, drive) = Supervisor::new(HARDWARE, Limits::SPECIMEN).unwrap();
+        let (mut supervisor, drive) = Supervisor::new(HARDWARE, LIMITS).unwrap();
         supervisor.findings = Some(Findings {
             zero_count: 2048.0,
             coil: CoilParameters {

@@ -36,7 +36,7 @@ pub const NAN: u32 = 0x7FC0_0000;
 
 const SIGN: u32 = 0x8000_0000;
 const INFINITY: u32 = 0x7F80_0000;
-/// Location of the exponent.
+/// Lowest bit of the exponent.
 const EXPONENT_AT: u32 = 23;
 /// The leading bit of a normal number, which is not stored.
 const LEADING: u32 = 1 << EXPONENT_AT;

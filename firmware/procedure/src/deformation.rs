@@ -97,9 +97,7 @@ impl Follower {
             touch,
         })
     }
-}
 
-impl Follower {
     /// Lets the inductance change count from the untouched sensor.
     ///
     /// A single reading is off by its quantisation, and by the current of the coil's test if that was

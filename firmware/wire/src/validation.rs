@@ -11,7 +11,7 @@ use crate::schema::{Field, Structure, Type};
 pub struct Invalid {
     /// Number of the field: its place in the command, or in the item where there is one.
     pub field: u8,
-    /// Location of the item in the command's list, if the field lies in one.
+    /// Index of the item in the command's list, if the field lies in one.
     pub item: Option<u8>,
     /// What is wrong.
     pub problem: Problem,

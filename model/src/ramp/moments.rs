@@ -43,9 +43,9 @@ pub(super) struct Solution {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Dependent(pub(super) usize);
 
-/// Location of the level's column, the one that centres all others.
+/// Index of the level's column, the one that centres all others.
 const LEVEL: usize = 0;
-/// Location of the slope's column.
+/// Index of the slope's column.
 const SLOPE: usize = 1;
 
 /// Smallest part of a column's sum of squares that may be left after centring.

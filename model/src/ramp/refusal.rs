@@ -42,7 +42,7 @@ pub enum RampRefusal {
     /// A term cannot be distinguished from the ones before it: the current did not change, or a drift
     /// has the shape of the signal.
     IllConditioned {
-        /// Location of the term in the basis.
+        /// Index of the term in the basis.
         term: usize,
     },
     /// The result left the range of `f32`.

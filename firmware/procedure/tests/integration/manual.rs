@@ -148,11 +148,10 @@ fn a_current_is_recorded_before_it_is_driven_and_reported() {
         rig.step(&Event::Command(&frame))
     };
     let actions = drive(&line, 90);
-    let location = |of: fn(&Action) -> bool| actions.iter().position(of);
-    let traced = location(
-        |action| matches!(action, Action::TraceCurrent { interval } if interval.0 == 1.6e-5),
-    );
-    let driven = location(|action| matches!(action, Action::Current(_)));
+    let index = |of: fn(&Action) -> bool| actions.iter().position(of);
+    let traced =
+        index(|action| matches!(action, Action::TraceCurrent { interval } if interval.0 == 1.6e-5));
+    let driven = index(|action| matches!(action, Action::Current(_)));
     assert!(traced.is_some() && traced < driven, "{traced:?} {driven:?}");
     line.trace_interval_s = 0.0;
     let tracing = |action: &Action| matches!(action, Action::TraceCurrent { .. });

@@ -44,7 +44,7 @@ fn decoded(kind: &Kind, payload: &Value) -> Command {
 
 /// Calls back for every field of every command, and of the items of its lists: with the kind, the
 /// field's place and a function that makes the command with some value there.
-fn for_every_field(mut check: impl FnMut(Location<'_>, &dyn Fn(Value) -> Command)) {
+fn for_every_field(mut check: impl FnMut(FieldLocation<'_>, &dyn Fn(Value) -> Command)) {
     for kind in Command::KINDS {
         let Some(structure) = kind.payload else {
             continue;
@@ -71,7 +71,7 @@ fn for_every_field(mut check: impl FnMut(Location<'_>, &dyn Fn(Value) -> Command
                 let set_item =
                     |value| set(Value::List(vec![others.clone(), others.clone(), value]));
                 check(
-                    Location {
+                    FieldLocation {
                         field: &of_item,
                         number,
                         item: Some(2),
@@ -81,7 +81,7 @@ fn for_every_field(mut check: impl FnMut(Location<'_>, &dyn Fn(Value) -> Command
                 continue;
             }
             check(
-                Location {
+                FieldLocation {
                     field,
                     number,
                     item: None,
@@ -109,7 +109,7 @@ fn for_every_field(mut check: impl FnMut(Location<'_>, &dyn Fn(Value) -> Command
                     ]))
                 };
                 check(
-                    Location {
+                    FieldLocation {
                         field,
                         number: inner,
                         item: Some(2),
@@ -121,13 +121,13 @@ fn for_every_field(mut check: impl FnMut(Location<'_>, &dyn Fn(Value) -> Command
     }
 }
 
-struct Location<'a> {
+struct FieldLocation<'a> {
     field: &'a palpate_wire::schema::Field,
     number: usize,
     item: Option<u8>,
 }
 
-impl Location<'_> {
+impl FieldLocation<'_> {
     /// That the command is refused for `problem` with this field.
     fn assert_blamed(&self, command: &Command, problem: Problem) {
         let invalid = command.validate().expect_err(self.field.name);
@@ -175,7 +175,7 @@ fn infinities_and_nan_are_refused_in_every_field() {
 /// The limits themselves are allowed, the next number beyond them is not.
 #[test]
 fn limits_hold_to_the_last_digit() {
-    let allowed = |location: &Location<'_>, command: Command| match command.validate() {
+    let allowed = |location: &FieldLocation<'_>, command: Command| match command.validate() {
         Ok(()) => {}
         Err(invalid) => assert!(
             matches!(
