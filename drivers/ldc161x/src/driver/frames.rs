@@ -172,20 +172,8 @@ impl<I2C: I2c> Ldc161x<I2C> {
     /// [`Error::NotStarted`] or [`Error::NotRunning`].
     ///
     /// ```
-    /// # use core::cell::RefCell;
-    /// # use ldc161x::*;
-    /// # let sensor = Sensor { highest_quality_factor: 25, lowest_rp_ohm: 3_000,
-    /// #     highest_rp_ohm: 3_000, ..Sensor::new(2_900_000, 3_800_000) };
-    /// # let clock = ReferenceClock::External { hz: 40_000_000 };
-    /// # let plan = Request::new(Model::Ldc1614, clock, Acquisition::Single(Channel::Zero), sensor)
-    /// #     .rate(Rate::PerSecond(1_000)).plan()?;
-    /// # let chip = RefCell::new(ldc161x_sim::Chip::new(ldc161x_sim::Settings::default(), [3.1e6; 4]));
-    /// # let mut interrupt = ldc161x_sim::IntbPin::new(&chip);
-    /// # let mut shutdown = ldc161x_sim::ShutdownPin::new(&chip);
-    /// # let mut delay = ldc161x_sim::Delay::new(&chip);
-    /// # let i2c = ldc161x_sim::Bus::new(&chip, 400_000);
-    /// # let mut driver = Ldc161x::new(i2c, Model::Ldc1614, Address::AddrLow);
-    /// # driver.start(&plan.configuration)?;
+    #[doc = include_str!("doctest_bus.txt")]
+    #[doc = include_str!("doctest_started.txt")]
     /// use embedded_hal::i2c::I2c;
     /// driver.wait_for_interrupt(&mut interrupt, &mut delay)?;
     /// let request = driver.frame_request()?;
@@ -195,6 +183,8 @@ impl<I2C: I2c> Ldc161x<I2C> {
     /// }
     /// let frame = driver.decode_frame(&bytes)?;
     /// assert!(frame.covers(Acquisition::Single(Channel::Zero)));
+    /// // a sensor of 3.1 MHz
+    /// assert!(frame.readings().iter().all(|of| (of.frequency_hz - 3.1e6).abs() < 1e3));
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     pub fn frame_request(&self) -> Result<FrameRequest, Error<I2C::Error>> {
@@ -211,20 +201,8 @@ impl<I2C: I2c> Ldc161x<I2C> {
     /// those of the request.
     ///
     /// ```
-    /// # use core::cell::RefCell;
-    /// # use ldc161x::*;
-    /// # let sensor = Sensor { highest_quality_factor: 25, lowest_rp_ohm: 3_000,
-    /// #     highest_rp_ohm: 3_000, ..Sensor::new(2_900_000, 3_800_000) };
-    /// # let clock = ReferenceClock::External { hz: 40_000_000 };
-    /// # let plan = Request::new(Model::Ldc1614, clock, Acquisition::Single(Channel::Zero), sensor)
-    /// #     .rate(Rate::PerSecond(1_000)).plan()?;
-    /// # let chip = RefCell::new(ldc161x_sim::Chip::new(ldc161x_sim::Settings::default(), [3.1e6; 4]));
-    /// # let mut interrupt = ldc161x_sim::IntbPin::new(&chip);
-    /// # let mut shutdown = ldc161x_sim::ShutdownPin::new(&chip);
-    /// # let mut delay = ldc161x_sim::Delay::new(&chip);
-    /// # let i2c = ldc161x_sim::Bus::new(&chip, 400_000);
-    /// # let mut driver = Ldc161x::new(i2c, Model::Ldc1614, Address::AddrLow);
-    /// # driver.start(&plan.configuration)?;
+    #[doc = include_str!("doctest_bus.txt")]
+    #[doc = include_str!("doctest_started.txt")]
     /// let error = driver.decode_frame(&[0; 3]).unwrap_err();
     /// assert_eq!(error, Error::FrameLength { expected: 6, found: 3 });
     /// # Ok::<(), Box<dyn std::error::Error>>(())
@@ -256,20 +234,8 @@ impl<I2C: I2c> Ldc161x<I2C> {
     /// follows a gap, and [`read_frame`](Self::read_frame) asks the chip for its identity first.
     ///
     /// ```
-    /// # use core::cell::RefCell;
-    /// # use ldc161x::*;
-    /// # let sensor = Sensor { highest_quality_factor: 25, lowest_rp_ohm: 3_000,
-    /// #     highest_rp_ohm: 3_000, ..Sensor::new(2_900_000, 3_800_000) };
-    /// # let clock = ReferenceClock::External { hz: 40_000_000 };
-    /// # let plan = Request::new(Model::Ldc1614, clock, Acquisition::Single(Channel::Zero), sensor)
-    /// #     .rate(Rate::PerSecond(1_000)).plan()?;
-    /// # let chip = RefCell::new(ldc161x_sim::Chip::new(ldc161x_sim::Settings::default(), [3.1e6; 4]));
-    /// # let mut interrupt = ldc161x_sim::IntbPin::new(&chip);
-    /// # let mut shutdown = ldc161x_sim::ShutdownPin::new(&chip);
-    /// # let mut delay = ldc161x_sim::Delay::new(&chip);
-    /// # let i2c = ldc161x_sim::Bus::new(&chip, 400_000);
-    /// # let mut driver = Ldc161x::new(i2c, Model::Ldc1614, Address::AddrLow);
-    /// # driver.start(&plan.configuration)?;
+    #[doc = include_str!("doctest_bus.txt")]
+    #[doc = include_str!("doctest_started.txt")]
     /// driver.read_frame()?;
     /// driver.frame_lost();
     /// assert!(driver.read_frame()?.marks.gap);
