@@ -4,7 +4,7 @@ use ldc161x::{Channel, Freshness, Reading, Word};
 use palpate_procedure::event::Conditions;
 use palpate_procedure::units::{Ampere, Celsius};
 use palpate_procedure::{
-    Action, Actions, BoardInfo, Conversion, Duration, Event, Instant, Limits, Procedure, Scan,
+    Action, Actions, BoardInfo, Conversion, Duration, Event, Instant, Limits, Link, Procedure, Scan,
 };
 use palpate_wire::code::{self, Chip, ResetCause};
 use palpate_wire::record::{CoilTest, Hello};
@@ -57,6 +57,7 @@ pub fn board() -> BoardInfo {
         crash: None,
         channels: [0b1111, 0],
         coil: true,
+        storage: false,
         crashes: 0,
         limits: Limits::REFERENCE,
     }
@@ -97,7 +98,7 @@ pub fn step(procedure: &mut Procedure, actions: &mut Actions, words: &[u32]) -> 
         }
         COMMAND => {
             frame = command(&mut words)?;
-            Event::Command(&frame)
+            Event::Command(Link::Probe, &frame)
         }
         CONDITIONS => Event::Conditions(Conditions {
             temperature: words.number()?.map(Celsius),
@@ -193,7 +194,7 @@ pub fn sum(actions: &Actions) -> u32 {
                     sum.number(change_a);
                 }
             }
-            Action::Record { at, record } => {
+            Action::Record { at, record, .. } => {
                 let header = Header {
                     boot_id: BOOT,
                     sequence: 0,
@@ -208,6 +209,8 @@ pub fn sum(actions: &Actions) -> u32 {
                     sum.word(byte.into());
                 }
             }
+            // Nothing that is recorded asks for these.
+            Action::Storage(_) | Action::Restart(_) | Action::Locate(_) => sum.word(7),
         }
     }
     sum.0

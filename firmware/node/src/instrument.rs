@@ -4,11 +4,12 @@
 use heapless::Vec;
 use palpate_procedure::boot::Boot;
 use palpate_procedure::event::{Conditions, Failure};
+use palpate_procedure::storage::{StorageOrder, StorageReport};
 use palpate_procedure::units::Ampere;
 use palpate_procedure::{
-    Action, Actions, BoardInfo, Conversion, Duration, Event, Instant, Procedure, Scan,
+    Action, Actions, BoardInfo, Conversion, Duration, Event, Instant, Link, Procedure, Scan,
 };
-use palpate_wire::code::{Chip, FaultCode, Location, Outcome};
+use palpate_wire::code::{Chip, FaultCode, Location, Outcome, RebootTarget};
 use palpate_wire::command::Command;
 use palpate_wire::record::{Acknowledgement, Hello};
 use palpate_wire::{Frame, FrameError, MINOR_VERSION, Message, Record, SCHEMA_HASH};
@@ -24,6 +25,9 @@ const CHANNELS: u8 = 0b1111;
 /// Failures that may stand at once: of each converter, and of the coil.
 const SOURCES: usize = CONVERTERS + 1;
 const COIL: usize = CONVERTERS;
+/// From the command to start anew to doing so, us: a PC that polls ten times a second, the slowest
+/// that makes sense, has the answer.
+const RESTART_AFTER_US: u64 = 200_000;
 
 /// A command frame, or why a frame is none.
 pub type Received = Result<Frame<Command>, FrameError>;
@@ -40,6 +44,8 @@ pub struct Identity {
     pub boot: Boot,
     /// The clocks run as planned.
     pub clocks_run: bool,
+    /// Whether there is a storage for settings and calibration.
+    pub storage: bool,
     /// What no setting, command or calibration exceeds.
     pub limits: palpate_procedure::Limits,
 }
@@ -73,8 +79,19 @@ pub trait Hardware {
         work: impl FnOnce(&mut [ConverterState; CONVERTERS]) -> T,
     ) -> T;
 
-    /// Sends a record of a time to the PC. Never waits: what finds no room is dropped, and counted.
-    fn send(&mut self, at_us: u64, record: &Record);
+    /// Sends a record of a time over a link, or over all of them. Never waits: what finds no room is
+    /// dropped, and counted, by each link for itself.
+    fn send(&mut self, to: Option<Link>, at_us: u64, record: &Record);
+
+    /// Gives the storage an order; [`Instrument::stored`] takes what it reports. It has reported what it
+    /// was told before.
+    fn order(&mut self, order: StorageOrder);
+
+    /// Starts the device anew. The bridge is off.
+    fn restart(&mut self, target: RebootTarget);
+
+    /// Lets the LED flicker for so long, us.
+    fn locate(&mut self, for_us: u64);
 
     /// What the processor has used so far.
     fn usage(&mut self) -> Usage;
@@ -91,6 +108,10 @@ pub struct Instrument {
     standing: [Option<FaultCode>; SOURCES],
     /// The fault in which the procedure is, as it said, and where it is.
     latched: Option<(FaultCode, Location)>,
+    /// What the storage is told once the bridge is proven off.
+    order: Option<StorageOrder>,
+    /// How the device is to start anew, and when: its last answer has been sent by then.
+    restart: Option<(RebootTarget, u64)>,
     conditions_due_us: u64,
     /// Time of the last conditions, and the sleep up to then.
     last_conditions: (u64, u32),
@@ -111,6 +132,8 @@ impl Instrument {
             actions: Actions::new(),
             standing: [None; SOURCES],
             latched: None,
+            order: None,
+            restart: None,
             conditions_due_us: 0,
             last_conditions: (0, 0),
         }
@@ -169,18 +192,23 @@ impl Instrument {
         self.step(hardware, &Event::Scan(&scan));
     }
 
-    /// A command has arrived, or a frame that is none.
-    pub fn received<H: Hardware>(&mut self, hardware: &mut H, received: &Received) {
+    /// A command has arrived over a link, or a frame that is none.
+    pub fn received<H: Hardware>(&mut self, hardware: &mut H, link: Link, received: &Received) {
         match received {
             Ok(frame) if self.is_beyond_the_converter(frame) => {
                 let kind = frame.message.kind();
                 let refusal = Acknowledgement::new(&frame.header, kind, Outcome::OutOfRange);
                 let now_us = hardware.now_us();
-                hardware.send(now_us, &Record::Acknowledgement(refusal));
+                hardware.send(Some(link), now_us, &Record::Acknowledgement(refusal));
             }
-            Ok(frame) => self.step(hardware, &Event::Command(frame)),
-            Err(error) => self.step(hardware, &Event::NotUnderstood(*error)),
+            Ok(frame) => self.step(hardware, &Event::Command(link, frame)),
+            Err(error) => self.step(hardware, &Event::NotUnderstood(link, *error)),
         }
+    }
+
+    /// The storage has reported.
+    pub fn stored<H: Hardware>(&mut self, hardware: &mut H, report: &StorageReport) {
+        self.step(hardware, &Event::Storage(report));
     }
 
     /// A millisecond has passed, or samples and commands have been taken: passes failures, findings
@@ -188,7 +216,14 @@ impl Instrument {
     pub fn poll<H: Hardware>(&mut self, hardware: &mut H, stepped: bool) {
         self.follow_coil(hardware);
         self.follow_failures(hardware);
+        self.order_storage(hardware);
         let now_us = hardware.now_us();
+        if let Some((target, at_us)) = self.restart
+            && now_us >= at_us
+        {
+            hardware.with_coil(CoilManager::stop);
+            hardware.restart(target);
+        }
         if now_us >= self.conditions_due_us {
             self.conditions_due_us = now_us + CONDITIONS_US;
             let conditions = self.conditions(hardware, now_us);
@@ -198,6 +233,17 @@ impl Instrument {
             hardware.with_coil(|coil| coil.expect_thermometer(expects));
         } else if !stepped {
             self.step(hardware, &Event::Tick);
+        }
+    }
+
+    /// Tells the storage what waits for the bridge. Where it rests, no current flows, and none can be
+    /// commanded as long as the storage is at work.
+    fn order_storage<H: Hardware>(&mut self, hardware: &mut H) {
+        if self.order.is_none() || hardware.with_coil(|coil| coil.rests()) == Some(false) {
+            return;
+        }
+        if let Some(order) = self.order.take() {
+            hardware.order(order);
         }
     }
 
@@ -296,7 +342,7 @@ impl Instrument {
         procedure.step_into(now, event, &mut self.actions);
         for action in &self.actions {
             match action {
-                Action::Record { at, record } => {
+                Action::Record { at, to, record } => {
                     if let Record::Fault(fault) = record {
                         if !fault.active {
                             hardware.with_coil(|coil| coil.clear(fault.code));
@@ -311,7 +357,7 @@ impl Instrument {
                             latched => latched,
                         };
                     }
-                    hardware.send(at.as_ticks(), record);
+                    hardware.send(*to, at.as_ticks(), record);
                 }
                 Action::ConfigureSensors { channels, rate } => {
                     let setpoint = Setpoint {
@@ -320,6 +366,12 @@ impl Instrument {
                     };
                     hardware.with_converters(|converters| set(converters, setpoint));
                 }
+                Action::Storage(order) if changes_flash(order) => self.order = Some(order.clone()),
+                Action::Storage(order) => hardware.order(order.clone()),
+                Action::Restart(target) => {
+                    self.restart = Some((*target, now.as_ticks() + RESTART_AFTER_US));
+                }
+                Action::Locate(time) => hardware.locate(time.as_ticks()),
                 of_coil => drop(hardware.with_coil(|coil| drive(coil, of_coil))),
             }
         }
@@ -343,8 +395,17 @@ fn drive<C: CoilHardware>(coil: &mut CoilManager<C>, action: &Action) {
         Action::TestCoil => coil.test(),
         Action::TraceCurrent { interval } => coil.trace(interval.0),
         Action::CorrectCurrent(correction) => coil.correct(correction),
-        Action::Record { .. } | Action::ConfigureSensors { .. } => {}
+        Action::Record { .. }
+        | Action::ConfigureSensors { .. }
+        | Action::Storage(_)
+        | Action::Restart(_)
+        | Action::Locate(_) => {}
     }
+}
+
+/// Whether an order begins what writes or erases. The orders that follow find the bridge as it was.
+const fn changes_flash(order: &StorageOrder) -> bool {
+    matches!(order, StorageOrder::Begin | StorageOrder::Erase)
 }
 
 /// Sets how the converters that are there are to be run.
@@ -375,6 +436,7 @@ fn board(identity: Identity, chips: [Chip; CONVERTERS]) -> BoardInfo {
         crash: identity.boot.crash,
         channels: [CHANNELS, second_channels],
         coil: true,
+        storage: identity.storage,
         limits: identity.limits,
     }
 }

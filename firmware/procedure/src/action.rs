@@ -3,9 +3,12 @@
 use coil_hbridge::CurrentLine;
 use palpate_model::units::{Hertz, Second};
 use palpate_wire::Record;
+use palpate_wire::code::RebootTarget;
 use palpate_wire::command::CurrentCorrection;
 
-use crate::time::Instant;
+use crate::link::Link;
+use crate::storage::StorageOrder;
+use crate::time::{Duration, Instant};
 
 /// An action. Those of one step are to be carried out in their order.
 #[derive(Clone, Debug, PartialEq)]
@@ -31,13 +34,22 @@ pub enum Action {
         /// Scans per second.
         rate: Hertz,
     },
-    /// A record for the PC.
+    /// A record.
     Record {
         /// When what it reports happened.
         at: Instant,
+        /// The link that it answers; nothing if it goes to all of them.
+        to: Option<Link>,
         /// The record.
         record: Record,
     },
+    /// Something for the storage. What writes or erases is only begun while the bridge is proven
+    /// off.
+    Storage(StorageOrder),
+    /// The device is to start anew, as soon as its answer has been sent.
+    Restart(RebootTarget),
+    /// The LED is to flicker for so long.
+    Locate(Duration),
 }
 
 /// The actions of one step, at most twelve.

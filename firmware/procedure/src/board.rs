@@ -17,6 +17,8 @@ pub struct BoardInfo {
     pub channels: [u8; 2],
     /// Whether there are bridge, coil and current measurement.
     pub coil: bool,
+    /// Whether there is a storage for settings and calibration.
+    pub storage: bool,
     /// Crashes in a row, of which the last run's was the last.
     pub crashes: u8,
     /// What no setting, command or calibration exceeds.
@@ -100,6 +102,7 @@ pub(crate) mod tests {
         crash: None,
         channels: [0b1111, 0],
         coil: true,
+        storage: false,
         crashes: 0,
         limits: Limits::REFERENCE,
     };

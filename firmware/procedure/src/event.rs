@@ -7,6 +7,8 @@ use palpate_wire::code::{FaultCode, Location};
 use palpate_wire::record::{CoilTest, CurrentTrace};
 use palpate_wire::{Command, Frame, FrameError};
 
+use crate::link::Link;
+use crate::storage::StorageReport;
 use crate::time::{Duration, Instant};
 
 /// An event. Time comes beside it, as an argument of [`Procedure::step`](crate::Procedure::step).
@@ -18,9 +20,11 @@ pub enum Event<'a> {
     /// Conversions have been read.
     Scan(&'a Scan),
     /// A command frame has arrived whole.
-    Command(&'a Frame<Command>),
+    Command(Link, &'a Frame<Command>),
     /// A frame has arrived that could not be understood.
-    NotUnderstood(FrameError),
+    NotUnderstood(Link, FrameError),
+    /// The storage has done something.
+    Storage(&'a StorageReport),
     /// The test of the coil has found something.
     CoilTested(CoilTest),
     /// A part of the current that was to be recorded.

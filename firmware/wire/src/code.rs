@@ -14,12 +14,14 @@ mod identity;
 mod outcome;
 mod procedure;
 mod refusal;
+mod storage;
 
 pub use fault::{FaultCode, Location};
 pub use identity::{Board, Chip, ResetCause};
 pub use outcome::Outcome;
 pub use procedure::{Contact, Drift, Mode, Part, State, Stream};
 pub use refusal::RefusalReason;
+pub use storage::{RebootTarget, StorageAction, StorageState};
 
 /// What the encodings need of an enumeration.
 pub(crate) trait Code: Copy {

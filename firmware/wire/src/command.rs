@@ -10,12 +10,14 @@ mod curve;
 mod request;
 mod settings;
 
-pub use calibration::{Attraction, Coil, Crosstalk, Springs, Stiffening, Tank, TemperatureEffect};
+pub use calibration::{
+    Attraction, CalibrationIdentity, Coil, Crosstalk, Springs, Stiffening, Tank, TemperatureEffect,
+};
 pub use current::{CurrentCorrection, MAX_POINTS};
 pub use curve::{
     DeformationCurve, DeformationKnot, KNOTS_PER_CHUNK, MAX_KNOTS, StiffeningCurve, StiffeningKnot,
 };
-pub use request::{ClearFault, DriveCoil, GetCalibration};
+pub use request::{ClearFault, DriveCoil, GetCalibration, Locate, Reboot};
 pub use settings::Settings;
 
 messages! {
@@ -46,6 +48,19 @@ messages! {
             /// Tests bridge, coil and current measurement, with up to 6 A for a tenth of a second;
             /// answered by `coil_test` or a fault. The device has to be armed.
             TestCoil = 0x8B "test_coil",
+            /// Stores settings and calibration in force, so that they are in force again after the next
+            /// start. All of it is stored, or nothing, whenever the power fails. Accepted when it
+            /// begins; the record `storage` says how it ended. Nothing else may use the coil or set
+            /// anything meanwhile. Not while armed.
+            Store = 0x8D "store",
+            /// Brings what is stored into force again, in the place of all that was set since. This is how a
+            /// calibration that was begun is abandoned. Answered as `store`. Not while armed.
+            Load = 0x8E "load",
+            /// Erases all that is stored. What is in force stays so until the device starts anew.
+            /// Answered as `store`. Not while armed.
+            Erase = 0x8F "erase",
+            /// Asks for `storage`.
+            GetStorage = 0xA0 "get_storage",
         }
         with payload {
             /// Clears a fault. Refused if another one stands, or its cause has not gone.
@@ -81,6 +96,13 @@ messages! {
             SetTemperatureEffect(TemperatureEffect) = 0x99 "set_temperature_effect",
             /// Calibrates the measurement of the coil's current. Not while armed.
             SetCurrentCorrection(CurrentCorrection) = 0x9A "set_current_correction",
+            /// Says which calibration the parts in force are: the last command of a calibration. A part
+            /// that is set later takes the identity away again. Not while armed.
+            SetCalibrationIdentity(CalibrationIdentity) = 0x9B "set_calibration_identity",
+            /// Starts the device anew, bridge off first. Not while something is being stored.
+            Reboot(Reboot) = 0xA1 "reboot",
+            /// Shows which board this is: its LED flickers for a while.
+            Locate(Locate) = 0xA2 "locate",
         }
     }
 }

@@ -2,8 +2,8 @@
 
 use crate::Message;
 use crate::command::{
-    Attraction, Coil, Crosstalk, CurrentCorrection, DeformationCurve, Settings, Springs,
-    Stiffening, StiffeningCurve, Tank, TemperatureEffect,
+    Attraction, CalibrationIdentity, Coil, Crosstalk, CurrentCorrection, DeformationCurve,
+    Settings, Springs, Stiffening, StiffeningCurve, Tank, TemperatureEffect,
 };
 use crate::decoder::Decoder;
 use crate::frame::MAX_HEADER;
@@ -12,11 +12,13 @@ mod event;
 mod hello;
 mod measurement;
 mod sample;
+mod storage;
 
 pub use event::{Acknowledgement, CoilTest, CurrentTrace, Fault, StateChange, Status};
 pub use hello::{Crash, Hello};
 pub use measurement::{Estimate, LoadPoint, Refusal};
 pub use sample::{Conversion, Raw, Sample};
+pub use storage::Storage;
 
 messages! {
     /// A record, from the device to the PC.
@@ -51,6 +53,9 @@ messages! {
             /// Part of a recorded current: after a `drive_coil` that asks for it, when the last
             /// current has been recorded.
             CurrentTrace(CurrentTrace) = 0x0D "current_trace",
+            /// What is stored, beside what is in force: after a start, a `store`, `load` or `erase`
+            /// that has ended, and the answer to `get_storage`.
+            Storage(Storage) = 0x0E "storage",
             /// The settings in force: answer to `get_settings`.
             Settings(Settings) = 0x10 "settings",
             /// Calibration of a resonator: answer to `get_calibration`.
@@ -74,6 +79,8 @@ messages! {
             TemperatureEffect(TemperatureEffect) = 0x19 "temperature_effect",
             /// Calibration of the current measurement: answer to `get_calibration`.
             CurrentCorrection(CurrentCorrection) = 0x1A "current_correction",
+            /// Which calibration is in force: answer to `get_calibration`.
+            CalibrationIdentity(CalibrationIdentity) = 0x1B "calibration_identity",
         }
     }
 }

@@ -6,14 +6,14 @@ use palpate_procedure::boot::Boot;
 use palpate_wire::code::{Board, Chip, ResetCause};
 use palpate_wire::record::Hello;
 
-/// Its boot id: a simulation starts only once.
-pub const BOOT_ID: u32 = 1;
+/// Its boot id after its first start.
+pub const FIRST_BOOT_ID: u32 = 1;
 
 /// The board as the instrument begins with it: no hardware.
-pub(super) fn identity() -> Identity {
+pub(super) fn identity(boot_id: u32) -> Identity {
     let part = |number: Option<&str>| number.and_then(|text| text.parse().ok()).unwrap_or(0);
     Identity {
-        boot_id: BOOT_ID,
+        boot_id,
         hello: Hello {
             minor_version: 0,
             schema_hash: 0,
@@ -36,6 +36,7 @@ pub(super) fn identity() -> Identity {
             crash: None,
         },
         clocks_run: true,
+        storage: false,
         limits: Limits::REFERENCE,
     }
 }

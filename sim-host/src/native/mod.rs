@@ -40,7 +40,9 @@ use ldc161x_sim::Time;
 use palpate_node::coil::{CoilManager, POLL_US};
 use palpate_node::converter::{CONVERTERS, ConverterState, ConverterTask};
 use palpate_node::instrument::{self, Instrument, Usage};
-use palpate_procedure::{Instant, Procedure};
+use palpate_procedure::storage::StorageOrder;
+use palpate_procedure::{Instant, Link, Procedure};
+use palpate_wire::code::RebootTarget;
 use palpate_wire::{Command, Frame, Header, Message, Record, Sequencer};
 
 use self::coil::NativeCoil;
@@ -48,7 +50,7 @@ use self::converter::{NativeBus, NativeEdges, NativePort, Shared};
 use crate::device::Device;
 use crate::world::World;
 
-pub use identity::BOOT_ID;
+pub use identity::FIRST_BOOT_ID;
 pub use wiring::{DrivenWorld, Wiring};
 
 /// Settings with which the instrument starts.
@@ -116,8 +118,12 @@ struct NativeHardware<'a> {
     wiring: &'a Wiring,
     shared: Rc<Shared>,
     coil: CoilManager<NativeCoil<'a>>,
+    /// Number of this run; the next one has the next.
+    boot_id: u32,
     sequencer: Sequencer,
     frames: Vec<Frame<Record>>,
+    /// It was told to start anew.
+    restarts: bool,
 }
 
 impl<'a> instrument::Hardware for NativeHardware<'a> {
@@ -141,12 +147,22 @@ impl<'a> instrument::Hardware for NativeHardware<'a> {
         work(&mut self.shared.states.borrow_mut())
     }
 
-    fn send(&mut self, at_us: u64, record: &Record) {
+    fn send(&mut self, _: Option<Link>, at_us: u64, record: &Record) {
         self.frames.push(Frame {
             header: self.sequencer.stamp(at_us),
             message: record.clone(),
         });
     }
+
+    /// It has no storage, and so gets no orders.
+    fn order(&mut self, _: StorageOrder) {}
+
+    fn restart(&mut self, _: RebootTarget) {
+        self.restarts = true;
+    }
+
+    /// It has no LED.
+    fn locate(&mut self, _: u64) {}
 
     fn usage(&mut self) -> Usage {
         Usage::default()
@@ -172,8 +188,10 @@ impl<'a> NativeBoard<'a> {
                 wiring,
                 coil: CoilManager::new(NativeCoil::new(wiring), wiring.supervisor.clone()),
                 shared,
-                sequencer: Sequencer::new(BOOT_ID),
+                boot_id: FIRST_BOOT_ID,
+                sequencer: Sequencer::new(FIRST_BOOT_ID),
                 frames: Vec::new(),
+                restarts: false,
             },
             instrument: Instrument::new(),
             begins: Some(now + IDENTITY),
@@ -189,7 +207,7 @@ impl<'a> NativeBoard<'a> {
         }
         let sequence = self.commands_sent;
         let header = Header {
-            boot_id: BOOT_ID,
+            boot_id: self.hardware.boot_id,
             sequence,
             time_us: 0,
             dropped: 0,
@@ -199,7 +217,8 @@ impl<'a> NativeBoard<'a> {
             header,
             message: command,
         };
-        self.instrument.received(&mut self.hardware, &Ok(frame));
+        self.instrument
+            .received(&mut self.hardware, Link::Probe, &Ok(frame));
         sequence
     }
 
@@ -244,8 +263,9 @@ impl<'a> NativeBoard<'a> {
                 return;
             }
             self.begins = None;
+            let boot_id = self.hardware.boot_id;
             self.instrument
-                .begin(&mut self.hardware, identity::identity());
+                .begin(&mut self.hardware, identity::identity(boot_id));
         }
         let mut stepped = false;
         loop {
@@ -260,6 +280,17 @@ impl<'a> NativeBoard<'a> {
         if stepped || polls {
             self.instrument.poll(&mut self.hardware, stepped);
         }
+        if core::mem::take(&mut self.hardware.restarts) {
+            self.start_anew();
+        }
+    }
+
+    /// The instrument forgets everything; the converters are configured anew.
+    fn start_anew(&mut self) {
+        self.hardware.boot_id += 1;
+        self.hardware.sequencer = Sequencer::new(self.hardware.boot_id);
+        self.instrument = Instrument::new();
+        self.begins = Some(self.wiring_now() + IDENTITY);
     }
 }
 

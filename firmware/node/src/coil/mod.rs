@@ -182,6 +182,12 @@ impl<H: CoilHardware> CoilManager<H> {
 
     // ---- reports ----
 
+    /// Whether the bridge is proven off: for so long that the control interrupt rests, and meanwhile
+    /// no current was measured.
+    pub const fn rests(&self) -> bool {
+        self.runs_since_us.is_none()
+    }
+
     /// What has failed, while it stands.
     pub const fn failure(&self) -> Option<Failure> {
         self.failure

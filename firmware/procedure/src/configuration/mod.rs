@@ -15,15 +15,17 @@ use palpate_model::units::{Ampere, Metre, NewtonPerMetre, Tesla};
 use palpate_wire::Command;
 use palpate_wire::code::{Drift, Outcome, Part, Stream};
 use palpate_wire::command::{
-    Attraction, Coil, Crosstalk, CurrentCorrection, MAX_KNOTS, Settings, Springs, Stiffening,
-    StiffeningCurve, Tank, TemperatureEffect,
+    Attraction, CalibrationIdentity, Coil, Crosstalk, CurrentCorrection, MAX_KNOTS, Settings,
+    Springs, Stiffening, StiffeningCurve, Tank, TemperatureEffect,
 };
 
 use crate::BoardInfo;
 use assembly::{Assembly, Target};
+pub(crate) use readback::Cursor;
 pub(crate) use seal::ITEMS;
 #[cfg(test)]
 pub(crate) use seal::tests;
+use seal::touches_the_identity;
 pub use stiffening::Law;
 
 /// A calibration curve.
@@ -42,6 +44,7 @@ pub struct Configuration {
     attraction: Option<Attraction>,
     temperature_effect: Option<TemperatureEffect>,
     current_correction: Option<CurrentCorrection>,
+    identity: Option<CalibrationIdentity>,
     assembly: Option<Assembly>,
     /// What all this adds up to.
     sums: seal::Sums,
@@ -126,6 +129,7 @@ impl Default for Configuration {
             attraction: None,
             temperature_effect: None,
             current_correction: None,
+            identity: None,
             assembly: None,
             sums: [0; ITEMS],
         }
@@ -176,6 +180,11 @@ impl Configuration {
         self.coil.as_ref()
     }
 
+    /// The correction of the current measurement.
+    pub(crate) const fn current_correction(&self) -> Option<&CurrentCorrection> {
+        self.current_correction.as_ref()
+    }
+
     /// The coil, to upset.
     #[cfg(test)]
     pub(crate) const fn coil_mut(&mut self) -> Option<&mut Coil> {
@@ -198,10 +207,19 @@ impl Configuration {
     /// Takes what a command sets, or nothing of it. `None` for a command that sets nothing.
     pub(crate) fn set(&mut self, command: &Command, board: &BoardInfo) -> Option<Outcome> {
         let outcome = self.take(command, board)?;
-        if outcome == Outcome::Accepted {
+        // A curve of which chunks are missing is not in force yet.
+        if outcome == Outcome::Accepted && self.assembly.is_none() {
+            self.keep_identity_with(command);
             self.seal(command);
         }
         Some(outcome)
+    }
+
+    /// A calibration of which a part was set is another one than its identity says.
+    fn keep_identity_with(&mut self, command: &Command) {
+        if touches_the_identity(command) && !matches!(command, Command::SetCalibrationIdentity(_)) {
+            self.identity = None;
+        }
     }
 
     fn take(&mut self, command: &Command, board: &BoardInfo) -> Option<Outcome> {
@@ -252,6 +270,13 @@ impl Configuration {
             }
             Command::SetCurrentCorrection(correction) => {
                 self.current_correction = Some(correction.clone());
+                Outcome::Accepted
+            }
+            Command::SetCalibrationIdentity(identity) => {
+                if identity.hash != self.calibration_crc() {
+                    return Some(Outcome::OtherCalibration);
+                }
+                self.identity = Some(identity.clone());
                 Outcome::Accepted
             }
             _ => return None,

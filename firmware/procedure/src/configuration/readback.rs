@@ -9,11 +9,11 @@ use palpate_wire::{Command, Record, configuration_crc};
 use super::{Configuration, Curve, SetStiffening};
 use crate::list::gathered;
 
-/// Chunks of the longest curve.
-const MOST_CHUNKS: usize = (palpate_wire::command::MAX_KNOTS as usize).div_ceil(KNOTS_PER_CHUNK);
+/// The last channel of the second converter.
+const LAST_CHANNEL: u8 = 7;
 
 /// The parts in the order of the commands that set them.
-pub(super) const PARTS: [Part; 10] = [
+pub(super) const PARTS: [Part; 11] = [
     Part::Tank,
     Part::DeformationCurve,
     Part::Crosstalk,
@@ -24,6 +24,8 @@ pub(super) const PARTS: [Part; 10] = [
     Part::Attraction,
     Part::TemperatureEffect,
     Part::CurrentCorrection,
+    // Last: it is checked against all others.
+    Part::CalibrationIdentity,
 ];
 
 /// Whether there is one for every channel of every converter.
@@ -31,20 +33,63 @@ const fn is_of_a_channel(part: Part) -> bool {
     matches!(part, Part::Tank | Part::DeformationCurve | Part::Crosstalk)
 }
 
+/// How far the commands that would set a configuration have been gone through.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Cursor {
+    settings_are_done: bool,
+    /// Index of the part.
+    part: usize,
+    /// Converter and channel.
+    channel: u8,
+    chunk: usize,
+}
+
+impl Cursor {
+    /// Past the settings.
+    const CALIBRATION: Self = Self {
+        settings_are_done: true,
+        part: 0,
+        channel: 0,
+        chunk: 0,
+    };
+}
+
 impl Configuration {
     /// CRC-32 over settings and calibration in force, as `hello` reports it.
     pub fn crc(&self) -> u32 {
-        let settings = self.settings_are_set.then(|| self.settings.clone());
-        let parts = PARTS.into_iter().flat_map(|part| {
-            let places = if is_of_a_channel(part) { 8 } else { 1 };
-            (0..places).flat_map(move |index| self.chunks(part, index / 4, index % 4))
-        });
-        configuration_crc(settings.map(Command::SetSettings).into_iter().chain(parts))
+        configuration_crc(self.commands(Cursor::default()))
     }
 
-    /// The commands that would set a part, one after the other.
-    fn chunks(&self, part: Part, sensor: u8, channel: u8) -> impl Iterator<Item = Command> + '_ {
-        (0..MOST_CHUNKS).map_while(move |chunk| self.setter(part, sensor, channel, chunk))
+    /// CRC-32 over the parts of the calibration, without its identity.
+    pub fn calibration_crc(&self) -> u32 {
+        let is_part = |command: &Command| !matches!(command, Command::SetCalibrationIdentity(_));
+        configuration_crc(self.commands(Cursor::CALIBRATION).filter(is_part))
+    }
+
+    /// The commands that would set it, from a point on.
+    fn commands(&self, mut cursor: Cursor) -> impl Iterator<Item = Command> + '_ {
+        core::iter::from_fn(move || self.next_command(&mut cursor))
+    }
+
+    /// The next of the commands that would set it; settings only if they were set.
+    pub(crate) fn next_command(&self, cursor: &mut Cursor) -> Option<Command> {
+        if !core::mem::replace(&mut cursor.settings_are_done, true) && self.settings_are_set {
+            return Some(Command::SetSettings(self.settings.clone()));
+        }
+        loop {
+            let part = *PARTS.get(cursor.part)?;
+            let (sensor, channel) = (cursor.channel / 4, cursor.channel % 4);
+            if let Some(command) = self.setter(part, sensor, channel, cursor.chunk) {
+                cursor.chunk += 1;
+                return Some(command);
+            }
+            let is_last = !is_of_a_channel(part) || cursor.channel == LAST_CHANNEL;
+            *cursor = Cursor {
+                part: cursor.part + usize::from(is_last),
+                channel: if is_last { 0 } else { cursor.channel + 1 },
+                ..Cursor::CALIBRATION
+            };
+        }
     }
 
     /// A record of a part of the calibration: its chunk number `chunk`, from 0. `None` if it was
@@ -67,6 +112,7 @@ impl Configuration {
             Command::SetAttraction(of) => Record::Attraction(of),
             Command::SetTemperatureEffect(of) => Record::TemperatureEffect(of),
             Command::SetCurrentCorrection(of) => Record::CurrentCorrection(of),
+            Command::SetCalibrationIdentity(of) => Record::CalibrationIdentity(of),
             _ => return None,
         })
     }
@@ -103,6 +149,7 @@ impl Configuration {
             Part::CurrentCorrection => {
                 Command::SetCurrentCorrection(self.current_correction.clone()?)
             }
+            Part::CalibrationIdentity => Command::SetCalibrationIdentity(self.identity.clone()?),
             _ => return None,
         })
     }

@@ -35,6 +35,9 @@ fn sets(command: &Command, number: usize) -> bool {
     let Some((part, sensor, channel)) = item(number) else {
         return matches!(command, Command::SetSettings(_));
     };
+    if part == Part::CalibrationIdentity {
+        return touches_the_identity(command);
+    }
     let is_at = |at: (u8, u8)| at == (sensor, channel);
     match command {
         Command::SetTank(of) => part == Tank && is_at((of.sensor, of.channel)),
@@ -53,6 +56,29 @@ fn sets(command: &Command, number: usize) -> bool {
         Command::SetCurrentCorrection(_) => part == Part::CurrentCorrection,
         _ => false,
     }
+}
+
+/// Whether a command sets the calibration's identity, or takes it away: by setting any part.
+pub(super) const fn touches_the_identity(command: &Command) -> bool {
+    use Command::{
+        SetAttraction, SetCalibrationIdentity, SetCoil, SetCrosstalk, SetCurrentCorrection,
+        SetDeformationCurve, SetSprings, SetStiffening, SetStiffeningCurve, SetTank,
+        SetTemperatureEffect,
+    };
+    matches!(
+        command,
+        SetTank(_)
+            | SetDeformationCurve(_)
+            | SetCrosstalk(_)
+            | SetSprings(_)
+            | SetStiffening(_)
+            | SetStiffeningCurve(_)
+            | SetCoil(_)
+            | SetAttraction(_)
+            | SetTemperatureEffect(_)
+            | SetCurrentCorrection(_)
+            | SetCalibrationIdentity(_)
+    )
 }
 
 /// Kind of the record that holds the settings.
@@ -79,10 +105,7 @@ impl Configuration {
 
     /// Takes the sums anew of what a command has set.
     pub(super) fn seal(&mut self, command: &Command) {
-        // A curve of which chunks are missing is not in force yet.
-        if self.assembly.is_none() {
-            self.seal_where(|number| sets(command, number));
-        }
+        self.seal_where(|number| sets(command, number));
     }
 
     /// Takes the sums of everything.

@@ -15,6 +15,7 @@ use super::states::Phase;
 use super::{Out, Procedure};
 use crate::action::Action;
 use crate::event::Failure;
+use crate::link::Link;
 use crate::time::{Duration, Instant, between, in_seconds};
 
 /// The longest test: one that finds no coil raises its voltage for 0.21 s, 13 000 periods of the
@@ -44,6 +45,7 @@ pub(super) enum CoilCommand {
 /// A command that waits for the end of the coil's test.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Waiting {
+    link: Link,
     header: Header,
     kind: u8,
     command: CoilCommand,
@@ -66,6 +68,7 @@ impl Procedure {
     /// first: then there is no answer yet. What may not be done now is refused now.
     pub(super) fn with_coil(
         &mut self,
+        link: Link,
         header: &Header,
         kind: u8,
         command: CoilCommand,
@@ -75,15 +78,16 @@ impl Procedure {
             return Some(outcome);
         }
         match self.coil {
-            Knowledge::Tested => return Some(self.begin(&command, out)),
+            Knowledge::Tested => return Some(self.begin(link, &command, out)),
             Knowledge::None if command == CoilCommand::Test => {
-                return Some(self.begin(&command, out));
+                return Some(self.begin(link, &command, out));
             }
             Knowledge::None => self.begin_test(out),
             Knowledge::Testing(_) if self.waiting.is_some() => return Some(Outcome::Busy),
             Knowledge::Testing(_) => {}
         }
         self.waiting = Some(Waiting {
+            link,
             header: *header,
             kind,
             command,
@@ -99,11 +103,11 @@ impl Procedure {
         }
     }
 
-    fn begin(&mut self, command: &CoilCommand, out: &mut Out<'_>) -> Outcome {
+    fn begin(&mut self, link: Link, command: &CoilCommand, out: &mut Out<'_>) -> Outcome {
         match command {
             CoilCommand::Measure => self.begin_asked(out),
             CoilCommand::Sweep => self.begin_sweep(out),
-            CoilCommand::Drive(line) => self.drive_manually(line, out),
+            CoilCommand::Drive(line) => self.drive_manually(link, line, out),
             CoilCommand::Test => {
                 self.begin_test(out);
                 Outcome::Accepted
@@ -153,16 +157,21 @@ impl Procedure {
         self.take_load(found, begun);
         out.record(Record::CoilTest(found.clone()));
         if let Some(Waiting {
+            link,
             header,
             kind,
             command,
         }) = self.waiting.take()
         {
             let outcome = match self.may(&command) {
-                Ok(()) => self.begin(&command, out),
+                Ok(()) => self.begin(link, &command, out),
                 Err(outcome) => outcome,
             };
-            self.answer(Acknowledgement::new(&header, kind, outcome), out);
+            self.answer(
+                Some(link),
+                Acknowledgement::new(&header, kind, outcome),
+                out,
+            );
         }
     }
 
@@ -173,8 +182,15 @@ impl Procedure {
         if matches!(self.coil, Knowledge::Testing(_)) {
             self.coil = Knowledge::None;
         }
-        if let Some(Waiting { header, kind, .. }) = self.waiting.take() {
-            self.answer(Acknowledgement::new(&header, kind, outcome), out);
+        if let Some(Waiting {
+            link, header, kind, ..
+        }) = self.waiting.take()
+        {
+            self.answer(
+                Some(link),
+                Acknowledgement::new(&header, kind, outcome),
+                out,
+            );
         }
     }
 

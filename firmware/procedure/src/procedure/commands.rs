@@ -1,6 +1,7 @@
 //! Commands and their answers.
 
-use palpate_wire::code::{FaultCode, Mode, Outcome, RefusalReason};
+use palpate_model::units::Second;
+use palpate_wire::code::{FaultCode, Mode, Outcome, RebootTarget, RefusalReason, StorageAction};
 use palpate_wire::record::Acknowledgement;
 use palpate_wire::{Command, Frame, FrameError, Message, Record};
 
@@ -9,21 +10,23 @@ use super::states::Phase;
 use super::{Out, Procedure, Readback};
 use crate::action::Action;
 use crate::board::MOST_CRASHES;
+use crate::link::Link;
 use crate::measurement::Reason;
+use crate::time::span;
 
 impl Procedure {
     /// A command that arrived whole: checked, carried out, and answered once; what
     /// waits for the coil's test is answered after it.
-    pub(super) fn command(&mut self, frame: &Frame<Command>, out: &mut Out<'_>) {
+    pub(super) fn command(&mut self, link: Link, frame: &Frame<Command>, out: &mut Out<'_>) {
         let Frame { header, message } = frame;
         let answer = if !message.is_for(self.board.boot_id, header.boot_id) {
             Acknowledgement::new(header, message.kind(), Outcome::OtherBoot)
         } else if let Err(invalid) = message.validate() {
             Acknowledgement::invalid(header, message.kind(), &invalid)
         } else {
-            self.host_seen(out.now);
+            self.host_seen(link, out.now);
             let outcome = match CoilCommand::of(message) {
-                Some(command) => self.with_coil(header, message.kind(), command, out),
+                Some(command) => self.with_coil(link, header, message.kind(), command, out),
                 None => Some(self.execute(message, out)),
             };
             let Some(outcome) = outcome else {
@@ -31,38 +34,39 @@ impl Procedure {
             };
             Acknowledgement::new(header, message.kind(), outcome)
         };
-        self.answer(answer, out);
+        self.answer(out.asker, answer, out);
     }
 
     /// A frame that could not be understood.
     pub(super) fn not_understood(&mut self, error: &FrameError, out: &mut Out<'_>) {
         match Acknowledgement::not_understood(error) {
-            Some(answer) => self.answer(answer, out),
+            Some(answer) => self.answer(out.asker, answer, out),
             None => {
                 let damaged = &mut self.counters.commands_damaged;
                 *damaged = damaged.wrapping_add(1);
                 // A frame of another major version is answered by who we are.
                 if matches!(error, FrameError::Version { .. }) {
-                    out.record(Record::Hello(self.hello()));
+                    out.answer(Record::Hello(self.hello()));
                 }
             }
         }
     }
 
-    pub(super) fn answer(&mut self, answer: Acknowledgement, out: &mut Out<'_>) {
+    /// Answers a command, where it came from.
+    pub(super) fn answer(&mut self, to: Option<Link>, answer: Acknowledgement, out: &mut Out<'_>) {
         if answer.outcome != Outcome::Accepted {
             let refused = &mut self.counters.commands_refused;
             *refused = refused.wrapping_add(1);
         }
-        out.record(Record::Acknowledgement(answer));
+        out.record_to(to, Record::Acknowledgement(answer));
     }
 
     /// Executes a command that does not need the coil.
     fn execute(&mut self, command: &Command, out: &mut Out<'_>) -> Outcome {
         match command {
             Command::Identify => {
-                out.record(Record::Hello(self.hello()));
-                out.record(Record::Status(self.status()));
+                out.answer(Record::Hello(self.hello()));
+                out.answer(Record::Status(self.status()));
                 Outcome::Accepted
             }
             Command::Arm => self.arm(out),
@@ -90,11 +94,12 @@ impl Procedure {
             },
             Command::GetSettings => {
                 let settings = self.configuration.settings.clone();
-                out.record(Record::Settings(settings));
+                out.answer(Record::Settings(settings));
                 Outcome::Accepted
             }
             Command::GetCalibration(of) => {
                 let readback = Readback {
+                    to: out.asker,
                     part: of.part,
                     sensor: of.sensor,
                     channel: of.channel,
@@ -111,6 +116,19 @@ impl Procedure {
                 self.readback = Some(readback);
                 Outcome::Accepted
             }
+            Command::Store => self.store(out),
+            Command::Load => self.load(out),
+            Command::Erase => self.erase(out),
+            Command::GetStorage => {
+                let record = self.storage_record(StorageAction::Inspect, true, Second(0.0));
+                out.answer(Record::Storage(record));
+                Outcome::Accepted
+            }
+            Command::Reboot(reboot) => self.restart(reboot.target, out),
+            Command::Locate(locate) => {
+                out.push(Action::Locate(span(locate.duration_s)));
+                Outcome::Accepted
+            }
             setting => self.set(setting, out),
         }
     }
@@ -118,6 +136,9 @@ impl Procedure {
     fn arm(&mut self, out: &mut Out<'_>) -> Outcome {
         if matches!(self.phase, Phase::Fault(_)) {
             return Outcome::Faulted;
+        }
+        if self.is_occupied() {
+            return Outcome::Busy;
         }
         if !self.board.coil {
             return Outcome::NoCoil;
@@ -169,6 +190,9 @@ impl Procedure {
         if self.armed {
             return Outcome::Armed;
         }
+        if self.is_occupied() {
+            return Outcome::Busy;
+        }
         let Some(outcome) = self.configuration.set(command, &self.board) else {
             return Outcome::UnknownCommand;
         };
@@ -191,8 +215,24 @@ impl Procedure {
         outcome
     }
 
+    /// Bridge off and disarmed, then the device starts anew.
+    fn restart(&mut self, target: RebootTarget, out: &mut Out<'_>) -> Outcome {
+        if self.is_occupied() {
+            return Outcome::Busy;
+        }
+        self.disarm(self.mode, out);
+        self.restarting = true;
+        out.push(Action::Restart(target));
+        Outcome::Accepted
+    }
+
+    /// Whether nothing may be set or driven: the storage is at work, or the device starts anew.
+    pub(super) const fn is_occupied(&self) -> bool {
+        self.storage.is_at_work() || self.restarting
+    }
+
     /// What was learnt of the untouched sensor no longer holds.
-    fn begin_anew(&mut self, out: &mut Out<'_>) {
+    pub(super) fn begin_anew(&mut self, out: &mut Out<'_>) {
         self.begin_baseline();
         if !matches!(self.phase, Phase::Fault(_) | Phase::SelfTest { .. }) {
             self.go(Phase::Baseline, out);

@@ -130,6 +130,7 @@ mod tests {
     use crate::board::tests::BOARD;
     use crate::configuration::tests::COIL;
     use crate::event::Event;
+    use crate::link::Link;
     use crate::time::Instant;
 
     use super::*;
@@ -154,7 +155,7 @@ mod tests {
                 time_us: 0,
                 dropped: 0,
             };
-            let actions = self.step(&Event::Command(&Frame { header, message }));
+            let actions = self.step(&Event::Command(Link::Probe, &Frame { header, message }));
             let answer = actions.iter().find_map(|action| match action {
                 Action::Record {
                     record: Record::Acknowledgement(answer),

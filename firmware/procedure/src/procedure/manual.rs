@@ -9,6 +9,7 @@ use super::states::Phase;
 use super::{Out, Procedure};
 use crate::action::Action;
 use crate::event::Failure;
+use crate::link::Link;
 use crate::measurement::check_heat;
 use crate::time::{Duration, Instant, between, in_seconds, seconds, span};
 
@@ -19,7 +20,8 @@ const SILENCE: Duration = Duration::from_ticks(100_000);
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct ManualDrive {
     began: Instant,
-    /// When the last message of the PC was received.
+    /// The link of the PC that commands it, and when its last message was received.
+    link: Link,
     last_received: Instant,
     /// The time of touch, if something touches.
     touched: Option<Instant>,
@@ -39,7 +41,12 @@ impl Procedure {
     }
 
     /// A current, from where it is.
-    pub(super) fn drive_manually(&mut self, command: &DriveCoil, out: &mut Out<'_>) -> Outcome {
+    pub(super) fn drive_manually(
+        &mut self,
+        link: Link,
+        command: &DriveCoil,
+        out: &mut Out<'_>,
+    ) -> Outcome {
         let over_s = in_seconds(span(command.over_s)).0;
         let line = CurrentLine::at_once(command.to_a, over_s);
         if let Err(hindrance) = self.may_take_line(&line, out.now) {
@@ -47,12 +54,17 @@ impl Procedure {
             self.hindered(&hindrance, out);
             return Outcome::Accepted;
         }
-        if !matches!(self.phase, Phase::Manual(_)) {
+        if let Phase::Manual(manual) = &mut self.phase {
+            // Who commands it last has to stay there.
+            manual.link = link;
+            manual.last_received = out.now;
+        } else {
             if let Some(heat) = &mut self.heat {
                 heat.start_measurement();
             }
             let manual = ManualDrive {
                 began: out.now,
+                link,
                 last_received: out.now,
                 touched: self.touched_since(),
             };
@@ -66,9 +78,11 @@ impl Procedure {
         Outcome::Accepted
     }
 
-    /// The PC is there: a command of it was received.
-    pub(super) const fn host_seen(&mut self, now: Instant) {
-        if let Phase::Manual(manual) = &mut self.phase {
+    /// A PC is there: a command of it was received. Only the one counts that commands the current.
+    pub(super) fn host_seen(&mut self, link: Link, now: Instant) {
+        if let Phase::Manual(manual) = &mut self.phase
+            && manual.link == link
+        {
             manual.last_received = now;
         }
     }

@@ -7,6 +7,7 @@ mod faults;
 mod manual;
 mod readings;
 mod states;
+mod storage;
 
 use palpate_model::units::{Celsius, Hertz, Second};
 use palpate_wire::Record;
@@ -20,6 +21,7 @@ use crate::configuration::{Configuration, ITEMS};
 use crate::deformation::Follower;
 use crate::event::{Conditions, Event, Failure, Scan};
 use crate::heat::Heat;
+use crate::link::Link;
 use crate::list::gathered;
 use crate::stream::{DeformationScan, Streamer};
 use crate::time::{Duration, Instant, after, between, seconds, span};
@@ -27,6 +29,7 @@ use budget::Budget;
 use coil::{Knowledge, Waiting};
 use readings::{FlaggedSince, is_of_readings};
 use states::{BRING_UP, Phase};
+use storage::Storage;
 
 /// The longest time between two steps. Two tasks may tell their events in another order than they
 /// read the clock, but no later than that.
@@ -61,6 +64,9 @@ pub struct Procedure {
     next_status: Instant,
     /// A calibration that is being sent, chunk by chunk.
     readback: Option<Readback>,
+    storage: Storage,
+    /// The device is about to start anew.
+    restarting: bool,
     greeted: bool,
     /// When the first converter was last seen, or when waiting for it began.
     last_seen: Option<Instant>,
@@ -74,6 +80,7 @@ pub struct Procedure {
 /// A part of the calibration whose next record is due.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Readback {
+    to: Option<Link>,
     part: Part,
     sensor: u8,
     channel: u8,
@@ -112,6 +119,8 @@ impl Procedure {
             now: Instant::from_ticks(0),
             next_status: Instant::from_ticks(0),
             readback: None,
+            storage: Storage::new(),
+            restarting: false,
             greeted: false,
             last_seen: None,
             configured: Instant::from_ticks(0),
@@ -161,8 +170,13 @@ impl Procedure {
         actions.clear();
         let set_back = between(now, self.now) > TICK;
         self.now = if set_back { now } else { now.max(self.now) };
+        let asker = match event {
+            Event::Command(link, _) | Event::NotUnderstood(link, _) => Some(*link),
+            _ => None,
+        };
         let mut out = Out {
             now: self.now,
+            asker,
             converted: matches!(event, Event::Scan(_)),
             actions,
         };
@@ -176,12 +190,13 @@ impl Procedure {
         match event {
             Event::Tick => {}
             Event::Scan(scan) => self.scan(scan, &mut out),
-            Event::Command(frame) => self.command(frame, &mut out),
-            Event::NotUnderstood(error) => self.not_understood(error, &mut out),
+            Event::Command(link, frame) => self.command(*link, frame, &mut out),
+            Event::NotUnderstood(_, error) => self.not_understood(error, &mut out),
+            Event::Storage(report) => self.storage_reported(report, &mut out),
             Event::CoilTested(found) => self.coil_tested(found, &mut out),
             Event::CurrentTraced { at, trace } => {
                 let record = Record::CurrentTrace(trace.clone());
-                out.push(Action::Record { at: *at, record });
+                out.record_of(*at, record);
             }
             Event::Conditions(conditions) => self.conditions(conditions),
             Event::Fault(failure) => self.fail(*failure, &mut out),
@@ -212,6 +227,7 @@ impl Procedure {
                 out,
             );
         }
+        self.begin_storage(out);
         if let Some(code) = boot::fault(self.board.hello.reset_cause) {
             self.fail(Failure::new(code, Location::Processor), out);
         }
@@ -271,7 +287,7 @@ impl Procedure {
         if let Some(streamer) = self.streamers.get_mut(sensor)
             && let Some((at, record)) = streamer.push(scan, &deformations, settings, springs)
         {
-            out.push(Action::Record { at, record });
+            out.record_of(at, record);
         }
         self.take_account(scan, out.now);
         if sensor == 0 {
@@ -338,6 +354,7 @@ impl Procedure {
     /// What is due by time alone.
     fn tick(&mut self, out: &mut Out<'_>) {
         self.deadlines(out);
+        self.watch_storage(out);
         self.check_next(out);
         if out.now >= self.next_status {
             self.next_status = self.status_after(out.now);
@@ -383,6 +400,7 @@ impl Procedure {
     fn send_readback(&mut self, out: &mut Out<'_>) {
         if let Some(readback) = &mut self.readback {
             let Readback {
+                to,
                 part,
                 sensor,
                 channel,
@@ -391,7 +409,7 @@ impl Procedure {
             match self.configuration.record(part, sensor, channel, chunk) {
                 Some(record) => {
                     readback.chunk += 1;
-                    out.record(record);
+                    out.record_to(to, record);
                 }
                 None => self.readback = None,
             }
@@ -421,6 +439,8 @@ impl Procedure {
 /// The actions of a step, as they come together.
 struct Out<'a> {
     now: Instant,
+    /// The link of the command that is what has happened.
+    asker: Option<Link>,
     /// A conversion is what has happened.
     converted: bool,
     actions: &'a mut Actions,
@@ -450,8 +470,24 @@ impl Out<'_> {
         }
     }
 
+    /// For all links, at this time.
     fn record(&mut self, record: Record) {
+        self.record_to(None, record);
+    }
+
+    /// For all links, of another time.
+    fn record_of(&mut self, at: Instant, record: Record) {
+        let to = None;
+        self.push(Action::Record { at, to, record });
+    }
+
+    /// For the link that asked.
+    fn answer(&mut self, record: Record) {
+        self.record_to(self.asker, record);
+    }
+
+    fn record_to(&mut self, to: Option<Link>, record: Record) {
         let at = self.now;
-        self.push(Action::Record { at, record });
+        self.push(Action::Record { at, to, record });
     }
 }

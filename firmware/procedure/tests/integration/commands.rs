@@ -3,7 +3,7 @@
 use crate::support::calibration::{COIL, calibration, curve, settings, springs};
 use crate::support::sensor::Sensor;
 use crate::support::{BOOT, Rig, answers, frame};
-use palpate_procedure::{Action, Event};
+use palpate_procedure::{Action, Event, Link};
 use palpate_wire::code::{FaultCode, Location, Outcome, State};
 use palpate_wire::command::ClearFault;
 use palpate_wire::{Command, FrameError, Header, PayloadError, Record};
@@ -78,7 +78,10 @@ fn abort_disarm_and_sensing_only_end_a_measurement_in_any_state() {
             rig.records.clear();
             let disarms = command != Command::Abort;
             // Whichever boot it was meant for.
-            let actions = rig.step(&Event::Command(&frame(command, Header::ANY_BOOT, 99)));
+            let actions = rig.step(&Event::Command(
+                Link::Probe,
+                &frame(command, Header::ANY_BOOT, 99),
+            ));
             assert_eq!(answers(&actions)[0].outcome, Outcome::Accepted);
             assert!(rig.line.is_off());
             let measures = matches!(state, State::Settling | State::Peak | State::Ramps);
@@ -161,7 +164,10 @@ fn a_command_for_another_boot_does_nothing() {
     for boot in [BOOT + 1, Header::ANY_BOOT] {
         for command in &commands {
             let mut rig = Rig::standing_in(State::Contact, |_| {});
-            let actions = rig.step(&Event::Command(&frame(command.clone(), boot, 9)));
+            let actions = rig.step(&Event::Command(
+                Link::Probe,
+                &frame(command.clone(), boot, 9),
+            ));
             assert_eq!(answers(&actions)[0].outcome, Outcome::OtherBoot);
             assert_eq!(actions.len(), 1, "{actions:?}");
             assert_eq!(rig.state(), State::Contact);
@@ -189,12 +195,12 @@ fn frames_that_cannot_be_understood() {
             Outcome::Malformed,
         ),
     ] {
-        let actions = rig.step(&Event::NotUnderstood(error));
+        let actions = rig.step(&Event::NotUnderstood(Link::Probe, error));
         assert_eq!(answers(&actions)[0].outcome, outcome);
     }
     // These have no header to answer to, and are counted.
     let unanswered = [FrameError::Checksum, FrameError::Version { found: 9 }];
-    let said = unanswered.map(|error| rig.step(&Event::NotUnderstood(error)).len());
+    let said = unanswered.map(|error| rig.step(&Event::NotUnderstood(Link::Probe, error)).len());
     assert_eq!(said, [0, 1], "who we are, to one of another version");
     rig.accepted(Command::Identify);
     let status = rig.last(|record| match record {

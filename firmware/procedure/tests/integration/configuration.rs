@@ -4,7 +4,7 @@
 use crate::support::Rig;
 use crate::support::calibration::{calibration, settings};
 use crate::support::sensor::Sensor;
-use palpate_procedure::{Action, Event};
+use palpate_procedure::{Action, Event, Link};
 use palpate_wire::code::{Outcome, Part, State};
 use palpate_wire::command::{
     CurrentCorrection, GetCalibration, StiffeningCurve, StiffeningKnot, TemperatureEffect,
@@ -157,7 +157,7 @@ fn a_correction_of_the_current_is_handed_on_when_it_is_sound() {
         let command = Command::SetCurrentCorrection(of.clone());
         crate::support::frame(command, crate::support::BOOT, 5)
     };
-    let actions = rig.step(&Event::Command(&set(&sound)));
+    let actions = rig.step(&Event::Command(Link::Probe, &set(&sound)));
     assert!(actions.contains(&Action::CorrectCurrent(sound.clone())));
     let correcting = |action: &Action| matches!(action, Action::CorrectCurrent(_));
     for bad in [
@@ -166,7 +166,7 @@ fn a_correction_of_the_current_is_handed_on_when_it_is_sound() {
         correction([0.0, 0.5, 0.0]),
         correction([0.0, f32::NAN]),
     ] {
-        let actions = rig.step(&Event::Command(&set(&bad)));
+        let actions = rig.step(&Event::Command(Link::Probe, &set(&bad)));
         assert!(!actions.iter().any(correcting), "{bad:?}");
     }
     let mut armed = Rig::standing_in(State::Contact, |_| {});

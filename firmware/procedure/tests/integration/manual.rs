@@ -1,7 +1,7 @@
 //! A current that a PC commands directly: it ends with the PC, and with what ends any current.
 
 use crate::support::{Rig, board};
-use palpate_procedure::{Action, Event, Instant, Procedure};
+use palpate_procedure::{Action, Event, Instant, Link, Procedure};
 use palpate_wire::code::{FaultCode, Location, Outcome, RefusalReason, State};
 use palpate_wire::command::{ClearFault, DriveCoil};
 use palpate_wire::record::CurrentTrace;
@@ -117,7 +117,7 @@ fn the_coils_test_is_asked_for_and_reported() {
     let mut rig = Rig::standing_in(State::Contact, |_| {});
     rig.test_us = 60_000;
     let frame = crate::support::frame(Command::TestCoil, crate::support::BOOT, 77);
-    let actions = rig.step(&Event::Command(&frame));
+    let actions = rig.step(&Event::Command(Link::Probe, &frame));
     assert!(actions.contains(&Action::TestCoil));
     let found = crate::support::coil_test();
     rig.records.clear();
@@ -145,7 +145,7 @@ fn a_current_is_recorded_before_it_is_driven_and_reported() {
             crate::support::BOOT,
             sequence,
         );
-        rig.step(&Event::Command(&frame))
+        rig.step(&Event::Command(Link::Probe, &frame))
     };
     let actions = drive(&line, 90);
     let index = |of: fn(&Action) -> bool| actions.iter().position(of);

@@ -2,7 +2,7 @@
 //! once. What stops the coil stops the test, and drops what waits.
 
 use crate::support::{BOOT, Rig, answers, frame};
-use palpate_procedure::{Action, Event};
+use palpate_procedure::{Action, Event, Link};
 use palpate_wire::code::{FaultCode, Location, Outcome, State};
 use palpate_wire::command::DriveCoil;
 use palpate_wire::{Command, Header, Record};
@@ -32,7 +32,10 @@ fn testing(state: State) -> Rig {
 fn send(rig: &mut Rig, command: Command) -> u32 {
     rig.sequence += 1;
     let sequence = rig.sequence;
-    rig.step(&Event::Command(&frame(command, BOOT, sequence)));
+    rig.step(&Event::Command(
+        Link::Probe,
+        &frame(command, BOOT, sequence),
+    ));
     sequence
 }
 
@@ -117,11 +120,10 @@ fn what_stops_the_coil_empties_the_queue_in_every_state() {
             let mut rig = testing(state);
             let waits = send(&mut rig, drive(3.0));
             rig.sequence += 1;
-            let actions = rig.step(&Event::Command(&frame(
-                stop.clone(),
-                Header::ANY_BOOT,
-                rig.sequence,
-            )));
+            let actions = rig.step(&Event::Command(
+                Link::Probe,
+                &frame(stop.clone(), Header::ANY_BOOT, rig.sequence),
+            ));
             assert_eq!(actions[0], Action::SafeState, "{stop:?} in {state}");
             assert_eq!(
                 given(&rig),
@@ -213,8 +215,8 @@ fn an_automatic_measurement_waits_for_the_test_too() {
 fn two_commands_of_one_number_have_two_answers() {
     let mut rig = testing(State::Watching);
     let twice = frame(drive(1.0), BOOT, 700);
-    rig.step(&Event::Command(&twice));
-    let second = rig.step(&Event::Command(&twice));
+    rig.step(&Event::Command(Link::Probe, &twice));
+    let second = rig.step(&Event::Command(Link::Probe, &twice));
     assert_eq!(answers(&second)[0].outcome, Outcome::Busy);
     rig.run(60);
     assert_eq!(

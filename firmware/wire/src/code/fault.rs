@@ -2,8 +2,7 @@
 
 codes! {
     /// What stopped the instrument, or a part of it. The record `fault` carries a value and a
-    /// limit, whose meaning stands here. Number 27 is reserved: it will be the storage's, once
-    /// something is stored.
+    /// limit, whose meaning stands here.
     pub enum FaultCode {
         /// No converter answers at its address. Check supply, wiring and the address pin.
         SensorAbsent = 1 "sensor_absent",
@@ -62,6 +61,10 @@ codes! {
         /// Settings or calibration are not what was set: memory was upset. Value: kind of the
         /// record that holds the part. Set it anew.
         ConfigurationDamaged = 26 "configuration_damaged",
+        /// What is stored is not what was stored: flash memory was upset or is worn. None of it is in
+        /// force. Value: what `state` of the record `storage` says, as its number. Set everything
+        /// anew and `store` it, or `erase`.
+        StorageDamaged = 27 "storage_damaged",
         /// A task missed its deadline. Value and limit: time, s.
         Overrun = 28 "overrun",
         /// A clock does not run or is off. Value and limit: frequency, Hz.
@@ -89,6 +92,9 @@ codes! {
         CrashStreak = 38 "crash_streak",
         /// The device reset itself, and the record that says why cannot be read.
         CrashUnreadable = 39 "crash_unreadable",
+        /// Flash memory does not take what is written. What was stored before is still stored. Try
+        /// again; if it stays so, the memory is worn out.
+        StorageFailed = 40 "storage_failed",
     }
 
     /// Where something happened. Number 10 is reserved.
@@ -115,5 +121,7 @@ codes! {
         Configuration = 11 "configuration",
         /// The link to the PC.
         Link = 12 "link",
+        /// The flash memory that keeps settings and calibration.
+        Storage = 13 "storage",
     }
 }

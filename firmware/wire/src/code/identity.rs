@@ -7,7 +7,8 @@ codes! {
         PowerOn = 1 "power_on",
         /// The reset pin was pulled.
         Pin = 3 "pin",
-        /// The processor's boot loader asked for it, after it has written a new image.
+        /// It was asked for: by `reboot`, or by the processor's boot loader after it has written a
+        /// new image.
         Software = 4 "software",
         /// A debug probe asked for it.
         Debugger = 5 "debugger",

@@ -34,8 +34,8 @@ codes! {
         NotCalibrated = 13 "not_calibrated",
         /// The device has to be armed first.
         NotArmed = 14 "not_armed",
-        /// A measurement is running, or another command already waits for the end of the coil's
-        /// test.
+        /// A measurement is running, another command already waits for the end of the coil's test,
+        /// or the flash memory is being read or written.
         Busy = 15 "busy",
         /// The device is armed, and this may not change while it is.
         Armed = 16 "armed",
@@ -54,5 +54,11 @@ codes! {
         /// The command waited for the end of the coil's test, and was dropped before it began: by
         /// `abort`, `disarm` or `sensing_only`, or because the test was stopped.
         Aborted = 27 "aborted",
+        /// Nothing is stored, or nothing that can be read.
+        NothingStored = 28 "nothing_stored",
+        /// This board stores nothing, or its storage did not answer.
+        NoStorage = 29 "no_storage",
+        /// The calibration in force is not the one whose hash was given. Send it again.
+        OtherCalibration = 30 "other_calibration",
     }
 }

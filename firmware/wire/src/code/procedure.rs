@@ -95,5 +95,7 @@ codes! {
         TemperatureEffect = 0x19 "temperature_effect",
         /// Corrections of the measured current.
         CurrentCorrection = 0x1A "current_correction",
+        /// Which calibration it is.
+        CalibrationIdentity = 0x1B "calibration_identity",
     }
 }

@@ -112,3 +112,19 @@ structure! {
         rise_uncertainty_per_k: f32 ["1/K", 0, 1],
     }
 }
+
+structure! {
+    /// Which calibration the parts in force are.
+    pub struct CalibrationIdentity {
+        /// A number that whoever calibrated gave it.
+        id: u32,
+        /// When it was made, in seconds since 1970-01-01 UTC, up to 2106; 0 if unknown.
+        calibrated_at_s: u32 ["s"],
+        /// Temperature of the sensor then.
+        calibrated_at_c: f32 ["degC", -60, 250],
+        /// `configuration_crc` over the commands that set its parts, without settings and identity. The
+        /// device compares it with its own and refuses another one: a part that was lost or changed on
+        /// the way is found.
+        hash: u32,
+    }
+}

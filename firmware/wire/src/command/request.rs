@@ -1,6 +1,6 @@
 //! Commands with a few fields.
 
-use crate::code::{FaultCode, Part};
+use crate::code::{FaultCode, Part, RebootTarget};
 
 structure! {
     /// Which fault is to be cleared.
@@ -33,5 +33,21 @@ structure! {
         /// all, and sent as `current_trace`; the device rounds it to whole periods of its bridge,
         /// one at least. 0 records none.
         trace_interval_s: f32 ["s", 0, 0.01],
+    }
+}
+
+structure! {
+    /// How to start anew.
+    pub struct Reboot {
+        /// Into what.
+        target: RebootTarget,
+    }
+}
+
+structure! {
+    /// Which board is this?
+    pub struct Locate {
+        /// How long the LED flickers; 0 ends it.
+        duration_s: f32 ["s", 0, 60],
     }
 }

@@ -168,8 +168,8 @@ fn infinities_and_nan_are_refused_in_every_field() {
         }
         _ => {}
     });
-    // 16 in the settings, 35 in the calibration, 3 of a current that is driven directly.
-    assert_eq!(fields, 54);
+    // 16 in the settings, 36 in the calibration, 3 of a current that is driven directly, 1 of the LED.
+    assert_eq!(fields, 56);
 }
 
 /// The limits themselves are allowed, the next number beyond them is not.
@@ -227,7 +227,7 @@ fn limits_hold_to_the_last_digit() {
         }
     });
     // Those of the test above, and 16 integers.
-    assert_eq!(fields, 70);
+    assert_eq!(fields, 72);
 }
 
 #[test]
@@ -241,7 +241,7 @@ fn unknown_numbers_are_refused() {
             location.assert_blamed(&command, Problem::UnknownCode { number });
         }
     });
-    assert_eq!(fields, 4);
+    assert_eq!(fields, 5);
 }
 
 fn invalid(change: impl FnOnce(&mut Settings)) -> Invalid {
@@ -410,7 +410,9 @@ fn every_problem_has_an_outcome() {
 /// What a device produces by a defect is found as well.
 #[test]
 fn records_can_be_checked_too() {
-    for kind in palpate_wire::Record::KINDS {
+    // The only limit of a calibration's identity is that of a temperature, and 1.1 is one.
+    let limited = |kind: &&Kind| kind.name != "calibration_identity";
+    for kind in palpate_wire::Record::KINDS.iter().filter(limited) {
         let value = kind
             .payload
             .map(|of| reference::largest(&Type::Structure(of)));

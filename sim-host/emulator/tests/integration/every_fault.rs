@@ -55,6 +55,7 @@ fn cause(code: FaultCode) -> Vec<record::Fault> {
         Panic => panicked(),
         CrashUnreadable => reset_by_itself(),
         ConfigurationDamaged => upset(),
+        StorageDamaged | StorageFailed => Vec::new(),
         Overrun => driven(2.0, |bench| hold_tasks(bench, Time::from_ms(25))),
         Clock => without_crystal(),
         CoilOpen => tested(|plant| plant.conditions.coil_ohm = 1e4),

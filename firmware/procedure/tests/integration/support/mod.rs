@@ -11,7 +11,7 @@ pub(crate) mod sensor;
 use palpate_procedure::event::{Conditions, Failure};
 use palpate_procedure::units::{Ampere, Celsius};
 use palpate_procedure::{
-    Action, Actions, BoardInfo, Conversion, Duration, Event, Instant, Limits, Procedure, Scan,
+    Action, Actions, BoardInfo, Conversion, Duration, Event, Instant, Limits, Link, Procedure, Scan,
 };
 use palpate_wire::code::{Chip, FaultCode, Location, Outcome, ResetCause, State};
 use palpate_wire::command::{DriveCoil, Settings};
@@ -65,6 +65,7 @@ pub(crate) fn board() -> BoardInfo {
             configuration_crc: 0,
         },
         crash: None,
+        storage: false,
         crashes: 0,
         channels: [0b1111, 0],
         coil: true,
@@ -156,7 +157,7 @@ impl OwnEvent {
         match event {
             Event::Tick => Self::Tick,
             Event::Scan(scan) => Self::Scan((*scan).clone()),
-            Event::Command(frame) => Self::Command((*frame).clone()),
+            Event::Command(_, frame) => Self::Command((*frame).clone()),
             Event::Conditions(conditions) => Self::Conditions(*conditions),
             Event::CoilTested(found) => Self::CoilTested(found.clone()),
             _ => Self::Other,
@@ -325,7 +326,8 @@ impl Rig {
                 Action::ConfigureSensors { .. }
                 | Action::TraceCurrent { .. }
                 | Action::CorrectCurrent(_) => {}
-                Action::Record { at, record } => self.records.push((*at, record.clone())),
+                Action::Record { at, record, .. } => self.records.push((*at, record.clone())),
+                Action::Storage(_) | Action::Restart(_) | Action::Locate(_) => {}
             }
         }
         promises::hold(self, event, &actions);
@@ -447,7 +449,7 @@ impl Rig {
     pub(crate) fn send(&mut self, command: Command) -> Acknowledgement {
         self.sequence += 1;
         let frame = frame(command, BOOT, self.sequence);
-        let actions = self.step(&Event::Command(&frame));
+        let actions = self.step(&Event::Command(Link::Probe, &frame));
         answers(&actions).pop().expect("an answer")
     }
 

@@ -3,7 +3,7 @@
 
 use palpate_procedure::event::{Conditions, Failure};
 use palpate_procedure::units::{Ampere, Celsius};
-use palpate_procedure::{Duration, Event, Instant};
+use palpate_procedure::{Duration, Event, Instant, Link};
 use palpate_wire::code::{Drift, FaultCode, Location, Part, Stream};
 use palpate_wire::command::{ClearFault, DriveCoil, GetCalibration, Settings};
 use palpate_wire::{Command, FrameError, Header, PayloadError};
@@ -100,14 +100,14 @@ pub(crate) fn carry_out(rig: &mut Rig, of: &Move) {
         Move::Command(command, boot) => {
             rig.sequence += 1;
             let frame = frame(command.as_ref().clone(), *boot, rig.sequence);
-            rig.step(&Event::Command(&frame));
+            rig.step(&Event::Command(Link::Probe, &frame));
         }
         Move::Again(command) => {
             let frame = frame(command.as_ref().clone(), BOOT, rig.sequence);
-            rig.step(&Event::Command(&frame));
+            rig.step(&Event::Command(Link::Probe, &frame));
         }
         Move::Test(test_us) => rig.test_us = *test_us,
-        Move::NotUnderstood(error) => drop(rig.step(&Event::NotUnderstood(*error))),
+        Move::NotUnderstood(error) => drop(rig.step(&Event::NotUnderstood(Link::Probe, *error))),
         Move::Conditions(conditions) => drop(rig.step(&Event::Conditions(*conditions))),
         Move::Fault(failure) => drop(rig.step(&Event::Fault(*failure))),
         Move::Recovered(code) => drop(rig.step(&Event::Recovered(*code))),

@@ -78,8 +78,9 @@ fn coil_is_off_where_it_has_to_be(rig: &Rig) {
 /// the coil may wait for the end of its test; no two do, and nothing waits when nothing is tested.
 fn answered_once(rig: &mut Rig, event: &Event<'_>, actions: &Actions) {
     let asked = match event {
-        Event::Command(frame) => Some((frame.header.sequence, frame.message.kind())),
+        Event::Command(_, frame) => Some((frame.header.sequence, frame.message.kind())),
         Event::NotUnderstood(
+            _,
             FrameError::UnknownKind { header, kind } | FrameError::Payload { header, kind, .. },
         ) => Some((header.sequence, *kind)),
         _ => None,
@@ -109,7 +110,7 @@ fn stopped_until_asked(rig: &mut Rig, event: &Event<'_>, actions: &Actions) {
     if touches && rig.settings().automatic {
         rig.stopped = false;
     }
-    if let Event::Command(frame) = event {
+    if let Event::Command(_, frame) = event {
         let accepted = answers(actions).iter().any(|answer| {
             answer.command == frame.header.sequence && answer.outcome == Outcome::Accepted
         });

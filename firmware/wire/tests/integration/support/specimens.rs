@@ -17,7 +17,7 @@ pub(crate) fn records() -> Vec<Record> {
 fn reports() -> Vec<Record> {
     let setters: Vec<_> = commands()
         .into_iter()
-        .filter(|command| palpate_wire::Message::kind(command) >= 0x90)
+        .filter(|command| (0x90..0xA0).contains(&palpate_wire::Message::kind(command)))
         .collect();
     vec![
         Record::Hello(Hello {
@@ -210,6 +210,23 @@ fn configured() -> Vec<Record> {
         Record::Attraction(attraction()),
         Record::TemperatureEffect(temperature_effect()),
         Record::CurrentCorrection(current_correction()),
+        Record::CalibrationIdentity(calibration_identity()),
+        Record::Storage(Storage {
+            action: StorageAction::Store,
+            succeeded: true,
+            state: StorageState::Whole,
+            generation: 17,
+            stored_crc: 0x3610_A686,
+            in_force_crc: 0x3610_A686,
+            items: 37,
+            unknown_items: 1,
+            refused_items: 0,
+            calibration_id: Some(4),
+            calibrated_at_s: Some(1_795_000_000),
+            calibrated_at_c: Some(23.5),
+            calibration_hash: Some(0xCBF4_3926),
+            took_s: 0.42,
+        }),
     ]
 }
 
@@ -249,7 +266,25 @@ pub(crate) fn commands() -> Vec<Command> {
         Command::SetAttraction(attraction()),
         Command::SetTemperatureEffect(temperature_effect()),
         Command::SetCurrentCorrection(current_correction()),
+        Command::SetCalibrationIdentity(calibration_identity()),
+        Command::Store,
+        Command::Load,
+        Command::Erase,
+        Command::GetStorage,
+        Command::Reboot(Reboot {
+            target: RebootTarget::BootLoader,
+        }),
+        Command::Locate(Locate { duration_s: 3.0 }),
     ]
+}
+
+fn calibration_identity() -> CalibrationIdentity {
+    CalibrationIdentity {
+        id: 4,
+        calibrated_at_s: 1_795_000_000,
+        calibrated_at_c: 23.5,
+        hash: 0xCBF4_3926,
+    }
 }
 
 /// An amplifier that reads 1 % too much, and a converter with a bow.

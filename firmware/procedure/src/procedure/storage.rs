@@ -1,0 +1,254 @@
+//! What is stored, and what is done with it: one thing at a time, order by order.
+//!
+//! While the storage is at work nothing may be set or driven, so that what is stored is what is in
+//! force, and the bridge stays off.
+
+use palpate_model::units::Second;
+use palpate_wire::Record;
+use palpate_wire::code::{FaultCode, Location, Outcome, StorageAction, StorageState};
+use palpate_wire::command::CurrentCorrection;
+use palpate_wire::record;
+
+use super::{Out, Procedure};
+use crate::action::Action;
+use crate::board::MOST_CRASHES;
+use crate::configuration::{Configuration, Cursor};
+use crate::event::Failure;
+use crate::list::gathered;
+use crate::storage::{StorageFailure, StorageOrder, StorageReport, Stored};
+use crate::time::{Duration, Instant, between, in_seconds, seconds};
+
+/// The longest time that the storage may take for anything. The fullest save programs 70 KiB at 3 ms
+/// a page and erases 16 sectors at 0.4 s (W25Q16JV datasheet, 9.6, the greatest times): 7.3 s; and
+/// before it the bridge has to rest for 0.2 s.
+const LONGEST: Duration = Duration::from_ticks(15_000_000);
+
+/// What is known of the storage.
+#[derive(Clone, Debug)]
+pub(super) struct Storage {
+    stored: Stored,
+    /// Items of it that the board refused when they were loaded.
+    refused: u16,
+    work: Option<Work>,
+}
+
+/// What the storage is doing, and since when.
+#[derive(Clone, Debug)]
+struct Work {
+    action: StorageAction,
+    since: Instant,
+    /// What of the configuration has been put into a save.
+    put: Cursor,
+    /// Something of a load has come.
+    has_items: bool,
+}
+
+impl Storage {
+    pub(super) const fn new() -> Self {
+        Self {
+            stored: Stored::UNAVAILABLE,
+            refused: 0,
+            work: None,
+        }
+    }
+
+    pub(super) const fn is_at_work(&self) -> bool {
+        self.work.is_some()
+    }
+}
+
+impl Procedure {
+    /// After a start what is stored comes into force. Not after a streak of crashes: it may be what
+    /// they come from.
+    pub(super) fn begin_storage(&mut self, out: &mut Out<'_>) {
+        if !self.board.storage {
+            return;
+        }
+        let (action, order) = if self.board.crashes >= MOST_CRASHES {
+            (StorageAction::Inspect, StorageOrder::Inspect)
+        } else {
+            (StorageAction::Load, StorageOrder::Load)
+        };
+        self.begin_work(action, order, out);
+    }
+
+    pub(super) fn store(&mut self, out: &mut Out<'_>) -> Outcome {
+        if let Err(outcome) = self.may_use_storage() {
+            return outcome;
+        }
+        if !self.check_all(out) {
+            return Outcome::Faulted;
+        }
+        self.begin_work(StorageAction::Store, StorageOrder::Begin, out);
+        Outcome::Accepted
+    }
+
+    pub(super) fn load(&mut self, out: &mut Out<'_>) -> Outcome {
+        if let Err(outcome) = self.may_use_storage() {
+            return outcome;
+        }
+        if self.storage.stored.state != StorageState::Whole {
+            return Outcome::NothingStored;
+        }
+        self.begin_work(StorageAction::Load, StorageOrder::Load, out);
+        Outcome::Accepted
+    }
+
+    pub(super) fn erase(&mut self, out: &mut Out<'_>) -> Outcome {
+        if let Err(outcome) = self.may_use_storage() {
+            return outcome;
+        }
+        self.begin_work(StorageAction::Erase, StorageOrder::Erase, out);
+        Outcome::Accepted
+    }
+
+    fn may_use_storage(&self) -> Result<(), Outcome> {
+        if self.armed {
+            return Err(Outcome::Armed);
+        }
+        if self.is_occupied() || self.phase.activity().drives() {
+            return Err(Outcome::Busy);
+        }
+        match self.storage.stored.state {
+            StorageState::Unavailable => Err(Outcome::NoStorage),
+            _ => Ok(()),
+        }
+    }
+
+    fn begin_work(&mut self, action: StorageAction, order: StorageOrder, out: &mut Out<'_>) {
+        self.storage.work = Some(Work {
+            action,
+            since: out.now,
+            put: Cursor::default(),
+            has_items: false,
+        });
+        out.push(Action::Storage(order));
+    }
+
+    /// The storage says something. What it says of work that was given up is no longer of use.
+    pub(super) fn storage_reported(&mut self, report: &StorageReport, out: &mut Out<'_>) {
+        let Some(work) = &mut self.storage.work else {
+            return;
+        };
+        match report {
+            StorageReport::Ready => {
+                let order = match self.configuration.next_command(&mut work.put) {
+                    Some(command) => StorageOrder::Put(command),
+                    None => StorageOrder::Commit {
+                        configuration_crc: self.configuration.crc(),
+                    },
+                };
+                out.push(Action::Storage(order));
+            }
+            StorageReport::Item(command) => {
+                if !core::mem::replace(&mut work.has_items, true) {
+                    self.configuration = Configuration::new(&self.board);
+                    self.storage.refused = 0;
+                }
+                let outcome = self.configuration.set(command, &self.board);
+                if outcome != Some(Outcome::Accepted) {
+                    self.storage.refused = self.storage.refused.saturating_add(1);
+                }
+            }
+            StorageReport::Done { failure, stored } => {
+                let Work { action, since, .. } = *work;
+                let has_loaded = work.has_items;
+                self.storage.work = None;
+                self.storage.stored = stored.clone();
+                if has_loaded {
+                    self.loaded(*failure, out);
+                }
+                let took = seconds(since, out.now);
+                let record = self.storage_record(action, failure.is_none(), took);
+                out.record(Record::Storage(record));
+                if let Some(failure) = failure {
+                    self.storage_failed(*failure, out);
+                }
+            }
+        }
+    }
+
+    /// What was stored is in force: nothing that depends on it holds any more. If not all of it could
+    /// be read, none of it is.
+    fn loaded(&mut self, failure: Option<StorageFailure>, out: &mut Out<'_>) {
+        if failure.is_some() {
+            self.configuration = Configuration::new(&self.board);
+        }
+        self.configure_sensors(out);
+        self.next_status = self.status_after(out.now);
+        self.follow_heat();
+        let correction = self.configuration.current_correction().cloned();
+        let correction = correction.unwrap_or_else(no_correction);
+        out.push(Action::CorrectCurrent(correction));
+        self.begin_anew(out);
+    }
+
+    fn storage_failed(&mut self, failure: StorageFailure, out: &mut Out<'_>) {
+        let code = match failure {
+            StorageFailure::Damaged => FaultCode::StorageDamaged,
+            StorageFailure::Flash => FaultCode::StorageFailed,
+            // A board without one works as it always did.
+            StorageFailure::Absent => return,
+        };
+        let state = self.storage.stored.state.number();
+        let failure = Failure {
+            value: Some(state.into()),
+            ..Failure::new(code, Location::Storage)
+        };
+        self.fail(failure, out);
+    }
+
+    /// Work of the storage that does not end. It is not asked again.
+    pub(super) fn watch_storage(&mut self, out: &mut Out<'_>) {
+        let Some(Work { since, .. }) = self.storage.work else {
+            return;
+        };
+        let takes = between(since, out.now);
+        if takes <= LONGEST {
+            return;
+        }
+        self.storage = Storage::new();
+        let failure = Failure {
+            value: Some(in_seconds(takes).0),
+            limit: Some(in_seconds(LONGEST).0),
+            ..Failure::new(FaultCode::Overrun, Location::Storage)
+        };
+        self.fail(failure, out);
+    }
+
+    pub(super) fn storage_record(
+        &self,
+        action: StorageAction,
+        succeeded: bool,
+        took: Second,
+    ) -> record::Storage {
+        let Storage {
+            stored, refused, ..
+        } = &self.storage;
+        let identity = stored.identity.as_ref();
+        record::Storage {
+            action,
+            succeeded,
+            state: stored.state,
+            generation: stored.generation,
+            stored_crc: stored.configuration_crc,
+            in_force_crc: self.configuration.crc(),
+            items: stored.items,
+            unknown_items: stored.unknown_items,
+            refused_items: *refused,
+            calibration_id: identity.map(|of| of.id),
+            calibrated_at_s: identity.map(|of| of.calibrated_at_s),
+            calibrated_at_c: identity.map(|of| of.calibrated_at_c),
+            calibration_hash: identity.map(|of| of.hash),
+            took_s: took.0,
+        }
+    }
+}
+
+/// The correction that changes nothing.
+fn no_correction() -> CurrentCorrection {
+    CurrentCorrection {
+        greatest_a: 1.0,
+        changes_a: gathered([0.0; 2].into_iter()),
+    }
+}
