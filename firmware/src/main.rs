@@ -2,7 +2,7 @@
 //!
 //! Priorities, from the most urgent: the two interrupts of the converter's bus and that of the
 //! coil's PWM, outside of RTIC (`board::i2c::engine`, `board::control`); `frame_over`, sensing and coil;
-//! instrument and supervisor; idle.
+//! instrument, supervisor and USB; the storage, in idle.
 //! See docs/firmware.md.
 
 #![no_std]
@@ -38,10 +38,12 @@ mod app {
     use palpate_node::coil::CoilManager;
     use palpate_node::converter::{CONVERTERS, ConverterState};
     use palpate_node::instrument::Instrument;
+    use palpate_procedure::storage::{StorageOrder, StorageReport};
     use rtic_monotonics::rp2040::Priority;
 
     use crate::board::coil::PicoCoil;
     use crate::board::{Board, Watchdog, i2c, safe, sleep, vectors};
+    use crate::link::usb::{self as usb_link, UsbLink};
     use crate::tasks::*;
     use crate::{Mono, SAMPLES, crash, halt, link};
 
@@ -62,9 +64,16 @@ mod app {
         run: Run,
         instrument: Instrument,
         watchdog: Watchdog,
+        usb: UsbLink,
+        storage: StorageWork,
     }
 
-    #[init(local = [queues: [Queue<Sampled, WAITING>; 2] = [const { Queue::new() }; 2]])]
+    #[init(local = [
+        queues: [Queue<Sampled, WAITING>; 2] = [const { Queue::new() }; 2],
+        orders: Queue<StorageOrder, 2> = Queue::new(),
+        reports: Queue<StorageReport, 2> = Queue::new(),
+        usb_memory: usb_link::Memory = usb_link::Memory::new(),
+    ])]
     fn init(mut cx: init::Context) -> (Shared, Local) {
         safe::bridge_off();
         let boot = crash::boot();
@@ -91,26 +100,38 @@ mod app {
             converters: [ConverterState::new(); CONVERTERS],
             coil: board.supervisor.map(|of| CoilManager::new(PicoCoil, of)),
         };
+        let (storage, client) = StorageWork::new(cx.local.orders, cx.local.reports);
+        let (links, usb) = link::set_up(cx.local.usb_memory, board.usb, board.unit, board.boot_id);
         let local = Local {
             first,
             second,
-            channels: Channels::new(link::set_up(board.boot_id), samples, arrived),
+            channels: Channels::new(links, samples, client, arrived),
             run: Run {
                 boot,
                 boot_id: board.boot_id,
+                unit: board.unit,
                 clocks_run: board.clocks_run,
             },
             instrument: Instrument::new(),
             watchdog: Watchdog::start(board.watchdog, board.clocks_run),
+            usb,
+            storage,
         };
         (shared, local)
     }
 
-    #[idle]
-    fn idle(_: idle::Context) -> ! {
+    /// Whatever else is to be done goes first: an erase of flash takes up to 0.4 s.
+    #[idle(local = [storage])]
+    fn idle(cx: idle::Context) -> ! {
         loop {
+            storage(cx.local.storage);
             sleep();
         }
+    }
+
+    #[task(binds = USBCTRL_IRQ, local = [usb], priority = 1)]
+    fn usb(cx: usb::Context) {
+        cx.local.usb.poll();
     }
 
     /// A transaction is over; pended by the engine. Not above the tasks that it calls: the coil's

@@ -206,6 +206,17 @@ impl Instrument {
         }
     }
 
+    /// Something that is no command asks for a new start. Whether it is under way: not while something
+    /// is being stored.
+    pub fn asked_to_restart<H: Hardware>(
+        &mut self,
+        hardware: &mut H,
+        target: RebootTarget,
+    ) -> bool {
+        self.step(hardware, &Event::Restart(target));
+        self.restart.is_some()
+    }
+
     /// The storage has reported.
     pub fn stored<H: Hardware>(&mut self, hardware: &mut H, report: &StorageReport) {
         self.step(hardware, &Event::Storage(report));

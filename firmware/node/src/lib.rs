@@ -18,4 +18,5 @@ pub mod board;
 pub mod coil;
 pub mod converter;
 pub mod instrument;
+pub mod link;
 pub mod supervision;

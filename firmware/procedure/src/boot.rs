@@ -14,7 +14,7 @@ pub const RECORD_WORDS: usize = 20;
 /// | words | content |
 /// |---|---|
 /// | 0 | "Palp" |
-/// | 1 | what it says: a count of crashes, a panic, a hard fault |
+/// | 1 | what it says: a count of crashes, a panic, a hard fault, an end that was asked for |
 /// | 2 | crashes in a row |
 /// | 3 to 6 | line, program counter, link register, time since the start in ms |
 /// | 7 to 18 | the end of the source file's name, filled up with zeros |
@@ -47,6 +47,8 @@ pub enum End<'a> {
         /// Where it would have returned to.
         link_register: u32,
     },
+    /// It was asked for.
+    Asked,
 }
 
 /// The processor's reset flags.
@@ -83,6 +85,7 @@ enum WordKind {
     Count,
     Panic,
     HardFault,
+    Asked,
 }
 
 impl WordKind {
@@ -91,6 +94,7 @@ impl WordKind {
             1 => Self::Count,
             2 => Self::Panic,
             3 => Self::HardFault,
+            4 => Self::Asked,
             _ => return None,
         })
     }
@@ -100,6 +104,7 @@ impl WordKind {
             Self::Count => 1,
             Self::Panic => 2,
             Self::HardFault => 3,
+            Self::Asked => 4,
         }
     }
 }
@@ -231,6 +236,7 @@ pub fn record(end: &End<'_>, before: &RecordWords, uptime_ms: u32) -> RecordWord
             link_register,
             ..Kept::new(WordKind::HardFault, streak)
         },
+        End::Asked => Kept::new(WordKind::Asked, 0),
     };
     kept.uptime_ms = uptime_ms;
     if let End::Panic { file, .. } = end {
@@ -287,9 +293,10 @@ pub const fn fault(cause: ResetCause) -> Option<FaultCode> {
 }
 
 fn cause(flags: ResetFlags, kept: Option<&Kept>) -> ResetCause {
-    let has_crashed = match kept.map(|kept| kept.kind) {
+    let written = match kept.map(|kept| kept.kind) {
         Some(WordKind::Panic) => Some(ResetCause::Panic),
         Some(WordKind::HardFault) => Some(ResetCause::HardFault),
+        Some(WordKind::Asked) => Some(ResetCause::Software),
         Some(WordKind::Count) | None => None,
     };
     if flags.forced || (flags.timed_out && flags.is_own_watchdog) {
@@ -299,7 +306,7 @@ fn cause(flags: ResetFlags, kept: Option<&Kept>) -> ResetCause {
         } else {
             ResetCause::Watchdog
         };
-        has_crashed.unwrap_or(silent)
+        written.unwrap_or(silent)
     } else if flags.timed_out {
         ResetCause::Software
     } else if flags.debugger {

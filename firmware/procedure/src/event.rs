@@ -3,7 +3,7 @@
 use coil_hbridge::Account;
 use ldc161x::Reading;
 use palpate_model::units::{Ampere, Celsius};
-use palpate_wire::code::{FaultCode, Location};
+use palpate_wire::code::{FaultCode, Location, RebootTarget};
 use palpate_wire::record::{CoilTest, CurrentTrace};
 use palpate_wire::{Command, Frame, FrameError};
 
@@ -23,6 +23,9 @@ pub enum Event<'a> {
     Command(Link, &'a Frame<Command>),
     /// A frame has arrived that could not be understood.
     NotUnderstood(Link, FrameError),
+    /// The device is to start anew, for what is not a command: it does as soon as nothing is being
+    /// stored.
+    Restart(RebootTarget),
     /// The storage has done something.
     Storage(&'a StorageReport),
     /// The test of the coil has found something.

@@ -4,5 +4,5 @@
 mod rp2040;
 
 pub use rp2040::{
-    ASLEEP_US, Board, Watchdog, coil, i2c, pins, reset, safe, sleep, stack_used, vectors,
+    ASLEEP_US, Board, Watchdog, coil, i2c, pins, reset, safe, sleep, stack_used, usb, vectors,
 };

@@ -1,80 +1,85 @@
-//! The channels to the PC: logs and records up, commands down, over a debug probe (RTT).
+//! The links to PCs: RTT through a debug probe, USB. What both have in common is
+//! `palpate_node::link`.
 
 pub mod log;
+pub mod reset_interface;
+pub mod rtt;
+pub mod usb;
 
-use palpate_wire::{CommandDecoder, Message, Record, Sequencer, encode};
-use rtt_target::{DownChannel, UpChannel};
+use palpate_node::instrument::Received;
+use palpate_node::link::{FrameSender, Inbox, Outbox};
+use palpate_procedure::Link;
+use palpate_wire::{Message, Record};
 
-/// Sends records. It never waits: what finds no room is dropped, and counted.
-pub struct Outbox {
-    channel: UpChannel,
-    sequencer: Sequencer,
+use rtt::{RttCommands, RttRecords};
+use usb::{UsbCommands, UsbLink};
+use usb_device::bus::UsbBusAllocator;
+
+use crate::board::usb::Bus;
+
+/// The ways of records, over every link.
+pub struct Outboxes {
+    probe: Outbox<RttRecords>,
+    usb: Outbox<FrameSender<'static>>,
     buffer: [u8; Record::MAX_FRAME],
 }
 
-impl Outbox {
-    /// Numbers and sends the record of a time.
-    pub fn send(&mut self, time_us: u64, record: &Record) {
-        let header = self.sequencer.stamp(time_us);
-        // The buffer holds any record.
-        let frame = encode(&header, record, &mut self.buffer).unwrap_or_default();
-        if frame.is_empty() || self.channel.write(frame) < frame.len() {
-            self.sequencer.count_dropped();
+impl Outboxes {
+    /// Both links of the run with this number.
+    pub const fn new(probe: RttRecords, usb: FrameSender<'static>, boot_id: u32) -> Self {
+        Self {
+            probe: Outbox::new(probe, boot_id),
+            usb: Outbox::new(usb, boot_id),
+            buffer: [0; Record::MAX_FRAME],
+        }
+    }
+
+    /// Sends the record of a time over a link, or over all of them.
+    pub fn send(&mut self, to: Option<Link>, time_us: u64, record: &Record) {
+        let goes_by = |link| to.is_none_or(|to| to == link);
+        if goes_by(Link::Probe) {
+            self.probe.send(&mut self.buffer, time_us, record);
+        }
+        if goes_by(Link::Usb) {
+            self.usb.send(&mut self.buffer, time_us, record);
         }
     }
 }
 
-/// Receives commands.
-pub struct Inbox {
-    channel: DownChannel,
-    decoder: CommandDecoder,
+/// The ways of commands, over every link.
+pub struct Inboxes {
+    probe: Inbox<RttCommands>,
+    usb: Inbox<UsbCommands>,
 }
 
-/// A command frame, or why a frame is none.
-pub type Received = Result<palpate_wire::Frame<palpate_wire::Command>, palpate_wire::FrameError>;
-
-impl Inbox {
-    /// The next whole frame, among at most so many bytes.
-    pub fn receive(&mut self, bytes: usize) -> Option<Received> {
-        for _ in 0..bytes {
-            let mut byte = [0];
-            if self.channel.read(&mut byte) == 0 {
-                return None;
-            }
-            let [byte] = byte;
-            if let Some(frame) = self.decoder.push(byte) {
-                return Some(frame);
-            }
+impl Inboxes {
+    /// Both links.
+    pub const fn new(probe: RttCommands, usb: UsbCommands) -> Self {
+        Self {
+            probe: Inbox::new(probe),
+            usb: Inbox::new(usb),
         }
-        None
     }
 
-    /// Frames that arrived damaged.
-    pub const fn damaged(&self) -> u32 {
-        self.decoder.counts().damaged()
+    /// The next whole frame of a link, among at most so many bytes.
+    pub fn receive(&mut self, link: Link, bytes: usize) -> Option<Received> {
+        match link {
+            Link::Probe => self.probe.receive(bytes),
+            Link::Usb => self.usb.receive(bytes),
+        }
     }
 }
 
-/// Sets the three channels up. Once only.
-pub fn set_up(boot_id: u32) -> (Outbox, Inbox) {
-    let channels = rtt_target::rtt_init! {
-        up: {
-            0: { size: 1024, name: "defmt" }
-            1: { size: 8192, name: "data" }
-        }
-        down: {
-            0: { size: 1024, name: "commands" }
-        }
-    };
-    log::set_channel(channels.up.0);
-    let outbox = Outbox {
-        channel: channels.up.1,
-        sequencer: Sequencer::new(boot_id),
-        buffer: [0; Record::MAX_FRAME],
-    };
-    let inbox = Inbox {
-        channel: channels.down.0,
-        decoder: CommandDecoder::new(),
-    };
-    (outbox, inbox)
+/// Sets both links up. Once only.
+pub fn set_up(
+    memory: &'static mut usb::Memory,
+    bus: Option<UsbBusAllocator<Bus>>,
+    unit: u64,
+    boot_id: u32,
+) -> ((Outboxes, Inboxes), UsbLink) {
+    let (probe_records, probe_commands) = rtt::set_up();
+    let (usb_records, usb_commands, link) = usb::set_up(memory, bus, unit);
+    let outboxes = Outboxes::new(probe_records, usb_records, boot_id);
+    let inboxes = Inboxes::new(probe_commands, usb_commands);
+    ((outboxes, inboxes), link)
 }

@@ -2,23 +2,26 @@
 
 use core::task::Poll;
 
-use heapless::spsc::Consumer;
+use heapless::spsc::{Consumer, Producer};
 use palpate_node::acquisition::Sampled;
 use palpate_node::coil::CoilManager;
 use palpate_node::converter::{CONVERTERS, ConverterState};
 use palpate_node::instrument::{Hardware, Identity, Instrument, Usage};
 use palpate_node::supervision::Task;
-use palpate_procedure::Limits;
 use palpate_procedure::boot::Boot;
+use palpate_procedure::storage::{StorageOrder, StorageReport};
+use palpate_procedure::{Limits, Link};
 use palpate_wire::Record;
-use palpate_wire::code::{Board, Chip};
+use palpate_wire::code::{Board, Chip, RebootTarget};
 use palpate_wire::record::Hello;
 use rtic::Mutex;
 use rtic_monotonics::rp2040::prelude::*;
 
+use super::supervisor;
 use crate::board::coil::PicoCoil;
-use crate::board::{self, ASLEEP_US};
-use crate::link::{Inbox, Outbox, log};
+use crate::board::{self, ASLEEP_US, reset, usb};
+use crate::crash::{self, End};
+use crate::link::{Inboxes, Outboxes, log, reset_interface};
 use crate::supervision::CHECK_INS;
 use crate::wakeup::Sleeper;
 use crate::{Mono, app};
@@ -33,26 +36,42 @@ const IDENTITY_MS: u64 = 60;
 
 /// What the task owns.
 pub struct Channels {
-    /// To the PC.
-    outbox: Outbox,
-    /// From the PC.
-    inbox: Inbox,
+    /// To the PCs.
+    outboxes: Outboxes,
+    /// From the PCs.
+    inboxes: Inboxes,
     /// From the converters' tasks.
     samples: Samples,
+    /// To and from the storage.
+    storage: StorageClient,
     /// A sample has come, or a millisecond has passed.
     arrived: Sleeper,
+}
+
+/// The way to the storage and back.
+pub struct StorageClient {
+    /// What it is told.
+    pub orders: Producer<'static, StorageOrder>,
+    /// What it says.
+    pub reports: Consumer<'static, StorageReport>,
 }
 
 /// Samples of both converters.
 type Samples = [Consumer<'static, Sampled>; CONVERTERS];
 
 impl Channels {
-    /// The ways to the PC, those of the samples, and what wakes the task.
-    pub fn new((outbox, inbox): (Outbox, Inbox), samples: Samples, arrived: Sleeper) -> Self {
+    /// The ways to the PCs, of the samples and to the storage, and what wakes the task.
+    pub fn new(
+        (outboxes, inboxes): (Outboxes, Inboxes),
+        samples: Samples,
+        storage: StorageClient,
+        arrived: Sleeper,
+    ) -> Self {
         Self {
-            outbox,
-            inbox,
+            outboxes,
+            inboxes,
             samples,
+            storage,
             arrived,
         }
     }
@@ -64,6 +83,8 @@ pub struct Run {
     pub boot: Boot,
     /// Its number.
     pub boot_id: u32,
+    /// The flash memory's own number.
+    pub unit: u64,
     /// The clocks run as planned.
     pub clocks_run: bool,
 }
@@ -71,15 +92,17 @@ pub struct Run {
 /// Takes what comes, for ever.
 pub async fn instrument(cx: app::instrument::Context<'_>) {
     let Channels {
-        outbox,
-        inbox,
+        outboxes,
+        inboxes,
         samples,
+        storage: StorageClient { orders, reports },
         arrived,
     } = cx.local.channels;
     let mut hardware = PicoHardware {
         coil: cx.shared.coil,
         converters: cx.shared.converters,
-        outbox,
+        outboxes,
+        orders,
     };
     let instrument = cx.local.instrument;
     for _ in 0..IDENTITY_MS {
@@ -92,7 +115,11 @@ pub async fn instrument(cx: app::instrument::Context<'_>) {
     instrument.begin(&mut hardware, identity(cx.local.run));
     loop {
         CHECK_INS.check_in(Task::Instrument);
-        work(instrument, &mut hardware, samples, inbox);
+        work(instrument, &mut hardware, samples, inboxes);
+        if let Some(report) = reports.dequeue() {
+            instrument.stored(&mut hardware, &report);
+        }
+        usb::call();
         wait(arrived).await;
     }
 }
@@ -101,7 +128,7 @@ fn work(
     instrument: &mut Instrument,
     hardware: &mut impl Hardware,
     samples: &mut Samples,
-    inbox: &mut Inbox,
+    inboxes: &mut Inboxes,
 ) {
     let mut stepped = false;
     for (converter, samples) in (0_u8..).zip(samples) {
@@ -113,9 +140,16 @@ fn work(
             stepped = true;
         }
     }
-    if let Some(received) = inbox.receive(COMMAND_BYTES) {
-        instrument.received(hardware, &received);
-        stepped = true;
+    for link in Link::ALL {
+        if let Some(received) = inboxes.receive(link, COMMAND_BYTES) {
+            instrument.received(hardware, link, &received);
+            stepped = true;
+        }
+    }
+    if let Some(target) = reset_interface::take_asked()
+        && !instrument.asked_to_restart(hardware, target)
+    {
+        reset_interface::ask(target);
     }
     instrument.poll(hardware, stepped);
 }
@@ -148,7 +182,7 @@ fn identity(run: &mut Run) -> Identity {
             dirty: hexadecimal(env!("PALPATE_DIRTY")) != 0,
             simulated: false,
             board: Board::Pico,
-            unit: 0,
+            unit: run.unit,
             reset_cause: run.boot.cause,
             chip: Chip::Absent,
             second_chip: Chip::Absent,
@@ -160,6 +194,7 @@ fn identity(run: &mut Run) -> Identity {
             crash: run.boot.crash.take(),
         },
         clocks_run: run.clocks_run,
+        storage: true,
         limits: Limits::REFERENCE,
     }
 }
@@ -168,7 +203,8 @@ fn identity(run: &mut Run) -> Identity {
 struct PicoHardware<'a, C, S> {
     coil: C,
     converters: S,
-    outbox: &'a mut Outbox,
+    outboxes: &'a mut Outboxes,
+    orders: &'a mut Producer<'static, StorageOrder>,
 }
 
 impl<C, S> Hardware for PicoHardware<'_, C, S>
@@ -193,11 +229,28 @@ where
         self.converters.lock(work)
     }
 
-    fn send(&mut self, at_us: u64, record: &Record) {
+    fn send(&mut self, to: Option<Link>, at_us: u64, record: &Record) {
         if let Record::Sample(_) = record {
             defmt::debug!("procedure has {} us", at_us);
         }
-        self.outbox.send(at_us, record);
+        self.outboxes.send(to, at_us, record);
+    }
+
+    fn order(&mut self, order: StorageOrder) {
+        // It has reported the last one, and so has room.
+        let _ = self.orders.enqueue(order);
+    }
+
+    fn restart(&mut self, target: RebootTarget) {
+        crash::keep(&End::Asked);
+        match target {
+            RebootTarget::BootLoader => reset::restart_into_boot_loader(),
+            _ => reset::restart(),
+        }
+    }
+
+    fn locate(&mut self, for_us: u64) {
+        supervisor::locate(for_us);
     }
 
     fn usage(&mut self) -> Usage {

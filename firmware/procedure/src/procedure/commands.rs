@@ -216,7 +216,7 @@ impl Procedure {
     }
 
     /// Bridge off and disarmed, then the device starts anew.
-    fn restart(&mut self, target: RebootTarget, out: &mut Out<'_>) -> Outcome {
+    pub(super) fn restart(&mut self, target: RebootTarget, out: &mut Out<'_>) -> Outcome {
         if self.is_occupied() {
             return Outcome::Busy;
         }

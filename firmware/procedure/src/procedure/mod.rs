@@ -192,6 +192,7 @@ impl Procedure {
             Event::Scan(scan) => self.scan(scan, &mut out),
             Event::Command(link, frame) => self.command(*link, frame, &mut out),
             Event::NotUnderstood(_, error) => self.not_understood(error, &mut out),
+            Event::Restart(target) => drop(self.restart(*target, &mut out)),
             Event::Storage(report) => self.storage_reported(report, &mut out),
             Event::CoilTested(found) => self.coil_tested(found, &mut out),
             Event::CurrentTraced { at, trace } => {

@@ -1,5 +1,5 @@
-//! Clocks: 200 MHz from the crystal for everything, 48 MHz for the ADC, and the LDC's own; and the
-//! core voltage that 200 MHz need.
+//! Clocks: 200 MHz from the crystal for everything, 48 MHz for ADC and USB, and the LDC's
+//! own; and the core voltage that 200 MHz need.
 //!
 //! Crystal and PLLs are those of `rp2040-hal`, in states that a program cannot skip. Each is polled
 //! within a bound here: the HAL's own set-up waits without one
@@ -137,7 +137,7 @@ fn start_pll(
     Some(())
 }
 
-/// The processor and the peripherals to the system's PLL, the ADC to its own.
+/// The processor and the peripherals to the system's PLL, ADC and USB to theirs.
 fn distribute(clocks: &CLOCKS) -> Option<()> {
     clocks
         .clk_sys_ctrl()
@@ -148,6 +148,9 @@ fn distribute(clocks: &CLOCKS) -> Option<()> {
         .write(|w| w.auxsrc().clk_sys().enable().set_bit());
     clocks
         .clk_adc_ctrl()
+        .write(|w| w.auxsrc().clksrc_pll_usb().enable().set_bit());
+    clocks
+        .clk_usb_ctrl()
         .write(|w| w.auxsrc().clksrc_pll_usb().enable().set_bit());
     Some(())
 }

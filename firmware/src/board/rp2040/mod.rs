@@ -4,12 +4,14 @@ mod clocks;
 mod code_in_memory;
 pub mod coil;
 mod control;
+pub mod flash;
 mod float;
 pub mod i2c;
 pub mod pins;
 pub mod reset;
 mod routines;
 pub mod safe;
+pub mod usb;
 pub mod vectors;
 
 pub use pins::Board;

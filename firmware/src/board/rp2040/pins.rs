@@ -8,7 +8,9 @@ use palpate_node::board::{Clkin, cycles};
 use palpate_node::converter::CONVERTERS;
 use rp2040_pac::{IO_BANK0, PADS_BANK0, PWM, Peripherals, SIO};
 
-use super::{clocks, coil, i2c, wait};
+use usb_device::bus::UsbBusAllocator;
+
+use super::{clocks, coil, flash, i2c, usb, wait};
 
 /// I2C data.
 pub const SDA: usize = 4;
@@ -173,6 +175,10 @@ pub struct Board {
     pub supervisor: Option<Supervisor>,
     /// A number drawn by chance, never 0.
     pub boot_id: u32,
+    /// The flash memory's own number; 0 if it has none.
+    pub unit: u64,
+    /// USB; nothing where the clocks do not run.
+    pub usb: Option<UsbBusAllocator<usb::Bus>>,
 }
 
 impl Board {
@@ -224,6 +230,16 @@ impl Board {
         output(LED, false);
         input(BRIDGE_FAULT, PULL_UP);
         i2c::set_up();
+        let usb = if clocks_run {
+            usb::set_up(
+                device.USBCTRL_REGS,
+                device.USBCTRL_DPRAM,
+                device.CLOCKS,
+                &mut resets,
+            )
+        } else {
+            None
+        };
         Self {
             // Without clocks the coil stays off: its periods would have any length.
             supervisor: if clocks_run { coil::start() } else { None },
@@ -232,6 +248,8 @@ impl Board {
             resets,
             watchdog: device.WATCHDOG,
             boot_id: draw(&device.ROSC),
+            unit: flash::number(),
+            usb,
         }
     }
 }

@@ -43,6 +43,17 @@ pub fn uptime_ms() -> u32 {
     timer.timerawl().read().bits() / 1_000
 }
 
+/// Resets the chip into its boot loader, which takes an image over USB and starts it. The bridge goes
+/// off with the reset, and before.
+pub fn restart_into_boot_loader() -> ! {
+    // SAFETY: the last thing that this run does.
+    let mark = unsafe { &*WATCHDOG::ptr() }.scratch0();
+    // The watchdog by which the boot loader starts the new image is not the firmware's.
+    // SAFETY: any word may be kept there.
+    mark.write(|w| unsafe { w.bits(0) });
+    rp2040_hal::rom_data::reset_to_usb_boot(0, 0)
+}
+
 /// Resets the chip.
 pub fn restart() -> ! {
     // SAFETY: the last thing that this run does.

@@ -1,0 +1,204 @@
+//! The flash memory: its number, and the area that keeps settings and calibration.
+//!
+//! The boot ROM's functions do the work (RP2040 datasheet, 2.8.3.1.3). While one of them runs, nothing
+//! can be read from flash: everything that runs meanwhile lies in memory, constants too (build.rs). So
+//! interrupts go on. Afterwards flash is read by the ROM's simplest command, a byte at a time: the
+//! start is over, and what is read from then on is little.
+
+#![allow(unsafe_code)]
+
+use embedded_storage_async::nor_flash::{
+    ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
+};
+use rp2040_hal::rom_data;
+use rp2040_pac::{IO_QSPI, XIP_SSI};
+
+use super::safe::bridge_off;
+
+/// Where the flash is read (datasheet 2.6.3).
+const BASE: usize = 0x1000_0000;
+/// Bytes of it: 2 MiB on a Raspberry Pi Pico.
+const CAPACITY: usize = 2 * 1024 * 1024;
+/// Bytes of the area at its end.
+pub const AREA: usize = 64 * 1024;
+/// Where that begins, from the beginning of the flash.
+const AREA_START: usize = CAPACITY - AREA;
+/// What is erased at once (W25Q16JV datasheet, 8.2.15).
+const SECTOR: usize = 4096;
+/// What is programmed at once (8.2.13).
+const PAGE: usize = 256;
+/// A block that the ROM may erase at once, and the command for it (8.2.17). The area is erased sector
+/// by sector: a block takes longer than the storage wants to wait.
+const BLOCK: u32 = 64 * 1024;
+const ERASE_BLOCK: u8 = 0xD8;
+/// Read Unique ID Number (8.2.27): the command, four bytes without meaning, then the number.
+const READ_NUMBER: u8 = 0x4B;
+const BEFORE_NUMBER: usize = 5;
+const NUMBER: usize = 8;
+/// Questions for a byte of an answer: 100 us at 200 MHz, where one takes half a microsecond.
+const POLLS: usize = 2_000;
+
+/// The flash's unique number; 0 if it does not answer. Once, before interrupts are on.
+pub fn number() -> u64 {
+    // SAFETY: nothing reads flash meanwhile: this code and its constants lie in memory, and no
+    // interrupt is on.
+    unsafe {
+        rom_data::connect_internal_flash();
+        rom_data::flash_exit_xip();
+        select(true);
+        let number = exchange_number();
+        select(false);
+        rom_data::flash_flush_cache();
+        rom_data::flash_enter_cmd_xip();
+        number.unwrap_or(0)
+    }
+}
+
+/// Holds the chip select low, or high.
+fn select(on: bool) {
+    // SAFETY: the pin is the flash's alone. The ROM gives it back to the controller afterwards.
+    let pin = unsafe { &*IO_QSPI::ptr() }.gpio_qspiss();
+    pin.gpio_ctrl().modify(|_, w| {
+        if on {
+            w.outover().low()
+        } else {
+            w.outover().high()
+        }
+    });
+}
+
+fn exchange_number() -> Option<u64> {
+    let mut number = 0;
+    for index in 0..BEFORE_NUMBER + NUMBER {
+        let sent = if index == 0 { READ_NUMBER } else { 0 };
+        let answer = exchange(sent)?;
+        if index >= BEFORE_NUMBER {
+            number = number << 8 | u64::from(answer);
+        }
+    }
+    Some(number)
+}
+
+/// Sends a byte and takes the one that comes for it.
+fn exchange(sent: u8) -> Option<u8> {
+    // SAFETY: the controller is in the ROM's serial mode, and this code's alone.
+    let controller = unsafe { &*XIP_SSI::ptr() };
+    // SAFETY: any byte may be sent.
+    controller.dr0().write(|w| unsafe { w.bits(sent.into()) });
+    let has_come = (0..POLLS).any(|_| controller.sr().read().rfne().bit_is_set());
+    has_come.then(|| controller.dr0().read().bits() as u8)
+}
+
+/// The area for settings and calibration. There is one.
+pub struct Area(());
+
+impl Area {
+    /// The area, for whoever keeps it.
+    ///
+    /// # Safety
+    /// Once only: whoever has it is the only one that reads or changes flash.
+    pub const unsafe fn take() -> Self {
+        Self(())
+    }
+}
+
+/// Why the flash does not do what it is asked.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FlashError(NorFlashErrorKind);
+
+impl NorFlashError for FlashError {
+    fn kind(&self) -> NorFlashErrorKind {
+        self.0
+    }
+}
+
+impl ErrorType for Area {
+    type Error = FlashError;
+}
+
+/// The address from the beginning of the flash, where so many bytes lie within the area.
+fn within(offset: u32, length: usize, unit: usize) -> Result<u32, FlashError> {
+    let offset = offset as usize;
+    if !offset.is_multiple_of(unit) || !length.is_multiple_of(unit) {
+        return Err(FlashError(NorFlashErrorKind::NotAligned));
+    }
+    match offset.checked_add(length) {
+        Some(end) if end <= AREA => Ok((AREA_START + offset) as u32),
+        _ => Err(FlashError(NorFlashErrorKind::OutOfBounds)),
+    }
+}
+
+/// Lets `work` change the flash, with the bridge off and without a read from it.
+///
+/// # Safety
+/// `work` reads nothing from flash.
+unsafe fn change(work: impl FnOnce()) {
+    bridge_off();
+    // SAFETY: whatever runs meanwhile lies in memory (build.rs).
+    unsafe {
+        rom_data::connect_internal_flash();
+        rom_data::flash_exit_xip();
+        work();
+        rom_data::flash_flush_cache();
+        rom_data::flash_enter_cmd_xip();
+    }
+}
+
+impl ReadNorFlash for Area {
+    const READ_SIZE: usize = 1;
+
+    async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), FlashError> {
+        let address = BASE + within(offset, bytes.len(), Self::READ_SIZE)? as usize;
+        for (slot, at) in bytes.iter_mut().zip(address..) {
+            // SAFETY: within the flash, which can be read now.
+            *slot = unsafe { (at as *const u8).read_volatile() };
+        }
+        Ok(())
+    }
+
+    fn capacity(&self) -> usize {
+        AREA
+    }
+}
+
+impl NorFlash for Area {
+    const WRITE_SIZE: usize = 4;
+    const ERASE_SIZE: usize = SECTOR;
+
+    async fn erase(&mut self, from: u32, to: u32) -> Result<(), FlashError> {
+        let length = to.checked_sub(from);
+        let length = length.ok_or(FlashError(NorFlashErrorKind::OutOfBounds))? as usize;
+        let start = within(from, length, SECTOR)?;
+        for sector in (0..length).step_by(SECTOR) {
+            let sector = start + sector as u32;
+            // SAFETY: nothing is read.
+            unsafe {
+                change(|| rom_data::flash_range_erase(sector, SECTOR, BLOCK, ERASE_BLOCK));
+            }
+        }
+        Ok(())
+    }
+
+    async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), FlashError> {
+        let start = within(offset, bytes.len(), Self::WRITE_SIZE)? as usize;
+        let mut rest = bytes;
+        let mut at = start;
+        while !rest.is_empty() {
+            let from = at % PAGE;
+            let (now, later) = rest.split_at(rest.len().min(PAGE - from));
+            // Bits that are not to change stay as they are where ones are programmed.
+            let mut page = [0xFF; PAGE];
+            for (slot, byte) in page.iter_mut().skip(from).zip(now) {
+                *slot = *byte;
+            }
+            let address = (at - from) as u32;
+            // SAFETY: the page lies in memory.
+            unsafe {
+                change(|| rom_data::flash_range_program(address, page.as_ptr(), PAGE));
+            }
+            at += now.len();
+            rest = later;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,204 @@
+//! The link over USB: one serial interface (CDC-ACM) with the same frames as the debug probe's, and
+//! [`ResetInterface`].
+
+use heapless::spsc::{Consumer, Producer, Queue};
+use palpate_node::link::{ByteSource, FrameQueue, FrameReceiver, FrameSender};
+use usb_device::bus::UsbBusAllocator;
+use usb_device::device::{
+    StringDescriptors, UsbDevice, UsbDeviceBuilder, UsbDeviceState, UsbVidPid,
+};
+use usbd_serial::CdcAcmClass;
+
+use super::reset_interface::ResetInterface;
+use crate::board::usb::{self, Bus};
+
+/// For tests and prototypes (pid.codes, 1209:0001), until the project has a number of its own.
+const VENDOR_AND_PRODUCT: UsbVidPid = UsbVidPid(0x1209, 0x0001);
+/// What a Pico takes from the cable at 200 MHz, with its converters, is below; the coil has a supply
+/// of its own.
+const GREATEST_CURRENT_MA: usize = 100;
+/// The largest packet of a bulk endpoint at full speed (USB 2.0, 5.8.3).
+const PACKET: usize = 64;
+/// Bytes of records that wait for the PC: a twentieth of a second of the fullest stream, and more
+/// than the 30 ms for which an operating system may leave a port alone.
+const RECORDS: usize = 4096;
+/// Bytes of commands that wait for the instrument: several of the longest frames.
+const COMMANDS: usize = 1024;
+
+/// What lasts as long as the firmware.
+pub struct Memory {
+    bus: Option<UsbBusAllocator<Bus>>,
+    serial_number: [u8; SERIAL_NUMBER],
+    records: FrameQueue<RECORDS>,
+    commands: Queue<u8, COMMANDS>,
+}
+
+/// Hexadecimal digits of the flash memory's unique number.
+const SERIAL_NUMBER: usize = 16;
+
+impl Memory {
+    /// Nothing yet.
+    pub const fn new() -> Self {
+        Self {
+            bus: None,
+            serial_number: [0; SERIAL_NUMBER],
+            records: FrameQueue::new(),
+            commands: Queue::new(),
+        }
+    }
+}
+
+/// Commands, as they came.
+pub struct UsbCommands(Consumer<'static, u8>);
+
+impl ByteSource for UsbCommands {
+    fn read(&mut self) -> Option<u8> {
+        let byte = self.0.dequeue();
+        if byte.is_some() {
+            // What did not find room before may come now.
+            usb::let_through();
+        }
+        byte
+    }
+}
+
+/// The device, for its interrupt. Without a clock for it there is none.
+pub struct UsbLink {
+    on_bus: Option<OnBus>,
+    records: FrameReceiver<'static>,
+    commands: Producer<'static, u8>,
+    /// What is to be sent next, and how much of it there is.
+    packet: [u8; PACKET],
+    length: usize,
+    /// The last packet was full: a receiver waits for more until a shorter one comes.
+    is_unfinished: bool,
+}
+
+/// What is on the bus.
+struct OnBus {
+    device: UsbDevice<'static, Bus>,
+    serial: CdcAcmClass<'static, Bus>,
+    reset: ResetInterface,
+}
+
+/// Sets the device up. Once only.
+pub fn set_up(
+    memory: &'static mut Memory,
+    bus: Option<UsbBusAllocator<Bus>>,
+    unit: u64,
+) -> (FrameSender<'static>, UsbCommands, UsbLink) {
+    let Memory {
+        bus: place,
+        serial_number,
+        records,
+        commands,
+    } = memory;
+    write_hexadecimal(unit, serial_number);
+    let on_bus = bus.and_then(|bus| OnBus::new(place.insert(bus), serial_number));
+    let (sender, records) = records.split();
+    let (producer, consumer) = commands.split();
+    let link = UsbLink {
+        on_bus,
+        records,
+        commands: producer,
+        packet: [0; PACKET],
+        length: 0,
+        is_unfinished: false,
+    };
+    (sender, UsbCommands(consumer), link)
+}
+
+impl OnBus {
+    fn new(bus: &'static UsbBusAllocator<Bus>, serial_number: &'static [u8]) -> Option<Self> {
+        let serial = CdcAcmClass::new(bus, PACKET as u16);
+        let reset = ResetInterface::new(bus);
+        let strings = StringDescriptors::default()
+            .manufacturer("palpate")
+            .product("palpate tactile sensor")
+            .serial_number(core::str::from_utf8(serial_number).ok()?);
+        let device = UsbDeviceBuilder::new(bus, VENDOR_AND_PRODUCT)
+            .composite_with_iads()
+            .strings(&[strings])
+            .ok()?
+            .max_power(GREATEST_CURRENT_MA)
+            .ok()?
+            .max_packet_size_0(PACKET as u8)
+            .ok()?
+            .build();
+        Some(Self {
+            device,
+            serial,
+            reset,
+        })
+    }
+
+    /// A PC has opened the port.
+    fn is_open(&self) -> bool {
+        self.device.state() == UsbDeviceState::Configured && self.serial.dtr()
+    }
+}
+
+impl UsbLink {
+    /// Something has happened on the bus, or frames wait for it.
+    pub fn poll(&mut self) {
+        let Self {
+            on_bus: Some(on_bus),
+            records,
+            commands,
+            packet,
+            length,
+            is_unfinished,
+        } = self
+        else {
+            return;
+        };
+        on_bus
+            .device
+            .poll(&mut [&mut on_bus.serial, &mut on_bus.reset]);
+        let was_suspended = on_bus.device.state() == UsbDeviceState::Suspend;
+        if !was_suspended {
+            let is_open = on_bus.is_open();
+            records.set_open(is_open);
+            if !is_open {
+                (*length, *is_unfinished) = (0, false);
+            }
+        }
+        receive(&mut on_bus.serial, commands);
+        if *length == 0 {
+            *length = records.fill(packet);
+        }
+        let ready = packet.get(..*length).unwrap_or_default();
+        if (*length > 0 || *is_unfinished) && on_bus.serial.write_packet(ready).is_ok() {
+            *is_unfinished = *length == PACKET;
+            *length = 0;
+        }
+    }
+}
+
+/// Takes the bytes that have come. A packet for which there is no room stays where it is, and the
+/// interrupt that would come for it without end is held back until there is.
+fn receive(serial: &mut CdcAcmClass<'static, Bus>, commands: &mut Producer<'static, u8>) {
+    let mut packet = [0; PACKET];
+    while commands.capacity() - commands.len() >= PACKET {
+        let Ok(length) = serial.read_packet(&mut packet) else {
+            return;
+        };
+        for &byte in packet.iter().take(length) {
+            // There is room for every one.
+            let _ = commands.enqueue(byte);
+        }
+    }
+    usb::hold_back();
+}
+
+/// Writes a number in hexadecimal digits, the highest first.
+fn write_hexadecimal(number: u64, digits: &mut [u8; SERIAL_NUMBER]) {
+    let mut rest = number;
+    for digit in digits.iter_mut().rev() {
+        *digit = match (rest % 16) as u8 {
+            low @ 0..=9 => b'0' + low,
+            high => b'A' + (high - 10),
+        };
+        rest /= 16;
+    }
+}
