@@ -1,6 +1,10 @@
 //! The board: the processor's core with everything around it, stepped through time.
 
+mod boot_loader;
+
 use std::ops::Range;
+
+pub use boot_loader::{BootLoader, Uf2Error};
 
 use ldc161x_sim::{Chip, Settings, Time};
 use palpate_sim::electrical::{Circuit, Totals};
@@ -9,6 +13,7 @@ use rp2040_emu::core::CortexM0Plus;
 use crate::bridge::BridgeInputs;
 use crate::bus::SystemBus;
 use crate::coil::BridgeCircuit;
+use crate::flash::{Flash, FlashTimes};
 use crate::image::{Image, VECTORS};
 use crate::interrupts::HARD_FAULT;
 use crate::plant::Plant;
@@ -23,6 +28,10 @@ use crate::wire::{LineFault, Wire, WireLog};
 /// jitter suppression).
 const ENTRY_CYCLES: u64 = 16;
 const WFI: u32 = 0xBF30;
+/// How often the boot ROM looks for a second stage before it starts its loader, and how long each
+/// time takes (RP2040 datasheet 2.8.1: half a second in all; the ROM's source, `bootrom_main.c`).
+const BOOT_ATTEMPTS: u32 = 128;
+const BOOT_ATTEMPT: Time = Time::from_ms(4);
 
 /// In what one emulated board differs from another.
 #[derive(Clone, Debug)]
@@ -30,8 +39,11 @@ pub struct Options {
     /// True frequency of the crystal, Hz, from which everything is clocked; 0 for one that does not
     /// start.
     pub crystal_hz: f64,
-    /// Seed of the ring oscillator's chance.
+    /// Seed of the ring oscillator's chance, of the flash's identifier, and of what a cut of power
+    /// leaves in it.
     pub seed: u64,
+    /// How long the flash takes to erase and to program.
+    pub flash_times: FlashTimes,
     /// Cycles for a line of flash that is not in the cache. 400 ns for a word, 50 cycles, were
     /// measured at 125 MHz (oberon-rtk.org, "Flash Memory"); the second word of a line follows in
     /// the same transfer, eight nibbles at half the processor's clock.
@@ -58,6 +70,7 @@ impl Default for Options {
         Self {
             crystal_hz: 12e6,
             seed: 1,
+            flash_times: FlashTimes::default(),
             miss_cycles: 66,
             scl_rise: Time::from_ns(150),
             boot: Time::from_ms(2),
@@ -70,11 +83,13 @@ impl Default for Options {
     }
 }
 
-/// Resets since the board got its power.
+/// Resets since the board first got its power.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ResetCount {
     /// By the watchdog, requested or not.
     pub watchdog: u32,
+    /// By a loss of power.
+    pub power: u32,
 }
 
 /// An emulated Raspberry Pi Pico with a converter and a plant. A clone is a snapshot.
@@ -89,6 +104,7 @@ pub struct EmulatedBoard<P> {
     instructions: u64,
     asleep_ps: u64,
     profile: Option<Box<Profile>>,
+    boot_loader: Option<BootLoader>,
 }
 
 impl<P: Plant> Clone for EmulatedBoard<P> {
@@ -102,6 +118,7 @@ impl<P: Plant> Clone for EmulatedBoard<P> {
             instructions: self.instructions,
             asleep_ps: self.asleep_ps,
             profile: self.profile.clone(),
+            boot_loader: self.boot_loader.clone(),
         };
         let (from, to) = (&self.core.regs, &mut board.core.regs);
         to.r = from.r;
@@ -140,12 +157,14 @@ impl<P: Plant> EmulatedBoard<P> {
             instructions: 0,
             asleep_ps: 0,
             profile: None,
+            boot_loader: None,
         };
         board.start();
         board
     }
 
-    /// What the second stage does last: stack and entry from the vector table.
+    /// What boot ROM and second stage do: they find the flash and start the image in it, or the
+    /// loader.
     fn start(&mut self) {
         if let Some(profile) = &mut self.profile {
             profile.interrupted();
@@ -153,11 +172,55 @@ impl<P: Plant> EmulatedBoard<P> {
         let cycles = self.core.cycles;
         self.core = CortexM0Plus::new();
         self.core.cycles = cycles;
+        self.boot_loader = None;
         self.bus.boot_delay(self.boot);
+        if let Some(masks) = self.bus.rom_calls.usb_boot.take() {
+            self.start_boot_loader(masks);
+        } else if self.finds_second_stage() {
+            self.start_image();
+        } else {
+            self.start_boot_loader([0; 2]);
+        }
+    }
+
+    /// An erase that a reset has interrupted goes on, and the flash does not answer meanwhile.
+    fn finds_second_stage(&mut self) -> bool {
+        let mut attempts = 1;
+        while !self.bus.has_second_stage() && attempts < BOOT_ATTEMPTS {
+            self.bus.boot_delay(BOOT_ATTEMPT);
+            attempts += 1;
+        }
+        self.bus.has_second_stage()
+    }
+
+    /// What the second stage does last: stack and entry from the vector table.
+    fn start_image(&mut self) {
+        self.bus.enter_quad_xip();
         self.bus.private.ppb.vtor = VECTORS;
-        self.core.regs.msp = self.image.word(VECTORS);
-        self.core.regs.set_sp(self.image.word(VECTORS));
-        self.core.regs.set_pc(self.image.word(VECTORS + 4) & !1);
+        let stack = self.bus.flash_word(VECTORS);
+        self.core.regs.msp = stack;
+        self.core.regs.set_sp(stack);
+        self.core.regs.set_pc(self.bus.flash_word(VECTORS + 4) & !1);
+    }
+
+    fn start_boot_loader(&mut self, masks: [u32; 2]) {
+        self.bus.set_boot_loader_clock();
+        self.boot_loader = Some(BootLoader::new(masks));
+    }
+
+    fn reset_by_watchdog(&mut self) {
+        self.resets.watchdog += 1;
+        self.bus.reset();
+        self.start();
+    }
+
+    /// Cuts the board's power and gives it back at once. What is in RAM is lost, an erase or a
+    /// program that runs stays half done, and the board starts as it does when it first gets its
+    /// power. Flash, time, and what is outside of the board go on.
+    pub fn cycle_power(&mut self) {
+        self.resets.power += 1;
+        self.bus.cycle_power();
+        self.start();
     }
 
     // ---- time ----
@@ -204,7 +267,8 @@ impl<P: Plant> EmulatedBoard<P> {
             self.take_interrupt();
         }
         let mut begin_ps = self.bus.clock.now_ps();
-        if self.core.is_halted() || self.bus.private.parked {
+        let is_waiting = self.core.is_halted() || self.bus.private.parked;
+        if is_waiting || self.is_in_boot_loader() {
             self.bus.sleep(end_ps);
             self.asleep_ps += self.bus.clock.now_ps() - begin_ps;
             begin_ps = self.bus.clock.now_ps();
@@ -212,7 +276,7 @@ impl<P: Plant> EmulatedBoard<P> {
             self.execute();
         }
         if self.bus.clock.now_ps() >= self.bus.next_event_ps {
-            self.bus.service();
+            self.service();
         }
         if let Some(profile) = &mut self.profile {
             profile.pending(
@@ -221,11 +285,24 @@ impl<P: Plant> EmulatedBoard<P> {
             );
         }
         if self.bus.watchdog.has_fired {
-            self.resets.watchdog += 1;
-            self.bus.reset();
-            self.start();
+            self.reset_by_watchdog();
         }
         self.bus.stop.map_or(Ok(()), Err)
+    }
+
+    fn service(&mut self) {
+        self.bus.service();
+        if self.bus.take_new_code() {
+            self.core.invalidate_decode_cache_all();
+        }
+        if self
+            .bus
+            .memory
+            .flash
+            .has_lost_power(self.bus.clock.now_ps())
+        {
+            self.cycle_power();
+        }
     }
 
     fn execute(&mut self) {
@@ -358,6 +435,25 @@ impl<P: Plant> EmulatedBoard<P> {
     #[must_use]
     pub const fn image(&self) -> &Image {
         &self.image
+    }
+
+    /// Says which image is in flash after an update, so that its channels and symbols are found.
+    /// Changes nothing in flash.
+    pub fn set_image(&mut self, image: &Image) {
+        self.image = image.clone();
+    }
+
+    /// The flash chip: contents, erase counts, operations.
+    #[must_use]
+    pub const fn flash(&self) -> &Flash {
+        &self.bus.memory.flash
+    }
+
+    /// The flash chip, to disturb or to replace what it holds.
+    pub const fn flash_mut(&mut self) -> &mut Flash {
+        // What has changed is looked at before the next instruction but one.
+        self.bus.next_event_ps = 0;
+        &mut self.bus.memory.flash
     }
 
     /// Where the core is.

@@ -1,9 +1,9 @@
 //! The processor's bus: decodes addresses and forwards what is read and written to the blocks.
 
+mod flash;
+mod rom;
 mod schedule;
 mod wiring;
-
-use std::sync::Arc;
 
 use rp2040_emu::bus::ppb::Ppb;
 use rp2040_emu::core::{CoreBus, Nvic};
@@ -13,6 +13,7 @@ use crate::board::Options;
 use crate::clocks::{Clocks, Pll};
 use crate::coil::EmulatedCoil;
 use crate::dma::Dma;
+use crate::flash::Flash;
 use crate::gpio::{Gpio, function};
 use crate::i2c::I2c;
 use crate::image::Image;
@@ -22,7 +23,9 @@ use crate::plant::Plant;
 use crate::power::{Power, block};
 use crate::private::Private;
 use crate::pwm::Pwm;
+use crate::rom_calls::RomCalls;
 use crate::sio::Sio;
+use crate::ssi::Ssi;
 use crate::stop::Stop;
 use crate::time::Clock;
 use crate::timer::Timer;
@@ -41,7 +44,9 @@ pub(crate) mod base {
     pub(crate) const RESETS: u32 = 0x4000_C000;
     pub(crate) const PSM: u32 = 0x4001_0000;
     pub(crate) const IO_BANK0: u32 = 0x4001_4000;
+    pub(crate) const IO_QSPI: u32 = 0x4001_8000;
     pub(crate) const PADS_BANK0: u32 = 0x4001_C000;
+    pub(crate) const PADS_QSPI: u32 = 0x4002_0000;
     pub(crate) const XOSC: u32 = 0x4002_4000;
     pub(crate) const PLL_SYS: u32 = 0x4002_8000;
     pub(crate) const PLL_USB: u32 = 0x4002_C000;
@@ -71,6 +76,10 @@ pub(crate) struct SystemBus<P> {
     pub(crate) stall: u32,
     pub(crate) stop: Option<Stop>,
     pub(crate) next_event_ps: u64,
+    /// Code may have changed where some ran before: in flash, or in RAM around a call of the ROM.
+    has_new_code: bool,
+    ssi: Ssi,
+    pub(crate) rom_calls: RomCalls,
     sio: Sio,
     gpio: Gpio,
     clocks: Clocks,
@@ -89,7 +98,7 @@ pub(crate) struct SystemBus<P> {
 impl<P: Plant> SystemBus<P> {
     pub(crate) fn new(image: &Image, options: Options, wire: Wire<P>) -> Self {
         let conditions = wire.converters.first.sensors().conditions();
-        let flash = Arc::clone(&image.flash);
+        let flash = Flash::new(&image.flash, options.flash_times, options.seed);
         let mut bus = Self {
             memory: Memory::new(flash, options.ram_fill, options.miss_cycles),
             private: Private::new(),
@@ -98,6 +107,9 @@ impl<P: Plant> SystemBus<P> {
             stall: 0,
             stop: None,
             next_event_ps: 0,
+            has_new_code: false,
+            ssi: Ssi::new(),
+            rom_calls: RomCalls::default(),
             sio: Sio::default(),
             gpio: Gpio::new(),
             clocks: Clocks::new(options.crystal_hz, options.seed),
@@ -112,9 +124,27 @@ impl<P: Plant> SystemBus<P> {
             coil: EmulatedCoil::new(options.drive, options.seed, conditions),
             trace: options.trace.then(Trace::default),
         };
+        bus.enter_quad_xip();
         bus.connect();
         bus.settle();
         bus
+    }
+
+    /// The board loses its power and gets it again: contents of the flash and the outside remain.
+    pub(crate) fn cycle_power(&mut self) {
+        self.memory.flash.cycle_power(self.clock.now_ps());
+        self.reset();
+        self.memory.forget_ram();
+        self.power = Power::new();
+        self.watchdog = Watchdog::default();
+        self.rom_calls = RomCalls::default();
+        self.wire.converters.cycle_power(self.clock.now());
+        self.settle();
+    }
+
+    /// Whether code may have changed since the last call.
+    pub(crate) fn take_new_code(&mut self) -> bool {
+        self.memory.flash.take_changed() | std::mem::take(&mut self.has_new_code)
     }
 
     /// After the watchdog has reset the chip: memory, scratch registers and the outside remain.
@@ -123,6 +153,14 @@ impl<P: Plant> SystemBus<P> {
         self.trace_pulses(now_ps);
         self.run_coil(now_ps);
         self.memory.cache.flush();
+        // What has been sent to the flash goes on, and the rest does not come.
+        self.memory.flash.deselect(now_ps);
+        self.ssi = Ssi::new();
+        self.rom_calls = RomCalls {
+            usb_boot: self.rom_calls.usb_boot,
+            ..RomCalls::default()
+        };
+        self.follow_flash();
         self.private = Private::new();
         self.sio = Sio::default();
         self.gpio.reset();
@@ -146,6 +184,9 @@ impl<P: Plant> SystemBus<P> {
     /// Charges one memory access of the core.
     #[inline]
     pub(crate) fn charge_access(&mut self, address: u32) {
+        if let Some(what) = self.memory.closed(address) {
+            self.misuse(what);
+        }
         self.stall += self.memory.wait(address);
     }
 
@@ -155,6 +196,8 @@ impl<P: Plant> SystemBus<P> {
         self.charge_register(address);
         let offset = address & 0xFFF;
         let value = match address >> 28 {
+            0x0 => self.read_request(address),
+            0x1 => self.read_controller(address),
             0x4 => self.read_apb(base::of(address), offset),
             0x5 if address >> 12 & 0xF == 0 => self.dma.read(offset),
             0xD => self.gpio.read_sio(offset).or_else(|| self.sio.read(offset)),
@@ -172,6 +215,12 @@ impl<P: Plant> SystemBus<P> {
         self.charge_register(address);
         let offset = address & 0xFFF;
         let done = match address >> 28 {
+            0x0 => {
+                let done = self.write_request(address, value);
+                self.follow_flash();
+                self.accept(done)
+            }
+            0x1 => self.write_controller(address, value),
             0x4 => self.write_alias(address, value),
             0x5 if address >> 12 & 0xF == 0 => self.dma.write(offset, value),
             0xD => {
@@ -218,6 +267,8 @@ impl<P: Plant> SystemBus<P> {
             base::VREG_AND_CHIP_RESET => self.power.read_regulator(offset, now_ps),
             base::IO_BANK0 => self.gpio.read_bank(offset),
             base::PADS_BANK0 => self.gpio.read_pads(offset),
+            base::IO_QSPI => self.ssi.read_pins(offset),
+            base::PADS_QSPI => self.ssi.read_pads(offset),
             base::I2C0 => {
                 let value = self.i2c.read(offset);
                 self.refresh();
@@ -263,6 +314,8 @@ impl<P: Plant> SystemBus<P> {
             }
             base::IO_BANK0 => self.gpio.write_bank(offset, value)?,
             base::PADS_BANK0 => self.gpio.write_pads(offset, value)?,
+            base::IO_QSPI => self.write_select(offset, value)?,
+            base::PADS_QSPI => self.ssi.write_pads(offset, value)?,
             base::I2C0 => self.write_i2c(offset, value, now_ps)?,
             base::ADC => {
                 let clock_hz = self.clocks.adc_hz();
@@ -304,6 +357,14 @@ impl<P: Plant> SystemBus<P> {
         }
         if enters(block::PADS_BANK0) {
             self.gpio.reset_pads();
+        }
+        if enters(block::IO_QSPI) {
+            self.memory.flash.deselect(self.clock.now_ps());
+            self.ssi.reset_pins();
+            self.follow_flash();
+        }
+        if enters(block::PADS_QSPI) {
+            self.ssi.reset_pads();
         }
         if enters(block::PWM) {
             self.pwm.reset();

@@ -80,6 +80,16 @@ impl<P: ldc161x_sim::Sensors> Converters<P> {
         changed
     }
 
+    /// They lose their power and get it again.
+    pub(crate) fn cycle_power(&mut self, now: Time) {
+        self.first.advance_to(now);
+        self.first.brown_out();
+        if let Some(second) = &mut self.second {
+            second.advance_to(now);
+            second.brown_out();
+        }
+    }
+
     /// Whether one of them holds SDA low.
     pub(crate) fn sda_is_low(&mut self, now: Time) -> bool {
         let second = &mut self.second;

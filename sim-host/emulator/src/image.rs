@@ -1,17 +1,17 @@
 //! The firmware image: the ELF file as it is flashed.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::path::Path;
 use std::sync::Arc;
 
+use crate::flash::{SECTOR, SIZE as FLASH_SIZE};
+use crate::uf2;
 use object::read::elf::{ElfFile32, ProgramHeader};
 use object::{Endianness, Object, ObjectSection, ObjectSymbol};
 
 /// Where the flash begins.
 pub(crate) const FLASH: u32 = 0x1000_0000;
-/// Size of the flash of a Raspberry Pi Pico.
-pub(crate) const FLASH_SIZE: usize = 2 * 1024 * 1024;
 /// Where the vector table lies: behind the second-stage loader.
 pub(crate) const VECTORS: u32 = FLASH + 0x100;
 
@@ -21,6 +21,8 @@ pub struct Image {
     pub(crate) flash: Arc<[u8]>,
     symbols: Arc<BTreeMap<String, u32>>,
     sections: Arc<BTreeMap<String, u32>>,
+    /// The sectors of the flash in which something of the image lies.
+    sectors: Arc<BTreeSet<u32>>,
     end: u32,
 }
 
@@ -66,6 +68,7 @@ impl Image {
             flash: Arc::from(vec![0xFF; FLASH_SIZE]),
             symbols: Arc::default(),
             sections: Arc::default(),
+            sectors: Arc::default(),
             end: FLASH,
         }
     }
@@ -87,6 +90,7 @@ impl Image {
         let elf = ElfFile32::<Endianness>::parse(bytes).map_err(ImageError::Format)?;
         let mut flash = vec![0xFF; FLASH_SIZE];
         let mut end = FLASH;
+        let mut sectors = BTreeSet::new();
         for header in elf.elf_program_headers() {
             let data = header
                 .data(elf.endian(), bytes)
@@ -102,6 +106,7 @@ impl Image {
                 .ok_or(ImageError::Misplaced { address })?
                 .copy_from_slice(data);
             end = end.max(address + data.len() as u32);
+            sectors.extend(offset / SECTOR..(offset + data.len()).div_ceil(SECTOR));
         }
         let symbols = elf
             .symbols()
@@ -115,12 +120,25 @@ impl Image {
             flash: flash.into(),
             symbols: Arc::new(symbols),
             sections: Arc::new(sections),
+            sectors: Arc::new(sectors.iter().map(|&sector| sector as u32).collect()),
             end,
         };
         if image.word(VECTORS + 4) & 0xF000_0001 != 0x1000_0001 {
             return Err(ImageError::NoVectors);
         }
         Ok(image)
+    }
+
+    /// The image as a UF2 for the boot loader's drive: every sector in which something of it lies,
+    /// whole, and no other.
+    #[must_use]
+    pub fn to_uf2(&self) -> Vec<u8> {
+        let sector_of = |&sector: &u32| {
+            let offset = sector as usize * SECTOR;
+            let bytes = self.flash.get(offset..offset + SECTOR)?;
+            Some((FLASH + offset as u32, bytes))
+        };
+        uf2::write(self.sectors.iter().filter_map(sector_of))
     }
 
     /// Bytes of flash from its beginning to the image's end.

@@ -1,9 +1,10 @@
-//! Memory of the processor: flash behind its cache, and RAM.
+//! Memory of the processor: boot ROM, flash behind its cache, and RAM.
 
 use std::sync::Arc;
 
-use crate::image::FLASH_SIZE;
-use crate::xip::Cache;
+use crate::flash::Flash;
+use crate::rom;
+use crate::xip::{Cache, ReadFormat};
 
 pub(crate) const RAM: u32 = 0x2000_0000;
 /// Four banks of 64 KiB and two of 4 KiB (datasheet 2.6.2).
@@ -11,28 +12,68 @@ pub(crate) const RAM_SIZE: usize = 264 * 1024;
 /// Addresses of the flash's window, in which its content repeats.
 const FLASH_MASK: u32 = 0xFF_FFFF;
 
-/// Flash and RAM.
+/// The windows through which the flash is read (2.6.3): 16 MiB each, cached, as the cache has it,
+/// fetched anew, and past the cache.
+mod window {
+    pub(super) const CACHED: u32 = 0x10;
+    pub(super) const NO_ALLOCATION: u32 = 0x11;
+    pub(super) const REFILL: u32 = 0x12;
+    pub(super) const UNCACHED: u32 = 0x13;
+
+    /// The window of an address.
+    pub(super) const fn of(address: u32) -> u32 {
+        address >> 24
+    }
+}
+
+/// Boot ROM, flash and RAM.
 #[derive(Clone)]
 pub(crate) struct Memory {
-    flash: Arc<[u8]>,
+    rom: Arc<[u8]>,
+    pub(crate) flash: Flash,
+    /// Why the flash cannot be read in place now.
+    pub(crate) closed: Option<&'static str>,
     ram: Vec<u8>,
+    fill: u8,
     pub(crate) cache: Cache,
 }
 
 impl Memory {
-    /// Flash with this content, and RAM that is filled with a byte.
-    pub(crate) fn new(flash: Arc<[u8]>, fill: u8, miss_cycles: u32) -> Self {
+    /// A flash, and RAM that is filled with a byte.
+    pub(crate) fn new(flash: Flash, fill: u8, miss_cycles: u32) -> Self {
         Self {
+            rom: rom::image(),
             flash,
+            closed: None,
             ram: vec![fill; RAM_SIZE],
+            fill,
             cache: Cache::new(miss_cycles),
+        }
+    }
+
+    /// What the RAM holds when the power comes.
+    pub(crate) fn forget_ram(&mut self) {
+        self.ram.fill(self.fill);
+    }
+
+    /// Takes how the flash is read in place, or why it cannot be.
+    pub(crate) fn follow_flash(&mut self, format: Result<ReadFormat, &'static str>) {
+        self.closed = format.err();
+        if let Ok(format) = format {
+            self.cache.set_format(format);
         }
     }
 
     /// Whether an address is memory.
     #[inline]
     pub(crate) fn contains(address: u32) -> bool {
-        is_flash(address) || Self::is_ram(address)
+        is_flash(address) || Self::is_ram(address) || address < rom::SIZE
+    }
+
+    /// Whether an address is flash that cannot be read now, and why.
+    #[inline]
+    pub(crate) fn closed(&self, address: u32) -> Option<&'static str> {
+        self.closed.filter(|_| is_flash(address))
     }
 
     /// Whether an address is RAM.
@@ -44,18 +85,24 @@ impl Memory {
     /// The cycles that an access waits.
     #[inline]
     pub(crate) fn wait(&mut self, address: u32) -> u32 {
-        if is_flash(address) {
-            self.cache.access(address & FLASH_MASK)
-        } else {
-            0
+        let offset = address & FLASH_MASK;
+        match window::of(address) {
+            window::CACHED => self.cache.access(offset),
+            window::NO_ALLOCATION => self.cache.read_only(offset),
+            window::REFILL => self.cache.refill(offset),
+            window::UNCACHED => self.cache.word_cycles(),
+            _ => 0,
         }
     }
 
     /// A byte; 0 outside of memory.
     #[inline]
     pub(crate) fn byte(&self, address: u32) -> u8 {
-        let (memory, offset) = if is_flash(address) {
-            (&*self.flash, (address & FLASH_MASK) as usize % FLASH_SIZE)
+        if is_flash(address) {
+            return self.flash.byte(address & FLASH_MASK);
+        }
+        let (memory, offset) = if address < rom::SIZE {
+            (&*self.rom, address as usize)
         } else {
             (&*self.ram, ram_offset(address))
         };
@@ -116,7 +163,7 @@ impl Memory {
 
 #[inline]
 const fn is_flash(address: u32) -> bool {
-    address >> 28 == 1
+    matches!(window::of(address), window::CACHED..=window::UNCACHED)
 }
 
 #[inline]

@@ -8,14 +8,16 @@ pub(crate) mod block {
     pub(crate) const DMA: u32 = 1 << 2;
     pub(crate) const I2C0: u32 = 1 << 3;
     pub(crate) const IO_BANK0: u32 = 1 << 5;
+    pub(crate) const IO_QSPI: u32 = 1 << 6;
     pub(crate) const PADS_BANK0: u32 = 1 << 8;
+    pub(crate) const PADS_QSPI: u32 = 1 << 9;
     pub(crate) const PLL_SYS: u32 = 1 << 12;
     pub(crate) const PLL_USB: u32 = 1 << 13;
     pub(crate) const PWM: u32 = 1 << 14;
     pub(crate) const TIMER: u32 = 1 << 21;
     pub(crate) const ALL: u32 = 0x01FF_FFFF;
     /// What the boot ROM needs to read the flash.
-    pub(crate) const FLASH: u32 = 1 << 6 | 1 << 9;
+    pub(crate) const FLASH: u32 = IO_QSPI | PADS_QSPI;
 }
 
 /// PSM.WDSEL: all but the oscillators, as the SDK sets it before it trusts the watchdog.
@@ -77,6 +79,11 @@ impl Power {
         self.regulator >> 4 & 0xF
     }
 
+    /// Lets the watchdog reset everything that it can, as the boot ROM does before it reboots.
+    pub(crate) const fn let_watchdog_reset_all(&mut self) {
+        self.watchdog_restarts = EVERYTHING;
+    }
+
     /// Whether the watchdog resets everything that it can.
     pub(crate) fn watchdog_resets_all(&self) -> bool {
         self.watchdog_restarts & EVERYTHING == EVERYTHING
@@ -86,6 +93,8 @@ impl Power {
     pub(crate) fn is_in_reset(&self, address: u32) -> bool {
         let block = match base::of(address) {
             base::IO_BANK0 => block::IO_BANK0,
+            base::IO_QSPI => block::IO_QSPI,
+            base::PADS_QSPI => block::PADS_QSPI,
             base::PADS_BANK0 => block::PADS_BANK0,
             base::PLL_SYS => block::PLL_SYS,
             base::PLL_USB => block::PLL_USB,

@@ -29,8 +29,24 @@ pub enum Stop {
         /// The instruction that did it.
         pc: u32,
     },
+    /// Something that the chip forbids, and on which it would hang or return anything.
+    Misused {
+        /// What, and how it is done instead.
+        what: &'static str,
+        /// The instruction that did it.
+        pc: u32,
+    },
     /// The expected event did not come in time.
     TimedOut,
+}
+
+/// Why a block does not take an access.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Refusal {
+    /// The register, or this value of it, is not modelled.
+    Unmodelled,
+    /// The chip forbids it: what, and how it is done instead.
+    Misuse(&'static str),
 }
 
 impl fmt::Display for Stop {
@@ -60,6 +76,7 @@ impl fmt::Display for Stop {
                 f,
                 "the instruction at {pc:#010x} accesses {address:#010x}, whose block is in reset"
             ),
+            Self::Misused { what, pc } => write!(f, "the instruction at {pc:#010x} {what}"),
             Self::TimedOut => f.write_str("what was waited for did not happen in time"),
         }
     }

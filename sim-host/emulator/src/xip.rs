@@ -5,6 +5,28 @@
 const LINE: u32 = 8;
 const SETS: usize = 1024;
 
+/// Clocks of the flash for command 03h with its address, on one wire (W25Q16JV datasheet 8.2).
+const SERIAL_CLOCKS: u32 = 32;
+/// Cycles of a fetch besides the clocks of the flash: what the measured cost of a word, 50 cycles,
+/// leaves beyond 20 clocks of two cycles (`Options::miss_cycles`).
+const FETCH_CYCLES: u32 = 10;
+/// Cycles of the second word of a line on four wires: eight clocks of two cycles.
+const QUAD_WORD_CYCLES: u32 = 16;
+/// Cycles of a flush: one a line and way (2.6.3.2).
+pub(crate) const FLUSH_CYCLES: u64 = SETS as u64;
+
+/// How the flash is read in place.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum ReadFormat {
+    /// On four wires, as the second stage sets it up.
+    Quad,
+    /// On one wire by command 03h, as the boot ROM sets it up (2.8.3, `flash_enter_cmd_xip`).
+    Serial {
+        /// Cycles of the system for a clock of the flash.
+        divider: u32,
+    },
+}
+
 /// The execute-in-place cache: 16 KiB, two ways, one cycle a hit.
 #[derive(Clone, Debug)]
 pub(crate) struct Cache {
@@ -12,7 +34,9 @@ pub(crate) struct Cache {
     /// The way that was used last.
     recent: Vec<u8>,
     last_line: u32,
-    miss_cycles: u32,
+    format: ReadFormat,
+    /// What a line costs on four wires.
+    quad_cycles: u32,
     pub(crate) hits: u64,
     pub(crate) misses: u64,
 }
@@ -26,7 +50,8 @@ impl Cache {
             tags: vec![[EMPTY; 2]; SETS],
             recent: vec![0; SETS],
             last_line: EMPTY,
-            miss_cycles,
+            format: ReadFormat::Quad,
+            quad_cycles: miss_cycles,
             hits: 0,
             misses: 0,
         }
@@ -35,6 +60,47 @@ impl Cache {
     pub(crate) fn flush(&mut self) {
         self.tags.fill([EMPTY; 2]);
         self.last_line = EMPTY;
+    }
+
+    /// Lets the flash be read in another way from now on.
+    pub(crate) const fn set_format(&mut self, format: ReadFormat) {
+        self.format = format;
+    }
+
+    const fn line_cycles(&self) -> u32 {
+        match self.format {
+            ReadFormat::Quad => self.quad_cycles,
+            ReadFormat::Serial { divider } => FETCH_CYCLES + (SERIAL_CLOCKS + 8 * LINE) * divider,
+        }
+    }
+
+    /// The cycles that a word without the cache waits: half a line.
+    pub(crate) const fn word_cycles(&self) -> u32 {
+        match self.format {
+            ReadFormat::Quad => self.quad_cycles.saturating_sub(QUAD_WORD_CYCLES),
+            ReadFormat::Serial { divider } => {
+                FETCH_CYCLES + (SERIAL_CLOCKS + 8 * LINE / 2) * divider
+            }
+        }
+    }
+
+    /// The cycles of an access that takes what the cache holds, and leaves it as it is.
+    pub(crate) fn read_only(&self, address: u32) -> u32 {
+        let line = address / LINE;
+        let tags = self.tags.get(line as usize % SETS);
+        if tags.is_some_and(|tags| tags.contains(&line)) {
+            0
+        } else {
+            self.word_cycles()
+        }
+    }
+
+    /// The cycles of an access that fetches its line whatever the cache holds.
+    pub(crate) fn refill(&mut self, address: u32) -> u32 {
+        let line = address / LINE;
+        self.last_line = line;
+        self.look_up(line);
+        self.line_cycles()
     }
 
     /// The cycles that an access to a flash address waits.
@@ -51,7 +117,7 @@ impl Cache {
     fn look_up(&mut self, line: u32) -> u32 {
         let set = line as usize % SETS;
         let (Some(tags), Some(recent)) = (self.tags.get_mut(set), self.recent.get_mut(set)) else {
-            return self.miss_cycles;
+            return self.line_cycles();
         };
         if tags[0] == line {
             *recent = 0;
@@ -62,7 +128,7 @@ impl Cache {
             tags[usize::from(way)] = line;
             *recent = way;
             self.misses += 1;
-            return self.miss_cycles;
+            return self.line_cycles();
         }
         self.hits += 1;
         0

@@ -8,6 +8,9 @@ use crate::plant::Plant;
 
 use super::SystemBus;
 
+/// The processor's clock in the boot ROM's loader, as USB needs it, Hz.
+const BOOT_LOADER_HZ: f64 = 48e6;
+
 /// Interrupt numbers (datasheet 2.3.2).
 mod line {
     pub(super) const TIMER: u32 = 0;
@@ -20,6 +23,7 @@ impl<P: Plant> SystemBus<P> {
     /// Does everything that is due, and finds out when something is due next.
     pub(crate) fn service(&mut self) {
         let now_ps = self.clock.now_ps();
+        self.service_flash(now_ps);
         self.timer.service(now_ps);
         self.i2c.service(now_ps, &mut self.wire);
         self.run_converters(now_ps);
@@ -33,6 +37,17 @@ impl<P: Plant> SystemBus<P> {
             }
         }
         self.settle();
+    }
+
+    /// The flash ends what is due, and the function of the boot ROM that waits for it goes on.
+    fn service_flash(&mut self, now_ps: u64) {
+        let flash = self.memory.flash.next_event();
+        let due_ps = flash.into_iter().chain(self.rom_calls.next_event()).min();
+        if due_ps.is_some_and(|due_ps| due_ps <= now_ps) {
+            self.memory.flash.service(now_ps);
+            self.service_rom(now_ps);
+            self.follow_flash();
+        }
     }
 
     /// Coil and trace see the old levels up to the wrap.
@@ -67,6 +82,8 @@ impl<P: Plant> SystemBus<P> {
             self.wire.converters.next_event(),
             self.pwm.next_event(now_ps),
             self.watchdog.next_event(),
+            self.memory.flash.next_event(),
+            self.rom_calls.next_event(),
             Some(self.coil.report_ps()),
         ];
         self.next_event_ps = due.into_iter().flatten().min().unwrap_or(u64::MAX);
@@ -99,6 +116,11 @@ impl<P: Plant> SystemBus<P> {
         let until_ps = self.next_event_ps.min(until_ps);
         let cycles = self.clock.cycles_until(until_ps).max(1);
         self.clock.advance(cycles);
+    }
+
+    /// Switches the processor to the clock of the boot ROM's loader (2.8.1, step of USB).
+    pub(crate) fn set_boot_loader_clock(&mut self) {
+        self.set_sys_clock(self.clock.now_ps(), BOOT_LOADER_HZ);
     }
 
     /// The boot ROM's time, in which nothing of the firmware runs.

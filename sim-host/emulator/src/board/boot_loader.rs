@@ -1,0 +1,158 @@
+//! The board in the boot ROM's loader, which shows itself as a drive (RP2040 datasheet 2.8.4).
+
+use std::collections::VecDeque;
+use std::fmt;
+
+use ldc161x_sim::Time;
+
+use crate::flash::{FlashOperationKind, SECTOR, SIZE};
+use crate::image::FLASH;
+use crate::plant::Plant;
+use crate::rom::RomFunction;
+use crate::rom_calls::Step;
+use crate::stop::Stop;
+use crate::uf2::{self, Download, Uf2Block};
+
+use super::EmulatedBoard;
+
+/// Bit of the disabled interfaces that takes the drive away (2.8.3.1.5).
+const NO_DRIVE: u32 = 1;
+/// From a whole UF2 to the reset: meant as 1 s by the boot ROM's source (`virtual_disk.c`), and half
+/// of it by erratum E1.
+const REBOOT: Time = Time::from_ms(500);
+
+/// How the boot loader was started.
+#[derive(Clone, Debug)]
+pub struct BootLoader {
+    /// Pins that show what the drive does, one bit each; 0 for none.
+    pub activity_pins: u32,
+    /// Bit 0: no drive; bit 1: no PICOBOOT.
+    pub disabled_interfaces: u32,
+    download: Download,
+}
+
+impl BootLoader {
+    pub(super) fn new([activity_pins, disabled_interfaces]: [u32; 2]) -> Self {
+        Self {
+            activity_pins,
+            disabled_interfaces,
+            download: Download::default(),
+        }
+    }
+}
+
+/// Why a UF2 was not written to its end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Uf2Error {
+    /// The board runs its firmware: it has to enter the boot loader first.
+    NotInBootLoader,
+    /// The drive was disabled when the boot loader was started.
+    NoDrive,
+    /// A block belongs elsewhere than into the 2 MiB of flash.
+    Misplaced {
+        /// Where it belongs.
+        address: u32,
+    },
+    /// The power failed; the board has started again with what flash it has.
+    PowerFailed,
+    /// What the emulation cannot follow.
+    Stopped(Stop),
+}
+
+impl fmt::Display for Uf2Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NotInBootLoader => {
+                f.write_str("the board is not in its boot loader: let it enter that first")
+            }
+            Self::NoDrive => {
+                f.write_str("the boot loader was started without its drive: start it with it")
+            }
+            Self::Misplaced { address } => write!(
+                f,
+                "a block of the UF2 belongs to {address:#010x}, which is not in the flash: build \
+                 it for the RP2040"
+            ),
+            Self::PowerFailed => {
+                f.write_str("the power failed while the UF2 was written: write it again")
+            }
+            Self::Stopped(stop) => stop.fmt(f),
+        }
+    }
+}
+
+impl std::error::Error for Uf2Error {}
+
+impl<P: Plant> EmulatedBoard<P> {
+    /// Whether the board is in the boot ROM's loader, where nothing of the firmware runs and all
+    /// pins are as after a reset.
+    #[must_use]
+    pub const fn is_in_boot_loader(&self) -> bool {
+        self.boot_loader.is_some()
+    }
+
+    /// How the boot loader was started, if the board is in it.
+    #[must_use]
+    pub const fn boot_loader(&self) -> Option<&BootLoader> {
+        self.boot_loader.as_ref()
+    }
+
+    /// Writes a UF2 as the boot loader's drive does, block by block, in the time that the flash
+    /// takes; the time on the bus is left out. Blocks that are none of the RP2040's are passed over.
+    /// A sector is erased with every sixteenth block number, which is right for files of whole
+    /// sectors such as [`crate::Image::to_uf2`] makes. With the last block of a file the board
+    /// restarts into what is then in flash; before, it stays in the boot loader.
+    ///
+    /// # Errors
+    /// [`Uf2Error`].
+    pub fn write_uf2(&mut self, bytes: &[u8]) -> Result<(), Uf2Error> {
+        let loader = self.boot_loader.as_ref().ok_or(Uf2Error::NotInBootLoader)?;
+        if loader.disabled_interfaces & NO_DRIVE != 0 {
+            return Err(Uf2Error::NoDrive);
+        }
+        for block in bytes.chunks(uf2::BLOCK).filter_map(Uf2Block::parse) {
+            self.write_block(block)?;
+        }
+        let is_whole = |loader: &BootLoader| loader.download.is_whole();
+        if self.boot_loader.as_ref().is_some_and(is_whole) {
+            self.run_for(REBOOT).map_err(Uf2Error::Stopped)?;
+            self.reset_by_watchdog();
+        }
+        Ok(())
+    }
+
+    fn write_block(&mut self, block: Uf2Block) -> Result<(), Uf2Error> {
+        let address = block.address;
+        let offset = address
+            .checked_sub(FLASH)
+            .filter(|offset| (*offset as usize) < SIZE)
+            .ok_or(Uf2Error::Misplaced { address })?;
+        let download = self.boot_loader.as_mut().map(|loader| &mut loader.download);
+        let Some(write) = download.and_then(|download| download.take(&block)) else {
+            return Ok(());
+        };
+        let mut steps = VecDeque::new();
+        if write.erases {
+            let sector = offset & !(SECTOR as u32 - 1);
+            steps.push_back(Step::erase(FlashOperationKind::EraseSector, sector));
+        }
+        steps.push_back(Step::program(offset, block.payload));
+        self.bus.ssi_for_boot_loader();
+        self.bus.run(RomFunction::FlashRangeProgram, steps);
+        self.finish_writing()
+    }
+
+    /// Lets time pass until the flash has taken what was begun.
+    fn finish_writing(&mut self) -> Result<(), Uf2Error> {
+        let restarts = self.resets;
+        self.bus.service();
+        while self.bus.rom_calls.running.is_some() {
+            self.step(u64::MAX).map_err(Uf2Error::Stopped)?;
+        }
+        if self.resets == restarts {
+            Ok(())
+        } else {
+            Err(Uf2Error::PowerFailed)
+        }
+    }
+}

@@ -1,0 +1,166 @@
+//! The flash on the bus: its controller's registers, its cache's, and whether it can be read in
+//! place.
+
+use crate::flash::SIZE;
+use crate::plant::Plant;
+use crate::stop::{Refusal, Stop};
+
+use super::SystemBus;
+
+/// Where the registers of cache and controller lie (RP2040 datasheet 2.2.2).
+mod base {
+    pub(super) const XIP_CTRL: u32 = 0x1400_0000;
+    pub(super) const SSI: u32 = 0x1800_0000;
+
+    /// The block of an address, behind any of the four views of its registers.
+    pub(super) const fn of(address: u32) -> u32 {
+        address & !0x3FFF
+    }
+}
+
+/// XIP_CTRL by offset, and its bits after a reset: enabled, errors for writes (2.6.3.6).
+const CTRL: u32 = 0x0;
+const FLUSH: u32 = 0x4;
+const STAT: u32 = 0x8;
+const ENABLED: u32 = 0b11;
+/// STAT: a flush is done, and nothing is streamed.
+const READY: u32 = 0b11;
+/// Mode bits of a read that keep the flash continuous, as the second stage sends them.
+const CONTINUOUS: u8 = 0xA0;
+/// Bytes of the second stage, of which the last four are their checksum (2.8.1.3).
+const SECOND_STAGE: u32 = 256;
+const CHECKSUM: u32 = 4;
+
+impl<P: Plant> SystemBus<P> {
+    /// What a block refuses ends the run; nothing if the access is not modelled.
+    pub(super) fn accept<T: Default>(&mut self, result: Result<T, Refusal>) -> Option<T> {
+        match result {
+            Ok(value) => Some(value),
+            Err(Refusal::Unmodelled) => None,
+            Err(Refusal::Misuse(what)) => {
+                self.misuse(what);
+                Some(T::default())
+            }
+        }
+    }
+
+    pub(super) fn misuse(&mut self, what: &'static str) {
+        let pc = self.pc;
+        self.stop.get_or_insert(Stop::Misused { what, pc });
+    }
+
+    /// An access to what drives the flash, while a function of the boot ROM drives it.
+    pub(super) fn check_controller(&mut self) {
+        if self.rom_calls.running.is_some() {
+            self.misuse("accesses the flash's controller while a function of the boot ROM runs");
+        }
+    }
+
+    pub(super) fn read_controller(&mut self, address: u32) -> Option<u32> {
+        let offset = address & 0xFFF;
+        match base::of(address) {
+            base::XIP_CTRL => match offset {
+                CTRL => Some(ENABLED),
+                FLUSH => Some(0),
+                STAT => Some(READY),
+                _ => None,
+            },
+            base::SSI => {
+                self.check_controller();
+                let now_ps = self.clock.now_ps();
+                let value = self.ssi.read(offset, now_ps, &mut self.memory.flash);
+                self.follow_flash();
+                self.refresh();
+                self.accept(value)
+            }
+            _ => None,
+        }
+    }
+
+    pub(super) fn write_controller(&mut self, address: u32, value: u32) -> Option<()> {
+        let offset = address & 0xFFF;
+        match base::of(address) {
+            base::XIP_CTRL => self.write_cache(address, value),
+            base::SSI => {
+                self.check_controller();
+                let (now_ps, hz) = (self.clock.now_ps(), self.clock.hz());
+                let flash = &mut self.memory.flash;
+                let done = self.ssi.write(offset, value, now_ps, hz, flash);
+                self.follow_flash();
+                self.accept(done)
+            }
+            _ => None,
+        }
+    }
+
+    /// The cache stays enabled and keeps its errors: it is not modelled as memory.
+    fn write_cache(&mut self, address: u32, value: u32) -> Option<()> {
+        let control = match address >> 12 & 0b11 {
+            0 => value,
+            1 => ENABLED ^ value,
+            2 => ENABLED | value,
+            _ => ENABLED & !value,
+        };
+        match address & 0xFFF {
+            CTRL if control == ENABLED => Some(()),
+            FLUSH => {
+                self.flush_cache();
+                Some(())
+            }
+            _ => None,
+        }
+    }
+
+    pub(super) fn write_select(&mut self, offset: u32, value: u32) -> Option<()> {
+        self.check_controller();
+        let now_ps = self.clock.now_ps();
+        let flash = &mut self.memory.flash;
+        let done = self.ssi.write_pins(offset, value, now_ps, flash);
+        self.follow_flash();
+        self.accept(done)
+    }
+
+    pub(super) fn flush_cache(&mut self) {
+        self.memory.cache.flush();
+    }
+
+    /// Takes whether the flash can be read in place now, and how.
+    pub(crate) fn follow_flash(&mut self) {
+        let format = self.ssi.read_format(&self.memory.flash);
+        self.memory.follow_flash(format);
+    }
+
+    /// What the second stage does with the flash.
+    pub(crate) fn enter_quad_xip(&mut self) {
+        self.memory.flash.read_quad(CONTINUOUS);
+        self.follow_flash();
+    }
+
+    /// Whether the boot ROM finds a second stage with its checksum: CRC-32 with the polynomial
+    /// 04C11DB7, high bit first, from ones on, not inverted (2.8.1.3.1).
+    pub(crate) fn has_second_stage(&self) -> bool {
+        let flash = &self.memory.flash;
+        if flash.is_busy() {
+            return false;
+        }
+        let code = SECOND_STAGE - CHECKSUM;
+        let checksum = (0..code).fold(u32::MAX, |checksum, address| {
+            checksum_step(checksum, flash.byte(address))
+        });
+        flash.bytes(code, CHECKSUM) == checksum.to_le_bytes()
+    }
+
+    /// A word of flash by its address in the cached window, past cache and controller.
+    pub(crate) fn flash_word(&self, address: u32) -> u32 {
+        let bytes =
+            [0, 1, 2, 3].map(|offset| self.memory.flash.byte(address % SIZE as u32 + offset));
+        u32::from_le_bytes(bytes)
+    }
+}
+
+fn checksum_step(checksum: u32, byte: u8) -> u32 {
+    (0..8).fold(checksum ^ u32::from(byte) << 24, |rest, _| {
+        let polynomial = if rest >> 31 == 1 { 0x04C1_1DB7 } else { 0 };
+        rest << 1 ^ polynomial
+    })
+}

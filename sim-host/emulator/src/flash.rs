@@ -1,0 +1,377 @@
+//! The flash chip of a Raspberry Pi Pico: a W25Q16JV of 2 MiB (its datasheet, revision H).
+
+mod chance;
+mod command;
+mod sectors;
+
+use std::sync::Arc;
+
+use crate::time::Time;
+
+use chance::Chance;
+use command::Transfer;
+use sectors::Sectors;
+
+/// Bytes of the chip (datasheet 4).
+pub(crate) const SIZE: usize = 2 * 1024 * 1024;
+/// Bytes of the smallest part that can be erased (datasheet 8.2.17).
+pub(crate) const SECTOR: usize = 4 * 1024;
+/// Bytes that one command programs at most (datasheet 8.2.15).
+pub(crate) const PAGE: usize = 256;
+
+/// Part of an erase in which its bits are first all cleared, so that the cells age alike. The
+/// datasheet is silent; guess.
+const CLEARING: f64 = 1.0 / 3.0;
+
+/// How long the flash takes for an operation (W25Q16JV datasheet 9.6).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum FlashTimes {
+    /// Typical: a page 0.4 ms, a sector 45 ms, a block of 32 KiB 120 ms, one of 64 KiB 150 ms.
+    #[default]
+    Typical,
+    /// The most that the datasheet allows: 3 ms, 400 ms, 1.6 s and 2 s.
+    Longest,
+}
+
+/// What the flash does by itself once it has its command.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum FlashOperationKind {
+    /// Programs up to 256 bytes within a page: bits that are 0 there become 0.
+    ProgramPage,
+    /// Sets all bits of a sector of 4 KiB.
+    EraseSector,
+    /// Sets all bits of a block of 32 KiB.
+    EraseBlock32,
+    /// Sets all bits of a block of 64 KiB.
+    EraseBlock64,
+}
+
+impl FlashOperationKind {
+    /// The bytes that it can change.
+    #[must_use]
+    pub const fn bytes(self) -> u32 {
+        match self {
+            Self::ProgramPage => PAGE as u32,
+            Self::EraseSector => SECTOR as u32,
+            Self::EraseBlock32 => 32 * 1024,
+            Self::EraseBlock64 => 64 * 1024,
+        }
+    }
+
+    /// The time that it takes (datasheet 9.6).
+    #[must_use]
+    pub const fn time(self, times: FlashTimes) -> Time {
+        let (typical_us, longest_us) = match self {
+            Self::ProgramPage => (400, 3_000),
+            Self::EraseSector => (45_000, 400_000),
+            Self::EraseBlock32 => (120_000, 1_600_000),
+            Self::EraseBlock64 => (150_000, 2_000_000),
+        };
+        Time::from_us(match times {
+            FlashTimes::Typical => typical_us,
+            FlashTimes::Longest => longest_us,
+        })
+    }
+}
+
+/// An operation of the flash, as its log keeps it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FlashOperation {
+    /// When the flash began with it.
+    pub begun: Time,
+    /// What it does.
+    pub kind: FlashOperationKind,
+    /// Where its page, sector or block begins, in bytes from the flash's beginning.
+    pub address: u32,
+}
+
+/// The flash chip. Its contents outlive every reset and every cut of power.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Flash {
+    sectors: Sectors,
+    times: FlashTimes,
+    erase_counts: Arc<Vec<u32>>,
+    log: Arc<Vec<FlashOperation>>,
+    unique_id: [u8; 8],
+    chance: Chance,
+    /// Operations until the one in which the power fails.
+    cut_after: Option<u64>,
+    power_fails_ps: Option<u64>,
+    running: Option<Running>,
+    write_enabled: bool,
+    /// It takes the next read's address without a command before it (datasheet 8.2.14).
+    is_continuous: bool,
+    transfer: Option<Transfer>,
+    /// Its contents have changed since this was last asked.
+    has_changed: bool,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+struct Running {
+    operation: FlashOperation,
+    page: Box<[u8; PAGE]>,
+    begun_ps: u64,
+    ends_ps: u64,
+}
+
+impl Flash {
+    pub(crate) fn new(contents: &[u8], times: FlashTimes, seed: u64) -> Self {
+        let mut chance = Chance::new(seed);
+        let unique_id = chance.word().to_be_bytes();
+        Self {
+            sectors: Sectors::new(contents),
+            times,
+            erase_counts: Arc::new(vec![0; SIZE / SECTOR]),
+            log: Arc::default(),
+            unique_id,
+            chance,
+            cut_after: None,
+            power_fails_ps: None,
+            running: None,
+            write_enabled: false,
+            is_continuous: false,
+            transfer: None,
+            has_changed: false,
+        }
+    }
+
+    // ---- what a test looks at and disturbs ----
+
+    /// A byte, by its address from the flash's beginning; addresses repeat every 2 MiB.
+    #[must_use]
+    #[inline]
+    pub fn byte(&self, address: u32) -> u8 {
+        self.sectors.byte(address)
+    }
+
+    /// So many bytes from an address on.
+    #[must_use]
+    pub fn bytes(&self, address: u32, count: u32) -> Vec<u8> {
+        (0..count)
+            .map(|offset| self.byte(address.wrapping_add(offset)))
+            .collect()
+    }
+
+    /// All contents, 2 MiB, to be kept in a file and given to [`Self::import`].
+    #[must_use]
+    pub fn export(&self) -> Vec<u8> {
+        self.sectors.bytes().collect()
+    }
+
+    /// Replaces all contents, from the flash's beginning on; what is not given is erased, and bytes
+    /// beyond 2 MiB are left out. Counts and log stay.
+    pub fn import(&mut self, contents: &[u8]) {
+        self.sectors = Sectors::new(contents);
+        self.has_changed = true;
+    }
+
+    /// Inverts one bit, 0 to 7, of a byte, as a cell does that has lost its charge.
+    pub fn flip_bit(&mut self, address: u32, bit: u8) {
+        self.sectors
+            .change_byte(address, |byte| byte ^ 1 << (bit & 7));
+        self.has_changed = true;
+    }
+
+    /// How often each sector has been erased, by itself or with its block.
+    #[must_use]
+    pub fn erase_counts(&self) -> &[u32] {
+        &self.erase_counts
+    }
+
+    /// Every operation that was begun, in order.
+    #[must_use]
+    pub fn operations(&self) -> &[FlashOperation] {
+        &self.log
+    }
+
+    /// The identifier that command 4Bh reads (datasheet 8.2.31). It follows from the board's seed.
+    #[must_use]
+    pub const fn unique_id(&self) -> [u8; 8] {
+        self.unique_id
+    }
+
+    /// Whether an operation runs.
+    #[must_use]
+    pub const fn is_busy(&self) -> bool {
+        self.running.is_some()
+    }
+
+    /// Lets the power of the board fail during an operation: 0 for the next one that begins. When
+    /// in it, and which of its bits have changed then, follows from the board's seed. Bits that
+    /// read now so and now so afterwards, as half-charged cells do, are not modelled.
+    pub const fn cut_power_at_operation(&mut self, number: u64) {
+        self.cut_after = Some(number);
+    }
+
+    /// Takes back [`Self::cut_power_at_operation`]; whether the power has not failed yet.
+    pub const fn cancel_power_cut(&mut self) -> bool {
+        self.power_fails_ps = None;
+        self.cut_after.take().is_some()
+    }
+
+    // ---- time ----
+
+    /// When an operation ends or the power fails.
+    pub(crate) fn next_event(&self) -> Option<u64> {
+        let ends_ps = self.running.as_ref().map(|running| running.ends_ps);
+        ends_ps.into_iter().chain(self.power_fails_ps).min()
+    }
+
+    /// Ends an operation that is due.
+    pub(crate) fn service(&mut self, now_ps: u64) {
+        let is_due = |running: &Running| running.ends_ps <= now_ps;
+        if !self.has_lost_power(now_ps) && self.running.as_ref().is_some_and(is_due) {
+            self.finish(1.0);
+        }
+    }
+
+    /// Whether the power has failed, as was ordered.
+    pub(crate) fn has_lost_power(&self, now_ps: u64) -> bool {
+        self.power_fails_ps.is_some_and(|fails| fails <= now_ps)
+    }
+
+    /// Loses its power and gets it again: what runs stays half done.
+    pub(crate) fn cycle_power(&mut self, now_ps: u64) {
+        let now_ps = self
+            .power_fails_ps
+            .map_or(now_ps, |fails| fails.min(now_ps));
+        if let Some(running) = &self.running {
+            let lasts = running.ends_ps - running.begun_ps;
+            let passed = now_ps.saturating_sub(running.begun_ps).min(lasts);
+            self.finish(passed as f64 / lasts as f64);
+        }
+        self.power_fails_ps = None;
+        self.write_enabled = false;
+        self.is_continuous = false;
+        self.transfer = None;
+    }
+
+    /// Whether its contents have changed since the last call.
+    pub(crate) const fn take_changed(&mut self) -> bool {
+        std::mem::replace(&mut self.has_changed, false)
+    }
+
+    // ---- operations ----
+
+    /// Begins an operation; without effect unless writing was enabled (datasheet 8.2.1).
+    pub(crate) fn begin(
+        &mut self,
+        kind: FlashOperationKind,
+        address: u32,
+        page: Box<[u8; PAGE]>,
+        now_ps: u64,
+    ) {
+        if !self.write_enabled || self.is_busy() {
+            return;
+        }
+        let operation = FlashOperation {
+            begun: Time::from_ps(now_ps),
+            kind,
+            address: (address % SIZE as u32) & !(kind.bytes() - 1),
+        };
+        Arc::make_mut(&mut self.log).push(operation);
+        self.count_erase(operation);
+        let ends_ps = now_ps + kind.time(self.times).as_ps();
+        self.schedule_cut(now_ps, ends_ps);
+        self.running = Some(Running {
+            operation,
+            page,
+            begun_ps: now_ps,
+            ends_ps,
+        });
+    }
+
+    /// Command 06h: the next operation may begin.
+    pub(crate) const fn enable_write(&mut self) {
+        self.write_enabled = !self.is_busy();
+    }
+
+    fn count_erase(&mut self, operation: FlashOperation) {
+        if operation.kind == FlashOperationKind::ProgramPage {
+            return;
+        }
+        let first = operation.address as usize / SECTOR;
+        let sectors = operation.kind.bytes() as usize / SECTOR;
+        let counts = Arc::make_mut(&mut self.erase_counts);
+        for count in counts.iter_mut().skip(first).take(sectors) {
+            *count += 1;
+        }
+    }
+
+    fn schedule_cut(&mut self, now_ps: u64, ends_ps: u64) {
+        match self.cut_after {
+            Some(0) => {
+                let passed = self.chance.fraction() * (ends_ps - now_ps) as f64;
+                self.power_fails_ps = Some(now_ps + passed as u64);
+                self.cut_after = None;
+            }
+            Some(left) => self.cut_after = Some(left - 1),
+            None => {}
+        }
+    }
+
+    /// Ends what runs when this part of its time has passed.
+    fn finish(&mut self, passed: f64) {
+        let Some(running) = self.running.take() else {
+            return;
+        };
+        match running.operation.kind {
+            FlashOperationKind::ProgramPage => self.program(&running, passed),
+            kind => self.erase(running.operation.address, kind.bytes(), passed),
+        }
+        self.write_enabled = false;
+        self.has_changed = true;
+    }
+
+    fn program(&mut self, running: &Running, passed: f64) {
+        let Self {
+            sectors, chance, ..
+        } = self;
+        let address = running.operation.address;
+        sectors.change_page(address, &running.page, |cell, byte| {
+            cell & (byte | !changed(chance, passed))
+        });
+    }
+
+    fn erase(&mut self, address: u32, bytes: u32, passed: f64) {
+        let Self {
+            sectors, chance, ..
+        } = self;
+        for sector in (address..address + bytes).step_by(SECTOR) {
+            sectors.change_sector(sector, |cell| {
+                if passed < CLEARING {
+                    cell & !changed(chance, passed / CLEARING)
+                } else {
+                    changed(chance, (passed - CLEARING) / (1.0 - CLEARING))
+                }
+            });
+        }
+    }
+
+    // ---- continuous read ----
+
+    /// Whether it takes addresses without commands.
+    pub(crate) const fn is_continuous(&self) -> bool {
+        self.is_continuous
+    }
+
+    /// A quad read with these mode bits: those of 10xx keep it in continuous read (datasheet
+    /// 8.2.14).
+    pub(crate) const fn read_quad(&mut self, mode_bits: u8) {
+        self.is_continuous = mode_bits >> 4 & 0b11 == 0b10;
+    }
+
+    /// Ones on all wires end continuous read (datasheet 8.2.14).
+    pub(crate) const fn exit_continuous(&mut self) {
+        self.is_continuous = false;
+    }
+}
+
+/// Which bits of a byte have changed when a part of the time has passed: none at 0, all at 1.
+fn changed(chance: &mut Chance, passed: f64) -> u8 {
+    if passed < 1.0 {
+        chance.bits(passed)
+    } else {
+        u8::MAX
+    }
+}

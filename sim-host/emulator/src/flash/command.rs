@@ -1,0 +1,186 @@
+//! The flash's commands, as bytes come in and go out while it is selected (datasheet 8.1, 8.2).
+
+use super::{Flash, FlashOperationKind, PAGE};
+
+const PAGE_PROGRAM: u8 = 0x02;
+const READ_DATA: u8 = 0x03;
+const WRITE_DISABLE: u8 = 0x04;
+const READ_STATUS_1: u8 = 0x05;
+const WRITE_ENABLE: u8 = 0x06;
+const FAST_READ: u8 = 0x0B;
+const SECTOR_ERASE: u8 = 0x20;
+const READ_STATUS_2: u8 = 0x35;
+const READ_UNIQUE_ID: u8 = 0x4B;
+const BLOCK_ERASE_32: u8 = 0x52;
+const READ_JEDEC_ID: u8 = 0x9F;
+const BLOCK_ERASE_64: u8 = 0xD8;
+/// Ones end continuous read, and are no command otherwise.
+const NOTHING: u8 = 0xFF;
+
+/// Manufacturer, memory type and capacity (datasheet 8.1.1).
+const JEDEC_ID: [u8; 3] = [0xEF, 0x40, 0x15];
+/// Status register 1: an operation runs, writing is enabled (datasheet 7.1).
+const BUSY: u8 = 1 << 0;
+const WRITE_ENABLED: u8 = 1 << 1;
+/// Status register 2: quad enabled, as the part of a Pico leaves the factory (datasheet 7.1.7).
+const STATUS_2: u8 = 1 << 1;
+
+/// Bytes of a command with its address.
+const ADDRESSED: usize = 4;
+
+/// What has come since the flash was selected.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(super) struct Transfer {
+    bytes: Vec<u8>,
+}
+
+impl Transfer {
+    fn command(&self) -> Option<u8> {
+        self.bytes.first().copied()
+    }
+
+    /// The address behind the command, once it has come.
+    fn address(&self) -> Option<u32> {
+        match self.bytes.get(1..ADDRESSED)? {
+            &[high, middle, low] => Some(u32::from_be_bytes([0, high, middle, low])),
+            _ => None,
+        }
+    }
+
+    /// The bytes for a page. They wrap within it, and the last ones count (datasheet 8.2.15).
+    fn page(&self, address: u32) -> Box<[u8; PAGE]> {
+        let mut page = Box::new([0xFF; PAGE]);
+        let offsets = (0..PAGE).cycle().skip(address as usize % PAGE);
+        for (offset, byte) in offsets.zip(self.bytes.iter().skip(ADDRESSED)) {
+            if let Some(place) = page.get_mut(offset) {
+                *place = *byte;
+            }
+        }
+        page
+    }
+}
+
+impl FlashOperationKind {
+    /// The operation of a command.
+    pub(crate) const fn of(command: u8) -> Option<Self> {
+        match command {
+            PAGE_PROGRAM => Some(Self::ProgramPage),
+            SECTOR_ERASE => Some(Self::EraseSector),
+            BLOCK_ERASE_32 => Some(Self::EraseBlock32),
+            BLOCK_ERASE_64 => Some(Self::EraseBlock64),
+            _ => None,
+        }
+    }
+}
+
+impl Flash {
+    /// Chip select falls.
+    pub(crate) fn select(&mut self) {
+        self.transfer.get_or_insert_default();
+    }
+
+    /// A byte goes in, another comes out; nothing for a command that is not modelled, and 0xFF if
+    /// the flash is not selected.
+    pub(crate) fn exchange(&mut self, byte: u8) -> Option<u8> {
+        let Some(transfer) = &mut self.transfer else {
+            return Some(NOTHING);
+        };
+        let index = transfer.bytes.len();
+        let answer = match transfer.bytes.first() {
+            None => is_known(byte).then_some(NOTHING),
+            Some(_) => Some(self.answer(index)),
+        };
+        if let Some(transfer) = &mut self.transfer {
+            transfer.bytes.push(byte);
+        }
+        answer
+    }
+
+    /// The byte that goes out as byte `index` comes in, which is at least 1.
+    fn answer(&self, index: usize) -> u8 {
+        let transfer = self.transfer.as_ref();
+        let Some(command) = transfer.and_then(Transfer::command) else {
+            return NOTHING;
+        };
+        match command {
+            READ_STATUS_1 => self.status(),
+            READ_STATUS_2 => STATUS_2,
+            // Whatever else comes while an operation runs is ignored (datasheet 7.1.1).
+            _ if self.is_busy() => NOTHING,
+            READ_JEDEC_ID => byte_from(&JEDEC_ID, index, 1),
+            // Four bytes of nothing before the identifier (datasheet 8.2.31).
+            READ_UNIQUE_ID => byte_from(&self.unique_id, index, 5),
+            READ_DATA => self.read_data(index, ADDRESSED),
+            // One byte of nothing before the data (datasheet 8.2.10).
+            FAST_READ => self.read_data(index, ADDRESSED + 1),
+            _ => NOTHING,
+        }
+    }
+
+    const fn status(&self) -> u8 {
+        let busy = if self.is_busy() { BUSY } else { 0 };
+        let enabled = if self.write_enabled { WRITE_ENABLED } else { 0 };
+        busy | enabled
+    }
+
+    fn read_data(&self, index: usize, first: usize) -> u8 {
+        let address = self.transfer.as_ref().and_then(Transfer::address);
+        match (address, index.checked_sub(first)) {
+            (Some(address), Some(offset)) => self.byte(address.wrapping_add(offset as u32)),
+            _ => NOTHING,
+        }
+    }
+
+    /// Chip select rises, by which commands that change anything take effect.
+    pub(crate) fn deselect(&mut self, now_ps: u64) {
+        let Some(transfer) = self.transfer.take() else {
+            return;
+        };
+        match transfer.command() {
+            Some(WRITE_ENABLE) => self.enable_write(),
+            Some(WRITE_DISABLE) => self.write_enabled = false,
+            Some(command) => self.begin_command(command, &transfer, now_ps),
+            None => {}
+        }
+    }
+
+    fn begin_command(&mut self, command: u8, transfer: &Transfer, now_ps: u64) {
+        let (Some(kind), Some(address)) = (FlashOperationKind::of(command), transfer.address())
+        else {
+            return;
+        };
+        let has_data = transfer.bytes.len() > ADDRESSED;
+        // An erase ends with its address, and a program has a byte to program.
+        if has_data == (kind == FlashOperationKind::ProgramPage) {
+            self.begin(kind, address, transfer.page(address), now_ps);
+        }
+    }
+}
+
+const fn is_known(command: u8) -> bool {
+    matches!(
+        command,
+        PAGE_PROGRAM
+            | READ_DATA
+            | WRITE_DISABLE
+            | READ_STATUS_1
+            | WRITE_ENABLE
+            | FAST_READ
+            | SECTOR_ERASE
+            | READ_STATUS_2
+            | READ_UNIQUE_ID
+            | BLOCK_ERASE_32
+            | READ_JEDEC_ID
+            | BLOCK_ERASE_64
+            | NOTHING
+    )
+}
+
+/// A byte of an answer that begins with byte `first`.
+fn byte_from(answer: &[u8], index: usize, first: usize) -> u8 {
+    let place = index.checked_sub(first);
+    place
+        .and_then(|place| answer.get(place))
+        .copied()
+        .unwrap_or(NOTHING)
+}

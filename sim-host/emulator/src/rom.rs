@@ -1,0 +1,261 @@
+//! The boot ROM: its tables and functions (RP2040 datasheet 2.8.2, 2.8.3), in Thumb code of our own.
+//!
+//! What computes is code that runs. What drives the flash hands its arguments to a private register
+//! block of the emulation and polls until it is done, so that interrupts come meanwhile, as they do
+//! on the chip.
+
+use std::sync::{Arc, OnceLock};
+
+/// Bytes of the ROM (2.8).
+pub(crate) const SIZE: u32 = 16 * 1024;
+
+/// The private register block, in a place that is empty on the chip: four arguments, then the
+/// number of the function, which reads 0 when the function has ended.
+pub(crate) mod request {
+    pub(crate) const BASE: u32 = 0x8000;
+    pub(crate) const FUNCTION: u32 = 0x10;
+}
+
+/// Functions that the emulation does, by their number in the private register block.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum RomFunction {
+    ConnectInternalFlash,
+    FlashExitXip,
+    FlashRangeErase,
+    FlashRangeProgram,
+    FlashFlushCache,
+    FlashEnterCmdXip,
+    ResetToUsbBoot,
+    WaitForVector,
+}
+
+impl RomFunction {
+    const ALL: [(Self, [u8; 2]); 8] = [
+        (Self::ConnectInternalFlash, *b"IF"),
+        (Self::FlashExitXip, *b"EX"),
+        (Self::FlashRangeErase, *b"RE"),
+        (Self::FlashRangeProgram, *b"RP"),
+        (Self::FlashFlushCache, *b"FC"),
+        (Self::FlashEnterCmdXip, *b"CX"),
+        (Self::ResetToUsbBoot, *b"UB"),
+        (Self::WaitForVector, *b"WV"),
+    ];
+
+    /// The function of a number that was written.
+    pub(crate) fn numbered(number: u32) -> Option<Self> {
+        let mut all = (1..).zip(Self::ALL);
+        all.find_map(|(its_number, (function, _))| (its_number == number).then_some(function))
+    }
+}
+
+/// r0 = the entry of a table at r0 whose code is r1, or 0.
+const TABLE_LOOKUP: [u16; 11] = [
+    0x8802, // 1: ldrh r2, [r0]
+    0x2A00, //    cmp  r2, #0
+    0xD005, //    beq  2f
+    0x8843, //    ldrh r3, [r0, #2]
+    0x3004, //    adds r0, #4
+    0x428A, //    cmp  r2, r1
+    0xD1F8, //    bne  1b
+    0x0018, //    movs r0, r3
+    0x4770, //    bx   lr
+    0x2000, // 2: movs r0, #0
+    0x4770, //    bx   lr
+];
+
+/// r0 = ones in r0.
+const POPCOUNT32: [u16; 8] = [
+    0x2100, //    movs r1, #0
+    0x2200, //    movs r2, #0
+    0x0840, // 1: lsrs r0, r0, #1
+    0x4151, //    adcs r1, r2
+    0x2800, //    cmp  r0, #0
+    0xD1FB, //    bne  1b
+    0x0008, //    movs r0, r1
+    0x4770, //    bx   lr
+];
+
+/// r0 = r0 from its other end.
+const REVERSE32: [u16; 8] = [
+    0x2100, //    movs r1, #0
+    0x2220, //    movs r2, #32
+    0x0840, // 1: lsrs r0, r0, #1
+    0x4149, //    adcs r1, r1
+    0x3A01, //    subs r2, #1
+    0xD1FB, //    bne  1b
+    0x0008, //    movs r0, r1
+    0x4770, //    bx   lr
+];
+
+/// r0 = zeros above the highest one of r0.
+const CLZ32: [u16; 8] = [
+    0x2120, //    movs r1, #32
+    0x2800, // 1: cmp  r0, #0
+    0xD002, //    beq  2f
+    0x3901, //    subs r1, #1
+    0x0840, //    lsrs r0, r0, #1
+    0xE7FA, //    b    1b
+    0x0008, // 2: movs r0, r1
+    0x4770, //    bx   lr
+];
+
+/// r0 = zeros below the lowest one of r0.
+const CTZ32: [u16; 8] = [
+    0x2120, //    movs r1, #32
+    0x2800, // 1: cmp  r0, #0
+    0xD002, //    beq  2f
+    0x3901, //    subs r1, #1
+    0x0040, //    lsls r0, r0, #1
+    0xE7FA, //    b    1b
+    0x0008, // 2: movs r0, r1
+    0x4770, //    bx   lr
+];
+
+/// r2 bytes from r0 on become r1. Byte by byte: slower than the chip's.
+const MEMSET: [u16; 7] = [
+    0x2300, //    movs r3, #0
+    0x4293, // 1: cmp  r3, r2
+    0xD202, //    bhs  2f
+    0x54C1, //    strb r1, [r0, r3]
+    0x3301, //    adds r3, #1
+    0xE7FA, //    b    1b
+    0x4770, // 2: bx   lr
+];
+
+/// Copies r2 bytes from r1 on to r0. Byte by byte: slower than the chip's.
+const MEMCPY: [u16; 7] = [
+    0x2A00, // 1: cmp  r2, #0
+    0xD003, //    beq  2f
+    0x3A01, //    subs r2, #1
+    0x5C8B, //    ldrb r3, [r1, r2]
+    0x5483, //    strb r3, [r0, r2]
+    0xE7F9, //    b    1b
+    0x4770, // 2: bx   lr
+];
+
+/// Hands r0 to r3 and the number of a function to the emulation, and waits for its end.
+const fn call(number: u16) -> [u16; 13] {
+    [
+        0xB530,          //    push {r4, r5, lr}
+        0x2500 | number, //    movs r5, #number
+        0x2401,          //    movs r4, #1
+        0x03E4,          //    lsls r4, r4, #15     @ request::BASE
+        0x6020,          //    str  r0, [r4, #0]
+        0x6061,          //    str  r1, [r4, #4]
+        0x60A2,          //    str  r2, [r4, #8]
+        0x60E3,          //    str  r3, [r4, #12]
+        0x6125,          //    str  r5, [r4, #16]   @ request::FUNCTION
+        0x6925,          // 1: ldr  r5, [r4, #16]
+        0x2D00,          //    cmp  r5, #0
+        0xD1FC,          //    bne  1b
+        0xBD30,          //    pop  {r4, r5, pc}
+    ]
+}
+
+/// The stack that the ROM starts with: the end of memory.
+const STACK: u32 = 0x2004_2000;
+/// What a processor does that is started in the ROM by other means than a reset: nothing, for ever.
+const DEAD: [u16; 2] = [
+    0xBF30, // 1: wfi
+    0xE7FD, //    b    1b
+];
+/// "Mu", the version of the tables, and that of the ROM (2.8.2): the third, as chips have it since
+/// 2021.
+const MAGIC: [u8; 4] = [b'M', b'u', 1, 3];
+/// Where the pointers to the two tables and the lookup function lie (2.8.2).
+const POINTERS: u32 = 0x14;
+/// Where code begins: behind the pointers.
+const CODE: u32 = 0x1C;
+/// What the data table says of this ROM.
+const COPYRIGHT: &[u8] = b"palpate-emulator\0";
+const REVISION: [u8; 4] = [0; 4];
+
+/// The contents of the ROM.
+pub(crate) fn image() -> Arc<[u8]> {
+    static IMAGE: OnceLock<Arc<[u8]>> = OnceLock::new();
+    Arc::clone(IMAGE.get_or_init(|| Builder::new().build().into()))
+}
+
+struct Builder {
+    bytes: Vec<u8>,
+}
+
+impl Builder {
+    fn new() -> Self {
+        Self {
+            bytes: vec![0; CODE as usize],
+        }
+    }
+
+    fn build(mut self) -> Vec<u8> {
+        let dead = self.code(&DEAD);
+        let lookup = self.code(&TABLE_LOOKUP);
+        let copyright = self.data(COPYRIGHT);
+        let revision = self.data(&REVISION);
+        let functions = self.functions();
+        let function_table = self.table(&functions);
+        let data_table = self.table(&[(*b"GR", revision), (*b"CR", copyright)]);
+        self.set(0, &STACK.to_le_bytes());
+        for vector in 1..4 {
+            self.set(4 * vector, &u32::from(dead).to_le_bytes());
+        }
+        self.set(0x10, &MAGIC);
+        for (offset, pointer) in (POINTERS..)
+            .step_by(2)
+            .zip([function_table, data_table, lookup])
+        {
+            self.set(offset, &pointer.to_le_bytes());
+        }
+        self.bytes.resize(SIZE as usize, 0);
+        self.bytes
+    }
+
+    fn functions(&mut self) -> Vec<([u8; 2], u16)> {
+        let set = self.code(&MEMSET);
+        let copy = self.code(&MEMCPY);
+        let mut functions = vec![
+            (*b"P3", self.code(&POPCOUNT32)),
+            (*b"R3", self.code(&REVERSE32)),
+            (*b"L3", self.code(&CLZ32)),
+            (*b"T3", self.code(&CTZ32)),
+            (*b"MS", set),
+            (*b"S4", set),
+            (*b"MC", copy),
+            (*b"C4", copy),
+        ];
+        for (number, (_, code)) in (1..).zip(RomFunction::ALL) {
+            functions.push((code, self.code(&call(number))));
+        }
+        functions
+    }
+
+    /// Adds code; returns its address as a branch takes it, with the bit of Thumb.
+    fn code(&mut self, words: &[u16]) -> u16 {
+        let bytes: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
+        self.data(&bytes) | 1
+    }
+
+    /// Adds bytes at a multiple of four; returns their address.
+    fn data(&mut self, bytes: &[u8]) -> u16 {
+        self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);
+        let address = self.bytes.len() as u16;
+        self.bytes.extend_from_slice(bytes);
+        address
+    }
+
+    /// Adds a table of codes and addresses, which ends with a code of 0.
+    fn table(&mut self, entries: &[([u8; 2], u16)]) -> u16 {
+        let mut bytes: Vec<u8> = entries
+            .iter()
+            .flat_map(|(code, address)| code.iter().copied().chain(address.to_le_bytes()))
+            .collect();
+        bytes.extend([0; 2]);
+        self.data(&bytes)
+    }
+
+    fn set(&mut self, offset: u32, bytes: &[u8]) {
+        for (place, byte) in self.bytes.iter_mut().skip(offset as usize).zip(bytes) {
+            *place = *byte;
+        }
+    }
+}
