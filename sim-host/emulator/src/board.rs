@@ -197,10 +197,12 @@ impl<P: Plant> EmulatedBoard<P> {
     fn start_image(&mut self) {
         self.bus.enter_quad_xip();
         self.bus.private.ppb.vtor = VECTORS;
-        let stack = self.bus.flash_word(VECTORS);
+        let stack = self.bus.memory.word(VECTORS);
         self.core.regs.msp = stack;
         self.core.regs.set_sp(stack);
-        self.core.regs.set_pc(self.bus.flash_word(VECTORS + 4) & !1);
+        self.core
+            .regs
+            .set_pc(self.bus.memory.word(VECTORS + 4) & !1);
     }
 
     fn start_boot_loader(&mut self, masks: [u32; 2]) {

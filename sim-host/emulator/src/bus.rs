@@ -184,7 +184,14 @@ impl<P: Plant> SystemBus<P> {
     /// Charges one memory access of the core.
     #[inline]
     pub(crate) fn charge_access(&mut self, address: u32) {
-        if let Some(what) = self.memory.closed(address) {
+        if Memory::is_flash(address) {
+            self.charge_flash(address);
+        }
+    }
+
+    #[inline]
+    fn charge_flash(&mut self, address: u32) {
+        if let Some(what) = self.memory.closed {
             self.misuse(what);
         }
         self.stall += self.memory.wait(address);

@@ -144,6 +144,12 @@ impl Flash {
         self.sectors.byte(address)
     }
 
+    /// A word, lowest byte first.
+    #[inline]
+    pub(crate) fn word(&self, address: u32) -> u32 {
+        self.sectors.word(address)
+    }
+
     /// So many bytes from an address on.
     #[must_use]
     pub fn bytes(&self, address: u32, count: u32) -> Vec<u8> {

@@ -67,13 +67,13 @@ impl Memory {
     /// Whether an address is memory.
     #[inline]
     pub(crate) fn contains(address: u32) -> bool {
-        is_flash(address) || Self::is_ram(address) || address < rom::SIZE
+        Self::is_flash(address) || Self::is_ram(address) || address < rom::SIZE
     }
 
-    /// Whether an address is flash that cannot be read now, and why.
+    /// Whether an address is flash.
     #[inline]
-    pub(crate) fn closed(&self, address: u32) -> Option<&'static str> {
-        self.closed.filter(|_| is_flash(address))
+    pub(crate) const fn is_flash(address: u32) -> bool {
+        matches!(window::of(address), window::CACHED..=window::UNCACHED)
     }
 
     /// Whether an address is RAM.
@@ -82,7 +82,7 @@ impl Memory {
         (RAM..RAM + RAM_SIZE as u32).contains(&address)
     }
 
-    /// The cycles that an access waits.
+    /// The cycles that an access to flash waits.
     #[inline]
     pub(crate) fn wait(&mut self, address: u32) -> u32 {
         let offset = address & FLASH_MASK;
@@ -98,7 +98,7 @@ impl Memory {
     /// A byte; 0 outside of memory.
     #[inline]
     pub(crate) fn byte(&self, address: u32) -> u8 {
-        if is_flash(address) {
+        if Self::is_flash(address) {
             return self.flash.byte(address & FLASH_MASK);
         }
         let (memory, offset) = if address < rom::SIZE {
@@ -133,6 +133,9 @@ impl Memory {
 
     /// A word.
     pub(crate) fn word(&self, address: u32) -> u32 {
+        if Self::is_flash(address) {
+            return self.flash.word(address & FLASH_MASK);
+        }
         (0..4).fold(0, |word, offset| {
             word | u32::from(self.byte(address + offset)) << (8 * offset)
         })
@@ -159,11 +162,6 @@ impl Memory {
         let offset = ram_offset(address);
         self.ram.get_mut(offset..offset.wrapping_add(4))
     }
-}
-
-#[inline]
-const fn is_flash(address: u32) -> bool {
-    matches!(window::of(address), window::CACHED..=window::UNCACHED)
 }
 
 #[inline]

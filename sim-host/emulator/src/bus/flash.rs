@@ -1,7 +1,6 @@
 //! The flash on the bus: its controller's registers, its cache's, and whether it can be read in
 //! place.
 
-use crate::flash::SIZE;
 use crate::plant::Plant;
 use crate::stop::{Refusal, Stop};
 
@@ -148,13 +147,6 @@ impl<P: Plant> SystemBus<P> {
             checksum_step(checksum, flash.byte(address))
         });
         flash.bytes(code, CHECKSUM) == checksum.to_le_bytes()
-    }
-
-    /// A word of flash by its address in the cached window, past cache and controller.
-    pub(crate) fn flash_word(&self, address: u32) -> u32 {
-        let bytes =
-            [0, 1, 2, 3].map(|offset| self.memory.flash.byte(address % SIZE as u32 + offset));
-        u32::from_le_bytes(bytes)
     }
 }
 

@@ -37,6 +37,25 @@ impl Sectors {
             .map_or(ERASED, |&cell| cell)
     }
 
+    /// Four bytes, lowest first.
+    #[inline]
+    pub(super) fn word(&self, address: u32) -> u32 {
+        let address = address as usize % SIZE;
+        let offset = address % SECTOR;
+        let cells = self.0.get(address / SECTOR);
+        match cells.and_then(|cells| cells.get(offset..offset + 4)) {
+            Some(&[first, second, third, fourth]) => {
+                u32::from_le_bytes([first, second, third, fourth])
+            }
+            _ => self.word_across_sectors(address as u32),
+        }
+    }
+
+    #[cold]
+    fn word_across_sectors(&self, address: u32) -> u32 {
+        u32::from_le_bytes([0, 1, 2, 3].map(|offset| self.byte(address + offset)))
+    }
+
     /// All bytes, in order.
     pub(super) fn bytes(&self) -> impl Iterator<Item = u8> + '_ {
         self.0.iter().flat_map(|cells| cells.iter().copied())
