@@ -22,6 +22,7 @@ use crate::pwm::LevelTimes;
 use crate::rtt;
 use crate::stop::Stop;
 use crate::trace::Trace;
+use crate::usb::UsbHost;
 use crate::wire::{LineFault, Wire, WireLog};
 
 /// Cycles of an exception's entry without waiting for memory (Cortex-M0+ TRM; the RP2040 has no
@@ -531,6 +532,27 @@ impl<P: Plant> EmulatedBoard<P> {
     #[must_use]
     pub fn bus_is_idle(&self) -> bool {
         self.bus.i2c.is_idle()
+    }
+
+    /// The host at the USB cable. Nothing is plugged in until it is told to.
+    #[must_use]
+    pub const fn usb(&self) -> &UsbHost {
+        &self.bus.usb.host
+    }
+
+    /// The host at the USB cable, to tell it what to do.
+    pub const fn usb_mut(&mut self) -> &mut UsbHost {
+        // What it is told is done with the next step.
+        self.bus.next_event_ps = 0;
+        &mut self.bus.usb.host
+    }
+
+    /// How often the firmware made a USB buffer available together with the rest of its control word,
+    /// or less than a period of clk_usb after it: the controller then sees the rest of before (RP2040
+    /// datasheet 4.1.2.5.1).
+    #[must_use]
+    pub const fn usb_races(&self) -> u32 {
+        self.bus.usb.races()
     }
 
     /// The levels at the bridge's pins.

@@ -30,6 +30,7 @@ use crate::stop::Stop;
 use crate::time::Clock;
 use crate::timer::Timer;
 use crate::trace::Trace;
+use crate::usb::{self, Usb};
 use crate::watchdog::Watchdog;
 use crate::wire::Wire;
 
@@ -58,6 +59,8 @@ pub(crate) mod base {
     pub(crate) const ROSC: u32 = 0x4006_0000;
     pub(crate) const VREG_AND_CHIP_RESET: u32 = 0x4006_4000;
     pub(crate) const DMA: u32 = 0x5000_0000;
+    pub(crate) const USB_MEMORY: u32 = 0x5010_0000;
+    pub(crate) const USB: u32 = 0x5011_0000;
 
     /// The block of an address, behind any of the four views of its registers.
     pub(crate) const fn of(address: u32) -> u32 {
@@ -90,6 +93,7 @@ pub(crate) struct SystemBus<P> {
     adc: Adc,
     dma: Dma,
     pub(crate) i2c: I2c,
+    pub(crate) usb: Usb,
     pub(crate) wire: Wire<P>,
     pub(crate) coil: EmulatedCoil,
     pub(crate) trace: Option<Trace>,
@@ -120,6 +124,7 @@ impl<P: Plant> SystemBus<P> {
             adc: Adc::default(),
             dma: Dma::default(),
             i2c: I2c::new(options.scl_rise.as_ps()),
+            usb: Usb::new(),
             wire,
             coil: EmulatedCoil::new(options.drive, options.seed, conditions),
             trace: options.trace.then(Trace::default),
@@ -172,6 +177,7 @@ impl<P: Plant> SystemBus<P> {
         self.adc = Adc::default();
         self.dma = Dma::default();
         self.i2c.reset(&mut self.wire);
+        self.usb.reset(now_ps);
         self.follow_clocks();
         self.settle();
     }
@@ -206,7 +212,7 @@ impl<P: Plant> SystemBus<P> {
             0x0 => self.read_request(address),
             0x1 => self.read_controller(address),
             0x4 => self.read_apb(base::of(address), offset),
-            0x5 if address >> 12 & 0xF == 0 => self.dma.read(offset),
+            0x5 => self.read_ahb(address),
             0xD => self.gpio.read_sio(offset).or_else(|| self.sio.read(offset)),
             0xE => self.private.read(address & 0xF_FFFF),
             _ => None,
@@ -229,7 +235,7 @@ impl<P: Plant> SystemBus<P> {
             }
             0x1 => self.write_controller(address, value),
             0x4 => self.write_alias(address, value),
-            0x5 if address >> 12 & 0xF == 0 => self.dma.write(offset, value),
+            0x5 => self.write_ahb(address, value),
             0xD => {
                 let pin = self.gpio.write_sio(offset, value);
                 pin.or_else(|| self.sio.write(offset, value))
@@ -261,6 +267,54 @@ impl<P: Plant> SystemBus<P> {
             pc,
             written,
         });
+    }
+
+    fn read_ahb(&mut self, address: u32) -> Option<u32> {
+        let (base, view, offset) = parts(address);
+        match (base, view) {
+            (base::DMA, 0) => self.dma.read(offset),
+            (base::USB_MEMORY, 0) => {
+                self.check_usb_clock();
+                self.usb.read_memory(offset)
+            }
+            (base::USB, _) => {
+                self.check_usb_clock();
+                let value = self.usb.read(offset);
+                self.refresh();
+                value
+            }
+            _ => None,
+        }
+    }
+
+    fn write_ahb(&mut self, address: u32, value: u32) -> Option<()> {
+        let (base, view, offset) = parts(address);
+        match (base, view) {
+            (base::DMA, 0) => self.dma.write(offset, value),
+            (base::USB, _) => {
+                self.check_usb_clock();
+                self.usb.write(view, offset, value, self.clock.now_ps())
+            }
+            _ => None,
+        }
+    }
+
+    /// Writes one, two or four bytes of the USB controller's memory.
+    fn write_usb_memory(&mut self, address: u32, value: &[u8]) {
+        self.charge_register(address);
+        self.check_usb_clock();
+        let now_ps = self.clock.now_ps();
+        let written = self.usb.write_memory(address & 0xFFF, value, now_ps);
+        if written.is_none() {
+            self.fail("an access beyond the USB controller's memory");
+        }
+    }
+
+    /// The USB controller needs 48 MHz (datasheet 2.15.1).
+    fn check_usb_clock(&mut self) {
+        if self.clocks.usb_hz().is_none() {
+            self.fail("a USB controller without 48 MHz at clk_usb");
+        }
     }
 
     fn read_apb(&mut self, base: u32, offset: u32) -> Option<u32> {
@@ -382,6 +436,9 @@ impl<P: Plant> SystemBus<P> {
         if enters(block::DMA) {
             self.dma = Dma::default();
         }
+        if enters(block::USB) {
+            self.usb.reset(self.clock.now_ps());
+        }
         if enters(block::TIMER) {
             self.timer.reset(self.clock.now_ps());
         }
@@ -392,6 +449,11 @@ impl<P: Plant> SystemBus<P> {
             self.clocks.pll_usb = Pll::new();
         }
     }
+}
+
+/// Block, view and offset of a register on the AHB-Lite bus.
+const fn parts(address: u32) -> (u32, u32, u32) {
+    (base::of(address), address >> 12 & 0b11, address & 0xFFF)
 }
 
 impl<P: Plant> CoreBus for SystemBus<P> {
@@ -428,6 +490,8 @@ impl<P: Plant> CoreBus for SystemBus<P> {
     fn write8(&mut self, addr: u32, val: u8) {
         if Memory::is_ram(addr) {
             self.memory.set_byte(addr, val);
+        } else if usb::is_memory(addr) {
+            self.write_usb_memory(addr, &val.to_le_bytes());
         } else {
             self.fail("a write of a byte to a register");
         }
@@ -436,6 +500,8 @@ impl<P: Plant> CoreBus for SystemBus<P> {
     fn write16(&mut self, addr: u32, val: u16) {
         if Memory::is_ram(addr) {
             self.memory.set_half_word(addr, val);
+        } else if usb::is_memory(addr) {
+            self.write_usb_memory(addr, &val.to_le_bytes());
         } else {
             self.fail("a write of a half-word to a register");
         }
@@ -445,6 +511,8 @@ impl<P: Plant> CoreBus for SystemBus<P> {
     fn write32(&mut self, addr: u32, val: u32) {
         if let Some(bytes) = self.memory.ram_word_mut(addr) {
             bytes.copy_from_slice(&val.to_le_bytes());
+        } else if usb::is_memory(addr) {
+            self.write_usb_memory(addr, &val.to_le_bytes());
         } else {
             self.write_register(addr, val);
         }

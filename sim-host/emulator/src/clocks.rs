@@ -11,6 +11,8 @@ const RING_PASS: u32 = 0xAA0;
 /// From PWR to LOCK. The datasheet gives no number; guess.
 const LOCK_PS: u64 = 100_000_000;
 const ENABLE: u32 = 1 << 11;
+/// What a device at full speed has to be clocked with, Hz (USB 2.0 7.1.11: 12 Mbit/s within 0.25 %).
+const USB_HZ: std::ops::RangeInclusive<f64> = 47.88e6..=48.12e6;
 /// The fastest system clock that the chip is certified for, Hz, with room for the crystal's error;
 /// and the fastest at the core voltage that it starts with (datasheet 2.15.1).
 const FASTEST_HZ: f64 = 200.1e6;
@@ -49,6 +51,7 @@ pub(crate) struct Pll {
 const REF: usize = 4;
 const SYS: usize = 5;
 const PERI: usize = 6;
+const USB: usize = 7;
 const ADC: usize = 8;
 
 impl Pll {
@@ -171,7 +174,17 @@ impl Clocks {
 
     /// The clock of a converter of the ADC; nothing if it stands.
     pub(crate) fn adc_hz(&self) -> Option<f64> {
-        let (control, divider) = self.generators[ADC];
+        self.auxiliary_hz(ADC)
+    }
+
+    /// The clock of the USB controller; nothing if it is not 48 MHz.
+    pub(crate) fn usb_hz(&self) -> Option<f64> {
+        self.auxiliary_hz(USB).filter(|hz| USB_HZ.contains(hz))
+    }
+
+    /// Generators for USB and ADC, whose sources have the same numbers (2.15.7).
+    fn auxiliary_hz(&self, generator: usize) -> Option<f64> {
+        let (control, divider) = self.generators[generator];
         let source = match control >> 5 & 0b111 {
             0 => self.pll_usb_hz(),
             1 => self.pll_sys_hz(),

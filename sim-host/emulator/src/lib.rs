@@ -35,6 +35,7 @@ mod time;
 mod timer;
 mod trace;
 mod uf2;
+pub mod usb;
 mod watchdog;
 mod wire;
 mod xip;

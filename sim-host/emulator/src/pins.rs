@@ -14,6 +14,7 @@ pub(crate) mod pin {
     pub(crate) const FAULT: usize = 19;
     pub(crate) const LIMIT: usize = 20;
     pub(crate) const CLKIN: usize = 21;
+    pub(crate) const VBUS: usize = 24;
     pub(crate) const LED: usize = 25;
 }
 

@@ -15,6 +15,7 @@ pub(crate) mod block {
     pub(crate) const PLL_USB: u32 = 1 << 13;
     pub(crate) const PWM: u32 = 1 << 14;
     pub(crate) const TIMER: u32 = 1 << 21;
+    pub(crate) const USB: u32 = 1 << 24;
     pub(crate) const ALL: u32 = 0x01FF_FFFF;
     /// What the boot ROM needs to read the flash.
     pub(crate) const FLASH: u32 = IO_QSPI | PADS_QSPI;
@@ -103,6 +104,7 @@ impl Power {
             base::PWM => block::PWM,
             base::TIMER => block::TIMER,
             base::DMA => block::DMA,
+            base::USB | base::USB_MEMORY => block::USB,
             _ => 0,
         };
         self.in_reset & block != 0

@@ -15,6 +15,7 @@ const BOOT_LOADER_HZ: f64 = 48e6;
 mod line {
     pub(super) const TIMER: u32 = 0;
     pub(super) const PWM_WRAP: u32 = 4;
+    pub(super) const USBCTRL: u32 = 5;
     pub(super) const IO_BANK0: u32 = 13;
     pub(super) const I2C0: u32 = 23;
 }
@@ -26,6 +27,9 @@ impl<P: Plant> SystemBus<P> {
         self.service_flash(now_ps);
         self.timer.service(now_ps);
         self.i2c.service(now_ps, &mut self.wire);
+        if let Some(problem) = self.usb.service(now_ps) {
+            self.fail(problem);
+        }
         self.run_converters(now_ps);
         self.service_pwm(now_ps);
         self.run_coil(now_ps);
@@ -74,11 +78,13 @@ impl<P: Plant> SystemBus<P> {
         let lines = self.timer.lines() << line::TIMER
             | u32::from(self.gpio.line()) << line::IO_BANK0
             | u32::from(self.pwm.line()) << line::PWM_WRAP
+            | u32::from(self.usb.line()) << line::USBCTRL
             | u32::from(self.i2c.line()) << line::I2C0;
         self.private.drive(lines);
         let due = [
             self.timer.next_event(now_ps),
             self.i2c.next_event(),
+            self.usb.next_event(),
             self.wire.converters.next_event(),
             self.pwm.next_event(now_ps),
             self.watchdog.next_event(),
@@ -98,6 +104,9 @@ impl<P: Plant> SystemBus<P> {
         }
         let tick_ps = self.watchdog.tick_ps(self.clocks.ref_hz());
         self.timer.set_tick(now_ps, tick_ps);
+        if self.usb.is_attached() && self.clocks.usb_hz().is_none() {
+            self.fail("a USB device whose clk_usb is not 48 MHz any more");
+        }
     }
 
     fn set_sys_clock(&mut self, now_ps: u64, hz: f64) {

@@ -15,11 +15,12 @@ use super::SystemBus;
 const LAST_CONVERSIONS: u64 = 16;
 
 impl<P: Plant> SystemBus<P> {
-    /// The pins that something outside drives from the start, all high.
+    /// The pins that something outside drives from the start.
     pub(super) fn connect(&mut self) {
         for pin in [pin::INTB, pin::SECOND_INTB, pin::FAULT] {
             self.gpio.drive(pin, true);
         }
+        self.gpio.drive(pin::VBUS, false);
     }
 
     /// Lets the outside follow the pins, and the pins the outside.
@@ -31,6 +32,7 @@ impl<P: Plant> SystemBus<P> {
         self.follow_shutdown();
         self.follow_plain_bus(now_ps);
         self.follow_bridge(now_ps);
+        self.follow_vbus();
         self.follow_trace(now_ps);
     }
 
@@ -109,6 +111,16 @@ impl<P: Plant> SystemBus<P> {
             if self.gpio.level(pin) != high || self.gpio.pulls_low(pin) {
                 self.gpio.drive(pin, high);
             }
+        }
+    }
+
+    // ---- USB ----
+
+    /// A Raspberry Pi Pico shows VBUS at a pin (its datasheet, 2.1).
+    fn follow_vbus(&mut self) {
+        let high = self.usb.host.has_vbus();
+        if self.gpio.level(pin::VBUS) != high {
+            self.gpio.drive(pin::VBUS, high);
         }
     }
 

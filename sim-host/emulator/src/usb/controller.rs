@@ -1,0 +1,669 @@
+//! The USB controller as a device (RP2040 datasheet 4.1): registers, and its part of a transaction.
+
+use super::memory::{ENDPOINTS, PacketMemory, SIZE, buffer};
+use super::wire::{LARGEST_PACKET, Reply, Transaction, TransactionKind};
+
+/// A bus that is idle for so long is suspended (USB 2.0 7.1.7.6).
+const SUSPENDS_PS: u64 = 3_000_000_000;
+/// From the end of a bus reset to CONNECTED, with the bus idle (RP2040 datasheet, erratum E5).
+const CONNECTS_PS: u64 = 800_000_000;
+
+/// MAIN_CTRL.
+const ENABLED: u32 = 1;
+/// USB_MUXING: TO_PHY, and with it SOFTCON.
+const TO_PHY: u32 = 1;
+const MUXING: u32 = 0b1001;
+/// USB_PWR: VBUS_DETECT with its override.
+const VBUS_OVERRIDE: u32 = 0b1100;
+const PHY_TRIM: u32 = 0x1F1F;
+const NAK_POLL: u32 = 0x0010_0010;
+
+/// SIE_CTRL.
+mod control {
+    pub(super) const RESUME: u32 = 1 << 12;
+    const PULL_DOWN: u32 = 1 << 15;
+    pub(super) const PULL_UP: u32 = 1 << 16;
+    const PULL_UP_STRENGTH: u32 = 1 << 17;
+    pub(super) const ON_NAK_0: u32 = 1 << 27;
+    pub(super) const PER_PAIR_0: u32 = 1 << 28;
+    pub(super) const PER_BUFFER_0: u32 = 1 << 29;
+    pub(super) const DOUBLE_0: u32 = 1 << 30;
+    pub(super) const ON_STALL_0: u32 = 1 << 31;
+    /// Bits that a device uses.
+    pub(super) const KNOWN: u32 = PULL_DOWN
+        | PULL_UP
+        | PULL_UP_STRENGTH
+        | ON_NAK_0
+        | PER_PAIR_0
+        | PER_BUFFER_0
+        | DOUBLE_0
+        | ON_STALL_0;
+}
+
+/// SIE_STATUS.
+mod status {
+    pub(super) const VBUS: u32 = 1 << 0;
+    pub(super) const LINE_SHIFT: u32 = 2;
+    pub(super) const SUSPENDED: u32 = 1 << 4;
+    pub(super) const RESUME: u32 = 1 << 11;
+    pub(super) const CONNECTED: u32 = 1 << 16;
+    pub(super) const SETUP: u32 = 1 << 17;
+    pub(super) const COMPLETE: u32 = 1 << 18;
+    pub(super) const RESET: u32 = 1 << 19;
+    pub(super) const ACKNOWLEDGED: u32 = 1 << 30;
+    pub(super) const SEQUENCE: u32 = 1 << 31;
+}
+
+/// Interrupts.
+mod raised {
+    pub(super) const COMPLETE: u32 = 1 << 3;
+    pub(super) const BUFFERS: u32 = 1 << 4;
+    pub(super) const SEQUENCE: u32 = 1 << 5;
+    pub(super) const VBUS: u32 = 1 << 11;
+    pub(super) const RESET: u32 = 1 << 12;
+    pub(super) const CONNECTION: u32 = 1 << 13;
+    pub(super) const SUSPEND: u32 = 1 << 14;
+    pub(super) const RESUME: u32 = 1 << 15;
+    pub(super) const SETUP: u32 = 1 << 16;
+    pub(super) const FRAME: u32 = 1 << 17;
+    pub(super) const ABORTED: u32 = 1 << 18;
+    pub(super) const REFUSED: u32 = 1 << 19;
+    pub(super) const ALL: u32 = 0xF_FFFF;
+}
+
+/// Level of the lines as SIE_STATUS shows it (USB 2.0 7.1.7.1, full speed).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Line {
+    /// Both low.
+    Reset = 0,
+    /// Idle.
+    J = 1,
+    /// Resume.
+    K = 2,
+}
+
+/// How an endpoint is set up.
+#[derive(Clone, Copy, Debug)]
+struct Endpoint {
+    enabled: bool,
+    double: bool,
+    per_buffer: bool,
+    per_pair: bool,
+    on_nak: bool,
+    on_stall: bool,
+    buffer: usize,
+}
+
+/// Buffers that are done and not yet cleared in BUFF_STATUS: how many, and the first one's number.
+#[derive(Clone, Copy, Debug, Default)]
+struct Done {
+    count: u8,
+    first: usize,
+}
+
+/// A transaction with a buffer under way.
+#[derive(Clone, Copy, Debug)]
+struct Busy {
+    index: usize,
+    half: usize,
+    buffer: usize,
+    in_sequence: bool,
+}
+
+/// The block.
+#[derive(Clone, Debug)]
+pub(crate) struct UsbController {
+    pub(crate) memory: PacketMemory,
+    address: u32,
+    main: u32,
+    control: u32,
+    status: u32,
+    muxing: u32,
+    power: u32,
+    nak_poll: u32,
+    trim: u32,
+    stall_armed: u32,
+    aborted: u32,
+    abort_done: u32,
+    refused: u32,
+    latched: u32,
+    enabled: u32,
+    forced: u32,
+    frame: u32,
+    line: Line,
+    suspended: bool,
+    connected: bool,
+    /// Since when the bus is idle.
+    idle_ps: u64,
+    /// The end of the last bus reset after which it is not connected yet.
+    connecting_ps: Option<u64>,
+    done: [Done; ENDPOINTS],
+    /// The next buffer by endpoint.
+    next_half: u32,
+    busy: Option<Busy>,
+    wakes: bool,
+    problem: Option<&'static str>,
+}
+
+impl UsbController {
+    /// As after a reset of the block.
+    pub(crate) fn new() -> Self {
+        Self {
+            memory: PacketMemory::new(),
+            address: 0,
+            main: 0,
+            control: 0,
+            status: 0,
+            muxing: 0,
+            power: 0,
+            nak_poll: NAK_POLL,
+            trim: PHY_TRIM,
+            stall_armed: 0,
+            aborted: 0,
+            abort_done: 0,
+            refused: 0,
+            latched: 0,
+            enabled: 0,
+            forced: 0,
+            frame: 0,
+            line: Line::J,
+            suspended: false,
+            connected: false,
+            idle_ps: 0,
+            connecting_ps: None,
+            done: [Done::default(); ENDPOINTS],
+            next_half: 0,
+            busy: None,
+            wakes: false,
+            problem: None,
+        }
+    }
+
+    /// Whether its pull-up shows a device at full speed. Without VBUS, which no pin brings on a
+    /// Raspberry Pi Pico, it does not; that is a guess.
+    pub(crate) const fn is_attached(&self) -> bool {
+        self.main & ENABLED != 0
+            && self.muxing & TO_PHY != 0
+            && self.control & control::PULL_UP != 0
+            && self.has_vbus()
+    }
+
+    const fn has_vbus(&self) -> bool {
+        self.power & VBUS_OVERRIDE == VBUS_OVERRIDE
+    }
+
+    /// What it was asked to do and the emulation does not follow.
+    pub(crate) fn take_problem(&mut self) -> Option<&'static str> {
+        self.problem.take()
+    }
+
+    /// Whether it asks a suspended bus to resume, since the last call.
+    pub(crate) fn take_wake(&mut self) -> bool {
+        std::mem::take(&mut self.wakes)
+    }
+
+    // ---- the bus ----
+
+    /// When its view of the bus next changes by itself.
+    pub(crate) fn next_event(&self) -> Option<u64> {
+        let suspends_ps = (self.is_attached() && !self.suspended && self.line == Line::J)
+            .then_some(self.idle_ps + SUSPENDS_PS);
+        let connects_ps = self.connecting_ps.map(|end_ps| end_ps + CONNECTS_PS);
+        [suspends_ps, connects_ps].into_iter().flatten().min()
+    }
+
+    /// Does what is due at a time.
+    pub(crate) fn service(&mut self, now_ps: u64) {
+        if self
+            .connecting_ps
+            .is_some_and(|end_ps| end_ps + CONNECTS_PS <= now_ps)
+        {
+            self.connecting_ps = None;
+            self.set_connected(self.is_attached());
+        }
+        let is_idle = self.line == Line::J && self.idle_ps + SUSPENDS_PS <= now_ps;
+        if self.is_attached() && is_idle {
+            self.set_suspended(true);
+        }
+    }
+
+    fn set_suspended(&mut self, suspended: bool) {
+        if suspended != self.suspended {
+            self.suspended = suspended;
+            self.latched |= raised::SUSPEND;
+        }
+    }
+
+    fn set_connected(&mut self, connected: bool) {
+        if connected != self.connected {
+            self.connected = connected;
+            self.latched |= raised::CONNECTION;
+        }
+    }
+
+    /// The host pulls both lines low for longer than a device may overlook (USB 2.0 7.1.7.5). The
+    /// address stays: the firmware clears it.
+    pub(crate) fn begin_reset(&mut self) {
+        self.line = Line::Reset;
+        self.end_transaction();
+        self.set_suspended(false);
+        if self.is_attached() {
+            self.status |= status::RESET;
+        }
+    }
+
+    /// The lines are idle again after a reset.
+    pub(crate) fn end_reset(&mut self, now_ps: u64) {
+        self.line = Line::J;
+        self.idle_ps = now_ps;
+        self.connecting_ps = (!self.connected).then_some(now_ps);
+    }
+
+    /// The host begins to resume a suspended bus.
+    pub(crate) fn begin_resume(&mut self) {
+        self.line = Line::K;
+        if self.suspended {
+            self.status |= status::RESUME;
+        }
+        self.set_suspended(false);
+    }
+
+    /// The host's signal of a resume ends.
+    pub(crate) fn end_resume(&mut self, now_ps: u64) {
+        self.line = Line::J;
+        self.idle_ps = now_ps;
+    }
+
+    /// The cable is pulled: the lines stay idle by the pull-up.
+    pub(crate) fn unplug(&mut self, now_ps: u64) {
+        self.line = Line::J;
+        self.end_transaction();
+        self.idle_ps = now_ps;
+    }
+
+    /// A start of frame with its number.
+    pub(crate) fn start_of_frame(&mut self, frame: u16, now_ps: u64) {
+        self.idle_ps = now_ps;
+        if self.is_attached() {
+            self.frame = u32::from(frame);
+            self.latched |= raised::FRAME;
+        }
+    }
+
+    // ---- transactions ----
+
+    /// A token has arrived. What it decides holds until the transaction ends.
+    pub(crate) fn begin(&mut self, transaction: &Transaction, now_ps: u64) -> Reply {
+        self.idle_ps = now_ps;
+        self.end_transaction();
+        if !self.is_attached() || u32::from(transaction.address) != self.address {
+            return Reply::Silence;
+        }
+        match &transaction.kind {
+            TransactionKind::Setup(_) if transaction.endpoint == 0 => Reply::Ack,
+            TransactionKind::Setup(_) => Reply::Silence,
+            TransactionKind::Out { data1, .. } => {
+                self.begin_buffer(2 * usize::from(transaction.endpoint) + 1, Some(*data1))
+            }
+            TransactionKind::In => self.begin_buffer(2 * usize::from(transaction.endpoint), None),
+        }
+    }
+
+    /// `data1` is the PID of the data that the host sends, if it does.
+    fn begin_buffer(&mut self, index: usize, data1: Option<bool>) -> Reply {
+        let Some(endpoint) = self.endpoint(index).filter(|it| it.enabled) else {
+            return Reply::Silence;
+        };
+        if self.memory.half(index, 0) & buffer::RESET != 0 || !endpoint.double {
+            self.next_half &= !(1 << index);
+        }
+        let which = (self.next_half >> index & 1) as usize;
+        let half = self.memory.half(index, which);
+        if self.stalls(index) {
+            self.refused |= u32::from(endpoint.on_stall) << index;
+            return Reply::Stall;
+        }
+        let is_in = data1.is_none();
+        let is_ready = half & buffer::AVAILABLE != 0 && (!is_in || half & buffer::FULL != 0);
+        if !is_ready || self.aborted >> index & 1 == 1 {
+            self.refused |= u32::from(endpoint.on_nak) << index;
+            return Reply::Nak;
+        }
+        let has_data1 = half & buffer::DATA1 != 0;
+        let busy = Busy {
+            index,
+            half: which,
+            buffer: endpoint.buffer + LARGEST_PACKET * which,
+            in_sequence: data1.is_none_or(|data1| data1 == has_data1),
+        };
+        if busy.buffer + LARGEST_PACKET > SIZE {
+            self.problem = Some("a USB buffer beyond the memory");
+            return Reply::Silence;
+        }
+        self.busy = Some(busy);
+        if is_in {
+            self.data(busy, half)
+        } else {
+            Reply::Ack
+        }
+    }
+
+    /// On endpoint 0 a stall has to be armed besides (EP_STALL_ARM).
+    fn stalls(&self, index: usize) -> bool {
+        let is_armed = index > 1 || self.stall_armed >> index & 1 == 1;
+        is_armed && self.memory.half(index, 0) & buffer::STALL != 0
+    }
+
+    fn data(&mut self, busy: Busy, half: u16) -> Reply {
+        let length = usize::from(half & buffer::LENGTH);
+        match self.memory.load(busy.buffer, length) {
+            Some(data) if length <= LARGEST_PACKET => Reply::Data {
+                data1: half & buffer::DATA1 != 0,
+                data,
+            },
+            _ => {
+                self.problem = Some("a USB packet of more than 64 bytes");
+                Reply::Silence
+            }
+        }
+    }
+
+    /// A transaction that was acknowledged, by the host if it was an IN, has ended. A packet out of
+    /// sequence is acknowledged and dropped (USB 2.0 8.6.4). LENGTH does not limit what is received;
+    /// that is a guess.
+    pub(crate) fn end(&mut self, transaction: &Transaction, now_ps: u64) {
+        self.idle_ps = now_ps;
+        match &transaction.kind {
+            TransactionKind::Setup(packet) => {
+                self.memory.store_setup(packet);
+                self.status |= status::SETUP;
+                self.stall_armed = 0;
+            }
+            TransactionKind::Out { data, .. } => {
+                if let Some(busy) = self.busy {
+                    self.receive(busy, data);
+                }
+            }
+            TransactionKind::In => {
+                self.status |= status::ACKNOWLEDGED;
+                if let Some(busy) = self.busy {
+                    let half = self.memory.half(busy.index, busy.half);
+                    self.write_back(busy, half & !buffer::FULL);
+                }
+            }
+        }
+        self.end_transaction();
+    }
+
+    fn receive(&mut self, busy: Busy, data: &[u8]) {
+        if !busy.in_sequence {
+            self.status |= status::SEQUENCE;
+            return;
+        }
+        self.memory.store(busy.buffer, data);
+        let half = self.memory.half(busy.index, busy.half) & !buffer::LENGTH;
+        self.write_back(busy, half | buffer::FULL | data.len() as u16);
+    }
+
+    /// Hands a buffer back to the processor.
+    fn write_back(&mut self, busy: Busy, half: u16) {
+        let Busy {
+            index, half: which, ..
+        } = busy;
+        let returned = half & !buffer::AVAILABLE & if which == 0 { !buffer::RESET } else { !0 };
+        self.memory.set_half(index, which, returned);
+        if half & buffer::LAST != 0 {
+            self.status |= status::COMPLETE;
+        }
+        let Some(endpoint) = self.endpoint(index) else {
+            return;
+        };
+        if endpoint.double {
+            self.next_half ^= 1 << index;
+        }
+        if let Some(done) = self.done.get_mut(index) {
+            done.add(which, endpoint);
+        }
+    }
+
+    /// Whatever was under way is over; an endpoint that was to be aborted is idle.
+    fn end_transaction(&mut self) {
+        if let Some(busy) = self.busy.take() {
+            self.abort_done |= self.aborted & 1 << busy.index;
+        }
+    }
+
+    fn endpoint(&self, index: usize) -> Option<Endpoint> {
+        let Some(word) = self.memory.endpoint_control(index) else {
+            let has = |bit| self.control & bit != 0;
+            return Some(Endpoint {
+                enabled: true,
+                double: has(control::DOUBLE_0),
+                per_buffer: has(control::PER_BUFFER_0),
+                per_pair: has(control::PER_PAIR_0),
+                on_nak: has(control::ON_NAK_0),
+                on_stall: has(control::ON_STALL_0),
+                buffer: 0x100,
+            });
+        };
+        let has = |bit: u32| word >> bit & 1 == 1;
+        // 4.1.2.5.2. Type isochronous, 1, is not followed: it has no handshakes.
+        (word >> 26 & 0b11 != 1).then_some(Endpoint {
+            enabled: has(31),
+            double: has(30),
+            per_buffer: has(29),
+            per_pair: has(28),
+            on_nak: has(16),
+            on_stall: has(17),
+            buffer: (word & 0xFFC0) as usize,
+        })
+    }
+
+    // ---- registers ----
+
+    pub(crate) fn line(&self) -> bool {
+        self.interrupts() != 0
+    }
+
+    fn interrupts(&self) -> u32 {
+        self.raw() & self.enabled | self.forced
+    }
+
+    fn raw(&self) -> u32 {
+        let of_status = [
+            (status::COMPLETE, raised::COMPLETE),
+            (status::SEQUENCE, raised::SEQUENCE),
+            (status::VBUS, raised::VBUS),
+            (status::RESET, raised::RESET),
+            (status::RESUME, raised::RESUME),
+            (status::SETUP, raised::SETUP),
+        ];
+        let shown = self.status();
+        let of_status = of_status
+            .iter()
+            .filter(|(bit, _)| shown & bit != 0)
+            .fold(0, |raw, (_, interrupt)| raw | interrupt);
+        let set = |is_set: bool, interrupt| if is_set { interrupt } else { 0 };
+        self.latched
+            | of_status
+            | set(self.buffer_status() != 0, raised::BUFFERS)
+            | set(self.abort_done != 0, raised::ABORTED)
+            | set(self.refused != 0, raised::REFUSED)
+    }
+
+    fn status(&self) -> u32 {
+        let line = match self.line {
+            line if self.is_attached() => line,
+            _ => Line::Reset,
+        };
+        let set = |is_set: bool, bit| if is_set { bit } else { 0 };
+        self.status
+            | (line as u32) << status::LINE_SHIFT
+            | set(self.has_vbus(), status::VBUS)
+            | set(self.suspended, status::SUSPENDED)
+            | set(self.connected, status::CONNECTED)
+    }
+
+    fn buffer_status(&self) -> u32 {
+        self.by_endpoint(|done| done.count > 0)
+    }
+
+    fn by_endpoint(&self, is_set: impl Fn(&Done) -> bool) -> u32 {
+        let bits = self.done.iter().enumerate();
+        bits.fold(0, |bits, (index, done)| {
+            bits | u32::from(is_set(done)) << index
+        })
+    }
+
+    /// Reads a register.
+    pub(crate) fn read(&mut self, offset: u32) -> Option<u32> {
+        if offset == 0x48 {
+            self.latched &= !raised::FRAME;
+        }
+        self.peek(offset)
+    }
+
+    fn peek(&self, offset: u32) -> Option<u32> {
+        Some(match offset {
+            0x00 => self.address,
+            0x40 => self.main,
+            0x48 => self.frame,
+            0x4C => self.control,
+            0x50 => self.status(),
+            0x58 => self.buffer_status(),
+            0x5C => self.by_endpoint(|done| done.count > 0 && done.first == 1),
+            0x60 => self.aborted,
+            0x64 => self.abort_done,
+            0x68 => self.stall_armed,
+            0x6C => self.nak_poll,
+            0x70 => self.refused,
+            0x74 => self.muxing,
+            0x78 => self.power,
+            0x84 => self.trim,
+            0x8C => self.raw(),
+            0x90 => self.enabled,
+            0x94 => self.forced,
+            0x98 => self.interrupts(),
+            _ if is_unused(offset) => 0,
+            _ => return None,
+        })
+    }
+
+    /// Writes a register through one of its four views: plain, exclusive or, set, clear. A bit that
+    /// is cleared by writing a one is so through the plain view and that which clears, as the SDK
+    /// relies on.
+    pub(crate) fn write(&mut self, view: u32, offset: u32, value: u32, now_ps: u64) -> Option<()> {
+        if let 0x50 | 0x58 | 0x64 | 0x70 = offset {
+            return matches!(view, 0 | 3).then(|| self.clear(offset, value));
+        }
+        let value = match view {
+            0 => value,
+            1 => self.peek(offset)? ^ value,
+            2 => self.peek(offset)? | value,
+            _ => self.peek(offset)? & !value,
+        };
+        let was_attached = self.is_attached();
+        self.set(offset, value)?;
+        if self.is_attached() != was_attached {
+            self.idle_ps = now_ps;
+            self.set_suspended(false);
+            self.set_connected(false);
+        }
+        Some(())
+    }
+
+    fn clear(&mut self, offset: u32, value: u32) {
+        match offset {
+            0x50 => self.clear_status(value),
+            0x58 => {
+                let of_bits = self.done.iter_mut().enumerate();
+                let cleared = of_bits.filter(|(index, _)| value >> index & 1 == 1);
+                cleared.for_each(|(_, done)| done.take());
+            }
+            0x64 => self.abort_done &= !value,
+            _ => self.refused &= !value,
+        }
+    }
+
+    /// SUSPENDED and CONNECTED are levels: clearing them clears their interrupts.
+    fn clear_status(&mut self, value: u32) {
+        self.status &= !value;
+        let latches = [
+            (status::SUSPENDED, raised::SUSPEND),
+            (status::CONNECTED, raised::CONNECTION),
+        ];
+        for (_, interrupt) in latches.iter().filter(|(bit, _)| value & bit != 0) {
+            self.latched &= !interrupt;
+        }
+    }
+
+    fn set(&mut self, offset: u32, value: u32) -> Option<()> {
+        match offset {
+            // The endpoint is the host's.
+            0x00 if value <= 0x7F => self.address = value,
+            // Neither host nor short times.
+            0x40 if value & !ENABLED == 0 => self.main = value,
+            0x4C => self.set_control(value)?,
+            0x60 => {
+                let asked = value & !self.aborted;
+                self.aborted = value;
+                let busy = self.busy.map_or(0, |busy| 1 << busy.index);
+                self.abort_done |= asked & !busy;
+            }
+            0x68 => self.stall_armed = value & 0b11,
+            0x6C => self.nak_poll = value,
+            0x74 if value & !MUXING == 0 => self.muxing = value,
+            0x78 => self.power = value & 0x3F,
+            0x84 => self.trim = value,
+            0x90 => self.enabled = value & raised::ALL,
+            0x94 => self.forced = value & raised::ALL,
+            // Read-only.
+            0x48 | 0x5C | 0x8C | 0x98 => {}
+            _ if is_unused(offset) && value == 0 => {}
+            _ => return None,
+        }
+        Some(())
+    }
+
+    fn set_control(&mut self, value: u32) -> Option<()> {
+        if value & !(control::KNOWN | control::RESUME) != 0 {
+            return None;
+        }
+        self.wakes |= value & control::RESUME != 0;
+        self.control = value & control::KNOWN;
+        Some(())
+    }
+}
+
+impl Done {
+    /// A buffer is done (4.1.2.5.2, interrupts of an endpoint).
+    fn add(&mut self, half: usize, endpoint: Endpoint) {
+        if endpoint.per_buffer {
+            if self.count == 0 || !endpoint.double {
+                *self = Self {
+                    count: 1,
+                    first: half,
+                };
+            } else {
+                self.count = 2;
+            }
+        } else if endpoint.per_pair && endpoint.double && half == 1 {
+            *self = Self {
+                count: 1,
+                first: half,
+            };
+        }
+    }
+
+    /// One is cleared; a second one shows at once.
+    fn take(&mut self) {
+        self.count = self.count.saturating_sub(1);
+        self.first ^= 1;
+    }
+}
+
+/// Registers of the host, of the PHY's direct control and none: they hold zero, and only that is
+/// written to them.
+const fn is_unused(offset: u32) -> bool {
+    matches!(offset, 0x04..=0x3C | 0x44 | 0x54 | 0x7C | 0x80 | 0x88)
+}

@@ -1,0 +1,154 @@
+//! Controller and host on a bench, with what a driver does to registers.
+
+use ldc161x_sim::Time;
+
+use crate::usb::memory::buffer;
+use crate::usb::{Usb, UsbState};
+
+pub(super) const MAIN: u32 = 0x40;
+pub(super) const SOF: u32 = 0x48;
+pub(super) const CONTROL: u32 = 0x4C;
+pub(super) const STATUS: u32 = 0x50;
+pub(super) const BUFFERS: u32 = 0x58;
+pub(super) const WHICH: u32 = 0x5C;
+pub(super) const ABORT: u32 = 0x60;
+pub(super) const ABORT_DONE: u32 = 0x64;
+pub(super) const STALL_ARM: u32 = 0x68;
+pub(super) const REFUSED: u32 = 0x70;
+pub(super) const MUXING: u32 = 0x74;
+pub(super) const POWER: u32 = 0x78;
+pub(super) const RAW: u32 = 0x8C;
+pub(super) const ENABLE: u32 = 0x90;
+pub(super) const FORCE: u32 = 0x94;
+pub(super) const INTERRUPTS: u32 = 0x98;
+
+pub(super) const SETUP: u32 = 1 << 17;
+pub(super) const RESET: u32 = 1 << 19;
+
+/// An access of the processor takes longer than a period of clk_usb here.
+const ACCESS_PS: u64 = 30_000;
+
+/// A program on the processor, called while the interrupt line is high.
+pub(super) trait Program {
+    fn interrupted(&mut self, bench: &mut Bench);
+}
+
+/// A program that does nothing.
+pub(super) struct Idle;
+
+impl Program for Idle {
+    fn interrupted(&mut self, _: &mut Bench) {}
+}
+
+#[derive(Clone)]
+pub(super) struct Bench {
+    pub(super) usb: Usb,
+    pub(super) now_ps: u64,
+}
+
+impl Bench {
+    pub(super) fn new() -> Self {
+        Self {
+            usb: Usb::new(),
+            now_ps: 0,
+        }
+    }
+
+    /// With a device whose pull-up is on.
+    pub(super) fn attached() -> Self {
+        let mut bench = Self::new();
+        bench.write(MUXING, 0b1001);
+        bench.write(POWER, 0b1100);
+        bench.write(MAIN, 1);
+        bench.write(CONTROL, 1 << 29 | 1 << 16);
+        bench
+    }
+
+    pub(super) fn read(&mut self, register: u32) -> u32 {
+        self.now_ps += ACCESS_PS;
+        self.usb.read(register).unwrap()
+    }
+
+    pub(super) fn write(&mut self, register: u32, value: u32) {
+        self.now_ps += ACCESS_PS;
+        self.usb.write(0, register, value, self.now_ps).unwrap();
+    }
+
+    pub(super) fn bytes(&self, at: u32, length: u32) -> Vec<u8> {
+        let byte = |at: u32| self.usb.read_memory(at & !3).unwrap() >> (8 * (at & 3));
+        (at..at + length).map(|at| byte(at) as u8).collect()
+    }
+
+    pub(super) fn set_bytes(&mut self, at: u32, bytes: &[u8]) {
+        for (at, byte) in (at..).zip(bytes) {
+            self.now_ps += ACCESS_PS;
+            self.usb.write_memory(at, &[*byte], self.now_ps).unwrap();
+        }
+    }
+
+    pub(super) fn set_word(&mut self, at: u32, word: u32) {
+        self.now_ps += ACCESS_PS;
+        let bytes = word.to_le_bytes();
+        self.usb.write_memory(at, &bytes, self.now_ps).unwrap();
+    }
+
+    /// A half of the buffer control word of an endpoint.
+    pub(super) fn half(&self, index: u32, which: u32) -> u16 {
+        (self.usb.read_memory(0x80 + 4 * index).unwrap() >> (16 * which)) as u16
+    }
+
+    /// Writes the rest of a half, and then the half with AVAILABLE.
+    pub(super) fn arm(&mut self, index: u32, which: u32, rest: u16) {
+        for value in [rest, rest | buffer::AVAILABLE] {
+            self.now_ps += ACCESS_PS;
+            let at = 0x80 + 4 * index + 2 * which;
+            self.usb
+                .write_memory(at, &value.to_le_bytes(), self.now_ps)
+                .unwrap();
+        }
+    }
+
+    /// Lets time pass up to the next event or to `end_ps`.
+    pub(super) fn step(&mut self, end_ps: u64) {
+        let next_ps = self.usb.next_event().unwrap_or(u64::MAX);
+        self.now_ps = self.now_ps.max(next_ps.min(end_ps));
+        assert_eq!(self.usb.service(self.now_ps), None);
+    }
+
+    pub(super) fn run(&mut self, time: Time, program: &mut impl Program) {
+        let end_ps = self.now_ps + time.as_ps();
+        self.usb.service(self.now_ps);
+        while self.now_ps < end_ps {
+            self.step(end_ps);
+            if self.usb.line() {
+                program.interrupted(self);
+            }
+        }
+    }
+
+    /// Runs until something is true.
+    pub(super) fn run_until(
+        &mut self,
+        program: &mut impl Program,
+        mut is_true: impl FnMut(&Self) -> bool,
+    ) {
+        let end_ps = self.now_ps + Time::from_ms(10_000).as_ps();
+        self.usb.service(self.now_ps);
+        while !is_true(self) {
+            assert!(self.now_ps < end_ps, "it never became true");
+            self.step(end_ps);
+            if self.usb.line() {
+                program.interrupted(self);
+            }
+        }
+    }
+
+    /// Plugs the cable and waits for address 0.
+    pub(super) fn plugged(program: &mut impl Program) -> Self {
+        let mut bench = Self::attached();
+        bench.usb.host.plug();
+        bench.run_until(program, |bench| bench.usb.host.state() == UsbState::Default);
+        bench.run(Time::from_ms(12), program);
+        bench
+    }
+}
