@@ -3,7 +3,7 @@
 use core::borrow::Borrow;
 
 use crate::Command;
-use crate::checksum::digest;
+use crate::checksum::{Digest, digest};
 use crate::encoder::payload;
 use crate::message::Message;
 
@@ -13,13 +13,48 @@ use crate::message::Message;
 /// knot, with every chunk of a curve but the last one full, and with nothing for what was never
 /// set. Device and PC give the same commands in the same order and get the same number.
 pub fn configuration_crc(commands: impl IntoIterator<Item: Borrow<Command>>) -> u32 {
-    let mut digest = digest();
+    let mut crc = ConfigurationCrc::new();
     for command in commands {
-        let command = command.borrow();
-        let mut buffer = [0; Command::MAX_PAYLOAD];
-        digest.update(&[command.kind()]);
-        // Every payload fits.
-        digest.update(payload(command, &mut buffer).unwrap_or_default());
+        crc.add(command.borrow());
     }
-    digest.finalize()
+    crc.value()
+}
+
+/// The same, where the commands come one at a time.
+///
+/// ```
+/// use palpate_wire::{Command, ConfigurationCrc, configuration_crc};
+/// let mut crc = ConfigurationCrc::new();
+/// crc.add(&Command::Identify);
+/// crc.add(&Command::Arm);
+/// assert_eq!(crc.value(), configuration_crc([Command::Identify, Command::Arm]));
+/// ```
+#[derive(Clone)]
+pub struct ConfigurationCrc(Digest);
+
+impl ConfigurationCrc {
+    /// Over no command.
+    pub const fn new() -> Self {
+        Self(digest())
+    }
+
+    /// Goes on with a command.
+    pub fn add(&mut self, command: &Command) {
+        let mut buffer = [0; Command::MAX_PAYLOAD];
+        self.0.update(&[command.kind()]);
+        // Every payload fits.
+        self.0
+            .update(payload(command, &mut buffer).unwrap_or_default());
+    }
+
+    /// The CRC over the commands so far.
+    pub fn value(&self) -> u32 {
+        self.0.clone().finalize()
+    }
+}
+
+impl Default for ConfigurationCrc {
+    fn default() -> Self {
+        Self::new()
+    }
 }

@@ -22,7 +22,7 @@ mod validation;
 
 pub use checksum::crc32;
 pub use command::{Command, CommandDecoder};
-pub use configuration::configuration_crc;
+pub use configuration::{ConfigurationCrc, configuration_crc};
 pub use decoder::{Counts, Decoder, FrameError, PayloadError};
 pub use encoder::{BufferTooSmall, Sequencer, encode, encode_vec};
 pub use frame::{Frame, Header, MAX_HEADER, frame_size};
