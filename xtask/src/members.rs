@@ -106,6 +106,14 @@ pub(crate) const MEMBERS: &[Member] = &[
         mcu_examples: &[],
     },
     Member {
+        name: "palpate-storage",
+        runs_on: RunsOn::Everywhere,
+        published: false,
+        features: &[],
+        tested_features: &[],
+        mcu_examples: &[],
+    },
+    Member {
         name: "palpate-model",
         runs_on: RunsOn::Everywhere,
         published: false,

@@ -78,6 +78,12 @@ pub(super) const RULES: &[Rule] = &[
         because: "what the firmware decides is tested on a PC, without bus, clock or board",
     },
     Rule {
+        name: "storage-on-wire",
+        who: "palpate-storage",
+        may_depend: On::Only(&["palpate-wire"]),
+        because: "what is stored are the commands of the protocol; what they set is none of its business",
+    },
+    Rule {
         name: "float-alone",
         who: "palpate-float",
         may_depend: On::Only(&[]),
@@ -90,6 +96,7 @@ pub(super) const RULES: &[Rule] = &[
             "palpate-float",
             "palpate-node",
             "palpate-procedure",
+            "palpate-storage",
             "palpate-wire",
             DRIVERS,
             "palpate-model",

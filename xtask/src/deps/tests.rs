@@ -51,6 +51,12 @@ const SOUND: &[(&str, &str, RunsOn, &[&str])] = &[
     ),
     ("palpate-float", "firmware/float", RunsOn::Everywhere, &[]),
     (
+        "palpate-storage",
+        "firmware/storage",
+        RunsOn::Everywhere,
+        &["palpate-wire"],
+    ),
+    (
         "palpate-firmware",
         "firmware",
         RunsOn::Mcu,
@@ -58,6 +64,7 @@ const SOUND: &[(&str, &str, RunsOn, &[&str])] = &[
             "palpate-float",
             "palpate-node",
             "palpate-procedure",
+            "palpate-storage",
             "palpate-wire",
             "ldc161x",
             "coil-hbridge",
@@ -151,6 +158,12 @@ const PLANTED: &[(&str, &str, &str, Kind)] = &[
         "palpate-procedure",
         "palpate-sim",
         Kind::Dev,
+    ),
+    (
+        "storage-on-wire",
+        "palpate-storage",
+        "palpate-procedure",
+        Kind::Normal,
     ),
     (
         "float-alone",

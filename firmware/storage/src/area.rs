@@ -1,0 +1,280 @@
+//! The area of flash and its two slots.
+
+use core::ops::Range;
+
+use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
+use embedded_storage_async::nor_flash::{NorFlashError, NorFlashErrorKind};
+use sequential_storage::Error as MapError;
+use sequential_storage::cache::{Cache, Uncached};
+use sequential_storage::map::{MapConfig, MapStorage};
+
+use crate::Error;
+use crate::item::{Item, KEY, Key, WORK};
+
+/// Bytes that are looked at in one go to see whether a sector is erased.
+const LOOK: usize = 256;
+
+/// Sectors in a slot, at least: the map always keeps one erased.
+const LEAST_SECTORS: u32 = 2;
+
+/// One half of the area. A save goes to the slot that does not hold what is stored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Slot {
+    First,
+    Second,
+}
+
+impl Slot {
+    pub(crate) const fn other(self) -> Self {
+        match self {
+            Self::First => Self::Second,
+            Self::Second => Self::First,
+        }
+    }
+}
+
+/// The area.
+#[derive(Debug)]
+pub(crate) struct Area<S> {
+    flash: S,
+    /// Where the first slot begins.
+    start: u32,
+    /// Bytes of a slot.
+    slot: u32,
+    /// Sectors of a slot.
+    sectors: u32,
+}
+
+impl<S: NorFlash> Area<S> {
+    /// The longest word that a look is a multiple of, and the bytes of a sector.
+    const SECTOR: u32 = {
+        assert!(LOOK.is_multiple_of(S::READ_SIZE) && S::ERASE_SIZE.is_multiple_of(LOOK));
+        S::ERASE_SIZE as u32
+    };
+
+    pub(crate) fn new(flash: S, range: &Range<u32>) -> Result<Self, Error<S::Error>> {
+        let size = range.end.checked_sub(range.start).ok_or(Error::Range)?;
+        let sectors = size / Self::SECTOR / 2;
+        let area = Self {
+            flash,
+            start: range.start,
+            slot: sectors.saturating_mul(Self::SECTOR),
+            sectors,
+        };
+        let is_aligned = range.start.is_multiple_of(Self::SECTOR) && area.slot * 2 == size;
+        let is_within = range.end as usize <= area.flash.capacity();
+        let is_long_enough = sectors >= LEAST_SECTORS;
+        // The map refuses what it cannot work with; words that are too long, among others.
+        let is_accepted = MapConfig::<Window<'_, S>>::try_new(0..area.slot).is_ok();
+        if is_aligned && is_within && is_long_enough && is_accepted {
+            Ok(area)
+        } else {
+            Err(Error::Range)
+        }
+    }
+
+    fn start_of(&self, slot: Slot) -> u32 {
+        match slot {
+            Slot::First => self.start,
+            Slot::Second => self.start.wrapping_add(self.slot),
+        }
+    }
+
+    /// The slot as the map sees it, turned so that the map begins with another sector in every
+    /// generation: all sectors wear alike.
+    fn map(
+        &mut self,
+        slot: Slot,
+        access: Access,
+        generation: u32,
+    ) -> Result<Map<'_, S>, Error<S::Error>> {
+        let start = self.start_of(slot);
+        // Every other generation goes to this slot.
+        let turn = (generation / 2).checked_rem(self.sectors).unwrap_or(0);
+        let window = Window {
+            flash: &mut self.flash,
+            start,
+            size: self.slot,
+            turn: turn.wrapping_mul(Self::SECTOR),
+            access,
+        };
+        let config = MapConfig::try_new(0..self.slot).map_err(|_| Error::Range)?;
+        Ok(MapStorage::new(window, config, Cache::new_uncached()))
+    }
+
+    /// Shows the items of a slot in the order in which they were written, with the generation of
+    /// their save, until `show` returns false. False if the slot cannot be read to its end. Writes
+    /// nothing. What is damaged is passed by, so the items have to be summed up.
+    pub(crate) async fn read(
+        &mut self,
+        slot: Slot,
+        show: &mut dyn FnMut(u32, Item) -> bool,
+    ) -> Result<bool, Error<S::Error>> {
+        // The map finds its first sector wherever that lies.
+        let mut map = self.map(slot, Access::Read, 0)?;
+        let mut work = [0; WORK];
+        let mut items = match map.fetch_all_items(&mut work).await {
+            Ok(items) => items,
+            Err(error) => return unreadable(error),
+        };
+        loop {
+            match items.next::<&[u8]>(&mut work).await {
+                Ok(None) => return Ok(true),
+                Ok(Some((_, bytes))) => {
+                    if let Some((generation, item)) = Item::read(bytes)
+                        && !show(generation, item)
+                    {
+                        return Ok(true);
+                    }
+                }
+                Err(error) => return unreadable(error),
+            }
+        }
+    }
+
+    /// Writes an item behind those that a slot holds.
+    pub(crate) async fn append(
+        &mut self,
+        slot: Slot,
+        generation: u32,
+        item: &Item,
+    ) -> Result<(), Error<S::Error>> {
+        let mut map = self.map(slot, Access::Append, generation)?;
+        let bytes = item.bytes(generation);
+        let value = bytes.get(KEY..).unwrap_or_default();
+        let mut work = [0; WORK];
+        let stored = map.store_item(&mut work, &item.key, &value);
+        stored.await.map_err(|error| match error {
+            MapError::Storage {
+                value: WindowError::Flash(error),
+                ..
+            } => Error::Flash(error),
+            // To erase is what the map resorts to when a slot is full.
+            MapError::Storage { .. } | MapError::FullStorage | MapError::ItemTooBig => Error::Full,
+            _ => Error::NotKept,
+        })
+    }
+
+    /// Erases every sector of a slot that is not erased.
+    pub(crate) async fn clear(&mut self, slot: Slot) -> Result<(), Error<S::Error>> {
+        let start = self.start_of(slot);
+        for sector in 0..self.sectors {
+            let from = start.wrapping_add(sector.wrapping_mul(Self::SECTOR));
+            if !self.is_erased(from).await? {
+                let to = from.wrapping_add(Self::SECTOR);
+                self.flash.erase(from, to).await.map_err(Error::Flash)?;
+            }
+        }
+        Ok(())
+    }
+
+    async fn is_erased(&mut self, sector: u32) -> Result<bool, Error<S::Error>> {
+        let mut bytes = [0; LOOK];
+        for look in 0..Self::SECTOR / LOOK as u32 {
+            let from = sector.wrapping_add(look.wrapping_mul(LOOK as u32));
+            let read = self.flash.read(from, &mut bytes).await;
+            read.map_err(Error::Flash)?;
+            if bytes.iter().any(|byte| *byte != u8::MAX) {
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+
+    pub(crate) fn into_flash(self) -> S {
+        self.flash
+    }
+}
+
+/// What the map found it cannot read is one thing, a flash that does not answer another.
+fn unreadable<E>(error: MapError<WindowError<E>>) -> Result<bool, Error<E>> {
+    match error {
+        MapError::Storage {
+            value: WindowError::Flash(error),
+            ..
+        } => Err(Error::Flash(error)),
+        _ => Ok(false),
+    }
+}
+
+type Map<'a, S> = MapStorage<Key, Window<'a, S>, Cache<Uncached, Uncached, Uncached, Key>>;
+
+/// What the map may do with a slot. It may never erase: it would do so to repair what it takes
+/// for a cut-off operation of its own, or to reuse a sector, and could destroy what is stored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Access {
+    Read,
+    Append,
+}
+
+/// A slot as a flash of its own.
+struct Window<'a, S> {
+    flash: &'a mut S,
+    /// Where the slot begins, and its bytes.
+    start: u32,
+    size: u32,
+    /// Where in the slot the window's address 0 lies.
+    turn: u32,
+    access: Access,
+}
+
+impl<S> Window<'_, S> {
+    fn address(&self, offset: u32) -> u32 {
+        let turned = self.turn.wrapping_add(offset);
+        let within = turned.checked_rem(self.size).unwrap_or(0);
+        self.start.wrapping_add(within)
+    }
+}
+
+/// What a window fails of.
+#[derive(Debug)]
+enum WindowError<E> {
+    Flash(E),
+    /// The map tried what its [`Access`] forbids.
+    Denied,
+}
+
+impl<E: NorFlashError> NorFlashError for WindowError<E> {
+    fn kind(&self) -> NorFlashErrorKind {
+        match self {
+            Self::Flash(error) => error.kind(),
+            Self::Denied => NorFlashErrorKind::Other,
+        }
+    }
+}
+
+impl<S: NorFlash> ErrorType for Window<'_, S> {
+    type Error = WindowError<S::Error>;
+}
+
+impl<S: NorFlash> ReadNorFlash for Window<'_, S> {
+    const READ_SIZE: usize = S::READ_SIZE;
+
+    async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), Self::Error> {
+        let address = self.address(offset);
+        let read = self.flash.read(address, bytes).await;
+        read.map_err(WindowError::Flash)
+    }
+
+    fn capacity(&self) -> usize {
+        self.size as usize
+    }
+}
+
+impl<S: NorFlash> NorFlash for Window<'_, S> {
+    const WRITE_SIZE: usize = S::WRITE_SIZE;
+    const ERASE_SIZE: usize = S::ERASE_SIZE;
+
+    async fn erase(&mut self, _from: u32, _to: u32) -> Result<(), Self::Error> {
+        Err(WindowError::Denied)
+    }
+
+    async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), Self::Error> {
+        if self.access == Access::Read {
+            return Err(WindowError::Denied);
+        }
+        let address = self.address(offset);
+        let written = self.flash.write(address, bytes).await;
+        written.map_err(WindowError::Flash)
+    }
+}

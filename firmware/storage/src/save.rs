@@ -1,0 +1,255 @@
+//! Saving: what is stored is replaced at one stroke.
+
+use embedded_storage_async::nor_flash::NorFlash;
+use palpate_wire::{Command, ConfigurationCrc, Message};
+
+use crate::area::Slot;
+use crate::item::{Item, Key};
+use crate::scan::{Located, Scan};
+use crate::seal::{Seal, SealCopy, Sum};
+use crate::{Contents, Error, Store, knows, parts, settings};
+
+/// A save that has begun.
+pub(crate) struct Save {
+    slot: Slot,
+    generation: u32,
+    /// What is replaced.
+    stored: Option<Located>,
+    /// The items so far.
+    items: u16,
+    digest: u32,
+    /// Whether they are written. Not as long as they are the stored ones.
+    is_writing: bool,
+    /// Key of the last item that the caller put.
+    last: Option<Key>,
+    configuration_crc: ConfigurationCrc,
+}
+
+impl core::fmt::Debug for Save {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.debug_struct("Save")
+            .field("generation", &self.generation)
+            .field("items", &self.items)
+            .field("is_writing", &self.is_writing)
+            .finish_non_exhaustive()
+    }
+}
+
+impl Save {
+    const fn sum(&self, configuration_crc: u32) -> Sum {
+        Sum {
+            items: self.items,
+            digest: self.digest,
+            configuration_crc,
+            erased: match self.stored {
+                Some(set) => set.sum.erased,
+                None => 0,
+            },
+        }
+    }
+
+    /// Whether a stored item that the caller did not put stays: if this firmware does not know it,
+    /// and puts nothing in its place.
+    fn keeps(&self, stored: &Item, next: Key) -> bool {
+        let is_replaced = |key: Key| key.is_of_one_part(stored.key);
+        !knows(stored.key, stored.version)
+            && !is_replaced(next)
+            && !self.last.is_some_and(is_replaced)
+    }
+}
+
+impl<S: NorFlash> Store<S> {
+    /// Begins a save, which replaces all that is stored, but for items that this firmware does not
+    /// know. Does not touch the flash. Ends a save that was begun before.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Newer`] if a later firmware stored something in another format: it would be lost.
+    /// [`Error::Exhausted`].
+    pub fn begin(&mut self) -> Result<(), Error<S::Error>> {
+        self.abandon();
+        if self.survey.contents == Contents::Newer {
+            return Err(Error::Newer);
+        }
+        self.save = Some(Save {
+            slot: self.survey.target,
+            generation: self.next_generation()?,
+            stored: self.survey.stored,
+            items: 0,
+            digest: 0,
+            is_writing: false,
+            last: None,
+            configuration_crc: ConfigurationCrc::new(),
+        });
+        Ok(())
+    }
+
+    /// Ends a save that was begun; what was stored stays.
+    pub fn abandon(&mut self) {
+        self.save = None;
+        self.rewind();
+    }
+
+    /// Adds what a command sets: settings first, then the parts in the order of
+    /// [`configuration_crc`](palpate_wire::configuration_crc). Writes nothing as long as all is as
+    /// it is stored. With the first difference it erases the sectors that the last save but one took,
+    /// and writes what it has been given so far.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::NotBegun`], [`Error::NotASetter`], [`Error::Invalid`], [`Error::OutOfOrder`],
+    /// [`Error::Full`], [`Error::Flash`], and [`Error::Damaged`] if the flash has changed since it was
+    /// opened. Each of them ends the save; what was stored stays.
+    pub async fn put(&mut self, command: &Command) -> Result<(), Error<S::Error>> {
+        let result = self.put_all(command).await;
+        if result.is_err() {
+            self.abandon();
+        }
+        result
+    }
+
+    /// Ends a save: from now on it is what is stored, as a whole. True if that changed anything.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::NotBegun`], [`Error::NotKept`], [`Error::Full`], [`Error::Flash`] and
+    /// [`Error::Damaged`]. What was stored stays, unless the flash fails after the seal was written:
+    /// [`contents`](Self::contents) says what it is, or, after [`Error::Flash`], opening anew.
+    pub async fn commit(&mut self) -> Result<bool, Error<S::Error>> {
+        let result = self.commit_all().await;
+        self.abandon();
+        result
+    }
+
+    async fn put_all(&mut self, command: &Command) -> Result<(), Error<S::Error>> {
+        let save = self.save.as_mut().ok_or(Error::NotBegun)?;
+        command.validate().map_err(Error::Invalid)?;
+        save.configuration_crc.add(command);
+        let kind = command.kind();
+        let Command::SetSettings(settings) = command else {
+            let item = parts::item(command).ok_or(Error::NotASetter { kind })?;
+            return self.put_item(item, kind).await;
+        };
+        for number in settings::FIELDS {
+            let item = settings::item(settings, *number).ok_or(Error::NotASetter { kind })?;
+            self.put_item(item, kind).await?;
+        }
+        Ok(())
+    }
+
+    async fn put_item(&mut self, item: Item, kind: u8) -> Result<(), Error<S::Error>> {
+        let save = self.save.as_mut().ok_or(Error::NotBegun)?;
+        if save.last.is_some_and(|last| last >= item.key) {
+            return Err(Error::OutOfOrder { kind });
+        }
+        self.pass_up_to(item.key).await?;
+        let stored = self.stored_item().await?;
+        let is_stored = stored.as_ref() == Some(&item);
+        if !is_stored {
+            self.write_from_here().await?;
+        }
+        if stored.is_some_and(|stored| stored.key == item.key) {
+            self.reader.advance();
+        }
+        if let Some(save) = &mut self.save {
+            save.last = Some(item.key);
+        }
+        self.append(&item).await
+    }
+
+    async fn commit_all(&mut self) -> Result<bool, Error<S::Error>> {
+        self.pass_up_to(Key::LAST).await?;
+        let save = self.save.as_ref().ok_or(Error::NotBegun)?;
+        if !save.is_writing && !matches!(self.survey.contents, Contents::Damaged { .. }) {
+            return Ok(false);
+        }
+        self.write_from_here().await?;
+        let save = self.save.as_ref().ok_or(Error::NotBegun)?;
+        let (slot, generation) = (save.slot, save.generation);
+        let sum = save.sum(save.configuration_crc.value());
+        if !Scan::of(&mut self.area, slot)
+            .await?
+            .holds(generation, &sum)
+        {
+            return Err(Error::NotKept);
+        }
+        self.seal(slot, generation, &sum).await?;
+        self.look_anew().await?;
+        let is_kept = self.survey.stored.is_some_and(|set| set.sum == sum);
+        is_kept.then_some(true).ok_or(Error::NotKept)
+    }
+
+    /// Writes a seal behind the items of a slot, and says so in the other slot too. From the first
+    /// copy on the save is what is stored.
+    pub(crate) async fn seal(
+        &mut self,
+        slot: Slot,
+        generation: u32,
+        sum: &Sum,
+    ) -> Result<(), Error<S::Error>> {
+        for copy in [SealCopy::Own(0), SealCopy::Own(1)] {
+            let item = Seal::item(sum, copy);
+            self.area.append(slot, generation, &item).await?;
+        }
+        let abroad = Seal::item(sum, SealCopy::Abroad);
+        match self.area.append(slot.other(), generation, &abroad).await {
+            Err(Error::Flash(error)) => Err(Error::Flash(error)),
+            // The other slot may be damaged or full; two copies are written.
+            _ => Ok(()),
+        }
+    }
+
+    /// The next of the items that are stored.
+    async fn stored_item(&mut self) -> Result<Option<Item>, Error<S::Error>> {
+        match self.save.as_ref().and_then(|save| save.stored) {
+            Some(set) => self.reader.peek(&mut self.area, &set).await,
+            None => Ok(None),
+        }
+    }
+
+    /// Passes the stored items before a key: keeps those that stay, drops the others.
+    async fn pass_up_to(&mut self, key: Key) -> Result<(), Error<S::Error>> {
+        while let Some(stored) = self.stored_item().await?
+            && stored.key < key
+        {
+            let keeps = self.save.as_ref().is_some_and(|it| it.keeps(&stored, key));
+            if keeps {
+                self.reader.advance();
+                self.append(&stored).await?;
+            } else {
+                self.write_from_here().await?;
+                self.reader.advance();
+            }
+        }
+        Ok(())
+    }
+
+    /// From here on the new set differs from the stored one. Writes what they have in common.
+    async fn write_from_here(&mut self) -> Result<(), Error<S::Error>> {
+        let save = self.save.as_mut().ok_or(Error::NotBegun)?;
+        if core::mem::replace(&mut save.is_writing, true) {
+            return Ok(());
+        }
+        let (slot, generation, common) = (save.slot, save.generation, save.items);
+        self.area.clear(slot).await?;
+        self.reader.rewind();
+        for _ in 0..common {
+            let item = self.stored_item().await?.ok_or(Error::Damaged)?;
+            self.area.append(slot, generation, &item).await?;
+            self.reader.advance();
+        }
+        Ok(())
+    }
+
+    /// Adds an item to the new set.
+    async fn append(&mut self, item: &Item) -> Result<(), Error<S::Error>> {
+        let save = self.save.as_mut().ok_or(Error::NotBegun)?;
+        save.items = save.items.checked_add(1).ok_or(Error::Full)?;
+        save.digest = item.digest(save.digest);
+        if save.is_writing {
+            let (slot, generation) = (save.slot, save.generation);
+            self.area.append(slot, generation, item).await?;
+        }
+        Ok(())
+    }
+}

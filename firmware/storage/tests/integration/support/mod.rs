@@ -1,0 +1,80 @@
+//! What several tests share.
+
+pub(crate) mod flash;
+pub(crate) mod format;
+pub(crate) mod specimens;
+
+use std::pin::pin;
+use std::task::{Context, Poll, Waker};
+
+use embedded_storage_async::nor_flash::NorFlash;
+use palpate_storage::{Contents, Error, Set, Store};
+use palpate_wire::{Command, configuration_crc};
+
+use flash::{AREA, Flash};
+
+/// What became of a future that never waits.
+pub(crate) fn now<T>(future: impl Future<Output = T>) -> T {
+    match pin!(future).poll(&mut Context::from_waker(Waker::noop())) {
+        Poll::Ready(result) => result,
+        Poll::Pending => panic!("the future waits"),
+    }
+}
+
+/// The storage in the whole area of a flash.
+pub(crate) fn open<S: NorFlash>(flash: S) -> Result<Store<S>, Error<S::Error>> {
+    now(Store::open(flash, 0..AREA as u32))
+}
+
+/// Saves a configuration. True if that changed anything.
+pub(crate) fn save<S: NorFlash>(
+    store: &mut Store<S>,
+    commands: &[Command],
+) -> Result<bool, Error<S::Error>> {
+    store.begin()?;
+    for command in commands {
+        now(store.put(command))?;
+    }
+    now(store.commit())
+}
+
+/// Everything that is stored.
+pub(crate) fn load<S: NorFlash>(store: &mut Store<S>) -> Result<Vec<Command>, Error<S::Error>> {
+    store.rewind();
+    let mut commands = Vec::new();
+    while let Some(command) = now(store.next(&specimens::defaults()))? {
+        commands.push(command);
+    }
+    Ok(commands)
+}
+
+/// The set that is stored whole.
+pub(crate) fn whole<S: NorFlash>(store: &Store<S>) -> Set {
+    match store.contents() {
+        Contents::Whole(set) => set,
+        other => panic!("{other:?}"),
+    }
+}
+
+/// Holds that a storage contains a configuration, and says so.
+#[track_caller]
+pub(crate) fn assert_stored<S: NorFlash>(store: &mut Store<S>, commands: &[Command]) {
+    assert_eq!(load(store).unwrap(), commands);
+    if commands.is_empty() {
+        assert_eq!(store.contents(), Contents::Empty);
+    } else {
+        let crc = configuration_crc(commands);
+        assert_eq!(whole(store).configuration_crc, crc);
+    }
+}
+
+/// A flash in which configurations were saved one after the other.
+pub(crate) fn saved(configurations: &[Vec<Command>]) -> Flash {
+    let mut flash = Flash::new();
+    let mut store = open(&mut flash).unwrap();
+    for commands in configurations {
+        assert_eq!(save(&mut store, commands), Ok(true));
+    }
+    drop(store);
+    flash
+}
