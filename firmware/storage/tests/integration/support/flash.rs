@@ -4,7 +4,7 @@
 use embedded_storage_async::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 use embedded_storage_async::nor_flash::{NorFlashError, NorFlashErrorKind};
 
-/// Bytes of a sector, as of the W25Q16JV (datasheet, 8.2.17 Sector Erase).
+/// Bytes of a sector, as of the W25Q16JV (datasheet, Sector Erase, 20h).
 pub(crate) const SECTOR: usize = 4096;
 
 /// Sectors of the area.
