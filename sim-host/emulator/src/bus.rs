@@ -572,3 +572,138 @@ impl<P: Plant> CoreBus for SystemBus<P> {
         self.private.event = true;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use ldc161x_sim::{Chip, Time};
+
+    use super::*;
+    use crate::plant::Still;
+
+    /// The bus with 48 MHz from the system's PLL at 96 MHz, divided by two.
+    fn bus() -> SystemBus<Still> {
+        let chip = Chip::new(Default::default(), Still::new([3e6; 4]));
+        let wire = Wire::new(chip, None, false, false);
+        let mut bus = SystemBus::new(&Image::empty(), Options::default(), wire);
+        let writes = [
+            (
+                base::RESETS,
+                block::ALL & !block::PLL_USB & !block::USB & !block::IO_BANK0,
+            ),
+            (base::XOSC, 0x00FA_BAA0),
+            (base::PLL_USB + 8, 64),
+            (base::PLL_USB + 12, 4 << 16 | 4 << 12),
+            (base::PLL_USB + 4, 0),
+            (base::CLOCKS + 0x54, 1 << 11),
+            (base::CLOCKS + 0x58, 1 << 8),
+        ];
+        for (address, value) in writes {
+            bus.write32(address, value);
+        }
+        assert_eq!(bus.stop, None);
+        bus
+    }
+
+    /// Shows a device, plugs the cable, and waits until it is reset.
+    fn attach(bus: &mut SystemBus<Still>) {
+        for (register, value) in [(0x74, 0b1001), (0x78, 0b1100), (0x40, 1), (0x4C, 1 << 16)] {
+            bus.write32(base::USB + register, value);
+        }
+        bus.usb.host.plug();
+        bus.service();
+        bus.boot_delay(Time::from_ms(105));
+    }
+
+    #[test]
+    fn the_usb_memory_takes_bytes_half_words_and_words_and_has_no_other_views() {
+        let mut bus = bus();
+        bus.write32(base::USB_MEMORY + 0x100, 0x4433_2211);
+        bus.write8(base::USB_MEMORY + 0x101, 0xAA);
+        bus.write16(base::USB_MEMORY + 0x102, 0xCCBB);
+        assert_eq!(bus.read32(base::USB_MEMORY + 0x100), 0xCCBB_AA11);
+        assert_eq!(bus.read8(base::USB_MEMORY + 0x103), 0xCC);
+        assert_eq!(bus.read16(base::USB_MEMORY + 0x100), 0xAA11);
+        assert_eq!(bus.stop, None);
+        bus.write32(base::USB_MEMORY + 0x2100, 1);
+        assert!(
+            matches!(bus.stop, Some(Stop::Unmodelled { .. })),
+            "{:?}",
+            bus.stop
+        );
+    }
+
+    #[test]
+    fn usb_registers_have_four_views_and_interrupt_number_five() {
+        let mut bus = bus();
+        attach(&mut bus);
+        bus.write32(0xE000_E100, 1 << 5);
+        bus.write32(base::USB + 0x2090, 0b101 << 12);
+        bus.write32(base::USB + 0x1090, 0b110 << 12);
+        bus.write32(base::USB + 0x3090, 0b010 << 12);
+        assert_eq!(bus.read32(base::USB + 0x90), 1 << 12);
+        assert_eq!(bus.private.interrupts.pending(), 1 << 5);
+        bus.write32(base::USB + 0x3050, 1 << 19);
+        bus.write32(0xE000_E280, 1 << 5);
+        assert_eq!(bus.private.interrupts.pending(), 0);
+        assert_eq!(bus.stop, None);
+    }
+
+    #[test]
+    fn a_usb_controller_in_reset_or_without_its_clock_ends_the_run() {
+        let mut held = bus();
+        held.write32(base::RESETS + 0x2000, block::USB);
+        held.read32(base::USB_MEMORY);
+        assert!(
+            matches!(held.stop, Some(Stop::InReset { .. })),
+            "{:?}",
+            held.stop
+        );
+        for (register, value) in [(0x54, 0), (0x54, 1 << 11 | 3 << 5), (0x58, 2 << 8)] {
+            let mut slow = bus();
+            slow.write32(base::CLOCKS + register, value);
+            assert_eq!(slow.stop, None);
+            slow.write8(base::USB_MEMORY + 0x100, 1);
+            assert!(
+                matches!(slow.stop, Some(Stop::NotFollowed { .. })),
+                "{register:#x}"
+            );
+        }
+        let mut stopped = bus();
+        attach(&mut stopped);
+        stopped.write32(base::CLOCKS + 0x54, 0);
+        assert!(matches!(stopped.stop, Some(Stop::NotFollowed { .. })));
+    }
+
+    #[test]
+    fn a_reset_of_the_usb_block_takes_the_device_from_the_bus() {
+        let mut bus = bus();
+        attach(&mut bus);
+        assert_eq!(bus.usb.host.state(), usb::UsbState::Resetting);
+        bus.write32(base::RESETS + 0x2000, block::USB);
+        assert_eq!(bus.usb.host.state(), usb::UsbState::Powered);
+        assert_eq!(bus.usb.next_event(), None);
+    }
+
+    #[test]
+    fn the_pin_of_vbus_follows_the_cable() {
+        let mut bus = bus();
+        let level = |bus: &mut SystemBus<Still>| bus.read32(0xD000_0004) >> 24 & 1;
+        assert_eq!(level(&mut bus), 0);
+        bus.usb.host.plug();
+        bus.service();
+        assert_eq!(level(&mut bus), 1);
+        bus.usb.host.unplug();
+        bus.service();
+        assert_eq!(level(&mut bus), 0);
+    }
+
+    #[test]
+    fn dma_answers_at_its_own_addresses_only() {
+        let mut bus = bus();
+        bus.write32(base::RESETS, 0);
+        bus.read32(base::DMA);
+        assert_eq!(bus.stop, None);
+        bus.read32(0x5020_0000);
+        assert!(matches!(bus.stop, Some(Stop::Unmodelled { .. })));
+    }
+}

@@ -3,6 +3,7 @@
 //! The controller is a device at full speed (RP2040 datasheet 4.1). The host sends what a PC sends,
 //! at its time on the wire; it is told what to do by [`UsbHost`].
 
+mod check;
 mod controller;
 mod description;
 mod host;
@@ -12,6 +13,7 @@ mod wire;
 #[cfg(test)]
 mod tests;
 
+pub use check::{DescriptorProblem, check_descriptors};
 pub use description::{CdcFunction, UsbDescription, UsbEndpoint};
 pub use host::{
     ControlOutcome, ControlTransfer, EnumerationFailure, TransferId, UsbCounts, UsbHost,

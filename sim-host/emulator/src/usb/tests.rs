@@ -1,6 +1,7 @@
 //! Controller and host, driven by hand-written register accesses.
 
 mod bench;
+mod class;
 pub(super) mod device;
 
 use bench::{
