@@ -15,6 +15,9 @@ use std::process::Command;
 /// costs half a microsecond. Constants lie there as well: while flash is erased nothing can be read
 /// from it, and everything but the storage goes on.
 ///
+/// In flash stay the start, which is over by then, and the storage itself, which waits for each erase:
+/// whatever they call that does not bear their names lies in memory.
+///
 /// The last 64 KiB of flash keep settings and calibration: they are no part of an image.
 const PICO: &str = "MEMORY {
     BOOT2 : ORIGIN = 0x10000000, LENGTH = 0x100
@@ -26,6 +29,15 @@ _stack_end = ORIGIN(STACK);
 _stack_start = ORIGIN(STACK) + LENGTH(STACK);
 SECTIONS {
     .boot2 ORIGIN(BOOT2) : { KEEP(*(.boot2)); } > BOOT2
+} INSERT BEFORE .text;
+SECTIONS {
+    .cold : ALIGN(4) {
+        *(.text.*__rtic_init_resources*);
+        *(.text.*sequential_storage*);
+        *(.text.*palpate_storage*);
+        *(.text.*palpate_node7storage* .text.*palpate_node..storage*);
+        *(.text.*palpate_firmware5tasks7storage*);
+    } > FLASH
 } INSERT BEFORE .text;
 SECTIONS {
     .hot : ALIGN(16) {

@@ -100,7 +100,7 @@ mod app {
             converters: [ConverterState::new(); CONVERTERS],
             coil: board.supervisor.map(|of| CoilManager::new(PicoCoil, of)),
         };
-        let (storage, client) = StorageWork::new(cx.local.orders, cx.local.reports);
+        let (storage, client) = StorageWork::new(board.area, cx.local.orders, cx.local.reports);
         let (links, usb) = link::set_up(cx.local.usb_memory, board.usb, board.unit, board.boot_id);
         let local = Local {
             first,

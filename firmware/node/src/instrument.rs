@@ -108,6 +108,8 @@ pub struct Instrument {
     standing: [Option<FaultCode>; SOURCES],
     /// The fault in which the procedure is, as it said, and where it is.
     latched: Option<(FaultCode, Location)>,
+    /// The clocks run, as far as is still to be said.
+    clocks_run: bool,
     /// What the storage is told once the bridge is proven off.
     order: Option<StorageOrder>,
     /// How the device is to start anew, and when: its last answer has been sent by then.
@@ -132,6 +134,7 @@ impl Instrument {
             actions: Actions::new(),
             standing: [None; SOURCES],
             latched: None,
+            clocks_run: true,
             order: None,
             restart: None,
             conditions_due_us: 0,
@@ -154,12 +157,24 @@ impl Instrument {
         })
     }
 
-    /// Begins. A converter that has not answered yet counts as absent.
+    /// Begins. A converter that has not answered yet counts as absent. What is stored comes into
+    /// force first; [`has_begun`](Self::has_begun) says when.
     pub fn begin<H: Hardware>(&mut self, hardware: &mut H, identity: Identity) {
-        let clocks_run = identity.clocks_run;
+        self.clocks_run = identity.clocks_run;
         self.make(hardware, identity);
         self.step(hardware, &Event::Tick);
-        if !clocks_run {
+        self.report_clocks(hardware);
+    }
+
+    /// Whether it has begun: before that, samples and commands have to wait.
+    #[must_use]
+    pub fn has_begun(&self) -> bool {
+        self.procedure.as_ref().is_some_and(Procedure::has_begun)
+    }
+
+    /// Once it has begun it says, once, that a clock does not run.
+    fn report_clocks<H: Hardware>(&mut self, hardware: &mut H) {
+        if self.has_begun() && !core::mem::replace(&mut self.clocks_run, true) {
             self.fail(hardware, Failure::new(FaultCode::Clock, Location::Clock));
         }
     }
@@ -220,11 +235,17 @@ impl Instrument {
     /// The storage has reported.
     pub fn stored<H: Hardware>(&mut self, hardware: &mut H, report: &StorageReport) {
         self.step(hardware, &Event::Storage(report));
+        self.report_clocks(hardware);
     }
 
     /// A millisecond has passed, or samples and commands have been taken: passes failures, findings
     /// and conditions on. `stepped`: the procedure has received the time with them already.
     pub fn poll<H: Hardware>(&mut self, hardware: &mut H, stepped: bool) {
+        if !self.has_begun() {
+            self.step(hardware, &Event::Tick);
+            self.report_clocks(hardware);
+            return;
+        }
         self.follow_coil(hardware);
         self.follow_failures(hardware);
         self.order_storage(hardware);

@@ -19,4 +19,5 @@ pub mod coil;
 pub mod converter;
 pub mod instrument;
 pub mod link;
+pub mod storage;
 pub mod supervision;

@@ -19,10 +19,7 @@ pub enum StorageOrder {
     /// The next command of the configuration that is being saved: [`StorageReport::Ready`] follows.
     Put(Command),
     /// All of it was put: it is stored from now on. [`StorageReport::Done`] follows.
-    Commit {
-        /// The configuration's `configuration_crc`.
-        configuration_crc: u32,
-    },
+    Commit,
     /// Erase everything: [`StorageReport::Done`] follows.
     Erase,
 }
@@ -46,7 +43,7 @@ pub enum StorageReport {
 /// Why the storage did not do what it was told.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StorageFailure {
-    /// What is stored is damaged.
+    /// What is stored is damaged, or of a later firmware.
     Damaged,
     /// The flash memory does not take what is written.
     Flash,
@@ -61,7 +58,7 @@ pub struct Stored {
     pub state: StorageState,
     /// Number of the save; 0 for none.
     pub generation: u32,
-    /// The configuration's `configuration_crc` as it was given when it was saved.
+    /// The configuration's `configuration_crc`.
     pub configuration_crc: u32,
     /// Items.
     pub items: u16,

@@ -4,5 +4,6 @@
 mod rp2040;
 
 pub use rp2040::{
-    ASLEEP_US, Board, Watchdog, coil, i2c, pins, reset, safe, sleep, stack_used, usb, vectors,
+    ASLEEP_US, Board, Watchdog, coil, flash, i2c, pins, reset, safe, sleep, stack_used, usb,
+    vectors,
 };

@@ -131,6 +131,10 @@ fn work(
     inboxes: &mut Inboxes,
 ) {
     let mut stepped = false;
+    // Until it has begun, what comes waits where it is.
+    if !instrument.has_begun() {
+        return instrument.poll(hardware, stepped);
+    }
     for (converter, samples) in (0_u8..).zip(samples) {
         for _ in 0..AT_ONCE {
             let Some(sampled) = samples.dequeue() else {

@@ -180,8 +180,8 @@ impl Procedure {
             converted: matches!(event, Event::Scan(_)),
             actions,
         };
-        if !self.greeted {
-            self.greet(&mut out);
+        if !self.greeted && !self.start(event, &mut out) {
+            return;
         }
         if set_back {
             self.clock_set_back(&mut out);
@@ -209,6 +209,26 @@ impl Procedure {
         self.send_readback(&mut out);
     }
 
+    /// Whether what was stored is in force, so that the instrument may begin. Until then there is
+    /// nothing but the storage.
+    fn start(&mut self, event: &Event<'_>, out: &mut Out<'_>) -> bool {
+        if !self.board.storage {
+            self.greet(out);
+            return true;
+        }
+        match event {
+            Event::Storage(report) => self.storage_reported(report, out),
+            _ if self.storage.is_at_work() => self.watch_storage(out),
+            _ => self.begin_storage(out),
+        }
+        false
+    }
+
+    /// Whether it has begun. Before that it takes no events but time and what the storage reports.
+    pub const fn has_begun(&self) -> bool {
+        self.greeted
+    }
+
     /// The first words after a start, and the configuration for the sensors.
     fn greet(&mut self, out: &mut Out<'_>) {
         self.greeted = true;
@@ -228,7 +248,6 @@ impl Procedure {
                 out,
             );
         }
-        self.begin_storage(out);
         if let Some(code) = boot::fault(self.board.hello.reset_cause) {
             self.fail(Failure::new(code, Location::Processor), out);
         }

@@ -23,6 +23,9 @@ use crate::time::{Duration, Instant, between, in_seconds, seconds};
 /// before it the bridge has to rest for 0.2 s.
 const LONGEST: Duration = Duration::from_ticks(15_000_000);
 
+/// The same for what the start waits for: it only reads, which takes a tenth of this.
+const LONGEST_AT_START: Duration = Duration::from_ticks(1_000_000);
+
 /// What is known of the storage.
 #[derive(Clone, Debug)]
 pub(super) struct Storage {
@@ -58,12 +61,9 @@ impl Storage {
 }
 
 impl Procedure {
-    /// After a start what is stored comes into force. Not after a streak of crashes: it may be what
-    /// they come from.
+    /// Before anything else what is stored comes into force. Not after a streak of crashes: it may be
+    /// what they come from.
     pub(super) fn begin_storage(&mut self, out: &mut Out<'_>) {
-        if !self.board.storage {
-            return;
-        }
         let (action, order) = if self.board.crashes >= MOST_CRASHES {
             (StorageAction::Inspect, StorageOrder::Inspect)
         } else {
@@ -134,9 +134,7 @@ impl Procedure {
             StorageReport::Ready => {
                 let order = match self.configuration.next_command(&mut work.put) {
                     Some(command) => StorageOrder::Put(command),
-                    None => StorageOrder::Commit {
-                        configuration_crc: self.configuration.crc(),
-                    },
+                    None => StorageOrder::Commit,
                 };
                 out.push(Action::Storage(order));
             }
@@ -159,6 +157,9 @@ impl Procedure {
                     self.loaded(*failure, out);
                 }
                 let took = seconds(since, out.now);
+                if !self.greeted {
+                    self.greet(out);
+                }
                 let record = self.storage_record(action, failure.is_none(), took);
                 out.record(Record::Storage(record));
                 if let Some(failure) = failure {
@@ -174,13 +175,17 @@ impl Procedure {
         if failure.is_some() {
             self.configuration = Configuration::new(&self.board);
         }
-        self.configure_sensors(out);
-        self.next_status = self.status_after(out.now);
         self.follow_heat();
         let correction = self.configuration.current_correction().cloned();
         let correction = correction.unwrap_or_else(no_correction);
         out.push(Action::CorrectCurrent(correction));
-        self.begin_anew(out);
+        if self.greeted {
+            self.configure_sensors(out);
+            self.next_status = self.status_after(out.now);
+            self.begin_anew(out);
+        } else {
+            self.begin_baseline();
+        }
     }
 
     fn storage_failed(&mut self, failure: StorageFailure, out: &mut Out<'_>) {
@@ -204,13 +209,21 @@ impl Procedure {
             return;
         };
         let takes = between(since, out.now);
-        if takes <= LONGEST {
+        let longest = if self.greeted {
+            LONGEST
+        } else {
+            LONGEST_AT_START
+        };
+        if takes <= longest {
             return;
         }
         self.storage = Storage::new();
+        if !self.greeted {
+            self.greet(out);
+        }
         let failure = Failure {
             value: Some(in_seconds(takes).0),
-            limit: Some(in_seconds(LONGEST).0),
+            limit: Some(in_seconds(longest).0),
             ..Failure::new(FaultCode::Overrun, Location::Storage)
         };
         self.fail(failure, out);

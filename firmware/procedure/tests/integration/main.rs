@@ -13,5 +13,6 @@ mod manual;
 mod queue;
 mod refusals;
 mod states;
+mod storage;
 mod streams;
 mod support;

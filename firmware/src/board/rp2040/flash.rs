@@ -39,6 +39,7 @@ const NUMBER: usize = 8;
 const POLLS: usize = 2_000;
 
 /// The flash's unique number; 0 if it does not answer. Once, before interrupts are on.
+#[inline(never)]
 pub fn number() -> u64 {
     // SAFETY: nothing reads flash meanwhile: this code and its constants lie in memory, and no
     // interrupt is on.
@@ -128,17 +129,30 @@ fn within(offset: u32, length: usize, unit: usize) -> Result<u32, FlashError> {
     }
 }
 
-/// Lets `work` change the flash, with the bridge off and without a read from it.
-///
-/// # Safety
-/// `work` reads nothing from flash.
-unsafe fn change(work: impl FnOnce()) {
+/// Erases the sector at an address from the beginning of the flash, with the bridge off.
+// Never within the storage's code, which lies in flash (build.rs).
+#[inline(never)]
+fn erase_sector(address: u32) {
     bridge_off();
-    // SAFETY: whatever runs meanwhile lies in memory (build.rs).
+    // SAFETY: whatever runs before this returns lies in memory, interrupts included.
     unsafe {
         rom_data::connect_internal_flash();
         rom_data::flash_exit_xip();
-        work();
+        rom_data::flash_range_erase(address, SECTOR, BLOCK, ERASE_BLOCK);
+        rom_data::flash_flush_cache();
+        rom_data::flash_enter_cmd_xip();
+    }
+}
+
+/// Programs a page, likewise. It lies in memory.
+#[inline(never)]
+fn program_page(address: u32, page: &[u8; PAGE]) {
+    bridge_off();
+    // SAFETY: as above.
+    unsafe {
+        rom_data::connect_internal_flash();
+        rom_data::flash_exit_xip();
+        rom_data::flash_range_program(address, page.as_ptr(), PAGE);
         rom_data::flash_flush_cache();
         rom_data::flash_enter_cmd_xip();
     }
@@ -170,11 +184,7 @@ impl NorFlash for Area {
         let length = length.ok_or(FlashError(NorFlashErrorKind::OutOfBounds))? as usize;
         let start = within(from, length, SECTOR)?;
         for sector in (0..length).step_by(SECTOR) {
-            let sector = start + sector as u32;
-            // SAFETY: nothing is read.
-            unsafe {
-                change(|| rom_data::flash_range_erase(sector, SECTOR, BLOCK, ERASE_BLOCK));
-            }
+            erase_sector(start + sector as u32);
         }
         Ok(())
     }
@@ -191,11 +201,7 @@ impl NorFlash for Area {
             for (slot, byte) in page.iter_mut().skip(from).zip(now) {
                 *slot = *byte;
             }
-            let address = (at - from) as u32;
-            // SAFETY: the page lies in memory.
-            unsafe {
-                change(|| rom_data::flash_range_program(address, page.as_ptr(), PAGE));
-            }
+            program_page((at - from) as u32, &page);
             at += now.len();
             rest = later;
         }

@@ -10,6 +10,7 @@ use rp2040_pac::{IO_BANK0, PADS_BANK0, PWM, Peripherals, SIO};
 
 use usb_device::bus::UsbBusAllocator;
 
+use super::flash::Area;
 use super::{clocks, coil, flash, i2c, usb, wait};
 
 /// I2C data.
@@ -177,6 +178,8 @@ pub struct Board {
     pub boot_id: u32,
     /// The flash memory's own number; 0 if it has none.
     pub unit: u64,
+    /// Where settings and calibration are kept.
+    pub area: Area,
     /// USB; nothing where the clocks do not run.
     pub usb: Option<UsbBusAllocator<usb::Bus>>,
 }
@@ -249,6 +252,8 @@ impl Board {
             watchdog: device.WATCHDOG,
             boot_id: draw(&device.ROSC),
             unit: flash::number(),
+            // SAFETY: `init` runs once, and nothing else reads or changes flash from now on.
+            area: unsafe { Area::take() },
             usb,
         }
     }

@@ -9,6 +9,9 @@ codes! {
         Whole = 2 "whole",
         /// Something that is not what was stored.
         Damaged = 3 "damaged",
+        /// Something that a later firmware has stored in another format. It is kept, unless it is
+        /// erased.
+        Newer = 5 "newer",
         /// Not known: this board stores nothing, or its storage did not answer.
         Unavailable = 4 "unavailable",
     }

@@ -12,3 +12,4 @@ mod second_converter;
 mod starts;
 mod time_stamps;
 mod trace;
+mod usb;
