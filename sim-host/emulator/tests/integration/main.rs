@@ -10,6 +10,7 @@ mod planted;
 mod profile;
 mod second_converter;
 mod starts;
+mod storage;
 mod time_stamps;
 mod trace;
 mod usb;
