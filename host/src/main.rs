@@ -35,6 +35,8 @@ mod progress;
 mod quantity;
 mod report;
 mod results;
+#[cfg(feature = "emulator")]
+mod serve;
 mod simulate;
 mod switches;
 mod train;
@@ -84,6 +86,8 @@ enum Verb {
     Field(field::Arguments),
     #[cfg(feature = "emulator")]
     ImageCost(image_cost::Arguments),
+    #[cfg(feature = "emulator")]
+    ServeEmulated(serve::Arguments),
 }
 
 fn main() -> ExitCode {
@@ -107,6 +111,8 @@ fn main() -> ExitCode {
         Verb::Field(arguments) => field::run(&arguments),
         #[cfg(feature = "emulator")]
         Verb::ImageCost(arguments) => image_cost::run(&arguments),
+        #[cfg(feature = "emulator")]
+        Verb::ServeEmulated(arguments) => serve::run(&arguments),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

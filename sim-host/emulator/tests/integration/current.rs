@@ -167,7 +167,8 @@ fn a_calibration_takes_the_error_of_the_gain_away() {
     let true_a = |bench: &mut RecordedBoard| {
         arm(bench);
         bench.command(&drive(6.0, 0.0, 0.0));
-        bench.run(Time::from_ms(3));
+        // A hundred times the control loop's own time.
+        bench.run(Time::from_ms(10));
         let before = bench.board.circuit().totals();
         bench.run(Time::from_ms(10));
         let after = bench.board.circuit().totals();

@@ -1,0 +1,112 @@
+//! `palpate serve-emulated`: the emulated board behind a port, at the pace of real time.
+
+mod board;
+mod pace;
+mod port;
+
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+use std::thread;
+use std::time::Duration;
+
+use clap::Args;
+use palpate_sim::Time;
+use palpate_sim::stack::{Disturbances, LoadError, Stack};
+
+use crate::failure::Failure;
+use crate::image::{self, Program};
+use board::{Served, Touch};
+use pace::Pace;
+use port::Port;
+
+/// Where it listens if nothing else is said.
+const ADDRESS: &str = "127.0.0.1:7161";
+/// Virtual time between two looks at the port: a PC's USB is asked as often.
+const SLICE: Time = Time::from_ms(1);
+/// The least sleep that is worth one: most systems wake a thread up to as much late.
+const LEAST_SLEEP: Duration = Duration::from_millis(1);
+
+/// Offer the emulated board's USB port on a TCP port, at the pace of real time
+#[derive(Args)]
+#[command(after_help = "\
+Bytes are those of the board's serial port: frames both ways, see docs/protocol.md. A program that
+connects opens the port; a second one meanwhile is told so in a line of text and sent away.
+It ends with Ctrl-C, or after --for.
+
+Example:
+  palpate serve-emulated --press 1.5 &
+  nc 127.0.0.1 7161 | palpate decode -")]
+pub(crate) struct Arguments {
+    /// Where it listens
+    #[arg(long, value_name = "ADDRESS:PORT", default_value = ADDRESS)]
+    listen: SocketAddr,
+    /// Allow an address that other machines reach: whoever connects may drive the coil, and nothing is
+    /// encrypted
+    #[arg(long)]
+    allow_remote: bool,
+    /// The sensor: paper, soft-closed, ultrasoft, or a file
+    #[arg(long, default_value = "ultrasoft")]
+    stack: String,
+    /// Which sensor of the stack is drawn
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Press a spring of this multiple of the sensing layer's nominal stiffness, again and again: 3 s
+    /// not at all, 5 s pressed
+    #[arg(long, value_name = "RATIO")]
+    press: Option<f64>,
+    /// Keep the board's flash in this file: what was stored is there again with the next start
+    #[arg(long, value_name = "FILE")]
+    flash: Option<PathBuf>,
+    /// End after so many seconds
+    #[arg(long = "for", value_name = "SECONDS")]
+    seconds: Option<f64>,
+    #[command(flatten)]
+    image: image::Arguments,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    if !arguments.listen.ip().is_loopback() && !arguments.allow_remote {
+        return Err(Failure::Argument(format!(
+            "{} can be reached from other machines, and whoever connects may drive the coil: listen on \
+             127.0.0.1, or add --allow-remote",
+            arguments.listen
+        )));
+    }
+    let stack = Stack::named(&arguments.stack, Path::new(""))?;
+    let touch = arguments
+        .press
+        .map(|ratio| Touch::of(&stack, ratio))
+        .transpose()?;
+    let (_, image) = arguments.image.load(Program::Firmware)?;
+    let mut served = Served::new(
+        &image,
+        &stack,
+        &Disturbances::builtin().map_err(LoadError::from)?,
+        arguments.seed,
+        touch,
+        arguments.flash.as_deref(),
+    )?;
+    let mut port = Port::listen(arguments.listen)?;
+    eprintln!("the emulated board is at {}", port.address());
+    let end = arguments.seconds.map(Time::from_secs_f64);
+    serve(&mut served, &mut port, end)
+}
+
+fn serve(served: &mut Served, port: &mut Port, end: Option<Time>) -> Result<(), Failure> {
+    let mut pace = Pace::new();
+    while end.is_none_or(|end| served.now() < end) {
+        served.set_open(port.accept());
+        served.write(&port.read());
+        served.set_reading(port.has_room());
+        served.advance(SLICE)?;
+        port.write(&served.read());
+        let ahead = pace.ahead(served.now());
+        if ahead >= LEAST_SLEEP {
+            thread::sleep(ahead);
+        }
+        if let Some(warning) = pace.warning() {
+            eprintln!("{warning}");
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,104 @@
+//! The TCP port: one program at a time.
+
+use std::io::{ErrorKind, Read, Write};
+use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::time::Duration;
+
+use crate::failure::Failure;
+
+/// What a second program is told. It ends as a frame does, so that a decoder finds the next one.
+const BUSY: &[u8] = b"palpate: another program is connected; close it first\n\0";
+/// A program that takes nothing for so long is gone.
+const PATIENCE: Duration = Duration::from_secs(5);
+/// Bytes of commands that are taken at once.
+const CHUNK: usize = 4096;
+/// Bytes that wait for a program that does not read, beyond what its system holds: as the driver of
+/// a serial port holds some. What is beyond stays with the board, which drops it and counts it.
+const WAITING: usize = 64 * 1024;
+
+/// The port, and the program that is connected.
+pub(super) struct Port {
+    listener: TcpListener,
+    program: Option<TcpStream>,
+    /// What it has not taken yet.
+    waiting: Vec<u8>,
+}
+
+impl Port {
+    pub(super) fn listen(address: SocketAddr) -> Result<Self, Failure> {
+        let refused = |error: std::io::Error| {
+            Failure::Refused(format!(
+                "{address} cannot be listened on: {error}; name another with --listen"
+            ))
+        };
+        let listener = TcpListener::bind(address).map_err(refused)?;
+        listener.set_nonblocking(true).map_err(refused)?;
+        Ok(Self {
+            listener,
+            program: None,
+            waiting: Vec::new(),
+        })
+    }
+
+    /// Where it listens: with port 0, the system has chosen one.
+    pub(super) fn address(&self) -> String {
+        let address = self.listener.local_addr();
+        address.map_or_else(|_| "an unknown address".to_owned(), |of| of.to_string())
+    }
+
+    /// Lets a program in, or sends it away. Whether one is connected.
+    pub(super) fn accept(&mut self) -> bool {
+        while let Ok((mut stream, _)) = self.listener.accept() {
+            if self.program.is_some() {
+                // Nobody waits for one that does not listen.
+                let _ = stream.set_write_timeout(Some(PATIENCE));
+                let _ = stream.write_all(BUSY);
+            } else if stream.set_nonblocking(true).is_ok() {
+                let _ = stream.set_nodelay(true);
+                self.waiting.clear();
+                self.program = Some(stream);
+            }
+        }
+        self.program.is_some()
+    }
+
+    /// What the program has sent.
+    pub(super) fn read(&mut self) -> Vec<u8> {
+        let mut bytes = vec![0; CHUNK];
+        let Some(program) = &mut self.program else {
+            return Vec::new();
+        };
+        match program.read(&mut bytes) {
+            Ok(0) => self.program = None,
+            Ok(count) => {
+                bytes.truncate(count);
+                return bytes;
+            }
+            Err(error) if is_later(&error) => {}
+            Err(_) => self.program = None,
+        }
+        Vec::new()
+    }
+
+    /// Whether the program takes more.
+    pub(super) fn has_room(&self) -> bool {
+        self.waiting.len() < WAITING
+    }
+
+    /// Sends bytes, as far as the program takes them; the rest waits.
+    pub(super) fn write(&mut self, bytes: &[u8]) {
+        let Some(program) = &mut self.program else {
+            return;
+        };
+        self.waiting.extend(bytes);
+        match program.write(&self.waiting) {
+            Ok(count) => drop(self.waiting.drain(..count)),
+            Err(error) if is_later(&error) => {}
+            Err(_) => self.program = None,
+        }
+    }
+}
+
+fn is_later(error: &std::io::Error) -> bool {
+    matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted)
+}
