@@ -1,6 +1,8 @@
 //! The board: the processor's core with everything around it, stepped through time.
 
 mod boot_loader;
+#[cfg(test)]
+mod tests;
 
 use std::ops::Range;
 

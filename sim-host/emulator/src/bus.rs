@@ -1,6 +1,6 @@
 //! The processor's bus: decodes addresses and forwards what is read and written to the blocks.
 
-mod flash;
+pub(crate) mod flash;
 mod rom;
 mod schedule;
 mod wiring;
@@ -197,8 +197,8 @@ impl<P: Plant> SystemBus<P> {
 
     #[inline]
     fn charge_flash(&mut self, address: u32) {
-        if let Some(what) = self.memory.closed {
-            self.misuse(what);
+        if self.memory.closed.is_some() {
+            self.read_closed_flash();
         }
         self.stall += self.memory.wait(address);
     }

@@ -218,9 +218,11 @@ impl Flash {
     // ---- time ----
 
     /// When an operation ends or the power fails.
+    #[inline]
     pub(crate) fn next_event(&self) -> Option<u64> {
-        let ends_ps = self.running.as_ref().map(|running| running.ends_ps);
-        ends_ps.into_iter().chain(self.power_fails_ps).min()
+        // The power fails within an operation only.
+        let running = self.running.as_ref()?;
+        Some(self.power_fails_ps.unwrap_or(running.ends_ps))
     }
 
     /// Ends an operation that is due.
@@ -379,5 +381,304 @@ fn changed(chance: &mut Chance, passed: f64) -> u8 {
         chance.bits(passed)
     } else {
         u8::MAX
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    const MS: u64 = 1_000_000_000;
+
+    fn flash() -> Flash {
+        Flash::new(&[], FlashTimes::Typical, 1)
+    }
+
+    /// Begins an operation and waits for its end.
+    fn operate(flash: &mut Flash, kind: FlashOperationKind, address: u32, page: [u8; PAGE]) {
+        let now_ps = flash
+            .log
+            .last()
+            .map_or(0, |last| last.begun.as_ps() + 5_000 * MS);
+        flash.enable_write();
+        flash.begin(kind, address, Box::new(page), now_ps);
+        flash.service(now_ps + kind.time(flash.times).as_ps());
+        assert!(!flash.is_busy());
+    }
+
+    #[test]
+    fn an_operation_takes_its_time_and_changes_nothing_before() {
+        use FlashOperationKind::{EraseBlock32, EraseBlock64, EraseSector, ProgramPage};
+        for (times, expected_us) in [
+            (FlashTimes::Typical, [400, 45_000, 120_000, 150_000]),
+            (FlashTimes::Longest, [3_000, 400_000, 1_600_000, 2_000_000]),
+        ] {
+            let kinds = [ProgramPage, EraseSector, EraseBlock32, EraseBlock64];
+            for (kind, time_us) in kinds.into_iter().zip(expected_us) {
+                let mut flash = Flash::new(&vec![0x0F; SIZE], times, 1);
+                let before = flash.export();
+                flash.enable_write();
+                flash.begin(kind, 0x1_0000, Box::new([0x3C; PAGE]), 7);
+                let ends_ps = 7 + Time::from_us(time_us).as_ps();
+                assert_eq!(flash.next_event(), Some(ends_ps));
+                flash.service(ends_ps - 1);
+                assert!(flash.is_busy() && flash.export() == before, "{kind:?}");
+                flash.service(ends_ps);
+                assert!(!flash.is_busy() && flash.take_changed(), "{kind:?}");
+                let value = if kind == ProgramPage { 0x0C } else { 0xFF };
+                let bytes = kind.bytes();
+                assert_eq!(flash.bytes(0x1_0000, bytes), vec![value; bytes as usize]);
+                let around = [flash.byte(0xFFFF), flash.byte(0x1_0000 + bytes)];
+                assert_eq!(around, [0x0F; 2], "{kind:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_write_that_was_not_enabled_does_nothing_and_an_enabled_one_counts_once() {
+        let mut flash = flash();
+        let sector = FlashOperationKind::EraseSector;
+        flash.begin(sector, 0, Box::new([0; PAGE]), 0);
+        assert!(!flash.is_busy());
+        operate(&mut flash, sector, 0, [0; PAGE]);
+        flash.begin(sector, 0, Box::new([0; PAGE]), 0);
+        assert!(!flash.is_busy());
+        assert_eq!(flash.operations().len(), 1);
+    }
+
+    #[test]
+    fn erases_are_counted_by_sector_and_blocks_in_each_of_theirs() {
+        let mut flash = flash();
+        operate(
+            &mut flash,
+            FlashOperationKind::EraseSector,
+            0x8FFF,
+            [0; PAGE],
+        );
+        operate(
+            &mut flash,
+            FlashOperationKind::EraseBlock32,
+            0x8000,
+            [0; PAGE],
+        );
+        operate(
+            &mut flash,
+            FlashOperationKind::EraseBlock64,
+            0x1234,
+            [0; PAGE],
+        );
+        operate(
+            &mut flash,
+            FlashOperationKind::ProgramPage,
+            0x8000,
+            [0; PAGE],
+        );
+        let counts = flash.erase_counts();
+        assert_eq!(counts[..8], [1; 8]);
+        assert_eq!(counts[8..16], [3, 2, 2, 2, 2, 2, 2, 2]);
+        assert_eq!(counts[16..].iter().sum::<u32>(), 0);
+        let addresses: Vec<u32> = flash.operations().iter().map(|op| op.address).collect();
+        assert_eq!(addresses, [0x8000, 0x8000, 0, 0x8000]);
+    }
+
+    #[test]
+    fn contents_are_exported_imported_and_flipped() {
+        let mut flash = flash();
+        flash.import(&[1, 2, 3]);
+        assert_eq!(flash.bytes(0, 4), [1, 2, 3, 0xFF]);
+        flash.flip_bit(2, 7);
+        assert_eq!(flash.byte(2), 0x83);
+        let mut other = Flash::new(&[], FlashTimes::Typical, 9);
+        other.import(&flash.export());
+        assert_eq!(other.export(), flash.export());
+        assert_eq!(flash.export().len(), SIZE);
+    }
+
+    #[test]
+    fn the_last_address_is_followed_by_the_first() {
+        let mut flash = flash();
+        flash.import(&[0x11, 0x22]);
+        flash.flip_bit(SIZE as u32 - 1, 0);
+        assert_eq!(flash.bytes(SIZE as u32 - 1, 3), [0xFE, 0x11, 0x22]);
+        assert_eq!(flash.word(SIZE as u32 - 2), 0x2211_FEFF);
+        assert_eq!(flash.word(u32::MAX), 0xFF22_11FE);
+    }
+
+    #[test]
+    fn a_clone_shares_the_sectors_that_neither_has_changed() {
+        let mut flash = Flash::new(&vec![0x55; SIZE], FlashTimes::Typical, 1);
+        let snapshot = flash.clone();
+        operate(&mut flash, FlashOperationKind::EraseSector, 0, [0; PAGE]);
+        assert_eq!(snapshot.bytes(0, 2), [0x55; 2]);
+        assert_eq!(flash.bytes(0, 2), [0xFF; 2]);
+        assert_eq!(snapshot.erase_counts()[0], 0);
+        assert_ne!(flash, snapshot);
+        let shared = flash.sectors.shared_with(&snapshot.sectors);
+        assert_eq!(shared, SIZE / SECTOR - 1);
+    }
+
+    #[test]
+    fn the_identifier_follows_from_the_seed() {
+        let of = |seed| Flash::new(&[], FlashTimes::Typical, seed).unique_id();
+        assert_eq!(of(1), of(1));
+        assert_ne!(of(1), of(2));
+    }
+
+    /// A flash whose power fails in one operation, and how much of its time had passed.
+    fn cut(seed: u64, kind: FlashOperationKind, before: u8, page: u8) -> (Flash, f64) {
+        let mut flash = Flash::new(&vec![before; SIZE], FlashTimes::Typical, seed);
+        flash.cut_power_at_operation(0);
+        flash.enable_write();
+        flash.begin(kind, 0, Box::new([page; PAGE]), 0);
+        let fails_ps = flash.next_event().unwrap();
+        flash.service(fails_ps);
+        assert!(flash.has_lost_power(fails_ps) && !flash.has_lost_power(fails_ps - 1));
+        flash.cycle_power(fails_ps + MS);
+        assert!(!flash.has_lost_power(u64::MAX) && !flash.is_busy());
+        (
+            flash,
+            fails_ps as f64 / kind.time(FlashTimes::Typical).as_ps() as f64,
+        )
+    }
+
+    #[test]
+    fn a_cut_program_clears_some_of_its_bits_and_no_other() {
+        for seed in 0..50 {
+            let (flash, passed) = cut(seed, FlashOperationKind::ProgramPage, 0xF0, 0x3C);
+            let page = flash.bytes(0, PAGE as u32);
+            assert!(page.iter().all(|byte| byte & 0x3F == 0x30), "{seed}");
+            let cleared: u32 = page
+                .iter()
+                .map(|byte| (byte & 0xC0).count_zeros() - 6)
+                .sum();
+            // Of 512 bits, as many as the time that had passed; 4.5 standard deviations.
+            assert!((f64::from(cleared) - passed * 512.0).abs() < 51.0, "{seed}");
+            assert_eq!(flash.byte(PAGE as u32), 0xF0);
+        }
+    }
+
+    #[test]
+    fn a_cut_erase_leaves_bits_of_either_value_in_its_sector_alone() {
+        let mut cleared = 0;
+        for seed in 0..50 {
+            let (flash, passed) = cut(seed, FlashOperationKind::EraseSector, 0x0F, 0);
+            let sector = flash.bytes(0, SECTOR as u32);
+            let ones: u32 = sector.iter().map(|byte| byte.count_ones()).sum();
+            let (all, half) = (8.0 * SECTOR as f64, 4.0 * SECTOR as f64);
+            let expected = if passed < CLEARING {
+                cleared += 1;
+                half * (1.0 - passed / CLEARING)
+            } else {
+                all * (passed - CLEARING) / (1.0 - CLEARING)
+            };
+            assert!((f64::from(ones) - expected).abs() < 450.0, "{seed}");
+            assert_eq!(flash.byte(SECTOR as u32), 0x0F);
+        }
+        assert!((5..30).contains(&cleared), "{cleared}");
+    }
+
+    #[test]
+    fn the_power_fails_in_the_operation_that_was_named_and_in_no_other() {
+        for number in 0..3 {
+            let mut flash = flash();
+            flash.cut_power_at_operation(number);
+            for address in 0..number as u32 {
+                operate(
+                    &mut flash,
+                    FlashOperationKind::ProgramPage,
+                    address * 256,
+                    [0; PAGE],
+                );
+            }
+            flash.enable_write();
+            flash.begin(FlashOperationKind::EraseSector, 0, Box::new([0; PAGE]), 0);
+            assert!(flash.has_lost_power(45 * MS), "{number}");
+            flash.cycle_power(45 * MS);
+            operate(&mut flash, FlashOperationKind::EraseSector, 0, [0; PAGE]);
+        }
+    }
+
+    /// What a test does with the flash.
+    #[derive(Clone, Debug)]
+    enum Deed {
+        Program(u32, Vec<u8>),
+        Erase(FlashOperationKind, u32),
+        Flip(u32, u8),
+    }
+
+    fn deeds() -> impl Strategy<Value = Vec<Deed>> {
+        use FlashOperationKind::{EraseBlock32, EraseBlock64, EraseSector};
+        // Few places, so that deeds meet; the last ones as well.
+        let address = prop_oneof![0..0x2_2000_u32, SIZE as u32 - 0x400..SIZE as u32];
+        let kind = prop_oneof![Just(EraseSector), Just(EraseBlock32), Just(EraseBlock64)];
+        let bytes = proptest::collection::vec(any::<u8>(), 1..600);
+        let deed = prop_oneof![
+            4 => (address.clone(), bytes).prop_map(|(address, bytes)| Deed::Program(address, bytes)),
+            1 => (kind, address.clone()).prop_map(|(kind, address)| Deed::Erase(kind, address)),
+            1 => (address, 0..8_u8).prop_map(|(address, bit)| Deed::Flip(address, bit)),
+        ];
+        proptest::collection::vec(deed, 1..24)
+    }
+
+    /// The same on a plain array.
+    fn expect(model: &mut [u8], deed: &Deed) {
+        match deed {
+            Deed::Program(address, bytes) => {
+                let page = *address as usize / PAGE * PAGE;
+                let mut buffer = [0xFF; PAGE];
+                for (index, byte) in bytes.iter().enumerate() {
+                    buffer[(*address as usize + index) % PAGE] = *byte;
+                }
+                for (offset, byte) in buffer.into_iter().enumerate() {
+                    model[page + offset] &= byte;
+                }
+            }
+            Deed::Erase(kind, address) => {
+                let size = kind.bytes() as usize;
+                let first = *address as usize / size * size;
+                model[first..first + size].fill(0xFF);
+            }
+            Deed::Flip(address, bit) => model[*address as usize] ^= 1 << bit,
+        }
+    }
+
+    fn command(flash: &mut Flash, bytes: &[u8], now_ps: u64) {
+        flash.select();
+        for &byte in bytes {
+            flash.exchange(byte).unwrap();
+        }
+        flash.deselect(now_ps);
+    }
+
+    fn perform(flash: &mut Flash, deed: &Deed, now_ps: u64) {
+        let (code, address, data) = match deed {
+            Deed::Program(address, bytes) => (0x02, *address, bytes.as_slice()),
+            Deed::Erase(FlashOperationKind::EraseSector, address) => (0x20, *address, &[][..]),
+            Deed::Erase(FlashOperationKind::EraseBlock32, address) => (0x52, *address, &[][..]),
+            Deed::Erase(_, address) => (0xD8, *address, &[][..]),
+            Deed::Flip(address, bit) => return flash.flip_bit(*address, *bit),
+        };
+        let [_, high, middle, low] = address.to_be_bytes();
+        command(flash, &[0x06], now_ps);
+        command(flash, &[&[code, high, middle, low], data].concat(), now_ps);
+        assert!(flash.is_busy());
+        flash.service(now_ps + 200 * MS);
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+
+        #[test]
+        fn commands_do_to_the_flash_what_they_do_to_a_plain_array(deeds in deeds()) {
+            let mut model = vec![0xFF; SIZE];
+            let mut flash = flash();
+            for (index, deed) in deeds.iter().enumerate() {
+                expect(&mut model, deed);
+                perform(&mut flash, deed, index as u64 * 200 * MS);
+            }
+            prop_assert!(flash.export() == model);
+        }
     }
 }

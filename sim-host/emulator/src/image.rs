@@ -73,6 +73,28 @@ impl Image {
         }
     }
 
+    /// A program of these half-words, behind a second stage that does nothing, with `fill` behind
+    /// it, for tests of the board's blocks.
+    #[cfg(test)]
+    pub(crate) fn of_code(code: &[u16], fill: u8) -> Self {
+        let mut flash = vec![0xFF; FLASH_SIZE];
+        flash[..252].fill(0);
+        let checksum = crate::bus::flash::checksum(&flash[..252]);
+        flash[252..256].copy_from_slice(&checksum.to_le_bytes());
+        flash[0x100..0x104].copy_from_slice(&0x2004_0000_u32.to_le_bytes());
+        flash[0x104..0x108].copy_from_slice(&(FLASH + 0x201).to_le_bytes());
+        flash[0x200..SECTOR].fill(fill);
+        for (place, word) in flash[0x200..].chunks_mut(2).zip(code) {
+            place.copy_from_slice(&word.to_le_bytes());
+        }
+        Self {
+            flash: flash.into(),
+            sectors: Arc::new(BTreeSet::from([0])),
+            end: FLASH + SECTOR as u32,
+            ..Self::empty()
+        }
+    }
+
     /// Reads an ELF file.
     ///
     /// # Errors

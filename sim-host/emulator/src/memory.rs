@@ -85,13 +85,19 @@ impl Memory {
     /// The cycles that an access to flash waits.
     #[inline]
     pub(crate) fn wait(&mut self, address: u32) -> u32 {
+        if window::of(address) == window::CACHED {
+            return self.cache.access(address & FLASH_MASK);
+        }
+        self.wait_past_cache(address)
+    }
+
+    #[cold]
+    fn wait_past_cache(&mut self, address: u32) -> u32 {
         let offset = address & FLASH_MASK;
         match window::of(address) {
-            window::CACHED => self.cache.access(offset),
             window::NO_ALLOCATION => self.cache.read_only(offset),
             window::REFILL => self.cache.refill(offset),
-            window::UNCACHED => self.cache.word_cycles(),
-            _ => 0,
+            _ => self.cache.word_cycles(),
         }
     }
 

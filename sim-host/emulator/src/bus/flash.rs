@@ -43,6 +43,14 @@ impl<P: Plant> SystemBus<P> {
         }
     }
 
+    #[cold]
+    pub(super) fn read_closed_flash(&mut self) {
+        if let Some(what) = self.memory.closed {
+            self.misuse(what);
+        }
+    }
+
+    #[cold]
     pub(super) fn misuse(&mut self, what: &'static str) {
         let pc = self.pc;
         self.stop.get_or_insert(Stop::Misused { what, pc });
@@ -135,24 +143,24 @@ impl<P: Plant> SystemBus<P> {
         self.follow_flash();
     }
 
-    /// Whether the boot ROM finds a second stage with its checksum: CRC-32 with the polynomial
-    /// 04C11DB7, high bit first, from ones on, not inverted (2.8.1.3.1).
+    /// Whether the boot ROM finds a second stage with its checksum (2.8.1.3.1).
     pub(crate) fn has_second_stage(&self) -> bool {
         let flash = &self.memory.flash;
         if flash.is_busy() {
             return false;
         }
         let code = SECOND_STAGE - CHECKSUM;
-        let checksum = (0..code).fold(u32::MAX, |checksum, address| {
-            checksum_step(checksum, flash.byte(address))
-        });
-        flash.bytes(code, CHECKSUM) == checksum.to_le_bytes()
+        flash.bytes(code, CHECKSUM) == checksum(&flash.bytes(0, code)).to_le_bytes()
     }
 }
 
-fn checksum_step(checksum: u32, byte: u8) -> u32 {
-    (0..8).fold(checksum ^ u32::from(byte) << 24, |rest, _| {
+/// CRC-32 with the polynomial 04C11DB7, high bit first, from ones on, not inverted (2.8.1.3.1).
+pub(crate) fn checksum(bytes: &[u8]) -> u32 {
+    let bits = |rest: u32| {
         let polynomial = if rest >> 31 == 1 { 0x04C1_1DB7 } else { 0 };
         rest << 1 ^ polynomial
+    };
+    bytes.iter().fold(u32::MAX, |checksum, &byte| {
+        (0..8).fold(checksum ^ u32::from(byte) << 24, |rest, _| bits(rest))
     })
 }

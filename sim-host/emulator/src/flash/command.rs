@@ -184,3 +184,77 @@ fn byte_from(answer: &[u8], index: usize, first: usize) -> u8 {
         .copied()
         .unwrap_or(NOTHING)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::flash::FlashTimes;
+
+    fn flash() -> Flash {
+        let contents: Vec<u8> = (0..=255).collect();
+        Flash::new(&contents, FlashTimes::Typical, 1)
+    }
+
+    /// Sends bytes while the flash is selected, and returns what comes back.
+    fn exchange(flash: &mut Flash, bytes: &[u8]) -> Vec<u8> {
+        flash.select();
+        let answer = bytes.iter().map(|&byte| flash.exchange(byte).unwrap());
+        let answer = answer.collect();
+        flash.deselect(0);
+        answer
+    }
+
+    #[test]
+    fn identifiers_and_data_come_behind_their_commands() {
+        let mut flash = flash();
+        assert_eq!(
+            exchange(&mut flash, &[0x9F, 0, 0, 0])[1..],
+            [0xEF, 0x40, 0x15]
+        );
+        let answer = exchange(&mut flash, &[&[0x4B], &[0; 12][..]].concat());
+        assert_eq!(answer[5..], flash.unique_id());
+        assert_eq!(
+            exchange(&mut flash, &[0x03, 0, 0, 0x10, 0, 0])[4..],
+            [0x10, 0x11]
+        );
+        assert_eq!(
+            exchange(&mut flash, &[0x0B, 0, 0, 0x10, 0, 0, 0])[5..],
+            [0x10, 0x11]
+        );
+        assert_eq!(exchange(&mut flash, &[0x35, 0])[1], 0x02);
+    }
+
+    #[test]
+    fn the_status_shows_enabling_and_work_and_other_commands_wait() {
+        let mut flash = flash();
+        let status = |flash: &mut Flash| exchange(flash, &[0x05, 0])[1];
+        assert_eq!(status(&mut flash), 0);
+        exchange(&mut flash, &[0x06]);
+        assert_eq!(status(&mut flash), 0b10);
+        exchange(&mut flash, &[0x04]);
+        assert_eq!(status(&mut flash), 0);
+        exchange(&mut flash, &[0x06]);
+        exchange(&mut flash, &[0x20, 0, 0, 0]);
+        assert_eq!(status(&mut flash), 0b11);
+        assert_eq!(exchange(&mut flash, &[0x03, 0, 0, 0x10, 0])[4], NOTHING);
+        flash.service(45_000_000_000);
+        assert_eq!(status(&mut flash), 0);
+    }
+
+    #[test]
+    fn an_erase_with_data_and_a_program_without_are_not_begun() {
+        let mut flash = flash();
+        for bytes in [&[0x20, 0, 0, 0, 0][..], &[0x02, 0, 0, 0], &[0xD8, 0, 0]] {
+            exchange(&mut flash, &[0x06]);
+            exchange(&mut flash, bytes);
+            assert!(!flash.is_busy(), "{bytes:02X?}");
+        }
+    }
+
+    #[test]
+    fn an_unknown_command_is_not_guessed_at() {
+        let mut flash = flash();
+        flash.select();
+        assert_eq!(flash.exchange(0xC7), None);
+    }
+}

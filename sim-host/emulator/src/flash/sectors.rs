@@ -95,3 +95,12 @@ impl Sectors {
         }
     }
 }
+
+#[cfg(test)]
+impl Sectors {
+    /// How many sectors are the same memory.
+    pub(super) fn shared_with(&self, other: &Self) -> usize {
+        let pairs = self.0.iter().zip(&other.0);
+        pairs.filter(|(one, two)| Arc::ptr_eq(one, two)).count()
+    }
+}
