@@ -177,6 +177,7 @@ impl<P: Plant> EmulatedBoard<P> {
         self.core.cycles = cycles;
         self.boot_loader = None;
         self.bus.boot_delay(self.boot);
+        self.bus.check_direct_boot();
         if let Some(masks) = self.bus.rom_calls.usb_boot.take() {
             self.start_boot_loader(masks);
         } else if self.finds_second_stage() {

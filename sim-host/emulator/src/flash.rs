@@ -12,18 +12,18 @@ use chance::Chance;
 use command::Transfer;
 use sectors::Sectors;
 
-/// Bytes of the chip (datasheet 4).
+/// Bytes of the chip (datasheet, general description).
 pub(crate) const SIZE: usize = 2 * 1024 * 1024;
-/// Bytes of the smallest part that can be erased (datasheet 8.2.17).
+/// Bytes of the smallest part that can be erased (datasheet, command 20h).
 pub(crate) const SECTOR: usize = 4 * 1024;
-/// Bytes that one command programs at most (datasheet 8.2.15).
+/// Bytes that one command programs at most (datasheet, command 02h).
 pub(crate) const PAGE: usize = 256;
 
 /// Part of an erase in which its bits are first all cleared, so that the cells age alike. The
 /// datasheet is silent; guess.
 const CLEARING: f64 = 1.0 / 3.0;
 
-/// How long the flash takes for an operation (W25Q16JV datasheet 9.6).
+/// How long the flash takes for an operation (W25Q16JV datasheet, AC characteristics).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum FlashTimes {
     /// Typical: a page 0.4 ms, a sector 45 ms, a block of 32 KiB 120 ms, one of 64 KiB 150 ms.
@@ -58,7 +58,7 @@ impl FlashOperationKind {
         }
     }
 
-    /// The time that it takes (datasheet 9.6).
+    /// The time that it takes (datasheet, AC characteristics).
     #[must_use]
     pub const fn time(self, times: FlashTimes) -> Time {
         let (typical_us, longest_us) = match self {
@@ -99,7 +99,7 @@ pub struct Flash {
     power_fails_ps: Option<u64>,
     running: Option<Running>,
     write_enabled: bool,
-    /// It takes the next read's address without a command before it (datasheet 8.2.14).
+    /// It takes the next read's address without a command before it (datasheet, command EBh).
     is_continuous: bool,
     transfer: Option<Transfer>,
     /// Its contents have changed since this was last asked.
@@ -190,7 +190,7 @@ impl Flash {
         &self.log
     }
 
-    /// The identifier that command 4Bh reads (datasheet 8.2.31). It follows from the board's seed.
+    /// The identifier that command 4Bh reads. It follows from the board's seed.
     #[must_use]
     pub const fn unique_id(&self) -> [u8; 8] {
         self.unique_id
@@ -261,7 +261,7 @@ impl Flash {
 
     // ---- operations ----
 
-    /// Begins an operation; without effect unless writing was enabled (datasheet 8.2.1).
+    /// Begins an operation; without effect unless writing was enabled (datasheet, command 06h).
     pub(crate) fn begin(
         &mut self,
         kind: FlashOperationKind,
@@ -363,13 +363,13 @@ impl Flash {
         self.is_continuous
     }
 
-    /// A quad read with these mode bits: those of 10xx keep it in continuous read (datasheet
-    /// 8.2.14).
+    /// A quad read with these mode bits: those of 10xx keep it in continuous read (datasheet,
+    /// command EBh).
     pub(crate) const fn read_quad(&mut self, mode_bits: u8) {
         self.is_continuous = mode_bits >> 4 & 0b11 == 0b10;
     }
 
-    /// Ones on all wires end continuous read (datasheet 8.2.14).
+    /// Ones on all wires end continuous read (datasheet, command EBh).
     pub(crate) const fn exit_continuous(&mut self) {
         self.is_continuous = false;
     }

@@ -54,7 +54,7 @@ const EACH_SERIAL: u32 = 0x03 << 24 | 2 << 8 | 6 << 2;
 const FIRST_QUAD: u32 = 4 << 11 | 2 << 8 | 8 << 2 | 1;
 /// SPI_CTRLR0: address and mode bits A0h on four wires without a command, and four clocks of waiting.
 const EACH_QUAD: u32 = 0xA0 << 24 | 4 << 11 | 8 << 2 | 2;
-/// Fast read on four wires (W25Q16JV datasheet 8.2).
+/// Fast read on four wires (W25Q16JV datasheet, instructions).
 const FAST_READ_QUAD: u32 = 0xEB;
 /// Clocks of that read: the command, address and mode bits, waiting, a word.
 const FIRST_QUAD_CLOCKS: u64 = 8 + 8 + 4 + 8;

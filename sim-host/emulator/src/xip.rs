@@ -5,7 +5,7 @@
 const LINE: u32 = 8;
 const SETS: usize = 1024;
 
-/// Clocks of the flash for command 03h with its address, on one wire (W25Q16JV datasheet 8.2).
+/// Clocks of the flash for command 03h with its address, on one wire (W25Q16JV datasheet, instructions).
 const SERIAL_CLOCKS: u32 = 32;
 /// Cycles of a fetch besides the clocks of the flash: what the measured cost of a word, 50 cycles,
 /// leaves beyond 20 clocks of two cycles (`Options::miss_cycles`).

@@ -3,8 +3,6 @@
 use std::collections::VecDeque;
 use std::fmt;
 
-use ldc161x_sim::Time;
-
 use crate::flash::{FlashOperationKind, SECTOR, SIZE};
 use crate::image::FLASH;
 use crate::plant::Plant;
@@ -17,9 +15,8 @@ use super::EmulatedBoard;
 
 /// Bit of the disabled interfaces that takes the drive away (2.8.3.1.5).
 const NO_DRIVE: u32 = 1;
-/// From a whole UF2 to the reset: meant as 1 s by the boot ROM's source (`virtual_disk.c`), and half
-/// of it by erratum E1.
-const REBOOT: Time = Time::from_ms(500);
+/// From a whole UF2 to the reset (the boot ROM's source, `virtual_disk.c`), ms.
+const REBOOT_MS: u32 = 1_000;
 
 /// How the boot loader was started.
 #[derive(Clone, Debug)]
@@ -115,8 +112,8 @@ impl<P: Plant> EmulatedBoard<P> {
         }
         let is_whole = |loader: &BootLoader| loader.download.is_whole();
         if self.boot_loader.as_ref().is_some_and(is_whole) {
-            self.run_for(REBOOT).map_err(Uf2Error::Stopped)?;
-            self.reset_by_watchdog();
+            self.bus.reboot_by_watchdog(REBOOT_MS);
+            self.run_while(Self::is_in_boot_loader)?;
         }
         Ok(())
     }
@@ -146,13 +143,18 @@ impl<P: Plant> EmulatedBoard<P> {
     fn finish_writing(&mut self) -> Result<(), Uf2Error> {
         let restarts = self.resets;
         self.bus.service();
-        while self.bus.rom_calls.running.is_some() {
-            self.step(u64::MAX).map_err(Uf2Error::Stopped)?;
-        }
+        self.run_while(|board| board.bus.rom_calls.running.is_some())?;
         if self.resets == restarts {
             Ok(())
         } else {
             Err(Uf2Error::PowerFailed)
         }
+    }
+
+    fn run_while(&mut self, goes_on: impl Fn(&Self) -> bool) -> Result<(), Uf2Error> {
+        while goes_on(self) {
+            self.step(u64::MAX).map_err(Uf2Error::Stopped)?;
+        }
+        Ok(())
     }
 }

@@ -569,6 +569,46 @@ fn a_command_to_flash_in_continuous_read_ends_the_run() {
     );
 }
 
+#[test]
+fn what_a_second_stage_writes_brings_quad_reads_back() {
+    let mut board = board();
+    leave_xip(&mut board);
+    call(&mut board, b"FC", [0; 4]).unwrap();
+    let wait = |board: &mut Board| {
+        while board.bus.read32(SSI + 0x28) & 0b101 != 0b100 {
+            board.bus.boot_delay(Time::from_us(1));
+        }
+    };
+    let write = |board: &mut Board, writes: &[(u32, u32)]| {
+        for &(offset, value) in writes {
+            board.bus.write32(SSI + offset, value);
+        }
+    };
+    // Status register 2 through bytes: quad is enabled.
+    write(
+        &mut board,
+        &[(0x08, 0), (0x14, 2), (0xF0, 1), (0x00, 7 << 16), (0x08, 1)],
+    );
+    write(&mut board, &[(0x60, 0x35), (0x60, 0)]);
+    wait(&mut board);
+    assert_eq!([0; 2].map(|_| board.bus.read32(SSI + 0x60))[1], 0x02);
+    // One read with mode bits, then reads without a command.
+    write(
+        &mut board,
+        &[
+            (0x08, 0),
+            (0x00, 0x005F_0300),
+            (0x04, 0),
+            (0xF4, 0x0000_2221),
+        ],
+    );
+    write(&mut board, &[(0x08, 1), (0x60, 0xEB), (0x60, 0xA0)]);
+    wait(&mut board);
+    write(&mut board, &[(0x08, 0), (0xF4, 0xA000_2022), (0x08, 1)]);
+    assert_eq!(load(&mut board, FLASH + 0x1000), (u32::MAX, 66));
+    assert_eq!(board.bus.stop, None);
+}
+
 // ---- resets and power ----
 
 /// Begins to erase 64 KiB from 0 on without waiting for it.
@@ -620,6 +660,8 @@ fn a_cut_of_power_keeps_the_flash_and_loses_the_rest() {
     let mut board = board();
     board.flash_mut().flip_bit(0x1000, 3);
     board.bus.write32(0x4005_800C, 7);
+    // 1.15 V, which a reset by the watchdog would keep.
+    board.bus.write32(0x4006_4000, 0xC1);
     let begun = board.now();
     board.cycle_power();
     assert_eq!(
@@ -631,6 +673,11 @@ fn a_cut_of_power_keeps_the_flash_and_loses_the_rest() {
     );
     assert_eq!(board.peek(RETURN), 0xA5A5_A5A5);
     assert_eq!(board.bus.read32(0x4005_800C), 0);
+    assert_eq!(
+        board.bus.read32(0x4006_4000),
+        0x10B1,
+        "the core voltage at the start"
+    );
     assert_eq!(
         board.bus.read32(0x4006_4008),
         1 << 8,
@@ -651,6 +698,16 @@ fn a_flash_without_its_second_stage_starts_the_boot_loader() {
         board.cycle_power();
         assert!(!board.is_in_boot_loader());
     }
+}
+
+#[test]
+fn a_start_through_scratch_registers_is_not_followed() {
+    let mut board = board();
+    board.bus.write32(0x4005_801C, 0xB007_C0D3);
+    board.bus.write32(0x4001_0008, 0x1_FFFC);
+    board.bus.write32(0x4005_8000, 1 << 31);
+    let stop = board.run_for(Time::from_us(1)).unwrap_err();
+    assert!(stop.to_string().contains("scratch registers"), "{stop}");
 }
 
 #[test]
@@ -724,6 +781,8 @@ fn the_boot_loader_has_its_masks_and_the_pins_are_as_after_a_reset() {
         (1 << 25, 0b10)
     );
     assert!(!board.bridge().awake);
+    let scratch = [0x4005_800C, 0x4005_8010].map(|address| board.bus.read32(address));
+    assert_eq!(scratch, [1 << 25, 0b10]);
     let instructions = board.instructions();
     board.run_for(Time::from_ms(10)).unwrap();
     assert_eq!(

@@ -24,6 +24,10 @@ const STAT: u32 = 0x8;
 const ENABLED: u32 = 0b11;
 /// STAT: a flush is done, and nothing is streamed.
 const READY: u32 = 0b11;
+/// The scratch register of the watchdog, and what it holds, for a start at an address that others
+/// of them hold (2.8.1.1).
+const DIRECT_BOOT_SCRATCH: u32 = 0x1C;
+const DIRECT_BOOT: u32 = 0xB007_C0D3;
 /// Mode bits of a read that keep the flash continuous, as the second stage sends them.
 const CONTINUOUS: u8 = 0xA0;
 /// Bytes of the second stage, of which the last four are their checksum (2.8.1.3).
@@ -135,6 +139,13 @@ impl<P: Plant> SystemBus<P> {
     pub(crate) fn follow_flash(&mut self) {
         let format = self.ssi.read_format(&self.memory.flash);
         self.memory.follow_flash(format);
+    }
+
+    /// A start at an address that the watchdog's scratch registers name (2.8.1.1) ends the run.
+    pub(crate) fn check_direct_boot(&mut self) {
+        if self.watchdog.read(DIRECT_BOOT_SCRATCH) == Some(DIRECT_BOOT) {
+            self.fail("a start through the watchdog's scratch registers");
+        }
     }
 
     /// What the second stage does with the flash.

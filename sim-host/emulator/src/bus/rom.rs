@@ -13,16 +13,17 @@ use crate::xip::FLUSH_CYCLES;
 
 use super::SystemBus;
 
-/// From `reset_to_usb_boot` to the reset, in counts of the watchdog (the boot ROM's source,
-/// `bootrom_main.c`): meant as 10 ms, and 5 ms by erratum E1.
-const USB_BOOT_COUNT: u32 = 10_000;
+/// From `reset_to_usb_boot` to the reset (the boot ROM's source, `bootrom_main.c`), ms.
+const USB_BOOT_MS: u32 = 10;
 /// WATCHDOG registers and the bit that enables it (RP2040 datasheet 4.7.6).
 const WATCHDOG_CTRL: u32 = 0x00;
 const WATCHDOG_LOAD: u32 = 0x04;
+const WATCHDOG_SCRATCH: [u32; 2] = [0x0C, 0x10];
 const WATCHDOG_TICK: u32 = 0x2C;
 const WATCHDOG_ENABLE: u32 = 1 << 30;
-/// A tick of 12 cycles of the crystal.
+/// A tick of 12 cycles of the crystal, to which the boot ROM switches the reference clock, Hz.
 const TICK_OF_12: u32 = 1 << 9 | 12;
+const CRYSTAL_HZ: f64 = 12e6;
 
 impl<P: Plant> SystemBus<P> {
     // ---- the private register block ----
@@ -158,16 +159,17 @@ impl<P: Plant> SystemBus<P> {
     fn reset_to_usb_boot(&mut self) -> Result<(), Refusal> {
         let [activity_pins, disabled_interfaces, ..] = self.rom_calls.arguments;
         self.rom_calls.usb_boot = Some([activity_pins, disabled_interfaces]);
-        self.power.let_watchdog_reset_all();
-        let (now_ps, ref_hz) = (self.clock.now_ps(), self.clocks.ref_hz());
-        for (register, value) in [
-            (WATCHDOG_CTRL, 0),
-            (WATCHDOG_TICK, TICK_OF_12),
-            (WATCHDOG_LOAD, USB_BOOT_COUNT),
-            (WATCHDOG_CTRL, WATCHDOG_ENABLE),
-        ] {
+        self.reboot_by_watchdog(USB_BOOT_MS)
+            .ok_or(Refusal::Unmodelled)?;
+        // The masks wait in the first two scratch registers (the boot ROM's source), over whatever
+        // the firmware kept there.
+        for (register, mask) in WATCHDOG_SCRATCH
+            .into_iter()
+            .zip([activity_pins, disabled_interfaces])
+        {
+            let (now_ps, ref_hz) = (self.clock.now_ps(), CRYSTAL_HZ);
             self.watchdog
-                .write(register, value, now_ps, ref_hz)
+                .write(register, mask, now_ps, ref_hz)
                 .ok_or(Refusal::Unmodelled)?;
         }
         self.rom_calls.running = Some(Running {
@@ -176,6 +178,23 @@ impl<P: Plant> SystemBus<P> {
             due_ps: None,
         });
         Ok(())
+    }
+
+    /// Lets the watchdog reset everything after a time that the boot ROM means to be so long; it is
+    /// half of it by erratum E1 (the boot ROM's source, `runtime.c`).
+    pub(crate) fn reboot_by_watchdog(&mut self, milliseconds: u32) -> Option<()> {
+        self.power.let_watchdog_reset_all();
+        let now_ps = self.clock.now_ps();
+        for (register, value) in [
+            (WATCHDOG_CTRL, 0),
+            (WATCHDOG_TICK, TICK_OF_12),
+            (WATCHDOG_LOAD, milliseconds * 1_000),
+            (WATCHDOG_CTRL, WATCHDOG_ENABLE),
+        ] {
+            self.watchdog.write(register, value, now_ps, CRYSTAL_HZ)?;
+        }
+        self.refresh();
+        Some(())
     }
 
     // ---- time ----

@@ -1,4 +1,4 @@
-//! The flash's commands, as bytes come in and go out while it is selected (datasheet 8.1, 8.2).
+//! The flash's commands, as bytes come in and go out while it is selected (datasheet, instructions).
 
 use super::{Flash, FlashOperationKind, PAGE};
 
@@ -17,12 +17,13 @@ const BLOCK_ERASE_64: u8 = 0xD8;
 /// Ones end continuous read, and are no command otherwise.
 const NOTHING: u8 = 0xFF;
 
-/// Manufacturer, memory type and capacity (datasheet 8.1.1).
+/// Manufacturer, memory type and capacity (datasheet, command 9Fh).
 const JEDEC_ID: [u8; 3] = [0xEF, 0x40, 0x15];
-/// Status register 1: an operation runs, writing is enabled (datasheet 7.1).
+/// Status register 1: an operation runs, writing is enabled (datasheet, status registers).
 const BUSY: u8 = 1 << 0;
 const WRITE_ENABLED: u8 = 1 << 1;
-/// Status register 2: quad enabled, as the part of a Pico leaves the factory (datasheet 7.1.7).
+/// Status register 2: quad enabled, as the part of a Pico leaves the factory (datasheet, status
+/// registers).
 const STATUS_2: u8 = 1 << 1;
 
 /// Bytes of a command with its address.
@@ -47,7 +48,8 @@ impl Transfer {
         }
     }
 
-    /// The bytes for a page. They wrap within it, and the last ones count (datasheet 8.2.15).
+    /// The bytes for a page. They wrap within it, and the last ones count (datasheet, command
+    /// 02h).
     fn page(&self, address: u32) -> Box<[u8; PAGE]> {
         let mut page = Box::new([0xFF; PAGE]);
         let offsets = (0..PAGE).cycle().skip(address as usize % PAGE);
@@ -105,13 +107,13 @@ impl Flash {
         match command {
             READ_STATUS_1 => self.status(),
             READ_STATUS_2 => STATUS_2,
-            // Whatever else comes while an operation runs is ignored (datasheet 7.1.1).
+            // Whatever else comes while an operation runs is ignored (datasheet, BUSY).
             _ if self.is_busy() => NOTHING,
             READ_JEDEC_ID => byte_from(&JEDEC_ID, index, 1),
-            // Four bytes of nothing before the identifier (datasheet 8.2.31).
+            // Four bytes of nothing before the identifier (datasheet, command 4Bh).
             READ_UNIQUE_ID => byte_from(&self.unique_id, index, 5),
             READ_DATA => self.read_data(index, ADDRESSED),
-            // One byte of nothing before the data (datasheet 8.2.10).
+            // One byte of nothing before the data (datasheet, command 0Bh).
             FAST_READ => self.read_data(index, ADDRESSED + 1),
             _ => NOTHING,
         }

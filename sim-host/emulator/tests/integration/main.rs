@@ -6,6 +6,7 @@ mod common;
 mod current;
 mod every_fault;
 mod faults;
+mod flash;
 mod planted;
 mod profile;
 mod second_converter;
