@@ -245,6 +245,7 @@ impl UsbController {
     /// address stays: the firmware clears it.
     pub(crate) fn begin_reset(&mut self) {
         self.line = Line::Reset;
+        self.connecting_ps = None;
         self.end_transaction();
         self.set_suspended(false);
         if self.is_attached() {
@@ -566,6 +567,7 @@ impl UsbController {
         self.set(offset, value)?;
         if self.is_attached() != was_attached {
             self.idle_ps = now_ps;
+            self.connecting_ps = None;
             self.set_suspended(false);
             self.set_connected(false);
         }

@@ -250,7 +250,8 @@ impl UsbHost {
         self.actions.push_back(Action::Unplug);
     }
 
-    /// Resets the bus for 10 ms, whatever is under way. A host that enumerates does so again.
+    /// Resets the bus for 10 ms, whatever is under way; without a device it does nothing. A host that
+    /// enumerates does so again.
     pub fn reset(&mut self) {
         self.actions.push_back(Action::Reset);
     }
@@ -595,6 +596,7 @@ impl UsbHost {
     // ---- frames and transactions ----
 
     fn begin_frame(&mut self, device: &mut UsbController, now_ps: u64) {
+        debug_assert!(self.flight.is_none(), "a transaction in a start of frame");
         self.frame_due_ps = Some(now_ps + FRAME_PS);
         self.counts.frames += 1;
         device.start_of_frame((self.counts.frames & 0x7FF) as u16, now_ps);

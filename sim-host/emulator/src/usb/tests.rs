@@ -569,3 +569,47 @@ fn a_clone_goes_on_as_the_original() {
     assert_eq!(bench.usb.host.counts(), clone.usb.host.counts());
     assert_eq!(bench.bytes(0, 4096), clone.bytes(0, 4096));
 }
+
+#[test]
+fn a_setup_packet_disarms_the_stall_of_endpoint_0() {
+    let (mut bench, mut device) = plugged(Data::Echo);
+    let unknown = ControlTransfer::new([0x80, 99, 0, 0, 0, 0, 2, 0]);
+    let outcome = ask(&mut bench, &mut device, unknown);
+    assert_eq!(outcome, ControlOutcome::Stalled);
+    assert_eq!(bench.read(bench::STALL_ARM), 0b11);
+    // The device leaves its stall bits set and does not answer.
+    device.deaf_to = Some(6);
+    let transfer = ControlTransfer {
+        deadline: Time::from_ms(20),
+        ..ControlTransfer::new(DEVICE_DESCRIPTOR)
+    };
+    let outcome = ask(&mut bench, &mut device, transfer);
+    assert_eq!(outcome, ControlOutcome::TimedOut);
+    assert_eq!(bench.read(bench::STALL_ARM), 0);
+}
+
+#[test]
+fn a_buffer_that_is_available_and_not_full_has_nothing_to_send() {
+    let (mut bench, mut device) = configured(Data::Untouched);
+    bench.arm(INPUT, 0, 3);
+    bench.run(Time::from_ms(2), &mut device);
+    assert_ne!(bench.half(INPUT, 0) & buffer::AVAILABLE, 0);
+    bench.set_bytes(INPUT_BUFFER, b"abc");
+    bench.arm(INPUT, 0, buffer::FULL | 3);
+    bench.run(Time::from_ms(2), &mut device);
+    assert_eq!(bench.usb.host.read(), b"abc");
+}
+
+#[test]
+fn nothing_is_asked_of_a_device_for_ten_milliseconds_after_its_reset() {
+    let (mut bench, mut device) = plugged(Data::Echo);
+    bench
+        .usb
+        .host
+        .submit(ControlTransfer::new(DEVICE_DESCRIPTOR));
+    bench.run(Time::from_us(9_900), &mut device);
+    assert_eq!(bench.usb.host.counts().frames, 10);
+    assert!(device.setups.is_empty());
+    bench.run(Time::from_ms(2), &mut device);
+    assert_eq!(device.setups, [DEVICE_DESCRIPTOR]);
+}
