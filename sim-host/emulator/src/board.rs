@@ -537,7 +537,7 @@ impl<P: Plant> EmulatedBoard<P> {
         self.bus.i2c.is_idle()
     }
 
-    /// The host at the USB cable. Nothing is plugged in until it is told to.
+    /// The host at the USB cable. Nothing is plugged in until `plug`.
     #[must_use]
     pub const fn usb(&self) -> &UsbHost {
         &self.bus.usb.host
@@ -545,7 +545,7 @@ impl<P: Plant> EmulatedBoard<P> {
 
     /// The host at the USB cable, to tell it what to do.
     pub const fn usb_mut(&mut self) -> &mut UsbHost {
-        // What it is told is done with the next step.
+        // What is ordered begins with the next step.
         self.bus.next_event_ps = 0;
         &mut self.bus.usb.host
     }

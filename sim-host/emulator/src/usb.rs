@@ -1,7 +1,7 @@
 //! The RP2040's USB controller and the host at the other end of the cable.
 //!
 //! The controller is a device at full speed (RP2040 datasheet 4.1). The host sends what a PC sends,
-//! at its time on the wire; it is told what to do by [`UsbHost`].
+//! at its time on the wire; it takes orders through [`UsbHost`].
 
 mod check;
 mod controller;

@@ -119,7 +119,7 @@ impl Check<'_> {
         self.rule(
             vendor_low != 0 || vendor_high != 0,
             DEVICE,
-            "idVendor is 0, which is nobody's",
+            "idVendor is 0, which belongs to no vendor",
         );
         self.rule(
             configurations == 1,

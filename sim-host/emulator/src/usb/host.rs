@@ -164,7 +164,7 @@ struct Flight {
     end_ps: u64,
 }
 
-/// The host at the other end of the USB cable. What it is told to do begins with the next step of the
+/// The host at the other end of the USB cable. What is ordered begins with the next step of the
 /// board. A clone is a snapshot.
 #[derive(Clone, Debug)]
 pub struct UsbHost {
@@ -232,7 +232,7 @@ impl UsbHost {
         }
     }
 
-    // ---- what it is told ----
+    // ---- orders ----
 
     /// What may differ between PCs, to change.
     pub const fn settings_mut(&mut self) -> &mut UsbHostSettings {
@@ -400,7 +400,7 @@ impl UsbHost {
         }
     }
 
-    /// Does what it was told.
+    /// Carries out what was ordered.
     pub(super) fn act(&mut self, device: &mut UsbController, now_ps: u64) {
         while let Some(action) = self.actions.pop_front() {
             self.perform(action, device, now_ps);
