@@ -17,6 +17,8 @@ mod code_in_memory;
 mod pins;
 #[path = "../src/board/rp2040/routines.rs"]
 mod routines;
+#[path = "../src/board/rp2040/second_stage.rs"]
+mod second_stage;
 #[path = "../src/board/rp2040/i2c/timing.rs"]
 mod timing;
 #[path = "bring_up/transfer.rs"]

@@ -17,6 +17,8 @@ mod code_in_memory;
 mod float;
 #[path = "../src/board/rp2040/routines.rs"]
 mod routines;
+#[path = "../src/board/rp2040/second_stage.rs"]
+mod second_stage;
 #[path = "on_target/tape.rs"]
 mod tape;
 

@@ -11,6 +11,7 @@ pub mod pins;
 pub mod reset;
 mod routines;
 pub mod safe;
+mod second_stage;
 pub mod usb;
 pub mod vectors;
 
@@ -20,13 +21,6 @@ pub use reset::Watchdog;
 use core::sync::atomic::{AtomicU32, Ordering};
 
 use palpate_node::board::CORE_HZ;
-
-/// The second stage of the boot loader, for the flash of a Raspberry Pi Pico: it reads the flash at a
-/// quarter of the processor's clock.
-#[allow(unsafe_code)]
-#[unsafe(link_section = ".boot2")]
-#[used]
-static BOOT2: [u8; 256] = rp2040_boot2::BOOT_LOADER_W25Q080;
 
 /// Polls of a condition in 10 ms at the processor's full clock, twelve cycles each.
 const POLLS: u32 = CORE_HZ / 100 / 12;
