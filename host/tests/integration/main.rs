@@ -10,5 +10,6 @@ mod installed;
 mod outputs;
 mod plan_ldc;
 mod records;
+mod serve;
 mod simulate;
 mod words;
