@@ -4,6 +4,7 @@ use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
+use palpate_emulator::usb::TransferId;
 use palpate_emulator::{Image, Instrument, Options};
 use palpate_sim::Time;
 use palpate_sim::mechanics::load::Load;
@@ -69,6 +70,10 @@ pub(super) struct Served {
     /// How deep the sensing layer is pressed, m.
     depth_m: f64,
     is_open: bool,
+    /// The request that opens or closes the port, until the board has taken it.
+    changing: Option<TransferId>,
+    /// What the program has sent meanwhile: an answer from a closed port would be lost.
+    unsent: Vec<u8>,
     flash: Option<FlashFile>,
 }
 
@@ -105,6 +110,8 @@ impl Served {
             touch,
             depth_m: plant.press.depth_m,
             is_open: true,
+            changing: None,
+            unsent: Vec::new(),
             flash,
         })
     }
@@ -115,23 +122,28 @@ impl Served {
 
     /// A program opens the port, or closes it.
     pub(super) fn set_open(&mut self, is_open: bool) {
-        // An enumeration leaves it open; before that there is no port.
-        if is_open != self.is_open
-            && self
-                .instrument
-                .board_mut()
-                .usb_mut()
-                .set_dtr(is_open)
-                .is_some()
-        {
+        if is_open == self.is_open || self.changing.is_some() {
+            return;
+        }
+        // Before the end of the enumeration there is no port.
+        self.changing = self.instrument.board_mut().usb_mut().set_dtr(is_open);
+        if self.changing.is_some() {
             self.is_open = is_open;
+            self.unsent.clear();
         }
     }
 
     /// Bytes for the board.
     pub(super) fn write(&mut self, bytes: &[u8]) {
-        if !bytes.is_empty() {
-            self.instrument.board_mut().usb_mut().write(bytes);
+        self.unsent.extend(bytes);
+        let host = self.instrument.board_mut().usb_mut();
+        let ended = host.take_results();
+        let is_over = |changing: &TransferId| ended.iter().any(|(id, _)| id == changing);
+        self.changing = self.changing.take().filter(|changing| !is_over(changing));
+        let is_ready = host.description().is_some() && self.changing.is_none();
+        if is_ready && self.is_open {
+            host.write(&self.unsent);
+            self.unsent.clear();
         }
     }
 
