@@ -32,6 +32,11 @@ pub(crate) fn span(seconds_s: f32) -> Duration {
     Duration::from_ticks(u64::from(whole_s) * 1_000_000 + u64::from((rest_s * 1e6 + 0.5) as u32))
 }
 
+/// Two spans one after the other, without overflow: the sum of `fugit` panics.
+pub(crate) fn together(one: Duration, other: Duration) -> Duration {
+    Duration::from_ticks(one.as_ticks().saturating_add(other.as_ticks()))
+}
+
 /// `instant` and a span later, without overflow.
 pub(crate) fn after(instant: Instant, span: Duration) -> Instant {
     Instant::from_ticks(instant.as_ticks().saturating_add(span.as_ticks()))

@@ -128,5 +128,10 @@ impl Item {
 /// One behind the other. They fit: a payload is [`MAX_PAYLOAD`] bytes at most, and the others are
 /// [`HEAD`] in all.
 fn concatenated<const N: usize>(parts: [&[u8]; 4]) -> Vec<u8, N> {
-    parts.into_iter().flatten().copied().take(N).collect()
+    let mut all = Vec::new();
+    for part in parts {
+        // `collect` would panic where they did not.
+        let _ = all.extend_from_slice(part);
+    }
+    all
 }

@@ -1,88 +1,202 @@
-//! Which parts of the panic machinery the image holds: exactly those of a list, each for a reason.
+//! Which parts of the image can reach a panic: exactly those of a list, each for a reason.
 //!
-//! The positive control is the image with a planted panic: it has to hold one more.
+//! The machinery of panics is in `core`. What calls it is found in the image's code, by the branches
+//! of a processor of the ARMv6-M architecture. The positive control is the image with a planted panic:
+//! it has to hold one more.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
 
 use anyhow::{Context, Result, bail};
-use object::{Object, ObjectSymbol};
+use object::{Object, ObjectSection, ObjectSymbol, SymbolKind};
 
 use super::{build, planted};
 use crate::process::Workspace;
 
-/// What the image may hold, as the end of a path, and why.
+/// What may reach a panic: a crate, or an interrupt into which crates were inlined; and why. All but
+/// the last are libraries, whose checks hold by construction.
 const ALLOWED: &[(&str, &str)] = &[
     (
-        "panicking::panic",
-        "rtt-target: channels that are set up twice, which they are once, at the start",
+        "SW0_IRQ",
+        "rtic-time: a wait before the timers are set up, which they are before any task runs",
+    ),
+    ("SW1_IRQ", "the same, and what its tasks inline"),
+    (
+        "USBCTRL_IRQ",
+        "usb-device and the bus of rp2040-hal, inlined: see there",
     ),
     (
-        "panicking::panic_fmt",
-        "what the others call; rtic-time: a wait before the timers are set up, which they are \
-         before any task runs",
+        "usb_device",
+        "indices into its own control buffer, which it has limited before; an endpoint that was never \
+         allocated; a device that is resumed without having been suspended",
     ),
     (
-        "panic_const::panic_const_rem_by_zero",
-        "heapless: the length of a queue's buffer, a constant",
+        "usbd_serial",
+        "a slice of seven bytes of a request whose length it has compared with seven",
+    ),
+    (
+        "rp2040_hal",
+        "indices of endpoints, which the controller's registers limit to 16; the bus's own lock, which \
+         interrupts take one at a time",
+    ),
+    (
+        "sequential_storage",
+        "slices of a buffer within lengths that it has read from flash under a CRC and compared with the \
+         buffer's; a page state that it has just looked up",
+    ),
+    (
+        "palpate_storage",
+        "the same, where the library is inlined into it",
+    ),
+    (
+        "palpate_firmware",
+        "rtt-target and the HAL at the start: channels and endpoints that are set up once; heapless: the \
+         length of a queue's buffer, a constant; rtic-time as above",
     ),
 ];
 
-/// What may stand under its own name or be folded into another, whose code is the same: the
-/// compiler's check of a future that is polled after its end, which neither an await nor RTIC's
-/// executor does.
-const FOLDED: &str = "panic_const::panic_const_async_fn_resumed";
+/// The compiler's check of a future that is polled after its end, which neither an await nor RTIC's
+/// executor does. It may be folded into another function whose code is the same.
+const OF_FUTURES: &str = "panic_const_async_fn_resumed";
+const FOLDED_INTO: &str = "panic_for_nonpositive_argument";
 
-/// The check of the step `panic-image`.
+/// The check of the step `image-panics`.
 pub(crate) fn check(workspace: &Workspace) -> Result<String> {
-    let allowed: BTreeSet<String> = ALLOWED.iter().map(|(name, _)| (*name).to_owned()).collect();
-    let found = machinery(&build(workspace)?)?;
-    let more = found.difference(&allowed).filter(|name| *name != FOLDED);
-    let more: Vec<_> = more.cloned().collect();
+    let found = panicking(&build(workspace)?)?;
+    let allowed: BTreeSet<&str> = ALLOWED.iter().map(|(name, _)| *name).collect();
+    let more = found
+        .iter()
+        .filter(|(name, _)| !allowed.contains(name.as_str()));
+    let more: Vec<_> = more
+        .map(|(name, calls)| {
+            format!(
+                "{name} ({})",
+                calls.iter().cloned().collect::<Vec<_>>().join(", ")
+            )
+        })
+        .collect();
     if !more.is_empty() {
-        bail!("the image can panic by {}", more.join(", "));
+        bail!("the image can panic in {}", more.join("; "));
     }
-    let gone: Vec<_> = allowed.difference(&found).cloned().collect();
+    let gone: Vec<_> = allowed
+        .iter()
+        .filter(|name| !found.contains_key(**name))
+        .copied()
+        .collect();
     if !gone.is_empty() {
         bail!(
-            "the image no longer holds {}: take it from the list in xtask/src/firmware/panics.rs",
+            "{} cannot panic any more: take it from the list in xtask/src/firmware/panics.rs",
             gone.join(", ")
         );
     }
-    let with_panic = machinery(&planted::image(workspace, "panic")?)?;
-    let is_known = |name: &String| allowed.contains(name) || name == FOLDED;
-    if with_panic.iter().all(is_known) {
+    let with_panic = panicking(&planted::image(workspace, "panic")?)?;
+    if with_panic
+        .keys()
+        .all(|name| allowed.contains(name.as_str()))
+    {
         bail!("the planted panic was not found, so that finding none shows nothing");
     }
     Ok(format!(
-        "the image holds {} parts of the panic machinery, all on the list; a planted one is found",
+        "{} parts of the image can reach a panic, all on the list; a planted one is found",
         found.len()
     ))
 }
 
-/// The functions of the panic machinery in an image's table of symbols.
-fn machinery(image: &Path) -> Result<BTreeSet<String>> {
+/// The parts of an image that call the panic machinery, each with the functions that do.
+fn panicking(image: &Path) -> Result<BTreeMap<String, BTreeSet<String>>> {
     let bytes = fs::read(image).with_context(|| format!("{} cannot be read", image.display()))?;
     let elf = object::File::parse(&*bytes).context("the image is no ELF file")?;
-    Ok(elf
-        .symbols()
-        .filter_map(|symbol| path(symbol.name().ok()?))
-        .collect())
+    let functions = functions(&elf);
+    let machinery: BTreeSet<u64> = functions
+        .iter()
+        .filter(|(_, (name, _))| is_machinery(name))
+        .map(|(address, _)| *address)
+        .collect();
+    let mut found: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
+    for section in elf.sections() {
+        let code = section.data().unwrap_or_default();
+        for (at, target) in branches(section.address(), code) {
+            let caller = functions.range(..=at).next_back();
+            if let Some((start, (name, size))) = caller
+                && machinery.contains(&target)
+                && at < start + size
+                && !is_of_core(name)
+            {
+                found.entry(part(name)).or_default().insert(name.clone());
+            }
+        }
+    }
+    Ok(found)
 }
 
-/// The last two parts of the path of a function that panics; nothing for any other.
-fn path(symbol: &str) -> Option<String> {
-    // The alternate form leaves the hash out.
-    let name = format!("{:#}", rustc_demangle::demangle(symbol));
-    let within = name.strip_prefix("core::")?;
-    let parts: Vec<_> = within.split("::").collect();
-    let panics = parts.contains(&"panicking") || within.ends_with("_failed");
-    let last_two = parts
-        .len()
-        .checked_sub(2)
-        .and_then(|from| parts.get(from..));
-    last_two.filter(|_| panics).map(|parts| parts.join("::"))
+/// The functions with name and size, by their addresses.
+fn functions(elf: &object::File<'_>) -> BTreeMap<u64, (String, u64)> {
+    elf.symbols()
+        .filter(|symbol| symbol.kind() == SymbolKind::Text && symbol.size() > 0)
+        .filter_map(|symbol| {
+            let name = symbol.name().ok()?;
+            // A thunk stands for what it leads to.
+            let name = name.strip_prefix("__Thumbv6MABSLongThunk_").unwrap_or(name);
+            let name = format!("{:#}", rustc_demangle::demangle(name));
+            // The lowest bit says that it is Thumb code.
+            Some((symbol.address() & !1, (name, symbol.size())))
+        })
+        .collect()
+}
+
+/// Places and targets of the branches in code, with link and without (ARMv6-M architecture, A6.7.10
+/// and A6.7.13).
+fn branches(start: u64, code: &[u8]) -> impl Iterator<Item = (u64, u64)> + '_ {
+    let half = |at: usize| Some(u16::from_le_bytes([*code.get(at)?, *code.get(at + 1)?]));
+    (0..code.len()).step_by(2).filter_map(move |at| {
+        let first = half(at)?;
+        let offset = match first >> 12 {
+            0b1101 => i64::from(first as u8 as i8) << 1,
+            0b1110 if first & 0x800 == 0 => i64::from((first << 5) as i16 >> 5) << 1,
+            0b1111 if first & 0x800 == 0 => with_link(first, half(at + 2)?)?,
+            _ => return None,
+        };
+        let place = start + at as u64;
+        Some((place, place.wrapping_add_signed(4 + offset)))
+    })
+}
+
+/// How far a branch with link goes; nothing if the two halves are none.
+fn with_link(first: u16, second: u16) -> Option<i64> {
+    let bit = |of: u16, number: u16| i64::from(of >> number & 1);
+    let sign = bit(first, 10);
+    let upper = |number| 1 - (bit(second, number) ^ sign);
+    let offset = -(sign << 24)
+        | upper(13) << 23
+        | upper(11) << 22
+        | i64::from(first & 0x3FF) << 12
+        | i64::from(second & 0x7FF) << 1;
+    (second & 0xD000 == 0xD000).then_some(offset)
+}
+
+/// Whether a function is one of `core` that ends in a panic. Not that of futures.
+fn is_machinery(name: &str) -> bool {
+    let last = name.rsplit("::").next().unwrap_or(name);
+    let panics = name.contains("panicking::")
+        || ["_failed", "_fail"].iter().any(|end| last.ends_with(end))
+        || last.starts_with("panic_");
+    is_of_core(name) && panics && ![OF_FUTURES, FOLDED_INTO].contains(&last)
+}
+
+fn is_of_core(name: &str) -> bool {
+    name.starts_with("core::")
+}
+
+/// The crate of a function, by its path: that of the type where it is an implementation. An
+/// interrupt's name is its own.
+fn part(name: &str) -> String {
+    let path = name.trim_start_matches(['<', '&', '*']);
+    let path = path
+        .strip_prefix("core::ptr::drop_in_place<")
+        .unwrap_or(path);
+    let end = path.find([':', '<', ' ']).unwrap_or(path.len());
+    path.get(..end).unwrap_or(path).to_owned()
 }
 
 #[cfg(test)]
@@ -91,13 +205,48 @@ mod tests {
 
     #[test]
     fn functions_that_panic_are_known_by_their_paths() {
-        let bounds = "_ZN4core9panicking18panic_bounds_check17h0123456789abcdefE";
-        assert_eq!(path(bounds).unwrap(), "panicking::panic_bounds_check");
-        let zero = "_ZN4core9panicking11panic_const23panic_const_rem_by_zero17h0123456789abcdefE";
-        assert_eq!(path(zero).unwrap(), "panic_const::panic_const_rem_by_zero");
-        let expect = "_RNvNtCseold96UKqg_4core6option13expect_failed";
-        assert_eq!(path(expect).unwrap(), "option::expect_failed");
-        assert_eq!(path("_ZN4core3fmt5write17h0123456789abcdefE"), None);
-        assert_eq!(path("main"), None);
+        for name in [
+            "core::panicking::panic_bounds_check",
+            "core::panicking::panic_const::panic_const_rem_by_zero",
+            "core::option::expect_failed",
+            "core::slice::index::slice_index_fail",
+            "core::cell::panic_already_borrowed",
+        ] {
+            assert!(is_machinery(name), "{name}");
+        }
+        for name in [
+            "core::fmt::write",
+            "main",
+            "core::panicking::panic_const::panic_const_async_fn_resumed",
+        ] {
+            assert!(!is_machinery(name), "{name}");
+        }
+    }
+
+    #[test]
+    fn a_function_belongs_to_the_crate_of_its_path() {
+        for (name, crate_name) in [
+            ("usb_device::device::UsbDevice<B>::poll", "usb_device"),
+            (
+                "<rp2040_hal::usb::UsbBus as usb_device::bus::UsbBus>::read",
+                "rp2040_hal",
+            ),
+            ("USBCTRL_IRQ", "USBCTRL_IRQ"),
+        ] {
+            assert_eq!(part(name), crate_name);
+        }
+    }
+
+    /// Encodings from an assembler: `bl` forwards and backwards, `b`, `beq`, and a `nop`.
+    #[test]
+    fn branches_are_found_with_their_targets() {
+        let code = [
+            0x00, 0xBF, 0x00, 0xF0, 0x01, 0xF8, 0x00, 0xBF, 0xFF, 0xF7, 0xFA, 0xFF,
+        ];
+        let found: Vec<_> = branches(0x2000_0000, &code).collect();
+        assert_eq!(
+            found,
+            [(0x2000_0002, 0x2000_0008), (0x2000_0008, 0x2000_0000)]
+        );
     }
 }

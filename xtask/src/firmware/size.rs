@@ -27,7 +27,7 @@ impl Taken {
                 .map_or(0, |section| section.size())
         };
         let code_in_memory = size(".hot");
-        let loaded = [".boot2", ".vector_table", ".text", ".rodata"];
+        let loaded = [".boot2", ".vector_table", ".cold", ".text", ".rodata"];
         let flash: u64 = loaded.iter().map(|name| size(name)).sum();
         let symbol = |name: &str| {
             elf.symbols()

@@ -486,7 +486,8 @@ impl Out<'_> {
         while let [before @ .., one, last] = rest {
             core::mem::swap(one, last);
             let kept = before.len() + 1;
-            rest = rest.split_at_mut(kept).0;
+            // It is at most the length: there is a slice of the rest.
+            rest = rest.get_mut(..kept).unwrap_or_default();
         }
     }
 

@@ -16,7 +16,7 @@ use crate::measurement::{
     EstimateReport, Measurement, MeasurementOutcome, Progress, Reason, TrainDrive, metres, refusal,
 };
 use crate::steadiness::Steadiness;
-use crate::time::{Duration, Instant, between, in_seconds, seconds, span};
+use crate::time::{Duration, Instant, between, in_seconds, seconds, span, together};
 use crate::train::TrainSegment;
 
 /// Good conversions in a row that prove sensor, clock and bus.
@@ -512,7 +512,7 @@ impl Procedure {
         let last_seen = self.last_seen.get_or_insert(out.now);
         let silent = between(*last_seen, out.now);
         let busy = between(*last_seen, self.configured);
-        if silent <= busy + LEAST_SILENCE {
+        if silent <= together(busy, LEAST_SILENCE) {
             return;
         }
         let silent_s = in_seconds(silent).0;
