@@ -72,6 +72,33 @@ fn an_item_that_its_version_cannot_mean_is_refused_and_the_rest_is_read() {
     assert!(matches!(next, Some(Command::SetAttraction(_))));
 }
 
+#[test]
+fn items_that_are_sound_and_not_those_of_the_seal_are_damage() {
+    let attraction = |byte| Item::new([8, 0, 0], 1, &[byte; 8]);
+    let sealed = [attraction(0)];
+    for (items, more, is_whole) in [
+        (vec![attraction(0)], 0, true),
+        (vec![attraction(0)], 1, false),
+        (vec![attraction(1)], 0, false),
+        (vec![], 0, false),
+        (
+            vec![attraction(0), Item::new([8, 1, 0], 1, &[0; 8])],
+            0,
+            false,
+        ),
+    ] {
+        let mut flash = Flash::<4>::new();
+        format::store_with_seal_of(&mut flash, &items, &sealed, more);
+        let contents = open(&mut flash).unwrap().contents();
+        assert_eq!(
+            matches!(contents, Contents::Whole(_)),
+            is_whole,
+            "{items:?}"
+        );
+        assert_eq!(contents == Contents::Damaged { older: None }, !is_whole);
+    }
+}
+
 /// An item of another program's map, shorter than the head of one of ours.
 #[test]
 fn an_item_that_is_shorter_than_any_is_passed_by() {

@@ -56,9 +56,20 @@ fn sum(items: &[Item], configuration_crc: u32) -> Vec<u8> {
 
 /// Writes items into the first slot, as the first save, with seals of some version.
 pub(crate) fn store(flash: &mut Flash, items: &[Item], seal_version: u8) {
+    store_sealed(flash, items, seal_version, &sum(items, 0));
+}
+
+/// The same with the seals of other items, and a number added to how many these are.
+pub(crate) fn store_with_seal_of(flash: &mut Flash, items: &[Item], others: &[Item], more: u8) {
+    let mut payload = sum(others, 0);
+    payload[0] += more;
+    store_sealed(flash, items, 1, &payload);
+}
+
+fn store_sealed(flash: &mut Flash, items: &[Item], seal_version: u8, sum: &[u8]) {
     let slot = const { MapConfig::new(0..AREA as u32 / 2) };
     let mut map = MapStorage::<[u8; 3], _, _>::new(flash, slot, Cache::new_uncached());
-    let seals = [0, 1].map(|copy| Item::new([255, copy, 0], seal_version, &sum(items, 0)));
+    let seals = [0, 1].map(|copy| Item::new([255, copy, 0], seal_version, sum));
     for item in items.iter().chain(&seals) {
         let mut buffer = [0; 256];
         let value = item.value(1);
