@@ -62,7 +62,7 @@ pub(crate) fn deformation_curve(sensor: u8, channel: u8, total: u8) -> Vec<Comma
     let knots: Vec<_> = (0..total)
         .map(|index| DeformationKnot {
             inductance_change: 0.013 * f32::from(index),
-            deformation_m: 3.1e-5 * f32::from(index) * f32::from(index + 1),
+            deformation_m: 1.1e-5 * f32::from(index) * f32::from(index + 1),
         })
         .collect();
     let chunks = knots.chunks(KNOTS_PER_CHUNK).enumerate();
