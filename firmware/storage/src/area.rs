@@ -82,12 +82,7 @@ impl<S: NorFlash> Area<S> {
 
     /// The slot as the map sees it, turned so that the map begins with another sector in every
     /// generation: all sectors wear alike.
-    fn map(
-        &mut self,
-        slot: Slot,
-        access: Access,
-        generation: u32,
-    ) -> Result<Map<'_, S>, Error<S::Error>> {
+    fn map(&mut self, slot: Slot, generation: u32) -> Result<Map<'_, S>, Error<S::Error>> {
         let start = self.start_of(slot);
         // Every other generation goes to this slot.
         let turn = (generation / 2).checked_rem(self.sectors).unwrap_or(0);
@@ -96,7 +91,6 @@ impl<S: NorFlash> Area<S> {
             start,
             size: self.slot,
             turn: turn.wrapping_mul(Self::SECTOR),
-            access,
         };
         let config = MapConfig::try_new(0..self.slot).map_err(|_| Error::Range)?;
         Ok(MapStorage::new(window, config, Cache::new_uncached()))
@@ -111,7 +105,7 @@ impl<S: NorFlash> Area<S> {
         show: &mut dyn FnMut(u32, Item) -> bool,
     ) -> Result<bool, Error<S::Error>> {
         // The map finds its first sector wherever that lies.
-        let mut map = self.map(slot, Access::Read, 0)?;
+        let mut map = self.map(slot, 0)?;
         let mut work = [0; WORK];
         let mut items = match map.fetch_all_items(&mut work).await {
             Ok(items) => items,
@@ -139,7 +133,7 @@ impl<S: NorFlash> Area<S> {
         generation: u32,
         item: &Item,
     ) -> Result<(), Error<S::Error>> {
-        let mut map = self.map(slot, Access::Append, generation)?;
+        let mut map = self.map(slot, generation)?;
         let bytes = item.bytes(generation);
         let value = bytes.get(KEY..).unwrap_or_default();
         let mut work = [0; WORK];
@@ -199,15 +193,9 @@ fn unreadable<E>(error: MapError<WindowError<E>>) -> Result<bool, Error<E>> {
 
 type Map<'a, S> = MapStorage<Key, Window<'a, S>, Cache<Uncached, Uncached, Uncached, Key>>;
 
-/// What the map may do with a slot. It may never erase: it would do so to repair what it takes
-/// for a cut-off operation of its own, or to reuse a sector, and could destroy what is stored.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Access {
-    Read,
-    Append,
-}
-
-/// A slot as a flash of its own.
+/// A slot as a flash of its own, which the map may read and write and never erase. It would do so to
+/// reuse a sector, and first of all to repair what it takes for a cut-off operation of its own, and
+/// could destroy what is stored.
 struct Window<'a, S> {
     flash: &'a mut S,
     /// Where the slot begins, and its bytes.
@@ -215,7 +203,6 @@ struct Window<'a, S> {
     size: u32,
     /// Where in the slot the window's address 0 lies.
     turn: u32,
-    access: Access,
 }
 
 impl<S> Window<'_, S> {
@@ -230,15 +217,15 @@ impl<S> Window<'_, S> {
 #[derive(Debug)]
 enum WindowError<E> {
     Flash(E),
-    /// The map tried what its [`Access`] forbids.
-    Denied,
+    /// The map tried to erase.
+    Erases,
 }
 
 impl<E: NorFlashError> NorFlashError for WindowError<E> {
     fn kind(&self) -> NorFlashErrorKind {
         match self {
             Self::Flash(error) => error.kind(),
-            Self::Denied => NorFlashErrorKind::Other,
+            Self::Erases => NorFlashErrorKind::Other,
         }
     }
 }
@@ -266,13 +253,10 @@ impl<S: NorFlash> NorFlash for Window<'_, S> {
     const ERASE_SIZE: usize = S::ERASE_SIZE;
 
     async fn erase(&mut self, _from: u32, _to: u32) -> Result<(), Self::Error> {
-        Err(WindowError::Denied)
+        Err(WindowError::Erases)
     }
 
     async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), Self::Error> {
-        if self.access == Access::Read {
-            return Err(WindowError::Denied);
-        }
         let address = self.address(offset);
         let written = self.flash.write(address, bytes).await;
         written.map_err(WindowError::Flash)

@@ -123,8 +123,8 @@ pub(crate) struct Survey {
     pub(crate) older: Option<Located>,
     /// The slot of the next save.
     pub(crate) target: Slot,
-    /// The latest generation that the area shows any trace of.
-    pub(crate) latest: u32,
+    /// The generation of what is stored; 0 if nothing ever was.
+    pub(crate) generation: u32,
 }
 
 impl Survey {
@@ -175,7 +175,7 @@ impl Survey {
                 Some(set) => set.slot.other(),
                 None => newest_slot,
             },
-            latest: sealed.max(begun),
+            generation: sealed,
         }
     }
 }

@@ -17,8 +17,8 @@ use crate::{Error, knows, parts, settings};
 /// A whole set of items.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Set {
-    /// Number of the save, counted from 1 since all was erased. A save that was cut off counts, one
-    /// that found nothing to change does not.
+    /// Number of the save, counted from 1 since all was erased. A save that was cut off or found
+    /// nothing to change does not count.
     pub generation: u32,
     /// Items: one for each setting, and one for each part of the calibration or chunk of it.
     pub items: u16,
@@ -212,7 +212,10 @@ impl<S: NorFlash> Store<S> {
     }
 
     pub(crate) fn next_generation(&self) -> Result<u32, Error<S::Error>> {
-        self.survey.latest.checked_add(1).ok_or(Error::Exhausted)
+        self.survey
+            .generation
+            .checked_add(1)
+            .ok_or(Error::Exhausted)
     }
 }
 
