@@ -74,7 +74,12 @@ pub(super) const RULES: &[Rule] = &[
     Rule {
         name: "node-without-hardware",
         who: "palpate-node",
-        may_depend: On::Only(&["palpate-procedure", "palpate-wire", DRIVERS]),
+        may_depend: On::Only(&[
+            "palpate-procedure",
+            "palpate-storage",
+            "palpate-wire",
+            DRIVERS,
+        ]),
         because: "what the firmware decides is tested on a PC, without bus, clock or board",
     },
     Rule {

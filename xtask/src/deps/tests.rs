@@ -47,7 +47,12 @@ const SOUND: &[(&str, &str, RunsOn, &[&str])] = &[
         "palpate-node",
         "firmware/node",
         RunsOn::Everywhere,
-        &["palpate-procedure", "palpate-wire", "ldc161x"],
+        &[
+            "palpate-procedure",
+            "palpate-storage",
+            "palpate-wire",
+            "ldc161x",
+        ],
     ),
     ("palpate-float", "firmware/float", RunsOn::Everywhere, &[]),
     (
