@@ -83,8 +83,8 @@ pub trait Hardware {
     /// dropped, and counted, by each link for itself.
     fn send(&mut self, to: Option<Link>, at_us: u64, record: &Record);
 
-    /// Gives the storage an order; [`Instrument::stored`] takes what it reports. It has reported what it
-    /// was told before.
+    /// Gives the storage an order; [`Instrument::stored`] takes what it reports. Its last order has
+    /// been carried out.
     fn order(&mut self, order: StorageOrder);
 
     /// Starts the device anew. The bridge is off.
@@ -110,7 +110,7 @@ pub struct Instrument {
     latched: Option<(FaultCode, Location)>,
     /// The clocks run, as far as is still to be said.
     clocks_run: bool,
-    /// What the storage is told once the bridge is proven off.
+    /// The order that the storage gets once the bridge is proven off.
     order: Option<StorageOrder>,
     /// How the device is to start anew, and when: its last answer has been sent by then.
     restart: Option<(RebootTarget, u64)>,

@@ -40,7 +40,7 @@ pub enum StorageReport {
     },
 }
 
-/// Why the storage did not do what it was told.
+/// Why an order was not carried out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StorageFailure {
     /// What is stored is damaged, or of a later firmware.

@@ -50,9 +50,9 @@ pub struct Channels {
 
 /// The way to the storage and back.
 pub struct StorageClient {
-    /// What it is told.
+    /// Its orders.
     pub orders: Producer<'static, StorageOrder>,
-    /// What it says.
+    /// Its reports.
     pub reports: Consumer<'static, StorageReport>,
 }
 

@@ -100,8 +100,8 @@ pub(crate) struct Located {
 }
 
 impl Located {
-    /// What is told of it; `None` if it holds nothing.
-    fn told(&self) -> Option<Set> {
+    /// What is reported of it; `None` if it holds nothing.
+    fn reported(&self) -> Option<Set> {
         (self.sum.items > 0).then_some(Set {
             generation: self.generation.saturating_sub(self.sum.erased),
             items: self.sum.items,
@@ -155,9 +155,9 @@ impl Survey {
             (None, _) if is_unreadable => Contents::Damaged { older: None },
             (None, _) => Contents::Empty,
             (Some(Seal { sum: None, .. }), _) => Contents::Newer,
-            (Some(_), Some(set)) => set.told().map_or(Contents::Empty, Contents::Whole),
+            (Some(_), Some(set)) => set.reported().map_or(Contents::Empty, Contents::Whole),
             (Some(_), None) => Contents::Damaged {
-                older: older.and_then(|set| set.told()),
+                older: older.and_then(|set| set.reported()),
             },
         };
         let newest_slot = if older_first {

@@ -169,7 +169,6 @@ impl Served {
         }
         let ran = board.run_for(time);
         ran.map_err(|stop| Failure::Refused(format!("the image at {}: {stop}", board.now())))?;
-        // The probe's channels, which nobody reads here, are left to fill.
         if let Some(flash) = &mut self.flash {
             flash.follow(board.flash())?;
         }

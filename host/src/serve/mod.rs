@@ -30,7 +30,7 @@ const LEAST_SLEEP: Duration = Duration::from_millis(1);
 #[derive(Args)]
 #[command(after_help = "\
 Bytes are those of the board's serial port: frames both ways, see docs/protocol.md. A program that
-connects opens the port; a second one meanwhile is told so in a line of text and sent away.
+connects opens the port; a second one meanwhile gets a line of text that says so, and is sent away.
 It ends with Ctrl-C, or after --for.
 
 Example:
@@ -40,7 +40,7 @@ pub(crate) struct Arguments {
     /// Where it listens
     #[arg(long, value_name = "ADDRESS:PORT", default_value = ADDRESS)]
     listen: SocketAddr,
-    /// Allow an address that other machines reach: whoever connects may drive the coil, and nothing is
+    /// Allow an address that other machines reach: any program there may drive the coil, and nothing is
     /// encrypted
     #[arg(long)]
     allow_remote: bool,
@@ -67,7 +67,7 @@ pub(crate) struct Arguments {
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     if !arguments.listen.ip().is_loopback() && !arguments.allow_remote {
         return Err(Failure::Argument(format!(
-            "{} can be reached from other machines, and whoever connects may drive the coil: listen on \
+            "{} can be reached from other machines, and any program there may drive the coil: listen on \
              127.0.0.1, or add --allow-remote",
             arguments.listen
         )));

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use crate::failure::Failure;
 
-/// What a second program is told. It ends as a frame does, so that a decoder finds the next one.
+/// What a second program gets. It ends as a frame does, so that a decoder finds the next one.
 const BUSY: &[u8] = b"palpate: another program is connected; close it first\n\0";
 /// A program that takes nothing for so long is gone.
 const PATIENCE: Duration = Duration::from_secs(5);
@@ -50,7 +50,7 @@ impl Port {
     pub(super) fn accept(&mut self) -> bool {
         while let Ok((mut stream, _)) = self.listener.accept() {
             if self.program.is_some() {
-                // Nobody waits for one that does not listen.
+                // One that does not listen is not waited for.
                 let _ = stream.set_write_timeout(Some(PATIENCE));
                 let _ = stream.write_all(BUSY);
             } else if stream.set_nonblocking(true).is_ok() {

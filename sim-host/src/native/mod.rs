@@ -122,7 +122,7 @@ struct NativeHardware<'a> {
     boot_id: u32,
     sequencer: Sequencer,
     frames: Vec<Frame<Record>>,
-    /// It was told to start anew.
+    /// It is to start anew.
     restarts: bool,
 }
 

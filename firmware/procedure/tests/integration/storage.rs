@@ -33,7 +33,7 @@ struct Desk {
     orders: VecDeque<StorageOrder>,
     /// It does not answer any more.
     is_dead: bool,
-    /// It fails of this whatever it is told.
+    /// It fails of this whatever the order.
     fails: Option<StorageFailure>,
     records: Vec<(Option<Link>, Record)>,
     actions: Vec<Action>,
@@ -300,7 +300,7 @@ fn what_was_stored_is_in_force_before_the_first_word() {
 }
 
 #[test]
-fn what_is_in_force_is_stored_and_both_are_told_apart() {
+fn what_is_in_force_is_stored_and_both_are_reported() {
     let mut desk = Desk::new(&[]).begun();
     assert_eq!(desk.storage().state, StorageState::Empty);
     assert_eq!(desk.send(Command::Load), Outcome::NothingStored);

@@ -94,10 +94,10 @@ fn exchange(sent: u8) -> Option<u8> {
 pub struct Area(());
 
 impl Area {
-    /// The area, for whoever keeps it.
+    /// The area, for its owner.
     ///
     /// # Safety
-    /// Once only: whoever has it is the only one that reads or changes flash.
+    /// Once only: its owner is the only one that reads or changes flash.
     pub const unsafe fn take() -> Self {
         Self(())
     }

@@ -116,7 +116,7 @@ structure! {
 structure! {
     /// Which calibration the parts in force are.
     pub struct CalibrationIdentity {
-        /// A number that whoever calibrated gave it.
+        /// A number that the calibrating program gave it.
         id: u32,
         /// When it was made, in seconds since 1970-01-01 UTC, up to 2106; 0 if unknown.
         calibrated_at_s: u32 ["s"],
