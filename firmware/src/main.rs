@@ -124,7 +124,9 @@ mod app {
     #[idle(local = [storage])]
     fn idle(cx: idle::Context) -> ! {
         loop {
-            storage(cx.local.storage);
+            if cx.local.storage.is_due() {
+                storage(cx.local.storage);
+            }
             sleep();
         }
     }

@@ -34,6 +34,11 @@ impl Outboxes {
         }
     }
 
+    /// Whether frames wait for USB.
+    pub fn has_usb_frames(&self) -> bool {
+        self.usb.sink().has_frames()
+    }
+
     /// Sends the record of a time over a link, or over all of them.
     pub fn send(&mut self, to: Option<Link>, time_us: u64, record: &Record) {
         let goes_by = |link| to.is_none_or(|to| to == link);

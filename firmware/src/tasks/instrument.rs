@@ -119,7 +119,9 @@ pub async fn instrument(cx: app::instrument::Context<'_>) {
         if let Some(report) = reports.dequeue() {
             instrument.stored(&mut hardware, &report);
         }
-        usb::call();
+        if hardware.outboxes.has_usb_frames() {
+            usb::call();
+        }
         wait(arrived).await;
     }
 }

@@ -15,6 +15,8 @@ pub(super) enum FirmwarePart {
     Model,
     Wire,
     Coil,
+    Usb,
+    Storage,
     Tasks,
     Rtic,
     /// Works for every caller: floating point, mathematics, copying, the core library.
@@ -22,7 +24,7 @@ pub(super) enum FirmwarePart {
 }
 
 impl FirmwarePart {
-    pub(super) const ALL: [Self; 10] = [
+    pub(super) const ALL: [Self; 12] = [
         Self::Engine,
         Self::Driver,
         Self::Procedure,
@@ -30,6 +32,8 @@ impl FirmwarePart {
         Self::Model,
         Self::Wire,
         Self::Coil,
+        Self::Usb,
+        Self::Storage,
         Self::Tasks,
         Self::Rtic,
         Self::Shared,
@@ -44,6 +48,8 @@ impl FirmwarePart {
             Self::Model => "rest of the model",
             Self::Wire => "encoding (`palpate-wire`)",
             Self::Coil => "coil",
+            Self::Usb => "USB",
+            Self::Storage => "storage",
             Self::Tasks => "tasks, start and idle",
             Self::Rtic => "RTIC and its like",
             Self::Shared => "without a known caller",
@@ -59,7 +65,7 @@ impl FirmwarePart {
 }
 
 /// Files by a part of their path; the first that fits counts.
-const FILES: [(&str, FirmwarePart); 21] = [
+const FILES: [(&str, FirmwarePart); 32] = [
     ("/firmware/src/board/rp2040/i2c/", FirmwarePart::Engine),
     ("/firmware/src/board/rp2040/control/", FirmwarePart::Coil),
     ("/firmware/src/board/rp2040/coil.rs", FirmwarePart::Coil),
@@ -68,6 +74,16 @@ const FILES: [(&str, FirmwarePart); 21] = [
         "/firmware/src/board/rp2040/routines.rs",
         FirmwarePart::Shared,
     ),
+    ("/firmware/src/board/rp2040/usb.rs", FirmwarePart::Usb),
+    ("/firmware/src/link/usb.rs", FirmwarePart::Usb),
+    ("/usb-device", FirmwarePart::Usb),
+    ("/usbd-serial", FirmwarePart::Usb),
+    ("/rp2040-hal", FirmwarePart::Usb),
+    ("/firmware/src/board/rp2040/flash.rs", FirmwarePart::Storage),
+    ("/firmware/src/tasks/storage.rs", FirmwarePart::Storage),
+    ("/firmware/node/src/storage.rs", FirmwarePart::Storage),
+    ("/firmware/storage/", FirmwarePart::Storage),
+    ("/sequential-storage", FirmwarePart::Storage),
     ("/drivers/ldc161x/", FirmwarePart::Driver),
     ("/drivers/hbridge/", FirmwarePart::Coil),
     ("/firmware/procedure/", FirmwarePart::Procedure),
@@ -78,6 +94,7 @@ const FILES: [(&str, FirmwarePart); 21] = [
     ("/firmware/wire/", FirmwarePart::Wire),
     ("/firmware/node/src/coil/", FirmwarePart::Coil),
     ("/firmware/src/tasks/coil.rs", FirmwarePart::Coil),
+    ("/firmware/node/src/", FirmwarePart::Tasks),
     ("/firmware/src/", FirmwarePart::Tasks),
     ("/rtic", FirmwarePart::Rtic),
     ("/rtt-target", FirmwarePart::Rtic),

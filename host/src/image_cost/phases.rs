@@ -64,10 +64,24 @@ pub(super) struct Measured {
     pub(super) speed: f64,
 }
 
+/// All phases with the probe's link alone, then some with a PC at the USB port as well.
 pub(super) fn measure(
     image: &Image,
     shared: &[Range<u32>],
     seed: u64,
+) -> Result<Measured, Failure> {
+    let mut measured = measure_by(image, shared, seed, false)?;
+    let by_both = measure_by(image, shared, seed, true)?;
+    measured.phases.extend(by_both.phases);
+    measured.stack_bytes = measured.stack_bytes.max(by_both.stack_bytes);
+    Ok(measured)
+}
+
+fn measure_by(
+    image: &Image,
+    shared: &[Range<u32>],
+    seed: u64,
+    has_usb: bool,
 ) -> Result<Measured, Failure> {
     let stack = Stack::builtin(STACK).map_err(LoadError::from)?;
     let disturbances = Disturbances::builtin().map_err(LoadError::from)?;
@@ -94,15 +108,35 @@ pub(super) fn measure(
         board: Instrument::new(image, world, options),
         shared,
     };
+    let mut phases = Vec::new();
+    if has_usb {
+        let host = watched.board.board_mut().usb_mut();
+        host.plug();
+        host.enumerate();
+    }
     watched.board.start()?;
     watched.pass(SETTLED)?;
-    let uncalibrated = watched.phase("sensing, not calibrated", WATCHED)?;
+    if !has_usb {
+        phases.push(watched.phase("sensing, not calibrated", WATCHED)?);
+    }
     for command in &known.calibration.commands {
         watched.send(automatic(command))?;
     }
+    if has_usb {
+        watched.send(Command::Store)?;
+        phases.push(watched.watch("storing, with USB", |watched| {
+            let is_over = |record: &Record| matches!(record, Record::Storage(_));
+            watched.until(is_over, "the save did not end")
+        })?);
+    }
     watched.send(Command::Arm)?;
     watched.pass(SETTLED)?;
-    let calibrated = watched.phase("calibrated", WATCHED)?;
+    let name = if has_usb {
+        "calibrated, with USB"
+    } else {
+        "calibrated"
+    };
+    phases.push(watched.phase(name, WATCHED)?);
     let speed = watched.speed()?;
     let depth_m = known.depth_m;
     watched.board.with_world(|world| {
@@ -112,10 +146,15 @@ pub(super) fn measure(
     let is_driven =
         |record: &Record| matches!(record, Record::State(it) if it.state == State::Ramps);
     watched.until(is_driven, "the train of ramps did not begin")?;
-    let train = watched.phase("in the train", OF_THE_TRAIN)?;
+    let name = if has_usb {
+        "in the train, with USB"
+    } else {
+        "in the train"
+    };
+    phases.push(watched.phase(name, OF_THE_TRAIN)?);
     let rest = watched.until_the_estimate()?;
     Ok(Measured {
-        phases: vec![uncalibrated, calibrated, train],
+        phases,
         rest,
         stack_bytes: watched.stack_bytes()?,
         cpu_hz: watched.board.board().frequencies_hz().0,

@@ -63,8 +63,9 @@ fn us(time: Time) -> String {
     format!("{:.2} µs", time.as_secs_f64() * 1e6)
 }
 
-/// The processor load that is aimed at, untouched, calibrated and in the train, at 1 kHz.
-const LOADS: [&str; 3] = ["15 %", "15 %", "45 %"];
+/// The processor load that is aimed at, phase by phase, at 1 kHz. A save waits for flash in the time
+/// that is left.
+const LOADS: [&str; 6] = ["15 %", "15 %", "45 %", "", "", "55 %"];
 
 fn whole(measured: &Measured, image: &Image) -> Table {
     let mut rows = table(&["", "measured", "aimed at"], 1);
@@ -149,9 +150,10 @@ fn once(measured: &Measured) -> String {
 const ESTIMATES: u32 = 16 + 26;
 
 /// Interrupts of the RP2040 (datasheet 2.3.2) that the firmware uses, and what for.
-const INTERRUPTS: [(u32, &str); 8] = [
+const INTERRUPTS: [(u32, &str); 9] = [
     (0, "TIMER_IRQ_0: the tasks' alarms"),
     (4, "PWM_IRQ_WRAP: control of the coil's current"),
+    (5, "USBCTRL_IRQ: USB"),
     (7, "PIO0_IRQ_0: a transaction is over"),
     (13, "IO_IRQ_BANK0: edge of INTB"),
     (22, "ADC_IRQ_FIFO: current of the coil"),

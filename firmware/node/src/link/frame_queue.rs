@@ -66,6 +66,14 @@ pub struct FrameSender<'a> {
     discarded: u32,
 }
 
+impl FrameSender<'_> {
+    /// Whether something waits for the receiver.
+    #[must_use]
+    pub fn has_frames(&self) -> bool {
+        !self.bytes.is_empty()
+    }
+}
+
 impl FrameSink for FrameSender<'_> {
     fn write(&mut self, frame: &[u8]) -> bool {
         let room = self.bytes.capacity() - self.bytes.len();

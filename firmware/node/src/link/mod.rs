@@ -45,6 +45,11 @@ impl<S: FrameSink> Outbox<S> {
         }
     }
 
+    /// Where the frames go.
+    pub const fn sink(&self) -> &S {
+        &self.sink
+    }
+
     /// Numbers and sends the record of a time. The buffer is to work in.
     pub fn send(&mut self, buffer: &mut [u8; Record::MAX_FRAME], time_us: u64, record: &Record) {
         for _ in 0..self.sink.take_discarded() {
