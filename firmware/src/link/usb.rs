@@ -10,7 +10,7 @@ use usb_device::device::{
 use usbd_serial::CdcAcmClass;
 
 use super::reset_interface::ResetInterface;
-use crate::board::usb::{self, Bus};
+use crate::board::usb::{self, Bus, Sent};
 
 /// For tests and prototypes (pid.codes, 1209:0001), until the project has a number of its own.
 const VENDOR_AND_PRODUCT: UsbVidPid = UsbVidPid(0x1209, 0x0001);
@@ -67,11 +67,6 @@ pub struct UsbLink {
     on_bus: Option<OnBus>,
     records: FrameReceiver<'static>,
     commands: Producer<'static, u8>,
-    /// What is to be sent next, and how much of it there is.
-    packet: [u8; PACKET],
-    length: usize,
-    /// The last packet was full: a receiver waits for more until a shorter one comes.
-    is_unfinished: bool,
 }
 
 /// What is on the bus.
@@ -101,9 +96,6 @@ pub fn set_up(
         on_bus,
         records,
         commands: producer,
-        packet: [0; PACKET],
-        length: 0,
-        is_unfinished: false,
     };
     (sender, UsbCommands(consumer), link)
 }
@@ -136,41 +128,44 @@ impl OnBus {
     fn is_open(&self) -> bool {
         self.device.state() == UsbDeviceState::Configured && self.serial.dtr()
     }
+
+    fn poll(&mut self) {
+        self.device.poll(&mut [&mut self.serial, &mut self.reset]);
+    }
+
+    /// What became of the last packet of records.
+    fn follow(&self, records: &mut FrameReceiver<'static>) {
+        match self.device.bus().sent(self.serial.write_ep().address()) {
+            Sent::Not => {}
+            Sent::Taken => records.taken(),
+            Sent::Lost => records.lost(),
+        }
+        // A bus that rests says nothing of the port.
+        if self.device.state() != UsbDeviceState::Suspend {
+            records.set_open(self.is_open());
+        }
+    }
+
+    fn send(&mut self, records: &mut FrameReceiver<'static>) {
+        let mut packet = [0; PACKET];
+        let Some(length) = records.next_packet(&mut packet) else {
+            return;
+        };
+        let ready = packet.get(..length).unwrap_or_default();
+        if self.serial.write_packet(ready).is_err() {
+            records.lost();
+        }
+    }
 }
 
 impl UsbLink {
     /// Something has happened on the bus, or frames wait for it.
     pub fn poll(&mut self) {
-        let Self {
-            on_bus: Some(on_bus),
-            records,
-            commands,
-            packet,
-            length,
-            is_unfinished,
-        } = self
-        else {
-            return;
-        };
-        on_bus
-            .device
-            .poll(&mut [&mut on_bus.serial, &mut on_bus.reset]);
-        let was_suspended = on_bus.device.state() == UsbDeviceState::Suspend;
-        if !was_suspended {
-            let is_open = on_bus.is_open();
-            records.set_open(is_open);
-            if !is_open {
-                (*length, *is_unfinished) = (0, false);
-            }
-        }
-        receive(&mut on_bus.serial, commands);
-        if *length == 0 {
-            *length = records.fill(packet);
-        }
-        let ready = packet.get(..*length).unwrap_or_default();
-        if (*length > 0 || *is_unfinished) && on_bus.serial.write_packet(ready).is_ok() {
-            *is_unfinished = *length == PACKET;
-            *length = 0;
+        if let Some(on_bus) = &mut self.on_bus {
+            on_bus.poll();
+            on_bus.follow(&mut self.records);
+            receive(&mut on_bus.serial, &mut self.commands);
+            on_bus.send(&mut self.records);
         }
     }
 }

@@ -53,6 +53,10 @@ impl<const N: usize> FrameQueue<N> {
         let receiver = FrameReceiver {
             bytes: consumer,
             state: &self.state,
+            on_its_way: None,
+            is_unfinished: false,
+            is_within_frame: false,
+            ends_frame: false,
         };
         (sender, receiver)
     }
@@ -94,20 +98,33 @@ impl FrameSink for FrameSender<'_> {
     }
 }
 
-/// The end that packets come out of.
+/// The end that packets come out of, one at a time: the next one after the PC has taken the last.
 pub struct FrameReceiver<'a> {
     bytes: Consumer<'a, u8>,
     state: &'a State,
+    /// Frames that end in the packet that is on its way, if one is.
+    on_its_way: Option<u32>,
+    /// The last packet was full: a PC waits for more until a shorter one comes (USB 2.0, 5.8.3).
+    is_unfinished: bool,
+    /// The last packet ended within a frame.
+    is_within_frame: bool,
+    /// The next packet has to end that frame, of which no more comes.
+    ends_frame: bool,
 }
 
 impl FrameReceiver<'_> {
     /// A PC comes or goes. When one comes, what waited before is thrown away.
     pub fn set_open(&mut self, is_open: bool) {
-        let was_open = self.state.is_open.load(Ordering::Relaxed);
+        let was_open = self.is_open();
         if is_open && !was_open {
             self.discard();
+            self.ends_frame = self.is_within_frame;
         }
         self.state.is_open.store(is_open, Ordering::Relaxed);
+    }
+
+    fn is_open(&self) -> bool {
+        self.state.is_open.load(Ordering::Relaxed)
     }
 
     /// Throws away what waits. Each frame ends with the only zero in it; one of which a part has left
@@ -117,6 +134,10 @@ impl FrameReceiver<'_> {
         while let Some(byte) = self.bytes.dequeue() {
             frames += u32::from(byte == 0);
         }
+        self.count_discarded(frames);
+    }
+
+    fn count_discarded(&self, frames: u32) {
         let discarded = self.state.discarded.load(Ordering::Relaxed);
         let discarded = discarded.wrapping_add(frames);
         self.state.discarded.store(discarded, Ordering::Relaxed);
@@ -128,17 +149,43 @@ impl FrameReceiver<'_> {
         !self.bytes.ready()
     }
 
-    /// Takes what waits into a packet, and says how much there is in it.
-    pub fn fill(&mut self, packet: &mut [u8]) -> usize {
-        let mut length = 0;
-        for (slot, byte) in packet
-            .iter_mut()
-            .zip(core::iter::from_fn(|| self.bytes.dequeue()))
-        {
+    /// Fills the next packet and returns its length, if the PC has taken the last one and there is
+    /// something to send. It is on its way from then on, until [`taken`](Self::taken) or
+    /// [`lost`](Self::lost).
+    pub fn next_packet(&mut self, packet: &mut [u8]) -> Option<usize> {
+        let is_needed = !self.is_empty() || self.is_unfinished || self.ends_frame;
+        if self.on_its_way.is_some() || !self.is_open() || !is_needed {
+            return None;
+        }
+        let end = core::mem::take(&mut self.ends_frame).then_some(0);
+        let bytes = end
+            .into_iter()
+            .chain(core::iter::from_fn(|| self.bytes.dequeue()));
+        let (mut length, mut frames, mut last) = (0, 0, None);
+        for (slot, byte) in packet.iter_mut().zip(bytes) {
             *slot = byte;
             length += 1;
+            frames += u32::from(byte == 0);
+            last = Some(byte);
         }
-        length
+        self.is_unfinished = length == packet.len();
+        self.is_within_frame = last.map_or(self.is_within_frame, |byte| byte != 0);
+        // The end of a frame of which no more comes was counted with it.
+        self.on_its_way = Some(frames - u32::from(end.is_some()));
+        Some(length)
+    }
+
+    /// The PC has taken the packet.
+    pub fn taken(&mut self) {
+        self.on_its_way = None;
+    }
+
+    /// The packet will not be sent any more, because the bus was reset: its frames are counted as
+    /// thrown away.
+    pub fn lost(&mut self) {
+        let frames = self.on_its_way.take().unwrap_or(0);
+        self.is_unfinished = false;
+        self.count_discarded(frames);
     }
 }
 
@@ -147,6 +194,15 @@ mod tests {
     use super::*;
 
     const FRAME: [u8; 4] = [3, 7, 7, 0];
+
+    /// The next packet, as a PC that reads gets it.
+    fn packet(receiver: &mut FrameReceiver<'_>, length: usize) -> Option<Vec<u8>> {
+        let mut packet = vec![0xFF; length];
+        let length = receiver.next_packet(&mut packet)?;
+        receiver.taken();
+        packet.truncate(length);
+        Some(packet)
+    }
 
     #[test]
     fn what_has_no_room_is_refused_whole() {
@@ -158,11 +214,25 @@ mod tests {
             [(); 4].map(|()| sender.write(&FRAME)),
             [true, true, true, false]
         );
-        let mut packet = [0xFF; 64];
-        assert_eq!(receiver.fill(&mut packet), 12);
-        assert_eq!(packet[..12], [FRAME; 3].concat());
+        assert_eq!(packet(&mut receiver, 64).unwrap(), [FRAME; 3].concat());
         assert!(receiver.is_empty());
+        assert_eq!(packet(&mut receiver, 64), None);
         assert_eq!(sender.take_discarded(), 0);
+    }
+
+    #[test]
+    fn a_packet_goes_after_the_last_one_was_taken_and_a_full_one_is_followed_by_a_shorter() {
+        let mut queue = FrameQueue::<64>::new();
+        let (mut sender, mut receiver) = queue.split();
+        receiver.set_open(true);
+        assert!(sender.write(&FRAME) && sender.write(&FRAME));
+        let mut bytes = [0xFF; 4];
+        assert_eq!(receiver.next_packet(&mut bytes), Some(4));
+        assert_eq!(receiver.next_packet(&mut bytes), None);
+        receiver.taken();
+        assert_eq!(packet(&mut receiver, 4).unwrap(), FRAME);
+        assert_eq!(packet(&mut receiver, 4).unwrap(), []);
+        assert_eq!(packet(&mut receiver, 4), None);
     }
 
     #[test]
@@ -173,14 +243,40 @@ mod tests {
         receiver.set_open(true);
         assert!(sender.write(&FRAME) && sender.write(&FRAME) && sender.write(&FRAME));
         // Half of the first frame has left.
-        assert_eq!(receiver.fill(&mut [0; 2]), 2);
+        assert_eq!(packet(&mut receiver, 2).unwrap(), FRAME[..2]);
         receiver.set_open(true);
         assert_eq!(sender.take_discarded(), 0, "it was there all along");
         receiver.set_open(false);
+        assert_eq!(packet(&mut receiver, 64), None, "nobody is there");
         receiver.set_open(true);
         assert_eq!((sender.take_discarded(), sender.take_discarded()), (3, 0));
         assert!(receiver.is_empty());
         assert!(sender.write(&FRAME));
-        assert_eq!(receiver.fill(&mut [0; 64]), 4);
+        // What was left of the half frame ends before the first whole one.
+        assert_eq!(
+            packet(&mut receiver, 64).unwrap(),
+            [&[0], &FRAME[..]].concat()
+        );
+    }
+
+    #[test]
+    fn a_packet_that_a_reset_took_away_is_counted_and_one_that_was_taken_is_not() {
+        let mut queue = FrameQueue::<64>::new();
+        let (mut sender, mut receiver) = queue.split();
+        receiver.set_open(true);
+        assert!(sender.write(&FRAME) && sender.write(&FRAME) && sender.write(&FRAME));
+        assert_eq!(packet(&mut receiver, 6).unwrap().len(), 6);
+        // The rest of the second frame and a part of the third.
+        assert_eq!(receiver.next_packet(&mut [0; 4]), Some(4));
+        receiver.lost();
+        receiver.lost();
+        assert_eq!(sender.take_discarded(), 1);
+        receiver.set_open(false);
+        receiver.set_open(true);
+        assert_eq!(sender.take_discarded(), 1, "the third");
+        // The zero before the next frame is none of its own.
+        assert_eq!(receiver.next_packet(&mut [0; 4]), Some(1));
+        receiver.lost();
+        assert_eq!(sender.take_discarded(), 0);
     }
 }

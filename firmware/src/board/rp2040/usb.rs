@@ -1,20 +1,25 @@
-//! The USB controller, by the HAL's driver.
+//! The USB controller, by the HAL's driver, and around it what that and `usb-device` leave open.
+//!
+//! Both take the bus to be quick and the host to keep all rules. The interrupt of USB, though, may wait
+//! for milliseconds, and a host may do anything. What is added is at [`Bus`].
 //!
 //! Its voltage detection is overridden: a Pico has no pin for it (Raspberry Pi Pico datasheet, 4.1). A
 //! cable that is pulled is then seen as a bus that rests.
 
 #![allow(unsafe_code)]
 
+use core::cell::Cell;
+
 use cortex_m::peripheral::NVIC;
+use critical_section::Mutex;
 use rp2040_hal::clocks::ClocksManager;
 use rp2040_hal::usb::UsbBus;
 use rp2040_pac::{CLOCKS, Interrupt, RESETS, USBCTRL_DPRAM, USBCTRL_REGS};
-use usb_device::bus::UsbBusAllocator;
+use usb_device::bus::{PollResult, UsbBus as UsbBusTrait, UsbBusAllocator};
+use usb_device::endpoint::{EndpointAddress, EndpointType};
+use usb_device::{Result, UsbDirection, UsbError};
 
 use super::wait;
-
-/// The bus that USB's classes are written for.
-pub type Bus = UsbBus;
 
 const INTERRUPT: Interrupt = Interrupt::USBCTRL_IRQ;
 
@@ -34,7 +39,7 @@ pub fn set_up(
     // Only for the proof that there is a clock; nothing of it is changed.
     let clock = ClocksManager::new(clocks).usb_clock;
     let bus = UsbBus::new(registers, memory, clock, true, resets);
-    Some(UsbBusAllocator::new(bus))
+    Some(UsbBusAllocator::new(Bus::new(bus)))
 }
 
 /// Frames wait: the interrupt is to look after them.
@@ -52,4 +57,343 @@ pub fn let_through() {
     // SAFETY: it was enabled at the start. Called by a task of its own priority, outside of any
     // critical section.
     unsafe { NVIC::unmask(INTERRUPT) };
+}
+
+/// The longest data stage that `usb-device` takes from a host (its `CONTROL_BUF_LEN`).
+const LONGEST_DATA: u16 = 128;
+/// A setup packet of a type that there is not (USB 2.0 table 9-2): refused by everybody.
+const REFUSED: [u8; 8] = [0x60, 0, 0, 0, 0, 0, 0, 0];
+/// The first two bytes of requests after which packets begin with DATA0 (USB 2.0 9.1.1.5).
+const SET_CONFIGURATION: [u8; 2] = [0x00, 9];
+const SET_INTERFACE: [u8; 2] = [0x01, 11];
+const SET_ADDRESS: [u8; 2] = [0x00, 5];
+/// From the rest of a buffer's word to AVAILABLE, cycles: a period of 48 MHz is five of 200 MHz, and the
+/// datasheet rounds up (RP2040 datasheet 4.1.2.5.1).
+const SETTLING: u32 = 12;
+
+/// The bus that USB's classes are written for: the HAL's driver, with this around it.
+///
+/// - A packet of endpoint 0 that finds no room or that nothing waits for is thrown away. Where it was
+///   left, its interrupt came again at once, without end.
+/// - A request with more data than `usb-device` takes is refused. It was left without an answer.
+/// - Nothing stays armed on endpoint 0 when a transfer is over: a packet of it would be taken for one of
+///   the next transfer, whose setup packet waits for the processor.
+/// - Data that follow a request without data are refused.
+/// - Packets begin with DATA0 again where USB wants it.
+/// - An address counts only if the request for it has come to its end.
+/// - A packet of endpoint 0 that the host takes while the driver clears the marks of others is not
+///   missed.
+/// - Which packets the host has taken is known, even when the bus is reset after that.
+pub struct Bus {
+    hal: UsbBus,
+    control: Mutex<Cell<Control>>,
+    /// The bus was reset: IN endpoints whose packet was taken before, a bit each.
+    reset: Mutex<Cell<Option<u16>>>,
+}
+
+/// What became of the packet that an IN endpoint had.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sent {
+    /// It waits for the host.
+    Not,
+    /// The host has taken it, or there was none.
+    Taken,
+    /// The bus was reset before the host took it.
+    Lost,
+}
+
+/// The control transfer under way.
+#[derive(Clone, Copy, Default)]
+struct Control {
+    setup: [u8; 8],
+    /// The setup packet has come, and was not read yet.
+    is_new: bool,
+    /// Bytes of its data stage towards the host.
+    sent: u16,
+    /// A packet waits for the host, or that it was taken was not reported yet.
+    is_waiting: bool,
+}
+
+impl Control {
+    const fn is_in(&self) -> bool {
+        let [kind, ..] = self.setup;
+        kind & 0x80 != 0
+    }
+
+    /// wLength.
+    const fn length(&self) -> u16 {
+        let [.., low, high] = self.setup;
+        u16::from_le_bytes([low, high])
+    }
+
+    /// bmRequestType and bRequest.
+    const fn request(&self) -> [u8; 2] {
+        let [kind, request, ..] = self.setup;
+        [kind, request]
+    }
+}
+
+impl Bus {
+    const fn new(hal: UsbBus) -> Self {
+        let control = Control {
+            setup: REFUSED,
+            is_new: false,
+            sent: 0,
+            is_waiting: false,
+        };
+        Self {
+            hal,
+            control: Mutex::new(Cell::new(control)),
+            reset: Mutex::new(Cell::new(None)),
+        }
+    }
+
+    /// What became of the packet of an IN endpoint. For one endpoint: a reset is reported once.
+    pub fn sent(&self, endpoint: EndpointAddress) -> Sent {
+        let before = critical_section::with(|section| self.reset.borrow(section).take());
+        match before {
+            Some(taken) if taken >> endpoint.index() & 1 == 0 => Sent::Lost,
+            Some(_) => Sent::Taken,
+            None if is_armed(word(endpoint.index(), true)) => Sent::Not,
+            None => Sent::Taken,
+        }
+    }
+
+    fn control(&self) -> Control {
+        critical_section::with(|section| self.control.borrow(section).get())
+    }
+
+    fn set_control(&self, control: Control) {
+        critical_section::with(|section| self.control.borrow(section).set(control));
+    }
+
+    /// Whether a packet of endpoint 0 was taken and its mark is gone: the driver reads the marks of
+    /// all endpoints first, and clears them all later.
+    fn has_missed_sent(&self, result: &PollResult) -> bool {
+        let is_reported = match result {
+            // A setup packet ends whatever waited.
+            PollResult::Data {
+                ep_in_complete,
+                ep_setup,
+                ..
+            } => (ep_in_complete | ep_setup) & 1 == 1,
+            PollResult::Reset => true,
+            _ => false,
+        };
+        // SAFETY: reading this register has no effect on it.
+        let registers = unsafe { &*USBCTRL_REGS::ptr() };
+        let is_marked = registers.buff_status().read().bits() & 1 == 1;
+        self.control().is_waiting && !is_reported && !is_marked && !is_armed(IN_0)
+    }
+
+    /// The driver has read a setup packet.
+    fn begin(&self, buffer: &mut [u8]) {
+        let Some(Ok(setup)) = buffer.get(..8).map(TryInto::try_into) else {
+            return;
+        };
+        let control = Control {
+            setup,
+            is_new: false,
+            sent: 0,
+            is_waiting: false,
+        };
+        self.set_control(control);
+        match (control.is_in(), control.length()) {
+            // The driver waits for the end of data that do not come.
+            (true, 0) => disarm(OUT_0),
+            (false, LONGEST_DATA..) if control.length() > LONGEST_DATA => {
+                if let Some(buffer) = buffer.get_mut(..8) {
+                    buffer.copy_from_slice(&REFUSED);
+                }
+            }
+            _ => {}
+        }
+        if [SET_CONFIGURATION, SET_INTERFACE].contains(&control.request()) {
+            (1..16).for_each(|index| {
+                begin_with_data0(2 * index);
+                begin_with_data0(2 * index + 1);
+            });
+        }
+    }
+}
+
+/// Endpoint 0's words among those of the buffers.
+const IN_0: usize = 0;
+const OUT_0: usize = 1;
+
+/// The word of an endpoint's buffer.
+const fn word(endpoint: usize, is_in: bool) -> usize {
+    2 * endpoint + if is_in { IN_0 } else { OUT_0 }
+}
+
+/// Whether the controller has an endpoint's buffer.
+fn is_armed(word: usize) -> bool {
+    // SAFETY: reading a word of the buffers has no effect on it.
+    let memory = unsafe { &*USBCTRL_DPRAM::ptr() };
+    let control = memory.ep_buffer_control(word).read();
+    control.available_0().bit_is_set()
+}
+
+/// Takes an endpoint's buffer back from the controller.
+fn disarm(word: usize) {
+    // SAFETY: only the interrupt of USB writes the words of the buffers.
+    let memory = unsafe { &*USBCTRL_DPRAM::ptr() };
+    memory
+        .ep_buffer_control(word)
+        .modify(|_, w| w.available_0().clear_bit());
+}
+
+/// The next packet of an endpoint has DATA0. One that waits for the host stays where it is.
+fn begin_with_data0(word: usize) {
+    // SAFETY: only the interrupt of USB writes the words of the buffers.
+    let memory = unsafe { &*USBCTRL_DPRAM::ptr() };
+    let control = memory.ep_buffer_control(word);
+    let was_armed = is_armed(word);
+    disarm(word);
+    // The driver inverts it when it arms the buffer.
+    control.modify(|_, w| w.pid_0().bit(!was_armed));
+    if was_armed {
+        cortex_m::asm::delay(SETTLING);
+        control.modify(|_, w| w.available_0().set_bit());
+    }
+}
+
+impl UsbBusTrait for Bus {
+    fn alloc_ep(
+        &mut self,
+        direction: UsbDirection,
+        address: Option<EndpointAddress>,
+        kind: EndpointType,
+        largest_packet: u16,
+        interval: u8,
+    ) -> Result<EndpointAddress> {
+        self.hal
+            .alloc_ep(direction, address, kind, largest_packet, interval)
+    }
+
+    fn enable(&mut self) {
+        self.hal.enable();
+    }
+
+    fn reset(&self) {
+        let taken = (0..16)
+            .filter(|&endpoint| !is_armed(word(endpoint, true)))
+            .fold(0, |taken, endpoint| taken | 1 << endpoint);
+        self.hal.reset();
+        // No data come before a setup packet.
+        disarm(OUT_0);
+        self.set_control(Control {
+            is_waiting: false,
+            ..self.control()
+        });
+        critical_section::with(|section| self.reset.borrow(section).set(Some(taken)));
+    }
+
+    fn set_device_address(&self, address: u8) {
+        let control = self.control();
+        let [_, _, asked, ..] = control.setup;
+        if control.request() == SET_ADDRESS && asked == address {
+            self.hal.set_device_address(address);
+        }
+    }
+
+    fn write(&self, address: EndpointAddress, packet: &[u8]) -> Result<usize> {
+        if address.index() != 0 {
+            return self.hal.write(address, packet);
+        }
+        let control = self.control();
+        if control.is_in() && packet.is_empty() && control.sent > 0 {
+            // The host has all that it asked for, and waits for no end.
+            if control.sent == control.length() {
+                return Ok(0);
+            }
+        }
+        // Endpoint 0 in the other direction has nothing to wait for.
+        if !control.is_in() && control.length() == 0 {
+            let out = EndpointAddress::from_parts(0, UsbDirection::Out);
+            self.hal.set_stalled(out, true);
+        }
+        let written = self.hal.write(address, packet)?;
+        let sent = control.sent.saturating_add(written as u16);
+        self.set_control(Control {
+            sent,
+            is_waiting: true,
+            ..control
+        });
+        Ok(written)
+    }
+
+    fn read(&self, address: EndpointAddress, buffer: &mut [u8]) -> Result<usize> {
+        let found = self.hal.read(address, buffer);
+        if address.index() != 0 {
+            return found;
+        }
+        match found {
+            Ok(8) if self.control().is_new => self.begin(buffer),
+            Err(UsbError::BufferOverflow) => {
+                let _ = self.hal.read(address, &mut [0; 64]);
+                // Nothing waited for it: `usb-device` refuses the transfer.
+                return if buffer.is_empty() { Ok(0) } else { found };
+            }
+            _ => {}
+        }
+        found
+    }
+
+    fn set_stalled(&self, address: EndpointAddress, stalled: bool) {
+        self.hal.set_stalled(address, stalled);
+        match (address.index(), stalled) {
+            (0, true) => {
+                [IN_0, OUT_0].into_iter().for_each(disarm);
+                self.set_control(Control {
+                    is_waiting: false,
+                    ..self.control()
+                });
+            }
+            (0, false) | (_, true) => {}
+            (index, false) => begin_with_data0(word(index, address.is_in())),
+        }
+    }
+
+    fn is_stalled(&self, address: EndpointAddress) -> bool {
+        self.hal.is_stalled(address)
+    }
+
+    fn suspend(&self) {
+        self.hal.suspend();
+    }
+
+    fn resume(&self) {
+        self.hal.resume();
+    }
+
+    fn poll(&self) -> PollResult {
+        let mut result = self.hal.poll();
+        let has_missed = self.has_missed_sent(&result);
+        match &mut result {
+            PollResult::Data { ep_in_complete, .. } => *ep_in_complete |= u16::from(has_missed),
+            PollResult::None if has_missed => {
+                result = PollResult::Data {
+                    ep_out: 0,
+                    ep_in_complete: 1,
+                    ep_setup: 0,
+                };
+            }
+            _ => {}
+        }
+        if let PollResult::Data {
+            ep_setup,
+            ep_in_complete,
+            ..
+        } = result
+        {
+            let control = self.control();
+            self.set_control(Control {
+                is_new: ep_setup & 1 == 1,
+                is_waiting: control.is_waiting && ep_in_complete & 1 == 0,
+                ..control
+            });
+        }
+        result
+    }
 }
