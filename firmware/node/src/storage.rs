@@ -36,6 +36,11 @@ impl<F: NorFlash> StorageTask<F> {
         }
     }
 
+    /// Whether something of the last order is still to be reported.
+    pub const fn is_going(&self) -> bool {
+        self.is_loading
+    }
+
     /// Goes on: with an order, if there is one, or with what is still to be reported of the last.
     /// Called again for as long as it reports something.
     pub async fn work(&mut self, order: Option<StorageOrder>) -> Option<StorageReport> {

@@ -15,8 +15,6 @@ pub struct StorageWork {
     task: StorageTask<Area>,
     orders: Consumer<'static, StorageOrder>,
     reports: Producer<'static, StorageReport>,
-    /// There may be more to report.
-    is_going_on: bool,
 }
 
 impl StorageWork {
@@ -37,19 +35,20 @@ impl StorageWork {
             task,
             orders,
             reports,
-            is_going_on: false,
         };
         (work, client)
     }
 
-    /// Whether there is something to do. Asked at every wakeup, 60 000 times a second in a train, where
-    /// the storage itself would be fetched from flash each time.
+    /// Whether there is something to do. The idle task asks at every wake-up, and does not wait for
+    /// flash for that.
+    #[inline(always)]
     pub fn is_due(&self) -> bool {
-        self.is_going_on || self.orders.ready()
+        self.reports.len() < self.reports.capacity()
+            && (self.orders.ready() || self.task.is_going())
     }
 }
 
-/// Goes on, if there is an order or something to report, and room for it.
+/// Goes on until there is no order and nothing to report, or no room for it.
 // It lies in flash (build.rs), and the idle task does not: nothing may hold its sleep up.
 #[inline(never)]
 pub fn storage(work: &mut StorageWork) {
@@ -57,16 +56,13 @@ pub fn storage(work: &mut StorageWork) {
         task,
         orders,
         reports,
-        is_going_on,
     } = work;
     while reports.len() < reports.capacity() {
         let going = pin!(task.work(orders.dequeue()));
         // Flash never lets anybody wait: what it does is done when it returns.
         let Poll::Ready(Some(report)) = going.poll(&mut Context::from_waker(Waker::noop())) else {
-            *is_going_on = false;
             return;
         };
-        *is_going_on = true;
         // There is room.
         let _ = reports.enqueue(report);
     }
