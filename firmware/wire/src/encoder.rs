@@ -150,6 +150,22 @@ impl Sequencer {
         }
     }
 
+    /// Goes on after a frame with this header, which was sent.
+    ///
+    /// ```
+    /// use palpate_wire::{Header, Sequencer};
+    /// let last = Header { boot_id: 7, sequence: u32::MAX, time_us: 0, dropped: 3 };
+    /// let next = Sequencer::after(&last).stamp(10);
+    /// assert_eq!((next.sequence, next.dropped), (0, 3));
+    /// ```
+    pub const fn after(header: &Header) -> Self {
+        Self {
+            boot_id: header.boot_id,
+            next: header.sequence.wrapping_add(1),
+            dropped: header.dropped,
+        }
+    }
+
     /// Header of a new frame.
     pub const fn stamp(&mut self, time_us: u64) -> Header {
         let header = Header {

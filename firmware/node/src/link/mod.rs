@@ -92,3 +92,85 @@ impl<S: ByteSource> Inbox<S> {
         None
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use palpate_wire::code::{Mode, State};
+    use palpate_wire::loss::Account;
+    use palpate_wire::record::StateChange;
+    use palpate_wire::{Header, RecordDecoder};
+
+    use super::*;
+
+    /// Takes two frames of three.
+    #[derive(Default)]
+    struct Narrow {
+        bytes: Vec<u8>,
+        offered: u32,
+    }
+
+    impl FrameSink for Narrow {
+        fn write(&mut self, frame: &[u8]) -> bool {
+            self.offered += 1;
+            let has_room = !self.offered.is_multiple_of(3);
+            if has_room {
+                self.bytes.extend_from_slice(frame);
+            }
+            has_room
+        }
+
+        fn is_open(&self) -> bool {
+            true
+        }
+
+        fn take_discarded(&mut self) -> u32 {
+            0
+        }
+    }
+
+    #[test]
+    fn numbers_drops_and_microseconds_go_on_across_the_ends_of_32_bits() {
+        let last = Header {
+            boot_id: 7,
+            sequence: u32::MAX - 20,
+            time_us: 0,
+            dropped: u32::MAX - 5,
+        };
+        let mut outbox = Outbox {
+            sink: Narrow::default(),
+            sequencer: Sequencer::after(&last),
+        };
+        let record = Record::State(StateChange {
+            state: State::Ramps,
+            previous: State::Ramps,
+            mode: Mode::Stiffness,
+            armed: true,
+            measurement: 1,
+        });
+        let begin_us = u64::from(u32::MAX) - 20_000;
+        for number in 0..60 {
+            outbox.send(
+                &mut [0; Record::MAX_FRAME],
+                begin_us + 1_000 * number,
+                &record,
+            );
+        }
+        let mut account = Account::new();
+        account.take(&last);
+        let mut decoder = RecordDecoder::new();
+        let mut times_us = Vec::new();
+        for frame in decoder.frames(&outbox.sink.bytes) {
+            let header = frame.unwrap().header;
+            account.take(&header);
+            times_us.push(header.time_us);
+        }
+        let tally = account.current().unwrap();
+        assert_eq!((times_us.len(), tally.received()), (40, 41));
+        assert_eq!(times_us.first(), Some(&begin_us));
+        assert_eq!(times_us.last(), Some(&(begin_us + 58_000)));
+        assert!(times_us.is_sorted());
+        // From the last one that came: the 59th.
+        assert_eq!((tally.produced(), tally.missing()), (60, 19));
+        assert_eq!(tally.dropped_by_device(), 19);
+    }
+}
