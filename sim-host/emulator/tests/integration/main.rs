@@ -14,4 +14,5 @@ mod starts;
 mod storage;
 mod time_stamps;
 mod trace;
+
 mod usb;

@@ -1,26 +1,308 @@
-//! The image at a USB host.
+//! The image at a USB host, with a second PC at the probe.
+//!
+//! Small form; the long one is the campaign `image-usb`.
 
-use ldc161x_sim::Settings;
-use palpate_emulator::{EmulatedBoard, Still, Time};
+use palpate_emulator::Time;
+use palpate_emulator::usb::{ControlOutcome, ControlTransfer, check_descriptors};
+use palpate_procedure::Link;
+use palpate_wire::code::{FaultCode, Outcome};
+use palpate_wire::{Command, Record};
 
-use crate::common::{FREQUENCIES_HZ, image, recording};
+use crate::common::usb::control::disturb_control;
+use crate::common::usb::links::{flood, silent_link};
+use crate::common::usb::restarts::{ask_for_restart, reboot, replug};
+use crate::common::usb::streams::{stopped_reader, stream_in_trains};
+use crate::common::usb::{INTERRUPT, UsbBench, answer, missing, plugged};
+use crate::common::{Crash, time_to_off};
+
+/// The longest that an edge that meets a free bus may wait.
+const LATENCY: Time = Time::from_us(10);
 
 #[test]
-fn a_pc_finds_the_device() {
-    let mut board = EmulatedBoard::new(
-        image(),
-        Still::new(FREQUENCIES_HZ),
-        Settings::default(),
-        recording(),
+fn the_device_describes_itself_by_the_rules_and_its_serial_number_is_the_boards() {
+    let mut bench = plugged();
+    let description = bench.probe.board.usb().description().unwrap().clone();
+    assert_eq!(check_descriptors(&description), []);
+    let strings: Vec<_> = (1..=4).map(|it| description.string(it).unwrap()).collect();
+    let of_flash = u64::from_be_bytes(bench.probe.board.flash().unique_id());
+    assert_eq!(
+        strings,
+        [
+            "palpate",
+            "palpate tactile sensor",
+            &format!("{of_flash:016X}"),
+            "Reset"
+        ]
     );
-    board.usb_mut().plug();
-    board.usb_mut().enumerate();
-    for ms in 0..600 {
-        if let Err(stop) = board.run_for(Time::from_ms(1)) {
-            panic!("{ms} ms: {stop} {:08x}", board.pc());
+    let unit = |record: &Record| match record {
+        Record::Hello(hello) => Some(hello.unit),
+        _ => None,
+    };
+    assert_eq!(bench.ask(&Command::Identify, unit).1, of_flash);
+}
+
+#[test]
+fn control_transfers_of_any_kind_end_and_disturb_neither_stream_nor_coil() {
+    let mut bench = plugged();
+    let found = disturb_control(&mut bench, 500, 1);
+    println!("{found:?}");
+    assert_eq!(found.hung, []);
+    assert_eq!(found.wrong, 0);
+    assert!(found.done > 50 && found.stalled > 100);
+    assert!(found.cancelled > 0 && found.overtaken > 10);
+    assert!(found.levels.written > 10_000);
+    assert_eq!(found.levels.late, 0);
+    assert!(found.levels.longest_gap < Time::from_us(24));
+    assert!(found.edge_to_start <= LATENCY, "{}", found.edge_to_start);
+    assert_eq!(bench.probe.board.resets().watchdog, 0);
+    assert_eq!(bench.command(&Command::GetSettings), Outcome::Accepted);
+}
+
+/// A PC that configures the device again or clears a halt counts packets from DATA0 (USB 2.0 9.1.1.5,
+/// 9.4.5). A device that does not loses one, or repeats one.
+#[test]
+fn a_device_that_is_configured_again_loses_no_packet() {
+    let requests: [[u8; 8]; 4] = [
+        // SET_CONFIGURATION, SET_INTERFACE of the data, CLEAR_FEATURE of both bulk endpoints.
+        [0x00, 9, 1, 0, 0, 0, 0, 0],
+        [0x01, 11, 0, 0, 1, 0, 0, 0],
+        [0x02, 1, 0, 0, 0x82, 0, 0, 0],
+        [0x02, 1, 0, 0, 0x01, 0, 0, 0],
+    ];
+    let mut bench = plugged();
+    bench.port.begin_account();
+    // From one to the next the packets are now odd, now even in number.
+    for (round, setup) in (0..).zip([requests; 4].concat()) {
+        bench.probe.board.usb_mut().set_reading(false);
+        bench.run(Time::from_us(1_300 + 70 * round));
+        let id = bench.submit(ControlTransfer::new(setup));
+        bench.run(Time::from_ms(2));
+        let results = bench.probe.board.usb_mut().take_results();
+        assert_eq!(results, [(id, ControlOutcome::Done(Vec::new()))]);
+        bench.probe.board.usb_mut().set_reading(true);
+        for _ in 0..=round % 3 {
+            assert_eq!(bench.command(&Command::GetSettings), Outcome::Accepted);
         }
     }
-    println!("{:?}", board.usb().state());
-    println!("{:?}", board.usb().enumerated());
-    println!("{:?}", board.usb_mut().read().len());
+    assert_eq!(missing(&bench.port.tally()), (0, 0));
+    assert_eq!(bench.port.damaged, 0);
+    assert_eq!(bench.probe.board.usb().counts().repeated, 0);
+}
+
+#[test]
+fn nothing_is_lost_over_both_links_while_the_coil_is_in_its_train() {
+    for (channels, rate_hz) in [(0b0001, 1_000.0), (0b1111, 500.0)] {
+        let mut bench = plugged();
+        let found = stream_in_trains(&mut bench, channels, rate_hz, Time::from_ms(600));
+        println!("{found:?}");
+        assert_eq!((found.scans_lost, found.samples_after_gap), (0, 0));
+        assert_eq!((found.missing, found.missing_by_rtt), ((0, 0), 0));
+        assert_eq!((found.damaged, found.restarts), (0, 0));
+        assert!(found.scans > 250 && found.samples + 30 > found.scans);
+        assert!(found.levels.written > 20_000);
+        assert_eq!(found.levels.late, 0);
+        assert!(found.levels.longest_gap < Time::from_us(24));
+        assert!(found.edge_to_start <= LATENCY, "{}", found.edge_to_start);
+        assert!(found.load_in_train > 0.1 && found.load_in_train <= 0.55);
+    }
+}
+
+/// What is missing was dropped by the device, which said so, and the rest is right.
+fn assert_exact(bench: &UsbBench, tally: &palpate_wire::loss::Tally, cut: u32) {
+    let (missing, dropped) = missing(tally);
+    let (samples, strange) = bench.strange_samples();
+    println!(
+        "missing {missing}, dropped {dropped}, cut {}",
+        bench.port.damaged
+    );
+    assert!(bench.port.damaged <= cut, "{} are cut", bench.port.damaged);
+    assert_eq!(missing, dropped);
+    assert_eq!(strange, 0, "of {samples}");
+    assert!(samples > 200);
+}
+
+#[test]
+fn a_reader_that_stops_misses_what_the_device_counts() {
+    let mut bench = plugged();
+    let tally = stopped_reader(&mut bench, Time::from_ms(400));
+    assert_exact(&bench, &tally, 0);
+    assert!(tally.missing() > 200);
+}
+
+#[test]
+fn a_closed_port_misses_what_the_device_counts() {
+    let mut bench = plugged();
+    for _ in 0..4 {
+        let tally = bench.close_and_open(Time::from_ms(50));
+        assert_exact(&bench, &tally, 1);
+        assert!(tally.missing() > 30);
+    }
+}
+
+/// A packet of a backlog ends within a frame, whose rest is thrown away when the port is opened anew.
+#[test]
+fn a_port_that_was_closed_within_a_frame_begins_with_its_end() {
+    let mut bench = plugged();
+    bench.probe.board.usb_mut().set_reading(false);
+    bench.run(Time::from_ms(200));
+    // A few packets of many.
+    bench.probe.board.usb_mut().set_reading(true);
+    bench.run(Time::from_us(600));
+    bench.probe.board.usb_mut().set_reading(false);
+    bench.set_open(false);
+    bench.run(Time::from_ms(10));
+    bench.probe.board.usb_mut().set_reading(true);
+    let tally = bench.close_and_open(Time::from_ms(10));
+    assert_exact(&bench, &tally, 1);
+    assert_eq!(
+        bench.port.damaged, 1,
+        "the port was closed between two frames"
+    );
+}
+
+#[test]
+fn a_suspended_bus_misses_what_the_device_counts() {
+    let mut bench = plugged();
+    let tally = bench.suspend_and_resume(Time::from_ms(300));
+    assert_exact(&bench, &tally, 0);
+    assert!(tally.missing() > 100);
+}
+
+#[test]
+fn a_cable_that_is_pulled_and_plugged_again_loses_what_the_device_counts() {
+    let mut bench = plugged();
+    bench.port.begin_account();
+    for round in 0..6 {
+        let took = replug(&mut bench, Time::from_us(5_000 + 7_310 * round));
+        println!("open after {took}");
+    }
+    bench.run(Time::from_ms(250));
+    let tally = bench.port.tally();
+    assert_exact(&bench, &tally, 6);
+    assert_eq!(bench.probe.board.resets().watchdog, 0);
+}
+
+#[test]
+fn a_board_that_starts_anew_opens_its_port_by_itself() {
+    let mut bench = plugged();
+    let mut runs = Vec::new();
+    for _ in 0..2 {
+        let (took, [before, after]) = reboot(&mut bench);
+        println!("{before:08x} {after:08x}: open after {took}");
+        runs.extend([before, after]);
+    }
+    assert_eq!(runs[1], runs[2]);
+    assert!(runs[0] != runs[1] && runs[2] != runs[3]);
+}
+
+#[test]
+fn an_answer_goes_back_by_the_link_of_its_command() {
+    let mut bench = plugged();
+    let (at_probe, at_port) = (bench.probe.frames.len(), bench.port.frames.len());
+    let mut asked = Vec::new();
+    for _ in 0..10 {
+        bench.probe.send(&Command::GetSettings);
+        asked.push(bench.send(&Command::GetSettings));
+        bench.run(Time::from_ms(3));
+    }
+    let settings = |frames: &[palpate_wire::Frame<Record>]| {
+        let of = |frame: &&palpate_wire::Frame<Record>| {
+            matches!(
+                frame.message,
+                Record::Settings(_) | Record::Acknowledgement(_)
+            )
+        };
+        frames.iter().filter(of).count()
+    };
+    assert_eq!(settings(&bench.probe.frames[at_probe..]), 20);
+    assert_eq!(settings(&bench.port.frames[at_port..]), 20);
+    for number in asked {
+        assert!(answer(&bench.port.frames[at_port..], number).is_some());
+    }
+    // One link alone: the other one hears nothing of it.
+    let (at_probe, at_port) = (bench.probe.frames.len(), bench.port.frames.len());
+    assert_eq!(bench.command(&Command::GetSettings), Outcome::Accepted);
+    assert_eq!(settings(&bench.probe.frames[at_probe..]), 0);
+    let seen = bench.port.frames.len();
+    bench.probe.command(&Command::GetSettings);
+    bench.listen();
+    assert_eq!(settings(&bench.port.frames[seen..]), 0);
+    assert_eq!(settings(&bench.port.frames[at_port..]), 2);
+}
+
+#[test]
+fn a_current_ends_when_its_own_link_is_silent_whatever_the_other_one_says() {
+    for by in Link::ALL {
+        let mut bench = plugged();
+        let took = silent_link(&mut bench, by).expect("it ends");
+        println!("{by:?}: off after {took}");
+        assert!(
+            took > Time::from_ms(95) && took < Time::from_ms(103),
+            "{took}"
+        );
+        bench.run(Time::from_ms(5));
+        let fault = bench.probe.faults().pop().expect("a fault");
+        assert_eq!(fault.code, FaultCode::HostSilent);
+    }
+}
+
+#[test]
+fn rubbish_as_fast_as_a_host_can_send_it_disturbs_nothing() {
+    let mut bench = plugged();
+    let found = flood(&mut bench, 50_000, 1);
+    println!("{found:?}");
+    assert_eq!(found.answered, found.commands);
+    assert_eq!(
+        (found.scans_lost, found.missing, found.restarts),
+        (0, (0, 0), 0)
+    );
+    assert!(found.scans > 50);
+}
+
+#[test]
+fn the_reset_interface_starts_the_boot_loader_and_the_firmware() {
+    for (request, value, in_train) in [
+        (1, 0, false),
+        (1, 0x3301, true),
+        (2, 0, false),
+        (2, 0, true),
+    ] {
+        let mut bench = plugged();
+        if in_train {
+            bench.begin_train();
+        }
+        let found = ask_for_restart(&mut bench, request, value);
+        println!("{request} {value:#06x}, in the train: {in_train}: {found:?}");
+        assert_eq!(found.outcome, Some(ControlOutcome::Done(Vec::new())));
+        assert_eq!(found.in_boot_loader, request == 1);
+        assert!(found.off_first);
+        assert_eq!(found.off.is_some(), in_train);
+        assert!(found.off.unwrap_or_default() <= Time::from_ms(60));
+        assert_eq!(bench.probe.board.current_a(), 0.0);
+        if request == 2 {
+            bench.until_open(Time::from_ms(800));
+            assert!(bench.probe.faults().is_empty());
+        }
+    }
+}
+
+#[test]
+fn a_crash_or_a_hang_in_the_interrupt_of_usb_switches_the_bridge_off() {
+    let mut snapshot = plugged();
+    snapshot.begin_train();
+    for (crash, limit, code) in [
+        (Crash::HardFault, Time::from_ms(1), FaultCode::HardFault),
+        (Crash::Loop, Time::from_ms(60), FaultCode::Watchdog),
+    ] {
+        let mut bench = snapshot.clone();
+        let took = crash
+            .in_exception(&mut bench.probe, INTERRUPT)
+            .expect("it goes off");
+        println!("{code:?}: off after {took}");
+        assert!(took <= limit, "{took}");
+        assert_eq!(bench.probe.board.resets().watchdog, 1);
+        assert!(time_to_off(&mut bench.probe).is_some(), "it stays off");
+        assert!(bench.probe.faults().iter().any(|fault| fault.code == code));
+        bench.until_open(Time::from_ms(800));
+    }
 }

@@ -4,6 +4,7 @@
 
 pub(crate) mod driven;
 pub(crate) mod stamps;
+pub(crate) mod usb;
 
 use std::sync::OnceLock;
 
