@@ -226,6 +226,23 @@ const CAMPAIGNS: &[Campaign] = &[
         rests_on: IMAGE,
     },
     Campaign {
+        name: "image-usb",
+        purpose: "The firmware's image at a USB host: streams, interruptions, control transfers of any kind, \
+                  rubbish, new starts, while the coil is driven.",
+        arguments: &[
+            "run",
+            "--release",
+            "-p",
+            "palpate-emulator",
+            "--example",
+            "image-usb",
+            "--",
+            "--seed",
+            "1",
+        ],
+        rests_on: IMAGE,
+    },
+    Campaign {
         name: "coil-current",
         purpose: "The coil's current as the firmware's image drives it: steps and ramps over resistance, \
                   inductance and supply, errors before calibration and over weeks, two minutes of full \

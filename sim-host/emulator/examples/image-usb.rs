@@ -1,0 +1,335 @@
+//! Campaign: the image at a USB host, with a second PC at the probe and the coil in its train. Prints
+//! its result as Markdown; fails if a claim does not hold. Its seed is the argument after `--seed`.
+
+#[path = "../tests/integration/common/mod.rs"]
+mod common;
+
+use std::collections::BTreeSet;
+use std::process::ExitCode;
+
+use common::Crash;
+use common::usb::control::disturb_control;
+use common::usb::links::{flood, silent_link};
+use common::usb::restarts::{ask_for_restart, reboot, replug};
+use common::usb::streams::{stopped_reader, stream_in_trains};
+use common::usb::{INTERRUPT, UsbBench, missing, plugged};
+use palpate_emulator::Time;
+use palpate_emulator::usb::check_descriptors;
+use palpate_procedure::Link;
+
+/// The longest that an edge that meets a free bus may wait.
+const LATENCY: Time = Time::from_us(10);
+/// From one level of the coil's PWM to the next: one and a half periods and it came late.
+const LEVELS_APART: Time = Time::from_us(24);
+/// The most of the processor in the train, both links in use.
+const LOAD: f32 = 0.55;
+/// From a fault to a bridge that is off, and from a hang or a request to start anew.
+const OFF_AT_ONCE: Time = Time::from_ms(1);
+const OFF_AFTER_HANG: Time = Time::from_ms(60);
+/// From a PC's last word to the end of a current that it commanded, and what the test adds: a command
+/// and its answer take 2 ms.
+const SILENCE: std::ops::Range<Time> = Time::from_ms(95)..Time::from_ms(103);
+
+const STREAM: Time = Time::from_ms(60_000);
+const CONTROL_TRANSFERS: u32 = 100_000;
+const STOPPED: Time = Time::from_ms(5_000);
+const ROUNDS: u32 = 100;
+const RUBBISH: usize = 1_000_000;
+/// Points of the train, 25 ms apart.
+const POINTS: u64 = 20;
+
+fn us(time: Time) -> String {
+    format!("{:.2} µs", time.as_secs_f64() * 1e6)
+}
+
+fn ms(time: Time) -> String {
+    format!("{:.1} ms", time.as_secs_f64() * 1e3)
+}
+
+fn of_the_device() -> bool {
+    let bench = plugged();
+    let host = bench.probe.board.usb();
+    let description = host.description();
+    let problems = description.map(check_descriptors);
+    let unit = u64::from_be_bytes(bench.probe.board.flash().unique_id());
+    let serial = description.and_then(|it| it.string(3));
+    println!(
+        "Descriptors: {} rules of USB 2.0 and CDC broken. Serial number {}, that of the flash {unit:016X}.\n",
+        problems.as_ref().map_or(1, Vec::len),
+        serial.as_deref().unwrap_or("none"),
+    );
+    problems.is_some_and(|it| it.is_empty()) && serial == Some(format!("{unit:016X}"))
+}
+
+fn streams() -> bool {
+    println!("## Streams over both links, the coil in its train as often as it may be\n");
+    println!(
+        "| channels | asked | time | trains | time in them | scans | lost | samples by USB | records \
+         missing by USB | by RTT | levels written | late | longest from one to the next | edge to \
+         START, worst | load in the train | greatest load |"
+    );
+    println!("|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|");
+    let mut holds = true;
+    for (channels, rate_hz) in [(0b0001_u8, 1_000.0), (0b1111, 500.0)] {
+        let mut bench = plugged();
+        let found = stream_in_trains(&mut bench, channels, rate_hz, STREAM);
+        println!(
+            "| {} | {rate_hz} Hz | {:.0} s | {} | {:.1} s | {} | {} | {} | {} | {} | {} | {} | {} | {} | {:.1} % | {:.1} % |",
+            channels.count_ones(),
+            STREAM.as_secs_f64(),
+            found.trains,
+            found.driven.as_secs_f64(),
+            found.scans,
+            found.scans_lost,
+            found.samples,
+            found.missing.0,
+            found.missing_by_rtt,
+            found.levels.written,
+            found.levels.late,
+            us(found.levels.longest_gap),
+            us(found.edge_to_start),
+            100.0 * found.load_in_train,
+            100.0 * found.load,
+        );
+        let is_whole = found.scans_lost == 0
+            && found.samples_after_gap == 0
+            && found.missing == (0, 0)
+            && found.missing_by_rtt == 0
+            && found.damaged == 0
+            && found.restarts == 0;
+        let is_in_time = found.levels.late == 0
+            && found.levels.longest_gap < LEVELS_APART
+            && found.edge_to_start <= LATENCY;
+        holds &= is_whole && is_in_time && found.trains > 1 && found.load_in_train <= LOAD;
+    }
+    println!(
+        "\nTrains follow one another as soon as the coil's budget of heat allows. Load: the greatest \
+         that a `status` reported, for a tenth of a second; it includes what is computed once at the \
+         end of a test of the coil.\n"
+    );
+    holds
+}
+
+/// A line of the account; whether it is exact.
+fn account(what: &str, bench: &UsbBench, cut: u32) -> bool {
+    let tally = bench.port.tally();
+    let (missing, dropped) = missing(&tally);
+    let (samples, strange) = bench.strange_samples();
+    println!(
+        "| {what} | {} | {missing} | {dropped} | {} | {samples} | {strange} |",
+        tally.received(),
+        bench.port.damaged,
+    );
+    missing == dropped && bench.port.damaged <= cut && strange == 0 && samples > 0
+}
+
+fn interruptions() -> bool {
+    println!("## Interruptions\n");
+    println!(
+        "| what | records | missing | dropped, as the device says | cut frames | samples compared | \
+         other than by RTT |"
+    );
+    println!("|---|---|---|---|---|---|---|");
+    let mut holds = true;
+    let mut bench = plugged();
+    stopped_reader(&mut bench, STOPPED);
+    holds &= account("the reader stops for 5 s", &bench, 0);
+    let mut bench = plugged();
+    bench.suspend_and_resume(STOPPED);
+    holds &= account("the bus is suspended for 5 s", &bench, 0);
+    let mut bench = plugged();
+    bench.port.begin_account();
+    for round in 0..ROUNDS {
+        bench.set_open(false);
+        bench.run(Time::from_us(3_000 + 137 * u64::from(round)));
+        bench.set_open(true);
+        bench.run(Time::from_us(20_000 + 91 * u64::from(round)));
+    }
+    bench.run(Time::from_ms(50));
+    holds &= account("DTR off and on, 100 times", &bench, ROUNDS);
+    let mut bench = plugged();
+    bench.port.begin_account();
+    let mut slowest = Time::ZERO;
+    for round in 0..ROUNDS {
+        let away = Time::from_us(2_000 + 1_731 * u64::from(round));
+        slowest = slowest.max(replug(&mut bench, away));
+        bench.run(Time::from_us(31 * u64::from(round)));
+    }
+    bench.run(Time::from_ms(50));
+    holds &= account("unplugged and plugged again, 100 times", &bench, ROUNDS);
+    holds &= bench.probe.board.resets().watchdog == 0;
+    println!(
+        "\nRecords are exact where `missing` is `dropped`. A port that is opened anew may begin with \
+         the rest of a frame, once. After the cable it was open within {}, of which 100 ms are those in \
+         which its contacts may bounce.\n",
+        ms(slowest)
+    );
+    holds
+}
+
+fn control(seed: u64) -> bool {
+    println!("## Control transfers of any kind\n");
+    let mut bench = plugged();
+    let found = disturb_control(&mut bench, CONTROL_TRANSFERS, seed);
+    println!("| ended by | transfers |\n|---|---|");
+    println!("| data or acknowledgement | {} |", found.done);
+    println!("| stall | {} |", found.stalled);
+    println!(
+        "| a reset of the bus in their midst | {} |",
+        found.cancelled
+    );
+    println!("| the next setup packet | {} |", found.overtaken);
+    println!(
+        "| the host, which sent less than it had promised | {} |",
+        found.cut_short
+    );
+    println!("| nothing: hung | {} |", found.hung.len());
+    for (transfer, outcome) in found.hung.iter().take(5) {
+        eprintln!("hung: {:02x?}: {outcome}", transfer.setup);
+    }
+    let restarts = bench.probe.board.resets().watchdog;
+    println!(
+        "\nOf the device descriptors asked for between, {} were wrong. The longest transfer took {}. \
+         Levels of the coil's PWM: {} written, {} late, {} from one to the next at most; edge to START \
+         {} at worst. The board started anew {restarts} times. It was enumerated {} times, and streamed \
+         after each.\n",
+        found.wrong,
+        ms(found.longest),
+        found.levels.written,
+        found.levels.late,
+        us(found.levels.longest_gap),
+        us(found.edge_to_start),
+        found.enumerations,
+    );
+    found.hung.is_empty()
+        && found.wrong == 0
+        && restarts == 0
+        && found.levels.late == 0
+        && found.levels.longest_gap < LEVELS_APART
+        && found.edge_to_start <= LATENCY
+}
+
+fn rubbish(seed: u64) -> bool {
+    println!("## Rubbish\n");
+    let mut bench = plugged();
+    let found = flood(&mut bench, RUBBISH, seed);
+    println!(
+        "{} random bytes in {:.1} s, as fast as the device takes them: {} of {} commands between were \
+         answered, {} after their last byte at most; {} of {} scans lost, {} records missing, {} new \
+         starts.\n",
+        found.bytes,
+        found.took.as_secs_f64(),
+        found.answered,
+        found.commands,
+        ms(found.slowest_answer),
+        found.scans_lost,
+        found.scans,
+        found.missing.0,
+        found.restarts,
+    );
+    found.answered == found.commands
+        && found.scans_lost == 0
+        && found.missing == (0, 0)
+        && found.restarts == 0
+}
+
+fn silence() -> bool {
+    println!("## Two PCs, of which one falls silent\n");
+    let mut holds = true;
+    for (by, name, other) in [(Link::Usb, "USB", "RTT"), (Link::Probe, "RTT", "USB")] {
+        let took = silent_link(&mut plugged(), by).unwrap_or(Time::MAX);
+        println!(
+            "- A current commanded over {name} ended {} after the command, while {other} went on.",
+            ms(took)
+        );
+        holds &= SILENCE.contains(&took);
+    }
+    println!();
+    holds
+}
+
+fn restarts() -> bool {
+    println!("## New starts\n");
+    let mut bench = plugged();
+    let (mut slowest, mut runs) = (Time::ZERO, BTreeSet::new());
+    for _ in 0..ROUNDS {
+        let (took, boot_ids) = reboot(&mut bench);
+        slowest = slowest.max(took);
+        runs.extend(boot_ids);
+    }
+    let mut holds = runs.len() as u32 == ROUNDS + 1;
+    println!(
+        "- {ROUNDS} new starts by `reboot` over USB: {} boot ids, the port open again by itself within \
+         {}.",
+        runs.len(),
+        ms(slowest)
+    );
+    let mut snapshot = plugged();
+    snapshot.begin_train();
+    for (request, name) in [(1, "the boot loader"), (2, "the firmware")] {
+        let (mut worst, mut right) = (Time::ZERO, true);
+        for point in 0..POINTS {
+            let mut bench = snapshot.clone();
+            bench.run(Time::from_ms(25 * point));
+            let found = ask_for_restart(&mut bench, request, 0);
+            worst = worst.max(found.off.unwrap_or(Time::MAX));
+            right &= found.off_first && found.in_boot_loader == (request == 1);
+        }
+        println!(
+            "- What picotool requests to start {name}, at {POINTS} points of the train: bridge off \
+             within {}, before the reset.",
+            ms(worst)
+        );
+        holds &= right && worst <= OFF_AFTER_HANG;
+    }
+    for (crash, name, limit) in [
+        (Crash::HardFault, "HardFault", OFF_AT_ONCE),
+        (Crash::Loop, "An endless loop", OFF_AFTER_HANG),
+    ] {
+        let mut worst = Time::ZERO;
+        for point in 0..POINTS {
+            let mut bench = snapshot.clone();
+            bench.run(Time::from_ms(25 * point));
+            let took = crash.in_exception(&mut bench.probe, INTERRUPT);
+            worst = worst.max(took.unwrap_or(Time::MAX));
+            holds &= bench.probe.board.resets().watchdog == 1;
+        }
+        println!(
+            "- {name} in the interrupt of USB, at {POINTS} points of the train: bridge off within {:.3} ms.",
+            worst.as_secs_f64() * 1e3
+        );
+        holds &= worst <= limit;
+    }
+    holds
+}
+
+/// The number after `--seed`; 1 without.
+fn seed() -> u64 {
+    let mut arguments = std::env::args().skip_while(|it| it != "--seed");
+    let seed = arguments.nth(1).and_then(|it| it.parse().ok());
+    seed.unwrap_or(1)
+}
+
+fn main() -> ExitCode {
+    let seed = seed();
+    println!("<!-- evidence:begin -->");
+    let holds = [
+        of_the_device(),
+        streams(),
+        interruptions(),
+        rubbish(seed),
+        silence(),
+        restarts(),
+        control(seed),
+    ];
+    println!("<!-- evidence:end -->");
+    if holds == [true; 7] {
+        ExitCode::SUCCESS
+    } else {
+        eprintln!(
+            "a claim does not hold: device, streams, interruptions, rubbish, silence, new starts, \
+             control transfers: {holds:?}"
+        );
+        ExitCode::FAILURE
+    }
+}
