@@ -18,6 +18,7 @@ use crate::coil::BridgeCircuit;
 use crate::flash::{Flash, FlashTimes};
 use crate::image::{Image, VECTORS};
 use crate::interrupts::HARD_FAULT;
+use crate::pins::pin;
 use crate::plant::Plant;
 use crate::profile::Profile;
 use crate::pwm::LevelTimes;
@@ -562,6 +563,17 @@ impl<P: Plant> EmulatedBoard<P> {
     #[must_use]
     pub const fn bridge(&self) -> BridgeInputs {
         self.bus.coil.inputs()
+    }
+
+    /// Whether the LED is on.
+    #[must_use]
+    pub fn led_is_on(&self) -> bool {
+        self.bus.gpio.level(pin::LED)
+    }
+
+    /// The longest time from one feeding of the watchdog to the next, since the last call.
+    pub const fn take_longest_unfed(&mut self) -> Time {
+        Time::from_ps(self.bus.watchdog.take_longest_unfed_ps())
     }
 
     /// The coil's current, A.

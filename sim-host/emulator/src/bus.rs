@@ -84,7 +84,7 @@ pub(crate) struct SystemBus<P> {
     ssi: Ssi,
     pub(crate) rom_calls: RomCalls,
     sio: Sio,
-    gpio: Gpio,
+    pub(crate) gpio: Gpio,
     clocks: Clocks,
     power: Power,
     pub(crate) timer: Timer,

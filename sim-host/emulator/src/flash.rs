@@ -4,6 +4,7 @@ mod chance;
 mod command;
 mod sectors;
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use crate::time::Time;
@@ -91,6 +92,8 @@ pub struct Flash {
     sectors: Sectors,
     times: FlashTimes,
     erase_counts: Arc<Vec<u32>>,
+    /// Where sectors begin that take nothing any more.
+    worn: Arc<BTreeSet<u32>>,
     log: Arc<Vec<FlashOperation>>,
     unique_id: [u8; 8],
     chance: Chance,
@@ -122,6 +125,7 @@ impl Flash {
             sectors: Sectors::new(contents),
             times,
             erase_counts: Arc::new(vec![0; SIZE / SECTOR]),
+            worn: Arc::default(),
             log: Arc::default(),
             unique_id,
             chance,
@@ -176,6 +180,12 @@ impl Flash {
         self.sectors
             .change_byte(address, |byte| byte ^ 1 << (bit & 7));
         self.has_changed = true;
+    }
+
+    /// Wears out the sector that an address lies in: operations on it take their time and change
+    /// nothing from now on.
+    pub fn wear_out(&mut self, address: u32) {
+        Arc::make_mut(&mut self.worn).insert(sector_of(address));
     }
 
     /// How often each sector has been erased, by itself or with its block.
@@ -333,9 +343,15 @@ impl Flash {
 
     fn program(&mut self, running: &Running, passed: f64) {
         let Self {
-            sectors, chance, ..
+            sectors,
+            chance,
+            worn,
+            ..
         } = self;
         let address = running.operation.address;
+        if worn.contains(&sector_of(address)) {
+            return;
+        }
         sectors.change_page(address, &running.page, |cell, byte| {
             cell & (byte | !changed(chance, passed))
         });
@@ -343,9 +359,13 @@ impl Flash {
 
     fn erase(&mut self, address: u32, bytes: u32, passed: f64) {
         let Self {
-            sectors, chance, ..
+            sectors,
+            chance,
+            worn,
+            ..
         } = self;
-        for sector in (address..address + bytes).step_by(SECTOR) {
+        let all = (address..address + bytes).step_by(SECTOR);
+        for sector in all.filter(|sector| !worn.contains(sector)) {
             sectors.change_sector(sector, |cell| {
                 if passed < CLEARING {
                     cell & !changed(chance, passed / CLEARING)
@@ -373,6 +393,11 @@ impl Flash {
     pub(crate) const fn exit_continuous(&mut self) {
         self.is_continuous = false;
     }
+}
+
+/// Where the sector begins that an address lies in.
+const fn sector_of(address: u32) -> u32 {
+    (address % SIZE as u32) & !(SECTOR as u32 - 1)
 }
 
 /// Which bits of a byte have changed when a part of the time has passed: none at 0, all at 1.
@@ -481,6 +506,19 @@ mod tests {
         assert_eq!(counts[16..].iter().sum::<u32>(), 0);
         let addresses: Vec<u32> = flash.operations().iter().map(|op| op.address).collect();
         assert_eq!(addresses, [0x8000, 0x8000, 0, 0x8000]);
+    }
+
+    #[test]
+    fn a_worn_sector_takes_nothing_and_its_neighbours_do() {
+        use FlashOperationKind::{EraseBlock32, ProgramPage};
+        let mut flash = Flash::new(&vec![0x3C; SIZE], FlashTimes::Typical, 1);
+        flash.wear_out(0x1234);
+        operate(&mut flash, EraseBlock32, 0, [0; PAGE]);
+        operate(&mut flash, ProgramPage, 0x1000, [0; PAGE]);
+        operate(&mut flash, ProgramPage, 0x2000, [0; PAGE]);
+        assert_eq!(flash.bytes(0x1000, 0x1000), vec![0x3C; 0x1000]);
+        assert_eq!((flash.byte(0xFFF), flash.byte(0x2000)), (0xFF, 0));
+        assert_eq!(flash.operations().len(), 3);
     }
 
     #[test]

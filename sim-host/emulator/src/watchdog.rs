@@ -7,6 +7,9 @@ pub(crate) struct Watchdog {
     pauses: u32,
     /// When it expires.
     due_ps: Option<u64>,
+    /// When it was fed last, and the longest time from one feeding to the next.
+    fed_ps: Option<u64>,
+    longest_unfed_ps: u64,
     left: u32,
     reason: u32,
     /// The reset was requested.
@@ -52,8 +55,21 @@ impl Watchdog {
         self.enabled = false;
         self.is_forced = false;
         self.due_ps = None;
+        self.fed_ps = None;
         self.tick = 0;
         self.has_fired = false;
+    }
+
+    /// The longest time from one feeding to the next since the last call.
+    pub(crate) const fn take_longest_unfed_ps(&mut self) -> u64 {
+        std::mem::replace(&mut self.longest_unfed_ps, 0)
+    }
+
+    fn feed(&mut self, now_ps: u64, ref_hz: f64) {
+        if let Some(fed_ps) = self.fed_ps.replace(now_ps) {
+            self.longest_unfed_ps = self.longest_unfed_ps.max(now_ps - fed_ps);
+        }
+        self.load(now_ps, ref_hz);
     }
 
     fn load(&mut self, now_ps: u64, ref_hz: f64) {
@@ -96,7 +112,7 @@ impl Watchdog {
             }
             0x04 => {
                 self.left = value & 0xFF_FFFF;
-                self.load(now_ps, ref_hz);
+                self.feed(now_ps, ref_hz);
             }
             0x0C..=0x28 => *self.scratch.get_mut((offset as usize - 0x0C) / 4)? = value,
             0x2C => self.tick = value & 0x3FF,
@@ -122,6 +138,8 @@ mod tests {
         watchdog
             .write(0x04, 100_000, 40_000_000_000, REF_HZ)
             .unwrap();
+        assert_eq!(watchdog.take_longest_unfed_ps(), 40_000_000_000);
+        assert_eq!(watchdog.take_longest_unfed_ps(), 0);
         assert!(!watchdog.expires(89_999_000_000));
         assert!(watchdog.expires(90_000_000_000));
         assert_eq!(watchdog.read(0x08), Some(TIMER_EXPIRED));

@@ -1,50 +1,38 @@
 //! Settings and calibration in the image's flash.
+//!
+//! Small form; every operation and more bits are the campaign `image-storage`.
 
-use palpate_emulator::Time;
-use palpate_wire::code::{Outcome, RebootTarget, StorageAction, StorageState};
-use palpate_wire::command::Reboot;
-use palpate_wire::{Command, Record, record};
+use palpate_emulator::{FlashTimes, Time};
+use palpate_wire::Command;
 
-use crate::common::{RecordedBoard, streaming};
+use crate::common::stored::{Amount, ThirdSave, Which, configuration, spread, streaming_with};
 
-fn storage(record: &Record) -> Option<record::Storage> {
-    match record {
-        Record::Storage(storage) => Some(storage.clone()),
-        _ => None,
-    }
-}
-
-/// Stores what is in force, and waits for the end of it.
-fn store(bench: &mut RecordedBoard) -> record::Storage {
-    assert_eq!(bench.command(&Command::Store).outcome, Outcome::Accepted);
-    bench
-        .wait_for(Time::from_ms(3_000), storage)
-        .expect("a save ends")
+#[test]
+fn settings_and_calibration_outlive_a_reboot_and_a_loss_of_power() {
+    let mut bench = streaming_with(FlashTimes::Typical, 1);
+    let commands = configuration(1, Amount::Usual);
+    bench.save(&commands);
+    println!("{:?}", bench.status().stack_bytes);
+    let found = bench.reboot();
+    assert!(found.is(&commands), "{found:?}");
+    let found = bench.cycle_power();
+    assert!(found.is(&commands), "{found:?}");
 }
 
 #[test]
-fn settings_outlive_a_new_start() {
-    let mut bench = streaming();
-    let mut settings = bench.settings();
-    settings.rate_hz = 500.0;
-    settings.status_period_s = 0.25;
-    let set = Command::SetSettings(settings.clone());
-    assert_eq!(bench.command(&set).outcome, Outcome::Accepted);
-    let stored = store(&mut bench);
-    println!("{stored:?}");
-    assert_eq!(
-        (stored.action, stored.succeeded, stored.state),
-        (StorageAction::Store, true, StorageState::Whole)
-    );
-    let reboot = Command::Reboot(Reboot {
-        target: RebootTarget::Firmware,
-    });
-    assert_eq!(bench.command(&reboot).outcome, Outcome::Accepted);
-    bench.run(Time::from_ms(210));
-    bench.restart_listening();
-    bench.stream();
-    let (_, found) = bench.ask(&Command::GetStorage, storage);
-    println!("{found:?}");
-    assert_eq!(found.stored_crc, found.in_force_crc);
-    assert_eq!(bench.settings(), settings);
+fn a_power_cut_in_a_save_leaves_all_of_the_old_or_all_of_the_new() {
+    let begin = std::time::Instant::now();
+    let save = ThirdSave::prepared(Amount::Usual, FlashTimes::Typical, 1);
+    println!("{:?}", begin.elapsed());
+    let count = save.operations.len() as u64;
+    println!("{count}");
+    let mut found = Vec::new();
+    for operation in spread(10, count) {
+        let (which, _, at_start) = save.cut(operation);
+        assert_ne!(which, Which::Neither, "{operation}: {at_start:?}");
+        found.push(which);
+    }
+    println!("{found:?} {:?}", begin.elapsed());
+    assert!(found.is_sorted() && found.contains(&Which::New));
+    let _ = (Time::ZERO, Command::Store);
 }

@@ -5,6 +5,7 @@
 pub(crate) mod driven;
 pub(crate) mod stamps;
 pub(crate) mod usb;
+pub(crate) mod stored;
 
 use std::sync::OnceLock;
 

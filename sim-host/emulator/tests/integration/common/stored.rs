@@ -1,0 +1,439 @@
+//! Settings and calibration in the image's flash: set, saved, disturbed, and found after a new start.
+
+use std::collections::BTreeSet;
+
+use ldc161x_sim::Settings as ChipSettings;
+use palpate_emulator::{EmulatedBoard, FlashOperation, FlashOperationKind, Options, Plant, Still};
+use palpate_emulator::{FlashTimes, Time};
+use palpate_wire::code::{Drift, Outcome, RebootTarget, StorageAction, StorageState, Stream};
+use palpate_wire::command::{
+    Attraction, CalibrationIdentity, Crosstalk, DeformationCurve, DeformationKnot,
+    KNOTS_PER_CHUNK, Reboot, Settings, Springs, Stiffening, Tank, TemperatureEffect,
+};
+use palpate_wire::{Command, Record, configuration_crc, record};
+
+use super::{FREQUENCIES_HZ, RecordedBoard, coil, image, recording};
+
+/// Where the area for settings and calibration begins and ends, from the flash's beginning: its last
+/// 64 KiB.
+pub(crate) const AREA: std::ops::Range<u32> = 0x1F_0000..0x20_0000;
+
+/// More than any save takes: at the flash's greatest times.
+pub(crate) const LONGEST_SAVE: Time = Time::from_ms(8_000);
+/// From a start to samples, with the loading of what is stored.
+const START: Time = Time::from_ms(600);
+
+/// How much is set.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Amount {
+    /// One channel, a curve of six knots: in one sector.
+    Usual,
+    /// Four channels, curves of 32 knots: in two sectors.
+    Full,
+}
+
+impl Amount {
+    const fn channels(self) -> u8 {
+        match self {
+            Self::Usual => 1,
+            Self::Full => 4,
+        }
+    }
+
+    const fn knots(self) -> u8 {
+        match self {
+            Self::Usual => 6,
+            Self::Full => 32,
+        }
+    }
+}
+
+/// Settings and calibration, in the order in which a PC sends them. Two of different numbers differ in
+/// every part.
+pub(crate) fn configuration(number: u32, amount: Amount) -> Vec<Command> {
+    let scale = 1.0 + 0.01 * number as f32;
+    let mut commands = vec![Command::SetSettings(settings(number))];
+    for channel in 0..amount.channels() {
+        commands.push(Command::SetTank(Tank {
+            sensor: 0,
+            channel,
+            capacitance_f: 1e-10 * scale,
+            rest_frequency_hz: 3e6 * f64::from(scale),
+        }));
+    }
+    for channel in 0..amount.channels() {
+        commands.extend(curve(channel, amount.knots(), scale));
+    }
+    for channel in 0..amount.channels() {
+        commands.push(Command::SetCrosstalk(Crosstalk {
+            sensor: 0,
+            channel,
+            apparent_m_per_a2: 1e-8 * scale,
+            growth_per_m: 10.0 * scale,
+            uncertainty: 0.01 * scale,
+        }));
+    }
+    commands.extend([
+        Command::SetSprings(Springs {
+            sensing_n_per_m: 2_000.0 * scale,
+            sensing_uncertainty: 0.01,
+            actuated_n_per_m: 3_000.0 * scale,
+            actuated_uncertainty: 0.01,
+            force_scale_uncertainty: 0.01,
+            zero_uncertainty_m: 1e-6,
+            bend: 0.01,
+        }),
+        Command::SetStiffening(Stiffening {
+            peak_current_a: 10.0,
+            rise_at_peak: 0.1 * scale,
+            rise_uncertainty: 0.01,
+            field_at_peak_t: 0.1,
+            field_half_t: 0.5,
+        }),
+        Command::SetCoil(palpate_wire::command::Coil {
+            pad_capacity_j_per_k: 50.0 * scale,
+            ..coil()
+        }),
+        Command::SetAttraction(Attraction {
+            attraction_n_per_a2: 1e-3 * scale,
+            uncertainty: 0.1,
+        }),
+        Command::SetTemperatureEffect(TemperatureEffect {
+            calibrated_at_c: 23.0 * scale,
+            springs_uncertainty_per_k: 1e-3,
+            rise_uncertainty_per_k: 1e-3,
+        }),
+    ]);
+    commands.push(Command::SetCalibrationIdentity(CalibrationIdentity {
+        id: number,
+        calibrated_at_s: 1_795_000_000 + number,
+        calibrated_at_c: 23.0,
+        hash: configuration_crc(&commands[1..]),
+    }));
+    commands
+}
+
+fn settings(number: u32) -> Settings {
+    Settings {
+        channels: 1,
+        rate_hz: 1_000.0,
+        stream: Stream::Samples,
+        decimation: 1,
+        status_period_s: 0.2 + 0.01 * number as f32,
+        contact_noise_m: 2e-7,
+        release_m: 5e-6,
+        least_press_m: 50e-6,
+        steady_m_per_s: 50e-6,
+        settling_s: 1.0 + number as f32,
+        automatic: false,
+        peak_current_a: 10.0,
+        end_current_a: 0.0,
+        rise_s: 0.01,
+        hold_s: 0.03,
+        ramps: 12,
+        ramp_s: 0.06,
+        drift: Drift::Logarithmic,
+        drift_time_s: 0.5,
+        greatest_error: 0.5,
+        load_points: 8,
+        greatest_temperature_c: 80.0,
+        greatest_energy_j: 40.0,
+    }
+}
+
+/// The chunks of a curve.
+fn curve(channel: u8, total: u8, scale: f32) -> Vec<Command> {
+    let knots: Vec<DeformationKnot> = (0..total)
+        .map(|knot| DeformationKnot {
+            inductance_change: -2e-3 + 1e-3 * f32::from(knot),
+            deformation_m: scale * (-2e-4 + 1e-4 * f32::from(knot)),
+        })
+        .collect();
+    let chunks = knots.chunks(KNOTS_PER_CHUNK).enumerate();
+    chunks
+        .map(|(index, knots)| {
+            Command::SetDeformationCurve(DeformationCurve {
+                sensor: 0,
+                channel,
+                total,
+                first: (index * KNOTS_PER_CHUNK) as u8,
+                knots: knots.iter().cloned().collect(),
+            })
+        })
+        .collect()
+}
+
+pub(crate) fn storage(record: &Record) -> Option<record::Storage> {
+    match record {
+        Record::Storage(storage) => Some(storage.clone()),
+        _ => None,
+    }
+}
+
+pub(crate) fn hello(record: &Record) -> Option<record::Hello> {
+    match record {
+        Record::Hello(hello) => Some(hello.clone()),
+        _ => None,
+    }
+}
+
+/// A board whose flash takes so long, streaming.
+pub(crate) fn streaming_with(flash_times: FlashTimes, seed: u64) -> RecordedBoard {
+    let options = Options {
+        flash_times,
+        seed,
+        ..recording()
+    };
+    let plant = Still::new(FREQUENCIES_HZ);
+    let board = EmulatedBoard::new(image(), plant, ChipSettings::default(), options);
+    let mut bench = RecordedBoard::of(board);
+    bench.stream();
+    bench
+}
+
+impl<P: Plant> RecordedBoard<P> {
+    pub(crate) fn accepted(&mut self, command: &Command) {
+        let answer = self.command(command);
+        assert_eq!(answer.outcome, Outcome::Accepted, "{command:?}: {answer:?}");
+    }
+
+    pub(crate) fn set(&mut self, commands: &[Command]) {
+        for command in commands {
+            self.accepted(command);
+        }
+    }
+
+    /// Does something with the storage, and waits for the end of it.
+    pub(crate) fn with_storage(&mut self, command: &Command) -> record::Storage {
+        self.accepted(command);
+        self.wait_for(LONGEST_SAVE, storage)
+            .unwrap_or_else(|| panic!("{command:?} does not end"))
+    }
+
+    /// Stores what is in force.
+    pub(crate) fn store(&mut self) -> record::Storage {
+        let stored = self.with_storage(&Command::Store);
+        let is_done = stored.succeeded && stored.stored_crc == stored.in_force_crc;
+        assert!(is_done && stored.state == StorageState::Whole, "{stored:?}");
+        stored
+    }
+
+    /// What is stored and what is in force, as asked for.
+    pub(crate) fn stored(&mut self) -> record::Storage {
+        self.ask(&Command::GetStorage, storage).1
+    }
+
+    /// Sets a configuration and stores it.
+    pub(crate) fn save(&mut self, commands: &[Command]) -> record::Storage {
+        self.set(commands);
+        self.store()
+    }
+
+    /// Lets the board start anew by command, and waits until it streams.
+    pub(crate) fn reboot(&mut self) -> FoundAtStart {
+        self.accepted(&reboot(RebootTarget::Firmware));
+        let before = self.board.resets();
+        self.board
+            .run_until(Time::from_ms(300), |board| board.resets() != before)
+            .expect("it starts anew");
+        self.started()
+    }
+
+    /// Takes the board's power and gives it back, and waits until it streams.
+    pub(crate) fn cycle_power(&mut self) -> FoundAtStart {
+        self.board.cycle_power();
+        self.started()
+    }
+
+    /// After the board has begun to start: what it says first.
+    pub(crate) fn started(&mut self) -> FoundAtStart {
+        // What the run before has left.
+        self.board.read_channel(super::DATA);
+        self.restart_listening();
+        let storage = self
+            .wait_for(START, storage)
+            .expect("a start says what is stored");
+        self.stream();
+        let records = self.frames.iter().map(|frame| &frame.message);
+        let hello = records.clone().find_map(hello).expect("a start says hello");
+        FoundAtStart {
+            hello,
+            storage,
+            settings: self.settings(),
+            faults: self.faults(),
+        }
+    }
+
+    /// Lets the power fail in an operation of the flash that a command leads to, and starts again.
+    /// Nothing if the command has fewer.
+    pub(crate) fn cut_at(&mut self, operation: u64, command: &Command) -> Option<FoundAtStart> {
+        self.board.flash_mut().cut_power_at_operation(operation);
+        let before = self.board.resets();
+        let heard = self.frames.len();
+        self.send(command);
+        let end = self.board.now() + LONGEST_SAVE;
+        while self.board.resets() == before {
+            self.board.run_for(Time::from_ms(1)).unwrap();
+            if self.board.resets() == before {
+                self.listen();
+                let is_over = |frame: &palpate_wire::Frame<Record>| storage(&frame.message);
+                if self.frames[heard..].iter().find_map(is_over).is_some() {
+                    assert!(self.board.flash_mut().cancel_power_cut());
+                    return None;
+                }
+            }
+            assert!(self.board.now() < end, "{command:?} does not end");
+        }
+        Some(self.started())
+    }
+
+    /// The operations of the flash that a command leads to.
+    pub(crate) fn operations_of(&self, command: &Command) -> Vec<FlashOperation> {
+        let mut bench = self.clone();
+        let before = bench.board.flash().operations().len();
+        bench.with_storage(command);
+        bench.board.flash().operations()[before..].to_vec()
+    }
+
+    /// The addresses of the area at which something is written.
+    pub(crate) fn written(&self) -> Vec<u32> {
+        let flash = self.board.flash();
+        AREA.filter(|address| flash.byte(*address) != 0xFF).collect()
+    }
+}
+
+pub(crate) const fn reboot(target: RebootTarget) -> Command {
+    Command::Reboot(Reboot { target })
+}
+
+/// How many operations erase.
+pub(crate) fn erases(operations: &[FlashOperation]) -> usize {
+    let is_erase = |of: &&FlashOperation| of.kind != FlashOperationKind::ProgramPage;
+    operations.iter().filter(is_erase).count()
+}
+
+/// What a start says.
+#[derive(Clone, Debug)]
+pub(crate) struct FoundAtStart {
+    pub(crate) hello: record::Hello,
+    pub(crate) storage: record::Storage,
+    /// Those in force.
+    pub(crate) settings: Settings,
+    pub(crate) faults: Vec<record::Fault>,
+}
+
+impl FoundAtStart {
+    /// Whether a configuration is in force as a whole, stored, and reported so.
+    pub(crate) fn is(&self, commands: &[Command]) -> bool {
+        let Self {
+            hello,
+            storage,
+            settings,
+            faults,
+        } = self;
+        let crc = configuration_crc(commands);
+        let has_settings = |command: &Command| *command == Command::SetSettings(settings.clone());
+        let identity = commands.iter().find_map(|command| match command {
+            Command::SetCalibrationIdentity(identity) => Some(identity),
+            _ => None,
+        });
+        storage.action == StorageAction::Load
+            && storage.succeeded
+            && storage.state == StorageState::Whole
+            && [storage.stored_crc, storage.in_force_crc, hello.configuration_crc] == [crc; 3]
+            && storage.calibration_id == identity.map(|of| of.id)
+            && storage.calibration_hash == identity.map(|of| of.hash)
+            && commands.iter().any(has_settings)
+            && faults.is_empty()
+    }
+
+    /// Whether nothing is in force but the defaults.
+    pub(crate) fn is_default(&self) -> bool {
+        self.storage.in_force_crc == defaults_crc()
+    }
+}
+
+/// `configuration_crc` of a board in whose flash nothing is stored.
+fn defaults_crc() -> u32 {
+    static CRC: std::sync::OnceLock<u32> = std::sync::OnceLock::new();
+    *CRC.get_or_init(|| streaming_with(FlashTimes::Typical, 1).stored().in_force_crc)
+}
+
+/// Which of two configurations is whole in force and reported so.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum Which {
+    Old,
+    New,
+    Neither,
+}
+
+impl Which {
+    pub(crate) fn of(found: &FoundAtStart, old: &[Command], new: &[Command]) -> Self {
+        if found.is(old) {
+            Self::Old
+        } else if found.is(new) {
+            Self::New
+        } else {
+            Self::Neither
+        }
+    }
+}
+
+/// A board on which the next save has to erase: two configurations have been stored one after the
+/// other, and a third is set.
+#[derive(Clone)]
+pub(crate) struct ThirdSave {
+    pub(crate) bench: RecordedBoard,
+    pub(crate) old: Vec<Command>,
+    pub(crate) new: Vec<Command>,
+    /// What a save does to the flash.
+    pub(crate) operations: Vec<FlashOperation>,
+}
+
+impl ThirdSave {
+    pub(crate) fn prepared(amount: Amount, flash_times: FlashTimes, seed: u64) -> Self {
+        let mut bench = streaming_with(flash_times, seed);
+        let [first, old, new] = [1, 2, 3].map(|number| configuration(number, amount));
+        bench.save(&first);
+        bench.save(&old);
+        bench.set(&new);
+        let operations = bench.operations_of(&Command::Store);
+        assert!(erases(&operations) > 0, "a third save erases");
+        Self {
+            bench,
+            old,
+            new,
+            operations,
+        }
+    }
+
+    /// What is found after a cut of power in an operation of the save, and the board.
+    pub(crate) fn cut(&self, operation: u64) -> (Which, RecordedBoard, FoundAtStart) {
+        let mut bench = self.bench.clone();
+        let found = bench
+            .cut_at(operation, &Command::Store)
+            .expect("the save has that operation");
+        let which = Which::of(&found, &self.old, &self.new);
+        (which, bench, found)
+    }
+
+    /// What is found when the power fails again, in an operation of the next save: of the new
+    /// configuration, set anew. Nothing if that has fewer.
+    pub(crate) fn cut_again(
+        &self,
+        recovered: &RecordedBoard,
+        operation: u64,
+    ) -> Option<(Which, FoundAtStart)> {
+        let mut bench = recovered.clone();
+        bench.set(&self.new);
+        let found = bench.cut_at(operation, &Command::Store)?;
+        Some((Which::of(&found, &self.old, &self.new), found))
+    }
+}
+
+/// Some numbers of a range, its ends among them.
+pub(crate) fn spread(count: u64, of: u64) -> BTreeSet<u64> {
+    let last = of.saturating_sub(1);
+    let steps = count.saturating_sub(1).max(1);
+    (0..count).map(|index| index * last / steps).collect()
+}
