@@ -2,14 +2,15 @@
 //!
 //! The boot ROM's functions do the work (RP2040 datasheet, 2.8.3.1.3). While one of them runs, nothing
 //! can be read from flash: everything that runs meanwhile lies in memory, constants too (build.rs). So
-//! interrupts go on. Afterwards flash is read by the ROM's simplest command, a byte at a time: the
-//! start is over, and what is read from then on is little.
+//! interrupts go on. Afterwards the second stage lets flash be read fast again: by the ROM's own
+//! command a line takes 3 us, in which no interrupt begins, and time stamps would be off by as much.
 
 #![allow(unsafe_code)]
 
 use embedded_storage_async::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
 };
+use rp2040_boot2::BOOT_LOADER_W25Q080;
 use rp2040_hal::rom_data;
 use rp2040_pac::{IO_QSPI, XIP_SSI};
 
@@ -38,21 +39,53 @@ const NUMBER: usize = 8;
 /// Questions for a byte of an answer: 100 us at 200 MHz, where one takes half a microsecond.
 const POLLS: usize = 2_000;
 
-/// The flash's unique number; 0 if it does not answer. Once, before interrupts are on.
-#[inline(never)]
-pub fn number() -> u64 {
-    // SAFETY: nothing reads flash meanwhile: this code and its constants lie in memory, and no
-    // interrupt is on.
+/// The second stage once more, in memory like every constant (build.rs).
+#[repr(align(4))]
+struct SecondStage([u8; PAGE]);
+
+static SECOND_STAGE: SecondStage = SecondStage(BOOT_LOADER_W25Q080);
+
+/// Lets flash be used by commands.
+///
+/// # Safety
+/// Whatever runs until it returns lies in memory, interrupts included.
+#[inline(always)]
+unsafe fn by_commands<T>(work: impl FnOnce() -> T) -> T {
+    // SAFETY: in the order that they are for (datasheet 2.8.3.1.3).
     unsafe {
         rom_data::connect_internal_flash();
         rom_data::flash_exit_xip();
+        let result = work();
+        rom_data::flash_flush_cache();
+        read_fast();
+        result
+    }
+}
+
+/// Lets flash be read by four wires, as from the start on.
+///
+/// # Safety
+/// As [`by_commands`], at its end.
+#[inline(always)]
+unsafe fn read_fast() {
+    let entry = SECOND_STAGE.0.as_ptr() as usize | 1;
+    // SAFETY: the second stage is a function in Thumb code without arguments. It returns to where it
+    // is called from, unless that is 0, as the boot ROM has it.
+    let second_stage = unsafe { core::mem::transmute::<usize, extern "C" fn()>(entry) };
+    second_stage();
+}
+
+/// The flash's unique number; 0 if it does not answer. Once, before interrupts are on.
+#[inline(never)]
+pub fn number() -> u64 {
+    let ask = || {
         select(true);
         let number = exchange_number();
         select(false);
-        rom_data::flash_flush_cache();
-        rom_data::flash_enter_cmd_xip();
         number.unwrap_or(0)
-    }
+    };
+    // SAFETY: this code and its constants lie in memory, and no interrupt is on.
+    unsafe { by_commands(ask) }
 }
 
 /// Holds the chip select low, or high.
@@ -134,28 +167,20 @@ fn within(offset: u32, length: usize, unit: usize) -> Result<u32, FlashError> {
 #[inline(never)]
 fn erase_sector(address: u32) {
     bridge_off();
-    // SAFETY: whatever runs before this returns lies in memory, interrupts included.
-    unsafe {
-        rom_data::connect_internal_flash();
-        rom_data::flash_exit_xip();
-        rom_data::flash_range_erase(address, SECTOR, BLOCK, ERASE_BLOCK);
-        rom_data::flash_flush_cache();
-        rom_data::flash_enter_cmd_xip();
-    }
+    // SAFETY: a sector of the area, in which no code lies.
+    let erase = || unsafe { rom_data::flash_range_erase(address, SECTOR, BLOCK, ERASE_BLOCK) };
+    // SAFETY: all but the storage lies in memory, and that waits here.
+    unsafe { by_commands(erase) }
 }
 
 /// Programs a page, likewise. It lies in memory.
 #[inline(never)]
 fn program_page(address: u32, page: &[u8; PAGE]) {
     bridge_off();
+    // SAFETY: a page of the area.
+    let program = || unsafe { rom_data::flash_range_program(address, page.as_ptr(), PAGE) };
     // SAFETY: as above.
-    unsafe {
-        rom_data::connect_internal_flash();
-        rom_data::flash_exit_xip();
-        rom_data::flash_range_program(address, page.as_ptr(), PAGE);
-        rom_data::flash_flush_cache();
-        rom_data::flash_enter_cmd_xip();
-    }
+    unsafe { by_commands(program) }
 }
 
 impl ReadNorFlash for Area {

@@ -3,6 +3,7 @@
 #![allow(dead_code, reason = "no test file uses all of it")]
 
 pub(crate) mod driven;
+pub(crate) mod during_save;
 pub(crate) mod stamps;
 pub(crate) mod usb;
 pub(crate) mod stored;

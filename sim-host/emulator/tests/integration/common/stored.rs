@@ -5,10 +5,12 @@ use std::collections::BTreeSet;
 use ldc161x_sim::Settings as ChipSettings;
 use palpate_emulator::{EmulatedBoard, FlashOperation, FlashOperationKind, Options, Plant, Still};
 use palpate_emulator::{FlashTimes, Time};
-use palpate_wire::code::{Drift, Outcome, RebootTarget, StorageAction, StorageState, Stream};
+use palpate_wire::code::{
+    Drift, FaultCode, Outcome, RebootTarget, StorageAction, StorageState, Stream,
+};
 use palpate_wire::command::{
-    Attraction, CalibrationIdentity, Crosstalk, DeformationCurve, DeformationKnot,
-    KNOTS_PER_CHUNK, Reboot, Settings, Springs, Stiffening, Tank, TemperatureEffect,
+    Attraction, CalibrationIdentity, Crosstalk, DeformationCurve, DeformationKnot, KNOTS_PER_CHUNK,
+    Reboot, Settings, Springs, Stiffening, Tank, TemperatureEffect,
 };
 use palpate_wire::{Command, Record, configuration_crc, record};
 
@@ -298,7 +300,8 @@ impl<P: Plant> RecordedBoard<P> {
     /// The addresses of the area at which something is written.
     pub(crate) fn written(&self) -> Vec<u32> {
         let flash = self.board.flash();
-        AREA.filter(|address| flash.byte(*address) != 0xFF).collect()
+        AREA.filter(|address| flash.byte(*address) != 0xFF)
+            .collect()
     }
 }
 
@@ -340,7 +343,11 @@ impl FoundAtStart {
         storage.action == StorageAction::Load
             && storage.succeeded
             && storage.state == StorageState::Whole
-            && [storage.stored_crc, storage.in_force_crc, hello.configuration_crc] == [crc; 3]
+            && [
+                storage.stored_crc,
+                storage.in_force_crc,
+                hello.configuration_crc,
+            ] == [crc; 3]
             && storage.calibration_id == identity.map(|of| of.id)
             && storage.calibration_hash == identity.map(|of| of.hash)
             && commands.iter().any(has_settings)
@@ -386,7 +393,9 @@ pub(crate) struct ThirdSave {
     pub(crate) bench: RecordedBoard,
     pub(crate) old: Vec<Command>,
     pub(crate) new: Vec<Command>,
-    /// What a save does to the flash.
+    /// Operations of the flash before the save.
+    pub(crate) before: usize,
+    /// What it does to the flash.
     pub(crate) operations: Vec<FlashOperation>,
 }
 
@@ -400,6 +409,7 @@ impl ThirdSave {
         let operations = bench.operations_of(&Command::Store);
         assert!(erases(&operations) > 0, "a third save erases");
         Self {
+            before: bench.board.flash().operations().len(),
             bench,
             old,
             new,
@@ -428,6 +438,32 @@ impl ThirdSave {
         bench.set(&self.new);
         let found = bench.cut_at(operation, &Command::Store)?;
         Some((Which::of(&found, &self.old, &self.new), found))
+    }
+}
+
+/// What becomes of a bit that flips.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum BitFlip {
+    /// All is in force as it was stored.
+    Corrected,
+    /// It is a fault, and the defaults are in force.
+    Found,
+    /// Anything else is in force.
+    Silent,
+}
+
+/// Inverts a bit of what is stored, and starts the board with it.
+pub(crate) fn flip(bench: &RecordedBoard, stored: &[Command], address: u32, bit: u8) -> BitFlip {
+    let mut bench = bench.clone();
+    bench.board.flash_mut().flip_bit(address, bit);
+    let found = bench.cycle_power();
+    let is_damage = |fault: &record::Fault| fault.active && fault.code == FaultCode::StorageDamaged;
+    if found.is(stored) {
+        BitFlip::Corrected
+    } else if found.is_default() && found.faults.iter().any(is_damage) {
+        BitFlip::Found
+    } else {
+        BitFlip::Silent
     }
 }
 
