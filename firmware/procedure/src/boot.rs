@@ -15,7 +15,7 @@ pub const RECORD_WORDS: usize = 20;
 /// |---|---|
 /// | 0 | "Palp" |
 /// | 1 | what it says: a count of crashes, a panic, a hard fault, an end that was asked for |
-/// | 2 | crashes in a row |
+/// | 2 | crashes in a row; an end that was asked for keeps them |
 /// | 3 to 6 | line, program counter, link register, time since the start in ms |
 /// | 7 to 18 | the end of the source file's name, filled up with zeros |
 /// | 19 | CRC-32C over the words before it, least significant byte first |
@@ -67,6 +67,13 @@ pub struct ResetFlags {
     pub pin: bool,
 }
 
+impl ResetFlags {
+    /// Whether the firmware reset itself, on purpose or because its watchdog was not fed.
+    const fn is_by_firmware(self) -> bool {
+        self.forced || (self.timed_out && self.is_own_watchdog)
+    }
+}
+
 /// Why a run began.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Boot {
@@ -74,7 +81,8 @@ pub struct Boot {
     pub cause: ResetCause,
     /// What the last run died of, if it did and could say so.
     pub crash: Option<Crash>,
-    /// Runs in a row that ended by a panic, a fault, a hang or in an unknown way.
+    /// Runs in a row that ended by a panic, a fault, a hang or in an unknown way, before they lasted.
+    /// A new start that was asked for neither counts nor ends it.
     pub streak: u8,
 }
 
@@ -221,8 +229,8 @@ impl Kept {
 
 /// The record of a run that ends now. `before` is what memory holds.
 pub fn record(end: &End<'_>, before: &RecordWords, uptime_ms: u32) -> RecordWords {
-    let streak = Kept::read(before).map_or(0, |kept| kept.streak);
-    let streak = streak.saturating_add(1);
+    let before = Kept::read(before).map_or(0, |kept| kept.streak);
+    let streak = before.saturating_add(1);
     let mut kept = match *end {
         End::Panic { line, .. } => Kept {
             line,
@@ -236,7 +244,8 @@ pub fn record(end: &End<'_>, before: &RecordWords, uptime_ms: u32) -> RecordWord
             link_register,
             ..Kept::new(WordKind::HardFault, streak)
         },
-        End::Asked => Kept::new(WordKind::Asked, 0),
+        // A run that lasts ends a streak, and no other.
+        End::Asked => Kept::new(WordKind::Asked, before),
     };
     kept.uptime_ms = uptime_ms;
     if let End::Panic { file, .. } = end {
@@ -265,6 +274,8 @@ impl Boot {
             ResetCause::Panic | ResetCause::HardFault => counted.max(1),
             // Those keep nothing of themselves.
             ResetCause::Watchdog | ResetCause::Unexplained => counted.saturating_add(1),
+            ResetCause::Software if flags.is_by_firmware() => counted,
+            // The boot loader starts what it has written, and that has not crashed yet.
             _ => 0,
         };
         let boot = Self {
@@ -299,7 +310,7 @@ fn cause(flags: ResetFlags, kept: Option<&Kept>) -> ResetCause {
         Some(WordKind::Asked) => Some(ResetCause::Software),
         Some(WordKind::Count) | None => None,
     };
-    if flags.forced || (flags.timed_out && flags.is_own_watchdog) {
+    if flags.is_by_firmware() {
         // The firmware asks for a reset only after it has written why.
         let silent = if flags.forced {
             ResetCause::Unexplained

@@ -120,6 +120,33 @@ fn crashes_in_a_row_are_counted_whatever_they_are_and_a_start_without_one_ends_i
     assert_eq!((boot.streak, keep), (0, NO_RECORD));
 }
 
+/// Otherwise a PC that restarts a device which crashes again and again would have it drive its coil.
+#[test]
+fn a_new_start_that_was_asked_for_keeps_the_streak_and_one_by_the_boot_loader_ends_it() {
+    let mut memory = NO_RECORD;
+    for _ in 0..5 {
+        (_, memory) = Boot::judge(FORCED, &panicked(&memory));
+    }
+    for flags in [FORCED, TIMED_OUT, FORCED] {
+        let (boot, keep) = Boot::judge(flags, &record(&End::Asked, &memory, 9_000));
+        let found = (boot.cause, boot.crash, boot.streak);
+        assert_eq!(found, (ResetCause::Software, None, 5));
+        memory = keep;
+    }
+    let (boot, _) = Boot::judge(FORCED, &panicked(&memory));
+    assert_eq!(boot.streak, 6);
+    let boot_loader = ResetFlags {
+        timed_out: true,
+        ..ResetFlags::default()
+    };
+    let (boot, keep) = Boot::judge(boot_loader, &record(&End::Asked, &memory, 9_000));
+    let found = (boot.cause, boot.streak, keep);
+    assert_eq!(found, (ResetCause::Software, 0, NO_RECORD));
+    // After a run that has lasted there is nothing to keep.
+    let (boot, _) = Boot::judge(FORCED, &record(&End::Asked, &NO_RECORD, 11_000));
+    assert_eq!((boot.cause, boot.streak), (ResetCause::Software, 0));
+}
+
 /// Otherwise a reset that leaves no record would be reported with the place of an earlier crash.
 #[test]
 fn a_record_is_read_once() {

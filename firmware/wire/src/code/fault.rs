@@ -88,7 +88,8 @@ codes! {
         /// link; command the current anew.
         HostSilent = 37 "host_silent",
         /// The device crashed again and again and keeps its outputs off. Value: crashes in a row.
-        /// Read the records `crash`; after ten seconds without one, switch off and on.
+        /// Read the records `crash`; after ten seconds without one, `reboot`. Nothing of what is stored
+        /// is in force until then: `erase` it if it may be the cause.
         CrashStreak = 38 "crash_streak",
         /// The device reset itself, and the record that says why cannot be read.
         CrashUnreadable = 39 "crash_unreadable",
