@@ -2,17 +2,17 @@
 //!
 //! The boot ROM's functions do the work (RP2040 datasheet, 2.8.3.1.3). While one of them runs, nothing
 //! can be read from flash: everything that runs meanwhile lies in memory, constants too (build.rs). So
-//! interrupts go on. Afterwards the second stage lets flash be read fast again: by the ROM's own
-//! command a line takes 3 us, in which no interrupt begins, and time stamps would be off by as much.
+//! interrupts go on. Afterwards flash is read on four wires: by the ROM's own command a line takes 3 us,
+//! in which no interrupt begins, and time stamps would be off by as much. The second stage is not run
+//! again for that: it sends commands, and an interrupt among them would end one halfway.
 
 #![allow(unsafe_code)]
 
 use embedded_storage_async::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
 };
-use rp2040_boot2::BOOT_LOADER_W25Q080;
 use rp2040_hal::rom_data;
-use rp2040_pac::{IO_QSPI, XIP_SSI};
+use rp2040_pac::{IO_QSPI, PADS_QSPI, XIP_SSI};
 
 use super::safe::bridge_off;
 
@@ -32,6 +32,17 @@ const PAGE: usize = 256;
 /// by sector: a block takes longer than the storage wants to wait.
 const BLOCK: u32 = 64 * 1024;
 const ERASE_BLOCK: u8 = 0xD8;
+/// Fast Read Quad Output (8.2.9): the command, three bytes of address and eight clocks of waiting, on
+/// one wire; data on four.
+const FAST_READ: u32 = 0x6B;
+/// SPI_CTRLR0 (RP2040 datasheet 4.10.13): that command in each read, so many clocks of waiting, eight
+/// bits of a command, 24 of an address.
+const EACH_WITH_COMMAND: u32 = FAST_READ << 24 | 8 << 11 | 2 << 8 | 6 << 2;
+/// CTRLR0: a word of 32 bits comes in on four wires, after a command and an address.
+const WORD_ON_FOUR_WIRES: u32 = 2 << 21 | 31 << 16 | 3 << 8;
+/// Clocks of the processor for one of the flash, as the second stage has it: 50 MHz of the 133 that the
+/// flash bears (W25Q16JV datasheet 9.6).
+const FLASH_DIVIDER: u32 = 4;
 /// Read Unique ID Number (8.2.27): the command, four bytes without meaning, then the number.
 const READ_NUMBER: u8 = 0x4B;
 const BEFORE_NUMBER: usize = 5;
@@ -39,40 +50,77 @@ const NUMBER: usize = 8;
 /// Questions for a byte of an answer: 100 us at 200 MHz, where one takes half a microsecond.
 const POLLS: usize = 2_000;
 
-/// The second stage once more, in memory like every constant (build.rs).
-#[repr(align(4))]
-struct SecondStage([u8; PAGE]);
-
-static SECOND_STAGE: SecondStage = SecondStage(BOOT_LOADER_W25Q080);
-
 /// Lets flash be used by commands.
 ///
 /// # Safety
 /// Whatever runs until it returns lies in memory, interrupts included.
 #[inline(always)]
 unsafe fn by_commands<T>(work: impl FnOnce() -> T) -> T {
+    let pads = Pads::read();
     // SAFETY: in the order that they are for (datasheet 2.8.3.1.3).
-    unsafe {
+    let result = unsafe {
         rom_data::connect_internal_flash();
         rom_data::flash_exit_xip();
         let result = work();
         rom_data::flash_flush_cache();
-        read_fast();
         result
+    };
+    pads.write();
+    read_on_four_wires();
+    result
+}
+
+/// Clock and data of the flash's pads as the second stage has set them for its clock. The ROM sets
+/// them back.
+struct Pads {
+    clock: u32,
+    data: [u32; 4],
+}
+
+impl Pads {
+    #[inline(always)]
+    fn read() -> Self {
+        // SAFETY: registers are read.
+        let pads = unsafe { &*PADS_QSPI::ptr() };
+        Self {
+            clock: pads.gpio_qspi_sclk().read().bits(),
+            data: [
+                pads.gpio_qspi_sd0().read().bits(),
+                pads.gpio_qspi_sd1().read().bits(),
+                pads.gpio_qspi_sd2().read().bits(),
+                pads.gpio_qspi_sd3().read().bits(),
+            ],
+        }
+    }
+
+    #[inline(always)]
+    fn write(&self) {
+        // SAFETY: the flash's alone, and what was there before.
+        unsafe {
+            let pads = &*PADS_QSPI::ptr();
+            pads.gpio_qspi_sclk().write(|w| w.bits(self.clock));
+            let [first, second, third, fourth] = self.data;
+            pads.gpio_qspi_sd0().write(|w| w.bits(first));
+            pads.gpio_qspi_sd1().write(|w| w.bits(second));
+            pads.gpio_qspi_sd2().write(|w| w.bits(third));
+            pads.gpio_qspi_sd3().write(|w| w.bits(fourth));
+        }
     }
 }
 
-/// Lets flash be read by four wires, as from the start on.
-///
-/// # Safety
-/// As [`by_commands`], at its end.
+/// Lets flash be read by Fast Read Quad Output. That needs no command before, unlike reads without a
+/// command in each, and so bears interrupts; the second stage has enabled it at the start.
 #[inline(always)]
-unsafe fn read_fast() {
-    let entry = SECOND_STAGE.0.as_ptr() as usize | 1;
-    // SAFETY: the second stage is a function in Thumb code without arguments. It returns to where it
-    // is called from, unless that is 0, as the boot ROM has it.
-    let second_stage = unsafe { core::mem::transmute::<usize, extern "C" fn()>(entry) };
-    second_stage();
+fn read_on_four_wires() {
+    // SAFETY: the controller is this code's alone; nothing reads flash yet.
+    unsafe {
+        let controller = &*XIP_SSI::ptr();
+        controller.ssienr().write(|w| w.bits(0));
+        controller.baudr().write(|w| w.bits(FLASH_DIVIDER));
+        controller.ctrlr0().write(|w| w.bits(WORD_ON_FOUR_WIRES));
+        controller.spi_ctrlr0().write(|w| w.bits(EACH_WITH_COMMAND));
+        controller.ssienr().write(|w| w.bits(1));
+    }
 }
 
 /// The flash's unique number; 0 if it does not answer. Once, before interrupts are on.
