@@ -200,6 +200,20 @@ const CAMPAIGNS: &[Campaign] = &[
         rests_on: IMAGE,
     },
     Campaign {
+        name: "image-storage",
+        purpose: "Settings and calibration in the flash of the firmware's image: cuts of power at every \
+                  operation, bits that flip, and all that goes on beside a save.",
+        arguments: &[
+            "run",
+            "--release",
+            "-p",
+            "palpate-emulator",
+            "--example",
+            "image-storage",
+        ],
+        rests_on: IMAGE,
+    },
+    Campaign {
         name: "image-rates",
         purpose: "Rates, latencies and losses of the firmware's image.",
         arguments: &[

@@ -3,15 +3,17 @@
 //! A code without a cause here does not compile: [`cause`] matches all of them.
 
 use crate::common::driven::{Wired, drive, wired};
+use crate::common::stored::{AREA, Amount, configuration, streaming_with};
 use crate::common::{Crash, LOOP, RecordedBoard, SPARE, image, ramping, recording};
 use ldc161x_sim::{ChipFault, FaultEvent, Lost, Path, Settings, Strike};
 use palpate_emulator::{
-    BridgeCircuit, EmulatedBoard, Image, LineFault, Options, Plant, PlantConditions, Time, firmware,
+    BridgeCircuit, EmulatedBoard, FlashTimes, Image, LineFault, Options, Plant, PlantConditions,
+    Time, firmware,
 };
-use palpate_wire::Command;
 use palpate_wire::code::{FaultCode, Outcome};
 use palpate_wire::command::ClearFault;
 use palpate_wire::record;
+use palpate_wire::{Command, configuration_crc};
 
 /// The timer's interrupt, in which the coil's task runs.
 const TASKS: u32 = 16;
@@ -55,7 +57,8 @@ fn cause(code: FaultCode) -> Vec<record::Fault> {
         Panic => panicked(),
         CrashUnreadable => reset_by_itself(),
         ConfigurationDamaged => upset(),
-        StorageDamaged | StorageFailed => Vec::new(),
+        StorageDamaged => started_with_a_damaged_calibration(),
+        StorageFailed => stored_in_worn_flash(),
         Overrun => driven(2.0, |bench| hold_tasks(bench, Time::from_ms(25))),
         Clock => without_crystal(),
         CoilOpen => tested(|plant| plant.conditions.coil_ohm = 1e4),
@@ -94,6 +97,17 @@ fn raise(part: usize) {
 }
 
 const PARTS: usize = 2;
+
+#[test]
+fn what_is_damaged_in_flash_and_flash_that_takes_nothing_are_faults() {
+    for code in [FaultCode::StorageDamaged, FaultCode::StorageFailed] {
+        let faults = cause(code);
+        assert!(
+            faults.iter().any(|it| it.active && it.code == code),
+            "{faults:?}"
+        );
+    }
+}
 
 #[test]
 #[ignore = "long: `cargo xtask ci` runs it"]
@@ -245,6 +259,47 @@ fn a_switch_that_conducts_for_ever() -> Vec<record::Fault> {
     bench.command(&Command::Abort);
     bench.run(Time::from_ms(50));
     bench.faults()
+}
+
+// ---- flash ----
+
+/// One bit in sixteen of a page of what is stored: more than any code corrects.
+fn started_with_a_damaged_calibration() -> Vec<record::Fault> {
+    let mut bench = streaming_with(FlashTimes::Typical, 1);
+    bench.save(&configuration(1, Amount::Usual));
+    let written = bench.written();
+    for address in written.into_iter().take(256).step_by(2) {
+        bench.board.flash_mut().flip_bit(address, 3);
+    }
+    let found = bench.cycle_power();
+    assert!(found.is_default(), "{found:?}");
+    // Stored anew, it is sound again.
+    let again = configuration(2, Amount::Usual);
+    bench.accepted(&Command::ClearFault(ClearFault {
+        code: FaultCode::StorageDamaged,
+    }));
+    bench.save(&again);
+    let later = bench.cycle_power();
+    assert!(later.is(&again), "{later:?}");
+    found.faults
+}
+
+/// Every sector of the area takes nothing: what was stored before still is.
+fn stored_in_worn_flash() -> Vec<record::Fault> {
+    let mut bench = streaming_with(FlashTimes::Typical, 1);
+    let old = configuration(1, Amount::Usual);
+    bench.save(&old);
+    bench.set(&configuration(2, Amount::Usual));
+    for sector in AREA.step_by(4096) {
+        bench.board.flash_mut().wear_out(sector);
+    }
+    let failed = bench.with_storage(&Command::Store);
+    let crc = configuration_crc(&old);
+    assert!(!failed.succeeded && failed.stored_crc == crc, "{failed:?}");
+    bench.run(Time::from_ms(5));
+    let faults = bench.faults();
+    assert!(bench.cycle_power().is(&old));
+    faults
 }
 
 // ---- processor and memory ----

@@ -106,8 +106,6 @@ fn a_save_with_the_longest_erases_holds_nothing_up() {
     let mut save = ThirdSave::prepared(Amount::Usual, FlashTimes::Longest, 1);
     save.bench.plug();
     let during = save.bench.store_beside_everything();
-    println!("{during:#?}");
-    println!("stack: {} bytes", save.bench.status().stack_bytes);
     assert!(during.erases > 0 && during.took > Time::from_ms(400));
     assert!(during.probe.samples > 400 && during.usb.samples > 400);
     assert!(during.answered > 50);
@@ -141,11 +139,6 @@ fn flash_is_changed_only_after_the_bridge_rests() {
         });
         begins.expect("the save begins");
         let begun = bench.board.flash().operations()[before].begun;
-        println!(
-            "{order:?}: off for {}, at rest for {}",
-            begun - awake,
-            begun - control
-        );
         assert!(awake > Time::ZERO && begun - awake >= Time::from_ms(190));
         assert!(begun > control);
         let heard = bench.frames.len();
@@ -173,14 +166,12 @@ fn a_reboot_is_answered_first_and_finds_the_bridge_off() {
     bench.run(Time::from_ms(60));
     assert!(bench.board.bridge().awake);
     bench.accepted(&reboot(RebootTarget::Firmware));
-    let answered = bench.board.now();
     assert!(!bench.board.bridge().awake && bench.board.resets().watchdog == 0);
     let anew = bench.board.run_until(Time::from_ms(300), |board| {
         board.resets().watchdog == 1 || board.bridge().awake
     });
     anew.expect("it starts anew within 0.3 s");
     assert!(!bench.board.bridge().awake);
-    println!("{}", bench.board.now() - answered);
     let found = bench.started();
     assert_eq!(found.hello.reset_cause, ResetCause::Software);
     assert!(found.is(&commands), "{found:?}");
@@ -275,7 +266,6 @@ fn a_board_flickers_for_as_long_as_it_is_to_be_found() {
     bench.accepted(&Command::Locate(Locate { duration_s: 1.0 }));
     let flickering = led_changes(&mut bench, Time::from_ms(1_000));
     let afterwards = led_changes(&mut bench, Time::from_ms(2_000));
-    println!("{flickering:?} {afterwards:?}");
     assert!((18..=20).contains(&flickering.len()), "{flickering:?}");
     let steady = flickering.windows(2).map(|of| of[1] - of[0]);
     assert!(
