@@ -41,7 +41,10 @@ fn settings_and_calibration_outlive_a_reboot_and_a_loss_of_power() {
 fn a_power_cut_in_a_save_leaves_all_of_the_old_or_all_of_the_new() {
     let save = ThirdSave::prepared(Amount::Usual, FlashTimes::Typical, 1);
     let mut which = BTreeSet::new();
-    for operation in spread(10, save.operations.len() as u64) {
+    let count = save.operations.len() as u64;
+    // At the end of a save its seal is written.
+    let operations = spread(4, count).into_iter().chain(count - 8..count - 1);
+    for operation in operations {
         let (of, recovered, found) = save.cut(operation);
         assert_ne!(of, Which::Neither, "operation {operation}: {found:?}");
         which.insert(of);
