@@ -61,7 +61,7 @@ fn cuts(
             continue;
         }
         for second in spread(NESTED, save.operations.len() as u64) {
-            let Some((which, found)) = save.cut_again(&recovered, second) else {
+            let Some((which, found)) = save.cut_again(&recovered, which, second) else {
                 continue;
             };
             if which == Which::Neither {

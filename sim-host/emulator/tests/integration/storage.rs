@@ -52,7 +52,7 @@ fn a_power_cut_in_a_save_leaves_all_of_the_old_or_all_of_the_new() {
         let (begun, end) = (recovered.board.flash().operations(), operation as usize + 1);
         assert_eq!(begun.len(), save.before + end, "operation {operation}");
         if operation % 2 == 1 {
-            let again = save.cut_again(&recovered, operation / 2);
+            let again = save.cut_again(&recovered, of, operation / 2);
             let (of, found) = again.expect("the next save has that operation");
             assert_ne!(
                 of,

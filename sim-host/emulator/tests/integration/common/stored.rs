@@ -427,15 +427,19 @@ impl ThirdSave {
         (which, bench, found)
     }
 
-    /// What is found when the power fails again, in an operation of the next save: of the new
-    /// configuration, set anew. Nothing if that has fewer.
+    /// What is found when the power fails again, in an operation of the next save: of the
+    /// configuration that is not in force. Nothing if that has fewer.
     pub(crate) fn cut_again(
         &self,
         recovered: &RecordedBoard,
+        in_force: Which,
         operation: u64,
     ) -> Option<(Which, FoundAtStart)> {
         let mut bench = recovered.clone();
-        bench.set(&self.new);
+        bench.set(match in_force {
+            Which::New => &self.old,
+            Which::Old | Which::Neither => &self.new,
+        });
         let found = bench.cut_at(operation, &Command::Store)?;
         Some((Which::of(&found, &self.old, &self.new), found))
     }
