@@ -5,8 +5,8 @@
 pub(crate) mod driven;
 pub(crate) mod during_save;
 pub(crate) mod stamps;
-pub(crate) mod usb;
 pub(crate) mod stored;
+pub(crate) mod usb;
 
 use std::sync::OnceLock;
 
