@@ -7,6 +7,7 @@ use palpate_node::acquisition::Sampled;
 use palpate_node::coil::CoilManager;
 use palpate_node::converter::{CONVERTERS, ConverterState};
 use palpate_node::instrument::{Hardware, Identity, Instrument, Usage};
+use palpate_node::link::BYTES_A_TURN;
 use palpate_node::supervision::Task;
 use palpate_procedure::boot::Boot;
 use palpate_procedure::storage::{StorageOrder, StorageReport};
@@ -28,8 +29,6 @@ use crate::{Mono, app};
 
 /// Samples of a converter that are taken before it turns to everything else.
 const AT_ONCE: usize = 4;
-/// Bytes of commands that are taken in a turn: two of the longest frames.
-const COMMAND_BYTES: usize = 212;
 /// How long the converters may take to wake, to say who they are and to show what releases their
 /// interrupt lines; an absent one is known after 5 ms.
 const IDENTITY_MS: u64 = 60;
@@ -147,7 +146,7 @@ fn work(
         }
     }
     for link in Link::ALL {
-        if let Some(received) = inboxes.receive(link, COMMAND_BYTES) {
+        if let Some(received) = inboxes.receive(link, BYTES_A_TURN) {
             instrument.received(hardware, link, &received);
             stepped = true;
         }

@@ -28,6 +28,7 @@
 mod coil;
 mod converter;
 mod identity;
+mod links;
 mod wiring;
 
 use core::fmt;
@@ -47,6 +48,7 @@ use palpate_wire::{Command, Frame, Header, Message, Record, Sequencer};
 
 use self::coil::NativeCoil;
 use self::converter::{NativeBus, NativeEdges, NativePort, Shared};
+use self::links::Links;
 use crate::device::Device;
 use crate::world::World;
 
@@ -120,8 +122,11 @@ struct NativeHardware<'a> {
     coil: CoilManager<NativeCoil<'a>>,
     /// Number of this run; the next one has the next.
     boot_id: u32,
+    /// Numbers `frames`.
     sequencer: Sequencer,
+    /// What went to the probe's link, where it is not read as bytes.
     frames: Vec<Frame<Record>>,
+    links: Links,
     /// It is to start anew.
     restarts: bool,
 }
@@ -147,11 +152,14 @@ impl<'a> instrument::Hardware for NativeHardware<'a> {
         work(&mut self.shared.states.borrow_mut())
     }
 
-    fn send(&mut self, _: Option<Link>, at_us: u64, record: &Record) {
-        self.frames.push(Frame {
-            header: self.sequencer.stamp(at_us),
-            message: record.clone(),
-        });
+    fn send(&mut self, to: Option<Link>, at_us: u64, record: &Record) {
+        self.links.send(to, at_us, record);
+        if to != Some(Link::Usb) {
+            self.frames.push(Frame {
+                header: self.sequencer.stamp(at_us),
+                message: record.clone(),
+            });
+        }
     }
 
     /// It has no storage, and so gets no orders.
@@ -191,6 +199,7 @@ impl<'a> NativeBoard<'a> {
                 boot_id: FIRST_BOOT_ID,
                 sequencer: Sequencer::new(FIRST_BOOT_ID),
                 frames: Vec::new(),
+                links: Links::new(FIRST_BOOT_ID),
                 restarts: false,
             },
             instrument: Instrument::new(),
@@ -220,6 +229,36 @@ impl<'a> NativeBoard<'a> {
         self.instrument
             .received(&mut self.hardware, Link::Probe, &Ok(frame));
         sequence
+    }
+
+    /// A PC writes bytes to a link, which the board takes as the device does: a frame of each link in
+    /// a turn. From now on what it sends over the link can be [read](Self::read).
+    pub fn write(&mut self, link: Link, bytes: &[u8]) {
+        self.hardware.links.with_cable(link, |cable| {
+            cable.is_open = true;
+            cable.down.extend(bytes);
+        });
+    }
+
+    /// Number of bytes written to a link that the board has not taken yet.
+    #[must_use]
+    pub fn unread(&self, link: Link) -> usize {
+        let links = &self.hardware.links;
+        links.with_cable(link, |cable| cable.down.len())
+    }
+
+    /// The PC reads all that the board has sent over a link since the last call, from the first
+    /// [`write`](Self::write) on.
+    #[must_use]
+    pub fn read(&mut self, link: Link) -> Vec<u8> {
+        let links = &self.hardware.links;
+        links.with_cable(link, |cable| core::mem::take(&mut cable.up))
+    }
+
+    /// Number of this run: [`FIRST_BOOT_ID`], and one more after every restart.
+    #[must_use]
+    pub const fn boot_id(&self) -> u32 {
+        self.hardware.boot_id
     }
 
     /// The procedure, to read; nothing before it has begun.
@@ -278,6 +317,7 @@ impl<'a> NativeBoard<'a> {
             stepped = true;
         }
         if stepped || polls {
+            stepped |= self.receive();
             self.instrument.poll(&mut self.hardware, stepped);
         }
         if core::mem::take(&mut self.hardware.restarts) {
@@ -285,10 +325,24 @@ impl<'a> NativeBoard<'a> {
         }
     }
 
+    /// Takes a frame of each link; whether there was one.
+    fn receive(&mut self) -> bool {
+        let mut has_received = false;
+        for link in Link::ALL {
+            if let Some(received) = self.hardware.links.receive(link) {
+                self.instrument
+                    .received(&mut self.hardware, link, &received);
+                has_received = true;
+            }
+        }
+        has_received
+    }
+
     /// The instrument forgets everything; the converters are configured anew.
     fn start_anew(&mut self) {
         self.hardware.boot_id += 1;
         self.hardware.sequencer = Sequencer::new(self.hardware.boot_id);
+        self.hardware.links.start_anew(self.hardware.boot_id);
         self.instrument = Instrument::new();
         self.begins = Some(self.wiring_now() + IDENTITY);
     }

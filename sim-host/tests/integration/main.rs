@@ -8,6 +8,7 @@ mod coil_guards;
 mod common;
 mod disturbances;
 mod energy;
+mod links;
 mod native;
 mod pwm_coupling;
 mod rig;

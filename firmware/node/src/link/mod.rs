@@ -5,11 +5,14 @@
 
 mod frame_queue;
 
-use palpate_wire::{CommandDecoder, Message, Record, Sequencer, encode};
+use palpate_wire::{Command, CommandDecoder, Message, Record, Sequencer, encode};
 
 pub use frame_queue::{FrameQueue, FrameReceiver, FrameSender};
 
 use crate::instrument::Received;
+
+/// Bytes of commands that the instrument takes from a link in a turn: two of the longest frames.
+pub const BYTES_A_TURN: usize = 2 * Command::MAX_FRAME;
 
 /// Takes frames towards a PC.
 pub trait FrameSink {
