@@ -3,4 +3,5 @@
 pub mod coil;
 pub mod evidence;
 pub mod faults;
+pub mod hostile;
 pub mod sigma;

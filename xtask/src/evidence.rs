@@ -61,6 +61,17 @@ const INSTRUMENT: &[&str] = &[
     "model/src",
     "sim-host/src",
 ];
+/// The native board on its links.
+const BOARD: &[&str] = &[
+    "drivers",
+    "firmware/node",
+    "firmware/procedure",
+    "firmware/storage",
+    "firmware/wire",
+    "model/src",
+    "sim-host/src",
+    "tests/src",
+];
 /// The field solver.
 const FIELD: &[&str] = &["model/field/src", "model/field/examples"];
 /// The firmware's image on the emulated board.
@@ -114,6 +125,25 @@ const CAMPAIGNS: &[Campaign] = &[
             "1",
         ],
         rests_on: COIL,
+    },
+    Campaign {
+        name: "hostile-bytes",
+        purpose: "The instrument under whatever bytes come over its links: what is answered, and what the coil \
+                  carries meanwhile.",
+        arguments: &[
+            "run",
+            "--release",
+            "-p",
+            "system-tests",
+            "--bin",
+            "hostile-bytes",
+            "--",
+            "--frames",
+            "1000000",
+            "--seed",
+            "1",
+        ],
+        rests_on: BOARD,
     },
     Campaign {
         name: "sigma",

@@ -4,6 +4,7 @@ mod chip;
 mod coil_guards;
 mod copies;
 mod fault_schedules;
+mod hostile;
 mod on_target;
 mod sigma;
 

@@ -1,0 +1,121 @@
+//! Whatever comes over the links: a board takes bytes that are commands, almost commands or nothing,
+//! in every state, and keeps its promises.
+//!
+//! - It neither panics nor stops taking bytes.
+//! - Every command that arrives whole has exactly one answer, on the link that it came by; answers
+//!   go nowhere else, and everything else goes to both links.
+//! - The coil carries no current but while the device is armed and no fault stands, and never more
+//!   than the drive's limits of current, time and energy allow.
+//! - At the end it can be disarmed.
+//!
+//! What happens is a [script] of bytes, so that a random campaign, a fuzzer and a file are all the
+//! same.
+
+pub mod chance;
+pub mod frame;
+mod links;
+pub mod script;
+mod sensor;
+mod session;
+
+use std::collections::BTreeMap;
+
+use palpate_sim::native::Wiring;
+use palpate_sim::world::Truth;
+use palpate_wire::code::State;
+
+use self::sensor::SENSOR;
+use self::session::Session;
+
+/// What has been seen.
+#[derive(Clone, Debug, Default)]
+pub struct Summary {
+    /// Scripts.
+    pub scripts: u64,
+    /// Frames and other runs of bytes that were written, and bytes.
+    pub frames: u64,
+    /// See [`frames`](Self::frames).
+    pub bytes: u64,
+    /// Frames that were damaged or not understood.
+    pub refused: u64,
+    /// How often each outcome was answered, by its name.
+    pub outcomes: BTreeMap<&'static str, u64>,
+    /// Looks at the board in each state, by its name, and whether it was armed.
+    pub states: BTreeMap<(&'static str, bool), u64>,
+    /// New starts.
+    pub restarts: u64,
+    /// Greatest current, A.
+    pub greatest_a: f64,
+    /// Greatest heat put into the copper in a script, J.
+    pub heat_j: f64,
+    /// Hottest copper, degrees Celsius.
+    pub copper_c: f64,
+    /// Promises that were not kept: seed and what happened.
+    pub defects: Vec<(u64, String)>,
+}
+
+impl Summary {
+    fn see(&mut self, state: Option<(State, bool)>, current_a: f64, truth: &Truth) {
+        let name = |(state, is_armed): (State, bool)| (state.name(), is_armed);
+        let seen = state.map_or(("starting", false), name);
+        *self.states.entry(seen).or_default() += 1;
+        self.greatest_a = self.greatest_a.max(current_a);
+        self.heat_j = self.heat_j.max(truth.heat_in_j);
+        self.copper_c = self.copper_c.max(truth.copper_c);
+    }
+
+    /// Adds another.
+    pub fn merge(&mut self, other: Self) {
+        self.scripts += other.scripts;
+        self.frames += other.frames;
+        self.bytes += other.bytes;
+        self.refused += other.refused;
+        self.restarts += other.restarts;
+        for (name, count) in other.outcomes {
+            *self.outcomes.entry(name).or_default() += count;
+        }
+        for (name, count) in other.states {
+            *self.states.entry(name).or_default() += count;
+        }
+        self.greatest_a = self.greatest_a.max(other.greatest_a);
+        self.heat_j = self.heat_j.max(other.heat_j);
+        self.copper_c = self.copper_c.max(other.copper_c);
+        self.defects.extend(other.defects);
+    }
+}
+
+/// Plays a script to a board that starts.
+///
+/// # Errors
+/// The promise that was not kept.
+pub fn play(script: &[u8]) -> Result<Summary, String> {
+    let sensor = SENSOR.as_ref().ok_or("there is no such sensor")?;
+    let world = sensor.world().ok_or("there is no such world")?;
+    let wiring = Wiring::new(world);
+    let mut session = Session::new(&wiring, sensor);
+    for (index, of) in script::read(script).iter().enumerate() {
+        let done = session.carry_out(of);
+        done.map_err(|defect| format!("move {index}, {of:?}: {defect}"))?;
+    }
+    let ended = session.finish();
+    ended.map_err(|defect| format!("at the end: {defect}"))?;
+    Ok(Summary {
+        scripts: 1,
+        ..session.summary
+    })
+}
+
+/// Plays the scripts of consecutive seeds, until so many frames were written.
+#[must_use]
+pub fn campaign(first: u64, frames: u64) -> Summary {
+    let mut summary = Summary::default();
+    let mut seed = first;
+    while summary.frames < frames && summary.defects.len() < 20 {
+        match play(&chance::script(seed)) {
+            Ok(one) => summary.merge(one),
+            Err(defect) => summary.defects.push((seed, defect)),
+        }
+        seed += 1;
+    }
+    summary
+}
