@@ -17,7 +17,7 @@ pub(super) struct Peer {
     /// Written, and not taken by the board yet.
     written: VecDeque<u8>,
     asked: CommandDecoder,
-    heard: RecordDecoder,
+    received: RecordDecoder,
     /// Commands without an answer: number, kind and when the board took them.
     open: Vec<(u32, u8, Time)>,
     /// Kinds of records that this link may have for itself, since it asked for them.
@@ -61,8 +61,8 @@ impl Peer {
 
     /// Takes what the board sent in the run with this number; returns the records that are no
     /// acknowledgements, in bytes that can be compared.
-    pub(super) fn heard(&mut self, bytes: &[u8], boot_id: u32) -> Result<Vec<Vec<u8>>, String> {
-        let frames: Vec<_> = self.heard.frames(bytes).collect();
+    pub(super) fn received(&mut self, bytes: &[u8], boot_id: u32) -> Result<Vec<Vec<u8>>, String> {
+        let frames: Vec<_> = self.received.frames(bytes).collect();
         let mut others = Vec::new();
         for frame in frames {
             let frame = frame.map_err(|error| format!("a broken record: {error}"))?;
@@ -152,7 +152,7 @@ fn answers_to(command: &Command) -> Vec<u8> {
     }
 }
 
-/// A record with its time: a frame that was numbered 0 by nobody.
+/// A record with its time: a frame with the number 0, which no link gave it.
 fn without_number(frame: &Frame<Record>) -> Vec<u8> {
     let header = Header {
         boot_id: 0,

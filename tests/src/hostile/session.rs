@@ -85,7 +85,7 @@ impl<'a> Session<'a> {
         Ok(())
     }
 
-    /// Both links are heard out: the board takes what was written, ends what it does, and takes a
+    /// Both links are emptied: the board takes what was written, ends what it does, and takes a
     /// command as if nothing had happened.
     pub(super) fn finish(&mut self) -> Result<(), String> {
         let waits = |board: &NativeBoard<'_>| Link::ALL.map(|link| board.unread(link));
@@ -177,14 +177,14 @@ impl<'a> Session<'a> {
         advanced.map_err(|error| error.to_string())?;
         self.board.frames().clear();
         let now = self.board.now();
-        let mut heard = [Vec::new(), Vec::new()];
+        let mut received = [Vec::new(), Vec::new()];
         for (link, before) in Link::ALL.into_iter().zip(unread) {
             let peer = &mut self.peers[place(link)];
             peer.taken(before - self.board.unread(link), now);
-            heard[place(link)] = peer.heard(&self.board.read(link), boot_id)?;
+            received[place(link)] = peer.received(&self.board.read(link), boot_id)?;
             peer.is_answered(now)?;
         }
-        self.went_where_they_belong(heard)?;
+        self.went_where_they_belong(received)?;
         if self.board.boot_id() != boot_id {
             self.summary.restarts += 1;
             for peer in &mut self.peers {

@@ -247,7 +247,7 @@ mod tests {
         receiver.set_open(true);
         assert_eq!(sender.take_discarded(), 0, "it was there all along");
         receiver.set_open(false);
-        assert_eq!(packet(&mut receiver, 64), None, "nobody is there");
+        assert_eq!(packet(&mut receiver, 64), None, "no PC is there");
         receiver.set_open(true);
         assert_eq!((sender.take_discarded(), sender.take_discarded()), (3, 0));
         assert!(receiver.is_empty());

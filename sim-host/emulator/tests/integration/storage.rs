@@ -144,10 +144,10 @@ fn flash_is_changed_only_after_the_bridge_rests() {
         let begun = bench.board.flash().operations()[before].begun;
         assert!(awake > Time::ZERO && begun - awake >= Time::from_ms(190));
         assert!(begun > control);
-        let heard = bench.frames.len();
+        let received = bench.frames.len();
         let mut woke = false;
         let end = bench.board.now() + LONGEST_SAVE;
-        while !bench.frames[heard..]
+        while !bench.frames[received..]
             .iter()
             .any(|of| storage(&of.message).is_some())
         {

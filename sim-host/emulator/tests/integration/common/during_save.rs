@@ -180,7 +180,7 @@ impl<P: Plant> RecordedBoard<P> {
         let edges_before = self.edges_to_start().len();
         let resets_before = self.board.resets().watchdog;
         let operations_before = self.board.flash().operations().len();
-        let heard = self.frames.len();
+        let received = self.frames.len();
         let begun = self.board.now();
         self.board.take_longest_unfed();
         let mut answers = Vec::new();
@@ -195,7 +195,7 @@ impl<P: Plant> RecordedBoard<P> {
             if answers.is_empty() && self.is_erasing() {
                 answers = self.clone().answers();
             }
-            let records = self.frames[heard..].iter().map(|frame| &frame.message);
+            let records = self.frames[received..].iter().map(|frame| &frame.message);
             if records.filter_map(storage).next().is_some() {
                 break;
             }
@@ -212,7 +212,7 @@ impl<P: Plant> RecordedBoard<P> {
             took,
             erases,
             programs: operations.len() - erases,
-            probe: Stream::of(&self.frames[heard..]),
+            probe: Stream::of(&self.frames[received..]),
             usb: Stream::of(&usb.frames),
             edge_to_start: edges.iter().copied().max().unwrap_or_default(),
             unfed: self.board.take_longest_unfed(),

@@ -271,7 +271,7 @@ impl<P: Plant> RecordedBoard<P> {
     pub(crate) fn cut_at(&mut self, operation: u64, command: &Command) -> Option<FoundAtStart> {
         self.board.flash_mut().cut_power_at_operation(operation);
         let before = self.board.resets();
-        let heard = self.frames.len();
+        let received = self.frames.len();
         self.send(command);
         let end = self.board.now() + LONGEST_SAVE;
         while self.board.resets() == before {
@@ -279,7 +279,7 @@ impl<P: Plant> RecordedBoard<P> {
             if self.board.resets() == before {
                 self.listen();
                 let is_over = |frame: &palpate_wire::Frame<Record>| storage(&frame.message);
-                if self.frames[heard..].iter().find_map(is_over).is_some() {
+                if self.frames[received..].iter().find_map(is_over).is_some() {
                     assert!(self.board.flash_mut().cancel_power_cut());
                     return None;
                 }
