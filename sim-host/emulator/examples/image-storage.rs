@@ -24,7 +24,7 @@ const NESTED: u64 = 3;
 /// Bits of what is stored that flip, one at a time.
 const FLIPS: usize = 200;
 /// Saves with the longest times, each from another phase of the converter against the flash.
-const SAVES: u64 = 8;
+const SAVES: u64 = 12;
 
 /// How often each thing came out, and how often something that must not.
 #[derive(Default)]

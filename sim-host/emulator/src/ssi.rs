@@ -49,9 +49,6 @@ const READ_SERIAL: u32 = 31 << 16 | 3 << 8;
 const READ_QUAD: u32 = 2 << 21 | READ_SERIAL;
 /// SPI_CTRLR0: command 03h before each address of 24 bits, all on one wire.
 const EACH_SERIAL: u32 = 0x03 << 24 | 2 << 8 | 6 << 2;
-/// SPI_CTRLR0: command 6Bh before each address of 24 bits, and eight clocks of waiting, all on one wire;
-/// with `READ_QUAD` the word comes on four.
-const EACH_QUAD_OUTPUT: u32 = 0x6B << 24 | 8 << 11 | 2 << 8 | 6 << 2;
 /// SPI_CTRLR0: a command on one wire, then address and mode bits on four, and four clocks of
 /// waiting: the read that makes the flash continuous.
 const FIRST_QUAD: u32 = 4 << 11 | 2 << 8 | 8 << 2 | 1;
@@ -204,11 +201,6 @@ impl Ssi {
             (READ_QUAD, EACH_QUAD) if is_ready && flash.is_continuous() => Ok(ReadFormat::Quad),
             (READ_SERIAL, EACH_SERIAL) if is_ready && !flash.is_continuous() => {
                 Ok(ReadFormat::Serial {
-                    divider: self.divider,
-                })
-            }
-            (READ_QUAD, EACH_QUAD_OUTPUT) if is_ready && !flash.is_continuous() => {
-                Ok(ReadFormat::QuadOutput {
                     divider: self.divider,
                 })
             }

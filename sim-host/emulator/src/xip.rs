@@ -7,8 +7,6 @@ const SETS: usize = 1024;
 
 /// Clocks of the flash for command 03h with its address, on one wire (W25Q16JV datasheet, instructions).
 const SERIAL_CLOCKS: u32 = 32;
-/// The same for command 6Bh, with its waiting; a byte then takes two clocks on four wires.
-const QUAD_OUTPUT_CLOCKS: u32 = 8 + 24 + 8;
 /// Cycles of a fetch besides the clocks of the flash: what the measured cost of a word, 50 cycles,
 /// leaves beyond 20 clocks of two cycles (`Options::miss_cycles`).
 const FETCH_CYCLES: u32 = 10;
@@ -24,11 +22,6 @@ pub(crate) enum ReadFormat {
     Quad,
     /// On one wire by command 03h, as the boot ROM sets it up (2.8.3, `flash_enter_cmd_xip`).
     Serial {
-        /// Cycles of the system for a clock of the flash.
-        divider: u32,
-    },
-    /// Command and address on one wire, data on four: command 6Bh.
-    QuadOutput {
         /// Cycles of the system for a clock of the flash.
         divider: u32,
     },
@@ -78,9 +71,6 @@ impl Cache {
         match self.format {
             ReadFormat::Quad => self.quad_cycles,
             ReadFormat::Serial { divider } => FETCH_CYCLES + (SERIAL_CLOCKS + 8 * LINE) * divider,
-            ReadFormat::QuadOutput { divider } => {
-                FETCH_CYCLES + (QUAD_OUTPUT_CLOCKS + 2 * LINE) * divider
-            }
         }
     }
 
@@ -90,9 +80,6 @@ impl Cache {
             ReadFormat::Quad => self.quad_cycles.saturating_sub(QUAD_WORD_CYCLES),
             ReadFormat::Serial { divider } => {
                 FETCH_CYCLES + (SERIAL_CLOCKS + 8 * LINE / 2) * divider
-            }
-            ReadFormat::QuadOutput { divider } => {
-                FETCH_CYCLES + (QUAD_OUTPUT_CLOCKS + 2 * LINE / 2) * divider
             }
         }
     }

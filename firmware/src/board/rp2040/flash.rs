@@ -2,9 +2,9 @@
 //!
 //! The boot ROM's functions do the work (RP2040 datasheet, 2.8.3.1.3). While one of them runs, nothing
 //! can be read from flash: everything that runs meanwhile lies in memory, constants too (build.rs). So
-//! interrupts go on. Afterwards flash is read on four wires: by the ROM's own command a line takes 3 us,
-//! in which no interrupt begins, and time stamps would be off by as much. The second stage is not run
-//! again for that: it sends commands, and an interrupt among them would end one halfway.
+//! interrupts go on. Afterwards flash is read on four wires, as the second stage has it: by the ROM's own
+//! command a line takes 3 us, in which no interrupt begins, and time stamps would be off by as much. The
+//! second stage itself is not run again: an interrupt within it would end one of its commands halfway.
 
 #![allow(unsafe_code)]
 
@@ -32,14 +32,16 @@ const PAGE: usize = 256;
 /// by sector: a block takes longer than the storage wants to wait.
 const BLOCK: u32 = 64 * 1024;
 const ERASE_BLOCK: u8 = 0xD8;
-/// Fast Read Quad Output (8.2.9): the command, three bytes of address and eight clocks of waiting, on
-/// one wire; data on four.
-const FAST_READ: u32 = 0x6B;
-/// SPI_CTRLR0 (RP2040 datasheet 4.10.13): that command in each read, so many clocks of waiting, eight
-/// bits of a command, 24 of an address.
-const EACH_WITH_COMMAND: u32 = FAST_READ << 24 | 8 << 11 | 2 << 8 | 6 << 2;
-/// CTRLR0: a word of 32 bits comes in on four wires, after a command and an address.
+/// Fast Read Quad I/O (8.2.11), and mode bits after its address by which the next read needs no command.
+const FAST_READ: u32 = 0xEB;
+const CONTINUOUS: u32 = 0xA0;
+/// CTRLR0 (RP2040 datasheet 4.10.13): a word of 32 bits comes in on four wires, after an address.
 const WORD_ON_FOUR_WIRES: u32 = 2 << 21 | 31 << 16 | 3 << 8;
+/// SPI_CTRLR0: four clocks of waiting, and 32 bits of address and mode on four wires after a command of
+/// eight bits on one.
+const WITH_COMMAND: u32 = 4 << 11 | 2 << 8 | 8 << 2 | 1;
+/// The same without a command, with these mode bits in each read.
+const WITHOUT_COMMAND: u32 = CONTINUOUS << 24 | 4 << 11 | 8 << 2 | 2;
 /// Clocks of the processor for one of the flash, as the second stage has it: 50 MHz of the 133 that the
 /// flash bears (W25Q16JV datasheet 9.6).
 const FLASH_DIVIDER: u32 = 4;
@@ -108,19 +110,35 @@ impl Pads {
     }
 }
 
-/// Lets flash be read by Fast Read Quad Output. That needs no command before, unlike reads without a
-/// command in each, and so bears interrupts; the second stage has enabled it at the start.
+/// Lets flash be read on four wires without commands. The second stage has enabled four wires at the start.
 #[inline(always)]
 fn read_on_four_wires() {
     // SAFETY: the controller is this code's alone; nothing reads flash yet.
-    unsafe {
-        let controller = &*XIP_SSI::ptr();
-        controller.ssienr().write(|w| w.bits(0));
-        controller.baudr().write(|w| w.bits(FLASH_DIVIDER));
-        controller.ctrlr0().write(|w| w.bits(WORD_ON_FOUR_WIRES));
-        controller.spi_ctrlr0().write(|w| w.bits(EACH_WITH_COMMAND));
-        controller.ssienr().write(|w| w.bits(1));
-    }
+    let controller = unsafe { &*XIP_SSI::ptr() };
+    let set_up = |format: u32| {
+        // SAFETY: as above.
+        unsafe {
+            controller.ssienr().write(|w| w.bits(0));
+            controller.baudr().write(|w| w.bits(FLASH_DIVIDER));
+            controller.ctrlr0().write(|w| w.bits(WORD_ON_FOUR_WIRES));
+            controller.spi_ctrlr0().write(|w| w.bits(format));
+            controller.ssienr().write(|w| w.bits(1));
+        }
+    };
+    set_up(WITH_COMMAND);
+    // Ten cycles: what the controller has not got in time it does not send.
+    cortex_m::interrupt::free(|_| {
+        for word in [FAST_READ, CONTINUOUS] {
+            // SAFETY: as above.
+            controller.dr0().write(|w| unsafe { w.bits(word) });
+        }
+    });
+    let is_sent = || {
+        let status = controller.sr().read();
+        status.tfe().bit_is_set() && status.busy().bit_is_clear()
+    };
+    let _ = (0..POLLS).any(|_| is_sent());
+    set_up(WITHOUT_COMMAND);
 }
 
 /// The flash's unique number; 0 if it does not answer. Once, before interrupts are on.

@@ -359,28 +359,6 @@ fn reads_by_command_cost_96_clocks_a_line_and_the_flushed_cache_is_empty() {
 }
 
 #[test]
-fn reads_of_a_command_and_four_wires_of_data_cost_56_clocks_a_line() {
-    let mut board = board();
-    board.flash_mut().flip_bit(0x1003, 0);
-    leave_xip(&mut board);
-    call(&mut board, b"FC", [0; 4]).unwrap();
-    let setup = [
-        (0x08, 0),
-        (0x14, 4),
-        (0x00, 0x005F_0300),
-        (0xF4, 0x6B00_4218),
-        (0x08, 1),
-    ];
-    for (offset, value) in setup {
-        board.bus.write32(SSI + offset, value);
-    }
-    let line = (0xFEFF_FFFF, 10 + 56 * 4);
-    assert_eq!(load(&mut board, FLASH + 0x1000), line);
-    assert_eq!(load(&mut board, 0x1300_1000).1, 10 + 48 * 4);
-    assert_eq!(board.bus.stop, None);
-}
-
-#[test]
 fn new_code_in_flash_is_what_runs() {
     // movs r0, #1; bx lr, and the same with 2.
     let code = |value: u32| 0x4770_2000 | value;

@@ -25,6 +25,11 @@ pub(crate) const LONGEST_SAVE: Time = Time::from_ms(8_000);
 /// From a start to samples, with the loading of what is stored.
 const START: Time = Time::from_ms(600);
 
+/// Cycles for a line of flash at a quarter of the processor's clock, as the image reads it: eight of its
+/// clocks for address and mode, four of waiting, sixteen for the data, and ten cycles that the emulated
+/// board takes besides. An interrupt may have to wait for so long.
+const MISS_CYCLES: u32 = 10 + 4 * (8 + 4 + 16);
+
 /// How much is set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Amount {
@@ -184,6 +189,7 @@ pub(crate) fn streaming_with(flash_times: FlashTimes, seed: u64) -> RecordedBoar
     let options = Options {
         flash_times,
         seed,
+        miss_cycles: MISS_CYCLES,
         ..recording()
     };
     let plant = Still::new(FREQUENCIES_HZ);
