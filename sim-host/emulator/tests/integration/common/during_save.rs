@@ -58,12 +58,10 @@ impl Stream {
         stream
     }
 
-    /// Nothing was lost, and samples come a millisecond apart, to what the converter's clock, two roundings
-    /// and a fetch from flash allow. An edge that falls into a fetch, of 1.9 us for a line of the cache, is
-    /// stamped late by so much: where that is more than the grid bears, the sample says so.
+    /// Nothing was lost, and samples come a millisecond apart, to what the converter's clock and two
+    /// roundings allow.
     pub(crate) const fn is_whole(&self) -> bool {
-        let seldom = self.marked <= 1 + self.samples / 200;
-        self.missing_frames == 0 && self.lost == 0 && seldom && self.off_us <= 5
+        self.missing_frames == 0 && self.lost == 0 && self.marked == 0 && self.off_us <= 5
     }
 }
 
