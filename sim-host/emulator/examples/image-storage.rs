@@ -171,6 +171,9 @@ fn saves() -> Vec<(Amount, DuringSave, u32)> {
             let mut bench: RecordedBoard = save.bench.clone();
             bench.run(Time::from_us(5_000 + 137 * phase));
             let during = bench.store_beside_everything();
+            if !during.holds() {
+                eprintln!("{amount:?}, phase {phase}: {during:?}");
+            }
             all.push((amount, during, bench.status().stack_bytes));
         }
     }
@@ -218,6 +221,7 @@ fn print_saves(saves: &[(Amount, DuringSave, u32)]) -> u32 {
 }
 
 fn main() -> ExitCode {
+    let saves = saves();
     let mut tally = Tally::default();
     for amount in [Amount::Usual, Amount::Full] {
         let (mut once, mut again) = (BTreeMap::new(), BTreeMap::new());
@@ -244,7 +248,6 @@ fn main() -> ExitCode {
     abandoned(&mut tally);
     let flips = flips();
     let silent = flips.get(&BitFlip::Silent).copied().unwrap_or(0);
-    let saves = saves();
     println!("<!-- evidence:begin -->");
     println!("## Cuts of power\n");
     println!(

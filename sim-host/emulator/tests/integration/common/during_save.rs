@@ -172,9 +172,10 @@ impl<P: Plant> RecordedBoard<P> {
 
     /// Stores with a PC at each link, and watches everything else.
     pub(crate) fn store_beside_everything(&mut self) -> DuringSave {
-        // Up to the end of the frame that is on its way.
-        UsbPc::default().listen(&mut self.board);
         let mut usb = UsbPc::default();
+        usb.listen(&mut self.board);
+        // A frame may be on its way, whose beginning is kept.
+        usb.frames.clear();
         let edges_before = self.edges_to_start().len();
         let resets_before = self.board.resets().watchdog;
         let operations_before = self.board.flash().operations().len();
