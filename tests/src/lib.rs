@@ -3,5 +3,6 @@
 pub mod coil;
 pub mod evidence;
 pub mod faults;
+pub mod fuzz;
 pub mod hostile;
 pub mod sigma;

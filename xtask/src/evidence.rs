@@ -146,6 +146,13 @@ const CAMPAIGNS: &[Campaign] = &[
         rests_on: BOARD,
     },
     Campaign {
+        name: "fuzz",
+        purpose: "A fuzzer on what takes bytes: the instrument's links, the decoders, and the storage over any \
+                  contents of its flash.",
+        arguments: &["xtask", "fuzz", "--seconds", "600", "--seed", "1"],
+        rests_on: BOARD,
+    },
+    Campaign {
         name: "sigma",
         purpose: "The stated standard deviation against the spread that is observed.",
         arguments: &[

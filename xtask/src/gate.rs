@@ -4,9 +4,9 @@ use anyhow::Result;
 
 use crate::members::{ARM_TARGETS, FIRMWARE_TARGET, MEMBERS, Member, host_packages, no_std};
 use crate::process::Invocation;
-use crate::setup::{CARGO_DENY, MDBOOK, Need, TYPOS};
+use crate::setup::{CARGO_DENY, CARGO_FUZZ, MDBOOK, Need, TYPOS};
 use crate::steps::{Action, Step, select};
-use crate::{book, deps, evidence, firmware, hygiene, package_files, panic_free};
+use crate::{book, deps, evidence, firmware, fuzz, hygiene, package_files, panic_free};
 
 /// The test suite: every crate with its usual features and those that have tests of their own.
 pub(crate) fn test_steps() -> Vec<Step> {
@@ -63,6 +63,7 @@ pub(crate) fn ci_steps(skip_tests: bool, only: &[String]) -> Result<Vec<Step>> {
     steps.extend(host_checks());
     steps.extend(arm_checks());
     steps.push(long_tests());
+    steps.push(fuzzing());
     steps.push(packaging());
     if only.is_empty() {
         Ok(steps)
@@ -225,6 +226,18 @@ fn arm_checks() -> Vec<Step> {
                      xtask/src/firmware/panics.rs",
         },
     ]
+}
+
+/// The fuzzer, for half a minute; `cargo xtask evidence fuzz` is longer.
+fn fuzzing() -> Step {
+    Step {
+        name: "fuzz",
+        purpose: "the fuzzer finds no bytes for links, decoders and storage that break a promise",
+        needs: vec![Need::Nightly, Need::Tool(&CARGO_FUZZ)],
+        action: Action::Check(fuzz::check),
+        remedy: "fix the defect, and put the input that found it into fuzz/corpus, where the tests have \
+                 it; its place is printed above",
+    }
 }
 
 /// Packages what is meant for the registry, and builds it from the package.

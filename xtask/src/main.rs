@@ -10,6 +10,7 @@
 //! | `firmware` | build the image for the microcontroller, as ELF and UF2, and say what it takes |
 //! | `planted-defects` | plant each defect of a list and run the tests that have to find it |
 //! | `bench-image` | run the image on the emulated board and write what it costs into the book |
+//! | `fuzz` | run every fuzz target for a while |
 //! | `flash` | flash it through a debug probe |
 //! | `setup` | add the microcontroller targets and install the tools that `ci` needs |
 //!
@@ -20,6 +21,7 @@ mod deps;
 mod evidence;
 mod field_peers;
 mod firmware;
+mod fuzz;
 mod gate;
 mod hygiene;
 mod members;
@@ -92,6 +94,15 @@ enum Verb {
     BenchImage,
     /// Flash the firmware through a debug probe, and show its log
     Flash,
+    /// Run every fuzz target for a while, on a nightly toolchain
+    Fuzz {
+        /// Seconds of each target
+        #[arg(long, default_value_t = 60)]
+        seconds: u32,
+        /// Seed of the fuzzer's random numbers; 0 for another one in every run
+        #[arg(long, default_value_t = 0)]
+        seed: u32,
+    },
     /// Add the microcontroller targets and install the tools that `ci` needs
     Setup,
 }
@@ -130,6 +141,11 @@ fn run(arguments: Arguments) -> Result<()> {
         Verb::PlantedDefects => planted::run_campaign(&workspace),
         Verb::BenchImage => evidence::collect(&workspace, evidence::IMAGE_COST),
         Verb::Flash => firmware::flash(&workspace),
+        Verb::Fuzz { seconds, seed } => {
+            setup::Need::Nightly.provide(&workspace)?;
+            setup::Need::Tool(&setup::CARGO_FUZZ).provide(&workspace)?;
+            fuzz::run(&workspace, seconds, seed)
+        }
         Verb::Setup => setup::install_everything(&workspace),
     }
 }

@@ -1,4 +1,5 @@
-//! What the checks need besides stable Rust: microcontroller targets and three tools.
+//! What the checks need besides stable Rust: microcontroller targets, four tools, and for the fuzzer a
+//! nightly toolchain.
 
 use anyhow::{Context, Result, anyhow, bail};
 
@@ -42,6 +43,17 @@ pub(crate) const MDBOOK: Tool = Tool {
     probe: &["mdbook", "--version"],
 };
 
+/// The fuzzer.
+pub(crate) const CARGO_FUZZ: Tool = Tool {
+    package: "cargo-fuzz",
+    version: "0.13.2",
+    features: None,
+    probe: &["cargo", "fuzz", "--version"],
+};
+
+/// The toolchain with which the fuzzer builds: it asks the compiler for what no stable one has.
+pub(crate) const NIGHTLY: &str = "nightly";
+
 /// A tool that no machine has, for tests.
 #[cfg(test)]
 pub(crate) const ABSENT: Tool = Tool {
@@ -52,7 +64,7 @@ pub(crate) const ABSENT: Tool = Tool {
 };
 
 /// Every tool that the checks use.
-const TOOLS: &[&Tool] = &[&CARGO_DENY, &MDBOOK, &TYPOS];
+const TOOLS: &[&Tool] = &[&CARGO_DENY, &CARGO_FUZZ, &MDBOOK, &TYPOS];
 
 /// How a tool is built: it runs for seconds, and to optimise it as a whole takes minutes.
 const QUICK_BUILD: &[(&str, &str)] = &[
@@ -68,6 +80,8 @@ pub(crate) enum Need {
     Target(&'static str),
     /// A tool.
     Tool(&'static Tool),
+    /// The nightly toolchain.
+    Nightly,
 }
 
 impl Need {
@@ -78,6 +92,12 @@ impl Need {
             Self::Target(target) => add_target(workspace, target),
             Self::Tool(tool) if tool.is_installed(workspace) => Ok(()),
             Self::Tool(tool) => Err(tool.missing()),
+            Self::Nightly if has_nightly(workspace) => Ok(()),
+            Self::Nightly => Err(anyhow!(
+                "there is no nightly toolchain; install it with `{}`, or everything at once with \
+                 `cargo xtask setup`",
+                install_nightly()
+            )),
         }
     }
 }
@@ -130,7 +150,25 @@ pub(crate) fn install_everything(workspace: &Workspace) -> Result<()> {
         }
         println!("{}: ready", tool.package);
     }
+    if !has_nightly(workspace) {
+        workspace
+            .run(&install_nightly())
+            .context("the nightly toolchain could not be installed; the step `fuzz` needs it")?;
+    }
+    println!("toolchain {NIGHTLY}: ready");
     Ok(())
+}
+
+fn has_nightly(workspace: &Workspace) -> bool {
+    workspace.succeeds(&Invocation::new(
+        "rustup",
+        &["run", NIGHTLY, "cargo", "--version"],
+    ))
+}
+
+fn install_nightly() -> Invocation {
+    let arguments = ["toolchain", "install", NIGHTLY, "--profile", "minimal"];
+    Invocation::new("rustup", &arguments)
 }
 
 /// Adds a target through rustup when the toolchain lacks it.

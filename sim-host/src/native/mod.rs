@@ -27,6 +27,7 @@
 
 mod coil;
 mod converter;
+mod flash;
 mod identity;
 mod links;
 mod wiring;
@@ -52,6 +53,7 @@ use self::links::Links;
 use crate::device::Device;
 use crate::world::World;
 
+pub use flash::{Flash, FlashError};
 pub use identity::FIRST_BOOT_ID;
 pub use wiring::{DrivenWorld, Wiring};
 

@@ -22,6 +22,7 @@ use std::collections::BTreeMap;
 
 use palpate_sim::native::Wiring;
 use palpate_sim::world::Truth;
+use palpate_wire::Command;
 use palpate_wire::code::State;
 
 use self::sensor::SENSOR;
@@ -103,6 +104,12 @@ pub fn play(script: &[u8]) -> Result<Summary, String> {
         scripts: 1,
         ..session.summary
     })
+}
+
+/// The commands of a whole configuration, in the order of their numbers.
+#[must_use]
+pub fn configuration() -> &'static [Command] {
+    SENSOR.as_ref().map_or(&[], |sensor| &sensor.calibration)
 }
 
 /// Plays the scripts of consecutive seeds, until so many frames were written.

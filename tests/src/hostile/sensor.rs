@@ -31,7 +31,7 @@ pub(super) struct Sensor {
     plant: Parameters,
     /// The press, lifted and deepest, m.
     pub(super) travel_m: [f64; 2],
-    /// Short trains at every contact, and all that an estimate needs.
+    /// Short trains at every contact, and all that an estimate needs, in the order of their numbers.
     pub(super) calibration: Vec<Command>,
 }
 
@@ -96,6 +96,13 @@ impl Sensor {
         vec![
             Command::SetSettings(settings()),
             Command::SetDeformationCurve(curve),
+            Command::SetCrosstalk(Crosstalk {
+                sensor: 0,
+                channel: 0,
+                apparent_m_per_a2: 0.0,
+                growth_per_m: 0.0,
+                uncertainty: 0.0,
+            }),
             Command::SetSprings(Springs {
                 sensing_n_per_m: self.plant.sensing.spring_n_per_m as f32,
                 sensing_uncertainty: 0.0,
@@ -109,13 +116,6 @@ impl Sensor {
             Command::SetCoil(COIL),
             Command::SetAttraction(Attraction {
                 attraction_n_per_a2: 0.0,
-                uncertainty: 0.0,
-            }),
-            Command::SetCrosstalk(Crosstalk {
-                sensor: 0,
-                channel: 0,
-                apparent_m_per_a2: 0.0,
-                growth_per_m: 0.0,
                 uncertainty: 0.0,
             }),
         ]

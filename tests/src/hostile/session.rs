@@ -104,7 +104,7 @@ impl<'a> Session<'a> {
             self.ask_any(link, &Command::Disarm);
             self.ask_any(link, &Command::Identify);
         }
-        self.run_until(self.board.now() + Time::from_ms(700))?;
+        self.run_until(self.board.now() + Time::from_ms(250))?;
         let is_armed = |procedure: &palpate_procedure::Procedure| procedure.is_armed();
         if self.board.procedure().is_none_or(is_armed) {
             return Err("not disarmed at the end".to_owned());

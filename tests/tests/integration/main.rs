@@ -3,6 +3,7 @@
 mod chip;
 mod coil_guards;
 mod copies;
+mod corpus;
 mod fault_schedules;
 mod hostile;
 mod on_target;

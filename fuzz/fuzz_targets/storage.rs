@@ -1,0 +1,8 @@
+//! Bytes as what is done to a storage's flash.
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
+    if let Err(defect) = (system_tests::fuzz::STORAGE.run)(bytes) {
+        panic!("{defect}");
+    }
+});

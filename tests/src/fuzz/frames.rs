@@ -1,0 +1,127 @@
+//! The decoders of records and commands.
+//!
+//! A script is a list of pieces, each with a byte and a length before it: pieces come as they are, or
+//! as the content of a frame whose CRC-32 is right.
+
+use palpate_wire::{
+    Command, CommandDecoder, Counts, Decoder, Frame, FrameError, Header, Message, Record,
+    RecordDecoder, VERSION, crc32, encode,
+};
+
+use super::Reader;
+use crate::hostile::frame::stuffed;
+
+/// Holds the decoders' promises against a script.
+pub(super) fn run(script: &[u8]) -> Result<(), String> {
+    let stream = stream(script);
+    judge(RecordDecoder::new, &stream, Record::MAX_FRAME)?;
+    judge(CommandDecoder::new, &stream, Command::MAX_FRAME)
+}
+
+/// The bytes of a script as they come.
+fn stream(script: &[u8]) -> Vec<u8> {
+    let mut reader = Reader(script);
+    let mut stream = Vec::new();
+    while !reader.0.is_empty() {
+        let how = reader.byte();
+        let piece = reader.bytes();
+        match how % 4 {
+            0 => stream.extend(piece),
+            // Of this version; the kind is the first byte.
+            1 => stream.extend(checked(&[&[VERSION], piece].concat())),
+            2 => stream.extend(checked(piece)),
+            _ => stream.extend(stuffed(piece)),
+        }
+    }
+    stream
+}
+
+fn checked(content: &[u8]) -> Vec<u8> {
+    stuffed(&[content, &crc32(content).to_le_bytes()].concat())
+}
+
+fn judge<M: Message + core::fmt::Debug, const N: usize>(
+    decoder: fn() -> Decoder<M, N>,
+    stream: &[u8],
+    greatest: usize,
+) -> Result<(), String> {
+    let mut at_once = decoder();
+    let frames: Vec<_> = at_once.frames(stream).collect();
+    let zeros = stream.iter().filter(|&&byte| byte == 0).count();
+    if frames.len() > zeros {
+        return Err(format!("{} frames of {zeros} zeros", frames.len()));
+    }
+    if sum(at_once.counts()) != frames.len() as u64 {
+        return Err(format!(
+            "{} frames, counted {:?}",
+            frames.len(),
+            at_once.counts()
+        ));
+    }
+    for frame in frames.into_iter().flatten() {
+        reads_what_it_writes(&frame, decoder, greatest)?;
+    }
+    is_back_in_step(at_once)
+}
+
+fn sum(counts: &Counts) -> u64 {
+    [counts.frames, counts.damaged(), counts.not_understood()]
+        .map(u64::from)
+        .iter()
+        .sum()
+}
+
+/// A frame that was read can be written, and is read as the same then. A number may have been written
+/// in more bytes than it needs.
+fn reads_what_it_writes<M: Message + core::fmt::Debug, const N: usize>(
+    frame: &Frame<M>,
+    decoder: fn() -> Decoder<M, N>,
+    greatest: usize,
+) -> Result<(), String> {
+    let written = write(frame, greatest)?;
+    let again = decoder().frames(&written).next();
+    let Some(Ok(again)) = again else {
+        return Err(format!(
+            "{frame:?} is written as {written:02X?}, and read as {again:?}"
+        ));
+    };
+    // By their bytes: what is not a number does not equal itself.
+    if write(&again, greatest)? == written {
+        Ok(())
+    } else {
+        Err(format!("{frame:?} is written and read as {again:?}"))
+    }
+}
+
+fn write<M: Message + core::fmt::Debug>(
+    frame: &Frame<M>,
+    greatest: usize,
+) -> Result<Vec<u8>, String> {
+    let mut buffer = vec![0; greatest];
+    let written = encode(&frame.header, &frame.message, &mut buffer);
+    written
+        .map(<[u8]>::to_vec)
+        .map_err(|error| format!("{frame:?}: {error}"))
+}
+
+/// After a zero, the next frame is received.
+fn is_back_in_step<M: Message, const N: usize>(mut decoder: Decoder<M, N>) -> Result<(), String> {
+    // Of a kind that neither direction has: the header is read, whatever the messages are.
+    let header = Header {
+        boot_id: 1,
+        sequence: 2,
+        time_us: 3,
+        dropped: 4,
+    };
+    let kind = 0xFE;
+    let probe = checked(&[VERSION, kind, 1, 2, 3, 4]);
+    let bytes = [&[0], probe.as_slice()].concat();
+    let last = decoder.frames(&bytes).last();
+    match last {
+        Some(Err(FrameError::UnknownKind {
+            header: read,
+            kind: of,
+        })) if (read, of) == (header, kind) => Ok(()),
+        _ => Err("a sound frame after a zero is not received".to_owned()),
+    }
+}

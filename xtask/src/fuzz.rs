@@ -1,0 +1,181 @@
+//! The fuzzer, `cargo xtask fuzz`: every target of `fuzz/` for a while, by cargo-fuzz on a nightly
+//! toolchain.
+//!
+//! What a target does stands in `tests/src/fuzz`, and the tests run the corpus without a fuzzer. Inputs
+//! that the fuzzer finds on its way go to `target/fuzz`, those that break a promise to
+//! `fuzz/artifacts`.
+
+use std::fmt::Write as _;
+use std::fs;
+use std::io::{BufRead, BufReader};
+use std::process::Stdio;
+
+use anyhow::{Context, Result, bail};
+
+use crate::evidence::{BEGIN, END};
+use crate::process::{Invocation, Workspace};
+use crate::setup::NIGHTLY;
+
+/// The targets, as `fuzz/Cargo.toml` has them.
+const TARGETS: &[&str] = &["commands", "frames", "storage"];
+/// Seconds of each target in the gate: long enough for some hundred boards.
+const SECONDS_IN_GATE: u32 = 10;
+/// The seed in the gate: what one developer sees, another one sees too.
+const SEED_IN_GATE: u32 = 1;
+/// Where a run keeps what it builds and finds.
+const FOLDER: &str = "target/fuzz";
+/// Seconds after which an input counts as one that never ends: a script of half a minute of a board
+/// takes one.
+const LONGEST: u32 = 60;
+
+/// What came of a target.
+#[derive(Debug, Default, PartialEq, Eq)]
+struct Outcome {
+    /// Inputs that were run.
+    runs: u64,
+    /// Inputs that reached something new.
+    found: u64,
+}
+
+/// Every target for some seconds each, as a campaign: prints its result.
+pub(crate) fn run(workspace: &Workspace, seconds: u32, seed: u32) -> Result<()> {
+    let outcomes = all(workspace, seconds, seed)?;
+    println!("{BEGIN}\n{}\n{END}", table(&outcomes, seconds).trim_end());
+    Ok(())
+}
+
+/// The same within the gate.
+pub(crate) fn check(workspace: &Workspace) -> Result<String> {
+    let outcomes = all(workspace, SECONDS_IN_GATE, SEED_IN_GATE)?;
+    let runs: u64 = outcomes.iter().map(|(_, outcome)| outcome.runs).sum();
+    Ok(format!("{runs} inputs kept every promise"))
+}
+
+fn all(workspace: &Workspace, seconds: u32, seed: u32) -> Result<Vec<(&'static str, Outcome)>> {
+    lock_file_is_up_to_date(workspace)?;
+    let one = |&target: &&'static str| Ok((target, fuzz(workspace, target, seconds, seed)?));
+    TARGETS.iter().map(one).collect()
+}
+
+/// cargo-fuzz would change the lock file without a word.
+fn lock_file_is_up_to_date(workspace: &Workspace) -> Result<()> {
+    let manifest = "fuzz/Cargo.toml";
+    let arguments = ["metadata", "--locked", "--format-version", "1"];
+    let query = [&arguments[..], &["--manifest-path", manifest]].concat();
+    let read = workspace.output(&Invocation::cargo(&query));
+    read.map(drop).with_context(|| {
+        format!("bring it up to date with `cargo update --workspace --manifest-path {manifest}`")
+    })
+}
+
+/// One target for some seconds.
+fn fuzz(workspace: &Workspace, target: &str, seconds: u32, seed: u32) -> Result<Outcome> {
+    let found = format!("{FOLDER}/found/{target}");
+    fs::create_dir_all(workspace.root().join(&found))
+        .with_context(|| format!("{found} could not be created"))?;
+    let invocation = invocation(target, &found, seconds, seed);
+    println!("    $ {invocation}");
+    let mut child = invocation
+        .command(workspace)
+        .stderr(Stdio::piped())
+        .spawn()
+        .with_context(|| invocation.cannot_start())?;
+    let stderr = child.stderr.take().context("its output was not captured")?;
+    let mut said = String::new();
+    for line in BufReader::new(stderr).lines() {
+        let line = line.with_context(|| format!("the output of `{invocation}` is unreadable"))?;
+        eprintln!("{line}");
+        said.push_str(&line);
+        said.push('\n');
+    }
+    let status = child
+        .wait()
+        .with_context(|| format!("the end of `{invocation}` was not seen"))?;
+    if !status.success() {
+        bail!(
+            "`{invocation}` failed ({status}); an input that breaks a promise lies in \
+             fuzz/artifacts/{target}"
+        );
+    }
+    outcome(&said).with_context(|| format!("`{invocation}` did not say how many inputs it ran"))
+}
+
+fn invocation(target: &str, found: &str, seconds: u32, seed: u32) -> Invocation {
+    let toolchain = format!("+{NIGHTLY}");
+    let corpus = format!("fuzz/corpus/{target}");
+    // Nothing that is fuzzed has unsafe code of ours: a sanitizer would only slow it down.
+    let build = ["--sanitizer", "none", "--target-dir", FOLDER];
+    let options = [
+        format!("-seed={seed}"),
+        format!("-max_total_time={seconds}"),
+        format!("-timeout={LONGEST}"),
+        "-print_final_stats=1".to_owned(),
+        "-verbosity=0".to_owned(),
+    ];
+    let mut arguments = vec![toolchain.as_str(), "fuzz", "run"];
+    arguments.extend(build);
+    arguments.extend([target, found, &corpus, "--"]);
+    arguments.extend(options.iter().map(String::as_str));
+    Invocation::cargo(&arguments)
+}
+
+/// Reads libFuzzer's statistics.
+fn outcome(said: &str) -> Option<Outcome> {
+    let number = |name: &str| {
+        let mut lines = said.lines();
+        let of = lines.find_map(|line| line.strip_prefix("stat::")?.strip_prefix(name))?;
+        of.trim_start_matches(':').trim().parse().ok()
+    };
+    Some(Outcome {
+        runs: number("number_of_executed_units")?,
+        found: number("new_units_added")?,
+    })
+}
+
+fn table(outcomes: &[(&str, Outcome)], seconds: u32) -> String {
+    let mut text = format!(
+        "## Result\n\nEvery input kept every promise. Each target ran for {seconds} s.\n\n\
+         | target | inputs | that reached something new |\n|---|---|---|\n"
+    );
+    for (target, outcome) in outcomes {
+        // Writing to a String cannot fail.
+        let _ = writeln!(text, "| {target} | {} | {} |", outcome.runs, outcome.found);
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_statistics_of_a_run_are_read_and_their_absence_is_noticed() {
+        let said = "Done 7 runs\n\
+                    stat::number_of_executed_units: 969026\n\
+                    stat::average_exec_per_sec:     23634\n\
+                    stat::new_units_added:          6391\n";
+        let expected = Outcome {
+            runs: 969_026,
+            found: 6_391,
+        };
+        assert_eq!(outcome(said), Some(expected));
+        assert_eq!(outcome("error: no such target"), None);
+    }
+
+    #[test]
+    fn every_target_has_a_program_and_a_corpus() {
+        let workspace = Workspace::find(None).unwrap();
+        let folder = workspace.root().join("fuzz");
+        let mut programs: Vec<_> = fs::read_dir(folder.join("fuzz_targets"))
+            .unwrap()
+            .map(|file| file.unwrap().path())
+            .filter_map(|path| Some(path.file_stem()?.to_str()?.to_owned()))
+            .collect();
+        programs.sort();
+        assert_eq!(programs, TARGETS);
+        for target in TARGETS {
+            let corpus = fs::read_dir(folder.join("corpus").join(target)).unwrap();
+            assert!(corpus.count() > 0, "{target}");
+        }
+    }
+}
