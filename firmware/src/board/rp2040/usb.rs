@@ -78,6 +78,7 @@ const SETTLING: u32 = 12;
 /// - A request with more data than `usb-device` takes is refused. It was left without an answer.
 /// - Nothing stays armed on endpoint 0 when a transfer is over: a packet of it would be taken for one of
 ///   the next transfer, whose setup packet waits for the processor.
+/// - A setup packet from before a reset of the bus is not answered after it.
 /// - Data that follow a request without data are refused.
 /// - Packets begin with DATA0 again where USB wants it.
 /// - An address counts only if the request for it has come to its end.
@@ -108,8 +109,6 @@ struct Control {
     setup: [u8; 8],
     /// The setup packet has come, and was not read yet.
     is_new: bool,
-    /// Bytes of its data stage towards the host.
-    sent: u16,
     /// A packet waits for the host, or that it was taken was not reported yet.
     is_waiting: bool,
 }
@@ -138,7 +137,6 @@ impl Bus {
         let control = Control {
             setup: REFUSED,
             is_new: false,
-            sent: 0,
             is_waiting: false,
         };
         Self {
@@ -194,7 +192,6 @@ impl Bus {
         let control = Control {
             setup,
             is_new: false,
-            sent: 0,
             is_waiting: false,
         };
         self.set_control(control);
@@ -280,7 +277,12 @@ impl UsbBusTrait for Bus {
             .filter(|&endpoint| !is_armed(word(endpoint, true)))
             .fold(0, |taken, endpoint| taken | 1 << endpoint);
         self.hal.reset();
-        // No data come before a setup packet.
+        // Nothing comes within 10 ms of a reset: what is there came before it (USB 2.0 7.1.7.5).
+        // SAFETY: only the interrupt of USB writes this register.
+        let registers = unsafe { &*USBCTRL_REGS::ptr() };
+        registers
+            .sie_status()
+            .write(|w| w.setup_rec().clear_bit_by_one());
         disarm(OUT_0);
         self.set_control(Control {
             is_waiting: false,
@@ -302,21 +304,13 @@ impl UsbBusTrait for Bus {
             return self.hal.write(address, packet);
         }
         let control = self.control();
-        if control.is_in() && packet.is_empty() && control.sent > 0 {
-            // The host has all that it asked for, and waits for no end.
-            if control.sent == control.length() {
-                return Ok(0);
-            }
-        }
         // Endpoint 0 in the other direction has nothing to wait for.
         if !control.is_in() && control.length() == 0 {
             let out = EndpointAddress::from_parts(0, UsbDirection::Out);
             self.hal.set_stalled(out, true);
         }
         let written = self.hal.write(address, packet)?;
-        let sent = control.sent.saturating_add(written as u16);
         self.set_control(Control {
-            sent,
             is_waiting: true,
             ..control
         });

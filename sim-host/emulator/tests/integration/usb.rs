@@ -58,6 +58,23 @@ fn control_transfers_of_any_kind_end_and_disturb_neither_stream_nor_coil() {
     assert_eq!(bench.command(&Command::GetSettings), Outcome::Accepted);
 }
 
+/// SET_CONTROL_LINE_STATE has none.
+#[test]
+fn data_that_a_request_does_not_announce_are_refused() {
+    let mut bench = plugged();
+    let setup = [0x21, 0x22, 3, 0, 0, 0, 0, 0];
+    for length in [0, 1, 64, 100] {
+        let id = bench.submit(ControlTransfer::with_data(setup, &vec![7; length]));
+        bench.run(Time::from_ms(5));
+        let results = bench.probe.board.usb_mut().take_results();
+        let expected = match length {
+            0 => ControlOutcome::Done(Vec::new()),
+            _ => ControlOutcome::Stalled,
+        };
+        assert_eq!(results, [(id, expected)], "{length} bytes");
+    }
+}
+
 /// A PC that configures the device again or clears a halt counts packets from DATA0 (USB 2.0 9.1.1.5,
 /// 9.4.5). A device that does not loses one, or repeats one.
 #[test]

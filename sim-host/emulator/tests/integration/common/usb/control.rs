@@ -12,6 +12,9 @@ const HANGS: Time = Time::from_ms(100);
 /// After which the host gives up a transfer in which it sends less than it has promised: the device
 /// waits for the rest, as it has to.
 const CUT_SHORT: Time = Time::from_ms(8);
+/// For how long packets of a transfer that the host gave up may be left: until the task of the
+/// instrument pauses, and the transfer after that.
+const LEFT_OVER: Time = Time::from_ms(5);
 /// Transfers of one in so many end before their time: by a reset, by the next setup packet.
 const RESETS: u32 = 100;
 const OVERTAKEN: u32 = 10;
@@ -45,6 +48,9 @@ pub(crate) struct ControlFindings {
     pub(crate) overtaken: u32,
     /// Given up by the host, which had sent less than it promised.
     pub(crate) cut_short: u32,
+    /// Followed one that the host gave up, and got what was left of it: a packet that waits on endpoint
+    /// 0 goes out, or takes data in, until the processor has seen the setup packet.
+    pub(crate) spoiled: u32,
     /// Neither data nor stall, with nothing that ended them.
     pub(crate) hung: Vec<(ControlTransfer, ControlOutcome)>,
     /// The device descriptor, asked for between, was another one.
@@ -77,9 +83,11 @@ pub(crate) fn disturb_control(bench: &mut UsbBench, count: u32, seed: u64) -> Co
         .wire_log()
         .map_or(0, |it| it.edge_to_start.len());
     bench.arm();
+    let mut given_up = None;
     for number in 0..count {
         if number.is_multiple_of(BATCH) {
             enumerate(bench, &mut found);
+            given_up = None;
             drive(bench, &mut found);
         }
         let ending = match chance.below(RESETS) {
@@ -88,7 +96,11 @@ pub(crate) fn disturb_control(bench: &mut UsbBench, count: u32, seed: u64) -> Co
             _ => Ending::ByItself,
         };
         let transfer = draw(&mut chance);
-        one(bench, transfer, ending, &mut found);
+        let now = bench.probe.board.now();
+        let may_get_left = given_up.is_some_and(|at| now - at < LEFT_OVER);
+        if one(bench, transfer, ending, may_get_left, &mut found) {
+            given_up = Some(bench.probe.board.now());
+        }
     }
     enumerate(bench, &mut found);
     add_levels(bench, &mut found);
@@ -127,12 +139,14 @@ fn add_levels(bench: &mut UsbBench, found: &mut ControlFindings) {
     levels.longest_gap = levels.longest_gap.max(of_train.longest_gap);
 }
 
+/// Does a transfer; says whether the host gave it up.
 fn one(
     bench: &mut UsbBench,
     mut transfer: ControlTransfer,
     ending: Ending,
+    may_get_left: bool,
     found: &mut ControlFindings,
-) {
+) -> bool {
     let promised = usize::from(u16::from_le_bytes([transfer.setup[6], transfer.setup[7]]));
     let is_short = transfer.setup[0] & 0x80 == 0 && transfer.data.len() < promised;
     transfer.deadline = match ending {
@@ -146,40 +160,53 @@ fn one(
     let begin = bench.probe.board.now();
     let id = bench.submit(transfer.clone());
     if let Ending::Reset(after) = ending {
-        bench.probe.board.run_for(after).expect("the image runs on");
-        bench.probe.board.usb_mut().reset();
-        // What is ordered begins with the next step.
-        bench
-            .probe
-            .board
-            .run_for(Time::from_us(1))
-            .expect("the image runs on");
+        reset_after(bench, after);
     }
     let outcome = outcome(bench, id);
+    let is_right = is_right(bench, &transfer, &outcome);
     match (&outcome, ending) {
-        (ControlOutcome::Done(_), _) => found.done += 1,
-        (ControlOutcome::Stalled, _) => found.stalled += 1,
-        (ControlOutcome::Cancelled, Ending::Reset(_)) => found.cancelled += 1,
         (ControlOutcome::TimedOut, Ending::Overtaken) => found.overtaken += 1,
         (ControlOutcome::TimedOut, _) if is_short => found.cut_short += 1,
+        (ControlOutcome::Cancelled, Ending::Reset(_)) => found.cancelled += 1,
+        (ControlOutcome::Done(_), _) if is_right => found.done += 1,
+        (ControlOutcome::Stalled, _) => found.stalled += 1,
+        _ if may_get_left => found.spoiled += 1,
+        (ControlOutcome::Done(_), _) => found.wrong += 1,
         _ => found.hung.push((transfer.clone(), outcome.clone())),
-    }
-    let is_over = matches!(outcome, ControlOutcome::Done(_) | ControlOutcome::Stalled);
-    if is_over && ending == Ending::ByItself {
-        found.longest = found.longest.max(bench.probe.board.now() - begin);
-    }
-    if let (ControlOutcome::Done(data), [0x80, 6, 0, 1, _, _, low, high]) =
-        (outcome, transfer.setup)
-    {
-        let asked = usize::from(u16::from_le_bytes([low, high])).min(transfer.read_limit);
-        let right = bench.probe.board.usb().description();
-        let is_right =
-            right.is_none_or(|it| it.device.starts_with(&data)) && data.len() >= asked.min(18);
-        found.wrong += u32::from(!is_right);
     }
     if let Ending::Reset(_) = ending {
         bench.until_open(super::ENUMERATION);
+        return false;
     }
+    let is_over = matches!(outcome, ControlOutcome::Done(_) | ControlOutcome::Stalled);
+    if is_over {
+        found.longest = found.longest.max(bench.probe.board.now() - begin);
+    }
+    !is_over
+}
+
+fn reset_after(bench: &mut UsbBench, time: Time) {
+    let board = &mut bench.probe.board;
+    board.run_for(time).expect("the image runs on");
+    board.usb_mut().reset();
+    // What is ordered begins with the next step.
+    board.run_for(Time::from_us(1)).expect("the image runs on");
+}
+
+/// Whether an answer is the device descriptor, if that was asked for.
+fn is_right(bench: &UsbBench, transfer: &ControlTransfer, outcome: &ControlOutcome) -> bool {
+    let [kind, request, index, descriptor, _, _, low, high] = transfer.setup;
+    let (Some(data), true) = (
+        outcome.data(),
+        [kind, request, index, descriptor] == DEVICE_DESCRIPTOR,
+    ) else {
+        return true;
+    };
+    let asked = usize::from(u16::from_le_bytes([low, high])).min(transfer.read_limit);
+    let description = bench.probe.board.usb().description();
+    // While it is enumerated again nothing is known.
+    let is_part = description.is_none_or(|it| it.device.starts_with(data));
+    is_part && data.len() >= asked.min(18)
 }
 
 /// Runs until a transfer that begins is not over when the frame is, where the host gives it up.
