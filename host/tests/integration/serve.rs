@@ -67,7 +67,11 @@ struct Program {
 
 impl Program {
     /// Sends a command, and reads until a record says something.
-    fn ask<T>(&mut self, command: &palpate_wire::Command, of: impl Fn(&Record) -> Option<T>) -> T {
+    fn ask<T>(
+        &mut self,
+        command: &palpate_wire::Command,
+        mut of: impl FnMut(&Record) -> Option<T>,
+    ) -> T {
         let header = self.sequencer.stamp(0);
         let mut buffer = [0; palpate_wire::Command::MAX_FRAME];
         let frame = encode(&header, command, &mut buffer).unwrap();
@@ -99,6 +103,20 @@ impl Program {
             Record::Storage(storage) => Some(storage.clone()),
             _ => None,
         })
+    }
+
+    /// Asks to store what is in force, and waits for the end of it.
+    fn store(&mut self) -> palpate_wire::record::Storage {
+        let mut outcome = None;
+        let stored = self.ask(&palpate_wire::Command::Store, |record| match record {
+            Record::Acknowledgement(answer) => {
+                outcome = Some(answer.outcome);
+                (answer.outcome != Outcome::Accepted).then_some(None)
+            }
+            Record::Storage(storage) => Some(Some(storage.clone())),
+            _ => None,
+        });
+        stored.unwrap_or_else(|| panic!("{outcome:?}"))
     }
 
     fn outcome(&mut self, command: &palpate_wire::Command) -> Outcome {
@@ -143,7 +161,7 @@ fn store(flash: &Path) -> u32 {
     };
     let set = palpate_wire::Command::SetSettings(settings);
     assert_eq!(program.outcome(&set), Outcome::Accepted);
-    let stored = program.storage(&palpate_wire::Command::Store);
+    let stored = program.store();
     assert_eq!(
         (stored.action, stored.succeeded),
         (StorageAction::Store, true)

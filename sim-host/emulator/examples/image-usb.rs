@@ -31,7 +31,7 @@ const OFF_AFTER_HANG: Time = Time::from_ms(60);
 const SILENCE: std::ops::Range<Time> = Time::from_ms(95)..Time::from_ms(103);
 
 const STREAM: Time = Time::from_ms(60_000);
-const CONTROL_TRANSFERS: u32 = 50_000;
+const CONTROL_TRANSFERS: u32 = 100_000;
 const STOPPED: Time = Time::from_ms(5_000);
 const ROUNDS: u32 = 100;
 const RUBBISH: usize = 1_000_000;

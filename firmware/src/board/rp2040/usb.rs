@@ -79,7 +79,7 @@ const SETTLING: u32 = 12;
 /// - Nothing stays armed on endpoint 0 when a transfer is over: a packet of it would be taken for one of
 ///   the next transfer, whose setup packet waits for the processor.
 /// - A setup packet from before a reset of the bus is not answered after it.
-/// - Data that follow a request without data are refused.
+/// - Data beyond those that a request announced are refused.
 /// - Packets begin with DATA0 again where USB wants it.
 /// - An address counts only if the request for it has come to its end.
 /// - A packet of endpoint 0 that the host takes while the driver clears the marks of others is not
@@ -304,10 +304,11 @@ impl UsbBusTrait for Bus {
             return self.hal.write(address, packet);
         }
         let control = self.control();
-        // Endpoint 0 in the other direction has nothing to wait for.
-        if !control.is_in() && control.length() == 0 {
+        // All data have come: what else does is refused.
+        if !control.is_in() {
             let out = EndpointAddress::from_parts(0, UsbDirection::Out);
             self.hal.set_stalled(out, true);
+            disarm(OUT_0);
         }
         let written = self.hal.write(address, packet)?;
         self.set_control(Control {

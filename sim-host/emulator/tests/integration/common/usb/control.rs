@@ -182,7 +182,7 @@ fn one(
     if is_over {
         found.longest = found.longest.max(bench.probe.board.now() - begin);
     }
-    !is_over
+    outcome == ControlOutcome::TimedOut && (ending == Ending::Overtaken || is_short)
 }
 
 fn reset_after(bench: &mut UsbBench, time: Time) {
