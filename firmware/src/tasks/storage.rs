@@ -43,8 +43,9 @@ impl StorageWork {
     /// flash for that.
     #[inline(always)]
     pub fn is_due(&self) -> bool {
-        self.reports.len() < self.reports.capacity()
-            && (self.orders.ready() || self.task.is_going())
+        // In this order: there is nearly never anything, and the room takes a division.
+        (self.orders.ready() || self.task.is_going())
+            && self.reports.len() < self.reports.capacity()
     }
 }
 
