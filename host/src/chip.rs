@@ -14,6 +14,7 @@ use ldc161x_sim::{
 };
 use serde::Serialize;
 
+use crate::notice;
 use crate::{
     failure::Failure,
     plan_ldc::{self, PlannedBoard},
@@ -316,7 +317,7 @@ impl<'a> Session<'a> {
     /// Nine clocks to free the bus, the SD pin, the configuration again.
     fn recover(&mut self, error: &Error<ldc161x_sim::I2cError>) -> Result<(), Failure> {
         let at = self.now_ms();
-        eprintln!("palpate: {at:.3} ms: {error}");
+        notice::say(format_args!("palpate: {at:.3} ms: {error}"));
         for attempt in 1..=RECOVERIES {
             // What the pulses achieve shows in the transfer that follows.
             let _ = self.bus.clock_pulses(9);
@@ -326,7 +327,9 @@ impl<'a> Session<'a> {
                 .and_then(|()| self.probe());
             if recovered.is_ok() {
                 let ms = self.now_ms() - at;
-                eprintln!("palpate: recovered after {ms:.3} ms, attempt {attempt}");
+                notice::say(format_args!(
+                    "palpate: recovered after {ms:.3} ms, attempt {attempt}"
+                ));
                 return Ok(());
             }
         }

@@ -11,6 +11,7 @@ use clap::Args;
 use palpate_emulator::{Image, firmware};
 
 use crate::failure::Failure;
+use crate::notice;
 
 /// Names the image.
 #[derive(Args)]
@@ -89,11 +90,11 @@ impl Arguments {
                 program.made_by()
             )));
         };
-        eprintln!(
+        notice::say(format_args!(
             "palpate: building the {} of {}",
             program.name(),
             workspace.display()
-        );
+        ));
         program
             .build()
             .map_err(|error| Failure::Refused(error.to_string()))

@@ -5,6 +5,7 @@ use std::path::Path;
 use defmt_decoder::{DecodeError, Frame, Table};
 
 use crate::failure::Failure;
+use crate::notice;
 
 /// What the image's ELF file says of its log.
 pub(crate) struct Log(Table);
@@ -44,9 +45,9 @@ impl Log {
 
     /// Shows a log on standard error.
     pub(crate) fn show(&self, what: &str, bytes: &[u8]) {
-        eprintln!("log, {what}:");
+        notice::say(format_args!("log, {what}:"));
         for line in self.lines(bytes) {
-            eprintln!("{line}");
+            notice::say(line);
         }
     }
 }

@@ -27,6 +27,7 @@ mod jsonl;
 #[cfg(feature = "emulator")]
 mod log;
 mod misfit;
+mod notice;
 mod output;
 mod plan_ldc;
 mod plot;
@@ -121,7 +122,7 @@ fn main() -> ExitCode {
             ExitCode::SUCCESS
         }
         Err(failure) => {
-            eprintln!("palpate: {failure}");
+            notice::say(format_args!("palpate: {failure}"));
             failure.exit_code()
         }
     }

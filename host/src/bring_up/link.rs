@@ -8,6 +8,7 @@ use ldc161x_sim::{ChipFault, FaultEvent, Lost};
 use palpate_emulator::{EmulatedBoard, Still, Time};
 
 use crate::failure::Failure;
+use crate::notice;
 
 /// The channel of the probe, in both directions.
 const CHANNEL: u32 = 0;
@@ -66,7 +67,7 @@ impl Link {
     pub(super) fn dip(&mut self) -> Result<(), Failure> {
         match self {
             Self::Probe(_) => {
-                eprintln!("Interrupt the converter's supply for a moment, then press Enter.");
+                notice::say("Interrupt the converter's supply for a moment, then press Enter.");
                 std::io::stdin().read_line(&mut String::new())?;
             }
             Self::Emulated(board) => {

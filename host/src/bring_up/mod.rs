@@ -16,6 +16,7 @@ use serde::Serialize;
 
 use crate::failure::Failure;
 use crate::image::{self, Program};
+use crate::notice;
 use crate::output::OutputFile;
 use crate::progress::Progress;
 use crate::switches;
@@ -100,7 +101,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let text = switches::document(tests.switches)?;
     print(arguments, &tests)?;
     settings.write(text)?;
-    eprintln!("switches: {}", settings.path().display());
+    notice::say(format_args!("switches: {}", settings.path().display()));
     Ok(())
 }
 

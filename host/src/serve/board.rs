@@ -127,8 +127,12 @@ impl Served {
         }
         // Before the end of the enumeration there is no port.
         self.changing = self.instrument.board_mut().usb_mut().set_dtr(is_open);
-        if self.changing.is_some() {
-            self.is_open = is_open;
+        if self.changing.is_none() {
+            return;
+        }
+        self.is_open = is_open;
+        // What a program sent before its port was open stays: it is sent once the port is.
+        if !is_open {
             self.unsent.clear();
         }
     }

@@ -15,6 +15,7 @@ use palpate_sim::stack::{Disturbances, LoadError, Stack};
 
 use crate::failure::Failure;
 use crate::image::{self, Program};
+use crate::notice;
 use board::{Served, Touch};
 use pace::Pace;
 use port::Port;
@@ -87,7 +88,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         arguments.flash.as_deref(),
     )?;
     let mut port = Port::listen(arguments.listen)?;
-    eprintln!("the emulated board is at {}", port.address());
+    notice::say(format_args!("the emulated board is at {}", port.address()));
     let end = arguments.seconds.map(Time::from_secs_f64);
     serve(&mut served, &mut port, end)
 }
@@ -105,7 +106,7 @@ fn serve(served: &mut Served, port: &mut Port, end: Option<Time>) -> Result<(), 
             thread::sleep(ahead);
         }
         if let Some(warning) = pace.warning() {
-            eprintln!("{warning}");
+            notice::say(warning);
         }
     }
     Ok(())

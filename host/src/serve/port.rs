@@ -48,6 +48,11 @@ impl Port {
 
     /// Lets a program in, or sends it away. Whether one is connected.
     pub(super) fn accept(&mut self) -> bool {
+        // The next one is let in by the next call, so that the board sees its port closed between.
+        if self.program.as_ref().is_some_and(is_gone) {
+            self.program = None;
+            return false;
+        }
         while let Ok((mut stream, _)) = self.listener.accept() {
             if self.program.is_some() {
                 // One that does not listen is not waited for.
@@ -97,6 +102,11 @@ impl Port {
             Err(_) => self.program = None,
         }
     }
+}
+
+/// Whether the program has closed its end, and everything that it sent before is read.
+fn is_gone(program: &TcpStream) -> bool {
+    matches!(program.peek(&mut [0]), Ok(0))
 }
 
 fn is_later(error: &std::io::Error) -> bool {

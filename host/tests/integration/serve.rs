@@ -10,7 +10,11 @@ use palpate_wire::code::{Outcome, StorageAction, StorageState};
 use palpate_wire::record::{Acknowledgement, Hello};
 use palpate_wire::{Message, Record, RecordDecoder, Sequencer, encode};
 
-/// The server, which ends by itself.
+/// How long an answer may take: a save takes seconds of the board's time, and a busy computer emulates
+/// the board at a tenth of its pace or less.
+const PATIENCE: Duration = Duration::from_secs(300);
+
+/// The server, which ends with this.
 struct Server {
     child: Child,
     address: String,
@@ -20,7 +24,7 @@ impl Server {
     fn start(arguments: &[&str]) -> Self {
         let image = palpate_emulator::firmware::build().unwrap_or_else(|error| panic!("{error}"));
         let mut child = Command::new(env!("CARGO_BIN_EXE_palpate"))
-            .args(["serve-emulated", "--listen", "127.0.0.1:0", "--for", "60"])
+            .args(["serve-emulated", "--listen", "127.0.0.1:0"])
             .arg("--image")
             .arg(image)
             .args(arguments)
@@ -78,8 +82,11 @@ impl Program {
         self.stream.write_all(frame).unwrap();
         let begin = Instant::now();
         let mut bytes = [0; 4096];
-        while begin.elapsed() < Duration::from_secs(30) {
-            let count = self.stream.read(&mut bytes).unwrap_or(0);
+        while begin.elapsed() < PATIENCE {
+            let count = match self.stream.read(&mut bytes) {
+                Ok(0) => panic!("{command:?}: the server has closed the connection"),
+                read => read.unwrap_or(0),
+            };
             let frames: Vec<_> = self.decoder.frames(&bytes[..count]).collect();
             for frame in frames.into_iter().flatten() {
                 self.sequencer.address(frame.header.boot_id);
