@@ -36,7 +36,7 @@ pub(super) fn identity(boot_id: u32) -> Identity {
             crash: None,
         },
         clocks_run: true,
-        storage: false,
+        storage: true,
         limits: Limits::REFERENCE,
     }
 }

@@ -34,15 +34,16 @@ mod wiring;
 
 use core::fmt;
 use core::future::Future;
-use core::pin::Pin;
-use core::task::{Context, Waker};
+use core::pin::{Pin, pin};
+use core::task::{Context, Poll, Waker};
 use std::rc::Rc;
 
 use ldc161x_sim::Time;
 use palpate_node::coil::{CoilManager, POLL_US};
 use palpate_node::converter::{CONVERTERS, ConverterState, ConverterTask};
 use palpate_node::instrument::{self, Instrument, Usage};
-use palpate_procedure::storage::StorageOrder;
+use palpate_node::storage::StorageTask;
+use palpate_procedure::storage::{StorageOrder, StorageReport};
 use palpate_procedure::{Instant, Link, Procedure};
 use palpate_wire::code::RebootTarget;
 use palpate_wire::{Command, Frame, Header, Message, Record, Sequencer};
@@ -129,6 +130,9 @@ struct NativeHardware<'a> {
     /// What went to the probe's link, where it is not read as bytes.
     frames: Vec<Frame<Record>>,
     links: Links,
+    storage: StorageTask<Flash>,
+    /// The next order to the storage.
+    order: Option<StorageOrder>,
     /// It is to start anew.
     restarts: bool,
 }
@@ -164,8 +168,9 @@ impl<'a> instrument::Hardware for NativeHardware<'a> {
         }
     }
 
-    /// It has no storage, and so gets no orders.
-    fn order(&mut self, _: StorageOrder) {}
+    fn order(&mut self, order: StorageOrder) {
+        self.order = Some(order);
+    }
 
     fn restart(&mut self, _: RebootTarget) {
         self.restarts = true;
@@ -179,8 +184,21 @@ impl<'a> instrument::Hardware for NativeHardware<'a> {
     }
 }
 
+impl NativeHardware<'_> {
+    /// The storage's next report.
+    fn storage_reports(&mut self) -> Option<StorageReport> {
+        let going = pin!(self.storage.work(self.order.take()));
+        // A flash in memory never waits.
+        match going.poll(&mut Context::from_waker(Waker::noop())) {
+            Poll::Ready(report) => report,
+            Poll::Pending => None,
+        }
+    }
+}
+
 impl<'a> NativeBoard<'a> {
-    /// A board that starts now, with default settings and no calibration.
+    /// A board that starts now, with what is stored in the wiring's flash: at first default settings and
+    /// no calibration.
     #[must_use]
     pub fn new(wiring: &'a Wiring) -> Self {
         let shared = Rc::new(Shared::default());
@@ -202,6 +220,8 @@ impl<'a> NativeBoard<'a> {
                 sequencer: Sequencer::new(FIRST_BOOT_ID),
                 frames: Vec::new(),
                 links: Links::new(FIRST_BOOT_ID),
+                storage: StorageTask::new(wiring.flash().clone()),
+                order: None,
                 restarts: false,
             },
             instrument: Instrument::new(),
@@ -213,7 +233,7 @@ impl<'a> NativeBoard<'a> {
 
     /// Sends a command without waiting for its answer; returns its number.
     pub fn post(&mut self, command: Command) -> u32 {
-        while self.begins.is_some() {
+        while !self.instrument.has_begun() {
             self.advance_to(self.now() + IDENTITY);
         }
         let sequence = self.commands_sent;
@@ -307,8 +327,15 @@ impl<'a> NativeBoard<'a> {
             let boot_id = self.hardware.boot_id;
             self.instrument
                 .begin(&mut self.hardware, identity::identity(boot_id));
+            // Where nothing is stored, it begins at once.
+            self.run_storage();
         }
         let mut stepped = false;
+        // Until it has begun, what comes waits where it is.
+        if !self.instrument.has_begun() {
+            self.instrument.poll(&mut self.hardware, stepped);
+            return self.run_storage();
+        }
         loop {
             let next = self.hardware.shared.samples.borrow_mut().pop_front();
             let Some((converter, sampled)) = next else {
@@ -321,9 +348,18 @@ impl<'a> NativeBoard<'a> {
         if stepped || polls {
             stepped |= self.receive();
             self.instrument.poll(&mut self.hardware, stepped);
+            self.run_storage();
         }
         if core::mem::take(&mut self.hardware.restarts) {
             self.start_anew();
+        }
+    }
+
+    /// The storage carries out its order, or goes on: a report in a turn, as on the device. What it does
+    /// takes no time.
+    fn run_storage(&mut self) {
+        if let Some(report) = self.hardware.storage_reports() {
+            self.instrument.stored(&mut self.hardware, &report);
         }
     }
 
@@ -340,11 +376,14 @@ impl<'a> NativeBoard<'a> {
         has_received
     }
 
-    /// The instrument forgets everything; the converters are configured anew.
+    /// The instrument forgets everything but what is stored; the converters are configured anew.
     fn start_anew(&mut self) {
         self.hardware.boot_id += 1;
         self.hardware.sequencer = Sequencer::new(self.hardware.boot_id);
         self.hardware.links.start_anew(self.hardware.boot_id);
+        let flash = self.hardware.wiring.flash().clone();
+        self.hardware.storage = StorageTask::new(flash);
+        self.hardware.order = None;
         self.instrument = Instrument::new();
         self.begins = Some(self.wiring_now() + IDENTITY);
     }

@@ -1,4 +1,4 @@
-//! What the native board is wired to: converters, coil and world.
+//! What the native board is wired to: converters, coil, world and flash.
 
 use core::cell::RefCell;
 use std::rc::Rc;
@@ -10,9 +10,10 @@ use palpate_node::coil::CoilManager;
 use palpate_node::converter::CONVERTERS;
 
 use super::coil::{CoilDrive, NativeCoil};
+use super::flash::Flash;
 use crate::world::{SharedWorld, World};
 
-/// Converters, coil and world, as they are wired to a board.
+/// Converters, coil, world and flash, as they are wired to a board.
 pub struct Wiring {
     world: SharedWorld,
     /// The second is there, or held in shutdown for ever, in which it answers nothing.
@@ -20,6 +21,7 @@ pub struct Wiring {
     has_second: bool,
     pub(super) drive: Rc<RefCell<CoilDrive>>,
     pub(super) supervisor: Supervisor,
+    flash: Flash,
 }
 
 impl core::fmt::Debug for Wiring {
@@ -71,6 +73,7 @@ impl Wiring {
             world,
             drive,
             supervisor,
+            flash: Flash::new(),
         }
     }
 
@@ -78,6 +81,12 @@ impl Wiring {
     #[must_use]
     pub const fn world(&self) -> &SharedWorld {
         &self.world
+    }
+
+    /// The flash, which keeps what a board has stored for the next one.
+    #[must_use]
+    pub const fn flash(&self) -> &Flash {
+        &self.flash
     }
 
     /// The first converter, to schedule faults and to read its record.

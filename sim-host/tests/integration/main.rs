@@ -16,3 +16,4 @@ mod robust;
 mod sensing_coil;
 mod springs;
 mod stacks;
+mod storage;
