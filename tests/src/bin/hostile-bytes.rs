@@ -65,6 +65,10 @@ fn describe(summary: &Summary) -> String {
         let armed = if *is_armed { "yes" } else { "no" };
         let _ = writeln!(text, "| {state} | {armed} | {times} |");
     }
+    text += "\n## Reports\n\n| report | times |\n|---|---|\n";
+    for (report, times) in &summary.reports {
+        let _ = writeln!(text, "| {report} | {times} |");
+    }
     text += "\n## Answers\n\n| outcome | times |\n|---|---|\n";
     for (outcome, times) in &summary.outcomes {
         let _ = writeln!(text, "| {outcome} | {times} |");

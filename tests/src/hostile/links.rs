@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, VecDeque};
 
 use ldc161x_sim::Time;
+use palpate_wire::code::StorageAction;
 use palpate_wire::{
     Command, CommandDecoder, Frame, FrameError, Header, Message, Record, RecordDecoder, encode,
 };
@@ -28,6 +29,8 @@ pub(super) struct Peer {
     pub(super) outcomes: BTreeMap<&'static str, u64>,
     /// Frames that were damaged or could not be understood.
     pub(super) refused: u64,
+    /// What was reported, by what it is.
+    pub(super) reports: BTreeMap<&'static str, u64>,
 }
 
 impl Peer {
@@ -72,7 +75,12 @@ impl Peer {
                     self.answered(answer.command, answer.kind)?;
                     *self.outcomes.entry(answer.outcome.name()).or_default() += 1;
                 }
-                _ => others.push(without_number(&frame)),
+                record => {
+                    if let Some(report) = report(record) {
+                        *self.reports.entry(report).or_default() += 1;
+                    }
+                    others.push(without_number(&frame));
+                }
             }
         }
         Ok(others)
@@ -150,6 +158,23 @@ fn answers_to(command: &Command) -> Vec<u8> {
         Command::GetCalibration(_) => (0x11..=0x1B).collect(),
         _ => Vec::new(),
     }
+}
+
+/// What a record reports that shows how far a script has come.
+fn report(record: &Record) -> Option<&'static str> {
+    Some(match record {
+        Record::Estimate(_) => "estimate",
+        Record::Refusal(_) => "refusal",
+        Record::Fault(fault) if fault.active => "fault",
+        Record::CoilTest(_) => "coil test",
+        Record::Storage(storage) if storage.succeeded => match storage.action {
+            StorageAction::Store => "save",
+            StorageAction::Load => "load",
+            StorageAction::Erase => "erasure",
+            _ => return None,
+        },
+        _ => return None,
+    })
 }
 
 /// A record with its time: a frame with the number 0, which no link gave it.

@@ -41,6 +41,8 @@ pub struct Summary {
     pub refused: u64,
     /// How often each outcome was answered, by its name.
     pub outcomes: BTreeMap<&'static str, u64>,
+    /// How often the board reported what shows how far it came.
+    pub reports: BTreeMap<&'static str, u64>,
     /// Looks at the board in each state, by its name, and whether it was armed.
     pub states: BTreeMap<(&'static str, bool), u64>,
     /// New starts.
@@ -74,6 +76,9 @@ impl Summary {
         self.restarts += other.restarts;
         for (name, count) in other.outcomes {
             *self.outcomes.entry(name).or_default() += count;
+        }
+        for (name, count) in other.reports {
+            *self.reports.entry(name).or_default() += count;
         }
         for (name, count) in other.states {
             *self.states.entry(name).or_default() += count;

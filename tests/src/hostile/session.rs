@@ -109,6 +109,8 @@ impl<'a> Session<'a> {
         if self.board.procedure().is_none_or(is_armed) {
             return Err("not disarmed at the end".to_owned());
         }
+        let [probe, _] = &self.peers;
+        self.summary.reports = probe.reports.clone();
         for peer in &self.peers {
             self.summary.refused += peer.refused;
             for (outcome, count) in &peer.outcomes {

@@ -38,6 +38,12 @@ fn whatever_comes_over_the_links_is_answered_and_drives_nothing_beyond_its_limit
             "{outcome}: {summary:#?}"
         );
     }
+    for report in ["refusal", "fault", "coil test", "save", "load", "erasure"] {
+        assert!(
+            summary.reports.contains_key(report),
+            "{report}: {summary:#?}"
+        );
+    }
     assert!(summary.refused > 5_000, "{summary:#?}");
     assert!(summary.greatest_a > 9.0, "{summary:#?}");
 }
