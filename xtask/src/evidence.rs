@@ -153,6 +153,23 @@ const CAMPAIGNS: &[Campaign] = &[
         rests_on: BOARD,
     },
     Campaign {
+        name: "storage",
+        purpose: "Settings and calibration in the flash: every bit turned, garbage, pairs of power cuts, and the \
+                  wear of many saves.",
+        arguments: &[
+            "run",
+            "--release",
+            "-p",
+            "palpate-storage",
+            "--example",
+            "storage",
+            "--",
+            "--seed",
+            "1",
+        ],
+        rests_on: &["firmware/storage", "firmware/wire/src"],
+    },
+    Campaign {
         name: "sigma",
         purpose: "The stated standard deviation against the spread that is observed.",
         arguments: &[

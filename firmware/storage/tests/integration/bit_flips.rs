@@ -3,66 +3,15 @@
 use palpate_storage::{Contents, Error, Store};
 use palpate_wire::Command;
 
+use crate::support::bits::{area, turn};
 use crate::support::flash::{AREA, Flash};
-use crate::support::specimens::{fullest, small, typical};
+use crate::support::specimens::small;
 use crate::support::{assert_stored, load, now, open, save, saved};
-
-/// What turned bits did.
-#[derive(Debug, Default)]
-struct Tally {
-    same: u32,
-    damaged: u32,
-}
-
-/// Turns bits one at a time.
-fn turn(flash: &mut Flash, stored: &[Command], bits: impl Iterator<Item = usize>) -> Tally {
-    let mut tally = Tally::default();
-    for bit in bits {
-        let mask = 1 << (bit % 8);
-        flash.bytes[bit / 8] ^= mask;
-        let mut store = open(&mut *flash).unwrap();
-        match store.contents() {
-            Contents::Damaged { older } => {
-                tally.damaged += 1;
-                assert!(older.is_some(), "bit {bit}");
-                assert_eq!(load(&mut store), Err(Error::Damaged));
-            }
-            _ => {
-                tally.same += 1;
-                assert_stored(&mut store, stored);
-            }
-        }
-        drop(store);
-        flash.bytes[bit / 8] ^= mask;
-    }
-    tally
-}
-
-/// Every `step`th bit of the area, after saves to both slots.
-fn area(step: usize) {
-    for history in [[fullest(), typical()], [typical(), fullest()]] {
-        let mut flash = saved(&history);
-        let tally = turn(&mut flash, &history[1], (0..AREA * 8).step_by(step));
-        // The stored items, and neither the seals nor the rest of the area.
-        let items: usize = flash.bytes.iter().filter(|byte| **byte != u8::MAX).count();
-        assert!(
-            tally.damaged > 0 && tally.damaged < (8 * items / step) as u32,
-            "{tally:?}"
-        );
-        println!("{tally:?}");
-    }
-}
 
 /// A prime number, so that every bit of a byte and every place in an item has its turn.
 #[test]
 fn a_turned_bit_is_found_or_does_no_harm() {
     area(509);
-}
-
-#[test]
-#[ignore = "takes minutes"]
-fn every_turned_bit_is_found_or_does_no_harm() {
-    area(1);
 }
 
 #[test]

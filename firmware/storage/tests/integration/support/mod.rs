@@ -1,8 +1,14 @@
-//! What several tests share.
+//! What several tests share, and the campaign with them.
 
+#![allow(dead_code, reason = "no program uses all of it")]
+
+pub(crate) mod bits;
+pub(crate) mod cuts;
 pub(crate) mod flash;
 pub(crate) mod format;
+pub(crate) mod garbage;
 pub(crate) mod specimens;
+pub(crate) mod wear;
 
 use std::pin::pin;
 use std::task::{Context, Poll, Waker};

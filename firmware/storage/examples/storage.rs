@@ -1,0 +1,76 @@
+//! Campaign: every bit of the area turned, sectors of garbage, cuts of power in a save and in the
+//! one after it, and the wear of many saves. Prints its result as Markdown; fails if a claim does not
+//! hold.
+
+#[path = "../tests/integration/support/mod.rs"]
+mod support;
+
+use std::env;
+
+use support::bits::area;
+use support::cuts::{Deed, nested};
+use support::flash::Remnant;
+use support::garbage::survives;
+use support::specimens::{small, typical};
+use support::wear::{alternating, wear};
+
+/// Areas with garbage in some of their sectors.
+const SPOILT: u64 = 100_000;
+/// Saves one after the other.
+const SAVES: u32 = 100_000;
+/// How far apart the erase counts of any two sectors may be.
+const UNEVEN: u32 = 2;
+
+fn main() {
+    let seed = seed();
+    println!("<!-- evidence:begin -->");
+    println!("## Turned bits\n");
+    let bits = area(1);
+    println!(
+        "Every bit of the area, after saves to either slot, one at a time: {} turned, {} changed nothing \
+         of what is stored, {} were found, the storage said that it is damaged, and an older set could be \
+         named. None changed a stored value without a word.\n",
+        bits.same + bits.damaged,
+        bits.same,
+        bits.damaged,
+    );
+    println!("## Garbage\n");
+    let first = 1_000_000 * seed;
+    (first..first + SPOILT).for_each(survives);
+    println!(
+        "{SPOILT} areas with random, nearly erased, nearly full or misplaced contents in random sectors: \
+         each was read to its end within a bounded number of operations and without a write, returned \
+         what had been stored or nothing, and could be erased and used again.\n"
+    );
+    println!("## Cuts of power\n");
+    let history = [small(6e3), typical()];
+    let less = typical()[1..].to_vec();
+    let (few, fewer) = (small(4e3), small(3e3));
+    let cuts = nested(&history, Deed::Save(&few), Deed::Save(&less))
+        + nested(&history, Deed::Save(&less), Deed::Save(&fewer))
+        + nested(&history, Deed::Erase, Deed::Save(&typical()[1..]));
+    println!(
+        "At each operation of a save or an erasure, and after that at each operation of the save that \
+         follows, with {} kinds of remnant each: {cuts} pairs of cuts. Each left what was stored before or \
+         what was to be stored, and said which.\n",
+        Remnant::EVERY.len()
+    );
+    println!("## Wear\n");
+    println!("| saved | saves | least erases of a sector | most |\n|---|---|---|---|");
+    let changing = |number| small(1e3 + number as f32 / 64.0);
+    show("one setting", wear(SAVES, changing));
+    show("a calibration", wear(SAVES, alternating(typical)));
+    println!("<!-- evidence:end -->");
+}
+
+fn show(what: &str, (least, most): (u32, u32)) {
+    println!("| {what} | {SAVES} | {least} | {most} |");
+    assert!(most - least <= UNEVEN, "the sectors wear unevenly");
+}
+
+/// What follows `--seed`.
+fn seed() -> u64 {
+    let after = env::args().skip_while(|argument| argument != "--seed");
+    let seed = after.skip(1).find_map(|argument| argument.parse().ok());
+    seed.unwrap_or(1)
+}

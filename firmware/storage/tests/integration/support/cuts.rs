@@ -1,0 +1,82 @@
+//! The power fails in any write or erase.
+
+use palpate_storage::Error;
+use palpate_wire::Command;
+
+use super::flash::{Failure, Flash, Remnant};
+use super::{assert_stored, load, now, open, save, saved};
+
+pub(crate) type Configuration = Vec<Command>;
+
+/// What is done while the power fails.
+#[derive(Clone, Copy)]
+pub(crate) enum Deed<'a> {
+    Save(&'a [Command]),
+    Erase,
+}
+
+impl Deed<'_> {
+    pub(crate) fn on(self, flash: &mut Flash) -> Result<(), Error<Failure>> {
+        let mut store = open(flash)?;
+        match self {
+            Self::Save(commands) => save(&mut store, commands).map(drop),
+            Self::Erase => now(store.erase()),
+        }
+    }
+
+    /// What is stored when it has been done.
+    pub(crate) const fn outcome(&self) -> &[Command] {
+        match self {
+            Self::Save(commands) => commands,
+            Self::Erase => &[],
+        }
+    }
+}
+
+/// What is stored after the start that follows: one of several, and the storage says which.
+#[track_caller]
+pub(crate) fn one_of<'a>(flash: &mut Flash, candidates: &[&'a [Command]]) -> &'a [Command] {
+    let mut store = open(flash).unwrap();
+    let stored = load(&mut store).unwrap();
+    let found = candidates.iter().find(|candidate| **candidate == stored);
+    let found = found.unwrap_or_else(|| panic!("neither old nor new: {:?}", store.contents()));
+    assert_stored(&mut store, found);
+    found
+}
+
+/// Every flash that a power cut in a deed can leave.
+pub(crate) fn cut_short(before: &Flash, deed: Deed<'_>, mut with: impl FnMut(u64, Remnant, Flash)) {
+    for remnant in Remnant::EVERY {
+        for after in 0.. {
+            let mut flash = before.clone();
+            flash.cut_after(after, remnant);
+            let done = deed.on(&mut flash);
+            if !flash.power_on() {
+                assert_eq!(done, Ok(()));
+                assert!(after > 4, "the deed writes something");
+                break;
+            }
+            assert_eq!(done, Err(Error::Flash(Failure::PowerCut)));
+            with(after, remnant, flash);
+        }
+    }
+}
+
+/// The power fails in a save, and again in what follows it.
+pub(crate) fn nested(history: &[Configuration], first: Deed<'_>, second: Deed<'_>) -> u32 {
+    let before = saved(history);
+    let old = history.last().map_or(&[][..], Vec::as_slice);
+    let mut cuts = 0;
+    cut_short(&before, first, |_, _, mut flash| {
+        let between = one_of(&mut flash, &[old, first.outcome()]);
+        if between == second.outcome() {
+            return;
+        }
+        cut_short(&flash, second, |_, _, mut flash| {
+            one_of(&mut flash, &[between, second.outcome()]);
+            cuts += 1;
+        });
+    });
+    assert!(cuts > 1_000, "{cuts}");
+    cuts
+}
