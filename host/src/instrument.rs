@@ -1,12 +1,12 @@
 //! A simulated instrument, calibrated on its own bench.
 
-use palpate_sim::bench;
 use palpate_sim::native;
 use palpate_sim::parameters::{Parameters, draw};
 use palpate_sim::stack::{Disturbances, Stack};
 use palpate_sim::switches::Switches;
 use palpate_wire::command::{Coil, Settings};
 
+use crate::calibrate::bench::{self, BenchPlan, NativeBench};
 use crate::calibrate::{self, Calibration, Known};
 use crate::failure::Failure;
 
@@ -76,7 +76,7 @@ impl CalibratedInstrument {
         let coil = coil(&effective);
         let sensing_n_per_m = stack.sensing_spring_n_per_m.centre();
         let depth_m = plant.press.depth_m.min(greatest_depth_m(stack));
-        let plan = bench::BenchPlan {
+        let plan = BenchPlan {
             settings: settings.clone(),
             coil: coil.clone(),
             depth_m,
@@ -113,8 +113,12 @@ impl CalibratedInstrument {
             },
         };
         let failed = |reason: String| Failure::Refused(format!("calibration: {reason}"));
-        let session =
-            bench::calibrate(&plant, switches, &plan).map_err(|error| failed(error.to_string()))?;
+        let session = bench::hold(
+            &mut NativeBench::new(&plant, switches),
+            &plan,
+            &mut |_, _| {},
+        )
+        .map_err(|error| failed(error.to_string()))?;
         let calibration =
             calibrate::evaluate(&session, &known).map_err(|error| failed(error.to_string()))?;
         Ok(Self {

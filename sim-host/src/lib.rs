@@ -12,8 +12,6 @@
 )]
 #![doc = include_str!("../README.md")]
 
-pub mod bench;
-
 pub mod current;
 pub mod device;
 pub mod electrical;

@@ -8,7 +8,7 @@
 //! for c_D in the attraction: that comes from the solution before, three times. What separates the
 //! unknowns: h and g0 by loads of different stiffness, the attraction by depths.
 
-use palpate_sim::bench::Pressed;
+use super::bench::Pressed;
 
 use super::crosstalk::Crosstalk;
 use super::curve::{ForceCurve, chebyshev};

@@ -1,6 +1,6 @@
 //! What the coil's current adds to the reading of the untouched sensor.
 
-use palpate_sim::bench::Pressed;
+use super::bench::Pressed;
 
 use super::curve::ForceCurve;
 use super::least_squares::System;

@@ -1,6 +1,6 @@
 //! Force against relative change of inductance, and the bench's own frame.
 
-use palpate_sim::bench::Pressed;
+use super::bench::Pressed;
 
 use super::Unusable;
 use super::least_squares::System;

@@ -12,6 +12,7 @@
 //! 4. [`claim`]: what noise and the springs' tolerance leave open.
 
 mod actuated;
+pub(crate) mod bench;
 mod claim;
 mod commands;
 mod crosstalk;
@@ -21,7 +22,7 @@ mod samples;
 
 use std::fmt;
 
-use palpate_sim::bench::Session;
+pub(crate) use bench::Session;
 use palpate_wire::Command;
 use palpate_wire::command::{Coil, Settings};
 

@@ -1,6 +1,6 @@
 //! The lines of a run, as the evaluation needs them.
 
-use palpate_sim::bench::{BenchSample, Pressed, Run};
+use super::bench::{BenchSample, Pressed, Run};
 use palpate_wire::command::Settings;
 
 use super::Unusable;
