@@ -91,6 +91,7 @@ impl<S: NorFlash> Area<S> {
             start,
             size: self.slot,
             turn: turn.wrapping_mul(Self::SECTOR),
+            reads_left: self.slot,
         };
         let config = MapConfig::try_new(0..self.slot).map_err(|_| Error::Range)?;
         Ok(MapStorage::new(window, config, Cache::new_uncached()))
@@ -143,7 +144,8 @@ impl<S: NorFlash> Area<S> {
                 value: WindowError::Flash(error),
                 ..
             } => Error::Flash(error),
-            // To erase is what the map resorts to when a slot is full.
+            // To erase is what the map resorts to when a slot is full, and its search for room goes on
+            // where garbage is.
             MapError::Storage { .. } | MapError::FullStorage | MapError::ItemTooBig => Error::Full,
             _ => Error::NotKept,
         })
@@ -203,6 +205,10 @@ struct Window<'a, S> {
     size: u32,
     /// Where in the slot the window's address 0 lies.
     turn: u32,
+    /// How often it may still be read: four times for each of its words. The map looks at each word
+    /// once or twice where its own items are; in garbage that resembles items, a search for room begins
+    /// anew at most of them.
+    reads_left: u32,
 }
 
 impl<S> Window<'_, S> {
@@ -219,13 +225,15 @@ enum WindowError<E> {
     Flash(E),
     /// The map tried to erase.
     Erases,
+    /// The map goes on reading.
+    Endless,
 }
 
 impl<E: NorFlashError> NorFlashError for WindowError<E> {
     fn kind(&self) -> NorFlashErrorKind {
         match self {
             Self::Flash(error) => error.kind(),
-            Self::Erases => NorFlashErrorKind::Other,
+            Self::Erases | Self::Endless => NorFlashErrorKind::Other,
         }
     }
 }
@@ -238,6 +246,8 @@ impl<S: NorFlash> ReadNorFlash for Window<'_, S> {
     const READ_SIZE: usize = S::READ_SIZE;
 
     async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), Self::Error> {
+        let left = self.reads_left.checked_sub(1);
+        self.reads_left = left.ok_or(WindowError::Endless)?;
         let address = self.address(offset);
         let read = self.flash.read(address, bytes).await;
         read.map_err(WindowError::Flash)

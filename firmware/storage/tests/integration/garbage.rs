@@ -14,6 +14,12 @@ fn a_spoilt_area_is_read_to_an_end_and_can_be_erased() {
     }
 }
 
+/// Garbage in which the map's search for room would take 420,000 reads.
+#[test]
+fn a_search_for_room_in_garbage_ends() {
+    survives(1_044_078);
+}
+
 #[test]
 fn an_area_of_one_byte_repeated_is_read_to_an_end() {
     for byte in 0..=u8::MAX {
