@@ -43,6 +43,8 @@ pub(crate) enum Failure {
     Argument(String),
     /// What was asked for was refused, or failed while running.
     Refused(String),
+    /// The board is gone: unplugged, reset or switched off.
+    Lost(String),
     /// The result could not be written.
     Output(io::Error),
 }
@@ -56,7 +58,7 @@ impl Failure {
             | Self::Unreadable { .. }
             | Self::Unwritable { .. }
             | Self::Argument(_) => ExitCode::from(2),
-            Self::Refused(_) | Self::Output(_) => ExitCode::FAILURE,
+            Self::Refused(_) | Self::Lost(_) | Self::Output(_) => ExitCode::FAILURE,
         }
     }
 }
@@ -91,7 +93,9 @@ impl fmt::Display for Failure {
                 "{argument} {}: {reason}. Name a file in a folder that exists and may be written.",
                 file.display()
             ),
-            Self::Argument(reason) | Self::Refused(reason) => f.write_str(reason),
+            Self::Argument(reason) | Self::Refused(reason) | Self::Lost(reason) => {
+                f.write_str(reason)
+            }
             Self::Output(error) => write!(f, "cannot write the result: {error}"),
         }
     }

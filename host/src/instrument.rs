@@ -68,6 +68,39 @@ impl CalibratedInstrument {
         switches: Switches,
         settings: &Settings,
     ) -> Result<Self, Failure> {
+        let task = BenchTask::of(&plant, stack, switches, settings);
+        let failed = |reason: String| Failure::Refused(format!("calibration: {reason}"));
+        let session = bench::hold(
+            &mut NativeBench::new(&plant, switches),
+            &task.plan,
+            &mut |_, _| {},
+        )
+        .map_err(|error| failed(error.to_string()))?;
+        let calibration = calibrate::evaluate(&session, &task.known)
+            .map_err(|error| failed(error.to_string()))?;
+        Ok(Self {
+            plant,
+            switches,
+            calibration,
+            settings: task.plan.settings,
+            depth_m: task.plan.depth_m,
+        })
+    }
+}
+
+/// What is to be done on the bench of a plant, and what is known of it beforehand.
+pub(crate) struct BenchTask {
+    pub(crate) plan: BenchPlan,
+    pub(crate) known: Known,
+}
+
+impl BenchTask {
+    pub(crate) fn of(
+        plant: &Parameters,
+        stack: &Stack,
+        switches: Switches,
+        settings: &Settings,
+    ) -> Self {
         let effective = plant.effective(&switches);
         let settings = Settings {
             peak_current_a: affordable_peak_a(&effective) as f32,
@@ -112,22 +145,7 @@ impl CalibratedInstrument {
                 0.0
             },
         };
-        let failed = |reason: String| Failure::Refused(format!("calibration: {reason}"));
-        let session = bench::hold(
-            &mut NativeBench::new(&plant, switches),
-            &plan,
-            &mut |_, _| {},
-        )
-        .map_err(|error| failed(error.to_string()))?;
-        let calibration =
-            calibrate::evaluate(&session, &known).map_err(|error| failed(error.to_string()))?;
-        Ok(Self {
-            plant,
-            switches,
-            calibration,
-            settings,
-            depth_m,
-        })
+        Self { plan, known }
     }
 }
 

@@ -12,6 +12,8 @@ mod coil;
 mod coverage;
 mod decode;
 mod demo;
+#[cfg(feature = "emulator")]
+mod emulated;
 mod encode;
 mod engine;
 mod failure;
@@ -25,7 +27,11 @@ mod in_order;
 mod instrument;
 mod jsonl;
 #[cfg(feature = "emulator")]
+mod link;
+#[cfg(feature = "emulator")]
 mod log;
+#[cfg(feature = "emulator")]
+mod measure;
 mod misfit;
 mod notice;
 mod output;
@@ -75,7 +81,9 @@ enum Verb {
     #[cfg(feature = "emulator")]
     Coil(coil::Arguments),
     #[cfg(feature = "emulator")]
-    Calibrate(coil::calibrate::Arguments),
+    Calibrate(calibrate::verb::Arguments),
+    #[cfg(feature = "emulator")]
+    Measure(measure::Arguments),
     Decode(decode::Arguments),
     Encode(encode::Arguments),
     Demo(demo::Arguments),
@@ -101,7 +109,9 @@ fn main() -> ExitCode {
         #[cfg(feature = "emulator")]
         Verb::Coil(arguments) => coil::run(&arguments),
         #[cfg(feature = "emulator")]
-        Verb::Calibrate(arguments) => coil::calibrate::run(&arguments),
+        Verb::Calibrate(arguments) => calibrate::verb::run(&arguments),
+        #[cfg(feature = "emulator")]
+        Verb::Measure(arguments) => measure::run(&arguments),
         Verb::Decode(arguments) => decode::run(&arguments),
         Verb::Encode(arguments) => encode::run(&arguments),
         Verb::Demo(arguments) => demo::run(&arguments),

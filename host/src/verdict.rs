@@ -58,7 +58,7 @@ impl Verdict {
 }
 
 /// A refusal in words, with its numbers.
-fn explain(refusal: &Refusal) -> String {
+pub(crate) fn explain(refusal: &Refusal) -> String {
     let text = first_sentence(refusal.reason.meaning());
     let number = |value: f32| quantity(refusal.reason, value);
     match (refusal.value, refusal.limit) {

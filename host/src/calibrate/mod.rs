@@ -19,6 +19,10 @@ mod crosstalk;
 mod curve;
 mod least_squares;
 mod samples;
+#[cfg(feature = "emulator")]
+mod sensor;
+#[cfg(feature = "emulator")]
+pub(crate) mod verb;
 
 use std::fmt;
 

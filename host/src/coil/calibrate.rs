@@ -5,30 +5,18 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command as Process, Stdio};
 use std::time::{Duration, Instant};
 
-use clap::{Args, Subcommand};
+use clap::Args;
 use comfy_table::presets::NOTHING;
 use comfy_table::{CellAlignment, Table};
 use palpate_wire::command::{CurrentCorrection, DriveCoil, MAX_POINTS};
 use palpate_wire::{Command, Message, Record};
 use serde::Serialize;
 
-use super::link::{self, Link, Truth};
-use super::{allowed_a, armed, settings};
+use super::{allowed_a, armed, open, settings};
 use crate::failure::Failure;
+use crate::link::{self, Link};
 use crate::output::OutputFile;
 use crate::progress::Progress;
-
-/// Calibrate a board against references
-#[derive(Args)]
-pub(crate) struct Arguments {
-    #[command(subcommand)]
-    what: What,
-}
-
-#[derive(Subcommand)]
-enum What {
-    Current(Current),
-}
 
 /// Calibrate the measurement of the coil's current against a reference
 ///
@@ -45,21 +33,16 @@ rests afterwards.
 Examples:
   palpate calibrate current --records localhost:9091 --commands localhost:9090 \\
       --stack mine.toml --reference ./read-meter
-  palpate calibrate current --emulated
+  palpate calibrate current --board emulated
   palpate encode --boot 305419896 < current.jsonl > commands.bin")]
-struct Current {
+pub(crate) struct Arguments {
     #[command(flatten)]
     link: link::Arguments,
     /// The program that reads the reference. The emulated board's is its true current
-    #[arg(long, value_name = "PROGRAM", required_unless_present = "emulated")]
+    #[arg(long, value_name = "PROGRAM")]
     reference: Option<PathBuf>,
     /// Relative error of the emulated board's reference
-    #[arg(
-        long,
-        default_value_t = 0.0,
-        requires = "emulated",
-        allow_negative_numbers = true
-    )]
+    #[arg(long, default_value_t = 0.0, allow_negative_numbers = true)]
     reference_error: f64,
     /// Greatest current, A. Otherwise what supply and settings allow
     #[arg(long, value_name = "A")]
@@ -125,9 +108,8 @@ enum Reference<'r> {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let What::Current(arguments) = &arguments.what;
     let file = OutputFile::new("--output", &arguments.output)?;
-    let mut link = arguments.link.open()?;
+    let mut link = open(&arguments.link)?;
     let settings = settings(&mut link)?;
     // The one in force would be found once more.
     link.must(&Command::SetCurrentCorrection(correction_of(&[
@@ -148,7 +130,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mut bench = CurrentBench {
         link,
         reference: match &arguments.reference {
-            Some(program) if !arguments.link.emulated => Reference::Program(program),
+            Some(program) if !arguments.link.is_emulated() => Reference::Program(program),
             _ => Reference::Truth(arguments.reference_error),
         },
         ohm: test.resistance_ohm.into(),
@@ -188,7 +170,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     progress.finish();
     let written = file.write(format!("{}\n", serde_json::to_string(&command)?));
     let found = Found {
-        simulated: arguments.link.emulated,
+        simulated: arguments.link.is_emulated(),
         worst_before_a: worst_a(&before),
         worst_after_a: worst_a(&after),
         before: &before,
@@ -288,12 +270,12 @@ impl CurrentBench<'_> {
         let patience_s = PATIENCE_S.min(MOST_J / power_w.max(1e-3));
         self.drive(wanted_a - ABOUT_A, SETTLE_S / 2.0)?;
         self.link.pass(SETTLE_S)?;
-        self.link.take();
+        self.link.take_records();
         let (begin_s, end_s, true_a) = match self.reference {
             Reference::Truth(error) => self.against_truth(wanted_a, error)?,
             Reference::Program(program) => self.against_program(program, wanted_a, patience_s)?,
         };
-        let records = self.link.take();
+        let records = self.link.take_records();
         let within = records.iter().filter_map(|(at_s, record)| match record {
             Record::Sample(sample) => {
                 let inside = *at_s > begin_s + EDGE_S && *at_s < end_s - EDGE_S;
@@ -337,9 +319,9 @@ impl CurrentBench<'_> {
     }
 
     fn against_truth(&mut self, wanted_a: f64, error: f64) -> Result<(f64, f64, f64), Failure> {
-        let before = self.link.truth();
+        let before = truth(&mut self.link);
         let [begin_s, end_s] = self.sweep(wanted_a)?;
-        let after = self.link.truth();
+        let after = truth(&mut self.link);
         let (Some(before), Some(after)) = (before, after) else {
             return Err(Failure::Argument("a board needs --reference".to_owned()));
         };
@@ -378,6 +360,23 @@ impl CurrentBench<'_> {
             }
         }
     }
+}
+
+/// True current of the emulated board: charge, A s, and time, s, so far.
+#[derive(Clone, Copy, Debug)]
+struct Truth {
+    charge_a_s: f64,
+    time_s: f64,
+}
+
+/// Nothing on a board.
+fn truth(link: &mut Link) -> Option<Truth> {
+    let board = link.emulated()?.instrument_mut().board_mut();
+    let totals = board.circuit().totals();
+    Some(Truth {
+        charge_a_s: totals.charge_a_s,
+        time_s: totals.time_s,
+    })
 }
 
 fn start(program: &Path) -> Result<Child, Failure> {

@@ -1,7 +1,6 @@
 //! `palpate coil`: the load at the bridge, and how its current responds.
 
 pub(crate) mod calibrate;
-mod link;
 mod response;
 
 use std::io::{self, Write};
@@ -16,9 +15,10 @@ use palpate_wire::{Command, Record};
 use serde::Serialize;
 
 use crate::failure::Failure;
+use crate::instrument::coil;
+use crate::link::{self, Link, Reported};
 use crate::output::OutputFile;
 use crate::plot::{Axis, BLUE, Chart, GREY, Marks, Series};
-use link::{Link, Reported};
 use response::{Ramp, StepResponse, Traced};
 
 /// Test bridge and coil of a board, and see how its current follows a step and a ramp
@@ -27,15 +27,14 @@ use response::{Ramp, StepResponse, Traced};
 /// in a ramp, and draws what the board has measured.
 #[derive(Args)]
 #[command(after_help = "\
-A board is reached through the servers of its debug probe for the channels of its RTT;
-docs/bring-up.md has the commands for OpenOCD. Its coil gets current: up to 6 A for a tenth of a
+The coil gets current: up to 6 A for a tenth of a
 second in the test, and the step's for a fifth of one.
 
 Exit code 1 if the current does not follow within its limits.
 
 Examples:
-  palpate coil --records localhost:9091 --commands localhost:9090 --stack mine.toml
-  palpate coil --emulated --to 6")]
+  palpate coil --stack mine.toml
+  palpate coil --board emulated --to 6")]
 pub(crate) struct Arguments {
     #[command(flatten)]
     link: link::Arguments,
@@ -80,7 +79,7 @@ struct Found {
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let names = ["step.svg", "ramp.svg"].map(str::to_owned);
     let files = OutputFile::in_folder("--plots", &arguments.plots, names)?;
-    let mut link = arguments.link.open()?;
+    let mut link = open(&arguments.link)?;
     let settings = settings(&mut link)?;
     let test = armed(&mut link)?;
     let to_a = destination(arguments.to, &settings, &test)?;
@@ -91,7 +90,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     link.must(&Command::Abort)?;
     link.must(&Command::Disarm)?;
     let found = Found {
-        simulated: arguments.link.emulated,
+        simulated: arguments.link.is_emulated(),
         time_constant_s: f64::from(test.inductance_h) / f64::from(test.resistance_ohm),
         step: StepResponse::of(&stepped, to_a, &test)?,
         ramp: Ramp::of(&fallen, [to_a, RAMP_ENDS * to_a])?,
@@ -123,10 +122,20 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     ))
 }
 
+/// Connects, and sends the coil's data if its stack is named: of an emulated board they are known.
+fn open(arguments: &link::Arguments) -> Result<Link, Failure> {
+    let mut link = arguments.open()?;
+    link.must(&Command::Disarm)?;
+    if let Some(plant) = arguments.emulated.known(arguments.is_emulated())? {
+        link.must(&Command::SetCoil(coil(&plant)))?;
+    }
+    Ok(link)
+}
+
 /// The settings in force.
 fn settings(link: &mut Link) -> Result<Settings, Failure> {
     link.must(&Command::GetSettings)?;
-    link.wait_for(1.0, "settings", |(_, record)| match record {
+    link.wait_for(1.0, "settings", |record| match record {
         Record::Settings(settings) => Some(settings.clone()),
         _ => None,
     })
@@ -136,14 +145,10 @@ fn settings(link: &mut Link) -> Result<Settings, Failure> {
 fn armed(link: &mut Link) -> Result<CoilTest, Failure> {
     link.take();
     link.must(&Command::Arm)?;
-    link.wait_for(
-        TEST_S,
-        "result of the coil's test",
-        |(_, record)| match record {
-            Record::CoilTest(test) => Some(test.clone()),
-            _ => None,
-        },
-    )
+    link.wait_for(TEST_S, "result of the coil's test", |record| match record {
+        Record::CoilTest(test) => Some(test.clone()),
+        _ => None,
+    })
 }
 
 /// The greatest current that supply and settings allow, A.
@@ -185,7 +190,7 @@ fn step(link: &mut Link, to_a: f64) -> Result<Traced, Failure> {
     let mut left_s = RECORD_S;
     while left_s > 0.0 {
         link.drive_on(link::WORD_S)?;
-        records.extend(link.take());
+        records.extend(link.take_records());
         if let Some(traced) = Traced::whole(&records) {
             return Ok(traced);
         }
@@ -203,7 +208,7 @@ fn ramp(link: &mut Link, to_a: f64) -> Result<Vec<(f64, f64)>, Failure> {
     link.take();
     let begin_s = drive(link, to_a, RAMP_S, 0.0)?;
     link.drive_on(f64::from(RAMP_S) + HOLD_S)?;
-    let records = link.take().into_iter();
+    let records = link.take_records().into_iter();
     let currents = records.filter_map(|(at_s, record)| match record {
         Record::Sample(sample) => Some((at_s - begin_s, f64::from(sample.current_a?))),
         _ => None,

@@ -4,8 +4,8 @@ use palpate_wire::Record;
 use palpate_wire::record::CoilTest;
 use serde::Serialize;
 
-use super::link::Reported;
 use crate::failure::Failure;
+use crate::link::Reported;
 
 /// A recorded current.
 #[derive(Clone, Debug)]

@@ -1,23 +1,17 @@
 //! `palpate serve-emulated`: the emulated board behind a port, at the pace of real time.
 
-mod board;
-mod pace;
 mod port;
 
 use std::net::SocketAddr;
-use std::path::{Path, PathBuf};
 use std::thread;
 use std::time::Duration;
 
 use clap::Args;
 use palpate_sim::Time;
-use palpate_sim::stack::{Disturbances, LoadError, Stack};
 
+use crate::emulated::{self, Pace, PluggedBoard};
 use crate::failure::Failure;
-use crate::image::{self, Program};
 use crate::notice;
-use board::{Served, Touch};
-use pace::Pace;
 use port::Port;
 
 /// Where it listens if nothing else is said.
@@ -45,24 +39,15 @@ pub(crate) struct Arguments {
     /// encrypted
     #[arg(long)]
     allow_remote: bool,
-    /// The sensor: paper, soft-closed, ultrasoft, or a file
-    #[arg(long, default_value = "ultrasoft")]
-    stack: String,
-    /// Which sensor of the stack is drawn
-    #[arg(long, default_value_t = 1)]
-    seed: u64,
     /// Press a spring of this multiple of the sensing layer's nominal stiffness, again and again: 3 s
     /// not at all, 5 s pressed
     #[arg(long, value_name = "RATIO")]
     press: Option<f64>,
-    /// Keep the board's flash in this file: what was stored is there again with the next start
-    #[arg(long, value_name = "FILE")]
-    flash: Option<PathBuf>,
     /// End after so many seconds
     #[arg(long = "for", value_name = "SECONDS")]
     seconds: Option<f64>,
     #[command(flatten)]
-    image: image::Arguments,
+    emulated: emulated::Arguments,
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
@@ -73,27 +58,14 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             arguments.listen
         )));
     }
-    let stack = Stack::named(&arguments.stack, Path::new(""))?;
-    let touch = arguments
-        .press
-        .map(|ratio| Touch::of(&stack, ratio))
-        .transpose()?;
-    let (_, image) = arguments.image.load(Program::Firmware)?;
-    let mut served = Served::new(
-        &image,
-        &stack,
-        &Disturbances::builtin().map_err(LoadError::from)?,
-        arguments.seed,
-        touch,
-        arguments.flash.as_deref(),
-    )?;
+    let mut served = arguments.emulated.load()?.plug(arguments.press)?;
     let mut port = Port::listen(arguments.listen)?;
     notice::say(format_args!("the emulated board is at {}", port.address()));
     let end = arguments.seconds.map(Time::from_secs_f64);
     serve(&mut served, &mut port, end)
 }
 
-fn serve(served: &mut Served, port: &mut Port, end: Option<Time>) -> Result<(), Failure> {
+fn serve(served: &mut PluggedBoard, port: &mut Port, end: Option<Time>) -> Result<(), Failure> {
     let mut pace = Pace::new();
     while end.is_none_or(|end| served.now() < end) {
         served.set_open(port.accept());

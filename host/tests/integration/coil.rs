@@ -32,8 +32,15 @@ fn palpate(arguments: &[&str], folder: &Path) -> Output {
 
 fn emulated(arguments: &[&str], folder: &Path) -> Output {
     let image = image().to_str().unwrap();
-    let here = [arguments, &["--emulated", "--image", image]].concat();
-    palpate(&here, folder)
+    let board = [
+        "--board",
+        "emulated",
+        "--state",
+        "board.flash",
+        "--image",
+        image,
+    ];
+    palpate(&[arguments, &board].concat(), folder)
 }
 
 fn json(output: &Output) -> Value {
@@ -84,13 +91,7 @@ fn what_cannot_be_driven_is_refused_with_what_can() {
     let output = palpate(&["coil"], folder.path());
     assert_eq!(output.status.code(), Some(2));
     let unreachable_board = palpate(
-        &[
-            "coil",
-            "--records",
-            "127.0.0.1:1",
-            "--commands",
-            "127.0.0.1:1",
-        ],
+        &["coil", "--board", "probe:127.0.0.1:1,127.0.0.1:1"],
         folder.path(),
     );
     assert_eq!(unreachable_board.status.code(), Some(1));
@@ -147,14 +148,8 @@ struct Served {
 impl Served {
     /// Runs a verb on the board.
     fn palpate(&self, arguments: &[&str], folder: &Path) -> Output {
-        let index = [
-            "--records",
-            &self.records,
-            "--commands",
-            &self.commands,
-            "--stack",
-            "ultrasoft",
-        ];
+        let board = format!("probe:{},{}", self.records, self.commands);
+        let index = ["--board", &board, "--stack", "ultrasoft"];
         palpate(&[arguments, &index].concat(), folder)
     }
 }

@@ -43,8 +43,8 @@ const ON_THE_EMULATED_BOARD: [&[&str]; 6] = [
     &["demo", "--engine", "image", "--json"],
     &["simulate", "scenario.toml", "--engine", "image"],
     &["bring-up", "--emulated"],
-    &["coil", "--emulated"],
-    &["calibrate", "current", "--emulated"],
+    &["coil", "--board", "emulated"],
+    &["calibrate", "current", "--board", "emulated"],
     &["image-cost"],
 ];
 
@@ -92,12 +92,14 @@ fn an_image_that_would_not_be_run_is_refused() {
     let index = folder.path();
     fs::write(index.join("scenario.toml"), SCENARIO).unwrap();
     let tool = Path::new(env!("CARGO_BIN_EXE_palpate"));
-    let board = ["--records", "localhost:1", "--commands", "localhost:1"];
     for (arguments, instead) in [
         (vec!["demo"], "--engine image"),
         (vec!["simulate", "scenario.toml"], "--engine image"),
         (vec!["bring-up", "--connect", "localhost:1"], "--emulated"),
-        ([&["coil"][..], &board].concat(), "--emulated"),
+        (
+            vec!["coil", "--board", "tcp:localhost:1"],
+            "--board emulated",
+        ),
     ] {
         let arguments = [&arguments[..], &["--image", "some.elf"]].concat();
         let output = run(tool, index, &arguments);
@@ -115,7 +117,10 @@ fn an_installed_tool_runs_the_image_that_is_named_or_that_of_the_checkout_around
     let folder = tempfile::tempdir().unwrap();
     let tool = installed(folder.path());
     let plots = folder.path().to_str().unwrap();
-    let coil = ["coil", "--emulated", "--to", "3", "--plots", plots];
+    let state = folder.path().join("board.flash");
+    let state = state.to_str().unwrap();
+    let board = ["--board", "emulated", "--state", state];
+    let coil = [&["coil", "--to", "3", "--plots", plots], &board[..]].concat();
     let named = run(
         &tool,
         folder.path(),

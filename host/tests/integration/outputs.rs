@@ -31,9 +31,9 @@ fn what_cannot_be_written_is_refused_before_the_run() {
         &["simulate", "scenario.toml", "--engine", "image", "--trace"],
         &["coverage", "--rows"],
         &["bring-up", "--emulated", "--settings"],
-        &["calibrate", "current", "--emulated", "--output"],
+        &["calibrate", "current", "--board", "emulated", "--output"],
         &["field", "stack", "closed", "--mse", "soft", "--out"],
-        &["coil", "--emulated", "--plots"],
+        &["coil", "--board", "emulated", "--plots"],
         &["field", "figures", "A", "--out"],
     ];
     for verb in verbs {

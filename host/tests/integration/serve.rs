@@ -154,7 +154,7 @@ fn one_program_at_a_time_talks_to_the_emulated_board() {
 }
 
 fn store(flash: &Path) -> u32 {
-    let server = Server::start(&["--flash", &flash.to_string_lossy()]);
+    let server = Server::start(&["--state", &flash.to_string_lossy()]);
     let mut program = server.connect();
     // Settings are not for any boot.
     program.hello();
@@ -183,7 +183,7 @@ fn what_was_stored_is_there_with_the_next_start() {
     let folder = tempfile::tempdir().unwrap();
     let flash = folder.path().join("flash.bin");
     let crc = store(&flash);
-    let server = Server::start(&["--flash", &flash.to_string_lossy()]);
+    let server = Server::start(&["--state", &flash.to_string_lossy()]);
     let mut program = server.connect();
     assert_eq!(program.hello().configuration_crc, crc);
     let found = program.storage(&palpate_wire::Command::GetStorage);

@@ -9,6 +9,8 @@
 //! the deformation. So the block is pressed once more, without a train, until the coil's frequency is
 //! below that of all trains: the sensing layer's own curve is then known wherever a train leads it.
 
+#[cfg(feature = "emulator")]
+mod linked;
 mod native;
 mod notes;
 
@@ -17,6 +19,8 @@ use palpate_wire::code::{Outcome, State, Stream};
 use palpate_wire::command::{Coil, Settings};
 use palpate_wire::{Command, Message, Record};
 
+#[cfg(feature = "emulator")]
+pub(crate) use linked::LinkedBench;
 pub(crate) use native::NativeBench;
 pub(crate) use notes::{BenchSample, Pressed, Run, Session};
 

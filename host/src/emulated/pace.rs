@@ -8,7 +8,7 @@ use palpate_sim::Time;
 const BEHIND: Duration = Duration::from_secs(1);
 
 /// How virtual and real time go on beside each other.
-pub(super) struct Pace {
+pub(crate) struct Pace {
     /// When virtual time was zero, or would have been if it had kept pace since.
     began: Instant,
     /// Real time lost so far.
@@ -17,7 +17,7 @@ pub(super) struct Pace {
 }
 
 impl Pace {
-    pub(super) fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Self {
             began: Instant::now(),
             lost: Duration::ZERO,
@@ -27,7 +27,7 @@ impl Pace {
 
     /// How far virtual time is ahead of real time. Where it falls behind, what was lost is not caught
     /// up: it would run fast afterwards.
-    pub(super) fn ahead(&mut self, now: Time) -> Duration {
+    pub(crate) fn ahead(&mut self, now: Time) -> Duration {
         self.ahead_at(Instant::now(), now)
     }
 
@@ -42,7 +42,7 @@ impl Pace {
     }
 
     /// What is to be said, once, if it is slower than real time.
-    pub(super) fn warning(&mut self) -> Option<String> {
+    pub(crate) fn warning(&mut self) -> Option<String> {
         if self.warned || self.lost.is_zero() {
             return None;
         }

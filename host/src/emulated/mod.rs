@@ -1,0 +1,144 @@
+//! The emulated board as a board of the desk: with the firmware's image, a sensor, and a USB cable.
+//!
+//! Its flash is kept in a file, so that what one command stores is there for the next.
+
+mod board;
+mod flash_file;
+mod pace;
+mod touch;
+
+use std::env;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use palpate_emulator::Image;
+use palpate_sim::parameters::{Parameters, draw};
+use palpate_sim::stack::{Disturbances, LoadError, Stack};
+use palpate_sim::world::World;
+
+use crate::failure::Failure;
+use crate::image::{self, Program};
+use flash_file::FlashFile;
+use touch::{Touch, untouched};
+
+pub(crate) use board::PluggedBoard;
+pub(crate) use pace::Pace;
+
+/// Which emulated board.
+#[derive(Args)]
+// Its group would have the name of the verb's own arguments, which clap refuses.
+#[group(skip)]
+pub(crate) struct Arguments {
+    /// The sensor of the emulated board: paper, soft-closed, ultrasoft, or a stack file. For a real
+    /// board: the stack that its coil's data are taken from
+    #[arg(long, value_name = "STACK")]
+    stack: Option<String>,
+    /// Which sensor of the stack the emulated board has
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Where the emulated board's flash is kept, instead of the user's folder for such files
+    #[arg(long, value_name = "FILE")]
+    state: Option<PathBuf>,
+    #[command(flatten)]
+    image: image::Arguments,
+}
+
+/// The stack where none is named.
+const USUAL: &str = "ultrasoft";
+
+/// What is there to be emulated.
+pub(crate) struct Model {
+    pub(crate) image: Image,
+    pub(crate) stack: Stack,
+    pub(crate) plant: Parameters,
+    /// Where its flash is kept.
+    pub(crate) flash: PathBuf,
+}
+
+impl Model {
+    /// A board of this model at its cable. With `press`, a spring of this multiple of the sensing layer's
+    /// stiffness is pressed again and again.
+    pub(crate) fn plug(&self, press: Option<f64>) -> Result<PluggedBoard, Failure> {
+        let Some(ratio) = press else {
+            return self.plug_in(untouched(&self.plant)?);
+        };
+        let touch = Touch::of(&self.stack, &self.plant, ratio)?;
+        let mut board = self.plug_in(touch.world(&self.plant)?)?;
+        board.set_touch(touch);
+        Ok(board)
+    }
+
+    /// The same in a world.
+    pub(crate) fn plug_in(&self, world: World) -> Result<PluggedBoard, Failure> {
+        let flash = FlashFile::open(&self.flash)?;
+        PluggedBoard::new(self.image.clone(), world, self.plant.seed, flash)
+    }
+}
+
+impl Arguments {
+    /// The sensor, as far as its stack says: that which is named, for an emulated board the usual one.
+    pub(crate) fn known(&self, is_emulated: bool) -> Result<Option<Parameters>, Failure> {
+        if self.stack.is_none() && !is_emulated {
+            return Ok(None);
+        }
+        self.plant_of(&self.stack()?).map(Some)
+    }
+
+    /// The stack, and the sensor of it.
+    pub(crate) fn stack_and_plant(&self) -> Result<(Stack, Parameters), Failure> {
+        let stack = self.stack()?;
+        let plant = self.plant_of(&stack)?;
+        Ok((stack, plant))
+    }
+
+    fn stack(&self) -> Result<Stack, Failure> {
+        let name = self.stack.as_deref().unwrap_or(USUAL);
+        Ok(Stack::named(name, Path::new(""))?)
+    }
+
+    fn plant_of(&self, stack: &Stack) -> Result<Parameters, Failure> {
+        let disturbances = Disturbances::builtin().map_err(LoadError::from)?;
+        Ok(draw(stack, &disturbances, self.seed))
+    }
+
+    /// Loads what is to be emulated.
+    pub(crate) fn load(&self) -> Result<Model, Failure> {
+        let (stack, plant) = self.stack_and_plant()?;
+        let (_, image) = self.image.load(Program::Firmware)?;
+        Ok(Model {
+            image,
+            plant,
+            stack,
+            flash: self.flash(),
+        })
+    }
+
+    /// Refuses what only an emulated board has.
+    pub(crate) fn none_for_a_real_board(&self) -> Result<(), Failure> {
+        if self.state.is_some() {
+            return Err(Failure::Argument(
+                "--state names the file of the emulated board's flash: add --board emulated".into(),
+            ));
+        }
+        self.image.none_without("--board emulated")
+    }
+
+    fn flash(&self) -> PathBuf {
+        self.state.clone().unwrap_or_else(|| {
+            let stack = self.stack.as_deref().unwrap_or(USUAL);
+            let stem = Path::new(stack).file_stem().unwrap_or_default();
+            let name = format!("emulated-{}-{}.flash", stem.to_string_lossy(), self.seed);
+            state_folder().join(name)
+        })
+    }
+}
+
+/// The user's folder for what programs keep (the XDG base directory specification; on Windows that for
+/// data of this computer).
+fn state_folder() -> PathBuf {
+    let named = ["XDG_STATE_HOME", "LOCALAPPDATA"].into_iter();
+    let mut named = named.filter_map(env::var_os).map(PathBuf::from);
+    let usual = || env::home_dir().map(|home| home.join(".local/state"));
+    let folder = named.find(|path| path.is_absolute()).or_else(usual);
+    folder.unwrap_or_else(env::temp_dir).join("palpate")
+}

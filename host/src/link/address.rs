@@ -1,0 +1,276 @@
+//! Which board: by what it is named, and found where it is not.
+
+use std::io::{self, ErrorKind};
+
+use clap::Args;
+
+use super::emulated::Emulated;
+#[cfg(feature = "serial")]
+use super::serial::{self, Serial};
+use super::tcp::{Probe, Tcp};
+use super::transport::Transport;
+use crate::emulated;
+use crate::failure::Failure;
+use crate::link::Link;
+
+/// How a board is reached.
+#[derive(Args)]
+// Its group would have the name of the verb's own arguments, which clap refuses.
+#[group(skip)]
+pub(crate) struct Arguments {
+    /// The board: a serial port or the board's serial number; `emulated`; `tcp:HOST:PORT`, as of
+    /// `palpate serve-emulated`; `probe:HOST:PORT,HOST:PORT`, a debug probe's server for records
+    /// (channel 1) and commands (channel 0). Without it, the one that is plugged in
+    #[arg(long, value_name = "BOARD")]
+    board: Option<String>,
+    #[command(flatten)]
+    pub(crate) emulated: emulated::Arguments,
+}
+
+/// What a name means.
+#[derive(Clone, Debug, PartialEq, Eq)]
+enum Address {
+    Found,
+    Emulated,
+    Tcp(String),
+    Probe(String, String),
+    Serial(String),
+}
+
+impl Address {
+    fn parse(name: Option<&str>) -> Result<Self, Failure> {
+        let Some(name) = name else {
+            return Ok(Self::Found);
+        };
+        if name == "emulated" {
+            return Ok(Self::Emulated);
+        }
+        if let Some(address) = name.strip_prefix("tcp:") {
+            return Ok(Self::Tcp(address.to_owned()));
+        }
+        let Some(servers) = name.strip_prefix("probe:") else {
+            return Ok(Self::Serial(name.to_owned()));
+        };
+        let Some((records, commands)) = servers.split_once(',') else {
+            return Err(Failure::Argument(format!(
+                "--board {name}: a probe takes two servers, for records and for commands, as \
+                 probe:localhost:9091,localhost:9090"
+            )));
+        };
+        Ok(Self::Probe(records.to_owned(), commands.to_owned()))
+    }
+}
+
+impl Arguments {
+    /// Whether the emulated board is meant.
+    pub(crate) fn is_emulated(&self) -> bool {
+        self.board.as_deref() == Some("emulated")
+    }
+
+    /// Connects, and hears from the board what it is.
+    pub(crate) fn open(&self) -> Result<Link, Failure> {
+        match Address::parse(self.board.as_deref())? {
+            Address::Emulated => self.open_emulated(Run::AsFastAsItCan, None),
+            address => self.open_real(address),
+        }
+    }
+
+    /// The same, for those who watch: an emulated board keeps the pace of real time.
+    pub(crate) fn open_to_watch(&self, press: Option<f64>) -> Result<Link, Failure> {
+        self.open_pressed(Run::AtRealPace, press)
+    }
+
+    /// The same; an emulated board presses a spring of this multiple of the sensing layer's stiffness
+    /// again and again.
+    pub(crate) fn open_pressed(&self, run: Run, press: Option<f64>) -> Result<Link, Failure> {
+        match Address::parse(self.board.as_deref())? {
+            Address::Emulated => self.open_emulated(run, press),
+            _ if press.is_some() => Err(Failure::Argument(
+                "only the emulated board presses something by itself: leave --load out, or add \
+                 --board emulated"
+                    .to_owned(),
+            )),
+            address => self.open_real(address),
+        }
+    }
+
+    fn open_real(&self, address: Address) -> Result<Link, Failure> {
+        self.emulated.none_for_a_real_board()?;
+        let (name, transport) = reach(address)?;
+        Link::open(name, transport)
+    }
+
+    fn open_emulated(&self, run: Run, press: Option<f64>) -> Result<Link, Failure> {
+        let board = self.emulated.load()?.plug(press)?;
+        let transport = Emulated::new(board, run == Run::AtRealPace);
+        Link::open("the emulated board".to_owned(), Box::new(transport))
+    }
+}
+
+/// How the time of an emulated board goes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Run {
+    /// As fast as this computer can.
+    AsFastAsItCan,
+    /// At the pace of real time.
+    AtRealPace,
+}
+
+fn reach(address: Address) -> Result<(String, Box<dyn Transport>), Failure> {
+    match address {
+        Address::Tcp(to) => {
+            let tcp = Tcp::open(&to).map_err(|error| unreachable_server(&to, &error))?;
+            Ok((to, Box::new(tcp)))
+        }
+        Address::Probe(records, commands) => {
+            let probe = Probe::open(&records, &commands);
+            let probe = probe.map_err(|error| unreachable_probe(&records, &commands, &error))?;
+            Ok((records, Box::new(probe)))
+        }
+        Address::Serial(name) => reach_serial(Some(&name)),
+        Address::Found | Address::Emulated => reach_serial(None),
+    }
+}
+
+fn unreachable_server(to: &str, error: &io::Error) -> Failure {
+    Failure::Refused(format!(
+        "{to}: {error}. Is it `palpate serve-emulated` that listens there?"
+    ))
+}
+
+fn unreachable_probe(records: &str, commands: &str, error: &io::Error) -> Failure {
+    Failure::Refused(format!(
+        "{records} and {commands}: {error}. Start a server for channels 1 (records) and 0 (commands) \
+         of the board's RTT there, as docs/bring-up.md says."
+    ))
+}
+
+#[cfg(feature = "serial")]
+fn reach_serial(name: Option<&str>) -> Result<(String, Box<dyn Transport>), Failure> {
+    let ports = serial::ports()
+        .map_err(|error| Failure::Refused(format!("the serial ports cannot be listed: {error}")))?;
+    let path = choose(name, &ports)?;
+    let port = Serial::open(&path).map_err(|error| unopened(&path, &error))?;
+    Ok((path, Box::new(port)))
+}
+
+#[cfg(not(feature = "serial"))]
+fn reach_serial(_: Option<&str>) -> Result<(String, Box<dyn Transport>), Failure> {
+    Err(Failure::Argument(
+        "this tool is built without serial ports: build it with its default features".into(),
+    ))
+}
+
+/// The port that a name means; the only one where there is no name.
+#[cfg(feature = "serial")]
+fn choose(name: Option<&str>, ports: &[serial::Port]) -> Result<String, Failure> {
+    if let Some(name) = name {
+        let is_meant = |port: &&serial::Port| {
+            let number = port.serial_number.as_deref();
+            number.is_some_and(|number| number.eq_ignore_ascii_case(name))
+        };
+        let path = ports.iter().find(is_meant).map(|port| port.path.clone());
+        return Ok(path.unwrap_or_else(|| name.to_owned()));
+    }
+    match ports {
+        [port] => Ok(port.path.clone()),
+        [] => Err(Failure::Refused(
+            "no board is plugged in. Connect one by USB (its LED lights up), or name one with --board; \
+             --board emulated needs none. `palpate doctor` looks further"
+                .to_owned(),
+        )),
+        several => Err(Failure::Argument(format!(
+            "{} boards are plugged in: name one with --board: {}",
+            several.len(),
+            listed(several)
+        ))),
+    }
+}
+
+#[cfg(feature = "serial")]
+fn listed(ports: &[serial::Port]) -> String {
+    let names = ports.iter().map(|port| match &port.serial_number {
+        Some(number) => format!("{number} ({})", port.path),
+        None => port.path.clone(),
+    });
+    names.collect::<Vec<_>>().join(", ")
+}
+
+/// The rule that lets every user of a Linux computer open a board's port.
+pub(crate) const UDEV_RULE: &str = "SUBSYSTEMS==\"usb\", ATTRS{idVendor}==\"1209\", \
+     ATTRS{idProduct}==\"0001\", MODE=\"0660\", TAG+=\"uaccess\"";
+
+/// What a port that cannot be opened means, and what to do.
+fn unopened(path: &str, error: &io::Error) -> Failure {
+    let what = match error.kind() {
+        ErrorKind::PermissionDenied => format!(
+            "this user may not open it. On Linux, write this line to \
+             /etc/udev/rules.d/70-palpate.rules and plug the board in again:\n  {UDEV_RULE}"
+        ),
+        ErrorKind::NotFound => {
+            "there is no such port, and no board with this serial number: see `palpate devices`"
+                .into()
+        }
+        _ if is_busy(error) => "another program has it open: close that first".to_owned(),
+        _ => "unplug the board and plug it in again".to_owned(),
+    };
+    Failure::Refused(format!("{path}: {error}; {what}"))
+}
+
+/// Whether another program has the port: the systems say it in different ways.
+fn is_busy(error: &io::Error) -> bool {
+    let words = error.to_string().to_lowercase();
+    error.kind() == ErrorKind::ResourceBusy
+        || words.contains("busy")
+        || words.contains("in use")
+        || words.contains("exclusive lock")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_name_says_which_way_it_is() {
+        let of = |name| Address::parse(Some(name)).unwrap();
+        assert_eq!(Address::parse(None).unwrap(), Address::Found);
+        assert_eq!(of("emulated"), Address::Emulated);
+        assert_eq!(
+            of("tcp:localhost:1"),
+            Address::Tcp("localhost:1".to_owned())
+        );
+        assert_eq!(
+            of("probe:a:1,b:2"),
+            Address::Probe("a:1".to_owned(), "b:2".to_owned())
+        );
+        assert_eq!(of("COM5"), Address::Serial("COM5".to_owned()));
+        assert!(Address::parse(Some("probe:a:1")).is_err());
+    }
+
+    #[cfg(feature = "serial")]
+    #[test]
+    fn the_only_board_needs_no_name_and_a_serial_number_is_one() {
+        let port = |path: &str, number: &str| serial::Port {
+            path: path.to_owned(),
+            serial_number: Some(number.to_owned()),
+        };
+        let one = [port("/dev/ttyACM0", "E660C0D1")];
+        let two = [one[0].clone(), port("/dev/ttyACM1", "E660C0D2")];
+        assert_eq!(choose(None, &one).unwrap(), "/dev/ttyACM0");
+        assert_eq!(choose(Some("e660c0d2"), &two).unwrap(), "/dev/ttyACM1");
+        assert_eq!(choose(Some("/dev/ttyACM7"), &two).unwrap(), "/dev/ttyACM7");
+        let said = choose(None, &two).unwrap_err().to_string();
+        assert!(said.contains("E660C0D2 (/dev/ttyACM1)"), "{said}");
+        let said = choose(None, &[]).unwrap_err().to_string();
+        assert!(said.contains("--board emulated"), "{said}");
+    }
+
+    #[test]
+    fn a_port_that_cannot_be_opened_says_what_to_do() {
+        let said = |kind: ErrorKind| unopened("/dev/ttyACM0", &kind.into()).to_string();
+        assert!(said(ErrorKind::PermissionDenied).contains("udev/rules.d"));
+        assert!(said(ErrorKind::NotFound).contains("palpate devices"));
+        assert!(said(ErrorKind::ResourceBusy).contains("another program"));
+        assert!(said(ErrorKind::Other).contains("plug it in again"));
+    }
+}

@@ -1,0 +1,329 @@
+//! The way to a board's firmware: commands there, records back.
+//!
+//! One [`Link`] for every verb; what differs between a serial port, a debug probe, TCP and the emulated
+//! board is a [`Transport`].
+
+mod address;
+mod clock;
+mod emulated;
+#[cfg(feature = "serial")]
+pub(crate) mod serial;
+mod tcp;
+mod transport;
+
+use std::io;
+use std::time::Duration;
+
+use palpate_wire::code::Outcome;
+use palpate_wire::loss::Account;
+use palpate_wire::record::Hello;
+use palpate_wire::{Command, Frame, Message, Record, RecordDecoder, Sequencer, VERSION, encode};
+
+use crate::emulated::PluggedBoard;
+use crate::failure::Failure;
+pub(crate) use address::{Arguments, Run};
+use clock::DeviceClock;
+use transport::Transport;
+
+/// How long a board's answer may take. It waits for a test of the coil itself; a probe's server
+/// polls every 10 ms.
+const PATIENCE: Duration = Duration::from_secs(5);
+/// From one question who it is to the next, while a board starts.
+const AGAIN: Duration = Duration::from_millis(500);
+/// How long is listened at once.
+const LOOK: Duration = Duration::from_millis(10);
+/// From one word to the board to the next while it drives a current, s: it waits for 100 ms.
+pub(crate) const WORD_S: f64 = 0.04;
+/// How long a board may take that starts anew, its USB port included.
+const RESTART: Duration = Duration::from_secs(10);
+
+/// A frame with when it came, by the link's clock.
+#[derive(Clone, Debug)]
+pub(crate) struct Arrival {
+    pub(crate) at: Duration,
+    pub(crate) frame: Frame<Record>,
+}
+
+/// A record with its time, s of the device.
+pub(crate) type Reported = (f64, Record);
+
+/// A board, spoken to.
+pub(crate) struct Link {
+    name: String,
+    transport: Box<dyn Transport>,
+    decoder: RecordDecoder,
+    sequencer: Sequencer,
+    account: Account,
+    clock: DeviceClock,
+    hello: Option<Hello>,
+    received: Vec<Arrival>,
+}
+
+impl Link {
+    /// Asks a board who it is.
+    fn open(name: String, transport: Box<dyn Transport>) -> Result<Self, Failure> {
+        let mut link = Self {
+            name,
+            transport,
+            decoder: RecordDecoder::new(),
+            sequencer: Sequencer::new(0),
+            account: Account::new(),
+            clock: DeviceClock::default(),
+            hello: None,
+            received: Vec::new(),
+        };
+        link.greet()?;
+        Ok(link)
+    }
+
+    /// Asks who it is until it answers: one that starts drops what comes first.
+    fn greet(&mut self) -> Result<(), Failure> {
+        self.sequencer = Sequencer::new(0);
+        self.hello = None;
+        let end = self.now() + PATIENCE;
+        while self.now() < end {
+            self.send(&Command::Identify)?;
+            let again = self.now() + AGAIN;
+            while self.now() < again {
+                self.listen(LOOK)?;
+                if self.hello.is_some() {
+                    return Ok(());
+                }
+            }
+        }
+        Err(Failure::Refused(if self.decoder.counts().version > 0 {
+            format!(
+                "{}: the firmware speaks another version of the protocol than this tool, which speaks \
+                 {VERSION}: flash the image that belongs to the tool, or use the firmware's",
+                self.name
+            )
+        } else {
+            format!(
+                "{}: nothing answers. Does the firmware of palpate run there, and not another image? \
+                 `palpate doctor` looks further",
+                self.name
+            )
+        }))
+    }
+
+    /// Where the board is.
+    pub(crate) fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// What the board last said it is.
+    pub(crate) const fn hello(&self) -> Option<&Hello> {
+        self.hello.as_ref()
+    }
+
+    /// Time by which waits go: the board's own where it is emulated.
+    pub(crate) fn now(&self) -> Duration {
+        self.transport.now()
+    }
+
+    /// The device's clock by the link's.
+    pub(crate) const fn clock(&self) -> &DeviceClock {
+        &self.clock
+    }
+
+    /// What was lost on the way, by boots.
+    pub(crate) const fn account(&self) -> &Account {
+        &self.account
+    }
+
+    /// Frames that came damaged, or could not be understood.
+    pub(crate) fn unreadable(&self) -> u32 {
+        let counts = self.decoder.counts();
+        counts.damaged().wrapping_add(counts.not_understood())
+    }
+
+    /// The emulated board at the other end, if it is one of this program.
+    pub(crate) fn emulated(&mut self) -> Option<&mut PluggedBoard> {
+        self.transport.emulated()
+    }
+
+    /// Sends a command; returns its number.
+    pub(crate) fn send(&mut self, command: &Command) -> Result<u32, Failure> {
+        let header = self.sequencer.stamp(0);
+        let mut buffer = [0; Command::MAX_FRAME];
+        let bytes = encode(&header, command, &mut buffer)
+            .map_err(|error| Failure::Refused(format!("{}: {error}", command.name())))?;
+        let sent = self.transport.write(bytes);
+        sent.map_err(|error| self.lost(&error))?;
+        Ok(header.sequence)
+    }
+
+    /// Sends a command and waits for its answer; returns the device's time of it, s, and the outcome.
+    pub(crate) fn ask(&mut self, command: &Command) -> Result<(f64, Outcome), Failure> {
+        let left = self.now();
+        let number = self.send(command)?;
+        let mut seen = self.received.len();
+        while self.now() < left + PATIENCE {
+            self.listen(LOOK)?;
+            for arrival in self.received.get(seen..).unwrap_or_default() {
+                let header = &arrival.frame.header;
+                if let Record::Acknowledgement(answer) = &arrival.frame.message
+                    && (answer.kind, answer.command) == (command.kind(), number)
+                {
+                    let stamp_us = header.time_us;
+                    self.clock.enter(header.boot_id, left, stamp_us, arrival.at);
+                    return Ok((stamp_us as f64 * 1e-6, answer.outcome));
+                }
+            }
+            seen = self.received.len();
+        }
+        Err(Failure::Refused(format!(
+            "{} does not answer {}: see its LED, and plug it in again",
+            self.name,
+            command.name()
+        )))
+    }
+
+    /// Sends a command that has to be accepted; returns the device's time of the answer, s.
+    pub(crate) fn must(&mut self, command: &Command) -> Result<f64, Failure> {
+        let (at_s, outcome) = self.ask(command)?;
+        if outcome == Outcome::Accepted {
+            return Ok(at_s);
+        }
+        Err(Failure::Refused(match outcome {
+            Outcome::NotCalibrated => "the board does not know its coil, and so not how hot it \
+                becomes: name its stack with --stack, or calibrate it"
+                .to_owned(),
+            Outcome::Faulted => format!(
+                "the board stands in a fault{}; docs/faults.md says what to do and how it is cleared",
+                self.fault()
+                    .map_or_else(String::new, |of| format!(" ({of})"))
+            ),
+            other => format!(
+                "the board answers {} to {}: {}",
+                other,
+                command.name(),
+                other.meaning().trim()
+            ),
+        }))
+    }
+
+    fn fault(&self) -> Option<String> {
+        let latest = self.received.iter().rev();
+        let mut faults = latest.filter_map(|arrival| match &arrival.frame.message {
+            Record::Fault(fault) if fault.active => Some(fault.code.to_string()),
+            _ => None,
+        });
+        faults.next()
+    }
+
+    /// Takes what comes within a time, and returns with the first of it.
+    pub(crate) fn listen(&mut self, wait: Duration) -> Result<(), Failure> {
+        let bytes = self.transport.read(wait);
+        let bytes = bytes.map_err(|error| self.lost(&error))?;
+        let at = self.now();
+        for frame in self.decoder.frames(&bytes) {
+            // A frame that began before we came, or was damaged, is one that is not there.
+            let Ok(frame) = frame else { continue };
+            self.sequencer.address(frame.header.boot_id);
+            self.account.take(&frame.header);
+            if let Record::Hello(hello) = &frame.message {
+                self.hello = Some(hello.clone());
+            }
+            self.received.push(Arrival { at, frame });
+        }
+        Ok(())
+    }
+
+    fn lost(&self, error: &io::Error) -> Failure {
+        Failure::Lost(format!(
+            "{}: the board is gone ({error}): see its cable and plug it in again",
+            self.name
+        ))
+    }
+
+    /// Lets time pass: the board's, where it is emulated. A fault ends it.
+    pub(crate) fn pass(&mut self, time_s: f64) -> Result<(), Failure> {
+        let before = self.received.len();
+        let end = self.now() + Duration::from_secs_f64(time_s);
+        while self.now() < end {
+            self.listen(end.saturating_sub(self.now()).min(LOOK))?;
+        }
+        self.no_fault(before)
+    }
+
+    /// The same while a current is driven: says something now and then.
+    pub(crate) fn drive_on(&mut self, time_s: f64) -> Result<(), Failure> {
+        let mut left_s = time_s;
+        while left_s > 0.0 {
+            self.pass(left_s.min(WORD_S))?;
+            self.must(&Command::GetSettings)?;
+            left_s -= WORD_S;
+        }
+        Ok(())
+    }
+
+    fn no_fault(&self, since: usize) -> Result<(), Failure> {
+        let mut new = self.received.get(since..).into_iter().flatten();
+        let fault = new.find_map(|arrival| match &arrival.frame.message {
+            Record::Fault(fault) if fault.active => Some(fault.code),
+            _ => None,
+        });
+        fault.map_or(Ok(()), |code| {
+            Err(Failure::Refused(format!(
+                "the board: {code}. {} docs/faults.md says what to do.",
+                code.meaning().trim()
+            )))
+        })
+    }
+
+    /// Waits until a record says something; looks at those too that have come and were not taken.
+    pub(crate) fn wait_for<T>(
+        &mut self,
+        patience_s: f64,
+        what: &str,
+        of: impl Fn(&Record) -> Option<T>,
+    ) -> Result<T, Failure> {
+        let mut seen = 0;
+        let end = self.now() + Duration::from_secs_f64(patience_s);
+        loop {
+            let new = self.received.get(seen..).into_iter().flatten();
+            if let Some(found) = new.rev().find_map(|arrival| of(&arrival.frame.message)) {
+                return Ok(found);
+            }
+            if self.now() >= end {
+                return Err(Failure::Refused(format!("the board sent no {what}")));
+            }
+            seen = self.received.len();
+            self.pass(LOOK.as_secs_f64())?;
+        }
+    }
+
+    /// The frames that have come and were not taken.
+    pub(crate) fn take(&mut self) -> Vec<Arrival> {
+        std::mem::take(&mut self.received)
+    }
+
+    /// Their records, each with its time.
+    pub(crate) fn take_records(&mut self) -> Vec<Reported> {
+        let arrivals = self.take().into_iter();
+        let timed = arrivals.map(|of| (of.frame.header.time_us as f64 * 1e-6, of.frame.message));
+        timed.collect()
+    }
+
+    /// Waits for a board that is gone or starts anew, and asks it who it is.
+    pub(crate) fn reconnect(&mut self) -> Result<(), Failure> {
+        let end = self.now() + RESTART;
+        loop {
+            let opened = self.transport.reopen();
+            self.decoder = RecordDecoder::new();
+            match opened {
+                Ok(()) => return self.greet(),
+                Err(error) if self.now() > end => return Err(self.lost(&error)),
+                Err(_) => std::thread::sleep(LOOK),
+            }
+        }
+    }
+}
+
+impl Drop for Link {
+    /// Whatever ended this, no current goes on: the board would end it by itself after 100 ms.
+    fn drop(&mut self) {
+        let _ = self.send(&Command::Disarm);
+    }
+}

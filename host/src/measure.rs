@@ -1,0 +1,154 @@
+//! `palpate measure`: the stiffness of what is pressed upon a board's sensor.
+
+use std::io::{self, Write};
+
+use clap::Args;
+use palpate_wire::code::State;
+use palpate_wire::record::Estimate;
+use palpate_wire::{Command, Record};
+use serde::Serialize;
+
+use crate::failure::Failure;
+use crate::link::{self, Link, Run};
+use crate::notice;
+use crate::results::stiffness;
+use crate::verdict::explain;
+
+/// Measure the stiffness of what is pressed upon a board's sensor
+///
+/// Arms the board, waits for a contact, and drives one train of ramps. The board has to be calibrated:
+/// `palpate calibrate sensor`.
+#[derive(Args)]
+#[command(after_help = "\
+Lift off first: the board learns what the untouched sensor reads for half a second. Then press, and
+hold still for about a second.
+
+With --json, a line for each measurement. Exit code 1 if the board refuses one; the reason is printed.
+
+Examples:
+  palpate measure
+  palpate measure --board emulated --load 1.5")]
+pub(crate) struct Arguments {
+    #[command(flatten)]
+    link: link::Arguments,
+    /// What the emulated board presses: a spring of this multiple of the sensing layer's nominal
+    /// stiffness
+    #[arg(long, value_name = "RATIO")]
+    load: Option<f64>,
+    /// How many measurements
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
+    times: u32,
+    /// Longest that is waited for a contact, s
+    #[arg(long, value_name = "SECONDS", default_value_t = 60.0)]
+    wait: f64,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// What the emulated board presses where nothing is said, in units of the sensing layer's stiffness.
+const USUAL_LOAD: f64 = 1.0;
+/// Baseline and the coil's test, s.
+const ARMING_S: f64 = 5.0;
+/// A press has to settle, the coil to be tested, the train to end: longest that is waited, s.
+const RESULT_S: f64 = 90.0;
+
+/// A line of the JSON output.
+#[derive(Serialize)]
+struct Line {
+    simulated: bool,
+    measurement: u32,
+    /// Absent for a load that cannot be told from a rigid one.
+    stiffness_n_per_m: Option<f32>,
+    lower_n_per_m: f32,
+    /// Absent where there is none.
+    upper_n_per_m: Option<f32>,
+    force_n: f32,
+    total_displacement_m: f32,
+    temperature_c: Option<f32>,
+    configuration_crc: u32,
+    /// Of a simulated load, with what it stands on.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    true_n_per_m: Option<f64>,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let usual = arguments.link.is_emulated().then_some(USUAL_LOAD);
+    let load = arguments.load.or(usual);
+    let mut link = arguments.link.open_pressed(Run::AsFastAsItCan, load)?;
+    let configuration_crc = link.hello().map_or(0, |hello| hello.configuration_crc);
+    link.must(&Command::Disarm)?;
+    link.must(&Command::Arm)?;
+    link.wait_for(ARMING_S, "end of the coil's test", |record| match record {
+        Record::State(change) if change.state == State::Watching => Some(()),
+        _ => None,
+    })?;
+    for _ in 0..arguments.times {
+        if usual.is_none() {
+            notice::say("Press the object upon the sensor, and hold still.");
+        }
+        let estimate = measured(&mut link, arguments.wait)?;
+        let line = Line {
+            simulated: link.hello().is_some_and(|hello| hello.simulated) || usual.is_some(),
+            measurement: estimate.measurement,
+            stiffness_n_per_m: estimate.stiffness_n_per_m,
+            lower_n_per_m: estimate.lower_n_per_m,
+            upper_n_per_m: estimate.upper_n_per_m,
+            force_n: estimate.force_n,
+            total_displacement_m: estimate.total_displacement_m,
+            temperature_c: estimate.temperature_c,
+            configuration_crc,
+            true_n_per_m: truth(&mut link),
+        };
+        print(&line, arguments.json)?;
+    }
+    link.must(&Command::Disarm)?;
+    Ok(())
+}
+
+/// One measurement, of the next contact.
+fn measured(link: &mut Link, wait_s: f64) -> Result<Estimate, Failure> {
+    link.take();
+    link.wait_for(
+        wait_s,
+        "contact: nothing touches the sensor",
+        |record| match record {
+            Record::State(change) if change.state == State::Contact => Some(()),
+            _ => None,
+        },
+    )?;
+    link.take();
+    // A board that measures at every contact has begun already, and says so.
+    link.ask(&Command::Measure)?;
+    link.wait_for(RESULT_S, "result", |record| match record {
+        Record::Estimate(estimate) => Some(Ok(estimate.clone())),
+        Record::Refusal(refusal) => Some(Err(Failure::Refused(explain(refusal)))),
+        _ => None,
+    })?
+}
+
+/// What the simulated load truly has, with what it stands on; nothing of a real one.
+fn truth(link: &mut Link) -> Option<f64> {
+    let board = link.emulated()?;
+    let true_n_per_m = board.world_mut().truth().load_spring_n_per_m;
+    true_n_per_m.is_finite().then_some(true_n_per_m)
+}
+
+fn print(line: &Line, json: bool) -> Result<(), Failure> {
+    let mut out = io::stdout().lock();
+    if json {
+        return Ok(writeln!(out, "{}", serde_json::to_string(line)?)?);
+    }
+    let of = |n_per_m: Option<f32>| n_per_m.map(f64::from).map_or("rigid".to_owned(), stiffness);
+    let measured = of(line.stiffness_n_per_m);
+    let (lower, upper) = (of(Some(line.lower_n_per_m)), of(line.upper_n_per_m));
+    write!(
+        out,
+        "stiffness {measured}, 95 % between {lower} and {upper}, at {:.3} N",
+        line.force_n
+    )?;
+    if let Some(true_n_per_m) = line.true_n_per_m {
+        write!(out, "; simulated, truly {}", stiffness(true_n_per_m))?;
+    }
+    Ok(writeln!(out)?)
+}
