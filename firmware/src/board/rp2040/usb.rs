@@ -14,6 +14,7 @@ use cortex_m::peripheral::NVIC;
 use critical_section::Mutex;
 use rp2040_hal::clocks::ClocksManager;
 use rp2040_hal::usb::UsbBus;
+use rp2040_pac::usbctrl_regs::RegisterBlock;
 use rp2040_pac::{CLOCKS, Interrupt, RESETS, USBCTRL_DPRAM, USBCTRL_REGS};
 use usb_device::bus::{PollResult, UsbBus as UsbBusTrait, UsbBusAllocator};
 use usb_device::endpoint::{EndpointAddress, EndpointType};
@@ -79,7 +80,8 @@ const SETTLING: u32 = 12;
 /// - Nothing stays armed on endpoint 0 when a transfer is over: a packet of it would be taken for one of
 ///   the next transfer, whose setup packet waits for the processor.
 /// - A setup packet from before a reset of the bus is not answered after it.
-/// - Data beyond those that a request announced are refused.
+/// - Data beyond those that a request announced are refused. The status that waits is taken back before:
+///   the next transfer would get it.
 /// - Packets begin with DATA0 again where USB wants it.
 /// - An address counts only if the request for it has come to its end.
 /// - A packet of endpoint 0 that the host takes while the driver clears the marks of others is not
@@ -231,6 +233,37 @@ fn is_armed(word: usize) -> bool {
     control.available_0().bit_is_set()
 }
 
+/// From now on the first token of endpoint 0 for which there is no buffer calls the interrupt, once.
+fn watch_for_refusal() {
+    // SAFETY: only the interrupt of USB writes these registers; a bit that is set is cleared.
+    let registers = unsafe { &*USBCTRL_REGS::ptr() };
+    clear_refusals(registers);
+    registers
+        .sie_ctrl()
+        .modify(|_, w| w.ep0_int_nak().set_bit());
+}
+
+fn clear_refusals(registers: &RegisterBlock) {
+    registers
+        .ep_status_stall_nak()
+        .write(|w| w.ep0_in().clear_bit_by_one().ep0_out().clear_bit_by_one());
+}
+
+/// Whether data of the host found no buffer on endpoint 0 since that is watched for. Ends the watch.
+fn has_refused_data() -> bool {
+    // SAFETY: only the interrupt of USB writes these registers; a bit that is set is cleared.
+    let registers = unsafe { &*USBCTRL_REGS::ptr() };
+    let refused = registers.ep_status_stall_nak().read();
+    if refused.bits() == 0 {
+        return false;
+    }
+    registers
+        .sie_ctrl()
+        .modify(|_, w| w.ep0_int_nak().clear_bit());
+    clear_refusals(registers);
+    refused.ep0_out().bit_is_set()
+}
+
 /// Takes an endpoint's buffer back from the controller.
 fn disarm(word: usize) {
     // SAFETY: only the interrupt of USB writes the words of the buffers.
@@ -270,6 +303,9 @@ impl UsbBusTrait for Bus {
 
     fn enable(&mut self) {
         self.hal.enable();
+        // SAFETY: the driver has written this register, and does not again.
+        let registers = unsafe { &*USBCTRL_REGS::ptr() };
+        registers.inte().modify(|_, w| w.ep_stall_nak().set_bit());
     }
 
     fn reset(&self) {
@@ -304,11 +340,10 @@ impl UsbBusTrait for Bus {
             return self.hal.write(address, packet);
         }
         let control = self.control();
-        // All data have come: what else does is refused.
+        // All data have come.
         if !control.is_in() {
-            let out = EndpointAddress::from_parts(0, UsbDirection::Out);
-            self.hal.set_stalled(out, true);
             disarm(OUT_0);
+            watch_for_refusal();
         }
         let written = self.hal.write(address, packet)?;
         self.set_control(Control {
@@ -363,6 +398,8 @@ impl UsbBusTrait for Bus {
     }
 
     fn poll(&self) -> PollResult {
+        // Before the driver sees whether a setup packet has come, of whose transfer they may be.
+        let has_refused_data = has_refused_data();
         let mut result = self.hal.poll();
         let has_missed = self.has_missed_sent(&result);
         match &mut result {
@@ -376,19 +413,24 @@ impl UsbBusTrait for Bus {
             }
             _ => {}
         }
+        let mut control = self.control();
         if let PollResult::Data {
             ep_setup,
             ep_in_complete,
             ..
         } = result
         {
-            let control = self.control();
-            self.set_control(Control {
-                is_new: ep_setup & 1 == 1,
-                is_waiting: control.is_waiting && ep_in_complete & 1 == 0,
-                ..control
-            });
+            control.is_new = ep_setup & 1 == 1;
+            control.is_waiting &= ep_in_complete & 1 == 0;
         }
+        if has_refused_data && !control.is_new && control.is_waiting && !control.is_in() {
+            // More than the request announced: the host will not ask for the status that waits.
+            disarm(IN_0);
+            let out = EndpointAddress::from_parts(0, UsbDirection::Out);
+            self.hal.set_stalled(out, true);
+            control.is_waiting = false;
+        }
+        self.set_control(control);
         result
     }
 }

@@ -8,7 +8,7 @@ use palpate_procedure::Link;
 use palpate_wire::code::{FaultCode, Outcome};
 use palpate_wire::{Command, Record};
 
-use crate::common::usb::control::disturb_control;
+use crate::common::usb::control::{disturb_control, outcome};
 use crate::common::usb::links::{flood, silent_link};
 use crate::common::usb::restarts::{ask_for_restart, reboot, replug};
 use crate::common::usb::streams::{stopped_reader, stream_in_trains};
@@ -73,6 +73,28 @@ fn data_that_a_request_does_not_announce_are_refused() {
             _ => ControlOutcome::Stalled,
         };
         assert_eq!(results, [(id, expected)], "{length} bytes");
+    }
+}
+
+const GET_DEVICE_DESCRIPTOR: [u8; 8] = [0x80, 6, 0, 1, 0, 0, 18, 0];
+
+/// What it brings.
+fn device_descriptor(bench: &UsbBench) -> ControlOutcome {
+    let description = bench.probe.board.usb().description().unwrap();
+    ControlOutcome::Done(description.device.clone())
+}
+
+/// Its status waits when they are refused, and the next transfer begins before the interrupt of USB has
+/// its turn.
+#[test]
+fn a_request_whose_data_were_too_many_leaves_nothing_to_the_next_one() {
+    let mut bench = plugged();
+    let line_state = [0x21, 0x22, 3, 0, 0, 0, 0, 0];
+    let expected = device_descriptor(&bench);
+    for round in 0..400 {
+        bench.submit(ControlTransfer::with_data(line_state, &[7; 64]));
+        let id = bench.submit(ControlTransfer::new(GET_DEVICE_DESCRIPTOR));
+        assert_eq!(outcome(&mut bench, id), expected, "round {round}");
     }
 }
 

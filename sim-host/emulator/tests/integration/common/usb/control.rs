@@ -224,7 +224,7 @@ fn late_in_frame(bench: &mut UsbBench) {
 }
 
 /// Runs until a transfer has ended.
-fn outcome(bench: &mut UsbBench, id: TransferId) -> ControlOutcome {
+pub(crate) fn outcome(bench: &mut UsbBench, id: TransferId) -> ControlOutcome {
     let mut steps = 0;
     loop {
         let results = bench.probe.board.usb_mut().take_results();
