@@ -71,6 +71,9 @@ const SET_ADDRESS: [u8; 2] = [0x00, 5];
 /// From the rest of a buffer's word to AVAILABLE, cycles: a period of 48 MHz is five of 200 MHz, and the
 /// datasheet rounds up (RP2040 datasheet 4.1.2.5.1).
 const SETTLING: u32 = 12;
+/// The longest transaction of endpoint 0, in cycles: token, 64 bytes with their stuffed bits, handshake
+/// and the gaps between are 710 bits of 12 Mbit/s (USB 2.0 7.1.9, 7.1.18.1, 8.4), 59.2 us of 200 MHz.
+const LONGEST_TRANSACTION: u32 = 12_000;
 
 /// The bus that USB's classes are written for: the HAL's driver, with this around it.
 ///
@@ -82,6 +85,8 @@ const SETTLING: u32 = 12;
 /// - A setup packet from before a reset of the bus is not answered after it.
 /// - Data beyond those that a request announced are refused. The status that waits is taken back before:
 ///   the next transfer would get it.
+/// - A request is refused if its data may have gone where the transfer before it waited for some, which
+///   the host gave up. It was left waiting.
 /// - Packets begin with DATA0 again where USB wants it.
 /// - An address counts only if the request for it has come to its end.
 /// - A packet of endpoint 0 that the host takes while the driver clears the marks of others is not
@@ -113,6 +118,8 @@ struct Control {
     is_new: bool,
     /// A packet waits for the host, or that it was taken was not reported yet.
     is_waiting: bool,
+    /// When the setup packet came there were data whose request is not known.
+    has_data_before: bool,
 }
 
 impl Control {
@@ -125,6 +132,12 @@ impl Control {
     const fn length(&self) -> u16 {
         let [.., low, high] = self.setup;
         u16::from_le_bytes([low, high])
+    }
+
+    /// Whether its data are more than `usb-device` takes, or may be gone.
+    const fn is_refused(&self) -> bool {
+        let announces = !self.is_in() && self.length() > 0;
+        announces && (self.length() > LONGEST_DATA || self.has_data_before)
     }
 
     /// bmRequestType and bRequest.
@@ -140,6 +153,7 @@ impl Bus {
             setup: REFUSED,
             is_new: false,
             is_waiting: false,
+            has_data_before: false,
         };
         Self {
             hal,
@@ -186,6 +200,22 @@ impl Bus {
         self.control().is_waiting && !is_reported && !is_marked && !is_armed(IN_0)
     }
 
+    /// A setup packet has come: nothing of the transfer before it goes on. A transaction in whose midst a
+    /// buffer is taken back comes to its end here.
+    fn end_before_setup(control: &mut Control) {
+        if control.is_waiting || is_armed(OUT_0) {
+            [IN_0, OUT_0].into_iter().for_each(disarm);
+            cortex_m::asm::delay(LONGEST_TRANSACTION);
+            // SAFETY: only the interrupt of USB writes this register; a bit that is set is cleared.
+            let registers = unsafe { &*USBCTRL_REGS::ptr() };
+            registers
+                .buff_status()
+                .write(|w| w.ep0_in().clear_bit_by_one());
+        }
+        control.is_waiting = false;
+        control.has_data_before = has_data(OUT_0);
+    }
+
     /// The driver has read a setup packet.
     fn begin(&self, buffer: &mut [u8]) {
         let Some(Ok(setup)) = buffer.get(..8).map(TryInto::try_into) else {
@@ -195,17 +225,17 @@ impl Bus {
             setup,
             is_new: false,
             is_waiting: false,
+            ..self.control()
         };
         self.set_control(control);
-        match (control.is_in(), control.length()) {
-            // The driver waits for the end of data that do not come.
-            (true, 0) => disarm(OUT_0),
-            (false, LONGEST_DATA..) if control.length() > LONGEST_DATA => {
-                if let Some(buffer) = buffer.get_mut(..8) {
-                    buffer.copy_from_slice(&REFUSED);
-                }
-            }
-            _ => {}
+        if control.is_refused()
+            && let Some(buffer) = buffer.get_mut(..8)
+        {
+            buffer.copy_from_slice(&REFUSED);
+        }
+        // The driver waits for the end of data that do not come.
+        if control.is_in() && control.length() == 0 {
+            disarm(OUT_0);
         }
         if [SET_CONFIGURATION, SET_INTERFACE].contains(&control.request()) {
             (1..16).for_each(|index| {
@@ -231,6 +261,14 @@ fn is_armed(word: usize) -> bool {
     let memory = unsafe { &*USBCTRL_DPRAM::ptr() };
     let control = memory.ep_buffer_control(word).read();
     control.available_0().bit_is_set()
+}
+
+/// Whether data have come to an OUT endpoint that were not read.
+fn has_data(word: usize) -> bool {
+    // SAFETY: reading a word of the buffers has no effect on it.
+    let memory = unsafe { &*USBCTRL_DPRAM::ptr() };
+    let control = memory.ep_buffer_control(word).read();
+    control.full_0().bit_is_set() && control.length_0().bits() > 0
 }
 
 /// From now on the first token of endpoint 0 for which there is no buffer calls the interrupt, once.
@@ -423,7 +461,9 @@ impl UsbBusTrait for Bus {
             control.is_new = ep_setup & 1 == 1;
             control.is_waiting &= ep_in_complete & 1 == 0;
         }
-        if has_refused_data && !control.is_new && control.is_waiting && !control.is_in() {
+        if control.is_new {
+            Self::end_before_setup(&mut control);
+        } else if has_refused_data && control.is_waiting && !control.is_in() {
             // More than the request announced: the host will not ask for the status that waits.
             disarm(IN_0);
             let out = EndpointAddress::from_parts(0, UsbDirection::Out);

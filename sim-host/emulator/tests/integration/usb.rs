@@ -98,6 +98,30 @@ fn a_request_whose_data_were_too_many_leaves_nothing_to_the_next_one() {
     }
 }
 
+/// They go into the packet that the former transfer waits for, until the interrupt of USB has its turn.
+#[test]
+fn a_request_is_not_left_waiting_for_data_that_came_to_a_transfer_given_up() {
+    let mut bench = plugged();
+    let line_coding = [0x21, 0x20, 0, 0, 0, 0, 7, 0];
+    let mut done = 0;
+    for round in 0..200 {
+        bench.submit(ControlTransfer {
+            deadline: Time::from_us(1),
+            ..ControlTransfer::new(line_coding)
+        });
+        let mut right = ControlTransfer::with_data(line_coding, &[0, 194, 1, 0, 0, 0, 8]);
+        right.deadline = Time::from_ms(20);
+        let id = bench.submit(right);
+        let outcome = outcome(&mut bench, id);
+        assert!(
+            matches!(outcome, ControlOutcome::Done(_) | ControlOutcome::Stalled),
+            "round {round}: {outcome}"
+        );
+        done += u32::from(outcome.data().is_some());
+    }
+    assert!(done > 0);
+}
+
 /// A PC that configures the device again or clears a halt counts packets from DATA0 (USB 2.0 9.1.1.5,
 /// 9.4.5). A device that does not loses one, or repeats one.
 #[test]
