@@ -81,7 +81,7 @@ const LONGEST_TRANSACTION: u32 = 12_000;
 ///   left, its interrupt came again at once, without end.
 /// - A request with more data than `usb-device` takes is refused. It was left without an answer.
 /// - Nothing stays armed on endpoint 0 when a transfer is over: a packet of it would be taken for one of
-///   the next transfer, whose setup packet waits for the processor.
+///   the next transfer, whose setup packet waits for the processor. Nor is that refused for the former.
 /// - A setup packet from before a reset of the bus is not answered after it.
 /// - Data beyond those that a request announced are refused. The status that waits is taken back before:
 ///   the next transfer would get it.
@@ -311,6 +311,30 @@ fn disarm(word: usize) {
         .modify(|_, w| w.available_0().clear_bit());
 }
 
+/// Refuses the control transfer under way: in both directions at once, since either ends it. If a setup
+/// packet waits that transfer is over, and the next one is not refused for it: the controller ends a
+/// refusal when a setup packet comes, and not later (RP2040 datasheet 4.1.4, EP_STALL_ARM).
+fn refuse_control() {
+    // SAFETY: only the interrupt of USB writes these registers and the words of the buffers.
+    let (registers, memory) = unsafe { (&*USBCTRL_REGS::ptr(), &*USBCTRL_DPRAM::ptr()) };
+    for word in [IN_0, OUT_0] {
+        memory
+            .ep_buffer_control(word)
+            .modify(|_, w| w.available_0().clear_bit().stall().set_bit());
+    }
+    // Not interrupted: the next token is a few microseconds after the setup packet.
+    critical_section::with(|_| {
+        registers
+            .ep_stall_arm()
+            .write(|w| w.ep0_in().set_bit().ep0_out().set_bit());
+        if registers.sie_status().read().setup_rec().bit_is_set() {
+            registers
+                .ep_stall_arm()
+                .write(|w| w.ep0_in().clear_bit().ep0_out().clear_bit());
+        }
+    });
+}
+
 /// The next packet of an endpoint has DATA0. One that waits for the host stays where it is.
 fn begin_with_data0(word: usize) {
     // SAFETY: only the interrupt of USB writes the words of the buffers.
@@ -409,17 +433,17 @@ impl UsbBusTrait for Bus {
     }
 
     fn set_stalled(&self, address: EndpointAddress, stalled: bool) {
+        if address.index() == 0 && stalled {
+            refuse_control();
+            self.set_control(Control {
+                is_waiting: false,
+                ..self.control()
+            });
+            return;
+        }
         self.hal.set_stalled(address, stalled);
-        match (address.index(), stalled) {
-            (0, true) => {
-                [IN_0, OUT_0].into_iter().for_each(disarm);
-                self.set_control(Control {
-                    is_waiting: false,
-                    ..self.control()
-                });
-            }
-            (0, false) | (_, true) => {}
-            (index, false) => begin_with_data0(word(index, address.is_in())),
+        if address.index() != 0 && !stalled {
+            begin_with_data0(word(address.index(), address.is_in()));
         }
     }
 
@@ -465,9 +489,7 @@ impl UsbBusTrait for Bus {
             Self::end_before_setup(&mut control);
         } else if has_refused_data && control.is_waiting && !control.is_in() {
             // More than the request announced: the host will not ask for the status that waits.
-            disarm(IN_0);
-            let out = EndpointAddress::from_parts(0, UsbDirection::Out);
-            self.hal.set_stalled(out, true);
+            refuse_control();
             control.is_waiting = false;
         }
         self.set_control(control);

@@ -98,6 +98,20 @@ fn a_request_whose_data_were_too_many_leaves_nothing_to_the_next_one() {
     }
 }
 
+/// A packet of it has come while it was refused, is thrown away only when the next setup packet is there,
+/// and is refused once more.
+#[test]
+fn a_request_that_is_refused_does_not_take_the_next_one_with_it() {
+    let mut bench = plugged();
+    let longer_than_any = [0x40, 0, 0, 0, 0, 0, 192, 0];
+    let expected = device_descriptor(&bench);
+    for round in 0..4_000 {
+        bench.submit(ControlTransfer::with_data(longer_than_any, &[7; 80]));
+        let id = bench.submit(ControlTransfer::new(GET_DEVICE_DESCRIPTOR));
+        assert_eq!(outcome(&mut bench, id), expected, "round {round}");
+    }
+}
+
 /// They go into the packet that the former transfer waits for, until the interrupt of USB has its turn.
 #[test]
 fn a_request_is_not_left_waiting_for_data_that_came_to_a_transfer_given_up() {
