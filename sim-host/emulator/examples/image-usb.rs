@@ -195,7 +195,8 @@ fn control(seed: u64) -> bool {
     println!(
         "\nA host that gives a transfer up and sends the next setup packet may get a packet of the \
          former until the processor has seen the setup packet; to prevent that, the interrupt of USB \
-         would have to go before the tasks. Of the device descriptors asked for between, {} others were wrong. The longest transfer took {}. \
+         would have to go before the tasks. Of the device descriptors asked for between, {} others were \
+         wrong or refused. The longest transfer took {}. \
          Levels of the coil's PWM: {} written, {} late, {} from one to the next at most; edge to START \
          {} at worst. The board started anew {restarts} times. It was enumerated {} times, and streamed \
          after each.\n",

@@ -1,6 +1,6 @@
 //! Control transfers of any kind, while the coil is driven.
 
-use palpate_emulator::usb::{ControlOutcome, ControlTransfer, TransferId};
+use palpate_emulator::usb::{ControlOutcome, ControlTransfer, TransferId, UsbState};
 use palpate_emulator::{LevelTimes, Time};
 use palpate_wire::Command;
 
@@ -49,11 +49,11 @@ pub(crate) struct ControlFindings {
     /// Given up by the host, which had sent less than it promised.
     pub(crate) cut_short: u32,
     /// Followed one that the host gave up, and got what was left of it: a packet that waits on endpoint
-    /// 0 goes out, or takes data in, until the processor has seen the setup packet.
+    /// 0 goes out until the processor has seen the setup packet.
     pub(crate) spoiled: u32,
-    /// Neither data nor stall, with nothing that ended them.
+    /// Neither data nor stall, with nothing that ended them. What the host did before excuses none.
     pub(crate) hung: Vec<(ControlTransfer, ControlOutcome)>,
-    /// The device descriptor, asked for between, was another one.
+    /// The device descriptor, asked for between, was another one, or was refused.
     pub(crate) wrong: u32,
     /// The longest of those that ended well or in a stall.
     pub(crate) longest: Time,
@@ -169,8 +169,11 @@ fn one(
         (ControlOutcome::TimedOut, _) if is_short => found.cut_short += 1,
         (ControlOutcome::Cancelled, Ending::Reset(_)) => found.cancelled += 1,
         (ControlOutcome::Done(_), _) if is_right => found.done += 1,
+        (ControlOutcome::Stalled, _) if asks_for_device(&transfer) => found.wrong += 1,
         (ControlOutcome::Stalled, _) => found.stalled += 1,
-        _ if may_get_left => found.spoiled += 1,
+        (ControlOutcome::Done(_) | ControlOutcome::Broken(_), _) if may_get_left => {
+            found.spoiled += 1;
+        }
         (ControlOutcome::Done(_), _) => found.wrong += 1,
         _ => found.hung.push((transfer.clone(), outcome.clone())),
     }
@@ -182,7 +185,7 @@ fn one(
     if is_over {
         found.longest = found.longest.max(bench.probe.board.now() - begin);
     }
-    outcome == ControlOutcome::TimedOut && (ending == Ending::Overtaken || is_short)
+    outcome == ControlOutcome::TimedOut
 }
 
 fn reset_after(bench: &mut UsbBench, time: Time) {
@@ -190,18 +193,24 @@ fn reset_after(bench: &mut UsbBench, time: Time) {
     board.run_for(time).expect("the image runs on");
     board.usb_mut().reset();
     // What is ordered begins with the next step.
-    board.run_for(Time::from_us(1)).expect("the image runs on");
+    board
+        .run_until(Time::from_us(10), |board| {
+            board.usb().state() == UsbState::Resetting
+        })
+        .expect("the bus is reset");
+}
+
+/// Whether a transfer asks for the device descriptor.
+fn asks_for_device(transfer: &ControlTransfer) -> bool {
+    transfer.setup.starts_with(&DEVICE_DESCRIPTOR)
 }
 
 /// Whether an answer is the device descriptor, if that was asked for.
 fn is_right(bench: &UsbBench, transfer: &ControlTransfer, outcome: &ControlOutcome) -> bool {
-    let [kind, request, index, descriptor, _, _, low, high] = transfer.setup;
-    let (Some(data), true) = (
-        outcome.data(),
-        [kind, request, index, descriptor] == DEVICE_DESCRIPTOR,
-    ) else {
+    let (Some(data), true) = (outcome.data(), asks_for_device(transfer)) else {
         return true;
     };
+    let [.., low, high] = transfer.setup;
     let asked = usize::from(u16::from_le_bytes([low, high])).min(transfer.read_limit);
     let description = bench.probe.board.usb().description();
     // While it is enumerated again nothing is known.
