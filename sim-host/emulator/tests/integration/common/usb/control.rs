@@ -178,7 +178,17 @@ fn one(
         _ => found.hung.push((transfer.clone(), outcome.clone())),
     }
     if let Ending::Reset(_) = ending {
-        bench.until_open(super::ENUMERATION);
+        if outcome == ControlOutcome::Cancelled {
+            bench.until_open(super::ENUMERATION);
+        } else {
+            // It was over before. Or it had not begun and was done after the enumeration, where a
+            // SET_ADDRESS or a SET_CONFIGURATION ends the stream.
+            bench
+                .until(super::ENUMERATION, |bench| {
+                    bench.probe.board.usb().description().is_some()
+                })
+                .expect("the device is enumerated");
+        }
         return false;
     }
     let is_over = matches!(outcome, ControlOutcome::Done(_) | ControlOutcome::Stalled);
