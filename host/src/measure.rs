@@ -58,7 +58,7 @@ const RESULT_S: f64 = 90.0;
 struct Line {
     simulated: bool,
     measurement: u32,
-    /// Absent for a load that cannot be told from a rigid one.
+    /// Absent for a load that cannot be distinguished from a rigid one.
     stiffness_n_per_m: Option<f32>,
     lower_n_per_m: f32,
     /// Absent where there is none.

@@ -39,8 +39,8 @@ pub(crate) struct Arguments {
     /// encrypted
     #[arg(long)]
     allow_remote: bool,
-    /// Press a spring of this multiple of the sensing layer's nominal stiffness, again and again: 3 s
-    /// not at all, 5 s pressed
+    /// Press a spring of this multiple of the sensing layer's nominal stiffness, again and again:
+    /// 5 s pressed, 8 s lifted
     #[arg(long, value_name = "RATIO")]
     press: Option<f64>,
     /// End after so many seconds

@@ -88,8 +88,8 @@ fn what_cannot_be_driven_is_refused_with_what_can() {
     assert_eq!(output.status.code(), Some(2));
     let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(stderr.contains("allowed are 1 to"), "{stderr}");
-    let output = palpate(&["coil"], folder.path());
-    assert_eq!(output.status.code(), Some(2));
+    let nowhere = palpate(&["coil", "--board", "probe:localhost:1"], folder.path());
+    assert_eq!(nowhere.status.code(), Some(2));
     let unreachable_board = palpate(
         &["coil", "--board", "probe:127.0.0.1:1,127.0.0.1:1"],
         folder.path(),

@@ -4,6 +4,7 @@ mod bring_up;
 mod chip;
 mod coil;
 mod designer;
+mod desk;
 mod field;
 mod image;
 mod installed;
