@@ -9,6 +9,9 @@ use super::flash_file::FlashFile;
 use super::touch::Touch;
 use crate::failure::Failure;
 
+/// In less it has enumerated.
+const STARTED: Time = Time::from_ms(500);
+
 /// The board. A program opens its serial port and closes it, as a PC's do.
 pub(crate) struct PluggedBoard {
     image: Image,
@@ -75,6 +78,27 @@ impl PluggedBoard {
         let usb = self.instrument.board_mut().usb_mut();
         usb.plug();
         usb.enumerate();
+    }
+
+    /// Lets time pass until it is a serial port of the PC: half a second at most after its power-on.
+    pub(crate) fn start(&mut self) -> Result<(), Failure> {
+        let end = self.now() + STARTED;
+        while self
+            .instrument
+            .board_mut()
+            .usb_mut()
+            .description()
+            .is_none()
+        {
+            if self.now() >= end {
+                return Err(Failure::Refused(
+                    "the emulated board does not appear at its USB: is it an image of the firmware?"
+                        .to_owned(),
+                ));
+            }
+            self.advance(Time::from_ms(1))?;
+        }
+        Ok(())
     }
 
     /// Time since its first power-on.

@@ -59,6 +59,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         )));
     }
     let mut served = arguments.emulated.load()?.plug(arguments.press)?;
+    // A program that connects does not have to wait for the start.
+    served.start()?;
     let mut port = Port::listen(arguments.listen)?;
     notice::say(format_args!("the emulated board is at {}", port.address()));
     let end = arguments.seconds.map(Time::from_secs_f64);
