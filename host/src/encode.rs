@@ -45,7 +45,7 @@ pub(crate) struct Arguments {
 }
 
 /// Names of commands in the order in which a calibration is sent.
-const ORDER: [&str; 11] = [
+const ORDER: [&str; 12] = [
     "set_settings",
     "set_tank",
     "set_deformation_curve",
@@ -57,6 +57,7 @@ const ORDER: [&str; 11] = [
     "set_temperature_effect",
     "set_coil",
     "set_current_correction",
+    "set_calibration_identity",
 ];
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
@@ -87,7 +88,18 @@ fn frames(commands: &[Command], boot: u32, sequence: u32) -> Result<Vec<u8>, Fai
 }
 
 fn from_lines(from: impl BufRead) -> Result<Vec<Command>, Failure> {
-    let input = Path::new("standard input");
+    let numbered = numbered_lines(from, Path::new("standard input"))?;
+    Ok(numbered.into_iter().map(|(_, command)| command).collect())
+}
+
+/// Commands, one on a line, each with the number of its line from 1. Empty lines are passed over.
+///
+/// # Errors
+/// With the place of a line that is no command, or has a value out of range.
+pub(crate) fn numbered_lines(
+    from: impl BufRead,
+    input: &Path,
+) -> Result<Vec<(u64, Command)>, Failure> {
     let mut commands = Vec::new();
     for (number, line) in (1..).zip(from.lines()) {
         let line = line?;
@@ -100,7 +112,7 @@ fn from_lines(from: impl BufRead) -> Result<Vec<Command>, Failure> {
             problem: error.to_string(),
             allowed: "a command of docs/protocol.md".to_owned(),
         })?;
-        commands.push(checked(command, input, number)?);
+        commands.push((number, checked(command, input, number)?));
     }
     Ok(commands)
 }

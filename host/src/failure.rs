@@ -7,6 +7,8 @@ use palpate_sim::parameters::ParameterError;
 use palpate_sim::stack::LoadError;
 use palpate_sim::stack::document::FileError;
 
+use crate::finding::Finding;
+
 /// A failure with its location, its cause and what to do.
 #[derive(Debug)]
 pub(crate) enum Failure {
@@ -43,6 +45,8 @@ pub(crate) enum Failure {
     Argument(String),
     /// What was asked for was refused, or failed while running.
     Refused(String),
+    /// No board was reached, or it is not one that this tool can use.
+    Unconnected(Finding),
     /// The board is gone: unplugged, reset or switched off.
     Lost(String),
     /// The result could not be written.
@@ -58,7 +62,9 @@ impl Failure {
             | Self::Unreadable { .. }
             | Self::Unwritable { .. }
             | Self::Argument(_) => ExitCode::from(2),
-            Self::Refused(_) | Self::Lost(_) | Self::Output(_) => ExitCode::FAILURE,
+            Self::Refused(_) | Self::Unconnected(_) | Self::Lost(_) | Self::Output(_) => {
+                ExitCode::FAILURE
+            }
         }
     }
 }
@@ -96,6 +102,7 @@ impl fmt::Display for Failure {
             Self::Argument(reason) | Self::Refused(reason) | Self::Lost(reason) => {
                 f.write_str(reason)
             }
+            Self::Unconnected(finding) => finding.fmt(f),
             Self::Output(error) => write!(f, "cannot write the result: {error}"),
         }
     }

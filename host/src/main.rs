@@ -9,16 +9,24 @@ mod calibrate;
 mod chip;
 #[cfg(feature = "emulator")]
 mod coil;
+#[cfg(feature = "emulator")]
+mod confirmation;
 mod coverage;
 mod decode;
 mod demo;
+#[cfg(feature = "emulator")]
+mod devices;
+#[cfg(feature = "emulator")]
+mod doctor;
 #[cfg(feature = "emulator")]
 mod emulated;
 mod encode;
 mod engine;
 mod failure;
+mod faults;
 #[cfg(feature = "field")]
 mod field;
+mod finding;
 #[cfg(feature = "emulator")]
 mod image;
 #[cfg(feature = "emulator")]
@@ -44,7 +52,11 @@ mod report;
 mod results;
 #[cfg(feature = "emulator")]
 mod serve;
+#[cfg(feature = "emulator")]
+mod settings;
 mod simulate;
+#[cfg(feature = "emulator")]
+mod storage;
 mod switches;
 mod train;
 mod verdict;
@@ -84,6 +96,13 @@ enum Verb {
     Calibrate(calibrate::verb::Arguments),
     #[cfg(feature = "emulator")]
     Measure(measure::Arguments),
+    #[cfg(feature = "emulator")]
+    Devices(devices::Arguments),
+    #[cfg(feature = "emulator")]
+    Doctor(doctor::Arguments),
+    #[cfg(feature = "emulator")]
+    Settings(settings::Arguments),
+    Faults(faults::Arguments),
     Decode(decode::Arguments),
     Encode(encode::Arguments),
     Demo(demo::Arguments),
@@ -112,6 +131,13 @@ fn main() -> ExitCode {
         Verb::Calibrate(arguments) => calibrate::verb::run(&arguments),
         #[cfg(feature = "emulator")]
         Verb::Measure(arguments) => measure::run(&arguments),
+        #[cfg(feature = "emulator")]
+        Verb::Devices(arguments) => devices::run(&arguments),
+        #[cfg(feature = "emulator")]
+        Verb::Doctor(arguments) => doctor::run(&arguments),
+        Verb::Faults(arguments) => faults::run(&arguments),
+        #[cfg(feature = "emulator")]
+        Verb::Settings(arguments) => settings::run(&arguments),
         Verb::Decode(arguments) => decode::run(&arguments),
         Verb::Encode(arguments) => encode::run(&arguments),
         Verb::Demo(arguments) => demo::run(&arguments),

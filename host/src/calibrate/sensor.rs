@@ -1,25 +1,25 @@
 //! `palpate calibrate sensor`: from specimens on a bench to a calibration that the board keeps.
 
-use std::io::{self, IsTerminal, Write};
+use std::io::{self, Write};
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use clap::Args;
 use comfy_table::Table;
 use comfy_table::presets::NOTHING;
 use palpate_sim::switches::Switches;
-use palpate_wire::code::StorageAction;
 use palpate_wire::command::CalibrationIdentity;
-use palpate_wire::record::Storage;
-use palpate_wire::{Command, Record, configuration_crc};
+use palpate_wire::{Command, configuration_crc};
 use serde::Serialize;
 
 use super::bench::{self, LinkedBench, Pressed};
 use super::{Calibration, evaluate};
+use crate::confirmation::{can_be_confirmed, is_confirmed};
 use crate::failure::Failure;
 use crate::instrument::{BenchTask, default_settings};
 use crate::link::{self, Link};
 use crate::progress::Progress;
 use crate::results::stiffness;
+use crate::storage;
 
 /// Calibrate a board's sensor on a bench, and store the calibration in the board
 ///
@@ -46,9 +46,6 @@ pub(crate) struct Arguments {
     json: bool,
 }
 
-/// How long a save may take, s: sixteen sectors to erase, 0.4 s each at most, and their items.
-const SAVE_S: f64 = 15.0;
-
 /// What was found.
 #[derive(Serialize)]
 struct Found {
@@ -71,11 +68,8 @@ struct Found {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
-    if !arguments.yes && !io::stdin().is_terminal() {
-        return Err(Failure::Argument(
-            "standard input is no terminal, so that storing cannot be confirmed: add --yes"
-                .to_owned(),
-        ));
+    if !arguments.yes {
+        can_be_confirmed("storing")?;
     }
     let mut link = arguments.link.open()?;
     let done = calibrated(&mut link, arguments);
@@ -118,8 +112,8 @@ fn calibrated(link: &mut Link, arguments: &Arguments) -> Result<Found, Failure> 
         configuration_crc: 0,
     };
     put_in_force(link, &calibration, identity)?;
-    if arguments.yes || is_wanted()? {
-        found.configuration_crc = store(link)?.stored_crc;
+    if arguments.yes || is_confirmed("Store this calibration in the board?")? {
+        found.configuration_crc = storage::store(link)?.stored_crc;
         found.stored = true;
     }
     Ok(found)
@@ -160,33 +154,6 @@ fn put_in_force(
     }
     link.must(&Command::SetCalibrationIdentity(identity))?;
     Ok(())
-}
-
-/// Stores what is in force, and reads back what is stored.
-fn store(link: &mut Link) -> Result<Storage, Failure> {
-    link.take();
-    link.must(&Command::Store)?;
-    let stored = link.wait_for(SAVE_S, "end of the save", |record| match record {
-        Record::Storage(storage) if storage.action == StorageAction::Store => Some(storage.clone()),
-        _ => None,
-    })?;
-    if stored.succeeded && stored.stored_crc == stored.in_force_crc {
-        return Ok(stored);
-    }
-    Err(Failure::Refused(
-        "the board did not store the calibration, and what it stored before is in force: \
-         docs/faults.md, storage_failed, says what to do"
-            .to_owned(),
-    ))
-}
-
-fn is_wanted() -> Result<bool, Failure> {
-    let mut out = io::stderr().lock();
-    write!(out, "Store this calibration in the board? [y/N] ")?;
-    out.flush()?;
-    let mut answer = String::new();
-    io::stdin().read_line(&mut answer)?;
-    Ok(matches!(answer.trim(), "y" | "Y" | "yes"))
 }
 
 fn print(found: &Found, json: bool) -> Result<(), Failure> {

@@ -11,6 +11,7 @@ use super::tcp::{Probe, Tcp};
 use super::transport::Transport;
 use crate::emulated;
 use crate::failure::Failure;
+use crate::finding::Finding;
 use crate::link::Link;
 
 /// How a board is reached.
@@ -133,25 +134,47 @@ fn reach(address: Address) -> Result<(String, Box<dyn Transport>), Failure> {
 }
 
 fn unreachable_server(to: &str, error: &io::Error) -> Failure {
-    Failure::Refused(format!(
-        "{to}: {error}. Is it `palpate serve-emulated` that listens there?"
+    Failure::Unconnected(Finding::new(
+        "unreachable",
+        format!("{to}: {error}"),
+        "Start `palpate serve-emulated` there, or name another address with --board",
     ))
 }
 
 fn unreachable_probe(records: &str, commands: &str, error: &io::Error) -> Failure {
-    Failure::Refused(format!(
-        "{records} and {commands}: {error}. Start a server for channels 1 (records) and 0 (commands) \
-         of the board's RTT there, as docs/bring-up.md says."
+    Failure::Unconnected(Finding::new(
+        "unreachable",
+        format!("{records} and {commands}: {error}"),
+        "Start a server for channels 1 (records) and 0 (commands) of the board's RTT there, as \
+         docs/bring-up.md says",
     ))
 }
 
 #[cfg(feature = "serial")]
 fn reach_serial(name: Option<&str>) -> Result<(String, Box<dyn Transport>), Failure> {
-    let ports = serial::ports()
-        .map_err(|error| Failure::Refused(format!("the serial ports cannot be listed: {error}")))?;
-    let path = choose(name, &ports)?;
+    let path = choose(name, &ports()?)?;
     let port = Serial::open(&path).map_err(|error| unopened(&path, &error))?;
     Ok((path, Box::new(port)))
+}
+
+/// The serial ports of all boards that are plugged in.
+///
+/// # Errors
+/// If the system does not list its ports.
+#[cfg(feature = "serial")]
+pub(crate) fn ports() -> Result<Vec<serial::Port>, Failure> {
+    serial::ports()
+        .map_err(|error| Failure::Refused(format!("the serial ports cannot be listed: {error}")))
+}
+
+/// Opens the board at a serial port.
+///
+/// # Errors
+/// If it cannot be opened, or nothing of palpate answers there.
+#[cfg(feature = "serial")]
+pub(crate) fn open_port(path: &str) -> Result<Link, Failure> {
+    let port = Serial::open(path).map_err(|error| unopened(path, &error))?;
+    Link::open(path.to_owned(), Box::new(port))
 }
 
 #[cfg(not(feature = "serial"))]
@@ -174,17 +197,23 @@ fn choose(name: Option<&str>, ports: &[serial::Port]) -> Result<String, Failure>
     }
     match ports {
         [port] => Ok(port.path.clone()),
-        [] => Err(Failure::Refused(
-            "no board is plugged in. Connect one by USB (its LED lights up), or name one with --board; \
-             --board emulated needs none. `palpate doctor` looks further"
-                .to_owned(),
-        )),
+        [] => Err(Failure::Unconnected(no_board())),
         several => Err(Failure::Argument(format!(
             "{} boards are plugged in: name one with --board: {}",
             several.len(),
             listed(several)
         ))),
     }
+}
+
+/// No serial port is a board's.
+pub(crate) fn no_board() -> Finding {
+    Finding::new(
+        "no_board",
+        "no board is plugged in",
+        "Connect one by USB, with a cable that carries data: its LED lights up. Or name one with --board; \
+         --board emulated needs none",
+    )
 }
 
 #[cfg(feature = "serial")]
@@ -202,19 +231,26 @@ pub(crate) const UDEV_RULE: &str = "SUBSYSTEMS==\"usb\", ATTRS{idVendor}==\"1209
 
 /// What a port that cannot be opened means, and what to do.
 fn unopened(path: &str, error: &io::Error) -> Failure {
-    let what = match error.kind() {
-        ErrorKind::PermissionDenied => format!(
-            "this user may not open it. On Linux, write this line to \
-             /etc/udev/rules.d/70-palpate.rules and plug the board in again:\n  {UDEV_RULE}"
+    let (finding, action) = match error.kind() {
+        ErrorKind::PermissionDenied => (
+            "forbidden",
+            format!(
+                "This user may not open it. On Linux, write this line to \
+                 /etc/udev/rules.d/70-palpate.rules and plug the board in again:\n  {UDEV_RULE}"
+            ),
         ),
-        ErrorKind::NotFound => {
-            "there is no such port, and no board with this serial number: see `palpate devices`"
-                .into()
-        }
-        _ if is_busy(error) => "another program has it open: close that first".to_owned(),
-        _ => "unplug the board and plug it in again".to_owned(),
+        ErrorKind::NotFound => (
+            "no_such_port",
+            "There is no such port, and no board with this serial number: see `palpate devices`"
+                .into(),
+        ),
+        _ if is_busy(error) => (
+            "busy",
+            "Another program has it open: close that first".into(),
+        ),
+        _ => ("unopened", "Unplug the board and plug it in again".into()),
     };
-    Failure::Refused(format!("{path}: {error}; {what}"))
+    Failure::Unconnected(Finding::new(finding, format!("{path}: {error}"), action))
 }
 
 /// Whether another program has the port: the systems say it in different ways.
@@ -270,7 +306,7 @@ mod tests {
         let said = |kind: ErrorKind| unopened("/dev/ttyACM0", &kind.into()).to_string();
         assert!(said(ErrorKind::PermissionDenied).contains("udev/rules.d"));
         assert!(said(ErrorKind::NotFound).contains("palpate devices"));
-        assert!(said(ErrorKind::ResourceBusy).contains("another program"));
+        assert!(said(ErrorKind::ResourceBusy).contains("Another program"));
         assert!(said(ErrorKind::Other).contains("plug it in again"));
     }
 }

@@ -17,11 +17,16 @@ use std::time::Duration;
 use palpate_wire::code::Outcome;
 use palpate_wire::loss::Account;
 use palpate_wire::record::Hello;
-use palpate_wire::{Command, Frame, Message, Record, RecordDecoder, Sequencer, VERSION, encode};
+use palpate_wire::{
+    Command, Frame, FrameError, Message, Record, RecordDecoder, Sequencer, VERSION, encode,
+};
 
 use crate::emulated::PluggedBoard;
 use crate::failure::Failure;
-pub(crate) use address::{Arguments, Run};
+use crate::finding::Finding;
+pub(crate) use address::{Arguments, Run, no_board};
+#[cfg(feature = "serial")]
+pub(crate) use address::{open_port, ports};
 use clock::DeviceClock;
 use transport::Transport;
 
@@ -34,6 +39,11 @@ const AGAIN: Duration = Duration::from_millis(500);
 const LOOK: Duration = Duration::from_millis(10);
 /// From one word to the board to the next while it drives a current, s: it waits for 100 ms.
 pub(crate) const WORD_S: f64 = 0.04;
+/// What a port's server sends to a second program, before it closes the connection. It ends as a frame
+/// does, so that a decoder finds the next one.
+pub(crate) const BUSY: &[u8] = b"palpate: another program is connected; close it first\n\0";
+/// Bytes that are kept of what came before a board said who it is, to show them: more than a line.
+const FIRST_BYTES: usize = 160;
 /// How long a board may take that starts anew, its USB port included.
 const RESTART: Duration = Duration::from_secs(10);
 
@@ -57,6 +67,12 @@ pub(crate) struct Link {
     clock: DeviceClock,
     hello: Option<Hello>,
     received: Vec<Arrival>,
+    /// The first bytes since it was asked who it is.
+    first: Vec<u8>,
+    /// Another version of the protocol that came.
+    other_version: Option<u8>,
+    /// It was armed over this link.
+    has_armed: bool,
 }
 
 impl Link {
@@ -71,6 +87,9 @@ impl Link {
             clock: DeviceClock::default(),
             hello: None,
             received: Vec::new(),
+            first: Vec::new(),
+            other_version: None,
+            has_armed: false,
         };
         link.greet()?;
         Ok(link)
@@ -80,6 +99,22 @@ impl Link {
     fn greet(&mut self) -> Result<(), Failure> {
         self.sequencer = Sequencer::new(0);
         self.hello = None;
+        self.first.clear();
+        let asked = self.ask_who_it_is();
+        if asked.is_err() {
+            // The server's last words may wait to be read.
+            let _ = self.listen(LOOK);
+        }
+        if self.hello.is_some() {
+            return Ok(());
+        }
+        match (asked, self.not_a_board()) {
+            (Err(failure), finding) if finding.finding == "silent" => Err(failure),
+            (_, finding) => Err(Failure::Unconnected(finding)),
+        }
+    }
+
+    fn ask_who_it_is(&mut self) -> Result<(), Failure> {
         let end = self.now() + PATIENCE;
         while self.now() < end {
             self.send(&Command::Identify)?;
@@ -91,19 +126,42 @@ impl Link {
                 }
             }
         }
-        Err(Failure::Refused(if self.decoder.counts().version > 0 {
-            format!(
-                "{}: the firmware speaks another version of the protocol than this tool, which speaks \
-                 {VERSION}: flash the image that belongs to the tool, or use the firmware's",
-                self.name
+        Ok(())
+    }
+
+    /// What there is instead of a board that says who it is.
+    fn not_a_board(&self) -> Finding {
+        let name = &self.name;
+        let text = String::from_utf8_lossy(&self.first);
+        let text = text.trim_matches(['\0', '\n', '\r', ' ']);
+        if let Some(found) = self.other_version {
+            Finding::new(
+                "other_version",
+                format!(
+                    "{name}: the firmware has version {found} of the protocol, and this tool version {VERSION}"
+                ),
+                "Flash the image that belongs to this tool, or use the tool that belongs to the firmware",
+            )
+        } else if self.first.starts_with(BUSY) {
+            Finding::new(
+                "busy",
+                format!("{name}: another program is connected"),
+                "Close that first",
+            )
+        } else if text.is_empty() {
+            Finding::new(
+                "silent",
+                format!("{name}: nothing answers"),
+                "See whether its LED blinks. If not, flash the firmware of palpate; if it does, plug it in \
+                 again",
             )
         } else {
-            format!(
-                "{}: nothing answers. Does the firmware of palpate run there, and not another image? \
-                 `palpate doctor` looks further",
-                self.name
+            Finding::new(
+                "other_firmware",
+                format!("{name}: what answers is not the firmware of palpate, but sends {text:?}"),
+                "Name another board with --board, or flash the firmware of palpate",
             )
-        }))
+        }
     }
 
     /// Where the board is.
@@ -144,6 +202,7 @@ impl Link {
 
     /// Sends a command; returns its number.
     pub(crate) fn send(&mut self, command: &Command) -> Result<u32, Failure> {
+        self.has_armed |= *command == Command::Arm;
         let header = self.sequencer.stamp(0);
         let mut buffer = [0; Command::MAX_FRAME];
         let bytes = encode(&header, command, &mut buffer)
@@ -217,9 +276,22 @@ impl Link {
         let bytes = self.transport.read(wait);
         let bytes = bytes.map_err(|error| self.lost(&error))?;
         let at = self.now();
+        let room = FIRST_BYTES.saturating_sub(self.first.len());
+        self.first.extend(bytes.iter().take(room));
         for frame in self.decoder.frames(&bytes) {
-            // A frame that began before we came, or was damaged, is one that is not there.
-            let Ok(frame) = frame else { continue };
+            let frame = match frame {
+                Ok(frame) => frame,
+                Err(FrameError::Version { found }) => {
+                    self.other_version = Some(found);
+                    continue;
+                }
+                // A frame of a kind that this tool does not know has come nevertheless. One that began
+                // before we came, or was damaged, is one that is not there.
+                Err(error) => {
+                    error.header().map(|header| self.account.take(header));
+                    continue;
+                }
+            };
             self.sequencer.address(frame.header.boot_id);
             self.account.take(&frame.header);
             if let Record::Hello(hello) = &frame.message {
@@ -240,11 +312,17 @@ impl Link {
     /// Lets time pass: the board's, where it is emulated. A fault ends it.
     pub(crate) fn pass(&mut self, time_s: f64) -> Result<(), Failure> {
         let before = self.received.len();
+        self.collect(time_s)?;
+        self.no_fault(before)
+    }
+
+    /// Takes what comes for a time, faults among it.
+    pub(crate) fn collect(&mut self, time_s: f64) -> Result<(), Failure> {
         let end = self.now() + Duration::from_secs_f64(time_s);
         while self.now() < end {
             self.listen(end.saturating_sub(self.now()).min(LOOK))?;
         }
-        self.no_fault(before)
+        Ok(())
     }
 
     /// The same while a current is driven: says something now and then.
@@ -322,8 +400,11 @@ impl Link {
 }
 
 impl Drop for Link {
-    /// Whatever ended this, no current goes on: the board would end it by itself after 100 ms.
+    /// Whatever ended this, no current goes on: the board would end it by itself after 100 ms. A board
+    /// that was not armed here is left as it is.
     fn drop(&mut self) {
-        let _ = self.send(&Command::Disarm);
+        if self.has_armed {
+            let _ = self.send(&Command::Disarm);
+        }
     }
 }

@@ -5,9 +5,8 @@ use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::time::Duration;
 
 use crate::failure::Failure;
+use crate::link::BUSY;
 
-/// What a second program gets. It ends as a frame does, so that a decoder finds the next one.
-const BUSY: &[u8] = b"palpate: another program is connected; close it first\n\0";
 /// A program that takes nothing for so long is gone.
 const PATIENCE: Duration = Duration::from_secs(5);
 /// Bytes of commands that are taken at once.

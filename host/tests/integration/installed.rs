@@ -39,12 +39,14 @@ fn run(tool: &Path, index: &Path, arguments: &[&str]) -> Output {
 const SCENARIO: &str =
     "stack = \"ultrasoft\"\ndisturbances = \"none\"\n\n[[press]]\nload = \"rigid\"\n";
 
-const ON_THE_EMULATED_BOARD: [&[&str]; 6] = [
+const ON_THE_EMULATED_BOARD: [&[&str]; 8] = [
     &["demo", "--engine", "image", "--json"],
     &["simulate", "scenario.toml", "--engine", "image"],
     &["bring-up", "--emulated"],
     &["coil", "--board", "emulated"],
     &["calibrate", "current", "--board", "emulated"],
+    &["settings", "get", "--board", "emulated"],
+    &["doctor", "--board", "emulated"],
     &["image-cost"],
 ];
 

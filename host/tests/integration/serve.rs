@@ -15,13 +15,13 @@ use palpate_wire::{Message, Record, RecordDecoder, Sequencer, encode};
 const PATIENCE: Duration = Duration::from_secs(300);
 
 /// The server, which ends with this.
-struct Server {
+pub(crate) struct Server {
     child: Child,
-    address: String,
+    pub(crate) address: String,
 }
 
 impl Server {
-    fn start(arguments: &[&str]) -> Self {
+    pub(crate) fn start(arguments: &[&str]) -> Self {
         let image = palpate_emulator::firmware::build().unwrap_or_else(|error| panic!("{error}"));
         let mut child = Command::new(env!("CARGO_BIN_EXE_palpate"))
             .args(["serve-emulated", "--listen", "127.0.0.1:0"])

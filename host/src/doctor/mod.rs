@@ -1,0 +1,121 @@
+//! `palpate doctor`: what is wrong with a board, or with the way to it.
+
+mod examination;
+mod findings;
+
+use std::io::{self, Write};
+
+use clap::Args;
+use palpate_wire::Command;
+use palpate_wire::code::{FaultCode, Outcome};
+use palpate_wire::command::ClearFault;
+use serde::Serialize;
+
+use crate::failure::Failure;
+use crate::finding::Finding;
+use crate::link::{self, Link};
+use examination::Examination;
+
+/// Find out what is wrong with a board, or with the way to it
+///
+/// Connects, disarms the board, listens for two seconds, and asks for its storage and calibration. It sets and
+/// stores nothing.
+#[derive(Args)]
+#[command(after_help = "\
+Prints each finding with its cause and what to do. Exit code 0 if nothing is wrong, 1 otherwise.
+
+A board reports a fault when it begins. One that began earlier is found to stand, and --clear finds out
+which: it clears the fault, and says whether it comes again.
+
+Example:
+  palpate doctor
+  palpate doctor --board tcp:localhost:7161 --json")]
+pub(crate) struct Arguments {
+    #[command(flatten)]
+    link: link::Arguments,
+    /// Clear the fault that stands, and see whether it comes again
+    #[arg(long)]
+    clear: bool,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// The JSON output.
+#[derive(Serialize)]
+struct Report {
+    /// Where the board is; absent if none was reached.
+    board: Option<String>,
+    /// The fault that was cleared.
+    cleared: Option<FaultCode>,
+    findings: Vec<Finding>,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let report = report(arguments)?;
+    print(&report, arguments.json)?;
+    match report.findings.len() {
+        0 => Ok(()),
+        1 => Err(Failure::Refused("1 finding".to_owned())),
+        several => Err(Failure::Refused(format!("{several} findings"))),
+    }
+}
+
+fn report(arguments: &Arguments) -> Result<Report, Failure> {
+    let mut link = match arguments.link.open() {
+        Ok(link) => link,
+        Err(Failure::Unconnected(finding)) => {
+            return Ok(Report {
+                board: None,
+                cleared: None,
+                findings: vec![finding],
+            });
+        }
+        Err(other) => return Err(other),
+    };
+    let board = link.name().to_owned();
+    let mut examination = Examination::of(&mut link)?;
+    let mut cleared = None;
+    if arguments.clear && examination.is_faulted() {
+        cleared = clear(&mut link)?;
+        examination = Examination::of(&mut link)?;
+    }
+    Ok(Report {
+        board: Some(board),
+        cleared,
+        findings: findings::of(&examination),
+    })
+}
+
+/// Clears the fault that stands; which one it was. None if it cannot be cleared.
+fn clear(link: &mut Link) -> Result<Option<FaultCode>, Failure> {
+    for &code in FaultCode::ALL {
+        let (_, outcome) = link.ask(&Command::ClearFault(ClearFault { code }))?;
+        if outcome == Outcome::Accepted {
+            // The records of it have been seen.
+            link.take();
+            return Ok(Some(code));
+        }
+    }
+    Ok(None)
+}
+
+fn print(report: &Report, json: bool) -> Result<(), Failure> {
+    let mut out = io::stdout().lock();
+    if json {
+        return Ok(writeln!(out, "{}", serde_json::to_string(report)?)?);
+    }
+    if let Some(code) = report.cleared {
+        writeln!(out, "{code} stood and was cleared.")?;
+    }
+    for finding in &report.findings {
+        writeln!(out, "{}", finding.finding)?;
+        writeln!(out, "  Cause:  {}.", finding.cause.trim_end_matches('.'))?;
+        writeln!(out, "  Action: {}.", finding.action.trim_end_matches('.'))?;
+    }
+    if report.findings.is_empty() {
+        let board = report.board.as_deref().unwrap_or_default();
+        writeln!(out, "{board}: nothing is wrong.")?;
+    }
+    Ok(())
+}

@@ -1,0 +1,37 @@
+//! Something that is wrong with a board or the way to it.
+
+use std::fmt;
+
+use serde::Serialize;
+
+/// What is wrong, why, and what to do. docs/desk.md lists all of them.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub(crate) struct Finding {
+    /// Its name, which stays from version to version.
+    pub(crate) finding: &'static str,
+    /// What was found, in words.
+    pub(crate) cause: String,
+    /// What to do.
+    pub(crate) action: String,
+}
+
+impl Finding {
+    /// A finding with its cause and what to do.
+    pub(crate) fn new(
+        finding: &'static str,
+        cause: impl Into<String>,
+        action: impl Into<String>,
+    ) -> Self {
+        Self {
+            finding,
+            cause: cause.into(),
+            action: action.into(),
+        }
+    }
+}
+
+impl fmt::Display for Finding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}. {}", self.cause, self.action)
+    }
+}
