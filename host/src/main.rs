@@ -43,6 +43,7 @@ mod measure;
 mod misfit;
 mod notice;
 mod output;
+mod packaging;
 mod plan_ldc;
 mod plot;
 mod press;
@@ -64,7 +65,7 @@ mod words;
 
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 
 use failure::Failure;
 
@@ -116,6 +117,8 @@ enum Verb {
     ImageCost(image_cost::Arguments),
     #[cfg(feature = "emulator")]
     ServeEmulated(serve::Arguments),
+    Completions(packaging::Completions),
+    Man(packaging::Manual),
 }
 
 fn main() -> ExitCode {
@@ -150,6 +153,8 @@ fn main() -> ExitCode {
         Verb::ImageCost(arguments) => image_cost::run(&arguments),
         #[cfg(feature = "emulator")]
         Verb::ServeEmulated(arguments) => serve::run(&arguments),
+        Verb::Completions(arguments) => packaging::completions(&arguments, Cli::command()),
+        Verb::Man(arguments) => packaging::manual(&arguments, Cli::command()),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -54,17 +54,15 @@ pub(super) struct Losses {
 }
 
 impl Examination {
-    /// Examines a board, which is disarmed first.
+    /// Examines a board, which is disarmed.
     ///
     /// # Errors
     /// If the board is gone, or does not answer.
     pub(super) fn of(link: &mut Link) -> Result<Self, Failure> {
-        // Whether a fault stands is asked by a command that would drive the coil if it were armed.
-        link.must(&Command::Disarm)?;
         // A frame that had begun when the port was opened is no loss.
         let before = link.unreadable();
         link.collect(LISTEN_S)?;
-        let (_, outcome) = link.ask(&Command::TestCoil)?;
+        let stands = does_a_fault_stand(link)?;
         let missing = missing_parts(link)?;
         link.ask(&Command::GetStorage)?;
         link.ask(&Command::Identify)?;
@@ -83,7 +81,7 @@ impl Examination {
             storage: None,
             crash: None,
             faults: Vec::new(),
-            stands: outcome == Outcome::Faulted,
+            stands,
             missing,
             losses,
         };
@@ -113,6 +111,15 @@ impl Examination {
             _ => {}
         }
     }
+}
+
+/// Whether a fault stands. No command asks for it; one that needs the coil is refused because of a fault,
+/// or else because the board is disarmed, and does nothing in either case.
+fn does_a_fault_stand(link: &mut Link) -> Result<bool, Failure> {
+    // Just before it: a program at another link may arm the board.
+    link.must(&Command::Disarm)?;
+    let (_, outcome) = link.ask(&Command::TestCoil)?;
+    Ok(outcome == Outcome::Faulted)
 }
 
 /// Parts of the calibration that are needed and not set, of the first channel of the first converter.

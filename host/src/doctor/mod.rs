@@ -18,7 +18,7 @@ use examination::Examination;
 
 /// Find out what is wrong with a board, or with the way to it
 ///
-/// Connects, disarms the board, listens for two seconds, and asks for its storage and calibration. It sets and
+/// Connects, listens for two seconds, disarms the board, and asks for its storage and calibration. It sets and
 /// stores nothing.
 #[derive(Args)]
 #[command(after_help = "\

@@ -1,5 +1,6 @@
-//! Verbs of the desk that need no board: `palpate devices` and `faults`.
+//! Verbs of the desk that need no board: `palpate devices`, `faults`, `completions` and `man`.
 
+use std::fs;
 use std::process::{Command, Output};
 
 use serde_json::Value;
@@ -39,4 +40,38 @@ fn a_fault_is_explained_by_number_and_by_name() {
     }
     let unknown = palpate(&["faults", "tiredness"]);
     assert_eq!(unknown.status.code(), Some(2));
+}
+
+#[test]
+fn every_shell_gets_a_script_that_knows_the_verbs() {
+    for shell in ["bash", "elvish", "fish", "powershell", "zsh"] {
+        let output = palpate(&["completions", shell]);
+        let script = String::from_utf8(output.stdout).unwrap();
+        for word in ["settings", "serve-emulated", "json"] {
+            assert!(script.contains(word), "{shell}: no {word}");
+        }
+    }
+    assert_eq!(palpate(&["completions", "tcsh"]).status.code(), Some(2));
+}
+
+#[test]
+fn every_verb_has_a_manual_page() {
+    let folder = tempfile::tempdir().unwrap();
+    let pages = folder.path().join("man/man1");
+    let output = palpate(&["man", pages.to_str().unwrap()]);
+    assert!(output.status.success(), "{output:?}");
+    let set = fs::read_to_string(pages.join("palpate-settings-set.1")).unwrap();
+    assert!(set.contains(".TH") && set.contains("NAME=VALUE"), "{set}");
+    assert!(set.contains("drift=linear"), "{set}");
+    for name in ["palpate", "palpate-doctor", "palpate-calibrate-sensor"] {
+        let page = pages.join(name).with_extension("1");
+        assert!(page.is_file(), "{name}");
+    }
+    // What is hidden has none.
+    assert!(!pages.join("palpate-misfit.1").exists());
+
+    let file = folder.path().join("file");
+    fs::write(&file, "no folder").unwrap();
+    let refused = palpate(&["man", file.to_str().unwrap()]);
+    assert_eq!(refused.status.code(), Some(2));
 }
