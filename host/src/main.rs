@@ -1,7 +1,10 @@
 //! `palpate`: the command-line tool of the sensor.
 
 // A tool that is built without a part has no use for all that its parts share.
-#![cfg_attr(not(all(feature = "emulator", feature = "field")), allow(dead_code))]
+#![cfg_attr(
+    not(all(feature = "emulator", feature = "field", feature = "serial")),
+    allow(dead_code)
+)]
 
 #[cfg(feature = "emulator")]
 mod bring_up;
