@@ -104,19 +104,7 @@ fn examined(port: Port) -> Device {
         path: port.path,
         serial_number: port.serial_number,
         identity,
-        problem: opened.err().map(problem),
-    }
-}
-
-#[cfg(feature = "serial")]
-fn problem(failure: Failure) -> Finding {
-    match failure {
-        Failure::Unconnected(finding) => finding,
-        other => Finding::new(
-            "gone",
-            other.to_string(),
-            "See the board's cable, and plug it in again",
-        ),
+        problem: opened.err().map(Finding::of),
     }
 }
 

@@ -4,6 +4,8 @@ use std::fmt;
 
 use serde::Serialize;
 
+use crate::failure::Failure;
+
 /// What is wrong, why, and what to do. docs/desk.md lists all of them.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub(crate) struct Finding {
@@ -26,6 +28,15 @@ impl Finding {
             finding,
             cause: cause.into(),
             action: action.into(),
+        }
+    }
+
+    /// What the failure of a board is that was there when it was opened.
+    pub(crate) fn of(failure: Failure) -> Self {
+        match failure {
+            Failure::Unconnected(finding) => finding,
+            Failure::Lost(cause) => Self::new("gone", cause, "Then run `palpate doctor` again"),
+            other => Self::new("unanswered", other.to_string(), "Plug the board in again"),
         }
     }
 }

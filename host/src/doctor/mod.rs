@@ -51,6 +51,16 @@ struct Report {
     findings: Vec<Finding>,
 }
 
+impl Report {
+    const fn of(board: Option<String>, findings: Vec<Finding>) -> Self {
+        Self {
+            board,
+            cleared: None,
+            findings,
+        }
+    }
+}
+
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let report = report(arguments)?;
     print(&report, arguments.json)?;
@@ -64,27 +74,27 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
 fn report(arguments: &Arguments) -> Result<Report, Failure> {
     let mut link = match arguments.link.open() {
         Ok(link) => link,
-        Err(Failure::Unconnected(finding)) => {
-            return Ok(Report {
-                board: None,
-                cleared: None,
-                findings: vec![finding],
-            });
-        }
+        Err(Failure::Unconnected(finding)) => return Ok(Report::of(None, vec![finding])),
         Err(other) => return Err(other),
     };
-    let board = link.name().to_owned();
-    let mut examination = Examination::of(&mut link)?;
-    let mut cleared = None;
-    if arguments.clear && examination.is_faulted() {
-        cleared = clear(&mut link)?;
-        examination = Examination::of(&mut link)?;
-    }
-    Ok(Report {
-        board: Some(board),
-        cleared,
-        findings: findings::of(&examination),
+    let board = Some(link.name().to_owned());
+    Ok(match examined(&mut link, arguments.clear) {
+        Ok((cleared, examination)) => Report {
+            cleared,
+            ..Report::of(board, findings::of(&examination))
+        },
+        Err(failure) => Report::of(board, vec![Finding::of(failure)]),
     })
+}
+
+/// Examines a board; the fault that was cleared, and what it says then.
+fn examined(link: &mut Link, clears: bool) -> Result<(Option<FaultCode>, Examination), Failure> {
+    let examination = Examination::of(link)?;
+    if !clears || !examination.is_faulted() {
+        return Ok((None, examination));
+    }
+    let cleared = clear(link)?;
+    Ok((cleared, Examination::of(link)?))
 }
 
 /// Clears the fault that stands; which one it was. None if it cannot be cleared.

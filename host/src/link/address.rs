@@ -309,4 +309,18 @@ mod tests {
         assert!(said(ErrorKind::ResourceBusy).contains("Another program"));
         assert!(said(ErrorKind::Other).contains("plug it in again"));
     }
+
+    #[cfg(all(unix, feature = "serial"))]
+    #[test]
+    fn a_port_that_another_program_has_open_is_busy() {
+        use serialport::{SerialPort, TTYPort};
+        let (_far_end, port) = TTYPort::pair().unwrap();
+        let path = port.name().unwrap();
+        drop(port);
+        let _first = serialport::new(&path, 115_200).open().unwrap();
+        match open_port(&path).err().unwrap() {
+            Failure::Unconnected(finding) => assert_eq!(finding.finding, "busy", "{finding}"),
+            other => panic!("{other}"),
+        }
+    }
 }

@@ -43,7 +43,7 @@ fn a_fault_is_explained_by_number_and_by_name() {
 }
 
 #[test]
-fn every_shell_gets_a_script_that_knows_the_verbs() {
+fn the_script_for_every_shell_names_the_verbs() {
     for shell in ["bash", "elvish", "fish", "powershell", "zsh"] {
         let output = palpate(&["completions", shell]);
         let script = String::from_utf8(output.stdout).unwrap();

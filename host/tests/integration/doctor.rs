@@ -8,7 +8,9 @@ use std::process::{Command, Output};
 use std::thread::{JoinHandle, spawn};
 
 use palpate_emulator::firmware;
-use palpate_wire::crc32;
+use palpate_wire::code::{Board, Chip, ResetCause};
+use palpate_wire::record::Hello;
+use palpate_wire::{MINOR_VERSION, Message, Record, SCHEMA_HASH, Sequencer, crc32, encode};
 use serde_json::Value;
 
 use crate::serve::Server;
@@ -126,7 +128,43 @@ fn a_port_that_another_program_uses_is_busy() {
     assert!(said.contains("another program is connected"), "{said}");
 }
 
-/// A port at which something says the same again and again, until who connected goes away.
+/// The findings are a table of the book: each that a board or a port can have, and no other.
+#[test]
+fn every_finding_stands_in_the_book() {
+    let package = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let book = fs::read_to_string(package.join("../docs/desk.md")).unwrap();
+    let rows = book.lines().filter_map(|line| line.strip_prefix("| `"));
+    let rows: Vec<_> = rows
+        .filter_map(|row| row.split_once("` |").map(|(name, _)| name))
+        .filter(|name| name.chars().all(|of| of.is_ascii_lowercase() || of == '_'))
+        // Of the table of addresses.
+        .filter(|name| *name != "emulated")
+        .collect();
+    let source = source(&package.join("src"));
+    for row in &rows {
+        assert!(source.contains(&format!("\"{row}\"")), "{row}");
+    }
+    let made = source.split("Finding::new(").skip(1);
+    let names = made.filter_map(|after| after.trim_start().strip_prefix('"'));
+    for name in names.map(|rest| rest.split('"').next().unwrap()) {
+        assert!(rows.contains(&name), "{name}");
+    }
+    assert!(rows.len() > 25, "{rows:?}");
+}
+
+/// All sources in a folder, one after the other.
+fn source(folder: &Path) -> String {
+    let paths = fs::read_dir(folder)
+        .unwrap()
+        .map(|entry| entry.unwrap().path());
+    let texts = paths.map(|path| match path.is_dir() {
+        true => source(&path),
+        false => fs::read_to_string(path).unwrap(),
+    });
+    texts.collect()
+}
+
+/// A port at which every question gets the same answer, until the connection ends.
 fn port(says: &'static [u8]) -> (String, JoinHandle<()>) {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = format!("tcp:{}", listener.local_addr().unwrap());
@@ -152,7 +190,7 @@ fn found_at(says: &'static [u8]) -> Value {
 }
 
 #[test]
-fn what_is_no_board_is_told_from_one_that_is_silent() {
+fn another_firmware_and_a_silent_port_are_different_findings() {
     let other = found_at(b"MicroPython v1.22 on Pico\r\n>>> ");
     assert_eq!(other["finding"], "other_firmware");
     let cause = other["cause"].as_str().unwrap();
@@ -173,6 +211,50 @@ fn a_board_of_another_version_is_named_with_its_version() {
     assert_eq!(found["finding"], "other_version");
     let cause = found["cause"].as_str().unwrap();
     assert!(cause.contains("version 9"), "{cause}");
+}
+
+#[test]
+fn a_board_that_goes_away_meanwhile_is_a_finding() {
+    let hello = Record::Hello(Hello {
+        minor_version: MINOR_VERSION,
+        schema_hash: SCHEMA_HASH,
+        firmware_major: 0,
+        firmware_minor: 1,
+        firmware_patch: 0,
+        commit: 0,
+        dirty: false,
+        simulated: true,
+        board: Board::Pico,
+        unit: 1,
+        reset_cause: ResetCause::PowerOn,
+        chip: Chip::Ldc161x,
+        second_chip: Chip::Absent,
+        configuration_crc: 0,
+    });
+    let mut buffer = [0; Record::MAX_FRAME];
+    let header = Sequencer::new(7).stamp(0);
+    let frame = encode(&header, &hello, &mut buffer).unwrap().to_vec();
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let board = format!("tcp:{}", listener.local_addr().unwrap());
+    let thread = spawn(move || {
+        let (mut stream, _) = listener.accept().unwrap();
+        let _ = stream.read(&mut [0; 256]).unwrap();
+        stream.write_all(&frame).unwrap();
+    });
+    let folder = tempfile::tempdir().unwrap();
+    let output = palpate(&["doctor", "--json", "--board", &board], folder.path());
+    thread.join().unwrap();
+    assert_eq!(names(&output), ["gone"]);
+}
+
+#[test]
+fn a_port_that_is_not_there_is_a_finding() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = palpate(
+        &["doctor", "--json", "--board", "no-such-port"],
+        folder.path(),
+    );
+    assert_eq!(names(&output), ["no_such_port"]);
 }
 
 #[test]
