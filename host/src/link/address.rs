@@ -152,8 +152,10 @@ fn unreachable_probe(records: &str, commands: &str, error: &io::Error) -> Failur
 
 #[cfg(feature = "serial")]
 fn reach_serial(name: Option<&str>) -> Result<(String, Box<dyn Transport>), Failure> {
-    let path = choose(name, &ports()?)?;
-    let port = Serial::open(&path).map_err(|error| unopened(&path, &error))?;
+    let ports = ports()?;
+    let path = choose(name, &ports)?;
+    let is_listed = ports.iter().any(|port| port.path == path);
+    let port = Serial::open(&path).map_err(|error| unopened(&path, is_listed, &error))?;
     Ok((path, Box::new(port)))
 }
 
@@ -167,13 +169,13 @@ pub(crate) fn ports() -> Result<Vec<serial::Port>, Failure> {
         .map_err(|error| Failure::Refused(format!("the serial ports cannot be listed: {error}")))
 }
 
-/// Opens the board at a serial port.
+/// Opens the board at a serial port that was listed.
 ///
 /// # Errors
 /// If it cannot be opened, or nothing of palpate answers there.
 #[cfg(feature = "serial")]
 pub(crate) fn open_port(path: &str) -> Result<Link, Failure> {
-    let port = Serial::open(path).map_err(|error| unopened(path, &error))?;
+    let port = Serial::open(path).map_err(|error| unopened(path, true, &error))?;
     Link::open(path.to_owned(), Box::new(port))
 }
 
@@ -229,9 +231,19 @@ fn listed(ports: &[serial::Port]) -> String {
 pub(crate) const UDEV_RULE: &str = "SUBSYSTEMS==\"usb\", ATTRS{idVendor}==\"1209\", \
      ATTRS{idProduct}==\"0001\", MODE=\"0660\", TAG+=\"uaccess\"";
 
-/// What a port that cannot be opened means, and what to do.
-fn unopened(path: &str, error: &io::Error) -> Failure {
+/// What a port that cannot be opened means, and what to do. One that is listed is there: Windows does not
+/// distinguish a port that is open elsewhere from one that is missing.
+fn unopened(path: &str, is_listed: bool, error: &io::Error) -> Failure {
     let (finding, action) = match error.kind() {
+        // The library gives a port that is locked the kind of one that is missing.
+        _ if is_busy(error) => (
+            "busy",
+            "Another program has it open: close that first".into(),
+        ),
+        ErrorKind::NotFound if is_listed => (
+            "busy",
+            "Another program has it open: close that first, or plug the board in again".into(),
+        ),
         ErrorKind::PermissionDenied => (
             "forbidden",
             format!(
@@ -243,10 +255,6 @@ fn unopened(path: &str, error: &io::Error) -> Failure {
             "no_such_port",
             "There is no such port, and no board with this serial number: see `palpate devices`"
                 .into(),
-        ),
-        _ if is_busy(error) => (
-            "busy",
-            "Another program has it open: close that first".into(),
         ),
         _ => ("unopened", "Unplug the board and plug it in again".into()),
     };
@@ -303,11 +311,13 @@ mod tests {
 
     #[test]
     fn a_port_that_cannot_be_opened_says_what_to_do() {
-        let said = |kind: ErrorKind| unopened("/dev/ttyACM0", &kind.into()).to_string();
+        let said = |kind: ErrorKind| unopened("/dev/ttyACM0", false, &kind.into()).to_string();
         assert!(said(ErrorKind::PermissionDenied).contains("udev/rules.d"));
         assert!(said(ErrorKind::NotFound).contains("palpate devices"));
         assert!(said(ErrorKind::ResourceBusy).contains("Another program"));
         assert!(said(ErrorKind::Other).contains("plug it in again"));
+        let listed = unopened("COM5", true, &ErrorKind::NotFound.into()).to_string();
+        assert!(listed.contains("Another program"), "{listed}");
     }
 
     #[cfg(all(unix, feature = "serial"))]
