@@ -64,6 +64,8 @@ mod storage;
 mod switches;
 mod train;
 mod verdict;
+#[cfg(feature = "emulator")]
+mod watch;
 mod words;
 
 use std::process::ExitCode;
@@ -98,6 +100,8 @@ enum Verb {
     Coil(coil::Arguments),
     #[cfg(feature = "emulator")]
     Calibrate(calibrate::verb::Arguments),
+    #[cfg(feature = "emulator")]
+    Watch(watch::Arguments),
     #[cfg(feature = "emulator")]
     Measure(measure::Arguments),
     #[cfg(feature = "emulator")]
@@ -135,6 +139,8 @@ fn main() -> ExitCode {
         Verb::Coil(arguments) => coil::run(&arguments),
         #[cfg(feature = "emulator")]
         Verb::Calibrate(arguments) => calibrate::verb::run(&arguments),
+        #[cfg(feature = "emulator")]
+        Verb::Watch(arguments) => watch::run(&arguments),
         #[cfg(feature = "emulator")]
         Verb::Measure(arguments) => measure::run(&arguments),
         #[cfg(feature = "emulator")]

@@ -1,0 +1,120 @@
+//! What is known of a board from what it has said.
+
+use palpate_wire::code::{Contact, FaultCode, State};
+use palpate_wire::record::{Estimate, Hello, Refusal, Sample, Status};
+use palpate_wire::{Frame, Record};
+use serde::Serialize;
+
+use super::history::History;
+use crate::link::Link;
+use crate::verdict::explain;
+
+/// Everything that is shown.
+#[derive(Clone, Debug, Default, Serialize)]
+pub(crate) struct Known {
+    /// Where the board is.
+    pub(super) board: String,
+    /// What it is; absent before it has said so.
+    pub(super) hello: Option<Hello>,
+    /// Its time, s.
+    pub(super) time_s: f64,
+    pub(super) state: Option<State>,
+    pub(super) armed: bool,
+    /// The last sample of each converter.
+    pub(super) samples: [Option<Sample>; 2],
+    pub(super) status: Option<Status>,
+    /// The last result, and when, s.
+    pub(super) result: Option<(f64, Outcome)>,
+    pub(super) faults: Vec<FaultCode>,
+    /// Records that were received and that are missing, of this run of the board.
+    pub(super) received: u64,
+    pub(super) missing: u64,
+    /// Frames that came damaged.
+    pub(super) damaged: u32,
+    /// Why the board is not there.
+    pub(super) gone: Option<String>,
+    /// Deformation of the first channel, m.
+    #[serde(skip)]
+    pub(super) deformation: History,
+}
+
+/// What a measurement came to.
+#[derive(Clone, Debug, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum Outcome {
+    Estimate(Box<Estimate>),
+    /// Refused, with the reason.
+    Refusal(String),
+}
+
+impl Known {
+    pub(super) fn of(board: &str) -> Self {
+        Self {
+            board: board.to_owned(),
+            ..Self::default()
+        }
+    }
+
+    /// The board is gone.
+    pub(super) fn lost(&mut self, reason: &str) {
+        self.gone = Some(reason.to_owned());
+    }
+
+    /// What the link has counted.
+    pub(super) fn take_link(&mut self, link: &Link) {
+        self.hello = link.hello().cloned();
+        self.damaged = link.unreadable();
+        if let Some(tally) = link.account().current() {
+            self.received = tally.received();
+            self.missing = tally.missing();
+        }
+    }
+
+    /// Takes a record; whether something has just touched.
+    pub(super) fn take(&mut self, frame: &Frame<Record>) -> bool {
+        self.time_s = frame.header.time_us as f64 * 1e-6;
+        self.gone = None;
+        let mut touches = false;
+        match &frame.message {
+            Record::Hello(hello) => self.hello = Some(hello.clone()),
+            Record::Sample(sample) => {
+                let first = sample.channels.first();
+                if let Some(deformation_m) = first.and_then(|of| of.deformation_m) {
+                    self.deformation.push(self.time_s, deformation_m.into());
+                }
+                if let Some(place) = self.samples.get_mut(usize::from(sample.sensor)) {
+                    *place = Some(sample.clone());
+                }
+            }
+            Record::State(change) => {
+                touches = change.state == State::Contact && self.state != Some(State::Contact);
+                self.state = Some(change.state);
+                self.armed = change.armed;
+            }
+            Record::Status(status) => self.status = Some(status.clone()),
+            Record::Estimate(estimate) => {
+                let estimate = Outcome::Estimate(Box::new(estimate.clone()));
+                self.result = Some((self.time_s, estimate));
+            }
+            Record::Refusal(refusal) => self.refused(refusal),
+            Record::Fault(fault) => {
+                self.faults.retain(|code| *code != fault.code);
+                if fault.active {
+                    self.faults.push(fault.code);
+                }
+            }
+            _ => {}
+        }
+        touches
+    }
+
+    fn refused(&mut self, refusal: &Refusal) {
+        self.result = Some((self.time_s, Outcome::Refusal(explain(refusal))));
+    }
+
+    /// Whether something touches, if that is known.
+    pub(super) fn contact(&self) -> Option<Contact> {
+        let [first, _] = &self.samples;
+        first.as_ref().map(|sample| sample.contact)
+    }
+}

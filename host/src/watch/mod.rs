@@ -1,0 +1,163 @@
+//! `palpate watch`: what a board says, on the terminal.
+
+mod chart;
+mod history;
+mod known;
+#[cfg(test)]
+mod tests;
+mod view;
+
+use std::io::{self, IsTerminal, Write};
+use std::time::Duration;
+
+use clap::Args;
+use console::Term;
+use palpate_wire::Command;
+
+use crate::failure::Failure;
+use crate::link::{self, Link};
+use known::Known;
+use view::View;
+
+/// Watch what a board says, on the terminal
+///
+/// Frequency, deformation, force, contact, current, temperature, the last stiffness with its interval,
+/// losses and faults, ten times a second.
+#[derive(Args)]
+#[command(after_help = "\
+Ctrl-C ends it. A board that is unplugged or starts anew is waited for. Where standard output is no
+terminal, a view is printed every second; with --json, a line with what is known ten times a second.
+
+Examples:
+  palpate watch
+  palpate watch --board emulated --load 1.5 --arm")]
+pub(crate) struct Arguments {
+    #[command(flatten)]
+    link: link::Arguments,
+    /// Press a spring of this multiple of the sensing layer's stiffness upon the emulated board, again and
+    /// again
+    #[arg(long, value_name = "RATIO")]
+    load: Option<f64>,
+    /// Arm the board, and measure at every contact: the coil is driven
+    #[arg(long)]
+    arm: bool,
+    /// End after so many seconds
+    #[arg(long = "for", value_name = "SECONDS")]
+    seconds: Option<f64>,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// From one view to the next: an eye sees no more, and a terminal takes it.
+const PERIOD: Duration = Duration::from_millis(100);
+/// The same where no one looks.
+const PRINTED: Duration = Duration::from_secs(1);
+/// Lines and columns where a terminal does not say.
+const USUAL: (u16, u16) = (24, 80);
+
+pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let mut link = arguments.link.open_to_watch(arguments.load)?;
+    if arguments.arm {
+        link.must(&Command::Arm)?;
+    }
+    let screen = Screen::of(arguments.json);
+    let mut known = Known::of(link.name());
+    let begin = link.now();
+    let end = arguments
+        .seconds
+        .map(|of| begin + Duration::from_secs_f64(of.max(0.0)));
+    while end.is_none_or(|end| link.now() < end) {
+        match watched(&mut link, &mut known, screen.period(), arguments.arm) {
+            Err(Failure::Lost(reason)) => {
+                known.lost(&reason);
+                screen.show(&known)?;
+                link.reconnect()?;
+            }
+            other => other?,
+        }
+        screen.show(&known)?;
+    }
+    Ok(())
+}
+
+/// Takes what comes for a while; measures what touches.
+fn watched(
+    link: &mut Link,
+    known: &mut Known,
+    period: Duration,
+    measures: bool,
+) -> Result<(), Failure> {
+    let until = link.now() + period;
+    while link.now() < until {
+        link.listen(until.saturating_sub(link.now()))?;
+        for arrival in link.take() {
+            if known.take(&arrival.frame) && measures {
+                // What it is answered shows in what follows.
+                link.send(&Command::Measure)?;
+            }
+        }
+    }
+    known.take_link(link);
+    Ok(())
+}
+
+/// Where the views go.
+enum Screen {
+    Terminal(Term),
+    Text,
+    Json,
+}
+
+impl Screen {
+    fn of(json: bool) -> Self {
+        if json {
+            Self::Json
+        } else if io::stdout().is_terminal() {
+            let terminal = Term::stdout();
+            let _ = terminal.clear_screen();
+            let _ = terminal.hide_cursor();
+            Self::Terminal(terminal)
+        } else {
+            Self::Text
+        }
+    }
+
+    const fn period(&self) -> Duration {
+        match self {
+            Self::Text => PRINTED,
+            Self::Terminal(_) | Self::Json => PERIOD,
+        }
+    }
+
+    fn show(&self, known: &Known) -> Result<(), Failure> {
+        match self {
+            Self::Terminal(terminal) => {
+                let size = terminal.size_checked().unwrap_or(USUAL);
+                terminal.move_cursor_to(0, 0)?;
+                for line in View::new(size, console::colors_enabled()).lines(known) {
+                    terminal.clear_line()?;
+                    terminal.write_line(&line)?;
+                }
+                Ok(())
+            }
+            Self::Text => {
+                let lines = View::new(USUAL, false).lines(known);
+                let mut out = io::stdout().lock();
+                Ok(writeln!(out, "{}\n", lines.join("\n"))?)
+            }
+            Self::Json => {
+                let mut out = io::stdout().lock();
+                Ok(writeln!(out, "{}", serde_json::to_string(known)?)?)
+            }
+        }
+    }
+}
+
+impl Drop for Screen {
+    fn drop(&mut self) {
+        if let Self::Terminal(terminal) = self {
+            let _ = terminal.show_cursor();
+        }
+    }
+}
