@@ -20,6 +20,13 @@ pub(super) fn fields() -> &'static [Field] {
     structure.map_or(&[], |structure| structure.fields)
 }
 
+impl Assignment {
+    /// The setting's name.
+    pub(super) const fn name(&self) -> &'static str {
+        self.field.name
+    }
+}
+
 /// Parses NAME=VALUE.
 ///
 /// # Errors
@@ -41,7 +48,7 @@ pub(super) fn assignment(text: &str) -> Result<Assignment, String> {
 
 fn parse(field: &'static Field, text: &str) -> Result<Value, String> {
     let refused = || {
-        let unit = spaced(unit(field));
+        let unit = unit_behind(field);
         format!(
             "{} cannot be {text}; allowed: {}{unit}",
             field.name,
@@ -96,11 +103,12 @@ pub(super) const fn unit(field: &Field) -> &'static str {
     }
 }
 
-fn spaced(unit: &str) -> String {
-    if unit.is_empty() {
-        return String::new();
+/// A field's unit as it stands behind a number.
+pub(super) fn unit_behind(field: &Field) -> String {
+    match unit(field) {
+        "" => String::new(),
+        unit => format!(" {unit}"),
     }
-    format!(" {unit}")
 }
 
 /// The values that a field takes, in words.
@@ -111,7 +119,16 @@ pub(super) fn allowed(field: &Field) -> String {
             let names: Vec<_> = table.entries.iter().map(|entry| entry.name).collect();
             names.join(", ")
         }
-        _ => format!("{} to {}", field.range.low, field.range.high),
+        _ => format!("{} to {}", short(field.range.low), short(field.range.high)),
+    }
+}
+
+/// A number without a row of zeros.
+fn short(number: f32) -> String {
+    if number != 0.0 && number.abs() < 1e-3 {
+        format!("{number:e}")
+    } else {
+        number.to_string()
     }
 }
 
@@ -188,6 +205,7 @@ mod tests {
             said("rate_hz=fast"),
             "rate_hz cannot be fast; allowed: 1 to 5000 Hz"
         );
+        assert!(said("release_m=low").ends_with("allowed: 1e-9 to 0.01 m"));
         assert!(said("drift=slow").contains("saw_tooth"));
         assert!(said("automatic=1").contains("true, false"));
         assert!(said("rate=1").contains("rate_hz"));

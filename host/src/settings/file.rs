@@ -41,7 +41,7 @@ pub(super) fn export(board: &link::Arguments, file: &Path, json: bool) -> Result
         configuration_crc: storage.in_force_crc,
         stored: storage.stored_crc == storage.in_force_crc,
     };
-    print(&line, "written to", json)
+    print(&line, "is written to", json)
 }
 
 /// Puts a file's configuration in force.
@@ -71,7 +71,7 @@ pub(super) fn import(
         configuration_crc: storage.in_force_crc,
         stored: storage.stored_crc == storage.in_force_crc,
     };
-    print(&line, "in force from", json)
+    print(&line, "is in force from", json)
 }
 
 /// The commands of a file, in the order of a configuration.
@@ -144,9 +144,8 @@ fn print(line: &Line<'_>, done: &str, json: bool) -> Result<(), Failure> {
     };
     Ok(writeln!(
         out,
-        "Configuration {:08x}, {} commands, {done} {}. {stored}",
+        "Configuration {:08x} {done} {}. {stored}",
         line.configuration_crc,
-        line.commands,
         line.file.display()
     )?)
 }

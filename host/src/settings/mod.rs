@@ -222,7 +222,8 @@ fn set(arguments: &Set) -> Result<(), Failure> {
     let before = in_force(&mut link)?;
     let after = change::changed(&before, &arguments.assignments)?;
     link.must(&Command::Disarm)?;
-    link.must(&Command::SetSettings(after.clone()))?;
+    let done = link.must(&Command::SetSettings(after.clone()));
+    done.map_err(|failure| with_names(failure, &arguments.assignments))?;
     let storage = if arguments.store {
         storage::store(&mut link)?
     } else {
@@ -245,11 +246,23 @@ fn set(arguments: &Set) -> Result<(), Failure> {
         if let [old, new] = &values
             && old != new
         {
-            let unit = change::unit(field);
-            writeln!(out, "{}: {new} {unit} (was {old})", field.name)?;
+            let unit = change::unit_behind(field);
+            writeln!(out, "{}: {new}{unit} (was {old}{unit})", field.name)?;
         }
     }
     Ok(writeln!(out, "{}", storage::describe(&storage))?)
+}
+
+/// A board that refuses settings does not say which: those that were changed are named.
+fn with_names(failure: Failure, assignments: &[Assignment]) -> Failure {
+    let names: Vec<_> = assignments.iter().map(Assignment::name).collect();
+    match failure {
+        Failure::Refused(reason) => Failure::Refused(format!(
+            "{reason} To be changed were: {}. All settings are as before",
+            names.join(", ")
+        )),
+        other => other,
+    }
 }
 
 fn store(arguments: &Store) -> Result<(), Failure> {

@@ -187,7 +187,10 @@ fn a_value_out_of_range_is_bad_input_and_one_that_the_board_cannot_do_a_refusal(
     let narrower = settings(&["set", "peak_current_a=15"], folder.path());
     let said = String::from_utf8_lossy(&narrower.stderr);
     assert_eq!(narrower.status.code(), Some(1), "{said}");
-    assert!(said.contains("out_of_range"), "{said}");
+    assert!(
+        said.contains("out_of_range") && said.contains("changed were: peak_current_a"),
+        "{said}"
+    );
     let unconfirmed = settings(&["erase"], folder.path());
     assert_eq!(unconfirmed.status.code(), Some(2));
 }
