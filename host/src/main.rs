@@ -25,6 +25,8 @@ mod doctor;
 mod emulated;
 mod encode;
 mod engine;
+#[cfg(feature = "recording")]
+mod export;
 mod failure;
 mod faults;
 #[cfg(feature = "field")]
@@ -35,7 +37,11 @@ mod image;
 #[cfg(feature = "emulator")]
 mod image_cost;
 mod in_order;
+#[cfg(feature = "recording")]
+mod info;
 mod instrument;
+#[cfg(feature = "recording")]
+mod interrupt;
 mod jsonl;
 #[cfg(feature = "emulator")]
 mod link;
@@ -52,6 +58,10 @@ mod plot;
 mod press;
 mod progress;
 mod quantity;
+#[cfg(feature = "recording")]
+mod record;
+#[cfg(feature = "recording")]
+mod recording;
 mod report;
 mod results;
 #[cfg(feature = "emulator")]
@@ -111,6 +121,12 @@ enum Verb {
     #[cfg(feature = "emulator")]
     Settings(settings::Arguments),
     Faults(faults::Arguments),
+    #[cfg(feature = "recording")]
+    Record(record::Arguments),
+    #[cfg(feature = "recording")]
+    Info(info::Arguments),
+    #[cfg(feature = "recording")]
+    Export(export::Arguments),
     Decode(decode::Arguments),
     Encode(encode::Arguments),
     Demo(demo::Arguments),
@@ -150,6 +166,12 @@ fn main() -> ExitCode {
         Verb::Faults(arguments) => faults::run(&arguments),
         #[cfg(feature = "emulator")]
         Verb::Settings(arguments) => settings::run(&arguments),
+        #[cfg(feature = "recording")]
+        Verb::Record(arguments) => record::run(&arguments),
+        #[cfg(feature = "recording")]
+        Verb::Info(arguments) => info::run(&arguments),
+        #[cfg(feature = "recording")]
+        Verb::Export(arguments) => export::run(&arguments),
         Verb::Decode(arguments) => decode::run(&arguments),
         Verb::Encode(arguments) => encode::run(&arguments),
         Verb::Demo(arguments) => demo::run(&arguments),

@@ -51,6 +51,11 @@ impl DeviceClock {
         }
     }
 
+    /// The boot whose clock it is; 0 before the first answer.
+    pub(crate) const fn boot_id(&self) -> u32 {
+        self.boot_id
+    }
+
     /// The computer's time less the device's, and how much it may be off, both s. Nothing before the
     /// first answer.
     pub(crate) fn offset_s(&self) -> Option<(f64, f64)> {

@@ -1,0 +1,172 @@
+//! A record as a row: structures and lists side by side.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use palpate_wire::schema::{Field, Type};
+use palpate_wire::{Message, Record};
+use serde_json::Value;
+
+/// The field by which an item of a list is known, where it has it: the conversions of a sample are those
+/// of channels 0 and 2, not the first two.
+const CHANNEL: &str = "channel";
+
+/// Which items of each list occur.
+#[derive(Debug, Default)]
+pub(super) struct Used(BTreeMap<String, BTreeSet<u64>>);
+
+impl Used {
+    /// Enters those of a record.
+    pub(super) fn enter(&mut self, payload: &Value) {
+        for (field, value) in payload.as_object().into_iter().flatten() {
+            if let Value::Array(items) = value {
+                let numbers = (0..).zip(items).map(|(place, item)| number(place, item));
+                self.0.entry(field.clone()).or_default().extend(numbers);
+            }
+        }
+    }
+}
+
+/// The number by which an item of a list is known.
+fn number(place: u64, item: &Value) -> u64 {
+    item.get(CHANNEL).and_then(Value::as_u64).unwrap_or(place)
+}
+
+/// A column of a table.
+#[derive(Clone, Debug)]
+pub(super) struct Column {
+    pub(super) name: String,
+    path: Vec<Step>,
+}
+
+/// A way into a value.
+#[derive(Clone, Debug)]
+enum Step {
+    Field(&'static str),
+    /// The item of a list that is known by a number.
+    Item(u64),
+}
+
+impl Step {
+    fn of<'v>(&self, value: &'v Value) -> Option<&'v Value> {
+        match self {
+            Self::Field(name) => value.get(name),
+            Self::Item(wanted) => {
+                let mut items = (0..).zip(value.as_array()?);
+                let found = items.find(|(place, item)| number(*place, item) == *wanted);
+                found.map(|(_, item)| item)
+            }
+        }
+    }
+}
+
+impl Column {
+    /// What a record has there; empty if that is absent.
+    pub(super) fn cell(&self, payload: &Value) -> String {
+        let mut steps = self.path.iter();
+        match steps.try_fold(payload, |value, step| step.of(value)) {
+            None | Some(Value::Null) => String::new(),
+            Some(Value::String(text)) => text.clone(),
+            Some(other) => other.to_string(),
+        }
+    }
+}
+
+/// The columns of a kind of record, in the order of its fields.
+pub(super) fn of(kind: &str, used: &Used) -> Vec<Column> {
+    let mut kinds = Record::KINDS.iter();
+    let payload = kinds.find(|of| of.name == kind).and_then(|of| of.payload);
+    let root = Column {
+        name: String::new(),
+        path: Vec::new(),
+    };
+    let mut columns = Vec::new();
+    for field in payload.into_iter().flat_map(|payload| payload.fields) {
+        add(&root, field, used, &mut columns);
+    }
+    columns
+}
+
+fn add(parent: &Column, field: &Field, used: &Used, columns: &mut Vec<Column>) {
+    let column = parent.below(field.name, Step::Field(field.name));
+    match &field.of {
+        Type::List { item, .. } => {
+            for &number in used.0.get(field.name).into_iter().flatten() {
+                let item_column = column.below(&number.to_string(), Step::Item(number));
+                add_value(&item_column, item, used, columns);
+            }
+        }
+        other => add_value(&column, other, used, columns),
+    }
+}
+
+fn add_value(column: &Column, of: &Type, used: &Used, columns: &mut Vec<Column>) {
+    let of = match of {
+        Type::Optional(of) => of,
+        other => other,
+    };
+    match of.structure() {
+        Some(structure) => {
+            // The number in the name says the channel.
+            let fields = structure.fields.iter();
+            let is_item = matches!(column.path.last(), Some(Step::Item(_)));
+            for field in fields.filter(|field| !is_item || field.name != CHANNEL) {
+                add(column, field, used, columns);
+            }
+        }
+        None => columns.push(column.clone()),
+    }
+}
+
+impl Column {
+    fn below(&self, name: &str, step: Step) -> Self {
+        let mut path = self.path.clone();
+        path.push(step);
+        let name = if self.name.is_empty() {
+            name.to_owned()
+        } else {
+            format!("{}_{name}", self.name)
+        };
+        Self { name, path }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    #[test]
+    fn conversions_stand_by_their_channel() {
+        let payload = json!({
+            "sensor": 0,
+            "force_n": null,
+            "channels": [{"channel": 0, "frequency_hz": 1.5}, {"channel": 2, "frequency_hz": 3e6}],
+        });
+        let mut used = Used::default();
+        used.enter(&payload);
+        let columns = of("sample", &used);
+        let cell = |name: &str| {
+            let column = columns.iter().find(|column| column.name == name);
+            column.unwrap_or_else(|| panic!("{name}")).cell(&payload)
+        };
+        assert_eq!(cell("sensor"), "0");
+        assert_eq!(cell("force_n"), "");
+        assert_eq!(cell("channels_0_frequency_hz"), "1.5");
+        assert_eq!(cell("channels_2_frequency_hz"), "3000000.0");
+        assert!(
+            !columns
+                .iter()
+                .any(|column| column.name.starts_with("channels_1_"))
+        );
+    }
+
+    #[test]
+    fn no_two_columns_of_a_kind_have_one_name() {
+        for kind in Record::KINDS {
+            let columns = of(kind.name, &Used::default());
+            let names: BTreeSet<_> = columns.iter().map(|column| &column.name).collect();
+            assert_eq!(names.len(), columns.len(), "{}", kind.name);
+        }
+    }
+}

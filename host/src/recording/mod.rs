@@ -1,0 +1,76 @@
+//! Recordings of a board: every record as it came, with the time of either side, in a file that public
+//! viewers open.
+//!
+//! The file is [MCAP](https://mcap.dev/spec), docs/desk.md says what stands in it. A [`Recorder`] writes
+//! one while a board is read, a [`Reader`] reads it back, whole or cut off.
+
+mod contents;
+pub(crate) mod date;
+mod reader;
+mod recorder;
+mod schema;
+#[cfg(test)]
+mod tests;
+mod writer;
+
+use std::collections::BTreeMap;
+
+use palpate_wire::{Frame, Record};
+
+pub(crate) use contents::{BootLosses, Contents};
+pub(crate) use reader::Reader;
+pub(crate) use recorder::Recorder;
+
+/// The file's profile: whose recording it is.
+const PROFILE: &str = "palpate";
+/// Name of the note at the beginning: tool, protocol, board.
+pub(crate) const ABOUT: &str = "recording";
+/// Name of the note about a boot of the board: what it is, and what is in force.
+pub(crate) const BOOT: &str = "boot";
+/// Name of the note at the end: clocks and losses.
+pub(crate) const END: &str = "end";
+
+/// A frame as it was recorded.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Recorded {
+    /// When it arrived, by the computer's clock, ns since 1970-01-01 UTC.
+    pub(crate) host_ns: u64,
+    /// The time in its header, by the same clock, as far as the two are compared.
+    pub(crate) device_ns: u64,
+    pub(crate) frame: Frame<Record>,
+}
+
+/// What is said about a recording in the recording, by names.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Note {
+    pub(crate) name: String,
+    pub(crate) fields: BTreeMap<String, String>,
+}
+
+impl Note {
+    /// A note that says nothing yet.
+    pub(crate) fn new(name: &str) -> Self {
+        Self {
+            name: name.to_owned(),
+            fields: BTreeMap::new(),
+        }
+    }
+
+    /// The same with one field more.
+    pub(crate) fn with(mut self, field: &str, value: impl ToString) -> Self {
+        self.fields.insert(field.to_owned(), value.to_string());
+        self
+    }
+}
+
+/// What a recording consists of.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Entry {
+    Frame(Recorded),
+    Note(Note),
+}
+
+/// The topic of a kind of record.
+fn topic(kind: &str) -> String {
+    format!("/{kind}")
+}

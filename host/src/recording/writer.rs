@@ -1,0 +1,105 @@
+//! Writes a recording.
+
+use std::collections::{BTreeMap, HashMap};
+use std::io::{self, Write};
+
+use mcap::records::{MessageHeader, Metadata};
+use mcap::write::NoSeek;
+use mcap::{McapError, WriteOptions};
+use palpate_wire::{Message, Record};
+
+use super::{Entry, Note, PROFILE, Recorded, schema, topic};
+
+/// Writes a recording. What is written since the last [`flush`](Self::flush) is lost if the program is
+/// killed.
+pub(super) struct Writer<W: Write> {
+    mcap: mcap::Writer<NoSeek<W>>,
+    /// Channels of the file, by kinds of records.
+    channels: HashMap<u8, u16>,
+}
+
+impl<W: Write> Writer<W> {
+    /// Begins a recording.
+    pub(super) fn new(to: W) -> io::Result<Self> {
+        let options = WriteOptions::new()
+            .profile(PROFILE)
+            .library(concat!("palpate ", env!("CARGO_PKG_VERSION")))
+            .compression(None)
+            // A chunk is written when it is complete: one that is begun has no length yet, and a
+            // reader of a file that was cut off within it would take its rest for something else.
+            .disable_seeking(true);
+        Ok(Self {
+            mcap: options.create(NoSeek::new(to)).map_err(io_error)?,
+            channels: HashMap::new(),
+        })
+    }
+
+    /// Adds what comes next.
+    pub(super) fn add(&mut self, entry: &Entry) -> io::Result<()> {
+        match entry {
+            Entry::Frame(recorded) => self.frame(recorded),
+            Entry::Note(note) => self.note(note),
+        }
+    }
+
+    fn frame(&mut self, recorded: &Recorded) -> io::Result<()> {
+        let frame = &recorded.frame;
+        let header = MessageHeader {
+            channel_id: self.channel(&frame.message)?,
+            sequence: frame.header.sequence,
+            log_time: recorded.host_ns,
+            publish_time: recorded.device_ns,
+        };
+        let text = serde_json::to_string(frame)?;
+        let written = self.mcap.write_to_known_channel(&header, text.as_bytes());
+        written.map_err(io_error)
+    }
+
+    /// The channel of a record's kind; it is there from the first record of the kind on.
+    fn channel(&mut self, record: &Record) -> io::Result<u16> {
+        if let Some(&channel) = self.channels.get(&record.kind()) {
+            return Ok(channel);
+        }
+        let mut kinds = Record::KINDS.iter();
+        let kind = kinds.find(|kind| kind.number == record.kind());
+        let schema = kind.map_or_else(String::new, |kind| schema::of_kind(kind).to_string());
+        let name = format!("palpate.{}", record.name());
+        let added = self.mcap.add_schema(&name, "jsonschema", schema.as_bytes());
+        let schema = added.map_err(io_error)?;
+        let topic = topic(record.name());
+        let added = self
+            .mcap
+            .add_channel(schema, &topic, "json", &BTreeMap::new());
+        let channel = added.map_err(io_error)?;
+        self.channels.insert(record.kind(), channel);
+        Ok(channel)
+    }
+
+    fn note(&mut self, note: &Note) -> io::Result<()> {
+        let metadata = Metadata {
+            name: note.name.clone(),
+            metadata: note.fields.clone(),
+        };
+        self.mcap.write_metadata(&metadata).map_err(io_error)
+    }
+
+    /// Hands all that was added to the system.
+    pub(super) fn flush(&mut self) -> io::Result<()> {
+        self.mcap.flush().map_err(io_error)
+    }
+
+    /// Ends the recording with its index.
+    pub(super) fn finish(mut self) -> io::Result<W> {
+        self.mcap.finish().map_err(io_error)?;
+        let mut file = self.mcap.into_inner().into_inner();
+        file.flush()?;
+        Ok(file)
+    }
+}
+
+fn io_error(error: McapError) -> io::Error {
+    match error {
+        McapError::Io(error) => error,
+        other => io::Error::other(other),
+    }
+}
