@@ -12,7 +12,7 @@ use serde::Serialize;
 
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;
-use crate::link::{self, Run};
+use crate::link;
 use crate::notice;
 use crate::recording::{BootLosses, Contents, Recorder, date};
 use session::Session;
@@ -80,9 +80,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             "Ctrl-C cannot be caught ({error}): record with --for"
         ))
     })?;
-    let link = arguments
-        .link
-        .open_pressed(Run::AtRealPace, arguments.load)?;
+    let link = arguments.link.open_to_watch(arguments.load)?;
     let recorder = Recorder::create(&file)?;
     notice::say(format_args!(
         "Recording to {}; Ctrl-C ends it.",

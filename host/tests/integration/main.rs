@@ -12,6 +12,7 @@ mod image;
 mod installed;
 mod outputs;
 mod plan_ldc;
+mod recordings;
 mod records;
 mod serve;
 mod settings;

@@ -15,16 +15,21 @@ use palpate_wire::{Message, Record, RecordDecoder, Sequencer, encode};
 const PATIENCE: Duration = Duration::from_secs(300);
 
 /// The server, which ends with this.
-pub(crate) struct Server {
+pub(super) struct Server {
     child: Child,
-    pub(crate) address: String,
+    pub(super) address: String,
 }
 
 impl Server {
-    pub(crate) fn start(arguments: &[&str]) -> Self {
+    pub(super) fn start(arguments: &[&str]) -> Self {
+        Self::at("127.0.0.1:0", arguments)
+    }
+
+    /// The same at a port of one's own.
+    pub(super) fn at(listen: &str, arguments: &[&str]) -> Self {
         let image = palpate_emulator::firmware::build().unwrap_or_else(|error| panic!("{error}"));
         let mut child = Command::new(env!("CARGO_BIN_EXE_palpate"))
-            .args(["serve-emulated", "--listen", "127.0.0.1:0"])
+            .args(["serve-emulated", "--listen", listen])
             .arg("--image")
             .arg(image)
             .args(arguments)

@@ -1,0 +1,205 @@
+//! `palpate record`, `info` and `export`, as their users call them.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+use std::process::{Child, Command, Output, Stdio};
+use std::thread::sleep;
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+
+use serde_json::Value;
+
+use super::serve::Server;
+
+/// How long a busy computer may take for what it is to do.
+const PATIENCE: Duration = Duration::from_secs(300);
+
+fn palpate(arguments: &[&str], folder: &Path) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_palpate"))
+        .args(arguments)
+        .current_dir(folder)
+        .output()
+        .unwrap()
+}
+
+fn json(output: &Output) -> Value {
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{stderr}");
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+/// A program that records what a server sends, until it is ended.
+fn record(server: &Server, folder: &Path, file: &str) -> Child {
+    Command::new(env!("CARGO_BIN_EXE_palpate"))
+        .args(["record", file, "--json", "--board"])
+        .arg(format!("tcp:{}", server.address))
+        .current_dir(folder)
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap()
+}
+
+/// Waits until something is true.
+fn wait_until(what: &str, mut is_true: impl FnMut() -> bool) {
+    let begin = Instant::now();
+    while !is_true() {
+        assert!(begin.elapsed() < PATIENCE, "{what}");
+        sleep(Duration::from_millis(100));
+    }
+}
+
+/// What `palpate info` says of a file, if there is one.
+fn info(folder: &Path, file: &str) -> Option<Value> {
+    let output = palpate(&["info", file, "--json"], folder);
+    output.status.success().then(|| json(&output))
+}
+
+/// The samples in a file so far.
+fn samples(folder: &Path, file: &str) -> u64 {
+    let info = info(folder, file);
+    let samples = info
+        .as_ref()
+        .and_then(|info| info["records"]["sample"].as_u64());
+    samples.unwrap_or(0)
+}
+
+/// Every row of every table in a folder, by the frame's number.
+fn exported(folder: &Path, file: &str) -> BTreeMap<u32, BTreeMap<String, String>> {
+    let output = palpate(&["export", file, "--csv", "tables"], folder);
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{stderr}");
+    let mut rows = BTreeMap::new();
+    for table in fs::read_dir(folder.join("tables")).unwrap() {
+        let mut reader = csv::Reader::from_path(table.unwrap().path()).unwrap();
+        for row in reader.deserialize() {
+            let row: BTreeMap<String, String> = row.unwrap();
+            let before = rows.insert(row["sequence"].parse().unwrap(), row);
+            assert!(before.is_none(), "a frame stands in two rows");
+        }
+    }
+    rows
+}
+
+fn in_folder(folder: &Path, file: &str) -> String {
+    folder.join(file).to_string_lossy().into_owned()
+}
+
+fn image() -> String {
+    let image = palpate_emulator::firmware::build().unwrap_or_else(|error| panic!("{error}"));
+    image.to_string_lossy().into_owned()
+}
+
+#[test]
+fn what_an_emulated_board_sends_is_in_the_tables_without_a_gap() {
+    let folder = tempfile::tempdir().unwrap();
+    let image = image();
+    let arguments = [
+        &["record", "r.mcap", "--for", "2", "--json"][..],
+        &[
+            "--board", "emulated", "--state", "b.flash", "--image", &image,
+        ],
+    ];
+    let recorded = json(&palpate(&arguments.concat(), folder.path()));
+    assert_eq!(recorded["not_written"], 0);
+    assert_eq!(recorded["unreadable"], 0);
+    assert_eq!(recorded["boots"][0]["missing"], 0, "{recorded}");
+    let about = info(folder.path(), "r.mcap").unwrap();
+    assert_eq!(about["damage"], Value::Null);
+    assert_eq!(about["boots"], recorded["boots"]);
+    let in_force = &about["in_force"][0];
+    assert_eq!(in_force["settings"]["settings"]["rate_hz"], 1000.0);
+    assert_eq!(in_force["hello"]["hello"]["board"], "pico");
+    let rows = exported(folder.path(), "r.mcap");
+    assert_eq!(rows.len() as u64, recorded["records"].as_u64().unwrap());
+    let (first, last) = (rows.keys().next().unwrap(), rows.keys().last().unwrap());
+    assert_eq!(
+        (last - first) as usize + 1,
+        rows.len(),
+        "a number is missing"
+    );
+    let samples: Vec<_> = rows
+        .values()
+        .filter(|row| row.contains_key("contact"))
+        .collect();
+    assert!(samples.len() > 1_900, "{}", samples.len());
+    for row in samples {
+        let frequency_hz: f64 = row["channels_0_frequency_hz"].parse().unwrap();
+        assert!((1e6..10e6).contains(&frequency_hz), "{frequency_hz}");
+        let of = |time: &str| row[time].parse::<f64>().unwrap();
+        // Converted, sent, received: the board's clock and this computer's are one here.
+        let late_s = of("host_time_s") - of("device_time_s");
+        assert!((0.0..0.1).contains(&late_s), "{late_s}");
+    }
+}
+
+#[test]
+fn a_recording_that_is_killed_keeps_all_but_the_last_second() {
+    let folder = tempfile::tempdir().unwrap();
+    let flash = in_folder(folder.path(), "b.flash");
+    let server = Server::start(&["--state", &flash]);
+    for (number, after_ms) in [300, 1_050, 1_700].into_iter().enumerate() {
+        let file = format!("{number}.mcap");
+        let partial = format!("{file}.partial");
+        let mut program = record(&server, folder.path(), &file);
+        wait_until("the board is recorded", || {
+            samples(folder.path(), &partial) > 0
+        });
+        sleep(Duration::from_millis(after_ms));
+        let killed = SystemTime::now().duration_since(UNIX_EPOCH).unwrap();
+        program.kill().unwrap();
+        program.wait().unwrap();
+        assert!(!folder.path().join(file).exists());
+        let rows = exported(folder.path(), &partial);
+        let last_s = rows
+            .values()
+            .map(|row| row["host_time_s"].parse::<f64>().unwrap());
+        let lost_s = killed.as_secs_f64() - last_s.fold(0.0, f64::max);
+        // A second, and another one for a computer that has other things to do.
+        assert!(lost_s < 2.0, "{lost_s} s");
+        fs::remove_dir_all(folder.path().join("tables")).unwrap();
+    }
+}
+
+#[test]
+fn a_recording_goes_on_with_the_next_boot_and_ends_with_ctrl_c() {
+    let folder = tempfile::tempdir().unwrap();
+    let flash = in_folder(folder.path(), "b.flash");
+    let first = Server::start(&["--state", &flash]);
+    let address = first.address.clone();
+    let program = record(&first, folder.path(), "r.mcap");
+    wait_until("the first boot is recorded", || {
+        samples(folder.path(), "r.mcap.partial") > 0
+    });
+    drop(first);
+    let before = samples(folder.path(), "r.mcap.partial");
+    // Another board: the same one would begin with the same random numbers.
+    let _second = Server::at(&address, &["--seed", "2", "--state", &flash]);
+    wait_until("the second boot is recorded", || {
+        samples(folder.path(), "r.mcap.partial") > before + 100
+    });
+    let interrupted = Command::new("kill")
+        .args(["-INT", &program.id().to_string()])
+        .status();
+    assert!(interrupted.unwrap().success());
+    let recorded = json(&program.wait_with_output().unwrap());
+    let boots = recorded["boots"].as_array().unwrap();
+    assert_eq!(boots.len(), 2, "{recorded}");
+    assert!(boots.iter().all(|boot| boot["missing"] == 0), "{recorded}");
+    let about = info(folder.path(), "r.mcap").unwrap();
+    assert_eq!(about["damage"], Value::Null);
+    assert_eq!(about["in_force"].as_array().unwrap().len(), 2);
+}
+
+#[test]
+fn what_is_no_recording_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("r.mcap"), "this is no recording at all").unwrap();
+    let export = palpate(&["export", "r.mcap", "--csv", "tables"], folder.path());
+    let inform = palpate(&["info", "r.mcap"], folder.path());
+    for output in [export, inform] {
+        assert_eq!(output.status.code(), Some(2));
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert!(said.contains("no MCAP file"), "{said}");
+    }
+}
