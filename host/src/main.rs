@@ -5,6 +5,7 @@
     not(all(feature = "emulator", feature = "field", feature = "serial")),
     allow(dead_code)
 )]
+#![cfg_attr(not(all(feature = "field", feature = "recording")), allow(dead_code))]
 
 #[cfg(feature = "emulator")]
 mod bring_up;

@@ -169,7 +169,7 @@ pub(crate) const MEMBERS: &[Member] = &[
     },
     Member {
         name: "palpate",
-        features: &["emulator", "field"],
+        features: &["emulator", "field", "recording"],
         ..HOST_PROGRAM
     },
     Member {

@@ -6,7 +6,7 @@ use std::io::{BufReader, ErrorKind, Read};
 use std::path::Path;
 
 use mcap::McapError;
-use mcap::records::{MessageHeader, Record as McapRecord, op};
+use mcap::records::{Channel, MessageHeader, Record as McapRecord, op};
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use palpate_wire::{Message, Record};
 
@@ -21,10 +21,9 @@ const LONGEST: usize = 64 << 20;
 pub(crate) struct Reader<R> {
     from: R,
     linear: LinearReader,
-    channels: HashSet<u16>,
+    messages: Messages,
     has_end: bool,
     damage: Option<McapError>,
-    unreadable: u64,
 }
 
 impl Reader<BufReader<File>> {
@@ -50,10 +49,9 @@ impl<R: Read> Reader<R> {
         Self {
             from,
             linear: LinearReader::new_with_options(options),
-            channels: HashSet::new(),
+            messages: Messages::default(),
             has_end: false,
             damage: None,
-            unreadable: 0,
         }
     }
 
@@ -85,36 +83,28 @@ impl<R: Read> Reader<R> {
 
     /// Messages that this version of the tool does not understand.
     pub(crate) const fn unreadable(&self) -> u64 {
-        self.unreadable
+        self.messages.unreadable
     }
 
     /// Goes on to the next piece of the file; nothing at its end.
-    fn step(&mut self) -> Option<Result<Step, McapError>> {
+    fn step(&mut self) -> Option<Result<Option<Entry>, McapError>> {
         Some(match self.linear.next_event()? {
             Ok(LinearReadEvent::ReadRequest(length)) => {
                 match read(&mut self.from, self.linear.insert(length)) {
                     Ok(length) => {
                         self.linear.notify_read(length);
-                        Ok(Step::Nothing)
+                        Ok(None)
                     }
                     Err(error) => Err(error.into()),
                 }
             }
             Ok(LinearReadEvent::Record { opcode, data }) => {
                 self.has_end |= opcode == op::DATA_END;
-                mcap::parse_record(opcode, data).map(|record| taken(&mut self.channels, record))
+                mcap::parse_record(opcode, data).map(|record| self.messages.entry(record))
             }
             Err(error) => Err(error),
         })
     }
-}
-
-/// What a piece of the file is to us.
-enum Step {
-    Entry(Entry),
-    /// A message of ours that is not understood.
-    Unreadable,
-    Nothing,
 }
 
 impl<R: Read> Iterator for Reader<R> {
@@ -123,9 +113,8 @@ impl<R: Read> Iterator for Reader<R> {
     fn next(&mut self) -> Option<Entry> {
         while self.damage.is_none() {
             match self.step()? {
-                Ok(Step::Entry(entry)) => return Some(entry),
-                Ok(Step::Unreadable) => self.unreadable += 1,
-                Ok(Step::Nothing) => {}
+                Ok(Some(entry)) => return Some(entry),
+                Ok(None) => {}
                 Err(error) => self.damage = Some(error),
             }
         }
@@ -142,35 +131,50 @@ fn read(from: &mut impl Read, to: &mut [u8]) -> std::io::Result<usize> {
     }
 }
 
-fn taken(channels: &mut HashSet<u16>, record: McapRecord<'_>) -> Step {
-    match record {
-        McapRecord::Channel(channel) => {
-            let mut kinds = Record::KINDS.iter();
-            if channel.message_encoding == "json"
-                && kinds.any(|kind| topic(kind.name) == channel.topic)
-            {
-                channels.insert(channel.id);
+/// The messages of a file, as far as they are records of a board.
+#[derive(Default)]
+struct Messages {
+    /// The channels with such records.
+    channels: HashSet<u16>,
+    /// Those of them that are not understood.
+    unreadable: u64,
+}
+
+impl Messages {
+    /// What a piece of the file says of a recording.
+    fn entry(&mut self, piece: McapRecord<'_>) -> Option<Entry> {
+        match piece {
+            McapRecord::Channel(channel) => {
+                if is_ours(&channel) {
+                    self.channels.insert(channel.id);
+                }
+                None
             }
-            Step::Nothing
+            McapRecord::Message { header, data } if self.channels.contains(&header.channel_id) => {
+                self.frame(&header, &data)
+            }
+            McapRecord::Metadata(metadata) => Some(Entry::Note(Note {
+                name: metadata.name,
+                fields: metadata.metadata,
+            })),
+            _ => None,
         }
-        McapRecord::Message { header, data } if channels.contains(&header.channel_id) => {
-            message(&header, &data)
-        }
-        McapRecord::Metadata(metadata) => Step::Entry(Entry::Note(Note {
-            name: metadata.name,
-            fields: metadata.metadata,
-        })),
-        _ => Step::Nothing,
+    }
+
+    fn frame(&mut self, header: &MessageHeader, text: &[u8]) -> Option<Entry> {
+        let Ok(frame) = serde_json::from_slice(text) else {
+            self.unreadable += 1;
+            return None;
+        };
+        Some(Entry::Frame(Recorded {
+            host_ns: header.log_time,
+            device_ns: header.publish_time,
+            frame,
+        }))
     }
 }
 
-fn message(header: &MessageHeader, data: &[u8]) -> Step {
-    let Ok(frame) = serde_json::from_slice(data) else {
-        return Step::Unreadable;
-    };
-    Step::Entry(Entry::Frame(Recorded {
-        host_ns: header.log_time,
-        device_ns: header.publish_time,
-        frame,
-    }))
+fn is_ours(channel: &Channel) -> bool {
+    let mut kinds = Record::KINDS.iter();
+    channel.message_encoding == "json" && kinds.any(|kind| topic(kind.name) == channel.topic)
 }
