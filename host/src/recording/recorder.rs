@@ -14,7 +14,7 @@ use crate::failure::Failure;
 /// What may be lost if the program is killed: half of the second that docs/desk.md names.
 const CHUNK: Duration = Duration::from_millis(500);
 /// Entries that wait for the disk, at most: 16 s at the board's 1 kHz, more than a hard disk takes to spin
-/// up, and less than 20 MB.
+/// up, and less than 5 MB.
 pub(super) const QUEUE: usize = 1 << 14;
 
 /// A recording that is being written. The file gets its name when it is complete; until then `.partial`

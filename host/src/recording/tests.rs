@@ -1,6 +1,8 @@
 use std::cell::RefCell;
 use std::io::{self, ErrorKind, Write};
 use std::rc::Rc;
+use std::thread::sleep;
+use std::time::{Duration, Instant};
 
 use palpate_wire::RecordDecoder;
 use proptest::prelude::*;
@@ -50,27 +52,43 @@ fn what_is_recorded_is_read_back_bit_for_bit() {
 }
 
 #[test]
-fn the_text_of_a_frame_keeps_every_float() {
-    // Numbers whose shortest decimal is hard to read: the smallest, the largest, a float next to a power.
-    for bits in [
-        0x0000_0001_u32,
-        0x7f7f_ffff,
-        0x3f7f_ffff,
-        0x15ae_43fd,
-        0x4c00_0001,
-    ] {
-        let value = f32::from_bits(bits);
-        let text = serde_json::to_string(&value).unwrap();
-        assert_eq!(serde_json::from_str::<f32>(&text).unwrap().to_bits(), bits);
-    }
+fn the_queue_of_a_recording_stays_below_5_mb() {
+    assert!(size_of::<Entry>() * recorder::QUEUE < 5_000_000);
 }
 
-#[test]
-fn the_queue_of_a_recording_stays_below_20_mb() {
-    assert!(size_of::<Entry>() * recorder::QUEUE < 20_000_000);
+/// A sample among others, with numbers of one's own.
+fn sample(frequency_hz: f64, force_n: f32) -> Entry {
+    let mut entries = fixture().into_iter();
+    let sample = entries.find_map(|entry| match entry {
+        Entry::Frame(Recorded { frame, .. }) => match frame.message {
+            Record::Sample(sample) if !sample.channels.is_empty() => Some((frame.header, sample)),
+            _ => None,
+        },
+        Entry::Note(_) => None,
+    });
+    let (header, mut sample) = sample.unwrap();
+    sample.force_n = Some(force_n);
+    sample.channels[0].frequency_hz = frequency_hz;
+    Entry::Frame(Recorded {
+        host_ns: 2,
+        device_ns: 1,
+        frame: Frame {
+            header,
+            message: Record::Sample(sample),
+        },
+    })
 }
 
 proptest! {
+    #[test]
+    fn every_finite_number_is_read_back(
+        frequency_hz in proptest::num::f64::ANY.prop_filter("finite", |x| x.is_finite()),
+        force_n in proptest::num::f32::ANY.prop_filter("finite", |x| x.is_finite()),
+    ) {
+        let entries = [sample(frequency_hz, force_n)];
+        prop_assert_eq!(&read(&recording(&entries)).0, &entries);
+    }
+
     #[test]
     fn a_recording_that_is_cut_anywhere_gives_its_beginning(part in 0.0..1.0_f64) {
         let entries = fixture();
@@ -167,6 +185,42 @@ fn a_recording_does_not_take_the_place_of_a_file() {
     std::fs::write(&file, "old").unwrap();
     assert!(Recorder::create(&file).is_err());
     assert_eq!(std::fs::read_to_string(&file).unwrap(), "old");
+}
+
+/// What is in the file at a moment is what a program leaves that is killed then.
+#[test]
+fn a_recording_that_is_killed_keeps_all_but_the_last_second() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut recorder = Recorder::create(&folder.path().join("r.mcap")).unwrap();
+    let Entry::Frame(frame) = sample(3e6, 1.0) else {
+        panic!("a sample is a frame");
+    };
+    let begin = Instant::now();
+    let mut looks = [430, 910, 1_350, 2_470]
+        .map(Duration::from_millis)
+        .into_iter()
+        .peekable();
+    while let Some(&look) = looks.peek() {
+        sleep(Duration::from_millis(1));
+        let elapsed = begin.elapsed();
+        let host_ns = u64::try_from(elapsed.as_nanos()).unwrap();
+        recorder.add(Recorded {
+            host_ns,
+            ..frame.clone()
+        });
+        if elapsed > look {
+            looks.next();
+            let (found, _) = read(&std::fs::read(recorder.partial()).unwrap());
+            let last_s = found.last().map_or(0.0, |entry| match entry {
+                Entry::Frame(recorded) => recorded.host_ns as f64 * 1e-9,
+                Entry::Note(_) => 0.0,
+            });
+            let lost_s = elapsed.as_secs_f64() - last_s;
+            assert!(lost_s < 1.0, "{lost_s} s");
+        }
+    }
+    assert_eq!(recorder.lost(), 0);
+    recorder.finish().unwrap();
 }
 
 #[cfg(target_os = "linux")]
