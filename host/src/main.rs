@@ -41,7 +41,7 @@ mod in_order;
 #[cfg(feature = "recording")]
 mod info;
 mod instrument;
-#[cfg(feature = "recording")]
+#[cfg(feature = "emulator")]
 mod interrupt;
 mod jsonl;
 #[cfg(feature = "emulator")]

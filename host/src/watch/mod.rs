@@ -15,6 +15,7 @@ use console::Term;
 use palpate_wire::Command;
 
 use crate::failure::Failure;
+use crate::interrupt::Interrupt;
 use crate::link::{self, Link};
 use known::Known;
 use view::View;
@@ -25,7 +26,7 @@ use view::View;
 /// losses and faults, ten times a second.
 #[derive(Args)]
 #[command(after_help = "\
-Ctrl-C ends it. A board that is unplugged or starts anew is waited for. Where standard output is no
+Ctrl-C ends it, and disarms a board that it has armed. A board that is unplugged or starts anew is waited for. Where standard output is no
 terminal, a view is printed every second; with --json, a line with what is known ten times a second.
 
 Examples:
@@ -67,7 +68,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let end = arguments
         .seconds
         .map(|of| begin + Duration::from_secs_f64(of.max(0.0)));
-    while end.is_none_or(|end| link.now() < end) {
+    let interrupt = Interrupt::catch()?;
+    while !interrupt.is_asked() && end.is_none_or(|end| link.now() < end) {
         match watched(&mut link, &mut known, screen.period(), arguments.arm) {
             Err(Failure::Lost(reason)) => {
                 known.lost(&reason);
