@@ -1,4 +1,4 @@
-//! Ctrl-C as a wish to end, for verbs that have something to complete.
+//! Ctrl-C as a request to end, for verbs that have something to complete.
 
 use std::io;
 use std::sync::Arc;

@@ -50,9 +50,9 @@ impl Step {
     fn of<'v>(&self, value: &'v Value) -> Option<&'v Value> {
         match self {
             Self::Field(name) => value.get(name),
-            Self::Item(wanted) => {
+            Self::Item(known_by) => {
                 let mut items = (0..).zip(value.as_array()?);
-                let found = items.find(|(place, item)| number(*place, item) == *wanted);
+                let found = items.find(|(place, item)| number(*place, item) == *known_by);
                 found.map(|(_, item)| item)
             }
         }
