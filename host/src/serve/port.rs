@@ -103,11 +103,53 @@ impl Port {
     }
 }
 
-/// Whether the program has closed its end, and everything that it sent before is read.
+/// Whether the program has closed its end, and everything that it sent before is read. One that leaves
+/// bytes of ours unread resets the connection.
 fn is_gone(program: &TcpStream) -> bool {
-    matches!(program.peek(&mut [0]), Ok(0))
+    match program.peek(&mut [0]) {
+        Ok(count) => count == 0,
+        Err(error) => !is_later(&error),
+    }
 }
 
 fn is_later(error: &std::io::Error) -> bool {
     matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Until a condition holds: the system takes a moment to pass things on.
+    fn until(mut holds: impl FnMut() -> bool) {
+        let held = (0..1_000).any(|_| {
+            std::thread::sleep(Duration::from_millis(1));
+            holds()
+        });
+        assert!(held);
+    }
+
+    #[test]
+    fn a_program_that_goes_makes_room_whatever_it_left_unread() {
+        let mut port = Port::listen("127.0.0.1:0".parse().unwrap()).unwrap();
+        for leaves_unread in [false, true] {
+            let first = TcpStream::connect(port.address()).unwrap();
+            until(|| port.accept());
+            if leaves_unread {
+                port.write(b"record");
+                until(|| first.peek(&mut [0; 6]).is_ok_and(|count| count == 6));
+            }
+            drop(first);
+            let mut next = TcpStream::connect(port.address()).unwrap();
+            // The port is closed between the two, and nothing is said to the next but what is meant for it.
+            until(|| !port.accept());
+            until(|| port.accept());
+            port.write(b"hello");
+            let mut said = [0; 5];
+            next.read_exact(&mut said).unwrap();
+            assert_eq!(&said, b"hello");
+            drop(next);
+            until(|| !port.accept());
+        }
+    }
 }
