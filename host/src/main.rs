@@ -2,10 +2,9 @@
 
 // A tool that is built without a part has no use for all that its parts share.
 #![cfg_attr(
-    not(all(feature = "emulator", feature = "field", feature = "serial")),
+    not(all(feature = "field", feature = "recording", feature = "serial")),
     allow(dead_code)
 )]
-#![cfg_attr(not(all(feature = "field", feature = "recording")), allow(dead_code))]
 
 #[cfg(feature = "emulator")]
 mod bring_up;
