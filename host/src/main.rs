@@ -52,6 +52,7 @@ mod measure;
 mod misfit;
 mod notice;
 mod output;
+#[cfg(feature = "packaging")]
 mod packaging;
 mod plan_ldc;
 mod plot;
@@ -80,7 +81,9 @@ mod words;
 
 use std::process::ExitCode;
 
-use clap::{CommandFactory, Parser, Subcommand};
+#[cfg(feature = "packaging")]
+use clap::CommandFactory;
+use clap::{Parser, Subcommand};
 
 use failure::Failure;
 
@@ -140,7 +143,9 @@ enum Verb {
     ImageCost(image_cost::Arguments),
     #[cfg(feature = "emulator")]
     ServeEmulated(serve::Arguments),
+    #[cfg(feature = "packaging")]
     Completions(packaging::Completions),
+    #[cfg(feature = "packaging")]
     Man(packaging::Manual),
 }
 
@@ -184,7 +189,9 @@ fn main() -> ExitCode {
         Verb::ImageCost(arguments) => image_cost::run(&arguments),
         #[cfg(feature = "emulator")]
         Verb::ServeEmulated(arguments) => serve::run(&arguments),
+        #[cfg(feature = "packaging")]
         Verb::Completions(arguments) => packaging::completions(&arguments, Cli::command()),
+        #[cfg(feature = "packaging")]
         Verb::Man(arguments) => packaging::manual(&arguments, Cli::command()),
     };
     match result {
