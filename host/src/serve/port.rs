@@ -52,8 +52,13 @@ impl Port {
             self.program = None;
             return false;
         }
-        while let Ok((mut stream, _)) = self.listener.accept() {
-            if self.program.is_some() {
+        // One at a time: the program may go while another one is sent away.
+        if let Ok((mut stream, _)) = self.listener.accept() {
+            if self
+                .program
+                .as_ref()
+                .is_some_and(|program| !is_gone(program))
+            {
                 // One that does not listen is not waited for.
                 let _ = stream.set_write_timeout(Some(PATIENCE));
                 let _ = stream.write_all(BUSY);
