@@ -13,6 +13,8 @@ mod chip;
 #[cfg(feature = "emulator")]
 mod coil;
 #[cfg(feature = "emulator")]
+mod configuration;
+#[cfg(feature = "emulator")]
 mod confirmation;
 mod coverage;
 mod decode;

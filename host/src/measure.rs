@@ -89,7 +89,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         }
         let estimate = measured(&mut link, arguments.wait)?;
         let line = Line {
-            simulated: link.hello().is_some_and(|hello| hello.simulated) || usual.is_some(),
+            simulated: arguments.link.is_simulated(&link),
             measurement: estimate.measurement,
             stiffness_n_per_m: estimate.stiffness_n_per_m,
             lower_n_per_m: estimate.lower_n_per_m,

@@ -12,7 +12,8 @@ use palpate_wire::command::{CurrentCorrection, DriveCoil, MAX_POINTS};
 use palpate_wire::{Command, Message, Record};
 use serde::Serialize;
 
-use super::{allowed_a, armed, open, settings};
+use super::{allowed_a, armed, open};
+use crate::configuration;
 use crate::failure::Failure;
 use crate::link::{self, Link};
 use crate::output::OutputFile;
@@ -110,7 +111,7 @@ enum Reference<'r> {
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let file = OutputFile::new("--output", &arguments.output)?;
     let mut link = open(&arguments.link)?;
-    let settings = settings(&mut link)?;
+    let settings = configuration::settings(&mut link)?;
     // The one in force would be found once more.
     link.must(&Command::SetCurrentCorrection(correction_of(&[
         [-1.0, -1.0],

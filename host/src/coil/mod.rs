@@ -14,6 +14,7 @@ use palpate_wire::record::CoilTest;
 use palpate_wire::{Command, Record};
 use serde::Serialize;
 
+use crate::configuration;
 use crate::failure::Failure;
 use crate::instrument::coil;
 use crate::link::{self, Link, Reported};
@@ -80,7 +81,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let names = ["step.svg", "ramp.svg"].map(str::to_owned);
     let files = OutputFile::in_folder("--plots", &arguments.plots, names)?;
     let mut link = open(&arguments.link)?;
-    let settings = settings(&mut link)?;
+    let settings = configuration::settings(&mut link)?;
     let test = armed(&mut link)?;
     let to_a = destination(arguments.to, &settings, &test)?;
     link.take();
@@ -130,15 +131,6 @@ fn open(arguments: &link::Arguments) -> Result<Link, Failure> {
         link.must(&Command::SetCoil(coil(&plant)))?;
     }
     Ok(link)
-}
-
-/// The settings in force.
-fn settings(link: &mut Link) -> Result<Settings, Failure> {
-    link.must(&Command::GetSettings)?;
-    link.wait_for(1.0, "settings", |record| match record {
-        Record::Settings(settings) => Some(settings.clone()),
-        _ => None,
-    })
 }
 
 /// Arms the board, and waits for what its test of the coil finds.

@@ -68,6 +68,11 @@ impl Arguments {
         self.board.as_deref() == Some("emulated")
     }
 
+    /// Whether the data of a board come from a simulation.
+    pub(crate) fn is_simulated(&self, link: &Link) -> bool {
+        self.is_emulated() || link.hello().is_some_and(|hello| hello.simulated)
+    }
+
     /// Connects, and hears from the board what it is.
     pub(crate) fn open(&self) -> Result<Link, Failure> {
         match Address::parse(self.board.as_deref())? {

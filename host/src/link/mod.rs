@@ -244,7 +244,12 @@ impl Link {
         if outcome == Outcome::Accepted {
             return Ok(at_s);
         }
-        Err(Failure::Refused(match outcome {
+        Err(self.refusal(command, outcome))
+    }
+
+    /// What an answer means that does not accept a command.
+    pub(crate) fn refusal(&self, command: &Command, outcome: Outcome) -> Failure {
+        Failure::Refused(match outcome {
             Outcome::NotCalibrated => "the board does not know its coil, and so not how hot it \
                 becomes: name its stack with --stack, or calibrate it"
                 .to_owned(),
@@ -259,7 +264,7 @@ impl Link {
                 command.name(),
                 other.meaning().trim()
             ),
-        }))
+        })
     }
 
     fn fault(&self) -> Option<String> {
@@ -325,7 +330,7 @@ impl Link {
         Ok(())
     }
 
-    /// The same while a current is driven: says something now and then.
+    /// Lets time pass while a current is driven: says something now and then.
     pub(crate) fn drive_on(&mut self, time_s: f64) -> Result<(), Failure> {
         let mut left_s = time_s;
         while left_s > 0.0 {
@@ -373,11 +378,16 @@ impl Link {
     }
 
     /// The frames that have come and were not taken.
+    pub(crate) fn received(&self) -> &[Arrival] {
+        &self.received
+    }
+
+    /// Takes them.
     pub(crate) fn take(&mut self) -> Vec<Arrival> {
         std::mem::take(&mut self.received)
     }
 
-    /// Their records, each with its time.
+    /// Takes their records, each with its time.
     pub(crate) fn take_records(&mut self) -> Vec<Reported> {
         let arrivals = self.take().into_iter();
         let timed = arrivals.map(|of| (of.frame.header.time_us as f64 * 1e-6, of.frame.message));

@@ -23,7 +23,6 @@ impl<W: Write> Writer<W> {
     pub(super) fn new(to: W) -> io::Result<Self> {
         let options = WriteOptions::new()
             .profile(PROFILE)
-            .library(concat!("palpate ", env!("CARGO_PKG_VERSION")))
             .compression(None)
             // A chunk is written when it is complete: one that is begun has no length yet, and a
             // reader of a file that was cut off within it would take its rest for something else.

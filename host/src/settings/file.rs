@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use palpate_wire::{Command, Message, configuration_crc};
 use serde::Serialize;
 
-use super::{configuration, is_simulated};
+use crate::configuration;
 use crate::encode;
 use crate::failure::Failure;
 use crate::link::{self, Link};
@@ -35,7 +35,7 @@ pub(super) fn export(board: &link::Arguments, file: &Path, json: bool) -> Result
     output.write(lines.collect::<String>())?;
     let storage = storage::inspect(&mut link)?;
     let line = Line {
-        simulated: is_simulated(board, &link),
+        simulated: board.is_simulated(&link),
         file,
         commands: commands.len(),
         configuration_crc: storage.in_force_crc,
@@ -65,7 +65,7 @@ pub(super) fn import(
         storage::inspect(&mut link)?
     };
     let line = Line {
-        simulated: is_simulated(board, &link),
+        simulated: board.is_simulated(&link),
         file,
         commands: commands.len(),
         configuration_crc: storage.in_force_crc,

@@ -1,7 +1,6 @@
 //! `palpate settings`: settings and calibration of a board, read, changed, stored, and kept in a file.
 
 mod change;
-mod configuration;
 mod file;
 
 use std::io::{self, Write};
@@ -10,14 +9,15 @@ use std::path::PathBuf;
 use clap::{Args, Subcommand};
 use comfy_table::Table;
 use comfy_table::presets::NOTHING;
+use palpate_wire::Command;
 use palpate_wire::command::Settings;
 use palpate_wire::record::Storage;
-use palpate_wire::{Command, Record};
 use serde::Serialize;
 
+use crate::configuration;
 use crate::confirmation::{can_be_confirmed, is_confirmed};
 use crate::failure::Failure;
-use crate::link::{self, Link};
+use crate::link;
 use crate::storage;
 use change::Assignment;
 
@@ -147,9 +147,6 @@ struct Import {
     json: bool,
 }
 
-/// How long a record may take that follows its command's answer, s.
-const RECORD_S: f64 = 5.0;
-
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     match &arguments.what {
         What::Get(arguments) => get(arguments),
@@ -174,24 +171,14 @@ struct Line<'l> {
     storage: &'l Storage,
 }
 
-/// The settings in force.
-fn in_force(link: &mut Link) -> Result<Settings, Failure> {
-    link.take();
-    link.must(&Command::GetSettings)?;
-    link.wait_for(RECORD_S, "settings", |record| match record {
-        Record::Settings(settings) => Some(settings.clone()),
-        _ => None,
-    })
-}
-
 fn get(arguments: &Get) -> Result<(), Failure> {
     let mut link = arguments.link.open()?;
-    let settings = in_force(&mut link)?;
+    let settings = configuration::settings(&mut link)?;
     let storage = storage::inspect(&mut link)?;
     let mut out = io::stdout().lock();
     if arguments.json {
         let line = Line {
-            simulated: is_simulated(&arguments.link, &link),
+            simulated: arguments.link.is_simulated(&link),
             settings: &settings,
             storage: &storage,
         };
@@ -212,14 +199,9 @@ fn get(arguments: &Get) -> Result<(), Failure> {
     Ok(writeln!(out, "{}", storage::describe(&storage))?)
 }
 
-/// Whether the data come from a simulation.
-fn is_simulated(arguments: &link::Arguments, link: &Link) -> bool {
-    arguments.is_emulated() || link.hello().is_some_and(|hello| hello.simulated)
-}
-
 fn set(arguments: &Set) -> Result<(), Failure> {
     let mut link = arguments.link.open()?;
-    let before = in_force(&mut link)?;
+    let before = configuration::settings(&mut link)?;
     let after = change::changed(&before, &arguments.assignments)?;
     link.must(&Command::Disarm)?;
     let done = link.must(&Command::SetSettings(after.clone()));
@@ -232,7 +214,7 @@ fn set(arguments: &Set) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
     if arguments.json {
         let line = Line {
-            simulated: is_simulated(&arguments.link, &link),
+            simulated: arguments.link.is_simulated(&link),
             settings: &after,
             storage: &storage,
         };

@@ -7,47 +7,15 @@ use std::net::{TcpListener, TcpStream};
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
-use std::sync::OnceLock;
 use std::thread::{JoinHandle, sleep, spawn};
 use std::time::{Duration, Instant};
 
 use palpate_emulator::{
-    BridgeCircuit, COMMANDS, EmulatedBoard, Image, LOGS, Options, RECORDS, Still, Time, firmware,
+    BridgeCircuit, COMMANDS, EmulatedBoard, Image, LOGS, Options, RECORDS, Still, Time,
 };
 use serde_json::Value;
 
-/// The image that is flashed, built once.
-fn image() -> &'static Path {
-    static IMAGE: OnceLock<PathBuf> = OnceLock::new();
-    IMAGE.get_or_init(|| firmware::build().unwrap_or_else(|error| panic!("{error}")))
-}
-
-fn palpate(arguments: &[&str], folder: &Path) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_palpate"))
-        .args(arguments)
-        .current_dir(folder)
-        .output()
-        .unwrap()
-}
-
-fn emulated(arguments: &[&str], folder: &Path) -> Output {
-    let image = image().to_str().unwrap();
-    let board = [
-        "--board",
-        "emulated",
-        "--state",
-        "board.flash",
-        "--image",
-        image,
-    ];
-    palpate(&[arguments, &board].concat(), folder)
-}
-
-fn json(output: &Output) -> Value {
-    let stderr = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "{stderr}");
-    serde_json::from_slice(&output.stdout).unwrap()
-}
+use crate::support::{emulated, image, json, palpate};
 
 fn number(value: &Value) -> f64 {
     value.as_f64().unwrap()

@@ -1,23 +1,13 @@
 //! From a board that was never calibrated to a reading, as its users go.
 
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::Output;
 
-use palpate_emulator::firmware;
-use serde_json::Value;
+use crate::support::{emulated, json};
 
 /// Runs a verb on the emulated board whose flash is in a folder.
 fn on_board(folder: &Path, seed: &str, arguments: &[&str]) -> Output {
-    let image = firmware::build().unwrap_or_else(|error| panic!("{error}"));
-    Command::new(env!("CARGO_BIN_EXE_palpate"))
-        .args(arguments)
-        .args(["--board", "emulated", "--seed", seed, "--json"])
-        .arg("--state")
-        .arg(folder.join("board.flash"))
-        .arg("--image")
-        .arg(image)
-        .output()
-        .unwrap()
+    emulated(&[arguments, &["--seed", seed, "--json"]].concat(), folder)
 }
 
 #[test]
@@ -45,14 +35,10 @@ fn what_one_command_calibrates_measures_in_the_next() {
     let folder = tempfile::tempdir().unwrap();
     let arguments = ["calibrate", "sensor", "--yes"];
     let calibrated = on_board(folder.path(), "7", &arguments);
-    let message = String::from_utf8_lossy(&calibrated.stderr).into_owned();
-    assert!(calibrated.status.success(), "{message}");
-    let stored: Value = serde_json::from_slice(&calibrated.stdout).unwrap();
+    let stored = json(&calibrated);
     assert_eq!(stored["stored"], true);
     let measured = on_board(folder.path(), "7", &["measure", "--load", "1.5"]);
-    let message = String::from_utf8_lossy(&measured.stderr).into_owned();
-    assert!(measured.status.success(), "{message}");
-    let line: Value = serde_json::from_slice(&measured.stdout).unwrap();
+    let line = json(&measured);
     assert_eq!(line["configuration_crc"], stored["configuration_crc"]);
     let of = |name: &str| line[name].as_f64().unwrap();
     let truth = of("true_n_per_m");

@@ -4,10 +4,9 @@ use std::fs;
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::Output;
 use std::thread::{JoinHandle, spawn};
 
-use palpate_emulator::firmware;
 use palpate_wire::code::{Board, Chip, ResetCause};
 use palpate_wire::record::Hello;
 use palpate_wire::{MINOR_VERSION, Message, Record, SCHEMA_HASH, Sequencer, crc32, encode};
@@ -16,27 +15,7 @@ use serde_json::Value;
 use crate::serve::Server;
 use crate::settings::{calibration, lines};
 
-fn palpate(arguments: &[&str], folder: &Path) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_palpate"))
-        .args(arguments)
-        .current_dir(folder)
-        .output()
-        .unwrap()
-}
-
-fn emulated(arguments: &[&str], folder: &Path) -> Output {
-    let image = firmware::build().unwrap_or_else(|error| panic!("{error}"));
-    let image = image.to_str().unwrap();
-    let board = [
-        "--board",
-        "emulated",
-        "--state",
-        "board.flash",
-        "--image",
-        image,
-    ];
-    palpate(&[arguments, &board].concat(), folder)
-}
+use crate::support::{emulated, palpate};
 
 fn report(output: &Output) -> Value {
     let stderr = String::from_utf8_lossy(&output.stderr);

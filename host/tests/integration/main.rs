@@ -17,4 +17,5 @@ mod records;
 mod serve;
 mod settings;
 mod simulate;
+mod support;
 mod words;

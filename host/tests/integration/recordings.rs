@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Child, Command, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
@@ -11,22 +11,10 @@ use serde_json::Value;
 
 use super::serve::Server;
 
+use crate::support::{emulated, json, palpate};
+
 /// How long a busy computer may take for what it is to do.
 const PATIENCE: Duration = Duration::from_secs(300);
-
-fn palpate(arguments: &[&str], folder: &Path) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_palpate"))
-        .args(arguments)
-        .current_dir(folder)
-        .output()
-        .unwrap()
-}
-
-fn json(output: &Output) -> Value {
-    let stderr = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "{stderr}");
-    serde_json::from_slice(&output.stdout).unwrap()
-}
 
 /// A program that records what a server sends, until it is ended.
 fn record(server: &Server, folder: &Path, file: &str) -> Child {
@@ -85,22 +73,11 @@ fn in_folder(folder: &Path, file: &str) -> String {
     folder.join(file).to_string_lossy().into_owned()
 }
 
-fn image() -> String {
-    let image = palpate_emulator::firmware::build().unwrap_or_else(|error| panic!("{error}"));
-    image.to_string_lossy().into_owned()
-}
-
 #[test]
 fn what_an_emulated_board_sends_is_in_the_tables_without_a_gap() {
     let folder = tempfile::tempdir().unwrap();
-    let image = image();
-    let arguments = [
-        &["record", "r.mcap", "--for", "2", "--json"][..],
-        &[
-            "--board", "emulated", "--state", "b.flash", "--image", &image,
-        ],
-    ];
-    let recorded = json(&palpate(&arguments.concat(), folder.path()));
+    let arguments = ["record", "r.mcap", "--for", "2", "--json"];
+    let recorded = json(&emulated(&arguments, folder.path()));
     assert_eq!(recorded["not_written"], 0);
     assert_eq!(recorded["unreadable"], 0);
     assert_eq!(recorded["boots"][0]["missing"], 0, "{recorded}");

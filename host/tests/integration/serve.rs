@@ -10,6 +10,8 @@ use palpate_wire::code::{Outcome, StorageAction, StorageState};
 use palpate_wire::record::{Acknowledgement, Hello};
 use palpate_wire::{Message, Record, RecordDecoder, Sequencer, encode};
 
+use crate::support::image;
+
 /// How long an answer may take: a save takes seconds of the board's time, and a busy computer emulates
 /// the board at a tenth of its pace or less.
 const PATIENCE: Duration = Duration::from_secs(300);
@@ -27,11 +29,10 @@ impl Server {
 
     /// The same at a port of one's own.
     pub(super) fn at(listen: &str, arguments: &[&str]) -> Self {
-        let image = palpate_emulator::firmware::build().unwrap_or_else(|error| panic!("{error}"));
         let mut child = Command::new(env!("CARGO_BIN_EXE_palpate"))
             .args(["serve-emulated", "--listen", listen])
             .arg("--image")
-            .arg(image)
+            .arg(image())
             .args(arguments)
             .stderr(Stdio::piped())
             .spawn()

@@ -2,9 +2,8 @@
 
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::Output;
 
-use palpate_emulator::firmware;
 use palpate_wire::Command as Set;
 use palpate_wire::command::{
     Attraction, CalibrationIdentity, Coil, Crosstalk, DeformationCurve, DeformationKnot, Springs,
@@ -13,23 +12,14 @@ use palpate_wire::command::{
 use palpate_wire::configuration_crc;
 use serde_json::Value;
 
+use crate::support::{self, emulated};
+
 fn settings(arguments: &[&str], folder: &Path) -> Output {
-    let image = firmware::build().unwrap_or_else(|error| panic!("{error}"));
-    Command::new(env!("CARGO_BIN_EXE_palpate"))
-        .arg("settings")
-        .args(arguments)
-        .args(["--board", "emulated", "--state", "board.flash", "--image"])
-        .arg(image)
-        .current_dir(folder)
-        .output()
-        .unwrap()
+    emulated(&[&["settings"], arguments].concat(), folder)
 }
 
 fn json(arguments: &[&str], folder: &Path) -> Value {
-    let output = settings(&[arguments, &["--json"]].concat(), folder);
-    let stderr = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "{arguments:?}: {stderr}");
-    serde_json::from_slice(&output.stdout).unwrap()
+    support::json(&settings(&[arguments, &["--json"]].concat(), folder))
 }
 
 /// A curve of more knots than one record carries.

@@ -3,13 +3,15 @@
 use std::time::Duration;
 
 use palpate_wire::code::{Outcome, Part};
-use palpate_wire::command::GetCalibration;
+use palpate_wire::command::{GetCalibration, Settings};
 use palpate_wire::{Command, Message, Record, configuration_crc};
 
 use crate::failure::Failure;
 use crate::link::Link;
 use crate::storage;
 
+/// How long a record may take that follows its command's answer, s.
+const RECORD_S: f64 = 5.0;
 /// How long a part may take that follows its command's answer: a curve comes in four records, a step of
 /// the board's procedure apart.
 const PART: Duration = Duration::from_secs(5);
@@ -19,13 +21,30 @@ const LOOK: Duration = Duration::from_millis(10);
 const SENSORS: u8 = 2;
 const CHANNELS: u8 = 4;
 
+/// The settings in force.
+///
+/// # Errors
+/// If the board is gone or does not answer.
+pub(crate) fn settings(link: &mut Link) -> Result<Settings, Failure> {
+    link.take();
+    link.must(&Command::GetSettings)?;
+    link.wait_for(RECORD_S, "settings", |record| match record {
+        Record::Settings(settings) => Some(settings.clone()),
+        _ => None,
+    })
+}
+
 /// Reads the configuration in force. Settings that were never set are left out, as in its CRC.
 ///
 /// # Errors
 /// If the board is gone, or what it sends is not what its CRC says.
-pub(super) fn read(link: &mut Link) -> Result<Vec<Command>, Failure> {
-    let settings = Command::SetSettings(super::in_force(link)?);
-    let parts = read_parts(link)?;
+pub(crate) fn read(link: &mut Link) -> Result<Vec<Command>, Failure> {
+    let settings = Command::SetSettings(settings(link)?);
+    let mut parts = Vec::new();
+    for question in questions() {
+        parts.extend(read_part(link, &question)?.into_iter().filter_map(setting));
+        link.take();
+    }
     let in_force_crc = storage::inspect(link)?.in_force_crc;
     if configuration_crc(&parts) == in_force_crc {
         return Ok(parts);
@@ -40,19 +59,15 @@ pub(super) fn read(link: &mut Link) -> Result<Vec<Command>, Failure> {
     )))
 }
 
-/// Every part of the calibration in force, in the order of its CRC.
-fn read_parts(link: &mut Link) -> Result<Vec<Command>, Failure> {
+/// The questions for every part of a calibration, in the order of its CRC.
+pub(crate) fn questions() -> Vec<GetCalibration> {
     let mut parts = Part::ALL.to_vec();
     parts.sort_by_key(|part| part.number());
-    let mut commands = Vec::new();
-    for question in parts.into_iter().flat_map(questions) {
-        commands.extend(read_part(link, &question)?);
-    }
-    Ok(commands)
+    parts.into_iter().flat_map(questions_for).collect()
 }
 
 /// The questions for a part: one for each channel, where it has one for each.
-fn questions(part: Part) -> Vec<GetCalibration> {
+fn questions_for(part: Part) -> Vec<GetCalibration> {
     let (sensors, channels) = match part {
         Part::Tank | Part::DeformationCurve | Part::Crosstalk => (SENSORS, CHANNELS),
         _ => (1, 1),
@@ -67,20 +82,30 @@ fn questions(part: Part) -> Vec<GetCalibration> {
     questions.collect()
 }
 
-fn read_part(link: &mut Link, question: &GetCalibration) -> Result<Vec<Command>, Failure> {
-    link.take();
+/// The records of a part in force; none if it is not set. They stay among those that the link has
+/// received, with all else that came.
+///
+/// # Errors
+/// If the board is gone, refuses, or does not send all of it.
+pub(crate) fn read_part(
+    link: &mut Link,
+    question: &GetCalibration,
+) -> Result<Vec<Record>, Failure> {
+    let before = link.received().len();
     let command = Command::GetCalibration(question.clone());
-    if matches!(link.ask(&command)?.1, Outcome::NotSet) {
-        return Ok(Vec::new());
+    match link.ask(&command)? {
+        (_, Outcome::NotSet) => return Ok(Vec::new()),
+        (_, Outcome::Accepted) => {}
+        (_, other) => return Err(link.refusal(&command, other)),
     }
     let end = link.now() + PART;
-    let mut commands = Vec::new();
     loop {
-        let records = link.take_records().into_iter();
-        let parts = records.filter(|(_, record)| record.kind() == question.part.number());
-        commands.extend(parts.filter_map(|(_, record)| setting(record)));
-        if is_whole(&commands) {
-            return Ok(commands);
+        let new = link.received().get(before..).into_iter().flatten();
+        let new = new.map(|arrival| &arrival.frame.message);
+        let of_part = new.filter(|record| record.kind() == question.part.number());
+        let records: Vec<Record> = of_part.cloned().collect();
+        if is_whole(&records) {
+            return Ok(records);
         }
         if link.now() > end {
             return Err(Failure::Refused(format!(
@@ -94,18 +119,18 @@ fn read_part(link: &mut Link, question: &GetCalibration) -> Result<Vec<Command>,
 }
 
 /// Whether the records of a part have all come: of a curve, up to its last knot.
-fn is_whole(commands: &[Command]) -> bool {
-    let knots: usize = commands
+fn is_whole(records: &[Record]) -> bool {
+    let knots: usize = records
         .iter()
-        .map(|command| match command {
-            Command::SetDeformationCurve(chunk) => chunk.knots.len(),
-            Command::SetStiffeningCurve(chunk) => chunk.knots.len(),
+        .map(|record| match record {
+            Record::DeformationCurve(chunk) => chunk.knots.len(),
+            Record::StiffeningCurve(chunk) => chunk.knots.len(),
             _ => 0,
         })
         .sum();
-    match commands.last() {
-        Some(Command::SetDeformationCurve(chunk)) => knots == usize::from(chunk.total),
-        Some(Command::SetStiffeningCurve(chunk)) => knots == usize::from(chunk.total),
+    match records.last() {
+        Some(Record::DeformationCurve(chunk)) => knots == usize::from(chunk.total),
+        Some(Record::StiffeningCurve(chunk)) => knots == usize::from(chunk.total),
         last => last.is_some(),
     }
 }
@@ -131,7 +156,7 @@ fn setting(record: Record) -> Option<Command> {
 
 /// Where a command stands in the order of a configuration: kind, sensor, channel, first knot. None for
 /// one that sets nothing.
-pub(super) fn place(command: &Command) -> Option<(u8, u8, u8, u8)> {
+pub(crate) fn place(command: &Command) -> Option<(u8, u8, u8, u8)> {
     let kind = command.kind();
     Some(match command {
         Command::SetTank(of) => (kind, of.sensor, of.channel, 0),
@@ -156,12 +181,12 @@ mod tests {
 
     use super::*;
 
-    fn chunk(first: u8, knots: u8) -> Command {
+    fn chunk(first: u8, knots: u8) -> Record {
         let knot = DeformationKnot {
             inductance_change: 0.0,
             deformation_m: 0.0,
         };
-        Command::SetDeformationCurve(DeformationCurve {
+        Record::DeformationCurve(DeformationCurve {
             sensor: 0,
             channel: 0,
             total: 10,
@@ -185,14 +210,15 @@ mod tests {
         let kinds = Command::KINDS.iter().filter(sets).count();
         // The settings are no part.
         assert_eq!(kinds, Part::ALL.len() + 1);
-        assert!(place(&chunk(0, 8)) < place(&chunk(8, 2)));
+        let places = [chunk(0, 8), chunk(8, 2)].map(|record| place(&setting(record).unwrap()));
+        assert!(places.is_sorted() && places[0] != places[1]);
         assert_eq!(place(&Command::Arm), None);
     }
 
     #[test]
     fn parts_of_a_channel_are_asked_for_each_channel() {
-        assert_eq!(questions(Part::Springs).len(), 1);
-        let tanks = questions(Part::Tank);
+        assert_eq!(questions_for(Part::Springs).len(), 1);
+        let tanks = questions_for(Part::Tank);
         let places: Vec<_> = tanks.iter().map(|of| (of.sensor, of.channel)).collect();
         assert!(places.is_sorted() && places.len() == 8);
     }
