@@ -14,6 +14,7 @@ use serde::Serialize;
 
 use crate::demo;
 use crate::engine::Native;
+use crate::evidence::{BEGIN, END};
 use crate::failure::Failure;
 use crate::in_order::in_order;
 use crate::instrument::{CalibratedInstrument, default_settings};
@@ -58,10 +59,6 @@ fn depth(text: &str) -> Result<f64, String> {
 /// Of the estimates of an honest instrument, so many hold at least, in percent: 95, and one for
 /// what is random about a few hundred plants.
 const HONEST: usize = 94;
-
-/// Comments by which `cargo xtask evidence` finds what it keeps.
-pub(crate) const BEGIN: &str = "<!-- evidence:begin -->";
-pub(crate) const END: &str = "<!-- evidence:end -->";
 
 /// What one sensor made of the row, or why it could not be calibrated.
 type PlantResult = Result<Vec<Measured>, String>;

@@ -7,6 +7,8 @@
 )]
 
 #[cfg(feature = "emulator")]
+mod acceptance;
+#[cfg(feature = "emulator")]
 mod bring_up;
 mod calibrate;
 mod chip;
@@ -27,6 +29,7 @@ mod doctor;
 mod emulated;
 mod encode;
 mod engine;
+mod evidence;
 #[cfg(feature = "recording")]
 mod export;
 mod failure;
@@ -139,6 +142,9 @@ enum Verb {
     Coverage(coverage::Arguments),
     #[command(hide = true)]
     Misfit(misfit::Arguments),
+    #[cfg(feature = "emulator")]
+    #[command(hide = true)]
+    Acceptance(acceptance::Arguments),
     #[cfg(feature = "field")]
     Field(field::Arguments),
     #[cfg(feature = "emulator")]
@@ -185,6 +191,8 @@ fn main() -> ExitCode {
         Verb::Simulate(arguments) => simulate::run(&arguments),
         Verb::Coverage(arguments) => coverage::run(&arguments),
         Verb::Misfit(arguments) => misfit::run(&arguments),
+        #[cfg(feature = "emulator")]
+        Verb::Acceptance(arguments) => acceptance::run(&arguments),
         #[cfg(feature = "field")]
         Verb::Field(arguments) => field::run(&arguments),
         #[cfg(feature = "emulator")]

@@ -13,9 +13,9 @@ use palpate_sim::switches::Switches;
 use palpate_wire::code::RefusalReason;
 use rayon::prelude::*;
 
-use crate::coverage::{BEGIN, END};
 use crate::demo;
 use crate::engine::{Engine, Native};
+use crate::evidence::{BEGIN, END};
 use crate::failure::Failure;
 use crate::instrument::{CalibratedInstrument, default_settings};
 use crate::progress::Progress;

@@ -76,6 +76,8 @@ const BOARD: &[&str] = &[
 const FIELD: &[&str] = &["model/field/src", "model/field/examples"];
 /// The firmware's image on the emulated board.
 const IMAGE: &[&str] = &["drivers", "firmware", "model/src", "sim-host"];
+/// The tool at an emulated board.
+const DESK: &[&str] = &["drivers", "firmware", "host/src", "model/src", "sim-host"];
 /// The tests, and what they test.
 const TESTS: &[&str] = &[
     "drivers",
@@ -324,6 +326,24 @@ const CAMPAIGNS: &[Campaign] = &[
             "coil-current",
         ],
         rests_on: IMAGE,
+    },
+    Campaign {
+        name: "acceptance",
+        purpose: "From nothing to a calibrated reading, by the commands that a user types: `calibrate sensor`, then \
+                  `measure` in another process, on emulated boards.",
+        arguments: &[
+            "run",
+            "--release",
+            "-p",
+            "palpate",
+            "--",
+            "acceptance",
+            "--boards",
+            "5",
+            "--seed",
+            "1",
+        ],
+        rests_on: DESK,
     },
     Campaign {
         name: IMAGE_COST,

@@ -9,6 +9,7 @@ use std::io::{self, Write};
 use clap::Args;
 use palpate_emulator::Sources;
 
+use crate::evidence::{BEGIN, END};
 use crate::failure::Failure;
 use crate::image::{self, Program};
 
@@ -34,10 +35,6 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "NUMBER", default_value_t = 0)]
     functions: usize,
 }
-
-/// Comments by which `cargo xtask evidence` finds what it keeps.
-const BEGIN: &str = "<!-- evidence:begin -->";
-const END: &str = "<!-- evidence:end -->";
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let (file, image) = arguments.image.load(Program::Firmware)?;

@@ -95,6 +95,7 @@ fn serve(listener: &TcpListener, image: &Image) {
 }
 
 #[test]
+#[ignore = "long: `cargo xtask ci` runs it"]
 fn a_slow_probe_makes_no_difference() {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap().to_string();

@@ -75,6 +75,7 @@ const SWEPT_A: f64 = 0.06;
 const GAIN_ERROR: f64 = 0.08;
 
 #[test]
+#[ignore = "long: `cargo xtask ci` runs it"]
 fn a_calibration_makes_the_current_absolute() {
     let folder = tempfile::tempdir().unwrap();
     // A third of the energy of 10 A, and so of the time for cooling.
@@ -196,6 +197,7 @@ fn read_meter(board: &mut EmulatedBoard<Still>, meter: &Path) {
 }
 
 #[test]
+#[ignore = "long: `cargo xtask ci` runs it"]
 fn a_board_behind_a_probe_is_tested_the_same_way() {
     let served = serve(None);
     let folder = tempfile::tempdir().unwrap();

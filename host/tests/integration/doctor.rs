@@ -57,6 +57,7 @@ fn upset(flash: &Path) {
 }
 
 #[test]
+#[ignore = "long: `cargo xtask ci` runs it"]
 fn a_bare_board_is_not_calibrated_and_a_calibrated_one_is_sound() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
@@ -71,6 +72,7 @@ fn a_bare_board_is_not_calibrated_and_a_calibrated_one_is_sound() {
 }
 
 #[test]
+#[ignore = "long: `cargo xtask ci` runs it"]
 fn damaged_settings_are_found_and_the_fault_of_the_start_is_named_by_clearing_it() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();

@@ -60,6 +60,7 @@ fn what_cannot_be_written_is_refused_before_the_run() {
 /// A device that takes nothing, as a full disk: found only when it is written to.
 #[cfg(target_os = "linux")]
 #[test]
+#[ignore = "long: `cargo xtask ci` runs it"]
 fn a_full_disk_loses_neither_the_table_nor_the_name() {
     let folder = tempfile::tempdir().unwrap();
     let index = folder.path();
@@ -147,6 +148,7 @@ fn an_interrupted_search_has_its_best_as_a_comment_of_the_design() {
 }
 
 #[test]
+#[ignore = "long: `cargo xtask ci` runs it"]
 fn an_interrupted_coverage_has_the_sensors_that_were_done() {
     let folder = tempfile::tempdir().unwrap();
     let run = started(
