@@ -103,7 +103,7 @@ impl Figures {
 /// Keeps a place within a range, so that it is not judged by the triangle beyond the end.
 fn inward(place: f64, [from, to]: [f64; 2]) -> f64 {
     let margin = 1e-7 * (to - from);
-    place.clamp(from + margin, to - margin).max(0.0)
+    place.clamp(from + margin, to - margin)
 }
 
 fn peak_to_peak(values: impl Iterator<Item = f64>) -> f64 {

@@ -40,26 +40,37 @@ fn random() -> impl Strategy<Value = RandomRings> {
 
 impl RandomRings {
     fn design(&self) -> Design {
+        self.design_at(|x| x)
+    }
+
+    /// The design with every place along the axis, mm, taken to another.
+    fn design_at(&self, place: impl Fn(f64) -> f64) -> Design {
         let [a, b] = self.radii_mm;
         let [r, x] = self.body_mm;
         let (gap, width, mu_r) = (self.gap_mm, self.width_mm, self.mu_r);
+        let range = |from: f64, to: f64| {
+            let (from, to) = (place(from), place(to));
+            format!("[{}, {}]", from.min(to), from.max(to))
+        };
         let shape = if self.spheroid {
-            format!("{{ centre_x = {}, semi_r = {r}, semi_x = {x} }}", 0.5 * gap)
+            let centre = place(0.5 * gap);
+            format!("{{ centre_x = {centre}, semi_r = {r}, semi_x = {x} }}")
         } else {
-            format!("{{ r = [0.0, {r}], x = [{}, {}] }}", -x, gap + 0.5 * x)
+            format!("{{ r = [0.0, {r}], x = {} }}", range(-x, gap + 0.5 * x))
         };
         let text = format!(
             "name = \"random\"\nlength_unit = \"mm\"\n\
-             [core]\nr = 1.5\nx = [0.5, {}]\n\
+             [core]\nr = 1.5\nx = {}\n\
              [conductor]\nresistivity_ohm_m = 1.7e-8\ncurrent_A = 1.0\n\
              [material.m]\nmu_r = {mu_r}\nsaturation_A_per_m = 5e5\n\
              [[body]]\nname = \"b\"\nmaterial = \"m\"\nshape = {shape}\n\
-             [[coil]]\nname = \"low\"\nr = [{a}, {}]\nx = [-0.5, 0.0]\nturns = 3\n\
-             [[coil]]\nname = \"high\"\nr = [{b}, {}]\nx = [{gap}, {}]\nturns = 5\n",
-            gap - 0.5,
+             [[coil]]\nname = \"low\"\nr = [{a}, {}]\nx = {}\nturns = 3\n\
+             [[coil]]\nname = \"high\"\nr = [{b}, {}]\nx = {}\nturns = 5\n",
+            range(0.5, gap - 0.5),
             a + width,
+            range(-0.5, 0.0),
             b + width,
-            gap + 0.7,
+            range(gap, gap + 0.7),
         );
         Design::parse("random.toml", &text).expect("a design")
     }
@@ -139,6 +150,23 @@ proptest! {
         let sum = first * one + second * other;
         let size = (first * one).abs() + (second * other).abs();
         prop_assert!((both - sum).abs() < 2e-3 * size, "{both:e} {sum:e}");
+    }
+
+    #[test]
+    fn figures_stay_where_the_design_is_moved_or_turned_over(random in random(), shift_mm in -40.0..40.0_f64) {
+        let of = |design: &Design| run(design, [1.0, 1.0], false).figures;
+        let here = of(&random.design());
+        for moved in [of(&random.design_at(|x| x + shift_mm)), of(&random.design_at(|x| shift_mm - x))] {
+            let near = |one: f64, other: f64, size: f64| (one - other).abs() <= 2e-3 * size;
+            prop_assert!(near(moved.centre_t, here.centre_t, here.core_mean_t), "{moved:?} {here:?}");
+            prop_assert!(near(moved.core_mean_t, here.core_mean_t, here.core_mean_t), "{moved:?} {here:?}");
+            prop_assert!(near(moved.axial_pp, here.axial_pp, 1.0), "{moved:?} {here:?}");
+            prop_assert!(near(moved.radial_pp, here.radial_pp, 1.0), "{moved:?} {here:?}");
+            prop_assert!(near(moved.inductance_h, here.inductance_h, here.inductance_h), "{moved:?} {here:?}");
+            for (moved, here) in moved.cv.into_iter().zip(here.cv) {
+                prop_assert!(near(moved, here, 1.0), "{moved} {here}");
+            }
+        }
     }
 
     #[test]
