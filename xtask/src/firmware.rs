@@ -60,7 +60,7 @@ pub(crate) fn flash(workspace: &Workspace) -> Result<()> {
 }
 
 /// Builds the image and returns its path.
-fn build(workspace: &Workspace) -> Result<PathBuf> {
+pub(crate) fn build(workspace: &Workspace) -> Result<PathBuf> {
     build_to(workspace, None)
 }
 

@@ -6,7 +6,7 @@ use crate::members::{ARM_TARGETS, FIRMWARE_TARGET, MEMBERS, Member, host_package
 use crate::process::Invocation;
 use crate::setup::{CARGO_DENY, CARGO_FUZZ, MDBOOK, Need, TYPOS};
 use crate::steps::{Action, Step, select};
-use crate::{book, deps, evidence, firmware, fuzz, hygiene, package_files, panic_free};
+use crate::{book, deps, evidence, firmware, fuzz, hygiene, package_files, panic_free, python};
 
 /// The test suite: every crate with its usual features and those that have tests of their own.
 pub(crate) fn test_steps() -> Vec<Step> {
@@ -18,6 +18,17 @@ pub(crate) fn test_steps() -> Vec<Step> {
         action: Action::Commands(vec![programs, tests(&["--doc"])]),
         remedy: "fix what the failed test describes; its name and place are printed above",
     }]
+}
+
+/// The tests that need Python and packages for it.
+fn python_tests() -> Step {
+    Step {
+        name: "python",
+        purpose: "what the tool writes is read by programs from elsewhere; only when it is named",
+        needs: vec![Need::Target(FIRMWARE_TARGET)],
+        action: Action::Check(python::check),
+        remedy: "fix what the failed test describes; for a package that is missing, see the cause",
+    }
 }
 
 /// The tests that `cargo xtask test` leaves out since they take long; they are marked `#[ignore]`.
@@ -56,7 +67,8 @@ fn tested_features() -> String {
     MEMBERS.iter().flat_map(of).collect::<Vec<_>>().join(",")
 }
 
-/// The steps of `cargo xtask ci`: all of them, or those in `only`.
+/// The steps of `cargo xtask ci`: all of them, or those in `only`. Those that install programs from
+/// elsewhere run only when they are named.
 pub(crate) fn ci_steps(skip_tests: bool, only: &[String]) -> Result<Vec<Step>> {
     let mut steps = if skip_tests { Vec::new() } else { test_steps() };
     steps.extend(source_checks());
@@ -66,10 +78,10 @@ pub(crate) fn ci_steps(skip_tests: bool, only: &[String]) -> Result<Vec<Step>> {
     steps.push(fuzzing());
     steps.push(packaging());
     if only.is_empty() {
-        Ok(steps)
-    } else {
-        select(steps, only)
+        return Ok(steps);
     }
+    steps.push(python_tests());
+    select(steps, only)
 }
 
 /// Checks that read files and compile nothing.

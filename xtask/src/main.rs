@@ -29,6 +29,7 @@ mod package_files;
 mod panic_free;
 mod planted;
 mod process;
+mod python;
 mod repository;
 mod setup;
 mod steps;

@@ -133,7 +133,7 @@ fn describes_the_parent(name: &str) -> bool {
 pub(crate) struct Invocation {
     program: String,
     arguments: Vec<String>,
-    environment: Vec<(&'static str, &'static str)>,
+    environment: Vec<(&'static str, String)>,
 }
 
 impl Invocation {
@@ -152,8 +152,8 @@ impl Invocation {
     }
 
     /// The same command with one more variable in its environment.
-    pub(crate) fn with_env(mut self, name: &'static str, value: &'static str) -> Self {
-        self.environment.push((name, value));
+    pub(crate) fn with_env(mut self, name: &'static str, value: &str) -> Self {
+        self.environment.push((name, value.to_owned()));
         self
     }
 
@@ -166,7 +166,7 @@ impl Invocation {
     pub(crate) fn command(&self, workspace: &Workspace) -> Command {
         let mut command = workspace.command(&self.program);
         command.args(&self.arguments);
-        command.envs(self.environment.iter().copied());
+        command.envs(self.environment.iter().map(|(name, value)| (name, value)));
         command
     }
 

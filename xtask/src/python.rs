@@ -1,0 +1,75 @@
+//! The tests in Python, `cargo xtask ci --only python`: what other programs make of what the tool
+//! writes.
+//!
+//! Packages come from the Python package index, in the versions of a list, into a virtual environment
+//! below `target`. That needs a network once, so the gate runs this step only when it is named.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result};
+
+use crate::process::{Invocation, Workspace};
+use crate::{firmware, panic_free};
+
+/// The tests, and the list of their packages.
+const TESTS: &str = "host/tests/python";
+const PACKAGES: &str = "host/tests/python/requirements.txt";
+/// The virtual environment.
+const ENVIRONMENT: &str = "target/python";
+
+/// Builds the tool and the image, installs the packages that are missing, and runs the tests.
+pub(crate) fn check(workspace: &Workspace) -> Result<String> {
+    let tool = text(&build_tool(workspace)?)?;
+    let image = text(&firmware::build(workspace)?)?;
+    let python = install(workspace)?;
+    // Nothing is written beside the tests: no bytecode, no cache.
+    let tests = Invocation::new(
+        &python,
+        &["-B", "-m", "pytest", "-p", "no:cacheprovider", TESTS],
+    );
+    workspace.run(
+        &tests
+            .with_env("PALPATE", &tool)
+            .with_env("PALPATE_IMAGE", &image),
+    )?;
+    Ok("other programs read what the tool writes".to_owned())
+}
+
+/// Builds the tool as the tests are built, and returns its path.
+fn build_tool(workspace: &Workspace) -> Result<PathBuf> {
+    let mut arguments = vec!["build", "--locked", "--package", "palpate"];
+    arguments.extend(["--message-format", "json-render-diagnostics"]);
+    let printed = workspace.output(&Invocation::cargo(&arguments))?;
+    panic_free::executable(&printed).context("cargo named no program")
+}
+
+/// The Python of the environment, with all packages of the list.
+fn install(workspace: &Workspace) -> Result<String> {
+    let environment = workspace.root().join(ENVIRONMENT);
+    let python = text(&environment.join("bin/python"))?;
+    let listed = fs::read_to_string(workspace.root().join(PACKAGES))
+        .with_context(|| format!("{PACKAGES} could not be read"))?;
+    // A copy of the list, written when all of it is installed.
+    let installed = environment.join("requirements.txt");
+    if fs::read_to_string(&installed).is_ok_and(|before| before == listed) {
+        return Ok(python);
+    }
+    let create = Invocation::new("python3", &["-m", "venv", "--clear", &text(&environment)?]);
+    workspace.run(&create).context(
+        "there is no Python 3.11 with venv: install it, on Debian with `apt-get install python3-venv`",
+    )?;
+    let packages = ["-m", "pip", "install", "--quiet", "--requirement", PACKAGES];
+    let install = Invocation::new(&python, &packages);
+    workspace.run(&install).with_context(|| {
+        format!("the packages of {PACKAGES} could not be installed; this needs a network")
+    })?;
+    fs::write(&installed, listed)
+        .with_context(|| format!("{ENVIRONMENT}/requirements.txt could not be written"))?;
+    Ok(python)
+}
+
+fn text(path: &Path) -> Result<String> {
+    let text = path.to_str().context("the path is not UTF-8")?;
+    Ok(text.to_owned())
+}
