@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 /// Means over equal times, the last ones.
 #[derive(Clone, Debug, Default)]
-pub(super) struct History {
+pub(crate) struct History {
     means: VecDeque<f64>,
     /// The sum and the number of what belongs to the mean that is not complete.
     sum: f64,

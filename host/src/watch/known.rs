@@ -13,42 +13,45 @@ use crate::verdict::explain;
 #[derive(Clone, Debug, Default, Serialize)]
 pub(crate) struct Known {
     /// Where the board is.
-    pub(super) board: String,
+    pub(crate) board: String,
     /// What it is; absent before it has said so.
-    pub(super) hello: Option<Hello>,
+    pub(crate) hello: Option<Hello>,
+    /// Which of its runs all this is of.
+    #[serde(skip)]
+    pub(crate) boot_id: Option<u32>,
     /// Its time, s.
-    pub(super) time_s: f64,
-    pub(super) state: Option<State>,
-    pub(super) armed: bool,
+    pub(crate) time_s: f64,
+    pub(crate) state: Option<State>,
+    pub(crate) armed: bool,
     /// The last sample of each converter.
-    pub(super) samples: [Option<Sample>; 2],
-    pub(super) status: Option<Status>,
+    pub(crate) samples: [Option<Sample>; 2],
+    pub(crate) status: Option<Status>,
     /// The last result, and when, s.
-    pub(super) result: Option<(f64, Outcome)>,
-    pub(super) faults: Vec<FaultCode>,
+    pub(crate) result: Option<(f64, Outcome)>,
+    pub(crate) faults: Vec<FaultCode>,
     /// Records that were received and that are missing, of this run of the board.
-    pub(super) received: u64,
-    pub(super) missing: u64,
+    pub(crate) received: u64,
+    pub(crate) missing: u64,
     /// Frames that came damaged.
-    pub(super) damaged: u32,
+    pub(crate) damaged: u32,
     /// Why the board is not there.
-    pub(super) gone: Option<String>,
+    pub(crate) gone: Option<String>,
     /// Deformation of the first channel, m.
     #[serde(skip)]
-    pub(super) deformation: History,
+    pub(crate) deformation: History,
 }
 
 /// What a measurement came to.
 #[derive(Clone, Debug, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub(super) enum Outcome {
+pub(crate) enum Outcome {
     Estimate(Box<Estimate>),
     /// Refused, with the reason.
     Refusal(String),
 }
 
 impl Known {
-    pub(super) fn of(board: &str) -> Self {
+    pub(crate) fn of(board: &str) -> Self {
         Self {
             board: board.to_owned(),
             ..Self::default()
@@ -56,12 +59,12 @@ impl Known {
     }
 
     /// The board is gone.
-    pub(super) fn lost(&mut self, reason: &str) {
+    pub(crate) fn lost(&mut self, reason: &str) {
         self.gone = Some(reason.to_owned());
     }
 
     /// What the link has counted.
-    pub(super) fn take_link(&mut self, link: &Link) {
+    pub(crate) fn take_link(&mut self, link: &Link) {
         self.hello = link.hello().cloned();
         self.damaged = link.unreadable();
         if let Some(tally) = link.account().current() {
@@ -70,8 +73,14 @@ impl Known {
         }
     }
 
-    /// Takes a record; whether something has just touched.
-    pub(super) fn take(&mut self, frame: &Frame<Record>) -> bool {
+    /// Takes a record; whether something has just touched. What a board said before it started anew holds
+    /// no longer.
+    pub(crate) fn take(&mut self, frame: &Frame<Record>) -> bool {
+        let boot_id = frame.header.boot_id;
+        if self.boot_id.is_some_and(|known| known != boot_id) {
+            *self = Self::of(&self.board);
+        }
+        self.boot_id = Some(boot_id);
         self.time_s = frame.header.time_us as f64 * 1e-6;
         self.gone = None;
         let mut touches = false;
@@ -113,7 +122,7 @@ impl Known {
     }
 
     /// Whether something touches, if that is known.
-    pub(super) fn contact(&self) -> Option<Contact> {
+    pub(crate) fn contact(&self) -> Option<Contact> {
         let [first, _] = &self.samples;
         first.as_ref().map(|sample| sample.contact)
     }

@@ -145,6 +145,18 @@ fn a_board_that_is_gone_says_so() {
 }
 
 #[test]
+fn what_a_board_said_before_it_started_anew_is_forgotten() {
+    let mut known = known();
+    known.faults.push(FaultCode::SensorSilent);
+    let mut first = frame(0.1, sample(0.0));
+    first.header.boot_id += 1;
+    known.take(&first);
+    assert!(known.faults.is_empty() && known.result.is_none() && known.state.is_none());
+    assert_eq!(known.deformation.last(9).count(), 0);
+    assert!(known.samples[0].is_some() && known.board == "/dev/ttyACM0");
+}
+
+#[test]
 fn a_touch_is_seen_once() {
     let mut known = known();
     let Record::State(mut change) = fixture("state") else {
