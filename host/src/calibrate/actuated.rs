@@ -53,22 +53,13 @@ impl Actuated {
         ratio_now + pull_n * ratio_now / sensing_n_per_m / sample.deformation_m
     }
 
-    /// The equation of a sample of a train by itself: total way over `depth_m` and its drifts, kappa;
-    /// right side and weight.
-    fn row(
-        &self,
-        sample: &FallSample,
-        depth_m: f64,
-        sensing_n_per_m: f64,
-        tau_s: f64,
-    ) -> (Vec<f64>, f64, f64) {
-        let phi = (sample.time_s / tau_s).ln_1p();
-        let level = depth_m / sample.deformation_m;
-        let right = 1.0 + self.compliance(sample, sensing_n_per_m);
-        // Noise of x enters as x_0/x^2.
-        let weight = (level * level).recip();
-        let row = vec![level, level * phi, -1.0, level * sample.time_s];
-        (row, right, weight)
+    /// A sample of a train beside its line.
+    fn point(&self, sample: &FallSample, sensing_n_per_m: f64) -> LinePoint {
+        LinePoint {
+            time_s: sample.time_s,
+            deformation_m: sample.deformation_m,
+            compliance: self.compliance(sample, sensing_n_per_m),
+        }
     }
 
     /// By how much the line of a train bends: the change of its slope from the middle to an end of its
@@ -86,10 +77,10 @@ impl Actuated {
             .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), h| {
                 (low.min(h), high.max(h))
             });
-        let depth_m = mean_m(samples);
+        let depth_m = mean_m(samples.iter().map(|sample| sample.deformation_m));
         let mut system = System::new(5);
         for sample in samples {
-            let (row, right, weight) = self.row(sample, depth_m, sensing_n_per_m, tau_s);
+            let (row, right, weight) = self.point(sample, sensing_n_per_m).row(depth_m, tau_s);
             let bent = row.into_iter().chain([-h(sample).powi(2)]).collect();
             system.add(bent, right, weight);
         }
@@ -106,29 +97,42 @@ impl Actuated {
         sensing_n_per_m: f64,
         tau_s: f64,
     ) -> Result<TrainFit, Unusable> {
-        let depth_m = mean_m(samples);
-        let mut system = System::new(4);
-        for sample in samples {
-            let (row, right, weight) = self.row(sample, depth_m, sensing_n_per_m, tau_s);
-            system.add(row, right, weight);
-        }
-        match system.solve("a train by itself")?.unknowns.as_slice() {
-            &[total, drift, kappa, linear] => Ok(TrainFit {
-                total_m: total * depth_m,
-                drift: drift / total,
-                linear: linear / total,
-                kappa,
-                tau_s,
-            }),
-            _ => Err(Unusable::Undetermined("a train by itself")),
-        }
+        let points = samples.iter();
+        let points: Vec<_> = points
+            .map(|sample| self.point(sample, sensing_n_per_m))
+            .collect();
+        TrainFit::of(&points, tau_s)
     }
 }
 
-/// Mean deformation, m.
-fn mean_m(samples: &[FallSample]) -> f64 {
-    let sum_m: f64 = samples.iter().map(|sample| sample.deformation_m).sum();
-    sum_m / samples.len().max(1) as f64
+/// Mean of deformations, m.
+fn mean_m(deformations_m: impl ExactSizeIterator<Item = f64>) -> f64 {
+    let count = deformations_m.len().max(1) as f64;
+    deformations_m.sum::<f64>() / count
+}
+
+/// A sample of a train with what stands beside 1 + kappa.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct LinePoint {
+    /// Since the train began, s.
+    pub(crate) time_s: f64,
+    /// Deformation with the cross-talk taken out, m.
+    pub(crate) deformation_m: f64,
+    /// c_S/c_D(I), and the attraction as a compliance.
+    pub(crate) compliance: f64,
+}
+
+impl LinePoint {
+    /// Its equation: total way over `depth_m` and its drifts, kappa; right side and weight.
+    fn row(&self, depth_m: f64, tau_s: f64) -> (Vec<f64>, f64, f64) {
+        let phi = (self.time_s / tau_s).ln_1p();
+        let level = depth_m / self.deformation_m;
+        let right = 1.0 + self.compliance;
+        // Noise of x enters as x_0/x^2.
+        let weight = (level * level).recip();
+        let row = vec![level, level * phi, -1.0, level * self.time_s];
+        (row, right, weight)
+    }
 }
 
 /// x (1 + kappa + g) = x_0 (1 + d phi(t)), fitted to a train.
@@ -146,6 +150,29 @@ pub(crate) struct TrainFit {
 }
 
 impl TrainFit {
+    /// The line of one train by itself, for a press that was `tau_s` old when it began.
+    ///
+    /// # Errors
+    /// If the points do not determine it.
+    pub(crate) fn of(points: &[LinePoint], tau_s: f64) -> Result<Self, Unusable> {
+        let depth_m = mean_m(points.iter().map(|point| point.deformation_m));
+        let mut system = System::new(4);
+        for point in points {
+            let (row, right, weight) = point.row(depth_m, tau_s);
+            system.add(row, right, weight);
+        }
+        match system.solve("a train by itself")?.unknowns.as_slice() {
+            &[total, drift, kappa, linear] => Ok(Self {
+                total_m: total * depth_m,
+                drift: drift / total,
+                linear: linear / total,
+                kappa,
+                tau_s,
+            }),
+            _ => Err(Unusable::Undetermined("a train by itself")),
+        }
+    }
+
     /// 1 + d phi(t).
     pub(crate) fn drifted(&self, time_s: f64) -> f64 {
         1.0 + self.drift * (time_s / self.tau_s).ln_1p() + self.linear * time_s

@@ -11,7 +11,7 @@ use palpate_wire::command::CalibrationIdentity;
 use palpate_wire::{Command, configuration_crc};
 use serde::Serialize;
 
-use super::bench::{self, LinkedBench, Pressed};
+use super::bench::{self, BenchPlan, LinkedBench, Pressed, Session};
 use super::{Calibration, evaluate};
 use crate::confirmation::{can_be_confirmed, is_confirmed};
 use crate::failure::Failure;
@@ -47,10 +47,10 @@ pub(crate) struct Arguments {
 }
 
 /// What was found.
-#[derive(Serialize)]
-struct Found {
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct Found {
     simulated: bool,
-    calibration_id: u32,
+    pub(crate) calibration_id: u32,
     calibrated_at_s: u32,
     calibrated_at_c: f32,
     runs: usize,
@@ -63,8 +63,8 @@ struct Found {
     /// Relative standard uncertainties of 1/c_L and 1/c_S.
     scale_uncertainty: f64,
     constant_uncertainty: f64,
-    stored: bool,
-    configuration_crc: u32,
+    pub(crate) stored: bool,
+    pub(crate) configuration_crc: u32,
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
@@ -94,23 +94,7 @@ fn calibrated(link: &mut Link, arguments: &Arguments) -> Result<Found, Failure> 
     let calibration = evaluate(&session, &task.known)
         .map_err(|error| Failure::Refused(format!("calibration: {error}")))?;
     let identity = identity(arguments.id, session.temperature_c, &calibration);
-    let peak_a = f64::from(task.plan.settings.peak_current_a);
-    let mut found = Found {
-        simulated: true,
-        calibration_id: identity.id,
-        calibrated_at_s: identity.calibrated_at_s,
-        calibrated_at_c: identity.calibrated_at_c,
-        runs: session.runs.len() + 1,
-        sensing_n_per_m: calibration.sensing_n_per_m,
-        actuated_n_per_m: calibration.sensing_n_per_m / calibration.actuated.ratio,
-        peak_current_a: task.plan.settings.peak_current_a,
-        rise: calibration.actuated.rise(peak_a),
-        attraction_n: calibration.actuated.attraction_n_per_a2 * peak_a * peak_a,
-        scale_uncertainty: calibration.uncertainty.scale,
-        constant_uncertainty: calibration.uncertainty.constant,
-        stored: false,
-        configuration_crc: 0,
-    };
+    let mut found = Found::new(&task.plan, &session, &calibration, &identity);
     put_in_force(link, &calibration, identity)?;
     if arguments.yes || is_confirmed("Store this calibration in the board?")? {
         found.configuration_crc = storage::store(link)?.stored_crc;
@@ -119,7 +103,37 @@ fn calibrated(link: &mut Link, arguments: &Arguments) -> Result<Found, Failure> 
     Ok(found)
 }
 
-fn describe(pressed: Pressed, depth_m: f64) -> String {
+impl Found {
+    /// What is said of a calibration that is not stored yet.
+    pub(crate) fn new(
+        plan: &BenchPlan,
+        session: &Session,
+        calibration: &Calibration,
+        identity: &CalibrationIdentity,
+    ) -> Self {
+        let peak_a = f64::from(plan.settings.peak_current_a);
+        let actuated = &calibration.actuated;
+        Self {
+            simulated: true,
+            calibration_id: identity.id,
+            calibrated_at_s: identity.calibrated_at_s,
+            calibrated_at_c: identity.calibrated_at_c,
+            runs: session.runs.len() + 1,
+            sensing_n_per_m: calibration.sensing_n_per_m,
+            actuated_n_per_m: calibration.sensing_n_per_m / actuated.ratio,
+            peak_current_a: plan.settings.peak_current_a,
+            rise: actuated.rise(peak_a),
+            attraction_n: actuated.attraction_n_per_a2 * peak_a * peak_a,
+            scale_uncertainty: calibration.uncertainty.scale,
+            constant_uncertainty: calibration.uncertainty.constant,
+            stored: false,
+            configuration_crc: 0,
+        }
+    }
+}
+
+/// What is pressed in a run, in words.
+pub(crate) fn describe(pressed: Pressed, depth_m: f64) -> String {
     let depth = format!("{:.2} mm deep", 1e3 * depth_m);
     match pressed {
         Pressed::Nothing => "nothing touches".to_owned(),
@@ -129,7 +143,11 @@ fn describe(pressed: Pressed, depth_m: f64) -> String {
 }
 
 /// Number, date and hash of a calibration's parts.
-fn identity(id: Option<u32>, temperature_c: f64, calibration: &Calibration) -> CalibrationIdentity {
+pub(crate) fn identity(
+    id: Option<u32>,
+    temperature_c: f64,
+    calibration: &Calibration,
+) -> CalibrationIdentity {
     let since_1970 = SystemTime::now().duration_since(UNIX_EPOCH);
     let now_s = since_1970.map_or(0, |time| time.as_secs());
     let now_s = u32::try_from(now_s).unwrap_or(u32::MAX);
@@ -143,7 +161,8 @@ fn identity(id: Option<u32>, temperature_c: f64, calibration: &Calibration) -> C
     }
 }
 
-fn put_in_force(
+/// Sets a calibration, which is lost with the power unless it is stored.
+pub(crate) fn put_in_force(
     link: &mut Link,
     calibration: &Calibration,
     identity: CalibrationIdentity,
