@@ -2,7 +2,12 @@
 
 // A tool that is built without a part has no use for all that its parts share.
 #![cfg_attr(
-    not(all(feature = "field", feature = "recording", feature = "serial")),
+    not(all(
+        feature = "field",
+        feature = "live",
+        feature = "recording",
+        feature = "serial"
+    )),
     allow(dead_code)
 )]
 
@@ -50,6 +55,8 @@ mod interrupt;
 mod jsonl;
 #[cfg(feature = "emulator")]
 mod link;
+#[cfg(feature = "live")]
+mod live;
 #[cfg(feature = "emulator")]
 mod log;
 #[cfg(feature = "emulator")]
@@ -120,6 +127,8 @@ enum Verb {
     Calibrate(calibrate::verb::Arguments),
     #[cfg(feature = "emulator")]
     Watch(watch::Arguments),
+    #[cfg(feature = "live")]
+    Live(live::Arguments),
     #[cfg(feature = "emulator")]
     Measure(measure::Arguments),
     #[cfg(feature = "emulator")]
@@ -170,6 +179,8 @@ fn main() -> ExitCode {
         Verb::Calibrate(arguments) => calibrate::verb::run(&arguments),
         #[cfg(feature = "emulator")]
         Verb::Watch(arguments) => watch::run(&arguments),
+        #[cfg(feature = "live")]
+        Verb::Live(arguments) => live::run(&arguments),
         #[cfg(feature = "emulator")]
         Verb::Measure(arguments) => measure::run(&arguments),
         #[cfg(feature = "emulator")]

@@ -169,7 +169,7 @@ pub(crate) const MEMBERS: &[Member] = &[
     },
     Member {
         name: "palpate",
-        features: &["emulator", "field", "packaging", "recording", "serial"],
+        features: &["emulator", "field", "live", "packaging", "recording", "serial"],
         ..HOST_PROGRAM
     },
     Member {

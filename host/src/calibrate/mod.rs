@@ -20,7 +20,7 @@ mod curve;
 mod least_squares;
 mod samples;
 #[cfg(feature = "emulator")]
-mod sensor;
+pub(crate) mod sensor;
 #[cfg(feature = "emulator")]
 pub(crate) mod verb;
 
@@ -30,6 +30,8 @@ pub(crate) use bench::Session;
 use palpate_wire::Command;
 use palpate_wire::command::{Coil, Settings};
 
+#[cfg(feature = "live")]
+pub(crate) use actuated::LinePoint;
 pub(crate) use actuated::{Actuated, FallSample, TrainFit};
 use commands::Findings;
 pub(crate) use crosstalk::Crosstalk;

@@ -53,14 +53,16 @@ impl PluggedBoard {
         Ok(board)
     }
 
-    /// Presses something again and again; it has to be in the board's world.
-    pub(super) const fn set_touch(&mut self, touch: Touch) {
-        self.touch = Some(touch);
+    /// Presses something again and again, which has to be in the board's world; or nothing.
+    pub(super) const fn set_touch(&mut self, touch: Option<Touch>) {
+        self.touch = touch;
     }
 
-    /// Takes the power away, and gives it again in another world. What is stored stays.
+    /// Takes the power away, and gives it again in another world, in which nothing is pressed by itself.
+    /// What is stored stays.
     pub(crate) fn power_on_in(&mut self, world: World) -> Result<(), Failure> {
         self.before = self.now();
+        self.touch = None;
         self.instrument = powered(&self.image, world, self.seed);
         self.fill_flash()?;
         self.unsent.clear();

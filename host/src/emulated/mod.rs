@@ -59,11 +59,8 @@ impl Model {
     /// A board of this model at its cable. With `press`, a spring of this multiple of the sensing layer's
     /// stiffness is pressed again and again.
     pub(crate) fn plug(&self, press: Option<f64>) -> Result<PluggedBoard, Failure> {
-        let Some(ratio) = press else {
-            return self.plug_in(untouched(&self.plant)?);
-        };
-        let touch = Touch::of(&self.stack, &self.plant, ratio)?;
-        let mut board = self.plug_in(touch.world(&self.plant)?)?;
+        let (world, touch) = surroundings(&self.stack, &self.plant, press)?;
+        let mut board = self.plug_in(world)?;
         board.set_touch(touch);
         Ok(board)
     }
@@ -75,7 +72,36 @@ impl Model {
     }
 }
 
+/// The world of a board, with what is pressed in it.
+fn surroundings(
+    stack: &Stack,
+    plant: &Parameters,
+    press: Option<f64>,
+) -> Result<(World, Option<Touch>), Failure> {
+    let touch = press.map(|ratio| Touch::of(stack, plant, ratio));
+    let touch = touch.transpose()?;
+    let world = touch.map_or_else(|| untouched(plant), |touch| touch.world(plant))?;
+    Ok((world, touch))
+}
+
 impl Arguments {
+    /// Takes a board of these arguments off a bench: it gets its power anew, in the world in which it was
+    /// plugged with this `press`.
+    ///
+    /// # Errors
+    /// If there is no such world, or what is stored cannot be read.
+    pub(crate) fn plug_anew(
+        &self,
+        board: &mut PluggedBoard,
+        press: Option<f64>,
+    ) -> Result<(), Failure> {
+        let (stack, plant) = self.stack_and_plant()?;
+        let (world, touch) = surroundings(&stack, &plant, press)?;
+        board.power_on_in(world)?;
+        board.set_touch(touch);
+        Ok(())
+    }
+
     /// The sensor, as far as its stack says: that which is named, for an emulated board the usual one.
     pub(crate) fn known(&self, is_emulated: bool) -> Result<Option<Parameters>, Failure> {
         if self.stack.is_none() && !is_emulated {
@@ -135,7 +161,7 @@ impl Arguments {
 
 /// The user's folder for what programs keep (the XDG base directory specification; on Windows that for
 /// data of this computer).
-fn state_folder() -> PathBuf {
+pub(crate) fn state_folder() -> PathBuf {
     let named = ["XDG_STATE_HOME", "LOCALAPPDATA"].into_iter();
     let mut named = named.filter_map(env::var_os).map(PathBuf::from);
     let usual = || env::home_dir().map(|home| home.join(".local/state"));

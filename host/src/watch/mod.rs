@@ -2,7 +2,7 @@
 
 mod chart;
 mod history;
-mod known;
+pub(crate) mod known;
 #[cfg(test)]
 mod tests;
 mod view;

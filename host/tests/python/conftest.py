@@ -11,6 +11,21 @@ from pathlib import Path
 import pytest
 
 
+def pytest_addoption(parser):
+    parser.addoption("--slow", action="store_true", help="run what takes minutes as well")
+
+
+def pytest_configure(config):
+    config.addinivalue_line("markers", "slow: takes minutes, and runs with --slow")
+
+
+def pytest_collection_modifyitems(config, items):
+    if not config.getoption("--slow"):
+        for item in items:
+            if "slow" in item.keywords:
+                item.add_marker(pytest.mark.skip(reason="takes minutes: --slow runs it"))
+
+
 class Tool:
     """`palpate`, run in a folder."""
 

@@ -1,0 +1,27 @@
+// The page: what comes from the tool goes to its parts, and their requests go back.
+
+import { Calibration } from "./calibration.js";
+import { connect } from "./connection.js";
+import { LinePlot, TimePlots } from "./plots.js";
+import { Readings } from "./readings.js";
+
+const plots = new TimePlots();
+const line = new LinePlot();
+const readings = new Readings((request) => send(request));
+const calibration = new Calibration((request) => send(request));
+
+const send = connect(
+  (message) => {
+    if (message.samples) plots.add(message.samples);
+    if (message.line) line.show(message.line);
+    if (message.skipped) readings.skip(message.skipped);
+    if (message.state) {
+      readings.show(message.state);
+      calibration.show(message.state.calibration);
+    }
+  },
+  (isConnected) => {
+    readings.connect(isConnected);
+    plots.interrupt();
+  },
+);

@@ -1,0 +1,35 @@
+// Numbers and units in words.
+
+/** A number with so many significant digits, four decimals at most. */
+export function digits(value, count) {
+  if (value === 0) return "0";
+  const whole = Math.floor(Math.log10(Math.abs(value))) + 1;
+  return value.toFixed(Math.min(Math.max(count - whole, 0), 4));
+}
+
+/** A stiffness in N/mm; absent for one that has no end. */
+export function stiffness(nPerM) {
+  return nPerM == null ? "no limit" : `${digits(nPerM * 1e-3, 3)} N/mm`;
+}
+
+/** A value with two standard uncertainties, in a unit that is so much of the SI unit. */
+export function uncertain(value, sigma, unit, scale, places) {
+  if (value == null) return "not calibrated";
+  const number = (value / scale).toFixed(places);
+  return sigma == null ? `${number} ${unit}` : `${number} ± ${(2 * sigma / scale).toFixed(places)} ${unit}`;
+}
+
+/** A value, or that it is not measured. */
+export function plain(value, unit, places) {
+  return value == null ? "not measured" : `${value.toFixed(places)} ${unit}`;
+}
+
+/** A part as per cent. */
+export function percent(part) {
+  return `${digits(100 * part, 2)} %`;
+}
+
+/** A number that the protocol has a name for, as words. */
+export function words(name) {
+  return String(name).replaceAll("_", " ");
+}

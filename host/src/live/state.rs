@@ -1,0 +1,121 @@
+//! What a page shows besides the plots.
+
+use palpate_wire::code::FaultCode;
+use serde::Serialize;
+
+use crate::calibrate::sensor::Found;
+use crate::faults;
+use crate::watch::known::Known;
+
+/// Everything at a moment.
+#[derive(Serialize)]
+pub(super) struct State<'a> {
+    /// The same as `palpate watch --json` prints.
+    pub(super) known: &'a Known,
+    /// Which firmware and copy of the board it is.
+    pub(super) title: String,
+    /// What the board is doing, and whether something touches.
+    pub(super) doing: Option<&'static str>,
+    pub(super) contact: Option<&'static str>,
+    /// The faults that stand, in words.
+    pub(super) faults: Vec<Fault>,
+    pub(super) calibration: &'a Progress,
+    /// The last answer to a request.
+    pub(super) answer: &'a Answer,
+}
+
+impl<'a> State<'a> {
+    /// What is known of a board, in words where the protocol has some.
+    pub(super) fn of(known: &'a Known, calibration: &'a Progress, answer: &'a Answer) -> Self {
+        let title = known.hello.as_ref().map(|hello| {
+            let (major, minor, patch) = (
+                hello.firmware_major,
+                hello.firmware_minor,
+                hello.firmware_patch,
+            );
+            let simulated = if hello.simulated { ", simulated" } else { "" };
+            format!(
+                ", firmware {major}.{minor}.{patch}, unit {:016X}{simulated}",
+                hello.unit
+            )
+        });
+        Self {
+            known,
+            title: title.unwrap_or_default(),
+            doing: known.state.map(|state| state.meaning().trim()),
+            contact: known.contact().map(|contact| contact.meaning().trim()),
+            faults: known.faults.iter().copied().map(Fault::of).collect(),
+            calibration,
+            answer,
+        }
+    }
+}
+
+/// A fault in words.
+#[derive(Serialize)]
+pub(super) struct Fault {
+    number: u8,
+    name: &'static str,
+    /// What it is, and what to check.
+    meaning: String,
+}
+
+impl Fault {
+    fn of(code: FaultCode) -> Self {
+        Self {
+            number: code.number(),
+            name: code.name(),
+            meaning: faults::meaning(code),
+        }
+    }
+}
+
+/// What became of a request.
+#[derive(Debug, Default, Serialize)]
+pub(super) struct Answer {
+    /// Counts them.
+    number: u32,
+    text: String,
+    is_refusal: bool,
+}
+
+impl Answer {
+    pub(super) fn accept(&mut self, text: impl Into<String>) {
+        self.set(text.into(), false);
+    }
+
+    pub(super) fn refuse(&mut self, text: impl Into<String>) {
+        self.set(text.into(), true);
+    }
+
+    fn set(&mut self, text: String, is_refusal: bool) {
+        *self = Self {
+            number: self.number.wrapping_add(1),
+            text,
+            is_refusal,
+        };
+    }
+}
+
+/// How far a calibration is.
+#[derive(Debug, Serialize)]
+#[serde(tag = "phase", rename_all = "snake_case")]
+pub(super) enum Progress {
+    /// There is no bench.
+    Unavailable { reason: &'static str },
+    /// It may begin: so many presses.
+    Ready { runs: usize },
+    Running {
+        /// From 1.
+        run: usize,
+        runs: usize,
+        /// What is pressed, and how deep.
+        pressed: String,
+    },
+    /// To be kept or discarded.
+    Found { figures: Box<Found> },
+    /// In force and stored.
+    Kept { figures: Box<Found> },
+    /// Ended without a result.
+    Failed { reason: String },
+}
