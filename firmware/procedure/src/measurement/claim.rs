@@ -13,7 +13,6 @@ use palpate_wire::record::{Estimate, LoadPoint, Refusal};
 
 use super::{Measurement, Reason};
 use crate::configuration::Calibrated;
-use crate::heat::Heat;
 use crate::time::{Instant, seconds};
 
 /// What a measurement ends in.
@@ -55,7 +54,7 @@ impl Measurement {
     pub(super) fn conclude(
         &mut self,
         settings: &Settings,
-        heat: Option<&Heat>,
+        temperature: Option<Celsius>,
         now: Instant,
     ) -> Result<EstimateReport, Reason> {
         let (completed, began) = (self.drive.train().completed(), self.drive.began);
@@ -70,7 +69,6 @@ impl Measurement {
         let of_noise = widened(&ratio, scatter);
         let reference = *ramps.reference();
         let at = operating_point(&self.calibrated, &reference, settings);
-        let temperature = heat.map(Heat::pad);
         let calibration = at_temperature(
             uncertainties(&self.calibrated, &of_noise, &at, settings),
             &self.calibrated,
@@ -120,7 +118,7 @@ impl Measurement {
             two_state_n_per_m: self.two_states.load(sensing).map(|load| load.0),
             force_n: (sensing * reference.deformation()).0,
             total_displacement_m: total.0,
-            temperature_c: heat.map(|heat| heat.copper().0),
+            temperature_c: temperature.map(|temperature| temperature.0),
             duration_s: seconds(began, now).0,
             load_points: curve.as_ref().map_or(0, |curve| curve.points),
         };

@@ -12,6 +12,7 @@ use super::{Out, Procedure};
 use crate::action::Action;
 use crate::deformation::Deformation;
 use crate::event::{Failure, Scan};
+use crate::heat::Heat;
 use crate::measurement::{
     EstimateReport, Measurement, MeasurementOutcome, Progress, Reason, TrainDrive, metres, refusal,
 };
@@ -350,13 +351,16 @@ impl Procedure {
         if let Phase::Sweeping { touched, .. } = self.phase {
             return self.swept(touched, out);
         }
+        // By the thermometer, which the estimate reports: what goes into it is in the records, so that it
+        // can be computed again from them. The heat is followed from the start on.
+        let temperature = self.temperature().or(self.heat.as_ref().map(Heat::pad));
         // Where it lies: it is the largest thing there is, and the stack is short.
         let Phase::Driving(measurement) = &mut self.phase else {
             return;
         };
         let since = measurement.touched();
         let settings = &self.configuration.settings;
-        match measurement.finish(settings, self.heat.as_ref(), out.now) {
+        match measurement.finish(settings, temperature, out.now) {
             MeasurementOutcome::Estimate(report) => {
                 out.record(Record::Estimate(report.estimate.clone()));
                 self.phase = Phase::Reporting {

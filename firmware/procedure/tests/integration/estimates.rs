@@ -234,8 +234,8 @@ fn the_other_numbers_are_those_of_the_sensor() {
         (12 * 57..=12 * 60).contains(&estimate.samples),
         "{estimate:?}"
     );
-    let heated_c = estimate.temperature_c.expect("a coil");
-    assert!((30.0..60.0).contains(&heated_c), "{heated_c}");
+    // What the thermometer says, and not the copper's, which the train has heated.
+    assert_eq!(estimate.temperature_c, Some(25.0));
 }
 
 #[test]
