@@ -257,7 +257,7 @@ def test_a_calibration_is_kept_and_a_press_is_measured(page):
     until(page, "calibration", "is in force, and stored.")
     press(page, Keys.ENTER)
     until(page, "connection", "Connected")
-    until(page, "readings", "µm ±")
+    until(page, "readings", " µm\nFrequency")
     page.find_element(By.ID, "arm").click()
     until(page, "state", "Armed.")
     until(page, "interval", "between", 300)

@@ -54,6 +54,12 @@ function axis(label, of, scale, side) {
   };
 }
 
+/** Before time zero there is nothing. */
+function timeAxis() {
+  const values = (_, splits) => splits.map((time) => (time < 0 ? "" : String(time)));
+  return { ...axis("time, s", "--quiet", "x", 2), incrs: [5], values };
+}
+
 /** A plot that is made again when its place or the colours of the page change. */
 class Plot {
   #element;
@@ -188,6 +194,8 @@ export class TimePlots {
         scale: quantity,
         stroke: colour(alike ? FURTHER[(alike - 1) % FURTHER.length] : own),
         width: 1.5,
+        // What goes by the right axis is often proportional to the rest, and would cover it.
+        dash: QUANTITIES[quantity].side === 1 ? [6, 6] : null,
         points: { show: false },
       };
     });
@@ -199,7 +207,7 @@ export class TimePlots {
           x: { time: false, range: (_, least, greatest) => [greatest - SPAN, greatest] },
           ...Object.fromEntries(shown.map(([quantity, { span }]) => [quantity, { range: range(span) }])),
         },
-        axes: [axis("time, s", "--quiet", "x", 2),
+        axes: [timeAxis(),
           ...shown.map(([quantity, of]) => axis(of.axis, of.colour, quantity, of.side))],
         series: [{}, ...series],
       },

@@ -1,6 +1,6 @@
 // Numbers, states, faults and the buttons beside them.
 
-import { percent, plain, stiffness, uncertain, words } from "./text.js";
+import { digits, percent, plain, stiffness, uncertain, words } from "./text.js";
 
 const at = (id) => document.getElementById(id);
 
@@ -84,11 +84,10 @@ export class Readings {
       return;
     }
     const value = estimate.stiffness_n_per_m;
-    const lower = stiffness(estimate.lower_n_per_m);
     say(at("stiffness"), value == null ? "Rigid" : stiffness(value));
     say(at("interval"), estimate.upper_n_per_m == null
-      ? `at least ${lower} (95 %)`
-      : `between ${lower} and ${stiffness(estimate.upper_n_per_m)} (95 %)`);
+      ? `at least ${stiffness(estimate.lower_n_per_m)} (95\u00a0%)`
+      : `between ${digits(estimate.lower_n_per_m * 1e-3, 3)} and ${stiffness(estimate.upper_n_per_m)} (95\u00a0%)`);
     say(at("result-details"), `Measurement ${estimate.measurement}, at ${estimate.force_n.toFixed(2)} N, ${ago}`);
   }
 

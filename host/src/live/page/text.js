@@ -7,9 +7,9 @@ export function digits(value, count) {
   return value.toFixed(Math.min(Math.max(count - whole, 0), 4));
 }
 
-/** A stiffness in N/mm; absent for one that has no end. */
+/** A stiffness in N/mm. */
 export function stiffness(nPerM) {
-  return nPerM == null ? "no limit" : `${digits(nPerM * 1e-3, 3)} N/mm`;
+  return `${digits(nPerM * 1e-3, 3)} N/mm`;
 }
 
 /** A value with two standard uncertainties, in a unit that is so much of the SI unit. */
