@@ -6,7 +6,7 @@ use palpate_sim::stack::{Disturbances, Stack};
 use palpate_sim::switches::Switches;
 use palpate_wire::command::{Coil, Settings};
 
-use crate::calibrate::bench::{self, BenchPlan, NativeBench};
+use crate::calibrate::bench::{self, BenchPlan, NativeBench, Session};
 use crate::calibrate::{self, Calibration, Known};
 use crate::failure::Failure;
 
@@ -69,15 +69,19 @@ impl CalibratedInstrument {
         settings: &Settings,
     ) -> Result<Self, Failure> {
         let task = BenchTask::of(&plant, stack, switches, settings);
-        let failed = |reason: String| Failure::Refused(format!("calibration: {reason}"));
-        let session = bench::hold(
-            &mut NativeBench::new(&plant, switches),
-            &task.plan,
-            &mut |_, _| {},
-        )
-        .map_err(|error| failed(error.to_string()))?;
-        let calibration = calibrate::evaluate(&session, &task.known)
-            .map_err(|error| failed(error.to_string()))?;
+        let session = task.session(&plant, switches)?;
+        Self::of_session(&session, task, plant, switches)
+    }
+
+    /// The same from a session that was written down before.
+    pub(crate) fn of_session(
+        session: &Session,
+        task: BenchTask,
+        plant: Parameters,
+        switches: Switches,
+    ) -> Result<Self, Failure> {
+        let calibration = calibrate::evaluate(session, &task.known)
+            .map_err(|error| Failure::Refused(format!("calibration: {error}")))?;
         Ok(Self {
             plant,
             switches,
@@ -89,12 +93,26 @@ impl CalibratedInstrument {
 }
 
 /// What is to be done on the bench of a plant, and what is known of it beforehand.
+#[derive(Clone)]
 pub(crate) struct BenchTask {
     pub(crate) plan: BenchPlan,
     pub(crate) known: Known,
+    /// The coil's temperature, degrees Celsius, where a board has measured it.
+    pub(crate) temperature_c: Option<f64>,
 }
 
 impl BenchTask {
+    /// What is written down on the simulated bench of a plant.
+    pub(crate) fn session(
+        &self,
+        plant: &Parameters,
+        switches: Switches,
+    ) -> Result<Session, Failure> {
+        let mut bench = NativeBench::new(plant, switches);
+        bench::hold(&mut bench, &self.plan, &self.known, &mut |_, _| {})
+            .map_err(|error| Failure::Refused(format!("calibration: {error}")))
+    }
+
     pub(crate) fn of(
         plant: &Parameters,
         stack: &Stack,
@@ -129,11 +147,11 @@ impl BenchTask {
             } else {
                 0.0
             },
-            load_cell_gain: if switches.load_cell_gain {
+            load_cell_gain: Some(if switches.load_cell_gain {
                 LOAD_CELL_GAIN
             } else {
                 0.0
-            },
+            }),
             springs_per_k: if switches.spring_temperature {
                 SPRINGS_PER_K
             } else {
@@ -145,9 +163,30 @@ impl BenchTask {
                 0.0
             },
         };
-        Self { plan, known }
+        Self {
+            plan,
+            known,
+            temperature_c: None,
+        }
+    }
+
+    /// The same for a board of which the stack is known and the supply was measured, V.
+    pub(crate) fn of_board(
+        plant: &Parameters,
+        stack: &Stack,
+        supply_v: Option<f64>,
+        settings: &Settings,
+    ) -> Self {
+        let mut nominal = plant.clone();
+        nominal.press.depth_m = stack.press_depth_of_sensing_layer_m.centre();
+        nominal.current.supply_v = supply_v.unwrap_or(f64::INFINITY);
+        nominal.current.supply_ohm = SUPPLY_OHM;
+        Self::of(&nominal, stack, Switches::all(), settings)
     }
 }
+
+/// Resistance of a board's supply with its wires, ohm: the greatest of the simulated ones.
+const SUPPLY_OHM: f64 = 0.3;
 
 /// The greatest working depth at rest, m, from which the deepest press upon a rigid load stays
 /// within [`REACH_M`] at the peak current, by the stack's nominal values: the actuated layer

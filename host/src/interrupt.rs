@@ -7,6 +7,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
 
+use crate::failure::Failure;
+
 /// Exit code of a program that a second Ctrl-C ends, as shells report it: 128 and the signal's number.
 const INTERRUPTED: i32 = 130;
 
@@ -30,5 +32,16 @@ impl Interrupt {
     /// Whether the end was asked for.
     pub(crate) fn is_asked(&self) -> bool {
         self.0.load(Ordering::Relaxed)
+    }
+
+    /// Ends what it is called in where the end was asked for.
+    ///
+    /// # Errors
+    /// If it was.
+    pub(crate) fn go_on(&self) -> Result<(), Failure> {
+        if self.is_asked() {
+            return Err(Failure::Refused("broken off by Ctrl-C".to_owned()));
+        }
+        Ok(())
     }
 }

@@ -78,10 +78,13 @@ mod recording;
 mod report;
 mod results;
 #[cfg(feature = "emulator")]
+mod rig_gauge;
+#[cfg(feature = "emulator")]
 mod serve;
 #[cfg(feature = "emulator")]
 mod settings;
 mod simulate;
+mod springs;
 #[cfg(feature = "emulator")]
 mod storage;
 mod switches;
@@ -154,12 +157,17 @@ enum Verb {
     #[cfg(feature = "emulator")]
     #[command(hide = true)]
     Acceptance(acceptance::Arguments),
+    #[command(hide = true)]
+    Springs(springs::Arguments),
     #[cfg(feature = "field")]
     Field(field::Arguments),
     #[cfg(feature = "emulator")]
     ImageCost(image_cost::Arguments),
     #[cfg(feature = "emulator")]
     ServeEmulated(serve::Arguments),
+    #[cfg(feature = "emulator")]
+    #[command(hide = true)]
+    RigGauge(rig_gauge::Arguments),
     #[cfg(feature = "packaging")]
     Completions(packaging::Completions),
     #[cfg(feature = "packaging")]
@@ -204,12 +212,15 @@ fn main() -> ExitCode {
         Verb::Misfit(arguments) => misfit::run(&arguments),
         #[cfg(feature = "emulator")]
         Verb::Acceptance(arguments) => acceptance::run(&arguments),
+        Verb::Springs(arguments) => springs::run(&arguments),
         #[cfg(feature = "field")]
         Verb::Field(arguments) => field::run(&arguments),
         #[cfg(feature = "emulator")]
         Verb::ImageCost(arguments) => image_cost::run(&arguments),
         #[cfg(feature = "emulator")]
         Verb::ServeEmulated(arguments) => serve::run(&arguments),
+        #[cfg(feature = "emulator")]
+        Verb::RigGauge(arguments) => rig_gauge::run(&arguments),
         #[cfg(feature = "packaging")]
         Verb::Completions(arguments) => packaging::completions(&arguments, Cli::command()),
         #[cfg(feature = "packaging")]

@@ -206,6 +206,24 @@ const CAMPAIGNS: &[Campaign] = &[
         rests_on: INSTRUMENT,
     },
     Campaign {
+        name: "springs",
+        purpose: "A calibration by springs alone beside one with a load cell, on the same sensors: errors and \
+                  coverage; and what good sessions come to in the checks that refuse bad ones.",
+        arguments: &[
+            "run",
+            "--release",
+            "-p",
+            "palpate",
+            "--",
+            "springs",
+            "--plants",
+            "50",
+            "--seed",
+            "30001",
+        ],
+        rests_on: INSTRUMENT,
+    },
+    Campaign {
         name: "misfit",
         purpose: "What a press is worth whose disturbance the calibration left out: covered, refused or \
                   missed, by disturbance, load and size.",

@@ -11,7 +11,7 @@
 use super::bench::Pressed;
 
 use super::crosstalk::Crosstalk;
-use super::curve::{ForceCurve, chebyshev};
+use super::curve::{PressCurve, chebyshev};
 use super::least_squares::{Solution, System};
 use super::samples::{Fallen, SampleRun};
 use super::{Known, Signal, Unusable};
@@ -190,6 +190,8 @@ pub(super) struct Fit {
     pub(super) actuated: Actuated,
     pub(super) solution: Solution,
     pub(super) problem: Problem,
+    /// What the cross-talk grows by beyond what the samples were prepared with, 1/m.
+    growth_per_m: f64,
 }
 
 /// The trains, prepared.
@@ -201,6 +203,8 @@ pub(super) struct Problem {
     pub(super) peak_a: f64,
     /// Mean deformation, m.
     pub(super) depth_m: f64,
+    /// The cross-talk without contact, m/A^2, where its growth is found here and not with a load cell.
+    growing_m_per_a2: Option<f64>,
 }
 
 #[derive(Clone, Debug)]
@@ -227,63 +231,97 @@ const ATTRACTION: usize = DEGREE;
 const RATIO: usize = DEGREE + 1;
 const SHARED: usize = DEGREE + 2;
 
+/// Fits the trains, with the cross-talk as the load cell has it.
 pub(super) fn fit(
     runs: &[SampleRun],
-    force: &ForceCurve,
+    force: &PressCurve,
     crosstalk: Crosstalk,
     frame_m_per_n: f64,
     known: &Known,
 ) -> Result<Fit, Unusable> {
-    let sensing = known.sensing_n_per_m;
-    let prepare = |sample: &Fallen| FallSample {
-        time_s: sample.time_s,
-        deformation_m: crosstalk.without(force.at(sample.change) / sensing, sample.current_a),
-        current_a: sample.current_a,
-    };
-    let trains: Vec<Train> = runs
-        .iter()
-        .filter_map(|run| {
-            let (compliance, spring) = match run.pressed {
-                Pressed::Nothing => return None,
-                Pressed::Block => (0.0, false),
-                Pressed::Spring { n_per_m } => (1.0 / n_per_m, true),
-            };
-            Some(Train {
-                kappa: sensing * (compliance + frame_m_per_n),
-                spring,
-                tau_s: run.since_touch_s,
-                samples: run.falls.iter().map(prepare).collect(),
-            })
-        })
-        .collect();
-    let changes = runs.iter().flat_map(|run| &run.falls);
-    let greatest = changes.map(|fallen| fallen.change).fold(0.0, f64::max);
-    if greatest > force.greatest_change {
-        return Err(Unusable::BeyondPresses {
-            train: greatest,
-            press: force.greatest_change,
-        });
-    }
-    if trains.iter().any(|train| train.samples.is_empty()) {
-        return Err(Unusable::Missing(
-            "fall of the current in one of its trains",
-        ));
-    }
-    let deformations = trains.iter().flat_map(|train| &train.samples);
-    let (sum_m, count) = deformations.fold((0.0, 0.0), |(sum, count), sample| {
-        (sum + sample.deformation_m, count + 1.0)
-    });
-    let problem = Problem {
-        trains,
-        sensing_n_per_m: sensing,
-        start_ratio: sensing / known.actuated_n_per_m,
-        peak_a: f64::from(known.settings.peak_current_a),
-        depth_m: sum_m / count,
-    };
+    let problem = Problem::new(runs, force, crosstalk, frame_m_per_n, known)?;
     problem.fit(&vec![0.0; problem.springs()])
 }
 
+/// Fits the trains and the growth of the cross-talk with the press, which is one more unknown:
+/// X I^2 takes from 1/x in proportion to W_j, other than h, which all trains share.
+pub(super) fn fit_with_growth(
+    runs: &[SampleRun],
+    force: &PressCurve,
+    mut crosstalk: Crosstalk,
+    known: &Known,
+) -> Result<(Fit, Crosstalk), Unusable> {
+    let growing_m_per_a2 = Some(crosstalk.untouched_m_per_a2);
+    for _ in 1..ROUNDS {
+        let mut problem = Problem::new(runs, force, crosstalk, 0.0, known)?;
+        problem.growing_m_per_a2 = growing_m_per_a2;
+        let fit = problem.fit(&vec![0.0; problem.springs()])?;
+        crosstalk.growth_per_m += fit.growth_per_m;
+    }
+    let mut problem = Problem::new(runs, force, crosstalk, 0.0, known)?;
+    problem.growing_m_per_a2 = growing_m_per_a2;
+    let fit = problem.fit(&vec![0.0; problem.springs()])?;
+    Ok((fit, crosstalk))
+}
+
 impl Problem {
+    fn new(
+        runs: &[SampleRun],
+        force: &PressCurve,
+        crosstalk: Crosstalk,
+        frame_m_per_n: f64,
+        known: &Known,
+    ) -> Result<Self, Unusable> {
+        let sensing = known.sensing_n_per_m;
+        let prepare = |sample: &Fallen| FallSample {
+            time_s: sample.time_s,
+            deformation_m: crosstalk.without(force.at(sample.change) / sensing, sample.current_a),
+            current_a: sample.current_a,
+        };
+        let trains: Vec<Train> = runs
+            .iter()
+            .filter_map(|run| {
+                let (compliance, spring) = match run.pressed {
+                    Pressed::Nothing => return None,
+                    Pressed::Block => (0.0, false),
+                    Pressed::Spring { n_per_m } => (1.0 / n_per_m, true),
+                };
+                Some(Train {
+                    kappa: sensing * (compliance + frame_m_per_n),
+                    spring,
+                    tau_s: run.since_touch_s,
+                    samples: run.falls.iter().map(prepare).collect(),
+                })
+            })
+            .collect();
+        let changes = runs.iter().flat_map(|run| &run.falls);
+        let greatest = changes.map(|fallen| fallen.change).fold(0.0, f64::max);
+        if greatest > force.greatest_change {
+            return Err(Unusable::BeyondPresses {
+                train: greatest,
+                press: force.greatest_change,
+            });
+        }
+        if trains.iter().any(|train| train.samples.is_empty()) {
+            return Err(Unusable::Missing(
+                "fall of the current in one of its trains",
+            ));
+        }
+        let deformations = trains.iter().flat_map(|train| &train.samples);
+        let (sum_m, count) = deformations.fold((0.0, 0.0), |(sum, count), sample| {
+            (sum + sample.deformation_m, count + 1.0)
+        });
+        let problem = Problem {
+            trains,
+            sensing_n_per_m: sensing,
+            start_ratio: sensing / known.actuated_n_per_m,
+            peak_a: f64::from(known.settings.peak_current_a),
+            depth_m: sum_m / count,
+            growing_m_per_a2: None,
+        };
+        Ok(problem)
+    }
+
     /// The least deformation of all trains, m, which is one at the end of a fall: nothing is known of
     /// shallower presses.
     pub(super) fn shallowest_m(&self) -> f64 {
@@ -306,6 +344,7 @@ impl Problem {
             attraction_n_per_a2: 0.0,
         };
         let mut solution = None;
+        let mut growth_per_m = 0.0;
         for _ in 0..ROUNDS {
             let solved = self
                 .system(&actuated, stiffer)
@@ -317,6 +356,7 @@ impl Problem {
                 peak_a: self.peak_a,
                 attraction_n_per_a2: unknown(ATTRACTION),
             };
+            growth_per_m = unknown(self.growth());
             solution = Some(solved);
         }
         let rises = actuated.rise(self.peak_a) > 0.0;
@@ -325,6 +365,7 @@ impl Problem {
                 actuated,
                 solution,
                 problem: self.clone(),
+                growth_per_m,
             }),
             _ => Err(self.cause(actuated.ratio)),
         }
@@ -379,8 +420,13 @@ impl Problem {
         self.trains.iter().map(bend).collect()
     }
 
+    /// Place of the growth of the cross-talk, after all else.
+    fn growth(&self) -> usize {
+        SHARED + 3 * self.trains.len()
+    }
+
     fn system(&self, guess: &Actuated, stiffer: &[f64]) -> System {
-        let unknowns = SHARED + 3 * self.trains.len();
+        let unknowns = self.growth() + usize::from(self.growing_m_per_a2.is_some());
         let mut system = System::new(unknowns);
         let mut stiffer = stiffer.iter();
         for (index, train) in self.trains.iter().enumerate() {
@@ -417,6 +463,8 @@ impl Problem {
                     SHARED + 3 * index + 2,
                     self.depth_m / x_m * sample.time_s,
                 );
+                let untouched_m = self.growing_m_per_a2.map(|of| of * square_a2);
+                set(&mut row, self.growth(), whole * untouched_m.unwrap_or(0.0));
                 system.add(row, 1.0 + kappa, x_m / (self.depth_m * whole));
             }
         }

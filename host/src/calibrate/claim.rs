@@ -11,20 +11,53 @@ pub(crate) struct Uncertainty {
     pub(crate) scale: f64,
     /// By how much the trains' own lines bend, root of the mean square.
     pub(crate) bend: f64,
+    /// What they consist of.
+    pub(crate) parts: Parts,
+}
+
+/// The same two figures of each cause.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Parts {
+    /// The springs' tolerance.
+    pub(crate) springs: Part,
+    /// The samples' noise.
+    pub(crate) noise: Part,
+    /// What the trains leave unexplained: creep, memory, what slipped.
+    pub(crate) trains: Part,
+    /// The gauges: scale of the force, compliance of the frame.
+    pub(crate) bench: Part,
+}
+
+/// A cause's part, as standard uncertainties.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Part {
+    /// Of kappa, constant.
+    pub(crate) constant: f64,
+    /// Of kappa, as a part of it.
+    pub(crate) scale: f64,
+}
+
+/// Standard uncertainties of what is not known of the bench.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Bench {
+    /// Scale of the force, relative.
+    pub(super) force: f64,
+    /// Compliance of the frame, m/N.
+    pub(super) frame_m_per_n: f64,
 }
 
 /// Loads at which it is evaluated: kappa from a rigid load to one five times as soft as the
 /// sensing layer.
 const KAPPAS: [f64; 7] = [0.0, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0];
 
-pub(super) fn uncertainty(fit: &Fit, known: &Known) -> Result<Uncertainty, Unusable> {
-    let mut variances = [0.0; KAPPAS.len()];
-    let mut add = |changed: &Actuated, sigma: f64| {
+pub(super) fn uncertainty(fit: &Fit, bench: Bench, known: &Known) -> Result<Uncertainty, Unusable> {
+    let add = |variances: &mut [f64; KAPPAS.len()], changed: &Actuated, sigma: f64| {
         for (variance, kappa) in variances.iter_mut().zip(KAPPAS) {
             let found = read_with(changed, &fit.actuated, &fit.problem, kappa);
             *variance += ((found - kappa) * sigma).powi(2);
         }
     };
+    let mut by_springs = [0.0; KAPPAS.len()];
     // Each spring off by itself, uniformly within its tolerance. Looked at with a small step.
     const STEP: f64 = 1e-3;
     for spring in 0..fit.problem.springs() {
@@ -33,35 +66,67 @@ pub(super) fn uncertainty(fit: &Fit, known: &Known) -> Result<Uncertainty, Unusa
             *stiffer = STEP;
         }
         let changed = fit.problem.fit(&stiffer)?.actuated;
-        add(&changed, known.spring_tolerance / 3_f64.sqrt() / STEP);
+        add(
+            &mut by_springs,
+            &changed,
+            known.spring_tolerance / 3_f64.sqrt() / STEP,
+        );
     }
+    let mut variances = by_springs;
     // The samples' noise, along the Cholesky columns of the covariance.
     for column in columns(fit) {
         let unknowns = fit.solution.unknowns.iter().zip(&column);
         let unknowns: Vec<f64> = unknowns.map(|(unknown, change)| unknown + change).collect();
-        add(&actuated::with_unknowns(&fit.actuated, &unknowns), 1.0);
+        let changed = actuated::with_unknowns(&fit.actuated, &unknowns);
+        add(&mut variances, &changed, 1.0);
     }
-    let sigma = |index: usize| variances.get(index).map_or(0.0, |v| v.sqrt());
-    let constant = sigma(0).max(sigma(1)).max(sigma(2));
-    let scale = KAPPAS
-        .iter()
-        .enumerate()
-        .filter(|(_, kappa)| **kappa >= SOFT)
-        .map(|(index, kappa)| sigma(index) / kappa)
-        .fold(0.0, f64::max);
+    let Part { constant, scale } = figures(&variances);
+    let springs = figures(&by_springs);
+    let mut by_noise = variances;
+    let both = by_noise.iter_mut().zip(by_springs);
+    both.for_each(|(all, springs)| *all -= springs);
     let misses = fit.problem.misses(&fit.actuated)?;
     let hard = misses.iter().filter(|(kappa, _)| *kappa < SOFT);
     let soft = misses.iter().filter(|(kappa, _)| *kappa >= SOFT);
     // What the trains were fitted with takes up part of their scatter.
-    let trains = misses.len() as f64;
-    let taken_up = (trains / (trains - ADJUSTED).max(1.0)).sqrt();
+    let count = misses.len() as f64;
+    let taken_up = (count / (count - ADJUSTED).max(1.0)).sqrt();
+    let trains = Part {
+        constant: taken_up * rms(hard.map(|(_, miss)| *miss)),
+        scale: taken_up * rms(soft.map(|(kappa, miss)| miss / kappa)),
+    };
+    let bench = Part {
+        constant: bench.frame_m_per_n * known.sensing_n_per_m,
+        scale: bench.force,
+    };
     Ok(Uncertainty {
-        constant: constant.hypot(taken_up * rms(hard.map(|(_, miss)| *miss))),
-        scale: scale
-            .hypot(taken_up * rms(soft.map(|(kappa, miss)| miss / kappa)))
-            .hypot(known.load_cell_gain / 3_f64.sqrt()),
+        constant: constant.hypot(trains.constant).hypot(bench.constant),
+        scale: scale.hypot(trains.scale).hypot(bench.scale),
         bend: rms(fit.problem.bends(&fit.actuated)?.into_iter()),
+        parts: Parts {
+            springs,
+            noise: figures(&by_noise),
+            trains,
+            bench,
+        },
     })
+}
+
+/// The two figures of variances at the loads.
+fn figures(variances: &[f64; KAPPAS.len()]) -> Part {
+    let sigma = |index: usize| {
+        variances
+            .get(index)
+            .map_or(0.0, |v: &f64| v.max(0.0).sqrt())
+    };
+    let scales = KAPPAS.iter().enumerate();
+    let scales = scales.filter(|(_, kappa)| **kappa >= SOFT);
+    Part {
+        constant: sigma(0).max(sigma(1)).max(sigma(2)),
+        scale: scales
+            .map(|(index, kappa)| sigma(index) / kappa)
+            .fold(0.0, f64::max),
+    }
 }
 
 /// Loads softer than this (kappa) are read with an error in proportion, harder ones with a constant

@@ -9,7 +9,7 @@ use palpate_wire::command::{
 };
 
 use super::claim::Uncertainty;
-use super::curve::ForceCurve;
+use super::curve::PressCurve;
 use super::{Actuated, Crosstalk, Known};
 
 /// Everything that the evaluation found.
@@ -18,7 +18,7 @@ pub(super) struct Findings<'a> {
     pub(super) temperature_c: f64,
     /// Frequency of the untouched sensor, Hz.
     pub(super) rest_hz: f64,
-    pub(super) force: &'a ForceCurve,
+    pub(super) force: &'a PressCurve,
     pub(super) crosstalk: &'a Crosstalk,
     pub(super) actuated: &'a Actuated,
     pub(super) uncertainty: &'a Uncertainty,

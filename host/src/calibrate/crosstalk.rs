@@ -2,7 +2,7 @@
 
 use super::bench::Pressed;
 
-use super::curve::ForceCurve;
+use super::curve::PressCurve;
 use super::least_squares::System;
 use super::samples::SampleRun;
 use super::{Known, Unusable};
@@ -17,16 +17,28 @@ pub(crate) struct Crosstalk {
 }
 
 impl Crosstalk {
-    /// Determines both.
+    /// Determines both, with the load cell.
     pub(super) fn fit(
         runs: &[SampleRun],
-        force: &ForceCurve,
+        force: &PressCurve,
         known: &Known,
     ) -> Result<Self, Unusable> {
         let untouched_m_per_a2 = untouched(runs, force, known)?;
         Ok(Self {
             untouched_m_per_a2,
             growth_per_m: growth(runs, force, untouched_m_per_a2, known)?,
+        })
+    }
+
+    /// Determines what there is without contact; nothing is said of its growth.
+    pub(super) fn without_contact(
+        runs: &[SampleRun],
+        force: &PressCurve,
+        known: &Known,
+    ) -> Result<Self, Unusable> {
+        Ok(Self {
+            untouched_m_per_a2: untouched(runs, force, known)?,
+            growth_per_m: 0.0,
         })
     }
 
@@ -48,7 +60,7 @@ impl Crosstalk {
 /// the same. c is the sensing layer's spring for changes as fast as the ramps.
 fn growth(
     runs: &[SampleRun],
-    force: &ForceCurve,
+    force: &PressCurve,
     crosstalk_m_per_a2: f64,
     known: &Known,
 ) -> Result<f64, Unusable> {
@@ -67,7 +79,8 @@ fn growth(
             let own = row.iter_mut().skip(2 + 2 * index);
             own.zip([1.0, phi])
                 .for_each(|(entry, value)| *entry = value);
-            let shared = [sample.force_n, untouched_m * (read_m - untouched_m)];
+            let force_n = sample.force_n.ok_or(Unusable::Missing("load cell"))?;
+            let shared = [force_n, untouched_m * (read_m - untouched_m)];
             let entries = row.iter_mut().zip(shared);
             entries.for_each(|(entry, value)| *entry = value);
             system.add(row, read_m - untouched_m, 1.0);
@@ -88,7 +101,7 @@ fn growth(
 }
 
 /// Apparent deformation per square of the current, m/A^2.
-fn untouched(runs: &[SampleRun], force: &ForceCurve, known: &Known) -> Result<f64, Unusable> {
+fn untouched(runs: &[SampleRun], force: &PressCurve, known: &Known) -> Result<f64, Unusable> {
     let free = runs
         .iter()
         .find(|run| run.pressed == Pressed::Nothing)

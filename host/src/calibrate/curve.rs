@@ -1,4 +1,4 @@
-//! Force against relative change of inductance, and the bench's own frame.
+//! Force, or the stage's travel, against relative change of inductance, and the bench's own frame.
 
 use super::bench::Pressed;
 
@@ -8,7 +8,7 @@ use super::samples::SampleRun;
 
 /// Degree of the polynomial through the quick presses: with 7 the coil's own curve between two slabs
 /// is met as with 9.
-const DEGREE: usize = 7;
+pub(super) const DEGREE: usize = 7;
 /// Prior size of the polynomial's terms, relative to the greatest force: of the second, and of each
 /// to the one before. `terms_of_the_coils_curve_are_within_their_prior` has the coil's own, for
 /// presses of 0.3 to 0.7 mm between slabs 1 mm off. So noise of the load cell does not bend the
@@ -16,20 +16,24 @@ const DEGREE: usize = 7;
 const SECOND: f64 = 0.15;
 const DECAY: f64 = 0.3;
 
-/// F(y), y = L/L0 - 1, with F(0) = 0.
+/// What rises in a press with y = L/L0 - 1, and is zero at y = 0: the force in N, or how far the stage
+/// moves on a block, m.
 #[derive(Clone, Debug)]
-pub(super) struct ForceCurve {
-    /// Coefficients of the terms of [`chebyshev`] in y/y_greatest, N.
+pub(super) struct PressCurve {
+    /// Coefficients of the terms of [`chebyshev`] in y/y_greatest.
     coefficients: Vec<f64>,
     pub(super) greatest_change: f64,
 }
 
-impl ForceCurve {
-    /// Fits the presses upon the block.
-    pub(super) fn fit(runs: &[SampleRun], deepest: &SampleRun) -> Result<Self, Unusable> {
+impl PressCurve {
+    /// Force against the change of inductance, from the presses upon the block.
+    pub(super) fn of_force(runs: &[SampleRun], deepest: &SampleRun) -> Result<Self, Unusable> {
         let presses = runs.iter().filter(|run| run.pressed == Pressed::Block);
         let presses = presses.chain([deepest]);
-        let points: Vec<(f64, f64)> = presses.flat_map(|run| run.press.iter().copied()).collect();
+        let samples = presses.flat_map(|run| &run.press);
+        let points: Vec<(f64, f64)> = samples
+            .filter_map(|sample| Some((sample.change, sample.force_n?)))
+            .collect();
         let greatest_change = points.iter().map(|(change, _)| *change).fold(0.0, f64::max);
         if greatest_change <= 0.0 {
             return Err(Unusable::Missing("press upon the block"));
@@ -39,33 +43,59 @@ impl ForceCurve {
             let terms = chebyshev(change / greatest_change).take(DEGREE);
             system.add(terms.map(|(value, _)| value).collect(), *force_n, 1.0);
         }
-        let what = "force against inductance";
-        let noise_n = system.solve(what)?.sigma;
         let greatest_n = points
             .iter()
             .map(|(_, force_n)| *force_n)
             .fold(0.0, f64::max);
+        let what = "force against inductance";
+        Self::with_others(system, greatest_change, greatest_n, what).map(|(curve, _)| curve)
+    }
+
+    /// The curve whose coefficients are the first unknowns of a system, and what comes after them.
+    pub(super) fn with_others(
+        mut system: System,
+        greatest_change: f64,
+        greatest: f64,
+        what: &'static str,
+    ) -> Result<(Self, Vec<f64>), Unusable> {
+        let noise = system.solve(what)?.sigma;
         for k in 2..=DEGREE {
-            let sigma_n = SECOND * greatest_n * DECAY.powi(k as i32 - 2);
+            let sigma = SECOND * greatest * DECAY.powi(k as i32 - 2);
             let mut row = vec![0.0; DEGREE];
             if let Some(entry) = row.get_mut(k - 1) {
                 *entry = 1.0;
             }
-            system.add(row, 0.0, noise_n / sigma_n);
+            system.add(row, 0.0, noise / sigma);
         }
-        let coefficients = system.solve(what)?.unknowns;
+        let mut coefficients = system.solve(what)?.unknowns;
+        let others = coefficients.split_off(DEGREE);
         let curve = Self {
             coefficients,
             greatest_change,
         };
         let steps = (0..=100).map(|step| greatest_change * f64::from(step) / 100.0);
         if steps.clone().any(|change| curve.slope(change) <= 0.0) {
-            return Err(Unusable::Undetermined("a rising force against inductance"));
+            return Err(Unusable::NotRising(what));
         }
-        Ok(curve)
+        Ok((curve, others))
     }
 
-    /// F, N.
+    /// The same, so many times as high.
+    pub(super) fn times(&self, factor: f64) -> Self {
+        let coefficients = self.coefficients.iter();
+        Self {
+            coefficients: coefficients.map(|of| of * factor).collect(),
+            greatest_change: self.greatest_change,
+        }
+    }
+
+    /// Places on it, from zero to the greatest change.
+    pub(super) fn points(&self) -> Vec<(f64, f64)> {
+        let changes = (0..=100).map(|step| self.greatest_change * f64::from(step) / 100.0);
+        changes.map(|change| (change, self.at(change))).collect()
+    }
+
+    /// Its value, N or m.
     pub(super) fn at(&self, change: f64) -> f64 {
         let terms = chebyshev(change / self.greatest_change);
         let terms = terms.zip(&self.coefficients);
@@ -74,7 +104,7 @@ impl ForceCurve {
             .sum()
     }
 
-    /// dF/dy, N.
+    /// Its slope over y, N or m.
     pub(super) fn slope(&self, change: f64) -> f64 {
         let terms = chebyshev(change / self.greatest_change);
         let terms = terms.zip(&self.coefficients);

@@ -13,19 +13,26 @@
 
 mod actuated;
 pub(crate) mod bench;
+pub(crate) mod checks;
 mod claim;
 mod commands;
 mod crosstalk;
 mod curve;
+#[cfg(feature = "emulator")]
+mod found;
 mod least_squares;
+#[cfg(feature = "emulator")]
+mod report;
 mod samples;
 #[cfg(feature = "emulator")]
 pub(crate) mod sensor;
+mod travel;
 #[cfg(feature = "emulator")]
 pub(crate) mod verb;
 
 use std::fmt;
 
+use bench::Pressed;
 pub(crate) use bench::Session;
 use palpate_wire::Command;
 use palpate_wire::command::{Coil, Settings};
@@ -35,7 +42,7 @@ pub(crate) use actuated::LinePoint;
 pub(crate) use actuated::{Actuated, FallSample, TrainFit};
 use commands::Findings;
 pub(crate) use crosstalk::Crosstalk;
-use curve::ForceCurve;
+use curve::PressCurve;
 
 /// What is known beforehand.
 #[derive(Clone, Debug)]
@@ -52,8 +59,9 @@ pub(crate) struct Known {
     pub(crate) capacitance_f: f64,
     /// Tolerance of the springs, relative, uniform.
     pub(crate) spring_tolerance: f64,
-    /// Gain of the load cell, relative, uniform.
-    pub(crate) load_cell_gain: f64,
+    /// Gain of the load cell, relative, uniform; nothing without one: then springs and the stage's travel
+    /// have to give the force.
+    pub(crate) load_cell_gain: Option<f64>,
     /// Relative standard uncertainty of both springs, alike, for every kelvin.
     pub(crate) springs_per_k: f64,
     /// The same of the rise.
@@ -72,6 +80,22 @@ pub(crate) struct Calibration {
     pub(crate) uncertainty: claim::Uncertainty,
     /// What the coil's current adds to the reading.
     pub(crate) crosstalk: Crosstalk,
+    /// What it was found from, to be drawn.
+    pub(crate) basis: Basis,
+}
+
+/// What a calibration was found from.
+#[derive(Clone, Debug)]
+pub(crate) struct Basis {
+    /// In the presses upon the block the relative change of inductance, and by how much the load cell shows
+    /// more than the curve, N. Empty without a load cell.
+    pub(crate) presses: Vec<(f64, f64)>,
+    /// The curve that stands for them.
+    pub(crate) curve: Vec<(f64, f64)>,
+    /// Of every train c_S/c_L as pressed, and by how much the train by itself misses it.
+    pub(crate) trains: Vec<(f64, f64)>,
+    /// Of every spring what is written on it and what stage and force say, N/m; nothing without a scale.
+    pub(crate) springs: Vec<(f64, f64)>,
 }
 
 impl Calibration {
@@ -93,6 +117,8 @@ pub(crate) enum Unusable {
     Missing(&'static str),
     /// The notes contradict each other or do not determine a quantity.
     Undetermined(&'static str),
+    /// What has to rise with the press does not.
+    NotRising(&'static str),
     /// A train led the sensing layer beyond its curve: greatest relative changes of inductance in the
     /// trains, and in the presses upon the block.
     BeyondPresses {
@@ -152,6 +178,11 @@ impl fmt::Display for Unusable {
             Self::Undetermined(quantity) => {
                 write!(f, "the calibration's runs do not determine {quantity}")
             }
+            Self::NotRising(curve) => write!(
+                f,
+                "{curve} does not rise all along the presses upon the block: did the block slip, or a gauge \
+                 fail?"
+            ),
             Self::BeyondPresses { train, press } => write!(
                 f,
                 "a train led the sensing layer beyond its curve: the inductance rose by {:.1} %, and by \
@@ -184,14 +215,19 @@ pub(crate) fn evaluate(session: &Session, known: &Known) -> Result<Calibration, 
         .iter()
         .map(|run| samples::SampleRun::new(run, &known.settings))
         .collect::<Result<_, _>>()?;
-    let frame_m_per_n = curve::frame(&session.bare)?;
     let deepest_press = samples::SampleRun::new(&session.deepest_press, &known.settings)?;
-    let force = ForceCurve::fit(&runs, &deepest_press)?;
-    let crosstalk = Crosstalk::fit(&runs, &force, known)?;
-    let fit = actuated::fit(&runs, &force, crosstalk, frame_m_per_n, known)?;
-    let uncertainty = claim::uncertainty(&fit, known)?;
+    let Pressing {
+        force,
+        crosstalk,
+        fit,
+        open,
+    } = match known.load_cell_gain {
+        Some(gain) => with_load_cell(session, &runs, &deepest_press, gain, known)?,
+        None => by_springs(&runs, &deepest_press, known)?,
+    };
+    let uncertainty = claim::uncertainty(&fit, open, known)?;
     let least_press_m = WITHIN * fit.problem.shallowest_m();
-    let actuated = fit.actuated;
+    let actuated = fit.actuated.clone();
     let findings = Findings {
         known,
         temperature_c: session.temperature_c,
@@ -202,12 +238,96 @@ pub(crate) fn evaluate(session: &Session, known: &Known) -> Result<Calibration, 
         uncertainty: &uncertainty,
         least_press_m,
     };
+    let trains = fit.problem.misses(&actuated)?;
     Ok(Calibration {
         commands: findings.commands(),
         sensing_n_per_m: known.sensing_n_per_m,
         actuated,
         uncertainty,
         crosstalk,
+        basis: Basis {
+            presses: beside(&force, &runs, &deepest_press),
+            curve: force.points(),
+            trains,
+            springs: travel::springs_n_per_m(&runs, &deepest_press, known).unwrap_or_default(),
+        },
+    })
+}
+
+/// By how much the load cell shows more than the curve, at so many points as a chart can show.
+fn beside(
+    force: &PressCurve,
+    runs: &[samples::SampleRun],
+    deepest: &samples::SampleRun,
+) -> Vec<(f64, f64)> {
+    /// As many as a chart has room for.
+    const POINTS: usize = 400;
+    let presses = runs.iter().chain([deepest]);
+    let presses = presses.filter(|run| run.pressed == Pressed::Block);
+    let samples = presses.flat_map(|run| &run.press);
+    let points: Vec<(f64, f64)> = samples
+        .filter_map(|sample| Some((sample.change, sample.force_n? - force.at(sample.change))))
+        .collect();
+    let step = points.len().div_ceil(POINTS).max(1);
+    points.into_iter().step_by(step).collect()
+}
+
+/// What the presses and trains give.
+struct Pressing {
+    /// F(y).
+    force: PressCurve,
+    crosstalk: Crosstalk,
+    fit: actuated::Fit,
+    /// What is not known of the bench.
+    open: claim::Bench,
+}
+
+fn with_load_cell(
+    session: &Session,
+    runs: &[samples::SampleRun],
+    deepest: &samples::SampleRun,
+    gain: f64,
+    known: &Known,
+) -> Result<Pressing, Unusable> {
+    // A bench whose frame was not measured leaves it open.
+    let (frame_m_per_n, open_m_per_n) = match session.bare.as_slice() {
+        [] => (0.0, travel::FRAME_M_PER_N / 3_f64.sqrt()),
+        bare => (curve::frame(bare)?, 0.0),
+    };
+    let force = PressCurve::of_force(runs, deepest)?;
+    let crosstalk = Crosstalk::fit(runs, &force, known)?;
+    let fit = actuated::fit(runs, &force, crosstalk, frame_m_per_n, known)?;
+    Ok(Pressing {
+        force,
+        crosstalk,
+        fit,
+        open: claim::Bench {
+            force: gain / 3_f64.sqrt(),
+            frame_m_per_n: open_m_per_n,
+        },
+    })
+}
+
+/// Without a load cell the springs and the stage's travel give the force, the trains themselves the
+/// growth of the cross-talk, and nothing the frame.
+fn by_springs(
+    runs: &[samples::SampleRun],
+    deepest: &samples::SampleRun,
+    known: &Known,
+) -> Result<Pressing, Unusable> {
+    let travel = travel::Travel::fit(runs, deepest)?;
+    let (series_n_per_m, uncertainty) = travel.series_n_per_m(known.spring_tolerance)?;
+    let force = travel.on_block.times(series_n_per_m);
+    let crosstalk = Crosstalk::without_contact(runs, &force, known)?;
+    let (fit, crosstalk) = actuated::fit_with_growth(runs, &force, crosstalk, known)?;
+    Ok(Pressing {
+        force,
+        crosstalk,
+        fit,
+        open: claim::Bench {
+            force: uncertainty,
+            frame_m_per_n: travel::FRAME_M_PER_N / 3_f64.sqrt(),
+        },
     })
 }
 

@@ -12,12 +12,23 @@ pub(super) struct SampleRun {
     pub(super) pressed: Pressed,
     /// Frequency of the untouched sensor, Hz.
     pub(super) rest_hz: f64,
-    /// While the press moved in: relative change of inductance, force in N.
-    pub(super) press: Vec<(f64, f64)>,
+    /// While the press moved in.
+    pub(super) press: Vec<PressSample>,
     /// The falls of the train.
     pub(super) falls: Vec<Fallen>,
     /// From touch to train, s.
     pub(super) since_touch_s: f64,
+}
+
+/// A sample while the press moves in.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PressSample {
+    /// L/L0 - 1.
+    pub(super) change: f64,
+    /// Load cell, N, at the same time; nothing without one.
+    pub(super) force_n: Option<f64>,
+    /// Scale of the stage, m, at the same time; nothing where it is not known.
+    pub(super) stage_m: Option<f64>,
 }
 
 /// A sample during a fall of the current.
@@ -28,42 +39,33 @@ pub(super) struct Fallen {
     /// L/L0 - 1.
     pub(super) change: f64,
     pub(super) current_a: f64,
-    /// Load cell, N, at the same time.
-    pub(super) force_n: f64,
+    /// Load cell, N, at the same time; nothing without one.
+    pub(super) force_n: Option<f64>,
 }
-
-/// The untouched sensor is measured for this long, from the start: the bench moves later.
-const REST_S: f64 = 0.75;
-/// The first conversions after a start, in s: the oscillator settles.
-const START_S: f64 = 0.05;
 
 impl SampleRun {
     pub(super) fn new(notes: &Run, settings: &Settings) -> Result<Self, Unusable> {
-        let rest: Vec<f64> = notes
-            .lines
-            .iter()
-            .filter(|line| line.time_s > START_S && line.time_s < REST_S)
-            .map(|line| line.frequency_hz)
-            .collect();
-        if rest.is_empty() {
-            return Err(Unusable::Missing("reading of the untouched sensor"));
-        }
-        let rest_hz = rest.iter().sum::<f64>() / rest.len() as f64;
+        let rest_hz = notes.rest_hz();
+        let rest_hz = rest_hz.ok_or(Unusable::Missing("reading of the untouched sensor"))?;
         let change = |line: &BenchSample| (rest_hz / line.frequency_hz).powi(2) - 1.0;
-        let press: Vec<(f64, f64)> = notes
+        let press = notes
             .lines
             .windows(2)
             .filter_map(|pair| match pair {
                 [before, line]
-                    if before.force_n > CLEAR_OF_TOUCH_N
+                    if is_clear_of_touch(before, change(before))
                         && line.time_s < notes.pressed_s - CLEAR_OF_STOP_S =>
                 {
-                    Some((change(line), force_at(before, line)))
+                    Some(PressSample {
+                        change: change(line),
+                        force_n: between(before, line, |line| line.force_n),
+                        stage_m: between(before, line, |line| line.stage_m),
+                    })
                 }
                 _ => None,
             })
             .collect();
-        let touched_s = touch_s(notes);
+        let touched_s = touch_s(notes, change);
         Ok(Self {
             pressed: notes.pressed,
             rest_hz,
@@ -74,10 +76,15 @@ impl SampleRun {
     }
 }
 
-/// Force at the middle of a conversion, between the gauges' readings before and after it.
-fn force_at(before: &BenchSample, line: &BenchSample) -> f64 {
+/// What a gauge said at the middle of a conversion: between its readings before and after it.
+fn between(
+    before: &BenchSample,
+    line: &BenchSample,
+    of: impl Fn(&BenchSample) -> Option<f64>,
+) -> Option<f64> {
     let way = (line.time_s - before.gauges_time_s) / (line.gauges_time_s - before.gauges_time_s);
-    before.force_n + way * (line.force_n - before.force_n)
+    let (from, to) = (of(before)?, of(line)?);
+    Some(from + way * (to - from))
 }
 
 /// A conversion in which the press touched, or stopped, is a mean over a kink, which the gauges'
@@ -86,9 +93,24 @@ const CLEAR_OF_TOUCH_N: f64 = 50e-3;
 const CLEAR_OF_STOP_S: f64 = 3e-3;
 /// A force that is no noise of the load cell (1 mN), N.
 const TOUCHING_N: f64 = 10e-3;
+/// The same by the inductance, where there is no load cell: 10 and 2 µm of deformation, on a coil whose
+/// inductance rises by 0.25 parts in a thousand for each (reference coil, slabs on both sides). Its noise is
+/// 2 parts in a million.
+const CLEAR_OF_TOUCH: f64 = 2.5e-3;
+const TOUCHING: f64 = 0.5e-3;
 
-fn touch_s(notes: &Run) -> f64 {
-    let touching = notes.lines.iter().find(|line| line.force_n > TOUCHING_N);
+fn is_clear_of_touch(line: &BenchSample, change: f64) -> bool {
+    line.force_n
+        .map_or(change > CLEAR_OF_TOUCH, |n| n > CLEAR_OF_TOUCH_N)
+}
+
+/// When the press touched, s; 0 if it did not.
+pub(super) fn touch_s(notes: &Run, change: impl Fn(&BenchSample) -> f64) -> f64 {
+    let is_touching = |line: &&BenchSample| {
+        line.force_n
+            .map_or(change(line) > TOUCHING, |force_n| force_n > TOUCHING_N)
+    };
+    let touching = notes.lines.iter().find(is_touching);
     touching.map_or(0.0, |line| line.gauges_time_s)
 }
 
@@ -109,7 +131,7 @@ fn falls(notes: &Run, settings: &Settings, change: impl Fn(&BenchSample) -> f64)
                     time_s: line.time_s - notes.ramps_s,
                     change: change(line),
                     current_a: line.current_a,
-                    force_n: force_at(before, line),
+                    force_n: between(before, line, |line| line.force_n),
                 })
             }
             _ => None,

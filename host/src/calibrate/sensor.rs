@@ -1,22 +1,26 @@
 //! `palpate calibrate sensor`: from specimens on a bench to a calibration that the board keeps.
 
-use std::io::{self, Write};
+use std::path::PathBuf;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use clap::Args;
-use comfy_table::Table;
-use comfy_table::presets::NOTHING;
 use palpate_sim::switches::Switches;
-use palpate_wire::command::CalibrationIdentity;
-use palpate_wire::{Command, configuration_crc};
-use serde::Serialize;
+use palpate_wire::code::{Outcome, StorageState, Stream};
+use palpate_wire::command::{CalibrationIdentity, Settings};
+use palpate_wire::{Command, Record, configuration_crc};
 
-use super::bench::{self, BenchPlan, LinkedBench, Pressed, Session};
-use super::{Calibration, evaluate};
+use super::bench::{self, Bench, LinkedBench, Pressed, RigBench, RigPlan};
+use super::found;
+pub(crate) use super::found::Found;
+use super::{Calibration, Session, evaluate, report};
+use crate::configuration;
 use crate::confirmation::{can_be_confirmed, is_confirmed};
 use crate::failure::Failure;
 use crate::instrument::{BenchTask, default_settings};
+use crate::interrupt::Interrupt;
 use crate::link::{self, Link};
+use crate::notice;
+use crate::output::OutputFile;
 use crate::progress::Progress;
 use crate::results::stiffness;
 use crate::storage;
@@ -24,17 +28,41 @@ use crate::storage;
 /// Calibrate a board's sensor on a bench, and store the calibration in the board
 ///
 /// Presses a block and six springs upon the sensor, each to three depths, drives the train of ramps on
-/// each, evaluates what board and gauges say, and stores what it finds.
+/// each, evaluates what board and gauges say, and stores what it finds. Data that cannot be true are
+/// refused with the reason. What was stored before stays in force until the end, and for good if anything
+/// fails.
 #[derive(Args)]
 #[command(after_help = "\
 The emulated board has a simulated bench, with a stage, a load cell and springs that are as good as
-their tolerance. What was stored before stays in force until the end, and for good if anything fails.
+their tolerance. For a real one, docs/calibration.md says what is needed and what a gauge's program
+prints.
 
-Example:
-  palpate calibrate sensor --board emulated")]
+Examples:
+  palpate calibrate sensor --board emulated
+  palpate calibrate sensor --stack mine.toml --force ./read-cell --stage ./stage \\
+    --springs 600,1200,3000,6000,12000,30000 --report calibration.html
+  palpate calibrate sensor --stack mine.toml --no-load-cell --stage ./stage \\
+    --springs 600,1200,3000,6000,12000,30000")]
 pub(crate) struct Arguments {
     #[command(flatten)]
     link: link::Arguments,
+    /// Program of the load cell: prints newtons, a number on each line; or openscale:PORT, a SparkFun
+    /// OpenScale at its serial port
+    #[arg(long, value_name = "PROGRAM")]
+    force: Option<String>,
+    /// Calibrate without a load cell: known springs and the stage's scale give the force
+    #[arg(long, conflicts_with = "force")]
+    no_load_cell: bool,
+    /// Program of the stage: moves to places and prints them, in metres. Without it a hand drives the stage
+    #[arg(long, value_name = "PROGRAM")]
+    stage: Option<String>,
+    /// Stiffness of the springs, N/m, by commas: four at least, from a fifth of the sensing layer's to twice
+    /// it
+    #[arg(long, value_name = "N_PER_M", value_delimiter = ',', value_parser = spring)]
+    springs: Vec<f64>,
+    /// How far a spring may be off what is written on it, relative
+    #[arg(long, value_name = "PART", default_value_t = 0.01, value_parser = tolerance)]
+    spring_tolerance: f64,
     /// Number of the calibration, which the board reports. Otherwise the seconds since 1970
     #[arg(long, value_name = "NUMBER")]
     id: Option<u32>,
@@ -44,57 +72,132 @@ pub(crate) struct Arguments {
     /// Print JSON
     #[arg(long)]
     json: bool,
+    /// Write figures and charts to this file
+    #[arg(long, value_name = "FILE.html")]
+    report: Option<PathBuf>,
 }
 
-/// What was found.
-#[derive(Clone, Debug, Serialize)]
-pub(crate) struct Found {
-    simulated: bool,
-    pub(crate) calibration_id: u32,
-    calibrated_at_s: u32,
-    calibrated_at_c: f32,
-    runs: usize,
-    sensing_n_per_m: f64,
-    actuated_n_per_m: f64,
-    peak_current_a: f32,
-    /// Relative, at the peak current.
-    rise: f64,
-    attraction_n: f64,
-    /// Relative standard uncertainties of 1/c_L and 1/c_S.
-    scale_uncertainty: f64,
-    constant_uncertainty: f64,
-    pub(crate) stored: bool,
-    pub(crate) configuration_crc: u32,
+fn spring(text: &str) -> Result<f64, String> {
+    match text.trim().parse() {
+        // From a rubber band to a steel beam.
+        Ok(n_per_m) if (1.0..=1e7).contains(&n_per_m) => Ok(n_per_m),
+        _ => Err("not a stiffness in N/m, 1 to 10000000".to_owned()),
+    }
 }
+
+fn tolerance(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(part) if (0.0..=0.2).contains(&part) => Ok(part),
+        _ => Err("not a part from 0 to 0.2, as 0.01 for 1 %".to_owned()),
+    }
+}
+
+impl Arguments {
+    /// Whether the bench is the simulated one of the emulated board.
+    fn is_simulated_bench(&self) -> bool {
+        self.link.is_emulated()
+    }
+
+    /// Refuses what does not go together.
+    fn check(&self) -> Result<(), Failure> {
+        let wrong = |reason: &str| Err(Failure::Argument(reason.to_owned()));
+        if self.is_simulated_bench() {
+            if self.force.is_some() || self.stage.is_some() || !self.springs.is_empty() {
+                return wrong(
+                    "--board emulated has its own bench: leave --force, --stage and --springs out, or name \
+                     the board of `palpate serve-emulated --rig`",
+                );
+            }
+            return Ok(());
+        }
+        if self.force.is_none() && !self.no_load_cell {
+            return wrong(
+                "nothing gives the force: name the load cell's program with --force, or add --no-load-cell \
+                 to calibrate by springs and the stage's scale",
+            );
+        }
+        let softest = self.springs.iter().copied().fold(f64::INFINITY, f64::min);
+        let stiffest = self.springs.iter().copied().fold(0.0, f64::max);
+        if self.springs.len() < LEAST_SPRINGS || stiffest < LEAST_RANGE * softest {
+            return Err(Failure::Argument(format!(
+                "--springs: at least {LEAST_SPRINGS} springs are needed, the stiffest at least \
+                 {LEAST_RANGE} times as stiff as the softest: their stiffness in N/m, as --springs \
+                 600,1200,3000,6000,12000,30000"
+            )));
+        }
+        Ok(())
+    }
+}
+
+/// Four quantities move all trains' loads together (`ADJUSTED` of the claim); fewer springs and a block leave
+/// nothing to contradict them.
+const LEAST_SPRINGS: usize = 4;
+/// What separates the unknowns is that loads differ.
+const LEAST_RANGE: f64 = 5.0;
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    arguments.check()?;
     if !arguments.yes {
         can_be_confirmed("storing")?;
     }
+    let report = OutputFile::optional("--report", arguments.report.as_ref())?;
     let mut link = arguments.link.open()?;
-    let done = calibrated(&mut link, arguments);
+    is_stored(&mut link)?;
+    let before = configuration::settings(&mut link)?;
+    let done = calibrated(&mut link, arguments, report.as_ref());
     if done.is_err() {
-        // What is stored is in force again, as if nothing had been.
-        let _ = link.ask(&Command::Disarm);
-        let _ = link.ask(&Command::Load);
+        restore(&mut link, &before);
     }
-    print(&done?, arguments.json)
+    found::print(&done?, arguments.json)
 }
 
-fn calibrated(link: &mut Link, arguments: &Arguments) -> Result<Found, Failure> {
-    let (stack, plant) = arguments.link.emulated.stack_and_plant()?;
-    let task = BenchTask::of(&plant, &stack, Switches::all(), &default_settings());
-    let progress = Progress::new(task.plan.runs());
-    let mut say = |pressed: Pressed, depth_m: f64| {
-        progress.say(&describe(pressed, depth_m));
-        progress.step();
+/// Refuses to begin where what is in force would be lost by a calibration that is broken off.
+fn is_stored(link: &mut Link) -> Result<(), Failure> {
+    let storage = storage::inspect(link)?;
+    if storage.state == StorageState::Whole && storage.stored_crc != storage.in_force_crc {
+        return Err(Failure::Refused(
+            "what is in force in the board is not what it stores, and would be lost: `palpate settings \
+             store` first, or start the board anew"
+                .to_owned(),
+        ));
+    }
+    Ok(())
+}
+
+/// Brings what is stored into force again, as if nothing had been; the settings from before where nothing is
+/// stored.
+fn restore(link: &mut Link, before: &Settings) {
+    let load = |link: &mut Link| -> Result<(), Failure> {
+        link.ask(&Command::Disarm)?;
+        if link.ask(&Command::Load)?.1 != Outcome::Accepted {
+            link.ask(&Command::SetSettings(before.clone()))?;
+        }
+        Ok(())
     };
-    let session = bench::hold(&mut LinkedBench::new(link, &plant), &task.plan, &mut say)?;
-    progress.finish();
+    if load(link).is_ok() || link.reconnect().is_ok() && load(link).is_ok() {
+        return;
+    }
+    notice::say(
+        "palpate: the board cannot be reached. What it stored before is unchanged, and in force when it has \
+         started anew",
+    );
+}
+
+fn calibrated(
+    link: &mut Link,
+    arguments: &Arguments,
+    report: Option<&OutputFile>,
+) -> Result<Found, Failure> {
+    let task = task(link, arguments)?;
+    let session = session(link, arguments, &task)?;
     let calibration = evaluate(&session, &task.known)
         .map_err(|error| Failure::Refused(format!("calibration: {error}")))?;
     let identity = identity(arguments.id, session.temperature_c, &calibration);
-    let mut found = Found::new(&task.plan, &session, &calibration, &identity);
+    let is_simulated = arguments.link.is_simulated(link);
+    let mut found = Found::of(&session, &task, &calibration, &identity, is_simulated);
+    if let Some(file) = report {
+        file.write(report::page(&found, &calibration)?)?;
+    }
     put_in_force(link, &calibration, identity)?;
     if arguments.yes || is_confirmed("Store this calibration in the board?")? {
         found.configuration_crc = storage::store(link)?.stored_crc;
@@ -103,34 +206,68 @@ fn calibrated(link: &mut Link, arguments: &Arguments) -> Result<Found, Failure> 
     Ok(found)
 }
 
-impl Found {
-    /// What is said of a calibration that is not stored yet.
-    pub(crate) fn new(
-        plan: &BenchPlan,
-        session: &Session,
-        calibration: &Calibration,
-        identity: &CalibrationIdentity,
-    ) -> Self {
-        let peak_a = f64::from(plan.settings.peak_current_a);
-        let actuated = &calibration.actuated;
-        Self {
-            simulated: true,
-            calibration_id: identity.id,
-            calibrated_at_s: identity.calibrated_at_s,
-            calibrated_at_c: identity.calibrated_at_c,
-            runs: session.runs.len() + 1,
-            sensing_n_per_m: calibration.sensing_n_per_m,
-            actuated_n_per_m: calibration.sensing_n_per_m / actuated.ratio,
-            peak_current_a: plan.settings.peak_current_a,
-            rise: actuated.rise(peak_a),
-            attraction_n: actuated.attraction_n_per_a2 * peak_a * peak_a,
-            scale_uncertainty: calibration.uncertainty.scale,
-            constant_uncertainty: calibration.uncertainty.constant,
-            stored: false,
-            configuration_crc: 0,
-        }
+/// What is to be done, and what is known beforehand.
+fn task(link: &mut Link, arguments: &Arguments) -> Result<BenchTask, Failure> {
+    let (stack, plant) = arguments.link.emulated.stack_and_plant()?;
+    let mut task = if arguments.is_simulated_bench() {
+        BenchTask::of(&plant, &stack, Switches::all(), &default_settings())
+    } else {
+        let status = link.wait_for(STATUS_S, "status", |record| match record {
+            Record::Status(status) => Some(status.clone()),
+            _ => None,
+        })?;
+        let supply_v = status.supply_v.map(f64::from);
+        let mut task = BenchTask::of_board(&plant, &stack, supply_v, &default_settings());
+        task.plan.springs_n_per_m.clone_from(&arguments.springs);
+        task.known.spring_tolerance = arguments.spring_tolerance;
+        task.temperature_c = status.temperature_c.map(f64::from);
+        task
+    };
+    if arguments.no_load_cell {
+        task.known.load_cell_gain = None;
     }
+    Ok(task)
 }
+
+/// Goes through the session on the bench there is.
+fn session(link: &mut Link, arguments: &Arguments, task: &BenchTask) -> Result<Session, Failure> {
+    let interrupt = Interrupt::catch()?;
+    let progress = Progress::new(task.plan.runs());
+    let mut say = |pressed: Pressed, depth_m: f64| {
+        progress.say(&describe(pressed, depth_m));
+        progress.step();
+    };
+    let mut hold = |bench: &mut dyn Bench| bench::hold(bench, &task.plan, &task.known, &mut say);
+    let session = if arguments.is_simulated_bench() {
+        let (_, plant) = arguments.link.emulated.stack_and_plant()?;
+        hold(&mut LinkedBench::new(link, &plant, interrupt))?
+    } else {
+        let plan = RigPlan {
+            force: arguments.force.clone(),
+            stage: arguments.stage.clone(),
+            settings: Settings {
+                stream: Stream::Samples,
+                decimation: 1,
+                ..task.plan.settings.clone()
+            },
+            sensing_n_per_m: task.known.sensing_n_per_m,
+            actuated_n_per_m: task.known.actuated_n_per_m,
+            temperature_c: task.temperature_c.unwrap_or(ROOM_C),
+        };
+        hold(&mut RigBench::new(link, plan, interrupt)?)?
+    };
+    progress.finish();
+    Ok(if arguments.no_load_cell {
+        session.without_load_cell()
+    } else {
+        session
+    })
+}
+
+/// A status comes every second.
+const STATUS_S: f64 = 5.0;
+/// What a board without a thermometer is calibrated at, degrees Celsius: it does not correct for it either.
+const ROOM_C: f64 = 25.0;
 
 /// What is pressed in a run, in words.
 pub(crate) fn describe(pressed: Pressed, depth_m: f64) -> String {
@@ -173,39 +310,4 @@ pub(crate) fn put_in_force(
     }
     link.must(&Command::SetCalibrationIdentity(identity))?;
     Ok(())
-}
-
-fn print(found: &Found, json: bool) -> Result<(), Failure> {
-    let mut out = io::stdout().lock();
-    if json {
-        return Ok(writeln!(out, "{}", serde_json::to_string(found)?)?);
-    }
-    let mut table = Table::new();
-    table.load_style(NOTHING);
-    let percent = |part: f64| format!("{:.1} %", 1e2 * part);
-    for [what, value] in [
-        ["actuated layer", &stiffness(found.actuated_n_per_m)],
-        ["for a sensing layer of", &stiffness(found.sensing_n_per_m)],
-        [
-            &format!("stiffer at {:.1} A by", found.peak_current_a),
-            &percent(found.rise),
-        ],
-        [
-            "attraction then",
-            &format!("{:.0} mN", 1e3 * found.attraction_n),
-        ],
-        ["uncertainty of 1/c_L", &percent(found.scale_uncertainty)],
-        ["and of 1/c_S besides", &percent(found.constant_uncertainty)],
-    ] {
-        table.add_row([what, value]);
-    }
-    writeln!(out, "{table}")?;
-    if found.stored {
-        let id = found.calibration_id;
-        return Ok(writeln!(out, "Calibration {id} is in force, and stored.")?);
-    }
-    Ok(writeln!(
-        out,
-        "It is in force, and not stored: it is lost with the power."
-    )?)
 }

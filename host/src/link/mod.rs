@@ -96,7 +96,10 @@ impl Link {
     }
 
     /// Asks who it is until it answers: one that starts drops what comes first.
-    fn greet(&mut self) -> Result<(), Failure> {
+    ///
+    /// # Errors
+    /// If it does not answer, or is not a board of palpate.
+    pub(crate) fn greet(&mut self) -> Result<(), Failure> {
         self.sequencer = Sequencer::new(0);
         self.hello = None;
         self.first.clear();

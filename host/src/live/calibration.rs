@@ -104,18 +104,20 @@ fn found(
     link.must(&Command::Disarm)?;
     let depth_m = Cell::new(0.0);
     let mut bench = Watched {
-        bench: LinkedBench::new(link, &plant),
+        bench: LinkedBench::new(link, &plant, interrupt.clone()),
         view,
         interrupt,
         depth_m: &depth_m,
         run: 0,
         runs: task.plan.runs(),
     };
-    let session = bench::hold(&mut bench, &task.plan, &mut |_, of| depth_m.set(of))?;
+    let session = bench::hold(&mut bench, &task.plan, &task.known, &mut |_, of| {
+        depth_m.set(of);
+    })?;
     let calibration = evaluate(&session, &task.known)
         .map_err(|error| Failure::Refused(format!("calibration: {error}")))?;
     let identity = identity(None, session.temperature_c, &calibration);
-    let figures = Found::new(&task.plan, &session, &calibration, &identity);
+    let figures = Found::of(&session, &task, &calibration, &identity, true);
     Ok(Held {
         calibration,
         identity,
@@ -163,7 +165,7 @@ impl<B: Bench> Bench for Watched<'_, B> {
         })
     }
 
-    fn press_bare(&mut self, force_n: f64) -> Result<(f64, f64), Failure> {
+    fn press_bare(&mut self, force_n: f64) -> Result<Option<(f64, f64)>, Failure> {
         self.bench.press_bare(force_n)
     }
 

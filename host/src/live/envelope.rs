@@ -131,16 +131,18 @@ impl Envelope {
     /// Adds what was written down on a bench at a time, s: the force is the load cell's.
     pub(super) fn add_from_bench(&mut self, time_s: f64, of: &BenchSample) {
         for (quantity, value) in [
-            (Quantity::FrequencyHz, of.frequency_hz),
+            (Quantity::FrequencyHz, Some(of.frequency_hz)),
             (Quantity::ForceN, of.force_n),
-            (Quantity::CurrentA, of.current_a),
+            (Quantity::CurrentA, Some(of.current_a)),
         ] {
             let series = Series {
                 quantity,
                 sensor: 0,
                 channel: 0,
             };
-            self.enter(time_s, series, value);
+            if let Some(value) = value {
+                self.enter(time_s, series, value);
+            }
         }
     }
 

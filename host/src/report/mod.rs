@@ -11,7 +11,7 @@ use crate::results::{self, COLUMNS, Measured};
 use evaluation::Evaluation;
 
 /// Readable on a screen and on A4: two charts beside each other, a load never torn apart.
-const STYLE: &str = "
+pub(crate) const STYLE: &str = "
 :root { color-scheme: light; background: #fff }
 body { font: 15px/1.4 sans-serif; max-width: 1100px; margin: 1.5em auto; padding: 0 1em; color: #111 }
 h1 { font-size: 1.5em } h2 { font-size: 1.15em; margin: 1.6em 0 .3em }

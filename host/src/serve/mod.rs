@@ -1,6 +1,7 @@
 //! `palpate serve-emulated`: the emulated board behind a port, at the pace of real time.
 
 mod port;
+mod rig;
 
 use std::net::SocketAddr;
 use std::thread;
@@ -13,6 +14,7 @@ use crate::emulated::{self, Pace, PluggedBoard};
 use crate::failure::Failure;
 use crate::notice;
 use port::Port;
+use rig::RigPort;
 
 /// Where it listens if nothing else is said.
 const ADDRESS: &str = "127.0.0.1:7161";
@@ -43,6 +45,9 @@ pub(crate) struct Arguments {
     /// 5 s pressed, 8 s lifted
     #[arg(long, value_name = "RATIO")]
     press: Option<f64>,
+    /// Offer the simulated bench's load cell and stage here, for `palpate calibrate sensor`
+    #[arg(long, value_name = "ADDRESS:PORT", conflicts_with = "press")]
+    rig: Option<SocketAddr>,
     /// End after so many seconds
     #[arg(long = "for", value_name = "SECONDS")]
     seconds: Option<f64>,
@@ -51,23 +56,44 @@ pub(crate) struct Arguments {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
-    if !arguments.listen.ip().is_loopback() && !arguments.allow_remote {
-        return Err(Failure::Argument(format!(
-            "{} can be reached from other machines, and any program there may drive the coil: listen on \
-             127.0.0.1, or add --allow-remote",
-            arguments.listen
-        )));
+    for address in [Some(arguments.listen), arguments.rig]
+        .into_iter()
+        .flatten()
+    {
+        if !address.ip().is_loopback() && !arguments.allow_remote {
+            return Err(Failure::Argument(format!(
+                "{address} can be reached from other machines, and any program there may drive the coil: \
+                 listen on 127.0.0.1, or add --allow-remote"
+            )));
+        }
     }
     let mut served = arguments.emulated.load()?.plug(arguments.press)?;
     // A program that connects does not have to wait for the start.
     served.start()?;
     let mut port = Port::listen(arguments.listen)?;
     notice::say(format_args!("the emulated board is at {}", port.address()));
+    let mut rig = match arguments.rig {
+        Some(address) => {
+            let (_, plant) = arguments.emulated.stack_and_plant()?;
+            let rig = RigPort::listen(address, plant)?;
+            notice::say(format_args!(
+                "the gauges of its bench are at {}",
+                rig.address()
+            ));
+            Some(rig)
+        }
+        None => None,
+    };
     let end = arguments.seconds.map(Time::from_secs_f64);
-    serve(&mut served, &mut port, end)
+    serve(&mut served, &mut port, rig.as_mut(), end)
 }
 
-fn serve(served: &mut PluggedBoard, port: &mut Port, end: Option<Time>) -> Result<(), Failure> {
+fn serve(
+    served: &mut PluggedBoard,
+    port: &mut Port,
+    mut rig: Option<&mut RigPort>,
+    end: Option<Time>,
+) -> Result<(), Failure> {
     let mut pace = Pace::new();
     while end.is_none_or(|end| served.now() < end) {
         served.set_open(port.accept());
@@ -75,6 +101,9 @@ fn serve(served: &mut PluggedBoard, port: &mut Port, end: Option<Time>) -> Resul
         served.set_reading(port.has_room());
         served.advance(SLICE)?;
         port.write(&served.read());
+        if let Some(rig) = &mut rig {
+            rig.serve(served)?;
+        }
         let ahead = pace.ahead(served.now());
         if ahead >= LEAST_SLEEP {
             thread::sleep(ahead);

@@ -13,9 +13,11 @@ use palpate_sim::world::World;
 use palpate_wire::code::Outcome;
 use palpate_wire::{Command, Record};
 
-use super::native::specimen;
+use super::native::{mean_bare, specimen};
+use super::notes::GaugeReading;
 use super::{Bench, BenchSample, Instrument, Pressed, Run};
 use crate::failure::Failure;
+use crate::interrupt::Interrupt;
 use crate::link::Link;
 
 /// The bench of an emulated board's plant.
@@ -23,17 +25,19 @@ pub(crate) struct LinkedBench<'l> {
     link: &'l mut Link,
     plant: &'l Parameters,
     bare: BareRig,
+    interrupt: Interrupt,
 }
 
 /// The bench has all that it disturbs with.
 const SWITCHES: Switches = Switches::all();
 
 impl<'l> LinkedBench<'l> {
-    pub(crate) fn new(link: &'l mut Link, plant: &'l Parameters) -> Self {
+    pub(crate) fn new(link: &'l mut Link, plant: &'l Parameters, interrupt: Interrupt) -> Self {
         Self {
             link,
             plant,
             bare: BareRig::new(plant, SWITCHES),
+            interrupt,
         }
     }
 }
@@ -55,12 +59,12 @@ impl Bench for LinkedBench<'_> {
             link: self.link,
             gauges,
             readings: Readings::default(),
+            interrupt: &self.interrupt,
         })
     }
 
-    fn press_bare(&mut self, force_n: f64) -> Result<(f64, f64), Failure> {
-        let reading = self.bare.press(force_n);
-        Ok((reading.force_n, reading.stage_m))
+    fn press_bare(&mut self, force_n: f64) -> Result<Option<(f64, f64)>, Failure> {
+        Ok(Some(mean_bare(&mut self.bare, force_n)))
     }
 
     fn temperature_c(&self) -> f64 {
@@ -77,6 +81,7 @@ struct LinkedInstrument<'l> {
     link: &'l mut Link,
     gauges: Gauges,
     readings: Readings,
+    interrupt: &'l Interrupt,
 }
 
 impl LinkedInstrument<'_> {
@@ -107,6 +112,7 @@ impl Instrument for LinkedInstrument<'_> {
     }
 
     fn advance(&mut self, end: Time, lines: &mut Vec<BenchSample>) -> Result<Vec<Record>, Failure> {
+        self.interrupt.go_on()?;
         let left_s = end.as_secs_f64() - self.now().as_secs_f64();
         // What rounding leaves over is not waited for.
         let wait = Duration::from_secs_f64(left_s.clamp(LEAST_S, LONGEST_S));
@@ -122,7 +128,7 @@ impl Instrument for LinkedInstrument<'_> {
             match frame.message {
                 Record::Sample(sample) => {
                     let time_s = frame.header.time_us as f64 * 1e-6;
-                    let gauges = self.readings.at(time_s);
+                    let gauges: GaugeReading = self.readings.at(time_s).into();
                     lines.extend(BenchSample::new(time_s, &sample, time_s, gauges));
                 }
                 other => others.push(other),

@@ -13,6 +13,8 @@
 mod linked;
 mod native;
 mod notes;
+#[cfg(feature = "emulator")]
+mod rig;
 
 use palpate_sim::Time;
 use palpate_wire::code::{Outcome, State, Stream};
@@ -22,9 +24,13 @@ use palpate_wire::{Command, Message, Record};
 #[cfg(feature = "emulator")]
 pub(crate) use linked::LinkedBench;
 pub(crate) use native::NativeBench;
-pub(crate) use notes::{BenchSample, Pressed, Run, Session};
+pub(crate) use notes::{BenchSample, Pressed, Run, START_S, Session};
+#[cfg(feature = "emulator")]
+pub(crate) use rig::{RigBench, RigPlan};
 
+use super::{Known, checks};
 use crate::failure::Failure;
+use crate::finding::Finding;
 
 /// A bench with an instrument on it.
 pub(crate) trait Bench {
@@ -39,14 +45,22 @@ pub(crate) trait Bench {
     ) -> Result<Run, Failure>;
 
     /// Presses block on block, without the sensor, to a force in N. Returns the force and the stage's
-    /// place, as the gauges have them, N and m.
+    /// place, as the gauges have them, N and m; nothing if the bench lacks one of the two.
     ///
     /// # Errors
     /// If a gauge does not answer.
-    fn press_bare(&mut self, force_n: f64) -> Result<(f64, f64), Failure>;
+    fn press_bare(&mut self, force_n: f64) -> Result<Option<(f64, f64)>, Failure>;
 
     /// The coil's temperature, degrees Celsius.
     fn temperature_c(&self) -> f64;
+
+    /// Whether a run is done again of which this is wrong. A bench without a person gives up.
+    ///
+    /// # Errors
+    /// If the person cannot be asked.
+    fn repeats(&mut self, _: &Finding) -> Result<bool, Failure> {
+        Ok(false)
+    }
 }
 
 /// The instrument on the bench, with a specimen above it.
@@ -102,8 +116,6 @@ pub(crate) struct BenchPlan {
 
 /// Forces of the bare bench, N: up to what a stiff sensor takes.
 const BARE_FORCES_N: [f64; 5] = [1.0, 2.0, 5.0, 10.0, 20.0];
-/// Readings averaged at each.
-const BARE_READINGS: u32 = 100;
 /// Time for self-test and baseline before anything moves.
 const BASELINE: Time = Time::from_ms(800);
 /// The longest that is waited for the end of a train, the coil's test before it included.
@@ -122,75 +134,84 @@ const ATTEMPTS: u32 = 10;
 /// The end of a press, in which a conversion is a mean over the stop, s.
 const STOP_S: f64 = 5e-3;
 
-/// Goes through a calibration; calls `progress` before each run with its specimen and depth, m.
+/// Goes through a calibration; calls `progress` before each run with its specimen and depth, m. Every run is
+/// checked before the next, and the whole at the end.
 ///
 /// # Errors
-/// What the bench ends with, and a train that breaks off.
+/// What the bench ends with, a train that breaks off, and data that cannot be true.
 pub(crate) fn hold(
     bench: &mut dyn Bench,
     plan: &BenchPlan,
+    known: &Known,
     progress: &mut dyn FnMut(Pressed, f64),
 ) -> Result<Session, Failure> {
-    let mut pressing = |bench: &mut dyn Bench, task: BenchTask| {
+    let mut pressing = |bench: &mut dyn Bench, task: BenchTask, untouched: Option<&Run>| loop {
         progress(task.pressed, task.depth_m);
         let mut work = |instrument: &mut dyn Instrument| run(instrument, plan, &task);
-        bench.with_specimen(task.pressed, &mut work)
+        let run = bench.with_specimen(task.pressed, &mut work)?;
+        match checks::fault_of_run(&run, untouched, known) {
+            None => return Ok::<Run, Failure>(run),
+            Some(finding) if bench.repeats(&finding)? => {}
+            Some(finding) => return Err(Failure::Refused(finding.to_string())),
+        }
     };
-    let mut runs = Vec::new();
+    let mut runs: Vec<Run> = Vec::new();
     for task in plan.tasks() {
-        runs.push(pressing(bench, task)?);
+        let run = pressing(bench, task, runs.first())?;
+        runs.push(run);
     }
     let lowest = runs.iter().map(|run| run.lowest_hz(f64::INFINITY));
     let lowest_hz = lowest.fold(f64::INFINITY, f64::min);
     let mut times = BEYOND_TRAINS * growth(&runs);
-    let mut deepest_press = pressing(bench, plan.deepest(times))?;
+    let mut deepest_press = pressing(bench, plan.deepest(times), runs.first())?;
     for _ in 0..ATTEMPTS {
         if deepest_press.lowest_hz(deepest_press.pressed_s - STOP_S) < lowest_hz {
             break;
         }
         times *= FURTHER;
-        deepest_press = pressing(bench, plan.deepest(times))?;
+        deepest_press = pressing(bench, plan.deepest(times), runs.first())?;
     }
     let mut bare = Vec::new();
     for force_n in BARE_FORCES_N {
-        bare.push(mean_bare(bench, force_n)?);
+        bare.extend(bench.press_bare(force_n)?);
     }
-    Ok(Session {
+    let session = Session {
         runs,
         deepest_press,
         bare,
         temperature_c: bench.temperature_c(),
-    })
-}
-
-/// Force and place of the bare bench at a force, N and m, each the mean of many readings.
-fn mean_bare(bench: &mut dyn Bench, force_n: f64) -> Result<(f64, f64), Failure> {
-    let mut sum = (0.0, 0.0);
-    for _ in 0..BARE_READINGS {
-        let (force_n, stage_m) = bench.press_bare(force_n)?;
-        sum = (sum.0 + force_n, sum.1 + stage_m);
+    };
+    match checks::fault_of_session(&session, known) {
+        None => Ok(session),
+        Some(finding) => Err(Failure::Refused(finding.to_string())),
     }
-    let count = f64::from(BARE_READINGS);
-    Ok((sum.0 / count, sum.1 / count))
 }
 
-/// The greatest force of all runs over the greatest at rest before a train upon the block.
+/// The greatest force of all runs over the greatest at rest before a train upon the block; by the change of
+/// inductance where there is no load cell, which rises more steeply.
 fn growth(runs: &[Run]) -> f64 {
-    let greatest_n = |lines: &mut dyn Iterator<Item = &BenchSample>| {
-        lines.map(|line| line.force_n).fold(0.0, f64::max)
+    let by_force = growth_of(runs, |_, line| line.force_n);
+    let softer = |rest_hz: f64, line: &BenchSample| (rest_hz / line.frequency_hz).powi(2) - 1.0;
+    let by_inductance = || growth_of(runs, |rest_hz, line| Some(softer(rest_hz?, line)));
+    by_force.or_else(by_inductance).unwrap_or(1.0)
+}
+
+/// The same of a quantity of a sample, beside the frequency at rest, Hz; nothing where it is never positive.
+fn growth_of(runs: &[Run], of: impl Fn(Option<f64>, &BenchSample) -> Option<f64>) -> Option<f64> {
+    let greatest_of = |run: &Run, until_s: f64| {
+        let rest_hz = run.rest_hz();
+        let lines = run.lines.iter();
+        let lines = lines.filter(|line| line.gauges_time_s < until_s);
+        let values = lines.filter_map(|line| of(rest_hz, line));
+        values.fold(0.0, f64::max)
     };
     let blocks = runs.iter().filter(|run| run.pressed == Pressed::Block);
-    let mut at_rest = blocks.flat_map(|run| {
-        let lines = run.lines.iter();
-        lines.filter(|line| line.gauges_time_s < run.began_s)
-    });
-    let at_rest_n = greatest_n(&mut at_rest);
-    let all_n = greatest_n(&mut runs.iter().flat_map(|run| &run.lines));
-    if at_rest_n > 0.0 {
-        all_n / at_rest_n
-    } else {
-        1.0
-    }
+    let at_rest = blocks
+        .map(|run| greatest_of(run, run.began_s))
+        .fold(0.0, f64::max);
+    let all = runs.iter().map(|run| greatest_of(run, f64::INFINITY));
+    let all = all.fold(0.0, f64::max);
+    (at_rest > 0.0).then(|| all / at_rest)
 }
 
 /// What is done in one run.
@@ -249,7 +270,7 @@ fn run(
     task: &BenchTask,
 ) -> Result<Run, Failure> {
     let begin = instrument.now();
-    let mut run = Run::new(task.pressed);
+    let mut run = Run::new(task.pressed, task.depth_m);
     prepare(instrument, plan)?;
     run_until(instrument, begin + BASELINE, &mut run.lines)?;
     if task.pressed != Pressed::Nothing {

@@ -46,14 +46,27 @@ impl Bench for NativeBench<'_> {
         })
     }
 
-    fn press_bare(&mut self, force_n: f64) -> Result<(f64, f64), Failure> {
-        let reading = self.bare.press(force_n);
-        Ok((reading.force_n, reading.stage_m))
+    fn press_bare(&mut self, force_n: f64) -> Result<Option<(f64, f64)>, Failure> {
+        Ok(Some(mean_bare(&mut self.bare, force_n)))
     }
 
     fn temperature_c(&self) -> f64 {
         CALIBRATION_C
     }
+}
+
+/// Readings averaged on the bare bench at each force.
+const BARE_READINGS: u32 = 100;
+
+/// Force and place of the bare bench at a force, N and m, each the mean of many readings.
+pub(super) fn mean_bare(bare: &mut BareRig, force_n: f64) -> (f64, f64) {
+    let mut sum = (0.0, 0.0);
+    for _ in 0..BARE_READINGS {
+        let reading = bare.press(force_n);
+        sum = (sum.0 + reading.force_n, sum.1 + reading.stage_m);
+    }
+    let count = f64::from(BARE_READINGS);
+    (sum.0 / count, sum.1 / count)
 }
 
 /// What the simulated stage holds; with nothing to press, a block that stays above.
@@ -102,7 +115,7 @@ impl Instrument for NativeInstrument<'_> {
         for (at, record) in self.board.take_records() {
             match record {
                 Record::Sample(sample) => {
-                    let gauges = self.gauges.read(&world);
+                    let gauges = self.gauges.read(&world).into();
                     let line = BenchSample::new(
                         at.as_ticks() as f64 * 1e-6,
                         &sample,

@@ -15,10 +15,28 @@ pub(crate) struct BenchSample {
     pub(crate) current_a: f64,
     /// When the gauges were read, s.
     pub(crate) gauges_time_s: f64,
+    /// Load cell, N; nothing without one.
+    pub(crate) force_n: Option<f64>,
+    /// Scale of the stage, m; nothing while a hand moves it.
+    pub(crate) stage_m: Option<f64>,
+}
+
+/// What the gauges of the bench said at one time.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct GaugeReading {
     /// Load cell, N.
-    pub(crate) force_n: f64,
+    pub(crate) force_n: Option<f64>,
     /// Scale of the stage, m.
-    pub(crate) stage_m: f64,
+    pub(crate) stage_m: Option<f64>,
+}
+
+impl From<RigReading> for GaugeReading {
+    fn from(reading: RigReading) -> Self {
+        Self {
+            force_n: Some(reading.force_n),
+            stage_m: Some(reading.stage_m),
+        }
+    }
 }
 
 impl BenchSample {
@@ -28,7 +46,7 @@ impl BenchSample {
         time_s: f64,
         sample: &Sample,
         gauges_time_s: f64,
-        gauges: RigReading,
+        gauges: GaugeReading,
     ) -> Option<Self> {
         let conversion = sample.channels.first()?;
         Some(Self {
@@ -64,6 +82,8 @@ pub(crate) enum Pressed {
 pub(crate) struct Run {
     /// What was pressed.
     pub(crate) pressed: Pressed,
+    /// Depth of the sensing layer that was aimed at, m.
+    pub(crate) depth_m: f64,
     /// The samples, from before the touch to after the last ramp.
     pub(crate) lines: Vec<BenchSample>,
     /// When the train was requested, s.
@@ -72,17 +92,21 @@ pub(crate) struct Run {
     pub(crate) ramps_s: f64,
     /// When the press came to rest, s; the start for nothing.
     pub(crate) pressed_s: f64,
+    /// What these times are since, s of the board's clock.
+    pub(crate) zero_s: f64,
 }
 
 impl Run {
     /// Nothing yet.
-    pub(super) const fn new(pressed: Pressed) -> Self {
+    pub(super) const fn new(pressed: Pressed, depth_m: f64) -> Self {
         Self {
             pressed,
+            depth_m,
             lines: Vec::new(),
             began_s: 0.0,
             ramps_s: 0.0,
             pressed_s: 0.0,
+            zero_s: 0.0,
         }
     }
 
@@ -95,8 +119,22 @@ impl Run {
         self.began_s -= moment_s;
         self.ramps_s -= moment_s;
         self.pressed_s = (self.pressed_s - moment_s).max(0.0);
+        self.zero_s += moment_s;
         self
     }
+
+    /// Frequency of the sensor before the press, Hz; nothing without samples then.
+    pub(crate) fn rest_hz(&self) -> Option<f64> {
+        let rest = self.lines.iter();
+        let rest = rest.filter(|line| line.time_s > START_S && line.time_s < REST_S);
+        let (sum, count) = rest.fold((0.0, 0.0), |(sum, count), line| {
+            (sum + line.frequency_hz, count + 1.0)
+        });
+        (count > 0.0).then(|| sum / count)
+    }
+
+    /// When the sensor was untouched, s.
+    pub(crate) const UNTOUCHED_S: (f64, f64) = (START_S, REST_S);
 
     /// The lowest frequency until a moment, Hz.
     pub(super) fn lowest_hz(&self, until_s: f64) -> f64 {
@@ -122,5 +160,19 @@ pub(crate) struct Session {
     pub(crate) temperature_c: f64,
 }
 
-/// The first conversions after a start, s: the oscillator settles.
-const START_S: f64 = 0.05;
+impl Session {
+    /// What there would be without a load cell.
+    pub(crate) fn without_load_cell(mut self) -> Self {
+        let runs = self.runs.iter_mut().chain([&mut self.deepest_press]);
+        for line in runs.flat_map(|run| &mut run.lines) {
+            line.force_n = None;
+        }
+        self.bare.clear();
+        self
+    }
+}
+
+/// The untouched sensor is measured for this long, from the start: the bench moves later.
+const REST_S: f64 = 0.75;
+/// The first conversions after a start, in s: the oscillator settles.
+pub(crate) const START_S: f64 = 0.05;

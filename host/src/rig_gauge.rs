@@ -1,0 +1,53 @@
+//! `palpate rig-gauge`: the program of a gauge whose bench is simulated by `palpate serve-emulated --rig`.
+//!
+//! It passes lines on, both ways: what calibrates a board sees a program as that of a real gauge.
+
+use std::io::{self, BufRead, BufReader, Write};
+use std::net::TcpStream;
+use std::thread;
+
+use clap::{Args, ValueEnum};
+
+use crate::failure::Failure;
+
+/// Print what a gauge of the simulated bench says, as the program of a real gauge does
+#[derive(Args)]
+pub(crate) struct Arguments {
+    /// Which gauge
+    gauge: Gauge,
+    /// Where the simulated bench is
+    #[arg(long, value_name = "ADDRESS:PORT")]
+    at: String,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum Gauge {
+    Force,
+    Stage,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let at = &arguments.at;
+    let gone = |error: io::Error| Failure::Lost(format!("{at}: {error}"));
+    let mut bench = TcpStream::connect(at).map_err(gone)?;
+    bench.set_nodelay(true).map_err(gone)?;
+    let name = match arguments.gauge {
+        Gauge::Force => "force",
+        Gauge::Stage => "stage",
+    };
+    writeln!(bench, "{name}").map_err(gone)?;
+    let mut commands = bench.try_clone().map_err(gone)?;
+    thread::spawn(move || {
+        for line in io::stdin().lock().lines().map_while(Result::ok) {
+            if writeln!(commands, "{line}").is_err() {
+                break;
+            }
+        }
+    });
+    let mut out = io::stdout().lock();
+    for line in BufReader::new(bench).lines() {
+        writeln!(out, "{}", line.map_err(gone)?)?;
+        out.flush()?;
+    }
+    Err(Failure::Lost(format!("{at}: the bench is gone")))
+}
