@@ -136,7 +136,7 @@ fn is_whole(records: &[Record]) -> bool {
 }
 
 /// The command that sets what a record says; none for a record that is no part of the configuration.
-fn setting(record: Record) -> Option<Command> {
+pub(crate) fn setting(record: Record) -> Option<Command> {
     Some(match record {
         Record::Settings(of) => Command::SetSettings(of),
         Record::Tank(of) => Command::SetTank(of),

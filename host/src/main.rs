@@ -75,6 +75,10 @@ mod quantity;
 mod record;
 #[cfg(feature = "recording")]
 mod recording;
+#[cfg(feature = "recording")]
+mod recording_trials;
+#[cfg(feature = "recording")]
+mod replay;
 mod report;
 mod results;
 #[cfg(feature = "emulator")]
@@ -146,7 +150,12 @@ enum Verb {
     #[cfg(feature = "recording")]
     Info(info::Arguments),
     #[cfg(feature = "recording")]
+    Replay(replay::Arguments),
+    #[cfg(feature = "recording")]
     Export(export::Arguments),
+    #[cfg(feature = "recording")]
+    #[command(hide = true)]
+    Recordings(recording_trials::Arguments),
     Decode(decode::Arguments),
     Encode(encode::Arguments),
     Demo(demo::Arguments),
@@ -202,6 +211,10 @@ fn main() -> ExitCode {
         Verb::Record(arguments) => record::run(&arguments),
         #[cfg(feature = "recording")]
         Verb::Info(arguments) => info::run(&arguments),
+        #[cfg(feature = "recording")]
+        Verb::Replay(arguments) => replay::run(&arguments),
+        #[cfg(feature = "recording")]
+        Verb::Recordings(arguments) => recording_trials::run(&arguments),
         #[cfg(feature = "recording")]
         Verb::Export(arguments) => export::run(&arguments),
         Verb::Decode(arguments) => decode::run(&arguments),

@@ -1,6 +1,7 @@
 //! `palpate measure`: the stiffness of what is pressed upon a board's sensor.
 
 use std::io::{self, Write};
+use std::time::Duration;
 
 use clap::Args;
 use palpate_wire::code::State;
@@ -24,10 +25,12 @@ Lift off first: the board learns what the untouched sensor reads for half a seco
 hold still for about a second.
 
 With --json, a line for each measurement. Exit code 1 if the board refuses one; the reason is printed.
+Of a recording, the measurements in it are printed.
 
 Examples:
   palpate measure
-  palpate measure --board emulated --load 1.5")]
+  palpate measure --board emulated --load 1.5
+  palpate measure --board press.mcap")]
 pub(crate) struct Arguments {
     #[command(flatten)]
     link: link::Arguments,
@@ -46,6 +49,8 @@ pub(crate) struct Arguments {
     json: bool,
 }
 
+/// How much of a recording is taken at once.
+const PLAYED: Duration = Duration::from_millis(10);
 /// What the emulated board presses where nothing is said, in units of the sensing layer's stiffness.
 const USUAL_LOAD: f64 = 1.0;
 /// Baseline and the coil's test, s.
@@ -76,6 +81,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let usual = arguments.link.is_emulated().then_some(USUAL_LOAD);
     let load = arguments.load.or(usual);
     let mut link = arguments.link.open_pressed(Run::AsFastAsItCan, load)?;
+    if link.is_recording() {
+        return measured_before(arguments, &mut link);
+    }
     let configuration_crc = link.hello().map_or(0, |hello| hello.configuration_crc);
     link.must(&Command::Disarm)?;
     link.must(&Command::Arm)?;
@@ -88,8 +96,21 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             notice::say("Press the object upon the sensor, and hold still.");
         }
         let estimate = measured(&mut link, arguments.wait)?;
+        let simulated = arguments.link.is_simulated(&link);
         let line = Line {
-            simulated: arguments.link.is_simulated(&link),
+            true_n_per_m: truth(&mut link),
+            ..Line::of(&estimate, simulated, configuration_crc)
+        };
+        print(&line, arguments.json)?;
+    }
+    link.must(&Command::Disarm)?;
+    Ok(())
+}
+
+impl Line {
+    fn of(estimate: &Estimate, simulated: bool, configuration_crc: u32) -> Self {
+        Self {
+            simulated,
             measurement: estimate.measurement,
             stiffness_n_per_m: estimate.stiffness_n_per_m,
             lower_n_per_m: estimate.lower_n_per_m,
@@ -98,11 +119,35 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             total_displacement_m: estimate.total_displacement_m,
             temperature_c: estimate.temperature_c,
             configuration_crc,
-            true_n_per_m: truth(&mut link),
-        };
-        print(&line, arguments.json)?;
+            true_n_per_m: None,
+        }
     }
-    link.must(&Command::Disarm)?;
+}
+
+/// The measurements of a recording, as they came; a refusal is said, and is no failure of this one.
+fn measured_before(arguments: &Arguments, link: &mut Link) -> Result<(), Failure> {
+    let mut estimates = 0;
+    while let Ok(()) = link.listen(PLAYED) {
+        let configuration_crc = link.hello().map_or(0, |hello| hello.configuration_crc);
+        let simulated = arguments.link.is_simulated(link);
+        for (_, record) in link.take_records() {
+            match record {
+                Record::Estimate(estimate) => {
+                    estimates += 1;
+                    let line = Line::of(&estimate, simulated, configuration_crc);
+                    print(&line, arguments.json)?;
+                }
+                Record::Refusal(refusal) => notice::say(explain(&refusal)),
+                _ => {}
+            }
+        }
+    }
+    if estimates == 0 {
+        return Err(Failure::Refused(format!(
+            "{}: there is no estimate in it. `palpate record --arm` makes a recording with measurements",
+            link.name()
+        )));
+    }
     Ok(())
 }
 

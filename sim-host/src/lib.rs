@@ -20,6 +20,7 @@ pub mod mechanics;
 pub mod native;
 pub mod parameters;
 pub mod random;
+pub mod replay;
 pub mod rig;
 pub mod scenario;
 pub mod sensing_coil;

@@ -364,6 +364,22 @@ const CAMPAIGNS: &[Campaign] = &[
         rests_on: DESK,
     },
     Campaign {
+        name: "recordings",
+        purpose: "Recordings of emulated boards: for ten minutes, killed at random times, on a full disk, and \
+                  replayed.",
+        arguments: &[
+            "run",
+            "--release",
+            "-p",
+            "palpate",
+            "--",
+            "recordings",
+            "--seed",
+            "4001",
+        ],
+        rests_on: DESK,
+    },
+    Campaign {
         name: IMAGE_COST,
         purpose: "What the firmware's image costs of processor, flash and memory, by its parts.",
         arguments: &[

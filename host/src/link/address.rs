@@ -1,10 +1,13 @@
 //! Which board: by what it is named, and found where it is not.
 
 use std::io::{self, ErrorKind};
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 
 use super::emulated::Emulated;
+#[cfg(feature = "recording")]
+use super::playback::Playback;
 #[cfg(feature = "serial")]
 use super::serial::{self, Serial};
 use super::tcp::{Probe, Tcp};
@@ -21,17 +24,47 @@ use crate::link::Link;
 pub(crate) struct Arguments {
     /// The board: a serial port or the board's serial number; `emulated`; `tcp:HOST:PORT`, as of
     /// `palpate serve-emulated`; `probe:HOST:PORT,HOST:PORT`, a debug probe's server for records
-    /// (channel 1) and commands (channel 0). Without it, the one that is plugged in
+    /// (channel 1) and commands (channel 0); FILE.mcap, a recording. Without it, the one that is
+    /// plugged in
     #[arg(long, value_name = "BOARD")]
     board: Option<String>,
+    /// How fast a recording is played: 1 is as recorded, max as fast as possible
+    #[arg(long, value_name = "FACTOR", value_parser = speed)]
+    speed: Option<Speed>,
     #[command(flatten)]
     pub(crate) emulated: emulated::Arguments,
 }
+
+/// How fast a recording is played.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Speed {
+    /// So many times as fast as it was recorded.
+    Times(f64),
+    AsFastAsPossible,
+}
+
+fn speed(text: &str) -> Result<Speed, String> {
+    if text == "max" {
+        return Ok(Speed::AsFastAsPossible);
+    }
+    match text.parse() {
+        Ok(0.0) => Ok(Speed::AsFastAsPossible),
+        Ok(times) if (SLOWEST..=FASTEST).contains(&times) => Ok(Speed::Times(times)),
+        _ => Err(format!("allowed are {SLOWEST} to {FASTEST}, and max")),
+    }
+}
+
+/// A sample of 1 kHz a second, and more than any computer plays.
+const SLOWEST: f64 = 0.001;
+const FASTEST: f64 = 1e6;
+/// How the files of recordings end: complete, and as long as they are written.
+const RECORDINGS: [&str; 2] = [".mcap", ".mcap.partial"];
 
 /// What a name means.
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Address {
     Found,
+    Recording(PathBuf),
     Emulated,
     Tcp(String),
     Probe(String, String),
@@ -45,6 +78,9 @@ impl Address {
         };
         if name == "emulated" {
             return Ok(Self::Emulated);
+        }
+        if RECORDINGS.iter().any(|ending| name.ends_with(ending)) {
+            return Ok(Self::Recording(PathBuf::from(name)));
         }
         if let Some(address) = name.strip_prefix("tcp:") {
             return Ok(Self::Tcp(address.to_owned()));
@@ -75,10 +111,7 @@ impl Arguments {
 
     /// Connects, and hears from the board what it is.
     pub(crate) fn open(&self) -> Result<Link, Failure> {
-        match Address::parse(self.board.as_deref())? {
-            Address::Emulated => self.open_emulated(Run::AsFastAsItCan, None),
-            address => self.open_real(address),
-        }
+        self.open_pressed(Run::AsFastAsItCan, None)
     }
 
     /// The same, for those who watch: an emulated board keeps the pace of real time.
@@ -89,15 +122,45 @@ impl Arguments {
     /// The same; an emulated board presses a spring of this multiple of the sensing layer's stiffness
     /// again and again.
     pub(crate) fn open_pressed(&self, run: Run, press: Option<f64>) -> Result<Link, Failure> {
-        match Address::parse(self.board.as_deref())? {
+        let address = Address::parse(self.board.as_deref())?;
+        if self.speed.is_some() && !matches!(address, Address::Recording(_)) {
+            return Err(Failure::Argument(
+                "--speed is for a recording: name one with --board FILE.mcap".to_owned(),
+            ));
+        }
+        match address {
             Address::Emulated => self.open_emulated(run, press),
             _ if press.is_some() => Err(Failure::Argument(
                 "only the emulated board presses something by itself: leave --load out, or add \
                  --board emulated"
                     .to_owned(),
             )),
+            Address::Recording(file) => self.open_recording(&file, run),
             address => self.open_real(address),
         }
+    }
+
+    #[cfg(feature = "recording")]
+    fn open_recording(&self, file: &Path, run: Run) -> Result<Link, Failure> {
+        self.emulated.none_for_a_real_board()?;
+        let usual = match run {
+            Run::AsFastAsItCan => Speed::AsFastAsPossible,
+            Run::AtRealPace => Speed::Times(1.0),
+        };
+        let speed = match self.speed.unwrap_or(usual) {
+            Speed::Times(times) => Some(times),
+            Speed::AsFastAsPossible => None,
+        };
+        let (playback, hello) = Playback::open(file, speed)?;
+        let name = file.display().to_string();
+        Ok(Link::play(name, Box::new(playback), hello))
+    }
+
+    #[cfg(not(feature = "recording"))]
+    fn open_recording(&self, _: &Path, _: Run) -> Result<Link, Failure> {
+        Err(Failure::Argument(
+            "this tool is built without recordings: build it with its default features".into(),
+        ))
     }
 
     fn open_real(&self, address: Address) -> Result<Link, Failure> {
@@ -134,7 +197,7 @@ fn reach(address: Address) -> Result<(String, Box<dyn Transport>), Failure> {
             Ok((records, Box::new(probe)))
         }
         Address::Serial(name) => reach_serial(Some(&name)),
-        Address::Found | Address::Emulated => reach_serial(None),
+        Address::Found | Address::Emulated | Address::Recording(_) => reach_serial(None),
     }
 }
 
@@ -284,6 +347,7 @@ mod tests {
         let of = |name| Address::parse(Some(name)).unwrap();
         assert_eq!(Address::parse(None).unwrap(), Address::Found);
         assert_eq!(of("emulated"), Address::Emulated);
+        assert_eq!(of("a/b.mcap"), Address::Recording("a/b.mcap".into()));
         assert_eq!(
             of("tcp:localhost:1"),
             Address::Tcp("localhost:1".to_owned())
@@ -294,6 +358,16 @@ mod tests {
         );
         assert_eq!(of("COM5"), Address::Serial("COM5".to_owned()));
         assert!(Address::parse(Some("probe:a:1")).is_err());
+    }
+
+    #[test]
+    fn a_speed_is_a_factor_or_max() {
+        assert_eq!(speed("2.5"), Ok(Speed::Times(2.5)));
+        assert_eq!(speed("max"), Ok(Speed::AsFastAsPossible));
+        assert_eq!(speed("0"), Ok(Speed::AsFastAsPossible));
+        for wrong in ["-1", "NaN", "fast", "1e9"] {
+            assert!(speed(wrong).unwrap_err().contains("max"), "{wrong}");
+        }
     }
 
     #[cfg(feature = "serial")]

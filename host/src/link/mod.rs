@@ -6,6 +6,8 @@
 mod address;
 mod clock;
 mod emulated;
+#[cfg(feature = "recording")]
+mod playback;
 #[cfg(feature = "serial")]
 pub(crate) mod serial;
 mod tcp;
@@ -78,7 +80,13 @@ pub(crate) struct Link {
 impl Link {
     /// Asks a board who it is.
     fn open(name: String, transport: Box<dyn Transport>) -> Result<Self, Failure> {
-        let mut link = Self {
+        let mut link = Self::new(name, transport);
+        link.greet()?;
+        Ok(link)
+    }
+
+    fn new(name: String, transport: Box<dyn Transport>) -> Self {
+        Self {
             name,
             transport,
             decoder: RecordDecoder::new(),
@@ -90,9 +98,15 @@ impl Link {
             first: Vec::new(),
             other_version: None,
             has_armed: false,
-        };
-        link.greet()?;
-        Ok(link)
+        }
+    }
+
+    /// A recording of a board that was this.
+    #[cfg(feature = "recording")]
+    fn play(name: String, transport: Box<dyn Transport>, hello: Hello) -> Self {
+        let mut link = Self::new(name, transport);
+        link.hello = Some(hello);
+        link
     }
 
     /// Asks who it is until it answers: one that starts drops what comes first.
@@ -196,6 +210,12 @@ impl Link {
     pub(crate) fn unreadable(&self) -> u32 {
         let counts = self.decoder.counts();
         counts.damaged().wrapping_add(counts.not_understood())
+    }
+
+    /// Whether it is a recording: it takes no commands, and when it has been played it is
+    /// [lost](Failure::Lost) for good.
+    pub(crate) fn is_recording(&self) -> bool {
+        self.transport.is_recording()
     }
 
     /// The emulated board at the other end, if it is one of this program.
@@ -311,6 +331,12 @@ impl Link {
     }
 
     fn lost(&self, error: &io::Error) -> Failure {
+        if error.kind() == io::ErrorKind::Unsupported {
+            return Failure::Argument(format!("{error}: name a board with --board"));
+        }
+        if self.is_recording() {
+            return Failure::Lost(format!("{}: the recording has ended", self.name));
+        }
         Failure::Lost(format!(
             "{}: the board is gone ({error}): see its cable and plug it in again",
             self.name
@@ -402,6 +428,9 @@ impl Link {
         let end = self.now() + RESTART;
         loop {
             let opened = self.transport.reopen();
+            if self.is_recording() {
+                return opened.map_err(|error| self.lost(&error));
+            }
             self.decoder = RecordDecoder::new();
             match opened {
                 Ok(()) => return self.greet(),

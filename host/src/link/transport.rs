@@ -26,6 +26,11 @@ pub(crate) trait Transport {
     /// If the board is not there yet.
     fn reopen(&mut self) -> io::Result<()>;
 
+    /// Whether it is a recording, which takes no commands and has an end.
+    fn is_recording(&self) -> bool {
+        false
+    }
+
     /// The emulated board at its other end, if it is one of this program.
     fn emulated(&mut self) -> Option<&mut crate::emulated::PluggedBoard> {
         None

@@ -1,5 +1,6 @@
 //! `palpate record`: every record of a board, in a file.
 
+mod arming;
 mod inspection;
 mod session;
 
@@ -12,7 +13,7 @@ use serde::Serialize;
 
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;
-use crate::link;
+use crate::link::{self, Run};
 use crate::notice;
 use crate::recording::{BootLosses, Contents, Recorder, date};
 use session::Session;
@@ -32,7 +33,8 @@ are lost are counted and said.
 
 Examples:
   palpate record press.mcap
-  palpate record --board emulated --load 1.5 --for 10")]
+  palpate record --board emulated --load 1.5 --for 10
+  palpate record press.mcap --arm")]
 pub(crate) struct Arguments {
     /// The file. Otherwise palpate-DATE-TIME.mcap, UTC, in this folder
     #[arg(value_name = "FILE.mcap")]
@@ -46,6 +48,10 @@ pub(crate) struct Arguments {
     /// nominal stiffness
     #[arg(long, value_name = "RATIO")]
     load: Option<f64>,
+    /// Arm the board, and measure at every contact: the coil is driven. The board learns anew what the
+    /// untouched sensor reads: lift off first
+    #[arg(long)]
+    arm: bool,
     /// Print JSON
     #[arg(long)]
     json: bool,
@@ -80,13 +86,21 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             "Ctrl-C cannot be caught ({error}): record with --for"
         ))
     })?;
-    let link = arguments.link.open_to_watch(arguments.load)?;
+    // Its times are those of its own clock, however fast that goes.
+    let run = match arguments.duration {
+        Some(_) => Run::AsFastAsItCan,
+        None => Run::AtRealPace,
+    };
+    let mut link = arguments.link.open_pressed(run, arguments.load)?;
+    if arguments.arm {
+        arming::arm(&mut link)?;
+    }
     let recorder = Recorder::create(&file)?;
     notice::say(format_args!(
         "Recording to {}; Ctrl-C ends it.",
         recorder.partial().display()
     ));
-    let mut session = Session::new(link, recorder);
+    let mut session = Session::new(link, recorder, arguments.arm);
     let ran = session.run(arguments.duration, &interrupt);
     let unreadable = session.unreadable();
     let not_written = session.not_written();

@@ -4,8 +4,9 @@ use std::collections::HashMap;
 use std::path::PathBuf;
 use std::time::Duration;
 
+use palpate_wire::code::State;
 use palpate_wire::loss::Tally;
-use palpate_wire::{Command, MINOR_VERSION, SCHEMA_HASH, VERSION};
+use palpate_wire::{Command, MINOR_VERSION, Record, SCHEMA_HASH, VERSION};
 
 use super::inspection;
 use crate::failure::Failure;
@@ -33,11 +34,13 @@ pub(super) struct Session {
     /// The boot that was last asked what it is.
     boot_id: Option<u32>,
     compared: Duration,
+    /// Every contact is measured.
+    measures: bool,
 }
 
 impl Session {
     /// Begins with a board that has answered.
-    pub(super) fn new(link: Link, mut recorder: Recorder) -> Self {
+    pub(super) fn new(link: Link, mut recorder: Recorder, measures: bool) -> Self {
         let now_ns = date::now_ns();
         let passed_ns = u64::try_from(link.now().as_nanos()).unwrap_or_default();
         recorder.note(about(&link, now_ns));
@@ -49,6 +52,7 @@ impl Session {
             contents: Contents::default(),
             offsets: HashMap::new(),
             boot_id: None,
+            measures,
         }
     }
 
@@ -144,6 +148,10 @@ impl Session {
     fn store(&mut self, arrivals: &[Arrival], asked: Result<(), Failure>) -> Result<bool, Failure> {
         let had_lost = self.recorder.lost();
         for arrival in arrivals {
+            if self.measures && is_contact(&arrival.frame.message) {
+                // What it is answered is recorded.
+                self.link.send(&Command::Measure)?;
+            }
             let recorded = self.recorded(arrival);
             self.contents.enter_frame(&recorded);
             if !self.recorder.add(recorded) {
@@ -206,6 +214,12 @@ impl Session {
         self.boot_id
             .map_or(note.clone(), |boot_id| self.with_offset(note, boot_id))
     }
+}
+
+/// Whether something touches from now on.
+fn is_contact(record: &Record) -> bool {
+    matches!(record, Record::State(change)
+        if change.state == State::Contact && change.previous != State::Contact)
 }
 
 /// The note at the beginning.

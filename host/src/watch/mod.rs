@@ -31,7 +31,8 @@ terminal, a view is printed every second; with --json, a line with what is known
 
 Examples:
   palpate watch
-  palpate watch --board emulated --load 1.5 --arm")]
+  palpate watch --board emulated --load 1.5 --arm
+  palpate watch --board press.mcap --speed 4")]
 pub(crate) struct Arguments {
     #[command(flatten)]
     link: link::Arguments,
@@ -71,6 +72,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let interrupt = Interrupt::catch()?;
     while !interrupt.is_asked() && end.is_none_or(|end| link.now() < end) {
         match watched(&mut link, &mut known, screen.period(), arguments.arm) {
+            Err(Failure::Lost(_)) if link.is_recording() => break,
             Err(Failure::Lost(reason)) => {
                 known.lost(&reason);
                 screen.show(&known)?;

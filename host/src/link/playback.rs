@@ -1,0 +1,139 @@
+//! A recording in the place of a board: its records come again, with the times between them.
+
+use std::fs::File;
+use std::io::{self, BufReader, ErrorKind};
+use std::iter::Peekable;
+use std::path::{Path, PathBuf};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+use palpate_wire::record::Hello;
+use palpate_wire::{Message, Record, encode};
+
+use super::transport::Transport;
+use crate::failure::Failure;
+use crate::recording::{BOOT, Entry, Note, Reader, Recorded};
+
+/// A recording that is played.
+pub(super) struct Playback {
+    file: PathBuf,
+    frames: Peekable<Frames>,
+    /// Arrival of the first record, ns since 1970.
+    first_ns: u64,
+    /// How far it has been played.
+    now: Duration,
+    /// Recorded time to real time; nothing for as fast as possible.
+    speed: Option<f64>,
+    began: Instant,
+}
+
+/// The records of a file.
+struct Frames(Reader<BufReader<File>>);
+
+impl Iterator for Frames {
+    type Item = Recorded;
+
+    fn next(&mut self) -> Option<Recorded> {
+        self.0.find_map(|entry| match entry {
+            Entry::Frame(recorded) => Some(recorded),
+            Entry::Note(_) => None,
+        })
+    }
+}
+
+impl Playback {
+    /// Opens a recording, and says what the board was.
+    pub(super) fn open(file: &Path, speed: Option<f64>) -> Result<(Self, Hello), Failure> {
+        let mut reader = Reader::open(file)?;
+        let hello = reader.find_map(|entry| match entry {
+            Entry::Note(note) => hello(&note),
+            Entry::Frame(_) => None,
+        });
+        reader.refuse_foreign(file)?;
+        let mut frames = Frames(Reader::open(file)?).peekable();
+        let (Some(hello), Some(first)) = (hello, frames.peek()) else {
+            return Err(Failure::Refused(format!(
+                "{}: there is no record in it",
+                file.display()
+            )));
+        };
+        let playback = Self {
+            file: file.to_path_buf(),
+            first_ns: first.host_ns,
+            frames,
+            now: Duration::ZERO,
+            speed,
+            began: Instant::now(),
+        };
+        Ok((playback, hello))
+    }
+
+    /// When the next record came.
+    fn next_at(&mut self) -> Option<Duration> {
+        let next = self.frames.peek()?;
+        Some(Duration::from_nanos(
+            next.host_ns.saturating_sub(self.first_ns),
+        ))
+    }
+
+    fn play_to(&mut self, at: Duration) {
+        self.now = self.now.max(at);
+        if let Some(speed) = self.speed {
+            let due = self.now.div_f64(speed);
+            sleep(due.saturating_sub(self.began.elapsed()));
+        }
+    }
+}
+
+/// What the board was, if a note says so.
+fn hello(note: &Note) -> Option<Hello> {
+    if note.name != BOOT {
+        return None;
+    }
+    match serde_json::from_str(note.fields.get("hello")?).ok()? {
+        Record::Hello(hello) => Some(hello),
+        _ => None,
+    }
+}
+
+impl Transport for Playback {
+    fn now(&self) -> Duration {
+        self.now
+    }
+
+    fn write(&mut self, _: &[u8]) -> io::Result<()> {
+        Err(io::Error::new(
+            ErrorKind::Unsupported,
+            format!(
+                "{} is a recording: it takes no commands",
+                self.file.display()
+            ),
+        ))
+    }
+
+    fn read(&mut self, wait: Duration) -> io::Result<Vec<u8>> {
+        let Some(at) = self.next_at() else {
+            return Err(ErrorKind::UnexpectedEof.into());
+        };
+        let end = self.now + wait;
+        self.play_to(at.min(end));
+        let mut bytes = Vec::new();
+        while self.next_at().is_some_and(|at| at <= self.now)
+            && let Some(recorded) = self.frames.next()
+        {
+            let mut buffer = [0; Record::MAX_FRAME];
+            let frame = &recorded.frame;
+            let encoded = encode(&frame.header, &frame.message, &mut buffer);
+            bytes.extend_from_slice(encoded.map_err(|error| io::Error::other(error.to_string()))?);
+        }
+        Ok(bytes)
+    }
+
+    fn reopen(&mut self) -> io::Result<()> {
+        Err(ErrorKind::UnexpectedEof.into())
+    }
+
+    fn is_recording(&self) -> bool {
+        true
+    }
+}

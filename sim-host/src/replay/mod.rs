@@ -1,0 +1,300 @@
+//! A recorded stream, run through the procedure again.
+//!
+//! The firmware's own procedure gets the conversions that a board has recorded, with its settings and its
+//! calibration, and what it computes is put beside what the board sent. Both are the same code on the same
+//! numbers: they agree to the bit.
+//!
+//! What a board computes depends on all conversions since it began to learn what the untouched sensor reads.
+//! So a replay begins where the board does: after a release, after settings were set, after a train without
+//! a touch. Where records are missing it stops, and waits for the next such place.
+//!
+//! When a step of the board's procedure ran is in the records that the step made; where it made none but
+//! the sample, nothing depends on its time.
+
+mod run;
+
+use std::collections::HashMap;
+
+use palpate_procedure::Instant;
+use palpate_wire::code::{Contact, Outcome, RefusalReason, State, Stream};
+use palpate_wire::command::Settings;
+use palpate_wire::record::{Acknowledgement, Hello, StateChange};
+use palpate_wire::{Command, Frame, Message, Record, encode};
+
+use run::Run;
+
+/// Settings and calibration in force on a board, and what the board is.
+#[derive(Clone, Debug)]
+pub struct InForce {
+    /// What the board says it is.
+    pub hello: Hello,
+    /// The settings.
+    pub settings: Settings,
+    /// The commands that would set the parts of its calibration, without the settings.
+    pub calibration: Vec<Command>,
+}
+
+/// Why a record of the board is not computed again.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Pause {
+    /// The board had begun to learn what the untouched sensor reads before the recording.
+    BegunBefore,
+    /// Records are missing.
+    Missing,
+    /// Settings and calibration are not in the recording, or were changed.
+    Configuration,
+    /// The board did not send every sample: by `stream` or `decimation` of its settings.
+    NotEverySample,
+    /// A fault.
+    Fault,
+    /// The coil was driven for another purpose than a measurement.
+    Driven,
+    /// The coil's heat or energy forbade a measurement: both are followed from the start of the board on.
+    Heat,
+    /// The replay went another way than the board. This is a difference, too.
+    OutOfStep,
+}
+
+impl Pause {
+    /// What it means, as the end of a sentence.
+    pub const fn meaning(self) -> &'static str {
+        match self {
+            Self::BegunBefore => "before the board began to learn the untouched sensor anew",
+            Self::Missing => "after records that are missing",
+            Self::Configuration => "with settings or a calibration that are not in the recording",
+            Self::NotEverySample => "where stream or decimation leave samples out",
+            Self::Fault => "after a fault",
+            Self::Driven => "after the coil was driven by a command",
+            Self::Heat => "after the coil's heat or energy forbade a measurement",
+            Self::OutOfStep => "where the replay went another way than the board",
+        }
+    }
+}
+
+/// A record of the board beside the one that was computed again.
+#[derive(Clone, Debug)]
+pub struct Compared {
+    /// What the board sent.
+    pub frame: Frame<Record>,
+    /// The same, computed again.
+    pub replayed: Result<Record, Pause>,
+}
+
+impl Compared {
+    /// Whether both are the same bytes. Nothing where there was no replay.
+    pub fn is_identical(&self) -> Option<bool> {
+        match &self.replayed {
+            Ok(replayed) => Some(self.bytes(replayed) == self.bytes(&self.frame.message)),
+            Err(Pause::OutOfStep) => Some(false),
+            Err(_) => None,
+        }
+    }
+
+    fn bytes(&self, record: &Record) -> Vec<u8> {
+        let mut buffer = [0; Record::MAX_FRAME];
+        // A record that was decoded, or made by the procedure, has room.
+        encode(&self.frame.header, record, &mut buffer).map_or_else(|_| Vec::new(), <[u8]>::to_vec)
+    }
+}
+
+/// Computes what boards have sent again, record by record.
+#[derive(Debug, Default)]
+pub struct Replay {
+    in_force: HashMap<u32, InForce>,
+    boot_id: Option<u32>,
+    is_armed: bool,
+    run: Option<Run>,
+    pause: Option<Pause>,
+    /// Number of the frame that comes next.
+    next: u32,
+    /// A sample, and the records up to the next one: those of the steps in between.
+    group: Vec<Frame<Record>>,
+}
+
+impl Replay {
+    /// Says what is in force in a boot of a board.
+    pub fn configure(&mut self, boot_id: u32, in_force: InForce) {
+        self.in_force.insert(boot_id, in_force);
+    }
+
+    /// Takes the next record; returns those that are finished.
+    pub fn take(&mut self, frame: &Frame<Record>) -> Vec<Compared> {
+        let is_next_boot = self.boot_id != Some(frame.header.boot_id);
+        let mut finished = Vec::new();
+        if is_next_boot || matches!(frame.message, Record::Sample(_)) {
+            finished = self.finish();
+        }
+        if is_next_boot {
+            self.boot_id = Some(frame.header.boot_id);
+            self.is_armed = false;
+            self.next = frame.header.sequence;
+            self.stop(Pause::BegunBefore);
+        }
+        self.group.push(frame.clone());
+        finished
+    }
+
+    /// Finishes what was taken so far.
+    pub fn finish(&mut self) -> Vec<Compared> {
+        let group = std::mem::take(&mut self.group);
+        let is_whole = self.is_whole(&group);
+        if !is_whole {
+            self.stop(Pause::Missing);
+        }
+        for frame in &group {
+            self.interrupt(&frame.message);
+        }
+        if let Some(run) = &mut self.run {
+            run.step(&group);
+        }
+        let compared = group.iter().filter_map(|frame| self.compared(frame));
+        let compared: Vec<Compared> = compared.collect();
+        self.follow(&group, is_whole);
+        compared
+    }
+
+    /// Whether no record is missing up to the end of a group.
+    fn is_whole(&mut self, group: &[Frame<Record>]) -> bool {
+        let mut is_whole = true;
+        for frame in group {
+            is_whole &= frame.header.sequence == self.next;
+            self.next = frame.header.sequence.wrapping_add(1);
+        }
+        is_whole
+    }
+
+    fn stop(&mut self, why: Pause) {
+        self.run = None;
+        self.pause = Some(why);
+    }
+
+    /// Stops for what the procedure here cannot know of.
+    fn interrupt(&mut self, record: &Record) {
+        let why = match record {
+            Record::Fault(fault) if fault.active => Pause::Fault,
+            Record::State(change) if is_driven(change) => Pause::Driven,
+            Record::State(change) if is_set_anew(change) => Pause::Configuration,
+            Record::Refusal(refusal)
+                if matches!(
+                    refusal.reason,
+                    RefusalReason::CoilTooHot | RefusalReason::TooMuchEnergy
+                ) =>
+            {
+                Pause::Heat
+            }
+            Record::Settings(settings) if self.change(settings) => Pause::Configuration,
+            Record::Acknowledgement(answer) if sets(answer).is_some() => Pause::Configuration,
+            _ => return,
+        };
+        self.stop(why);
+    }
+
+    /// Takes settings; true if they are others than before.
+    fn change(&mut self, settings: &Settings) -> bool {
+        let boot_id = self.boot_id.unwrap_or_default();
+        let Some(in_force) = self.in_force.get_mut(&boot_id) else {
+            return false;
+        };
+        let is_other = in_force.settings != *settings;
+        in_force.settings = settings.clone();
+        is_other
+    }
+
+    fn compared(&mut self, frame: &Frame<Record>) -> Option<Compared> {
+        if !is_computed(&frame.message) {
+            return None;
+        }
+        let replayed = match &mut self.run {
+            Some(run) => run.take(&frame.message).ok_or(Pause::OutOfStep),
+            None => Err(self.pause.unwrap_or(Pause::BegunBefore)),
+        };
+        Some(Compared {
+            frame: frame.clone(),
+            replayed,
+        })
+    }
+
+    /// Follows where the board is, and begins where it begins.
+    fn follow(&mut self, group: &[Frame<Record>], is_whole: bool) {
+        let mut states = group.iter().filter_map(|frame| match &frame.message {
+            Record::State(change) => Some(change),
+            _ => None,
+        });
+        if let Some(change) = states.next_back() {
+            self.is_armed = change.armed;
+            let is_out_of_step = |run: &Run| !run.is_in(change.state);
+            if self.run.as_ref().is_some_and(is_out_of_step) {
+                self.stop(Pause::OutOfStep);
+            }
+        }
+        if self.run.is_none()
+            && is_whole
+            && let Some(last) = group.last()
+            && group.iter().any(|frame| begins_anew(&frame.message))
+        {
+            self.begin(Instant::from_ticks(last.header.time_us));
+        }
+    }
+
+    fn begin(&mut self, at: Instant) {
+        let boot_id = self.boot_id.unwrap_or_default();
+        let Some(in_force) = self.in_force.get(&boot_id) else {
+            return self.stop(Pause::Configuration);
+        };
+        if in_force.settings.stream != Stream::Samples || in_force.settings.decimation > 1 {
+            return self.stop(Pause::NotEverySample);
+        }
+        self.run = Run::begin(boot_id, in_force, at, self.is_armed);
+        self.pause = self.run.is_none().then_some(Pause::Configuration);
+    }
+}
+
+/// Whether a record is computed from conversions.
+const fn is_computed(record: &Record) -> bool {
+    matches!(
+        record,
+        Record::Sample(_) | Record::Estimate(_) | Record::LoadPoint(_) | Record::Refusal(_)
+    )
+}
+
+/// Whether the board learns from the next conversion on, with nothing from before, what the untouched
+/// sensor reads.
+fn begins_anew(record: &Record) -> bool {
+    match record {
+        Record::Sample(sample) => sample.sensor == 0 && sample.contact == Contact::Ended,
+        Record::State(change) => {
+            change.state == State::Baseline
+                && matches!(
+                    change.previous,
+                    State::Settling | State::Peak | State::Ramps | State::Manual
+                )
+        }
+        Record::Acknowledgement(answer) => sets(answer).is_some_and(|name| ANEW.contains(&name)),
+        _ => false,
+    }
+}
+
+/// Commands after which the untouched sensor is learnt anew.
+const ANEW: [&str; 3] = ["set_settings", "set_deformation_curve", "set_crosstalk"];
+
+/// The command that was accepted and set something.
+fn sets(answer: &Acknowledgement) -> Option<&'static str> {
+    let mut kinds = Command::KINDS.iter();
+    let kind = kinds.find(|kind| kind.number == answer.kind)?;
+    let sets = answer.outcome == Outcome::Accepted && kind.name.starts_with("set_");
+    sets.then_some(kind.name)
+}
+
+/// Whether the coil begins to be driven for anything but a measurement.
+fn is_driven(change: &StateChange) -> bool {
+    match change.state {
+        State::Manual => true,
+        State::Peak => change.previous != State::Settling,
+        _ => false,
+    }
+}
+
+/// Whether a setting was changed, by any link: nothing else ends the watch for a touch so.
+fn is_set_anew(change: &StateChange) -> bool {
+    (change.previous, change.state) == (State::Watching, State::Baseline)
+}

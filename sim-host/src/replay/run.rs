@@ -1,0 +1,287 @@
+//! The procedure under a recorded stream, from where a board has begun anew.
+
+use ldc161x::{Channel, Reading, Word};
+use palpate_node::acquisition::{Scheme, Setpoint};
+use palpate_procedure::event::Conditions;
+use palpate_procedure::units::{Ampere, Celsius};
+use palpate_procedure::{
+    Action, Actions, BoardInfo, Conversion, Duration, Event, Instant, Limits, Link, Procedure, Scan,
+};
+use palpate_wire::code::{Chip, Mode, Outcome, ResetCause, State};
+use palpate_wire::record::{CoilTest, Hello, Sample, StateChange};
+use palpate_wire::{Command, Frame, Header, Message, Record};
+
+use super::{InForce, is_computed};
+
+/// Channels of an LDC1614.
+const CHANNELS: u8 = 0b1111;
+/// The link by which commands come here. The procedure does the same for each.
+const LINK: Link = Link::Usb;
+/// What the test of a coil finds that was tested before the replay began: it counts for the energy of the
+/// coil's drive alone, which is not replayed.
+const TESTED: CoilTest = CoilTest {
+    resistance_ohm: 0.0,
+    inductance_h: 0.0,
+    lost: 0.0,
+    zero_v: 0.0,
+    supply_v: 0.0,
+    limited_to_a: None,
+};
+
+/// A procedure, and what it has made.
+#[derive(Debug)]
+pub(super) struct Run {
+    procedure: Procedure,
+    actions: Actions,
+    /// Time of the last step.
+    now: Instant,
+    /// How long a conversion takes.
+    window: Duration,
+    /// From the middle of a scan's first conversion to its end, which is before any step with it.
+    before_edge: Duration,
+    /// Converter and channel of those that have a deformation.
+    curves: Vec<(u8, u8)>,
+    /// What was computed and not been compared yet.
+    made: Vec<Record>,
+}
+
+impl Run {
+    /// Begins at a moment of the board's clock. Nothing if what is in force is refused.
+    pub(super) fn begin(
+        boot_id: u32,
+        in_force: &InForce,
+        at: Instant,
+        is_armed: bool,
+    ) -> Option<Self> {
+        let settings = &in_force.settings;
+        let scheme = Scheme::new(Setpoint {
+            channels: settings.channels,
+            rate_hz: settings.rate_hz,
+        });
+        let scheme = scheme.ok()?;
+        let mut run = Self {
+            procedure: Procedure::new(board(boot_id, &in_force.hello)),
+            actions: Actions::new(),
+            now: at,
+            window: Duration::from_ticks(scheme.window_us.into()),
+            before_edge: Duration::from_ticks(scheme.before_edge_us.into()),
+            curves: curves(&in_force.calibration),
+            made: Vec::new(),
+        };
+        run.event(at, &Event::Tick);
+        let settings = Command::SetSettings(settings.clone());
+        for command in in_force.calibration.iter().chain([&settings]) {
+            // Which calibration it is changes no number.
+            if !matches!(command, Command::SetCalibrationIdentity(_)) {
+                run.accepted(command, at)?;
+            }
+        }
+        if is_armed {
+            run.accepted(&Command::Arm, at)?;
+            run.event(at, &Event::CoilTested(TESTED));
+        }
+        run.made.clear();
+        Some(run)
+    }
+
+    /// Whether the procedure is where the board is. One that has just begun counts ten conversions before
+    /// it says so that it learns the untouched sensor; it learns from the first one on.
+    pub(super) fn is_in(&self, state: State) -> bool {
+        let is = self.procedure.state();
+        is == state || (is, state) == (State::SelfTest, State::Baseline)
+    }
+
+    /// Takes a sample, and the records of the board up to the next one.
+    pub(super) fn step(&mut self, group: &[Frame<Record>]) {
+        // A sample that the board did not send here has no counterpart later.
+        self.made
+            .retain(|record| is_computed(record) && !matches!(record, Record::Sample(_)));
+        for (place, frame) in group.iter().enumerate() {
+            let at = Instant::from_ticks(frame.header.time_us);
+            match &frame.message {
+                Record::Sample(sample) => {
+                    let followers = group.get(place + 1..).unwrap_or_default();
+                    self.scan(at, sample, followers);
+                }
+                Record::State(change) => self.follow(at, change),
+                Record::CoilTest(found) => self.event(at, &Event::CoilTested(found.clone())),
+                Record::Status(status) => self.measured(at, status.temperature_c),
+                message if is_computed(message) && self.place(message).is_none() => {
+                    self.event(at, &Event::Tick);
+                }
+                _ => {}
+            }
+        }
+    }
+
+    /// What was computed for a record of the board.
+    pub(super) fn take(&mut self, sent: &Record) -> Option<Record> {
+        let place = self.place(sent)?;
+        Some(self.made.remove(place))
+    }
+
+    fn place(&self, sent: &Record) -> Option<usize> {
+        let number = |record: &Record| match record {
+            Record::LoadPoint(point) => point.index,
+            Record::Sample(sample) => sample.sensor,
+            _ => 0,
+        };
+        let is_same = |made: &Record| made.kind() == sent.kind() && number(made) == number(sent);
+        self.made.iter().position(is_same)
+    }
+
+    fn scan(&mut self, middle: Instant, sample: &Sample, followers: &[Frame<Record>]) {
+        let edge = Instant::from_ticks(middle.as_ticks() + self.before_edge.as_ticks());
+        // The temperature that went into an estimate, in this step, is in it.
+        let temperature_c = followers.iter().find_map(|frame| match &frame.message {
+            Record::Estimate(estimate) => estimate.temperature_c,
+            _ => None,
+        });
+        if temperature_c.is_some() {
+            self.measured(edge, temperature_c);
+        }
+        let scan = self.scan_of(middle, sample);
+        let stepped = followers
+            .iter()
+            .filter(|frame| shows_its_step(&frame.message));
+        let stepped = stepped.map(|frame| frame.header.time_us).min();
+        let now = stepped.map_or(edge, |time_us| Instant::from_ticks(time_us).max(edge));
+        self.event(now, &Event::Scan(&scan));
+    }
+
+    fn scan_of(&self, middle: Instant, sample: &Sample) -> Scan {
+        let mut scan = Scan {
+            sensor: sample.sensor,
+            middle,
+            window: self.window,
+            conversions: Default::default(),
+            lost: sample.missed,
+            gap: sample.gap,
+            current: sample.current_a.map(Ampere),
+            ripple: sample.ripple_a.map(Ampere),
+            account: None,
+        };
+        let conversions = sample.channels.iter().map(|of| {
+            let has_curve = self.curves.contains(&(sample.sensor, of.channel));
+            let channel = Channel::ALL.get(usize::from(of.channel));
+            let reading = Reading {
+                channel: channel.copied().unwrap_or_default(),
+                word: Word::from_registers((of.word >> 16) as u16, of.word as u16),
+                frequency_hz: of.frequency_hz,
+                sigma_hz: of.sigma_hz,
+                // A conversion that the driver does not trust has no deformation: after a gap, with
+                // nothing in its word that says so.
+                after_gap: has_curve && of.deformation_m.is_none(),
+                ..Reading::default()
+            };
+            Conversion {
+                reading,
+                offset: Duration::from_ticks(of.offset_us.into()),
+            }
+        });
+        scan.conversions.extend(conversions);
+        scan
+    }
+
+    /// Does what the board was commanded to do, as its change of state shows.
+    fn follow(&mut self, at: Instant, change: &StateChange) {
+        if change.armed != self.procedure.is_armed() {
+            self.command(at, &arming(change));
+        }
+        if self.is_in(change.state) {
+            return;
+        }
+        if change.state == State::Settling {
+            self.command(at, &Command::Measure);
+        } else {
+            self.event(at, &Event::Tick);
+        }
+    }
+
+    fn measured(&mut self, at: Instant, temperature_c: Option<f32>) {
+        let conditions = Conditions {
+            temperature: temperature_c.map(Celsius),
+            ..Conditions::default()
+        };
+        self.event(at, &Event::Conditions(conditions));
+    }
+
+    fn accepted(&mut self, command: &Command, at: Instant) -> Option<()> {
+        self.made.clear();
+        self.command(at, command);
+        let is_accepted = |record: &Record| match record {
+            Record::Acknowledgement(answer) => answer.outcome == Outcome::Accepted,
+            _ => false,
+        };
+        self.made.iter().any(is_accepted).then_some(())
+    }
+
+    fn command(&mut self, at: Instant, command: &Command) {
+        let header = Header {
+            boot_id: self.procedure.boot_id(),
+            sequence: 0,
+            time_us: 0,
+            dropped: 0,
+        };
+        let frame = Frame {
+            header,
+            message: command.clone(),
+        };
+        self.event(at, &Event::Command(LINK, &frame));
+    }
+
+    /// A step. Times that a later record shows do not go back.
+    fn event(&mut self, at: Instant, event: &Event<'_>) {
+        self.now = self.now.max(at);
+        self.procedure.step_into(self.now, event, &mut self.actions);
+        let records = self.actions.iter().filter_map(|action| match action {
+            Action::Record { record, .. } => Some(record.clone()),
+            _ => None,
+        });
+        self.made.extend(records);
+    }
+}
+
+/// Whether the time of a record is that of the step that made it.
+const fn shows_its_step(record: &Record) -> bool {
+    matches!(
+        record,
+        Record::State(_) | Record::Estimate(_) | Record::Refusal(_)
+    )
+}
+
+/// What armed or disarmed the board.
+fn arming(change: &StateChange) -> Command {
+    match (change.armed, change.mode) {
+        (true, _) => Command::Arm,
+        (false, Mode::SensingOnly) => Command::SensingOnly,
+        (false, _) => Command::Disarm,
+    }
+}
+
+/// The board as the procedure takes it: as after a start that nothing was wrong with.
+fn board(boot_id: u32, hello: &Hello) -> BoardInfo {
+    let channels = |chip: Chip| if chip == Chip::Ldc161x { CHANNELS } else { 0 };
+    BoardInfo {
+        boot_id,
+        hello: Hello {
+            reset_cause: ResetCause::PowerOn,
+            ..hello.clone()
+        },
+        crash: None,
+        crashes: 0,
+        channels: [CHANNELS, channels(hello.second_chip)],
+        coil: true,
+        storage: false,
+        limits: Limits::REFERENCE,
+    }
+}
+
+/// Converter and channel of each deformation curve.
+fn curves(calibration: &[Command]) -> Vec<(u8, u8)> {
+    let of = |command: &Command| match command {
+        Command::SetDeformationCurve(curve) => Some((curve.sensor, curve.channel)),
+        _ => None,
+    };
+    calibration.iter().filter_map(of).collect()
+}
