@@ -169,7 +169,14 @@ pub(crate) const MEMBERS: &[Member] = &[
     },
     Member {
         name: "palpate",
-        features: &["emulator", "field", "live", "packaging", "recording", "serial"],
+        features: &[
+            "emulator",
+            "field",
+            "live",
+            "packaging",
+            "recording",
+            "serial",
+        ],
         ..HOST_PROGRAM
     },
     Member {
