@@ -46,3 +46,15 @@ impl fmt::Display for Finding {
         write!(f, "{}. {}", self.cause, self.action)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_board_that_is_gone_and_one_that_does_not_answer_are_different_findings() {
+        let of = |failure| Finding::of(failure).finding;
+        assert_eq!(of(Failure::Lost("gone".to_owned())), "gone");
+        assert_eq!(of(Failure::Refused("silent".to_owned())), "unanswered");
+    }
+}

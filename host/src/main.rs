@@ -43,6 +43,8 @@ mod faults;
 mod field;
 mod finding;
 #[cfg(feature = "emulator")]
+mod flash;
+#[cfg(feature = "emulator")]
 mod image;
 #[cfg(feature = "emulator")]
 mod image_cost;
@@ -59,6 +61,8 @@ mod link;
 mod live;
 #[cfg(feature = "emulator")]
 mod log;
+#[cfg(feature = "emulator")]
+mod log_table;
 #[cfg(feature = "emulator")]
 mod measure;
 mod misfit;
@@ -139,6 +143,8 @@ enum Verb {
     #[cfg(feature = "emulator")]
     Measure(measure::Arguments),
     #[cfg(feature = "emulator")]
+    Flash(flash::Arguments),
+    #[cfg(feature = "emulator")]
     Devices(devices::Arguments),
     #[cfg(feature = "emulator")]
     Doctor(doctor::Arguments),
@@ -173,6 +179,8 @@ enum Verb {
     #[cfg(feature = "emulator")]
     ImageCost(image_cost::Arguments),
     #[cfg(feature = "emulator")]
+    LogTable(log_table::Arguments),
+    #[cfg(feature = "emulator")]
     ServeEmulated(serve::Arguments),
     #[cfg(feature = "emulator")]
     #[command(hide = true)]
@@ -200,6 +208,8 @@ fn main() -> ExitCode {
         Verb::Live(arguments) => live::run(&arguments),
         #[cfg(feature = "emulator")]
         Verb::Measure(arguments) => measure::run(&arguments),
+        #[cfg(feature = "emulator")]
+        Verb::Flash(arguments) => flash::run(&arguments),
         #[cfg(feature = "emulator")]
         Verb::Devices(arguments) => devices::run(&arguments),
         #[cfg(feature = "emulator")]
@@ -230,6 +240,8 @@ fn main() -> ExitCode {
         Verb::Field(arguments) => field::run(&arguments),
         #[cfg(feature = "emulator")]
         Verb::ImageCost(arguments) => image_cost::run(&arguments),
+        #[cfg(feature = "emulator")]
+        Verb::LogTable(arguments) => log_table::run(&arguments),
         #[cfg(feature = "emulator")]
         Verb::ServeEmulated(arguments) => serve::run(&arguments),
         #[cfg(feature = "emulator")]

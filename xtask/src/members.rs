@@ -174,6 +174,7 @@ pub(crate) const MEMBERS: &[Member] = &[
             "field",
             "live",
             "packaging",
+            "probe",
             "recording",
             "serial",
         ],

@@ -355,6 +355,7 @@ mod tests {
         found.faults.push(fault);
         let findings = of(&found);
         assert_eq!(findings.len(), 1);
+        assert_eq!(findings[0].finding, "fault");
         let cause = &findings[0].cause;
         assert!(
             cause.contains("sensor_not_oscillating (12)") && cause.contains("does not oscillate"),

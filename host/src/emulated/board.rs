@@ -11,6 +11,11 @@ use crate::failure::Failure;
 
 /// In less it has enumerated.
 const STARTED: Time = Time::from_ms(500);
+/// In less it is in its boot loader, from the answer to the command on.
+const BOOT_LOADER: Time = Time::from_ms(500);
+
+/// The channel of the debug probe on which the image logs (docs/firmware.md, links).
+const LOG: u32 = 0;
 
 /// The board. A program opens its serial port and closes it, as a PC's do.
 pub(crate) struct PluggedBoard {
@@ -103,6 +108,28 @@ impl PluggedBoard {
         Ok(())
     }
 
+    /// Writes a UF2 as the boot loader's drive takes it. The board was asked to start the boot loader; with
+    /// the last block it starts what was written.
+    ///
+    /// # Errors
+    /// If the board does not start the boot loader, or the file has what the emulation cannot follow.
+    pub(crate) fn write_uf2(&mut self, uf2: &[u8]) -> Result<(), Failure> {
+        let end = self.now() + BOOT_LOADER;
+        while !self.instrument.board().is_in_boot_loader() {
+            if self.now() >= end {
+                return Err(Failure::Refused(
+                    "the emulated board does not start its boot loader: is it an image of the firmware?"
+                        .to_owned(),
+                ));
+            }
+            self.advance(Time::from_ms(1))?;
+        }
+        let board = self.instrument.board_mut();
+        let written = board.write_uf2(uf2);
+        written.map_err(|error| Failure::Refused(format!("the emulated board: {error}")))?;
+        self.flash.follow(board.flash())
+    }
+
     /// Time since its first power-on.
     pub(crate) fn now(&self) -> Time {
         self.before + self.instrument.board().now()
@@ -161,6 +188,11 @@ impl PluggedBoard {
     /// Bytes of the board.
     pub(crate) fn read(&mut self) -> Vec<u8> {
         self.instrument.board_mut().usb_mut().read()
+    }
+
+    /// What the image has logged, as a debug probe reads it: frames of defmt.
+    pub(crate) fn read_log(&mut self) -> Vec<u8> {
+        self.instrument.board_mut().read_channel(LOG)
     }
 
     /// Lets time pass.

@@ -49,6 +49,8 @@ const USUAL: &str = "ultrasoft";
 /// What is there to be emulated.
 pub(crate) struct Model {
     pub(crate) image: Image,
+    /// The file that the image is from.
+    pub(crate) image_file: PathBuf,
     pub(crate) stack: Stack,
     pub(crate) plant: Parameters,
     /// Where its flash is kept.
@@ -130,9 +132,10 @@ impl Arguments {
     /// Loads what is to be emulated.
     pub(crate) fn load(&self) -> Result<Model, Failure> {
         let (stack, plant) = self.stack_and_plant()?;
-        let (_, image) = self.image.load(Program::Firmware)?;
+        let (image_file, image) = self.image.load(Program::Firmware)?;
         Ok(Model {
             image,
+            image_file,
             plant,
             stack,
             flash: self.flash(),

@@ -1,8 +1,7 @@
 //! The firmware's image on an emulated board, as an engine.
 
 use std::cell::Cell;
-use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use palpate_emulator::{Image, Options};
@@ -12,7 +11,7 @@ use super::{Engine, Native};
 use crate::failure::Failure;
 use crate::image::{self, Program};
 use crate::instrument::CalibratedInstrument;
-use crate::log::Log;
+use crate::log::{self, Log};
 use crate::output::OutputFile;
 use crate::press::{Press, PressOutcome, press_on};
 use crate::progress::Progress;
@@ -28,10 +27,8 @@ pub(crate) struct Arguments {
     engine: EngineKind,
     #[command(flatten)]
     image: image::Arguments,
-    /// With `--engine image`: show the image's own log on standard error, each line with the time
-    /// of the image's clock in seconds
-    #[arg(long)]
-    log: bool,
+    #[command(flatten)]
+    log: log::Arguments,
     /// With `--engine image`: write pins, bus and coil current of every press as a value change
     /// dump, for a waveform viewer. The second press goes to FILE-2.vcd, and so on
     #[arg(long, value_name = "FILE.vcd")]
@@ -57,9 +54,9 @@ impl Arguments {
     /// The engine, with its image loaded.
     pub(crate) fn engine(&self) -> Result<Box<dyn Engine>, Failure> {
         match self.engine {
-            EngineKind::Native if self.log => Err(only_with_image("--log")),
             EngineKind::Native if self.trace.is_some() => Err(only_with_image("--trace")),
             EngineKind::Native => {
+                self.log.none_without("add --engine image")?;
                 self.image.none_without("--engine image")?;
                 Ok(Box::new(Native))
             }
@@ -72,7 +69,7 @@ impl Arguments {
         let (file, image) = self.image.load(Program::Firmware)?;
         Ok(OnBoard {
             image,
-            log: self.log.then(|| load_log(&file)).transpose()?,
+            log: self.log.load(Some(&file))?,
             trace,
             traced: Cell::new(0),
         })
@@ -80,20 +77,12 @@ impl Arguments {
 
     /// A bar for the presses; none where the log is shown.
     pub(crate) fn progress(&self, steps: usize) -> Progress {
-        if self.log {
+        if self.log.is_asked() {
             Progress::hidden()
         } else {
             Progress::new(steps)
         }
     }
-}
-
-fn load_log(image: &Path) -> Result<Log, Failure> {
-    let bytes = fs::read(image).map_err(|reason| Failure::Unreadable {
-        file: image.to_path_buf(),
-        reason,
-    })?;
-    Log::of(&bytes, image)
 }
 
 fn only_with_image(argument: &str) -> Failure {

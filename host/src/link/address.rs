@@ -8,6 +8,7 @@ use clap::Args;
 use super::emulated::Emulated;
 #[cfg(feature = "recording")]
 use super::playback::Playback;
+use super::probe;
 #[cfg(feature = "serial")]
 use super::serial::{self, Serial};
 use super::tcp::{Probe, Tcp};
@@ -16,6 +17,7 @@ use crate::emulated;
 use crate::failure::Failure;
 use crate::finding::Finding;
 use crate::link::Link;
+use crate::log;
 
 /// How a board is reached.
 #[derive(Args)]
@@ -23,9 +25,9 @@ use crate::link::Link;
 #[group(skip)]
 pub(crate) struct Arguments {
     /// The board: a serial port or the board's serial number; `emulated`; `tcp:HOST:PORT`, as of
-    /// `palpate serve-emulated`; `probe:HOST:PORT,HOST:PORT`, a debug probe's server for records
-    /// (channel 1) and commands (channel 0); FILE.mcap, a recording. Without it, the one that is
-    /// plugged in
+    /// `palpate serve-emulated`; FILE.mcap, a recording; `probe`, behind the debug probe that is plugged
+    /// in, or `probe:VID:PID:SERIAL`; `probe:HOST:PORT,HOST:PORT`, a debug probe's server for records
+    /// (channel 1) and commands (channel 0). Without it, the one that is plugged in
     #[arg(long, value_name = "BOARD")]
     board: Option<String>,
     /// How fast a recording is played: 1 is as recorded, max as fast as possible
@@ -33,6 +35,8 @@ pub(crate) struct Arguments {
     speed: Option<Speed>,
     #[command(flatten)]
     pub(crate) emulated: emulated::Arguments,
+    #[command(flatten)]
+    log: log::Arguments,
 }
 
 /// How fast a recording is played.
@@ -67,6 +71,9 @@ enum Address {
     Recording(PathBuf),
     Emulated,
     Tcp(String),
+    /// A debug probe at this computer, by its name.
+    DebugProbe(Option<String>),
+    /// Servers of a debug probe: for records, for commands.
     Probe(String, String),
     Serial(String),
 }
@@ -85,23 +92,50 @@ impl Address {
         if let Some(address) = name.strip_prefix("tcp:") {
             return Ok(Self::Tcp(address.to_owned()));
         }
-        let Some(servers) = name.strip_prefix("probe:") else {
+        if name == "probe" {
+            return Ok(Self::DebugProbe(None));
+        }
+        let Some(probe) = name.strip_prefix("probe:") else {
             return Ok(Self::Serial(name.to_owned()));
         };
-        let Some((records, commands)) = servers.split_once(',') else {
-            return Err(Failure::Argument(format!(
-                "--board {name}: a probe takes two servers, for records and for commands, as \
+        if let Some((records, commands)) = probe.split_once(',') {
+            return Ok(Self::Probe(records.to_owned(), commands.to_owned()));
+        }
+        let is_number = |part: &str| u16::from_str_radix(part, 16).is_ok();
+        match probe.split(':').collect::<Vec<_>>().as_slice() {
+            [vendor, product, ..] if is_number(vendor) && is_number(product) => {
+                Ok(Self::DebugProbe(Some(probe.to_owned())))
+            }
+            _ => Err(Failure::Argument(format!(
+                "--board {name}: name a debug probe by its USB numbers, as probe:2e8a:000c or \
+                 probe:2e8a:000c:E6614103E7, or two servers for records and for commands, as \
                  probe:localhost:9091,localhost:9090"
-            )));
-        };
-        Ok(Self::Probe(records.to_owned(), commands.to_owned()))
+            ))),
+        }
     }
 }
 
 impl Arguments {
+    /// Whether the board is named, and not the one that is found.
+    pub(crate) const fn is_named(&self) -> bool {
+        self.board.is_some()
+    }
+
     /// Whether the emulated board is meant.
     pub(crate) fn is_emulated(&self) -> bool {
         self.board.as_deref() == Some("emulated")
+    }
+
+    /// Writes firmware from the start of the flash on through the debug probe that is meant, and starts it;
+    /// false if none is meant.
+    ///
+    /// # Errors
+    /// If no board is reached through it, or the flash does not take the firmware.
+    pub(crate) fn flash_through_probe(&self, firmware: &[u8]) -> Result<bool, Failure> {
+        match Address::parse(self.board.as_deref())? {
+            Address::DebugProbe(name) => probe::flash(name.as_deref(), firmware).map(|()| true),
+            _ => Ok(false),
+        }
     }
 
     /// Whether the data of a board come from a simulation.
@@ -165,14 +199,22 @@ impl Arguments {
 
     fn open_real(&self, address: Address) -> Result<Link, Failure> {
         self.emulated.none_for_a_real_board()?;
+        if !matches!(address, Address::Probe(..) | Address::DebugProbe(_)) {
+            self.log.none_without(
+                "it comes through a debug probe (--board probe), and from the emulated board",
+            )?;
+        }
+        let log = self.log.load(None)?;
         let (name, transport) = reach(address)?;
-        Link::open(name, transport)
+        Link::open(name, transport, log)
     }
 
     fn open_emulated(&self, run: Run, press: Option<f64>) -> Result<Link, Failure> {
-        let board = self.emulated.load()?.plug(press)?;
+        let model = self.emulated.load()?;
+        let log = self.log.load(Some(&model.image_file))?;
+        let board = model.plug(press)?;
         let transport = Emulated::new(board, run == Run::AtRealPace);
-        Link::open("the emulated board".to_owned(), Box::new(transport))
+        Link::open("the emulated board".to_owned(), Box::new(transport), log)
     }
 }
 
@@ -196,6 +238,7 @@ fn reach(address: Address) -> Result<(String, Box<dyn Transport>), Failure> {
             let probe = probe.map_err(|error| unreachable_probe(&records, &commands, &error))?;
             Ok((records, Box::new(probe)))
         }
+        Address::DebugProbe(name) => probe::reach(name.as_deref()),
         Address::Serial(name) => reach_serial(Some(&name)),
         Address::Found | Address::Emulated | Address::Recording(_) => reach_serial(None),
     }
@@ -244,7 +287,7 @@ pub(crate) fn ports() -> Result<Vec<serial::Port>, Failure> {
 #[cfg(feature = "serial")]
 pub(crate) fn open_port(path: &str) -> Result<Link, Failure> {
     let port = Serial::open(path).map_err(|error| unopened(path, true, &error))?;
-    Link::open(path.to_owned(), Box::new(port))
+    Link::open(path.to_owned(), Box::new(port), None)
 }
 
 #[cfg(not(feature = "serial"))]
@@ -357,7 +400,12 @@ mod tests {
             Address::Probe("a:1".to_owned(), "b:2".to_owned())
         );
         assert_eq!(of("COM5"), Address::Serial("COM5".to_owned()));
-        assert!(Address::parse(Some("probe:a:1")).is_err());
+        assert_eq!(of("probe"), Address::DebugProbe(None));
+        assert_eq!(
+            of("probe:2e8a:000c:E661"),
+            Address::DebugProbe(Some("2e8a:000c:E661".to_owned()))
+        );
+        assert!(Address::parse(Some("probe:localhost:1")).is_err());
     }
 
     #[test]
@@ -390,11 +438,18 @@ mod tests {
 
     #[test]
     fn a_port_that_cannot_be_opened_says_what_to_do() {
-        let said = |kind: ErrorKind| unopened("/dev/ttyACM0", false, &kind.into()).to_string();
-        assert!(said(ErrorKind::PermissionDenied).contains("udev/rules.d"));
-        assert!(said(ErrorKind::NotFound).contains("palpate devices"));
-        assert!(said(ErrorKind::ResourceBusy).contains("Another program"));
-        assert!(said(ErrorKind::Other).contains("plug it in again"));
+        for (kind, finding, action) in [
+            (ErrorKind::PermissionDenied, "forbidden", "udev/rules.d"),
+            (ErrorKind::NotFound, "no_such_port", "palpate devices"),
+            (ErrorKind::ResourceBusy, "busy", "Another program"),
+            (ErrorKind::Other, "unopened", "plug it in again"),
+        ] {
+            let Failure::Unconnected(found) = unopened("/dev/ttyACM0", false, &kind.into()) else {
+                panic!("{kind}");
+            };
+            assert_eq!(found.finding, finding);
+            assert!(found.action.contains(action), "{found}");
+        }
         let listed = unopened("COM5", true, &ErrorKind::NotFound.into()).to_string();
         assert!(listed.contains("Another program"), "{listed}");
     }

@@ -61,6 +61,10 @@ impl Transport for Emulated {
         }
     }
 
+    fn take_log(&mut self) -> Vec<u8> {
+        self.board.read_log()
+    }
+
     fn reopen(&mut self) -> io::Result<()> {
         Ok(())
     }

@@ -8,6 +8,8 @@ mod clock;
 mod emulated;
 #[cfg(feature = "recording")]
 mod playback;
+#[cfg_attr(not(feature = "probe"), path = "without_probe.rs")]
+mod probe;
 #[cfg(feature = "serial")]
 pub(crate) mod serial;
 mod tcp;
@@ -26,6 +28,8 @@ use palpate_wire::{
 use crate::emulated::PluggedBoard;
 use crate::failure::Failure;
 use crate::finding::Finding;
+use crate::log::{Line, Log, LogStream};
+use crate::notice;
 pub(crate) use address::{Arguments, Run, no_board};
 #[cfg(feature = "serial")]
 pub(crate) use address::{open_port, ports};
@@ -75,17 +79,25 @@ pub(crate) struct Link {
     other_version: Option<u8>,
     /// It was armed over this link.
     has_armed: bool,
+    /// What reads the board's log, if it is shown.
+    log: Option<LogStream>,
+    /// Lines of it for a recording, each with when it came by the link's clock; absent if none is made.
+    logged: Option<Vec<(Duration, Line)>>,
 }
 
 impl Link {
     /// Asks a board who it is.
-    fn open(name: String, transport: Box<dyn Transport>) -> Result<Self, Failure> {
-        let mut link = Self::new(name, transport);
+    fn open(
+        name: String,
+        transport: Box<dyn Transport>,
+        log: Option<Log>,
+    ) -> Result<Self, Failure> {
+        let mut link = Self::new(name, transport, log);
         link.greet()?;
         Ok(link)
     }
 
-    fn new(name: String, transport: Box<dyn Transport>) -> Self {
+    fn new(name: String, transport: Box<dyn Transport>, log: Option<Log>) -> Self {
         Self {
             name,
             transport,
@@ -98,13 +110,15 @@ impl Link {
             first: Vec::new(),
             other_version: None,
             has_armed: false,
+            log: log.map(LogStream::new),
+            logged: None,
         }
     }
 
     /// A recording of a board that was this.
     #[cfg(feature = "recording")]
     fn play(name: String, transport: Box<dyn Transport>, hello: Hello) -> Self {
-        let mut link = Self::new(name, transport);
+        let mut link = Self::new(name, transport, None);
         link.hello = Some(hello);
         link
     }
@@ -304,6 +318,7 @@ impl Link {
         let bytes = self.transport.read(wait);
         let bytes = bytes.map_err(|error| self.lost(&error))?;
         let at = self.now();
+        self.show_log(at);
         let room = FIRST_BYTES.saturating_sub(self.first.len());
         self.first.extend(bytes.iter().take(room));
         for frame in self.decoder.frames(&bytes) {
@@ -328,6 +343,27 @@ impl Link {
             self.received.push(Arrival { at, frame });
         }
         Ok(())
+    }
+
+    /// Shows what has come of the log, if it is asked for.
+    fn show_log(&mut self, at: Duration) {
+        // Taken in any case: it would grow.
+        let bytes = self.transport.take_log();
+        let Some(log) = &mut self.log else {
+            return;
+        };
+        for line in log.lines(&bytes) {
+            notice::say(&line);
+            if let Some(logged) = &mut self.logged {
+                logged.push((at, line));
+            }
+        }
+    }
+
+    /// Lines of the log that have come since the last call, each with when it came by the link's clock. The first
+    /// call has none.
+    pub(crate) fn take_logged(&mut self) -> Vec<(Duration, Line)> {
+        self.logged.replace(Vec::new()).unwrap_or_default()
     }
 
     fn lost(&self, error: &io::Error) -> Failure {

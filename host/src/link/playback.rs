@@ -36,7 +36,7 @@ impl Iterator for Frames {
     fn next(&mut self) -> Option<Recorded> {
         self.0.find_map(|entry| match entry {
             Entry::Frame(recorded) => Some(recorded),
-            Entry::Note(_) => None,
+            Entry::Note(_) | Entry::Log(_) => None,
         })
     }
 }
@@ -47,7 +47,7 @@ impl Playback {
         let mut reader = Reader::open(file)?;
         let hello = reader.find_map(|entry| match entry {
             Entry::Note(note) => hello(&note),
-            Entry::Frame(_) => None,
+            Entry::Frame(_) | Entry::Log(_) => None,
         });
         reader.refuse_foreign(file)?;
         let mut frames = Frames(Reader::open(file)?).peekable();

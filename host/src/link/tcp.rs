@@ -62,6 +62,7 @@ pub(super) struct Probe {
     records: String,
     commands: String,
     streams: [TcpStream; 2],
+    log: Vec<u8>,
     clock: Clock,
 }
 
@@ -71,6 +72,7 @@ impl Probe {
             records: records.to_owned(),
             commands: commands.to_owned(),
             streams: both(records, commands)?,
+            log: Vec::new(),
             clock: Clock::start(),
         })
     }
@@ -93,7 +95,7 @@ impl Transport for Probe {
             let [records, commands] = &mut self.streams;
             // The other direction of the command channel has the board's log.
             commands.set_nonblocking(true)?;
-            taken(commands)?;
+            self.log.extend(taken(commands)?);
             records.set_nonblocking(true)?;
             let bytes = taken(records)?;
             if !bytes.is_empty() || self.clock.now() >= end {
@@ -101,6 +103,10 @@ impl Transport for Probe {
             }
             sleep(LOOK);
         }
+    }
+
+    fn take_log(&mut self) -> Vec<u8> {
+        std::mem::take(&mut self.log)
     }
 
     fn reopen(&mut self) -> io::Result<()> {

@@ -20,6 +20,12 @@ pub(crate) trait Transport {
     /// If the board is gone.
     fn read(&mut self, wait: Duration) -> io::Result<Vec<u8>>;
 
+    /// What has come of the board's log since the last call, as defmt encodes it. A way without logs has
+    /// nothing.
+    fn take_log(&mut self) -> Vec<u8> {
+        Vec::new()
+    }
+
     /// Opens it anew.
     ///
     /// # Errors

@@ -14,7 +14,7 @@ use crate::interrupt::Interrupt;
 use crate::link::{Arrival, Link};
 use crate::notice;
 use crate::recording::date::{self, NS_PER_S};
-use crate::recording::{ABOUT, Contents, END, Note, Recorded, Recorder};
+use crate::recording::{ABOUT, Contents, END, Logged, Note, Recorded, Recorder};
 
 /// How long is listened at once.
 const LOOK: Duration = Duration::from_millis(10);
@@ -40,10 +40,12 @@ pub(super) struct Session {
 
 impl Session {
     /// Begins with a board that has answered.
-    pub(super) fn new(link: Link, mut recorder: Recorder, measures: bool) -> Self {
+    pub(super) fn new(mut link: Link, mut recorder: Recorder, measures: bool) -> Self {
         let now_ns = date::now_ns();
         let passed_ns = u64::try_from(link.now().as_nanos()).unwrap_or_default();
         recorder.note(about(&link, now_ns));
+        // From here on they are kept.
+        link.take_logged();
         Self {
             zero_ns: now_ns.saturating_sub(passed_ns),
             compared: link.now(),
@@ -147,6 +149,10 @@ impl Session {
     /// Writes; then says what went wrong before.
     fn store(&mut self, arrivals: &[Arrival], asked: Result<(), Failure>) -> Result<bool, Failure> {
         let had_lost = self.recorder.lost();
+        for (at, line) in self.link.take_logged() {
+            let host_ns = self.host_ns(at.as_secs_f64());
+            self.recorder.log(Logged { host_ns, line });
+        }
         for arrival in arrivals {
             if self.measures && is_contact(&arrival.frame.message) {
                 // What it is answered is recorded.

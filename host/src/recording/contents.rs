@@ -75,6 +75,7 @@ impl Contents {
         match entry {
             Entry::Frame(recorded) => self.enter_frame(recorded),
             Entry::Note(note) => self.notes.push(note.clone()),
+            Entry::Log(_) => {}
         }
     }
 

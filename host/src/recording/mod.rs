@@ -17,6 +17,8 @@ use std::collections::BTreeMap;
 
 use palpate_wire::{Frame, Record};
 
+use crate::log::Line;
+
 pub(crate) use contents::{BootLosses, Contents};
 pub(crate) use reader::Reader;
 pub(crate) use recorder::Recorder;
@@ -63,11 +65,20 @@ impl Note {
     }
 }
 
-/// What a recording consists of.
+/// A line of the board's log as it was recorded.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Logged {
+    /// When it arrived, by the computer's clock, ns since 1970-01-01 UTC.
+    pub(crate) host_ns: u64,
+    pub(crate) line: Line,
+}
+
+/// What a recording consists of. The log is for other programs: reading a recording passes over it.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Entry {
     Frame(Recorded),
     Note(Note),
+    Log(Logged),
 }
 
 /// The topic of a kind of record.

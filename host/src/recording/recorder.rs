@@ -8,7 +8,7 @@ use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 use super::writer::Writer;
-use super::{Entry, Note, Recorded};
+use super::{Entry, Logged, Note, Recorded};
 use crate::failure::Failure;
 
 /// What may be lost if the program is killed: half of the second that docs/desk.md names.
@@ -87,6 +87,11 @@ impl Recorder {
     /// Adds a note; they are few, and none is lost.
     pub(crate) fn note(&mut self, note: Note) -> bool {
         self.queue.send(Entry::Note(note)).is_ok()
+    }
+
+    /// Adds a line of the log, and does not wait for the disk: no data are lost with one.
+    pub(crate) fn log(&mut self, line: Logged) {
+        let _ = self.queue.try_send(Entry::Log(line));
     }
 
     /// Frames that are not in the file since the disk did not keep up.

@@ -28,6 +28,30 @@ pub(super) fn of_kind(kind: &Kind) -> Value {
     })
 }
 
+/// Of a line of the log, as Foxglove's schema `Log` has it.
+pub(super) fn of_log() -> Value {
+    let number = |of: &str| json!({"type": "integer", "minimum": 0, "description": of});
+    json!({
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "foxglove.Log",
+        "description": "A line of the firmware's log",
+        "type": "object",
+        "properties": {
+            "timestamp": {
+                "type": "object",
+                "title": "time",
+                "description": "When it arrived, by the computer's clock, since 1970-01-01 UTC",
+                "properties": {"sec": number("Whole seconds"), "nsec": number("Nanoseconds beyond")},
+            },
+            "level": number("0 unknown, 1 debug, 2 info, 3 warning, 4 error"),
+            "message": {"type": "string", "description": "What was logged"},
+            "name": {"type": "string", "description": "What has logged it"},
+            "file": {"type": "string", "description": "Empty: the image does not send it"},
+            "line": number("0: the image does not send it"),
+        },
+    })
+}
+
 fn empty() -> Value {
     json!({ "type": "object", "properties": {} })
 }

@@ -52,6 +52,31 @@ fn what_is_recorded_is_read_back_bit_for_bit() {
 }
 
 #[test]
+fn a_line_of_the_log_is_there_for_other_programs_and_reading_passes_over_it() {
+    let line = Line {
+        time: "1.5".to_owned(),
+        level: "warn",
+        message: "converter up".to_owned(),
+    };
+    let host_ns = 1_700_000_000_000_000_005;
+    let log = Entry::Log(Logged { host_ns, line });
+    let file = recording(&[&[log], &fixture()[..]].concat());
+    assert_eq!(read(&file), (fixture(), None));
+    let mut messages = mcap::MessageStream::new(&file).unwrap();
+    let message = messages.next().unwrap().unwrap();
+    assert_eq!(message.channel.topic, "/log");
+    assert_eq!(
+        message.channel.schema.as_ref().unwrap().name,
+        "foxglove.Log"
+    );
+    assert_eq!(message.log_time, host_ns);
+    let text: serde_json::Value = serde_json::from_slice(&message.data).unwrap();
+    assert_eq!(text["message"], "converter up");
+    assert_eq!(text["level"], 3);
+    assert_eq!(text["timestamp"]["nsec"], 5);
+}
+
+#[test]
 fn the_queue_of_a_recording_stays_below_5_mb() {
     assert!(size_of::<Entry>() * recorder::QUEUE < 5_000_000);
 }
@@ -64,7 +89,7 @@ fn sample(frequency_hz: f64, force_n: f32) -> Entry {
             Record::Sample(sample) if !sample.channels.is_empty() => Some((frame.header, sample)),
             _ => None,
         },
-        Entry::Note(_) => None,
+        Entry::Note(_) | Entry::Log(_) => None,
     });
     let (header, mut sample) = sample.unwrap();
     sample.force_n = Some(force_n);
@@ -213,7 +238,7 @@ fn a_recording_that_is_killed_keeps_all_but_the_last_second() {
             let (found, _) = read(&std::fs::read(recorder.partial()).unwrap());
             let last_s = found.last().map_or(0.0, |entry| match entry {
                 Entry::Frame(recorded) => recorded.host_ns as f64 * 1e-9,
-                Entry::Note(_) => 0.0,
+                Entry::Note(_) | Entry::Log(_) => 0.0,
             });
             let lost_s = elapsed.as_secs_f64() - last_s;
             assert!(lost_s < 1.0, "{lost_s} s");

@@ -7,8 +7,16 @@ use mcap::records::{MessageHeader, Metadata};
 use mcap::write::NoSeek;
 use mcap::{McapError, WriteOptions};
 use palpate_wire::{Message, Record};
+use serde_json::json;
 
-use super::{Entry, Note, PROFILE, Recorded, schema, topic};
+use super::date::NS_PER_S;
+use super::{Entry, Logged, Note, PROFILE, Recorded, schema, topic};
+
+/// The topic of the board's log, and its schema: the one that viewers know (Foxglove's schemas, `Log`).
+const LOG: &str = "/log";
+const LOG_SCHEMA: &str = "foxglove.Log";
+/// Its numbers of the levels.
+const LEVELS: [(&str, u8); 4] = [("debug", 1), ("info", 2), ("warn", 3), ("error", 4)];
 
 /// Writes a recording. What is written since the last [`flush`](Self::flush) is lost if the program is
 /// killed.
@@ -16,6 +24,8 @@ pub(super) struct Writer<W: Write> {
     mcap: mcap::Writer<NoSeek<W>>,
     /// Channels of the file, by kinds of records.
     channels: HashMap<u8, u16>,
+    /// The channel of the log, from its first line on.
+    log: Option<u16>,
 }
 
 impl<W: Write> Writer<W> {
@@ -30,6 +40,7 @@ impl<W: Write> Writer<W> {
         Ok(Self {
             mcap: options.create(NoSeek::new(to)).map_err(io_error)?,
             channels: HashMap::new(),
+            log: None,
         })
     }
 
@@ -38,6 +49,7 @@ impl<W: Write> Writer<W> {
         match entry {
             Entry::Frame(recorded) => self.frame(recorded),
             Entry::Note(note) => self.note(note),
+            Entry::Log(logged) => self.log(logged),
         }
     }
 
@@ -71,6 +83,42 @@ impl<W: Write> Writer<W> {
             .add_channel(schema, &topic, "json", &BTreeMap::new());
         let channel = added.map_err(io_error)?;
         self.channels.insert(record.kind(), channel);
+        Ok(channel)
+    }
+
+    fn log(&mut self, logged: &Logged) -> io::Result<()> {
+        let header = MessageHeader {
+            channel_id: self.log_channel()?,
+            sequence: 0,
+            log_time: logged.host_ns,
+            publish_time: logged.host_ns,
+        };
+        let level = LEVELS.iter().find(|(name, _)| *name == logged.line.level);
+        let text = json!({
+            "timestamp": {"sec": logged.host_ns / NS_PER_S, "nsec": logged.host_ns % NS_PER_S},
+            "level": level.map_or(0, |(_, number)| *number),
+            "message": logged.line.message,
+            "name": "firmware",
+            "file": "",
+            "line": 0,
+        });
+        let text = text.to_string();
+        let written = self.mcap.write_to_known_channel(&header, text.as_bytes());
+        written.map_err(io_error)
+    }
+
+    fn log_channel(&mut self) -> io::Result<u16> {
+        if let Some(channel) = self.log {
+            return Ok(channel);
+        }
+        let schema = schema::of_log().to_string();
+        let added = self
+            .mcap
+            .add_schema(LOG_SCHEMA, "jsonschema", schema.as_bytes());
+        let schema = added.map_err(io_error)?;
+        let added = self.mcap.add_channel(schema, LOG, "json", &BTreeMap::new());
+        let channel = added.map_err(io_error)?;
+        self.log = Some(channel);
         Ok(channel)
     }
 

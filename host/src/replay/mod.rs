@@ -89,6 +89,7 @@ fn replayed(file: &Path) -> Result<(Agreement, Option<String>), Failure> {
                 }
             }
             Entry::Frame(recorded) => agreement.enter(&replay.take(&recorded.frame)),
+            Entry::Log(_) => {}
         }
     }
     agreement.enter(&replay.finish());

@@ -111,16 +111,13 @@ fn a_port_that_another_program_uses_is_busy() {
 
 /// The findings are a table of the book: each that a board or a port can have, and no other.
 #[test]
-fn every_finding_stands_in_the_book() {
+fn every_finding_stands_in_the_book_and_has_a_test() {
     let package = Path::new(env!("CARGO_MANIFEST_DIR"));
     let book = fs::read_to_string(package.join("../docs/desk.md")).unwrap();
-    let rows = book.lines().filter_map(|line| line.strip_prefix("| `"));
-    let rows: Vec<_> = rows
-        .filter_map(|row| row.split_once("` |").map(|(name, _)| name))
-        .filter(|name| name.chars().all(|of| of.is_ascii_lowercase() || of == '_'))
-        // Of the table of addresses.
-        .filter(|name| *name != "emulated")
-        .collect();
+    let (_, tables) = book.split_once("## What is wrong").unwrap();
+    let (tables, _) = tables.split_once("### Settings that are refused").unwrap();
+    let rows = tables.lines().filter_map(|line| line.strip_prefix("| `"));
+    let rows: Vec<_> = rows.map(|row| row.split_once("` |").unwrap().0).collect();
     let source = source(&package.join("src"));
     for row in &rows {
         assert!(source.contains(&format!("\"{row}\"")), "{row}");
@@ -131,6 +128,27 @@ fn every_finding_stands_in_the_book() {
         assert!(rows.contains(&name), "{name}");
     }
     assert!(rows.len() > 25, "{rows:?}");
+    let own = fs::read_to_string(package.join("tests/integration/doctor.rs")).unwrap();
+    let tests = own + &unit_tests(&package.join("src"));
+    for row in &rows {
+        assert!(tests.contains(&format!("\"{row}\"")), "no test names {row}");
+    }
+}
+
+/// The unit tests of all sources in a folder.
+fn unit_tests(folder: &Path) -> String {
+    let paths = fs::read_dir(folder)
+        .unwrap()
+        .map(|entry| entry.unwrap().path());
+    let texts = paths.map(|path| match path.is_dir() {
+        true => unit_tests(&path),
+        false => {
+            let text = fs::read_to_string(path).unwrap();
+            let tests = text.split_once("#[cfg(test)]\nmod tests {");
+            tests.map_or_else(String::new, |(_, tests)| tests.to_owned())
+        }
+    });
+    texts.collect()
 }
 
 /// All sources in a folder, one after the other.
