@@ -28,18 +28,35 @@ const NAME: &str = "palpate-pico";
 /// Builds the image, writes ELF and UF2, and prints what it takes.
 pub(crate) fn make(workspace: &Workspace) -> Result<()> {
     let image = build(workspace)?;
-    let folder = workspace.root().join(FOLDER);
-    fs::create_dir_all(&folder).with_context(|| format!("{FOLDER} could not be created"))?;
-    let elf = folder.join(NAME).with_extension("elf");
-    fs::copy(&image, &elf).with_context(|| format!("{} cannot be written", elf.display()))?;
-    let bytes = fs::read(&image).with_context(|| format!("{} cannot be read", image.display()))?;
-    let flash = uf2::convert(&bytes)?;
-    let file = elf.with_extension("uf2");
-    fs::write(&file, flash).with_context(|| format!("{} cannot be written", file.display()))?;
+    write(&image, &workspace.root().join(FOLDER))?;
     println!("{FOLDER}/{NAME}.elf: for a debug probe, and for `--image` of palpate");
     println!("{FOLDER}/{NAME}.uf2: for a board that was started with BOOTSEL held");
     println!("{}", size::check(workspace)?);
     Ok(())
+}
+
+/// Builds the image with further arguments of cargo, writes ELF and UF2 into a folder, and returns the ELF's
+/// path.
+pub(crate) fn build_for_release(
+    workspace: &Workspace,
+    arguments: &[String],
+    folder: &Path,
+) -> Result<PathBuf> {
+    let image = build_with(workspace, arguments)?;
+    write(&image, folder)
+}
+
+/// Writes an image into a folder as ELF and UF2, and returns the ELF's path.
+fn write(image: &Path, folder: &Path) -> Result<PathBuf> {
+    fs::create_dir_all(folder)
+        .with_context(|| format!("{} cannot be created", folder.display()))?;
+    let elf = folder.join(NAME).with_extension("elf");
+    fs::copy(image, &elf).with_context(|| format!("{} cannot be written", elf.display()))?;
+    let bytes = fs::read(image).with_context(|| format!("{} cannot be read", image.display()))?;
+    let flash = uf2::convert(&bytes)?;
+    let file = elf.with_extension("uf2");
+    fs::write(&file, flash).with_context(|| format!("{} cannot be written", file.display()))?;
+    Ok(elf)
 }
 
 /// Builds the image with a defect of `firmware/planted-defects.toml` and prints its path alone.
@@ -61,11 +78,11 @@ pub(crate) fn flash(workspace: &Workspace) -> Result<()> {
 
 /// Builds the image and returns its path.
 pub(crate) fn build(workspace: &Workspace) -> Result<PathBuf> {
-    build_to(workspace, None)
+    build_with(workspace, &[])
 }
 
-/// Builds the image in a folder, or where cargo builds by itself, and returns its path.
-fn build_to(workspace: &Workspace, folder: Option<&Path>) -> Result<PathBuf> {
+/// Builds the image with further arguments of cargo, and returns its path.
+fn build_with(workspace: &Workspace, further: &[String]) -> Result<PathBuf> {
     Need::Target(FIRMWARE_TARGET).provide(workspace)?;
     let mut arguments = vec![
         "build",
@@ -79,10 +96,7 @@ fn build_to(workspace: &Workspace, folder: Option<&Path>) -> Result<PathBuf> {
         "--message-format",
         "json-render-diagnostics",
     ];
-    let folder = folder.map(Path::to_string_lossy);
-    if let Some(folder) = &folder {
-        arguments.extend(["--target-dir", folder]);
-    }
+    arguments.extend(further.iter().map(String::as_str));
     let printed = workspace.output(&Invocation::cargo(&arguments))?;
     crate::panic_free::executable(&printed).context("cargo named no image")
 }

@@ -12,6 +12,7 @@
 //! | `bench-image` | run the image on the emulated board and write what it costs into the book |
 //! | `fuzz` | run every fuzz target for a while |
 //! | `flash` | flash it through a debug probe |
+//! | `release` | image, tool, licences and bill of materials in one archive, with checksums |
 //! | `setup` | add the microcontroller targets and install the tools that `ci` needs |
 //!
 //! A new crate is entered once, in [`members`]; a new check is one [`steps::Step`] in [`gate`].
@@ -30,6 +31,7 @@ mod panic_free;
 mod planted;
 mod process;
 mod python;
+mod release;
 mod repository;
 mod setup;
 mod steps;
@@ -95,6 +97,8 @@ enum Verb {
     BenchImage,
     /// Flash the firmware through a debug probe, and show its log
     Flash,
+    /// Write a release for this platform into target/release-files: image, tool, licences, checksums
+    Release,
     /// Run every fuzz target for a while, on a nightly toolchain
     Fuzz {
         /// Seconds of each target
@@ -105,7 +109,11 @@ enum Verb {
         seed: u32,
     },
     /// Add the microcontroller targets and install the tools that `ci` needs
-    Setup,
+    Setup {
+        /// Install what `release` needs as well
+        #[arg(long)]
+        release: bool,
+    },
 }
 
 fn main() -> ExitCode {
@@ -147,7 +155,8 @@ fn run(arguments: Arguments) -> Result<()> {
             setup::Need::Tool(&setup::CARGO_FUZZ).provide(&workspace)?;
             fuzz::run(&workspace, seconds, seed)
         }
-        Verb::Setup => setup::install_everything(&workspace),
+        Verb::Release => release::make(&workspace),
+        Verb::Setup { release } => setup::install_everything(&workspace, release),
     }
 }
 

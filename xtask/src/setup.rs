@@ -1,5 +1,5 @@
 //! What the checks need besides stable Rust: microcontroller targets, four tools, and for the fuzzer a
-//! nightly toolchain.
+//! nightly toolchain. A release needs two tools more.
 
 use anyhow::{Context, Result, anyhow, bail};
 
@@ -51,6 +51,22 @@ pub(crate) const CARGO_FUZZ: Tool = Tool {
     probe: &["cargo", "fuzz", "--version"],
 };
 
+/// Licences of everything that a release holds, with their texts.
+pub(crate) const CARGO_ABOUT: Tool = Tool {
+    package: "cargo-about",
+    version: "0.9.3",
+    features: Some("cli"),
+    probe: &["cargo", "about", "--version"],
+};
+
+/// Bills of materials of a release.
+pub(crate) const CARGO_CYCLONEDX: Tool = Tool {
+    package: "cargo-cyclonedx",
+    version: "0.5.9",
+    features: None,
+    probe: &["cargo", "cyclonedx", "--version"],
+};
+
 /// The toolchain with which the fuzzer builds: it asks the compiler for what no stable one has.
 pub(crate) const NIGHTLY: &str = "nightly";
 
@@ -65,6 +81,8 @@ pub(crate) const ABSENT: Tool = Tool {
 
 /// Every tool that the checks use.
 const TOOLS: &[&Tool] = &[&CARGO_DENY, &CARGO_FUZZ, &MDBOOK, &TYPOS];
+/// What `cargo xtask release` uses, which no check runs.
+const RELEASE_TOOLS: &[&Tool] = &[&CARGO_ABOUT, &CARGO_CYCLONEDX];
 
 /// How a tool is built: it runs for seconds, and to optimise it as a whole takes minutes.
 const QUICK_BUILD: &[(&str, &str)] = &[
@@ -126,20 +144,21 @@ impl Tool {
     fn missing(&self) -> anyhow::Error {
         anyhow!(
             "the tool {} is not installed; install it with `{}`, or everything at once with \
-             `cargo xtask setup`",
+             `cargo xtask setup`, to which `--release` adds what a release needs",
             self.package,
             self.install()
         )
     }
 }
 
-/// Adds every target and installs every tool that is missing.
-pub(crate) fn install_everything(workspace: &Workspace) -> Result<()> {
+/// Adds every target and installs every tool that is missing; those of a release only if one is to be made.
+pub(crate) fn install_everything(workspace: &Workspace, for_release: bool) -> Result<()> {
     for target in ARM_TARGETS {
         add_target(workspace, target)?;
         println!("target {target}: ready");
     }
-    for tool in TOOLS {
+    let for_release = if for_release { RELEASE_TOOLS } else { &[] };
+    for tool in TOOLS.iter().chain(for_release) {
         if !tool.is_installed(workspace) {
             println!("{}: not installed, building it", tool.package);
             let quick = |install: Invocation, (name, value)| install.with_env(name, value);

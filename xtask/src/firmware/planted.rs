@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 
-use super::{build, build_to};
+use super::{build, build_with};
 use crate::planted;
 use crate::process::Workspace;
 
@@ -39,7 +39,9 @@ pub(crate) fn image(workspace: &Workspace, defect: &str) -> Result<PathBuf> {
     }
     let source = folder.join("source");
     planted::copy(workspace, &patches, &source)?;
-    let image = build_to(&workspace.copied_to(source), Some(&folder.join("build")))?;
+    let build_folder = folder.join("build").to_string_lossy().into_owned();
+    let elsewhere = ["--target-dir".to_owned(), build_folder];
+    let image = build_with(&workspace.copied_to(source), &elsewhere)?;
     fs::copy(&image, &kept).with_context(|| format!("{} cannot be written", kept.display()))?;
     Ok(kept)
 }

@@ -1,0 +1,176 @@
+//! A release for one platform: the firmware's image, the tool, the licences of what is in them, and their
+//! bill of materials, in one archive with its checksums.
+//!
+//! The same commit gives the same files with the same toolchain on the same platform, wherever the checkout
+//! and cargo's folder lie: paths, times and users of the computer that builds are kept out of them.
+
+mod archive;
+mod checksums;
+mod materials;
+
+use std::env::consts::EXE_SUFFIX;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail};
+
+use crate::firmware;
+use crate::process::{Invocation, Workspace};
+use crate::setup::{self, Need};
+
+/// Where releases are written, in the workspace.
+const FOLDER: &str = "target/release-files";
+/// The profile of the tool that is handed out, in the workspace's manifest.
+const PROFILE: &str = "distribution";
+/// Shells for which completions are written, each with the name that it gives to the file.
+const COMPLETIONS: &[(&str, &str)] = &[
+    ("bash", "palpate.bash"),
+    ("elvish", "palpate.elv"),
+    ("fish", "palpate.fish"),
+    ("powershell", "_palpate.ps1"),
+    ("zsh", "_palpate"),
+];
+/// Files and folders that are handed out as they are in the workspace.
+const DOCUMENTS: &[&str] = &["CHANGELOG.md", "LICENSE-APACHE", "LICENSE-MIT", "docs"];
+
+/// Builds everything, and writes the archive and its checksum.
+///
+/// # Errors
+/// If the sources are changed, something cannot be built, or a tool is missing.
+pub(crate) fn make(workspace: &Workspace) -> Result<()> {
+    Need::Tool(&setup::CARGO_ABOUT).provide(workspace)?;
+    Need::Tool(&setup::CARGO_CYCLONEDX).provide(workspace)?;
+    let time_s = commit_time(workspace)?;
+    let platform = workspace.output(&Invocation::new("rustc", &["--print", "host-tuple"]))?;
+    let name = format!("palpate-{}-{}", env!("CARGO_PKG_VERSION"), platform.trim());
+    let releases = workspace.root().join(FOLDER);
+    let folder = new_folder(&releases.join(&name))?;
+
+    let flags = without_paths(workspace)?;
+    let tool = build_tool(workspace, &flags)?;
+    copy(&tool, &folder.join("palpate").with_extension(extension()))?;
+    let elf = firmware::build_for_release(workspace, &flags, &folder.join("firmware"))?;
+    write_log_table(workspace, &tool, &elf)?;
+    write_help(workspace, &tool, &folder)?;
+    materials::write(workspace, platform.trim(), time_s, &folder)?;
+    for document in DOCUMENTS {
+        copy_all(&workspace.root().join(document), &folder.join(document))?;
+    }
+    copy(
+        &workspace.root().join("xtask/src/release/readme.txt"),
+        &folder.join("README.md"),
+    )?;
+    checksums::write_for_folder(&folder)?;
+
+    let archive = releases.join(format!("{name}.tar.gz"));
+    archive::write(&folder, &name, time_s, &archive)?;
+    checksums::write_for_files(&releases, &[&archive])?;
+    println!("{FOLDER}/{name}.tar.gz, and its checksum in {FOLDER}/SHA256SUMS");
+    Ok(())
+}
+
+/// When the commit was made, s since 1970. It stands for the time of everything in the release.
+fn commit_time(workspace: &Workspace) -> Result<u64> {
+    let status = ["status", "--porcelain", "--untracked-files=no"];
+    let changed = workspace.output(&Invocation::new("git", &status))?;
+    if !changed.is_empty() {
+        bail!(
+            "the sources are changed; commit them first, since a release names its commit:\n{changed}"
+        );
+    }
+    let query = ["log", "-1", "--format=%ct"];
+    let printed = workspace.output(&Invocation::new("git", &query))?;
+    printed
+        .trim()
+        .parse()
+        .context("git names no time of the commit")
+}
+
+/// Arguments by which cargo keeps the paths of this computer out of what it builds.
+fn without_paths(workspace: &Workspace) -> Result<Vec<String>> {
+    let cargo = std::env::var_os("CARGO_HOME").map(PathBuf::from);
+    let cargo = cargo.or_else(|| std::env::home_dir().map(|home| home.join(".cargo")));
+    let cargo = cargo.context("neither CARGO_HOME nor a home folder is known")?;
+    let map = |path: &Path, name: &str| {
+        let flag = format!("--remap-path-prefix={}={name}", path.display());
+        toml::Value::String(flag).to_string()
+    };
+    let flags = [map(&cargo, "cargo"), map(workspace.root(), "palpate")].join(", ");
+    Ok(vec![
+        "--config".to_owned(),
+        format!("build.rustflags=[{flags}]"),
+    ])
+}
+
+fn build_tool(workspace: &Workspace, flags: &[String]) -> Result<PathBuf> {
+    let mut arguments = vec![
+        "build",
+        "--locked",
+        "--package",
+        "palpate",
+        "--profile",
+        PROFILE,
+    ];
+    arguments.extend(["--message-format", "json-render-diagnostics"]);
+    arguments.extend(flags.iter().map(String::as_str));
+    let printed = workspace.output(&Invocation::cargo(&arguments))?;
+    crate::panic_free::executable(&printed).context("cargo named no program")
+}
+
+/// The table by which the tool reads the image's log, for those who have no ELF file.
+fn write_log_table(workspace: &Workspace, tool: &Path, elf: &Path) -> Result<()> {
+    let arguments = ["log-table", &elf.to_string_lossy()];
+    let table = workspace.output(&Invocation::new(&tool.to_string_lossy(), &arguments))?;
+    write(&elf.with_extension("log.json"), &table)
+}
+
+/// Completions and manual pages, as the tool prints them.
+fn write_help(workspace: &Workspace, tool: &Path, folder: &Path) -> Result<()> {
+    let tool = tool.to_string_lossy();
+    let completions = new_folder(&folder.join("completions"))?;
+    for (shell, file) in COMPLETIONS {
+        let script = workspace.output(&Invocation::new(&tool, &["completions", shell]))?;
+        write(&completions.join(file), &script)?;
+    }
+    let pages = folder.join("man");
+    workspace.run(&Invocation::new(&tool, &["man", &pages.to_string_lossy()]))
+}
+
+fn extension() -> &'static str {
+    EXE_SUFFIX.trim_start_matches('.')
+}
+
+/// An empty folder.
+fn new_folder(path: &Path) -> Result<PathBuf> {
+    if path.exists() {
+        fs::remove_dir_all(path)
+            .with_context(|| format!("{} cannot be removed", path.display()))?;
+    }
+    fs::create_dir_all(path).with_context(|| format!("{} cannot be created", path.display()))?;
+    Ok(path.to_path_buf())
+}
+
+fn write(file: &Path, text: &str) -> Result<()> {
+    fs::write(file, text).with_context(|| format!("{} cannot be written", file.display()))
+}
+
+fn copy(from: &Path, to: &Path) -> Result<()> {
+    let copied = fs::copy(from, to);
+    copied.with_context(|| format!("{} cannot be copied to {}", from.display(), to.display()))?;
+    Ok(())
+}
+
+/// Copies a file, or a folder with everything in it.
+fn copy_all(from: &Path, to: &Path) -> Result<()> {
+    if !from.is_dir() {
+        return copy(from, to);
+    }
+    new_folder(to)?;
+    for entry in archive::entries(from)? {
+        let name = entry
+            .file_name()
+            .context("an entry of a folder has a name")?;
+        copy_all(&entry, &to.join(name))?;
+    }
+    Ok(())
+}

@@ -1,0 +1,126 @@
+//! What is in a release from elsewhere: bills of materials (CycloneDX), and licences with their texts.
+
+use std::fs;
+use std::path::Path;
+
+use anyhow::{Context, Result};
+use serde::Deserialize;
+
+use crate::members::FIRMWARE_TARGET;
+use crate::process::{Invocation, Workspace};
+
+/// Name of a bill of materials where the tool leaves it, beside each manifest.
+const BILL: &str = "bill-of-materials";
+
+/// A program of the release.
+struct Program<'a> {
+    /// Name of its files.
+    name: &'a str,
+    /// Its package and its manifest.
+    package: &'a str,
+    manifest: &'a str,
+    /// What it is built for.
+    target: &'a str,
+}
+
+/// What `cargo metadata --no-deps` prints.
+#[derive(Deserialize)]
+struct Metadata {
+    packages: Vec<Package>,
+}
+
+#[derive(Deserialize)]
+struct Package {
+    name: String,
+    manifest_path: std::path::PathBuf,
+}
+
+/// Writes both for tool and firmware into the folders `materials` and `licences`. Their time is that of the
+/// commit, s since 1970.
+pub(super) fn write(
+    workspace: &Workspace,
+    platform: &str,
+    time_s: u64,
+    folder: &Path,
+) -> Result<()> {
+    let programs = [
+        Program {
+            name: "tool",
+            package: "palpate",
+            manifest: "host/Cargo.toml",
+            target: platform,
+        },
+        Program {
+            name: "firmware",
+            package: "palpate-firmware",
+            manifest: "firmware/Cargo.toml",
+            target: FIRMWARE_TARGET,
+        },
+    ];
+    let materials = super::new_folder(&folder.join("materials"))?;
+    let licences = super::new_folder(&folder.join("licences"))?;
+    for program in &programs {
+        let file = materials.join(format!("{}.cdx.json", program.name));
+        super::write(&file, &bill(workspace, program, time_s)?)?;
+        let file = licences.join(format!("{}.txt", program.name));
+        super::write(&file, &licence_texts(workspace, program)?)?;
+    }
+    Ok(())
+}
+
+/// The bill of materials of a program. The tool writes one beside each manifest of the workspace, with the
+/// workspace's path in it.
+fn bill(workspace: &Workspace, program: &Program<'_>, time_s: u64) -> Result<String> {
+    let arguments = [
+        "cyclonedx",
+        "--manifest-path",
+        program.manifest,
+        "--target",
+        program.target,
+        "--format",
+        "json",
+        "--spec-version",
+        "1.5",
+        "--override-filename",
+        BILL,
+        "--quiet",
+    ];
+    // Without it, a bill has a random serial number and the present time.
+    let time = time_s.to_string();
+    workspace.run(&Invocation::cargo(&arguments).with_env("SOURCE_DATE_EPOCH", &time))?;
+    let query = ["metadata", "--locked", "--format-version", "1", "--no-deps"];
+    let metadata: Metadata = serde_json::from_str(&workspace.output(&Invocation::cargo(&query))?)
+        .context("the answer of `cargo metadata` could not be read")?;
+    let mut found = None;
+    for package in metadata.packages {
+        let file = package.manifest_path.with_file_name(format!("{BILL}.json"));
+        let Ok(text) = fs::read_to_string(&file) else {
+            continue;
+        };
+        fs::remove_file(&file).with_context(|| format!("{} stays", file.display()))?;
+        if package.name == program.package {
+            found = Some(text);
+        }
+    }
+    let text = found.with_context(|| format!("no bill of materials of {}", program.package))?;
+    Ok(text.replace(&workspace.root().to_string_lossy().into_owned(), "/palpate"))
+}
+
+/// The licences of everything that a program is made of, as text.
+fn licence_texts(workspace: &Workspace, program: &Program<'_>) -> Result<String> {
+    let arguments = [
+        "about",
+        "generate",
+        "--locked",
+        "--offline",
+        "--fail",
+        "--manifest-path",
+        program.manifest,
+        "--target",
+        program.target,
+        "--config",
+        "xtask/src/release/about.toml",
+        "xtask/src/release/licences.hbs",
+    ];
+    workspace.output(&Invocation::cargo(&arguments))
+}
