@@ -174,6 +174,7 @@ pub(crate) const MEMBERS: &[Member] = &[
             "field",
             "live",
             "packaging",
+            "parquet",
             "probe",
             "recording",
             "serial",

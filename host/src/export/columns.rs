@@ -35,6 +35,10 @@ fn number(place: u64, item: &Value) -> u64 {
 #[derive(Clone, Debug)]
 pub(super) struct Column {
     pub(super) name: String,
+    /// What its cells are.
+    pub(super) of: Type,
+    /// Their unit; `1` for plain numbers, empty for what is no quantity.
+    pub(super) unit: &'static str,
     path: Vec<Step>,
 }
 
@@ -60,11 +64,17 @@ impl Step {
 }
 
 impl Column {
-    /// What a record has there; empty if that is absent.
-    pub(super) fn cell(&self, payload: &Value) -> String {
+    /// What a record has there; nothing if that is absent.
+    pub(super) fn value<'v>(&self, payload: &'v Value) -> Option<&'v Value> {
         let mut steps = self.path.iter();
-        match steps.try_fold(payload, |value, step| step.of(value)) {
-            None | Some(Value::Null) => String::new(),
+        let value = steps.try_fold(payload, |value, step| step.of(value))?;
+        (!value.is_null()).then_some(value)
+    }
+
+    /// The same as text; empty if it is absent.
+    pub(super) fn cell(&self, payload: &Value) -> String {
+        match self.value(payload) {
+            None => String::new(),
             Some(Value::String(text)) => text.clone(),
             Some(other) => other.to_string(),
         }
@@ -77,6 +87,8 @@ pub(super) fn of(kind: &str, used: &Used) -> Vec<Column> {
     let payload = kinds.find(|of| of.name == kind).and_then(|of| of.payload);
     let root = Column {
         name: String::new(),
+        of: Type::Bool,
+        unit: "",
         path: Vec::new(),
     };
     let mut columns = Vec::new();
@@ -87,7 +99,8 @@ pub(super) fn of(kind: &str, used: &Used) -> Vec<Column> {
 }
 
 fn add(parent: &Column, field: &Field, used: &Used, columns: &mut Vec<Column>) {
-    let column = parent.below(field.name, Step::Field(field.name));
+    let mut column = parent.below(field.name, Step::Field(field.name));
+    column.unit = field.range.unit;
     match &field.of {
         Type::List { item, .. } => {
             for &number in used.0.get(field.name).into_iter().flatten() {
@@ -113,7 +126,10 @@ fn add_value(column: &Column, of: &Type, used: &Used, columns: &mut Vec<Column>)
                 add(column, field, used, columns);
             }
         }
-        None => columns.push(column.clone()),
+        None => columns.push(Column {
+            of: *of,
+            ..column.clone()
+        }),
     }
 }
 
@@ -126,7 +142,11 @@ impl Column {
         } else {
             format!("{}_{name}", self.name)
         };
-        Self { name, path }
+        Self {
+            name,
+            path,
+            ..self.clone()
+        }
     }
 }
 
@@ -154,6 +174,10 @@ mod tests {
         assert_eq!(cell("force_n"), "");
         assert_eq!(cell("channels_0_frequency_hz"), "1.5");
         assert_eq!(cell("channels_2_frequency_hz"), "3000000.0");
+        let of = |name: &str| columns.iter().find(|column| column.name == name).unwrap();
+        let frequency = of("channels_2_frequency_hz");
+        assert_eq!((frequency.of, frequency.unit), (Type::F64, "Hz"));
+        assert_eq!((of("force_n").of, of("force_n").unit), (Type::F32, "N"));
         assert!(
             !columns
                 .iter()

@@ -1,9 +1,12 @@
 //! `palpate export`: a recording as tables.
 
 mod columns;
+mod comma;
+#[cfg(feature = "parquet")]
+mod parquet;
 
 use std::collections::BTreeMap;
-use std::fs::{self, File};
+use std::fs;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
@@ -13,31 +16,83 @@ use serde_json::Value;
 
 use crate::failure::Failure;
 use crate::notice;
-use crate::recording::date::NS_PER_S;
 use crate::recording::{Entry, Reader, Recorded};
 use columns::{Column, Used};
 
 /// Turn a recording into tables
 ///
-/// Writes a CSV file for each kind of record, such as sample.csv and estimate.csv.
+/// Writes a table for each kind of record, such as sample.csv and estimate.csv.
 #[derive(Args)]
 #[command(after_help = "\
-Every table begins with host_time_s, when the record arrived, and device_time_s, when it was taken, both
-in seconds since 1970 by the computer's clock; then the record's header and its fields, with their units
-in their names. The items of a list have their number in the name, the conversions of a sample their
-channel: channels_0_frequency_hz. What is absent is empty. docs/protocol.md names every field.
+Every table begins with when the record arrived and when it was taken, both by the computer's clock; then
+come the record's header and its fields, with their units in their names. The items of a list have their
+number in the name, the conversions of a sample their channel: channels_0_frequency_hz. What is absent is
+empty. docs/protocol.md names every field.
+
+CSV has the times as seconds since 1970, host_time_s and device_time_s. Parquet has them as time stamps,
+host_time and device_time, and the units of the columns in its metadata, which pandas shows as attrs.
 
 A recording that was cut off is read as far as it goes.
 
-Example:
-  palpate export press.mcap --csv press")]
+Examples:
+  palpate export press.mcap --csv press
+  palpate export press.mcap --parquet press")]
 pub(crate) struct Arguments {
     /// The recording
     #[arg(value_name = "FILE.mcap")]
     file: PathBuf,
-    /// The folder; it is made, and tables in it are replaced
+    /// The folder of CSV files; it is made, and tables in it are replaced
     #[arg(long, value_name = "FOLDER")]
-    csv: PathBuf,
+    #[cfg_attr(feature = "parquet", arg(required_unless_present = "parquet"))]
+    #[cfg_attr(not(feature = "parquet"), arg(required = true))]
+    csv: Option<PathBuf>,
+    /// The same of Parquet files
+    #[cfg(feature = "parquet")]
+    #[arg(long, value_name = "FOLDER")]
+    parquet: Option<PathBuf>,
+}
+
+/// A table that is being written.
+trait Table {
+    /// Adds a record with its fields.
+    fn add(&mut self, recorded: &Recorded, payload: &Value) -> Result<(), String>;
+
+    /// Writes what is not written yet.
+    fn finish(self: Box<Self>) -> Result<(), String>;
+}
+
+/// A table that has been begun, or why it was not.
+type Created = Result<Box<dyn Table>, String>;
+
+/// A kind of file.
+struct Format {
+    argument: &'static str,
+    ending: &'static str,
+    create: fn(&Path, Vec<Column>) -> Created,
+}
+
+const CSV: Format = Format {
+    argument: "--csv",
+    ending: "csv",
+    create: comma::create,
+};
+#[cfg(feature = "parquet")]
+const PARQUET: Format = Format {
+    argument: "--parquet",
+    ending: "parquet",
+    create: parquet::create,
+};
+
+impl Arguments {
+    /// What is to be written, and where.
+    fn outputs(&self) -> Vec<(Format, &Path)> {
+        let csv = self.csv.as_deref().map(|folder| (CSV, folder));
+        #[cfg(feature = "parquet")]
+        let parquet = self.parquet.as_deref().map(|folder| (PARQUET, folder));
+        #[cfg(not(feature = "parquet"))]
+        let parquet = None;
+        csv.into_iter().chain(parquet).collect()
+    }
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
@@ -48,13 +103,18 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             arguments.file.display()
         )));
     }
-    let mut tables = Tables::create(&arguments.csv, &used)?;
+    let outputs = arguments.outputs().into_iter();
+    let outputs = outputs.map(|(format, folder)| Tables::create(format, folder, &used));
+    let mut outputs: Vec<Tables> = outputs.collect::<Result<_, _>>()?;
     for entry in &mut Reader::open(&arguments.file)? {
         if let Entry::Frame(recorded) = entry {
-            tables.add(&recorded)?;
+            let payload = payload(&recorded)?;
+            for tables in &mut outputs {
+                tables.add(&recorded, &payload)?;
+            }
         }
     }
-    tables.finish()
+    outputs.into_iter().try_for_each(Tables::finish)
 }
 
 /// Which items of lists occur, by kinds of records.
@@ -93,94 +153,61 @@ fn payload(recorded: &Recorded) -> Result<Value, Failure> {
 
 /// A table for each kind of record.
 struct Tables {
+    format: Format,
     folder: PathBuf,
-    tables: BTreeMap<&'static str, Table>,
+    tables: BTreeMap<&'static str, Box<dyn Table>>,
 }
-
-struct Table {
-    columns: Vec<Column>,
-    rows: csv::Writer<File>,
-}
-
-/// The columns before the fields of a record.
-const FIRST: [&str; 6] = [
-    "host_time_s",
-    "device_time_s",
-    "boot_id",
-    "sequence",
-    "time_us",
-    "dropped",
-];
 
 impl Tables {
-    fn create(folder: &Path, used: &BTreeMap<&'static str, Used>) -> Result<Self, Failure> {
-        let unwritable = |file: &Path, reason| Failure::Unwritable {
-            file: file.to_path_buf(),
-            argument: "--csv",
+    fn create(
+        format: Format,
+        folder: &Path,
+        used: &BTreeMap<&'static str, Used>,
+    ) -> Result<Self, Failure> {
+        fs::create_dir_all(folder).map_err(|reason| Failure::Unwritable {
+            file: folder.to_path_buf(),
+            argument: format.argument,
             reason,
-        };
-        fs::create_dir_all(folder).map_err(|reason| unwritable(folder, reason))?;
-        let mut tables = BTreeMap::new();
-        for (&kind, used) in used {
-            let path = folder.join(format!("{kind}.csv"));
-            let file = File::create(&path).map_err(|reason| unwritable(&path, reason))?;
-            let columns = columns::of(kind, used);
-            let mut rows = csv::Writer::from_writer(file);
-            let names = columns.iter().map(|column| column.name.as_str());
-            rows.write_record(FIRST.into_iter().chain(names))
-                .map_err(|error| unfinished(folder, error))?;
-            tables.insert(kind, Table { columns, rows });
-        }
-        Ok(Self {
+        })?;
+        let mut tables = Self {
+            format,
             folder: folder.to_path_buf(),
-            tables,
-        })
+            tables: BTreeMap::new(),
+        };
+        for (&kind, used) in used {
+            let table = (tables.format.create)(&tables.file(kind), columns::of(kind, used));
+            let table = table.map_err(|reason| tables.unfinished(&reason))?;
+            tables.tables.insert(kind, table);
+        }
+        Ok(tables)
     }
 
-    fn add(&mut self, recorded: &Recorded) -> Result<(), Failure> {
+    fn file(&self, kind: &str) -> PathBuf {
+        self.folder.join(format!("{kind}.{}", self.format.ending))
+    }
+
+    fn add(&mut self, recorded: &Recorded, payload: &Value) -> Result<(), Failure> {
         let Some(table) = self.tables.get_mut(recorded.frame.message.name()) else {
             return Ok(());
         };
-        let payload = payload(recorded)?;
-        let cells = table.columns.iter().map(|column| column.cell(&payload));
-        let row = first(recorded).into_iter().chain(cells);
-        let written = table.rows.write_record(row);
-        written.map_err(|error| unfinished(&self.folder, error))
+        let added = table.add(recorded, payload);
+        added.map_err(|reason| self.unfinished(&reason))
     }
 
     fn finish(mut self) -> Result<(), Failure> {
-        for table in self.tables.values_mut() {
-            let flushed = table.rows.flush();
-            flushed.map_err(|error| unfinished(&self.folder, error.into()))?;
-        }
         let mut out = io::stdout().lock();
-        for kind in self.tables.keys() {
-            writeln!(out, "{}", self.folder.join(format!("{kind}.csv")).display())?;
+        for (kind, table) in std::mem::take(&mut self.tables) {
+            table.finish().map_err(|reason| self.unfinished(&reason))?;
+            writeln!(out, "{}", self.file(kind).display())?;
         }
         Ok(())
     }
-}
 
-fn first(recorded: &Recorded) -> [String; FIRST.len()] {
-    let header = &recorded.frame.header;
-    [
-        seconds(recorded.host_ns),
-        seconds(recorded.device_ns),
-        header.boot_id.to_string(),
-        header.sequence.to_string(),
-        header.time_us.to_string(),
-        header.dropped.to_string(),
-    ]
-}
-
-/// All nine digits: a float of this size would keep six.
-fn seconds(ns: u64) -> String {
-    format!("{}.{:09}", ns / NS_PER_S, ns % NS_PER_S)
-}
-
-fn unfinished(folder: &Path, error: csv::Error) -> Failure {
-    Failure::Refused(format!(
-        "--csv {}: {error}. The tables are not complete: make room there, or name another folder.",
-        folder.display()
-    ))
+    fn unfinished(&self, reason: &str) -> Failure {
+        Failure::Refused(format!(
+            "{} {}: {reason}. The tables are not complete: make room there, or name another folder.",
+            self.format.argument,
+            self.folder.display()
+        ))
+    }
 }
