@@ -9,6 +9,7 @@ use palpate_wire::{Command, Record};
 use super::calibration::{self, Held};
 use super::feed::{Feed, Request};
 use super::law::Law;
+use super::state::Progress;
 use super::view::View;
 use crate::configuration::read_part;
 use crate::failure::Failure;
@@ -197,6 +198,8 @@ impl<'a> Session<'a> {
         let Some(held) = self.held.take() else {
             return Ok(());
         };
+        self.view.calibration = Progress::Storing;
+        self.view.show()?;
         let kept = held.keep(&mut self.link);
         // If it was not stored, the one before is in force again.
         self.leave_bench()?;

@@ -1,6 +1,7 @@
 //! What a page shows besides the plots.
 
-use palpate_wire::code::FaultCode;
+use palpate_wire::code::Location;
+use palpate_wire::record;
 use serde::Serialize;
 
 use crate::calibrate::sensor::Found;
@@ -26,7 +27,12 @@ pub(super) struct State<'a> {
 
 impl<'a> State<'a> {
     /// What is known of a board, in words where the protocol has some.
-    pub(super) fn of(known: &'a Known, calibration: &'a Progress, answer: &'a Answer) -> Self {
+    pub(super) fn of(
+        known: &'a Known,
+        faults: &[record::Fault],
+        calibration: &'a Progress,
+        answer: &'a Answer,
+    ) -> Self {
         let title = known.hello.as_ref().map(|hello| {
             let (major, minor, patch) = (
                 hello.firmware_major,
@@ -44,7 +50,7 @@ impl<'a> State<'a> {
             title: title.unwrap_or_default(),
             doing: known.state.map(|state| state.meaning().trim()),
             contact: known.contact().map(|contact| contact.meaning().trim()),
-            faults: known.faults.iter().copied().map(Fault::of).collect(),
+            faults: faults.iter().map(Fault::of).collect(),
             calibration,
             answer,
         }
@@ -58,14 +64,22 @@ pub(super) struct Fault {
     name: &'static str,
     /// What it is, and what to check.
     meaning: String,
+    location: Location,
+    /// What was found, and what is allowed, as the meaning says.
+    value: Option<f32>,
+    limit: Option<f32>,
 }
 
 impl Fault {
-    fn of(code: FaultCode) -> Self {
+    fn of(fault: &record::Fault) -> Self {
+        let code = fault.code;
         Self {
             number: code.number(),
             name: code.name(),
             meaning: faults::meaning(code),
+            location: fault.location,
+            value: fault.value,
+            limit: fault.limit,
         }
     }
 }
@@ -114,6 +128,8 @@ pub(super) enum Progress {
     },
     /// To be kept or discarded.
     Found { figures: Box<Found> },
+    /// Being put in force and stored.
+    Storing,
     /// In force and stored.
     Kept { figures: Box<Found> },
     /// Ended without a result.

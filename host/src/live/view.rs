@@ -3,6 +3,7 @@
 use std::time::{Duration, Instant};
 
 use palpate_wire::Record;
+use palpate_wire::record::Fault;
 
 use super::envelope::Envelope;
 use super::feed::Feed;
@@ -22,6 +23,8 @@ const STATE: Duration = Duration::from_millis(100);
 pub(super) struct View {
     feed: Feed,
     pub(super) known: Known,
+    /// The faults that stand.
+    faults: Vec<Fault>,
     pub(super) train: Train,
     pub(super) calibration: Progress,
     pub(super) answer: Answer,
@@ -60,6 +63,7 @@ impl View {
         Self {
             feed,
             known: Known::of(board),
+            faults: Vec::new(),
             train: Train::default(),
             calibration,
             answer: Answer::default(),
@@ -83,9 +87,15 @@ impl View {
         let (time_s, is_new) = self.timeline.at(now_s, frame.header.boot_id, device_s);
         if is_new {
             self.envelope.interrupt();
+            self.faults.clear();
         }
-        if let Record::Sample(sample) = &frame.message {
-            self.envelope.add(time_s, sample);
+        match &frame.message {
+            Record::Sample(sample) => self.envelope.add(time_s, sample),
+            Record::Fault(fault) => {
+                self.faults.retain(|of| of.code != fault.code);
+                self.faults.extend(fault.active.then(|| fault.clone()));
+            }
+            _ => {}
         }
         if let Some(line) = self.train.take(device_s, &frame.message) {
             self.feed.show_line(&line)?;
@@ -143,7 +153,7 @@ impl View {
     /// Shows the state now.
     pub(super) fn show(&mut self) -> Result<(), Failure> {
         self.next_state = Instant::now() + STATE;
-        let state = State::of(&self.known, &self.calibration, &self.answer);
+        let state = State::of(&self.known, &self.faults, &self.calibration, &self.answer);
         self.feed.show(&state)
     }
 }

@@ -5,7 +5,7 @@ import struct
 import threading
 
 VERSION, BOOT_ID = 2, 7
-HELLO, SAMPLE, ACKNOWLEDGEMENT = 0x01, 0x03, 0x0B
+HELLO, SAMPLE, FAULT, ACKNOWLEDGEMENT = 0x01, 0x03, 0x09, 0x0B
 NOT_SET = 12
 PERIOD_US = 1000
 
@@ -96,16 +96,27 @@ class MadeBoard:
                 self.program.sendall(b"".join(frames))
                 self.sent += 100
 
+    def received(self) -> bytes:
+        """Bytes of the program; none once it is gone."""
+        try:
+            return self.program.recv(4096)
+        except ConnectionError:
+            return b""
+
     def frame(self, kind: int, payload: bytes, index: int = 0) -> bytes:
         time_us = (self.sent + index) * PERIOD_US
         data = bytes([VERSION, kind]) + varint(BOOT_ID) + varint(self.sequence) + varint(time_us) + b"\0" + payload
         self.sequence += 1
         return stuff(data + crc32c(data).to_bytes(4, "little"))
 
+    def begin_fault(self, code: int, value: float):
+        with self.lock:
+            self.program.sendall(self.frame(FAULT, bytes([code, 1, 1]) + struct.pack("<BfB", 1, value, 0)))
+
     def answer(self):
         """A hello for an `identify`, and an acknowledgement for every command: nothing is set."""
         waiting = b""
-        while received := self.program.recv(4096):
+        while received := self.received():
             *coded, waiting = (waiting + received).split(b"\0")
             for command in filter(None, coded):
                 data = unstuff(command)

@@ -15,6 +15,8 @@ from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.support.ui import WebDriverWait
 
+from made_board import MadeBoard
+
 # The emulation may run slower than real time.
 PATIENCE_S = 60
 
@@ -221,6 +223,8 @@ def test_a_calibration_that_is_aborted_leaves_the_one_before_in_force(page):
     press(page, Keys.ENTER)
     until(page, "calibration", "Run 2 of")
     assert text(page, "connection").endswith("Calibration under way")
+    disabled = [button.get_attribute("aria-disabled") for button in page.find_elements(By.CSS_SELECTOR, "main button")]
+    assert disabled == ["true", "false", None, "true"]
     until_other(page, lambda: drawn(page, "frequency-plot"))
     page.find_element(By.CSS_SELECTOR, "[data-action=abort]").click()
     until(page, "calibration", "it was aborted. The one before is in force.")
@@ -228,6 +232,24 @@ def test_a_calibration_that_is_aborted_leaves_the_one_before_in_force(page):
     press(page, Keys.ENTER)
     until(page, "connection", "Connected")
     until_other(page, lambda: text(page, "readings"))
+
+
+def test_a_fault_says_what_to_check(palpate, live, browser):
+    board = MadeBoard(0)
+    served = palpate.start("live", "--json", "--port", "0", "--board", board.address)
+    browser.get(json.loads(served.stdout.readline())["url"])
+    until(browser, "faults", "None.")
+    board.begin_fault(12, 1.0)
+    until(browser, "faults", "12 sensor not oscillating")
+    said = text(browser, "faults")
+    assert "A sensor does not oscillate. Value: channel. Check coil and capacitor." in said
+    assert "value 1" in said
+    clear = browser.find_element(By.CSS_SELECTOR, "#faults button")
+    assert clear.accessible_name == "Clear fault 12"
+    clear.click()
+    until(browser, "answer", "clear_fault")
+    served.send_signal(signal.SIGINT)
+    assert served.wait(PATIENCE_S) == 0
 
 
 def test_it_goes_on_after_the_board_has_started_anew(page):

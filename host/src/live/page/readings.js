@@ -34,9 +34,10 @@ export class Readings {
   /** Whether the tool answers. */
   connect(isConnected) {
     if (isConnected) return;
+    this.#date(false);
     say(at("connection"),
       "No connection to palpate live. Start it again; this page tries every second.", "bad");
-    this.#allow(false);
+    this.#allow([]);
   }
 
   /** Batches of samples that this page did not take in time. */
@@ -50,7 +51,8 @@ export class Readings {
     if (known.gone) say(at("connection"), `Waiting for the board. ${known.gone}`, "bad");
     else if (isRunning) say(at("connection"), "Calibration under way", "wait");
     else say(at("connection"), "Connected", "good");
-    this.#allow(!known.gone && !isRunning);
+    this.#date(!known.gone && !isRunning);
+    this.#allow(known.gone ? [] : isRunning ? ["stop"] : ["arm", "stop", "restart"]);
     say(at("board"), `${known.board}${state.title}`);
     document.title = known.gone ? "palpate: no board" : "palpate";
     this.#armed = known.armed;
@@ -63,9 +65,14 @@ export class Readings {
     this.#answer(state.answer);
   }
 
+  /** Whether the readings are those of this moment; dimmed if they are not. */
+  #date(isCurrent) {
+    document.body.classList.toggle("stale", !isCurrent);
+  }
+
   /** Buttons that can be pressed. One that cannot keeps the focus. */
-  #allow(isAllowed) {
-    for (const id of ["arm", "stop", "restart"]) at(id).ariaDisabled = String(!isAllowed);
+  #allow(ids) {
+    for (const id of ["arm", "stop", "restart"]) at(id).ariaDisabled = String(!ids.includes(id));
   }
 
   #result(known) {
@@ -140,16 +147,21 @@ export class Readings {
     at("faults").replaceChildren(...(faults.length ? faults.map((fault) => this.#fault(fault)) : [none]));
   }
 
-  #fault({ number, name, meaning }) {
-    const [box, title, text] = ["div", "h3", "p"].map((tag) => document.createElement(tag));
+  #fault({ number, name, meaning, location, value, limit }) {
+    const [box, title, text, found] = ["div", "h3", "p", "p"].map((tag) => document.createElement(tag));
     const clear = document.createElement("button");
     box.className = "fault";
     title.textContent = `${number} ${words(name)}`;
     text.textContent = meaning;
+    const numbers = [["value", value], ["limit", limit]].filter(([, number]) => number != null);
+    found.className = "quiet";
+    found.textContent = [`At: ${words(location)}`,
+      ...numbers.map(([what, number]) => `${what} ${Number(number.toPrecision(6))}`)].join(", ");
     clear.type = "button";
+    clear.ariaLabel = `Clear fault ${number}`;
     clear.textContent = "Clear";
     clear.addEventListener("click", () => this.#send({ clear_fault: name }));
-    box.append(title, text, clear);
+    box.append(title, text, found, clear);
     return box;
   }
 
