@@ -3,6 +3,8 @@
 use palpate_sim::current::acting_a;
 use palpate_wire::Record;
 use palpate_wire::command::Settings;
+#[cfg(test)]
+use palpate_wire::command::{Attraction, Springs, StiffeningCurve, StiffeningKnot};
 use palpate_wire::record::Sample;
 
 /// What turns a current into the actuated layer's compliance: the calibration in force.
@@ -110,16 +112,39 @@ impl Reading {
 #[cfg(test)]
 impl Law {
     /// Springs, curve and attraction of round numbers, with the settings of a board.
-    pub(super) fn made() -> Self {
-        Self {
-            settings: crate::instrument::default_settings(),
+    pub(super) fn made_parts() -> Vec<Record> {
+        let knot = |a: u8| StiffeningKnot {
+            current_a: a.into(),
+            rise: 1e-3 * f32::from(a) * f32::from(a),
+        };
+        let chunk = |first: u8| {
+            Record::StiffeningCurve(StiffeningCurve {
+                total: 32,
+                first,
+                rise_uncertainty: 0.0,
+                knots: (first..first + 8).map(knot).collect(),
+            })
+        };
+        let springs = Springs {
             sensing_n_per_m: 6e3,
-            ratio: 2.0,
+            sensing_uncertainty: 0.0,
+            actuated_n_per_m: 3e3,
+            actuated_uncertainty: 0.0,
+            force_scale_uncertainty: 0.0,
+            zero_uncertainty_m: 0.0,
+            bend: 0.0,
+        };
+        let attraction = Attraction {
             attraction_n_per_a2: 1e-4,
-            rise: (0..32)
-                .map(|a| (f64::from(a), 1e-3 * f64::from(a * a)))
-                .collect(),
-        }
+            uncertainty: 0.0,
+        };
+        let curve = [0, 8, 16, 24].map(chunk);
+        let others = [
+            Record::Settings(crate::instrument::default_settings()),
+            Record::Springs(springs),
+            Record::Attraction(attraction),
+        ];
+        curve.into_iter().chain(others).collect()
     }
 }
 
@@ -129,16 +154,22 @@ mod tests {
 
     #[test]
     fn the_rise_is_that_of_the_knots_and_straight_between_them() {
-        let law = Law::made();
+        let law = Law::of(&Law::made_parts()).unwrap();
         assert_eq!(law.rise(0.0), 0.0);
-        assert!((law.rise(3.0) - 9e-3).abs() < 1e-12);
-        assert!((law.rise(-3.5) - 12.5e-3).abs() < 1e-12);
-        assert_eq!(law.rise(99.0), 961e-3);
+        assert!((law.rise(3.0) - 9e-3).abs() < 1e-9);
+        assert!((law.rise(-3.5) - 12.5e-3).abs() < 1e-9);
+        assert!((law.rise(99.0) - 0.961).abs() < 1e-6);
     }
 
     #[test]
     fn without_all_parts_of_a_calibration_there_is_no_law() {
-        let settings = Record::Settings(crate::instrument::default_settings());
-        assert!(Law::of(&[settings]).is_none());
+        let parts = Law::made_parts();
+        assert!(Law::of(&parts).is_some());
+        // The curve, the settings, and the springs.
+        for part in [&parts[..4], &parts[4..5], &parts[5..6]] {
+            let others = parts.iter().filter(|of| !part.contains(of));
+            let others: Vec<_> = others.cloned().collect();
+            assert!(Law::of(&others).is_none(), "{part:?}");
+        }
     }
 }

@@ -1,5 +1,6 @@
 //! The board's thread: it alone has the link.
 
+use std::thread::sleep;
 use std::time::Duration;
 
 use palpate_wire::code::{FaultCode, Part, RebootTarget};
@@ -8,7 +9,6 @@ use palpate_wire::{Command, Record};
 
 use super::calibration::{self, Held};
 use super::feed::{Feed, Request};
-use super::law::Law;
 use super::state::Progress;
 use super::view::View;
 use crate::configuration::read_part;
@@ -78,6 +78,10 @@ impl<'a> Session<'a> {
     }
 
     fn turn(&mut self, interrupt: &Interrupt) -> Result<(), Failure> {
+        if self.is_gone && self.link.is_recording() {
+            sleep(LOOK);
+            return Ok(());
+        }
         if self.is_gone {
             self.link.reconnect()?;
             self.is_gone = false;
@@ -86,10 +90,14 @@ impl<'a> Session<'a> {
         }
         self.link.listen(LOOK)?;
         self.take()?;
+        if self.link.is_recording() {
+            self.refuse_requests();
+            return self.view.show_due();
+        }
         self.check_presence()?;
         if self.view.known.boot_id != self.read_of {
             self.read_of = self.view.known.boot_id;
-            self.read_law()?;
+            self.ask_for_calibration()?;
         }
         while let Some(request) = self.view.feed().request() {
             self.answer(request, interrupt)?;
@@ -114,7 +122,8 @@ impl<'a> Session<'a> {
     fn take(&mut self) -> Result<(), Failure> {
         for arrival in self.link.take() {
             self.came = arrival.at;
-            if self.view.take(&arrival)? && self.view.known.armed {
+            let touches = self.view.take(&arrival)?;
+            if touches && self.view.known.armed && !self.link.is_recording() {
                 // What it is answered shows in what follows.
                 self.link.send(&Command::Measure)?;
             }
@@ -123,9 +132,8 @@ impl<'a> Session<'a> {
         Ok(())
     }
 
-    /// Asks for what the line of a train takes. All else that comes meanwhile stays to be taken.
-    fn read_law(&mut self) -> Result<(), Failure> {
-        let before = self.link.received().len();
+    /// Asks for what the line of a train takes. It is among what is taken next.
+    fn ask_for_calibration(&mut self) -> Result<(), Failure> {
         self.link.must(&Command::GetSettings)?;
         self.link.wait_for(RECORD_S, "settings", |record| {
             matches!(record, Record::Settings(_)).then_some(())
@@ -138,10 +146,16 @@ impl<'a> Session<'a> {
             };
             read_part(&mut self.link, &question)?;
         }
-        let new = self.link.received().get(before..).into_iter().flatten();
-        let records: Vec<_> = new.map(|arrival| arrival.frame.message.clone()).collect();
-        self.view.train.set_law(Law::of(&records));
         Ok(())
+    }
+
+    /// A recording takes no commands.
+    fn refuse_requests(&mut self) {
+        while self.view.feed().request().is_some() {
+            self.view
+                .answer
+                .refuse("This is a recording: it takes no commands.");
+        }
     }
 
     fn answer(&mut self, request: Request, interrupt: &Interrupt) -> Result<(), Failure> {

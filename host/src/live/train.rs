@@ -3,9 +3,9 @@
 //! The points are the board's samples, the line is fitted here, in `f64` and by the code of the
 //! calibration's bench. So it is no image of the board's own arithmetic, whose result stands beside it.
 
-use palpate_wire::Record;
 use palpate_wire::code::{Contact, State};
 use palpate_wire::record::{Estimate, Sample};
+use palpate_wire::{Message, Record};
 use serde::Serialize;
 
 use super::law::{Law, Reading};
@@ -46,21 +46,14 @@ pub(super) struct Line {
 /// Gathers the samples of a train.
 #[derive(Debug, Default)]
 pub(super) struct Train {
-    law: Option<Law>,
+    /// What the board has sent of its settings and calibration, the latest of each.
+    parts: Vec<Record>,
     touched_s: Option<f64>,
     began_s: Option<f64>,
     readings: Vec<Reading>,
 }
 
 impl Train {
-    /// With the calibration in force, from now on.
-    pub(super) fn set_law(&mut self, law: Option<Law>) {
-        *self = Self {
-            law,
-            ..Self::default()
-        };
-    }
-
     /// Takes a record of a time, s. The result of a measurement completes its line.
     pub(super) fn take(&mut self, time_s: f64, record: &Record) -> Option<Line> {
         match record {
@@ -70,6 +63,16 @@ impl Train {
             Record::State(change) if change.state == State::Peak => self.readings.clear(),
             Record::State(change) if change.state == State::Ramps => self.began_s = Some(time_s),
             Record::Estimate(estimate) => return self.line(estimate),
+            Record::Settings(_) | Record::Springs(_) | Record::Attraction(_) => {
+                self.parts.retain(|part| part.kind() != record.kind());
+                self.parts.push(record.clone());
+            }
+            Record::StiffeningCurve(chunk) => {
+                if chunk.first == 0 {
+                    self.parts.retain(|part| part.kind() != record.kind());
+                }
+                self.parts.push(record.clone());
+            }
             _ => {}
         }
         None
@@ -86,7 +89,7 @@ impl Train {
 
     /// The line of the samples on the falls of the current.
     fn line(&self, estimate: &Estimate) -> Option<Line> {
-        let law = self.law.as_ref()?;
+        let law = Law::of(&self.parts)?;
         let (touched_s, began_s) = (self.touched_s?, self.began_s?);
         let fall = Fall::of(law.settings());
         let at = |of: &Reading| (of.time_s, of.current_a);
@@ -179,9 +182,12 @@ mod tests {
     #[test]
     fn the_line_finds_the_load_of_a_made_train() {
         const LOAD_RATIO: f64 = 0.7;
-        let law = Law::made();
+        let parts = Law::made_parts();
+        let law = Law::of(&parts).unwrap();
         let mut train = Train::default();
-        train.set_law(Some(law.clone()));
+        for part in &parts {
+            train.take(0.0, part);
+        }
         train.take(0.0, &sample(1e-6, 0.0, Contact::Began));
         train.take(0.5, &state(State::Peak));
         train.take(0.5, &state(State::Ramps));

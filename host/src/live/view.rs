@@ -25,7 +25,7 @@ pub(super) struct View {
     pub(super) known: Known,
     /// The faults that stand.
     faults: Vec<Fault>,
-    pub(super) train: Train,
+    train: Train,
     pub(super) calibration: Progress,
     pub(super) answer: Answer,
     envelope: Envelope,
@@ -88,6 +88,7 @@ impl View {
         if is_new {
             self.envelope.interrupt();
             self.faults.clear();
+            self.train = Train::default();
         }
         match &frame.message {
             Record::Sample(sample) => self.envelope.add(time_s, sample),

@@ -48,7 +48,7 @@ export class Readings {
   show(state) {
     const { known } = state;
     const isRunning = state.calibration.phase === "running";
-    if (known.gone) say(at("connection"), `Waiting for the board. ${known.gone}`, "bad");
+    if (known.gone) say(at("connection"), known.gone, "bad");
     else if (isRunning) say(at("connection"), "Calibration under way", "wait");
     else say(at("connection"), "Connected", "good");
     this.#date(!known.gone && !isRunning);
