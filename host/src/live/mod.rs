@@ -45,7 +45,8 @@ here. A board that is unplugged or starts anew is waited for.
 
 Examples:
   palpate live
-  palpate live --board emulated --load 1.5 --arm --open")]
+  palpate live --board emulated --load 1.5 --arm --open
+  palpate live --board press.mcap")]
 pub(crate) struct Arguments {
     #[command(flatten)]
     link: link::Arguments,

@@ -1,8 +1,10 @@
-"""A board at a TCP port that sends made samples as fast as they are taken, by docs/protocol.md alone."""
+"""A board at a TCP port that sends made samples, by docs/protocol.md alone."""
 
+import contextlib
 import socket
 import struct
 import threading
+import time
 
 VERSION, BOOT_ID = 2, 7
 HELLO, SAMPLE, FAULT, ACKNOWLEDGEMENT = 0x01, 0x03, 0x09, 0x0B
@@ -72,9 +74,13 @@ def sample(deformation_m: float) -> bytes:
 
 
 class MadeBoard:
-    """Serves one program: an answer to each command, and samples of so many seconds."""
+    """
+    Serves one program: an answer to each command, and samples of so many seconds, as fast as they are taken or
+    at the pace of real time.
+    """
 
-    def __init__(self, seconds: int):
+    def __init__(self, seconds: int, keeps_pace: bool = False):
+        self.keeps_pace = keeps_pace
         self.listener = socket.create_server(("127.0.0.1", 0))
         self.address = "tcp:127.0.0.1:%d" % self.listener.getsockname()[1]
         self.count = seconds * 1_000_000 // PERIOD_US
@@ -82,19 +88,31 @@ class MadeBoard:
         self.sequence = 0
         self.lock = threading.Lock()
         self.go_on = threading.Event()
-        threading.Thread(target=self.serve, daemon=True).start()
+        threading.Thread(target=self.run, daemon=True).start()
+
+    def run(self):
+        """Ends with the program."""
+        with contextlib.suppress(ConnectionError):
+            self.serve()
 
     def serve(self):
         self.program, _ = self.listener.accept()
+        self.program.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         threading.Thread(target=self.answer, daemon=True).start()
         self.go_on.wait()
         # Half a period of a triangle, for plots that have something to show.
         payloads = [sample(1e-7 * abs(index - 500)) for index in range(1000)]
+        # A real board's records come one by one.
+        several = 1 if self.keeps_pace else 100
+        began = time.monotonic()
         while self.sent < self.count:
             with self.lock:
-                frames = [self.frame(SAMPLE, payloads[(self.sent + index) % 1000], index) for index in range(100)]
+                frames = [self.frame(SAMPLE, payloads[(self.sent + index) % 1000], index) for index in range(several)]
                 self.program.sendall(b"".join(frames))
-                self.sent += 100
+                self.sent += several
+            due_s = self.sent * PERIOD_US * 1e-6
+            if self.keeps_pace:
+                time.sleep(max(0, began + due_s - time.monotonic()))
 
     def received(self) -> bytes:
         """Bytes of the program; none once it is gone."""
