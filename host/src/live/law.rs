@@ -114,8 +114,8 @@ impl Law {
     /// Springs, curve and attraction of round numbers, with the settings of a board.
     pub(super) fn made_parts() -> Vec<Record> {
         let knot = |a: u8| StiffeningKnot {
-            current_a: a.into(),
-            rise: 1e-3 * f32::from(a) * f32::from(a),
+            current_a: 0.5 * f32::from(a),
+            rise: 1e-3 * (0.5 * f32::from(a)).powi(2),
         };
         let chunk = |first: u8| {
             Record::StiffeningCurve(StiffeningCurve {
@@ -157,8 +157,8 @@ mod tests {
         let law = Law::of(&Law::made_parts()).unwrap();
         assert_eq!(law.rise(0.0), 0.0);
         assert!((law.rise(3.0) - 9e-3).abs() < 1e-9);
-        assert!((law.rise(-3.5) - 12.5e-3).abs() < 1e-9);
-        assert!((law.rise(99.0) - 0.961).abs() < 1e-6);
+        assert!((law.rise(-3.25) - 10.625e-3).abs() < 1e-9);
+        assert!((law.rise(99.0) - 0.240_25).abs() < 1e-6);
     }
 
     #[test]
