@@ -212,6 +212,8 @@ fn task(link: &mut Link, arguments: &Arguments) -> Result<BenchTask, Failure> {
     let mut task = if arguments.is_simulated_bench() {
         BenchTask::of(&plant, &stack, Switches::all(), &default_settings())
     } else {
+        // The status comes with who it is.
+        link.greet()?;
         let status = link.wait_for(STATUS_S, "status", |record| match record {
             Record::Status(status) => Some(status.clone()),
             _ => None,
@@ -264,7 +266,7 @@ fn session(link: &mut Link, arguments: &Arguments, task: &BenchTask) -> Result<S
     })
 }
 
-/// A status comes every second.
+/// A status follows in less; and comes every second besides.
 const STATUS_S: f64 = 5.0;
 /// What a board without a thermometer is calibrated at, degrees Celsius: it does not correct for it either.
 const ROOM_C: f64 = 25.0;

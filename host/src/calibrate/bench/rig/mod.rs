@@ -33,11 +33,11 @@ use track::Track;
 
 /// How long is listened at once, and the longest without any sample before the board counts as silent.
 const LOOK: Duration = Duration::from_millis(2);
-const SILENT: Duration = Duration::from_secs(10);
+const SILENT: Duration = Duration::from_secs(30);
 /// The longest without a reading of a gauge, s: a slow amplifier has ten a second.
 const GAUGE_SILENT_S: f64 = 2.0;
 /// The first reading comes within this time: an amplifier starts anew when its port is opened.
-const GAUGE_START: Duration = Duration::from_secs(15);
+const GAUGE_START: Duration = Duration::from_secs(60);
 /// The sensor has recovered from a press when its frequency is within this part of the untouched one: a fifth
 /// of what the check of each run allows. It is waited for so long at most, s.
 const RECOVERED: f64 = 0.2e-3;
