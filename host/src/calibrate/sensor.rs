@@ -141,10 +141,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         can_be_confirmed("storing")?;
     }
     let report = OutputFile::optional("--report", arguments.report.as_ref())?;
+    let interrupt = Interrupt::catch()?;
     let mut link = arguments.link.open()?;
     is_stored(&mut link)?;
     let before = configuration::settings(&mut link)?;
-    let done = calibrated(&mut link, arguments, report.as_ref());
+    let done = calibrated(&mut link, arguments, report.as_ref(), interrupt);
     if done.is_err() {
         restore(&mut link, &before);
     }
@@ -187,9 +188,10 @@ fn calibrated(
     link: &mut Link,
     arguments: &Arguments,
     report: Option<&OutputFile>,
+    interrupt: Interrupt,
 ) -> Result<Found, Failure> {
     let task = task(link, arguments)?;
-    let session = session(link, arguments, &task)?;
+    let session = session(link, arguments, &task, interrupt)?;
     let calibration = evaluate(&session, &task.known)
         .map_err(|error| Failure::Refused(format!("calibration: {error}")))?;
     let identity = identity(arguments.id, session.temperature_c, &calibration);
@@ -232,8 +234,12 @@ fn task(link: &mut Link, arguments: &Arguments) -> Result<BenchTask, Failure> {
 }
 
 /// Goes through the session on the bench there is.
-fn session(link: &mut Link, arguments: &Arguments, task: &BenchTask) -> Result<Session, Failure> {
-    let interrupt = Interrupt::catch()?;
+fn session(
+    link: &mut Link,
+    arguments: &Arguments,
+    task: &BenchTask,
+    interrupt: Interrupt,
+) -> Result<Session, Failure> {
     let progress = Progress::new(task.plan.runs());
     let mut say = |pressed: Pressed, depth_m: f64| {
         progress.say(&describe(pressed, depth_m));

@@ -1,6 +1,7 @@
 //! Tests of `palpate` from outside: one program, whose modules are its parts.
 
 mod bring_up;
+mod calibration;
 mod chip;
 mod coil;
 mod designer;

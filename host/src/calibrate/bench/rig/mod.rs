@@ -258,6 +258,8 @@ impl<'l> RigBench<'l> {
     /// After a specimen has been changed: the board may have started anew, and sends samples again.
     fn begin(&mut self) -> Result<(), Failure> {
         self.link.greet()?;
+        // It is armed from the run before, if it has not started anew.
+        self.link.must(&Command::Disarm)?;
         self.link
             .must(&Command::SetSettings(self.plan.settings.clone()))?;
         self.link.take();
@@ -266,6 +268,9 @@ impl<'l> RigBench<'l> {
         self.stage_track.clear();
         self.hand.position_m = None;
         self.latest_s = None;
+        // What the gauges said meanwhile has no time of the board.
+        self.take_force()?;
+        self.take_stage()?;
         self.came = self.link.now();
         let end = self.link.now() + GAUGE_START;
         while self.latest_s.is_none() || self.force.is_some() && self.force_track.last().is_none() {
