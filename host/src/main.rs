@@ -55,6 +55,8 @@ mod instrument;
 #[cfg(feature = "emulator")]
 mod interrupt;
 mod jsonl;
+#[cfg(any(feature = "live", feature = "recording"))]
+mod line;
 #[cfg(feature = "emulator")]
 mod link;
 #[cfg(feature = "live")]
@@ -77,6 +79,8 @@ mod progress;
 mod quantity;
 #[cfg(feature = "recording")]
 mod record;
+#[cfg(feature = "recording")]
+mod recorded_report;
 #[cfg(feature = "recording")]
 mod recording;
 #[cfg(feature = "recording")]
@@ -158,6 +162,8 @@ enum Verb {
     #[cfg(feature = "recording")]
     Replay(replay::Arguments),
     #[cfg(feature = "recording")]
+    Report(recorded_report::Arguments),
+    #[cfg(feature = "recording")]
     Export(export::Arguments),
     #[cfg(feature = "recording")]
     #[command(hide = true)]
@@ -225,6 +231,8 @@ fn main() -> ExitCode {
         Verb::Replay(arguments) => replay::run(&arguments),
         #[cfg(feature = "recording")]
         Verb::Recordings(arguments) => recording_trials::run(&arguments),
+        #[cfg(feature = "recording")]
+        Verb::Report(arguments) => recorded_report::run(&arguments),
         #[cfg(feature = "recording")]
         Verb::Export(arguments) => export::run(&arguments),
         Verb::Decode(arguments) => decode::run(&arguments),

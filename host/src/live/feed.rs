@@ -10,8 +10,8 @@ use tokio::sync::{broadcast, watch};
 
 use super::envelope::Batch;
 use super::state::State;
-use super::train::Line;
 use crate::failure::Failure;
+use crate::line::Line;
 
 /// Batches of samples that wait for a page that does not take them: two seconds of them, longer than a
 /// browser's own pauses.

@@ -8,11 +8,9 @@ mod assets;
 mod calibration;
 mod envelope;
 mod feed;
-mod law;
 mod server;
 mod session;
 mod state;
-mod train;
 mod view;
 
 use std::io::{self, Write};

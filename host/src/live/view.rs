@@ -8,9 +8,9 @@ use palpate_wire::record::Fault;
 use super::envelope::Envelope;
 use super::feed::Feed;
 use super::state::{Answer, Progress, State};
-use super::train::Train;
 use crate::calibrate::bench::BenchSample;
 use crate::failure::Failure;
+use crate::line::Train;
 use crate::link::{Arrival, Link};
 use crate::watch::known::Known;
 

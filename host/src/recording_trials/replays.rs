@@ -26,7 +26,7 @@ const LOADS: [&str; 5] = ["0.3", "0.7", "1.3", "2.5", "5"];
 const SETTINGS: [(f32, Drift); 4] = [
     (1_000.0, Drift::Logarithmic),
     (500.0, Drift::Linear),
-    (2_000.0, Drift::Exponential),
+    (800.0, Drift::Exponential),
     (1_000.0, Drift::SawTooth),
 ];
 /// The emulated board is pressed after 3 s for 5 s, lifted for 8 s, and pressed again.

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use palpate_sim::replay::{InForce, Replay};
-use palpate_wire::Record;
+use palpate_wire::{Command, Record, configuration_crc};
 use serde::Serialize;
 
 use crate::configuration::setting;
@@ -114,11 +114,25 @@ fn in_force(note: &Note) -> Option<(u32, InForce)> {
     let Record::Settings(settings) = serde_json::from_str(field("settings")?).ok()? else {
         return None;
     };
+    let Record::Storage(storage) = serde_json::from_str(field("storage")?).ok()? else {
+        return None;
+    };
     let parts: Vec<Record> = serde_json::from_str(field("calibration")?).ok()?;
+    let calibration: Vec<Command> = parts.into_iter().filter_map(setting).collect();
+    // A part may have been lost on the way. Settings that were never set are not in the CRC.
+    let settings_too = [Command::SetSettings(settings.clone())];
+    let with_settings: Vec<Command> = settings_too
+        .into_iter()
+        .chain(calibration.clone())
+        .collect();
+    let is_whole = [&calibration, &with_settings]
+        .into_iter()
+        .any(|commands| configuration_crc(commands) == storage.in_force_crc);
+    is_whole.then_some(())?;
     let in_force = InForce {
         hello,
         settings,
-        calibration: parts.into_iter().filter_map(setting).collect(),
+        calibration,
     };
     Some((boot_id, in_force))
 }

@@ -91,7 +91,7 @@ fn over_time(
 }
 
 /// Least and greatest of each piece, in their order: drawn, the same as the whole curve.
-fn thinned(profile: &[(f64, f64)]) -> Vec<(f64, f64)> {
+pub(crate) fn thinned(profile: &[(f64, f64)]) -> Vec<(f64, f64)> {
     let piece = profile.len().div_ceil(PIECES).max(1);
     let by_value = |a: &&(f64, f64), b: &&(f64, f64)| a.1.total_cmp(&b.1);
     profile
@@ -192,7 +192,7 @@ pub(super) fn load_curve(measured: &Measured) -> Option<Chart> {
     })
 }
 
-fn series(name: &str, colour: plotters::style::RGBColor, marks: Marks) -> Series {
+pub(crate) fn series(name: &str, colour: plotters::style::RGBColor, marks: Marks) -> Series {
     Series {
         name: name.to_owned(),
         colour,

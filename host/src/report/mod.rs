@@ -1,6 +1,6 @@
 //! The report: one HTML page with everything in it, charts as SVG.
 
-mod charts;
+pub(crate) mod charts;
 mod evaluation;
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};

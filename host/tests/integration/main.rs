@@ -17,6 +17,7 @@ mod outputs;
 mod plan_ldc;
 mod recordings;
 mod records;
+mod replays;
 mod serve;
 mod settings;
 mod simulate;

@@ -9,7 +9,7 @@ use palpate_wire::record::Sample;
 
 /// What turns a current into the actuated layer's compliance: the calibration in force.
 #[derive(Clone, Debug)]
-pub(super) struct Law {
+pub(crate) struct Law {
     settings: Settings,
     sensing_n_per_m: f64,
     /// c_S/c_D0.
@@ -21,7 +21,7 @@ pub(super) struct Law {
 
 impl Law {
     /// From what the board has sent of its settings and calibration; nothing if a part is not in force.
-    pub(super) fn of(records: &[Record]) -> Option<Self> {
+    pub(crate) fn of(records: &[Record]) -> Option<Self> {
         let springs = last(records, |record| match record {
             Record::Springs(of) => Some(of),
             _ => None,
@@ -53,7 +53,7 @@ impl Law {
     }
 
     /// The settings in force.
-    pub(super) const fn settings(&self) -> &Settings {
+    pub(crate) const fn settings(&self) -> &Settings {
         &self.settings
     }
 
@@ -73,7 +73,7 @@ impl Law {
     }
 
     /// c_S/c_D(I), and the attraction as a compliance.
-    pub(super) fn compliance(&self, reading: &Reading) -> f64 {
+    pub(crate) fn compliance(&self, reading: &Reading) -> f64 {
         let ratio = self.ratio / (1.0 + self.rise(reading.current_a));
         let pull_n = self.attraction_n_per_a2 * reading.current_a.powi(2);
         ratio + pull_n * ratio / self.sensing_n_per_m / reading.deformation_m
@@ -87,18 +87,18 @@ fn last<'r, T>(records: &'r [Record], of: impl Fn(&'r Record) -> Option<&'r T>) 
 
 /// A sample with everything in it.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Reading {
+pub(crate) struct Reading {
     /// By the device, s.
-    pub(super) time_s: f64,
+    pub(crate) time_s: f64,
     /// m.
-    pub(super) deformation_m: f64,
+    pub(crate) deformation_m: f64,
     /// Current that acts, A: mean and ripple, root mean square.
-    pub(super) current_a: f64,
+    pub(crate) current_a: f64,
 }
 
 impl Reading {
     /// Nothing without a deformation or a current.
-    pub(super) fn of(time_s: f64, sample: &Sample) -> Option<Self> {
+    pub(crate) fn of(time_s: f64, sample: &Sample) -> Option<Self> {
         let deformation_m = sample.channels.first()?.deformation_m?.into();
         let ripple_a = sample.ripple_a.unwrap_or(0.0).into();
         Some(Self {
@@ -112,7 +112,7 @@ impl Reading {
 #[cfg(test)]
 impl Law {
     /// Springs, curve and attraction of round numbers, with the settings of a board.
-    pub(super) fn made_parts() -> Vec<Record> {
+    pub(crate) fn made_parts() -> Vec<Record> {
         let knot = |a: u8| StiffeningKnot {
             current_a: 0.5 * f32::from(a),
             rise: 1e-3 * (0.5 * f32::from(a)).powi(2),

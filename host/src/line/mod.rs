@@ -3,14 +3,16 @@
 //! The points are the board's samples, the line is fitted here, in `f64` and by the code of the
 //! calibration's bench. So it is no image of the board's own arithmetic, whose result stands beside it.
 
+mod law;
+
 use palpate_wire::code::{Contact, State};
 use palpate_wire::record::{Estimate, Sample};
 use palpate_wire::{Message, Record};
 use serde::Serialize;
 
-use super::law::{Law, Reading};
 use crate::calibrate::{LinePoint, TrainFit};
 use crate::train::Fall;
+use law::{Law, Reading};
 
 /// Samples of a train that are kept: of 20 s at 1 kHz, twenty times the usual train.
 const KEPT: usize = 20_000;
@@ -19,25 +21,25 @@ const DRAWN: usize = 600;
 
 /// A point of the line, and the line there.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub(super) struct Point {
+pub(crate) struct Point {
     /// c_S/c_D(I), the attraction counted as a compliance.
-    compliance: f64,
+    pub(crate) compliance: f64,
     /// 1/x with the drift taken out, 1/m.
-    inverse_per_m: f64,
+    pub(crate) inverse_per_m: f64,
     /// The line, 1/m.
-    line_per_m: f64,
+    pub(crate) line_per_m: f64,
 }
 
 /// The line of a train.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub(super) struct Line {
+pub(crate) struct Line {
     measurement: u32,
     /// Every so-many-th sample, rising in compliance.
-    points: Vec<Point>,
+    pub(crate) points: Vec<Point>,
     /// One point is drawn of so many samples.
     every: usize,
     /// c_S/c_L by this line.
-    load_ratio: f64,
+    pub(crate) load_ratio: f64,
     /// The same by the board, and its standard error.
     board_load_ratio: f32,
     board_standard_error: f32,
@@ -45,7 +47,7 @@ pub(super) struct Line {
 
 /// Gathers the samples of a train.
 #[derive(Debug, Default)]
-pub(super) struct Train {
+pub(crate) struct Train {
     /// What the board has sent of its settings and calibration, the latest of each.
     parts: Vec<Record>,
     touched_s: Option<f64>,
@@ -54,8 +56,18 @@ pub(super) struct Train {
 }
 
 impl Train {
+    /// On a board that has these settings and this calibration in force.
+    #[cfg(any(feature = "recording", test))]
+    pub(crate) fn with(parts: &[Record]) -> Self {
+        let mut train = Self::default();
+        for part in parts {
+            train.take(0.0, part);
+        }
+        train
+    }
+
     /// Takes a record of a time, s. The result of a measurement completes its line.
-    pub(super) fn take(&mut self, time_s: f64, record: &Record) -> Option<Line> {
+    pub(crate) fn take(&mut self, time_s: f64, record: &Record) -> Option<Line> {
         match record {
             Record::Sample(sample) if sample.sensor == 0 => self.add(time_s, sample),
             // Records do not always come in the order of their times: the samples from the peak on are
@@ -184,10 +196,7 @@ mod tests {
         const LOAD_RATIO: f64 = 0.7;
         let parts = Law::made_parts();
         let law = Law::of(&parts).unwrap();
-        let mut train = Train::default();
-        for part in &parts {
-            train.take(0.0, part);
-        }
+        let mut train = Train::with(&parts);
         train.take(0.0, &sample(1e-6, 0.0, Contact::Began));
         train.take(0.5, &state(State::Peak));
         train.take(0.5, &state(State::Ramps));

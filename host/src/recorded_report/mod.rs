@@ -1,0 +1,51 @@
+//! `palpate report`: a recording as one page, in the form of the demo's report.
+
+mod charts;
+mod page;
+mod story;
+
+use std::io::{self, Write};
+use std::path::PathBuf;
+
+use clap::Args;
+use serde_json::json;
+
+use crate::failure::Failure;
+use crate::output::OutputFile;
+use story::Story;
+
+/// Make a report of a recording
+///
+/// One HTML page: force and frequency over the whole recording, every measurement with its interval, and for
+/// each of them deformation, current, and the line of its ramps.
+#[derive(Args)]
+#[command(after_help = "\
+The page has everything in it, and needs no network. A recording that was cut off is read as far as it
+goes.
+
+Example:
+  palpate report press.mcap")]
+pub(crate) struct Arguments {
+    /// The recording
+    #[arg(value_name = "FILE.mcap")]
+    file: PathBuf,
+    /// The page. Otherwise beside the recording, with .html at its end
+    #[arg(long, value_name = "FILE.html")]
+    html: Option<PathBuf>,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let beside = || arguments.file.with_extension("html");
+    let output = OutputFile::new("--html", &arguments.html.clone().unwrap_or_else(beside))?;
+    let story = Story::read(&arguments.file)?;
+    output.write(page::page(&story)?)?;
+    let mut out = io::stdout().lock();
+    if arguments.json {
+        let line = json!({ "file": output.path(), "measurements": story.measurements.len() });
+        return Ok(writeln!(out, "{line}")?);
+    }
+    Ok(writeln!(out, "Report: {}", output.path().display())?)
+}

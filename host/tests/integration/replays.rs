@@ -1,0 +1,61 @@
+//! A recording of a measurement: replayed, played in the place of a board, reported.
+
+use std::fs;
+use std::path::Path;
+
+use serde_json::Value;
+
+use crate::support::{emulated, json, palpate};
+
+/// The calibration of the emulated board of seed 11.
+const CALIBRATION: &str = concat!(
+    env!("CARGO_MANIFEST_DIR"),
+    "/tests/fixture/ultrasoft-11.jsonl"
+);
+
+/// Runs a verb on the emulated board of seed 11.
+fn on_board(folder: &Path, arguments: &[&str]) -> Value {
+    json(&emulated(
+        &[arguments, &["--seed", "11", "--json"]].concat(),
+        folder,
+    ))
+}
+
+#[test]
+fn a_recorded_measurement_is_replayed_to_the_bit_played_and_reported() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    on_board(folder, &["settings", "import", CALIBRATION, "--store"]);
+    // It is pressed after 3 s, and measured 3 s later.
+    let arguments = ["record", "r.mcap", "--arm", "--load", "1.3", "--for", "7"];
+    on_board(folder, &arguments);
+
+    let replayed = json(&palpate(&["replay", "r.mcap", "--json"], folder));
+    assert_eq!(replayed["first_difference"], Value::Null, "{replayed}");
+    let count = |kind: &str, of: &str| replayed["kinds"][kind][of].as_u64().unwrap_or(0);
+    assert!(count("sample", "identical") > 6_500, "{replayed}");
+    assert_eq!(count("estimate", "identical"), 1, "{replayed}");
+    assert_eq!(count("load_point", "identical"), 8, "{replayed}");
+
+    let play = |verb: &[&str]| palpate(&[verb, &["--board", "r.mcap"]].concat(), folder);
+    let fast = play(&["measure", "--json"]);
+    let slower = play(&["measure", "--json", "--speed", "20"]);
+    assert_eq!(json(&fast), json(&slower));
+    assert!(json(&fast)["stiffness_n_per_m"].as_f64().unwrap() > 5e3);
+    let refused = play(&["settings", "set", "rate_hz=500"]);
+    let said = String::from_utf8_lossy(&refused.stderr);
+    assert_eq!(refused.status.code(), Some(2), "{said}");
+    assert!(said.contains("takes no commands"), "{said}");
+
+    let reported = json(&palpate(&["report", "r.mcap", "--json"], folder));
+    assert_eq!(reported["measurements"], 1);
+    let page = fs::read_to_string(folder.join("r.html")).unwrap();
+    for part in [
+        "95 % interval",
+        "Frequency",
+        "Line of all ramps",
+        "none is missing",
+    ] {
+        assert!(page.contains(part), "{part}");
+    }
+}
