@@ -231,6 +231,8 @@ impl<'a> Session<'a> {
             emulated.plug_anew(board, self.arguments.load)?;
             self.link.take();
             self.link.reconnect()?;
+            // An emulated board draws the same boot id again: what was read before it is not of this run.
+            self.read_of = None;
         }
         Ok(())
     }
