@@ -1,12 +1,12 @@
 //! The report of a calibration: one HTML page with its figures and charts.
 
-use maud::{DOCTYPE, PreEscaped, html};
+use maud::{PreEscaped, html};
 
 use super::found::{Found, percent};
 use super::{Basis, Calibration};
 use crate::failure::Failure;
 use crate::plot::{Axis, BLUE, Chart, GREY, Marks, Series};
-use crate::report::STYLE;
+use crate::report::document;
 
 /// The page.
 pub(super) fn page(found: &Found, calibration: &Calibration) -> Result<String, Failure> {
@@ -24,37 +24,28 @@ pub(super) fn page(found: &Found, calibration: &Calibration) -> Result<String, F
     let drawings = drawings.collect::<Result<Vec<String>, Failure>>()?;
     let id = found.calibration_id;
     let bench = if found.simulated { "simulated" } else { "real" };
-    let page = html! {
-        (DOCTYPE)
-        html lang="en" {
-            head {
-                meta charset="utf-8";
-                meta name="viewport" content="width=device-width";
-                title { "palpate: calibration " (id) }
-                style { (PreEscaped(STYLE)) }
-            }
-            body {
-                h1 { "Calibration " (id) }
-                p { (found.runs) " runs on a " (bench) " bench, at " (format!("{:.1}", found.calibrated_at_c)) " °C." }
-                table { tbody {
-                    @for (what, value) in found.figures() { tr { td { (what) } td { (value) } } }
-                } }
-                h2 { "What limits it" }
-                p { "Standard uncertainties: a part of the load's compliance 1/c_L, and besides a part of the \
-                     sensing layer's, 1/c_S, which counts for stiff loads." }
-                table {
-                    thead { tr { th { "cause" } th { "of 1/c_L" } th { "of 1/c_S" } } }
-                    tbody {
-                        @for limit in &found.limits {
-                            tr { td { (limit.cause) } td { (percent(limit.scale)) } td { (percent(limit.constant)) } }
-                        }
+    Ok(document(
+        &format!("palpate: calibration {id}"),
+        &html! {
+            h1 { "Calibration " (id) }
+            p { (found.runs) " runs on a " (bench) " bench, at " (format!("{:.1}", found.calibrated_at_c)) " °C." }
+            table { tbody {
+                @for (what, value) in found.figures() { tr { td { (what) } td { (value) } } }
+            } }
+            h2 { "What limits it" }
+            p { "Standard uncertainties: a part of the load's compliance 1/c_L, and besides a part of the \
+                 sensing layer's, 1/c_S, which counts for stiff loads." }
+            table {
+                thead { tr { th { "cause" } th { "of 1/c_L" } th { "of 1/c_S" } } }
+                tbody {
+                    @for limit in &found.limits {
+                        tr { td { (limit.cause) } td { (percent(limit.scale)) } td { (percent(limit.constant)) } }
                     }
                 }
-                div.charts { @for drawing in &drawings { (PreEscaped(drawing)) } }
             }
-        }
-    };
-    Ok(page.into_string())
+            div.charts { @for drawing in &drawings { (PreEscaped(drawing)) } }
+        },
+    ))
 }
 
 /// Force against change of inductance.

@@ -469,7 +469,12 @@ impl Link {
             }
             self.decoder = RecordDecoder::new();
             match opened {
-                Ok(()) => return self.greet(),
+                Ok(()) => {
+                    // A board that had its power anew has another clock, whatever number it has drawn for
+                    // its boot.
+                    self.clock = DeviceClock::default();
+                    return self.greet();
+                }
                 Err(error) if self.now() > end => return Err(self.lost(&error)),
                 Err(_) => std::thread::sleep(LOOK),
             }

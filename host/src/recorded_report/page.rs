@@ -1,6 +1,6 @@
 //! The page.
 
-use maud::{DOCTYPE, Markup, PreEscaped, html};
+use maud::{Markup, PreEscaped, html};
 use palpate_wire::record::Estimate;
 
 use super::charts;
@@ -8,7 +8,7 @@ use super::story::{Measurement, Story};
 use crate::failure::Failure;
 use crate::plot::Chart;
 use crate::recording::date;
-use crate::report::STYLE;
+use crate::report::document;
 use crate::results::stiffness;
 use crate::verdict::explain;
 
@@ -26,28 +26,19 @@ pub(super) fn page(story: &Story) -> Result<String, Failure> {
     let whole = drawn(whole.map(|of| charts::over_time(story, of, None)))?;
     let sections = story.measurements.iter().map(|of| section(story, of));
     let sections = sections.collect::<Result<Vec<Markup>, Failure>>()?;
-    let page = html! {
-        (DOCTYPE)
-        html lang="en" {
-            head {
-                meta charset="utf-8";
-                meta name="viewport" content="width=device-width";
-                title { "palpate: " (story.file) }
-                style { (PreEscaped(STYLE)) }
-            }
-            body {
-                h1 { "How stiff is what presses?" }
-                p { (title(story)) }
-                @for boot in story.contents.boots() { p { "Of " (boot.sentence()) "." } }
-                @if story.measurements.is_empty() {
-                    p { "There is no measurement in it: `palpate record --arm` records them." }
-                } @else { (table(story)) }
-                div.charts { @for drawing in &whole { (PreEscaped(drawing)) } }
-                @for section in &sections { (section) }
-            }
-        }
-    };
-    Ok(page.into_string())
+    Ok(document(
+        &format!("palpate: {}", story.file),
+        &html! {
+            h1 { "How stiff is what presses?" }
+            p { (title(story)) }
+            @for boot in story.contents.boots() { p { "Of " (boot.sentence()) "." } }
+            @if story.measurements.is_empty() {
+                p { "There is no measurement in it: `palpate record --arm` records them." }
+            } @else { (table(story)) }
+            div.charts { @for drawing in &whole { (PreEscaped(drawing)) } }
+            @for section in &sections { (section) }
+        },
+    ))
 }
 
 fn title(story: &Story) -> String {

@@ -11,7 +11,7 @@ use crate::results::{self, COLUMNS, Measured};
 use evaluation::Evaluation;
 
 /// Readable on a screen and on A4: two charts beside each other, a load never torn apart.
-pub(crate) const STYLE: &str = "
+const STYLE: &str = "
 :root { color-scheme: light; background: #fff }
 body { font: 15px/1.4 sans-serif; max-width: 1100px; margin: 1.5em auto; padding: 0 1em; color: #111 }
 h1 { font-size: 1.5em } h2 { font-size: 1.15em; margin: 1.6em 0 .3em }
@@ -22,6 +22,23 @@ section { break-inside: avoid } .charts { display: grid; grid-template-columns: 
 svg { width: 100%; height: auto } .wide { max-width: 760px }
 @media print { body { max-width: none; margin: 0; font-size: 11px } }
 ";
+
+/// A page that stands alone.
+pub(crate) fn document(title: &str, body: &Markup) -> String {
+    let page = html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta name="viewport" content="width=device-width";
+                title { (title) }
+                style { (PreEscaped(STYLE)) }
+            }
+            body { (body) }
+        }
+    };
+    page.into_string()
+}
 
 /// The page of a row of presses.
 pub(crate) fn page(
@@ -34,27 +51,18 @@ pub(crate) fn page(
         .iter()
         .map(|measured| section(instrument, measured))
         .collect::<Result<Vec<Markup>, Failure>>()?;
-    let page = html! {
-        (DOCTYPE)
-        html lang="en" {
-            head {
-                meta charset="utf-8";
-                meta name="viewport" content="width=device-width";
-                title { "palpate: " (title) }
-                style { (PreEscaped(STYLE)) }
-            }
-            body {
-                h1 { "How stiff is what presses?" }
-                p { (title) "." }
-                p { (results::calibrated(instrument)) "." }
-                (table(row))
-                p { (results::summary(row)) }
-                div.wide { (PreEscaped(claims)) }
-                @for section in &sections { (section) }
-            }
-        }
-    };
-    Ok(page.into_string())
+    Ok(document(
+        &format!("palpate: {title}"),
+        &html! {
+            h1 { "How stiff is what presses?" }
+            p { (title) "." }
+            p { (results::calibrated(instrument)) "." }
+            (table(row))
+            p { (results::summary(row)) }
+            div.wide { (PreEscaped(claims)) }
+            @for section in &sections { (section) }
+        },
+    ))
 }
 
 fn table(row: &[Measured]) -> Markup {

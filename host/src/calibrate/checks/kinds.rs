@@ -226,7 +226,8 @@ impl Check {
             Self::Slip => (
                 "slipped",
                 format!(
-                    "the deformation after the train differs by {percent:.0} % from that before it"
+                    "the deformation after the train differs by {percent:.0} % more from that before it than \
+                     creep explains"
                 ),
                 "Fasten the specimen, the sensor and the stage, and press again",
             ),

@@ -96,7 +96,7 @@ pub(crate) fn of_run(run: &Run, untouched: Option<&Run>, known: &Known) -> Vec<C
     }
     let stage_follows = figures.stage_follows;
     checked.extend(stage_follows.map(|of| at(run, Check::StageFollows, of)));
-    checked.push(at(run, Check::Slip, figures.slip.abs()));
+    checked.push(at(run, Check::Slip, figures.slipped()));
     checked.extend(
         figures
             .force_slip

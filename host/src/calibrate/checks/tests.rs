@@ -331,6 +331,7 @@ fn judge(session: &Session, known: &Known, spoils: &[Spoil]) {
 }
 
 #[test]
+#[ignore = "long: `cargo xtask ci` runs it"]
 fn every_spoiled_session_with_a_load_cell_is_refused_for_its_reason() {
     let (session, known) = good();
     judge(
@@ -341,6 +342,7 @@ fn every_spoiled_session_with_a_load_cell_is_refused_for_its_reason() {
 }
 
 #[test]
+#[ignore = "long: `cargo xtask ci` runs it"]
 fn every_spoiled_session_of_springs_alone_is_refused_for_its_reason() {
     let (session, known) = good();
     let session = session.clone().without_load_cell();
