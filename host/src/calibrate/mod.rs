@@ -37,7 +37,7 @@ pub(crate) use bench::Session;
 use palpate_wire::Command;
 use palpate_wire::command::{Coil, Settings};
 
-#[cfg(feature = "live")]
+#[cfg(any(feature = "live", feature = "recording"))]
 pub(crate) use actuated::LinePoint;
 pub(crate) use actuated::{Actuated, FallSample, TrainFit};
 use commands::Findings;
