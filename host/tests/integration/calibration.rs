@@ -63,10 +63,6 @@ fn a_calibration_that_ends_early_leaves_the_one_before_in_force_and_stored() {
     let units = script(folder, "units", "echo 1,5 N; sleep 60\n");
     let message = refused(calibrate(&server, folder, &units));
     assert!(message.contains("prints \"1,5 N\""), "{message}");
-    let pressed = script(folder, "pressed", "while sleep 0.05; do echo 5; done\n");
-    let message = refused(calibrate(&server, folder, &pressed));
-    // That it is not at zero, or, where the computer is too busy for the script, that readings are missing.
-    assert!(message.contains("load cell"), "{message}");
     // In force, without a new start.
     let board = format!("tcp:{}", server.address);
     let export = ["settings", "export", "between.jsonl", "--board", &board];
