@@ -2,22 +2,19 @@
 //!
 //! Each verb runs in a process of its own; what one hands to the next is the board's flash alone.
 
-use std::env;
-use std::fs;
 use std::io::{self, Write};
-use std::path::{Path, PathBuf};
-use std::process::{self, Command};
 use std::time::Instant;
 
 use clap::Args;
 use comfy_table::Table;
 use comfy_table::presets::ASCII_MARKDOWN;
 use serde::Deserialize;
-use serde::de::DeserializeOwned;
 
 use crate::evidence::{BEGIN, END};
 use crate::failure::Failure;
+use crate::image::{self, Program};
 use crate::results::stiffness;
+use crate::tool::Tool;
 
 /// Calibrate emulated boards that were never calibrated, measure with each, and compare with the truth
 #[derive(Args)]
@@ -30,6 +27,8 @@ pub(crate) struct Arguments {
     /// The first board's sensor; the following have the following seeds
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    #[command(flatten)]
+    image: image::Arguments,
 }
 
 /// What is pressed, in units of the sensing layer's nominal stiffness.
@@ -62,6 +61,8 @@ impl Measured {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let (image, _) = arguments.image.load(Program::Firmware)?;
+    let tool = Tool::new(image)?;
     let mut table = Table::new();
     table.load_style(ASCII_MARKDOWN);
     table.set_header([
@@ -76,23 +77,24 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     ]);
     let mut missed = 0;
     for board in 0..arguments.boards {
-        let board = Board::new(arguments.seed.saturating_add(board))?;
+        let seed = arguments.seed.saturating_add(board);
+        let board = tool.board(seed, &format!("board-{seed}.flash"));
         let began = Instant::now();
-        let calibrated: Calibrated = board.ask(&["calibrate", "sensor", "--yes"])?;
+        let calibrated: Calibrated = tool.ask(&["calibrate", "sensor", "--yes"], &board)?;
         let calibration = format!("{:.0} s", began.elapsed().as_secs_f64());
         for load in LOADS {
-            let measured: Measured = board.ask(&["measure", "--load", &load.to_string()])?;
+            let measured: Measured = tool.ask(&["measure", "--load", &load.to_string()], &board)?;
             if !calibrated.stored || measured.configuration_crc != calibrated.configuration_crc {
                 return Err(Failure::Refused(format!(
                     "seed {}: it does not measure with the calibration that was stored",
-                    board.seed
+                    seed
                 )));
             }
             let or_rigid = |n_per_m: Option<f64>| n_per_m.map_or("rigid".to_owned(), stiffness);
             let covers = measured.covers();
             missed += usize::from(load == JUDGED && !covers);
             table.add_row([
-                board.seed.to_string(),
+                seed.to_string(),
                 calibration.clone(),
                 format!("{load} c_S"),
                 stiffness(measured.true_n_per_m),
@@ -112,49 +114,4 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         )));
     }
     Ok(())
-}
-
-/// An emulated board with a flash of its own, in a folder that goes with it.
-struct Board {
-    seed: u64,
-    folder: PathBuf,
-}
-
-impl Board {
-    fn new(seed: u64) -> Result<Self, Failure> {
-        let name = format!("palpate-acceptance-{}-{seed}", process::id());
-        let folder = env::temp_dir().join(name);
-        fs::create_dir(&folder)?;
-        Ok(Self { seed, folder })
-    }
-
-    /// Runs a verb in a process of its own, and reads the last line that it prints.
-    fn ask<T: DeserializeOwned>(&self, verb: &[&str]) -> Result<T, Failure> {
-        let output = Command::new(env::current_exe()?)
-            .args(verb)
-            .args(["--board", "emulated", "--seed", &self.seed.to_string()])
-            .args([Path::new("--state"), &self.folder.join("board.flash")])
-            .arg("--json")
-            .output()?;
-        if !output.status.success() {
-            let reason = String::from_utf8_lossy(&output.stderr);
-            let verb = verb.join(" ");
-            return Err(Failure::Refused(format!(
-                "seed {}: palpate {verb}: {}",
-                self.seed,
-                reason.trim()
-            )));
-        }
-        let text = String::from_utf8_lossy(&output.stdout);
-        Ok(serde_json::from_str(
-            text.lines().last().unwrap_or_default(),
-        )?)
-    }
-}
-
-impl Drop for Board {
-    fn drop(&mut self) {
-        // What cannot be removed lies among the temporary files.
-        let _ = fs::remove_dir_all(&self.folder);
-    }
 }

@@ -100,6 +100,8 @@ mod springs;
 #[cfg(feature = "emulator")]
 mod storage;
 mod switches;
+#[cfg(feature = "emulator")]
+mod tool;
 mod train;
 mod verdict;
 #[cfg(feature = "emulator")]

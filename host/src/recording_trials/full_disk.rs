@@ -5,8 +5,9 @@ use std::fs;
 use std::process::Command;
 
 use super::Part;
-use super::tool::{self, Tool};
+use super::found;
 use crate::failure::Failure;
+use crate::tool::Tool;
 
 /// Makes the file system, records there until it is full, and keeps what was left.
 const SCRIPT: &str = "mkdir \"$1/small\" && mount -t tmpfs -o size=1m tmpfs \"$1/small\" || exit 99
@@ -31,7 +32,7 @@ pub(super) fn run(tool: &Tool) -> Result<Part, Failure> {
             said.trim()
         )));
     }
-    let found = tool::read(&left)?;
+    let found = found::read(&left)?;
     let says_why = said.contains("the disk is full");
     let is_good =
         output.status.code() == Some(1) && says_why && found.samples > 0 && found.missing() == 0;

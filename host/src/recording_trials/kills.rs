@@ -9,9 +9,10 @@ use std::time::Duration;
 use palpate_sim::random::Stream;
 
 use super::Part;
-use super::tool::{self, Tool};
+use super::found;
 use crate::failure::Failure;
 use crate::recording::date::{self, NS_PER_S};
+use crate::tool::Tool;
 
 /// From the file's creation to the kill, at most, s.
 const LATEST_S: f64 = 4.0;
@@ -112,7 +113,7 @@ fn kill(tool: &Tool, address: &str, number: u32, after: Duration) -> Result<Left
     let killed_ns = date::now_ns();
     program.0.kill()?;
     program.0.wait()?;
-    let found = tool::read(&file)?;
+    let found = found::read(&file)?;
     let seconds = |from_ns: u64| killed_ns.saturating_sub(from_ns) as f64 / NS_PER_S as f64;
     Ok(Left {
         ran_s: seconds(there_ns),

@@ -8,8 +8,9 @@ use serde::Deserialize;
 use serde_json::Value;
 
 use super::Part;
-use super::tool::{self, Tool};
+use super::found;
 use crate::failure::Failure;
+use crate::tool::Tool;
 
 /// What is recorded: its name, and its settings. The emulated board has one sensor: the other channels
 /// convert nothing, and are sent all the same.
@@ -52,7 +53,7 @@ pub(super) fn run(tool: &Tool, seconds: f64) -> Result<Part, Failure> {
         let output = child.wait_with_output()?;
         let recorded: Recorded = serde_json::from_slice(&output.stdout)?;
         let file = tool.path(&file(place));
-        let found = tool::read(&file)?;
+        let found = found::read(&file)?;
         let missing = found.missing();
         lost += missing + recorded.not_written + u64::from(recorded.unreadable);
         lost += recorded.records.abs_diff(found.contents.frames());

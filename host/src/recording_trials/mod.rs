@@ -2,11 +2,11 @@
 //!
 //! Everything is done by the commands that a user types, each in a process of its own.
 
+mod found;
 mod full_disk;
 mod kills;
 mod long_runs;
 mod replays;
-mod tool;
 
 use std::io::{self, Write};
 
@@ -15,7 +15,7 @@ use clap::Args;
 use crate::evidence::{BEGIN, END};
 use crate::failure::Failure;
 use crate::image::{self, Program};
-use tool::Tool;
+use crate::tool::Tool;
 
 /// Record emulated boards for long, kill the recording, fill its disk, and replay
 #[derive(Args)]

@@ -14,9 +14,9 @@ use serde::Deserialize;
 use serde_json::Value;
 
 use super::Part;
-use super::tool::Tool;
 use crate::failure::Failure;
 use crate::instrument::{CalibratedInstrument, default_settings};
+use crate::tool::Tool;
 
 /// The boards' stack: the one that emulated boards have as a rule.
 const STACK: &str = "ultrasoft";
