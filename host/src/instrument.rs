@@ -1,13 +1,14 @@
 //! A simulated instrument, calibrated on its own bench.
 
+use palpate_calibration::session::Session;
+use palpate_calibration::{Calibration, Known, evaluate};
 use palpate_sim::native;
 use palpate_sim::parameters::{Parameters, draw};
 use palpate_sim::stack::{Disturbances, Stack};
 use palpate_sim::switches::Switches;
 use palpate_wire::command::{Coil, Settings};
 
-use crate::calibrate::bench::{self, BenchPlan, NativeBench, Session};
-use crate::calibrate::{self, Calibration, Known};
+use crate::calibrate::bench::{self, BenchPlan, NativeBench};
 use crate::failure::Failure;
 
 /// A plant and the calibration that it was given.
@@ -80,7 +81,7 @@ impl CalibratedInstrument {
         plant: Parameters,
         switches: Switches,
     ) -> Result<Self, Failure> {
-        let calibration = calibrate::evaluate(session, &task.known)
+        let calibration = evaluate(session, &task.known)
             .map_err(|error| Failure::Refused(format!("calibration: {error}")))?;
         Ok(Self {
             plant,

@@ -102,7 +102,6 @@ mod storage;
 mod switches;
 #[cfg(feature = "emulator")]
 mod tool;
-mod train;
 mod verdict;
 #[cfg(feature = "emulator")]
 mod watch;

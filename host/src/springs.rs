@@ -7,12 +7,13 @@ use std::io::{self, Write};
 use clap::Args;
 use comfy_table::presets::ASCII_MARKDOWN;
 use comfy_table::{CellAlignment, Table};
+use palpate_calibration::Known;
+use palpate_calibration::session::Session;
 use palpate_sim::parameters::draw;
 use palpate_sim::stack::{Disturbances, LoadError, Stack};
 use palpate_sim::switches::Switches;
 
 use crate::calibrate::checks::{self, Check, Checked};
-use crate::calibrate::{Known, Session};
 use crate::coverage::quantile;
 use crate::demo;
 use crate::engine::Native;

@@ -156,6 +156,10 @@ pub(crate) const MEMBERS: &[Member] = &[
         ..HOST_PROGRAM
     },
     Member {
+        name: "palpate-calibration",
+        ..HOST_PROGRAM
+    },
+    Member {
         name: "palpate-field",
         ..HOST_PROGRAM
     },

@@ -4,11 +4,11 @@ use std::io::{self, Write};
 
 use comfy_table::Table;
 use comfy_table::presets::NOTHING;
+use palpate_calibration::session::Session;
+use palpate_calibration::{Calibration, Part, Parts};
 use palpate_wire::command::CalibrationIdentity;
 use serde::Serialize;
 
-use super::claim::Parts;
-use super::{Calibration, Session};
 use crate::failure::Failure;
 use crate::instrument::BenchTask;
 use crate::results::stiffness;
@@ -119,7 +119,7 @@ impl Found {
 
 /// What limits a calibration, the greatest cause first.
 fn limits(parts: &Parts) -> Vec<Limit> {
-    let of = |cause, part: super::claim::Part| Limit {
+    let of = |cause, part: Part| Limit {
         cause,
         scale: part.scale,
         constant: part.constant,

@@ -1,9 +1,9 @@
 //! The report of a calibration: one HTML page with its figures and charts.
 
 use maud::{PreEscaped, html};
+use palpate_calibration::{Basis, Calibration};
 
 use super::found::{Found, percent};
-use super::{Basis, Calibration};
 use crate::failure::Failure;
 use crate::plot::{Axis, BLUE, Chart, GREY, Marks, Series};
 use crate::report::document;

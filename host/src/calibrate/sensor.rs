@@ -4,15 +4,17 @@ use std::path::PathBuf;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use clap::Args;
+use palpate_calibration::session::{Pressed, Session};
+use palpate_calibration::{Calibration, evaluate};
 use palpate_sim::switches::Switches;
 use palpate_wire::code::{Outcome, StorageState, Stream};
 use palpate_wire::command::{CalibrationIdentity, Settings};
 use palpate_wire::{Command, Record, configuration_crc};
 
-use super::bench::{self, Bench, LinkedBench, Pressed, RigBench, RigPlan};
+use super::bench::{self, Bench, LinkedBench, RigBench, RigPlan};
 use super::found;
 pub(crate) use super::found::Found;
-use super::{Calibration, Session, evaluate, report};
+use super::report;
 use crate::configuration;
 use crate::confirmation::{can_be_confirmed, is_confirmed};
 use crate::failure::Failure;

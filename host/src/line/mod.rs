@@ -10,9 +10,8 @@ use palpate_wire::record::{Estimate, Sample};
 use palpate_wire::{Message, Record};
 use serde::Serialize;
 
-use crate::calibrate::{LinePoint, TrainFit};
-use crate::train::Fall;
 use law::{Law, Reading};
+use palpate_calibration::{Fall, LinePoint, TrainFit};
 
 /// Samples of a train that are kept: of 20 s at 1 kHz, twenty times the usual train.
 const KEPT: usize = 20_000;

@@ -12,14 +12,15 @@ use super::Arguments;
 use super::feed::Request;
 use super::state::Progress;
 use super::view::View;
-use crate::calibrate::bench::{self, Bench, BenchSample, Instrument, LinkedBench, Pressed, Run};
+use crate::calibrate::bench::{self, Bench, Instrument, LinkedBench};
 use crate::calibrate::sensor::{Found, describe, identity, put_in_force};
-use crate::calibrate::{Calibration, evaluate};
 use crate::failure::Failure;
 use crate::instrument::{BenchTask, default_settings};
 use crate::interrupt::Interrupt;
 use crate::link::Link;
 use crate::storage;
+use palpate_calibration::session::{BenchSample, Pressed, Run};
+use palpate_calibration::{Calibration, evaluate};
 
 /// A calibration that is not in force yet.
 pub(super) struct Held {

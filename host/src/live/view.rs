@@ -8,11 +8,11 @@ use palpate_wire::record::Fault;
 use super::envelope::Envelope;
 use super::feed::Feed;
 use super::state::{Answer, Progress, State};
-use crate::calibrate::bench::BenchSample;
 use crate::failure::Failure;
 use crate::line::Train;
 use crate::link::{Arrival, Link};
 use crate::watch::known::Known;
+use palpate_calibration::session::BenchSample;
 
 /// From one batch of samples to the next: 30 pictures a second, which the eye takes for motion.
 const PICTURE: Duration = Duration::from_millis(33);

@@ -3,14 +3,13 @@
 //! In `f64` and by the calibration's own code, so that the charts are no image of the instrument's
 //! arithmetic.
 
+use palpate_calibration::{Fall, FallSample, TrainFit};
 use palpate_sim::current::acting_a;
 use palpate_wire::Record;
 use palpate_wire::code::{Contact, State};
 
-use crate::calibrate::{FallSample, TrainFit};
 use crate::instrument::CalibratedInstrument;
 use crate::results::Measured;
-use crate::train::Fall;
 
 /// A sample beside the line.
 #[derive(Clone, Copy, Debug)]

@@ -54,6 +54,13 @@ pub(super) const RULES: &[Rule] = &[
         because: "the field solver is a tool of the model",
     },
     Rule {
+        name: "calibration-independent",
+        who: "palpate-calibration",
+        may_depend: On::Only(&["palpate-wire", "palpate-sim"]),
+        because: "it judges what instrument and world do, and shares no function with them; its \
+                  tests hold the prior of its curve against the simulated coil",
+    },
+    Rule {
         name: "drivers-apart",
         who: DRIVERS,
         may_depend: On::Only(&[DRIVERS]),
@@ -134,6 +141,7 @@ pub(super) const RULES: &[Rule] = &[
             "palpate-sim",
             "palpate-emulator",
             "palpate-wire",
+            "palpate-calibration",
             "palpate-field",
             DRIVERS,
         ]),

@@ -20,6 +20,12 @@ const SOUND: &[(&str, &str, RunsOn, &[&str])] = &[
         &["palpate-model"],
     ),
     (
+        "palpate-calibration",
+        "host/calibration",
+        RunsOn::Host,
+        &["palpate-wire"],
+    ),
+    (
         "ldc161x",
         "drivers/ldc161x",
         RunsOn::Everywhere,
@@ -105,6 +111,7 @@ const SOUND: &[(&str, &str, RunsOn, &[&str])] = &[
             "palpate-sim",
             "palpate-emulator",
             "palpate-wire",
+            "palpate-calibration",
             "palpate-field",
             "ldc161x",
             "clap",
@@ -135,6 +142,12 @@ const PLANTED: &[(&str, &str, &str, Kind)] = &[
         "field-on-model",
         "palpate-field",
         "palpate-sim",
+        Kind::Normal,
+    ),
+    (
+        "calibration-independent",
+        "palpate-calibration",
+        "palpate-model",
         Kind::Normal,
     ),
     ("drivers-apart", "ldc161x", "palpate-model", Kind::Normal),

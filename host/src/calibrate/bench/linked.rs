@@ -4,6 +4,7 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
+use palpate_calibration::session::{BenchSample, Pressed, Run};
 use palpate_sim::Time;
 use palpate_sim::parameters::Parameters;
 use palpate_sim::rig::{BareRig, CLEARANCE_M, Gauges, Rig, RigReading};
@@ -13,9 +14,9 @@ use palpate_sim::world::World;
 use palpate_wire::code::Outcome;
 use palpate_wire::{Command, Record};
 
+use super::gauges::{GaugeReading, bench_sample};
 use super::native::{mean_bare, specimen};
-use super::notes::GaugeReading;
-use super::{Bench, BenchSample, Instrument, Pressed, Run};
+use super::{Bench, Instrument};
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;
 use crate::link::Link;
@@ -129,7 +130,7 @@ impl Instrument for LinkedInstrument<'_> {
                 Record::Sample(sample) => {
                     let time_s = frame.header.time_us as f64 * 1e-6;
                     let gauges: GaugeReading = self.readings.at(time_s).into();
-                    lines.extend(BenchSample::new(time_s, &sample, time_s, gauges));
+                    lines.extend(bench_sample(time_s, &sample, time_s, gauges));
                 }
                 other => others.push(other),
             }

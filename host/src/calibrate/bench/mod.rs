@@ -9,13 +9,15 @@
 //! the deformation. So the block is pressed once more, without a train, until the coil's frequency is
 //! below that of all trains: the sensing layer's own curve is then known wherever a train leads it.
 
+mod gauges;
 #[cfg(feature = "emulator")]
 mod linked;
 mod native;
-mod notes;
 #[cfg(feature = "emulator")]
 mod rig;
 
+use palpate_calibration::Known;
+use palpate_calibration::session::{BenchSample, Pressed, Run, Session};
 use palpate_sim::Time;
 use palpate_wire::code::{Outcome, State, Stream};
 use palpate_wire::command::{Coil, Settings};
@@ -24,11 +26,10 @@ use palpate_wire::{Command, Message, Record};
 #[cfg(feature = "emulator")]
 pub(crate) use linked::LinkedBench;
 pub(crate) use native::NativeBench;
-pub(crate) use notes::{BenchSample, Pressed, Run, START_S, Session};
 #[cfg(feature = "emulator")]
 pub(crate) use rig::{RigBench, RigPlan};
 
-use super::{Known, checks};
+use super::checks;
 use crate::failure::Failure;
 use crate::finding::Finding;
 

@@ -1,5 +1,6 @@
 //! The simulated bench with the native board.
 
+use palpate_calibration::session::{BenchSample, Pressed, Run};
 use palpate_sim::Time;
 use palpate_sim::device::Device;
 use palpate_sim::native::{NativeBoard, Wiring};
@@ -10,7 +11,8 @@ use palpate_sim::thermal::CALIBRATION_C;
 use palpate_wire::code::Outcome;
 use palpate_wire::{Command, Message, Record};
 
-use super::{Bench, BenchSample, Instrument, Pressed, Run};
+use super::gauges::bench_sample;
+use super::{Bench, Instrument};
 use crate::failure::Failure;
 
 /// The bench of a plant.
@@ -116,7 +118,7 @@ impl Instrument for NativeInstrument<'_> {
             match record {
                 Record::Sample(sample) => {
                     let gauges = self.gauges.read(&world).into();
-                    let line = BenchSample::new(
+                    let line = bench_sample(
                         at.as_ticks() as f64 * 1e-6,
                         &sample,
                         world.now().as_secs_f64(),

@@ -1,8 +1,8 @@
 //! A run in figures.
 
-use super::super::bench::{BenchSample, Pressed, Run, START_S};
-use super::super::least_squares::System;
-use super::super::{Known, Unusable};
+use palpate_calibration::least_squares::System;
+use palpate_calibration::session::{BenchSample, Pressed, Run, START_S};
+use palpate_calibration::{Known, Unusable};
 
 /// What a run comes to. Relative figures are relative to what the stack's nominal data let expect.
 pub(super) struct Figures {

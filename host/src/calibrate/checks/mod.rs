@@ -9,10 +9,9 @@ mod kinds;
 #[cfg(test)]
 mod tests;
 
-use super::bench::{Pressed, Run, Session};
-use super::samples::SampleRun;
-use super::travel::Travel;
-use super::{Known, Unusable, curve};
+use palpate_calibration::session::{Pressed, Run, Session};
+use palpate_calibration::{Known, Unusable, frame, spring_deviations};
+
 use crate::finding::Finding;
 use crate::results::stiffness;
 use figures::Figures;
@@ -137,16 +136,10 @@ pub(crate) fn of_session(session: &Session, known: &Known) -> Result<Vec<Checked
     let pressed = runs.filter(|run| run.pressed != Pressed::Nothing);
     let mut checked = depths(pressed, known);
     if !session.bare.is_empty() {
-        let softness = curve::frame(&session.bare)? * known.sensing_n_per_m;
+        let softness = frame(&session.bare)? * known.sensing_n_per_m;
         checked.push(whole(Check::Frame, softness));
     }
-    let sampled: Vec<SampleRun> = session
-        .runs
-        .iter()
-        .map(|run| SampleRun::new(run, &known.settings))
-        .collect::<Result<_, _>>()?;
-    let deepest = SampleRun::new(&session.deepest_press, &known.settings)?;
-    checked.extend(springs(&sampled, &deepest, known)?);
+    checked.extend(springs(session, known)?);
     Ok(checked)
 }
 
@@ -175,30 +168,14 @@ fn depths<'r>(runs: impl Iterator<Item = &'r Run>, known: &Known) -> Vec<Checked
         .collect()
 }
 
-/// Every spring against what is written on it: by load cell and stage, or against the other springs.
-fn springs(
-    runs: &[SampleRun],
-    deepest: &SampleRun,
-    known: &Known,
-) -> Result<Vec<Checked>, Unusable> {
-    let presses = runs.iter().chain([deepest]);
-    let mut samples = presses.flat_map(|run| &run.press);
-    if !samples.any(|sample| sample.stage_m.is_some()) {
-        return Ok(Vec::new());
-    }
-    let travel = Travel::fit(runs, deepest)?;
-    let series_n_per_m = travel.series_by_gauges_n_per_m(runs, deepest, known)?;
-    let named = |n_per_m: f64, check, value| Checked {
-        check,
-        value,
-        place: format!("spring of {}", stiffness(n_per_m)),
-    };
-    Ok(travel
-        .springs
-        .iter()
-        .map(|spring| {
-            let off = spring.off_by(series_n_per_m);
-            named(spring.n_per_m, Check::Spring, off.abs())
+/// Every spring against what is written on it.
+fn springs(session: &Session, known: &Known) -> Result<Vec<Checked>, Unusable> {
+    let deviations = spring_deviations(session, known)?.into_iter();
+    Ok(deviations
+        .map(|spring| Checked {
+            check: Check::Spring,
+            value: spring.deviation.abs(),
+            place: format!("spring of {}", stiffness(spring.n_per_m)),
         })
         .collect())
 }

@@ -2,12 +2,12 @@
 
 use std::sync::OnceLock;
 
+use palpate_calibration::session::{BenchSample, Pressed, Run, Session};
+use palpate_calibration::{Known, evaluate};
 use palpate_sim::parameters::draw;
 use palpate_sim::stack::{Disturbances, Stack};
 use palpate_sim::switches::Switches;
 
-use super::super::bench::{BenchSample, Pressed, Run, Session};
-use super::super::{Known, evaluate};
 use super::{fault_of_run, fault_of_session};
 use crate::instrument::{BenchTask, default_settings};
 

@@ -5,8 +5,9 @@
 //! belong together at every moment, its touch and its stop included; with a wrong delay they make a loop.
 //! So the delay is that with which the force is most nearly a smooth curve of the inductance.
 
-use super::super::super::least_squares::System;
-use super::super::{Run, START_S};
+use palpate_calibration::least_squares::System;
+use palpate_calibration::session::{Run, START_S};
+
 use super::track::Track;
 
 /// Delays that are tried, s: a program may also stamp a little late.
@@ -75,7 +76,8 @@ fn loop_n(points: &[(f64, f64)], track: &Track, delay_s: f64) -> Option<f64> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::super::notes::{BenchSample, Pressed};
+    use palpate_calibration::session::{BenchSample, Pressed};
+
     use super::*;
 
     /// A press that touches at 1 s and stops at 1.3 s, and a load cell that is late and prints 80 times a

@@ -14,13 +14,14 @@ mod track;
 
 use std::time::Duration;
 
+use palpate_calibration::session::{BenchSample, Pressed, Run};
 use palpate_sim::Time;
 use palpate_wire::code::Outcome;
 use palpate_wire::command::Settings;
 use palpate_wire::{Command, Record};
 
-use super::notes::GaugeReading;
-use super::{Bench, BenchSample, Instrument, Pressed, Run};
+use super::gauges::{GaugeReading, bench_sample};
+use super::{Bench, Instrument};
 use crate::failure::Failure;
 use crate::finding::Finding;
 use crate::interrupt::Interrupt;
@@ -410,7 +411,7 @@ impl Instrument for RigBench<'_> {
                     let time_s = arrival.frame.header.time_us as f64 * 1e-6;
                     // The gauges are written in when the run is over: some of them are late.
                     let gauges = GaugeReading::default();
-                    lines.extend(BenchSample::new(time_s, &sample, time_s, gauges));
+                    lines.extend(bench_sample(time_s, &sample, time_s, gauges));
                 }
                 other => others.push(other),
             }

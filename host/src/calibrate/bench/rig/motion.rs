@@ -1,8 +1,9 @@
 //! The stage's ways: to the touch, into the press, off again, and on the bare bench.
 
+use palpate_calibration::session::Pressed;
+
 use super::program::Line;
 use super::{MEAN_S, RigBench};
-use crate::calibrate::bench::Pressed;
 use crate::failure::Failure;
 
 /// How far the specimen is from the sensor before a press, and lifted between two, m.

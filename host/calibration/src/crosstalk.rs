@@ -1,6 +1,6 @@
 //! What the coil's current adds to the reading of the untouched sensor.
 
-use super::bench::Pressed;
+use crate::session::Pressed;
 
 use super::curve::PressCurve;
 use super::least_squares::System;
@@ -9,16 +9,16 @@ use super::{Known, Unusable};
 
 /// What the coil's current adds to the reading: X I^2 (1 + growth x).
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Crosstalk {
+pub struct Crosstalk {
     /// X, m/A^2.
-    pub(crate) untouched_m_per_a2: f64,
+    pub untouched_m_per_a2: f64,
     /// 1/m.
-    pub(crate) growth_per_m: f64,
+    pub growth_per_m: f64,
 }
 
 impl Crosstalk {
     /// Determines both, with the load cell.
-    pub(super) fn fit(
+    pub(crate) fn fit(
         runs: &[SampleRun],
         force: &PressCurve,
         known: &Known,
@@ -31,7 +31,7 @@ impl Crosstalk {
     }
 
     /// Determines what there is without contact; nothing is said of its growth.
-    pub(super) fn without_contact(
+    pub(crate) fn without_contact(
         runs: &[SampleRun],
         force: &PressCurve,
         known: &Known,
@@ -43,7 +43,7 @@ impl Crosstalk {
     }
 
     /// A reading without it.
-    pub(super) fn without(&self, read_m: f64, current_a: f64) -> f64 {
+    pub(crate) fn without(&self, read_m: f64, current_a: f64) -> f64 {
         let untouched_m = self.untouched_m_per_a2 * current_a * current_a;
         (read_m - untouched_m) / (1.0 + untouched_m * self.growth_per_m)
     }

@@ -6,51 +6,53 @@ use super::{Known, Unusable};
 /// Standard uncertainties that a measurement takes over: of kappa = c_S/c_L by a constant, and by
 /// a part of kappa.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Uncertainty {
-    pub(crate) constant: f64,
-    pub(crate) scale: f64,
+pub struct Uncertainty {
+    /// Of kappa, constant.
+    pub constant: f64,
+    /// Of kappa, as a part of it.
+    pub scale: f64,
     /// By how much the trains' own lines bend, root of the mean square.
-    pub(crate) bend: f64,
+    pub bend: f64,
     /// What they consist of.
-    pub(crate) parts: Parts,
+    pub parts: Parts,
 }
 
 /// The same two figures of each cause.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Parts {
+pub struct Parts {
     /// The springs' tolerance.
-    pub(crate) springs: Part,
+    pub springs: Part,
     /// The samples' noise.
-    pub(crate) noise: Part,
+    pub noise: Part,
     /// What the trains leave unexplained: creep, memory, what slipped.
-    pub(crate) trains: Part,
+    pub trains: Part,
     /// The gauges: scale of the force, compliance of the frame.
-    pub(crate) bench: Part,
+    pub bench: Part,
 }
 
 /// A cause's part, as standard uncertainties.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct Part {
+pub struct Part {
     /// Of kappa, constant.
-    pub(crate) constant: f64,
+    pub constant: f64,
     /// Of kappa, as a part of it.
-    pub(crate) scale: f64,
+    pub scale: f64,
 }
 
 /// Standard uncertainties of what is not known of the bench.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Bench {
+pub(crate) struct Bench {
     /// Scale of the force, relative.
-    pub(super) force: f64,
+    pub(crate) force: f64,
     /// Compliance of the frame, m/N.
-    pub(super) frame_m_per_n: f64,
+    pub(crate) frame_m_per_n: f64,
 }
 
 /// Loads at which it is evaluated: kappa from a rigid load to one five times as soft as the
 /// sensing layer.
 const KAPPAS: [f64; 7] = [0.0, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0];
 
-pub(super) fn uncertainty(fit: &Fit, bench: Bench, known: &Known) -> Result<Uncertainty, Unusable> {
+pub(crate) fn uncertainty(fit: &Fit, bench: Bench, known: &Known) -> Result<Uncertainty, Unusable> {
     let add = |variances: &mut [f64; KAPPAS.len()], changed: &Actuated, sigma: f64| {
         for (variance, kappa) in variances.iter_mut().zip(KAPPAS) {
             let found = read_with(changed, &fit.actuated, &fit.problem, kappa);

@@ -8,7 +8,7 @@
 //! for c_D in the attraction: that comes from the solution before, three times. What separates the
 //! unknowns: h and g0 by loads of different stiffness, the attraction by depths.
 
-use super::bench::Pressed;
+use crate::session::Pressed;
 
 use super::crosstalk::Crosstalk;
 use super::curve::{PressCurve, chebyshev};
@@ -22,24 +22,26 @@ const DEGREE: usize = 8;
 const ROUNDS: usize = 4;
 /// The actuated layer as calibrated.
 #[derive(Clone, Debug)]
-pub(crate) struct Actuated {
+pub struct Actuated {
     /// g0 = c_S/c_D0.
-    pub(crate) ratio: f64,
+    pub ratio: f64,
     /// Coefficients of h(I) in the terms of [`chebyshev`] in I/I_peak.
-    pub(crate) regressor: Vec<f64>,
-    pub(crate) peak_a: f64,
-    pub(crate) attraction_n_per_a2: f64,
+    pub regressor: Vec<f64>,
+    /// Peak current of the train, A.
+    pub peak_a: f64,
+    /// Attraction of the layer's halves, N/A^2.
+    pub attraction_n_per_a2: f64,
 }
 
 impl Actuated {
     /// h(I) = g(I) - g(0).
-    pub(crate) fn regressor(&self, current_a: f64) -> f64 {
+    pub fn regressor(&self, current_a: f64) -> f64 {
         let terms = chebyshev(current_a / self.peak_a).zip(&self.regressor);
         terms.map(|((term, _), c)| term * c).sum()
     }
 
     /// rho(I) = c_D/c_D0 - 1.
-    pub(crate) fn rise(&self, current_a: f64) -> f64 {
+    pub fn rise(&self, current_a: f64) -> f64 {
         let regressor = self.regressor(current_a);
         -regressor / (self.ratio + regressor)
     }
@@ -47,7 +49,7 @@ impl Actuated {
 
 impl Actuated {
     /// What stands beside 1 + kappa: g(I), and the attraction as a compliance.
-    pub(crate) fn compliance(&self, sample: &FallSample, sensing_n_per_m: f64) -> f64 {
+    pub fn compliance(&self, sample: &FallSample, sensing_n_per_m: f64) -> f64 {
         let ratio_now = self.ratio + self.regressor(sample.current_a);
         let pull_n = self.attraction_n_per_a2 * sample.current_a.powi(2);
         ratio_now + pull_n * ratio_now / sensing_n_per_m / sample.deformation_m
@@ -91,7 +93,10 @@ impl Actuated {
     }
 
     /// The line of one train by itself, for a press that was `tau_s` old when it began.
-    pub(crate) fn line(
+    ///
+    /// # Errors
+    /// If the samples do not determine it.
+    pub fn line(
         &self,
         samples: &[FallSample],
         sensing_n_per_m: f64,
@@ -113,13 +118,13 @@ fn mean_m(deformations_m: impl ExactSizeIterator<Item = f64>) -> f64 {
 
 /// A sample of a train with what stands beside 1 + kappa.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct LinePoint {
+pub struct LinePoint {
     /// Since the train began, s.
-    pub(crate) time_s: f64,
+    pub time_s: f64,
     /// Deformation with the cross-talk taken out, m.
-    pub(crate) deformation_m: f64,
+    pub deformation_m: f64,
     /// c_S/c_D(I), and the attraction as a compliance.
-    pub(crate) compliance: f64,
+    pub compliance: f64,
 }
 
 impl LinePoint {
@@ -137,16 +142,17 @@ impl LinePoint {
 
 /// x (1 + kappa + g) = x_0 (1 + d phi(t)), fitted to a train.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct TrainFit {
+pub struct TrainFit {
     /// x_0, m.
-    pub(crate) total_m: f64,
+    pub total_m: f64,
     /// d.
-    pub(crate) drift: f64,
-    pub(crate) linear: f64,
+    pub drift: f64,
+    /// Straight drift, 1/s.
+    pub linear: f64,
     /// c_S/c_L.
-    pub(crate) kappa: f64,
+    pub kappa: f64,
     /// Time constant of phi, s.
-    pub(crate) tau_s: f64,
+    pub tau_s: f64,
 }
 
 impl TrainFit {
@@ -154,7 +160,7 @@ impl TrainFit {
     ///
     /// # Errors
     /// If the points do not determine it.
-    pub(crate) fn of(points: &[LinePoint], tau_s: f64) -> Result<Self, Unusable> {
+    pub fn of(points: &[LinePoint], tau_s: f64) -> Result<Self, Unusable> {
         let depth_m = mean_m(points.iter().map(|point| point.deformation_m));
         let mut system = System::new(4);
         for point in points {
@@ -174,35 +180,35 @@ impl TrainFit {
     }
 
     /// 1 + d phi(t).
-    pub(crate) fn drifted(&self, time_s: f64) -> f64 {
+    pub fn drifted(&self, time_s: f64) -> f64 {
         1.0 + self.drift * (time_s / self.tau_s).ln_1p() + self.linear * time_s
     }
 
     /// 1/x without drift, 1/m, at a compliance.
-    pub(crate) fn inverse_per_m(&self, compliance: f64) -> f64 {
+    pub fn inverse_per_m(&self, compliance: f64) -> f64 {
         (1.0 + self.kappa + compliance) / self.total_m
     }
 }
 
 /// The solution, with what is needed to see how it depends on the springs.
 #[derive(Clone, Debug)]
-pub(super) struct Fit {
-    pub(super) actuated: Actuated,
-    pub(super) solution: Solution,
-    pub(super) problem: Problem,
+pub(crate) struct Fit {
+    pub(crate) actuated: Actuated,
+    pub(crate) solution: Solution,
+    pub(crate) problem: Problem,
     /// What the cross-talk grows by beyond what the samples were prepared with, 1/m.
     growth_per_m: f64,
 }
 
 /// The trains, prepared.
 #[derive(Clone, Debug)]
-pub(super) struct Problem {
+pub(crate) struct Problem {
     trains: Vec<Train>,
-    pub(super) sensing_n_per_m: f64,
+    pub(crate) sensing_n_per_m: f64,
     start_ratio: f64,
-    pub(super) peak_a: f64,
+    pub peak_a: f64,
     /// Mean deformation, m.
-    pub(super) depth_m: f64,
+    pub(crate) depth_m: f64,
     /// The cross-talk without contact, m/A^2, where its growth is found here and not with a load cell.
     growing_m_per_a2: Option<f64>,
 }
@@ -218,12 +224,13 @@ struct Train {
 
 /// A sample of a fall.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct FallSample {
+pub struct FallSample {
     /// Since the train began, s.
-    pub(crate) time_s: f64,
+    pub time_s: f64,
     /// Deformation with the cross-talk taken out, m.
-    pub(crate) deformation_m: f64,
-    pub(crate) current_a: f64,
+    pub deformation_m: f64,
+    /// Current that acts over the conversion, A.
+    pub current_a: f64,
 }
 
 /// Places of the unknowns.
@@ -232,7 +239,7 @@ const RATIO: usize = DEGREE + 1;
 const SHARED: usize = DEGREE + 2;
 
 /// Fits the trains, with the cross-talk as the load cell has it.
-pub(super) fn fit(
+pub(crate) fn fit(
     runs: &[SampleRun],
     force: &PressCurve,
     crosstalk: Crosstalk,
@@ -245,7 +252,7 @@ pub(super) fn fit(
 
 /// Fits the trains and the growth of the cross-talk with the press, which is one more unknown:
 /// X I^2 takes from 1/x in proportion to W_j, other than h, which all trains share.
-pub(super) fn fit_with_growth(
+pub(crate) fn fit_with_growth(
     runs: &[SampleRun],
     force: &PressCurve,
     mut crosstalk: Crosstalk,
@@ -324,19 +331,19 @@ impl Problem {
 
     /// The least deformation of all trains, m, which is one at the end of a fall: nothing is known of
     /// shallower presses.
-    pub(super) fn shallowest_m(&self) -> f64 {
+    pub(crate) fn shallowest_m(&self) -> f64 {
         let samples = self.trains.iter().flat_map(|train| &train.samples);
         let deformations = samples.map(|sample| sample.deformation_m);
         deformations.fold(f64::INFINITY, f64::min)
     }
 
     /// Number of springs.
-    pub(super) fn springs(&self) -> usize {
+    pub(crate) fn springs(&self) -> usize {
         self.trains.iter().filter(|train| train.spring).count()
     }
 
     /// Solves for springs that are stiffer than written on them by these parts.
-    pub(super) fn fit(&self, stiffer: &[f64]) -> Result<Fit, Unusable> {
+    pub(crate) fn fit(&self, stiffer: &[f64]) -> Result<Fit, Unusable> {
         let mut actuated = Actuated {
             ratio: self.start_ratio,
             regressor: vec![0.0; DEGREE],
@@ -406,7 +413,7 @@ impl Problem {
 
     /// By how much each train by itself, evaluated with the solution, misses what was pressed:
     /// kappa and the error of kappa.
-    pub(super) fn misses(&self, actuated: &Actuated) -> Result<Vec<(f64, f64)>, Unusable> {
+    pub(crate) fn misses(&self, actuated: &Actuated) -> Result<Vec<(f64, f64)>, Unusable> {
         let miss = |train: &Train| {
             let line = actuated.line(&train.samples, self.sensing_n_per_m, train.tau_s)?;
             Ok((train.kappa, line.kappa - train.kappa))
@@ -415,7 +422,7 @@ impl Problem {
     }
 
     /// By how much the line of each train by itself bends over its own span of h.
-    pub(super) fn bends(&self, actuated: &Actuated) -> Result<Vec<f64>, Unusable> {
+    pub(crate) fn bends(&self, actuated: &Actuated) -> Result<Vec<f64>, Unusable> {
         let bend = |train: &Train| actuated.bend(&train.samples, self.sensing_n_per_m, train.tau_s);
         self.trains.iter().map(bend).collect()
     }
@@ -473,12 +480,12 @@ impl Problem {
 }
 
 /// Places of the unknowns that all trains share.
-pub(super) const fn shared() -> usize {
+pub(crate) const fn shared() -> usize {
     SHARED
 }
 
 /// The actuated layer of other unknowns.
-pub(super) fn with_unknowns(like: &Actuated, unknowns: &[f64]) -> Actuated {
+pub(crate) fn with_unknowns(like: &Actuated, unknowns: &[f64]) -> Actuated {
     let unknown = |index: usize| unknowns.get(index).copied().unwrap_or(0.0);
     Actuated {
         ratio: unknown(RATIO),

@@ -1,50 +1,50 @@
 //! The lines of a run, as the evaluation needs them.
 
-use super::bench::{BenchSample, Pressed, Run};
+use crate::session::{BenchSample, Pressed, Run, Session};
 use palpate_wire::command::Settings;
 
-use super::Unusable;
-use crate::train::Fall;
+use super::{Known, Unusable};
+use crate::fall::Fall;
 
 /// A run.
 #[derive(Clone, Debug)]
-pub(super) struct SampleRun {
-    pub(super) pressed: Pressed,
+pub(crate) struct SampleRun {
+    pub(crate) pressed: Pressed,
     /// Frequency of the untouched sensor, Hz.
-    pub(super) rest_hz: f64,
+    pub(crate) rest_hz: f64,
     /// While the press moved in.
-    pub(super) press: Vec<PressSample>,
+    pub(crate) press: Vec<PressSample>,
     /// The falls of the train.
-    pub(super) falls: Vec<Fallen>,
+    pub(crate) falls: Vec<Fallen>,
     /// From touch to train, s.
-    pub(super) since_touch_s: f64,
+    pub(crate) since_touch_s: f64,
 }
 
 /// A sample while the press moves in.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct PressSample {
+pub(crate) struct PressSample {
     /// L/L0 - 1.
-    pub(super) change: f64,
+    pub(crate) change: f64,
     /// Load cell, N, at the same time; nothing without one.
-    pub(super) force_n: Option<f64>,
+    pub(crate) force_n: Option<f64>,
     /// Scale of the stage, m, at the same time; nothing where it is not known.
-    pub(super) stage_m: Option<f64>,
+    pub(crate) stage_m: Option<f64>,
 }
 
 /// A sample during a fall of the current.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Fallen {
+pub(crate) struct Fallen {
     /// Since the train began, s.
-    pub(super) time_s: f64,
+    pub(crate) time_s: f64,
     /// L/L0 - 1.
-    pub(super) change: f64,
-    pub(super) current_a: f64,
+    pub(crate) change: f64,
+    pub(crate) current_a: f64,
     /// Load cell, N, at the same time; nothing without one.
-    pub(super) force_n: Option<f64>,
+    pub(crate) force_n: Option<f64>,
 }
 
 impl SampleRun {
-    pub(super) fn new(notes: &Run, settings: &Settings) -> Result<Self, Unusable> {
+    pub(crate) fn new(notes: &Run, settings: &Settings) -> Result<Self, Unusable> {
         let rest_hz = notes.rest_hz();
         let rest_hz = rest_hz.ok_or(Unusable::Missing("reading of the untouched sensor"))?;
         let change = |line: &BenchSample| (rest_hz / line.frequency_hz).powi(2) - 1.0;
@@ -76,6 +76,16 @@ impl SampleRun {
     }
 }
 
+/// All runs of a session with a train, and the deepest press.
+pub(crate) fn of_session(
+    session: &Session,
+    known: &Known,
+) -> Result<(Vec<SampleRun>, SampleRun), Unusable> {
+    let of = |run: &Run| SampleRun::new(run, &known.settings);
+    let runs = session.runs.iter().map(of).collect::<Result<_, _>>()?;
+    Ok((runs, of(&session.deepest_press)?))
+}
+
 /// What a gauge said at the middle of a conversion: between its readings before and after it.
 fn between(
     before: &BenchSample,
@@ -105,7 +115,7 @@ fn is_clear_of_touch(line: &BenchSample, change: f64) -> bool {
 }
 
 /// When the press touched, s; 0 if it did not.
-pub(super) fn touch_s(notes: &Run, change: impl Fn(&BenchSample) -> f64) -> f64 {
+pub(crate) fn touch_s(notes: &Run, change: impl Fn(&BenchSample) -> f64) -> f64 {
     let is_touching = |line: &&BenchSample| {
         line.force_n
             .map_or(change(line) > TOUCHING, |force_n| force_n > TOUCHING_N)

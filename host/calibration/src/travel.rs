@@ -6,15 +6,15 @@
 //! spring a value of C, and springs that contradict each other show. Where the stage's scale has its zero
 //! is an unknown of each press.
 
-use super::bench::Pressed;
 use super::curve::{DEGREE, PressCurve, chebyshev};
 use super::least_squares::System;
-use super::samples::SampleRun;
+use super::samples::{self, SampleRun};
 use super::{Known, Unusable};
+use crate::session::{Pressed, Session};
 
 /// Compliance of a bench's frame that is not measured, m/N: between none and that of one that gives way by
 /// 2 µm under a newton, the softest of the simulated benches.
-pub(super) const FRAME_M_PER_N: f64 = 2e-6;
+pub(crate) const FRAME_M_PER_N: f64 = 2e-6;
 /// Points of a press that are used at most: its noise is little, and its errors last over many points.
 const POINTS: usize = 200;
 /// Rounds in which the curve and the springs' travels improve each other: the third changes C by less
@@ -26,25 +26,57 @@ const OF_TRAVEL: f64 = 0.01;
 
 /// How far the stage moves.
 #[derive(Clone, Debug)]
-pub(super) struct Travel {
+pub(crate) struct Travel {
     /// On a block, m, against the change of inductance.
-    pub(super) on_block: PressCurve,
+    pub(crate) on_block: PressCurve,
     /// On each spring.
-    pub(super) springs: Vec<SpringTravel>,
+    pub(crate) springs: Vec<SpringTravel>,
+}
+
+/// By how much the stage's travel on a spring is off what is written on it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SpringDeviation {
+    /// What is written on the spring, N/m.
+    pub n_per_m: f64,
+    /// Travel over what it should be, less one.
+    pub deviation: f64,
+}
+
+/// Every spring against what is written on it: by load cell and stage, or against the other springs. Empty
+/// where the stage has no scale.
+///
+/// # Errors
+/// If the session does not give what is compared.
+pub fn spring_deviations(
+    session: &Session,
+    known: &Known,
+) -> Result<Vec<SpringDeviation>, Unusable> {
+    let (runs, deepest) = samples::of_session(session, known)?;
+    let mut samples = runs.iter().chain([&deepest]).flat_map(|run| &run.press);
+    if !samples.any(|sample| sample.stage_m.is_some()) {
+        return Ok(Vec::new());
+    }
+    let travel = Travel::fit(&runs, &deepest)?;
+    let series_n_per_m = travel.series_by_gauges_n_per_m(&runs, &deepest, known)?;
+    let deviation = |spring: &SpringTravel| SpringDeviation {
+        n_per_m: spring.n_per_m,
+        deviation: spring.off_by(series_n_per_m),
+    };
+    Ok(travel.springs.iter().map(deviation).collect())
 }
 
 /// How far it moves on a spring.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct SpringTravel {
+pub(crate) struct SpringTravel {
     /// What is written on the spring, N/m.
-    pub(super) n_per_m: f64,
+    pub(crate) n_per_m: f64,
     /// The travel over that on a block, at the same change of inductance.
-    pub(super) times: f64,
+    pub(crate) times: f64,
 }
 
 impl SpringTravel {
     /// Stiffness of both layers in series that follows, N/m.
-    pub(super) fn series_n_per_m(&self) -> f64 {
+    pub(crate) fn series_n_per_m(&self) -> f64 {
         self.n_per_m * (self.times - 1.0)
     }
 
@@ -55,7 +87,7 @@ impl SpringTravel {
     }
 
     /// By how much the travel differs from what the spring should take, relative to the travel.
-    pub(super) fn off_by(&self, series_n_per_m: f64) -> f64 {
+    pub(crate) fn off_by(&self, series_n_per_m: f64) -> f64 {
         let should = 1.0 + series_n_per_m / self.n_per_m;
         self.times / should - 1.0
     }
@@ -66,7 +98,7 @@ type Points = Vec<(f64, f64)>;
 
 impl Travel {
     /// Fits all presses.
-    pub(super) fn fit(runs: &[SampleRun], deepest: &SampleRun) -> Result<Self, Unusable> {
+    pub(crate) fn fit(runs: &[SampleRun], deepest: &SampleRun) -> Result<Self, Unusable> {
         let presses: Vec<(Pressed, Points)> = runs
             .iter()
             .chain([deepest])
@@ -99,7 +131,7 @@ impl Travel {
     }
 
     /// C, and its standard uncertainty, relative: the mean of what the springs say.
-    pub(super) fn series_n_per_m(&self, tolerance: f64) -> Result<(f64, f64), Unusable> {
+    pub(crate) fn series_n_per_m(&self, tolerance: f64) -> Result<(f64, f64), Unusable> {
         let (mut sum, mut weights) = (0.0, 0.0);
         for spring in self.springs.iter().filter(|spring| spring.times > 1.0) {
             let weight = spring.uncertainty(tolerance).powi(-2);
@@ -211,7 +243,7 @@ fn travels(
 }
 
 /// Of every spring what is written on it, and what the stage's travel says with the force, N/m.
-pub(super) fn springs_n_per_m(
+pub(crate) fn springs_n_per_m(
     runs: &[SampleRun],
     deepest: &SampleRun,
     known: &Known,
@@ -226,7 +258,7 @@ pub(super) fn springs_n_per_m(
 
 impl Travel {
     /// C by what there is: the load cell, or the springs themselves, N/m.
-    pub(super) fn series_by_gauges_n_per_m(
+    pub(crate) fn series_by_gauges_n_per_m(
         &self,
         runs: &[SampleRun],
         deepest: &SampleRun,

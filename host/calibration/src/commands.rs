@@ -13,24 +13,24 @@ use super::curve::PressCurve;
 use super::{Actuated, Crosstalk, Known};
 
 /// Everything that the evaluation found.
-pub(super) struct Findings<'a> {
-    pub(super) known: &'a Known,
-    pub(super) temperature_c: f64,
+pub(crate) struct Findings<'a> {
+    pub(crate) known: &'a Known,
+    pub(crate) temperature_c: f64,
     /// Frequency of the untouched sensor, Hz.
-    pub(super) rest_hz: f64,
-    pub(super) force: &'a PressCurve,
-    pub(super) crosstalk: &'a Crosstalk,
-    pub(super) actuated: &'a Actuated,
-    pub(super) uncertainty: &'a Uncertainty,
+    pub(crate) rest_hz: f64,
+    pub(crate) force: &'a PressCurve,
+    pub(crate) crosstalk: &'a Crosstalk,
+    pub(crate) actuated: &'a Actuated,
+    pub(crate) uncertainty: &'a Uncertainty,
     /// The shallowest press of which the calibration knows something, m.
-    pub(super) least_press_m: f64,
+    pub(crate) least_press_m: f64,
 }
 
 /// Knots of a curve: as many as the protocol carries.
 const KNOTS: usize = command::MAX_KNOTS as usize;
 
 impl Findings<'_> {
-    pub(super) fn commands(&self) -> Vec<Command> {
+    pub(crate) fn commands(&self) -> Vec<Command> {
         let settings = Settings {
             least_press_m: self
                 .known

@@ -10,23 +10,25 @@ use super::Unusable;
 /// Rows of an overdetermined system: coefficients, right side, weight (one over its sigma, up to a
 /// common factor).
 #[derive(Clone, Debug, Default)]
-pub(super) struct System {
+pub struct System {
     unknowns: usize,
     rows: Vec<(Vec<f64>, f64)>,
 }
 
 /// The solution with the covariance of the unknowns.
 #[derive(Clone, Debug)]
-pub(super) struct Solution {
-    pub(super) unknowns: Vec<f64>,
-    pub(super) covariance: Covariance,
+pub struct Solution {
+    /// In the order of a row's coefficients.
+    pub unknowns: Vec<f64>,
+    /// Of the unknowns.
+    pub covariance: Covariance,
     /// Standard deviation of a row of weight 1.
-    pub(super) sigma: f64,
+    pub sigma: f64,
 }
 
 /// A symmetric matrix, by row and column.
 #[derive(Clone, Debug)]
-pub(super) struct Covariance(Vec<Vec<f64>>);
+pub struct Covariance(Vec<Vec<f64>>);
 
 impl Index<(usize, usize)> for Covariance {
     type Output = f64;
@@ -37,20 +39,25 @@ impl Index<(usize, usize)> for Covariance {
 }
 
 impl System {
-    pub(super) fn new(unknowns: usize) -> Self {
+    /// No rows yet, of so many unknowns.
+    pub fn new(unknowns: usize) -> Self {
         Self {
             unknowns,
             rows: Vec::new(),
         }
     }
 
-    pub(super) fn add(&mut self, coefficients: Vec<f64>, right: f64, weight: f64) {
+    /// Adds a row; missing coefficients count as zero.
+    pub fn add(&mut self, coefficients: Vec<f64>, right: f64, weight: f64) {
         let weighted = coefficients.into_iter().map(|c| c * weight).collect();
         self.rows.push((weighted, right * weight));
     }
 
     /// Solves; `what` names the unknowns in the error.
-    pub(super) fn solve(&self, what: &'static str) -> Result<Solution, Unusable> {
+    ///
+    /// # Errors
+    /// If the rows do not determine the unknowns.
+    pub fn solve(&self, what: &'static str) -> Result<Solution, Unusable> {
         let freedom = self.rows.len().saturating_sub(self.unknowns);
         if freedom == 0 {
             return Err(Unusable::Undetermined(what));

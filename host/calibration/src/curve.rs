@@ -1,6 +1,6 @@
 //! Force, or the stage's travel, against relative change of inductance, and the bench's own frame.
 
-use super::bench::Pressed;
+use crate::session::Pressed;
 
 use super::Unusable;
 use super::least_squares::System;
@@ -8,7 +8,7 @@ use super::samples::SampleRun;
 
 /// Degree of the polynomial through the quick presses: with 7 the coil's own curve between two slabs
 /// is met as with 9.
-pub(super) const DEGREE: usize = 7;
+pub(crate) const DEGREE: usize = 7;
 /// Prior size of the polynomial's terms, relative to the greatest force: of the second, and of each
 /// to the one before. `terms_of_the_coils_curve_are_within_their_prior` has the coil's own, for
 /// presses of 0.3 to 0.7 mm between slabs 1 mm off. So noise of the load cell does not bend the
@@ -19,15 +19,15 @@ const DECAY: f64 = 0.3;
 /// What rises in a press with y = L/L0 - 1, and is zero at y = 0: the force in N, or how far the stage
 /// moves on a block, m.
 #[derive(Clone, Debug)]
-pub(super) struct PressCurve {
+pub(crate) struct PressCurve {
     /// Coefficients of the terms of [`chebyshev`] in y/y_greatest.
     coefficients: Vec<f64>,
-    pub(super) greatest_change: f64,
+    pub(crate) greatest_change: f64,
 }
 
 impl PressCurve {
     /// Force against the change of inductance, from the presses upon the block.
-    pub(super) fn of_force(runs: &[SampleRun], deepest: &SampleRun) -> Result<Self, Unusable> {
+    pub(crate) fn of_force(runs: &[SampleRun], deepest: &SampleRun) -> Result<Self, Unusable> {
         let presses = runs.iter().filter(|run| run.pressed == Pressed::Block);
         let presses = presses.chain([deepest]);
         let samples = presses.flat_map(|run| &run.press);
@@ -52,7 +52,7 @@ impl PressCurve {
     }
 
     /// The curve whose coefficients are the first unknowns of a system, and what comes after them.
-    pub(super) fn with_others(
+    pub(crate) fn with_others(
         mut system: System,
         greatest_change: f64,
         greatest: f64,
@@ -81,7 +81,7 @@ impl PressCurve {
     }
 
     /// The same, so many times as high.
-    pub(super) fn times(&self, factor: f64) -> Self {
+    pub(crate) fn times(&self, factor: f64) -> Self {
         let coefficients = self.coefficients.iter();
         Self {
             coefficients: coefficients.map(|of| of * factor).collect(),
@@ -90,13 +90,13 @@ impl PressCurve {
     }
 
     /// Places on it, from zero to the greatest change.
-    pub(super) fn points(&self) -> Vec<(f64, f64)> {
+    pub(crate) fn points(&self) -> Vec<(f64, f64)> {
         let changes = (0..=100).map(|step| self.greatest_change * f64::from(step) / 100.0);
         changes.map(|change| (change, self.at(change))).collect()
     }
 
     /// Its value, N or m.
-    pub(super) fn at(&self, change: f64) -> f64 {
+    pub(crate) fn at(&self, change: f64) -> f64 {
         let terms = chebyshev(change / self.greatest_change);
         let terms = terms.zip(&self.coefficients);
         terms
@@ -105,7 +105,7 @@ impl PressCurve {
     }
 
     /// Its slope over y, N or m.
-    pub(super) fn slope(&self, change: f64) -> f64 {
+    pub(crate) fn slope(&self, change: f64) -> f64 {
         let terms = chebyshev(change / self.greatest_change);
         let terms = terms.zip(&self.coefficients);
         let sum: f64 = terms
@@ -117,7 +117,7 @@ impl PressCurve {
 
 /// T_k(2u - 1) - T_k(-1), k from 1, and its slope: polynomials that vanish at u = 0, of one size from
 /// there to u = 1.
-pub(super) fn chebyshev(u: f64) -> impl Iterator<Item = (f64, f64)> {
+pub(crate) fn chebyshev(u: f64) -> impl Iterator<Item = (f64, f64)> {
     let t = 2.0 * u - 1.0;
     // T_k and T_(k+1), and their slopes.
     let (mut value, mut slope) = ((1.0, t), (0.0, 2.0));
@@ -129,8 +129,11 @@ pub(super) fn chebyshev(u: f64) -> impl Iterator<Item = (f64, f64)> {
     })
 }
 
-/// Compliance of the bench's frame, m/N, from block upon block.
-pub(super) fn frame(bare: &[(f64, f64)]) -> Result<f64, Unusable> {
+/// Compliance of the bench's frame, m/N, from block upon block: forces in N and places of the stage in m.
+///
+/// # Errors
+/// If the presses do not determine it.
+pub fn frame(bare: &[(f64, f64)]) -> Result<f64, Unusable> {
     let mut system = System::new(2);
     for (force_n, stage_m) in bare {
         system.add(vec![1.0, *force_n], *stage_m, 1.0);

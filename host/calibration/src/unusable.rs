@@ -1,0 +1,101 @@
+//! Why a session gives no calibration.
+
+use std::fmt;
+
+/// Why a session gives no calibration.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Unusable {
+    /// A part of the session is missing.
+    Missing(&'static str),
+    /// The notes of the bench contradict each other or do not determine a quantity.
+    Undetermined(&'static str),
+    /// What has to rise with the press does not.
+    NotRising(&'static str),
+    /// A train led the sensing layer beyond its curve: greatest relative changes of inductance in the
+    /// trains, and in the presses upon the block.
+    BeyondPresses {
+        /// In the trains.
+        train: f64,
+        /// In the presses.
+        press: f64,
+    },
+    /// The actuated layer's stiffening does not show.
+    StiffensTooLittle(Signal),
+    /// It shows, but the trains are not those of three springs in series.
+    Contradiction {
+        /// What shows of the stiffening.
+        signal: Signal,
+        /// c_S/c_D0 as the trains have it.
+        ratio: f64,
+    },
+}
+
+/// What the current does to the sensing layer's deformation under the hardest load, relative to the
+/// deformation.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Signal {
+    /// Change at the peak current.
+    pub change: f64,
+    /// Standard deviation of a sample about it.
+    pub scatter: f64,
+}
+
+impl Signal {
+    /// Change over scatter below which a failed evaluation is put down to the signal: the stack
+    /// `paper` has 0.7 at most, `ultrasoft` with a rise of 0.3 to 3 % less than none, since the
+    /// attraction outweighs the stiffening.
+    const CLEAR: f64 = 10.0;
+
+    pub(crate) fn is_clear(&self) -> bool {
+        self.change >= Self::CLEAR * self.scatter
+    }
+}
+
+impl fmt::Display for Signal {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "the peak current changes the sensing layer's deformation by {:+.3} % (stiffening adds, the \
+             attraction of the actuated layer's halves takes away), and samples scatter by {:.3} %",
+            self.change * 100.0,
+            self.scatter * 100.0
+        )
+    }
+}
+
+impl fmt::Display for Unusable {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Missing(part) => write!(f, "the calibration has no {part}"),
+            Self::Undetermined(quantity) => {
+                write!(f, "the calibration's runs do not determine {quantity}")
+            }
+            Self::NotRising(curve) => write!(
+                f,
+                "{curve} does not rise all along the presses upon the block: did the block slip, or a gauge \
+                 fail?"
+            ),
+            Self::BeyondPresses { train, press } => write!(
+                f,
+                "a train led the sensing layer beyond its curve: the inductance rose by {:.1} %, and by \
+                 {:.1} % in the deepest press upon the block. It is pressed flat: press less deep \
+                 (press_depth_of_sensing_layer_m of the stack)",
+                train * 100.0,
+                press * 100.0
+            ),
+            Self::StiffensTooLittle(signal) => write!(
+                f,
+                "the actuated layer stiffens too little to be seen: on the block {signal}. It takes a \
+                 stronger field, a softer elastomer, or a softer actuated layer than the sensing one"
+            ),
+            Self::Contradiction { signal, ratio } => write!(
+                f,
+                "the trains contradict each other: on the block {signal}, so that the stiffening is \
+                 there, but c_S/c_D0 comes out as {ratio:.3}. Are the springs those that are written \
+                 down, do some differ from the sensor's own, and did nothing slip?"
+            ),
+        }
+    }
+}
+
+impl std::error::Error for Unusable {}
