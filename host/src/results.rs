@@ -82,16 +82,18 @@ pub(crate) fn calibrated(instrument: &CalibratedInstrument) -> String {
     let calibration = &instrument.calibration;
     let peak_a = f64::from(instrument.settings.peak_current_a);
     let square_a2 = peak_a * peak_a;
+    let [soft, like, hard] = calibration.uncertainty.at;
     format!(
         "Calibrated on its bench: c_D {} for a nominal c_S of {}, {:.1} % stiffer at {peak_a:.1} A, \
-         attraction {:.0} mN, cross-talk {:.1} µm; uncertain by {:.1} % of 1/c_L and {:.1} % of 1/c_S",
+         attraction {:.0} mN, cross-talk {:.1} µm; uncertain by {:.1} % at 0.2 c_S, {:.1} % at c_S, {:.1} % at 5 c_S",
         stiffness(calibration.sensing_n_per_m / calibration.actuated.ratio),
         stiffness(calibration.sensing_n_per_m),
         calibration.actuated.rise(peak_a) * 100.0,
         calibration.actuated.attraction_n_per_a2 * square_a2 * 1e3,
         calibration.crosstalk.untouched_m_per_a2 * square_a2 * 1e6,
-        calibration.uncertainty.scale * 100.0,
-        calibration.uncertainty.constant * 100.0,
+        soft * 100.0,
+        like * 100.0,
+        hard * 100.0,
     )
 }
 

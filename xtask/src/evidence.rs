@@ -57,6 +57,7 @@ const INSTRUMENT: &[&str] = &[
     "drivers",
     "firmware/node",
     "firmware/procedure",
+    "host/calibration/src",
     "host/src",
     "model/src",
     "sim-host/src",
@@ -77,7 +78,14 @@ const FIELD: &[&str] = &["model/field/src", "model/field/examples"];
 /// The firmware's image on the emulated board.
 const IMAGE: &[&str] = &["drivers", "firmware", "model/src", "sim-host"];
 /// The tool at an emulated board.
-const DESK: &[&str] = &["drivers", "firmware", "host/src", "model/src", "sim-host"];
+const DESK: &[&str] = &[
+    "drivers",
+    "firmware",
+    "host/calibration/src",
+    "host/src",
+    "model/src",
+    "sim-host",
+];
 /// The tests, and what they test.
 const TESTS: &[&str] = &[
     "drivers",

@@ -1,24 +1,32 @@
 //! The actuated layer, from all trains together.
 //!
-//! On every fall of run j, with W_j = 1 + kappa_j + g0 and kappa_j = c_S/c_j known:
+//! On every fall of run j, with kappa_j = c_S/c_j known and g(I) = c_S/c_D(I) = g0 + h(I), the deformation is
 //!
-//! x0_j/x (1 + d_j phi) - h(I) - (k I^2/c_D)/x - g0 = 1 + kappa_j,
+//! x = (X_j (1 + d_j phi + e_j t) - k I^2 g/c_S)/(1 + kappa_j + g).
 //!
-//! which is linear in h's coefficients, the attraction k, g0 and every run's own x0 and drift, but
-//! for c_D in the attraction: that comes from the solution before, three times. What separates the
-//! unknowns: h and g0 by loads of different stiffness, the attraction by depths.
+//! Unknown are h's coefficients, the attraction k, g0 and every run's own X and drifts. They make the sum
+//! of (x read - x)^2 least, by the method of Gauss and Newton. What is read, with its noise, stands on the
+//! left side alone: multiplied by 1/x the same equation is linear, but has the noise among its
+//! coefficients, which makes h, and with it every load, too small by what noise is of the signal. What
+//! separates the unknowns: h and g0 by loads of different stiffness, the attraction by depths.
 
 use crate::session::Pressed;
 
 use super::crosstalk::Crosstalk;
 use super::curve::{PressCurve, chebyshev};
-use super::least_squares::{Solution, System};
+use super::least_squares::System;
 use super::samples::{Fallen, SampleRun};
 use super::{Known, Signal, Unusable};
 
 /// Degree of h in the current: enough for the bends that memory and lag put on a quadratic law.
 const DEGREE: usize = 8;
-/// Times that the small terms are renewed: the third changes nothing above 1e-6.
+/// The most steps from the solution of the linear equation: trains of shipped stacks take four, noise of four
+/// times as much takes nine.
+const MOST_STEPS: usize = 20;
+/// Change of c_S/c_D0, or of 1 + c_S/c_L of one train, relative, at which the steps are over: what it moves of a load is a ten-thousandth of
+/// the least uncertainty.
+const SETTLED: f64 = 1e-7;
+/// Times that the growth of the cross-talk is renewed: the third changes nothing above 1e-6.
 const ROUNDS: usize = 4;
 /// The actuated layer as calibrated.
 #[derive(Clone, Debug)]
@@ -66,7 +74,7 @@ impl Actuated {
 
     /// By how much the line of a train bends: the change of its slope from the middle to an end of its
     /// span of h, over the slope, without what noise makes of it.
-    fn bend(
+    pub(crate) fn bend(
         &self,
         samples: &[FallSample],
         sensing_n_per_m: f64,
@@ -140,8 +148,11 @@ impl LinePoint {
     }
 }
 
+/// What a line by itself is called where there is none.
+const TRAIN: &str = "a train by itself";
+
 /// x (1 + kappa + g) = x_0 (1 + d phi(t)), fitted to a train.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct TrainFit {
     /// x_0, m.
     pub total_m: f64,
@@ -167,16 +178,51 @@ impl TrainFit {
             let (row, right, weight) = point.row(depth_m, tau_s);
             system.add(row, right, weight);
         }
-        match system.solve("a train by itself")?.unknowns.as_slice() {
-            &[total, drift, kappa, linear] => Ok(Self {
-                total_m: total * depth_m,
-                drift: drift / total,
-                linear: linear / total,
-                kappa,
-                tau_s,
-            }),
-            _ => Err(Unusable::Undetermined("a train by itself")),
+        let mut line = Self::default().changed(&system.solve(TRAIN)?.unknowns, depth_m, tau_s)?;
+        for _ in 0..MOST_STEPS {
+            let mut system = System::new(4);
+            for point in points {
+                let (row, residual) = line.linearised(point, depth_m);
+                system.add(row, residual, 1.0 / depth_m);
+            }
+            let before = line.kappa;
+            line = line.changed(&system.solve(TRAIN)?.unknowns, depth_m, tau_s)?;
+            if (line.kappa - before).abs() <= SETTLED * (1.0 + line.kappa.abs()) {
+                return Ok(line);
+            }
         }
+        Err(Unusable::Undetermined(TRAIN))
+    }
+
+    /// With other unknowns: total way and its drifts, over `depth_m`, with kappa as the third.
+    fn changed(&self, changes: &[f64], depth_m: f64, tau_s: f64) -> Result<Self, Unusable> {
+        let &[total, drift, kappa, linear] = changes else {
+            return Err(Unusable::Undetermined(TRAIN));
+        };
+        let total_m = self.total_m + total * depth_m;
+        let of_total = |part: f64, change: f64| (part * self.total_m + change * depth_m) / total_m;
+        Ok(Self {
+            total_m,
+            drift: of_total(self.drift, drift),
+            linear: of_total(self.linear, linear),
+            kappa: self.kappa + kappa,
+            tau_s,
+        })
+    }
+
+    /// How the deformation changes with the unknowns, and by how much it is read deeper, m.
+    fn linearised(&self, point: &LinePoint, depth_m: f64) -> (Vec<f64>, f64) {
+        let whole = 1.0 + self.kappa + point.compliance;
+        let deformation_m = self.total_m * self.drifted(point.time_s) / whole;
+        let by_total = depth_m / whole;
+        let phi = (point.time_s / self.tau_s).ln_1p();
+        let row = vec![
+            by_total,
+            by_total * phi,
+            -deformation_m / whole,
+            by_total * point.time_s,
+        ];
+        (row, point.deformation_m - deformation_m)
     }
 
     /// 1 + d phi(t).
@@ -194,7 +240,6 @@ impl TrainFit {
 #[derive(Clone, Debug)]
 pub(crate) struct Fit {
     pub(crate) actuated: Actuated,
-    pub(crate) solution: Solution,
     pub(crate) problem: Problem,
     /// What the cross-talk grows by beyond what the samples were prepared with, 1/m.
     growth_per_m: f64,
@@ -203,23 +248,24 @@ pub(crate) struct Fit {
 /// The trains, prepared.
 #[derive(Clone, Debug)]
 pub(crate) struct Problem {
-    trains: Vec<Train>,
+    pub(crate) trains: Vec<Train>,
     pub(crate) sensing_n_per_m: f64,
-    start_ratio: f64,
+    pub(crate) start_ratio: f64,
     pub peak_a: f64,
     /// Mean deformation, m.
     pub(crate) depth_m: f64,
     /// The cross-talk without contact, m/A^2, where its growth is found here and not with a load cell.
-    growing_m_per_a2: Option<f64>,
+    pub(crate) growing_m_per_a2: Option<f64>,
 }
 
 #[derive(Clone, Debug)]
-struct Train {
-    kappa: f64,
-    spring: bool,
+pub(crate) struct Train {
+    /// c_S/c_L by what is written on the load, with the frame.
+    pub(crate) kappa: f64,
+    pub(crate) spring: bool,
     /// Time constant of the logarithmic drift, s.
-    tau_s: f64,
-    samples: Vec<FallSample>,
+    pub(crate) tau_s: f64,
+    pub(crate) samples: Vec<FallSample>,
 }
 
 /// A sample of a fall.
@@ -247,7 +293,7 @@ pub(crate) fn fit(
     known: &Known,
 ) -> Result<Fit, Unusable> {
     let problem = Problem::new(runs, force, crosstalk, frame_m_per_n, known)?;
-    problem.fit(&vec![0.0; problem.springs()])
+    problem.fit()
 }
 
 /// Fits the trains and the growth of the cross-talk with the press, which is one more unknown:
@@ -262,12 +308,12 @@ pub(crate) fn fit_with_growth(
     for _ in 1..ROUNDS {
         let mut problem = Problem::new(runs, force, crosstalk, 0.0, known)?;
         problem.growing_m_per_a2 = growing_m_per_a2;
-        let fit = problem.fit(&vec![0.0; problem.springs()])?;
+        let fit = problem.fit()?;
         crosstalk.growth_per_m += fit.growth_per_m;
     }
     let mut problem = Problem::new(runs, force, crosstalk, 0.0, known)?;
     problem.growing_m_per_a2 = growing_m_per_a2;
-    let fit = problem.fit(&vec![0.0; problem.springs()])?;
+    let fit = problem.fit()?;
     Ok((fit, crosstalk))
 }
 
@@ -337,44 +383,69 @@ impl Problem {
         deformations.fold(f64::INFINITY, f64::min)
     }
 
-    /// Number of springs.
-    pub(crate) fn springs(&self) -> usize {
-        self.trains.iter().filter(|train| train.spring).count()
+    /// Solves for the springs as they are written down.
+    pub(crate) fn fit(&self) -> Result<Fit, Unusable> {
+        let mut unknowns = self.start()?;
+        let mut settled = false;
+        for _ in 0..MOST_STEPS {
+            let step = self.linearised(&unknowns).solve(LAYER)?;
+            add(&mut unknowns, &step.unknowns);
+            let of = |values: &[f64]| values.get(RATIO).copied().unwrap_or(0.0);
+            if of(&step.unknowns).abs() <= SETTLED * of(&unknowns).abs() {
+                settled = true;
+                break;
+            }
+        }
+        let actuated = self.actuated(&unknowns);
+        let rises = actuated.rise(self.peak_a) > 0.0;
+        if !(settled && actuated.ratio > 0.0 && rises) {
+            return Err(self.cause(actuated.ratio));
+        }
+        Ok(Fit {
+            growth_per_m: unknowns.get(self.growth()).copied().unwrap_or(0.0),
+            actuated,
+            problem: self.clone(),
+        })
     }
 
-    /// Solves for springs that are stiffer than written on them by these parts.
-    pub(crate) fn fit(&self, stiffer: &[f64]) -> Result<Fit, Unusable> {
-        let mut actuated = Actuated {
-            ratio: self.start_ratio,
-            regressor: vec![0.0; DEGREE],
-            peak_a: self.peak_a,
-            attraction_n_per_a2: 0.0,
-        };
-        let mut solution = None;
-        let mut growth_per_m = 0.0;
-        for _ in 0..ROUNDS {
-            let solved = self
-                .system(&actuated, stiffer)
-                .solve("the actuated layer")?;
-            let unknown = |index: usize| solved.unknowns.get(index).copied().unwrap_or(0.0);
-            actuated = Actuated {
-                ratio: unknown(RATIO),
-                regressor: solved.unknowns.iter().take(DEGREE).copied().collect(),
-                peak_a: self.peak_a,
-                attraction_n_per_a2: unknown(ATTRACTION),
-            };
-            growth_per_m = unknown(self.growth());
-            solution = Some(solved);
+    /// The solution of the linear equation, from which the steps begin.
+    fn start(&self) -> Result<Vec<f64>, Unusable> {
+        let mut system = System::new(self.unknowns());
+        for (place, train) in self.placed() {
+            for sample in &train.samples {
+                let state = State {
+                    deformation_m: sample.deformation_m,
+                    pull_m: 0.0,
+                    ratio: self.start_ratio,
+                };
+                let whole = 1.0 + place.kappa + self.start_ratio;
+                let right_m = sample.deformation_m * (1.0 + place.kappa) / whole;
+                let row = self.row(&state, place, sample, train);
+                system.add(row, right_m, 1.0 / self.depth_m);
+            }
         }
-        let rises = actuated.rise(self.peak_a) > 0.0;
-        match solution {
-            Some(solution) if actuated.ratio > 0.0 && rises => Ok(Fit {
-                actuated,
-                solution,
-                problem: self.clone(),
-                growth_per_m,
-            }),
-            _ => Err(self.cause(actuated.ratio)),
+        Ok(system.solve(LAYER)?.unknowns)
+    }
+
+    /// The trains with their places.
+    fn placed(&self) -> impl Iterator<Item = (Place, &Train)> {
+        self.trains.iter().enumerate().map(|(index, train)| {
+            let place = Place {
+                kappa: train.kappa,
+                own: SHARED + 3 * index,
+            };
+            (place, train)
+        })
+    }
+
+    /// The layer of these unknowns.
+    pub(crate) fn actuated(&self, unknowns: &[f64]) -> Actuated {
+        let unknown = |index: usize| unknowns.get(index).copied().unwrap_or(0.0);
+        Actuated {
+            ratio: unknown(RATIO),
+            regressor: unknowns.iter().take(DEGREE).copied().collect(),
+            peak_a: self.peak_a,
+            attraction_n_per_a2: unknown(ATTRACTION),
         }
     }
 
@@ -411,86 +482,196 @@ impl Problem {
         }
     }
 
-    /// By how much each train by itself, evaluated with the solution, misses what was pressed:
-    /// kappa and the error of kappa.
-    pub(crate) fn misses(&self, actuated: &Actuated) -> Result<Vec<(f64, f64)>, Unusable> {
-        let miss = |train: &Train| {
-            let line = actuated.line(&train.samples, self.sensing_n_per_m, train.tau_s)?;
-            Ok((train.kappa, line.kappa - train.kappa))
-        };
-        self.trains.iter().map(miss).collect()
-    }
-
-    /// By how much the line of each train by itself bends over its own span of h.
-    pub(crate) fn bends(&self, actuated: &Actuated) -> Result<Vec<f64>, Unusable> {
-        let bend = |train: &Train| actuated.bend(&train.samples, self.sensing_n_per_m, train.tau_s);
-        self.trains.iter().map(bend).collect()
-    }
-
     /// Place of the growth of the cross-talk, after all else.
     fn growth(&self) -> usize {
         SHARED + 3 * self.trains.len()
     }
 
-    fn system(&self, guess: &Actuated, stiffer: &[f64]) -> System {
-        let unknowns = self.growth() + usize::from(self.growing_m_per_a2.is_some());
-        let mut system = System::new(unknowns);
-        let mut stiffer = stiffer.iter();
-        for (index, train) in self.trains.iter().enumerate() {
-            let part = if train.spring {
-                stiffer.next().copied().unwrap_or(0.0)
-            } else {
-                0.0
-            };
-            let kappa = train.kappa / (1.0 + part);
+    /// How many unknowns there are.
+    fn unknowns(&self) -> usize {
+        self.growth() + usize::from(self.growing_m_per_a2.is_some())
+    }
+
+    /// How the deformations change with the unknowns, and by how much they are read deeper.
+    fn linearised(&self, unknowns: &[f64]) -> System {
+        let actuated = self.actuated(unknowns);
+        // What the growth adds is in the samples already, but for what is found of it beside.
+        let growth_per_m = unknowns.get(self.growth()).copied().unwrap_or(0.0);
+        let mut system = System::new(self.unknowns());
+        for (place, train) in self.placed() {
             for sample in &train.samples {
-                let mut row = vec![0.0; unknowns];
-                let (x_m, current_a) = (sample.deformation_m, sample.current_a);
-                let square_a2 = current_a * current_a;
-                let ratio_now = guess.ratio + guess.regressor(current_a);
-                let whole = 1.0 + kappa + ratio_now;
-                let terms = chebyshev(current_a / self.peak_a).take(DEGREE);
-                for (entry, (term, _)) in row.iter_mut().zip(terms) {
-                    *entry = -term;
-                }
-                // 1/c_D = g/c_S.
-                let set = |row: &mut Vec<f64>, index: usize, value: f64| {
-                    if let Some(entry) = row.get_mut(index) {
-                        *entry = value;
-                    }
-                };
-                let pull = square_a2 * ratio_now / self.sensing_n_per_m / x_m;
-                set(&mut row, ATTRACTION, -pull);
-                set(&mut row, RATIO, -1.0);
-                let phi = (sample.time_s / train.tau_s).ln_1p();
-                set(&mut row, SHARED + 3 * index, self.depth_m / x_m);
-                set(&mut row, SHARED + 3 * index + 1, self.depth_m / x_m * phi);
-                set(
-                    &mut row,
-                    SHARED + 3 * index + 2,
-                    self.depth_m / x_m * sample.time_s,
-                );
-                let untouched_m = self.growing_m_per_a2.map(|of| of * square_a2);
-                set(&mut row, self.growth(), whole * untouched_m.unwrap_or(0.0));
-                system.add(row, 1.0 + kappa, x_m / (self.depth_m * whole));
+                let state = self.state(&actuated, unknowns, place, sample, train);
+                let added = self.untouched_m(sample) * growth_per_m;
+                let read_m = state.deformation_m * (1.0 + added);
+                let row = self.row(&state, place, sample, train);
+                system.add(row, sample.deformation_m - read_m, 1.0 / self.depth_m);
             }
         }
         system
     }
+
+    /// Where the sensing layer is by these unknowns.
+    fn state(
+        &self,
+        actuated: &Actuated,
+        unknowns: &[f64],
+        place: Place,
+        sample: &FallSample,
+        train: &Train,
+    ) -> State {
+        let pull_n = actuated.attraction_n_per_a2 * sample.current_a * sample.current_a;
+        let pull_m = pull_n / self.sensing_n_per_m;
+        let ratio = actuated.ratio + actuated.regressor(sample.current_a);
+        let ways = unknowns.iter().skip(place.own).zip(train.drifts(sample));
+        let total_m = self.depth_m * ways.map(|(way, drift)| way * drift).sum::<f64>();
+        State {
+            deformation_m: (total_m - pull_m * ratio) / (1.0 + place.kappa + ratio),
+            pull_m,
+            ratio,
+        }
+    }
+
+    /// How the deformation changes with each unknown.
+    fn row(&self, state: &State, place: Place, sample: &FallSample, train: &Train) -> Vec<f64> {
+        let whole = 1.0 + place.kappa + state.ratio;
+        let by_ratio = -(state.deformation_m + state.pull_m) / whole;
+        let square_a2 = sample.current_a * sample.current_a;
+        let mut row = vec![0.0; self.unknowns()];
+        let mut set = |index: usize, value: f64| {
+            if let Some(entry) = row.get_mut(index) {
+                *entry = value;
+            }
+        };
+        let terms = chebyshev(sample.current_a / self.peak_a).take(DEGREE);
+        for (index, (term, _)) in terms.enumerate() {
+            set(index, by_ratio * term);
+        }
+        set(
+            ATTRACTION,
+            -square_a2 * state.ratio / self.sensing_n_per_m / whole,
+        );
+        set(RATIO, by_ratio);
+        for (index, drift) in train.drifts(sample).into_iter().enumerate() {
+            set(place.own + index, self.depth_m * drift / whole);
+        }
+        set(
+            self.growth(),
+            self.untouched_m(sample) * state.deformation_m,
+        );
+        row
+    }
+
+    /// The cross-talk without contact of which the growth is unknown, m.
+    fn untouched_m(&self, sample: &FallSample) -> f64 {
+        self.growing_m_per_a2
+            .map_or(0.0, |of| of * sample.current_a * sample.current_a)
+    }
 }
 
-/// Places of the unknowns that all trains share.
-pub(crate) const fn shared() -> usize {
-    SHARED
+impl Train {
+    /// What its own unknowns stand with: constant, logarithmic and straight.
+    fn drifts(&self, sample: &FallSample) -> [f64; 3] {
+        [1.0, (sample.time_s / self.tau_s).ln_1p(), sample.time_s]
+    }
 }
 
-/// The actuated layer of other unknowns.
-pub(crate) fn with_unknowns(like: &Actuated, unknowns: &[f64]) -> Actuated {
-    let unknown = |index: usize| unknowns.get(index).copied().unwrap_or(0.0);
-    Actuated {
-        ratio: unknown(RATIO),
-        regressor: unknowns.iter().take(DEGREE).copied().collect(),
-        attraction_n_per_a2: unknown(ATTRACTION),
-        ..like.clone()
+/// Where the sensing layer is at a sample.
+#[derive(Clone, Copy, Debug)]
+struct State {
+    deformation_m: f64,
+    /// Attraction of the actuated layer's halves over c_S.
+    pull_m: f64,
+    /// c_S/c_D at this current.
+    ratio: f64,
+}
+
+/// What the unknowns of the layer are called where there is no solution.
+const LAYER: &str = "the actuated layer";
+
+/// Where a train stands: its kappa, and the place of its own unknowns.
+#[derive(Clone, Copy, Debug)]
+struct Place {
+    kappa: f64,
+    own: usize,
+}
+
+fn add(unknowns: &mut [f64], changes: &[f64]) {
+    for (unknown, change) in unknowns.iter_mut().zip(changes) {
+        *unknown += change;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use palpate_sim::random::Stream;
+
+    use super::*;
+    use crate::made::{
+        ATTRACTION_N_PER_A2, LOADS, PEAK_A, RATIO, RISE, SENSING_N_PER_M, Sensor, problem, train,
+    };
+
+    /// Noise of a deformation that is read, m: four times that of the simulated sensors, so that a fit with
+    /// noise among its coefficients is off by far.
+    const NOISE_M: f64 = 0.3e-6;
+
+    fn noise(seed: u64) -> impl FnMut() -> f64 {
+        let mut stream = Stream::named(seed, "noise");
+        move || NOISE_M * stream.normal()
+    }
+
+    /// Mean and standard error of the mean.
+    fn mean(values: &[f64]) -> (f64, f64) {
+        let count = values.len() as f64;
+        let mean = values.iter().sum::<f64>() / count;
+        let squares: f64 = values.iter().map(|value| (value - mean).powi(2)).sum();
+        (mean, (squares / (count - 1.0) / count).sqrt())
+    }
+
+    #[test]
+    fn noise_of_the_readings_leaves_no_bias() {
+        let fit = |seed| {
+            let problem = problem(&Sensor::EXACT, LOADS, &mut noise(seed));
+            problem.fit().unwrap().actuated
+        };
+        let fits: Vec<Actuated> = (0..8).map(fit).collect();
+        let found = |of: fn(&Actuated) -> f64| fits.iter().map(of).collect::<Vec<f64>>();
+        let figures = [
+            ("c_S/c_D0", RATIO, found(|fit| fit.ratio)),
+            ("rise", RISE, found(|fit| fit.rise(PEAK_A))),
+            (
+                "attraction",
+                ATTRACTION_N_PER_A2,
+                found(|fit| fit.attraction_n_per_a2),
+            ),
+        ];
+        for (name, truth, found) in figures {
+            let (mean, error) = mean(&found);
+            println!("{name}: {mean} +- {error}, true {truth}");
+            assert!(
+                (mean - truth).abs() < 4.0 * error,
+                "{name}: {mean} +- {error}"
+            );
+        }
+    }
+
+    #[test]
+    fn noise_of_the_readings_does_not_turn_the_line_of_a_train() {
+        let exact = problem(&Sensor::EXACT, LOADS, &mut || 0.0).fit().unwrap();
+        for kappa in [0.2, 1.0, 5.0] {
+            let load_ratio = |seed| {
+                let train = train(&Sensor::EXACT, kappa, 0.3e-3, &mut noise(seed));
+                let line = exact
+                    .actuated
+                    .line(&train.samples, SENSING_N_PER_M, train.tau_s);
+                line.unwrap().kappa
+            };
+            let found: Vec<f64> = (0..40).map(load_ratio).collect();
+            let (mean, error) = mean(&found);
+            println!("{kappa}: {mean} +- {error}");
+            assert!(
+                (mean - kappa).abs() < 4.0 * error,
+                "{kappa}: {mean} +- {error}"
+            );
+        }
     }
 }

@@ -1,42 +1,39 @@
-//! What noise and the springs' tolerance leave open of a load.
+//! What the calibration leaves open of a load.
 
-use super::actuated::{self, Actuated, Fit, Problem};
+use super::adjustment::{Adjusted, Changes, QUANTITIES};
+use super::least_squares::System;
 use super::{Known, Unusable};
 
-/// Standard uncertainties that a measurement takes over: of kappa = c_S/c_L by a constant, and by
-/// a part of kappa.
+/// Standard uncertainties that a measurement takes over, as the instrument counts them: of
+/// kappa = c_S/c_L by a constant, by a part of kappa, and by a part of the stiffening.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Uncertainty {
     /// Of kappa, constant.
     pub constant: f64,
     /// Of kappa, as a part of it.
     pub scale: f64,
+    /// Of the rise, as a part of it.
+    pub rise: f64,
     /// By how much the trains' own lines bend, root of the mean square.
     pub bend: f64,
-    /// What they consist of.
+    /// Relative standard uncertainty of 1/c_L at each of [`LOADS`], noise of a press apart.
+    pub at: [f64; LOADS.len()],
+    /// What it consists of.
     pub parts: Parts,
 }
 
-/// The same two figures of each cause.
+/// Loads, c_L/c_S, at which uncertainties are shown.
+pub const LOADS: [f64; 3] = [0.2, 1.0, 5.0];
+
+/// Relative standard uncertainties of 1/c_L at each of [`LOADS`], by cause.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Parts {
     /// The springs' tolerance.
-    pub springs: Part,
-    /// The samples' noise.
-    pub noise: Part,
-    /// What the trains leave unexplained: creep, memory, what slipped.
-    pub trains: Part,
+    pub springs: [f64; LOADS.len()],
+    /// What the trains leave unexplained: noise, creep, memory, what slipped.
+    pub trains: [f64; LOADS.len()],
     /// The gauges: scale of the force, compliance of the frame.
-    pub bench: Part,
-}
-
-/// A cause's part, as standard uncertainties.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Part {
-    /// Of kappa, constant.
-    pub constant: f64,
-    /// Of kappa, as a part of it.
-    pub scale: f64,
+    pub bench: [f64; LOADS.len()],
 }
 
 /// Standard uncertainties of what is not known of the bench.
@@ -48,145 +45,146 @@ pub(crate) struct Bench {
     pub(crate) frame_m_per_n: f64,
 }
 
-/// Loads at which it is evaluated: kappa from a rigid load to one five times as soft as the
-/// sensing layer.
-const KAPPAS: [f64; 7] = [0.0, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0];
+/// Loads, kappa, at which the instrument's three terms are held against the uncertainty: from a rigid
+/// load to one ten times as soft as the sensing layer.
+const KAPPAS: [f64; 8] = [0.0, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0];
+/// Depths of a press, in units of the mean of all trains, of which the mean square counts: those to which a
+/// press in use goes.
+const DEPTHS: [f64; 3] = [0.7, 1.0, 1.3];
 
-pub(crate) fn uncertainty(fit: &Fit, bench: Bench, known: &Known) -> Result<Uncertainty, Unusable> {
-    let add = |variances: &mut [f64; KAPPAS.len()], changed: &Actuated, sigma: f64| {
-        for (variance, kappa) in variances.iter_mut().zip(KAPPAS) {
-            let found = read_with(changed, &fit.actuated, &fit.problem, kappa);
-            *variance += ((found - kappa) * sigma).powi(2);
-        }
+pub(crate) fn uncertainty(
+    adjusted: &Adjusted,
+    bench: Bench,
+    known: &Known,
+) -> Result<Uncertainty, Unusable> {
+    let open = Open {
+        adjusted,
+        bench,
+        sensing_n_per_m: known.sensing_n_per_m,
     };
-    let mut by_springs = [0.0; KAPPAS.len()];
-    // Each spring off by itself, uniformly within its tolerance. Looked at with a small step.
-    const STEP: f64 = 1e-3;
-    for spring in 0..fit.problem.springs() {
-        let mut stiffer = vec![0.0; fit.problem.springs()];
-        if let Some(stiffer) = stiffer.get_mut(spring) {
-            *stiffer = STEP;
-        }
-        let changed = fit.problem.fit(&stiffer)?.actuated;
-        add(
-            &mut by_springs,
-            &changed,
-            known.spring_tolerance / 3_f64.sqrt() / STEP,
-        );
-    }
-    let mut variances = by_springs;
-    // The samples' noise, along the Cholesky columns of the covariance.
-    for column in columns(fit) {
-        let unknowns = fit.solution.unknowns.iter().zip(&column);
-        let unknowns: Vec<f64> = unknowns.map(|(unknown, change)| unknown + change).collect();
-        let changed = actuated::with_unknowns(&fit.actuated, &unknowns);
-        add(&mut variances, &changed, 1.0);
-    }
-    let Part { constant, scale } = figures(&variances);
-    let springs = figures(&by_springs);
-    let mut by_noise = variances;
-    let both = by_noise.iter_mut().zip(by_springs);
-    both.for_each(|(all, springs)| *all -= springs);
-    let misses = fit.problem.misses(&fit.actuated)?;
-    let hard = misses.iter().filter(|(kappa, _)| *kappa < SOFT);
-    let soft = misses.iter().filter(|(kappa, _)| *kappa >= SOFT);
-    // What the trains were fitted with takes up part of their scatter.
-    let count = misses.len() as f64;
-    let taken_up = (count / (count - ADJUSTED).max(1.0)).sqrt();
-    let trains = Part {
-        constant: taken_up * rms(hard.map(|(_, miss)| *miss)),
-        scale: taken_up * rms(soft.map(|(kappa, miss)| miss / kappa)),
-    };
-    let bench = Part {
-        constant: bench.frame_m_per_n * known.sensing_n_per_m,
-        scale: bench.force,
+    let terms = open.terms()?;
+    let [constant, scale, whole] = terms;
+    let actuated = &adjusted.layer.actuated;
+    let bends = &adjusted.bends;
+    let squares: f64 = bends.iter().map(|bend| bend * bend).sum();
+    let relative = |variance: &dyn Fn(f64) -> f64| {
+        LOADS.map(|load| variance(1.0 / load).max(0.0).sqrt() * load)
     };
     Ok(Uncertainty {
-        constant: constant.hypot(trains.constant).hypot(bench.constant),
-        scale: scale.hypot(trains.scale).hypot(bench.scale),
-        bend: rms(fit.problem.bends(&fit.actuated)?.into_iter()),
+        constant,
+        scale,
+        // The instrument counts it as W/(1 + rise), times what the stiffening is of the signal.
+        rise: whole * (1.0 + actuated.rise(actuated.peak_a)) / open.stiffening_of_signal(),
+        bend: (squares / bends.len().max(1) as f64).sqrt(),
+        at: relative(&|kappa| open.all(kappa)),
         parts: Parts {
-            springs,
-            noise: figures(&by_noise),
-            trains,
-            bench,
+            springs: relative(&|kappa| {
+                open.of_quantities(kappa, &adjusted.covariance)
+                    - open.of_quantities(kappa, &adjusted.covariance_of_exact_springs)
+            }),
+            trains: relative(&|kappa| {
+                open.of_quantities(kappa, &adjusted.covariance_of_exact_springs)
+                    + open.of_train(kappa)
+            }),
+            bench: relative(&|kappa| open.of_bench(kappa)),
         },
     })
 }
 
-/// The two figures of variances at the loads.
-fn figures(variances: &[f64; KAPPAS.len()]) -> Part {
-    let sigma = |index: usize| {
-        variances
-            .get(index)
-            .map_or(0.0, |v: &f64| v.max(0.0).sqrt())
-    };
-    let scales = KAPPAS.iter().enumerate();
-    let scales = scales.filter(|(_, kappa)| **kappa >= SOFT);
-    Part {
-        constant: sigma(0).max(sigma(1)).max(sigma(2)),
-        scale: scales
-            .map(|(index, kappa)| sigma(index) / kappa)
-            .fold(0.0, f64::max),
-    }
+/// What is open, as variances of kappa.
+struct Open<'a> {
+    adjusted: &'a Adjusted,
+    bench: Bench,
+    sensing_n_per_m: f64,
 }
 
-/// Loads softer than this (kappa) are read with an error in proportion, harder ones with a constant
-/// one.
-const SOFT: f64 = 0.4;
-/// Quantities that move all trains' kappa: g0, the size of h, attraction, growth of the cross-talk.
-const ADJUSTED: f64 = 4.0;
-
-/// Root of the mean square; zero of nothing.
-fn rms(values: impl Iterator<Item = f64>) -> f64 {
-    let (sum, count) = values.fold((0.0, 0.0), |(sum, count), value| {
-        (sum + value * value, count + 1.0)
-    });
-    if count > 0.0 {
-        f64::sqrt(sum / count)
-    } else {
-        0.0
+impl Open<'_> {
+    fn all(&self, kappa: f64) -> f64 {
+        self.of_quantities(kappa, &self.adjusted.covariance)
+            + self.of_train(kappa)
+            + self.of_bench(kappa)
     }
-}
 
-/// Columns of a square root of the shared unknowns' covariance.
-fn columns(fit: &Fit) -> Vec<Vec<f64>> {
-    let n = actuated::shared();
-    let covariance = &fit.solution.covariance;
-    let mut factor = vec![vec![0.0; n]; n];
-    for i in 0..n {
-        for j in 0..=i {
-            let dot: f64 = (0..j).map(|k| factor[i][k] * factor[j][k]).sum();
-            let rest: f64 = covariance[(i, j)] - dot;
-            factor[i][j] = if i == j {
-                rest.max(0.0).sqrt()
-            } else if factor[j][j] > 0.0 {
-                rest / factor[j][j]
-            } else {
-                0.0
-            };
+    /// What the quantities leave open, mean over the depths.
+    fn of_quantities(&self, kappa: f64, covariance: &[Changes; QUANTITIES]) -> f64 {
+        /// A change of a quantity by which the reading is differentiated.
+        const STEP: f64 = 1e-6;
+        let layer = &self.adjusted.layer;
+        let at_depth = |depth: f64| {
+            let slopes: Changes = std::array::from_fn(|index| {
+                let mut changes = Changes::default();
+                if let Some(change) = changes.get_mut(index) {
+                    *change = STEP;
+                }
+                let wrong = layer.changed(&changes);
+                (wrong.reads(layer, kappa, depth * layer.depth_m) - kappa) / STEP
+            });
+            let rows = covariance.iter().zip(slopes);
+            rows.map(|(row, slope)| {
+                let columns = row.iter().zip(slopes);
+                slope * columns.map(|(entry, slope)| entry * slope).sum::<f64>()
+            })
+            .sum::<f64>()
+        };
+        DEPTHS.into_iter().map(at_depth).sum::<f64>() / DEPTHS.len() as f64
+    }
+
+    /// What a train of a press scatters by itself.
+    fn of_train(&self, kappa: f64) -> f64 {
+        (self.adjusted.scatter * self.whole(kappa)).powi(2)
+    }
+
+    fn of_bench(&self, kappa: f64) -> f64 {
+        let constant = self.bench.frame_m_per_n * self.sensing_n_per_m;
+        constant.powi(2) + (self.bench.force * kappa).powi(2)
+    }
+
+    /// The stiffening's part of what the current does at the mean depth: the attraction takes from it.
+    fn stiffening_of_signal(&self) -> f64 {
+        let layer = &self.adjusted.layer;
+        let actuated = &layer.actuated;
+        let h = actuated.regressor(actuated.peak_a);
+        let pull_n = actuated.attraction_n_per_a2 * actuated.peak_a * actuated.peak_a;
+        let pulled_m = pull_n / self.sensing_n_per_m * (actuated.ratio + h);
+        h / (h + pulled_m / layer.depth_m)
+    }
+
+    fn whole(&self, kappa: f64) -> f64 {
+        1.0 + kappa + self.adjusted.layer.actuated.ratio
+    }
+
+    /// The constant, the part of kappa and the part of W whose squares come nearest to it, none below zero:
+    /// relative errors of the variance count alike.
+    fn terms(&self) -> Result<[f64; 3], Unusable> {
+        let squares = |kappa: f64| [1.0, kappa * kappa, self.whole(kappa).powi(2)];
+        let variances = KAPPAS.map(|kappa| (kappa, self.all(kappa)));
+        let mut used = [true; 3];
+        loop {
+            let mut system = System::new(3);
+            for (kappa, variance) in variances {
+                let mut row = squares(kappa);
+                let terms = row.iter_mut().zip(used);
+                terms.for_each(|(term, used)| *term *= f64::from(u8::from(used)));
+                system.add(row.to_vec(), variance, 1.0 / variance);
+            }
+            // A term that is not used is zero.
+            for (index, _) in used.iter().enumerate().filter(|(_, used)| !**used) {
+                let row = (0..3).map(|of| f64::from(u8::from(of == index)));
+                system.add(row.collect(), 0.0, 1.0);
+            }
+            let terms = system.solve("the uncertainty")?.unknowns;
+            let lowest = terms.iter().enumerate().min_by(|a, b| a.1.total_cmp(b.1));
+            match lowest {
+                Some((index, value)) if *value < 0.0 => {
+                    if let Some(used) = used.get_mut(index) {
+                        *used = false;
+                    }
+                }
+                _ => {
+                    let term = |index: usize| terms.get(index).copied().unwrap_or(0.0);
+                    return Ok([0, 1, 2].map(|index| term(index).max(0.0).sqrt()));
+                }
+            }
         }
     }
-    (0..n)
-        .map(|j| (0..n).map(|i| factor[i][j]).collect())
-        .collect()
-}
-
-/// What an instrument calibrated as `wrong` reads of a load on a sensor that is as `right`: from
-/// the two ends of a ramp, for how the one depends on the other.
-fn read_with(wrong: &Actuated, right: &Actuated, problem: &Problem, kappa: f64) -> f64 {
-    let (depth_m, sensing) = (problem.depth_m, problem.sensing_n_per_m);
-    let peak_a = problem.peak_a;
-    let square_a2 = peak_a * peak_a;
-    // True deformation at rest is the depth; at the peak x (W + h) + p = depth W.
-    let whole = 1.0 + kappa + right.ratio;
-    let ratio_now = right.ratio + right.regressor(peak_a);
-    let pull_m =
-        |of: &Actuated, ratio_now: f64| of.attraction_n_per_a2 * square_a2 * ratio_now / sensing;
-    let x_m = (depth_m * whole - pull_m(right, ratio_now)) / (1.0 + kappa + ratio_now);
-    let wrong_now = wrong.ratio + wrong.regressor(peak_a);
-    // x0/depth = W and x0/x = W + h + p/x, solved for W.
-    let h = wrong.regressor(peak_a) + pull_m(wrong, wrong_now) / x_m;
-    let whole_wrong = h / (depth_m / x_m - 1.0);
-    whole_wrong - 1.0 - wrong.ratio
 }

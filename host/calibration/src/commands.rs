@@ -133,7 +133,7 @@ impl Findings<'_> {
                 Command::SetStiffeningCurve(StiffeningCurve {
                     total: KNOTS as u8,
                     first: (index * KNOTS_PER_CHUNK) as u8,
-                    rise_uncertainty: 0.0,
+                    rise_uncertainty: self.uncertainty.rise as f32,
                     knots: knots.iter().cloned().collect(),
                 })
             })

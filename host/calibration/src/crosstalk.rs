@@ -42,6 +42,12 @@ impl Crosstalk {
         })
     }
 
+    /// What a deformation is read as.
+    pub(crate) fn with(&self, deformation_m: f64, current_a: f64) -> f64 {
+        let untouched_m = self.untouched_m_per_a2 * current_a * current_a;
+        deformation_m * (1.0 + untouched_m * self.growth_per_m) + untouched_m
+    }
+
     /// A reading without it.
     pub(crate) fn without(&self, read_m: f64, current_a: f64) -> f64 {
         let untouched_m = self.untouched_m_per_a2 * current_a * current_a;

@@ -9,15 +9,19 @@
 //! 2. [`crosstalk`]: the train without contact shows what the current adds to the reading.
 //! 3. [`actuated`]: the trains on block and springs, all together, give c_D0, the rise over the
 //!    current, attraction, and growth of the cross-talk, by linear least squares.
-//! 4. [`claim`]: what noise and the springs' tolerance leave open.
+//! 4. [`adjustment`]: five quantities of that, adjusted to what each train by itself says of its load.
+//! 5. [`claim`]: what the trains' scatter and the springs' tolerance leave open.
 
 mod actuated;
+mod adjustment;
 mod claim;
 mod commands;
 mod crosstalk;
 mod curve;
 mod fall;
 pub mod least_squares;
+#[cfg(test)]
+mod made;
 mod samples;
 pub mod session;
 mod travel;
@@ -27,7 +31,8 @@ use palpate_wire::Command;
 use palpate_wire::command::{Coil, Settings};
 
 pub use actuated::{Actuated, FallSample, LinePoint, TrainFit};
-pub use claim::{Part, Parts, Uncertainty};
+use adjustment::{Adjusted, Layer};
+pub use claim::{LOADS, Parts, Uncertainty};
 use commands::Findings;
 pub use crosstalk::Crosstalk;
 use curve::PressCurve;
@@ -93,12 +98,12 @@ pub struct Basis {
 }
 
 impl Calibration {
-    /// States a relative standard uncertainty of the rise, for what has the shape of the signal and so
+    /// States a further relative standard uncertainty of the rise, for what has the shape of the signal and so
     /// is seen by no press: an error of the rise itself, and creep that is over before a train.
     pub fn allow_for_rise(&mut self, uncertainty: f32) {
         for command in &mut self.commands {
             if let Command::SetStiffeningCurve(chunk) = command {
-                chunk.rise_uncertainty = uncertainty;
+                chunk.rise_uncertainty = chunk.rise_uncertainty.hypot(uncertainty);
             }
         }
     }
@@ -119,9 +124,15 @@ pub fn evaluate(session: &Session, known: &Known) -> Result<Calibration, Unusabl
         Some(gain) => with_load_cell(session, &runs, &deepest_press, gain, known)?,
         None => by_springs(&runs, &deepest_press, known)?,
     };
-    let uncertainty = claim::uncertainty(&fit, open, known)?;
+    let adjusted = adjustment::adjust(&fit, crosstalk, known.spring_tolerance)?;
+    let uncertainty = claim::uncertainty(&adjusted, open, known)?;
     let least_press_m = WITHIN * fit.problem.shallowest_m();
-    let actuated = fit.actuated.clone();
+    let Adjusted { layer, misses, .. } = adjusted;
+    let Layer {
+        actuated,
+        crosstalk,
+        ..
+    } = layer;
     let findings = Findings {
         known,
         temperature_c: session.temperature_c,
@@ -132,7 +143,6 @@ pub fn evaluate(session: &Session, known: &Known) -> Result<Calibration, Unusabl
         uncertainty: &uncertainty,
         least_press_m,
     };
-    let trains = fit.problem.misses(&actuated)?;
     Ok(Calibration {
         commands: findings.commands(),
         sensing_n_per_m: known.sensing_n_per_m,
@@ -142,7 +152,7 @@ pub fn evaluate(session: &Session, known: &Known) -> Result<Calibration, Unusabl
         basis: Basis {
             presses: beside(&force, &runs, &deepest_press),
             curve: force.points(),
-            trains,
+            trains: misses,
             springs: travel::springs_n_per_m(&runs, &deepest_press, known).unwrap_or_default(),
         },
     })

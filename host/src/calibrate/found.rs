@@ -5,7 +5,7 @@ use std::io::{self, Write};
 use comfy_table::Table;
 use comfy_table::presets::NOTHING;
 use palpate_calibration::session::Session;
-use palpate_calibration::{Calibration, Part, Parts};
+use palpate_calibration::{Calibration, LOADS, Parts};
 use palpate_wire::command::CalibrationIdentity;
 use serde::Serialize;
 
@@ -29,10 +29,11 @@ pub(crate) struct Found {
     /// Relative, at the peak current.
     pub(super) rise: f64,
     pub(super) attraction_n: f64,
-    /// Relative standard uncertainties of 1/c_L and 1/c_S.
-    pub(super) scale_uncertainty: f64,
-    pub(super) constant_uncertainty: f64,
-    /// What these consist of, each as relative standard uncertainties of 1/c_L and 1/c_S.
+    /// Relative standard uncertainty of 1/c_L at the `loads`, c_L/c_S, noise of a press apart.
+    pub(super) uncertainty: [f64; LOADS.len()],
+    /// c_L/c_S of which the uncertainties are.
+    pub(super) loads: [f64; LOADS.len()],
+    /// What it consists of.
     pub(super) limits: Vec<Limit>,
     pub(crate) stored: bool,
     pub(crate) configuration_crc: u32,
@@ -42,8 +43,8 @@ pub(crate) struct Found {
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct Limit {
     pub(super) cause: &'static str,
-    pub(super) scale: f64,
-    pub(super) constant: f64,
+    /// Relative standard uncertainty of 1/c_L at each load.
+    pub(super) uncertainty: [f64; LOADS.len()],
 }
 
 impl Found {
@@ -69,8 +70,8 @@ impl Found {
             peak_current_a: task.plan.settings.peak_current_a,
             rise: calibration.actuated.rise(peak_a),
             attraction_n: calibration.actuated.attraction_n_per_a2 * peak_a * peak_a,
-            scale_uncertainty: uncertainty.scale,
-            constant_uncertainty: uncertainty.constant,
+            uncertainty: uncertainty.at,
+            loads: LOADS,
             limits: limits(&uncertainty.parts),
             stored: false,
             configuration_crc: 0,
@@ -78,7 +79,7 @@ impl Found {
     }
 
     /// The figures, each with its name.
-    pub(super) fn figures(&self) -> [(String, String); 7] {
+    pub(super) fn figures(&self) -> [(String, String); 6] {
         [
             (
                 "force from".to_owned(),
@@ -106,12 +107,8 @@ impl Found {
                 format!("{:.0} mN", 1e3 * self.attraction_n),
             ),
             (
-                "uncertainty of 1/c_L".to_owned(),
-                percent(self.scale_uncertainty),
-            ),
-            (
-                "and of 1/c_S besides".to_owned(),
-                percent(self.constant_uncertainty),
+                format!("uncertainty of c_L of {}", loads()),
+                percents(&self.uncertainty),
             ),
         ]
     }
@@ -119,19 +116,27 @@ impl Found {
 
 /// What limits a calibration, the greatest cause first.
 fn limits(parts: &Parts) -> Vec<Limit> {
-    let of = |cause, part: Part| Limit {
-        cause,
-        scale: part.scale,
-        constant: part.constant,
-    };
+    let of = |cause, uncertainty| Limit { cause, uncertainty };
     let mut limits = vec![
         of("the springs' tolerance", parts.springs),
-        of("noise of the samples", parts.noise),
         of("what the trains leave unexplained", parts.trains),
         of("load cell, stage and frame", parts.bench),
     ];
-    limits.sort_by(|a, b| (b.scale + b.constant).total_cmp(&(a.scale + a.constant)));
+    let sum = |limit: &Limit| limit.uncertainty.iter().sum::<f64>();
+    limits.sort_by(|a, b| sum(b).total_cmp(&sum(a)));
     limits
+}
+
+/// The loads of which uncertainties are, in words.
+pub(super) fn loads() -> String {
+    let [soft, like, hard] = LOADS;
+    format!("{soft}, {like}, {hard} c_S")
+}
+
+/// Parts in percent, one after the other.
+pub(super) fn percents(parts: &[f64]) -> String {
+    let parts: Vec<String> = parts.iter().map(|part| percent(*part)).collect();
+    parts.join(", ")
 }
 
 /// A part in percent.
@@ -152,11 +157,8 @@ pub(super) fn print(found: &Found, json: bool) -> Result<(), Failure> {
     }
     for (index, limit) in found.limits.iter().enumerate() {
         let what = if index == 0 { "limited by" } else { "" };
-        let parts = [percent(limit.scale), percent(limit.constant)];
-        table.add_row([
-            what.to_owned(),
-            format!("{}: {} and {}", limit.cause, parts[0], parts[1]),
-        ]);
+        let parts = percents(&limit.uncertainty);
+        table.add_row([what.to_owned(), format!("{}: {parts}", limit.cause)]);
     }
     writeln!(out, "{table}")?;
     if found.stored {

@@ -3,7 +3,7 @@
 use maud::{PreEscaped, html};
 use palpate_calibration::{Basis, Calibration};
 
-use super::found::{Found, percent};
+use super::found::{Found, loads, percent};
 use crate::failure::Failure;
 use crate::plot::{Axis, BLUE, Chart, GREY, Marks, Series};
 use crate::report::document;
@@ -33,13 +33,19 @@ pub(super) fn page(found: &Found, calibration: &Calibration) -> Result<String, F
                 @for (what, value) in found.figures() { tr { td { (what) } td { (value) } } }
             } }
             h2 { "What limits it" }
-            p { "Standard uncertainties: a part of the load's compliance 1/c_L, and besides a part of the \
-                 sensing layer's, 1/c_S, which counts for stiff loads." }
+            p { "Relative standard uncertainties of a load of " (loads()) ", by cause. The noise of a press comes \
+                 on top." }
             table {
-                thead { tr { th { "cause" } th { "of 1/c_L" } th { "of 1/c_S" } } }
+                thead { tr {
+                    th { "cause" }
+                    @for load in found.loads { th { "at " (load) " c_S" } }
+                } }
                 tbody {
                     @for limit in &found.limits {
-                        tr { td { (limit.cause) } td { (percent(limit.scale)) } td { (percent(limit.constant)) } }
+                        tr {
+                            td { (limit.cause) }
+                            @for part in limit.uncertainty { td { (percent(part)) } }
+                        }
                     }
                 }
             }

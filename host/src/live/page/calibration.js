@@ -75,8 +75,10 @@ function rows(figures) {
     ["for a sensing layer of", stiffness(figures.sensing_n_per_m)],
     [`Stiffer at ${figures.peak_current_a.toFixed(1)} A by`, percent(figures.rise)],
     ["Attraction then", `${(1e3 * figures.attraction_n).toFixed(0)} mN`],
-    ["Standard uncertainty of 1/c_L", percent(figures.scale_uncertainty)],
-    ["and of 1/c_S besides", percent(figures.constant_uncertainty)],
+    [
+      `Uncertainty of c_L of ${figures.loads.join(", ")} c_S`,
+      figures.uncertainty.map(percent).join(", "),
+    ],
     ["Made at", `${figures.calibrated_at_c.toFixed(1)} °C`],
     ["Runs", String(figures.runs)],
   ];
