@@ -29,6 +29,17 @@ impl Interrupt {
         Ok(Self(is_asked))
     }
 
+    /// One for which Ctrl-C does not ask: for what ends by itself.
+    pub(crate) fn uncaught() -> Self {
+        Self(Arc::default())
+    }
+
+    /// Asks for the end, as Ctrl-C does.
+    #[cfg(test)]
+    pub(crate) fn ask(&self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+
     /// Whether the end was asked for.
     pub(crate) fn is_asked(&self) -> bool {
         self.0.load(Ordering::Relaxed)

@@ -177,7 +177,7 @@ fn restore(link: &mut Link, before: &Settings) {
         }
         Ok(())
     };
-    if load(link).is_ok() || link.reconnect().is_ok() && load(link).is_ok() {
+    if load(link).is_ok() || link.reconnect(&Interrupt::uncaught()).is_ok() && load(link).is_ok() {
         return;
     }
     notice::say(

@@ -20,6 +20,7 @@ use palpate_wire::record::Hello;
 use serde::Serialize;
 
 use crate::failure::Failure;
+use crate::interrupt::Interrupt;
 use crate::link::{self, Link};
 use crate::{notice, storage};
 use uf2::Uf2;
@@ -131,7 +132,7 @@ fn flash_emulated(arguments: &Arguments, file: &Uf2) -> Result<Hello, Failure> {
     if let Some(board) = link.emulated() {
         board.write_uf2(file.bytes())?;
     }
-    link.reconnect()?;
+    link.reconnect(&Interrupt::uncaught())?;
     identity(&link)
 }
 

@@ -148,11 +148,6 @@ impl Arguments {
         self.open_pressed(Run::AsFastAsItCan, None)
     }
 
-    /// The same, for those who watch: an emulated board keeps the pace of real time.
-    pub(crate) fn open_to_watch(&self, press: Option<f64>) -> Result<Link, Failure> {
-        self.open_pressed(Run::AtRealPace, press)
-    }
-
     /// The same; an emulated board presses a spring of this multiple of the sensing layer's stiffness
     /// again and again.
     pub(crate) fn open_pressed(&self, run: Run, press: Option<f64>) -> Result<Link, Failure> {

@@ -13,7 +13,10 @@ mod probe;
 #[cfg(feature = "serial")]
 pub(crate) mod serial;
 mod tcp;
+#[cfg(test)]
+mod tests;
 mod transport;
+mod watched;
 
 use std::io;
 use std::time::Duration;
@@ -28,6 +31,7 @@ use palpate_wire::{
 use crate::emulated::PluggedBoard;
 use crate::failure::Failure;
 use crate::finding::Finding;
+use crate::interrupt::Interrupt;
 use crate::log::{Line, Log, LogStream};
 use crate::notice;
 pub(crate) use address::{Arguments, Run, no_board};
@@ -35,6 +39,7 @@ pub(crate) use address::{Arguments, Run, no_board};
 pub(crate) use address::{open_port, ports};
 use clock::DeviceClock;
 use transport::Transport;
+pub(crate) use watched::Watched;
 
 /// How long a board's answer may take. It waits for a test of the coil itself; a probe's server
 /// polls every 10 ms.
@@ -128,10 +133,15 @@ impl Link {
     /// # Errors
     /// If it does not answer, or is not a board of palpate.
     pub(crate) fn greet(&mut self) -> Result<(), Failure> {
+        self.greet_until(&Interrupt::uncaught())
+    }
+
+    /// The same; Ctrl-C ends it.
+    fn greet_until(&mut self, interrupt: &Interrupt) -> Result<(), Failure> {
         self.sequencer = Sequencer::new(0);
         self.hello = None;
         self.first.clear();
-        let asked = self.ask_who_it_is();
+        let asked = self.ask_who_it_is(interrupt);
         if asked.is_err() {
             // The server's last words may wait to be read.
             let _ = self.listen(LOOK);
@@ -145,12 +155,13 @@ impl Link {
         }
     }
 
-    fn ask_who_it_is(&mut self) -> Result<(), Failure> {
+    fn ask_who_it_is(&mut self, interrupt: &Interrupt) -> Result<(), Failure> {
         let end = self.now() + PATIENCE;
         while self.now() < end {
             self.send(&Command::Identify)?;
             let again = self.now() + AGAIN;
             while self.now() < again {
+                interrupt.go_on()?;
                 self.listen(LOOK)?;
                 if self.hello.is_some() {
                     return Ok(());
@@ -459,10 +470,14 @@ impl Link {
         timed.collect()
     }
 
-    /// Waits for a board that is gone or starts anew, and asks it who it is.
-    pub(crate) fn reconnect(&mut self) -> Result<(), Failure> {
+    /// Waits for a board that is gone or starts anew, and asks it who it is. Ctrl-C ends the wait.
+    ///
+    /// # Errors
+    /// If it does not come back in time, does not answer or is not a board of palpate, or the end is asked for.
+    pub(crate) fn reconnect(&mut self, interrupt: &Interrupt) -> Result<(), Failure> {
         let end = self.now() + RESTART;
         loop {
+            interrupt.go_on()?;
             let opened = self.transport.reopen();
             if self.is_recording() {
                 return opened.map_err(|error| self.lost(&error));
@@ -473,7 +488,7 @@ impl Link {
                     // A board that had its power anew has another clock, whatever number it has drawn for
                     // its boot.
                     self.clock = DeviceClock::default();
-                    return self.greet();
+                    return self.greet_until(interrupt);
                 }
                 Err(error) if self.now() > end => return Err(self.lost(&error)),
                 Err(_) => std::thread::sleep(LOOK),

@@ -45,14 +45,14 @@ impl Held {
 
 /// What is to be done on the bench.
 fn task(arguments: &Arguments) -> Result<BenchTask, Failure> {
-    let (stack, plant) = arguments.link.emulated.stack_and_plant()?;
+    let (stack, plant) = arguments.watched.link.emulated.stack_and_plant()?;
     let settings = default_settings();
     Ok(BenchTask::of(&plant, &stack, Switches::all(), &settings))
 }
 
 /// Whether there is a bench, and how long it takes.
 pub(super) fn ready(arguments: &Arguments) -> Progress {
-    if !arguments.link.is_emulated() {
+    if !arguments.watched.link.is_emulated() {
         return Progress::Unavailable {
             reason: "Only the emulated board has a bench of its own. `palpate calibrate sensor` says how a \
                      board is calibrated.",
@@ -100,7 +100,7 @@ fn found(
     arguments: &Arguments,
     interrupt: &Interrupt,
 ) -> Result<Held, Failure> {
-    let (_, plant) = arguments.link.emulated.stack_and_plant()?;
+    let (_, plant) = arguments.watched.link.emulated.stack_and_plant()?;
     let task = task(arguments)?;
     link.must(&Command::Disarm)?;
     let depth_m = Cell::new(0.0);

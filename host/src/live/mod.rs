@@ -17,12 +17,11 @@ use std::io::{self, Write};
 use std::net::{Ipv4Addr, SocketAddr, TcpListener};
 
 use clap::Args;
-use palpate_wire::Command;
 use serde::Serialize;
 
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;
-use crate::link;
+use crate::link::Watched;
 use crate::notice;
 use access::Access;
 use session::Session;
@@ -47,14 +46,7 @@ Examples:
   palpate live --board press.mcap")]
 pub(crate) struct Arguments {
     #[command(flatten)]
-    link: link::Arguments,
-    /// Press a spring of this multiple of the sensing layer's stiffness upon the emulated board, again and
-    /// again
-    #[arg(long, value_name = "RATIO")]
-    load: Option<f64>,
-    /// Arm the board, and measure at every contact: the coil is driven
-    #[arg(long)]
-    arm: bool,
+    watched: Watched,
     /// Port of the page; 0 for any that is free
     #[arg(long, value_name = "PORT", default_value_t = PORT)]
     port: u16,
@@ -77,10 +69,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let access = Access::to(listener.local_addr()?)?;
     let url = access.url();
     let interrupt = Interrupt::catch()?;
-    let mut link = arguments.link.open_to_watch(arguments.load)?;
-    if arguments.arm {
-        link.must(&Command::Arm)?;
-    }
+    let link = arguments.watched.open()?;
     let (feed, desk) = feed::between();
     server::start(listener, access, desk)?;
     print(&url, arguments.json)?;

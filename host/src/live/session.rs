@@ -83,7 +83,7 @@ impl<'a> Session<'a> {
             return Ok(());
         }
         if self.is_gone {
-            self.link.reconnect()?;
+            self.link.reconnect(interrupt)?;
             self.is_gone = false;
             // What was asked of a board that was not there is not done now: it could be to drive its coil.
             while self.view.feed().request().is_some() {}
@@ -227,10 +227,10 @@ impl<'a> Session<'a> {
     /// The board as it was plugged, with what it has stored.
     fn leave_bench(&mut self) -> Result<(), Failure> {
         if let Some(board) = self.link.emulated() {
-            let emulated = &self.arguments.link.emulated;
-            emulated.plug_anew(board, self.arguments.load)?;
+            let emulated = &self.arguments.watched.link.emulated;
+            emulated.plug_anew(board, self.arguments.watched.load)?;
             self.link.take();
-            self.link.reconnect()?;
+            self.link.reconnect(&Interrupt::uncaught())?;
             // An emulated board draws the same boot id again: what was read before it is not of this run.
             self.read_of = None;
         }

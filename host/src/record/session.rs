@@ -70,7 +70,7 @@ impl Session {
             let turned = if is_there {
                 self.turn()
             } else {
-                self.link.reconnect().map(|()| true)
+                self.link.reconnect(interrupt).map(|()| true)
             };
             match turned {
                 Ok(goes_on) if !goes_on => return Ok(()),

@@ -4,7 +4,7 @@ mod chart;
 mod history;
 pub(crate) mod known;
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 mod view;
 
 use std::io::{self, IsTerminal, Write};
@@ -16,7 +16,7 @@ use palpate_wire::Command;
 
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;
-use crate::link::{self, Link};
+use crate::link::{Link, Watched};
 use known::Known;
 use view::View;
 
@@ -35,14 +35,7 @@ Examples:
   palpate watch --board press.mcap --speed 4")]
 pub(crate) struct Arguments {
     #[command(flatten)]
-    link: link::Arguments,
-    /// Press a spring of this multiple of the sensing layer's stiffness upon the emulated board, again and
-    /// again
-    #[arg(long, value_name = "RATIO")]
-    load: Option<f64>,
-    /// Arm the board, and measure at every contact: the coil is driven
-    #[arg(long)]
-    arm: bool,
+    watched: Watched,
     /// End after so many seconds
     #[arg(long = "for", value_name = "SECONDS")]
     seconds: Option<f64>,
@@ -59,10 +52,8 @@ const PRINTED: Duration = Duration::from_secs(1);
 const USUAL: (u16, u16) = (24, 80);
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let mut link = arguments.link.open_to_watch(arguments.load)?;
-    if arguments.arm {
-        link.must(&Command::Arm)?;
-    }
+    let mut link = arguments.watched.open()?;
+    let measures = arguments.watched.arm;
     let screen = Screen::of(arguments.json);
     let mut known = Known::of(link.name());
     let begin = link.now();
@@ -70,15 +61,25 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         .seconds
         .map(|of| begin + Duration::from_secs_f64(of.max(0.0)));
     let interrupt = Interrupt::catch()?;
+    let mut is_there = true;
     while !interrupt.is_asked() && end.is_none_or(|end| link.now() < end) {
-        match watched(&mut link, &mut known, screen.period(), arguments.arm) {
+        let turned = if is_there {
+            watched(&mut link, &mut known, screen.period(), measures)
+        } else {
+            link.reconnect(&interrupt)
+        };
+        match turned {
+            Ok(()) => is_there = true,
+            _ if interrupt.is_asked() => break,
             Err(Failure::Lost(_)) if link.is_recording() => break,
-            Err(Failure::Lost(reason)) => {
-                known.lost(&reason);
-                screen.show(&known)?;
-                link.reconnect()?;
+            // An emulated board does not come back.
+            Err(failure @ (Failure::Lost(_) | Failure::Unconnected(_)))
+                if link.emulated().is_none() =>
+            {
+                is_there = false;
+                known.lost(&failure.to_string());
             }
-            other => other?,
+            Err(failure) => return Err(failure),
         }
         screen.show(&known)?;
     }

@@ -42,7 +42,7 @@ fn sample(deformation_m: f32) -> Record {
 }
 
 /// A record of the protocol's fixture, whose values mean nothing.
-fn fixture(kind: &str) -> Record {
+pub(crate) fn fixture(kind: &str) -> Record {
     let lines = include_str!("../../../firmware/wire/fixture/v2-records.jsonl").lines();
     let mut records = lines.filter_map(|line| {
         let line: serde_json::Value = serde_json::from_str(line).ok()?;

@@ -53,7 +53,7 @@ impl Bench for LinkedBench<'_> {
         let (world, gauges) = rig.into_parts();
         let board = self.link.emulated().ok_or_else(no_bench)?;
         board.power_on_in(world)?;
-        self.link.reconnect()?;
+        self.link.reconnect(&self.interrupt)?;
         // The clock is known by an answer.
         self.link.must(&Command::GetSettings)?;
         work(&mut LinkedInstrument {
