@@ -200,7 +200,9 @@ fn add_target(workspace: &Workspace, target: &str) -> Result<()> {
     workspace.run(&add).with_context(|| {
         format!(
             "the target {target} is not installed and could not be added; with a network, run \
-             `{add}`; without rustup, install your distribution's package for it"
+             `{add}`; where that is not offered for your version of Rust, run `rustup override set {}` \
+             before it; without rustup, install your distribution's package for it",
+            env!("CARGO_PKG_RUST_VERSION")
         )
     })?;
     if !has_target(workspace, target)? {

@@ -190,9 +190,13 @@ fn provide_target(workspace: &Path) -> Result<(), BuildError> {
     add.args(["target", "add", TARGET]);
     run(
         add,
-        "the toolchain lacks the target thumbv6m-none-eabi and it could not be added; with a \
-         network, run `rustup target add thumbv6m-none-eabi`; without rustup, install your \
-         distribution's package for it",
+        concat!(
+            "the toolchain lacks the target thumbv6m-none-eabi and it could not be added; with a \
+             network, run `rustup target add thumbv6m-none-eabi`; where that is not offered for your \
+             version of Rust, run `rustup override set ",
+            env!("CARGO_PKG_RUST_VERSION"),
+            "` before it; without rustup, install your distribution's package for it"
+        ),
     )
     .map(drop)
 }
