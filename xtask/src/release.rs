@@ -7,6 +7,7 @@
 mod archive;
 mod checksums;
 mod materials;
+mod paths;
 
 use std::env::consts::EXE_SUFFIX;
 use std::fs;
@@ -50,6 +51,7 @@ pub(crate) fn make(workspace: &Workspace) -> Result<()> {
     let tool = build_tool(workspace, &flags)?;
     copy(&tool, &folder.join("palpate").with_extension(extension()))?;
     let elf = firmware::build_for_release(workspace, &flags, &folder.join("firmware"))?;
+    paths::refuse(&[&tool, &elf.with_extension("uf2")], &private(workspace)?)?;
     write_log_table(workspace, &tool, &elf)?;
     write_help(workspace, &tool, &folder)?;
     materials::write(workspace, platform.trim(), time_s, &folder)?;
@@ -86,16 +88,22 @@ fn commit_time(workspace: &Workspace) -> Result<u64> {
         .context("git names no time of the commit")
 }
 
-/// Arguments by which cargo keeps the paths of this computer out of what it builds.
-fn without_paths(workspace: &Workspace) -> Result<Vec<String>> {
+/// Folders whose names are no business of who uses the release: cargo's and the checkout.
+fn private(workspace: &Workspace) -> Result<[PathBuf; 2]> {
     let cargo = std::env::var_os("CARGO_HOME").map(PathBuf::from);
     let cargo = cargo.or_else(|| std::env::home_dir().map(|home| home.join(".cargo")));
     let cargo = cargo.context("neither CARGO_HOME nor a home folder is known")?;
+    Ok([cargo, workspace.root().to_path_buf()])
+}
+
+/// Arguments by which cargo keeps the paths of this computer out of what it builds.
+fn without_paths(workspace: &Workspace) -> Result<Vec<String>> {
     let map = |path: &Path, name: &str| {
         let flag = format!("--remap-path-prefix={}={name}", path.display());
         toml::Value::String(flag).to_string()
     };
-    let flags = [map(&cargo, "cargo"), map(workspace.root(), "palpate")].join(", ");
+    let [cargo, checkout] = private(workspace)?;
+    let flags = [map(&cargo, "cargo"), map(&checkout, "palpate")].join(", ");
     Ok(vec![
         "--config".to_owned(),
         format!("build.rustflags=[{flags}]"),
