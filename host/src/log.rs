@@ -228,4 +228,20 @@ mod tests {
         let message = Log::load(&file).err().unwrap().to_string();
         assert!(message.contains("palpate log-table"), "{message}");
     }
+
+    #[test]
+    fn a_line_that_comes_in_pieces_is_one_line() {
+        let table = r#"{"entries": {"1": {"string": {"tag": "Info", "string": "converter up"}, "raw_symbol": "1"}},
+            "timestamp": null, "bitflags": {}, "encoding": "Rzcobs"}"#;
+        // Twice line 1, `01 00` in rzCOBS: the byte that is not zero, and a mask of the seven.
+        let bytes = [0x01, 0x7E, 0x00, 0x01, 0x7E, 0x00];
+        for cut in 0..=bytes.len() {
+            let mut stream = LogStream::new(Log(serde_json::from_str(table).unwrap()));
+            let (before, after) = bytes.split_at(cut);
+            let lines = [stream.lines(before), stream.lines(after)].concat();
+            let lines = lines.iter().map(|line| (line.level, line.message.as_str()));
+            let expected = [("info", "converter up"); 2];
+            assert_eq!(lines.collect::<Vec<_>>(), expected, "cut at {cut}");
+        }
+    }
 }
