@@ -115,3 +115,27 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_interval_covers_the_truth_between_its_limits_and_above_an_open_one() {
+        let covers = |lower_n_per_m: f64, upper_n_per_m: Option<f64>| {
+            let line = serde_json::json!({
+                "stiffness_n_per_m": upper_n_per_m.map(|upper_n_per_m| 0.5 * (lower_n_per_m + upper_n_per_m)),
+                "lower_n_per_m": lower_n_per_m,
+                "upper_n_per_m": upper_n_per_m,
+                "true_n_per_m": 7900.0,
+                "configuration_crc": 1,
+            });
+            serde_json::from_value::<Measured>(line).unwrap().covers()
+        };
+        assert!(covers(7300.0, Some(8400.0)));
+        assert!(covers(7300.0, None));
+        assert!(!covers(6300.0, Some(7800.0)));
+        assert!(!covers(8000.0, Some(9100.0)));
+        assert!(!covers(8000.0, None));
+    }
+}
