@@ -6,8 +6,11 @@ use clap::Args;
 use comfy_table::{CellAlignment, Table, presets};
 use palpate_field::design::Design;
 use rayon::prelude::*;
+use serde::Serialize;
 
-use super::input::{Effort, parse, per_ampere, text_of};
+use super::drive::Drive;
+use super::input::{Effort, parse, text_of};
+use super::quantities::{KeyedFigures, QUANTITIES, Quantity};
 use super::solve::SolvedFigures;
 use crate::failure::Failure;
 
@@ -24,6 +27,15 @@ pub(super) struct Arguments {
     json: bool,
 }
 
+/// One of the designs with its figures.
+#[derive(Serialize)]
+struct ComparedDesign {
+    design: String,
+    resistance_ohm: f64,
+    #[serde(flatten)]
+    solved: SolvedFigures,
+}
+
 pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let load = |name: &String| -> Result<Design, Failure> {
         let (file, text) = text_of(name)?;
@@ -34,13 +46,22 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         .iter()
         .map(load)
         .collect::<Result<_, _>>()?;
-    let solve = |design: &Design| {
-        Ok(SolvedFigures::of(
-            design,
-            &per_ampere(design, &arguments.effort)?,
-        ))
+    let drive = |design: &Design| match Drive::of(design, None)? {
+        Drive::Background => Err(Failure::Argument(format!(
+            "{}: the design has no coil, and designs are compared per ampere: add a [[coil]]",
+            design.name
+        ))),
+        drive => Ok(drive),
     };
-    let outcomes: Vec<SolvedFigures> = designs
+    let solve = |design: &Design| {
+        let solved = SolvedFigures::solve(design, drive(design)?, &arguments.effort)?;
+        Ok(ComparedDesign {
+            design: design.name.clone(),
+            resistance_ohm: design.resistance_ohm(),
+            solved,
+        })
+    };
+    let outcomes: Vec<ComparedDesign> = designs
         .par_iter()
         .map(solve)
         .collect::<Result<_, Failure>>()?;
@@ -54,36 +75,44 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-fn table(outcomes: &[SolvedFigures]) -> Table {
+/// The figures in the units for people. Keys are long: heads are short names with the unit below.
+const HEADS: [&str; QUANTITIES.len()] = [
+    "centre",
+    "core mean",
+    "cv r8",
+    "cv r6",
+    "cv r4",
+    "axial pp",
+    "radial pp",
+    "L",
+    "force",
+    "plates",
+];
+
+fn table(outcomes: &[ComparedDesign]) -> Table {
     let mut table = Table::new();
     table.load_style(presets::NOTHING);
-    table.set_header([
-        "design",
-        "centre\nuT/A",
-        "core mean\nuT/A",
-        "cv r8\n%",
-        "cv r6\n%",
-        "cv r4\n%",
-        "axial pp\n%",
-        "radial pp\n%",
-        "L\nuH",
-        "force\nmN/A^2",
-        "error",
-    ]);
-    for o in outcomes {
-        table.add_row([
-            o.design.clone(),
-            format!("{:.2}", 1e6 * o.centre_T_per_A),
-            format!("{:.2}", 1e6 * o.core_mean_T_per_A),
-            format!("{:.2}", 100.0 * o.cv_r8),
-            format!("{:.3}", 100.0 * o.cv_r6),
-            format!("{:.3}", 100.0 * o.cv_r4),
-            format!("{:.3}", 100.0 * o.axial_pp),
-            format!("{:.2}", 100.0 * o.radial_pp),
-            format!("{:.2}", 1e6 * o.inductance_H),
-            format!("{:.4}", 1e3 * o.force_N_per_A2),
-            format!("{:.0e}", o.error_estimate),
-        ]);
+    let units = QUANTITIES.map(|quantity| quantity.shown(Drive::PerAmpere));
+    let heads = HEADS.iter().zip(units);
+    let heads = heads.map(|(head, (unit, _))| format!("{head}\n{unit}"));
+    let first = ["design".to_owned()].into_iter();
+    table.set_header(first.chain(heads).chain(["error".to_owned()]));
+    for outcome in outcomes {
+        let KeyedFigures { drive, figures } = &outcome.solved.keyed;
+        let cell = |quantity: &Quantity| {
+            let value = quantity.shown(*drive).1 * (quantity.value)(figures);
+            let digits = if value.abs() < 1.0 {
+                4
+            } else if value.abs() < 10.0 {
+                3
+            } else {
+                2
+            };
+            format!("{value:.digits$}")
+        };
+        let first = [outcome.design.clone()].into_iter();
+        let error = format!("{:.0e}", outcome.solved.error_estimate);
+        table.add_row(first.chain(QUANTITIES.iter().map(cell)).chain([error]));
     }
     for column in table.column_iter_mut().skip(1) {
         column.set_cell_alignment(CellAlignment::Right);

@@ -6,7 +6,7 @@ use std::path::Path;
 use clap::Args;
 use palpate_field::design::{BUILTIN, Design, DesignError, builtin_text, vary};
 use palpate_field::geometry::Point;
-use palpate_field::solve::{Accuracy, Excitation, Solved, solve};
+use palpate_field::solve::{Accuracy, Solved};
 
 use crate::failure::Failure;
 
@@ -148,30 +148,6 @@ impl DesignSource {
         let (name, text) = text_of(&self.design)?;
         parse(&name, &text, &self.effort.settings)
     }
-}
-
-/// The field of 1 A far below saturation.
-pub(super) fn per_ampere(design: &Design, effort: &Effort) -> Result<Solved, Failure> {
-    if design.coils.is_empty() {
-        return Err(Failure::Argument(
-            "the design has no coil, so there is no field per ampere: add a [[coil]]".to_owned(),
-        ));
-    }
-    run(design, &Excitation::small(design, 1.0), effort)
-}
-
-/// The field of a current, with saturation.
-pub(super) fn at_current(
-    design: &Design,
-    current_a: f64,
-    effort: &Effort,
-) -> Result<Solved, Failure> {
-    run(design, &Excitation::saturating(design, current_a), effort)
-}
-
-fn run(design: &Design, excitation: &Excitation, effort: &Effort) -> Result<Solved, Failure> {
-    solve(design, excitation, &effort.accuracy())
-        .map_err(|error| Failure::Refused(format!("{}: {error}", design.name)))
 }
 
 /// What profiles and drawings are refined to. A fifth of the promised 1 %: steps between triangles

@@ -1,11 +1,13 @@
 //! `palpate field`: the magnetic field of the actuated layer.
 
 mod compare;
+mod drive;
 mod figures;
 mod input;
 mod mse;
 mod optimise;
 mod profile;
+mod quantities;
 mod solve;
 mod stack;
 mod sweep;

@@ -7,7 +7,8 @@ use palpate_field::design::Design;
 use palpate_field::layer::Layer;
 use rayon::prelude::*;
 
-use super::input::{DesignSource, at_current, parse, per_ampere, text_of};
+use super::drive::Drive;
+use super::input::{DesignSource, parse, text_of};
 use super::mse::elastomer;
 use super::sweep::range;
 use crate::failure::Failure;
@@ -168,9 +169,9 @@ fn neighbours(best: &[f64], step: f64) -> Vec<Vec<f64>> {
 fn score(arguments: &Arguments, design: &Design) -> Result<f64, Failure> {
     let effort = &arguments.source.effort;
     match arguments.goal {
-        Goal::Homogeneity => Ok(-per_ampere(design, effort)?.figures.cv[0]),
+        Goal::Homogeneity => Ok(-Drive::of(design, None)?.solve(design, effort)?.figures.cv[0]),
         Goal::StiffnessPerWatt => {
-            let solved = at_current(design, design.current_a, effort)?;
+            let solved = Drive::Current(design.current_a).solve(design, effort)?;
             let layer =
                 Layer::of(design, &solved, &elastomer(&arguments.mse)?).ok_or_else(|| {
                     Failure::Refused("there is no elastomer between the boards".to_owned())

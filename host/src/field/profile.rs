@@ -6,7 +6,8 @@ use clap::Args;
 use palpate_field::geometry::Point;
 use palpate_field::solve::{FieldAt, Locator, Solved};
 
-use super::input::{DesignSource, per_ampere, sharpened};
+use super::drive::Drive;
+use super::input::{DesignSource, sharpened};
 use crate::failure::Failure;
 
 /// The field along a line, in mm and tesla per ampere
@@ -109,7 +110,8 @@ impl ProfileLine {
 
 pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let design = arguments.source.load()?;
-    let solved = per_ampere(&design, &arguments.source.effort)?;
+    let drive = Drive::of(&design, None)?;
+    let solved = drive.solve(&design, &arguments.source.effort)?;
     let mut range = arguments.along.range(&solved);
     for (end, given) in range.iter_mut().zip([arguments.from, arguments.to]) {
         if let Some(given) = given {
@@ -130,13 +132,17 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let solved = sharpened(&design, solved, &points)?;
     let samples = arguments.along.sample(&solved, &points);
     let mut out = io::stdout().lock();
+    let per = drive.per();
     if arguments.csv {
-        writeln!(out, "mm,B_T_per_A,Bx_T_per_A,Br_T_per_A")?;
+        writeln!(out, "{}", csv_head(drive))?;
     } else {
         writeln!(
             out,
             "{:>10} {:>12} {:>12} {:>12}",
-            "mm", "|B| uT/A", "Bx uT/A", "Br uT/A"
+            "mm",
+            format!("|B| uT{per}"),
+            format!("Bx uT{per}"),
+            format!("Br uT{per}")
         )?;
     }
     for (at, field) in samples {
@@ -149,4 +155,11 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         }
     }
     Ok(())
+}
+
+fn csv_head(drive: Drive) -> &'static str {
+    match drive {
+        Drive::PerAmpere => "mm,B_T_per_A,Bx_T_per_A,Br_T_per_A",
+        Drive::Current(_) | Drive::Background => "mm,B_T,Bx_T,Br_T",
+    }
 }

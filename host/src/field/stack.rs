@@ -13,7 +13,8 @@ use palpate_field::solve::{Locator, Solved};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::input::{DesignSource, at_current, current};
+use super::drive::Drive;
+use super::input::{DesignSource, current};
 use super::mse::elastomer;
 use crate::failure::Failure;
 use crate::output::OutputFile;
@@ -144,7 +145,14 @@ fn bridge(
             "the design has no coil or no current: add a [[coil]] and [conductor] current_A";
         return Err(Failure::Refused(reason.to_owned()));
     }
-    let solve = |share: &f64| at_current(design, share * peak_a, &arguments.source.effort);
+    if design.background_t != 0.0 {
+        return Err(Failure::Refused(format!(
+            "{}: a stack file has no key for a background, and its attraction grows with the square of the current: remove [background]",
+            design.name
+        )));
+    }
+    let solve =
+        |share: &f64| Drive::Current(share * peak_a).solve(design, &arguments.source.effort);
     let solved: Vec<Solved> = SHARES.par_iter().map(solve).collect::<Result<_, _>>()?;
     let no_layer = || {
         let middle = 1e3 * design.core.middle_m();
@@ -182,7 +190,7 @@ fn bridge(
         loaded_area_m2: layer.area_m2,
         peak_current_A: peak_a,
         coil_resistance_ohm: design.resistance_ohm(),
-        coil_inductance_H: peak.figures.inductance_h,
+        coil_inductance_H: peak.figures.linkage_wb / peak_a,
         power_at_peak_W: power,
         copper_J_per_K: heat.copper_j_per_k,
         stack_J_per_K: heat.stack_j_per_k,

@@ -4,7 +4,9 @@ use std::io;
 
 use clap::Args;
 
-use super::input::{DesignSource, parse, per_ampere, text_of};
+use super::drive::Drive;
+use super::input::{DesignSource, parse, text_of};
+use super::quantities::QUANTITIES;
 use super::solve::SolvedFigures;
 use crate::failure::Failure;
 use crate::in_order::in_order;
@@ -95,13 +97,12 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     };
     // A path that does not exist is an error of the command, not of each point.
     palpate_field::design::vary::set(&text, &settings(0)).map_err(Failure::Argument)?;
+    let drive = Drive::of(&parse(&name, &text, &[])?, None)?;
     let progress = Progress::new(total);
     let outcome = |point| {
         let design = parse(&name, &text, &settings(point))?;
-        Ok(SolvedFigures::of(
-            &design,
-            &per_ampere(&design, &arguments.source.effort)?,
-        ))
+        let solved = SolvedFigures::solve(&design, drive, &arguments.source.effort)?;
+        Ok((design.resistance_ohm(), solved))
     };
     let mut out = csv::Writer::from_writer(io::stdout());
     let mut write = |row: Vec<String>| -> Result<(), Failure> {
@@ -110,7 +111,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         Ok(out.flush()?)
     };
     let paths = arguments.vary.iter().map(|axis| axis.path.as_str());
-    write(paths.chain(COLUMNS).map(str::to_owned).collect())?;
+    write(paths.map(str::to_owned).chain(columns(drive)).collect())?;
     in_order(total, outcome, |point, outcome| {
         write(row(&arguments.vary, &settings(point), &outcome))?;
         progress.step();
@@ -120,26 +121,18 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-const COLUMNS: [&str; 12] = [
-    "centre_T_per_A",
-    "core_mean_T_per_A",
-    "cv_r8",
-    "cv_r6",
-    "cv_r4",
-    "axial_pp",
-    "radial_pp",
-    "inductance_H",
-    "force_N_per_A2",
-    "resistance_ohm",
-    "error_estimate",
-    "refused",
-];
+/// The heads of the figures' columns: a figure, and the estimated errors of all at the end.
+fn columns(drive: Drive) -> impl Iterator<Item = String> {
+    let figures = QUANTITIES.iter().map(move |q| q.key(drive).to_owned());
+    let rest = ["resistance_ohm", "error_estimate", "refused"];
+    figures.chain(rest.map(str::to_owned))
+}
 
-/// A point's row under the varied numbers and [`COLUMNS`].
+/// A point's row under the varied numbers and [`columns`].
 fn row(
     vary: &[Axis],
     settings: &[(String, f64)],
-    outcome: &Result<SolvedFigures, Failure>,
+    outcome: &Result<(f64, SolvedFigures), Failure>,
 ) -> Vec<String> {
     let value = |axis: &Axis| {
         let set = settings.iter().rfind(|(path, _)| *path == axis.path);
@@ -147,25 +140,14 @@ fn row(
     };
     let mut row: Vec<String> = vary.iter().map(value).collect();
     match outcome {
-        Ok(o) => {
-            let numbers = [
-                o.centre_T_per_A,
-                o.core_mean_T_per_A,
-                o.cv_r8,
-                o.cv_r6,
-                o.cv_r4,
-                o.axial_pp,
-                o.radial_pp,
-                o.inductance_H,
-                o.force_N_per_A2,
-                o.resistance_ohm,
-                o.error_estimate,
-            ];
+        Ok((resistance_ohm, solved)) => {
+            let figures = QUANTITIES.iter().map(|q| (q.value)(&solved.keyed.figures));
+            let numbers = figures.chain([*resistance_ohm, solved.error_estimate]);
             row.extend(numbers.map(|number| format!("{number:.9e}")));
             row.push(String::new());
         }
         Err(failure) => {
-            row.extend(vec![String::new(); COLUMNS.len() - 1]);
+            row.extend(vec![String::new(); QUANTITIES.len() + 2]);
             row.push(failure.to_string());
         }
     }

@@ -53,20 +53,49 @@ fn figures_of_a_design_as_json() {
         "resistance_ohm",
         "error_estimate",
         "unknowns",
-        "centre_T",
-        "core_mean_T",
-        "plate_max_T",
-        "newton_iterations",
     ] {
         assert!(number(&solved, key) > 0.0, "{key}");
     }
-    assert!((number(&solved, "centre_T") - 0.0644).abs() < 1e-4);
+    let driven = &solved["at_current"];
+    for key in ["core_mean_T", "plate_max_T", "linkage_Wb"] {
+        assert!(number(driven, key) > 0.0, "{key}");
+        assert!(number(&driven["errors"], key) > 0.0, "error of {key}");
+    }
+    assert!((number(driven, "centre_T") - 0.0644).abs() < 1e-4);
     assert!((number(&solved, "resistance_ohm") - 0.389).abs() < 1e-3);
     assert!(number(&solved, "error_estimate") <= 1e-4);
-    assert!(number(&solved, "newton_iterations") <= 6.0);
+    assert!(number(driven, "newton_iterations") <= 6.0);
     let small = json(&["solve", "air", "--json"]);
     assert!((number(&small, "centre_T_per_A") / 1012.9492e-6 - 1.0).abs() < 1e-5);
-    assert!(small.get("centre_T").is_none());
+    assert!(small.get("at_current").is_none());
+}
+
+#[test]
+fn a_background_stands_in_figures_of_their_own() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("field.toml");
+    let text = "name = \"ball\"\nlength_unit = \"mm\"\n[background]\nfield_T = 1e-3\n\
+        [core]\nr = 5.0\nx = [-5.0, 5.0]\n[material.m]\nmu_r = 3.7\n\
+        [[body]]\nname = \"b\"\nmaterial = \"m\"\n\
+        shape = { centre_x = 0.0, semi_r = 10.0, semi_x = 10.0 }\n";
+    std::fs::write(&path, text).unwrap();
+    let file = path.to_str().unwrap();
+    // A sphere in a uniform field: B = 3 mu/(mu + 2) B0.
+    let solved = json(&["solve", file, "--json"]);
+    assert!((number(&solved, "centre_T") / (11.1e-3 / 5.7) - 1.0).abs() < 1e-4);
+    assert!(solved.get("centre_T_per_A").is_none());
+    let (code, complaint) = refused(&["solve", file, "--current", "1"]);
+    assert_eq!(code, Some(2));
+    assert!(complaint.contains("add a [[coil]]"), "{complaint}");
+    std::fs::write(&path, text.replace("field_T = 1e-3", "field_T = 0")).unwrap();
+    let (code, complaint) = refused(&["solve", file]);
+    assert_eq!(code, Some(2));
+    assert!(complaint.contains("nothing drives a field"), "{complaint}");
+    let within = printed(&["show", "closed"]) + "\n[background]\nfield_T = 0.01\n";
+    std::fs::write(&path, within).unwrap();
+    let (code, complaint) = refused(&["stack", file, "--mse", "soft"]);
+    assert_eq!(code, Some(1));
+    assert!(complaint.contains("remove [background]"), "{complaint}");
 }
 
 #[test]

@@ -6,7 +6,7 @@ use crate::design::Design;
 use crate::force;
 use crate::geometry::distance;
 use crate::mesh::Zone;
-use crate::solve::{Excitation, Level, Locator};
+use crate::solve::{Level, Locator};
 
 /// What a field is judged by. In the same form, the errors of such figures.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -22,8 +22,9 @@ pub struct Figures {
     pub axial_pp: f64,
     /// Peak to peak of |B| along the core's radius in mid-plane over its mean there.
     pub radial_pp: f64,
-    /// Flux linked with all coils over the current, H; 0 without a current.
-    pub inductance_h: f64,
+    /// Flux linked with all coils in series, Wb, a background's share included. Of one ampere
+    /// without a background it is the inductance in H.
+    pub linkage_wb: f64,
     /// Force that closes the core's gap, N, by virtual work.
     pub force_n: f64,
     /// The same by Maxwell's stress on the mid-plane.
@@ -40,7 +41,7 @@ const STEPS: u32 = 100;
 impl Figures {
     /// Computes all figures of a solution.
     #[must_use]
-    pub fn of(design: &Design, level: &Level, w: &[f64], excitation: &Excitation) -> Self {
+    pub fn of(design: &Design, level: &Level, w: &[f64]) -> Self {
         let locator = Locator::new(level, w);
         let core = &design.core;
         let middle = core.middle_m();
@@ -60,7 +61,7 @@ impl Figures {
             cv,
             axial_pp: peak_to_peak(axial),
             radial_pp: peak_to_peak(radial),
-            inductance_h: inductance(design, level, w, excitation),
+            linkage_wb: linkage(design, level, w),
             force_n: force::by_virtual_work(design, level, w, &locator),
             force_by_stress_n: force::by_stress(design, level, &locator),
             plate_max_t: plate_max(design, level, w),
@@ -74,7 +75,7 @@ impl Figures {
             cv: [0, 1, 2].map(|k: usize| f(self.cv[k], other.cv[k])),
             axial_pp: f(self.axial_pp, other.axial_pp),
             radial_pp: f(self.radial_pp, other.radial_pp),
-            inductance_h: f(self.inductance_h, other.inductance_h),
+            linkage_wb: f(self.linkage_wb, other.linkage_wb),
             force_n: f(self.force_n, other.force_n),
             force_by_stress_n: f(self.force_by_stress_n, other.force_by_stress_n),
             plate_max_t: f(self.plate_max_t, other.plate_max_t),
@@ -147,11 +148,7 @@ fn homogeneity(level: &Level, w: &[f64]) -> (f64, [f64; 3]) {
     (mean(sums[0]), cv)
 }
 
-fn inductance(design: &Design, level: &Level, w: &[f64], excitation: &Excitation) -> f64 {
-    let current = excitation.currents_a.first().copied().unwrap_or(0.0);
-    if current == 0.0 {
-        return 0.0;
-    }
+fn linkage(design: &Design, level: &Level, w: &[f64]) -> f64 {
     let mut linkage = 0.0;
     level.visit(w, |at| {
         let Some([coil, ring]) = at.region.ring else {
@@ -161,11 +158,11 @@ fn inductance(design: &Design, level: &Level, w: &[f64], excitation: &Excitation
         let ring = coil.and_then(|coil| coil.rings.get(ring as usize));
         if let (Some(coil), Some(ring)) = (coil, ring) {
             linkage += TAU * at.weight * coil.sense * coil.turns / ring.area_m2()
-                * at.w
+                * (at.w + 0.5 * level.background_t)
                 * at.point[0].powi(2);
         }
     });
-    linkage / current
+    linkage
 }
 
 fn plate_max(design: &Design, level: &Level, w: &[f64]) -> f64 {

@@ -4,6 +4,9 @@
 //! all above is moved away rigidly, and what lies between, rubber and air, is stretched, keeping its
 //! permeability at each point. Positive means that the halves attract.
 //!
+//! A uniform background pulls at everything alike, out to infinity: its own tension is left out, so
+//! that the force is that of the design in it.
+//!
 //! Where a body's outline is slanted there, the field pulls at it along the axis, and the force
 //! depends a little on where the halves are parted. The stress is that of the mid-plane.
 
@@ -14,10 +17,12 @@ use crate::geometry::Point;
 use crate::material::Material;
 use crate::solve::{Level, Locator};
 
-/// Tension along the axis, N/m²: ∫H dB − H_r B_r, which is B²/2μ where B runs along the axis.
-fn tension(material: &Material, b: [f64; 2]) -> f64 {
+/// Tension along the axis beyond that of the level's background in vacuum, N/m²: ∫H dB − H_r B_r,
+/// which is B²/2μ where B runs along the axis.
+fn tension(level: &Level, material: &Material, b: [f64; 2]) -> f64 {
     let size = b[0].hypot(b[1]);
-    material.energy_j_per_m3(size) - material.reluctivity(size).nu * b[0] * b[0]
+    let background = Material::VACUUM.energy_j_per_m3(level.background_t);
+    material.energy_j_per_m3(size) - material.reluctivity(size).nu * b[0] * b[0] - background
 }
 
 /// By virtual work, N: how the energy changes with the gap while the flux is kept.
@@ -33,7 +38,7 @@ pub fn by_virtual_work(design: &Design, level: &Level, w: &[f64], locator: &Loca
         if at.region.parting
             && let Some(material) = level.materials.get(at.index)
         {
-            sum += TAU * at.weight * at.point[0] * tension(material, at.b);
+            sum += TAU * at.weight * at.point[0] * tension(level, material, at.b);
         }
     });
     // Beyond the circle the field is smooth.
@@ -49,6 +54,7 @@ pub fn by_stress(design: &Design, level: &Level, locator: &Locator<'_>) -> f64 {
     let stress = |point: Point| {
         let at = locator.at(point);
         tension(
+            level,
             level.materials.get(at.region as usize).unwrap_or(&vacuum),
             at.b,
         )
@@ -87,7 +93,7 @@ fn ring_beyond(level: &Level, locator: &Locator<'_>, x: f64) -> f64 {
     let edge = reach(level, x) * (1.0 + 1e-12);
     panels(1.0, 8, |t| {
         let r = edge / t;
-        TAU * r * tension(&Material::VACUUM, locator.at([r, x]).b) * r / t
+        TAU * r * tension(level, &Material::VACUUM, locator.at([r, x]).b) * r / t
     })
 }
 

@@ -291,17 +291,17 @@ impl Bench<'_> {
 }
 
 fn ours(case: &Case, document: &Value, usage: &Usage) -> Result<Found> {
-    let (mean, centre) = if case.saturates {
-        ("core_mean_T", "centre_T")
+    let (figures, mean, centre) = if case.saturates {
+        (&document["at_current"], "core_mean_T", "centre_T")
     } else {
-        ("core_mean_T_per_A", "centre_T_per_A")
+        (document, "core_mean_T_per_A", "centre_T_per_A")
     };
     Ok(Found {
         unknowns: number(document, "unknowns")?,
         wall_s: usage.wall_s,
         peak_mb: usage.peak_mb,
-        core_mean_t: number(document, mean)?,
-        centre_t: number(document, centre)?,
+        core_mean_t: number(figures, mean)?,
+        centre_t: number(figures, centre)?,
         inductance_h: number(document, "inductance_H")?,
     })
 }

@@ -103,7 +103,7 @@ pub(super) fn draw(picture: &Picture<'_>) -> Result<String, String> {
     plot::svg((width, height), |root| {
         let (chart_area, legend) = root.split_horizontally(width - 250);
         draw_map(picture, &lattice, &chart_area)?;
-        colour_bar(&legend, lattice.greatest(), picture.unit)
+        colour_bar(&legend, lattice.greatest(), &picture.unit)
     })
 }
 

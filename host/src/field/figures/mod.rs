@@ -10,15 +10,17 @@ use clap::Args;
 use palpate_field::design::Design;
 use palpate_field::solve::Solved;
 
-use super::input::{DesignSource, at_current, current, per_ampere, sharpened};
+use super::input::{DesignSource, current, sharpened};
 use crate::failure::Failure;
+use crate::field::drive::Drive;
 use crate::output::OutputFile;
 
 /// Draw a design: map of the flux density with field lines, profiles along and across the axis
 #[derive(Args)]
 #[command(after_help = "\
 Writes DESIGN-map.svg, DESIGN-axial.svg and DESIGN-radial.svg.
-Without --current the field is that of one ampere, far below saturation.")]
+Without --current the field is that of one ampere, far below saturation and without the background;
+of a design without a coil, that in its background.")]
 pub(super) struct Arguments {
     #[command(flatten)]
     source: DesignSource,
@@ -35,8 +37,8 @@ struct Picture<'p> {
     design: &'p Design,
     solved: &'p Solved,
     /// What stands behind every |B|: `mT` or `mT/A`.
-    unit: &'static str,
-    /// The current in words.
+    unit: String,
+    /// What drives it, in words.
     driven: String,
 }
 
@@ -55,24 +57,15 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let names = kinds.map(|kind| format!("{}-{kind}.svg", file_name(&design.name)));
     let files = OutputFile::in_folder("--out", &arguments.out, names)?;
     let effort = &arguments.source.effort;
-    let (solved, unit, driven) = match arguments.current {
-        None => (
-            per_ampere(&design, effort)?,
-            "mT/A",
-            "per ampere".to_owned(),
-        ),
-        Some(current_a) => {
-            let solved = at_current(&design, current_a, effort)?;
-            (solved, "mT", format!("at {current_a} A"))
-        }
-    };
+    let drive = Drive::of(&design, arguments.current)?;
+    let solved = drive.solve(&design, effort)?;
     let points = profiles::points(&design.core, &solved);
     let solved = sharpened(&design, solved, &points)?;
     let picture = Picture {
         design: &design,
         solved: &solved,
-        unit,
-        driven,
+        unit: format!("mT{}", drive.per()),
+        driven: drive.words(&design),
     };
     let mut out = io::stdout().lock();
     let drawn: [Draw; 3] = [map::draw, profiles::axial, profiles::radial];

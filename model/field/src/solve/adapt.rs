@@ -89,7 +89,7 @@ pub fn solve(
         let pattern = Pattern::of(&level);
         let balanced = balance(&level, &pattern, guess)?;
         linear_solves += balanced.steps;
-        let figures = Figures::of(design, &level, &balanced.w, excitation);
+        let figures = Figures::of(design, &level, &balanced.w);
         history.push(figures);
         let primal = jumps(&level, &balanced.w, &balanced.w, level.background_t);
         let decay = decay(&level.space, &balanced.w);

@@ -104,12 +104,12 @@ pub(super) fn close(
 ) -> bool {
     let within = |error: f64, size: f64| error <= accuracy.relative * size.abs();
     let current = excitation.currents_a.first().copied().unwrap_or(0.0);
-    let energy = 0.5 * figures.inductance_h * current * current;
+    let energy = 0.5 * (figures.linkage_wb * current).abs();
     let least = 0.01 * energy / (design.core.x_m[1] - design.core.x_m[0]);
     let force = WIDER * figures.force_n.abs().max(least);
     within(errors.core_mean_t, figures.core_mean_t)
         && within(errors.centre_t, figures.centre_t)
-        && within(errors.inductance_h, WIDER * figures.inductance_h)
+        && within(errors.linkage_wb, WIDER * figures.linkage_wb)
         && within(errors.force_n, force)
         && within(errors.force_by_stress_n, force)
 }

@@ -19,20 +19,23 @@ pub struct Excitation {
 }
 
 impl Excitation {
-    /// A current in all coils of a design, in series. Materials stay far below saturation.
+    /// A current in all coils of a design, in series, and nothing else: materials stay far below
+    /// saturation, and the design's background is left out, so that every figure is in proportion to
+    /// a power of the current.
     #[must_use]
     pub fn small(design: &Design, current_a: f64) -> Self {
         Self {
             currents_a: vec![current_a; design.coils.len()],
-            background_t: design.background_t,
+            background_t: 0.0,
             saturating: false,
         }
     }
 
-    /// The same with materials that saturate.
+    /// The same current with materials that saturate, in the design's background.
     #[must_use]
     pub fn saturating(design: &Design, current_a: f64) -> Self {
         Self {
+            background_t: design.background_t,
             saturating: true,
             ..Self::small(design, current_a)
         }

@@ -54,7 +54,7 @@ impl Solved {
             self.report.linear_solves += balanced.steps;
         }
         self.report.unknowns = self.level.space.count;
-        self.figures = Figures::of(design, &self.level, &self.w, &self.excitation);
+        self.figures = Figures::of(design, &self.level, &self.w);
         Ok(self)
     }
 

@@ -172,7 +172,7 @@ fn force_by_moving_the_boards() {
             ..Accuracy::default()
         };
         let solved = solve(&design, &Excitation::small(&design, 1.0), &accuracy).expect("a field");
-        (0.5 * solved.figures.inductance_h, solved.figures.force_n)
+        (0.5 * solved.figures.linkage_wb, solved.figures.force_n)
     };
     let step = 0.2;
     let (near, far) = (energy(5.0 - step), energy(5.0 + step));

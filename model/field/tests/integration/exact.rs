@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use palpate_field::design::{Design, builtin};
+use palpate_field::design::{Design, builtin, builtin_text};
 use palpate_field::mesh;
 use palpate_field::solve::{Accuracy, Excitation, Locator, Solved, integrate, solve, solve_on};
 
@@ -16,7 +16,9 @@ fn accuracy(relative: f64) -> Accuracy {
 }
 
 fn solved(design: &Design, relative: f64) -> Solved {
-    solve(design, &Excitation::small(design, 1.0), &accuracy(relative)).expect("a field")
+    // Nothing saturates in these designs; those in a background are solved in it.
+    let excitation = Excitation::saturating(design, 1.0);
+    solve(design, &excitation, &accuracy(relative)).expect("a field")
 }
 
 /// Field on the axis of a ring of rectangular section with 1 A through it, T.
@@ -111,6 +113,47 @@ fn spheroids_in_a_uniform_field() {
             figures.cv[0]
         );
     }
+}
+
+/// Halves of a sphere in a uniform field: the stress on the plane between them, that of the field
+/// alone subtracted, has a closed form.
+#[test]
+fn halves_of_a_sphere_in_a_uniform_field() {
+    let radius_m = 10e-3_f64;
+    let design = uniform(
+        "shape = { centre_x = 0.0, semi_r = 10.0, semi_x = 10.0 }",
+        3.7,
+        "r = 5.0\nx = [-5.0, 5.0]",
+    );
+    let outside = 2.7 / 5.7;
+    let factor = 0.5 * 9.0 * 3.7 / 5.7_f64.powi(2) - 0.5 - 2.0 * outside + outside.powi(2) / 4.0;
+    let exact_n = PI * (1e-3 * radius_m).powi(2) / MU_0 * factor;
+    let miss = solved(&design, 1e-5).figures.force_by_stress_n / exact_n - 1.0;
+    println!("halves of a sphere: force off by {miss:.1e}");
+    assert!(miss.abs() < 1e-4, "off by {miss:e}");
+}
+
+/// A background does not enter what a small current does.
+#[test]
+fn figures_of_a_small_current_are_without_the_background() {
+    let text = builtin_text("A").expect("built in");
+    let alone = Design::parse("A.toml", text).expect("a design");
+    let within = format!("{text}\n[background]\nfield_T = 0.01\n");
+    let within = Design::parse("A.toml", &within).expect("a design");
+    let of = |design: &Design, excitation: &Excitation| {
+        let solved = solve(design, excitation, &accuracy(1e-3));
+        solved.expect("a field").figures
+    };
+    let small = |design: &Design| of(design, &Excitation::small(design, 1.0));
+    assert_eq!(small(&within), small(&alone));
+    // Little saturates at 10 A: background and current add up.
+    let [both, background] = [10.0, 0.0].map(|a| of(&within, &Excitation::saturating(&within, a)));
+    let per_ampere = (both.linkage_wb - background.linkage_wb) / 10.0;
+    let inductance_h = small(&alone).linkage_wb;
+    assert!(
+        (per_ampere / inductance_h - 1.0).abs() < 0.05,
+        "{per_ampere:e}"
+    );
 }
 
 #[test]
@@ -214,7 +257,7 @@ fn sphere_error(order: u32, halvings: u32) -> f64 {
     for _ in 0..2 * halvings {
         mesh.refine(&vec![true; mesh.triangles.len()]);
     }
-    let excitation = Excitation::small(&design, 1.0);
+    let excitation = Excitation::saturating(&design, 1.0);
     let (level, w) = solve_on(&design, mesh, order, &excitation).expect("a field");
     let exact = 3.7e-3 / (1.0 + 2.7 / 3.0);
     let inside = |f: &dyn Fn(f64) -> f64| {

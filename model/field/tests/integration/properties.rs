@@ -136,8 +136,8 @@ proptest! {
         let half_work = 0.5 * solved.work_j(&design);
         let miss = solved.energy_j() / half_work - 1.0;
         prop_assert!(miss.abs() < 2e-3, "{miss:e}");
-        prop_assert!((2.0 * half_work / solved.figures.inductance_h - 1.0).abs() < 1e-9);
-        prop_assert!(solved.figures.inductance_h > 0.0);
+        prop_assert!((2.0 * half_work / solved.figures.linkage_wb - 1.0).abs() < 1e-9);
+        prop_assert!(solved.figures.linkage_wb > 0.0);
     }
 
     #[test]
@@ -162,7 +162,7 @@ proptest! {
             prop_assert!(near(moved.core_mean_t, here.core_mean_t, here.core_mean_t), "{moved:?} {here:?}");
             prop_assert!(near(moved.axial_pp, here.axial_pp, 1.0), "{moved:?} {here:?}");
             prop_assert!(near(moved.radial_pp, here.radial_pp, 1.0), "{moved:?} {here:?}");
-            prop_assert!(near(moved.inductance_h, here.inductance_h, here.inductance_h), "{moved:?} {here:?}");
+            prop_assert!(near(moved.linkage_wb, here.linkage_wb, here.linkage_wb), "{moved:?} {here:?}");
             for (moved, here) in moved.cv.into_iter().zip(here.cv) {
                 prop_assert!(near(moved, here, 1.0), "{moved} {here}");
             }
@@ -186,7 +186,7 @@ proptest! {
         let figures = solve(&design, &excitation, &Accuracy::default()).expect("a field").figures;
         let miss = (figures.force_n - figures.force_by_stress_n).abs();
         // Where forces cancel they are compared to a fiftieth of the energy over the gap.
-        let energy = 0.5 * figures.inductance_h / (design.core.x_m[1] - design.core.x_m[0]);
+        let energy = 0.5 * figures.linkage_wb / (design.core.x_m[1] - design.core.x_m[0]);
         let size = figures.force_n.abs().max(0.02 * energy);
         prop_assert!(miss < 5e-3 * size, "{figures:?}");
     }

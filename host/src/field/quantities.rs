@@ -1,0 +1,120 @@
+//! The figures of a field as they are printed: keys, labels and units, each in one place.
+
+use palpate_field::figures::Figures;
+use serde::ser::{Serialize, SerializeMap, Serializer};
+
+use super::drive::Drive;
+
+/// One figure.
+pub(super) struct Quantity {
+    /// In words.
+    pub(super) label: &'static str,
+    /// Its key per ampere, unit included.
+    key_per_ampere: &'static str,
+    /// Its key at a current or in a background, unit included.
+    key: &'static str,
+    /// The unit for people per ampere, and how many of it are one of the SI's.
+    shown_per_ampere: (&'static str, f64),
+    /// The same at a current or in a background.
+    shown: (&'static str, f64),
+    /// The figure in SI units.
+    pub(super) value: fn(&Figures) -> f64,
+}
+
+impl Quantity {
+    /// Its key.
+    pub(super) const fn key(&self, drive: Drive) -> &'static str {
+        match drive {
+            Drive::PerAmpere => self.key_per_ampere,
+            Drive::Current(_) | Drive::Background => self.key,
+        }
+    }
+
+    /// The unit for people, and how many of it are one of the SI's.
+    pub(super) const fn shown(&self, drive: Drive) -> (&'static str, f64) {
+        match drive {
+            Drive::PerAmpere => self.shown_per_ampere,
+            Drive::Current(_) | Drive::Background => self.shown,
+        }
+    }
+}
+
+/// A share, which has no unit: the same at any current.
+const fn share(label: &'static str, key: &'static str, value: fn(&Figures) -> f64) -> Quantity {
+    Quantity {
+        label,
+        key_per_ampere: key,
+        key,
+        shown_per_ampere: ("%", 100.0),
+        shown: ("%", 100.0),
+        value,
+    }
+}
+
+/// Every figure that is printed, in this order.
+pub(super) const QUANTITIES: [Quantity; 10] = [
+    Quantity {
+        label: "field in the centre",
+        key_per_ampere: "centre_T_per_A",
+        key: "centre_T",
+        shown_per_ampere: ("uT/A", 1e6),
+        shown: ("mT", 1e3),
+        value: |f| f.centre_t,
+    },
+    Quantity {
+        label: "mean over the core",
+        key_per_ampere: "core_mean_T_per_A",
+        key: "core_mean_T",
+        shown_per_ampere: ("uT/A", 1e6),
+        shown: ("mT", 1e3),
+        value: |f| f.core_mean_t,
+    },
+    share("std/mean, r8", "cv_r8", |f| f.cv[0]),
+    share("std/mean, r6", "cv_r6", |f| f.cv[1]),
+    share("std/mean, r4", "cv_r4", |f| f.cv[2]),
+    share("peak to peak, axial", "axial_pp", |f| f.axial_pp),
+    share("peak to peak, radial", "radial_pp", |f| f.radial_pp),
+    Quantity {
+        label: "flux linkage",
+        key_per_ampere: "inductance_H",
+        key: "linkage_Wb",
+        shown_per_ampere: ("uH", 1e6),
+        shown: ("uWb", 1e6),
+        value: |f| f.linkage_wb,
+    },
+    Quantity {
+        label: "attraction of the halves",
+        key_per_ampere: "force_N_per_A2",
+        key: "force_N",
+        shown_per_ampere: ("mN/A^2", 1e3),
+        shown: ("mN", 1e3),
+        value: |f| f.force_n,
+    },
+    Quantity {
+        label: "greatest in the plates",
+        key_per_ampere: "plate_max_T_per_A",
+        key: "plate_max_T",
+        shown_per_ampere: ("mT/A", 1e3),
+        shown: ("mT", 1e3),
+        value: |f| f.plate_max_t,
+    },
+];
+
+/// Figures, or their errors, under their keys.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct KeyedFigures {
+    /// What drives the field.
+    pub(super) drive: Drive,
+    /// The figures in SI units.
+    pub(super) figures: Figures,
+}
+
+impl Serialize for KeyedFigures {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut map = serializer.serialize_map(Some(QUANTITIES.len()))?;
+        for quantity in &QUANTITIES {
+            map.serialize_entry(quantity.key(self.drive), &(quantity.value)(&self.figures))?;
+        }
+        map.end()
+    }
+}
