@@ -16,6 +16,11 @@ use crate::failure::Failure;
 
 /// Compare designs
 #[derive(Args)]
+#[command(after_help = "\
+error is the estimated relative error of centre and core mean; --json has that of every figure.
+
+Example
+  palpate field compare A C1in closed")]
 pub(super) struct Arguments {
     /// Files, or names of built-in designs
     #[arg(required = true)]
@@ -101,6 +106,9 @@ fn table(outcomes: &[ComparedDesign]) -> Table {
         let KeyedFigures { drive, figures } = &outcome.solved.keyed;
         let cell = |quantity: &Quantity| {
             let value = quantity.shown(*drive).1 * (quantity.value)(figures);
+            if value == 0.0 {
+                return String::new();
+            }
             let digits = if value.abs() < 1.0 {
                 4
             } else if value.abs() < 10.0 {

@@ -87,6 +87,10 @@ impl SolvedFigures {
             let (unit, scale) = quantity.shown(*drive);
             let [value, error] =
                 [figures, &self.errors.figures].map(|of| scale * (quantity.value)(of));
+            // A design without plates has no field in them.
+            if value == 0.0 && error == 0.0 {
+                continue;
+            }
             let (label, digits) = (quantity.label, 3 + usize::from(value.abs() < 1.0));
             text.push_str(&format!(
                 "  {label:<27} {value:>12.digits$} {unit:<7} (+- {error:.1e})\n"

@@ -121,11 +121,16 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The heads of the figures' columns: a figure, and the estimated errors of all at the end.
+/// The heads of the columns: figures, what else is known, and the estimated error of each figure.
 fn columns(drive: Drive) -> impl Iterator<Item = String> {
     let figures = QUANTITIES.iter().map(move |q| q.key(drive).to_owned());
-    let rest = ["resistance_ohm", "error_estimate", "refused"];
-    figures.chain(rest.map(str::to_owned))
+    let errors = QUANTITIES.iter();
+    let errors = errors.map(move |q| format!("{}_error", q.key(drive)));
+    let rest = ["resistance_ohm", "error_estimate"].map(str::to_owned);
+    figures
+        .chain(rest)
+        .chain(errors)
+        .chain(["refused".to_owned()])
 }
 
 /// A point's row under the varied numbers and [`columns`].
@@ -142,12 +147,14 @@ fn row(
     match outcome {
         Ok((resistance_ohm, solved)) => {
             let figures = QUANTITIES.iter().map(|q| (q.value)(&solved.keyed.figures));
-            let numbers = figures.chain([*resistance_ohm, solved.error_estimate]);
+            let errors = QUANTITIES.iter().map(|q| (q.value)(&solved.errors.figures));
+            let rest = [*resistance_ohm, solved.error_estimate];
+            let numbers = figures.chain(rest).chain(errors);
             row.extend(numbers.map(|number| format!("{number:.9e}")));
             row.push(String::new());
         }
         Err(failure) => {
-            row.extend(vec![String::new(); QUANTITIES.len() + 2]);
+            row.extend(vec![String::new(); 2 * QUANTITIES.len() + 2]);
             row.push(failure.to_string());
         }
     }

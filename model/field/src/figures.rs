@@ -4,8 +4,8 @@ use core::f64::consts::TAU;
 
 use crate::design::Design;
 use crate::force;
-use crate::geometry::distance;
 use crate::mesh::Zone;
+use crate::plates;
 use crate::solve::{Level, Locator};
 
 /// What a field is judged by. In the same form, the errors of such figures.
@@ -33,15 +33,20 @@ pub struct Figures {
     pub plate_max_t: f64,
 }
 
-/// Corners are singular: so much about them is left out of the greatest field in the plates.
-const CORNER_M: f64 = 1e-4;
 /// Intervals of the profiles that peak-to-peak values are taken from.
 const STEPS: u32 = 100;
 
-impl Figures {
+/// Figures with the profiles behind their peak-to-peak values.
+pub(crate) struct ProfiledFigures {
+    /// The figures.
+    pub(crate) figures: Figures,
+    /// |B| along the core's axis and along its radius over the mean of each.
+    profiles: [Vec<f64>; 2],
+}
+
+impl ProfiledFigures {
     /// Computes all figures of a solution.
-    #[must_use]
-    pub fn of(design: &Design, level: &Level, w: &[f64]) -> Self {
+    pub(crate) fn of(design: &Design, level: &Level, w: &[f64]) -> Self {
         let locator = Locator::new(level, w);
         let core = &design.core;
         let middle = core.middle_m();
@@ -55,17 +60,41 @@ impl Figures {
             let r = share(step) * core.r_m;
             locator.at([inward(r, [0.0, core.r_m]), middle]).size()
         });
-        Self {
+        let profiles = [over_mean(axial.collect()), over_mean(radial.collect())];
+        let figures = Figures {
             centre_t: locator.at([0.0, middle]).b[1],
             core_mean_t,
             cv,
-            axial_pp: peak_to_peak(axial),
-            radial_pp: peak_to_peak(radial),
+            axial_pp: peak_to_peak(&profiles[0]),
+            radial_pp: peak_to_peak(&profiles[1]),
             linkage_wb: linkage(design, level, w),
             force_n: force::by_virtual_work(design, level, w, &locator),
             force_by_stress_n: force::by_stress(design, level, &locator),
-            plate_max_t: plate_max(design, level, w),
+            plate_max_t: plates::greatest(design, level, w, &locator),
+        };
+        Self { figures, profiles }
+    }
+
+    /// Absolute differences; of the peak-to-peak values the most that the profiles' differences can
+    /// amount to, which does not vanish by chance.
+    pub(crate) fn change_from(&self, other: &Self) -> Figures {
+        let [axial_pp, radial_pp] = [0, 1].map(|line: usize| {
+            let both = self.profiles[line].iter().zip(&other.profiles[line]);
+            2.0 * both.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+        });
+        Figures {
+            axial_pp,
+            radial_pp,
+            ..self.figures.change_from(&other.figures)
         }
+    }
+}
+
+impl Figures {
+    /// Computes all figures of a solution.
+    #[must_use]
+    pub fn of(design: &Design, level: &Level, w: &[f64]) -> Self {
+        ProfiledFigures::of(design, level, w).figures
     }
 
     fn map(&self, other: &Self, f: impl Fn(f64, f64) -> f64) -> Self {
@@ -107,19 +136,18 @@ fn inward(place: f64, [from, to]: [f64; 2]) -> f64 {
     place.clamp(from + margin, to - margin)
 }
 
-fn peak_to_peak(values: impl Iterator<Item = f64>) -> f64 {
-    let (mut low, mut high, mut sum, mut count) = (f64::INFINITY, f64::NEG_INFINITY, 0.0, 0.0);
-    for value in values {
-        low = low.min(value);
-        high = high.max(value);
-        sum += value;
-        count += 1.0;
-    }
-    if sum > 0.0 {
-        (high - low) * count / sum
-    } else {
-        0.0
-    }
+/// Values over their mean; all 0 where that is 0.
+fn over_mean(mut values: Vec<f64>) -> Vec<f64> {
+    let mean = values.iter().sum::<f64>() / values.len() as f64;
+    let scale = if mean > 0.0 { 1.0 / mean } else { 0.0 };
+    values.iter_mut().for_each(|value| *value *= scale);
+    values
+}
+
+fn peak_to_peak(values: &[f64]) -> f64 {
+    let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let low = values.iter().copied().fold(f64::INFINITY, f64::min);
+    high - low
 }
 
 /// Mean |B| and the coefficients of variation in the three shells of the core.
@@ -163,30 +191,4 @@ fn linkage(design: &Design, level: &Level, w: &[f64]) -> f64 {
         }
     });
     linkage
-}
-
-fn plate_max(design: &Design, level: &Level, w: &[f64]) -> f64 {
-    let mesh = &level.space.mesh;
-    let corners: Vec<_> = mesh
-        .corners
-        .iter()
-        .map(|&corner| mesh.position(corner))
-        .collect();
-    let mut greatest = 0.0_f64;
-    level.visit(w, |at| {
-        let part = at
-            .region
-            .part
-            .and_then(|part| design.parts.get(part as usize));
-        let far = || {
-            corners
-                .iter()
-                .all(|&corner| distance(at.point, corner) > CORNER_M)
-        };
-        let b = at.b[0].hypot(at.b[1]);
-        if b > greatest && part.is_some_and(|part| !part.cast) && far() {
-            greatest = b;
-        }
-    });
-    greatest
 }

@@ -10,5 +10,6 @@ pub mod heat;
 pub mod layer;
 pub mod material;
 pub mod mesh;
+pub mod plates;
 pub mod sensing;
 pub mod solve;

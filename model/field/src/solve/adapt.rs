@@ -3,11 +3,11 @@
 use super::assembly::Level;
 use super::evaluate::{invert, value_at};
 use super::indicator::{decay, jumps, mark};
-use super::judge::{WEAK, axis, centre_error, close, estimate, goal, rough, scores};
+use super::judge::{WEAK, axis, centre_error, close, estimate, goal, plate_peak, rough, scores};
 use super::newton::{Excitation, Pattern, SolveError, balance};
 use super::space::Space;
 use crate::design::Design;
-use crate::figures::Figures;
+use crate::figures::{Figures, ProfiledFigures};
 use crate::mesh;
 
 /// How accurate a solution is to be.
@@ -79,21 +79,23 @@ pub fn solve(
     mesh.refine_corners(CORNER_SIZE * mesh.circle.radius);
     let mut level = Level::new(design, Space::new(mesh, accuracy.order), excitation);
     let mut guess = vec![0.0; level.space.count];
-    let mut history: Vec<Figures> = Vec::new();
-    let mut linear_solves = 0;
+    let mut last: Option<ProfiledFigures> = None;
     let mut changes: Option<Figures> = None;
+    let mut levels = 0;
+    let mut linear_solves = 0;
     let mut refined_locally = false;
     let mut last_profile: Vec<f64> = Vec::new();
     let mut axis_settled = false;
     loop {
         let pattern = Pattern::of(&level);
         let balanced = balance(&level, &pattern, guess)?;
+        levels += 1;
         linear_solves += balanced.steps;
-        let figures = Figures::of(design, &level, &balanced.w);
-        history.push(figures);
+        let profiled = ProfiledFigures::of(design, &level, &balanced.w);
+        let figures = profiled.figures;
         let primal = jumps(&level, &balanced.w, &balanced.w, level.background_t);
         let decay = decay(&level.space, &balanced.w);
-        let rough = rough(
+        let mut rough = rough(
             design,
             &level,
             &primal,
@@ -101,16 +103,31 @@ pub fn solve(
             accuracy.relative,
             figures.core_mean_t,
         );
-        let estimated = estimate(&history);
+        let plates = plate_peak(
+            design,
+            &level,
+            &balanced.w,
+            figures.plate_max_t,
+            &primal,
+            &decay,
+        );
+        for (rough, coarse) in rough.iter_mut().zip(&plates.coarse) {
+            *rough |= coarse;
+        }
+        let estimated = last
+            .as_ref()
+            .map(|last| estimate(profiled.change_from(last), &figures, changes));
         changes = match (changes, estimated) {
             // Where only a few triangles were refined, little change says little.
             (Some(before), Some(now)) if refined_locally => Some(now.greater_of(&before)),
             (_, now) => now,
         };
+        last = Some(profiled);
         let errors = changes.map(|mut errors: Figures| {
             errors.centre_t = errors
                 .centre_t
                 .max(centre_error(design, &level, &primal, &decay));
+            errors.plate_max_t = plates.error_t;
             errors
         });
         let profile = axis(&level, &balanced.w);
@@ -133,7 +150,7 @@ pub fn solve(
         {
             let report = SolveReport {
                 unknowns: level.space.count,
-                levels: history.len(),
+                levels,
                 newton_iterations: balanced.steps,
                 linear_solves,
             };

@@ -43,6 +43,8 @@ pub struct At<'p> {
     pub region: &'p Region,
     /// Index of the region.
     pub index: usize,
+    /// Index of the triangle.
+    pub triangle: usize,
 }
 
 impl Level {
@@ -100,6 +102,7 @@ impl Level {
                     w: value,
                     region: &region,
                     index: triangle.region as usize,
+                    triangle: index,
                 });
             }
         }

@@ -155,7 +155,7 @@ impl<'l> Locator<'l> {
     }
 
     /// The triangle of a point inside the circle.
-    pub(super) fn triangle(&self, point: Point) -> Option<usize> {
+    pub(crate) fn triangle(&self, point: Point) -> Option<usize> {
         let inside =
             self.level.space.mesh.circle.distance(point) <= self.level.space.mesh.circle.radius;
         let found = inside.then(|| self.find(point, 0)).flatten();

@@ -10,13 +10,12 @@ use crate::design::Design;
 use crate::element::shape::Placed;
 use crate::figures::Figures;
 use crate::mesh::{Triangle, Zone};
+use crate::plates;
 
 /// Relative to the core's mean, below which a field on the axis is weak.
 pub(super) const WEAK: f64 = 0.02;
 /// How much less accurate inductance and force may be than the field: at 1e-4 they are within 0.2 %.
 const WIDER: f64 = 20.0;
-/// A difference between meshes may vanish by chance; so much of the one before still counts.
-const MEMORY: f64 = 0.25;
 
 /// B_x along the axis within the circle, T.
 pub(super) fn axis(level: &Level, w: &[f64]) -> Vec<f64> {
@@ -118,26 +117,93 @@ pub(super) fn close(
 /// fast. At the edge of a permeable plate they do not, and the finer one's error is up to 2.3 times
 /// the change (found on `C1in` against fourth order at 3e-6): hence a factor of 3 everywhere.
 const SAFETY: f64 = 3.0;
+/// A change may vanish by chance, and one after a local refinement says little: so much of each
+/// earlier estimate still counts. Over 68 solutions of the built-in designs, from 1e-3 to 3e-5, the
+/// true error of a homogeneity or a profile exceeds the estimate in 6 with a quarter, in 2 with 0.4,
+/// in none with a half.
+const MEMORY: f64 = 0.5;
+/// The flux linkage is an energy, of which the error has one sign and falls on every mesh. What is
+/// known of it bounds what can be known of other integrals: at least this share of its relative error
+/// is counted for the core's mean, the whole field's homogeneity, and the force. In the same 68
+/// solutions the true errors are up to 0.14, 1.8 and 0.5 of it.
+const LEAST_OF_LINKAGE: LinkageShares = LinkageShares {
+    core_mean: 0.25,
+    cv: 2.0,
+    force: 1.0,
+};
 
-pub(super) fn estimate(history: &[Figures]) -> Option<Figures> {
-    let last = history.last()?;
-    let before = history
-        .len()
-        .checked_sub(2)
-        .and_then(|index| history.get(index))?;
-    let change = last.change_from(before).scaled(SAFETY);
-    Some(
-        match history
-            .len()
-            .checked_sub(3)
-            .and_then(|index| history.get(index))
+struct LinkageShares {
+    core_mean: f64,
+    cv: f64,
+    force: f64,
+}
+
+/// The estimated errors on a mesh, from those on the one before and the change since then.
+pub(super) fn estimate(change: Figures, figures: &Figures, before: Option<Figures>) -> Figures {
+    let mut errors = change.scaled(SAFETY);
+    if let Some(before) = before {
+        errors = errors.greater_of(&before.scaled(MEMORY));
+    }
+    let energy = errors.linkage_wb / figures.linkage_wb.abs();
+    // A design without a coil has no linkage.
+    if energy.is_finite() {
+        let least = LEAST_OF_LINKAGE;
+        let raise = |error: &mut f64, size: f64| *error = error.max(energy * size.abs());
+        raise(
+            &mut errors.core_mean_t,
+            least.core_mean * figures.core_mean_t,
+        );
+        raise(&mut errors.cv[0], least.cv);
+        raise(&mut errors.force_n, least.force * figures.force_n);
+        raise(
+            &mut errors.force_by_stress_n,
+            least.force * figures.force_by_stress_n,
+        );
+    }
+    errors
+}
+
+/// What is known of the greatest field in the plates.
+pub(super) struct PlatePeak {
+    /// Its estimated error, T.
+    pub(super) error_t: f64,
+    /// Triangles in which a greater field may hide.
+    pub(super) coarse: Vec<bool>,
+}
+
+/// Triangles are halved until the greatest field in the plates is known to this share of it. On C1in,
+/// C1out, backplates and pot a twentieth takes half as much time again and halves the true error, which
+/// is at most a quarter of the estimate: 1.6 % on C1in.
+const PLATE: f64 = 0.2;
+
+/// Judges the greatest field in the plates by the jumps and the decay about each triangle there.
+pub(super) fn plate_peak(
+    design: &Design,
+    level: &Level,
+    w: &[f64],
+    greatest_t: f64,
+    jumps: &Jumps,
+    decay: &[f64],
+) -> PlatePeak {
+    let mut peak = PlatePeak {
+        error_t: 0.0,
+        coarse: vec![false; level.space.mesh.triangles.len()],
+    };
+    let locator = Locator::new(level, w);
+    plates::visit(design, level, w, &locator, |triangle, size_t| {
+        let of = |errors: &[f64]| errors.get(triangle).copied().unwrap_or(0.0);
+        let error_t = SAFETY * of(&jumps.field_t).max(2.0 * of(decay));
+        let most_t = size_t + error_t;
+        let is_greatest = size_t >= greatest_t;
+        peak.error_t = peak.error_t.max(most_t - greatest_t);
+        if let Some(coarse) = peak.coarse.get_mut(triangle)
+            && error_t > PLATE * greatest_t
+            && (most_t > greatest_t || is_greatest)
         {
-            Some(earlier) => {
-                change.greater_of(&before.change_from(earlier).scaled(SAFETY * MEMORY))
-            }
-            None => change,
-        },
-    )
+            *coarse = true;
+        }
+    });
+    peak
 }
 
 /// The energy's error and that of the fields which users look at count alike.

@@ -1,0 +1,70 @@
+//! The greatest flux density in the plates.
+//!
+//! At corners the field is singular, so that a disc about each is left out. Within a part of one
+//! permeability |B|² has its greatest value on the boundary, and near a corner that is the disc's
+//! edge: it is sampled there, besides the points of integration.
+
+use core::f64::consts::TAU;
+
+use crate::design::Design;
+use crate::geometry::{Point, distance};
+use crate::solve::{Level, Locator};
+
+/// Radius of the disc about a corner that is left out, m.
+pub const CORNER_M: f64 = 1e-4;
+/// Points on its edge: |B| falls with a third power at most about a corner, and turns by 11 degrees
+/// from point to point.
+const AROUND: u32 = 32;
+
+/// Greatest |B| in the plates, T, corners left out; 0 without a plate.
+#[must_use]
+pub fn greatest(design: &Design, level: &Level, w: &[f64], locator: &Locator<'_>) -> f64 {
+    let mut greatest = 0.0_f64;
+    visit(design, level, w, locator, |_, size_t| {
+        greatest = greatest.max(size_t)
+    });
+    greatest
+}
+
+/// Calls `found` with triangle and |B|, T, at every point that counts.
+pub(crate) fn visit(
+    design: &Design,
+    level: &Level,
+    w: &[f64],
+    locator: &Locator<'_>,
+    mut found: impl FnMut(usize, f64),
+) {
+    if design.parts.iter().all(|part| part.cast) {
+        return;
+    }
+    let mesh = &level.space.mesh;
+    let corners = mesh.corners.iter().map(|&corner| mesh.position(corner));
+    let corners: Vec<Point> = corners.collect();
+    let counts = |part: Option<u32>, point: Point| {
+        let part = part.and_then(|part| design.parts.get(part as usize));
+        let far = |&corner: &Point| distance(point, corner) > CORNER_M;
+        part.is_some_and(|part| !part.cast) && corners.iter().all(far)
+    };
+    level.visit(w, |at| {
+        if counts(at.region.part, at.point) {
+            found(at.triangle, at.b[0].hypot(at.b[1]));
+        }
+    });
+    for corner in &corners {
+        for step in 0..AROUND {
+            let (sine, cosine) = (TAU * f64::from(step) / f64::from(AROUND)).sin_cos();
+            let reach = CORNER_M * (1.0 + 1e-6);
+            let point = [corner[0] + reach * cosine, corner[1] + reach * sine];
+            if point[0] < 0.0 {
+                continue;
+            }
+            let at = locator.at(point);
+            let region = mesh.regions.get(at.region as usize);
+            if let Some(triangle) = locator.triangle(point)
+                && region.is_some_and(|region| counts(region.part, point))
+            {
+                found(triangle, at.size());
+            }
+        }
+    }
+}
