@@ -27,6 +27,8 @@ pub enum Material {
         knee_t: f64,
         /// Exponent n, at least 2.
         exponent: f64,
+        /// Share of the metal across the field, above 0 to 1; the rest is air beside it.
+        fill: f64,
     },
 }
 
@@ -55,7 +57,9 @@ impl Material {
         match *self {
             Self::Linear { mu_r } => mu_r,
             Self::Powder { chi, .. } => 1.0 + chi,
-            Self::Metal { initial_mu_r, .. } => initial_mu_r,
+            Self::Metal {
+                initial_mu_r, fill, ..
+            } => 1.0 + fill * (initial_mu_r - 1.0),
         }
     }
 
@@ -83,7 +87,17 @@ impl Material {
                 chi: fill * chi,
                 saturation_a_per_m: fill * saturation_a_per_m,
             },
-            metal @ Self::Metal { .. } => metal,
+            Self::Metal {
+                initial_mu_r,
+                knee_t,
+                exponent,
+                fill: before,
+            } => Self::Metal {
+                initial_mu_r,
+                knee_t,
+                exponent,
+                fill: before * fill,
+            },
         }
     }
 
@@ -115,7 +129,8 @@ impl Material {
                 initial_mu_r,
                 knee_t,
                 exponent,
-            } => metal(b_t, initial_mu_r, knee_t, exponent),
+                fill,
+            } => beside_air(b_t, fill, |b_t| metal(b_t, initial_mu_r, knee_t, exponent)),
         }
     }
 
@@ -183,6 +198,51 @@ fn metal(b_t: f64, initial: f64, knee_t: f64, exponent: f64) -> Reluctivity {
     }
 }
 
+/// Material that takes the share `fill` of a plane, beside air. H is the same in both, so that
+/// B = fill B_m + (1 − fill) μ₀ H(B_m): the flux density B_m in the material lies between B and B/fill.
+fn beside_air(b_t: f64, fill: f64, material: impl Fn(f64) -> Reluctivity) -> Reluctivity {
+    let air = (1.0 - fill) * MU_0;
+    if fill >= 1.0 || b_t <= 0.0 {
+        let Reluctivity { nu, slope } = material(b_t);
+        return Reluctivity {
+            nu: nu / (fill + air * nu),
+            slope,
+        };
+    }
+    let state = |b_m: f64| {
+        let Reluctivity { nu, slope } = material(b_m);
+        (nu * b_m, nu + slope * b_m)
+    };
+    let (mut low, mut high) = (b_t, b_t / fill);
+    let mut b_m = high;
+    let mut last_step = high - low;
+    // Newton's steps, and halved intervals where those leave the range or do not become shorter.
+    for _ in 0..100 {
+        let (h, differential) = state(b_m);
+        let excess = fill * b_m + air * h - b_t;
+        if excess > 0.0 {
+            high = b_m;
+        } else {
+            low = b_m;
+        }
+        let step = excess / (fill + air * differential);
+        let next = b_m - step;
+        let better = next > low && next < high && step.abs() < 0.5 * last_step;
+        let next = if better { next } else { 0.5 * (low + high) };
+        last_step = (next - b_m).abs();
+        b_m = next;
+        if last_step <= 1e-15 * b_m {
+            break;
+        }
+    }
+    let (h, differential) = state(b_m);
+    let nu = h / b_t;
+    Reluctivity {
+        nu,
+        slope: (differential / (fill + air * differential) - nu) / b_t,
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -195,7 +255,26 @@ mod tests {
         initial_mu_r: 1e5,
         knee_t: 1.25,
         exponent: 12.0,
+        fill: 1.0,
     };
+
+    /// Pillars of soft metal carry all flux that their share of the plane does not leave to the air.
+    #[test]
+    fn soft_metal_is_diluted() {
+        for fill in [0.05, 0.5] {
+            let pillars = METAL.diluted(fill);
+            assert!((pillars.initial_mu_r() / (1.0 + fill * (1e5 - 1.0)) - 1.0).abs() < 1e-12);
+            for b_m in [1e-9, 0.1, 1.2, 1.6, 2.5] {
+                let h = METAL.reluctivity(b_m).nu * b_m;
+                let b = fill * b_m + (1.0 - fill) * MU_0 * h;
+                let found = pillars.reluctivity(b).nu * b;
+                assert!(
+                    (found / h - 1.0).abs() < 1e-9,
+                    "{fill} {b_m}: {found:e} {h:e}"
+                );
+            }
+        }
+    }
 
     #[test]
     fn powder_follows_its_law() {
@@ -209,7 +288,7 @@ mod tests {
 
     #[test]
     fn slopes_are_derivatives() {
-        for material in [POWDER, METAL] {
+        for material in [POWDER, METAL, METAL.diluted(0.4)] {
             for b in [0.01, 0.3, 1.0, 1.25, 1.6, 2.5] {
                 let step = 1e-6;
                 let nu = |b: f64| material.reluctivity(b).nu;
@@ -223,7 +302,7 @@ mod tests {
 
     #[test]
     fn energy_integrates_h() {
-        for material in [POWDER, METAL] {
+        for material in [POWDER, METAL, METAL.diluted(0.4)] {
             let steps = 200_000;
             let b_t = 1.5;
             let width = b_t / f64::from(steps);

@@ -265,6 +265,7 @@ impl Reader<'_> {
                 initial_mu_r: self.within(initial, &place("initial_mu_r"), 1.0, 1e9)?,
                 knee_t: self.within(knee, &place("knee_T"), 1e-3, 100.0)?,
                 exponent: self.within(exponent, &place("exponent"), 2.0, 20.0)?,
+                fill: 1.0,
             }),
             _ => {
                 let place = format!("material.{name}");
