@@ -36,8 +36,15 @@ impl Drive {
         }
     }
 
-    /// The field.
+    /// The field, to the accuracy that is asked for.
     pub(super) fn solve(self, design: &Design, effort: &Effort) -> Result<Solved, Failure> {
+        let solved = self.attempt(design, effort)?;
+        reached(design, &solved)?;
+        Ok(solved)
+    }
+
+    /// The field, whatever its accuracy.
+    pub(super) fn attempt(self, design: &Design, effort: &Effort) -> Result<Solved, Failure> {
         let excitation = match self {
             Self::PerAmpere => Excitation::small(design, 1.0),
             Self::Current(current_a) => Excitation::saturating(design, current_a),
@@ -64,5 +71,42 @@ impl Drive {
             Self::Current(current_a) => format!("at {current_a} A {background}"),
             Self::Background => background,
         }
+    }
+}
+
+/// Refuses a field whose accuracy was not reached.
+pub(super) fn reached(design: &Design, solved: &Solved) -> Result<(), Failure> {
+    if solved.report.reached {
+        return Ok(());
+    }
+    Err(Failure::Refused(format!(
+        "{}: the accuracy is not reached with {} unknowns, the relative error of centre and core mean is {:.1e}: ask for less by --accuracy, or leave out the smallest details",
+        design.name,
+        solved.report.unknowns,
+        solved.relative_error()
+    )))
+}
+
+#[cfg(test)]
+mod tests {
+    use palpate_field::design::builtin;
+    use palpate_field::solve::Accuracy;
+
+    use super::*;
+
+    #[test]
+    fn an_accuracy_that_is_not_reached_ends_the_command() {
+        let design = builtin("A").unwrap();
+        let solved = |most_unknowns: usize| {
+            let accuracy = Accuracy {
+                relative: 1e-3,
+                most_unknowns,
+                ..Accuracy::default()
+            };
+            solve(&design, &Excitation::small(&design, 1.0), &accuracy).unwrap()
+        };
+        assert!(reached(&design, &solved(100_000)).is_ok());
+        let refused = reached(&design, &solved(3_000)).unwrap_err();
+        assert!(refused.to_string().contains("not reached"), "{refused}");
     }
 }

@@ -8,7 +8,7 @@ use palpate_field::figures::Figures;
 use palpate_field::solve::{SolveReport, Solved};
 use serde::Serialize;
 
-use super::drive::Drive;
+use super::drive::{Drive, reached};
 use super::input::{DesignSource, Effort, current};
 use super::quantities::{KeyedFigures, QUANTITIES};
 use crate::failure::Failure;
@@ -49,18 +49,13 @@ pub(super) struct SolvedFigures {
     pub(super) errors: KeyedFigures,
 }
 
-/// The greater of the relative errors of centre and core mean.
-fn relative_error(figures: &Figures, errors: &Figures) -> f64 {
-    let centre = errors.centre_t / figures.centre_t.abs();
-    centre.max(errors.core_mean_t / figures.core_mean_t)
-}
-
 impl SolvedFigures {
     /// Solves a design.
     pub(super) fn solve(design: &Design, drive: Drive, effort: &Effort) -> Result<Self, Failure> {
         Ok(Self::of(&drive.solve(design, effort)?, drive))
     }
 
+    /// The figures of a field.
     fn of(solved: &Solved, drive: Drive) -> Self {
         let keyed = |figures: Figures| KeyedFigures { drive, figures };
         let SolveReport {
@@ -71,7 +66,7 @@ impl SolvedFigures {
         } = solved.report;
         Self {
             keyed: keyed(solved.figures),
-            error_estimate: relative_error(&solved.figures, &solved.errors),
+            error_estimate: solved.relative_error(),
             unknowns,
             newton_iterations,
             linear_solves_on_all_meshes: linear_solves,
@@ -130,43 +125,56 @@ struct CurrentFigures {
 pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let design = arguments.source.load()?;
     let effort = &arguments.source.effort;
-    let first = Drive::of(&design, None)?;
-    let driven = arguments.current.map(|a| Drive::of(&design, Some(a)));
-    let driven = driven.transpose()?;
+    let first_drive = Drive::of(&design, None)?;
+    let current = arguments.current.map(|current_a| {
+        let drive = Drive::of(&design, Some(current_a))?;
+        Ok::<_, Failure>((current_a, drive, drive.attempt(&design, effort)?))
+    });
+    let current = current.transpose()?;
+    let first = first_drive.attempt(&design, effort)?;
     let outcome = DesignFigures {
         design: design.name.clone(),
         background_T: design.background_t,
         resistance_ohm: design.resistance_ohm(),
-        first: SolvedFigures::solve(&design, first, effort)?,
-        at_current: match (arguments.current, driven) {
-            (Some(current_a), Some(drive)) => Some(CurrentFigures {
-                current_A: current_a,
+        first: SolvedFigures::of(&first, first_drive),
+        at_current: current
+            .as_ref()
+            .map(|(current_a, drive, solved)| CurrentFigures {
+                current_A: *current_a,
                 power_W: current_a * current_a * design.resistance_ohm(),
-                solved: SolvedFigures::solve(&design, drive, effort)?,
+                solved: SolvedFigures::of(solved, *drive),
             }),
-            _ => None,
-        },
     };
     let mut out = io::stdout().lock();
     if arguments.json {
         serde_json::to_writer_pretty(&mut out, &outcome)?;
-        return Ok(writeln!(out)?);
+        writeln!(out)?;
+    } else {
+        write!(out, "{}", outcome.explain(&design))?;
     }
-    let title = match first {
-        Drive::PerAmpere => "per ampere at small currents".to_owned(),
-        drive => drive.words(&design),
-    };
-    write!(out, "{}, {title}\n{}", design.name, outcome.first.explain())?;
-    if !design.coils.is_empty() {
-        writeln!(out, "  resistance {:.4} ohm", outcome.resistance_ohm)?;
+    // What was found is printed in any case, with its errors.
+    let fields = [Some(&first), current.as_ref().map(|(_, _, solved)| solved)];
+    fields
+        .into_iter()
+        .flatten()
+        .try_for_each(|solved| reached(&design, solved))
+}
+
+impl DesignFigures {
+    fn explain(&self, design: &Design) -> String {
+        let title = match self.first.keyed.drive {
+            Drive::PerAmpere => "per ampere at small currents".to_owned(),
+            drive => drive.words(design),
+        };
+        let mut text = format!("{}, {title}\n{}", self.design, self.first.explain());
+        if !design.coils.is_empty() {
+            text.push_str(&format!("  resistance {:.4} ohm\n", self.resistance_ohm));
+        }
+        if let Some(at) = &self.at_current {
+            let (words, power) = (at.solved.keyed.drive.words(design), at.power_W);
+            text.push_str(&format!("{words} ({power:.1} W), with saturation\n"));
+            text.push_str(&at.solved.explain());
+        }
+        text
     }
-    if let (Some(at), Some(drive)) = (&outcome.at_current, driven) {
-        let (words, power) = (drive.words(&design), at.power_W);
-        write!(
-            out,
-            "{words} ({power:.1} W), with saturation\n{}",
-            at.solved.explain()
-        )?;
-    }
-    Ok(())
 }

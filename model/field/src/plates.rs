@@ -1,6 +1,6 @@
 //! The greatest flux density in the plates.
 //!
-//! At corners the field is singular, so that a disc about each is left out. Within a part of one
+//! At corners the field is singular, so that a disc of [`CORNER_M`] about each is left out. Within a part of one
 //! permeability |B|² has its greatest value on the boundary, and near a corner that is the disc's
 //! edge: it is sampled there, besides the points of integration.
 
@@ -8,11 +8,10 @@ use core::f64::consts::TAU;
 
 use crate::design::Design;
 use crate::geometry::{Point, distance};
+use crate::mesh::CORNER_M;
 use crate::solve::{Level, Locator};
 
-/// Radius of the disc about a corner that is left out, m.
-pub const CORNER_M: f64 = 1e-4;
-/// Points on its edge: |B| falls with a third power at most about a corner, and turns by 11 degrees
+/// Points on the edge of the disc about a corner: |B| falls with a third power at most about a corner, and turns by 11 degrees
 /// from point to point.
 const AROUND: u32 = 32;
 

@@ -18,6 +18,9 @@ pub use plan::{Region, Zone};
 use crate::geometry::Point;
 use crate::geometry::path::PathCurve;
 
+/// About corners of permeable parts the field is singular: nearer than this no accuracy is stated, m.
+pub const CORNER_M: f64 = 1e-4;
+
 /// A triangulation.
 #[derive(Clone, Debug)]
 pub struct Mesh {

@@ -253,7 +253,8 @@ fn as_rectangle(corners: &[Point]) -> Option<Rectangle> {
     })
 }
 
-/// Vertices at which the line between two permeabilities turns or branches, off the axis.
+/// Vertices at which the line between two permeabilities turns or branches. On the axis it goes on as
+/// its mirror image: it turns where it does not meet the axis at a right angle, as at a cone's tip.
 fn corners(design: &Design, circle: &Circle, arrangement: &Arrangement) -> Vec<usize> {
     let permeability = |point: Point| {
         let region = Region::at(design, circle, point);
@@ -281,10 +282,12 @@ fn corners(design: &Design, circle: &Circle, arrangement: &Arrangement) -> Vec<u
             .filter(|piece| piece.ends.contains(&vertex))
             .map(|piece| direction(&arrangement.path(piece), at))
             .collect();
+        let straight = |a: Point, b: Point| a[0] * b[0] + a[1] * b[1] <= -0.999;
         match leaving[..] {
             [] => false,
-            [a, b] => a[0] * b[0] + a[1] * b[1] > -0.999,
-            _ => at[0] > 0.0,
+            [a] if at[0] == 0.0 => !straight(a, [-a[0], a[1]]),
+            [a, b] => !straight(a, b),
+            _ => true,
         }
     };
     (0..arrangement.vertices.len())

@@ -3,7 +3,9 @@
 use super::assembly::Level;
 use super::evaluate::{invert, value_at};
 use super::indicator::{decay, jumps, mark};
-use super::judge::{WEAK, axis, centre_error, close, estimate, goal, plate_peak, rough, scores};
+use super::judge::{
+    WEAK, axis, centre_error, centre_size, close, estimate, goal, plate_peak, rough, scores,
+};
 use super::newton::{Excitation, Pattern, SolveError, balance};
 use super::space::Space;
 use crate::design::Design;
@@ -43,6 +45,9 @@ pub struct SolveReport {
     pub newton_iterations: usize,
     /// Linear solves on all meshes.
     pub linear_solves: usize,
+    /// Whether the accuracy that was asked for is reached; otherwise refinement ended at
+    /// [`Accuracy::most_unknowns`].
+    pub reached: bool,
 }
 
 /// A solved design.
@@ -60,6 +65,16 @@ pub struct Solved {
     pub errors: Figures,
     /// How it came about.
     pub report: SolveReport,
+}
+
+impl Solved {
+    /// The greater of the estimated relative errors of centre and core mean. The centre's is relative
+    /// to at least half of the core's mean: opposed coils have no field there.
+    #[must_use]
+    pub fn relative_error(&self) -> f64 {
+        let centre = self.errors.centre_t / centre_size(&self.figures);
+        centre.max(self.errors.core_mean_t / self.figures.core_mean_t)
+    }
 }
 
 /// Share of the indicator that is refined at a time. Half makes the unknowns grow by about 1.7.
@@ -95,14 +110,7 @@ pub fn solve(
         let figures = profiled.figures;
         let primal = jumps(&level, &balanced.w, &balanced.w, level.background_t);
         let decay = decay(&level.space, &balanced.w);
-        let mut rough = rough(
-            design,
-            &level,
-            &primal,
-            &decay,
-            accuracy.relative,
-            figures.core_mean_t,
-        );
+        let mut rough = rough(design, &level, &primal, &decay, accuracy.relative, &figures);
         let plates = plate_peak(
             design,
             &level,
@@ -145,14 +153,16 @@ pub fn solve(
         let settled = axis_settled
             && changes.is_some_and(|e| close(&e, &figures, design, excitation, accuracy));
         let full = 2 * level.space.count > accuracy.most_unknowns;
+        let reached = settled && !rough.contains(&true);
         if let Some(errors) = errors
-            && ((settled && !rough.contains(&true)) || full)
+            && (reached || full)
         {
             let report = SolveReport {
                 unknowns: level.space.count,
                 levels,
                 newton_iterations: balanced.steps,
                 linear_solves,
+                reached,
             };
             return Ok(Solved {
                 level,

@@ -9,11 +9,14 @@ use super::space::Space;
 use crate::design::Design;
 use crate::element::shape::Placed;
 use crate::figures::Figures;
-use crate::mesh::{Triangle, Zone};
+use crate::geometry::{Point, distance};
+use crate::mesh::{CORNER_M, Triangle, Zone};
 use crate::plates;
 
 /// Relative to the core's mean, below which a field on the axis is weak.
 pub(super) const WEAK: f64 = 0.02;
+/// The same for the core's centre: opposed coils have no field there.
+const WEAK_CENTRE: f64 = 0.5;
 /// How much less accurate inductance and force may be than the field: at 1e-4 they are within 0.2 %.
 const WIDER: f64 = 20.0;
 
@@ -38,7 +41,7 @@ pub(super) fn rough(
     jumps: &Jumps,
     decay: &[f64],
     relative: f64,
-    core_mean_t: f64,
+    figures: &Figures,
 ) -> Vec<bool> {
     let mesh = &level.space.mesh;
     let judged = |triangle: &Triangle| {
@@ -48,21 +51,29 @@ pub(super) fn rough(
             .any(|&vertex| mesh.position(vertex)[0] == 0.0);
         on_axis || mesh.region(triangle).zone >= Zone::ThreeQuarters
     };
-    let at_corner =
-        |triangle: &Triangle| triangle.vertices.iter().any(|v| mesh.corners.contains(v));
+    // About a corner the field has no scale: triangles would be halved there without end.
+    let at_corner = |triangle: &Triangle| {
+        let places = mesh.corners_of(triangle);
+        let near = |&vertex: &u32| {
+            let corner = mesh.position(vertex);
+            let within = |&place: &Point| distance(place, corner) <= CORNER_M;
+            triangle.vertices.contains(&vertex) || places.iter().all(within)
+        };
+        mesh.corners.iter().any(near)
+    };
     let fields = jumps.field_t.iter().zip(&jumps.size_t);
     mesh.triangles
         .iter()
         .zip(fields.zip(decay))
         .map(|(triangle, ((&jump, &size), &decay))| {
-            let limit = relative * size.max(WEAK * core_mean_t);
-            let safety = if at_centre(design, level, triangle) {
-                SAFETY
+            let (safety, size) = if at_centre(design, level, triangle) {
+                (SAFETY, centre_size(figures))
             } else {
-                1.0
+                (1.0, size.max(WEAK * figures.core_mean_t))
             };
+            let limit = relative * size;
             let error = safety * jump.max(2.0 * decay);
-            error > limit && judged(triangle) && !at_corner(triangle)
+            judged(triangle) && error > limit && !at_corner(triangle)
         })
         .collect()
 }
@@ -91,6 +102,15 @@ fn at_centre(design: &Design, level: &Level, triangle: &Triangle) -> bool {
     on_axis && low <= middle && middle <= high && !mesh.region(triangle).exterior
 }
 
+/// What the error of the field in the centre is relative to, T: the field there, but at least half of
+/// the core's mean.
+pub(super) fn centre_size(figures: &Figures) -> f64 {
+    figures
+        .centre_t
+        .abs()
+        .max(WEAK_CENTRE * figures.core_mean_t)
+}
+
 /// Whether the estimated errors are small enough: centre and mean field as asked for, integrals over
 /// the whole of the field [`WIDER`] times that. A force that cancels is held to a hundredth of the
 /// energy over the gap.
@@ -107,7 +127,7 @@ pub(super) fn close(
     let least = 0.01 * energy / (design.core.x_m[1] - design.core.x_m[0]);
     let force = WIDER * figures.force_n.abs().max(least);
     within(errors.core_mean_t, figures.core_mean_t)
-        && within(errors.centre_t, figures.centre_t)
+        && within(errors.centre_t, centre_size(figures))
         && within(errors.linkage_wb, WIDER * figures.linkage_wb)
         && within(errors.force_n, force)
         && within(errors.force_by_stress_n, force)

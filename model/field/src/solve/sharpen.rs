@@ -10,9 +10,8 @@ use super::space::Space;
 use crate::design::Design;
 use crate::figures::Figures;
 use crate::geometry::{Point, distance};
+use crate::mesh::CORNER_M;
 
-/// About corners of permeable parts the field is singular: so near nothing is promised, m.
-const CORNER_M: f64 = 1e-4;
 /// Rounds after which it ends in any case. Each halves triangles; twice four of them are a sixteenth.
 const MOST_ROUNDS: usize = 16;
 /// Unknowns at which it ends in any case.

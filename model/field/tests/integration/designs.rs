@@ -87,6 +87,71 @@ fn the_estimates_cover_the_errors() {
     }
 }
 
+/// A plate above two rings, whose outline is given.
+fn plate_above_rings(outline: &str, upper_sense: &str) -> Design {
+    let ring = |x: f64, sense: &str| {
+        let to = x + 1.0;
+        format!(
+            "[[coil]]\nname = \"{x}\"\nr = [10.0, 14.0]\nx = [{x}, {to}]\nturns = 10\nsense = \"{sense}\"\n"
+        )
+    };
+    let text = format!(
+        "name = \"x\"\nlength_unit = \"mm\"\n[core]\nr = 3.0\nx = [-2.0, 2.0]\n\
+         [conductor]\nresistivity_ohm_m = 1.7e-8\ncurrent_A = 1.0\n\
+         [material.m]\nmu_r = 1000.0\n{}{}\
+         [[plate]]\nname = \"p\"\nmaterial = \"m\"\nshape = {{ outline = {outline} }}\n",
+        ring(-5.0, "+"),
+        ring(4.0, upper_sense),
+    );
+    Design::parse("x.toml", &text).expect("a design")
+}
+
+/// Cones, polygons about the axis and opposed coils take no more unknowns than other designs.
+#[test]
+fn tips_on_the_axis_and_fields_of_zero_are_no_burden() {
+    let ball: Vec<[f64; 2]> = (0..20)
+        .map(|corner| f64::from(corner) / 19.0 * core::f64::consts::PI)
+        .map(|angle| [6.0 * angle.sin().max(1e-9), 9.0 - 6.0 * angle.cos()])
+        .map(|[r, x]| [if r < 1e-6 { 0.0 } else { r }, x])
+        .collect();
+    let disc = "[[20, 20], [22, 20], [22, 22], [20, 22]]";
+    for (outline, sense) in [
+        ("[[0, 3], [4, 9], [0, 9]]", "+"),
+        (&*format!("{ball:?}"), "+"),
+        (disc, "-"),
+    ] {
+        let design = plate_above_rings(outline, sense);
+        let excitation = Excitation::small(&design, 1.0);
+        let accuracy = Accuracy {
+            most_unknowns: 60_000,
+            ..Accuracy::default()
+        };
+        let solved = solve(&design, &excitation, &accuracy).expect("a field");
+        assert!(
+            solved.report.reached,
+            "{outline} {sense}: {:?}",
+            solved.report
+        );
+        assert!(
+            solved.report.unknowns < 15_000,
+            "{outline} {sense}: {:?}",
+            solved.report
+        );
+        assert!(solved.relative_error() <= 1e-4);
+    }
+}
+
+#[test]
+fn an_accuracy_that_is_not_reached_is_reported() {
+    let design = builtin("A").expect("built in");
+    let accuracy = Accuracy {
+        most_unknowns: 6_000,
+        ..Accuracy::default()
+    };
+    let solved = solve(&design, &Excitation::small(&design, 1.0), &accuracy).expect("a field");
+    assert!(!solved.report.reached && solved.relative_error() > 1e-4);
+}
+
 /// Profiles are within 1 % wherever they run, away from corners.
 #[test]
 fn profiles_along_and_across() {
