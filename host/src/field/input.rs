@@ -98,11 +98,28 @@ pub(super) fn text_of(name: &str) -> Result<(String, String), Failure> {
             allowed: format!("a file, or {}", BUILTIN.join(", ")),
         });
     }
-    let text = std::fs::read_to_string(name).map_err(|reason| Failure::Unreadable {
+    Ok((name.to_owned(), text_of_file(name)?))
+}
+
+/// Most bytes of a file that is read: a thousand times a built-in design.
+const MOST_BYTES: u64 = 2_000_000;
+
+/// The text of a file. Pipes and devices, which may never end, and files beyond any design are refused.
+pub(super) fn text_of_file(name: &str) -> Result<String, Failure> {
+    let unreadable = |reason: io::Error| Failure::Unreadable {
         file: name.into(),
         reason,
-    })?;
-    Ok((name.to_owned(), text))
+    };
+    let data = std::fs::metadata(name).map_err(unreadable)?;
+    if data.is_dir() || (data.is_file() && data.len() <= MOST_BYTES) {
+        return std::fs::read_to_string(name).map_err(unreadable);
+    }
+    Err(Failure::Input {
+        file: name.into(),
+        line: 1,
+        problem: "is no plain file, or too large".to_owned(),
+        allowed: format!("a file of at most {MOST_BYTES} bytes"),
+    })
 }
 
 /// A design from its text, with numbers changed.
@@ -118,11 +135,17 @@ pub(super) fn parse(name: &str, text: &str, settings: &[(String, f64)]) -> Resul
         problem,
         allowed: "a path to a number, as in parameters.gap or body.mse.shape.semi_r".to_owned(),
     })?;
-    let changes: Vec<String> = settings
-        .iter()
-        .map(|(path, value)| format!("{path}={value}"))
-        .collect();
-    Design::parse(&format!("{name} with {}", changes.join(" ")), &text).map_err(refused)
+    // The changed text has the user's lines.
+    Design::parse(name, &text).map_err(|mut error| {
+        let changes = settings
+            .iter()
+            .map(|(path, value)| format!("{path}={value}"));
+        let changes: Vec<String> = changes.collect();
+        error
+            .problem
+            .push_str(&format!(", with {}", changes.join(" ")));
+        refused(error)
+    })
 }
 
 fn refused(error: DesignError) -> Failure {

@@ -8,6 +8,7 @@ mod mse;
 mod optimise;
 mod profile;
 mod quantities;
+mod rows;
 mod solve;
 mod stack;
 mod sweep;

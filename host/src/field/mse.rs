@@ -6,6 +6,7 @@ use palpate_field::layer::Elastomer;
 use serde::Deserialize;
 use toml::Spanned;
 
+use super::input::text_of_file;
 use crate::failure::Failure;
 
 /// Keys of an elastomer's file.
@@ -28,10 +29,7 @@ pub(super) fn elastomer(name: &str) -> Result<Elastomer, Failure> {
         "soft" => Ok(Elastomer::SOFT),
         "ultrasoft" => Ok(Elastomer::ULTRASOFT),
         _ => {
-            let text = std::fs::read_to_string(name).map_err(|reason| Failure::Unreadable {
-                file: name.into(),
-                reason,
-            })?;
+            let text = text_of_file(name)?;
             read(name, &text)
         }
     }

@@ -1,12 +1,13 @@
 //! `palpate field sweep`: figures over a grid of parameters.
 
-use std::io;
+use std::path::PathBuf;
 
 use clap::Args;
 
 use super::drive::Drive;
 use super::input::{DesignSource, parse, text_of};
 use super::quantities::QUANTITIES;
+use super::rows::RowFile;
 use super::solve::SolvedFigures;
 use crate::failure::Failure;
 use crate::in_order::in_order;
@@ -19,13 +20,18 @@ Example: the gap and the radius of the body, 200 designs on all cores
   palpate field sweep B1 --vary parameters.gap=3..7:20 --vary body.mse.shape.semi_r=10..20:10
 
 A point that is no design (parts that overlap, say) keeps its row, with the reason.
-Rows are printed as they are computed: an interrupted sweep has the rows of its first points.")]
+Rows are written as they are computed: an interrupted sweep has the rows of its first points. With
+--out the same command goes on after the rows that the file has.
+Exit code 1 when every point is refused.")]
 pub(super) struct Arguments {
     #[command(flatten)]
     source: DesignSource,
     /// A number of the design, its range and how many values
     #[arg(long, required = true, value_name = "PATH=FROM..TO:COUNT", value_parser = axis)]
     vary: Vec<Axis>,
+    /// Write there instead of to standard output; what the file has of the same sweep is kept
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
 }
 
 /// One number that is varied.
@@ -98,26 +104,35 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     // A path that does not exist is an error of the command, not of each point.
     palpate_field::design::vary::set(&text, &settings(0)).map_err(Failure::Argument)?;
     let drive = Drive::of(&parse(&name, &text, &[])?, None)?;
-    let progress = Progress::new(total);
-    let outcome = |point| {
-        let design = parse(&name, &text, &settings(point))?;
+    let heads: Vec<String> = arguments
+        .vary
+        .iter()
+        .map(|axis| axis.path.clone())
+        .collect();
+    let heads: Vec<String> = heads.into_iter().chain(columns(drive)).collect();
+    let varied = |point: usize| varied(&arguments.vary, &settings(point));
+    let mut rows = match &arguments.out {
+        None => RowFile::standard_output(&heads)?,
+        Some(path) => RowFile::resumed(path, &heads, varied)?,
+    };
+    let done = rows.count.min(total);
+    let progress = Progress::new(total - done);
+    let outcome = |index| {
+        let design = parse(&name, &text, &settings(done + index))?;
         let solved = SolvedFigures::solve(&design, drive, &arguments.source.effort)?;
         Ok((design.resistance_ohm(), solved))
     };
-    let mut out = csv::Writer::from_writer(io::stdout());
-    let mut write = |row: Vec<String>| -> Result<(), Failure> {
-        out.write_record(row)
-            .map_err(|error| Failure::Output(error.into()))?;
-        Ok(out.flush()?)
-    };
-    let paths = arguments.vary.iter().map(|axis| axis.path.as_str());
-    write(paths.map(str::to_owned).chain(columns(drive)).collect())?;
-    in_order(total, outcome, |point, outcome| {
-        write(row(&arguments.vary, &settings(point), &outcome))?;
+    in_order(total - done, outcome, |index, outcome| {
+        rows.write(&row(varied(done + index), &outcome))?;
         progress.step();
         Ok(())
     })?;
     progress.finish();
+    if rows.all_refused {
+        return Err(Failure::Refused(
+            "every point is refused: the last column says why".to_owned(),
+        ));
+    }
     Ok(())
 }
 
@@ -133,17 +148,17 @@ fn columns(drive: Drive) -> impl Iterator<Item = String> {
         .chain(["refused".to_owned()])
 }
 
-/// A point's row under the varied numbers and [`columns`].
-fn row(
-    vary: &[Axis],
-    settings: &[(String, f64)],
-    outcome: &Result<(f64, SolvedFigures), Failure>,
-) -> Vec<String> {
+/// The varied numbers of a point.
+fn varied(vary: &[Axis], settings: &[(String, f64)]) -> Vec<String> {
     let value = |axis: &Axis| {
         let set = settings.iter().rfind(|(path, _)| *path == axis.path);
         set.map_or(String::new(), |(_, value)| value.to_string())
     };
-    let mut row: Vec<String> = vary.iter().map(value).collect();
+    vary.iter().map(value).collect()
+}
+
+/// A point's row under the varied numbers and [`columns`].
+fn row(mut row: Vec<String>, outcome: &Result<(f64, SolvedFigures), Failure>) -> Vec<String> {
     match outcome {
         Ok((resistance_ohm, solved)) => {
             let figures = QUANTITIES.iter().map(|q| (q.value)(&solved.keyed.figures));

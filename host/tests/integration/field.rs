@@ -164,6 +164,9 @@ fn a_sweep_keeps_every_point() {
     let (code, complaint) = refused(&["sweep", "B1", "--vary", "parameters.width=1..2:3"]);
     assert_eq!(code, Some(2), "{complaint}");
     assert!(complaint.contains("there: gap"), "{complaint}");
+    let none = palpate(&["sweep", "B1", "--vary", "parameters.gap=-2..-1:2"]);
+    assert_eq!(none.status.code(), Some(1));
+    assert_eq!(String::from_utf8(none.stdout).unwrap().lines().count(), 3);
 }
 
 #[test]
@@ -276,8 +279,17 @@ fn refusals_name_file_and_line() {
     let (code, complaint) = refused(&["solve", "D7"]);
     assert_eq!(code, Some(2));
     assert!(complaint.contains("air, A, A0"), "{complaint}");
-    let (code, complaint) = refused(&["solve", "A", "--set", "parameters.gap=0"]);
+    // A changed number's message names the user's own line.
+    std::fs::write(&path, format!("# mine\n{shown}")).unwrap();
+    let file = path.to_str().unwrap();
+    let (code, complaint) = refused(&["solve", file, "--set", "parameters.gap=0"]);
     assert_eq!(code, Some(2), "{complaint}");
+    let index = format!("mine.toml, line {}: core.x: ", 1 + line("x = [1.64,"));
+    assert!(complaint.contains(&index), "{complaint}");
+    assert!(complaint.contains("with parameters.gap=0"), "{complaint}");
+    let (code, complaint) = refused(&["solve", "/dev/zero"]);
+    assert_eq!(code, Some(2), "{complaint}");
+    assert!(complaint.contains("no plain file"), "{complaint}");
     std::fs::write(&path, "modulus_Pa = 1e5\nrise = -3.0\nhalf_T = 0.30\n").unwrap();
     let (code, complaint) = refused(&["stack", "A", "--mse", path.to_str().unwrap()]);
     assert_eq!(code, Some(2));

@@ -1,78 +1,98 @@
 //! Changing numbers in a design's text by their path: `parameters.gap`, `coil.lower inner.x.1`.
 
-use toml::{Table, Value};
+use core::ops::Range;
 
-/// Sets numbers in a text. A path names tables, entries of a list by their `name` or their place
-/// from 0, and ends at a number or at a text with arithmetic, which the number replaces.
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+/// Sets numbers in a text, which otherwise stays as it is: comments, order and lines. A path names
+/// tables, entries of a list by their `name` or their place from 0, and ends at a number or at a text
+/// with arithmetic, which the number replaces.
 ///
 /// # Errors
 /// A sentence that names the path and what is there.
 pub fn set(text: &str, settings: &[(String, f64)]) -> Result<String, String> {
-    if settings.is_empty() {
-        return Ok(text.to_owned());
-    }
-    let table: Table = text
-        .parse()
-        .map_err(|error: toml::de::Error| error.to_string())?;
-    let mut root = Value::Table(table);
+    let mut text = text.to_owned();
     for (path, value) in settings {
-        let place = find(&mut root, path)?;
-        match place {
-            Value::Integer(_) | Value::Float(_) | Value::String(_) => {
-                // What counts things stays whole.
-                let whole = matches!(place, Value::Integer(_)) && value.fract() == 0.0;
-                #[allow(
-                    clippy::cast_possible_truncation,
-                    reason = "saturates; checked on reading"
-                )]
-                let new = if whole {
-                    Value::Integer(*value as i64)
-                } else {
-                    Value::Float(*value)
-                };
-                *place = new;
-            }
-            other => return Err(format!("{path:?} is {}, no number", other.type_str())),
-        }
+        let (place, whole) = find(&text, path)?;
+        // What counts things stays whole.
+        let number = if whole && value.fract() == 0.0 {
+            format!("{value:.0}")
+        } else {
+            format!("{value:?}")
+        };
+        text.replace_range(place, &number);
     }
-    toml::to_string(&root).map_err(|error| error.to_string())
+    Ok(text)
 }
 
-fn find<'v>(root: &'v mut Value, path: &str) -> Result<&'v mut Value, String> {
-    let mut place = root;
+/// The number at the end of a path.
+///
+/// # Errors
+/// As [`set`]; and where a text with arithmetic stands, which has no number of its own.
+pub fn get(text: &str, path: &str) -> Result<f64, String> {
+    let (place, _) = find(text, path)?;
+    let number = text.get(place).unwrap_or_default();
+    let plain = number.replace('_', "");
+    plain.parse().map_err(|_| {
+        format!("{path:?} is {number}, and not a number by itself: change what it is computed from")
+    })
+}
+
+/// Where the number of a path stands in the text, and whether it is an integer.
+fn find(text: &str, path: &str) -> Result<(Range<usize>, bool), String> {
+    let table = DeTable::parse(text).map_err(|error| error.message().to_owned())?;
+    let span = table.span();
+    let root = Spanned::new(span, DeValue::Table(table.into_inner()));
+    let mut place = &root;
     for step in path.split('.') {
-        let known = keys(place);
-        let next = match place {
-            Value::Table(table) => table.get_mut(step),
-            Value::Array(items) => {
-                let named = |item: &Value| item.get("name").and_then(Value::as_str) == Some(step);
-                let index = items.iter().position(named).or_else(|| step.parse().ok());
-                index.and_then(|index| items.get_mut(index))
+        let next = match place.get_ref() {
+            DeValue::Table(table) => {
+                let mut entries = table.iter();
+                let entry = entries.find(|(key, _)| key.get_ref() == step);
+                entry.map(|(_, value)| value)
+            }
+            DeValue::Array(items) => {
+                let mut named = items.iter();
+                let found = named.find(|item| name_of(item.get_ref()) == Some(step));
+                let number = step.parse().ok().and_then(|index: usize| items.get(index));
+                found.or(number)
             }
             _ => None,
         };
         place = next.ok_or_else(|| {
-            format!(
-                "there is no {step:?} in {path:?}; there: {}",
-                known.join(", ")
-            )
+            let known = keys(place.get_ref()).join(", ");
+            format!("there is no {step:?} in {path:?}; there: {known}")
         })?;
     }
-    Ok(place)
+    match place.get_ref() {
+        DeValue::Integer(_) => Ok((place.span(), true)),
+        DeValue::Float(_) | DeValue::String(_) => Ok((place.span(), false)),
+        other => Err(format!("{path:?} is {}, no number", other.type_str())),
+    }
 }
 
-fn keys(value: &Value) -> Vec<String> {
+/// The `name` of an entry of a list.
+fn name_of<'v>(item: &'v DeValue<'_>) -> Option<&'v str> {
+    let DeValue::Table(table) = item else {
+        return None;
+    };
+    let (_, name) = table.iter().find(|(key, _)| key.get_ref() == "name")?;
+    match name.get_ref() {
+        DeValue::String(name) => Some(name),
+        _ => None,
+    }
+}
+
+fn keys(value: &DeValue<'_>) -> Vec<String> {
     match value {
-        Value::Table(table) => table.keys().cloned().collect(),
-        Value::Array(items) => items
+        DeValue::Table(table) => table.keys().map(|key| key.get_ref().to_string()).collect(),
+        DeValue::Array(items) => items
             .iter()
             .enumerate()
-            .map(
-                |(index, item)| match item.get("name").and_then(Value::as_str) {
-                    Some(name) => name.to_owned(),
-                    None => index.to_string(),
-                },
-            )
+            .map(|(index, item)| {
+                name_of(item.get_ref()).map_or_else(|| index.to_string(), str::to_owned)
+            })
             .collect(),
         other => vec![format!("{} and nothing below", other.type_str())],
     }
@@ -100,5 +120,20 @@ mod tests {
         let error = with("body.mse.shape.radius", 12.0).expect_err("no such key");
         assert!(error.contains("semi_r"), "{error}");
         assert!(with("body", 1.0).is_err());
+        assert_eq!(get(text, "parameters.gap"), Ok(5.0));
+        assert!(get(text, "core.x.1").is_err());
+    }
+
+    /// A changed text differs in its numbers only, so that messages about it name the user's lines.
+    #[test]
+    fn comments_and_lines_stay() {
+        let text = "# mine\n[parameters]\ngap = 5.0 # mm\n[[coil]]\nname = \"a\"\nrings = 7\n";
+        let settings = [("parameters.gap", 4.5), ("coil.a.rings", 5.0)];
+        let changed = set(
+            text,
+            &settings.map(|(path, value)| (path.to_owned(), value)),
+        );
+        let expected = text.replace("5.0", "4.5").replace('7', "5");
+        assert_eq!(changed, Ok(expected));
     }
 }

@@ -187,23 +187,23 @@ impl Work {
 
     fn keep(&mut self, [a, b]: [u32; 2], segment: KeptSegment) -> Result<(), MeshError> {
         if a == b || !self.delaunay.can_add_constraint(handle(a), handle(b)) {
-            return Err(MeshError(format!(
-                "lines cross or nearly touch between {:?} and {:?} m: move them apart, or onto each other",
-                self.at(a),
-                self.at(b)
-            )));
+            return Err(self.touching(a, b));
         }
         self.delaunay.add_constraint(handle(a), handle(b));
         if !self.delaunay.exists_constraint(handle(a), handle(b)) {
             // A vertex lies on the line.
-            return Err(MeshError(format!(
-                "a corner lies on the line from {:?} to {:?} m without dividing it",
-                self.at(a),
-                self.at(b)
-            )));
+            return Err(self.touching(a, b));
         }
         self.segments.insert([a.min(b), a.max(b)], segment);
         Ok(())
+    }
+
+    /// A curve that touches a line without crossing it leaves a gap that ends in an angle of nothing.
+    fn touching(&self, a: u32, b: u32) -> MeshError {
+        let [r_mm, x_mm] = [0, 1].map(|axis| 500.0 * (self.at(a)[axis] + self.at(b)[axis]));
+        MeshError(format!(
+            "two outlines, or an outline and the edge of the core (its whole, three quarters and half of its radius), touch near r = {r_mm:.4} mm, x = {x_mm:.4} mm without crossing: change one of them by 0.01 mm or more"
+        ))
     }
 
     /// Halves a line along its curve.
