@@ -1,5 +1,6 @@
 //! `palpate field`: the magnetic field of the actuated layer.
 
+mod candidate;
 mod compare;
 mod drive;
 mod figures;

@@ -186,9 +186,45 @@ fn an_optimum_within_bounds() {
     let gap = text
         .lines()
         .find_map(|line| line.strip_prefix("parameters.gap = "));
-    let gap: f64 = gap.unwrap().parse().unwrap();
+    // It may end at a bound, which is said behind the number.
+    let gap: f64 = gap.unwrap().split(',').next().unwrap().parse().unwrap();
     assert!((4.0..=6.0).contains(&gap));
     assert!(text.contains("std/mean of |B| in the core"), "{text}");
+    // It begins with the user's own design, and keeps limits and comments.
+    let search = |more: &[&str]| {
+        let mut arguments = vec![
+            "optimise",
+            "closed",
+            "--goal",
+            "merit",
+            "--accuracy",
+            "1e-2",
+        ];
+        arguments.extend(["--vary", "parameters.disc=7..7.9", "--budget", "3"]);
+        arguments.extend(more);
+        palpate(&arguments)
+    };
+    let found = search(&[]);
+    let text = String::from_utf8(found.stdout).unwrap();
+    let first = text.lines().next().unwrap();
+    assert!(first.contains("merit eps w_D w_L 2.1"), "{text}");
+    assert!(first.contains("parameters.disc=7.5"), "{text}");
+    let text = String::from_utf8(search(&["--print"]).stdout).unwrap();
+    assert!(text.contains("# radius of the elastomer"), "{text}");
+    let beyond = search(&["--most-power", "9"]);
+    assert_eq!(beyond.status.code(), Some(1));
+    let text = String::from_utf8(beyond.stdout).unwrap();
+    assert!(text.contains("9.7264 W, above the limit of 9"), "{text}");
+    let (code, complaint) = refused(&[
+        "optimise",
+        "closed",
+        "--goal",
+        "merit",
+        "--vary",
+        "parameters.disc=4..5",
+    ]);
+    assert_eq!(code, Some(2));
+    assert!(complaint.contains("the design has 7.5"), "{complaint}");
 }
 
 #[test]

@@ -40,7 +40,7 @@ impl Lattice {
         let circle = picture.solved.level.space.mesh.circle;
         let locator = Locator::new(&picture.solved.level, &picture.solved.w);
         let step = circle.radius / COLUMNS as f64;
-        let [low, high] = height(picture.design);
+        let [low, high] = picture.design.height_m();
         // A third of the radius above and below shows where the field lines go.
         let (from, to) = (low - 0.33 * circle.radius, high + 0.33 * circle.radius);
         #[allow(
@@ -74,19 +74,6 @@ impl Lattice {
     fn to_mm(&self) -> [f64; 2] {
         [self.columns as f64, self.rows as f64].map(|cells| cells * self.step_mm)
     }
-}
-
-/// From where to where the design reaches along the axis, m.
-fn height(design: &Design) -> [f64; 2] {
-    let parts = design.parts.iter().flat_map(|part| part.shape.extremes());
-    let parts = parts.map(|point| point[1]);
-    let boards = design.boards.iter().flat_map(|board| board.section.x_m);
-    let rings = design.coils.iter().flat_map(|coil| &coil.rings);
-    let all = parts.chain(boards).chain(rings.flat_map(|ring| ring.x_m));
-    all.chain(design.core.x_m)
-        .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| {
-            [low.min(x), high.max(x)]
-        })
 }
 
 pub(super) fn draw(picture: &Picture<'_>) -> Result<String, String> {

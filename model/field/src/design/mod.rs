@@ -228,6 +228,32 @@ impl Design {
             .sum()
     }
 
+    /// Every corner of boards, copper, bodies and plates, m.
+    fn extremes(&self) -> impl Iterator<Item = [f64; 2]> {
+        let rings = self.coils.iter().flat_map(|coil| &coil.rings);
+        let boards = self.boards.iter().map(|board| &board.section);
+        let corner = |section: &Rectangle| section.x_m.map(|x| [section.r_m[1], x]);
+        let parts = self.parts.iter().flat_map(|part| part.shape.extremes());
+        rings.chain(boards).flat_map(corner).chain(parts)
+    }
+
+    /// From where to where it reaches along the axis, m, the core included.
+    #[must_use]
+    pub fn height_m(&self) -> [f64; 2] {
+        let places = self.extremes().map(|[_, x]| x).chain(self.core.x_m);
+        places.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| {
+            [low.min(x), high.max(x)]
+        })
+    }
+
+    /// How far it reaches from the axis, m, the core included.
+    #[must_use]
+    pub fn radius_m(&self) -> f64 {
+        self.extremes()
+            .map(|[r, _]| r)
+            .fold(self.core.r_m, f64::max)
+    }
+
     /// Whether any of its materials saturates.
     #[must_use]
     pub fn saturates(&self) -> bool {
