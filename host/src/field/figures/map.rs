@@ -6,17 +6,14 @@ use palpate_field::geometry::shape::Shape;
 use palpate_field::solve::Locator;
 use plotters::prelude::*;
 
+use super::scale::{ColourScale, colour};
 use super::{FONT, LABEL, Picture, TITLE};
 use crate::plot::{self, Area};
 
 /// Half a millimetre of a 70 mm wide picture is three of these.
 const COLUMNS: usize = 200;
-/// Bands of colour.
-const BANDS: i32 = 18;
-/// Field lines through one side of the mid-plane.
-const LINES: u32 = 16;
-/// The map ends at so many decades below its greatest field.
-const DECADES: f64 = 2.0;
+/// Field lines for the greatest flux of either sense.
+const LINES: i32 = 16;
 
 /// Values on a lattice over r ≥ 0.
 struct Lattice {
@@ -26,16 +23,11 @@ struct Lattice {
     rows: usize,
     /// |B|, in mT.
     size: Vec<f64>,
-    /// Flux through the circle, in any unit.
+    /// Flux through the circle, in any unit; its sign is its sense.
     flux: Vec<f64>,
 }
 
 impl Lattice {
-    /// The greatest |B|, mT.
-    fn greatest(&self) -> f64 {
-        self.size.iter().copied().fold(0.0, f64::max)
-    }
-
     fn of(picture: &Picture<'_>) -> Self {
         let circle = picture.solved.level.space.mesh.circle;
         let locator = Locator::new(&picture.solved.level, &picture.solved.w);
@@ -89,12 +81,18 @@ pub(super) fn draw(picture: &Picture<'_>) -> Result<String, String> {
     let (width, height) = (1520 + 140 + 260, (tall * scale) as u32 + 200);
     plot::svg((width, height), |root| {
         let (chart_area, legend) = root.split_horizontally(width - 250);
-        draw_map(picture, &lattice, &chart_area)?;
-        colour_bar(&legend, lattice.greatest(), &picture.unit)
+        let scale = ColourScale::of(&lattice.size);
+        draw_map(picture, &lattice, &scale, &chart_area)?;
+        scale.draw(&legend, &picture.unit)
     })
 }
 
-fn draw_map(picture: &Picture<'_>, lattice: &Lattice, area: &Area<'_>) -> Result<(), String> {
+fn draw_map(
+    picture: &Picture<'_>,
+    lattice: &Lattice,
+    scale: &ColourScale,
+    area: &Area<'_>,
+) -> Result<(), String> {
     let [reach, tall] = lattice.to_mm();
     let title = format!(
         "{}: flux density and field lines {}",
@@ -107,15 +105,9 @@ fn draw_map(picture: &Picture<'_>, lattice: &Lattice, area: &Area<'_>) -> Result
         .y_label_area_size(100)
         .build_cartesian_2d(-reach..reach, lattice.from_x_mm..lattice.from_x_mm + tall)
         .map_err(text)?;
-    let greatest = lattice.greatest();
-    let band = |size: f64| {
-        let decades = (size / greatest).log10();
-        #[allow(clippy::cast_possible_truncation, reason = "clamped to the bands")]
-        let band = (f64::from(BANDS) * (1.0 + decades / DECADES)) as i32;
-        band.clamp(0, BANDS - 1)
-    };
+    let band = |size: f64| scale.band(size);
     chart.draw_series(cells(lattice, band)).map_err(text)?;
-    for line in field_lines(lattice)? {
+    for line in field_lines(lattice, picture.design)? {
         for side in [-1.0, 1.0] {
             let line = line.iter().map(|&(r, x)| (side * r, x));
             let style = WHITE.mix(0.75).stroke_width(2);
@@ -173,16 +165,22 @@ fn cells(lattice: &Lattice, band: impl Fn(f64) -> i32) -> Vec<Rectangle<(f64, f6
     found
 }
 
-fn colour(band: i32) -> RGBColor {
-    ViridisRGB::get_color_normalized(f64::from(band), 0.0, f64::from(BANDS - 1))
-}
-
-/// Lines of equal flux, in mm.
-fn field_lines(lattice: &Lattice) -> Result<Vec<Vec<(f64, f64)>>, String> {
-    let greatest = lattice.flux.iter().copied().fold(0.0, f64::max);
-    let levels: Vec<f64> = (1..LINES)
+/// Lines at equal steps of flux, of both senses, in mm. Plates gather nearly all of them, where they
+/// would merge: there the colour alone shows the field.
+fn field_lines(lattice: &Lattice, design: &Design) -> Result<Vec<Vec<(f64, f64)>>, String> {
+    let greatest = lattice
+        .flux
+        .iter()
+        .map(|flux| flux.abs())
+        .fold(0.0, f64::max);
+    let lines = (1 - LINES..LINES).filter(|line| *line != 0);
+    let levels: Vec<f64> = lines
         .map(|line| greatest * f64::from(line) / f64::from(LINES))
         .collect();
+    let in_plate = |point: [f64; 2]| {
+        let mut plates = design.parts.iter().filter(|part| !part.cast);
+        plates.any(|plate| plate.contains(point))
+    };
     let half = 0.5 * lattice.step_mm;
     let builder = ContourBuilder::new(lattice.columns, lattice.rows, true)
         .x_step(lattice.step_mm)
@@ -192,7 +190,11 @@ fn field_lines(lattice: &Lattice) -> Result<Vec<Vec<(f64, f64)>>, String> {
     let [reach, tall] = lattice.to_mm();
     let inside = |&(r, x): &(f64, f64)| {
         let top = lattice.from_x_mm + tall;
-        r < reach - half && x > lattice.from_x_mm + half && x < top - half
+        // The edge of the lattice at the axis is no field line either.
+        let shown = (1.01 * half..reach - half).contains(&r)
+            && x > lattice.from_x_mm + half
+            && x < top - half;
+        shown && !in_plate([1e-3 * r, 1e-3 * x])
     };
     let mut lines = Vec::new();
     for level in &found {
@@ -238,45 +240,57 @@ fn outlines(design: &Design) -> Vec<(Vec<(f64, f64)>, ShapeStyle)> {
     found
 }
 
-/// What the colours stand for.
-fn colour_bar(area: &Area<'_>, greatest: f64, unit: &str) -> Result<(), String> {
-    #[allow(clippy::cast_possible_wrap, reason = "pixels")]
-    let height = area.dim_in_pixel().1 as i32;
-    let (top, bottom) = (120, height - 120);
-    let at = |band: i32| bottom - (bottom - top) * band / BANDS;
-    for band in 0..BANDS {
-        let corners = [(10, at(band + 1)), (60, at(band))];
-        let block = Rectangle::new(corners, colour(band).filled());
-        area.draw(&block).map_err(text)?;
-    }
-    let label = |words: String, place: (i32, i32)| {
-        area.draw(&Text::new(words, place, (FONT, LABEL)))
-            .map_err(text)
-    };
-    label(format!("|B| / {unit}"), (0, top - 60))?;
-    for band in (0..=BANDS).step_by(3) {
-        let size = greatest * 10_f64.powf(DECADES * (f64::from(band) / f64::from(BANDS) - 1.0));
-        let words = if band == 0 {
-            format!("< {}", short(size))
-        } else {
-            short(size)
-        };
-        label(words, (72, at(band) - 15))?;
-    }
-    Ok(())
-}
-
-/// Three digits.
-fn short(value: f64) -> String {
-    #[allow(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "0 to 6"
-    )]
-    let digits = (2.0 - value.abs().max(1e-9).log10().floor()).clamp(0.0, 6.0) as usize;
-    format!("{value:.digits$}")
-}
-
 fn text(error: impl std::fmt::Display) -> String {
     error.to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use palpate_field::design::builtin_text;
+    use palpate_field::solve::{Accuracy, Excitation, solve};
+
+    use super::*;
+
+    /// The field lines of the coils in air, with the senses of the lower and the upper board.
+    fn lines(senses: [&str; 2]) -> Vec<Vec<(f64, f64)>> {
+        let text = builtin_text("air").unwrap();
+        let mut design = Design::parse("air.toml", text).unwrap();
+        for coil in &mut design.coils {
+            let upper = usize::from(coil.name.starts_with("upper"));
+            coil.sense = if senses[upper] == "+" { 1.0 } else { -1.0 };
+        }
+        let accuracy = Accuracy {
+            relative: 1e-2,
+            ..Accuracy::default()
+        };
+        let solved = solve(&design, &Excitation::small(&design, 1.0), &accuracy).unwrap();
+        let picture = Picture {
+            design: &design,
+            solved: &solved,
+            unit: String::new(),
+            driven: String::new(),
+        };
+        field_lines(&Lattice::of(&picture), &design).unwrap()
+    }
+
+    fn length_mm(lines: &[Vec<(f64, f64)>]) -> f64 {
+        let step = |pair: &[(f64, f64)]| (pair[0].0 - pair[1].0).hypot(pair[0].1 - pair[1].1);
+        lines
+            .iter()
+            .flat_map(|line| line.windows(2))
+            .map(step)
+            .sum()
+    }
+
+    #[test]
+    fn field_lines_do_not_depend_on_the_sense() {
+        let alike = |one: f64, other: f64| (one / other - 1.0).abs() < 0.02;
+        let [plus, minus] = ["+", "-"].map(|sense| length_mm(&lines([sense, sense])));
+        assert!(plus > 100.0 && alike(plus, minus), "{plus} {minus}");
+        // Opposed coils: as much above the mid-plane at 4.14 mm as below.
+        let opposed = lines(["+", "-"]).into_iter();
+        let (above, below): (Vec<_>, Vec<_>) = opposed.partition(|line| line[0].1 > 4.14);
+        let [above, below] = [above, below].map(|lines| length_mm(&lines));
+        assert!(above > 100.0 && alike(above, below), "{above} {below}");
+    }
 }

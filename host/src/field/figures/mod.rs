@@ -2,6 +2,7 @@
 
 mod map;
 mod profiles;
+mod scale;
 
 use std::io::{self, Write};
 use std::path::PathBuf;
