@@ -80,7 +80,7 @@ pub(super) fn reached(design: &Design, solved: &Solved) -> Result<(), Failure> {
         return Ok(());
     }
     Err(Failure::Refused(format!(
-        "{}: the accuracy is not reached with {} unknowns, the relative error of centre and core mean is {:.1e}: ask for less by --accuracy, or leave out the smallest details",
+        "{}: the accuracy is not reached everywhere with {} unknowns, the relative error of centre and core mean is {:.1e}: ask for less by --accuracy, or leave out the smallest details",
         design.name,
         solved.report.unknowns,
         solved.relative_error()

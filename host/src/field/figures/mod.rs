@@ -61,7 +61,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let drive = Drive::of(&design, arguments.current)?;
     let solved = drive.solve(&design, effort)?;
     let points = profiles::points(&design.core, &solved);
-    let solved = sharpened(&design, solved, &points)?;
+    let solved = sharpened(&design, solved, &points, effort)?;
     let picture = Picture {
         design: &design,
         solved: &solved,

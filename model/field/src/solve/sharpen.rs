@@ -22,6 +22,8 @@ impl Solved {
     /// show an error below the share `relative` of |B| at each, or of a fiftieth of the core's mean
     /// where it is weaker. Points within 0.1 mm of a corner of a permeable part do not count.
     ///
+    /// Where that takes too many unknowns, the report says that it is not reached.
+    ///
     /// [`super::solve`] is after the core: elsewhere its field is a few per cent off.
     ///
     /// # Errors
@@ -36,11 +38,15 @@ impl Solved {
         let corners: Vec<Point> = mesh.corners.iter().map(|&c| mesh.position(c)).collect();
         let far = |point: &&Point| corners.iter().all(|&c| distance(c, **point) > CORNER_M);
         let points: Vec<Point> = points.iter().filter(far).copied().collect();
-        for _ in 0..MOST_ROUNDS {
+        let mut rounds = 0;
+        loop {
             let marked = self.blurred(&points, relative);
-            if !marked.contains(&true) || self.level.space.count > MOST_UNKNOWNS {
+            let sharp = !marked.contains(&true);
+            if sharp || rounds == MOST_ROUNDS || self.level.space.count > MOST_UNKNOWNS {
+                self.report.reached &= sharp;
                 break;
             }
+            rounds += 1;
             let mut finer = self.level.space.mesh.clone();
             let parents = finer.refine(&marked);
             let order = self.level.space.basis.order();
