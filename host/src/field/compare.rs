@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::drive::Drive;
-use super::input::{Effort, parse, text_of};
+use super::input::{Effort, current, parse, text_of};
 use super::quantities::{KeyedFigures, QUANTITIES, Quantity};
 use super::solve::SolvedFigures;
 use crate::failure::Failure;
@@ -27,7 +27,10 @@ pub(super) struct Arguments {
     designs: Vec<String>,
     #[command(flatten)]
     effort: Effort,
-    /// Print JSON
+    /// Compare at this current, with saturation, A
+    #[arg(long, value_name = "A", value_parser = current)]
+    current: Option<f64>,
+    /// Print JSON; with the derivatives by the current at a current
     #[arg(long)]
     json: bool,
 }
@@ -51,7 +54,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         .iter()
         .map(load)
         .collect::<Result<_, _>>()?;
-    let drive = |design: &Design| match Drive::of(design, None)? {
+    let drive = |design: &Design| match Drive::of(design, arguments.current)? {
         Drive::Background => Err(Failure::Argument(format!(
             "{}: the design has no coil, and designs are compared per ampere: add a [[coil]]",
             design.name
@@ -89,7 +92,7 @@ const HEADS: [&str; QUANTITIES.len()] = [
     "cv r4",
     "axial pp",
     "radial pp",
-    "L",
+    "linkage",
     "force",
     "plates",
 ];
@@ -97,7 +100,10 @@ const HEADS: [&str; QUANTITIES.len()] = [
 fn table(outcomes: &[ComparedDesign]) -> Table {
     let mut table = Table::new();
     table.load_style(presets::NOTHING);
-    let units = QUANTITIES.map(|quantity| quantity.shown(Drive::PerAmpere));
+    let drive = outcomes
+        .first()
+        .map_or(Drive::PerAmpere, |outcome| outcome.solved.keyed.drive);
+    let units = QUANTITIES.map(|quantity| quantity.shown(drive));
     let heads = HEADS.iter().zip(units);
     let heads = heads.map(|(head, (unit, _))| format!("{head}\n{unit}"));
     let first = ["design".to_owned()].into_iter();

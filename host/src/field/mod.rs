@@ -4,6 +4,7 @@ mod candidate;
 mod compare;
 mod drive;
 mod figures;
+mod inductances;
 mod input;
 mod mse;
 mod optimise;

@@ -7,10 +7,10 @@ use palpate_field::geometry::Point;
 use palpate_field::solve::{FieldAt, Locator, Solved};
 
 use super::drive::{Drive, reached};
-use super::input::{DesignSource, sharpened};
+use super::input::{DesignSource, current, sharpened};
 use crate::failure::Failure;
 
-/// The field along a line, in mm and tesla per ampere
+/// The field along a line, in mm and tesla, per ampere or at a current
 #[derive(Args)]
 #[command(after_help = "\
 Every value is within 100 times --accuracy of |B| there (1 % without it), or of a fiftieth of the
@@ -23,6 +23,9 @@ pub(super) struct Arguments {
     /// axis; radius@x=MM: outwards at a position on the axis; parallel@r=MM: along the axis
     #[arg(long, value_parser = line, allow_hyphen_values = true)]
     along: ProfileLine,
+    /// The field at this current, with saturation, A
+    #[arg(long, value_name = "A", value_parser = current)]
+    current: Option<f64>,
     /// Where to begin, mm; without it, where the drawing of the design begins
     #[arg(long, value_name = "MM", allow_hyphen_values = true)]
     from: Option<f64>,
@@ -111,7 +114,7 @@ impl ProfileLine {
 
 pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let design = arguments.source.load()?;
-    let drive = Drive::of(&design, None)?;
+    let drive = Drive::of(&design, arguments.current)?;
     let solved = drive.attempt(&design, &arguments.source.effort)?;
     let mut range = arguments.along.range(&solved);
     for (end, given) in range.iter_mut().zip([arguments.from, arguments.to]) {

@@ -30,6 +30,11 @@ impl Quantity {
         }
     }
 
+    /// The key of its derivative by the current.
+    pub(super) fn derivative_key(&self) -> String {
+        format!("{}_per_A", self.key)
+    }
+
     /// The unit for people, and how many of it are one of the SI's.
     pub(super) const fn shown(&self, drive: Drive) -> (&'static str, f64) {
         match drive {
@@ -99,6 +104,20 @@ pub(super) const QUANTITIES: [Quantity; 10] = [
         value: |f| f.plate_max_t,
     },
 ];
+
+/// Derivatives of figures by the current, under their keys.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct KeyedDerivatives(pub(super) Figures);
+
+impl Serialize for KeyedDerivatives {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut map = serializer.serialize_map(Some(QUANTITIES.len()))?;
+        for quantity in &QUANTITIES {
+            map.serialize_entry(&quantity.derivative_key(), &(quantity.value)(&self.0))?;
+        }
+        map.end()
+    }
+}
 
 /// Figures, or their errors, under their keys.
 #[derive(Clone, Copy, Debug)]

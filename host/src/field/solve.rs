@@ -9,8 +9,9 @@ use palpate_field::solve::{SolveReport, Solved};
 use serde::Serialize;
 
 use super::drive::{Drive, reached};
+use super::inductances::InductanceMatrix;
 use super::input::{DesignSource, Effort, current};
-use super::quantities::{KeyedFigures, QUANTITIES};
+use super::quantities::{KeyedDerivatives, KeyedFigures, QUANTITIES};
 use crate::failure::Failure;
 
 /// Solve a design: field, homogeneity, inductance, force, resistance
@@ -19,7 +20,9 @@ use crate::failure::Failure;
 Homogeneity is std/mean of |B| by volume within the core's radius (r8), three quarters (r6) and
 half of it (r4): 8, 6 and 4 mm for the built-in designs with a core of 8 mm.
 Figures per ampere are those of a small current without the background. --current adds those with
-saturation, in the background. A design without a coil is solved in its background.
+saturation, in the background, each with its derivative by the current, for which there is no estimate
+of the error; that of the flux linkage is the differential inductance. A design without a coil is
+solved in its background.
 
 Example
   palpate field solve pot --current 10")]
@@ -29,6 +32,9 @@ pub(super) struct Arguments {
     /// Solve with saturation at this current too, A
     #[arg(long, value_name = "A", value_parser = current)]
     current: Option<f64>,
+    /// The inductance of each coil and of each pair too
+    #[arg(long)]
+    matrix: bool,
     /// Print JSON
     #[arg(long)]
     json: bool,
@@ -47,16 +53,29 @@ pub(super) struct SolvedFigures {
     linear_solves_on_all_meshes: usize,
     /// Estimated absolute error of each figure, in its unit.
     pub(super) errors: KeyedFigures,
+    /// The derivative of each figure by the current, at a current; without an estimate of its error.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) derivatives: Option<KeyedDerivatives>,
+}
+
+/// The derivatives of all figures by the current.
+fn by_current(design: &Design, solved: &Solved) -> Result<Figures, Failure> {
+    let derivatives = solved.by_current(design);
+    derivatives.map_err(|error| Failure::Refused(format!("{}: {error}", design.name)))
 }
 
 impl SolvedFigures {
     /// Solves a design.
     pub(super) fn solve(design: &Design, drive: Drive, effort: &Effort) -> Result<Self, Failure> {
-        Ok(Self::of(&drive.solve(design, effort)?, drive))
+        Self::of(design, &drive.solve(design, effort)?, drive)
     }
 
     /// The figures of a field.
-    fn of(solved: &Solved, drive: Drive) -> Self {
+    fn of(design: &Design, solved: &Solved, drive: Drive) -> Result<Self, Failure> {
+        let derivatives = match drive {
+            Drive::Current(_) => Some(KeyedDerivatives(by_current(design, solved)?)),
+            Drive::PerAmpere | Drive::Background => None,
+        };
         let keyed = |figures: Figures| KeyedFigures { drive, figures };
         let SolveReport {
             unknowns,
@@ -64,14 +83,15 @@ impl SolvedFigures {
             linear_solves,
             ..
         } = solved.report;
-        Self {
+        Ok(Self {
             keyed: keyed(solved.figures),
             error_estimate: solved.relative_error(),
             unknowns,
             newton_iterations,
             linear_solves_on_all_meshes: linear_solves,
             errors: keyed(solved.errors),
-        }
+            derivatives,
+        })
     }
 
     /// A line for each figure, with its estimated error.
@@ -87,8 +107,12 @@ impl SolvedFigures {
                 continue;
             }
             let (label, digits) = (quantity.label, 3 + usize::from(value.abs() < 1.0));
+            let slope = self
+                .derivatives
+                .map(|slopes| scale * (quantity.value)(&slopes.0));
+            let slope = slope.map_or(String::new(), |slope| format!("  {slope:.4} {unit}/A"));
             text.push_str(&format!(
-                "  {label:<27} {value:>12.digits$} {unit:<7} (+- {error:.1e})\n"
+                "  {label:<27} {value:>12.digits$} {unit:<7} (+- {error:.1e}){slope}\n"
             ));
         }
         text.push_str(&format!(
@@ -108,6 +132,8 @@ struct DesignFigures {
     resistance_ohm: f64,
     #[serde(flatten)]
     first: SolvedFigures,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    inductances: Option<InductanceMatrix>,
     #[serde(skip_serializing_if = "Option::is_none")]
     at_current: Option<CurrentFigures>,
 }
@@ -136,14 +162,19 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         design: design.name.clone(),
         background_T: design.background_t,
         resistance_ohm: design.resistance_ohm(),
-        first: SolvedFigures::of(&first, first_drive),
-        at_current: current
-            .as_ref()
-            .map(|(current_a, drive, solved)| CurrentFigures {
+        first: SolvedFigures::of(&design, &first, first_drive)?,
+        inductances: match arguments.matrix {
+            false => None,
+            true => Some(InductanceMatrix::of(&design, effort)?),
+        },
+        at_current: match &current {
+            None => None,
+            Some((current_a, drive, solved)) => Some(CurrentFigures {
                 current_A: *current_a,
                 power_W: current_a * current_a * design.resistance_ohm(),
-                solved: SolvedFigures::of(solved, *drive),
+                solved: SolvedFigures::of(&design, solved, *drive)?,
             }),
+        },
     };
     let mut out = io::stdout().lock();
     if arguments.json {
@@ -170,9 +201,14 @@ impl DesignFigures {
         if !design.coils.is_empty() {
             text.push_str(&format!("  resistance {:.4} ohm\n", self.resistance_ohm));
         }
+        if let Some(matrix) = &self.inductances {
+            text.push_str(&matrix.explain());
+        }
         if let Some(at) = &self.at_current {
             let (words, power) = (at.solved.keyed.drive.words(design), at.power_W);
-            text.push_str(&format!("{words} ({power:.1} W), with saturation\n"));
+            text.push_str(&format!(
+                "{words} ({power:.1} W), with saturation; derivatives by the current\n"
+            ));
             text.push_str(&at.solved.explain());
         }
         text

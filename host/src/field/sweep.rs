@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::drive::Drive;
-use super::input::{DesignSource, parse, text_of};
-use super::quantities::QUANTITIES;
+use super::input::{DesignSource, current, parse, text_of};
+use super::quantities::{QUANTITIES, Quantity};
 use super::rows::RowFile;
 use super::solve::SolvedFigures;
 use crate::failure::Failure;
@@ -29,6 +29,9 @@ pub(super) struct Arguments {
     /// A number of the design, its range and how many values
     #[arg(long, required = true, value_name = "PATH=FROM..TO:COUNT", value_parser = axis)]
     vary: Vec<Axis>,
+    /// Figures and their derivatives at this current, with saturation, A
+    #[arg(long, value_name = "A", value_parser = current)]
+    current: Option<f64>,
     /// Write there instead of to standard output; what the file has of the same sweep is kept
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
@@ -103,7 +106,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     };
     // A path that does not exist is an error of the command, not of each point.
     palpate_field::design::vary::set(&text, &settings(0)).map_err(Failure::Argument)?;
-    let drive = Drive::of(&parse(&name, &text, &[])?, None)?;
+    let drive = Drive::of(&parse(&name, &text, &[])?, arguments.current)?;
     let heads: Vec<String> = arguments
         .vary
         .iter()
@@ -123,7 +126,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         Ok((design.resistance_ohm(), solved))
     };
     in_order(total - done, outcome, |index, outcome| {
-        rows.write(&row(varied(done + index), &outcome))?;
+        rows.write(&row(varied(done + index), heads.len(), &outcome))?;
         progress.step();
         Ok(())
     })?;
@@ -136,16 +139,19 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The heads of the columns: figures, what else is known, and the estimated error of each figure.
+/// The heads of the columns: figures, what else is known, the estimated error of each figure, and at a
+/// current its derivative.
 fn columns(drive: Drive) -> impl Iterator<Item = String> {
     let figures = QUANTITIES.iter().map(move |q| q.key(drive).to_owned());
     let errors = QUANTITIES.iter();
     let errors = errors.map(move |q| format!("{}_error", q.key(drive)));
     let rest = ["resistance_ohm", "error_estimate"].map(str::to_owned);
-    figures
-        .chain(rest)
-        .chain(errors)
-        .chain(["refused".to_owned()])
+    let derivatives = QUANTITIES
+        .iter()
+        .filter(move |_| matches!(drive, Drive::Current(_)));
+    let derivatives = derivatives.map(Quantity::derivative_key);
+    let numbers = figures.chain(rest).chain(errors).chain(derivatives);
+    numbers.chain(["refused".to_owned()])
 }
 
 /// The varied numbers of a point.
@@ -158,18 +164,25 @@ fn varied(vary: &[Axis], settings: &[(String, f64)]) -> Vec<String> {
 }
 
 /// A point's row under the varied numbers and [`columns`].
-fn row(mut row: Vec<String>, outcome: &Result<(f64, SolvedFigures), Failure>) -> Vec<String> {
+fn row(
+    mut row: Vec<String>,
+    columns: usize,
+    outcome: &Result<(f64, SolvedFigures), Failure>,
+) -> Vec<String> {
     match outcome {
         Ok((resistance_ohm, solved)) => {
             let figures = QUANTITIES.iter().map(|q| (q.value)(&solved.keyed.figures));
             let errors = QUANTITIES.iter().map(|q| (q.value)(&solved.errors.figures));
             let rest = [*resistance_ohm, solved.error_estimate];
-            let numbers = figures.chain(rest).chain(errors);
+            let derivatives = solved.derivatives.iter();
+            let derivatives =
+                derivatives.flat_map(|slopes| QUANTITIES.iter().map(|q| (q.value)(&slopes.0)));
+            let numbers = figures.chain(rest).chain(errors).chain(derivatives);
             row.extend(numbers.map(|number| format!("{number:.9e}")));
             row.push(String::new());
         }
         Err(failure) => {
-            row.extend(vec![String::new(); 2 * QUANTITIES.len() + 2]);
+            row.resize(columns - 1, String::new());
             row.push(failure.to_string());
         }
     }

@@ -68,6 +68,16 @@ fn figures_of_a_design_as_json() {
     let small = json(&["solve", "air", "--json"]);
     assert!((number(&small, "centre_T_per_A") / 1012.9492e-6 - 1.0).abs() < 1e-5);
     assert!(small.get("at_current").is_none());
+    // Coils in series: their inductances and those of all pairs add up.
+    let matrix = json(&["solve", "air", "--matrix", "--json"]);
+    let rows = matrix["inductances"]["rows_H"].as_array().unwrap();
+    let entries = rows.iter().flat_map(|row| row.as_array().unwrap());
+    let sum: f64 = entries.map(|henry| henry.as_f64().unwrap()).sum();
+    assert!(
+        (sum / number(&matrix, "inductance_H") - 1.0).abs() < 1e-3,
+        "{sum}"
+    );
+    assert_eq!(rows.len(), 4);
 }
 
 #[test]

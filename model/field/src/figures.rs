@@ -111,6 +111,12 @@ impl Figures {
         }
     }
 
+    /// Differences.
+    #[must_use]
+    pub fn less(&self, other: &Self) -> Self {
+        self.map(other, |a, b| a - b)
+    }
+
     /// Absolute differences.
     #[must_use]
     pub fn change_from(&self, other: &Self) -> Self {

@@ -122,7 +122,8 @@ pub(super) fn close(
     accuracy: &Accuracy,
 ) -> bool {
     let within = |error: f64, size: f64| error <= accuracy.relative * size.abs();
-    let current = excitation.currents_a.first().copied().unwrap_or(0.0);
+    let currents = excitation.currents_a.iter();
+    let current = currents.fold(0.0_f64, |greatest, current| greatest.max(current.abs()));
     let energy = 0.5 * (figures.linkage_wb * current).abs();
     let least = 0.01 * energy / (design.core.x_m[1] - design.core.x_m[0]);
     let force = WIDER * figures.force_n.abs().max(least);

@@ -16,6 +16,7 @@ mod indicator;
 mod judge;
 mod newton;
 mod sharpen;
+mod small_signal;
 mod space;
 mod sums;
 

@@ -103,7 +103,7 @@ impl Pattern {
     }
 
     /// Residual, and the tangent's entries in the pattern's order if they are wanted.
-    fn assemble(&self, level: &Level, w: &[f64], tangent: bool) -> (Vec<f64>, Vec<f64>) {
+    pub(super) fn assemble(&self, level: &Level, w: &[f64], tangent: bool) -> (Vec<f64>, Vec<f64>) {
         let size = level.space.basis.len();
         let mut residual = vec![0.0; level.space.count];
         let mut entries = Vec::with_capacity(if tangent { self.entries } else { 0 });
@@ -140,6 +140,12 @@ impl Pattern {
             }
         }
         (residual, entries)
+    }
+
+    /// Factors the matrix of such entries.
+    pub(super) fn factor(&self, entries: &[f64]) -> Result<Factor, SolveError> {
+        let factor = self.elimination.factor(entries);
+        factor.map_err(|NotPositive| SolveError::Factor)
     }
 
     /// Solves with a factor of a matrix of this pattern.
@@ -183,10 +189,7 @@ pub(super) fn balance(
     let mut scale = 0.0_f64;
     for step in 1..=MOST_STEPS {
         let (residual, entries) = pattern.assemble(level, &w, true);
-        let factor = pattern
-            .elimination
-            .factor(&entries)
-            .map_err(|NotPositive| SolveError::Factor)?;
+        let factor = pattern.factor(&entries)?;
         let mut direction = pattern.solve(&factor, &residual);
         direction.iter_mut().for_each(|d| *d = -*d);
         let slope = dot(&direction, &residual);

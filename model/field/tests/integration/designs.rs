@@ -238,6 +238,28 @@ fn saturation() {
     }
 }
 
+/// The derivatives at a working point are those between fields of a little less and a little more.
+#[test]
+fn derivatives_by_the_current_at_saturation() {
+    let design = builtin("pot").expect("built in");
+    let at = |current_a: f64| {
+        let excitation = Excitation::saturating(&design, current_a);
+        solve(&design, &excitation, &Accuracy::default()).expect("a field")
+    };
+    // 25 A saturate the plates: the inductance falls by a third.
+    let found = at(25.0).by_current(&design).expect("derivatives");
+    let apart = at(26.0).figures.less(&at(24.0).figures).scaled(0.5);
+    for ((figure, found), (_, apart)) in named(&found).into_iter().zip(named(&apart)) {
+        // Meshes differ, and so do figures that hardly change with the current.
+        if ["centre", "core mean", "linkage", "force"].contains(&figure) {
+            assert!(
+                (found / apart - 1.0).abs() < 0.02,
+                "{figure}: {found:e} {apart:e}"
+            );
+        }
+    }
+}
+
 #[test]
 fn resistance_of_the_paper_s_coils() {
     let design = builtin("A").expect("built in");

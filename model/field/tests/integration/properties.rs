@@ -89,6 +89,22 @@ fn run(design: &Design, currents_a: [f64; 2], saturating: bool) -> Solved {
     solve(design, &excitation, &accuracy).expect("a field")
 }
 
+/// One coil of four does not attract itself: its force of nothing is compared to the field's energy.
+#[test]
+fn a_single_coil_reaches_its_accuracy() {
+    let design = palpate_field::design::builtin("air").expect("built in");
+    let excitation = Excitation {
+        currents_a: vec![0.0, 0.0, 0.0, 1.0],
+        ..Excitation::small(&design, 0.0)
+    };
+    let accuracy = Accuracy {
+        most_unknowns: 60_000,
+        ..Accuracy::default()
+    };
+    let solved = solve(&design, &excitation, &accuracy).expect("a field");
+    assert!(solved.report.reached, "{:?}", solved.report);
+}
+
 /// Between the spheroid and the chord of its flattest part lies a corner of the core.
 #[test]
 fn a_corner_between_an_arc_and_its_chord_is_no_crossing() {
