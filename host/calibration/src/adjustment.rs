@@ -143,6 +143,18 @@ impl Layer {
         Ok(line.kappa)
     }
 
+    /// What the stiffening is of the signal at the mean depth, 1 or more: the attraction takes away a part
+    /// of what the stiffening gives.
+    pub(crate) fn stiffening_of_signal(&self) -> f64 {
+        /// Where the attraction leaves less than a hundredth, nothing can be measured.
+        const MOST: f64 = 100.0;
+        let actuated = &self.actuated;
+        let h = actuated.regressor(actuated.peak_a);
+        let pull_n = actuated.attraction_n_per_a2 * actuated.peak_a * actuated.peak_a;
+        let pulled_m = pull_n / self.sensing_n_per_m * (actuated.ratio + h);
+        (h / (h + pulled_m / self.depth_m)).abs().clamp(1.0, MOST)
+    }
+
     /// What an instrument that is calibrated so reads of a load, c_S/c_L, on a sensor that is as `sensor`,
     /// pressed to a depth, m: from the two ends of a fall.
     pub(crate) fn reads(&self, sensor: &Self, load_ratio: f64, depth_m: f64) -> f64 {
@@ -402,6 +414,26 @@ mod tests {
                 (found / truth - 1.0).abs() < 0.01,
                 "{name}: {found} {truth}"
             );
+        }
+    }
+
+    #[test]
+    fn an_error_of_the_stiffening_counts_more_where_the_attraction_takes_from_it() {
+        let exact = layer(&Changes::default());
+        // Four tenths of what the stiffening gives.
+        let h = exact.actuated.regressor(made::PEAK_A).abs();
+        let layer = exact.changed(&[0.0, 0.0, 0.4 * h / RATIO, 0.0, 0.0]);
+        let step = 1e-4;
+        let wrong = layer.changed(&[0.0, step, 0.0, 0.0, 0.0]);
+        for kappa in [0.2, 1.0, 5.0] {
+            let moved = (wrong.reads(&layer, kappa, 0.3e-3) - kappa) / step;
+            let counted = (1.0 + kappa + RATIO) * layer.stiffening_of_signal();
+            println!("{kappa}: {moved} {counted}");
+            assert!(
+                (moved / counted - 1.0).abs() < 0.1,
+                "{kappa}: {moved} {counted}"
+            );
+            assert!(moved > 1.5 * (1.0 + kappa + RATIO));
         }
     }
 

@@ -73,8 +73,8 @@ pub(crate) fn uncertainty(
     Ok(Uncertainty {
         constant,
         scale,
-        // The instrument counts it as W/(1 + rise), times what the stiffening is of the signal.
-        rise: whole * (1.0 + actuated.rise(actuated.peak_a)) / open.stiffening_of_signal(),
+        // The instrument counts it as W/(1 + rise).
+        rise: whole * (1.0 + actuated.rise(actuated.peak_a)),
         bend: (squares / bends.len().max(1) as f64).sqrt(),
         at: relative(&|kappa| open.all(kappa)),
         parts: Parts {
@@ -137,16 +137,6 @@ impl Open<'_> {
     fn of_bench(&self, kappa: f64) -> f64 {
         let constant = self.bench.frame_m_per_n * self.sensing_n_per_m;
         constant.powi(2) + (self.bench.force * kappa).powi(2)
-    }
-
-    /// The stiffening's part of what the current does at the mean depth: the attraction takes from it.
-    fn stiffening_of_signal(&self) -> f64 {
-        let layer = &self.adjusted.layer;
-        let actuated = &layer.actuated;
-        let h = actuated.regressor(actuated.peak_a);
-        let pull_n = actuated.attraction_n_per_a2 * actuated.peak_a * actuated.peak_a;
-        let pulled_m = pull_n / self.sensing_n_per_m * (actuated.ratio + h);
-        h / (h + pulled_m / layer.depth_m)
     }
 
     fn whole(&self, kappa: f64) -> f64 {

@@ -22,6 +22,8 @@ pub(crate) struct Findings<'a> {
     pub(crate) crosstalk: &'a Crosstalk,
     pub(crate) actuated: &'a Actuated,
     pub(crate) uncertainty: &'a Uncertainty,
+    /// What an error of the stiffening is of one of the signal.
+    pub(crate) stiffening_of_signal: f64,
     /// The shallowest press of which the calibration knows something, m.
     pub(crate) least_press_m: f64,
 }
@@ -78,7 +80,8 @@ impl Findings<'_> {
             Command::SetTemperatureEffect(TemperatureEffect {
                 calibrated_at_c: self.temperature_c as f32,
                 springs_uncertainty_per_k: self.known.springs_per_k as f32,
-                rise_uncertainty_per_k: self.known.rise_per_k as f32,
+                // The instrument counts an error of the rise as one of the signal.
+                rise_uncertainty_per_k: (self.known.rise_per_k * self.stiffening_of_signal) as f32,
             }),
         ]);
         commands

@@ -75,6 +75,8 @@ pub struct Calibration {
     pub sensing_n_per_m: f64,
     /// The actuated layer.
     pub actuated: Actuated,
+    /// What an error of the stiffening is of one of the signal, at the mean depth.
+    pub stiffening_of_signal: f64,
     /// What is left open.
     pub uncertainty: Uncertainty,
     /// What the coil's current adds to the reading.
@@ -103,7 +105,8 @@ impl Calibration {
     pub fn allow_for_rise(&mut self, uncertainty: f32) {
         for command in &mut self.commands {
             if let Command::SetStiffeningCurve(chunk) = command {
-                chunk.rise_uncertainty = chunk.rise_uncertainty.hypot(uncertainty);
+                let of_signal = uncertainty * self.stiffening_of_signal as f32;
+                chunk.rise_uncertainty = chunk.rise_uncertainty.hypot(of_signal);
             }
         }
     }
@@ -128,6 +131,7 @@ pub fn evaluate(session: &Session, known: &Known) -> Result<Calibration, Unusabl
     let uncertainty = claim::uncertainty(&adjusted, open, known)?;
     let least_press_m = WITHIN * fit.problem.shallowest_m();
     let Adjusted { layer, misses, .. } = adjusted;
+    let stiffening_of_signal = layer.stiffening_of_signal();
     let Layer {
         actuated,
         crosstalk,
@@ -141,12 +145,14 @@ pub fn evaluate(session: &Session, known: &Known) -> Result<Calibration, Unusabl
         crosstalk: &crosstalk,
         actuated: &actuated,
         uncertainty: &uncertainty,
+        stiffening_of_signal,
         least_press_m,
     };
     Ok(Calibration {
         commands: findings.commands(),
         sensing_n_per_m: known.sensing_n_per_m,
         actuated,
+        stiffening_of_signal,
         uncertainty,
         crosstalk,
         basis: Basis {
