@@ -203,7 +203,8 @@ impl Bus {
     /// A setup packet has come: nothing of the transfer before it goes on. A transaction in whose midst a
     /// buffer is taken back comes to its end here.
     fn end_before_setup(control: &mut Control) {
-        if control.is_waiting || is_armed(OUT_0) {
+        let was_armed = is_armed(OUT_0);
+        if control.is_waiting || was_armed {
             [IN_0, OUT_0].into_iter().for_each(disarm);
             cortex_m::asm::delay(LONGEST_TRANSACTION);
             // SAFETY: only the interrupt of USB writes this register; a bit that is set is cleared.
@@ -213,7 +214,9 @@ impl Bus {
                 .write(|w| w.ep0_in().clear_bit_by_one());
         }
         control.is_waiting = false;
-        control.has_data_before = has_data(OUT_0);
+        // A buffer that waits for the other PID drops a packet and stays armed.
+        let has_dropped = has_dropped_packet();
+        control.has_data_before = has_data(OUT_0) || was_armed && has_dropped;
     }
 
     /// The driver has read a setup packet.
@@ -269,6 +272,18 @@ fn has_data(word: usize) -> bool {
     let memory = unsafe { &*USBCTRL_DPRAM::ptr() };
     let control = memory.ep_buffer_control(word).read();
     control.full_0().bit_is_set() && control.length_0().bits() > 0
+}
+
+/// Whether a packet with the wrong PID was acknowledged and dropped, at any endpoint, since this was asked
+/// (RP2040 datasheet 4.1.4, DATA_SEQ_ERROR).
+fn has_dropped_packet() -> bool {
+    // SAFETY: only the interrupt of USB writes this register; a bit that is set is cleared.
+    let registers = unsafe { &*USBCTRL_REGS::ptr() };
+    let has_dropped = registers.sie_status().read().data_seq_error().bit_is_set();
+    registers
+        .sie_status()
+        .write(|w| w.data_seq_error().clear_bit_by_one());
+    has_dropped
 }
 
 /// From now on the first token of endpoint 0 for which there is no buffer calls the interrupt, once.
