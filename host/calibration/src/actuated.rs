@@ -33,7 +33,7 @@ const ROUNDS: usize = 4;
 pub struct Actuated {
     /// g0 = c_S/c_D0.
     pub ratio: f64,
-    /// Coefficients of h(I) in the terms of [`chebyshev`] in I/I_peak.
+    /// Coefficients of h(I) in Chebyshev polynomials of I/I_peak that vanish at zero.
     pub regressor: Vec<f64>,
     /// Peak current of the train, A.
     pub peak_a: f64,

@@ -2,15 +2,15 @@
 //!
 //! All arithmetic is `f64` and shares no function with the instrument's own.
 //!
-//! 1. [`curve`]: the load cell and the coil during quick presses upon a block give force against
+//! 1. `curve`: the load cell and the coil during quick presses upon a block give force against
 //!    relative change of inductance; deformation is force over a nominal c_S. Only ratios of
 //!    deformations enter a stiffness (eq. (2) is homogeneous in them), so that the nominal value
 //!    sets the scale of the deformation and of nothing else.
-//! 2. [`crosstalk`]: the train without contact shows what the current adds to the reading.
-//! 3. [`actuated`]: the trains on block and springs, all together, give c_D0, the rise over the
+//! 2. `crosstalk`: the train without contact shows what the current adds to the reading.
+//! 3. `actuated`: the trains on block and springs, all together, give c_D0, the rise over the
 //!    current, attraction, and growth of the cross-talk, by linear least squares.
-//! 4. [`adjustment`]: five quantities of that, adjusted to what each train by itself says of its load.
-//! 5. [`claim`]: what the trains' scatter and the springs' tolerance leave open.
+//! 4. `adjustment`: five quantities of that, adjusted to what each train by itself says of its load.
+//! 5. `claim`: what the trains' scatter and the springs' tolerance leave open.
 
 mod actuated;
 mod adjustment;
