@@ -8,7 +8,7 @@
 //!    sets the scale of the deformation and of nothing else.
 //! 2. `crosstalk`: the train without contact shows what the current adds to the reading.
 //! 3. `actuated`: the trains on block and springs, all together, give c_D0, the rise over the
-//!    current, attraction, and growth of the cross-talk, by linear least squares.
+//!    current, attraction, and growth of the cross-talk, by least squares.
 //! 4. `adjustment`: five quantities of that, adjusted to what each train by itself says of its load.
 //! 5. `claim`: what the trains' scatter and the springs' tolerance leave open.
 
