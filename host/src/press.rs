@@ -186,8 +186,8 @@ mod tests {
             .fold(0.0, f64::max)
     }
 
-    /// 39 of the seeds 1 to 40 are, the others to 2.5. Seed 5 is not, with 6.7: what the bench's fit
-    /// leaves of the stiffening's shape bends the line there.
+    /// Five of the seeds 1 to 6 are. Seed 5 is not: what the bench's fit leaves of the stiffening's shape
+    /// bends the line there.
     #[test]
     #[ignore = "long: `cargo xtask ci` runs it"]
     fn the_curve_of_a_hardening_load_is_within_three_standard_errors() {

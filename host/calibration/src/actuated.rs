@@ -10,31 +10,26 @@
 //! coefficients, which makes h, and with it every load, too small by what noise is of the signal. What
 //! separates the unknowns: h and g0 by loads of different stiffness, the attraction by depths.
 
-use crate::session::Pressed;
-
 use super::crosstalk::Crosstalk;
 use super::curve::{PressCurve, chebyshev};
 use super::least_squares::System;
+use super::line::{FallSample, MOST_STEPS, SETTLED};
 use super::samples::{Fallen, SampleRun};
+use super::session::Pressed;
 use super::{Known, Signal, Unusable};
 
 /// Degree of h in the current: enough for the bends that memory and lag put on a quadratic law.
 const DEGREE: usize = 8;
-/// The most steps from the solution of the linear equation: trains of shipped stacks take four, noise of four
-/// times as much takes nine.
-const MOST_STEPS: usize = 20;
-/// Change of c_S/c_D0, or of 1 + c_S/c_L of one train, relative, at which the steps are over: what it moves of a load is a ten-thousandth of
-/// the least uncertainty.
-const SETTLED: f64 = 1e-7;
-/// Times that the growth of the cross-talk is renewed: the third changes nothing above 1e-6.
-const ROUNDS: usize = 4;
+
 /// The actuated layer as calibrated.
 #[derive(Clone, Debug)]
 pub struct Actuated {
     /// g0 = c_S/c_D0.
     pub ratio: f64,
-    /// Coefficients of h(I) in Chebyshev polynomials of I/I_peak that vanish at zero.
+    /// Coefficients of h(I), not bent, in Chebyshev polynomials of I/I_peak that vanish at zero.
     pub regressor: Vec<f64>,
+    /// By how much the slope of h changes from the middle to the peak beyond that, relative.
+    pub bend: f64,
     /// Peak current of the train, A.
     pub peak_a: f64,
     /// Attraction of the layer's halves, N/A^2.
@@ -42,8 +37,14 @@ pub struct Actuated {
 }
 
 impl Actuated {
-    /// h(I) = g(I) - g(0).
+    /// h(I) = g(I) - g(0). The bend leaves it as it is without current and at the peak.
     pub fn regressor(&self, current_a: f64) -> f64 {
+        let straight = self.straight(current_a);
+        let at_peak = self.straight(self.peak_a);
+        straight * (1.0 + self.bend * (straight / at_peak - 1.0))
+    }
+
+    fn straight(&self, current_a: f64) -> f64 {
         let terms = chebyshev(current_a / self.peak_a).zip(&self.regressor);
         terms.map(|((term, _), c)| term * c).sum()
     }
@@ -55,188 +56,7 @@ impl Actuated {
     }
 }
 
-impl Actuated {
-    /// What stands beside 1 + kappa: g(I), and the attraction as a compliance.
-    pub fn compliance(&self, sample: &FallSample, sensing_n_per_m: f64) -> f64 {
-        let ratio_now = self.ratio + self.regressor(sample.current_a);
-        let pull_n = self.attraction_n_per_a2 * sample.current_a.powi(2);
-        ratio_now + pull_n * ratio_now / sensing_n_per_m / sample.deformation_m
-    }
-
-    /// A sample of a train beside its line.
-    fn point(&self, sample: &FallSample, sensing_n_per_m: f64) -> LinePoint {
-        LinePoint {
-            time_s: sample.time_s,
-            deformation_m: sample.deformation_m,
-            compliance: self.compliance(sample, sensing_n_per_m),
-        }
-    }
-
-    /// By how much the line of a train bends: the change of its slope from the middle to an end of its
-    /// span of h, over the slope, without what noise makes of it.
-    pub(crate) fn bend(
-        &self,
-        samples: &[FallSample],
-        sensing_n_per_m: f64,
-        tau_s: f64,
-    ) -> Result<f64, Unusable> {
-        let h = |sample: &FallSample| self.compliance(sample, sensing_n_per_m) - self.ratio;
-        let (low, high) = samples
-            .iter()
-            .map(h)
-            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), h| {
-                (low.min(h), high.max(h))
-            });
-        let depth_m = mean_m(samples.iter().map(|sample| sample.deformation_m));
-        let mut system = System::new(5);
-        for sample in samples {
-            let (row, right, weight) = self.point(sample, sensing_n_per_m).row(depth_m, tau_s);
-            let bent = row.into_iter().chain([-h(sample).powi(2)]).collect();
-            system.add(bent, right, weight);
-        }
-        let solved = system.solve("the bend of a train by itself")?;
-        let gamma = solved.unknowns.last().copied().unwrap_or(0.0);
-        let variance = solved.covariance[(4, 4)];
-        Ok((gamma * gamma - variance).max(0.0).sqrt() * (high - low))
-    }
-
-    /// The line of one train by itself, for a press that was `tau_s` old when it began.
-    ///
-    /// # Errors
-    /// If the samples do not determine it.
-    pub fn line(
-        &self,
-        samples: &[FallSample],
-        sensing_n_per_m: f64,
-        tau_s: f64,
-    ) -> Result<TrainFit, Unusable> {
-        let points = samples.iter();
-        let points: Vec<_> = points
-            .map(|sample| self.point(sample, sensing_n_per_m))
-            .collect();
-        TrainFit::of(&points, tau_s)
-    }
-}
-
-/// Mean of deformations, m.
-fn mean_m(deformations_m: impl ExactSizeIterator<Item = f64>) -> f64 {
-    let count = deformations_m.len().max(1) as f64;
-    deformations_m.sum::<f64>() / count
-}
-
-/// A sample of a train with what stands beside 1 + kappa.
-#[derive(Clone, Copy, Debug)]
-pub struct LinePoint {
-    /// Since the train began, s.
-    pub time_s: f64,
-    /// Deformation with the cross-talk taken out, m.
-    pub deformation_m: f64,
-    /// c_S/c_D(I), and the attraction as a compliance.
-    pub compliance: f64,
-}
-
-impl LinePoint {
-    /// Its equation: total way over `depth_m` and its drifts, kappa; right side and weight.
-    fn row(&self, depth_m: f64, tau_s: f64) -> (Vec<f64>, f64, f64) {
-        let phi = (self.time_s / tau_s).ln_1p();
-        let level = depth_m / self.deformation_m;
-        let right = 1.0 + self.compliance;
-        // Noise of x enters as x_0/x^2.
-        let weight = (level * level).recip();
-        let row = vec![level, level * phi, -1.0, level * self.time_s];
-        (row, right, weight)
-    }
-}
-
-/// What a line by itself is called where there is none.
-const TRAIN: &str = "a train by itself";
-
-/// x (1 + kappa + g) = x_0 (1 + d phi(t)), fitted to a train.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct TrainFit {
-    /// x_0, m.
-    pub total_m: f64,
-    /// d.
-    pub drift: f64,
-    /// Straight drift, 1/s.
-    pub linear: f64,
-    /// c_S/c_L.
-    pub kappa: f64,
-    /// Time constant of phi, s.
-    pub tau_s: f64,
-}
-
-impl TrainFit {
-    /// The line of one train by itself, for a press that was `tau_s` old when it began.
-    ///
-    /// # Errors
-    /// If the points do not determine it.
-    pub fn of(points: &[LinePoint], tau_s: f64) -> Result<Self, Unusable> {
-        let depth_m = mean_m(points.iter().map(|point| point.deformation_m));
-        let mut system = System::new(4);
-        for point in points {
-            let (row, right, weight) = point.row(depth_m, tau_s);
-            system.add(row, right, weight);
-        }
-        let mut line = Self::default().changed(&system.solve(TRAIN)?.unknowns, depth_m, tau_s)?;
-        for _ in 0..MOST_STEPS {
-            let mut system = System::new(4);
-            for point in points {
-                let (row, residual) = line.linearised(point, depth_m);
-                system.add(row, residual, 1.0 / depth_m);
-            }
-            let before = line.kappa;
-            line = line.changed(&system.solve(TRAIN)?.unknowns, depth_m, tau_s)?;
-            if (line.kappa - before).abs() <= SETTLED * (1.0 + line.kappa.abs()) {
-                return Ok(line);
-            }
-        }
-        Err(Unusable::Undetermined(TRAIN))
-    }
-
-    /// With other unknowns: total way and its drifts, over `depth_m`, with kappa as the third.
-    fn changed(&self, changes: &[f64], depth_m: f64, tau_s: f64) -> Result<Self, Unusable> {
-        let &[total, drift, kappa, linear] = changes else {
-            return Err(Unusable::Undetermined(TRAIN));
-        };
-        let total_m = self.total_m + total * depth_m;
-        let of_total = |part: f64, change: f64| (part * self.total_m + change * depth_m) / total_m;
-        Ok(Self {
-            total_m,
-            drift: of_total(self.drift, drift),
-            linear: of_total(self.linear, linear),
-            kappa: self.kappa + kappa,
-            tau_s,
-        })
-    }
-
-    /// How the deformation changes with the unknowns, and by how much it is read deeper, m.
-    fn linearised(&self, point: &LinePoint, depth_m: f64) -> (Vec<f64>, f64) {
-        let whole = 1.0 + self.kappa + point.compliance;
-        let deformation_m = self.total_m * self.drifted(point.time_s) / whole;
-        let by_total = depth_m / whole;
-        let phi = (point.time_s / self.tau_s).ln_1p();
-        let row = vec![
-            by_total,
-            by_total * phi,
-            -deformation_m / whole,
-            by_total * point.time_s,
-        ];
-        (row, point.deformation_m - deformation_m)
-    }
-
-    /// 1 + d phi(t).
-    pub fn drifted(&self, time_s: f64) -> f64 {
-        1.0 + self.drift * (time_s / self.tau_s).ln_1p() + self.linear * time_s
-    }
-
-    /// 1/x without drift, 1/m, at a compliance.
-    pub fn inverse_per_m(&self, compliance: f64) -> f64 {
-        (1.0 + self.kappa + compliance) / self.total_m
-    }
-}
-
-/// The solution, with what is needed to see how it depends on the springs.
+/// The solution, with the trains that it was found from.
 #[derive(Clone, Debug)]
 pub(crate) struct Fit {
     pub(crate) actuated: Actuated,
@@ -251,7 +71,7 @@ pub(crate) struct Problem {
     pub(crate) trains: Vec<Train>,
     pub(crate) sensing_n_per_m: f64,
     pub(crate) start_ratio: f64,
-    pub peak_a: f64,
+    pub(crate) peak_a: f64,
     /// Mean deformation, m.
     pub(crate) depth_m: f64,
     /// The cross-talk without contact, m/A^2, where its growth is found here and not with a load cell.
@@ -266,17 +86,6 @@ pub(crate) struct Train {
     /// Time constant of the logarithmic drift, s.
     pub(crate) tau_s: f64,
     pub(crate) samples: Vec<FallSample>,
-}
-
-/// A sample of a fall.
-#[derive(Clone, Copy, Debug)]
-pub struct FallSample {
-    /// Since the train began, s.
-    pub time_s: f64,
-    /// Deformation with the cross-talk taken out, m.
-    pub deformation_m: f64,
-    /// Current that acts over the conversion, A.
-    pub current_a: f64,
 }
 
 /// Places of the unknowns.
@@ -304,17 +113,16 @@ pub(crate) fn fit_with_growth(
     mut crosstalk: Crosstalk,
     known: &Known,
 ) -> Result<(Fit, Crosstalk), Unusable> {
-    let growing_m_per_a2 = Some(crosstalk.untouched_m_per_a2);
-    for _ in 1..ROUNDS {
-        let mut problem = Problem::new(runs, force, crosstalk, 0.0, known)?;
-        problem.growing_m_per_a2 = growing_m_per_a2;
-        let fit = problem.fit()?;
-        crosstalk.growth_per_m += fit.growth_per_m;
-    }
-    let mut problem = Problem::new(runs, force, crosstalk, 0.0, known)?;
-    problem.growing_m_per_a2 = growing_m_per_a2;
-    let fit = problem.fit()?;
-    Ok((fit, crosstalk))
+    let problem = |crosstalk: Crosstalk| {
+        let problem = Problem::new(runs, force, crosstalk, 0.0, known)?;
+        Ok(Problem {
+            growing_m_per_a2: Some(crosstalk.untouched_m_per_a2),
+            ..problem
+        })
+    };
+    crosstalk.growth_per_m += problem(crosstalk)?.fit()?.growth_per_m;
+    // Once more, with samples that are without it.
+    Ok((problem(crosstalk)?.fit()?, crosstalk))
 }
 
 impl Problem {
@@ -439,11 +247,12 @@ impl Problem {
     }
 
     /// The layer of these unknowns.
-    pub(crate) fn actuated(&self, unknowns: &[f64]) -> Actuated {
+    fn actuated(&self, unknowns: &[f64]) -> Actuated {
         let unknown = |index: usize| unknowns.get(index).copied().unwrap_or(0.0);
         Actuated {
             ratio: unknown(RATIO),
             regressor: unknowns.iter().take(DEGREE).copied().collect(),
+            bend: 0.0,
             peak_a: self.peak_a,
             attraction_n_per_a2: unknown(ATTRACTION),
         }
@@ -603,34 +412,15 @@ fn add(unknowns: &mut [f64], changes: &[f64]) {
 
 #[cfg(test)]
 mod tests {
-    use palpate_sim::random::Stream;
-
     use super::*;
     use crate::made::{
-        ATTRACTION_N_PER_A2, LOADS, PEAK_A, RATIO, RISE, SENSING_N_PER_M, Sensor, problem, train,
+        ATTRACTION_N_PER_A2, KAPPAS, PEAK_A, RATIO, RISE, Sensor, mean, noise, problem,
     };
-
-    /// Noise of a deformation that is read, m: four times that of the simulated sensors, so that a fit with
-    /// noise among its coefficients is off by far.
-    const NOISE_M: f64 = 0.3e-6;
-
-    fn noise(seed: u64) -> impl FnMut() -> f64 {
-        let mut stream = Stream::named(seed, "noise");
-        move || NOISE_M * stream.normal()
-    }
-
-    /// Mean and standard error of the mean.
-    fn mean(values: &[f64]) -> (f64, f64) {
-        let count = values.len() as f64;
-        let mean = values.iter().sum::<f64>() / count;
-        let squares: f64 = values.iter().map(|value| (value - mean).powi(2)).sum();
-        (mean, (squares / (count - 1.0) / count).sqrt())
-    }
 
     #[test]
     fn noise_of_the_readings_leaves_no_bias() {
         let fit = |seed| {
-            let problem = problem(&Sensor::EXACT, LOADS, &mut noise(seed));
+            let problem = problem(&Sensor::EXACT, KAPPAS, &mut noise(seed));
             problem.fit().unwrap().actuated
         };
         let fits: Vec<Actuated> = (0..8).map(fit).collect();
@@ -650,27 +440,6 @@ mod tests {
             assert!(
                 (mean - truth).abs() < 4.0 * error,
                 "{name}: {mean} +- {error}"
-            );
-        }
-    }
-
-    #[test]
-    fn noise_of_the_readings_does_not_turn_the_line_of_a_train() {
-        let exact = problem(&Sensor::EXACT, LOADS, &mut || 0.0).fit().unwrap();
-        for kappa in [0.2, 1.0, 5.0] {
-            let load_ratio = |seed| {
-                let train = train(&Sensor::EXACT, kappa, 0.3e-3, &mut noise(seed));
-                let line = exact
-                    .actuated
-                    .line(&train.samples, SENSING_N_PER_M, train.tau_s);
-                line.unwrap().kappa
-            };
-            let found: Vec<f64> = (0..40).map(load_ratio).collect();
-            let (mean, error) = mean(&found);
-            println!("{kappa}: {mean} +- {error}");
-            assert!(
-                (mean - kappa).abs() < 4.0 * error,
-                "{kappa}: {mean} +- {error}"
             );
         }
     }

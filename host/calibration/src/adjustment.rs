@@ -1,12 +1,12 @@
 //! The layer, adjusted to what each train by itself says of its load.
 //!
 //! The fit of all samples together gives h's shape. It weighs every sample alike, as if noise were all that
-//! keeps a train from its line. What does keep it is common to the samples of a train - creep, memory, what a
-//! spring is off - so that the fit's values of the five quantities below are not the best ones: it bends
-//! them to follow what is common to a train. Here every train counts once, with the c_S/c_L that its own line gives. An error
-//! of each quantity makes of c_S/c_L, with W = 1 + c_S/c_L + c_S/c_D0,
+//! keeps a train from its line. What does keep it is common to the samples of a train - creep, memory, what
+//! a spring is off - and the fit bends the five quantities below to follow that. Here every train counts once,
+//! with kappa = c_S/c_L by its own line. With W = 1 + kappa + c_S/c_D0 and the deformation x, an error of each
+//! quantity makes of kappa
 //!
-//! | quantity | error of c_S/c_L |
+//! | quantity | error of kappa |
 //! |---|---|
 //! | c_S/c_D0, h being the same | constant |
 //! | size of h | W |
@@ -18,9 +18,10 @@
 //! least squares, with an unknown for what each spring is off, known beforehand by the tolerance.
 
 use super::Unusable;
-use super::actuated::{Actuated, FallSample, Fit, Train};
+use super::actuated::{Actuated, Fit, Train};
 use super::crosstalk::Crosstalk;
 use super::least_squares::{Solution, System};
+use super::line::{Bend, FallSample};
 
 /// Quantities that are adjusted.
 pub(crate) const QUANTITIES: usize = 5;
@@ -35,7 +36,7 @@ const STEPS: Changes = [1e-4, 1e-4, 1e-5, 1e-5, 1e-5];
 /// Rounds in which the trains' scatter and the quantities improve each other: the third changes nothing
 /// above a thousandth of the uncertainty.
 const ROUNDS: usize = 4;
-/// Standard deviation of a train's c_S/c_L about the adjusted line, as a part of W, at least: 21 trains find
+/// Standard deviation of a train's kappa about the adjusted line, as a part of W, at least: 21 trains find
 /// it within a fifth, and a fifth of the sensors would be promised less than the others' least.
 const LEAST_SCATTER: f64 = 0.0015;
 /// What it begins with: the median of 60 simulated sensors of the stack `ultrasoft`.
@@ -56,16 +57,16 @@ const CARRIES_GROWTH: f64 = 1e-4;
 #[derive(Clone, Debug)]
 pub(crate) struct Adjusted {
     pub(crate) layer: Layer,
-    /// Scatter of a train's c_S/c_L about it, as a part of W.
+    /// Scatter of a train's kappa about it, as a part of W.
     pub(crate) scatter: f64,
     /// Covariance of the quantities.
     pub(crate) covariance: [Changes; QUANTITIES],
     /// The same, if the springs were exact.
     pub(crate) covariance_of_exact_springs: [Changes; QUANTITIES],
-    /// Of every train what was pressed, c_S/c_L, and by how much its own line misses it.
+    /// Of every train what was pressed, kappa, and by how much its own line misses it.
     pub(crate) misses: Vec<(f64, f64)>,
     /// By how much each train's own line bends.
-    pub(crate) bends: Vec<f64>,
+    pub(crate) bends: Vec<Bend>,
 }
 
 /// The actuated layer and the cross-talk.
@@ -134,8 +135,8 @@ impl Layer {
         samples.collect()
     }
 
-    /// c_S/c_L by a train's own line, of samples that were prepared with a cross-talk.
-    fn load_ratio(&self, train: &Train, prepared: &Crosstalk) -> Result<f64, Unusable> {
+    /// kappa by a train's own line, of samples that were prepared with a cross-talk.
+    fn kappa(&self, train: &Train, prepared: &Crosstalk) -> Result<f64, Unusable> {
         let samples = self.samples(train, prepared);
         let line = self
             .actuated
@@ -155,9 +156,9 @@ impl Layer {
         (h / (h + pulled_m / self.depth_m)).abs().clamp(1.0, MOST)
     }
 
-    /// What an instrument that is calibrated so reads of a load, c_S/c_L, on a sensor that is as `sensor`,
+    /// What an instrument that is calibrated so reads of a load, kappa, on a sensor that is as `sensor`,
     /// pressed to a depth, m: from the two ends of a fall.
-    pub(crate) fn reads(&self, sensor: &Self, load_ratio: f64, depth_m: f64) -> f64 {
+    pub(crate) fn reads(&self, sensor: &Self, kappa: f64, depth_m: f64) -> f64 {
         let peak_a = sensor.actuated.peak_a;
         let at_peak = |of: &Actuated| {
             let ratio = of.ratio + of.regressor(peak_a);
@@ -165,9 +166,9 @@ impl Layer {
             (ratio, pull_m * ratio)
         };
         // At rest the deformation is the depth; at the peak x (W + h) + pull = depth W.
-        let whole = 1.0 + load_ratio + sensor.actuated.ratio;
+        let whole = 1.0 + kappa + sensor.actuated.ratio;
         let (ratio, pulled_m) = at_peak(&sensor.actuated);
-        let true_m = (depth_m * whole - pulled_m) / (1.0 + load_ratio + ratio);
+        let true_m = (depth_m * whole - pulled_m) / (1.0 + kappa + ratio);
         let read_m = sensor.crosstalk.with(true_m, peak_a);
         let found_m = self.crosstalk.without(read_m, peak_a);
         // The same solved for W, with what is thought of the layer.
@@ -189,24 +190,28 @@ pub(crate) fn adjust(
         depth_m: fit.problem.depth_m,
         sensing_n_per_m: fit.problem.sensing_n_per_m,
     };
-    let trains = Trains::new(fit, &fitted, tolerance / 3_f64.sqrt());
+    let mut trains = Trains::new(fit, fitted, tolerance / 3_f64.sqrt());
     let mut changes = Changes::default();
     let mut scatter = SCATTER;
     let mut slopes = Vec::new();
     for _ in 0..ROUNDS {
         slopes = trains.slopes(&changes)?;
         let solution = trains.system(&slopes, &changes, scatter, trains.tolerance);
-        let solution = solution.solve(LOADS)?;
+        let solution = solution.solve(QUANTITIES_BY_LOADS)?;
         for (change, found) in changes.iter_mut().zip(&solution.unknowns) {
             *change = *found;
         }
         scatter = (scatter * solution.sigma).max(LEAST_SCATTER);
+        // The other quantities take a part of h's shape with them.
+        let layer = trains.fitted.changed(&changes);
+        let of_signal = Bend::mean(&trains.bends(&layer)?);
+        trains.fitted.actuated.bend += of_signal / layer.stiffening_of_signal();
     }
     let covariance = |tolerance: f64| {
         let system = trains.system(&slopes, &changes, scatter, tolerance);
-        Ok(covariance(&system.solve(LOADS)?))
+        Ok(covariance(&system.solve(QUANTITIES_BY_LOADS)?))
     };
-    let layer = fitted.changed(&changes);
+    let layer = trains.fitted.changed(&changes);
     Ok(Adjusted {
         scatter,
         covariance: covariance(trains.tolerance)?,
@@ -217,8 +222,8 @@ pub(crate) fn adjust(
     })
 }
 
-/// What is adjusted to, in an error.
-const LOADS: &str = "the actuated layer by the loads";
+/// What the unknowns are called where there is no solution.
+const QUANTITIES_BY_LOADS: &str = "the actuated layer by the loads";
 /// Tolerance of springs that are as good as exact.
 const EXACT: f64 = 1e-6;
 
@@ -233,22 +238,22 @@ fn covariance(solution: &Solution) -> [Changes; QUANTITIES] {
 /// The trains, each as one reading of its load.
 struct Trains<'f> {
     trains: &'f [Train],
-    /// As the samples are prepared.
-    fitted: &'f Layer,
-    /// c_S/c_L of the springs, by what is written on them.
+    /// As the samples are prepared, but for the bend.
+    fitted: Layer,
+    /// kappa of the springs, by what is written on them.
     springs: Vec<f64>,
     /// Standard deviation of what a spring is off, relative.
     tolerance: f64,
 }
 
-/// c_S/c_L of a train, and how it changes with the quantities.
+/// kappa of a train, and how it changes with the quantities.
 struct Slope {
-    load_ratio: f64,
+    kappa: f64,
     by: Changes,
 }
 
 impl<'f> Trains<'f> {
-    fn new(fit: &'f Fit, fitted: &'f Layer, tolerance: f64) -> Self {
+    fn new(fit: &'f Fit, fitted: Layer, tolerance: f64) -> Self {
         let trains = fit.problem.trains.as_slice();
         let mut springs: Vec<f64> = Vec::new();
         for train in trains {
@@ -281,12 +286,12 @@ impl<'f> Trains<'f> {
         self.trains
             .iter()
             .map(|train| {
-                let load_ratio = layer.load_ratio(train, prepared)?;
+                let kappa = layer.kappa(train, prepared)?;
                 let mut by = Changes::default();
                 for (slope, (step, layer)) in by.iter_mut().zip(&stepped) {
-                    *slope = (layer.load_ratio(train, prepared)? - load_ratio) / step;
+                    *slope = (layer.kappa(train, prepared)? - kappa) / step;
                 }
-                Ok(Slope { load_ratio, by })
+                Ok(Slope { kappa, by })
             })
             .collect()
     }
@@ -303,7 +308,7 @@ impl<'f> Trains<'f> {
             let row = slope.by.into_iter().chain(springs).collect();
             let there = slope.by.iter().zip(changes);
             let there: f64 = there.map(|(slope, change)| slope * change).sum();
-            let right = train.kappa - slope.load_ratio + there;
+            let right = train.kappa - slope.kappa + there;
             system.add(row, right, 1.0 / (scatter * whole));
         }
         let crosstalk = self.fitted.crosstalk_at_peak().max(CARRIES_GROWTH);
@@ -317,7 +322,7 @@ impl<'f> Trains<'f> {
         system
     }
 
-    fn bends(&self, layer: &Layer) -> Result<Vec<f64>, Unusable> {
+    fn bends(&self, layer: &Layer) -> Result<Vec<Bend>, Unusable> {
         let bend = |train: &Train| {
             let samples = layer.samples(train, &self.fitted.crosstalk);
             let actuated = &layer.actuated;
@@ -328,7 +333,7 @@ impl<'f> Trains<'f> {
 
     fn misses(&self, layer: &Layer) -> Result<Vec<(f64, f64)>, Unusable> {
         let miss = |train: &Train| {
-            let found = layer.load_ratio(train, &self.fitted.crosstalk)?;
+            let found = layer.kappa(train, &self.fitted.crosstalk)?;
             Ok((train.kappa, found - train.kappa))
         };
         self.trains.iter().map(miss).collect()
@@ -350,7 +355,7 @@ mod tests {
 
     /// The layer as it is, with errors of its quantities.
     fn layer(errors: &Changes) -> Layer {
-        let exact = made::problem(&Sensor::EXACT, made::LOADS, &mut || 0.0);
+        let exact = made::problem(&Sensor::EXACT, made::KAPPAS, &mut || 0.0);
         let fit = exact.fit().unwrap();
         let layer = Layer {
             actuated: fit.actuated,
@@ -367,7 +372,7 @@ mod tests {
     /// What was fitted, wrong, to trains of which every reading and every spring is exact but for what
     /// is said here.
     fn fitted(layer: &Layer, trains: Vec<Train>) -> Fit {
-        let mut fit = made::problem(&Sensor::EXACT, made::LOADS, &mut || 0.0)
+        let mut fit = made::problem(&Sensor::EXACT, made::KAPPAS, &mut || 0.0)
             .fit()
             .unwrap();
         fit.actuated = layer.actuated.clone();
@@ -386,9 +391,10 @@ mod tests {
     }
 
     #[test]
-    fn errors_of_all_five_quantities_are_found() {
-        let wrong = layer(&[0.1, -0.05, 2e-3, 5e-4, -1e-3]);
-        let trains = made::problem(&SENSOR, made::LOADS, &mut || 0.0).trains;
+    fn errors_of_all_five_quantities_and_of_the_bend_are_found() {
+        let mut wrong = layer(&[0.1, -0.05, 2e-3, 5e-4, -1e-3]);
+        wrong.actuated.bend = 0.1;
+        let trains = made::problem(&SENSOR, made::KAPPAS, &mut || 0.0).trains;
         let fit = fitted(&wrong, trains);
         let adjusted = adjust(&fit, wrong.crosstalk, 0.01).unwrap();
         let layer = &adjusted.layer;
@@ -407,6 +413,7 @@ mod tests {
                 2e-6,
             ),
             ("growth, 1/m", layer.crosstalk.growth_per_m, 1e3),
+            ("1 + bend", 1.0 + layer.actuated.bend, 1.0),
         ];
         for (name, found, truth) in figures {
             println!("{name}: {found}, true {truth}");
@@ -449,7 +456,7 @@ mod tests {
         for bench in 0..BENCHES {
             let mut stream = Stream::named(bench, "bench");
             let mut trains = Vec::new();
-            for kappa in made::LOADS {
+            for kappa in made::KAPPAS {
                 let off = stream.between(1.0 - TOLERANCE, 1.0 + TOLERANCE);
                 for depth_m in made::DEPTHS_M {
                     // What scatters is as if the load were another.

@@ -2,6 +2,7 @@
 
 use super::adjustment::{Adjusted, Changes, QUANTITIES};
 use super::least_squares::System;
+use super::line::Bend;
 use super::{Known, Unusable};
 
 /// Standard uncertainties that a measurement takes over, as the instrument counts them: of
@@ -65,8 +66,6 @@ pub(crate) fn uncertainty(
     let terms = open.terms()?;
     let [constant, scale, whole] = terms;
     let actuated = &adjusted.layer.actuated;
-    let bends = &adjusted.bends;
-    let squares: f64 = bends.iter().map(|bend| bend * bend).sum();
     let relative = |variance: &dyn Fn(f64) -> f64| {
         LOADS.map(|load| variance(1.0 / load).max(0.0).sqrt() * load)
     };
@@ -75,7 +74,7 @@ pub(crate) fn uncertainty(
         scale,
         // The instrument counts it as W/(1 + rise).
         rise: whole * (1.0 + actuated.rise(actuated.peak_a)),
-        bend: (squares / bends.len().max(1) as f64).sqrt(),
+        bend: Bend::root_mean_square(&adjusted.bends),
         at: relative(&|kappa| open.all(kappa)),
         parts: Parts {
             springs: relative(&|kappa| {
@@ -148,31 +147,29 @@ impl Open<'_> {
     fn terms(&self) -> Result<[f64; 3], Unusable> {
         let squares = |kappa: f64| [1.0, kappa * kappa, self.whole(kappa).powi(2)];
         let variances = KAPPAS.map(|kappa| (kappa, self.all(kappa)));
-        let mut used = [true; 3];
+        // Every round leaves one term out, until none is below zero.
+        let mut used = vec![0, 1, 2];
         loop {
-            let mut system = System::new(3);
+            let mut system = System::new(used.len());
             for (kappa, variance) in variances {
-                let mut row = squares(kappa);
-                let terms = row.iter_mut().zip(used);
-                terms.for_each(|(term, used)| *term *= f64::from(u8::from(used)));
-                system.add(row.to_vec(), variance, 1.0 / variance);
+                let squares = squares(kappa);
+                let row = used.iter().filter_map(|index| squares.get(*index).copied());
+                system.add(row.collect(), variance, 1.0 / variance);
             }
-            // A term that is not used is zero.
-            for (index, _) in used.iter().enumerate().filter(|(_, used)| !**used) {
-                let row = (0..3).map(|of| f64::from(u8::from(of == index)));
-                system.add(row.collect(), 0.0, 1.0);
-            }
-            let terms = system.solve("the uncertainty")?.unknowns;
-            let lowest = terms.iter().enumerate().min_by(|a, b| a.1.total_cmp(b.1));
+            let found = system.solve("the uncertainty")?.unknowns;
+            let lowest = found.iter().enumerate().min_by(|a, b| a.1.total_cmp(b.1));
             match lowest {
-                Some((index, value)) if *value < 0.0 => {
-                    if let Some(used) = used.get_mut(index) {
-                        *used = false;
-                    }
+                Some((place, value)) if *value < 0.0 => {
+                    used.remove(place);
                 }
                 _ => {
-                    let term = |index: usize| terms.get(index).copied().unwrap_or(0.0);
-                    return Ok([0, 1, 2].map(|index| term(index).max(0.0).sqrt()));
+                    let mut terms = [0.0; 3];
+                    for (index, square) in used.into_iter().zip(found) {
+                        if let Some(term) = terms.get_mut(index) {
+                            *term = square.sqrt();
+                        }
+                    }
+                    return Ok(terms);
                 }
             }
         }

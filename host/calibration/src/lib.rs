@@ -20,6 +20,7 @@ mod crosstalk;
 mod curve;
 mod fall;
 pub mod least_squares;
+mod line;
 #[cfg(test)]
 mod made;
 mod samples;
@@ -30,7 +31,7 @@ mod unusable;
 use palpate_wire::Command;
 use palpate_wire::command::{Coil, Settings};
 
-pub use actuated::{Actuated, FallSample, LinePoint, TrainFit};
+pub use actuated::Actuated;
 use adjustment::{Adjusted, Layer};
 pub use claim::{LOADS, Parts, Uncertainty};
 use commands::Findings;
@@ -38,6 +39,7 @@ pub use crosstalk::Crosstalk;
 use curve::PressCurve;
 pub use curve::frame;
 pub use fall::Fall;
+pub use line::{FallSample, LinePoint, TrainFit};
 use session::{Pressed, Session};
 pub use travel::{SpringDeviation, spring_deviations};
 pub use unusable::{Signal, Unusable};

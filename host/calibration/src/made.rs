@@ -1,6 +1,9 @@
 //! Trains of a sensor that is known, from the three springs in closed form.
 
-use crate::actuated::{FallSample, Problem, Train};
+use palpate_sim::random::Stream;
+
+use crate::actuated::{Problem, Train};
+use crate::line::FallSample;
 
 /// Nominal c_S of all trains, N/m.
 pub(crate) const SENSING_N_PER_M: f64 = 6e3;
@@ -11,7 +14,7 @@ pub(crate) const RATIO: f64 = 1.1;
 pub(crate) const RISE: f64 = 0.04;
 pub(crate) const ATTRACTION_N_PER_A2: f64 = 3e-4;
 /// Loads, c_S/c_L: a block and six springs.
-pub(crate) const LOADS: [f64; 7] = [0.0, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0];
+pub(crate) const KAPPAS: [f64; 7] = [0.0, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0];
 /// Depths to which each is pressed, m.
 pub(crate) const DEPTHS_M: [f64; 3] = [0.18e-3, 0.3e-3, 0.42e-3];
 /// Samples of a train, of three falls.
@@ -68,7 +71,7 @@ pub(crate) fn train(
 /// Trains upon loads of these c_S/c_L, each to every depth.
 pub(crate) fn problem(
     sensor: &Sensor,
-    loads: [f64; LOADS.len()],
+    loads: [f64; KAPPAS.len()],
     added_m: &mut dyn FnMut() -> f64,
 ) -> Problem {
     let presses = loads.into_iter();
@@ -83,4 +86,22 @@ pub(crate) fn problem(
         depth_m: 0.3e-3,
         growing_m_per_a2: None,
     }
+}
+
+/// Noise of a deformation that is read, m: four times that of the simulated sensors, so that a fit with
+/// noise among its coefficients is off by far.
+const NOISE_M: f64 = 0.3e-6;
+
+/// Such noise.
+pub(crate) fn noise(seed: u64) -> impl FnMut() -> f64 {
+    let mut stream = Stream::named(seed, "noise");
+    move || NOISE_M * stream.normal()
+}
+
+/// Mean and standard error of the mean.
+pub(crate) fn mean(values: &[f64]) -> (f64, f64) {
+    let count = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / count;
+    let squares: f64 = values.iter().map(|value| (value - mean).powi(2)).sum();
+    (mean, (squares / (count - 1.0) / count).sqrt())
 }

@@ -29,7 +29,7 @@ pub struct Bend {
 /// table of [`Bend`].
 pub const SLOPE_BY_BEND: f32 = 0.4;
 
-/// A bend counts as far as it exceeds this many of its own standard errors.
+/// A bend is none of noise if it exceeds this many of its own standard errors.
 const SIGNIFICANT: f32 = 3.0;
 
 impl Bend {
@@ -48,14 +48,25 @@ impl Bend {
     }
 
     /// Standard uncertainty of kappa = c_S/c_L that the bend leaves open, noise being larger than
-    /// the fit says by the factor `scatter`. `whole` is W = 1 + kappa + g.
+    /// the fit says by the factor `scatter`. `whole` is W = 1 + kappa + g. What noise adds to the
+    /// bend's square in the mean is taken out.
     pub fn uncertainty(&self, whole: f32, scatter: f32) -> f32 {
+        self.beyond(scatter) * SLOPE_BY_BEND * whole
+    }
+
+    /// The same of as much of the bend as cannot be noise: what a refusal may rest on.
+    pub fn significant_uncertainty(&self, whole: f32, scatter: f32) -> f32 {
+        self.beyond(SIGNIFICANT * scatter) * SLOPE_BY_BEND * whole
+    }
+
+    /// The bend without so many of its standard errors, as variances.
+    fn beyond(&self, standard_errors: f32) -> f32 {
         let Coefficient {
             value,
             standard_error,
         } = self.relative;
-        let by_noise = SIGNIFICANT * standard_error * scatter;
+        let by_noise = standard_error * standard_errors;
         let beyond = (value - by_noise) * (value + by_noise);
-        SLOPE_BY_BEND * whole * sqrt(beyond.max(0.0))
+        sqrt(beyond.max(0.0))
     }
 }

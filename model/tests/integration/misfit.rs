@@ -85,7 +85,10 @@ fn a_line_that_is_straight_has_no_bend_and_no_further_uncertainty() {
     assert!(error.abs() < 5e-3, "{error:e}");
     let b = bend.relative;
     assert!(b.value.abs() < 3.0 * b.standard_error, "{b:?}");
-    assert_eq!(bend.uncertainty(3.5, 1.0), 0.0);
+    assert_eq!(bend.significant_uncertainty(3.5, 1.0), 0.0);
+    // In one of its own standard errors or less nothing is seen, in more at most that.
+    let most = SLOPE_BY_BEND * 3.5 * 3.0 * b.standard_error;
+    assert!(bend.uncertainty(3.5, 1.0) < most);
 }
 
 #[test]
@@ -113,7 +116,13 @@ fn the_uncertainty_grows_with_the_bend_and_shrinks_with_the_noise() {
     assert!((alone / expected - 1.0).abs() < 0.1, "{alone} {expected}");
     // Of single ramps that disagree by much more than their own errors, it may be chance.
     assert!(bend.uncertainty(3.5, 10.0) < alone);
-    assert_eq!(bend.uncertainty(3.5, 1e3), 0.0);
+    assert_eq!(bend.uncertainty(3.5, 1e4), 0.0);
+    // What a refusal rests on is less, and over at a third of the noise.
+    assert!(bend.significant_uncertainty(3.5, 10.0) < bend.uncertainty(3.5, 10.0));
+    assert_eq!(
+        bend.significant_uncertainty(3.5, 10.0),
+        bend.uncertainty(3.5, 30.0)
+    );
 }
 
 #[test]

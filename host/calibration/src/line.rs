@@ -1,0 +1,319 @@
+//! The line of one train by itself, which gives its load.
+//!
+//! x (1 + kappa + g) = x_0 (1 + d phi(t) + e t), g the compliance of the actuated layer over the sensing
+//! layer's. The steps are those of the [fit of all trains](super::actuated), for the same reason.
+
+use super::Unusable;
+use super::actuated::Actuated;
+use super::least_squares::System;
+
+/// The most steps from the solution of the linear equation: trains of shipped stacks take four, noise of four
+/// times as much takes nine.
+pub(crate) const MOST_STEPS: usize = 20;
+/// Change of 1 + c_S/c_L of a train, or of c_S/c_D0, relative, at which the steps are over: what it moves of a
+/// load is a ten-thousandth of the least uncertainty.
+pub(crate) const SETTLED: f64 = 1e-7;
+
+/// A sample of a fall.
+#[derive(Clone, Copy, Debug)]
+pub struct FallSample {
+    /// Since the train began, s.
+    pub time_s: f64,
+    /// Deformation with the cross-talk taken out, m.
+    pub deformation_m: f64,
+    /// Current that acts over the conversion, A.
+    pub current_a: f64,
+}
+
+impl Actuated {
+    /// What stands beside 1 + kappa: g(I), and the attraction as a compliance.
+    pub fn compliance(&self, sample: &FallSample, sensing_n_per_m: f64) -> f64 {
+        let ratio_now = self.ratio + self.regressor(sample.current_a);
+        let pull_n = self.attraction_n_per_a2 * sample.current_a.powi(2);
+        ratio_now + pull_n * ratio_now / sensing_n_per_m / sample.deformation_m
+    }
+
+    /// The samples of a train beside its line.
+    fn points(&self, samples: &[FallSample], sensing_n_per_m: f64) -> Vec<LinePoint> {
+        let point = |sample: &FallSample| LinePoint {
+            time_s: sample.time_s,
+            deformation_m: sample.deformation_m,
+            compliance: self.compliance(sample, sensing_n_per_m),
+        };
+        samples.iter().map(point).collect()
+    }
+
+    /// By how much the line of a train bends.
+    pub(crate) fn bend(
+        &self,
+        samples: &[FallSample],
+        sensing_n_per_m: f64,
+        tau_s: f64,
+    ) -> Result<Bend, Unusable> {
+        let points = self.points(samples, sensing_n_per_m);
+        let line = TrainFit::of(&points, tau_s)?;
+        let depth_m = mean_m(points.iter().map(|point| point.deformation_m));
+        let mut system = System::new(5);
+        let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+        for point in &points {
+            let h = point.compliance - self.ratio;
+            (low, high) = (low.min(h), high.max(h));
+            let (mut row, residual) = line.linearised(point, depth_m);
+            row.push(line.by_compliance(point) * h * h);
+            system.add(row, residual, 1.0 / depth_m);
+        }
+        let solved = system.solve("the bend of a train by itself")?;
+        // h is zero or negative.
+        let span = low - high;
+        Ok(Bend {
+            value: solved.unknowns.last().copied().unwrap_or(0.0) * span,
+            variance: solved.covariance[(4, 4)] * span * span,
+        })
+    }
+
+    /// The line of one train by itself, for a press that was `tau_s` old when it began.
+    ///
+    /// # Errors
+    /// If the samples do not determine it.
+    pub fn line(
+        &self,
+        samples: &[FallSample],
+        sensing_n_per_m: f64,
+        tau_s: f64,
+    ) -> Result<TrainFit, Unusable> {
+        TrainFit::of(&self.points(samples, sensing_n_per_m), tau_s)
+    }
+}
+
+/// The change of a line's slope from the middle to the peak of its span of h, over the slope.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Bend {
+    pub(crate) value: f64,
+    pub(crate) variance: f64,
+}
+
+impl Bend {
+    /// The weighted mean.
+    pub(crate) fn mean(bends: &[Self]) -> f64 {
+        let (sum, weights) = bends.iter().fold((0.0, 0.0), |(sum, weights), bend| {
+            (
+                sum + bend.value / bend.variance,
+                weights + 1.0 / bend.variance,
+            )
+        });
+        sum / weights
+    }
+
+    /// Root of the mean square, without what noise makes of it.
+    pub(crate) fn root_mean_square(bends: &[Self]) -> f64 {
+        let squares = bends
+            .iter()
+            .map(|bend| bend.value * bend.value - bend.variance);
+        let count = bends.len().max(1) as f64;
+        (squares.sum::<f64>() / count).max(0.0).sqrt()
+    }
+}
+
+/// Mean of deformations, m.
+pub(crate) fn mean_m(deformations_m: impl ExactSizeIterator<Item = f64>) -> f64 {
+    let count = deformations_m.len().max(1) as f64;
+    deformations_m.sum::<f64>() / count
+}
+
+/// A sample of a train with what stands beside 1 + kappa.
+#[derive(Clone, Copy, Debug)]
+pub struct LinePoint {
+    /// Since the train began, s.
+    pub time_s: f64,
+    /// Deformation with the cross-talk taken out, m.
+    pub deformation_m: f64,
+    /// c_S/c_D(I), and the attraction as a compliance.
+    pub compliance: f64,
+}
+
+impl LinePoint {
+    /// Its equation: total way over `depth_m` and its drifts, kappa; right side and weight.
+    fn row(&self, depth_m: f64, tau_s: f64) -> (Vec<f64>, f64, f64) {
+        let phi = (self.time_s / tau_s).ln_1p();
+        let level = depth_m / self.deformation_m;
+        let right = 1.0 + self.compliance;
+        // Noise of x enters as x_0/x^2.
+        let weight = (level * level).recip();
+        let row = vec![level, level * phi, -1.0, level * self.time_s];
+        (row, right, weight)
+    }
+}
+
+/// What a line by itself is called where there is none.
+const TRAIN: &str = "a train by itself";
+
+/// x (1 + kappa + g) = x_0 (1 + d phi(t)), fitted to a train.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct TrainFit {
+    /// x_0, m.
+    pub total_m: f64,
+    /// d.
+    pub drift: f64,
+    /// Straight drift, 1/s.
+    pub linear: f64,
+    /// c_S/c_L.
+    pub kappa: f64,
+    /// Time constant of phi, s.
+    pub tau_s: f64,
+}
+
+impl TrainFit {
+    /// The line of one train by itself, for a press that was `tau_s` old when it began.
+    ///
+    /// # Errors
+    /// If the points do not determine it.
+    pub fn of(points: &[LinePoint], tau_s: f64) -> Result<Self, Unusable> {
+        let depth_m = mean_m(points.iter().map(|point| point.deformation_m));
+        let mut system = System::new(4);
+        for point in points {
+            let (row, right, weight) = point.row(depth_m, tau_s);
+            system.add(row, right, weight);
+        }
+        let mut line = Self::default().changed(&system.solve(TRAIN)?.unknowns, depth_m, tau_s)?;
+        for _ in 0..MOST_STEPS {
+            let mut system = System::new(4);
+            for point in points {
+                let (row, residual) = line.linearised(point, depth_m);
+                system.add(row, residual, 1.0 / depth_m);
+            }
+            let before = line.kappa;
+            line = line.changed(&system.solve(TRAIN)?.unknowns, depth_m, tau_s)?;
+            if (line.kappa - before).abs() <= SETTLED * (1.0 + line.kappa.abs()) {
+                return Ok(line);
+            }
+        }
+        Err(Unusable::Undetermined(TRAIN))
+    }
+
+    /// With other unknowns: total way and its drifts, over `depth_m`, with kappa as the third.
+    fn changed(&self, changes: &[f64], depth_m: f64, tau_s: f64) -> Result<Self, Unusable> {
+        let &[total, drift, kappa, linear] = changes else {
+            return Err(Unusable::Undetermined(TRAIN));
+        };
+        let total_m = self.total_m + total * depth_m;
+        let of_total = |part: f64, change: f64| (part * self.total_m + change * depth_m) / total_m;
+        Ok(Self {
+            total_m,
+            drift: of_total(self.drift, drift),
+            linear: of_total(self.linear, linear),
+            kappa: self.kappa + kappa,
+            tau_s,
+        })
+    }
+
+    /// How the deformation changes with the unknowns, and by how much it is read deeper, m.
+    fn linearised(&self, point: &LinePoint, depth_m: f64) -> (Vec<f64>, f64) {
+        let by_total = depth_m / self.whole(point);
+        let phi = (point.time_s / self.tau_s).ln_1p();
+        let row = vec![
+            by_total,
+            by_total * phi,
+            self.by_compliance(point),
+            by_total * point.time_s,
+        ];
+        (row, point.deformation_m - self.deformation_m(point))
+    }
+
+    /// 1 + kappa + g.
+    fn whole(&self, point: &LinePoint) -> f64 {
+        1.0 + self.kappa + point.compliance
+    }
+
+    /// On the line, m.
+    fn deformation_m(&self, point: &LinePoint) -> f64 {
+        self.total_m * self.drifted(point.time_s) / self.whole(point)
+    }
+
+    /// How the deformation changes with what is added to g, m.
+    fn by_compliance(&self, point: &LinePoint) -> f64 {
+        -self.deformation_m(point) / self.whole(point)
+    }
+
+    /// 1 + d phi(t).
+    pub fn drifted(&self, time_s: f64) -> f64 {
+        1.0 + self.drift * (time_s / self.tau_s).ln_1p() + self.linear * time_s
+    }
+
+    /// 1/x without drift, 1/m, at a compliance.
+    pub fn inverse_per_m(&self, compliance: f64) -> f64 {
+        (1.0 + self.kappa + compliance) / self.total_m
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::actuated::Actuated;
+    use crate::made::{
+        ATTRACTION_N_PER_A2, KAPPAS, PEAK_A, RATIO, RISE, SENSING_N_PER_M, Sensor, mean, noise,
+        problem, train,
+    };
+
+    const DEPTH_M: f64 = 0.3e-3;
+
+    fn exact() -> Actuated {
+        let problem = problem(&Sensor::EXACT, KAPPAS, &mut || 0.0);
+        problem.fit().unwrap().actuated
+    }
+
+    #[test]
+    fn noise_of_the_readings_does_not_turn_the_line_of_a_train() {
+        let exact = exact();
+        for kappa in [0.2, 1.0, 5.0] {
+            let load_ratio = |seed| {
+                let train = train(&Sensor::EXACT, kappa, DEPTH_M, &mut noise(seed));
+                let line = exact.line(&train.samples, SENSING_N_PER_M, train.tau_s);
+                line.unwrap().kappa
+            };
+            let found: Vec<f64> = (0..40).map(load_ratio).collect();
+            let (mean, error) = mean(&found);
+            println!("{kappa}: {mean} +- {error}");
+            assert!(
+                (mean - kappa).abs() < 4.0 * error,
+                "{kappa}: {mean} +- {error}"
+            );
+        }
+    }
+
+    #[test]
+    fn noise_of_the_readings_does_not_bend_the_line_of_a_train() {
+        let exact = exact();
+        for kappa in [0.2, 1.0, 5.0] {
+            let bend = |seed| {
+                let train = train(&Sensor::EXACT, kappa, DEPTH_M, &mut noise(seed));
+                exact.bend(&train.samples, SENSING_N_PER_M, train.tau_s)
+            };
+            let bends: Vec<_> = (0..40).map(|seed| bend(seed).unwrap()).collect();
+            let values: Vec<f64> = bends.iter().map(|bend| bend.value).collect();
+            let (mean, error) = mean(&values);
+            let promised = (bends[0].variance / 40.0).sqrt();
+            println!("{kappa}: {mean} +- {error}, promised {promised}");
+            assert!(mean.abs() < 4.0 * error, "{kappa}: {mean} +- {error}");
+            // 40 trains find a standard deviation within a ninth.
+            assert!((0.7..1.4).contains(&(error / promised)), "{kappa}: {error}");
+        }
+    }
+
+    #[test]
+    fn a_line_bends_by_what_the_stiffening_is_bent() {
+        let exact = exact();
+        // The attraction takes away from the signal, and not from what bends it.
+        let h = -RATIO * RISE / (1.0 + RISE);
+        let pulled_m = ATTRACTION_N_PER_A2 * PEAK_A * PEAK_A / SENSING_N_PER_M * (RATIO + h);
+        let of_signal = h / (h + pulled_m / DEPTH_M);
+        for (bend, kappa) in [(0.01, 0.2), (-0.01, 5.0)] {
+            let bent = Actuated {
+                bend,
+                ..exact.clone()
+            };
+            let train = train(&Sensor::EXACT, kappa, DEPTH_M, &mut || 0.0);
+            let found = bent.bend(&train.samples, SENSING_N_PER_M, train.tau_s);
+            let (found, expected) = (found.unwrap().value, -bend * of_signal);
+            assert!((found / expected - 1.0).abs() < 0.05, "{found} {expected}");
+        }
+    }
+}
