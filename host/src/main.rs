@@ -16,6 +16,7 @@ mod acceptance;
 #[cfg(feature = "emulator")]
 mod bring_up;
 mod calibrate;
+mod campaign;
 mod chip;
 #[cfg(feature = "emulator")]
 mod coil;
@@ -23,7 +24,6 @@ mod coil;
 mod configuration;
 #[cfg(feature = "emulator")]
 mod confirmation;
-mod coverage;
 mod decode;
 mod demo;
 #[cfg(feature = "emulator")]
@@ -173,7 +173,7 @@ enum Verb {
     Encode(encode::Arguments),
     Demo(demo::Arguments),
     Simulate(simulate::Arguments),
-    Coverage(coverage::Arguments),
+    Campaign(campaign::Arguments),
     #[command(hide = true)]
     Misfit(misfit::Arguments),
     #[cfg(feature = "emulator")]
@@ -240,7 +240,7 @@ fn main() -> ExitCode {
         Verb::Encode(arguments) => encode::run(&arguments),
         Verb::Demo(arguments) => demo::run(&arguments),
         Verb::Simulate(arguments) => simulate::run(&arguments),
-        Verb::Coverage(arguments) => coverage::run(&arguments),
+        Verb::Campaign(arguments) => campaign::run(&arguments),
         Verb::Misfit(arguments) => misfit::run(&arguments),
         #[cfg(feature = "emulator")]
         Verb::Acceptance(arguments) => acceptance::run(&arguments),

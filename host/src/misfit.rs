@@ -345,7 +345,7 @@ fn add<'p>(table: &mut Table, name: &str, by: &str, presses: impl Iterator<Item 
         .iter()
         .filter_map(|press| press.measured.half_width())
         .collect();
-    let width = crate::coverage::quantile(&widths, 0.5);
+    let width = crate::campaign::quantile(&widths, 0.5);
     table.add_row([
         name.to_owned(),
         by.to_owned(),

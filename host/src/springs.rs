@@ -14,7 +14,7 @@ use palpate_sim::stack::{Disturbances, LoadError, Stack};
 use palpate_sim::switches::Switches;
 
 use crate::calibrate::checks::{self, Check, Checked};
-use crate::coverage::quantile;
+use crate::campaign::quantile;
 use crate::demo;
 use crate::engine::Native;
 use crate::evidence::{BEGIN, END};

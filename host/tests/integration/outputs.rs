@@ -29,7 +29,7 @@ fn what_cannot_be_written_is_refused_before_the_run() {
         &["simulate", "scenario.toml", "--report"],
         &["simulate", "scenario.toml", "--records"],
         &["simulate", "scenario.toml", "--engine", "image", "--trace"],
-        &["coverage", "--rows"],
+        &["campaign", "--rows"],
         &["bring-up", "--emulated", "--settings"],
         &["calibrate", "current", "--board", "emulated", "--output"],
         &["field", "stack", "closed", "--mse", "soft", "--out"],
@@ -149,20 +149,20 @@ fn an_interrupted_search_has_its_best_as_a_comment_of_the_design() {
 
 #[test]
 #[ignore = "long: `cargo xtask ci` runs it"]
-fn an_interrupted_coverage_has_the_sensors_that_were_done() {
+fn an_interrupted_campaign_has_the_sensors_that_were_done() {
     let folder = tempfile::tempdir().unwrap();
     let run = started(
         folder.path(),
-        &["coverage", "--plants", "1000", "--rows", "rows.csv"],
+        &["campaign", "--plants", "1000", "--rows", "rows.csv"],
     );
     let text = interrupted_after(1, run);
-    assert!(text.starts_with("seed 1: 8 of 8 "), "{text}");
+    assert!(text.starts_with("seed 1: 5 of 5 "), "{text}");
     let mut reader = csv::Reader::from_path(folder.path().join("rows.csv")).unwrap();
     let rows: Vec<csv::StringRecord> = reader.records().map(Result::unwrap).collect();
-    assert!(rows.len() >= 8, "{rows:?}");
+    assert!(rows.len() >= 5, "{rows:?}");
     let heads = reader.headers().unwrap();
     let column = |name: &str| heads.iter().position(|head| head == name).unwrap();
-    for row in &rows[..8] {
+    for row in &rows[..5] {
         assert_eq!(&row[column("seed")], "1");
         assert_eq!(&row[column("covered")], "true", "{row:?}");
     }

@@ -1,4 +1,4 @@
-//! `palpate demo`, `simulate` and `coverage` as their users call them.
+//! `palpate demo`, `simulate` and `campaign` as their users call them.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -310,18 +310,50 @@ fn a_stack_file_beside_the_scenario_is_found() {
 
 #[test]
 #[ignore = "long: `cargo xtask ci` runs it"]
-fn coverage_counts() {
-    let output = palpate(&["coverage", "--plants", "3", "--seed", "40"]);
+fn a_campaign_counts_in_every_world() {
+    let sensors = ["campaign", "--plants", "3", "--seed", "40"];
+    let worlds = [
+        "--world",
+        "calibrated,stiffening-weaker",
+        "--loads",
+        "1,block",
+    ];
+    let output = palpate(&[&sensors[..], &worlds[..]].concat());
     assert!(output.status.success());
     let text = String::from_utf8(output.stdout).unwrap();
-    let row = text.lines().find(|line| line.contains("| 1 c_S ")).unwrap();
-    let cells: Vec<&str> = row.split('|').map(str::trim).collect();
-    assert_eq!(&cells[2..5], ["3", "3", "3"], "{row}");
+    let rows: Vec<&str> = text
+        .lines()
+        .filter(|line| line.contains("| 1 c_S "))
+        .collect();
+    let [calibrated, weaker] = rows[..] else {
+        panic!("{text}");
+    };
+    let holds = |row: &str| {
+        let cells: Vec<String> = row.split('|').map(|cell| cell.trim().to_owned()).collect();
+        cells[2..5].to_vec()
+    };
+    assert_eq!(holds(calibrated), ["3", "0", "100.0 %"], "{calibrated}");
+    // What the sensor cannot know is counted as wrong.
+    assert_eq!(holds(weaker), ["3", "0", "0.0 %"], "{weaker}");
+
+    let output = palpate(&[&sensors[..], &worlds[..], &["--json"]].concat());
+    let text = String::from_utf8(output.stdout).unwrap();
+    let results: Vec<Value> = text
+        .lines()
+        .map(|line| serde_json::from_str(line).unwrap())
+        .collect();
+    assert_eq!(results[1]["world"], "stiffening-weaker");
+    let bins = results[0]["bins"].as_array().unwrap();
+    assert_eq!(bins[0]["ratio"], 1.0);
+    assert!(bins[1]["ratio"].is_null());
+    assert_eq!(results[0]["overall"]["accepted"], 6);
+    assert_eq!(bins[0]["coverage95"], 1.0);
+    assert!(bins[0]["rms_ln"].as_f64().unwrap() < 0.1);
 }
 
 #[test]
-fn coverage_of_nothing_is_no_success() {
-    let output = palpate(&["coverage", "--plants", "1", "--stack", "paper"]);
+fn a_campaign_without_an_estimate_is_no_success() {
+    let output = palpate(&["campaign", "--plants", "1", "--stack", "paper"]);
     assert_eq!(output.status.code(), Some(1));
     let message = String::from_utf8(output.stderr).unwrap();
     assert!(

@@ -1,0 +1,111 @@
+//! One press of a campaign.
+
+use palpate_sim::mechanics::load::Load;
+
+use super::world::World;
+use crate::engine::Native;
+use crate::failure::Failure;
+use crate::instrument::{CalibratedInstrument, SPEED_M_PER_S};
+use crate::press;
+use crate::verdict::Verdict;
+
+/// A press and what came of it.
+#[derive(Clone, Debug)]
+pub(crate) struct Press {
+    pub(crate) world: World,
+    /// c_L/c_S; infinite for a block.
+    pub(crate) ratio: f64,
+    /// Of the load and what it stands on, N/m.
+    pub(crate) true_n_per_m: f64,
+    /// What is claimed, or why nothing is.
+    pub(crate) outcome: Result<Claim, String>,
+}
+
+/// What the instrument says of a load.
+#[derive(Clone, Debug)]
+pub(crate) struct Claim {
+    /// Nothing where there is only a lower bound.
+    pub(crate) estimate_n_per_m: Option<f64>,
+    pub(crate) lower_n_per_m: f64,
+    pub(crate) upper_n_per_m: Option<f64>,
+    /// c_S/c_L and its standard error.
+    pub(crate) load_ratio: f64,
+    pub(crate) load_ratio_standard_error: f64,
+    /// By the two-state formula.
+    pub(crate) two_state_n_per_m: Option<f64>,
+}
+
+impl Press {
+    /// Presses a load in a world, so many times as deep as the sensor is meant to be pressed.
+    pub(crate) fn of(
+        calibrated: &CalibratedInstrument,
+        world: World,
+        ratio: f64,
+        depth: f64,
+    ) -> Result<Self, Failure> {
+        let n_per_m = ratio * calibrated.plant.sensing.spring_n_per_m;
+        let instrument = CalibratedInstrument {
+            plant: world.plant(&calibrated.plant),
+            ..calibrated.clone()
+        };
+        let how = press::Press {
+            name: format!("{ratio} c_S"),
+            load: if ratio.is_finite() {
+                Load::Spring { n_per_m }
+            } else {
+                Load::Rigid
+            },
+            holder: world.holder(),
+            depth_m: depth * instrument.depth_m,
+            speed_m_per_s: SPEED_M_PER_S,
+        };
+        let pressed = press::press(&instrument, &how, &Native)?;
+        let verdict = Verdict::of(&pressed);
+        Ok(Self {
+            world,
+            ratio,
+            true_n_per_m: pressed.true_n_per_m,
+            outcome: Claim::of(&verdict).ok_or_else(|| verdict.reason().unwrap_or_default()),
+        })
+    }
+
+    /// ln(estimate/truth); nothing of a block.
+    pub(crate) fn error_ln(&self, estimate_n_per_m: f64) -> Option<f64> {
+        let error = (estimate_n_per_m / self.true_n_per_m).ln();
+        error.is_finite().then_some(error)
+    }
+
+    /// What was pressed, in words.
+    pub(crate) fn load(&self) -> String {
+        if self.ratio.is_finite() {
+            format!("{} c_S", self.ratio)
+        } else {
+            "block".to_owned()
+        }
+    }
+}
+
+impl Claim {
+    fn of(verdict: &Verdict) -> Option<Self> {
+        let estimate = verdict.estimate()?;
+        Some(Self {
+            estimate_n_per_m: estimate.stiffness_n_per_m.map(f64::from),
+            lower_n_per_m: estimate.lower_n_per_m.into(),
+            upper_n_per_m: estimate.upper_n_per_m.map(f64::from),
+            load_ratio: estimate.load_ratio.into(),
+            load_ratio_standard_error: estimate.load_ratio_standard_error.into(),
+            two_state_n_per_m: estimate.two_state_n_per_m.map(f64::from),
+        })
+    }
+
+    /// Whether the interval contains the truth.
+    pub(crate) fn holds(&self, true_n_per_m: f64) -> bool {
+        let upper = self.upper_n_per_m.unwrap_or(f64::INFINITY);
+        (self.lower_n_per_m..=upper).contains(&true_n_per_m)
+    }
+
+    /// Half of the interval's width, in ln; nothing of one without an end.
+    pub(crate) fn half_width_ln(&self) -> Option<f64> {
+        Some(0.5 * (self.upper_n_per_m? / self.lower_n_per_m).ln())
+    }
+}

@@ -1,0 +1,154 @@
+//! What is another thing in use than it was on the bench.
+
+use clap::ValueEnum;
+use palpate_sim::mechanics::press::Shake;
+use palpate_sim::parameters::Parameters;
+use palpate_sim::world::Holder;
+
+/// The world in which a calibrated sensor presses. All but the first differ from what its calibration saw, by
+/// something that the instrument's model does not know.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum World {
+    /// As on the bench, at another temperature within the drawn 5 K
+    Calibrated,
+    /// The cross-talk is a fifth larger
+    CrosstalkStronger,
+    /// The cross-talk is a fifth smaller
+    CrosstalkWeaker,
+    /// The cross-talk grows by 30 % more over a press
+    CrosstalkGrowth,
+    /// The sensing layer has become 10 % softer
+    SensingSofter,
+    /// The sensing layer has become 10 % stiffer
+    SensingStiffer,
+    /// The actuated layer has become 10 % softer
+    ActuatedSofter,
+    /// The actuated layer has become 10 % stiffer
+    ActuatedStiffer,
+    /// The actuated layer stiffens by a tenth less
+    StiffeningWeaker,
+    /// The actuated layer stiffens by a tenth more
+    StiffeningStronger,
+    /// The stiffening is half-way to its end at the peak's field
+    Saturating,
+    /// The stiffening remembers 10 % more of its way
+    Memory,
+    /// The stiffening follows the field 5 ms later
+    Lag,
+    /// The halves of the actuated layer attract each other by a fifth more
+    AttractionStronger,
+    /// Both layers creep twice as much
+    CreepStronger,
+    /// Both layers creep three times as slowly
+    CreepSlower,
+    /// The current is measured 2 % too small
+    CurrentGain,
+    /// 15 K warmer than the bench
+    #[value(name = "warmer-15-k")]
+    Warmer15K,
+    /// 30 K warmer than the bench
+    #[value(name = "warmer-30-k")]
+    Warmer30K,
+    /// The stand shakes by 3 µm at 9.5 Hz, a little slower than the ramps
+    #[value(name = "vibration-9.5-hz")]
+    VibrationNear,
+    /// The stand shakes by 3 µm at 10 Hz, in step with the ramps
+    #[value(name = "vibration-10-hz")]
+    VibrationInStep,
+    /// The stand shakes by 3 µm at 20 Hz, twice in a ramp
+    #[value(name = "vibration-20-hz")]
+    VibrationTwice,
+    /// What the load stands on gives way by 20 N/mm
+    SoftFrame,
+    /// Held in a hand that trembles
+    Hand,
+}
+
+/// Part by which a quantity differs where it is a fifth or a tenth.
+const FIFTH: f64 = 0.2;
+const TENTH: f64 = 0.1;
+/// Amplitude of a stand that shakes, m: what an interval was seen to miss by.
+const SHAKEN_M: f64 = 3e-6;
+
+impl World {
+    /// The name on the command line.
+    pub(crate) fn name(self) -> String {
+        let value = self.to_possible_value();
+        value.map_or(String::new(), |value| value.get_name().to_owned())
+    }
+
+    /// The sensor in this world.
+    pub(crate) fn plant(self, calibrated: &Parameters) -> Parameters {
+        let mut plant = calibrated.clone();
+        let p = &mut plant;
+        let law = &mut p.magnetorheological;
+        match self {
+            Self::Calibrated | Self::Hand => {}
+            Self::CrosstalkStronger => p.crosstalk.at_peak_m *= 1.0 + FIFTH,
+            Self::CrosstalkWeaker => p.crosstalk.at_peak_m *= 1.0 - FIFTH,
+            Self::CrosstalkGrowth => p.crosstalk.slope_per_press_depth += 0.3,
+            Self::SensingSofter => p.sensing.spring_n_per_m *= 1.0 - TENTH,
+            Self::SensingStiffer => p.sensing.spring_n_per_m *= 1.0 + TENTH,
+            Self::ActuatedSofter => p.actuated.spring_n_per_m *= 1.0 - TENTH,
+            Self::ActuatedStiffer => p.actuated.spring_n_per_m *= 1.0 + TENTH,
+            Self::StiffeningWeaker => law.stiffening_at_peak *= 1.0 - TENTH,
+            Self::StiffeningStronger => law.stiffening_at_peak *= 1.0 + TENTH,
+            Self::Saturating => law.field_half_t = law.field_at_peak_t,
+            Self::Memory => law.memory += TENTH,
+            Self::Lag => law.lag_s += 5e-3,
+            Self::AttractionStronger => p.attraction.n_per_a2 *= 1.0 + FIFTH,
+            Self::CreepStronger => {
+                for mode in p.sensing.creep.iter_mut().chain(&mut p.actuated.creep) {
+                    mode.amplitude *= 2.0;
+                }
+            }
+            Self::CreepSlower => {
+                for mode in p.sensing.creep.iter_mut().chain(&mut p.actuated.creep) {
+                    mode.tau_s *= 3.0;
+                }
+            }
+            Self::CurrentGain => p.current.gain_error -= 0.02,
+            Self::Warmer15K => p.thermal.ambient_change_k = 15.0,
+            Self::Warmer30K => p.thermal.ambient_change_k = 30.0,
+            Self::VibrationNear => p.press.vibration = shaking(9.5),
+            Self::VibrationInStep => p.press.vibration = shaking(10.0),
+            Self::VibrationTwice => p.press.vibration = shaking(20.0),
+            Self::SoftFrame => p.press.frame_m_per_n = 1.0 / 20e3,
+        }
+        plant
+    }
+
+    /// Who presses.
+    pub(crate) const fn holder(self) -> Holder {
+        match self {
+            Self::Hand => Holder::Hand,
+            _ => Holder::Stand,
+        }
+    }
+}
+
+const fn shaking(hertz: f64) -> Shake {
+    Shake {
+        amplitude_m: SHAKEN_M,
+        hertz,
+        phase: 0.0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use palpate_sim::parameters::draw;
+    use palpate_sim::stack::{Disturbances, Stack};
+
+    use super::*;
+
+    #[test]
+    fn every_world_but_the_first_differs_from_the_bench() {
+        let stack = Stack::builtin("ultrasoft").unwrap();
+        let drawn = draw(&stack, &Disturbances::builtin().unwrap(), 5);
+        for world in World::value_variants() {
+            let differs = world.plant(&drawn) != drawn || world.holder() != Holder::Stand;
+            assert_eq!(differs, *world != World::Calibrated, "{world:?}");
+        }
+    }
+}
