@@ -17,6 +17,8 @@ mod acceptance;
 mod bring_up;
 mod calibrate;
 mod campaign;
+#[cfg(feature = "emulator")]
+mod check;
 mod chip;
 #[cfg(feature = "emulator")]
 mod coil;
@@ -148,6 +150,8 @@ enum Verb {
     #[cfg(feature = "emulator")]
     Measure(measure::Arguments),
     #[cfg(feature = "emulator")]
+    Check(check::Arguments),
+    #[cfg(feature = "emulator")]
     Flash(flash::Arguments),
     #[cfg(feature = "emulator")]
     Devices(devices::Arguments),
@@ -215,6 +219,8 @@ fn main() -> ExitCode {
         Verb::Live(arguments) => live::run(&arguments),
         #[cfg(feature = "emulator")]
         Verb::Measure(arguments) => measure::run(&arguments),
+        #[cfg(feature = "emulator")]
+        Verb::Check(arguments) => check::run(&arguments),
         #[cfg(feature = "emulator")]
         Verb::Flash(arguments) => flash::run(&arguments),
         #[cfg(feature = "emulator")]

@@ -85,12 +85,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         return measured_before(arguments, &mut link);
     }
     let configuration_crc = link.hello().map_or(0, |hello| hello.configuration_crc);
-    link.must(&Command::Disarm)?;
-    link.must(&Command::Arm)?;
-    link.wait_for(ARMING_S, "end of the coil's test", |record| match record {
-        Record::State(change) if change.state == State::Watching => Some(()),
-        _ => None,
-    })?;
+    arm(&mut link)?;
     for _ in 0..arguments.times {
         if usual.is_none() {
             notice::say("Press the object upon the sensor, and hold still.");
@@ -105,6 +100,16 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
     link.must(&Command::Disarm)?;
     Ok(())
+}
+
+/// Arms the board, and waits until it watches for a contact.
+pub(crate) fn arm(link: &mut Link) -> Result<(), Failure> {
+    link.must(&Command::Disarm)?;
+    link.must(&Command::Arm)?;
+    link.wait_for(ARMING_S, "end of the coil's test", |record| match record {
+        Record::State(change) if change.state == State::Watching => Some(()),
+        _ => None,
+    })
 }
 
 impl Line {
@@ -152,7 +157,7 @@ fn measured_before(arguments: &Arguments, link: &mut Link) -> Result<(), Failure
 }
 
 /// One measurement, of the next contact.
-fn measured(link: &mut Link, wait_s: f64) -> Result<Estimate, Failure> {
+pub(crate) fn measured(link: &mut Link, wait_s: f64) -> Result<Estimate, Failure> {
     link.take();
     link.wait_for(
         wait_s,
@@ -173,7 +178,7 @@ fn measured(link: &mut Link, wait_s: f64) -> Result<Estimate, Failure> {
 }
 
 /// What the simulated load truly has, with what it stands on; nothing of a real one.
-fn truth(link: &mut Link) -> Option<f64> {
+pub(crate) fn truth(link: &mut Link) -> Option<f64> {
     let board = link.emulated()?;
     let true_n_per_m = board.world_mut().truth().load_spring_n_per_m;
     true_n_per_m.is_finite().then_some(true_n_per_m)

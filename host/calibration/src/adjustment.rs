@@ -38,7 +38,7 @@ const STEPS: Changes = [1e-4, 1e-4, 1e-5, 1e-5, 1e-5];
 const ROUNDS: usize = 4;
 /// Standard deviation of a train's kappa about the adjusted line, as a part of W, at least: 21 trains find
 /// it within a fifth, and a fifth of the sensors would be promised less than the others' least.
-const LEAST_SCATTER: f64 = 0.0015;
+pub(crate) const LEAST_SCATTER: f64 = 0.0015;
 /// What it begins with: the median of 60 simulated sensors of the stack `ultrasoft`.
 const SCATTER: f64 = 0.0018;
 /// Standard deviation of the changes of c_S/c_D0, h and attraction before anything is known, far above

@@ -14,6 +14,7 @@
 
 mod actuated;
 mod adjustment;
+mod check;
 mod claim;
 mod commands;
 mod crosstalk;
@@ -33,6 +34,7 @@ use palpate_wire::command::{Coil, Settings};
 
 pub use actuated::Actuated;
 use adjustment::{Adjusted, Layer};
+pub use check::{Checked, KnownPress, MOST_DEVIATION, Unchecked, check};
 pub use claim::{LOADS, Parts, Uncertainty};
 use commands::Findings;
 pub use crosstalk::Crosstalk;

@@ -4,8 +4,8 @@ use std::path::PathBuf;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use clap::Args;
+use palpate_calibration::evaluate;
 use palpate_calibration::session::{Pressed, Session};
-use palpate_calibration::{Calibration, evaluate};
 use palpate_sim::switches::Switches;
 use palpate_wire::code::{Outcome, StorageState, Stream};
 use palpate_wire::command::{CalibrationIdentity, Settings};
@@ -79,7 +79,7 @@ pub(crate) struct Arguments {
     report: Option<PathBuf>,
 }
 
-fn spring(text: &str) -> Result<f64, String> {
+pub(crate) fn spring(text: &str) -> Result<f64, String> {
     match text.trim().parse() {
         // From a rubber band to a steel beam.
         Ok(n_per_m) if (1.0..=1e7).contains(&n_per_m) => Ok(n_per_m),
@@ -87,7 +87,7 @@ fn spring(text: &str) -> Result<f64, String> {
     }
 }
 
-fn tolerance(text: &str) -> Result<f64, String> {
+pub(crate) fn tolerance(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(part) if (0.0..=0.2).contains(&part) => Ok(part),
         _ => Err("not a part from 0 to 0.2, as 0.01 for 1 %".to_owned()),
@@ -196,13 +196,13 @@ fn calibrated(
     let session = session(link, arguments, &task, interrupt)?;
     let calibration = evaluate(&session, &task.known)
         .map_err(|error| Failure::Refused(format!("calibration: {error}")))?;
-    let identity = identity(arguments.id, session.temperature_c, &calibration);
+    let identity = identity(arguments.id, session.temperature_c, &calibration.commands);
     let is_simulated = arguments.link.is_simulated(link);
     let mut found = Found::of(&session, &task, &calibration, &identity, is_simulated);
     if let Some(file) = report {
         file.write(report::page(&found, &calibration)?)?;
     }
-    put_in_force(link, &calibration, identity)?;
+    put_in_force(link, &calibration.commands, identity)?;
     if arguments.yes || is_confirmed("Store this calibration in the board?")? {
         found.configuration_crc = storage::store(link)?.stored_crc;
         found.stored = true;
@@ -293,13 +293,18 @@ pub(crate) fn describe(pressed: Pressed, depth_m: f64) -> String {
 pub(crate) fn identity(
     id: Option<u32>,
     temperature_c: f64,
-    calibration: &Calibration,
+    commands: &[Command],
 ) -> CalibrationIdentity {
     let since_1970 = SystemTime::now().duration_since(UNIX_EPOCH);
     let now_s = since_1970.map_or(0, |time| time.as_secs());
     let now_s = u32::try_from(now_s).unwrap_or(u32::MAX);
-    let parts = calibration.commands.iter();
-    let parts = parts.filter(|command| !matches!(command, Command::SetSettings(_)));
+    let is_part = |command: &&Command| {
+        !matches!(
+            command,
+            Command::SetSettings(_) | Command::SetCalibrationIdentity(_)
+        )
+    };
+    let parts = commands.iter().filter(is_part);
     CalibrationIdentity {
         id: id.unwrap_or(now_s),
         calibrated_at_s: now_s,
@@ -311,11 +316,11 @@ pub(crate) fn identity(
 /// Sets a calibration, which is lost with the power unless it is stored.
 pub(crate) fn put_in_force(
     link: &mut Link,
-    calibration: &Calibration,
+    commands: &[Command],
     identity: CalibrationIdentity,
 ) -> Result<(), Failure> {
     link.must(&Command::Disarm)?;
-    for command in &calibration.commands {
+    for command in commands {
         link.must(command)?;
     }
     link.must(&Command::SetCalibrationIdentity(identity))?;

@@ -61,6 +61,10 @@ pub(crate) struct Arguments {
     /// What has changed since the bench; each sensor presses in all worlds that are named here
     #[arg(long, value_enum, value_delimiter = ',', default_value = "calibrated")]
     world: Vec<World>,
+    /// Check each calibration in its world first, by a spring of c_S that is known to 1 %: it corrects the
+    /// size of the stiffening, or refuses the calibration
+    #[arg(long)]
+    check_spring: bool,
     /// One JSON object for each world
     #[arg(long)]
     json: bool,
@@ -160,11 +164,34 @@ fn of_sensor(
     let settings = default_settings();
     let instrument =
         CalibratedInstrument::calibrated(stack, disturbances, seed, Switches::all(), &settings)?;
-    let worlds = arguments.world.iter();
-    let presses = worlds.flat_map(|world| arguments.loads.iter().map(move |load| (*world, *load)));
-    presses
-        .map(|(world, load)| Press::of(&instrument, world, load, arguments.depth))
-        .collect()
+    let mut presses = Vec::new();
+    for world in &arguments.world {
+        presses.extend(in_world(arguments, &instrument, *world)?);
+    }
+    Ok(presses)
+}
+
+/// All loads in one world, after the check if one is asked for.
+fn in_world(
+    arguments: &Arguments,
+    calibrated: &CalibratedInstrument,
+    world: World,
+) -> Result<Vec<Press>, Failure> {
+    let depth = arguments.depth;
+    let loads = arguments.loads.iter();
+    let checked = if arguments.check_spring {
+        press::checked(calibrated, world, depth)?
+    } else {
+        Ok(calibrated.clone())
+    };
+    match checked {
+        Ok(instrument) => loads
+            .map(|load| Press::of(&instrument, world, *load, depth))
+            .collect(),
+        Err(reason) => Ok(loads
+            .map(|load| Press::left_out(world, *load, reason.clone()))
+            .collect()),
+    }
 }
 
 /// A line for a sensor that is done, the last one, with what all have come to.
@@ -197,6 +224,7 @@ struct WorldResult {
     plants: u64,
     seed: u64,
     depth: f64,
+    check_spring: bool,
     /// Sensors that could not be calibrated.
     not_calibrated: usize,
     overall: Counted,
@@ -240,6 +268,7 @@ impl WorldResult {
             plants: arguments.plants,
             seed: arguments.seed,
             depth: arguments.depth,
+            check_spring: arguments.check_spring,
             not_calibrated: plants.iter().filter(|plant| plant.is_err()).count(),
             bins: arguments.loads.iter().map(bin).collect(),
             overall: Counted::of(presses.into_iter()),
@@ -258,8 +287,15 @@ fn print(
     writeln!(
         out,
         "{} sensors of the stack {stack} from seed {}, all disturbances, each calibrated on its own \
-         simulated bench and pressed to {} of its working depth.\n",
-        arguments.plants, arguments.seed, arguments.depth
+         simulated bench{} and pressed to {} of its working depth.\n",
+        arguments.plants,
+        arguments.seed,
+        if arguments.check_spring {
+            ", checked by a known spring of c_S"
+        } else {
+            ""
+        },
+        arguments.depth
     )?;
     for result in results {
         if arguments.world.len() > 1 {

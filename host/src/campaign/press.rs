@@ -1,6 +1,8 @@
 //! One press of a campaign.
 
+use palpate_calibration::{KnownPress, check};
 use palpate_sim::mechanics::load::Load;
+use palpate_sim::random::Stream;
 
 use super::world::World;
 use crate::engine::Native;
@@ -35,6 +37,71 @@ pub(crate) struct Claim {
     pub(crate) two_state_n_per_m: Option<f64>,
 }
 
+/// What is known of a check's spring is off by up to this part, as on the bench
+/// (sim-host/stacks/disturbances.toml).
+const TOLERANCE: f64 = 0.01;
+/// A check's spring, in units of c_S.
+const CHECKED_BY: f64 = 1.0;
+
+/// The instrument in a world after a check by a spring that is known, or why the check gives none.
+pub(crate) fn checked(
+    calibrated: &CalibratedInstrument,
+    world: World,
+    depth: f64,
+) -> Result<Result<CalibratedInstrument, String>, Failure> {
+    let pressed = pressed(calibrated, world, CHECKED_BY, depth)?;
+    let verdict = Verdict::of(&pressed);
+    let Some(estimate) = verdict.estimate() else {
+        return Ok(Err(format!(
+            "the check: {}",
+            verdict.reason().unwrap_or_default()
+        )));
+    };
+    let off = Stream::named(calibrated.plant.seed, "campaign.check").between(-1.0, 1.0);
+    let known = KnownPress {
+        spring_n_per_m: pressed.true_n_per_m * (1.0 + TOLERANCE * off),
+        tolerance: TOLERANCE,
+        load_ratio: estimate.load_ratio.into(),
+        standard_error: estimate.load_ratio_standard_error.into(),
+        force_n: estimate.force_n.into(),
+        temperature_c: estimate.temperature_c.map(f64::from),
+    };
+    let checked = check(&calibrated.calibration.commands, &known);
+    Ok(checked
+        .map(|checked| {
+            let mut instrument = calibrated.clone();
+            instrument.calibration.commands = checked.commands;
+            instrument
+        })
+        .map_err(|cause| format!("the check: {cause}")))
+}
+
+/// Presses a load in a world, so many times as deep as the sensor is meant to be pressed.
+fn pressed(
+    calibrated: &CalibratedInstrument,
+    world: World,
+    ratio: f64,
+    depth: f64,
+) -> Result<press::PressOutcome, Failure> {
+    let n_per_m = ratio * calibrated.plant.sensing.spring_n_per_m;
+    let instrument = CalibratedInstrument {
+        plant: world.plant(&calibrated.plant),
+        ..calibrated.clone()
+    };
+    let how = press::Press {
+        name: format!("{ratio} c_S"),
+        load: if ratio.is_finite() {
+            Load::Spring { n_per_m }
+        } else {
+            Load::Rigid
+        },
+        holder: world.holder(),
+        depth_m: depth * instrument.depth_m,
+        speed_m_per_s: SPEED_M_PER_S,
+    };
+    press::press(&instrument, &how, &Native)
+}
+
 impl Press {
     /// Presses a load in a world, so many times as deep as the sensor is meant to be pressed.
     pub(crate) fn of(
@@ -43,23 +110,7 @@ impl Press {
         ratio: f64,
         depth: f64,
     ) -> Result<Self, Failure> {
-        let n_per_m = ratio * calibrated.plant.sensing.spring_n_per_m;
-        let instrument = CalibratedInstrument {
-            plant: world.plant(&calibrated.plant),
-            ..calibrated.clone()
-        };
-        let how = press::Press {
-            name: format!("{ratio} c_S"),
-            load: if ratio.is_finite() {
-                Load::Spring { n_per_m }
-            } else {
-                Load::Rigid
-            },
-            holder: world.holder(),
-            depth_m: depth * instrument.depth_m,
-            speed_m_per_s: SPEED_M_PER_S,
-        };
-        let pressed = press::press(&instrument, &how, &Native)?;
+        let pressed = pressed(calibrated, world, ratio, depth)?;
         let verdict = Verdict::of(&pressed);
         Ok(Self {
             world,
@@ -67,6 +118,16 @@ impl Press {
             true_n_per_m: pressed.true_n_per_m,
             outcome: Claim::of(&verdict).ok_or_else(|| verdict.reason().unwrap_or_default()),
         })
+    }
+
+    /// A press that was left out, since the check of the calibration gave none.
+    pub(crate) const fn left_out(world: World, ratio: f64, reason: String) -> Self {
+        Self {
+            world,
+            ratio,
+            true_n_per_m: f64::NAN,
+            outcome: Err(reason),
+        }
     }
 
     /// ln(estimate/truth); nothing of a block.

@@ -35,7 +35,7 @@ impl Held {
     /// # Errors
     /// If the board refuses a part of it, or does not store it.
     pub(super) fn keep(self, link: &mut Link) -> Result<Progress, Failure> {
-        put_in_force(link, &self.calibration, self.identity)?;
+        put_in_force(link, &self.calibration.commands, self.identity)?;
         let mut figures = self.figures;
         figures.configuration_crc = storage::store(link)?.stored_crc;
         figures.stored = true;
@@ -117,7 +117,7 @@ fn found(
     })?;
     let calibration = evaluate(&session, &task.known)
         .map_err(|error| Failure::Refused(format!("calibration: {error}")))?;
-    let identity = identity(None, session.temperature_c, &calibration);
+    let identity = identity(None, session.temperature_c, &calibration.commands);
     let figures = Found::of(&session, &task, &calibration, &identity, true);
     Ok(Held {
         calibration,

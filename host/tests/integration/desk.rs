@@ -1,9 +1,12 @@
 //! From a board that was never calibrated to a reading, as its users go.
 
+use std::fs;
 use std::path::Path;
 use std::process::Output;
 
-use crate::support::{emulated, json};
+use serde_json::Value;
+
+use crate::support::{CALIBRATION, emulated, json};
 
 /// Runs a verb on the emulated board whose flash is in a folder.
 fn on_board(folder: &Path, seed: &str, arguments: &[&str]) -> Output {
@@ -51,4 +54,60 @@ fn what_one_command_calibrates_measures_in_the_next() {
         (of("stiffness_n_per_m") / truth - 1.0).abs() < 0.15,
         "{line}"
     );
+}
+
+/// The rise at the end of a calibration's curve.
+fn greatest_rise(calibration: &Path) -> f64 {
+    let text = fs::read_to_string(calibration).unwrap();
+    let commands = text.lines().map(|line| serde_json::from_str(line).unwrap());
+    let rises = commands.flat_map(|command: Value| {
+        let knots = command["set_stiffening_curve"]["knots"].as_array().cloned();
+        knots.unwrap_or_default()
+    });
+    let rises = rises.map(|knot| knot["rise"].as_f64().unwrap());
+    rises.fold(0.0, f64::max)
+}
+
+#[test]
+#[ignore = "long: `cargo xtask ci` runs it"]
+fn a_check_by_a_known_spring_corrects_the_stiffening_or_refuses_the_calibration() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let on_board = |arguments: &[&str]| on_board(folder, "11", arguments);
+    json(&on_board(&["settings", "import", CALIBRATION, "--store"]));
+    let checked = json(&on_board(&["check", "--store"]));
+    let of = |name: &str| checked[name].as_f64().unwrap();
+    assert!(of("deviation").abs() < 3.0, "{checked}");
+    assert!(
+        of("signal_uncertainty_after") < of("signal_uncertainty_before"),
+        "{checked}"
+    );
+    // What is stored is what it says, under the number that it had.
+    json(&on_board(&["settings", "export", "after.jsonl"]));
+    let after = greatest_rise(&folder.join("after.jsonl"));
+    let change = after / greatest_rise(Path::new(CALIBRATION)) - 1.0;
+    assert!(
+        (change - of("rise_change")).abs() < 2e-3,
+        "{change} {checked}"
+    );
+    // The spring is not what is said of it.
+    let refused = on_board(&["check", "--spring", "30000", "--store"]);
+    let message = String::from_utf8(refused.stderr).unwrap();
+    assert_eq!(refused.status.code(), Some(1), "{message}");
+    assert!(
+        message.contains("standard errors too soft") && message.contains("calibrate anew"),
+        "{message}"
+    );
+    json(&on_board(&["settings", "export", "again.jsonl"]));
+    let read = |name: &str| fs::read_to_string(folder.join(name)).unwrap();
+    assert_eq!(read("again.jsonl"), read("after.jsonl"));
+}
+
+#[test]
+fn a_check_of_a_board_that_was_never_calibrated_says_what_to_do() {
+    let folder = tempfile::tempdir().unwrap();
+    let checked = on_board(folder.path(), "7", &["check"]);
+    let message = String::from_utf8(checked.stderr).unwrap();
+    assert_eq!(checked.status.code(), Some(1), "{message}");
+    assert!(message.contains("calibrate"), "{message}");
 }

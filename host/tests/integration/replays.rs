@@ -5,13 +5,7 @@ use std::path::Path;
 
 use serde_json::Value;
 
-use crate::support::{emulated, json, palpate};
-
-/// The calibration of the emulated board of seed 11.
-const CALIBRATION: &str = concat!(
-    env!("CARGO_MANIFEST_DIR"),
-    "/tests/fixture/ultrasoft-11.jsonl"
-);
+use crate::support::{CALIBRATION, emulated, json, palpate};
 
 /// Runs a verb on the emulated board of seed 11.
 fn on_board(folder: &Path, arguments: &[&str]) -> Value {

@@ -7,6 +7,12 @@ use std::sync::OnceLock;
 use palpate_emulator::firmware;
 use serde_json::Value;
 
+/// The calibration of the emulated board of seed 11.
+pub(crate) const CALIBRATION: &str = concat!(
+    env!("CARGO_MANIFEST_DIR"),
+    "/tests/fixture/ultrasoft-11.jsonl"
+);
+
 /// The image that is flashed, built once.
 pub(crate) fn image() -> &'static Path {
     static IMAGE: OnceLock<PathBuf> = OnceLock::new();
