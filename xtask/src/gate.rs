@@ -58,7 +58,7 @@ fn tests(rest: &[&str]) -> Invocation {
 }
 
 /// The features that have tests of their own, as cargo's argument.
-fn tested_features() -> String {
+pub(crate) fn tested_features() -> String {
     let of = |member: &Member| {
         let name = member.name;
         let features = member.tested_features.iter();

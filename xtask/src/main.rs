@@ -26,6 +26,8 @@ mod fuzz;
 mod gate;
 mod hygiene;
 mod members;
+#[cfg(test)]
+mod one_build;
 mod package_files;
 mod panic_free;
 mod planted;

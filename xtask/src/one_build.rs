@@ -1,0 +1,56 @@
+//! `cargo demo` and `cargo xtask test` share one build: what the one has compiled, the other takes.
+//!
+//! Cargo builds a crate again when it is asked for with other features, and with it all that depend on it.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use crate::gate::tested_features;
+use crate::process::{Invocation, Workspace};
+
+/// The sets of features that each package, by name and version, is built with.
+type Builds = BTreeMap<String, BTreeSet<String>>;
+
+fn builds(edges: &str, arguments: &[&str]) -> Builds {
+    let query = ["tree", "--locked", "--prefix", "none", "--format"];
+    let format = ["{p}|{f}", "--edges", edges];
+    let query = Invocation::cargo(&[&query[..], &format, arguments].concat());
+    let printed = Workspace::find(None).unwrap().output(&query).unwrap();
+    let mut builds = Builds::new();
+    for line in printed.lines() {
+        // A package that stands further up is marked.
+        let Some((package, features)) = line.trim_end_matches(" (*)").split_once('|') else {
+            continue;
+        };
+        let features = features.to_owned();
+        builds
+            .entry(package.to_owned())
+            .or_default()
+            .insert(features);
+    }
+    builds
+}
+
+#[test]
+fn the_tests_take_what_the_demo_has_built() {
+    let alone = builds(
+        "normal,build",
+        &["--package", "palpate", "--no-default-features"],
+    );
+    // Without `--package`, as in the alias `cargo demo`, all default members ask for features.
+    let demo = builds("normal,build", &["--no-default-features"]);
+    let tests = builds(
+        "normal,build,dev",
+        &["--features", tested_features().as_str()],
+    );
+    // The tool itself is built with more features for its tests.
+    let shared = alone.keys().filter(|name| !name.starts_with("palpate v"));
+    for package in shared {
+        let (demo, tests) = (&demo[package], &tests[package]);
+        assert!(
+            !demo.is_disjoint(tests),
+            "{package} is built twice, for the demo with {demo:?} and for the tests with {tests:?}: add what \
+             is missing to tests/Cargo.toml"
+        );
+    }
+    assert!(alone.len() > 50, "{}", alone.len());
+}
