@@ -201,8 +201,8 @@ impl PluggedBoard {
             touch.follow(self.world_mut());
             self.touch = Some(touch);
         }
-        let board = self.instrument.board_mut();
-        let ran = board.run_for(time);
+        let ran = self.instrument.run_for(time);
+        let board = self.instrument.board();
         ran.map_err(|stop| Failure::Refused(format!("the image at {}: {stop}", board.now())))?;
         self.flash.follow(board.flash())
     }

@@ -139,6 +139,17 @@ impl Instrument {
         &mut self.board
     }
 
+    /// Runs the board for a time, which keeps the bytes on its channels.
+    ///
+    /// As [`EmulatedBoard::run_for`], which is generic and would be compiled with its caller: in a program that
+    /// is not optimised, a third as fast.
+    ///
+    /// # Errors
+    /// [`Stop`]: what the emulation cannot follow.
+    pub fn run_for(&mut self, time: Time) -> Result<(), Stop> {
+        self.board.run_for(time)
+    }
+
     /// The bytes of the log since the last call, as defmt encodes them.
     pub fn take_logs(&mut self) -> Vec<u8> {
         std::mem::take(&mut self.logs)
