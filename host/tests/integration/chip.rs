@@ -34,12 +34,13 @@ fn scatter(lines: &[Value]) -> f64 {
     (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
 }
 
+/// Of 2,000 readings, the scatter is known to 1.6 %: the bar is six times as far.
 #[test]
 fn sigma_is_right_within_10_percent() {
     for arguments in [
-        ["--channels", "0", "--rate", "1000", "--frames", "4000"],
-        ["--channels", "0-3", "--rate", "500", "--frames", "2000"],
-        ["--channels", "0-3", "--rcount", "65535", "--frames", "2000"],
+        ["--channels", "0", "--rate", "1000", "--frames", "2000"],
+        ["--channels", "0-3", "--rate", "500", "--frames", "500"],
+        ["--channels", "0-3", "--rcount", "65535", "--frames", "500"],
     ] {
         let lines = lines(&arguments);
         let scatter = scatter(&lines);

@@ -1,5 +1,7 @@
 //! The coil's drive, as the image runs it: on the circuit, through PWM, ADC and DMA.
 
+use std::ops::RangeInclusive;
+
 use crate::common::driven::{PERIOD, bend, steps, telemetry, wired};
 use crate::common::{RecordedBoard, coil, image, streaming};
 use palpate_emulator::{Options, PlantConditions, Time};
@@ -532,7 +534,9 @@ fn a_supply_that_collapses_is_reported_as_that() {
 }
 
 /// 34 J each, with 56 J to take and 3.5 W to give off.
+/// In short, without the image: `energy` of `palpate-procedure`.
 #[test]
+#[ignore = "long: `cargo xtask ci` runs it"]
 fn a_second_train_soon_after_the_first_is_refused_with_the_time_to_wait() {
     let conditions = PlantConditions {
         coil_ohm: 0.48,
@@ -576,6 +580,16 @@ fn a_second_train_soon_after_the_first_is_refused_with_the_time_to_wait() {
 /// a train, driven whole.
 #[test]
 fn a_drawn_sensor_drives_its_train() {
+    drawn_sensors_drive_their_trains(1..=1);
+}
+
+#[test]
+#[ignore = "long: `cargo xtask ci` runs it"]
+fn other_drawn_sensors_drive_their_trains() {
+    drawn_sensors_drive_their_trains(2..=3);
+}
+
+fn drawn_sensors_drive_their_trains(seeds: RangeInclusive<u64>) {
     use palpate_emulator::Instrument;
     use palpate_sim::device::Device;
     use palpate_sim::parameters::draw;
@@ -585,7 +599,7 @@ fn a_drawn_sensor_drives_its_train() {
 
     let stack = Stack::builtin("ultrasoft").unwrap();
     let disturbances = Disturbances::builtin().unwrap();
-    for seed in 1..=3 {
+    for seed in seeds {
         let plant = draw(&stack, &disturbances, seed);
         let world = World::new(&plant, Switches::all(), Setup::default()).unwrap();
         let mut instrument = Instrument::new(image(), world, Options::default());
