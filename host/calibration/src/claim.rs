@@ -1,8 +1,8 @@
 //! What the calibration leaves open of a load.
 
 use super::adjustment::{Adjusted, Changes, QUANTITIES};
-use super::least_squares::System;
 use super::line::Bend;
+use super::terms::terms;
 use super::{Known, Unusable};
 
 /// Standard uncertainties that a measurement takes over, as the instrument counts them: of
@@ -46,9 +46,6 @@ pub(crate) struct Bench {
     pub(crate) frame_m_per_n: f64,
 }
 
-/// Loads, kappa, at which the instrument's three terms are held against the uncertainty: from a rigid
-/// load to one ten times as soft as the sensing layer.
-const KAPPAS: [f64; 8] = [0.0, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0];
 /// Depths of a press, in units of the mean of all trains, of which the mean square counts: those to which a
 /// press in use goes.
 const DEPTHS: [f64; 3] = [0.7, 1.0, 1.3];
@@ -63,8 +60,7 @@ pub(crate) fn uncertainty(
         bench,
         sensing_n_per_m: known.sensing_n_per_m,
     };
-    let terms = open.terms()?;
-    let [constant, scale, whole] = terms;
+    let [constant, scale, whole] = terms(adjusted.layer.actuated.ratio, |kappa| open.all(kappa))?;
     let actuated = &adjusted.layer.actuated;
     let relative = |variance: &dyn Fn(f64) -> f64| {
         LOADS.map(|load| variance(1.0 / load).max(0.0).sqrt() * load)
@@ -140,38 +136,5 @@ impl Open<'_> {
 
     fn whole(&self, kappa: f64) -> f64 {
         1.0 + kappa + self.adjusted.layer.actuated.ratio
-    }
-
-    /// The constant, the part of kappa and the part of W whose squares come nearest to it, none below zero:
-    /// relative errors of the variance count alike.
-    fn terms(&self) -> Result<[f64; 3], Unusable> {
-        let squares = |kappa: f64| [1.0, kappa * kappa, self.whole(kappa).powi(2)];
-        let variances = KAPPAS.map(|kappa| (kappa, self.all(kappa)));
-        // Every round leaves one term out, until none is below zero.
-        let mut used = vec![0, 1, 2];
-        loop {
-            let mut system = System::new(used.len());
-            for (kappa, variance) in variances {
-                let squares = squares(kappa);
-                let row = used.iter().filter_map(|index| squares.get(*index).copied());
-                system.add(row.collect(), variance, 1.0 / variance);
-            }
-            let found = system.solve("the uncertainty")?.unknowns;
-            let lowest = found.iter().enumerate().min_by(|a, b| a.1.total_cmp(b.1));
-            match lowest {
-                Some((place, value)) if *value < 0.0 => {
-                    used.remove(place);
-                }
-                _ => {
-                    let mut terms = [0.0; 3];
-                    for (index, square) in used.into_iter().zip(found) {
-                        if let Some(term) = terms.get_mut(index) {
-                            *term = square.sqrt();
-                        }
-                    }
-                    return Ok(terms);
-                }
-            }
-        }
     }
 }

@@ -11,6 +11,8 @@
 //!    current, attraction, and growth of the cross-talk, by least squares.
 //! 4. `adjustment`: five quantities of that, adjusted to what each train by itself says of its load.
 //! 5. `claim`: what the trains' scatter and the springs' tolerance leave open.
+//!
+//! Later, in use, [`check`] corrects a calibration by one press upon a spring that is known.
 
 mod actuated;
 mod adjustment;
@@ -26,6 +28,7 @@ mod line;
 mod made;
 mod samples;
 pub mod session;
+mod terms;
 mod travel;
 mod unusable;
 

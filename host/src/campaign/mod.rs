@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 use comfy_table::presets::ASCII_MARKDOWN;
 use comfy_table::{CellAlignment, Table};
 use palpate_sim::stack::{Disturbances, LoadError, Stack};
@@ -61,6 +61,9 @@ pub(crate) struct Arguments {
     /// What has changed since the bench; each sensor presses in all worlds that are named here
     #[arg(long, value_enum, value_delimiter = ',', default_value = "calibrated")]
     world: Vec<World>,
+    /// Press in all worlds
+    #[arg(long, conflicts_with = "world")]
+    all_worlds: bool,
     /// Check each calibration in its world first, by a spring of c_S that is known to 1 %: it corrects the
     /// size of the stiffening, or refuses the calibration
     #[arg(long)]
@@ -71,6 +74,16 @@ pub(crate) struct Arguments {
     /// Write every press to this file as its sensor is done, as CSV
     #[arg(long, value_name = "FILE.csv")]
     rows: Option<PathBuf>,
+}
+
+impl Arguments {
+    fn worlds(&self) -> &[World] {
+        if self.all_worlds {
+            World::value_variants()
+        } else {
+            &self.world
+        }
+    }
 }
 
 fn depth(text: &str) -> Result<f64, String> {
@@ -100,7 +113,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let plants = presses(arguments, &stack)?;
     let all: Vec<&Press> = plants.iter().flatten().flatten().collect();
     let results: Vec<WorldResult> = arguments
-        .world
+        .worlds()
         .iter()
         .map(|world| WorldResult::of(*world, arguments, &stack.name, &plants))
         .collect();
@@ -165,7 +178,7 @@ fn of_sensor(
     let instrument =
         CalibratedInstrument::calibrated(stack, disturbances, seed, Switches::all(), &settings)?;
     let mut presses = Vec::new();
-    for world in &arguments.world {
+    for world in arguments.worlds() {
         presses.extend(in_world(arguments, &instrument, *world)?);
     }
     Ok(presses)
@@ -298,7 +311,7 @@ fn print(
         arguments.depth
     )?;
     for result in results {
-        if arguments.world.len() > 1 {
+        if results.len() > 1 {
             writeln!(out, "## {}\n", result.world)?;
         }
         writeln!(out, "{}\n", table(result))?;
