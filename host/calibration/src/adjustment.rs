@@ -392,8 +392,17 @@ mod tests {
 
     #[test]
     fn errors_of_all_five_quantities_and_of_the_bend_are_found() {
-        let mut wrong = layer(&[0.1, -0.05, 2e-3, 5e-4, -1e-3]);
+        let mut wrong = layer(&Changes::default());
+        wrong.actuated.ratio *= 1.1;
+        wrong
+            .actuated
+            .regressor
+            .iter_mut()
+            .for_each(|term| *term *= 0.95);
         wrong.actuated.bend = 0.1;
+        wrong.actuated.attraction_n_per_a2 *= 1.1;
+        wrong.crosstalk.untouched_m_per_a2 *= 1.05;
+        wrong.crosstalk.growth_per_m *= 0.8;
         let trains = made::problem(&SENSOR, made::KAPPAS, &mut || 0.0).trains;
         let fit = fitted(&wrong, trains);
         let adjusted = adjust(&fit, wrong.crosstalk, 0.01).unwrap();
