@@ -144,16 +144,21 @@ impl Layer {
         Ok(line.kappa)
     }
 
-    /// What the stiffening is of the signal at the mean depth, 1 or more: the attraction takes away a part
-    /// of what the stiffening gives.
+    /// What an error of the stiffening is of one of the signal, at the mean depth.
     pub(crate) fn stiffening_of_signal(&self) -> f64 {
+        /// Currents at which the fall is looked at.
+        const CURRENTS: u8 = 32;
         /// Where the attraction leaves less than a hundredth, nothing can be measured.
         const MOST: f64 = 100.0;
         let actuated = &self.actuated;
-        let h = actuated.regressor(actuated.peak_a);
-        let pull_n = actuated.attraction_n_per_a2 * actuated.peak_a * actuated.peak_a;
-        let pulled_m = pull_n / self.sensing_n_per_m * (actuated.ratio + h);
-        (h / (h + pulled_m / self.depth_m)).abs().clamp(1.0, MOST)
+        let at = |index: u8| {
+            let current_a = actuated.peak_a * f64::from(index) / f64::from(CURRENTS);
+            let h = actuated.regressor(current_a);
+            let pull_n = actuated.attraction_n_per_a2 * current_a * current_a;
+            let pulled_m = pull_n / self.sensing_n_per_m * (actuated.ratio + h);
+            (h, h + pulled_m / self.depth_m)
+        };
+        of_signal((0..=CURRENTS).map(at)).abs().clamp(1.0, MOST)
     }
 
     /// What an instrument that is calibrated so reads of a load, kappa, on a sensor that is as `sensor`,
@@ -176,6 +181,22 @@ impl Layer {
         let h = ratio - self.actuated.ratio + pulled_m / found_m;
         h / (depth_m / found_m - 1.0) - 1.0 - self.actuated.ratio
     }
+}
+
+/// What an error of h, by parts, is of an error of the signal, by parts: of h and the signal, which is h with the
+/// attraction, along a fall. The attraction takes away from the signal, so that it is more than one. As the line of a
+/// train goes through all of the fall, it is h's slope against the signal.
+pub(crate) fn of_signal(fall: impl Iterator<Item = (f64, f64)>) -> f64 {
+    let points: Vec<(f64, f64)> = fall.collect();
+    let count = points.len() as f64;
+    let mean = |of: fn(&(f64, f64)) -> f64| points.iter().map(of).sum::<f64>() / count;
+    let (mean_h, mean_signal) = (mean(|point| point.0), mean(|point| point.1));
+    let sum = |of: &dyn Fn(f64, f64) -> f64| {
+        let deviations = points.iter();
+        let deviations = deviations.map(|(h, signal)| of(h - mean_h, signal - mean_signal));
+        deviations.sum::<f64>()
+    };
+    sum(&|h, signal| h * signal) / sum(&|_, signal| signal * signal)
 }
 
 /// Adjusts what the fit of all samples found, with springs within a tolerance, relative, uniform.

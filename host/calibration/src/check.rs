@@ -13,7 +13,7 @@ use std::fmt;
 use palpate_wire::Command;
 use palpate_wire::command::{Springs, StiffeningCurve, StiffeningKnot, TemperatureEffect};
 
-use super::adjustment::LEAST_SCATTER;
+use super::adjustment::{LEAST_SCATTER, of_signal};
 use super::terms::terms;
 
 /// A press upon a spring that is known.
@@ -251,15 +251,19 @@ impl<'c> InForce<'c> {
         Ok(f64::from(low.rise) + part * (f64::from(high.rise) - f64::from(low.rise)))
     }
 
-    /// What the stiffening alone would make of the signal's size, as a part of it: one or more, since the
-    /// attraction takes away.
+    /// What an error of the stiffening is of one of the signal, in a press with a force.
     fn stiffening_of_signal(&self, force_n: f64) -> Result<f64, Unchecked> {
-        let rise = self.rise_at_peak()?;
-        let h = -self.ratio() * rise / (1.0 + rise);
-        let actuated = self.ratio() / (1.0 + rise);
-        // Over the deformation, which is the force over c_S.
-        let pulled = self.attraction_n_per_a2 * self.peak_a * self.peak_a * actuated / force_n;
-        let of_stiffening = h / (h + pulled);
+        let at = |knot: &&StiffeningKnot| {
+            let (rise, current_a) = (f64::from(knot.rise), f64::from(knot.current_a));
+            let (h, actuated) = (
+                -self.ratio() * rise / (1.0 + rise),
+                self.ratio() / (1.0 + rise),
+            );
+            // Over the deformation, which is the force over c_S.
+            let pulled = self.attraction_n_per_a2 * current_a * current_a * actuated / force_n;
+            (h, h + pulled)
+        };
+        let of_stiffening = of_signal(self.knots.iter().map(at));
         if force_n > 0.0 && of_stiffening > 0.0 && of_stiffening.is_finite() {
             return Ok(of_stiffening);
         }
