@@ -22,12 +22,12 @@ impl Drive {
     /// design without a coil.
     pub(super) fn of(design: &Design, current_a: Option<f64>) -> Result<Self, Failure> {
         match current_a {
-            Some(_) if design.coils.is_empty() => Err(Failure::Argument(format!(
+            Some(_) if !design.is_driven() => Err(Failure::Argument(format!(
                 "{}: the design has no coil for --current: add a [[coil]], or leave --current out",
                 design.name
             ))),
             Some(current_a) => Ok(Self::Current(current_a)),
-            None if !design.coils.is_empty() => Ok(Self::PerAmpere),
+            None if design.is_driven() => Ok(Self::PerAmpere),
             None if design.background_t != 0.0 => Ok(Self::Background),
             None => Err(Failure::Argument(format!(
                 "{}: nothing drives a field: add a [[coil]] or a [background]",

@@ -1,5 +1,6 @@
 //! `palpate field`: the magnetic field of the actuated layer.
 
+mod ac;
 mod candidate;
 mod compare;
 mod drive;
@@ -23,7 +24,8 @@ use crate::failure::Failure;
 #[derive(Args)]
 #[command(after_help = "\
 DESIGN is a file, or a built-in design: air, A, A0, A10, B1, B2, B3, C1in, C1out, C3in, CAin,
-backplates, pot, closed. `palpate field show A` prints one to start from.")]
+backplates, pot, closed; with a sensing coil, for `ac`: sensing, A-sensing, closed-sensing.
+`palpate field show A` prints one to start from.")]
 pub(crate) struct Arguments {
     #[command(subcommand)]
     task: FieldTask,
@@ -33,6 +35,7 @@ pub(crate) struct Arguments {
 enum FieldTask {
     Show(input::Show),
     Solve(solve::Arguments),
+    Ac(ac::Arguments),
     Profile(profile::Arguments),
     Figures(figures::Arguments),
     Sweep(sweep::Arguments),
@@ -45,6 +48,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     match &arguments.task {
         FieldTask::Show(arguments) => input::show(arguments),
         FieldTask::Solve(arguments) => solve::run(arguments),
+        FieldTask::Ac(arguments) => ac::run(arguments),
         FieldTask::Profile(arguments) => profile::run(arguments),
         FieldTask::Figures(arguments) => figures::run(arguments),
         FieldTask::Sweep(arguments) => sweep::run(arguments),

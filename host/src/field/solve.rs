@@ -198,7 +198,7 @@ impl DesignFigures {
             drive => drive.words(design),
         };
         let mut text = format!("{}, {title}\n{}", self.design, self.first.explain());
-        if !design.coils.is_empty() {
+        if design.is_driven() {
             text.push_str(&format!("  resistance {:.4} ohm\n", self.resistance_ohm));
         }
         if let Some(matrix) = &self.inductances {

@@ -140,7 +140,7 @@ fn bridge(
     elastomer: &Elastomer,
 ) -> Result<BridgeFigures, Failure> {
     let peak_a = arguments.current.unwrap_or(design.current_a);
-    if design.coils.is_empty() || peak_a <= 0.0 {
+    if !design.is_driven() || peak_a <= 0.0 {
         let reason =
             "the design has no coil or no current: add a [[coil]] and [conductor] current_A";
         return Err(Failure::Refused(reason.to_owned()));

@@ -37,6 +37,37 @@ fn number(value: &Value, key: &str) -> f64 {
     value[key].as_f64().unwrap_or_else(|| panic!("no {key}"))
 }
 
+/// A copper plane is a mirror that takes power; currents induced in it add to the coil's own.
+#[test]
+fn a_copper_plane_lowers_inductance_and_quality_of_the_sensing_coil() {
+    let copper = "material.plane.conductivity_S_per_m=5.8e7";
+    let at = |arguments: &[&str]| {
+        let asked = ["ac", "sensing", "--frequency", "3e6", "--json"];
+        let solved = json(&[&asked[..], arguments].concat());
+        assert_eq!(solved[0]["reached"], true);
+        solved[0]["coils"][0].clone()
+    };
+    let [without, with] = [&[][..], &["--set", copper]].map(at);
+    for key in ["inductance_H", "quality"] {
+        assert!(number(&with, key) < 0.999 * number(&without, key), "{key}");
+    }
+    let shares = &with["resistance_by_part_ohm"];
+    let sum: f64 = shares
+        .as_object()
+        .unwrap()
+        .values()
+        .map(|share| share.as_f64().unwrap())
+        .sum();
+    assert!((sum / number(&with, "resistance_ohm") - 1.0).abs() < 1e-9);
+    assert!(number(shares, "plane") > 0.0);
+    let (code, complaint) = refused(&["ac", "sensing", "--frequency", "3e6", "--coil", "x"]);
+    assert_eq!(code, Some(2));
+    assert!(
+        complaint.contains("no coil is named \"x\"; allowed: sensing"),
+        "{complaint}"
+    );
+}
+
 #[test]
 fn figures_of_a_design_as_json() {
     let solved = json(&["solve", "backplates", "--current", "10", "--json"]);

@@ -22,7 +22,7 @@ pub struct Figures {
     pub axial_pp: f64,
     /// Peak to peak of |B| along the core's radius in mid-plane over its mean there.
     pub radial_pp: f64,
-    /// Flux linked with all coils in series, Wb, a background's share included. Of one ampere
+    /// Flux linked with all driven coils in series, Wb, a background's share included. Of one ampere
     /// without a background it is the inductance in H.
     pub linkage_wb: f64,
     /// Force that closes the core's gap, N, by virtual work.
@@ -188,7 +188,7 @@ fn linkage(design: &Design, level: &Level, w: &[f64]) -> f64 {
         let Some([coil, ring]) = at.region.ring else {
             return;
         };
-        let coil = design.coils.get(coil as usize);
+        let coil = design.coils.get(coil as usize).filter(|coil| coil.driven);
         let ring = coil.and_then(|coil| coil.rings.get(ring as usize));
         if let (Some(coil), Some(ring)) = (coil, ring) {
             linkage += TAU * at.weight * coil.sense * coil.turns / ring.area_m2()

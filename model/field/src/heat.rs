@@ -16,7 +16,7 @@ const ELASTOMER_J_PER_M3_K: f64 = 2.2e6;
 /// Heat capacities, J/K.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HeatCapacity {
-    /// The windings by themselves: what warms up in the first second.
+    /// The driven windings by themselves: what warms up in the first second.
     pub copper_j_per_k: f64,
     /// Windings, boards, bodies and plates together.
     pub stack_j_per_k: f64,
@@ -27,7 +27,7 @@ impl HeatCapacity {
     #[must_use]
     pub fn of(design: &Design, solved: &Solved) -> Self {
         let volume = |section: &Rectangle| PI * ring(section.r_m) * width(section.x_m);
-        let rings = || design.coils.iter().flat_map(|coil| &coil.rings);
+        let rings = || design.driven_coils().flat_map(|coil| &coil.rings);
         let copper_m3: f64 = rings().map(volume).sum();
         let boards = design.boards.iter();
         let boards_m3: f64 = boards.map(|board| volume(&board.section)).sum();

@@ -41,6 +41,21 @@ pub struct Reluctivity {
     pub slope: f64,
 }
 
+impl Reluctivity {
+    /// The differential reluctivity dH/dB = ν + (dν/dB) B Bᵀ/|B| at a field, T, as a matrix, m/H. The
+    /// second term vanishes with B for all of our materials.
+    #[must_use]
+    pub fn differential(&self, b_t: [f64; 2]) -> [[f64; 2]; 2] {
+        let size = b_t[0].hypot(b_t[1]);
+        let bend = if size > 0.0 { self.slope / size } else { 0.0 };
+        let off = bend * b_t[0] * b_t[1];
+        [
+            [self.nu + bend * b_t[0] * b_t[0], off],
+            [off, self.nu + bend * b_t[1] * b_t[1]],
+        ]
+    }
+}
+
 impl Material {
     /// No material.
     pub const VACUUM: Self = Self::Linear { mu_r: 1.0 };

@@ -23,6 +23,11 @@ pub const BUILTIN: [&str; 14] = [
     "closed",
 ];
 
+/// Names of built-in designs with a sensing coil, for alternating fields: the coil between its slabs, and
+/// that above `A` and `closed`. With them there is a copper plane that does not conduct until its material's
+/// conductivity is set.
+pub const WITH_SENSING_COIL: [&str; 3] = ["sensing", "A-sensing", "closed-sensing"];
+
 /// The text of a built-in design.
 #[must_use]
 pub fn builtin_text(name: &str) -> Option<&'static str> {
@@ -41,6 +46,9 @@ pub fn builtin_text(name: &str) -> Option<&'static str> {
         "backplates" => include_str!("../../designs/backplates.toml"),
         "pot" => include_str!("../../designs/pot.toml"),
         "closed" => include_str!("../../designs/closed.toml"),
+        "sensing" => include_str!("../../designs/sensing.toml"),
+        "A-sensing" => include_str!("../../designs/A-sensing.toml"),
+        "closed-sensing" => include_str!("../../designs/closed-sensing.toml"),
         _ => return None,
     })
 }
@@ -48,7 +56,7 @@ pub fn builtin_text(name: &str) -> Option<&'static str> {
 /// A built-in design.
 ///
 /// # Errors
-/// [`DesignError`] for any name that is not in [`BUILTIN`].
+/// [`DesignError`] for any name that is neither in [`BUILTIN`] nor in [`WITH_SENSING_COIL`].
 pub fn builtin(name: &str) -> Result<Design, DesignError> {
     match builtin_text(name) {
         Some(text) => Design::parse(&format!("{name}.toml"), text),
@@ -57,7 +65,7 @@ pub fn builtin(name: &str) -> Result<Design, DesignError> {
             line: 1,
             place: String::new(),
             problem: format!("there is no built-in design {name:?}"),
-            allowed: BUILTIN.join(", "),
+            allowed: [&BUILTIN[..], &WITH_SENSING_COIL].concat().join(", "),
         }),
     }
 }

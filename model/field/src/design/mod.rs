@@ -11,7 +11,7 @@ pub mod vary;
 
 use core::fmt;
 
-pub use builtin::{BUILTIN, builtin, builtin_text};
+pub use builtin::{BUILTIN, WITH_SENSING_COIL, builtin, builtin_text};
 
 use crate::geometry::shape::Shape;
 use crate::material::Material;
@@ -26,7 +26,7 @@ pub struct Design {
     /// The volume that is judged: the disc between the boards, by which mean field, homogeneity
     /// and the force that closes it are defined.
     pub core: Core,
-    /// Windings, in series.
+    /// Windings. Those that are driven are in series.
     pub coils: Vec<RingCoil>,
     /// Circuit boards. They displace the cast bodies and are not magnetic.
     pub boards: Vec<CircuitBoard>,
@@ -75,6 +75,8 @@ pub struct RingCoil {
     pub turns: f64,
     /// +1 or −1: the sense of the current.
     pub sense: f64,
+    /// Whether it is one of the coils in series that carry the constant current. A sensing coil is not.
+    pub driven: bool,
 }
 
 /// A rectangle in the half-plane.
@@ -122,6 +124,10 @@ pub struct MagneticPart {
     pub shape: Shape,
     /// What is cut out of it.
     pub minus: Vec<Shape>,
+    /// Conductivity, S/m; 0 for an insulator.
+    pub conductivity_s_per_m: f64,
+    /// Loss tangent of its permeability, μ″/μ′, for alternating fields.
+    pub loss_tangent: f64,
     /// Whether it is one piece, or cut so that it can give way to the side.
     pub cut: Cut,
     /// Whether it was cast around boards, windings and plates (a body), so that it leaves out
@@ -215,17 +221,32 @@ impl Design {
         read::read(file, text)
     }
 
-    /// Resistance of the windings in series at the temperature of the resistivity, Ω: current
+    /// The coils that carry the constant current.
+    pub fn driven_coils(&self) -> impl Iterator<Item = &RingCoil> {
+        self.coils.iter().filter(|coil| coil.driven)
+    }
+
+    /// Whether any coil carries the constant current.
+    #[must_use]
+    pub fn is_driven(&self) -> bool {
+        self.driven_coils().next().is_some()
+    }
+
+    /// Resistance of the driven windings in series at the temperature of the resistivity, Ω: current
     /// runs in circles, evenly over each ring, ρ · 2π r̄ turns² / area for each.
     #[must_use]
     pub fn resistance_ohm(&self) -> f64 {
-        let ring = |coil: &RingCoil, ring: &Rectangle| {
-            self.resistivity_ohm_m * ring.circumference_m() * coil.turns.powi(2) / ring.area_m2()
-        };
-        self.coils
-            .iter()
-            .flat_map(|coil| coil.rings.iter().map(move |r| ring(coil, r)))
+        self.driven_coils()
+            .map(|coil| self.coil_resistance_ohm(coil))
             .sum()
+    }
+
+    /// Resistance of one coil, by the same rule, Ω.
+    #[must_use]
+    pub fn coil_resistance_ohm(&self, coil: &RingCoil) -> f64 {
+        let ring = |ring: &Rectangle| ring.circumference_m() / ring.area_m2();
+        let rings: f64 = coil.rings.iter().map(ring).sum();
+        self.resistivity_ohm_m * coil.turns.powi(2) * rings
     }
 
     /// Every corner of boards, copper, bodies and plates, m.

@@ -155,16 +155,9 @@ impl Level {
             ];
             let size = b[0].hypot(b[1]);
             let law = material.reluctivity(size);
-            // dH/dB = ν + (dν/dB) B Bᵀ/|B|, which vanishes with B for all of our materials.
-            let bend = if size > 0.0 { law.slope / size } else { 0.0 };
-            let off = bend * b[0] * b[1];
-            let law_tangent = [
-                [law.nu + bend * b[0] * b[0], off],
-                [off, law.nu + bend * b[1] * b[1]],
-            ];
             // The background is a field of its own, curl-free: only what exceeds ν₀B₀ drives.
             let h = [law.nu * b[0], law.nu * b[1] - self.background_t / MU_0];
-            add(out, area * r, law_tangent, h, &curls);
+            add(out, area * r, law.differential(b), h, &curls);
             for (residual, phi) in out.residual.iter_mut().zip(&sample.values) {
                 *residual -= area * r * r * current * phi;
             }

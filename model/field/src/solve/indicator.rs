@@ -4,7 +4,7 @@
 //! triangle's edges is the classical residual estimate without its interior term, which for
 //! orders from two on is of the same size.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use super::assembly::{Level, along, combine, on_side};
 use super::newton::dot;
@@ -27,6 +27,17 @@ pub(super) struct Jumps {
 
 /// The jumps of the field of `w`, materials being in the state of `state`.
 pub(super) fn jumps(level: &Level, state: &[f64], w: &[f64], background_t: f64) -> Jumps {
+    jumps_without(level, state, w, background_t, &HashSet::new())
+}
+
+/// The same without some edges, at which there is no jump to be expected.
+pub(super) fn jumps_without(
+    level: &Level,
+    state: &[f64],
+    w: &[f64],
+    background_t: f64,
+    left_out: &HashSet<[u32; 2]>,
+) -> Jumps {
     let space = &level.space;
     let rule = quadrature::gauss(space.basis.order() as usize + 1, 0.0);
     // Sorted, so that the points seen from either side of an edge are the same.
@@ -55,7 +66,10 @@ pub(super) fn jumps(level: &Level, state: &[f64], w: &[f64], background_t: f64) 
         for (side, edge) in triangle.edges().into_iter().enumerate() {
             let key = ascending(edge);
             let [a, b] = edge.map(|vertex| space.mesh.position(vertex));
-            if (a[0] == 0.0 && b[0] == 0.0) || space.mesh.arc.contains(&key) {
+            if (a[0] == 0.0 && b[0] == 0.0)
+                || space.mesh.arc.contains(&key)
+                || left_out.contains(&key)
+            {
                 continue;
             }
             let length = crate::geometry::distance(a, b);

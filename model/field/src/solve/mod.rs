@@ -8,6 +8,7 @@
 //! harmonic too. The energy outside becomes ∫ |∇w″|² r³ over the half-disc plus (1/R) ∮ w² r³ on
 //! the arc. Nothing is cut off, and a dipole's far field is a constant.
 
+mod ac;
 mod adapt;
 mod assembly;
 mod cholesky;
@@ -15,11 +16,13 @@ mod evaluate;
 mod indicator;
 mod judge;
 mod newton;
+mod scalar;
 mod sharpen;
 mod small_signal;
 mod space;
 mod sums;
 
+pub use ac::{AcCoil, AcSolved, solve_ac};
 pub use adapt::{Accuracy, SolveReport, Solved, solve, solve_on};
 pub use assembly::{Level, integrate};
 pub use evaluate::{FieldAt, Locator};

@@ -19,13 +19,17 @@ pub struct Excitation {
 }
 
 impl Excitation {
-    /// A current in all coils of a design, in series, and nothing else: materials stay far below
+    /// A current in all driven coils of a design, in series, and nothing else: materials stay far below
     /// saturation, and the design's background is left out, so that every figure is in proportion to
     /// a power of the current.
     #[must_use]
     pub fn small(design: &Design, current_a: f64) -> Self {
         Self {
-            currents_a: vec![current_a; design.coils.len()],
+            currents_a: design
+                .coils
+                .iter()
+                .map(|coil| if coil.driven { current_a } else { 0.0 })
+                .collect(),
             background_t: 0.0,
             saturating: false,
         }

@@ -19,7 +19,9 @@ impl Solved {
     /// As [`super::solve`].
     pub fn by_current(&self, design: &Design) -> Result<Figures, SolveError> {
         let slope = self.field_by_current(design)?;
-        let current_a = self.excitation.currents_a.first().copied().unwrap_or(0.0);
+        let driven = self.excitation.currents_a.iter().zip(&design.coils);
+        let mut driven = driven.filter(|(_, coil)| coil.driven);
+        let current_a = driven.next().map_or(0.0, |(current, _)| *current);
         let step_a = STEP
             * if current_a == 0.0 {
                 1.0
@@ -36,22 +38,33 @@ impl Solved {
 
     /// The derivative of w by the current, T/A: the tangent's answer to an ampere more.
     fn field_by_current(&self, design: &Design) -> Result<Vec<f64>, SolveError> {
-        let currents_a = self
-            .excitation
-            .currents_a
-            .iter()
-            .map(|current| current + 1.0);
-        let more = Excitation {
-            currents_a: currents_a.collect(),
-            ..self.excitation.clone()
-        };
-        let more = Level::new(design, self.level.space.clone(), &more);
-        let pattern = Pattern::of(&self.level);
-        let (residual, entries) = pattern.assemble(&self.level, &self.w, true);
-        let (with_more, _) = pattern.assemble(&more, &self.w, false);
-        let factor = pattern.factor(&entries)?;
-        let driven = residual.iter().zip(&with_more);
-        let driven: Vec<f64> = driven.map(|(now, more)| now - more).collect();
-        Ok(pattern.solve(&factor, &driven))
+        let one_more_a = Excitation::small(design, 1.0).currents_a;
+        let (_, field) = response(design, &self.level, &self.excitation, &self.w, &one_more_a)?;
+        Ok(field)
     }
+}
+
+/// What more current in each coil, A, drives about a field `w` of a level, and by how much it changes that
+/// field in proportion, T.
+pub(super) fn response(
+    design: &Design,
+    level: &Level,
+    excitation: &Excitation,
+    w: &[f64],
+    more_a: &[f64],
+) -> Result<(Vec<f64>, Vec<f64>), SolveError> {
+    let currents_a = excitation.currents_a.iter().zip(more_a);
+    let more = Excitation {
+        currents_a: currents_a.map(|(current, more)| current + more).collect(),
+        ..excitation.clone()
+    };
+    let more = Level::new(design, level.space.clone(), &more);
+    let pattern = Pattern::of(level);
+    let (residual, entries) = pattern.assemble(level, w, true);
+    let (with_more, _) = pattern.assemble(&more, w, false);
+    let factor = pattern.factor(&entries)?;
+    let driven = residual.iter().zip(&with_more);
+    let driven: Vec<f64> = driven.map(|(now, more)| now - more).collect();
+    let field = pattern.solve(&factor, &driven);
+    Ok((driven, field))
 }

@@ -73,6 +73,9 @@ pub(super) struct MaterialFile {
     #[serde(rename = "knee_T")]
     pub(super) knee: Option<SpannedNumber>,
     pub(super) exponent: Option<SpannedNumber>,
+    #[serde(rename = "conductivity_S_per_m")]
+    pub(super) conductivity: Option<SpannedNumber>,
+    pub(super) loss_tangent: Option<SpannedNumber>,
 }
 
 #[derive(Deserialize)]
@@ -85,6 +88,7 @@ pub(super) struct CoilFile {
     pub(super) pitch: Option<SpannedNumber>,
     pub(super) turns: Option<SpannedNumber>,
     pub(super) sense: Option<Spanned<String>>,
+    pub(super) driven: Option<bool>,
 }
 
 #[derive(Deserialize)]

@@ -16,6 +16,14 @@ use file::{File, MaterialFile, Number, Pair, SpannedNumber};
 const UNITS: &str = "\"m\", \"mm\", \"um\"";
 const MATERIALS: &str =
     "{ mu_r }, { mu_r, saturation_A_per_m } or { initial_mu_r, knee_T, exponent }";
+
+/// A material as it stands in the file.
+struct ReadMaterial {
+    law: Material,
+    conductivity_s_per_m: f64,
+    loss_tangent: f64,
+}
+
 /// Reads a design; see [`Design::parse`].
 pub(super) fn read(file: &str, text: &str) -> Result<Design, DesignError> {
     let mut reader = Reader {
@@ -232,14 +240,31 @@ impl Reader<'_> {
     fn materials(
         &self,
         materials: &BTreeMap<String, Spanned<MaterialFile>>,
-    ) -> Result<BTreeMap<String, Material>, DesignError> {
+    ) -> Result<BTreeMap<String, ReadMaterial>, DesignError> {
         let read = |(name, entry): (&String, &Spanned<MaterialFile>)| {
             Ok((name.clone(), self.material(name, entry)?))
         };
         materials.iter().map(read).collect()
     }
 
-    fn material(&self, name: &str, entry: &Spanned<MaterialFile>) -> Result<Material, DesignError> {
+    fn material(
+        &self,
+        name: &str,
+        entry: &Spanned<MaterialFile>,
+    ) -> Result<ReadMaterial, DesignError> {
+        let m = entry.get_ref();
+        let number = |value: &Option<SpannedNumber>, key: &str, most: f64| match value {
+            Some(value) => self.within(value, &format!("material.{name}.{key}"), 0.0, most),
+            None => Ok(0.0),
+        };
+        Ok(ReadMaterial {
+            law: self.law(name, entry)?,
+            conductivity_s_per_m: number(&m.conductivity, "conductivity_S_per_m", 1e9)?,
+            loss_tangent: number(&m.loss_tangent, "loss_tangent", 10.0)?,
+        })
+    }
+
+    fn law(&self, name: &str, entry: &Spanned<MaterialFile>) -> Result<Material, DesignError> {
         let place = |key: &str| format!("material.{name}.{key}");
         let m = entry.get_ref();
         match (

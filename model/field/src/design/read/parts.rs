@@ -4,11 +4,10 @@ use std::collections::BTreeMap;
 
 use toml::Spanned;
 
-use super::Reader;
 use super::file::{BoardFile, CoilFile, Pair, PartFile, ShapeFile, SpannedNumber};
+use super::{ReadMaterial, Reader};
 use crate::design::{CircuitBoard, Cut, DesignError, MagneticPart, Rectangle, RingCoil, check};
 use crate::geometry::shape::Shape;
-use crate::material::Material;
 
 const SHAPES: &str = "{ r = [from, to], x = [from, to] }, { outline = [[r, x], ...] } or { centre_x, semi_r, semi_x }";
 /// A file may ask for so many rings in all, by far more than any board has.
@@ -91,6 +90,7 @@ impl Reader<'_> {
             rings: (0..count).map(ring).collect(),
             turns,
             sense,
+            driven: coil.driven.unwrap_or(true),
         })
     }
 
@@ -108,7 +108,7 @@ impl Reader<'_> {
         entry: &Spanned<PartFile>,
         kind: &str,
         cast: bool,
-        materials: &BTreeMap<String, Material>,
+        materials: &BTreeMap<String, ReadMaterial>,
     ) -> Result<MagneticPart, DesignError> {
         let part = entry.get_ref();
         let place = format!("{kind} {:?}", part.name);
@@ -122,12 +122,20 @@ impl Reader<'_> {
         let minus: Vec<Shape> = minus.collect::<Result<_, _>>()?;
         let shape = self.shape(&part.shape, &format!("{place}.shape"))?;
         let (cut, fill) = self.cut(part, cast && minus.is_empty(), &shape, &place)?;
+        if cut != Cut::Whole && material.conductivity_s_per_m > 0.0 {
+            let problem = "is cut, and conducts: no current runs in circles through it";
+            let allowed =
+                "a material without conductivity_S_per_m, or a body without pillars and slots";
+            return Err(self.error(&part.material.span(), &place, problem, allowed));
+        }
         Ok(MagneticPart {
             name: part.name.clone(),
             material_name: part.material.get_ref().clone(),
-            material: material.diluted(fill),
+            material: material.law.diluted(fill),
             shape,
             minus,
+            conductivity_s_per_m: material.conductivity_s_per_m,
+            loss_tangent: material.loss_tangent,
             cut,
             cast,
         })

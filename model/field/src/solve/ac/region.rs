@@ -1,0 +1,140 @@
+//! What regions of the mesh mean to an alternating field.
+
+use num_complex::Complex64;
+
+use crate::design::{Design, MagneticPart};
+use crate::material::{MU_0, Material};
+use crate::mesh::Region;
+
+/// What a region means to an alternating field.
+#[derive(Clone, Copy)]
+pub(super) struct AcRegion {
+    pub(super) material: Material,
+    /// 1/(1 − i tan δ): the complex reluctivity over its real, static value.
+    pub(super) reluctivity_factor: Complex64,
+    pub(super) conductivity_s_per_m: f64,
+    pub(super) winding: Winding,
+    /// Depth to which currents flow, m; infinite in insulators.
+    pub(super) skin_depth_m: f64,
+    /// Whether the part is so thick that all currents flow in its surface.
+    pub(super) in_surface: bool,
+}
+
+/// How a region carries a coil's current.
+#[derive(Clone, Copy)]
+pub(super) enum Winding {
+    None,
+    /// Evenly: coil, and turns per area with the sense, 1/m².
+    Stranded {
+        coil: usize,
+        turns_per_m2: f64,
+    },
+    /// As induction lets it: number of the ring's unknown u.
+    Solid {
+        unknown: u32,
+    },
+}
+
+/// Whether the rings of a coil are single turns, in which the current spreads as induction lets it.
+/// About the axis itself any voltage would drive an infinite current.
+pub(super) fn is_solid(design: &Design, coil: usize) -> bool {
+    let coil = design.coils.get(coil);
+    coil.is_some_and(|coil| coil.turns == 1.0 && coil.rings.iter().all(|ring| ring.r_m[0] > 0.0))
+}
+
+/// For each coil, the number of the unknown u of its first ring, if its rings are solid; and the count
+/// of all unknowns.
+pub(super) fn ring_unknowns(design: &Design, count_of_w: usize) -> (Vec<Option<u32>>, usize) {
+    let mut count = count_of_w;
+    let mut first = Vec::with_capacity(design.coils.len());
+    for (index, coil) in design.coils.iter().enumerate() {
+        let solid = is_solid(design, index);
+        first.push(u32::try_from(count).ok().filter(|_| solid));
+        count += if solid { coil.rings.len() } else { 0 };
+    }
+    (first, count)
+}
+
+/// Coil, number of the unknown u and sense of each ring of one turn.
+pub(super) fn solid_rings(design: &Design, first_rings: &[Option<u32>]) -> Vec<(usize, u32, f64)> {
+    let coils = design.coils.iter().zip(first_rings).enumerate();
+    let rings = coils.filter_map(|(index, (coil, first))| {
+        let numbers = (*first)?..;
+        let rings = coil.rings.iter().zip(numbers);
+        Some(rings.map(move |(_, unknown)| (index, unknown, coil.sense)))
+    });
+    rings.flatten().collect()
+}
+
+impl AcRegion {
+    pub(super) const VACUUM: Self = Self {
+        material: Material::VACUUM,
+        reluctivity_factor: Complex64::ONE,
+        conductivity_s_per_m: 0.0,
+        winding: Winding::None,
+        skin_depth_m: f64::INFINITY,
+        in_surface: false,
+    };
+
+    pub(super) fn of(
+        design: &Design,
+        region: &Region,
+        material: Material,
+        first_rings: &[Option<u32>],
+        omega: f64,
+    ) -> Self {
+        let part = region.part.and_then(|part| design.parts.get(part as usize));
+        let carried = region.ring.and_then(|[coil, ring]| {
+            let first = first_rings.get(coil as usize).copied().flatten();
+            let coil_of = design.coils.get(coil as usize)?;
+            let area = coil_of.rings.get(ring as usize)?.area_m2();
+            Some(match first {
+                Some(first) => Winding::Solid {
+                    unknown: first + ring,
+                },
+                None => Winding::Stranded {
+                    coil: coil as usize,
+                    turns_per_m2: coil_of.sense * coil_of.turns / area,
+                },
+            })
+        });
+        let winding = carried.unwrap_or(Winding::None);
+        let conductivity_s_per_m = match winding {
+            Winding::Solid { .. } => 1.0 / design.resistivity_ohm_m,
+            Winding::Stranded { .. } => 0.0,
+            Winding::None => part.map_or(0.0, |part| part.conductivity_s_per_m),
+        };
+        let loss_tangent = part.map_or(0.0, |part| part.loss_tangent);
+        let mu = MU_0 * material.initial_mu_r();
+        let skin_depth_m = (2.0 / (omega * mu * conductivity_s_per_m)).sqrt();
+        let thick = |part: &MagneticPart| skin_depth_m < IN_SURFACE * least_extent_m(part);
+        Self {
+            material,
+            reluctivity_factor: Complex64::new(1.0, -loss_tangent).inv(),
+            conductivity_s_per_m,
+            winding,
+            skin_depth_m,
+            in_surface: matches!(winding, Winding::None) && part.is_some_and(thick),
+        }
+    }
+}
+
+/// Skin depth over a part's least extent, below which currents are taken to flow in its surface. What
+/// this leaves out is of the second order in skin depth over distance on even faces, and of the first on edges.
+const IN_SURFACE: f64 = 1.0 / 200.0;
+
+/// The shorter side of a rectangle about a part, m.
+fn least_extent_m(part: &MagneticPart) -> f64 {
+    let extent = |axis: usize| {
+        let places = part
+            .shape
+            .extremes()
+            .into_iter()
+            .map(move |point| point[axis]);
+        let range = places.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], at| {
+            [low.min(at), high.max(at)]
+        });
+        range[1] - range[0]
+    };
+    extent(0).min(extent(1))
+}

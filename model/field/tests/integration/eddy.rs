@@ -1,0 +1,297 @@
+//! Eddy currents and losses that are known: a coil above a plate and a half-space (Dodd and Deeds,
+//! J. Appl. Phys. 39, 2829, 1968, by a Bessel function and integrals of this file), a perfect conductor's
+//! image, currents that hardly alternate, and a closed ring.
+
+use std::f64::consts::{PI, TAU};
+use std::sync::LazyLock;
+
+use num_complex::Complex64;
+use palpate_field::design::Design;
+use palpate_field::solve::{AcCoil, AcSolved, Accuracy, Excitation, solve, solve_ac};
+
+const MU_0: f64 = 4e-7 * PI;
+
+/// J₁ by Bessel's own integral; the trapezoidal rule is exact to rounding above x points.
+fn j1(x: f64) -> f64 {
+    let points = 40 + (1.2 * x) as u32;
+    let at = |k: u32| (f64::from(k) + 0.5) * PI / f64::from(points);
+    let sum: f64 = (0..points).map(|k| (at(k) - x * at(k).sin()).cos()).sum();
+    sum / f64::from(points)
+}
+
+/// Nodes and weights of Simpson's rule on an interval.
+fn simpson([from, to]: [f64; 2], panels: u32) -> impl Iterator<Item = (f64, f64)> {
+    let step = (to - from) / f64::from(2 * panels);
+    (0..=2 * panels).map(move |k| {
+        let weight = match k {
+            0 => 1.0,
+            k if k == 2 * panels => 1.0,
+            k if k % 2 == 1 => 4.0,
+            _ => 2.0,
+        };
+        (from + step * f64::from(k), weight * step / 3.0)
+    })
+}
+
+/// The coil's radii and its ends above the plate, m, and its turns.
+const R_M: [f64; 2] = [4e-3, 7e-3];
+const ABOVE_M: [f64; 2] = [1e-3, 2.5e-3];
+const TURNS: f64 = 50.0;
+
+/// α, its weight, and (∫ r J₁(αr) dr/α)². What comes back from a plate has e^−2αz = e^−44 at the end; of
+/// the coil by itself 1e-5 is beyond.
+static RADIAL: LazyLock<Vec<[f64; 3]>> = LazyLock::new(|| {
+    let along = |alpha: f64| simpson(R_M, 24).map(move |(r, w)| w * r * j1(alpha * r));
+    let of = |(alpha, weight)| [alpha, weight, (along(alpha).sum::<f64>() / alpha).powi(2)];
+    simpson([1e-3, 22.0 / ABOVE_M[0]], 900).map(of).collect()
+});
+
+/// π μ₀ n² ∫ (∫ r J₁(αr) dr/α)² f(α) dα: the coil's inductances are of this form, H.
+fn integral(f: impl Fn(f64) -> Complex64) -> Complex64 {
+    let turns_per_m2 = TURNS / ((R_M[1] - R_M[0]) * (ABOVE_M[1] - ABOVE_M[0]));
+    let sum: Complex64 = RADIAL
+        .iter()
+        .map(|&[a, weight, radial]| weight * radial * f(a))
+        .sum();
+    PI * MU_0 * turns_per_m2.powi(2) * sum
+}
+
+/// The coil's inductance without a plate, H.
+fn in_air_h() -> f64 {
+    let height = ABOVE_M[1] - ABOVE_M[0];
+    let within = |alpha: f64| 2.0 * (alpha * height + (-alpha * height).exp() - 1.0);
+    integral(|alpha| within(alpha).into()).re
+}
+
+/// A plate, or a half-space where it is thick.
+#[derive(Clone, Copy)]
+struct Plate {
+    conductivity: f64,
+    mu_r: f64,
+    loss_tangent: f64,
+    thickness_m: f64,
+}
+
+const ALUMINIUM: Plate = Plate {
+    conductivity: 2e7,
+    mu_r: 1.0,
+    loss_tangent: 0.0,
+    thickness_m: 12e-3,
+};
+
+impl Plate {
+    /// The share of a wave e^(−αz) J₁(αr) that comes back from its surface.
+    fn reflection(&self, alpha: f64, omega: f64) -> Complex64 {
+        let mu_r = self.mu_r * Complex64::new(1.0, -self.loss_tangent);
+        let inside =
+            (alpha * alpha + Complex64::I * omega * MU_0 * mu_r * self.conductivity).sqrt();
+        let (sum, difference) = (mu_r * alpha + inside, mu_r * alpha - inside);
+        let twice = (-2.0 * inside * self.thickness_m).exp();
+        sum * difference * (1.0 - twice) / (sum * sum - difference * difference * twice)
+    }
+
+    /// The complex inductance that it adds to the coil, H: L − i R/ω.
+    fn adds(&self, omega: f64) -> Complex64 {
+        let height = |alpha: f64| (-alpha * ABOVE_M[0]).exp() - (-alpha * ABOVE_M[1]).exp();
+        integral(|alpha| height(alpha).powi(2) * self.reflection(alpha, omega))
+    }
+
+    /// A disc of 0.1 m radius of it, with its upper face at x = 0.
+    fn disc(&self) -> String {
+        format!(
+            "[material.m]\nmu_r = {}\nconductivity_S_per_m = {}\nloss_tangent = {}\n\
+             [[plate]]\nname = \"p\"\nmaterial = \"m\"\nshape = {{ r = [0.0, 0.1], x = [{}, 0.0] }}\n",
+            self.mu_r, self.conductivity, self.loss_tangent, -self.thickness_m
+        )
+    }
+}
+
+fn coil(name: &str, r_m: [f64; 2], x_m: [f64; 2], turns: f64) -> String {
+    format!("[[coil]]\nname = \"{name}\"\nr = {r_m:?}\nx = {x_m:?}\nturns = {turns}\n")
+}
+
+fn design(parts: &str) -> Design {
+    let text = format!(
+        "name = \"x\"\nlength_unit = \"m\"\n[core]\nr = 20e-3\nx = [1e-3, 41e-3]\n\
+         [conductor]\nresistivity_ohm_m = 1.72e-8\ncurrent_A = 1\n{parts}"
+    );
+    Design::parse("x", &text).expect("a design")
+}
+
+fn accuracy(relative: f64) -> Accuracy {
+    Accuracy {
+        relative,
+        ..Accuracy::default()
+    }
+}
+
+/// The first coil at a frequency.
+fn solved(design: &Design, frequency_hz: f64, relative: f64) -> AcSolved {
+    let solved = solve_ac(design, None, frequency_hz, &[0], &accuracy(relative)).expect("a field");
+    assert!(solved.reached);
+    solved
+}
+
+#[test]
+fn a_coil_above_plates_changes_as_dodd_and_deeds_computed() {
+    let foil = Plate {
+        thickness_m: 0.1e-3,
+        ..ALUMINIUM
+    };
+    let steel = Plate {
+        conductivity: 2e6,
+        mu_r: 50.0,
+        ..ALUMINIUM
+    };
+    let powder = Plate {
+        conductivity: 0.0,
+        mu_r: 3.7,
+        loss_tangent: 0.05,
+        thickness_m: 2e-3,
+    };
+    // Its skin depth of 2 um is far below its thickness: currents flow in its surface.
+    let permalloy = Plate {
+        conductivity: 1.8e6,
+        mu_r: 1e4,
+        thickness_m: 1e-3,
+        ..ALUMINIUM
+    };
+    let cases = [
+        ("half-space", ALUMINIUM, 1e4),
+        ("foil", foil, 1e5),
+        ("steel", steel, 1e4),
+        ("powder in rubber", powder, 1e6),
+        ("permalloy", permalloy, 3e6),
+    ];
+    for (name, plate, frequency_hz) in cases {
+        let omega = TAU * frequency_hz;
+        let exact = plate.adds(omega);
+        let design = design(&(plate.disc() + &coil("c", R_M, ABOVE_M, TURNS)));
+        let change = |coil: &AcCoil| {
+            let resistance = coil.resistance_ohm - coil.dc_resistance_ohm;
+            Complex64::new(coil.inductance_h - in_air_h(), -resistance / omega)
+        };
+        let rough = solved(&design, frequency_hz, 1e-2).coils.remove(0);
+        let missed = change(&rough) - exact;
+        let covered = [missed.re.abs(), missed.im.abs() * omega];
+        println!("{name}: {covered:?} within {:?}", rough.errors);
+        assert!(
+            covered[0] <= rough.errors[0] && covered[1] <= rough.errors[1],
+            "{name}"
+        );
+        let coil = solved(&design, frequency_hz, 3e-5).coils.remove(0);
+        let found = change(&coil);
+        let off = [found.re / exact.re - 1.0, found.im / exact.im - 1.0];
+        println!(
+            "{name}: L off by {:.1e} of its change, R by {:.1e}",
+            off[0], off[1]
+        );
+        assert!(
+            off[0].abs() < 1e-4 && off[1].abs() < 1e-4,
+            "{name}: {off:?}"
+        );
+        let by_part = coil.by_part_ohm[0];
+        assert!(
+            (by_part / (-omega * found.im) - 1.0).abs() < 1e-9,
+            "{name}: {by_part}"
+        );
+    }
+}
+
+/// With a skin depth δ far below all distances the plate is a mirror at the depth δ/2.
+#[test]
+fn the_image_of_a_coil_stands_behind_a_perfect_conductor() {
+    let depth = 20e-6;
+    let frequency_hz = 1.0 / (PI * MU_0 * ALUMINIUM.conductivity * depth * depth);
+    let above = design(&(ALUMINIUM.disc() + &coil("c", R_M, ABOVE_M, TURNS)));
+    let change = solved(&above, frequency_hz, 3e-4)
+        .coils
+        .remove(0)
+        .inductance_h
+        - in_air_h();
+    let image_m = [-ABOVE_M[1] - depth, -ABOVE_M[0] - depth];
+    let pair = [
+        coil("c", R_M, ABOVE_M, TURNS),
+        coil("image", R_M, image_m, TURNS),
+    ];
+    let pair = design(&pair.concat());
+    let mut excitation = Excitation::small(&pair, 1.0);
+    excitation.currents_a[1] = 0.0;
+    let field = solve(&pair, &excitation, &accuracy(1e-3)).expect("a field");
+    let off = change / -field.linkage_wb(&pair, 1) - 1.0;
+    println!("image: off by {off:.1e}");
+    assert!(off.abs() < 1e-3, "{off}");
+}
+
+/// A ring of one turn carries a current as 1/r: its conductance is h ln(r₁/r₀)/(2πρ). One of many turns
+/// carries it evenly, as the constant one does.
+#[test]
+fn a_current_that_hardly_alternates_is_a_constant_one() {
+    let (r_m, x_m) = ([4e-3, 7e-3], [1e-3, 1.1e-3]);
+    for turns in [1.0, 20.0] {
+        let solved = solved(&design(&coil("c", r_m, x_m, turns)), 0.01, 1e-4);
+        let coil = &solved.coils[0];
+        let conductance = 0.1e-3 * (r_m[1] / r_m[0]).ln() / (TAU * 1.72e-8);
+        let even = turns == 1.0;
+        let resistance = if even {
+            1.0 / conductance
+        } else {
+            coil.dc_resistance_ohm
+        };
+        let off = coil.resistance_ohm / resistance - 1.0;
+        assert!(off.abs() < 1e-6, "{turns} turns: R off by {off}");
+        let off = (coil.inductance_h / coil.dc_inductance_h - 1.0).abs();
+        let allowed = if even { 1e-4..0.05 } else { 0.0..1e-6 };
+        assert!(allowed.contains(&off), "{turns} turns: L off by {off}");
+    }
+}
+
+/// A ring in a closed circuit without any other impedance is a ring of metal.
+#[test]
+fn a_closed_coil_is_a_ring_of_metal() {
+    let (r_m, x_m) = ([3e-3, 6e-3], [-0.5e-3, 0.0]);
+    let sensing = coil("sensing", R_M, ABOVE_M, TURNS) + "driven = false\n";
+    let closed = design(&(sensing.clone() + &coil("ring", r_m, x_m, 1.0)));
+    let closed = solved(&closed, 1e5, 1e-5).with_driven_closed(&closed, 0);
+    let metal = format!(
+        "[material.m]\nmu_r = 1\nconductivity_S_per_m = {}\n[[plate]]\nname = \"p\"\n\
+         material = \"m\"\nshape = {{ r = {r_m:?}, x = {x_m:?} }}\n",
+        1.0 / 1.72e-8
+    );
+    let metal = solved(&design(&(sensing + &metal)), 1e5, 1e-5).impedance_ohm[0][0];
+    let off = (closed.expect("an impedance") / metal - 1.0).norm();
+    assert!(off < 1e-5, "{off}");
+}
+
+/// Where triangles are higher than the skin depth, a change from mesh to mesh does not show what they
+/// miss.
+#[test]
+fn currents_thinner_than_the_mesh_are_followed_or_in_the_estimate() {
+    let plate = Plate {
+        conductivity: 1.8e6,
+        mu_r: 1e5,
+        thickness_m: 0.1e-3,
+        ..ALUMINIUM
+    };
+    let omega = TAU * 3e6;
+    let exact = -omega * plate.adds(omega).im;
+    let design = design(&(plate.disc() + &coil("c", R_M, ABOVE_M, TURNS)));
+    // Most of the resistance is the coil's own, so that its error is not where the mesh is refined for it.
+    let design = Design {
+        resistivity_ohm_m: 1e-4,
+        ..design
+    };
+    let accuracy = Accuracy {
+        most_unknowns: 20_000,
+        ..accuracy(0.01)
+    };
+    let solved = solve_ac(&design, None, 3e6, &[0], &accuracy).expect("a field");
+    assert!(!solved.reached);
+    let coil = &solved.coils[0];
+    let miss = (coil.resistance_ohm - coil.dc_resistance_ohm - exact).abs();
+    println!(
+        "off by {miss:.2e} of {exact:.2e}, estimated {:.2e}",
+        coil.errors[1]
+    );
+    assert!(miss <= coil.errors[1], "{miss} {exact} {:?}", coil.errors);
+}
