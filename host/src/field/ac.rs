@@ -170,6 +170,8 @@ struct CoilsAtFrequency {
     current_A: Option<f64>,
     frequency_Hz: f64,
     coils: Vec<CoilAtFrequency>,
+    /// Voltage on each coil (row), real and imaginary, per ampere in each (column), the others open.
+    impedances_ohm: Vec<Vec<[f64; 2]>>,
     unknowns: usize,
     reached: bool,
 }
@@ -206,6 +208,9 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
                 .coils
                 .iter()
                 .map(|coil| CoilAtFrequency::of(&design, solved, coil))
+                .collect(),
+            impedances_ohm: (solved.impedance_ohm.iter())
+                .map(|row| row.iter().map(|z| [z.re, z.im]).collect())
                 .collect(),
             unknowns: solved.unknowns,
             reached: solved.reached,
