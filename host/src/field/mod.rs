@@ -12,6 +12,7 @@ mod optimise;
 mod profile;
 mod quantities;
 mod rows;
+mod sensing;
 mod solve;
 mod stack;
 mod sweep;
@@ -42,6 +43,7 @@ enum FieldTask {
     Optimise(optimise::Arguments),
     Compare(compare::Arguments),
     Stack(stack::Arguments),
+    Sensing(sensing::Arguments),
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
@@ -55,5 +57,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         FieldTask::Optimise(arguments) => optimise::run(arguments),
         FieldTask::Compare(arguments) => compare::run(arguments),
         FieldTask::Stack(arguments) => stack::run(arguments),
+        FieldTask::Sensing(arguments) => sensing::run(arguments),
     }
 }

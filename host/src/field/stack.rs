@@ -8,14 +8,15 @@ use palpate_field::design::Design;
 use palpate_field::heat::HeatCapacity;
 use palpate_field::layer::{Elastomer, Layer, pad_spring_n_per_m};
 use palpate_field::material::Material;
-use palpate_field::sensing::SensingCoil;
 use palpate_field::solve::{Locator, Solved};
+use palpate_sim::sensing_coil::CoilDesign;
 use rayon::prelude::*;
 use serde::Serialize;
 
 use super::drive::Drive;
 use super::input::{DesignSource, current};
 use super::mse::elastomer;
+use super::sensing::disturbance;
 use crate::failure::Failure;
 use crate::output::OutputFile;
 
@@ -175,9 +176,9 @@ fn bridge(
         layer = Some((solved, found));
     }
     let (peak, layer) = layer.ok_or_else(no_layer)?;
-    let coil = SensingCoil::REFERENCE;
-    let stray_t = stray(design, peak, 1e-3 * arguments.spacer, 0.5 * coil.outer_m);
-    let (crosstalk_m, change) = coil.disturbance(&SENSING, stray_t);
+    let coil_radius_m = 0.5 * CoilDesign::REFERENCE.outer_diameter_m;
+    let stray_t = stray(design, peak, 1e-3 * arguments.spacer, coil_radius_m);
+    let (crosstalk_m, change) = disturbance(&SENSING, stray_t);
     let power = peak_a * peak_a * design.resistance_ohm();
     let heat = HeatCapacity::of(design, peak);
     let pad = [arguments.pad_radius, arguments.pad_height].map(|mm| 1e-3 * mm);

@@ -11,5 +11,4 @@ pub mod layer;
 pub mod material;
 pub mod mesh;
 pub mod plates;
-pub mod sensing;
 pub mod solve;

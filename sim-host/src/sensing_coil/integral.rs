@@ -3,7 +3,7 @@
 use core::f64::consts::PI;
 
 use super::layers::{backed_slab, both_sides, conductor_behind_air, one_side, slab};
-use super::{CoilDesign, MU_0, Sides};
+use super::{COPPER_M, CoilDesign, MU_0, Sides};
 
 /// The least gap that the model answers for, m. Turns are point filaments, which over-count the
 /// interaction with a slab at contact (SOURCES.md section 5).
@@ -32,12 +32,29 @@ impl CoilIntegral {
     /// behind the lower slab at a fixed distance from it, as under a rigid spacer.
     #[must_use]
     pub fn new(design: CoilDesign, copper_m: Option<f64>) -> Self {
-        Self::with_panels(design, copper_m, 2.0)
+        let radii_m: Vec<f64> = design.radii_m().collect();
+        let turns = |k: f64| turns_sum(&radii_m, k);
+        Self::with_panels(design, copper_m, design.inductance_in_air_h(), turns, 2.0)
     }
 
-    /// `panels` per period of the fastest oscillation of S².
-    fn with_panels(design: CoilDesign, copper_m: Option<f64>, panels: f64) -> Self {
-        let radii_m: Vec<f64> = design.radii_m().collect();
+    /// The same with the section of the tracks, of a width in m, above zero and at most the pitch, and of
+    /// copper of 35 µm: the current is even over each, and not in a filament in its middle, from which gaps count.
+    #[must_use]
+    pub fn of_tracks(design: CoilDesign, copper_m: Option<f64>, width_m: f64) -> Self {
+        let tracks: Vec<f64> = design.radii_m().collect();
+        let turns = |k: f64| track_sum(&tracks, width_m, k);
+        let in_air_h = design.inductance_of_tracks_in_air_h(width_m);
+        Self::with_panels(design, copper_m, in_air_h, turns, 2.0)
+    }
+
+    /// `panels` per period of the fastest oscillation of S², which `turns` is.
+    fn with_panels(
+        design: CoilDesign,
+        copper_m: Option<f64>,
+        in_air_h: f64,
+        turns: impl Fn(f64) -> f64,
+        panels: f64,
+    ) -> Self {
         let period = PI / (0.5 * design.outer_diameter_m);
         let last = CUT_OFF / LEAST_GAP_M;
         let count = (panels * last / period).ceil();
@@ -47,7 +64,7 @@ impl CoilIntegral {
             let centre = half * f64::from(2 * panel + 1);
             for &(x, weight) in &GAUSS_8 {
                 for k in [centre - half * x, centre + half * x] {
-                    let s = turns_sum(&radii_m, k);
+                    let s = turns(k);
                     nodes.push((k, half * weight * s * s));
                 }
             }
@@ -56,7 +73,7 @@ impl CoilIntegral {
             design,
             copper_m,
             nodes,
-            in_air_h: design.inductance_in_air_h(),
+            in_air_h,
         }
     }
 
@@ -103,6 +120,18 @@ fn turns_sum(radii_m: &[f64], k: f64) -> f64 {
     radii_m.iter().map(|&a| a * libm::j1(k * a)).sum()
 }
 
+/// The same with the mean of a J1(ka) over tracks of a width, m, and that of e^(kz) over their copper's
+/// thickness.
+fn track_sum(radii_m: &[f64], width_m: f64, k: f64) -> f64 {
+    let mean = |share: f64| {
+        let radii_m = radii_m.iter().map(|a| a + 0.5 * share * width_m);
+        radii_m.map(|a| a * libm::j1(k * a)).sum::<f64>()
+    };
+    let of = |&(x, weight): &(f64, f64)| 0.5 * weight * (mean(x) + mean(-x));
+    let half = 0.5 * k * COPPER_M;
+    GAUSS_8.iter().map(of).sum::<f64>() * libm::sinh(half) / half
+}
+
 /// Positive nodes and weights of the 16-point Gauss–Legendre rule (Abramowitz and Stegun 25.4).
 const GAUSS_8: [(f64, f64); 8] = [
     (0.095_012_509_837_637_44, 0.189_450_610_455_068_5),
@@ -132,7 +161,14 @@ mod tests {
     #[test]
     fn twice_the_panels_change_nothing() {
         let coarse = CoilIntegral::new(CoilDesign::REFERENCE, Some(5e-3));
-        let fine = CoilIntegral::with_panels(CoilDesign::REFERENCE, Some(5e-3), 4.0);
+        let radii_m: Vec<f64> = CoilDesign::REFERENCE.radii_m().collect();
+        let fine = CoilIntegral::with_panels(
+            CoilDesign::REFERENCE,
+            Some(5e-3),
+            CoilDesign::REFERENCE.inductance_in_air_h(),
+            |k| turns_sum(&radii_m, k),
+            4.0,
+        );
         for gap_m in [0.1e-3, 0.3e-3, 1e-3, 3e-3] {
             let (coarse, fine) = (coarse.inductance_h(gap_m), fine.inductance_h(gap_m));
             assert!(
