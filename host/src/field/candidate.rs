@@ -92,6 +92,11 @@ impl Candidate {
         }
     }
 
+    /// Power at the design's current, W.
+    pub(super) const fn power_w(&self) -> f64 {
+        self.power_w
+    }
+
     /// How good it is.
     pub(super) fn score(&self, goal: Goal, limits: &Limits) -> Result<Score, Failure> {
         let figure = self.figure(goal).ok_or_else(|| {
@@ -180,6 +185,16 @@ fn limit(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if value > 0.0 && value.is_finite() => Ok(value),
         _ => Err("allowed: a number above 0".into()),
+    }
+}
+
+impl Limits {
+    /// The same with another limit of the power, W.
+    pub(super) const fn with_power(self, most_w: f64) -> Self {
+        Self {
+            most_power: Some(most_w),
+            ..self
+        }
     }
 }
 

@@ -5,6 +5,7 @@ mod candidate;
 mod compare;
 mod drive;
 mod figures;
+mod front;
 mod inductances;
 mod input;
 mod mse;
@@ -12,6 +13,7 @@ mod optimise;
 mod profile;
 mod quantities;
 mod rows;
+mod search;
 mod sensing;
 mod solve;
 mod stack;
@@ -41,6 +43,7 @@ enum FieldTask {
     Figures(figures::Arguments),
     Sweep(sweep::Arguments),
     Optimise(optimise::Arguments),
+    Front(front::Arguments),
     Compare(compare::Arguments),
     Stack(stack::Arguments),
     Sensing(sensing::Arguments),
@@ -55,6 +58,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         FieldTask::Figures(arguments) => figures::run(arguments),
         FieldTask::Sweep(arguments) => sweep::run(arguments),
         FieldTask::Optimise(arguments) => optimise::run(arguments),
+        FieldTask::Front(arguments) => front::run(arguments),
         FieldTask::Compare(arguments) => compare::run(arguments),
         FieldTask::Stack(arguments) => stack::run(arguments),
         FieldTask::Sensing(arguments) => sensing::run(arguments),

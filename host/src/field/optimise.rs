@@ -3,17 +3,15 @@
 use std::io::{self, Write};
 use std::path::PathBuf;
 
-use clap::Args;
-use palpate_field::design::vary;
-use rayon::prelude::*;
-
-use super::candidate::{Candidate, Goal, Limits, Score};
-use super::input::{DesignSource, parse, text_of};
+use super::candidate::{Goal, Limits};
+use super::input::DesignSource;
 use super::mse::elastomer;
+use super::search::{Search, Tried};
 use super::sweep::range;
 use crate::failure::Failure;
 use crate::output::OutputFile;
 use crate::progress::Progress;
+use clap::Args;
 
 /// Improve a design by changing some of its numbers within bounds
 #[derive(Args)]
@@ -53,68 +51,38 @@ pub(super) struct Arguments {
     out: Option<PathBuf>,
 }
 
-/// Steps end at this share of the bounds.
-const FINEST: f64 = 0.01;
-
-/// A place within the bounds, from 0 to 1 along each number, and what was found there.
-#[derive(Clone)]
-struct Tried {
-    place: Vec<f64>,
-    candidate: Candidate,
-    score: Score,
-}
-
 pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let (name, text) = text_of(&arguments.source.design)?;
     let elastomer = elastomer(&arguments.mse)?;
+    let search = Search::of(
+        &arguments.source,
+        &arguments.vary,
+        elastomer,
+        arguments.goal,
+    )?;
     let file = OutputFile::optional("--out", arguments.out.as_ref())?;
-    let place = start(arguments, &text)?;
-    let attempt = |place: Vec<f64>| -> Result<Tried, Failure> {
-        let design = parse(&name, &text, &settings(arguments, &place))?;
-        let candidate = Candidate::of(&design, &elastomer, &arguments.source.effort)?;
-        let score = candidate.score(arguments.goal, &arguments.limits)?;
-        Ok(Tried {
-            place,
-            candidate,
-            score,
-        })
-    };
-    let changed = |tried: &Tried| {
-        vary::set(&text, &settings(arguments, &tried.place)).map_err(Failure::Refused)
-    };
+    let start = search.attempt(search.start()?, &arguments.limits)?;
     let progress = Progress::new(arguments.budget as usize);
-    let start = attempt(place)?;
-    let mut best = start.clone();
-    let mut used = 1;
-    let mut step = 0.25;
     let mut out = io::stdout().lock();
-    report(&mut out, arguments, used, &best)?;
-    while step >= FINEST && used < arguments.budget {
-        let candidates = neighbours(&best.place, step);
-        used += candidates.len() as u64;
-        let tried: Vec<Tried> = candidates
-            .into_par_iter()
-            .filter_map(|place| attempt(place).ok())
-            .collect();
-        progress.at(used);
-        let before = best.score;
-        for tried in tried {
-            if tried.score.is_better_than(&best.score) {
-                best = tried;
+    report(&mut out, arguments, &search, 1, &start)?;
+    let (best, used) = search.climb(
+        start.clone(),
+        &arguments.limits,
+        arguments.budget,
+        |_, best, used, better| {
+            progress.at(used);
+            if !better {
+                return Ok(());
             }
-        }
-        if best.score.is_better_than(&before) {
-            report(&mut out, arguments, used, &best)?;
-            if let Some(file) = &file {
-                file.write(changed(&best)?)?;
+            report(&mut out, arguments, &search, used, best)?;
+            match &file {
+                Some(file) => file.write(search.text_at(&best.place)?),
+                None => Ok(()),
             }
-        } else {
-            step *= 0.5;
-        }
-    }
+        },
+    )?;
     progress.finish();
     if arguments.print {
-        return Ok(out.write_all(changed(&best)?.as_bytes())?);
+        return Ok(out.write_all(search.text_at(&best.place)?.as_bytes())?);
     }
     write!(out, "{}", summary(arguments, &start, &best, used))?;
     if best.score.is_allowed() {
@@ -125,33 +93,11 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     ))
 }
 
-/// The user's own design as a place within the bounds.
-fn start(arguments: &Arguments, text: &str) -> Result<Vec<f64>, Failure> {
-    let text = vary::set(text, &arguments.source.effort.settings).map_err(Failure::Argument)?;
-    let share = |(path, low, high): &(String, f64, f64)| {
-        let value = vary::get(&text, path).map_err(Failure::Argument)?;
-        if low < high && (*low..=*high).contains(&value) {
-            return Ok((value - low) / (high - low));
-        }
-        Err(Failure::Argument(format!(
-            "--vary {path}={low}..{high}: the design has {value}, where the search begins: choose growing bounds around it, or --set another"
-        )))
-    };
-    arguments.vary.iter().map(share).collect()
-}
-
-/// The numbers of a place, after those of `--set`.
-fn settings(arguments: &Arguments, place: &[f64]) -> Vec<(String, f64)> {
-    let mut settings = arguments.source.effort.settings.clone();
-    let places = arguments.vary.iter().zip(place);
-    settings.extend(places.map(|((path, low, high), s)| (path.clone(), low + s * (high - low))));
-    settings
-}
-
 /// A better design, as a line that a design's file takes as a comment.
 fn report(
     out: &mut impl Write,
     arguments: &Arguments,
+    search: &Search<'_>,
     used: u64,
     tried: &Tried,
 ) -> Result<(), Failure> {
@@ -161,7 +107,7 @@ fn report(
         write!(out, " (beyond a limit)")?;
     }
     write!(out, ":")?;
-    for (path, value) in settings(arguments, &tried.place) {
+    for (path, value) in search.settings(&tried.place) {
         write!(out, " {path}={value}")?;
     }
     writeln!(out)?;
@@ -198,28 +144,11 @@ fn summary(arguments: &Arguments, start: &Tried, best: &Tried, used: u64) -> Str
 }
 
 impl Goal {
-    const fn name(self) -> &'static str {
+    pub(super) const fn name(self) -> &'static str {
         match self {
             Self::Merit => "merit eps w_D w_L",
             Self::RisePerWatt => "relative rise of the spring per watt",
             Self::Homogeneity => "std/mean of |B| in the core",
         }
     }
-}
-
-/// One step each way along each number, within the bounds.
-fn neighbours(best: &[f64], step: f64) -> Vec<Vec<f64>> {
-    let mut points = Vec::new();
-    for axis in 0..best.len() {
-        for side in [-step, step] {
-            let mut point = best.to_vec();
-            if let Some(s) = point.get_mut(axis) {
-                *s = (*s + side).clamp(0.0, 1.0);
-            }
-            if point != best {
-                points.push(point);
-            }
-        }
-    }
-    points
 }

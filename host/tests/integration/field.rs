@@ -68,6 +68,28 @@ fn a_copper_plane_lowers_inductance_and_quality_of_the_sensing_coil() {
     );
 }
 
+/// Of two designs on a front, the one that takes more power is better.
+#[test]
+fn no_design_on_a_front_beats_another() {
+    let asked = [
+        "front", "closed", "--power", "5..10", "--starts", "2", "--budget", "4",
+    ];
+    let varied = [
+        "--vary",
+        "conductor.current_A=2..6",
+        "--accuracy",
+        "1e-2",
+        "--json",
+    ];
+    let front = json(&[&asked[..], &varied].concat());
+    let front: Vec<[f64; 2]> = (front.as_array().unwrap().iter())
+        .map(|design| ["power_W", "figure"].map(|key| number(design, key)))
+        .collect();
+    let rising = |pair: &[[f64; 2]]| pair[0][0] < pair[1][0] && pair[0][1] < pair[1][1];
+    assert!(front.len() > 1 && front.windows(2).all(rising), "{front:?}");
+    assert!(front.iter().all(|[power, _]| *power <= 10.0), "{front:?}");
+}
+
 #[test]
 fn figures_of_a_design_as_json() {
     let solved = json(&["solve", "backplates", "--current", "10", "--json"]);
