@@ -3,7 +3,7 @@
 use std::io::{self, Write};
 
 use clap::Args;
-use palpate_calibration::{Checked, KnownPress};
+use palpate_calibration::{Checked, KnownPress, LOADS};
 use palpate_wire::Command;
 use serde::Serialize;
 
@@ -67,8 +67,10 @@ struct Line {
     deviation: f64,
     /// Of the stiffening, relative.
     rise_change: f64,
-    signal_uncertainty_before: f64,
-    signal_uncertainty_after: f64,
+    /// Relative standard uncertainty of 1/c_L upon loads of `loads` times c_S, noise of a press apart.
+    uncertainty_before: [f64; LOADS.len()],
+    uncertainty_after: [f64; LOADS.len()],
+    loads: [f64; LOADS.len()],
     temperature_c: Option<f32>,
     configuration_crc: u32,
     stored: bool,
@@ -125,8 +127,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         upper_n_per_m: estimate.upper_n_per_m,
         deviation: checked.deviation,
         rise_change: checked.rise_change,
-        signal_uncertainty_before: checked.signal_uncertainty[0],
-        signal_uncertainty_after: checked.signal_uncertainty[1],
+        uncertainty_before: checked.uncertainty_before,
+        uncertainty_after: checked.uncertainty_after,
+        loads: LOADS,
         temperature_c: estimate.temperature_c,
         configuration_crc: storage::inspect(&mut link)?.in_force_crc,
         stored: stored.is_some(),
@@ -193,11 +196,18 @@ fn print(line: &Line, json: bool) -> Result<(), Failure> {
     let percent = |part: f64| part * 100.0;
     writeln!(
         out,
-        "The stiffening is set {:+.1} % larger; the size of the signal is uncertain by {:.1} %, {:.1} % before.",
-        percent(line.rise_change),
-        percent(line.signal_uncertainty_after),
-        percent(line.signal_uncertainty_before),
+        "The stiffening is changed by {:+.1} %. Uncertain, one standard error of 1/c_L:",
+        percent(line.rise_change)
     )?;
+    let uncertain = line.uncertainty_before.iter().zip(line.uncertainty_after);
+    for (load, (before, after)) in line.loads.iter().zip(uncertain) {
+        writeln!(
+            out,
+            "  {load} c_S  {:.1} %, before the check {:.1} %",
+            percent(after),
+            percent(*before)
+        )?;
+    }
     Ok(writeln!(
         out,
         "{}",

@@ -14,6 +14,7 @@ use palpate_wire::Command;
 use palpate_wire::command::{Springs, StiffeningCurve, StiffeningKnot, TemperatureEffect};
 
 use super::adjustment::{LEAST_SCATTER, of_signal};
+use super::claim::LOADS;
 use super::terms::terms;
 
 /// A press upon a spring that is known.
@@ -42,8 +43,11 @@ pub struct Checked {
     pub deviation: f64,
     /// Relative change of the rise that follows.
     pub rise_change: f64,
-    /// Relative standard uncertainty of the signal's size at this temperature, before and after.
-    pub signal_uncertainty: [f64; 2],
+    /// Relative standard uncertainty of 1/c_L at each of [`LOADS`] and at this temperature, noise of a press
+    /// apart: before.
+    pub uncertainty_before: [f64; LOADS.len()],
+    /// And afterwards.
+    pub uncertainty_after: [f64; LOADS.len()],
 }
 
 /// Why a check gives nothing.
@@ -115,7 +119,8 @@ pub fn check(commands: &[Command], press: &KnownPress) -> Result<Checked, Unchec
         commands: calibrated.with(grows, &left, press.temperature_c),
         deviation,
         rise_change: grown(before, grows) / before - 1.0,
-        signal_uncertainty: [open.signal, left.signal],
+        uncertainty_before: open.at_loads(calibrated.ratio()),
+        uncertainty_after: left.at_loads(calibrated.ratio()),
     })
 }
 
@@ -134,6 +139,14 @@ impl Open {
             scale,
             signal,
         }
+    }
+
+    /// Of 1/c_L at each of [`LOADS`], relative.
+    fn at_loads(&self, ratio: f64) -> [f64; LOADS.len()] {
+        LOADS.map(|load| {
+            let kappa = 1.0 / load;
+            self.variance(kappa, 1.0 + kappa + ratio).sqrt() / kappa
+        })
     }
 
     /// Variance of kappa.
@@ -428,6 +441,14 @@ mod tests {
         }
     }
 
+    /// What is open of the signal's size at a temperature.
+    fn signal_of(commands: &[Command], temperature_c: f64) -> f64 {
+        InForce::of(commands)
+            .unwrap()
+            .open(Some(temperature_c))
+            .signal
+    }
+
     fn rise_of(commands: &[Command]) -> f64 {
         InForce::of(commands).unwrap().rise_at_peak().unwrap()
     }
@@ -459,7 +480,7 @@ mod tests {
         let press = press(RISE * 1.02, 0.1);
         let checked = check(&calibration(0.0), &press).unwrap();
         assert!(checked.rise_change.abs() < 1e-12);
-        assert_eq!(checked.signal_uncertainty, [0.0, 0.0]);
+        assert_eq!(checked.uncertainty_after, checked.uncertainty_before);
     }
 
     #[test]
@@ -471,8 +492,7 @@ mod tests {
             &calibration(of_rise * (1.0 + RISE)),
             &press(RISE, standard_error),
         );
-        let [before, after] = checked.unwrap().signal_uncertainty;
-        assert!((before / of_rise - 1.0).abs() < 0.01, "{before}");
+        let after = signal_of(&checked.unwrap().commands, CALIBRATED_AT_C);
         let expected = 1.0 / f64::hypot(1.0 / of_rise, 1.0 / of_else);
         assert!((after / expected - 1.0).abs() < 0.01, "{after} {expected}");
     }
@@ -509,9 +529,22 @@ mod tests {
         let scale = f64::from(springs.force_scale_uncertainty);
         assert!(scale > 0.005, "{scale}");
         // 10 K leave 3 % of the rise open, of which the press finds most.
-        let [before, after] = checked.signal_uncertainty;
+        let before = signal_of(&calibration(0.01), CALIBRATED_AT_C + 10.0);
         assert!((before / (0.03_f64.hypot(0.01) / (1.0 + RISE)) - 1.0).abs() < 0.01);
-        assert!(after < before);
+        assert!(signal_of(&checked.commands, CALIBRATED_AT_C + 10.0) < before);
+        // Upon a spring of c_S: 1 %, 3 % of the rise and 2 % of the springs, at W of 3.1.
+        let [_, at_like, _] = checked.uncertainty_before;
+        let whole = 2.0 + RATIO;
+        let expected = (before * whole).hypot(0.005).hypot(0.003_f64.hypot(0.02));
+        assert!(
+            (at_like / expected - 1.0).abs() < 1e-3,
+            "{at_like} {expected}"
+        );
+        let both = checked
+            .uncertainty_after
+            .into_iter()
+            .zip(checked.uncertainty_before);
+        assert!(both.into_iter().all(|(after, before)| after < before));
     }
 
     #[test]
@@ -579,7 +612,7 @@ mod tests {
             let terms = [
                 springs.sensing_uncertainty.into(),
                 springs.force_scale_uncertainty.into(),
-                checked.signal_uncertainty[1],
+                signal_of(&checked.commands, CALIBRATED_AT_C),
             ];
             for (index, kappa) in loads.into_iter().enumerate() {
                 squares[index] += off_by(kappa, signal_off - taken_over).powi(2);
