@@ -290,24 +290,6 @@ const CAMPAIGNS: &[Campaign] = &[
         rests_on: INSTRUMENT,
     },
     Campaign {
-        name: "misfit",
-        purpose: "What a press is worth whose disturbance the calibration left out: covered, refused or \
-                  missed, by disturbance, load and size.",
-        arguments: &[
-            "run",
-            "--release",
-            "-p",
-            "palpate",
-            "--",
-            "misfit",
-            "--plants",
-            "17",
-            "--seed",
-            "20001",
-        ],
-        rests_on: INSTRUMENT,
-    },
-    Campaign {
         name: "field-accuracy",
         purpose: "The field solver on every built-in design: estimated against true errors, profiles, forces, energy.",
         arguments: &[
