@@ -38,11 +38,23 @@ struct Campaign {
     name: &'static str,
     /// What its result shows.
     purpose: &'static str,
-    /// The arguments of cargo.
-    arguments: &'static [&'static str],
+    /// What it runs.
+    runs: Runs,
     /// The code that decides its result: when it changes, the page is out of date.
     rests_on: &'static [&'static str],
 }
+
+/// What a campaign runs.
+#[derive(Debug, Clone, Copy)]
+enum Runs {
+    /// The tool, with these arguments.
+    Tool(&'static [&'static str]),
+    /// Cargo, with these.
+    Cargo(&'static [&'static str]),
+}
+
+/// How cargo runs the tool.
+const TOOL: &[&str] = &["run", "--release", "-p", "palpate", "--"];
 
 /// What the converter's driver does against the simulated chip.
 const DRIVER: &[&str] = &[
@@ -103,7 +115,7 @@ const CAMPAIGNS: &[Campaign] = &[
     Campaign {
         name: "fault-schedules",
         purpose: "The driver under random schedules of chip and bus faults.",
-        arguments: &[
+        runs: Runs::Cargo(&[
             "run",
             "--release",
             "-p",
@@ -115,13 +127,13 @@ const CAMPAIGNS: &[Campaign] = &[
             "200000",
             "--seed",
             "1",
-        ],
+        ]),
         rests_on: DRIVER,
     },
     Campaign {
         name: "coil-guards",
         purpose: "The coil's driver under random commands, settings, faults and clocks: what its limits let through.",
-        arguments: &[
+        runs: Runs::Cargo(&[
             "run",
             "--release",
             "-p",
@@ -133,14 +145,14 @@ const CAMPAIGNS: &[Campaign] = &[
             "100000",
             "--seed",
             "1",
-        ],
+        ]),
         rests_on: COIL,
     },
     Campaign {
         name: "hostile-bytes",
         purpose: "The instrument under whatever bytes come over its links: what is answered, and what the coil \
                   carries meanwhile.",
-        arguments: &[
+        runs: Runs::Cargo(&[
             "run",
             "--release",
             "-p",
@@ -152,21 +164,21 @@ const CAMPAIGNS: &[Campaign] = &[
             "1000000",
             "--seed",
             "1",
-        ],
+        ]),
         rests_on: BOARD,
     },
     Campaign {
         name: "fuzz",
         purpose: "A fuzzer on what takes bytes: the instrument's links, the decoders, and the storage over any \
                   contents of its flash.",
-        arguments: &["xtask", "fuzz", "--seconds", "600", "--seed", "1"],
+        runs: Runs::Cargo(&["xtask", "fuzz", "--seconds", "600", "--seed", "1"]),
         rests_on: BOARD,
     },
     Campaign {
         name: "storage",
         purpose: "Settings and calibration in the flash: every bit turned, garbage, pairs of power cuts, and the \
                   wear of many saves.",
-        arguments: &[
+        runs: Runs::Cargo(&[
             "run",
             "--release",
             "-p",
@@ -176,13 +188,13 @@ const CAMPAIGNS: &[Campaign] = &[
             "--",
             "--seed",
             "1",
-        ],
+        ]),
         rests_on: &["firmware/storage", "firmware/wire/src"],
     },
     Campaign {
         name: "sigma",
         purpose: "The stated standard deviation against the spread that is observed.",
-        arguments: &[
+        runs: Runs::Cargo(&[
             "run",
             "--release",
             "-p",
@@ -192,19 +204,14 @@ const CAMPAIGNS: &[Campaign] = &[
             "--",
             "--seed",
             "1",
-        ],
+        ]),
         rests_on: DRIVER,
     },
     Campaign {
         name: "claims",
         purpose: "How often the 95 % intervals of the stiffness hold, on simulated sensors that were \
                   each calibrated on their own bench.",
-        arguments: &[
-            "run",
-            "--release",
-            "-p",
-            "palpate",
-            "--",
+        runs: Runs::Tool(&[
             "campaign",
             "--plants",
             "100",
@@ -212,37 +219,27 @@ const CAMPAIGNS: &[Campaign] = &[
             "1",
             "--loads",
             "0.1,0.2,0.5,1,2,5,10,block",
-        ],
+        ]),
         rests_on: INSTRUMENT,
     },
     Campaign {
         name: "worlds",
         purpose: "What a press is worth where something is another than on the bench: each sensor presses in all \
                   worlds that the campaign knows.",
-        arguments: &[
-            "run",
-            "--release",
-            "-p",
-            "palpate",
-            "--",
+        runs: Runs::Tool(&[
             "campaign",
             "--plants",
             "12",
             "--seed",
             "710001",
             "--all-worlds",
-        ],
+        ]),
         rests_on: INSTRUMENT,
     },
     Campaign {
         name: "checked-worlds",
         purpose: "The same after a check of each calibration, in its world, by a spring that is known to 1 %.",
-        arguments: &[
-            "run",
-            "--release",
-            "-p",
-            "palpate",
-            "--",
+        runs: Runs::Tool(&[
             "campaign",
             "--plants",
             "12",
@@ -250,122 +247,100 @@ const CAMPAIGNS: &[Campaign] = &[
             "710001",
             "--all-worlds",
             "--check-spring",
-        ],
+        ]),
         rests_on: INSTRUMENT,
     },
     Campaign {
         name: "misfit",
         purpose: "What a press is worth whose disturbance the calibration left out: how many are refused as misfits, \
                   and how often the others' intervals hold.",
-        arguments: &[
-            "run",
-            "--release",
-            "-p",
-            "palpate",
-            "--",
-            "misfit",
-            "--plants",
-            "17",
-            "--seed",
-            "660001",
-        ],
+        runs: Runs::Tool(&["misfit", "--plants", "17", "--seed", "660001"]),
         rests_on: INSTRUMENT,
     },
     Campaign {
         name: "springs",
         purpose: "A calibration by springs alone beside one with a load cell, on the same sensors: errors and \
                   coverage; and what good sessions come to in the checks that refuse bad ones.",
-        arguments: &[
-            "run",
-            "--release",
-            "-p",
-            "palpate",
-            "--",
-            "springs",
-            "--plants",
-            "50",
-            "--seed",
-            "30001",
-        ],
+        runs: Runs::Tool(&["springs", "--plants", "50", "--seed", "30001"]),
         rests_on: INSTRUMENT,
     },
     Campaign {
         name: "field-accuracy",
         purpose: "The field solver on every built-in design: estimated against true errors, profiles, forces, energy.",
-        arguments: &[
+        runs: Runs::Cargo(&[
             "run",
             "--release",
             "-p",
             "palpate-field",
             "--example",
             "accuracy",
-        ],
+        ]),
         rests_on: FIELD,
     },
     Campaign {
         name: "planted-defects",
         purpose: "Tests of the tests: each planted defect has to turn a test red.",
-        arguments: &["xtask", "planted-defects"],
+        runs: Runs::Cargo(&["xtask", "planted-defects"]),
         rests_on: TESTS,
     },
     Campaign {
         name: "image-faults",
         purpose: "Faults of bus and converter and crashes in mid-ramp, on the firmware's image.",
-        arguments: &[
+        runs: Runs::Cargo(&[
             "run",
             "--release",
             "-p",
             "palpate-emulator",
             "--example",
             "image-faults",
-        ],
+        ]),
         rests_on: IMAGE,
     },
     Campaign {
         name: "image-storage",
         purpose: "Settings and calibration in the flash of the firmware's image: cuts of power at every \
                   operation, bits that flip, and all that goes on beside a save.",
-        arguments: &[
+        runs: Runs::Cargo(&[
             "run",
             "--release",
             "-p",
             "palpate-emulator",
             "--example",
             "image-storage",
-        ],
+        ]),
         rests_on: IMAGE,
     },
     Campaign {
         name: "image-rates",
         purpose: "Rates, latencies and losses of the firmware's image.",
-        arguments: &[
+        runs: Runs::Cargo(&[
             "run",
             "--release",
             "-p",
             "palpate-emulator",
             "--example",
             "image-rates",
-        ],
+        ]),
         rests_on: IMAGE,
     },
     Campaign {
         name: "image-starts",
         purpose: "Time stamps of the firmware's image after starts of the converter and changes of settings.",
-        arguments: &[
+        runs: Runs::Cargo(&[
             "run",
             "--release",
             "-p",
             "palpate-emulator",
             "--example",
             "image-starts",
-        ],
+        ]),
         rests_on: IMAGE,
     },
     Campaign {
         name: "image-usb",
         purpose: "The firmware's image at a USB host: streams, interruptions, control transfers of any kind, \
                   rubbish, new starts, while the coil is driven.",
-        arguments: &[
+        runs: Runs::Cargo(&[
             "run",
             "--release",
             "-p",
@@ -375,7 +350,7 @@ const CAMPAIGNS: &[Campaign] = &[
             "--",
             "--seed",
             "1",
-        ],
+        ]),
         rests_on: IMAGE,
     },
     Campaign {
@@ -383,63 +358,34 @@ const CAMPAIGNS: &[Campaign] = &[
         purpose: "The coil's current as the firmware's image drives it: steps and ramps over resistance, \
                   inductance and supply, errors before calibration and over weeks, two minutes of full \
                   telemetry.",
-        arguments: &[
+        runs: Runs::Cargo(&[
             "run",
             "--release",
             "-p",
             "palpate-emulator",
             "--example",
             "coil-current",
-        ],
+        ]),
         rests_on: IMAGE,
     },
     Campaign {
         name: "acceptance",
         purpose: "From nothing to a calibrated reading, by the commands that a user types: `calibrate sensor`, then \
                   `measure` in another process, on emulated boards.",
-        arguments: &[
-            "run",
-            "--release",
-            "-p",
-            "palpate",
-            "--",
-            "acceptance",
-            "--boards",
-            "5",
-            "--seed",
-            "1",
-        ],
+        runs: Runs::Tool(&["acceptance", "--boards", "5", "--seed", "1"]),
         rests_on: DESK,
     },
     Campaign {
         name: "recordings",
         purpose: "Recordings of emulated boards: for ten minutes, killed at random times, on a full disk, and \
                   replayed.",
-        arguments: &[
-            "run",
-            "--release",
-            "-p",
-            "palpate",
-            "--",
-            "recordings",
-            "--seed",
-            "4001",
-        ],
+        runs: Runs::Tool(&["recordings", "--seed", "4001"]),
         rests_on: DESK,
     },
     Campaign {
         name: IMAGE_COST,
         purpose: "What the firmware's image costs of processor, flash and memory, by its parts.",
-        arguments: &[
-            "run",
-            "--release",
-            "-p",
-            "palpate",
-            "--",
-            "image-cost",
-            "--seed",
-            "1",
-        ],
+        runs: Runs::Tool(&["image-cost", "--seed", "1"]),
         rests_on: IMAGE,
     },
 ];
@@ -449,7 +395,10 @@ pub(crate) const IMAGE_COST: &str = "image-cost";
 
 impl Campaign {
     fn invocation(&self) -> Invocation {
-        Invocation::cargo(self.arguments)
+        match self.runs {
+            Runs::Tool(arguments) => Invocation::cargo(&[TOOL, arguments].concat()),
+            Runs::Cargo(arguments) => Invocation::cargo(arguments),
+        }
     }
 }
 
@@ -615,7 +564,7 @@ mod tests {
         let campaign = Campaign {
             name: "trial",
             purpose: "A trial.",
-            arguments: &[],
+            runs: Runs::Cargo(&[]),
             rests_on: &["xtask/src"],
         };
         perform(&workspace, &campaign, &invocation, origin)

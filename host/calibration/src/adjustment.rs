@@ -15,7 +15,8 @@
 //! | its growth with the press | W^2 |
 //!
 //! which loads of different stiffness and presses of different depth tell apart. They are found by weighted
-//! least squares, with an unknown for what each spring is off, known beforehand by the tolerance.
+//! least squares, with an unknown for what each spring is off, known beforehand by the tolerance. By how much the
+//! trains' lines bend in the mean is then taken out of h's shape.
 
 use super::Unusable;
 use super::actuated::{Actuated, Fit, Train};

@@ -64,8 +64,8 @@ pub enum Unchecked {
     NotAPress,
 }
 
-/// Standard errors beyond which the calibration is not believed, and not mended either: one check in 370 of a
-/// calibration that holds.
+/// Standard errors beyond which the calibration is refused, and not corrected either: a calibration that holds
+/// is refused in one check of 370.
 pub const MOST_DEVIATION: f64 = 3.0;
 
 impl fmt::Display for Unchecked {
