@@ -52,20 +52,23 @@ pub(crate) fn check(workspace: &Workspace) -> Result<String> {
 }
 
 fn all(workspace: &Workspace, seconds: u32, seed: u32) -> Result<Vec<(&'static str, Outcome)>> {
-    lock_file_is_up_to_date(workspace)?;
+    check_lock_file(workspace)?;
     let one = |&target: &&'static str| Ok((target, fuzz(workspace, target, seconds, seed)?));
     TARGETS.iter().map(one).collect()
 }
 
-/// cargo-fuzz would change the lock file without a word.
-fn lock_file_is_up_to_date(workspace: &Workspace) -> Result<()> {
+/// Checks the lock file, which cargo-fuzz would change without a word.
+pub(crate) fn check_lock_file(workspace: &Workspace) -> Result<String> {
     let manifest = "fuzz/Cargo.toml";
     let arguments = ["metadata", "--locked", "--format-version", "1"];
     let query = [&arguments[..], &["--manifest-path", manifest]].concat();
     let read = workspace.output(&Invocation::cargo(&query));
-    read.map(drop).with_context(|| {
-        format!("bring it up to date with `cargo update --workspace --manifest-path {manifest}`")
-    })
+    read.map(|_| "every dependency is locked".to_owned())
+        .with_context(|| {
+            format!(
+                "bring it up to date with `cargo update --workspace --manifest-path {manifest}`"
+            )
+        })
 }
 
 /// One target for some seconds.

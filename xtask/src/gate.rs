@@ -117,6 +117,13 @@ fn source_checks() -> Vec<Step> {
             remedy: "fix the named lines; which links are allowed stands in CONTRIBUTING.md",
         },
         Step {
+            name: "fuzz-lock",
+            purpose: "the fuzzer's lock file, which is not the workspace's own, is up to date",
+            needs: Vec::new(),
+            action: Action::Check(fuzz::check_lock_file),
+            remedy: "`cargo update --workspace --manifest-path fuzz/Cargo.toml`",
+        },
+        Step {
             name: "package-files",
             purpose: "each package has its licences, a titled README, keywords and a Rust version",
             needs: Vec::new(),
