@@ -149,6 +149,7 @@ pub(crate) fn setting(record: Record) -> Option<Command> {
         Record::Attraction(of) => Command::SetAttraction(of),
         Record::TemperatureEffect(of) => Command::SetTemperatureEffect(of),
         Record::CurrentCorrection(of) => Command::SetCurrentCorrection(of),
+        Record::TemperatureCoefficients(of) => Command::SetTemperatureCoefficients(of),
         Record::CalibrationIdentity(of) => Command::SetCalibrationIdentity(of),
         _ => return None,
     })
@@ -170,7 +171,9 @@ pub(crate) fn place(command: &Command) -> Option<(u8, u8, u8, u8)> {
         | Command::SetAttraction(_)
         | Command::SetTemperatureEffect(_)
         | Command::SetCurrentCorrection(_)
-        | Command::SetCalibrationIdentity(_) => (kind, 0, 0, 0),
+        | Command::SetTemperatureCoefficients(_) => (kind, 0, 0, 0),
+        // The last, whatever its number: the device checks it against all others.
+        Command::SetCalibrationIdentity(_) => (u8::MAX, 0, 0, 0),
         _ => return None,
     })
 }

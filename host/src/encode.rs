@@ -45,7 +45,7 @@ pub(crate) struct Arguments {
 }
 
 /// Names of commands in the order in which a calibration is sent.
-const ORDER: [&str; 12] = [
+const ORDER: [&str; 13] = [
     "set_settings",
     "set_tank",
     "set_deformation_curve",
@@ -57,6 +57,7 @@ const ORDER: [&str; 12] = [
     "set_temperature_effect",
     "set_coil",
     "set_current_correction",
+    "set_temperature_coefficients",
     "set_calibration_identity",
 ];
 

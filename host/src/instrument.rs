@@ -1,7 +1,9 @@
 //! A simulated instrument, calibrated on its own bench.
 
+use std::fmt::Display;
+
 use palpate_calibration::session::Session;
-use palpate_calibration::{Calibration, Known, evaluate};
+use palpate_calibration::{Calibration, Known, evaluate, evaluate_both};
 use palpate_sim::native;
 use palpate_sim::parameters::{Parameters, draw};
 use palpate_sim::stack::{Disturbances, Stack};
@@ -45,6 +47,8 @@ const WARM: f64 = 1.2;
 /// (sim-host/stacks/disturbances.toml).
 const SPRINGS_PER_K: f64 = 0.002_1;
 const RISE_PER_K: f64 = 0.002_9;
+/// By how much warmer the bench is the second time, K: what sensor and board can be warmed by on a warm plate.
+const WARMER_K: f64 = 20.0;
 /// Tolerance of the bench's springs and gain of its load cell, by the same file.
 const SPRING_TOLERANCE: f64 = 0.01;
 const LOAD_CELL_GAIN: f64 = 0.001;
@@ -70,8 +74,24 @@ impl CalibratedInstrument {
         settings: &Settings,
     ) -> Result<Self, Failure> {
         let task = BenchTask::of(&plant, stack, switches, settings);
-        let session = task.session(&plant, switches)?;
+        let session = task.session(&plant, switches, 0.0)?;
         Self::of_session(&session, task, plant, switches)
+    }
+
+    /// Draws a plant and calibrates it on its bench at two temperatures.
+    pub(crate) fn at_two_temperatures(
+        stack: &Stack,
+        disturbances: &Disturbances,
+        seed: u64,
+        switches: Switches,
+        settings: &Settings,
+    ) -> Result<Self, Failure> {
+        let plant = draw(stack, disturbances, seed);
+        let task = BenchTask::of(&plant, stack, switches, settings);
+        let first = task.session(&plant, switches, 0.0)?;
+        let second = task.session(&plant, switches, WARMER_K)?;
+        let calibration = evaluate_both(&first, &second, &task.known).map_err(unusable)?;
+        Ok(Self::with(calibration, task, plant, switches))
     }
 
     /// The same from a session that was written down before.
@@ -81,16 +101,28 @@ impl CalibratedInstrument {
         plant: Parameters,
         switches: Switches,
     ) -> Result<Self, Failure> {
-        let calibration = evaluate(session, &task.known)
-            .map_err(|error| Failure::Refused(format!("calibration: {error}")))?;
-        Ok(Self {
+        let calibration = evaluate(session, &task.known).map_err(unusable)?;
+        Ok(Self::with(calibration, task, plant, switches))
+    }
+
+    fn with(
+        calibration: Calibration,
+        task: BenchTask,
+        plant: Parameters,
+        switches: Switches,
+    ) -> Self {
+        Self {
             plant,
             switches,
             calibration,
             settings: task.plan.settings,
             depth_m: task.plan.depth_m,
-        })
+        }
     }
+}
+
+fn unusable(error: impl Display) -> Failure {
+    Failure::Refused(format!("calibration: {error}"))
 }
 
 /// What is to be done on the bench of a plant, and what is known of it beforehand.
@@ -103,15 +135,16 @@ pub(crate) struct BenchTask {
 }
 
 impl BenchTask {
-    /// What is written down on the simulated bench of a plant.
+    /// What is written down on the simulated bench of a plant, so many kelvin above the temperature of
+    /// calibration.
     pub(crate) fn session(
         &self,
         plant: &Parameters,
         switches: Switches,
+        warmer_k: f64,
     ) -> Result<Session, Failure> {
-        let mut bench = NativeBench::new(plant, switches);
-        bench::hold(&mut bench, &self.plan, &self.known, &mut |_, _| {})
-            .map_err(|error| Failure::Refused(format!("calibration: {error}")))
+        let mut bench = NativeBench::new(plant, switches, warmer_k);
+        bench::hold(&mut bench, &self.plan, &self.known, &mut |_, _| {}).map_err(unusable)
     }
 
     pub(crate) fn of(

@@ -70,7 +70,7 @@ fn plant(stack: &Stack, disturbances: &Disturbances, seed: u64) -> Result<Plant,
     let switches = Switches::all();
     let plant = draw(stack, disturbances, seed);
     let task = BenchTask::of(&plant, stack, switches, &default_settings());
-    let session = task.session(&plant, switches)?;
+    let session = task.session(&plant, switches, 0.0)?;
     let by_springs = BenchTask {
         known: Known {
             load_cell_gain: None,

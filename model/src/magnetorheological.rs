@@ -12,6 +12,7 @@
 //! a board's own calibration, as a law of this form or as a table.
 
 use crate::calibration_curve::MonotoneCurve;
+use crate::math::exp;
 use crate::units::{Ampere, Metre, Newton, NewtonPerMetre, OutOfRange, Requirement, Tesla};
 
 /// Relative rise of the actuated spring at some current.
@@ -167,6 +168,68 @@ impl Stiffening for Saturating {
         Rise {
             value: per_relative * relative,
             per_ampere: per_relative * self.logarithmic_slope(current) / self.peak.0,
+        }
+    }
+}
+
+/// By how much springs and rise have changed since they were calibrated.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Factors {
+    /// c_S and c_D0, alike, over what they were: so c_S/c_D0 stays.
+    pub springs: f32,
+    /// The rise over what it was, the same at all currents.
+    pub rise: f32,
+}
+
+impl Factors {
+    /// No change.
+    pub const NONE: Self = Self {
+        springs: 1.0,
+        rise: 1.0,
+    };
+
+    /// At a temperature that is so many kelvin above the calibration's, with coefficients in 1/K: each is
+    /// exp(b dT) times as large. Relative error at most 1.2e-7 + 6e-8 b dT.
+    pub fn at(warmer_k: f32, springs_per_k: f32, rise_per_k: f32) -> Self {
+        Self {
+            springs: exp(springs_per_k * warmer_k),
+            rise: exp(rise_per_k * warmer_k),
+        }
+    }
+}
+
+/// A stiffening as calibrated, changed by factors.
+///
+/// ```
+/// use palpate_model::magnetorheological::{Changed, Factors, Saturating, Stiffening};
+/// use palpate_model::units::{Ampere, NewtonPerMetre};
+/// // A rise of 10 % that falls by 0.5 % for every kelvin, ten kelvin warmer.
+/// let law = Saturating::new(NewtonPerMetre(4e3), 0.10, Ampere(10.0))?;
+/// let warm = Changed { law, by: Factors::at(10.0, 0.0, -5e-3) };
+/// assert!((warm.rise(Ampere(10.0)).value - 0.095_12).abs() < 1e-5);
+/// # Ok::<(), palpate_model::units::OutOfRange>(())
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct Changed<S> {
+    /// As calibrated.
+    pub law: S,
+    /// How it has changed.
+    pub by: Factors,
+}
+
+impl<S: Stiffening> Stiffening for Changed<S> {
+    fn at_rest(&self) -> NewtonPerMetre {
+        self.law.at_rest() * self.by.springs
+    }
+
+    fn rise(&self, current: Ampere) -> Rise {
+        let rise = self.law.rise(current);
+        Rise {
+            value: rise.value * self.by.rise,
+            per_ampere: rise.per_ampere * self.by.rise,
         }
     }
 }

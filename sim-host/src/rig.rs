@@ -105,8 +105,22 @@ impl Rig {
         switches: Switches,
         specimen: Specimen,
     ) -> Result<Self, ParameterError> {
+        Self::warmer(parameters, switches, specimen, 0.0)
+    }
+
+    /// The same bench, with the same specimens and gauges, so many kelvin above the temperature of calibration.
+    /// Its noise is another one.
+    ///
+    /// # Errors
+    /// As [`Rig::new`].
+    pub fn warmer(
+        parameters: &Parameters,
+        switches: Switches,
+        specimen: Specimen,
+        warmer_k: f64,
+    ) -> Result<Self, ParameterError> {
         let mut parameters = parameters.effective(&switches);
-        parameters.thermal.ambient_change_k = 0.0;
+        parameters.thermal.ambient_change_k = warmer_k;
         parameters.press.frame_m_per_n = parameters.rig.frame_m_per_n;
         let (load, name) = match specimen {
             Specimen::Spring { nominal_n_per_m } => {
@@ -117,6 +131,8 @@ impl Rig {
             }
             Specimen::Block => (Load::Rigid, "rig_block".to_owned()),
         };
+        // What is drawn of the specimens is drawn.
+        parameters.seed ^= warmer_k.to_bits();
         let gauges = Gauges {
             parameters: parameters.rig,
             noise: Stream::named(parameters.seed, &format!("{name}.load_cell")),

@@ -223,6 +223,20 @@ const CAMPAIGNS: &[Campaign] = &[
         rests_on: INSTRUMENT,
     },
     Campaign {
+        name: "temperatures",
+        purpose: "The same, of sensors that were calibrated at two temperatures, 20 K apart.",
+        runs: Runs::Tool(&[
+            "campaign",
+            "--plants",
+            "60",
+            "--seed",
+            "770001",
+            "--temperatures",
+            "2",
+        ]),
+        rests_on: INSTRUMENT,
+    },
+    Campaign {
         name: "worlds",
         purpose: "What a press is worth where something is another than on the bench: each sensor presses in all \
                   worlds that the campaign knows.",

@@ -3,7 +3,7 @@
 use palpate_wire::Command;
 use palpate_wire::command::{
     Attraction, CalibrationIdentity, Coil, Crosstalk, CurrentCorrection, DeformationCurve, Springs,
-    Stiffening, StiffeningCurve, Tank, TemperatureEffect,
+    Stiffening, StiffeningCurve, Tank, TemperatureCoefficients, TemperatureEffect,
 };
 
 use crate::item::{Item, Key};
@@ -101,6 +101,7 @@ parts! {
     8, 1, whole SetAttraction(Attraction), _of => ONLY;
     9, 1, whole SetTemperatureEffect(TemperatureEffect), _of => ONLY;
     10, 1, whole SetCurrentCorrection(CurrentCorrection), _of => ONLY;
+    11, 1, whole SetTemperatureCoefficients(TemperatureCoefficients), _of => ONLY;
     // The last: it is checked against all others, also those that are still to come.
     240, 1, whole SetCalibrationIdentity(CalibrationIdentity), _of => ONLY;
 }

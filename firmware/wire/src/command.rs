@@ -11,7 +11,8 @@ mod request;
 mod settings;
 
 pub use calibration::{
-    Attraction, CalibrationIdentity, Coil, Crosstalk, Springs, Stiffening, Tank, TemperatureEffect,
+    Attraction, CalibrationIdentity, Coil, Crosstalk, Springs, Stiffening, Tank,
+    TemperatureCoefficients, TemperatureEffect,
 };
 pub use current::{CurrentCorrection, MAX_POINTS};
 pub use curve::{
@@ -99,6 +100,8 @@ messages! {
             /// Says which calibration the parts in force are: the last command of a calibration. A part
             /// that is set later takes the identity away again. Not while armed.
             SetCalibrationIdentity(CalibrationIdentity) = 0x9B "set_calibration_identity",
+            /// Sets how springs and magnetorheological rise change with the temperature. Not while armed.
+            SetTemperatureCoefficients(TemperatureCoefficients) = 0x9C "set_temperature_coefficients",
             /// Starts the device anew, bridge off first. Not while something is being stored.
             Reboot(Reboot) = 0xA1 "reboot",
             /// Shows which board this is: its LED flickers for a while.

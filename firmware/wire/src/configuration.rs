@@ -9,8 +9,8 @@ use crate::message::Message;
 
 /// CRC-32 over the commands that would set a configuration: the number that `hello` reports.
 ///
-/// It runs over the kind and the payload of each, ordered by kind, then sensor, channel and first
-/// knot, with every chunk of a curve but the last one full, and with nothing for what was never
+/// It runs over the kind and the payload of each, ordered by kind, the identity last, then sensor, channel and
+/// first knot, with every chunk of a curve but the last one full, and with nothing for what was never
 /// set. Device and PC give the same commands in the same order and get the same number.
 pub fn configuration_crc(commands: impl IntoIterator<Item: Borrow<Command>>) -> u32 {
     let mut crc = ConfigurationCrc::new();

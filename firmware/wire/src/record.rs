@@ -3,7 +3,8 @@
 use crate::Message;
 use crate::command::{
     Attraction, CalibrationIdentity, Coil, Crosstalk, CurrentCorrection, DeformationCurve,
-    Settings, Springs, Stiffening, StiffeningCurve, Tank, TemperatureEffect,
+    Settings, Springs, Stiffening, StiffeningCurve, Tank, TemperatureCoefficients,
+    TemperatureEffect,
 };
 use crate::decoder::Decoder;
 use crate::frame::MAX_HEADER;
@@ -81,6 +82,8 @@ messages! {
             CurrentCorrection(CurrentCorrection) = 0x1A "current_correction",
             /// Which calibration is in force: answer to `get_calibration`.
             CalibrationIdentity(CalibrationIdentity) = 0x1B "calibration_identity",
+            /// How springs and rise change with the temperature: answer to `get_calibration`.
+            TemperatureCoefficients(TemperatureCoefficients) = 0x1C "temperature_coefficients",
         }
     }
 }

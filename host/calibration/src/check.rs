@@ -15,6 +15,7 @@ use palpate_wire::command::{Springs, StiffeningCurve, StiffeningKnot, Temperatur
 
 use super::adjustment::{LEAST_SCATTER, of_signal};
 use super::claim::LOADS;
+use super::temperature::brought_to;
 use super::terms::terms;
 
 /// A press upon a spring that is known.
@@ -99,7 +100,8 @@ impl std::error::Error for Unchecked {}
 /// # Errors
 /// If a part of the calibration is missing, or the press contradicts it.
 pub fn check(commands: &[Command], press: &KnownPress) -> Result<Checked, Unchecked> {
-    let calibrated = InForce::of(commands)?;
+    let brought = brought_to(commands, press.temperature_c);
+    let calibrated = InForce::of(&brought)?;
     let of_stiffening = calibrated.stiffening_of_signal(press.force_n)?;
     let open = calibrated.open(press.temperature_c);
     let filter = Filter::of(&open, calibrated.ratio(), press, calibrated.kappa(press));

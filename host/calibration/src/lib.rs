@@ -12,6 +12,8 @@
 //! 4. `adjustment`: five quantities of that, adjusted to what each train by itself says of its load.
 //! 5. `claim`: what the trains' scatter and the springs' tolerance leave open.
 //!
+//! [`evaluate_both`] takes the same bench at two temperatures, and finds by how much springs and rise change.
+//!
 //! Later, in use, [`check`] corrects a calibration by one press upon a spring that is known.
 
 mod actuated;
@@ -28,6 +30,7 @@ mod line;
 mod made;
 mod samples;
 pub mod session;
+mod temperature;
 mod terms;
 mod travel;
 mod unusable;
@@ -46,6 +49,7 @@ pub use curve::frame;
 pub use fall::Fall;
 pub use line::{FallSample, LinePoint, TrainFit};
 use session::{Pressed, Session};
+pub use temperature::{Coefficient, Coefficients, LEAST_DIFFERENCE_K, MOST_PER_K, evaluate_both};
 pub use travel::{SpringDeviation, spring_deviations};
 pub use unusable::{Signal, Unusable};
 
@@ -88,8 +92,12 @@ pub struct Calibration {
     pub uncertainty: Uncertainty,
     /// What the coil's current adds to the reading.
     pub crosstalk: Crosstalk,
+    /// How springs and rise change with the temperature, where the bench was at two.
+    pub coefficients: Option<Coefficients>,
     /// What it was found from, to be drawn.
     pub basis: Basis,
+    /// F(y).
+    pub(crate) force: PressCurve,
 }
 
 /// What a calibration was found from.
@@ -168,6 +176,8 @@ pub fn evaluate(session: &Session, known: &Known) -> Result<Calibration, Unusabl
             trains: misses,
             springs: travel::springs_n_per_m(&runs, &deepest_press, known).unwrap_or_default(),
         },
+        coefficients: None,
+        force,
     })
 }
 

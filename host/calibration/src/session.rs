@@ -1,7 +1,9 @@
 //! What is written down on the bench.
 
+use serde::{Deserialize, Serialize};
+
 /// One sample of the instrument, with what the gauges said soon after.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct BenchSample {
     /// Middle of the conversion, s.
     pub time_s: f64,
@@ -18,7 +20,7 @@ pub struct BenchSample {
 }
 
 /// What was on the stage.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Pressed {
     /// Nothing touched.
     Nothing,
@@ -32,7 +34,7 @@ pub enum Pressed {
 }
 
 /// One press with its train of ramps.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Run {
     /// What was pressed.
     pub pressed: Pressed,
@@ -101,7 +103,7 @@ impl Run {
 }
 
 /// Everything that was written down.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Session {
     /// The runs.
     pub runs: Vec<Run>,

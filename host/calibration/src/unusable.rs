@@ -19,6 +19,18 @@ pub enum Unusable {
         /// In the presses.
         press: f64,
     },
+    /// Two sessions that are to show what the temperature does were at nearly the same.
+    SameTemperature {
+        /// Temperature of the second less that of the first, K.
+        difference_k: f64,
+    },
+    /// Two sessions are not of the same specimens to the same depths.
+    OtherSpecimens,
+    /// Springs or rise differ between two sessions by more than any elastomer changes with the temperature.
+    OtherSensor {
+        /// Relative change for every kelvin.
+        per_k: f64,
+    },
     /// The actuated layer's stiffening does not show.
     StiffensTooLittle(Signal),
     /// It shows, but the trains are not those of three springs in series.
@@ -82,6 +94,25 @@ impl fmt::Display for Unusable {
                  (press_depth_of_sensing_layer_m of the stack)",
                 train * 100.0,
                 press * 100.0
+            ),
+            Self::SameTemperature { difference_k } => write!(
+                f,
+                "the second session was {difference_k:+.1} K from the first, and {:.0} K are the least that \
+                 shows what the temperature does: warm or cool sensor and board further, and wait until \
+                 all of it is at that temperature",
+                super::LEAST_DIFFERENCE_K
+            ),
+            Self::OtherSpecimens => write!(
+                f,
+                "the two sessions are not of the same specimens, pressed to the same depths: what the springs \
+                 are off would be taken for the temperature's"
+            ),
+            Self::OtherSensor { per_k } => write!(
+                f,
+                "springs or stiffening change by {:+.1} %/K between the two sessions, more than {:.0} %/K: are they \
+                 of the same sensor, and are both temperatures those of all of it?",
+                per_k * 100.0,
+                super::MOST_PER_K * 100.0
             ),
             Self::StiffensTooLittle(signal) => write!(
                 f,

@@ -29,6 +29,11 @@ pub(crate) struct Found {
     /// Relative, at the peak current.
     pub(super) rise: f64,
     pub(super) attraction_n: f64,
+    /// Relative changes for every kelvin, where the bench was at two temperatures.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) springs_per_k: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) rise_per_k: Option<f64>,
     /// Relative standard uncertainty of 1/c_L at the `loads`, c_L/c_S, noise of a press apart.
     pub(super) uncertainty: [f64; LOADS.len()],
     /// c_L/c_S of which the uncertainties are.
@@ -70,6 +75,8 @@ impl Found {
             peak_current_a: task.plan.settings.peak_current_a,
             rise: calibration.actuated.rise(peak_a),
             attraction_n: calibration.actuated.attraction_n_per_a2 * peak_a * peak_a,
+            springs_per_k: calibration.coefficients.map(|of| of.springs.per_k),
+            rise_per_k: calibration.coefficients.map(|of| of.rise.per_k),
             uncertainty: uncertainty.at,
             loads: LOADS,
             limits: limits(&uncertainty.parts),
@@ -79,8 +86,8 @@ impl Found {
     }
 
     /// The figures, each with its name.
-    pub(super) fn figures(&self) -> [(String, String); 6] {
-        [
+    pub(super) fn figures(&self) -> Vec<(String, String)> {
+        let mut figures = vec![
             (
                 "force from".to_owned(),
                 if self.load_cell {
@@ -110,7 +117,18 @@ impl Found {
                 format!("uncertainty of c_L of {}", loads()),
                 percents(&self.uncertainty),
             ),
-        ]
+        ];
+        if let Some((springs, rise)) = self.springs_per_k.zip(self.rise_per_k) {
+            figures.push((
+                "for every kelvin".to_owned(),
+                format!(
+                    "springs {:+.2} %, stiffening {:+.2} %",
+                    1e2 * springs,
+                    1e2 * rise
+                ),
+            ));
+        }
+        figures
     }
 }
 

@@ -13,3 +13,5 @@ mod report;
 pub(crate) mod sensor;
 #[cfg(feature = "emulator")]
 pub(crate) mod verb;
+#[cfg(feature = "emulator")]
+mod written;

@@ -4,8 +4,8 @@ use std::path::PathBuf;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use clap::Args;
-use palpate_calibration::evaluate;
 use palpate_calibration::session::{Pressed, Session};
+use palpate_calibration::{evaluate, evaluate_both};
 use palpate_sim::switches::Switches;
 use palpate_wire::code::{Outcome, StorageState, Stream};
 use palpate_wire::command::{CalibrationIdentity, Settings};
@@ -14,7 +14,7 @@ use palpate_wire::{Command, Record, configuration_crc};
 use super::bench::{self, Bench, LinkedBench, RigBench, RigPlan};
 use super::found;
 pub(crate) use super::found::Found;
-use super::report;
+use super::{report, written};
 use crate::configuration;
 use crate::confirmation::{can_be_confirmed, is_confirmed};
 use crate::failure::Failure;
@@ -40,7 +40,8 @@ their tolerance. For a real one, docs/calibration.md says what is needed and wha
 prints.
 
 Examples:
-  palpate calibrate sensor --board emulated
+  palpate calibrate sensor --board emulated --save-session cold.json
+  palpate calibrate sensor --board emulated --warmer-k 20 --other-session cold.json
   palpate calibrate sensor --stack mine.toml --force ./read-cell --stage ./stage \\
     --springs 600,1200,3000,6000,12000,30000 --report calibration.html
   palpate calibrate sensor --stack mine.toml --no-load-cell --stage ./stage \\
@@ -65,6 +66,16 @@ pub(crate) struct Arguments {
     /// How far a spring may be off what is written on it, relative
     #[arg(long, value_name = "PART", default_value_t = 0.01, value_parser = tolerance)]
     spring_tolerance: f64,
+    /// Write what was written down on the bench to this file, as JSON: for --other-session later
+    #[arg(long, value_name = "FILE.json")]
+    save_session: Option<PathBuf>,
+    /// Take this session with the present one, of the same sensor and specimens at another temperature: the
+    /// calibration is that of the file, and the two show how the layers change with the temperature
+    #[arg(long, value_name = "FILE.json")]
+    other_session: Option<PathBuf>,
+    /// How much warmer than at first the emulated board's bench is, K
+    #[arg(long, value_name = "KELVIN", default_value_t = 0.0, value_parser = warmer, allow_negative_numbers = true)]
+    warmer_k: f64,
     /// Number of the calibration, which the board reports. Otherwise the seconds since 1970
     #[arg(long, value_name = "NUMBER")]
     id: Option<u32>,
@@ -94,6 +105,14 @@ pub(crate) fn tolerance(text: &str) -> Result<f64, String> {
     }
 }
 
+fn warmer(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        // What the simulated sensor is drawn for.
+        Ok(kelvin) if (-50.0..=50.0).contains(&kelvin) => Ok(kelvin),
+        _ => Err("not a difference of -50 to 50 K".to_owned()),
+    }
+}
+
 impl Arguments {
     /// Whether the bench is the simulated one of the emulated board.
     fn is_simulated_bench(&self) -> bool {
@@ -111,6 +130,11 @@ impl Arguments {
                 );
             }
             return Ok(());
+        }
+        if self.warmer_k != 0.0 {
+            return wrong(
+                "--warmer-k is the emulated board's: warm or cool a real sensor yourself",
+            );
         }
         if self.force.is_none() && !self.no_load_cell {
             return wrong(
@@ -142,16 +166,27 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     if !arguments.yes {
         can_be_confirmed("storing")?;
     }
-    let report = OutputFile::optional("--report", arguments.report.as_ref())?;
+    let files = Files {
+        report: OutputFile::optional("--report", arguments.report.as_ref())?,
+        session: OutputFile::optional("--save-session", arguments.save_session.as_ref())?,
+    };
+    let other = arguments.other_session.as_deref();
+    let other = other.map(written::read).transpose()?;
     let interrupt = Interrupt::catch()?;
     let mut link = arguments.link.open()?;
     is_stored(&mut link)?;
     let before = configuration::settings(&mut link)?;
-    let done = calibrated(&mut link, arguments, report.as_ref(), interrupt);
+    let done = calibrated(&mut link, arguments, (&files, other), interrupt);
     if done.is_err() {
         restore(&mut link, &before);
     }
     found::print(&done?, arguments.json)
+}
+
+/// Files that are written.
+struct Files {
+    report: Option<OutputFile>,
+    session: Option<OutputFile>,
 }
 
 /// Refuses to begin where what is in force would be lost by a calibration that is broken off.
@@ -189,17 +224,30 @@ fn restore(link: &mut Link, before: &Settings) {
 fn calibrated(
     link: &mut Link,
     arguments: &Arguments,
-    report: Option<&OutputFile>,
+    (files, other): (&Files, Option<Session>),
     interrupt: Interrupt,
 ) -> Result<Found, Failure> {
     let task = task(link, arguments)?;
-    let session = session(link, arguments, &task, interrupt)?;
-    let calibration = evaluate(&session, &task.known)
-        .map_err(|error| Failure::Refused(format!("calibration: {error}")))?;
+    let held = session(link, arguments, &task, interrupt)?;
+    if let Some(file) = &files.session {
+        written::write(&held, file)?;
+    }
+    let (session, calibration) = match other {
+        Some(other) => {
+            let calibration = evaluate_both(&other, &held, &task.known);
+            (other, calibration)
+        }
+        None => {
+            let calibration = evaluate(&held, &task.known);
+            (held, calibration)
+        }
+    };
+    let calibration =
+        calibration.map_err(|error| Failure::Refused(format!("calibration: {error}")))?;
     let identity = identity(arguments.id, session.temperature_c, &calibration.commands);
     let is_simulated = arguments.link.is_simulated(link);
     let mut found = Found::of(&session, &task, &calibration, &identity, is_simulated);
-    if let Some(file) = report {
+    if let Some(file) = &files.report {
         file.write(report::page(&found, &calibration)?)?;
     }
     put_in_force(link, &calibration.commands, identity)?;
@@ -250,7 +298,12 @@ fn session(
     let mut hold = |bench: &mut dyn Bench| bench::hold(bench, &task.plan, &task.known, &mut say);
     let session = if arguments.is_simulated_bench() {
         let (_, plant) = arguments.link.emulated.stack_and_plant()?;
-        hold(&mut LinkedBench::new(link, &plant, interrupt))?
+        hold(&mut LinkedBench::new(
+            link,
+            &plant,
+            arguments.warmer_k,
+            interrupt,
+        ))?
     } else {
         let plan = RigPlan {
             force: arguments.force.clone(),

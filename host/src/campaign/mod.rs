@@ -64,6 +64,10 @@ pub(crate) struct Arguments {
     /// Press in all worlds
     #[arg(long, conflicts_with = "world")]
     all_worlds: bool,
+    /// At how many temperatures each sensor is calibrated: at the second, 20 K above, the bench finds how the
+    /// layers change, and the instrument corrects by it
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=2))]
+    temperatures: u8,
     /// Check each calibration in its world first, by a spring of c_S that is known to 1 %: it corrects the
     /// size of the stiffening, or refuses the calibration
     #[arg(long)]
@@ -175,8 +179,12 @@ fn of_sensor(
     seed: u64,
 ) -> Result<Vec<Press>, Failure> {
     let settings = default_settings();
-    let instrument =
-        CalibratedInstrument::calibrated(stack, disturbances, seed, Switches::all(), &settings)?;
+    let calibrate = if arguments.temperatures > 1 {
+        CalibratedInstrument::at_two_temperatures
+    } else {
+        CalibratedInstrument::calibrated
+    };
+    let instrument = calibrate(stack, disturbances, seed, Switches::all(), &settings)?;
     let mut presses = Vec::new();
     for world in arguments.worlds() {
         presses.extend(in_world(arguments, &instrument, *world)?);
@@ -237,6 +245,7 @@ struct WorldResult {
     plants: u64,
     seed: u64,
     depth: f64,
+    temperatures: u8,
     check_spring: bool,
     /// Sensors that could not be calibrated.
     not_calibrated: usize,
@@ -281,6 +290,7 @@ impl WorldResult {
             plants: arguments.plants,
             seed: arguments.seed,
             depth: arguments.depth,
+            temperatures: arguments.temperatures,
             check_spring: arguments.check_spring,
             not_calibrated: plants.iter().filter(|plant| plant.is_err()).count(),
             bins: arguments.loads.iter().map(bin).collect(),
@@ -300,9 +310,14 @@ fn print(
     writeln!(
         out,
         "{} sensors of the stack {stack} from seed {}, all disturbances, each calibrated on its own \
-         simulated bench{} and pressed to {} of its working depth.\n",
+         simulated bench{}{} and pressed to {} of its working depth.\n",
         arguments.plants,
         arguments.seed,
+        if arguments.temperatures > 1 {
+            " at two temperatures"
+        } else {
+            ""
+        },
         if arguments.check_spring {
             ", checked by a known spring of c_S"
         } else {

@@ -105,7 +105,7 @@ fn found(
     link.must(&Command::Disarm)?;
     let depth_m = Cell::new(0.0);
     let mut bench = Watched {
-        bench: LinkedBench::new(link, &plant, interrupt.clone()),
+        bench: LinkedBench::new(link, &plant, 0.0, interrupt.clone()),
         view,
         interrupt,
         depth_m: &depth_m,

@@ -5,7 +5,9 @@ use crate::common::rng::Rng;
 use palpate_model::calibration_curve::MonotoneCurve;
 use palpate_model::demagnetising::Burst;
 use palpate_model::layer::{BondedDisc, apparent_modulus};
-use palpate_model::magnetorheological::{Saturating, Stiffening, Tabulated, attraction, deviation};
+use palpate_model::magnetorheological::{
+    Changed, Factors, Saturating, Stiffening, Tabulated, attraction, deviation,
+};
 use palpate_model::springs::{Shares, Springs, two_state_load};
 use palpate_model::tank;
 use palpate_model::units::*;
@@ -199,6 +201,44 @@ fn a_table_of_the_law_is_the_law() {
         );
     }
     assert!(Tabulated::new(NewtonPerMetre(0.0), curve).is_err());
+}
+
+/// A law that is changed by factors is that of the changed spring and rise, whatever the form of the law.
+#[test]
+fn a_changed_law_is_that_of_changed_parameters() {
+    let by = Factors::at(-12.5, -2e-3, 4e-3);
+    let (springs, rise) = ((0.025_f64).exp(), (-0.05_f64).exp());
+    let saturating = |at_rest: f64, rise: f64| {
+        Saturating::new(NewtonPerMetre(at_rest as f32), rise as f32, Ampere(10.0))
+            .and_then(|law| law.saturating(Tesla(0.1), Tesla(0.25)))
+            .unwrap()
+    };
+    let table = |at_rest: f64, rise: f64| {
+        let points = [0.0, 0.3, 1.0].map(|part| (10.0 * part as f32, (rise * part * part) as f32));
+        let curve = MonotoneCurve::<3>::new(&points).unwrap();
+        Tabulated::new(NewtonPerMetre(at_rest as f32), curve).unwrap()
+    };
+    let near = |found: f32, expected: f32| {
+        assert!(
+            (found - expected).abs() <= 1e-6 * expected.abs(),
+            "{found} {expected}"
+        );
+    };
+    let agree = |changed: &dyn Stiffening, expected: &dyn Stiffening| {
+        for current in [-10.0, -2.0, 0.0, 1.0, 7.5, 10.0].map(Ampere) {
+            near(changed.spring(current).0, expected.spring(current).0);
+            near(changed.rise(current).value, expected.rise(current).value);
+            near(
+                changed.rise(current).per_ampere,
+                expected.rise(current).per_ampere,
+            );
+        }
+    };
+    let law = saturating(4e3, 0.1);
+    agree(&Changed { law, by }, &saturating(4e3 * springs, 0.1 * rise));
+    let law = table(4e3, 0.1);
+    agree(&Changed { law, by }, &table(4e3 * springs, 0.1 * rise));
+    assert_eq!(Factors::at(0.0, -2e-3, 4e-3), Factors::NONE);
 }
 
 #[test]

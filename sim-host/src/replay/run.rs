@@ -132,9 +132,9 @@ impl Run {
 
     fn scan(&mut self, middle: Instant, sample: &Sample, followers: &[Frame<Record>]) {
         let edge = Instant::from_ticks(middle.as_ticks() + self.before_edge.as_ticks());
-        // The temperature that went into an estimate, in this step, is in it.
+        // The temperature that a measurement begins with, in this step, is in its status.
         let temperature_c = followers.iter().find_map(|frame| match &frame.message {
-            Record::Estimate(estimate) => estimate.temperature_c,
+            Record::Status(status) => status.temperature_c,
             _ => None,
         });
         if temperature_c.is_some() {

@@ -10,13 +10,13 @@ mod seal;
 mod stiffening;
 
 use palpate_model::calibration_curve::{CurveError, MonotoneCurve};
-use palpate_model::magnetorheological::{Saturating, Tabulated};
-use palpate_model::units::{Ampere, Metre, NewtonPerMetre, Tesla};
+use palpate_model::magnetorheological::{Changed, Factors, Saturating, Tabulated};
+use palpate_model::units::{Ampere, Celsius, Metre, NewtonPerMetre, Tesla};
 use palpate_wire::Command;
 use palpate_wire::code::{Drift, Outcome, Part, Stream};
 use palpate_wire::command::{
     Attraction, CalibrationIdentity, Coil, Crosstalk, CurrentCorrection, MAX_KNOTS, Settings,
-    Springs, Stiffening, StiffeningCurve, Tank, TemperatureEffect,
+    Springs, Stiffening, StiffeningCurve, Tank, TemperatureCoefficients, TemperatureEffect,
 };
 
 use crate::BoardInfo;
@@ -44,6 +44,7 @@ pub struct Configuration {
     attraction: Option<Attraction>,
     temperature_effect: Option<TemperatureEffect>,
     current_correction: Option<CurrentCorrection>,
+    temperature_coefficients: Option<TemperatureCoefficients>,
     identity: Option<CalibrationIdentity>,
     assembly: Option<Assembly>,
     /// What all this adds up to.
@@ -75,14 +76,18 @@ enum SetStiffening {
 pub(crate) struct Calibrated {
     /// The deepest deformation on the curve.
     pub(crate) deepest: Metre,
+    /// At the measurement's temperature.
     pub(crate) springs: Springs,
-    pub(crate) law: Law,
+    /// At the measurement's temperature.
+    pub(crate) law: Changed<Law>,
     /// Relative standard uncertainty of the rise.
     pub(crate) rise_uncertainty: f32,
     pub(crate) coil: Coil,
     pub(crate) attraction: Attraction,
     pub(crate) crosstalk: Crosstalk,
     pub(crate) temperature_effect: Option<TemperatureEffect>,
+    /// At which temperature it measures.
+    pub(crate) temperature: Option<Celsius>,
 }
 
 /// Settings with which a device starts, as far as its board's limits allow: one channel at 1 kHz, sensing and a train of twelve ramps
@@ -129,6 +134,7 @@ impl Default for Configuration {
             attraction: None,
             temperature_effect: None,
             current_correction: None,
+            temperature_coefficients: None,
             identity: None,
             assembly: None,
             sums: [0; ITEMS],
@@ -272,6 +278,10 @@ impl Configuration {
                 self.current_correction = Some(correction.clone());
                 Outcome::Accepted
             }
+            Command::SetTemperatureCoefficients(coefficients) => {
+                self.temperature_coefficients = Some(coefficients.clone());
+                Outcome::Accepted
+            }
             Command::SetCalibrationIdentity(identity) => {
                 if identity.hash != self.calibration_crc() {
                     return Some(Outcome::OtherCalibration);
@@ -375,14 +385,14 @@ impl Configuration {
     }
 
     /// What a measurement of stiffness needs; the kind of the first record that is missing.
-    pub(crate) fn calibrated(&self) -> Result<Calibrated, u8> {
+    pub(crate) fn calibrated(&self, temperature: Option<Celsius>) -> Result<Calibrated, u8> {
         let principal = self.principal();
         let channel = self.channel(0, principal);
         let kind = Part::number;
         let missing_curve = kind(Part::DeformationCurve);
         let channel = channel.ok_or(missing_curve)?;
         let deepest = self.deepest().ok_or(missing_curve)?;
-        let springs = self.springs.clone().ok_or(kind(Part::Springs))?;
+        let mut springs = self.springs.clone().ok_or(kind(Part::Springs))?;
         let at_rest = NewtonPerMetre(springs.actuated_n_per_m);
         let set = self.stiffening.as_ref().ok_or(kind(Part::Stiffening))?;
         let (law, rise_uncertainty) = match set {
@@ -397,16 +407,33 @@ impl Configuration {
                 *uncertainty,
             ),
         };
+        let by = self.factors(temperature);
+        springs.sensing_n_per_m *= by.springs;
         Ok(Calibrated {
             deepest,
             springs,
-            law,
+            law: Changed { law, by },
             rise_uncertainty,
             coil: self.coil.clone().ok_or(kind(Part::Coil))?,
             attraction: self.attraction.clone().ok_or(kind(Part::Attraction))?,
             crosstalk: channel.crosstalk.clone().ok_or(kind(Part::Crosstalk))?,
             temperature_effect: self.temperature_effect.clone(),
+            temperature,
         })
+    }
+
+    /// How springs and rise have changed at a temperature since the calibration.
+    fn factors(&self, temperature: Option<Celsius>) -> Factors {
+        let known = self.temperature_effect.as_ref();
+        let known = known.zip(self.temperature_coefficients.as_ref());
+        let Some(((effect, of), now)) = known.zip(temperature) else {
+            return Factors::NONE;
+        };
+        Factors::at(
+            now.0 - effect.calibrated_at_c,
+            of.springs_per_k,
+            of.rise_per_k,
+        )
     }
 }
 

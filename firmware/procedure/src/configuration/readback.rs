@@ -13,7 +13,7 @@ use crate::list::gathered;
 const LAST_CHANNEL: u8 = 7;
 
 /// The parts in the order of the commands that set them.
-pub(super) const PARTS: [Part; 11] = [
+pub(super) const PARTS: [Part; 12] = [
     Part::Tank,
     Part::DeformationCurve,
     Part::Crosstalk,
@@ -24,6 +24,7 @@ pub(super) const PARTS: [Part; 11] = [
     Part::Attraction,
     Part::TemperatureEffect,
     Part::CurrentCorrection,
+    Part::TemperatureCoefficients,
     // Last: it is checked against all others.
     Part::CalibrationIdentity,
 ];
@@ -112,6 +113,7 @@ impl Configuration {
             Command::SetAttraction(of) => Record::Attraction(of),
             Command::SetTemperatureEffect(of) => Record::TemperatureEffect(of),
             Command::SetCurrentCorrection(of) => Record::CurrentCorrection(of),
+            Command::SetTemperatureCoefficients(of) => Record::TemperatureCoefficients(of),
             Command::SetCalibrationIdentity(of) => Record::CalibrationIdentity(of),
             _ => return None,
         })
@@ -148,6 +150,9 @@ impl Configuration {
             }
             Part::CurrentCorrection => {
                 Command::SetCurrentCorrection(self.current_correction.clone()?)
+            }
+            Part::TemperatureCoefficients => {
+                Command::SetTemperatureCoefficients(self.temperature_coefficients.clone()?)
             }
             Part::CalibrationIdentity => Command::SetCalibrationIdentity(self.identity.clone()?),
             _ => return None,

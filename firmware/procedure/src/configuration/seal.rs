@@ -54,6 +54,7 @@ fn sets(command: &Command, number: usize) -> bool {
         Command::SetAttraction(_) => part == Part::Attraction,
         Command::SetTemperatureEffect(_) => part == Part::TemperatureEffect,
         Command::SetCurrentCorrection(_) => part == Part::CurrentCorrection,
+        Command::SetTemperatureCoefficients(_) => part == Part::TemperatureCoefficients,
         _ => false,
     }
 }
@@ -63,7 +64,7 @@ pub(super) const fn touches_the_identity(command: &Command) -> bool {
     use Command::{
         SetAttraction, SetCalibrationIdentity, SetCoil, SetCrosstalk, SetCurrentCorrection,
         SetDeformationCurve, SetSprings, SetStiffening, SetStiffeningCurve, SetTank,
-        SetTemperatureEffect,
+        SetTemperatureCoefficients, SetTemperatureEffect,
     };
     matches!(
         command,
@@ -77,6 +78,7 @@ pub(super) const fn touches_the_identity(command: &Command) -> bool {
             | SetAttraction(_)
             | SetTemperatureEffect(_)
             | SetCurrentCorrection(_)
+            | SetTemperatureCoefficients(_)
             | SetCalibrationIdentity(_)
     )
 }
@@ -143,7 +145,8 @@ pub(crate) mod tests {
     use palpate_wire::code::Outcome;
     use palpate_wire::command::{
         Attraction, Coil, Crosstalk, CurrentCorrection, DeformationCurve, DeformationKnot, Springs,
-        Stiffening, StiffeningCurve, StiffeningKnot, Tank, TemperatureEffect,
+        Stiffening, StiffeningCurve, StiffeningKnot, Tank, TemperatureCoefficients,
+        TemperatureEffect,
     };
 
     use super::*;
@@ -204,7 +207,7 @@ pub(crate) mod tests {
     }
 
     /// Commands for one part, the kind of its record, and upsets of it.
-    fn parts() -> [(Vec<Command>, u8, Vec<Upset>); 10] {
+    fn parts() -> [(Vec<Command>, u8, Vec<Upset>); 11] {
         [
             (
                 vec![Command::SetSettings(DEFAULT_SETTINGS)],
@@ -292,6 +295,19 @@ pub(crate) mod tests {
                 vec![|of| {
                     let correction = of.current_correction.as_mut().unwrap();
                     invert(&mut correction.changes_a[1]);
+                }],
+            ),
+            (
+                vec![Command::SetTemperatureCoefficients(
+                    TemperatureCoefficients {
+                        springs_per_k: -2e-3,
+                        rise_per_k: 1e-3,
+                    },
+                )],
+                0x1C,
+                vec![|of| {
+                    let coefficients = of.temperature_coefficients.as_mut().unwrap();
+                    invert(&mut coefficients.rise_per_k);
                 }],
             ),
         ]

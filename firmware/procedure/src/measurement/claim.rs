@@ -54,7 +54,6 @@ impl Measurement {
     pub(super) fn conclude(
         &mut self,
         settings: &Settings,
-        temperature: Option<Celsius>,
         now: Instant,
     ) -> Result<EstimateReport, Reason> {
         let (completed, began) = (self.drive.train().completed(), self.drive.began);
@@ -72,7 +71,6 @@ impl Measurement {
         let calibration = at_temperature(
             uncertainties(&self.calibrated, &of_noise, &at, settings),
             &self.calibrated,
-            temperature,
         );
         let bend = curved.and_then(|curved| Bend::of(&fit, &curved, ramps.span()));
         let claim = calibration.widen(&of_noise, &at);
@@ -118,7 +116,7 @@ impl Measurement {
             two_state_n_per_m: self.two_states.load(sensing).map(|load| load.0),
             force_n: (sensing * reference.deformation()).0,
             total_displacement_m: total.0,
-            temperature_c: temperature.map(|temperature| temperature.0),
+            temperature_c: self.calibrated.temperature.map(|temperature| temperature.0),
             duration_s: seconds(began, now).0,
             load_points: curve.as_ref().map_or(0, |curve| curve.points),
         };
@@ -251,7 +249,7 @@ fn operating_point(
     OperatingPoint {
         actuated_ratio: reference.regressor(),
         rise: calibrated.law.rise(peak).value,
-        logarithmic_slope: calibrated.law.logarithmic_slope(peak),
+        logarithmic_slope: calibrated.law.law.logarithmic_slope(peak),
         deformation: reference.deformation(),
     }
 }
@@ -277,6 +275,7 @@ fn uncertainties(
         attraction,
         crosstalk,
         temperature_effect: _,
+        temperature: _,
     } = calibrated;
     let peak = Ampere(settings.peak_current_a);
     let sensing = NewtonPerMetre(springs.sensing_n_per_m);
@@ -301,13 +300,9 @@ fn uncertainties(
 }
 
 /// The uncertainties at another temperature than the calibration's.
-fn at_temperature(
-    calibration: Calibration,
-    calibrated: &Calibrated,
-    temperature: Option<Celsius>,
-) -> Calibration {
+fn at_temperature(calibration: Calibration, calibrated: &Calibrated) -> Calibration {
     let effect = calibrated.temperature_effect.as_ref();
-    let Some((effect, Celsius(now_c))) = effect.zip(temperature) else {
+    let Some((effect, Celsius(now_c))) = effect.zip(calibrated.temperature) else {
         return calibration;
     };
     let difference_k = (now_c - effect.calibrated_at_c).abs();

@@ -6,7 +6,7 @@ mod ramps;
 use coil_hbridge::CurrentLine;
 use palpate_model::magnetorheological::{Stiffening, attraction, deviation};
 use palpate_model::ramp::RampSample;
-use palpate_model::units::{Ampere, Celsius, Metre, Newton, NewtonPerMetre};
+use palpate_model::units::{Ampere, Metre, Newton, NewtonPerMetre};
 use palpate_wire::code::{FaultCode, Location, RefusalReason};
 use palpate_wire::command::Settings;
 use palpate_wire::record::Refusal;
@@ -324,15 +324,10 @@ impl Measurement {
         }
     }
 
-    /// Ends in an estimate or a refusal, which names the measurement. `temperature` is that of the pad.
-    pub(crate) fn finish(
-        &mut self,
-        settings: &Settings,
-        temperature: Option<Celsius>,
-        now: Instant,
-    ) -> MeasurementOutcome {
+    /// Ends in an estimate or a refusal, which names the measurement.
+    pub(crate) fn finish(&mut self, settings: &Settings, now: Instant) -> MeasurementOutcome {
         let number = self.number;
-        match self.conclude(settings, temperature, now) {
+        match self.conclude(settings, now) {
             Ok(report) => MeasurementOutcome::Estimate(report),
             Err(reason) => MeasurementOutcome::Refusal(refusal(number, reason)),
         }

@@ -310,7 +310,9 @@ impl Procedure {
         if !self.check_all(out) {
             return;
         }
-        let calibrated = match self.configuration.calibrated() {
+        // The same as at the bench, where the temperature is measured before a train as well.
+        let temperature = self.temperature().or(self.heat.as_ref().map(Heat::pad));
+        let calibrated = match self.configuration.calibrated(temperature) {
             Ok(calibrated) => calibrated,
             Err(kind) => {
                 let reason = RefusalReason::NotCalibrated;
@@ -328,6 +330,9 @@ impl Procedure {
         let started = TrainDrive::start(settings, limits, out.now);
         let (measurement, line) =
             Measurement::start(self.measurement, calibrated, touched, settings, started);
+        // What goes into an estimate is in the records, so that it can be computed again from them: here the
+        // temperature.
+        out.record(Record::Status(self.status()));
         self.go(Phase::Driving(measurement), out);
         out.push(Action::Current(line));
     }
@@ -351,16 +356,13 @@ impl Procedure {
         if let Phase::Sweeping { touched, .. } = self.phase {
             return self.swept(touched, out);
         }
-        // By the thermometer, which the estimate reports: what goes into it is in the records, so that it
-        // can be computed again from them. The heat is followed from the start on.
-        let temperature = self.temperature().or(self.heat.as_ref().map(Heat::pad));
         // Where it lies: it is the largest thing there is, and the stack is short.
         let Phase::Driving(measurement) = &mut self.phase else {
             return;
         };
         let since = measurement.touched();
         let settings = &self.configuration.settings;
-        match measurement.finish(settings, temperature, out.now) {
+        match measurement.finish(settings, out.now) {
             MeasurementOutcome::Estimate(report) => {
                 out.record(Record::Estimate(report.estimate.clone()));
                 self.phase = Phase::Reporting {

@@ -7,7 +7,8 @@ use crate::support::sensor::Sensor;
 use palpate_procedure::{Action, Event, Link};
 use palpate_wire::code::{Outcome, Part, State};
 use palpate_wire::command::{
-    CurrentCorrection, GetCalibration, StiffeningCurve, StiffeningKnot, TemperatureEffect,
+    CurrentCorrection, GetCalibration, StiffeningCurve, StiffeningKnot, TemperatureCoefficients,
+    TemperatureEffect,
 };
 use palpate_wire::{Command, Message, Record};
 
@@ -103,6 +104,12 @@ fn what_was_set_is_read_back_and_numbered() {
         rise_uncertainty_per_k: 0.002,
     }));
     sent.push(Command::SetCurrentCorrection(correction([0.1, 0.0, -0.1])));
+    sent.push(Command::SetTemperatureCoefficients(
+        TemperatureCoefficients {
+            springs_per_k: -0.001,
+            rise_per_k: 0.002,
+        },
+    ));
     for part in Part::ALL {
         let get = get(*part);
         assert_eq!(rig.outcome(get), Outcome::NotSet, "{part}");
@@ -137,6 +144,7 @@ fn what_was_set_is_read_back_and_numbered() {
         Record::Attraction(of) => Some(Command::SetAttraction(of)),
         Record::TemperatureEffect(of) => Some(Command::SetTemperatureEffect(of)),
         Record::CurrentCorrection(of) => Some(Command::SetCurrentCorrection(of)),
+        Record::TemperatureCoefficients(of) => Some(Command::SetTemperatureCoefficients(of)),
         _ => None,
     };
     assert_eq!(rig.reported(as_command), sent);

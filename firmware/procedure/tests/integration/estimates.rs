@@ -6,7 +6,9 @@ use crate::support::sensor::{Sensor, Shape};
 use palpate_model::magnetorheological::{Saturating, Stiffening};
 use palpate_model::units::{Ampere, NewtonPerMetre, Tesla};
 use palpate_wire::code::{Contact, Drift, State};
-use palpate_wire::command::{Settings, StiffeningCurve, StiffeningKnot, TemperatureEffect};
+use palpate_wire::command::{
+    Settings, StiffeningCurve, StiffeningKnot, TemperatureCoefficients, TemperatureEffect,
+};
 use palpate_wire::record::{Estimate, LoadPoint};
 use palpate_wire::{Command, Record};
 
@@ -357,6 +359,48 @@ fn what_the_calibration_leaves_open_widens_the_interval() {
     assert!(widths[0] < 1e-3, "{widths:?}");
     assert!((widths[1] / expected - 1.0).abs() < 0.01, "{widths:?}");
     assert!((1.0..1.2).contains(&(widths[2] / expected)), "{widths:?}");
+}
+
+#[test]
+fn a_measurement_at_another_temperature_is_corrected_by_the_coefficients() {
+    // Ten kelvin above the calibration, where springs are exp(-0.04) and the rise exp(-0.06) of what they were.
+    let cold = Sensor::default();
+    let warm = Sensor {
+        sensing_n_per_m: cold.sensing_n_per_m * (-0.04_f64).exp(),
+        actuated_n_per_m: cold.actuated_n_per_m * (-0.04_f64).exp(),
+        rise: cold.rise * (-0.06_f64).exp(),
+        attraction_n_per_a2: 3e-4,
+        ..cold.clone()
+    };
+    let errors = [false, true].map(|known| {
+        let mut rig = Rig::calibrated(warm.clone(), settings(|_| {}));
+        rig.accepted(Command::SetSprings(springs(&cold)));
+        rig.accepted(Command::SetStiffening(stiffening(&cold)));
+        rig.accepted(Command::SetTemperatureEffect(TemperatureEffect {
+            calibrated_at_c: 15.0,
+            springs_uncertainty_per_k: 0.0,
+            rise_uncertainty_per_k: 0.0,
+        }));
+        if known {
+            rig.accepted(Command::SetTemperatureCoefficients(
+                TemperatureCoefficients {
+                    springs_per_k: -4e-3,
+                    rise_per_k: -6e-3,
+                },
+            ));
+        }
+        rig.accepted(Command::Arm);
+        rig.until(State::Watching, 3_000);
+        rig.touch(3e-4);
+        let estimate = rig.measure();
+        // What the coil heats in the train is not counted: the calibration's trains heat as well.
+        assert_eq!(estimate.temperature_c, Some(25.0));
+        error(&estimate, &rig)
+    });
+    // A rise that is thought 6 % too large makes kappa larger by W = 3.5 times that, over 1 + rho; c_S, thought
+    // 4 % too large, makes c_L larger by as much.
+    assert!((-0.21..-0.17).contains(&errors[0]), "{errors:?}");
+    assert!(errors[1].abs() < 1e-4, "{errors:?}");
 }
 
 #[test]

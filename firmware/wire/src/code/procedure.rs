@@ -97,5 +97,7 @@ codes! {
         CurrentCorrection = 0x1A "current_correction",
         /// Which calibration it is.
         CalibrationIdentity = 0x1B "calibration_identity",
+        /// How springs and magnetorheological effect change with the temperature.
+        TemperatureCoefficients = 0x1C "temperature_coefficients",
     }
 }

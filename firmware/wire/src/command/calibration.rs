@@ -100,8 +100,8 @@ structure! {
 }
 
 structure! {
-    /// Uncertainty added by a temperature other than the calibration's. Applies where the coil has
-    /// a thermometer.
+    /// Uncertainty added by a temperature other than the calibration's: beyond what the coefficients of
+    /// [`TemperatureCoefficients`] say, where they are set.
     pub struct TemperatureEffect {
         /// Temperature at the calibration.
         calibrated_at_c: f32 ["degC", -60, 250],
@@ -110,6 +110,18 @@ structure! {
         /// Standard uncertainty of the magnetorheological rise for every kelvin of difference,
         /// relative.
         rise_uncertainty_per_k: f32 ["1/K", 0, 1],
+    }
+}
+
+structure! {
+    /// How springs and magnetorheological rise change with the temperature, from
+    /// [`TemperatureEffect::calibrated_at_c`] on: measurements are corrected by it. A quantity that has the
+    /// coefficient b is exp(b dT) times as large dT kelvin above. Without this part it is as at the calibration.
+    pub struct TemperatureCoefficients {
+        /// Of both springs, alike.
+        springs_per_k: f32 ["1/K", -0.05, 0.05],
+        /// Of the magnetorheological rise.
+        rise_per_k: f32 ["1/K", -0.05, 0.05],
     }
 }
 

@@ -38,8 +38,8 @@ structure! {
         force_n: f32 ["N", 0, 1e4],
         /// Deformation of sensing layer, actuated layer and load together, x_0.
         total_displacement_m: f32 ["m", 0, 1],
-        /// Temperature for which the uncertainties are: that of the coil's thermometer, or without one what
-        /// follows from the coil's heat.
+        /// Temperature for which springs, rise and uncertainties are: that of the coil's thermometer as the
+        /// train began, or without one what follows from the coil's heat.
         temperature_c: Option<f32> ["degC", -60, 250],
         /// From the rise of the current to the end of the last ramp.
         duration_s: f32 ["s", 0, 3600],

@@ -39,7 +39,7 @@ fn the_configuration_is_its_commands_without_their_headers() {
         bytes.push(body[1]);
         bytes.extend(&body[header..body.len() - 4]);
     }
-    assert_eq!(setters.len(), 12);
+    assert_eq!(setters.len(), 13);
     assert_eq!(configuration_crc(&setters), crc32c(&bytes));
     assert_ne!(
         configuration_crc(&setters),

@@ -23,6 +23,7 @@ fn the_layout_belongs_to_its_version() {
         (2, 0, 0x3F54_E71D),
         (2, 1, 0xFC5F_F64A),
         (2, 2, 0x740E_6F99),
+        (2, 3, 0x1CD7_EF6B),
     ];
     assert!(
         known.contains(&(VERSION, MINOR_VERSION, SCHEMA_HASH)),

@@ -25,6 +25,8 @@ use crate::link::Link;
 pub(crate) struct LinkedBench<'l> {
     link: &'l mut Link,
     plant: &'l Parameters,
+    /// Above the temperature of calibration, K.
+    warmer_k: f64,
     bare: BareRig,
     interrupt: Interrupt,
 }
@@ -33,10 +35,16 @@ pub(crate) struct LinkedBench<'l> {
 const SWITCHES: Switches = Switches::all();
 
 impl<'l> LinkedBench<'l> {
-    pub(crate) fn new(link: &'l mut Link, plant: &'l Parameters, interrupt: Interrupt) -> Self {
+    pub(crate) fn new(
+        link: &'l mut Link,
+        plant: &'l Parameters,
+        warmer_k: f64,
+        interrupt: Interrupt,
+    ) -> Self {
         Self {
             link,
             plant,
+            warmer_k,
             bare: BareRig::new(plant, SWITCHES),
             interrupt,
         }
@@ -49,7 +57,7 @@ impl Bench for LinkedBench<'_> {
         pressed: Pressed,
         work: &mut dyn FnMut(&mut dyn Instrument) -> Result<Run, Failure>,
     ) -> Result<Run, Failure> {
-        let rig = Rig::new(self.plant, SWITCHES, specimen(pressed))?;
+        let rig = Rig::warmer(self.plant, SWITCHES, specimen(pressed), self.warmer_k)?;
         let (world, gauges) = rig.into_parts();
         let board = self.link.emulated().ok_or_else(no_bench)?;
         board.power_on_in(world)?;
@@ -69,7 +77,7 @@ impl Bench for LinkedBench<'_> {
     }
 
     fn temperature_c(&self) -> f64 {
-        CALIBRATION_C
+        CALIBRATION_C + self.warmer_k
     }
 }
 

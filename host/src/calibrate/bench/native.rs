@@ -19,14 +19,17 @@ use crate::failure::Failure;
 pub(crate) struct NativeBench<'p> {
     plant: &'p Parameters,
     switches: Switches,
+    /// Above the temperature of calibration, K.
+    warmer_k: f64,
     bare: BareRig,
 }
 
 impl<'p> NativeBench<'p> {
-    pub(crate) fn new(plant: &'p Parameters, switches: Switches) -> Self {
+    pub(crate) fn new(plant: &'p Parameters, switches: Switches, warmer_k: f64) -> Self {
         Self {
             plant,
             switches,
+            warmer_k,
             bare: BareRig::new(plant, switches),
         }
     }
@@ -38,7 +41,7 @@ impl Bench for NativeBench<'_> {
         pressed: Pressed,
         work: &mut dyn FnMut(&mut dyn Instrument) -> Result<Run, Failure>,
     ) -> Result<Run, Failure> {
-        let rig = Rig::new(self.plant, self.switches, specimen(pressed))?;
+        let rig = Rig::warmer(self.plant, self.switches, specimen(pressed), self.warmer_k)?;
         let (world, gauges) = rig.into_parts();
         let wiring = Wiring::new(world);
         work(&mut NativeInstrument {
@@ -53,7 +56,7 @@ impl Bench for NativeBench<'_> {
     }
 
     fn temperature_c(&self) -> f64 {
-        CALIBRATION_C
+        CALIBRATION_C + self.warmer_k
     }
 }
 

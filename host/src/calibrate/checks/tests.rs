@@ -18,7 +18,7 @@ fn good() -> &'static (Session, Known) {
         let stack = Stack::builtin("ultrasoft").unwrap();
         let plant = draw(&stack, &Disturbances::builtin().unwrap(), 3);
         let task = BenchTask::of(&plant, &stack, Switches::all(), &default_settings());
-        let session = task.session(&plant, Switches::all()).unwrap();
+        let session = task.session(&plant, Switches::all(), 0.0).unwrap();
         (session, task.known)
     })
 }

@@ -192,7 +192,16 @@ pub(crate) fn fullest() -> Vec<Command> {
     commands.extend(channels().map(|(sensor, channel)| crosstalk(sensor, channel)));
     commands.push(springs(6e3));
     commands.extend(stiffening_curve(MAX_KNOTS));
-    commands.extend(of_the_coil());
+    let mut of_the_coil = of_the_coil();
+    let identity = of_the_coil.pop();
+    commands.extend(of_the_coil);
+    commands.push(Command::SetTemperatureCoefficients(
+        TemperatureCoefficients {
+            springs_per_k: -2e-3,
+            rise_per_k: 4e-3,
+        },
+    ));
+    commands.extend(identity);
     commands
 }
 

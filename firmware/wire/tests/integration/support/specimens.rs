@@ -211,6 +211,7 @@ fn configured() -> Vec<Record> {
         Record::TemperatureEffect(temperature_effect()),
         Record::CurrentCorrection(current_correction()),
         Record::CalibrationIdentity(calibration_identity()),
+        Record::TemperatureCoefficients(temperature_coefficients()),
         Record::Storage(Storage {
             action: StorageAction::Store,
             succeeded: true,
@@ -267,6 +268,7 @@ pub(crate) fn commands() -> Vec<Command> {
         Command::SetTemperatureEffect(temperature_effect()),
         Command::SetCurrentCorrection(current_correction()),
         Command::SetCalibrationIdentity(calibration_identity()),
+        Command::SetTemperatureCoefficients(temperature_coefficients()),
         Command::Store,
         Command::Load,
         Command::Erase,
@@ -398,6 +400,13 @@ fn temperature_effect() -> TemperatureEffect {
         calibrated_at_c: 20.0,
         springs_uncertainty_per_k: 0.0021,
         rise_uncertainty_per_k: 0.0029,
+    }
+}
+
+fn temperature_coefficients() -> TemperatureCoefficients {
+    TemperatureCoefficients {
+        springs_per_k: -0.0015,
+        rise_per_k: -0.004,
     }
 }
 

@@ -10,7 +10,7 @@ use palpate_wire::code::{
 };
 use palpate_wire::command::{
     Attraction, CalibrationIdentity, Crosstalk, DeformationCurve, DeformationKnot, KNOTS_PER_CHUNK,
-    Reboot, Settings, Springs, Stiffening, Tank, TemperatureEffect,
+    Reboot, Settings, Springs, Stiffening, Tank, TemperatureCoefficients, TemperatureEffect,
 };
 use palpate_wire::{Command, Record, configuration_crc, record};
 
@@ -109,6 +109,10 @@ pub(crate) fn configuration(number: u32, amount: Amount) -> Vec<Command> {
             calibrated_at_c: 23.0 * scale,
             springs_uncertainty_per_k: 1e-3,
             rise_uncertainty_per_k: 1e-3,
+        }),
+        Command::SetTemperatureCoefficients(TemperatureCoefficients {
+            springs_per_k: -1e-3 * scale,
+            rise_per_k: 2e-3 * scale,
         }),
     ]);
     commands.push(Command::SetCalibrationIdentity(CalibrationIdentity {
