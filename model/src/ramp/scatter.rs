@@ -26,13 +26,18 @@ pub struct Scatter {
     weight: f32,
     mean: f32,
     chi_square: f32,
+    /// Sum of the squared differences from one estimate to the next, each over its variance.
+    successive: f32,
+    /// The last estimate, and its variance.
+    last: Option<(f32, f32)>,
     count: u32,
 }
 
 impl Scatter {
     /// Adds an estimate; one without a finite value or a positive error is not taken.
     pub fn add(&mut self, value: f32, standard_error: f32) {
-        let weight = 1.0 / (standard_error * standard_error);
+        let variance = standard_error * standard_error;
+        let weight = 1.0 / variance;
         if !(value.is_finite() && weight.is_finite() && weight > 0.0) {
             return;
         }
@@ -42,6 +47,11 @@ impl Scatter {
         self.chi_square += deviation * deviation * weight * (self.weight / total);
         self.mean += deviation * (weight / total);
         self.weight = total;
+        if let Some((before, of_before)) = self.last {
+            let difference = value - before;
+            self.successive += difference * difference / (variance + of_before);
+        }
+        self.last = Some((value, variance));
         self.count = self.count.saturating_add(1);
     }
 
@@ -64,5 +74,25 @@ impl Scatter {
     /// small. `None` for fewer than two estimates.
     pub fn birge_ratio(&self) -> Option<f32> {
         (self.count > 1).then(|| sqrt(self.chi_square / self.count.saturating_sub(1) as f32))
+    }
+
+    /// Factor by which the stated error of the mean is too small: the Birge ratio, and more where each estimate
+    /// is like the one before. `None` for fewer than two estimates.
+    ///
+    /// What turns slowly, as a vibration near the rate of the ramps, is not averaged out as noise is. How much
+    /// alike two successive estimates are, r, shows in their differences (von Neumann, Ann. Math. Stat. 12, 1941,
+    /// p. 367): 1 - r is their mean square over that of the deviations, and the mean's variance is
+    /// (1 + r)/(1 - r) times as large. Of r^2 that of noise, 1/count, is taken away. The mean is never worse than
+    /// one estimate.
+    pub fn of_mean(&self) -> Option<f32> {
+        let birge_ratio = self.birge_ratio()?;
+        let count = self.count as f32;
+        let alike = 1.0 - self.successive / self.chi_square;
+        if alike.is_nan() || alike <= 0.0 {
+            return Some(birge_ratio);
+        }
+        let beyond_noise = sqrt((alike * alike - 1.0 / count).max(0.0));
+        let turns = (1.0 + beyond_noise) / (1.0 - beyond_noise);
+        Some(birge_ratio * sqrt(turns.min(count)))
     }
 }

@@ -231,6 +231,45 @@ fn the_regressor_s_noise_is_put_into_sigma() {
     assert_eq!(quiet.with_regressor_sigma(&reference, 0.0), quiet);
 }
 
+/// The mean of what turns slowly is as uncertain as it scatters from train to train.
+#[test]
+fn what_turns_slowly_is_not_averaged_out() {
+    let mut rng = Rng::new(23);
+    let stated = 0.02;
+    // A turn from one of twelve estimates to the next, and its size.
+    let mut trains = |turn: f64, size: f64| -> (f64, f64) {
+        let (mut errors, mut factors) = (0.0, 0.0);
+        for _ in 0..2000 {
+            let phase = std::f64::consts::TAU * rng.uniform();
+            let mut scatter = Scatter::default();
+            for ramp in 0..12 {
+                let angle = phase + turn * f64::from(ramp);
+                let value = 3.0 + stated * rng.normal() + size * angle.sin();
+                scatter.add(value as f32, stated as f32);
+            }
+            errors += (f64::from(scatter.mean()) - 3.0).powi(2);
+            factors += f64::from(scatter.of_mean().unwrap()).powi(2);
+        }
+        let of_mean = stated / 12.0_f64.sqrt();
+        (
+            (errors / 2000.0).sqrt() / of_mean,
+            (factors / 2000.0).sqrt(),
+        )
+    };
+    let (noise, stated_of_noise) = trains(0.0, 0.0);
+    assert!((noise - 1.0).abs() < 0.05);
+    assert!((1.0..1.35).contains(&stated_of_noise), "{stated_of_noise}");
+    // A vibration at 9.5 Hz under ramps of 10 Hz turns by a twentieth of a turn.
+    let (slow, stated_of_slow) = trains(-0.05 * std::f64::consts::TAU, 0.1);
+    assert!(
+        (0.8..2.0).contains(&(stated_of_slow / slow)),
+        "{slow} {stated_of_slow}"
+    );
+    // One estimate and the next on opposite sides: the scatter alone is on the safe side.
+    let (quick, stated_of_quick) = trains(0.45 * std::f64::consts::TAU, 0.1);
+    assert!(stated_of_quick > quick, "{quick} {stated_of_quick}");
+}
+
 #[test]
 fn scatter_shows_what_white_noise_does_not() {
     let mut rng = Rng::new(21);
@@ -259,4 +298,5 @@ fn scatter_shows_what_white_noise_does_not() {
     }
     assert_eq!(white, before);
     assert_eq!(Scatter::default().birge_ratio(), None);
+    assert_eq!(Scatter::default().of_mean(), None);
 }
