@@ -87,6 +87,17 @@ const BOARD: &[&str] = &[
 ];
 /// The field solver.
 const FIELD: &[&str] = &["model/field/src", "model/field/examples"];
+/// The search among fields, and a simulated sensor.
+const FRONT: &[&str] = &[
+    "drivers",
+    "firmware/node",
+    "firmware/procedure",
+    "host/calibration/src",
+    "host/src",
+    "model",
+    "sim-host/src",
+    "xtask/src/field_front.rs",
+];
 /// The firmware's image on the emulated board.
 const IMAGE: &[&str] = &["drivers", "firmware", "model/src", "sim-host"];
 /// The tool at an emulated board.
@@ -290,6 +301,13 @@ const CAMPAIGNS: &[Campaign] = &[
             "accuracy",
         ]),
         rests_on: FIELD,
+    },
+    Campaign {
+        name: "field-front",
+        purpose: "The best design of the field for each power, from 20 starts; what one of them is worth where \
+                  stiffness is measured.",
+        runs: Runs::Cargo(&["xtask", "field-front", "--plants", "40", "--seed", "1"]),
+        rests_on: FRONT,
     },
     Campaign {
         name: "planted-defects",

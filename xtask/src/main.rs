@@ -6,6 +6,7 @@
 //! | `ci` | everything a change has to pass: the tests, then the checks |
 //! | `deps` | the direction of dependencies between the workspace's crates |
 //! | `evidence` | run a long campaign and write its result into `docs/evidence/` |
+//! | `field-front` | the best field designs for each power, and what one is worth |
 //! | `field-peers` | the field solver beside NGSolve and GetDP, which it installs |
 //! | `firmware` | build the image for the microcontroller, as ELF and UF2, and say what it takes |
 //! | `planted-defects` | plant each defect of a list and run the tests that have to find it |
@@ -20,6 +21,7 @@
 mod book;
 mod deps;
 mod evidence;
+mod field_front;
 mod field_peers;
 mod firmware;
 mod fuzz;
@@ -37,6 +39,7 @@ mod release;
 mod repository;
 mod setup;
 mod steps;
+mod tool;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -77,6 +80,15 @@ enum Verb {
     Evidence {
         /// Name of the campaign
         name: Option<String>,
+    },
+    /// Search the best field designs for each power, and press with one of them; writes docs/images/field-front.svg
+    FieldFront {
+        /// Sensors of each design
+        #[arg(long, default_value_t = 40)]
+        plants: u32,
+        /// The first sensor
+        #[arg(long, default_value_t = 1)]
+        seed: u32,
     },
     /// Compare the field solver with NGSolve and GetDP; installs them, writes docs/evidence/field-peers.md
     FieldPeers {
@@ -142,6 +154,7 @@ fn run(arguments: Arguments) -> Result<()> {
             Ok(())
         }
         Verb::Evidence { name: Some(name) } => evidence::collect(&workspace, &name),
+        Verb::FieldFront { plants, seed } => field_front::run(&workspace, plants, seed),
         Verb::FieldPeers { python, case } => {
             field_peers::compare(&workspace, python, case.as_deref())
         }

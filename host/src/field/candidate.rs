@@ -50,11 +50,12 @@ impl Stiffening {
     }
 }
 
-/// A design's figures at its current, in SI units.
+/// A design's figures at a current, in SI units.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Candidate {
     stiffening: Option<Stiffening>,
     homogeneity: f64,
+    current_a: f64,
     power_w: f64,
     height_m: f64,
     diameter_m: f64,
@@ -63,19 +64,21 @@ pub(super) struct Candidate {
 }
 
 impl Candidate {
-    /// Solves a design at its current.
+    /// Solves a design at a current, A.
     pub(super) fn of(
         design: &Design,
+        current_a: f64,
         elastomer: &Elastomer,
         effort: &Effort,
     ) -> Result<Self, Failure> {
-        let solved = Drive::of(design, Some(design.current_a))?.solve(design, effort)?;
+        let solved = Drive::of(design, Some(current_a))?.solve(design, effort)?;
         let layer = Layer::of(design, &solved, elastomer);
         let [low, high] = design.height_m();
         Ok(Self {
             stiffening: layer.map(|layer| Stiffening::of(&layer, elastomer)),
             homogeneity: solved.figures.cv[0],
-            power_w: design.current_a.powi(2) * design.resistance_ohm(),
+            current_a,
+            power_w: current_a.powi(2) * design.resistance_ohm(),
             height_m: high - low,
             diameter_m: 2.0 * design.radius_m(),
             force_n: solved.figures.force_n.abs(),
@@ -92,9 +95,14 @@ impl Candidate {
         }
     }
 
-    /// Power at the design's current, W.
+    /// Power at the current, W.
     pub(super) const fn power_w(&self) -> f64 {
         self.power_w
+    }
+
+    /// The current, A.
+    pub(super) const fn current_a(&self) -> f64 {
+        self.current_a
     }
 
     /// How good it is.
@@ -185,16 +193,6 @@ fn limit(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if value > 0.0 && value.is_finite() => Ok(value),
         _ => Err("allowed: a number above 0".into()),
-    }
-}
-
-impl Limits {
-    /// The same with another limit of the power, W.
-    pub(super) const fn with_power(self, most_w: f64) -> Self {
-        Self {
-            most_power: Some(most_w),
-            ..self
-        }
     }
 }
 

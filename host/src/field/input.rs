@@ -53,6 +53,14 @@ impl Effort {
             ..Accuracy::default()
         }
     }
+
+    /// The same, no more accurate than this.
+    pub(super) fn at_most_accurate(&self, relative: f64) -> Self {
+        Self {
+            accuracy: self.accuracy.max(relative),
+            ..self.clone()
+        }
+    }
 }
 
 fn accuracy(text: &str) -> Result<f64, String> {

@@ -3,11 +3,8 @@
 use std::io::{self, Write};
 use std::path::PathBuf;
 
-use super::candidate::{Goal, Limits};
-use super::input::DesignSource;
-use super::mse::elastomer;
-use super::search::{Search, Tried};
-use super::sweep::range;
+use super::candidate::Goal;
+use super::search::{Search, SearchArguments, Tried};
 use crate::failure::Failure;
 use crate::output::OutputFile;
 use crate::progress::Progress;
@@ -28,18 +25,7 @@ Example
       --vary parameters.disc=4..7.9 --vary parameters.rim=1..6 --out better.toml")]
 pub(super) struct Arguments {
     #[command(flatten)]
-    source: DesignSource,
-    /// What is to be better
-    #[arg(long, value_enum)]
-    goal: Goal,
-    /// A number of the design and its bounds
-    #[arg(long, required = true, value_name = "PATH=FROM..TO", value_parser = range)]
-    vary: Vec<(String, f64, f64)>,
-    #[command(flatten)]
-    limits: Limits,
-    /// The elastomer, for the stiffness: soft, ultrasoft or a file
-    #[arg(long, default_value = "soft", value_name = "NAME|FILE")]
-    mse: String,
+    search: SearchArguments,
     /// Ends after so many designs
     #[arg(long, default_value_t = 200, value_parser = clap::value_parser!(u64).range(1..=100_000))]
     budget: u64,
@@ -52,34 +38,23 @@ pub(super) struct Arguments {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let elastomer = elastomer(&arguments.mse)?;
-    let search = Search::of(
-        &arguments.source,
-        &arguments.vary,
-        elastomer,
-        arguments.goal,
-    )?;
+    let search = arguments.search.open()?;
     let file = OutputFile::optional("--out", arguments.out.as_ref())?;
-    let start = search.attempt(search.start()?, &arguments.limits)?;
+    let start = search.attempt(search.start()?)?;
     let progress = Progress::new(arguments.budget as usize);
     let mut out = io::stdout().lock();
     report(&mut out, arguments, &search, 1, &start)?;
-    let (best, used) = search.climb(
-        start.clone(),
-        &arguments.limits,
-        arguments.budget,
-        |_, best, used, better| {
-            progress.at(used);
-            if !better {
-                return Ok(());
-            }
-            report(&mut out, arguments, &search, used, best)?;
-            match &file {
-                Some(file) => file.write(search.text_at(&best.place)?),
-                None => Ok(()),
-            }
-        },
-    )?;
+    let (best, used) = search.climb(start.clone(), arguments.budget, |best, used, better| {
+        progress.at(used);
+        if !better {
+            return Ok(());
+        }
+        report(&mut out, arguments, &search, used, best)?;
+        match &file {
+            Some(file) => file.write(search.text_at(&best.place)?),
+            None => Ok(()),
+        }
+    })?;
     progress.finish();
     if arguments.print {
         return Ok(out.write_all(search.text_at(&best.place)?.as_bytes())?);
@@ -101,7 +76,7 @@ fn report(
     used: u64,
     tried: &Tried,
 ) -> Result<(), Failure> {
-    let (goal, figure) = (arguments.goal.name(), tried.score.figure());
+    let (goal, figure) = (arguments.search.goal.name(), tried.score.figure());
     write!(out, "# {used} designs, {goal} {figure:.6e}")?;
     if !tried.score.is_allowed() {
         write!(out, " (beyond a limit)")?;
@@ -116,7 +91,7 @@ fn report(
 
 fn summary(arguments: &Arguments, start: &Tried, best: &Tried, used: u64) -> String {
     let mut text = String::new();
-    let places = arguments.vary.iter().zip(&best.place);
+    let places = arguments.search.vary.iter().zip(&best.place);
     for ((path, low, high), place) in places {
         let value = low + place * (high - low);
         let end = match *place {
@@ -126,7 +101,7 @@ fn summary(arguments: &Arguments, start: &Tried, best: &Tried, used: u64) -> Str
         };
         text.push_str(&format!("{path} = {value}{end}\n"));
     }
-    let limits = &arguments.limits;
+    let limits = &arguments.search.limits;
     text.push_str(&format!(
         "the design as it was\n{}",
         start.candidate.explain(limits)
@@ -136,7 +111,7 @@ fn summary(arguments: &Arguments, start: &Tried, best: &Tried, used: u64) -> Str
         best.candidate.explain(limits)
     ));
     let [before, after] = [start, best].map(|tried| tried.score.figure());
-    let goal = arguments.goal.name();
+    let goal = arguments.search.goal.name();
     text.push_str(&format!(
         "{goal}: {after:.6e}, from {before:.6e}, {used} designs\n"
     ));

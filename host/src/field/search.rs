@@ -2,28 +2,69 @@
 
 use std::path::PathBuf;
 
+use clap::Args;
 use palpate_field::design::vary;
 use palpate_field::layer::Elastomer;
 use rayon::prelude::*;
 
 use super::candidate::{Candidate, Goal, Limits, Score};
-use super::input::{DesignSource, parse, text_of};
+use super::input::{DesignSource, Effort, parse, text_of};
+use super::mse::elastomer;
+use super::sweep::range;
 use crate::failure::Failure;
 
 /// A number of the design by its path, and its bounds.
-pub(super) type Varied = (String, f64, f64);
+type Varied = (String, f64, f64);
+
+/// What is searched, and for what.
+#[derive(Args)]
+pub(super) struct SearchArguments {
+    #[command(flatten)]
+    source: DesignSource,
+    /// What is to be better
+    #[arg(long, value_enum, default_value = "merit")]
+    pub(super) goal: Goal,
+    /// A number of the design and its bounds
+    #[arg(long, required = true, value_name = "PATH=FROM..TO", value_parser = range)]
+    pub(super) vary: Vec<Varied>,
+    #[command(flatten)]
+    pub(super) limits: Limits,
+    /// The elastomer, for the stiffness: soft, ultrasoft or a file
+    #[arg(long, default_value = "soft", value_name = "NAME|FILE")]
+    mse: String,
+}
+
+impl SearchArguments {
+    /// Reads the design and the elastomer.
+    pub(super) fn open(&self) -> Result<Search<'_>, Failure> {
+        let (name, text) = text_of(&self.source.design)?;
+        Ok(Search {
+            arguments: self,
+            name: name.into(),
+            text,
+            elastomer: elastomer(&self.mse)?,
+            effort: self.source.effort.clone(),
+            power_w: None,
+        })
+    }
+}
 
 /// Steps end at this share of the bounds.
 const FINEST: f64 = 0.01;
+/// Places nearer than this share of the bounds along every number are one: what adding and taking away
+/// the same step leaves.
+const SAME: f64 = 1e-9;
 
 /// The designs that a text spans.
+#[derive(Clone)]
 pub(super) struct Search<'s> {
+    arguments: &'s SearchArguments,
     name: PathBuf,
     text: String,
-    source: &'s DesignSource,
-    vary: &'s [Varied],
     elastomer: Elastomer,
-    goal: Goal,
+    effort: Effort,
+    /// The power that each design takes, W; without it each has its own current.
+    power_w: Option<f64>,
 }
 
 /// A place within the bounds, from 0 to 1 along each number, and what was found there.
@@ -34,28 +75,26 @@ pub(super) struct Tried {
     pub(super) score: Score,
 }
 
-impl<'s> Search<'s> {
-    /// The designs of a source, of which some numbers vary.
-    pub(super) fn of(
-        source: &'s DesignSource,
-        vary: &'s [Varied],
-        elastomer: Elastomer,
-        goal: Goal,
-    ) -> Result<Self, Failure> {
-        let (name, text) = text_of(&source.design)?;
-        Ok(Self {
-            name: name.into(),
-            text,
-            source,
-            vary,
-            elastomer,
-            goal,
-        })
+impl Search<'_> {
+    /// The same designs, each at the current at which it takes this power, W.
+    pub(super) fn at_power(&self, power_w: f64) -> Self {
+        Self {
+            power_w: Some(power_w),
+            ..self.clone()
+        }
+    }
+
+    /// The same designs, solved no more accurately than this.
+    pub(super) fn at_most_accurate(&self, relative: f64) -> Self {
+        Self {
+            effort: self.effort.at_most_accurate(relative),
+            ..self.clone()
+        }
     }
 
     /// The user's own design as a place within the bounds.
     pub(super) fn start(&self) -> Result<Vec<f64>, Failure> {
-        let settings = &self.source.effort.settings;
+        let settings = &self.effort.settings;
         let text = vary::set(&self.text, settings).map_err(Failure::Argument)?;
         let share = |(path, low, high): &Varied| {
             let value = vary::get(&text, path).map_err(Failure::Argument)?;
@@ -66,13 +105,13 @@ impl<'s> Search<'s> {
                 "--vary {path}={low}..{high}: the design has {value}, where the search begins: choose growing bounds around it, or --set another"
             )))
         };
-        self.vary.iter().map(share).collect()
+        self.arguments.vary.iter().map(share).collect()
     }
 
     /// The numbers of a place, after those of `--set`.
     pub(super) fn settings(&self, place: &[f64]) -> Vec<(String, f64)> {
-        let mut settings = self.source.effort.settings.clone();
-        let places = self.vary.iter().zip(place);
+        let mut settings = self.effort.settings.clone();
+        let places = self.arguments.vary.iter().zip(place);
         settings
             .extend(places.map(|((path, low, high), s)| (path.clone(), low + s * (high - low))));
         settings
@@ -84,11 +123,16 @@ impl<'s> Search<'s> {
     }
 
     /// Solves the design at a place.
-    pub(super) fn attempt(&self, place: Vec<f64>, limits: &Limits) -> Result<Tried, Failure> {
+    pub(super) fn attempt(&self, place: Vec<f64>) -> Result<Tried, Failure> {
         let name = self.name.to_string_lossy();
         let design = parse(&name, &self.text, &self.settings(&place))?;
-        let candidate = Candidate::of(&design, &self.elastomer, &self.source.effort)?;
-        let score = candidate.score(self.goal, limits)?;
+        let current_a = match self.power_w {
+            Some(power_w) => (power_w / design.resistance_ohm()).sqrt(),
+            None => design.current_a,
+        };
+        let candidate = Candidate::of(&design, current_a, &self.elastomer, &self.effort)?;
+        let SearchArguments { goal, limits, .. } = self.arguments;
+        let score = candidate.score(*goal, limits)?;
         Ok(Tried {
             place,
             candidate,
@@ -97,39 +141,42 @@ impl<'s> Search<'s> {
     }
 
     /// Goes from a design to better ones: looks both ways along each number, goes where it is best, and
-    /// halves its steps where nothing is better. Calls `tried` with all designs of each round and the best so
-    /// far, and whether that is new. Returns the best, and how many designs were tried.
+    /// halves its steps where nothing is better. Calls `tried` with the best so far and how many designs
+    /// were tried, and whether that best is new. Returns the best, and how many designs were tried.
     pub(super) fn climb(
         &self,
         start: Tried,
-        limits: &Limits,
         budget: u64,
-        mut tried: impl FnMut(&[Tried], &Tried, u64, bool) -> Result<(), Failure>,
+        mut tried: impl FnMut(&Tried, u64, bool) -> Result<(), Failure>,
     ) -> Result<(Tried, u64), Failure> {
+        let mut seen = vec![start.place.clone()];
         let mut best = start;
-        let mut used = 1;
         let mut step = 0.25;
-        while step >= FINEST && used < budget {
-            let places = neighbours(&best.place, step);
-            used += places.len() as u64;
-            let round: Vec<Tried> = places
-                .into_par_iter()
-                .filter_map(|place| self.attempt(place, limits).ok())
-                .collect();
+        while step >= FINEST && (seen.len() as u64) < budget {
+            let mut places = neighbours(&best.place, step);
+            places.retain(|place| !seen.iter().any(|other| is_same(place, other)));
+            seen.extend_from_slice(&places);
+            let round = places.into_par_iter();
+            let round: Vec<Tried> = round.filter_map(|place| self.attempt(place).ok()).collect();
             let before = best.score;
-            for other in &round {
+            for other in round {
                 if other.score.is_better_than(&best.score) {
-                    best = other.clone();
+                    best = other;
                 }
             }
             let better = best.score.is_better_than(&before);
-            tried(&round, &best, used, better)?;
+            tried(&best, seen.len() as u64, better)?;
             if !better {
                 step *= 0.5;
             }
         }
-        Ok((best, used))
+        Ok((best, seen.len() as u64))
     }
+}
+
+/// Whether two places are one.
+pub(super) fn is_same(one: &[f64], other: &[f64]) -> bool {
+    one.iter().zip(other).all(|(a, b)| (a - b).abs() < SAME)
 }
 
 /// One step each way along each number, within the bounds.
@@ -147,4 +194,34 @@ fn neighbours(best: &[f64], step: f64) -> Vec<Vec<f64>> {
         }
     }
     points
+}
+
+/// A place that is far from those of all other numbers: the additive sequence of the root of
+/// x^(n+1) = x + 1 (Roberts, 2018), whose discrepancy is low in n dimensions.
+pub(super) fn spread(number: u32, dimensions: usize) -> Vec<f64> {
+    let power = 1.0 / (dimensions as f64 + 1.0);
+    let mut root = 1.5_f64;
+    for _ in 0..60 {
+        root = (1.0 + root).powf(power);
+    }
+    let along = |axis: usize| (0.5 + f64::from(number) * root.powi(-(axis as i32 + 1))).fract();
+    (0..dimensions).map(along).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn starts_are_spread_over_the_bounds() {
+        let places: Vec<Vec<f64>> = (0..20).map(|number| spread(number, 2)).collect();
+        let quarter = |place: &[f64]| (place[0] < 0.5, place[1] < 0.5);
+        for which in [(true, true), (true, false), (false, true), (false, false)] {
+            let count = places
+                .iter()
+                .filter(|place| quarter(place) == which)
+                .count();
+            assert!((4..=6).contains(&count), "{count} in {which:?}");
+        }
+    }
 }

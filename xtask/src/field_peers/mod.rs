@@ -13,6 +13,7 @@ use anyhow::{Context, Result};
 use serde_json::Value;
 
 use crate::process::{Invocation, Workspace};
+use crate::tool;
 use cases::{CASES, Case};
 
 /// Where decks and results lie, below the workspace.
@@ -84,7 +85,7 @@ fn run(workspace: &Workspace, python: Option<PathBuf>, cases: &[Case]) -> Result
     let bench = Bench {
         workspace,
         python: text(&python)?,
-        palpate: build(workspace)?,
+        palpate: text(&tool::build(workspace)?)?,
         folder,
     };
     bench.write("with_ngsolve.py", include_str!("with_ngsolve.py"))?;
@@ -123,23 +124,6 @@ fn install(workspace: &Workspace, folder: &Path) -> Result<PathBuf> {
         &["-m", "pip", "install", "--quiet", NGSOLVE],
     ))?;
     Ok(python)
-}
-
-/// Builds the tool and tells where it is.
-fn build(workspace: &Workspace) -> Result<String> {
-    let build = Invocation::cargo(&["build", "--release", "-p", "palpate"]);
-    workspace.run(&build)?;
-    let metadata = workspace.output(&Invocation::cargo(&[
-        "metadata",
-        "--no-deps",
-        "--format-version",
-        "1",
-    ]))?;
-    let metadata: Value = serde_json::from_str(&metadata)?;
-    let target = metadata["target_directory"]
-        .as_str()
-        .context("cargo metadata names no target directory")?;
-    text(&Path::new(target).join("release/palpate"))
 }
 
 fn text(path: &Path) -> Result<String> {

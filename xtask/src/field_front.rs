@@ -1,0 +1,269 @@
+//! The best design for each power, and what one is worth: `cargo xtask field-front`.
+//!
+//! The tool searches the front; of its designs, the one whose power is nearest to that of the design as it
+//! is takes exactly that power, goes into a stack file, and presses on the same springs in the same simulated
+//! worlds as the design as it is. Prints its result for `cargo xtask evidence field-front`.
+
+use std::fmt::Write;
+use std::fs;
+
+use anyhow::{Context, Result};
+use serde_json::Value;
+
+use crate::evidence::{BEGIN, END};
+use crate::process::{Invocation, Workspace};
+use crate::tool;
+
+/// Where stack files lie, below the workspace.
+const FOLDER: &str = "target/field-front";
+/// The picture, below the workspace, and as the page names it.
+const PICTURE: [&str; 2] = ["docs/images/field-front.svg", "../images/field-front.svg"];
+/// The design that is improved, and its elastomer.
+const DESIGN: &str = "closed";
+const ELASTOMER: &str = "soft";
+/// Its power at its current, W.
+const POWER_W: f64 = 9.7;
+/// What varies, with its bounds. A disc of 8 mm would touch the boards.
+const VARIED: [&str; 2] = ["parameters.disc=4..7.9", "parameters.rim=1..8"];
+/// That of the design as it is, 10.28 mm, and its rounding.
+const HEIGHT: [&str; 2] = ["--most-height", "10.29"];
+/// Loads, in units of the sensing spring.
+const LOADS: &str = "0.5,1,2";
+
+/// A design with the numbers in which it differs from [`DESIGN`].
+struct Changed {
+    name: &'static str,
+    settings: Vec<String>,
+}
+
+/// Runs everything and prints the result.
+pub(crate) fn run(workspace: &Workspace, plants: u32, seed: u32) -> Result<()> {
+    fs::create_dir_all(workspace.root().join(FOLDER))
+        .with_context(|| format!("{FOLDER} could not be created"))?;
+    let bench = Bench {
+        workspace,
+        tool: tool::build(workspace)?
+            .to_str()
+            .context("the path of the tool is not UTF-8")?
+            .to_owned(),
+        plants,
+        seed,
+    };
+    let front = bench.front()?;
+    let better = nearest(&front, POWER_W)?;
+    let designs = [
+        Changed {
+            name: DESIGN,
+            settings: Vec::new(),
+        },
+        Changed {
+            name: "the best found",
+            settings: settings(better)?,
+        },
+    ];
+    let mut text = table_of_front(&front)?;
+    text.push_str("\n## One of them at equal power and height\n\n");
+    for design in &designs {
+        let figures = bench.figures(design)?;
+        writeln!(text, "{}:\n\n```text\n{figures}```\n", design.title())?;
+    }
+    writeln!(
+        text,
+        "## The error of the stiffness\n\n{plants} sensors each from seed {seed}, all disturbances, each calibrated \
+         on its own simulated bench; loads in units of the sensing spring c_S. Errors are ln(estimate/truth).\n\n\
+         | design | load | estimated | refused | hold | RMS error | median half width |\n|---|---|---|---|---|---|---|"
+    )?;
+    for design in &designs {
+        text.push_str(&bench.presses(design)?);
+    }
+    println!("{BEGIN}\n{}\n{END}", text.trim_end());
+    Ok(())
+}
+
+impl Changed {
+    /// Its name and its numbers.
+    fn title(&self) -> String {
+        let numbers = self.settings.join(", ");
+        let with = if numbers.is_empty() { "" } else { ": " };
+        format!("{}{with}{numbers}", self.name)
+    }
+
+    /// The arguments that make it.
+    fn arguments(&self) -> Vec<&str> {
+        let set = self.settings.iter();
+        let set = set.flat_map(|setting| ["--set", setting.as_str()]);
+        [DESIGN].into_iter().chain(set).collect()
+    }
+}
+
+/// Everything that a run needs.
+struct Bench<'w> {
+    workspace: &'w Workspace,
+    tool: String,
+    plants: u32,
+    seed: u32,
+}
+
+impl Bench<'_> {
+    /// What the tool prints.
+    fn output(&self, arguments: &[&str]) -> Result<String> {
+        let invocation = Invocation::new(&self.tool, arguments);
+        println!("    $ palpate {}", arguments.join(" "));
+        self.workspace.output(&invocation)
+    }
+
+    fn front(&self) -> Result<Value> {
+        let vary = VARIED.iter().flat_map(|varied| ["--vary", varied]);
+        let search = [
+            "field", "front", DESIGN, "--power", "2..20", "--starts", "20",
+        ];
+        let result = ["--mse", ELASTOMER, "--picture", PICTURE[0], "--json"];
+        let arguments: Vec<&str> = search
+            .into_iter()
+            .chain(HEIGHT)
+            .chain(vary)
+            .chain(result)
+            .collect();
+        Ok(serde_json::from_str(&self.output(&arguments)?)?)
+    }
+
+    /// The figures of a design, as the search prints them of where it begins.
+    fn figures(&self, design: &Changed) -> Result<String> {
+        let vary = VARIED.iter().flat_map(|varied| ["--vary", varied]);
+        let search = ["--mse", ELASTOMER, "--budget", "1"];
+        let arguments: Vec<&str> = ["field", "optimise"]
+            .into_iter()
+            .chain(design.arguments())
+            .chain(vary)
+            .chain(search)
+            .collect();
+        let printed = self.output(&arguments)?;
+        let (_, figures) = printed
+            .split_once("the best found\n")
+            .context("the search printed no figures")?;
+        // The last line is that of the search.
+        let lines = figures.lines().filter(|line| line.starts_with("  "));
+        Ok(lines.map(|line| format!("{line}\n")).collect())
+    }
+
+    /// A row for each load.
+    fn presses(&self, design: &Changed) -> Result<String> {
+        let file = format!("{FOLDER}/{}.toml", design.name.replace(' ', "-"));
+        let mut stack = vec!["field", "stack"];
+        stack.extend(design.arguments());
+        stack.extend(["--mse", ELASTOMER, "--out", &file]);
+        self.output(&stack)?;
+        let (plants, seed) = (self.plants.to_string(), self.seed.to_string());
+        let campaign = ["campaign", "--stack", &file, "--loads", LOADS];
+        let sensors = ["--plants", &plants, "--seed", &seed, "--json"];
+        let world: Value = serde_json::from_str(&self.output(&[campaign, sensors].concat())?)?;
+        let bins = world["bins"]
+            .as_array()
+            .context("the campaign has no bins")?;
+        let mut rows = String::new();
+        for bin in bins {
+            let share = |key: &str| percent(bin, key);
+            writeln!(
+                rows,
+                "| {} | {} c_S | {} | {} | {} | {} | {} |",
+                design.name,
+                bin["ratio"],
+                bin["accepted"],
+                bin["refused"],
+                share("coverage95"),
+                share("rms_ln"),
+                share("half_width_ln"),
+            )?;
+        }
+        Ok(rows)
+    }
+}
+
+/// A share in per cent, or nothing.
+fn percent(bin: &Value, key: &str) -> String {
+    let share = bin[key].as_f64();
+    share.map_or(String::new(), |share| format!("{:.2} %", 100.0 * share))
+}
+
+/// The front as a table under its picture.
+fn table_of_front(front: &Value) -> Result<String> {
+    let (starts, designs) = (&front["starts"], &front["designs"]);
+    let mut text = format!(
+        "## The front\n\n{designs} designs from {starts} starts, each at a power of its own; the figures of these to 1e-4, \
+         beside those of `{DESIGN}` at the same power.\n\n\
+         ![Merit against power: the best found, and the design as it is]({})\n\n",
+        PICTURE[1]
+    );
+    text.push_str("| power, W | current, A | disc, mm | rim, mm | merit eps w_D w_L | of the design as it is |\n|---|---|---|---|---|---|\n");
+    for design in designs_of(front)? {
+        let number = |name: &str| number_of(design, name);
+        let [current, disc, rim] =
+            ["conductor.current_A", "parameters.disc", "parameters.rim"].map(number);
+        writeln!(
+            text,
+            "| {:.2} | {:.2} | {:.2} | {:.2} | {:.5} | {:.5} |",
+            float(&design["power_W"])?,
+            current?,
+            disc?,
+            rim?,
+            float(&design["figure"])?,
+            float(&design["figure_as_it_is"])?,
+        )?;
+    }
+    Ok(text)
+}
+
+fn designs_of(front: &Value) -> Result<&Vec<Value>> {
+    front["front"]
+        .as_array()
+        .context("the tool printed no front")
+}
+
+fn float(value: &Value) -> Result<f64> {
+    value.as_f64().context("a number is missing in the front")
+}
+
+/// A number of a design by its path.
+fn number_of(design: &Value, path: &str) -> Result<f64> {
+    let numbers = design["numbers"]
+        .as_array()
+        .context("a design has no numbers")?;
+    let found = numbers.iter().find(|number| number[0] == path);
+    float(&found.with_context(|| format!("a design has no {path}"))?[1])
+}
+
+/// The design of the front whose power is nearest by its logarithm.
+fn nearest(front: &Value, power_w: f64) -> Result<&Value> {
+    let distance = |design: &&Value| {
+        let power = design["power_W"].as_f64().unwrap_or(f64::INFINITY);
+        (power / power_w).ln().abs()
+    };
+    designs_of(front)?
+        .iter()
+        .min_by(|one, other| distance(one).total_cmp(&distance(other)))
+        .context("the front is empty")
+}
+
+/// The numbers of a design in which it differs, as the tool takes them. The current stays.
+fn settings(design: &Value) -> Result<Vec<String>> {
+    ["parameters.disc", "parameters.rim"]
+        .into_iter()
+        .map(|path| Ok(format!("{path}={}", number_of(design, path)?)))
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    #[test]
+    fn the_design_of_nearest_power_gives_its_numbers_but_not_its_current() {
+        let design = |power_w: f64, disc: f64| json!({ "power_W": power_w, "numbers": [["parameters.disc", disc], ["parameters.rim", 2.5], ["conductor.current_A", 4.0]] });
+        let front = json!({ "front": [design(4.0, 5.0), design(9.0, 6.0), design(20.0, 7.0)] });
+        let found = nearest(&front, 9.7).unwrap();
+        let expected = ["parameters.disc=6", "parameters.rim=2.5"].map(str::to_owned);
+        assert_eq!(settings(found).unwrap(), expected);
+    }
+}
