@@ -4,6 +4,7 @@ use core::f64::consts::TAU;
 
 use crate::design::Design;
 use crate::force;
+use crate::geometry::length;
 use crate::mesh::Zone;
 use crate::plates;
 use crate::solve::{Level, Locator};
@@ -160,7 +161,7 @@ fn peak_to_peak(values: &[f64]) -> f64 {
 fn homogeneity(level: &Level, w: &[f64]) -> (f64, [f64; 3]) {
     let mut sums = [[0.0; 3]; 3];
     level.visit(w, |at| {
-        let b = at.b[0].hypot(at.b[1]);
+        let b = length(at.b);
         let volume = TAU * at.weight * at.point[0];
         for (sum, (zone, _)) in sums.iter_mut().zip(Zone::SHARES) {
             if at.region.zone >= zone {

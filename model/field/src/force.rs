@@ -13,14 +13,14 @@
 use core::f64::consts::TAU;
 
 use crate::design::Design;
-use crate::geometry::Point;
+use crate::geometry::{Point, length};
 use crate::material::Material;
 use crate::solve::{Level, Locator};
 
 /// Tension along the axis beyond that of the level's background in vacuum, N/m²: ∫H dB − H_r B_r,
 /// which is B²/2μ where B runs along the axis.
 fn tension(level: &Level, material: &Material, b: [f64; 2]) -> f64 {
-    let size = b[0].hypot(b[1]);
+    let size = length(b);
     let background = Material::VACUUM.energy_j_per_m3(level.background_t);
     material.energy_j_per_m3(size) - material.reluctivity(size).nu * b[0] * b[0] - background
 }

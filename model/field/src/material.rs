@@ -1,5 +1,7 @@
 //! Magnetic materials: the reluctivity ν = H/B as a function of B.
 
+use crate::geometry::length;
+
 /// Permeability of the vacuum, H/m (2018 CODATA: 1.256 637 062 12(19)·10⁻⁶; the exact value before
 /// 2019 differs by 5·10⁻¹⁰ and is the one that published closed forms use).
 pub const MU_0: f64 = 4e-7 * core::f64::consts::PI;
@@ -46,7 +48,7 @@ impl Reluctivity {
     /// second term vanishes with B for all of our materials.
     #[must_use]
     pub fn differential(&self, b_t: [f64; 2]) -> [[f64; 2]; 2] {
-        let size = b_t[0].hypot(b_t[1]);
+        let size = length(b_t);
         let bend = if size > 0.0 { self.slope / size } else { 0.0 };
         let off = bend * b_t[0] * b_t[1];
         [

@@ -7,7 +7,7 @@
 use core::f64::consts::TAU;
 
 use crate::design::Design;
-use crate::geometry::{Point, distance};
+use crate::geometry::{Point, distance, length};
 use crate::mesh::CORNER_M;
 use crate::solve::{Level, Locator};
 
@@ -46,7 +46,7 @@ pub(crate) fn visit(
     };
     level.visit(w, |at| {
         if counts(at.region.part, at.point) {
-            found(at.triangle, at.b[0].hypot(at.b[1]));
+            found(at.triangle, length(at.b));
         }
     });
     for corner in &corners {

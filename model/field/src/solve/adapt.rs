@@ -6,7 +6,7 @@ use super::indicator::{decay, jumps, mark};
 use super::judge::{
     WEAK, axis, centre_error, centre_size, close, estimate, goal, plate_peak, rough, scores,
 };
-use super::newton::{Excitation, Pattern, SolveError, balance};
+use super::newton::{EXACT, Excitation, Pattern, SolveError, balance};
 use super::space::Space;
 use crate::design::Design;
 use crate::figures::{Figures, ProfiledFigures};
@@ -81,6 +81,9 @@ impl Solved {
 const SHARE: f64 = 0.6;
 /// Size of the triangles at singular corners on the first mesh, relative to the circle's radius.
 const CORNER_SIZE: f64 = 0.004;
+/// Newton's last step over the accuracy that is asked for.
+const LAST_STEP: f64 = 0.1;
+
 /// Solves a design.
 ///
 /// # Errors
@@ -103,7 +106,7 @@ pub fn solve(
     let mut axis_settled = false;
     loop {
         let pattern = Pattern::of(&level);
-        let balanced = balance(&level, &pattern, guess)?;
+        let balanced = balance(&level, &pattern, guess, LAST_STEP * accuracy.relative)?;
         levels += 1;
         linear_solves += balanced.steps;
         let profiled = ProfiledFigures::of(design, &level, &balanced.w);
@@ -210,7 +213,7 @@ pub fn solve_on(
 ) -> Result<(Level, Vec<f64>), SolveError> {
     let level = Level::new(design, Space::new(mesh, order), excitation);
     let guess = vec![0.0; level.space.count];
-    let balanced = balance(&level, &Pattern::of(&level), guess)?;
+    let balanced = balance(&level, &Pattern::of(&level), guess, EXACT)?;
     Ok((level, balanced.w))
 }
 

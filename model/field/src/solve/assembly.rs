@@ -6,7 +6,7 @@ use crate::design::Design;
 use crate::element::basis::BasisValues;
 use crate::element::quadrature;
 use crate::element::shape::Placed;
-use crate::geometry::Point;
+use crate::geometry::{Point, length};
 use crate::material::{MU_0, Material};
 use crate::mesh::{Region, ascending};
 
@@ -23,10 +23,41 @@ pub struct Level {
     pub background_t: f64,
 }
 
-/// What a triangle contributes: residual and the lower half of the tangent, row by row.
+/// What a triangle contributes: residual and the lower half of the tangent, row by row; that is empty where it
+/// is not asked for.
 pub(super) struct Local {
     pub(super) residual: Vec<f64>,
     pub(super) tangent: Vec<f64>,
+}
+
+impl Local {
+    /// Of a triangle with so many unknowns.
+    pub(super) fn new(size: usize, tangent: bool) -> Self {
+        Self {
+            residual: vec![0.0; size],
+            tangent: vec![0.0; if tangent { size * (size + 1) / 2 } else { 0 }],
+        }
+    }
+
+    /// The residual at `w`, of this one at rest and a tangent that does not depend on the field.
+    pub(super) fn residual_at(&self, unknowns: &[u32], w: &[f64], residual: &mut Vec<f64>) {
+        residual.clone_from(&self.residual);
+        let value = |&unknown: &u32| w.get(unknown as usize).copied().unwrap_or(0.0);
+        let mut tangent = self.tangent.iter();
+        for (i, row) in unknowns.iter().map(value).enumerate() {
+            for (j, column) in unknowns.iter().map(value).enumerate().take(i + 1) {
+                let entry = tangent.next().copied().unwrap_or(0.0);
+                if let Some(residual) = residual.get_mut(i) {
+                    *residual += entry * column;
+                }
+                if j < i
+                    && let Some(residual) = residual.get_mut(j)
+                {
+                    *residual += entry * row;
+                }
+            }
+        }
+    }
 }
 
 /// Field and weight at a point of integration.
@@ -153,8 +184,7 @@ impl Level {
                 -r * slope[1],
                 2.0 * value + r * slope[0] + self.background_t,
             ];
-            let size = b[0].hypot(b[1]);
-            let law = material.reluctivity(size);
+            let law = material.reluctivity(length(b));
             // The background is a field of its own, curl-free: only what exceeds ν₀B₀ drives.
             let h = [law.nu * b[0], law.nu * b[1] - self.background_t / MU_0];
             add(out, area * r, law.differential(b), h, &curls);

@@ -3,7 +3,7 @@
 use super::assembly::{Level, combine};
 use crate::element::Basis;
 use crate::element::shape::Placed;
-use crate::geometry::Point;
+use crate::geometry::{Point, length};
 
 /// The field at a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -20,7 +20,7 @@ impl FieldAt {
     /// |B|, T.
     #[must_use]
     pub fn size(&self) -> f64 {
-        self.b[0].hypot(self.b[1])
+        length(self.b)
     }
 }
 

@@ -99,7 +99,7 @@ pub(super) fn jumps_without(
                     nu_sum += 1.0 / MU_0;
                 } else {
                     let (_, _, b_state) = field(state, level.background_t);
-                    let nu = material.reluctivity(b_state[0].hypot(b_state[1])).nu;
+                    let nu = material.reluctivity(crate::geometry::length(b_state)).nu;
                     values.push(nu * (b[0] * tangent[0] + b[1] * tangent[1]));
                     nu_sum += nu;
                 }

@@ -106,21 +106,33 @@ impl Pattern {
         }
     }
 
-    /// Residual, and the tangent's entries in the pattern's order if they are wanted.
-    pub(super) fn assemble(&self, level: &Level, w: &[f64], tangent: bool) -> (Vec<f64>, Vec<f64>) {
-        let size = level.space.basis.len();
+    /// Residual, and the tangent's entries in the pattern's order if they are asked for. What `fixed` has of
+    /// the triangles is not computed again.
+    pub(super) fn assemble(
+        &self,
+        level: &Level,
+        fixed: &Fixed,
+        w: &[f64],
+        tangent: bool,
+    ) -> (Vec<f64>, Vec<f64>) {
         let mut residual = vec![0.0; level.space.count];
         let mut entries = Vec::with_capacity(if tangent { self.entries } else { 0 });
         let mut placed = Placed::new(&level.space.basis);
-        let mut local = Local {
-            residual: vec![0.0; size],
-            tangent: vec![0.0; size * (size + 1) / 2],
-        };
+        let mut local = Local::new(level.space.basis.len(), tangent);
         for (index, unknowns) in level.space.unknowns.iter().enumerate() {
-            level.local(index, w, &mut placed, &mut local);
+            let of_triangle = match fixed.0.get(index) {
+                Some(Some(known)) => {
+                    known.residual_at(unknowns, w, &mut local.residual);
+                    &known.tangent
+                }
+                _ => {
+                    level.local(index, w, &mut placed, &mut local);
+                    &local.tangent
+                }
+            };
             scatter(&mut residual, unknowns, &local.residual);
             if tangent {
-                entries.extend_from_slice(&local.tangent);
+                entries.extend_from_slice(of_triangle);
             }
         }
         for (triangle, matrix) in &self.arc {
@@ -166,6 +178,31 @@ fn scatter(global: &mut [f64], unknowns: &[u32], local: &[f64]) {
     }
 }
 
+/// What each triangle contributes at rest, where its tangent does not depend on the field: those of linear
+/// material and of the exterior.
+pub(super) struct Fixed(Vec<Option<Local>>);
+
+impl Fixed {
+    /// None: for what is assembled once.
+    pub(super) const NONE: Self = Self(Vec::new());
+
+    fn of(level: &Level) -> Self {
+        let at_rest = vec![0.0; level.space.count];
+        let mut placed = Placed::new(&level.space.basis);
+        let triangles = level.space.mesh.triangles.iter().enumerate();
+        let fixed = triangles.map(|(index, triangle)| {
+            let material = level.materials.get(triangle.region as usize)?;
+            if !material.is_linear() {
+                return None;
+            }
+            let mut local = Local::new(level.space.basis.len(), true);
+            level.local(index, &at_rest, &mut placed, &mut local);
+            Some(local)
+        });
+        Self(fixed.collect())
+    }
+}
+
 /// A state that balances, with the last factor of the matrix and the steps it took.
 pub(super) struct Balanced {
     pub(super) w: Vec<f64>,
@@ -173,41 +210,54 @@ pub(super) struct Balanced {
     pub(super) steps: usize,
 }
 
+/// A last step after which nothing is left but rounding.
+pub(super) const EXACT: f64 = 1e-9;
 /// Steps before Newton's method is given up.
 const MOST_STEPS: usize = 60;
-/// The step's work |dᵀg| over that of the first residual's scale: 1e-18 is 1e-9 of the field.
-const SETTLED: f64 = 1e-18;
 
 /// Finds w with residual zero, from a first guess. The residual is the derivative of a convex
-/// energy, so that along each step its slope rises: the line search looks for where it is small.
+/// energy, so that along each step its slope rises: the line search looks for where it is small. The last
+/// step is at most `last_step` of the field, by energy; the error left is about its square.
 pub(super) fn balance(
     level: &Level,
     pattern: &Pattern,
     guess: Vec<f64>,
+    last_step: f64,
 ) -> Result<Balanced, SolveError> {
     let linear = level
         .materials
         .iter()
         .all(crate::material::Material::is_linear);
     let mut w = guess;
+    if linear {
+        return in_one_step(level, pattern, w);
+    }
+    let fixed = Fixed::of(level);
+    let (at_rest, _) = pattern.assemble(level, &fixed, &vec![0.0; w.len()], false);
     let mut scale = 0.0_f64;
     for step in 1..=MOST_STEPS {
-        let (residual, entries) = pattern.assemble(level, &w, true);
+        let (residual, entries) = pattern.assemble(level, &fixed, &w, true);
         let factor = pattern.factor(&entries)?;
-        let mut direction = pattern.solve(&factor, &residual);
-        direction.iter_mut().for_each(|d| *d = -*d);
+        let direction = downhill(pattern, &factor, &residual);
         let slope = dot(&direction, &residual);
-        let share = if linear {
-            1.0
-        } else {
-            line_search(level, pattern, &w, &direction, slope)
+        let slope_at = |share: f64| {
+            let trial: Vec<f64> = w
+                .iter()
+                .zip(&direction)
+                .map(|(w, d)| w + share * d)
+                .collect();
+            dot(
+                &direction,
+                &pattern.assemble(level, &fixed, &trial, false).0,
+            )
         };
+        let share = line_search(slope_at, slope);
         for (w, d) in w.iter_mut().zip(&direction) {
             *w += share * d;
         }
-        // The energy of the state, by the same quadratic form: wᵀKw is bounded by it.
-        scale = scale.max(slope.abs()).max(energy(level, pattern, &w));
-        if linear || slope.abs() <= SETTLED * scale {
+        // Twice the work of the currents, which wᵀKw is bounded by.
+        scale = scale.max(slope.abs()).max(dot(&at_rest, &w).abs());
+        if slope.abs() <= last_step.powi(2) * scale {
             return Ok(Balanced {
                 w,
                 factor,
@@ -218,22 +268,28 @@ pub(super) fn balance(
     Err(SolveError::Diverged { steps: MOST_STEPS })
 }
 
-/// Twice the work of the currents, as a scale.
-fn energy(level: &Level, pattern: &Pattern, w: &[f64]) -> f64 {
-    let (at_rest, _) = pattern.assemble(level, &vec![0.0; w.len()], false);
-    dot(&at_rest, w).abs()
+/// The state that balances where the residual is in proportion to it.
+fn in_one_step(level: &Level, pattern: &Pattern, mut w: Vec<f64>) -> Result<Balanced, SolveError> {
+    let (residual, entries) = pattern.assemble(level, &Fixed::NONE, &w, true);
+    let factor = pattern.factor(&entries)?;
+    let direction = downhill(pattern, &factor, &residual);
+    w.iter_mut().zip(&direction).for_each(|(w, d)| *w += d);
+    Ok(Balanced {
+        w,
+        factor,
+        steps: 1,
+    })
+}
+
+/// Newton's step.
+fn downhill(pattern: &Pattern, factor: &Factor, residual: &[f64]) -> Vec<f64> {
+    let mut direction = pattern.solve(factor, residual);
+    direction.iter_mut().for_each(|d| *d = -*d);
+    direction
 }
 
 /// A share of the step at which the slope has fallen to a tenth.
-fn line_search(level: &Level, pattern: &Pattern, w: &[f64], direction: &[f64], slope: f64) -> f64 {
-    let slope_at = |share: f64| {
-        let trial: Vec<f64> = w
-            .iter()
-            .zip(direction)
-            .map(|(w, d)| w + share * d)
-            .collect();
-        dot(direction, &pattern.assemble(level, &trial, false).0)
-    };
+fn line_search(slope_at: impl Fn(f64) -> f64, slope: f64) -> f64 {
     let (mut low, mut high) = ((0.0, slope), (1.0, slope_at(1.0)));
     let mut widening = 0;
     while high.1 < -0.5 * slope.abs() && widening < 3 {

@@ -5,7 +5,7 @@ use super::assembly::Level;
 use super::evaluate::Locator;
 use super::indicator::{decay, jumps};
 use super::judge::WEAK;
-use super::newton::{Pattern, SolveError, balance};
+use super::newton::{EXACT, Pattern, SolveError, balance};
 use super::space::Space;
 use crate::design::Design;
 use crate::figures::Figures;
@@ -52,7 +52,7 @@ impl Solved {
             let order = self.level.space.basis.order();
             let next = Level::new(design, Space::new(finer, order), &self.excitation);
             let guess = transfer(&self.level.space, &self.w, &next.space, &parents);
-            let balanced = balance(&next, &Pattern::of(&next), guess)?;
+            let balanced = balance(&next, &Pattern::of(&next), guess, EXACT)?;
             self.w = balanced.w;
             self.level = next;
             self.report.levels += 1;

@@ -2,7 +2,7 @@
 
 use super::adapt::Solved;
 use super::assembly::Level;
-use super::newton::{Excitation, Pattern, SolveError};
+use super::newton::{Excitation, Fixed, Pattern, SolveError};
 use crate::design::Design;
 use crate::figures::Figures;
 
@@ -60,8 +60,8 @@ pub(super) fn response(
     };
     let more = Level::new(design, level.space.clone(), &more);
     let pattern = Pattern::of(level);
-    let (residual, entries) = pattern.assemble(level, w, true);
-    let (with_more, _) = pattern.assemble(&more, w, false);
+    let (residual, entries) = pattern.assemble(level, &Fixed::NONE, w, true);
+    let (with_more, _) = pattern.assemble(&more, &Fixed::NONE, w, false);
     let factor = pattern.factor(&entries)?;
     let driven = residual.iter().zip(&with_more);
     let driven: Vec<f64> = driven.map(|(now, more)| now - more).collect();
