@@ -3,9 +3,8 @@
 use clap::{Args, ValueEnum};
 use palpate_field::design::Design;
 use palpate_field::layer::{Elastomer, Layer, pad_spring_n_per_m};
+use palpate_field::solve::Solved;
 
-use super::drive::Drive;
-use super::input::Effort;
 use crate::failure::Failure;
 
 /// What is to be better.
@@ -64,17 +63,16 @@ pub(super) struct Candidate {
 }
 
 impl Candidate {
-    /// Solves a design at a current, A.
+    /// The figures of a design that was solved at a current, A.
     pub(super) fn of(
         design: &Design,
         current_a: f64,
         elastomer: &Elastomer,
-        effort: &Effort,
-    ) -> Result<Self, Failure> {
-        let solved = Drive::of(design, Some(current_a))?.solve(design, effort)?;
-        let layer = Layer::of(design, &solved, elastomer);
+        solved: &Solved,
+    ) -> Self {
+        let layer = Layer::of(design, solved, elastomer);
         let [low, high] = design.height_m();
-        Ok(Self {
+        Self {
             stiffening: layer.map(|layer| Stiffening::of(&layer, elastomer)),
             homogeneity: solved.figures.cv[0],
             current_a,
@@ -83,7 +81,7 @@ impl Candidate {
             diameter_m: 2.0 * design.radius_m(),
             force_n: solved.figures.force_n.abs(),
             plate_max_t: solved.figures.plate_max_t,
-        })
+        }
     }
 
     /// The goal's figure, if the design has one.

@@ -50,8 +50,7 @@ impl Drive {
             Self::Current(current_a) => Excitation::saturating(design, current_a),
             Self::Background => Excitation::saturating(design, 0.0),
         };
-        solve(design, &excitation, &effort.accuracy())
-            .map_err(|error| Failure::Refused(format!("{}: {error}", design.name)))
+        field_of(design, &excitation, effort)
     }
 
     /// What stands behind `T` in the unit of a field.
@@ -72,6 +71,16 @@ impl Drive {
             Self::Background => background,
         }
     }
+}
+
+/// The field of any excitation, whatever its accuracy.
+pub(super) fn field_of(
+    design: &Design,
+    excitation: &Excitation,
+    effort: &Effort,
+) -> Result<Solved, Failure> {
+    solve(design, excitation, &effort.accuracy())
+        .map_err(|error| Failure::Refused(format!("{}: {error}", design.name)))
 }
 
 /// Refuses a field whose accuracy was not reached.

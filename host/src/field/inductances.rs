@@ -1,11 +1,11 @@
 //! Inductances of single coils.
 
 use palpate_field::design::Design;
-use palpate_field::solve::{Excitation, solve};
+use palpate_field::solve::Excitation;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::drive::reached;
+use super::drive::{field_of, reached};
 use super::input::Effort;
 use crate::failure::Failure;
 
@@ -29,8 +29,7 @@ impl InductanceMatrix {
             if let Some(current) = excitation.currents_a.get_mut(driven) {
                 *current = 1.0;
             }
-            let solved = solve(design, &excitation, &effort.accuracy())
-                .map_err(|error| Failure::Refused(format!("{}: {error}", design.name)))?;
+            let solved = field_of(design, &excitation, effort)?;
             reached(design, &solved)?;
             Ok((0..count)
                 .map(|coil| solved.linkage_wb(design, coil))

@@ -4,7 +4,7 @@ use std::io::{self, Write};
 use std::path::PathBuf;
 
 use super::candidate::Goal;
-use super::search::{Search, SearchArguments, Tried};
+use super::search::{FAR, Search, SearchArguments, Tried};
 use crate::failure::Failure;
 use crate::output::OutputFile;
 use crate::progress::Progress;
@@ -44,17 +44,22 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let progress = Progress::new(arguments.budget as usize);
     let mut out = io::stdout().lock();
     report(&mut out, arguments, &search, 1, &start)?;
-    let (best, used) = search.climb(start.clone(), arguments.budget, |best, used, better| {
-        progress.at(used);
-        if !better {
-            return Ok(());
-        }
-        report(&mut out, arguments, &search, used, best)?;
-        match &file {
-            Some(file) => file.write(search.text_at(&best.place)?),
-            None => Ok(()),
-        }
-    })?;
+    let (best, used) = search.climb(
+        start.clone(),
+        FAR,
+        arguments.budget,
+        |best, used, better| {
+            progress.at(used);
+            if !better {
+                return Ok(());
+            }
+            report(&mut out, arguments, &search, used, best)?;
+            match &file {
+                Some(file) => file.write(search.text_at(&best.place)?),
+                None => Ok(()),
+            }
+        },
+    )?;
     progress.finish();
     if arguments.print {
         return Ok(out.write_all(search.text_at(&best.place)?.as_bytes())?);

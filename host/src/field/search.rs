@@ -5,9 +5,11 @@ use std::path::PathBuf;
 use clap::Args;
 use palpate_field::design::vary;
 use palpate_field::layer::Elastomer;
+use palpate_field::solve::Excitation;
 use rayon::prelude::*;
 
 use super::candidate::{Candidate, Goal, Limits, Score};
+use super::drive::{Drive, field_of, reached};
 use super::input::{DesignSource, Effort, parse, text_of};
 use super::mse::elastomer;
 use super::sweep::range;
@@ -45,10 +47,15 @@ impl SearchArguments {
             elastomer: elastomer(&self.mse)?,
             effort: self.source.effort.clone(),
             power_w: None,
+            linear: false,
         })
     }
 }
 
+/// The first step of a search that knows nothing yet, as a share of the bounds.
+pub(super) const FAR: f64 = 0.25;
+/// The same of one that begins near the best.
+pub(super) const NEAR: f64 = 0.0625;
 /// Steps end at this share of the bounds.
 const FINEST: f64 = 0.01;
 /// Places nearer than this share of the bounds along every number are one: what adding and taking away
@@ -65,6 +72,8 @@ pub(super) struct Search<'s> {
     effort: Effort,
     /// The power that each design takes, W; without it each has its own current.
     power_w: Option<f64>,
+    /// Whether designs are solved as if nothing saturated.
+    linear: bool,
 }
 
 /// A place within the bounds, from 0 to 1 along each number, and what was found there.
@@ -80,6 +89,14 @@ impl Search<'_> {
     pub(super) fn at_power(&self, power_w: f64) -> Self {
         Self {
             power_w: Some(power_w),
+            ..self.clone()
+        }
+    }
+
+    /// The same designs as if nothing saturated.
+    pub(super) fn linear(&self) -> Self {
+        Self {
+            linear: true,
             ..self.clone()
         }
     }
@@ -130,7 +147,18 @@ impl Search<'_> {
             Some(power_w) => (power_w / design.resistance_ohm()).sqrt(),
             None => design.current_a,
         };
-        let candidate = Candidate::of(&design, current_a, &self.elastomer, &self.effort)?;
+        let saturating = Drive::of(&design, Some(current_a))?;
+        let solved = if self.linear {
+            field_of(
+                &design,
+                &Excitation::small(&design, current_a),
+                &self.effort,
+            )?
+        } else {
+            saturating.attempt(&design, &self.effort)?
+        };
+        reached(&design, &solved)?;
+        let candidate = Candidate::of(&design, current_a, &self.elastomer, &solved);
         let SearchArguments { goal, limits, .. } = self.arguments;
         let score = candidate.score(*goal, limits)?;
         Ok(Tried {
@@ -141,17 +169,18 @@ impl Search<'_> {
     }
 
     /// Goes from a design to better ones: looks both ways along each number, goes where it is best, and
-    /// halves its steps where nothing is better. Calls `tried` with the best so far and how many designs
+    /// halves its steps, the first of which is a share of the bounds, where nothing is better. Calls `tried` with the best so far and how many designs
     /// were tried, and whether that best is new. Returns the best, and how many designs were tried.
     pub(super) fn climb(
         &self,
         start: Tried,
+        first_step: f64,
         budget: u64,
         mut tried: impl FnMut(&Tried, u64, bool) -> Result<(), Failure>,
     ) -> Result<(Tried, u64), Failure> {
         let mut seen = vec![start.place.clone()];
         let mut best = start;
-        let mut step = 0.25;
+        let mut step = first_step;
         while step >= FINEST && (seen.len() as u64) < budget {
             let mut places = neighbours(&best.place, step);
             places.retain(|place| !seen.iter().any(|other| is_same(place, other)));
