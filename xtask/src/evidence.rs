@@ -306,7 +306,7 @@ const CAMPAIGNS: &[Campaign] = &[
         name: "field-front",
         purpose: "The best design of the field for each power, from 20 starts; what one of them is worth where \
                   stiffness is measured.",
-        runs: Runs::Cargo(&["xtask", "field-front", "--plants", "40", "--seed", "1"]),
+        runs: Runs::Cargo(&["xtask", "field-front", "--plants", "30", "--seed", "1"]),
         rests_on: FRONT,
     },
     Campaign {

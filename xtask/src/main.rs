@@ -84,7 +84,7 @@ enum Verb {
     /// Search the best field designs for each power, and press with one of them; writes docs/images/field-front.svg
     FieldFront {
         /// Sensors of each design
-        #[arg(long, default_value_t = 40)]
+        #[arg(long, default_value_t = 30)]
         plants: u32,
         /// The first sensor
         #[arg(long, default_value_t = 1)]
