@@ -13,7 +13,7 @@ pub(super) enum Drive {
     PerAmpere,
     /// A current in A, with saturation, in the background.
     Current(f64),
-    /// The background without a current, with saturation.
+    /// The background and the coils' own currents alone, with saturation.
     Background,
 }
 
@@ -28,7 +28,7 @@ impl Drive {
             ))),
             Some(current_a) => Ok(Self::Current(current_a)),
             None if design.is_driven() => Ok(Self::PerAmpere),
-            None if design.background_t != 0.0 => Ok(Self::Background),
+            None if design.background_t != 0.0 || design.has_own_currents() => Ok(Self::Background),
             None => Err(Failure::Argument(format!(
                 "{}: nothing drives a field: add a [[coil]] or a [background]",
                 design.name
@@ -63,10 +63,21 @@ impl Drive {
 
     /// The drive in words, for titles.
     pub(super) fn words(self, design: &Design) -> String {
-        let background = format!("in a background of {} mT", 1e3 * design.background_t);
+        let mut background = match design.background_t {
+            0.0 => String::new(),
+            field_t => format!("in a background of {} mT", 1e3 * field_t),
+        };
+        if design.has_own_currents() {
+            let own = if background.is_empty() {
+                "with"
+            } else {
+                " and with"
+            };
+            background.push_str(&format!("{own} the coils' own currents"));
+        }
         match self {
             Self::PerAmpere => "per ampere".to_owned(),
-            Self::Current(current_a) if design.background_t == 0.0 => format!("at {current_a} A"),
+            Self::Current(current_a) if background.is_empty() => format!("at {current_a} A"),
             Self::Current(current_a) => format!("at {current_a} A {background}"),
             Self::Background => background,
         }

@@ -5,6 +5,7 @@ mod candidate;
 mod compare;
 mod drive;
 mod figures;
+mod forces;
 mod front;
 mod inductances;
 mod input;

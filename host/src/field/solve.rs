@@ -9,6 +9,7 @@ use palpate_field::solve::{SolveReport, Solved};
 use serde::Serialize;
 
 use super::drive::{Drive, reached};
+use super::forces::{self, PartForce};
 use super::inductances::InductanceMatrix;
 use super::input::{DesignSource, Effort, current};
 use super::quantities::{KeyedDerivatives, KeyedFigures, QUANTITIES};
@@ -24,8 +25,12 @@ saturation, in the background, each with its derivative by the current, for whic
 of the error; that of the flux linkage is the differential inductance. A design without a coil is
 solved in its background.
 
-Example
-  palpate field solve pot --current 10")]
+--force moves a part rigidly and stretches what touches it, which keeps its permeability; on a coil Lorentz's
+force stands beside it. There is no estimate of either's error.
+
+Examples
+  palpate field solve pot --current 10
+  palpate field solve backplates --current 10 --force 'upper plate' --force 'upper outer'")]
 pub(super) struct Arguments {
     #[command(flatten)]
     source: DesignSource,
@@ -35,6 +40,9 @@ pub(super) struct Arguments {
     /// The inductance of each coil and of each pair too
     #[arg(long)]
     matrix: bool,
+    /// The force along the axis on this coil, body or plate too; may be given more than once
+    #[arg(long, value_name = "NAME")]
+    force: Vec<String>,
     /// Print JSON
     #[arg(long)]
     json: bool,
@@ -132,6 +140,8 @@ struct DesignFigures {
     resistance_ohm: f64,
     #[serde(flatten)]
     first: SolvedFigures,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    forces: Vec<PartForce>,
     #[serde(skip_serializing_if = "Option::is_none")]
     inductances: Option<InductanceMatrix>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -146,12 +156,15 @@ struct CurrentFigures {
     power_W: f64,
     #[serde(flatten)]
     solved: SolvedFigures,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    forces: Vec<PartForce>,
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let design = arguments.source.load()?;
     let effort = &arguments.source.effort;
     let first_drive = Drive::of(&design, None)?;
+    let forced = forces::named(&design, &arguments.force)?;
     let current = arguments.current.map(|current_a| {
         let drive = Drive::of(&design, Some(current_a))?;
         Ok::<_, Failure>((current_a, drive, drive.attempt(&design, effort)?))
@@ -163,6 +176,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         background_T: design.background_t,
         resistance_ohm: design.resistance_ohm(),
         first: SolvedFigures::of(&design, &first, first_drive)?,
+        forces: PartForce::all(&forced, &first),
         inductances: match arguments.matrix {
             false => None,
             true => Some(InductanceMatrix::of(&design, effort)?),
@@ -173,6 +187,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
                 current_A: *current_a,
                 power_W: current_a * current_a * design.resistance_ohm(),
                 solved: SolvedFigures::of(&design, solved, *drive)?,
+                forces: PartForce::all(&forced, solved),
             }),
         },
     };
@@ -201,6 +216,7 @@ impl DesignFigures {
         if design.is_driven() {
             text.push_str(&format!("  resistance {:.4} ohm\n", self.resistance_ohm));
         }
+        text.push_str(&forces::explain(&self.forces, self.first.keyed.drive));
         if let Some(matrix) = &self.inductances {
             text.push_str(&matrix.explain());
         }
@@ -210,6 +226,7 @@ impl DesignFigures {
                 "{words} ({power:.1} W), with saturation; derivatives by the current\n"
             ));
             text.push_str(&at.solved.explain());
+            text.push_str(&forces::explain(&at.forces, at.solved.keyed.drive));
         }
         text
     }

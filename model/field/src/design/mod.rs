@@ -6,12 +6,14 @@
 mod builtin;
 mod check;
 mod expression;
+mod named;
 mod read;
 pub mod vary;
 
 use core::fmt;
 
 pub use builtin::{BUILTIN, WITH_SENSING_COIL, builtin, builtin_text};
+pub use named::Named;
 
 use crate::geometry::shape::Shape;
 use crate::material::Material;
@@ -77,6 +79,8 @@ pub struct RingCoil {
     pub sense: f64,
     /// Whether it is one of the coils in series that carry the constant current. A sensing coil is not.
     pub driven: bool,
+    /// The constant current of a coil that is not in series with the others, A; its sense comes on top.
+    pub own_current_a: Option<f64>,
 }
 
 /// A rectangle in the half-plane.

@@ -16,6 +16,7 @@ mod evaluate;
 mod indicator;
 mod judge;
 mod newton;
+mod part_force;
 mod scalar;
 mod sharpen;
 mod small_signal;

@@ -20,7 +20,7 @@ pub struct Excitation {
 
 impl Excitation {
     /// A current in all driven coils of a design, in series, and nothing else: materials stay far below
-    /// saturation, and the design's background is left out, so that every figure is in proportion to
+    /// saturation, and the design's background and its coils' own currents are left out, so that every figure is in proportion to
     /// a power of the current.
     #[must_use]
     pub fn small(design: &Design, current_a: f64) -> Self {
@@ -35,13 +35,22 @@ impl Excitation {
         }
     }
 
-    /// The same current with materials that saturate, in the design's background.
+    /// The same current with materials that saturate, in the design's background, beside the coils that carry
+    /// currents of their own.
     #[must_use]
     pub fn saturating(design: &Design, current_a: f64) -> Self {
         Self {
+            currents_a: design
+                .coils
+                .iter()
+                .map(|coil| match coil.own_current_a {
+                    Some(own_a) => own_a,
+                    None if coil.driven => current_a,
+                    None => 0.0,
+                })
+                .collect(),
             background_t: design.background_t,
             saturating: true,
-            ..Self::small(design, current_a)
         }
     }
 }

@@ -3,4 +3,5 @@
 mod designs;
 mod eddy;
 mod exact;
+mod forces;
 mod properties;

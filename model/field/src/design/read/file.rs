@@ -89,6 +89,8 @@ pub(super) struct CoilFile {
     pub(super) turns: Option<SpannedNumber>,
     pub(super) sense: Option<Spanned<String>>,
     pub(super) driven: Option<bool>,
+    #[serde(rename = "current_A")]
+    pub(super) current: Option<SpannedNumber>,
 }
 
 #[derive(Deserialize)]

@@ -81,6 +81,7 @@ impl Reader<'_> {
             Some(turns) => self.within(turns, &format!("{place}.turns"), 1e-3, 1e6)?,
             None => 1.0,
         };
+        let own_current_a = self.own_current_a(coil, &place)?;
         let ring = |k: u32| Rectangle {
             r_m: first.r_m.map(|r| r + f64::from(k) * pitch),
             x_m: first.x_m,
@@ -90,8 +91,23 @@ impl Reader<'_> {
             rings: (0..count).map(ring).collect(),
             turns,
             sense,
-            driven: coil.driven.unwrap_or(true),
+            driven: coil.driven.unwrap_or(own_current_a.is_none()),
+            own_current_a,
         })
+    }
+
+    /// The current of a coil that is not in series with the others.
+    fn own_current_a(&self, coil: &CoilFile, place: &str) -> Result<Option<f64>, DesignError> {
+        let Some(current) = &coil.current else {
+            return Ok(None);
+        };
+        let place = format!("{place}.current_A");
+        if coil.driven.is_some() {
+            let problem = "stands beside driven";
+            let allowed = "either: a coil with a current of its own is not in series";
+            return Err(self.error(&current.span(), &place, problem, allowed));
+        }
+        self.within(current, &place, -1e6, 1e6).map(Some)
     }
 
     pub(super) fn board(&self, entry: &Spanned<BoardFile>) -> Result<CircuitBoard, DesignError> {
