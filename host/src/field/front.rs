@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::candidate::Goal;
-use super::search::{FAR, NEAR, Search, SearchArguments, Tried, is_same, spread};
+use super::search::{FAR, NEAR, Search, SearchArguments, Tried, is_same, not_beaten, spread};
 use crate::failure::Failure;
 use crate::output::OutputFile;
 use crate::plot::{Axis, BLUE, Chart, GREY, Marks, Series};
@@ -266,42 +266,9 @@ fn best(search: &Search<'_>, places: Vec<&[f64]>) -> Result<Option<Tried>, Failu
     Ok(best)
 }
 
-/// By rising power, the designs of which each is better than all that take less.
-fn not_beaten<T>(
-    mut tried: Vec<T>,
-    power_w: impl Fn(&T) -> f64,
-    is_better: impl Fn(&T, &T) -> bool,
-) -> Vec<T> {
-    tried.sort_by(|a, b| power_w(a).total_cmp(&power_w(b)));
-    let mut front: Vec<T> = Vec::new();
-    for other in tried {
-        match front.last_mut() {
-            Some(last) if !is_better(&other, last) => {}
-            // Of the same power only the best.
-            Some(last) if power_w(&other) <= power_w(last) => *last = other,
-            _ => front.push(other),
-        }
-    }
-    front
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn what_another_beats_is_not_on_the_front() {
-        let tried = vec![
-            (3.0, 5.0),
-            (1.0, 1.0),
-            (2.0, 4.0),
-            (2.0, 3.0),
-            (2.5, 2.0),
-            (1.0, 2.0),
-        ];
-        let front = not_beaten(tried, |design| design.0, |one, other| one.1 > other.1);
-        assert_eq!(front, [(1.0, 2.0), (2.0, 4.0), (3.0, 5.0)]);
-    }
 
     #[test]
     fn each_power_is_tried_with_what_its_neighbours_found() {

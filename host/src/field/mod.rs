@@ -4,6 +4,7 @@ mod ac;
 mod candidate;
 mod compare;
 mod drive;
+mod export;
 mod figures;
 mod forces;
 mod front;
@@ -42,6 +43,7 @@ enum FieldTask {
     Ac(ac::Arguments),
     Profile(profile::Arguments),
     Figures(figures::Arguments),
+    Export(export::Arguments),
     Sweep(sweep::Arguments),
     Optimise(optimise::Arguments),
     Front(front::Arguments),
@@ -56,6 +58,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         FieldTask::Solve(arguments) => solve::run(arguments),
         FieldTask::Ac(arguments) => ac::run(arguments),
         FieldTask::Profile(arguments) => profile::run(arguments),
+        FieldTask::Export(arguments) => export::run(arguments),
         FieldTask::Figures(arguments) => figures::run(arguments),
         FieldTask::Sweep(arguments) => sweep::run(arguments),
         FieldTask::Optimise(arguments) => optimise::run(arguments),

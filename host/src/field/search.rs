@@ -237,9 +237,42 @@ pub(super) fn spread(number: u32, dimensions: usize) -> Vec<f64> {
     (0..dimensions).map(along).collect()
 }
 
+/// By rising power, the designs of which each is better than all that take less.
+pub(super) fn not_beaten<T>(
+    mut tried: Vec<T>,
+    power_w: impl Fn(&T) -> f64,
+    is_better: impl Fn(&T, &T) -> bool,
+) -> Vec<T> {
+    tried.sort_by(|a, b| power_w(a).total_cmp(&power_w(b)));
+    let mut front: Vec<T> = Vec::new();
+    for other in tried {
+        match front.last_mut() {
+            Some(last) if !is_better(&other, last) => {}
+            // Of the same power only the best.
+            Some(last) if power_w(&other) <= power_w(last) => *last = other,
+            _ => front.push(other),
+        }
+    }
+    front
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_another_beats_is_not_on_the_front() {
+        let tried = vec![
+            (3.0, 5.0),
+            (1.0, 1.0),
+            (2.0, 4.0),
+            (2.0, 3.0),
+            (2.5, 2.0),
+            (1.0, 2.0),
+        ];
+        let front = not_beaten(tried, |design| design.0, |one, other| one.1 > other.1);
+        assert_eq!(front, [(1.0, 2.0), (2.0, 4.0), (3.0, 5.0)]);
+    }
 
     #[test]
     fn starts_are_spread_over_the_bounds() {

@@ -30,7 +30,7 @@ force stands beside it. There is no estimate of either's error.
 
 Examples
   palpate field solve pot --current 10
-  palpate field solve backplates --current 10 --force 'upper plate' --force 'upper outer'")]
+  palpate field solve backplates --current 10 --force upper --force 'upper outer'")]
 pub(super) struct Arguments {
     #[command(flatten)]
     source: DesignSource,

@@ -4,6 +4,7 @@ use core::fmt;
 
 use super::assembly::{Level, Local};
 use super::cholesky::{Dissection, Element, Factor, NotPositive};
+use super::fixed::Fixed;
 use crate::design::Design;
 use crate::element::shape::Placed;
 
@@ -129,8 +130,8 @@ impl Pattern {
         let mut placed = Placed::new(&level.space.basis);
         let mut local = Local::new(level.space.basis.len(), tangent);
         for (index, unknowns) in level.space.unknowns.iter().enumerate() {
-            let of_triangle = match fixed.0.get(index) {
-                Some(Some(known)) => {
+            let of_triangle = match fixed.of_triangle(index) {
+                Some(known) => {
                     known.residual_at(unknowns, w, &mut local.residual);
                     &known.tangent
                 }
@@ -184,31 +185,6 @@ fn scatter(global: &mut [f64], unknowns: &[u32], local: &[f64]) {
         if let Some(entry) = global.get_mut(unknown as usize) {
             *entry += value;
         }
-    }
-}
-
-/// What each triangle contributes at rest, where its tangent does not depend on the field: those of linear
-/// material and of the exterior.
-pub(super) struct Fixed(Vec<Option<Local>>);
-
-impl Fixed {
-    /// None: for what is assembled once.
-    pub(super) const NONE: Self = Self(Vec::new());
-
-    fn of(level: &Level) -> Self {
-        let at_rest = vec![0.0; level.space.count];
-        let mut placed = Placed::new(&level.space.basis);
-        let triangles = level.space.mesh.triangles.iter().enumerate();
-        let fixed = triangles.map(|(index, triangle)| {
-            let material = level.materials.get(triangle.region as usize)?;
-            if !material.is_linear() {
-                return None;
-            }
-            let mut local = Local::new(level.space.basis.len(), true);
-            level.local(index, &at_rest, &mut placed, &mut local);
-            Some(local)
-        });
-        Self(fixed.collect())
     }
 }
 

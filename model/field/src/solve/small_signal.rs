@@ -2,7 +2,8 @@
 
 use super::adapt::Solved;
 use super::assembly::Level;
-use super::newton::{Excitation, Fixed, Pattern, SolveError};
+use super::fixed::Fixed;
+use super::newton::{Excitation, Pattern, SolveError};
 use crate::design::Design;
 use crate::figures::Figures;
 

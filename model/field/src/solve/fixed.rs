@@ -1,0 +1,35 @@
+//! What does not depend on the field, computed once for all of Newton's steps on a mesh.
+
+use super::assembly::{Level, Local};
+use crate::element::shape::Placed;
+
+/// What each triangle contributes at rest, where its tangent does not depend on the field: those of linear
+/// material and of the exterior.
+pub(super) struct Fixed(Vec<Option<Local>>);
+
+impl Fixed {
+    /// None: for what is assembled once.
+    pub(super) const NONE: Self = Self(Vec::new());
+
+    /// Those of a level.
+    pub(super) fn of(level: &Level) -> Self {
+        let at_rest = vec![0.0; level.space.count];
+        let mut placed = Placed::new(&level.space.basis);
+        let triangles = level.space.mesh.triangles.iter().enumerate();
+        let fixed = triangles.map(|(index, triangle)| {
+            let material = level.materials.get(triangle.region as usize)?;
+            if !material.is_linear() {
+                return None;
+            }
+            let mut local = Local::new(level.space.basis.len(), true);
+            level.local(index, &at_rest, &mut placed, &mut local);
+            Some(local)
+        });
+        Self(fixed.collect())
+    }
+
+    /// That of a triangle, if it is known.
+    pub(super) fn of_triangle(&self, index: usize) -> Option<&Local> {
+        self.0.get(index)?.as_ref()
+    }
+}
