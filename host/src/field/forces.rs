@@ -12,7 +12,8 @@ use crate::failure::Failure;
 #[allow(non_snake_case, reason = "keys carry units")]
 pub(super) struct PartForce {
     part: String,
-    force_N: f64,
+    /// Nothing where the part touches magnetic material.
+    force_N: Option<f64>,
     /// On a coil.
     #[serde(skip_serializing_if = "Option::is_none")]
     by_lorentz_N: Option<f64>,
@@ -57,12 +58,14 @@ pub(super) fn explain(forces: &[PartForce], drive: Drive) -> String {
     };
     let line = |force: &PartForce| {
         let lorentz = force.by_lorentz_N.map(|force_n| 1e3 * force_n);
-        let lorentz = lorentz.map_or(String::new(), |force| format!("; by Lorentz {force:.4}"));
-        format!(
-            "  force on {:<18} {:>12.4} {unit} along the axis{lorentz}\n",
-            force.part,
-            1e3 * force.force_N
-        )
+        let lorentz = lorentz.map_or(String::new(), |force| {
+            format!("; by Lorentz {force:.4} {unit}")
+        });
+        let by_work = match force.force_N {
+            Some(force_n) => format!("{:>12.4} {unit} along the axis", 1e3 * force_n),
+            None => "touches magnetic material: none of its own".to_owned(),
+        };
+        format!("  force on {:<18} {by_work}{lorentz}\n", force.part)
     };
     forces.iter().map(line).collect()
 }

@@ -25,12 +25,12 @@ saturation, in the background, each with its derivative by the current, for whic
 of the error; that of the flux linkage is the differential inductance. A design without a coil is
 solved in its background.
 
---force moves a part rigidly and stretches what touches it, which keeps its permeability; on a coil Lorentz's
-force stands beside it. There is no estimate of either's error.
+--force is Maxwell's stress about a part by virtual work; a part that touches magnetic material has none of its
+own. On a coil Lorentz's force stands beside it. There is no estimate of either's error.
 
 Examples
   palpate field solve pot --current 10
-  palpate field solve backplates --current 10 --force upper --force 'upper outer'")]
+  palpate field solve backplates --current 10 --force 'upper outer'")]
 pub(super) struct Arguments {
     #[command(flatten)]
     source: DesignSource,

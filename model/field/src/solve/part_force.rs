@@ -12,10 +12,11 @@ use crate::mesh::Region;
 
 impl Solved {
     /// Force along the axis on a part, N, by virtual work (Coulomb 1983): the part is moved rigidly with its
-    /// flux, and the triangles about it are stretched, which keep their permeability at each point. About a
-    /// part in air that is Maxwell's stress, averaged over those triangles. There is no estimate of its error.
+    /// flux, and the triangles about it are stretched. That is Maxwell's stress, averaged over them. There is no
+    /// estimate of its error. None where the part touches magnetic material, since the force on either
+    /// side of that face depends on the gap that opens there.
     #[must_use]
-    pub fn force_on_n(&self, part: Named) -> f64 {
+    pub fn force_on_n(&self, part: Named) -> Option<f64> {
         let space = &self.level.space;
         let mesh = &space.mesh;
         let belongs = |region: &Region| part.takes(region);
@@ -48,6 +49,9 @@ impl Solved {
             let index = triangle.region as usize;
             let material = self.level.materials.get(index);
             let material = material.copied().unwrap_or(Material::VACUUM);
+            if material != Material::VACUUM {
+                return None;
+            }
             let current = self.level.currents_a_per_m2.get(index);
             for (sample, weight) in &space.samples {
                 placed.fill(nodes, sample);
@@ -76,7 +80,7 @@ impl Solved {
                 force_n -= TAU * 0.5 * placed.jacobian * weight * r * density;
             }
         }
-        force_n
+        Some(force_n)
     }
 
     /// Lorentz's force along the axis on a coil, N.

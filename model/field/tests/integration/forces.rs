@@ -60,7 +60,11 @@ fn energy_j(gap_mm: f64, lift_mm: f64) -> f64 {
 fn forces_are_those_of_lorentz_and_of_the_energy() {
     let of = design(2.0, 0.0, -2.0);
     let field = solved(&of);
-    let force = |name: &str| field.force_on_n(of.named(name).expect(name));
+    let force = |name: &str| {
+        field
+            .force_on_n(of.named(name).expect(name))
+            .expect("in air")
+    };
     let [plate, lower, upper] = ["plate", "lower", "upper"].map(force);
     let step_mm = 0.05;
     let slope =
@@ -77,6 +81,19 @@ fn forces_are_those_of_lorentz_and_of_the_energy() {
     let sum = plate + lower + upper;
     assert!(sum.abs() < 2e-3 * upper.abs(), "{sum:e}");
     assert_eq!(of.named("upper"), Some(Named::Coil(1)));
+}
+
+/// Where magnetic parts touch, the force between them depends on the gap that opens.
+#[test]
+fn a_part_that_touches_magnetic_material_has_no_force_of_its_own() {
+    let of = design(0.0, 0.0, -2.0);
+    let field = solved(&of);
+    let force = |name: &str| field.force_on_n(of.named(name).expect(name));
+    assert_eq!(
+        [force("plate").is_some(), force("lower").is_some()],
+        [true, false]
+    );
+    assert!(field.lorentz_force_n(0) < 0.0);
 }
 
 /// A current of its own is one in the coil alone, and no part of figures per ampere.
