@@ -23,7 +23,8 @@ its own points, since the field jumps between materials. Points are (r, x, 0) in
 components along r and x; flux in Wb, through the circle about the axis; part: 0 for what is not magnetic,
 then the bodies and plates in the order of the design.
 CSV has the same on a square grid over the design and a third of the radius about it; lengths in mm.
-Without --current the field is that of one ampere, far below saturation and without the background.
+Without --current the field is that of one ampere, far below saturation and without the background; names
+end with _per_A then.
 There is no estimate of the error of single points: `palpate field profile` has one.
 
 Example
@@ -65,14 +66,27 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
     if let Some(file) = vtk {
         let title = format!("{}, {}", design.name, drive.words(&design));
-        file.write(vtk_text(&title, &solved.pieces()))?;
+        file.write(vtk_text(&title, per(drive), &solved.pieces()))?;
         writeln!(out, "written: {}", file.path().display())?;
     }
     if let Some(file) = csv {
-        file.write(csv_text(&design, &solved, 1e-3 * arguments.step)?)?;
+        file.write(csv_text(
+            &design,
+            &solved,
+            per(drive),
+            1e-3 * arguments.step,
+        )?)?;
         writeln!(out, "written: {}", file.path().display())?;
     }
     reached(&design, &solved)
+}
+
+/// What the units of a field end with.
+const fn per(drive: Drive) -> &'static str {
+    match drive {
+        Drive::PerAmpere => "_per_A",
+        Drive::Current(_) | Drive::Background => "",
+    }
 }
 
 /// The flux through the circle about the axis, Wb.
@@ -86,7 +100,7 @@ fn part_number(part: Option<u32>) -> u32 {
 }
 
 /// Triangles as an unstructured grid. Writing to a text cannot fail.
-fn vtk_text(title: &str, pieces: &[Piece]) -> String {
+fn vtk_text(title: &str, per: &str, pieces: &[Piece]) -> String {
     let places = || pieces.iter().flat_map(|piece| &piece.places);
     let (points, cells) = pieces.iter().fold((0, 0), |(points, cells), piece| {
         (points + piece.places.len(), cells + piece.triangles.len())
@@ -121,11 +135,11 @@ fn vtk_text(title: &str, pieces: &[Piece]) -> String {
         let line = format!("{}\n", part_number(piece.region.part));
         text.push_str(&line.repeat(piece.triangles.len()));
     }
-    let _ = writeln!(text, "POINT_DATA {points}\nVECTORS B_T double");
+    let _ = writeln!(text, "POINT_DATA {points}\nVECTORS B_T{per} double");
     for (_, field) in places() {
         let _ = writeln!(text, "{:.9e} {:.9e} 0", field.b[0], field.b[1]);
     }
-    text.push_str("SCALARS flux_Wb double 1\nLOOKUP_TABLE default\n");
+    let _ = writeln!(text, "SCALARS flux_Wb{per} double 1\nLOOKUP_TABLE default");
     for ([r, _], field) in places() {
         let _ = writeln!(text, "{:.9e}", flux_wb(*r, field));
     }
@@ -133,7 +147,7 @@ fn vtk_text(title: &str, pieces: &[Piece]) -> String {
 }
 
 /// A square grid over the design and a third of the circle's radius about it.
-fn csv_text(design: &Design, solved: &Solved, step_m: f64) -> Result<String, Failure> {
+fn csv_text(design: &Design, solved: &Solved, per: &str, step_m: f64) -> Result<String, Failure> {
     let circle = solved.level.space.mesh.circle;
     let [low, high] = design.height_m();
     let [from, to] = [low - 0.33 * circle.radius, high + 0.33 * circle.radius];
@@ -147,7 +161,7 @@ fn csv_text(design: &Design, solved: &Solved, step_m: f64) -> Result<String, Fai
     }
     let locator = Locator::new(&solved.level, &solved.w);
     let regions = &solved.level.space.mesh.regions;
-    let mut text = String::from("r_mm,x_mm,B_r_T,B_x_T,B_T,flux_Wb,part\n");
+    let mut text = format!("r_mm,x_mm,B_r_T{per},B_x_T{per},B_T{per},flux_Wb{per},part\n");
     for row in 0..rows as u32 {
         for column in 0..columns as u32 {
             let [r, x] = [f64::from(column) * step_m, from + f64::from(row) * step_m];

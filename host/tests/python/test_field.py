@@ -15,7 +15,7 @@ def test_vtk_and_csv_hold_the_field_that_solve_states(palpate):
 
     mesh = meshio.read(palpate.folder / "A.vtk")
     triangles = mesh.cells_dict["triangle"]
-    corners, field = mesh.points[triangles], mesh.point_data["B_T"][triangles]
+    corners, field = mesh.points[triangles], mesh.point_data["B_T_per_A"][triangles]
     assert np.abs(field[..., 2]).max() == 0
     one, other = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     areas = 0.5 * (one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0])
@@ -31,5 +31,5 @@ def test_vtk_and_csv_hold_the_field_that_solve_states(palpate):
     with (palpate.folder / "A.csv").open() as file:
         rows = [{key: float(value) for key, value in row.items()} for row in csv.DictReader(file)]
     centre = min(rows, key=lambda row: row["r_mm"] ** 2 + (row["x_mm"] - 4.14) ** 2)
-    assert abs(centre["B_x_T"] / figures["centre_T_per_A"] - 1) < 1e-2
-    assert centre["flux_Wb"] == 0 and centre["part"] == MSE
+    assert abs(centre["B_x_T_per_A"] / figures["centre_T_per_A"] - 1) < 1e-2
+    assert centre["flux_Wb_per_A"] == 0 and centre["part"] == MSE
