@@ -32,6 +32,7 @@ mod demo;
 mod devices;
 #[cfg(feature = "emulator")]
 mod doctor;
+mod efficiency;
 #[cfg(feature = "emulator")]
 mod emulated;
 mod encode;
@@ -74,6 +75,7 @@ mod notice;
 mod output;
 #[cfg(feature = "packaging")]
 mod packaging;
+mod plan;
 mod plan_ldc;
 mod plot;
 mod press;
@@ -178,6 +180,9 @@ enum Verb {
     Demo(demo::Arguments),
     Simulate(simulate::Arguments),
     Campaign(campaign::Arguments),
+    Plan(plan::Arguments),
+    #[command(hide = true)]
+    Efficiency(efficiency::Arguments),
     #[command(hide = true)]
     Misfit(misfit::Arguments),
     #[cfg(feature = "emulator")]
@@ -247,6 +252,8 @@ fn main() -> ExitCode {
         Verb::Demo(arguments) => demo::run(&arguments),
         Verb::Simulate(arguments) => simulate::run(&arguments),
         Verb::Campaign(arguments) => campaign::run(&arguments),
+        Verb::Plan(arguments) => plan::run(&arguments),
+        Verb::Efficiency(arguments) => efficiency::run(&arguments),
         Verb::Misfit(arguments) => misfit::run(&arguments),
         #[cfg(feature = "emulator")]
         Verb::Acceptance(arguments) => acceptance::run(&arguments),

@@ -276,6 +276,13 @@ const CAMPAIGNS: &[Campaign] = &[
         rests_on: INSTRUMENT,
     },
     Campaign {
+        name: "efficiency",
+        purpose: "Errors of the whole chain, from bench to press, against the Cramer-Rao bound of what bench and press \
+                  read, and where the rest is lost.",
+        runs: Runs::Tool(&["efficiency", "--plants", "40", "--seed", "810001"]),
+        rests_on: INSTRUMENT,
+    },
+    Campaign {
         name: "misfit",
         purpose: "What a press is worth whose disturbance the calibration left out: how many are refused as misfits, \
                   and how often the others' intervals hold.",

@@ -14,6 +14,7 @@ mod image;
 mod installed;
 mod logs;
 mod outputs;
+mod plan;
 mod plan_ldc;
 mod recordings;
 mod records;
