@@ -18,7 +18,7 @@ use super::unknowns::{self, Unknown};
 use crate::instrument::BenchTask;
 use crate::plan::{Information, metres_per_relative_frequency};
 
-/// Step of the derivatives, in standard deviations of an unknown: errors of their third order are 3e-5 of them.
+/// Step of the derivatives, in standard deviations of an unknown: a third of it changes no bound by more than 2e-5 of itself.
 pub(super) const STEP: f64 = 0.01;
 /// Where a press stands, m: a unit of it that no reading leaves open by as much.
 const PRESS_M: f64 = 1e-4;
