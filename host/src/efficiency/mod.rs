@@ -34,11 +34,11 @@ use crate::progress::Progress;
 /// Cramer-Rao bound of what bench and press read
 #[derive(Args)]
 #[command(after_help = "\
-Prints Markdown: efficiencies, variance of the bound over the variance that was measured, for all that is read, and for
-what the chain uses of it.
+Prints Markdown: errors beside their bounds, and efficiencies, variance of a bound over the variance that was \
+measured, of all that is read and of what the chain uses of it.
 
-Exit code 1 when a bound is above what was measured by more than three standard errors, so that it is none, or when an
-efficiency is below --least.
+Exit code 1 when a bound is above what was measured by more than three standard errors, so that it is none, or \
+when an efficiency of all that is read is below --least.
 
 Example: 40 sensors
 

@@ -33,13 +33,13 @@ use crate::output::OutputFile;
 /// Compute the expected error of a press against the load's stiffness, what limits it, and the best train
 #[derive(Args)]
 #[command(after_help = "\
-Nothing is simulated: errors of conversions, stand, springs and temperature are propagated through the
-three springs and the calibration's least squares. The errors are standard errors of ln(c_L), so that
-0.05 is 5 %; the variances of their causes add up. What the instrument's model does not know, as a
-sensor that has aged, is not in them.
+Nothing is simulated: errors of conversions, stand, springs and temperature are propagated through the three \
+springs and the calibration's least squares. They are standard errors of ln(c_L), so that 0.05 is 5 %; c_L is \
+the load with what it stands on. The variances of the causes add up. What the instrument's model does not know, \
+as a sensor that has aged, is not in them.
 
-Exit code 1 when the stack cannot be calibrated, or has no train within the limits; exit code 2 for a stack
-or a number that cannot be.
+Exit code 1 when the stack cannot be calibrated, or has no train within the limits; exit code 2 for a stack or a \
+number that cannot be.
 
 Example: a stack of your own, pressed to 0.7 of its depth at the bench's temperature, with a chart
 
