@@ -25,6 +25,7 @@ pub(crate) const ORANGE: RGBColor = RGBColor(213, 94, 0);
 pub(crate) const GREEN: RGBColor = RGBColor(0, 158, 115);
 pub(crate) const PURPLE: RGBColor = RGBColor(204, 121, 167);
 pub(crate) const YELLOW: RGBColor = RGBColor(230, 159, 0);
+pub(crate) const BLACK: RGBColor = RGBColor(0, 0, 0);
 pub(crate) const GREY: RGBColor = RGBColor(120, 120, 120);
 
 /// How an axis counts.

@@ -53,6 +53,9 @@ pub(crate) struct Arguments {
     /// Kind of sensor: paper, soft-closed, ultrasoft, or a stack file
     #[arg(long, value_name = "NAME|FILE.toml", default_value = "ultrasoft")]
     stack: String,
+    /// Press at the temperature of the bench
+    #[arg(long)]
+    bench_temperature: bool,
     /// The efficiency of the whole that is asked for at every load
     #[arg(long, default_value_t = 0.0)]
     least: f64,
@@ -87,11 +90,15 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let progress = Progress::new(arguments.plants as usize);
     let (mut presses, mut left_out) = (Vec::new(), 0);
     let judged = |index| {
+        let mut plant = draw(&stack, &disturbances, seed_of(index));
+        if arguments.bench_temperature {
+            plant.thermal.ambient_change_k = 0.0;
+        }
         let sensor = Judged {
             stack: &stack,
             disturbances: &disturbances,
             unknowns: &unknowns,
-            plant: draw(&stack, &disturbances, seed_of(index)),
+            plant,
         };
         sensor.presses()
     };

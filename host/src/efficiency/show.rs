@@ -134,7 +134,7 @@ pub(super) fn print(
     );
     writeln!(
         out,
-        "{BEGIN}\n{} sensors of the stack {stack} from seed {}, all disturbances, each calibrated on its own simulated bench.\n\n\
+        "{BEGIN}\n{} sensors of the stack {stack} from seed {}, all disturbances, each calibrated on its own simulated bench{}.\n\n\
          ## Errors\n\n\
          Root mean squares of ln(estimate/truth). From left to right, less is known or used: bounds where everything of the sensor \
          is known; of all that bench and press read; of the falls alone; where a press may drift, so that creep says nothing of the \
@@ -144,7 +144,13 @@ pub(super) fn print(
          Variance of a bound over the variance that was measured: of all that is read, with the standard error that so many presses \
          leave, and of the last of the bounds.\n\n{efficiencies}\n\n\
          {left_out} presses without an estimate are left out.\n{END}",
-        arguments.plants, arguments.seed,
+        arguments.plants,
+        arguments.seed,
+        if arguments.bench_temperature {
+            " and pressed at its temperature"
+        } else {
+            ""
+        },
     )?;
     Ok(())
 }

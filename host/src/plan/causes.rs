@@ -17,10 +17,12 @@ pub(crate) enum Cause {
     Temperature,
     /// What the cross-talk may have changed by beside its own train.
     Beforehand,
+    /// What differs between bench and use and is in no train of the bench.
+    Model,
 }
 
 impl Cause {
-    pub(crate) const ALL: [Self; 7] = [
+    pub(crate) const ALL: [Self; 8] = [
         Self::Conversions,
         Self::Vibration,
         Self::Creep,
@@ -28,6 +30,7 @@ impl Cause {
         Self::LoadCell,
         Self::Temperature,
         Self::Beforehand,
+        Self::Model,
     ];
     /// Those of a train by itself.
     pub(super) const OF_TRAIN: [Self; 3] = [Self::Conversions, Self::Vibration, Self::Creep];
@@ -42,6 +45,7 @@ impl Cause {
             Self::LoadCell => "load_cell",
             Self::Temperature => "temperature",
             Self::Beforehand => "beforehand",
+            Self::Model => "model",
         }
     }
 }

@@ -55,10 +55,13 @@ impl TrainHeat {
     }
 }
 
-/// The straight lines of the current: from and to, A, and how long, s.
+/// The straight lines of the current: from and to, A, and how long, s. Hold and fall end with the conversion that is nearest to their
+/// planned end, so that the firmware allows for half a conversion more of each.
 fn lines(settings: &Settings) -> Vec<(f64, f64, f64)> {
     let [rise_s, hold_s, fall_s] =
         [settings.rise_s, settings.hold_s, settings.ramp_s].map(f64::from);
+    let half_s = 0.5 / f64::from(settings.rate_hz);
+    let (hold_s, fall_s) = (hold_s + half_s, fall_s + half_s);
     let (peak_a, end_a) = (
         f64::from(settings.peak_current_a),
         f64::from(settings.end_current_a),

@@ -265,6 +265,7 @@ pub(super) fn chart(plan: &Plan, errors: &[ExpectedError]) -> Chart {
         series: vec![
             line("all", BLUE, &|error| error.standard_error_ln),
             cause(Cause::Temperature, ORANGE),
+            cause(Cause::Model, crate::plot::BLACK),
             cause(Cause::Springs, GREEN),
             cause(Cause::Creep, GREY),
             cause(Cause::Conversions, crate::plot::PURPLE),
