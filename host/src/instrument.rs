@@ -262,3 +262,46 @@ pub(crate) fn coil(plant: &Parameters) -> Coil {
 pub(crate) fn default_settings() -> Settings {
     native::default_settings()
 }
+
+#[cfg(test)]
+mod tests {
+    use palpate_calibration::Unusable;
+    use palpate_calibration::session::Pressed;
+
+    use super::*;
+
+    #[test]
+    #[ignore = "long: `cargo xtask ci` runs it"]
+    fn two_temperatures_show_what_the_layers_were_drawn_with() {
+        let stack = Stack::builtin("ultrasoft").unwrap();
+        let plant = draw(&stack, &Disturbances::builtin().unwrap(), 1);
+        let task = BenchTask::of(&plant, &stack, Switches::all(), &default_settings());
+        let session = |warmer_k| task.session(&plant, Switches::all(), warmer_k).unwrap();
+        let (first, second) = (session(0.0), session(WARMER_K));
+        let calibration = evaluate_both(&first, &second, &task.known).unwrap();
+        let found = calibration.coefficients.unwrap();
+        for (found, drawn) in [
+            (found.springs, plant.sensing.spring_per_kelvin),
+            (found.rise, plant.magnetorheological.stiffening_per_kelvin),
+        ] {
+            let deviation = (found.per_k - drawn) / found.uncertainty_per_k;
+            assert!(deviation.abs() < 3.0, "{found:?} {drawn}");
+            assert!(drawn.abs() > 3.0 * found.uncertainty_per_k, "{drawn}");
+        }
+        // The other way round the same, of the warm sensor.
+        let warm = evaluate_both(&second, &first, &task.known).unwrap();
+        let again = warm.coefficients.unwrap().springs.per_k;
+        assert!((again - found.springs.per_k).abs() < 1e-5, "{again}");
+
+        let mut near = second.clone();
+        near.temperature_c = first.temperature_c + 3.0;
+        let refused = evaluate_both(&first, &near, &task.known).unwrap_err();
+        assert_eq!(refused, Unusable::SameTemperature { difference_k: 3.0 });
+        let mut other = second.clone();
+        let mut runs = other.runs.iter_mut();
+        let spring = runs.find(|run| matches!(run.pressed, Pressed::Spring { .. }));
+        spring.unwrap().pressed = Pressed::Spring { n_per_m: 700.0 };
+        let refused = evaluate_both(&first, &other, &task.known).unwrap_err();
+        assert_eq!(refused, Unusable::OtherSpecimens);
+    }
+}

@@ -337,12 +337,17 @@ fn refuse_control() {
             .ep_buffer_control(word)
             .modify(|_, w| w.available_0().clear_bit().stall().set_bit());
     }
-    // Not interrupted: the next token is a few microseconds after the setup packet.
+    let setup_waits = || registers.sie_status().read().setup_rec().bit_is_set();
+    // Not interrupted: the next token is a few microseconds after the setup packet. So one that comes in here
+    // is seen in time, and one that came before is asked for first: its token may be now.
     critical_section::with(|_| {
+        if setup_waits() {
+            return;
+        }
         registers
             .ep_stall_arm()
             .write(|w| w.ep0_in().set_bit().ep0_out().set_bit());
-        if registers.sie_status().read().setup_rec().bit_is_set() {
+        if setup_waits() {
             registers
                 .ep_stall_arm()
                 .write(|w| w.ep0_in().clear_bit().ep0_out().clear_bit());
