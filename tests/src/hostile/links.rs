@@ -155,7 +155,7 @@ fn answers_to(command: &Command) -> Vec<u8> {
         Command::GetSettings => named(&["settings"]),
         Command::GetStorage => named(&["storage"]),
         // Whichever part it is.
-        Command::GetCalibration(_) => (0x11..=0x1B).collect(),
+        Command::GetCalibration(_) => (0x11..=0x1C).collect(),
         _ => Vec::new(),
     }
 }
