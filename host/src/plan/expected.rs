@@ -36,7 +36,7 @@ pub(crate) struct ExpectedError {
     pub(crate) standard_error_ln: f64,
     /// By each of [`Cause::ALL`].
     pub(crate) causes_ln: [f64; Cause::ALL.len()],
-    /// What knowing each of [`Quantity::ALL`] exactly would take off: root of the difference of the variances.
+    /// What knowing each of the calibrated quantities exactly would take off: root of the difference of the variances.
     pub(crate) quantities_ln: [f64; QUANTITIES],
     /// Half the width of the 95 % interval in ln(c_L); nothing where it has no upper end.
     pub(crate) half_width_ln: Option<f64>,
