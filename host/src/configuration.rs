@@ -62,7 +62,7 @@ pub(crate) fn read(link: &mut Link) -> Result<Vec<Command>, Failure> {
 /// The questions for every part of a calibration, in the order of its CRC.
 pub(crate) fn questions() -> Vec<GetCalibration> {
     let mut parts = Part::ALL.to_vec();
-    parts.sort_by_key(|part| part.number());
+    parts.sort_by_key(|part| (*part == Part::CalibrationIdentity, part.number()));
     parts.into_iter().flat_map(questions_for).collect()
 }
 
@@ -216,6 +216,15 @@ mod tests {
         let places = [chunk(0, 8), chunk(8, 2)].map(|record| place(&setting(record).unwrap()));
         assert!(places.is_sorted() && places[0] != places[1]);
         assert_eq!(place(&Command::Arm), None);
+    }
+
+    #[test]
+    fn parts_are_asked_for_in_the_order_of_the_devices_crc() {
+        let parts: Vec<Part> = questions().into_iter().map(|of| of.part).collect();
+        let (identity, others) = parts.split_last().unwrap();
+        assert_eq!(*identity, Part::CalibrationIdentity);
+        let numbers: Vec<u8> = others.iter().map(|part| part.number()).collect();
+        assert!(numbers.is_sorted() && !others.contains(identity));
     }
 
     #[test]

@@ -7,7 +7,7 @@ use std::process::Output;
 use palpate_wire::Command as Set;
 use palpate_wire::command::{
     Attraction, CalibrationIdentity, Coil, Crosstalk, DeformationCurve, DeformationKnot, Springs,
-    Stiffening, Tank, TemperatureEffect,
+    Stiffening, Tank, TemperatureCoefficients, TemperatureEffect,
 };
 use palpate_wire::configuration_crc;
 use serde_json::Value;
@@ -92,6 +92,10 @@ pub(crate) fn calibration() -> Vec<Set> {
             calibrated_at_c: 23.4,
             springs_uncertainty_per_k: 0.001,
             rise_uncertainty_per_k: 0.002,
+        }),
+        Set::SetTemperatureCoefficients(TemperatureCoefficients {
+            springs_per_k: -0.002,
+            rise_per_k: 0.003,
         }),
     ]);
     let identity = Set::SetCalibrationIdentity(CalibrationIdentity {
