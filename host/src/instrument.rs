@@ -2,12 +2,13 @@
 
 use std::fmt::Display;
 
-use palpate_calibration::session::Session;
+use palpate_calibration::session::{Run, Session};
 use palpate_calibration::{Calibration, Known, evaluate, evaluate_both};
 use palpate_sim::native;
 use palpate_sim::parameters::{Parameters, draw};
 use palpate_sim::stack::{Disturbances, Stack};
 use palpate_sim::switches::Switches;
+use palpate_wire::Command;
 use palpate_wire::command::{Coil, Settings};
 
 use crate::calibrate::bench::{self, BenchPlan, NativeBench};
@@ -19,6 +20,10 @@ pub(crate) struct CalibratedInstrument {
     pub(crate) plant: Parameters,
     pub(crate) switches: Switches,
     pub(crate) calibration: Calibration,
+    /// The bench's train without a press.
+    pub(crate) untouched: Run,
+    /// The calibration as the bench gave it, before any check.
+    pub(crate) calibrated: Vec<Command>,
     pub(crate) settings: Settings,
     /// How deep the sensing layer is pressed at rest, m.
     pub(crate) depth_m: f64,
@@ -93,7 +98,7 @@ impl CalibratedInstrument {
         let first = task.session(&plant, switches, 0.0)?;
         let second = task.session(&plant, switches, WARMER_K)?;
         let calibration = evaluate_both(&first, &second, &task.known).map_err(unusable)?;
-        Ok(Self::with(calibration, task, plant, switches))
+        Self::with(calibration, &first, task, plant, switches)
     }
 
     /// The same from a session that was written down before.
@@ -104,22 +109,27 @@ impl CalibratedInstrument {
         switches: Switches,
     ) -> Result<Self, Failure> {
         let calibration = evaluate(session, &task.known).map_err(unusable)?;
-        Ok(Self::with(calibration, task, plant, switches))
+        Self::with(calibration, session, task, plant, switches)
     }
 
     fn with(
         calibration: Calibration,
+        session: &Session,
         task: BenchTask,
         plant: Parameters,
         switches: Switches,
-    ) -> Self {
-        Self {
+    ) -> Result<Self, Failure> {
+        let untouched = session.untouched();
+        let untouched = untouched.ok_or_else(|| unusable("no train without contact"))?;
+        Ok(Self {
             plant,
             switches,
+            calibrated: calibration.commands.clone(),
             calibration,
+            untouched: untouched.clone(),
             settings: task.plan.settings,
             depth_m: task.plan.depth_m,
-        }
+        })
     }
 }
 

@@ -17,6 +17,7 @@ use super::adjustment::{LEAST_SCATTER, of_signal};
 use super::claim::LOADS;
 use super::temperature::brought_to;
 use super::terms::terms;
+use super::untouched::MOST_CHANGE;
 
 /// A press upon a spring that is known.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -63,6 +64,17 @@ pub enum Unchecked {
     },
     /// A number is not one that a press upon a spring has.
     NotAPress,
+    /// The notes are not those of a train on the untouched sensor.
+    NotATrain,
+    /// Something touched the sensor, or let go of it, during a train without a press.
+    Touched,
+    /// The session is not the one that the calibration in force was made of.
+    OtherSession,
+    /// What the current adds to the reading of the untouched sensor has changed too much.
+    OtherField {
+        /// Relative.
+        change: f64,
+    },
 }
 
 /// Standard errors beyond which the calibration is refused, and not corrected either: a calibration that holds
@@ -88,6 +100,29 @@ impl fmt::Display for Unchecked {
             Self::NotAPress => write!(
                 f,
                 "the press has no force or no uncertainty: press the spring as deep as objects are pressed"
+            ),
+            Self::NotATrain => write!(
+                f,
+                "half of the train's falls or more are missing: see that the board sends every sample, and \
+                 that the current reaches its peak (`palpate doctor`)"
+            ),
+            Self::Touched => write!(
+                f,
+                "the reading of the untouched sensor drifts by more than the current adds to it: take everything \
+                 off the sensor, wait until it has recovered from a press, and try again"
+            ),
+            Self::OtherSession => write!(
+                f,
+                "the session is not the one that the calibration in force was made of: name the file that \
+                 `palpate calibrate sensor --save-session` wrote then"
+            ),
+            Self::OtherField { change } => write!(
+                f,
+                "what the coil's current adds to the reading of the untouched sensor has changed by {:+.0} %, \
+                 more than {:.0} %: see that no iron is near and that the current is what the board measures \
+                 (`palpate calibrate current`), and calibrate anew",
+                change * 100.0,
+                MOST_CHANGE * 100.0
             ),
         }
     }
@@ -361,7 +396,7 @@ fn grown(rise: f64, grows: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use palpate_sim::random::Stream;
-    use palpate_wire::command::{Attraction, Settings};
+    use palpate_wire::command::{Attraction, Settings, TemperatureCoefficients};
 
     use super::*;
     use crate::made::{ATTRACTION_N_PER_A2, PEAK_A, RATIO, RISE, SENSING_N_PER_M};
@@ -547,6 +582,35 @@ mod tests {
             .into_iter()
             .zip(checked.uncertainty_before);
         assert!(both.into_iter().all(|(after, before)| after < before));
+    }
+
+    #[test]
+    fn with_coefficients_it_is_the_calibration_of_the_press_own_temperature_that_is_checked() {
+        const WARMER_K: f64 = 10.0;
+        const RISE_PER_K: f64 = 0.01;
+        let mut commands = calibration(0.01);
+        commands.push(Command::SetTemperatureCoefficients(
+            TemperatureCoefficients {
+                springs_per_k: 0.0,
+                rise_per_k: RISE_PER_K as f32,
+            },
+        ));
+        // The instrument corrects by them, and reads the spring as what it is.
+        let warm = KnownPress {
+            load_ratio: 1.0,
+            temperature_c: Some(CALIBRATED_AT_C + WARMER_K),
+            ..press(RISE, 0.1)
+        };
+        let checked = check(&commands, &warm).unwrap();
+        assert!(checked.deviation.abs() < 1e-6, "{checked:?}");
+        let expected = rise_of(&commands) * (RISE_PER_K * WARMER_K).exp();
+        let rise = rise_of(&checked.commands);
+        assert!((rise / expected - 1.0).abs() < 1e-6, "{rise} {expected}");
+        // From then on they count from there.
+        assert_eq!(
+            brought_to(&checked.commands, warm.temperature_c),
+            checked.commands
+        );
     }
 
     #[test]

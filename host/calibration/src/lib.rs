@@ -14,7 +14,8 @@
 //!
 //! [`evaluate_both`] takes the same bench at two temperatures, and finds by how much springs and rise change.
 //!
-//! Later, in use, [`check`] corrects a calibration by one press upon a spring that is known.
+//! Later, in use, [`check_untouched`] corrects a calibration by a train without a press, and [`check`] by one press upon
+//! a spring that is known.
 
 mod actuated;
 mod adjustment;
@@ -33,6 +34,7 @@ pub mod session;
 mod temperature;
 mod terms;
 mod travel;
+mod untouched;
 mod unusable;
 
 use palpate_wire::Command;
@@ -51,6 +53,7 @@ pub use line::{FallSample, LinePoint, TrainFit};
 use session::{Pressed, Session};
 pub use temperature::{Coefficient, Coefficients, LEAST_DIFFERENCE_K, MOST_PER_K, evaluate_both};
 pub use travel::{SpringDeviation, spring_deviations};
+pub use untouched::{MOST_CHANGE, OnTheBench, Untouched, check_untouched};
 pub use unusable::{Signal, Unusable};
 
 /// What is known beforehand.

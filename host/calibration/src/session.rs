@@ -117,6 +117,11 @@ pub struct Session {
 }
 
 impl Session {
+    /// The run in which nothing touched.
+    pub fn untouched(&self) -> Option<&Run> {
+        self.runs.iter().find(|run| run.pressed == Pressed::Nothing)
+    }
+
     /// What there would be without a load cell.
     pub fn without_load_cell(mut self) -> Self {
         let runs = self.runs.iter_mut().chain([&mut self.deepest_press]);

@@ -14,4 +14,4 @@ pub(crate) mod sensor;
 #[cfg(feature = "emulator")]
 pub(crate) mod verb;
 #[cfg(feature = "emulator")]
-mod written;
+pub(crate) mod written;

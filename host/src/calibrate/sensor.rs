@@ -172,6 +172,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     };
     let other = arguments.other_session.as_deref();
     let other = other.map(written::read).transpose()?;
+    let other = other.map(|written| written.session);
     let interrupt = Interrupt::catch()?;
     let mut link = arguments.link.open()?;
     is_stored(&mut link)?;
@@ -229,18 +230,18 @@ fn calibrated(
 ) -> Result<Found, Failure> {
     let task = task(link, arguments)?;
     let held = session(link, arguments, &task, interrupt)?;
+    let by_itself = evaluate(&held, &task.known);
     if let Some(file) = &files.session {
-        written::write(&held, file)?;
+        // Also where it gives no calibration: it shows why.
+        let commands = by_itself.as_ref().ok().map(|of| of.commands.as_slice());
+        written::write(&held, commands, file)?;
     }
     let (session, calibration) = match other {
         Some(other) => {
             let calibration = evaluate_both(&other, &held, &task.known);
             (other, calibration)
         }
-        None => {
-            let calibration = evaluate(&held, &task.known);
-            (held, calibration)
-        }
+        None => (held, by_itself),
     };
     let calibration =
         calibration.map_err(|error| Failure::Refused(format!("calibration: {error}")))?;

@@ -1,9 +1,11 @@
-//! A session in a file: what was written down on the bench, to be taken together with another one.
+//! A session in a file: what was written down on the bench, to be taken together with another one, and to be held
+//! against later.
 
 use std::fs;
 use std::path::Path;
 
 use palpate_calibration::session::Session;
+use palpate_wire::Command;
 use serde::{Deserialize, Serialize};
 
 use crate::failure::Failure;
@@ -11,23 +13,37 @@ use crate::output::OutputFile;
 
 /// A session as a file has it.
 #[derive(Serialize, Deserialize)]
-struct File<S> {
+struct File<S, C> {
     /// Version of the layout.
     palpate_session: u32,
     session: S,
+    /// What it gave: the commands that set it. Nothing if it gave none.
+    calibration: Option<C>,
+}
+
+/// What is read from a file.
+pub(crate) struct Written {
+    pub(crate) session: Session,
+    /// The calibration that it gave by itself.
+    pub(crate) calibration: Option<Vec<Command>>,
 }
 
 /// The version that is written, and the only one that is read.
 const VERSION: u32 = 1;
 
-/// Writes a session to a file, as JSON.
+/// Writes a session to a file, as JSON, with the calibration that it gave.
 ///
 /// # Errors
 /// If it cannot be written.
-pub(super) fn write(session: &Session, to: &OutputFile) -> Result<(), Failure> {
+pub(super) fn write(
+    session: &Session,
+    calibration: Option<&[Command]>,
+    to: &OutputFile,
+) -> Result<(), Failure> {
     let file = File {
         palpate_session: VERSION,
         session,
+        calibration,
     };
     to.write(serde_json::to_vec(&file)?)
 }
@@ -36,7 +52,7 @@ pub(super) fn write(session: &Session, to: &OutputFile) -> Result<(), Failure> {
 ///
 /// # Errors
 /// If it cannot be read, or is no session of this version.
-pub(super) fn read(path: &Path) -> Result<Session, Failure> {
+pub(crate) fn read(path: &Path) -> Result<Written, Failure> {
     let bytes = fs::read(path).map_err(|reason| Failure::Unreadable {
         file: path.to_path_buf(),
         reason,
@@ -49,17 +65,21 @@ pub(super) fn read(path: &Path) -> Result<Session, Failure> {
             "a session of version {VERSION}, as `palpate calibrate sensor --save-session FILE` writes it"
         ),
     };
-    let file: File<Session> = serde_json::from_slice(&bytes)
+    let file: File<Session, Vec<Command>> = serde_json::from_slice(&bytes)
         .map_err(|error| wrong(error.line(), format!("not a session: {error}")))?;
     if file.palpate_session != VERSION {
         return Err(wrong(1, format!("version {}", file.palpate_session)));
     }
-    Ok(file.session)
+    Ok(Written {
+        session: file.session,
+        calibration: file.calibration,
+    })
 }
 
 #[cfg(test)]
 mod tests {
     use palpate_calibration::session::{BenchSample, Pressed, Run};
+    use palpate_wire::command::Attraction;
 
     use super::*;
 
@@ -85,12 +105,17 @@ mod tests {
     fn a_session_comes_back_to_the_last_bit() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("cold.json");
-        write(
-            &session(),
-            &OutputFile::new("--save-session", &path).unwrap(),
-        )
-        .unwrap();
-        assert_eq!(read(&path).unwrap(), session());
+        let calibration = vec![Command::SetAttraction(Attraction {
+            attraction_n_per_a2: 1e-4 / 3.0,
+            uncertainty: 0.1,
+        })];
+        for calibration in [None, Some(calibration)] {
+            let file = OutputFile::new("--save-session", &path).unwrap();
+            write(&session(), calibration.as_deref(), &file).unwrap();
+            let read = read(&path).unwrap();
+            assert_eq!(read.session, session());
+            assert_eq!(read.calibration, calibration);
+        }
     }
 
     #[test]
@@ -99,12 +124,13 @@ mod tests {
         let path = folder.path().join("other.json");
         let refused = |text: &str| {
             fs::write(&path, text).unwrap();
-            read(&path).unwrap_err().to_string()
+            read(&path).map(|_| ()).unwrap_err().to_string()
         };
         assert!(refused("{\n\"runs\": 3}").contains("not a session"));
         let later = serde_json::to_string(&File {
             palpate_session: 2,
             session: session(),
+            calibration: None::<()>,
         });
         let message = refused(&later.unwrap());
         assert!(
@@ -113,6 +139,7 @@ mod tests {
         );
         assert!(
             read(&folder.path().join("none.json"))
+                .map(|_| ())
                 .unwrap_err()
                 .to_string()
                 .contains("none.json")

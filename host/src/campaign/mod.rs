@@ -68,7 +68,11 @@ pub(crate) struct Arguments {
     /// layers change, and the instrument corrects by it
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=2))]
     temperatures: u8,
-    /// Check each calibration in its world first, by a spring of c_S that is known to 1 %: it corrects the
+    /// Check each calibration in its world first, by a train without a press: it corrects what the current adds
+    /// to the reading, and states the change as an uncertainty of the stiffening
+    #[arg(long)]
+    check_untouched: bool,
+    /// Check each calibration in its world, by a spring of c_S that is known to 1 %: it corrects the
     /// size of the stiffening, or refuses the calibration
     #[arg(long)]
     check_spring: bool,
@@ -200,11 +204,15 @@ fn in_world(
 ) -> Result<Vec<Press>, Failure> {
     let depth = arguments.depth;
     let loads = arguments.loads.iter();
-    let checked = if arguments.check_spring {
-        press::checked(calibrated, world, depth)?
-    } else {
-        Ok(calibrated.clone())
-    };
+    let mut checked = Ok(calibrated.clone());
+    if arguments.check_untouched {
+        checked = press::checked_untouched(calibrated, world)?;
+    }
+    if arguments.check_spring
+        && let Ok(instrument) = &checked
+    {
+        checked = press::checked(instrument, world, depth)?;
+    }
     match checked {
         Ok(instrument) => loads
             .map(|load| Press::of(&instrument, world, *load, depth))
@@ -246,6 +254,7 @@ struct WorldResult {
     seed: u64,
     depth: f64,
     temperatures: u8,
+    check_untouched: bool,
     check_spring: bool,
     /// Sensors that could not be calibrated.
     not_calibrated: usize,
@@ -291,6 +300,7 @@ impl WorldResult {
             seed: arguments.seed,
             depth: arguments.depth,
             temperatures: arguments.temperatures,
+            check_untouched: arguments.check_untouched,
             check_spring: arguments.check_spring,
             not_calibrated: plants.iter().filter(|plant| plant.is_err()).count(),
             bins: arguments.loads.iter().map(bin).collect(),
@@ -310,11 +320,16 @@ fn print(
     writeln!(
         out,
         "{} sensors of the stack {stack} from seed {}, all disturbances, each calibrated on its own \
-         simulated bench{}{} and pressed to {} of its working depth.\n",
+         simulated bench{}{}{} and pressed to {} of its working depth.\n",
         arguments.plants,
         arguments.seed,
         if arguments.temperatures > 1 {
             " at two temperatures"
+        } else {
+            ""
+        },
+        if arguments.check_untouched {
+            ", checked by a train without a press"
         } else {
             ""
         },

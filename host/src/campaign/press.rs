@@ -1,13 +1,16 @@
 //! One press of a campaign.
 
-use palpate_calibration::{KnownPress, check};
+use palpate_calibration::session::Pressed;
+use palpate_calibration::{KnownPress, OnTheBench, Unchecked, check, check_untouched};
 use palpate_sim::mechanics::load::Load;
 use palpate_sim::random::Stream;
+use palpate_wire::Command;
 
 use super::world::World;
+use crate::calibrate::bench::{self, Bench, NativeBench};
 use crate::engine::Native;
 use crate::failure::Failure;
-use crate::instrument::{CalibratedInstrument, SPEED_M_PER_S};
+use crate::instrument::{CalibratedInstrument, SPEED_M_PER_S, coil};
 use crate::press;
 use crate::verdict::Verdict;
 
@@ -43,6 +46,42 @@ const TOLERANCE: f64 = 0.01;
 /// A check's spring, in units of c_S.
 const CHECKED_BY: f64 = 1.0;
 
+/// The instrument in a world after a train without a press, or why that gives none.
+pub(crate) fn checked_untouched(
+    calibrated: &CalibratedInstrument,
+    world: World,
+) -> Result<Result<CalibratedInstrument, String>, Failure> {
+    let plant = world.plant(&calibrated.plant);
+    let warmer_k = plant
+        .effective(&calibrated.switches)
+        .thermal
+        .ambient_change_k;
+    let coil = coil(&plant.effective(&calibrated.switches));
+    let mut stand = NativeBench::new(&plant, calibrated.switches, warmer_k);
+    let run = stand.with_specimen(Pressed::Nothing, &mut |instrument| {
+        bench::untouched(instrument, (&calibrated.settings, &coil))
+    })?;
+    let bench = OnTheBench {
+        run: &calibrated.untouched,
+        commands: &calibrated.calibrated,
+    };
+    let checked = check_untouched(&calibrated.calibration.commands, bench, &run);
+    Ok(corrected(
+        calibrated,
+        checked.map(|checked| checked.commands),
+    ))
+}
+
+/// The instrument with the calibration that a check has left, or why there is none.
+fn corrected(
+    calibrated: &CalibratedInstrument,
+    commands: Result<Vec<Command>, Unchecked>,
+) -> Result<CalibratedInstrument, String> {
+    let mut instrument = calibrated.clone();
+    instrument.calibration.commands = commands.map_err(|cause| format!("the check: {cause}"))?;
+    Ok(instrument)
+}
+
 /// The instrument in a world after a check by a spring that is known, or why the check gives none.
 pub(crate) fn checked(
     calibrated: &CalibratedInstrument,
@@ -67,13 +106,10 @@ pub(crate) fn checked(
         temperature_c: estimate.temperature_c.map(f64::from),
     };
     let checked = check(&calibrated.calibration.commands, &known);
-    Ok(checked
-        .map(|checked| {
-            let mut instrument = calibrated.clone();
-            instrument.calibration.commands = checked.commands;
-            instrument
-        })
-        .map_err(|cause| format!("the check: {cause}")))
+    Ok(corrected(
+        calibrated,
+        checked.map(|checked| checked.commands),
+    ))
 }
 
 /// Presses a load in a world, so many times as deep as the sensor is meant to be pressed.

@@ -9,6 +9,8 @@
 //! the deformation. So the block is pressed once more, without a train, until the coil's frequency is
 //! below that of all trains: the sensing layer's own curve is then known wherever a train leads it.
 
+#[cfg(feature = "emulator")]
+mod bare;
 mod gauges;
 #[cfg(feature = "emulator")]
 mod linked;
@@ -23,6 +25,8 @@ use palpate_wire::code::{Outcome, State, Stream};
 use palpate_wire::command::{Coil, Settings};
 use palpate_wire::{Command, Message, Record};
 
+#[cfg(feature = "emulator")]
+pub(crate) use bare::BareInstrument;
 #[cfg(feature = "emulator")]
 pub(crate) use linked::LinkedBench;
 pub(crate) use native::NativeBench;
@@ -272,8 +276,7 @@ fn run(
 ) -> Result<Run, Failure> {
     let begin = instrument.now();
     let mut run = Run::new(task.pressed, task.depth_m);
-    prepare(instrument, plan)?;
-    run_until(instrument, begin + BASELINE, &mut run.lines)?;
+    rest(instrument, (&plan.settings, &plan.coil), &mut run)?;
     if task.pressed != Pressed::Nothing {
         let moving = instrument.press(task.depth_m, task.speed_m_per_s)?;
         let at_rest = instrument.now() + moving;
@@ -291,14 +294,37 @@ fn run(
     Ok(run.since(begin.as_secs_f64()))
 }
 
-fn prepare(instrument: &mut dyn Instrument, plan: &BenchPlan) -> Result<(), Failure> {
+/// A train on the untouched sensor, with these settings and data of the coil.
+///
+/// # Errors
+/// What the instrument ends with, and a train that breaks off.
+pub(crate) fn untouched(
+    instrument: &mut dyn Instrument,
+    set: (&Settings, &Coil),
+) -> Result<Run, Failure> {
+    let begin = instrument.now();
+    let mut run = Run::new(Pressed::Nothing, 0.0);
+    rest(instrument, set, &mut run)?;
+    run.began_s = instrument.now().as_secs_f64();
+    run.ramps_s = sweep(instrument, &mut run.lines)?;
+    Ok(run.since(begin.as_secs_f64()))
+}
+
+/// Sets settings and the coil's data, and writes down what the sensor reads at rest.
+fn rest(
+    instrument: &mut dyn Instrument,
+    (settings, coil): (&Settings, &Coil),
+    run: &mut Run,
+) -> Result<(), Failure> {
+    let end = instrument.now() + BASELINE;
     let settings = Settings {
         stream: Stream::Samples,
         decimation: 1,
-        ..plan.settings.clone()
+        ..settings.clone()
     };
     must(instrument, Command::SetSettings(settings))?;
-    must(instrument, Command::SetCoil(plan.coil.clone()))
+    must(instrument, Command::SetCoil(coil.clone()))?;
+    run_until(instrument, end, &mut run.lines)
 }
 
 /// Sends a command, which has to be accepted.

@@ -1,59 +1,18 @@
-//! `palpate check`: is a board's calibration still true? By a spring that is known.
+//! The check by a press upon a spring that is known.
 
 use std::io::{self, Write};
 
-use clap::Args;
-use palpate_calibration::{Checked, KnownPress, LOADS};
+use palpate_calibration::{KnownPress, LOADS};
 use palpate_wire::Command;
 use serde::Serialize;
 
-use crate::calibrate::sensor::{identity, put_in_force, spring, tolerance};
-use crate::configuration;
+use super::{Arguments, in_force, keep};
 use crate::failure::Failure;
-use crate::link::{self, Link, Run};
+use crate::link::Run;
 use crate::measure::{arm, measured, truth};
 use crate::notice;
 use crate::results::stiffness;
 use crate::storage;
-
-/// Check a board's calibration by a spring that is known, and correct the size of its stiffening
-///
-/// Temperature and age change the stiffening, which no press upon an unknown object shows. One press upon a
-/// spring of known stiffness does: what the calibration leaves open of the stiffening is corrected, and a
-/// calibration that is off by more than three standard errors is refused.
-#[derive(Args)]
-#[command(after_help = "\
-The spring should be about as stiff as the sensing layer, and be pressed as deep as objects are. The
-corrected calibration is in force at once, and lost with the power unless it is stored.
-
-Exit code 1 if the press contradicts the calibration, or the board refuses the measurement.
-
-Examples:
-  palpate check --spring 8000 --store
-  palpate check --board emulated --seed 7 --load 1")]
-pub(crate) struct Arguments {
-    #[command(flatten)]
-    link: link::Arguments,
-    /// Stiffness of the spring with what it stands on, N/m. The emulated board knows its own
-    #[arg(long, value_name = "N_PER_M", value_parser = spring)]
-    spring: Option<f64>,
-    /// How far that may be off, relative
-    #[arg(long, value_name = "PART", default_value_t = 0.01, value_parser = tolerance)]
-    tolerance: f64,
-    /// What the emulated board presses: a spring of this multiple of the sensing layer's nominal
-    /// stiffness
-    #[arg(long, value_name = "RATIO", default_value_t = 1.0)]
-    load: f64,
-    /// Longest that is waited for a contact, s
-    #[arg(long, value_name = "SECONDS", default_value_t = 60.0)]
-    wait: f64,
-    /// Store the corrected calibration
-    #[arg(long)]
-    store: bool,
-    /// Print JSON
-    #[arg(long)]
-    json: bool,
-}
 
 /// The JSON output.
 #[derive(Serialize)]
@@ -76,7 +35,7 @@ struct Line {
     stored: bool,
 }
 
-pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let emulated = arguments.link.is_emulated();
     let load = emulated.then_some(arguments.load);
     let mut link = arguments.link.open_pressed(Run::AsFastAsItCan, load)?;
@@ -113,7 +72,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     };
     let checked = palpate_calibration::check(&commands, &press)
         .map_err(|cause| Failure::Refused(cause.to_string()))?;
-    keep(&mut link, &checked, &press)?;
+    keep(&mut link, &checked.commands, press.temperature_c)?;
     let stored = if arguments.store {
         Some(storage::store(&mut link)?)
     } else {
@@ -135,41 +94,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         stored: stored.is_some(),
     };
     print(&line, arguments.json)
-}
-
-/// The calibration in force with the settings, which a board may have without their being set.
-fn in_force(link: &mut Link) -> Result<Vec<Command>, Failure> {
-    let mut commands = configuration::read(link)?;
-    let has_settings = commands
-        .iter()
-        .any(|command| matches!(command, Command::SetSettings(_)));
-    if !has_settings {
-        let settings = configuration::settings(link)?;
-        commands.insert(0, Command::SetSettings(settings));
-    }
-    Ok(commands)
-}
-
-/// Puts the corrected calibration in force, under the number that it had.
-fn keep(link: &mut Link, checked: &Checked, press: &KnownPress) -> Result<(), Failure> {
-    let before = checked.commands.iter().find_map(|command| match command {
-        Command::SetCalibrationIdentity(identity) => Some(identity.clone()),
-        _ => None,
-    });
-    let parts: Vec<Command> = checked
-        .commands
-        .iter()
-        .filter(|command| !matches!(command, Command::SetCalibrationIdentity(_)))
-        .cloned()
-        .collect();
-    let calibrated_at_c = before.as_ref().map(|identity| identity.calibrated_at_c);
-    let temperature_c = press.temperature_c.or(calibrated_at_c.map(f64::from));
-    let identity = identity(
-        before.map(|identity| identity.id),
-        temperature_c.unwrap_or_default(),
-        &parts,
-    );
-    put_in_force(link, &parts, identity)
 }
 
 fn print(line: &Line, json: bool) -> Result<(), Failure> {
