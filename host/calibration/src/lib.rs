@@ -30,6 +30,7 @@ mod line;
 #[cfg(test)]
 mod made;
 mod samples;
+mod scatter;
 pub mod session;
 mod temperature;
 mod terms;
@@ -50,6 +51,7 @@ use curve::PressCurve;
 pub use curve::frame;
 pub use fall::Fall;
 pub use line::{FallSample, LinePoint, TrainFit};
+pub use scatter::train_scatter;
 use session::{Pressed, Session};
 pub use temperature::{Coefficient, Coefficients, LEAST_DIFFERENCE_K, MOST_PER_K, evaluate_both};
 pub use travel::{SpringDeviation, spring_deviations};

@@ -8,7 +8,7 @@ use palpate_calibration::session::{Pressed, Session};
 use palpate_calibration::{evaluate, evaluate_both};
 use palpate_sim::switches::Switches;
 use palpate_wire::code::{Outcome, StorageState, Stream};
-use palpate_wire::command::{CalibrationIdentity, Settings};
+use palpate_wire::command::{CalibrationIdentity, Settings, TemperatureCoefficients};
 use palpate_wire::{Command, Record, configuration_crc};
 
 use super::bench::{self, Bench, LinkedBench, RigBench, RigPlan};
@@ -245,7 +245,7 @@ fn calibrated(
     };
     let calibration =
         calibration.map_err(|error| Failure::Refused(format!("calibration: {error}")))?;
-    let identity = identity(arguments.id, session.temperature_c, &calibration.commands);
+    let identity = identity(arguments.id, session.temperature_c);
     let is_simulated = arguments.link.is_simulated(link);
     let mut found = Found::of(&session, &task, &calibration, &identity, is_simulated);
     if let Some(file) = &files.report {
@@ -343,31 +343,24 @@ pub(crate) fn describe(pressed: Pressed, depth_m: f64) -> String {
     }
 }
 
-/// Number, date and hash of a calibration's parts.
-pub(crate) fn identity(
-    id: Option<u32>,
-    temperature_c: f64,
-    commands: &[Command],
-) -> CalibrationIdentity {
+/// Number, date and temperature of a calibration; its hash is that of what the board has when it is put in force.
+pub(crate) fn identity(id: Option<u32>, temperature_c: f64) -> CalibrationIdentity {
     let since_1970 = SystemTime::now().duration_since(UNIX_EPOCH);
     let now_s = since_1970.map_or(0, |time| time.as_secs());
     let now_s = u32::try_from(now_s).unwrap_or(u32::MAX);
-    let is_part = |command: &&Command| {
-        !matches!(
-            command,
-            Command::SetSettings(_) | Command::SetCalibrationIdentity(_)
-        )
-    };
-    let parts = commands.iter().filter(is_part);
     CalibrationIdentity {
         id: id.unwrap_or(now_s),
         calibrated_at_s: now_s,
         calibrated_at_c: temperature_c as f32,
-        hash: configuration_crc(parts),
+        hash: 0,
     }
 }
 
-/// Sets a calibration, which is lost with the power unless it is stored.
+/// Sets a calibration, which is lost with the power unless it is stored. Of a calibration before it nothing acts on;
+/// what is the board's own, the correction of its current and other channels, stays.
+///
+/// # Errors
+/// If the board is gone, or refuses a part.
 pub(crate) fn put_in_force(
     link: &mut Link,
     commands: &[Command],
@@ -377,6 +370,31 @@ pub(crate) fn put_in_force(
     for command in commands {
         link.must(command)?;
     }
-    link.must(&Command::SetCalibrationIdentity(identity))?;
+    let before = configuration::read(link)?;
+    let has_coefficients = |commands: &[Command]| {
+        let mut commands = commands.iter();
+        commands.any(|command| matches!(command, Command::SetTemperatureCoefficients(_)))
+    };
+    if has_coefficients(&before) && !has_coefficients(commands) {
+        // A part cannot be taken away.
+        link.must(&Command::SetTemperatureCoefficients(
+            TemperatureCoefficients {
+                springs_per_k: 0.0,
+                rise_per_k: 0.0,
+            },
+        ))?;
+    }
+    let is_part = |command: &Command| {
+        !matches!(
+            command,
+            Command::SetSettings(_) | Command::SetCalibrationIdentity(_)
+        )
+    };
+    let mut parts = configuration::read(link)?;
+    parts.retain(is_part);
+    link.must(&Command::SetCalibrationIdentity(CalibrationIdentity {
+        hash: configuration_crc(parts),
+        ..identity
+    }))?;
     Ok(())
 }

@@ -98,7 +98,6 @@ fn keep(link: &mut Link, commands: &[Command], temperature_c: Option<f64>) -> Re
     let identity = identity(
         before.map(|identity| identity.id),
         temperature_c.unwrap_or_default(),
-        &parts,
     );
     put_in_force(link, &parts, identity)
 }

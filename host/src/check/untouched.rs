@@ -13,6 +13,7 @@ use crate::calibrate::bench::{self, BareInstrument};
 use crate::calibrate::written::{self, Written};
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;
+use crate::link::Link;
 use crate::notice;
 use crate::storage;
 
@@ -51,9 +52,11 @@ pub(super) fn run(arguments: &Arguments, session: &Path) -> Result<(), Failure> 
     let checked = run.and_then(|run| {
         check_untouched(&commands, bench, &run).map_err(|cause| Failure::Refused(cause.to_string()))
     });
-    // The train has changed the settings, whatever came of it.
-    let kept = checked.as_ref().map_or(&commands, |of| &of.commands);
-    let kept = keep(&mut link, kept, None);
+    // The train has changed settings and the coil's data, whatever came of it.
+    let kept = match &checked {
+        Ok(checked) if checked.corrected => keep(&mut link, &checked.commands, None),
+        _ => put_back(&mut link, &commands),
+    };
     let checked = checked?;
     kept?;
     let stored = if arguments.store {
@@ -83,6 +86,14 @@ fn on_the_bench(written: &Written) -> Result<OnTheBench<'_>, Failure> {
         )
     })?;
     Ok(OnTheBench { run, commands })
+}
+
+/// Sets what was in force, its identity last.
+fn put_back(link: &mut Link, commands: &[Command]) -> Result<(), Failure> {
+    link.must(&Command::Disarm)?;
+    commands
+        .iter()
+        .try_for_each(|command| link.must(command).map(drop))
 }
 
 /// What a train is driven by.

@@ -117,7 +117,7 @@ fn found(
     })?;
     let calibration = evaluate(&session, &task.known)
         .map_err(|error| Failure::Refused(format!("calibration: {error}")))?;
-    let identity = identity(None, session.temperature_c, &calibration.commands);
+    let identity = identity(None, session.temperature_c);
     let figures = Found::of(&session, &task, &calibration, &identity, true);
     Ok(Held {
         calibration,

@@ -4,8 +4,11 @@ use std::fs;
 use std::path::Path;
 use std::process::Output;
 
+use palpate_wire::Command as Set;
+use palpate_wire::command::CurrentCorrection;
 use serde_json::Value;
 
+use crate::settings;
 use crate::support::{CALIBRATION, emulated, json};
 
 /// Runs a verb on the emulated board whose flash is in a folder.
@@ -36,10 +39,42 @@ fn where_a_question_cannot_be_asked_nothing_begins() {
 #[ignore = "long: `cargo xtask ci` runs it"]
 fn what_one_command_calibrates_measures_in_the_next() {
     let folder = tempfile::tempdir().unwrap();
-    let arguments = ["calibrate", "sensor", "--yes"];
+    // A board that had been calibrated at two temperatures, and whose current had been.
+    let mut before = settings::calibration();
+    before.pop();
+    before.push(Set::SetCurrentCorrection(CurrentCorrection {
+        greatest_a: 12.0,
+        changes_a: [0.0, 0.0, 0.0].into_iter().collect(),
+    }));
+    fs::write(folder.path().join("before.jsonl"), settings::lines(&before)).unwrap();
+    json(&on_board(
+        folder.path(),
+        "7",
+        &["settings", "import", "before.jsonl", "--store"],
+    ));
+    let arguments = [
+        "calibrate",
+        "sensor",
+        "--yes",
+        "--save-session",
+        "session.json",
+    ];
     let calibrated = on_board(folder.path(), "7", &arguments);
     let stored = json(&calibrated);
     assert_eq!(stored["stored"], true);
+    // The current adds what it added a moment ago.
+    let untouched = on_board(
+        folder.path(),
+        "7",
+        &["check", "--untouched", "session.json"],
+    );
+    let untouched = json(&untouched);
+    assert_eq!(untouched["corrected"], false, "{untouched}");
+    assert!(
+        untouched["change"].as_f64().unwrap().abs() < 5e-3,
+        "{untouched}"
+    );
+    assert_eq!(untouched["configuration_crc"], stored["configuration_crc"]);
     let measured = on_board(folder.path(), "7", &["measure", "--load", "1.5"]);
     let line = json(&measured);
     assert_eq!(line["configuration_crc"], stored["configuration_crc"]);

@@ -2,7 +2,7 @@
 
 use palpate_calibration::least_squares::System;
 use palpate_calibration::session::{BenchSample, Pressed, Run, START_S};
-use palpate_calibration::{Known, Unusable};
+use palpate_calibration::{Known, Unusable, train_scatter};
 
 /// What a run comes to. Relative figures are relative to what the stack's nominal data let expect.
 pub(super) struct Figures {
@@ -36,6 +36,8 @@ pub(super) struct Figures {
     pub(super) slip: f64,
     /// The same of the force.
     pub(super) force_slip: Option<f64>,
+    /// Standard deviation of the readings in the train about a smooth curve, over what they span.
+    pub(super) scatter: Option<f64>,
 }
 
 /// Part of the aimed depth from which forces are measured relative to something at least: 0.05 mm.
@@ -92,6 +94,7 @@ impl Figures {
             swing: slip((change_before, greatest_change(run, change))),
             slip: slip((change_before, change_after)),
             force_slip: both(force_before, force_after).map(slip),
+            scatter: train_scatter(run, &known.settings),
         })
     }
 }

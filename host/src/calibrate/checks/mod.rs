@@ -101,6 +101,7 @@ pub(crate) fn of_run(run: &Run, untouched: Option<&Run>, known: &Known) -> Vec<C
             .force_slip
             .map(|of| at(run, Check::ForceSlip, of.abs())),
     );
+    checked.extend(figures.scatter.map(|of| at(run, Check::Scatter, of)));
     checked
 }
 

@@ -1,5 +1,6 @@
 //! A good session of a simulated sensor, spoiled in every way that a bench can spoil one.
 
+use std::f64::consts::TAU;
 use std::sync::OnceLock;
 
 use palpate_calibration::session::{BenchSample, Pressed, Run, Session};
@@ -71,6 +72,17 @@ fn deform(run: &mut Run, from_s: f64, times: f64) {
     }
 }
 
+/// Adds to the deformation that a train reads, m, as the reference coil has it: 0.25 parts in a thousand of the
+/// inductance for each micrometre.
+fn add(run: &mut Run, deformation_m: impl Fn(f64) -> f64) {
+    let (rest_hz, from_s) = (run.rest_hz().unwrap(), run.ramps_s);
+    for line in later(run, from_s) {
+        let change = (rest_hz / line.frequency_hz).powi(2) - 1.0;
+        let change = change + 250.0 * deformation_m(line.time_s);
+        line.frequency_hz = rest_hz / (1.0 + change).sqrt();
+    }
+}
+
 /// Writes another stiffness on one of the springs.
 fn rename(session: &mut Session, from: f64, to: f64) {
     for run in &mut session.runs {
@@ -94,7 +106,7 @@ fn instead(session: &mut Session, place: usize, of: usize) {
 type Spoil = (&'static str, fn(&mut Session), &'static [&'static str]);
 
 /// What spoils a session whatever gives the force, and the findings that may come of it.
-const WITHOUT_LOAD_CELL: [Spoil; 16] = [
+const WITHOUT_LOAD_CELL: [Spoil; 18] = [
     (
         "a spring typed in twice as stiff",
         |session| rename(session, 6e3, 11e3),
@@ -145,6 +157,28 @@ const WITHOUT_LOAD_CELL: [Spoil; 16] = [
             deform(&mut session.runs[LIKE], from_s, 0.85);
         },
         &["slipped"],
+    ),
+    (
+        "a layer that jumps by two micrometres and back",
+        |session| {
+            add(&mut session.runs[LIKE], |time_s| {
+                if (time_s * 7.3).fract() < 0.5 {
+                    2e-6
+                } else {
+                    0.0
+                }
+            });
+        },
+        &["unsteady"],
+    ),
+    (
+        "a bench that shakes by two micrometres at 50 Hz",
+        |session| {
+            add(&mut session.runs[LIKE], |time_s| {
+                2e-6 * (time_s * 50.0 * TAU).sin()
+            });
+        },
+        &["unsteady"],
     ),
     (
         "a press that did not reach the sensor",
