@@ -182,7 +182,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let coils = coils(&design, &arguments.coil)?;
     let drive = match arguments.current {
         Some(current_a) => Some(Drive::of(&design, Some(current_a))?),
-        None => (design.background_t != 0.0).then_some(Drive::Background),
+        None => (design.has_standing_field()).then_some(Drive::Background),
     };
     let about = drive
         .map(|drive| drive.solve(&design, effort))

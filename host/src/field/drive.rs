@@ -1,4 +1,4 @@
-//! What a field is driven by: one ampere, a current with saturation, or the background alone.
+//! What a field is driven by: one ampere, a current with saturation, or what stands without it.
 
 use palpate_field::design::Design;
 use palpate_field::solve::{Excitation, Solved, solve};
@@ -9,16 +9,16 @@ use crate::failure::Failure;
 /// What a field is driven by.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Drive {
-    /// One ampere, far below saturation and without the background.
+    /// One ampere, far below saturation, without the background and the remanence of magnets.
     PerAmpere,
-    /// A current in A, with saturation, in the background.
+    /// A current in A, with saturation, in the background, beside the magnets.
     Current(f64),
-    /// The background and the coils' own currents alone, with saturation.
+    /// The background, the magnets and the coils' own currents alone, with saturation.
     Background,
 }
 
 impl Drive {
-    /// What drives a design: the current where one is given; else one ampere, or the background of a
+    /// What drives a design: the current where one is given; else one ampere, or what else there is in a
     /// design without a coil.
     pub(super) fn of(design: &Design, current_a: Option<f64>) -> Result<Self, Failure> {
         match current_a {
@@ -28,9 +28,9 @@ impl Drive {
             ))),
             Some(current_a) => Ok(Self::Current(current_a)),
             None if design.is_driven() => Ok(Self::PerAmpere),
-            None if design.background_t != 0.0 || design.has_own_currents() => Ok(Self::Background),
+            None if design.has_standing_field() => Ok(Self::Background),
             None => Err(Failure::Argument(format!(
-                "{}: nothing drives a field: add a [[coil]] or a [background]",
+                "{}: nothing drives a field: add a [[coil]], a magnet (a material with remanence_T) or a [background]",
                 design.name
             ))),
         }
@@ -63,23 +63,20 @@ impl Drive {
 
     /// The drive in words, for titles.
     pub(super) fn words(self, design: &Design) -> String {
-        let mut background = match design.background_t {
-            0.0 => String::new(),
-            field_t => format!("in a background of {} mT", 1e3 * field_t),
-        };
-        if design.has_own_currents() {
-            let own = if background.is_empty() {
-                "with"
-            } else {
-                " and with"
-            };
-            background.push_str(&format!("{own} the coils' own currents"));
-        }
+        let field_t = design.background_t;
+        let background = format!("in a background of {} mT", 1e3 * field_t);
+        let standing = [
+            (field_t != 0.0).then_some(background.as_str()),
+            design.has_magnets().then_some("with the magnets"),
+            (design.has_own_currents()).then_some("with the coils' own currents"),
+        ];
+        let standing: Vec<&str> = standing.into_iter().flatten().collect();
+        let standing = standing.join(" and ");
         match self {
             Self::PerAmpere => "per ampere".to_owned(),
-            Self::Current(current_a) if background.is_empty() => format!("at {current_a} A"),
-            Self::Current(current_a) => format!("at {current_a} A {background}"),
-            Self::Background => background,
+            Self::Current(current_a) if standing.is_empty() => format!("at {current_a} A"),
+            Self::Current(current_a) => format!("at {current_a} A {standing}"),
+            Self::Background => standing,
         }
     }
 }
@@ -113,6 +110,28 @@ mod tests {
     use palpate_field::solve::Accuracy;
 
     use super::*;
+
+    /// Each thing that stands without the current is named.
+    #[test]
+    fn a_drive_is_named_in_words() {
+        let mut design = builtin("A").unwrap();
+        assert_eq!(Drive::Current(2.0).words(&design), "at 2 A");
+        design.background_t = 0.01;
+        assert_eq!(
+            Drive::Current(2.0).words(&design),
+            "at 2 A in a background of 10 mT"
+        );
+        design.parts[0].remanence_t = 0.1;
+        assert_eq!(
+            Drive::Background.words(&design),
+            "in a background of 10 mT and with the magnets"
+        );
+        design.coils.clear();
+        assert!(matches!(Drive::of(&design, None), Ok(Drive::Background)));
+        design.background_t = 0.0;
+        design.parts[0].remanence_t = 0.0;
+        assert!(Drive::of(&design, None).is_err());
+    }
 
     #[test]
     fn an_accuracy_that_is_not_reached_ends_the_command() {

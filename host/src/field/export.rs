@@ -23,8 +23,8 @@ its own points, since the field jumps between materials. Points are (r, x, 0) in
 components along r and x; flux in Wb, through the circle about the axis; part: 0 for what is not magnetic,
 then the bodies and plates in the order of the design.
 CSV has the same on a square grid over the design and a third of the radius about it; lengths in mm.
-Without --current the field is that of one ampere, far below saturation and without the background; names
-end with _per_A then.
+Without --current the field is that of one ampere, far below saturation, without background and
+magnets; names end with _per_A then.
 There is no estimate of the error of single points: `palpate field profile` has one.
 
 Example

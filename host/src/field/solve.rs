@@ -20,10 +20,10 @@ use crate::failure::Failure;
 #[command(after_help = "\
 Homogeneity is std/mean of |B| by volume within the core's radius (r8), three quarters (r6) and
 half of it (r4): 8, 6 and 4 mm for the built-in designs with a core of 8 mm.
-Figures per ampere are those of a small current without the background. --current adds those with
-saturation, in the background, each with its derivative by the current, for which there is no estimate
-of the error; that of the flux linkage is the differential inductance. A design without a coil is
-solved in its background.
+Figures per ampere are those of a small current without the background and without the remanence of
+magnets. --current adds those with saturation, in the background and with the magnets, each with its
+derivative by the current, for which there is no estimate of the error; that of the flux linkage is
+the differential inductance. A design without a coil is solved in its background, with its magnets.
 
 --force is Maxwell's stress about a part by virtual work; a part that touches magnetic material has none of its
 own. On a coil Lorentz's force stands beside it. There is no estimate of either's error.

@@ -146,9 +146,9 @@ fn bridge(
             "the design has no coil or no current: add a [[coil]] and [conductor] current_A";
         return Err(Failure::Refused(reason.to_owned()));
     }
-    if design.background_t != 0.0 || design.has_own_currents() {
+    if design.has_standing_field() {
         return Err(Failure::Refused(format!(
-            "{}: a stack file has no key for a background or a coil's own current, and its attraction grows with the square of the current: remove [background] and current_A of coils",
+            "{}: a stack file has no key for a background, a magnet or a coil's own current, and its attraction grows with the square of the current: remove [background], remanence_T and current_A of coils",
             design.name
         )));
     }

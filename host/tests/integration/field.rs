@@ -1,5 +1,6 @@
 //! `palpate field` as its users call it.
 
+use std::f64::consts::PI;
 use std::process::Output;
 
 use assert_cmd::Command;
@@ -162,6 +163,36 @@ fn a_background_stands_in_figures_of_their_own() {
     let (code, complaint) = refused(&["stack", file, "--mse", "soft"]);
     assert_eq!(code, Some(1));
     assert!(complaint.contains("remove [background]"), "{complaint}");
+}
+
+#[test]
+fn magnets_need_no_coil() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("magnets.toml");
+    let ball = |name: &str, centre_x: f64| {
+        format!(
+            "[[plate]]\nname = \"{name}\"\nmaterial = \"magnet\"\n\
+             shape = {{ centre_x = {centre_x}, semi_r = 3.0, semi_x = 3.0 }}\n"
+        )
+    };
+    let text = "name = \"balls\"\nlength_unit = \"mm\"\n[core]\nr = 1.0\nx = [4.0, 6.0]\n\
+        [material.magnet]\nmu_r = 1.0\nremanence_T = 1.2\n"
+        .to_owned();
+    std::fs::write(&path, text + &ball("low", 0.0) + &ball("high", 10.0)).unwrap();
+    let file = path.to_str().unwrap();
+    let solved = json(&["solve", file, "--force", "low", "--json"]);
+    // As dipoles: 8 pi/3 a^6 B_r^2/(mu0 d^4).
+    let exact_n = 8.0 * PI / 3.0 * 3e-3_f64.powi(6) * 1.44 / (4e-7 * PI * 1e-8);
+    let force_n = solved["forces"][0]["force_N"].as_f64().unwrap();
+    assert!(
+        (force_n / exact_n - 1.0).abs() < 1e-3,
+        "{force_n} {exact_n}"
+    );
+    let shown = printed(&["solve", file]);
+    assert!(shown.starts_with("balls, with the magnets\n"), "{shown}");
+    let (code, complaint) = refused(&["solve", file, "--current", "1"]);
+    assert_eq!(code, Some(2));
+    assert!(complaint.contains("add a [[coil]]"), "{complaint}");
 }
 
 #[test]

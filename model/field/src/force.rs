@@ -7,6 +7,8 @@
 //! A uniform background pulls at everything alike, out to infinity: its own tension is left out, so
 //! that the force is that of the design in it.
 //!
+//! A magnet that lies there is stretched with its remanence.
+//!
 //! Where a body's outline is slanted there, the field pulls at it along the axis, and the force
 //! depends a little on where the halves are parted. The stress is that of the mid-plane.
 
@@ -19,7 +21,13 @@ use crate::solve::{Level, Locator};
 
 /// Tension along the axis beyond that of the level's background in vacuum, N/m²: ∫H dB − H_r B_r,
 /// which is B²/2μ where B runs along the axis.
-fn tension(level: &Level, material: &Material, b: [f64; 2]) -> f64 {
+fn tension(level: &Level, region: usize, b: [f64; 2]) -> f64 {
+    let (material, excess) = level.law_at(region, b);
+    tension_of(level, material, excess)
+}
+
+/// The same in a material, of what exceeds its remanence.
+fn tension_of(level: &Level, material: &Material, b: [f64; 2]) -> f64 {
     let size = length(b);
     let background = Material::VACUUM.energy_j_per_m3(level.background_t);
     material.energy_j_per_m3(size) - material.reluctivity(size).nu * b[0] * b[0] - background
@@ -35,10 +43,8 @@ pub fn by_virtual_work(design: &Design, level: &Level, w: &[f64], locator: &Loca
     let [from, to] = design.core.parting_m();
     let mut sum = 0.0;
     level.visit(w, |at| {
-        if at.region.parting
-            && let Some(material) = level.materials.get(at.index)
-        {
-            sum += TAU * at.weight * at.point[0] * tension(level, material, at.b);
+        if at.region.parting {
+            sum += TAU * at.weight * at.point[0] * tension(level, at.index, at.b);
         }
     });
     // Beyond the circle the field is smooth.
@@ -50,14 +56,9 @@ pub fn by_virtual_work(design: &Design, level: &Level, w: &[f64], locator: &Loca
 #[must_use]
 pub fn by_stress(design: &Design, level: &Level, locator: &Locator<'_>) -> f64 {
     let x = design.core.middle_m();
-    let vacuum = Material::VACUUM;
     let stress = |point: Point| {
         let at = locator.at(point);
-        tension(
-            level,
-            level.materials.get(at.region as usize).unwrap_or(&vacuum),
-            at.b,
-        )
+        tension(level, at.region as usize, at.b)
     };
     let edge = reach(level, x);
     // The stress jumps where the material changes: the way is cut there.
@@ -93,7 +94,7 @@ fn ring_beyond(level: &Level, locator: &Locator<'_>, x: f64) -> f64 {
     let edge = reach(level, x) * (1.0 + 1e-12);
     panels(1.0, 8, |t| {
         let r = edge / t;
-        TAU * r * tension(level, &Material::VACUUM, locator.at([r, x]).b) * r / t
+        TAU * r * tension_of(level, &Material::VACUUM, locator.at([r, x]).b) * r / t
     })
 }
 

@@ -7,7 +7,7 @@ use crate::geometry::length;
 pub const MU_0: f64 = 4e-7 * core::f64::consts::PI;
 
 /// How a material magnetises. All are isotropic and without hysteresis.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Material {
     /// B = μ₀ μ_r H.
     Linear {

@@ -1,4 +1,4 @@
-//! The greatest flux density in the plates.
+//! The greatest flux density in the plates, magnets left out: how near soft metal is to saturation.
 //!
 //! At corners the field is singular, so that a disc of [`CORNER_M`] about each is left out. Within a part of one
 //! permeability |B|² has its greatest value on the boundary, and near a corner that is the disc's
@@ -42,7 +42,7 @@ pub(crate) fn visit(
     let counts = |part: Option<u32>, point: Point| {
         let part = part.and_then(|part| design.parts.get(part as usize));
         let far = |&corner: &Point| distance(point, corner) > CORNER_M;
-        part.is_some_and(|part| !part.cast) && corners.iter().all(far)
+        part.is_some_and(|part| !part.cast && part.remanence_t == 0.0) && corners.iter().all(far)
     };
     level.visit(w, |at| {
         if counts(at.region.part, at.point) {

@@ -20,8 +20,8 @@ use crate::output::OutputFile;
 #[derive(Args)]
 #[command(after_help = "\
 Writes DESIGN-map.svg, DESIGN-axial.svg and DESIGN-radial.svg.
-Without --current the field is that of one ampere, far below saturation and without the background;
-of a design without a coil, that in its background.")]
+Without --current the field is that of one ampere, far below saturation and without background and magnets;
+of a design without a coil, that of its background and magnets.")]
 pub(super) struct Arguments {
     #[command(flatten)]
     source: DesignSource,

@@ -124,6 +124,8 @@ pub struct MagneticPart {
     pub material_name: String,
     /// Its material; that of what is left and the air between, where the body is cut.
     pub material: Material,
+    /// Remanence along the axis, T: of a magnet, whose `material` has the recoil permeability. B = B_r + μ₀ μ_r H.
+    pub remanence_t: f64,
     /// Its outline.
     pub shape: Shape,
     /// What is cut out of it.
@@ -277,6 +279,19 @@ impl Design {
         self.extremes()
             .map(|[r, _]| r)
             .fold(self.core.r_m, f64::max)
+    }
+
+    /// Whether any of its parts is a magnet.
+    #[must_use]
+    pub fn has_magnets(&self) -> bool {
+        self.parts.iter().any(|part| part.remanence_t != 0.0)
+    }
+
+    /// Whether a field stands without the constant current: a background's, magnets', or that of coils with
+    /// currents of their own.
+    #[must_use]
+    pub fn has_standing_field(&self) -> bool {
+        self.background_t != 0.0 || self.has_magnets() || self.has_own_currents()
     }
 
     /// Whether any of its materials saturates.

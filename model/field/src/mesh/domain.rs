@@ -6,6 +6,7 @@ use super::plan::{MeshPlan, Region};
 use super::triangulate::{KeptSegment, MeshTriangulation, Wish, centroid, triangulate};
 use super::{Circle, Mesh, MeshError, Triangle, ascending};
 use crate::design::{Design, Rectangle};
+use crate::geometry::arrangement::Piece;
 use crate::geometry::path::{Path, PathCurve};
 use crate::geometry::{Point, distance};
 
@@ -143,6 +144,9 @@ fn lines(plan: &MeshPlan) -> Lines {
                     stops.push((share, index));
                 }
             }
+        } else if has_chord(plan, piece) {
+            vertices.push(middle);
+            stops.push((0.5, vertices.len() - 1));
         }
         stops.sort_by(|a, b| a.0.total_cmp(&b.0));
         let mut last = piece.ends[0];
@@ -164,6 +168,14 @@ fn lines(plan: &MeshPlan) -> Lines {
         }
     }
     (vertices, segments)
+}
+
+/// Whether another piece has the same ends, as the axis and the half-circle of a sphere: two vertices have one
+/// line between them.
+fn has_chord(plan: &MeshPlan, piece: &Piece) -> bool {
+    let others = plan.arrangement.pieces.iter();
+    let mut alike = others.filter(|other| other.ends == piece.ends);
+    alike.any(|other| other.curve != piece.curve)
 }
 
 fn on_outline(section: &Rectangle, [r, x]: Point, slack: f64) -> bool {

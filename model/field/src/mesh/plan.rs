@@ -253,20 +253,22 @@ fn as_rectangle(corners: &[Point]) -> Option<Rectangle> {
     })
 }
 
-/// Vertices at which the line between two permeabilities turns or branches. On the axis it goes on as
+/// Vertices at which the line between two permeabilities or remanences turns or branches. On the axis it goes on as
 /// its mirror image: it turns where it does not meet the axis at a right angle, as at a cone's tip.
 fn corners(design: &Design, circle: &Circle, arrangement: &Arrangement) -> Vec<usize> {
-    let permeability = |point: Point| {
+    let law = |point: Point| {
         let region = Region::at(design, circle, point);
         let part = region.part.and_then(|part| design.parts.get(part as usize));
-        part.map_or(1.0, |part| part.material.initial_mu_r())
+        part.map_or((1.0, 0.0), |part| {
+            (part.material.initial_mu_r(), part.remanence_t)
+        })
     };
     let mut magnetic: Vec<&Piece> = Vec::new();
     let beside = arrangement.points_beside();
     for (piece, sides) in arrangement.pieces.iter().zip(beside.chunks(2)) {
         if let [left, right] = sides
             && left[0].min(right[0]) > 0.0
-            && permeability(*left) != permeability(*right)
+            && law(*left) != law(*right)
         {
             magnetic.push(piece);
         }

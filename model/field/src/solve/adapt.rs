@@ -111,7 +111,7 @@ pub fn solve(
         linear_solves += balanced.steps;
         let profiled = ProfiledFigures::of(design, &level, &balanced.w);
         let figures = profiled.figures;
-        let primal = jumps(&level, &balanced.w, &balanced.w, level.background_t);
+        let primal = jumps(&level, &balanced.w);
         let decay = decay(&level.space, &balanced.w);
         let mut rough = rough(design, &level, &primal, &decay, accuracy.relative, &figures);
         let plates = plate_peak(
@@ -154,7 +154,7 @@ pub fn solve(
         };
         last_profile = profile;
         let settled = axis_settled
-            && changes.is_some_and(|e| close(&e, &figures, design, excitation, accuracy));
+            && changes.is_some_and(|e| close(&e, &figures, design, &level, excitation, accuracy));
         let full = 2 * level.space.count > accuracy.most_unknowns;
         let reached = settled && !rough.contains(&true);
         if let Some(errors) = errors

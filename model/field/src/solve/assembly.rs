@@ -17,6 +17,8 @@ pub struct Level {
     pub space: Space,
     /// Material of each region.
     pub materials: Vec<Material>,
+    /// Remanence of each region along the axis, T; 0 for all but magnets.
+    pub remanences_t: Vec<f64>,
     /// Turns per area times the coil's current, A/m², of each region.
     pub currents_a_per_m2: Vec<f64>,
     /// The uniform field in which everything stands, T.
@@ -85,10 +87,15 @@ impl Level {
         let material = |region: &Region| {
             let part = region.part.and_then(|part| design.parts.get(part as usize));
             match part {
-                Some(part) if excitation.saturating => part.material,
+                Some(part) if excitation.saturating => part.material.clone(),
                 Some(part) => part.material.initially(),
                 None => Material::VACUUM,
             }
+        };
+        let remanence = |region: &Region| {
+            let part = region.part.and_then(|part| design.parts.get(part as usize));
+            let part = part.filter(|_| excitation.magnetised);
+            part.map_or(0.0, |part| part.remanence_t)
         };
         let current = |region: &Region| {
             let [coil, ring] = region.ring?;
@@ -100,10 +107,19 @@ impl Level {
         let regions = &space.mesh.regions;
         Self {
             materials: regions.iter().map(material).collect(),
+            remanences_t: regions.iter().map(remanence).collect(),
             currents_a_per_m2: regions.iter().map(|r| current(r).unwrap_or(0.0)).collect(),
             background_t: excitation.background_t,
             space,
         }
+    }
+
+    /// The material of a region, and what of a field there exceeds the remanence, T: H = ν (B − B_r), so that
+    /// a material's law holds for this difference.
+    pub(crate) fn law_at(&self, region: usize, b: [f64; 2]) -> (&Material, [f64; 2]) {
+        let material = self.materials.get(region).unwrap_or(&Material::VACUUM);
+        let remanence_t = self.remanences_t.get(region).copied().unwrap_or(0.0);
+        (material, [b[0], b[1] - remanence_t])
     }
 
     /// Calls `visit` at every point of integration within the circle.
@@ -152,11 +168,6 @@ impl Level {
         out.tangent.fill(0.0);
         let exterior = self.space.mesh.region(triangle).exterior;
         let region = triangle.region as usize;
-        let material = self
-            .materials
-            .get(region)
-            .copied()
-            .unwrap_or(Material::VACUUM);
         let current = self.currents_a_per_m2.get(region).copied().unwrap_or(0.0);
         let mut curls = vec![[0.0; 2]; unknowns.len()];
         for (sample, weight) in &self.space.samples {
@@ -184,10 +195,14 @@ impl Level {
                 -r * slope[1],
                 2.0 * value + r * slope[0] + self.background_t,
             ];
-            let law = material.reluctivity(length(b));
+            let (material, excess) = self.law_at(region, b);
+            let law = material.reluctivity(length(excess));
             // The background is a field of its own, curl-free: only what exceeds ν₀B₀ drives.
-            let h = [law.nu * b[0], law.nu * b[1] - self.background_t / MU_0];
-            add(out, area * r, law.differential(b), h, &curls);
+            let h = [
+                law.nu * excess[0],
+                law.nu * excess[1] - self.background_t / MU_0,
+            ];
+            add(out, area * r, law.differential(excess), h, &curls);
             for (residual, phi) in out.residual.iter_mut().zip(&sample.values) {
                 *residual -= area * r * r * current * phi;
             }

@@ -11,7 +11,7 @@ use super::newton::dot;
 use super::space::Space;
 use crate::element::shape::Placed;
 use crate::element::{Basis, quadrature};
-use crate::material::{MU_0, Material};
+use crate::material::MU_0;
 use crate::mesh::ascending;
 
 /// What the jumps about each triangle amount to.
@@ -25,17 +25,22 @@ pub(super) struct Jumps {
     pub(super) size_t: Vec<f64>,
 }
 
-/// The jumps of the field of `w`, materials being in the state of `state`.
-pub(super) fn jumps(level: &Level, state: &[f64], w: &[f64], background_t: f64) -> Jumps {
-    jumps_without(level, state, w, background_t, &HashSet::new())
+/// The jumps of a level's field `w`.
+pub(super) fn jumps(level: &Level, w: &[f64]) -> Jumps {
+    jumps_without(level, w, None, &HashSet::new())
 }
 
-/// The same without some edges, at which there is no jump to be expected.
+/// The jumps of a small change of a level's field `state`, without background and magnets.
+pub(super) fn jumps_of_change(level: &Level, state: &[f64], change: &[f64]) -> Jumps {
+    jumps_without(level, state, Some(change), &HashSet::new())
+}
+
+/// Those of a change, or else of the field itself, without some edges, at which there is no jump to be
+/// expected.
 pub(super) fn jumps_without(
     level: &Level,
     state: &[f64],
-    w: &[f64],
-    background_t: f64,
+    change: Option<&[f64]>,
     left_out: &HashSet<[u32; 2]>,
 ) -> Jumps {
     let space = &level.space;
@@ -61,8 +66,6 @@ pub(super) fn jumps_without(
             continue;
         };
         let exterior = space.mesh.region(triangle).exterior;
-        let material = level.materials.get(triangle.region as usize);
-        let material = material.copied().unwrap_or(Material::VACUUM);
         for (side, edge) in triangle.edges().into_iter().enumerate() {
             let key = ascending(edge);
             let [a, b] = edge.map(|vertex| space.mesh.position(vertex));
@@ -89,7 +92,10 @@ pub(super) fn jumps_without(
                         [-r * slope[1], 2.0 * value + r * slope[0] + background],
                     )
                 };
-                let (_, slope, b) = field(w, background_t);
+                let (_, slope, b) = match change {
+                    Some(change) => field(change, 0.0),
+                    None => field(state, level.background_t),
+                };
                 if let Some(size) = size_t.get_mut(index) {
                     *size += (b[0] * b[0] + b[1] * b[1]) / (3 * rule.len()) as f64;
                 }
@@ -99,8 +105,10 @@ pub(super) fn jumps_without(
                     nu_sum += 1.0 / MU_0;
                 } else {
                     let (_, _, b_state) = field(state, level.background_t);
-                    let nu = material.reluctivity(crate::geometry::length(b_state)).nu;
-                    values.push(nu * (b[0] * tangent[0] + b[1] * tangent[1]));
+                    let (material, excess) = level.law_at(triangle.region as usize, b_state);
+                    let nu = material.reluctivity(crate::geometry::length(excess)).nu;
+                    let of = if change.is_some() { b } else { excess };
+                    values.push(nu * (of[0] * tangent[0] + of[1] * tangent[1]));
                     nu_sum += nu;
                 }
             }

@@ -1,9 +1,11 @@
 //! How good a field is: estimated errors, and where the mesh should be finer.
 
+use core::f64::consts::TAU;
+
 use super::adapt::Accuracy;
 use super::assembly::Level;
 use super::evaluate::Locator;
-use super::indicator::{Jumps, jumps};
+use super::indicator::{Jumps, jumps_of_change};
 use super::newton::Excitation;
 use super::space::Space;
 use crate::design::Design;
@@ -118,13 +120,15 @@ pub(super) fn close(
     errors: &Figures,
     figures: &Figures,
     design: &Design,
+    level: &Level,
     excitation: &Excitation,
     accuracy: &Accuracy,
 ) -> bool {
     let within = |error: f64, size: f64| error <= accuracy.relative * size.abs();
     let currents = excitation.currents_a.iter();
     let current = currents.fold(0.0_f64, |greatest, current| greatest.max(current.abs()));
-    let energy = 0.5 * (figures.linkage_wb * current).abs();
+    let of_currents = 0.5 * (figures.linkage_wb * current).abs();
+    let energy = of_currents.max(energy_of_magnets_j(level));
     let least = 0.01 * energy / (design.core.x_m[1] - design.core.x_m[0]);
     let force = WIDER * figures.force_n.abs().max(least);
     within(errors.core_mean_t, figures.core_mean_t)
@@ -132,6 +136,20 @@ pub(super) fn close(
         && within(errors.linkage_wb, WIDER * figures.linkage_wb)
         && within(errors.force_n, force)
         && within(errors.force_by_stress_n, force)
+}
+
+/// The most energy of a field outside of the magnets, J: B_r²/8μ per volume, where B is half of B_r.
+fn energy_of_magnets_j(level: &Level) -> f64 {
+    if level.remanences_t.iter().all(|remanence| *remanence == 0.0) {
+        return 0.0;
+    }
+    let mut energy_j = 0.0;
+    level.visit(&[], |at| {
+        let (material, [_, below]) = level.law_at(at.index, [0.0; 2]);
+        let volume = TAU * at.weight * at.point[0];
+        energy_j += 0.25 * volume * material.energy_j_per_m3(below.abs());
+    });
+    energy_j
 }
 
 /// The change from mesh to mesh is nearly the error of the coarser one where meshes become better
@@ -230,7 +248,7 @@ pub(super) fn plate_peak(
 /// The energy's error and that of the fields which users look at count alike.
 pub(super) fn scores(level: &Level, w: &[f64], primal: &Jumps, dual: &[f64]) -> Vec<f64> {
     let primal = &primal.energy;
-    let dual = jumps(level, w, dual, 0.0).energy;
+    let dual = jumps_of_change(level, w, dual).energy;
     let product: Vec<f64> = primal
         .iter()
         .zip(&dual)

@@ -17,12 +17,14 @@ pub struct Excitation {
     pub background_t: f64,
     /// Whether materials saturate. Otherwise they keep their initial permeability.
     pub saturating: bool,
+    /// Whether magnets have their remanence. Otherwise only their permeability is left.
+    pub magnetised: bool,
 }
 
 impl Excitation {
     /// A current in all driven coils of a design, in series, and nothing else: materials stay far below
-    /// saturation, and the design's background and its coils' own currents are left out, so that every figure is in proportion to
-    /// a power of the current.
+    /// saturation, and the design's background, its magnets' remanence and its coils' own currents are left
+    /// out, so that every figure is in proportion to a power of the current.
     #[must_use]
     pub fn small(design: &Design, current_a: f64) -> Self {
         Self {
@@ -33,11 +35,12 @@ impl Excitation {
                 .collect(),
             background_t: 0.0,
             saturating: false,
+            magnetised: false,
         }
     }
 
-    /// The same current with materials that saturate, in the design's background, beside the coils that carry
-    /// currents of their own.
+    /// The same current with materials that saturate, in the design's background, beside its magnets and the
+    /// coils that carry currents of their own.
     #[must_use]
     pub fn saturating(design: &Design, current_a: f64) -> Self {
         Self {
@@ -52,6 +55,7 @@ impl Excitation {
                 .collect(),
             background_t: design.background_t,
             saturating: true,
+            magnetised: true,
         }
     }
 }

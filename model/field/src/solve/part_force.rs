@@ -47,9 +47,10 @@ impl Solved {
             };
             let shares: Vec<f64> = places.iter().map(shares).collect();
             let index = triangle.region as usize;
+            let remanence_t = self.level.remanences_t.get(index).copied();
             let material = self.level.materials.get(index);
-            let material = material.copied().unwrap_or(Material::VACUUM);
-            if material != Material::VACUUM {
+            let material = material.unwrap_or(&Material::VACUUM);
+            if *material != Material::VACUUM || remanence_t.unwrap_or(0.0) != 0.0 {
                 return None;
             }
             let current = self.level.currents_a_per_m2.get(index);

@@ -65,7 +65,7 @@ impl Solved {
 
     /// The triangles in which a point's field is not good enough.
     fn blurred(&self, points: &[Point], relative: f64) -> Vec<bool> {
-        let jumps = jumps(&self.level, &self.w, &self.w, self.level.background_t);
+        let jumps = jumps(&self.level, &self.w);
         let decay = decay(&self.level.space, &self.w);
         let locator = Locator::new(&self.level, &self.w);
         let mut marked = vec![false; self.level.space.mesh.triangles.len()];

@@ -8,7 +8,7 @@ use super::evaluate::Locator;
 use super::newton::dot;
 use crate::design::Design;
 use crate::element::quadrature::gauss;
-use crate::material::{MU_0, Material};
+use crate::material::MU_0;
 
 impl Solved {
     /// Calls `visit` at every point of integration within the circle.
@@ -36,7 +36,7 @@ impl Solved {
         TAU * linkage
     }
 
-    /// Work of the currents ∫ J·A dV, J: twice the energy, if nothing saturates.
+    /// Work of the currents ∫ J·A dV, J: twice the energy, if nothing saturates and there is no magnet.
     #[must_use]
     pub fn work_j(&self, design: &Design) -> f64 {
         let linkages: Vec<f64> = (0..design.coils.len())
@@ -45,15 +45,15 @@ impl Solved {
         dot(&linkages, &self.excitation.currents_a)
     }
 
-    /// Energy of the field ∫∫ H dB dV in all of space, J, summed point by point. Without saturation
-    /// it is half the work of the currents; a background's energy is infinite.
+    /// Energy of the field ∫∫ H dB dV in all of space, J, summed point by point; in a magnet from its
+    /// remanence, where H is 0. Without saturation and magnets it is half the work of the currents; a
+    /// background's energy is infinite.
     #[must_use]
     pub fn energy_j(&self) -> f64 {
         let mut inside = 0.0;
         self.visit(|at| {
-            let material = self.level.materials.get(at.index);
-            let material = material.copied().unwrap_or(Material::VACUUM);
-            let density = material.energy_j_per_m3(at.b[0].hypot(at.b[1]));
+            let (material, excess) = self.level.law_at(at.index, at.b);
+            let density = material.energy_j_per_m3(excess[0].hypot(excess[1]));
             inside += TAU * at.weight * at.point[0] * density;
         });
         inside + self.energy_outside_j()

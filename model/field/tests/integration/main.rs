@@ -4,4 +4,5 @@ mod designs;
 mod eddy;
 mod exact;
 mod forces;
+mod magnets;
 mod properties;

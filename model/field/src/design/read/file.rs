@@ -67,6 +67,8 @@ pub(super) struct BackgroundFile {
 #[serde(deny_unknown_fields)]
 pub(super) struct MaterialFile {
     pub(super) mu_r: Option<SpannedNumber>,
+    #[serde(rename = "remanence_T")]
+    pub(super) remanence: Option<SpannedNumber>,
     #[serde(rename = "saturation_A_per_m")]
     pub(super) saturation: Option<SpannedNumber>,
     pub(super) initial_mu_r: Option<SpannedNumber>,

@@ -14,12 +14,12 @@ use crate::material::Material;
 use file::{File, MaterialFile, Number, Pair, SpannedNumber};
 
 const UNITS: &str = "\"m\", \"mm\", \"um\"";
-const MATERIALS: &str =
-    "{ mu_r }, { mu_r, saturation_A_per_m } or { initial_mu_r, knee_T, exponent }";
+const MATERIALS: &str = "{ mu_r }, { mu_r, remanence_T }, { mu_r, saturation_A_per_m } or { initial_mu_r, knee_T, exponent }";
 
 /// A material as it stands in the file.
 struct ReadMaterial {
     law: Material,
+    remanence_t: f64,
     conductivity_s_per_m: f64,
     loss_tangent: f64,
 }
@@ -259,9 +259,25 @@ impl Reader<'_> {
         };
         Ok(ReadMaterial {
             law: self.law(name, entry)?,
+            remanence_t: self.remanence(name, entry)?,
             conductivity_s_per_m: number(&m.conductivity, "conductivity_S_per_m", 1e9)?,
             loss_tangent: number(&m.loss_tangent, "loss_tangent", 10.0)?,
         })
+    }
+
+    /// The remanence of a magnet; 0 for anything else.
+    fn remanence(&self, name: &str, entry: &Spanned<MaterialFile>) -> Result<f64, DesignError> {
+        let m = entry.get_ref();
+        let Some(remanence) = &m.remanence else {
+            return Ok(0.0);
+        };
+        let place = format!("material.{name}.remanence_T");
+        if m.mu_r.is_none() || m.saturation.is_some() {
+            let problem = "stands without mu_r alone";
+            let allowed = "{ mu_r, remanence_T }: a magnet with its recoil permeability";
+            return Err(self.error(&remanence.span(), &place, problem, allowed));
+        }
+        self.within(remanence, &place, -5.0, 5.0)
     }
 
     fn law(&self, name: &str, entry: &Spanned<MaterialFile>) -> Result<Material, DesignError> {

@@ -144,6 +144,11 @@ impl Reader<'_> {
                 "a material without conductivity_S_per_m, or a body without pillars and slots";
             return Err(self.error(&part.material.span(), &place, problem, allowed));
         }
+        if cut != Cut::Whole && material.remanence_t != 0.0 {
+            let problem = "is cut, and a magnet";
+            let allowed = "a material without remanence_T, or a body without pillars and slots";
+            return Err(self.error(&part.material.span(), &place, problem, allowed));
+        }
         Ok(MagneticPart {
             name: part.name.clone(),
             material_name: part.material.get_ref().clone(),
@@ -151,6 +156,7 @@ impl Reader<'_> {
             shape,
             minus,
             conductivity_s_per_m: material.conductivity_s_per_m,
+            remanence_t: material.remanence_t,
             loss_tangent: material.loss_tangent,
             cut,
             cast,

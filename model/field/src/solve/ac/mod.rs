@@ -194,7 +194,7 @@ fn add_scores(
     let parts: [fn(&Complex64) -> f64; 2] = [|x| x.re, |x| x.im];
     for part in parts {
         let field: Vec<f64> = field.iter().map(part).collect();
-        let energy = jumps_without(level, state, &field, 0.0, left_out).energy;
+        let energy = jumps_without(level, state, Some(&field), left_out).energy;
         for (score, energy) in scores.iter_mut().zip(energy) {
             *score += energy / whole.norm();
         }

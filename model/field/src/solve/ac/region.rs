@@ -7,7 +7,7 @@ use crate::material::{MU_0, Material};
 use crate::mesh::Region;
 
 /// What a region means to an alternating field.
-#[derive(Clone, Copy)]
+#[derive(Clone)]
 pub(super) struct AcRegion {
     pub(super) material: Material,
     /// 1/(1 − i tan δ): the complex reluctivity over its real, static value.

@@ -65,7 +65,9 @@ impl<'l> System<'l> {
         let (first_rings, count) = ring_unknowns(design, space.count);
         let regions = space.mesh.regions.iter().zip(&level.materials);
         let regions: Vec<AcRegion> = regions
-            .map(|(region, material)| AcRegion::of(design, region, *material, &first_rings, omega))
+            .map(|(region, material)| {
+                AcRegion::of(design, region, material.clone(), &first_rings, omega)
+            })
             .collect();
         let mut unknowns = space.unknowns.clone();
         for (triangle, unknowns) in space.mesh.triangles.iter().zip(&mut unknowns) {
@@ -119,7 +121,7 @@ impl<'l> System<'l> {
     /// What a triangle's region means.
     pub(super) fn region(&self, triangle: &Triangle) -> AcRegion {
         let region = self.regions.get(triangle.region as usize);
-        region.copied().unwrap_or(AcRegion::VACUUM)
+        region.cloned().unwrap_or(AcRegion::VACUUM)
     }
 
     /// For each triangle, whether currents in it may be thinner than it is.
