@@ -207,7 +207,7 @@ impl MagneticPart {
 }
 
 impl Design {
-    /// Reads a text; `file` is only for messages.
+    /// Reads a text. `file` is for messages, and files that the text names are read beside it.
     ///
     /// ```
     /// use palpate_field::design::{Design, builtin_text};

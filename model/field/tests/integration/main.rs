@@ -6,3 +6,4 @@ mod exact;
 mod forces;
 mod magnets;
 mod properties;
+mod tables;

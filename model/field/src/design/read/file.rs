@@ -75,6 +75,7 @@ pub(super) struct MaterialFile {
     #[serde(rename = "knee_T")]
     pub(super) knee: Option<SpannedNumber>,
     pub(super) exponent: Option<SpannedNumber>,
+    pub(super) bh_table: Option<Spanned<String>>,
     #[serde(rename = "conductivity_S_per_m")]
     pub(super) conductivity: Option<SpannedNumber>,
     pub(super) loss_tangent: Option<SpannedNumber>,

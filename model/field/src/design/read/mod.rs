@@ -1,7 +1,9 @@
 //! The file format: TOML, read strictly.
 
+mod beside;
 mod file;
 mod parts;
+mod table;
 
 use core::ops::Range;
 use std::collections::BTreeMap;
@@ -14,7 +16,7 @@ use crate::material::Material;
 use file::{File, MaterialFile, Number, Pair, SpannedNumber};
 
 const UNITS: &str = "\"m\", \"mm\", \"um\"";
-const MATERIALS: &str = "{ mu_r }, { mu_r, remanence_T }, { mu_r, saturation_A_per_m } or { initial_mu_r, knee_T, exponent }";
+const MATERIALS: &str = "{ mu_r }, { mu_r, remanence_T }, { mu_r, saturation_A_per_m }, { initial_mu_r, knee_T, exponent } or { bh_table }";
 
 /// A material as it stands in the file.
 struct ReadMaterial {
@@ -289,11 +291,12 @@ impl Reader<'_> {
             &m.initial_mu_r,
             &m.knee,
             &m.exponent,
+            &m.bh_table,
         ) {
-            (Some(mu_r), None, None, None, None) => Ok(Material::Linear {
+            (Some(mu_r), None, None, None, None, None) => Ok(Material::Linear {
                 mu_r: self.within(mu_r, &place("mu_r"), 1e-6, 1e9)?,
             }),
-            (Some(mu_r), Some(saturation), None, None, None) => Ok(Material::Powder {
+            (Some(mu_r), Some(saturation), None, None, None, None) => Ok(Material::Powder {
                 chi: self.within(mu_r, &place("mu_r"), 1.001, 1e6)? - 1.0,
                 saturation_a_per_m: self.within(
                     saturation,
@@ -302,12 +305,16 @@ impl Reader<'_> {
                     1e8,
                 )?,
             }),
-            (None, None, Some(initial), Some(knee), Some(exponent)) => Ok(Material::Metal {
+            (None, None, Some(initial), Some(knee), Some(exponent), None) => Ok(Material::Metal {
                 initial_mu_r: self.within(initial, &place("initial_mu_r"), 1.0, 1e9)?,
                 knee_t: self.within(knee, &place("knee_T"), 1e-3, 100.0)?,
                 exponent: self.within(exponent, &place("exponent"), 2.0, 20.0)?,
                 fill: 1.0,
             }),
+            (None, None, None, None, None, Some(table)) => {
+                let curve = self.bh_table(table, &place("bh_table"))?;
+                Ok(Material::table(curve))
+            }
             _ => {
                 let place = format!("material.{name}");
                 Err(self.error(&entry.span(), &place, "is in no known form", MATERIALS))
