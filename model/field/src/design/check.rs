@@ -2,13 +2,14 @@
 
 use super::{Design, DesignError, Rectangle};
 use crate::geometry::arrangement::Arrangement;
+use crate::geometry::path::Path;
 use crate::geometry::shape::{Shape, edges};
-use crate::geometry::{cross, distance};
+use crate::geometry::{Point, cross, distance};
 
 /// Nothing may be thinner, and no gap narrower: 1 µm, below any tolerance of such a stack.
 pub(super) const THINNEST_M: f64 = 1e-6;
 /// Positions this near are the same.
-const SAME_M: f64 = 1e-9;
+pub(super) const SAME_M: f64 = 1e-9;
 
 /// Lines of the file on which each entry begins.
 #[derive(Default)]
@@ -181,8 +182,10 @@ fn narrowest_gap(a: &Shape, b: &Shape) -> f64 {
 
 /// Refuses an outline that is no simple polygon.
 pub(super) fn outline(shape: &Shape, most: usize) -> Result<(), (String, String)> {
-    let Shape::Polygon(corners) = shape else {
-        return Ok(());
+    let corners = match shape {
+        Shape::Polygon(corners) => corners,
+        Shape::Outline(paths) => return curved(shape, paths, most),
+        Shape::Spheroid { .. } => return Ok(()),
     };
     let allowed = format!("3 to {most} corners [r, x] of a polygon that does not cross itself");
     if corners.len() < 3 || corners.len() > most {
@@ -213,6 +216,38 @@ pub(super) fn outline(shape: &Shape, most: usize) -> Result<(), (String, String)
                     format!("sides {} and {} cross", index + 1, other + 1),
                     allowed,
                 ));
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The same of an outline with arcs.
+fn curved(shape: &Shape, paths: &[Path], most: usize) -> Result<(), (String, String)> {
+    let allowed =
+        format!("up to {most} lines and arcs that do not touch each other but at corners");
+    let refuse = |problem: String| Err((problem, allowed.clone()));
+    if paths.len() > most {
+        return refuse(format!("has {} lines and arcs", paths.len()));
+    }
+    let near = |[r, x]: Point| format!("near r = {:.4} mm, x = {:.4} mm", 1e3 * r, 1e3 * x);
+    if let Some(path) = paths.iter().find(|path| path.chord() < THINNEST_M) {
+        return refuse(format!("has a side without length {}", near(path.from)));
+    }
+    let longest = paths.iter().map(Path::chord).fold(0.0, f64::max);
+    if shape.area_m2() < THINNEST_M * longest {
+        return refuse("has zero thickness".to_owned());
+    }
+    for (index, path) in paths.iter().enumerate() {
+        for other in paths.iter().skip(index + 1) {
+            let corner = |point: Point| {
+                let ends = [path.from, path.to].into_iter();
+                let mut common = ends.filter(|end| [other.from, other.to].contains(end));
+                common.any(|end| distance(end, point) < THINNEST_M)
+            };
+            let meetings = path.meetings(other, SAME_M).into_iter();
+            if let Some(point) = meetings.map(|s| path.at(s)).find(|&point| !corner(point)) {
+                return refuse(format!("touches or crosses itself {}", near(point)));
             }
         }
     }

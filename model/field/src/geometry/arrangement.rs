@@ -37,7 +37,7 @@ impl Arrangement {
             let mut last = arrangement.vertex(path.from, tolerance);
             for &share in shares.iter().skip(1) {
                 let next = arrangement.vertex(path.at(share), tolerance);
-                arrangement.add(last, next, path.curve);
+                arrangement.add(last, next, path.curve, tolerance);
                 last = next;
             }
         }
@@ -55,12 +55,12 @@ impl Arrangement {
         })
     }
 
-    fn add(&mut self, a: usize, b: usize, curve: PathCurve) {
+    fn add(&mut self, a: usize, b: usize, curve: PathCurve, tolerance: f64) {
         let ends = [a.min(b), a.max(b)];
         let known = self
             .pieces
             .iter()
-            .any(|piece| piece.ends == ends && piece.curve == curve);
+            .any(|piece| piece.ends == ends && piece.curve.coincides(&curve, tolerance));
         if a != b && !known {
             self.pieces.push(Piece { ends, curve });
         }
@@ -169,21 +169,11 @@ fn near(a: &Path, b: &Path, tolerance: f64) -> bool {
 fn bounds(path: &Path) -> [Point; 2] {
     let mut low = path.from;
     let mut high = path.from;
-    let mut take = |point: Point| {
+    for point in path.extremes() {
         for axis in 0..2 {
             low[axis] = low[axis].min(point[axis]);
             high[axis] = high[axis].max(point[axis]);
         }
-    };
-    take(path.to);
-    if let PathCurve::Ellipse {
-        centre_x,
-        semi_r,
-        semi_x,
-    } = path.curve
-    {
-        take([semi_r, centre_x + semi_x]);
-        take([0.0, centre_x - semi_x]);
     }
     [low, high]
 }

@@ -1,16 +1,19 @@
 //! Straight lines and elliptic arcs, and where they meet.
 
-use super::{Point, distance};
+use core::f64::consts::{FRAC_PI_2, PI, TAU};
+
+use super::{Point, cross, distance};
 
 /// The curve that a path runs along.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PathCurve {
     /// A straight line.
     Line,
-    /// An ellipse about a point of the axis: r = semi_r cos t, x = centre + semi_x sin t.
+    /// An ellipse: r = centre_r + semi_r cos t, x = centre_x + semi_x sin t. Between two of its points it
+    /// runs the shorter way, or upwards and downwards about a centre on the axis.
     Ellipse {
         /// Position of the centre.
-        centre_x: f64,
+        centre: Point,
         /// Semi-axis across the axis.
         semi_r: f64,
         /// Semi-axis along the axis.
@@ -24,22 +27,22 @@ impl PathCurve {
         match *self {
             Self::Line => None,
             Self::Ellipse {
-                centre_x,
+                centre,
                 semi_r,
                 semi_x,
-            } => Some([semi_r * t.cos(), centre_x + semi_x * t.sin()]),
+            } => Some([centre[0] + semi_r * t.cos(), centre[1] + semi_x * t.sin()]),
         }
     }
 
-    /// The angle of a point on it, from −π/2 to π/2 where r ≥ 0.
+    /// The angle of a point on it, from −π to π.
     fn angle(&self, [r, x]: Point) -> f64 {
         match *self {
             Self::Line => 0.0,
             Self::Ellipse {
-                centre_x,
+                centre,
                 semi_r,
                 semi_x,
-            } => ((x - centre_x) / semi_x).atan2(r / semi_r),
+            } => ((x - centre[1]) / semi_x).atan2((r - centre[0]) / semi_r),
         }
     }
 
@@ -48,18 +51,54 @@ impl PathCurve {
         match *self {
             Self::Line => 1.0,
             Self::Ellipse {
-                centre_x,
+                centre,
                 semi_r,
                 semi_x,
-            } => (r / semi_r).powi(2) + ((x - centre_x) / semi_x).powi(2) - 1.0,
+            } => ((r - centre[0]) / semi_r).powi(2) + ((x - centre[1]) / semi_x).powi(2) - 1.0,
+        }
+    }
+
+    /// The angle from one point to another, the shorter way.
+    fn turn(&self, from: Point, to: Point) -> f64 {
+        let turn = self.angle(to) - self.angle(from);
+        if turn > PI {
+            turn - TAU
+        } else if turn < -PI {
+            turn + TAU
+        } else {
+            turn
+        }
+    }
+
+    /// Whether it is the same curve as another: arcs of one circle are computed from different points.
+    #[must_use]
+    pub fn coincides(&self, other: &Self, tolerance: f64) -> bool {
+        match (*self, *other) {
+            (Self::Line, Self::Line) => true,
+            (
+                Self::Ellipse {
+                    centre,
+                    semi_r,
+                    semi_x,
+                },
+                Self::Ellipse {
+                    centre: other_centre,
+                    semi_r: other_r,
+                    semi_x: other_x,
+                },
+            ) => {
+                distance(centre, other_centre) <= tolerance
+                    && (semi_r - other_r).abs() <= tolerance
+                    && (semi_x - other_x).abs() <= tolerance
+            }
+            _ => false,
         }
     }
 
     /// The point a share `s` of the way from `a` to `b`, both on the curve.
     #[must_use]
     pub fn between(&self, a: Point, b: Point, s: f64) -> Point {
-        let (from, to) = (self.angle(a), self.angle(b));
-        match self.at(from + s * (to - from)) {
+        match self.at(self.angle(a) + s * self.turn(a, b)) {
             Some(point) if s > 0.0 && s < 1.0 => point,
             _ => [a[0] + s * (b[0] - a[0]), a[1] + s * (b[1] - a[1])],
         }
@@ -88,12 +127,73 @@ impl Path {
         }
     }
 
+    /// The arc of a circle from one point through another to a third, in pieces of a quarter of the circle at most;
+    /// none where the three lie on a line.
+    #[must_use]
+    pub fn arc_through(from: Point, through: Point, to: Point) -> Option<Vec<Self>> {
+        let curve = circle_through(from, through, to)?;
+        let mut turn = curve.turn(from, to);
+        if cross(from, through, to) > 0.0 {
+            turn = turn.rem_euclid(TAU);
+        } else {
+            turn = -(-turn).rem_euclid(TAU);
+        }
+        #[allow(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "1 to 4"
+        )]
+        let count = (turn.abs() / FRAC_PI_2 - 1e-9).ceil().clamp(1.0, 4.0) as u32;
+        let start = curve.angle(from);
+        let stop = |k: u32| match k {
+            0 => Some(from),
+            k if k == count => Some(to),
+            k => curve.at(start + turn * f64::from(k) / f64::from(count)),
+        };
+        let piece = |k: u32| {
+            Some(Self {
+                curve,
+                from: stop(k)?,
+                to: stop(k + 1)?,
+            })
+        };
+        (0..count).map(piece).collect()
+    }
+
+    /// Its ends, and the points of an arc that are the farthest along r and x.
+    #[must_use]
+    pub fn extremes(&self) -> Vec<Point> {
+        let mut points = vec![self.from, self.to];
+        let quarters = (-2..2).filter_map(|quarter| self.curve.at(f64::from(quarter) * FRAC_PI_2));
+        points.extend(quarters.filter(|&point| (0.0..=1.0).contains(&self.share_of(point))));
+        points
+    }
+
+    /// Twice the signed area between it and its chord.
+    #[must_use]
+    pub fn bulge_area(&self) -> f64 {
+        match self.curve {
+            PathCurve::Line => 0.0,
+            PathCurve::Ellipse { semi_r, semi_x, .. } => {
+                let turn = self.curve.turn(self.from, self.to);
+                semi_r * semi_x * (turn - turn.sin())
+            }
+        }
+    }
+
+    /// Whether a point lies between it and its chord.
+    #[must_use]
+    pub fn bulge_contains(&self, point: Point) -> bool {
+        let side = |point: Point| cross(self.from, self.to, point) > 0.0;
+        self.curve.level(point) < 0.0 && side(point) == side(self.at(0.5))
+    }
+
     /// An arc between two angles. Its ends are exactly on the axis where the angles are ±π/2.
     #[must_use]
     pub fn arc(curve: PathCurve, from: f64, to: f64) -> Self {
         let end = |t: f64| {
             let mut point = curve.at(t).unwrap_or([0.0; 2]);
-            if t.abs() == core::f64::consts::FRAC_PI_2 {
+            if t.abs() == FRAC_PI_2 {
                 point[0] = 0.0;
             }
             point
@@ -120,16 +220,27 @@ impl Path {
     /// Where along this path, from 0 to 1, `other` meets it; `tolerance` is a length.
     #[must_use]
     pub fn meetings(&self, other: &Self, tolerance: f64) -> Vec<f64> {
+        // Where an end lies on the other path it is found as such: curves that touch there tangentially also seem
+        // to cross nearby, by the root of a rounding error.
+        const SAME: f64 = 1e-6;
+        let on = |path: &Self, end: Point| {
+            let s = path.share_of(end).clamp(0.0, 1.0);
+            (distance(path.at(s), end) <= tolerance).then_some(s)
+        };
+        let ends = [other.from, other.to];
+        let own = [self.from, self.to];
+        let own = own.into_iter().filter(|&end| on(other, end).is_some());
+        let met = ends.into_iter().filter(|&end| on(self, end).is_some());
+        let met: Vec<Point> = own.chain(met).collect();
         let mut found = match (self.curve, other.curve) {
             (PathCurve::Line, PathCurve::Line) => self.line_with_line(other, tolerance),
             (PathCurve::Line, _) => self.line_with_ellipse(other, tolerance),
-            _ if self.curve == other.curve => Vec::new(),
+            _ if self.curve.coincides(&other.curve, tolerance) => Vec::new(),
             _ => self.arc_with(other, tolerance),
         };
-        found.extend([other.from, other.to].iter().filter_map(|&end| {
-            let s = self.share_of(end);
-            ((0.0..=1.0).contains(&s) && distance(self.at(s), end) <= tolerance).then_some(s)
-        }));
+        let reach = SAME * self.chord().min(other.chord());
+        found.retain(|&s| met.iter().all(|&end| distance(self.at(s), end) > reach));
+        found.extend(ends.into_iter().filter_map(|end| on(self, end)));
         found
     }
 
@@ -141,8 +252,7 @@ impl Path {
             let p = [point[0] - self.from[0], point[1] - self.from[1]];
             (p[0] * d[0] + p[1] * d[1]) / (d[0] * d[0] + d[1] * d[1])
         } else {
-            let (from, to) = (self.curve.angle(self.from), self.curve.angle(self.to));
-            (self.curve.angle(point) - from) / (to - from)
+            self.curve.turn(self.from, point) / self.curve.turn(self.from, self.to)
         }
     }
 
@@ -164,15 +274,15 @@ impl Path {
 
     fn line_with_ellipse(&self, other: &Self, tolerance: f64) -> Vec<f64> {
         let PathCurve::Ellipse {
-            centre_x,
+            centre,
             semi_r,
             semi_x,
         } = other.curve
         else {
             return Vec::new();
         };
-        let p = [self.from[0] / semi_r, (self.from[1] - centre_x) / semi_x];
-        let q = [self.to[0] / semi_r, (self.to[1] - centre_x) / semi_x];
+        let [p, q] = [self.from, self.to]
+            .map(|end| [(end[0] - centre[0]) / semi_r, (end[1] - centre[1]) / semi_x]);
         let d = [q[0] - p[0], q[1] - p[1]];
         let a = d[0] * d[0] + d[1] * d[1];
         let b = p[0] * d[0] + p[1] * d[1];
@@ -230,5 +340,80 @@ impl Path {
             }
         }
         found
+    }
+}
+
+/// The circle through three points; none where they lie on a line. It does not depend on the arc's sense.
+fn circle_through(from: Point, through: Point, to: Point) -> Option<PathCurve> {
+    // The sagitta over the chord below which an arc is a line: a hundredth of a micrometre on 10 mm.
+    const FLAT: f64 = 1e-6;
+    let turned = (from[0], from[1]) > (to[0], to[1]);
+    let (a, c) = if turned { (to, from) } else { (from, to) };
+    let twice_area = cross(a, through, c);
+    if twice_area.abs() <= FLAT * distance(a, c).powi(2) {
+        return None;
+    }
+    let [p, q] = [through, c].map(|point| [point[0] - a[0], point[1] - a[1]]);
+    let [pp, qq] = [p, q].map(|p| p[0] * p[0] + p[1] * p[1]);
+    let to_centre = [
+        (q[1] * pp - p[1] * qq) / (2.0 * twice_area),
+        (p[0] * qq - q[0] * pp) / (2.0 * twice_area),
+    ];
+    let radius = to_centre[0].hypot(to_centre[1]);
+    Some(PathCurve::Ellipse {
+        centre: [a[0] + to_centre[0], a[1] + to_centre[1]],
+        semi_r: radius,
+        semi_x: radius,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn arcs_run_through_their_points() {
+        let [from, to] = [[1.0, 0.0], [0.0, 1.0]];
+        let [short, long] = [0.5_f64.sqrt(), -0.5_f64.sqrt()]
+            .map(|place| Path::arc_through(from, [place, place], to).expect("an arc"));
+        assert_eq!((short.len(), long.len()), (1, 3));
+        let area = |arc: &[Path]| arc.iter().map(Path::bulge_area).sum::<f64>();
+        let chords = |arc: &[Path]| -> f64 {
+            arc.iter()
+                .map(|path| cross([0.0; 2], path.from, path.to))
+                .sum()
+        };
+        // Both together make the whole circle.
+        let whole = area(&short) + chords(&short) - area(&long) - chords(&long);
+        assert!((whole - TAU).abs() < 1e-12, "{whole}");
+        for arc in [&short, &long] {
+            assert_eq!((arc[0].from, arc[arc.len() - 1].to), (from, to));
+            for path in arc {
+                let size = distance(path.at(0.37), [0.0; 2]);
+                assert!((size - 1.0).abs() < 1e-12, "{size}");
+            }
+        }
+        assert!(Path::arc_through(from, [0.5, 0.5], to).is_none());
+        let lowest = long.iter().flat_map(Path::extremes).map(|point| point[0]);
+        assert!((lowest.fold(0.0, f64::min) + 1.0).abs() < 1e-12);
+    }
+
+    /// A fillet meets both of its sides at its ends only.
+    #[test]
+    fn tangents_meet_where_they_touch() {
+        let low = Path::line([0.0, 0.0], [0.9, 0.0]);
+        let side = Path::line([1.0, 0.1], [1.0, 1.0]);
+        let place = 0.1 * 0.5_f64.sqrt();
+        let arc = Path::arc_through(low.to, [0.9 + place, 0.1 - place], side.from);
+        let arc = arc.expect("an arc")[0];
+        for (line, end) in [(low, low.to), (side, side.from)] {
+            for (one, other) in [(arc, line), (line, arc)] {
+                let meetings = one.meetings(&other, 1e-9);
+                assert!(!meetings.is_empty());
+                for s in meetings {
+                    assert!(distance(one.at(s), end) < 1e-12, "{s}");
+                }
+            }
+        }
     }
 }

@@ -10,6 +10,8 @@ use super::{Point, cross};
 pub enum Shape {
     /// A polygon; its last corner is joined to the first.
     Polygon(Vec<Point>),
+    /// Lines and arcs of less than half a circle, end to end; the last ends where the first begins.
+    Outline(Vec<Path>),
     /// A spheroid with its centre on the axis.
     Spheroid {
         /// Position of the centre, m.
@@ -43,6 +45,12 @@ impl Shape {
                 }
                 inside
             }
+            Self::Outline(paths) => {
+                // The polygon of all chords, and what each arc adds to it or takes from it.
+                let chords = Self::Polygon(paths.iter().map(|path| path.from).collect());
+                let bulges = paths.iter().filter(|path| path.bulge_contains([r, x]));
+                chords.contains([r, x]) != (bulges.count() % 2 == 1)
+            }
             Self::Spheroid {
                 centre_x_m,
                 semi_r_m,
@@ -59,13 +67,23 @@ impl Shape {
                 .filter(|(a, b)| a[0] > 0.0 || b[0] > 0.0)
                 .map(|(a, b)| Path::line(a, b))
                 .collect(),
+            Self::Outline(paths) => {
+                let on_axis = |path: &Path| {
+                    path.curve == PathCurve::Line && path.from[0] == 0.0 && path.to[0] == 0.0
+                };
+                paths
+                    .iter()
+                    .filter(|path| !on_axis(path))
+                    .copied()
+                    .collect()
+            }
             Self::Spheroid {
                 centre_x_m,
                 semi_r_m,
                 semi_x_m,
             } => {
                 let curve = PathCurve::Ellipse {
-                    centre_x: *centre_x_m,
+                    centre: [0.0, *centre_x_m],
                     semi_r: *semi_r_m,
                     semi_x: *semi_x_m,
                 };
@@ -79,6 +97,12 @@ impl Shape {
     pub fn extremes(&self) -> Vec<Point> {
         match self {
             Self::Polygon(corners) => corners.clone(),
+            Self::Outline(paths) => {
+                let middle = paths.iter().map(|path| path.at(0.5));
+                middle
+                    .chain(paths.iter().flat_map(Path::extremes))
+                    .collect()
+            }
             Self::Spheroid {
                 centre_x_m,
                 semi_r_m,
@@ -97,6 +121,10 @@ impl Shape {
             Self::Polygon(corners) => {
                 let twice: f64 = edges(corners).map(|(a, b)| cross([0.0; 2], a, b)).sum();
                 0.5 * twice.abs()
+            }
+            Self::Outline(paths) => {
+                let twice = |path: &Path| cross([0.0; 2], path.from, path.to) + path.bulge_area();
+                0.5 * paths.iter().map(twice).sum::<f64>().abs()
             }
             Self::Spheroid {
                 semi_r_m, semi_x_m, ..

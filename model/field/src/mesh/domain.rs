@@ -71,7 +71,7 @@ fn holds(section: &Rectangle, [r, x]: Point) -> bool {
 
 fn arc_of(circle: &Circle) -> PathCurve {
     PathCurve::Ellipse {
-        centre_x: circle.centre_x,
+        centre: [0.0, circle.centre_x],
         semi_r: circle.radius,
         semi_x: circle.radius,
     }

@@ -208,7 +208,7 @@ fn paths(design: &Design, circle: &Circle) -> Vec<Path> {
     let ends = [-1.0, 1.0].map(|side| [0.0, circle.centre_x + side * circle.radius]);
     paths.push(Path::line(ends[0], ends[1]));
     let curve = PathCurve::Ellipse {
-        centre_x: circle.centre_x,
+        centre: [0.0, circle.centre_x],
         semi_r: circle.radius,
         semi_x: circle.radius,
     };
@@ -230,7 +230,7 @@ fn narrow(design: &Design) -> Vec<Rectangle> {
         .filter(|part| !part.cast && part.minus.is_empty());
     let plates = plates.filter_map(|plate| match &plate.shape {
         Shape::Polygon(corners) => as_rectangle(corners),
-        Shape::Spheroid { .. } => None,
+        Shape::Outline(_) | Shape::Spheroid { .. } => None,
     });
     let slender = |section: &Rectangle| {
         let (w, h) = (

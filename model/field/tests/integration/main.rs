@@ -1,5 +1,6 @@
 //! Tests of `palpate-field` from outside: one program, whose modules are its parts.
 
+mod arcs;
 mod designs;
 mod eddy;
 mod exact;

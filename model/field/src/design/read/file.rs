@@ -1,8 +1,10 @@
 //! What a file may hold.
 
+use core::fmt;
 use std::collections::BTreeMap;
 
 use serde::Deserialize;
+use serde::de::{Deserializer, Error, MapAccess, SeqAccess, Visitor};
 use toml::Spanned;
 
 /// A number, or arithmetic with the parameters.
@@ -135,8 +137,52 @@ pub(super) struct SlotsFile {
 pub(super) struct ShapeFile {
     pub(super) r: Option<Pair>,
     pub(super) x: Option<Pair>,
-    pub(super) outline: Option<Spanned<Vec<Pair>>>,
+    pub(super) outline: Option<Spanned<Vec<Spanned<OutlineEntry>>>>,
     pub(super) centre_x: Option<SpannedNumber>,
     pub(super) semi_r: Option<SpannedNumber>,
     pub(super) semi_x: Option<SpannedNumber>,
+}
+
+/// What stands in an outline: a corner [r, x], or { through = [r, x] }, a point of an arc to the next corner.
+pub(super) enum OutlineEntry {
+    Corner([SpannedNumber; 2]),
+    Through([SpannedNumber; 2]),
+}
+
+/// By hand, since derived untagged enums lose the place of what is in them.
+impl<'de> Deserialize<'de> for OutlineEntry {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_any(OutlineVisitor)
+    }
+}
+
+struct OutlineVisitor;
+
+impl<'de> Visitor<'de> for OutlineVisitor {
+    type Value = OutlineEntry;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a corner [r, x], or { through = [r, x] }")
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut entries: A) -> Result<OutlineEntry, A::Error> {
+        let (r, x) = (entries.next_element()?, entries.next_element()?);
+        let more: Option<SpannedNumber> = entries.next_element()?;
+        match (r, x, more) {
+            (Some(r), Some(x), None) => Ok(OutlineEntry::Corner([r, x])),
+            _ => Err(A::Error::custom("a corner has two numbers, [r, x]")),
+        }
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, mut entries: A) -> Result<OutlineEntry, A::Error> {
+        let mut through = None;
+        while let Some(key) = entries.next_key::<String>()? {
+            if key != "through" {
+                return Err(A::Error::unknown_field(&key, &["through"]));
+            }
+            through = Some(entries.next_value()?);
+        }
+        let through = through.ok_or_else(|| A::Error::missing_field("through"))?;
+        Ok(OutlineEntry::Through(through))
+    }
 }

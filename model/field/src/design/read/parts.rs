@@ -1,15 +1,19 @@
 //! Coils, boards, bodies and plates of a file.
 
+use core::ops::Range;
 use std::collections::BTreeMap;
 
 use toml::Spanned;
 
-use super::file::{BoardFile, CoilFile, Pair, PartFile, ShapeFile, SpannedNumber};
+use super::file::{BoardFile, CoilFile, OutlineEntry, PartFile, ShapeFile, SpannedNumber};
 use super::{ReadMaterial, Reader};
 use crate::design::{CircuitBoard, Cut, DesignError, MagneticPart, Rectangle, RingCoil, check};
+use crate::geometry::Point;
+use crate::geometry::path::Path;
 use crate::geometry::shape::Shape;
 
 const SHAPES: &str = "{ r = [from, to], x = [from, to] }, { outline = [[r, x], ...] } or { centre_x, semi_r, semi_x }";
+const ARCS: &str = "corner, { through = [r, x] }, corner: an arc from one to the other through a point beside their line";
 /// A file may ask for so many rings in all, by far more than any board has.
 const MOST_RINGS: usize = 2_000;
 /// Corners of one outline.
@@ -249,20 +253,67 @@ impl Reader<'_> {
         }
     }
 
-    fn outline(&self, outline: &Spanned<Vec<Pair>>, place: &str) -> Result<Shape, DesignError> {
-        let corner = |pair: &Pair| {
-            let [r, x] = pair.get_ref();
-            Ok([self.radius(r, place)?, self.length(x, place)?])
-        };
-        let corners: Vec<_> = outline
-            .get_ref()
-            .iter()
-            .map(corner)
-            .collect::<Result<_, _>>()?;
-        let shape = Shape::Polygon(corners);
+    fn outline(
+        &self,
+        outline: &Spanned<Vec<Spanned<OutlineEntry>>>,
+        place: &str,
+    ) -> Result<Shape, DesignError> {
+        let point =
+            |[r, x]: &[SpannedNumber; 2]| Ok([self.radius(r, place)?, self.length(x, place)?]);
+        let mut sides: Vec<Side> = Vec::new();
+        for entry in outline.get_ref() {
+            match (entry.get_ref(), sides.last_mut()) {
+                (OutlineEntry::Corner(corner), _) => sides.push(Side {
+                    from: point(corner)?,
+                    through: None,
+                }),
+                (OutlineEntry::Through(through), Some(side)) if side.through.is_none() => {
+                    side.through = Some((point(through)?, entry.span()));
+                }
+                (OutlineEntry::Through(_), _) => {
+                    let problem = "through stands behind no corner";
+                    return Err(self.error(&entry.span(), place, problem, ARCS));
+                }
+            }
+        }
+        let shape = self.joined(&sides, place)?;
         match check::outline(&shape, MOST_CORNERS) {
             Ok(()) => Ok(shape),
             Err((problem, allowed)) => Err(self.error(&outline.span(), place, problem, &allowed)),
         }
     }
+
+    /// The outline of sides that end where the next begins.
+    fn joined(&self, sides: &[Side], place: &str) -> Result<Shape, DesignError> {
+        if sides.iter().all(|side| side.through.is_none()) {
+            return Ok(Shape::Polygon(sides.iter().map(|side| side.from).collect()));
+        }
+        let mut paths = Vec::new();
+        for (side, next) in sides.iter().zip(sides.iter().cycle().skip(1)) {
+            let Some((through, span)) = &side.through else {
+                paths.push(Path::line(side.from, next.from));
+                continue;
+            };
+            let Some(arc) = Path::arc_through(side.from, *through, next.from) else {
+                let problem = "through lies on the line between its corners";
+                return Err(self.error(span, place, problem, ARCS));
+            };
+            if arc
+                .iter()
+                .flat_map(Path::extremes)
+                .any(|[r, _]| r < -check::SAME_M)
+            {
+                let allowed = "r of 0 or more, all along the arc";
+                return Err(self.error(span, place, "the arc runs below the axis", allowed));
+            }
+            paths.extend(arc);
+        }
+        Ok(Shape::Outline(paths))
+    }
+}
+
+/// A side of an outline: where it begins, and a point of its arc with its place in the file.
+struct Side {
+    from: Point,
+    through: Option<(Point, Range<usize>)>,
 }

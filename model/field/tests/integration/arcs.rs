@@ -1,0 +1,155 @@
+//! Outlines with arcs.
+
+use std::f64::consts::PI;
+
+use palpate_field::design::Design;
+use palpate_field::figures::Figures;
+use palpate_field::solve::{Accuracy, Excitation, Solved, integrate, solve};
+
+/// Bodies of mu_r 3.7 in a field of 1 mT.
+fn design(core: &str, bodies: &[&str]) -> Result<Design, String> {
+    let body = |(index, shape): (usize, &&str)| {
+        format!("[[body]]\nname = \"{index}\"\nmaterial = \"m\"\n{shape}\n")
+    };
+    let bodies: String = bodies.iter().enumerate().map(body).collect();
+    let text = format!(
+        "name = \"x\"\nlength_unit = \"mm\"\n[background]\nfield_T = 1e-3\n[core]\n{core}\n\
+         [material.m]\nmu_r = 3.7\n{bodies}"
+    );
+    Design::parse("x", &text).map_err(|error| error.to_string())
+}
+
+const CORE: &str = "r = 5.0\nx = [-5.0, 5.0]";
+const SPHERE: &str = "shape = { outline = [[0, -10], { through = [10, 0] }, [0, 10]] }";
+
+fn solved(design: &Design) -> Solved {
+    let accuracy = Accuracy {
+        relative: 1e-5,
+        ..Accuracy::default()
+    };
+    solve(design, &Excitation::saturating(design, 1.0), &accuracy).expect("a field")
+}
+
+/// The same as the spheroid, and as the closed form 3 mu/(mu + 2) B0.
+#[test]
+fn a_sphere_of_arcs_is_a_sphere() {
+    let spheroid = "shape = { centre_x = 0.0, semi_r = 10.0, semi_x = 10.0 }";
+    // Arcs of other lengths, and through other points.
+    let three = "shape = { outline = [[0, -10], { through = [6, -8] }, [8, -6], { through = [10, 0] }, \
+                 [6, 8], { through = [\"10 * 5 / 13\", \"10 * 12 / 13\"] }, [0, 10]] }";
+    let figures = |shape: &str| solved(&design(CORE, &[shape]).expect("a design")).figures;
+    let of_spheroid = figures(spheroid);
+    for shape in [SPHERE, three] {
+        let of_arcs = figures(shape);
+        let exact = of_arcs.core_mean_t / (11.1e-3 / 5.7) - 1.0;
+        let same = of_arcs.core_mean_t / of_spheroid.core_mean_t - 1.0;
+        println!("a sphere of arcs: mean off by {exact:.1e}, from the spheroid by {same:.1e}");
+        assert!(
+            exact.abs() < 1e-5 && same.abs() < 1e-5,
+            "{exact:e} {same:e}"
+        );
+        assert!(of_arcs.cv[0] < 1e-4, "{:e}", of_arcs.cv[0]);
+        let force = |figures: &Figures| figures.force_by_stress_n;
+        assert!((force(&of_arcs) / force(&of_spheroid) - 1.0).abs() < 1e-4);
+    }
+}
+
+/// A shell and the ball that fills it: their arcs are of one circle, drawn through different points.
+#[test]
+fn arcs_of_one_circle_fit_each_other() {
+    let shell = "shape = { outline = [[0, -10], { through = [10, 0] }, [0, 10], [0, 7], \
+                 { through = [7, 0] }, [0, -7]] }";
+    let ball =
+        "shape = { outline = [[0, -7], { through = [\"7 * 3 / 5\", \"7 * 4 / 5\"] }, [0, 7]] }";
+    let both = solved(&design(CORE, &[shell, ball]).expect("a design")).figures;
+    let miss = both.core_mean_t / (11.1e-3 / 5.7) - 1.0;
+    assert!(miss.abs() < 1e-5, "{miss:e}");
+    let overlapping = ball
+        .replace("7 * 3 / 5", "7.1 * 3 / 5")
+        .replace("7 * 4 / 5", "7.1 * 4 / 5");
+    let refused = design(CORE, &[shell, &overlapping]).expect_err("overlap");
+    assert!(
+        refused.contains("body \"1\": overlaps body \"0\""),
+        "{refused}"
+    );
+}
+
+/// A ring of round wire has the volume 2 pi^2 R a^2; with flats and fillets less.
+#[test]
+fn the_mesh_has_the_volume_of_the_outline() {
+    let ring =
+        "shape = { outline = [[8, 3], { through = [10, 5] }, [12, 3], { through = [10, 1] }] }";
+    // A rectangle of 4 x 6 mm with fillets of 1 mm; corner to centre of the fillet's arc is 1/sqrt 2.
+    let fillet = "shape = { outline = [[9, 0], [11, 0], { through = [\"11 + s\", \"1 - s\"] }, [12, 1], \
+                  [12, 5], { through = [\"11 + s\", \"5 + s\"] }, [11, 6], [9, 6], \
+                  { through = [\"9 - s\", \"5 + s\"] }, [8, 5], [8, 1], { through = [\"9 - s\", \"1 - s\"] }] }"
+        .replace('s', &format!("{}", 0.5_f64.sqrt()))
+        .replace("0.7071067811865476hape", "shape");
+    let fillet = &fillet;
+    let round = 2.0 * PI * PI * 10.0 * 4.0;
+    let square = 2.0 * PI * 10.0 * (24.0 - (4.0 - PI));
+    for (shape, exact_mm3) in [(ring, round), (fillet, square)] {
+        let design = design(CORE, &[shape]).expect(shape);
+        let solved = solved(&design);
+        let volume_m3 = integrate(&solved.level, &solved.w, |at| {
+            f64::from(u8::from(at.region.part.is_some()))
+        });
+        let miss = 1e9 * volume_m3 / exact_mm3 - 1.0;
+        println!("volume: off by {miss:.1e}");
+        assert!(miss.abs() < 1e-6, "{miss:e}");
+    }
+}
+
+#[test]
+fn outlines_that_make_no_sense_are_refused() {
+    for (outline, problem) in [
+        (
+            "[{ through = [1, 0] }, [0, -1], [0, 1]]",
+            "through stands behind no corner",
+        ),
+        (
+            "[[0, -1], { through = [1, 0] }, { through = [2, 0] }, [0, 1]]",
+            "through stands behind no corner",
+        ),
+        (
+            "[[0, -1], { through = [0, 0.5] }, [0, 1]]",
+            "through lies on the line",
+        ),
+        (
+            "[[0, -1], { through = [1e-8, 0] }, [0, 1]]",
+            "through lies on the line",
+        ),
+        (
+            "[[1, -1], { through = [0.1, 0] }, [1, 1], [0.05, 0]]",
+            "crosses itself",
+        ),
+        (
+            "[[1, 3], { through = [3, 5] }, [5, 3], [5, 6], { through = [3, 4.5] }, [1, 6]]",
+            "crosses itself",
+        ),
+        (
+            "[[0.2, 3], { through = [0.05, 2.9] }, [0.2, 1], [2, 2]]",
+            "below the axis",
+        ),
+        ("[[1, 3], { through = [2, 2] }]", "through lies on the line"),
+        (
+            "[[1, 3], { over = [2, 2] }, [1, 5]]",
+            "unknown field `over`",
+        ),
+        ("[[1, 3], { }, [1, 5]]", "missing field `through`"),
+        ("[[1, 3, 4], [1, 5], [2, 5]]", "a corner has two numbers"),
+        (
+            "[[1, 3], 7, [1, 5]]",
+            "a corner [r, x], or { through = [r, x] }",
+        ),
+        (
+            "[[1, 3], { through = [-2, 2] }, [1, 5]]",
+            "is below the axis",
+        ),
+    ] {
+        let shape = format!("shape = {{ outline = {outline} }}");
+        let refused = design(CORE, &[&shape]).expect_err(outline);
+        assert!(refused.contains(problem), "{outline}: {refused}");
+        assert!(refused.starts_with("x:13: "), "{outline}: {refused}");
+    }
+}
