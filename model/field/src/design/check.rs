@@ -1,7 +1,7 @@
 //! Whether the parts of a design fit together.
 
 use super::{Design, DesignError, Rectangle};
-use crate::geometry::arrangement::Arrangement;
+use crate::geometry::arrangement::{Arrangement, bounds, boxes_touch};
 use crate::geometry::path::Path;
 use crate::geometry::shape::{Shape, edges};
 use crate::geometry::{Point, cross, distance};
@@ -238,8 +238,12 @@ fn curved(shape: &Shape, paths: &[Path], most: usize) -> Result<(), (String, Str
     if shape.area_m2() < THINNEST_M * longest {
         return refuse("has zero thickness".to_owned());
     }
-    for (index, path) in paths.iter().enumerate() {
-        for other in paths.iter().skip(index + 1) {
+    let boxed: Vec<_> = paths.iter().map(|path| (path, bounds(path))).collect();
+    for (index, (path, box_about)) in boxed.iter().enumerate() {
+        for (other, other_box) in boxed.iter().skip(index + 1) {
+            if !boxes_touch(box_about, other_box, SAME_M) {
+                continue;
+            }
             let corner = |point: Point| {
                 let ends = [path.from, path.to].into_iter();
                 let mut common = ends.filter(|end| [other.from, other.to].contains(end));

@@ -26,10 +26,11 @@ impl Arrangement {
     #[must_use]
     pub fn of(paths: &[Path], tolerance: f64) -> Self {
         let mut arrangement = Self::default();
-        for (index, path) in paths.iter().enumerate() {
+        let boxes: Vec<[Point; 2]> = paths.iter().map(bounds).collect();
+        for (index, (path, bounds)) in paths.iter().zip(&boxes).enumerate() {
             let mut shares = vec![0.0, 1.0];
-            for (other_index, other) in paths.iter().enumerate() {
-                if other_index != index && near(path, other, tolerance) {
+            for (other_index, (other, other_bounds)) in paths.iter().zip(&boxes).enumerate() {
+                if other_index != index && boxes_touch(bounds, other_bounds, tolerance) {
                     shares.extend(path.meetings(other, tolerance));
                 }
             }
@@ -157,16 +158,16 @@ fn beside(path: &Path) -> [Point; 2] {
     [1.0, -1.0].map(|side| [middle[0] + side * normal[0], middle[1] + side * normal[1]])
 }
 
-/// Whether the boxes about two paths touch.
-fn near(a: &Path, b: &Path, tolerance: f64) -> bool {
-    let (a, b) = (bounds(a), bounds(b));
+/// Whether two boxes touch.
+pub(crate) fn boxes_touch(a: &[Point; 2], b: &[Point; 2], tolerance: f64) -> bool {
     (0..2).all(|axis| {
         let overlap = |p: &[Point; 2], q: &[Point; 2]| p[0][axis] <= q[1][axis] + tolerance;
-        overlap(&a, &b) && overlap(&b, &a)
+        overlap(a, b) && overlap(b, a)
     })
 }
 
-fn bounds(path: &Path) -> [Point; 2] {
+/// The box about a path: its lowest and its highest coordinates.
+pub(crate) fn bounds(path: &Path) -> [Point; 2] {
     let mut low = path.from;
     let mut high = path.from;
     for point in path.extremes() {

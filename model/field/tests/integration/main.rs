@@ -2,6 +2,7 @@
 
 mod arcs;
 mod designs;
+mod drawings;
 mod eddy;
 mod exact;
 mod forces;

@@ -56,19 +56,21 @@ impl Reader<'_> {
             refuse(format!("{file} cannot be read: {error}"), allowed)
         };
         let is_file = std::fs::metadata(&path).map_err(unreadable)?.is_file();
-        let mut text = String::new();
+        let mut bytes = Vec::new();
         if is_file {
             let opened = File::open(&path).map_err(unreadable)?;
             let mut start = opened.take(MOST_BYTES + 1);
-            start.read_to_string(&mut text).map_err(unreadable)?;
+            start.read_to_end(&mut bytes).map_err(unreadable)?;
         }
-        if !is_file || text.len() as u64 > MOST_BYTES {
+        if !is_file || bytes.len() as u64 > MOST_BYTES {
             let allowed = format!("a file of at most {MOST_BYTES} bytes");
             return Err(refuse(
                 format!("{file} is no plain file, or too large"),
                 &allowed,
             ));
         }
+        // Comments and layers of old drawings are no UTF-8.
+        let text = String::from_utf8_lossy(&bytes).into_owned();
         Ok(Beside { file, text })
     }
 }

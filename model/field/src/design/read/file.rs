@@ -138,6 +138,8 @@ pub(super) struct ShapeFile {
     pub(super) r: Option<Pair>,
     pub(super) x: Option<Pair>,
     pub(super) outline: Option<Spanned<Vec<Spanned<OutlineEntry>>>>,
+    pub(super) outline_dxf: Option<Spanned<String>>,
+    pub(super) layer: Option<Spanned<String>>,
     pub(super) centre_x: Option<SpannedNumber>,
     pub(super) semi_r: Option<SpannedNumber>,
     pub(super) semi_x: Option<SpannedNumber>,

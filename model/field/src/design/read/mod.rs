@@ -1,7 +1,9 @@
 //! The file format: TOML, read strictly.
 
 mod beside;
+mod dxf;
 mod file;
+mod loops;
 mod parts;
 mod table;
 

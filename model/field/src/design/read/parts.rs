@@ -1,18 +1,19 @@
 //! Coils, boards, bodies and plates of a file.
 
-use core::ops::Range;
 use std::collections::BTreeMap;
 
 use toml::Spanned;
 
+use super::dxf::{Drawn, drawn};
 use super::file::{BoardFile, CoilFile, OutlineEntry, PartFile, ShapeFile, SpannedNumber};
+use super::loops::closed;
 use super::{ReadMaterial, Reader};
 use crate::design::{CircuitBoard, Cut, DesignError, MagneticPart, Rectangle, RingCoil, check};
 use crate::geometry::Point;
 use crate::geometry::path::Path;
 use crate::geometry::shape::Shape;
 
-const SHAPES: &str = "{ r = [from, to], x = [from, to] }, { outline = [[r, x], ...] } or { centre_x, semi_r, semi_x }";
+const SHAPES: &str = "{ r = [from, to], x = [from, to] }, { outline = [[r, x], ...] }, { outline_dxf = \"FILE\", layer = \"NAME\" } or { centre_x, semi_r, semi_x }";
 const ARCS: &str = "corner, { through = [r, x] }, corner: an arc from one to the other through a point beside their line";
 /// A file may ask for so many rings in all, by far more than any board has.
 const MOST_RINGS: usize = 2_000;
@@ -219,17 +220,24 @@ impl Reader<'_> {
             &shape.r,
             &shape.x,
             &shape.outline,
+            &shape.outline_dxf,
+            &shape.layer,
             &shape.centre_x,
             &shape.semi_r,
             &shape.semi_x,
         );
         match given {
-            (Some(r), Some(x), None, None, None, None) => {
+            (Some(r), Some(x), None, None, None, None, None, None) => {
                 let rectangle = self.rectangle(r, x, place)?;
                 Ok(Shape::rectangle(rectangle.r_m, rectangle.x_m))
             }
-            (None, None, Some(outline), None, None, None) => self.outline(outline, place),
-            (None, None, None, Some(centre), Some(semi_r), Some(semi_x)) => {
+            (None, None, Some(outline), None, None, None, None, None) => {
+                self.outline(outline, place)
+            }
+            (None, None, None, Some(file), Some(layer), None, None, None) => {
+                self.outline_dxf(file, layer.get_ref(), place)
+            }
+            (None, None, None, None, None, Some(centre), Some(semi_r), Some(semi_x)) => {
                 let semi = |value: &SpannedNumber, key: &str| {
                     let place = format!("{place}.{key}");
                     let length = self.radius(value, &place)?;
@@ -261,14 +269,14 @@ impl Reader<'_> {
         let point =
             |[r, x]: &[SpannedNumber; 2]| Ok([self.radius(r, place)?, self.length(x, place)?]);
         let mut sides: Vec<Side> = Vec::new();
-        for entry in outline.get_ref() {
+        for (index, entry) in outline.get_ref().iter().enumerate() {
             match (entry.get_ref(), sides.last_mut()) {
                 (OutlineEntry::Corner(corner), _) => sides.push(Side {
                     from: point(corner)?,
                     through: None,
                 }),
                 (OutlineEntry::Through(through), Some(side)) if side.through.is_none() => {
-                    side.through = Some((point(through)?, entry.span()));
+                    side.through = Some((point(through)?, index));
                 }
                 (OutlineEntry::Through(_), _) => {
                     let problem = "through stands behind no corner";
@@ -276,44 +284,80 @@ impl Reader<'_> {
                 }
             }
         }
-        let shape = self.joined(&sides, place)?;
+        let spans: Vec<_> = outline.get_ref().iter().map(Spanned::span).collect();
+        let shape = joined(&sides).map_err(|(side, problem, allowed)| {
+            let span = sides.get(side).and_then(|side| side.through.as_ref());
+            let span = span.map_or(outline.span(), |(_, entry)| {
+                spans.get(*entry).cloned().unwrap_or(outline.span())
+            });
+            self.error(&span, place, problem, allowed)
+        })?;
         match check::outline(&shape, MOST_CORNERS) {
             Ok(()) => Ok(shape),
             Err((problem, allowed)) => Err(self.error(&outline.span(), place, problem, &allowed)),
         }
     }
 
-    /// The outline of sides that end where the next begins.
-    fn joined(&self, sides: &[Side], place: &str) -> Result<Shape, DesignError> {
-        if sides.iter().all(|side| side.through.is_none()) {
-            return Ok(Shape::Polygon(sides.iter().map(|side| side.from).collect()));
-        }
-        let mut paths = Vec::new();
-        for (side, next) in sides.iter().zip(sides.iter().cycle().skip(1)) {
-            let Some((through, span)) = &side.through else {
-                paths.push(Path::line(side.from, next.from));
-                continue;
-            };
-            let Some(arc) = Path::arc_through(side.from, *through, next.from) else {
-                let problem = "through lies on the line between its corners";
-                return Err(self.error(span, place, problem, ARCS));
-            };
-            if arc
-                .iter()
-                .flat_map(Path::extremes)
-                .any(|[r, _]| r < -check::SAME_M)
-            {
-                let allowed = "r of 0 or more, all along the arc";
-                return Err(self.error(span, place, "the arc runs below the axis", allowed));
-            }
-            paths.extend(arc);
-        }
-        Ok(Shape::Outline(paths))
+    /// An outline that is drawn on a layer of a file.
+    fn outline_dxf(
+        &self,
+        name: &Spanned<String>,
+        layer: &str,
+        place: &str,
+    ) -> Result<Shape, DesignError> {
+        let beside = self.beside(name, &format!("{place}.outline_dxf"))?;
+        let drawn = closed(&beside, drawn(&beside, layer, self.metre)?)?;
+        // Programs write a bulge of rounding where a side is straight.
+        let bent = |side: &Drawn, through| Path::arc_through(side.from, through, side.to).is_some();
+        let side = |side: &Drawn| Side {
+            from: side.from,
+            through: side
+                .through
+                .filter(|&through| bent(side, through))
+                .map(|through| (through, side.line)),
+        };
+        let sides: Vec<Side> = drawn.iter().map(side).collect();
+        let line = |side: usize| drawn.get(side).map_or(1, |side| side.line);
+        let shape = joined(&sides)
+            .map_err(|(side, problem, allowed)| beside.error(line(side), problem, allowed))?;
+        check::outline(&shape, MOST_CORNERS)
+            .map_err(|(problem, allowed)| beside.error(line(0), problem, &allowed))?;
+        Ok(shape)
     }
 }
 
-/// A side of an outline: where it begins, and a point of its arc with its place in the file.
+/// The outline of sides that end where the next begins; else which side is wrong, in what way, and what is
+/// allowed.
+fn joined(sides: &[Side]) -> Result<Shape, (usize, &'static str, &'static str)> {
+    if sides.iter().all(|side| side.through.is_none()) {
+        return Ok(Shape::Polygon(sides.iter().map(|side| side.from).collect()));
+    }
+    let mut paths = Vec::new();
+    let next = sides.iter().cycle().skip(1);
+    for (index, (side, next)) in sides.iter().zip(next).enumerate() {
+        let Some((through, _)) = side.through else {
+            paths.push(Path::line(side.from, next.from));
+            continue;
+        };
+        let Some(arc) = Path::arc_through(side.from, through, next.from) else {
+            let problem = "through lies on the line between its corners";
+            return Err((index, problem, ARCS));
+        };
+        if arc
+            .iter()
+            .flat_map(Path::extremes)
+            .any(|[r, _]| r < -check::SAME_M)
+        {
+            let allowed = "r of 0 or more, all along the arc";
+            return Err((index, "the arc runs below the axis", allowed));
+        }
+        paths.extend(arc);
+    }
+    Ok(Shape::Outline(paths))
+}
+
+/// A side of an outline: where it begins, and a point of its arc, with the place at which it stands in its file.
 struct Side {
     from: Point,
-    through: Option<(Point, Range<usize>)>,
+    through: Option<(Point, usize)>,
 }

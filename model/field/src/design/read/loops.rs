@@ -1,0 +1,115 @@
+//! One closed outline from lines and arcs in any order.
+
+use super::beside::Beside;
+use super::dxf::Drawn;
+use crate::design::DesignError;
+use crate::geometry::{Point, distance};
+
+/// Ends this near are one: more than drawings are rounded to, a tenth of the thinnest part.
+const JOINED_M: f64 = 1e-7;
+
+/// The sides in the order in which they meet, each from where the one before ends. An outline may be open along
+/// the axis.
+pub(super) fn closed(beside: &Beside, drawn: Vec<Drawn>) -> Result<Vec<Drawn>, DesignError> {
+    let mut rest: Vec<Drawn> = drawn.into_iter().map(on_axis).collect();
+    for side in &rest {
+        if let Some(&below) = [side.from, side.to].iter().find(|end| end[0] < 0.0) {
+            let problem = format!("lies below the axis, {}", near(below));
+            return Err(beside.error(side.line, problem, "X of 0 or more: X is r, Y is x"));
+        }
+    }
+    let mut chain: Vec<Drawn> = rest.drain(..rest.len().min(1)).collect();
+    extend(beside, &mut chain, &mut rest)?;
+    let [Some(start), Some(mut end)] = [chain.first(), chain.last()].map(|side| side.copied())
+    else {
+        return Ok(chain);
+    };
+    let mut start = start;
+    if !rest.is_empty() && distance(start.from, end.to) > JOINED_M {
+        // The first side was in the middle.
+        chain = chain.iter().rev().map(Drawn::reversed).collect();
+        extend(beside, &mut chain, &mut rest)?;
+        (start, end) = (
+            chain.first().copied().unwrap_or(start),
+            chain.last().copied().unwrap_or(end),
+        );
+    }
+    if let Some(other) = rest.first() {
+        let problem = format!("belongs to no outline with the rest, {}", near(other.from));
+        let allowed = "one closed outline on a layer; holes by minus, from a layer of their own";
+        return Err(beside.error(other.line, problem, allowed));
+    }
+    if distance(start.from, end.to) <= JOINED_M {
+        if let Some(last) = chain.last_mut() {
+            last.to = start.from;
+        }
+    } else if start.from[0] == 0.0 && end.to[0] == 0.0 {
+        chain.push(Drawn {
+            from: end.to,
+            through: None,
+            to: start.from,
+            line: end.line,
+        });
+    } else {
+        let problem = format!(
+            "the outline is open, {} and {}",
+            near(start.from),
+            near(end.to)
+        );
+        let allowed = "lines and arcs that meet within 0.1 um, or end on the axis";
+        return Err(beside.error(end.line, problem, allowed));
+    }
+    Ok(chain)
+}
+
+/// Adds side after side to a chain, while one begins or ends where it ends.
+fn extend(
+    beside: &Beside,
+    chain: &mut Vec<Drawn>,
+    rest: &mut Vec<Drawn>,
+) -> Result<(), DesignError> {
+    while let Some(&last) = chain.last() {
+        let starts = chain
+            .first()
+            .is_some_and(|first| chain.len() > 1 && distance(first.from, last.to) <= JOINED_M);
+        let meets = |point: Point| distance(point, last.to) <= JOINED_M;
+        let mut meeting = rest.iter().enumerate();
+        let mut meeting = meeting
+            .by_ref()
+            .filter(|(_, side)| meets(side.from) || meets(side.to));
+        let (next, branch) = (meeting.next(), meeting.next());
+        if let Some((_, side)) = if starts { next } else { branch } {
+            let problem = format!("three sides meet {}", near(last.to));
+            let allowed = "one closed outline on a layer, without lines inside";
+            return Err(beside.error(side.line, problem, allowed));
+        }
+        let Some((index, &side)) = next else {
+            break;
+        };
+        rest.remove(index);
+        let side = if meets(side.from) {
+            side
+        } else {
+            side.reversed()
+        };
+        chain.push(Drawn {
+            from: last.to,
+            ..side
+        });
+    }
+    Ok(())
+}
+
+/// Ends that are drawn on the axis are exactly on it.
+fn on_axis(side: Drawn) -> Drawn {
+    let snapped = |[r, x]: Point| [if r.abs() <= JOINED_M { 0.0 } else { r }, x];
+    Drawn {
+        from: snapped(side.from),
+        to: snapped(side.to),
+        ..side
+    }
+}
+
+fn near([r, x]: Point) -> String {
+    format!("near r = {:.4} mm, x = {:.4} mm", 1e3 * r, 1e3 * x)
+}
