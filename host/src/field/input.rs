@@ -4,7 +4,7 @@ use std::io::{self, Write};
 use std::path::Path;
 
 use clap::Args;
-use palpate_field::design::{BUILTIN, Design, DesignError, WITH_SENSING_COIL, builtin_text, vary};
+use palpate_field::design::{Design, DesignError, builtin_names, builtin_text, vary};
 use palpate_field::geometry::Point;
 use palpate_field::solve::{Accuracy, Solved};
 
@@ -103,10 +103,7 @@ pub(super) fn text_of(name: &str) -> Result<(String, String), Failure> {
             file: name.into(),
             line: 1,
             problem: format!("there is neither a file nor a built-in design {name:?}"),
-            allowed: format!(
-                "a file, or {}",
-                [&BUILTIN[..], &WITH_SENSING_COIL].concat().join(", ")
-            ),
+            allowed: format!("a file, or {}", builtin_names().join(", ")),
         });
     }
     Ok((name.to_owned(), text_of_file(name)?))

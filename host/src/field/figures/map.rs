@@ -165,8 +165,8 @@ fn cells(lattice: &Lattice, band: impl Fn(f64) -> i32) -> Vec<Rectangle<(f64, f6
     found
 }
 
-/// Lines at equal steps of flux, of both senses, in mm. Plates gather nearly all of them, where they
-/// would merge: there the colour alone shows the field.
+/// Lines at equal steps of flux, of both senses, in mm. Plates of soft metal gather nearly all of them, where
+/// they would merge: there the colour alone shows the field.
 fn field_lines(lattice: &Lattice, design: &Design) -> Result<Vec<Vec<(f64, f64)>>, String> {
     let greatest = lattice
         .flux
@@ -178,7 +178,8 @@ fn field_lines(lattice: &Lattice, design: &Design) -> Result<Vec<Vec<(f64, f64)>
         .map(|line| greatest * f64::from(line) / f64::from(LINES))
         .collect();
     let in_plate = |point: [f64; 2]| {
-        let mut plates = design.parts.iter().filter(|part| !part.cast);
+        let parts = design.parts.iter();
+        let mut plates = parts.filter(|part| !part.cast && part.remanence_t == 0.0);
         plates.any(|plate| plate.contains(point))
     };
     let half = 0.5 * lattice.step_mm;
@@ -280,6 +281,36 @@ mod tests {
             .flat_map(|line| line.windows(2))
             .map(step)
             .sum()
+    }
+
+    /// In a magnet lines are drawn, in soft metal they are not.
+    #[test]
+    fn field_lines_are_drawn_in_magnets() {
+        let inside = |law: &str| {
+            let text = format!(
+                "name = \"x\"\nlength_unit = \"mm\"\n[background]\nfield_T = 0.1\n[core]\nr = 2.0\nx = [-2.0, 2.0]\n\
+                 [material.m]\nmu_r = 1.1\n{law}\n[[plate]]\nname = \"p\"\nmaterial = \"m\"\n\
+                 shape = {{ r = [0.0, 6.0], x = [-6.0, 6.0] }}\n"
+            );
+            let design = Design::parse("x", &text).unwrap();
+            let accuracy = Accuracy {
+                relative: 1e-2,
+                ..Accuracy::default()
+            };
+            let excitation = Excitation::saturating(&design, 0.0);
+            let solved = solve(&design, &excitation, &accuracy).unwrap();
+            let picture = Picture {
+                design: &design,
+                solved: &solved,
+                unit: String::new(),
+                driven: String::new(),
+            };
+            let lines = field_lines(&Lattice::of(&picture), &design).unwrap();
+            let mut points = lines.into_iter().flatten();
+            points.any(|(r, x)| r < 5.0 && x.abs() < 5.0)
+        };
+        assert!(inside("remanence_T = 1.0"));
+        assert!(!inside(""));
     }
 
     #[test]

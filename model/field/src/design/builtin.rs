@@ -28,6 +28,15 @@ pub const BUILTIN: [&str; 14] = [
 /// conductivity is set.
 pub const WITH_SENSING_COIL: [&str; 3] = ["sensing", "A-sensing", "closed-sensing"];
 
+/// Names of built-in designs of magnets alone: a pot magnet above a plate.
+pub const WITH_MAGNETS: [&str; 1] = ["holder"];
+
+/// Every name of a built-in design.
+#[must_use]
+pub fn builtin_names() -> Vec<&'static str> {
+    [&BUILTIN[..], &WITH_SENSING_COIL, &WITH_MAGNETS].concat()
+}
+
 /// The text of a built-in design.
 #[must_use]
 pub fn builtin_text(name: &str) -> Option<&'static str> {
@@ -49,6 +58,7 @@ pub fn builtin_text(name: &str) -> Option<&'static str> {
         "sensing" => include_str!("../../designs/sensing.toml"),
         "A-sensing" => include_str!("../../designs/A-sensing.toml"),
         "closed-sensing" => include_str!("../../designs/closed-sensing.toml"),
+        "holder" => include_str!("../../designs/holder.toml"),
         _ => return None,
     })
 }
@@ -56,7 +66,7 @@ pub fn builtin_text(name: &str) -> Option<&'static str> {
 /// A built-in design.
 ///
 /// # Errors
-/// [`DesignError`] for any name that is neither in [`BUILTIN`] nor in [`WITH_SENSING_COIL`].
+/// [`DesignError`] for any name that is not in [`builtin_names`].
 pub fn builtin(name: &str) -> Result<Design, DesignError> {
     match builtin_text(name) {
         Some(text) => Design::parse(&format!("{name}.toml"), text),
@@ -65,7 +75,7 @@ pub fn builtin(name: &str) -> Result<Design, DesignError> {
             line: 1,
             place: String::new(),
             problem: format!("there is no built-in design {name:?}"),
-            allowed: [&BUILTIN[..], &WITH_SENSING_COIL].concat().join(", "),
+            allowed: builtin_names().join(", "),
         }),
     }
 }

@@ -12,7 +12,7 @@ pub mod vary;
 
 use core::fmt;
 
-pub use builtin::{BUILTIN, WITH_SENSING_COIL, builtin, builtin_text};
+pub use builtin::{BUILTIN, WITH_MAGNETS, WITH_SENSING_COIL, builtin, builtin_names, builtin_text};
 pub use named::Named;
 
 use crate::geometry::shape::Shape;
@@ -242,9 +242,11 @@ impl Design {
     /// runs in circles, evenly over each ring, ρ · 2π r̄ turns² / area for each.
     #[must_use]
     pub fn resistance_ohm(&self) -> f64 {
-        self.driven_coils()
+        let coils = self.driven_coils();
+        // An empty sum is -0.
+        0.0 + coils
             .map(|coil| self.coil_resistance_ohm(coil))
-            .sum()
+            .sum::<f64>()
     }
 
     /// Resistance of one coil, by the same rule, Ω.

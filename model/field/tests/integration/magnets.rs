@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use palpate_field::design::{Design, builtin_text};
+use palpate_field::design::{Design, builtin, builtin_text};
 use palpate_field::solve::{Accuracy, Excitation, Locator, Solved, integrate, solve};
 
 const MU_0: f64 = 4e-7 * PI;
@@ -112,6 +112,23 @@ fn two_spheres_attract_each_other_as_dipoles() {
             );
         }
     }
+}
+
+/// The force on what a magnet holds is the attraction of the halves, by each of three ways.
+#[test]
+fn a_pot_magnet_holds_its_keeper() {
+    let design = builtin("holder").expect("built in");
+    let solved = solved(&design);
+    let part = |name: &str| solved.force_on_n(design.named(name).expect(name));
+    let keeper_n = part("keeper").expect("in air");
+    let figures = &solved.figures;
+    for force_n in [figures.force_n, figures.force_by_stress_n] {
+        assert!(
+            (force_n / keeper_n - 1.0).abs() < 1e-3,
+            "{force_n} {keeper_n}"
+        );
+    }
+    assert_eq!(part("magnet"), None, "it touches the pot");
 }
 
 /// A body of design `A` as a magnet.
