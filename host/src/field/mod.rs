@@ -10,6 +10,7 @@ mod forces;
 mod front;
 mod inductances;
 mod input;
+mod magnets;
 mod mse;
 mod optimise;
 mod profile;

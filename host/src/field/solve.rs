@@ -12,6 +12,7 @@ use super::drive::{Drive, reached};
 use super::forces::{self, PartForce};
 use super::inductances::InductanceMatrix;
 use super::input::{DesignSource, Effort, current};
+use super::magnets::{self, Magnet};
 use super::quantities::{KeyedDerivatives, KeyedFigures, QUANTITIES};
 use crate::failure::Failure;
 
@@ -27,6 +28,9 @@ the differential inductance. A design without a coil is solved in its background
 
 --force is Maxwell's stress about a part by virtual work; a part that touches magnetic material has none of its
 own. On a coil Lorentz's force stands beside it. There is no estimate of either's error.
+
+Of each magnet B and H along its magnetisation are printed: where the least B is below the knee of the
+maker's curve, demagnetisation begins. Places within 0.1 mm of corners are left out of the least.
 
 Examples
   palpate field solve pot --current 10
@@ -142,6 +146,8 @@ struct DesignFigures {
     first: SolvedFigures,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     forces: Vec<PartForce>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    magnets: Vec<Magnet>,
     #[serde(skip_serializing_if = "Option::is_none")]
     inductances: Option<InductanceMatrix>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -158,6 +164,8 @@ struct CurrentFigures {
     solved: SolvedFigures,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     forces: Vec<PartForce>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    magnets: Vec<Magnet>,
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
@@ -177,6 +185,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         resistance_ohm: design.resistance_ohm(),
         first: SolvedFigures::of(&design, &first, first_drive)?,
         forces: PartForce::all(&forced, &first),
+        magnets: Magnet::all(&design, &first),
         inductances: match arguments.matrix {
             false => None,
             true => Some(InductanceMatrix::of(&design, effort)?),
@@ -188,6 +197,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
                 power_W: current_a * current_a * design.resistance_ohm(),
                 solved: SolvedFigures::of(&design, solved, *drive)?,
                 forces: PartForce::all(&forced, solved),
+                magnets: Magnet::all(&design, solved),
             }),
         },
     };
@@ -217,6 +227,7 @@ impl DesignFigures {
             text.push_str(&format!("  resistance {:.4} ohm\n", self.resistance_ohm));
         }
         text.push_str(&forces::explain(&self.forces, self.first.keyed.drive));
+        text.push_str(&magnets::explain(&self.magnets));
         if let Some(matrix) = &self.inductances {
             text.push_str(&matrix.explain());
         }
@@ -227,6 +238,7 @@ impl DesignFigures {
             ));
             text.push_str(&at.solved.explain());
             text.push_str(&forces::explain(&at.forces, at.solved.keyed.drive));
+            text.push_str(&magnets::explain(&at.magnets));
         }
         text
     }

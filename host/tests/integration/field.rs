@@ -188,8 +188,14 @@ fn magnets_need_no_coil() {
         (force_n / exact_n - 1.0).abs() < 1e-3,
         "{force_n} {exact_n}"
     );
+    let least_t = solved["magnets"][1]["least_B_T"].as_f64().unwrap();
+    assert!(
+        (0.8..0.9).contains(&least_t),
+        "two thirds of 1.2 T and more: {least_t}"
+    );
     let shown = printed(&["solve", file]);
     assert!(shown.starts_with("balls, with the magnets\n"), "{shown}");
+    assert!(shown.contains("  magnet high "), "{shown}");
     let (code, complaint) = refused(&["solve", file, "--current", "1"]);
     assert_eq!(code, Some(2));
     assert!(complaint.contains("add a [[coil]]"), "{complaint}");

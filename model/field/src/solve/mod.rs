@@ -24,6 +24,7 @@ mod sharpen;
 mod small_signal;
 mod space;
 mod sums;
+mod working_point;
 
 pub use ac::{AcCoil, AcSolved, solve_ac};
 pub use adapt::{Accuracy, SolveReport, Solved, solve, solve_on};
@@ -32,3 +33,4 @@ pub use evaluate::{FieldAt, Locator};
 pub use newton::{Excitation, SolveError};
 pub use pieces::Piece;
 pub use space::Space;
+pub use working_point::WorkingPoint;

@@ -67,6 +67,16 @@ fn a_sphere_is_uniform() {
         println!("sphere magnet, mu_r {mu_r}: centre off by {miss:.1e}, mean by {mean:.1e}");
         assert!(miss.abs() < 1e-5 && mean.abs() < 1e-5, "{miss:e} {mean:e}");
         assert!(solved.figures.cv[0] < 1e-4, "{:e}", solved.figures.cv[0]);
+        let point = solved.working_point(&design, 0).expect("a magnet");
+        let size = exact.abs();
+        assert!((point.mean_b_t / size - 1.0).abs() < 1e-5, "{point:?}");
+        assert!((point.least_b_t / size - 1.0).abs() < 1e-3, "{point:?}");
+        // The demagnetising factor of a sphere is a third: H = -B/(2 mu0).
+        let exact_h = -0.5 * size / MU_0;
+        assert!(
+            (point.mean_h_a_per_m / exact_h - 1.0).abs() < 1e-5,
+            "{point:?}"
+        );
         let locator = Locator::new(&solved.level, &solved.w);
         let outside = locator.at([0.0, 25e-3]).b[1] / (exact * 0.4_f64.powi(3)) - 1.0;
         assert!(outside.abs() < 1e-4, "{outside:e}");
@@ -158,7 +168,10 @@ fn a_coil_beside_a_magnet() {
             .expect("a field")
             .figures
     };
-    let small = of(&design, &Excitation::small(&design, 1.0));
+    let small = Excitation::small(&design, 1.0);
+    let without_magnet = solve(&design, &small, &Accuracy::default()).expect("a field");
+    assert_eq!(without_magnet.working_point(&design, 0), None);
+    let small = without_magnet.figures;
     let alone = of(&without, &Excitation::small(&without, 1.0));
     assert!((small.centre_t / alone.centre_t - 1.0).abs() < 1e-4);
     let [both, magnet] = [10.0, 0.0].map(|a| of(&design, &Excitation::saturating(&design, a)));

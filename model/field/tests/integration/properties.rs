@@ -1,6 +1,6 @@
 //! What holds for every design, and what no text may do.
 
-use palpate_field::design::{BUILTIN, Design, builtin_text};
+use palpate_field::design::{Design, builtin_names, builtin_text};
 use palpate_field::solve::{Accuracy, Excitation, Solved, solve};
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
@@ -230,17 +230,18 @@ fn damaged() -> impl Strategy<Value = String> {
         Just("1e308".to_owned()),
         Just("\"gap / 0\"".to_owned()),
         Just("[]".to_owned()),
+        Just("{ through = [1, 2] }".to_owned()),
         Just("{}".to_owned()),
         "[ -~]{0,12}",
     ];
     (
-        0..BUILTIN.len(),
+        prop::sample::select(builtin_names()),
         any::<prop::sample::Index>(),
         0..20_usize,
         piece,
     )
         .prop_map(|(design, place, length, piece)| {
-            let text = builtin_text(BUILTIN[design]).unwrap_or_default();
+            let text = builtin_text(design).unwrap_or_default();
             let from = place.index(text.len());
             let to = (from + length).min(text.len());
             format!("{}{piece}{}", &text[..from], &text[to..])
