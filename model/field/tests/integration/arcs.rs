@@ -4,7 +4,11 @@ use std::f64::consts::PI;
 
 use palpate_field::design::Design;
 use palpate_field::figures::Figures;
+use palpate_field::geometry::Point;
+use palpate_field::geometry::path::Path;
+use palpate_field::geometry::shape::Shape;
 use palpate_field::solve::{Accuracy, Excitation, Solved, integrate, solve};
+use proptest::prelude::*;
 
 /// Bodies of mu_r 3.7 in a field of 1 mT.
 fn design(core: &str, bodies: &[&str]) -> Result<Design, String> {
@@ -151,5 +155,63 @@ fn outlines_that_make_no_sense_are_refused() {
         let refused = design(CORE, &[&shape]).expect_err(outline);
         assert!(refused.contains(problem), "{outline}: {refused}");
         assert!(refused.starts_with("x:13: "), "{outline}: {refused}");
+    }
+}
+
+/// A star of lines and arcs about the origin: each corner's distance, and how far the arc to the next corner bulges.
+fn star(corners: &[(f64, f64)]) -> Vec<Path> {
+    let count = corners.len();
+    let at = |k: usize| {
+        let (sine, cosine) = (2.0 * PI * k as f64 / count as f64).sin_cos();
+        let size = corners[k % count].0;
+        [size * cosine, size * sine]
+    };
+    let side = |k: usize| {
+        let ([a, b], bulge) = ([at(k), at(k + 1)], corners[k].1);
+        let middle = [0, 1].map(|axis: usize| 0.5 * (a[axis] + b[axis]));
+        let through = [
+            middle[0] + bulge * (b[1] - a[1]),
+            middle[1] - bulge * (b[0] - a[0]),
+        ];
+        Path::arc_through(a, through, b).unwrap_or_else(|| vec![Path::line(a, b)])
+    };
+    (0..count).flat_map(side).collect()
+}
+
+/// Whether a polygon winds about a point an odd number of times, by the angles at which its sides are seen.
+fn winds_about(polygon: &[Point], point: Point) -> bool {
+    let angle = |corner: &Point| (corner[1] - point[1]).atan2(corner[0] - point[0]);
+    let sides = polygon.iter().zip(polygon.iter().cycle().skip(1));
+    let turn = |(a, b): (&Point, &Point)| {
+        let turn = angle(b) - angle(a);
+        turn - 2.0 * PI * (turn / (2.0 * PI)).round()
+    };
+    let turns = (sides.map(turn).sum::<f64>() / (2.0 * PI)).round();
+    turns.rem_euclid(2.0) == 1.0
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
+    /// Area and inside of an outline with arcs are those of a polygon of many short sides along it.
+    #[test]
+    fn an_outline_is_its_fine_polygon(
+        corners in prop::collection::vec((1.0..2.0_f64, -0.2..0.6_f64), 3..9),
+        points in prop::collection::vec((-3.0..3.0_f64, -3.0..3.0_f64), 50),
+    ) {
+        let paths = star(&corners);
+        let fine = |path: &Path| (0..400).map(|k| path.at(f64::from(k) / 400.0)).collect::<Vec<_>>();
+        let polygon: Vec<Point> = paths.iter().flat_map(fine).collect();
+        let shape = Shape::Outline(paths.clone());
+        let area = Shape::Polygon(polygon.clone()).area_m2();
+        prop_assert!((shape.area_m2() / area - 1.0).abs() < 1e-4, "{area}");
+        for (r, x) in points {
+            let near = polygon.iter().any(|corner| (corner[0] - r).hypot(corner[1] - x) < 0.02);
+            prop_assert!(near || shape.contains([r, x]) == winds_about(&polygon, [r, x]), "{r} {x}");
+        }
+        let reach = |axis: usize, points: &[Point]| points.iter().map(|point| point[axis]).fold(0.0, f64::max);
+        for axis in 0..2 {
+            prop_assert!((reach(axis, &shape.extremes()) - reach(axis, &polygon)).abs() < 1e-3);
+        }
     }
 }
