@@ -13,7 +13,7 @@ use crate::engine::{self, Engine};
 use crate::failure::Failure;
 use crate::instrument::{CalibratedInstrument, SPEED_M_PER_S, default_settings};
 use crate::output::OutputFile;
-use crate::press::{Press, press};
+use crate::press::{CLEARANCE_M, Press, press};
 use crate::report;
 use crate::results::{self, Measured};
 
@@ -105,6 +105,7 @@ pub(crate) fn measure(
         name: name.clone(),
         load,
         holder: Holder::Stand,
+        clearance_m: CLEARANCE_M,
         depth_m: depth * instrument.depth_m,
         speed_m_per_s: SPEED_M_PER_S,
     };

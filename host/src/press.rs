@@ -20,14 +20,16 @@ pub(crate) struct Press {
     pub(crate) load: Load,
     /// Who presses.
     pub(crate) holder: Holder,
+    /// Where the object waits above the sensor, m.
+    pub(crate) clearance_m: f64,
     /// How deep the sensing layer is meant to be pressed, m.
     pub(crate) depth_m: f64,
     /// How fast, m/s.
     pub(crate) speed_m_per_s: f64,
 }
 
-/// Where the object waits above the sensor, m.
-const CLEARANCE_M: f64 = 0.2e-3;
+/// Where objects wait above the sensor, m.
+pub(crate) const CLEARANCE_M: f64 = 0.2e-3;
 /// Self-test and baseline.
 const BASELINE: Time = Time::from_ms(800);
 /// A result comes within this time after the press.
@@ -74,7 +76,7 @@ pub(crate) fn press(
     let setup = Setup {
         load: how.load,
         holder: how.holder,
-        profile: Profile::at(-CLEARANCE_M),
+        profile: Profile::at(-how.clearance_m),
         ..Setup::default()
     };
     let world = World::new(&instrument.plant, instrument.switches, setup)?;
@@ -98,7 +100,7 @@ where
     board.send(Command::Arm)?;
     board.run_until(BASELINE)?;
     board.with_world(|world| world.move_press(travel_m, how.speed_m_per_s));
-    let moving_s = (travel_m + CLEARANCE_M) / how.speed_m_per_s;
+    let moving_s = (travel_m + how.clearance_m) / how.speed_m_per_s;
     let limit = board.now() + Time::from_secs_f64(moving_s) + PATIENCE;
     board.run_to(limit, |record| {
         matches!(record, Record::Estimate(_) | Record::Refusal(_))
@@ -154,6 +156,7 @@ mod tests {
                 cubic_n_per_m3: 3e10,
             },
             holder: Holder::Stand,
+            clearance_m: CLEARANCE_M,
             depth_m: instrument.depth_m,
             speed_m_per_s: SPEED_M_PER_S,
         };

@@ -11,7 +11,7 @@ use crate::failure::Failure;
 use crate::instrument::{CalibratedInstrument, SPEED_M_PER_S, default_settings};
 use crate::jsonl::{self, Note};
 use crate::output::OutputFile;
-use crate::press::{Press, press};
+use crate::press::{CLEARANCE_M, Press, press};
 use crate::report;
 use crate::results::{self, Measured};
 
@@ -101,6 +101,7 @@ fn measure(
         name: what.name.clone(),
         load: what.load,
         holder: what.holder,
+        clearance_m: CLEARANCE_M,
         depth_m: what.depth_m.unwrap_or(instrument.depth_m),
         speed_m_per_s: what.speed_m_per_s.unwrap_or(SPEED_M_PER_S),
     };

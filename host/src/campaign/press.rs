@@ -132,6 +132,7 @@ fn pressed(
             Load::Rigid
         },
         holder: world.holder(),
+        clearance_m: world.clearance_m(),
         depth_m: depth * instrument.depth_m,
         speed_m_per_s: SPEED_M_PER_S,
     };

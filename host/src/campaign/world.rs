@@ -1,9 +1,12 @@
 //! What is another thing in use than it was on the bench.
 
 use clap::ValueEnum;
-use palpate_sim::mechanics::press::Shake;
-use palpate_sim::parameters::Parameters;
+use palpate_sim::mechanics::friction::FrictionParameters;
+use palpate_sim::mechanics::press::{Jumps, Shake};
+use palpate_sim::parameters::{ObjectParameters, Parameters};
 use palpate_sim::world::Holder;
+
+use crate::press::CLEARANCE_M;
 
 /// The world in which a calibrated sensor presses. All but the first differ from what its calibration saw, by
 /// something that the instrument's model does not know.
@@ -62,6 +65,14 @@ pub(crate) enum World {
     SoftFrame,
     /// Held in a hand that trembles
     Hand,
+    /// The load's face is a tile of ferrite, 2 cm² and 3 mm thick, and comes from 3 mm away
+    FerromagneticObject,
+    /// The load's face is of steel, with its eddy currents, and comes from 3 mm away
+    SteelObject,
+    /// Friction beside the sensing layer sticks up to 5 mN and slips to 2 mN
+    StickSlip,
+    /// The sensor jumps by 3 µm to and fro, twice a second in the mean
+    Steps,
 }
 
 /// Part by which a quantity differs where it is a fifth or a tenth.
@@ -69,6 +80,44 @@ const FIFTH: f64 = 0.2;
 const TENTH: f64 = 0.1;
 /// Amplitude of a stand that shakes, m: what an interval was seen to miss by.
 const SHAKEN_M: f64 = 3e-6;
+
+/// A face of ferrite with a relative permeability of 100 (nickel-zinc, which hardly conducts): (μ − 1)/(μ + 1).
+///
+/// The pull is that of C1in's coils on a tile of radius 8 mm, 8 mm above their board, as `palpate field` computes it with
+/// a body of that shape added to the design: 3.6 mN at 10 A. By Maxwell's stress this is B = √(2 μ0 F/A) = 7 mT through
+/// the face, and 9 mT where it turns into the tile's plane, B r/2t. Saturation at 0.35 T takes (B/0.35 T)² of the
+/// permeability with it, 0.08, and so 2·0.08/(μ + 1)² = 1.6e-5 of the reflection.
+const FERRITE: ObjectParameters = ObjectParameters {
+    reflection: 0.98,
+    lost_at_peak: 1.6e-5,
+    n_per_a2: 3.6e-5,
+};
+
+/// A face of steel, pulled as one of ferrite is, where a high permeability leaves little to choose. To the sensing coil
+/// it is a conductor: (μ k − k')/(μ k + k') with k'² = k² + jω μ μ0 σ (Dodd and Deeds 1968) has the real part −0.6 for
+/// μ = 100, 1/σ = 0.15 µΩ m, 2.9 MHz and k = 400/m, the inverse of the sensing coil's mean half radius. Its skin of 9 µm
+/// lies below what the direct field saturates.
+const STEEL: ObjectParameters = ObjectParameters {
+    reflection: -0.6,
+    lost_at_peak: 0.0,
+    ..FERRITE
+};
+
+/// Three per mille of the force of a press, and half of c_S: a guess, such that a ramp makes it slip.
+const FRICTION: FrictionParameters = FrictionParameters {
+    spring_n_per_m: 3e3,
+    stick_n: 5e-3,
+    slip_n: 2e-3,
+};
+
+/// As large as a stand's shaking, and some in every train, which takes 1.5 s.
+const JUMPS: Jumps = Jumps {
+    size_m: SHAKEN_M,
+    interval_s: 0.5,
+};
+
+/// From where an object comes whose nearness shows, m: as far as the sensing coil's curve reaches.
+const FAR_M: f64 = 3e-3;
 
 impl World {
     /// The name on the command line.
@@ -114,6 +163,10 @@ impl World {
             Self::VibrationInStep => p.press.vibration = shaking(10.0),
             Self::VibrationTwice => p.press.vibration = shaking(20.0),
             Self::SoftFrame => p.press.frame_m_per_n = 1.0 / 20e3,
+            Self::FerromagneticObject => p.object = FERRITE,
+            Self::SteelObject => p.object = STEEL,
+            Self::StickSlip => p.friction = FRICTION,
+            Self::Steps => p.press.jumps = JUMPS,
         }
         plant
     }
@@ -123,6 +176,14 @@ impl World {
         match self {
             Self::Hand => Holder::Hand,
             _ => Holder::Stand,
+        }
+    }
+
+    /// Where the object waits above the sensor while that takes its baseline, m.
+    pub(crate) const fn clearance_m(self) -> f64 {
+        match self {
+            Self::FerromagneticObject | Self::SteelObject => FAR_M,
+            _ => CLEARANCE_M,
         }
     }
 }

@@ -108,6 +108,7 @@ pub(crate) fn metres_per_relative_frequency(tank: &SensingTank, deformation_m: f
         apparent_m: deformation_m,
         displacement_m: deformation_m,
         warmer_k: 0.0,
+        ..TankState::default()
     });
     resonance.frequency_hz / (resonance.per_apparent + resonance.per_displacement).abs()
 }

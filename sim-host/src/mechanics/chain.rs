@@ -1,6 +1,7 @@
 //! Balance of the springs in series.
 
-use super::layer::{LayerParameters, LayerStep, MODES, creep_rate};
+use super::friction::{FrictionParameters, FrictionState};
+use super::layer::{LayerParameters, LayerStep, MODES, Response, creep_rate};
 use super::load::Load;
 
 /// Least share of the actuated layer's stiffness that the gradient of the attraction may leave:
@@ -17,6 +18,7 @@ pub struct Chain {
     attraction_gradient_per_m: f64,
     sensing: LayerParameters,
     actuated: LayerParameters,
+    friction: FrictionParameters,
     sensing_modes: [f64; MODES],
     actuated_modes: [f64; MODES],
 }
@@ -30,6 +32,8 @@ pub struct ChainConditions {
     pub actuated_spring_n_per_m: f64,
     /// Attraction k I² at an uncompressed layer, N.
     pub attraction_n: f64,
+    /// Pull of the actuating coils on a load that touches, N.
+    pub pull_n: f64,
     /// Displacement x_0 of the press, m.
     pub press_m: f64,
     /// Growth of the sensor, m.
@@ -39,8 +43,12 @@ pub struct ChainConditions {
 /// Forces and displacements of the chain.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ChainState {
-    /// F, N; never negative.
+    /// F through the sensor, N; never negative.
     pub force_n: f64,
+    /// Force in the load's spring and in what it stands on, N: F less the pull of the actuating coils.
+    pub load_force_n: f64,
+    /// Friction beside the sensing layer.
+    pub friction: FrictionState,
     /// Force c_D e_D in the actuated layer, N: F and the attraction.
     pub actuated_force_n: f64,
     /// x_L, m.
@@ -63,6 +71,12 @@ impl ChainState {
     pub fn in_contact(&self) -> bool {
         self.force_n > 0.0
     }
+
+    /// Force in the sensing layer alone, N: F less the friction beside it.
+    #[must_use]
+    pub fn sensing_force_n(&self) -> f64 {
+        self.force_n - self.friction.force_n
+    }
 }
 
 /// What remains of the modes of both layers after a step.
@@ -78,10 +92,33 @@ pub(crate) struct Rates {
     pub(crate) sensing_spring: f64,
     pub(crate) actuated_spring: f64,
     pub(crate) attraction: f64,
+    pub(crate) pull: f64,
     /// Of press and growth together, m/s.
     pub(crate) drive: f64,
     /// Whether load and sensor touch while these rates hold.
     pub(crate) in_contact: bool,
+    /// Whether the friction's slider sticks meanwhile.
+    pub(crate) sticks: bool,
+}
+
+/// All of the chain but the sensing layer, at the end of a step.
+#[derive(Clone, Copy, Debug)]
+struct Rest {
+    /// The actuated layer with its attraction.
+    actuated: Response,
+    /// Where the press would be without any layer in between, m.
+    drive_m: f64,
+    pull_n: f64,
+}
+
+/// Forces and displacements that go with a response of the sensing layer.
+#[derive(Clone, Copy, Debug)]
+struct Solution {
+    force_n: f64,
+    load_force_n: f64,
+    load_m: f64,
+    sensing_m: f64,
+    opening_m: f64,
 }
 
 impl Chain {
@@ -93,6 +130,7 @@ impl Chain {
         attraction_gradient_per_m: f64,
         sensing: LayerParameters,
         actuated: LayerParameters,
+        friction: FrictionParameters,
     ) -> Self {
         Self {
             load,
@@ -100,6 +138,7 @@ impl Chain {
             attraction_gradient_per_m,
             sensing,
             actuated,
+            friction,
             sensing_modes: sensing.mode_compliances(),
             actuated_modes: actuated.mode_compliances(),
         }
@@ -109,6 +148,12 @@ impl Chain {
     #[must_use]
     pub fn load(&self) -> &Load {
         &self.load
+    }
+
+    /// Friction beside the sensing layer.
+    #[must_use]
+    pub fn friction(&self) -> &FrictionParameters {
+        &self.friction
     }
 
     /// Compliance of what the load stands on, m/N.
@@ -153,7 +198,7 @@ impl Chain {
             compliances: &self.sensing_modes,
             decays: &decays.sensing,
             modes_m: &from.sensing_creep_m,
-            force_n: from.force_n,
+            force_n: from.sensing_force_n(),
         }
     }
 
@@ -189,20 +234,57 @@ impl Chain {
         let actuated_rest =
             (end.attraction_n * actuated.compliance_m_per_n + actuated.offset_m) / stability;
 
-        let series = self.frame_m_per_n + sensing.compliance_m_per_n + actuated_compliance;
-        let slack = end.press_m + end.growth_m - sensing.offset_m - actuated_rest;
-        let (load_m, force_n) = self.load.in_series(slack.max(0.0), series);
+        let rest = Rest {
+            actuated: Response {
+                offset_m: actuated_rest,
+                compliance_m_per_n: actuated_compliance,
+            },
+            drive_m: end.press_m + end.growth_m,
+            pull_n: end.pull_n,
+        };
+        let stuck = self.friction.stuck(&sensing, &from.friction);
+        let mut solved = self.solve(&stuck, &rest);
+        let mut friction = self.friction.stays(&from.friction, solved.sensing_m);
+        if let Some(left_n) = self.friction.slips(friction.force_n) {
+            solved = self.solve(&FrictionParameters::moving(&sensing, left_n), &rest);
+            friction = self.friction.moved(left_n, solved.sensing_m);
+        }
+        let force_n = solved.force_n;
         let actuated_m = actuated_compliance * force_n + actuated_rest;
         let actuated_force_n = force_n + self.attraction_n(end, actuated_m);
         ChainState {
             force_n,
+            load_force_n: solved.load_force_n,
+            friction,
             actuated_force_n,
-            load_m,
-            sensing_m: sensing.offset_m + sensing.compliance_m_per_n * force_n,
+            load_m: solved.load_m,
+            sensing_m: solved.sensing_m,
             actuated_m,
-            opening_m: (-slack).max(0.0),
-            sensing_creep_m: sensing_step.modes_after(force_n),
+            opening_m: solved.opening_m,
+            sensing_creep_m: sensing_step.modes_after(force_n - friction.force_n),
             actuated_creep_m: actuated_step.modes_after(actuated_force_n),
+        }
+    }
+
+    /// The balance with this response of the sensing layer. A load that is pulled by P carries F − P, so that
+    /// x_L + frame (F − P) + (S + A) F = slack becomes a series of springs under slack − (S + A) P.
+    fn solve(&self, sensing: &Response, rest: &Rest) -> Solution {
+        let layers = sensing.compliance_m_per_n + rest.actuated.compliance_m_per_n;
+        let series =
+            self.frame_m_per_n + sensing.compliance_m_per_n + rest.actuated.compliance_m_per_n;
+        let slack = rest.drive_m - sensing.offset_m - rest.actuated.offset_m;
+        let pull_n = if slack > 0.0 { rest.pull_n } else { 0.0 };
+        let shared_m = slack.max(0.0) - layers * pull_n;
+        // a load that is pulled more than pressed is drawn out as it would be compressed
+        let (load_m, load_force_n) = self.load.in_series(shared_m.abs(), series);
+        let load_force_n = load_force_n.copysign(shared_m);
+        let force_n = load_force_n + pull_n;
+        Solution {
+            force_n,
+            load_force_n,
+            load_m: load_m.copysign(shared_m),
+            sensing_m: sensing.offset_m + sensing.compliance_m_per_n * force_n,
+            opening_m: (-slack).max(0.0),
         }
     }
 
@@ -218,10 +300,15 @@ impl Chain {
             &self.sensing,
             &self.sensing_modes,
             &state.sensing_creep_m,
-            state.force_n,
+            state.sensing_force_n(),
         );
+        let part = if rates.sticks {
+            self.friction.part_left(1.0 / c_s)
+        } else {
+            1.0
+        };
         if !rates.in_contact {
-            return sensing_creep;
+            return part * sensing_creep;
         }
         let actuated_creep = creep_rate(
             &self.actuated,
@@ -230,14 +317,16 @@ impl Chain {
             state.actuated_force_n,
         );
         let stability = self.stability(now.attraction_n, 1.0 / c_d);
-        let sensing_rest = sensing_creep - state.force_n * rates.sensing_spring / (c_s * c_s);
+        let softening_s = state.sensing_force_n() * rates.sensing_spring / (c_s * c_s);
+        let sensing_rest = part * (sensing_creep - softening_s);
         let growing = rates.attraction * (1.0 + self.attraction_gradient_per_m * state.actuated_m);
         let softening = state.actuated_force_n * rates.actuated_spring / (c_d * c_d);
         let actuated_rest = (actuated_creep + growing / c_d - softening) / stability;
 
         let load = self.load.compliance_m_per_n(state.load_m);
-        let series = load + self.frame_m_per_n + 1.0 / c_s + 1.0 / (c_d * stability);
-        let force_rate = (rates.drive - sensing_rest - actuated_rest) / series;
-        force_rate / c_s + sensing_rest
+        let stand = load + self.frame_m_per_n;
+        let series = stand + part / c_s + 1.0 / (c_d * stability);
+        let force_rate = (rates.drive + stand * rates.pull - sensing_rest - actuated_rest) / series;
+        part * force_rate / c_s + sensing_rest
     }
 }

@@ -17,9 +17,11 @@ pub struct Energy {
     pub growth_j: f64,
     /// By the attraction of the actuated layer's halves.
     pub attraction_j: f64,
+    /// By the pull of the actuating coils on the load.
+    pub pull_j: f64,
     /// By field and heat, which change springs that are under load: ½ e₀ e₁ Δc.
     pub springs_j: f64,
-    /// Turned into heat by creep.
+    /// Turned into heat by creep and friction.
     pub dissipated_j: f64,
     /// Stored in all springs now.
     pub stored_j: f64,
@@ -29,7 +31,7 @@ impl Energy {
     /// Work done by all, J.
     #[must_use]
     pub fn work_j(&self) -> f64 {
-        self.press_j + self.growth_j + self.attraction_j + self.springs_j
+        self.press_j + self.growth_j + self.attraction_j + self.pull_j + self.springs_j
     }
 
     /// Work done less what is stored and dissipated, J; zero but for rounding.
@@ -45,6 +47,7 @@ impl Energy {
             self.press_j,
             self.growth_j,
             self.attraction_j,
+            self.pull_j,
             self.springs_j,
         ];
         works.map(f64::abs).iter().sum::<f64>() + self.dissipated_j + self.stored_j
@@ -58,7 +61,10 @@ impl Energy {
         (from, before): (&ChainState, &ChainConditions),
         (to, after): (&ChainState, &ChainConditions),
     ) -> Self {
-        let force_n = 0.5 * (from.force_n + to.force_n);
+        let force_n = 0.5 * (from.load_force_n + to.load_force_n);
+        let pull_n = 0.5 * (from.force_n + to.force_n) - force_n;
+        let friction_n = 0.5 * (from.friction.force_n + to.friction.force_n);
+        let layers_m = (to.sensing_m + to.actuated_m) - (from.sensing_m + from.actuated_m);
         let load_work = chain.load().energy_j(to.load_m) - chain.load().energy_j(from.load_m);
         // no force acts over what only closes or opens a gap
         let pressed = (after.press_m - before.press_m) + (to.opening_m - from.opening_m);
@@ -70,10 +76,11 @@ impl Energy {
             press_j: self.press_j + force_n * moved + load_work,
             growth_j: self.growth_j + force_n * (after.growth_m - before.growth_m),
             attraction_j: self.attraction_j + attraction_n * (to.actuated_m - from.actuated_m),
+            pull_j: self.pull_j + pull_n * layers_m,
             springs_j: self.springs_j
                 + changed_spring_j(
-                    (from.force_n, before.sensing_spring_n_per_m),
-                    (to.force_n, after.sensing_spring_n_per_m),
+                    (from.sensing_force_n(), before.sensing_spring_n_per_m),
+                    (to.sensing_force_n(), after.sensing_spring_n_per_m),
                 )
                 + changed_spring_j(
                     (from.actuated_force_n, before.actuated_spring_n_per_m),
@@ -85,7 +92,8 @@ impl Energy {
                     .dissipated_j(&to.sensing_creep_m)
                 + chain
                     .actuated_step(from, decays)
-                    .dissipated_j(&to.actuated_creep_m),
+                    .dissipated_j(&to.actuated_creep_m)
+                + friction_n * (to.friction.slider_m - from.friction.slider_m),
             stored_j: chain_stored_j(chain, to, after),
         }
     }
@@ -100,8 +108,10 @@ fn changed_spring_j((force_0, spring_0): (f64, f64), (force_1, spring_1): (f64, 
 fn chain_stored_j(chain: &Chain, state: &ChainState, now: &ChainConditions) -> f64 {
     let square = |force_n: f64| 0.5 * force_n * force_n;
     chain.load().energy_j(state.load_m)
-        + square(state.force_n) * (chain.frame_m_per_n() + 1.0 / now.sensing_spring_n_per_m)
+        + square(state.load_force_n) * chain.frame_m_per_n()
+        + square(state.sensing_force_n()) / now.sensing_spring_n_per_m
         + square(state.actuated_force_n) / now.actuated_spring_n_per_m
+        + chain.friction().stored_j(&state.friction)
         + stored_j(chain.sensing_modes(), &state.sensing_creep_m)
         + stored_j(chain.actuated_modes(), &state.actuated_creep_m)
 }

@@ -11,11 +11,15 @@
 //! compressions, positive. Inertia is neglected, as in the paper: five grams on 4 N/mm swing at
 //! 140 Hz, above what shakes the press, though not far above its 120 Hz.
 //!
-//! [`load`] is the object, [`layer`] a layer with its creep, [`chain`] the balance, [`energy`] the
+//! Two worlds add to it what no drawn plant has: friction J beside the sensing layer, so that F − J is in the layer, and
+//! a pull P of the actuating coils on the load, so that F − P is in the load and in the frame.
+//!
+//! [`load`] is the object, [`layer`] a layer with its creep, [`friction`] what sticks and slips, [`chain`] the balance, [`energy`] the
 //! account of work, [`press`] what moves the whole.
 
 pub mod chain;
 pub mod energy;
+pub mod friction;
 pub mod layer;
 pub mod load;
 pub mod press;

@@ -4,6 +4,8 @@ use core::f64::consts::TAU;
 
 use ldc161x_sim::Time;
 
+use crate::random::Stream;
+
 /// A path of straight pieces. The displacement is zero where load and sensor just touch, cold and
 /// without current; it is negative while they are apart.
 ///
@@ -99,6 +101,38 @@ impl Profile {
     pub(crate) fn next_knot(&self, time: Time) -> Option<Time> {
         let after = self.knots.partition_point(|(knot, _)| *knot <= time);
         self.knots.get(after).map(|(knot, _)| *knot)
+    }
+}
+
+/// Jumps to and fro between two positions, at random times: a layer that snaps between two shapes, a support that
+/// gives way and comes back. The times between them are exponentially distributed.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Jumps {
+    /// Distance of the two positions, m, 0 to 10⁻³.
+    pub size_m: f64,
+    /// Mean time between jumps, s, 0.01 to 1000.
+    pub interval_s: f64,
+}
+
+/// So long after time zero it jumps, s: longer than any press or bench takes.
+const JUMPING_S: f64 = 600.0;
+
+impl Jumps {
+    /// The displacement that they add, from time zero on, with the times that belong to a seed.
+    #[must_use]
+    pub fn path(&self, seed: u64) -> Profile {
+        let mut path = Profile::at(0.0);
+        if self.size_m <= 0.0 || self.interval_s <= 0.0 {
+            return path;
+        }
+        let mut times = Stream::named(seed, "jumps.times");
+        while path.end().as_secs_f64() < JUMPING_S {
+            let wait_s = -self.interval_s * libm::log(1.0 - times.uniform());
+            let (_, here_m) = path.last();
+            let there_m = if here_m > 0.0 { 0.0 } else { self.size_m };
+            path = path.then_hold(wait_s).then_move(there_m, 0.0);
+        }
+        path
     }
 }
 

@@ -71,7 +71,10 @@ impl Parameters {
                 within("creep tau_s", mode.tau_s, 1e-3, 1e6)?;
             }
         }
-        Ok(())
+        let friction = &self.friction;
+        within("friction spring_n_per_m", friction.spring_n_per_m, 0.0, 1e6)?;
+        within("friction stick_n", friction.stick_n, 0.0, 10.0)?;
+        within("friction slip_n", friction.slip_n, 0.0, friction.stick_n)
     }
 
     fn check_field(&self) -> Result<(), ParameterError> {
@@ -79,6 +82,10 @@ impl Parameters {
         within("stiffening_at_peak", law.stiffening_at_peak, 0.0, 20.0)?;
         within("field_at_peak_t", law.field_at_peak_t, 1e-4, 3.0)?;
         within("field_half_t", law.field_half_t, 1e-3, 10.0)?;
+        let object = &self.object;
+        within("object reflection", object.reflection, -1.0, 1.0)?;
+        within("object lost_at_peak", object.lost_at_peak, 0.0, 0.5)?;
+        within("object n_per_a2", object.n_per_a2, 0.0, 0.1)?;
         within("memory", law.memory, 0.0, 0.9)?;
         within("lag_s", law.lag_s, 0.0, 1.0)?;
         within(
@@ -186,6 +193,10 @@ impl Parameters {
             within("shake amplitude_m", shake.amplitude_m, 0.0, 1e-3)?;
             within("shake hertz", shake.hertz, 0.1, 200.0)?;
             within("shake phase", shake.phase, -10.0, 10.0)?;
+        }
+        within("jumps size_m", self.press.jumps.size_m, 0.0, 1e-3)?;
+        if self.press.jumps.size_m > 0.0 {
+            within("jumps interval_s", self.press.jumps.interval_s, 0.01, 1e3)?;
         }
         for frame_m_per_n in [self.press.frame_m_per_n, self.rig.frame_m_per_n] {
             within("frame_m_per_n", frame_m_per_n, 0.0, 1e-3)?;

@@ -3,13 +3,14 @@
 use core::f64::consts::TAU;
 
 use super::{
-    AttractionParameters, CrosstalkParameters, LdcParameters, Parameters, PressParameters,
-    RigParameters,
+    AttractionParameters, CrosstalkParameters, LdcParameters, ObjectParameters, Parameters,
+    PressParameters, RigParameters,
 };
 use crate::current::CurrentParameters;
 use crate::magnetorheological::MagnetorheologicalParameters;
+use crate::mechanics::friction::FrictionParameters;
 use crate::mechanics::layer::{CreepMode, LayerParameters, MODES};
-use crate::mechanics::press::Shake;
+use crate::mechanics::press::{Jumps, Shake};
 use crate::random::Stream;
 use crate::sensing_coil::interference::InterferenceParameters;
 use crate::sensing_coil::tank::TankParameters;
@@ -93,6 +94,8 @@ fn assemble(stack: &Stack, d: &Disturbances, pick: Pick<'_>) -> Parameters {
             spring_per_kelvin,
             creep: creep(d, "actuated", pick),
         },
+        friction: FrictionParameters::default(),
+        object: ObjectParameters::default(),
         magnetorheological: magnetorheological(stack, d, pick),
         attraction: AttractionParameters {
             n_per_a2: pick(&stack.attraction_n_per_a2, "attraction"),
@@ -204,6 +207,7 @@ fn press(d: &Disturbances, depth_m: f64, pick: Pick<'_>) -> PressParameters {
             hertz: pick(&d.press.hand_tremor_hz, "tremor_hz"),
             phase: pick(&PHASE, "tremor_phase"),
         },
+        jumps: Jumps::default(),
     }
 }
 

@@ -11,8 +11,9 @@ pub use draw::{
 
 use crate::current::CurrentParameters;
 use crate::magnetorheological::MagnetorheologicalParameters;
+use crate::mechanics::friction::FrictionParameters;
 use crate::mechanics::layer::LayerParameters;
-use crate::mechanics::press::Shake;
+use crate::mechanics::press::{Jumps, Shake};
 use crate::sensing_coil::interference::InterferenceParameters;
 use crate::sensing_coil::tank::TankParameters;
 use crate::switches::Switches;
@@ -32,6 +33,10 @@ pub struct Parameters {
     pub sensing: LayerParameters,
     /// Actuated layer.
     pub actuated: LayerParameters,
+    /// Friction beside the sensing layer; none is drawn.
+    pub friction: FrictionParameters,
+    /// What the load's face does to the coils' fields; none is drawn.
+    pub object: ObjectParameters,
     /// Stiffening of the actuated layer.
     pub magnetorheological: MagnetorheologicalParameters,
     /// Attraction of the actuated layer's halves.
@@ -61,6 +66,21 @@ pub struct AttractionParameters {
     pub n_per_a2: f64,
     /// γ, 1/m, 0 to 10⁴.
     pub gradient_per_m: f64,
+}
+
+/// A load whose face is permeable. It lies on the upper slab of MSE and reflects the sensing coil's field there
+/// (see [`crate::sensing_coil::integral::CoilIntegral::facing`]), less as the actuating field takes its permeability
+/// down, by a part s (I/I_peak)²; and the actuating coils pull it by k I², against their own layer and through the
+/// sensor, while it touches.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ObjectParameters {
+    /// Reflection (μ − 1)/(μ + 1) of the face without current: 1 for an ideal ferrite, −1 for an ideal conductor,
+    /// zero for nothing.
+    pub reflection: f64,
+    /// s, 0 to 0.5.
+    pub lost_at_peak: f64,
+    /// k, N/A², 0 to 0.1.
+    pub n_per_a2: f64,
 }
 
 /// Apparent displacement of the sensing layer by the actuating field: the field lowers the
@@ -97,6 +117,8 @@ pub struct PressParameters {
     pub vibration: Shake,
     /// Tremor of a hand.
     pub tremor: Shake,
+    /// Jumps of the sensor or of what it stands on; none are drawn.
+    pub jumps: Jumps,
 }
 
 /// The bench on which the instrument is calibrated.

@@ -36,7 +36,7 @@ pub struct CoilCurve {
     in_air_h: f64,
 }
 
-type Known = ((CoilDesign, Option<f64>), Arc<CoilCurve>);
+type Known = ((CoilDesign, Option<f64>, f64), Arc<CoilCurve>);
 
 /// Curves already built; the quadrature takes tens of milliseconds, and a campaign makes thousands
 /// of plants with one coil.
@@ -50,24 +50,34 @@ impl CoilCurve {
     /// (see [`CoilIntegral::new`]).
     #[must_use]
     pub fn new(design: &CoilDesign, copper_m: Option<f64>) -> Self {
-        let integral = CoilIntegral::new(*design, copper_m);
+        Self::of(&CoilIntegral::new(*design, copper_m))
+    }
+
+    fn of(integral: &CoilIntegral) -> Self {
         let value = chebyshev_series(|x| integral.inductance_h(gap_of(x)));
         Self {
             value,
             slope: differentiated(&value).map(|term| term / HALF_SPAN),
-            in_air_h: design.inductance_in_air_h(),
+            in_air_h: integral.design().inductance_in_air_h(),
         }
     }
 
     /// The same, built at most once in this process.
     #[must_use]
     pub fn shared(design: &CoilDesign, copper_m: Option<f64>) -> Arc<Self> {
+        Self::shared_facing(design, copper_m, 0.0)
+    }
+
+    /// The same with an object's face on the upper slab (see [`CoilIntegral::facing`]).
+    #[must_use]
+    pub fn shared_facing(design: &CoilDesign, copper_m: Option<f64>, reflection: f64) -> Arc<Self> {
         let mut known = KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
-        let key = (*design, copper_m);
+        let key = (*design, copper_m, reflection);
         if let Some((_, curve)) = known.iter().find(|(other, _)| *other == key) {
             return Arc::clone(curve);
         }
-        let curve = Arc::new(Self::new(design, copper_m));
+        let integral = CoilIntegral::new(*design, copper_m).facing(reflection);
+        let curve = Arc::new(Self::of(&integral));
         if known.len() >= KNOWN_AT_MOST {
             known.remove(0);
         }

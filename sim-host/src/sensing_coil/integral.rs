@@ -2,7 +2,7 @@
 
 use core::f64::consts::PI;
 
-use super::layers::{backed_slab, both_sides, conductor_behind_air, one_side, slab};
+use super::layers::{backed_slab, both_sides, conductor_behind_air, one_side};
 use super::{COPPER_M, CoilDesign, MU_0, Sides};
 
 /// The least gap that the model answers for, m. Turns are point filaments, which over-count the
@@ -19,6 +19,8 @@ pub struct CoilIntegral {
     design: CoilDesign,
     /// Distance from the turns to a plane of copper under the lower slab with nothing pressed, m.
     copper_m: Option<f64>,
+    /// Reflection at the face of an object that touches the upper slab.
+    object: f64,
     /// Wave numbers, 1/m, and weights with S(k)², m.
     nodes: Vec<(f64, f64)>,
     /// Inductance with neither MSE nor copper, H.
@@ -35,6 +37,17 @@ impl CoilIntegral {
         let radii_m: Vec<f64> = design.radii_m().collect();
         let turns = |k: f64| turns_sum(&radii_m, k);
         Self::with_panels(design, copper_m, design.inductance_in_air_h(), turns, 2.0)
+    }
+
+    /// The same with an object that touches the upper slab, and has a plane face of this reflection: (μ − 1)/(μ + 1)
+    /// of a permeable one, the image method for a half-space, which holds for faces as wide as the coil and as thick as
+    /// its radius. A coil with MSE on one side has the object at the gap on its other side.
+    #[must_use]
+    pub fn facing(self, reflection: f64) -> Self {
+        Self {
+            object: reflection,
+            ..self
+        }
     }
 
     /// The same with the section of the tracks, of a width in m, above zero and at most the pitch, and of
@@ -72,6 +85,7 @@ impl CoilIntegral {
         Self {
             design,
             copper_m,
+            object: 0.0,
             nodes,
             in_air_h,
         }
@@ -109,8 +123,12 @@ impl CoilIntegral {
         });
         let lower = one_side(backed_slab(mu, slab_m, k, behind), gap_m, k);
         match sides {
-            Sides::One => lower,
-            Sides::Both => both_sides(lower, one_side(slab(mu, slab_m, k), gap_m, k)),
+            Sides::One if self.object == 0.0 => lower,
+            Sides::One => both_sides(lower, one_side(self.object, gap_m, k)),
+            Sides::Both => {
+                let upper = backed_slab(mu, slab_m, k, self.object);
+                both_sides(lower, one_side(upper, gap_m, k))
+            }
         }
     }
 }

@@ -129,6 +129,7 @@ impl World {
             parameters.attraction.gradient_per_m,
             parameters.sensing,
             parameters.actuated,
+            parameters.friction,
         );
         check_stability(&parameters, &chain)?;
         let shake = match setup.holder {
@@ -144,6 +145,7 @@ impl World {
         let inputs = Inputs {
             command: Command::constant(0.0),
             profile: setup.profile,
+            jumps: plant.parameters.press.jumps.path(plant.parameters.seed),
         };
         let first = plant.step(&inputs, &plant.at_rest(), Time::ZERO);
         Self {
@@ -421,7 +423,7 @@ impl World {
         self.plant.chain.load()
     }
 
-    /// Displacement of the press now as planned, without its shaking, m.
+    /// Displacement of the press now as planned, without what shakes it or jumps, m.
     #[must_use]
     pub fn planned_press_m(&self) -> f64 {
         self.inputs.profile.position_m(self.now)

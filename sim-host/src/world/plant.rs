@@ -17,13 +17,24 @@ use crate::thermal::ThermalState;
 pub(super) struct Inputs {
     pub(super) command: Command,
     pub(super) profile: Profile,
+    /// What jumps besides.
+    pub(super) jumps: Profile,
 }
 
 impl Inputs {
     /// The next moment after `time` at which an input has a kink.
     pub(super) fn next_knot(&self, time: Time) -> Time {
-        let knots = [self.command.next_knot(time), self.profile.next_knot(time)];
+        let knots = [
+            self.command.next_knot(time),
+            self.profile.next_knot(time),
+            self.jumps.next_knot(time),
+        ];
         knots.into_iter().flatten().min().unwrap_or(Time::MAX)
+    }
+
+    /// Displacement of the press without what shakes it, m.
+    fn press_m(&self, time: Time) -> f64 {
+        self.profile.position_m(time) + self.jumps.position_m(time)
     }
 }
 
@@ -64,7 +75,7 @@ pub(super) struct Plant {
 impl Plant {
     pub(super) fn new(parameters: Parameters, chain: Chain, shake: Shake, step: Time) -> Self {
         Self {
-            tank: SensingTank::new(&parameters.tank),
+            tank: SensingTank::new(&parameters.tank).facing(parameters.object.reflection),
             usual: (step, chain.decays(step.as_secs_f64())),
             parameters,
             chain,
@@ -123,7 +134,8 @@ impl Plant {
             sensing_spring_n_per_m: p.sensing.spring_at(thermal.pad_k),
             actuated_spring_n_per_m: softened * (1.0 + strength * stiffening),
             attraction_n: p.attraction.n_per_a2 * effective_a * effective_a,
-            press_m: inputs.profile.position_m(to) + shaken_m,
+            pull_n: p.object.n_per_a2 * effective_a * effective_a,
+            press_m: inputs.press_m(to) + shaken_m,
             growth_m: p.thermal.growth_m_per_k * thermal.pad_k,
         };
         let decays = self.decays(duration);
@@ -134,6 +146,8 @@ impl Plant {
             apparent_m: self.apparent_m(chain.sensing_m, effective_a),
             displacement_m: chain.sensing_m,
             warmer_k: thermal.pad_k,
+            opening_m: chain.opening_m,
+            object: self.object_part(effective_a),
         });
         PlantState {
             time: to,
@@ -182,6 +196,12 @@ impl Plant {
         sensing_m - flat_m * (1.0 + slope * sensing_m)
     }
 
+    /// What is left of the reflection of the load's face: 1 − s (I/I_peak)².
+    fn object_part(&self, current_a: f64) -> f64 {
+        let relative = current_a / self.parameters.current.peak_a;
+        1.0 - self.parameters.object.lost_at_peak * relative * relative
+    }
+
     /// X (I/I_peak)², m, and g/depth, 1/m.
     fn crosstalk(&self, current_a: f64) -> (f64, f64) {
         let crosstalk = &self.parameters.crosstalk;
@@ -223,6 +243,15 @@ impl Plant {
         state.resonance.per_apparent * apparent
             + state.resonance.per_displacement * sensing
             + state.resonance.per_kelvin * slopes.pad
+            + state.resonance.per_opening * slopes.opening
+            + state.resonance.per_object * self.object_rate(state, slopes)
+    }
+
+    /// Rate of [`Self::object_part`], per second.
+    fn object_rate(&self, state: &PlantState, slopes: &Slopes) -> f64 {
+        let peak_a = self.parameters.current.peak_a;
+        -2.0 * self.parameters.object.lost_at_peak * state.effective_a * slopes.current
+            / (peak_a * peak_a)
     }
 
     /// Rate of the sensing layer's displacement at a node, m/s.
@@ -241,8 +270,10 @@ impl Plant {
             sensing_spring: slopes.sensing_spring,
             actuated_spring: state.conditions.actuated_spring_n_per_m * (hardening + warming),
             attraction: 2.0 * k * state.effective_a * slopes.current,
+            pull: 2.0 * self.parameters.object.n_per_a2 * state.effective_a * slopes.current,
             drive: slopes.press + state.shaking_m_per_s + slopes.growth,
             in_contact: slopes.in_contact,
+            sticks: slopes.sticks,
         };
         self.chain
             .sensing_rate(&state.chain, &state.conditions, &rates)
@@ -256,11 +287,14 @@ struct Slopes {
     stiffening: f64,
     press: f64,
     growth: f64,
+    opening: f64,
     pad: f64,
     sensing_spring: f64,
     /// Whether load and sensor touch: a step that begins where contact is made or lost is on the
     /// side of its end.
     in_contact: bool,
+    /// Whether the slider of the friction rests in it.
+    sticks: bool,
 }
 
 impl Slopes {
@@ -272,14 +306,13 @@ impl Slopes {
             current: slope(from.effective_a, to.effective_a),
             stiffening: slope(from.stiffening, to.stiffening),
             // the profile alone: what shakes it has its own velocity
-            press: slope(
-                inputs.profile.position_m(from.time),
-                inputs.profile.position_m(to.time),
-            ),
+            press: slope(inputs.press_m(from.time), inputs.press_m(to.time)),
             growth: slope(before.growth_m, after.growth_m),
+            opening: slope(from.chain.opening_m, to.chain.opening_m),
             pad: slope(from.thermal.pad_k, to.thermal.pad_k),
             sensing_spring: slope(before.sensing_spring_n_per_m, after.sensing_spring_n_per_m),
             in_contact: to.chain.in_contact(),
+            sticks: !to.chain.friction.slipped,
         }
     }
 }

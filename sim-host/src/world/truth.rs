@@ -11,8 +11,12 @@ use crate::thermal::CALIBRATION_C;
 pub struct Truth {
     /// When.
     pub time: Time,
-    /// Force F through load and sensing layer, N.
+    /// Force F through the sensor, N.
     pub force_n: f64,
+    /// Friction beside the sensing layer, N; the layer itself carries F less this.
+    pub friction_n: f64,
+    /// Pull of the actuating coils on the load, N; its spring carries F less this.
+    pub pull_n: f64,
     /// Force in the actuated layer, N: F and the attraction.
     pub actuated_force_n: f64,
     /// Attraction of the actuated layer's halves, N.
@@ -74,13 +78,15 @@ impl Truth {
         Self {
             time: state.time,
             force_n: chain.force_n,
+            friction_n: chain.friction.force_n,
+            pull_n: chain.force_n - chain.load_force_n,
             actuated_force_n: chain.actuated_force_n,
             attraction_n: plant.chain.attraction_n(conditions, chain.actuated_m),
             sensing_m: chain.sensing_m,
             apparent_m: plant.apparent_m(chain.sensing_m, state.effective_a),
             actuated_m: chain.actuated_m,
             load_m: chain.load_m,
-            frame_m: plant.chain.frame_m_per_n() * chain.force_n,
+            frame_m: plant.chain.frame_m_per_n() * chain.load_force_n,
             opening_m: chain.opening_m,
             press_m: conditions.press_m,
             growth_m: conditions.growth_m,
@@ -115,7 +121,7 @@ impl Truth {
         let sensing_n = self.sensing_spring_n_per_m * (self.sensing_m - self.sensing_creep_m);
         let actuated_n = self.actuated_spring_n_per_m * (self.actuated_m - self.actuated_creep_m);
         [
-            sensing_n - self.force_n,
+            sensing_n - (self.force_n - self.friction_n),
             actuated_n - self.force_n - self.attraction_n,
         ]
     }

@@ -1,6 +1,7 @@
 //! Balance of forces, displacements, work and heat.
 
 use crate::common::*;
+use palpate_sim::mechanics::friction::FrictionParameters;
 use palpate_sim::mechanics::{load::Load, press::Profile};
 use palpate_sim::stack::Stack;
 use palpate_sim::switches::Switches;
@@ -75,6 +76,30 @@ fn they_hold_for_loads_that_are_no_springs() {
                 ..pressed(&plant)
             },
         ));
+    }
+}
+
+#[test]
+fn they_hold_with_friction_and_a_pull_on_the_load() {
+    let mut plant = plant("ultrasoft", 4);
+    plant.friction = FrictionParameters {
+        spring_n_per_m: 3e3,
+        stick_n: 5e-3,
+        slip_n: 2e-3,
+    };
+    plant.object.n_per_a2 = 1e-3;
+    for load in [
+        Load::Spring { n_per_m: 3e3 },
+        Load::Hardening {
+            n_per_m: 5e3,
+            cubic_n_per_m3: 4e11,
+        },
+    ] {
+        let setup = Setup {
+            load,
+            ..pressed(&plant)
+        };
+        exercise(world(&plant, Switches::all(), setup));
     }
 }
 

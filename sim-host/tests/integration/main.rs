@@ -1,6 +1,7 @@
 //! Tests of `palpate-sim` from outside: one program, whose modules are its parts.
 
 mod balance;
+mod changed_worlds;
 mod chip;
 mod clock;
 mod coil_drive;

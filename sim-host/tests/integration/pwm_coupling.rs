@@ -41,6 +41,7 @@ fn band_hz() -> (f64, f64) {
             apparent_m: pressed_m,
             displacement_m: pressed_m,
             warmer_k: 0.0,
+            ..TankState::default()
         };
         tank.resonance(&state).frequency_hz
     };
@@ -238,6 +239,7 @@ fn parts_of_a_period_at_the_ends_of_a_window_matter_less_than_quantisation() {
         apparent_m: 0.4e-3,
         displacement_m: 0.4e-3,
         warmer_k: 0.0,
+        ..TankState::default()
     });
     let per_m = (pressed.per_apparent / pressed.frequency_hz).abs();
     let m_per_a2 = 11e-6 * 1.3 / (10.0 * 10.0);

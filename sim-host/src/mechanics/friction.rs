@@ -1,0 +1,86 @@
+//! Dry friction beside the sensing layer.
+//!
+//! A spring in series with a slider (Jenkin's element; Iwan 1966, "A distributed-element model for hysteresis"),
+//! in parallel with the layer. The slider sticks until its force reaches `stick_n`, then slips within a step until
+//! `slip_n` is left of it: the difference of static and sliding friction (Coulomb) makes stick-slip.
+
+use super::layer::Response;
+
+/// Friction beside the layer; none with a spring of zero.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct FrictionParameters {
+    /// Spring between layer and slider, N/m, 0 to 10⁶.
+    pub spring_n_per_m: f64,
+    /// Force at which the slider comes loose, N, 0 to 10.
+    pub stick_n: f64,
+    /// Force with which it comes to rest again, N, 0 to `stick_n`.
+    pub slip_n: f64,
+}
+
+/// The element at one moment.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct FrictionState {
+    /// Force that it takes from the layer, N.
+    pub force_n: f64,
+    /// Where the slider is, as a displacement of the layer, m.
+    pub slider_m: f64,
+    /// Whether the slider moved in the step that ended here.
+    pub slipped: bool,
+}
+
+impl FrictionParameters {
+    /// What part of its compliance a layer keeps beside the slider as it sticks.
+    pub(crate) fn part_left(&self, layer_m_per_n: f64) -> f64 {
+        1.0 / (1.0 + layer_m_per_n * self.spring_n_per_m)
+    }
+
+    /// The layer together with the slider that sticks: x = b + C (F - k (x - s)), solved for x.
+    pub(crate) fn stuck(&self, layer: &Response, from: &FrictionState) -> Response {
+        let part = self.part_left(layer.compliance_m_per_n);
+        let drawn_m = layer.compliance_m_per_n * self.spring_n_per_m * from.slider_m;
+        Response {
+            offset_m: (layer.offset_m + drawn_m) * part,
+            compliance_m_per_n: layer.compliance_m_per_n * part,
+        }
+    }
+
+    /// The state of the slider that sticks, with the layer there.
+    pub(crate) fn stays(&self, from: &FrictionState, sensing_m: f64) -> FrictionState {
+        FrictionState {
+            force_n: self.spring_n_per_m * (sensing_m - from.slider_m),
+            slider_m: from.slider_m,
+            slipped: false,
+        }
+    }
+
+    /// Force after a slip, if this force makes one, N.
+    pub(crate) fn slips(&self, force_n: f64) -> Option<f64> {
+        (force_n.abs() > self.stick_n).then(|| self.slip_n.copysign(force_n))
+    }
+
+    /// The layer beside a slider that moves: x = b + C (F - J).
+    pub(crate) fn moving(layer: &Response, force_n: f64) -> Response {
+        Response {
+            offset_m: layer.offset_m - layer.compliance_m_per_n * force_n,
+            ..*layer
+        }
+    }
+
+    /// The slider after a slip, with the layer there.
+    pub(crate) fn moved(&self, force_n: f64, sensing_m: f64) -> FrictionState {
+        FrictionState {
+            force_n,
+            slider_m: sensing_m - force_n / self.spring_n_per_m,
+            slipped: true,
+        }
+    }
+
+    /// Energy stored in the spring, J.
+    pub(crate) fn stored_j(&self, state: &FrictionState) -> f64 {
+        if self.spring_n_per_m > 0.0 {
+            0.5 * state.force_n * state.force_n / self.spring_n_per_m
+        } else {
+            0.0
+        }
+    }
+}
