@@ -75,6 +75,8 @@ mod notice;
 mod output;
 #[cfg(feature = "packaging")]
 mod packaging;
+#[cfg(feature = "parquet")]
+mod parquet_file;
 mod plan;
 mod plan_ldc;
 mod plot;

@@ -126,6 +126,7 @@ mod tests {
                 upper_n_per_m: Some(estimate_n_per_m * 1.02),
                 load_ratio: 6.0,
                 load_ratio_standard_error: 0.06,
+                reduced_chi_square: Some(1.0),
                 two_state_n_per_m: Some(2e3),
             }),
         }

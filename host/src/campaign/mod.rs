@@ -33,7 +33,8 @@ pub(crate) use self::counted::quantile;
 #[derive(Args)]
 #[command(after_help = "\
 Prints Markdown: a line for each sensor as it is done, then a table for each world; with --json an object
-for each world. An interrupted run has its lines, and with --rows every press of the sensors that were done.
+for each world. An interrupted run has its lines, and with --rows every press of the sensors that were done:
+CSV is written sensor by sensor; Parquet at the end, with its rows in FILE.parquet.csv until then.
 
 Exit code 1 when fewer than 94 % of all intervals of the calibrated world contain the truth, since an
 interval of 95 % is then no such interval, and when there is no estimate at all.
@@ -79,8 +80,8 @@ pub(crate) struct Arguments {
     /// One JSON object for each world
     #[arg(long)]
     json: bool,
-    /// Write every press to this file as its sensor is done, as CSV
-    #[arg(long, value_name = "FILE.csv")]
+    /// Write every press to this file, as CSV, or as Parquet if its name ends in .parquet
+    #[arg(long, value_name = "FILE")]
     rows: Option<PathBuf>,
 }
 
@@ -173,6 +174,7 @@ fn presses(arguments: &Arguments, stack: &Stack) -> Result<Vec<PlantResult>, Fai
         say(seed, &plants)
     })?;
     progress.finish();
+    rows.map_or(Ok(()), Rows::finish)?;
     Ok(plants)
 }
 
@@ -191,36 +193,15 @@ fn of_sensor(
     let instrument = calibrate(stack, disturbances, seed, Switches::all(), &settings)?;
     let mut presses = Vec::new();
     for world in arguments.worlds() {
-        presses.extend(in_world(arguments, &instrument, *world)?);
+        presses.extend(press::in_world(
+            &instrument,
+            *world,
+            &arguments.loads,
+            arguments.depth,
+            (arguments.check_untouched, arguments.check_spring),
+        )?);
     }
     Ok(presses)
-}
-
-/// All loads in one world, after the check if one is asked for.
-fn in_world(
-    arguments: &Arguments,
-    calibrated: &CalibratedInstrument,
-    world: World,
-) -> Result<Vec<Press>, Failure> {
-    let depth = arguments.depth;
-    let loads = arguments.loads.iter();
-    let mut checked = Ok(calibrated.clone());
-    if arguments.check_untouched {
-        checked = press::checked_untouched(calibrated, world)?;
-    }
-    if arguments.check_spring
-        && let Ok(instrument) = &checked
-    {
-        checked = press::checked(instrument, world, depth)?;
-    }
-    match checked {
-        Ok(instrument) => loads
-            .map(|load| Press::of(&instrument, world, *load, depth))
-            .collect(),
-        Err(reason) => Ok(loads
-            .map(|load| Press::left_out(world, *load, reason.clone()))
-            .collect()),
-    }
 }
 
 /// A line for a sensor that is done, the last one, with what all have come to.
@@ -359,6 +340,11 @@ fn print(
     Ok(writeln!(out, "{END}")?)
 }
 
+/// In percent; nothing of nothing.
+fn percent(part: Option<f64>) -> String {
+    part.map_or(String::new(), |part| format!("{:.1} %", part * 100.0))
+}
+
 fn table(result: &WorldResult) -> Table {
     let mut table = Table::new();
     table.load_style(ASCII_MARKDOWN);
@@ -376,8 +362,6 @@ fn table(result: &WorldResult) -> Table {
     ]);
     for bin in &result.bins {
         let counted = &bin.counted;
-        let percent =
-            |part: Option<f64>| part.map_or(String::new(), |part| format!("{:.1} %", part * 100.0));
         table.add_row([
             bin.load.clone(),
             counted.accepted.to_string(),

@@ -36,6 +36,8 @@ pub(crate) struct Claim {
     /// c_S/c_L and its standard error.
     pub(crate) load_ratio: f64,
     pub(crate) load_ratio_standard_error: f64,
+    /// Chi-square of the fit over its degrees of freedom.
+    pub(crate) reduced_chi_square: Option<f64>,
     /// By the two-state formula.
     pub(crate) two_state_n_per_m: Option<f64>,
 }
@@ -47,7 +49,7 @@ const TOLERANCE: f64 = 0.01;
 const CHECKED_BY: f64 = 1.0;
 
 /// The instrument in a world after a train without a press, or why that gives none.
-pub(crate) fn checked_untouched(
+fn checked_untouched(
     calibrated: &CalibratedInstrument,
     world: World,
 ) -> Result<Result<CalibratedInstrument, String>, Failure> {
@@ -83,7 +85,7 @@ fn corrected(
 }
 
 /// The instrument in a world after a check by a spring that is known, or why the check gives none.
-pub(crate) fn checked(
+fn checked(
     calibrated: &CalibratedInstrument,
     world: World,
     depth: f64,
@@ -139,9 +141,36 @@ fn pressed(
     press::press(&instrument, &how, &Native)
 }
 
+/// Presses all loads in one world, after the check if one is asked for.
+pub(super) fn in_world(
+    calibrated: &CalibratedInstrument,
+    world: World,
+    loads: &[f64],
+    depth: f64,
+    (check_untouched, check_spring): (bool, bool),
+) -> Result<Vec<Press>, Failure> {
+    let mut after = Ok(calibrated.clone());
+    if check_untouched {
+        after = checked_untouched(calibrated, world)?;
+    }
+    if check_spring && let Ok(instrument) = &after {
+        after = checked(instrument, world, depth)?;
+    }
+    match after {
+        Ok(instrument) => loads
+            .iter()
+            .map(|load| Press::of(&instrument, world, *load, depth))
+            .collect(),
+        Err(reason) => Ok(loads
+            .iter()
+            .map(|load| Press::left_out(world, *load, reason.clone()))
+            .collect()),
+    }
+}
+
 impl Press {
     /// Presses a load in a world, so many times as deep as the sensor is meant to be pressed.
-    pub(crate) fn of(
+    fn of(
         calibrated: &CalibratedInstrument,
         world: World,
         ratio: f64,
@@ -158,7 +187,7 @@ impl Press {
     }
 
     /// A press that was left out, since the check of the calibration gave none.
-    pub(crate) const fn left_out(world: World, ratio: f64, reason: String) -> Self {
+    const fn left_out(world: World, ratio: f64, reason: String) -> Self {
         Self {
             world,
             ratio,
@@ -192,6 +221,7 @@ impl Claim {
             upper_n_per_m: estimate.upper_n_per_m.map(f64::from),
             load_ratio: estimate.load_ratio.into(),
             load_ratio_standard_error: estimate.load_ratio_standard_error.into(),
+            reduced_chi_square: estimate.reduced_chi_square.map(f64::from),
             two_state_n_per_m: estimate.two_state_n_per_m.map(f64::from),
         })
     }

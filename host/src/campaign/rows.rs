@@ -1,5 +1,6 @@
-//! The file of presses, written sensor by sensor.
+//! The file of presses: as CSV sensor by sensor, as Parquet at the end of the run.
 
+use std::ffi::OsStr;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
@@ -10,13 +11,18 @@ use super::press::Press;
 use crate::failure::Failure;
 use crate::output::OutputFile;
 
+/// A file of Parquet has its schema at its end, so that it cannot be read before it is complete. Until then its rows
+/// are in a journal beside it, as CSV, which an interrupted run leaves there.
 pub(super) struct Rows {
+    /// The file of CSV.
     path: PathBuf,
     file: csv::Writer<File>,
+    #[cfg(feature = "parquet")]
+    parquet: Option<parquet::Rows>,
 }
 
 /// A row of the file: a press, or a sensor that could not be calibrated.
-#[derive(Default, Serialize)]
+#[derive(Clone, Default, Serialize)]
 #[allow(non_snake_case, reason = "keys carry units")]
 struct Row {
     seed: u64,
@@ -28,6 +34,7 @@ struct Row {
     upper_N_per_m: Option<f64>,
     load_ratio: Option<f64>,
     load_ratio_standard_error: Option<f64>,
+    reduced_chi_square: Option<f64>,
     two_state_N_per_m: Option<f64>,
     covered: Option<bool>,
     reason: Option<String>,
@@ -35,19 +42,27 @@ struct Row {
 
 impl Rows {
     pub(super) fn create(path: &Path) -> Result<Self, Failure> {
-        OutputFile::new("--rows", path)?;
-        let file = File::create(path).map_err(|error| Self::unwritten(path, &error))?;
+        let output = OutputFile::new("--rows", path)?;
+        let is_parquet = path.extension() == Some(OsStr::new("parquet"));
+        if is_parquet && cfg!(not(feature = "parquet")) {
+            return Err(Failure::Refused(format!(
+                "--rows {}: this build cannot write Parquet. Name a file that ends in .csv, or build with the feature \
+                 `parquet`.",
+                path.display()
+            )));
+        }
+        let path = if is_parquet {
+            journal(path)
+        } else {
+            output.path().to_path_buf()
+        };
+        let file = File::create(&path).map_err(|error| unwritten(&path, &error))?;
         Ok(Self {
-            path: path.to_path_buf(),
+            path,
             file: csv::Writer::from_writer(file),
+            #[cfg(feature = "parquet")]
+            parquet: is_parquet.then(|| parquet::Rows::to(output)),
         })
-    }
-
-    fn unwritten(path: &Path, error: &dyn std::fmt::Display) -> Failure {
-        Failure::Refused(format!(
-            "--rows {}: {error}. It has the sensors before this one.",
-            path.display()
-        ))
     }
 
     pub(super) fn write(&mut self, seed: u64, plant: &PlantResult) -> Result<(), Failure> {
@@ -62,7 +77,137 @@ impl Rows {
         rows.iter()
             .try_for_each(|row| self.file.serialize(row))
             .and_then(|()| Ok(self.file.flush()?))
-            .map_err(|error| Self::unwritten(&self.path, &error))
+            .map_err(|error| unwritten(&self.path, &error))?;
+        #[cfg(feature = "parquet")]
+        if let Some(parquet) = &mut self.parquet {
+            parquet.keep(rows);
+        }
+        Ok(())
+    }
+
+    /// Writes the file of Parquet, if there is to be one, and removes its journal.
+    pub(super) fn finish(self) -> Result<(), Failure> {
+        #[cfg(feature = "parquet")]
+        if let Some(parquet) = self.parquet {
+            parquet.write()?;
+            drop(self.file);
+            std::fs::remove_file(&self.path).map_err(|error| {
+                Failure::Refused(format!(
+                    "{}: {error}. The file of Parquet is complete; remove this one.",
+                    self.path.display()
+                ))
+            })?;
+        }
+        Ok(())
+    }
+}
+
+/// FILE.parquet.csv of FILE.parquet.
+fn journal(path: &Path) -> PathBuf {
+    let mut name = path.as_os_str().to_owned();
+    name.push(".csv");
+    PathBuf::from(name)
+}
+
+fn unwritten(path: &Path, error: &dyn std::fmt::Display) -> Failure {
+    Failure::Refused(format!(
+        "--rows {}: {error}. It has the sensors before this one.",
+        path.display()
+    ))
+}
+
+#[cfg(feature = "parquet")]
+mod parquet {
+    use serde_json::Value;
+
+    use super::Row;
+    use crate::failure::Failure;
+    use crate::output::OutputFile;
+    use crate::parquet_file::{Head, Kind, ParquetFile};
+
+    /// The columns, in the order of a row's fields.
+    const HEADS: [Head<'_>; 13] = [
+        head("seed", Kind::Integer(64), ""),
+        head("world", Kind::Text, ""),
+        head("load", Kind::Text, ""),
+        head("true_N_per_m", Kind::Double, "N/m"),
+        head("estimate_N_per_m", Kind::Double, "N/m"),
+        head("lower_N_per_m", Kind::Double, "N/m"),
+        head("upper_N_per_m", Kind::Double, "N/m"),
+        head("load_ratio", Kind::Double, "1"),
+        head("load_ratio_standard_error", Kind::Double, "1"),
+        head("reduced_chi_square", Kind::Double, "1"),
+        head("two_state_N_per_m", Kind::Double, "N/m"),
+        head("covered", Kind::Bool, ""),
+        head("reason", Kind::Text, ""),
+    ];
+
+    const fn head(name: &'static str, kind: Kind, unit: &'static str) -> Head<'static> {
+        Head {
+            name,
+            kind,
+            unit,
+            optional: true,
+        }
+    }
+
+    /// Rows for a file of Parquet.
+    pub(super) struct Rows {
+        output: OutputFile,
+        rows: Vec<Row>,
+    }
+
+    impl Rows {
+        pub(super) const fn to(output: OutputFile) -> Self {
+            Self {
+                output,
+                rows: Vec::new(),
+            }
+        }
+
+        pub(super) fn keep(&mut self, rows: Vec<Row>) {
+            self.rows.extend(rows);
+        }
+
+        pub(super) fn write(&self) -> Result<(), Failure> {
+            let file = file_of(&self.rows).map_err(|reason| {
+                let path = self.output.path().display();
+                Failure::Refused(format!(
+                    "--rows {path}: {reason}. The rows are in {path}.csv."
+                ))
+            })?;
+            self.output.write(file)
+        }
+    }
+
+    /// The bytes of a file.
+    fn file_of(rows: &[Row]) -> Result<Vec<u8>, String> {
+        let mut file = ParquetFile::begin(Vec::new(), "press", &HEADS).map_err(text)?;
+        for row in rows {
+            let row = serde_json::to_value(row).map_err(text)?;
+            let cell = |head: &Head<'_>| row.get(head.name).filter(|cell| !cell.is_null()).cloned();
+            file.add(HEADS.iter().map(cell).collect::<Vec<Option<Value>>>())
+                .map_err(text)?;
+        }
+        file.finish().map_err(text)
+    }
+
+    fn text(error: impl ToString) -> String {
+        error.to_string()
+    }
+
+    #[cfg(test)]
+    mod tests {
+        use super::*;
+
+        #[test]
+        fn columns_are_the_fields_of_a_row() {
+            let mut csv = csv::Writer::from_writer(Vec::new());
+            csv.serialize(Row::default()).unwrap();
+            let csv = String::from_utf8(csv.into_inner().unwrap()).unwrap();
+            let names = HEADS.map(|head| head.name).join(",");
+            assert_eq!(csv.lines().next(), Some(names.as_str()));
+        }
     }
 }
 
@@ -80,9 +225,117 @@ impl Row {
             upper_N_per_m: claim.and_then(|claim| claim.upper_n_per_m),
             load_ratio: claim.map(|claim| claim.load_ratio),
             load_ratio_standard_error: claim.map(|claim| claim.load_ratio_standard_error),
+            reduced_chi_square: claim.and_then(|claim| claim.reduced_chi_square),
             two_state_N_per_m: claim.and_then(|claim| claim.two_state_n_per_m),
             covered: claim.map(|claim| claim.holds(truth)),
             reason: press.outcome.as_ref().err().cloned(),
         }
+    }
+}
+
+#[cfg(all(test, feature = "parquet"))]
+mod tests {
+    use std::fs;
+
+    use ::parquet::file::reader::{FileReader, SerializedFileReader};
+    use ::parquet::record::{Field, RowAccessor};
+
+    use super::*;
+    use crate::campaign::press::Claim;
+    use crate::campaign::world::World;
+
+    fn press(outcome: Result<Claim, String>) -> Press {
+        Press {
+            world: World::Hand,
+            ratio: 0.5,
+            true_n_per_m: 2_500.062_5,
+            outcome,
+        }
+    }
+
+    fn claim() -> Claim {
+        Claim {
+            estimate_n_per_m: Some(2_400.25),
+            lower_n_per_m: 2_300.125,
+            upper_n_per_m: None,
+            load_ratio: 2.25,
+            load_ratio_standard_error: 0.062_5,
+            reduced_chi_square: Some(1.5),
+            two_state_n_per_m: Some(-0.1),
+        }
+    }
+
+    /// Writes three rows and returns the folder with what is in it.
+    fn written(name: &str, finish: bool) -> (tempfile::TempDir, Vec<String>) {
+        let folder = tempfile::tempdir().unwrap();
+        let mut rows = Rows::create(&folder.path().join(name)).unwrap();
+        let presses = vec![press(Ok(claim())), press(Err("misfit: 2".to_owned()))];
+        rows.write(u64::MAX, &Ok(presses)).unwrap();
+        rows.write(7, &Err("supply_low".to_owned())).unwrap();
+        if finish {
+            rows.finish().unwrap();
+        }
+        let mut entries: Vec<String> = fs::read_dir(folder.path())
+            .unwrap()
+            .map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned())
+            .collect();
+        entries.sort();
+        (folder, entries)
+    }
+
+    #[test]
+    fn rows_of_parquet_are_read_back_as_those_of_csv() {
+        let (folder, entries) = written("rows.parquet", true);
+        assert_eq!(entries, ["rows.parquet"], "the journal is removed");
+        let (beside, entries) = written("rows.csv", true);
+        assert_eq!(entries, ["rows.csv"]);
+
+        let file = File::open(folder.path().join("rows.parquet")).unwrap();
+        let reader = SerializedFileReader::new(file).unwrap();
+        let mut csv = csv::Reader::from_path(beside.path().join("rows.csv")).unwrap();
+        let heads = csv.headers().unwrap().clone();
+        let csv: Vec<csv::StringRecord> = csv.records().map(Result::unwrap).collect();
+        let rows: Vec<_> = reader
+            .get_row_iter(None)
+            .unwrap()
+            .map(Result::unwrap)
+            .collect();
+        assert_eq!((rows.len(), csv.len()), (3, 3));
+        for (row, cells) in rows.iter().zip(&csv) {
+            let columns = row.get_column_iter().zip(heads.iter().zip(cells));
+            for ((name, field), (head, cell)) in columns {
+                assert_eq!(name, head);
+                let field = match field {
+                    Field::Null => String::new(),
+                    Field::Str(text) => text.clone(),
+                    // As CSV writes it.
+                    Field::Double(number) => serde_json::to_string(number).unwrap(),
+                    Field::Bool(is) => is.to_string(),
+                    Field::ULong(number) => number.to_string(),
+                    other => panic!("{name}: {other:?}"),
+                };
+                assert_eq!(field, *cell, "{name}");
+            }
+        }
+        assert_eq!(rows[0].get_ulong(0).unwrap(), u64::MAX);
+        assert_eq!(rows[0].get_double(3).unwrap(), 2_500.062_5);
+        let metadata = reader.metadata().file_metadata();
+        let units = metadata.key_value_metadata().unwrap().iter();
+        let units = units.clone().find(|of| of.key == "units").unwrap();
+        assert!(
+            units
+                .value
+                .as_ref()
+                .unwrap()
+                .contains("\"true_N_per_m\":\"N/m\"")
+        );
+    }
+
+    #[test]
+    fn an_interrupted_run_leaves_its_rows_in_the_journal() {
+        let (folder, entries) = written("rows.parquet", false);
+        assert_eq!(entries, ["rows.parquet.csv"]);
+        let text = fs::read_to_string(folder.path().join("rows.parquet.csv")).unwrap();
+        assert_eq!(text.lines().count(), 4, "{text}");
     }
 }
