@@ -95,8 +95,7 @@ impl CalibratedInstrument {
     ) -> Result<Self, Failure> {
         let plant = draw(stack, disturbances, seed);
         let task = BenchTask::of(&plant, stack, switches, settings);
-        let first = task.session(&plant, switches, 0.0)?;
-        let second = task.session(&plant, switches, WARMER_K)?;
+        let [first, second] = task.both_sessions(&plant, switches)?;
         let calibration = evaluate_both(&first, &second, &task.known).map_err(unusable)?;
         Self::with(calibration, &first, task, plant, switches)
     }
@@ -112,7 +111,8 @@ impl CalibratedInstrument {
         Self::with(calibration, session, task, plant, switches)
     }
 
-    fn with(
+    /// A plant with the calibration that was made of its bench.
+    pub(crate) fn with(
         calibration: Calibration,
         session: &Session,
         task: BenchTask,
@@ -157,6 +157,16 @@ impl BenchTask {
     ) -> Result<Session, Failure> {
         let mut bench = NativeBench::new(plant, switches, warmer_k);
         bench::hold(&mut bench, &self.plan, &self.known, &mut |_, _| {}).map_err(unusable)
+    }
+
+    /// The same at both temperatures, that of calibration first.
+    pub(crate) fn both_sessions(
+        &self,
+        plant: &Parameters,
+        switches: Switches,
+    ) -> Result<[Session; 2], Failure> {
+        let first = self.session(plant, switches, 0.0)?;
+        Ok([first, self.session(plant, switches, WARMER_K)?])
     }
 
     pub(crate) fn of(

@@ -291,6 +291,20 @@ const CAMPAIGNS: &[Campaign] = &[
         rests_on: INSTRUMENT,
     },
     Campaign {
+        name: "ablation",
+        purpose: "What each part of the chain is worth: errors and intervals of the same sensors with a bench at one \
+                  and at two temperatures, with and without a check, and with parts left out.",
+        runs: Runs::Tool(&[
+            "campaign",
+            "--plants",
+            "16",
+            "--seed",
+            "870001",
+            "--ablation",
+        ]),
+        rests_on: INSTRUMENT,
+    },
+    Campaign {
         name: "efficiency",
         purpose: "Errors of the whole chain, from bench to press, against the Cramer-Rao bound of what bench and press \
                   read, and where the rest is lost.",

@@ -1,5 +1,6 @@
 //! `palpate campaign`: how well estimates and claims hold, over many sensors of a kind.
 
+mod ablation;
 mod counted;
 mod press;
 mod rows;
@@ -77,7 +78,11 @@ pub(crate) struct Arguments {
     /// size of the stiffening, or refuses the calibration
     #[arg(long)]
     check_spring: bool,
-    /// One JSON object for each world
+    /// Press with parts of the chain added or left out in place of worlds: a bench at two temperatures, a check, the
+    /// load cell, ramps, what the instrument corrects
+    #[arg(long, conflicts_with_all = ["world", "all_worlds", "temperatures", "check_spring", "rows"])]
+    ablation: bool,
+    /// One JSON object for each world, or with --ablation for each variant and load
     #[arg(long)]
     json: bool,
     /// Write every press to this file, as CSV, or as Parquet if its name ends in .parquet
@@ -119,6 +124,9 @@ type PlantResult = Result<Vec<Press>, String>;
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let stack = Stack::named(&arguments.stack, Path::new(""))?;
+    if arguments.ablation {
+        return ablation::run(arguments, &stack);
+    }
     let plants = presses(arguments, &stack)?;
     let all: Vec<&Press> = plants.iter().flatten().flatten().collect();
     let results: Vec<WorldResult> = arguments
