@@ -4,7 +4,7 @@
 //! calibration, either the field does something else to the layer, or the current is another than the board measures.
 //! In the second case the stiffening, which goes with the square of the current too, has changed by e as well. A train
 //! without a press cannot tell the two apart: X is taken over, and e is stated as a standard uncertainty of the rise.
-//! A press upon a known spring ([`check`](super::check)) then shows which it was.
+//! A press upon a known spring (`check`) then shows which it was.
 //!
 //! It is held against the bench's own train, and not against the X of the calibration: that is adjusted to the presses
 //! too, and differs from the untouched sensor's by up to 5 %.
