@@ -108,8 +108,8 @@ impl fmt::Display for Unchecked {
             ),
             Self::Touched => write!(
                 f,
-                "the reading of the untouched sensor drifts by more than the current adds to it: take everything \
-                 off the sensor, wait until it has recovered from a press, and try again"
+                "the reading of the untouched sensor drifts by more than a fifth of what the current adds to it: take \
+                 everything off the sensor, wait until it has recovered from a press, and try again"
             ),
             Self::OtherSession => write!(
                 f,

@@ -11,7 +11,7 @@ use super::Instrument;
 use super::gauges::{GaugeReading, bench_sample};
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;
-use crate::link::Link;
+use crate::link::{Arrival, Link};
 
 /// A board and nothing else.
 pub(crate) struct BareInstrument<'l> {
@@ -23,6 +23,22 @@ impl<'l> BareInstrument<'l> {
     pub(crate) const fn new(link: &'l mut Link, interrupt: Interrupt) -> Self {
         Self { link, interrupt }
     }
+}
+
+/// Writes samples down, without what gauges say; returns the other records.
+pub(super) fn noted(arrivals: Vec<Arrival>, lines: &mut Vec<BenchSample>) -> Vec<Record> {
+    let mut others = Vec::new();
+    for arrival in arrivals {
+        match arrival.frame.message {
+            Record::Sample(sample) => {
+                let time_s = arrival.frame.header.time_us as f64 * 1e-6;
+                let gauges = GaugeReading::default();
+                lines.extend(bench_sample(time_s, &sample, time_s, gauges));
+            }
+            other => others.push(other),
+        }
+    }
+    others
 }
 
 /// How long is listened at once.
@@ -45,18 +61,7 @@ impl Instrument for BareInstrument<'_> {
     fn advance(&mut self, _: Time, lines: &mut Vec<BenchSample>) -> Result<Vec<Record>, Failure> {
         self.interrupt.go_on()?;
         self.link.listen(LOOK)?;
-        let mut others = Vec::new();
-        for arrival in self.link.take() {
-            match arrival.frame.message {
-                Record::Sample(sample) => {
-                    let time_s = arrival.frame.header.time_us as f64 * 1e-6;
-                    let gauges = GaugeReading::default();
-                    lines.extend(bench_sample(time_s, &sample, time_s, gauges));
-                }
-                other => others.push(other),
-            }
-        }
-        Ok(others)
+        Ok(noted(self.link.take(), lines))
     }
 
     fn press(&mut self, _: f64, _: f64) -> Result<Time, Failure> {

@@ -20,7 +20,7 @@ use palpate_wire::code::Outcome;
 use palpate_wire::command::Settings;
 use palpate_wire::{Command, Record};
 
-use super::gauges::{GaugeReading, bench_sample};
+use super::bare::noted;
 use super::{Bench, Instrument};
 use crate::failure::Failure;
 use crate::finding::Finding;
@@ -404,19 +404,8 @@ impl Instrument for RigBench<'_> {
     fn advance(&mut self, _: Time, lines: &mut Vec<BenchSample>) -> Result<Vec<Record>, Failure> {
         self.pump()?;
         self.is_sending()?;
-        let mut others = Vec::new();
-        for arrival in std::mem::take(&mut self.arrivals) {
-            match arrival.frame.message {
-                Record::Sample(sample) => {
-                    let time_s = arrival.frame.header.time_us as f64 * 1e-6;
-                    // The gauges are written in when the run is over: some of them are late.
-                    let gauges = GaugeReading::default();
-                    lines.extend(bench_sample(time_s, &sample, time_s, gauges));
-                }
-                other => others.push(other),
-            }
-        }
-        Ok(others)
+        // The gauges are written in when the run is over: some of them are late.
+        Ok(noted(std::mem::take(&mut self.arrivals), lines))
     }
 
     fn press(&mut self, depth_m: f64, speed_m_per_s: f64) -> Result<Time, Failure> {
