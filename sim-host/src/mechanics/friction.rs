@@ -1,6 +1,6 @@
 //! Dry friction beside the sensing layer.
 //!
-//! A spring in series with a slider (Jenkin's element; Iwan 1966, "A distributed-element model for hysteresis"),
+//! A spring in series with a slider (Iwan 1966, "A distributed-element model for hysteresis"),
 //! in parallel with the layer. The slider sticks until its force reaches `stick_n`, then slips within a step until
 //! `slip_n` is left of it: the difference of static and sliding friction (Coulomb) makes stick-slip.
 
