@@ -2,6 +2,7 @@
 
 use super::RampRefusal;
 use crate::math::{hypot, sqrt, student::NORMAL_975};
+use crate::uncertainty::coverage_factor;
 use crate::units::NewtonPerMetre;
 
 /// kappa = c_S/c_L, the load's compliance in units of the sensing layer's, with a 95 % interval.
@@ -86,6 +87,18 @@ impl LoadRatio {
             standard_error: hypot(self.standard_error, further),
             low: self.value - hypot(self.value - self.low, reach),
             high: self.value + hypot(self.high - self.value, reach),
+        }
+    }
+
+    /// The same, where so much of the standard error is that of errors which are uniform within limits: the interval's
+    /// two reaches by [`coverage_factor`].
+    #[must_use]
+    pub fn with_uniform_part(&self, uniform: f32) -> Self {
+        let factor = coverage_factor(uniform / self.standard_error) / NORMAL_975;
+        Self {
+            low: self.value - (self.value - self.low) * factor,
+            high: self.value + (self.high - self.value) * factor,
+            ..*self
         }
     }
 

@@ -5,7 +5,7 @@ use crate::common::plant::{Ramps, Recording, Stack, record};
 use crate::common::reference::reciprocal_line;
 use crate::common::rng::Rng;
 use palpate_model::ramp::{LoadRatio, RampSample, Reference};
-use palpate_model::uncertainty::{Budget, Calibration, OperatingPoint};
+use palpate_model::uncertainty::{Budget, Calibration, OperatingPoint, coverage_factor};
 use palpate_model::units::Metre;
 
 /// What is taken for known wrongly: fractions, and metres for the zero.
@@ -192,4 +192,84 @@ fn the_widened_interval_adds_in_squares_and_covers() {
     };
     let same = Calibration::default().widen(&ratio, &at);
     assert!((same.low - 0.8).abs() < 1e-6 && (same.high - 1.3).abs() < 1e-6);
+}
+
+/// Part of the errors that lie within `factor` standard errors, where the part `uniform` of the standard error is that
+/// of uniform errors and the rest normal: the uniform ones one by one, the normal density by Simpson's rule.
+fn within(factor: f64, uniform: f64) -> f64 {
+    const STEPS: i32 = 400;
+    let simpson = |from: f64, to: f64, of: &dyn Fn(f64) -> f64| {
+        let step = (to - from) / f64::from(STEPS);
+        let weights = (0..=STEPS).map(|index| match index {
+            0 | STEPS => 1.0,
+            odd if odd % 2 == 1 => 4.0,
+            _ => 2.0,
+        });
+        let points = (0..=STEPS).map(|index| of(from + f64::from(index) * step));
+        points
+            .zip(weights)
+            .map(|(value, weight)| value * weight)
+            .sum::<f64>()
+            * step
+            / 3.0
+    };
+    let limit = uniform * 3_f64.sqrt();
+    let normal = (1.0 - uniform * uniform).sqrt();
+    let density = |z: f64| (-0.5 * z * z).exp() / std::f64::consts::TAU.sqrt();
+    // For each normal error, the part of the uniform ones that keep the sum within.
+    let of_uniform = |z: f64| {
+        let low = (-factor - z * normal).max(-limit);
+        let high = (factor - z * normal).min(limit);
+        density(z) * ((high - low) / (2.0 * limit)).max(0.0)
+    };
+    simpson(-9.0, 9.0, &of_uniform)
+}
+
+#[test]
+fn the_coverage_factor_is_the_quantile_of_normal_and_uniform_errors_together() {
+    for percent in (5..=95).step_by(5) {
+        let uniform = f64::from(percent) / 100.0;
+        let (mut low, mut high) = (1.6, 2.0);
+        while high - low > 1e-6 {
+            let middle = 0.5 * (low + high);
+            if within(middle, uniform) < 0.95 {
+                low = middle;
+            } else {
+                high = middle;
+            }
+        }
+        let found = f64::from(coverage_factor(uniform as f32));
+        println!("{uniform}: {found:.4} {low:.4}");
+        assert!((found - low).abs() < 0.002, "{uniform}: {found} {low}");
+    }
+    assert!((coverage_factor(1.0) - 0.95 * 3_f32.sqrt()).abs() < 0.002);
+    assert_eq!(coverage_factor(2.0), coverage_factor(1.0));
+}
+
+#[test]
+fn an_interval_of_errors_within_limits_covers_and_no_more() {
+    let mut rng = Rng::new(12);
+    let (truth, noise, limit) = (1.2, 0.03, 0.15);
+    let uniform = limit / 3_f64.sqrt();
+    const DRAWS: u32 = 20_000;
+    let mut covered = [0_u32; 2];
+    for _ in 0..DRAWS {
+        let value = truth + noise * rng.normal() + limit * (2.0 * rng.uniform() - 1.0);
+        let half = 1.96 * noise;
+        let ratio = LoadRatio {
+            value: value as f32,
+            standard_error: noise as f32,
+            low: (value - half) as f32,
+            high: (value + half) as f32,
+        };
+        let all_normal = ratio.with_uncertainty(uniform as f32);
+        let claims = [all_normal, all_normal.with_uniform_part(uniform as f32)];
+        for (covered, claim) in covered.iter_mut().zip(claims) {
+            *covered += u32::from(f64::from(claim.low) <= truth && truth <= f64::from(claim.high));
+        }
+    }
+    let [all_normal, within_limits] = covered.map(|covered| f64::from(covered) / f64::from(DRAWS));
+    println!("{all_normal:.4} {within_limits:.4}");
+    assert!(all_normal > 0.97, "{all_normal}");
+    assert!((within_limits - 0.95).abs() < 0.007, "{within_limits}");
 }

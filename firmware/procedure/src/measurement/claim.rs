@@ -5,7 +5,7 @@ use palpate_model::math::{hypot, sqrt};
 use palpate_model::ramp::{
     Bend, Fit, LoadCurvePoint, LoadRatio, LoadStiffness, RampRefusal, Reference, SLOPE_BY_BEND,
 };
-use palpate_model::uncertainty::{Calibration, OperatingPoint};
+use palpate_model::uncertainty::{Budget, Calibration, OperatingPoint};
 use palpate_model::units::{Ampere, Celsius, Metre, Newton, NewtonPerMetre};
 use palpate_wire::code::RefusalReason;
 use palpate_wire::command::Settings;
@@ -68,16 +68,19 @@ impl Measurement {
         let of_noise = widened(&ratio, scatter);
         let reference = *ramps.reference();
         let at = operating_point(&self.calibrated, &reference, settings);
-        let calibration = at_temperature(
-            uncertainties(&self.calibrated, &of_noise, &at, settings),
-            &self.calibrated,
-        );
+        let calibration = uncertainties(&self.calibrated, &of_noise, &at, settings);
+        let temperature = of_temperature(&self.calibrated);
         let bend = curved.and_then(|curved| Bend::of(&fit, &curved, ramps.span()));
-        let claim = calibration.widen(&of_noise, &at);
+        let claim = temperature.widen(&calibration.widen(&of_noise, &at), &at);
         let sensing = NewtonPerMetre(self.calibrated.springs.sensing_n_per_m);
         claim.stiffness(sensing)?;
         let usual = self.calibrated.springs.bend;
         let claim = with_misfit(claim, bend, (scatter, usual), &at)?;
+        let claim = if self.calibrated.coefficients_are_known {
+            claim
+        } else {
+            claim.with_uniform_part(both_uniform(&temperature.budget(claim.value, &at)))
+        };
         let load = claim.stiffness(sensing)?;
         too_uncertain(&load, settings)?;
         let total = fit.total_displacement();
@@ -275,6 +278,7 @@ fn uncertainties(
         attraction,
         crosstalk,
         temperature_effect: _,
+        coefficients_are_known: _,
         temperature: _,
     } = calibrated;
     let peak = Ampere(settings.peak_current_a);
@@ -299,24 +303,27 @@ fn uncertainties(
     }
 }
 
-/// The uncertainties at another temperature than the calibration's.
-fn at_temperature(calibration: Calibration, calibrated: &Calibrated) -> Calibration {
+/// What another temperature than the calibration's leaves open.
+fn of_temperature(calibrated: &Calibrated) -> Calibration {
     let effect = calibrated.temperature_effect.as_ref();
     let Some((effect, Celsius(now_c))) = effect.zip(calibrated.temperature) else {
-        return calibration;
+        return Calibration::default();
     };
     let difference_k = (now_c - effect.calibrated_at_c).abs();
     Calibration {
-        force_scale: hypot(
-            calibration.force_scale,
-            effect.springs_uncertainty_per_k * difference_k,
-        ),
-        stiffening: hypot(
-            calibration.stiffening,
-            effect.rise_uncertainty_per_k * difference_k,
-        ),
-        ..calibration
+        force_scale: effect.springs_uncertainty_per_k * difference_k,
+        stiffening: effect.rise_uncertainty_per_k * difference_k,
+        ..Calibration::default()
     }
+}
+
+/// Standard error of one uniform error that makes as much of a distribution's shape as those of springs and
+/// stiffening do together: by its fourth cumulant, which for a uniform error goes with the fourth power.
+fn both_uniform(temperature: &Budget) -> f32 {
+    let fourth = |error: f32| (error * error) * (error * error);
+    sqrt(sqrt(
+        fourth(temperature.force_scale) + fourth(temperature.stiffening),
+    ))
 }
 
 fn too_uncertain(load: &LoadStiffness, settings: &Settings) -> Result<(), Reason> {

@@ -362,6 +362,35 @@ fn what_the_calibration_leaves_open_widens_the_interval() {
 }
 
 #[test]
+fn coefficients_that_are_known_within_limits_reach_less_far_than_measured_ones() {
+    let reaches = [false, true].map(|measured| {
+        let mut rig = Rig::calibrated(Sensor::default(), settings(|_| {}));
+        rig.accepted(Command::SetTemperatureEffect(TemperatureEffect {
+            calibrated_at_c: 15.0,
+            springs_uncertainty_per_k: 0.0,
+            rise_uncertainty_per_k: 0.003,
+        }));
+        if measured {
+            let nothing = TemperatureCoefficients {
+                springs_per_k: 0.0,
+                rise_per_k: 0.0,
+            };
+            rig.accepted(Command::SetTemperatureCoefficients(nothing));
+        }
+        rig.accepted(Command::Arm);
+        rig.until(State::Watching, 3_000);
+        rig.touch(3e-4);
+        let estimate = rig.measure();
+        let sensing_n_per_m = rig.sensor.sensing_n_per_m as f32;
+        let upper = sensing_n_per_m / estimate.lower_n_per_m - estimate.load_ratio;
+        upper / estimate.load_ratio_standard_error
+    });
+    // Nearly all that is open is the temperature's.
+    assert!((reaches[0] - 1.645).abs() < 0.01, "{reaches:?}");
+    assert!((reaches[1] - 1.960).abs() < 0.01, "{reaches:?}");
+}
+
+#[test]
 fn a_measurement_at_another_temperature_is_corrected_by_the_coefficients() {
     // Ten kelvin above the calibration, where springs are exp(-0.04) and the rise exp(-0.06) of what they were.
     let cold = Sensor::default();

@@ -101,7 +101,8 @@ structure! {
 
 structure! {
     /// Uncertainty added by a temperature other than the calibration's: beyond what the coefficients of
-    /// [`TemperatureCoefficients`] say, where they are set.
+    /// [`TemperatureCoefficients`] say, where they are set. Where they are not, springs and rise change by what a
+    /// material may, and are taken as uniform within limits: the square root of three times these.
     pub struct TemperatureEffect {
         /// Temperature at the calibration.
         calibrated_at_c: f32 ["degC", -60, 250],
