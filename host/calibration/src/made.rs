@@ -17,8 +17,8 @@ pub(crate) const ATTRACTION_N_PER_A2: f64 = 3e-4;
 pub(crate) const KAPPAS: [f64; 7] = [0.0, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0];
 /// Depths to which each is pressed, m.
 pub(crate) const DEPTHS_M: [f64; 3] = [0.18e-3, 0.3e-3, 0.42e-3];
-/// Samples of a train, of three falls.
-const SAMPLES: u16 = 300;
+/// Samples of a fall.
+const SAMPLES: u16 = 100;
 
 /// What a sensor has besides the three springs: apparent deformation per square of the current, m/A^2, and
 /// its growth, 1/m.
@@ -35,16 +35,27 @@ impl Sensor {
     };
 }
 
-/// A train upon a load, pressed to a depth, m; `added_m` is what each reading is off.
+/// A train of three falls upon a load, pressed to a depth, m; `added_m` is what each reading is off.
 pub(crate) fn train(
     sensor: &Sensor,
     kappa: f64,
     depth_m: f64,
     added_m: &mut dyn FnMut() -> f64,
 ) -> Train {
-    let samples = (0..SAMPLES).map(|index| {
+    train_of(3, sensor, (kappa, depth_m), added_m)
+}
+
+/// The same of so many falls.
+pub(crate) fn train_of(
+    falls: u16,
+    sensor: &Sensor,
+    (kappa, depth_m): (f64, f64),
+    added_m: &mut dyn FnMut() -> f64,
+) -> Train {
+    let samples = (0..falls * SAMPLES).map(|index| {
         let time_s = f64::from(index) * 2e-3;
-        let current_a = PEAK_A * (1.0 - f64::from(index % 100) / 99.0);
+        let part = f64::from(index % SAMPLES) / f64::from(SAMPLES - 1);
+        let current_a = PEAK_A * (1.0 - part);
         let square_a2 = current_a * current_a;
         let rise = RISE * square_a2 / (PEAK_A * PEAK_A);
         let actuated_n_per_m = SENSING_N_PER_M / RATIO * (1.0 + rise);
