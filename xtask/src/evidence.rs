@@ -225,9 +225,9 @@ const CAMPAIGNS: &[Campaign] = &[
         runs: Runs::Tool(&[
             "campaign",
             "--plants",
-            "100",
+            "500",
             "--seed",
-            "1",
+            "920001",
             "--loads",
             "0.1,0.2,0.5,1,2,5,10,block",
         ]),
@@ -239,9 +239,9 @@ const CAMPAIGNS: &[Campaign] = &[
         runs: Runs::Tool(&[
             "campaign",
             "--plants",
-            "60",
+            "300",
             "--seed",
-            "770001",
+            "930001",
             "--temperatures",
             "2",
         ]),
