@@ -19,8 +19,8 @@ use crate::results::{self, Measured};
 
 /// Press a row of springs upon a simulated sensor, and show its estimates
 ///
-/// The sensor is drawn from a stack and calibrated on its own simulated bench, with all that
-/// disturbs both. Driver, procedure and estimator are the firmware's own.
+/// The sensor is drawn from a stack and calibrated on its own simulated bench at two temperatures, with all
+/// that disturbs both. Driver, procedure and estimator are the firmware's own.
 #[derive(Args)]
 pub(crate) struct Arguments {
     /// Which sensor of the stack is drawn
@@ -59,7 +59,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let stack = Stack::named(&arguments.stack, Path::new(""))?;
     let progress = arguments.engine.progress(RATIOS.len() + 2);
     progress.say("calibrating on the bench");
-    let instrument = CalibratedInstrument::calibrated(
+    let instrument = CalibratedInstrument::at_two_temperatures(
         &stack,
         &disturbances,
         arguments.seed,

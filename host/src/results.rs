@@ -84,8 +84,13 @@ pub(crate) fn calibrated(instrument: &CalibratedInstrument) -> String {
     let square_a2 = peak_a * peak_a;
     let [soft, like, hard] = calibration.uncertainty.at;
     format!(
-        "Calibrated on its bench: c_D {} for a nominal c_S of {}, {:.1} % stiffer at {peak_a:.1} A, \
+        "Calibrated on its bench{}: c_D {} for a nominal c_S of {}, {:.1} % stiffer at {peak_a:.1} A, \
          attraction {:.0} mN, cross-talk {:.1} µm; uncertain by {:.1} % at 0.2 c_S, {:.1} % at c_S, {:.1} % at 5 c_S",
+        if calibration.coefficients.is_some() {
+            " at two temperatures"
+        } else {
+            ""
+        },
         stiffness(calibration.sensing_n_per_m / calibration.actuated.ratio),
         stiffness(calibration.sensing_n_per_m),
         calibration.actuated.rise(peak_a) * 100.0,
