@@ -98,6 +98,9 @@ enum Verb {
         /// Run this case alone and print the result
         #[arg(long, value_name = "NAME")]
         case: Option<String>,
+        /// Print the times beside the leanest deck of NGSolve alone
+        #[arg(long)]
+        lean: bool,
     },
     /// Build the firmware's image into target/image, and hold its size against its budget
     Firmware {
@@ -155,8 +158,8 @@ fn run(arguments: Arguments) -> Result<()> {
         }
         Verb::Evidence { name: Some(name) } => evidence::collect(&workspace, &name),
         Verb::FieldFront { plants, seed } => field_front::run(&workspace, plants, seed),
-        Verb::FieldPeers { python, case } => {
-            field_peers::compare(&workspace, python, case.as_deref())
+        Verb::FieldPeers { python, case, lean } => {
+            field_peers::compare(&workspace, python, case.as_deref(), lean)
         }
         Verb::Firmware { planted: None } => firmware::make(&workspace),
         Verb::Firmware {

@@ -5,6 +5,7 @@ use palpate_field::design::Design;
 use palpate_field::layer::{Elastomer, Layer, pad_spring_n_per_m};
 use palpate_field::solve::Solved;
 
+use super::stack::{SensingLayer, expected_error_ln};
 use crate::failure::Failure;
 
 /// What is to be better.
@@ -16,10 +17,9 @@ pub(super) enum Goal {
     RisePerWatt,
     /// Least std/mean of |B| in the core at the design's current
     Homogeneity,
+    /// Least error that a press upon a load as stiff as the sensing layer is expected to have, as by `palpate plan`
+    StiffnessError,
 }
-
-/// The sensing layer's pad, radius and height in m: as `palpate field stack` has it by default.
-const PAD_M: [f64; 2] = [7e-3, 2e-3];
 
 /// What the elastomer between the boards gives.
 #[derive(Clone, Copy, Debug)]
@@ -34,7 +34,8 @@ struct Stiffening {
 
 impl Stiffening {
     fn of(layer: &Layer, elastomer: &Elastomer) -> Self {
-        let sensing = 1.0 / pad_spring_n_per_m(elastomer, PAD_M[0], PAD_M[1]);
+        let [radius_m, height_m] = SensingLayer::REFERENCE.pad_m;
+        let sensing = 1.0 / pad_spring_n_per_m(elastomer, radius_m, height_m);
         let actuated = 1.0 / layer.spring_n_per_m;
         let whole = actuated + 2.0 * sensing;
         Self {
@@ -54,6 +55,8 @@ impl Stiffening {
 pub(super) struct Candidate {
     stiffening: Option<Stiffening>,
     homogeneity: f64,
+    /// Where that is the goal: standard error of ln(c_L).
+    stiffness_error_ln: Option<f64>,
     current_a: f64,
     power_w: f64,
     height_m: f64,
@@ -69,19 +72,25 @@ impl Candidate {
         current_a: f64,
         elastomer: &Elastomer,
         solved: &Solved,
-    ) -> Self {
+        goal: Goal,
+    ) -> Result<Self, Failure> {
+        let stiffness_error_ln = match goal {
+            Goal::StiffnessError => Some(expected_error_ln(design, elastomer, current_a, solved)?),
+            Goal::Merit | Goal::RisePerWatt | Goal::Homogeneity => None,
+        };
         let layer = Layer::of(design, solved, elastomer);
         let [low, high] = design.height_m();
-        Self {
+        Ok(Self {
             stiffening: layer.map(|layer| Stiffening::of(&layer, elastomer)),
             homogeneity: solved.figures.cv[0],
+            stiffness_error_ln,
             current_a,
             power_w: current_a.powi(2) * design.resistance_ohm(),
             height_m: high - low,
             diameter_m: 2.0 * design.radius_m(),
             force_n: solved.figures.force_n.abs(),
             plate_max_t: solved.figures.plate_max_t,
-        }
+        })
     }
 
     /// The goal's figure, if the design has one.
@@ -90,6 +99,7 @@ impl Candidate {
             Goal::Merit => self.stiffening.map(|s| s.merit()),
             Goal::RisePerWatt => self.stiffening.map(|s| s.rise / self.power_w),
             Goal::Homogeneity => Some(self.homogeneity),
+            Goal::StiffnessError => self.stiffness_error_ln,
         }
     }
 
@@ -109,10 +119,9 @@ impl Candidate {
             let reason = "no elastomer lies between the boards, so nothing is sprung: add a [[body]] there, or take --goal homogeneity";
             Failure::Refused(reason.to_owned())
         })?;
-        let sign = if matches!(goal, Goal::Homogeneity) {
-            -1.0
-        } else {
-            1.0
+        let sign = match goal {
+            Goal::Homogeneity | Goal::StiffnessError => -1.0,
+            Goal::Merit | Goal::RisePerWatt => 1.0,
         };
         Ok(Score {
             excess: limits.of(self).iter().map(Limited::excess).sum(),
@@ -134,6 +143,9 @@ impl Candidate {
             ));
         }
         text.push_str(&format!("  std/mean of |B|     {:.5}\n", self.homogeneity));
+        if let Some(error) = self.stiffness_error_ln {
+            text.push_str(&format!("  error of stiffness  {error:.5}\n"));
+        }
         for limited in limits.of(self) {
             text.push_str(&limited.explain());
         }
@@ -271,6 +283,23 @@ mod tests {
         let layer = Layer::of(&design, &solved, &Elastomer::SOFT).unwrap();
         let merit = Stiffening::of(&layer, &Elastomer::SOFT).merit();
         assert!((merit / 0.0217 - 1.0).abs() < 0.01, "{merit}");
+    }
+
+    /// `palpate field stack closed --mse soft --out closed.toml` and `palpate plan closed.toml`: 7.67 % at c_S; a
+    /// smaller current stiffens less.
+    #[test]
+    fn the_error_is_that_of_palpate_plan() {
+        let design = builtin("closed").unwrap();
+        let error_at = |current_a: f64| {
+            let excitation = Excitation::saturating(&design, current_a);
+            let solved = solve(&design, &excitation, &Accuracy::default()).unwrap();
+            let goal = Goal::StiffnessError;
+            let candidate = Candidate::of(&design, current_a, &Elastomer::SOFT, &solved, goal)?;
+            Ok::<_, Failure>(candidate.stiffness_error_ln.unwrap())
+        };
+        let error_ln = error_at(5.0).unwrap();
+        assert!((error_ln / 0.0767 - 1.0).abs() < 1e-3, "{error_ln}");
+        assert!(error_at(4.0).unwrap() > error_ln);
     }
 
     #[test]

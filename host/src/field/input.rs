@@ -182,7 +182,7 @@ impl DesignSource {
 }
 
 /// What profiles and drawings are refined to, over the accuracy of centre and core mean: 2e-3 at 1e-4.
-/// What is stated is five times that, the most found being 1.6 times (docs/evidence/field-accuracy.md).
+/// What is stated is five times that, the most found being 1.8 times (docs/evidence/field-accuracy.md).
 const SHARP: f64 = 20.0;
 
 /// The field with a mesh fine enough for every one of some points.

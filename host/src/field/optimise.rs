@@ -129,6 +129,7 @@ impl Goal {
             Self::Merit => "merit eps w_D w_L",
             Self::RisePerWatt => "relative rise of the spring per watt",
             Self::Homogeneity => "std/mean of |B| in the core",
+            Self::StiffnessError => "expected error of the stiffness at c_S",
         }
     }
 }

@@ -158,8 +158,8 @@ impl Search<'_> {
             saturating.attempt(&design, &self.effort)?
         };
         reached(&design, &solved)?;
-        let candidate = Candidate::of(&design, current_a, &self.elastomer, &solved);
         let SearchArguments { goal, limits, .. } = self.arguments;
+        let candidate = Candidate::of(&design, current_a, &self.elastomer, &solved, *goal)?;
         let score = candidate.score(*goal, limits)?;
         Ok(Tried {
             place,

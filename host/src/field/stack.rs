@@ -10,6 +10,7 @@ use palpate_field::layer::{Elastomer, Layer, pad_spring_n_per_m};
 use palpate_field::material::Material;
 use palpate_field::solve::{Locator, Solved};
 use palpate_sim::sensing_coil::CoilDesign;
+use palpate_sim::stack::{LoadError, Stack};
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -40,13 +41,13 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "A", value_parser = current)]
     current: Option<f64>,
     /// Distance of the sensing coil from the top of the design, mm
-    #[arg(long, default_value_t = 10.0, value_name = "MM", value_parser = millimetres)]
+    #[arg(long, default_value_t = SPACER_MM, value_name = "MM", value_parser = millimetres)]
     spacer: f64,
     /// Radius of the sensing layer's pad, mm
-    #[arg(long, default_value_t = 7.0, value_name = "MM", value_parser = millimetres)]
+    #[arg(long, default_value_t = PAD_RADIUS_MM, value_name = "MM", value_parser = millimetres)]
     pad_radius: f64,
     /// Height of the sensing layer's pad, mm
-    #[arg(long, default_value_t = 2.0, value_name = "MM", value_parser = millimetres)]
+    #[arg(long, default_value_t = PAD_HEIGHT_MM, value_name = "MM", value_parser = millimetres)]
     pad_height: f64,
     /// Write there instead of to standard output
     #[arg(long, value_name = "FILE")]
@@ -63,6 +64,11 @@ fn millimetres(text: &str) -> Result<f64, String> {
     }
 }
 
+/// Distance of the sensing coil from the top of the design, mm, without an option.
+const SPACER_MM: f64 = 10.0;
+/// The sensing layer's pad, mm, without an option.
+const PAD_RADIUS_MM: f64 = 7.0;
+const PAD_HEIGHT_MM: f64 = 2.0;
 /// Elastomer of the sensing layer, whose permeability the stray field lowers. Priors: 30 vol%
 /// carbonyl iron, whose saturation is 30 % of the iron's.
 const SENSING: Material = Material::Powder {
@@ -135,12 +141,45 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     Ok(writeln!(out, "written: {}", file.path().display())?)
 }
 
-fn bridge(
-    arguments: &Arguments,
+/// The layer that senses: where its coil lies, and the pad that it is of.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct SensingLayer {
+    /// Distance of its coil from the top of the design, m.
+    spacer_m: f64,
+    /// Radius and height of the pad, m.
+    pub(super) pad_m: [f64; 2],
+}
+
+impl SensingLayer {
+    /// What a stack has without options.
+    pub(super) const REFERENCE: Self = Self {
+        spacer_m: 1e-3 * SPACER_MM,
+        pad_m: [1e-3 * PAD_RADIUS_MM, 1e-3 * PAD_HEIGHT_MM],
+    };
+}
+
+/// The error of the stiffness that `palpate plan` expects of a design's stack with the reference's sensing layer, from its
+/// field at the peak current, A.
+pub(super) fn expected_error_ln(
     design: &Design,
     elastomer: &Elastomer,
-) -> Result<BridgeFigures, Failure> {
-    let peak_a = arguments.current.unwrap_or(design.current_a);
+    peak_a: f64,
+    peak: &Solved,
+) -> Result<f64, Failure> {
+    may_be_a_stack(design, peak_a)?;
+    let figures = BridgeFigures::of(
+        design,
+        "elastomer",
+        elastomer,
+        SensingLayer::REFERENCE,
+        &[(peak_a, peak)],
+    )?;
+    let stack = Stack::parse(&design.name, &figures.file()).map_err(LoadError::from)?;
+    crate::plan::expected_error_ln(&stack)
+}
+
+/// Refuses a design of which there is no stack file.
+fn may_be_a_stack(design: &Design, peak_a: f64) -> Result<(), Failure> {
     if !design.is_driven() || peak_a <= 0.0 {
         let reason =
             "the design has no coil or no current: add a [[coil]] and [conductor] current_A";
@@ -152,57 +191,88 @@ fn bridge(
             design.name
         )));
     }
-    let solve =
-        |share: &f64| Drive::Current(share * peak_a).solve(design, &arguments.source.effort);
-    let solved: Vec<Solved> = SHARES.par_iter().map(solve).collect::<Result<_, _>>()?;
-    let no_layer = || {
-        let middle = 1e3 * design.core.middle_m();
-        Failure::Refused(format!(
-            "{}: no body lies between the boards at x = {middle} mm, so nothing is sprung: add a [[body]] there",
-            design.name
-        ))
+    Ok(())
+}
+
+fn bridge(
+    arguments: &Arguments,
+    design: &Design,
+    elastomer: &Elastomer,
+) -> Result<BridgeFigures, Failure> {
+    let peak_a = arguments.current.unwrap_or(design.current_a);
+    may_be_a_stack(design, peak_a)?;
+    let solve = |share: &f64| {
+        let current_a = share * peak_a;
+        let solved = Drive::Current(current_a).solve(design, &arguments.source.effort)?;
+        Ok::<_, Failure>((current_a, solved))
     };
-    let mut with_current = Vec::new();
-    let mut layer = None;
-    for (solved, share) in solved.iter().zip(SHARES) {
-        let found = Layer::of(design, solved, elastomer).ok_or_else(no_layer)?;
-        with_current.push(Point {
-            current_A: share * peak_a,
-            field_T: found.field_t,
-            stiffening: found.stiffening,
-            actuated_spring_N_per_m: found.spring_n_per_m * (1.0 + found.stiffening),
-            attraction_N: solved.figures.force_n,
-        });
-        layer = Some((solved, found));
+    let solved: Vec<(f64, Solved)> = SHARES.par_iter().map(solve).collect::<Result<_, _>>()?;
+    let solved: Vec<(f64, &Solved)> = solved.iter().map(|(at, solved)| (*at, solved)).collect();
+    let sensing = SensingLayer {
+        spacer_m: 1e-3 * arguments.spacer,
+        pad_m: [arguments.pad_radius, arguments.pad_height].map(|mm| 1e-3 * mm),
+    };
+    BridgeFigures::of(design, &arguments.mse, elastomer, sensing, &solved)
+}
+
+impl BridgeFigures {
+    /// From the fields at growing currents, A, the last of which is the peak.
+    fn of(
+        design: &Design,
+        mse: &str,
+        elastomer: &Elastomer,
+        sensing: SensingLayer,
+        solved: &[(f64, &Solved)],
+    ) -> Result<Self, Failure> {
+        let no_layer = || {
+            let middle = 1e3 * design.core.middle_m();
+            Failure::Refused(format!(
+                "{}: no body lies between the boards at x = {middle} mm, so nothing is sprung: add a [[body]] there",
+                design.name
+            ))
+        };
+        let mut with_current = Vec::new();
+        let mut layer = None;
+        for &(current_a, solved) in solved {
+            let found = Layer::of(design, solved, elastomer).ok_or_else(no_layer)?;
+            with_current.push(Point {
+                current_A: current_a,
+                field_T: found.field_t,
+                stiffening: found.stiffening,
+                actuated_spring_N_per_m: found.spring_n_per_m * (1.0 + found.stiffening),
+                attraction_N: solved.figures.force_n,
+            });
+            layer = Some((current_a, solved, found));
+        }
+        let (peak_a, peak, layer) = layer.ok_or_else(no_layer)?;
+        let coil_radius_m = 0.5 * CoilDesign::REFERENCE.outer_diameter_m;
+        let stray_t = stray(design, peak, sensing.spacer_m, coil_radius_m);
+        let (crosstalk_m, change) = disturbance(&SENSING, stray_t);
+        let power = peak_a * peak_a * design.resistance_ohm();
+        let heat = HeatCapacity::of(design, peak);
+        let [pad_radius_m, pad_height_m] = sensing.pad_m;
+        Ok(Self {
+            design: design.name.clone(),
+            mse: mse.to_owned(),
+            sensing_spring_N_per_m: pad_spring_n_per_m(elastomer, pad_radius_m, pad_height_m),
+            actuated_spring_N_per_m: layer.spring_n_per_m,
+            shape_factor: layer.shape_factor,
+            loaded_area_m2: layer.area_m2,
+            peak_current_A: peak_a,
+            coil_resistance_ohm: design.resistance_ohm(),
+            coil_inductance_H: peak.figures.linkage_wb / peak_a,
+            power_at_peak_W: power,
+            copper_J_per_K: heat.copper_j_per_k,
+            stack_J_per_K: heat.stack_j_per_k,
+            field_half_T: elastomer.half_t,
+            stray_field_at_peak_T: stray_t,
+            sensing_inductance_change_at_peak: change,
+            crosstalk_at_peak_m: crosstalk_m,
+            stiffening_per_W: layer.stiffening / power,
+            attraction_N_per_A2: peak.figures.force_n.abs() / (peak_a * peak_a),
+            with_current,
+        })
     }
-    let (peak, layer) = layer.ok_or_else(no_layer)?;
-    let coil_radius_m = 0.5 * CoilDesign::REFERENCE.outer_diameter_m;
-    let stray_t = stray(design, peak, 1e-3 * arguments.spacer, coil_radius_m);
-    let (crosstalk_m, change) = disturbance(&SENSING, stray_t);
-    let power = peak_a * peak_a * design.resistance_ohm();
-    let heat = HeatCapacity::of(design, peak);
-    let pad = [arguments.pad_radius, arguments.pad_height].map(|mm| 1e-3 * mm);
-    Ok(BridgeFigures {
-        design: design.name.clone(),
-        mse: arguments.mse.clone(),
-        sensing_spring_N_per_m: pad_spring_n_per_m(elastomer, pad[0], pad[1]),
-        actuated_spring_N_per_m: layer.spring_n_per_m,
-        shape_factor: layer.shape_factor,
-        loaded_area_m2: layer.area_m2,
-        peak_current_A: peak_a,
-        coil_resistance_ohm: design.resistance_ohm(),
-        coil_inductance_H: peak.figures.linkage_wb / peak_a,
-        power_at_peak_W: power,
-        copper_J_per_K: heat.copper_j_per_k,
-        stack_J_per_K: heat.stack_j_per_k,
-        field_half_T: elastomer.half_t,
-        stray_field_at_peak_T: stray_t,
-        sensing_inductance_change_at_peak: change,
-        crosstalk_at_peak_m: crosstalk_m,
-        stiffening_per_W: layer.stiffening / power,
-        attraction_N_per_A2: peak.figures.force_n.abs() / (peak_a * peak_a),
-        with_current,
-    })
 }
 
 /// Mean of |B| over the sensing coil's disc, T, a spacer above the top of the design.

@@ -30,6 +30,11 @@ pub(crate) use self::sensor::{PlannedSensor, metres_per_relative_frequency};
 use crate::failure::Failure;
 use crate::output::OutputFile;
 
+/// How deep the load is pressed, without an option.
+const DEPTH: f64 = 1.0;
+/// Temperature away from the bench's, K, without an option.
+const AWAY_K: f64 = 2.9;
+
 /// Compute the expected error of a press against the load's stiffness, what limits it, and the best train
 #[derive(Args)]
 #[command(after_help = "\
@@ -49,7 +54,7 @@ pub(crate) struct Arguments {
     #[arg(value_name = "STACK")]
     stack: String,
     /// How deep the load is pressed, in units of the depth that the sensor is made for
-    #[arg(long, default_value_t = 1.0, value_parser = |text: &str| between(text, 0.1, 2.0))]
+    #[arg(long, default_value_t = DEPTH, value_parser = |text: &str| between(text, 0.1, 2.0))]
     depth: f64,
     /// The softest load, in units of c_S
     #[arg(long, default_value_t = 0.1, value_name = "RATIO", value_parser = |text: &str| between(text, 0.01, 1e3))]
@@ -58,7 +63,7 @@ pub(crate) struct Arguments {
     #[arg(long, default_value_t = 10.0, value_name = "RATIO", value_parser = |text: &str| between(text, 0.01, 1e3))]
     load_to: f64,
     /// Temperature away from the bench's, K; 2.9 is the root mean square of up to 5
-    #[arg(long, default_value_t = 2.9, value_name = "KELVIN", value_parser = |text: &str| between(text, 0.0, 100.0))]
+    #[arg(long, default_value_t = AWAY_K, value_name = "KELVIN", value_parser = |text: &str| between(text, 0.0, 100.0))]
     away: f64,
     /// How long the load stays pressed for a train, s
     #[arg(long, default_value_t = 2.0, value_name = "SECONDS", value_parser = |text: &str| between(text, 0.1, 20.0))]
@@ -137,28 +142,51 @@ impl Plan {
 
     /// The errors with the default train at these loads, c_L/c_S.
     fn errors_at(&self, loads: &[f64]) -> Result<Vec<ExpectedError>, Failure> {
-        let sensor = &self.sensor;
-        let white = sensor.plant.ldc.white_noise_relative;
-        let conversions = Conversions::at(sensor.settings.rate_hz as u32, white)
-            .map_err(crate::plan_ldc::refused)?;
-        let bench = Bench::new(sensor, &sensor.settings, conversions)
-            .map_err(|cause| self.unplannable(cause))?;
-        let errors = bench.expected(loads, &self.press);
-        errors.ok_or_else(|| self.unplannable(Unplannable::TooFewConversions))
+        expected_errors(&self.stack, &self.sensor, &self.press, loads)
     }
+}
 
-    fn unplannable(&self, cause: Unplannable) -> Failure {
-        let reason = match cause {
-            Unplannable::TooFewConversions => {
-                "the falls of its train have too few conversions for a line"
-            }
-            Unplannable::StiffensTooLittle => {
-                "the actuated layer stiffens too little to be seen, and a calibration would be refused. It takes a \
-                 stronger field, a softer elastomer, or a softer actuated layer than the sensing one"
-            }
-        };
-        Failure::Refused(format!("the stack {}: {reason}", self.stack))
-    }
+/// The standard error of ln(c_L) that one press upon a load of c_L = c_S is expected to have, as deep as the sensor is made
+/// for and as far from the bench's temperature as `palpate plan` has it without options.
+pub(crate) fn expected_error_ln(stack: &Stack) -> Result<f64, Failure> {
+    let disturbances = Disturbances::builtin().map_err(LoadError::from)?;
+    let sensor = PlannedSensor::new(stack, &disturbances);
+    let press = PlannedPress {
+        depth: DEPTH,
+        away_k: AWAY_K,
+    };
+    let errors = expected_errors(&stack.name, &sensor, &press, &[1.0])?;
+    let error_ln = errors.first().map(|error| error.standard_error_ln);
+    error_ln.ok_or_else(|| unplannable(&stack.name, Unplannable::TooFewConversions))
+}
+
+/// The errors of a press with the default train upon these loads, c_L/c_S.
+fn expected_errors(
+    stack: &str,
+    sensor: &PlannedSensor,
+    press: &PlannedPress,
+    loads: &[f64],
+) -> Result<Vec<ExpectedError>, Failure> {
+    let white = sensor.plant.ldc.white_noise_relative;
+    let conversions =
+        Conversions::at(sensor.settings.rate_hz as u32, white).map_err(crate::plan_ldc::refused)?;
+    let bench = Bench::new(sensor, &sensor.settings, conversions)
+        .map_err(|cause| unplannable(stack, cause))?;
+    let errors = bench.expected(loads, press);
+    errors.ok_or_else(|| unplannable(stack, Unplannable::TooFewConversions))
+}
+
+fn unplannable(stack: &str, cause: Unplannable) -> Failure {
+    let reason = match cause {
+        Unplannable::TooFewConversions => {
+            "the falls of its train have too few conversions for a line"
+        }
+        Unplannable::StiffensTooLittle => {
+            "the actuated layer stiffens too little to be seen, and a calibration would be refused. It takes a \
+             stronger field, a softer elastomer, or a softer actuated layer than the sensing one"
+        }
+    };
+    Failure::Refused(format!("the stack {stack}: {reason}"))
 }
 
 fn default_refused(limit: TrainLimit) -> Failure {

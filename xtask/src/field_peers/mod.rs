@@ -3,6 +3,7 @@
 //! case and writes `docs/evidence/field-peers.md`. Not part of the gate.
 
 mod cases;
+mod lean;
 mod page;
 mod with_getdp;
 
@@ -27,6 +28,9 @@ const GETDP_SIZES: [f64; 4] = [0.8, 0.4, 0.2, 0.1];
 const GETDP_SIZES_WITH_PLATES: [f64; 3] = [0.8, 0.4, 0.2];
 /// Newton's method, damped, takes dozens of solutions on each; 0.2 takes six minutes.
 const GETDP_SIZES_SATURATING: [f64; 2] = [0.8, 0.4];
+
+/// What "equal error" means: relative, of the mean field in the core.
+const EQUAL: f64 = 1e-4;
 
 /// What a program found on one mesh.
 #[derive(Debug, Clone, Copy, Default)]
@@ -55,16 +59,28 @@ struct Compared {
     getdp: Vec<Found>,
 }
 
-/// Runs everything and writes the page; or one case, and prints it.
+/// Runs everything and writes the page; or one case, or the times beside the leanest deck alone, and prints
+/// them.
 pub(crate) fn compare(
     workspace: &Workspace,
     python: Option<PathBuf>,
     only: Option<&str>,
+    lean: bool,
 ) -> Result<()> {
-    if let Some(name) = only {
-        let case = CASES.iter().find(|case| case.name == name);
-        let case = case.with_context(|| format!("there is no case {name}"))?;
-        println!("{}", run(workspace, python, std::slice::from_ref(case))?);
+    let cases = match only {
+        None => &CASES,
+        Some(name) => {
+            let case = CASES.iter().find(|case| case.name == name);
+            std::slice::from_ref(case.with_context(|| format!("there is no case {name}"))?)
+        }
+    };
+    if lean {
+        let bench = Bench::prepare(workspace, python, &[])?;
+        println!("{}", lean::table(&bench, cases)?);
+        return Ok(());
+    }
+    if only.is_some() {
+        println!("{}", run(workspace, python, cases)?);
         return Ok(());
     }
     let purpose = "The field solver beside NGSolve and GetDP on every named case.";
@@ -76,42 +92,35 @@ pub(crate) fn compare(
 }
 
 fn run(workspace: &Workspace, python: Option<PathBuf>, cases: &[Case]) -> Result<String> {
-    let folder = workspace.root().join(FOLDER);
-    fs::create_dir_all(&folder).with_context(|| format!("{FOLDER} could not be created"))?;
-    let python = match python {
-        Some(python) => python,
-        None => install(workspace, &folder)?,
-    };
-    let bench = Bench {
-        workspace,
-        python: text(&python)?,
-        palpate: text(&tool::build(workspace)?)?,
-        folder,
-    };
+    let bench = Bench::prepare(workspace, python, &["gmsh", "getdp"])?;
     bench.write("with_ngsolve.py", include_str!("with_ngsolve.py"))?;
-    bench.write("measure.py", include_str!("measure.py"))?;
+    let lean = lean::table(&bench, cases)?;
     let mut rows = Vec::new();
     for case in cases {
         println!("{}", case.name);
         rows.push(bench.compare(case)?);
     }
-    Ok(page::render(&rows))
+    Ok(format!("{}\n{lean}", page::render(&rows)))
 }
 
-/// A virtual environment with NGSolve, and GetDP with Gmsh.
-fn install(workspace: &Workspace, folder: &Path) -> Result<PathBuf> {
-    let tools = ["gmsh", "getdp"];
+/// Tools from Debian.
+fn install_tools(workspace: &Workspace, tools: &[&str]) -> Result<()> {
     let there = |tool: &&str| {
         // Not by running them: GetDP tells its version and fails.
         let asked = Invocation::new("which", &[tool]);
         workspace.succeeds(&asked)
     };
     if !tools.iter().all(there) {
-        let install = Invocation::new("apt-get", &["install", "-y", "gmsh", "getdp"]);
+        let install = Invocation::new("apt-get", &[&["install", "-y"], tools].concat());
         workspace
             .run(&install)
             .with_context(|| format!("run `{install}` as root, then this again"))?;
     }
+    Ok(())
+}
+
+/// A virtual environment with NGSolve.
+fn install_ngsolve(workspace: &Workspace, folder: &Path) -> Result<PathBuf> {
     let environment = folder.join("venv");
     let python = environment.join("bin/python");
     if !python.exists() {
@@ -137,6 +146,27 @@ struct Bench<'w> {
     python: String,
     palpate: String,
     folder: PathBuf,
+}
+
+impl<'w> Bench<'w> {
+    /// Installs what is missing, these tools of Debian among it.
+    fn prepare(workspace: &'w Workspace, python: Option<PathBuf>, tools: &[&str]) -> Result<Self> {
+        let folder = workspace.root().join(FOLDER);
+        fs::create_dir_all(&folder).with_context(|| format!("{FOLDER} could not be created"))?;
+        install_tools(workspace, tools)?;
+        let python = match python {
+            Some(python) => python,
+            None => install_ngsolve(workspace, &folder)?,
+        };
+        let bench = Self {
+            workspace,
+            python: text(&python)?,
+            palpate: text(&tool::build(workspace)?)?,
+            folder,
+        };
+        bench.write("measure.py", include_str!("measure.py"))?;
+        Ok(bench)
+    }
 }
 
 impl Bench<'_> {

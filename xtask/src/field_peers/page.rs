@@ -2,10 +2,7 @@
 
 use std::fmt::Write;
 
-use super::{Compared, Found};
-
-/// What "equal error" means: relative, of the mean field in the core.
-const EQUAL: f64 = 1e-4;
+use super::{Compared, EQUAL, Found};
 
 /// Both tables.
 pub(super) fn render(rows: &[Compared]) -> String {
