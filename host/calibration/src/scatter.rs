@@ -6,8 +6,13 @@ use super::least_squares::System;
 use super::samples::SampleRun;
 use super::session::Run;
 
+/// What the readings of a train span at least where their scatter is held against it, relative change of inductance: 8 µm
+/// on the reference coil. Shallow trains upon a hard load span half of that, and a stand that vibrates by half a micrometre
+/// would be a tenth of them.
+const LEAST_SPAN: f64 = 2e-3;
+
 /// Standard deviation of the readings on the falls of a run's train about a smooth curve of current and time, over what
-/// the readings span: noise, and what moves the sensor meanwhile. Nothing without a train.
+/// the readings span, 8 µm at least: noise, and what moves the sensor meanwhile. Nothing without a train.
 pub fn train_scatter(run: &Run, settings: &Settings) -> Option<f64> {
     let train = SampleRun::new(run, settings).ok()?;
     let peak_a = f64::from(settings.peak_current_a);
@@ -22,5 +27,5 @@ pub fn train_scatter(run: &Run, settings: &Settings) -> Option<f64> {
     let least = changes.clone().fold(f64::INFINITY, f64::min);
     let greatest = changes.fold(f64::NEG_INFINITY, f64::max);
     let solution = system.solve("the train's curve").ok()?;
-    Some(solution.sigma / (greatest - least)).filter(|part| part.is_finite())
+    Some(solution.sigma / (greatest - least).max(LEAST_SPAN)).filter(|part| part.is_finite())
 }
