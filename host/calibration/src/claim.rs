@@ -65,7 +65,7 @@ pub(crate) fn uncertainty(
     let relative = |variance: &dyn Fn(f64) -> f64| {
         LOADS.map(|load| variance(1.0 / load).max(0.0).sqrt() * load)
     };
-    Ok(Uncertainty {
+    let found = Uncertainty {
         constant,
         scale,
         // The instrument counts it as W/(1 + rise).
@@ -83,7 +83,23 @@ pub(crate) fn uncertainty(
             }),
             bench: relative(&|kappa| open.of_bench(kappa)),
         },
-    })
+    };
+    found.within(known.settings.greatest_error.into())
+}
+
+impl Uncertainty {
+    /// Itself, if a load of c_S can be measured with it: beyond the settings' greatest error the instrument refuses
+    /// every estimate, and does not take the numbers either.
+    fn within(self, allowed: f64) -> Result<Self, Unusable> {
+        let [_, at_sensing, _] = self.at;
+        if at_sensing <= allowed {
+            return Ok(self);
+        }
+        Err(Unusable::TooUncertain {
+            at_sensing,
+            allowed,
+        })
+    }
 }
 
 /// What is open, as variances of kappa.
@@ -136,5 +152,39 @@ impl Open<'_> {
 
     fn whole(&self, kappa: f64) -> f64 {
         1.0 + kappa + self.adjusted.layer.actuated.ratio
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_leaves_a_load_of_c_s_open_is_no_calibration() {
+        let with = |at_sensing: f64| {
+            let at = [0.1, at_sensing, 2.0];
+            Uncertainty {
+                constant: at_sensing,
+                scale: 0.0,
+                rise: 0.0,
+                bend: 0.0,
+                at,
+                parts: Parts {
+                    springs: at,
+                    trains: at,
+                    bench: at,
+                },
+            }
+            .within(0.5)
+        };
+        assert!(with(0.4).is_ok());
+        let refused = with(1.45).unwrap_err();
+        assert!(matches!(refused, Unusable::TooUncertain { .. }));
+        assert!(
+            refused.to_string().contains("uncertain by 145 %"),
+            "{refused}"
+        );
+        // What is no number is none, either.
+        assert!(with(f64::NAN).is_err());
     }
 }

@@ -31,6 +31,13 @@ pub enum Unusable {
         /// Relative change for every kelvin.
         per_k: f64,
     },
+    /// The calibration leaves more open than an estimate may be uncertain by.
+    TooUncertain {
+        /// Relative standard uncertainty of 1/c_L of a load of c_S.
+        at_sensing: f64,
+        /// The greatest that the settings allow.
+        allowed: f64,
+    },
     /// The actuated layer's stiffening does not show.
     StiffensTooLittle(Signal),
     /// It shows, but the trains are not those of three springs in series.
@@ -113,6 +120,18 @@ impl fmt::Display for Unusable {
                  of the same sensor, and are both temperatures those of all of it?",
                 per_k * 100.0,
                 super::MOST_PER_K * 100.0
+            ),
+            Self::TooUncertain {
+                at_sensing,
+                allowed,
+            } => write!(
+                f,
+                "a load of c_S would be uncertain by {:.0} %, and the settings allow {:.0} %: either the trains contradict \
+                 each other, or the attraction of the actuated layer's halves takes nearly all that the stiffening gives. \
+                 Fasten specimen and stage and calibrate once more; if it stays so, the layer needs a larger gap or a \
+                 stronger field",
+                at_sensing * 100.0,
+                allowed * 100.0
             ),
             Self::StiffensTooLittle(signal) => write!(
                 f,

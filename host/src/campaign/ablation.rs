@@ -239,7 +239,7 @@ fn row(presses: &[Ablated], variant: Variant, ratio: f64) -> Row {
         variant: variant.name(),
         bin: Bin {
             ratio: ratio.is_finite().then_some(ratio),
-            load: of_row().next().map_or(String::new(), Press::load),
+            load: press::load_name(ratio),
             counted: Counted::of(of_row()),
         },
     }

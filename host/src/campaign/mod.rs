@@ -278,7 +278,7 @@ impl WorldResult {
                 .collect();
             Bin {
                 ratio: ratio.is_finite().then_some(*ratio),
-                load: of_load.first().map_or(String::new(), |press| press.load()),
+                load: press::load_name(*ratio),
                 counted: Counted::of(of_load.into_iter()),
             }
         };

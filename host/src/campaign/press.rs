@@ -204,11 +204,16 @@ impl Press {
 
     /// What was pressed, in words.
     pub(crate) fn load(&self) -> String {
-        if self.ratio.is_finite() {
-            format!("{} c_S", self.ratio)
-        } else {
-            "block".to_owned()
-        }
+        load_name(self.ratio)
+    }
+}
+
+/// A load, c_L/c_S, in words.
+pub(crate) fn load_name(ratio: f64) -> String {
+    if ratio.is_finite() {
+        format!("{ratio} c_S")
+    } else {
+        "block".to_owned()
     }
 }
 
