@@ -154,6 +154,17 @@ fn five_percent_of_eps_is_thirteen_percent_of_the_stiffness() {
     assert!((1.0 - 1.0 / (1.0 + up) - 0.13).abs() < 0.002);
 }
 
+/// A ratio that noise alone leaves open.
+fn of_noise(value: f64, noise: f64) -> LoadRatio {
+    let half = 1.96 * noise;
+    LoadRatio {
+        value: value as f32,
+        standard_error: noise as f32,
+        low: (value - half) as f32,
+        high: (value + half) as f32,
+    }
+}
+
 #[test]
 fn the_widened_interval_adds_in_squares_and_covers() {
     // Normal errors of both kinds: the claim must cover 95 %.
@@ -169,13 +180,7 @@ fn the_widened_interval_adds_in_squares_and_covers() {
     const DRAWS: u32 = 20_000;
     for _ in 0..DRAWS {
         let value = truth + noise * rng.normal() + systematic * rng.normal();
-        let half = 1.96 * noise;
-        let ratio = LoadRatio {
-            value: value as f32,
-            standard_error: noise as f32,
-            low: (value - half) as f32,
-            high: (value + half) as f32,
-        };
+        let ratio = of_noise(value, noise);
         let claim = calibration.widen(&ratio, &at);
         assert!(claim.low < ratio.low && claim.high > ratio.high);
         covered += u32::from(f64::from(claim.low) <= truth && truth <= f64::from(claim.high));
@@ -255,13 +260,7 @@ fn an_interval_of_errors_within_limits_covers_and_no_more() {
     let mut covered = [0_u32; 2];
     for _ in 0..DRAWS {
         let value = truth + noise * rng.normal() + limit * (2.0 * rng.uniform() - 1.0);
-        let half = 1.96 * noise;
-        let ratio = LoadRatio {
-            value: value as f32,
-            standard_error: noise as f32,
-            low: (value - half) as f32,
-            high: (value + half) as f32,
-        };
+        let ratio = of_noise(value, noise);
         let all_normal = ratio.with_uncertainty(uniform as f32);
         let claims = [all_normal, all_normal.with_uniform_part(uniform as f32)];
         for (covered, claim) in covered.iter_mut().zip(claims) {
