@@ -117,8 +117,8 @@ impl Check {
             // Creep during the train: half of this in good runs.
             Self::Slip => 0.06,
             Self::ForceSlip => 0.06,
-            // Lag and memory of the layers, and stands that shake by half a micrometre: 2.6 % at most on the three of 56 simulated
-            // sensors that shake most. Jumps and shaking of 2 µm make more than this.
+            // Lag and memory of the layers, and stands that shake by half a micrometre: 4.0 % at most on 48 simulated sensors.
+            // Jumps and shaking of 2 µm make more than this.
             Self::Scatter => 0.08,
             Self::Depth => 2.0,
             // What is added to every load: beyond this a rigid one is none.
