@@ -24,7 +24,8 @@ pub(crate) struct Heat {
     nodes: TwoNode,
     copper: Copper,
     now: Temperatures,
-    ambient: Celsius,
+    /// The coldest that the thermometer has reported: the pad is never colder than its surroundings.
+    ambient: Option<Celsius>,
     /// Since the last step: time, and the integral of the current's square.
     elapsed: Second,
     square_a2_s: f32,
@@ -46,18 +47,27 @@ pub(crate) struct Forecast {
 }
 
 impl Heat {
-    pub(crate) fn new(coil: &Coil, temperature: Option<Celsius>) -> Result<Self, OutOfRange> {
-        let ambient = temperature.unwrap_or(WARM_ROOM);
+    /// A coil whose copper was that hot, so long ago, and has had no current since.
+    pub(crate) fn new(
+        coil: &Coil,
+        temperature: Option<Celsius>,
+        (copper, ago): (Celsius, Second),
+    ) -> Result<Self, OutOfRange> {
+        let pad = temperature.unwrap_or(WARM_ROOM);
+        let nodes = TwoNode::new(
+            JoulePerKelvin(coil.copper_capacity_j_per_k),
+            JoulePerKelvin(coil.pad_capacity_j_per_k),
+            KelvinPerWatt(coil.copper_to_pad_k_per_w),
+            KelvinPerWatt(coil.pad_to_ambient_k_per_w),
+        )?;
+        let then = Temperatures { copper, pad };
+        let cooled = nodes.after(then, Watt(0.0), pad, ago).copper;
+        let copper = if cooled > pad { cooled } else { pad };
         Ok(Self {
-            nodes: TwoNode::new(
-                JoulePerKelvin(coil.copper_capacity_j_per_k),
-                JoulePerKelvin(coil.pad_capacity_j_per_k),
-                KelvinPerWatt(coil.copper_to_pad_k_per_w),
-                KelvinPerWatt(coil.pad_to_ambient_k_per_w),
-            )?,
+            nodes,
             copper: Copper(Ohm(coil.resistance_ohm)),
-            now: Temperatures::uniform(ambient),
-            ambient,
+            now: Temperatures { copper, pad },
+            ambient: temperature,
             elapsed: Second(0.0),
             square_a2_s: 0.0,
             energy_j: 0.0,
@@ -76,7 +86,7 @@ impl Heat {
         let power = Watt(heat_j / self.elapsed.0);
         let Temperatures { copper, pad } =
             self.nodes
-                .after(self.now, power, self.ambient, self.elapsed);
+                .after(self.now, power, self.ambient(), self.elapsed);
         // `min` makes the melting point of a NaN, too.
         self.now = Temperatures {
             copper: Celsius(copper.0.min(MELTING.0)),
@@ -87,9 +97,12 @@ impl Heat {
         self.square_a2_s = 0.0;
     }
 
-    /// Takes what the thermometer in the pad says; the copper is no colder.
+    /// Takes what the thermometer in the pad says; the copper is no colder, the surroundings no warmer.
     pub(crate) fn measured(&mut self, temperature: Celsius) {
         self.now.pad = temperature;
+        if self.ambient.is_none_or(|ambient| temperature < ambient) {
+            self.ambient = Some(temperature);
+        }
         if self.now.copper < temperature {
             self.now.copper = temperature;
         }
@@ -112,9 +125,13 @@ impl Heat {
         self.copper.resistance(temperature)
     }
 
-    /// The pad, as far as it is known.
+    /// The pad, as far as it is known: the copper is no colder.
     pub(crate) const fn pad(&self) -> Celsius {
         self.now.pad
+    }
+
+    fn ambient(&self) -> Celsius {
+        self.ambient.unwrap_or(WARM_ROOM)
     }
 
     /// How long to wait, without current, until a train keeps below the limit, s; within a second.
@@ -125,7 +142,7 @@ impl Heat {
             let mut later = self.clone();
             later.now = self
                 .nodes
-                .after(self.now, Watt(0.0), self.ambient, Second(after_s));
+                .after(self.now, Watt(0.0), self.ambient(), Second(after_s));
             later.forecast(profile, limit).hottest.is_some()
         };
         if !bears(LONGEST_S) {
@@ -143,7 +160,8 @@ impl Heat {
         Some(yes_s)
     }
 
-    /// What a train would cost, if it began now.
+    /// What a train would cost, if it began now. None begins with copper above the limit, even one in
+    /// which that would cool.
     pub(crate) fn forecast(&self, profile: &TrainProfile, limit: Celsius) -> Forecast {
         let duration = in_seconds(profile.duration());
         let mean_square_a2 = profile.mean_square_a2();
@@ -156,14 +174,50 @@ impl Heat {
             self.now,
             self.copper,
             Ampere(sqrt(mean_square_a2)),
-            self.ambient,
+            self.ambient(),
             duration,
             Celsius(limit.0 - swing.0),
         );
+        let end = end.filter(|_| self.now.copper <= limit);
         let warmest = end.map_or(limit, |end| end.copper);
         Forecast {
             energy_j: mean_square_a2 * self.copper.resistance(warmest).0 * duration.0,
             hottest: end.map(|end| end.copper + swing),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::configuration::tests::COIL;
+
+    fn heat(temperature: Option<Celsius>, copper: (f32, f32)) -> Heat {
+        let (copper_c, ago_s) = copper;
+        Heat::new(&COIL, temperature, (Celsius(copper_c), Second(ago_s))).unwrap()
+    }
+
+    /// A thermometer that reports for the first time after the start.
+    #[test]
+    fn the_surroundings_are_those_that_the_thermometer_reports() {
+        let mut heat = heat(None, (25.0, 0.0));
+        for reported_c in [45.0, 44.0, 60.0] {
+            heat.measured(Celsius(reported_c));
+        }
+        // An hour without current and without a report.
+        (0..3_600).for_each(|_| heat.push(0.0, Second(1.0)));
+        assert!((heat.pad().0 - 44.0).abs() < 0.1, "{:?}", heat.pad());
+    }
+
+    #[test]
+    fn the_copper_is_as_hot_as_the_run_before_may_have_left_it_and_cools_from_there() {
+        // 0.4 s of copper against pad: 0.8 J/K behind 0.5 K/W.
+        for (ago_s, expected_c) in [(0.0, 100.0), (0.4, 52.9), (2.0, 25.8)] {
+            let Celsius(copper_c) = heat(Some(Celsius(25.0)), (100.0, ago_s)).copper();
+            assert!((copper_c - expected_c).abs() < 1.0, "{ago_s} s: {copper_c}");
+        }
+        // Never colder than the pad.
+        let warm = heat(Some(Celsius(60.0)), (30.0, 1.0));
+        assert_eq!(warm.copper(), Celsius(60.0));
     }
 }

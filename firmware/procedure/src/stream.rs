@@ -71,11 +71,10 @@ impl Streamer {
             .filter(|_| scan.sensor == 0);
         let force = principal.zip(springs).map(|(deformation, springs)| {
             let newton = springs.sensing_n_per_m * deformation.value.0;
-            let relative = springs
-                .sensing_uncertainty
-                .max(springs.force_scale_uncertainty);
             let of_noise = springs.sensing_n_per_m * deformation.sigma.0;
-            let of_calibration = newton * relative;
+            // The curve's deformations are forces over c_S: an error of c_S cancels, that of the force
+            // scale stays.
+            let of_calibration = newton * springs.force_scale_uncertainty;
             // Millinewtons to newtons, whose squares `f32` holds without further care.
             let variance = of_noise * of_noise + of_calibration * of_calibration;
             (newton, palpate_model::math::sqrt(variance))

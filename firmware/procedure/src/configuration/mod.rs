@@ -86,10 +86,10 @@ pub(crate) struct Calibrated {
     pub(crate) attraction: Attraction,
     pub(crate) crosstalk: Crosstalk,
     pub(crate) temperature_effect: Option<TemperatureEffect>,
-    /// Whether springs and rise are corrected for the temperature: its effect is then what a measurement of the
-    /// coefficients leaves open, and else what they may be within limits.
-    pub(crate) coefficients_are_known: bool,
-    /// At which temperature it measures.
+    /// By which springs and rise are corrected for the temperature, if it is measured: its effect is then what a
+    /// measurement of the coefficients leaves open, and else what they may be within limits.
+    pub(crate) temperature_coefficients: Option<TemperatureCoefficients>,
+    /// At which temperature it measures, if there is a thermometer.
     pub(crate) temperature: Option<Celsius>,
 }
 
@@ -421,7 +421,7 @@ impl Configuration {
             attraction: self.attraction.clone().ok_or(kind(Part::Attraction))?,
             crosstalk: channel.crosstalk.clone().ok_or(kind(Part::Crosstalk))?,
             temperature_effect: self.temperature_effect.clone(),
-            coefficients_are_known: self.temperature_coefficients.is_some(),
+            temperature_coefficients: self.temperature_coefficients.clone(),
             temperature,
         })
     }

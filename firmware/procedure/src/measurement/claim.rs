@@ -1,14 +1,14 @@
 //! From the sums to what is claimed.
 
 use palpate_model::magnetorheological::{self, Stiffening};
-use palpate_model::math::{hypot, sqrt};
+use palpate_model::math::{exp_m1, hypot, sqrt};
 use palpate_model::ramp::{
     Bend, Fit, LoadCurvePoint, LoadRatio, LoadStiffness, RampRefusal, Reference, SLOPE_BY_BEND,
 };
 use palpate_model::uncertainty::{Budget, Calibration, OperatingPoint};
 use palpate_model::units::{Ampere, Celsius, Metre, Newton, NewtonPerMetre};
 use palpate_wire::code::RefusalReason;
-use palpate_wire::command::Settings;
+use palpate_wire::command::{Settings, TemperatureEffect};
 use palpate_wire::record::{Estimate, LoadPoint, Refusal};
 
 use super::{Measurement, Reason};
@@ -70,16 +70,25 @@ impl Measurement {
         let at = operating_point(&self.calibrated, &reference, settings);
         let calibration = uncertainties(&self.calibrated, &of_noise, &at, settings);
         let temperature = of_temperature(&self.calibrated);
+        let uncorrected = uncorrected(&self.calibrated).budget(of_noise.value, &at);
         let bend = curved.and_then(|curved| Bend::of(&fit, &curved, ramps.span()));
-        let claim = temperature.widen(&calibration.widen(&of_noise, &at), &at);
+        // One temperature is behind both errors: they add up.
+        let claim = temperature
+            .widen(&calibration.widen(&of_noise, &at), &at)
+            .with_uncertainty(uncorrected.force_scale + uncorrected.stiffening);
         let sensing = NewtonPerMetre(self.calibrated.springs.sensing_n_per_m);
         claim.stiffness(sensing)?;
         let usual = self.calibrated.springs.bend;
         let claim = with_misfit(claim, bend, (scatter, usual), &at)?;
-        let claim = if self.calibrated.coefficients_are_known {
-            claim
-        } else {
-            claim.with_uniform_part(both_uniform(&temperature.budget(claim.value, &at)))
+        let claim = match (
+            &self.calibrated.temperature_coefficients,
+            self.calibrated.temperature,
+        ) {
+            (None, Some(_)) => {
+                claim.with_uniform_part(both_uniform(&temperature.budget(claim.value, &at)))
+            }
+            // Without a thermometer the interval holds at each temperature, not on their average.
+            _ => claim,
         };
         let load = claim.stiffness(sensing)?;
         too_uncertain(&load, settings)?;
@@ -278,7 +287,7 @@ fn uncertainties(
         attraction,
         crosstalk,
         temperature_effect: _,
-        coefficients_are_known: _,
+        temperature_coefficients: _,
         temperature: _,
     } = calibrated;
     let peak = Ampere(settings.peak_current_a);
@@ -303,13 +312,49 @@ fn uncertainties(
     }
 }
 
-/// What another temperature than the calibration's leaves open.
-fn of_temperature(calibrated: &Calibrated) -> Calibration {
-    let effect = calibrated.temperature_effect.as_ref();
-    let Some((effect, Celsius(now_c))) = effect.zip(calibrated.temperature) else {
+/// What the temperature may be where nothing measures it, degrees Celsius: from a cold workshop to a warm room of
+/// 30 in which the coil gives off all that it may for ever, 3.5 W through 8 K/W.
+const UNMEASURED_C: [f32; 2] = [0.0, 60.0];
+
+/// The greatest difference from the calibration's temperature, K.
+fn difference_k(effect: &TemperatureEffect, temperature: Option<Celsius>) -> f32 {
+    let from = |now_c: f32| (now_c - effect.calibrated_at_c).abs();
+    match temperature {
+        Some(Celsius(now_c)) => from(now_c),
+        None => {
+            let [cold, warm] = UNMEASURED_C.map(from);
+            cold.max(warm)
+        }
+    }
+}
+
+/// What springs and rise may have changed by, where no temperature is there to correct them: uniform within
+/// limits, 1.96 of whose standard errors contain all of it.
+fn uncorrected(calibrated: &Calibrated) -> Calibration {
+    let Calibrated {
+        temperature_effect: Some(effect),
+        temperature_coefficients: Some(coefficients),
+        temperature: None,
+        ..
+    } = calibrated
+    else {
         return Calibration::default();
     };
-    let difference_k = (now_c - effect.calibrated_at_c).abs();
+    let difference_k = difference_k(effect, None);
+    let of = |per_k: f32| exp_m1(per_k.abs() * difference_k) / sqrt(3.0);
+    Calibration {
+        force_scale: of(coefficients.springs_per_k),
+        stiffening: of(coefficients.rise_per_k),
+        ..Calibration::default()
+    }
+}
+
+/// What another temperature than the calibration's leaves open.
+fn of_temperature(calibrated: &Calibrated) -> Calibration {
+    let Some(effect) = &calibrated.temperature_effect else {
+        return Calibration::default();
+    };
+    let difference_k = difference_k(effect, calibrated.temperature);
     Calibration {
         force_scale: effect.springs_uncertainty_per_k * difference_k,
         stiffening: effect.rise_uncertainty_per_k * difference_k,

@@ -41,7 +41,7 @@ pub(super) struct Budget {
     tested: Instant,
     /// The last step at which the coil was driven.
     driven: Instant,
-    /// The circuit as its test found it, and the copper's temperature then.
+    /// The circuit as its test found it, and the least that the copper's temperature was then.
     load: Option<(Load, Celsius)>,
 }
 
@@ -71,7 +71,7 @@ impl Procedure {
             resistance_ohm: found.resistance_ohm,
             lost_v: found.lost * found.supply_v,
         };
-        self.budget.load = self.heat.as_ref().map(|heat| (load, heat.copper()));
+        self.budget.load = self.heat.as_ref().map(|heat| (load, heat.pad()));
     }
 
     /// Follows until when the coil is driven.

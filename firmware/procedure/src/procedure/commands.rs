@@ -234,8 +234,11 @@ impl Procedure {
     /// What was learnt of the untouched sensor no longer holds.
     pub(super) fn begin_anew(&mut self, out: &mut Out<'_>) {
         self.begin_baseline();
-        if !matches!(self.phase, Phase::Fault(_) | Phase::SelfTest { .. }) {
-            self.go(Phase::Baseline, out);
+        match &mut self.phase {
+            Phase::Fault(_) | Phase::SelfTest { .. } => {}
+            // First what was announced.
+            Phase::Reporting { touched, .. } => *touched = None,
+            _ => self.go(Phase::Baseline, out),
         }
     }
 }

@@ -11,7 +11,7 @@ mod storage;
 
 use palpate_model::units::{Celsius, Hertz, Second};
 use palpate_wire::Record;
-use palpate_wire::code::{FaultCode, Location, Mode, Part, State};
+use palpate_wire::code::{FaultCode, Location, Mode, Part, ResetCause, State};
 use palpate_wire::record::{Hello, StateChange, Status};
 
 use crate::action::{Action, Actions};
@@ -55,11 +55,14 @@ pub struct Procedure {
     /// Number of the last measurement that began.
     measurement: u32,
     followers: [[Option<Follower>; 4]; 2],
+    /// The last conversion of each channel that its follower has received.
+    evaluated: [[Option<Instant>; 4]; 2],
     streamers: [Streamer; 2],
     heat: Option<Heat>,
     conditions: Conditions,
     counters: Counters,
-    /// Time of the last step.
+    /// Time of the first step, and of the last.
+    started: Option<Instant>,
     now: Instant,
     next_status: Instant,
     /// A calibration that is being sent, chunk by chunk.
@@ -112,10 +115,12 @@ impl Procedure {
             budget: Budget::new(),
             measurement: 0,
             followers: Default::default(),
+            evaluated: Default::default(),
             streamers: Default::default(),
             heat: None,
             conditions: Conditions::default(),
             counters: Counters::default(),
+            started: None,
             now: Instant::from_ticks(0),
             next_status: Instant::from_ticks(0),
             readback: None,
@@ -170,6 +175,7 @@ impl Procedure {
         actions.clear();
         let set_back = between(now, self.now) > TICK;
         self.now = if set_back { now } else { now.max(self.now) };
+        self.started.get_or_insert(self.now);
         let asker = match event {
             Event::Command(link, _) | Event::NotUnderstood(link, _) => Some(*link),
             _ => None,
@@ -277,6 +283,7 @@ impl Procedure {
 
     /// Forgets what the untouched sensor reads.
     fn begin_baseline(&mut self) {
+        self.evaluated = Default::default();
         let settings = &self.configuration.settings;
         for (sensor, of) in self.followers.iter_mut().enumerate() {
             let has = self.board.channels.get(sensor).copied().unwrap_or(0) & settings.channels;
@@ -324,18 +331,22 @@ impl Procedure {
         interval: Second,
         square_a2: Option<f32>,
     ) -> DeformationScan {
-        let (configuration, followers) = (&self.configuration, &mut self.followers);
-        let of = followers.get_mut(usize::from(scan.sensor & 1));
-        let mut of: Option<&mut [Option<Follower>; 4]> = of;
+        let configuration = &self.configuration;
+        let sensor = usize::from(scan.sensor & 1);
+        let mut followers = self.followers.get_mut(sensor);
+        let mut evaluated = self.evaluated.get_mut(sensor);
         gathered(scan.conversions.iter().map(|conversion| {
             let reading = &conversion.reading;
             let channel = usize::from(reading.channel.number());
             let calibration = configuration.channel(scan.sensor, channel as u8)?;
-            let follower = of.as_mut()?.get_mut(channel)?.as_mut()?;
-            reading
-                .is_good()
-                .then(|| follower.push(reading, interval, square_a2, calibration))
-                .flatten()
+            let follower = followers.as_mut()?.get_mut(channel)?.as_mut()?;
+            if !reading.is_good() {
+                return None;
+            }
+            // Flagged readings before this one are part of the time.
+            let last = evaluated.as_mut()?.get_mut(channel)?.replace(scan.middle);
+            let interval = last.map_or(interval, |last| seconds(last, scan.middle));
+            follower.push(reading, interval, square_a2, calibration)
         }))
     }
 
@@ -362,13 +373,21 @@ impl Procedure {
         }
     }
 
-    /// Begins to follow the coil's heat when its calibration comes.
+    /// Begins to follow the coil's heat when its calibration comes, or goes on with another. A run that a
+    /// reset ended may have left the copper as hot as is allowed; without power it cools within a second.
     fn follow_heat(&mut self) {
         let temperature = self.conditions.temperature;
+        let started = self.started.unwrap_or(self.now);
+        let cold = temperature.unwrap_or_default();
+        let copper = match (&self.heat, self.board.hello.reset_cause) {
+            (Some(heat), _) => (heat.copper(), Second(0.0)),
+            (None, ResetCause::PowerOn) => (cold, Second(0.0)),
+            (None, _) => (self.board.limits.temperature, seconds(started, self.now)),
+        };
         self.heat = self
             .configuration
             .coil()
-            .and_then(|coil| Heat::new(coil, temperature).ok());
+            .and_then(|coil| Heat::new(coil, temperature, copper).ok());
     }
 
     /// What is due by time alone.

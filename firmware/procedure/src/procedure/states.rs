@@ -12,7 +12,6 @@ use super::{Out, Procedure};
 use crate::action::Action;
 use crate::deformation::Deformation;
 use crate::event::{Failure, Scan};
-use crate::heat::Heat;
 use crate::measurement::{
     EstimateReport, Measurement, MeasurementOutcome, Progress, Reason, TrainDrive, metres, refusal,
 };
@@ -62,7 +61,8 @@ pub(super) enum Phase {
     Reporting {
         report: EstimateReport,
         next: u8,
-        since: Instant,
+        /// The time of touch, until the object is lifted.
+        touched: Option<Instant>,
     },
     /// Measured, or refused; it still touches.
     Release {
@@ -84,6 +84,8 @@ pub(super) struct Settling {
     rate_m_per_s: f32,
     /// Conversions that could not be used.
     flagged: u32,
+    /// The last conversion that could.
+    last: Option<Instant>,
 }
 
 /// What a phase does, for everything that has to know no more of it.
@@ -192,16 +194,22 @@ impl Procedure {
                 }
             }
             // The object may have left while the coil was driven, when the contact was not checked.
-            Phase::Contact { .. } | Phase::Release { .. } | Phase::Reporting { .. }
+            Phase::Contact { .. } | Phase::Release { .. }
                 if deformation.is_some_and(|of| of.is_untouched()) =>
             {
                 self.go(Phase::Baseline, out);
+            }
+            // What was announced is sent to its end.
+            Phase::Reporting { touched, .. } if deformation.is_some_and(|of| of.is_untouched()) => {
+                *touched = None;
             }
             Phase::Settling(settling) => {
                 let Some(deformation) = deformation else {
                     settling.flagged = settling.flagged.saturating_add(1);
                     return;
                 };
+                let last = settling.last.replace(scan.middle);
+                let interval = last.map_or(interval, |last| seconds(last, scan.middle));
                 let rate = settling.steadiness.push(interval, deformation.value);
                 self.settle(deformation, rate, out);
             }
@@ -264,6 +272,7 @@ impl Procedure {
             steadiness: Steadiness::default(),
             rate_m_per_s: f32::INFINITY,
             flagged: 0,
+            last: None,
         };
         self.go(Phase::Settling(settling), out);
     }
@@ -311,8 +320,7 @@ impl Procedure {
             return;
         }
         // The same as at the bench, where the temperature is measured before a train as well.
-        let temperature = self.temperature().or(self.heat.as_ref().map(Heat::pad));
-        let calibrated = match self.configuration.calibrated(temperature) {
+        let calibrated = match self.configuration.calibrated(self.temperature()) {
             Ok(calibrated) => calibrated,
             Err(kind) => {
                 let reason = RefusalReason::NotCalibrated;
@@ -368,7 +376,7 @@ impl Procedure {
                 self.phase = Phase::Reporting {
                     report,
                     next: 0,
-                    since,
+                    touched: Some(since),
                 };
                 self.announce(State::Ramps, out);
             }
@@ -493,20 +501,18 @@ impl Procedure {
         let Phase::Reporting {
             report,
             next,
-            since,
+            touched,
         } = &mut self.phase
         else {
             return;
         };
-        match report.load_point(*next) {
-            Some(point) => {
+        match (report.load_point(*next), *touched) {
+            (Some(point), _) => {
                 *next = next.saturating_add(1);
                 out.record(Record::LoadPoint(point));
             }
-            None => {
-                let since = *since;
-                self.go(Phase::Release { since }, out);
-            }
+            (None, Some(since)) => self.go(Phase::Release { since }, out),
+            (None, None) => self.go(Phase::Baseline, out),
         }
     }
 

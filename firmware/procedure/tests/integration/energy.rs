@@ -1,15 +1,15 @@
 //! One measurement after the other: what the drive's account does not bear is refused before it
 //! begins, with the time to wait, and what is begun never ends in a fault of too much energy.
 
-use crate::support::Rig;
-use crate::support::calibration::settings;
+use crate::support::calibration::{calibration, settings};
 use crate::support::drive::SimulatedDrive;
 use crate::support::sensor::Sensor;
+use crate::support::{Rig, board};
 use palpate_procedure::event::{Conditions, Event};
 use palpate_procedure::units::Celsius;
 use palpate_wire::Command;
-use palpate_wire::code::{FaultCode, Outcome, RefusalReason, State};
-use palpate_wire::command::{DriveCoil, Settings};
+use palpate_wire::code::{FaultCode, Outcome, RefusalReason, ResetCause, State};
+use palpate_wire::command::{ClearFault, DriveCoil, Settings};
 use palpate_wire::record::Refusal;
 use proptest::prelude::*;
 
@@ -207,5 +207,49 @@ proptest! {
                 _ => {}
             }
         }
+    }
+}
+
+/// What the run before a reset has left in the copper is not known: a train has to wait until even the
+/// hottest that is allowed has cooled, and the first press does not come so soon.
+#[test]
+fn after_a_reset_a_train_waits_for_copper_that_may_be_hot_and_a_press_does_not() {
+    for (cause, waits) in [
+        (ResetCause::PowerOn, false),
+        (ResetCause::Watchdog, true),
+        (ResetCause::Software, true),
+    ] {
+        let mut board = board();
+        board.hello.reset_cause = cause;
+        let mut rig = Rig::started_as(board);
+        rig.temperature(25.0);
+        if cause == ResetCause::Watchdog {
+            let code = FaultCode::Watchdog;
+            rig.accepted(Command::ClearFault(ClearFault { code }));
+        }
+        for command in calibration(&rig.sensor.clone()) {
+            rig.accepted(command);
+        }
+        rig.accepted(Command::Arm);
+        rig.run(60);
+        rig.accepted(Command::Sweep);
+        let refused: Vec<_> = rig
+            .refusals()
+            .iter()
+            .map(|of| (of.reason, of.wait_s))
+            .collect();
+        if waits {
+            let [(RefusalReason::CoilTooHot, Some(wait_s))] = refused[..] else {
+                panic!("{cause}: {refused:?}")
+            };
+            assert!((0.1..3.0).contains(&wait_s), "{cause}: {wait_s} s");
+        } else {
+            assert_eq!(refused, [], "{cause}");
+            rig.accepted(Command::Abort);
+        }
+        rig.until(State::Watching, 3_000);
+        rig.touch(3e-4);
+        rig.measure();
+        assert!(rig.faults().iter().all(|of| of.code == FaultCode::Watchdog));
     }
 }

@@ -5,6 +5,7 @@ use crate::support::calibration::{settings, springs, stiffening};
 use crate::support::sensor::{Sensor, Shape};
 use palpate_model::magnetorheological::{Saturating, Stiffening};
 use palpate_model::units::{Ampere, NewtonPerMetre, Tesla};
+use palpate_procedure::event::{Conditions, Event};
 use palpate_wire::code::{Contact, Drift, State};
 use palpate_wire::command::{
     Settings, StiffeningCurve, StiffeningKnot, TemperatureCoefficients, TemperatureEffect,
@@ -432,11 +433,68 @@ fn a_measurement_at_another_temperature_is_corrected_by_the_coefficients() {
     assert!(errors[1].abs() < 1e-4, "{errors:?}");
 }
 
+/// A sensor so many kelvin above its calibration, with the coefficients of the test above.
+fn warmer(by_k: f64) -> Sensor {
+    let cold = Sensor::default();
+    Sensor {
+        sensing_n_per_m: cold.sensing_n_per_m * (-4e-3 * by_k).exp(),
+        actuated_n_per_m: cold.actuated_n_per_m * (-4e-3 * by_k).exp(),
+        rise: cold.rise * (-6e-3 * by_k).exp(),
+        ..cold
+    }
+}
+
+#[test]
+fn without_a_thermometer_nothing_is_corrected_and_the_interval_holds_at_any_temperature() {
+    const CALIBRATED_C: f64 = 20.0;
+    for temperature_c in [0.0, 20.0, 35.0, 60.0] {
+        for known in [false, true] {
+            let cold = Sensor::default();
+            let sensor = warmer(temperature_c - CALIBRATED_C);
+            let settings = settings(|of| of.greatest_error = 10.0);
+            let mut rig = Rig::calibrated(sensor, settings);
+            rig.step(&Event::Conditions(Conditions::default()));
+            rig.accepted(Command::SetSprings(springs(&cold)));
+            rig.accepted(Command::SetStiffening(stiffening(&cold)));
+            let of_material = |per_k: f32| if known { 0.0 } else { per_k / 3_f32.sqrt() };
+            rig.accepted(Command::SetTemperatureEffect(TemperatureEffect {
+                calibrated_at_c: CALIBRATED_C as f32,
+                springs_uncertainty_per_k: of_material(5e-3),
+                rise_uncertainty_per_k: of_material(8e-3),
+            }));
+            if known {
+                let coefficients = TemperatureCoefficients {
+                    springs_per_k: -4e-3,
+                    rise_per_k: -6e-3,
+                };
+                rig.accepted(Command::SetTemperatureCoefficients(coefficients));
+            }
+            rig.accepted(Command::Arm);
+            rig.until(State::Watching, 3_000);
+            rig.touch(3e-4);
+            let estimate = rig.measure();
+            assert_eq!(estimate.temperature_c, None);
+            let load_n_per_m = rig.sensor.load_n_per_m as f32;
+            let upper_n_per_m = estimate.upper_n_per_m.unwrap_or(f32::INFINITY);
+            assert!(
+                (estimate.lower_n_per_m..upper_n_per_m).contains(&load_n_per_m),
+                "{temperature_c}, {known}: {estimate:?}"
+            );
+            if temperature_c == CALIBRATED_C {
+                let off = estimate.load_ratio - 1.0;
+                assert!(off.abs() < 1e-4, "{known}: {off}");
+            }
+        }
+    }
+}
+
 #[test]
 fn force_and_its_uncertainty_in_a_sample() {
     let mut rig = Rig::calibrated(Sensor::default(), settings(|_| {}));
     let mut scale = springs(&rig.sensor);
     scale.force_scale_uncertainty = 0.02;
+    // A stiffness takes it from c_S; a force is as good as its scale.
+    scale.sensing_uncertainty = 0.05;
     rig.accepted(Command::SetSprings(scale));
     rig.until(State::Watching, 3_000);
     rig.touch(3e-4);

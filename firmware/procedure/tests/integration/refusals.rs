@@ -214,14 +214,16 @@ fn conversions_are_lost_or_flagged() {
     );
     recovers(rig);
 
-    // Too few to see whether it is steady.
+    // None to see whether it is steady.
     let mut rig = with(|of| of.settling_s = 0.5);
     rig.accepted(Command::Measure);
-    flagged(&mut rig, 489);
+    for _ in 0..501 {
+        rig.convert_with(|scan| scan.conversions[0].reading.after_gap = true);
+    }
     is(
         &rig.refusals().remove(0),
         RefusalReason::Flagged,
-        Some(489.0),
+        Some(501.0),
         Some(0.0),
     );
     recovers(rig);
@@ -463,5 +465,22 @@ fn aborted_or_ended_by_a_fault() {
         let code = FaultCode::Bridge;
         rig.accepted(Command::ClearFault(ClearFault { code }));
         recovers(rig);
+    }
+}
+
+/// At 40 um/s, below the limit of 50: flagged readings are part of the time in which it moved.
+#[test]
+fn a_press_counts_as_steady_by_its_rate_however_many_readings_are_flagged() {
+    for every in [1, 2, 4] {
+        let mut rig = Rig::touched();
+        rig.accepted(Command::Measure);
+        for number in 0..3_000 {
+            if rig.state() != State::Settling {
+                break;
+            }
+            rig.sensor.offset_m += 40e-6 * 1e-3;
+            rig.convert_with(|scan| scan.conversions[0].reading.after_gap = number % every != 0);
+        }
+        assert_eq!(rig.state(), State::Peak, "{every}: {:?}", rig.refusals());
     }
 }

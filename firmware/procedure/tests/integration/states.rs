@@ -1,6 +1,6 @@
 //! The way from start to start: which state follows which, and what is reported on it.
 
-use crate::support::calibration::settings;
+use crate::support::calibration::{crosstalk, settings};
 use crate::support::sensor::Sensor;
 use crate::support::{Rig, board, micros};
 use palpate_procedure::{Action, Actions, Instant};
@@ -54,6 +54,27 @@ fn a_measurement_has_the_same_number_in_all_its_records() {
         let changes = rig.changes();
         let begun = changes.iter().filter(|of| of.state != State::Settling);
         assert!(begun.map(|of| of.measurement).all(|of| of == number));
+    }
+}
+
+#[test]
+fn a_load_that_is_lifted_during_the_report_loses_no_point_of_its_curve() {
+    for points in [8, 64] {
+        let mut rig = Rig::armed(Sensor::default(), settings(|of| of.load_points = points));
+        rig.touch(3e-4);
+        let estimate = rig.measure();
+        assert_eq!(estimate.load_points, points);
+        rig.sensor.depth_m = 0.0;
+        // Nor does one that something new is set for.
+        rig.accepted(Command::Disarm);
+        rig.accepted(Command::SetCrosstalk(crosstalk(&rig.sensor.clone())));
+        rig.until(State::Watching, 3_000);
+        let sent = rig.reported(|record| match record {
+            Record::LoadPoint(point) => Some(point.index),
+            _ => None,
+        });
+        assert_eq!(sent, (0..points).collect::<Vec<_>>());
+        assert!(!rig.states().contains(&State::Release), "it was lifted");
     }
 }
 

@@ -111,6 +111,25 @@ fn raw_words_come_in_full_runs_that_end_where_something_is_lost() {
 }
 
 #[test]
+fn a_drift_goes_on_while_readings_are_flagged() {
+    const DRIFT_M_PER_S: f64 = 1e-6;
+    let mut rig = with(|_| {});
+    let drift = |rig: &mut Rig, ms: u64, flagged: bool| {
+        for _ in 0..ms {
+            rig.sensor.offset_m += DRIFT_M_PER_S * 1e-3;
+            rig.convert_with(|scan| scan.conversions[0].reading.after_gap = flagged);
+        }
+    };
+    drift(&mut rig, 2_000, false);
+    drift(&mut rig, 400, true);
+    drift(&mut rig, 1, false);
+    let sample = samples(&rig).pop().expect("a sample");
+    let deformation_m = sample.channels[0].deformation_m.expect("a curve");
+    // The baseline has seen the whole time: 0.4 um of drift are no deformation.
+    assert!(deformation_m.abs() < 5e-8, "{deformation_m:e}");
+}
+
+#[test]
 fn every_channel_has_its_own_conversion_and_baseline() {
     let mut rig = Rig::started();
     rig.accepted(Command::SetSettings(settings(|of| of.channels = 0b0011)));

@@ -39,7 +39,8 @@ structure! {
         /// Deformation of sensing layer, actuated layer and load together, x_0.
         total_displacement_m: f32 ["m", 0, 1],
         /// Temperature for which springs, rise and uncertainties are: that of the coil's thermometer as the
-        /// train began, or without one what follows from the coil's heat.
+        /// train began. Absent without one: nothing is corrected, and the interval holds from 0 to 60 degrees
+        /// Celsius.
         temperature_c: Option<f32> ["degC", -60, 250],
         /// From the rise of the current to the end of the last ramp.
         duration_s: f32 ["s", 0, 3600],
