@@ -1,11 +1,12 @@
-//! What the next run is to know of the end of this one, in memory that no start clears. What it means,
-//! with the chip's own flags, is decided in [`palpate_procedure::boot`].
+//! What the next run is to know of this one, in memory that no start clears: how it ended, and the energy
+//! in the coil. What an end means, with the chip's own flags, is decided in [`palpate_procedure::boot`].
 
 #![allow(unsafe_code)]
 
 use core::cell::UnsafeCell;
 use core::mem::MaybeUninit;
 
+use palpate_node::coil::EnergyWords;
 use palpate_procedure::boot::{self, Boot, NO_RECORD, RecordWords};
 
 use crate::board::reset;
@@ -32,6 +33,26 @@ fn read() -> RecordWords {
 fn write(words: RecordWords) {
     // SAFETY: see `RecordCell`.
     unsafe { KEPT.0.get().cast::<RecordWords>().write_volatile(words) };
+}
+
+struct EnergyCell(UnsafeCell<MaybeUninit<EnergyWords>>);
+
+// SAFETY: read at the start, before the tasks; then written by one task, and read by none.
+unsafe impl Sync for EnergyCell {}
+
+#[unsafe(link_section = ".uninit.energy")]
+static ENERGY: EnergyCell = EnergyCell(UnsafeCell::new(MaybeUninit::uninit()));
+
+/// The energy in the coil as the run before has kept it.
+pub fn kept_energy() -> EnergyWords {
+    // SAFETY: every pattern of bits is two words; the pointer is to a static.
+    unsafe { ENERGY.0.get().cast::<EnergyWords>().read_volatile() }
+}
+
+/// Keeps the energy in the coil. Between its two words a reset leaves none that is valid.
+pub fn keep_energy(words: EnergyWords) {
+    // SAFETY: see `EnergyCell`.
+    unsafe { ENERGY.0.get().cast::<EnergyWords>().write_volatile(words) };
 }
 
 /// Keeps the cause for the next run.

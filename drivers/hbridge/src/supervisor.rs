@@ -161,6 +161,12 @@ impl Supervisor {
         &self.account
     }
 
+    /// Counts energy that the circuit took before this supervisor: the account of a run that a reset
+    /// ended.
+    pub fn charge(&mut self, energy_j: f32) {
+        self.account.charge(energy_j);
+    }
+
     /// Whether it is known what is behind the fault that stands: 6 ms after the bridge went off, at
     /// most. A current that does not come may have its cause in the supply, whose reading comes later.
     #[must_use]

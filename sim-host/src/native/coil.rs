@@ -6,7 +6,7 @@ use std::rc::Rc;
 use coil_hbridge::{Averages, Drive, Order, Trace};
 use ldc161x_sim::Time;
 use palpate_node::coil::{
-    AVERAGED_BLOCKS, CoilCircuit, CoilHardware, LastPeriod, SlowReadings, TRACE_LENGTH,
+    AVERAGED_BLOCKS, CoilCircuit, CoilHardware, EnergyWords, LastPeriod, SlowReadings, TRACE_LENGTH,
 };
 
 use super::{Wiring, micros};
@@ -198,6 +198,14 @@ impl CoilHardware for NativeCoil<'_> {
         let mut of = self.drive().borrow_mut();
         let supply_v = f64::from(of.control.take_supply_at_off_v()?);
         Some(of.control.converter.code(supply_v / SUPPLY_RATIO))
+    }
+
+    fn kept_energy(&self) -> EnergyWords {
+        self.wiring.kept_energy.get()
+    }
+
+    fn keep_energy(&mut self, words: EnergyWords) {
+        self.wiring.kept_energy.set(words);
     }
 
     fn last_period(&self) -> LastPeriod {

@@ -1,12 +1,12 @@
 //! What the native board is wired to: converters, coil, world and flash.
 
-use core::cell::RefCell;
+use core::cell::{Cell, RefCell};
 use std::rc::Rc;
 
 use coil_hbridge::{Drive, Supervisor};
 use ldc161x_sim::{Chip, Sensors, Time, Window};
 use palpate_node::board::{CORE_HZ, Clkin};
-use palpate_node::coil::CoilManager;
+use palpate_node::coil::{CoilManager, EnergyWords};
 use palpate_node::converter::CONVERTERS;
 
 use super::coil::{CoilDrive, NativeCoil};
@@ -22,6 +22,8 @@ pub struct Wiring {
     pub(super) drive: Rc<RefCell<CoilDrive>>,
     pub(super) supervisor: Supervisor,
     flash: Flash,
+    /// In memory that a reset leaves as it is.
+    pub(super) kept_energy: Cell<EnergyWords>,
 }
 
 impl core::fmt::Debug for Wiring {
@@ -74,6 +76,7 @@ impl Wiring {
             drive,
             supervisor,
             flash: Flash::new(),
+            kept_energy: Cell::default(),
         }
     }
 

@@ -2,6 +2,7 @@
 
 use coil_hbridge::{Averages, Drive, Hardware, Limits, Order, Trace};
 
+use super::kept::EnergyWords;
 use crate::board;
 
 /// Blocks of the measured current that are kept: 512 of 256 us are longer than the slowest
@@ -99,6 +100,12 @@ pub trait CoilHardware {
 
     /// The supply's reading of the moment at which the bridge went off, once.
     fn take_supply_at_off(&mut self) -> Option<u16>;
+
+    /// The energy's words that the run before left; any words after a loss of power.
+    fn kept_energy(&self) -> EnergyWords;
+
+    /// Leaves the energy's words for the next run: a reset does not clear them.
+    fn keep_energy(&mut self, words: EnergyWords);
 
     /// The last period of the control interrupt.
     fn last_period(&self) -> LastPeriod;

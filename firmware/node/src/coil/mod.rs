@@ -6,6 +6,7 @@
 
 mod faults;
 mod hardware;
+mod kept;
 mod tracing;
 
 use coil_hbridge::{
@@ -22,6 +23,7 @@ use palpate_wire::record::{CoilTest, CurrentTrace};
 pub use hardware::{
     AVERAGED_BLOCKS, CoilCircuit, CoilHardware, LastPeriod, SlowReadings, TRACE_LENGTH,
 };
+pub use kept::EnergyWords;
 use tracing::Tracing;
 
 /// From one poll of the drive to the next, us.
@@ -79,8 +81,12 @@ impl<H: CoilHardware> CoilManager<H> {
         Supervisor::new(H::CIRCUIT.hardware, H::CIRCUIT.limits)
     }
 
-    /// A manager of a drive that the control interrupt owns already.
-    pub fn new(hardware: H, supervisor: Supervisor) -> Self {
+    /// A manager of a drive that the control interrupt owns already. What the run before has counted of
+    /// energy still counts.
+    pub fn new(hardware: H, mut supervisor: Supervisor) -> Self {
+        if let Some(energy_j) = kept::energy_j(hardware.kept_energy()) {
+            supervisor.charge(energy_j);
+        }
         Self {
             hardware,
             supervisor,
@@ -294,6 +300,8 @@ impl<H: CoilHardware> CoilManager<H> {
         self.polled_us = now_us;
         let elapsed_us = u32::try_from(elapsed_us).unwrap_or(u32::MAX);
         let order = self.supervisor.attend(&report, self.supply_v, elapsed_us);
+        let energy_j = self.supervisor.account().energy_j();
+        self.hardware.keep_energy(kept::words(energy_j));
         let state = self.hardware.with_drive(|drive| {
             drive.apply(&order);
             drive.state()

@@ -2,12 +2,13 @@
 
 use coil_hbridge::{Averages, Drive, Order, Supervisor, Trace};
 use palpate_node::coil::{
-    AVERAGED_BLOCKS, CoilCircuit, CoilHardware, CoilManager, LastPeriod, SlowReadings, TRACE_LENGTH,
+    AVERAGED_BLOCKS, CoilCircuit, CoilHardware, CoilManager, EnergyWords, LastPeriod, SlowReadings,
+    TRACE_LENGTH,
 };
 use rtic_monotonics::rp2040::prelude::*;
 
 use super::{control, safe};
-use crate::Mono;
+use crate::{Mono, crash};
 
 /// The control interrupt, the bridge and the ADC.
 pub struct PicoCoil;
@@ -41,6 +42,14 @@ impl CoilHardware for PicoCoil {
 
     fn take_supply_at_off(&mut self) -> Option<u16> {
         control::take_supply_at_off()
+    }
+
+    fn kept_energy(&self) -> EnergyWords {
+        crash::kept_energy()
+    }
+
+    fn keep_energy(&mut self, words: EnergyWords) {
+        crash::keep_energy(words);
     }
 
     fn last_period(&self) -> LastPeriod {
