@@ -73,7 +73,9 @@ pub(crate) fn explain(refusal: &Refusal) -> String {
 /// A number of a refusal in the unit that its reason gives it.
 fn quantity(reason: RefusalReason, value: f32) -> String {
     match reason {
-        RefusalReason::PressedTooLittle | RefusalReason::PressedTooFar => {
+        RefusalReason::PressedTooLittle
+        | RefusalReason::PressedTooFar
+        | RefusalReason::RestMoved => {
             format!("{:.1} µm", value * 1e6)
         }
         RefusalReason::Unsteady => format!("{:.1} µm/s", value * 1e6),

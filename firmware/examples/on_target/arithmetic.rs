@@ -291,7 +291,7 @@ pub const CHECKS: [(&str, Check); COUNT] = [
             let interval = Second(from.within(1e-4, 1e-2));
             let off = baseline.deviation(interval, Metre(from.within(0.0, 1e-6)));
             baseline.learn(interval, off);
-            to.numbers([off.0, baseline.rate()]);
+            to.numbers([off.from_line.0, off.rise.0, baseline.rate()]);
         }
         to.word(baseline.readings());
         Some(())

@@ -1,7 +1,7 @@
 //! From a conversion to a deformation: baseline, inductance, curve, cross-talk.
 
 use ldc161x::Reading;
-use palpate_model::contact::{Detector, Observation, Touch, Watch};
+use palpate_model::contact::{Detector, Observation, Touch, Watch, Zero};
 use palpate_model::tank::{relative_frequency_change, relative_inductance_change};
 use palpate_model::units::{Metre, OutOfRange, Second};
 use palpate_wire::command::{Crosstalk, Settings};
@@ -15,6 +15,8 @@ pub(crate) struct Deformation {
     pub(crate) value: Metre,
     /// Its standard uncertainty from noise and quantisation.
     pub(crate) sigma: Metre,
+    /// Variance of its zero, which all readings of a touch share, m^2.
+    pub(crate) zero_variance_m2: f32,
     /// Whether it lies beyond the calibrated curve.
     pub(crate) extrapolated: bool,
     /// State of touch.
@@ -28,13 +30,24 @@ impl Deformation {
     }
 }
 
+/// A rest that is not that of the calibration: what the sensor read before the touch, and what it may.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct RestMoved {
+    pub(crate) reading: Metre,
+    pub(crate) limit: Metre,
+}
+
 /// One channel's memory: what it reads untouched.
 #[derive(Clone, Debug)]
 pub(crate) struct Follower {
     detector: Detector,
-    /// The code that the inductance change counts from: at first that of the first reading, from a
-    /// touch on the untouched sensor's, as the baseline has it.
+    /// The frequency that the inductance change counts from: that of the calibration's rest, or where there is none
+    /// that of the first reading; from a touch on the untouched sensor's, as far as it is no recovery.
+    reference_hz: Option<f64>,
+    /// The same as a code of the converter, once a reading has shown what a code is.
     reference_code: Option<u32>,
+    /// What a kelvin may add to the reading.
+    per_kelvin: Metre,
 }
 
 /// Readings that the baseline remembers: half a second, because the drift of an untouched sensor
@@ -44,24 +57,52 @@ const MEMORY_S: f32 = 0.5;
 const LEAST_MEMORY: f32 = 20.0;
 const MOST_MEMORY: f32 = 500.0;
 
+/// What a kelvin makes of the inductance of an untouched sensor at most, relative: 30 ppm of the tank's capacitor (class C0G,
+/// EIA-198), and as much for the coil.
+const INDUCTANCE_PER_KELVIN: f32 = 60e-6;
+
 impl Follower {
     /// A channel with an unknown baseline.
     pub(crate) fn new(settings: &Settings) -> Result<Self, OutOfRange> {
-        let memory = (settings.rate_hz * MEMORY_S).clamp(LEAST_MEMORY, MOST_MEMORY);
-        let watch = Watch {
-            memory,
-            settling: memory as u32,
-            release: Metre(settings.release_m),
-            ..Watch::new(Metre(settings.contact_noise_m))
-        };
         Ok(Self {
-            detector: Detector::new(watch)?,
+            detector: Detector::new(watch(settings))?,
+            reference_hz: None,
             reference_code: None,
+            per_kelvin: Metre(0.0),
         })
     }
 
+    /// Goes on after an interruption, or with other settings: what touches still does, and the baseline is learnt anew.
+    /// Codes may have another scale then.
+    pub(crate) fn resume(&mut self, settings: &Settings) {
+        self.detector.resume(Watch {
+            rest: self.detector.rest(),
+            per_kelvin: self.per_kelvin,
+            ..watch(settings)
+        });
+        self.reference_code = None;
+    }
+
+    /// Learns the baseline anew, and takes the sensor as untouched until readings say otherwise.
+    pub(crate) fn learn_anew(&mut self) {
+        self.detector.learn_anew();
+        self.forget_reference();
+    }
+
+    /// Time for which something has touched, while it does.
+    pub(crate) fn touched_for(&self) -> Option<Second> {
+        self.detector.zero().map(|zero| zero.elapsed())
+    }
+
+    /// Whether the touch began where no untouched sensor reads.
+    pub(crate) fn rest_moved(&self) -> Option<RestMoved> {
+        let reading = self.detector.doubtful_rest()?;
+        let limit = self.detector.highest_untouched()?;
+        Some(RestMoved { reading, limit })
+    }
+
     /// Evaluates a reading that nothing speaks against, `interval` after the one before, with that
-    /// mean square of the coil's current.
+    /// mean square of the coil's current, so many kelvin away from the calibration.
     ///
     /// `None` without a calibrated curve.
     pub(crate) fn push(
@@ -69,11 +110,15 @@ impl Follower {
         reading: &Reading,
         interval: Second,
         square_a2: Option<f32>,
+        away_k: f32,
         calibration: &ChannelCalibration,
     ) -> Option<Deformation> {
         let curve = calibration.curve.as_ref()?;
         let code = reading.word.code().get();
-        let reference = *self.reference_code.get_or_insert(code);
+        let reference = match self.reference_code {
+            Some(code) => code,
+            None => self.refer(reading, calibration, curve),
+        };
         let change = relative_inductance_change(relative_frequency_change(reference, code));
         let point = curve.at(change);
         let apparent = Metre(point.value);
@@ -81,10 +126,13 @@ impl Follower {
             Some(crosstalk) => without_crosstalk(apparent, square_a2, crosstalk),
             None => apparent,
         };
+        if calibration.tank.is_some() {
+            self.detector.set_rest(Some(self.rest(away_k)));
+        }
         let Observation { deformation, touch } = self.detector.push(interval, read);
         match touch {
-            Touch::Began { .. } => self.count_from_baseline(reference, curve),
-            Touch::Ended => self.reference_code = None,
+            Touch::Began { .. } => self.count_from_zero(reading, reference, away_k, calibration),
+            Touch::Ended => self.forget_reference(),
             Touch::Settling | Touch::Clear | Touch::Held => {}
         }
         // L ~ f^-2, so that the relative sigma of L/L0 is twice the frequency's.
@@ -93,19 +141,58 @@ impl Follower {
         Some(Deformation {
             value: deformation,
             sigma: Metre(sigma),
+            zero_variance_m2: self.detector.zero().map_or(0.0, Zero::variance_m2),
             extrapolated: point.extrapolated,
             touch,
         })
     }
 
+    /// How far from the calibration's an untouched sensor may read: what its temperature makes of it, which is known to a kelvin.
+    fn rest(&self, away_k: f32) -> Metre {
+        self.per_kelvin * (away_k + 1.0)
+    }
+
+    /// Finds the code to count from, by the first reading.
+    fn refer(&mut self, reading: &Reading, calibration: &ChannelCalibration, curve: &Curve) -> u32 {
+        let rest_hz = calibration.tank.as_ref().map(|tank| tank.rest_frequency_hz);
+        let first_hz = rest_hz.unwrap_or(reading.frequency_hz);
+        let reference_hz = *self.reference_hz.get_or_insert(first_hz);
+        // Rounded: to a count, which is some nanometres at most.
+        let code = f64::from(reading.word.code().get()) * reference_hz / reading.frequency_hz;
+        let code = (code + 0.5) as u32;
+        self.reference_code = Some(code);
+        self.per_kelvin = Metre(curve.at(0.0).slope.abs() * INDUCTANCE_PER_KELVIN);
+        self.detector.set_per_kelvin(self.per_kelvin);
+        code
+    }
+
+    fn forget_reference(&mut self) {
+        self.reference_hz = None;
+        self.reference_code = None;
+    }
+
     /// Lets the inductance change count from the untouched sensor.
     ///
-    /// A single reading is off by its quantisation, and by the current of the coil's test if that was
-    /// under way. Taken off the deformation as the baseline, this is no error of the deformation at
-    /// rest; but the curve is not straight, so that it would remain one, and a larger one, of the pressed
-    /// sensor.
-    fn count_from_baseline(&mut self, reference_code: u32, curve: &Curve) {
-        let untouched = self.detector.baseline().value();
+    /// A reference that is off by a temperature's effect, or by the quantisation of a single reading, is no error of the deformation
+    /// at rest, where it is taken off as the baseline; but the curve is not straight, so that it would remain one, and a larger
+    /// one, of the pressed sensor. What the sensor still recovers from is a deformation, and stays one.
+    fn count_from_zero(
+        &mut self,
+        reading: &Reading,
+        reference_code: u32,
+        away_k: f32,
+        calibration: &ChannelCalibration,
+    ) {
+        let Some((zero, curve)) = self.detector.zero().zip(calibration.curve.as_ref()) else {
+            return;
+        };
+        let untouched = match &calibration.tank {
+            Some(_) => {
+                let Metre(limit_m) = self.rest(away_k);
+                Metre(zero.value().0.max(-limit_m).min(limit_m))
+            }
+            None => zero.value(),
+        };
         // Newton's method, from where it is near.
         let mut change = 0.0;
         for _ in 0..2 {
@@ -117,8 +204,22 @@ impl Follower {
         if !counts.is_finite() {
             return;
         }
-        self.reference_code = Some(reference_code.saturating_add_signed(counts as i32));
+        let code = reference_code.saturating_add_signed(counts as i32);
+        let hertz_per_count = reading.frequency_hz / f64::from(reading.word.code().get());
+        self.reference_hz = Some(f64::from(code) * hertz_per_count);
+        self.reference_code = Some(code);
         self.detector.shift(untouched);
+    }
+}
+
+/// How the settings have the sensor watched.
+fn watch(settings: &Settings) -> Watch {
+    let memory = (settings.rate_hz * MEMORY_S).clamp(LEAST_MEMORY, MOST_MEMORY);
+    Watch {
+        memory,
+        settling: memory as u32,
+        release: Metre(settings.release_m),
+        ..Watch::new(Metre(settings.contact_noise_m))
     }
 }
 
@@ -165,7 +266,7 @@ mod tests {
                 ..Reading::default()
             };
             follower
-                .push(&reading, Second(1e-3), None, &calibration())
+                .push(&reading, Second(1e-3), None, 0.0, &calibration())
                 .unwrap()
         });
         deformations.last().unwrap()

@@ -2,6 +2,8 @@
 
 use ldc161x::Reading;
 use palpate_model::contact::Touch;
+use palpate_model::math::sqrt;
+use palpate_model::units::Metre;
 use palpate_wire::Record;
 use palpate_wire::code::{Contact, Stream};
 use palpate_wire::command::{Settings, Springs};
@@ -77,7 +79,7 @@ impl Streamer {
             let of_calibration = newton * springs.force_scale_uncertainty;
             // Millinewtons to newtons, whose squares `f32` holds without further care.
             let variance = of_noise * of_noise + of_calibration * of_calibration;
-            (newton, palpate_model::math::sqrt(variance))
+            (newton, sqrt(variance))
         });
         let sample = Sample {
             sensor: scan.sensor,
@@ -135,7 +137,10 @@ fn conversion(reading: &Reading, offset_us: u64, deformation: Option<&Deformatio
         frequency_hz: reading.frequency_hz,
         sigma_hz: reading.sigma_hz,
         deformation_m: deformation.map(|of| of.value.0),
-        deformation_sigma_m: deformation.map(|of| of.sigma.0),
+        deformation_sigma_m: deformation.map(|of| {
+            let Metre(noise_m) = of.sigma;
+            sqrt(noise_m * noise_m + of.zero_variance_m2)
+        }),
         extrapolated: deformation.is_some_and(|of| of.extrapolated),
     }
 }

@@ -1,10 +1,13 @@
-//! When something touches, and since when.
+//! When something touches, since when, and how deep.
 //!
-//! An untouched sensor's reading drifts: it warms, it recovers from the last press. The
-//! [`Baseline`] follows that; what a reading has above it is the deformation; a [`Cusum`] over the
-//! deformation says when it is no longer noise. Until then every reading is taken into the
-//! baseline, afterwards none: a touch is found within a few readings, and those few weigh
-//! little in a memory of hundreds.
+//! The reading of an untouched sensor drifts: it warms, and it recovers from the last press. The
+//! [`Baseline`] follows that; a [`Cusum`] over what a reading rises above it finds a touch. Until then every
+//! reading is taken into the baseline, afterwards none: a touch is found within a few readings. During a touch the
+//! [`Zero`] carries the baseline on, within bounds that hold for any elastomer and any time.
+//!
+//! What moves otherwise than the baseline and is no rise, as an object that is lifted which lay there from the beginning, is not
+//! learnt as a drift: the baseline begins anew. Where the reading of the untouched sensor is known ([`Watch::rest`]),
+//! what lies on it from the beginning is a touch.
 //!
 //! # Figures
 //!
@@ -12,20 +15,24 @@
 //!
 //! | | |
 //! |---|---|
-//! | readings between false alarms, k 1, threshold 4 / 6 | 15,000 / 840,000 (exact for a known baseline: 14,500 / 790,000) |
+//! | readings between false alarms, k 1, threshold 4 | 10,300 (exact for a known baseline: 14,500) |
 //! | the same, k 1, threshold 10, from the exact Markov chain | 2.3e9 |
 //! | delay of a touch that deepens 0.1 / 1 / 10 sigma a reading, threshold 10 | 24 / 5.4 / 1.6 readings |
-//! | its onset, dated back: mean error (early) | 0.7 / 0.9 / 0.5 readings |
-//! | the same, root mean square | 7.9 / 1.8 / 0.9 readings |
+//! | its onset, dated back: mean error (early) | 0.9 / 0.9 / 0.5 readings |
+//! | the same, root mean square | 8.2 / 1.8 / 0.9 readings |
 //!
 //! Noise must be white at the rate of the readings for these figures: vibration that is not counts
 //! as deformation, so sigma has to include it.
 
 mod baseline;
 mod cusum;
+mod recovery;
+mod zero;
 
-pub use baseline::Baseline;
+pub use baseline::{Baseline, Deviation};
 pub use cusum::Cusum;
+pub use recovery::{MOST_CREEP, Recovery};
+pub use zero::Zero;
 
 use crate::units::{Metre, OutOfRange, Requirement, Second};
 
@@ -38,18 +45,27 @@ pub struct Watch {
     pub sigma: Metre,
     /// Readings that the baseline remembers.
     pub memory: f32,
-    /// Readings after a start or a release before touches are looked for.
+    /// Readings after a start or a release until the baseline counts as learnt.
     pub settling: u32,
     /// Test for touch and release.
     pub cusum: Cusum,
     /// Deformation below which the touch is over. A touch that has not been twice as deep yet is
     /// over below half of its deepest, so that a slow one does not end where it begins; in any
-    /// case below two sigma.
+    /// case below two sigma, and below what an elastomer may still have to recover from
+    /// ([`MOST_CREEP`] of the deepest).
     pub release: Metre,
+    /// How far from 0 the untouched and recovered sensor may read, if that is known.
+    pub rest: Option<Metre>,
+    /// What a kelvin may add to the reading of the untouched sensor.
+    pub per_kelvin: Metre,
 }
 
+/// Readings without which no touch is looked for: what is not one touch more than it learns from.
+const LEAST_READINGS: u32 = 8;
+
 impl Watch {
-    /// Memory and settling of 500 readings, [`Cusum::WATCH`], release at 5 sigma.
+    /// Memory and settling of 500 readings, [`Cusum::WATCH`], release at 5 sigma, the rest not known, and no effect of
+    /// temperature.
     pub const fn new(sigma: Metre) -> Self {
         Self {
             sigma,
@@ -57,6 +73,8 @@ impl Watch {
             settling: 500,
             cusum: Cusum::WATCH,
             release: Metre(5.0 * sigma.0),
+            rest: None,
+            per_kelvin: Metre(0.0),
         }
     }
 }
@@ -66,13 +84,13 @@ impl Watch {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Touch {
-    /// The baseline is still being learnt.
+    /// The baseline is still being learnt; or it is below the known rest, where no untouched sensor reads.
     Settling,
     /// Nothing touches.
     Clear,
     /// Something touches, found with this reading.
     Began {
-        /// How long before this reading it began.
+        /// How long before this reading it began; zero if it lay there from the beginning.
         ago: Second,
     },
     /// Something touches.
@@ -86,7 +104,7 @@ pub enum Touch {
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Observation {
-    /// Reading less baseline.
+    /// Reading less baseline, or less the zero of a touch.
     pub deformation: Metre,
     /// State of touch.
     pub touch: Touch,
@@ -159,10 +177,25 @@ impl Rising {
 pub struct Detector {
     watch: Watch,
     baseline: Baseline,
-    touching: bool,
-    /// Deepest deformation of the touch.
-    deepest: Metre,
+    /// The baseline before `rising` began.
+    before: Baseline,
     rising: Rising,
+    /// Sum of the test for readings that move otherwise than the baseline.
+    moving: f32,
+    /// While something touches.
+    held: Option<Held>,
+    /// What the sensor may still have to recover from.
+    recovery: Recovery,
+}
+
+/// A touch.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+struct Held {
+    zero: Zero,
+    /// Where the sensor read before, if that is not where an untouched one does.
+    doubtful: Option<Metre>,
+    deepest: Metre,
     falling: f32,
 }
 
@@ -172,13 +205,15 @@ impl Detector {
         Metre::positive(watch.sigma.0)?;
         OutOfRange::check(watch.cusum.allowance, Requirement::Positive)?;
         OutOfRange::check(watch.cusum.threshold, Requirement::Positive)?;
+        let baseline = Baseline::new(watch.memory);
         Ok(Self {
             watch,
-            baseline: Baseline::new(watch.memory),
-            touching: false,
-            deepest: Metre(0.0),
+            baseline,
+            before: baseline,
             rising: Rising::default(),
-            falling: 0.0,
+            moving: 0.0,
+            held: None,
+            recovery: Recovery::default(),
         })
     }
 
@@ -187,17 +222,93 @@ impl Detector {
         &self.baseline
     }
 
+    /// The zero of the touch, while something touches.
+    pub fn zero(&self) -> Option<&Zero> {
+        self.held.as_ref().map(|held| &held.zero)
+    }
+
+    /// Where the sensor read before it was touched, if an untouched one does not read that: something lay on it from the
+    /// beginning, or its rest has changed. The deformation is then of doubtful zero.
+    pub fn doubtful_rest(&self) -> Option<Metre> {
+        self.held.as_ref().and_then(|held| held.doubtful)
+    }
+
+    /// How far from 0 the untouched and recovered sensor may read, if that is known.
+    pub const fn rest(&self) -> Option<Metre> {
+        self.watch.rest
+    }
+
+    /// The same from now on.
+    pub const fn set_rest(&mut self, rest: Option<Metre>) {
+        self.watch.rest = rest;
+    }
+
+    /// What a kelvin may add to the reading of the untouched sensor from now on.
+    pub const fn set_per_kelvin(&mut self, per_kelvin: Metre) {
+        self.watch.per_kelvin = per_kelvin;
+    }
+
+    /// How far above 0 an untouched sensor may read: its rest, what a touch leaves unnoticed, and what it recovers from.
+    /// Nothing where the rest is not known.
+    pub fn highest_untouched(&self) -> Option<Metre> {
+        self.lowest_untouched()
+            .map(|lowest| self.recovery.most() - lowest)
+    }
+
+    /// How far below 0 an untouched sensor may read, as a negative number.
+    fn lowest_untouched(&self) -> Option<Metre> {
+        let rest = self.watch.rest?;
+        Some(-(rest + self.watch.release))
+    }
+
+    /// Where a sensor that reads this is not an untouched one.
+    fn doubtful(&self, reading: Metre) -> Option<Metre> {
+        let is_low = self
+            .lowest_untouched()
+            .is_some_and(|lowest| reading < lowest);
+        let is_high = self
+            .highest_untouched()
+            .is_some_and(|highest| reading > highest);
+        (is_low || is_high).then_some(reading)
+    }
+
     /// Counts all readings from here on, and those taken, from `zero`: of a reading less by as much the
     /// deformation is the same.
     pub fn shift(&mut self, zero: Metre) {
         self.baseline.shift(zero);
+        if let Some(held) = &mut self.held {
+            held.zero.shift(zero);
+        }
+    }
+
+    /// Learns the baseline anew, and takes the sensor as untouched until readings say otherwise.
+    pub fn learn_anew(&mut self) {
+        self.held = None;
+        self.begin();
+    }
+
+    /// Goes on after an interruption, or with another watch: a touch that was there still is, and a baseline is learnt anew.
+    pub fn resume(&mut self, watch: Watch) {
+        // What it may still recover from is no more than what it read.
+        if self.held.is_none() && self.baseline.readings() >= self.watch.settling {
+            self.recovery.no_more_than(self.baseline.value());
+        }
+        self.watch = watch;
+        self.baseline = Baseline::new(watch.memory);
+        self.begin();
+    }
+
+    fn begin(&mut self) {
+        self.baseline = self.baseline.anew();
+        self.rising = Rising::default();
+        self.moving = 0.0;
     }
 
     /// Judges a reading that comes `interval` after the one before. One that is not finite is
     /// passed over: it neither touches nor teaches.
     pub fn push(&mut self, interval: Second, reading: Metre) -> Observation {
         if !(reading.0.is_finite() && interval.0.is_finite()) {
-            let touch = if self.touching {
+            let touch = if self.held.is_some() {
                 Touch::Held
             } else {
                 self.untouched()
@@ -207,62 +318,126 @@ impl Detector {
                 touch,
             };
         }
-        let deformation = self.baseline.deviation(interval, reading);
-        let touch = if self.touching {
-            self.watch_release(deformation)
-        } else {
-            self.watch_touch(interval, deformation)
+        if let Some(held) = &mut self.held {
+            held.zero.advance(interval);
+            let deformation = reading - held.zero.value();
+            let touch = self.watch_release(deformation);
+            return Observation { deformation, touch };
+        }
+        self.recovery.advance(interval);
+        let deviation = self.baseline.deviation(interval, reading);
+        let touch = self.watch_touch(interval, reading, deviation);
+        let deformation = match &self.held {
+            Some(held) => reading - held.zero.value(),
+            None => deviation.from_line,
         };
         Observation { deformation, touch }
     }
 
     fn untouched(&self) -> Touch {
-        if self.baseline.readings() < self.watch.settling {
+        let is_low = |lowest| self.baseline.value() < lowest;
+        if self.baseline.readings() < self.watch.settling
+            || self.lowest_untouched().is_some_and(is_low)
+        {
             Touch::Settling
         } else {
             Touch::Clear
         }
     }
 
-    fn watch_touch(&mut self, interval: Second, deformation: Metre) -> Touch {
-        let state = self.untouched();
-        if state == Touch::Clear {
-            let z = deformation / self.watch.sigma;
-            let sum = self.watch.cusum.after(self.rising.sum, z);
-            // A sum of zero begins anew, and remembers nothing.
-            if sum > 0.0 {
-                self.rising.add(interval.0, deformation.0);
-                self.rising.sum = sum;
-            } else {
-                self.rising = Rising::default();
-            }
-            if self.watch.cusum.alarms(self.rising.sum) {
-                let ago = Second(self.rising.ago());
-                self.touching = true;
-                self.deepest = deformation;
-                self.rising = Rising::default();
-                self.falling = 0.0;
-                return Touch::Began { ago };
-            }
+    fn watch_touch(&mut self, interval: Second, reading: Metre, deviation: Deviation) -> Touch {
+        if let Some(ago) = self.rises(interval, deviation.rise) {
+            let zero = Zero::learnt(&self.before, &self.watch, interval, self.rising.age);
+            return self.touched(zero, ago);
         }
-        self.baseline.learn(interval, deformation);
-        state
+        let mut deviation = deviation;
+        if self.moves(interval, deviation) {
+            self.begin();
+            deviation = self.baseline.deviation(interval, reading);
+        }
+        self.baseline.learn(interval, deviation);
+        let settled = self.baseline.readings() >= self.watch.settling;
+        let is_high = |highest| self.baseline.value() > highest;
+        if settled && self.highest_untouched().is_some_and(is_high) {
+            return self.touched(Zero::at_rest(&self.watch), Second(0.0));
+        }
+        self.untouched()
+    }
+
+    /// Whether the readings have risen above the baseline, and how long ago that began.
+    fn rises(&mut self, interval: Second, rise: Metre) -> Option<Second> {
+        if self.baseline.readings() < LEAST_READINGS {
+            return None;
+        }
+        let sum = self
+            .watch
+            .cusum
+            .after(self.rising.sum, rise / self.watch.sigma);
+        // A sum of zero begins anew, and remembers nothing.
+        if sum > 0.0 {
+            if self.rising.sum <= 0.0 {
+                self.before = self.baseline;
+            }
+            self.rising.add(interval.0, rise.0);
+            self.rising.sum = sum;
+        } else {
+            self.rising = Rising::default();
+        }
+        let alarms = self.watch.cusum.alarms(self.rising.sum);
+        alarms.then(|| Second(self.rising.ago()))
+    }
+
+    /// Whether the readings move otherwise than the baseline, and not as a touch does.
+    fn moves(&mut self, interval: Second, deviation: Deviation) -> bool {
+        let apart = if deviation.rise.0 > 0.0 {
+            0.0
+        } else {
+            deviation.from_line.0.abs() - self.baseline.bend(interval)
+        };
+        let z = apart / self.watch.sigma.0;
+        self.moving = self.watch.cusum.after(self.moving, z);
+        self.watch.cusum.alarms(self.moving)
+    }
+
+    fn touched(&mut self, zero: Zero, ago: Second) -> Touch {
+        let before = if self.rising.sum > 0.0 {
+            &self.before
+        } else {
+            &self.baseline
+        };
+        self.held = Some(Held {
+            zero,
+            doubtful: self.doubtful(before.value()),
+            deepest: Metre(0.0),
+            falling: 0.0,
+        });
+        self.begin();
+        Touch::Began { ago }
     }
 
     fn watch_release(&mut self, deformation: Metre) -> Touch {
-        if deformation > self.deepest {
-            self.deepest = deformation;
+        let Some(held) = &mut self.held else {
+            return Touch::Ended;
+        };
+        if deformation > held.deepest {
+            held.deepest = deformation;
         }
         let sigma = self.watch.sigma;
-        let shallow = (self.deepest.0 / 2.0).max(2.0 * sigma.0);
-        let level = Metre(self.watch.release.0.min(shallow));
+        let shallow = (held.deepest.0 / 2.0).max(2.0 * sigma.0);
+        let unrecovered = MOST_CREEP * held.deepest.0 + held.zero.of_fall().0;
+        let level = Metre(self.watch.release.0.min(shallow).max(unrecovered));
         let below = (level - deformation) / sigma;
-        self.falling = self.watch.cusum.after(self.falling, below);
-        if !self.watch.cusum.alarms(self.falling) {
+        held.falling = self.watch.cusum.after(held.falling, below);
+        if !self.watch.cusum.alarms(held.falling) {
             return Touch::Held;
         }
-        self.touching = false;
-        self.baseline = Baseline::new(self.watch.memory);
+        let (deepest, left) = (held.deepest, held.zero.value());
+        let touched = held.zero.elapsed();
+        let counts = self.watch.rest.is_some_and(|rest| left > rest);
+        self.recovery = self
+            .recovery
+            .after(deepest, touched, counts.then_some(left));
+        self.learn_anew();
         Touch::Ended
     }
 }

@@ -4,6 +4,7 @@ mod bits;
 mod calibration_curve;
 mod common;
 mod contact;
+mod contact_sequences;
 mod load_curve;
 mod math;
 mod misfit;

@@ -54,7 +54,7 @@ pub struct Configuration {
 /// Calibration of one channel of one converter.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ChannelCalibration {
-    tank: Option<Tank>,
+    pub(crate) tank: Option<Tank>,
     /// Deformation against the relative change of inductance.
     pub(crate) curve: Option<Curve>,
     pub(crate) crosstalk: Option<Crosstalk>,
@@ -423,6 +423,16 @@ impl Configuration {
             temperature_effect: self.temperature_effect.clone(),
             temperature_coefficients: self.temperature_coefficients.clone(),
             temperature,
+        })
+    }
+
+    /// How far the sensor may be from the temperature of its calibration, K. Where one of the two is not known, the limits of a
+    /// room around 25 degrees.
+    pub(crate) fn away_k(&self, temperature: Option<Celsius>) -> f32 {
+        const ROOM_K: f32 = 15.0;
+        let known = self.temperature_effect.as_ref().zip(temperature);
+        known.map_or(ROOM_K, |(effect, Celsius(now_c))| {
+            (now_c - effect.calibrated_at_c).abs()
         })
     }
 

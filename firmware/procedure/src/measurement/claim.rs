@@ -68,7 +68,9 @@ impl Measurement {
         let of_noise = widened(&ratio, scatter);
         let reference = *ramps.reference();
         let at = operating_point(&self.calibrated, &reference, settings);
-        let calibration = uncertainties(&self.calibrated, &of_noise, &at, settings);
+        let mut calibration = uncertainties(&self.calibrated, &of_noise, &at, settings);
+        let Metre(calibrated_m) = calibration.zero;
+        calibration.zero = Metre(sqrt(calibrated_m * calibrated_m + self.zero.variance_m2));
         let temperature = of_temperature(&self.calibrated);
         let uncorrected = uncorrected(&self.calibrated).budget(of_noise.value, &at);
         let bend = curved.and_then(|curved| Bend::of(&fit, &curved, ramps.span()));

@@ -5,8 +5,9 @@ mod ramps;
 
 use coil_hbridge::CurrentLine;
 use palpate_model::magnetorheological::{Stiffening, attraction, deviation};
+use palpate_model::math::ln;
 use palpate_model::ramp::RampSample;
-use palpate_model::units::{Ampere, Metre, Newton, NewtonPerMetre};
+use palpate_model::units::{Ampere, Metre, Newton, NewtonPerMetre, Second};
 use palpate_wire::code::{FaultCode, Location, RefusalReason};
 use palpate_wire::command::Settings;
 use palpate_wire::record::Refusal;
@@ -62,11 +63,40 @@ pub(crate) struct Measurement {
     touched: Instant,
     /// Sums over the falls; from the first sample on.
     ramps: Option<Ramps>,
+    zero: ZeroAtTrain,
     two_states: TwoStates,
     lost: u32,
     flagged: u32,
     /// How many of the train's conversions may be lost, and how many flagged.
     allowed: u32,
+}
+
+/// The zero of the deformation when the train began, and what is uncertain of it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct ZeroAtTrain {
+    /// What the sensing layer has crept since it was touched, more than on the bench.
+    creep: Metre,
+    variance_m2: f32,
+}
+
+/// From the touch to the train, s: on a bench it takes up to so long, of which the calibration knows the creep.
+const BENCH_S: f32 = 1.5;
+
+/// What the sensing layer creeps, relative, in each e-fold of time, and its standard uncertainty: three modes of 6 % in the
+/// mean over the times from 0.05 to 1000 s (sim-host/stacks/disturbances.toml), and anything from none to twice as much.
+const CREEP: f32 = 0.018;
+const CREEP_UNCERTAINTY: f32 = 0.0104;
+
+impl ZeroAtTrain {
+    /// At the first sample of a train that began so long after the touch.
+    fn of(deformation: &Deformation, touched: Second) -> Self {
+        let longer = ln((touched.0 / BENCH_S).max(1.0)) * deformation.value.0;
+        let uncertain = CREEP_UNCERTAINTY * longer;
+        Self {
+            creep: Metre(CREEP * longer),
+            variance_m2: deformation.zero_variance_m2 + uncertain * uncertain,
+        }
+    }
 }
 
 /// What an event means for a train.
@@ -206,6 +236,7 @@ impl Measurement {
             calibrated,
             touched,
             ramps: None,
+            zero: ZeroAtTrain::default(),
             two_states: TwoStates::default(),
             lost: 0,
             flagged: 0,
@@ -298,11 +329,13 @@ impl Measurement {
         let law = &self.calibrated.law;
         let origin = self.drive.origin();
         if self.ramps.is_none() {
+            self.zero = ZeroAtTrain::of(deformation, seconds(self.touched, origin));
             let sensing = NewtonPerMetre(self.calibrated.springs.sensing_n_per_m);
             let actuated_ratio = law.reference_ratio(sensing);
             let since_touch = seconds(self.touched, origin);
             let drift = ramps::drift(settings, since_touch, self.drive.train.profile());
-            self.ramps = Ramps::new(deformation.value, actuated_ratio, drift);
+            let pressed = deformation.value - self.zero.creep;
+            self.ramps = Ramps::new(pressed, actuated_ratio, drift);
         }
         let Some(ramps) = &mut self.ramps else {
             return;
@@ -310,17 +343,17 @@ impl Measurement {
         let rise = law.rise(current).value;
         let actuated = law.at_rest() * (1.0 + rise);
         let reference = ramps.reference();
+        let pressed = deformation.value - self.zero.creep;
         let pull = self.calibrated.pull(current);
         let sample = RampSample {
             time: seconds(origin, scan.middle),
-            deformation: deformation.value - reference.deformation(),
-            regressor: deviation(reference.regressor(), rise)
-                + attraction(pull, actuated, deformation.value),
+            deformation: pressed - reference.deformation(),
+            regressor: deviation(reference.regressor(), rise) + attraction(pull, actuated, pressed),
             sigma: deformation.sigma,
         };
         ramps.push(&sample, ramp);
         if ramp == 0 {
-            self.two_states.push(deformation.value, actuated);
+            self.two_states.push(pressed, actuated);
         }
     }
 

@@ -203,9 +203,13 @@ impl Procedure {
             Command::SetSettings(_) => {
                 self.configure_sensors(out);
                 self.next_status = self.status_after(out.now);
-                self.begin_anew(out);
+                self.resume_baseline();
+                self.sense_anew(out);
             }
-            Command::SetDeformationCurve(_) | Command::SetCrosstalk(_) => self.begin_anew(out),
+            Command::SetDeformationCurve(_) | Command::SetCrosstalk(_) | Command::SetTank(_) => {
+                self.begin_baseline();
+                self.sense_anew(out);
+            }
             Command::SetCoil(_) => self.follow_heat(),
             Command::SetCurrentCorrection(correction) => {
                 out.push(Action::CorrectCurrent(correction.clone()));
@@ -232,8 +236,7 @@ impl Procedure {
     }
 
     /// What was learnt of the untouched sensor no longer holds.
-    pub(super) fn begin_anew(&mut self, out: &mut Out<'_>) {
-        self.begin_baseline();
+    pub(super) fn sense_anew(&mut self, out: &mut Out<'_>) {
         match &mut self.phase {
             Phase::Fault(_) | Phase::SelfTest { .. } => {}
             // First what was announced.

@@ -95,7 +95,7 @@ impl Procedure {
         };
         out.record(fault(&standing, false));
         self.mode = Mode::SensingOnly;
-        self.begin_baseline();
+        self.resume_baseline();
         self.configure_sensors(out);
         self.go(Phase::SelfTest { good: 0 }, out);
     }

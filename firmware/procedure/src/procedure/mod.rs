@@ -281,7 +281,7 @@ impl Procedure {
         });
     }
 
-    /// Forgets what the untouched sensor reads.
+    /// Forgets what the untouched sensor reads, and whether something touches.
     fn begin_baseline(&mut self) {
         self.evaluated = Default::default();
         let settings = &self.configuration.settings;
@@ -293,6 +293,34 @@ impl Procedure {
                     .flatten();
             }
         }
+    }
+
+    /// Learns anew what the untouched sensor reads, after an interruption or with other settings. What touches still does.
+    fn resume_baseline(&mut self) {
+        let settings = &self.configuration.settings;
+        for (sensor, of) in self.followers.iter_mut().enumerate() {
+            let has = self.board.channels.get(sensor).copied().unwrap_or(0) & settings.channels;
+            for (channel, follower) in of.iter_mut().enumerate() {
+                match follower {
+                    _ if has >> channel & 1 == 0 => *follower = None,
+                    Some(follower) => follower.resume(settings),
+                    None => *follower = Follower::new(settings).ok(),
+                }
+            }
+        }
+    }
+
+    /// Learns anew what the sensor reads, which is taken as untouched until readings say otherwise.
+    fn learn_baseline(&mut self) {
+        let followers = self.followers.iter_mut().flatten().flatten();
+        followers.for_each(Follower::learn_anew);
+    }
+
+    /// What is known of the sensor that touch and stiffness come from.
+    fn principal_follower(&self) -> Option<&Follower> {
+        let [first, _] = &self.followers;
+        let of = first.get(usize::from(self.configuration.principal()));
+        of.and_then(Option::as_ref)
     }
 
     fn scan(&mut self, scan: &Scan, out: &mut Out<'_>) {
@@ -331,6 +359,7 @@ impl Procedure {
         interval: Second,
         square_a2: Option<f32>,
     ) -> DeformationScan {
+        let away_k = self.configuration.away_k(self.conditions.temperature);
         let configuration = &self.configuration;
         let sensor = usize::from(scan.sensor & 1);
         let mut followers = self.followers.get_mut(sensor);
@@ -346,7 +375,7 @@ impl Procedure {
             // Flagged readings before this one are part of the time.
             let last = evaluated.as_mut()?.get_mut(channel)?.replace(scan.middle);
             let interval = last.map_or(interval, |last| seconds(last, scan.middle));
-            follower.push(reading, interval, square_a2, calibration)
+            follower.push(reading, interval, square_a2, away_k, calibration)
         }))
     }
 

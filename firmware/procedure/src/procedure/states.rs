@@ -10,7 +10,7 @@ use super::coil::Knowledge;
 use super::manual::ManualDrive;
 use super::{Out, Procedure};
 use crate::action::Action;
-use crate::deformation::Deformation;
+use crate::deformation::{Deformation, Follower};
 use crate::event::{Failure, Scan};
 use crate::measurement::{
     EstimateReport, Measurement, MeasurementOutcome, Progress, Reason, TrainDrive, metres, refusal,
@@ -86,6 +86,11 @@ pub(super) struct Settling {
     flagged: u32,
     /// The last conversion that could.
     last: Option<Instant>,
+}
+
+/// So long before a moment.
+fn before(moment: Instant, ago: Second) -> Instant {
+    Instant::from_ticks(moment.as_ticks().saturating_sub(span(ago.0).as_ticks()))
 }
 
 /// What a phase does, for everything that has to know no more of it.
@@ -185,14 +190,15 @@ impl Procedure {
                     self.go(Phase::Baseline, out);
                 }
             }
-            Phase::Baseline if touch == Some(Touch::Clear) => self.go(Phase::Watching, out),
-            Phase::Watching => {
-                if let Some(Touch::Began { ago }) = touch {
-                    let found = scan.middle.as_ticks();
-                    let since = found.saturating_sub(span(ago.0).as_ticks());
-                    self.touched(Instant::from_ticks(since), out);
+            Phase::Baseline | Phase::Watching => match touch {
+                Some(Touch::Began { ago }) => self.touched(before(scan.middle, ago), out),
+                Some(Touch::Held) => {
+                    let ago = self.principal_follower().and_then(Follower::touched_for);
+                    self.touched(before(scan.middle, ago.unwrap_or_default()), out);
                 }
-            }
+                Some(Touch::Clear) => self.go(Phase::Watching, out),
+                _ => {}
+            },
             // The object may have left while the coil was driven, when the contact was not checked.
             Phase::Contact { .. } | Phase::Release { .. }
                 if deformation.is_some_and(|of| of.is_untouched()) =>
@@ -319,6 +325,10 @@ impl Procedure {
         if !self.check_all(out) {
             return;
         }
+        if let Some(moved) = self.principal_follower().and_then(Follower::rest_moved) {
+            let (reading, limit) = (metres(moved.reading), metres(moved.limit));
+            return self.refuse(Reason::new(RefusalReason::RestMoved, reading, limit), out);
+        }
         // The same as at the bench, where the temperature is measured before a train as well.
         let calibrated = match self.configuration.calibrated(self.temperature()) {
             Ok(calibrated) => calibrated,
@@ -395,7 +405,7 @@ impl Procedure {
         match touched {
             Some(since) => self.go(Phase::Release { since }, out),
             None => {
-                self.begin_baseline();
+                self.learn_baseline();
                 self.go(Phase::Baseline, out);
             }
         }
@@ -442,10 +452,10 @@ impl Procedure {
         record.wait_s = wait_s;
         out.record(Record::Refusal(record));
         match since {
-            Some(since) if reason.code != RefusalReason::ContactLost => {
-                self.go(Phase::Release { since }, out);
-            }
-            _ => self.swept(None, out),
+            // The release was seen, and the baseline is learnt from there.
+            Some(_) if reason.code == RefusalReason::ContactLost => self.go(Phase::Baseline, out),
+            Some(since) => self.go(Phase::Release { since }, out),
+            None => self.swept(None, out),
         }
     }
 

@@ -179,12 +179,11 @@ impl Procedure {
         let correction = self.configuration.current_correction().cloned();
         let correction = correction.unwrap_or_else(no_correction);
         out.push(Action::CorrectCurrent(correction));
+        self.begin_baseline();
         if self.greeted {
             self.configure_sensors(out);
             self.next_status = self.status_after(out.now);
-            self.begin_anew(out);
-        } else {
-            self.begin_baseline();
+            self.sense_anew(out);
         }
     }
 

@@ -12,6 +12,7 @@ mod limits;
 mod manual;
 mod queue;
 mod refusals;
+mod rest;
 mod states;
 mod storage;
 mod streams;

@@ -112,7 +112,8 @@ fn raw_words_come_in_full_runs_that_end_where_something_is_lost() {
 
 #[test]
 fn a_drift_goes_on_while_readings_are_flagged() {
-    const DRIFT_M_PER_S: f64 = 1e-6;
+    // As after a press.
+    const DRIFT_M_PER_S: f64 = -1e-6;
     let mut rig = with(|_| {});
     let drift = |rig: &mut Rig, ms: u64, flagged: bool| {
         for _ in 0..ms {
@@ -125,7 +126,7 @@ fn a_drift_goes_on_while_readings_are_flagged() {
     drift(&mut rig, 1, false);
     let sample = samples(&rig).pop().expect("a sample");
     let deformation_m = sample.channels[0].deformation_m.expect("a curve");
-    // The baseline has seen the whole time: 0.4 um of drift are no deformation.
+    // The baseline has seen the whole time: 0.4 um of recovery are no deformation.
     assert!(deformation_m.abs() < 5e-8, "{deformation_m:e}");
 }
 

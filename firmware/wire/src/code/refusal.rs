@@ -55,5 +55,9 @@ codes! {
         Faulted = 22 "faulted",
         /// It took too long. Value and limit: time, s.
         TimedOut = 23 "timed_out",
+        /// Before the touch the sensor did not read the rest of its calibration: something lay on it, or
+        /// its rest has changed. Value: what it read, as a deformation, m; limit: the most that an
+        /// untouched sensor reads.
+        RestMoved = 24 "rest_moved",
     }
 }

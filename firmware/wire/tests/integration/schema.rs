@@ -24,6 +24,7 @@ fn the_layout_belongs_to_its_version() {
         (2, 1, 0xFC5F_F64A),
         (2, 2, 0x740E_6F99),
         (2, 3, 0x1CD7_EF6B),
+        (2, 4, 0xE6F0_7A5F),
     ];
     assert!(
         known.contains(&(VERSION, MINOR_VERSION, SCHEMA_HASH)),

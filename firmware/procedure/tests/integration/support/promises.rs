@@ -104,7 +104,10 @@ fn stopped_until_asked(rig: &mut Rig, event: &Event<'_>, actions: &Actions) {
         Action::Record {
             record: Record::State(change),
             ..
-        } => change.state == State::Contact && change.previous == State::Watching,
+        } => {
+            change.state == State::Contact
+                && matches!(change.previous, State::Watching | State::Baseline)
+        }
         _ => false,
     });
     if touches && rig.settings().automatic {
