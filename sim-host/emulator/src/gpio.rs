@@ -12,6 +12,14 @@ pub(crate) mod function {
     pub(crate) const NONE: u32 = 31;
 }
 
+/// PADS_BANK0: pulls, and the drivers of input and output (2.19.6.3).
+mod pad {
+    pub(super) const PULL_DOWN: u32 = 1 << 2;
+    pub(super) const PULL_UP: u32 = 1 << 3;
+    pub(super) const INPUT: u32 = 1 << 6;
+    pub(super) const NO_OUTPUT: u32 = 1 << 7;
+}
+
 const EDGE_LOW: u32 = 0b0100;
 const EDGE_HIGH: u32 = 0b1000;
 
@@ -83,26 +91,49 @@ impl Gpio {
             .map_or(function::NONE, |word| word & 0x1F)
     }
 
+    fn pad(&self, pin: usize) -> u32 {
+        self.pads.get(pin).copied().unwrap_or(0)
+    }
+
+    /// Whether SIO drives a pin.
+    fn is_output(&self, pin: usize) -> bool {
+        let is_on = self.enabled >> pin & 1 == 1 && self.pad(pin) & pad::NO_OUTPUT == 0;
+        is_on && self.function(pin) == function::SIO
+    }
+
     /// The level of a pin that SIO or the outside drives, or a pull.
     pub(crate) fn level(&self, pin: usize) -> bool {
         let bit = 1 << pin;
-        if self.function(pin) == function::SIO && self.enabled & bit != 0 {
+        if self.is_output(pin) {
             return self.out & bit != 0;
         }
         if self.driven & bit != 0 {
             return self.outside & bit != 0;
         }
-        self.pads.get(pin).is_some_and(|pad| pad & 0b1100 == 0b1000)
+        self.pad(pin) & (pad::PULL_UP | pad::PULL_DOWN) == pad::PULL_UP
     }
 
     /// Whether SIO pulls a pin low.
     pub(crate) fn pulls_low(&self, pin: usize) -> bool {
-        let bit = 1 << pin;
-        self.function(pin) == function::SIO && self.enabled & bit != 0 && self.out & bit == 0
+        self.is_output(pin) && self.out >> pin & 1 == 0
     }
 
+    /// Whether a pin's level reaches the chip. Where it does not, a zero does; that is a guess.
+    pub(crate) fn is_input(&self, pin: usize) -> bool {
+        self.pad(pin) & pad::INPUT != 0
+    }
+
+    /// Whether a pad is set for an analogue voltage: both drivers off, no pull (4.9).
+    pub(crate) fn is_analogue(&self, pin: usize) -> bool {
+        let of_interest = pad::INPUT | pad::NO_OUTPUT | pad::PULL_UP | pad::PULL_DOWN;
+        self.pad(pin) & of_interest == pad::NO_OUTPUT
+    }
+
+    /// The levels as the chip sees them.
     fn levels(&self) -> u32 {
-        (0..PINS).fold(0, |levels, pin| levels | u32::from(self.level(pin)) << pin)
+        (0..PINS)
+            .filter(|&pin| self.is_input(pin) && self.level(pin))
+            .fold(0, |levels, pin| levels | 1 << pin)
     }
 
     /// Latches the edges since it was last called.
@@ -146,7 +177,7 @@ impl Gpio {
         let word = (offset >> 2 & 0b11) as usize;
         Some(match offset {
             0x000..=0x0EC if offset % 8 == 4 => *self.control.get(offset as usize / 8)?,
-            0x000..=0x0EC => u32::from(self.level(offset as usize / 8)) << 17,
+            0x000..=0x0EC => (self.levels() >> (offset / 8) & 1) << 17,
             0x0F0..=0x0FC => self.raw(word),
             0x100..=0x10C => self.interrupts[word],
             0x110..=0x11C => self.forced[word],
@@ -241,5 +272,28 @@ mod tests {
         assert!(gpio.level(8));
         gpio.reset();
         assert!(!gpio.level(8), "pulled down after a reset");
+    }
+
+    #[test]
+    fn a_pad_can_keep_a_level_from_the_chip_and_an_output_from_the_pin() {
+        let mut gpio = Gpio::new();
+        let pad_of = |pin: u32| 4 + 4 * pin;
+        gpio.drive(7, true);
+        gpio.write_bank(0xF0, u32::MAX).unwrap();
+        gpio.write_pads(pad_of(7), 0).unwrap();
+        assert_eq!(gpio.read_sio(0x04), Some(0), "without its input");
+        gpio.drive(7, false);
+        gpio.drive(7, true);
+        gpio.write_bank(0xF0, EDGE_LOW << 28).unwrap();
+        gpio.drive(7, false);
+        assert_eq!(gpio.read_bank(0xF0).unwrap() & EDGE_LOW << 28, 0);
+        gpio.write_sio(0x14, 1 << 8).unwrap();
+        gpio.write_sio(0x24, 1 << 8).unwrap();
+        gpio.write_bank(8 * 8 + 4, function::SIO).unwrap();
+        gpio.write_pads(pad_of(8), pad::INPUT | pad::NO_OUTPUT)
+            .unwrap();
+        assert!(!gpio.level(8), "without its output");
+        gpio.write_pads(pad_of(8), pad::INPUT).unwrap();
+        assert!(gpio.level(8));
     }
 }

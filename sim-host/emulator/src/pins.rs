@@ -16,6 +16,8 @@ pub(crate) mod pin {
     pub(crate) const CLKIN: usize = 21;
     pub(crate) const VBUS: usize = 24;
     pub(crate) const LED: usize = 25;
+    /// Coil current, thermistor, supply, and a third of VSYS, which a Raspberry Pi Pico connects.
+    pub(crate) const ANALOGUE: [usize; 4] = [26, 27, 28, 29];
 }
 
 /// The PWM slice of the coil.

@@ -59,8 +59,9 @@ pub const BRIDGE_LIMIT: usize = 20;
 pub const CLKIN: usize = 21;
 /// The LED.
 pub const LED: usize = 25;
-/// Pins of the ADC's inputs 0 to 2: coil current, thermometer, supply.
-pub const ANALOGUE: [usize; 3] = [26, 27, 28];
+/// Pins with analogue voltages: coil current, thermometer, supply, and a third of VSYS, which a Pico
+/// connects to the ADC's input 3.
+pub const ANALOGUE: [usize; 4] = [26, 27, 28, 29];
 /// The PWM slice of the bridge: IN1 is its output A, IN2 its output B.
 pub const COIL_SLICE: usize = 0;
 
@@ -219,6 +220,10 @@ impl Board {
         output(BRIDGE_ENABLE, false);
         output(IN1, false);
         output(IN2, false);
+        // Their digital inputs are on after the reset of the pads (erratum RP2040-E6).
+        for pin in ANALOGUE {
+            set_pad(pin, ANALOGUE_PAD);
+        }
         let clocks_run = clocks::set_up(
             &mut resets,
             &device.CLOCKS,
@@ -229,7 +234,7 @@ impl Board {
             &device.WATCHDOG,
         ) && ready;
         set_up_converter_pins();
-        set_up_analogue(&device.ADC);
+        device.ADC.cs().write(|w| w.en().set_bit());
         output(LED, false);
         input(BRIDGE_FAULT, PULL_UP);
         i2c::set_up();
@@ -285,13 +290,6 @@ fn set_up_converter_pins() {
             io().proc0_inte(register).write(|w| w.bits(edge));
         }
     }
-}
-
-fn set_up_analogue(adc: &rp2040_pac::ADC) {
-    for pin in ANALOGUE {
-        set_pad(pin, ANALOGUE_PAD);
-    }
-    adc.cs().write(|w| w.en().set_bit());
 }
 
 /// Sets the converters' clock. One that is set already goes on without a gap.

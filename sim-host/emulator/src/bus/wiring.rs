@@ -68,12 +68,14 @@ impl<P: Plant> SystemBus<P> {
         self.drive_interrupt(pin::SECOND_INTB, SECOND_EDGE_SLICE, high);
     }
 
-    /// Drives a pin whose falling edges a slice of the PWM counts; whether it falls.
+    /// Drives a pin whose falling edges a slice of the PWM counts, if the pin is its input B (2.19.2);
+    /// whether it falls.
     fn drive_interrupt(&mut self, pin: usize, slice: usize, high: bool) -> bool {
         if self.gpio.level(pin) == high {
             return false;
         }
-        if !high {
+        let counts = self.gpio.function(pin) == function::PWM && self.gpio.is_input(pin);
+        if counts && !high {
             self.pwm.falling_edge(slice);
         }
         self.gpio.drive(pin, high);
@@ -167,6 +169,7 @@ impl<P: Plant> SystemBus<P> {
                 break;
             }
             self.coil.advance(conversion.sampled_ps, &wave);
+            self.check_analogue();
             match self.coil.convert(conversion.input) {
                 Some(code) => self.adc.sample(conversion, code),
                 None => {
@@ -179,6 +182,13 @@ impl<P: Plant> SystemBus<P> {
         let high = !self.coil.has_fault();
         if self.gpio.level(pin::FAULT) != high {
             self.gpio.drive(pin::FAULT, high);
+        }
+    }
+
+    /// An analogue voltage needs a pad without digital drivers and pulls (4.9, erratum RP2040-E6).
+    fn check_analogue(&mut self) {
+        if !pin::ANALOGUE.iter().all(|&pin| self.gpio.is_analogue(pin)) {
+            self.fail("an analogue voltage at a pad with a digital driver or a pull");
         }
     }
 
