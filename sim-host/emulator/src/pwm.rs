@@ -43,10 +43,11 @@ pub(crate) struct Pwm {
     sys_hz: f64,
     /// Of the first slice.
     level_times: LevelTimes,
-    /// Wraps, by slice, of those slices whose wraps are used.
+    /// Wraps, by slice: of slices whose wraps are used as they come, of others up to `marked_ps`.
     raw: u32,
     enabled: u32,
     serviced_ps: u64,
+    marked_ps: u64,
 }
 
 #[derive(Clone, Debug)]
@@ -252,6 +253,7 @@ impl Pwm {
             raw: 0,
             enabled: 0,
             serviced_ps: 0,
+            marked_ps: 0,
         }
     }
 
@@ -369,7 +371,24 @@ impl Pwm {
         self.serviced_ps = now_ps;
     }
 
-    pub(crate) fn read(&self, offset: u32, now_ps: u64) -> Option<u32> {
+    /// Raises the wraps that nothing has waited for: a slice shows each of its own, whether that
+    /// interrupts or not (4.5.2.7).
+    fn mark_wraps(&mut self, now_ps: u64) {
+        for index in 0..SLICES {
+            if let Some(slice) = self.slices.get(index).filter(|slice| slice.runs())
+                && !self.wraps_count(index)
+                && slice.wrap_ps(self.marked_ps.max(slice.since_ps), self.sys_hz) <= now_ps
+            {
+                self.raw |= 1 << index;
+            }
+        }
+        self.marked_ps = now_ps;
+    }
+
+    pub(crate) fn read(&mut self, offset: u32, now_ps: u64) -> Option<u32> {
+        if offset == 0xA4 {
+            self.mark_wraps(now_ps);
+        }
         if offset == 0xA0 {
             let enabled = |(bits, slice): (u32, &Slice)| u32::from(slice.enabled()) << bits;
             return Some((0..).zip(&self.slices).map(enabled).sum());
@@ -416,6 +435,7 @@ impl Pwm {
     }
 
     pub(crate) fn write(&mut self, offset: u32, value: u32, now_ps: u64) -> Option<()> {
+        self.mark_wraps(now_ps);
         if offset == 0xA0 {
             for (bit, slice) in self.slices.iter_mut().enumerate() {
                 slice.advance(now_ps, self.sys_hz);
@@ -425,7 +445,11 @@ impl Pwm {
         }
         match offset {
             0xA4 => self.raw &= !value,
-            0xA8 => self.enabled = value & 0xFF,
+            0xA8 => {
+                self.enabled = value & 0xFF;
+                // Wraps from before are marked.
+                self.serviced_ps = self.serviced_ps.max(now_ps);
+            }
             _ => {}
         }
         if matches!(offset, 0xA4 | 0xA8) {
@@ -573,6 +597,19 @@ mod tests {
             pwm.write(0xA4, 0b10, now + 90_000).unwrap();
             assert!(!pwm.line());
         }
+    }
+
+    #[test]
+    fn a_wrap_from_before_the_interrupt_was_enabled_waits_in_its_flag() {
+        let mut pwm = running();
+        assert_eq!(pwm.read(0xA4, 49_000_000), Some(0));
+        pwm.write(0xA8, 1, 51_000_000).unwrap();
+        assert!(pwm.line(), "of the wrap at 50 us");
+        pwm.write(0xA4, 1, 52_000_000).unwrap();
+        pwm.service(60_000_000);
+        assert!(!pwm.line());
+        pwm.service(pwm.next_event(60_000_000).unwrap());
+        assert!(pwm.line(), "of the wrap at 100 us");
     }
 
     #[test]
