@@ -325,7 +325,9 @@ impl UsbController {
             return Reply::Stall;
         }
         let is_in = data1.is_none();
-        let is_ready = half & buffer::AVAILABLE != 0 && (!is_in || half & buffer::FULL != 0);
+        // 4.1.2.8: an IN needs a full buffer, an OUT an empty one.
+        let is_full = half & buffer::FULL != 0;
+        let is_ready = half & buffer::AVAILABLE != 0 && is_full == is_in;
         if !is_ready || self.aborted >> index & 1 == 1 {
             self.refused |= u32::from(endpoint.on_nak) << index;
             return Reply::Nak;

@@ -601,6 +601,18 @@ fn a_buffer_that_is_available_and_not_full_has_nothing_to_send() {
 }
 
 #[test]
+fn a_buffer_that_is_available_and_full_has_no_room() {
+    let (mut bench, mut device) = configured(Data::Untouched);
+    bench.arm(OUTPUT, 0, buffer::FULL | 64);
+    bench.usb.host.write(b"abc");
+    bench.run(Time::from_ms(2), &mut device);
+    assert_eq!(bench.usb.host.unwritten(), 3);
+    bench.arm(OUTPUT, 0, 64);
+    bench.run(Time::from_ms(2), &mut device);
+    assert_eq!(bench.usb.host.unwritten(), 0);
+}
+
+#[test]
 fn nothing_is_asked_of_a_device_for_ten_milliseconds_after_its_reset() {
     let (mut bench, mut device) = plugged(Data::Echo);
     bench
