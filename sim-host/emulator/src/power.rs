@@ -61,12 +61,11 @@ impl Power {
         }
     }
 
-    /// After the watchdog: CHIP_RESET keeps its flags, and the regulator its voltage (2.12.2).
+    /// After the watchdog: CHIP_RESET keeps its flags (2.13.2). VREG begins anew, as WDSEL selects it
+    /// with the rest (2.13.5).
     pub(crate) fn after_watchdog(&mut self) {
         *self = Self {
             cause: self.cause,
-            regulator: self.regulator,
-            settled_ps: self.settled_ps,
             ..Self::new()
         };
     }
@@ -176,7 +175,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_core_voltage_is_raised_when_it_has_settled_and_outlives_the_watchdog() {
+    fn the_core_voltage_is_raised_when_it_has_settled_and_falls_with_the_watchdogs_reset() {
         let mut power = Power::new();
         assert!(!power.is_raised(0));
         assert_eq!(power.read_regulator(0, 0), Some(0x10B1));
@@ -185,9 +184,11 @@ mod tests {
         assert!(!power.is_raised(1_000_000_004));
         assert!(power.is_raised(1_000_000_005));
         power.after_watchdog();
-        assert!(power.is_raised(1_000_000_005));
-        power.write_regulator(0, 0xB1, 2_000_000_000).unwrap();
         assert!(!power.is_raised(9_000_000_000));
+        assert_eq!(power.read_regulator(0, 9_000_000_000), Some(0x10B1));
+        power.write_regulator(0, 0xC1, 9_000_000_000).unwrap();
+        power.write_regulator(0, 0xB1, 12_000_000_000).unwrap();
+        assert!(!power.is_raised(19_000_000_000));
     }
 
     #[test]
