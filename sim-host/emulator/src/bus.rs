@@ -34,8 +34,10 @@ use crate::usb::{self, Usb};
 use crate::watchdog::Watchdog;
 use crate::wire::Wire;
 
-/// Waiting time of an access through the APB bridge. The datasheet gives no number; guess.
-const APB_CYCLES: u32 = 3;
+/// Cycles for which a read and a write wait at the APB bridge: two in the place of one, and one more
+/// for a read, two more for a write (datasheet 2.1.3).
+const APB_READ_CYCLES: u32 = 2;
+const APB_WRITE_CYCLES: u32 = 3;
 /// The processor's clock while nothing else is set: the ring oscillator.
 const BOOT_HZ: f64 = 6.5e6;
 
@@ -206,7 +208,7 @@ impl<P: Plant> SystemBus<P> {
     // ---- registers ----
 
     fn read_register(&mut self, address: u32) -> u32 {
-        self.charge_register(address);
+        self.charge_register(address, APB_READ_CYCLES);
         let offset = address & 0xFFF;
         let value = match address >> 28 {
             0x0 => self.read_request(address),
@@ -225,7 +227,7 @@ impl<P: Plant> SystemBus<P> {
 
     fn write_register(&mut self, address: u32, value: u32) {
         self.trace_pulses(self.clock.now_ps());
-        self.charge_register(address);
+        self.charge_register(address, APB_WRITE_CYCLES);
         let offset = address & 0xFFF;
         let done = match address >> 28 {
             0x0 => {
@@ -250,9 +252,9 @@ impl<P: Plant> SystemBus<P> {
     }
 
     /// The wait of an access to a register, and whether its block may be accessed.
-    fn charge_register(&mut self, address: u32) {
+    fn charge_register(&mut self, address: u32, apb_cycles: u32) {
         if address >> 28 == 0x4 {
-            self.stall += APB_CYCLES;
+            self.stall += apb_cycles;
         }
         if self.power.is_in_reset(address) {
             let pc = self.pc;
@@ -301,7 +303,7 @@ impl<P: Plant> SystemBus<P> {
 
     /// Writes one, two or four bytes of the USB controller's memory.
     fn write_usb_memory(&mut self, address: u32, value: &[u8]) {
-        self.charge_register(address);
+        self.charge_register(address, 0);
         self.check_usb_clock();
         let now_ps = self.clock.now_ps();
         let written = self.usb.write_memory(address & 0xFFF, value, now_ps);
@@ -362,6 +364,9 @@ impl<P: Plant> SystemBus<P> {
             base::CLOCKS | base::XOSC | base::PLL_SYS | base::PLL_USB | base::ROSC => {
                 self.clocks.write(base, offset, value, now_ps)?;
                 self.follow_clocks();
+                if self.clocks.uses_unsettled(now_ps) {
+                    self.fail("a clock from a crystal or a PLL that has not settled");
+                }
             }
             base::RESETS => {
                 let entered = self.power.write_resets(offset, value)?;
@@ -590,16 +595,18 @@ mod tests {
                 base::RESETS,
                 block::ALL & !block::PLL_USB & !block::USB & !block::IO_BANK0,
             ),
+            (base::XOSC + 12, 0),
             (base::XOSC, 0x00FA_BAA0),
             (base::PLL_USB + 8, 64),
             (base::PLL_USB + 12, 4 << 16 | 4 << 12),
             (base::PLL_USB + 4, 0),
-            (base::CLOCKS + 0x54, 1 << 11),
-            (base::CLOCKS + 0x58, 1 << 8),
         ];
         for (address, value) in writes {
             bus.write32(address, value);
         }
+        bus.boot_delay(Time::from_us(200));
+        bus.write32(base::CLOCKS + 0x54, 1 << 11);
+        bus.write32(base::CLOCKS + 0x58, 1 << 8);
         assert_eq!(bus.stop, None);
         bus
     }
@@ -672,6 +679,37 @@ mod tests {
         attach(&mut stopped);
         stopped.write32(base::CLOCKS + 0x54, 0);
         assert!(matches!(stopped.stop, Some(Stop::NotFollowed { .. })));
+    }
+
+    #[test]
+    fn a_clock_from_what_has_not_settled_ends_the_run() {
+        const STARTUP_AFTER_RESET: u32 = 0xC4;
+        let switch = |delay: u32, waits: Time| {
+            let wire = Wire::new(
+                Chip::new(Default::default(), Still::new([3e6; 4])),
+                None,
+                false,
+                false,
+            );
+            let mut bus = SystemBus::new(&Image::empty(), Options::default(), wire);
+            assert_eq!(bus.read32(base::XOSC + 12), STARTUP_AFTER_RESET);
+            bus.write32(base::XOSC + 12, delay);
+            bus.write32(base::XOSC, 0x00FA_BAA0);
+            bus.boot_delay(waits);
+            bus.write32(base::CLOCKS + 0x30, 2);
+            bus.stop
+        };
+        assert_eq!(switch(STARTUP_AFTER_RESET, Time::from_us(4_190)), None);
+        let early = switch(STARTUP_AFTER_RESET, Time::from_us(4_170));
+        assert!(matches!(early, Some(Stop::NotFollowed { .. })), "{early:?}");
+        let mut bus = bus();
+        bus.write32(base::PLL_USB + 4, 0x2D);
+        bus.write32(base::PLL_USB + 4, 0);
+        assert!(
+            matches!(bus.stop, Some(Stop::NotFollowed { .. })),
+            "not locked again: {:?}",
+            bus.stop
+        );
     }
 
     #[test]

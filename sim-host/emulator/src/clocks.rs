@@ -31,11 +31,26 @@ pub(crate) struct Clocks {
     ring_divider: u32,
 }
 
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 struct Crystal {
     control: u32,
     startup: u32,
     stable_ps: Option<u64>,
+}
+
+impl Crystal {
+    /// As after a reset: off, with a delay of 50 000 cycles (2.16.7).
+    const fn new() -> Self {
+        Self {
+            control: 0,
+            startup: 0xC4,
+            stable_ps: None,
+        }
+    }
+
+    fn is_stable(&self, now_ps: u64) -> bool {
+        self.stable_ps.is_some_and(|due| due <= now_ps)
+    }
 }
 
 /// A phase-locked loop.
@@ -79,10 +94,13 @@ impl Pll {
         self.vco_hz(crystal_hz) / f64::from(first * second)
     }
 
+    fn is_locked(&self, now_ps: u64) -> bool {
+        self.locked_ps.is_some_and(|due| due <= now_ps)
+    }
+
     fn read(&self, offset: u32, now_ps: u64) -> Option<u32> {
-        let locked = self.locked_ps.is_some_and(|due| due <= now_ps);
         Some(match offset {
-            0x0 => self.control | u32::from(locked) << 31,
+            0x0 => self.control | u32::from(self.is_locked(now_ps)) << 31,
             0x4 => self.power,
             0x8 => self.feedback,
             0xC => self.post,
@@ -115,7 +133,7 @@ impl Clocks {
     pub(crate) fn new(crystal_hz: f64, seed: u64) -> Self {
         Self {
             crystal_hz,
-            crystal: Crystal::default(),
+            crystal: Crystal::new(),
             pll_sys: Pll::new(),
             pll_usb: Pll::new(),
             generators: [(0, 1 << 8); 10],
@@ -196,6 +214,30 @@ impl Clocks {
         (control & ENABLE != 0 && hz > 0.0).then_some(hz)
     }
 
+    /// Whether anything takes its clock from a crystal or a PLL that has not settled (2.15.2.2, 2.15.2.5).
+    pub(crate) fn uses_unsettled(&self, now_ps: u64) -> bool {
+        let waits = !self.crystal.is_stable(now_ps);
+        let [sys_waits, usb_waits] =
+            [&self.pll_sys, &self.pll_usb].map(|pll| !pll.is_locked(now_ps));
+        let has_started = [&self.pll_sys, &self.pll_usb]
+            .iter()
+            .any(|pll| pll.locked_ps.is_some());
+        let control = |generator: usize| self.generators[generator].0;
+        let auxiliary = |generator: usize| control(generator) >> 5 & 0b111;
+        let is_on = |generator: usize| control(generator) & ENABLE != 0;
+        let of_sys = control(SYS) & 1 == 1
+            && [sys_waits, usb_waits, false, waits]
+                .get(auxiliary(SYS) as usize)
+                .is_some_and(|&waits| waits);
+        let of_48_mhz = [USB, ADC].into_iter().any(|generator| {
+            is_on(generator)
+                && [usb_waits, sys_waits, false, waits]
+                    .get(auxiliary(generator) as usize)
+                    .is_some_and(|&waits| waits)
+        });
+        has_started && waits || control(REF) & 0b11 == 2 && waits || of_sys || of_48_mhz
+    }
+
     /// What CLK_GPOUT0 sends to its pin; nothing if it is off.
     pub(crate) fn output_hz(&self) -> Option<f64> {
         let (control, divider) = self.generators[0];
@@ -270,7 +312,7 @@ impl Clocks {
     }
 
     fn read_crystal(&self, offset: u32, now_ps: u64) -> Option<u32> {
-        let stable = self.crystal.stable_ps.is_some_and(|due| due <= now_ps);
+        let stable = self.crystal.is_stable(now_ps);
         Some(match offset {
             0x0 => self.crystal.control,
             0x4 => u32::from(stable) << 31 | u32::from(self.crystal.stable_ps.is_some()) << 12,

@@ -167,15 +167,17 @@ mod tests {
         let mut bus = SystemBus::new(&Image::empty(), Options::default(), wire);
         let writes = [
             (base::RESETS, block::ALL & !block::PLL_SYS),
+            (base::XOSC + 12, 0),
             (base::XOSC, 0x00FA_BAA0),
             (base::PLL_SYS + 8, feedback),
             (base::PLL_SYS + 12, 6 << 16 | 1 << 12),
             (base::PLL_SYS + 4, 0),
-            (base::VREG_AND_CHIP_RESET, voltage << 4 | 1),
         ];
         for (address, value) in writes {
             bus.write32(address, value);
         }
+        bus.boot_delay(Time::from_us(200));
+        bus.write32(base::VREG_AND_CHIP_RESET, voltage << 4 | 1);
         bus.boot_delay(settling);
         bus.write32(base::CLOCKS + 0x3C, 1);
         bus.stop
