@@ -216,26 +216,21 @@ impl Clocks {
 
     /// Whether anything takes its clock from a crystal or a PLL that has not settled (2.15.2.2, 2.15.2.5).
     pub(crate) fn uses_unsettled(&self, now_ps: u64) -> bool {
-        let waits = !self.crystal.is_stable(now_ps);
-        let [sys_waits, usb_waits] =
-            [&self.pll_sys, &self.pll_usb].map(|pll| !pll.is_locked(now_ps));
-        let has_started = [&self.pll_sys, &self.pll_usb]
-            .iter()
-            .any(|pll| pll.locked_ps.is_some());
+        let plls = [&self.pll_sys, &self.pll_usb];
+        let [sys, usb] = plls.map(|pll| !pll.is_locked(now_ps));
+        let crystal = !self.crystal.is_stable(now_ps);
         let control = |generator: usize| self.generators[generator].0;
-        let auxiliary = |generator: usize| control(generator) >> 5 & 0b111;
-        let is_on = |generator: usize| control(generator) & ENABLE != 0;
-        let of_sys = control(SYS) & 1 == 1
-            && [sys_waits, usb_waits, false, waits]
-                .get(auxiliary(SYS) as usize)
-                .is_some_and(|&waits| waits);
-        let of_48_mhz = [USB, ADC].into_iter().any(|generator| {
-            is_on(generator)
-                && [usb_waits, sys_waits, false, waits]
-                    .get(auxiliary(generator) as usize)
-                    .is_some_and(|&waits| waits)
-        });
-        has_started && waits || control(REF) & 0b11 == 2 && waits || of_sys || of_48_mhz
+        let takes = |generator: usize, sources: [bool; 4]| {
+            let source = sources.get((control(generator) >> 5 & 0b111) as usize);
+            source.is_some_and(|&is_unsettled| is_unsettled)
+        };
+        let needs_crystal =
+            control(REF) & 0b11 == 2 || plls.iter().any(|pll| pll.locked_ps.is_some());
+        crystal && needs_crystal
+            || control(SYS) & 1 == 1 && takes(SYS, [sys, usb, false, crystal])
+            || [USB, ADC].into_iter().any(|generator| {
+                control(generator) & ENABLE != 0 && takes(generator, [usb, sys, false, crystal])
+            })
     }
 
     /// What CLK_GPOUT0 sends to its pin; nothing if it is off.
