@@ -2,12 +2,13 @@
 
 use std::{
     cell::RefCell,
+    f64::consts::PI,
     io::{self, Write},
     path::PathBuf,
 };
 
 use clap::{Args, ValueEnum};
-use ldc161x::{Address, Error, Frame, InterruptRelease, Ldc161x, Quality, Reading};
+use ldc161x::{Address, Code28, Error, Frame, InterruptRelease, Ldc161x, Plan, Quality, Reading};
 use ldc161x_sim::{
     Bus, Chip, ChipFault, Conversions, Counter, Delay, ExternalClock, FaultEvent, IntbPin, Lost,
     PartNumber, Sensors, Settings, ShutdownPin, Switches, Time,
@@ -17,7 +18,7 @@ use serde::Serialize;
 use crate::notice;
 use crate::{
     failure::Failure,
-    plan_ldc::{self, PlannedBoard},
+    plan_ldc::{self, PlannedBoard, Release},
     switches,
 };
 
@@ -42,9 +43,6 @@ pub(crate) struct Arguments {
     /// Seed of the simulation: same seed, same bytes
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// What releases INTB in this chip
-    #[arg(long, value_enum, default_value = "status")]
-    release: Release,
     /// How this chip counts
     #[arg(long, value_enum, default_value = "two-gates")]
     counter: CounterKind,
@@ -60,14 +58,6 @@ pub(crate) struct Arguments {
     /// Print JSON lines
     #[arg(long)]
     json: bool,
-}
-
-#[derive(Clone, Copy, ValueEnum)]
-enum Release {
-    /// Reading STATUS only
-    Status,
-    /// Reading data, or STATUS
-    Data,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -97,7 +87,7 @@ impl Arguments {
             return switches::read(file);
         }
         Ok(Switches {
-            interrupt_release: match self.release {
+            interrupt_release: match self.board.release {
                 Release::Status => ldc161x_sim::InterruptRelease::StatusOnly,
                 Release::Data => ldc161x_sim::InterruptRelease::StatusOrData,
             },
@@ -126,28 +116,36 @@ impl FaultKind {
 /// Where the simulated comparator's falling edge is. The driver's configuration states it, as that of a
 /// calibrated board does.
 const COMPARATOR_DUTY: f32 = 0.29;
-/// The sensors sweep between the middle and the top of their range once in this time.
+/// The sensors sweep between the middle and the top of their range in this time, at the shortest.
 const SWEEP_S: f64 = 1.618_034;
+/// By how much of the stated uncertainty a sensor moves in a third of its period, at most. So far apart,
+/// at times, are the mean between the edges that are counted and that of the whole conversion.
+const MOTION: f64 = 0.2;
 /// Recoveries tried in a row before the verb gives up: 50 of 5 ms and more, a quarter of a second.
 const RECOVERIES: u32 = 50;
 /// The bus master gives up on a line that stays low after this time, some transfers' length.
 const BUS_DEADLINE: Time = Time::from_ms(1);
-/// Registers are compared one by one, one after each of so many frames.
+/// Registers are compared one by one, one after each of so many frames, where the bus has the time:
+/// 48 bit times, and 20 us of the master for both transfers.
 const FRAMES_PER_CANARY: u32 = 8;
+const CANARY_BITS: u64 = 48;
+const CANARY_MASTER_NS: u64 = 20_000;
 
-/// Coils that sweep slowly.
+/// Coils that sweep slowly, as a sine does: steps of the same size from reading to reading would meet
+/// the same rounding again and again.
 #[derive(Clone)]
 struct Coils {
     lowest_hz: f64,
     highest_hz: f64,
+    sweep_s: f64,
     resistance_ohm: f64,
     quality_factor: f64,
 }
 
 impl Sensors for Coils {
     fn frequency_hz(&self, channel: usize, time_s: f64) -> f64 {
-        let phase = (time_s / SWEEP_S + 0.25 * channel as f64).rem_euclid(2.0);
-        let share = 0.5 + 0.5 * (1.0 - phase).abs();
+        let turns = time_s / self.sweep_s + 0.25 * (1 + channel) as f64;
+        let share = 0.75 + 0.25 * (PI * turns).cos();
         self.lowest_hz + share * (self.highest_hz - self.lowest_hz)
     }
 
@@ -176,7 +174,8 @@ struct ReadingLine {
     m: u32,
     n: u32,
     residual_lsb: f32,
-    plausible: bool,
+    /// Nothing for a sensor too slow to be judged.
+    plausible: Option<bool>,
     quality: Quality,
     gap: bool,
     drive_step: bool,
@@ -191,9 +190,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let plan = request.plan().map_err(plan_ldc::refused)?;
     let chip = RefCell::new(Chip::new(
         settings(arguments, switches),
-        coils(&arguments.board),
+        coils(&arguments.board, &plan),
     ));
-    let mut session = Session::new(&chip, arguments);
+    let mut session = Session::new(&chip, arguments, &plan);
     session.driver.start(&plan.configuration).map_err(gave_up)?;
     session.probe().map_err(gave_up)?;
     if let Some(fault) = arguments.fault {
@@ -230,13 +229,27 @@ fn settings(arguments: &Arguments, switches: Switches) -> Settings {
     }
 }
 
-fn coils(board: &PlannedBoard) -> Coils {
+fn coils(board: &PlannedBoard, plan: &Plan) -> Coils {
+    let [lowest_hz, highest_hz] = [board.sensor.0, board.sensor.1].map(f64::from);
+    let first = plan.configuration.acquisition.channels().next();
+    let scale = plan.configuration.scale(first.unwrap_or_default());
+    let code = Code28::new((highest_hz / scale.hz_per_lsb()) as u32);
+    let sigma = f64::from(scale.relative_sigma(code.unwrap_or(Code28::OVER_RANGE)));
+    let share_per_s = MOTION * sigma * 3.0 * lowest_hz;
+    let span = 0.5 * (highest_hz / lowest_hz - 1.0);
     Coils {
-        lowest_hz: f64::from(board.sensor.0),
-        highest_hz: f64::from(board.sensor.1),
+        lowest_hz,
+        highest_hz,
+        sweep_s: SWEEP_S.max(PI / 2.0 * span / share_per_s),
         resistance_ohm: f64::from(board.resistance.1),
         quality_factor: f64::from(board.quality),
     }
+}
+
+/// Whether a register can be read between two frames.
+fn has_room(plan: &Plan, bus_hz: u32) -> bool {
+    let register_ns = CANARY_BITS * 1_000_000_000 / u64::from(bus_hz) + CANARY_MASTER_NS;
+    plan.frame_period_ns >= plan.frame_read_ns + register_ns
 }
 
 /// A driver with everything that it is wired to.
@@ -247,12 +260,14 @@ struct Session<'a> {
     shutdown: ShutdownPin<'a, Coils>,
     delay: Delay<'a, Coils>,
     bus: Bus<'a, Coils>,
+    /// There is time for a register between two frames.
+    has_room: bool,
 }
 
 type DriverResult<T> = Result<T, Error<ldc161x_sim::I2cError>>;
 
 impl<'a> Session<'a> {
-    fn new(chip: &'a RefCell<Chip<Coils>>, arguments: &Arguments) -> Self {
+    fn new(chip: &'a RefCell<Chip<Coils>>, arguments: &Arguments, plan: &Plan) -> Self {
         let bus = || Bus::new(chip, arguments.board.bus).with_deadline(BUS_DEADLINE);
         let mut driver = Ldc161x::new(bus(), arguments.board.model(), Address::AddrLow);
         driver.set_read_twice(arguments.twice);
@@ -263,6 +278,7 @@ impl<'a> Session<'a> {
             shutdown: ShutdownPin::new(chip),
             delay: Delay::new(chip),
             bus: bus(),
+            has_room: has_room(plan, arguments.board.bus),
         }
     }
 
@@ -275,7 +291,7 @@ impl<'a> Session<'a> {
         self.driver
             .wait_for_interrupt(&mut self.interrupt, &mut self.delay)?;
         let frame = self.driver.read_frame()?;
-        if frame.number.is_multiple_of(FRAMES_PER_CANARY) {
+        if self.has_room && frame.number.is_multiple_of(FRAMES_PER_CANARY) {
             self.driver.check_canary()?;
         }
         Ok(frame)
@@ -287,7 +303,7 @@ impl<'a> Session<'a> {
             writeln!(
                 out,
                 "simulated chip; interrupt released {}\n\n{:>10} {:>3} {:>14} {:>9} {:>9}  M/N  quality",
-                match arguments.release {
+                match arguments.board.release {
                     Release::Status => "by STATUS",
                     Release::Data => "by data",
                 },
@@ -359,7 +375,11 @@ impl<'a> Session<'a> {
                     line.frequency_hz,
                     line.sigma_hz,
                     line.frequency_hz - line.true_hz,
-                    if line.plausible { "yes" } else { "no " },
+                    match line.plausible {
+                        Some(true) => "yes",
+                        Some(false) => "no ",
+                        None => "-  ",
+                    },
                     line.quality,
                     if line.gap { ", gap before it" } else { "" },
                 )?;

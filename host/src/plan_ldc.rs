@@ -4,8 +4,8 @@ use std::io::{self, Write};
 
 use clap::{Args, ValueEnum};
 use ldc161x::{
-    Acquisition, BusAccess, Channel, LimitError, Model, Noise, Plan, Rate, Rcount, ReferenceClock,
-    Request, Sensor, Sequence,
+    Acquisition, BusAccess, Channel, Code28, LimitError, Model, Noise, Plan, Rate, Rcount,
+    ReferenceClock, Request, Sensor, Sequence,
 };
 use serde::Serialize;
 
@@ -42,7 +42,7 @@ pub(crate) struct PlannedBoard {
     /// One channel (0, 1, 2, 3), or autoscan over 0-1, 0-2 or 0-3
     #[arg(long, default_value = "0", value_parser = channels)]
     channels: Acquisition,
-    /// Frames a second, or `bus` for as many as the bus carries
+    /// Frames a second, or `bus` for as many as the bus carries with a check of one register after each
     #[arg(long, default_value = "bus", value_parser = rate, conflicts_with = "rcount", allow_negative_numbers = true)]
     rate: Rate,
     /// Length of the conversion, instead of a rate: RCOUNT, 9 to 65535
@@ -57,9 +57,12 @@ pub(crate) struct PlannedBoard {
     /// I2C clock in Hz
     #[arg(long, default_value = "400k", value_parser = quantity::whole)]
     pub(crate) bus: u32,
-    /// Count the reading of STATUS with each frame (chips that release INTB by STATUS only)
-    #[arg(long)]
-    pub(crate) status: bool,
+    /// What releases INTB in the chip. STATUS is read with each frame unless data does
+    #[arg(long, value_enum, default_value = "status")]
+    pub(crate) release: Release,
+    /// Read STATUS with each frame, whatever releases INTB
+    #[arg(long, hide = true)]
+    status: bool,
     /// White noise of the sensor beside quantisation, relative, in 1 ms
     #[arg(long, default_value_t = 0.0, value_parser = noise)]
     pub(crate) noise: f32,
@@ -69,6 +72,14 @@ pub(crate) struct PlannedBoard {
 enum ChipChoice {
     Ldc1612,
     Ldc1614,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Release {
+    /// Reading STATUS only
+    Status,
+    /// Reading data, or STATUS
+    Data,
 }
 
 fn clock(text: &str) -> Result<ReferenceClock, String> {
@@ -143,7 +154,7 @@ impl PlannedBoard {
             rate: self.rcount.unwrap_or(self.rate),
             bus_hz: self.bus,
             access: BusAccess::FramePerTransaction,
-            status_reads: self.status,
+            status_reads: self.status || self.release == Release::Status,
             noise: Noise {
                 white_relative_in_1_ms: self.noise,
                 comparator_duty: None,
@@ -195,7 +206,7 @@ pub(crate) fn refused(refusal: LimitError) -> Failure {
 fn explain(request: &Request, plan: &Plan) -> String {
     let mut text = String::new();
     for channel in plan.configuration.acquisition.channels() {
-        text.push_str(&explain_channel(plan, channel));
+        text.push_str(&explain_channel(request, plan, channel));
     }
     text.push_str(&format!(
         "deglitch filter {}: the lowest bandwidth above the fastest sensor\n\
@@ -228,14 +239,15 @@ fn explain(request: &Request, plan: &Plan) -> String {
     text
 }
 
-fn explain_channel(plan: &Plan, channel: Channel) -> String {
+fn explain_channel(request: &Request, plan: &Plan, channel: Channel) -> String {
     let settings = plan.configuration.channel(channel);
     let scale = plan.configuration.scale(channel);
     let reference_hz = scale.reference_hz();
-    let resolution = 1.0 / (12_f64.sqrt() * reference_hz * scale.conversion_s());
+    let lowest_hz = f64::from(request.sensors[usize::from(channel.number())].lowest_hz);
+    let code = Code28::new((lowest_hz / scale.hz_per_lsb()) as u32).unwrap_or(Code28::OVER_RANGE);
     format!(
         "channel {channel}: reference {:.3} MHz (divider {}), sensor divider {}\n\
-         \x20 RCOUNT {}: conversion {:.1} us, quantisation {:.1e} of the frequency rms\n\
+         \x20 RCOUNT {}: conversion {:.1} us, standard uncertainty {:.1e} of the frequency at its lowest\n\
          \x20 SETTLECOUNT {}: {:.1} us\n\
          \x20 drive {}\n",
         reference_hz * 1e-6,
@@ -243,7 +255,7 @@ fn explain_channel(plan: &Plan, channel: Channel) -> String {
         settings.dividers.sensor(),
         settings.rcount.get(),
         scale.conversion_s() * 1e6,
-        resolution,
+        scale.relative_sigma(code),
         settings.settle_count.get(),
         f64::from(settings.settle_count.reference_periods()) / reference_hz * 1e6,
         settings.drive,

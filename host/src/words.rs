@@ -47,7 +47,8 @@ struct WordRow {
     m: u32,
     n: u32,
     residual_lsb: f32,
-    plausible: bool,
+    /// Nothing for a sensor too slow to be judged.
+    plausible: Option<bool>,
     /// The chance that a random word is called plausible.
     false_accept: f32,
     /// At or above a quarter of the reference, outside the chip's stated limit.
@@ -264,10 +265,10 @@ fn table(rows: &[WordRow]) -> Table {
             row.m.to_string(),
             row.n.to_string(),
             format!("{:+.2}", row.residual_lsb),
-            if row.plausible {
-                "plausible"
-            } else {
-                "implausible"
+            match row.plausible {
+                Some(true) => "plausible",
+                Some(false) => "implausible",
+                None => "not judged",
             }
             .into(),
             if row.above_quarter_reference {

@@ -499,7 +499,7 @@ impl<'a, S: Sensors> Program<'a, S> {
         let scale = self.plan.configuration.scale(trusted.reading.channel);
         let ratio = scale.rational(trusted.reading.word.code());
         self.outcome.wrong += 1;
-        self.outcome.wrong_but_plausible += u32::from(ratio.plausible);
+        self.outcome.wrong_but_plausible += u32::from(ratio.plausible == Some(true));
     }
 
     fn withdraw(&mut self) {

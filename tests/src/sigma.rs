@@ -1,13 +1,17 @@
 //! The standard uncertainty that the driver states, against the scatter of the simulated chip's
 //! words about the true mean frequency of each conversion.
 
-use std::cell::RefCell;
+use std::{cell::RefCell, f64::consts::PI};
 
 use ldc161x::{
-    Acquisition, Address, Channel, Configuration, Ldc161x, Model, Noise, Rate, Rcount,
-    ReferenceClock, Request, Sensor, Sequence,
+    Acquisition, Address, Channel, Code28, Configuration, Ldc161x, Model, Noise, Plan, Rate,
+    Rcount, ReferenceClock, Request, Sensor, Sequence,
 };
-use ldc161x_sim::{Bus, Chip, Conversions, Counter, Delay, IntbPin, Settings, Switches};
+use ldc161x_sim::{
+    Bus, Chip, Conversions, Counter, ExternalClock, Sensors, Settings, Switches, Time,
+};
+use rand::{RngExt, SeedableRng, seq::IndexedRandom};
+use rand_pcg::Pcg64;
 
 /// One setting of the converter.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -27,8 +31,6 @@ pub struct ConverterCase {
 /// What one channel showed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scatter {
-    /// Middle of the sensor's frequency range, in hertz.
-    pub sensor_hz: f64,
     /// Root mean square of error over stated sigma: 1 where the statement is right.
     pub rms: f64,
     /// Mean of error over stated sigma.
@@ -46,6 +48,10 @@ const HALF_PERIODS: [f64; 4] = [6.05, 6.27, 6.5, 5.73];
 const SWEEP: f64 = 0.01;
 /// Seconds from one end of the sweep to the other; no multiple of a conversion.
 const SWEEP_S: f64 = 1.618_034;
+/// Sweeps in a run of a random plan.
+const SWEEPS: f64 = 5.39;
+/// Longer than any frame.
+const LONGEST_FRAME: Time = Time::from_ms(60_000);
 
 /// Reads `readings` frames and compares.
 ///
@@ -58,27 +64,39 @@ pub fn measure(case: &ConverterCase, readings: u32, seed: u64) -> Result<Vec<Sca
     let reference_hz = if case.autoscan { 40e6 } else { 20e6 };
     let middles = HALF_PERIODS.map(|half| reference_hz / (2.0 * half));
     let sensors = move |channel: usize, time_s: f64| {
-        let phase = (time_s / SWEEP_S + 0.25 * channel as f64).rem_euclid(2.0);
-        let triangle = (phase - 1.0).abs() - 0.5;
-        middles
-            .get(channel)
-            .map_or(0.0, |hz| hz * (1.0 + SWEEP * triangle))
+        let share = SWEEP * (sweep(channel, time_s / SWEEP_S) - 0.5);
+        middles.get(channel).map_or(0.0, |hz| hz * (1.0 + share))
     };
-    let chip = RefCell::new(Chip::new(settings(case, seed), sensors));
-    let (mut interrupt, mut delay) = (IntbPin::new(&chip), Delay::new(&chip));
+    compare(&configuration, settings(case, seed), sensors, readings)
+}
+
+/// From 0 to 1 and back in two turns, each channel a quarter of a turn behind.
+fn sweep(channel: usize, turns: f64) -> f64 {
+    ((turns + 0.25 * channel as f64).rem_euclid(2.0) - 1.0).abs()
+}
+
+/// Runs the driver on the simulated chip, and compares each reading with the true mean frequency of its
+/// conversion.
+fn compare(
+    configuration: &Configuration,
+    settings: Settings,
+    sensors: impl Sensors + Clone,
+    readings: u32,
+) -> Result<Vec<Scatter>, String> {
+    let chip = RefCell::new(Chip::new(settings, sensors));
     let mut driver = Ldc161x::new(Bus::new(&chip, 400_000), Model::Ldc1614, Address::AddrLow);
     let text = |error: ldc161x::Error<_>| error.to_string();
-    driver.start(&configuration).map_err(text)?;
+    driver.start(configuration).map_err(text)?;
     let mut sums = [(0.0, 0.0); 4];
     for _ in 0..readings {
-        driver
-            .wait_for_interrupt(&mut interrupt, &mut delay)
-            .map_err(text)?;
+        let limit = chip.borrow().now() + LONGEST_FRAME;
+        let edge = chip.borrow_mut().advance_to_interrupt(limit);
+        edge.ok_or("INTB did not fall")?;
         let frame = driver.read_frame().map_err(text)?;
         for (reading, (sum, squares)) in frame.readings().iter().zip(&mut sums) {
             let chip = chip.borrow();
             let Some(truth) = chip.last_read(reading.channel.number()) else {
-                continue;
+                return Err(format!("no conversion is behind {reading:?}"));
             };
             let error = (reading.frequency_hz - truth.sensor_hz) / f64::from(reading.sigma_hz);
             *sum += error;
@@ -87,16 +105,11 @@ pub fn measure(case: &ConverterCase, readings: u32, seed: u64) -> Result<Vec<Sca
     }
     let count = f64::from(readings);
     let channels = usize::from(configuration.acquisition.channel_count());
-    Ok(sums
-        .iter()
-        .zip(middles)
-        .take(channels)
-        .map(|((sum, squares), sensor_hz)| Scatter {
-            sensor_hz,
-            rms: (squares / count).sqrt(),
-            bias: sum / count,
-        })
-        .collect())
+    let scatter = |&(sum, squares): &(f64, f64)| Scatter {
+        rms: (squares / count).sqrt(),
+        bias: sum / count,
+    };
+    Ok(sums.iter().take(channels).map(scatter).collect())
 }
 
 /// A plan for the sensors, with the RCOUNT of the case put in: the shortest conversions end
@@ -137,7 +150,6 @@ fn configuration(case: &ConverterCase) -> Result<Configuration, String> {
 
 /// Quantisation and noise and nothing else: no shift by the drive, an exact clock.
 fn settings(case: &ConverterCase, seed: u64) -> Settings {
-    let ideal = Settings::ideal();
     Settings {
         seed,
         conversions: Conversions {
@@ -150,7 +162,7 @@ fn settings(case: &ConverterCase, seed: u64) -> Settings {
             counter: case.counter,
             ..Switches::default()
         },
-        ..ideal
+        ..Settings::ideal()
     }
 }
 
@@ -172,4 +184,135 @@ pub fn cases(counter: Counter, duty_is_known: bool) -> impl Iterator<Item = Conv
                     })
             })
         })
+}
+
+/// Random requests that the planner accepts, for sensors of 1 kHz to 10 MHz.
+pub fn accepted_plans(seed: u64) -> impl Iterator<Item = (Request, Plan)> {
+    let mut random = Pcg64::seed_from_u64(seed);
+    std::iter::repeat_with(move || draw(&mut random))
+        .filter_map(|request| request.plan().ok().map(|plan| (request, plan)))
+}
+
+fn draw(random: &mut Pcg64) -> Request {
+    let reference = if random.random_bool(0.2) {
+        ReferenceClock::Internal
+    } else {
+        let hz = logarithmic(random, 2e6, 40e6) as u32;
+        ReferenceClock::External { hz }
+    };
+    let acquisitions = [
+        Acquisition::Single(Channel::Zero),
+        Acquisition::Single(Channel::Two),
+        Acquisition::Autoscan(Sequence::ZeroToOne),
+        Acquisition::Autoscan(Sequence::ZeroToTwo),
+        Acquisition::Autoscan(Sequence::ZeroToThree),
+    ];
+    let acquisition = acquisitions
+        .choose(random)
+        .copied()
+        .unwrap_or(acquisitions[0]);
+    let resistance_ohm = logarithmic(random, 1e3, 80e3) as u32;
+    let lowest_hz = logarithmic(random, 1e3, 10e6);
+    let sensor = Sensor {
+        highest_quality_factor: logarithmic(random, 5.0, 200.0) as u16,
+        lowest_rp_ohm: resistance_ohm,
+        highest_rp_ohm: resistance_ohm,
+        ..Sensor::new(
+            lowest_hz as u32,
+            (lowest_hz * random.random_range(1.01..1.1)) as u32,
+        )
+    };
+    let rate = match random.random_range(0..3) {
+        0 => Rate::AsTheBusAllows,
+        1 => Rate::PerSecond(logarithmic(random, 1.0, 4e3) as u32),
+        _ => {
+            let rcount = logarithmic(random, 9.0, 65_535.0) as u16;
+            Rate::Conversion(Rcount::new(rcount).unwrap_or(Rcount::MAX))
+        }
+    };
+    let white_relative_in_1_ms = *[0.0, 1e-6].choose(random).unwrap_or(&0.0);
+    Request {
+        noise: Noise {
+            white_relative_in_1_ms,
+            comparator_duty: Some(DUTY as f32),
+        },
+        ..Request::new(Model::Ldc1614, reference, acquisition, sensor)
+    }
+    .rate(rate)
+}
+
+/// A number between `low` and `high`, its logarithm evenly distributed.
+fn logarithmic(random: &mut Pcg64, low: f64, high: f64) -> f64 {
+    low * (high / low).powf(random.random())
+}
+
+/// The sensors of a plan, which sweep through their range as a sine does: steps of the same size from
+/// reading to reading would meet the same rounding again and again.
+#[derive(Clone)]
+struct Sweeping {
+    sensor: Sensor,
+    sweep_s: f64,
+}
+
+impl Sensors for Sweeping {
+    fn frequency_hz(&self, channel: usize, time_s: f64) -> f64 {
+        let [low, high] = [self.sensor.lowest_hz, self.sensor.highest_hz].map(f64::from);
+        let turns = time_s / self.sweep_s + 0.25 * channel as f64;
+        low + (high - low) * (0.5 - 0.5 * (PI * turns).cos())
+    }
+
+    fn parallel_resistance_ohm(&self, _channel: usize, _time_s: f64) -> f64 {
+        self.sensor.highest_rp_ohm.into()
+    }
+
+    fn quality_factor(&self, _channel: usize, _time_s: f64) -> f64 {
+        self.sensor.highest_quality_factor.into()
+    }
+}
+
+/// Reads `readings` frames by a plan and compares.
+///
+/// # Errors
+///
+/// What the driver complains of.
+pub fn measure_plan(
+    request: &Request,
+    plan: &Plan,
+    readings: u32,
+    seed: u64,
+) -> Result<Vec<Scatter>, String> {
+    let [sensor, ..] = request.sensors;
+    let sensors = Sweeping {
+        sensor,
+        sweep_s: sweep_s(&sensor, plan, readings),
+    };
+    let external_clock = match request.reference {
+        ReferenceClock::External { hz } => Some(ExternalClock::exact(hz.into())),
+        ReferenceClock::Internal => None,
+    };
+    let settings = Settings {
+        seed,
+        external_clock,
+        conversions: Conversions {
+            quantised: true,
+            noise_at_1ms: request.noise.white_relative_in_1_ms.into(),
+            falling_edge: DUTY,
+            ..Conversions::default()
+        },
+        ..Settings::ideal()
+    };
+    compare(&plan.configuration, settings, sensors, readings)
+}
+
+/// How long the sensors take through their range: no whole part of the run, and so long that they move by a
+/// fifth of the stated uncertainty at most in a third of a period. The mean between the edges that are
+/// counted is then that of the whole conversion.
+fn sweep_s(sensor: &Sensor, plan: &Plan, readings: u32) -> f64 {
+    let [low, high] = [sensor.lowest_hz, sensor.highest_hz].map(f64::from);
+    let first = plan.configuration.acquisition.channels().next();
+    let scale = plan.configuration.scale(first.unwrap_or_default());
+    let code = Code28::new((high / scale.hz_per_lsb()) as u32).unwrap_or(Code28::OVER_RANGE);
+    let share_per_s = 0.2 * f64::from(scale.relative_sigma(code)) * 3.0 * low;
+    let run_s = f64::from(readings) * plan.frame_period_ns as f64 * 1e-9;
+    (run_s / SWEEPS).max(PI / 2.0 * (high / low - 1.0) / share_per_s)
 }

@@ -7,7 +7,8 @@
 //!
 //! This is a hypothesis about the silicon, seen on the LDC1612 with one channel and the sensor
 //! undivided. It therefore feeds statistics and never rejects a reading by itself:
-//! [`PlausibilityCount`] tells whether the hypothesis holds for the chip in hand.
+//! [`PlausibilityCount`] tells whether the hypothesis holds for the chip in hand. Words of sensors below
+//! 1/37 of the reference are not judged: of their N too little is known.
 
 use crate::{Code28, Rcount};
 
@@ -25,9 +26,21 @@ const LARGEST_DEFICIT: u32 = 30;
 /// the start-up is not constant, about p / 2 each (posted words: 42 lost at p = 9.15, 28 at
 /// 3.77). 11 is the constant part, 8, with the rounding of four edges and a margin of 1.
 const LARGEST_DEFICIT_PERIODS: (u32, u32) = (11, 5);
-/// Bounds the search, and so its time and its false-accept rate. Reached by sensors slower than
-/// 1/37 of the reference: plan a slower reference for those.
+/// Bounds the search, and so its time and its false-accept rate. The window of a sensor slower than
+/// 1/37 of the reference is wider: its words are not judged.
 const SEARCH_LIMIT: u32 = 200;
+
+/// What is lost of 32 RCOUNT on average, in reference periods and in sensor periods: half a period of
+/// start-up, half a period of waiting for the first edge and half a period after the last one, in
+/// each of two gates. Posted words: 20 lost at p = 3.77, 37 at 9.15.
+const MEAN_DEFICIT: (f32, f32) = (8.0, 3.0);
+
+/// N on average, with `period` reference periods in a sensor period. The least is one sensor period.
+pub(crate) fn mean_reference_periods(rcount: Rcount, period: f32) -> f32 {
+    let (constant, periods) = MEAN_DEFICIT;
+    let gates = 2.0 * rcount.reference_periods() as f32;
+    (gates - constant - periods * period).max(period)
+}
 
 /// The values of N that RCOUNT and the speed of the sensor leave open.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -53,19 +66,7 @@ impl Window {
     /// ```
     pub const fn of(code: Code28, rcount: Rcount) -> Self {
         let gate = 2 * rcount.reference_periods();
-        let code = if code.get() == 0 { 1 } else { code.get() };
-        let (constant, periods) = LARGEST_DEFICIT_PERIODS;
-        let deficit = constant + periods * FULL_SCALE / code;
-        let deficit = if deficit < LARGEST_DEFICIT {
-            LARGEST_DEFICIT
-        } else {
-            deficit
-        };
-        let limit = if gate / 2 < SEARCH_LIMIT {
-            gate / 2
-        } else {
-            SEARCH_LIMIT
-        };
+        let (deficit, limit) = (largest_deficit(code), largest_searched(rcount));
         let deficit = if deficit > limit { limit } else { deficit };
         Self {
             lowest: gate - deficit,
@@ -84,6 +85,28 @@ impl Window {
     }
 }
 
+/// By how much N may be below 32 RCOUNT.
+const fn largest_deficit(code: Code28) -> u32 {
+    let code = if code.get() == 0 { 1 } else { code.get() };
+    let (constant, periods) = LARGEST_DEFICIT_PERIODS;
+    let deficit = constant + periods * FULL_SCALE / code;
+    if deficit < LARGEST_DEFICIT {
+        LARGEST_DEFICIT
+    } else {
+        deficit
+    }
+}
+
+/// By how much below 32 RCOUNT the search goes.
+const fn largest_searched(rcount: Rcount) -> u32 {
+    let half = rcount.reference_periods();
+    if half < SEARCH_LIMIT {
+        half
+    } else {
+        SEARCH_LIMIT
+    }
+}
+
 /// A word read as a ratio of counts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -95,8 +118,9 @@ pub struct Rational {
     pub n: u32,
     /// DATA - 2^28 M / N, in units of the last bit of the word.
     pub residual_lsb: f32,
-    /// Whether the residual is explained by rounding alone, |residual| <= 0.5.
-    pub plausible: bool,
+    /// Whether the residual is explained by rounding alone, |residual| <= 0.5. `None`: the sensor is
+    /// so slow, below 1/37 of the reference, that N may lie outside the [`Window`].
+    pub plausible: Option<bool>,
     /// The chance that a random word of this size passes as plausible: about
     /// window x N / 2^28, 0.4 % at RCOUNT 1512, near 1 at 65,535. A verdict is worth no more
     /// than this number is small.
@@ -115,7 +139,10 @@ impl Rational {
     /// let word = Code28::new(0x4409E8B).unwrap();
     /// let ratio = Rational::decode(word, Rcount::new(1512).unwrap());
     /// assert_eq!((ratio.m, ratio.n), (12_854, 48_364));
-    /// assert!(ratio.plausible && ratio.false_accept < 0.005);
+    /// assert!(ratio.plausible == Some(true) && ratio.false_accept < 0.005);
+    /// // a sensor of 450 kHz at 40 MHz is not judged
+    /// let slow = Rational::decode(Code28::new(3_019_899).unwrap(), Rcount::new(2500).unwrap());
+    /// assert_eq!(slow.plausible, None);
     /// ```
     pub fn decode(code: Code28, rcount: Rcount) -> Self {
         let data = code.get();
@@ -136,7 +163,8 @@ impl Rational {
             m: m as u32,
             n,
             residual_lsb: distance as f32 / n as f32,
-            plausible: 2 * u64::from(distance.unsigned_abs()) <= u64::from(n),
+            plausible: (largest_deficit(code) <= largest_searched(rcount))
+                .then_some(2 * u64::from(distance.unsigned_abs()) <= u64::from(n)),
             false_accept: false_accept(window),
         }
     }
@@ -220,12 +248,12 @@ pub enum Hypothesis {
     Fails,
 }
 
-/// Counts verdicts against what chance alone would give.
+/// Counts verdicts against what chance alone would give. Words that are not judged do not count.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct PlausibilityCount {
-    /// Words seen.
+    /// Words judged.
     pub words: u32,
     /// Words found plausible.
     pub plausible: u32,
@@ -247,8 +275,11 @@ impl PlausibilityCount {
     /// assert_eq!(count.hypothesis(), Hypothesis::Holds);
     /// ```
     pub fn add(&mut self, word: &Rational) {
+        let Some(plausible) = word.plausible else {
+            return;
+        };
         self.words = self.words.saturating_add(1);
-        self.plausible = self.plausible.saturating_add(u32::from(word.plausible));
+        self.plausible = self.plausible.saturating_add(u32::from(plausible));
         self.expected_by_chance += word.false_accept;
     }
 

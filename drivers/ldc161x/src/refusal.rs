@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-use crate::{Channel, Model, plan::amplitude_limits_mv};
+use crate::{Channel, Model, Rcount, plan::amplitude_limits_mv};
 
 /// The limit that a request would break.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -75,12 +75,23 @@ pub enum LimitError {
     },
     /// A rate of zero.
     RateZero,
-    /// Settling and switching alone take longer than a frame may.
+    /// Settling, switching and the shortest conversions take longer than a frame may.
     RateTooHigh {
         /// The shortest frame, in nanoseconds.
         frame_period_ns: u64,
         /// What the rate allows, in nanoseconds.
         requested_period_ns: u64,
+        /// The most frames a second that can be asked for.
+        most_per_second: u32,
+    },
+    /// A conversion holds too few periods of the sensor for its uncertainty to be stated.
+    ConversionTooShort {
+        /// The channel with the slowest sensor.
+        channel: Channel,
+        /// As requested.
+        rcount: Rcount,
+        /// The least that will do.
+        least: Rcount,
     },
     /// Frames end sooner than the bus can fetch them: results would be overwritten unread.
     BusTooSlow {
@@ -88,6 +99,8 @@ pub enum LimitError {
         frame_period_ns: u64,
         /// Its time on the bus, in nanoseconds.
         frame_read_ns: u64,
+        /// The most frames a second that can be asked for.
+        most_per_second: u32,
     },
 }
 
@@ -114,7 +127,11 @@ impl LimitError {
             Self::AmplitudeTooHigh { .. } => "amplitude up to 1.8 V (datasheet 8.1.5)",
             Self::ResistanceRange { .. } => "amplitude from 0.6 to 1.8 V (datasheet 8.1.5)",
             Self::RateZero => "rate above zero",
-            Self::RateTooHigh { .. } => "settling and switching time (datasheet Equations 8 to 10)",
+            Self::RateTooHigh { .. } => {
+                "settling and switching time (datasheet Equations 8 to 10), and six periods of the \
+                 sensor in a conversion"
+            }
+            Self::ConversionTooShort { .. } => "six periods of the sensor in a conversion",
             Self::BusTooSlow { .. } => "time on the bus (datasheet Figure 58)",
         }
     }
@@ -140,7 +157,10 @@ impl LimitError {
                 "put a resistor in parallel with the sensor to narrow the range"
             }
             Self::RateZero => "ask for at least one frame a second",
-            Self::RateTooHigh { .. } => "ask for fewer frames, fewer channels or less settling",
+            Self::RateTooHigh { .. } => {
+                "ask for fewer frames or channels, or use a faster sensor or one of lower quality"
+            }
+            Self::ConversionTooShort { .. } => "set a larger RCOUNT, or use a faster sensor",
             Self::BusTooSlow { .. } => {
                 "ask for fewer frames or channels, or read a frame in one transaction at 400 kHz"
             }
@@ -210,16 +230,30 @@ impl fmt::Display for LimitError {
             Self::RateTooHigh {
                 frame_period_ns,
                 requested_period_ns,
+                most_per_second,
             } => write!(
                 f,
-                "a frame takes at least {frame_period_ns} ns and may take {requested_period_ns} ns"
+                "a frame takes at least {frame_period_ns} ns and may take {requested_period_ns} ns; \
+                 {most_per_second} frames a second are possible"
+            )?,
+            Self::ConversionTooShort {
+                channel,
+                rcount,
+                least,
+            } => write!(
+                f,
+                "channel {channel}: RCOUNT is {}, and the sensor needs {}",
+                rcount.get(),
+                least.get()
             )?,
             Self::BusTooSlow {
                 frame_period_ns,
                 frame_read_ns,
+                most_per_second,
             } => write!(
                 f,
-                "a frame ends every {frame_period_ns} ns and takes {frame_read_ns} ns on the bus"
+                "a frame ends every {frame_period_ns} ns and takes {frame_read_ns} ns on the bus; \
+                 {most_per_second} frames a second are possible"
             )?,
         }
         write!(f, ". Limit: {}. Remedy: {}.", self.limit(), self.remedy())

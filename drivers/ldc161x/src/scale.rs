@@ -1,6 +1,6 @@
 //! From a code to a frequency with its uncertainty.
 
-use crate::{ClockDividers, Code28, Rational, Rcount, Window};
+use crate::{ClockDividers, Code28, Rational, Rcount, rational::mean_reference_periods};
 
 /// What is known of the noise of a channel.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -144,7 +144,8 @@ impl Scale {
         Code28::new(self.whole(code)).unwrap_or(Code28::OVER_RANGE)
     }
 
-    /// Relative standard uncertainty of one conversion: quantisation and white noise.
+    /// Relative standard uncertainty of one conversion: quantisation, rounding of the word and white
+    /// noise.
     ///
     /// Quantisation: the counter times sensor periods between two edges, once from rising edges
     /// and once from falling ones, each to a whole reference period, and adds the two counts.
@@ -155,7 +156,10 @@ impl Scale {
     /// and the falling edge at the share d of it, the distance is d p or (1 - d) p, whichever
     /// edge comes first in the gate, and
     ///
-    /// sigma_f / f = sqrt(2 ((1 - d) V(d p) + d V((1 - d) p))) / N, with N about 32 RCOUNT.
+    /// sigma_f / f = sqrt(2 ((1 - d) V(d p) + d V((1 - d) p))) / N,
+    ///
+    /// with N on average 32 RCOUNT - 8 - 3 p: each gate waits for an edge and ends at one. The fewer
+    /// periods a conversion holds, the less of it is counted.
     ///
     /// That lies between 0.0128 / RCOUNT and 0.0255 / RCOUNT; its mean square over all phases is
     /// the (0.018 / RCOUNT)^2 = 1 / (12 (fREF tC)^2) of application note SNOA944, which is stated
@@ -164,6 +168,13 @@ impl Scale {
     /// It is the error against a frequency that is not known beforehand, or that moves by more
     /// than 1 / (16 RCOUNT): a frequency that stands still can give the same count for ever.
     ///
+    /// Rounding: the word is a whole number, so that sigma_f / f = 1 / (sqrt(12) DATA), which
+    /// exceeds quantisation where p^2 is above 2^28 over the periods counted.
+    ///
+    /// The count is the mean frequency between its own first and last edge, which lie up to two
+    /// periods within the conversion. A frequency that moves by the share r in a second is off by
+    /// about a third of r / f more; at 3 MHz that is nothing.
+    ///
     /// ```
     /// use ldc161x::{Code28, Rcount, Scale};
     /// let scale = Scale::undivided(40e6, Rcount::new(2500).unwrap());
@@ -171,20 +182,19 @@ impl Scale {
     /// assert!((sigma * 2500.0 - 0.018).abs() < 0.0001);
     /// ```
     pub fn relative_sigma(&self, code: Code28) -> f32 {
-        let counted = self.counted(code);
-        let window = Window::of(counted, self.rcount);
-        let n = (window.lowest + window.highest) as f32 / 2.0;
-        let deviation = match self.noise.comparator_duty {
-            None => MEAN_DEVIATION,
-            Some(duty) => libm::sqrtf(edge_variance(counted, duty)),
+        let word = self.counted(code).get().max(1) as f32;
+        let period = (1_u32 << 28) as f32 / word;
+        let n = mean_reference_periods(self.rcount, period);
+        let count_variance = match self.noise.comparator_duty {
+            None => MEAN_VARIANCE,
+            Some(duty) => edge_variance(period, duty),
         };
-        let quantisation = deviation / n;
+        let mut variance = count_variance / (n * n) + ROUNDING_VARIANCE / (word * word);
         let white = self.noise.white_relative_in_1_ms;
-        if white == 0.0 {
-            return quantisation;
+        if white != 0.0 {
+            variance += white * white * 1e-3 / self.conversion_s() as f32;
         }
-        let white_variance = white * white * 1e-3 / self.conversion_s() as f32;
-        libm::sqrtf(quantisation * quantisation + white_variance)
+        libm::sqrtf(variance)
     }
 
     /// Standard uncertainty of [`frequency_hz`](Self::frequency_hz) in hertz.
@@ -200,12 +210,14 @@ impl Scale {
     }
 }
 
-/// Standard deviation of N in reference periods, its mean square over all phases: the root of 1/3.
-const MEAN_DEVIATION: f32 = 0.577_350_26;
+/// Variance of N in squared reference periods, its mean over all phases.
+const MEAN_VARIANCE: f32 = 1.0 / 3.0;
+/// Variance of the word's rounding.
+const ROUNDING_VARIANCE: f32 = 1.0 / 12.0;
 
-/// Variance of N in squared reference periods: see [`Scale::relative_sigma`].
-fn edge_variance(counted: Code28, duty: f32) -> f32 {
-    let period = (1_u32 << 28) as f32 / counted.get().max(1) as f32;
+/// Variance of N in squared reference periods, with `period` of them in a sensor period: see
+/// [`Scale::relative_sigma`].
+fn edge_variance(period: f32, duty: f32) -> f32 {
     let pair = |distance: f32| {
         let h = distance - libm::floorf(distance);
         1.0 / 3.0 - h * (1.0 - h)

@@ -424,7 +424,7 @@ pub const CHECKS: [(&str, Check); COUNT] = [
         to.word(ratio.m);
         to.word(ratio.n);
         to.number(ratio.residual_lsb);
-        to.word(ratio.plausible.into());
+        to.word(ratio.plausible.map_or(2, u32::from));
         Some(())
     }),
     ("driver: frequency", |from, to| {

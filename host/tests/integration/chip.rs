@@ -38,18 +38,66 @@ fn scatter(lines: &[Value]) -> f64 {
 #[test]
 fn sigma_is_right_within_10_percent() {
     for arguments in [
-        ["--channels", "0", "--rate", "1000", "--frames", "2000"],
-        ["--channels", "0-3", "--rate", "500", "--frames", "500"],
-        ["--channels", "0-3", "--rcount", "65535", "--frames", "500"],
+        "--channels 0 --rate 1000 --frames 2000",
+        "--channels 0-3 --rate 500 --frames 500",
+        "--channels 0-3 --rcount 65535 --frames 500",
     ] {
-        let lines = lines(&arguments);
+        let lines = lines(&arguments.split(' ').collect::<Vec<_>>());
         let scatter = scatter(&lines);
-        assert!((0.9..1.1).contains(&scatter), "{arguments:?}: {scatter}");
+        assert!((0.9..1.1).contains(&scatter), "{arguments}: {scatter}");
         assert!(
             lines
                 .iter()
                 .all(|line| line["plausible"] == true && line["simulated"] == true)
         );
+    }
+}
+
+/// Of a slow sensor's word the rounding counts, and how few periods a conversion holds. The ratio of counts
+/// is not judged below 1/37 of the reference, 20 MHz or 40 MHz here.
+#[test]
+fn slow_sensors_are_sound_and_their_sigma_is_right_within_10_percent() {
+    for arguments in [
+        "--sensor 450k --rate 500 --frames 1000",
+        "--sensor 300k --rate 500 --frames 1000",
+        "--sensor 100k..100.1k --rcount 65535 --channels 0-3 --frames 300",
+        "--sensor 50k..50.1k --rcount 65535 --channels 0-1 --frames 600",
+        "--sensor 9990..10010 --rate 20 --frames 1000",
+        "--sensor 5k..6k --frames 1000",
+        "--sensor 1k..2k --frames 1000",
+    ] {
+        let lines = lines(&arguments.split(' ').collect::<Vec<_>>());
+        assert!(
+            lines.iter().all(|line| line["plausible"] != false),
+            "{arguments}"
+        );
+        // A sensor that stands still gives the same word for ever.
+        if arguments.contains("..") {
+            let scatter = scatter(&lines);
+            assert!((0.9..1.1).contains(&scatter), "{arguments}: {scatter}");
+        }
+    }
+}
+
+#[test]
+fn as_often_as_the_bus_allows_every_reading_is_new() {
+    for channels in ["0", "0-1", "0-3"] {
+        for release in ["status", "data"] {
+            let arguments = [
+                "--channels",
+                channels,
+                "--release",
+                release,
+                "--frames",
+                "300",
+            ];
+            let lines = lines(&arguments);
+            // The first frame follows the start.
+            let later = lines.iter().filter(|line| line["gap"] == false);
+            assert!(later.clone().count() >= 299, "{arguments:?}");
+            let mut bad = later.filter(|line| line["quality"] != "good");
+            assert_eq!(bad.next(), None, "{arguments:?}");
+        }
     }
 }
 

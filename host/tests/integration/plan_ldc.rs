@@ -53,6 +53,41 @@ fn a_refusal_names_limit_and_remedy() {
     assert!(refusal["refusal"]["limit"].is_string());
 }
 
+/// Three registers of a frame take 142 bit times at 400 kHz and the master 10 us, two of them 95.
+#[test]
+fn a_rate_beyond_the_bus_is_refused_with_what_is_possible() {
+    let refused = palpate(&["--rate", "4000"]);
+    assert_eq!(refused.status.code(), Some(1));
+    let message = String::from_utf8(refused.stderr).unwrap();
+    assert!(
+        message.contains("2734 frames a second are possible"),
+        "{message}"
+    );
+    for (arguments, succeeds) in [
+        (["--rate", "2734", "--release", "status"], true),
+        (["--rate", "2735", "--release", "status"], false),
+        (["--rate", "4000", "--release", "data"], true),
+    ] {
+        assert_eq!(
+            palpate(&arguments).status.success(),
+            succeeds,
+            "{arguments:?}"
+        );
+    }
+}
+
+#[test]
+fn a_conversion_holds_six_periods_of_the_slowest_sensor() {
+    let output = palpate(&["--sensor", "1k..2k", "--json"]);
+    let plan: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let rcount = &plan["plan"]["configuration"]["channels"][0]["rcount"];
+    // 6 ms at 20 MHz.
+    assert_eq!(rcount.as_u64(), Some(7_500));
+    let refused = palpate(&["--sensor", "1k..2k", "--rcount", "7499"]);
+    let message = String::from_utf8(refused.stderr).unwrap();
+    assert!(message.contains("the sensor needs 7500"), "{message}");
+}
+
 #[test]
 fn bad_arguments_are_refused_with_what_is_allowed() {
     for (arguments, allowed) in [

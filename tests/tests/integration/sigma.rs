@@ -2,7 +2,7 @@
 //! `cargo xtask evidence sigma`.
 
 use ldc161x_sim::Counter;
-use system_tests::sigma::{cases, measure};
+use system_tests::sigma::{accepted_plans, cases, measure, measure_plan};
 
 /// 1,500 readings fix a standard deviation to 1.8 %; the bar is 10 %.
 const READINGS: u32 = 1_500;
@@ -34,4 +34,17 @@ fn sigma_is_right_within_its_stated_factor_where_the_duty_is_not_known() {
 fn sigma_is_an_upper_bound_for_a_counter_of_half_periods() {
     check(Counter::HalfPeriods, true, 0.45, 1.1);
     check(Counter::HalfPeriods, false, 0.45, 1.1);
+}
+
+/// Random plans from 1 kHz to 10 MHz; 200 of them are in the evidence.
+#[test]
+fn sigma_is_right_within_10_percent_by_every_plan_that_is_accepted() {
+    for (seed, (request, plan)) in (1..=30).zip(accepted_plans(1)) {
+        for scatter in measure_plan(&request, &plan, READINGS, seed).unwrap() {
+            assert!(
+                (0.9..=1.1).contains(&scatter.rms),
+                "{request:?}: {scatter:?}"
+            );
+        }
+    }
 }

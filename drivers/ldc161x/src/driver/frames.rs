@@ -52,6 +52,8 @@ impl<I2C: I2c> Ldc161x<I2C> {
         let release = self.find_interrupt_release(interrupt, delay).await?;
         self.state.release = release;
         self.state.frames_discarded();
+        // The last try may leave INTB low: the next frame would be read amid the one after it.
+        self.release_interrupt().await?;
         Ok(release)
     }
 

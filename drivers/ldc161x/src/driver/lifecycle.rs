@@ -252,9 +252,9 @@ impl<I2C: I2c> Ldc161x<I2C> {
         Ok(())
     }
 
-    /// While the registers were compared the chip has converted, and pulled INTB low. Released, it
-    /// falls again at the end of a frame, which then can be read before it is overwritten.
-    async fn release_interrupt(&mut self) -> Result<(), Error<I2C::Error>> {
+    /// Since its last edge the chip has converted, and pulled INTB low. Released, it falls again at
+    /// the end of a frame, which then can be read before it is overwritten.
+    pub(super) async fn release_interrupt(&mut self) -> Result<(), Error<I2C::Error>> {
         self.read_status().await.map(drop)
     }
 

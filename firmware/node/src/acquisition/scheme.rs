@@ -70,9 +70,11 @@ impl Scheme {
         let clock = ReferenceClock::External {
             hz: setpoint.clkin().hz(),
         };
-        let plan: Plan = Request::new(Model::Ldc1614, clock, acquisition, SENSOR)
-            .rate(rate)
-            .plan()?;
+        let request = Request {
+            status_reads: false,
+            ..Request::new(Model::Ldc1614, clock, acquisition, SENSOR).rate(rate)
+        };
+        let plan: Plan = request.plan()?;
         let Times {
             before_edge_us,
             offsets_us,
