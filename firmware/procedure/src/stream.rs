@@ -12,7 +12,7 @@ use palpate_wire::record::{Conversion, Raw, Sample};
 use crate::deformation::Deformation;
 use crate::event::Scan;
 use crate::list::gathered;
-use crate::time::Instant;
+use crate::time::{Instant, between};
 
 /// What is kept of one converter between its records.
 #[derive(Clone, Debug, Default)]
@@ -104,6 +104,13 @@ impl Streamer {
             Some((_, raw)) if broken || full(raw) => self.raw.take(),
             _ => None,
         };
+        let finished = finished.map(|(at, mut raw)| {
+            let scans = raw.words.len() / scan.conversions.len().max(1);
+            if let Some(period_us) = self.period_us(at, scans) {
+                raw.period_us = period_us;
+            }
+            (at, raw)
+        });
         match &mut self.raw {
             // There is room for them: see `full`.
             Some((_, raw)) => words.for_each(|word| {
@@ -121,6 +128,13 @@ impl Streamer {
             }
         }
         finished.map(|(at, raw)| (at, Record::Raw(raw)))
+    }
+
+    /// The period of so many scans in a row, from the first one's middle to the last one's.
+    fn period_us(&self, first: Instant, scans: usize) -> Option<f32> {
+        let span = between(first, self.last?);
+        let periods = scans.checked_sub(1).filter(|periods| *periods > 0)?;
+        Some(span.as_ticks() as f32 / periods as f32)
     }
 
     /// Middle of the last scan.

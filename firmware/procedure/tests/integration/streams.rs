@@ -3,7 +3,7 @@
 use crate::support::calibration::{calibration, curve, settings};
 use crate::support::sensor::Sensor;
 use crate::support::{Rig, board};
-use palpate_procedure::{Action, Conversion, Duration, Event};
+use palpate_procedure::{Action, Conversion, Duration, Event, Instant};
 use palpate_wire::code::{Contact, Stream};
 use palpate_wire::command::Settings;
 use palpate_wire::record::{Crash, Raw, Sample, Status};
@@ -248,4 +248,25 @@ fn status_comes_every_period_and_counts_measurements() {
     rig.run(5_000);
     let reports = rig.reported(|record| matches!(record, Record::Status(_)).then_some(()));
     assert_eq!(reports.len(), 5);
+}
+
+/// The converter's period is its own: 999.25 us at 1 kHz.
+#[test]
+fn raw_words_have_the_period_of_their_conversions() {
+    let mut rig = with(|of| of.stream = Stream::Raw);
+    for number in 0..200 {
+        rig.convert_with(|scan| {
+            let middle_us = 1e6 + 999.25 * f64::from(number);
+            scan.middle = Instant::from_ticks(middle_us as u64);
+        });
+    }
+    let periods_us = rig.reported(|record| match record {
+        Record::Raw(raw) => Some(raw.period_us),
+        _ => None,
+    });
+    assert!(periods_us.len() > 4, "{periods_us:?}");
+    assert!(
+        periods_us.iter().all(|us| (us - 999.25).abs() < 0.05),
+        "{periods_us:?}"
+    );
 }
