@@ -249,9 +249,10 @@ mod tests {
     fn calibration() -> ChannelCalibration {
         let knots = [-0.01, 0.0, 0.02, 0.06, 0.12, 0.2];
         let points = knots.map(|change: f32| (change, 4.9e-3 * change * (1.0 - 2.2 * change)));
-        let mut calibration = ChannelCalibration::default();
-        calibration.curve = Some(Curve::new(&points).unwrap());
-        calibration
+        ChannelCalibration {
+            curve: Some(Curve::new(&points).unwrap()),
+            ..ChannelCalibration::default()
+        }
     }
 
     /// The deformation at the end of a press, with this code first of all.

@@ -4,6 +4,7 @@ mod ablation;
 mod counted;
 mod press;
 mod rows;
+mod series;
 mod world;
 
 use std::collections::BTreeMap;
@@ -15,6 +16,7 @@ use comfy_table::presets::ASCII_MARKDOWN;
 use comfy_table::{CellAlignment, Table};
 use palpate_sim::stack::{Disturbances, LoadError, Stack};
 use palpate_sim::switches::Switches;
+use palpate_wire::command::Settings;
 use serde::Serialize;
 
 use self::counted::Counted;
@@ -83,6 +85,11 @@ pub(crate) struct Arguments {
     /// load cell, ramps, what the instrument corrects
     #[arg(long, conflicts_with_all = ["world", "all_worlds", "temperatures", "check_spring", "rows"])]
     ablation: bool,
+    /// Press each sensor so many times in a row, in a world that goes on: taps, short gaps, long holds, something on the
+    /// sensor at power on, a room that warms
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000),
+        conflicts_with_all = ["world", "all_worlds", "ablation", "check_untouched", "check_spring", "depth", "rows"])]
+    presses: Option<u32>,
     /// One JSON object for each world, or with --ablation for each variant and load
     #[arg(long)]
     json: bool,
@@ -91,7 +98,19 @@ pub(crate) struct Arguments {
     rows: Option<PathBuf>,
 }
 
+/// How a sensor is drawn and calibrated.
+type Calibrate =
+    fn(&Stack, &Disturbances, u64, Switches, &Settings) -> Result<CalibratedInstrument, Failure>;
+
 impl Arguments {
+    fn calibrate(&self) -> Calibrate {
+        if self.temperatures > 1 {
+            CalibratedInstrument::at_two_temperatures
+        } else {
+            CalibratedInstrument::calibrated
+        }
+    }
+
     fn worlds(&self) -> &[World] {
         if self.all_worlds {
             World::value_variants()
@@ -130,6 +149,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let stack = Stack::named(&arguments.stack, Path::new(""))?;
     if arguments.ablation {
         return ablation::run(arguments, &stack);
+    }
+    if let Some(presses) = arguments.presses {
+        return series::run(arguments, &stack, presses);
     }
     let plants = presses(arguments, &stack)?;
     let all: Vec<&Press> = plants.iter().flatten().flatten().collect();
@@ -201,11 +223,7 @@ fn of_sensor(
     seed: u64,
 ) -> Result<Vec<Press>, Failure> {
     let settings = default_settings();
-    let calibrate = if arguments.temperatures > 1 {
-        CalibratedInstrument::at_two_temperatures
-    } else {
-        CalibratedInstrument::calibrated
-    };
+    let calibrate = arguments.calibrate();
     let instrument = calibrate(stack, disturbances, seed, Switches::all(), &settings)?;
     let mut presses = Vec::new();
     for world in arguments.worlds() {
@@ -404,8 +422,12 @@ fn reasons(plants: &[PlantResult]) -> BTreeMap<String, usize> {
     let of_plants = plants.iter().filter_map(|plant| plant.as_ref().err());
     let presses = plants.iter().flatten().flatten();
     let of_presses = presses.filter_map(|press| press.outcome.as_ref().err());
+    counts_of_reasons(of_plants.chain(of_presses))
+}
+
+fn counts_of_reasons<'r>(reasons: impl Iterator<Item = &'r String>) -> BTreeMap<String, usize> {
     let mut counts = BTreeMap::new();
-    for reason in of_plants.chain(of_presses) {
+    for reason in reasons {
         let kind = reason
             .split_once(": ")
             .map_or(reason.as_str(), |(kind, _)| kind);

@@ -5,6 +5,7 @@ use palpate_calibration::{KnownPress, OnTheBench, Unchecked, check, check_untouc
 use palpate_sim::mechanics::load::Load;
 use palpate_sim::random::Stream;
 use palpate_wire::Command;
+use palpate_wire::record::Estimate;
 
 use super::world::World;
 use crate::calibrate::bench::{self, Bench, NativeBench};
@@ -182,7 +183,10 @@ impl Press {
             world,
             ratio,
             true_n_per_m: pressed.true_n_per_m,
-            outcome: Claim::of(&verdict).ok_or_else(|| verdict.reason().unwrap_or_default()),
+            outcome: verdict
+                .estimate()
+                .map(Claim::from)
+                .ok_or_else(|| verdict.reason().unwrap_or_default()),
         })
     }
 
@@ -217,10 +221,9 @@ pub(crate) fn load_name(ratio: f64) -> String {
     }
 }
 
-impl Claim {
-    fn of(verdict: &Verdict) -> Option<Self> {
-        let estimate = verdict.estimate()?;
-        Some(Self {
+impl From<&Estimate> for Claim {
+    fn from(estimate: &Estimate) -> Self {
+        Self {
             estimate_n_per_m: estimate.stiffness_n_per_m.map(f64::from),
             lower_n_per_m: estimate.lower_n_per_m.into(),
             upper_n_per_m: estimate.upper_n_per_m.map(f64::from),
@@ -228,9 +231,11 @@ impl Claim {
             load_ratio_standard_error: estimate.load_ratio_standard_error.into(),
             reduced_chi_square: estimate.reduced_chi_square.map(f64::from),
             two_state_n_per_m: estimate.two_state_n_per_m.map(f64::from),
-        })
+        }
     }
+}
 
+impl Claim {
     /// Whether the interval contains the truth.
     pub(crate) fn holds(&self, true_n_per_m: f64) -> bool {
         let upper = self.upper_n_per_m.unwrap_or(f64::INFINITY);

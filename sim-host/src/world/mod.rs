@@ -227,6 +227,14 @@ impl World {
         });
     }
 
+    /// Changes the ambient temperature to so much above that of calibration, K, within the 50 that a plant may have. Whether
+    /// the world's own change is switched on or not.
+    pub fn set_ambient(&mut self, change_k: f64) {
+        let change_k = sound(change_k).clamp(-50.0, 50.0);
+        self.interrupt(|_, _| {});
+        self.plant.parameters.thermal.ambient_change_k = change_k;
+    }
+
     /// Ends the step under way at now, changes the inputs, and finds the balance anew.
     fn interrupt(&mut self, change: impl FnOnce(&mut Inputs, Time)) {
         let before = self.state();
