@@ -182,6 +182,10 @@ pub fn sum(actions: &Actions) -> u32 {
                 sum.word((*channels).into());
                 sum.number(rate.0);
             }
+            Action::SeekDrive { sensor } => {
+                sum.word(9);
+                sum.word((*sensor).into());
+            }
             Action::TestCoil => sum.word(4),
             Action::TraceCurrent { interval } => {
                 sum.word(5);

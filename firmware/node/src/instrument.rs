@@ -398,6 +398,11 @@ impl Instrument {
                     };
                     hardware.with_converters(|converters| set(converters, setpoint));
                 }
+                Action::SeekDrive { sensor } => hardware.with_converters(|converters| {
+                    if let Some(converter) = converters.get_mut(usize::from(*sensor)) {
+                        converter.seek_drive();
+                    }
+                }),
                 Action::Storage(order) if changes_flash(order) => self.order = Some(order.clone()),
                 Action::Storage(order) => hardware.order(order.clone()),
                 Action::Restart(target) => {
@@ -429,6 +434,7 @@ fn drive<C: CoilHardware>(coil: &mut CoilManager<C>, action: &Action) {
         Action::CorrectCurrent(correction) => coil.correct(correction),
         Action::Record { .. }
         | Action::ConfigureSensors { .. }
+        | Action::SeekDrive { .. }
         | Action::Storage(_)
         | Action::Restart(_)
         | Action::Locate(_) => {}

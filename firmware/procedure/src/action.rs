@@ -34,6 +34,11 @@ pub enum Action {
         /// Scans per second.
         rate: Hertz,
     },
+    /// A converter is to find the drive current of its sensors anew.
+    SeekDrive {
+        /// 0 the first, 1 the second.
+        sensor: u8,
+    },
     /// A record.
     Record {
         /// When what it reports happened.

@@ -57,6 +57,45 @@ fn it_says_who_it_is_tests_itself_and_streams_what_the_chip_converted() {
     assert_eq!(*words.last().unwrap(), last);
 }
 
+/// The drive that suits a pressed sensor is too weak for some at rest.
+#[test]
+fn a_sensor_that_was_pressed_at_power_on_works_when_it_is_lifted() {
+    let (stack, disturbances) = (
+        Stack::builtin("ultrasoft").unwrap(),
+        Disturbances::builtin().unwrap(),
+    );
+    let mut faulted = 0;
+    for seed in 500_001..500_005 {
+        let plant = draw(&stack, &disturbances, seed);
+        let mut world = World::new(&plant, Switches::all(), Setup::default()).unwrap();
+        world.move_press(world.press_for_depth_m(0.4e-3), 0.0);
+        let hardware = Wiring::new(world);
+        let mut board = NativeBoard::new(&hardware);
+        board.run_until(Time::from_ms(1_000)).unwrap();
+        board.with_world(|world| world.move_press(-0.2e-3, 5e-3));
+        board.run_until(Time::from_ms(3_000)).unwrap();
+        let records = board.take_records();
+        let faults = records
+            .iter()
+            .filter(|(_, record)| matches!(record, Record::Fault(_)));
+        faulted += usize::from(faults.count() > 0);
+        assert!(
+            states(&records).last() != Some(&State::Fault),
+            "seed {seed}"
+        );
+        let last = records.iter().rev().find_map(|(_, record)| match record {
+            Record::Sample(sample) => Some(sample.clone()),
+            _ => None,
+        });
+        assert_eq!(
+            last.unwrap().channels[0].word >> 28,
+            0,
+            "seed {seed}: flags"
+        );
+    }
+    assert!(faulted > 0, "no drawn sensor is too faint at rest");
+}
+
 #[test]
 fn several_channels_come_scan_by_scan() {
     let hardware = Wiring::new(world());

@@ -46,6 +46,13 @@ impl ConverterState {
         };
     }
 
+    /// Lets the converter find the drive currents anew, for the sensors as they are now.
+    pub const fn seek_drive(&mut self) {
+        if let Some((_, generation)) = &mut self.setpoint {
+            *generation = generation.wrapping_add(1);
+        }
+    }
+
     /// How it is to be run, with the generation of that.
     #[must_use]
     pub const fn setpoint(&self) -> Option<(Setpoint, u32)> {

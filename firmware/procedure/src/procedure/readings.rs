@@ -5,6 +5,7 @@ use palpate_wire::code::{FaultCode, Location};
 
 use super::states::Phase;
 use super::{Out, Procedure};
+use crate::action::Action;
 use crate::event::{Failure, Scan};
 use crate::time::{Instant, seconds};
 
@@ -93,6 +94,13 @@ impl Procedure {
             }
         } else if let Some(failure) = failure {
             self.fail(failure, out);
+            // The drive may have been sought while something pressed on the sensor: it is sought anew, for the sensor as
+            // it is now. If that helps, good readings end the fault.
+            if failure.code == FaultCode::SensorAmplitude {
+                out.push(Action::SeekDrive {
+                    sensor: scan.sensor & 1,
+                });
+            }
         }
     }
 }

@@ -129,6 +129,9 @@ fn flags_that_persist_are_a_fault_and_end_with_their_cause() {
             let actions = convert(&mut rig, flags);
             let fault = stops(&rig, &actions, code);
             assert_eq!((fault.location, fault.value), (Location::Sensor, Some(0.0)));
+            // The drive may have been sought while something pressed on the sensor.
+            let seeks = actions.contains(&Action::SeekDrive { sensor: 0 });
+            assert_eq!(seeks, code == FaultCode::SensorAmplitude);
             // That the converter answers does not end it, nor does another flag.
             rig.step(&Event::Recovered(code));
             for (other, _) in FLAGS {

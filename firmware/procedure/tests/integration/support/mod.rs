@@ -324,6 +324,7 @@ impl Rig {
                     };
                 }
                 Action::ConfigureSensors { .. }
+                | Action::SeekDrive { .. }
                 | Action::TraceCurrent { .. }
                 | Action::CorrectCurrent(_) => {}
                 Action::Record { at, record, .. } => self.records.push((*at, record.clone())),
