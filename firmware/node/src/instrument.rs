@@ -9,12 +9,15 @@ use palpate_procedure::units::Ampere;
 use palpate_procedure::{
     Action, Actions, BoardInfo, Conversion, Duration, Event, Instant, Link, Procedure, Scan,
 };
-use palpate_wire::code::{Chip, FaultCode, Location, Outcome, RebootTarget};
-use palpate_wire::command::Command;
+use palpate_wire::code::{Chip, FaultCode, Location, RebootTarget};
+use palpate_wire::command::{Command, Settings};
 use palpate_wire::record::{Acknowledgement, Hello};
-use palpate_wire::{Frame, FrameError, MINOR_VERSION, Message, Record, SCHEMA_HASH};
+use palpate_wire::schema::{Described, field_number};
+use palpate_wire::{
+    Frame, FrameError, Invalid, MINOR_VERSION, Message, Problem, Record, SCHEMA_HASH,
+};
 
-use crate::acquisition::{Sampled, Scheme, Setpoint};
+use crate::acquisition::{Sampled, Scheme, Setpoint, rates_hz};
 use crate::coil::{CoilHardware, CoilManager};
 use crate::converter::{CONVERTERS, ConverterState};
 
@@ -28,6 +31,9 @@ const COIL: usize = CONVERTERS;
 /// From the command to start anew to doing so, us: a PC that polls ten times a second, the slowest
 /// that makes sense, has the answer.
 const RESTART_AFTER_US: u64 = 200_000;
+
+/// The rate among the settings' fields.
+const RATE_FIELD: u8 = field_number(&<Settings as Described>::TYPE, "rate_hz");
 
 /// A command frame, or why a frame is none.
 pub type Received = Result<Frame<Command>, FrameError>;
@@ -210,13 +216,15 @@ impl Instrument {
     /// A command has arrived over a link, or a frame that is none.
     pub fn received<H: Hardware>(&mut self, hardware: &mut H, link: Link, received: &Received) {
         match received {
-            Ok(frame) if self.is_beyond_the_converter(frame) => {
-                let kind = frame.message.kind();
-                let refusal = Acknowledgement::new(&frame.header, kind, Outcome::OutOfRange);
-                let now_us = hardware.now_us();
-                hardware.send(Some(link), now_us, &Record::Acknowledgement(refusal));
-            }
-            Ok(frame) => self.step(hardware, &Event::Command(link, frame)),
+            Ok(frame) => match self.beyond_the_converter(hardware, frame) {
+                Some(invalid) => {
+                    let kind = frame.message.kind();
+                    let refusal = Acknowledgement::invalid(&frame.header, kind, &invalid);
+                    let now_us = hardware.now_us();
+                    hardware.send(Some(link), now_us, &Record::Acknowledgement(refusal));
+                }
+                None => self.step(hardware, &Event::Command(link, frame)),
+            },
             Err(error) => self.step(hardware, &Event::NotUnderstood(link, *error)),
         }
     }
@@ -347,20 +355,36 @@ impl Instrument {
         self.step(hardware, &Event::Fault(failure));
     }
 
-    /// Whether a command asks for channels and a rate that the converter cannot follow. The procedure
-    /// knows the limits of each by itself only.
-    fn is_beyond_the_converter(&self, frame: &Frame<Command>) -> bool {
+    /// What is wrong with a command that asks for a rate that the converter or the bus cannot follow with
+    /// its channels. The procedure knows the limits of each by itself only.
+    fn beyond_the_converter<H: Hardware>(
+        &self,
+        hardware: &mut H,
+        frame: &Frame<Command>,
+    ) -> Option<Invalid> {
         let Command::SetSettings(settings) = &frame.message else {
-            return false;
+            return None;
         };
+        let boot_id = self.procedure.as_ref().map(Procedure::boot_id)?;
+        if !frame.message.is_for(boot_id, frame.header.boot_id) || frame.message.validate().is_err()
+        {
+            return None;
+        }
         let setpoint = Setpoint {
             channels: settings.channels,
             rate_hz: settings.rate_hz,
         };
-        let is_sound = frame.message.validate().is_ok();
-        let boot_id = self.procedure.as_ref().map(Procedure::boot_id);
-        let is_for_us = boot_id.is_some_and(|own| frame.message.is_for(own, frame.header.boot_id));
-        is_for_us && is_sound && Scheme::new(setpoint).is_err()
+        let with_status = hardware.with_converters(|converters| reads_status(converters));
+        if Scheme::new(setpoint, with_status).is_ok_and(|scheme| scheme.is_kept()) {
+            return None;
+        }
+        let [low, high] = rates_hz(setpoint, with_status).map(|rate_hz| rate_hz as f32);
+        let value = settings.rate_hz;
+        Some(Invalid {
+            field: RATE_FIELD,
+            item: None,
+            problem: Problem::OutOfRange { value, low, high },
+        })
     }
 
     // ---- what the procedure asks for ----
@@ -413,6 +437,12 @@ impl Instrument {
             }
         }
     }
+}
+
+/// Whether one of the converters that are there is read with STATUS.
+fn reads_status([first, second]: &[ConverterState; CONVERTERS]) -> bool {
+    let has_second = second.chip() == Some(Chip::Ldc161x);
+    first.reads_status() || has_second && second.reads_status()
 }
 
 /// Where the failures of the other converter are.

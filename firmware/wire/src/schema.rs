@@ -278,7 +278,7 @@ const fn absorb_kinds(mut digest: Digest, mut rest: &[Kind]) -> Digest {
 }
 
 /// Index of a field in a structure, for the compiler only: a wrong name does not compile.
-pub(crate) const fn field_number(of: &Type, name: &str) -> u8 {
+pub const fn field_number(of: &Type, name: &str) -> u8 {
     if let Type::Structure(structure) = of {
         let mut rest = structure.fields;
         let mut number = 0;

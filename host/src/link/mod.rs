@@ -25,7 +25,8 @@ use palpate_wire::code::Outcome;
 use palpate_wire::loss::Account;
 use palpate_wire::record::Hello;
 use palpate_wire::{
-    Command, Frame, FrameError, Message, Record, RecordDecoder, Sequencer, VERSION, encode,
+    Command, Frame, FrameError, Invalid, Message, Problem, Record, RecordDecoder, Sequencer,
+    VERSION, encode,
 };
 
 use crate::emulated::PluggedBoard;
@@ -310,9 +311,30 @@ impl Link {
                 "the board answers {} to {}: {}",
                 other,
                 command.name(),
-                other.meaning().trim()
+                self.beyond(command)
+                    .unwrap_or_else(|| other.meaning().trim().to_owned())
             ),
         })
+    }
+
+    /// The value that the last answer to such a command refused, and its limits.
+    fn beyond(&self, command: &Command) -> Option<String> {
+        let mut latest = self.received.iter().rev();
+        let answer = latest.find_map(|arrival| match &arrival.frame.message {
+            Record::Acknowledgement(answer) if answer.kind == command.kind() => Some(answer),
+            _ => None,
+        })?;
+        let problem = Problem::OutOfRange {
+            value: answer.value?,
+            low: answer.low?,
+            high: answer.high?,
+        };
+        let invalid = Invalid {
+            field: answer.field?,
+            item: answer.item,
+            problem,
+        };
+        Some(format!("{}.", invalid.named(command.payload())))
     }
 
     fn fault(&self) -> Option<String> {

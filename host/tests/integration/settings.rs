@@ -185,6 +185,14 @@ fn a_value_out_of_range_is_bad_input_and_one_that_the_board_cannot_do_a_refusal(
         said.contains("out_of_range") && said.contains("changed were: peak_current_a"),
         "{said}"
     );
+    // What converter and bus can follow.
+    let faster = settings(&["set", "rate_hz=4000"], folder.path());
+    let said = String::from_utf8_lossy(&faster.stderr);
+    assert_eq!(faster.status.code(), Some(1), "{said}");
+    assert!(
+        said.contains("rate_hz is 4000 Hz; allowed are 32 to 269"),
+        "{said}"
+    );
     let unconfirmed = settings(&["erase"], folder.path());
     assert_eq!(unconfirmed.status.code(), Some(2));
 }

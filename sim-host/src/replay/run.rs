@@ -54,11 +54,12 @@ impl Run {
         is_armed: bool,
     ) -> Option<Self> {
         let settings = &in_force.settings;
-        let scheme = Scheme::new(Setpoint {
+        let setpoint = Setpoint {
             channels: settings.channels,
             rate_hz: settings.rate_hz,
-        });
-        let scheme = scheme.ok()?;
+        };
+        // Times within a scan are the same, however its frame is read.
+        let scheme = Scheme::new(setpoint, false).ok()?;
         let mut run = Self {
             procedure: Procedure::new(board(boot_id, &in_force.hello)),
             actions: Actions::new(),

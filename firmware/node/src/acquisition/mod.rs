@@ -4,4 +4,4 @@ mod grid;
 mod scheme;
 
 pub use grid::{Fetch, Finding, Grid, Sampled};
-pub use scheme::{Scheme, Setpoint, stronger, with_room};
+pub use scheme::{Scheme, Setpoint, rates_hz, stronger, with_room};

@@ -1,8 +1,8 @@
 //! From settings to a plan for the converter.
 
 use ldc161x::{
-    Acquisition, Channel, Configuration, DriveCode, LimitError, Model, Plan, Rate, ReferenceClock,
-    Request, Sensor, Sequence,
+    Acquisition, Channel, Configuration, DriveCode, LimitError, Model, Plan, Rate,
+    Rcount, ReferenceClock, Request, Sensor, Sequence,
 };
 
 use crate::board::Clkin;
@@ -15,6 +15,9 @@ const SENSOR: Sensor = Sensor {
     highest_rp_ohm: 3_000,
     ..Sensor::new(2_000_000, 5_000_000)
 };
+/// The bus as it is planned: 400 kHz, of which frames take 98 %, as where the image loses nothing in a
+/// minute (docs/evidence/image-rates.md). Closer to it a frame that is late once makes those after it late.
+const BUS_HZ: u32 = 393_000;
 /// Between two channels of a scan (datasheet equation 8).
 const SWITCH_S: f32 = 692e-9 + 5.0 / Clkin::SCAN.hz() as f32;
 
@@ -60,18 +63,19 @@ pub struct Scheme {
 }
 
 impl Scheme {
-    /// The scheme for a setpoint.
+    /// The scheme for a setpoint. `with_status`: STATUS is read first in each frame.
     ///
     /// # Errors
     /// What the converter cannot follow, as its driver says it.
-    pub fn new(setpoint: Setpoint) -> Result<Self, LimitError> {
+    pub fn new(setpoint: Setpoint, with_status: bool) -> Result<Self, LimitError> {
         let acquisition = acquisition(setpoint.channels);
         let rate = Rate::PerSecond(ceil(setpoint.rate_hz));
         let clock = ReferenceClock::External {
             hz: setpoint.clkin().hz(),
         };
         let request = Request {
-            status_reads: false,
+            status_reads: with_status,
+            bus_hz: BUS_HZ,
             ..Request::new(Model::Ldc1614, clock, acquisition, SENSOR).rate(rate)
         };
         let plan: Plan = request.plan()?;
@@ -94,6 +98,14 @@ impl Scheme {
         })
     }
 
+    /// Whether the scans come as often as was asked for, and no more often: the longest conversion is
+    /// shorter than that, and every time within a scan has its place in a record.
+    pub(crate) fn is_kept(&self) -> bool {
+        let first = self.configuration.acquisition.channels().next();
+        let settings = self.configuration.channel(first.unwrap_or_default());
+        settings.rcount < Rcount::MAX && !self.offsets_us.contains(&u16::MAX)
+    }
+
     /// Drives the active channels with what was found for them.
     pub fn drive(&mut self, found: &[Option<DriveCode>; 4]) {
         for (channel, drive) in Channel::ALL.into_iter().zip(found) {
@@ -102,6 +114,41 @@ impl Scheme {
             }
         }
     }
+}
+
+/// The scans per second that can be asked for, whole ones: the lowest and the highest.
+pub fn rates_hz(setpoint: Setpoint, with_status: bool) -> [u32; 2] {
+    let scheme = |rate_hz: u32| {
+        let rate_hz = rate_hz as f32;
+        Scheme::new(
+            Setpoint {
+                rate_hz,
+                ..setpoint
+            },
+            with_status,
+        )
+    };
+    let is_too_fast = |rate_hz| scheme(rate_hz).is_err();
+    let highest = first(1, MOST_HZ, is_too_fast).saturating_sub(1);
+    let is_kept = |rate_hz| scheme(rate_hz).is_ok_and(|scheme| scheme.is_kept());
+    [first(1, highest, is_kept), highest]
+}
+
+/// The protocol's highest rate (firmware/wire/src/command/settings.rs), and one more.
+const MOST_HZ: u32 = 5_001;
+
+/// The first number from `low` to `high` for which something holds that holds from there on; `high` if
+/// there is none before it.
+fn first(mut low: u32, mut high: u32, holds: impl Fn(u32) -> bool) -> u32 {
+    while low < high {
+        let middle = low + (high - low) / 2;
+        if holds(middle) {
+            high = middle;
+        } else {
+            low = middle + 1;
+        }
+    }
+    low
 }
 
 /// Growth of the parallel resistance, and with it of the amplitude, when the sensor is pressed as far
@@ -197,6 +244,47 @@ fn reference_hz(configuration: &Configuration) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A conversion has 65,535 times 16 clocks at most: 31.46 ms of one channel at 33.3 MHz, 26.2 ms at 40 MHz.
+    /// The fourth channel of a scan follows three conversions, and a record has room for 65.5 ms of them.
+    /// A frame has 47 bit times a register, a stop, and 10 us of the master.
+    #[test]
+    fn the_rates_are_those_of_conversion_record_and_bus() {
+        for (channels, with_status, [lowest, highest]) in [
+            (0b0001, true, [32, 2_693]),
+            (0b0100, false, [32, 3_972]),
+            (0b0011, false, [20, 2_037]),
+            (0b0111, true, [13, 1_176]),
+            (0b1111, true, [12, 918]),
+            (0b1111, false, [12, 1_031]),
+        ] {
+            let setpoint = Setpoint {
+                channels,
+                rate_hz: 0.0,
+            };
+            let [low, high] = rates_hz(setpoint, with_status);
+            assert_eq!(low, lowest, "{channels:#b}");
+            // RCOUNT is whole: a frame is up to 2 us longer.
+            assert!(
+                (highest - 9..=highest).contains(&high),
+                "{channels:#b}: {high}"
+            );
+            for (rate, works) in [
+                (low - 1, false),
+                (low, true),
+                (high, true),
+                (high + 1, false),
+            ] {
+                let rate_hz = rate as f32;
+                let scheme = Scheme::new(Setpoint { channels, rate_hz }, with_status);
+                assert_eq!(
+                    scheme.is_ok_and(|of| of.is_kept()),
+                    works,
+                    "{channels:#b} {rate}"
+                );
+            }
+        }
+    }
 
     /// For every code: at rest and pressed the amplitude stays within 1.2 and 1.8 V, wherever within its
     /// step the sensor is, or one code more than the room does.

@@ -7,7 +7,9 @@ mod state;
 use embedded_hal_async::delay::DelayNs;
 use embedded_hal_async::i2c::I2c;
 use heapless::Vec;
-use ldc161x::{Address, AsyncLdc161x, Channel, DriveCode, InterruptRelease, Model};
+use ldc161x::{
+    Address, AsyncLdc161x, Channel, DriveCode, InterruptRelease, Model,
+};
 use palpate_wire::code::Chip;
 
 use crate::acquisition::{Grid, Sampled, Scheme, Setpoint, stronger, with_room};
@@ -111,7 +113,8 @@ where
                 self.port.wait_us(idle_us).await;
                 continue;
             };
-            let result = match Scheme::new(setpoint) {
+            let with_status = self.release != Some(InterruptRelease::ByData);
+            let result = match Scheme::new(setpoint, with_status) {
                 Ok(scheme) => self.acquire(scheme, generation).await,
                 // The instrument has not accepted it.
                 Err(_) => Ok(()),
@@ -276,7 +279,7 @@ where
 
     /// Finds out what releases INTB.
     async fn probe_release(&mut self) -> Result<InterruptRelease> {
-        let Ok(probe) = Scheme::new(PROBE) else {
+        let Ok(probe) = Scheme::new(PROBE, true) else {
             return Ok(InterruptRelease::ByStatusOnly);
         };
         self.driver.start(&probe.configuration).await?;
@@ -288,6 +291,7 @@ where
             .await?;
         self.driver.sleep().await?;
         self.release = Some(release);
+        self.port.with_state(|state| state.release = Some(release));
         Ok(release)
     }
 

@@ -1,5 +1,6 @@
 //! What a converter's task and the instrument share.
 
+use ldc161x::InterruptRelease;
 use palpate_procedure::event::Failure;
 use palpate_wire::code::Chip;
 
@@ -16,6 +17,8 @@ pub struct ConverterState {
     setpoint: Option<(Setpoint, u32)>,
     /// Which chip answers, once it was asked.
     pub(super) chip: Option<Chip>,
+    /// What releases INTB, once it was asked.
+    pub(super) release: Option<InterruptRelease>,
     /// What has failed, while it stands.
     pub(super) failure: Option<Failure>,
     /// Transfers that failed since the start.
@@ -31,6 +34,7 @@ impl ConverterState {
         Self {
             setpoint: None,
             chip: None,
+            release: None,
             failure: None,
             transfer_errors: 0,
             recoveries: 0,
@@ -63,6 +67,12 @@ impl ConverterState {
     #[must_use]
     pub const fn chip(&self) -> Option<Chip> {
         self.chip
+    }
+
+    /// Whether frames are read with STATUS: unless the converter said that it needs that not.
+    #[must_use]
+    pub fn reads_status(&self) -> bool {
+        self.release != Some(InterruptRelease::ByData)
     }
 
     /// What has failed, while it stands.

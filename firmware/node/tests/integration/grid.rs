@@ -5,8 +5,9 @@ use palpate_node::acquisition::{Fetch, Finding, Grid, Scheme, Setpoint};
 /// Bit time of the bus, in microseconds.
 const BIT_US: f64 = 2.5;
 
-fn scheme(channels: u8, rate_hz: f32) -> Scheme {
-    Scheme::new(Setpoint { channels, rate_hz }).unwrap_or_else(|refusal| panic!("{refusal}"))
+fn scheme(channels: u8, rate_hz: f32, with_status: bool) -> Scheme {
+    let setpoint = Setpoint { channels, rate_hz };
+    Scheme::new(setpoint, with_status).unwrap_or_else(|refusal| panic!("{refusal}"))
 }
 
 /// A converter that makes a scan in every period, and a master that reads it.
@@ -21,7 +22,7 @@ struct Bus {
 
 impl Bus {
     fn new(channels: u8, rate_hz: f32, with_status: bool) -> Self {
-        let scheme = scheme(channels, rate_hz);
+        let scheme = scheme(channels, rate_hz, with_status);
         let registers = 2 * channels.count_ones() + u32::from(with_status);
         Self {
             grid: Grid::new(&scheme, with_status),
@@ -97,7 +98,7 @@ fn frames_in_time_are_passed_on_and_nothing_is_missing() {
 /// edge: computed from the datasheet, not from the code under test.
 fn word_and_end_us(case: (u8, f32, bool), index: u32, delay_us: f64) -> (f64, f64) {
     let (channels, rate_hz, with_status) = case;
-    let scheme = scheme(channels, rate_hz);
+    let scheme = scheme(channels, rate_hz, with_status);
     let count = channels.count_ones();
     let before = 2 * index + u32::from(with_status);
     // START, address and pointer, repeated START, address: 29 bits, then the first data bit.
@@ -257,7 +258,7 @@ fn there_is_room_for_a_register_wherever_it_delays_no_frame_too_long() {
         (0b1111, 1_000.0, false),
         (0b1111, 740.0, true),
     ] {
-        let scheme = scheme(channels, rate_hz);
+        let scheme = scheme(channels, rate_hz, with_status);
         let grid = Grid::new(&scheme, with_status);
         assert!(grid.has_room(), "{channels:#b} {rate_hz}");
     }

@@ -9,6 +9,7 @@ mod faults;
 mod flash;
 mod planted;
 mod profile;
+mod rates;
 mod second_converter;
 mod starts;
 mod storage;

@@ -1,0 +1,111 @@
+//! The image at the rates that it accepts: kept, and no more than the bus carries.
+
+use crate::common::{FREQUENCIES_HZ, RecordedBoard, image, recording};
+use ldc161x_sim::{InterruptRelease, Settings, Switches};
+use palpate_emulator::{EmulatedBoard, Still, Time};
+use palpate_wire::Record;
+use palpate_wire::code::{Outcome, Stream};
+use palpate_wire::command::{self, Command};
+use palpate_wire::record::Acknowledgement;
+
+const RELEASES: [InterruptRelease; 2] =
+    [InterruptRelease::StatusOnly, InterruptRelease::StatusOrData];
+
+/// A bench whose converter's INTB is released so, with a stream under way.
+fn streaming(release: InterruptRelease, frequencies_hz: [f64; 4]) -> RecordedBoard {
+    let chip = Settings {
+        switches: Switches {
+            interrupt_release: release,
+            ..Switches::default()
+        },
+        ..Settings::default()
+    };
+    let plant = Still::new(frequencies_hz);
+    let mut bench = RecordedBoard::of(EmulatedBoard::new(image(), plant, chip, recording()));
+    bench.stream();
+    bench
+}
+
+fn set(bench: &mut RecordedBoard, channels: u8, rate_hz: f32, stream: Stream) -> Acknowledgement {
+    let settings = command::Settings {
+        channels,
+        rate_hz,
+        stream,
+        ..bench.settings()
+    };
+    bench.command(&Command::SetSettings(settings))
+}
+
+/// The limits that a refusal names: every rate within them is kept, and none outside of them is accepted.
+fn limits_hz(bench: &mut RecordedBoard, channels: u8) -> [f32; 2] {
+    let answer = set(bench, channels, 1.0, Stream::Raw);
+    assert_eq!(answer.outcome, Outcome::OutOfRange);
+    assert_eq!((answer.field, answer.value), (Some(1), Some(1.0)));
+    let limits_hz = [answer.low.unwrap(), answer.high.unwrap()];
+    let [low_hz, high_hz] = limits_hz;
+    for beyond_hz in [low_hz - 1.0, high_hz + 1.0, 5_000.0] {
+        let answer = set(bench, channels, beyond_hz, Stream::Raw);
+        assert_eq!(answer.outcome, Outcome::OutOfRange, "{beyond_hz} Hz");
+        assert_eq!((answer.low, answer.high), (Some(low_hz), Some(high_hz)));
+    }
+    limits_hz
+}
+
+#[test]
+fn the_rates_that_are_accepted_are_kept_without_a_loss_and_others_are_refused() {
+    for release in RELEASES {
+        let snapshot = streaming(release, FREQUENCIES_HZ);
+        for channels in [0b0001, 0b1111] {
+            let limits_hz = limits_hz(&mut snapshot.clone(), channels);
+            for rate_hz in limits_hz {
+                let what = format!("{release:?} {channels:#b} {rate_hz} Hz");
+                let mut bench = snapshot.clone();
+                let answer = set(&mut bench, channels, rate_hz, Stream::Raw);
+                assert_eq!(answer.outcome, Outcome::Accepted, "{what}");
+                bench.run(Time::from_ms(400));
+                let (before, from) = (bench.status(), bench.board.now());
+                let overwritten = bench.board.chip().overwritten(0);
+                bench.frames.clear();
+                let runs_s = if rate_hz < 100.0 { 2.5 } else { 0.6 };
+                bench.run(Time::from_secs_f64(runs_s));
+                let (after, to) = (bench.status(), bench.board.now());
+                assert_eq!(after.conversions_lost, before.conversions_lost, "{what}");
+                assert_eq!(bench.board.chip().overwritten(0), overwritten, "{what}");
+                let scans = f64::from(after.conversions - before.conversions);
+                let kept_hz = scans / (to - from).as_secs_f64();
+                let one_hz = 1.0 / (to - from).as_secs_f64();
+                assert!(
+                    (kept_hz - f64::from(rate_hz)).abs() < 0.01 * kept_hz + one_hz,
+                    "{what}: {kept_hz}"
+                );
+                assert_eq!(bench.faults(), [], "{what}");
+                assert_periods_are_true(&bench, &what);
+            }
+        }
+    }
+}
+
+/// The period that a run of words gives is the time from one to the next by the converter's own record.
+fn assert_periods_are_true(bench: &RecordedBoard, what: &str) {
+    let fetched = &bench.board.wire_log().unwrap().fetched;
+    let first: Vec<_> = fetched.iter().filter(|it| it.channel == 0).collect();
+    let [.., before, last] = first[..] else {
+        panic!("{what}: no words");
+    };
+    let true_us = (last.end - before.end).as_secs_f64() * 1e6;
+    let runs: Vec<_> = bench
+        .frames
+        .iter()
+        .filter_map(|frame| match &frame.message {
+            Record::Raw(raw) => Some(raw.period_us),
+            _ => None,
+        })
+        .collect();
+    assert!(!runs.is_empty(), "{what}");
+    for period_us in runs {
+        assert!(
+            (f64::from(period_us) - true_us).abs() < 1.0,
+            "{what}: {period_us} for {true_us}"
+        );
+    }
+}
