@@ -8,7 +8,7 @@ use palpate_sim::parameters::draw;
 use palpate_sim::stack::{Disturbances, Stack};
 use palpate_sim::switches::Switches;
 use palpate_sim::world::{Setup, World};
-use palpate_wire::code::{Location, Outcome, State};
+use palpate_wire::code::{FaultCode, Location, Outcome, State};
 use palpate_wire::command::{Coil, CurrentCorrection, DriveCoil};
 use palpate_wire::record::{CurrentTrace, Sample};
 use palpate_wire::{Command, Record};
@@ -131,6 +131,38 @@ fn several_channels_come_scan_by_scan() {
         steps.iter().all(|step| (9_000..=10_100).contains(step)),
         "{steps:?}"
     );
+}
+
+/// Nothing is connected to the second channel. The converter's watchdog ends a conversion after 5.2 ms: at
+/// every rate it is the sensor that is reported, once, and the converter is not started anew.
+#[test]
+fn a_sensor_that_does_not_oscillate_is_reported_as_that_at_every_rate() {
+    for rate_hz in [32.0, 180.0, 200.0, 300.0, 500.0, 1_000.0] {
+        let hardware = Wiring::new(world());
+        let mut board = NativeBoard::new(&hardware);
+        let settings = palpate_wire::command::Settings {
+            channels: 0b0010,
+            rate_hz,
+            ..default_settings()
+        };
+        board.send(Command::SetSettings(settings)).unwrap();
+        board.run_until(Time::from_ms(1_500)).unwrap();
+        let mut faults = Vec::new();
+        let mut recoveries = None;
+        for (_, record) in board.take_records() {
+            match record {
+                Record::Fault(fault) => faults.push((fault.code, fault.active)),
+                Record::Status(status) => recoveries = Some(status.recoveries),
+                _ => {}
+            }
+        }
+        assert_eq!(
+            faults,
+            [(FaultCode::SensorNotOscillating, true)],
+            "{rate_hz} Hz"
+        );
+        assert_eq!(recoveries, Some(0), "{rate_hz} Hz");
+    }
 }
 
 /// Samples of each converter, with their times.

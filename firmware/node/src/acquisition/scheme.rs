@@ -1,7 +1,7 @@
 //! From settings to a plan for the converter.
 
 use ldc161x::{
-    Acquisition, Channel, Configuration, DriveCode, LimitError, Model, Plan, Rate,
+    Acquisition, Channel, Configuration, DriveCode, ErrorConfig, LimitError, Model, Plan, Rate,
     Rcount, ReferenceClock, Request, Sensor, Sequence,
 };
 
@@ -18,6 +18,13 @@ const SENSOR: Sensor = Sensor {
 /// The bus as it is planned: 400 kHz, of which frames take 98 %, as where the image loses nothing in a
 /// minute (docs/evidence/image-rates.md). Closer to it a frame that is late once makes those after it late.
 const BUS_HZ: u32 = 393_000;
+/// What INTB reports: the end of every frame, and that the watchdog has aborted a conversion. Of a sensor
+/// that does not oscillate no conversion of more than 5.2 ms ends, and INTB would be silent as it is
+/// with a converter that is gone.
+const ERRORS: ErrorConfig = ErrorConfig {
+    watchdog_to_interrupt: true,
+    ..ErrorConfig::DATA_READY
+};
 /// Between two channels of a scan (datasheet equation 8).
 const SWITCH_S: f32 = 692e-9 + 5.0 / Clkin::SCAN.hz() as f32;
 
@@ -78,7 +85,8 @@ impl Scheme {
             bus_hz: BUS_HZ,
             ..Request::new(Model::Ldc1614, clock, acquisition, SENSOR).rate(rate)
         };
-        let plan: Plan = request.plan()?;
+        let mut plan: Plan = request.plan()?;
+        plan.configuration.errors = ERRORS;
         let Times {
             before_edge_us,
             offsets_us,

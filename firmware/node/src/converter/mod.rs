@@ -8,7 +8,7 @@ use embedded_hal_async::delay::DelayNs;
 use embedded_hal_async::i2c::I2c;
 use heapless::Vec;
 use ldc161x::{
-    Address, AsyncLdc161x, Channel, DriveCode, InterruptRelease, Model,
+    Address, AsyncLdc161x, Channel, DriveCode, InterruptRelease, Model, Quality, Reading,
 };
 use palpate_wire::code::Chip;
 
@@ -46,6 +46,12 @@ const PROBE: Setpoint = Setpoint {
 };
 
 type Result<T> = core::result::Result<T, ConverterError>;
+
+/// Whether a reading is of a sensor that does not oscillate. The watchdog ends its conversions, at no
+/// pace.
+fn is_silent(reading: &Reading) -> bool {
+    matches!(reading.quality(), Quality::Watchdog | Quality::UnderRange)
+}
 
 /// The task of one converter.
 #[derive(Debug)]
@@ -214,6 +220,10 @@ where
     /// Hands a frame over, if it is one scan's of a known time.
     async fn take(&mut self, scheme: &Scheme, grid: &mut Grid, read: &EdgeFrame) -> Result<()> {
         let frame = self.driver.decode_frame(&read.bytes)?;
+        // With several channels there is no watchdog, and each conversion takes its time.
+        if scheme.channels == 1 && frame.readings().iter().any(is_silent) {
+            grid.interrupt();
+        }
         let Some(fetch) = &read.fetch else {
             grid.skip();
             return Ok(());

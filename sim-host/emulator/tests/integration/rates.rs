@@ -1,10 +1,11 @@
-//! The image at the rates that it accepts: kept, and no more than the bus carries.
+//! The image at the rates that it accepts: kept, and no more than the bus carries; and a sensor that does
+//! not oscillate at all of them.
 
 use crate::common::{FREQUENCIES_HZ, RecordedBoard, image, recording};
 use ldc161x_sim::{InterruptRelease, Settings, Switches};
 use palpate_emulator::{EmulatedBoard, Still, Time};
 use palpate_wire::Record;
-use palpate_wire::code::{Outcome, Stream};
+use palpate_wire::code::{FaultCode, Outcome, Stream};
 use palpate_wire::command::{self, Command};
 use palpate_wire::record::Acknowledgement;
 
@@ -34,6 +35,29 @@ fn set(bench: &mut RecordedBoard, channels: u8, rate_hz: f32, stream: Stream) ->
         ..bench.settings()
     };
     bench.command(&Command::SetSettings(settings))
+}
+
+/// The watchdog of the converter ends a conversion after 5.2 ms. Whether conversions take longer or not,
+/// what is wrong is the sensor, and it is said once.
+#[test]
+fn a_sensor_that_does_not_oscillate_is_reported_as_that_at_every_rate() {
+    for release in RELEASES {
+        let snapshot = streaming(release, [FREQUENCIES_HZ[0], 0.0, 0.0, 0.0]);
+        for rate_hz in [32.0, 100.0, 180.0, 200.0, 300.0, 500.0, 1_000.0] {
+            let mut bench = snapshot.clone();
+            let answer = set(&mut bench, 0b0010, rate_hz, Stream::Samples);
+            assert_eq!(answer.outcome, Outcome::Accepted);
+            bench.run(Time::from_ms(900));
+            let faults: Vec<_> = bench
+                .faults()
+                .iter()
+                .map(|of| (of.code, of.active))
+                .collect();
+            let expected = [(FaultCode::SensorNotOscillating, true)];
+            assert_eq!(faults, expected, "{release:?} {rate_hz} Hz");
+            assert_eq!(bench.status().recoveries, 0, "{release:?} {rate_hz} Hz");
+        }
+    }
 }
 
 /// The limits that a refusal names: every rate within them is kept, and none outside of them is accepted.
