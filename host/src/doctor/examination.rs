@@ -11,7 +11,7 @@ use crate::link::Link;
 
 /// How long is listened, s: the sensor's self-test is over, and a fault that was cleared has come again.
 /// Every check of the firmware that runs by itself does so within a second (docs/faults.md).
-const LISTEN_S: f64 = 2.0;
+pub(super) const LISTEN_S: f64 = 2.0;
 /// How long records may take that follow their command's answer, s.
 const RECORDS_S: f64 = 0.2;
 
@@ -35,6 +35,8 @@ pub(super) struct Examination {
     pub(super) crash: Option<Crash>,
     /// Faults that began and did not end.
     pub(super) faults: Vec<Fault>,
+    /// Faults that began, each with how often.
+    pub(super) begun: Vec<(Fault, u32)>,
     /// Whether any fault stands, also one that began before.
     pub(super) stands: bool,
     /// Parts of the calibration that a measurement needs and that are not set.
@@ -81,6 +83,7 @@ impl Examination {
             storage: None,
             crash: None,
             faults: Vec::new(),
+            begun: Vec::new(),
             stands,
             missing,
             losses,
@@ -96,21 +99,34 @@ impl Examination {
         self.stands || !self.faults.is_empty()
     }
 
+    /// Faults that began and ended, each with how often it began.
+    pub(super) fn ended(&self) -> impl Iterator<Item = &(Fault, u32)> {
+        let stands = |fault: &Fault| self.faults.iter().any(|of| is_same(of, fault));
+        self.begun.iter().filter(move |(fault, _)| !stands(fault))
+    }
+
     fn enter(&mut self, record: Record) {
         match record {
             Record::Status(status) => self.status = Some(status),
             Record::Storage(storage) => self.storage = Some(storage),
             Record::Crash(crash) => self.crash = Some(crash),
             Record::Fault(fault) => {
-                let is_other = |of: &Fault| (of.code, of.location) != (fault.code, fault.location);
-                self.faults.retain(is_other);
+                self.faults.retain(|of| !is_same(of, &fault));
                 if fault.active {
+                    match self.begun.iter_mut().find(|(of, _)| is_same(of, &fault)) {
+                        Some((_, times)) => *times += 1,
+                        None => self.begun.push((fault.clone(), 1)),
+                    }
                     self.faults.push(fault);
                 }
             }
             _ => {}
         }
     }
+}
+
+fn is_same(one: &Fault, other: &Fault) -> bool {
+    (one.code, one.location) == (other.code, other.location)
 }
 
 /// Whether a fault stands. No command asks for it; one that needs the coil is refused because of a fault,

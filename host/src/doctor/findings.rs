@@ -4,7 +4,7 @@ use palpate_wire::code::{Chip, FaultCode, ResetCause, StorageState};
 use palpate_wire::record::{Fault, Hello, Storage};
 use palpate_wire::{MINOR_VERSION, SCHEMA_HASH, VERSION};
 
-use super::examination::{Examination, Losses};
+use super::examination::{Examination, LISTEN_S, Losses};
 use crate::faults::meaning;
 use crate::finding::Finding;
 
@@ -18,6 +18,7 @@ pub(super) fn of(found: &Examination) -> Vec<Finding> {
     findings.extend(of_start(found));
     findings.extend(of_converters(&found.hello));
     findings.extend(found.faults.iter().map(of_fault));
+    findings.extend(found.ended().map(of_flapping_fault));
     if found.stands && found.faults.is_empty() {
         findings.push(earlier_fault());
     }
@@ -129,6 +130,23 @@ fn of_fault(fault: &Fault) -> Finding {
         ),
         format!(
             "See docs/faults.md, {}. Once its cause has gone, `palpate doctor --clear` clears it",
+            fault.code
+        ),
+    )
+}
+
+fn of_flapping_fault((fault, times): &(Fault, u32)) -> Finding {
+    Finding::new(
+        "fault_flaps",
+        format!(
+            "{} ({}) at {} came and went within {LISTEN_S} s ({times} times): {}",
+            fault.code,
+            fault.code.number(),
+            fault.location,
+            meaning(fault.code),
+        ),
+        format!(
+            "See docs/faults.md, {}: what causes it comes and goes, as a loose contact does",
             fault.code
         ),
     )
@@ -300,6 +318,7 @@ mod tests {
             }),
             crash: None,
             faults: Vec::new(),
+            begun: Vec::new(),
             stands: false,
             missing: Vec::new(),
             losses: Losses::default(),
@@ -361,6 +380,30 @@ mod tests {
             cause.contains("sensor_not_oscillating (12)") && cause.contains("does not oscillate"),
             "{cause}"
         );
+    }
+
+    #[test]
+    fn a_fault_that_came_and_went_is_a_finding_and_one_that_stands_is_the_fault_alone() {
+        let fault = Fault {
+            code: FaultCode::Clock,
+            location: Location::Sensor,
+            active: true,
+            value: None,
+            limit: None,
+        };
+        let mut found = sound();
+        found.begun.push((fault.clone(), 28));
+        let findings = of(&found);
+        assert_eq!(findings.len(), 1);
+        assert_eq!(findings[0].finding, "fault_flaps");
+        let cause = &findings[0].cause;
+        assert!(
+            cause.contains("clock") && cause.contains("28 times"),
+            "{cause}"
+        );
+        found.faults.push(fault);
+        let findings: Vec<_> = of(&found).iter().map(|of| of.finding).collect();
+        assert_eq!(findings, ["fault"]);
     }
 
     #[test]

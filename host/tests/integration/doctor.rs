@@ -71,6 +71,23 @@ fn a_bare_board_is_not_calibrated_and_a_calibrated_one_is_sound() {
     assert!(said.contains("nothing is wrong"), "{said}");
 }
 
+/// Nothing is connected to the second channel, and the watchdog ends its conversions before they are over.
+#[test]
+fn a_sensor_that_does_not_oscillate_is_the_fault_that_is_found() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let set = ["settings", "set", "channels=2", "rate_hz=300", "--store"];
+    assert!(emulated(&set, folder).status.success());
+    // It began before the tool connected; cleared, it comes again.
+    let found = emulated(&["doctor", "--json"], folder);
+    assert_eq!(names(&found), ["earlier_fault", "not_calibrated"]);
+    let cleared = emulated(&["doctor", "--clear", "--json"], folder);
+    assert_eq!(names(&cleared), ["fault", "not_calibrated"]);
+    assert_eq!(report(&cleared)["cleared"], "sensor_not_oscillating");
+    let cause = report(&cleared)["findings"][0]["cause"].to_string();
+    assert!(cause.contains("sensor_not_oscillating"), "{cause}");
+}
+
 #[test]
 #[ignore = "long: `cargo xtask ci` runs it"]
 fn damaged_settings_are_found_and_the_fault_of_the_start_is_named_by_clearing_it() {
