@@ -18,6 +18,10 @@ use std::process::Command;
 /// In flash stay the start, which is over by then, and the storage itself, which waits for each erase:
 /// whatever they call that does not bear their names lies in memory.
 ///
+/// Whatever counts on the time between two instructions has to lie in memory as well: a function of its
+/// own that is never part of one in flash. `CODE_SHIFT` moves all code by so many bytes, for the test of
+/// that.
+///
 /// The last 64 KiB of flash keep settings and calibration: they are no part of an image.
 const PICO: &str = "MEMORY {
     BOOT2 : ORIGIN = 0x10000000, LENGTH = 0x100
@@ -32,6 +36,7 @@ SECTIONS {
 } INSERT BEFORE .text;
 SECTIONS {
     .cold : ALIGN(4) {
+        . += DEFINED(CODE_SHIFT) ? CODE_SHIFT : 0;
         *(.text.*__rtic_init_resources*);
         *(.text.*sequential_storage*);
         *(.text.*palpate_storage*);
@@ -42,6 +47,7 @@ SECTIONS {
 SECTIONS {
     .hot : ALIGN(16) {
         __hot_begin = .;
+        . += DEFINED(CODE_SHIFT) ? CODE_SHIFT : 0;
         *(.text .text.*);
         *(.HardFaultTrampoline .HardFault.*);
         *(.rodata .rodata.*);

@@ -280,7 +280,8 @@ impl<P: Plant> EmulatedBoard<P> {
             self.asleep_ps += self.bus.clock.now_ps() - begin_ps;
             begin_ps = self.bus.clock.now_ps();
         } else {
-            self.execute();
+            let waited = self.fetch();
+            self.execute(waited);
         }
         if self.bus.clock.now_ps() >= self.bus.next_event_ps {
             self.service();
@@ -312,17 +313,32 @@ impl<P: Plant> EmulatedBoard<P> {
         }
     }
 
-    fn execute(&mut self) {
+    /// Lets the time pass for which the next instruction is not there yet, in which other things
+    /// happen, and returns it in cycles: what the instruction does it does afterwards.
+    #[inline]
+    fn fetch(&mut self) -> u64 {
+        self.bus.stall = 0;
+        self.bus.charge_access(self.core.regs.pc());
+        let waited = u64::from(self.bus.stall);
+        if waited > 0 {
+            self.bus.clock.advance(waited);
+            if self.bus.clock.now_ps() >= self.bus.next_event_ps {
+                self.service();
+            }
+        }
+        waited
+    }
+
+    fn execute(&mut self, waited: u64) {
         let pc = self.core.regs.pc();
         self.bus.stall = 0;
-        self.bus.charge_access(pc);
         let active = self.bus.private.ppb.active;
         let exception = self.core.regs.ipsr();
         let cycles = u64::from(self.core.step(&mut self.bus)) + u64::from(self.bus.stall);
         self.instructions += 1;
         self.bus.clock.advance(cycles);
         if let Some(profile) = &mut self.profile {
-            profile.executed(pc, cycles, exception);
+            profile.executed(pc, waited + cycles, exception);
             if self.bus.private.ppb.active < active {
                 profile.returned();
             }

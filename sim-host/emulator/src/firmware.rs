@@ -69,6 +69,20 @@ pub fn build_with_logs(level: &str) -> Result<PathBuf, BuildError> {
     Ok(kept)
 }
 
+/// Builds the image with all of its code moved by so many bytes, and returns its path: for tests of what is
+/// not to depend on where the code lies.
+///
+/// # Errors
+/// [`BuildError`], with what to do.
+pub fn build_shifted(bytes: u32) -> Result<PathBuf, BuildError> {
+    let workspace = required()?;
+    let folder = target_folder(&workspace).join("shifted");
+    let mut cargo = cargo_for_image("rustc", &workspace, &folder, &["--bin", PACKAGE])?;
+    cargo.args(["--", "-C", &format!("link-arg=--defsym=CODE_SHIFT={bytes}")]);
+    run(cargo, "the firmware image could not be built")?;
+    Ok(folder.join(TARGET).join(PROFILE).join(PACKAGE))
+}
+
 /// Builds an example of the firmware's package, as the firmware itself is built: `on_target`, which
 /// compares bits, or `bring_up`, by which a PC tests the converter.
 ///
@@ -136,15 +150,25 @@ fn cargo_build(
     what: &[&str],
     variables: &[(&str, &str)],
 ) -> Result<(), BuildError> {
+    let mut cargo = cargo_for_image("build", workspace, folder, what)?;
+    cargo.envs(variables.iter().copied());
+    run(cargo, "the firmware image could not be built").map(drop)
+}
+
+fn cargo_for_image(
+    verb: &str,
+    workspace: &Path,
+    folder: &Path,
+    what: &[&str],
+) -> Result<Command, BuildError> {
     provide_target(workspace)?;
     let mut cargo = cargo(workspace);
     cargo
-        .args(["build", "--locked", "--package", PACKAGE])
+        .args([verb, "--locked", "--package", PACKAGE])
         .args(["--profile", PROFILE, "--target", TARGET])
         .args(what)
-        .env("CARGO_TARGET_DIR", folder)
-        .envs(variables.iter().copied());
-    run(cargo, "the firmware image could not be built").map(drop)
+        .env("CARGO_TARGET_DIR", folder);
+    Ok(cargo)
 }
 
 /// A cargo whose image is the same whatever flags and logs the environment asks for.

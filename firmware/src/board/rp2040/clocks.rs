@@ -160,12 +160,16 @@ fn distribute(clocks: &CLOCKS) -> Option<()> {
 #[allow(unsafe_code)]
 pub fn send_out(clocks: &rp2040_pac::clocks::RegisterBlock, divisor: u32) {
     let (control, division) = (clocks.clk_gpout0_ctrl(), clocks.clk_gpout0_div());
-    if division.read().int().bits() == divisor && control.read().enable().bit_is_set() {
+    let before = division.read().int().bits();
+    if before == divisor && control.read().enable().bit_is_set() {
         return;
     }
-    // The output is stopped while its divisor changes.
-    control.reset();
+    // Nothing of it changes before it stands, which takes a few of its own periods (2.15.3.2; the SDK's
+    // `clock_configure` waits for three).
+    control.modify(|_, w| w.enable().clear_bit());
+    delay(3 * before);
     // SAFETY: within the field of 24 bits.
     division.write(|w| unsafe { w.int().bits(divisor) });
-    control.write(|w| w.auxsrc().clk_sys().dc50().set_bit().enable().set_bit());
+    control.write(|w| w.auxsrc().clk_sys().dc50().set_bit());
+    control.modify(|_, w| w.enable().set_bit());
 }

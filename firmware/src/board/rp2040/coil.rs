@@ -53,16 +53,7 @@ impl CoilHardware for PicoCoil {
     }
 
     fn last_period(&self) -> LastPeriod {
-        // Together: what came between would shift the window by as long as it runs.
-        critical_section::with(|_| {
-            let (number, ended_us) = control::last();
-            LastPeriod {
-                number,
-                ended_us: Mono::now()
-                    .as_ticks()
-                    .saturating_sub_signed(ended_us.into()),
-            }
-        })
+        control::last()
     }
 
     fn averages(&self) -> &Averages<AVERAGED_BLOCKS> {

@@ -339,8 +339,9 @@ fn refuse_control() {
     }
     let setup_waits = || registers.sie_status().read().setup_rec().bit_is_set();
     // Not interrupted: the next token is a few microseconds after the setup packet. So one that comes in here
-    // is seen in time, and one that came before is asked for first: its token may be now.
-    critical_section::with(|_| {
+    // is seen in time, and one that came before is asked for first: its token may be now. The interrupts that
+    // a critical section lets through may take longer.
+    cortex_m::interrupt::free(|_| {
         if setup_waits() {
             return;
         }

@@ -373,6 +373,28 @@ fn new_code_in_flash_is_what_runs() {
     }
 }
 
+#[test]
+fn an_instruction_that_has_to_be_fetched_first_writes_when_it_is_there() {
+    // str r1, [r0]
+    let mut board = EmulatedBoard::new(
+        &Image::of_code(&[0x6001], FILL),
+        Still::new([3e6; 4]),
+        Settings::default(),
+        Options::default(),
+    );
+    board.bus.write32(0x4000_C000, 0);
+    // PWM.EN and the count of its first slice.
+    board.core.regs.r[..2].copy_from_slice(&[0x4005_00A0, 1]);
+    board.set_pc(FLASH + 0x200);
+    board.bus.memory.cache.flush();
+    let begin = board.now();
+    board.step(u64::MAX).unwrap();
+    let took_cycles = (board.now() - begin).as_secs_f64() * CYCLES_6_5_MHZ;
+    assert!(took_cycles > 66.0, "{took_cycles}");
+    let count = board.bus.read32(0x4005_0008);
+    assert!(count < 10, "the slice runs for {count} cycles");
+}
+
 // ---- interrupts ----
 
 /// Lets interrupt 0 count in RAM: its handler adds one to the word at `DATA`.

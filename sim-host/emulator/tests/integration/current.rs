@@ -1,13 +1,15 @@
 //! What the image reports of the coil's current period by period, and what a calibration of its
 //! measurement does.
 
-use crate::common::RecordedBoard;
+use crate::common::driven::{ChargeCurve, wired_with};
+use crate::common::{RecordedBoard, origin_us};
 use ldc161x_sim::Sensors;
 use palpate_emulator::{
-    BridgeCircuit, EmulatedBoard, Options, Plant, PlantConditions, Still, Time,
+    BridgeCircuit, EmulatedBoard, Image, Options, Plant, PlantConditions, Still, Time, firmware,
 };
+use palpate_sim::electrical::ConverterParameters;
 use palpate_wire::code::{FaultCode, Outcome};
-use palpate_wire::command::{Command, CurrentCorrection, DriveCoil};
+use palpate_wire::command::{Command, CurrentCorrection, DriveCoil, Settings};
 use palpate_wire::record::CurrentTrace;
 use palpate_wire::{Frame, Record};
 
@@ -332,5 +334,105 @@ fn the_plant_gets_the_circuits_current_at_its_time_with_its_ripple() {
         // Without the ripple 1e-3 A^2 s would be missing.
         let missed_a2_s = square_a2_s - plant.square_a2_s;
         assert!(missed_a2_s.abs() < 3e-4, "{missed_a2_s:e}");
+    }
+}
+
+// ---- whole trains ----
+
+/// From one look at the true current to the next: a quarter of a period. What the ripple adds between two of
+/// them is a tenth of a milliampere in the mean of a conversion.
+const LOOK: Time = Time::from_us(4);
+/// What the reported current of a conversion may be off, A.
+const LIMIT_A: f64 = 8e-3;
+/// A train of this many ramps, of 100 ms each, and how long it is followed.
+const RAMPS: u8 = 3;
+const TRAIN: Time = Time::from_ms(330);
+
+/// What is reported of the current over every conversion of a train, less the true mean over the same time by
+/// the image's own stamps, A. The converter of the current has no error but half a code of noise,
+/// by which a mean is finer than a code.
+fn train_errors(image: &Image) -> Vec<f64> {
+    let measurement = BridgeCircuit {
+        converter: ConverterParameters {
+            noise_lsb: 0.5,
+            ..ConverterParameters::EXACT
+        },
+        ..BridgeCircuit::default()
+    };
+    let mut bench = wired_with(image, PlantConditions::default(), measurement, 1);
+    let settings = Settings {
+        ramps: RAMPS,
+        ..bench.settings()
+    };
+    let set = bench.command(&Command::SetSettings(settings));
+    assert_eq!(set.outcome, Outcome::Accepted);
+    bench.arm();
+    assert_eq!(bench.command(&Command::Sweep).outcome, Outcome::Accepted);
+    bench.frames.clear();
+    let mut charge = ChargeCurve(Vec::new());
+    let end = bench.board.now() + TRAIN;
+    while bench.board.now() < end {
+        for _ in 0..250 {
+            let charge_a_s = bench.board.totals().charge_a_s;
+            charge.0.push((bench.board.now().as_secs_f64(), charge_a_s));
+            bench.board.run_for(LOOK).unwrap();
+        }
+        bench.listen();
+    }
+    assert_eq!(bench.faults(), []);
+    errors(&bench, &charge)
+}
+
+fn errors<P: Plant>(bench: &RecordedBoard<P>, charge: &ChargeCurve) -> Vec<f64> {
+    let origin_s = 1e-6 * origin_us(&bench.board);
+    let samples: Vec<_> = bench
+        .samples()
+        .map(|(time_us, sample)| (origin_s + 1e-6 * time_us as f64, sample))
+        .collect();
+    assert!(samples.iter().all(|(_, sample)| sample.missed == 0));
+    let (Some((first_s, _)), Some((last_s, _))) = (samples.first(), samples.last()) else {
+        return Vec::new();
+    };
+    let length_s = (last_s - first_s) / (samples.len() - 1) as f64;
+    samples
+        .iter()
+        .filter_map(|(middle_s, sample)| {
+            let begin = charge.charge_at(middle_s - 0.5 * length_s)?;
+            let end = charge.charge_at(middle_s + 0.5 * length_s)?;
+            let true_a = (end - begin) / length_s;
+            Some(f64::from(sample.current_a?) - true_a)
+        })
+        .collect()
+}
+
+/// Conversions of a train, at least.
+const CONVERSIONS: usize = 300;
+
+fn assert_true_over_a_train(image: &Image, which: &str) {
+    let errors = train_errors(image);
+    let greatest_a = errors.iter().fold(0.0_f64, |most, of| most.max(of.abs()));
+    let mean_a = errors.iter().sum::<f64>() / errors.len() as f64;
+    println!(
+        "{which}: greatest {:.2} mA, mean {:.2} mA",
+        1e3 * greatest_a,
+        1e3 * mean_a
+    );
+    assert!(errors.len() >= CONVERSIONS, "{which}: {}", errors.len());
+    assert!(greatest_a <= LIMIT_A, "{which}: {greatest_a} A");
+}
+
+#[test]
+fn the_reported_current_is_true_over_whole_rises_and_falls() {
+    assert_true_over_a_train(crate::common::image(), "as shipped");
+}
+
+/// Where a line of the flash's cache ends within the code makes no difference.
+#[test]
+#[ignore = "long: `cargo xtask ci` runs it"]
+fn the_reported_current_is_true_wherever_the_code_lies() {
+    for bytes in (0..=28).step_by(4) {
+        let path = firmware::build_shifted(bytes).unwrap_or_else(|error| panic!("{error}"));
+        let image = Image::load(&path).unwrap();
+        assert_true_over_a_train(&image, &format!("shifted by {bytes} bytes"));
     }
 }

@@ -1,7 +1,7 @@
 //! The coil driven by the image: on circuits of any kind, and what becomes of its current.
 
 use ldc161x_sim::{Sensors, Settings, Time};
-use palpate_emulator::{EmulatedBoard, LevelTimes, Options, Plant, PlantConditions, Still};
+use palpate_emulator::{EmulatedBoard, Image, LevelTimes, Options, Plant, PlantConditions, Still};
 use palpate_sim::electrical::{Circuit, Pins};
 use palpate_wire::code::{Outcome, Stream};
 use palpate_wire::command::DriveCoil;
@@ -53,6 +53,16 @@ pub(crate) fn wired(
     drive: palpate_emulator::BridgeCircuit,
     seed: u64,
 ) -> RecordedBoard<Wired> {
+    wired_with(image(), conditions, drive, seed)
+}
+
+/// The same with another image.
+pub(crate) fn wired_with(
+    image: &Image,
+    conditions: PlantConditions,
+    drive: palpate_emulator::BridgeCircuit,
+    seed: u64,
+) -> RecordedBoard<Wired> {
     let options = Options {
         drive,
         seed,
@@ -64,7 +74,7 @@ pub(crate) fn wired(
         parallel_ohm: PARALLEL_OHM,
     };
     let mut bench = RecordedBoard::of(EmulatedBoard::new(
-        image(),
+        image,
         plant,
         Settings::default(),
         options,
@@ -82,8 +92,8 @@ pub(crate) fn drive(to_a: f64, over_s: f32) -> Command {
     })
 }
 
-/// Time and charge at the end of every period.
-pub(crate) struct ChargeCurve(Vec<(f64, f64)>);
+/// Time, s, and charge, A s, at the end of every period or more often.
+pub(crate) struct ChargeCurve(pub(crate) Vec<(f64, f64)>);
 
 impl ChargeCurve {
     /// Mean current of every period, A.
@@ -95,8 +105,8 @@ impl ChargeCurve {
         self.0.windows(2).map(mean).collect()
     }
 
-    /// Charge at a time, straight between the periods' ends; nothing outside.
-    fn charge_at(&self, time_s: f64) -> Option<f64> {
+    /// Charge at a time, straight between the points; nothing outside.
+    pub(crate) fn charge_at(&self, time_s: f64) -> Option<f64> {
         let index = self.0.partition_point(|(at, _)| *at <= time_s);
         let (before, after) = (self.0.get(index.checked_sub(1)?)?, self.0.get(index)?);
         let part = (time_s - before.0) / (after.0 - before.0);
