@@ -415,6 +415,15 @@ impl Drive {
         }
     }
 
+    /// In the place of [`tick`](Self::tick), for a period whose samples nobody knows: the converter or what
+    /// carries its results has lost some, and the others may stand for one another. Returns that the bridge
+    /// has to go off, whatever the drive did.
+    pub fn lose_samples(&mut self) -> Output {
+        self.measured = 0;
+        self.latch(Fault::SamplesLost);
+        Output::OFF
+    }
+
     /// The rest of the period's work, for which there is time after the levels have been written:
     /// sums, and what is watched over several periods. Returns whether the bridge has to go off at
     /// once.

@@ -37,6 +37,8 @@ pub enum Fault {
     SenseReversed,
     /// The measured current does not follow a small change of the setpoint.
     SenseFrozen,
+    /// Samples were lost: [`Drive::lose_samples`](crate::Drive::lose_samples).
+    SamplesLost,
     /// Self-test: resistance or inductance is too high.
     NotACoil,
     /// Self-test: the hardware's own limit of the current does not act.
@@ -45,7 +47,7 @@ pub enum Fault {
 
 impl Fault {
     /// Every fault.
-    pub const ALL: [Self; 17] = [
+    pub const ALL: [Self; 18] = [
         Self::OverCurrent,
         Self::Bridge,
         Self::CurrentMissing,
@@ -61,6 +63,7 @@ impl Fault {
         Self::Short,
         Self::SenseReversed,
         Self::SenseFrozen,
+        Self::SamplesLost,
         Self::NotACoil,
         Self::NoHardwareLimit,
     ];
@@ -98,6 +101,7 @@ impl fmt::Display for Fault {
             Self::Short => "resistance or inductance is too low: look for a short",
             Self::SenseReversed => "the current amplifier is turned round: swap its inputs",
             Self::SenseFrozen => "the current amplifier is frozen: check its supply and output",
+            Self::SamplesLost => "samples of the current were lost: begin the converter anew",
             Self::NotACoil => "resistance or inductance is too high: check the coil",
             Self::NoHardwareLimit => "the bridge's own current limit does not act: set it up",
         })

@@ -1,6 +1,8 @@
 //! ADC (RP2040 datasheet 4.9): conversions without end over several inputs in turn, into the FIFO,
 //! from which DMA takes them.
 
+use std::collections::VecDeque;
+
 use crate::time::periods_ps;
 
 /// Cycles of clk_adc for a conversion (4.9.2).
@@ -8,14 +10,26 @@ const CONVERSION: u64 = 96;
 const ENABLE: u32 = 1;
 const TEMPERATURE: u32 = 1 << 1;
 const START_MANY: u32 = 1 << 3;
-/// FCS: the FIFO on, with a request to DMA.
-const FIFO_TO_DMA: u32 = 1 | 1 << 3;
+/// FCS: results go into the FIFO, which asks DMA to take them.
+const FIFO_ENABLE: u32 = 1;
+const ASK_DMA: u32 = 1 << 3;
+const EMPTY: u32 = 1 << 8;
+const FULL: u32 = 1 << 9;
+/// FCS: read when empty, written when full; cleared by a one.
+const UNDER: u32 = 1 << 10;
+const OVER: u32 = 1 << 11;
+const THRESHOLD: u32 = 0xF << 24;
+/// Results that the FIFO holds (4.9.2.4).
+const FIFO_DEPTH: usize = 4;
 
 /// The converter.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Adc {
     control: u32,
-    fifo: u32,
+    /// What FCS was set to, and the two flags of it that stay.
+    fifo_control: u32,
+    fifo_flags: u32,
+    fifo: VecDeque<u16>,
     /// When conversions without end began, and how many have been sampled since.
     began_ps: u64,
     clock_hz: f64,
@@ -55,18 +69,30 @@ impl Adc {
                     self.sampled = 0;
                 }
             }
-            // Results shifted to eight bits, and interrupts, are not modelled.
-            0x8 if value & !FIFO_TO_DMA == 0 => self.fifo = value,
+            // Results shifted to eight bits, and errors beside them, are not modelled.
+            0x8 if value & 0b0110 == 0 => {
+                self.fifo_control = value & (FIFO_ENABLE | ASK_DMA | THRESHOLD);
+                self.fifo_flags &= !value;
+            }
             0x10 if value == 0 => {}
             _ => return None,
         }
         Some(())
     }
 
-    pub(crate) fn read(&self, offset: u32) -> Option<u32> {
+    pub(crate) fn read(&mut self, offset: u32) -> Option<u32> {
         Some(match offset {
             0x0 => self.control | 1 << 8,
-            0x8 => self.fifo,
+            0x8 => {
+                let level = self.fifo.len();
+                let flag = |holds: bool, flag: u32| if holds { flag } else { 0 };
+                self.fifo_control
+                    | self.fifo_flags
+                    | flag(level == 0, EMPTY)
+                    | flag(level == FIFO_DEPTH, FULL)
+                    | (level as u32) << 16
+            }
+            0xC => self.take_from_fifo().into(),
             0x10 => 0,
             _ => return None,
         })
@@ -77,9 +103,40 @@ impl Adc {
         self.control & (ENABLE | START_MANY) == ENABLE | START_MANY
     }
 
-    /// Whether results go to DMA.
+    fn threshold(&self) -> usize {
+        ((self.fifo_control & THRESHOLD) >> 24) as usize
+    }
+
+    /// Whether DMA is asked to take a result: while there are as many as the threshold, so always where that
+    /// is none (4.9.2.5).
+    pub(crate) fn asks_dma(&self) -> bool {
+        self.fifo_control & ASK_DMA != 0 && self.fifo.len() >= self.threshold()
+    }
+
+    /// Whether every result goes on to DMA at once, and nothing else does.
     pub(crate) fn feeds_dma(&self) -> bool {
-        self.fifo & FIFO_TO_DMA == FIFO_TO_DMA
+        let is_on = FIFO_ENABLE | ASK_DMA;
+        self.fifo_control & is_on == is_on && self.threshold() == 1
+    }
+
+    /// Puts a result into the FIFO, if that is on; one that finds it full is lost.
+    pub(crate) fn put_into_fifo(&mut self, code: u16) {
+        if self.fifo_control & FIFO_ENABLE == 0 {
+            return;
+        }
+        if self.fifo.len() < FIFO_DEPTH {
+            self.fifo.push_back(code);
+        } else {
+            self.fifo_flags |= OVER;
+        }
+    }
+
+    /// Takes the oldest result from the FIFO. What an empty one gives the datasheet does not say: 0 here.
+    pub(crate) fn take_from_fifo(&mut self) -> u16 {
+        self.fifo.pop_front().unwrap_or_else(|| {
+            self.fifo_flags |= UNDER;
+            0
+        })
     }
 
     /// The next conversion to be sampled.
@@ -154,5 +211,53 @@ mod tests {
         }
         assert_eq!(inputs, [0, 1, 2, 4, 0, 1, 2, 4]);
         assert_eq!(adc.sampled_by(5_000_000 + 30_000_000), 7);
+    }
+
+    fn fifo(control: u32) -> Adc {
+        let mut adc = Adc::default();
+        adc.write(0x8, control, 0, None).unwrap();
+        adc
+    }
+
+    fn control(adc: &mut Adc) -> u32 {
+        adc.read(0x8).unwrap()
+    }
+
+    #[test]
+    fn dma_is_asked_from_the_threshold_on_and_without_one_always() {
+        let on = FIFO_ENABLE | ASK_DMA;
+        for (threshold, asks) in [
+            (0, [true; 5]),
+            (1, [false, true, true, true, true]),
+            (3, [false, false, false, true, true]),
+            (5, [false; 5]),
+        ] {
+            let mut adc = fifo(on | threshold << 24);
+            for (level, asks) in asks.into_iter().enumerate() {
+                assert_eq!(adc.asks_dma(), asks, "{threshold} {level}");
+                adc.put_into_fifo(level as u16);
+            }
+        }
+        let mut quiet = fifo(FIFO_ENABLE | 1 << 24);
+        quiet.put_into_fifo(1);
+        assert!(!quiet.asks_dma());
+    }
+
+    #[test]
+    fn a_full_fifo_loses_the_newest_and_an_empty_one_has_nothing() {
+        let mut adc = fifo(FIFO_ENABLE);
+        assert_eq!(control(&mut adc), FIFO_ENABLE | EMPTY);
+        for code in 1..=5 {
+            adc.put_into_fifo(code);
+        }
+        assert_eq!(control(&mut adc), FIFO_ENABLE | FULL | OVER | 4 << 16);
+        let codes: Vec<u32> = (0..5).map(|_| adc.read(0xC).unwrap()).collect();
+        assert_eq!(codes, [1, 2, 3, 4, 0]);
+        assert_eq!(control(&mut adc), FIFO_ENABLE | EMPTY | OVER | UNDER);
+        adc.write(0x8, FIFO_ENABLE | UNDER, 0, None).unwrap();
+        assert_eq!(control(&mut adc), FIFO_ENABLE | EMPTY | OVER);
+        let mut off = fifo(0);
+        off.put_into_fifo(1);
+        assert_eq!(control(&mut off), EMPTY);
     }
 }

@@ -423,6 +423,12 @@ impl<P: Plant> EmulatedBoard<P> {
 
     // ---- the debug probe ----
 
+    /// Takes a result from the ADC's FIFO, as a probe does that shows its registers.
+    pub fn read_adc_fifo(&mut self) -> u16 {
+        self.bus.run_coil(self.bus.clock.now_ps());
+        self.bus.adc_mut().take_from_fifo()
+    }
+
     fn control_block(&self) -> Option<u32> {
         self.image.symbol("_SEGGER_RTT")
     }

@@ -184,6 +184,10 @@ impl<P: Plant> SystemBus<P> {
         self.settle();
     }
 
+    pub(crate) const fn adc_mut(&mut self) -> &mut Adc {
+        &mut self.adc
+    }
+
     fn fail(&mut self, what: &'static str) {
         let pc = self.pc;
         self.stop.get_or_insert(Stop::NotFollowed { what, pc });
@@ -337,7 +341,10 @@ impl<P: Plant> SystemBus<P> {
                 self.refresh();
                 value
             }
-            base::ADC => self.adc.read(offset),
+            base::ADC => {
+                self.run_coil(now_ps);
+                self.adc.read(offset)
+            }
             base::PWM => self.pwm.read(offset, now_ps),
             base::TIMER => self.timer.read(offset, now_ps),
             base::WATCHDOG => self.watchdog.read(offset),

@@ -67,7 +67,9 @@ const fn code(fault: Fault) -> FaultCode {
         Fault::OnTime => FaultCode::OnTime,
         Fault::Energy => FaultCode::TooMuchEnergy,
         Fault::Unattended => FaultCode::Overrun,
-        Fault::Offset | Fault::SenseReversed | Fault::SenseFrozen => FaultCode::CurrentSense,
+        Fault::Offset | Fault::SenseReversed | Fault::SenseFrozen | Fault::SamplesLost => {
+            FaultCode::CurrentSense
+        }
         Fault::Open => FaultCode::CoilOpen,
         Fault::NotACoil => FaultCode::CoilUnknown,
         Fault::NoHardwareLimit => FaultCode::NoHardwareLimit,
@@ -114,6 +116,7 @@ mod tests {
                 Location::Coil,
             ),
             (Fault::SenseFrozen, FaultCode::CurrentSense, Location::Coil),
+            (Fault::SamplesLost, FaultCode::CurrentSense, Location::Coil),
             (Fault::Open, FaultCode::CoilOpen, Location::Coil),
             (Fault::NotACoil, FaultCode::CoilUnknown, Location::Coil),
             (

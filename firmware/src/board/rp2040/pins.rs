@@ -234,7 +234,6 @@ impl Board {
             &device.WATCHDOG,
         ) && ready;
         set_up_converter_pins();
-        device.ADC.cs().write(|w| w.en().set_bit());
         output(LED, false);
         input(BRIDGE_FAULT, PULL_UP);
         i2c::set_up();

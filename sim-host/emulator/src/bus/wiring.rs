@@ -196,21 +196,28 @@ impl<P: Plant> SystemBus<P> {
     /// overwrite are not made.
     fn skip_conversions(&mut self, now_ps: u64) {
         let waiting = self.adc.sampled_by(now_ps);
-        if self.pwm.interrupts() || waiting <= LAST_CONVERSIONS {
+        let are_read = self.pwm.interrupts() || !self.adc.feeds_dma();
+        if are_read || waiting <= LAST_CONVERSIONS {
             return;
         }
         let skipped = waiting - LAST_CONVERSIONS;
-        if self.adc.feeds_dma() {
-            // At most a second's, at 500 000 a second.
-            self.dma.skip(skipped as u32);
-        }
+        // At most a second's, at 500 000 a second.
+        self.dma.skip(skipped as u32);
         self.adc.skip(skipped);
     }
 
+    /// A result into the FIFO, and on into memory. From a FIFO that asks without end DMA would take
+    /// hundreds until the next result; as many as fill any ring stand for them.
     fn store_result(&mut self, code: u16) {
-        if self.adc.feeds_dma()
-            && let Some(address) = self.dma.next()
-        {
+        self.adc.put_into_fifo(code);
+        for _ in 0..LAST_CONVERSIONS {
+            if !self.adc.asks_dma() {
+                return;
+            }
+            let Some(address) = self.dma.next() else {
+                return;
+            };
+            let code = self.adc.take_from_fifo();
             self.memory.set_half_word(address, code);
         }
     }

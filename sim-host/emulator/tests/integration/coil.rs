@@ -344,6 +344,37 @@ fn an_amplifier_that_freezes_at_its_target_is_found() {
     }
 }
 
+/// From then on the results would stand for one another: the thermistor's for the current.
+#[test]
+fn a_result_that_dma_does_not_get_switches_off_within_two_periods_and_is_got_over() {
+    let mut bench = driving(6.0);
+    bench.board.read_adc_fifo();
+    let begin = bench.board.now();
+    bench
+        .board
+        .run_until(Time::from_ms(1), |board| !board.bridge().awake)
+        .unwrap();
+    let took = bench.board.now() - begin;
+    assert!(took <= PERIOD + PERIOD, "{took}");
+    bench.run(Time::from_ms(10));
+    assert_eq!(fault(&bench), Some(FaultCode::CurrentSense));
+    let clear = Command::ClearFault(ClearFault {
+        code: FaultCode::CurrentSense,
+    });
+    assert_eq!(bench.command(&clear).outcome, Outcome::Accepted);
+    // Tested anew, and the current is what was commanded.
+    let before = bench.frames.len();
+    assert_eq!(bench.command(&Command::Arm).outcome, Outcome::Accepted);
+    bench.run(Time::from_ms(150));
+    assert!(coil_test(&bench.frames[before..]).is_some());
+    assert_eq!(bench.command(&drive(5.0, 1e-3)).outcome, Outcome::Accepted);
+    bench.run(Time::from_ms(5));
+    let mean_a = mean_a(&mut bench, Time::from_ms(20));
+    assert!((mean_a - 5.0).abs() < 0.05, "{mean_a}");
+    let active = bench.faults().iter().filter(|fault| fault.active).count();
+    assert_eq!(active, 1, "{:?}", bench.faults());
+}
+
 #[test]
 fn a_bridge_without_a_limit_is_not_driven() {
     let options = Options {

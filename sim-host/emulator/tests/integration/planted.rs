@@ -5,7 +5,8 @@ use crate::common::{Crash, EXCEPTIONS, RecordedBoard, ramping};
 use ldc161x_sim::Time;
 use palpate_emulator::{Image, firmware};
 use palpate_wire::Record;
-use palpate_wire::code::ResetCause;
+use palpate_wire::code::{FaultCode, Outcome, ResetCause};
+use palpate_wire::command::Command;
 
 fn planted(defect: &str) -> Image {
     let path = firmware::build_with_defect(defect).unwrap_or_else(|error| panic!("{error}"));
@@ -48,6 +49,22 @@ fn an_image_that_drops_a_write_or_swaps_the_words_is_caught() {
             .filter(|(_, it)| (it.channels[0].frequency_hz / 3.1e6 - 1.0).abs() < 1e-3);
         assert_eq!(right.count(), 0, "{defect}");
     }
+}
+
+/// By the datasheet of the ADC: a board would measure nothing.
+#[test]
+#[ignore = "long: `cargo xtask ci` runs it"]
+fn an_image_whose_dma_is_asked_for_results_that_are_not_there_is_caught() {
+    let image = planted("asks_always");
+    let mut bench = RecordedBoard::of(crate::common::board(&image));
+    bench.stream();
+    let coil = Command::SetCoil(crate::common::coil());
+    assert_eq!(bench.command(&coil).outcome, Outcome::Accepted);
+    bench.command(&Command::Arm);
+    bench.run(Time::from_ms(100));
+    let codes: Vec<FaultCode> = bench.faults().iter().map(|fault| fault.code).collect();
+    assert!(codes.contains(&FaultCode::CurrentSense), "{codes:?}");
+    assert_eq!(bench.board.current_a(), 0.0);
 }
 
 #[test]

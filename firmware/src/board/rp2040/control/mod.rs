@@ -18,15 +18,18 @@ use coil_hbridge::{Averages, Drive, Order, Output, Trace};
 use cortex_m::peripheral::NVIC;
 use palpate_node::board::{CORE_MHZ, FULL_LEVEL, cycles};
 use palpate_node::coil::{AVERAGED_BLOCKS, LastPeriod, SlowReadings, TRACE_LENGTH};
-use rp2040_pac::{ADC, DMA, Interrupt, PWM};
+use rp2040_pac::{ADC, DMA, Interrupt, PWM, RESETS};
 use rtic_monotonics::rp2040::prelude::*;
 
 use crate::Mono;
 use crate::board::pins::{self, Function};
+use crate::board::rp2040::wait;
 use crate::board::safe;
 
 /// The slice that calls the interrupt.
 pub const CONTROL_SLICE: usize = 1;
+/// That one and the bridge's.
+const SLICES: u32 = 1 << CONTROL_SLICE | 1 << pins::COIL_SLICE;
 /// Cycles of a period.
 pub const CYCLES: u32 = 2 * FULL_LEVEL as u32;
 /// Its count when the bridge's slice begins a period: it wraps 10.25 us later, a conversion and a
@@ -41,8 +44,13 @@ const TRIES: u32 = 10 * CYCLES / 20;
 const PHASE_CORRECT: u32 = 1 << 1;
 /// ADC.CS: enabled, temperature sensor on, without end, inputs 0, 1, 2 and 4 in turn.
 const CONVERT: u32 = 1 | 1 << 1 | 1 << 3 | 0b10111 << 16;
-/// ADC.FCS: the FIFO on, asking DMA.
-const FIFO_TO_DMA: u32 = 1 | 1 << 3;
+/// ADC.CS: enabled, temperature sensor on.
+const POWERED: u32 = 1 | 1 << 1;
+/// ADC.FCS: the FIFO on, asking DMA while it holds at least one result (datasheet 4.9.2.5; with a threshold
+/// of none it would ask always, and DMA carry what is not there).
+const FIFO_TO_DMA: u32 = 1 | 1 << 3 | 1 << 24;
+/// ADC.FCS: the FIFO was read when it was empty, or a result found it full. Either stays until it is cleared.
+const RESULTS_LOST: u32 = 1 << 10 | 1 << 11;
 /// DMA: enabled, half-words, writing on in a ring of 16 bytes, asked by the ADC's FIFO.
 const CARRY: u32 = 1 | 1 << 2 | 1 << 5 | 4 << 6 | 1 << 10 | 36 << 15;
 /// Results until one channel hands over to the other: a multiple of the ring, and an hour.
@@ -114,10 +122,15 @@ pub fn start(drive: Drive) {
     begin();
 }
 
-/// Sets the blocks up, which come from their reset, and starts them.
+/// Sets PWM, ADC and DMA up and starts them, the latter two from their reset.
 fn begin() {
     // SAFETY: nothing else uses these slices, the ADC or DMA.
     unsafe {
+        let (pwm, adc) = (&*PWM::ptr(), &*ADC::ptr());
+        let others = pwm.en().read().bits() & !SLICES;
+        pwm.en().write(|w| w.bits(others));
+        adc.cs().write(|w| w.bits(POWERED));
+        wait(|| adc.cs().read().ready().bit_is_set());
         let dma = &*DMA::ptr();
         set_up(dma.ch(1));
         dma.ch(1).ch_al1_ctrl().write(|w| w.bits(CARRY));
@@ -125,7 +138,6 @@ fn begin() {
         // The other takes over at its end.
         let chained = CARRY | 1 << 11;
         dma.ch(0).ch_ctrl_trig().write(|w| w.bits(chained));
-        let pwm = &*PWM::ptr();
         let bridge = pwm.ch(pins::COIL_SLICE);
         bridge.csr().write(|w| w.bits(PHASE_CORRECT));
         bridge.top().write(|w| w.bits(u32::from(FULL_LEVEL) - 1));
@@ -135,11 +147,36 @@ fn begin() {
         control.csr().write(|w| w.bits(0));
         control.top().write(|w| w.bits(CYCLES - 1));
         control.ctr().write(|w| w.bits(CONTROL_BEGINS));
-        let adc = &*ADC::ptr();
         adc.fcs().write(|w| w.bits(FIFO_TO_DMA));
-        let slices = 1 << pins::COIL_SLICE | 1 << CONTROL_SLICE;
-        start_together(pwm.en().read().bits() | slices);
+        start_together(others | SLICES);
     }
+}
+
+/// Begins anew with every result in its place, while the bridge is off.
+#[inline(never)]
+fn begin_anew() {
+    // SAFETY: what others change here they change in tasks, none of which comes between.
+    let resets = unsafe { &*RESETS::ptr() };
+    resets
+        .reset()
+        .modify(|_, w| w.adc().set_bit().dma().set_bit());
+    resets
+        .reset()
+        .modify(|_, w| w.adc().clear_bit().dma().clear_bit());
+    let is_done = || {
+        let done = resets.reset_done().read();
+        done.adc().bit_is_set() && done.dma().bit_is_set()
+    };
+    if wait(is_done) {
+        begin();
+    }
+}
+
+/// Whether results are not in their places in the ring any more.
+#[inline(always)]
+fn has_lost_results() -> bool {
+    // SAFETY: a register is read.
+    unsafe { (*ADC::ptr()).fcs().read().bits() & RESULTS_LOST != 0 }
 }
 
 /// Starts PWM and ADC, a store apart: 25 ns, of which a bridge's dead time takes its part back. Whatever else
@@ -243,7 +280,11 @@ fn masked_for<T>(cycles: u32, work: impl FnOnce(&mut Drive) -> T) -> Option<T> {
         NVIC::mask(Interrupt::PWM_IRQ_WRAP);
         cortex_m::asm::dsb();
         // SAFETY: see `ControlCell`.
-        let done = work(unsafe { &mut (*CONTROL.0.get()).assume_init_mut().drive });
+        let control = unsafe { (*CONTROL.0.get()).assume_init_mut() };
+        if !control.awake && has_lost_results() {
+            begin_anew();
+        }
+        let done = work(&mut control.drive);
         // SAFETY: it was enabled: it always is, since `vectors` has enabled it.
         unsafe { NVIC::unmask(Interrupt::PWM_IRQ_WRAP) };
         Some(done)
@@ -297,7 +338,11 @@ pub unsafe extern "C" fn on_period() {
     let faulty = !pins::is_high(pins::BRIDGE_FAULT);
     // SAFETY: see `ControlCell`: tasks mask this interrupt, and `run` has enabled it.
     let control = unsafe { (*CONTROL.0.get()).assume_init_mut() };
-    let output = control.drive.tick(samples, faulty);
+    let output = if has_lost_results() {
+        control.drive.lose_samples()
+    } else {
+        control.drive.tick(samples, faulty)
+    };
     control.apply(output);
     precedence::end();
     if control.drive.account(&AVERAGES) {
