@@ -11,6 +11,9 @@ use super::sense::{Converter, Filter};
 /// Gain of the reference board's current amplifier, V/A, and its output without current, V.
 const AMPLIFIER_V_PER_A: f64 = 0.125;
 const AMPLIFIER_ZERO_V: f64 = 1.65;
+/// From the beginning of a period to its first sample, and from its middle to its second: by so much the
+/// image starts the converter after the PWM (docs/decisions/0088-time-between-instructions.md).
+const SAMPLED_S: f64 = 25e-9;
 /// From the middle of a period, where its second sample is taken, to the end of the control
 /// interrupt: conversion, latency, and the law in 270 cycles of 200 MHz.
 const INTERRUPT_S: f64 = 3.6e-6;
@@ -153,11 +156,13 @@ impl ControlLoop {
         let period_s = f64::from(self.hardware.period_s);
         let before = self.circuit.totals();
         let output = self.output;
+        let sampled = SAMPLED_S / period_s;
+        self.bridge(0.0, sampled, period_s);
         let first = self.sample();
-        self.bridge(0.0, 0.5, period_s);
+        self.bridge(sampled, 0.5 + sampled, period_s);
         let second = self.sample();
         let decided = 0.5 + INTERRUPT_S / period_s;
-        self.bridge(0.5, decided, period_s);
+        self.bridge(0.5 + sampled, decided, period_s);
         let limits = self.slow.limit_faults && self.circuit.is_limiting();
         let faulty = self.slow.bridge_faults || limits;
         let mut next = self.drive.tick([first, second], faulty);
