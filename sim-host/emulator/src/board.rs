@@ -13,9 +13,10 @@ use palpate_sim::electrical::{Circuit, Totals};
 use rp2040_emu::core::CortexM0Plus;
 
 use crate::bridge::BridgeInputs;
-use crate::bus::SystemBus;
+use crate::bus::{BOOT_HZ, SystemBus};
 use crate::coil::BridgeCircuit;
 use crate::flash::{Flash, FlashTimes};
+use crate::gpio::function;
 use crate::image::{Image, VECTORS};
 use crate::interrupts::HARD_FAULT;
 use crate::pins::pin;
@@ -33,7 +34,8 @@ use crate::wire::{LineFault, Wire, WireLog};
 const ENTRY_CYCLES: u64 = 16;
 const WFI: u32 = 0xBF30;
 /// How often the boot ROM looks for a second stage before it starts its loader, and how long each
-/// time takes (RP2040 datasheet 2.8.1: half a second in all; the ROM's source, `bootrom_main.c`).
+/// time takes with the ring oscillator as after a power on (RP2040 datasheet 2.8.1: half a second in all;
+/// the ROM's source, `bootrom_main.c`): it reads and sums 252 bytes, by the clock that it finds.
 const BOOT_ATTEMPTS: u32 = 128;
 const BOOT_ATTEMPT: Time = Time::from_ms(4);
 
@@ -54,7 +56,8 @@ pub struct Options {
     pub miss_cycles: u32,
     /// Rise of SCL, from the pull-ups and the load of the wire.
     pub scl_rise: Time,
-    /// From a reset to the first instruction of the image: boot ROM and second stage. Guess.
+    /// From a reset to the first instruction of the image, with the ring oscillator as after a power on: boot
+    /// ROM and second stage. Guess.
     pub boot: Time,
     /// What memory holds when the power comes: real memory holds anything.
     pub ram_fill: u8,
@@ -177,7 +180,7 @@ impl<P: Plant> EmulatedBoard<P> {
         self.core = CortexM0Plus::new();
         self.core.cycles = cycles;
         self.boot_loader = None;
-        self.bus.boot_delay(self.boot);
+        self.bus.boot_delay(self.by_the_ring(self.boot));
         self.bus.check_direct_boot();
         if let Some(masks) = self.bus.rom_calls.usb_boot.take() {
             self.start_boot_loader(masks);
@@ -188,11 +191,17 @@ impl<P: Plant> EmulatedBoard<P> {
         }
     }
 
+    /// What takes the boot ROM so long with the ring oscillator as after a power on.
+    fn by_the_ring(&self, usual: Time) -> Time {
+        let times = BOOT_HZ / self.bus.clock.hz();
+        Time::from_ps((usual.as_ps() as f64 * times) as u64)
+    }
+
     /// An erase that a reset has interrupted goes on, and the flash does not answer meanwhile.
     fn finds_second_stage(&mut self) -> bool {
         let mut attempts = 1;
         while !self.bus.has_second_stage() && attempts < BOOT_ATTEMPTS {
-            self.bus.boot_delay(BOOT_ATTEMPT);
+            self.bus.boot_delay(self.by_the_ring(BOOT_ATTEMPT));
             attempts += 1;
         }
         self.bus.has_second_stage()
@@ -228,6 +237,14 @@ impl<P: Plant> EmulatedBoard<P> {
         self.resets.power += 1;
         self.bus.cycle_power();
         self.start();
+    }
+
+    /// Lets the core's supply fall to a voltage for a moment, V. The chip restarts where its brown-out detection
+    /// sees it, as after a cut of power; otherwise it goes on, which ends the run where it may not.
+    pub fn dip_core_voltage(&mut self, to_v: f64) {
+        if self.bus.restarts_at(to_v) {
+            self.cycle_power();
+        }
     }
 
     // ---- time ----
@@ -558,6 +575,13 @@ impl<P: Plant> EmulatedBoard<P> {
     #[must_use]
     pub fn bus_is_idle(&self) -> bool {
         self.bus.i2c.is_idle()
+    }
+
+    /// Whether the firmware has taken the bus's wires from the block, to free them by hand.
+    #[must_use]
+    pub fn bus_is_taken(&self) -> bool {
+        let is_plain = |pin| self.bus.gpio.function(pin) == function::SIO;
+        is_plain(pin::SDA) && is_plain(pin::SCL)
     }
 
     /// The host at the USB cable. Nothing is plugged in until `plug`.

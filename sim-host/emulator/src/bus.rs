@@ -10,7 +10,7 @@ use rp2040_emu::core::{CoreBus, Nvic};
 
 use crate::adc::Adc;
 use crate::board::Options;
-use crate::clocks::{Clocks, Pll};
+use crate::clocks::{Clocks, FASTEST_AT_START_HZ, Pll};
 use crate::coil::EmulatedCoil;
 use crate::dma::Dma;
 use crate::flash::Flash;
@@ -39,7 +39,7 @@ use crate::wire::Wire;
 const APB_READ_CYCLES: u32 = 2;
 const APB_WRITE_CYCLES: u32 = 3;
 /// The processor's clock while nothing else is set: the ring oscillator.
-const BOOT_HZ: f64 = 6.5e6;
+pub(crate) const BOOT_HZ: f64 = 6.5e6;
 
 /// Where the blocks' registers begin (datasheet 2.2).
 pub(crate) mod base {
@@ -142,6 +142,8 @@ impl<P: Plant> SystemBus<P> {
         self.memory.flash.cycle_power(self.clock.now_ps());
         self.reset();
         self.memory.forget_ram();
+        self.clocks.reset(false);
+        self.follow_clocks();
         self.power = Power::new();
         self.watchdog = Watchdog::default();
         self.rom_calls = RomCalls::default();
@@ -171,7 +173,7 @@ impl<P: Plant> SystemBus<P> {
         self.private = Private::new();
         self.sio = Sio::default();
         self.gpio.reset();
-        self.clocks.reset();
+        self.clocks.reset(!self.power.watchdog_resets_ring());
         self.power.after_watchdog();
         self.timer.reset(now_ps);
         self.watchdog.after_reset();
@@ -182,6 +184,18 @@ impl<P: Plant> SystemBus<P> {
         self.usb.reset(now_ps);
         self.follow_clocks();
         self.settle();
+    }
+
+    /// Whether the chip restarts when the core's supply falls to a voltage. Where it does not and should, nobody
+    /// knows what a processor does.
+    pub(crate) fn restarts_at(&mut self, core_v: f64) -> bool {
+        if self.power.detects(core_v) {
+            return true;
+        }
+        if self.clock.hz() > FASTEST_AT_START_HZ && Power::is_too_low(core_v) {
+            self.fail("a processor above 133 MHz with less than 1.15 V");
+        }
+        false
     }
 
     pub(crate) const fn adc_mut(&mut self) -> &mut Adc {
@@ -383,6 +397,9 @@ impl<P: Plant> SystemBus<P> {
             base::PSM => self.power.write_sequence(offset, value)?,
             base::VREG_AND_CHIP_RESET => {
                 self.power.write_regulator(offset, value, now_ps)?;
+                if self.power.detection_is_too_high(now_ps) {
+                    self.fail("a brown-out detection that the regulator's own voltage sets off");
+                }
                 self.follow_clocks();
             }
             base::IO_BANK0 => self.gpio.write_bank(offset, value)?,

@@ -142,10 +142,16 @@ impl Clocks {
         }
     }
 
-    /// After a reset of the chip; chance goes on.
-    pub(crate) fn reset(&mut self) {
+    /// After a reset of the chip; chance goes on, and so does a ring oscillator that the reset spares.
+    pub(crate) fn reset(&mut self, spares_ring: bool) {
+        let ring_divider = if spares_ring {
+            self.ring_divider
+        } else {
+            RING_DIVIDER
+        };
         *self = Self {
             random: self.random,
+            ring_divider,
             ..Self::new(self.crystal_hz, 1)
         };
     }

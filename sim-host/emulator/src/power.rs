@@ -21,18 +21,32 @@ pub(crate) mod block {
     pub(crate) const FLASH: u32 = IO_QSPI | PADS_QSPI;
 }
 
-/// PSM.WDSEL: all but the oscillators, as the SDK sets it before it trusts the watchdog.
+/// PSM.WDSEL: all but the oscillators, as the SDK sets it before it trusts the watchdog; and the ring
+/// oscillator.
 const EVERYTHING: u32 = 0x1_FFFC;
+const RING: u32 = 1 << 0;
 const POWER_ON: u32 = 1 << 8;
 
 /// VREG: enabled at 1.10 V, as after power on (2.10.6).
 const VOLTAGE_AT_START: u32 = 0xB1;
+const CODE_AT_START: u32 = 0xB;
 const REGULATOR_ENABLED: u32 = 1;
 const REGULATES: u32 = 1 << 12;
 /// VSEL of 1.15 V: least for more than 133 MHz. Steps are 50 mV.
 const RAISED: u32 = 0xC;
 /// VSEL of 1.20 V: above it the core is beyond its operating conditions (5.6, 1.21 V).
 const HIGHEST: u32 = 0xD;
+/// Volts of a step of VSEL, of 0, and the part by which the regulator may be lower (2.10.3, 2.10.6).
+const STEP_V: f64 = 0.05;
+const LOWEST_V: f64 = 0.55;
+const REGULATOR_ERROR: f64 = 0.03;
+/// BOD: enabled, at 0.86 V, as after power on; volts of a step of its VSEL and of 0 (2.12.3, 2.12.8).
+const DETECTION_AT_START: u32 = 0x91;
+const DETECTION_ENABLED: u32 = 1;
+const DETECTION_STEP_V: f64 = 0.043;
+const DETECTION_LOWEST_V: f64 = 0.473;
+/// Part by which the detection may be higher. The datasheet gives the power-on reset's, 3.5 %.
+const DETECTION_ERROR: f64 = 0.035;
 /// From a write of VSEL to a voltage that has settled. The datasheet gives no number, and the SDK
 /// waits so long; guess.
 const SETTLES_PS: u64 = 1_000_000_000;
@@ -46,6 +60,7 @@ pub(crate) struct Power {
     cause: u32,
     regulator: u32,
     settled_ps: u64,
+    detection: u32,
 }
 
 impl Power {
@@ -58,11 +73,12 @@ impl Power {
             cause: POWER_ON,
             regulator: VOLTAGE_AT_START,
             settled_ps: 0,
+            detection: DETECTION_AT_START,
         }
     }
 
-    /// After the watchdog: CHIP_RESET keeps its flags (2.13.2). VREG begins anew, as WDSEL selects it
-    /// with the rest (2.13.5).
+    /// After the watchdog: CHIP_RESET keeps its flags (2.13.2). VREG and BOD begin anew, as WDSEL selects
+    /// them with the rest (2.13.5).
     pub(crate) fn after_watchdog(&mut self) {
         *self = Self {
             cause: self.cause,
@@ -79,6 +95,34 @@ impl Power {
         self.regulator >> 4 & 0xF
     }
 
+    /// The least that the regulator gives at a setting, V.
+    fn least_v(code: u32) -> f64 {
+        // 0 to 5 are all 0.80 V.
+        (LOWEST_V + STEP_V * f64::from(code.max(5))) * (1.0 - REGULATOR_ERROR)
+    }
+
+    fn detection_v(&self) -> f64 {
+        DETECTION_LOWEST_V + DETECTION_STEP_V * f64::from(self.detection >> 4 & 0xF)
+    }
+
+    /// Whether the core's supply at a voltage restarts the chip.
+    pub(crate) fn detects(&self, core_v: f64) -> bool {
+        self.detection & DETECTION_ENABLED != 0 && core_v < self.detection_v()
+    }
+
+    /// Whether the core is below what more than 133 MHz need: 1.15 V, with the regulator's error.
+    pub(crate) fn is_too_low(core_v: f64) -> bool {
+        core_v < Self::least_v(RAISED)
+    }
+
+    /// Whether the detection may see a voltage at which the regulator is, or was before it settled.
+    pub(crate) fn detection_is_too_high(&self, now_ps: u64) -> bool {
+        let is_settled = now_ps >= self.settled_ps;
+        let most = if is_settled { u32::MAX } else { CODE_AT_START };
+        let least_v = Self::least_v(self.voltage_code().min(most));
+        self.detection_v() * (1.0 + DETECTION_ERROR) > least_v
+    }
+
     /// Lets the watchdog reset everything that it can, as the boot ROM does before it reboots.
     pub(crate) const fn let_watchdog_reset_all(&mut self) {
         self.watchdog_restarts = EVERYTHING;
@@ -87,6 +131,11 @@ impl Power {
     /// Whether the watchdog resets everything that it can.
     pub(crate) fn watchdog_resets_all(&self) -> bool {
         self.watchdog_restarts & EVERYTHING == EVERYTHING
+    }
+
+    /// Whether the watchdog resets the ring oscillator as well.
+    pub(crate) fn watchdog_resets_ring(&self) -> bool {
+        self.watchdog_restarts & RING != 0
     }
 
     /// Whether the block of an address is in reset.
@@ -149,13 +198,19 @@ impl Power {
         };
         match offset {
             0x0 => Some(self.regulator | regulates),
+            0x4 => Some(self.detection),
             0x8 => Some(self.cause),
             _ => None,
         }
     }
 
-    /// The regulator stays on, and at no voltage that the core is not made for.
+    /// The regulator stays on, and at no voltage that the core is not made for; the detection stays on.
     pub(crate) fn write_regulator(&mut self, offset: u32, value: u32, now_ps: u64) -> Option<()> {
+        if offset == 0x4 {
+            let is_known = value & !(DETECTION_ENABLED | 0xF << 4) == 0;
+            self.detection = value;
+            return (is_known && value & DETECTION_ENABLED != 0).then_some(());
+        }
         let known = REGULATOR_ENABLED | 0xF << 4;
         let before = self.voltage_code();
         let is_known = offset == 0 && value & !REGULATES & !known == 0;
@@ -189,6 +244,24 @@ mod tests {
         power.write_regulator(0, 0xC1, 9_000_000_000).unwrap();
         power.write_regulator(0, 0xB1, 12_000_000_000).unwrap();
         assert!(!power.is_raised(19_000_000_000));
+    }
+
+    #[test]
+    fn a_brown_out_is_detected_below_its_threshold_which_the_watchdog_sets_back() {
+        let mut power = Power::new();
+        assert_eq!(power.read_regulator(4, 0), Some(0x91));
+        assert!(power.detects(0.859) && !power.detects(0.861));
+        power.write_regulator(0, 0xC1, 0).unwrap();
+        power.write_regulator(4, 0xD1, 5).unwrap();
+        assert!(power.detection_is_too_high(5), "not settled");
+        assert!(!power.detection_is_too_high(SETTLES_PS));
+        assert!(power.detects(1.031) && !power.detects(1.033));
+        // 1.118 V: the regulator may be at 1.116 V.
+        power.write_regulator(4, 0xF1, SETTLES_PS).unwrap();
+        assert!(power.detection_is_too_high(SETTLES_PS));
+        power.after_watchdog();
+        assert_eq!(power.read_regulator(4, SETTLES_PS), Some(0x91));
+        assert_eq!(power.write_regulator(4, 0x90, 0), None, "off");
     }
 
     #[test]

@@ -12,16 +12,22 @@ use rp2040_hal::pll::{PLLConfig, PhaseLockedLoop, PhaseLockedLoopDevice};
 use rp2040_hal::vreg::set_voltage;
 use rp2040_hal::xosc::CrystalOscillator;
 use rp2040_pac::vreg_and_chip_reset::vreg::VSEL_A;
-use rp2040_pac::{CLOCKS, PLL_SYS, PLL_USB, RESETS, VREG_AND_CHIP_RESET, WATCHDOG, XOSC};
+use rp2040_pac::{CLOCKS, PLL_SYS, PLL_USB, RESETS, ROSC, VREG_AND_CHIP_RESET, WATCHDOG, XOSC};
 
 use super::wait;
 
 const CRYSTAL_MHZ: u32 = 12;
 const CRYSTAL: HertzU32 = HertzU32::MHz(CRYSTAL_MHZ);
-/// The ring oscillator after a reset, typically (2.17.1); 1.8 to 12 MHz.
-const RING_MHZ: u32 = 6;
+/// The ring oscillator as the start has set it (`code_in_memory`), typically; 14 to 96 MHz (2.17.1).
+const RING_MHZ: u32 = 52;
+/// ROSC.DIV: by 32 (2.17.8). The boot ROM goes by it after a reset by the watchdog, and looks 128 times for its
+/// second stage, which flash does not show while it erases: 554 ms at the ring's fastest, where an erase
+/// takes 400 at most (docs/decisions/0089-ring-and-core-voltage.md).
+const RING_BY_32: u32 = 0xAA0;
 /// From the order of another core voltage to the clock that needs it. The SDK waits 1 ms.
 const VOLTAGE_SETTLES_US: u32 = 1_500;
+/// BOD.VSEL: 1.032 V (2.12.8). The next but one would be within what regulator and detection may be off.
+const BROWN_OUT: u8 = 0b1101;
 /// CLK_REF_SELECTED: the source that runs, one bit each (2.15.7).
 const REF_IS_RING: u32 = 1 << 0;
 const REF_IS_CRYSTAL: u32 = 1 << 2;
@@ -65,10 +71,15 @@ pub fn set_up(
         .and_then(|()| start_plls(resets, system, converter))
         .and_then(|()| distribute(clocks))
         .is_some();
-    let is_crystal = clocks.clk_ref_selected().read().bits() == REF_IS_CRYSTAL;
     // Without the tick no task would wait, and nothing be reported. Its microseconds are as good as
     // what it counts.
-    let mhz = if is_crystal { CRYSTAL_MHZ } else { RING_MHZ };
+    let mhz = if clocks.clk_ref_selected().read().bits() == REF_IS_CRYSTAL {
+        // SAFETY: nothing runs by the ring oscillator any more, and nothing else writes this register.
+        unsafe { (*ROSC::ptr()).div().write(|w| w.bits(RING_BY_32)) };
+        CRYSTAL_MHZ
+    } else {
+        RING_MHZ
+    };
     watchdog.tick().write(|w| {
         // SAFETY: within the field of nine bits.
         let w = unsafe { w.cycles().bits(mhz as u16) };
@@ -96,12 +107,18 @@ fn start_crystal(clocks: &CLOCKS, crystal: XOSC) -> Option<()> {
     within_time(|| clocks.clk_ref_selected().read().bits() == REF_IS_CRYSTAL)
 }
 
-/// Sets the core voltage to 1.15 V, which more than 133 MHz need, and waits until it has settled. A
-/// reset by the watchdog leaves it so. For the processor at the crystal's frequency.
+/// Sets the core voltage to 1.15 V, which more than 133 MHz need, waits until it has settled, and lets the
+/// chip restart where it falls again. For the processor at the crystal's frequency.
+#[allow(unsafe_code)]
 fn raise_core_voltage(regulator: &mut VREG_AND_CHIP_RESET) -> Option<()> {
     set_voltage(regulator, VSEL_A::VOLTAGE1_15);
     delay(VOLTAGE_SETTLES_US * CRYSTAL_MHZ);
-    within_time(|| regulator.vreg().read().rok().bit_is_set())
+    within_time(|| regulator.vreg().read().rok().bit_is_set())?;
+    // SAFETY: within the field of four bits.
+    regulator
+        .bod()
+        .modify(|_, w| unsafe { w.vsel().bits(BROWN_OUT) });
+    Some(())
 }
 
 fn start_plls(resets: &mut RESETS, system: PLL_SYS, converter: PLL_USB) -> Option<()> {

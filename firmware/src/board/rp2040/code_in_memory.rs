@@ -11,7 +11,7 @@ core::arch::global_asm!(
     ".thumb_func",
     "__pre_init:",
     // The ring oscillator, which the processor starts with, at 52 MHz (14 to 96) instead of
-    // 6.5: divided by 2 (datasheet 2.17.8). Copying takes 20 ms so.
+    // 6.5: divided by 2 (datasheet 2.17.8). Copying takes 20 ms so. `clocks` slows it down again.
     "ldr r0, =0x40060010",
     "ldr r1, =0xAA2",
     "str r1, [r0]",

@@ -298,10 +298,11 @@ pub fn set_clkin(clkin: Clkin) {
     clocks::send_out(clocks, clkin.divisor());
 }
 
-/// A number by chance from the jitter of the ring oscillator; not for secrets. Never 0.
+/// A number by chance from the jitter of the ring oscillator, which a bit lets pass 26 of its periods; not
+/// for secrets. Never 0.
 fn draw(ring: &rp2040_pac::ROSC) -> u32 {
     let number = (0..32).fold(0_u32, |number, _| {
-        cortex_m::asm::delay(cycles(500));
+        cortex_m::asm::delay(cycles(8_000));
         number << 1 | ring.randombit().read().bits() & 1
     });
     number.max(1)

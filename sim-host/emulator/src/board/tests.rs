@@ -677,6 +677,41 @@ fn a_reset_in_an_erase_beyond_half_a_second_ends_in_the_boot_loader() {
     assert!((Time::from_ms(500)..Time::from_ms(530)).contains(&board.now()));
 }
 
+/// The ring oscillator at 52 MHz, and a reset by the watchdog of all stages that `stages` has.
+fn reset_at_52_megahertz(board: &mut Board, stages: u32) {
+    board.bus.write32(0x4006_0010, 0xAA2);
+    board.bus.write32(0x4001_0008, stages);
+    board.bus.write32(0x4005_8000, 1 << 31);
+    board.run_for(Time::from_us(1)).unwrap();
+}
+
+#[test]
+fn the_boot_rom_goes_by_the_ring_oscillator_which_the_watchdog_may_spare() {
+    let longest = Options {
+        flash_times: FlashTimes::Longest,
+        ..Options::default()
+    };
+    let mut board = board_with(longest);
+    begin_erase(&mut board, 0x1_0000);
+    let begun = board.now();
+    reset_at_52_megahertz(&mut board, 0x1_FFFC);
+    assert!(board.is_in_boot_loader());
+    let took = board.now() - begun;
+    assert!(
+        (Time::from_ms(60)..Time::from_ms(66)).contains(&took),
+        "{took}"
+    );
+
+    let mut board = self::board();
+    reset_at_52_megahertz(&mut board, 0x1_FFFC);
+    assert_eq!(board.frequencies_hz().0, 52e6);
+    reset_at_52_megahertz(&mut board, 0x1_FFFD);
+    assert_eq!(board.frequencies_hz().0, 6.5e6, "reset as well");
+    reset_at_52_megahertz(&mut board, 0x1_FFFC);
+    board.cycle_power();
+    assert_eq!(board.frequencies_hz().0, 6.5e6);
+}
+
 #[test]
 fn a_cut_of_power_keeps_the_flash_and_loses_the_rest() {
     let mut board = board();

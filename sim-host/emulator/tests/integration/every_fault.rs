@@ -362,8 +362,13 @@ fn without_crystal() -> Vec<record::Fault> {
         ..recording()
     };
     let mut bench = RecordedBoard::with(Settings::default(), options);
-    bench.run(Time::from_ms(1_000));
+    bench.run(Time::from_ms(500));
+    let begin_us = bench.board.timer_us();
+    bench.run(Time::from_ms(500));
     assert_eq!(bench.board.resets().watchdog, 0);
+    // By a ring oscillator of typical speed; another is as far off as it is.
+    let passed_us = bench.board.timer_us() - begin_us;
+    assert!(passed_us.abs_diff(500_000) < 5_000, "{passed_us} us");
     bench.faults()
 }
 

@@ -347,8 +347,9 @@ fn a_reset_without_a_record_is_a_fault() {
     let mut bench = ramping(image());
     crate::common::reset_without_a_record(&mut bench);
     let took = time_to_off(&mut bench);
-    // The reset takes the outputs with it; the emulator's step counts the boot, 2 ms, too.
-    assert!(took.unwrap() <= Time::from_ms(3), "{took:?}");
+    // The reset takes the outputs with it; the emulator's step counts the boot, 4 ms by the ring oscillator as the
+    // firmware leaves it, too.
+    assert!(took.unwrap() <= Time::from_ms(5), "{took:?}");
     assert_eq!(bench.board.resets().watchdog, 1);
     let faults = bench.faults();
     assert!(

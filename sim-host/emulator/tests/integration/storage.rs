@@ -4,7 +4,7 @@
 
 use std::collections::BTreeSet;
 
-use palpate_emulator::{FlashTimes, Time};
+use palpate_emulator::{FlashOperationKind, FlashTimes, Time};
 use palpate_wire::code::{
     FaultCode, Outcome, RebootTarget, ResetCause, StorageAction, StorageState,
 };
@@ -16,7 +16,7 @@ use crate::common::stored::{
     AREA, Amount, BitFlip, LONGEST_SAVE, ThirdSave, Which, configuration, flip, reboot, spread,
     storage, streaming_with,
 };
-use crate::common::{Crash, EXCEPTIONS, RecordedBoard, image};
+use crate::common::{Crash, EXCEPTIONS, RecordedBoard, image, reset_without_a_record};
 
 /// A board that has stored a configuration, and that.
 fn saved() -> (RecordedBoard, Vec<Command>) {
@@ -100,6 +100,31 @@ fn a_flipped_bit_of_what_is_stored_is_corrected_or_found() {
         found.insert(of);
     }
     assert!(found.contains(&BitFlip::Found), "{found:?}");
+}
+
+/// The boot ROM waits for flash by the ring oscillator, which this reset spares.
+#[test]
+fn a_watchdog_reset_in_the_longest_erase_ends_in_the_firmware() {
+    let mut bench = ThirdSave::prepared(Amount::Usual, FlashTimes::Longest, 1).bench;
+    bench.send(&Command::Store);
+    bench
+        .board
+        .run_until(Time::from_ms(2_000), |board| {
+            let last = board.flash().operations().last();
+            board.flash().is_busy()
+                && last.is_some_and(|of| of.kind == FlashOperationKind::EraseSector)
+        })
+        .expect("a sector is erased");
+    reset_without_a_record(&mut bench);
+    let before = bench.board.resets();
+    bench
+        .board
+        .run_until(Time::from_ms(1), |board| board.resets() != before)
+        .unwrap();
+    assert!(!bench.board.flash().is_busy(), "the boot ROM has waited");
+    assert!(!bench.board.is_in_boot_loader());
+    bench.restart_listening();
+    bench.stream();
 }
 
 // ---- beside everything else ----
