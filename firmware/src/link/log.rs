@@ -6,9 +6,11 @@
 #![allow(unsafe_code)]
 
 use core::cell::UnsafeCell;
-use core::sync::atomic::{AtomicU32, Ordering};
+use core::sync::atomic::{AtomicU32, Ordering, compiler_fence};
 
 use rtt_target::UpChannel;
+
+use super::rtt::write_whole;
 
 /// Bytes of the longest message that is sent.
 const LONGEST: usize = 128;
@@ -78,6 +80,8 @@ unsafe impl defmt::Logger for Logger {
             count_dropped();
             return;
         }
+        // Nothing of the log is touched before it is taken, or after it is released below.
+        compiler_fence(Ordering::SeqCst);
         // SAFETY: see `Shared`.
         unsafe {
             (*LOG.0.get()).length = 0;
@@ -97,7 +101,7 @@ unsafe impl defmt::Logger for Logger {
                 let log = &mut *LOG.0.get();
                 let message = log.message.get(..log.length);
                 let sent = match (&mut log.channel, message) {
-                    (Some(channel), Some(message)) => channel.write(message) == message.len(),
+                    (Some(channel), Some(message)) => write_whole(channel, message),
                     _ => false,
                 };
                 if !sent {
@@ -105,6 +109,7 @@ unsafe impl defmt::Logger for Logger {
                 }
             }
         }
+        compiler_fence(Ordering::SeqCst);
         DEPTH.store(
             DEPTH.load(Ordering::Relaxed).saturating_sub(1),
             Ordering::Relaxed,

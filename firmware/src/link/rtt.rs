@@ -1,16 +1,23 @@
 //! The link through a debug probe: logs and records up, commands down.
 
 use palpate_node::link::{ByteSource, FrameSink};
-use rtt_target::{DownChannel, UpChannel};
+use rtt_target::{ChannelMode, DownChannel, UpChannel};
 
 use super::log;
+
+/// Writes all of it or, where there is no room, nothing; whether it did. A PC may have told the channel to
+/// wait for room (`probe-rs run` does so with logs), and then take no more: the mode is set each time.
+pub fn write_whole(channel: &mut UpChannel, bytes: &[u8]) -> bool {
+    channel.set_mode(ChannelMode::NoBlockSkip);
+    channel.write(bytes) == bytes.len()
+}
 
 /// Records. Whether a probe reads them cannot be known.
 pub struct RttRecords(UpChannel);
 
 impl FrameSink for RttRecords {
     fn write(&mut self, frame: &[u8]) -> bool {
-        self.0.write(frame) == frame.len()
+        write_whole(&mut self.0, frame)
     }
 
     fn is_open(&self) -> bool {

@@ -3,6 +3,7 @@
 #![allow(unsafe_code)]
 
 use core::cell::UnsafeCell;
+use core::sync::atomic::{Ordering, compiler_fence};
 
 use cortex_m::peripheral::{NVIC, SCB};
 use rp2040_pac::Interrupt;
@@ -89,6 +90,8 @@ fn mask() -> u32 {
 
 /// Lets those interrupts through again that were enabled before [`mask`].
 fn unmask(enabled: u32) {
+    // To the compiler a write to the NVIC has nothing to do with what the section protects.
+    compiler_fence(Ordering::SeqCst);
     // SAFETY: these were enabled when the section began.
     let nvic = unsafe { &*NVIC::PTR };
     if let Some(iser) = nvic.iser.first() {

@@ -2,9 +2,11 @@
 //!
 //! Small form; the sweeps over every bit and byte are the campaign `image-faults`.
 
-use crate::common::{Crash, EXCEPTIONS, RecordedBoard, image, ramping, streaming, time_to_off};
+use crate::common::{
+    Crash, DATA, EXCEPTIONS, RecordedBoard, image, ramping, streaming, time_to_off,
+};
 use ldc161x_sim::{ChipFault, FaultEvent, Lost, Time};
-use palpate_emulator::{LineFault, firmware};
+use palpate_emulator::{LineFault, ResetCount, firmware};
 use palpate_wire::Record;
 use palpate_wire::code::{FaultCode, Outcome, ResetCause, State};
 use palpate_wire::command::Command;
@@ -358,4 +360,45 @@ fn a_reset_without_a_record_is_a_fault() {
             .any(|fault| fault.code == FaultCode::CrashUnreadable),
         "{faults:?}"
     );
+}
+
+#[test]
+fn a_core_voltage_that_falls_restarts_the_chip() {
+    let mut bench = streaming();
+    // 200 MHz need 1.15 V, of which the regulator may lack 3 %.
+    bench.board.dip_core_voltage(1.12);
+    bench.run(Time::from_ms(10));
+    assert_eq!(bench.board.resets(), ResetCount::default());
+    bench.board.dip_core_voltage(1.0);
+    assert_eq!(bench.board.resets().power, 1);
+    bench.restart_listening();
+    bench.stream();
+}
+
+/// `probe-rs run` tells the log's channel to wait for room; then the probe is pulled.
+#[test]
+fn a_channel_that_a_pc_has_told_to_wait_holds_nothing_up() {
+    const WAIT_FOR_ROOM: u32 = 2;
+    let snapshot = streaming();
+    for channel in [0, DATA] {
+        let mut bench = snapshot.clone();
+        // What a channel's descriptor has after its name and its buffer (SEGGER RTT): size, two places, flags.
+        let block = bench.board.image().symbol("_SEGGER_RTT").unwrap();
+        let [size, written, read, flags] = [8, 12, 16, 20].map(|at| block + 24 + 24 * channel + at);
+        let full = (bench.board.peek(written) + 1) % bench.board.peek(size);
+        bench.board.poke(read, full);
+        bench.board.poke(flags, WAIT_FOR_ROOM);
+        // A frame that fails is logged.
+        bench.board.disturb(LineFault::SdaLow {
+            bit: 12,
+            lasting: Some(Time::from_ms(2)),
+            clocks: None,
+        });
+        bench.board.run_for(Time::from_ms(200)).unwrap();
+        assert_eq!(bench.board.resets().watchdog, 0, "channel {channel}");
+        bench.restart_listening();
+        bench.run(Time::from_ms(100));
+        let samples = bench.samples().count();
+        assert!(samples > 80, "channel {channel}: {samples}");
+    }
 }

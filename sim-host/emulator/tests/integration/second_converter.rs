@@ -1,7 +1,7 @@
 //! Two converters on one bus: what one fails of costs the other nothing.
 
 use ldc161x_sim::{ChipFault, FaultEvent, Lost, Settings};
-use palpate_emulator::{Options, Time};
+use palpate_emulator::{LineFault, Options, Time};
 use palpate_wire::code::{Location, Outcome};
 use palpate_wire::command::Command;
 use palpate_wire::record::Sample;
@@ -111,4 +111,47 @@ fn a_second_converter_that_fails_costs_the_first_nothing() {
             "{what}: {last_us} {first_us}"
         );
     }
+}
+
+/// The block is in its reset or has no pins then: an access to it ends the run.
+#[test]
+fn an_edge_while_the_bus_is_freed_waits_until_it_is() {
+    const PHASES: u64 = 8;
+    let running = streaming();
+    let mut met = 0;
+    for phase in 0..PHASES {
+        let mut bench = running.clone();
+        bench.run(Time::from_us(2_000 / PHASES * phase));
+        bench.board.disturb(LineFault::SdaLow {
+            bit: 12,
+            lasting: Some(Time::from_ms(4)),
+            clocks: None,
+        });
+        bench
+            .board
+            .run_until(Time::from_ms(20), |board| board.bus_is_taken())
+            .unwrap();
+        let fault = FaultEvent::at(
+            bench.board.now(),
+            ChipFault::IntbStuck { low: true },
+            Time::from_us(20),
+        );
+        let second = bench.board.second_chip_mut().unwrap();
+        let was_high = !second.intb_is_low();
+        second.schedule(fault).unwrap();
+        bench
+            .board
+            .run_until(Time::from_ms(20), |board| !board.bus_is_taken())
+            .unwrap();
+        met += u32::from(was_high);
+        // Both go on.
+        bench.run(Time::from_ms(100));
+        bench.frames.clear();
+        bench.run(Time::from_ms(100));
+        for sensor in [0, 1] {
+            let count = of(&bench, sensor).len();
+            assert!(count >= 45, "phase {phase}: {count} of sensor {sensor}");
+        }
+    }
+    assert!(met > 0, "no edge met a recovery");
 }

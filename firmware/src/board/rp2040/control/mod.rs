@@ -12,7 +12,7 @@ pub mod precedence;
 
 use core::cell::UnsafeCell;
 use core::mem::MaybeUninit;
-use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use core::sync::atomic::{AtomicBool, AtomicU32, Ordering, compiler_fence};
 
 use coil_hbridge::{Averages, Drive, Order, Output, Trace};
 use cortex_m::peripheral::NVIC;
@@ -285,6 +285,8 @@ fn masked_for<T>(cycles: u32, work: impl FnOnce(&mut Drive) -> T) -> Option<T> {
             begin_anew();
         }
         let done = work(&mut control.drive);
+        // What was worked on is in memory before the interrupt can see it.
+        compiler_fence(Ordering::SeqCst);
         // SAFETY: it was enabled: it always is, since `vectors` has enabled it.
         unsafe { NVIC::unmask(Interrupt::PWM_IRQ_WRAP) };
         Some(done)

@@ -7,7 +7,7 @@
 
 #![allow(unsafe_code)]
 
-use core::sync::atomic::{AtomicBool, Ordering};
+use core::sync::atomic::{AtomicBool, Ordering, compiler_fence};
 
 use cortex_m::peripheral::NVIC;
 use rp2040_pac::{Interrupt, PWM};
@@ -49,6 +49,8 @@ pub fn begin() {
 /// Its levels are written.
 #[inline(always)]
 pub fn end() {
+    // The levels are written to a register, and the bus's interrupt may come at once.
+    compiler_fence(Ordering::SeqCst);
     IS_BUSY.store(false, Ordering::Relaxed);
     // In this order: who asks from now on need not wait.
     if IS_AWAITED.load(Ordering::Relaxed) {
@@ -59,6 +61,8 @@ pub fn end() {
 #[inline(never)]
 fn release() {
     IS_AWAITED.store(false, Ordering::Relaxed);
+    // Before the interrupt can wait anew.
+    compiler_fence(Ordering::SeqCst);
     // SAFETY: it was enabled: it always is, but while it waits.
     unsafe { NVIC::unmask(Interrupt::I2C0_IRQ) };
     NVIC::pend(Interrupt::I2C0_IRQ);

@@ -139,6 +139,8 @@ enum Runs {
     Frame(usize),
     /// The transaction of a master.
     Single,
+    /// The bus is being freed: the block is in its reset or has no pins, and what is called for meanwhile waits.
+    Recovery,
 }
 
 /// The frames of one converter.
@@ -346,6 +348,9 @@ impl Engine {
     }
 
     fn serve(&mut self) {
+        if self.runs == Runs::Recovery {
+            return;
+        }
         if self.runs == Runs::Nothing {
             // SAFETY: no transaction runs, so no interrupt of the block is needed.
             i2c().ic_intr_mask().write(|w| unsafe { w.bits(0) });
@@ -594,14 +599,25 @@ pub fn rest(converter: usize) {
     });
 }
 
-/// The block was reset: what ran is lost.
+/// The block will be reset: what ran is lost, and nothing begins before [`go_on`].
 #[inline(never)]
 pub fn forget() {
     with(|engine| {
-        engine.runs = Runs::Nothing;
+        engine.runs = Runs::Recovery;
+        // SAFETY: nothing runs any more, and an interrupt would come again and again.
+        i2c().ic_intr_mask().write(|w| unsafe { w.bits(0) });
         engine.address = 0;
         engine.single_waits = false;
         engine.single_is_over = false;
+    });
+}
+
+/// The block can be used again: begins with what waits.
+#[inline(never)]
+pub fn go_on() {
+    with(|engine| {
+        engine.runs = Runs::Nothing;
+        engine.catch_up();
     });
 }
 

@@ -52,6 +52,7 @@ pub fn clear() -> Result<(), TransferError> {
     let result = pulse_until_free();
     pins::set_function(pins::SDA, Function::I2c);
     pins::set_function(pins::SCL, Function::I2c);
+    super::engine::go_on();
     result
 }
 
