@@ -95,6 +95,8 @@ struct Row<'a> {
     chance: Stream,
     warming_k_per_s: f64,
     ambient_k: f64,
+    /// Whether a fault stood at the last record of a change.
+    faulted: bool,
     found: Found,
 }
 
@@ -156,6 +158,16 @@ impl Row<'_> {
         Ok(())
     }
 
+    /// Counts a touch that is not found, unless a fault stands: it is reported, and the outcome of the press names it.
+    fn expect_touch(&mut self, frames: &[Frame<Record>]) {
+        let stands = |frame: &Frame<Record>| match &frame.message {
+            Record::State(change) => Some(change.state == State::Fault),
+            _ => None,
+        };
+        self.faulted = frames.iter().rev().find_map(stands).unwrap_or(self.faulted);
+        self.found.missed += usize::from(!self.faulted && !Self::touches(frames));
+    }
+
     fn touches(frames: &[Frame<Record>]) -> bool {
         frames.iter().any(|frame| match &frame.message {
             Record::State(change) => change.state == State::Contact,
@@ -204,6 +216,7 @@ impl Series {
             warming_k_per_s: chance.between(-WARMING_K_PER_S, WARMING_K_PER_S),
             chance,
             ambient_k,
+            faulted: false,
             found: Found::default(),
         };
         let mut series = Self::default();
@@ -261,7 +274,7 @@ impl Row<'_> {
         let held_s = self.chance.between(0.1, 0.3);
         let gap_s = self.chance.log_between(0.15, 0.6);
         let frames = self.press(depth_m, held_s)?;
-        self.found.missed += usize::from(!Self::touches(&frames));
+        self.expect_touch(&frames);
         Ok(self.lift(gap_s)?)
     }
 
@@ -275,10 +288,12 @@ impl Row<'_> {
     ) -> Result<(), Failure> {
         let (low, high) = plan.depth;
         let depth_m = self.chance.between(low, high) * instrument.depth_m;
+        // A fault disarms; a user would see it.
+        self.board.send(Command::Arm)?;
         let held_s = self.chance.log_between(plan.held_s.0, plan.held_s.1);
         let gap_s = self.chance.log_between(plan.gap_s.0, plan.gap_s.1);
         let frames = self.press(depth_m, held_s)?;
-        self.found.missed += usize::from(!Self::touches(&frames));
+        self.expect_touch(&frames);
         let true_n_per_m = self
             .board
             .with_world(|world| world.truth().load_spring_n_per_m);
@@ -299,7 +314,8 @@ impl Row<'_> {
             let frames = self.board.take_frames();
             series.held.push(press(outcome(&frames, "no result")));
         }
-        if sets {
+        // Not during a train.
+        if held_s > 5.0 && sets {
             self.set_again(instrument)?;
         }
         Ok(self.lift(gap_s)?)
@@ -424,7 +440,7 @@ impl SeriesResult {
         writeln!(
             out,
             "{BEGIN}\n{} sensors of the stack {} from seed {}, each pressed {} times in a row in a world that goes on: held for {} to \
-             {} s, gaps of {} to {} s, {} to {} of the working depth, taps before a fourth of them, settings sent during a fifth, \
+             {} s, gaps of {} to {} s, {} to {} of the working depth, taps before a fourth of them, settings sent during a fifth of those that are held for more than 5 s, \
              something on a fourth of the sensors at power on, and a room that warms or cools by up to 2 K/min. {} could not \
              be calibrated.\n",
             self.plants,
