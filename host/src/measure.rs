@@ -106,10 +106,18 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
 pub(crate) fn arm(link: &mut Link) -> Result<(), Failure> {
     link.must(&Command::Disarm)?;
     link.must(&Command::Arm)?;
-    link.wait_for(ARMING_S, "end of the coil's test", |record| match record {
-        Record::State(change) if change.state == State::Watching => Some(()),
+    let is_touched = link.wait_for(ARMING_S, "end of the coil's test", |record| match record {
+        Record::State(change) => match change.state {
+            State::Watching => Some(false),
+            State::Contact => Some(true),
+            _ => None,
+        },
         _ => None,
-    })
+    })?;
+    if is_touched {
+        notice::say("Something touches the sensor already. Lift it.");
+    }
+    Ok(())
 }
 
 impl Line {

@@ -219,6 +219,20 @@ const CAMPAIGNS: &[Campaign] = &[
         rests_on: DRIVER,
     },
     Campaign {
+        name: "series",
+        purpose: "Presses in a row, in a world that goes on: contacts, refusals and intervals.",
+        runs: Runs::Tool(&[
+            "campaign",
+            "--presses",
+            "10",
+            "--plants",
+            "200",
+            "--seed",
+            "600001",
+        ]),
+        rests_on: INSTRUMENT,
+    },
+    Campaign {
         name: "claims",
         purpose: "How often the 95 % intervals of the stiffness hold, on simulated sensors that were \
                   each calibrated on their own bench.",

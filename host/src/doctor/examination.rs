@@ -3,7 +3,7 @@
 use palpate_wire::code::{Outcome, Part};
 use palpate_wire::command::GetCalibration;
 use palpate_wire::loss::Tally;
-use palpate_wire::record::{Crash, Fault, Hello, Status, Storage};
+use palpate_wire::record::{Crash, Fault, Hello, Sample, Status, Storage};
 use palpate_wire::{Command, Record};
 
 use crate::failure::Failure;
@@ -41,6 +41,8 @@ pub(super) struct Examination {
     pub(super) stands: bool,
     /// Parts of the calibration that a measurement needs and that are not set.
     pub(super) missing: Vec<Part>,
+    /// The last sample of the first converter.
+    pub(super) sample: Option<Sample>,
     pub(super) losses: Losses,
 }
 
@@ -86,6 +88,7 @@ impl Examination {
             begun: Vec::new(),
             stands,
             missing,
+            sample: None,
             losses,
         };
         for (_, record) in link.take_records() {
@@ -110,6 +113,7 @@ impl Examination {
             Record::Status(status) => self.status = Some(status),
             Record::Storage(storage) => self.storage = Some(storage),
             Record::Crash(crash) => self.crash = Some(crash),
+            Record::Sample(sample) if sample.sensor == 0 => self.sample = Some(sample),
             Record::Fault(fault) => {
                 self.faults.retain(|of| !is_same(of, &fault));
                 if fault.active {

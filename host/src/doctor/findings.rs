@@ -1,7 +1,7 @@
 //! What is wrong, from what a board says of itself.
 
-use palpate_wire::code::{Chip, FaultCode, ResetCause, StorageState};
-use palpate_wire::record::{Fault, Hello, Storage};
+use palpate_wire::code::{Chip, Contact, FaultCode, ResetCause, StorageState};
+use palpate_wire::record::{Fault, Hello, Sample, Storage};
 use palpate_wire::{MINOR_VERSION, SCHEMA_HASH, VERSION};
 
 use super::examination::{Examination, LISTEN_S, Losses};
@@ -25,6 +25,7 @@ pub(super) fn of(found: &Examination) -> Vec<Finding> {
     findings.extend(of_supply(found));
     findings.extend(found.storage.iter().filter_map(of_storage));
     findings.extend(of_calibration(found));
+    findings.extend(found.sample.as_ref().and_then(of_contact));
     findings.extend(of_losses(found.losses));
     let damaged = found.status.as_ref().map_or(0, |of| of.commands_damaged);
     if damaged > 0 {
@@ -233,6 +234,32 @@ fn of_calibration(found: &Examination) -> Option<Finding> {
     ))
 }
 
+/// The baseline is learnt in half a second: after two a sensor still at it reads below the rest of its calibration.
+fn of_contact(sample: &Sample) -> Option<Finding> {
+    let channel = sample.channels.first()?;
+    let deformation_m = channel.deformation_m?;
+    match sample.contact {
+        Contact::Began | Contact::Held => Some(Finding::new(
+            "touched",
+            format!(
+                "something touches the sensor, by {:.0} µm, or its rest is no longer that of the calibration",
+                deformation_m * 1e6
+            ),
+            "Lift what lies on the sensor. If nothing does, calibrate it with `palpate calibrate sensor`",
+        )),
+        Contact::Settling => Some(Finding::new(
+            "rest_moved",
+            format!(
+                "the untouched sensor reads another frequency than at its calibration, {:.1} Hz, and deformations have no zero",
+                channel.frequency_hz
+            ),
+            "See that nothing of metal is near the sensor, and that it is mounted as on the bench; then calibrate it with \
+             `palpate calibrate sensor`",
+        )),
+        _ => None,
+    }
+}
+
 fn of_losses(losses: Losses) -> Option<Finding> {
     let Losses {
         missing,
@@ -258,7 +285,7 @@ fn of_losses(losses: Losses) -> Option<Finding> {
 #[cfg(test)]
 mod tests {
     use palpate_wire::code::{Board, Location, Part, StorageAction};
-    use palpate_wire::record::Status;
+    use palpate_wire::record::{Conversion, Status};
 
     use super::*;
 
@@ -321,6 +348,7 @@ mod tests {
             begun: Vec::new(),
             stands: false,
             missing: Vec::new(),
+            sample: None,
             losses: Losses::default(),
         }
     }
@@ -437,6 +465,35 @@ mod tests {
         assert_eq!(supply, ["supply_missing"]);
         assert_eq!(names(|of| of.missing.push(Part::Coil)), ["not_calibrated"]);
         assert_eq!(names(|of| of.losses.unreadable = 1), ["losses"]);
+        let contact = |contact| {
+            names(|of| {
+                of.sample = Some(Sample {
+                    sensor: 0,
+                    missed: 0,
+                    gap: false,
+                    channels: [Conversion {
+                        channel: 0,
+                        offset_us: 0,
+                        word: 0,
+                        frequency_hz: 3e6,
+                        sigma_hz: 0.1,
+                        deformation_m: Some(2e-5),
+                        deformation_sigma_m: None,
+                        extrapolated: false,
+                    }]
+                    .into_iter()
+                    .collect(),
+                    contact,
+                    force_n: None,
+                    force_sigma_n: None,
+                    current_a: None,
+                    ripple_a: None,
+                });
+            })
+        };
+        assert_eq!(contact(Contact::Held), ["touched"]);
+        assert_eq!(contact(Contact::Settling), ["rest_moved"]);
+        assert!(contact(Contact::Clear).is_empty());
         let damaged = names(|of| of.status.as_mut().unwrap().commands_damaged = 2);
         assert_eq!(damaged, ["commands_damaged"]);
     }
