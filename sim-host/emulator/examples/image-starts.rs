@@ -127,7 +127,8 @@ fn main() -> ExitCode {
         let mut snapshot = silicon.bench();
         snapshot.stream();
         for channels in [0b0001, 0b0011, 0b0111, 0b1111] {
-            for rate_hz in [100.0, 500.0, 1_000.0, silicon.fastest_hz(channels)] {
+            let fastest_hz = silicon.fastest_hz(channels);
+            for rate_hz in [100.0, 500.0, fastest_hz.min(1_000.0), fastest_hz] {
                 let (mut change, mut start) = (StartRow::default(), StartRow::default());
                 for phase in phases.by_ref().take(REPEATS) {
                     let bench = changed(&snapshot, channels, rate_hz, phase, &mut change);
