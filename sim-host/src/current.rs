@@ -220,6 +220,7 @@ mod tests {
                 dead_s: 0.0,
                 supply_ohm: 0.0,
                 limit_a: f64::INFINITY,
+                wake_s: 0.0,
                 ..CircuitParameters::common(0.4, inductance_h, 6.0)
             });
             let level = (960.0 * (1.0 - duty)) as u16;

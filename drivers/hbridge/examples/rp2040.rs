@@ -52,6 +52,7 @@ mod app {
         greatest_count: 4095,
         diode_v: 0.8,
         decay: Decay::Fast,
+        wake_s: 2e-3,
         reduced_limit_a: None,
     };
     const LIMITS: Limits = Limits {

@@ -18,6 +18,7 @@ const HARDWARE: Hardware = Hardware {
     greatest_count: 4095,
     diode_v: 0.8,
     decay: Decay::Fast,
+    wake_s: 2e-3,
     reduced_limit_a: None,
 };
 const LIMITS: Limits = Limits {

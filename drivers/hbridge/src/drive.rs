@@ -94,6 +94,7 @@ pub struct Report {
     pub(crate) units: i32,
     pub(crate) blocks: u32,
     pub(crate) outcome: Option<TestSums>,
+    pub(crate) tripped: i32,
 }
 
 /// The drive: from two samples every period it computes the bridge's inputs.
@@ -104,6 +105,8 @@ pub struct Report {
 #[repr(C)]
 pub struct Drive {
     mode: Mode,
+    /// Whether the period before had a sample beyond the trip.
+    is_wild: bool,
     /// Whether there is a correction.
     corrects: bool,
     /// Whether there is a law.
@@ -131,6 +134,9 @@ pub struct Drive {
     regulator: Regulator,
     gains: Gains,
     // From here on for a few periods only.
+    /// Periods in which the bridge wakes, and how many are left.
+    wake_periods: u16,
+    waking: u16,
     correction: Correction,
     next: RawLine,
     /// The same with its division done, if it was prepared.
@@ -143,6 +149,8 @@ pub struct Drive {
     trip: i32,
     nominal_twice_zero: i32,
     fault: Fault,
+    /// The current that tripped, units.
+    tripped: i32,
     test: SelfTest,
     report: Sum,
     outcome: Option<TestSums>,
@@ -161,6 +169,8 @@ enum Mode {
     Off,
     /// By `test`.
     Testing,
+    /// To be driven, once the bridge is awake.
+    Waking,
     Driving,
     /// By `fault`.
     Latched,
@@ -177,12 +187,14 @@ pub(crate) struct Fixed {
     pub(crate) shaper: Shaper,
     /// Greatest level.
     pub(crate) top: i32,
+    pub(crate) wake_periods: u16,
 }
 
 impl Drive {
     pub(crate) fn new(fixed: Fixed) -> Self {
         let mut drive = Self {
             mode: Mode::Off,
+            is_wild: false,
             corrects: false,
             tested: false,
             goes_on: false,
@@ -203,12 +215,15 @@ impl Drive {
             next: RawLine { to: 0, periods: 0 },
             ahead: Ahead::default(),
             is_prepared: false,
+            wake_periods: fixed.wake_periods,
+            waking: 0,
             watch: Watch::default(),
             bounds: fixed.bounds,
             current: fixed.current,
             trip: fixed.trip,
             nominal_twice_zero: fixed.twice_zero,
             fault: Fault::Unattended,
+            tripped: 0,
             test: SelfTest::new(TestPlan::default()),
             report: Sum::default(),
             outcome: None,
@@ -230,6 +245,7 @@ impl Drive {
             units: self.report.units,
             blocks: self.report.blocks,
             outcome: self.outcome,
+            tripped: self.tripped,
         }
     }
 
@@ -241,7 +257,7 @@ impl Drive {
                 tested: self.tested,
             },
             Mode::Testing => DriveState::Testing,
-            Mode::Driving => DriveState::Driving,
+            Mode::Waking | Mode::Driving => DriveState::Driving,
             Mode::Latched => DriveState::Latched(self.fault),
         }
     }
@@ -321,13 +337,19 @@ impl Drive {
             return;
         }
         match self.mode {
-            Mode::Driving => {}
+            Mode::Waking | Mode::Driving => {}
             Mode::Off => {
                 self.line = FixedPointLine::default();
                 self.regulator = Regulator::default();
                 self.sums = watch::BlockSums::default();
                 self.watch = Watch::default();
-                self.mode = Mode::Driving;
+                self.is_wild = false;
+                self.waking = self.wake_periods;
+                self.mode = if self.waking > 0 {
+                    Mode::Waking
+                } else {
+                    Mode::Driving
+                };
             }
             Mode::Testing | Mode::Latched => return,
         }
@@ -357,7 +379,7 @@ impl Drive {
 
     /// Whether the line is over, and none follows.
     fn holds(&self) -> bool {
-        self.line.is_over() && !self.goes_on
+        self.line.is_over() && !self.goes_on && self.mode != Mode::Waking
     }
 
     fn stop(&mut self) {
@@ -388,12 +410,7 @@ impl Drive {
     pub fn tick(&mut self, samples: [u16; 2], bridge_faults: bool) -> Output {
         let [first, second] = samples;
         let (first, second) = (i32::from(first), i32::from(second));
-        let units = ((first + second - self.twice_zero) ^ self.sign) - self.sign;
-        self.measured = if self.corrects {
-            self.correction.apply(units)
-        } else {
-            units
-        };
+        self.measure(first + second);
         if self.mode != Mode::Driving || self.trips(first) || self.trips(second) || bridge_faults {
             // By its parts: the compiler keeps these in registers, where it would put the whole
             // into memory in the other case as well.
@@ -408,6 +425,7 @@ impl Drive {
                 limit_low,
             };
         }
+        self.is_wild = false;
         Output {
             awake: true,
             levels: self.drive(),
@@ -422,6 +440,17 @@ impl Drive {
         self.measured = 0;
         self.latch(Fault::SamplesLost);
         Output::OFF
+    }
+
+    /// The current, by the sum of a period's two samples.
+    #[inline]
+    fn measure(&mut self, sum: i32) {
+        let units = ((sum - self.twice_zero) ^ self.sign) - self.sign;
+        self.measured = if self.corrects {
+            self.correction.apply(units)
+        } else {
+            units
+        };
     }
 
     /// The rest of the period's work, for which there is time after the levels have been written:
@@ -445,15 +474,7 @@ impl Drive {
 
     #[inline]
     fn drive(&mut self) -> Levels {
-        if self.line.is_over() {
-            if self.goes_on {
-                self.turn();
-            } else if self.line.ends() {
-                // The level of a slope is not that of its end.
-                self.busy = BUSY_PERIODS;
-            }
-        }
-        self.line.advance();
+        self.go_on();
         let measured = self.measured;
         let off = self.line.now() - measured;
         if !(-NEAR..=NEAR).contains(&off) {
@@ -469,6 +490,20 @@ impl Drive {
         let (level, levels) = self.shaper.shape(level, measured, &self.line);
         self.regulator.level = level;
         levels
+    }
+
+    /// The setpoint of the next period.
+    #[inline]
+    fn go_on(&mut self) {
+        if self.line.is_over() {
+            if self.goes_on {
+                self.turn();
+            } else if self.line.ends() {
+                // The level of a slope is not that of its end.
+                self.busy = BUSY_PERIODS;
+            }
+        }
+        self.line.advance();
     }
 
     /// At the end of a line: goes on with the next one.
@@ -513,10 +548,11 @@ impl Drive {
         false
     }
 
-    /// A period without regulation has passed; whether a test has had no order for too long.
+    /// A period without regulation has passed; whether a bridge that is awake has had no order for too
+    /// long.
     #[inline(never)]
     fn wait(&mut self) -> bool {
-        if self.mode != Mode::Testing {
+        if !matches!(self.mode, Mode::Testing | Mode::Waking) {
             return false;
         }
         self.patience -= 1;
@@ -526,34 +562,71 @@ impl Drive {
         self.patience == 0
     }
 
-    /// A period in which no current is regulated any more, or not yet.
+    /// A period in which no current is regulated any more, or not yet, or in which something is wrong.
     #[inline(never)]
     fn otherwise(&mut self, samples: [i32; 2], bridge_faults: bool) -> Output {
-        match self.mode {
-            Mode::Off | Mode::Latched => {}
-            Mode::Testing => return self.test(samples, bridge_faults),
-            Mode::Driving if samples.iter().any(|sample| self.trips(*sample)) => {
-                self.latch(Fault::OverCurrent);
-            }
-            Mode::Driving => self.latch(Fault::Bridge),
+        if matches!(self.mode, Mode::Off | Mode::Latched) {
+            return Output::OFF;
         }
-        Output::OFF
+        let Some([first, second]) = self.without_wild(samples) else {
+            self.tripped = self.measured;
+            self.latch(Fault::OverCurrent);
+            return Output::OFF;
+        };
+        self.measure(first + second);
+        match self.mode {
+            Mode::Testing => self.test(first + second, bridge_faults),
+            Mode::Waking => self.wake(),
+            _ if bridge_faults => {
+                self.latch(Fault::Bridge);
+                Output::OFF
+            }
+            _ => Output {
+                awake: true,
+                levels: self.drive(),
+                limit_low: false,
+            },
+        }
+    }
+
+    /// The two samples, with the other one in the place of one beyond the trip: a single wild sample is
+    /// the converter's. Nothing where it is the current: both samples, or one in each of two periods.
+    fn without_wild(&mut self, [first, second]: [i32; 2]) -> Option<[i32; 2]> {
+        let wild = [first, second].map(|sample| self.can_trip() && self.trips(sample));
+        let before = core::mem::replace(&mut self.is_wild, wild != [false; 2]);
+        match wild {
+            [false, false] => Some([first, second]),
+            [true, false] if !before => Some([second; 2]),
+            [false, true] if !before => Some([first; 2]),
+            _ => None,
+        }
+    }
+
+    /// Whether the reading without current is known, which a trip counts from.
+    fn can_trip(&self) -> bool {
+        self.mode != Mode::Testing || self.test.twice_zero().is_some()
+    }
+
+    /// A period in which the bridge wakes: no voltage yet, and what it reports counts for nothing.
+    fn wake(&mut self) -> Output {
+        self.go_on();
+        self.waking = self.waking.saturating_sub(1);
+        if self.waking == 0 {
+            self.mode = Mode::Driving;
+        }
+        Output::WAKING
     }
 
     #[inline(never)]
-    fn test(&mut self, [first, second]: [i32; 2], bridge_faults: bool) -> Output {
-        let trips = self.trips(first) || self.trips(second);
-        if trips && self.test.twice_zero().is_some() {
-            self.latch(Fault::OverCurrent);
-            return Output::OFF;
-        }
-        let sum = self.reverse(first + second);
+    fn test(&mut self, sum: i32, bridge_faults: bool) -> Output {
+        let sum = self.reverse(sum);
         let step = self.test.step(sum);
         if let Some(twice_zero) = self.test.twice_zero() {
             self.set_zero(self.reverse(twice_zero));
         }
         match step {
             TestStep::Asleep => Output::OFF,
+            TestStep::Waking => Output::WAKING,
             // A bridge may report its limit, which is to act here.
             TestStep::On { limit_low, .. } if bridge_faults && !limit_low => {
                 self.latch(Fault::Bridge);

@@ -34,6 +34,9 @@ pub struct Hardware {
     pub diode_v: f32,
     /// How the current falls.
     pub decay: Decay,
+    /// From nSLEEP high to outputs that follow the inputs, s: 0 to 0.02. Meanwhile nothing is regulated,
+    /// and the bridge's fault output counts for nothing.
+    pub wake_s: f32,
     /// Current to which the hardware limits while [`Output::limit_low`](crate::Output::limit_low)
     /// is set, A, where it has an input for that. Without it the self-test cannot tell whether
     /// there is a limit.
@@ -67,6 +70,7 @@ impl Hardware {
             "zero_count",
         )?;
         is((0.0..=2.0).contains(&self.diode_v), "diode_v")?;
+        is((0.0..=0.02).contains(&self.wake_s), "wake_s")?;
         is(
             self.reduced_limit_a.is_none_or(|of| of > 0.0),
             "reduced_limit_a",
@@ -76,6 +80,13 @@ impl Hardware {
     /// Amperes of a unit of the driver: two samples are added, so a unit is half a count.
     pub(crate) fn ampere_per_unit(&self) -> f32 {
         0.5 * self.ampere_per_count.abs()
+    }
+
+    /// Whole periods in which the bridge wakes.
+    pub(crate) fn wake_periods(&self) -> u16 {
+        let periods = self.wake_s / self.period_s;
+        let whole = periods as u16;
+        whole + u16::from(f32::from(whole) < periods)
     }
 
     /// A current in units; saturates.
@@ -116,5 +127,6 @@ pub(crate) const EXAMPLE: Hardware = Hardware {
     greatest_count: 4095,
     diode_v: 0.8,
     decay: Decay::Fast,
+    wake_s: 0.0,
     reduced_limit_a: None,
 };

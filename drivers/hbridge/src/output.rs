@@ -33,6 +33,12 @@ impl Output {
         levels: Levels { in1: 0, in2: 0 },
         limit_low: false,
     };
+
+    /// Awake, without voltage yet.
+    pub(crate) const WAKING: Self = Self {
+        awake: true,
+        ..Self::OFF
+    };
 }
 
 /// A current below this, in units, has no sign worth following.

@@ -3,7 +3,7 @@
 //! Voltage in steps, current as it comes; nothing is regulated yet. The integer half runs with the
 //! PWM and adds up; [`evaluate`] makes numbers of the sums.
 //!
-//! 1. Bridge asleep: the mean reading is the zero.
+//! 1. Bridge asleep: the mean reading is the zero. Then it wakes.
 //! 2. The level rises, to the full one within [`RISE_PERIODS`], until [`TARGET_A`] flows.
 //! 3. It rests there, then at up to [`FACTOR`] times the level: two points of a straight line,
 //!    whose slope is the resistance and whose foot is what dead time takes.
@@ -49,6 +49,8 @@ pub(crate) struct TestPlan {
     /// Current at which the rest is not begun, units.
     pub(crate) too_much: i32,
     pub(crate) test_limit: bool,
+    /// Periods in which the bridge wakes.
+    pub(crate) wake_periods: u16,
     /// Twice the nominal reading without current, and how far off it may be.
     pub(crate) twice_zero: [i32; 2],
 }
@@ -71,6 +73,7 @@ pub(crate) struct TestSums {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Stage {
     Zero,
+    Wake,
     Rise,
     LowRest,
     LowMean,
@@ -105,6 +108,7 @@ pub(crate) enum TestStep {
         power: i32,
     },
     Asleep,
+    Waking,
     Over(Result<TestSums, Fault>),
 }
 
@@ -131,10 +135,17 @@ impl SelfTest {
         if self.stage == Stage::Zero {
             self.sums.zero += sum;
             let [nominal, tolerance] = self.plan.twice_zero;
-            if self.next(Stage::Rise, 0) && (twice_zero(&self.sums) - nominal).abs() > tolerance {
+            let wake_periods = self.plan.wake_periods;
+            if self.next(Stage::Wake, wake_periods)
+                && (twice_zero(&self.sums) - nominal).abs() > tolerance
+            {
                 return TestStep::Over(Err(Fault::Offset));
             }
             return TestStep::Asleep;
+        }
+        if self.stage == Stage::Wake && self.left > 0 {
+            self.left -= 1;
+            return TestStep::Waking;
         }
         let units = sum - twice_zero(&self.sums);
         let plan = self.plan;
@@ -142,7 +153,8 @@ impl SelfTest {
         if units < -plan.target / 2 {
             return TestStep::Over(Err(Fault::SenseReversed));
         }
-        if self.stage == Stage::Rise {
+        if matches!(self.stage, Stage::Wake | Stage::Rise) {
+            self.stage = Stage::Rise;
             if let Some(over) = self.rise(units) {
                 return over;
             }
@@ -227,7 +239,7 @@ impl SelfTest {
                     return Some(TestStep::Over(Ok(self.sums)));
                 }
             }
-            Stage::Zero | Stage::Rise | Stage::Over => {}
+            Stage::Zero | Stage::Wake | Stage::Rise | Stage::Over => {}
         }
         None
     }
@@ -332,6 +344,7 @@ mod tests {
             target: 100,
             too_much: 1_000,
             test_limit: false,
+            wake_periods: 0,
             twice_zero: [0, 10],
         });
         (0..20_000)

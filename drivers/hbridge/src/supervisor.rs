@@ -14,7 +14,7 @@ use crate::probe::{Next, Probe, Reach};
 use crate::regulator::Gains;
 use crate::ripple::Ripple;
 use crate::self_test::{Findings, SELF_TEST_J, TARGET_A, TestPlan, evaluate};
-use crate::watch::{BALANCED_WITHIN, Bounds};
+use crate::watch::{ATTENDED_WITHIN, BALANCED_WITHIN, Bounds};
 
 /// Relative change of supply or resistance at which the law is made anew: far below what the law
 /// learns by itself.
@@ -43,6 +43,8 @@ pub struct Supervisor {
     latched: bool,
     probe: Probe,
     blame: Blame,
+    /// Value and limit of the fault that stands, as far as the drive has them.
+    found: Option<[f32; 2]>,
     /// The supply's lowest reading since the last poll, V, if there were readings.
     lowest_v: Option<f32>,
     /// The setpoint when the drive was last seen driving, units.
@@ -87,6 +89,7 @@ impl Supervisor {
                 coast_q8: 256,
             },
             top: (limits.duty * f32::from(hardware.full_level)) as i32,
+            wake_periods: hardware.wake_periods(),
         });
         let supervisor = Self {
             hardware,
@@ -101,6 +104,7 @@ impl Supervisor {
             latched: false,
             probe: Probe::default(),
             blame: Blame::default(),
+            found: None,
             lowest_v: None,
             setpoint: 0,
             reach: Reach {
@@ -174,10 +178,14 @@ impl Supervisor {
         self.blame.is_settled()
     }
 
-    /// The supply at its lowest and what was needed, V, where the last fault was a supply too low.
+    /// What was found and what is allowed, where this fault stands: current, A; supply, V, at its lowest
+    /// and what was needed, or at its highest; energy, J; time, s. Nothing for faults without numbers.
     #[must_use]
-    pub const fn supply_low_v(&self) -> Option<[f32; 2]> {
-        self.blame.low_v
+    pub const fn value_and_limit(&self, fault: Fault) -> Option<[f32; 2]> {
+        match fault {
+            Fault::SupplyLow => self.blame.low_v,
+            _ => self.found,
+        }
     }
 
     /// The self-test, where no fault stands.
@@ -214,6 +222,7 @@ impl Supervisor {
             target,
             too_much: 3 * target,
             test_limit: self.hardware.reduced_limit_a.is_some(),
+            wake_periods: self.hardware.wake_periods(),
             twice_zero: [
                 2 * i32::from(self.hardware.zero_count),
                 2 * i32::from(self.hardware.zero_tolerance),
@@ -221,7 +230,8 @@ impl Supervisor {
         })))
     }
 
-    /// A straight line of the current. `now_us` is the clock by which it begins, the order to be
+    /// A straight line of the current. A bridge that is off wakes first: a line that is to begin
+    /// sooner begins when it is awake. `now_us` is the clock by which it begins, the order to be
     /// applied at once: the clock is read again after the checks, which take a processor without
     /// floating point 0.2 ms.
     ///
@@ -243,6 +253,8 @@ impl Supervisor {
         let findings = self.findings.ok_or(Refusal::NotTested)?;
         let checked_us = now_us();
         line.check(&self.limits, checked_us)?;
+        let is_off = report.state != DriveState::Driving;
+        let wakes_s = if is_off { self.hardware.wake_s } else { 0.0 };
         let ahead_s = line.ahead_s(checked_us);
         let (supply_v, _) = self.made_for;
         let mut demand = Demand::new(
@@ -262,9 +274,11 @@ impl Supervisor {
         }
         let last = self.raw(line.to_a, line.over_s);
         let ahead_s = line.ahead_s(now_us());
+        let from_a = if ahead_s > 0.0 { line.from_a } else { 0.0 };
+        let ahead_s = ahead_s.max(wakes_s);
         Ok(Order(if ahead_s > 0.0 {
             Orders::Run {
-                line: self.raw(line.from_a, ahead_s),
+                line: self.raw(from_a, ahead_s),
                 next: Some(last),
             }
         } else {
@@ -310,6 +324,7 @@ impl Supervisor {
         self.count_energy(report, supply_v, elapsed_us);
         let gave_way = self.gave_way(report, supply_v, elapsed_us);
         let active = matches!(report.state, DriveState::Testing | DriveState::Driving);
+        self.follow_fault(report, elapsed_us);
         if !active {
             self.source.open_v = supply_v;
         }
@@ -320,8 +335,10 @@ impl Supervisor {
         } else if gave_way {
             Orders::Cause(Fault::SupplyLow)
         } else if active && supply_v > high_v {
+            self.found = Some([supply_v, high_v]);
             Orders::Latch(Fault::SupplyHigh)
         } else if active && self.account.is_used_up() {
+            self.found = Some([self.account.energy_j(), self.account.usable_j()]);
             Orders::Latch(Fault::Energy)
         } else if let Some(sums) = report.outcome {
             match evaluate(&sums, &self.hardware, &self.limits, supply_v) {
@@ -337,6 +354,27 @@ impl Supervisor {
             }
         };
         Order(orders)
+    }
+
+    /// Takes the numbers of a fault that the drive has found by itself.
+    fn follow_fault(&mut self, report: &Report, elapsed_us: u32) {
+        let DriveState::Latched(fault) = report.state else {
+            self.found = None;
+            return;
+        };
+        if self.found.is_some() {
+            return;
+        }
+        let periods_s = |periods: u32| periods as f32 * self.hardware.period_s;
+        self.found = match fault {
+            Fault::OverCurrent => {
+                let tripped_a = report.tripped as f32 * self.hardware.ampere_per_unit();
+                Some([tripped_a, self.limits.trip_a])
+            }
+            Fault::OnTime => Some([periods_s(report.on_periods), self.limits.on_time_s]),
+            Fault::Unattended => Some([elapsed_us as f32 * 1e-6, periods_s(ATTENDED_WITHIN)]),
+            _ => None,
+        };
     }
 
     /// Takes a reading of the supply, before [`attend`](Self::attend) where that is given a

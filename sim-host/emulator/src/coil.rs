@@ -36,6 +36,8 @@ pub struct BridgeCircuit {
     pub bridge_ohm: f64,
     /// Dead time, s.
     pub dead_s: f64,
+    /// From nSLEEP high to outputs that follow the inputs, s.
+    pub wake_s: f64,
     /// Relative error of the current amplifier.
     pub gain_error: f64,
     /// Offset of the current amplifier, A.
@@ -44,6 +46,8 @@ pub struct BridgeCircuit {
     pub converter: ConverterParameters,
     /// Fixed output of the current amplifier, V: it is stuck or frozen.
     pub amplifier_v: Option<f64>,
+    /// What the converter makes of one sample of the current, the next, V.
+    pub wild_v: Option<f64>,
     /// Fixed voltage of the thermometer's input, V: 3.3 of a thermistor that is open, 0 of a short.
     pub thermistor_v: Option<f64>,
     /// Whether the bridge pulls nFAULT.
@@ -58,6 +62,7 @@ impl Default for BridgeCircuit {
             limit_a: common.limit_a,
             bridge_ohm: common.bridge_ohm,
             dead_s: common.dead_s,
+            wake_s: common.wake_s,
             gain_error: 0.0,
             offset_a: 0.0,
             converter: ConverterParameters {
@@ -66,6 +71,7 @@ impl Default for BridgeCircuit {
                 ..ConverterParameters::EXACT
             },
             amplifier_v: None,
+            wild_v: None,
             thermistor_v: None,
             bridge_faults: false,
         }
@@ -115,6 +121,7 @@ impl EmulatedCoil {
         self.circuit.parameters = CircuitParameters {
             bridge_ohm: drive.bridge_ohm,
             dead_s: drive.dead_s,
+            wake_s: drive.wake_s,
             limit_a,
             supply_ohm: conditions.supply_ohm,
             ..CircuitParameters::common(
@@ -147,9 +154,9 @@ impl EmulatedCoil {
         self.inputs = inputs;
     }
 
-    /// Whether the bridge pulls nFAULT.
+    /// Whether the bridge pulls nFAULT: while it wakes as well, since its charge pump has no voltage yet.
     pub(crate) fn has_fault(&self) -> bool {
-        self.circuit.is_limiting() || self.drive.bridge_faults
+        self.circuit.is_limiting() || self.circuit.is_waking() || self.drive.bridge_faults
     }
 
     /// Whether nothing flows and nothing can.
@@ -226,7 +233,8 @@ impl EmulatedCoil {
         let volts = match input {
             0 => {
                 let current_a = self.circuit.current_a() + self.drive.offset_a;
-                self.drive.amplifier_v.unwrap_or(
+                let fixed_v = self.drive.wild_v.take().or(self.drive.amplifier_v);
+                fixed_v.unwrap_or(
                     AMPLIFIER_ZERO_V
                         + AMPLIFIER_V_PER_A * (1.0 + self.drive.gain_error) * current_a,
                 )

@@ -27,12 +27,15 @@ pub struct CircuitParameters {
     pub limit_delay_s: f64,
     /// For how long the bridge then shorts the coil, s.
     pub limit_off_s: f64,
+    /// From nSLEEP high to outputs that follow the inputs, s.
+    pub wake_s: f64,
 }
 
 impl CircuitParameters {
     /// A bridge of common parts: 70 mΩ of transistors and wires, 100 ns of dead time, limit 15 A
     /// after 1.5 µs with a fixed time of 20 µs off. All are within the data sheets of integrated
-    /// 12 V bridges; the very values are a guess.
+    /// 12 V bridges; the very values are a guess. It wakes within 1 ms, the time of drivers of external
+    /// transistors (DRV8704, SLVSD29, t_SLEEP; DRV8714-Q1, t_WAKE).
     #[must_use]
     pub const fn common(coil_ohm: f64, inductance_h: f64, supply_v: f64) -> Self {
         Self {
@@ -46,6 +49,7 @@ impl CircuitParameters {
             limit_a: 15.0,
             limit_delay_s: 1.5e-6,
             limit_off_s: 20e-6,
+            wake_s: 1e-3,
         }
     }
 }
@@ -113,6 +117,8 @@ pub struct Circuit {
     trips_s: f64,
     shorted_until_s: f64,
     trips: u32,
+    /// When the bridge is awake; infinite while it is to sleep.
+    awake_from_s: f64,
 }
 
 /// What determines the current now.
@@ -140,6 +146,7 @@ impl Circuit {
             trips_s: f64::INFINITY,
             shorted_until_s: 0.0,
             trips: 0,
+            awake_from_s: f64::INFINITY,
         }
     }
 
@@ -173,6 +180,12 @@ impl Circuit {
         self.totals.time_s < self.shorted_until_s
     }
 
+    /// Whether the bridge is to be awake and is not yet.
+    #[must_use]
+    pub fn is_waking(&self) -> bool {
+        self.awake_from_s.is_finite() && self.totals.time_s < self.awake_from_s
+    }
+
     /// Voltage at the bridge's supply pins now, V.
     #[must_use]
     pub fn supply_v(&self) -> f64 {
@@ -182,7 +195,26 @@ impl Circuit {
 
     /// Lets time pass with the pins as they are.
     pub fn advance(&mut self, pins: Pins, duration_s: f64) {
-        self.ask(pins.halves());
+        let now_s = self.totals.time_s;
+        if !pins.awake {
+            self.awake_from_s = f64::INFINITY;
+        } else if self.awake_from_s == f64::INFINITY {
+            self.awake_from_s = now_s + self.parameters.wake_s;
+        }
+        let wakes_s = if pins.awake {
+            (self.awake_from_s - now_s).clamp(0.0, duration_s)
+        } else {
+            0.0
+        };
+        self.conduct([Half::Diodes; 2], wakes_s);
+        self.conduct(pins.halves(), duration_s - wakes_s);
+    }
+
+    fn conduct(&mut self, halves: [Half; 2], duration_s: f64) {
+        if duration_s <= 0.0 {
+            return;
+        }
+        self.ask(halves);
         let end_s = self.totals.time_s + duration_s;
         // A span holds two dead times and a few trips; the bound only ends what rounding could
         // otherwise prolong.

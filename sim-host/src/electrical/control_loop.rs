@@ -31,6 +31,8 @@ pub struct Slow {
     pub supply_error: f64,
     /// The amplifier's output is stuck here, V.
     pub stuck_v: Option<f64>,
+    /// What the converter makes of one sample, the next, instead of what is there, V.
+    pub wild_v: Option<f64>,
     /// The bridge reports a fault.
     pub bridge_faults: bool,
     /// Whether it reports its limit as one; bridges differ.
@@ -48,6 +50,7 @@ impl Default for Slow {
             offset_a: 0.0,
             supply_error: 0.0,
             stuck_v: None,
+            wild_v: None,
             bridge_faults: false,
             limit_faults: true,
             attended: true,
@@ -164,7 +167,9 @@ impl ControlLoop {
         let decided = 0.5 + INTERRUPT_S / period_s;
         self.bridge(0.5 + sampled, decided, period_s);
         let limits = self.slow.limit_faults && self.circuit.is_limiting();
-        let faulty = self.slow.bridge_faults || limits;
+        // Without its charge pump a bridge may report an undervoltage.
+        let wakes = self.circuit.is_waking();
+        let faulty = self.slow.bridge_faults || limits || wakes;
         let mut next = self.drive.tick([first, second], faulty);
         if self.drive.account(&self.averages) {
             next = Output::OFF;
@@ -222,7 +227,7 @@ impl ControlLoop {
 
     fn sample(&mut self) -> u16 {
         let current_a = self.circuit.current_a() + self.slow.offset_a;
-        let volts = self.slow.stuck_v.unwrap_or(
+        let volts = self.slow.wild_v.take().or(self.slow.stuck_v).unwrap_or(
             AMPLIFIER_ZERO_V + AMPLIFIER_V_PER_A * (1.0 + self.slow.gain_error) * current_a,
         );
         self.converter.code(volts)

@@ -31,6 +31,9 @@ fn regulated(coil_ohm: f64, inductance_h: f64, supply_v: f64) -> Regulated {
 fn counted_and_forecast(drive: &mut Regulated, peak_a: f32, end_a: f32) -> (f32, f32) {
     let ramp = [(peak_a, 0.01), (peak_a, 0.03), (end_a, 0.06)];
     let train = [ramp.repeat(6), vec![(0.0, 0.01)]].concat();
+    // Awake, so that both begin at once.
+    drive.go(0.0, 0.0).unwrap();
+    drive.run_for(3e-3);
     let findings = *drive.supervisor().findings().unwrap();
     let account: Account = *drive.supervisor().account();
     let load = Load {

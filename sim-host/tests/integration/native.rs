@@ -342,13 +342,14 @@ fn a_recorded_current_is_the_one_that_flowed() {
         assert!((part.interval_s - 256e-6).abs() < 1e-9);
         for (index, current_a) in part.currents_a.iter().enumerate() {
             let after_s = (at_us - begun_us) as f64 * 1e-6 + 256e-6 * index as f64;
-            let setpoint_a = (8.0 * after_s / 20e-3).min(8.0);
+            // The bridge wakes first.
+            let setpoint_a = (8.0 * (after_s - 2e-3) / 20e-3).clamp(0.0, 8.0);
             off_a.push(f64::from(*current_a) - setpoint_a);
         }
     }
     assert!(off_a.iter().all(|off_a| off_a.abs() < 0.3), "{off_a:?}");
-    // The rise takes 78 of them; one interval more or less would be 0.1 A.
-    let mean_a = off_a[..78].iter().sum::<f64>() / 78.0;
+    // The rise takes 78 of them, after 8; one interval more or less would be 0.1 A.
+    let mean_a = off_a[8..86].iter().sum::<f64>() / 78.0;
     assert!(mean_a.abs() < 0.05, "{mean_a}");
 }
 

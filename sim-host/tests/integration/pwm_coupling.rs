@@ -197,6 +197,7 @@ fn parts_of_a_period_at_the_ends_of_a_window_matter_less_than_quantisation() {
     // 20 µH, 12 V, half of the time: 2.4 A of ripple about 12 A, more than the reference coils have.
     let mut circuit = Circuit::new(CircuitParameters {
         limit_a: f64::INFINITY,
+        wake_s: 0.0,
         ..CircuitParameters::common(0.4, 20e-6, SUPPLY_V)
     });
     const STEPS: usize = 400;

@@ -4,15 +4,16 @@ use coil_hbridge::{Fault, Limits, Refusal};
 use palpate_procedure::event::Failure;
 use palpate_wire::code::{FaultCode, Location};
 
-/// The failure that a latched fault of the drive is; `supply_low_v`: the supply that was found, and
-/// the one that is needed.
-pub(crate) fn latched(fault: Fault, supply_low_v: Option<[f32; 2]>, limits: &Limits) -> Failure {
-    match (fault, supply_low_v) {
-        (Fault::SupplyLow, Some([supply_v, needed_v])) => Failure {
-            limit: Some(needed_v),
-            ..failure(FaultCode::SupplyLow, Some(supply_v), limits)
+/// The failure that a latched fault of the drive is, with what was found and what is allowed.
+pub(crate) fn latched(fault: Fault, value_and_limit: Option<[f32; 2]>, limits: &Limits) -> Failure {
+    let found = failure(code(fault), None, limits);
+    match value_and_limit {
+        Some([value, limit]) => Failure {
+            value: Some(value),
+            limit: Some(limit),
+            ..found
         },
-        _ => failure(code(fault), None, limits),
+        None => found,
     }
 }
 
@@ -133,9 +134,11 @@ mod tests {
     }
 
     #[test]
-    fn a_supply_that_gives_way_is_reported_with_what_was_needed() {
-        let found = latched(Fault::SupplyLow, Some([5.1, 6.4]), &LIMITS);
-        assert_eq!((found.value, found.limit), (Some(5.1), Some(6.4)));
+    fn a_latched_fault_is_reported_with_what_was_found_and_what_is_allowed() {
+        for fault in [Fault::SupplyLow, Fault::SupplyHigh, Fault::OverCurrent] {
+            let found = latched(fault, Some([5.1, 6.4]), &LIMITS);
+            assert_eq!((found.value, found.limit), (Some(5.1), Some(6.4)));
+        }
     }
 
     #[test]

@@ -4,6 +4,8 @@
 //! starts and stops that interrupt, gives the drive its orders, polls it a thousand times a second,
 //! reads supply and thermistor, and turns what has failed into a fault of the protocol.
 
+#[cfg(test)]
+mod bench;
 mod faults;
 mod hardware;
 mod kept;
@@ -53,6 +55,8 @@ pub struct CoilManager<H> {
     hardware: H,
     supervisor: Supervisor,
     supply_v: f32,
+    /// The supply by its last reading, V.
+    read_v: f32,
     thermometer: Thermometer,
     /// Whether there is a coil that needs one, driven or not.
     expects_thermometer: bool,
@@ -91,6 +95,7 @@ impl<H: CoilHardware> CoilManager<H> {
             hardware,
             supervisor,
             supply_v: 0.0,
+            read_v: 0.0,
             thermometer: Thermometer::default(),
             expects_thermometer: false,
             runs_since_us: None,
@@ -319,12 +324,17 @@ impl<H: CoilHardware> CoilManager<H> {
             self.supervisor.read_supply(H::CIRCUIT.supply_v(reading));
         }
         self.supervisor.read_supply(supply_v);
-        let part = if rests || self.supply_v == 0.0 {
-            1.0
-        } else {
-            SMOOTHING
-        };
-        self.supply_v += part * (supply_v - self.supply_v);
+        let read_v = core::mem::replace(&mut self.read_v, supply_v);
+        let is_first = self.supply_v == 0.0;
+        let part = if rests || is_first { 1.0 } else { SMOOTHING };
+        let off_v = |of_v: f32| of_v - self.supply_v;
+        // A single wild reading is the converter's: of the last two the nearer counts.
+        self.supply_v += part
+            * if is_first || off_v(supply_v).abs() <= off_v(read_v).abs() {
+                off_v(supply_v)
+            } else {
+                off_v(read_v)
+            };
         let now = Instant::from_ticks(self.hardware.now_us());
         let ratio = (f32::from(thermistor) + 0.5) / H::CIRCUIT.counts;
         let failure = self.thermometer.push(now, ratio);
@@ -344,9 +354,9 @@ impl<H: CoilHardware> CoilManager<H> {
             DriveState::Testing | DriveState::Driving => self.off = 0,
             DriveState::Latched(fault) => {
                 if self.supervisor.knows_the_cause() {
-                    let supply_low_v = self.supervisor.supply_low_v();
+                    let found = self.supervisor.value_and_limit(fault);
                     let limits = &H::CIRCUIT.limits;
-                    self.failed(faults::latched(fault, supply_low_v, limits));
+                    self.failed(faults::latched(fault, found, limits));
                 }
             }
             DriveState::Off { tested } => {
@@ -437,5 +447,30 @@ impl<H: CoilHardware> CoilManager<H> {
         if self.failure.is_none() {
             self.failure = Some(failure);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::bench::{SUPPLY_12_V, run};
+
+    /// At rest the supply is read every eight polls.
+    #[test]
+    fn one_wild_reading_of_the_supply_is_none_and_two_are_the_supply() {
+        let mut manager = run([0; 2]);
+        let mut read = |supply: u16| {
+            manager.hardware.supply = supply;
+            (0..8).for_each(|_| manager.poll());
+            manager.supply_v()
+        };
+        let twelve_v = read(SUPPLY_12_V);
+        assert!((twelve_v - 12.0).abs() < 0.01, "{twelve_v}");
+        for wild in [0, 4_095] {
+            assert_eq!(read(wild), twelve_v);
+            assert_eq!(read(SUPPLY_12_V), twelve_v);
+        }
+        let lower = SUPPLY_12_V / 2;
+        assert_eq!(read(lower), twelve_v);
+        assert!((read(lower) - 6.0).abs() < 0.01);
     }
 }

@@ -207,6 +207,7 @@ pub(crate) struct StepResult {
 /// The time that supply and inductance allow, with the bridge always on.
 fn possible(circuit: &Circuit, to_a: f64) -> Time {
     let mut circuit = *circuit;
+    circuit.parameters.wake_s = 0.0;
     let pins = Pins {
         awake: true,
         inputs: [true, false],
