@@ -28,6 +28,8 @@ const CHANNELS: u8 = 0b1111;
 /// Failures that may stand at once: of each converter, and of the coil.
 const SOURCES: usize = CONVERTERS + 1;
 const COIL: usize = CONVERTERS;
+/// Faults that may be reported at once.
+const MOST_REPORTED: usize = 12;
 /// From the command to start anew to doing so, us: a PC that polls ten times a second, the slowest
 /// that makes sense, has the answer.
 const RESTART_AFTER_US: u64 = 200_000;
@@ -112,8 +114,8 @@ pub struct Instrument {
     actions: Actions,
     /// The failures that were reported to the procedure and that last.
     standing: [Option<FaultCode>; SOURCES],
-    /// The fault in which the procedure is, as it said, and where it is.
-    latched: Option<(FaultCode, Location)>,
+    /// The faults that the procedure has reported and that have not ended, and where they are.
+    reported: Vec<(FaultCode, Location), MOST_REPORTED>,
     /// The clocks run, as far as is still to be said.
     clocks_run: bool,
     /// The order that the storage gets once the bridge is proven off.
@@ -139,7 +141,7 @@ impl Instrument {
             procedure: None,
             actions: Actions::new(),
             standing: [None; SOURCES],
-            latched: None,
+            reported: Vec::new(),
             clocks_run: true,
             order: None,
             restart: None,
@@ -205,9 +207,9 @@ impl Instrument {
         let mut scan = scan(converter, sampled);
         hardware.with_coil(|coil| add_current(&mut scan, sampled, coil));
         // Whatever stood against this converter or the bus has ended with it.
-        if let Some((code, location)) = self.latched
-            && location != other_converter(converter)
-        {
+        let other = other_converter(converter);
+        let ended = self.reported.clone().into_iter();
+        for (code, _) in ended.filter(|(_, location)| *location != other) {
             self.step(hardware, &Event::Recovered(code));
         }
         self.step(hardware, &Event::Scan(&scan));
@@ -407,11 +409,12 @@ impl Instrument {
                                 of_coil.take_if(|code| *code == fault.code);
                             }
                         }
-                        self.latched = match self.latched {
-                            Some((code, _)) if !fault.active && code == fault.code => None,
-                            None if fault.active => Some((fault.code, fault.location)),
-                            latched => latched,
-                        };
+                        let of = (fault.code, fault.location);
+                        self.reported.retain(|reported| *reported != of);
+                        if fault.active {
+                            // There is room for more than the procedure keeps.
+                            let _ = self.reported.push(of);
+                        }
                     }
                     hardware.send(*to, at.as_ticks(), record);
                 }

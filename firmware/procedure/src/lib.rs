@@ -6,6 +6,7 @@
 )]
 
 mod action;
+mod answer;
 pub mod board;
 pub mod boot;
 pub mod configuration;

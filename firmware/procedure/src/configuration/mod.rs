@@ -19,7 +19,8 @@ use palpate_wire::command::{
     Springs, Stiffening, StiffeningCurve, Tank, TemperatureCoefficients, TemperatureEffect,
 };
 
-use crate::BoardInfo;
+use crate::answer::{Answer, field};
+use crate::{BoardInfo, Limits};
 use assembly::{Assembly, Target};
 pub(crate) use readback::Cursor;
 pub(crate) use seal::ITEMS;
@@ -214,14 +215,17 @@ impl Configuration {
     }
 
     /// Takes what a command sets, or nothing of it. `None` for a command that sets nothing.
-    pub(crate) fn set(&mut self, command: &Command, board: &BoardInfo) -> Option<Outcome> {
-        let outcome = self.take(command, board)?;
+    pub(crate) fn set(&mut self, command: &Command, board: &BoardInfo) -> Option<Answer> {
+        let answer = match command {
+            Command::SetSettings(settings) => self.set_settings(settings, board),
+            _ => self.take(command, board)?.into(),
+        };
         // A curve of which chunks are missing is not in force yet.
-        if outcome == Outcome::Accepted && self.assembly.is_none() {
+        if answer == Outcome::Accepted.into() && self.assembly.is_none() {
             self.keep_identity_with(command);
             self.seal(command);
         }
-        Some(outcome)
+        Some(answer)
     }
 
     /// A calibration of which a part was set is another one than its identity says.
@@ -233,7 +237,6 @@ impl Configuration {
 
     fn take(&mut self, command: &Command, board: &BoardInfo) -> Option<Outcome> {
         Some(match command {
-            Command::SetSettings(settings) => self.set_settings(settings, board),
             Command::SetTank(tank) => {
                 let tank = tank.clone();
                 self.on_channel(tank.sensor, tank.channel, board, |to| to.tank = Some(tank))
@@ -296,22 +299,17 @@ impl Configuration {
         })
     }
 
-    fn set_settings(&mut self, settings: &Settings, board: &BoardInfo) -> Outcome {
+    fn set_settings(&mut self, settings: &Settings, board: &BoardInfo) -> Answer {
         let [first, second] = board.channels;
         if settings.channels & !(first | second) != 0 || settings.channels & first == 0 {
-            return Outcome::NoSuchChannel;
+            return Outcome::NoSuchChannel.into();
         }
-        let limits = &board.limits;
-        if settings.rate_hz > limits.rate.0
-            || settings.peak_current_a > limits.current.0
-            || settings.greatest_energy_j > limits.energy_j
-            || settings.greatest_temperature_c > limits.temperature.0
-        {
-            return Outcome::OutOfRange;
+        if let Err(answer) = within(settings, &board.limits) {
+            return answer;
         }
         self.settings = settings.clone();
         self.settings_are_set = true;
-        Outcome::Accepted
+        Outcome::Accepted.into()
     }
 
     fn set_stiffening_curve(&mut self, chunk: &StiffeningCurve) -> Outcome {
@@ -449,6 +447,33 @@ impl Configuration {
             of.rise_per_k,
         )
     }
+}
+
+/// Checks settings against the board's limits: none begins above zero.
+fn within(settings: &Settings, limits: &Limits) -> Result<(), Answer> {
+    for (field, value, limit) in [
+        (field!(Settings, rate_hz), settings.rate_hz, limits.rate.0),
+        (
+            field!(Settings, peak_current_a),
+            settings.peak_current_a,
+            limits.current.0,
+        ),
+        (
+            field!(Settings, greatest_energy_j),
+            settings.greatest_energy_j,
+            limits.energy_j,
+        ),
+        (
+            field!(Settings, greatest_temperature_c),
+            settings.greatest_temperature_c,
+            limits.temperature.0,
+        ),
+    ] {
+        if value > limit {
+            return Err(Answer::out_of_range(field, value, [0.0, limit]));
+        }
+    }
+    Ok(())
 }
 
 /// Whether the board has a channel.

@@ -316,7 +316,7 @@ pub(crate) mod tests {
     fn set(configuration: &mut Configuration, board: &BoardInfo, commands: &[Command]) {
         for command in commands {
             let outcome = configuration.set(command, board);
-            assert_eq!(outcome, Some(Outcome::Accepted), "{command:?}");
+            assert_eq!(outcome, Some(Outcome::Accepted.into()), "{command:?}");
         }
     }
 

@@ -14,6 +14,7 @@ use palpate_wire::{Command, Record};
 use super::states::Phase;
 use super::{Out, Procedure};
 use crate::action::Action;
+use crate::answer::Answer;
 use crate::event::Failure;
 use crate::link::Link;
 use crate::time::{Duration, Instant, between, in_seconds};
@@ -73,17 +74,17 @@ impl Procedure {
         kind: u8,
         command: CoilCommand,
         out: &mut Out<'_>,
-    ) -> Option<Outcome> {
-        if let Err(outcome) = self.may(&command) {
-            return Some(outcome);
+    ) -> Option<Answer> {
+        if let Err(answer) = self.may(&command) {
+            return Some(answer);
         }
         match self.coil {
-            Knowledge::Tested => return Some(self.begin(link, &command, out)),
+            Knowledge::Tested => return Some(self.begin(link, &command, out).into()),
             Knowledge::None if command == CoilCommand::Test => {
-                return Some(self.begin(link, &command, out));
+                return Some(self.begin(link, &command, out).into());
             }
             Knowledge::None => self.begin_test(out),
-            Knowledge::Testing(_) if self.waiting.is_some() => return Some(Outcome::Busy),
+            Knowledge::Testing(_) if self.waiting.is_some() => return Some(Outcome::Busy.into()),
             Knowledge::Testing(_) => {}
         }
         self.waiting = Some(Waiting {
@@ -95,12 +96,13 @@ impl Procedure {
         None
     }
 
-    fn may(&self, command: &CoilCommand) -> Result<(), Outcome> {
+    fn may(&self, command: &CoilCommand) -> Result<(), Answer> {
         match command {
-            CoilCommand::Measure => self.may_measure().map(drop),
-            CoilCommand::Sweep | CoilCommand::Test => self.may_drive(),
-            CoilCommand::Drive(line) => self.may_drive_manually(line),
+            CoilCommand::Measure => self.may_measure().map(drop)?,
+            CoilCommand::Sweep | CoilCommand::Test => self.may_drive()?,
+            CoilCommand::Drive(line) => self.may_drive_manually(line)?,
         }
+        Ok(())
     }
 
     fn begin(&mut self, link: Link, command: &CoilCommand, out: &mut Out<'_>) -> Outcome {
@@ -163,15 +165,11 @@ impl Procedure {
             command,
         }) = self.waiting.take()
         {
-            let outcome = match self.may(&command) {
-                Ok(()) => self.begin(link, &command, out),
-                Err(outcome) => outcome,
+            let answer = match self.may(&command) {
+                Ok(()) => self.begin(link, &command, out).into(),
+                Err(answer) => answer,
             };
-            self.answer(
-                Some(link),
-                Acknowledgement::new(&header, kind, outcome),
-                out,
-            );
+            self.answer(Some(link), answer.acknowledge(&header, kind), out);
         }
     }
 

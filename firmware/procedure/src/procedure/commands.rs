@@ -9,6 +9,7 @@ use super::coil::{CoilCommand, Knowledge};
 use super::states::Phase;
 use super::{Out, Procedure, Readback};
 use crate::action::Action;
+use crate::answer::Answer;
 use crate::board::MOST_CRASHES;
 use crate::link::Link;
 use crate::measurement::Reason;
@@ -25,14 +26,14 @@ impl Procedure {
             Acknowledgement::invalid(header, message.kind(), &invalid)
         } else {
             self.host_seen(link, out.now);
-            let outcome = match CoilCommand::of(message) {
+            let answer = match CoilCommand::of(message) {
                 Some(command) => self.with_coil(link, header, message.kind(), command, out),
                 None => Some(self.execute(message, out)),
             };
-            let Some(outcome) = outcome else {
+            let Some(answer) = answer else {
                 return;
             };
-            Acknowledgement::new(header, message.kind(), outcome)
+            answer.acknowledge(header, message.kind())
         };
         self.answer(out.asker, answer, out);
     }
@@ -62,8 +63,8 @@ impl Procedure {
     }
 
     /// Executes a command that does not need the coil.
-    fn execute(&mut self, command: &Command, out: &mut Out<'_>) -> Outcome {
-        match command {
+    fn execute(&mut self, command: &Command, out: &mut Out<'_>) -> Answer {
+        let outcome = match command {
             Command::Identify => {
                 out.answer(Record::Hello(self.hello()));
                 out.answer(Record::Status(self.status()));
@@ -111,7 +112,7 @@ impl Procedure {
                     .record(of.part, sensor, channel, 0)
                     .is_none()
                 {
-                    return Outcome::NotSet;
+                    return Outcome::NotSet.into();
                 }
                 self.readback = Some(readback);
                 Outcome::Accepted
@@ -129,8 +130,9 @@ impl Procedure {
                 out.push(Action::Locate(span(locate.duration_s)));
                 Outcome::Accepted
             }
-            setting => self.set(setting, out),
-        }
+            setting => return self.set(setting, out),
+        };
+        outcome.into()
     }
 
     fn arm(&mut self, out: &mut Out<'_>) -> Outcome {
@@ -186,18 +188,18 @@ impl Procedure {
         self.end_manual(out);
     }
 
-    fn set(&mut self, command: &Command, out: &mut Out<'_>) -> Outcome {
+    fn set(&mut self, command: &Command, out: &mut Out<'_>) -> Answer {
         if self.armed {
-            return Outcome::Armed;
+            return Outcome::Armed.into();
         }
         if self.is_occupied() {
-            return Outcome::Busy;
+            return Outcome::Busy.into();
         }
-        let Some(outcome) = self.configuration.set(command, &self.board) else {
-            return Outcome::UnknownCommand;
+        let Some(answer) = self.configuration.set(command, &self.board) else {
+            return Outcome::UnknownCommand.into();
         };
-        if outcome != Outcome::Accepted {
-            return outcome;
+        if answer != Outcome::Accepted.into() {
+            return answer;
         }
         match command {
             Command::SetSettings(_) => {
@@ -216,7 +218,7 @@ impl Procedure {
             }
             _ => {}
         }
-        outcome
+        answer
     }
 
     /// Bridge off and disarmed, then the device starts anew.

@@ -16,7 +16,8 @@ impl Procedure {
     /// Something has failed: bridge off, disarmed, and said so.
     ///
     /// The first fault stands until it is cleared; one that comes while it stands is reported, and
-    /// takes its place only if it waits for its user and the first does not.
+    /// takes its place only if it waits for its user and the first does not. The other one stands behind
+    /// it, and ends with its own cause or with the one before it.
     pub(super) fn fail(&mut self, failure: Failure, out: &mut Out<'_>) {
         self.safe(Outcome::Faulted, out);
         // What failed may be the coil.
@@ -30,15 +31,36 @@ impl Procedure {
         }
         self.armed = false;
         out.record(fault(&failure, true));
-        let stands = match &self.phase {
+        match &mut self.phase {
             Phase::Fault(standing) => {
-                ends_with_its_cause(standing) && !ends_with_its_cause(&failure)
+                let is_first = ends_with_its_cause(standing) && !ends_with_its_cause(&failure);
+                let behind = if is_first {
+                    core::mem::replace(standing, failure)
+                } else {
+                    failure
+                };
+                self.stand_behind(behind);
             }
-            _ => true,
-        };
-        if stands {
-            self.go(Phase::Fault(failure), out);
+            _ => self.go(Phase::Fault(failure), out),
         }
+    }
+
+    /// Adds a fault to those behind the one that stands; each once.
+    fn stand_behind(&mut self, failure: Failure) {
+        let is_same = |of: &Failure| (of.code, of.location) == (failure.code, failure.location);
+        let stands = matches!(&self.phase, Phase::Fault(standing) if is_same(standing));
+        if !stands && !self.behind.iter().any(is_same) {
+            // There are as many places as sources of faults, and some more.
+            let _ = self.behind.push(failure);
+        }
+    }
+
+    /// Ends the faults behind the one that stands for which this is true.
+    fn end_behind(&mut self, ends: impl Fn(&Failure) -> bool, out: &mut Out<'_>) {
+        for ended in self.behind.iter().filter(|of| ends(of)) {
+            out.record(fault(ended, false));
+        }
+        self.behind.retain(|of| !ends(of));
     }
 
     /// The clock was set back: nothing that was to end by it would.
@@ -80,20 +102,21 @@ impl Procedure {
 
     /// The cause of a failure has gone. A fault that ends by that does.
     pub(super) fn recovered(&mut self, code: FaultCode, out: &mut Out<'_>) {
-        if let Phase::Fault(standing) = &self.phase
-            && standing.code == code
-            && ends_with_its_cause(standing)
-        {
+        let ends = |of: &Failure| of.code == code && ends_with_its_cause(of);
+        self.end_behind(ends, out);
+        if matches!(&self.phase, Phase::Fault(standing) if ends(standing)) {
             self.clear(out);
         }
     }
 
-    /// Ends the fault that stands and starts anew, disarmed.
+    /// Ends the fault that stands and those behind it, and starts anew, disarmed: a cause that lasts is
+    /// found again.
     pub(super) fn clear(&mut self, out: &mut Out<'_>) {
         let Phase::Fault(standing) = self.phase.clone() else {
             return;
         };
         out.record(fault(&standing, false));
+        self.end_behind(|_| true, out);
         self.mode = Mode::SensingOnly;
         self.resume_baseline();
         self.configure_sensors(out);

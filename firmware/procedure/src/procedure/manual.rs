@@ -8,6 +8,7 @@ use palpate_wire::command::DriveCoil;
 use super::states::Phase;
 use super::{Out, Procedure};
 use crate::action::Action;
+use crate::answer::{Answer, field};
 use crate::event::Failure;
 use crate::link::Link;
 use crate::measurement::check_heat;
@@ -29,15 +30,18 @@ pub(super) struct ManualDrive {
 
 impl Procedure {
     /// Whether a current may be commanded now.
-    pub(super) fn may_drive_manually(&self, line: &DriveCoil) -> Result<(), Outcome> {
+    pub(super) fn may_drive_manually(&self, line: &DriveCoil) -> Result<(), Answer> {
         let limit_a = self.board.limits.current.0;
-        if line.to_a.abs() > limit_a.min(self.configuration.settings.peak_current_a) {
-            return Err(Outcome::OutOfRange);
+        let limit_a = limit_a.min(self.configuration.settings.peak_current_a);
+        if line.to_a.abs() > limit_a {
+            let field = field!(DriveCoil, to_a);
+            return Err(Answer::out_of_range(field, line.to_a, [-limit_a, limit_a]));
         }
         match self.phase {
-            Phase::Manual(_) => Ok(()),
-            _ => self.may_drive(),
+            Phase::Manual(_) => {}
+            _ => self.may_drive()?,
         }
+        Ok(())
     }
 
     /// A current, from where it is.

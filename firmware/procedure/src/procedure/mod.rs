@@ -37,6 +37,10 @@ const TICK: Duration = Duration::from_ticks(10_000);
 /// From the check of one item of the configuration to that of the next: all of them once a second.
 const CHECK: Duration = Duration::from_ticks(1_000_000 / ITEMS as u64);
 
+/// Faults that may stand at once behind another: of two converters, bus, coil, thermometer, processor,
+/// configuration and storage, with one to spare.
+const MOST_BEHIND: usize = 8;
+
 /// What the instrument does, from event to actions.
 ///
 /// See the [crate](crate) for an example.
@@ -76,6 +80,8 @@ pub struct Procedure {
     /// Until when the converters may be busy with being configured.
     configured: Instant,
     flagged_since: FlaggedSince,
+    /// Faults that were reported and have not ended, besides the one that stands.
+    behind: heapless::Vec<Failure, MOST_BEHIND>,
     /// The item of the configuration that is checked next, and when.
     next_check: (usize, Instant),
 }
@@ -130,6 +136,7 @@ impl Procedure {
             last_seen: None,
             configured: Instant::from_ticks(0),
             flagged_since: FlaggedSince::default(),
+            behind: heapless::Vec::new(),
             next_check: (0, Instant::from_ticks(0)),
         };
         procedure.begin_baseline();

@@ -89,8 +89,15 @@ impl Procedure {
             }
         }
         if let Phase::Fault(standing) = &self.phase {
-            if all_good && is_of_readings(standing.code) && standing.location == location {
-                self.recovered(standing.code, out);
+            let ends = |of: &Failure| is_of_readings(of.code) && of.location == location;
+            let behind = self.behind.iter().find(|of| ends(of));
+            let ended = if ends(standing) {
+                Some(standing)
+            } else {
+                behind
+            };
+            if let (true, Some(code)) = (all_good, ended.map(|of| of.code)) {
+                self.recovered(code, out);
             }
         } else if let Some(failure) = failure {
             self.fail(failure, out);

@@ -144,7 +144,7 @@ impl Procedure {
                     self.storage.refused = 0;
                 }
                 let outcome = self.configuration.set(command, &self.board);
-                if outcome != Some(Outcome::Accepted) {
+                if outcome != Some(Outcome::Accepted.into()) {
                     self.storage.refused = self.storage.refused.saturating_add(1);
                 }
             }

@@ -60,21 +60,25 @@ fn a_wrong_field_is_named_and_nothing_of_the_command_taken() {
         (
             settings(|of| of.peak_current_a = 12.1),
             Outcome::OutOfRange,
-            None,
+            Some(12.1),
         ),
         (
             settings(|of| of.greatest_energy_j = 61.0),
             Outcome::OutOfRange,
-            None,
+            Some(61.0),
         ),
         (
             settings(|of| of.greatest_temperature_c = 101.0),
             Outcome::OutOfRange,
-            None,
+            Some(101.0),
         ),
     ] {
         let answer = rig.send(Command::SetSettings(wrong));
         assert_eq!((answer.outcome, answer.value), (outcome, value));
+        if outcome == Outcome::OutOfRange {
+            assert!(answer.field.is_some() && answer.low.is_some(), "{answer:?}");
+            assert!(answer.high < answer.value, "{answer:?}");
+        }
         assert_eq!(*rig.settings(), before);
     }
     let mut two = board_of_two_channels();

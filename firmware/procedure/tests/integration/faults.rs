@@ -423,3 +423,50 @@ fn a_fault_that_waits_for_its_user_is_not_hidden_by_one_that_does_not() {
     );
     rig.accepted(clear(FaultCode::Bridge));
 }
+
+/// Each fault that was reported ends once: with its cause, or with the one that stands.
+#[test]
+fn of_two_faults_at_once_both_ends_are_reported() {
+    let bus = (FaultCode::BusTimeout, Location::Bus);
+    let silent = (FaultCode::SensorRegister, Location::Sensor);
+    let coil = (FaultCode::CoilOpen, Location::Coil);
+    let bridge = (FaultCode::Bridge, Location::Bridge);
+    for (faults, stands) in [
+        ([bus, coil], coil),
+        ([coil, bus], coil),
+        ([coil, bridge], coil),
+        ([bus, silent], bus),
+    ] {
+        for of_cause in [None, Some(bus.0)] {
+            let mut rig = Rig::standing_in(State::Watching, |_| {});
+            for (code, location) in faults {
+                rig.fail(code, location);
+            }
+            let mut expected = Vec::new();
+            if let Some(code) = of_cause
+                && faults.contains(&bus)
+                && stands != bus
+            {
+                rig.step(&Event::Recovered(code));
+                expected.push(code);
+                assert_eq!(rig.state(), State::Fault, "{faults:?}");
+            }
+            let code = stands.0;
+            rig.accepted(Command::ClearFault(ClearFault { code }));
+            expected.push(code);
+            expected.extend(
+                faults.map(|(code, _)| code).into_iter().filter(|code| {
+                    *code != stands.0 && !(of_cause == Some(*code) && stands != bus)
+                }),
+            );
+            let ended: Vec<_> = rig.reported(|record| match record {
+                Record::Fault(fault) if !fault.active => Some(fault.code),
+                _ => None,
+            });
+            assert_eq!(ended, expected, "{faults:?}");
+            assert_eq!(rig.state(), State::SelfTest, "{faults:?}");
+            rig.until(State::Watching, 3_000);
+            rig.accepted(Command::Arm);
+        }
+    }
+}

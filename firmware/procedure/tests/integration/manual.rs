@@ -60,7 +60,10 @@ fn it_takes_both_polarities_within_the_limits() {
     assert!((rig.line.at(rig.now_us) + 2.0).abs() < 1e-6);
     let peak_a = rig.settings().peak_current_a;
     for to_a in [1.001 * peak_a, -1.001 * peak_a] {
-        assert_eq!(rig.outcome(drive(to_a)), Outcome::OutOfRange);
+        let answer = rig.send(drive(to_a));
+        assert_eq!(answer.outcome, Outcome::OutOfRange);
+        let numbers = (answer.field, answer.value, answer.low, answer.high);
+        assert_eq!(numbers, (Some(0), Some(to_a), Some(-peak_a), Some(peak_a)));
     }
     assert_eq!(rig.outcome(drive(f32::NAN)), Outcome::NotFinite);
 }

@@ -4,7 +4,7 @@ use std::ops::RangeInclusive;
 
 use crate::common::driven::{PERIOD, bend, steps, telemetry, wired};
 use crate::common::{RecordedBoard, coil, image, streaming};
-use palpate_emulator::{Options, PlantConditions, Time};
+use palpate_emulator::{Options, Plant, PlantConditions, Time};
 use palpate_sim::electrical::Circuit;
 use palpate_wire::code::{FaultCode, Outcome, RefusalReason, State, Stream};
 use palpate_wire::command::{ClearFault, DriveCoil};
@@ -59,7 +59,7 @@ fn driving(to_a: f32) -> RecordedBoard {
 }
 
 /// True mean current over a time, with the PC saying something now and then.
-fn mean_a(bench: &mut RecordedBoard, time: Time) -> f64 {
+fn mean_a<P: Plant>(bench: &mut RecordedBoard<P>, time: Time) -> f64 {
     let before = bench.board.totals();
     bench.run(time);
     let after = bench.board.totals();
@@ -95,6 +95,78 @@ fn the_current_is_what_was_commanded() {
     bench.run(Time::from_ms(1));
     assert_eq!(bench.board.current_a(), 0.0);
     assert!(bench.faults().is_empty());
+}
+
+/// As the data sheets say, and at the end of what the firmware allows for.
+#[test]
+fn a_bridge_that_wakes_slowly_is_driven_without_overshoot_and_without_a_fault() {
+    for wake_s in [0.8e-3, 1e-3, 2e-3] {
+        let bridge = palpate_emulator::BridgeCircuit {
+            wake_s,
+            ..palpate_emulator::BridgeCircuit::default()
+        };
+        let mut bench = wired(PlantConditions::default(), bridge, 1);
+        bench.arm();
+        for (to_a, over_s) in [(1.0, 1e-3), (1.0, 0.0), (8.0, 5e-3)] {
+            bench.board.circuit_mut().forget_peak();
+            assert_eq!(
+                bench.command(&drive(to_a, over_s)).outcome,
+                Outcome::Accepted
+            );
+            bench.run(Time::from_ms(15));
+            let mean_a = mean_a(&mut bench, Time::from_ms(5));
+            let (peak_a, _) = bench.board.circuit().peak();
+            assert!(
+                bench.faults().is_empty(),
+                "{wake_s} s: {:?}",
+                bench.faults()
+            );
+            assert!(
+                (mean_a - f64::from(to_a)).abs() < 0.1,
+                "{wake_s} s: {mean_a} A"
+            );
+            // Ripple and what a step goes beyond.
+            assert!(peak_a < f64::from(to_a) + 1.0, "{wake_s} s: {peak_a} A");
+            bench.command(&Command::Abort);
+            bench.run(Time::from_ms(5));
+        }
+    }
+}
+
+#[test]
+fn a_single_wild_sample_of_the_converter_ends_nothing() {
+    let mut bench = driving(5.0);
+    for wild_v in [0.0, 3.3, 3.3] {
+        bench.board.drive_mut().wild_v = Some(wild_v);
+        let mean_a = mean_a(&mut bench, Time::from_ms(5));
+        assert_eq!(bench.board.drive_mut().wild_v, None, "it was converted");
+        assert!((mean_a - 5.0).abs() < 0.1, "{mean_a}");
+        assert_eq!(fault(&bench), None);
+        bench.command(&drive(5.0, 0.0));
+    }
+}
+
+/// What is beyond the limits says which field, how much it is, and how much is allowed; a fault of the
+/// current and of the supply says how much it was.
+#[test]
+fn what_is_refused_and_what_fails_says_its_numbers() {
+    let mut bench = driving(5.0);
+    let answer = bench.command(&drive(11.0, 0.0));
+    assert_eq!(answer.outcome, Outcome::OutOfRange);
+    assert_eq!(
+        (answer.field, answer.value, answer.low, answer.high),
+        (Some(0), Some(11.0), Some(-10.0), Some(10.0))
+    );
+    bench.board.drive_mut().amplifier_v = Some(1.65 + 0.125 * 12.9);
+    bench.run(Time::from_ms(5));
+    let faults = bench.faults();
+    let failed = faults.last().expect("a fault");
+    assert_eq!(failed.code, FaultCode::OverCurrent);
+    let value_a = failed.value.expect("a current");
+    assert!(
+        (value_a - 12.9).abs() < 0.1 && failed.limit == Some(12.7),
+        "{failed:?}"
+    );
 }
 
 #[test]

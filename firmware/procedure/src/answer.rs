@@ -1,0 +1,49 @@
+//! What becomes of a command.
+
+use palpate_wire::code::Outcome;
+use palpate_wire::record::Acknowledgement;
+use palpate_wire::{Header, Invalid, Problem};
+
+/// What became of a command: an outcome, or the field that was not accepted.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Answer {
+    Outcome(Outcome),
+    Invalid(Invalid),
+}
+
+impl Answer {
+    /// Refuses a field beyond the board's or the settings' limits, which are narrower than the protocol's.
+    pub(crate) const fn out_of_range(field: u8, value: f32, [low, high]: [f32; 2]) -> Self {
+        Self::Invalid(Invalid {
+            field,
+            item: None,
+            problem: Problem::OutOfRange { value, low, high },
+        })
+    }
+
+    pub(crate) const fn acknowledge(&self, command: &Header, kind: u8) -> Acknowledgement {
+        match self {
+            Self::Outcome(outcome) => Acknowledgement::new(command, kind, *outcome),
+            Self::Invalid(invalid) => Acknowledgement::invalid(command, kind, invalid),
+        }
+    }
+}
+
+impl From<Outcome> for Answer {
+    fn from(outcome: Outcome) -> Self {
+        Self::Outcome(outcome)
+    }
+}
+
+/// Number of a field, for the compiler only: a wrong name does not compile.
+macro_rules! field {
+    ($structure:ty, $name:ident) => {
+        const {
+            palpate_wire::schema::field_number(
+                &<$structure as palpate_wire::schema::Described>::TYPE,
+                stringify!($name),
+            )
+        }
+    };
+}
+pub(crate) use field;
