@@ -66,12 +66,35 @@ fn pages(bytes: &[u8]) -> Result<BTreeMap<u32, Page>> {
             }
         }
     }
+    fill_gaps(&mut pages);
     Ok(pages)
+}
+
+/// Adds the pages between the first and the last that have nothing: the boot ROM may leave out a sector that is
+/// written in part, unless it is the last (erratum RP2040-E14).
+fn fill_gaps(pages: &mut BTreeMap<u32, Page>) {
+    let ends = pages.first_key_value().zip(pages.last_key_value());
+    let Some(((&first, _), (&last, _))) = ends else {
+        return;
+    };
+    for address in (first..last).step_by(PAGE as usize) {
+        pages.entry(address).or_insert([0xFF; PAGE as usize]);
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn no_sector_but_the_last_is_written_in_part() {
+        let page = |address: u32| (address, [0_u8; PAGE as usize]);
+        let mut pages = BTreeMap::from([0x1000_0000, 0x1000_1300].map(page));
+        fill_gaps(&mut pages);
+        let found: Vec<_> = pages.keys().copied().collect();
+        let expected: Vec<_> = (0x1000_0000..=0x1000_1300).step_by(0x100).collect();
+        assert_eq!(found, expected);
+    }
 
     #[test]
     fn what_is_no_elf_file_is_refused() {

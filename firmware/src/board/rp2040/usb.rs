@@ -12,10 +12,11 @@ use core::cell::Cell;
 
 use cortex_m::peripheral::NVIC;
 use critical_section::Mutex;
+use palpate_node::board::CORE_MHZ;
 use rp2040_hal::clocks::ClocksManager;
 use rp2040_hal::usb::UsbBus;
 use rp2040_pac::usbctrl_regs::RegisterBlock;
-use rp2040_pac::{CLOCKS, Interrupt, RESETS, USBCTRL_DPRAM, USBCTRL_REGS};
+use rp2040_pac::{CLOCKS, Interrupt, RESETS, TIMER, USBCTRL_DPRAM, USBCTRL_REGS};
 use usb_device::bus::{PollResult, UsbBus as UsbBusTrait, UsbBusAllocator};
 use usb_device::endpoint::{EndpointAddress, EndpointType};
 use usb_device::{Result, UsbDirection, UsbError};
@@ -75,6 +76,52 @@ const SETTLING: u32 = 12;
 /// and the gaps between are 710 bits of 12 Mbit/s (USB 2.0 7.1.9, 7.1.18.1, 8.4), 59.2 us of 200 MHz.
 const LONGEST_TRANSACTION: u32 = 12_000;
 
+/// A frame of the bus, us.
+const FRAME_US: u32 = 1_000;
+/// From its start, us: a bulk packet that is made available then may meet the frame's end, after which the
+/// controller hangs until it is reset (RP2040-E15, whose workaround leaves out 800 to 998). It takes some
+/// microseconds to make one available.
+const FRAME_ENDS_US: core::ops::RangeInclusive<u32> = 790..=998;
+
+/// When frames begin.
+#[derive(Clone, Copy, Default)]
+struct FrameClock {
+    began_us: Option<u32>,
+}
+
+impl FrameClock {
+    /// Takes the time of an interrupt for the start of a frame. It may come late and never early: an early
+    /// one corrects the clock, a late one moves it by as much as two crystals may differ at most.
+    fn start(&mut self, now_us: u32) {
+        let after_us = self.after_start_us(now_us).unwrap_or(0);
+        let is_early = after_us > FRAME_US / 2;
+        let late_us = if is_early {
+            0
+        } else {
+            after_us.saturating_sub(1)
+        };
+        self.began_us = Some(now_us.wrapping_sub(late_us));
+    }
+
+    fn after_start_us(&self, now_us: u32) -> Option<u32> {
+        Some(now_us.wrapping_sub(self.began_us?) % FRAME_US)
+    }
+
+    /// How long no bulk packet may be made available, us.
+    fn ends_in_us(&self, now_us: u32) -> Option<u32> {
+        let after_us = self.after_start_us(now_us)?;
+        FRAME_ENDS_US
+            .contains(&after_us)
+            .then(|| FRAME_US - after_us)
+    }
+}
+
+/// The timer's lower word, us.
+fn now_us() -> u32 {
+    // SAFETY: reading this register has no effect on it.
+    unsafe { (*TIMER::ptr()).timerawl().read().bits() }
+}
+
 /// The bus that USB's classes are written for: the HAL's driver, with this around it.
 ///
 /// - A packet of endpoint 0 that finds no room or that nothing waits for is thrown away. Where it was
@@ -92,8 +139,10 @@ const LONGEST_TRANSACTION: u32 = 12_000;
 /// - A packet of endpoint 0 that the host takes while the driver clears the marks of others is not
 ///   missed.
 /// - Which packets the host has taken is known, even when the bus is reset after that.
+/// - The end of a frame is known, in which no bulk packet may be made available.
 pub struct Bus {
     hal: UsbBus,
+    frames: Mutex<Cell<FrameClock>>,
     control: Mutex<Cell<Control>>,
     /// The bus was reset: IN endpoints whose packet was taken before, a bit each.
     reset: Mutex<Cell<Option<u16>>>,
@@ -157,6 +206,7 @@ impl Bus {
         };
         Self {
             hal,
+            frames: Mutex::new(Cell::new(FrameClock { began_us: None })),
             control: Mutex::new(Cell::new(control)),
             reset: Mutex::new(Cell::new(None)),
         }
@@ -170,6 +220,27 @@ impl Bus {
             Some(_) => Sent::Taken,
             None if is_armed(word(endpoint.index(), true)) => Sent::Not,
             None => Sent::Taken,
+        }
+    }
+
+    /// Whether no bulk packet may be made available now. The start of the next frame calls the interrupt.
+    pub fn is_at_end_of_frame(&self) -> bool {
+        self.frames().ends_in_us(now_us()).is_some()
+    }
+
+    fn frames(&self) -> FrameClock {
+        critical_section::with(|section| self.frames.borrow(section).get())
+    }
+
+    /// Takes the start of a frame, if there was one: reading its number ends the interrupt.
+    fn follow_frames(&self) {
+        // SAFETY: only the interrupt of USB reads these registers.
+        let registers = unsafe { &*USBCTRL_REGS::ptr() };
+        if registers.intr().read().dev_sof().bit_is_set() {
+            let mut frames = self.frames();
+            frames.start(now_us());
+            critical_section::with(|section| self.frames.borrow(section).set(frames));
+            let _ = registers.sof_rd().read();
         }
     }
 
@@ -219,6 +290,22 @@ impl Bus {
         control.has_data_before = has_data(OUT_0) || was_armed && has_dropped;
     }
 
+    /// The next packet of an endpoint has DATA0. One that waits for the host stays where it is.
+    fn begin_with_data0(&self, word: usize) {
+        // SAFETY: only the interrupt of USB writes the words of the buffers.
+        let memory = unsafe { &*USBCTRL_DPRAM::ptr() };
+        let control = memory.ep_buffer_control(word);
+        let was_armed = is_armed(word);
+        disarm(word);
+        // The driver inverts it when it arms the buffer.
+        control.modify(|_, w| w.pid_0().bit(!was_armed));
+        if was_armed {
+            let ends_in_us = self.frames().ends_in_us(now_us()).unwrap_or(0);
+            cortex_m::asm::delay(SETTLING + ends_in_us * CORE_MHZ);
+            control.modify(|_, w| w.available_0().set_bit());
+        }
+    }
+
     /// The driver has read a setup packet.
     fn begin(&self, buffer: &mut [u8]) {
         let Some(Ok(setup)) = buffer.get(..8).map(TryInto::try_into) else {
@@ -242,8 +329,8 @@ impl Bus {
         }
         if [SET_CONFIGURATION, SET_INTERFACE].contains(&control.request()) {
             (1..16).for_each(|index| {
-                begin_with_data0(2 * index);
-                begin_with_data0(2 * index + 1);
+                self.begin_with_data0(2 * index);
+                self.begin_with_data0(2 * index + 1);
             });
         }
     }
@@ -356,21 +443,6 @@ fn refuse_control() {
     });
 }
 
-/// The next packet of an endpoint has DATA0. One that waits for the host stays where it is.
-fn begin_with_data0(word: usize) {
-    // SAFETY: only the interrupt of USB writes the words of the buffers.
-    let memory = unsafe { &*USBCTRL_DPRAM::ptr() };
-    let control = memory.ep_buffer_control(word);
-    let was_armed = is_armed(word);
-    disarm(word);
-    // The driver inverts it when it arms the buffer.
-    control.modify(|_, w| w.pid_0().bit(!was_armed));
-    if was_armed {
-        cortex_m::asm::delay(SETTLING);
-        control.modify(|_, w| w.available_0().set_bit());
-    }
-}
-
 impl UsbBusTrait for Bus {
     fn alloc_ep(
         &mut self,
@@ -388,7 +460,9 @@ impl UsbBusTrait for Bus {
         self.hal.enable();
         // SAFETY: the driver has written this register, and does not again.
         let registers = unsafe { &*USBCTRL_REGS::ptr() };
-        registers.inte().modify(|_, w| w.ep_stall_nak().set_bit());
+        registers
+            .inte()
+            .modify(|_, w| w.ep_stall_nak().set_bit().dev_sof().set_bit());
     }
 
     fn reset(&self) {
@@ -464,7 +538,7 @@ impl UsbBusTrait for Bus {
         }
         self.hal.set_stalled(address, stalled);
         if address.index() != 0 && !stalled {
-            begin_with_data0(word(address.index(), address.is_in()));
+            self.begin_with_data0(word(address.index(), address.is_in()));
         }
     }
 
@@ -481,6 +555,7 @@ impl UsbBusTrait for Bus {
     }
 
     fn poll(&self) -> PollResult {
+        self.follow_frames();
         // Before the driver sees whether a setup packet has come, of whose transfer they may be.
         let has_refused_data = has_refused_data();
         let mut result = self.hal.poll();

@@ -8,6 +8,11 @@ const SUSPENDS_PS: u64 = 3_000_000_000;
 /// From the end of a bus reset to CONNECTED, with the bus idle (RP2040 datasheet, erratum E5).
 const CONNECTS_PS: u64 = 800_000_000;
 
+/// A bulk IN packet that is made available so long after the start of a frame may meet its end (RP2040
+/// datasheet, erratum E15; its workaround leaves out the last fifth of a frame, up to the point EOF2 of
+/// USB 2.0 11.2.5).
+const ENDS_FRAME_PS: core::ops::RangeInclusive<u64> = 800_000_000..=998_000_000;
+
 /// MAIN_CTRL.
 const ENABLED: u32 = 1;
 /// USB_MUXING: TO_PHY, and with it SOFTCON.
@@ -89,6 +94,7 @@ struct Endpoint {
     double: bool,
     per_buffer: bool,
     per_pair: bool,
+    bulk: bool,
     on_nak: bool,
     on_stall: bool,
     buffer: usize,
@@ -142,6 +148,12 @@ pub(crate) struct UsbController {
     next_half: u32,
     busy: Option<Busy>,
     wakes: bool,
+    /// The last start of a frame.
+    frame_ps: Option<u64>,
+    /// It answers nothing any more until the block is reset (erratum E15).
+    hangs: bool,
+    /// Whether it has that erratum: not for programs that do not know of it.
+    pub(crate) can_hang: bool,
     problem: Option<&'static str>,
 }
 
@@ -175,6 +187,9 @@ impl UsbController {
             next_half: 0,
             busy: None,
             wakes: false,
+            frame_ps: None,
+            hangs: false,
+            can_hang: true,
             problem: None,
         }
     }
@@ -285,7 +300,8 @@ impl UsbController {
     /// A start of frame with its number.
     pub(crate) fn start_of_frame(&mut self, frame: u16, now_ps: u64) {
         self.idle_ps = now_ps;
-        if self.is_attached() {
+        self.frame_ps = Some(now_ps);
+        if self.is_attached() && !self.hangs {
             self.frame = u32::from(frame);
             self.latched |= raised::FRAME;
         }
@@ -297,7 +313,8 @@ impl UsbController {
     pub(crate) fn begin(&mut self, transaction: &Transaction, now_ps: u64) -> Reply {
         self.idle_ps = now_ps;
         self.end_transaction();
-        if !self.is_attached() || u32::from(transaction.address) != self.address {
+        let is_meant = u32::from(transaction.address) == self.address;
+        if !self.is_attached() || self.hangs || !is_meant {
             return Reply::Silence;
         }
         match &transaction.kind {
@@ -306,8 +323,27 @@ impl UsbController {
             TransactionKind::Out { data1, .. } => {
                 self.begin_buffer(2 * usize::from(transaction.endpoint) + 1, Some(*data1))
             }
-            TransactionKind::In => self.begin_buffer(2 * usize::from(transaction.endpoint), None),
+            TransactionKind::In => {
+                let index = 2 * usize::from(transaction.endpoint);
+                let reply = self.begin_buffer(index, None);
+                self.hangs = matches!(reply, Reply::Data { .. }) && self.ends_frame(index, now_ps);
+                if self.hangs { Reply::Silence } else { reply }
+            }
         }
+    }
+
+    /// Whether a bulk packet that the host asks for now was made available at the end of this frame: where
+    /// the start of the next one takes the place of the host's answer, the controller waits for that for
+    /// ever. Here it always does, the worst that the erratum allows.
+    fn ends_frame(&self, index: usize, now_ps: u64) -> bool {
+        let is_bulk = self.endpoint(index).is_some_and(|it| it.bulk);
+        let which = self.busy.map_or(0, |busy| busy.half);
+        let armed_ps = self.memory.armed_ps(index, which);
+        let late = |(armed_ps, frame_ps): (u64, u64)| {
+            let is_late = |at_ps: u64| at_ps >= frame_ps + ENDS_FRAME_PS.start();
+            ENDS_FRAME_PS.contains(&armed_ps.saturating_sub(frame_ps)) && is_late(now_ps)
+        };
+        self.can_hang && is_bulk && armed_ps.zip(self.frame_ps).is_some_and(late)
     }
 
     /// `data1` is the PID of the data that the host sends, if it does.
@@ -444,6 +480,7 @@ impl UsbController {
                 double: has(control::DOUBLE_0),
                 per_buffer: has(control::PER_BUFFER_0),
                 per_pair: has(control::PER_PAIR_0),
+                bulk: false,
                 on_nak: has(control::ON_NAK_0),
                 on_stall: has(control::ON_STALL_0),
                 buffer: 0x100,
@@ -456,6 +493,7 @@ impl UsbController {
             double: has(30),
             per_buffer: has(29),
             per_pair: has(28),
+            bulk: word >> 26 & 0b11 == 2,
             on_nak: has(16),
             on_stall: has(17),
             buffer: (word & 0xFFC0) as usize,

@@ -35,6 +35,8 @@ struct Half {
     /// The rest before it was last changed, and when that was.
     before: u16,
     changed_ps: Option<u64>,
+    /// When it was last made available.
+    armed_ps: Option<u64>,
 }
 
 /// The memory.
@@ -55,6 +57,7 @@ impl PacketMemory {
             seen: 0,
             before: 0,
             changed_ps: None,
+            armed_ps: None,
         };
         Self {
             bytes: [0; SIZE],
@@ -102,6 +105,9 @@ impl PacketMemory {
             half.before = old & !buffer::AVAILABLE;
             half.changed_ps = Some(now_ps);
         }
+        if new & !old & buffer::AVAILABLE != 0 {
+            half.armed_ps = Some(now_ps);
+        }
         let too_soon = half
             .changed_ps
             .is_some_and(|changed| now_ps - changed < SETTLING_PS);
@@ -128,6 +134,11 @@ impl PacketMemory {
     pub(crate) fn half(&self, index: usize, which: usize) -> u16 {
         let half = self.halves.get(index).and_then(|it| it.get(which));
         half.map_or(0, |half| half.seen)
+    }
+
+    /// When a half was last made available.
+    pub(crate) fn armed_ps(&self, index: usize, which: usize) -> Option<u64> {
+        self.halves.get(index)?.get(which)?.armed_ps
     }
 
     /// The controller writes a half back.

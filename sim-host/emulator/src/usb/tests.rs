@@ -12,6 +12,7 @@ use device::{CONFIGURATION, DEVICE, Data, Device, INPUT, INPUT_BUFFER, OUTPUT, O
 use ldc161x_sim::Time;
 
 use super::memory::buffer;
+use super::wire::{Reply, Transaction, TransactionKind};
 use super::{ControlOutcome, ControlTransfer, UsbState};
 
 const DEVICE_DESCRIPTOR: [u8; 8] = [0x80, 6, 0, 1, 0, 0, 18, 0];
@@ -110,6 +111,45 @@ fn a_device_is_enumerated_with_all_that_it_says() {
     assert_eq!(device.control_data, [0x00, 0xC2, 0x01, 0x00, 0, 0, 8]);
     assert_eq!(device.setups.last(), Some(&[0x21, 0x22, 3, 0, 0, 0, 0, 0]));
     assert_eq!(bench.usb.races(), 0);
+}
+
+/// Erratum E15: a bulk packet of the last fifth of a frame, that the host asks for in it.
+#[test]
+fn a_bulk_packet_that_meets_the_end_of_a_frame_hangs_the_controller() {
+    for (armed_us, asked_us, hangs) in [
+        (100, 900, false),
+        (780, 900, false),
+        (850, 900, true),
+        (850, 1_000, false),
+    ] {
+        let (mut bench, mut device) = configured(Data::Untouched);
+        let controller = &mut bench.usb.controller;
+        controller.can_hang = true;
+        let transaction = Transaction {
+            address: controller.read(0).unwrap() as u8,
+            endpoint: 2,
+            kind: TransactionKind::In,
+        };
+        let frame_ps = bench.now_ps;
+        let at_ps = |us: u64| frame_ps + Time::from_us(us).as_ps();
+        bench.usb.controller.start_of_frame(1, frame_ps);
+        bench.now_ps = at_ps(armed_us);
+        bench.set_bytes(INPUT_BUFFER, &[7]);
+        bench.arm(INPUT, 0, buffer::FULL | 1);
+        if asked_us >= 1_000 {
+            bench.usb.controller.start_of_frame(2, at_ps(1_000));
+        }
+        let reply = bench.usb.controller.begin(&transaction, at_ps(asked_us));
+        assert_eq!(reply == Reply::Silence, hangs, "{armed_us}, {asked_us}");
+        // It answers nothing more, on no endpoint, and no reset of the bus helps.
+        bench.now_ps = at_ps(2_000);
+        bench.usb.host.reset();
+        bench.run(Time::from_ms(50), &mut device);
+        let transfer = ControlTransfer::new(DEVICE_DESCRIPTOR);
+        let outcome = ask(&mut bench, &mut device, transfer);
+        let answers = matches!(outcome, ControlOutcome::Done(_));
+        assert_eq!(answers, !hangs, "{armed_us}, {asked_us}: {outcome:?}");
+    }
 }
 
 #[test]

@@ -48,10 +48,9 @@ pub(super) struct Bench {
 
 impl Bench {
     pub(super) fn new() -> Self {
-        Self {
-            usb: Usb::new(),
-            now_ps: 0,
-        }
+        let mut usb = Usb::new();
+        usb.controller.can_hang = false;
+        Self { usb, now_ps: 0 }
     }
 
     /// With a device whose pull-up is on.
