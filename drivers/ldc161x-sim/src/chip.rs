@@ -164,12 +164,18 @@ impl<S: Sensors> Chip<S> {
     /// The level of INTB: push-pull, active low.
     #[must_use]
     pub fn intb_is_low(&self) -> bool {
-        let stuck = self.faults.active().find_map(|fault| match fault {
-            ChipFault::IntbStuck { low } => Some(*low),
-            _ => None,
-        });
+        let stuck = self.intb_is_stuck();
         let driven_low = self.results.interrupt() && !self.registers.config().interrupt_disabled();
         stuck.unwrap_or(driven_low)
+    }
+
+    /// Whether INTB does not follow the chip, and whether it is low then.
+    #[must_use]
+    pub fn intb_is_stuck(&self) -> Option<bool> {
+        self.faults.active().find_map(|fault| match fault {
+            ChipFault::IntbStuck { low } => Some(*low),
+            _ => None,
+        })
     }
 
     /// The level of the SD pin, now. High resets everything and silences the bus; low brings the

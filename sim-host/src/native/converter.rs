@@ -158,6 +158,11 @@ impl<'a> NativeEdges<'a> {
         })
     }
 
+    fn intb_is_stuck(&self) -> bool {
+        let chip = self.wiring.chips().get(self.converter);
+        chip.is_some_and(|chip| chip.borrow().intb_is_stuck().is_some())
+    }
+
     fn intb_is_low(&self) -> bool {
         let chip = self.wiring.chips().get(self.converter);
         chip.is_some_and(|chip| chip.borrow().intb_is_low())
@@ -212,7 +217,10 @@ impl EdgeReader for NativeEdges<'_> {
             let now = self.wiring.now();
             let silent = self.known + silence;
             let (falls, last) = self.falls();
-            if falls != self.taken {
+            if self.intb_is_stuck() {
+                // No fall of the line.
+                self.taken = falls;
+            } else if falls != self.taken {
                 self.taken = falls;
                 self.known = last.unwrap_or(now);
                 return Poll::Ready(self.read(last));

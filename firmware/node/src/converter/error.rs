@@ -26,6 +26,11 @@ pub enum TransferError {
     ClockStuck,
     /// No edge of INTB came in time.
     Silent,
+    /// INTB stays at a level while conversions end.
+    InterruptStuck {
+        /// The level.
+        high: bool,
+    },
     /// The edges of INTB come at another pace than planned.
     Pace,
     /// The transaction has more commands than any frame, or none.
@@ -102,6 +107,9 @@ const fn code(error: &ConverterError) -> (FaultCode, Option<u16>) {
             }
             TransferError::ClockStuck => (FaultCode::BusClockStuck, None),
             TransferError::Silent => (FaultCode::SensorSilent, None),
+            TransferError::InterruptStuck { high } => {
+                (FaultCode::InterruptStuck, Some(*high as u16))
+            }
             TransferError::Pace => (FaultCode::Clock, None),
             TransferError::Timeout | TransferError::Length | TransferError::Aborted => {
                 (FaultCode::BusTimeout, None)

@@ -4,6 +4,7 @@ mod error;
 mod port;
 mod state;
 
+use embedded_hal::digital::InputPin;
 use embedded_hal_async::delay::DelayNs;
 use embedded_hal_async::i2c::I2c;
 use heapless::Vec;
@@ -35,6 +36,12 @@ const SILENT_FRAMES: f32 = 4.0;
 const SILENT_US: f32 = 2_000.0;
 /// Frames after which the oscillation has settled, with a margin for their length.
 const SETTLED_FRAMES: f32 = 2.5;
+/// Frames in a row that were read because INTB was low, without an edge, before INTB is checked: one or two may
+/// follow a frame that came late.
+const MOST_WITHOUT_EDGE: u32 = 4;
+/// Frames after which a conversion has ended, and how often INTB is checked by that.
+const INTERRUPT_FRAMES: f32 = 1.5;
+const INTERRUPT_TRIES: u32 = 3;
 /// Single errors of the bus that are passed over before the converter is started anew.
 const PATIENCE: u32 = 2;
 
@@ -173,22 +180,38 @@ where
         };
         self.edges.start(&request, deadlines);
         let mut errors = 0;
+        let mut without_edge = 0;
         let mut until_canary = CANARY_EVERY;
         while self.generation() == Some(generation) {
             match self.edges.next().await {
                 Ok(frame) => {
                     errors = 0;
-                    self.port.with_state(|state| state.failure = None);
+                    if frame.fetch.is_some() {
+                        without_edge = 0;
+                        self.port.with_state(|state| state.failure = None);
+                    } else {
+                        without_edge += 1;
+                    }
                     self.take(scheme, &mut grid, &frame).await?;
+                    if without_edge == MOST_WITHOUT_EDGE {
+                        // INTB was low each time, and no edge came.
+                        without_edge = 0;
+                        self.edges.stop();
+                        self.check_interrupt(scheme).await?;
+                        self.edges.start(&request, deadlines);
+                    }
                 }
-                Err(_error) if errors < PATIENCE => {
+                Err(error) if errors < PATIENCE => {
                     errors += 1;
                     #[cfg(feature = "defmt")]
-                    defmt::warn!("frame: {}", _error);
+                    defmt::warn!("frame: {}", error);
                     self.count_error();
                     grid.interrupt();
                     self.driver.frame_lost();
                     self.edges.stop();
+                    if error == TransferError::Silent {
+                        self.check_interrupt(scheme).await?;
+                    }
                     // Asks the converter for its identity, and releases INTB. The frame may be old.
                     self.driver.read_frame().await?;
                     self.edges.start(&request, deadlines);
@@ -215,6 +238,32 @@ where
             }
         }
         Ok(())
+    }
+
+    /// Without edges: whether conversions end all the same, and INTB stays at one level. Released it has to
+    /// be high, and low after a frame; a conversion that ends between two questions spoils one try.
+    async fn check_interrupt(&mut self, scheme: &Scheme) -> Result<()> {
+        let mut intb = self.port.intb();
+        let mut stuck = None;
+        for _ in 0..INTERRUPT_TRIES {
+            self.driver.read_status().await?;
+            let is_released = intb.is_high().unwrap_or(true);
+            self.port
+                .wait_us((INTERRUPT_FRAMES * scheme.period_us) as u32)
+                .await;
+            let is_raised = intb.is_low().unwrap_or(true);
+            if !self.driver.read_status().await?.data_ready() {
+                return Ok(());
+            }
+            stuck = match (is_released, is_raised) {
+                (true, true) => return Ok(()),
+                (high, _) => Some(high),
+            };
+        }
+        match stuck {
+            Some(high) => Err(edge_error(TransferError::InterruptStuck { high })),
+            None => Ok(()),
+        }
     }
 
     /// Hands a frame over, if it is one scan's of a known time.

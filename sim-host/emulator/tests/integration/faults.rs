@@ -157,8 +157,14 @@ fn an_interrupt_line_that_is_stuck_is_survived() {
             ChipFault::IntbStuck { low },
             Time::from_ms(60),
         );
+        let before = bench.faults().len();
         bench.board.chip_mut().schedule(fault).unwrap();
         bench.run(Time::from_ms(60));
+        // By its own name, with its level.
+        let faults = bench.faults();
+        let raised = faults.get(before).expect("a fault");
+        assert_eq!(raised.code, FaultCode::InterruptStuck, "low: {low}");
+        assert_eq!(raised.value, Some(if low { 0.0 } else { 1.0 }));
         assert_recovers(&mut bench, &format!("INTB stuck, low: {low}"));
     }
 }
