@@ -178,6 +178,7 @@ fn frames_among_garbage_are_found() {
     assert!(output.status.success());
     let lines = String::from_utf8(output.stdout).unwrap();
     let mut lines = lines.lines().map(line);
+    assert!(lines.clone().count() > 2);
     let Some(RecordLine::Damaged(Damaged { error })) = lines.next() else {
         panic!("the garbage is not there");
     };
