@@ -356,6 +356,13 @@ fn hold_tasks(bench: &mut RecordedBoard<Wired>, time: Time) {
     bench.board.set_pc(pc);
 }
 
+#[test]
+fn without_a_crystal_time_goes_by_the_ring_and_the_clock_is_a_fault() {
+    let codes: Vec<FaultCode> = without_crystal().iter().map(|fault| fault.code).collect();
+    // The bus is too slow then, which may be reported as well.
+    assert_eq!(codes.first(), Some(&FaultCode::Clock));
+}
+
 fn without_crystal() -> Vec<record::Fault> {
     let options = Options {
         crystal_hz: 0.0,
