@@ -24,6 +24,11 @@ pub(crate) struct Deformation {
 }
 
 impl Deformation {
+    /// Of noise and zero together, m^2.
+    pub(crate) fn variance_m2(&self) -> f32 {
+        self.sigma.0 * self.sigma.0 + self.zero_variance_m2
+    }
+
     /// Whether nothing touches, as far as is known.
     pub(crate) const fn is_untouched(&self) -> bool {
         matches!(self.touch, Touch::Ended | Touch::Clear | Touch::Settling)

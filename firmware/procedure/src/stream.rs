@@ -3,7 +3,6 @@
 use ldc161x::Reading;
 use palpate_model::contact::Touch;
 use palpate_model::math::sqrt;
-use palpate_model::units::Metre;
 use palpate_wire::Record;
 use palpate_wire::code::{Contact, Stream};
 use palpate_wire::command::{Settings, Springs};
@@ -73,12 +72,13 @@ impl Streamer {
             .filter(|_| scan.sensor == 0);
         let force = principal.zip(springs).map(|(deformation, springs)| {
             let newton = springs.sensing_n_per_m * deformation.value.0;
-            let of_noise = springs.sensing_n_per_m * deformation.sigma.0;
+            let sensing = springs.sensing_n_per_m;
+            let of_reading = sensing * sensing * deformation.variance_m2();
             // The curve's deformations are forces over c_S: an error of c_S cancels, that of the force
             // scale stays.
             let of_calibration = newton * springs.force_scale_uncertainty;
             // Millinewtons to newtons, whose squares `f32` holds without further care.
-            let variance = of_noise * of_noise + of_calibration * of_calibration;
+            let variance = of_reading + of_calibration * of_calibration;
             (newton, sqrt(variance))
         });
         let sample = Sample {
@@ -151,10 +151,7 @@ fn conversion(reading: &Reading, offset_us: u64, deformation: Option<&Deformatio
         frequency_hz: reading.frequency_hz,
         sigma_hz: reading.sigma_hz,
         deformation_m: deformation.map(|of| of.value.0),
-        deformation_sigma_m: deformation.map(|of| {
-            let Metre(noise_m) = of.sigma;
-            sqrt(noise_m * noise_m + of.zero_variance_m2)
-        }),
+        deformation_sigma_m: deformation.map(|of| sqrt(of.variance_m2())),
         extrapolated: deformation.is_some_and(|of| of.extrapolated),
     }
 }
