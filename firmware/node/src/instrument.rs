@@ -201,8 +201,15 @@ impl Instrument {
 
     // ---- what happens ----
 
-    /// A converter has made a scan.
+    /// A converter has made a scan. One of an earlier setpoint is dropped.
     pub fn sampled<H: Hardware>(&mut self, hardware: &mut H, converter: u8, sampled: &Sampled) {
+        let is_current = hardware.with_converters(|converters| {
+            let state = converters.get(usize::from(converter));
+            state.is_some_and(|state| state.is_current(sampled))
+        });
+        if !is_current {
+            return;
+        }
         // In place: copies of it, and of results of the coil that are not there, took 700 cycles a sample.
         let mut scan = scan(converter, sampled);
         hardware.with_coil(|coil| add_current(&mut scan, sampled, coil));
@@ -375,6 +382,7 @@ impl Instrument {
         let setpoint = Setpoint {
             channels: settings.channels,
             rate_hz: settings.rate_hz,
+            shares_bus: hardware.with_converters(|converters| has_second(converters)),
         };
         let with_status = hardware.with_converters(|converters| reads_status(converters));
         if Scheme::new(setpoint, with_status).is_ok_and(|scheme| scheme.is_kept()) {
@@ -419,11 +427,8 @@ impl Instrument {
                     hardware.send(*to, at.as_ticks(), record);
                 }
                 Action::ConfigureSensors { channels, rate } => {
-                    let setpoint = Setpoint {
-                        channels: *channels,
-                        rate_hz: rate.0,
-                    };
-                    hardware.with_converters(|converters| set(converters, setpoint));
+                    let (channels, rate_hz) = (*channels, rate.0);
+                    hardware.with_converters(|converters| set(converters, channels, rate_hz));
                 }
                 Action::SeekDrive { sensor } => hardware.with_converters(|converters| {
                     if let Some(converter) = converters.get_mut(usize::from(*sensor)) {
@@ -480,12 +485,22 @@ const fn changes_flash(order: &StorageOrder) -> bool {
 }
 
 /// Sets how the converters that are there are to be run.
-fn set(converters: &mut [ConverterState; CONVERTERS], setpoint: Setpoint) {
+fn set(converters: &mut [ConverterState; CONVERTERS], channels: u8, rate_hz: f32) {
+    let setpoint = Setpoint {
+        channels,
+        rate_hz,
+        shares_bus: has_second(converters),
+    };
     let [first, second] = converters;
     first.set(setpoint);
-    if second.chip() == Some(Chip::Ldc161x) {
+    if setpoint.shares_bus {
         second.set(setpoint);
     }
+}
+
+/// Whether there is a second converter.
+fn has_second([_, second]: &[ConverterState; CONVERTERS]) -> bool {
+    second.chip() == Some(Chip::Ldc161x)
 }
 
 /// The board as the procedure takes it.

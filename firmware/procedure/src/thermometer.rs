@@ -27,6 +27,10 @@ const FAILED: [f32; 2] = [0.0098, 0.9879];
 /// 0.8 J/K by 1.8 K in this time; a disturbance of the wire by a discharge or by the bridge's edges
 /// lasts microseconds.
 pub const PERSISTENCE: Duration = Duration::from_ticks(20_000);
+/// Part of a plausible time that is taken off the time of failure before it: a wire that makes contact
+/// now and then is a fault where it is open for more than a fifth of the time. A disturbance in one reading
+/// of five, a millisecond apart, is none.
+const RECOVERY: u64 = 4;
 /// Part of the difference that one reading takes over.
 const SMOOTHING: f32 = 0.25;
 
@@ -35,34 +39,49 @@ const SMOOTHING: f32 = 0.25;
 pub struct Thermometer {
     /// The ratio, smoothed; nothing while it is not plausible.
     ratio: Option<f32>,
-    /// Since when it is open or shorted.
-    failed: Option<Instant>,
+    /// It is open or shorted.
+    is_failed: bool,
+    /// For how long it has been, us, less a part of the time since; twice [`PERSISTENCE`] at most.
+    failed_us: u64,
+    /// The last reading.
+    read: Option<Instant>,
 }
 
 impl Thermometer {
     /// Takes a reading as a part of the converter's range. Returns a fault where the thermometer
-    /// has been open or shorted for [`PERSISTENCE`], in every call until it no longer is.
+    /// has been open or shorted for [`PERSISTENCE`], at a stretch or now and then, in every call until it no
+    /// longer is.
     pub fn push(&mut self, now: Instant, ratio: f32) -> Option<Failure> {
+        self.pass(now);
         let [least, most] = PLAUSIBLE;
         if (least..=most).contains(&ratio) {
             let before = self.ratio.unwrap_or(ratio);
             self.ratio = Some(before + SMOOTHING * (ratio - before));
-            self.failed = None;
+            self.is_failed = false;
             return None;
         }
         self.ratio = None;
         let [short, open] = FAILED;
-        if ratio < short || ratio > open || ratio.is_nan() {
-            self.failed.get_or_insert(now);
-        }
-        let since = self.failed?;
+        self.is_failed |= ratio < short || ratio > open || ratio.is_nan();
         let limit = if ratio < 0.5 { short } else { open };
-        (between(since, now) >= PERSISTENCE).then_some(Failure {
+        (self.is_failed && self.failed_us >= PERSISTENCE.as_ticks()).then_some(Failure {
             code: FaultCode::Thermometer,
             location: Location::Thermometer,
             value: Some(REFERENCE_V * ratio).filter(|volts| volts.is_finite()),
             limit: Some(REFERENCE_V * limit),
         })
+    }
+
+    /// Counts the time since the last reading to what that one was.
+    fn pass(&mut self, now: Instant) {
+        let before = self.read.replace(now);
+        let passed_us = before.map_or(0, |before| between(before, now).as_ticks());
+        let failed_us = if self.is_failed {
+            self.failed_us.saturating_add(passed_us)
+        } else {
+            self.failed_us.saturating_sub(passed_us / RECOVERY)
+        };
+        self.failed_us = failed_us.min(2 * PERSISTENCE.as_ticks());
     }
 
     /// The temperature; nothing while the reading is not plausible.
@@ -138,11 +157,35 @@ mod tests {
         assert!(thermometer.push(at(20), f32::NAN).is_some());
     }
 
+    /// A wire that makes contact now and then: no temperature is known of the coil half of the time.
+    #[test]
+    fn one_that_is_open_now_and_then_is_a_fault() {
+        for open_ms in 1..=9 {
+            for shut_ms in 1..=2 * open_ms {
+                let mut thermometer = Thermometer::default();
+                let failed_ms = (0..500).find(|ms| {
+                    let is_open = ms % (open_ms + shut_ms) < open_ms;
+                    let ratio = if is_open { 1.0 } else { 0.5 };
+                    thermometer.push(at(*ms), ratio).is_some()
+                });
+                assert!(
+                    failed_ms.is_some_and(|ms| (20..200).contains(&ms)),
+                    "open for {open_ms} of {} ms: {failed_ms:?}",
+                    open_ms + shut_ms
+                );
+            }
+        }
+        let mut thermometer = Thermometer::default();
+        for ms in 0..19 {
+            assert_eq!(thermometer.push(at(ms), 1.0), None, "{ms}");
+        }
+    }
+
     #[test]
     fn a_spike_is_none_and_the_band_between_begins_and_ends_nothing() {
         let mut thermometer = Thermometer::default();
-        for ms in 0..200 {
-            let spike = if ms % 19 == 0 { 0.5 } else { 1.0 };
+        for ms in 0..2_000 {
+            let spike = if ms % 5 == 0 { 1.0 } else { 0.5 };
             assert_eq!(thermometer.push(at(ms), spike), None, "{ms}");
         }
         // Between a plausible reading and an open circuit: no temperature, no fault.

@@ -110,12 +110,8 @@ impl<S: Mutex<T = [ConverterState; CONVERTERS]>> Port for PicoPort<'_, S> {
         }
     }
 
-    fn with_state<T>(&mut self, work: impl FnOnce(&mut ConverterState) -> T) -> T {
-        let converter = self.converter;
-        self.states.lock(|states| {
-            let [first, second] = states;
-            work(if converter == 0 { first } else { second })
-        })
+    fn with_states<T>(&mut self, work: impl FnOnce(&mut [ConverterState; CONVERTERS]) -> T) -> T {
+        self.states.lock(work)
     }
 
     fn hand_over(&mut self, sampled: Sampled) -> bool {

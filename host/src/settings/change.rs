@@ -164,7 +164,7 @@ pub(super) fn changed(
     }
     let settings: Settings = serde_json::from_value(Value::Object(values))?;
     let command = Command::SetSettings(settings.clone());
-    match command.validate() {
+    match command.validate().and_then(|()| settings.check_channels()) {
         Ok(()) => Ok(settings),
         Err(invalid) => Err(Failure::Argument(
             invalid.named(command.payload()).to_string(),

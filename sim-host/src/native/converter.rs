@@ -11,7 +11,7 @@ use embedded_hal::i2c::NoAcknowledgeSource;
 use embedded_hal_async::i2c::{ErrorType, I2c, Operation, SevenBitAddress};
 use ldc161x::FrameRequest;
 use ldc161x_sim::{Bus, ExternalClock, I2cError, IntbPin, Time};
-use palpate_node::acquisition::{Fetch, Sampled};
+use palpate_node::acquisition::{Fetch, MOST_PARTS, Sampled};
 use palpate_node::board::Clkin;
 use palpate_node::converter::{
     CONVERTERS, ConverterState, EdgeDeadlines, EdgeFrame, EdgeReader, Port, TransferError,
@@ -82,17 +82,22 @@ impl I2c for NativeBus<'_> {
         operations: &mut [Operation<'_>],
     ) -> Result<(), TransferError> {
         let done = blocking(&mut self.bus, address, operations);
-        let ended = self.wiring.now();
-        poll_fn(|_| {
-            if self.wiring.now() > ended {
-                return Poll::Ready(());
-            }
-            self.shared.wake_at(self.converter, ended);
-            Poll::Pending
-        })
-        .await;
+        pass_turn(self.wiring, &self.shared, self.converter).await;
         done
     }
+}
+
+/// Lets the other converter have the bus.
+async fn pass_turn(wiring: &Wiring, shared: &Shared, converter: usize) {
+    let since = wiring.now();
+    poll_fn(|_| {
+        if wiring.now() > since {
+            return Poll::Ready(());
+        }
+        shared.wake_at(converter, since);
+        Poll::Pending
+    })
+    .await;
 }
 
 /// A transaction, which takes its time at once.
@@ -142,7 +147,8 @@ impl<'a> NativeEdges<'a> {
             pointers: Vec::new(),
             deadlines: EdgeDeadlines {
                 silence_us: 0,
-                latest_begin_us: 0,
+                parts: 1,
+                latest_begin_us: [0; MOST_PARTS],
             },
             taken: 0,
             known: Time::ZERO,
@@ -168,36 +174,44 @@ impl<'a> NativeEdges<'a> {
         chip.is_some_and(|chip| chip.borrow().intb_is_low())
     }
 
-    /// The frame of an edge, read now if it is not too late for that.
-    fn read(&mut self, edge: Option<Time>) -> Result<EdgeFrame, TransferError> {
+    /// The frame of an edge, read now as far as it is not too late for that.
+    async fn read(&mut self, edge: Option<Time>) -> Result<EdgeFrame, TransferError> {
         let mut data = vec![[0; 2]; self.pointers.len()];
         // Rounded up: an interrupt takes a microsecond to read the timer.
         let edge_us = edge.map(|edge| micros(edge) + 1);
-        let begun_us = micros(self.wiring.now());
-        let late_us = edge_us.map_or(0, |edge_us| begun_us.saturating_sub(edge_us));
-        let is_read = late_us <= self.deadlines.latest_begin_us.into();
-        if is_read {
-            let address = ADDRESSES.get(self.converter).copied().unwrap_or_default();
+        let mut ended_us = [0; MOST_PARTS];
+        let after_edge = |now: Time| {
+            let after_us = edge_us.map_or(0, |edge_us| micros(now).saturating_sub(edge_us));
+            u32::try_from(after_us).unwrap_or(u32::MAX)
+        };
+        let address = ADDRESSES.get(self.converter).copied().unwrap_or_default();
+        let first = self.pointers.len() - 2 * (usize::from(self.deadlines.parts) - 1);
+        let mut rest = self.pointers.iter().zip(&mut data);
+        let limits = self.deadlines.latest_begin_us.iter().zip(&mut ended_us);
+        for (part, (latest_us, ended_us)) in limits.take(self.deadlines.parts.into()).enumerate() {
+            if part > 0 {
+                pass_turn(self.wiring, &self.shared, self.converter).await;
+            }
+            if after_edge(self.wiring.now()) > *latest_us {
+                *ended_us = u32::MAX;
+                break;
+            }
             let mut operations = Vec::new();
-            for (pointer, data) in self.pointers.iter().zip(&mut data) {
+            for (pointer, data) in rest.by_ref().take(if part == 0 { first } else { 2 }) {
                 operations.push(Operation::Write(core::slice::from_ref(pointer)));
                 operations.push(Operation::Read(data));
             }
             blocking(&mut self.bus, address, &mut operations)?;
+            *ended_us = after_edge(self.wiring.now());
         }
-        let ended_us = micros(self.wiring.now());
-        let fetch = edge_us.map(|edge_us| Fetch {
-            edge_us,
-            ended_us: if is_read {
-                u32::try_from(ended_us.saturating_sub(edge_us)).unwrap_or(u32::MAX)
-            } else {
-                u32::MAX
-            },
-            edges: self.taken as u16,
-        });
+        drop(rest);
         Ok(EdgeFrame {
             bytes: data.iter().flatten().copied().collect(),
-            fetch,
+            fetch: edge_us.map(|edge_us| Fetch {
+                edge_us,
+                ended_us,
+                edges: self.taken as u16,
+            }),
         })
     }
 }
@@ -213,7 +227,7 @@ impl EdgeReader for NativeEdges<'_> {
     async fn next(&mut self) -> Result<EdgeFrame, TransferError> {
         let began = self.wiring.now();
         let silence = Time::from_us(self.deadlines.silence_us.into());
-        poll_fn(|_| {
+        let edge = poll_fn(|_| {
             let now = self.wiring.now();
             let silent = self.known + silence;
             let (falls, last) = self.falls();
@@ -223,7 +237,7 @@ impl EdgeReader for NativeEdges<'_> {
             } else if falls != self.taken {
                 self.taken = falls;
                 self.known = last.unwrap_or(now);
-                return Poll::Ready(self.read(last));
+                return Poll::Ready(Ok(last));
             }
             if now >= silent {
                 self.known = now;
@@ -232,7 +246,7 @@ impl EdgeReader for NativeEdges<'_> {
             let since = last.map_or(began, |last| last.max(began));
             let missed = since + MISSED_EDGE;
             if self.intb_is_low() && now >= missed {
-                return Poll::Ready(self.read(None));
+                return Poll::Ready(Ok(None));
             }
             let wake = if now < missed {
                 missed
@@ -242,7 +256,8 @@ impl EdgeReader for NativeEdges<'_> {
             self.shared.wake_at(self.converter, silent.min(wake));
             Poll::Pending
         })
-        .await
+        .await?;
+        self.read(edge).await
     }
 
     fn stop(&mut self) {}
@@ -281,16 +296,21 @@ impl<'a> Port for NativePort<'a> {
     }
 
     fn set_clkin(&mut self, clkin: Clkin) {
-        let Some(chip) = self.wiring.chips().get(self.converter) else {
-            return;
-        };
-        let mut chip = chip.borrow_mut();
-        let was = chip.settings().external_clock;
-        let relative_error = was.map_or(0.0, |was| was.relative_error);
-        chip.set_external_clock(Some(ExternalClock {
-            relative_error,
-            ..ExternalClock::exact(clkin_hz(clkin))
-        }));
+        let now = self.wiring.now();
+        for chip in self.wiring.chips() {
+            let mut chip = chip.borrow_mut();
+            let was = chip.settings().external_clock;
+            let relative_error = was.map_or(0.0, |was| was.relative_error);
+            let clock = ExternalClock {
+                relative_error,
+                ..ExternalClock::exact(clkin_hz(clkin))
+            };
+            // One that is set already goes on without a gap.
+            if was != Some(clock) {
+                chip.advance_to(now);
+                chip.set_external_clock(Some(clock));
+            }
+        }
     }
 
     async fn wait_us(&mut self, time_us: u32) {
@@ -305,10 +325,8 @@ impl<'a> Port for NativePort<'a> {
         .await;
     }
 
-    fn with_state<T>(&mut self, work: impl FnOnce(&mut ConverterState) -> T) -> T {
-        let mut states = self.shared.states.borrow_mut();
-        let [first, second] = &mut *states;
-        work(if self.converter == 0 { first } else { second })
+    fn with_states<T>(&mut self, work: impl FnOnce(&mut [ConverterState; CONVERTERS]) -> T) -> T {
+        work(&mut self.shared.states.borrow_mut())
     }
 
     fn hand_over(&mut self, sampled: Sampled) -> bool {

@@ -57,6 +57,7 @@ impl Run {
         let setpoint = Setpoint {
             channels: settings.channels,
             rate_hz: settings.rate_hz,
+            shares_bus: false,
         };
         // Times within a scan are the same, however its frame is read.
         let scheme = Scheme::new(setpoint, false).ok()?;

@@ -10,7 +10,7 @@ use palpate_sim::switches::Switches;
 use palpate_sim::world::{Setup, World};
 use palpate_wire::code::{FaultCode, Location, Outcome, State};
 use palpate_wire::command::{Coil, CurrentCorrection, DriveCoil};
-use palpate_wire::record::{CurrentTrace, Sample};
+use palpate_wire::record::{CurrentTrace, Fault, Sample};
 use palpate_wire::{Command, Record};
 
 const COIL: Coil = Coil {
@@ -131,6 +131,73 @@ fn several_channels_come_scan_by_scan() {
         steps.iter().all(|step| (9_000..=10_100).contains(step)),
         "{steps:?}"
     );
+}
+
+/// The sample that is being converted when the command comes was of another clock: as a baseline of
+/// the new settings it would be wrong by a sixth.
+#[test]
+fn no_sample_of_the_old_settings_follows_the_answer() {
+    let mut channels_after = Vec::new();
+    for phase_us in [300, 2_300, 5_300, 9_300] {
+        let hardware = Wiring::new(world());
+        let mut board = NativeBoard::new(&hardware);
+        let settings = |channels| palpate_wire::command::Settings {
+            channels,
+            rate_hz: 100.0,
+            ..default_settings()
+        };
+        board.send(Command::SetSettings(settings(0b0001))).unwrap();
+        board
+            .run_until(Time::from_ms(300) + Time::from_us(phase_us))
+            .unwrap();
+        board.take_records();
+        board.send(Command::SetSettings(settings(0b1111))).unwrap();
+        board.run_until(Time::from_ms(700)).unwrap();
+        let records = board.take_records().into_iter();
+        let is_answer = |record: &Record| matches!(record, Record::Acknowledgement(_));
+        let after = records.skip_while(|(_, record)| !is_answer(record));
+        channels_after.extend(after.filter_map(|(_, record)| match record {
+            Record::Sample(sample) => Some(sample.channels.len()),
+            _ => None,
+        }));
+    }
+    assert!(channels_after.len() > 40, "{}", channels_after.len());
+    assert!(
+        channels_after.iter().all(|channels| *channels == 4),
+        "{channels_after:?}"
+    );
+}
+
+/// One clock is at both converters' CLKIN: a conversion under way would be counted with two of them.
+#[test]
+fn the_clock_changes_only_while_both_converters_are_stopped() {
+    let wiring = Wiring::with_second_converter(world());
+    let mut board = NativeBoard::new(&wiring);
+    let settings = |channels| palpate_wire::command::Settings {
+        channels,
+        rate_hz: 100.0,
+        ..default_settings()
+    };
+    let clock = || wiring.chips()[0].borrow().settings().external_clock;
+    let runs = |converter: usize| wiring.chips()[converter].borrow().is_converting();
+    let mut changes = 0;
+    for (channels, phase_us) in [(15, 300), (1, 4_300), (3, 6_300), (1, 8_300), (7, 1_300)] {
+        let end = board.now() + Time::from_ms(400) + Time::from_us(phase_us);
+        board.run_until(end).unwrap();
+        assert!(runs(0) && runs(1));
+        let before = clock();
+        board
+            .send(Command::SetSettings(settings(channels)))
+            .unwrap();
+        let limit = board.now() + Time::from_ms(300);
+        while clock() == before {
+            assert!(board.now() < limit, "{channels}: the clock stays");
+            board.advance(board.now() + Time::from_us(20)).unwrap();
+        }
+        assert!(!runs(0) && !runs(1), "{channels}: {} {}", runs(0), runs(1));
+        changes += 1;
+    }
+    assert_eq!(changes, 5);
 }
 
 /// Nothing is connected to the second channel. The converter's watchdog ends a conversion after 5.2 ms: at
@@ -260,20 +327,36 @@ fn a_second_converter_that_fails_costs_the_first_nothing() {
         let second = samples(&after, 1);
         let last_us = second.last().expect("it comes back").0;
         assert!(last_us > 1_450_000, "{way:?}: {last_us}");
-        let locations: Vec<Location> = after
+        let faults: Vec<(u64, &Fault)> = after
             .iter()
-            .filter_map(|(_, record)| match record {
-                Record::Fault(fault) if fault.active => Some(fault.location),
+            .filter_map(|(at, record)| match record {
+                Record::Fault(fault) => Some((at.as_ticks(), fault)),
                 _ => None,
             })
             .collect();
         assert!(
-            !locations.is_empty()
-                && locations
-                    .iter()
-                    .all(|location| *location == Location::SecondSensor),
-            "{way:?}: {locations:?}"
+            !faults.is_empty(),
+            "{way:?}: it was silent, and nobody said so"
         );
+        assert!(
+            faults
+                .iter()
+                .all(|(_, fault)| fault.location == Location::SecondSensor),
+            "{way:?}: {faults:?}"
+        );
+        // It stands until the cause ends, at 800 ms; a dip of the supply is over at once.
+        if !matches!(way, ChipFault::BrownOut(_)) {
+            let ended_us: Vec<u64> = faults
+                .iter()
+                .filter(|(_, fault)| !fault.active)
+                .map(|(at_us, _)| *at_us)
+                .collect();
+            assert_eq!(2 * ended_us.len(), faults.len(), "{way:?}: {faults:?}");
+            assert!(
+                ended_us.iter().all(|at_us| *at_us >= 800_000),
+                "{way:?}: {faults:?}"
+            );
+        }
     }
 }
 

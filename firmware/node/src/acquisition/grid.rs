@@ -6,8 +6,9 @@
 //! A frame is of one scan only if each word was latched before its channel's next conversion ended.
 //! The time at which the transaction ended says so. One that is late is dropped and counted as missed.
 
-use ldc161x::{BusAccess, Frame};
+use ldc161x::Frame;
 
+use super::parts::{MOST_PARTS, Parts};
 use super::scheme::Scheme;
 
 /// Bits of a microsecond's fraction in the learnt period.
@@ -29,20 +30,6 @@ const LEARNT_OVER: u32 = 64;
 /// is known within one.
 const KNOWN: u32 = 8;
 const LEFT: i64 = MICROSECOND / KNOWN as i64;
-/// Bits of a register's read within a frame (datasheet figure 12), and those of them after which its
-/// value is latched for certain: its first data bit comes next.
-const REGISTER_BITS: u32 = 47;
-const LATCHED_BITS: u32 = 1 + 9 + 9 + 1 + 9;
-/// What is not certain of a register's time against the end of a conversion, in microseconds: 2 of
-/// the edge's stamp, and 0.9 of each of three channels that the plan does not know.
-const MARGIN_US: i32 = 5;
-/// By how much a transaction may take longer than its bits, in microseconds.
-const MASTER_US: i32 = 10;
-/// To read one register between two frames: 48 bits of 2.5 us, and the master's way to it.
-const REGISTER_US: i32 = 130;
-/// The least time between two frames in which the task that took the last one gets to begin a
-/// transaction of its own. With 11 us it did not for four frames, and lost three.
-const TURN_US: i32 = 40;
 /// Equal intervals beside the grid after which the converter's registers are compared: a conversion
 /// that the chip's watchdog aborts makes a single one.
 const CHECK_AFTER: u8 = 2;
@@ -55,8 +42,8 @@ const GIVE_UP_AFTER: u8 = 8;
 pub struct Fetch {
     /// The edge of INTB that called for it.
     pub edge_us: u64,
-    /// From the edge to the transaction's end.
-    pub ended_us: u32,
+    /// From the edge to the end of each part's transaction.
+    pub ended_us: [u32; MOST_PARTS],
     /// Falling edges that the hardware has counted up to this one.
     pub edges: u16,
 }
@@ -73,6 +60,9 @@ pub enum Finding {
     },
     /// It was read too late, or not at all, and may be of two scans.
     Late,
+    /// No scan ended at its edge: it came sooner after the last one than any scan can. Its words are
+    /// those of before, or of a scan that is not over.
+    Early,
 }
 
 /// A scan with its time.
@@ -90,6 +80,9 @@ pub struct Sampled {
     pub missed: u32,
     /// What went before is unknown.
     pub gap: bool,
+    /// Generation of the setpoint that it was converted by; see
+    /// [`ConverterState::is_current`](crate::converter::ConverterState::is_current).
+    pub generation: u32,
 }
 
 /// The grid of the scans, as it is learnt.
@@ -100,9 +93,10 @@ pub struct Grid {
     /// Intervals that it is learnt from.
     learnt: u32,
     unplanned: i64,
-    /// How long after its edge a frame may begin and end to be of one scan.
-    latest_begin_us: u32,
-    latest_end_us: u32,
+    /// Generation of the setpoint.
+    generation: u32,
+    /// How long after its edge each part of a frame may end for the frame to be of one scan.
+    latest_end_us: [u32; MOST_PARTS],
     has_room: bool,
     /// Time and number of the last edge.
     last_edge: Option<(u64, u16)>,
@@ -119,28 +113,16 @@ pub struct Grid {
 
 impl Grid {
     /// The grid of a plan, of which only the planned period is known. `with_status`: STATUS is read
-    /// first in each frame.
-    pub fn new(scheme: &Scheme, with_status: bool) -> Self {
-        let status = u32::from(with_status);
-        let registers = status + 2 * u32::from(scheme.channels);
-        let frame_us = bits_us(BusAccess::FramePerTransaction.bit_times(registers));
-        // From the edge to when the frame has to begin, for every word in time.
-        let mut slack_us = i32::MAX;
-        let places = scheme.ages_us.iter().zip(0_u32..);
-        for (age_us, index) in places.take(usize::from(scheme.channels)) {
-            let next_end_us = (scheme.period_us - age_us) as i32;
-            let latched_us = bits_us((status + 2 * index) * REGISTER_BITS + LATCHED_BITS);
-            slack_us = slack_us.min(next_end_us - latched_us - MARGIN_US);
-        }
+    /// first in each frame. `generation`: that of the setpoint.
+    pub fn new(scheme: &Scheme, with_status: bool, generation: u32) -> Self {
+        let parts = Parts::new(scheme, with_status);
         Self {
             period: (scheme.period_us * MICROSECOND as f32) as i64,
             learnt: 0,
             unplanned: UNPLANNED * i64::from(scheme.channels),
-            latest_begin_us: (slack_us - MASTER_US).max(0).unsigned_abs(),
-            // What is left of the frame then takes at least its bits.
-            latest_end_us: (slack_us + frame_us).max(0).unsigned_abs(),
-            has_room: slack_us - MASTER_US >= REGISTER_US
-                && scheme.period_us as i32 - frame_us >= TURN_US,
+            generation,
+            latest_end_us: parts.latest_end_us(),
+            has_room: parts.has_room(),
             last_edge: None,
             last_us: None,
             in_time: false,
@@ -148,12 +130,6 @@ impl Grid {
             strange_us: 0,
             strange: 0,
         }
-    }
-
-    /// How long after its edge a frame may begin, in microseconds. One that would begin later need not
-    /// be read.
-    pub const fn latest_begin_us(&self) -> u32 {
-        self.latest_begin_us
     }
 
     /// Whether a register can be read between two frames without spoiling one, however late the task
@@ -199,6 +175,7 @@ impl Grid {
             window_us: scheme.window_us,
             missed,
             gap: gap || frame.marks.gap,
+            generation: self.generation,
         })
     }
 
@@ -209,12 +186,20 @@ impl Grid {
         // The converter makes an edge at the end of every scan unless INTB is low still: after a
         // frame that was read in time the next edge is that of the next scan.
         let mut follows = false;
+        let mut is_early = false;
         if let Some((last_us, last_edges)) = last_edge {
             follows = was_in_time && fetch.edges.wrapping_sub(last_edges) == 1;
             let interval_us = fetch.edge_us.saturating_sub(last_us);
-            self.gap |= !self.is_on_grid(interval_us, follows);
+            if !self.is_on_grid(interval_us, follows) {
+                self.gap = true;
+                is_early = interval_us << FRACTION < self.period as u64;
+            }
         }
-        if fetch.ended_us > self.latest_end_us {
+        if is_early && !self.is_after_whole_periods(fetch.edge_us) {
+            return Finding::Early;
+        }
+        let mut ends = fetch.ended_us.iter().zip(&self.latest_end_us);
+        if ends.any(|(ended_us, latest_us)| ended_us > latest_us) {
             return Finding::Late;
         }
         self.in_time = true;
@@ -231,6 +216,33 @@ impl Grid {
         }
     }
 
+    /// Whether whole periods have passed since the last scan that was passed on: what came between was
+    /// no scan.
+    fn is_after_whole_periods(&self, edge_us: u64) -> bool {
+        let Some(last_us) = self.last_us else {
+            return false;
+        };
+        let interval_us = edge_us.saturating_sub(last_us);
+        let periods = i64::from(self.periods(interval_us));
+        periods > 0 && self.is_within(self.beyond(interval_us, periods), periods)
+    }
+
+    /// By how much an interval is longer than some periods, in parts of a microsecond.
+    const fn beyond(&self, interval_us: u64, periods: i64) -> i64 {
+        // Less than the age of the universe: no bit is lost.
+        ((interval_us << FRACTION) as i64).saturating_sub(self.period.saturating_mul(periods))
+    }
+
+    /// Whether that may be, by what is known of the period.
+    const fn is_within(&self, beyond: i64, periods: i64) -> bool {
+        let unknown = if self.learnt < KNOWN {
+            self.unplanned
+        } else {
+            LEFT
+        };
+        beyond.abs() <= TOLERANCE.saturating_add(unknown.saturating_mul(periods))
+    }
+
     /// Whether an interval between two edges is a period, or several where the edges do not
     /// `follow` one another; learns from one that is.
     fn is_on_grid(&mut self, interval_us: u64, follows: bool) -> bool {
@@ -240,15 +252,8 @@ impl Grid {
             self.periods(interval_us).max(1)
         };
         let periods = i64::from(periods);
-        // Less than the age of the universe: no bit is lost.
-        let interval = (interval_us << FRACTION) as i64;
-        let more = interval.saturating_sub(self.period.saturating_mul(periods));
-        let unknown = if self.learnt < KNOWN {
-            self.unplanned
-        } else {
-            LEFT
-        };
-        if more.abs() <= TOLERANCE.saturating_add(unknown.saturating_mul(periods)) {
+        let more = self.beyond(interval_us, periods);
+        if self.is_within(more, periods) {
             if periods == 1 {
                 self.learnt = (self.learnt + 1).min(LEARNT_OVER);
                 self.period += more >> self.learnt.ilog2();
@@ -272,9 +277,4 @@ impl Grid {
         let interval = (interval_us << FRACTION) as i64;
         u32::try_from(interval.saturating_add(period / 2) / period).unwrap_or(u32::MAX)
     }
-}
-
-/// Bit times of the bus, 2.5 us each, in whole microseconds.
-const fn bits_us(bits: u32) -> i32 {
-    (bits * 5 / 2) as i32
 }

@@ -1,7 +1,9 @@
 //! The converter's plan, and the time of every scan that it makes.
 
 mod grid;
+mod parts;
 mod scheme;
 
 pub use grid::{Fetch, Finding, Grid, Sampled};
+pub use parts::{MOST_PARTS, Parts};
 pub use scheme::{Scheme, Setpoint, rates_hz, stronger, with_room};

@@ -5,6 +5,7 @@ use ldc161x::{
     Rcount, ReferenceClock, Request, Sensor, Sequence,
 };
 
+use super::parts::Parts;
 use crate::board::Clkin;
 
 /// The resonators that the board is made for: 2 to 5 MHz with a quality factor of 50 at most. The
@@ -35,6 +36,8 @@ pub struct Setpoint {
     pub channels: u8,
     /// Scans per second.
     pub rate_hz: f32,
+    /// Another converter is run likewise on the same bus.
+    pub shares_bus: bool,
 }
 
 impl Setpoint {
@@ -94,7 +97,7 @@ impl Scheme {
         } = times(&plan.configuration);
         let first = plan.configuration.acquisition.channels().next();
         let scale = plan.configuration.scale(first.unwrap_or_default());
-        Ok(Self {
+        let scheme = Self {
             setpoint,
             window_us: (scale.conversion_s() as f32 * 1e6 + 0.5) as u16,
             configuration: plan.configuration,
@@ -103,7 +106,17 @@ impl Scheme {
             offsets_us,
             ages_us,
             channels: plan.configuration.acquisition.channel_count(),
-        })
+        };
+        // The other converter may need STATUS in each frame.
+        let parts = Parts::new(&scheme, true);
+        if setpoint.shares_bus && !parts.fit() {
+            return Err(LimitError::BusTooSlow {
+                frame_period_ns: plan.frame_period_ns,
+                frame_read_ns: 2 * plan.frame_read_ns,
+                most_per_second: (500_000_000 / plan.frame_read_ns.max(1)) as u32,
+            });
+        }
+        Ok(scheme)
     }
 
     /// Whether the scans come as often as was asked for, and no more often: the longest conversion is
@@ -269,6 +282,7 @@ mod tests {
             let setpoint = Setpoint {
                 channels,
                 rate_hz: 0.0,
+                shares_bus: false,
             };
             let [low, high] = rates_hz(setpoint, with_status);
             assert_eq!(low, lowest, "{channels:#b}");
@@ -284,7 +298,14 @@ mod tests {
                 (high + 1, false),
             ] {
                 let rate_hz = rate as f32;
-                let scheme = Scheme::new(Setpoint { channels, rate_hz }, with_status);
+                let scheme = Scheme::new(
+                    Setpoint {
+                        channels,
+                        rate_hz,
+                        shares_bus: false,
+                    },
+                    with_status,
+                );
                 assert_eq!(
                     scheme.is_ok_and(|of| of.is_kept()),
                     works,

@@ -9,11 +9,12 @@ use embedded_hal_async::delay::DelayNs;
 use embedded_hal_async::i2c::I2c;
 use heapless::Vec;
 use ldc161x::{
-    Address, AsyncLdc161x, Channel, DriveCode, InterruptRelease, Model, Quality, Reading,
+    Address, AsyncLdc161x, BusAccess, Channel, DriveCode, InterruptRelease, Model, Quality, Reading,
 };
 use palpate_wire::code::Chip;
 
-use crate::acquisition::{Grid, Sampled, Scheme, Setpoint, stronger, with_room};
+use crate::acquisition::{Grid, Parts, Sampled, Scheme, Setpoint, stronger, with_room};
+use crate::board::Clkin;
 pub use error::{ConverterError, TransferError};
 use error::{OFF_PACE, edge_error};
 pub use port::{EdgeDeadlines, EdgeFrame, EdgeReader, MOST_FRAME_BYTES, Port};
@@ -31,6 +32,11 @@ const RESET_US: u32 = 1_000;
 /// did not answer, which never gets one: its task only shows that it is alive.
 const NO_SETPOINT_US: u32 = 1_000;
 const ABSENT_US: u32 = 5_000;
+/// From one poll of the clock that the other converter runs by to the next, and how many of them before
+/// it counts as a fault. The other one sees a new setpoint after a frame of 31 ms, or after it was brought up,
+/// five of them and 20 ms.
+const CLOCK_POLL_US: u32 = 1_000;
+const CLOCK_POLLS: u32 = 1_000;
 /// Frames without an edge before the converter counts as silent, and what to add.
 const SILENT_FRAMES: f32 = 4.0;
 const SILENT_US: f32 = 2_000.0;
@@ -44,12 +50,16 @@ const INTERRUPT_FRAMES: f32 = 1.5;
 const INTERRUPT_TRIES: u32 = 3;
 /// Single errors of the bus that are passed over before the converter is started anew.
 const PATIENCE: u32 = 2;
+/// Frames in a row that are read too late to be of one scan, before the bus counts as too slow for the
+/// rate. At the limit of the bus every second one is.
+const WITHOUT_SAMPLE: u32 = 16;
 
 /// How the converter runs while it is asked what releases INTB: with fast conversions the next would
 /// have ended before INTB was read.
 const PROBE: Setpoint = Setpoint {
     channels: 0b0001,
     rate_hz: 500.0,
+    shares_bus: false,
 };
 
 type Result<T> = core::result::Result<T, ConverterError>;
@@ -114,14 +124,15 @@ where
     pub async fn run(&mut self) -> ! {
         let identified = self.identify().await;
         let chip = error::chip(&identified);
-        self.port.with_state(|state| state.chip = Some(chip));
+        self.shut_down(RESET_US).await;
+        self.with_state(|state| state.chip = Some(chip));
         let idle_us = if chip == Chip::Absent {
             ABSENT_US
         } else {
             NO_SETPOINT_US
         };
         loop {
-            let setpoint = self.port.with_state(|state| state.setpoint());
+            let setpoint = self.with_state(|state| state.setpoint());
             let Some((setpoint, generation)) = setpoint else {
                 self.port.wait_us(idle_us).await;
                 continue;
@@ -140,59 +151,88 @@ where
                     PAUSE_US
                 }
             };
-            self.port.shut_down(true);
-            self.port.wait_us(off_us).await;
+            self.shut_down(off_us).await;
         }
+    }
+
+    /// Holds the converter in shutdown for so long. It is in nobody's way there.
+    async fn shut_down(&mut self, off_us: u32) {
+        self.port.shut_down(true);
+        self.with_state(|state| state.clkin = None);
+        self.port.wait_us(off_us).await;
+    }
+
+    fn with_state<T>(&mut self, work: impl FnOnce(&mut ConverterState) -> T) -> T {
+        let is_first = self.converter == 0;
+        self.port
+            .with_states(|[first, second]| work(if is_first { first } else { second }))
     }
 
     fn failed(&mut self, error: &ConverterError) {
         #[cfg(feature = "defmt")]
         defmt::warn!("converter: {}", error);
         let failure = error::failure(error, self.converter);
-        self.port.with_state(|state| {
+        self.with_state(|state| {
             state.failure = Some(failure);
             state.recoveries = state.recoveries.wrapping_add(1);
         });
     }
 
     fn generation(&mut self) -> Option<u32> {
-        let setpoint = self.port.with_state(|state| state.setpoint());
+        let setpoint = self.with_state(|state| state.setpoint());
         setpoint.map(|(_, generation)| generation)
     }
 
     fn count_error(&mut self) {
-        self.port
-            .with_state(|state| state.transfer_errors = state.transfer_errors.wrapping_add(1));
+        self.with_state(|state| state.transfer_errors = state.transfer_errors.wrapping_add(1));
     }
 
     // ---- to read ----
 
     /// Reads by one scheme until another setpoint comes, or something fails.
     async fn acquire(&mut self, mut scheme: Scheme, generation: u32) -> Result<()> {
+        if !self.take_clock(scheme.setpoint.clkin()).await? {
+            return Ok(());
+        }
+        self.driver.set_access(if scheme.setpoint.shares_bus {
+            // The other converter has its turn after each.
+            BusAccess::RegisterPerTransaction
+        } else {
+            BusAccess::FramePerTransaction
+        });
         self.bring_up(&mut scheme, generation).await?;
         let scheme = &scheme;
         let request = self.driver.frame_request()?;
         let with_status = self.release == Some(InterruptRelease::ByStatusOnly);
-        let mut grid = Grid::new(scheme, with_status);
+        let mut grid = Grid::new(scheme, with_status, generation);
+        let parts = Parts::new(scheme, with_status);
         let deadlines = EdgeDeadlines {
             silence_us: (scheme.period_us * SILENT_FRAMES + SILENT_US) as u32,
-            latest_begin_us: grid.latest_begin_us(),
+            parts: parts.count() as u8,
+            latest_begin_us: parts.latest_begin_us(),
         };
         self.edges.start(&request, deadlines);
         let mut errors = 0;
+        let mut without_sample = 0;
         let mut without_edge = 0;
         let mut until_canary = CANARY_EVERY;
         while self.generation() == Some(generation) {
             match self.edges.next().await {
                 Ok(frame) => {
-                    errors = 0;
                     if frame.fetch.is_some() {
+                        errors = 0;
                         without_edge = 0;
-                        self.port.with_state(|state| state.failure = None);
+                        without_sample += 1;
                     } else {
+                        // It says nothing of the line that calls for frames.
                         without_edge += 1;
                     }
-                    self.take(scheme, &mut grid, &frame).await?;
+                    if self.take(scheme, &mut grid, &frame).await? {
+                        without_sample = 0;
+                        self.with_state(|state| state.failure = None);
+                    } else if without_sample >= WITHOUT_SAMPLE {
+                        return Err(edge_error(TransferError::Timeout));
+                    }
                     if without_edge == MOST_WITHOUT_EDGE {
                         // INTB was low each time, and no edge came.
                         without_edge = 0;
@@ -266,8 +306,8 @@ where
         }
     }
 
-    /// Hands a frame over, if it is one scan's of a known time.
-    async fn take(&mut self, scheme: &Scheme, grid: &mut Grid, read: &EdgeFrame) -> Result<()> {
+    /// Hands a frame over, if it is one scan's of a known time; whether it was.
+    async fn take(&mut self, scheme: &Scheme, grid: &mut Grid, read: &EdgeFrame) -> Result<bool> {
         let frame = self.driver.decode_frame(&read.bytes)?;
         // With several channels there is no watchdog, and each conversion takes its time.
         if scheme.channels == 1 && frame.readings().iter().any(is_silent) {
@@ -275,14 +315,15 @@ where
         }
         let Some(fetch) = &read.fetch else {
             grid.skip();
-            return Ok(());
+            return Ok(false);
         };
-        match grid.sampled(scheme, frame, fetch) {
-            Some(sampled) => self.hand_over(sampled),
+        let Some(sampled) = grid.sampled(scheme, frame, fetch) else {
             // INTB may be low still; released, its next fall finds a free bus.
-            None => drop(self.driver.read_status().await?),
-        }
-        Ok(())
+            self.driver.read_status().await?;
+            return Ok(false);
+        };
+        self.hand_over(sampled);
+        Ok(true)
     }
 
     fn hand_over(&mut self, sampled: Sampled) {
@@ -303,21 +344,52 @@ where
 
     /// Lets the converter wake, and asks it who it is; then what can be found out beforehand.
     async fn identify(&mut self) -> Result<()> {
-        self.wake(PROBE).await;
+        self.take_clock(PROBE.clkin()).await?;
+        self.wake().await;
         self.driver.identify().await?;
         // What fails here fails again, and is reported, when the converter is brought up.
         let _ = self.probe_release().await;
         Ok(())
     }
 
-    async fn wake(&mut self, setpoint: Setpoint) {
-        self.port.set_clkin(setpoint.clkin());
+    /// Sets the clock as soon as the other converter does not run by another one: a conversion that is
+    /// counted with two clocks is wrong by a sixth, and nothing marks it. `false` if the setpoint has
+    /// changed meanwhile.
+    async fn take_clock(&mut self, clkin: Clkin) -> Result<bool> {
+        let generation = self.generation();
+        for _ in 0..CLOCK_POLLS {
+            let is_first = self.converter == 0;
+            let is_free = self.port.with_states(|[first, second]| {
+                let (own, other) = if is_first {
+                    (first, second)
+                } else {
+                    (second, first)
+                };
+                let is_free = other.clkin.is_none_or(|runs_by| runs_by == clkin);
+                if is_free {
+                    own.clkin = Some(clkin);
+                }
+                is_free
+            });
+            if is_free {
+                self.port.set_clkin(clkin);
+                return Ok(true);
+            }
+            self.port.wait_us(CLOCK_POLL_US).await;
+            if self.generation() != generation {
+                return Ok(false);
+            }
+        }
+        Err(OFF_PACE)
+    }
+
+    async fn wake(&mut self) {
         self.port.shut_down(false);
         self.port.wait_us(WAKE_UP_US).await;
     }
 
     async fn bring_up(&mut self, scheme: &mut Scheme, generation: u32) -> Result<()> {
-        self.wake(scheme.setpoint).await;
+        self.wake().await;
         let release = match self.release {
             Some(release) => release,
             None => self.probe_release().await?,
@@ -350,7 +422,7 @@ where
             .await?;
         self.driver.sleep().await?;
         self.release = Some(release);
-        self.port.with_state(|state| state.release = Some(release));
+        self.with_state(|state| state.release = Some(release));
         Ok(release)
     }
 

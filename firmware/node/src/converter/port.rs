@@ -4,8 +4,8 @@ use embedded_hal::digital::InputPin;
 use ldc161x::FrameRequest;
 
 use super::error::TransferError;
-use super::state::ConverterState;
-use crate::acquisition::{Fetch, Sampled};
+use super::state::{CONVERTERS, ConverterState};
+use crate::acquisition::{Fetch, MOST_PARTS, Sampled};
 use crate::board::Clkin;
 
 /// Bytes of the longest frame: STATUS, and MSB and LSB of four channels, each read twice.
@@ -26,9 +26,13 @@ pub struct EdgeFrame {
 pub struct EdgeDeadlines {
     /// How long no edge of a known time may come, us.
     pub silence_us: u32,
-    /// How long after its edge a frame may begin, us. What would begin later is not read: it is passed
-    /// on with zeros, and a fetch that ended too late for any frame.
-    pub latest_begin_us: u32,
+    /// How many transactions a frame is read in: the registers of STATUS and the first channel in the first
+    /// one and the two of each other channel in each other one, or all of them in one. The other
+    /// converter has its turn between two of them.
+    pub parts: u8,
+    /// How long after its edge each part may begin, us. A frame of which a part would begin later is not
+    /// read any further: it is passed on with zeros, and a fetch that ended too late for any frame.
+    pub latest_begin_us: [u32; MOST_PARTS],
 }
 
 /// Reads a frame on every falling edge of INTB, ahead of being asked for it.
@@ -74,14 +78,15 @@ pub trait Port {
     /// Holds the converter in shutdown by SD, or lets it wake.
     fn shut_down(&mut self, off: bool);
 
-    /// Sets the clock at CLKIN. Boards with two converters have one for both.
+    /// Sets the clock at CLKIN, which is that of both converters. The task does so only while neither
+    /// runs by another one.
     fn set_clkin(&mut self, clkin: Clkin);
 
     /// Waits. The supervisor sees meanwhile that the task is alive.
     async fn wait_us(&mut self, time_us: u32);
 
-    /// Lets `work` see what the task shares with the instrument.
-    fn with_state<T>(&mut self, work: impl FnOnce(&mut ConverterState) -> T) -> T;
+    /// Lets `work` see what the tasks of both converters share with the instrument and with one another.
+    fn with_states<T>(&mut self, work: impl FnOnce(&mut [ConverterState; CONVERTERS]) -> T) -> T;
 
     /// Hands a sample to the instrument; whether there was room for it.
     fn hand_over(&mut self, sampled: Sampled) -> bool;

@@ -4,7 +4,8 @@ use ldc161x::InterruptRelease;
 use palpate_procedure::event::Failure;
 use palpate_wire::code::Chip;
 
-use crate::acquisition::Setpoint;
+use crate::acquisition::{Sampled, Setpoint};
+use crate::board::Clkin;
 
 /// Converters that a board may have.
 pub const CONVERTERS: usize = 2;
@@ -17,6 +18,8 @@ pub struct ConverterState {
     setpoint: Option<(Setpoint, u32)>,
     /// Which chip answers, once it was asked.
     pub(super) chip: Option<Chip>,
+    /// The clock by which it runs; nothing while it is held in shutdown.
+    pub(super) clkin: Option<Clkin>,
     /// What releases INTB, once it was asked.
     pub(super) release: Option<InterruptRelease>,
     /// What has failed, while it stands.
@@ -34,6 +37,7 @@ impl ConverterState {
         Self {
             setpoint: None,
             chip: None,
+            clkin: None,
             release: None,
             failure: None,
             transfer_errors: 0,
@@ -61,6 +65,15 @@ impl ConverterState {
     #[must_use]
     pub const fn setpoint(&self) -> Option<(Setpoint, u32)> {
         self.setpoint
+    }
+
+    /// Whether a sample was converted by the setpoint in force. One of an earlier setpoint may still
+    /// be on its way when that changes: its clock and its channels are others, so that nobody may use
+    /// it.
+    #[must_use]
+    pub fn is_current(&self, sampled: &Sampled) -> bool {
+        self.setpoint
+            .is_some_and(|(_, generation)| generation == sampled.generation)
     }
 
     /// Which chip answers, once it was asked.

@@ -304,6 +304,10 @@ impl Configuration {
         if settings.channels & !(first | second) != 0 || settings.channels & first == 0 {
             return Outcome::NoSuchChannel.into();
         }
+        // Stored by an earlier version.
+        if settings.check_channels().is_err() {
+            return Outcome::Inconsistent.into();
+        }
         if let Err(answer) = within(settings, &board.limits) {
             return answer;
         }

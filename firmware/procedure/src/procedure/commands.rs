@@ -3,7 +3,7 @@
 use palpate_model::units::Second;
 use palpate_wire::code::{FaultCode, Mode, Outcome, RebootTarget, RefusalReason, StorageAction};
 use palpate_wire::record::Acknowledgement;
-use palpate_wire::{Command, Frame, FrameError, Message, Record};
+use palpate_wire::{Command, Frame, FrameError, Invalid, Message, Record};
 
 use super::coil::{CoilCommand, Knowledge};
 use super::states::Phase;
@@ -15,6 +15,15 @@ use crate::link::Link;
 use crate::measurement::Reason;
 use crate::time::span;
 
+/// Whether a command may be executed, as far as it alone says.
+fn checked(message: &Command) -> Result<(), Invalid> {
+    message.validate()?;
+    match message {
+        Command::SetSettings(settings) => settings.check_channels(),
+        _ => Ok(()),
+    }
+}
+
 impl Procedure {
     /// A command that arrived whole: checked, carried out, and answered once; what
     /// waits for the coil's test is answered after it.
@@ -22,7 +31,7 @@ impl Procedure {
         let Frame { header, message } = frame;
         let answer = if !message.is_for(self.board.boot_id, header.boot_id) {
             Acknowledgement::new(header, message.kind(), Outcome::OtherBoot)
-        } else if let Err(invalid) = message.validate() {
+        } else if let Err(invalid) = checked(message) {
             Acknowledgement::invalid(header, message.kind(), &invalid)
         } else {
             self.host_seen(link, out.now);

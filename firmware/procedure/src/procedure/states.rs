@@ -232,7 +232,12 @@ impl Procedure {
                     self.progress(progress, out);
                 }
             }
-            Phase::Fault(standing) if standing.code == FaultCode::SensorSilent && all_good => {
+            // That this converter is seen says nothing of the other one's silence.
+            Phase::Fault(standing)
+                if all_good
+                    && standing.code == FaultCode::SensorSilent
+                    && standing.location == Location::Sensor =>
+            {
                 self.recovered(FaultCode::SensorSilent, out);
             }
             _ => {}

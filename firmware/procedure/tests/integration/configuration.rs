@@ -91,6 +91,25 @@ fn a_wrong_field_is_named_and_nothing_of_the_command_taken() {
     }
 }
 
+/// A scan of the converter has channel 0 and all up to one: with a hole it would send a channel that
+/// nobody asked for, and a coil that is not there would be a fault.
+#[test]
+fn channels_with_a_hole_are_refused_by_their_field() {
+    let mut rig = Rig::started();
+    for channels in [5, 6, 9, 10, 11, 12, 13, 14] {
+        let holes = settings(|of| of.channels = channels);
+        let answer = rig.send(Command::SetSettings(holes));
+        assert_eq!(
+            (answer.outcome, answer.field),
+            (Outcome::Inconsistent, Some(0)),
+            "{channels}"
+        );
+    }
+    for channels in [1, 2, 4, 8, 3, 7, 15] {
+        rig.accepted(Command::SetSettings(settings(|of| of.channels = channels)));
+    }
+}
+
 fn board_of_two_channels() -> Rig {
     let mut board = crate::support::board();
     board.channels = [0b0011, 0];

@@ -120,6 +120,7 @@ fn set_pad(pin: usize, bits: u32) {
 }
 
 /// The level of a pin.
+#[inline(always)]
 pub fn is_high(pin: usize) -> bool {
     sio().gpio_in().read().bits() >> pin & 1 == 1
 }

@@ -9,7 +9,8 @@ structure! {
     /// what is beyond its own, narrower ones, and its compiled-in limits of current, time and
     /// energy hold whatever is set here.
     pub struct Settings {
-        /// Active channels: bit n for channel n.
+        /// Active channels: bit n for channel n. One alone (1, 2, 4, 8), or channel 0 and those that
+        /// follow it (3, 7, 15).
         channels: u8 ["", 1, 15],
         /// Conversions (scans) per second.
         rate_hz: f32 ["Hz", 1, 5000],
@@ -60,6 +61,26 @@ structure! {
         greatest_energy_j: f32 ["J", 0.01, 10000],
     }
     also together
+}
+
+impl Settings {
+    /// Whether the converter can convert the active channels and no others: one alone, or in a scan all
+    /// from channel 0 up to one (LDC1614 datasheet, table 28). No part of
+    /// [`validate`](crate::Message::validate): what an earlier version has stored stays readable.
+    ///
+    /// # Errors
+    /// The field, with the values that are possible.
+    pub fn check_channels(&self) -> Result<(), Invalid> {
+        let channels = self.channels;
+        if channels.is_power_of_two() || channels.wrapping_add(1).is_power_of_two() {
+            return Ok(());
+        }
+        inconsistent!(
+            Settings,
+            "channels",
+            "has to be one channel (1, 2, 4 or 8), or channel 0 and those that follow it (3, 7 or 15)"
+        )
+    }
 }
 
 fn together(settings: &Settings) -> Result<(), Invalid> {

@@ -274,6 +274,30 @@ fn settings_that_contradict_each_other_are_refused() {
 }
 
 #[test]
+fn channels_with_a_hole_between_them_are_refused_with_those_that_are_possible() {
+    for channels in 1..=15 {
+        let mut settings = specimens::settings();
+        settings.channels = channels;
+        let is_possible = [1, 2, 4, 8, 3, 7, 15].contains(&channels);
+        assert_eq!(
+            settings.check_channels().is_ok(),
+            is_possible,
+            "{channels:#06b}"
+        );
+        assert_eq!(settings.validate(), Ok(()), "a stored one stays readable");
+    }
+    let mut settings = specimens::settings();
+    settings.channels = 0b0101;
+    let blamed = settings.check_channels().unwrap_err();
+    assert_eq!(blamed.field, 0);
+    assert_eq!(
+        named::<Settings>(blamed),
+        "channels: has to be one channel (1, 2, 4 or 8), or channel 0 and those that follow it \
+         (3, 7 or 15)"
+    );
+}
+
+#[test]
 fn chunks_that_are_no_part_of_a_curve_are_refused() {
     let curve = specimens::deformation_curve;
     let blamed = |change: fn(&mut DeformationCurve)| {

@@ -209,7 +209,7 @@ fn conversions_get_the_mean_of_their_own_window() {
         }
         worst_a
     };
-    let (worst_a, compared) = (0..4_000)
+    let (worst_a, compared) = (0..8_000)
         .map(|step| worst_a(10 * step))
         .filter(|(_, compared)| *compared > 30)
         .min_by(|one, other| one.0.total_cmp(&other.0))
@@ -353,6 +353,31 @@ fn off_after(bench: &mut RecordedBoard, target_a: f64, limit: Time) -> (Time, f6
     bench.run(Time::from_ms(5));
     assert_eq!(bench.board.current_a(), 0.0);
     (took, off_a)
+}
+
+/// A wire that makes contact now and then: no current flows while nothing is known of the coil.
+#[test]
+fn a_thermometer_that_is_open_now_and_then_switches_off() {
+    let snapshot = driving(5.0);
+    for open_ms in [1, 5, 9] {
+        let mut bench = snapshot.clone();
+        let begin = bench.board.now();
+        for _ in 0..40 {
+            for thermistor_v in [Some(3.3), None] {
+                bench.board.drive_mut().thermistor_v = thermistor_v;
+                bench.send(&Command::Identify);
+                bench.run(Time::from_ms(open_ms));
+            }
+            if !bench.board.bridge().awake {
+                break;
+            }
+        }
+        let took = bench.board.now() - begin;
+        println!("open for {open_ms} ms of twice as many: off after {took}");
+        assert!(!bench.board.bridge().awake, "{open_ms} ms");
+        assert!(took <= Time::from_ms(120), "{took}");
+        assert_eq!(fault(&bench), Some(FaultCode::Thermometer));
+    }
 }
 
 #[test]

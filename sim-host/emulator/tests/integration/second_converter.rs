@@ -1,10 +1,11 @@
 //! Two converters on one bus: what one fails of costs the other nothing.
 
 use ldc161x_sim::{ChipFault, FaultEvent, Lost, Settings};
-use palpate_emulator::{LineFault, Options, Time};
+use palpate_emulator::{EmulatedBoard, LineFault, Options, Still, Time};
+use palpate_wire::Record;
 use palpate_wire::code::{Location, Outcome};
 use palpate_wire::command::Command;
-use palpate_wire::record::Sample;
+use palpate_wire::record::{Fault, Sample};
 
 use crate::common::{RecordedBoard, recording};
 
@@ -17,6 +18,11 @@ const FAILS: Time = Time::from_ms(300);
 
 /// Both converters stream.
 fn streaming() -> RecordedBoard {
+    streaming_with(0b0001, RATE_HZ)
+}
+
+/// Both converters stream with these channels and so many scans a second.
+fn streaming_with(channels: u8, rate_hz: f32) -> RecordedBoard {
     let options = Options {
         second_converter: Some(SECOND_HZ),
         ..recording()
@@ -24,7 +30,8 @@ fn streaming() -> RecordedBoard {
     let mut bench = RecordedBoard::with(Settings::default(), options);
     bench.stream();
     let settings = palpate_wire::command::Settings {
-        rate_hz: RATE_HZ,
+        channels,
+        rate_hz,
         ..bench.settings()
     };
     let answer = bench.command(&Command::SetSettings(settings));
@@ -32,6 +39,32 @@ fn streaming() -> RecordedBoard {
     bench.run(Time::from_ms(200));
     bench.frames.clear();
     bench
+}
+
+/// One clock is at both converters' CLKIN: a conversion under way would be counted with two of them.
+#[test]
+fn the_clock_changes_only_while_both_converters_are_stopped() {
+    let mut bench = streaming();
+    for (channels, phase_us) in [(15, 300), (1, 4_300), (3, 6_300), (1, 8_300)] {
+        bench.run(Time::from_ms(400) + Time::from_us(phase_us));
+        let before = bench.board.frequencies_hz();
+        let settings = palpate_wire::command::Settings {
+            channels,
+            rate_hz: 100.0,
+            ..bench.settings()
+        };
+        bench.send(&Command::SetSettings(settings));
+        let has_changed = |board: &EmulatedBoard<Still>| board.frequencies_hz() != before;
+        let limit = Time::from_ms(300);
+        bench.board.run_until(limit, has_changed).unwrap();
+        assert!(has_changed(&bench.board), "{channels}: the clock stays");
+        let first = bench.board.chip().is_converting();
+        let second = bench.board.second_chip_mut().unwrap().is_converting();
+        assert!(!first && !second, "{channels}: {first} {second}");
+        bench.listen();
+    }
+    let faults = bench.faults();
+    assert!(faults.is_empty(), "{faults:?}");
 }
 
 fn of(bench: &RecordedBoard, sensor: u8) -> Vec<(u64, Sample)> {
@@ -45,7 +78,12 @@ fn of(bench: &RecordedBoard, sensor: u8) -> Vec<(u64, Sample)> {
 
 /// One sample every 2 ms, none lost, none beside its grid.
 fn assert_whole(samples: &[(u64, Sample)], seconds: f64, what: &str) {
-    let expected = f64::from(RATE_HZ) * seconds;
+    assert_whole_at(RATE_HZ, samples, seconds, what);
+}
+
+/// The same at so many a second.
+fn assert_whole_at(rate_hz: f32, samples: &[(u64, Sample)], seconds: f64, what: &str) {
+    let expected = f64::from(rate_hz) * seconds;
     let count = samples.len() as f64;
     assert!(
         (count - expected).abs() <= 0.02 * expected,
@@ -75,6 +113,111 @@ fn both_converters_stream_at_500_frames_a_second() {
     assert_eq!(bench.status().conversions_lost, 0);
 }
 
+/// The faults with their times: some, and all of the second converter.
+fn of_second(bench: &RecordedBoard, what: &str) -> Vec<(u64, Fault)> {
+    let faults = bench
+        .frames
+        .iter()
+        .filter_map(|frame| match &frame.message {
+            Record::Fault(fault) => Some((frame.header.time_us, fault.clone())),
+            _ => None,
+        });
+    let faults: Vec<(u64, Fault)> = faults.collect();
+    assert!(!faults.is_empty(), "{what}: it failed, and nobody said so");
+    let is_of_second = |(_, fault): &(u64, Fault)| fault.location == Location::SecondSensor;
+    assert!(faults.iter().all(is_of_second), "{what}: {faults:?}");
+    faults
+}
+
+/// Whichever channels are set, both start without a fault, and share the bus without a loss: with four
+/// channels a frame takes 1.1 ms of it, and each channel of the other is overwritten in as much.
+#[test]
+fn both_converters_stream_with_every_number_of_channels() {
+    for (channels, rate_hz) in [
+        (0b0001, 1_000.0),
+        (0b0011, 800.0),
+        (0b0111, 250.0),
+        (0b0111, 580.0),
+        (0b1111, 100.0),
+        (0b1111, 250.0),
+        (0b1111, 430.0),
+    ] {
+        let what = format!("{channels:#06b} {rate_hz} Hz");
+        let mut bench = streaming_with(channels, rate_hz);
+        bench.run(Time::from_ms(100));
+        bench.frames.clear();
+        bench.run(Time::from_ms(500));
+        for sensor in [0, 1] {
+            let samples = of(&bench, sensor);
+            assert_whole_at(
+                rate_hz,
+                &samples,
+                0.5,
+                &format!("{what}, converter {sensor}"),
+            );
+        }
+        assert_eq!(bench.faults(), [], "{what}");
+        let status = bench.status();
+        assert_eq!(status.bus_errors, 0, "{what}");
+        assert_eq!(status.recoveries, 0, "{what}");
+    }
+}
+
+/// What the bus cannot fetch from both is refused, and what was set before goes on.
+#[test]
+fn more_than_the_bus_can_fetch_from_both_is_refused() {
+    let mut bench = streaming();
+    bench.run(Time::from_ms(5));
+    for (channels, rate_hz) in [(0b0011, 850.0), (0b0111, 600.0), (0b1111, 460.0)] {
+        let settings = palpate_wire::command::Settings {
+            channels,
+            rate_hz,
+            ..bench.settings()
+        };
+        let answer = bench.command(&Command::SetSettings(settings));
+        assert_eq!(
+            answer.outcome,
+            Outcome::OutOfRange,
+            "{channels:#06b} {rate_hz}"
+        );
+    }
+    bench.frames.clear();
+    bench.run(Time::from_ms(200));
+    assert_whole(&of(&bench, 1), 0.2, "converter 1");
+}
+
+/// Whatever pulls INTB low for a microsecond, or lets it go for one, there is no record more.
+#[test]
+fn a_disturbance_of_intb_is_no_sample() {
+    for (low, lasting_ns) in [(true, 500), (true, 1_500), (false, 1_000)] {
+        let mut bench = RecordedBoard::new();
+        bench.stream();
+        bench.run(Time::from_ms(100));
+        bench.frames.clear();
+        for step in 0..200 {
+            // At all times of a period of 1 ms.
+            let at = bench.board.now() + Time::from_us(1_000 + 5 * (step % 40));
+            let fault = ChipFault::IntbStuck { low };
+            let event = FaultEvent::at(at, fault, Time::from_ns(lasting_ns));
+            bench.board.chip_mut().schedule(event).unwrap();
+            bench.run(Time::from_us(2_000 + 7 * (step % 11)));
+        }
+        let samples = of(&bench, 0);
+        let what = format!("{low} {lasting_ns} ns: {} samples", samples.len());
+        let (first_us, last_us) = (samples[0].0, samples[samples.len() - 1].0);
+        let scans = (last_us - first_us) as f64 * 1e-6 * 999.21;
+        let missed: u32 = samples.iter().map(|(_, sample)| sample.missed).sum();
+        let what = format!("{what}, {missed} missed, {scans} scans");
+        println!("{what}");
+        let found = samples.len() as f64 - 1.0 + f64::from(missed);
+        assert!((found - scans).abs() < 1.5, "{what}");
+        // One that ends in the disturbance is lost, and marked.
+        assert!(f64::from(missed) < 0.01 * scans, "{what}");
+        assert!(samples.len() > 350, "{what}");
+        assert_eq!(bench.faults(), [], "{what}");
+    }
+}
+
 #[test]
 fn a_second_converter_that_fails_costs_the_first_nothing() {
     let mut running = streaming();
@@ -90,20 +233,26 @@ fn a_second_converter_that_fails_costs_the_first_nothing() {
         let what = format!("{way:?}");
         let mut bench = running.clone();
         bench.frames.clear();
+        let begun_us = bench.board.timer_us();
         let fault = FaultEvent::at(bench.board.now(), way, FAILS);
         let second = bench.board.second_chip_mut().unwrap();
         second.schedule(fault).unwrap();
         bench.run(Time::from_ms(1_000));
         assert_whole(&of(&bench, 0), 1.0, &what);
-        // The second reported that, and came back.
-        let begun = bench.faults().into_iter().filter(|fault| fault.active);
-        let locations: Vec<Location> = begun.map(|fault| fault.location).collect();
-        assert!(
-            locations
+        // The second reported that until its cause ended, and came back.
+        let faults = of_second(&bench, &what);
+        if !matches!(way, ChipFault::BrownOut(_)) {
+            let ended: Vec<u64> = faults
                 .iter()
-                .all(|location| *location == Location::SecondSensor),
-            "{what}: {locations:?}"
-        );
+                .filter(|(_, fault)| !fault.active)
+                .map(|(at_us, _)| at_us - begun_us)
+                .collect();
+            assert_eq!(2 * ended.len(), faults.len(), "{what}: {faults:?}");
+            assert!(
+                ended.iter().all(|after_us| *after_us >= 300_000),
+                "{what}: {faults:?}"
+            );
+        }
         let last_us = of(&bench, 1).last().map_or(0, |(at_us, _)| *at_us);
         let first_us = of(&bench, 0).last().map_or(0, |(at_us, _)| *at_us);
         assert!(

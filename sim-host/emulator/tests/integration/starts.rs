@@ -8,7 +8,8 @@ use ldc161x_sim::{
 };
 use palpate_emulator::{EmulatedBoard, Plant, Still, Time};
 use palpate_wire::Record;
-use palpate_wire::code::{FaultCode, State};
+use palpate_wire::code::{FaultCode, Outcome, State};
+use palpate_wire::command::Command;
 
 /// A converter that releases INTB when DATA is read.
 const BY_DATA: Silicon = Silicon {
@@ -44,6 +45,38 @@ fn samples_are_right_or_marked(silicons: impl Iterator<Item = Silicon>) {
             }
         }
     }
+}
+
+#[test]
+fn no_sample_of_the_old_settings_follows_the_answer() {
+    let mut snapshot = BY_DATA.bench();
+    snapshot.stream();
+    change(&mut snapshot, 0b0001, 100.0, Time::from_ms(150));
+    let mut channels_after = Vec::new();
+    for phase in 0..4 {
+        let mut bench = snapshot.clone();
+        bench.run(Time::from_us(2_300).times(phase));
+        let settings = palpate_wire::command::Settings {
+            channels: 0b1111,
+            ..bench.settings()
+        };
+        let before = bench.frames.len();
+        let answer = bench.command(&Command::SetSettings(settings));
+        assert_eq!(answer.outcome, Outcome::Accepted);
+        bench.run(Time::from_ms(200));
+        let is_answer = |record: &Record| matches!(record, Record::Acknowledgement(_));
+        let messages = bench.frames[before..].iter().map(|frame| &frame.message);
+        let after = messages.skip_while(|record| !is_answer(record));
+        channels_after.extend(after.filter_map(|record| match record {
+            Record::Sample(sample) => Some(sample.channels.len()),
+            _ => None,
+        }));
+    }
+    assert!(channels_after.len() > 20, "{}", channels_after.len());
+    assert!(
+        channels_after.iter().all(|channels| *channels == 4),
+        "{channels_after:?}"
+    );
 }
 
 #[test]

@@ -16,9 +16,9 @@ use super::{CONTROL_SLICE, CYCLES};
 
 /// Cycles that parts of the bus's engine take, from their question on: to begin a transaction, and
 /// to move a frame's bytes.
-pub const TO_BEGIN: u32 = 240;
+pub const TO_BEGIN: u32 = 360;
 /// See [`TO_BEGIN`].
-pub const TO_SERVE: u32 = 345;
+pub const TO_SERVE: u32 = 400;
 
 /// Cycles after which the coil's interrupt has said that it has begun, unless it is still pending:
 /// its entry, and what the bus's own takes from its entry, just before, to the question.

@@ -7,11 +7,15 @@
 //! begins it at once, or as soon as the bus is free, and its bytes wait with the edge's time until
 //! the reader takes them. Thus a frame is fetched within a microsecond of the converter's call,
 //! whatever the tasks do, and the next one while they still work on the last.
+//!
+//! Where two converters share the bus they take turns: a frame then has several parts, each a
+//! transaction of its own, and after each part or transaction the other converter goes first.
 
 #![allow(unsafe_code)]
 
 use core::cell::UnsafeCell;
 
+use palpate_node::acquisition::MOST_PARTS;
 use palpate_node::converter::{CONVERTERS, MOST_FRAME_BYTES};
 use rp2040_pac::{I2C0, IO_BANK0, Interrupt, NVIC, PWM, TIMER};
 
@@ -38,27 +42,59 @@ const TX_ABORT: u32 = 1 << 6;
 const STOP_DETECTED: u32 = 1 << 9;
 /// In TX_ABRT_SOURCE: lost arbitration, after which no STOP follows.
 const ARBITRATION: u32 = 1 << 12;
+/// In an outcome's cause: there is one.
+const IS_ABORTED: u32 = 1 << 31;
+
+/// A byte takes nine periods; at 160 kHz each is 6.25 us. A bus whose edges are slow still works: at 400 kHz
+/// as set, a rise of 3 us makes it 182 kHz.
+const BYTE_US: u32 = 57;
+/// What a master and its interrupts need besides.
+const MARGIN_US: u32 = 200;
+/// No transaction may take longer.
+const LONGEST_US: u32 = 5_000;
+
+/// From the transaction's own start; it is polled when a pulse comes, every millisecond. A register takes
+/// three commands and five bytes on the wire: address, pointer, address, and two of data.
+pub const fn deadline_us(commands: usize) -> u32 {
+    let bytes = commands as u32 * 5 / 3 + 2;
+    let deadline_us = bytes * BYTE_US + MARGIN_US;
+    if deadline_us < LONGEST_US {
+        deadline_us
+    } else {
+        LONGEST_US
+    }
+}
 
 /// The moment of an edge.
 #[derive(Clone, Copy, Default)]
 pub struct Stamp {
     /// The lower half of the microsecond timer.
     pub time_us: u32,
-    /// When the transaction that it called for was over.
-    pub ended_us: u32,
     /// Edges that the hardware has counted.
     pub edges: u16,
     /// There was an edge: its time is known.
     pub is_known: bool,
 }
 
-/// A transaction.
+/// Commands, and the bytes that they read.
+#[derive(Clone, Copy, Default)]
+struct Extent {
+    commands: u8,
+    bytes: u8,
+}
+
+/// A transaction, or several one after the other.
 #[derive(Clone, Copy)]
 #[repr(C)]
 pub struct Job {
     length: u8,
     bytes: u8,
     address: u8,
+    /// The first transaction, and each later one.
+    first: Extent,
+    later: Extent,
+    /// How long one of them may take.
+    deadline_us: u32,
     commands: [u16; MAX_COMMANDS],
 }
 
@@ -72,6 +108,15 @@ impl Job {
             length: 0,
             bytes: 0,
             address,
+            first: Extent {
+                commands: 0,
+                bytes: 0,
+            },
+            later: Extent {
+                commands: 0,
+                bytes: 0,
+            },
+            deadline_us: 0,
             commands: [0; MAX_COMMANDS],
         }
     }
@@ -86,10 +131,33 @@ impl Job {
         (usize::from(self.bytes) <= MAX_BYTES).then_some(())
     }
 
-    /// Lets STOP follow the last command.
+    /// Ends it as one transaction; nothing if it has no commands.
     pub fn stop(&mut self) -> Option<()> {
+        self.first = Extent {
+            commands: self.length,
+            bytes: self.bytes,
+        };
+        self.deadline_us = deadline_us(self.length.into());
         let last = usize::from(self.length).checked_sub(1)?;
         *self.commands.get_mut(last)? |= STOP;
+        Some(())
+    }
+
+    /// Ends it as so many transactions of a frame: each after the first reads two registers.
+    pub fn stop_parts(&mut self, parts: u8) -> Option<()> {
+        const PART: Extent = Extent {
+            commands: 6,
+            bytes: 4,
+        };
+        self.stop()?;
+        self.later = PART;
+        for _ in 1..parts {
+            self.first.commands = self.first.commands.checked_sub(PART.commands)?;
+            self.first.bytes = self.first.bytes.checked_sub(PART.bytes)?;
+            let after = usize::from(self.length.checked_sub(self.first.commands)?);
+            let last = usize::from(self.length).checked_sub(after + 1)?;
+            *self.commands.get_mut(last)? |= STOP;
+        }
         Some(())
     }
 
@@ -108,6 +176,8 @@ pub struct Outcome {
     pub count: u8,
     /// The edge that began it, if one did.
     pub stamp: Stamp,
+    /// When each part of the frame was over.
+    pub ended_us: [u32; MOST_PARTS],
     /// Why it was aborted, by the block's own bits; 0 if it was not.
     pub cause: u32,
 }
@@ -123,10 +193,10 @@ impl Outcome {
         count: 0,
         stamp: Stamp {
             time_us: 0,
-            ended_us: 0,
             edges: 0,
             is_known: false,
         },
+        ended_us: [0; MOST_PARTS],
         cause: 0,
     };
 }
@@ -137,10 +207,30 @@ enum Runs {
     Nothing,
     /// The frame of a converter.
     Frame(usize),
-    /// The transaction of a master.
-    Single,
-    /// The bus is being freed: the block is in its reset or has no pins, and what is called for meanwhile waits.
+    /// The transaction of a converter's master.
+    Single(usize),
+    /// The bus is being freed: the block is in its reset or has no pins, what is called for meanwhile waits, and
+    /// what ran will have failed.
     Recovery,
+}
+
+/// The transaction that a converter's master began.
+#[repr(C)]
+struct Single {
+    /// It waits for the bus.
+    waits: bool,
+    is_over: bool,
+    job: Job,
+    outcome: Outcome,
+}
+
+impl Single {
+    const NONE: Self = Self {
+        waits: false,
+        is_over: false,
+        job: Job::EMPTY,
+        outcome: Outcome::NONE,
+    };
 }
 
 /// The frames of one converter.
@@ -150,12 +240,15 @@ struct Reader {
     is_on: bool,
     /// There is an edge that came while the bus was taken: `late`.
     is_late: bool,
+    /// The next part of its frame, and the command with which that begins: 0 before the frame has begun.
+    part: usize,
+    next: usize,
     /// Places in `frames`: of the oldest, and how many wait.
     first: usize,
     waiting: usize,
     last_edge_us: u32,
-    /// How long after its edge the job may begin, in microseconds.
-    latest_us: u32,
+    /// How long after its edge each part may begin, in microseconds.
+    latest_us: [u32; MOST_PARTS],
     late: Stamp,
     job: Job,
     frames: [Outcome; FRAMES],
@@ -165,36 +258,105 @@ impl Reader {
     const OFF: Self = Self {
         is_on: false,
         is_late: false,
+        part: 0,
+        next: 0,
         first: 0,
         waiting: 0,
         last_edge_us: 0,
-        latest_us: u32::MAX,
+        latest_us: [u32::MAX; MOST_PARTS],
         late: Outcome::NONE.stamp,
         job: Job::EMPTY,
         frames: [Outcome::NONE; FRAMES],
     };
 
-    fn can_begin(&self) -> bool {
-        self.is_late && self.is_on && self.waiting < FRAMES
+    /// Whether its frame can go on or begin; in the second case whether its edge is known.
+    #[inline(always)]
+    fn can_begin(&self, is_known: bool) -> bool {
+        if self.next > 0 {
+            return is_known;
+        }
+        self.is_late && self.is_on && self.waiting < FRAMES && self.late.is_known == is_known
+    }
+
+    #[inline(always)]
+    fn slot(&self) -> usize {
+        (self.first + self.waiting) % FRAMES
+    }
+
+    /// Prepares the next part of its frame. `false` if what it reads would be overwritten meanwhile: the
+    /// frame is over then.
+    #[inline(always)]
+    fn prepare(&mut self) -> bool {
+        let slot = self.slot();
+        let Some(outcome) = self.frames.get_mut(slot) else {
+            return false;
+        };
+        if self.next == 0 {
+            self.is_late = false;
+            outcome.count = 0;
+            outcome.cause = 0;
+            outcome.stamp = self.late;
+        }
+        let stamp = outcome.stamp;
+        let latest_us = self.latest_us.get(self.part).copied().unwrap_or_default();
+        if !stamp.is_known || now_us().wrapping_sub(stamp.time_us) <= latest_us {
+            return true;
+        }
+        self.pass_over();
+        false
     }
 
     /// What the edge called for would be overwritten while it is read.
     #[inline(never)]
     fn pass_over(&mut self) {
-        let slot = (self.first + self.waiting) % FRAMES;
+        let slot = self.slot();
         if let Some(outcome) = self.frames.get_mut(slot) {
+            // Never: so long after its edge that no frame is in time.
+            let never_us = outcome.stamp.time_us.wrapping_sub(1);
             *outcome = Outcome {
-                stamp: Stamp {
-                    // Never: so long after its edge that no frame is in time.
-                    ended_us: self.late.time_us.wrapping_sub(1),
-                    ..self.late
-                },
+                stamp: outcome.stamp,
+                ended_us: [never_us; MOST_PARTS],
                 count: self.job.bytes,
                 ..Outcome::NONE
             };
-            self.waiting += 1;
         }
+        self.is_whole();
         NVIC::pend(Interrupt::PIO0_IRQ_0);
+    }
+
+    /// The next part of its frame.
+    #[inline(always)]
+    fn extent(&self) -> Extent {
+        if self.next == 0 {
+            self.job.first
+        } else {
+            self.job.later
+        }
+    }
+
+    /// A part of its frame is over, up to this command.
+    #[inline(always)]
+    fn part_is_over(&mut self, end: usize) {
+        let (slot, part) = (self.slot(), self.part);
+        let Some(outcome) = self.frames.get_mut(slot) else {
+            return;
+        };
+        if let Some(ended_us) = outcome.ended_us.get_mut(part) {
+            *ended_us = now_us();
+        }
+        if self.is_on && outcome.cause == 0 && end < self.job.length() {
+            self.part += 1;
+            self.next = end;
+        } else {
+            self.is_whole();
+        }
+    }
+
+    /// Its frame is over, and waits.
+    fn is_whole(&mut self) {
+        self.part = 0;
+        self.next = 0;
+        self.waiting += usize::from(self.is_on);
     }
 }
 
@@ -202,18 +364,20 @@ impl Reader {
 #[repr(C)]
 struct Engine {
     runs: Runs,
+    /// The next command, the end of the transaction's commands, and how many bytes it has read by then.
     next: usize,
-    since_us: u32,
+    end: usize,
+    bytes: u8,
     /// The target that the block is set to.
     address: u8,
-    /// Whose transaction the single one is, whether it waits for the bus, and whether it is over.
-    owner: usize,
-    single_waits: bool,
-    single_is_over: bool,
+    since_us: u32,
+    deadline_us: u32,
+    /// The converter that had the bus last: the other one goes first.
+    last: usize,
+    /// What ran when recovery began.
+    cut: Runs,
     readers: [Reader; CONVERTERS],
-    /// The transaction that a master began itself.
-    single: Job,
-    single_outcome: Outcome,
+    singles: [Single; CONVERTERS],
 }
 
 struct Shared(UnsafeCell<Engine>);
@@ -225,14 +389,15 @@ unsafe impl Sync for Shared {}
 static ENGINE: Shared = Shared(UnsafeCell::new(Engine {
     runs: Runs::Nothing,
     next: 0,
-    since_us: 0,
+    end: 0,
+    bytes: 0,
     address: 0,
-    owner: 0,
-    single_waits: false,
-    single_is_over: false,
+    since_us: 0,
+    deadline_us: 0,
+    last: 0,
+    cut: Runs::Nothing,
     readers: [const { Reader::OFF }; CONVERTERS],
-    single: Job::EMPTY,
-    single_outcome: Outcome::NONE,
+    singles: [const { Single::NONE }; CONVERTERS],
 }));
 
 /// Lets a task work on the engine while no interrupt can.
@@ -266,6 +431,7 @@ fn room() -> usize {
 struct Transfer<'a> {
     job: &'a Job,
     next: &'a mut usize,
+    end: usize,
     outcome: &'a mut Outcome,
 }
 
@@ -273,8 +439,7 @@ impl Transfer<'_> {
     /// Puts commands into the block while it has room.
     #[inline(always)]
     fn feed(&mut self, room: usize) {
-        let length = self.job.length();
-        let end = length.min(*self.next + room);
+        let end = self.end.min(*self.next + room);
         for &command in self.job.commands.get(*self.next..end).unwrap_or_default() {
             // SAFETY: any command of eleven bits may be written.
             i2c()
@@ -282,14 +447,14 @@ impl Transfer<'_> {
                 .write(|w| unsafe { w.bits(u32::from(command)) });
         }
         *self.next = end;
-        let more = if end < length { TX_EMPTY } else { 0 };
+        let more = if end < self.end { TX_EMPTY } else { 0 };
         let mask = more | RX_FULL | TX_ABORT | STOP_DETECTED;
         // SAFETY: any mask may be written.
         i2c().ic_intr_mask().write(|w| unsafe { w.bits(mask) });
     }
 
     fn is_sent(&self) -> bool {
-        *self.next >= self.job.length()
+        *self.next >= self.end
     }
 
     /// Takes the bytes that the block has.
@@ -306,52 +471,59 @@ impl Transfer<'_> {
 }
 
 impl Engine {
+    /// What runs; nothing while nothing does.
     #[inline(always)]
-    fn transfer(&mut self) -> Transfer<'_> {
-        let next = &mut self.next;
-        if let Runs::Frame(converter) = self.runs
-            && let Some(reader) = self.readers.get_mut(converter)
-            && let slot = (reader.first + reader.waiting) % FRAMES
-            && let Some(outcome) = reader.frames.get_mut(slot)
-        {
-            return Transfer {
-                job: &reader.job,
-                next,
-                outcome,
-            };
-        }
-        Transfer {
-            job: &self.single,
+    fn transfer(&mut self) -> Option<Transfer<'_>> {
+        let (next, end) = (&mut self.next, self.end);
+        let (job, outcome) = match self.runs {
+            Runs::Frame(converter) => {
+                let reader = self.readers.get_mut(converter)?;
+                let slot = reader.slot();
+                (&reader.job, reader.frames.get_mut(slot)?)
+            }
+            Runs::Single(converter) => {
+                let single = self.singles.get_mut(converter)?;
+                (&single.job, &mut single.outcome)
+            }
+            Runs::Nothing | Runs::Recovery => return None,
+        };
+        Some(Transfer {
+            job,
             next,
-            outcome: &mut self.single_outcome,
-        }
+            end,
+            outcome,
+        })
     }
 
+    /// Begins with a transaction, whose outcome is prepared.
     #[inline(always)]
-    fn start(&mut self, runs: Runs, stamp: Stamp) {
+    fn start(&mut self, runs: Runs, next: usize, extent: Extent, bytes: u8) {
         self.runs = runs;
-        self.next = 0;
+        self.next = next;
+        self.end = next + usize::from(extent.commands);
+        self.bytes = bytes + extent.bytes;
         self.since_us = now_us();
         let before = self.address;
-        let mut transfer = self.transfer();
-        let address = transfer.job.address;
+        let Some(mut transfer) = self.transfer() else {
+            return;
+        };
+        let (address, deadline_us) = (transfer.job.address, transfer.job.deadline_us);
         if address != before {
             set_target(address);
         }
-        transfer.outcome.count = 0;
-        transfer.outcome.cause = 0;
-        transfer.outcome.stamp = stamp;
         // A STOP of an earlier, aborted transaction may have come since.
         let _ = i2c().ic_clr_stop_det().read().bits();
         transfer.feed(room());
         self.address = address;
+        self.deadline_us = deadline_us;
     }
 
     fn serve(&mut self) {
-        if self.runs == Runs::Recovery {
+        let (runs, bytes) = (self.runs, self.bytes);
+        if runs == Runs::Recovery {
             return;
         }
-        if self.runs == Runs::Nothing {
+        if runs == Runs::Nothing {
             // SAFETY: no transaction runs, so no interrupt of the block is needed.
             i2c().ic_intr_mask().write(|w| unsafe { w.bits(0) });
             self.catch_up();
@@ -360,13 +532,15 @@ impl Engine {
         if precedence::must_wait(TO_SERVE) {
             return;
         }
-        let mut transfer = self.transfer();
+        let Some(mut transfer) = self.transfer() else {
+            return;
+        };
         let raised = i2c().ic_raw_intr_stat().read().bits();
         if raised & TX_ABORT != 0 {
             let cause = i2c().ic_tx_abrt_source().read().bits();
             let _ = i2c().ic_clr_tx_abrt().read().bits();
-            *transfer.next = transfer.job.length();
-            transfer.outcome.cause = cause | 1 << 31;
+            *transfer.next = transfer.end;
+            transfer.outcome.cause = cause | IS_ABORTED;
             if cause & ARBITRATION != 0 {
                 self.finish();
                 return;
@@ -379,70 +553,71 @@ impl Engine {
         }
         if raised & STOP_DETECTED != 0 {
             let _ = i2c().ic_clr_stop_det().read().bits();
-            let is_read = transfer.outcome.count >= transfer.job.bytes;
+            let is_read = transfer.outcome.count >= bytes;
             if transfer.is_sent() && (is_read || transfer.outcome.cause != 0) {
-                transfer.outcome.stamp.ended_us = now_us();
                 self.finish();
             }
         }
     }
 
+    /// A transaction is over.
     fn finish(&mut self) {
         // SAFETY: the transaction has ended, so no interrupt of the block is needed.
         i2c().ic_intr_mask().write(|w| unsafe { w.bits(0) });
         match self.runs {
             Runs::Frame(converter) => {
                 if let Some(reader) = self.readers.get_mut(converter) {
-                    reader.waiting += 1;
+                    reader.part_is_over(self.end);
                 }
             }
-            _ => self.single_is_over = true,
+            Runs::Single(converter) => {
+                if let Some(single) = self.singles.get_mut(converter) {
+                    single.is_over = true;
+                }
+            }
+            Runs::Nothing | Runs::Recovery => {}
         }
         self.runs = Runs::Nothing;
         NVIC::pend(Interrupt::PIO0_IRQ_0);
         self.catch_up();
     }
 
-    /// Begins with what waits, if it can: first the frame whose edge is known and oldest, then the
-    /// transaction of a master, then a frame without an edge.
+    /// Begins with what waits, if it can.
     #[inline(never)]
     fn catch_up(&mut self) {
-        if self.runs != Runs::Nothing {
-            return;
-        }
-        let frame = self.frame_that_waits();
-        let is_known = |converter: usize| {
-            let reader = self.readers.get(converter);
-            reader.is_some_and(|reader| reader.late.is_known)
-        };
-        let single = self.single_waits && !frame.is_some_and(is_known);
-        if frame.is_none() && !single || precedence::must_wait(TO_BEGIN) {
-            return;
-        }
-        match frame {
-            Some(converter) if !single => self.begin_frame(converter),
-            _ => {
-                self.single_waits = false;
-                self.start(Runs::Single, Stamp::default());
+        while self.runs == Runs::Nothing {
+            let Some(next) = self.next_in_turn() else {
+                return;
+            };
+            if precedence::must_wait(TO_BEGIN) {
+                return;
+            }
+            match next {
+                Runs::Frame(converter) => self.begin_frame(converter),
+                Runs::Single(converter) => self.begin_single(converter),
+                Runs::Nothing | Runs::Recovery => return,
             }
         }
     }
 
-    /// The converter whose frame waits, and waits longest.
+    /// What is next: a frame whose edge is known, the transaction of a master, a frame without an edge;
+    /// of two alike that of the converter that did not have the bus last.
     #[inline(always)]
-    fn frame_that_waits(&self) -> Option<usize> {
+    fn next_in_turn(&self) -> Option<Runs> {
         let [first, second] = &self.readers;
-        match (first.can_begin(), second.can_begin()) {
+        let in_turn = |of_first: bool, of_second: bool| match (of_first, of_second) {
             (false, false) => None,
-            (true, false) => Some(0),
-            (false, true) => Some(1),
-            (true, true) if !first.late.is_known => Some(1),
-            (true, true) if !second.late.is_known => Some(0),
-            (true, true) => {
-                let later_us = second.late.time_us.wrapping_sub(first.late.time_us);
-                Some(usize::from(later_us > u32::MAX / 2))
-            }
+            (true, true) => Some(usize::from(self.last == 0)),
+            (_, of_second) => Some(usize::from(of_second)),
+        };
+        if let Some(converter) = in_turn(first.can_begin(true), second.can_begin(true)) {
+            return Some(Runs::Frame(converter));
         }
+        let [one, other] = &self.singles;
+        if let Some(converter) = in_turn(one.waits, other.waits) {
+            return Some(Runs::Single(converter));
+        }
+        in_turn(first.can_begin(false), second.can_begin(false)).map(Runs::Frame)
     }
 
     #[inline(always)]
@@ -450,14 +625,27 @@ impl Engine {
         let Some(reader) = self.readers.get_mut(converter) else {
             return;
         };
-        reader.is_late = false;
-        let late = reader.late;
-        let late_us = now_us().wrapping_sub(late.time_us);
-        if late.is_known && late_us > reader.latest_us {
-            reader.pass_over();
-        } else {
-            self.start(Runs::Frame(converter), late);
+        if !reader.prepare() {
+            return;
         }
+        let (next, extent) = (reader.next, reader.extent());
+        let slot = reader.slot();
+        let read = reader.frames.get(slot).map_or(0, |outcome| outcome.count);
+        self.last = converter;
+        self.start(Runs::Frame(converter), next, extent, read);
+    }
+
+    #[inline(never)]
+    fn begin_single(&mut self, converter: usize) {
+        let Some(single) = self.singles.get_mut(converter) else {
+            return;
+        };
+        single.waits = false;
+        single.outcome.count = 0;
+        single.outcome.cause = 0;
+        let extent = single.job.first;
+        self.last = converter;
+        self.start(Runs::Single(converter), 0, extent, 0);
     }
 
     #[inline(always)]
@@ -468,6 +656,17 @@ impl Engine {
             reader.late = stamp;
         }
         self.catch_up();
+    }
+
+    /// Whether a transaction with a converter runs, which may release its INTB.
+    fn serves(&self, converter: usize) -> bool {
+        self.runs == Runs::Frame(converter) || self.runs == Runs::Single(converter)
+    }
+
+    /// Whether what runs has run for longer than it may.
+    fn is_overdue(&self) -> bool {
+        matches!(self.runs, Runs::Frame(_) | Runs::Single(_))
+            && now_us().wrapping_sub(self.since_us) > self.deadline_us
     }
 }
 
@@ -498,12 +697,16 @@ pub unsafe extern "C" fn on_edge() {
         };
         let stamp = Stamp {
             time_us,
-            ended_us: time_us,
             edges,
             is_known: true,
         };
         // SAFETY: see `Shared`.
-        unsafe { (*ENGINE.0.get()).edge(converter, stamp) }
+        let engine = unsafe { &mut *ENGINE.0.get() };
+        // Low until the converter is read: high again, it was a disturbance of the wire.
+        if pins::is_high(line.pin) && !engine.serves(converter) {
+            continue;
+        }
+        engine.edge(converter, stamp);
     }
 }
 
@@ -523,63 +726,103 @@ pub struct Over {
 
 /// What is over for a converter.
 pub fn over(converter: usize) -> Over {
-    with(|engine| Over {
-        single: engine.single_is_over && engine.owner == converter,
-        frame: engine
-            .readers
-            .get(converter)
-            .is_some_and(|reader| reader.waiting > 0),
-    })
-}
-
-/// Lets a transaction of a converter's master begin as soon as the bus is free. `false` if that of the
-/// other's is not over, or not taken.
-#[inline(never)]
-pub fn submit(converter: usize, job: &Job) -> bool {
     with(|engine| {
-        let is_taken = engine.single_waits
-            || engine.single_is_over && engine.owner != converter
-            || engine.runs == Runs::Single;
-        if is_taken {
-            return false;
+        let single = engine.singles.get(converter);
+        let reader = engine.readers.get(converter);
+        Over {
+            single: single.is_some_and(|single| single.is_over),
+            frame: reader.is_some_and(|reader| reader.waiting > 0),
         }
-        engine.single = *job;
-        engine.owner = converter;
-        engine.single_waits = true;
-        engine.single_is_over = false;
-        engine.catch_up();
-        true
     })
 }
 
-/// Since when the transaction of a converter's master runs; nothing while it waits for the bus.
-pub fn runs_since_us(converter: usize) -> Option<u32> {
+/// Lets the transaction of a converter's master begin when its turn comes. Its last one was taken.
+#[inline(never)]
+pub fn submit(converter: usize, job: &Job) {
     with(|engine| {
-        (engine.runs == Runs::Single && engine.owner == converter).then_some(engine.since_us)
+        if let Some(single) = engine.singles.get_mut(converter) {
+            single.job = *job;
+            single.waits = true;
+            single.is_over = false;
+        }
+        engine.catch_up();
+    });
+}
+
+/// Takes the transaction of a converter's master back if it waits still; whether it did.
+#[inline(never)]
+pub fn withdraw(converter: usize) -> bool {
+    with(|engine| {
+        let single = engine.singles.get_mut(converter);
+        single.is_some_and(|single| core::mem::replace(&mut single.waits, false))
     })
+}
+
+/// Begins recovery if what runs on the bus has run for longer than it may, whose ever it is: nothing
+/// begins until [`end_recovery`]. Whether it has.
+#[inline(never)]
+pub fn begin_recovery() -> bool {
+    with(|engine| {
+        let is_overdue = engine.is_overdue();
+        if is_overdue {
+            engine.cut = engine.runs;
+            engine.runs = Runs::Recovery;
+            // SAFETY: nothing runs any more, and an interrupt would come again and again.
+            i2c().ic_intr_mask().write(|w| unsafe { w.bits(0) });
+        }
+        is_overdue
+    })
+}
+
+/// The block was reset and the bus freed, or not: what ran has failed of this cause, and what waits goes
+/// on.
+#[inline(never)]
+pub fn end_recovery(cause: u32) {
+    with(|engine| {
+        engine.address = 0;
+        engine.runs = engine.cut;
+        if let Some(transfer) = engine.transfer() {
+            transfer.outcome.cause = cause | IS_ABORTED;
+        }
+        engine.finish();
+    });
 }
 
 /// Lets a master see the outcome of its transaction, once that is over.
 #[inline(always)]
 pub fn take_single<T>(converter: usize, work: impl FnOnce(&Outcome) -> T) -> Option<T> {
-    let is_over = with(|engine| engine.single_is_over && engine.owner == converter);
+    let is_over = with(|engine| {
+        let single = engine.singles.get(converter);
+        single.is_some_and(|single| single.is_over)
+    });
     if !is_over {
         return None;
     }
-    // SAFETY: nothing writes to it until the next single transaction begins, which `submit` does not
-    // allow before this one is taken.
-    let done = work(unsafe { &(*ENGINE.0.get()).single_outcome });
-    with(|engine| engine.single_is_over = false);
+    // SAFETY: nothing writes to it until the converter's next single transaction begins, which its master
+    // submits after this one is taken.
+    let single = unsafe { (&raw const (*ENGINE.0.get()).singles).cast::<Single>() };
+    // SAFETY: the converter is one of the array's, since it has a transaction; see above.
+    let done = work(unsafe { &(*single.add(converter)).outcome });
+    with(|engine| {
+        if let Some(single) = engine.singles.get_mut(converter) {
+            single.is_over = false;
+        }
+    });
     Some(done)
 }
 
-/// Lets every edge of a converter begin this job, which may begin so long after its edge.
+/// Lets every edge of a converter begin this job, each part of which may begin so long after its edge.
 #[inline(never)]
-pub fn read_on_edges(converter: usize, job: &Job, latest_us: u32) {
+pub fn read_on_edges(converter: usize, job: &Job, latest_us: [u32; MOST_PARTS]) {
+    // An edge whose converter has been read since calls for nothing.
+    let is_low = !pins::is_high(pins::intb(converter));
     with_reader(converter, |reader| {
         reader.job = *job;
         reader.latest_us = latest_us;
         reader.is_on = true;
+        reader.is_late &= is_low;
+        reader.part = 0;
+        reader.next = 0;
         reader.waiting = 0;
     });
     with(Engine::catch_up);
@@ -595,29 +838,9 @@ pub fn rest(converter: usize) {
     with_reader(converter, |reader| {
         reader.is_on = false;
         reader.is_late = false;
+        reader.part = 0;
+        reader.next = 0;
         reader.waiting = 0;
-    });
-}
-
-/// The block will be reset: what ran is lost, and nothing begins before [`go_on`].
-#[inline(never)]
-pub fn forget() {
-    with(|engine| {
-        engine.runs = Runs::Recovery;
-        // SAFETY: nothing runs any more, and an interrupt would come again and again.
-        i2c().ic_intr_mask().write(|w| unsafe { w.bits(0) });
-        engine.address = 0;
-        engine.single_waits = false;
-        engine.single_is_over = false;
-    });
-}
-
-/// The block can be used again: begins with what waits.
-#[inline(never)]
-pub fn go_on() {
-    with(|engine| {
-        engine.runs = Runs::Nothing;
-        engine.catch_up();
     });
 }
 
@@ -646,10 +869,13 @@ fn release_frame(converter: usize) {
     with(Engine::catch_up);
 }
 
-/// Since when the frame of a converter is being read, if it is.
+/// Whether the frame of a converter is being read.
 #[inline(never)]
-pub fn reads_since_us(converter: usize) -> Option<u32> {
-    with(|engine| (engine.runs == Runs::Frame(converter)).then_some(engine.since_us))
+pub fn reads(converter: usize) -> bool {
+    with(|engine| {
+        let reader = engine.readers.get(converter);
+        engine.runs == Runs::Frame(converter) || reader.is_some_and(|reader| reader.next > 0)
+    })
 }
 
 /// Time of a converter's last edge.
@@ -666,6 +892,7 @@ pub fn begin_without_edge(converter: usize) {
         let runs = engine.runs == Runs::Frame(converter);
         if let Some(reader) = engine.readers.get_mut(converter)
             && !runs
+            && reader.next == 0
             && !reader.is_late
             && reader.waiting == 0
         {

@@ -25,12 +25,16 @@ const DATA: u32 = 1 << 3;
 /// See [`ADDRESS`]: another master, or a wire that is held low.
 const ARBITRATION: u32 = 1 << 12;
 
-/// A byte takes nine periods of 2.5 us; a transaction may take twice its length, and what a
-/// master and its interrupts need besides.
-const BYTE_US: u32 = 45;
-const MARGIN_US: u32 = 200;
-/// No transaction may take longer.
-const LONGEST_US: u32 = 5_000;
+/// In the cause of a transaction that took too long, by bits that the block does not use: what became of
+/// the bus.
+pub const FREED: u32 = 1 << 20;
+/// See [`FREED`].
+pub const DATA_STUCK: u32 = 1 << 21;
+/// See [`FREED`].
+pub const CLOCK_STUCK: u32 = 1 << 22;
+
+/// A transaction may wait so long for the bus: ten times as long as one may run.
+const LONGEST_WAIT_US: u32 = 50_000;
 
 /// Addresses of the converters.
 const ADDRESSES: [SevenBitAddress; CONVERTERS] = [0x2A, 0x2B];
@@ -81,36 +85,25 @@ pub fn take(converter: usize) -> Option<(Master, Edges)> {
         converter,
         task,
         address,
-        deadline_us: LONGEST_US,
+        deadline_us: engine::deadline_us(0),
         silence_us: 0,
         known_us: 0,
     };
     Some((master, edges))
 }
 
-/// What the block's own bits say of an aborted transaction.
+/// What the bits of its cause say of an aborted transaction.
 fn aborted(cause: u32) -> Result<(), TransferError> {
     match cause {
         0 => Ok(()),
+        _ if cause & FREED != 0 => Err(TransferError::Timeout),
+        _ if cause & DATA_STUCK != 0 => Err(TransferError::DataStuck),
+        _ if cause & CLOCK_STUCK != 0 => Err(TransferError::ClockStuck),
         _ if cause & ADDRESS != 0 => Err(TransferError::NotAcknowledged { address: true }),
         _ if cause & DATA != 0 => Err(TransferError::NotAcknowledged { address: false }),
         _ if cause & ARBITRATION != 0 => Err(TransferError::Arbitration),
         _ => Err(TransferError::Aborted),
     }
-}
-
-/// Frees the bus; the error is what is the matter with it.
-fn give_up() -> TransferError {
-    match recovery::clear() {
-        Ok(()) => TransferError::Timeout,
-        Err(error) => error,
-    }
-}
-
-/// From the transaction's own length, 5 ms at most; it is polled when a pulse comes, every
-/// millisecond.
-fn deadline_us(commands: usize) -> u32 {
-    (commands as u32 * BYTE_US + MARGIN_US).min(LONGEST_US)
 }
 
 fn now_us() -> u32 {
@@ -149,14 +142,8 @@ impl I2c for Master {
         operations: &mut [Operation<'_>],
     ) -> Result<(), TransferError> {
         let job = job(address, operations).ok_or(TransferError::Length)?;
-        let deadline_us = deadline_us(job.length());
         let asked_us = now_us();
-        while !engine::submit(self.converter, &job) {
-            if passed_us(asked_us) > LONGEST_US {
-                return Err(give_up());
-            }
-            self.wait().await;
-        }
+        engine::submit(self.converter, &job);
         loop {
             let result = engine::take_single(self.converter, |outcome| {
                 aborted(outcome.cause)?;
@@ -166,12 +153,9 @@ impl I2c for Master {
             if let Some(result) = result {
                 return result;
             }
-            let is_late = match engine::runs_since_us(self.converter) {
-                Some(since_us) => passed_us(since_us) > deadline_us,
-                None => passed_us(asked_us) > 2 * LONGEST_US,
-            };
-            if is_late {
-                return Err(give_up());
+            recovery::clear_overdue();
+            if passed_us(asked_us) > LONGEST_WAIT_US && engine::withdraw(self.converter) {
+                return Err(TransferError::Timeout);
             }
             self.wait().await;
         }
@@ -231,8 +215,8 @@ impl EdgeReader for Edges {
                 let _ = job.push(command);
             }
         }
-        let _ = job.stop();
-        self.deadline_us = deadline_us(job.length());
+        let _ = job.stop_parts(deadlines.parts);
+        self.deadline_us = engine::deadline_us(job.length());
         self.silence_us = deadlines.silence_us;
         self.known_us = now_us();
         engine::read_on_edges(self.converter, &job, deadlines.latest_begin_us);
@@ -250,22 +234,19 @@ impl EdgeReader for Edges {
                 }
                 return result;
             }
-            match engine::reads_since_us(self.converter) {
-                Some(since_us) if passed_us(since_us) > self.deadline_us => return Err(give_up()),
-                Some(_) => {}
-                None if passed_us(self.known_us) > self.silence_us => {
+            recovery::clear_overdue();
+            if !engine::reads(self.converter) {
+                if passed_us(self.known_us) > self.silence_us {
                     self.known_us = now_us();
                     return Err(TransferError::Silent);
                 }
-                None => {
-                    let edge_us = engine::last_edge_us(self.converter);
-                    let is_low = !pins::is_high(pins::intb(self.converter));
-                    // Not at once after the last: other transactions get their turn.
-                    let rests = passed_us(edge_us) <= self.deadline_us
-                        || passed_us(asked_us) <= self.deadline_us;
-                    if is_low && !rests {
-                        engine::begin_without_edge(self.converter);
-                    }
+                let edge_us = engine::last_edge_us(self.converter);
+                let is_low = !pins::is_high(pins::intb(self.converter));
+                // Not at once after the last: other transactions get their turn.
+                let rests = passed_us(edge_us) <= self.deadline_us
+                    || passed_us(asked_us) <= self.deadline_us;
+                if is_low && !rests {
+                    engine::begin_without_edge(self.converter);
                 }
             }
             CHECK_INS.check_in(self.task);
@@ -284,16 +265,17 @@ fn frame(outcome: &Outcome) -> Result<EdgeFrame, TransferError> {
     Ok(EdgeFrame {
         // There is room for the longest frame.
         bytes: heapless::Vec::from_slice(outcome.bytes()).unwrap_or_default(),
-        fetch: outcome.stamp.is_known.then(|| fetch(outcome.stamp)),
+        fetch: outcome.stamp.is_known.then(|| fetch(outcome)),
     })
 }
 
 /// When a frame was read.
-fn fetch(stamp: Stamp) -> Fetch {
+fn fetch(outcome: &Outcome) -> Fetch {
+    let Stamp { time_us, edges, .. } = outcome.stamp;
     Fetch {
-        edge_us: extended(stamp.time_us),
-        ended_us: stamp.ended_us.wrapping_sub(stamp.time_us),
-        edges: stamp.edges,
+        edge_us: extended(time_us),
+        ended_us: outcome.ended_us.map(|at_us| at_us.wrapping_sub(time_us)),
+        edges,
     }
 }
 

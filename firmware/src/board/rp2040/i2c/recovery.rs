@@ -4,10 +4,10 @@
 
 use cortex_m::asm::delay;
 use palpate_node::board::cycles;
-use palpate_node::converter::TransferError;
 use rp2040_pac::{I2C0, RESETS};
 
 use super::timing::{CONTROL, HIGH, HOLD, LOW, SPIKE};
+use super::{CLOCK_STUCK, DATA_STUCK, FREED, engine};
 use crate::board::pins::{self, Function};
 use crate::board::rp2040::wait;
 
@@ -20,7 +20,7 @@ const SETTLE: u32 = cycles(20_000);
 /// Sets the block up from reset, without a target yet.
 pub fn set_up() {
     // SAFETY: no transaction runs: the block is in reset or was just taken out of it, and the
-    // caller resets the engine. Values are within the fields.
+    // engine knows that it is being recovered. Values are within the fields.
     unsafe {
         let resets = &*RESETS::ptr();
         resets.reset().modify(|_, w| w.i2c0().set_bit());
@@ -39,26 +39,29 @@ pub fn set_up() {
     }
 }
 
-/// Frees the bus: a target that was cut off within a byte lets go of SDA after nine clocks at
-/// most, and a STOP ends what it took part in (I2C specification 3.1.16).
-pub fn clear() -> Result<(), TransferError> {
-    super::engine::forget();
+/// Frees the bus if its transaction has run for longer than it may, which then has failed: a target that
+/// was cut off within a byte lets go of SDA after nine clocks at most, and a STOP ends what it took part in
+/// (I2C specification 3.1.16).
+pub fn clear_overdue() {
+    if !engine::begin_recovery() {
+        return;
+    }
     set_up();
     pins::open_drain(pins::SDA, false);
     pins::open_drain(pins::SCL, false);
     pins::set_function(pins::SDA, Function::Sio);
     pins::set_function(pins::SCL, Function::Sio);
     delay(HALF_PULSE);
-    let result = pulse_until_free();
+    let cause = pulse_until_free();
     pins::set_function(pins::SDA, Function::I2c);
     pins::set_function(pins::SCL, Function::I2c);
-    super::engine::go_on();
-    result
+    engine::end_recovery(cause);
 }
 
-fn pulse_until_free() -> Result<(), TransferError> {
+/// What became of the bus, as a cause.
+fn pulse_until_free() -> u32 {
     if !pins::is_high(pins::SCL) {
-        return Err(TransferError::ClockStuck);
+        return CLOCK_STUCK;
     }
     for _ in 0..PULSES {
         if pins::is_high(pins::SDA) {
@@ -76,9 +79,9 @@ fn pulse_until_free() -> Result<(), TransferError> {
     pins::open_drain(pins::SDA, false);
     delay(SETTLE);
     if !pins::is_high(pins::SDA) {
-        return Err(TransferError::DataStuck);
+        return DATA_STUCK;
     }
-    Ok(())
+    FREED
 }
 
 fn pulse() {
