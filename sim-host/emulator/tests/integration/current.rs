@@ -132,6 +132,8 @@ fn a_record_of_a_ramp_goes_on_while_the_current_does_and_ends_with_it() {
     let mut bench = bench(0.0);
     arm(&mut bench);
     bench.command(&drive(4.0, 0.0, 0.0));
+    // The bridge wakes first.
+    bench.run(Time::from_ms(5));
     bench.command(&drive(1.0, 0.06, 0.5e-3));
     // 63.5 ms, and then a part of it with each pulse of a millisecond.
     bench.run(Time::from_ms(80));
