@@ -17,6 +17,8 @@ pub(crate) struct Deformation {
     pub(crate) sigma: Metre,
     /// Variance of its zero, which all readings of a touch share, m^2.
     pub(crate) zero_variance_m2: f32,
+    /// For how long it has been about as large.
+    pub(crate) held_for: Second,
     /// Whether it lies beyond the calibrated curve.
     pub(crate) extrapolated: bool,
     /// State of touch.
@@ -147,6 +149,7 @@ impl Follower {
             value: deformation,
             sigma: Metre(sigma),
             zero_variance_m2: self.detector.zero().map_or(0.0, Zero::variance_m2),
+            held_for: self.detector.held_for().unwrap_or_default(),
             extrapolated: point.extrapolated,
             touch,
         })

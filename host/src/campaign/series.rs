@@ -535,9 +535,9 @@ mod tests {
     #[test]
     fn presses_in_a_row_leave_no_contact_behind() {
         let plan = Plan {
-            held_s: (0.6, 4.0),
-            gap_s: (0.2, 3.0),
-            ..PLAN
+            held_s: (1.5, 4.0),
+            gap_s: (0.5, 3.0),
+            depth: (0.75, 1.2),
         };
         let (stack, disturbances) = (
             Stack::builtin("ultrasoft").unwrap(),

@@ -174,8 +174,15 @@ fn drive(link: &mut Link, to_a: f64, over_s: f32, trace_interval_s: f32) -> Resu
     }))
 }
 
+/// A current that wakes the bridge, A, and the time that it takes at most, s: the record of a step is as long as that. It is within the noise of a
+/// current of none.
+const WAKING_A: f64 = 0.05;
+const WAKING_S: f64 = 0.005;
+
 /// Steps from rest, and waits for the record of it.
 fn step(link: &mut Link, to_a: f64) -> Result<Traced, Failure> {
+    drive(link, WAKING_A.copysign(to_a), 0.0, 0.0)?;
+    link.collect(WAKING_S)?;
     link.take();
     drive(link, to_a, 0.0, STEP_INTERVAL_S)?;
     let mut records: Vec<Reported> = Vec::new();

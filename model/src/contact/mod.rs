@@ -196,8 +196,15 @@ struct Held {
     /// Where the sensor read before, if that is not where an untouched one does.
     doubtful: Option<Metre>,
     deepest: Metre,
+    /// A deformation that is within [`SETTLED`] of the present one, and for how long it has been, s.
+    settled: Metre,
+    still: f32,
     falling: f32,
 }
+
+/// While a deformation is no greater than so many times what it was, it counts as held: a press that is not over
+/// grows by more, and creep by less.
+const SETTLED: f32 = 1.25;
 
 impl Detector {
     /// Begins with an unknown baseline. Sigma, allowance and threshold must be above zero.
@@ -225,6 +232,11 @@ impl Detector {
     /// The zero of the touch, while something touches.
     pub fn zero(&self) -> Option<&Zero> {
         self.held.as_ref().map(|held| &held.zero)
+    }
+
+    /// For how long the touch has been about as deep as it is now.
+    pub fn held_for(&self) -> Option<Second> {
+        self.held.as_ref().map(|held| Second(held.still))
     }
 
     /// Where the sensor read before it was touched, if an untouched one does not read that: something lay on it from the
@@ -321,6 +333,10 @@ impl Detector {
         if let Some(held) = &mut self.held {
             held.zero.advance(interval);
             let deformation = reading - held.zero.value();
+            held.still += interval.0;
+            if deformation.0 > SETTLED * held.settled.0 {
+                (held.settled, held.still) = (deformation, 0.0);
+            }
             let touch = self.watch_release(deformation);
             return Observation { deformation, touch };
         }
@@ -409,6 +425,8 @@ impl Detector {
             zero,
             doubtful: self.doubtful(before.value()),
             deepest: Metre(0.0),
+            settled: Metre(0.0),
+            still: 0.0,
             falling: 0.0,
         });
         self.begin();

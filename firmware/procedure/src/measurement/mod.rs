@@ -7,7 +7,7 @@ use coil_hbridge::CurrentLine;
 use palpate_model::magnetorheological::{Stiffening, attraction, deviation};
 use palpate_model::math::ln;
 use palpate_model::ramp::RampSample;
-use palpate_model::units::{Ampere, Metre, Newton, NewtonPerMetre, Second};
+use palpate_model::units::{Ampere, Metre, Newton, NewtonPerMetre};
 use palpate_wire::code::{FaultCode, Location, RefusalReason};
 use palpate_wire::command::Settings;
 use palpate_wire::record::Refusal;
@@ -74,12 +74,12 @@ pub(crate) struct Measurement {
 /// The zero of the deformation when the train began, and what is uncertain of it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct ZeroAtTrain {
-    /// What the sensing layer has crept since it was touched, more than on the bench.
+    /// What the sensing layer has crept since it was pressed, more than on the bench.
     creep: Metre,
     variance_m2: f32,
 }
 
-/// From the touch to the train, s: on a bench it takes up to so long, of which the calibration knows the creep.
+/// From the press to the train, s: on a bench it takes less, so that the calibration contains the creep until then.
 const BENCH_S: f32 = 1.5;
 
 /// What the sensing layer creeps, relative, in each e-fold of time, and its standard uncertainty: three modes of 6 % in the
@@ -88,9 +88,9 @@ const CREEP: f32 = 0.018;
 const CREEP_UNCERTAINTY: f32 = 0.0104;
 
 impl ZeroAtTrain {
-    /// At the first sample of a train that began so long after the touch.
-    fn of(deformation: &Deformation, touched: Second) -> Self {
-        let longer = ln((touched.0 / BENCH_S).max(1.0)) * deformation.value.0;
+    /// At the first sample of a train.
+    fn of(deformation: &Deformation) -> Self {
+        let longer = ln((deformation.held_for.0 / BENCH_S).max(1.0)) * deformation.value.0;
         let uncertain = CREEP_UNCERTAINTY * longer;
         Self {
             creep: Metre(CREEP * longer),
@@ -329,7 +329,7 @@ impl Measurement {
         let law = &self.calibrated.law;
         let origin = self.drive.origin();
         if self.ramps.is_none() {
-            self.zero = ZeroAtTrain::of(deformation, seconds(self.touched, origin));
+            self.zero = ZeroAtTrain::of(deformation);
             let sensing = NewtonPerMetre(self.calibrated.springs.sensing_n_per_m);
             let actuated_ratio = law.reference_ratio(sensing);
             let since_touch = seconds(self.touched, origin);
