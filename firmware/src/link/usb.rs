@@ -148,17 +148,17 @@ impl OnBus {
 
     /// Sends what waits; at the end of a frame it waits on, for the start of the next.
     fn send(&mut self, records: &mut FrameReceiver<'static>) {
-        if self.device.bus().is_at_end_of_frame() {
-            return;
-        }
-        let mut packet = [0; PACKET];
-        let Some(length) = records.next_packet(&mut packet) else {
-            return;
-        };
-        let ready = packet.get(..length).unwrap_or_default();
-        if self.serial.write_packet(ready).is_err() {
-            records.lost();
-        }
+        let Self { device, serial, .. } = self;
+        device.bus().before_end_of_frame(|| {
+            let mut packet = [0; PACKET];
+            let Some(length) = records.next_packet(&mut packet) else {
+                return;
+            };
+            let ready = packet.get(..length).unwrap_or_default();
+            if serial.write_packet(ready).is_err() {
+                records.lost();
+            }
+        });
     }
 }
 

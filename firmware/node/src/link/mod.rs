@@ -4,10 +4,12 @@
 //! exact. Nothing waits for a PC: what finds no room is dropped.
 
 mod frame_queue;
+mod usb_frames;
 
 use palpate_wire::{Command, CommandDecoder, Message, Record, Sequencer, encode};
 
 pub use frame_queue::{FrameQueue, FrameReceiver, FrameSender};
+pub use usb_frames::UsbFrames;
 
 use crate::instrument::Received;
 

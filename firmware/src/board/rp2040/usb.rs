@@ -12,7 +12,7 @@ use core::cell::Cell;
 
 use cortex_m::peripheral::NVIC;
 use critical_section::Mutex;
-use palpate_node::board::CORE_MHZ;
+use palpate_node::link::UsbFrames;
 use rp2040_hal::clocks::ClocksManager;
 use rp2040_hal::usb::UsbBus;
 use rp2040_pac::usbctrl_regs::RegisterBlock;
@@ -76,45 +76,8 @@ const SETTLING: u32 = 12;
 /// and the gaps between are 710 bits of 12 Mbit/s (USB 2.0 7.1.9, 7.1.18.1, 8.4), 59.2 us of 200 MHz.
 const LONGEST_TRANSACTION: u32 = 12_000;
 
-/// A frame of the bus, us.
-const FRAME_US: u32 = 1_000;
-/// From its start, us: a bulk packet that is made available then may meet the frame's end, after which the
-/// controller hangs until it is reset (RP2040-E15, whose workaround leaves out 800 to 998). It takes some
-/// microseconds to make one available.
-const FRAME_ENDS_US: core::ops::RangeInclusive<u32> = 790..=998;
-
-/// When frames begin.
-#[derive(Clone, Copy, Default)]
-struct FrameClock {
-    began_us: Option<u32>,
-}
-
-impl FrameClock {
-    /// Takes the time of an interrupt for the start of a frame. It may come late and never early: an early
-    /// one corrects the clock, a late one moves it by as much as two crystals may differ at most.
-    fn start(&mut self, now_us: u32) {
-        let after_us = self.after_start_us(now_us).unwrap_or(0);
-        let is_early = after_us > FRAME_US / 2;
-        let late_us = if is_early {
-            0
-        } else {
-            after_us.saturating_sub(1)
-        };
-        self.began_us = Some(now_us.wrapping_sub(late_us));
-    }
-
-    fn after_start_us(&self, now_us: u32) -> Option<u32> {
-        Some(now_us.wrapping_sub(self.began_us?) % FRAME_US)
-    }
-
-    /// How long no bulk packet may be made available, us.
-    fn ends_in_us(&self, now_us: u32) -> Option<u32> {
-        let after_us = self.after_start_us(now_us)?;
-        FRAME_ENDS_US
-            .contains(&after_us)
-            .then(|| FRAME_US - after_us)
-    }
-}
+/// A frame has begun by then, us, if there are any.
+const LONGEST_WAIT_US: u32 = 1_000;
 
 /// The timer's lower word, us.
 fn now_us() -> u32 {
@@ -142,7 +105,7 @@ fn now_us() -> u32 {
 /// - The end of a frame is known, in which no bulk packet may be made available.
 pub struct Bus {
     hal: UsbBus,
-    frames: Mutex<Cell<FrameClock>>,
+    frames: Mutex<Cell<UsbFrames>>,
     control: Mutex<Cell<Control>>,
     /// The bus was reset: IN endpoints whose packet was taken before, a bit each.
     reset: Mutex<Cell<Option<u16>>>,
@@ -206,7 +169,7 @@ impl Bus {
         };
         Self {
             hal,
-            frames: Mutex::new(Cell::new(FrameClock { began_us: None })),
+            frames: Mutex::new(Cell::new(UsbFrames::new())),
             control: Mutex::new(Cell::new(control)),
             reset: Mutex::new(Cell::new(None)),
         }
@@ -223,25 +186,38 @@ impl Bus {
         }
     }
 
-    /// Whether no bulk packet may be made available now. The start of the next frame calls the interrupt.
-    pub fn is_at_end_of_frame(&self) -> bool {
-        self.frames().ends_in_us(now_us()).is_some()
+    /// Makes a bulk packet available, if that is allowed now. Nothing but the interrupts that no critical
+    /// section holds back comes between the question and what is done. Where it is not allowed, the start of
+    /// the next frame calls the interrupt.
+    pub fn before_end_of_frame<T>(&self, make_available: impl FnOnce() -> T) -> Option<T> {
+        critical_section::with(|section| {
+            self.follow_frames();
+            let frames = self.frames.borrow(section).get();
+            (!frames.is_at_end(now_us())).then(make_available)
+        })
     }
 
-    fn frames(&self) -> FrameClock {
-        critical_section::with(|section| self.frames.borrow(section).get())
-    }
-
-    /// Takes the start of a frame, if there was one: reading its number ends the interrupt.
+    /// Looks whether a frame has begun: reading its number ends the interrupt.
     fn follow_frames(&self) {
         // SAFETY: only the interrupt of USB reads these registers.
         let registers = unsafe { &*USBCTRL_REGS::ptr() };
-        if registers.intr().read().dev_sof().bit_is_set() {
-            let mut frames = self.frames();
-            frames.start(now_us());
-            critical_section::with(|section| self.frames.borrow(section).set(frames));
-            let _ = registers.sof_rd().read();
-        }
+        critical_section::with(|section| {
+            let frames = self.frames.borrow(section);
+            let mut followed = frames.get();
+            let looked_us = now_us();
+            if registers.intr().read().dev_sof().bit_is_set() {
+                followed.found_start(now_us());
+                let _ = registers.sof_rd().read();
+            } else {
+                followed.found_none(looked_us);
+            }
+            frames.set(followed);
+        });
+    }
+
+    /// The host may begin its frames anew.
+    fn forget_frames(&self) {
+        critical_section::with(|section| self.frames.borrow(section).set(UsbFrames::new()));
     }
 
     fn control(&self) -> Control {
@@ -300,9 +276,16 @@ impl Bus {
         // The driver inverts it when it arms the buffer.
         control.modify(|_, w| w.pid_0().bit(!was_armed));
         if was_armed {
-            let ends_in_us = self.frames().ends_in_us(now_us()).unwrap_or(0);
-            cortex_m::asm::delay(SETTLING + ends_in_us * CORE_MHZ);
-            control.modify(|_, w| w.available_0().set_bit());
+            cortex_m::asm::delay(SETTLING);
+            let make_available = || control.modify(|_, w| w.available_0().set_bit());
+            let since_us = now_us();
+            while self.before_end_of_frame(make_available).is_none() {
+                // Without frames nobody asks for it.
+                if now_us().wrapping_sub(since_us) > LONGEST_WAIT_US {
+                    make_available();
+                    break;
+                }
+            }
         }
     }
 
@@ -470,6 +453,7 @@ impl UsbBusTrait for Bus {
             .filter(|&endpoint| !is_armed(word(endpoint, true)))
             .fold(0, |taken, endpoint| taken | 1 << endpoint);
         self.hal.reset();
+        self.forget_frames();
         // Nothing comes within 10 ms of a reset: what is there came before it (USB 2.0 7.1.7.5).
         // SAFETY: only the interrupt of USB writes this register.
         let registers = unsafe { &*USBCTRL_REGS::ptr() };
@@ -548,6 +532,7 @@ impl UsbBusTrait for Bus {
 
     fn suspend(&self) {
         self.hal.suspend();
+        self.forget_frames();
     }
 
     fn resume(&self) {

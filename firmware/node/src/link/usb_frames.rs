@@ -1,0 +1,125 @@
+//! When the frames of USB begin.
+
+/// A frame of the bus, us (USB 2.0 8.4.3.1).
+const FRAME_US: u32 = 1_000;
+/// From its start, us: a bulk packet that is made available later may meet the frame's end, after which the
+/// controller hangs until it is reset (RP2040-E15, whose workaround leaves out 800 to 998). To make one
+/// available takes 10 us, and interrupts may come between.
+const FRAME_ENDS_US: u32 = 770;
+
+/// A clock of the frames, by a mark that the start of a frame sets and that is looked at at any time. It moves
+/// only where a look proves it wrong: a mark is often found late, and many times one after the other.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct UsbFrames {
+    looked_us: u32,
+    /// The start of the last frame whose mark was found.
+    began_us: Option<u32>,
+}
+
+impl UsbFrames {
+    /// Nothing known, as after a reset of the bus.
+    pub const fn new() -> Self {
+        Self {
+            looked_us: 0,
+            began_us: None,
+        }
+    }
+
+    /// The mark was not set at this time. If a frame should have begun by now, all begin later.
+    pub fn found_none(&mut self, now_us: u32) {
+        let is_over = |&began_us: &u32| now_us.wrapping_sub(began_us) >= FRAME_US;
+        if self.began_us.as_ref().is_some_and(is_over) {
+            self.began_us = Some(now_us.wrapping_sub(FRAME_US - 1));
+        }
+        self.looked_us = now_us;
+    }
+
+    /// The mark was set, and is taken away. If no frame should have begun since the last look, all begin
+    /// earlier: this one now, at the latest.
+    pub fn found_start(&mut self, now_us: u32) {
+        let since_look_us = now_us.wrapping_sub(self.looked_us);
+        let late_us = self
+            .began_us
+            .map(|began_us| now_us.wrapping_sub(began_us) % FRAME_US)
+            .filter(|&late_us| late_us < since_look_us)
+            .unwrap_or(0);
+        // Without looks between the marks a clock that goes too fast is not proved wrong.
+        let is_doubtful = late_us > FRAME_US / 2;
+        self.began_us = Some(now_us.wrapping_sub(late_us - u32::from(is_doubtful)));
+        self.looked_us = now_us;
+    }
+
+    /// Whether no bulk packet may be made available: from the end of a frame until the next one's mark is
+    /// found.
+    pub fn is_at_end(&self, now_us: u32) -> bool {
+        self.began_us
+            .is_some_and(|began_us| now_us.wrapping_sub(began_us) >= FRAME_ENDS_US)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Starts of frames, at 0 and every 1000 us, that are found so late.
+    fn found(late_us: impl IntoIterator<Item = u32>) -> UsbFrames {
+        let mut frames = UsbFrames::new();
+        for (frame, late_us) in (1..).zip(late_us) {
+            frames.found_start(1_000 * frame + late_us);
+        }
+        frames
+    }
+
+    fn ends_at(frames: &UsbFrames, end_us: u32) -> bool {
+        !frames.is_at_end(end_us - 1) && frames.is_at_end(end_us) && frames.is_at_end(end_us + 300)
+    }
+
+    #[test]
+    fn nothing_is_left_out_before_a_frame_has_begun() {
+        assert!((0..2_000).all(|now_us| !UsbFrames::new().is_at_end(now_us)));
+    }
+
+    #[test]
+    fn starts_that_are_found_late_do_not_move_the_clock() {
+        for late_us in [1, 200, 499] {
+            let frames = found([0].into_iter().chain([late_us; 300]));
+            assert!(ends_at(&frames, 301_770), "{late_us} us late");
+        }
+        // One alone, and the next ones in time.
+        for late_us in [501, 800, 999] {
+            assert!(ends_at(&found([0, late_us]), 2_771), "{late_us} us late");
+            assert!(ends_at(&found([0, late_us, 0]), 3_770), "{late_us} us late");
+        }
+    }
+
+    #[test]
+    fn a_clock_that_began_late_is_set_by_a_start_that_is_found_in_time() {
+        for late_us in [1, 200, 499, 501, 800, 999] {
+            assert!(ends_at(&found([late_us, 0]), 2_770), "{late_us} us late");
+        }
+    }
+
+    #[test]
+    fn a_frame_that_has_not_begun_when_it_should_sets_the_clock() {
+        let mut frames = found([0]);
+        frames.found_none(2_040);
+        assert!(frames.is_at_end(2_041));
+        frames.found_start(2_050);
+        assert!(ends_at(&frames, 2_041 + 770));
+    }
+
+    #[test]
+    fn the_clock_follows_frames_that_are_longer_and_shorter() {
+        for ppm in [-500, 500] {
+            let mut frames = UsbFrames::new();
+            let start_us = |frame: i32| (frame * 1_000 + frame * ppm / 1_000) as u32;
+            for frame in 1..4_000 {
+                frames.found_start(start_us(frame));
+                // Looks at all times of a frame.
+                frames.found_none(start_us(frame) + (617 * frame as u32) % 999);
+            }
+            let last_us = start_us(3_999);
+            assert!(!frames.is_at_end(last_us + 720) && frames.is_at_end(last_us + 771));
+        }
+    }
+}
