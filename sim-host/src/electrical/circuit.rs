@@ -406,8 +406,12 @@ mod tests {
     const BACKWARD: Pins = awake(false, true);
     const BRAKE: Pins = awake(true, true);
 
+    /// With a bridge that is awake at once.
     fn circuit() -> Circuit {
-        Circuit::new(CircuitParameters::common(0.4, 40e-6, 12.0))
+        Circuit::new(CircuitParameters {
+            wake_s: 0.0,
+            ..CircuitParameters::common(0.4, 40e-6, 12.0)
+        })
     }
 
     #[test]
