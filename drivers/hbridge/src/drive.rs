@@ -433,7 +433,7 @@ impl Drive {
         }
     }
 
-    /// In the place of [`tick`](Self::tick), for a period whose samples nobody knows: the converter or what
+    /// In the place of [`tick`](Self::tick), for a period whose samples are not known: the converter or what
     /// carries its results has lost some, and the others may stand for one another. Returns that the bridge
     /// has to go off, whatever the drive did.
     pub fn lose_samples(&mut self) -> Output {

@@ -5,7 +5,7 @@ use rtt_target::{ChannelMode, DownChannel, UpChannel};
 
 use super::log;
 
-/// Writes all of it or, where there is no room, nothing; whether it did. A PC may have told the channel to
+/// Writes all of it or, where there is no room, nothing; whether it did. A PC may have set the channel to
 /// wait for room (`probe-rs run` does so with logs), and then take no more: the mode is set each time.
 pub fn write_whole(channel: &mut UpChannel, bytes: &[u8]) -> bool {
     channel.set_mode(ChannelMode::NoBlockSkip);

@@ -186,7 +186,7 @@ impl<P: Plant> SystemBus<P> {
         self.settle();
     }
 
-    /// Whether the chip restarts when the core's supply falls to a voltage. Where it does not and should, nobody
+    /// Whether the chip restarts when the core's supply falls to a voltage. Where it does not and should, no test
     /// knows what a processor does.
     pub(crate) fn restarts_at(&mut self, core_v: f64) -> bool {
         if self.power.detects(core_v) {

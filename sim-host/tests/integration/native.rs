@@ -336,7 +336,7 @@ fn a_second_converter_that_fails_costs_the_first_nothing() {
             .collect();
         assert!(
             !faults.is_empty(),
-            "{way:?}: it was silent, and nobody said so"
+            "{way:?}: it was silent, and no fault said so"
         );
         assert!(
             faults

@@ -345,7 +345,7 @@ fn check(request: &Request, plan: &Plan) -> Result<(), TestCaseError> {
 /// Three registers of 47 bit times and a stop at 400 kHz take 355 us, the master 10 more: 2,739 a second.
 /// Without STATUS it is 247.5 us, or 4,040. A conversion of whole RCOUNT is 0.5 us longer.
 #[test]
-fn a_refused_rate_is_told_what_is_possible() {
+fn a_refusal_of_a_rate_says_what_is_possible() {
     for (status_reads, most) in [(true, 2_735..=2_739), (false, 4_030..=4_040)] {
         let request = Request {
             status_reads,

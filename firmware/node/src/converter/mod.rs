@@ -155,7 +155,7 @@ where
         }
     }
 
-    /// Holds the converter in shutdown for so long. It is in nobody's way there.
+    /// Holds the converter in shutdown for so long. It is in no other part's way there.
     async fn shut_down(&mut self, off_us: u32) {
         self.port.shut_down(true);
         self.with_state(|state| state.clkin = None);

@@ -68,7 +68,7 @@ impl ConverterState {
     }
 
     /// Whether a sample was converted by the setpoint in force. One of an earlier setpoint may still
-    /// be on its way when that changes: its clock and its channels are others, so that nobody may use
+    /// be on its way when that changes: its clock and its channels are others, so that no part may use
     /// it.
     #[must_use]
     pub fn is_current(&self, sampled: &Sampled) -> bool {

@@ -92,7 +92,7 @@ fn a_wrong_field_is_named_and_nothing_of_the_command_taken() {
 }
 
 /// A scan of the converter has channel 0 and all up to one: with a hole it would send a channel that
-/// nobody asked for, and a coil that is not there would be a fault.
+/// was not asked for, and a coil that is not there would be a fault.
 #[test]
 fn channels_with_a_hole_are_refused_by_their_field() {
     let mut rig = Rig::started();

@@ -1,4 +1,4 @@
-//! The rest of the calibration: what lies on the sensor from the beginning, or comes while nobody looks, spoils no estimate.
+//! The rest of the calibration: what lies on the sensor from the beginning, or comes unseen, spoils no estimate.
 
 use palpate_procedure::Event;
 use palpate_procedure::configuration::DEFAULT_SETTINGS;

@@ -280,7 +280,7 @@ impl Bus {
             let make_available = || control.modify(|_, w| w.available_0().set_bit());
             let since_us = now_us();
             while self.before_end_of_frame(make_available).is_none() {
-                // Without frames nobody asks for it.
+                // Without frames the host does not ask for it.
                 if now_us().wrapping_sub(since_us) > LONGEST_WAIT_US {
                     make_available();
                     break;

@@ -383,7 +383,7 @@ fn a_core_voltage_that_falls_restarts_the_chip() {
 
 /// `probe-rs run` tells the log's channel to wait for room; then the probe is pulled.
 #[test]
-fn a_channel_that_a_pc_has_told_to_wait_holds_nothing_up() {
+fn a_channel_that_a_pc_has_set_to_wait_holds_nothing_up() {
     const WAIT_FOR_ROOM: u32 = 2;
     let snapshot = streaming();
     for channel in [0, DATA] {

@@ -123,7 +123,10 @@ fn of_second(bench: &RecordedBoard, what: &str) -> Vec<(u64, Fault)> {
             _ => None,
         });
     let faults: Vec<(u64, Fault)> = faults.collect();
-    assert!(!faults.is_empty(), "{what}: it failed, and nobody said so");
+    assert!(
+        !faults.is_empty(),
+        "{what}: it failed, and no fault said so"
+    );
     let is_of_second = |(_, fault): &(u64, Fault)| fault.location == Location::SecondSensor;
     assert!(faults.iter().all(is_of_second), "{what}: {faults:?}");
     faults
