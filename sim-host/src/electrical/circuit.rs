@@ -490,7 +490,10 @@ mod tests {
 
     #[test]
     fn the_limit_holds_a_short_within_its_delay() {
-        let mut circuit = Circuit::new(CircuitParameters::common(5e-3, 2e-6, 12.0));
+        let mut circuit = Circuit::new(CircuitParameters {
+            wake_s: 0.0,
+            ..CircuitParameters::common(5e-3, 2e-6, 12.0)
+        });
         circuit.advance(FORWARD, 1e-3);
         let (peak_a, trips) = circuit.peak();
         // 12 V / 2 uH * 1.5 us above 15 A.
