@@ -399,7 +399,13 @@ impl GuardSequence {
             self.defect("asleep with an input high".to_owned());
         }
         let driven = before == DriveState::Driving && period.output.awake;
-        self.awake_periods = if driven { self.awake_periods + 1 } else { 0 };
+        // From the first pulse on: until then the bridge wakes.
+        let begun = self.awake_periods > 0 || levels.in1 > 0 || levels.in2 > 0;
+        self.awake_periods = if driven && begun {
+            self.awake_periods + 1
+        } else {
+            0
+        };
         let most = (f64::from(self.limits.on_time_s) / 16e-6) as u32 + BLOCK;
         if self.awake_periods > most {
             self.defect(format!("on for {} periods", self.awake_periods));
