@@ -443,11 +443,14 @@ impl Request {
         }
     }
 
-    /// The most frames a second that can be asked for.
+    /// The most frames a second that can be asked for; none where the longest conversion is too short for the bus.
     const fn most_per_second(&self, shortest: &Configuration) -> u32 {
         let mut configuration = *shortest;
         let rcount = self.rcount_beyond(shortest, self.frame_read_ns());
         set_rcount(&mut configuration, rcount);
+        if frame_period_ns(&configuration, self.reference.range_hz().2) < self.frame_read_ns() {
+            return 0;
+        }
         let longest_ns = frame_period_ns(&configuration, self.reference.range_hz().0);
         (1_000_000_000 / at_least_one(longest_ns)) as u32
     }
@@ -514,10 +517,19 @@ const fn rcount_within(shortest: &Configuration, period_ns: u64, clock_hz: u32) 
     if count > u16::MAX as u64 {
         return Rcount::MAX;
     }
-    match Rcount::new(count as u16) {
+    let mut rcount = match Rcount::new(count as u16) {
         Some(rcount) => rcount,
         None => least,
+    };
+    // By rounding one more may be within.
+    if let Some(next) = Rcount::new(rcount.get().saturating_add(1)) {
+        let mut configuration = *shortest;
+        set_rcount(&mut configuration, next);
+        if frame_period_ns(&configuration, clock_hz) <= period_ns {
+            rcount = next;
+        }
     }
+    rcount
 }
 
 /// The least RCOUNT for [`LEAST_PERIODS`] of the sensor. Within the limits of clocks and sensors that
