@@ -209,6 +209,7 @@ mod tests {
         let patches = check_plantable(crate::firmware::DEFECTS);
         let names: BTreeSet<_> = patches.iter().map(|patch| patch.name.as_str()).collect();
         let expected = [
+            "asks_always",
             "fed_by_idle",
             "late_stamp",
             "no_safe_state",
