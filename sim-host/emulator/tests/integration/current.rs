@@ -344,9 +344,9 @@ fn the_plant_gets_the_circuits_current_at_its_time_with_its_ripple() {
 /// From one look at the true current to the next: a quarter of a period. What the ripple adds between two of
 /// them is a tenth of a milliampere in the mean of a conversion.
 const LOOK: Time = Time::from_us(4);
-/// What the reported current of a conversion may be off, A. A mean in blocks of 256 us is up to 8.5 mA off in a conversion with a
-/// corner of the profile; a start of the ADC that is 0.36 us late makes 45 mA.
-const LIMIT_A: f64 = 10e-3;
+/// What the reported current of a conversion may be off, A: half a code of noise in a mean, and what the
+/// profile's corners add within a block of periods. A start of the ADC that is 0.36 us late makes 45 mA.
+const LIMIT_A: f64 = 8e-3;
 /// A train of this many ramps, of 100 ms each, and how long it is followed.
 const RAMPS: u8 = 3;
 const TRAIN: Time = Time::from_ms(330);
