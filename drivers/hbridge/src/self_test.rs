@@ -3,7 +3,7 @@
 //! Voltage in steps, current as it comes; nothing is regulated yet. The integer half runs with the
 //! PWM and adds up; [`evaluate`] makes numbers of the sums.
 //!
-//! 1. Bridge asleep: the mean reading is the zero. Then it wakes.
+//! 1. Bridge asleep: what current still flows dies away, then the mean reading is the zero. Then it wakes.
 //! 2. The level rises, to the full one within [`RISE_PERIODS`], until [`TARGET_A`] flows.
 //! 3. It rests there, then at up to [`FACTOR`] times the level: two points of a straight line,
 //!    whose slope is the resistance and whose foot is what dead time takes.
@@ -72,6 +72,7 @@ pub(crate) struct TestSums {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Stage {
+    Asleep,
     Zero,
     Wake,
     Rise,
@@ -116,8 +117,8 @@ impl SelfTest {
     pub(crate) fn new(plan: TestPlan) -> Self {
         Self {
             plan,
-            stage: Stage::Zero,
-            left: ZERO_PERIODS,
+            stage: Stage::Asleep,
+            left: REST_PERIODS,
             rises: 0,
             level: 0,
             rest: 0,
@@ -127,11 +128,16 @@ impl SelfTest {
 
     /// Twice the reading without current, once it is known.
     pub(crate) fn twice_zero(&self) -> Option<i32> {
-        (self.stage != Stage::Zero).then_some(twice_zero(&self.sums))
+        let is_known = !matches!(self.stage, Stage::Asleep | Stage::Zero);
+        is_known.then_some(twice_zero(&self.sums))
     }
 
     /// A period: the sum of its two samples.
     pub(crate) fn step(&mut self, sum: i32) -> TestStep {
+        if self.stage == Stage::Asleep {
+            self.next(Stage::Zero, ZERO_PERIODS);
+            return TestStep::Asleep;
+        }
         if self.stage == Stage::Zero {
             self.sums.zero += sum;
             let [nominal, tolerance] = self.plan.twice_zero;
@@ -239,7 +245,7 @@ impl SelfTest {
                     return Some(TestStep::Over(Ok(self.sums)));
                 }
             }
-            Stage::Zero | Stage::Wake | Stage::Rise | Stage::Over => {}
+            Stage::Asleep | Stage::Zero | Stage::Wake | Stage::Rise | Stage::Over => {}
         }
         None
     }
@@ -355,7 +361,7 @@ mod tests {
     #[test]
     fn the_voltage_rises_as_fast_whatever_the_number_of_levels() {
         for full in [16, 960, 1_600, 2_048] {
-            let rise = rises_in(full) - u32::from(ZERO_PERIODS);
+            let rise = rises_in(full) - u32::from(REST_PERIODS + ZERO_PERIODS);
             let level = RISE_PERIODS as u32 / full as u32 + 1;
             assert!(
                 rise.abs_diff(RISE_PERIODS as u32) <= level,

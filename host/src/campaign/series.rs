@@ -314,8 +314,7 @@ impl Row<'_> {
             let frames = self.board.take_frames();
             series.held.push(press(outcome(&frames, "no result")));
         }
-        // Not during a train.
-        if held_s > 5.0 && sets {
+        if sets {
             self.set_again(instrument)?;
         }
         Ok(self.lift(gap_s)?)
@@ -440,7 +439,7 @@ impl SeriesResult {
         writeln!(
             out,
             "{BEGIN}\n{} sensors of the stack {} from seed {}, each pressed {} times in a row in a world that goes on: held for {} to \
-             {} s, gaps of {} to {} s, {} to {} of the working depth, taps before a fourth of them, settings sent during a fifth of those that are held for more than 5 s, \
+             {} s, gaps of {} to {} s, {} to {} of the working depth, taps before a fourth of them, settings sent during a fifth of them, \
              something on a fourth of the sensors at power on, and a room that warms or cools by up to 2 K/min. {} could not \
              be calibrated.\n",
             self.plants,

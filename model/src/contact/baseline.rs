@@ -122,7 +122,10 @@ impl Baseline {
 
     /// Readings in the memory now.
     fn window(&self) -> f32 {
-        (OF_THE_PAST * self.readings as f32).clamp(LEAST_MEMORY, self.memory)
+        // Not `clamp`, which panics where the memory is shorter than the least.
+        (OF_THE_PAST * self.readings as f32)
+            .max(LEAST_MEMORY)
+            .min(self.memory)
     }
 
     /// Gains of level, rate and mean.

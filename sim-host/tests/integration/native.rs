@@ -590,3 +590,39 @@ fn the_thermometer_is_read_through_the_converter_of_the_current() {
     // A hundred counts in mid-range, where a count is 0.022 K.
     assert!((1.5..3.0).contains(&bowed_k), "{bowed_k}");
 }
+
+/// The zero of the current is measured without current: where the bridge went off just before, it still
+/// flows for a moment.
+#[test]
+fn a_coil_that_is_tested_anew_under_current_has_the_same_zero() {
+    let hardware = Wiring::new(world());
+    let mut board = NativeBoard::new(&hardware);
+    board.run_until(Time::from_ms(300)).unwrap();
+    board.send(Command::SetCoil(COIL)).unwrap();
+    board.send(Command::Arm).unwrap();
+    let mut zeros_v = Vec::new();
+    for index in 0..12 {
+        board.run_until(board.now() + Time::from_ms(100)).unwrap();
+        let records = board.take_records();
+        let tested = records.iter().find_map(|(_, record)| match record {
+            Record::CoilTest(test) => Some(test.zero_v),
+            _ => None,
+        });
+        zeros_v.push(tested.unwrap());
+        let drive = DriveCoil {
+            to_a: 10.0,
+            over_s: 0.0,
+            trace_interval_s: 0.0,
+        };
+        board.send(Command::DriveCoil(drive)).unwrap();
+        board
+            .run_until(board.now() + Time::from_us(5_000 + 83 * index))
+            .unwrap();
+        board.send(Command::Disarm).unwrap();
+        board.send(Command::Arm).unwrap();
+    }
+    // Half a count of the converter, to which the zero is rounded.
+    for zero_v in &zeros_v {
+        assert!((zero_v - zeros_v[0]).abs() < 0.41e-3, "{zeros_v:?}");
+    }
+}

@@ -1,6 +1,6 @@
 //! Whether the coil is known, and the queue of commands that need it.
 //!
-//! The coil is driven only after its test: of bridge, coil and current measurement, 60 ms as a
+//! The coil is driven only after its test: of bridge, coil and current measurement, 65 ms as a
 //! rule. A command that needs the coil and comes meanwhile waits for the test's end, and is answered
 //! then. The queue holds one: a second is answered `busy`. Whatever switches the bridge off ends the
 //! test and empties the queue, with an answer.
