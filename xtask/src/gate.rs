@@ -2,7 +2,9 @@
 
 use anyhow::Result;
 
-use crate::members::{ARM_TARGETS, FIRMWARE_TARGET, MEMBERS, Member, host_packages, no_std};
+use crate::members::{
+    ARM_TARGETS, FIRMWARE_TARGET, MEMBERS, Member, RunsOn, host_packages, no_std,
+};
 use crate::process::Invocation;
 use crate::setup::{CARGO_DENY, CARGO_FUZZ, MDBOOK, Need, TYPOS};
 use crate::steps::{Action, Step, select};
@@ -352,10 +354,17 @@ fn library<'a>(verb: &'a str, member: &Member, target: &'a str) -> Vec<&'a str> 
 
 /// Builds of a crate's examples for a microcontroller.
 fn mcu_examples(member: &'static Member) -> impl Iterator<Item = Invocation> {
-    member.mcu_examples.iter().map(|example| {
+    // The image does not fit into memory without its optimisation.
+    let profile = match member.runs_on {
+        RunsOn::Mcu => "firmware",
+        _ => "dev",
+    };
+    member.mcu_examples.iter().map(move |example| {
         Invocation::cargo(&[
             "build",
             "--locked",
+            "--profile",
+            profile,
             "--package",
             member.name,
             "--example",
