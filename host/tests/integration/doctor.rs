@@ -13,7 +13,7 @@ use palpate_wire::{MINOR_VERSION, Message, Record, SCHEMA_HASH, Sequencer, crc32
 use serde_json::Value;
 
 use crate::serve::Server;
-use crate::settings::{calibration, lines};
+use crate::settings::{REST_HZ, calibration, lines};
 
 use crate::support::{emulated, palpate};
 
@@ -48,7 +48,7 @@ fn calibrate(folder: &Path) {
 /// Changes a bit of what is stored: in the frequency of the calibration above.
 fn upset(flash: &Path) {
     let mut contents = fs::read(flash).unwrap();
-    let frequency = 3_061_234.567f64.to_le_bytes();
+    let frequency = REST_HZ.to_le_bytes();
     let at = contents
         .windows(frequency.len())
         .position(|window| window == frequency);

@@ -43,13 +43,16 @@ fn curve() -> Vec<Set> {
     chunks.collect()
 }
 
+/// The rest of the emulated board's sensor, Hz, as `palpate calibrate sensor` finds it.
+pub(crate) const REST_HZ: f64 = 3_059_428.413;
+
 /// A calibration with its identity: all that a measurement of stiffness needs.
 pub(crate) fn calibration() -> Vec<Set> {
     let mut commands = vec![Set::SetTank(Tank {
         sensor: 0,
         channel: 0,
         capacitance_f: 330e-12,
-        rest_frequency_hz: 3_061_234.567,
+        rest_frequency_hz: REST_HZ,
     })];
     commands.extend(curve());
     commands.extend([
