@@ -3,7 +3,7 @@
 
 use crate::common::{FREQUENCIES_HZ, RecordedBoard, image, recording};
 use ldc161x_sim::{InterruptRelease, Settings, Switches};
-use palpate_emulator::{EmulatedBoard, Still, Time};
+use palpate_emulator::{EmulatedBoard, Options, Still, Time};
 use palpate_wire::Record;
 use palpate_wire::code::{FaultCode, Outcome, Stream};
 use palpate_wire::command::{self, Command};
@@ -131,5 +131,32 @@ fn assert_periods_are_true(bench: &RecordedBoard, what: &str) {
             (f64::from(period_us) - true_us).abs() < 1.0,
             "{what}: {period_us} for {true_us}"
         );
+    }
+}
+
+/// Slow edges make the clock of the bus slow: 400 kHz by the block's registers are 280 and 195 kHz with these.
+/// A frame of four channels then takes 1.3 and 1.9 ms.
+#[test]
+fn a_slow_bus_loses_nothing_where_a_frame_fits_into_a_scan() {
+    for (rise_ns, rate_hz) in [(1_220, 250.0), (2_780, 100.0)] {
+        let options = Options {
+            scl_rise: Time::from_ns(rise_ns),
+            ..recording()
+        };
+        let mut bench = RecordedBoard::with(Settings::default(), options);
+        bench.stream();
+        let answer = set(&mut bench, 0b1111, rate_hz, Stream::Samples);
+        assert_eq!(answer.outcome, Outcome::Accepted);
+        bench.run(Time::from_ms(300));
+        bench.frames.clear();
+        bench.run(Time::from_ms(2_000));
+        let what = format!("rise {rise_ns} ns, {rate_hz} Hz");
+        let missed: u32 = bench.samples().map(|(_, sample)| sample.missed).sum();
+        let count = bench.samples().count() as f32;
+        println!("{what}: {count} samples, {missed} missed");
+        assert!((count - 2.0 * rate_hz).abs() < 5.0, "{what}: {count}");
+        assert_eq!(missed, 0, "{what}");
+        assert_eq!(bench.faults(), [], "{what}");
+        assert_eq!(bench.status().bus_errors, 0, "{what}");
     }
 }
