@@ -19,6 +19,8 @@ use palpate_procedure::Link;
 
 /// The longest that an edge that meets a free bus may wait.
 const LATENCY: Time = Time::from_us(10);
+/// From the start of a frame to a bulk packet of it: 800 us are the limit (RP2040-E15).
+const LATEST_PACKET: Time = Time::from_us(770);
 /// From one level of the coil's PWM to the next: one and a half periods and it came late.
 const LEVELS_APART: Time = Time::from_us(24);
 /// The most of the processor in the train, both links in use.
@@ -66,15 +68,15 @@ fn streams() -> bool {
     println!(
         "| channels | asked | time | trains | time in them | scans | lost | samples by USB | records \
          missing by USB | by RTT | levels written | late | longest from one to the next | edge to \
-         START, worst | load in the train | greatest load |"
+         START, worst | load in the train | greatest load | latest packet in a frame |"
     );
-    println!("|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|");
+    println!("|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|");
     let mut holds = true;
     for (channels, rate_hz) in [(0b0001_u8, 1_000.0), (0b1111, 500.0)] {
         let mut bench = plugged();
         let found = stream_in_trains(&mut bench, channels, rate_hz, STREAM);
         println!(
-            "| {} | {rate_hz} Hz | {:.0} s | {} | {:.1} s | {} | {} | {} | {} | {} | {} | {} | {} | {} | {:.1} % | {:.1} % |",
+            "| {} | {rate_hz} Hz | {:.0} s | {} | {:.1} s | {} | {} | {} | {} | {} | {} | {} | {} | {} | {:.1} % | {:.1} % | {} |",
             channels.count_ones(),
             STREAM.as_secs_f64(),
             found.trains,
@@ -90,6 +92,7 @@ fn streams() -> bool {
             us(found.edge_to_start),
             100.0 * found.load_in_train,
             100.0 * found.load,
+            us(bench.probe.board.usb_latest_bulk()),
         );
         let is_whole = found.scans_lost == 0
             && found.samples_after_gap == 0
@@ -99,13 +102,15 @@ fn streams() -> bool {
             && found.restarts == 0;
         let is_in_time = found.levels.late == 0
             && found.levels.longest_gap < LEVELS_APART
-            && found.edge_to_start <= LATENCY;
+            && found.edge_to_start <= LATENCY
+            && bench.probe.board.usb_latest_bulk() < LATEST_PACKET;
         holds &= is_whole && is_in_time && found.trains > 1 && found.load_in_train <= LOAD;
     }
     println!(
         "\nTrains follow one another as soon as the coil's budget of heat allows. Load: the greatest \
          that a `status` reported, for a tenth of a second; it includes what is computed once at the \
-         end of a test of the coil.\n"
+         end of a test of the coil. A bulk packet that is made available more than 800 us after the start of a \
+         frame may hang the controller (RP2040-E15).\n"
     );
     holds
 }

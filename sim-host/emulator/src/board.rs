@@ -605,6 +605,13 @@ impl<P: Plant> EmulatedBoard<P> {
         self.bus.usb.races()
     }
 
+    /// The latest time within a frame of USB at which the firmware made a bulk IN packet available that the
+    /// host has taken, up to 998 us. From 800 us on the controller may hang (RP2040 erratum E15).
+    #[must_use]
+    pub const fn usb_latest_bulk(&self) -> Time {
+        self.bus.usb.latest_bulk()
+    }
+
     /// The levels at the bridge's pins.
     #[must_use]
     pub const fn bridge(&self) -> BridgeInputs {

@@ -58,6 +58,11 @@ impl Usb {
         self.controller.memory.races()
     }
 
+    /// Latest time within a frame at which a bulk IN packet was made available.
+    pub(crate) const fn latest_bulk(&self) -> ldc161x_sim::Time {
+        self.controller.latest_bulk()
+    }
+
     pub(crate) fn next_event(&self) -> Option<u64> {
         let events = [self.controller.next_event(), self.host.next_event()];
         events.into_iter().flatten().min()

@@ -4,8 +4,9 @@
 const FRAME_US: u32 = 1_000;
 /// From its start, us: a bulk packet that is made available later may meet the frame's end, after which the
 /// controller hangs until it is reset (RP2040-E15, whose workaround leaves out 800 to 998). To make one
-/// available takes 10 us, and interrupts may come between.
-const FRAME_ENDS_US: u32 = 770;
+/// available takes 10 us, and interrupts may come between: with 770 one was 800 us late after 44 s with the coil
+/// in its train, and the controller hung (docs/evidence/image-usb.md has the latest with this).
+const FRAME_ENDS_US: u32 = 700;
 
 /// A clock of the frames, by a mark that the start of a frame sets and that is looked at at any time. It moves
 /// only where a look proves it wrong: a mark is often found late, and many times one after the other.
@@ -83,19 +84,19 @@ mod tests {
     fn starts_that_are_found_late_do_not_move_the_clock() {
         for late_us in [1, 200, 499] {
             let frames = found([0].into_iter().chain([late_us; 300]));
-            assert!(ends_at(&frames, 301_770), "{late_us} us late");
+            assert!(ends_at(&frames, 301_700), "{late_us} us late");
         }
         // One alone, and the next ones in time.
         for late_us in [501, 800, 999] {
-            assert!(ends_at(&found([0, late_us]), 2_771), "{late_us} us late");
-            assert!(ends_at(&found([0, late_us, 0]), 3_770), "{late_us} us late");
+            assert!(ends_at(&found([0, late_us]), 2_701), "{late_us} us late");
+            assert!(ends_at(&found([0, late_us, 0]), 3_700), "{late_us} us late");
         }
     }
 
     #[test]
     fn a_clock_that_began_late_is_set_by_a_start_that_is_found_in_time() {
         for late_us in [1, 200, 499, 501, 800, 999] {
-            assert!(ends_at(&found([late_us, 0]), 2_770), "{late_us} us late");
+            assert!(ends_at(&found([late_us, 0]), 2_700), "{late_us} us late");
         }
     }
 
@@ -105,7 +106,7 @@ mod tests {
         frames.found_none(2_040);
         assert!(frames.is_at_end(2_041));
         frames.found_start(2_050);
-        assert!(ends_at(&frames, 2_041 + 770));
+        assert!(ends_at(&frames, 2_041 + 700));
     }
 
     #[test]
@@ -119,7 +120,7 @@ mod tests {
                 frames.found_none(start_us(frame) + (617 * frame as u32) % 999);
             }
             let last_us = start_us(3_999);
-            assert!(!frames.is_at_end(last_us + 720) && frames.is_at_end(last_us + 771));
+            assert!(!frames.is_at_end(last_us + 650) && frames.is_at_end(last_us + 701));
         }
     }
 }

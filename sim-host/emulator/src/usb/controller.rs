@@ -1,7 +1,9 @@
 //! The USB controller as a device (RP2040 datasheet 4.1): registers, and its part of a transaction.
 
+use ldc161x_sim::Time;
+
 use super::memory::{ENDPOINTS, PacketMemory, SIZE, buffer};
-use super::wire::{LARGEST_PACKET, Reply, Transaction, TransactionKind};
+use super::wire::{FRAME_PS, LARGEST_PACKET, Reply, Transaction, TransactionKind};
 
 /// A bus that is idle for so long is suspended (USB 2.0 7.1.7.6).
 const SUSPENDS_PS: u64 = 3_000_000_000;
@@ -154,6 +156,8 @@ pub(crate) struct UsbController {
     hangs: bool,
     /// Whether it has that erratum: not for programs that do not know of it.
     pub(crate) can_hang: bool,
+    /// Latest time within a frame at which a bulk IN packet was made available, up to that point EOF2.
+    latest_bulk_ps: u64,
     problem: Option<&'static str>,
 }
 
@@ -190,6 +194,7 @@ impl UsbController {
             frame_ps: None,
             hangs: false,
             can_hang: true,
+            latest_bulk_ps: 0,
             problem: None,
         }
     }
@@ -326,9 +331,32 @@ impl UsbController {
             TransactionKind::In => {
                 let index = 2 * usize::from(transaction.endpoint);
                 let reply = self.begin_buffer(index, None);
+                if matches!(reply, Reply::Data { .. }) {
+                    self.follow_bulk(index);
+                }
                 self.hangs = matches!(reply, Reply::Data { .. }) && self.ends_frame(index, now_ps);
                 if self.hangs { Reply::Silence } else { reply }
             }
+        }
+    }
+
+    /// Latest time within a frame at which a bulk IN packet was made available that the host has taken.
+    pub(crate) const fn latest_bulk(&self) -> Time {
+        Time::from_ps(self.latest_bulk_ps)
+    }
+
+    fn follow_bulk(&mut self, index: usize) {
+        let is_bulk = self.endpoint(index).is_some_and(|it| it.bulk);
+        let armed_ps = self
+            .memory
+            .armed_ps(index, self.busy.map_or(0, |busy| busy.half));
+        let Some((armed_ps, frame_ps)) = armed_ps.zip(self.frame_ps).filter(|_| is_bulk) else {
+            return;
+        };
+        // In this frame, or in one before.
+        let within_ps = (armed_ps + FRAME_PS - frame_ps % FRAME_PS) % FRAME_PS;
+        if within_ps <= *ENDS_FRAME_PS.end() {
+            self.latest_bulk_ps = self.latest_bulk_ps.max(within_ps);
         }
     }
 

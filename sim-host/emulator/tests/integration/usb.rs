@@ -176,6 +176,9 @@ fn a_device_that_is_configured_again_loses_no_packet() {
     assert_eq!(bench.probe.board.usb().counts().repeated, 0);
 }
 
+/// From the start of a frame: 800 us are the limit (RP2040-E15).
+const LATEST_PACKET: Time = Time::from_us(770);
+
 #[test]
 fn nothing_is_lost_over_both_links_while_the_coil_is_in_its_train() {
     for (channels, rate_hz) in [(0b0001, 1_000.0), (0b1111, 500.0)] {
@@ -191,6 +194,9 @@ fn nothing_is_lost_over_both_links_while_the_coil_is_in_its_train() {
         assert!(found.levels.longest_gap < Time::from_us(24));
         assert!(found.edge_to_start <= LATENCY, "{}", found.edge_to_start);
         assert!(found.load_in_train > 0.1 && found.load_in_train <= 0.55);
+        let latest = bench.probe.board.usb_latest_bulk();
+        println!("latest packet {latest} after the start of its frame");
+        assert!(latest > Time::from_us(300) && latest < LATEST_PACKET);
     }
 }
 
