@@ -8,8 +8,9 @@ mod common;
 use std::process::ExitCode;
 
 use common::RecordedBoard;
-use common::stamps::{Judged, Silicon, change, judge};
+use common::stamps::{Judged, Shared, Silicon, change, judge, judge_both};
 use ldc161x_sim::{ChipFault, FaultEvent, InterruptRelease, Lost, Overwrite, Time};
+use palpate_wire::{Frame, Record};
 
 /// Starts and changes of each case: 64 cases make 256 of each.
 const REPEATS: usize = 4;
@@ -83,8 +84,8 @@ fn restarted(snapshot: &RecordedBoard, rate_hz: f32, phase: u64, row: &mut Start
     row.add(&judge(&bench));
 }
 
-fn print(silicon: Silicon, channels: u8, rate_hz: f32, rows: [&StartRow; 2]) {
-    let [changes, starts] = rows;
+/// What releases INTB, and how DATA is overwritten.
+const fn silicon_words(silicon: Silicon) -> [&'static str; 2] {
     let by = match silicon.release {
         InterruptRelease::StatusOnly => "STATUS",
         _ => "STATUS or data",
@@ -93,6 +94,12 @@ fn print(silicon: Silicon, channels: u8, rate_hz: f32, rows: [&StartRow; 2]) {
         Overwrite::ByChannel => "one by one",
         _ => "together",
     };
+    [by, overwritten]
+}
+
+fn print(silicon: Silicon, channels: u8, rate_hz: f32, rows: [&StartRow; 2]) {
+    let [changes, starts] = rows;
+    let [by, overwritten] = silicon_words(silicon);
     let mut both = changes.judged;
     both.add(&starts.judged);
     println!(
@@ -111,6 +118,87 @@ fn print(silicon: Silicon, channels: u8, rate_hz: f32, rows: [&StartRow; 2]) {
         changes.faults,
         changes.longest.as_secs_f64() * 1e3,
     );
+}
+
+/// The rates of two converters with 1 to 4 channels: the last is the highest that the bus can fetch from both.
+const RATES_OF_TWO_HZ: [[f32; 4]; 4] = [
+    [100.0, 250.0, 500.0, 1_000.0],
+    [100.0, 250.0, 500.0, 810.0],
+    [100.0, 250.0, 430.0, 580.0],
+    [100.0, 200.0, 250.0, 430.0],
+];
+
+/// Forgets what was sent before the last command was answered: samples of the old settings.
+fn forget_before_the_answer(bench: &mut RecordedBoard) {
+    let is_answer = |frame: &Frame<Record>| matches!(frame.message, Record::Acknowledgement(_));
+    if let Some(answer) = bench.frames.iter().rposition(is_answer) {
+        bench.frames.drain(..answer);
+    }
+}
+
+/// Changes of settings of two converters, and the second one that loses everything and is started again
+/// while the first one goes on; whether nothing was lost or wrong, and no fault was false.
+fn of_two() -> bool {
+    println!(
+        "| channels | rate | INTB released by | DATA overwritten | changes | samples | marked \
+         | lost | wrong | faults | starts of the second | lost by the first |"
+    );
+    println!("|---|---|---|---|---|---|---|---|---|---|---|---|");
+    let mut is_sound = true;
+    let mut phases = (1..=PHASES).cycle();
+    for silicon in Silicon::all() {
+        let mut snapshot = silicon.bench_of_two();
+        snapshot.stream();
+        for (channels, rates_hz) in [0b0001, 0b0011, 0b0111, 0b1111]
+            .into_iter()
+            .zip(RATES_OF_TWO_HZ)
+        {
+            for rate_hz in rates_hz {
+                let mut both = Shared::default();
+                let (mut faults, mut lost) = (0, 0);
+                for phase in phases.by_ref().take(REPEATS) {
+                    let mut bench = snapshot.clone();
+                    bench.run(PHASE.times(phase));
+                    change(&mut bench, channels, rate_hz, Time::ZERO);
+                    forget_before_the_answer(&mut bench);
+                    bench.run(length(rate_hz) + Time::from_ms(100));
+                    both.add(&judge_both(&bench, rate_hz));
+                    faults += bench.faults().len();
+                    let begin = bench.frames.len().saturating_sub(1);
+                    bench.frames.drain(..begin);
+                    let at = bench.board.now() + PHASE.times(phase);
+                    let event =
+                        FaultEvent::at(at, ChipFault::BrownOut(Lost::Everything), Time::ZERO);
+                    let second = bench.board.second_chip_mut();
+                    assert!(second.is_some_and(|chip| chip.schedule(event).is_ok()));
+                    bench.run(length(rate_hz) + Time::from_ms(120));
+                    let of_first = bench.samples().filter(|(_, it)| it.sensor == 0);
+                    lost += of_first
+                        .map(|(_, it)| it.missed + u32::from(it.gap))
+                        .sum::<u32>();
+                }
+                let [release, overwritten] = silicon_words(silicon);
+                println!(
+                    "| {} | {rate_hz} Hz | {release} | {overwritten} | {REPEATS} | {} | {} | {} | {} | {faults} | {REPEATS} | {lost} |",
+                    channels.count_ones(),
+                    both.samples,
+                    both.marked,
+                    both.lost,
+                    both.wrong,
+                );
+                is_sound &= both.lost == 0 && both.wrong == 0 && faults == 0 && lost == 0;
+            }
+        }
+    }
+    println!();
+    println!(
+        "Two converters on one bus, with frames that are read channel by channel in turns. Changes: of the \
+         settings of both. Lost: scans between two samples of a converter, after its first of the new settings. Wrong: \
+         an unmarked sample whose frequency is not its sensor's or whose time is beside its grid. Starts of the \
+         second: it loses everything and is started again. Lost by the first: scans of the first that were \
+         lost, or marked as following a gap, meanwhile. The highest rate is what the board accepts with so many channels."
+    );
+    is_sound
 }
 
 fn main() -> ExitCode {
@@ -165,8 +253,10 @@ fn main() -> ExitCode {
         all.most_us,
         all.jitter_us,
     );
+    println!();
+    let two_are_sound = of_two();
     println!("<!-- evidence:end -->");
-    if all.holds() && faults == 0 {
+    if all.holds() && faults == 0 && two_are_sound {
         ExitCode::SUCCESS
     } else {
         eprintln!("a sample was wrong and not marked, or a change of settings raised a fault");

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use ldc161x_sim::{InterruptRelease, Overwrite, Settings, Switches, TrueConversion};
-use palpate_emulator::{EmulatedBoard, Plant, Still, Time};
+use palpate_emulator::{EmulatedBoard, Options, Plant, Still, Time};
 use palpate_wire::code::{Outcome, Stream};
 use palpate_wire::command::Command;
 use palpate_wire::record::Sample;
@@ -16,6 +16,9 @@ pub(crate) const ALLOWED_US: f64 = 2.5;
 /// Rise of every sensor's frequency: from one scan to the next more than the steps of a word, so that
 /// a word names its conversion.
 const DRIFT_HZ_PER_S: f64 = 1e6;
+
+/// The second converter's sensors: none is the first one's.
+const SECOND_HZ: [f64; 4] = [2.5e6, 2.6e6, 2.7e6, 2.8e6];
 
 /// What is not settled about the converter and matters here.
 #[derive(Clone, Copy, Debug)]
@@ -36,6 +39,18 @@ impl Silicon {
 
     /// A board with such a converter, whose power has just come.
     pub(crate) fn bench(self) -> RecordedBoard {
+        self.bench_with(recording())
+    }
+
+    /// A board with two of them.
+    pub(crate) fn bench_of_two(self) -> RecordedBoard {
+        self.bench_with(Options {
+            second_converter: Some(SECOND_HZ),
+            ..recording()
+        })
+    }
+
+    fn bench_with(self, options: Options) -> RecordedBoard {
         let chip = Settings {
             switches: Switches {
                 interrupt_release: self.release,
@@ -46,7 +61,7 @@ impl Silicon {
         };
         let mut plant = Still::new(FREQUENCIES_HZ);
         plant.drift_hz_per_s = DRIFT_HZ_PER_S;
-        RecordedBoard::of(EmulatedBoard::new(image(), plant, chip, recording()))
+        RecordedBoard::of(EmulatedBoard::new(image(), plant, chip, options))
     }
 
     /// 98 % of the scans a second that the bus can fetch, with 10 us between two of them.
@@ -143,7 +158,8 @@ pub(crate) fn judge<P: Plant>(bench: &RecordedBoard<P>) -> Judged {
     let mut last = None;
     let mut last_error_us = None;
     let mut after_torn = false;
-    for (time_us, sample) in bench.samples() {
+    let of_first = bench.samples().filter(|(_, sample)| sample.sensor == 0);
+    for (time_us, sample) in of_first {
         judged.samples += 1;
         let truths = truths(&fetched, time_us as f64 + origin_us, sample);
         let numbers = |of: &[(&TrueConversion, f64)]| -> Vec<u64> {
@@ -185,6 +201,68 @@ pub(crate) fn judge<P: Plant>(bench: &RecordedBoard<P>) -> Judged {
         }
     }
     judged
+}
+
+/// What became of the samples of two converters that share the bus, from the first of each on.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Shared {
+    pub(crate) samples: u32,
+    pub(crate) marked: u32,
+    /// Scans that were lost.
+    pub(crate) lost: u32,
+    /// Unmarked samples with a frequency that is not that of its sensor, or beside the grid of those of
+    /// before.
+    pub(crate) wrong: u32,
+}
+
+impl Shared {
+    pub(crate) fn add(&mut self, other: &Self) {
+        self.samples += other.samples;
+        self.marked += other.marked;
+        self.lost += other.lost;
+        self.wrong += other.wrong;
+    }
+}
+
+/// Judges the samples of both converters that a bench has, each of which is converted at this rate. The
+/// second's sensors are still, so that a word does not name its conversion.
+pub(crate) fn judge_both<P: Plant>(bench: &RecordedBoard<P>, rate_hz: f32) -> Shared {
+    let mut found = Shared::default();
+    for sensor in [0, 1] {
+        let mut samples = bench.samples().filter(|(_, it)| it.sensor == sensor);
+        // What goes before the first one is not known.
+        let Some((mut last_us, _)) = samples.next() else {
+            found.lost += 1;
+            continue;
+        };
+        found.samples += 1;
+        for (time_us, sample) in samples {
+            found.samples += 1;
+            found.lost += sample.missed;
+            let step_us = (time_us - core::mem::replace(&mut last_us, time_us)) as f64;
+            if sample.gap || sample.missed > 0 {
+                found.marked += 1;
+                continue;
+            }
+            let is_right = |it: &palpate_wire::record::Conversion| {
+                let sensors_hz = if sensor == 0 {
+                    FREQUENCIES_HZ
+                } else {
+                    SECOND_HZ
+                };
+                let drift_hz = if sensor == 0 { DRIFT_HZ_PER_S } else { 0.0 };
+                let off_hz = it.frequency_hz - sensors_hz[usize::from(it.channel)];
+                // Ten seconds of drift are more than a bench runs; another clock is off by more.
+                (-5e3..=5e3 + drift_hz).contains(&off_hz)
+            };
+            // The plan is exact to a thousandth of the period.
+            let period_us = 1e6 / f64::from(rate_hz);
+            let is_on_grid = (step_us - period_us).abs() < 5.0 + 2e-3 * period_us;
+            let is_wrong = !is_on_grid || !sample.channels.iter().all(is_right);
+            found.wrong += u32::from(is_wrong);
+        }
+    }
+    found
 }
 
 /// Sets channels and rate, forgets the samples of before, and runs.
