@@ -63,7 +63,10 @@ fn an_image_whose_dma_is_asked_for_results_that_are_not_there_is_caught() {
     bench.command(&Command::Arm);
     bench.run(Time::from_ms(100));
     let codes: Vec<FaultCode> = bench.faults().iter().map(|fault| fault.code).collect();
-    assert!(codes.contains(&FaultCode::CurrentSense), "{codes:?}");
+    // Zeros are a current that is not there and a supply that is too low: whichever is seen first.
+    let is_expected =
+        |code: &FaultCode| matches!(code, FaultCode::CurrentSense | FaultCode::SupplyLow);
+    assert!(codes.iter().any(is_expected), "{codes:?}");
     assert_eq!(bench.board.current_a(), 0.0);
 }
 
