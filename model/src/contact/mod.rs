@@ -155,14 +155,15 @@ impl Rising {
 /// ```
 /// use palpate_model::contact::{Detector, Touch, Watch};
 /// use palpate_model::units::{Metre, Second};
-/// let mut detector = Detector::new(Watch::new(Metre(10e-9)))?;
+/// let watch = Watch { per_kelvin: Metre(3e-6), ..Watch::new(Metre(10e-9)) };
+/// let mut detector = Detector::new(watch)?;
 /// let interval = Second(1e-3);
-/// // A quiet sensor that drifts by 1 um/s, then a press of 100 um/s.
+/// // A quiet sensor that warms, and so drifts by 50 nm/s; then a press of 100 um/s.
 /// for i in 0..1000 {
-///     detector.push(interval, Metre(i as f32 * 1e-9));
+///     detector.push(interval, Metre(i as f32 * 50e-12));
 /// }
-/// let found = (0..).find_map(|i| {
-///     let pressed = Metre(1e-6 + i as f32 * 101e-9);
+/// let found = (0..100).find_map(|i| {
+///     let pressed = Metre(50e-9 + i as f32 * 100e-9);
 ///     match detector.push(interval, pressed).touch {
 ///         Touch::Began { ago } => Some((i, ago)),
 ///         _ => None,
