@@ -11,7 +11,7 @@ use common::Crash;
 use common::usb::control::disturb_control;
 use common::usb::links::{flood, silent_link};
 use common::usb::restarts::{ask_for_restart, reboot, replug};
-use common::usb::streams::{stopped_reader, stream_in_trains};
+use common::usb::streams::{LATEST_PACKET, stopped_reader, stream_in_trains};
 use common::usb::{INTERRUPT, UsbBench, missing, plugged};
 use palpate_emulator::Time;
 use palpate_emulator::usb::check_descriptors;
@@ -19,8 +19,6 @@ use palpate_procedure::Link;
 
 /// The longest that an edge that meets a free bus may wait.
 const LATENCY: Time = Time::from_us(10);
-/// From the start of a frame to a bulk packet of it: 800 us are the limit (RP2040-E15).
-const LATEST_PACKET: Time = Time::from_us(770);
 /// From one level of the coil's PWM to the next: one and a half periods and it came late.
 const LEVELS_APART: Time = Time::from_us(24);
 /// The most of the processor in the train, both links in use.

@@ -4,8 +4,8 @@
 const FRAME_US: u32 = 1_000;
 /// From its start, us: a bulk packet that is made available later may meet the frame's end, after which the
 /// controller hangs until it is reset (RP2040-E15, whose workaround leaves out 800 to 998). To make one
-/// available takes 10 us, and interrupts may come between: with 770 one was made available at 800 us after 44 s with the coil
-/// in its train, and the controller hung (docs/evidence/image-usb.md has the latest with this).
+/// available takes 10 us, and interrupts may come between: with 770 one was made available at 800 us after
+/// 44 s with the coil in its train, and the controller hung. With this the latest of two minutes was 721 us.
 const FRAME_ENDS_US: u32 = 700;
 
 /// A clock of the frames, by a mark that the start of a frame sets and that is looked at at any time. It moves

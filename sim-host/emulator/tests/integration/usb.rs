@@ -11,7 +11,7 @@ use palpate_wire::{Command, Record};
 use crate::common::usb::control::{disturb_control, outcome};
 use crate::common::usb::links::{flood, silent_link};
 use crate::common::usb::restarts::{ask_for_restart, reboot, replug};
-use crate::common::usb::streams::{stopped_reader, stream_in_trains};
+use crate::common::usb::streams::{LATEST_PACKET, stopped_reader, stream_in_trains};
 use crate::common::usb::{INTERRUPT, UsbBench, answer, missing, plugged};
 use crate::common::{Crash, time_to_off};
 
@@ -175,9 +175,6 @@ fn a_device_that_is_configured_again_loses_no_packet() {
     assert_eq!(bench.port.damaged, 0);
     assert_eq!(bench.probe.board.usb().counts().repeated, 0);
 }
-
-/// From the start of a frame: 800 us are the limit (RP2040-E15).
-const LATEST_PACKET: Time = Time::from_us(770);
 
 #[test]
 fn nothing_is_lost_over_both_links_while_the_coil_is_in_its_train() {

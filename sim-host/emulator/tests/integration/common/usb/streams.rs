@@ -13,6 +13,9 @@ const STATUS_PERIOD_S: f32 = 0.1;
 /// For how long the stream goes on after a disturbance, for its account.
 const AFTERWARDS: Time = Time::from_ms(300);
 
+/// From the start of a frame to a bulk packet of it: 800 us are the limit (RP2040-E15).
+pub(crate) const LATEST_PACKET: Time = Time::from_us(770);
+
 /// What became of a stream.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct StreamFindings {
