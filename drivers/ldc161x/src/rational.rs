@@ -10,6 +10,8 @@
 //! [`PlausibilityCount`] tells whether the hypothesis holds for the chip in hand. Words of sensors below
 //! 1/37 of the reference are not judged: of their N too little is known.
 
+use core::num::NonZeroU32;
+
 use crate::{Code28, Rcount};
 
 /// Full scale of a conversion result, 2^28.
@@ -33,13 +35,14 @@ const SEARCH_LIMIT: u32 = 200;
 /// What is lost of 32 RCOUNT on average, in reference periods and in sensor periods: half a period of
 /// start-up, half a period of waiting for the first edge and half a period after the last one, in
 /// each of two gates. Posted words: 20 lost at p = 3.77, 37 at 9.15.
-const MEAN_DEFICIT: (f32, f32) = (8.0, 3.0);
+const MEAN_DEFICIT: (u32, u32) = (8, 3);
 
-/// N on average, with `period` reference periods in a sensor period. The least is one sensor period.
-pub(crate) fn mean_reference_periods(rcount: Rcount, period: f32) -> f32 {
+/// N on average, of such words. The least is one sensor period.
+pub(crate) fn mean_reference_periods(rcount: Rcount, word: NonZeroU32) -> u32 {
     let (constant, periods) = MEAN_DEFICIT;
-    let gates = 2.0 * rcount.reference_periods() as f32;
-    (gates - constant - periods * period).max(period)
+    let deficit = constant + periods * FULL_SCALE / word;
+    let period = FULL_SCALE / word;
+    (2 * rcount.reference_periods()).saturating_sub(deficit).max(period)
 }
 
 /// The values of N that RCOUNT and the speed of the sensor leave open.

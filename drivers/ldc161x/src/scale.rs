@@ -1,5 +1,7 @@
 //! From a code to a frequency with its uncertainty.
 
+use core::num::NonZeroU32;
+
 use crate::{ClockDividers, Code28, Rational, Rcount, rational::mean_reference_periods};
 
 /// What is known of the noise of a channel.
@@ -182,19 +184,20 @@ impl Scale {
     /// assert!((sigma * 2500.0 - 0.018).abs() < 0.0001);
     /// ```
     pub fn relative_sigma(&self, code: Code28) -> f32 {
-        let word = self.counted(code).get().max(1) as f32;
-        let period = (1_u32 << 28) as f32 / word;
-        let n = mean_reference_periods(self.rcount, period);
+        let word = NonZeroU32::new(self.counted(code).get()).unwrap_or(NonZeroU32::MIN);
+        let n = mean_reference_periods(self.rcount, word) as f32;
         let count_variance = match self.noise.comparator_duty {
             None => MEAN_VARIANCE,
-            Some(duty) => edge_variance(period, duty),
+            Some(duty) => edge_variance((1_u32 << 28) as f32 / word.get() as f32, duty),
         };
-        let mut variance = count_variance / (n * n) + ROUNDING_VARIANCE / (word * word);
+        // In squared reference periods: a core without floating point divides slowly.
+        let last_bit = n / word.get() as f32;
+        let mut variance = count_variance + ROUNDING_VARIANCE * last_bit * last_bit;
         let white = self.noise.white_relative_in_1_ms;
         if white != 0.0 {
-            variance += white * white * 1e-3 / self.conversion_s() as f32;
+            variance += white * white * 1e-3 / self.conversion_s() as f32 * n * n;
         }
-        libm::sqrtf(variance)
+        libm::sqrtf(variance) / n
     }
 
     /// Standard uncertainty of [`frequency_hz`](Self::frequency_hz) in hertz.

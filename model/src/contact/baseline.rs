@@ -18,6 +18,9 @@ use crate::units::{Metre, Second};
 pub struct Baseline {
     memory: f32,
     readings: u32,
+    /// Readings in the memory now, and the part of the past that each reading makes it forget.
+    window: f32,
+    forgotten: f32,
     /// The first reading: the rest is kept as deviation from it, or slow corrections would be
     /// lost in rounding.
     origin: Metre,
@@ -51,6 +54,8 @@ impl Baseline {
         Self {
             memory: memory.max(LEAST_MEMORY),
             readings: 0,
+            window: LEAST_MEMORY,
+            forgotten: 1.0 / LEAST_MEMORY,
             origin: Metre(0.0),
             level: 0.0,
             rate: 0.0,
@@ -80,7 +85,7 @@ impl Baseline {
 
     /// Standard error of [`Self::value`] for white noise of `sigma` a reading.
     pub fn standard_error(&self, sigma: Metre) -> Metre {
-        sigma * math::sqrt(1.25 / self.window())
+        sigma * math::sqrt(1.25 / self.window)
     }
 
     /// Counts all readings from here on, and those taken, from `zero`.
@@ -106,6 +111,12 @@ impl Baseline {
         let Metre(from_line) = deviation.from_line;
         let from_mean = self.level + from_line - self.mean;
         self.readings = self.readings.saturating_add(1);
+        if self.window < self.memory {
+            // Not `clamp`, which panics where the memory is shorter than the least.
+            let window = (OF_THE_PAST * self.readings as f32).max(LEAST_MEMORY);
+            self.window = window.min(self.memory);
+            self.forgotten = 1.0 / self.window;
+        }
         let (level_gain, rate_gain, mean_gain) = self.gains();
         self.level += level_gain * from_line;
         if self.readings > 1 && interval.0 > 0.0 {
@@ -117,25 +128,17 @@ impl Baseline {
     /// By how much a recovery may depart from the line within its memory: half of what the line changes in that time, since
     /// the memory is an eighth of the time for which it has fallen, m.
     pub(super) fn bend(&self, interval: Second) -> f32 {
-        0.5 * self.rate.abs() * self.window() * interval.0
-    }
-
-    /// Readings in the memory now.
-    fn window(&self) -> f32 {
-        // Not `clamp`, which panics where the memory is shorter than the least.
-        (OF_THE_PAST * self.readings as f32)
-            .max(LEAST_MEMORY)
-            .min(self.memory)
+        0.5 * self.rate.abs() * self.window * interval.0
     }
 
     /// Gains of level, rate and mean.
     fn gains(&self) -> (f32, f32, f32) {
-        let n = self.readings as f32;
-        let forgotten = 1.0 / self.window();
+        let forgotten = self.forgotten;
         let (level, rate) = (forgotten * (2.0 - forgotten), forgotten * forgotten);
-        if n > 8.0 * LEAST_MEMORY {
+        if self.readings > 8 * LEAST_MEMORY as u32 {
             return (level, rate, forgotten);
         }
+        let n = self.readings as f32;
         // The first readings: the least-squares line through all of them.
         let pairs = n * (n + 1.0);
         (

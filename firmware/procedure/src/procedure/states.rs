@@ -196,7 +196,10 @@ impl Procedure {
                     let ago = self.principal_follower().and_then(Follower::touched_for);
                     self.touched(before(scan.middle, ago.unwrap_or_default()), out);
                 }
-                Some(Touch::Clear) => self.go(Phase::Watching, out),
+                // Where it is already it need not go: a phase is two kilobytes.
+                Some(Touch::Clear) if self.state() != State::Watching => {
+                    self.go(Phase::Watching, out);
+                }
                 _ => {}
             },
             // The object may have left while the coil was driven, when the contact was not checked.
