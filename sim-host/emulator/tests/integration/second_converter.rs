@@ -1,12 +1,13 @@
 //! Two converters on one bus: what one fails of costs the other nothing.
 
-use ldc161x_sim::{ChipFault, FaultEvent, Lost, Settings};
+use ldc161x_sim::{ChipFault, FaultEvent, InterruptRelease, Lost, Overwrite, Settings};
 use palpate_emulator::{EmulatedBoard, LineFault, Options, Still, Time};
 use palpate_wire::Record;
 use palpate_wire::code::{Location, Outcome};
 use palpate_wire::command::Command;
 use palpate_wire::record::{Fault, Sample};
 
+use crate::common::stamps::{Silicon, change};
 use crate::common::{RecordedBoard, recording};
 
 /// The second converter's sensors: none is the first one's.
@@ -264,6 +265,39 @@ fn a_second_converter_that_fails_costs_the_first_nothing() {
             first_us.abs_diff(last_us) < 10_000,
             "{what}: {last_us} {first_us}"
         );
+    }
+}
+
+/// While the second one is brought up its transactions follow one another without a pause: an edge of the
+/// first may meet any part of them, and its time has to be right all the same. At these times it met the
+/// beginning of one, when tasks began them with interrupts off.
+#[test]
+fn the_first_loses_nothing_while_the_second_starts_anew() {
+    let silicon = Silicon {
+        release: InterruptRelease::StatusOrData,
+        overwrite: Overwrite::ByChannel,
+    };
+    let mut running = silicon.bench_of_two();
+    running.stream();
+    for (rate_hz, after_us) in [(200.0, 7_422), (200.0, 8_659), (250.0, 12_370)] {
+        let mut bench = running.clone();
+        bench.run(Time::from_us(after_us));
+        change(&mut bench, 0b1111, rate_hz, Time::ZERO);
+        bench.run(Time::from_ms(180) + Time::from_secs_f64(5.0 / f64::from(rate_hz)));
+        bench.frames.clear();
+        let lost = ChipFault::BrownOut(Lost::Everything);
+        let at = bench.board.now() + Time::from_us(after_us);
+        let second = bench.board.second_chip_mut().unwrap();
+        second
+            .schedule(FaultEvent::at(at, lost, Time::ZERO))
+            .unwrap();
+        bench.run(Time::from_ms(200));
+        let what = format!("{rate_hz} Hz, {after_us} us");
+        let marked = |(_, sample): &(u64, Sample)| sample.gap || sample.missed > 0;
+        let (first, second) = (of(&bench, 0), of(&bench, 1));
+        assert!(first.len() > 35, "{what}: {}", first.len());
+        assert_eq!(first.iter().position(marked), None, "{what}");
+        assert!(second.iter().any(marked), "{what}: it went on");
     }
 }
 

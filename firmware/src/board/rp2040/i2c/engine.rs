@@ -520,10 +520,10 @@ impl Engine {
 
     fn serve(&mut self) {
         let (runs, bytes) = (self.runs, self.bytes);
-        if runs == Runs::Recovery {
+        if matches!(runs, Runs::Recovery) {
             return;
         }
-        if runs == Runs::Nothing {
+        if matches!(runs, Runs::Nothing) {
             // SAFETY: no transaction runs, so no interrupt of the block is needed.
             i2c().ic_intr_mask().write(|w| unsafe { w.bits(0) });
             self.catch_up();
@@ -579,13 +579,17 @@ impl Engine {
         }
         self.runs = Runs::Nothing;
         NVIC::pend(Interrupt::PIO0_IRQ_0);
+        // An edge that came meanwhile is not to wait for its time until the next transaction has begun.
+        if NVIC::is_pending(Interrupt::IO_IRQ_BANK0) {
+            self.take_edges(false);
+        }
         self.catch_up();
     }
 
     /// Begins with what waits, if it can.
     #[inline(never)]
     fn catch_up(&mut self) {
-        while self.runs == Runs::Nothing {
+        while matches!(self.runs, Runs::Nothing) {
             let Some(next) = self.next_in_turn() else {
                 return;
             };
@@ -648,14 +652,40 @@ impl Engine {
         self.start(Runs::Single(converter), 0, extent, 0);
     }
 
+    /// Takes the edges of INTB that have come, and begins with a frame at once if it may and nothing runs:
+    /// nothing else waits then, but for what waits for the coil's interrupt.
     #[inline(always)]
-    fn edge(&mut self, converter: usize, stamp: Stamp) {
-        if let Some(reader) = self.readers.get_mut(converter) {
-            reader.last_edge_us = stamp.time_us;
-            reader.is_late = true;
-            reader.late = stamp;
+    fn take_edges(&mut self, at_once: bool) {
+        let time_us = now_us();
+        for (converter, line) in pins::INTB_LINES.iter().enumerate() {
+            let (register, edge) = line.falling();
+            // SAFETY: reading counter and flags changes nothing; INTR is cleared here alone.
+            let edges = unsafe {
+                let flags = (*IO_BANK0::ptr()).intr(register);
+                if flags.read().bits() & edge == 0 {
+                    continue;
+                }
+                flags.write(|w| w.bits(edge));
+                (*PWM::ptr()).ch(line.slice()).ctr().read().bits() as u16
+            };
+            // Low until the converter is read: high again, it was a disturbance of the wire.
+            if pins::is_high(line.pin) && !self.serves(converter) {
+                continue;
+            }
+            if let Some(reader) = self.readers.get_mut(converter) {
+                reader.last_edge_us = time_us;
+                reader.is_late = true;
+                reader.late = Stamp {
+                    time_us,
+                    edges,
+                    is_known: true,
+                };
+                let is_free = matches!(self.runs, Runs::Nothing) && reader.next == 0;
+                if at_once && is_free && reader.can_begin(true) && !precedence::must_wait(TO_BEGIN) {
+                    self.begin_frame(converter);
+                }
+            }
         }
-        self.catch_up();
     }
 
     /// Whether a transaction with a converter runs, which may release its INTB.
@@ -683,31 +713,10 @@ fn set_target(address: u8) {
 
 /// IO_IRQ_BANK0: INTB of a converter has fallen.
 pub unsafe extern "C" fn on_edge() {
-    let time_us = now_us();
-    for (converter, line) in pins::INTB_LINES.iter().enumerate() {
-        let (register, edge) = line.falling();
-        // SAFETY: reading counter and flags changes nothing; INTR is cleared by this handler alone.
-        let edges = unsafe {
-            let flags = (*IO_BANK0::ptr()).intr(register);
-            if flags.read().bits() & edge == 0 {
-                continue;
-            }
-            flags.write(|w| w.bits(edge));
-            (*PWM::ptr()).ch(line.slice()).ctr().read().bits() as u16
-        };
-        let stamp = Stamp {
-            time_us,
-            edges,
-            is_known: true,
-        };
-        // SAFETY: see `Shared`.
-        let engine = unsafe { &mut *ENGINE.0.get() };
-        // Low until the converter is read: high again, it was a disturbance of the wire.
-        if pins::is_high(line.pin) && !engine.serves(converter) {
-            continue;
-        }
-        engine.edge(converter, stamp);
-    }
+    // SAFETY: see `Shared`.
+    let engine = unsafe { &mut *ENGINE.0.get() };
+    engine.take_edges(true);
+    engine.catch_up();
 }
 
 /// I2C0_IRQ: the block wants something.
@@ -745,8 +754,13 @@ pub fn submit(converter: usize, job: &Job) {
             single.waits = true;
             single.is_over = false;
         }
-        engine.catch_up();
     });
+    call();
+}
+
+/// Lets the interrupt begin with what waits: a task that did would hold back the time stamp of an edge.
+fn call() {
+    NVIC::pend(Interrupt::I2C0_IRQ);
 }
 
 /// Takes the transaction of a converter's master back if it waits still; whether it did.
@@ -825,7 +839,7 @@ pub fn read_on_edges(converter: usize, job: &Job, latest_us: [u32; MOST_PARTS]) 
         reader.next = 0;
         reader.waiting = 0;
     });
-    with(Engine::catch_up);
+    call();
 }
 
 fn with_reader<T>(converter: usize, work: impl FnOnce(&mut Reader) -> T) -> Option<T> {
@@ -862,11 +876,16 @@ pub fn take_frame<T>(converter: usize, work: impl FnOnce(&Outcome) -> T) -> Opti
 /// The oldest frame was taken.
 #[inline(never)]
 fn release_frame(converter: usize) {
-    with_reader(converter, |reader| {
+    let was_full = with_reader(converter, |reader| {
+        let was_full = reader.waiting >= FRAMES;
         reader.first = (reader.first + 1) % FRAMES;
         reader.waiting = reader.waiting.saturating_sub(1);
+        was_full
     });
-    with(Engine::catch_up);
+    // The next one may have waited for room.
+    if was_full == Some(true) {
+        call();
+    }
 }
 
 /// Whether the frame of a converter is being read.
@@ -898,7 +917,7 @@ pub fn begin_without_edge(converter: usize) {
         {
             reader.is_late = true;
             reader.late = Stamp::default();
-            engine.catch_up();
         }
     });
+    call();
 }

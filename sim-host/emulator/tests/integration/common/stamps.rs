@@ -10,9 +10,8 @@ use palpate_wire::record::Sample;
 
 use super::{FREQUENCIES_HZ, RecordedBoard, image, origin_us, recording};
 
-/// By how much a time stamp may be off. Next to the bus's limit an edge may meet the interrupt of a transfer,
-/// which has the same priority: 2.18 us at 1634 Hz of two channels.
-pub(crate) const ALLOWED_US: f64 = 2.5;
+/// By how much a time stamp may be off.
+pub(crate) const ALLOWED_US: f64 = 2.0;
 /// Rise of every sensor's frequency: from one scan to the next more than the steps of a word, so that
 /// a word names its conversion.
 const DRIFT_HZ_PER_S: f64 = 1e6;
