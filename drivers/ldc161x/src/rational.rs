@@ -42,7 +42,9 @@ pub(crate) fn mean_reference_periods(rcount: Rcount, word: NonZeroU32) -> u32 {
     let (constant, periods) = MEAN_DEFICIT;
     let deficit = constant + periods * FULL_SCALE / word;
     let period = FULL_SCALE / word;
-    (2 * rcount.reference_periods()).saturating_sub(deficit).max(period)
+    (2 * rcount.reference_periods())
+        .saturating_sub(deficit)
+        .max(period)
 }
 
 /// The values of N that RCOUNT and the speed of the sensor leave open.

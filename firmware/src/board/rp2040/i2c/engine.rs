@@ -681,7 +681,8 @@ impl Engine {
                     is_known: true,
                 };
                 let is_free = matches!(self.runs, Runs::Nothing) && reader.next == 0;
-                if at_once && is_free && reader.can_begin(true) && !precedence::must_wait(TO_BEGIN) {
+                if at_once && is_free && reader.can_begin(true) && !precedence::must_wait(TO_BEGIN)
+                {
                     self.begin_frame(converter);
                 }
             }
