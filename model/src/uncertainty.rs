@@ -101,6 +101,11 @@ pub struct Budget {
 }
 
 impl Budget {
+    /// That of the springs, force scale included.
+    pub fn springs(&self) -> f32 {
+        hypot(hypot(self.force_scale, self.sensing), self.actuated)
+    }
+
     /// Root of the sum of the squares.
     pub fn total(&self) -> f32 {
         [

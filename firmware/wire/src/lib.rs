@@ -43,7 +43,7 @@ pub const VERSION: u8 = 2;
 /// It rises when a kind of record or command is added, or a number to an enumeration, and starts
 /// from 0 with a new major version. An older decoder counts a kind that it does not know, with its
 /// header, and reads a number that it does not know as `Unknown`.
-pub const MINOR_VERSION: u8 = 4;
+pub const MINOR_VERSION: u8 = 5;
 
 /// Number of the layout of all frames, sent in [`Hello`](record::Hello).
 ///

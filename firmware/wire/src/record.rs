@@ -17,7 +17,7 @@ mod storage;
 
 pub use event::{Acknowledgement, CoilTest, CurrentTrace, Fault, StateChange, Status};
 pub use hello::{Crash, Hello};
-pub use measurement::{Estimate, LoadPoint, Refusal};
+pub use measurement::{Estimate, LoadPoint, Refusal, UncertaintyBudget};
 pub use sample::{Conversion, Raw, Sample};
 pub use storage::Storage;
 
@@ -57,6 +57,8 @@ messages! {
             /// What is stored, beside what is in force: after a start, a `store`, `load` or `erase`
             /// that has ended, and the answer to `get_storage`.
             Storage(Storage) = 0x0E "storage",
+            /// What an interval is made of: before an estimate, or before the refusal of one that is too uncertain.
+            UncertaintyBudget(UncertaintyBudget) = 0x0F "uncertainty_budget",
             /// The settings in force: answer to `get_settings`.
             Settings(Settings) = 0x10 "settings",
             /// Calibration of a resonator: answer to `get_calibration`.

@@ -9,7 +9,7 @@ use palpate_model::uncertainty::{Budget, Calibration, OperatingPoint};
 use palpate_model::units::{Ampere, Celsius, Metre, Newton, NewtonPerMetre};
 use palpate_wire::code::RefusalReason;
 use palpate_wire::command::{Settings, TemperatureEffect};
-use palpate_wire::record::{Estimate, LoadPoint, Refusal};
+use palpate_wire::record::{Estimate, LoadPoint, Refusal, UncertaintyBudget};
 
 use super::{Measurement, Reason};
 use crate::configuration::Calibrated;
@@ -73,22 +73,35 @@ impl Measurement {
         calibration.zero = Metre(sqrt(calibrated_m * calibrated_m + self.zero.variance_m2));
         let temperature = of_temperature(&self.calibrated);
         let uncorrected = uncorrected(&self.calibrated).budget(of_noise.value, &at);
+        let uncorrected = uncorrected.force_scale + uncorrected.stiffening;
         let bend = curved.and_then(|curved| Bend::of(&fit, &curved, ramps.span()));
         // One temperature is behind both errors: they add up.
         let claim = temperature
             .widen(&calibration.widen(&of_noise, &at), &at)
-            .with_uncertainty(uncorrected.force_scale + uncorrected.stiffening);
+            .with_uncertainty(uncorrected);
         let sensing = NewtonPerMetre(self.calibrated.springs.sensing_n_per_m);
         claim.stiffness(sensing)?;
         let usual = self.calibrated.springs.bend;
+        let straight = claim.standard_error;
         let claim = with_misfit(claim, bend, (scatter, usual), &at)?;
+        let of_calibration = calibration.budget(of_noise.value, &at);
+        let of_temperature = temperature.budget(claim.value, &at);
+        let budget = UncertaintyBudget {
+            measurement: self.number,
+            noise: of_noise.standard_error,
+            springs: of_calibration.springs(),
+            stiffening: hypot(of_calibration.stiffening, of_calibration.current),
+            zero: of_calibration.zero,
+            temperature: hypot(of_temperature.total(), uncorrected),
+            bend: root_of_rest(claim.standard_error, straight),
+            off_calibration_k: off_calibration_k(&self.calibrated),
+        };
+        self.budget = budget.validate().is_ok().then_some(budget);
         let claim = match (
             &self.calibrated.temperature_coefficients,
             self.calibrated.temperature,
         ) {
-            (None, Some(_)) => {
-                claim.with_uniform_part(both_uniform(&temperature.budget(claim.value, &at)))
-            }
+            (None, Some(_)) => claim.with_uniform_part(both_uniform(&of_temperature)),
             // Without a thermometer the interval holds at each temperature, not on their average.
             _ => claim,
         };
@@ -317,6 +330,13 @@ fn uncertainties(
 /// What the temperature may be where nothing measures it, degrees Celsius: from a cold workshop to a warm room of
 /// 30 in which the coil gives off all that it may for ever, 3.5 W through 8 K/W.
 const UNMEASURED_C: [f32; 2] = [0.0, 60.0];
+
+/// By how much the measurement's temperature is above the calibration's, K.
+fn off_calibration_k(calibrated: &Calibrated) -> Option<f32> {
+    let Celsius(now_c) = calibrated.temperature?;
+    let effect = calibrated.temperature_effect.as_ref()?;
+    Some(now_c - effect.calibrated_at_c)
+}
 
 /// The greatest difference from the calibration's temperature, K.
 fn difference_k(effect: &TemperatureEffect, temperature: Option<Celsius>) -> f32 {

@@ -10,7 +10,7 @@ use palpate_model::ramp::RampSample;
 use palpate_model::units::{Ampere, Metre, Newton, NewtonPerMetre};
 use palpate_wire::code::{FaultCode, Location, RefusalReason};
 use palpate_wire::command::Settings;
-use palpate_wire::record::Refusal;
+use palpate_wire::record::{Refusal, UncertaintyBudget};
 
 use crate::board::Limits;
 use crate::configuration::Calibrated;
@@ -65,6 +65,8 @@ pub(crate) struct Measurement {
     ramps: Option<Ramps>,
     zero: ZeroAtTrain,
     two_states: TwoStates,
+    /// What the interval is made of, once that is known.
+    budget: Option<UncertaintyBudget>,
     lost: u32,
     flagged: u32,
     /// How many of the train's conversions may be lost, and how many flagged.
@@ -238,11 +240,17 @@ impl Measurement {
             ramps: None,
             zero: ZeroAtTrain::default(),
             two_states: TwoStates::default(),
+            budget: None,
             lost: 0,
             flagged: 0,
             allowed: conversions as u32 / ONE_IN,
         };
         (measurement, line)
+    }
+
+    /// What the interval is made of, once it has ended with an estimate or in one that is too uncertain.
+    pub(crate) const fn take_budget(&mut self) -> Option<UncertaintyBudget> {
+        self.budget.take()
     }
 
     /// When the object touched.

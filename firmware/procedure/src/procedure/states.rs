@@ -388,7 +388,11 @@ impl Procedure {
         };
         let since = measurement.touched();
         let settings = &self.configuration.settings;
-        match measurement.finish(settings, out.now) {
+        let outcome = measurement.finish(settings, out.now);
+        if let Some(budget) = measurement.take_budget() {
+            out.record(Record::UncertaintyBudget(budget));
+        }
+        match outcome {
             MeasurementOutcome::Estimate(report) => {
                 out.record(Record::Estimate(report.estimate.clone()));
                 self.phase = Phase::Reporting {

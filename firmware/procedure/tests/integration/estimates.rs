@@ -10,7 +10,7 @@ use palpate_wire::code::{Contact, Drift, State};
 use palpate_wire::command::{
     Settings, StiffeningCurve, StiffeningKnot, TemperatureCoefficients, TemperatureEffect,
 };
-use palpate_wire::record::{Estimate, LoadPoint};
+use palpate_wire::record::{Estimate, LoadPoint, UncertaintyBudget};
 use palpate_wire::{Command, Record};
 
 const DRIFTS: [Drift; 5] = [
@@ -370,6 +370,62 @@ fn what_the_calibration_leaves_open_widens_the_interval() {
     assert!(widths[0] < 1e-3, "{widths:?}");
     assert!((widths[1] / expected - 1.0).abs() < 0.01, "{widths:?}");
     assert!((1.0..1.2).contains(&(widths[2] / expected)), "{widths:?}");
+}
+
+/// kappa 1, W 3.5, rho 0.1 at the peak: 2 % of c_S are 0.02, 3 % of the rise 0.03 W/(1 + rho), 0.3 % of it for each
+/// of ten kelvin as much.
+#[test]
+fn an_interval_is_made_of_what_is_uncertain() {
+    let of_rise = 0.03 * 3.5 / 1.1;
+    for (sensing, rise, per_k) in [(0.02, 0.0, 0.0), (0.0, 0.03, 0.0), (0.0, 0.0, 0.003)] {
+        let mut rig = Rig::calibrated(Sensor::default(), settings(|_| {}));
+        let mut uncertain = springs(&rig.sensor);
+        uncertain.sensing_uncertainty = sensing;
+        rig.accepted(Command::SetSprings(uncertain));
+        let mut uncertain = stiffening(&rig.sensor);
+        uncertain.rise_uncertainty = rise;
+        rig.accepted(Command::SetStiffening(uncertain));
+        rig.accepted(Command::SetTemperatureEffect(TemperatureEffect {
+            calibrated_at_c: 15.0,
+            springs_uncertainty_per_k: 0.0,
+            rise_uncertainty_per_k: per_k,
+        }));
+        rig.accepted(Command::Arm);
+        rig.until(State::Watching, 3_000);
+        rig.touch(3e-4);
+        let estimate = rig.measure();
+        let budget = rig.last(|record| match record {
+            Record::UncertaintyBudget(budget) => Some(budget.clone()),
+            _ => None,
+        });
+        assert_eq!(budget.measurement, estimate.measurement);
+        assert_eq!(budget.off_calibration_k, Some(10.0));
+        let is_about = |part: f32, expected: f32| (part - expected).abs() < 0.01 * expected + 1e-6;
+        assert!(is_about(budget.springs, sensing), "{budget:?}");
+        assert!(
+            is_about(budget.stiffening, rise / 0.03 * of_rise),
+            "{budget:?}"
+        );
+        assert!(
+            is_about(budget.temperature, per_k / 0.003 * of_rise),
+            "{budget:?}"
+        );
+        let UncertaintyBudget {
+            noise,
+            springs,
+            stiffening,
+            zero,
+            temperature,
+            bend,
+            ..
+        } = budget;
+        let parts = [noise, springs, stiffening, zero, temperature, bend];
+        let whole = parts.iter().map(|part| part * part).sum::<f32>().sqrt();
+        assert!(
+            is_about(whole, estimate.load_ratio_standard_error),
+            "{budget:?} {estimate:?}"
+        );
+    }
 }
 
 #[test]

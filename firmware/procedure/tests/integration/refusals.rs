@@ -7,10 +7,10 @@ use crate::support::calibration::{
 };
 use crate::support::sensor::Sensor;
 use palpate_procedure::units::Ampere;
-use palpate_wire::Command;
 use palpate_wire::code::{Drift, FaultCode, Location, Part, RefusalReason, State};
 use palpate_wire::command::{ClearFault, Settings, Springs};
 use palpate_wire::record::Refusal;
+use palpate_wire::{Command, Record};
 
 /// Armed with changed settings, and touched.
 fn with(change: impl FnOnce(&mut Settings)) -> Rig {
@@ -367,6 +367,11 @@ fn the_error_is_too_large() {
     let part = value(&rig.refused(), RefusalReason::TooUncertain, Some(0.02));
     // kappa = 1 and W = 3.5: 0.05 W/(1 + rho) of it, with rho = 0.1 at the peak.
     assert!((part - 0.05 * 3.5 / 1.1).abs() < 1e-3, "{part}");
+    let stiffening = rig.last(|record| match record {
+        Record::UncertaintyBudget(budget) => Some(budget.stiffening),
+        _ => None,
+    });
+    assert!((stiffening - part).abs() < 1e-3, "{stiffening}");
     recovers(rig);
 }
 

@@ -73,6 +73,31 @@ structure! {
 }
 
 structure! {
+    /// What a measurement's interval is made of: standard errors of c_S/c_L by their causes, each with all that
+    /// widens it. Their root of the sum of squares is the `load_ratio_standard_error` of the estimate that follows, but for
+    /// rounding.
+    pub struct UncertaintyBudget {
+        /// Number of the measurement since the start, from 1.
+        measurement: u32,
+        /// Noise of the conversions, and what the ramps disagree by: vibration, an unsteady hold.
+        noise: f32 ["1", 0, 1e6],
+        /// The calibrated springs, force scale included.
+        springs: f32 ["1", 0, 1e6],
+        /// The calibrated stiffening, with attraction, cross-talk and the measured current.
+        stiffening: f32 ["1", 0, 1e6],
+        /// The zero of the deformation: what the untouched sensor reads.
+        zero: f32 ["1", 0, 1e6],
+        /// Another temperature than the calibration's.
+        temperature: f32 ["1", 0, 1e6],
+        /// What bends the line of the ramps, as a load that stiffens.
+        bend: f32 ["1", 0, 1e6],
+        /// Temperature of the measurement less that of the calibration; absent without a thermometer, or without
+        /// a `temperature_effect`.
+        off_calibration_k: Option<f32> ["K", -500, 500],
+    }
+}
+
+structure! {
     /// Why there is no estimate.
     pub struct Refusal {
         /// Number of the measurement since the start, from 1; 0 if it did not begin.

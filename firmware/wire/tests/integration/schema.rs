@@ -25,6 +25,7 @@ fn the_layout_belongs_to_its_version() {
         (2, 2, 0x740E_6F99),
         (2, 3, 0x1CD7_EF6B),
         (2, 4, 0xE6F0_7A5F),
+        (2, 5, 0x5E80_9B5C),
     ];
     assert!(
         known.contains(&(VERSION, MINOR_VERSION, SCHEMA_HASH)),
@@ -63,7 +64,7 @@ fn all_fields() -> Vec<(&'static str, &'static Field)> {
 }
 
 /// Units, and how the name of a field ends that has one.
-const SUFFIXES: [(&str, &str); 24] = [
+const SUFFIXES: [(&str, &str); 25] = [
     ("Hz", "_hz"),
     ("s", "_s"),
     ("ms", "_ms"),
@@ -76,6 +77,7 @@ const SUFFIXES: [(&str, &str); 24] = [
     ("V", "_v"),
     ("V/A", "_v_per_a"),
     ("degC", "_c"),
+    ("K", "_k"),
     ("J", "_j"),
     ("J/K", "_j_per_k"),
     ("K/W", "_k_per_w"),

@@ -228,6 +228,16 @@ fn configured() -> Vec<Record> {
             calibration_hash: Some(0xCBF4_3926),
             took_s: 0.42,
         }),
+        Record::UncertaintyBudget(UncertaintyBudget {
+            measurement: 1,
+            noise: 0.006,
+            springs: 0.004,
+            stiffening: 0.005,
+            zero: 0.001,
+            temperature: 0.011,
+            bend: 0.002,
+            off_calibration_k: Some(4.9),
+        }),
     ]
 }
 
