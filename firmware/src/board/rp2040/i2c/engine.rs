@@ -498,6 +498,7 @@ impl Engine {
     /// Begins with a transaction, whose outcome is prepared.
     #[inline(always)]
     fn start(&mut self, runs: Runs, next: usize, extent: Extent, bytes: u8) {
+        self.note_edges();
         self.runs = runs;
         self.next = next;
         self.end = next + usize::from(extent.commands);
@@ -579,10 +580,7 @@ impl Engine {
         }
         self.runs = Runs::Nothing;
         NVIC::pend(Interrupt::PIO0_IRQ_0);
-        // An edge that came meanwhile is not to wait for its time until the next transaction has begun.
-        if NVIC::is_pending(Interrupt::IO_IRQ_BANK0) {
-            self.take_edges(false);
-        }
+        self.note_edges();
         self.catch_up();
     }
 
@@ -650,6 +648,20 @@ impl Engine {
         let extent = single.job.first;
         self.last = converter;
         self.start(Runs::Single(converter), 0, extent, 0);
+    }
+
+    /// Takes the time of an edge that has come during an interrupt of the bus, which may last three
+    /// microseconds: it is not to wait until that has ended.
+    #[inline(always)]
+    fn note_edges(&mut self) {
+        if NVIC::is_pending(Interrupt::IO_IRQ_BANK0) {
+            self.take_late_edges();
+        }
+    }
+
+    #[inline(never)]
+    fn take_late_edges(&mut self) {
+        self.take_edges(false);
     }
 
     /// Takes the edges of INTB that have come, and begins with a frame at once if it may and nothing runs:
