@@ -59,6 +59,7 @@ mod instrument;
 mod interrupt;
 mod jsonl;
 #[cfg(any(feature = "live", feature = "recording"))]
+mod limits;
 mod line;
 #[cfg(feature = "emulator")]
 mod link;

@@ -10,6 +10,7 @@ use palpate_wire::{Command, Record};
 use serde::Serialize;
 
 use crate::failure::Failure;
+use crate::limits::{budget_of, limited_by};
 use crate::link::{self, Link, Run};
 use crate::notice;
 use crate::results::stiffness;
@@ -72,6 +73,9 @@ struct Line {
     total_displacement_m: f32,
     temperature_c: Option<f32>,
     configuration_crc: u32,
+    /// The greatest cause of the interval, and what would narrow it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    limited_by: Option<String>,
     /// Of a simulated load, with what it stands on.
     #[serde(skip_serializing_if = "Option::is_none")]
     true_n_per_m: Option<f64>,
@@ -93,6 +97,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         let estimate = measured(&mut link, arguments.wait)?;
         let simulated = arguments.link.is_simulated(&link);
         let line = Line {
+            limited_by: budget_of(records_of(&link), estimate.measurement).map(limited_by),
             true_n_per_m: truth(&mut link),
             ..Line::of(&estimate, simulated, configuration_crc)
         };
@@ -132,6 +137,7 @@ impl Line {
             total_displacement_m: estimate.total_displacement_m,
             temperature_c: estimate.temperature_c,
             configuration_crc,
+            limited_by: None,
             true_n_per_m: None,
         }
     }
@@ -140,14 +146,19 @@ impl Line {
 /// The measurements of a recording, as they came; a refusal is said, and is no failure of this one.
 fn measured_before(arguments: &Arguments, link: &mut Link) -> Result<(), Failure> {
     let mut estimates = 0;
+    let mut limits = None;
     while let Ok(()) = link.listen(PLAYED) {
         let configuration_crc = link.hello().map_or(0, |hello| hello.configuration_crc);
         let simulated = arguments.link.is_simulated(link);
         for (_, record) in link.take_records() {
             match record {
+                Record::UncertaintyBudget(budget) => limits = Some(limited_by(&budget)),
                 Record::Estimate(estimate) => {
                     estimates += 1;
-                    let line = Line::of(&estimate, simulated, configuration_crc);
+                    let line = Line {
+                        limited_by: limits.take(),
+                        ..Line::of(&estimate, simulated, configuration_crc)
+                    };
                     print(&line, arguments.json)?;
                 }
                 Record::Refusal(refusal) => notice::say(explain(&refusal)),
@@ -178,11 +189,21 @@ pub(crate) fn measured(link: &mut Link, wait_s: f64) -> Result<Estimate, Failure
     link.take();
     // A board that measures at every contact has begun already, and says so.
     link.ask(&Command::Measure)?;
-    link.wait_for(RESULT_S, "result", |record| match record {
+    let result = link.wait_for(RESULT_S, "result", |record| match record {
         Record::Estimate(estimate) => Some(Ok(estimate.clone())),
-        Record::Refusal(refusal) => Some(Err(Failure::Refused(explain(refusal)))),
+        Record::Refusal(refusal) => Some(Err(refusal.clone())),
         _ => None,
-    })?
+    })?;
+    result.map_err(|refusal| {
+        let limits = budget_of(records_of(link), refusal.measurement).map(limited_by);
+        let limits = limits.map_or(String::new(), |text| format!(". {text}"));
+        Failure::Refused(explain(&refusal) + &limits)
+    })
+}
+
+fn records_of(link: &Link) -> impl Iterator<Item = &Record> {
+    let arrivals = link.received().iter();
+    arrivals.map(|arrival| &arrival.frame.message)
 }
 
 /// What the simulated load truly has, with what it stands on; nothing of a real one.
@@ -208,5 +229,9 @@ fn print(line: &Line, json: bool) -> Result<(), Failure> {
     if let Some(true_n_per_m) = line.true_n_per_m {
         write!(out, "; simulated, truly {}", stiffness(true_n_per_m))?;
     }
-    Ok(writeln!(out)?)
+    writeln!(out)?;
+    match &line.limited_by {
+        Some(limits) => Ok(writeln!(out, "  {limits}")?),
+        None => Ok(()),
+    }
 }

@@ -124,6 +124,7 @@ fn section(story: &Story, measurement: &Measurement) -> Result<Markup, Failure> 
     Ok(html! {
         section {
             h2 { (sentence) }
+            @if let Some(limits) = &measurement.limits { p { (limits) } }
             div.charts { @for drawing in &drawings { (PreEscaped(drawing)) } }
         }
     })

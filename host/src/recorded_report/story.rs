@@ -7,6 +7,7 @@ use palpate_wire::Record;
 use palpate_wire::record::{Estimate, LoadPoint, Refusal, Sample};
 
 use crate::failure::Failure;
+use crate::limits::limited_by;
 use crate::line::{Line, Train};
 use crate::notice;
 use crate::recording::date::NS_PER_S;
@@ -33,6 +34,8 @@ pub(super) struct Measurement {
     /// Time of the result since the first record, s.
     pub(super) at_s: f64,
     pub(super) result: Result<Estimate, Refusal>,
+    /// The greatest cause of its interval, where the board said it.
+    pub(super) limits: Option<String>,
     pub(super) line: Option<Line>,
     pub(super) points: Vec<LoadPoint>,
 }
@@ -53,6 +56,8 @@ struct Reading {
     in_force: HashMap<u32, Vec<Record>>,
     boot_id: Option<u32>,
     train: Train,
+    /// The greatest cause of the next result's interval.
+    limits: Option<String>,
 }
 
 impl Story {
@@ -113,8 +118,11 @@ impl Story {
         let line = reading.train.take(at_s, &recorded.frame.message);
         match recorded.frame.message {
             Record::Sample(sample) if sample.sensor == 0 => self.samples.push((at_s, sample)),
-            Record::Estimate(estimate) => self.ended(at_s, Ok(estimate), line),
-            Record::Refusal(refusal) => self.ended(at_s, Err(refusal), None),
+            Record::UncertaintyBudget(budget) => reading.limits = Some(limited_by(&budget)),
+            Record::Estimate(estimate) => {
+                self.ended(at_s, Ok(estimate), line, reading.limits.take())
+            }
+            Record::Refusal(refusal) => self.ended(at_s, Err(refusal), None, reading.limits.take()),
             Record::LoadPoint(point) => {
                 if let Some(last) = self.measurements.last_mut() {
                     last.points.push(point);
@@ -124,10 +132,17 @@ impl Story {
         }
     }
 
-    fn ended(&mut self, at_s: f64, result: Result<Estimate, Refusal>, line: Option<Line>) {
+    fn ended(
+        &mut self,
+        at_s: f64,
+        result: Result<Estimate, Refusal>,
+        line: Option<Line>,
+        limits: Option<String>,
+    ) {
         self.measurements.push(Measurement {
             at_s,
             result,
+            limits,
             line,
             points: Vec::new(),
         });

@@ -1,11 +1,12 @@
 //! What is known of a board from what it has said.
 
 use palpate_wire::code::{Contact, FaultCode, State};
-use palpate_wire::record::{Estimate, Hello, Refusal, Sample, Status};
+use palpate_wire::record::{Estimate, Hello, Refusal, Sample, Status, UncertaintyBudget};
 use palpate_wire::{Frame, Record};
 use serde::Serialize;
 
 use super::history::History;
+use crate::limits::limited_by;
 use crate::link::Link;
 use crate::verdict::explain;
 
@@ -28,6 +29,10 @@ pub(crate) struct Known {
     pub(crate) status: Option<Status>,
     /// The last result, and when, s.
     pub(crate) result: Option<(f64, Outcome)>,
+    /// The greatest cause of its interval, and what would narrow it, where the board said that.
+    pub(crate) limits: Option<String>,
+    #[serde(skip)]
+    budget: Option<UncertaintyBudget>,
     pub(crate) faults: Vec<FaultCode>,
     /// Records that were received and that are missing, of this run of the board.
     pub(crate) received: u64,
@@ -101,9 +106,9 @@ impl Known {
                 self.armed = change.armed;
             }
             Record::Status(status) => self.status = Some(status.clone()),
+            Record::UncertaintyBudget(budget) => self.budget = Some(budget.clone()),
             Record::Estimate(estimate) => {
-                let estimate = Outcome::Estimate(Box::new(estimate.clone()));
-                self.result = Some((self.time_s, estimate));
+                self.ended(Outcome::Estimate(Box::new(estimate.clone())));
             }
             Record::Refusal(refusal) => self.refused(refusal),
             Record::Fault(fault) => {
@@ -118,7 +123,12 @@ impl Known {
     }
 
     fn refused(&mut self, refusal: &Refusal) {
-        self.result = Some((self.time_s, Outcome::Refusal(explain(refusal))));
+        self.ended(Outcome::Refusal(explain(refusal)));
+    }
+
+    fn ended(&mut self, outcome: Outcome) {
+        self.result = Some((self.time_s, outcome));
+        self.limits = self.budget.take().as_ref().map(limited_by);
     }
 
     /// Whether something touches, if that is known.

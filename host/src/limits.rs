@@ -1,0 +1,134 @@
+//! What limits a measurement, and what would narrow its interval.
+
+use palpate_wire::Record;
+use palpate_wire::record::UncertaintyBudget;
+
+/// The budget of a measurement among the records of its result.
+pub(crate) fn budget_of<'r>(
+    mut records: impl Iterator<Item = &'r Record>,
+    measurement: u32,
+) -> Option<&'r UncertaintyBudget> {
+    records.find_map(|record| match record {
+        Record::UncertaintyBudget(budget) if budget.measurement == measurement => Some(budget),
+        _ => None,
+    })
+}
+
+/// The greatest cause of an interval, its share of the variance, and what would narrow it.
+pub(crate) fn limited_by(budget: &UncertaintyBudget) -> String {
+    let causes = causes(budget);
+    let whole: f32 = causes.iter().map(|cause| cause.part * cause.part).sum();
+    let [first, others @ ..] = causes;
+    let greatest = others.into_iter().fold(first, |greatest, cause| {
+        if cause.part > greatest.part {
+            cause
+        } else {
+            greatest
+        }
+    });
+    let share = 100.0 * greatest.part * greatest.part / whole.max(f32::MIN_POSITIVE);
+    format!(
+        "{share:.0} % of the interval is by {}. To narrow it: {}.",
+        greatest.name, greatest.remedy
+    )
+}
+
+/// One cause of an interval.
+struct Cause {
+    part: f32,
+    name: String,
+    remedy: &'static str,
+}
+
+fn causes(budget: &UncertaintyBudget) -> [Cause; 6] {
+    let cause = |part, name: &str, remedy| Cause {
+        part,
+        name: name.to_owned(),
+        remedy,
+    };
+    const CHECK: &str = "`palpate check` with a known spring";
+    let temperature = match budget.off_calibration_k {
+        Some(off_k) => Cause {
+            part: budget.temperature,
+            name: format!("the temperature, {off_k:+.1} K from the calibration's"),
+            remedy: "`palpate check` with a known spring, or calibrate at a second temperature",
+        },
+        None => cause(
+            budget.temperature,
+            "a temperature that is not measured",
+            "connect the coil's thermometer",
+        ),
+    };
+    [
+        cause(
+            budget.noise,
+            "noise and vibration",
+            "hold still, press deeper, or set more ramps",
+        ),
+        cause(budget.springs, "the calibrated springs", CHECK),
+        cause(budget.stiffening, "the calibrated stiffening", CHECK),
+        cause(
+            budget.zero,
+            "the zero of the deformation",
+            "lift off, let the sensor recover, and measure soon after the press",
+        ),
+        temperature,
+        cause(
+            budget.bend,
+            "a line that is not straight",
+            "press less deep, or steady the contact",
+        ),
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const BUDGET: UncertaintyBudget = UncertaintyBudget {
+        measurement: 3,
+        noise: 0.02,
+        springs: 0.01,
+        stiffening: 0.0,
+        zero: 0.0,
+        temperature: 0.06,
+        bend: 0.0,
+        off_calibration_k: Some(4.9),
+    };
+
+    #[test]
+    fn the_greatest_cause_is_named_with_its_share_and_remedy() {
+        let text = limited_by(&BUDGET);
+        // 36 of 41.
+        assert_eq!(
+            text,
+            "88 % of the interval is by the temperature, +4.9 K from the calibration's. To narrow it: \
+             `palpate check` with a known spring, or calibrate at a second temperature."
+        );
+        let unmeasured = UncertaintyBudget {
+            off_calibration_k: None,
+            ..BUDGET
+        };
+        assert!(limited_by(&unmeasured).contains("thermometer"));
+        let noisy = UncertaintyBudget {
+            noise: 0.1,
+            ..BUDGET
+        };
+        assert!(limited_by(&noisy).starts_with("71 % of the interval is by noise"));
+        // Nothing is uncertain: no number that is none.
+        let certain = UncertaintyBudget {
+            noise: 0.0,
+            springs: 0.0,
+            temperature: 0.0,
+            ..BUDGET
+        };
+        assert!(limited_by(&certain).starts_with("0 %"));
+    }
+
+    #[test]
+    fn a_budget_belongs_to_its_measurement() {
+        let records = [Record::UncertaintyBudget(BUDGET)];
+        assert_eq!(budget_of(records.iter(), 3), Some(&BUDGET));
+        assert_eq!(budget_of(records.iter(), 4), None);
+    }
+}
