@@ -35,7 +35,7 @@ impl Interrupt {
     }
 
     /// Asks for the end, as Ctrl-C does.
-    #[cfg(test)]
+    #[cfg(any(feature = "live", test))]
     pub(crate) fn ask(&self) {
         self.0.store(true, Ordering::Relaxed);
     }

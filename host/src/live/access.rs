@@ -7,7 +7,7 @@
 use std::fs::{self, OpenOptions};
 use std::io::{self, ErrorKind, Write};
 use std::net::SocketAddr;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use axum::http::header::{HOST, ORIGIN};
 use axum::http::{HeaderMap, HeaderName};
@@ -19,12 +19,14 @@ use crate::failure::Failure;
 const BYTES: usize = 16;
 /// Its file in the user's folder: a page that is open stays valid when the tool is started again.
 const FILE: &str = "live-token";
+/// A page beside it that leads to the address.
+const SHORTCUT: &str = "live.html";
 
 /// What a request has to show.
 #[derive(Clone, Debug)]
 pub(super) struct Access {
     token: String,
-    hosts: [String; 2],
+    address: SocketAddr,
 }
 
 impl Access {
@@ -34,6 +36,7 @@ impl Access {
     /// If the token can be neither read nor made.
     pub(super) fn to(address: SocketAddr) -> Result<Self, Failure> {
         let file = state_folder().join(FILE);
+        check_private(&file)?;
         let token = kept(&file).map_err(|reason| Failure::Unwritable {
             file,
             argument: "the page's token",
@@ -43,21 +46,44 @@ impl Access {
     }
 
     /// With a token.
-    pub(super) fn new(address: SocketAddr, token: String) -> Self {
-        let hosts = [address.to_string(), format!("localhost:{}", address.port())];
-        Self { token, hosts }
+    pub(super) const fn new(address: SocketAddr, token: String) -> Self {
+        Self { token, address }
     }
 
     /// Where the page is.
     pub(super) fn url(&self) -> String {
-        let [host, _] = &self.hosts;
-        format!("http://{host}/{}/", self.token)
+        format!("http://{}/{}/", self.address, self.token)
+    }
+
+    /// Writes a file that leads a browser to the page, and that no other user can read: the arguments of a
+    /// program are shown to all of them.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub(super) fn write_shortcut(&self) -> Result<PathBuf, Failure> {
+        let (file, url) = (state_folder().join(SHORTCUT), self.url());
+        let text = format!(
+            "<!doctype html><meta charset=\"utf-8\"><meta http-equiv=\"refresh\" content=\"0; url={url}\">\
+             <title>palpate live</title><a href=\"{url}\">palpate live</a>\n"
+        );
+        match replace(&file, &text) {
+            Ok(()) => Ok(file),
+            Err(reason) => Err(Failure::Unwritable {
+                file,
+                argument: "--open",
+                reason,
+            }),
+        }
     }
 
     /// Whether a request may be answered.
     pub(super) fn allows(&self, path: &str, headers: &HeaderMap) -> bool {
         let text = |name: HeaderName| headers.get(name).map(|value| value.to_str().unwrap_or(""));
-        let Some(host) = text(HOST).filter(|host| self.hosts.iter().any(|of| of == host)) else {
+        let hosts = [
+            self.address.to_string(),
+            format!("localhost:{}", self.address.port()),
+        ];
+        let Some(host) = text(HOST).filter(|host| hosts.iter().any(|of| of == host)) else {
             return false;
         };
         let is_own = text(ORIGIN).is_none_or(|origin| origin == format!("http://{host}"));
@@ -76,18 +102,50 @@ fn is_same(left: &str, right: &str) -> bool {
 fn kept(file: &Path) -> io::Result<String> {
     match fs::read_to_string(file) {
         Ok(token) if is_token(&token) => return Ok(token),
-        Ok(_) => fs::remove_file(file)?,
+        Ok(_) => {}
         Err(error) if error.kind() == ErrorKind::NotFound => {}
         Err(error) => return Err(error),
     }
     let mut bytes = [0; BYTES];
     getrandom::fill(&mut bytes).map_err(io::Error::other)?;
     let token: String = bytes.iter().map(|byte| format!("{byte:02x}")).collect();
+    replace(file, &token)?;
+    Ok(token)
+}
+
+/// Refuses a token that other users may know.
+///
+/// # Errors
+/// If they can read or write its file.
+#[cfg(unix)]
+fn check_private(file: &Path) -> Result<(), Failure> {
+    use std::os::unix::fs::PermissionsExt;
+    let mode = fs::metadata(file).map_or(0, |data| data.permissions().mode());
+    if mode & 0o077 == 0 {
+        return Ok(());
+    }
+    Err(Failure::Refused(format!(
+        "{}: other users can read or change the page's token: delete it, and the next start makes another one",
+        file.display()
+    )))
+}
+
+/// The user's folder is closed to other users.
+#[cfg(not(unix))]
+#[expect(clippy::unnecessary_wraps, reason = "elsewhere it may fail")]
+fn check_private(_: &Path) -> Result<(), Failure> {
+    Ok(())
+}
+
+/// Writes a file anew, which other users cannot read.
+fn replace(file: &Path, text: &str) -> io::Result<()> {
     if let Some(folder) = file.parent() {
         fs::create_dir_all(folder)?;
     }
-    private(file)?.write_all(token.as_bytes())?;
-    Ok(token)
+    match fs::remove_file(file) {
+        Err(error) if error.kind() != ErrorKind::NotFound => Err(error),
+        _ => private(file)?.write_all(text.as_bytes()),
+    }
 }
 
 fn is_token(text: &str) -> bool {

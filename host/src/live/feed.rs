@@ -118,6 +118,11 @@ impl Feed {
         Ok(())
     }
 
+    /// Whether the pages' server is still there.
+    pub(super) fn is_served(&self) -> bool {
+        !self.state.is_closed()
+    }
+
     /// Batches that a page has not taken.
     #[cfg(test)]
     pub(super) fn waiting(&self) -> usize {

@@ -37,8 +37,9 @@ const PORT: u16 = 7162;
 #[derive(Args)]
 #[command(after_help = "\
 Prints the page's address. Only browsers of this computer reach it, and only with the token that is in the
-address; it stays the same from one start to the next. Ctrl-C ends it, and disarms a board that was armed
-here. A board that is unplugged or starts anew is waited for.
+address; it stays the same from one start to the next. --open hands the browser a file that leads there, so
+that no list of processes shows the token; a browser that may not read the file is given the address. Ctrl-C
+ends it, and disarms a board that was armed here. A board that is unplugged or starts anew is waited for.
 
 Examples:
   palpate live
@@ -67,14 +68,18 @@ struct Served {
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let listener = listen(arguments.port)?;
     let access = Access::to(listener.local_addr()?)?;
-    let url = access.url();
     let interrupt = Interrupt::catch()?;
     let link = arguments.watched.open()?;
     let (feed, desk) = feed::between();
-    server::start(listener, access, desk)?;
+    let url = access.url();
+    let shortcut = arguments
+        .open
+        .then(|| access.write_shortcut())
+        .transpose()?;
+    server::start(listener, access, desk, interrupt.clone())?;
     print(&url, arguments.json)?;
-    if arguments.open
-        && let Err(error) = open::that_detached(&url)
+    if let Some(shortcut) = shortcut
+        && let Err(error) = open::that_detached(shortcut)
     {
         notice::say(format_args!(
             "The browser does not open ({error}): open the address in it."

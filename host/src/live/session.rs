@@ -57,7 +57,7 @@ impl<'a> Session<'a> {
     /// Goes on until the end is asked for. A board that is gone is waited for.
     ///
     /// # Errors
-    /// If the emulated board cannot run on.
+    /// If the emulated board cannot run on, or the page's server has ended.
     pub(super) fn run(&mut self, interrupt: &Interrupt) -> Result<(), Failure> {
         while !interrupt.is_asked() {
             match self.turn(interrupt) {
@@ -74,7 +74,14 @@ impl<'a> Session<'a> {
                 turned => turned?,
             }
         }
-        Ok(())
+        if self.view.feed().is_served() {
+            return Ok(());
+        }
+        Err(Failure::Refused(
+            "the page's server has ended, and so does this: a board that was armed here is disarmed. Start \
+             `palpate live` again"
+                .to_owned(),
+        ))
     }
 
     fn turn(&mut self, interrupt: &Interrupt) -> Result<(), Failure> {

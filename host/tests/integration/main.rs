@@ -12,6 +12,8 @@ mod field;
 mod flash;
 mod image;
 mod installed;
+#[cfg(target_os = "linux")]
+mod live;
 mod logs;
 mod outputs;
 mod plan;
