@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use crate::failure::Failure;
 use crate::link::BUSY;
+use crate::notice;
 
 /// A program that takes nothing for so long is gone.
 const PATIENCE: Duration = Duration::from_secs(5);
@@ -15,10 +16,19 @@ const CHUNK: usize = 4096;
 /// a serial port holds some. What is beyond stays with the board, which drops it and counts it.
 const WAITING: usize = 64 * 1024;
 
+/// What ends a frame, and is in none.
+const DELIMITER: u8 = 0;
+/// Bytes before the first delimiter of a program at most: no frame is longer.
+const LONGEST_OPENING: usize = CHUNK;
+/// What an HTTP request has in its first line.
+const HTTP: &[u8] = b" HTTP/";
+
 /// The port, and the program that is connected.
 pub(super) struct Port {
     listener: TcpListener,
     program: Option<TcpStream>,
+    /// What the program has sent before the first delimiter; nothing from there on.
+    opening: Option<Vec<u8>>,
     /// What it has not taken yet.
     waiting: Vec<u8>,
 }
@@ -35,6 +45,7 @@ impl Port {
         Ok(Self {
             listener,
             program: None,
+            opening: None,
             waiting: Vec::new(),
         })
     }
@@ -65,6 +76,7 @@ impl Port {
             } else if stream.set_nonblocking(true).is_ok() {
                 let _ = stream.set_nodelay(true);
                 self.waiting.clear();
+                self.opening = Some(Vec::new());
                 self.program = Some(stream);
             }
         }
@@ -81,12 +93,36 @@ impl Port {
             Ok(0) => self.program = None,
             Ok(count) => {
                 bytes.truncate(count);
-                return bytes;
+                return self.checked(bytes);
             }
             Err(error) if is_later(&error) => {}
             Err(_) => self.program = None,
         }
         Vec::new()
+    }
+
+    /// Bytes for the board. Until the first delimiter they wait: a browser sends a page's request to any port,
+    /// with frames in its body if the page likes, and is sent away.
+    fn checked(&mut self, bytes: Vec<u8>) -> Vec<u8> {
+        let Some(mut opening) = self.opening.take() else {
+            return bytes;
+        };
+        opening.extend(bytes);
+        let end = opening.iter().position(|byte| *byte == DELIMITER);
+        let before = opening.get(..end.unwrap_or(opening.len()));
+        let is_http = before.is_some_and(|before| before.windows(HTTP.len()).any(|of| of == HTTP));
+        if is_http || end.is_none() && opening.len() > LONGEST_OPENING {
+            notice::say(
+                "A program that speaks HTTP, or no frames, was sent away: see docs/protocol.md.",
+            );
+            self.program = None;
+            return Vec::new();
+        }
+        if end.is_none() {
+            self.opening = Some(opening);
+            return Vec::new();
+        }
+        opening
     }
 
     /// Whether the program takes more.

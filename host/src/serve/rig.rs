@@ -6,6 +6,7 @@
 
 use std::io::{ErrorKind, Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::ops::RangeInclusive;
 
 use palpate_sim::Time;
 use palpate_sim::parameters::Parameters;
@@ -21,6 +22,11 @@ const INTERVAL: Time = Time::from_ms(5);
 const BARE_START_M: f64 = -10e-6;
 /// Bytes that wait for a program at most; one that does not read is gone.
 const WAITING: usize = 64 * 1024;
+/// The longest line of a program, bytes.
+const LONGEST_LINE: usize = 1024;
+/// The greatest place, m, and the speeds of the stage, m/s.
+const FARTHEST_M: f64 = 1.0;
+const SPEEDS_M_PER_S: RangeInclusive<f64> = 1e-6..=1.0;
 
 /// The bench and the programs of its gauges.
 pub(super) struct RigPort {
@@ -47,6 +53,8 @@ struct GaugeClient {
     kind: Option<Kind>,
     received: Vec<u8>,
     waiting: Vec<u8>,
+    /// Whether what it has sent is no gauge's: its first line names none, or a line has no end.
+    is_stranger: bool,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -142,18 +150,21 @@ impl RigPort {
         let words: Vec<&str> = line.split_whitespace().collect();
         match words.as_slice() {
             ["move", place, speed] => {
-                let (Ok(place_m), Ok(speed_m_per_s)) = (place.parse::<f64>(), speed.parse::<f64>())
-                else {
-                    return Ok(Some("error move takes two numbers".to_owned()));
+                let (Some(place_m), Some(speed_m_per_s)) = (
+                    within(place, -FARTHEST_M..=FARTHEST_M),
+                    within(speed, SPEEDS_M_PER_S),
+                ) else {
+                    return Ok(Some(format!(
+                        "error move takes a place within {FARTHEST_M} m and a speed of {:e} to {} m/s",
+                        SPEEDS_M_PER_S.start(),
+                        SPEEDS_M_PER_S.end()
+                    )));
                 };
                 self.send_to(place_m, speed_m_per_s, board);
                 Ok(None)
             }
             ["mount", rest @ ..] => match specimen(rest) {
-                Some(specimen) => {
-                    self.mount(specimen, board)?;
-                    Ok(Some("ok".to_owned()))
-                }
+                Some(specimen) => self.mount(specimen, board).map(Some),
                 None => Ok(Some("error no such specimen".to_owned())),
             },
             _ => Ok(Some(format!("error {line:?} is no command"))),
@@ -176,13 +187,17 @@ impl RigPort {
         }
     }
 
+    /// Puts a specimen on the stage; the answer.
     fn mount(
         &mut self,
         specimen: Option<Specimen>,
         board: &mut PluggedBoard,
-    ) -> Result<(), Failure> {
+    ) -> Result<String, Failure> {
         let on_stage = specimen.unwrap_or(Specimen::Block);
-        let (world, gauges) = Rig::new(&self.plant, Switches::all(), on_stage)?.into_parts();
+        let (world, gauges) = match Rig::new(&self.plant, Switches::all(), on_stage) {
+            Ok(rig) => rig.into_parts(),
+            Err(error) => return Ok(format!("error {error}")),
+        };
         board.power_on_in(world)?;
         self.bench = match specimen {
             Some(_) => MountedBench::Sensor(Box::new(gauges)),
@@ -191,8 +206,14 @@ impl RigPort {
                 MountedBench::Bare(Box::new(bare), BARE_START_M)
             }
         };
-        Ok(())
+        Ok("ok".to_owned())
     }
+}
+
+/// The number of a text, within a range.
+fn within(text: &str, range: RangeInclusive<f64>) -> Option<f64> {
+    let number = text.parse().ok()?;
+    range.contains(&number).then_some(number)
 }
 
 /// What `mount` names: a specimen above the sensor, or none for block on block. With nothing on the stage a
@@ -216,25 +237,31 @@ impl GaugeClient {
             kind: None,
             received: Vec::new(),
             waiting: Vec::new(),
+            is_stranger: false,
         }
     }
 
-    /// Whole lines that have come, without the first, which says what the program is of.
+    /// Whole lines that have come, without the first, which says what the program is of. One that says anything
+    /// else, as a browser does, is sent away.
     fn lines(&mut self) -> Vec<String> {
         let mut bytes = [0; 1024];
         if let Ok(count) = self.stream.read(&mut bytes) {
             self.received.extend(bytes.iter().take(count));
         }
         let mut lines = Vec::new();
-        while let Some(end) = self.received.iter().position(|byte| *byte == b'\n') {
+        while !self.is_stranger
+            && let Some(end) = self.received.iter().position(|byte| *byte == b'\n')
+        {
             let line: Vec<u8> = self.received.drain(..=end).collect();
             let line = String::from_utf8_lossy(&line).trim().to_owned();
             match (self.kind, line.as_str()) {
                 (None, "force") => self.kind = Some(Kind::Force),
-                (None, _) => self.kind = Some(Kind::Stage),
+                (None, "stage") => self.kind = Some(Kind::Stage),
+                (None, _) => self.is_stranger = true,
                 (Some(_), _) => lines.push(line),
             }
         }
+        self.is_stranger |= self.received.len() > LONGEST_LINE;
         lines
     }
 
@@ -249,6 +276,6 @@ impl GaugeClient {
             Err(error) if error.kind() == ErrorKind::WouldBlock => {}
             Err(_) => return false,
         }
-        is_there && self.waiting.len() < WAITING
+        is_there && !self.is_stranger && self.waiting.len() < WAITING
     }
 }

@@ -1,9 +1,9 @@
 //! `palpate serve-emulated` with programs at its port.
 
-use std::io::{BufRead, BufReader, Read, Write};
+use std::io::{BufRead, BufReader, ErrorKind, Read, Write};
 use std::net::TcpStream;
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, ChildStderr, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use palpate_wire::code::{Outcome, StorageAction, StorageState};
@@ -20,6 +20,7 @@ const PATIENCE: Duration = Duration::from_secs(300);
 pub(super) struct Server {
     child: Child,
     pub(super) address: String,
+    said: BufReader<ChildStderr>,
 }
 
 impl Server {
@@ -37,16 +38,18 @@ impl Server {
             .stderr(Stdio::piped())
             .spawn()
             .unwrap();
-        let said = BufReader::new(child.stderr.take().unwrap());
-        let address = said.lines().find_map(|line| {
-            let line = line.unwrap();
-            let address = line.strip_prefix("the emulated board is at ")?;
-            Some(address.to_owned())
-        });
+        let mut said = BufReader::new(child.stderr.take().unwrap());
+        let address = place(&mut said, "the emulated board is at ");
         Self {
             child,
-            address: address.expect("it says where it is"),
+            address,
+            said,
         }
+    }
+
+    /// Where the gauges of its bench are, with `--rig`.
+    fn rig(&mut self) -> String {
+        place(&mut self.said, "the gauges of its bench are at ")
     }
 
     fn connect(&self) -> Program {
@@ -58,6 +61,25 @@ impl Server {
             decoder: RecordDecoder::new(),
             sequencer: Sequencer::new(0),
         }
+    }
+}
+
+/// What a line says after its beginning.
+fn place(said: &mut BufReader<ChildStderr>, beginning: &str) -> String {
+    let mut lines = said.by_ref().lines().map(Result::unwrap);
+    let place = lines.find_map(|line| Some(line.strip_prefix(beginning)?.to_owned()));
+    place.expect("it says where it is")
+}
+
+/// Sends bytes, and reads until the connection is closed.
+fn exchange(address: &str, bytes: &[u8]) -> std::io::Result<()> {
+    let mut stream = TcpStream::connect(address)?;
+    stream.set_read_timeout(Some(Duration::from_secs(20)))?;
+    stream.write_all(bytes)?;
+    match stream.read_to_end(&mut Vec::new()) {
+        // Bytes were unread when it closed the connection.
+        Err(error) if error.kind() == ErrorKind::ConnectionReset => Ok(()),
+        read => read.map(drop),
     }
 }
 
@@ -207,4 +229,60 @@ fn only_who_allows_it_listens_to_other_machines() {
     assert_eq!(refused.status.code(), Some(2));
     let said = String::from_utf8_lossy(&refused.stderr);
     assert!(said.contains("--allow-remote"), "{said}");
+}
+
+/// What a page of any site may send: a command as the body of a request.
+fn request(method: &str, body: &[u8]) -> Vec<u8> {
+    let head = format!("{method} / HTTP/1.1\r\nHost: 127.0.0.1\r\nOrigin: null\r\n\r\n");
+    [head.as_bytes(), body].concat()
+}
+
+#[test]
+fn a_request_of_a_browser_reaches_no_board() {
+    let server = Server::start(&[]);
+    let mut sequencer = Sequencer::new(0);
+    let mut buffer = [0; palpate_wire::Command::MAX_FRAME];
+    let identify = palpate_wire::Command::Identify;
+    let frame = encode(&sequencer.stamp(0), &identify, &mut buffer).unwrap();
+    // A delimiter first, so that the frame begins there.
+    let body = [&[0], frame].concat();
+    for method in ["POST", "OPTIONS", "X"] {
+        let closed = exchange(&server.address, &request(method, &body));
+        assert!(closed.is_ok(), "{method}: {closed:?}");
+    }
+    // A program that begins with a delimiter is answered, and so is one whose frame comes in pieces.
+    let mut program = server.connect();
+    program.stream.write_all(&[0]).unwrap();
+    assert!(program.hello().unit != 0);
+}
+
+#[test]
+fn the_bench_goes_on_after_a_line_that_it_refuses_and_takes_no_request() {
+    let mut server = Server::start(&["--rig", "127.0.0.1:0"]);
+    let rig = server.rig();
+    let closed = exchange(&rig, &request("POST", b"mount nothing\n"));
+    assert!(closed.is_ok(), "{closed:?}");
+    let mut stage = TcpStream::connect(&rig).unwrap();
+    stage.set_read_timeout(Some(PATIENCE)).unwrap();
+    let refused = [
+        "mount spring nan",
+        "mount spring -1",
+        "mount spring 0",
+        "mount spring inf",
+        "move nan 0.001",
+        "move 0.001 0",
+        "move 0.001 -1",
+        "move inf 0.001",
+        "move 1e300 1e-300",
+        "move 0.001 nan",
+    ];
+    writeln!(stage, "stage\n{}", refused.join("\n")).unwrap();
+    let mut lines = BufReader::new(&stage).lines().map(Result::unwrap);
+    for line in refused {
+        let answer = lines.find(|line| line.starts_with("error") || line == "ok");
+        assert!(answer.unwrap().starts_with("error "), "{line}");
+    }
+    writeln!(&stage, "mount spring 600").unwrap();
+    let answer = lines.find(|line| line.starts_with("error") || line == "ok");
+    assert_eq!(answer.unwrap(), "ok");
 }
