@@ -2,7 +2,7 @@
 //!
 //! It passes lines on, both ways: what calibrates a board sees a program as that of a real gauge.
 
-use std::io::{self, BufRead, BufReader, Write};
+use std::io::{self, Read, Write};
 use std::net::TcpStream;
 use std::thread;
 
@@ -36,18 +36,21 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         Gauge::Stage => "stage",
     };
     writeln!(bench, "{name}").map_err(gone)?;
-    let mut commands = bench.try_clone().map_err(gone)?;
-    thread::spawn(move || {
-        for line in io::stdin().lock().lines().map_while(Result::ok) {
-            if writeln!(commands, "{line}").is_err() {
-                break;
-            }
-        }
-    });
-    let mut out = io::stdout().lock();
-    for line in BufReader::new(bench).lines() {
-        writeln!(out, "{}", line.map_err(gone)?)?;
-        out.flush()?;
-    }
+    let commands = bench.try_clone().map_err(gone)?;
+    thread::spawn(move || pass_on(io::stdin().lock(), commands));
+    pass_on(bench, io::stdout().lock()).map_err(gone)?;
     Err(Failure::Lost(format!("{at}: the bench is gone")))
+}
+
+/// Passes bytes on as they come, until there are no more.
+fn pass_on(mut from: impl Read, mut to: impl Write) -> io::Result<()> {
+    let mut bytes = [0; 1024];
+    loop {
+        let count = from.read(&mut bytes)?;
+        if count == 0 {
+            return Ok(());
+        }
+        to.write_all(bytes.get(..count).unwrap_or_default())?;
+        to.flush()?;
+    }
 }

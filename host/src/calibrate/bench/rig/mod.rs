@@ -279,7 +279,7 @@ impl<'l> RigBench<'l> {
             self.is_sending()?;
             if self.link.now() > end {
                 return Err(Failure::Refused(
-                    "the load cell of --force says nothing: see its plug, its port and its program"
+                    "the load cell of --force has sent no reading: see its plug, its port and its program"
                         .into(),
                 ));
             }

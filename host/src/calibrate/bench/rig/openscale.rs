@@ -68,6 +68,14 @@ impl OpenScale {
         }
         Ok(())
     }
+
+    fn uncalibrated(&self, weight: &str) -> Failure {
+        Failure::Refused(format!(
+            "the OpenScale at {} sends the weight {weight}: calibrate it with a mass, in the menu that it shows \
+             in a terminal after x",
+            self.name
+        ))
+    }
 }
 
 impl Source for OpenScale {
@@ -81,11 +89,15 @@ impl Source for OpenScale {
         let mut lines = Vec::new();
         while let Some(end) = self.received.iter().position(|byte| *byte == b'\n') {
             let line: Vec<u8> = self.received.drain(..=end).collect();
-            let force_n = force_n(&String::from_utf8_lossy(&line));
-            lines.extend(force_n.map(|value| Line::Reading {
+            let value = match force_n(&String::from_utf8_lossy(&line)) {
+                Some(Ok(value)) => value,
+                Some(Err(weight)) => return Err(self.uncalibrated(&weight)),
+                None => continue,
+            };
+            lines.push(Line::Reading {
                 time_s: None,
                 value,
-            }));
+            });
         }
         Ok(lines)
     }
@@ -95,21 +107,28 @@ impl Source for OpenScale {
     }
 }
 
-/// The force of a line, N; nothing of its greeting and its menu.
-fn force_n(line: &str) -> Option<f64> {
+/// Weights that are no number: an OpenScale without a calibration divides by zero. `ovf` is what its library
+/// prints for a number beyond 32 bits.
+const NO_NUMBERS: [&str; 4] = ["inf", "-inf", "nan", "ovf"];
+
+/// The force of a line, N, or the weight that is no number; nothing of its greeting and its menu, and of a line that
+/// was cut.
+fn force_n(line: &str) -> Option<Result<f64, String>> {
     let fields: Vec<&str> = line.split(',').map(str::trim).collect();
-    let pairs = fields.windows(2);
-    let mut forces = pairs.filter_map(|pair| {
+    let mut pairs = fields.windows(2);
+    pairs.find_map(|pair| {
         let &[weight, unit] = pair else { return None };
         let newton = match unit {
             "kg" => NEWTON_PER_KG,
             "lbs" => NEWTON_PER_LB,
             _ => return None,
         };
+        if NO_NUMBERS.contains(&weight.to_ascii_lowercase().as_str()) {
+            return Some(Err(weight.to_owned()));
+        }
         let weight: f64 = weight.parse().ok()?;
-        weight.is_finite().then_some(weight * newton)
-    });
-    forces.next()
+        weight.is_finite().then_some(Ok(weight * newton))
+    })
 }
 
 #[cfg(test)]
@@ -123,19 +142,24 @@ mod tests {
             "0.1835,kg\r\n",
             "2041,24.62,0,0.1835,kg",
         ] {
-            let force_n = force_n(line).unwrap();
+            let force_n = force_n(line).unwrap().unwrap();
             assert!((force_n - 1.799_5).abs() < 1e-4, "{line}: {force_n}");
         }
-        assert!((force_n("-0.4046,lbs,").unwrap() + 1.799_8).abs() < 1e-4);
+        assert!((force_n("-0.4046,lbs,").unwrap().unwrap() + 1.799_8).abs() < 1e-4);
         for line in [
             "Readings:",
             "Press x to bring up settings.",
             "",
-            "2041,nan,kg",
+            "2041,0.1-3,kg",
             "kg",
         ] {
             assert_eq!(force_n(line), None, "{line}");
         }
+    }
+
+    #[test]
+    fn a_weight_that_is_no_number_is_shown() {
+        assert_eq!(force_n("2041,nan,kg"), Some(Err("nan".to_owned())));
     }
 
     #[cfg(unix)]
@@ -164,5 +188,30 @@ mod tests {
             value,
         };
         assert_eq!(lines, [reading]);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_scale_that_was_never_calibrated_says_so() {
+        use std::io::Write;
+
+        for weight in ["inf", "-inf", "nan", "ovf"] {
+            let (mut scale, port) = serialport::TTYPort::pair().unwrap();
+            let path = port.name().unwrap();
+            drop(port);
+            let mut open = OpenScale::open(&path).unwrap();
+            write!(scale, "OpenScale\r\n12,{weight},kg,\r\n").unwrap();
+            let failure = (0..1_000).find_map(|_| {
+                std::thread::sleep(Duration::from_millis(1));
+                open.lines().err()
+            });
+            let said = failure
+                .map(|failure| failure.to_string())
+                .unwrap_or_default();
+            assert!(
+                said.contains(weight) && said.contains("calibrate it"),
+                "{said}"
+            );
+        }
     }
 }

@@ -2,12 +2,18 @@
 //!
 //! docs/calibration.md describes the lines for people who write such a program.
 
-use std::io::{self, BufRead, BufReader, Write};
+use std::io::{BufRead, BufReader, Read, Write};
+use std::iter;
 use std::process::{Child, ChildStdin, Command, Stdio};
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::thread;
+use std::time::{Duration, Instant};
 
 use crate::failure::Failure;
+
+/// How long a program that has closed its output may take to end.
+const END: Duration = Duration::from_secs(1);
+const LOOK: Duration = Duration::from_millis(10);
 
 /// One line of a program.
 #[derive(Clone, Debug, PartialEq)]
@@ -78,17 +84,20 @@ pub(super) struct Program {
 }
 
 impl Program {
-    /// Starts a program: its path, and its arguments after spaces.
+    /// Starts a program: its path, and its arguments after spaces; what has spaces of its own in quotes.
     ///
     /// # Errors
     /// If it cannot be started.
     pub(super) fn start(argument: &'static str, command: &str) -> Result<Self, Failure> {
         let unstarted = |reason: &dyn std::fmt::Display| {
             Failure::Argument(format!(
-                "{argument} {command:?}: {reason}. Name a program that runs by itself, with its arguments"
+                "{argument} {command:?}: {reason}. Name a program that runs by itself, with its arguments; put a \
+                 path with spaces in quotes of its own, as {argument} \"'my bench/read-cell' /dev/ttyUSB0\""
             ))
         };
-        let mut words = command.split_whitespace();
+        let mut words = words(command)
+            .map_err(|reason| unstarted(&reason))?
+            .into_iter();
         let path = words.next().ok_or_else(|| unstarted(&"it is empty"))?;
         let mut child = Command::new(path)
             .args(words)
@@ -101,7 +110,7 @@ impl Program {
         let (sender, lines) = channel();
         // Ends with the program's output.
         thread::spawn(move || {
-            for line in BufReader::new(output).lines().map_while(io::Result::ok) {
+            for line in texts(output) {
                 if sender.send(line).is_err() {
                     break;
                 }
@@ -116,13 +125,54 @@ impl Program {
     }
 
     fn ended(&mut self) -> Failure {
-        let status = self.child.wait();
-        let status = status.map_or_else(|error| error.to_string(), |status| status.to_string());
+        let end = Instant::now() + END;
+        let outcome = loop {
+            match self.child.try_wait() {
+                Ok(Some(status)) => break format!("has ended ({status})"),
+                Ok(None) if Instant::now() < end => thread::sleep(LOOK),
+                Ok(None) => break "has closed its output, and runs on".to_owned(),
+                Err(error) => break format!("has closed its output ({error})"),
+            }
+        };
         Failure::Refused(format!(
-            "the program of {} has ended ({status}): see its message, its cable and its port",
+            "the program of {} {outcome}: see its message, its cable and its port",
             self.argument
         ))
     }
+}
+
+/// The words of a command: what stands between spaces, or in single or double quotes.
+fn words(command: &str) -> Result<Vec<String>, &'static str> {
+    let mut words = Vec::new();
+    let mut word: Option<String> = None;
+    let mut quote = None;
+    for letter in command.chars() {
+        if quote == Some(letter) {
+            quote = None;
+        } else if quote.is_none() && matches!(letter, '\'' | '"') {
+            quote = Some(letter);
+            word.get_or_insert_default();
+        } else if quote.is_none() && letter.is_whitespace() {
+            words.extend(word.take());
+        } else {
+            word.get_or_insert_default().push(letter);
+        }
+    }
+    words.extend(word);
+    match quote {
+        None => Ok(words),
+        Some(_) => Err("a quote is not closed"),
+    }
+}
+
+/// Lines of an output, which ends with them. A byte that is not UTF-8 shows as a mark in its place.
+fn texts(output: impl Read) -> impl Iterator<Item = String> {
+    let mut output = BufReader::new(output);
+    iter::from_fn(move || {
+        let mut line = Vec::new();
+        let count = output.read_until(b'\n', &mut line).unwrap_or(0);
+        (count > 0).then(|| String::from_utf8_lossy(&line).trim_end().to_owned())
+    })
 }
 
 impl Source for Program {
@@ -186,6 +236,21 @@ mod tests {
         }
     }
 
+    #[test]
+    fn words_stand_between_spaces_or_in_quotes() {
+        for (command, expected) in [
+            ("read-cell", &["read-cell"][..]),
+            (" a  b\tc ", &["a", "b", "c"]),
+            ("'my bench/read' \"x y\" ''", &["my bench/read", "x y", ""]),
+            (r"C:\cell.exe --at='1 2'", &[r"C:\cell.exe", "--at=1 2"]),
+            ("\"it's\"", &["it's"]),
+            ("", &[]),
+        ] {
+            assert_eq!(words(command).unwrap(), expected, "{command}");
+        }
+        assert!(words("'a").is_err() && words("a\"").is_err());
+    }
+
     #[cfg(unix)]
     #[test]
     fn a_program_that_ends_is_a_failure_with_its_status_after_its_last_line() {
@@ -207,5 +272,63 @@ mod tests {
             missing.to_string().contains("/no/such/program"),
             "{missing}"
         );
+    }
+
+    /// How a program's lines end.
+    #[cfg(unix)]
+    fn failure(command: &str) -> String {
+        let mut program = Program::start("--force", command).unwrap();
+        let end = Instant::now() + Duration::from_secs(20);
+        while Instant::now() < end {
+            if let Err(failure) = program.lines() {
+                return failure.to_string();
+            }
+            thread::sleep(Duration::from_millis(5));
+        }
+        panic!("{command}: neither a reading nor a failure");
+    }
+
+    /// A program in a folder whose name has a blank; the command that starts it.
+    #[cfg(unix)]
+    fn script(folder: &std::path::Path, text: &str) -> String {
+        let file = folder.join("read cell.sh");
+        std::fs::write(&file, text).unwrap();
+        format!("sh '{}'", file.display())
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_line_that_is_not_utf_8_is_shown_and_a_comment_may_be_anything() {
+        let folder = tempfile::tempdir().unwrap();
+        let text = "printf '# 25 \\260C\\n1.5\\n1.5 \\265N\\n'; sleep 60\n";
+        let said = failure(&script(folder.path(), text));
+        assert!(said.contains("prints \"1.5 \u{FFFD}N\""), "{said}");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_program_that_closes_its_output_and_runs_on_is_not_waited_for() {
+        let folder = tempfile::tempdir().unwrap();
+        let said = failure(&script(folder.path(), "exec >&-; exec sleep 60\n"));
+        assert!(said.contains("--force has closed its output"), "{said}");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_path_with_a_blank_stands_in_quotes() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut program = Program::start("--force", &script(folder.path(), "echo 1.5\n")).unwrap();
+        let line = iter::repeat_with(|| program.lines()).find_map(|lines| lines.unwrap().pop());
+        assert!(
+            matches!(line, Some(Line::Reading { value: 1.5, .. })),
+            "{line:?}"
+        );
+        let unclosed = Program::start("--force", "sh 'read cell").err().unwrap();
+        assert!(
+            unclosed.to_string().contains("a quote is not closed"),
+            "{unclosed}"
+        );
+        let missing = Program::start("--force", "/no/such cell").err().unwrap();
+        assert!(missing.to_string().contains("in quotes"), "{missing}");
     }
 }
