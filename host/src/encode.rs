@@ -1,13 +1,13 @@
 //! `palpate encode`: commands for the device, as frames.
 
-use std::fs;
-use std::io::{self, BufRead, Write};
+use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 
 use clap::Args;
 use palpate_wire::{Command, Message, Sequencer, encode};
 
 use crate::failure::Failure;
+use crate::text;
 
 /// Turn commands into frames on standard output: JSON from standard input, one command a line, or
 /// a calibration from a TOML file
@@ -76,9 +76,9 @@ fn frames(commands: &[Command], boot: u32, sequence: u32) -> Result<Vec<u8>, Fai
     let mut sequencer = Sequencer::new(boot);
     let mut bytes = Vec::new();
     let mut buffer = [0; Command::MAX_FRAME];
-    for (number, command) in (sequence..).zip(commands) {
+    for (index, command) in (0..).zip(commands) {
         let header = palpate_wire::Header {
-            sequence: number,
+            sequence: sequence.wrapping_add(index),
             ..sequencer.stamp(0)
         };
         let frame = encode(&header, command, &mut buffer)
@@ -88,7 +88,7 @@ fn frames(commands: &[Command], boot: u32, sequence: u32) -> Result<Vec<u8>, Fai
     Ok(bytes)
 }
 
-fn from_lines(from: impl BufRead) -> Result<Vec<Command>, Failure> {
+fn from_lines(from: impl Read) -> Result<Vec<Command>, Failure> {
     let numbered = numbered_lines(from, Path::new("standard input"))?;
     Ok(numbered.into_iter().map(|(_, command)| command).collect())
 }
@@ -98,16 +98,16 @@ fn from_lines(from: impl BufRead) -> Result<Vec<Command>, Failure> {
 /// # Errors
 /// With the place of a line that is no command, or has a value out of range.
 pub(crate) fn numbered_lines(
-    from: impl BufRead,
+    from: impl Read,
     input: &Path,
 ) -> Result<Vec<(u64, Command)>, Failure> {
+    let text = text::of(from, input)?;
     let mut commands = Vec::new();
-    for (number, line) in (1..).zip(from.lines()) {
-        let line = line?;
+    for (number, line) in (1..).zip(text.lines()) {
         if line.trim().is_empty() {
             continue;
         }
-        let command = serde_json::from_str(&line).map_err(|error| Failure::Input {
+        let command = serde_json::from_str(line).map_err(|error| Failure::Input {
             file: input.to_path_buf(),
             line: number,
             problem: error.to_string(),
@@ -131,11 +131,7 @@ fn checked(command: Command, file: &Path, line: u64) -> Result<Command, Failure>
 }
 
 fn calibration(file: &Path) -> Result<Vec<Command>, Failure> {
-    let text = fs::read_to_string(file).map_err(|reason| Failure::Unreadable {
-        file: file.to_path_buf(),
-        reason,
-    })?;
-    from_toml(&text, file)
+    from_toml(&text::of_file(file)?, file)
 }
 
 fn from_toml(text: &str, file: &Path) -> Result<Vec<Command>, Failure> {
@@ -180,6 +176,8 @@ fn line_of(text: &str, name: &str) -> u64 {
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use palpate_wire::CommandDecoder;
 
     use super::*;
@@ -219,5 +217,53 @@ mod tests {
         let error = from_toml("[set_col]\n", Path::new("mine.toml")).unwrap_err();
         assert!(error.to_string().contains("set_coil"), "{error}");
         assert!(from_lines(&b"\"fly\"\n"[..]).is_err());
+    }
+
+    /// A text as UTF-16, with the mark that editors of Windows write.
+    fn utf_16(text: &str) -> Vec<u8> {
+        let units = text.encode_utf16();
+        [0xFF, 0xFE]
+            .into_iter()
+            .chain(units.flat_map(u16::to_le_bytes))
+            .collect()
+    }
+
+    #[test]
+    fn a_mark_before_utf_8_is_passed_over_and_other_texts_are_refused_with_their_line() {
+        let commands = from_lines(&b"\xEF\xBB\xBF\"arm\"\r\n\"abort\"\r\n"[..]).unwrap();
+        assert_eq!(commands, [Command::Arm, Command::Abort]);
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("mine.toml");
+        fs::write(&file, format!("\u{FEFF}{COIL}")).unwrap();
+        assert_eq!(calibration(&file).unwrap().len(), 2);
+
+        fs::write(&file, utf_16(COIL)).unwrap();
+        let refused = [
+            (calibration(&file), "line 1: it is UTF-16"),
+            (from_lines(&utf_16("\"arm\"\n")[..]), "line 1: it is UTF-16"),
+            (
+                from_lines(&b"\"arm\"\n\"a\xE9\"\n"[..]),
+                "line 2: it is not UTF-8",
+            ),
+        ];
+        for (refused, part) in refused {
+            let failure = refused.unwrap_err();
+            assert!(matches!(failure, Failure::Input { .. }), "{failure:?}");
+            let message = failure.to_string();
+            assert!(
+                message.contains(part) && message.contains("save it as UTF-8"),
+                "{message}"
+            );
+        }
+    }
+
+    #[test]
+    fn the_number_after_the_greatest_is_zero() {
+        let commands = [Command::Arm, Command::Abort];
+        let bytes = frames(&commands, 7, u32::MAX).unwrap();
+        let mut decoder = CommandDecoder::new();
+        let frames = decoder.frames(&bytes).map(Result::unwrap);
+        let numbers: Vec<_> = frames.map(|frame| frame.header.sequence).collect();
+        assert_eq!(numbers, [u32::MAX, 0]);
     }
 }

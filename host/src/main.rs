@@ -107,6 +107,7 @@ mod springs;
 #[cfg(feature = "emulator")]
 mod storage;
 mod switches;
+mod text;
 #[cfg(feature = "emulator")]
 mod tool;
 mod verdict;

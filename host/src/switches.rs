@@ -1,12 +1,12 @@
 //! A file of switches: what a converter does where sources disagree about it.
 
-use std::fs;
 use std::path::Path;
 
 use ldc161x_sim::Switches;
 use serde::{Deserialize, Serialize};
 
 use crate::failure::Failure;
+use crate::text;
 
 /// A file of switches.
 #[derive(Deserialize, Serialize)]
@@ -17,10 +17,7 @@ struct Document {
 
 /// Reads a file of switches.
 pub(crate) fn read(file: &Path) -> Result<Switches, Failure> {
-    let text = fs::read_to_string(file).map_err(|reason| Failure::Unreadable {
-        file: file.to_path_buf(),
-        reason,
-    })?;
+    let text = text::of_file(file)?;
     let document: Document = toml::from_str(&text).map_err(|error| {
         let at = error.span().map_or(0, |span| span.start);
         let before = text.get(..at).unwrap_or_default();

@@ -9,6 +9,7 @@ use palpate_field::geometry::Point;
 use palpate_field::solve::{Accuracy, Solved};
 
 use crate::failure::Failure;
+use crate::text;
 
 /// Print a built-in design, to start an own one from
 #[derive(Args)]
@@ -120,7 +121,7 @@ pub(super) fn text_of_file(name: &str) -> Result<String, Failure> {
     };
     let data = std::fs::metadata(name).map_err(unreadable)?;
     if data.is_dir() || (data.is_file() && data.len() <= MOST_BYTES) {
-        return std::fs::read_to_string(name).map_err(unreadable);
+        return text::of_file(name.as_ref());
     }
     Err(Failure::Input {
         file: name.into(),

@@ -6,10 +6,11 @@
 
 use std::fs::{self, OpenOptions};
 use std::io::{self, ErrorKind, Write};
-use std::net::SocketAddr;
+use std::net::{IpAddr, SocketAddr};
 use std::path::{Path, PathBuf};
 
 use axum::http::header::{HOST, ORIGIN};
+use axum::http::uri::Authority;
 use axum::http::{HeaderMap, HeaderName};
 
 use crate::emulated::state_folder;
@@ -79,17 +80,25 @@ impl Access {
     /// Whether a request may be answered.
     pub(super) fn allows(&self, path: &str, headers: &HeaderMap) -> bool {
         let text = |name: HeaderName| headers.get(name).map(|value| value.to_str().unwrap_or(""));
-        let hosts = [
-            self.address.to_string(),
-            format!("localhost:{}", self.address.port()),
-        ];
-        let Some(host) = text(HOST).filter(|host| hosts.iter().any(|of| of == host)) else {
+        let Some(host) = text(HOST).filter(|host| is_no_name(host)) else {
             return false;
         };
         let is_own = text(ORIGIN).is_none_or(|origin| origin == format!("http://{host}"));
         let token = path.trim_start_matches('/').split('/').next();
         is_own && token.is_some_and(|token| is_same(token, &self.token))
     }
+}
+
+/// Whether a host is this computer or an address of one, which no other site can have pointed here. Its port may
+/// be one that is forwarded here.
+fn is_no_name(host: &str) -> bool {
+    let Ok(authority) = host.parse::<Authority>() else {
+        return false;
+    };
+    let name = authority.host();
+    let address = name.trim_start_matches('[').trim_end_matches(']');
+    !host.contains('@')
+        && (name.eq_ignore_ascii_case("localhost") || address.parse::<IpAddr>().is_ok())
 }
 
 /// Whether two texts are the same, in a time that does not say how much of them is.
@@ -193,16 +202,31 @@ mod tests {
     #[test]
     fn a_page_of_another_origin_and_a_name_that_leads_here_are_refused() {
         let path = format!("/{TOKEN}/socket");
-        let with = |host, origin| allows(&path, &[(HOST, host), (ORIGIN, origin)]);
-        assert!(with("127.0.0.1:7162", "http://127.0.0.1:7162"));
-        assert!(with("localhost:7162", "http://localhost:7162"));
+        let with = |host, origin: &str| allows(&path, &[(HOST, host), (ORIGIN, origin)]);
+        // Behind a forwarded port too, whose number is another one.
+        for host in [
+            "127.0.0.1:7162",
+            "localhost:7162",
+            "localhost:9000",
+            "LOCALHOST:9000",
+            "127.0.0.1",
+            "[::1]:9000",
+            "192.168.1.5:9000",
+        ] {
+            assert!(allows(&path, &[(HOST, host)]), "{host}");
+            assert!(with(host, &format!("http://{host}")), "{host}");
+        }
         for (host, origin) in [
             ("127.0.0.1:7162", "http://example.org"),
             ("127.0.0.1:7162", "null"),
             ("127.0.0.1:7162", "http://localhost:7162"),
+            ("127.0.0.1:7162", "http://127.0.0.1:80"),
             ("127.0.0.1:7162", "https://127.0.0.1:7162"),
             ("example.org:7162", "http://example.org:7162"),
-            ("127.0.0.1:80", "http://127.0.0.1:80"),
+            ("localhost.example.org", "http://localhost.example.org"),
+            ("127.0.0.1.example.org", "http://127.0.0.1.example.org"),
+            ("user@127.0.0.1:7162", "http://user@127.0.0.1:7162"),
+            ("", "http://"),
         ] {
             assert!(!with(host, origin), "{host} {origin}");
         }

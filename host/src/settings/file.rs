@@ -1,7 +1,7 @@
 //! A configuration in a file: a command on each line.
 
 use std::fs::File;
-use std::io::{self, BufReader, Write};
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use palpate_wire::{Command, Message, configuration_crc};
@@ -80,7 +80,7 @@ fn read(file: &Path) -> Result<Vec<Command>, Failure> {
         file: PathBuf::from(file),
         reason,
     })?;
-    let numbered = encode::numbered_lines(BufReader::new(opened), file)?;
+    let numbered = encode::numbered_lines(opened, file)?;
     let mut commands = Vec::new();
     for (line, command) in numbered {
         let Some(place) = configuration::place(&command) else {
