@@ -28,6 +28,8 @@ const ASSETS: &[Asset] = assets! {
     "page.js", SCRIPT, "page/page.js";
     "calibration.js", SCRIPT, "page/calibration.js";
     "connection.js", SCRIPT, "page/connection.js";
+    "elements.js", SCRIPT, "page/elements.js";
+    "measurements.js", SCRIPT, "page/measurements.js";
     "plots.js", SCRIPT, "page/plots.js";
     "readings.js", SCRIPT, "page/readings.js";
     "text.js", SCRIPT, "page/text.js";

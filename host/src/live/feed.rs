@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 use tokio::sync::{broadcast, watch};
 
 use super::envelope::Batch;
+use super::measurements::Measurements;
 use super::state::State;
 use crate::failure::Failure;
 use crate::line::Line;
@@ -26,6 +27,7 @@ pub(super) enum Message<'a> {
     State(&'a State<'a>),
     Samples(&'a Batch),
     Line(&'a Line),
+    Measurements(&'a Measurements),
     /// Batches of samples that the page did not take in time and that are left out.
     Skipped(u64),
 }
@@ -63,6 +65,7 @@ pub(super) struct Feed {
     samples: broadcast::Sender<Utf8Bytes>,
     state: watch::Sender<Utf8Bytes>,
     line: watch::Sender<Utf8Bytes>,
+    measurements: watch::Sender<Utf8Bytes>,
     requests: Receiver<Request>,
 }
 
@@ -72,6 +75,7 @@ pub(super) struct Desk {
     pub(super) samples: broadcast::Sender<Utf8Bytes>,
     pub(super) state: watch::Receiver<Utf8Bytes>,
     pub(super) line: watch::Receiver<Utf8Bytes>,
+    pub(super) measurements: watch::Receiver<Utf8Bytes>,
     requests: Arc<SyncSender<Request>>,
 }
 
@@ -80,17 +84,20 @@ pub(super) fn between() -> (Feed, Desk) {
     let (samples, _) = broadcast::channel(WAITING);
     let (state, states) = watch::channel(Utf8Bytes::default());
     let (line, lines) = watch::channel(Utf8Bytes::default());
+    let (measurements, listed) = watch::channel(Utf8Bytes::default());
     let (sender, requests) = sync_channel(REQUESTS);
     let desk = Desk {
         samples: samples.clone(),
         state: states,
         line: lines,
+        measurements: listed,
         requests: Arc::new(sender),
     };
     let feed = Feed {
         samples,
         state,
         line,
+        measurements,
         requests,
     };
     (feed, desk)
@@ -106,6 +113,13 @@ impl Feed {
     /// Shows the line of the last train.
     pub(super) fn show_line(&self, line: &Line) -> Result<(), Failure> {
         self.line.send_replace(Message::Line(line).text()?);
+        Ok(())
+    }
+
+    /// Shows the list of measurements.
+    pub(super) fn show_measurements(&self, list: &Measurements) -> Result<(), Failure> {
+        let text = Message::Measurements(list).text()?;
+        self.measurements.send_replace(text);
         Ok(())
     }
 

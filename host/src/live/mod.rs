@@ -8,6 +8,7 @@ mod assets;
 mod calibration;
 mod envelope;
 mod feed;
+mod measurements;
 mod server;
 mod session;
 mod state;

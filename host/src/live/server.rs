@@ -43,7 +43,7 @@ const PAGE_TIME: Duration = Duration::from_secs(30);
 const LONGEST_HEAD: usize = 16 * 1024;
 /// The longest message of a page, bytes: they are a word or two.
 const LONGEST: usize = 1024;
-/// The most that waits for a page, bytes: ten times the longest message to it, the line of a train.
+/// The most that waits for a page, bytes: four times the longest message to it, the list of measurements.
 const WAITING: usize = 1024 * 1024;
 
 /// What a browser may do with the page: nothing leaves this computer, and no other page shows it. The
@@ -186,6 +186,7 @@ async fn converse(mut socket: WebSocket, mut desk: Desk, _permit: OwnedSemaphore
     let mut samples = desk.samples.subscribe();
     desk.state.mark_changed();
     desk.line.mark_changed();
+    desk.measurements.mark_changed();
     loop {
         let message: Utf8Bytes = tokio::select! {
             received = socket.recv() => match received {
@@ -198,6 +199,7 @@ async fn converse(mut socket: WebSocket, mut desk: Desk, _permit: OwnedSemaphore
             },
             Ok(()) = desk.state.changed() => desk.state.borrow_and_update().clone(),
             Ok(()) = desk.line.changed() => desk.line.borrow_and_update().clone(),
+            Ok(()) = desk.measurements.changed() => desk.measurements.borrow_and_update().clone(),
             batch = samples.recv() => match batch {
                 Ok(batch) => batch,
                 Err(RecvError::Lagged(count)) => match feed::Message::Skipped(count).text() {
@@ -208,7 +210,7 @@ async fn converse(mut socket: WebSocket, mut desk: Desk, _permit: OwnedSemaphore
             },
             else => return,
         };
-        // Before the first state or line there is none.
+        // Before the first state, line or measurement there is none.
         if message.is_empty() {
             continue;
         }

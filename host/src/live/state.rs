@@ -4,6 +4,7 @@ use palpate_wire::code::Location;
 use palpate_wire::record;
 use serde::Serialize;
 
+use super::measurements::now_ms;
 use crate::calibrate::sensor::Found;
 use crate::faults;
 use crate::watch::known::Known;
@@ -13,6 +14,8 @@ use crate::watch::known::Known;
 pub(super) struct State<'a> {
     /// The same as `palpate watch --json` prints.
     pub(super) known: &'a Known,
+    /// The time by the clock of the measurements' times.
+    time_ms: u64,
     /// Which firmware and copy of the board it is.
     pub(super) title: String,
     /// What the board is doing, and whether something touches.
@@ -47,6 +50,7 @@ impl<'a> State<'a> {
         });
         Self {
             known,
+            time_ms: now_ms(),
             title: title.unwrap_or_default(),
             doing: known.state.map(|state| state.meaning().trim()),
             contact: known.contact().map(|contact| contact.meaning().trim()),

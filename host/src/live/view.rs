@@ -7,6 +7,7 @@ use palpate_wire::record::Fault;
 
 use super::envelope::Envelope;
 use super::feed::Feed;
+use super::measurements::Measurements;
 use super::state::{Answer, Progress, State};
 use crate::failure::Failure;
 use crate::line::Train;
@@ -26,6 +27,7 @@ pub(super) struct View {
     /// The faults that stand.
     faults: Vec<Fault>,
     train: Train,
+    measurements: Measurements,
     pub(super) calibration: Progress,
     pub(super) answer: Answer,
     envelope: Envelope,
@@ -65,6 +67,7 @@ impl View {
             known: Known::of(board),
             faults: Vec::new(),
             train: Train::default(),
+            measurements: Measurements::default(),
             calibration,
             answer: Answer::default(),
             envelope: Envelope::default(),
@@ -100,6 +103,9 @@ impl View {
         }
         if let Some(line) = self.train.take(device_s, &frame.message) {
             self.feed.show_line(&line)?;
+        }
+        if self.measurements.take(&frame.message) {
+            self.feed.show_measurements(&self.measurements)?;
         }
         Ok(self.known.take(frame))
     }

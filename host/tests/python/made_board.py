@@ -1,10 +1,15 @@
 """A board at a TCP port that sends made samples, by docs/protocol.md alone."""
 
 import contextlib
+import json
 import socket
 import struct
 import threading
 import time
+from pathlib import Path
+
+# Records of every kind, as a board sends them.
+RECORDS = Path(__file__).parents[3] / "firmware/wire/fixture/v2-records"
 
 VERSION, BOOT_ID = 2, 7
 HELLO, SAMPLE, FAULT, ACKNOWLEDGEMENT = 0x01, 0x03, 0x09, 0x0B
@@ -73,6 +78,17 @@ def sample(deformation_m: float) -> bytes:
     return bytes([0, 0, 0, 1]) + channel + bytes([2]) + values
 
 
+def recorded(name: str) -> tuple[int, bytes]:
+    """Kind and payload of a record."""
+    lines = map(json.loads, RECORDS.with_suffix(".jsonl").read_text().splitlines())
+    line = next(line for line in lines if name in line["message"])
+    frame = RECORDS.with_suffix(".bin").read_bytes()[line["offset"] :][: line["length"]]
+    data, at = unstuff(frame.strip(b"\0")), 2
+    for _ in line["header"]:
+        _, at = read_varint(data, at)
+    return data[1], data[at:-4]
+
+
 class MadeBoard:
     """
     Serves one program: an answer to each command, and samples of so many seconds, as fast as they are taken or
@@ -130,6 +146,11 @@ class MadeBoard:
     def begin_fault(self, code: int, value: float):
         with self.lock:
             self.program.sendall(self.frame(FAULT, bytes([code, 1, 1]) + struct.pack("<BfB", 1, value, 0)))
+
+    def send(self, name: str):
+        """Sends a record of a kind."""
+        with self.lock:
+            self.program.sendall(self.frame(*recorded(name)))
 
     def answer(self):
         """A hello for an `identify`, and an acknowledgement for every command: nothing is set."""

@@ -1,5 +1,6 @@
 """The page of `palpate live` in a browser, with the emulated board."""
 
+import csv
 import http.client
 import json
 import os
@@ -157,6 +158,8 @@ def test_a_request_without_the_token_or_from_elsewhere_is_refused(live):
         assert live.status(other, **upgrade) == 403, other
     # A name that an attacker's server has pointed to this computer, and a page of another origin.
     assert live.status(Host="attacker.example") == 403
+    # A port that is forwarded here.
+    assert live.status(Host="localhost:9000") == 200
     assert live.status(f"{path}socket", **upgrade, Host=f"attacker.example:{live.port}") == 403
     assert live.status(f"{path}socket", **upgrade, Origin="http://attacker.example") == 403
     assert live.status(f"{path}socket", **upgrade, Origin=f"http://127.0.0.1:{live.port}") == 101
@@ -177,7 +180,7 @@ def test_everything_is_reached_by_keys_alone(page):
         assert page.execute_script(outline) == "3px", order
     assert order == ["arm", "stop", "calibrate", "restart"]
     names = [button.accessible_name for button in page.find_elements(By.CSS_SELECTOR, "main button")]
-    assert names == ["Arm", "Stop", "Calibrate…", "Restart board"]
+    assert names == ["Arm", "Stop", "Calibrate…", "Restart board", "Save as CSV"]
     webdriver.ActionChains(page).key_down(Keys.SHIFT).send_keys(Keys.TAB).key_up(Keys.SHIFT).perform()
     assert focused(page) == "calibrate"
     press(page, Keys.ENTER)
@@ -229,7 +232,7 @@ def test_a_calibration_that_is_aborted_leaves_the_one_before_in_force(page):
     until(page, "calibration", "Run 2 of")
     assert text(page, "connection").endswith("Calibration under way")
     disabled = [button.get_attribute("aria-disabled") for button in page.find_elements(By.CSS_SELECTOR, "main button")]
-    assert disabled == ["true", "false", None, "true"]
+    assert disabled[:4] == ["true", "false", None, "true"]
     until_other(page, lambda: drawn(page, "frequency-plot"))
     page.find_element(By.CSS_SELECTOR, "[data-action=abort]").click()
     until(page, "calibration", "it was aborted. The one before is in force.")
@@ -253,6 +256,39 @@ def test_a_fault_says_what_to_check(palpate, live, browser):
     assert clear.accessible_name == "Clear fault 12"
     clear.click()
     until(browser, "answer", "clear_fault")
+    served.send_signal(signal.SIGINT)
+    assert served.wait(PATIENCE_S) == 0
+
+
+def test_a_refusal_leaves_the_stiffness_and_all_measurements_are_saved(palpate, browser, tmp_path):
+    board = MadeBoard(0)
+    served = palpate.start("live", "--json", "--port", "0", "--board", board.address)
+    browser.get(json.loads(served.stdout.readline())["url"])
+    until(browser, "no-measurements", "None since palpate live was started.")
+    board.send("refusal")
+    until(browser, "interval", "No stiffness yet.")
+    board.send("estimate")
+    until(browser, "stiffness", "6.01 N/mm")
+    assert text(browser, "refusal") == ""
+    board.send("refusal")
+    until(browser, "refusal", "Measurement 2 refused: ")
+    assert text(browser, "stiffness") == "6.01 N/mm" and "between 5.85 and 6.18" in text(browser, "interval")
+    assert "Measurement 1, at " in text(browser, "result-details") and "; refused " in text(browser, "result-details")
+    until_other(browser, lambda: text(browser, "result-details"))
+    rows = [row.text for row in browser.find_elements(By.CSS_SELECTOR, "#measurements tr")]
+    assert len(rows) == 3 and "6.01 N/mm 5.85 to 6.18" in rows[1] and "Refused" in rows[0] and "Refused" in rows[2], rows
+    behavior = {"behavior": "allow", "downloadPath": str(tmp_path)}
+    browser.execute_cdp_cmd("Browser.setDownloadBehavior", behavior)
+    browser.find_element(By.ID, "save").click()
+    saved = tmp_path / "palpate-measurements.csv"
+    WebDriverWait(browser, PATIENCE_S).until(lambda _: saved.exists(), "nothing is saved")
+    lines = list(csv.DictReader(saved.read_text().splitlines()))
+    assert [line["measurement"] for line in lines] == ["2", "1", "2"]
+    assert [line["stiffness_n_per_m"] for line in lines] == ["", "6010", ""]
+    assert [bool(line["refusal"]) for line in lines] == [True, False, True]
+    # A page that is opened later has them too.
+    browser.refresh()
+    until(browser, "stiffness", "6.01 N/mm")
     served.send_signal(signal.SIGINT)
     assert served.wait(PATIENCE_S) == 0
 

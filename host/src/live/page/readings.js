@@ -1,14 +1,7 @@
 // Numbers, states, faults and the buttons beside them.
 
-import { digits, percent, plain, stiffness, uncertain, words } from "./text.js";
-
-const at = (id) => document.getElementById(id);
-
-/** Sets a text only where it differs: a screen reader says what is set. */
-function say(element, text, level) {
-  if (element.textContent !== text) element.textContent = text;
-  if (level) element.dataset.level = level;
-}
+import { at, say } from "./elements.js";
+import { percent, plain, uncertain, words } from "./text.js";
 
 export class Readings {
   #send;
@@ -58,7 +51,6 @@ export class Readings {
     this.#armed = known.armed;
     say(at("arm"), known.armed ? "Disarm" : "Arm");
     say(at("state"), `${known.armed ? "Armed" : "Not armed"}. ${state.doing ?? ""}`);
-    this.#result(known);
     this.#list(state);
     this.#showFaults(state.faults);
     this.#losses(known);
@@ -73,29 +65,6 @@ export class Readings {
   /** Buttons that can be pressed. One that cannot keeps the focus. */
   #allow(ids) {
     for (const id of ["arm", "stop", "restart"]) at(id).ariaDisabled = String(!ids.includes(id));
-  }
-
-  #result(known) {
-    if (!known.result) {
-      say(at("stiffness"), "–");
-      say(at("interval"), "Nothing is measured yet.", "");
-      say(at("result-details"), "");
-      return;
-    }
-    const [time, { estimate, refusal }] = known.result;
-    const ago = `${Math.max(0, known.time_s - time).toFixed(0)} s ago`;
-    if (refusal) {
-      say(at("stiffness"), "Refused");
-      say(at("interval"), refusal);
-      say(at("result-details"), ago);
-      return;
-    }
-    const value = estimate.stiffness_n_per_m;
-    say(at("stiffness"), value == null ? "Rigid" : stiffness(value));
-    say(at("interval"), estimate.upper_n_per_m == null
-      ? `at least ${stiffness(estimate.lower_n_per_m)} (95\u00a0%)`
-      : `between ${digits(estimate.lower_n_per_m * 1e-3, 3)} and ${stiffness(estimate.upper_n_per_m)} (95\u00a0%)`);
-    say(at("result-details"), `Measurement ${estimate.measurement}, at ${estimate.force_n.toFixed(2)} N, ${ago}`);
   }
 
   /** All numbers with their names. */

@@ -24,6 +24,13 @@ export function plain(value, unit, places) {
   return value == null ? "not measured" : `${value.toFixed(places)} ${unit}`;
 }
 
+/** How long something is ago, ms. */
+export function age(ms) {
+  const s = Math.max(0, ms) * 1e-3;
+  if (s < 120) return `${s.toFixed(0)} s ago`;
+  return s < 7200 ? `${(s / 60).toFixed(0)} min ago` : `${(s / 3600).toFixed(0)} h ago`;
+}
+
 /** A part as per cent. */
 export function percent(part) {
   return `${digits(100 * part, 2)} %`;
