@@ -3,6 +3,7 @@
 //! Whether a file can be written is checked before the run, and the file gets its name when its
 //! contents are complete: a run that fails or is interrupted leaves an older file as it is.
 
+use std::collections::HashMap;
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -73,6 +74,18 @@ impl OutputFile {
         }
     }
 
+    /// Refuses a file that is read too: it would be replaced by what is made of it.
+    pub(crate) fn apart_from(self, input: &Path) -> Result<Self, Failure> {
+        if self.is_special() || place(&self.path) != place(input) {
+            return Ok(self);
+        }
+        Err(Failure::Argument(format!(
+            "{} {}: this file is read. Name another file.",
+            self.argument,
+            self.path.display()
+        )))
+    }
+
     /// The file's path.
     pub(crate) fn path(&self) -> &Path {
         &self.path
@@ -105,7 +118,7 @@ impl OutputFile {
             OpenOptions::new().write(true).open(&self.path)?;
         }
         let temporary = self.temporary()?;
-        File::create_new(&temporary)?;
+        begun(&temporary)?;
         fs::remove_file(&temporary)
     }
 
@@ -114,7 +127,7 @@ impl OutputFile {
             return filled(File::options().write(true).open(&self.path)?, write);
         }
         let temporary = self.temporary()?;
-        let written = File::create(&temporary)
+        let written = begun(&temporary)
             .and_then(|file| filled(file, write))
             .and_then(|()| fs::rename(&temporary, self.target()));
         if written.is_err() {
@@ -125,12 +138,12 @@ impl OutputFile {
     }
 
     /// Whether it is a device or a pipe, such as /dev/stdout: written as it is.
-    fn is_special(&self) -> bool {
+    pub(crate) fn is_special(&self) -> bool {
         fs::metadata(&self.path).is_ok_and(|data| !data.is_file() && !data.is_dir())
     }
 
     /// The file behind a symbolic link.
-    fn target(&self) -> PathBuf {
+    pub(crate) fn target(&self) -> PathBuf {
         fs::canonicalize(&self.path).unwrap_or_else(|_| self.path.clone())
     }
 
@@ -142,6 +155,42 @@ impl OutputFile {
             .ok_or_else(|| io::Error::from(io::ErrorKind::IsADirectory))?;
         let name = name.to_string_lossy();
         Ok(target.with_file_name(format!(".{name}.{}.part", std::process::id())))
+    }
+}
+
+/// Refuses one file under two arguments: the second would replace the first.
+pub(crate) fn distinct<'o>(
+    outputs: impl IntoIterator<Item = &'o OutputFile>,
+) -> Result<(), Failure> {
+    let mut places = HashMap::new();
+    for output in outputs.into_iter().filter(|output| !output.is_special()) {
+        if let Some(argument) = places.insert(place(&output.path), output.argument) {
+            return Err(Failure::Argument(format!(
+                "{argument} and {} {}: this is the same file. Name two files.",
+                output.argument,
+                output.path.display()
+            )));
+        }
+    }
+    Ok(())
+}
+
+/// Where a path leads, whether there is a file or only its folder.
+fn place(path: &Path) -> PathBuf {
+    let beside = || {
+        // The folder of a bare name is the empty path.
+        let folder = Path::new(".").join(path.parent()?);
+        Some(fs::canonicalize(folder).ok()?.join(path.file_name()?))
+    };
+    let place = fs::canonicalize(path).ok().or_else(beside);
+    place.unwrap_or_else(|| path.to_path_buf())
+}
+
+/// A new file; one of the same name is what a program left that was killed.
+fn begun(temporary: &Path) -> io::Result<File> {
+    match fs::remove_file(temporary) {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),
+        _ => File::create_new(temporary),
     }
 }
 

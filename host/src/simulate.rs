@@ -10,7 +10,7 @@ use crate::engine::{self, Engine};
 use crate::failure::Failure;
 use crate::instrument::{CalibratedInstrument, SPEED_M_PER_S, default_settings};
 use crate::jsonl::{self, Note};
-use crate::output::OutputFile;
+use crate::output::{OutputFile, distinct};
 use crate::press::{CLEARANCE_M, Press, press};
 use crate::report;
 use crate::results::{self, Measured};
@@ -59,6 +59,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let scenario = Scenario::load(&arguments.scenario)?;
     let report = OutputFile::optional("--report", arguments.report.as_ref())?;
     let records = OutputFile::optional("--records", arguments.records.as_ref())?;
+    for file in report.iter().chain(&records) {
+        file.clone().apart_from(&arguments.scenario)?;
+    }
+    distinct(report.iter().chain(&records))?;
     let engine = arguments.engine.engine()?;
     let disturbances = Disturbances::builtin().map_err(LoadError::from)?;
     let progress = arguments.engine.progress(scenario.presses.len() + 1);

@@ -22,7 +22,7 @@ use crate::instrument::{BenchTask, default_settings};
 use crate::interrupt::Interrupt;
 use crate::link::{self, Link};
 use crate::notice;
-use crate::output::OutputFile;
+use crate::output::{OutputFile, distinct};
 use crate::progress::Progress;
 use crate::results::stiffness;
 use crate::storage;
@@ -170,7 +170,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         report: OutputFile::optional("--report", arguments.report.as_ref())?,
         session: OutputFile::optional("--save-session", arguments.save_session.as_ref())?,
     };
+    let outputs = || files.report.iter().chain(&files.session);
+    distinct(outputs())?;
     let other = arguments.other_session.as_deref();
+    for (output, other) in outputs().zip(other.into_iter().cycle()) {
+        output.clone().apart_from(other)?;
+    }
     let other = other.map(written::read).transpose()?;
     let other = other.map(|written| written.session);
     let interrupt = Interrupt::catch()?;

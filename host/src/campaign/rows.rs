@@ -1,7 +1,8 @@
-//! The file of presses: as CSV sensor by sensor, as Parquet at the end of the run.
+//! The file of presses, sensor by sensor. It gets its name at the end of the run.
 
 use std::ffi::OsStr;
-use std::fs::File;
+use std::fs::{self, File};
+use std::io;
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
@@ -11,11 +12,11 @@ use super::press::Press;
 use crate::failure::Failure;
 use crate::output::OutputFile;
 
-/// A file of Parquet has its schema at its end, so that it cannot be read before it is complete. Until then its rows
-/// are in a journal beside it, as CSV, which an interrupted run leaves there.
+/// Until the run is complete its rows are in a journal beside the file, as CSV, which an interrupted run leaves
+/// there: an older file stays until then, and a file of Parquet cannot be read before its end is written.
 pub(super) struct Rows {
-    /// The file of CSV.
-    path: PathBuf,
+    output: OutputFile,
+    journal: PathBuf,
     file: csv::Writer<File>,
     #[cfg(feature = "parquet")]
     parquet: Option<parquet::Rows>,
@@ -41,8 +42,9 @@ struct Row {
 }
 
 impl Rows {
-    pub(super) fn create(path: &Path) -> Result<Self, Failure> {
-        let output = OutputFile::new("--rows", path)?;
+    /// Begins a file; the sensors are drawn from a stack's file.
+    pub(super) fn create(path: &Path, stack: &Path) -> Result<Self, Failure> {
+        let output = OutputFile::new("--rows", path)?.apart_from(stack)?;
         let is_parquet = path.extension() == Some(OsStr::new("parquet"));
         if is_parquet && cfg!(not(feature = "parquet")) {
             return Err(Failure::Refused(format!(
@@ -51,17 +53,20 @@ impl Rows {
                 path.display()
             )));
         }
-        let path = if is_parquet {
-            journal(path)
+        let (journal, file) = if output.is_special() && !is_parquet {
+            (path.to_path_buf(), File::options().write(true).open(path))
         } else {
-            output.path().to_path_buf()
+            let journal = beside(path, if is_parquet { ".csv" } else { ".partial" });
+            let file = File::create_new(&journal);
+            (journal, file)
         };
-        let file = File::create(&path).map_err(|error| unwritten(&path, &error))?;
+        let file = file.map_err(|reason| unbegun(&journal, reason))?;
         Ok(Self {
-            path,
-            file: csv::Writer::from_writer(file),
             #[cfg(feature = "parquet")]
-            parquet: is_parquet.then(|| parquet::Rows::to(output)),
+            parquet: is_parquet.then(|| parquet::Rows::to(output.clone())),
+            output,
+            journal,
+            file: csv::Writer::from_writer(file),
         })
     }
 
@@ -77,7 +82,7 @@ impl Rows {
         rows.iter()
             .try_for_each(|row| self.file.serialize(row))
             .and_then(|()| Ok(self.file.flush()?))
-            .map_err(|error| unwritten(&self.path, &error))?;
+            .map_err(|error| unwritten(&self.journal, &error))?;
         #[cfg(feature = "parquet")]
         if let Some(parquet) = &mut self.parquet {
             parquet.keep(rows);
@@ -85,28 +90,46 @@ impl Rows {
         Ok(())
     }
 
-    /// Writes the file of Parquet, if there is to be one, and removes its journal.
+    /// Completes the file.
     pub(super) fn finish(self) -> Result<(), Failure> {
+        drop(self.file);
         #[cfg(feature = "parquet")]
         if let Some(parquet) = self.parquet {
             parquet.write()?;
-            drop(self.file);
-            std::fs::remove_file(&self.path).map_err(|error| {
+            return fs::remove_file(&self.journal).map_err(|error| {
                 Failure::Refused(format!(
                     "{}: {error}. The file of Parquet is complete; remove this one.",
-                    self.path.display()
+                    self.journal.display()
                 ))
-            })?;
+            });
         }
-        Ok(())
+        if self.output.is_special() {
+            return Ok(());
+        }
+        let named = fs::rename(&self.journal, self.output.target());
+        named.map_err(|error| unwritten(&self.journal, &error))
     }
 }
 
-/// FILE.parquet.csv of FILE.parquet.
-fn journal(path: &Path) -> PathBuf {
+/// The path with this behind its whole name.
+fn beside(path: &Path, ending: &str) -> PathBuf {
     let mut name = path.as_os_str().to_owned();
-    name.push(".csv");
+    name.push(ending);
     PathBuf::from(name)
+}
+
+fn unbegun(journal: &Path, reason: io::Error) -> Failure {
+    if reason.kind() == io::ErrorKind::AlreadyExists {
+        return Failure::Argument(format!(
+            "{} is there already, of a run that was interrupted: move it away, or name another file with --rows",
+            journal.display()
+        ));
+    }
+    Failure::Unwritable {
+        file: journal.to_path_buf(),
+        argument: "--rows",
+        reason,
+    }
 }
 
 fn unwritten(path: &Path, error: &dyn std::fmt::Display) -> Failure {
@@ -235,8 +258,6 @@ impl Row {
 
 #[cfg(all(test, feature = "parquet"))]
 mod tests {
-    use std::fs;
-
     use ::parquet::file::reader::{FileReader, SerializedFileReader};
     use ::parquet::record::{Field, RowAccessor};
 
@@ -268,7 +289,7 @@ mod tests {
     /// Writes three rows and returns the folder with what is in it.
     fn written(name: &str, finish: bool) -> (tempfile::TempDir, Vec<String>) {
         let folder = tempfile::tempdir().unwrap();
-        let mut rows = Rows::create(&folder.path().join(name)).unwrap();
+        let mut rows = Rows::create(&folder.path().join(name), Path::new("ultrasoft")).unwrap();
         let presses = vec![press(Ok(claim())), press(Err("misfit: 2".to_owned()))];
         rows.write(u64::MAX, &Ok(presses)).unwrap();
         rows.write(7, &Err("supply_low".to_owned())).unwrap();

@@ -1,19 +1,20 @@
 //! The emulated board's flash in a file.
 
 use std::fs::{self, File, TryLockError};
-use std::io::ErrorKind;
-use std::path::{Path, PathBuf};
+use std::io;
+use std::path::Path;
 
 use palpate_emulator::Flash;
 
 use crate::failure::Failure;
+use crate::output::OutputFile;
 
 /// Bytes at the end of the flash that keep settings and calibration.
 const AREA: usize = 64 * 1024;
 
 /// The flash's contents in a file. One program has it at a time.
 pub(crate) struct FlashFile {
-    path: PathBuf,
+    output: OutputFile,
     /// Operations up to what was written.
     written: usize,
     /// Held as long as the file is used.
@@ -22,57 +23,42 @@ pub(crate) struct FlashFile {
 
 impl FlashFile {
     /// Takes a file, which need not be there yet.
+    ///
+    /// # Errors
+    /// If it is not one that the emulated board has written, is in use, or cannot be written.
     pub(super) fn open(path: &Path) -> Result<Self, Failure> {
-        let unwritable = |reason| unwritable(path, reason);
+        // Nothing is made beside a file that is none of a board.
+        stored(path)?;
         if let Some(folder) = path.parent() {
-            fs::create_dir_all(folder).map_err(unwritable)?;
+            fs::create_dir_all(folder).map_err(|reason| unwritable(path, reason))?;
         }
-        let lock = File::create(path.with_extension("lock")).map_err(unwritable)?;
-        match lock.try_lock() {
-            Ok(()) => Ok(Self {
-                path: path.to_path_buf(),
-                written: 0,
-                _lock: lock,
-            }),
-            Err(TryLockError::WouldBlock) => Err(Failure::Refused(format!(
-                "another program runs the emulated board of {}: end it first, or name another file",
-                path.display()
-            ))),
-            Err(TryLockError::Error(reason)) => Err(unwritable(reason)),
-        }
+        let output = OutputFile::new("--state", path)?;
+        let lock = locked(path)?;
+        Ok(Self {
+            output,
+            written: 0,
+            _lock: lock,
+        })
     }
 
     /// Brings the settings and calibration of the file, if there is one, into a flash.
     pub(super) fn fill(&mut self, flash: &mut Flash) -> Result<(), Failure> {
         self.written = flash.operations().len();
-        let area = match fs::read(&self.path) {
-            Ok(area) => area,
-            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(()),
-            Err(reason) => {
-                return Err(Failure::Unreadable {
-                    file: self.path.clone(),
-                    reason,
-                });
-            }
+        let Some(area) = stored(self.output.path())? else {
+            return Ok(());
         };
         let mut contents = flash.export();
         let start = contents.len().saturating_sub(AREA);
-        match contents.get_mut(start..) {
-            Some(place) if place.len() == area.len() => place.copy_from_slice(&area),
-            _ => {
-                return Err(Failure::Argument(format!(
-                    "{}: {} bytes, where the board keeps {AREA}; name a file that the emulated board has \
-                     written, or one that is not there yet",
-                    self.path.display(),
-                    area.len()
-                )));
-            }
+        if let Some(place) = contents.get_mut(start..)
+            && place.len() == area.len()
+        {
+            place.copy_from_slice(&area);
         }
         flash.import(&contents);
         Ok(())
     }
 
-    /// Writes the file, if something was stored since: anew beside it, then in its place.
+    /// Writes the file, if something was stored since.
     pub(super) fn follow(&mut self, flash: &Flash) -> Result<(), Failure> {
         let operations = flash.operations().len();
         if operations == self.written || flash.is_busy() {
@@ -80,20 +66,67 @@ impl FlashFile {
         }
         let contents = flash.export();
         let area = contents.get(contents.len().saturating_sub(AREA)..);
-        let beside = self.path.with_extension("partial");
-        let written = fs::write(&beside, area.unwrap_or_default());
-        written
-            .and_then(|()| fs::rename(&beside, &self.path))
-            .map_err(|reason| unwritable(&self.path, reason))?;
+        self.output.write(area.unwrap_or_default())?;
         self.written = operations;
         Ok(())
     }
 }
 
-fn unwritable(path: &Path, reason: std::io::Error) -> Failure {
+/// What a file keeps; nothing without a file.
+fn stored(path: &Path) -> Result<Option<Vec<u8>>, Failure> {
+    let unreadable = |reason| Failure::Unreadable {
+        file: path.to_path_buf(),
+        reason,
+    };
+    let data = match fs::metadata(path) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+        data => data.map_err(unreadable)?,
+    };
+    if data.is_dir() {
+        return Err(no_flash(path, "a folder"));
+    }
+    // A pipe or a device may have no end.
+    if !data.is_file() {
+        return Err(no_flash(path, "no file, but a device"));
+    }
+    if data.len() != AREA as u64 {
+        let size = format!("{} bytes, where the board keeps {AREA}", data.len());
+        return Err(no_flash(path, &size));
+    }
+    fs::read(path).map(Some).map_err(unreadable)
+}
+
+fn no_flash(path: &Path, what: &str) -> Failure {
+    Failure::Argument(format!(
+        "--state {}: {what}; name a file that the emulated board has written, or one that is not there yet",
+        path.display()
+    ))
+}
+
+/// Takes the lock: a file beside, with .lock behind the whole name, and whatever is in it stays.
+fn locked(path: &Path) -> Result<File, Failure> {
+    let mut name = path.as_os_str().to_owned();
+    name.push(".lock");
+    let lock = File::options()
+        .write(true)
+        .create(true)
+        .truncate(false)
+        .open(&name)
+        .map_err(|reason| unwritable(Path::new(&name), reason))?;
+    match lock.try_lock() {
+        Ok(()) => Ok(lock),
+        Err(TryLockError::WouldBlock) => Err(Failure::Refused(format!(
+            "another program runs the emulated board of {}: end it first, or name another file",
+            path.display()
+        ))),
+        Err(TryLockError::Error(reason)) => Err(unwritable(path, reason)),
+    }
+}
+
+fn unwritable(path: &Path, reason: io::Error) -> Failure {
     Failure::Unwritable {
         file: path.to_path_buf(),
-        argument: "the emulated board's flash",
+        argument: "--state",
         reason,
     }
 }

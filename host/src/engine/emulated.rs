@@ -67,6 +67,7 @@ impl Arguments {
     fn on_board(&self) -> Result<OnBoard, Failure> {
         let trace = OutputFile::optional("--trace", self.trace.as_ref())?;
         let (file, image) = self.image.load(Program::Firmware)?;
+        let trace = trace.map(|trace| trace.apart_from(&file)).transpose()?;
         Ok(OnBoard {
             image,
             log: self.log.load(Some(&file))?,

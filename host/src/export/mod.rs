@@ -16,6 +16,7 @@ use serde_json::Value;
 
 use crate::failure::Failure;
 use crate::notice;
+use crate::output::OutputFile;
 use crate::recording::{Entry, Reader, Recorded};
 use columns::{Column, Used};
 
@@ -104,7 +105,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         )));
     }
     let outputs = arguments.outputs().into_iter();
-    let outputs = outputs.map(|(format, folder)| Tables::create(format, folder, &used));
+    let outputs =
+        outputs.map(|(format, folder)| Tables::create(format, folder, &used, &arguments.file));
     let mut outputs: Vec<Tables> = outputs.collect::<Result<_, _>>()?;
     for entry in &mut Reader::open(&arguments.file)? {
         if let Entry::Frame(recorded) = entry {
@@ -163,6 +165,7 @@ impl Tables {
         format: Format,
         folder: &Path,
         used: &BTreeMap<&'static str, Used>,
+        recording: &Path,
     ) -> Result<Self, Failure> {
         fs::create_dir_all(folder).map_err(|reason| Failure::Unwritable {
             file: folder.to_path_buf(),
@@ -174,6 +177,11 @@ impl Tables {
             folder: folder.to_path_buf(),
             tables: BTreeMap::new(),
         };
+        // All before the first is begun, which empties an older one.
+        for kind in used.keys() {
+            let file = tables.file(kind);
+            OutputFile::new(tables.format.argument, &file)?.apart_from(recording)?;
+        }
         for (&kind, used) in used {
             let table = (tables.format.create)(&tables.file(kind), columns::of(kind, used));
             let table = table.map_err(|reason| tables.unfinished(&reason))?;

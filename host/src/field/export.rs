@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 use std::io::{self, Write as _};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{ArgGroup, Args};
 use palpate_field::design::Design;
@@ -11,7 +11,7 @@ use palpate_field::solve::{FieldAt, Locator, Piece, Solved};
 use super::drive::{Drive, reached};
 use super::input::{DesignSource, current};
 use crate::failure::Failure;
-use crate::output::OutputFile;
+use crate::output::{OutputFile, distinct};
 
 /// Write the field over the half-plane for other programs: VTK for ParaView, CSV on a grid
 #[derive(Args)]
@@ -61,6 +61,11 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let design = arguments.source.load()?;
     let vtk = OutputFile::optional("--vtk", arguments.vtk.as_ref())?;
     let csv = OutputFile::optional("--csv", arguments.csv.as_ref())?;
+    for file in vtk.iter().chain(&csv) {
+        file.clone()
+            .apart_from(Path::new(&arguments.source.design))?;
+    }
+    distinct(vtk.iter().chain(&csv))?;
     let drive = Drive::of(&design, arguments.current)?;
     let solved = drive.attempt(&design, &arguments.source.effort)?;
     let mut out = io::stdout().lock();

@@ -42,7 +42,7 @@ impl RowFile {
         let complete = text
             .rfind('\n')
             .map_or("", |end| text.get(..=end).unwrap_or(""));
-        if complete.is_empty() {
+        if complete.is_empty() && heads.join(",").starts_with(&text) {
             let file = File::create(path).map_err(unwritable)?;
             return Self::begun(Box::new(file), Some(path.to_owned()), heads);
         }

@@ -1,7 +1,7 @@
 //! `palpate field stack`: from the field to a stack file that `simulate` takes.
 
 use std::io::{self, Write};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use palpate_field::design::Design;
@@ -128,6 +128,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let design = arguments.source.load()?;
     let elastomer = elastomer(&arguments.mse)?;
     let file = OutputFile::optional("--out", arguments.out.as_ref())?;
+    let file = file.map(|file| file.apart_from(Path::new(&arguments.source.design)));
+    let file = file.transpose()?;
     let bridge = bridge(arguments, &design, &elastomer)?;
     let mut out = io::stdout().lock();
     if arguments.json {

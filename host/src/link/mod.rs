@@ -399,12 +399,15 @@ impl Link {
         self.logged.replace(Vec::new()).unwrap_or_default()
     }
 
-    fn lost(&self, error: &io::Error) -> Failure {
+    fn lost(&mut self, error: &io::Error) -> Failure {
         if error.kind() == io::ErrorKind::Unsupported {
             return Failure::Argument(format!("{error}: name a board with --board"));
         }
         if self.is_recording() {
             return Failure::Lost(format!("{}: the recording has ended", self.name));
+        }
+        if self.emulated().is_some() {
+            return Failure::Lost(format!("{}: {error}", self.name));
         }
         Failure::Lost(format!(
             "{}: the board is gone ({error}): see its cable and plug it in again",

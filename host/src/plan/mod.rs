@@ -95,6 +95,8 @@ struct Plan {
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let plot = OutputFile::optional("--plot", arguments.plot.as_ref())?;
+    let plot = plot.map(|file| file.apart_from(Path::new(&arguments.stack)));
+    let plot = plot.transpose()?;
     if arguments.load_from > arguments.load_to {
         return Err(Failure::Argument(format!(
             "--load-from {} is above --load-to {}: name the softer load first",

@@ -39,7 +39,8 @@ pub(crate) struct Arguments {
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let beside = || arguments.file.with_extension("html");
-    let output = OutputFile::new("--html", &arguments.html.clone().unwrap_or_else(beside))?;
+    let html = arguments.html.clone().unwrap_or_else(beside);
+    let output = OutputFile::new("--html", &html)?.apart_from(&arguments.file)?;
     let story = Story::read(&arguments.file)?;
     output.write(page::page(&story)?)?;
     let mut out = io::stdout().lock();

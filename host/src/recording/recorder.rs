@@ -109,7 +109,7 @@ impl Recorder {
             Ok(written) => written,
             Err(_) => Err(io::Error::other("the writing thread ended")),
         };
-        let finished = written.and_then(|()| fs::rename(&self.partial, &self.path));
+        let finished = written.and_then(|()| named(&self.partial, &self.path));
         finished.map_err(|error| unfinished(&self.partial, &error))?;
         Ok(self.path)
     }
@@ -122,8 +122,18 @@ fn partial(path: &Path) -> PathBuf {
     name.into()
 }
 
+/// Gives a file its name, unless another one has it meanwhile.
+fn named(partial: &Path, path: &Path) -> io::Result<()> {
+    // Renaming alone would replace what has the name; taking the name first fails where it is taken.
+    File::create_new(path)?;
+    fs::rename(partial, path)
+}
+
 fn unfinished(partial: &Path, error: &io::Error) -> Failure {
     let what = match error.kind() {
+        ErrorKind::AlreadyExists => {
+            "another file has taken the recording's name meanwhile: rename this one"
+        }
         ErrorKind::StorageFull | ErrorKind::QuotaExceeded => "the disk is full: make room there",
         _ => "record to another disk",
     };

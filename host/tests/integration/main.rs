@@ -26,3 +26,4 @@ mod settings;
 mod simulate;
 mod support;
 mod words;
+mod written_files;

@@ -151,13 +151,19 @@ fn an_interrupted_search_has_its_best_as_a_comment_of_the_design() {
 #[ignore = "long: `cargo xtask ci` runs it"]
 fn an_interrupted_campaign_has_the_sensors_that_were_done() {
     let folder = tempfile::tempdir().unwrap();
-    let run = started(
-        folder.path(),
-        &["campaign", "--plants", "1000", "--rows", "rows.csv"],
-    );
-    let text = interrupted_after(1, run);
+    let older = folder.path().join("rows.csv");
+    fs::write(&older, "older").unwrap();
+    let arguments = ["campaign", "--plants", "1000", "--rows", "rows.csv"];
+    let text = interrupted_after(1, started(folder.path(), &arguments));
     assert!(text.starts_with("seed 1: 5 of 5 "), "{text}");
-    let mut reader = csv::Reader::from_path(folder.path().join("rows.csv")).unwrap();
+    assert_eq!(fs::read_to_string(older).unwrap(), "older");
+    let journal = folder.path().join("rows.csv.partial");
+    // The rows of the interrupted run are not emptied by the next one.
+    let again = palpate(folder.path(), &arguments);
+    let message = String::from_utf8(again.stderr).unwrap();
+    assert_eq!(again.status.code(), Some(2), "{message}");
+    assert!(message.contains("rows.csv.partial"), "{message}");
+    let mut reader = csv::Reader::from_path(journal).unwrap();
     let rows: Vec<csv::StringRecord> = reader.records().map(Result::unwrap).collect();
     assert!(rows.len() >= 5, "{rows:?}");
     let heads = reader.headers().unwrap();

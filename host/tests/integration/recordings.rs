@@ -177,6 +177,30 @@ fn a_recording_goes_on_with_the_next_boot_and_ends_with_ctrl_c() {
 }
 
 #[test]
+fn a_file_that_appears_while_a_recording_is_written_stays() {
+    let folder = tempfile::tempdir().unwrap();
+    let flash = in_folder(folder.path(), "b.flash");
+    let server = Server::start(&["--state", &flash]);
+    let program = record(&server, folder.path(), "r.mcap");
+    wait_until("the board is recorded", || {
+        samples(folder.path(), "r.mcap.partial") > 0
+    });
+    fs::write(folder.path().join("r.mcap"), "precious").unwrap();
+    let interrupted = Command::new("kill")
+        .args(["-INT", &program.id().to_string()])
+        .status();
+    assert!(interrupted.unwrap().success());
+    let output = program.wait_with_output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(said.contains("r.mcap.partial"), "{said}");
+    let precious = fs::read_to_string(folder.path().join("r.mcap")).unwrap();
+    assert_eq!(precious, "precious");
+    let whole = info(folder.path(), "r.mcap.partial").unwrap();
+    assert_eq!(whole["damage"], Value::Null);
+}
+
+#[test]
 fn what_is_no_recording_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("r.mcap"), "this is no recording at all").unwrap();
