@@ -8,7 +8,7 @@ use serde::Serialize;
 use serde_json::Value;
 
 use crate::failure::Failure;
-use crate::notice;
+use crate::notice::{self, printable};
 use crate::recording::{ABOUT, BOOT, BootLosses, Contents, Note, Reader, date};
 
 /// Say what is in a recording
@@ -33,7 +33,7 @@ pub(crate) struct Arguments {
 /// What a recording contains.
 #[derive(Serialize)]
 struct Info {
-    file: PathBuf,
+    file: String,
     /// Absent for a file that is whole.
     damage: Option<String>,
     /// Arrival of the first record; absent without one.
@@ -56,7 +56,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
     reader.refuse_foreign(&arguments.file)?;
     let info = Info {
-        file: arguments.file.clone(),
+        file: arguments.file.display().to_string(),
         damage: reader.damage(),
         began_at: contents.began_ns().map(date::text),
         duration_s: contents.duration_s(),
@@ -86,9 +86,9 @@ fn print(info: &Info, json: bool) -> Result<(), Failure> {
     if json {
         return Ok(writeln!(out, "{}", serde_json::to_string(info)?)?);
     }
-    writeln!(out, "{}", info.file.display())?;
+    writeln!(out, "{}", info.file)?;
     for (name, value) in fields(&info.recording) {
-        writeln!(out, "  {name}: {}", plain(value))?;
+        writeln!(out, "  {}: {}", printable(name), plain(value))?;
     }
     let began = info.began_at.as_deref().unwrap_or("no record");
     writeln!(out, "  first record: {began}")?;
@@ -135,7 +135,7 @@ fn fields(of: &Value) -> impl Iterator<Item = (&String, &Value)> {
 
 fn plain(value: &Value) -> String {
     match value {
-        Value::String(text) => text.clone(),
+        Value::String(text) => printable(text),
         Value::Null => "-".to_owned(),
         other => other.to_string(),
     }

@@ -13,6 +13,7 @@ use crate::failure::Failure;
 use crate::limits::{budget_of, limited_by};
 use crate::link::{self, Link, Run};
 use crate::notice;
+use crate::quantity;
 use crate::results::stiffness;
 use crate::verdict::explain;
 
@@ -37,14 +38,14 @@ pub(crate) struct Arguments {
     link: link::Arguments,
     /// What the emulated board presses: a spring of this multiple of the sensing layer's nominal
     /// stiffness
-    #[arg(long, value_name = "RATIO")]
+    #[arg(long, value_name = "RATIO", value_parser = quantity::load, allow_negative_numbers = true)]
     load: Option<f64>,
     /// How many measurements
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     times: u32,
     /// Longest that is waited for a contact, s
-    #[arg(long, value_name = "SECONDS", default_value_t = 60.0)]
-    wait: f64,
+    #[arg(long, value_name = "SECONDS", default_value = "60", value_parser = quantity::duration, allow_negative_numbers = true)]
+    wait: Duration,
     /// Print JSON
     #[arg(long)]
     json: bool,
@@ -176,10 +177,10 @@ fn measured_before(arguments: &Arguments, link: &mut Link) -> Result<(), Failure
 }
 
 /// One measurement, of the next contact.
-pub(crate) fn measured(link: &mut Link, wait_s: f64) -> Result<Estimate, Failure> {
+pub(crate) fn measured(link: &mut Link, wait: Duration) -> Result<Estimate, Failure> {
     link.take();
     link.wait_for(
-        wait_s,
+        wait.as_secs_f64(),
         "contact: nothing touches the sensor",
         |record| match record {
             Record::State(change) if change.state == State::Contact => Some(()),

@@ -12,6 +12,7 @@ use ldc161x::{Code28, Hypothesis, PlausibilityCount, Rational, Rcount, Scale};
 use serde::Serialize;
 
 use crate::failure::Failure;
+use crate::notice::printable;
 
 /// Decode LDC161x conversion words: frequency, standard uncertainty, and the ratio of counts
 /// M/N, where the word is one.
@@ -258,7 +259,7 @@ fn table(rows: &[WordRow]) -> Table {
     ]);
     for row in rows {
         table.add_row([
-            row.source.clone(),
+            printable(&row.source),
             row.word.clone(),
             format!("{:.3}", row.frequency_hz),
             format!("{:.2}", row.sigma_hz),

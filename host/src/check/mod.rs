@@ -4,6 +4,7 @@ mod spring;
 mod untouched;
 
 use std::path::PathBuf;
+use std::time::Duration;
 
 use clap::Args;
 use palpate_wire::Command;
@@ -12,6 +13,7 @@ use crate::calibrate::sensor::{identity, put_in_force, spring as stiffness_of, t
 use crate::configuration;
 use crate::failure::Failure;
 use crate::link::{self, Link};
+use crate::quantity;
 
 /// Check a board's calibration, and correct what has changed
 ///
@@ -49,11 +51,11 @@ pub(crate) struct Arguments {
     tolerance: f64,
     /// What the emulated board presses: a spring of this multiple of the sensing layer's nominal
     /// stiffness
-    #[arg(long, value_name = "RATIO", default_value_t = 1.0)]
+    #[arg(long, value_name = "RATIO", default_value_t = 1.0, value_parser = quantity::load, allow_negative_numbers = true)]
     load: f64,
     /// Longest that is waited for a contact, s
-    #[arg(long, value_name = "SECONDS", default_value_t = 60.0)]
-    wait: f64,
+    #[arg(long, value_name = "SECONDS", default_value = "60", value_parser = quantity::duration, allow_negative_numbers = true)]
+    wait: Duration,
     /// Store the corrected calibration
     #[arg(long)]
     store: bool,

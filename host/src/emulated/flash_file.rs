@@ -11,6 +11,8 @@ use crate::output::OutputFile;
 
 /// Bytes at the end of the flash that keep settings and calibration.
 const AREA: usize = 64 * 1024;
+/// Bytes that are erased at once.
+const SECTOR: usize = 4096;
 
 /// The flash's contents in a file. One program has it at a time.
 pub(crate) struct FlashFile {
@@ -93,7 +95,23 @@ fn stored(path: &Path) -> Result<Option<Vec<u8>>, Failure> {
         let size = format!("{} bytes, where the board keeps {AREA}", data.len());
         return Err(no_flash(path, &size));
     }
-    fs::read(path).map(Some).map_err(unreadable)
+    let area = fs::read(path).map_err(unreadable)?;
+    if area
+        .chunks(SECTOR)
+        .filter(|sector| is_begun(sector))
+        .count()
+        < AREA / SECTOR / 2
+    {
+        return Err(no_flash(path, "nothing in it is from a board's flash"));
+    }
+    Ok(Some(area))
+}
+
+/// Whether a sector begins as the storage's do: erased, or with the mark of one that is written. A bit or two may
+/// have flipped.
+fn is_begun(sector: &[u8]) -> bool {
+    let ones = sector.first().map_or(0, |first| first.count_ones());
+    !(2..=6).contains(&ones)
 }
 
 fn no_flash(path: &Path, what: &str) -> Failure {

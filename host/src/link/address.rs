@@ -18,6 +18,7 @@ use crate::failure::Failure;
 use crate::finding::Finding;
 use crate::link::Link;
 use crate::log;
+use crate::quantity::between;
 
 /// How a board is reached.
 #[derive(Args)]
@@ -31,7 +32,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "BOARD")]
     board: Option<String>,
     /// How fast a recording is played: 1 is as recorded, max as fast as possible
-    #[arg(long, value_name = "FACTOR", value_parser = speed)]
+    #[arg(long, value_name = "FACTOR", value_parser = speed, allow_negative_numbers = true)]
     speed: Option<Speed>,
     #[command(flatten)]
     pub(crate) emulated: emulated::Arguments,
@@ -51,11 +52,10 @@ fn speed(text: &str) -> Result<Speed, String> {
     if text == "max" {
         return Ok(Speed::AsFastAsPossible);
     }
-    match text.parse() {
-        Ok(0.0) => Ok(Speed::AsFastAsPossible),
-        Ok(times) if (SLOWEST..=FASTEST).contains(&times) => Ok(Speed::Times(times)),
-        _ => Err(format!("allowed are {SLOWEST} to {FASTEST}, and max")),
-    }
+    let times = between(text, SLOWEST, FASTEST);
+    times
+        .map(Speed::Times)
+        .map_err(|allowed| format!("{allowed}, or max"))
 }
 
 /// A sample of 1 kHz a second, and more than any computer plays.
@@ -407,8 +407,7 @@ mod tests {
     fn a_speed_is_a_factor_or_max() {
         assert_eq!(speed("2.5"), Ok(Speed::Times(2.5)));
         assert_eq!(speed("max"), Ok(Speed::AsFastAsPossible));
-        assert_eq!(speed("0"), Ok(Speed::AsFastAsPossible));
-        for wrong in ["-1", "NaN", "fast", "1e9"] {
+        for wrong in ["-1", "0", "NaN", "fast", "1e9"] {
             assert!(speed(wrong).unwrap_err().contains("max"), "{wrong}");
         }
     }

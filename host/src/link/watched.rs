@@ -5,6 +5,7 @@ use palpate_wire::Command;
 
 use super::{Arguments, Link, Run};
 use crate::failure::Failure;
+use crate::quantity;
 
 /// Which board is watched, and what is pressed upon it.
 #[derive(Args)]
@@ -15,7 +16,7 @@ pub(crate) struct Watched {
     pub(crate) link: Arguments,
     /// Press a spring of this multiple of the sensing layer's stiffness upon the emulated board, again and
     /// again
-    #[arg(long, value_name = "RATIO")]
+    #[arg(long, value_name = "RATIO", value_parser = quantity::load, allow_negative_numbers = true)]
     pub(crate) load: Option<f64>,
     /// Arm the board, and measure at every contact: the coil is driven
     #[arg(long)]

@@ -29,6 +29,7 @@ use self::search::{ComparedTrain, TrainLimit, TrainSearch};
 pub(crate) use self::sensor::{PlannedSensor, metres_per_relative_frequency};
 use crate::failure::Failure;
 use crate::output::OutputFile;
+use crate::quantity::between;
 
 /// How deep the load is pressed, without an option.
 const DEPTH: f64 = 1.0;
@@ -74,13 +75,6 @@ pub(crate) struct Arguments {
     /// Draw the errors against the load
     #[arg(long, value_name = "FILE.svg")]
     plot: Option<PathBuf>,
-}
-
-fn between(text: &str, least: f64, most: f64) -> Result<f64, String> {
-    match text.parse() {
-        Ok(value) if (least..=most).contains(&value) => Ok(value),
-        _ => Err(format!("not a number from {least} to {most}")),
-    }
 }
 
 /// What is planned of a stack.

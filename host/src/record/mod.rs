@@ -15,6 +15,7 @@ use crate::failure::Failure;
 use crate::interrupt::Interrupt;
 use crate::link::{self, Run};
 use crate::notice;
+use crate::quantity;
 use crate::recording::{BootLosses, Contents, Recorder, date};
 use session::Session;
 
@@ -42,11 +43,11 @@ pub(crate) struct Arguments {
     #[command(flatten)]
     link: link::Arguments,
     /// How long. Otherwise until Ctrl-C
-    #[arg(long = "for", value_name = "SECONDS", value_parser = seconds)]
+    #[arg(long = "for", value_name = "SECONDS", value_parser = quantity::duration, allow_negative_numbers = true)]
     duration: Option<Duration>,
     /// What the emulated board presses, again and again: a spring of this multiple of the sensing layer's
     /// nominal stiffness
-    #[arg(long, value_name = "RATIO")]
+    #[arg(long, value_name = "RATIO", value_parser = quantity::load, allow_negative_numbers = true)]
     load: Option<f64>,
     /// Arm the board, and measure at every contact: the coil is driven. The board learns anew what the
     /// untouched sensor reads: lift off first
@@ -57,16 +58,10 @@ pub(crate) struct Arguments {
     json: bool,
 }
 
-fn seconds(text: &str) -> Result<Duration, String> {
-    let time_s: f64 = text.parse().map_err(|_| format!("'{text}' is no number"))?;
-    Duration::try_from_secs_f64(time_s)
-        .map_err(|_| format!("{text} is no number of seconds from 0"))
-}
-
 /// What was recorded.
 #[derive(Serialize)]
 struct Summary {
-    file: PathBuf,
+    file: String,
     duration_s: f64,
     records: u64,
     boots: Vec<BootLosses>,
@@ -112,7 +107,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         ));
     }
     let summary = Summary {
-        file,
+        file: file.display().to_string(),
         duration_s: contents.duration_s(),
         records: contents.frames() - not_written,
         boots: contents.boots(),
@@ -131,9 +126,7 @@ fn print(summary: &Summary, contents: &Contents, json: bool) -> Result<(), Failu
     writeln!(
         out,
         "{}: {} records in {:.1} s",
-        summary.file.display(),
-        summary.records,
-        summary.duration_s
+        summary.file, summary.records, summary.duration_s
     )?;
     for (kind, count) in contents.kinds() {
         writeln!(out, "  {kind}  {count}")?;

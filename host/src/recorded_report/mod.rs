@@ -45,7 +45,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     output.write(page::page(&story)?)?;
     let mut out = io::stdout().lock();
     if arguments.json {
-        let line = json!({ "file": output.path(), "measurements": story.measurements.len() });
+        let file = output.path().display().to_string();
+        let line = json!({ "file": file, "measurements": story.measurements.len() });
         return Ok(writeln!(out, "{line}")?);
     }
     Ok(writeln!(out, "Report: {}", output.path().display())?)

@@ -9,12 +9,14 @@ mod long_runs;
 mod replays;
 
 use std::io::{self, Write};
+use std::time::Duration;
 
 use clap::Args;
 
 use crate::evidence::{BEGIN, END};
 use crate::failure::Failure;
 use crate::image::{self, Program};
+use crate::quantity;
 use crate::tool::Tool;
 
 /// Record emulated boards for long, kill the recording, fill its disk, and replay
@@ -24,8 +26,8 @@ Prints Markdown. Exit code 1 when a record is lost, a recording cannot be read, 
 The full disk is a small file system in memory, for which Linux is needed.")]
 pub(crate) struct Arguments {
     /// How long the two long recordings are, s
-    #[arg(long, default_value_t = 600.0)]
-    seconds: f64,
+    #[arg(long, default_value = "600", value_parser = quantity::duration)]
+    seconds: Duration,
     /// How many recordings are killed
     #[arg(long, default_value_t = 50)]
     kills: u32,
@@ -53,7 +55,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         full_disk::run(&tool)?,
         kills::run(&tool, arguments.kills, arguments.seed)?,
         replays::run(&tool, arguments.replays, arguments.seed)?,
-        long_runs::run(&tool, arguments.seconds)?,
+        long_runs::run(&tool, arguments.seconds.as_secs_f64())?,
     ];
     let mut out = io::stdout().lock();
     writeln!(out, "{BEGIN}")?;

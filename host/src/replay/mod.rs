@@ -44,8 +44,8 @@ pub(crate) struct Arguments {
 
 /// What was found of a recording.
 #[derive(Serialize)]
-struct Line<'a> {
-    file: &'a Path,
+struct Line {
+    file: String,
     /// Why it ends before its end.
     damage: Option<String>,
     #[serde(flatten)]
@@ -60,7 +60,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             differing.push(file.display().to_string());
         }
         let line = Line {
-            file,
+            file: file.display().to_string(),
             damage,
             agreement,
         };
@@ -137,12 +137,12 @@ fn in_force(note: &Note) -> Option<(u32, InForce)> {
     Some((boot_id, in_force))
 }
 
-fn print(line: &Line<'_>, json: bool) -> Result<(), Failure> {
+fn print(line: &Line, json: bool) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
     if json {
         return Ok(writeln!(out, "{}", serde_json::to_string(line)?)?);
     }
-    writeln!(out, "{}", line.file.display())?;
+    writeln!(out, "{}", line.file)?;
     for sentence in line.agreement.sentences() {
         writeln!(out, "  {sentence}")?;
     }

@@ -13,6 +13,7 @@ use palpate_sim::Time;
 use crate::emulated::{self, Pace, PluggedBoard};
 use crate::failure::Failure;
 use crate::notice;
+use crate::quantity;
 use port::Port;
 use rig::RigPort;
 
@@ -43,14 +44,14 @@ pub(crate) struct Arguments {
     allow_remote: bool,
     /// Press a spring of this multiple of the sensing layer's nominal stiffness, again and again:
     /// 5 s pressed, 8 s lifted
-    #[arg(long, value_name = "RATIO")]
+    #[arg(long, value_name = "RATIO", value_parser = quantity::load, allow_negative_numbers = true)]
     press: Option<f64>,
     /// Offer the simulated bench's load cell and stage here, for `palpate calibrate sensor`
     #[arg(long, value_name = "ADDRESS:PORT", conflicts_with = "press")]
     rig: Option<SocketAddr>,
     /// End after so many seconds
-    #[arg(long = "for", value_name = "SECONDS")]
-    seconds: Option<f64>,
+    #[arg(long = "for", value_name = "SECONDS", value_parser = quantity::duration, allow_negative_numbers = true)]
+    duration: Option<Duration>,
     #[command(flatten)]
     emulated: emulated::Arguments,
 }
@@ -84,7 +85,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         }
         None => None,
     };
-    let end = arguments.seconds.map(Time::from_secs_f64);
+    let end = arguments.duration;
+    let end = end.map(|duration| Time::from_secs_f64(duration.as_secs_f64()));
     serve(&mut served, &mut port, rig.as_mut(), end)
 }
 

@@ -16,9 +16,9 @@ use crate::storage;
 
 /// What was written or read, as JSON.
 #[derive(Serialize)]
-struct Line<'l> {
+struct Line {
     simulated: bool,
-    file: &'l Path,
+    file: String,
     commands: usize,
     configuration_crc: u32,
     /// Whether it is stored in the board.
@@ -36,7 +36,7 @@ pub(super) fn export(board: &link::Arguments, file: &Path, json: bool) -> Result
     let storage = storage::inspect(&mut link)?;
     let line = Line {
         simulated: board.is_simulated(&link),
-        file,
+        file: file.display().to_string(),
         commands: commands.len(),
         configuration_crc: storage.in_force_crc,
         stored: storage.stored_crc == storage.in_force_crc,
@@ -66,7 +66,7 @@ pub(super) fn import(
     };
     let line = Line {
         simulated: board.is_simulated(&link),
-        file,
+        file: file.display().to_string(),
         commands: commands.len(),
         configuration_crc: storage.in_force_crc,
         stored: storage.stored_crc == storage.in_force_crc,
@@ -132,7 +132,7 @@ fn besides(in_force: &[Command], commands: &[Command]) -> Vec<&'static str> {
     names
 }
 
-fn print(line: &Line<'_>, done: &str, json: bool) -> Result<(), Failure> {
+fn print(line: &Line, done: &str, json: bool) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
     if json {
         return Ok(writeln!(out, "{}", serde_json::to_string(line)?)?);
@@ -145,8 +145,7 @@ fn print(line: &Line<'_>, done: &str, json: bool) -> Result<(), Failure> {
     Ok(writeln!(
         out,
         "Configuration {:08x} {done} {}. {stored}",
-        line.configuration_crc,
-        line.file.display()
+        line.configuration_crc, line.file
     )?)
 }
 

@@ -17,6 +17,7 @@ use palpate_wire::Command;
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;
 use crate::link::{Link, Watched};
+use crate::quantity;
 use known::Known;
 use view::View;
 
@@ -37,8 +38,8 @@ pub(crate) struct Arguments {
     #[command(flatten)]
     watched: Watched,
     /// End after so many seconds
-    #[arg(long = "for", value_name = "SECONDS")]
-    seconds: Option<f64>,
+    #[arg(long = "for", value_name = "SECONDS", value_parser = quantity::duration, allow_negative_numbers = true)]
+    duration: Option<Duration>,
     /// Print JSON
     #[arg(long)]
     json: bool,
@@ -57,9 +58,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let screen = Screen::of(arguments.json);
     let mut known = Known::of(link.name());
     let begin = link.now();
-    let end = arguments
-        .seconds
-        .map(|of| begin + Duration::from_secs_f64(of.max(0.0)));
+    let end = arguments.duration.map(|duration| begin + duration);
     let interrupt = Interrupt::catch()?;
     let mut is_there = true;
     while !interrupt.is_asked() && end.is_none_or(|end| link.now() < end) {

@@ -1,5 +1,6 @@
 //! Tests of `palpate` from outside: one program, whose modules are its parts.
 
+mod arguments;
 mod bring_up;
 mod calibration;
 mod chip;
