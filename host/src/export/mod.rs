@@ -98,12 +98,6 @@ impl Arguments {
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let used = used(&arguments.file)?;
-    if used.is_empty() {
-        return Err(Failure::Refused(format!(
-            "{}: there is no record in it",
-            arguments.file.display()
-        )));
-    }
     let outputs = arguments.outputs().into_iter();
     let outputs =
         outputs.map(|(format, folder)| Tables::create(format, folder, &used, &arguments.file));
@@ -130,7 +124,7 @@ fn used(file: &Path) -> Result<BTreeMap<&'static str, Used>, Failure> {
             used.entry(message.name()).or_default().enter(&payload);
         }
     }
-    reader.refuse_foreign(file)?;
+    reader.refuse_empty(file)?;
     if let Some(damage) = reader.damage() {
         notice::say(format_args!("{}: {damage}.", file.display()));
     }

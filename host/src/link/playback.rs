@@ -12,7 +12,7 @@ use palpate_wire::{Message, Record, encode};
 
 use super::transport::Transport;
 use crate::failure::Failure;
-use crate::recording::{BOOT, Entry, Note, Reader, Recorded};
+use crate::recording::{Entry, Note, Reader, Recorded};
 
 /// A recording that is played.
 pub(super) struct Playback {
@@ -44,19 +44,19 @@ impl Iterator for Frames {
 impl Playback {
     /// Opens a recording, and says what the board was.
     pub(super) fn open(file: &Path, speed: Option<f64>) -> Result<(Self, Hello), Failure> {
-        let mut reader = Reader::open(file)?;
-        let hello = reader.find_map(|entry| match entry {
-            Entry::Note(note) => hello(&note),
-            Entry::Frame(_) | Entry::Log(_) => None,
-        });
-        reader.refuse_foreign(file)?;
-        let mut frames = Frames(Reader::open(file)?).peekable();
-        let (Some(hello), Some(first)) = (hello, frames.peek()) else {
-            return Err(Failure::Refused(format!(
-                "{}: there is no record in it",
+        let mut records = Frames(Reader::open(file)?);
+        let first = records.next();
+        if first.is_none() {
+            records.0.refuse_empty(file)?;
+        }
+        let hello = Reader::boot_notes(file)?.iter().find_map(hello);
+        let (Some(first), Some(hello)) = (first, hello) else {
+            return Err(Failure::Argument(format!(
+                "{}: it does not say of which board it is: name a recording of `palpate record`",
                 file.display()
             )));
         };
+        let frames = Frames(Reader::open(file)?).peekable();
         let playback = Self {
             file: file.to_path_buf(),
             first_ns: first.host_ns,
@@ -85,11 +85,8 @@ impl Playback {
     }
 }
 
-/// What the board was, if a note says so.
+/// What the board was, if a note about a boot says so.
 fn hello(note: &Note) -> Option<Hello> {
-    if note.name != BOOT {
-        return None;
-    }
     match serde_json::from_str(note.fields.get("hello")?).ok()? {
         Record::Hello(hello) => Some(hello),
         _ => None,

@@ -72,6 +72,10 @@ impl Story {
         };
         let mut reader = Reader::open(file)?;
         let mut reading = Reading::default();
+        // The first of each boot is in force from its beginning, wherever it stands in the file.
+        for note in Reader::boot_notes(file)?.iter().rev() {
+            story.note(note, &mut reading);
+        }
         for entry in &mut reader {
             story.contents.enter(&entry);
             match entry {
@@ -80,15 +84,9 @@ impl Story {
                 Entry::Log(_) => {}
             }
         }
-        reader.refuse_foreign(file)?;
+        reader.refuse_empty(file)?;
         if let Some(damage) = reader.damage() {
             notice::say(format_args!("{}: {damage}.", file.display()));
-        }
-        if story.contents.frames() == 0 {
-            return Err(Failure::Refused(format!(
-                "{}: there is no record in it",
-                file.display()
-            )));
         }
         Ok(story)
     }

@@ -80,25 +80,32 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
 fn replayed(file: &Path) -> Result<(Agreement, Option<String>), Failure> {
     let mut reader = Reader::open(file)?;
     let mut replay = Replay::default();
+    // The first of each boot is in force from its beginning, wherever it stands in the file.
+    for note in Reader::boot_notes(file)?.iter().rev() {
+        configure(&mut replay, note);
+    }
     let mut agreement = Agreement::default();
     for entry in &mut reader {
         match entry {
-            Entry::Note(note) => {
-                if let Some((boot_id, in_force)) = in_force(&note) {
-                    replay.configure(boot_id, in_force);
-                }
-            }
+            Entry::Note(note) => configure(&mut replay, &note),
             Entry::Frame(recorded) => agreement.enter(&replay.take(&recorded.frame)),
             Entry::Log(_) => {}
         }
     }
     agreement.enter(&replay.finish());
-    reader.refuse_foreign(file)?;
+    reader.refuse_empty(file)?;
     let damage = reader.damage();
     if let Some(damage) = &damage {
         notice::say(format_args!("{}: {damage}.", file.display()));
     }
     Ok((agreement, damage))
+}
+
+/// Enters what a note says is in force.
+fn configure(replay: &mut Replay, note: &Note) {
+    if let Some((boot_id, in_force)) = in_force(note) {
+        replay.configure(boot_id, in_force);
+    }
 }
 
 /// What a note says is in force; nothing if it is none about that, or lacks a part.

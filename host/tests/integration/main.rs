@@ -19,6 +19,7 @@ mod logs;
 mod outputs;
 mod plan;
 mod plan_ldc;
+mod read_recordings;
 mod recordings;
 mod records;
 mod replays;

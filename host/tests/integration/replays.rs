@@ -5,7 +5,7 @@ use std::path::Path;
 
 use serde_json::Value;
 
-use crate::support::{CALIBRATION, emulated, json, palpate};
+use crate::support::{CALIBRATION, emulated, json, palpate, recording_with};
 
 /// Runs a verb on the emulated board of seed 11.
 fn on_board(folder: &Path, arguments: &[&str]) -> Value {
@@ -31,6 +31,12 @@ fn a_recorded_measurement_is_replayed_to_the_bit_played_and_reported() {
     assert_eq!(count("estimate", "identical"), 1, "{replayed}");
     assert_eq!(count("load_point", "identical"), 8, "{replayed}");
 
+    // As other programs write it anew: what is said about it stands behind the messages.
+    rewritten(&folder.join("r.mcap"), &folder.join("w.mcap"));
+    let again = json(&palpate(&["replay", "w.mcap", "--json"], folder));
+    assert_eq!(again["kinds"], replayed["kinds"], "{again}");
+    assert_eq!(again["first_difference"], Value::Null, "{again}");
+
     let play = |verb: &[&str]| palpate(&[verb, &["--board", "r.mcap"]].concat(), folder);
     let fast = play(&["measure", "--json"]);
     let slower = play(&["measure", "--json", "--speed", "20"]);
@@ -52,4 +58,22 @@ fn a_recorded_measurement_is_replayed_to_the_bit_played_and_reported() {
     ] {
         assert!(page.contains(part), "{part}");
     }
+}
+
+/// The same messages with all metadata behind them.
+fn rewritten(from: &Path, to: &Path) {
+    let bytes = fs::read(from).unwrap();
+    recording_with(to, |writer| {
+        for message in mcap::MessageStream::new(&bytes).unwrap() {
+            writer.write(&message.unwrap()).unwrap();
+        }
+        let mut count = 0;
+        for piece in mcap::read::LinearReader::new(&bytes).unwrap() {
+            if let mcap::records::Record::Metadata(metadata) = piece.unwrap() {
+                writer.write_metadata(&metadata).unwrap();
+                count += 1;
+            }
+        }
+        assert!(count > 1);
+    });
 }
