@@ -12,14 +12,19 @@ use palpate_wire::{Message, Record, encode};
 
 use super::transport::Transport;
 use crate::failure::Failure;
+use crate::notice;
 use crate::recording::{Entry, Note, Reader, Recorded};
+
+/// Longest time without a record that is played: a board that is recorded sends several a second, and one that is
+/// unplugged for longer is not waited for again.
+const LONGEST_GAP: Duration = Duration::from_secs(600);
 
 /// A recording that is played.
 pub(super) struct Playback {
     file: PathBuf,
     frames: Peekable<Frames>,
-    /// Arrival of the first record, ns since 1970.
-    first_ns: u64,
+    /// What the time of the recording is at the start of the play, ns since 1970.
+    zero_ns: i128,
     /// How far it has been played.
     now: Duration,
     /// Recorded time to real time; nothing for as fast as possible.
@@ -59,7 +64,7 @@ impl Playback {
         let frames = Frames(Reader::open(file)?).peekable();
         let playback = Self {
             file: file.to_path_buf(),
-            first_ns: first.host_ns,
+            zero_ns: first.host_ns.into(),
             frames,
             now: Duration::ZERO,
             speed,
@@ -68,12 +73,22 @@ impl Playback {
         Ok((playback, hello))
     }
 
-    /// When the next record came.
+    /// When the next record came. A long time without one is jumped over: a time stamp may be damaged, or from a
+    /// clock that was set.
     fn next_at(&mut self) -> Option<Duration> {
-        let next = self.frames.peek()?;
-        Some(Duration::from_nanos(
-            next.host_ns.saturating_sub(self.first_ns),
-        ))
+        let next_ns = i128::from(self.frames.peek()?.host_ns);
+        let now_ns = self.zero_ns + self.now.as_nanos() as i128;
+        let gap_ns = next_ns - now_ns;
+        if gap_ns.abs() > LONGEST_GAP.as_nanos() as i128 {
+            self.zero_ns += gap_ns;
+            notice::say(format_args!(
+                "{}: the next record has a time stamp {}: the time between is left out.",
+                self.file.display(),
+                apart(gap_ns)
+            ));
+        }
+        let at_ns = u64::try_from(next_ns - self.zero_ns).unwrap_or_default();
+        Some(Duration::from_nanos(at_ns))
     }
 
     fn play_to(&mut self, at: Duration) {
@@ -83,6 +98,18 @@ impl Playback {
             sleep(due.saturating_sub(self.began.elapsed()));
         }
     }
+}
+
+/// A gap in words.
+fn apart(gap_ns: i128) -> String {
+    let hours = gap_ns.abs() as f64 / 3.6e12;
+    let years = hours / (24.0 * 365.25);
+    let long = if years >= 1.0 {
+        format!("{years:.0} years")
+    } else {
+        format!("{hours:.1} hours")
+    };
+    format!("{long} {}", if gap_ns > 0 { "later" } else { "earlier" })
 }
 
 /// What the board was, if a note about a boot says so.

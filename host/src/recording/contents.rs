@@ -1,6 +1,6 @@
 //! What a recording contains, counted.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 
 use palpate_wire::Message;
 use palpate_wire::loss::{Account, Tally};
@@ -15,6 +15,8 @@ pub(crate) struct Contents {
     account: Account,
     /// Boots in the order of their first frames.
     boots: Vec<Tally>,
+    /// Where each stands there, by its number.
+    places: HashMap<u32, usize>,
     /// Arrival of the first frame and of the last, ns since 1970.
     span_ns: Option<(u64, u64)>,
     kinds: BTreeMap<&'static str, u64>,
@@ -91,8 +93,11 @@ impl Contents {
         let Some(tally) = tallies.find(|tally| tally.boot_id() == frame.header.boot_id) else {
             return;
         };
-        let mut known = self.boots.iter_mut().rev();
-        match known.find(|boot| boot.boot_id() == tally.boot_id()) {
+        let place = *self
+            .places
+            .entry(tally.boot_id())
+            .or_insert(self.boots.len());
+        match self.boots.get_mut(place) {
             Some(boot) => *boot = *tally,
             None => self.boots.push(*tally),
         }

@@ -16,6 +16,7 @@ mod installed;
 #[cfg(target_os = "linux")]
 mod live;
 mod logs;
+mod long_recordings;
 mod outputs;
 mod plan;
 mod plan_ldc;
