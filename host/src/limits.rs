@@ -114,7 +114,8 @@ mod tests {
             noise: 0.1,
             ..BUDGET
         };
-        assert!(limited_by(&noisy).starts_with("71 % of the interval is by noise"));
+        // 100 of 137.
+        assert!(limited_by(&noisy).starts_with("73 % of the interval is by noise"));
         // Nothing is uncertain: no number that is none.
         let certain = UncertaintyBudget {
             noise: 0.0,

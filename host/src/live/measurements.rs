@@ -4,8 +4,10 @@ use std::collections::VecDeque;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use palpate_wire::Record;
+use palpate_wire::record::UncertaintyBudget;
 use serde::Serialize;
 
+use crate::limits::limited_by;
 use crate::verdict::explain;
 use crate::watch::known::Outcome;
 
@@ -20,6 +22,8 @@ struct Measurement {
     /// Its number since the start of the board.
     number: u32,
     outcome: Outcome,
+    /// The greatest cause of its interval, and what would narrow it, where the board said that.
+    limits: Option<String>,
 }
 
 impl Measurement {
@@ -37,24 +41,35 @@ impl Measurement {
             time_ms: now_ms(),
             number,
             outcome,
+            limits: None,
         })
     }
 }
 
 /// The last measurements, the oldest first.
 #[derive(Debug, Default, Serialize)]
-pub(super) struct Measurements(VecDeque<Measurement>);
+#[serde(transparent)]
+pub(super) struct Measurements {
+    ended: VecDeque<Measurement>,
+    /// What the interval of the next one is made of.
+    #[serde(skip)]
+    budget: Option<UncertaintyBudget>,
+}
 
 impl Measurements {
     /// Takes a record; whether it ends a measurement.
     pub(super) fn take(&mut self, record: &Record) -> bool {
-        let Some(measurement) = Measurement::of(record) else {
+        if let Record::UncertaintyBudget(budget) = record {
+            self.budget = Some(budget.clone());
+        }
+        let Some(mut measurement) = Measurement::of(record) else {
             return false;
         };
-        if self.0.len() == KEPT {
-            self.0.pop_front();
+        measurement.limits = self.budget.take().as_ref().map(limited_by);
+        if self.ended.len() == KEPT {
+            self.ended.pop_front();
         }
-        self.0.push_back(measurement);
+        self.ended.push_back(measurement);
         true
     }
 }
@@ -73,6 +88,7 @@ mod tests {
     #[test]
     fn a_refusal_stands_beside_the_estimate_before_it() {
         let mut measurements = Measurements::default();
+        assert!(!measurements.take(&fixture("uncertainty_budget")));
         assert!(measurements.take(&fixture("estimate")));
         assert!(measurements.take(&fixture("refusal")));
         assert!(!measurements.take(&fixture("hello")));
@@ -82,10 +98,13 @@ mod tests {
             listed[0]["outcome"]["estimate"]["stiffness_n_per_m"],
             6010.0
         );
+        let limits = listed[0]["limits"].as_str().unwrap();
+        assert!(limits.contains("+4.9 K"), "{limits}");
+        assert!(listed[1]["limits"].is_null(), "{listed}");
         assert!(listed[1]["outcome"]["refusal"].is_string(), "{listed}");
         for _ in 0..KEPT {
             measurements.take(&fixture("refusal"));
         }
-        assert_eq!(measurements.0.len(), KEPT);
+        assert_eq!(measurements.ended.len(), KEPT);
     }
 }
