@@ -92,6 +92,7 @@ struct CoilAtFrequency {
     resistance_error_ohm: f64,
     /// For small changes of a constant current.
     dc_inductance_H: f64,
+    dc_inductance_error_H: f64,
     dc_resistance_ohm: f64,
     /// The share of the resistance that each coil and each part makes.
     resistance_by_part_ohm: BTreeMap<String, f64>,
@@ -121,6 +122,7 @@ impl CoilAtFrequency {
             inductance_error_H: coil.errors[0],
             resistance_error_ohm: coil.errors[1],
             dc_inductance_H: coil.dc_inductance_h,
+            dc_inductance_error_H: coil.errors[2],
             dc_resistance_ohm: coil.dc_resistance_ohm,
             resistance_by_part_ohm: shares.map(|(name, share)| (name.clone(), *share)).collect(),
             driven_coils_closed: closed,
@@ -130,12 +132,13 @@ impl CoilAtFrequency {
     fn explain(&self) -> String {
         let Self { alternating, .. } = self;
         let mut text = format!(
-            "  {}\n    L {:>12.5} uH  (+- {:.1e}), {:.5} uH of a constant current\n    \
+            "  {}\n    L {:>12.5} uH  (+- {:.1e}), {:.5} uH (+- {:.1e}) of a constant current\n    \
              R {:>12.5} ohm (+- {:.1e}), {:.5} ohm of a constant current\n    Q {:>12.2}\n",
             self.coil,
             1e6 * alternating.inductance_H,
             1e6 * self.inductance_error_H,
             1e6 * self.dc_inductance_H,
+            1e6 * self.dc_inductance_error_H,
             alternating.resistance_ohm,
             self.resistance_error_ohm,
             self.dc_resistance_ohm,

@@ -40,5 +40,5 @@ fn saturated(name: &str) -> Solved {
 
 #[divan::bench(sample_count = 20, sample_size = 1)]
 fn first_mesh() -> mesh::Mesh {
-    mesh::build(&builtin("A").expect("built in")).expect("a mesh")
+    mesh::build(&builtin("A").expect("built in"), mesh::MeshLines::WithCore).expect("a mesh")
 }

@@ -119,7 +119,7 @@ fn relation(a: &Solid, b: &Solid) -> Relation {
     if overlap(a, b) {
         return Relation::Overlap;
     }
-    let gap = narrowest_gap(&a.shape, &b.shape);
+    let gap = a.shape.distance(&b.shape);
     if gap > SAME_M && gap < THINNEST_M {
         return Relation::Gap(gap);
     }
@@ -164,20 +164,6 @@ fn overlap(a: &Solid, b: &Solid) -> bool {
     points
         .iter()
         .any(|&point| within(a, point) && within(b, point))
-}
-
-/// The least distance of the corners of each to the other's outline.
-fn narrowest_gap(a: &Shape, b: &Shape) -> f64 {
-    let mut least = f64::INFINITY;
-    for (from, to) in [(a, b), (b, a)] {
-        for corner in from.extremes() {
-            for path in to.paths() {
-                let share = path.share_of(corner).clamp(0.0, 1.0);
-                least = least.min(distance(corner, path.at(share)));
-            }
-        }
-    }
-    least
 }
 
 /// Refuses an outline that is no simple polygon.

@@ -3,7 +3,7 @@
 use core::f64::consts::{FRAC_PI_2, TAU};
 
 use super::path::{Path, PathCurve};
-use super::{Point, cross};
+use super::{Point, cross, distance};
 
 /// An outline in the half-plane; revolved about the axis it is a body.
 #[derive(Clone, Debug, PartialEq)]
@@ -112,6 +112,22 @@ impl Shape {
                 .map(|t| [semi_r_m * t.cos().abs(), centre_x_m + semi_x_m * t.sin()])
                 .collect(),
         }
+    }
+
+    /// The least distance of the corners of each to the other's outline, m.
+    #[must_use]
+    pub fn distance(&self, other: &Self) -> f64 {
+        let mut least = f64::INFINITY;
+        for (from, to) in [(self, other), (other, self)] {
+            let paths = to.paths();
+            for corner in from.extremes() {
+                for path in &paths {
+                    let share = path.share_of(corner).clamp(0.0, 1.0);
+                    least = least.min(distance(corner, path.at(share)));
+                }
+            }
+        }
+        least
     }
 
     /// Area of the half-plane's cross-section, m².

@@ -2,16 +2,22 @@
 
 use std::collections::{BTreeMap, HashMap};
 
-use super::plan::{MeshPlan, Region};
+use super::plan::{MeshLines, MeshPlan, Region};
 use super::triangulate::{KeptSegment, MeshTriangulation, Wish, centroid, triangulate};
 use super::{Circle, Mesh, MeshError, Triangle, ascending};
 use crate::design::{Design, Rectangle};
 use crate::geometry::arrangement::Piece;
-use crate::geometry::path::{Path, PathCurve};
+use crate::geometry::path::PathCurve;
 use crate::geometry::{Point, distance};
 
-/// Pieces that a narrow rectangle is divided into are at most so many times longer than wide.
+/// Circumradius over shortest side: 1.3 stands for a least angle of 22.6°, for which Ruppert's
+/// method is known to end on straight lines.
+const SLENDEREST: f64 = 1.3;
+/// The sides of narrow rectangles are divided into pieces that are at most so many times longer than wide.
 const NARROW_PIECE: f64 = 12.0;
+/// [`SLENDEREST`] in narrow rectangles: a little more than half of such a piece. Refinement halves triangles
+/// and keeps their shape: what a longer one misses shows late, and hardly as a change from mesh to mesh.
+const SLENDEREST_IN_NARROW: f64 = 0.55 * NARROW_PIECE;
 /// Circumradius of the largest triangle over the circle's radius, inside and outside. Coarse:
 /// refinement by the error estimate does the rest.
 const LARGEST_INSIDE: f64 = 0.16;
@@ -23,19 +29,24 @@ const SHORTEST: f64 = 1e-5;
 ///
 /// # Errors
 /// [`MeshError`] where lines of the design come too near each other.
-pub fn build(design: &Design) -> Result<Mesh, MeshError> {
-    let plan = MeshPlan::of(design);
+pub fn build(design: &Design, respected: MeshLines) -> Result<Mesh, MeshError> {
+    let plan = MeshPlan::of(design, respected);
     let circle = plan.circle;
     let (vertices, segments) = lines(&plan);
-    let narrow = |point: Point| plan.narrow.iter().any(|section| holds(section, point));
-    let between = gaps(design);
-    let exempt = |point: Point| narrow(point) || between.iter().any(|gap| holds(gap, point));
+    let narrow: Vec<Rectangle> = plan.narrow.iter().copied().chain(gaps(design)).collect();
+    let slenderest = |point: Point| {
+        if narrow.iter().any(|section| holds(section, point)) {
+            SLENDEREST_IN_NARROW
+        } else {
+            SLENDEREST
+        }
+    };
     let inside = triangulate(
         &vertices,
         segments,
         &Wish {
             size: &|_| LARGEST_INSIDE * circle.radius,
-            exempt: &exempt,
+            slenderest: &slenderest,
             shortest: SHORTEST * circle.radius,
         },
     )?;
@@ -97,77 +108,90 @@ fn gaps(design: &Design) -> Vec<Rectangle> {
 
 type Lines = (Vec<Point>, BTreeMap<[u32; 2], KeptSegment>);
 
-/// The plan's pieces, narrow rectangles divided across.
+/// The plan's pieces, the sides of narrow rectangles divided.
 fn lines(plan: &MeshPlan) -> Lines {
     let mut vertices = plan.arrangement.vertices.clone();
-    let mut across: Vec<Path> = Vec::new();
     for section in &plan.narrow {
-        across.extend(divide(section, &vertices, plan.tolerance));
-    }
-    let mut find = |point: Point| match vertices
-        .iter()
-        .position(|&v| distance(v, point) <= 4.0 * plan.tolerance)
-    {
-        Some(index) => index,
-        None => {
-            vertices.push(point);
-            vertices.len() - 1
-        }
-    };
-    let mut pieces: Vec<([usize; 2], KeptSegment)> = Vec::new();
-    for path in &across {
-        let segment = KeptSegment {
-            curve: PathCurve::Line,
-            fixed: true,
-        };
-        pieces.push(([find(path.from), find(path.to)], segment));
-    }
-    for piece in &plan.arrangement.pieces {
-        let path = plan.arrangement.path(piece);
-        let middle = path.at(0.5);
-        let slack = 4.0 * plan.tolerance;
-        let fixed = piece.curve == PathCurve::Line
-            && plan
-                .narrow
-                .iter()
-                .any(|section| on_outline(section, middle, slack));
-        let segment = KeptSegment {
-            curve: piece.curve,
-            fixed,
-        };
-        let mut stops: Vec<(f64, usize)> = Vec::new();
-        if piece.curve == PathCurve::Line {
-            for (index, &vertex) in vertices.iter().enumerate() {
-                let share = path.share_of(vertex);
-                let on = (0.0..=1.0).contains(&share) && distance(path.at(share), vertex) <= slack;
-                if on && !piece.ends.contains(&index) {
-                    stops.push((share, index));
-                }
+        for point in divide(section, &vertices, plan.slack()) {
+            let known = |&vertex: &Point| distance(vertex, point) <= plan.slack();
+            if !vertices.iter().any(known) {
+                vertices.push(point);
             }
-        } else if has_chord(plan, piece) {
-            vertices.push(middle);
-            stops.push((0.5, vertices.len() - 1));
-        }
-        stops.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let mut last = piece.ends[0];
-        for next in stops
-            .into_iter()
-            .map(|(_, index)| index)
-            .chain([piece.ends[1]])
-        {
-            pieces.push(([last, next], segment));
-            last = next;
         }
     }
     let mut segments = BTreeMap::new();
-    for (ends, segment) in pieces {
-        let ends = ends.map(|end| u32::try_from(end).unwrap_or(u32::MAX));
-        if ends[0] != ends[1] {
-            let known = segments.entry(ascending(ends)).or_insert(segment);
-            known.fixed |= segment.fixed;
+    for piece in &plan.arrangement.pieces {
+        let segment = KeptSegment {
+            curve: piece.curve,
+            fixed: false,
+        };
+        let stops = stops(plan, piece, &mut vertices);
+        for pair in stops.windows(2) {
+            if let &[a, b] = pair {
+                let ends = [a, b].map(|end| u32::try_from(end).unwrap_or(u32::MAX));
+                segments.insert(ascending(ends), segment);
+            }
         }
     }
     (vertices, segments)
+}
+
+/// The vertices along a piece, its ends included.
+fn stops(plan: &MeshPlan, piece: &Piece, vertices: &mut Vec<Point>) -> Vec<usize> {
+    let [from, to] = piece.ends;
+    let path = plan.arrangement.path(piece);
+    if piece.curve != PathCurve::Line {
+        if !has_chord(plan, piece) {
+            return vec![from, to];
+        }
+        vertices.push(path.at(0.5));
+        return vec![from, vertices.len() - 1, to];
+    }
+    let share = |(index, vertex): (usize, &Point)| {
+        let share = path.share_of(*vertex);
+        let on = (0.0..=1.0).contains(&share) && distance(path.at(share), *vertex) <= plan.slack();
+        (on && !piece.ends.contains(&index)).then_some((share, index))
+    };
+    let mut between: Vec<(f64, usize)> = vertices.iter().enumerate().filter_map(share).collect();
+    between.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let between = between.into_iter().map(|(_, index)| index);
+    [from].into_iter().chain(between).chain([to]).collect()
+}
+
+/// Points on both long sides of a narrow rectangle, opposite each other: beside every vertex on either, and
+/// between.
+fn divide(section: &Rectangle, vertices: &[Point], slack: f64) -> Vec<Point> {
+    let lying = section.r_m[1] - section.r_m[0] > section.x_m[1] - section.x_m[0];
+    let (long, short) = if lying {
+        (section.r_m, section.x_m)
+    } else {
+        (section.x_m, section.r_m)
+    };
+    let turned = |[r, x]: Point| if lying { [r, x] } else { [x, r] };
+    let on_long_side = |vertex: &Point| {
+        let [along, aside] = turned(*vertex);
+        let beside = short.iter().any(|side| (aside - side).abs() <= slack);
+        (beside && along > long[0] + slack && along < long[1] - slack).then_some(along)
+    };
+    let mut ends = vec![long[0], long[1]];
+    ends.extend(vertices.iter().filter_map(on_long_side));
+    ends.sort_by(f64::total_cmp);
+    let longest = NARROW_PIECE * (short[1] - short[0]);
+    let mut places = Vec::new();
+    for pair in ends.windows(2) {
+        let &[from, to] = pair else { continue };
+        let count = ((to - from) / longest).ceil().max(1.0);
+        let mut step = 0.0;
+        while step < count {
+            places.push(from + step / count * (to - from));
+            step += 1.0;
+        }
+    }
+    let across = places
+        .into_iter()
+        .skip(1)
+        .flat_map(|along| short.map(|aside| turned([along, aside])));
+    across.collect()
 }
 
 /// Whether another piece has the same ends, as the axis and the half-circle of a sphere: two vertices have one
@@ -176,65 +200,6 @@ fn has_chord(plan: &MeshPlan, piece: &Piece) -> bool {
     let others = plan.arrangement.pieces.iter();
     let mut alike = others.filter(|other| other.ends == piece.ends);
     alike.any(|other| other.curve != piece.curve)
-}
-
-fn on_outline(section: &Rectangle, [r, x]: Point, slack: f64) -> bool {
-    let near = |a: f64, b: f64| (a - b).abs() <= slack;
-    let [r0, r1] = section.r_m;
-    let [x0, x1] = section.x_m;
-    let beside = (near(r, r0) || near(r, r1)) && x >= x0 - slack && x <= x1 + slack;
-    let along = (near(x, x0) || near(x, x1)) && r >= r0 - slack && r <= r1 + slack;
-    beside || along
-}
-
-/// Lines across a narrow rectangle, without its ends: at every vertex on its long sides, and
-/// between.
-fn divide(section: &Rectangle, vertices: &[Point], tolerance: f64) -> Vec<Path> {
-    let lying = section.r_m[1] - section.r_m[0] > section.x_m[1] - section.x_m[0];
-    let (long, short) = if lying {
-        (section.r_m, section.x_m)
-    } else {
-        (section.x_m, section.r_m)
-    };
-    let slack = 4.0 * tolerance;
-    let on_long_side = |point: Point| {
-        let (along, aside) = if lying {
-            (point[0], point[1])
-        } else {
-            (point[1], point[0])
-        };
-        let beside = short.iter().any(|side| (aside - side).abs() <= slack);
-        (beside && along >= long[0] - slack && along <= long[1] + slack).then_some(along)
-    };
-    let mut stops: Vec<f64> = vec![long[0], long[1]];
-    stops.extend(vertices.iter().filter_map(|&vertex| on_long_side(vertex)));
-    stops.sort_by(f64::total_cmp);
-    stops.dedup_by(|a, b| (*a - *b).abs() <= slack);
-    let longest = NARROW_PIECE * (short[1] - short[0]);
-    let mut paths = Vec::new();
-    let mut add = |along: f64| {
-        let point = |aside: f64| {
-            if lying {
-                [along, aside]
-            } else {
-                [aside, along]
-            }
-        };
-        paths.push(Path::line(point(short[0]), point(short[1])));
-    };
-    for pair in stops.windows(2) {
-        let &[from, to] = pair else { continue };
-        if from > long[0] {
-            add(from);
-        }
-        let count = ((to - from) / longest).ceil().max(1.0);
-        let mut step = 1.0;
-        while step < count {
-            add(from + step / count * (to - from));
-            step += 1.0;
-        }
-    }
-    paths
 }
 
 /// Adds the inside's triangles with their regions.
@@ -302,7 +267,7 @@ fn attach_exterior(mesh: &mut Mesh) -> Result<(), MeshError> {
         segments,
         &Wish {
             size: &|_| LARGEST_OUTSIDE * circle.radius,
-            exempt: &|_| false,
+            slenderest: &|_| SLENDEREST,
             shortest: SHORTEST * circle.radius,
         },
     )?;

@@ -13,7 +13,7 @@ mod triangulate;
 use std::collections::HashMap;
 
 pub use domain::build;
-pub use plan::{Region, Zone};
+pub use plan::{MeshLines, Region, Zone};
 
 use crate::geometry::Point;
 use crate::geometry::path::PathCurve;

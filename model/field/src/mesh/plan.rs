@@ -110,23 +110,35 @@ fn zone_at(design: &Design, [r, x]: Point) -> Zone {
     found.map_or(Zone::None, |(zone, _)| *zone)
 }
 
+/// What a triangulation respects besides boards, windings and parts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MeshLines {
+    /// The lines by which the core is judged.
+    WithCore,
+    /// Nothing: in a wide design they cost many triangles.
+    PartsAlone,
+}
+
 /// Everything that a triangulation has to respect.
 #[derive(Debug)]
 pub(super) struct MeshPlan {
     pub(super) circle: Circle,
     pub(super) arrangement: Arrangement,
-    /// Narrow rectangles, which are divided across and not further: r, then x.
+    /// Narrow rectangles, in which triangles may be longer than elsewhere.
     pub(super) narrow: Vec<Rectangle>,
     /// Corners of permeable parts.
     pub(super) corners: Vec<usize>,
-    pub(super) tolerance: f64,
+    tolerance: f64,
 }
 
 impl MeshPlan {
-    pub(super) fn of(design: &Design) -> Self {
+    pub(super) fn of(design: &Design, lines: MeshLines) -> Self {
         let circle = circle_about(design);
         let tolerance = TOLERANCE * circle.radius;
-        let paths = paths(design, &circle);
+        let mut paths = paths(design, &circle);
+        if lines == MeshLines::WithCore {
+            paths.extend(core_paths(design, &circle));
+        }
         let mut arrangement = Arrangement::of(&paths, tolerance);
         arrangement.retain(|_, left, right| {
             Region::at(design, &circle, left) != Region::at(design, &circle, right)
@@ -141,6 +153,11 @@ impl MeshPlan {
             corners,
             tolerance,
         }
+    }
+
+    /// Points nearer than this are one, m.
+    pub(super) fn slack(&self) -> f64 {
+        4.0 * self.tolerance
     }
 }
 
@@ -192,18 +209,6 @@ fn paths(design: &Design, circle: &Circle) -> Vec<Path> {
         add(&part.shape);
         part.minus.iter().for_each(&mut add);
     }
-    for (_, share) in Zone::SHARES {
-        add(&Shape::rectangle(
-            [0.0, share * design.core.r_m],
-            design.core.x_m,
-        ));
-    }
-    for x in design.core.parting_m() {
-        let reach = (circle.radius.powi(2) - (x - circle.centre_x).powi(2))
-            .max(0.0)
-            .sqrt();
-        paths.push(Path::line([0.0, x], [reach, x]));
-    }
     let half = core::f64::consts::FRAC_PI_2;
     let ends = [-1.0, 1.0].map(|side| [0.0, circle.centre_x + side * circle.radius]);
     paths.push(Path::line(ends[0], ends[1]));
@@ -214,6 +219,19 @@ fn paths(design: &Design, circle: &Circle) -> Vec<Path> {
     };
     paths.push(Path::arc(curve, -half, half));
     paths
+}
+
+/// The lines by which the core is judged: its shells, and the parting of the stack for the force.
+fn core_paths(design: &Design, circle: &Circle) -> Vec<Path> {
+    let core = &design.core;
+    let shells = Zone::SHARES
+        .iter()
+        .flat_map(|(_, share)| Shape::rectangle([0.0, share * core.r_m], core.x_m).paths());
+    let parting = core.parting_m().map(|x| {
+        let reach_squared = circle.radius.powi(2) - (x - circle.centre_x).powi(2);
+        Path::line([0.0, x], [reach_squared.max(0.0).sqrt(), x])
+    });
+    shells.chain(parting).collect()
 }
 
 /// A rectangle is narrow where its sides differ by so much.

@@ -1,8 +1,7 @@
 //! Delaunay refinement after Ruppert, by spade's constrained triangulation.
 //!
 //! Triangles with a small angle, or too large, get their circumcentre as a new vertex; where that
-//! would come too near a line, the line is halved instead, along its curve. Narrow rectangles are
-//! exempt: they come divided across, and their sides stay as they are.
+//! would come too near a line, the line is halved instead, along its curve.
 
 use std::collections::BTreeMap;
 
@@ -26,15 +25,12 @@ pub(super) struct KeptSegment {
 pub(super) struct Wish<'w> {
     /// Greatest circumradius about a place.
     pub(super) size: &'w dyn Fn(Point) -> f64,
-    /// Places where any triangle is good enough.
-    pub(super) exempt: &'w dyn Fn(Point) -> bool,
+    /// Greatest circumradius over shortest side about a place.
+    pub(super) slenderest: &'w dyn Fn(Point) -> f64,
     /// Nothing is made shorter than this.
     pub(super) shortest: f64,
 }
 
-/// Circumradius over shortest side: 1.3 stands for a least angle of 22.6°, for which Ruppert's
-/// method is known to end on straight lines.
-const SLENDEREST: f64 = 1.3;
 /// Each sweep halves what is too large; a graded domain needs about 12.
 const MOST_SWEEPS: usize = 60;
 /// More vertices than a first triangulation has that can be solved on: twice as many triangles have
@@ -254,8 +250,8 @@ impl Work {
         let shortest = sides(corners).into_iter().fold(f64::INFINITY, f64::min);
         let (_, radius) = circumcircle(corners);
         let large = radius > (wish.size)(centroid);
-        let slender = radius > SLENDEREST * shortest && shortest > wish.shortest;
-        (large || slender) && !(wish.exempt)(centroid)
+        let slender = radius > (wish.slenderest)(centroid) * shortest && shortest > wish.shortest;
+        large || slender
     }
 
     fn improve(&mut self, triangle: [u32; 3], wish: &Wish<'_>) -> Result<bool, MeshError> {

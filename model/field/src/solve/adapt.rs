@@ -93,7 +93,7 @@ pub fn solve(
     excitation: &Excitation,
     accuracy: &Accuracy,
 ) -> Result<Solved, SolveError> {
-    let mut mesh = mesh::build(design)?;
+    let mut mesh = mesh::build(design, mesh::MeshLines::WithCore)?;
     mesh.refine_corners(CORNER_SIZE * mesh.circle.radius);
     let mut level = Level::new(design, Space::new(mesh, accuracy.order), excitation);
     let mut guess = vec![0.0; level.space.count];

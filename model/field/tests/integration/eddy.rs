@@ -1,6 +1,5 @@
-//! Eddy currents and losses that are known: a coil above a plate and a half-space (Dodd and Deeds,
-//! J. Appl. Phys. 39, 2829, 1968, by a Bessel function and integrals of this file), a perfect conductor's
-//! image, currents that hardly alternate, and a closed ring.
+//! Eddy currents and losses that are known: a coil above a plate and a half-space (Dodd and Deeds), a perfect
+//! conductor's image, currents that hardly alternate, and a closed ring.
 
 use std::f64::consts::{PI, TAU};
 use std::sync::LazyLock;
@@ -9,68 +8,22 @@ use num_complex::Complex64;
 use palpate_field::design::Design;
 use palpate_field::solve::{AcCoil, AcSolved, Accuracy, Excitation, solve, solve_ac};
 
-const MU_0: f64 = 4e-7 * PI;
-
-/// J₁ by Bessel's own integral; the trapezoidal rule is exact to rounding above x points.
-fn j1(x: f64) -> f64 {
-    let points = 40 + (1.2 * x) as u32;
-    let at = |k: u32| (f64::from(k) + 0.5) * PI / f64::from(points);
-    let sum: f64 = (0..points).map(|k| (at(k) - x * at(k).sin()).cos()).sum();
-    sum / f64::from(points)
-}
-
-/// Nodes and weights of Simpson's rule on an interval.
-fn simpson([from, to]: [f64; 2], panels: u32) -> impl Iterator<Item = (f64, f64)> {
-    let step = (to - from) / f64::from(2 * panels);
-    (0..=2 * panels).map(move |k| {
-        let weight = match k {
-            0 => 1.0,
-            k if k == 2 * panels => 1.0,
-            k if k % 2 == 1 => 4.0,
-            _ => 2.0,
-        };
-        (from + step * f64::from(k), weight * step / 3.0)
-    })
-}
+use crate::dodd_deeds::{MU_0, Plate, Ring, Spectrum};
 
 /// The coil's radii and its ends above the plate, m, and its turns.
 const R_M: [f64; 2] = [4e-3, 7e-3];
 const ABOVE_M: [f64; 2] = [1e-3, 2.5e-3];
 const TURNS: f64 = 50.0;
+const RING: Ring = Ring {
+    r_m: R_M,
+    above_m: ABOVE_M,
+    turns: TURNS,
+};
 
-/// α, its weight, and (∫ r J₁(αr) dr/α)². What comes back from a plate has e^−2αz = e^−44 at the end; of
-/// the coil by itself 1e-5 is beyond.
-static RADIAL: LazyLock<Vec<[f64; 3]>> = LazyLock::new(|| {
-    let along = |alpha: f64| simpson(R_M, 24).map(move |(r, w)| w * r * j1(alpha * r));
-    let of = |(alpha, weight)| [alpha, weight, (along(alpha).sum::<f64>() / alpha).powi(2)];
-    simpson([1e-3, 22.0 / ABOVE_M[0]], 900).map(of).collect()
-});
+static SPECTRUM: LazyLock<Spectrum> = LazyLock::new(|| Spectrum::of(RING));
 
-/// π μ₀ n² ∫ (∫ r J₁(αr) dr/α)² f(α) dα: the coil's inductances are of this form, H.
-fn integral(f: impl Fn(f64) -> Complex64) -> Complex64 {
-    let turns_per_m2 = TURNS / ((R_M[1] - R_M[0]) * (ABOVE_M[1] - ABOVE_M[0]));
-    let sum: Complex64 = RADIAL
-        .iter()
-        .map(|&[a, weight, radial]| weight * radial * f(a))
-        .sum();
-    PI * MU_0 * turns_per_m2.powi(2) * sum
-}
-
-/// The coil's inductance without a plate, H.
-fn in_air_h() -> f64 {
-    let height = ABOVE_M[1] - ABOVE_M[0];
-    let within = |alpha: f64| 2.0 * (alpha * height + (-alpha * height).exp() - 1.0);
-    integral(|alpha| within(alpha).into()).re
-}
-
-/// A plate, or a half-space where it is thick.
-#[derive(Clone, Copy)]
-struct Plate {
-    conductivity: f64,
-    mu_r: f64,
-    loss_tangent: f64,
-    thickness_m: f64,
-}
+/// The radius of the plates, m.
+const PLATE_RADIUS_M: f64 = 0.1;
 
 const ALUMINIUM: Plate = Plate {
     conductivity: 2e7,
@@ -79,35 +32,13 @@ const ALUMINIUM: Plate = Plate {
     thickness_m: 12e-3,
 };
 
-impl Plate {
-    /// The share of a wave e^(−αz) J₁(αr) that comes back from its surface.
-    fn reflection(&self, alpha: f64, omega: f64) -> Complex64 {
-        let mu_r = self.mu_r * Complex64::new(1.0, -self.loss_tangent);
-        let inside =
-            (alpha * alpha + Complex64::I * omega * MU_0 * mu_r * self.conductivity).sqrt();
-        let (sum, difference) = (mu_r * alpha + inside, mu_r * alpha - inside);
-        let twice = (-2.0 * inside * self.thickness_m).exp();
-        sum * difference * (1.0 - twice) / (sum * sum - difference * difference * twice)
-    }
-
-    /// The complex inductance that it adds to the coil, H: L − i R/ω.
-    fn adds(&self, omega: f64) -> Complex64 {
-        let height = |alpha: f64| (-alpha * ABOVE_M[0]).exp() - (-alpha * ABOVE_M[1]).exp();
-        integral(|alpha| height(alpha).powi(2) * self.reflection(alpha, omega))
-    }
-
-    /// A disc of 0.1 m radius of it, with its upper face at x = 0.
-    fn disc(&self) -> String {
-        format!(
-            "[material.m]\nmu_r = {}\nconductivity_S_per_m = {}\nloss_tangent = {}\n\
-             [[plate]]\nname = \"p\"\nmaterial = \"m\"\nshape = {{ r = [0.0, 0.1], x = [{}, 0.0] }}\n",
-            self.mu_r, self.conductivity, self.loss_tangent, -self.thickness_m
-        )
-    }
-}
-
-fn coil(name: &str, r_m: [f64; 2], x_m: [f64; 2], turns: f64) -> String {
-    format!("[[coil]]\nname = \"{name}\"\nr = {r_m:?}\nx = {x_m:?}\nturns = {turns}\n")
+fn coil(name: &str, r_m: [f64; 2], above_m: [f64; 2], turns: f64) -> String {
+    let ring = Ring {
+        r_m,
+        above_m,
+        turns,
+    };
+    ring.coil(name)
 }
 
 fn design(parts: &str) -> Design {
@@ -165,11 +96,11 @@ fn a_coil_above_plates_changes_as_dodd_and_deeds_computed() {
     ];
     for (name, plate, frequency_hz) in cases {
         let omega = TAU * frequency_hz;
-        let exact = plate.adds(omega);
-        let design = design(&(plate.disc() + &coil("c", R_M, ABOVE_M, TURNS)));
+        let exact = SPECTRUM.added_by(&plate, omega);
+        let design = design(&(plate.disc(PLATE_RADIUS_M) + &coil("c", R_M, ABOVE_M, TURNS)));
         let change = |coil: &AcCoil| {
             let resistance = coil.resistance_ohm - coil.dc_resistance_ohm;
-            Complex64::new(coil.inductance_h - in_air_h(), -resistance / omega)
+            Complex64::new(coil.inductance_h - SPECTRUM.in_air_h(), -resistance / omega)
         };
         let rough = solved(&design, frequency_hz, 1e-2).coils.remove(0);
         let missed = change(&rough) - exact;
@@ -203,12 +134,12 @@ fn a_coil_above_plates_changes_as_dodd_and_deeds_computed() {
 fn the_image_of_a_coil_stands_behind_a_perfect_conductor() {
     let depth = 20e-6;
     let frequency_hz = 1.0 / (PI * MU_0 * ALUMINIUM.conductivity * depth * depth);
-    let above = design(&(ALUMINIUM.disc() + &coil("c", R_M, ABOVE_M, TURNS)));
+    let above = design(&(ALUMINIUM.disc(PLATE_RADIUS_M) + &coil("c", R_M, ABOVE_M, TURNS)));
     let change = solved(&above, frequency_hz, 3e-4)
         .coils
         .remove(0)
         .inductance_h
-        - in_air_h();
+        - SPECTRUM.in_air_h();
     let image_m = [-ABOVE_M[1] - depth, -ABOVE_M[0] - depth];
     let pair = [
         coil("c", R_M, ABOVE_M, TURNS),
@@ -274,8 +205,8 @@ fn currents_thinner_than_the_mesh_are_followed_or_in_the_estimate() {
         ..ALUMINIUM
     };
     let omega = TAU * 3e6;
-    let exact = -omega * plate.adds(omega).im;
-    let design = design(&(plate.disc() + &coil("c", R_M, ABOVE_M, TURNS)));
+    let exact = -omega * SPECTRUM.added_by(&plate, omega).im;
+    let design = design(&(plate.disc(PLATE_RADIUS_M) + &coil("c", R_M, ABOVE_M, TURNS)));
     // Most of the resistance is the coil's own, so that its error is not where the mesh is refined for it.
     let design = Design {
         resistivity_ohm_m: 1e-4,

@@ -253,7 +253,7 @@ fn sphere_error(order: u32, halvings: u32) -> f64 {
         3.7,
         "r = 5.0\nx = [-5.0, 5.0]",
     );
-    let mut mesh = mesh::build(&design).expect("a mesh");
+    let mut mesh = mesh::build(&design, mesh::MeshLines::WithCore).expect("a mesh");
     for _ in 0..2 * halvings {
         mesh.refine(&vec![true; mesh.triangles.len()]);
     }

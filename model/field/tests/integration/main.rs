@@ -2,10 +2,12 @@
 
 mod arcs;
 mod designs;
+mod dodd_deeds;
 mod drawings;
 mod eddy;
 mod exact;
 mod forces;
 mod magnets;
 mod properties;
+mod sheets;
 mod tables;

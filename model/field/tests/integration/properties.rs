@@ -255,7 +255,7 @@ proptest! {
     fn no_text_panics(text in damaged()) {
         if let Ok(design) = Design::parse("damaged.toml", &text) {
             // What is accepted can be triangulated, or is refused with a reason.
-            let _ = palpate_field::mesh::build(&design).map_err(|error| error.to_string());
+            let _ = palpate_field::mesh::build(&design, palpate_field::mesh::MeshLines::WithCore).map_err(|error| error.to_string());
         }
     }
 

@@ -3,6 +3,7 @@
 use num_complex::Complex64;
 
 use crate::design::{Design, MagneticPart};
+use crate::geometry::shape::Shape;
 use crate::material::{MU_0, Material};
 use crate::mesh::Region;
 
@@ -82,6 +83,7 @@ impl AcRegion {
         material: Material,
         first_rings: &[Option<u32>],
         omega: f64,
+        coils: &[usize],
     ) -> Self {
         let part = region.part.and_then(|part| design.parts.get(part as usize));
         let carried = region.ring.and_then(|[coil, ring]| {
@@ -107,7 +109,10 @@ impl AcRegion {
         let loss_tangent = part.map_or(0.0, |part| part.loss_tangent);
         let mu = MU_0 * material.initial_mu_r();
         let skin_depth_m = (2.0 / (omega * mu * conductivity_s_per_m)).sqrt();
-        let thick = |part: &MagneticPart| skin_depth_m < IN_SURFACE * least_extent_m(part);
+        let thick = |part: &MagneticPart| {
+            skin_depth_m < IN_SURFACE * least_extent_m(part)
+                && skin_depth_m < BELOW_COILS * distance_m(design, coils, part)
+        };
         Self {
             material,
             reluctivity_factor: Complex64::new(1.0, -loss_tangent).inv(),
@@ -122,6 +127,10 @@ impl AcRegion {
 /// Skin depth over a part's least extent, below which currents are taken to flow in its surface. What
 /// this leaves out is of the second order in skin depth over distance on even faces, and of the first on edges.
 const IN_SURFACE: f64 = 1.0 / 200.0;
+/// The same over its distance from the coils. By Dodd and Deeds' integrals with the impedance of a half-space
+/// in place of √(α² + iωμσ), the part's share of R is then off by 1e-4 under a ring five times as wide as
+/// high, and by 3.5e-4 under one as wide as high; L by less than 1e-5.
+const BELOW_COILS: f64 = 1.0 / 40.0;
 
 /// The shorter side of a rectangle about a part, m.
 fn least_extent_m(part: &MagneticPart) -> f64 {
@@ -137,4 +146,12 @@ fn least_extent_m(part: &MagneticPart) -> f64 {
         range[1] - range[0]
     };
     extent(0).min(extent(1))
+}
+
+/// The least distance of coils from a part, m.
+fn distance_m(design: &Design, coils: &[usize], part: &MagneticPart) -> f64 {
+    let coils = coils.iter().filter_map(|&coil| design.coils.get(coil));
+    let rings = coils.flat_map(|coil| &coil.rings);
+    let distances = rings.map(|ring| Shape::rectangle(ring.r_m, ring.x_m).distance(&part.shape));
+    distances.fold(f64::INFINITY, f64::min)
 }

@@ -60,13 +60,20 @@ const SKIN_DEPTHS: f64 = 2.0;
 
 impl<'l> System<'l> {
     /// The equations about a constant field, with an angular frequency in rad/s.
-    pub(super) fn of(design: &Design, level: &'l Level, state: &'l [f64], omega: f64) -> Self {
+    /// Fields come from `coils`.
+    pub(super) fn of(
+        design: &Design,
+        level: &'l Level,
+        state: &'l [f64],
+        omega: f64,
+        coils: &[usize],
+    ) -> Self {
         let space = &level.space;
         let (first_rings, count) = ring_unknowns(design, space.count);
         let regions = space.mesh.regions.iter().zip(&level.materials);
         let regions: Vec<AcRegion> = regions
             .map(|(region, material)| {
-                AcRegion::of(design, region, material.clone(), &first_rings, omega)
+                AcRegion::of(design, region, material.clone(), &first_rings, omega, coils)
             })
             .collect();
         let mut unknowns = space.unknowns.clone();
@@ -124,15 +131,21 @@ impl<'l> System<'l> {
         region.cloned().unwrap_or(AcRegion::VACUUM)
     }
 
-    /// For each triangle, whether currents in it may be thinner than it is.
-    pub(super) fn coarse(&self) -> Vec<bool> {
+    /// For each triangle, its height over [`SKIN_DEPTHS`], or 0 where it is less high. A layer that is too thick
+    /// carries the same current with less loss, in proportion to its thickness.
+    pub(super) fn coarse(&self) -> Vec<f64> {
         let mesh = &self.level.space.mesh;
         let coarse = |triangle: &Triangle| {
             let region = self.region(triangle);
             let [a, b, c] = mesh.corners_of(triangle);
             let longest = distance(a, b).max(distance(b, c)).max(distance(c, a));
             let height = crate::geometry::cross(a, b, c).abs() / longest;
-            !region.in_surface && height > SKIN_DEPTHS * region.skin_depth_m
+            let ratio = height / (SKIN_DEPTHS * region.skin_depth_m);
+            if region.in_surface || ratio <= 1.0 {
+                0.0
+            } else {
+                ratio
+            }
         };
         mesh.triangles.iter().map(coarse).collect()
     }
