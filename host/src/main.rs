@@ -59,7 +59,6 @@ mod instrument;
 mod interrupt;
 mod jsonl;
 #[cfg(any(feature = "live", feature = "recording"))]
-mod limits;
 mod line;
 #[cfg(feature = "emulator")]
 mod link;
@@ -110,6 +109,7 @@ mod switches;
 mod text;
 #[cfg(feature = "emulator")]
 mod tool;
+mod uncertainty;
 mod verdict;
 #[cfg(feature = "emulator")]
 mod watch;

@@ -10,11 +10,11 @@ use palpate_wire::{Command, Record};
 use serde::Serialize;
 
 use crate::failure::Failure;
-use crate::limits::{budget_of, limited_by};
 use crate::link::{self, Link, Run};
 use crate::notice;
 use crate::quantity;
 use crate::results::stiffness;
+use crate::uncertainty::{budget_of, limited_by};
 use crate::verdict::explain;
 
 /// Measure the stiffness of what is pressed upon a board's sensor
@@ -147,17 +147,17 @@ impl Line {
 /// The measurements of a recording, as they came; a refusal is said, and is no failure of this one.
 fn measured_before(arguments: &Arguments, link: &mut Link) -> Result<(), Failure> {
     let mut estimates = 0;
-    let mut limits = None;
+    let mut cause = None;
     while let Ok(()) = link.listen(PLAYED) {
         let configuration_crc = link.hello().map_or(0, |hello| hello.configuration_crc);
         let simulated = arguments.link.is_simulated(link);
         for (_, record) in link.take_records() {
             match record {
-                Record::UncertaintyBudget(budget) => limits = Some(limited_by(&budget)),
+                Record::UncertaintyBudget(budget) => cause = Some(limited_by(&budget)),
                 Record::Estimate(estimate) => {
                     estimates += 1;
                     let line = Line {
-                        limited_by: limits.take(),
+                        limited_by: cause.take(),
                         ..Line::of(&estimate, simulated, configuration_crc)
                     };
                     print(&line, arguments.json)?;
@@ -196,9 +196,9 @@ pub(crate) fn measured(link: &mut Link, wait: Duration) -> Result<Estimate, Fail
         _ => None,
     })?;
     result.map_err(|refusal| {
-        let limits = budget_of(records_of(link), refusal.measurement).map(limited_by);
-        let limits = limits.map_or(String::new(), |text| format!(". {text}"));
-        Failure::Refused(explain(&refusal) + &limits)
+        let cause = budget_of(records_of(link), refusal.measurement).map(limited_by);
+        let cause = cause.map_or(String::new(), |text| format!(". {text}"));
+        Failure::Refused(explain(&refusal) + &cause)
     })
 }
 
@@ -232,7 +232,7 @@ fn print(line: &Line, json: bool) -> Result<(), Failure> {
     }
     writeln!(out)?;
     match &line.limited_by {
-        Some(limits) => Ok(writeln!(out, "  {limits}")?),
+        Some(cause) => Ok(writeln!(out, "  {cause}")?),
         None => Ok(()),
     }
 }

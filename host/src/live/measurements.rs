@@ -7,7 +7,7 @@ use palpate_wire::Record;
 use palpate_wire::record::UncertaintyBudget;
 use serde::Serialize;
 
-use crate::limits::limited_by;
+use crate::uncertainty::limited_by;
 use crate::verdict::explain;
 use crate::watch::known::Outcome;
 
@@ -23,7 +23,7 @@ struct Measurement {
     number: u32,
     outcome: Outcome,
     /// The greatest cause of its interval, and what would narrow it, where the board said that.
-    limits: Option<String>,
+    limited_by: Option<String>,
 }
 
 impl Measurement {
@@ -41,7 +41,7 @@ impl Measurement {
             time_ms: now_ms(),
             number,
             outcome,
-            limits: None,
+            limited_by: None,
         })
     }
 }
@@ -65,7 +65,7 @@ impl Measurements {
         let Some(mut measurement) = Measurement::of(record) else {
             return false;
         };
-        measurement.limits = self.budget.take().as_ref().map(limited_by);
+        measurement.limited_by = self.budget.take().as_ref().map(limited_by);
         if self.ended.len() == KEPT {
             self.ended.pop_front();
         }
@@ -98,9 +98,9 @@ mod tests {
             listed[0]["outcome"]["estimate"]["stiffness_n_per_m"],
             6010.0
         );
-        let limits = listed[0]["limits"].as_str().unwrap();
-        assert!(limits.contains("+4.9 K"), "{limits}");
-        assert!(listed[1]["limits"].is_null(), "{listed}");
+        let limited_by = listed[0]["limited_by"].as_str().unwrap();
+        assert!(limited_by.contains("+4.9 K"), "{limited_by}");
+        assert!(listed[1]["limited_by"].is_null(), "{listed}");
         assert!(listed[1]["outcome"]["refusal"].is_string(), "{listed}");
         for _ in 0..KEPT {
             measurements.take(&fixture("refusal"));

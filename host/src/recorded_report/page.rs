@@ -124,7 +124,7 @@ fn section(story: &Story, measurement: &Measurement) -> Result<Markup, Failure> 
     Ok(html! {
         section {
             h2 { (sentence) }
-            @if let Some(limits) = &measurement.limits { p { (limits) } }
+            @if let Some(text) = &measurement.limited_by { p { (text) } }
             div.charts { @for drawing in &drawings { (PreEscaped(drawing)) } }
         }
     })

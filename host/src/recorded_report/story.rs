@@ -7,11 +7,11 @@ use palpate_wire::Record;
 use palpate_wire::record::{Estimate, LoadPoint, Refusal, Sample};
 
 use crate::failure::Failure;
-use crate::limits::limited_by;
 use crate::line::{Line, Train};
 use crate::notice;
 use crate::recording::date::NS_PER_S;
 use crate::recording::{ABOUT, BOOT, Contents, Entry, Note, Reader, Recorded};
+use crate::uncertainty::limited_by;
 
 /// How long before a measurement is shown, s: from before the touch on, where the press is that short.
 const BEFORE_S: f64 = 3.0;
@@ -35,7 +35,7 @@ pub(super) struct Measurement {
     pub(super) at_s: f64,
     pub(super) result: Result<Estimate, Refusal>,
     /// The greatest cause of its interval, where the board said it.
-    pub(super) limits: Option<String>,
+    pub(super) limited_by: Option<String>,
     pub(super) line: Option<Line>,
     pub(super) points: Vec<LoadPoint>,
 }
@@ -57,7 +57,7 @@ struct Reading {
     boot_id: Option<u32>,
     train: Train,
     /// The greatest cause of the next result's interval.
-    limits: Option<String>,
+    limited_by: Option<String>,
 }
 
 impl Story {
@@ -116,11 +116,13 @@ impl Story {
         let line = reading.train.take(at_s, &recorded.frame.message);
         match recorded.frame.message {
             Record::Sample(sample) if sample.sensor == 0 => self.samples.push((at_s, sample)),
-            Record::UncertaintyBudget(budget) => reading.limits = Some(limited_by(&budget)),
+            Record::UncertaintyBudget(budget) => reading.limited_by = Some(limited_by(&budget)),
             Record::Estimate(estimate) => {
-                self.ended(at_s, Ok(estimate), line, reading.limits.take())
+                self.ended(at_s, Ok(estimate), line, reading.limited_by.take())
             }
-            Record::Refusal(refusal) => self.ended(at_s, Err(refusal), None, reading.limits.take()),
+            Record::Refusal(refusal) => {
+                self.ended(at_s, Err(refusal), None, reading.limited_by.take())
+            }
             Record::LoadPoint(point) => {
                 if let Some(last) = self.measurements.last_mut() {
                     last.points.push(point);
@@ -135,12 +137,12 @@ impl Story {
         at_s: f64,
         result: Result<Estimate, Refusal>,
         line: Option<Line>,
-        limits: Option<String>,
+        limited_by: Option<String>,
     ) {
         self.measurements.push(Measurement {
             at_s,
             result,
-            limits,
+            limited_by,
             line,
             points: Vec::new(),
         });

@@ -8,9 +8,10 @@ use serde::Serialize;
 use serde_json::Value;
 
 /// The kinds of records that are computed again, by name and in words.
-const KINDS: [(&str, &str); 4] = [
+const KINDS: [(&str, &str); 5] = [
     ("sample", "samples (contact, deformation, force)"),
     ("estimate", "estimates (stiffness, interval)"),
+    ("uncertainty_budget", "budgets of the intervals"),
     ("load_point", "points of the load's curve"),
     ("refusal", "refusals"),
 ];

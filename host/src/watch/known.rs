@@ -6,8 +6,8 @@ use palpate_wire::{Frame, Record};
 use serde::Serialize;
 
 use super::history::History;
-use crate::limits::limited_by;
 use crate::link::Link;
+use crate::uncertainty::limited_by;
 use crate::verdict::explain;
 
 /// Everything that is shown.
@@ -30,7 +30,7 @@ pub(crate) struct Known {
     /// The last result, and when, s.
     pub(crate) result: Option<(f64, Outcome)>,
     /// The greatest cause of its interval, and what would narrow it, where the board said that.
-    pub(crate) limits: Option<String>,
+    pub(crate) limited_by: Option<String>,
     #[serde(skip)]
     budget: Option<UncertaintyBudget>,
     pub(crate) faults: Vec<FaultCode>,
@@ -128,7 +128,7 @@ impl Known {
 
     fn ended(&mut self, outcome: Outcome) {
         self.result = Some((self.time_s, outcome));
-        self.limits = self.budget.take().as_ref().map(limited_by);
+        self.limited_by = self.budget.take().as_ref().map(limited_by);
     }
 
     /// Whether something touches, if that is known.

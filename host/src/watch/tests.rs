@@ -136,6 +136,16 @@ fn a_small_terminal_has_no_chart_and_no_line_too_many() {
 }
 
 #[test]
+fn the_cause_of_an_interval_stands_below_its_measurement_alone() {
+    let mut known = known();
+    known.take(&frame(20.0, fixture("uncertainty_budget")));
+    known.take(&frame(20.0, fixture("estimate")));
+    assert!(shown(&known, (24, 80), false).contains("temperature, +4.9 K"));
+    known.take(&frame(21.0, fixture("refusal")));
+    assert!(!shown(&known, (24, 80), false).contains("+4.9 K"));
+}
+
+#[test]
 fn a_board_that_is_gone_says_so() {
     let mut known = known();
     known.lost("/dev/ttyACM0: the board is gone");

@@ -44,8 +44,11 @@ impl View {
         );
         lines.push(self.conditions(known));
         lines.push(self.result(known));
-        let limits = known.limits.iter().flat_map(|text| text.splitn(2, ". "));
-        lines.extend(limits.map(|sentence| self.plain("", sentence)));
+        let sentences = known
+            .limited_by
+            .iter()
+            .flat_map(|text| text.splitn(2, ". "));
+        lines.extend(sentences.map(|sentence| self.plain("", sentence)));
         lines.push(self.losses(known));
         lines.extend(self.faults(known));
         let rows = self.rows.saturating_sub(1);

@@ -29,6 +29,7 @@ fn a_recorded_measurement_is_replayed_to_the_bit_played_and_reported() {
     let count = |kind: &str, of: &str| replayed["kinds"][kind][of].as_u64().unwrap_or(0);
     assert!(count("sample", "identical") > 6_500, "{replayed}");
     assert_eq!(count("estimate", "identical"), 1, "{replayed}");
+    assert_eq!(count("uncertainty_budget", "identical"), 1, "{replayed}");
     assert_eq!(count("load_point", "identical"), 8, "{replayed}");
 
     // As other programs write it anew: what is said about it stands behind the messages.
@@ -42,6 +43,8 @@ fn a_recorded_measurement_is_replayed_to_the_bit_played_and_reported() {
     let slower = play(&["measure", "--json", "--speed", "20"]);
     assert_eq!(json(&fast), json(&slower));
     assert!(json(&fast)["stiffness_n_per_m"].as_f64().unwrap() > 5e3);
+    let limited_by = json(&fast)["limited_by"].to_string();
+    assert!(limited_by.contains("of the interval is by"), "{limited_by}");
     let refused = play(&["settings", "set", "rate_hz=500"]);
     let said = String::from_utf8_lossy(&refused.stderr);
     assert_eq!(refused.status.code(), Some(2), "{said}");
@@ -52,6 +55,7 @@ fn a_recorded_measurement_is_replayed_to_the_bit_played_and_reported() {
     let page = fs::read_to_string(folder.join("r.html")).unwrap();
     for part in [
         "95 % interval",
+        "of the interval is by",
         "Frequency",
         "Line of all ramps",
         "none is missing",

@@ -253,7 +253,11 @@ impl Replay {
 const fn is_computed(record: &Record) -> bool {
     matches!(
         record,
-        Record::Sample(_) | Record::Estimate(_) | Record::LoadPoint(_) | Record::Refusal(_)
+        Record::Sample(_)
+            | Record::Estimate(_)
+            | Record::UncertaintyBudget(_)
+            | Record::LoadPoint(_)
+            | Record::Refusal(_)
     )
 }
 
