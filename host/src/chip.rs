@@ -8,7 +8,9 @@ use std::{
 };
 
 use clap::{Args, ValueEnum};
-use ldc161x::{Address, Code28, Error, Frame, InterruptRelease, Ldc161x, Plan, Quality, Reading};
+use ldc161x::{
+    Address, Code28, Configuration, Error, Frame, InterruptRelease, Ldc161x, Plan, Quality, Reading,
+};
 use ldc161x_sim::{
     Bus, Chip, ChipFault, Conversions, Counter, Delay, ExternalClock, FaultEvent, IntbPin, Lost,
     PartNumber, Sensors, Settings, ShutdownPin, Switches, Time,
@@ -182,10 +184,12 @@ struct ReadingLine {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let mut request = arguments.board.request();
-    request.read_twice = arguments.twice;
     let switches = arguments.switches()?;
-    request.status_reads |= switches.interrupt_release == ldc161x_sim::InterruptRelease::StatusOnly;
+    let mut request = arguments.board.request(match switches.interrupt_release {
+        ldc161x_sim::InterruptRelease::StatusOnly => Release::Status,
+        ldc161x_sim::InterruptRelease::StatusOrData => Release::Data,
+    });
+    request.read_twice = arguments.twice;
     request.noise.comparator_duty = Some(COMPARATOR_DUTY);
     let plan = request.plan().map_err(plan_ldc::refused)?;
     let chip = RefCell::new(Chip::new(
@@ -193,8 +197,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         coils(&arguments.board, &plan),
     ));
     let mut session = Session::new(&chip, arguments, &plan);
-    session.driver.start(&plan.configuration).map_err(gave_up)?;
-    session.probe().map_err(gave_up)?;
+    if let Err(error) = session.start(&plan.configuration) {
+        // A chip may lose its registers at the first start.
+        session.recover(&error)?;
+    }
     if let Some(fault) = arguments.fault {
         let half_ns = plan.frame_period_ns * u64::from(arguments.frames) / 2;
         let half_way = chip.borrow().now() + Time::from_us(half_ns / 1_000);
@@ -202,10 +208,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         scheduled.map_err(|full| Failure::Refused(full.to_string()))?;
     }
     session.stream(arguments)
-}
-
-fn gave_up(error: Error<ldc161x_sim::I2cError>) -> Failure {
-    Failure::Refused(error.to_string())
 }
 
 fn settings(arguments: &Arguments, switches: Switches) -> Settings {
@@ -260,6 +262,8 @@ struct Session<'a> {
     shutdown: ShutdownPin<'a, Coils>,
     delay: Delay<'a, Coils>,
     bus: Bus<'a, Coils>,
+    /// What the driver has found of this chip.
+    release: InterruptRelease,
     /// There is time for a register between two frames.
     has_room: bool,
 }
@@ -278,13 +282,21 @@ impl<'a> Session<'a> {
             shutdown: ShutdownPin::new(chip),
             delay: Delay::new(chip),
             bus: bus(),
+            release: InterruptRelease::default(),
             has_room: has_room(plan, arguments.board.bus),
         }
     }
 
-    fn probe(&mut self) -> DriverResult<InterruptRelease> {
-        self.driver
-            .probe_interrupt_release(&mut self.interrupt, &mut self.delay)
+    fn start(&mut self, configuration: &Configuration) -> DriverResult<()> {
+        self.driver.start(configuration)?;
+        self.probe()
+    }
+
+    fn probe(&mut self) -> DriverResult<()> {
+        self.release = self
+            .driver
+            .probe_interrupt_release(&mut self.interrupt, &mut self.delay)?;
+        Ok(())
     }
 
     fn next_frame(&mut self) -> DriverResult<Frame> {
@@ -303,9 +315,9 @@ impl<'a> Session<'a> {
             writeln!(
                 out,
                 "simulated chip; interrupt released {}\n\n{:>10} {:>3} {:>14} {:>9} {:>9}  M/N  quality",
-                match arguments.board.release {
-                    Release::Status => "by STATUS",
-                    Release::Data => "by data",
+                match self.release {
+                    InterruptRelease::ByStatusOnly => "by STATUS",
+                    InterruptRelease::ByData => "by data",
                 },
                 "time/ms",
                 "ch",

@@ -1,10 +1,12 @@
 //! Which image runs on the emulated board: one rule for every verb.
 //!
 //! 1. `--image FILE`.
-//! 2. Without it, the image of the workspace in which the command is run: cargo builds it, if it is
+//! 2. Without it, the image of the release that the tool came in: it lies beside the tool.
+//! 3. Without one, the image of the workspace in which the command is run: cargo builds it, if it is
 //!    not up to date.
-//! 3. Outside of a workspace there is none, and the error says where to get one.
+//! 4. Outside of a workspace there is none, and the error says where to get one.
 
+use std::env;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
@@ -18,8 +20,8 @@ use crate::notice;
 // Its group would have the name of the verb's own arguments, which clap refuses.
 #[group(skip)]
 pub(crate) struct Arguments {
-    /// The image for the emulated board, an ELF file. Without it, the image of the palpate checkout
-    /// in which the command is run, built first
+    /// The image for the emulated board, an ELF file. Without it, the image of the release that the
+    /// tool is from, or that of the palpate checkout in which the command is run, built first
     #[arg(long, value_name = "FILE")]
     image: Option<PathBuf>,
 }
@@ -38,6 +40,14 @@ impl Program {
         match self {
             Self::Firmware => firmware::build(),
             Self::BringUp => firmware::build_example("bring_up"),
+        }
+    }
+
+    /// Where a release has it, beside the tool.
+    const fn of_release(self) -> Option<&'static str> {
+        match self {
+            Self::Firmware => Some("firmware/palpate-pico.elf"),
+            Self::BringUp => None,
         }
     }
 
@@ -82,6 +92,9 @@ impl Arguments {
         if let Some(file) = &self.image {
             return Ok(file.clone());
         }
+        if let Some(file) = beside_tool(program) {
+            return Ok(file);
+        }
         let Some(workspace) = firmware::workspace() else {
             return Err(Failure::Argument(format!(
                 "no {}: name one with --image FILE, or run this inside of a palpate checkout, \
@@ -99,6 +112,13 @@ impl Arguments {
             .build()
             .map_err(|error| Failure::Refused(error.to_string()))
     }
+}
+
+fn beside_tool(program: Program) -> Option<PathBuf> {
+    // The file itself where a link of another folder leads to it.
+    let tool = env::current_exe().ok()?.canonicalize().ok()?;
+    let file = tool.parent()?.join(program.of_release()?);
+    file.is_file().then_some(file)
 }
 
 fn unusable(file: &Path, program: Program, error: &dyn std::fmt::Display) -> Failure {

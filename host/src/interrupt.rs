@@ -18,7 +18,8 @@ pub(crate) struct Interrupt(Arc<AtomicBool>);
 
 impl Interrupt {
     /// From now on Ctrl-C, or the system's request to end, asks for the end; the second one ends the
-    /// program at once.
+    /// program at once. To be called when the link is open: until then nothing has to be completed, and one
+    /// request ends a program that waits for a board, or for cargo.
     pub(crate) fn catch() -> io::Result<Self> {
         let is_asked = Arc::new(AtomicBool::new(false));
         for signal in [SIGINT, SIGTERM] {

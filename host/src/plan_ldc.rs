@@ -142,7 +142,8 @@ impl PlannedBoard {
         }
     }
 
-    pub(crate) fn request(&self) -> Request {
+    /// What is requested of a chip of which this releases INTB.
+    pub(crate) fn request(&self, release: Release) -> Request {
         let sensor = Sensor {
             lowest_hz: self.sensor.0,
             highest_hz: self.sensor.1,
@@ -154,7 +155,7 @@ impl PlannedBoard {
             rate: self.rcount.unwrap_or(self.rate),
             bus_hz: self.bus,
             access: BusAccess::FramePerTransaction,
-            status_reads: self.status || self.release == Release::Status,
+            status_reads: self.status || release == Release::Status,
             noise: Noise {
                 white_relative_in_1_ms: self.noise,
                 comparator_duty: None,
@@ -177,7 +178,7 @@ enum PlanOutcome {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let request = arguments.board.request();
+    let request = arguments.board.request(arguments.board.release);
     let result = request.plan();
     let mut out = io::stdout().lock();
     if arguments.json {

@@ -1,26 +1,28 @@
 //! `palpate words`: conversion words to frequencies, with uncertainty and verdict.
 
 use std::{
-    fs::File,
     io::{self, Write},
     path::{Path, PathBuf},
 };
 
 use clap::Args;
 use comfy_table::{CellAlignment, Table, presets};
-use ldc161x::{Code28, Hypothesis, PlausibilityCount, Rational, Rcount, Scale};
+use ldc161x::{
+    Code28, Hypothesis, PlausibilityCount, Quality, Rational, Rcount, Reading, Scale, Word,
+};
 use serde::Serialize;
 
 use crate::failure::Failure;
 use crate::notice::printable;
+use crate::text;
 
 /// Decode LDC161x conversion words: frequency, standard uncertainty, and the ratio of counts
 /// M/N, where the word is one.
 #[derive(Args)]
 #[command(after_help = "\
 The file is CSV with the columns source, fref_hz, rcount, kind and value, in any order;
-lines that begin with # are comments. kind is `word` (value: the 28-bit result in
-hexadecimal) or `hz` (value: a frequency from which the word is recovered).
+lines that begin with # are comments. kind is `word` (value: DATAx in hexadecimal, with or
+without its error flags) or `hz` (value: a frequency from which the word is recovered).
 
 Example:
   palpate words docs/examples/words.csv --json")]
@@ -48,10 +50,12 @@ struct WordRow {
     m: u32,
     n: u32,
     residual_lsb: f32,
-    /// Nothing for a sensor too slow to be judged.
+    /// Nothing for a sensor too slow to be judged, and for a word that holds no result.
     plausible: Option<bool>,
     /// The chance that a random word is called plausible.
     false_accept: f32,
+    /// What its flags and its value say about it.
+    quality: Quality,
     /// At or above a quarter of the reference, outside the chip's stated limit.
     above_quarter_reference: bool,
 }
@@ -70,16 +74,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
 }
 
 fn decode_file(path: &Path) -> Result<Vec<WordRow>, Failure> {
-    let unreadable = |reason| Failure::Unreadable {
-        file: path.to_owned(),
-        reason,
-    };
-    let file = File::open(path).map_err(unreadable)?;
+    let text = text::of_file(path)?;
     let mut reader = csv::ReaderBuilder::new()
         .comment(Some(b'#'))
         .trim(csv::Trim::All)
         .flexible(true)
-        .from_reader(file);
+        .from_reader(text.as_bytes());
     let header = reader
         .headers()
         .map_err(|error| csv_failure(path, &error))?
@@ -175,22 +175,30 @@ fn decode_record(columns: &Columns, record: &csv::StringRecord) -> Result<WordRo
     let [source, fref_hz, rcount, kind, value] = columns.fields(record);
     let fref_hz = reference(fref_hz)?;
     let rcount = reference_count(rcount)?;
-    let code = code(kind, value, fref_hz)?;
+    let word = word(kind, value, fref_hz)?;
+    let code = word.code();
     let scale = Scale::undivided(fref_hz, rcount);
     let ratio = scale.rational(code);
+    let reading = Reading {
+        word,
+        above_quarter_reference: scale.above_quarter_reference(code),
+        ..Reading::default()
+    };
     Ok(WordRow {
         source: source.into(),
         fref_hz,
         rcount: rcount.get(),
-        word: format!("{:#09x}", code.get()),
+        word: format!("{:#09x}", word.bits()),
         frequency_hz: scale.frequency_hz(code),
         sigma_hz: scale.sigma_hz(code),
         m: ratio.m,
         n: ratio.n,
         residual_lsb: ratio.residual_lsb,
-        plausible: ratio.plausible,
+        // A conversion that was given up has counted nothing.
+        plausible: ratio.plausible.filter(|_| !word.flags().watchdog),
         false_accept: ratio.false_accept,
-        above_quarter_reference: scale.above_quarter_reference(code),
+        quality: reading.quality(),
+        above_quarter_reference: reading.above_quarter_reference,
     })
 }
 
@@ -213,7 +221,7 @@ fn reference_count(text: &str) -> Result<Rcount, FieldError> {
     })
 }
 
-fn code(kind: &str, value: &str, fref_hz: f64) -> Result<Code28, FieldError> {
+fn word(kind: &str, value: &str, fref_hz: f64) -> Result<Word, FieldError> {
     match kind {
         "word" => value
             .strip_prefix("0x")
@@ -221,11 +229,12 @@ fn code(kind: &str, value: &str, fref_hz: f64) -> Result<Code28, FieldError> {
             // `from_str_radix` alone would take a sign.
             .filter(|digits| digits.bytes().all(|byte| byte.is_ascii_hexdigit()))
             .and_then(|digits| u32::from_str_radix(digits, 16).ok())
-            .and_then(Code28::new)
+            .map(Word::from_bits)
             .ok_or_else(|| {
                 (
                     format!("value is '{value}'"),
-                    "a word of 28 bits, 0x0 to 0xfffffff, without error flags".into(),
+                    "DATAx, 0x0 to 0xffffffff: a word of 28 bits, and above it its error flags"
+                        .into(),
                 )
             }),
         "hz" => value
@@ -233,6 +242,7 @@ fn code(kind: &str, value: &str, fref_hz: f64) -> Result<Code28, FieldError> {
             .ok()
             .filter(|hz: &f64| hz.is_finite() && *hz >= 0.0 && *hz < fref_hz)
             .and_then(|hz| Code28::new((hz / fref_hz * f64::from(1 << 28)).round() as u32))
+            .map(|code| Word::from_bits(code.get()))
             .ok_or_else(|| {
                 (
                     format!("value is '{value}'"),
@@ -272,18 +282,24 @@ fn table(rows: &[WordRow]) -> Table {
                 None => "not judged",
             }
             .into(),
-            if row.above_quarter_reference {
-                "above fref/4"
-            } else {
-                ""
-            }
-            .into(),
+            note(row.quality).into(),
         ]);
     }
     for column in table.column_iter_mut().skip(2).take(5) {
         column.set_cell_alignment(CellAlignment::Right);
     }
     table
+}
+
+fn note(quality: Quality) -> &'static str {
+    match quality {
+        Quality::UnderRange => "under range, or no result",
+        Quality::OverRange => "over range",
+        Quality::Watchdog => "given up by the watchdog",
+        Quality::AboveQuarterReference => "above fref/4",
+        Quality::Amplitude => "amplitude",
+        Quality::Good | Quality::AfterGap | Quality::Repeated | Quality::Differs => "",
+    }
 }
 
 /// Whether the words of this file behave as ratios of counts at all.

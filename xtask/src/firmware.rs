@@ -97,6 +97,5 @@ fn build_with(workspace: &Workspace, further: &[String]) -> Result<PathBuf> {
         "json-render-diagnostics",
     ];
     arguments.extend(further.iter().map(String::as_str));
-    let printed = workspace.output(&Invocation::cargo(&arguments))?;
-    crate::panic_free::executable(&printed).context("cargo named no image")
+    workspace.build(&Invocation::cargo(&arguments))
 }

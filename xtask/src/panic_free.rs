@@ -7,7 +7,6 @@ use std::fs;
 use std::path::PathBuf;
 
 use anyhow::{Context, Result, bail};
-use serde_json::Value;
 
 use crate::process::{Invocation, Workspace};
 
@@ -66,8 +65,7 @@ fn link(workspace: &Workspace, package: &str, example: &str, planted: bool) -> R
     if planted {
         arguments.extend(["--cfg", "planted_panic"]);
     }
-    let printed = workspace.output(&Invocation::cargo(&arguments))?;
-    executable(&printed).with_context(|| format!("cargo named no executable for {example}"))
+    workspace.build(&Invocation::cargo(&arguments))
 }
 
 /// The folder of a driver's examples, where the memory map lies.
@@ -82,15 +80,6 @@ fn examples(workspace: &Workspace, package: &str) -> Result<PathBuf> {
     } else {
         bail!("{} holds no board-memory.x", folder.display())
     }
-}
-
-/// The path in cargo's message about the artifact that can be run.
-pub(crate) fn executable(messages: &str) -> Option<PathBuf> {
-    messages
-        .lines()
-        .filter_map(|line| serde_json::from_str::<Value>(line).ok())
-        .filter(|message| message["reason"] == "compiler-artifact")
-        .find_map(|message| message["executable"].as_str().map(PathBuf::from))
 }
 
 /// Which names of the panic machinery stand in an image's table of symbols.

@@ -12,9 +12,10 @@
 use std::env;
 use std::fmt;
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Command, Stdio};
 
 use anyhow::{Context, Result, bail};
+use serde_json::Value;
 
 /// The checkout in which the children run, and the toolchain they use.
 #[derive(Debug)]
@@ -83,6 +84,21 @@ impl Workspace {
             .with_context(|| format!("`{invocation}` printed text that is not UTF-8"))
     }
 
+    /// Runs a cargo that builds a program, whose messages it has to give as JSON; returns the program's path.
+    /// What it says goes to standard error as it comes: a build takes minutes, and may wait for another one.
+    pub(crate) fn build(&self, invocation: &Invocation) -> Result<PathBuf> {
+        let output = invocation
+            .command(self)
+            .stderr(Stdio::inherit())
+            .output()
+            .with_context(|| invocation.cannot_start())?;
+        if !output.status.success() {
+            bail!("`{invocation}` failed ({})", output.status);
+        }
+        executable(&String::from_utf8_lossy(&output.stdout))
+            .with_context(|| format!("`{invocation}` named no program"))
+    }
+
     /// Runs a command with its output on the terminal.
     pub(crate) fn run(&self, invocation: &Invocation) -> Result<()> {
         println!("    $ {invocation}");
@@ -109,6 +125,15 @@ impl Workspace {
         let version = self.output(&Invocation::new("rustc", &["--version"]))?;
         Ok(version.trim().to_owned())
     }
+}
+
+/// The path in cargo's message about the artifact that can be run.
+fn executable(messages: &str) -> Option<PathBuf> {
+    messages
+        .lines()
+        .filter_map(|line| serde_json::from_str::<Value>(line).ok())
+        .filter(|message| message["reason"] == "compiler-artifact")
+        .find_map(|message| message["executable"].as_str().map(PathBuf::from))
 }
 
 /// Whether a variable describes the cargo that runs xtask, rather than what its user wants.

@@ -9,8 +9,8 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 
+use crate::firmware;
 use crate::process::{Invocation, Workspace};
-use crate::{firmware, panic_free};
 
 /// The tests, and the list of their packages.
 const TESTS: &str = "host/tests/python";
@@ -40,8 +40,7 @@ pub(crate) fn check(workspace: &Workspace) -> Result<String> {
 fn build_tool(workspace: &Workspace) -> Result<PathBuf> {
     let mut arguments = vec!["build", "--locked", "--package", "palpate"];
     arguments.extend(["--message-format", "json-render-diagnostics"]);
-    let printed = workspace.output(&Invocation::cargo(&arguments))?;
-    panic_free::executable(&printed).context("cargo named no program")
+    workspace.build(&Invocation::cargo(&arguments))
 }
 
 /// The Python of the environment, with all packages of the list.

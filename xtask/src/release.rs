@@ -121,8 +121,7 @@ fn build_tool(workspace: &Workspace, flags: &[String]) -> Result<PathBuf> {
     ];
     arguments.extend(["--message-format", "json-render-diagnostics"]);
     arguments.extend(flags.iter().map(String::as_str));
-    let printed = workspace.output(&Invocation::cargo(&arguments))?;
-    crate::panic_free::executable(&printed).context("cargo named no program")
+    workspace.build(&Invocation::cargo(&arguments))
 }
 
 /// The table by which the tool reads the image's log, for those who have no ELF file.

@@ -73,6 +73,16 @@ impl Sensor {
             highest_rp_ohm: 5_000,
         }
     }
+
+    /// Whether a frequency in hertz is one that this sensor was planned for.
+    ///
+    /// ```
+    /// let sensor = ldc161x::Sensor::new(3_000_000, 4_000_000);
+    /// assert!(sensor.covers(3.2e6) && !sensor.covers(2.9e6));
+    /// ```
+    pub fn covers(&self, frequency_hz: f64) -> bool {
+        (f64::from(self.lowest_hz)..=f64::from(self.highest_hz)).contains(&frequency_hz)
+    }
 }
 
 /// How often a frame is requested.

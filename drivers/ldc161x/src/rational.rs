@@ -124,7 +124,8 @@ pub struct Rational {
     /// DATA - 2^28 M / N, in units of the last bit of the word.
     pub residual_lsb: f32,
     /// Whether the residual is explained by rounding alone, |residual| <= 0.5. `None`: the sensor is
-    /// so slow, below 1/37 of the reference, that N may lie outside the [`Window`].
+    /// so slow, below 1/37 of the reference, that N may lie outside the [`Window`]; or the word is at an
+    /// end of its range, where it is no result but a limit.
     pub plausible: Option<bool>,
     /// The chance that a random word of this size passes as plausible: about
     /// window x N / 2^28, 0.4 % at RCOUNT 1512, near 1 at 65,535. A verdict is worth no more
@@ -164,12 +165,14 @@ impl Rational {
         let n = nearest;
         let product = u64::from(data) * u64::from(n);
         let m = (product + u64::from(FULL_SCALE / 2)) / u64::from(FULL_SCALE);
+        // The lower end, 0, is slower than any sensor that is judged.
+        let is_judged =
+            code != Code28::OVER_RANGE && largest_deficit(code) <= largest_searched(rcount);
         Self {
             m: m as u32,
             n,
             residual_lsb: distance as f32 / n as f32,
-            plausible: (largest_deficit(code) <= largest_searched(rcount))
-                .then_some(2 * u64::from(distance.unsigned_abs()) <= u64::from(n)),
+            plausible: is_judged.then_some(2 * u64::from(distance.unsigned_abs()) <= u64::from(n)),
             false_accept: false_accept(window),
         }
     }

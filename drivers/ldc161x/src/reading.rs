@@ -97,6 +97,15 @@ impl Word {
         Self((msb as u32) << 16 | lsb as u32)
     }
 
+    /// From all 32 bits.
+    ///
+    /// ```
+    /// assert!(ldc161x::Word::from_bits(0x4FFF_FFFF).flags().over_range);
+    /// ```
+    pub const fn from_bits(bits: u32) -> Self {
+        Self(bits)
+    }
+
     /// All 32 bits.
     ///
     /// ```
@@ -150,7 +159,8 @@ pub enum Freshness {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[cfg_attr(feature = "serde", serde(rename_all = "snake_case"))]
 pub enum Quality {
-    /// Nothing speaks against it.
+    /// Nothing speaks against it. Whether the sensor is where it was planned is another question:
+    /// [`Sensor::covers`](crate::Sensor::covers).
     Good,
     /// Read after a gap (start, recovery, bus error): an earlier, failed read may have taken
     /// its flags away, and a channel that has not converted yet still reads as it was.
@@ -243,7 +253,10 @@ impl Reading {
         }
     }
 
-    /// Whether nothing speaks against it.
+    /// Whether nothing speaks against it. A sensor far outside of its planned range may give such
+    /// readings as well: they are true frequencies as long as it oscillates below the deglitch
+    /// filter's limit, and settle count and drive current were planned for others
+    /// ([`Sensor::covers`](crate::Sensor::covers)).
     ///
     /// ```
     /// use ldc161x::{Reading, Word};

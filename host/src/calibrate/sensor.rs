@@ -6,6 +6,8 @@ use std::time::{SystemTime, UNIX_EPOCH};
 use clap::Args;
 use palpate_calibration::session::{Pressed, Session};
 use palpate_calibration::{evaluate, evaluate_both};
+use palpate_sim::parameters::Parameters;
+use palpate_sim::stack::Stack;
 use palpate_sim::switches::Switches;
 use palpate_wire::code::{Outcome, StorageState, Stream};
 use palpate_wire::command::{CalibrationIdentity, Settings, TemperatureCoefficients};
@@ -119,6 +121,15 @@ impl Arguments {
         self.link.is_emulated()
     }
 
+    /// The stack and what is known of the sensor, which says how deep is pressed and how hot its coil becomes.
+    fn known(&self) -> Result<(Stack, Parameters), Failure> {
+        self.link.sensor()?.ok_or_else(|| {
+            Failure::Argument(
+                "what the sensor is made of is not known: name its stack with --stack".to_owned(),
+            )
+        })
+    }
+
     /// Refuses what does not go together.
     fn check(&self) -> Result<(), Failure> {
         let wrong = |reason: &str| Err(Failure::Argument(reason.to_owned()));
@@ -142,6 +153,7 @@ impl Arguments {
                  to calibrate by springs and the stage's scale",
             );
         }
+        self.known()?;
         let softest = self.springs.iter().copied().fold(f64::INFINITY, f64::min);
         let stiffest = self.springs.iter().copied().fold(0.0, f64::max);
         if self.springs.len() < LEAST_SPRINGS || stiffest < LEAST_RANGE * softest {
@@ -178,8 +190,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
     let other = other.map(written::read).transpose()?;
     let other = other.map(|written| written.session);
-    let interrupt = Interrupt::catch()?;
     let mut link = arguments.link.open()?;
+    let interrupt = Interrupt::catch()?;
     is_stored(&mut link)?;
     let before = configuration::settings(&mut link)?;
     let done = calibrated(&mut link, arguments, (&files, other), interrupt);
@@ -266,7 +278,7 @@ fn calibrated(
 
 /// What is to be done, and what is known beforehand.
 fn task(link: &mut Link, arguments: &Arguments) -> Result<BenchTask, Failure> {
-    let (stack, plant) = arguments.link.emulated.stack_and_plant()?;
+    let (stack, plant) = arguments.known()?;
     let mut task = if arguments.is_simulated_bench() {
         BenchTask::of(&plant, &stack, Switches::all(), &default_settings())
     } else {

@@ -33,8 +33,8 @@ struct Line {
 pub(super) fn run(arguments: &Arguments, session: &Path) -> Result<(), Failure> {
     let written = written::read(session)?;
     let bench = on_the_bench(&written)?;
-    let interrupt = Interrupt::catch()?;
     let mut link = arguments.link.open()?;
+    let interrupt = Interrupt::catch()?;
     if link.is_recording() {
         return Err(Failure::Argument(
             "--board: a recording drives no train; name a board".to_owned(),

@@ -9,6 +9,7 @@ use std::path::PathBuf;
 use clap::Args;
 use comfy_table::Table;
 use comfy_table::presets::NOTHING;
+use palpate_wire::code::Outcome;
 use palpate_wire::command::{DriveCoil, Settings};
 use palpate_wire::record::CoilTest;
 use palpate_wire::{Command, Record};
@@ -125,9 +126,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
 
 /// Connects, and sends the coil's data if its stack is named: of an emulated board they are known.
 fn open(arguments: &link::Arguments) -> Result<Link, Failure> {
+    let known = arguments.sensor()?;
     let mut link = arguments.open()?;
     link.must(&Command::Disarm)?;
-    if let Some(plant) = arguments.emulated.known(arguments.is_emulated())? {
+    if let Some((_, plant)) = known {
         link.must(&Command::SetCoil(coil(&plant)))?;
     }
     Ok(link)
@@ -136,7 +138,18 @@ fn open(arguments: &link::Arguments) -> Result<Link, Failure> {
 /// Arms the board, and waits for what its test of the coil finds.
 fn armed(link: &mut Link) -> Result<CoilTest, Failure> {
     link.take();
-    link.must(&Command::Arm)?;
+    let (_, outcome) = link.ask(&Command::Arm)?;
+    match outcome {
+        Outcome::Accepted => {}
+        Outcome::NotCalibrated => {
+            return Err(Failure::Refused(
+                "the board does not know its coil, and so not how hot it becomes: name its stack with \
+                 --stack, or calibrate it"
+                    .to_owned(),
+            ));
+        }
+        other => return Err(link.refusal(&Command::Arm, other)),
+    }
     link.wait_for(TEST_S, "result of the coil's test", |record| match record {
         Record::CoilTest(test) => Some(test.clone()),
         _ => None,

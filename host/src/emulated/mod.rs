@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use palpate_emulator::Image;
-use palpate_sim::parameters::{Parameters, draw};
+use palpate_sim::parameters::{Parameters, central, draw};
 use palpate_sim::stack::{Disturbances, LoadError, Stack};
 use palpate_sim::world::World;
 
@@ -86,6 +86,10 @@ fn surroundings(
     Ok((world, touch))
 }
 
+fn disturbances() -> Result<Disturbances, Failure> {
+    Ok(Disturbances::builtin().map_err(LoadError::from)?)
+}
+
 impl Arguments {
     /// Takes a board of these arguments off a bench: it gets its power anew, in the world in which it was
     /// plugged with this `press`.
@@ -104,29 +108,26 @@ impl Arguments {
         Ok(())
     }
 
-    /// The sensor, as far as its stack says: that which is named, for an emulated board the usual one.
-    pub(crate) fn known(&self, is_emulated: bool) -> Result<Option<Parameters>, Failure> {
-        if self.stack.is_none() && !is_emulated {
+    /// The stack that is named, and what is to be expected of a real sensor of it: the middle of its ranges.
+    pub(crate) fn expected(&self) -> Result<Option<(Stack, Parameters)>, Failure> {
+        if self.stack.is_none() {
             return Ok(None);
         }
-        self.plant_of(&self.stack()?).map(Some)
+        let stack = self.stack()?;
+        let plant = central(&stack, &disturbances()?);
+        Ok(Some((stack, plant)))
     }
 
-    /// The stack, and the sensor of it.
+    /// The stack, and the emulated board's sensor of it.
     pub(crate) fn stack_and_plant(&self) -> Result<(Stack, Parameters), Failure> {
         let stack = self.stack()?;
-        let plant = self.plant_of(&stack)?;
+        let plant = draw(&stack, &disturbances()?, self.seed);
         Ok((stack, plant))
     }
 
     fn stack(&self) -> Result<Stack, Failure> {
         let name = self.stack.as_deref().unwrap_or(USUAL);
         Ok(Stack::named(name, Path::new(""))?)
-    }
-
-    fn plant_of(&self, stack: &Stack) -> Result<Parameters, Failure> {
-        let disturbances = Disturbances::builtin().map_err(LoadError::from)?;
-        Ok(draw(stack, &disturbances, self.seed))
     }
 
     /// Loads what is to be emulated.
@@ -170,4 +171,32 @@ pub(crate) fn state_folder() -> PathBuf {
     let usual = || env::home_dir().map(|home| home.join(".local/state"));
     let folder = named.find(|path| path.is_absolute()).or_else(usual);
     folder.unwrap_or_else(env::temp_dir).join("palpate")
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+
+    use super::*;
+
+    #[derive(Parser)]
+    struct Named {
+        #[command(flatten)]
+        emulated: Arguments,
+    }
+
+    #[test]
+    fn of_a_real_sensor_the_middle_of_its_stack_is_expected() {
+        let of = |arguments: &[&str]| {
+            let named = Named::parse_from([&["palpate"], arguments].concat());
+            named.emulated.expected().unwrap()
+        };
+        assert!(of(&["--seed", "3"]).is_none());
+        for seed in ["1", "3"] {
+            let (stack, sensor) = of(&["--stack", "ultrasoft", "--seed", seed]).unwrap();
+            let ohm = stack.coil_resistance_ohm.centre();
+            assert_eq!(sensor.thermal.resistance_ohm, ohm);
+            assert_eq!(sensor.current.peak_a, stack.peak_current_a.centre());
+        }
+    }
 }

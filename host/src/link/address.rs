@@ -4,6 +4,8 @@ use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use palpate_sim::parameters::Parameters;
+use palpate_sim::stack::Stack;
 
 use super::emulated::Emulated;
 #[cfg(feature = "recording")]
@@ -119,6 +121,14 @@ impl Arguments {
     /// Whether the board is named, and not the one that is found.
     pub(crate) const fn is_named(&self) -> bool {
         self.board.is_some()
+    }
+
+    /// What is known of the sensor: that of the emulated board, or what its stack lets expect of a real one.
+    pub(crate) fn sensor(&self) -> Result<Option<(Stack, Parameters)>, Failure> {
+        if self.is_emulated() {
+            return self.emulated.stack_and_plant().map(Some);
+        }
+        self.emulated.expected()
     }
 
     /// Whether the emulated board is meant.

@@ -299,9 +299,11 @@ impl Link {
     /// What an answer means that does not accept a command.
     pub(crate) fn refusal(&self, command: &Command, outcome: Outcome) -> Failure {
         Failure::Refused(match outcome {
-            Outcome::NotCalibrated => "the board does not know its coil, and so not how hot it \
-                becomes: name its stack with --stack, or calibrate it"
-                .to_owned(),
+            Outcome::NotCalibrated => {
+                "the board is not calibrated: `palpate calibrate sensor`, or \
+                `palpate settings import` of what it had"
+                    .to_owned()
+            }
             Outcome::Faulted => format!(
                 "the board stands in a fault{}; docs/faults.md says what to do and how it is cleared",
                 self.fault()

@@ -69,8 +69,8 @@ struct Served {
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let listener = listen(arguments.port)?;
     let access = Access::to(listener.local_addr()?)?;
-    let interrupt = Interrupt::catch()?;
     let link = arguments.watched.open()?;
+    let interrupt = Interrupt::catch()?;
     let (feed, desk) = feed::between();
     let url = access.url();
     let shortcut = arguments

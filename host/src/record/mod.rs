@@ -76,17 +76,17 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         .file
         .clone()
         .unwrap_or_else(|| PathBuf::from(format!("palpate-{}.mcap", date::name(date::now_ns()))));
-    let interrupt = Interrupt::catch().map_err(|error| {
-        Failure::Refused(format!(
-            "Ctrl-C cannot be caught ({error}): record with --for"
-        ))
-    })?;
     // Its times are those of its own clock, however fast that goes.
     let run = match arguments.duration {
         Some(_) => Run::AsFastAsItCan,
         None => Run::AtRealPace,
     };
     let mut link = arguments.link.open_pressed(run, arguments.load)?;
+    let interrupt = Interrupt::catch().map_err(|error| {
+        Failure::Refused(format!(
+            "Ctrl-C cannot be caught ({error}): record with --for"
+        ))
+    })?;
     if arguments.arm {
         arming::arm(&mut link)?;
     }

@@ -111,9 +111,19 @@ fn a_real_bench_says_what_is_missing() {
     let board = ["calibrate", "sensor", "--yes", "--board", "tcp:127.0.0.1:1"];
     for (more, part) in [
         (&[][..], "--no-load-cell"),
-        (&["--no-load-cell"][..], "at least 4 springs"),
+        (&["--no-load-cell"][..], "name its stack with --stack"),
         (
-            &["--no-load-cell", "--springs", "600,700,800,900"][..],
+            &["--no-load-cell", "--stack", "ultrasoft"][..],
+            "at least 4 springs",
+        ),
+        (
+            &[
+                "--no-load-cell",
+                "--stack",
+                "ultrasoft",
+                "--springs",
+                "600,700,800,900",
+            ][..],
             "5 times as stiff",
         ),
         (&["--no-load-cell", "--springs", "0.6"][..], "N/m"),

@@ -145,3 +145,29 @@ fn a_chip_that_is_gone_for_good_ends_in_an_error_with_advice() {
         "{message}"
     );
 }
+
+#[test]
+fn the_chip_of_a_file_of_switches_runs_and_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("bring-up.toml");
+    for (switch, said) in [
+        (
+            "interrupt_release = \"StatusOrData\"",
+            "interrupt released by data",
+        ),
+        (
+            "interrupt_release = \"StatusOnly\"",
+            "interrupt released by STATUS",
+        ),
+        // The first start loses its registers: one recovery.
+        ("sleep_exit = \"LosesOnce\"", "interrupt released by STATUS"),
+    ] {
+        std::fs::write(&file, format!("[switches]\n{switch}\n")).unwrap();
+        let arguments = ["--frames", "5", "--switches", file.to_str().unwrap()];
+        let output = palpate(&arguments);
+        let message = String::from_utf8(output.stderr).unwrap();
+        assert!(output.status.success(), "{switch}: {message}");
+        let text = String::from_utf8(output.stdout).unwrap();
+        assert!(text.contains(said), "{switch}: {text}");
+    }
+}

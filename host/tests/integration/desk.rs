@@ -19,11 +19,14 @@ fn on_board(folder: &Path, seed: &str, arguments: &[&str]) -> Output {
 #[test]
 fn a_board_that_was_never_calibrated_says_what_to_do() {
     let folder = tempfile::tempdir().unwrap();
-    let measured = on_board(folder.path(), "7", &["measure"]);
-    let message = String::from_utf8(measured.stderr).unwrap();
-    assert_eq!(measured.status.code(), Some(1), "{message}");
-    assert!(message.contains("calibrate it"), "{message}");
-    assert!(measured.stdout.is_empty());
+    for stack in [&[][..], &["--stack", "soft-closed"]] {
+        let measured = on_board(folder.path(), "7", &[&["measure"], stack].concat());
+        let message = String::from_utf8(measured.stderr).unwrap();
+        assert_eq!(measured.status.code(), Some(1), "{message}");
+        assert!(message.contains("`palpate calibrate sensor`"), "{message}");
+        assert!(!message.contains("--stack"), "{message}");
+        assert!(measured.stdout.is_empty());
+    }
 }
 
 #[test]

@@ -1,8 +1,11 @@
 //! Which image a verb runs: the same rule for all of them, and for a tool that was copied elsewhere.
 
 use std::fs;
+use std::io::{BufRead, BufReader};
+#[cfg(unix)]
+use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
 
 use palpate_emulator::firmware;
 
@@ -113,7 +116,7 @@ fn an_image_that_would_not_be_run_is_refused() {
 
 #[test]
 #[ignore = "long: `cargo xtask ci` runs it"]
-fn an_installed_tool_runs_the_image_that_is_named_or_that_of_the_checkout_around_it() {
+fn an_installed_tool_runs_the_image_that_is_named_that_of_its_release_or_of_the_checkout() {
     let image = firmware::build().unwrap_or_else(|error| panic!("{error}"));
     let image = fs::canonicalize(image).unwrap();
     let folder = tempfile::tempdir().unwrap();
@@ -139,4 +142,39 @@ fn an_installed_tool_runs_the_image_that_is_named_or_that_of_the_checkout_around
     let said = format!("building the firmware image of {}", workspace.display());
     assert!(message.contains(&said), "{message}");
     assert_eq!(found.stdout, named.stdout);
+    // As a release lies in its folder, away from any checkout.
+    let firmware = folder.path().join("bin/firmware");
+    fs::create_dir(&firmware).unwrap();
+    fs::copy(&image, firmware.join("palpate-pico.elf")).unwrap();
+    let beside = run(&tool, folder.path(), &coil);
+    let message = String::from_utf8(beside.stderr).unwrap();
+    assert!(beside.status.success(), "{message}");
+    assert_eq!(beside.stdout, named.stdout);
+}
+
+#[test]
+#[cfg(unix)]
+fn a_tool_that_waits_for_another_cargo_says_so_and_ends_when_it_is_asked() {
+    let target = tempfile::tempdir().unwrap();
+    let profile = target.path().join("thumbv6m-none-eabi/firmware");
+    fs::create_dir_all(&profile).unwrap();
+    let other = fs::File::create(profile.join(".cargo-lock")).unwrap();
+    other.lock().unwrap();
+    let mut tool = Command::new(env!("CARGO_BIN_EXE_palpate"))
+        .args(["record", "never.mcap", "--for", "1", "--board", "emulated"])
+        .env("CARGO_TARGET_DIR", target.path())
+        // With the cargo that it starts, which has to end before it builds.
+        .process_group(0)
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let send = |signal: &str, to: &str| Command::new("kill").args([signal, "--", to]).status();
+    let number = tool.id().to_string();
+    let mut said = BufReader::new(tool.stderr.take().unwrap()).lines();
+    let is_waiting = said.any(|line| line.unwrap().contains("Blocking waiting for file lock"));
+    send("-TERM", &number).unwrap();
+    let ended = tool.wait().unwrap();
+    send("-KILL", &format!("-{number}")).unwrap();
+    assert!(is_waiting);
+    assert_eq!(ended.signal(), Some(15));
 }

@@ -77,6 +77,31 @@ fn columns_may_stand_in_any_order() {
     assert_eq!(rows(file.path())[0]["n"], 48_364);
 }
 
+#[test]
+fn words_with_flags_and_at_the_ends_of_the_range_are_named_and_not_judged() {
+    // DATAx, its quality, and whether its ratio is judged.
+    let words = [
+        ("0x4409e8b", "above_quarter_reference", true),
+        ("0x14409e8b", "above_quarter_reference", true),
+        ("0x11000000", "amplitude", true),
+        ("0x24409e8b", "watchdog", false),
+        ("0x0", "under_range", false),
+        ("0x80000000", "under_range", false),
+        ("0xfffffff", "over_range", false),
+        ("0x4fffffff", "over_range", false),
+    ];
+    let mut text = String::from("source,fref_hz,rcount,kind,value\n");
+    for (word, ..) in words {
+        text.push_str(&format!("board,12000000,1512,word,{word}\n"));
+    }
+    let rows = rows(file(text).path());
+    assert_eq!(rows.len(), words.len());
+    for (row, (word, quality, is_judged)) in rows.iter().zip(words) {
+        assert_eq!(row["quality"], quality, "{word}");
+        assert_eq!(row["plausible"].is_null(), !is_judged, "{word}");
+    }
+}
+
 /// Bad input, the line that must be named, and a part of what is allowed.
 #[test]
 fn bad_input_is_refused_with_place_and_remedy() {
@@ -106,7 +131,7 @@ fn bad_input_is_refused_with_place_and_remedy() {
         (row("a,12000000,1512,word,0x"), 3, "28 bits"),
         (row("a,12000000,1512,word,0x+1"), 3, "28 bits"),
         (row("a,12000000,1512,word,4409e8b"), 3, "28 bits"),
-        (row("a,12000000,1512,word,0x10000000"), 3, "28 bits"),
+        (row("a,12000000,1512,word,0x100000000"), 3, "28 bits"),
         (row("a,12000000,1512,hz,NaN"), 3, "frequency"),
         (row("a,12000000,1512,hz,12000000"), 3, "frequency"),
         (row("a,12000000,1512,hz,-5"), 3, "frequency"),

@@ -2,8 +2,9 @@
 
 use std::env;
 use std::fmt;
+use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Command, Stdio};
 
 /// The processor's target.
 pub const TARGET: &str = "thumbv6m-none-eabi";
@@ -225,14 +226,29 @@ fn provide_target(workspace: &Path) -> Result<(), BuildError> {
     .map(drop)
 }
 
-/// What a child prints.
+/// What a child prints. What it says goes on to standard error as it comes, so that one sees it build, or
+/// wait for another cargo; all but that there was nothing to do.
 fn run(mut command: Command, what: &str) -> Result<String, BuildError> {
-    let output = command
-        .output()
-        .map_err(|error| BuildError(format!("{what}: {error}")))?;
+    let failed = |error| BuildError(format!("{what}: {error}"));
+    let command = command.stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut child = command.spawn().map_err(failed)?;
+    let mut said = String::new();
+    for line in child
+        .stderr
+        .take()
+        .into_iter()
+        .flat_map(|pipe| BufReader::new(pipe).lines())
+    {
+        let line = line.map_err(failed)?;
+        if !line.trim_start().starts_with("Finished") {
+            eprintln!("{line}");
+        }
+        said.push_str(&line);
+        said.push('\n');
+    }
+    let output = child.wait_with_output().map_err(failed)?;
     if output.status.success() {
         return Ok(String::from_utf8_lossy(&output.stdout).into_owned());
     }
-    let said = String::from_utf8_lossy(&output.stderr);
     Err(BuildError(format!("{what}\n{said}")))
 }
