@@ -49,16 +49,21 @@ pub fn call() {
     NVIC::pend(INTERRUPT);
 }
 
-/// Holds the interrupt back: what it would come for has to wait for room.
+/// Packets that have come wait for room, and do not call the interrupt meanwhile. The start of a frame does:
+/// without it the end of a frame would not be known, and everything else would wait as well.
 pub fn hold_back() {
-    NVIC::mask(INTERRUPT);
+    call_for_buffers(false);
 }
 
-/// Lets it through again.
+/// Packets call the interrupt again.
 pub fn let_through() {
-    // SAFETY: it was enabled at the start. Called by a task of its own priority, outside of any
-    // critical section.
-    unsafe { NVIC::unmask(INTERRUPT) };
+    call_for_buffers(true);
+}
+
+fn call_for_buffers(calls: bool) {
+    // SAFETY: only the interrupt of USB and tasks of its priority write this register after the start.
+    let registers = unsafe { &*USBCTRL_REGS::ptr() };
+    registers.inte().modify(|_, w| w.buff_status().bit(calls));
 }
 
 /// The longest data stage that `usb-device` takes from a host (its `CONTROL_BUF_LEN`).

@@ -351,6 +351,33 @@ fn rubbish_as_fast_as_a_host_can_send_it_disturbs_nothing() {
     assert!(found.scans > 50);
 }
 
+/// Its packets wait for the instrument, and the ends of frames have to be known nevertheless.
+#[test]
+fn commands_without_a_pause_are_answered_and_hang_nothing() {
+    let mut bench = plugged();
+    let before = bench.status();
+    let end = bench.probe.board.now() + Time::from_ms(1_500);
+    let mut asked = 0;
+    while bench.probe.board.now() < end {
+        while bench.probe.board.usb().unwritten() < 2_000 {
+            bench.send(&Command::Identify);
+            asked += 1;
+        }
+        bench.run(Time::from_ms(1));
+    }
+    let latest = bench.probe.board.usb_latest_bulk();
+    println!("{asked} commands; the latest packet was made available at {latest}");
+    assert_eq!(bench.probe.board.usb().halted(), []);
+    assert!(latest < Time::from_us(800), "{latest}");
+    let written = |bench: &mut UsbBench| bench.probe.board.usb().unwritten() == 0;
+    bench
+        .until(Time::from_ms(2_000), written)
+        .expect("all are taken");
+    let after = bench.status();
+    assert_eq!(after.conversions_lost, before.conversions_lost);
+    assert_eq!(bench.probe.board.resets().watchdog, 0);
+}
+
 #[test]
 fn the_reset_interface_starts_the_boot_loader_and_the_firmware() {
     for (request, value, in_train) in [
