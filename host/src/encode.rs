@@ -61,11 +61,23 @@ const ORDER: [&str; 13] = [
     "set_calibration_identity",
 ];
 
+/// How refusals name it.
+const STANDARD_INPUT: &str = "standard input";
+
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let commands = match &arguments.calibration {
+    let input = arguments.calibration.as_deref();
+    let commands = match input {
         Some(file) => calibration(file)?,
         None => from_lines(io::stdin().lock())?,
     };
+    if commands.is_empty() {
+        return Err(Failure::Input {
+            file: input.unwrap_or(Path::new(STANDARD_INPUT)).to_path_buf(),
+            line: 1,
+            problem: "no command".to_owned(),
+            allowed: "one at least".to_owned(),
+        });
+    }
     let bytes = frames(&commands, arguments.boot, arguments.sequence)?;
     let mut out = io::stdout().lock();
     out.write_all(&bytes)?;
@@ -89,7 +101,7 @@ fn frames(commands: &[Command], boot: u32, sequence: u32) -> Result<Vec<u8>, Fai
 }
 
 fn from_lines(from: impl Read) -> Result<Vec<Command>, Failure> {
-    let numbered = numbered_lines(from, Path::new("standard input"))?;
+    let numbered = numbered_lines(from, Path::new(STANDARD_INPUT))?;
     Ok(numbered.into_iter().map(|(_, command)| command).collect())
 }
 

@@ -109,6 +109,15 @@ const DESK: &[&str] = &[
     "model/src",
     "sim-host",
 ];
+/// All that reads files for the tool.
+const TOOL_FILES: &[&str] = &[
+    "firmware/wire",
+    "host/src",
+    "host/tests/integration",
+    "model/field/src",
+    "sim-host/src",
+    "sim-host/emulator/src",
+];
 /// The tests, and what they test.
 const TESTS: &[&str] = &[
     "drivers",
@@ -184,6 +193,46 @@ const CAMPAIGNS: &[Campaign] = &[
                   contents of its flash.",
         runs: Runs::Cargo(&["xtask", "fuzz", "--seconds", "600", "--seed", "1"]),
         rests_on: BOARD,
+    },
+    Campaign {
+        name: "hostile-files",
+        purpose: "Mutants of every kind of file that the tool reads: how it ends, in what time, and what it changes.",
+        runs: Runs::Cargo(&[
+            "--config",
+            "env.HOSTILE_MUTANTS='500'",
+            "--config",
+            "env.HOSTILE_SEED='40001'",
+            "test",
+            "--locked",
+            "-p",
+            "palpate",
+            "--test",
+            "integration",
+            "--",
+            "hostile_files",
+            "--nocapture",
+        ]),
+        rests_on: TOOL_FILES,
+    },
+    Campaign {
+        name: "hostile-connections",
+        purpose: "Programs that misuse the tool's ports, and false boards: whether those that behave are served after.",
+        runs: Runs::Cargo(&[
+            "--config",
+            "env.HOSTILE_ATTACKS='500'",
+            "--config",
+            "env.HOSTILE_SEED='40001'",
+            "test",
+            "--locked",
+            "-p",
+            "palpate",
+            "--test",
+            "integration",
+            "--",
+            "hostile_connections",
+            "--nocapture",
+        ]),
+        rests_on: DESK,
     },
     Campaign {
         name: "storage",
@@ -698,6 +747,8 @@ mod tests {
             "image-starts",
             "image-storage",
             "coil-current",
+            "hostile-files",
+            "hostile-connections",
         ];
         for (index, campaign) in CAMPAIGNS.iter().enumerate() {
             let seeded = seed(&campaign.invocation()).is_some();

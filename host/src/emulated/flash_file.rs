@@ -107,11 +107,11 @@ fn stored(path: &Path) -> Result<Option<Vec<u8>>, Failure> {
     Ok(Some(area))
 }
 
-/// Whether a sector begins as the storage's do: erased, or with the mark of one that is written. A bit or two may
-/// have flipped.
+/// Whether a sector is as the storage's are: begun by an erased byte or by the mark of one that is written, in
+/// which a bit or two may have flipped, and with erased bytes left.
 fn is_begun(sector: &[u8]) -> bool {
     let ones = sector.first().map_or(0, |first| first.count_ones());
-    !(2..=6).contains(&ones)
+    !(2..=6).contains(&ones) && sector.contains(&0xFF)
 }
 
 fn no_flash(path: &Path, what: &str) -> Failure {

@@ -19,15 +19,15 @@ const HANDLES: usize = 64;
 const PATIENCE: Duration = Duration::from_secs(120);
 
 /// The page's server, which ends with this.
-struct Live {
+pub(super) struct Live {
     child: Child,
-    address: String,
-    token: String,
+    pub(super) address: String,
+    pub(super) token: String,
     folder: tempfile::TempDir,
 }
 
 impl Live {
-    fn start(arguments: &[&str]) -> Self {
+    pub(super) fn start(arguments: &[&str]) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let mut child = command(folder.path(), arguments).spawn().unwrap();
         let mut line = String::new();
@@ -52,7 +52,7 @@ impl Live {
     }
 
     /// Sends a request with the token; the connection, and the first line of its answer.
-    fn ask(&self, path: &str, headers: &str) -> (TcpStream, String) {
+    pub(super) fn ask(&self, path: &str, headers: &str) -> (TcpStream, String) {
         let (mut stream, host) = (self.connect(), &self.address);
         let request = format!("GET /{}/{path} HTTP/1.1\r\nHost: {host}\r\n", self.token);
         write!(stream, "{request}{headers}\r\n").unwrap();
@@ -68,12 +68,17 @@ impl Live {
     }
 
     /// Memory in use, bytes.
-    fn memory(&self) -> u64 {
-        let status = fs::read_to_string(format!("/proc/{}/status", self.child.id())).unwrap();
-        let line = status.lines().find(|line| line.starts_with("VmRSS:"));
-        let number = line.unwrap().split_whitespace().nth(1).unwrap();
-        number.parse::<u64>().unwrap() * 1024
+    pub(super) fn memory(&self) -> u64 {
+        memory(&self.child)
     }
+}
+
+/// Memory that a program uses, bytes.
+pub(super) fn memory(of: &Child) -> u64 {
+    let status = fs::read_to_string(format!("/proc/{}/status", of.id())).unwrap();
+    let line = status.lines().find(|line| line.starts_with("VmRSS:"));
+    let number = line.unwrap().split_whitespace().nth(1).unwrap();
+    number.parse::<u64>().unwrap() * 1024
 }
 
 impl Drop for Live {
@@ -100,7 +105,7 @@ fn command(folder: &Path, arguments: &[&str]) -> Command {
     command
 }
 
-const UPGRADE: &str = "Connection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Version: 13\r\n\
+pub(super) const UPGRADE: &str = "Connection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Version: 13\r\n\
     Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n";
 
 #[test]

@@ -11,12 +11,18 @@ mod devices;
 mod doctor;
 mod field;
 mod flash;
+#[cfg(target_os = "linux")]
+mod hostile_connections;
+#[cfg(target_os = "linux")]
+mod hostile_files;
 mod image;
 mod installed;
 #[cfg(target_os = "linux")]
 mod live;
 mod logs;
 mod long_recordings;
+#[cfg(target_os = "linux")]
+mod mutation;
 mod outputs;
 mod plan;
 mod plan_ldc;

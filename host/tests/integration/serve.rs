@@ -18,9 +18,11 @@ const PATIENCE: Duration = Duration::from_secs(300);
 
 /// The server, which ends with this.
 pub(super) struct Server {
-    child: Child,
+    pub(super) child: Child,
     pub(super) address: String,
     said: BufReader<ChildStderr>,
+    /// Its user's folder: no two servers run the same board.
+    _folder: tempfile::TempDir,
 }
 
 impl Server {
@@ -30,7 +32,9 @@ impl Server {
 
     /// The same at a port of one's own.
     pub(super) fn at(listen: &str, arguments: &[&str]) -> Self {
+        let folder = tempfile::tempdir().unwrap();
         let mut child = Command::new(env!("CARGO_BIN_EXE_palpate"))
+            .env("XDG_STATE_HOME", folder.path())
             .args(["serve-emulated", "--listen", listen])
             .arg("--image")
             .arg(image())
@@ -44,11 +48,12 @@ impl Server {
             child,
             address,
             said,
+            _folder: folder,
         }
     }
 
     /// Where the gauges of its bench are, with `--rig`.
-    fn rig(&mut self) -> String {
+    pub(super) fn rig(&mut self) -> String {
         place(&mut self.said, "the gauges of its bench are at ")
     }
 
