@@ -76,6 +76,11 @@ impl Agreement {
         }
     }
 
+    /// Whether anything was compared.
+    pub(super) fn has_replayed(&self) -> bool {
+        self.kinds.values().any(|count| count.replayed > 0)
+    }
+
     /// Records of a kind.
     pub(super) fn count(&self, kind: &str) -> Count {
         self.kinds.get(kind).copied().unwrap_or_default()

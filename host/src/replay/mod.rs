@@ -28,7 +28,7 @@ A replay begins where the board has learnt the untouched sensor anew: after a re
 beginning of a recording with --arm. It pauses where records are missing. What it passes over is counted
 with the reason.
 
-Exit code 1 if anything differs; the first difference is named.
+Exit code 1 if anything differs, of which the first is named, or nothing could be compared.
 
 Examples:
   palpate replay press.mcap
@@ -54,8 +54,12 @@ struct Line {
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mut differing = Vec::new();
+    let mut passed_over = Vec::new();
     for file in &arguments.files {
         let (agreement, damage) = replayed(file)?;
+        if !agreement.has_replayed() {
+            passed_over.push(file.display().to_string());
+        }
         if agreement.first_difference().is_some() {
             differing.push(file.display().to_string());
         }
@@ -66,8 +70,14 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         };
         print(&line, arguments.json)?;
     }
-    if differing.is_empty() {
+    if differing.is_empty() && passed_over.is_empty() {
         return Ok(());
+    }
+    if differing.is_empty() {
+        return Err(Failure::Refused(format!(
+            "{}: nothing of it could be compared. Record with --arm, from before the first touch",
+            passed_over.join(", ")
+        )));
     }
     Err(Failure::Refused(format!(
         "{}: the replay differs from what the board sent. The board has another version of the firmware \

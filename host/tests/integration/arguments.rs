@@ -3,7 +3,9 @@
 use std::fs;
 use std::process::Command;
 
-use crate::support::{image, json, palpate, recording};
+use serde_json::Value;
+
+use crate::support::{image, palpate, recording};
 
 #[test]
 fn durations_and_factors_that_cannot_be_are_refused() {
@@ -52,7 +54,8 @@ fn a_name_that_is_no_text_is_printed_as_json_nevertheless() {
             .arg(OsStr::from_bytes(file))
             .current_dir(folder.path())
             .output();
-        json(&output.unwrap())
+        // A replay of which nothing can be compared says so, and prints what it has found.
+        serde_json::from_slice::<Value>(&output.unwrap().stdout).unwrap()
     };
     let lossy = "r\u{fffd}.mcap";
     assert_eq!(run(&["info", "--json"], name.as_bytes())["file"], lossy);

@@ -109,6 +109,20 @@ fn a_recording_without_a_record_is_shown_and_not_worked_on() {
     }
 }
 
+#[test]
+fn a_replay_that_compares_nothing_is_no_success() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    recording(&folder.join("r.mcap"));
+    let output = palpate(&["replay", "r.mcap"], folder);
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(
+        said.contains("r.mcap: nothing of it could be compared"),
+        "{said}"
+    );
+}
+
 fn records(folder: &Path, file: &str) -> Value {
     json(&palpate(&["info", file, "--json"], folder))
 }
