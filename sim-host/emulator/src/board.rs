@@ -612,6 +612,13 @@ impl<P: Plant> EmulatedBoard<P> {
         self.bus.usb.latest_bulk()
     }
 
+    /// How often a setup packet came while a packet of endpoint 0 was available, which the controller then sends
+    /// as an answer to it.
+    #[must_use]
+    pub const fn usb_answered_before(&self) -> u32 {
+        self.bus.usb.answered_before()
+    }
+
     /// The levels at the bridge's pins.
     #[must_use]
     pub const fn bridge(&self) -> BridgeInputs {

@@ -63,6 +63,11 @@ impl Usb {
         self.controller.latest_bulk()
     }
 
+    /// Setup packets that came while a packet of endpoint 0 was available.
+    pub(crate) const fn answered_before(&self) -> u32 {
+        self.controller.answered_before()
+    }
+
     pub(crate) fn next_event(&self) -> Option<u64> {
         let events = [self.controller.next_event(), self.host.next_event()];
         events.into_iter().flatten().min()

@@ -52,18 +52,18 @@ pub fn call() {
 /// Packets that have come wait for room, and do not call the interrupt meanwhile. The start of a frame does:
 /// without it the end of a frame would not be known, and everything else would wait as well.
 pub fn hold_back() {
-    call_for_buffers(false);
+    interrupts().modify(|_, w| w.buff_status().clear_bit());
 }
 
 /// Packets call the interrupt again.
 pub fn let_through() {
-    call_for_buffers(true);
+    interrupts().modify(|_, w| w.buff_status().set_bit());
 }
 
-fn call_for_buffers(calls: bool) {
-    // SAFETY: only the interrupt of USB and tasks of its priority write this register after the start.
-    let registers = unsafe { &*USBCTRL_REGS::ptr() };
-    registers.inte().modify(|_, w| w.buff_status().bit(calls));
+/// Which interrupts there are. Only the interrupt of USB and tasks of its priority change them after the start.
+fn interrupts() -> &'static rp2040_pac::usbctrl_regs::INTE {
+    // SAFETY: see above.
+    unsafe { (*USBCTRL_REGS::ptr()).inte() }
 }
 
 /// The longest data stage that `usb-device` takes from a host (its `CONTROL_BUF_LEN`).
@@ -103,6 +103,8 @@ fn now_us() -> u32 {
 /// - A request is refused if its data may have gone where the transfer before it waited for some, which
 ///   the host gave up. It was left waiting.
 /// - Packets begin with DATA0 again where USB wants it.
+/// - A setup packet that comes while the one before is copied is not lost, and what was an answer to that one
+///   is not made available after it.
 /// - An address counts only if the request for it has come to its end.
 /// - A packet of endpoint 0 that the host takes while the driver clears the marks of others is not
 ///   missed.
@@ -296,20 +298,19 @@ impl Bus {
 
     /// The driver has read a setup packet.
     fn begin(&self, buffer: &mut [u8]) {
-        let Some(Ok(setup)) = buffer.get(..8).map(TryInto::try_into) else {
+        let Some(setup) = buffer.first_chunk_mut() else {
             return;
         };
+        take_later_setup(setup);
         let control = Control {
-            setup,
+            setup: *setup,
             is_new: false,
             is_waiting: false,
             ..self.control()
         };
         self.set_control(control);
-        if control.is_refused()
-            && let Some(buffer) = buffer.get_mut(..8)
-        {
-            buffer.copy_from_slice(&REFUSED);
+        if control.is_refused() {
+            *setup = REFUSED;
         }
         // The driver waits for the end of data that do not come.
         if control.is_in() && control.length() == 0 {
@@ -393,12 +394,41 @@ fn has_refused_data() -> bool {
 }
 
 /// Takes an endpoint's buffer back from the controller.
+#[inline(never)]
 fn disarm(word: usize) {
     // SAFETY: only the interrupt of USB writes the words of the buffers.
     let memory = unsafe { &*USBCTRL_DPRAM::ptr() };
     memory
         .ep_buffer_control(word)
         .modify(|_, w| w.available_0().clear_bit());
+}
+
+/// Whether a setup packet has come that was not read.
+fn setup_waits() -> bool {
+    // SAFETY: reading this register has no effect on it.
+    let registers = unsafe { &*USBCTRL_REGS::ptr() };
+    registers.sie_status().read().setup_rec().bit_is_set()
+}
+
+/// A setup packet that came while the driver copied the one before has lost its mark: the driver clears it
+/// afterwards. It takes the other's place, and what is to come of its data is allowed for.
+fn take_later_setup(read: &mut [u8; 8]) {
+    // SAFETY: only the interrupt of USB writes the words of the buffers; reading these has no effect.
+    let memory = unsafe { &*USBCTRL_DPRAM::ptr() };
+    let low = memory.setup_packet_low().read().bits();
+    let high = memory.setup_packet_high().read().bits();
+    let later = u64::from(high) << 32 | u64::from(low);
+    // One that came after that has its mark, and its turn.
+    if u64::from_le_bytes(*read) == later || setup_waits() {
+        return;
+    }
+    *read = later.to_le_bytes();
+    let [kind, .., least, most] = *read;
+    let expects_packet = kind & 0x80 != 0 || [least, most] != [0, 0];
+    if expects_packet && !has_data(OUT_0) {
+        let control = memory.ep_buffer_control(OUT_0);
+        control.modify(|_, w| w.available_0().set_bit());
+    }
 }
 
 /// Refuses the control transfer under way: in both directions at once, since either ends it. If a setup
@@ -412,7 +442,6 @@ fn refuse_control() {
             .ep_buffer_control(word)
             .modify(|_, w| w.available_0().clear_bit().stall().set_bit());
     }
-    let setup_waits = || registers.sie_status().read().setup_rec().bit_is_set();
     // Not interrupted: the next token is a few microseconds after the setup packet. So one that comes in here
     // is seen in time, and one that came before is asked for first: its token may be now. The interrupts that
     // a critical section lets through may take longer.
@@ -491,11 +520,18 @@ impl UsbBusTrait for Bus {
             disarm(OUT_0);
             watch_for_refusal();
         }
-        let written = self.hal.write(address, packet)?;
         self.set_control(Control {
             is_waiting: true,
             ..control
         });
+        // It answers a request that is given up, and would be taken for the answer to the next one.
+        if setup_waits() {
+            return Ok(packet.len());
+        }
+        let written = self.hal.write(address, packet)?;
+        if setup_waits() {
+            disarm(IN_0);
+        }
         Ok(written)
     }
 

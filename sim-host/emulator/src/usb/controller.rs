@@ -158,6 +158,8 @@ pub(crate) struct UsbController {
     pub(crate) can_hang: bool,
     /// Latest time within a frame at which a bulk IN packet was made available, up to that point EOF2.
     latest_bulk_ps: u64,
+    /// Setup packets that came while a packet of endpoint 0 was available.
+    answered_before: u32,
     problem: Option<&'static str>,
 }
 
@@ -195,6 +197,7 @@ impl UsbController {
             hangs: false,
             can_hang: true,
             latest_bulk_ps: 0,
+            answered_before: 0,
             problem: None,
         }
     }
@@ -345,6 +348,11 @@ impl UsbController {
         Time::from_ps(self.latest_bulk_ps)
     }
 
+    /// Setup packets that came while a packet of endpoint 0 was available.
+    pub(crate) const fn answered_before(&self) -> u32 {
+        self.answered_before
+    }
+
     fn follow_bulk(&mut self, index: usize) {
         let is_bulk = self.endpoint(index).is_some_and(|it| it.bulk);
         let armed_ps = self
@@ -442,6 +450,8 @@ impl UsbController {
         self.idle_ps = now_ps;
         match &transaction.kind {
             TransactionKind::Setup(packet) => {
+                let is_answered = self.memory.half(0, 0) & buffer::AVAILABLE != 0;
+                self.answered_before += u32::from(is_answered);
                 self.memory.store_setup(packet);
                 self.status |= status::SETUP;
                 self.stall_armed = 0;

@@ -46,6 +46,9 @@ pub struct UsbHostSettings {
     /// NAKs of an endpoint, without anything else from it, after which it is left alone for the rest
     /// of the frame. Host controllers differ; guess.
     pub naks_per_frame: u32,
+    /// A control transfer is given up within a frame, and the next one begins in it; otherwise with the next
+    /// frame.
+    pub gives_up_within_frame: bool,
 }
 
 impl Default for UsbHostSettings {
@@ -53,6 +56,7 @@ impl Default for UsbHostSettings {
         Self {
             first_request: 64,
             naks_per_frame: 16,
+            gives_up_within_frame: false,
         }
     }
 }
@@ -601,11 +605,15 @@ impl UsbHost {
         self.counts.frames += 1;
         device.start_of_frame((self.counts.frames & 0x7FF) as u16, now_ps);
         self.naks = [0; TURNS.len()];
+        self.give_up_late(device, now_ps);
+        self.look_for_work(now_ps);
+    }
+
+    fn give_up_late(&mut self, device: &mut UsbController, now_ps: u64) {
         let is_late = |(_, control): &mut (Origin, ControlProgress)| control.deadline_ps <= now_ps;
         if let Some((origin, _)) = self.control.take_if(is_late) {
             self.end_control(origin, None, ControlOutcome::TimedOut, device, now_ps);
         }
-        self.look_for_work(now_ps);
     }
 
     /// Begins a token if the wire is free; whether there is something to send is seen at its end.
@@ -618,6 +626,9 @@ impl UsbHost {
     }
 
     fn begin_transaction(&mut self, device: &mut UsbController, now_ps: u64) {
+        if self.settings.gives_up_within_frame {
+            self.give_up_late(device, now_ps);
+        }
         let Some((turn, transaction)) = self.next_transaction(now_ps) else {
             return;
         };

@@ -12,7 +12,7 @@ use crate::common::usb::control::{disturb_control, outcome};
 use crate::common::usb::links::{flood, silent_link};
 use crate::common::usb::restarts::{ask_for_restart, reboot, replug};
 use crate::common::usb::streams::{LATEST_PACKET, stopped_reader, stream_in_trains};
-use crate::common::usb::{INTERRUPT, UsbBench, answer, missing, plugged};
+use crate::common::usb::{Chance, INTERRUPT, UsbBench, answer, missing, plugged};
 use crate::common::{Crash, time_to_off};
 
 /// The longest that an edge that meets a free bus may wait.
@@ -143,6 +143,44 @@ fn a_request_is_not_left_waiting_for_data_that_came_to_a_transfer_given_up() {
         }
         assert!(done > 0);
     }
+}
+
+/// The next one may come while the former's is copied, whose mark is cleared afterwards, and while the answer to
+/// it is made. An answer that is available already is taken for one to the next: no software can hinder that
+/// (docs/firmware.md, errata).
+#[test]
+fn a_request_that_is_given_up_at_any_time_does_not_take_the_next_one_with_it() {
+    let mut bench = plugged();
+    bench
+        .probe
+        .board
+        .usb_mut()
+        .settings_mut()
+        .gives_up_within_frame = true;
+    let expected = device_descriptor(&bench);
+    let mut chance = Chance::new(1);
+    let mut answered_before = 0;
+    for round in 0..600 {
+        let mut former = match chance.below(3) {
+            0 => ControlTransfer::new([0x80, 6, 0, 3, 0, 0, 255, 0]),
+            1 => ControlTransfer::new([0x21, 0x22, 3, 0, 0, 0, 0, 0]),
+            _ => ControlTransfer::new([0x21, 0x20, 0, 0, 0, 0, 7, 0]),
+        };
+        former.deadline = Time::from_ns(u64::from(chance.below(60_000)));
+        let apart = Time::from_ns(u64::from(chance.below(300_000)));
+        bench.probe.board.run_for(apart).unwrap();
+        bench.submit(former.clone());
+        let id = bench.submit(ControlTransfer::new(GET_DEVICE_DESCRIPTOR));
+        let before = bench.probe.board.usb_answered_before();
+        let outcome = outcome(&mut bench, id);
+        if bench.probe.board.usb_answered_before() > before {
+            answered_before += 1;
+        } else {
+            assert_eq!(outcome, expected, "round {round} after {former:?}");
+        }
+    }
+    println!("{answered_before} came when the answer to the former was available");
+    assert!(answered_before < 300, "most show something");
 }
 
 /// A PC that configures the device again or clears a halt counts packets from DATA0 (USB 2.0 9.1.1.5,
