@@ -5,7 +5,7 @@
 use std::io::{BufRead, BufReader, Read, Write};
 use std::iter;
 use std::process::{Child, ChildStdin, Command, Stdio};
-use std::sync::mpsc::{Receiver, TryRecvError, channel};
+use std::sync::mpsc::{Receiver, TryRecvError, sync_channel};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -107,7 +107,7 @@ impl Program {
             .map_err(|error| unstarted(&error))?;
         let output = child.stdout.take();
         let output = output.ok_or_else(|| unstarted(&"it has no standard output"))?;
-        let (sender, lines) = channel();
+        let (sender, lines) = sync_channel(WAITING);
         // Ends with the program's output.
         thread::spawn(move || {
             for line in texts(output) {
@@ -140,6 +140,9 @@ impl Program {
         ))
     }
 }
+
+/// Lines that wait at most: a program that prints without a pause waits as well. Ten seconds of a quick gauge.
+const WAITING: usize = 10_000;
 
 /// The words of a command: what stands between spaces, or in single or double quotes.
 fn words(command: &str) -> Result<Vec<String>, &'static str> {
@@ -178,7 +181,7 @@ fn texts(output: impl Read) -> impl Iterator<Item = String> {
 impl Source for Program {
     fn lines(&mut self) -> Result<Vec<Line>, Failure> {
         let mut lines = Vec::new();
-        loop {
+        for _ in 0..WAITING {
             match self.lines.try_recv() {
                 Ok(text) => match Line::parse(&text) {
                     Ok(line) => lines.extend(line),
@@ -195,6 +198,7 @@ impl Source for Program {
                 Err(TryRecvError::Disconnected) => return Ok(lines),
             }
         }
+        Ok(lines)
     }
 
     fn send(&mut self, command: &str) -> Result<(), Failure> {
@@ -303,6 +307,15 @@ mod tests {
         let text = "printf '# 25 \\260C\\n1.5\\n1.5 \\265N\\n'; sleep 60\n";
         let said = failure(&script(folder.path(), text));
         assert!(said.contains("prints \"1.5 \u{FFFD}N\""), "{said}");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_program_that_prints_without_a_pause_is_read_in_pieces() {
+        let mut program = Program::start("--force", "yes 1.5").unwrap();
+        thread::sleep(Duration::from_millis(200));
+        let lines = program.lines().unwrap();
+        assert!((1..=WAITING).contains(&lines.len()), "{}", lines.len());
     }
 
     #[cfg(unix)]
