@@ -30,7 +30,7 @@ use crate::{
 /// their range, so that each reading can be compared with the true frequency beside it.
 #[derive(Args)]
 #[command(after_help = "\
-Each line is one reading; with --json one JSON object a line. Exit code 1 when the driver cannot
+Each line is one reading; with --json one JSON object a line. Exit code 1 when the driver cannot \
 go on; errors and recoveries are reported on standard error.
 
 Examples:

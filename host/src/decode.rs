@@ -11,8 +11,8 @@ use crate::jsonl::{self, Note};
 /// Turn the device's frames on standard input into JSON on standard output, one object a line
 #[derive(Args)]
 #[command(after_help = "\
-A line has header (boot_id, sequence, time_us, dropped) and message, the record under its name; a
-frame that cannot be understood gives a line with error instead. docs/protocol.md names every field
+A line has header (boot_id, sequence, time_us, dropped) and message, the record under its name; a \
+frame that cannot be understood gives a line with error instead. docs/protocol.md names every field \
 with unit and range.
 
 Exit code 1 if there is no valid frame at all.

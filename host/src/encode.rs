@@ -17,7 +17,7 @@ A command is an object with its name as the key, or the name alone if it has no 
   {\"set_coil\": {\"resistance_ohm\": 0.39, ...}}
   \"arm\"
 
-A calibration file holds the same commands as tables, or as arrays of tables where there are
+A calibration file holds the same commands as tables, or as arrays of tables where there are \
 several of a kind; they are sent in the order of the device's own answers to get_calibration:
   [set_settings]
   channels = 1
@@ -26,12 +26,12 @@ several of a kind; they are sent in the order of the device's own answers to get
   sensor = 0
   ...
 
-docs/protocol.md names every field with unit and range; what is out of range is refused here, with
+docs/protocol.md names every field with unit and range; what is out of range is refused here, with \
 exit code 2. A command takes effect only if it is addressed to the device's present run.
 
-Example:
+Examples:
   echo '\"identify\"' | palpate encode > commands.bin
-  palpate encode --calibration mine.toml --boot 305419896 > commands.bin")]
+  palpate encode --calibration calibration.toml --boot 305419896 > commands.bin")]
 pub(crate) struct Arguments {
     /// Boot id of the device's present run, from its records; 0 for commands that any run executes
     #[arg(long, default_value_t = 0)]

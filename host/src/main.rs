@@ -289,3 +289,40 @@ fn main() -> ExitCode {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use clap::{Command, CommandFactory};
+
+    use super::Cli;
+
+    /// What a help text says behind its options, and those of the verbs below.
+    fn texts(command: &Command) -> Vec<(String, String)> {
+        let name = command.get_name().to_owned();
+        let text = command
+            .get_after_help()
+            .map(|text| (name, text.to_string()));
+        let below = command.get_subcommands().flat_map(texts);
+        text.into_iter().chain(below).collect()
+    }
+
+    /// A paragraph is one line, which is wrapped to the width of the terminal; what is indented stays as it is.
+    #[test]
+    fn no_help_text_is_wrapped_twice() {
+        let texts = texts(&Cli::command());
+        assert!(texts.len() > 20);
+        for (verb, text) in texts {
+            let is_prose = |line: &str| !line.is_empty() && !line.starts_with(' ');
+            let mut pairs = text.lines().zip(text.lines().skip(1));
+            let wrapped = pairs.find(|(line, next)| is_prose(line) && is_prose(next));
+            assert_eq!(wrapped, None, "{verb}");
+            let mut examples = text.lines().filter(|line| line.starts_with(' '));
+            // Beyond that clap wraps it.
+            assert_eq!(
+                examples.find(|line| line.chars().count() > 96),
+                None,
+                "{verb}"
+            );
+        }
+    }
+}

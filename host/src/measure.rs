@@ -23,10 +23,10 @@ use crate::verdict::explain;
 /// `palpate calibrate sensor`.
 #[derive(Args)]
 #[command(after_help = "\
-Lift off first: the board learns what the untouched sensor reads for half a second. Then press, and
+Lift off first: the board learns what the untouched sensor reads for half a second. Then press, and \
 hold still for about a second.
 
-With --json, a line for each measurement. Exit code 1 if the board refuses one; the reason is printed.
+With --json, a line for each measurement. Exit code 1 if the board refuses one; the reason is printed. \
 Of a recording, the measurements in it are printed.
 
 Examples:

@@ -29,7 +29,7 @@ pub(crate) struct Completions {
 A page for each verb: palpate.1, palpate-settings-set.1.
 
 Example:
-  palpate man ~/.local/share/man/man1 && man palpate-settings")]
+  palpate man ~/.local/share/man/man1")]
 pub(crate) struct Manual {
     /// The folder, which is made if it does not exist
     #[arg(value_name = "FOLDER")]

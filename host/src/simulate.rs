@@ -18,7 +18,7 @@ use crate::results::{self, Measured};
 /// Run a scenario: press objects upon a simulated sensor that was calibrated on its own bench
 #[derive(Args)]
 #[command(after_help = "\
-Exit code 2 when the scenario is refused: the message names file, line, key and what is allowed.
+Exit code 2 when the scenario is refused: the message names file, line, key and what is allowed. \
 The same scenario and seed give the same bytes.
 
 Example, with creep and vibration only:

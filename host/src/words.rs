@@ -20,9 +20,9 @@ use crate::text;
 /// M/N, where the word is one.
 #[derive(Args)]
 #[command(after_help = "\
-The file is CSV with the columns source, fref_hz, rcount, kind and value, in any order;
-lines that begin with # are comments. kind is `word` (value: DATAx in hexadecimal, with or
-without its error flags) or `hz` (value: a frequency from which the word is recovered).
+The file is CSV with the columns source, fref_hz, rcount, kind and value, in any order; \
+lines that begin with # are comments. kind is `word` (value: DATAx in \
+hexadecimal, with or without its error flags) or `hz` (value: a frequency from which the word is recovered).
 
 Example:
   palpate words docs/examples/words.csv --json")]

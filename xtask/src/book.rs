@@ -1,10 +1,12 @@
-//! The book: every page is listed, every link and every path in the text leads to a file, and
-//! mdbook builds it.
+//! The book: every page is listed, every link and every path in the text leads to a file, every command of cargo
+//! names what exists, and mdbook builds it.
 //!
 //! A link stays within what its file is read with: a page of `docs` within the book, a file of a
 //! package within the package, any other within the repository. What lies outside is named in the
 //! text, by its path from the repository's root.
 
+mod cargo;
+mod commands;
 mod markdown;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -15,6 +17,7 @@ use anyhow::{Context, Result, bail};
 
 use crate::process::{Invocation, Workspace};
 use crate::repository;
+use cargo::Cargo;
 use markdown::Page;
 
 /// The folder of the book, and its list of pages.
@@ -40,19 +43,9 @@ impl fmt::Display for Finding {
 
 /// Checks the text, then builds the book into `target/book`.
 pub(crate) fn check_workspace(workspace: &Workspace) -> Result<String> {
-    let mut text = Text::default();
-    for name in repository::files(workspace)? {
-        let path = workspace.root().join(&name);
-        if name.ends_with(".md") && path.is_file() {
-            let content =
-                fs::read_to_string(&path).with_context(|| format!("{name} could not be read"))?;
-            text.pages.insert(name.clone(), Page::parse(&content));
-        }
-        if path.exists() {
-            text.files.insert(name);
-        }
-    }
-    let findings = text.findings();
+    let text = Text::read(workspace)?;
+    let mut findings = text.findings();
+    findings.extend(commands_that_fail(workspace, &text)?);
     if !findings.is_empty() {
         let lines: Vec<_> = findings.iter().map(ToString::to_string).collect();
         bail!("{} findings:\n    {}", lines.len(), lines.join("\n    "));
@@ -65,6 +58,27 @@ pub(crate) fn check_workspace(workspace: &Workspace) -> Result<String> {
     ))
 }
 
+/// Commands of cargo that name what does not exist.
+fn commands_that_fail(workspace: &Workspace, text: &Text) -> Result<Vec<Finding>> {
+    let cargo = Cargo::read(workspace)?;
+    let mut findings = Vec::new();
+    for (file, page) in text
+        .pages
+        .iter()
+        .filter(|(file, _)| *file != "CHANGELOG.md")
+    {
+        for command in &page.commands {
+            let fault = cargo.fault_of(&command.text);
+            findings.extend(fault.map(|fault| Finding {
+                file: file.clone(),
+                line: command.line,
+                fault: format!("`{}`: {fault}", command.text),
+            }));
+        }
+    }
+    Ok(findings)
+}
+
 /// The repository as its text sees it.
 #[derive(Debug, Default)]
 struct Text {
@@ -75,6 +89,22 @@ struct Text {
 }
 
 impl Text {
+    fn read(workspace: &Workspace) -> Result<Self> {
+        let mut text = Self::default();
+        for name in repository::files(workspace)? {
+            let path = workspace.root().join(&name);
+            if name.ends_with(".md") && path.is_file() {
+                let content = fs::read_to_string(&path)
+                    .with_context(|| format!("{name} could not be read"))?;
+                text.pages.insert(name.clone(), Page::parse(&content));
+            }
+            if path.exists() {
+                text.files.insert(name);
+            }
+        }
+        Ok(text)
+    }
+
     /// Everything wrong, in the order of the files.
     fn findings(&self) -> Vec<Finding> {
         let mut findings = self.unlisted();
@@ -238,6 +268,14 @@ mod tests {
         ];
         let findings = text(&files).findings();
         findings.into_iter().map(|finding| finding.fault).collect()
+    }
+
+    #[test]
+    fn the_docs_name_commands_that_exist() {
+        let workspace = Workspace::find(None).unwrap();
+        let text = Text::read(&workspace).unwrap();
+        assert!(text.pages.len() > 30);
+        assert_eq!(commands_that_fail(&workspace, &text).unwrap(), []);
     }
 
     #[test]

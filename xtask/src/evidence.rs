@@ -541,6 +541,11 @@ pub(crate) fn list() {
     }
 }
 
+/// Whether there is such a campaign.
+pub(crate) fn exists(name: &str) -> bool {
+    CAMPAIGNS.iter().any(|campaign| campaign.name == name)
+}
+
 /// Runs a campaign and writes its file.
 pub(crate) fn collect(workspace: &Workspace, name: &str) -> Result<()> {
     let Some(campaign) = CAMPAIGNS.iter().find(|campaign| campaign.name == name) else {

@@ -113,7 +113,8 @@ fn source_checks() -> Vec<Step> {
         },
         Step {
             name: "book",
-            purpose: "every page is listed, every link leads to a file, and the book builds",
+            purpose: "every page is listed, every link leads to a file, every command of cargo names what \
+                      exists, and the book builds",
             needs: vec![Need::Tool(&MDBOOK)],
             action: Action::Check(book::check_workspace),
             remedy: "fix the named lines; which links are allowed stands in CONTRIBUTING.md",

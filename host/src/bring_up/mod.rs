@@ -30,15 +30,16 @@ use tests::Tests;
 /// find as the switches of the simulated converter.
 #[derive(Args)]
 #[command(after_help = "\
-A board is reached through the server of its debug probe, at channel 0 of its RTT;
-docs/bring-up.md has the command for OpenOCD. Its sensor has to rest, and its coil to be
+A board is reached through the server of its debug probe, at channel 0 of its RTT; \
+docs/bring-up.md has the command for OpenOCD. Its sensor has to rest, and its coil to be \
 without supply.
 
 `palpate chip --switches FILE.toml` runs the driver against a converter with these switches.
 
 Examples:
-  palpate bring-up --connect localhost:9090
-  palpate bring-up --emulated --switches other.toml --settings found.toml")]
+  palpate bring-up --connect localhost:9090    # needs a probe
+  palpate bring-up --emulated --settings found.toml
+  palpate bring-up --emulated --switches found.toml")]
 pub(crate) struct Arguments {
     /// The probe's server, as HOST:PORT
     #[arg(

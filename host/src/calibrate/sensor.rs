@@ -37,17 +37,17 @@ use crate::storage;
 /// fails.
 #[derive(Args)]
 #[command(after_help = "\
-The emulated board has a simulated bench, with a stage, a load cell and springs that are as good as
-their tolerance. For a real one, docs/calibration.md says what is needed and what a gauge's program
+The emulated board has a simulated bench, with a stage, a load cell and springs that are as good as \
+their tolerance. For a real one, docs/calibration.md says what is needed and what a gauge's program \
 prints.
 
 Examples:
   palpate calibrate sensor --board emulated --save-session cold.json
   palpate calibrate sensor --board emulated --warmer-k 20 --other-session cold.json
   palpate calibrate sensor --stack mine.toml --force ./read-cell --stage ./stage \\
-    --springs 600,1200,3000,6000,12000,30000 --report calibration.html
+    --springs 600,1200,3000,6000,12000,30000 --report calibration.html    # needs a bench
   palpate calibrate sensor --stack mine.toml --no-load-cell --stage ./stage \\
-    --springs 600,1200,3000,6000,12000,30000")]
+    --springs 600,1200,3000,6000,12000,30000    # needs a bench")]
 pub(crate) struct Arguments {
     #[command(flatten)]
     link: link::Arguments,
@@ -61,8 +61,8 @@ pub(crate) struct Arguments {
     /// Program of the stage: moves to places and prints them, in metres. Without it a hand drives the stage
     #[arg(long, value_name = "PROGRAM")]
     stage: Option<String>,
-    /// Stiffness of the springs, N/m, by commas: four at least, from a fifth of the sensing layer's to twice
-    /// it
+    /// Stiffness of the springs, N/m, by commas: four at least, from a tenth of the sensing
+    /// layer's to five times it
     #[arg(long, value_name = "N_PER_M", value_delimiter = ',', value_parser = spring)]
     springs: Vec<f64>,
     /// How far a spring may be off what is written on it, relative

@@ -35,13 +35,13 @@ pub(crate) use self::counted::quantile;
 /// intervals contain the truth
 #[derive(Args)]
 #[command(after_help = "\
-Prints Markdown: a line for each sensor as it is done, then a table for each world; with --json an object
-for each world. An interrupted run has its lines, and with --rows every press of the sensors that were done:
-The file gets its name at the end of the run; until then the rows are in FILE.partial, as CSV, and those of a
+Prints Markdown: a line for each sensor as it is done, then a table for each world; with --json an object \
+for each world. An interrupted run has its lines, and with --rows every press of the sensors that were done. \
+The file gets its name at the end of the run; until then the rows are in FILE.partial, as CSV, and those of a \
 FILE.parquet in FILE.parquet.csv. An interrupted run leaves them there.
 
-Exit code 1 when so few intervals of the calibrated world contain the truth that with as many sensors it would happen
-once in 740 times if 95 % did (92 % with 500 sensors, 83 % with 30: those of one sensor hold or miss together), and
+Exit code 1 when so few intervals of the calibrated world contain the truth that with as many sensors it would happen \
+once in 740 times if 95 % did (92 % with 500 sensors, 83 % with 30: those of one sensor hold or miss together), and \
 when there is no estimate at all.
 
 Example: what a press in a hand, and one 30 K warmer than the bench, come to on 20 sensors

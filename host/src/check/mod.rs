@@ -26,8 +26,8 @@ use crate::quantity;
 /// as an uncertainty of the stiffening, until a known spring is pressed.
 #[derive(Args)]
 #[command(after_help = "\
-First without a press, then with a spring. The spring should be about as stiff as the sensing layer,
-and be pressed as deep as objects are. The calibration is in force at once, and lost with the power
+First without a press, then with a spring. The spring should be about as stiff as the sensing layer, \
+and be pressed as deep as objects are. The calibration is in force at once, and lost with the power \
 unless it is stored.
 
 Exit code 1 if the press contradicts the calibration, or the board refuses the measurement.
@@ -35,7 +35,7 @@ Exit code 1 if the press contradicts the calibration, or the board refuses the m
 Examples:
   palpate check --untouched cold.json
   palpate check --spring 8000 --store
-  palpate check --board emulated --seed 7 --load 1")]
+  palpate check --board emulated --load 1")]
 pub(crate) struct Arguments {
     #[command(flatten)]
     link: link::Arguments,

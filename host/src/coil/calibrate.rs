@@ -26,14 +26,13 @@ use crate::progress::Progress;
 /// board's power: the file has it as a command for `palpate encode`.
 #[derive(Args)]
 #[command(after_help = "\
-The reference is a program that prints the coil's current in ampere when it is run, as a bench
-meter's at a shunt in line with the coil. While it runs the current passes to and fro over
-0.12 A in 80 ms: let it average over a tenth of a second or more. It may take a second; the coil
+The reference is a program that prints the coil's current in ampere when it is run, as a bench \
+meter's at a shunt in line with the coil. While it runs the current passes to and fro over \
+0.12 A in 80 ms: let it average over a tenth of a second or more. It may take a second; the coil \
 rests afterwards.
 
 Examples:
-  palpate calibrate current --records localhost:9091 --commands localhost:9090 \\
-      --stack mine.toml --reference ./read-meter
+  palpate calibrate current --stack mine.toml --reference ./read-meter    # needs a board
   palpate calibrate current --board emulated
   palpate encode --boot 305419896 < current.jsonl > commands.bin")]
 pub(crate) struct Arguments {

@@ -29,7 +29,7 @@ use response::{Ramp, StepResponse, Traced};
 /// in a ramp, and draws what the board has measured.
 #[derive(Args)]
 #[command(after_help = "\
-The coil gets current: up to 6 A for a tenth of a
+The coil gets current: up to 6 A for a tenth of a \
 second in the test, and the step's for a fifth of one.
 
 Exit code 1 if the current does not follow within its limits.

@@ -24,12 +24,12 @@ use examination::Examination;
 #[command(after_help = "\
 Prints each finding with its cause and what to do. Exit code 0 if nothing is wrong, 1 otherwise.
 
-A board reports a fault when it begins. One that began earlier is found to stand, and --clear finds out
+A board reports a fault when it begins. One that began earlier is found to stand, and --clear finds out \
 which: it clears the fault, and says whether it comes again.
 
-Example:
+Examples:
   palpate doctor
-  palpate doctor --board tcp:localhost:7161 --json")]
+  palpate doctor --board emulated --json")]
 pub(crate) struct Arguments {
     #[command(flatten)]
     link: link::Arguments,

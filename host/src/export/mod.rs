@@ -25,12 +25,12 @@ use columns::{Column, Used};
 /// Writes a table for each kind of record, such as sample.csv and estimate.csv.
 #[derive(Args)]
 #[command(after_help = "\
-Every table begins with when the record arrived and when it was taken, both by the computer's clock; then
-come the record's header and its fields, with their units in their names. The items of a list have their
-number in the name, the conversions of a sample their channel: channels_0_frequency_hz. What is absent is
+Every table begins with when the record arrived and when it was taken, both by the computer's clock; then \
+come the record's header and its fields, with their units in their names. The items of a list have their \
+number in the name, the conversions of a sample their channel: channels_0_frequency_hz. What is absent is \
 empty. docs/protocol.md names every field.
 
-CSV has the times as seconds since 1970, host_time_s and device_time_s. Parquet has them as time stamps,
+CSV has the times as seconds since 1970, host_time_s and device_time_s. Parquet has them as time stamps, \
 host_time and device_time, and the units of the columns in its metadata, which pandas shows as attrs.
 
 A recording that was cut off is read as far as it goes.

@@ -16,16 +16,16 @@ use crate::failure::Failure;
 /// Inductance, resistance and quality factor at a frequency, with eddy currents
 #[derive(Args)]
 #[command(after_help = "\
-The coils are those with `driven = false`, as the sensing coil, or --coil; without any, all coils. Each is
-solved alone, the others open. Rings of one turn are solid copper, in which the current crowds; a ring of
-more turns carries its current evenly. Currents are induced in parts of a material with
-conductivity_S_per_m; one with loss_tangent has a lossy permeability.
---current sets the working point: saturated materials answer by their differential permeability there.
-`driven coils closed` is the same coil with the driven coils short-circuited in series.
-L and R are within ten times --accuracy. Fields are quasi-static: no displacement currents, so that no
+The coils are those with `driven = false`, as the sensing coil, or --coil; without any, all coils. Each is \
+solved alone, the others open. Rings of one turn are solid copper, in which the current crowds; a ring of \
+more turns carries its current evenly. Currents are induced in parts of a material with \
+conductivity_S_per_m; one with loss_tangent has a lossy permeability. \
+--current sets the working point: saturated materials answer by their differential permeability there. \
+`driven coils closed` is the same coil with the driven coils short-circuited in series. \
+L and R are within ten times --accuracy. Fields are quasi-static: no displacement currents, so that no \
 capacitance and no wave is contained.
 
-Example
+Examples:
   palpate field show closed-sensing > mine.toml
   palpate field ac closed-sensing --frequency 3e6 --current 5
   palpate field ac sensing --frequency 1e6,3e6 --set material.plane.conductivity_S_per_m=5.8e7")]

@@ -19,7 +19,7 @@ use crate::failure::Failure;
 #[command(after_help = "\
 error is the estimated relative error of centre and core mean; --json has that of every figure.
 
-Example
+Example:
   palpate field compare A C1in closed")]
 pub(super) struct Arguments {
     /// Files, or names of built-in designs

@@ -18,16 +18,18 @@ use crate::output::{OutputFile, distinct};
 #[command(
     group(ArgGroup::new("files").args(["vtk", "csv"]).required(true).multiple(true)),
     after_help = "\
-VTK is the legacy format as text: the solver's own triangles, divided by the order of the elements, each with
-its own points, since the field jumps between materials. Points are (r, x, 0) in m; B in T with its
-components along r and x; flux in Wb, through the circle about the axis; part: 0 for what is not magnetic,
+VTK is the legacy format as text: the solver's own triangles, divided by the order of the elements, each with \
+its own points, since the field jumps between materials. Points are (r, x, 0) in m; B in T with its \
+components along r and x; flux in Wb, through the circle about the axis; part: 0 for what is not magnetic, \
 then the bodies and plates in the order of the design.
+
 CSV has the same on a square grid over the design and a third of the radius about it; lengths in mm.
-Without --current the field is that of one ampere, far below saturation, without background and
-magnets; names end with _per_A then.
+
+Without --current the field is that of one ampere, far below saturation, without background and \
+magnets; names end with _per_A then. \
 There is no estimate of the error of single points: `palpate field profile` has one.
 
-Example
+Example:
   palpate field export closed --current 5 --vtk closed.vtk --csv closed.csv --step 0.5"
 )]
 pub(super) struct Arguments {

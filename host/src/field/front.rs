@@ -16,16 +16,16 @@ use crate::plot::{Axis, BLUE, Chart, GREY, Marks, Series};
 /// The best of a goal for each power: a Pareto front from several starts
 #[derive(Args)]
 #[command(after_help = "\
-The current is not searched for: each start has its own power, spread evenly by its logarithm over
---power, and each of its designs the current at which it takes that power. A start searches as
-`palpate field optimise` does, at an accuracy of 1e-2: the first from the design as it is, the others
-from places spread over the bounds; first as if nothing saturated, then with saturation about what that
-found. What a start finds is solved at its own power and at those of its two neighbours to the accuracy
-that is asked for; those are printed that no other beats in both goal and power,
+The current is not searched for: each start has its own power, spread evenly by its logarithm over \
+--power, and each of its designs the current at which it takes that power. A start searches as \
+`palpate field optimise` does, at an accuracy of 1e-2: the first from the design as it is, the others \
+from places spread over the bounds; first as if nothing saturated, then with saturation about what that \
+found. What a start finds is solved at its own power and at those of its two neighbours to the accuracy \
+that is asked for; those are printed that no other beats in both goal and power, \
 beside the design as it is.
 
-Example
-  palpate field front closed --goal merit --power 2..20 --starts 20 --most-height 10.28 \\
+Example:
+  palpate field front closed --goal merit --power 2..20 --starts 4 --most-height 10.28 \\
       --vary parameters.disc=4..7.9 --vary parameters.rim=1..6 --picture front.svg")]
 pub(super) struct Arguments {
     #[command(flatten)]

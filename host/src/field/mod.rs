@@ -29,9 +29,9 @@ use crate::failure::Failure;
 /// Solve and design the magnetic field of the actuated layer.
 #[derive(Args)]
 #[command(after_help = "\
-DESIGN is a file, or a built-in design: air, A, A0, A10, B1, B2, B3, C1in, C1out, C3in, CAin,
-backplates, pot, closed; with a sensing coil, for `ac`: sensing, A-sensing, closed-sensing;
-with a magnet: holder.
+DESIGN is a file, or a built-in design: air, A, A0, A10, B1, B2, B3, C1in, C1out, C3in, CAin, \
+backplates, pot, closed; with a sensing coil, for `ac`: sensing, A-sensing, closed-sensing; \
+with a magnet: holder. \
 `palpate field show A` prints one to start from.")]
 pub(crate) struct Arguments {
     #[command(subcommand)]

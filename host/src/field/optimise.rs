@@ -13,14 +13,14 @@ use clap::Args;
 /// Improve a design by changing some of its numbers within bounds
 #[derive(Args)]
 #[command(after_help = "\
-A compass search: from the design as it is it looks both ways along each number, on all cores, goes
-where it is best, and halves its steps where nothing is better. It finds a local optimum; start it
-from another design to see whether there is another. Designs beyond a limit count as worse than all
-within, the less the farther beyond.
-Every better design is printed as it is found, as a line that begins with #, and written to --out:
+A compass search: from the design as it is it looks both ways along each number, on all cores, goes \
+where it is best, and halves its steps where nothing is better. It finds a local optimum; start it \
+from another design to see whether there is another. Designs beyond a limit count as worse than all \
+within, the less the farther beyond. \
+Every better design is printed as it is found, as a line that begins with #, and written to --out: \
 an interrupted search goes on from that file as its design.
 
-Example
+Example:
   palpate field optimise closed --goal merit --most-power 10 --most-force 0.4 \\
       --vary parameters.disc=4..7.9 --vary parameters.rim=1..6 --out better.toml")]
 pub(super) struct Arguments {

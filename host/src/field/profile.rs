@@ -13,9 +13,9 @@ use crate::failure::Failure;
 /// The field along a line, in mm and tesla, per ampere or at a current
 #[derive(Args)]
 #[command(after_help = "\
-Every value is within 100 times --accuracy of |B| there (1 % without it), or of a fiftieth of the
-core's mean where it is weaker; nearer than 0.1 mm to a corner of a plate or body no accuracy is
-stated. Exit code 1 where that is not reached.
+Every value is within 100 times --accuracy of |B| there (1 % without it), or of a fiftieth of the \
+core's mean where it is weaker; nearer than 0.1 mm to a corner of a plate or body no accuracy is \
+stated. Exit code 1 where that is not reached. \
 `radius@x=` and `parallel@r=` take mm in the design's own coordinates: A has its mid-plane at 4.14.")]
 pub(super) struct Arguments {
     #[command(flatten)]

@@ -14,11 +14,11 @@ use crate::failure::Failure;
 /// Inductance of the sensing coil against its gap
 #[derive(Args)]
 #[command(after_help = "\
-A planar spiral between slabs of elastomer that are wide against it, at a constant field, in closed form:
-rings with an even current over each track. Losses, slabs of finite width and copper near it are in
+A planar spiral between slabs of elastomer that are wide against it, at a constant field, in closed form: \
+rings with an even current over each track. Losses, slabs of finite width and copper near it are in \
 `palpate field ac`. The frequency is that of the coil with --capacitance, its slope that of both gaps together.
 
-Example
+Example:
   palpate field sensing --gap 0.2,0.5,1,2 --turns 20 --track 0.12")]
 pub(super) struct Arguments {
     /// Gaps between coil and slabs, mm, separated by commas

@@ -19,20 +19,20 @@ use crate::failure::Failure;
 /// Solve a design: field, homogeneity, inductance, force, resistance
 #[derive(Args)]
 #[command(after_help = "\
-Homogeneity is std/mean of |B| by volume within the core's radius (r8), three quarters (r6) and
-half of it (r4): 8, 6 and 4 mm for the built-in designs with a core of 8 mm.
-Figures per ampere are those of a small current without the background and without the remanence of
-magnets. --current adds those with saturation, in the background and with the magnets, each with its
-derivative by the current, for which there is no estimate of the error; that of the flux linkage is
+Homogeneity is std/mean of |B| by volume within the core's radius (r8), three quarters (r6) and \
+half of it (r4): 8, 6 and 4 mm for the built-in designs with a core of 8 mm. \
+Figures per ampere are those of a small current without the background and without the remanence of \
+magnets. --current adds those with saturation, in the background and with the magnets, each with its \
+derivative by the current, for which there is no estimate of the error; that of the flux linkage is \
 the differential inductance. A design without a coil is solved in its background, with its magnets.
 
---force is Maxwell's stress about a part by virtual work; a part that touches magnetic material has none of its
+--force is Maxwell's stress about a part by virtual work; a part that touches magnetic material has none of its \
 own. On a coil Lorentz's force stands beside it. There is no estimate of either's error.
 
-Of each magnet B and H along its magnetisation are printed: where the least B is below the knee of the
+Of each magnet B and H along its magnetisation are printed: where the least B is below the knee of the \
 maker's curve, demagnetisation begins. Places within 0.1 mm of corners are left out of the least.
 
-Examples
+Examples:
   palpate field solve pot --current 10
   palpate field solve backplates --current 10 --force 'upper outer'")]
 pub(super) struct Arguments {

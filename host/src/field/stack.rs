@@ -24,12 +24,12 @@ use crate::output::OutputFile;
 /// Write the stack file of a design: springs, their rise with the current, attraction, stray field
 #[derive(Args)]
 #[command(after_help = "\
-The spring of the actuated layer is Gent and Lindley's, with the shape factor of what carries the
-load (pillars and slots of the design included); it rises as E(B) = E0 (1 + R B^2/(B^2 + Bc^2)),
-each point counting by its volume. soft and ultrasoft are priors; FILE holds modulus_Pa, rise and
+The spring of the actuated layer is Gent and Lindley's, with the shape factor of what carries the \
+load (pillars and slots of the design included); it rises as E(B) = E0 (1 + R B^2/(B^2 + Bc^2)), \
+each point counting by its volume. soft and ultrasoft are priors; FILE holds modulus_Pa, rise and \
 half_T of a calibration.
 
-Example
+Example:
   palpate field stack closed --mse ultrasoft --out closed.toml")]
 pub(super) struct Arguments {
     #[command(flatten)]

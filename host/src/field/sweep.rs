@@ -16,12 +16,12 @@ use crate::progress::Progress;
 /// Solve a design over a grid of any of its numbers; prints CSV
 #[derive(Args)]
 #[command(after_help = "\
-Example: the gap and the radius of the body, 200 designs on all cores
-  palpate field sweep B1 --vary parameters.gap=3..7:20 --vary body.mse.shape.semi_r=10..20:10
+Example: the gap and the radius of the body, 20 designs on all cores
+  palpate field sweep B1 --vary parameters.gap=3..7:5 --vary body.mse.shape.semi_r=10..20:4
 
-A point that is no design (parts that overlap, say) keeps its row, with the reason.
-Rows are written as they are computed: an interrupted sweep has the rows of its first points. With
---out the same command goes on after the rows that the file has.
+A point that is no design (parts that overlap, say) keeps its row, with the reason. \
+Rows are written as they are computed: an interrupted sweep has the rows of its first points. With \
+--out the same command goes on after the rows that the file has. \
 Exit code 1 when every point is refused.")]
 pub(super) struct Arguments {
     #[command(flatten)]

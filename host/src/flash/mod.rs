@@ -42,13 +42,13 @@ const LOOK: Duration = Duration::from_millis(200);
 /// stay.
 #[derive(Args)]
 #[command(after_help = "\
-Without firmware of palpate on the board, hold its button BOOTSEL while plugging it in; the drive that appears
+Without firmware of palpate on the board, hold its button BOOTSEL while plugging it in; the drive that appears \
 is found.
 
-Example:
+Examples:
   palpate flash palpate-pico.uf2
-  palpate flash palpate-pico.uf2 --drive /media/ann/RPI-RP2
-  palpate flash palpate-pico.elf --board probe
+  palpate flash palpate-pico.uf2 --drive /media/ann/RPI-RP2    # needs a board
+  palpate flash palpate-pico.elf --board probe    # needs a probe
   palpate flash palpate-pico.uf2 --board emulated --image palpate-pico.elf")]
 pub(crate) struct Arguments {
     /// The firmware: a UF2 file, or the image's ELF file

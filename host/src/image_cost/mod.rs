@@ -17,8 +17,8 @@ use crate::image::{self, Program};
 /// and show where its time goes
 #[derive(Args)]
 #[command(after_help = "\
-Prints Markdown: processor load and cycles per sample by part of the firmware, handlers of interrupts
-with their longest run and the jitter of their start, latency of the converter's interrupt, sizes, and
+Prints Markdown: processor load and cycles per sample by part of the firmware, handlers of interrupts \
+with their longest run and the jitter of their start, latency of the converter's interrupt, sizes, and \
 the speed of the emulation. Cycles of floating point and of copying count as their caller's.
 
 The image has to have its debug information, as `cargo xtask firmware` writes it.

@@ -25,17 +25,17 @@ use session::Session;
 /// What is recorded goes on over a reset of the board, and over an unplugged cable.
 #[derive(Args)]
 #[command(after_help = "\
-The file is MCAP, which public viewers open; `palpate info` says what is in one, and `palpate export`
-makes CSV of it. Until it is complete, .partial follows its name; a program that is killed leaves that,
+The file is MCAP, which public viewers open; `palpate info` says what is in one, and `palpate export` \
+makes CSV of it. Until it is complete, .partial follows its name; a program that is killed leaves that, \
 which can be read up to the last second.
 
-Ctrl-C ends the recording and completes the file; a second one ends the program at once. Records that
+Ctrl-C ends the recording and completes the file; a second one ends the program at once. Records that \
 are lost are counted and said.
 
 Examples:
   palpate record press.mcap
   palpate record --board emulated --load 1.5 --for 10
-  palpate record press.mcap --arm")]
+  palpate record measured.mcap --arm")]
 pub(crate) struct Arguments {
     /// The file. Otherwise palpate-DATE-TIME.mcap, UTC, in this folder
     #[arg(value_name = "FILE.mcap")]

@@ -20,7 +20,7 @@ use story::Story;
 /// each of them deformation, current, and the line of its ramps.
 #[derive(Args)]
 #[command(after_help = "\
-The page has everything in it, and needs no network. A recording that was cut off is read as far as it
+The page has everything in it, and needs no network. A recording that was cut off is read as far as it \
 goes.
 
 Example:

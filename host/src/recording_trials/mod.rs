@@ -22,7 +22,7 @@ use crate::tool::Tool;
 /// Record emulated boards for long, kill the recording, fill its disk, and replay
 #[derive(Args)]
 #[command(after_help = "\
-Prints Markdown. Exit code 1 when a record is lost, a recording cannot be read, or a replay differs.
+Prints Markdown. Exit code 1 when a record is lost, a recording cannot be read, or a replay differs. \
 The full disk is a small file system in memory, for which Linux is needed.")]
 pub(crate) struct Arguments {
     /// How long the two long recordings are, s

@@ -24,8 +24,8 @@ use agreement::Agreement;
 /// conversions by the firmware's own code, and compared with what the board sent, bit by bit.
 #[derive(Args)]
 #[command(after_help = "\
-A replay begins where the board has learnt the untouched sensor anew: after a release, or at the
-beginning of a recording with --arm. It pauses where records are missing. What it passes over is counted
+A replay begins where the board has learnt the untouched sensor anew: after a release, or at the \
+beginning of a recording with --arm. It pauses where records are missing. What it passes over is counted \
 with the reason.
 
 Exit code 1 if anything differs, of which the first is named, or nothing could be compared.

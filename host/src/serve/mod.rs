@@ -27,13 +27,13 @@ const LEAST_SLEEP: Duration = Duration::from_millis(1);
 /// Offer the emulated board's USB port on a TCP port, at the pace of real time
 #[derive(Args)]
 #[command(after_help = "\
-Bytes are those of the board's serial port: frames both ways, see docs/protocol.md. A program that
-connects opens the port; a second one meanwhile gets a line of text that says so, and is sent away.
+Bytes are those of the board's serial port: frames both ways, see docs/protocol.md. A program that \
+connects opens the port; a second one meanwhile gets a line of text that says so, and is sent away. \
 It ends with Ctrl-C, or after --for.
 
-Example:
+Examples:
   palpate serve-emulated --press 1.5 &
-  nc 127.0.0.1 7161 | palpate decode -")]
+  palpate watch --board tcp:127.0.0.1:7161")]
 pub(crate) struct Arguments {
     /// Where it listens
     #[arg(long, value_name = "ADDRESS:PORT", default_value = ADDRESS)]

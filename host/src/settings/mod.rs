@@ -54,8 +54,8 @@ struct Get {
 /// Change some settings; all others stay
 #[derive(Args)]
 #[command(after_help = "\
-The change is in force at once, and lost with the power unless it is stored. `palpate settings get` lists
-names, units and what is allowed. Exit code 2 for a name or value that is not allowed, 1 if the board
+The change is in force at once, and lost with the power unless it is stored. `palpate settings get` lists \
+names, units and what is allowed. Exit code 2 for a name or value that is not allowed, 1 if the board \
 refuses it.
 
 Example:
@@ -90,7 +90,7 @@ struct Store {
 /// Erase what is stored, the calibration included
 #[derive(Args)]
 #[command(after_help = "\
-What is in force stays so until the board starts anew. Export it first: an erased calibration cannot be
+What is in force stays so until the board starts anew. Export it first: an erased calibration cannot be \
 brought back.
 
 Example:
@@ -109,7 +109,7 @@ struct Erase {
 /// Write settings and calibration in force to a file
 #[derive(Args)]
 #[command(after_help = "\
-The file has a command on each line, as `palpate encode` takes them: the settings if any were set, each part
+The file has a command on each line, as `palpate encode` takes them: the settings if any were set, each part \
 of the calibration that is in force, and its identity.
 
 Example:
@@ -128,7 +128,7 @@ struct Export {
 /// Put settings and calibration of a file in force
 #[derive(Args)]
 #[command(after_help = "\
-The board has to have exactly the file's configuration afterwards: its configuration_crc is compared. A part
+The board has to have exactly the file's configuration afterwards: its configuration_crc is compared. A part \
 that is in force and not in the file is named; erase, and start the board anew, to be rid of it.
 
 Example:

@@ -9,6 +9,8 @@ mod designer;
 mod desk;
 mod devices;
 mod doctor;
+#[cfg(target_os = "linux")]
+mod documented;
 mod field;
 mod flash;
 #[cfg(target_os = "linux")]

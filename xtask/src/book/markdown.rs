@@ -2,6 +2,8 @@
 
 use std::collections::BTreeSet;
 
+use super::commands::{self, Command};
+
 /// What a page links to, names, and can be linked at.
 #[derive(Debug, Default)]
 pub(super) struct Page {
@@ -9,14 +11,19 @@ pub(super) struct Page {
     pub(super) links: Vec<(usize, String)>,
     /// Code within the text, each with its line.
     pub(super) code: Vec<(usize, String)>,
+    /// Commands, in blocks of code and in sentences.
+    pub(super) commands: Vec<Command>,
     /// Names of its headings.
     pub(super) anchors: BTreeSet<String>,
 }
 
 impl Page {
-    /// Reads a page. Blocks of code are skipped.
+    /// Reads a page. Blocks of code have commands and nothing else.
     pub(super) fn parse(text: &str) -> Self {
-        let mut page = Self::default();
+        let mut page = Self {
+            commands: commands::of_page(text),
+            ..Self::default()
+        };
         let mut in_block = false;
         for (index, line) in text.lines().enumerate() {
             if line.trim_start().starts_with("```") {

@@ -19,8 +19,8 @@ use crate::output::OutputFile;
 /// Draw a design: map of the flux density with field lines, profiles along and across the axis
 #[derive(Args)]
 #[command(after_help = "\
-Writes DESIGN-map.svg, DESIGN-axial.svg and DESIGN-radial.svg.
-Without --current the field is that of one ampere, far below saturation and without background and magnets;
+Writes DESIGN-map.svg, DESIGN-axial.svg and DESIGN-radial.svg. \
+Without --current the field is that of one ampere, far below saturation and without background and magnets; \
 of a design without a coil, that of its background and magnets.")]
 pub(super) struct Arguments {
     #[command(flatten)]

@@ -1,0 +1,267 @@
+//! Commands of cargo in a text: whether verbs, packages, targets, features and tests exist that they name.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::PathBuf;
+
+use anyhow::{Context, Result};
+use clap::Parser;
+use serde::Deserialize;
+
+use crate::process::{Invocation, Workspace};
+use crate::{Arguments, Verb, evidence, gate, repository};
+
+/// Verbs of cargo itself, of its usual components, and of tools that `cargo xtask setup` installs.
+const VERBS: &[&str] = &[
+    "bench",
+    "build",
+    "check",
+    "clippy",
+    "deny",
+    "doc",
+    "fmt",
+    "install",
+    "metadata",
+    "run",
+    "test",
+    "uninstall",
+];
+
+/// What commands may name.
+#[derive(Debug, Default)]
+pub(super) struct Cargo {
+    aliases: BTreeSet<String>,
+    packages: BTreeMap<String, Package>,
+}
+
+/// What a package has.
+#[derive(Debug, Default)]
+struct Package {
+    /// Its folder, from the root.
+    folder: String,
+    features: BTreeSet<String>,
+    /// Programs, tests, examples and benchmarks, each as its option: `--test integration`.
+    targets: BTreeSet<String>,
+    /// The names of its modules and functions, by which tests are selected.
+    items: BTreeSet<String>,
+}
+
+/// What `cargo metadata --no-deps` prints.
+#[derive(Deserialize)]
+struct Metadata {
+    packages: Vec<Described>,
+}
+
+#[derive(Deserialize)]
+struct Described {
+    name: String,
+    manifest_path: PathBuf,
+    features: BTreeMap<String, Vec<String>>,
+    targets: Vec<Target>,
+}
+
+#[derive(Deserialize)]
+struct Target {
+    name: String,
+    kind: Vec<String>,
+}
+
+/// What options of a command name.
+#[derive(Default)]
+struct Named<'t> {
+    package: Option<&'t str>,
+    path: Option<&'t str>,
+    features: Vec<&'t str>,
+    targets: Vec<String>,
+    filters: Vec<&'t str>,
+}
+
+impl Cargo {
+    /// Reads what cargo says of a workspace, and its sources.
+    pub(super) fn read(workspace: &Workspace) -> Result<Self> {
+        let query = Invocation::cargo(&["metadata", "--format-version", "1", "--no-deps"]);
+        let metadata: Metadata = serde_json::from_str(&workspace.output(&query)?)
+            .context("the answer of `cargo metadata` could not be read")?;
+        let files = repository::files(workspace)?;
+        let packages = metadata.packages.into_iter();
+        let packages = packages.map(|described| Package::read(described, workspace, &files));
+        let config = fs::read_to_string(workspace.root().join(".cargo/config.toml"))?;
+        let config: toml::Table = config.parse()?;
+        let aliases = config.get("alias").and_then(toml::Value::as_table);
+        let aliases = aliases.into_iter().flat_map(|table| table.keys().cloned());
+        Ok(Self {
+            aliases: aliases.collect(),
+            packages: packages.collect::<Result<_>>()?,
+        })
+    }
+
+    /// What a command names and does not exist. Words in capitals stand for something.
+    pub(super) fn fault_of(&self, command: &str) -> Option<String> {
+        let command = command.split(" #").next().unwrap_or_default();
+        let mut words = command.split_whitespace();
+        words.find(|word| *word == "cargo")?;
+        let words: Vec<_> = words.skip_while(|word| word.starts_with('+')).collect();
+        match words.as_slice() {
+            // A sentence names the program, or a toolchain of it.
+            [] | ["xtask"] => None,
+            ["xtask", ..] => fault_of_xtask(&words),
+            [verb, ..] if self.aliases.contains(*verb) => None,
+            [verb, rest @ ..] if VERBS.contains(verb) => {
+                let mut named = Named::read(rest);
+                if *verb != "test" {
+                    named.filters.clear();
+                }
+                self.missing(&named)
+            }
+            _ => Some(format!("cargo has no such verb: {command}")),
+        }
+    }
+
+    fn missing(&self, named: &Named<'_>) -> Option<String> {
+        let asked = self.packages.iter();
+        let asked = asked.filter(|(name, _)| named.package.is_none_or(|package| package == *name));
+        let asked: Vec<_> = asked.map(|(_, package)| package).collect();
+        if let Some(package) = named.package.filter(|_| asked.is_empty()) {
+            return Some(format!("there is no package {package}"));
+        }
+        let any = |has: &dyn Fn(&Package) -> bool| asked.iter().any(|package| has(package));
+        let targets = named.targets.iter().map(String::as_str);
+        let targets = targets.map(|name| (name, any(&|package| package.targets.contains(name))));
+        let features = named.features.iter().copied();
+        let features = features.map(|name| (name, any(&|package| package.features.contains(name))));
+        let paths = named.path.into_iter();
+        let paths = paths.map(|name| (name, any(&|package| package.folder == name)));
+        let filters = named.filters.iter().copied();
+        let filters = filters.map(|name| (name, any(&|package| package.has_test(name))));
+        let mut all = targets.chain(features).chain(paths).chain(filters);
+        let (name, _) = all.find(|(_, exists)| !exists)?;
+        Some(format!("there is no {name}"))
+    }
+}
+
+impl Package {
+    fn read(
+        described: Described,
+        workspace: &Workspace,
+        files: &[String],
+    ) -> Result<(String, Self)> {
+        let folder = described.manifest_path.parent();
+        let folder = folder.and_then(|folder| folder.strip_prefix(workspace.root()).ok()?.to_str());
+        let folder = folder.context("a package lies outside of the workspace")?;
+        let folder = folder.replace('\\', "/");
+        let mut items = BTreeSet::new();
+        let sources = files.iter().filter(|file| file.ends_with(".rs"));
+        for source in sources.filter(|file| file.starts_with(&format!("{folder}/"))) {
+            let text = fs::read_to_string(workspace.root().join(source)).unwrap_or_default();
+            let names = text.lines().filter_map(item).map(ToOwned::to_owned);
+            items.extend(names);
+        }
+        let targets = described.targets.iter().flat_map(|target| {
+            let kinds = target.kind.iter();
+            kinds.map(|kind| format!("--{kind} {}", target.name))
+        });
+        let package = Self {
+            features: described.features.into_keys().collect(),
+            targets: targets.collect(),
+            items,
+            folder,
+        };
+        Ok((described.name, package))
+    }
+
+    /// Whether a test is selected by a part of its path.
+    fn has_test(&self, path: &str) -> bool {
+        let mut parts = path.split("::");
+        parts.all(|part| self.items.iter().any(|item| item.contains(part)))
+    }
+}
+
+/// The name of the module or function that a line begins.
+fn item(line: &str) -> Option<&str> {
+    let mut words = line.split_whitespace();
+    words.find(|word| ["mod", "fn"].contains(word))?;
+    words
+        .next()?
+        .split(|c: char| !c.is_alphanumeric() && c != '_')
+        .next()
+}
+
+impl<'t> Named<'t> {
+    fn read(words: &[&'t str]) -> Self {
+        let mut named = Self::default();
+        let is_literal = |name: &&str| name.chars().any(|c| c.is_ascii_lowercase());
+        let mut words = words.iter().copied();
+        while let Some(word) = words.next() {
+            match word {
+                "--" => break,
+                "-p" | "--package" => named.package = words.next().filter(is_literal),
+                "--path" => named.path = words.next(),
+                "--features" => named.features.extend(words.next()),
+                "--test" | "--example" | "--bin" | "--bench" => {
+                    let name = words.next().filter(is_literal);
+                    named
+                        .targets
+                        .extend(name.map(|name| format!("{word} {name}")));
+                }
+                "--profile" | "--target" | "--manifest-path" => drop(words.next()),
+                option if option.starts_with('-') => {}
+                filter => named.filters.push(filter),
+            }
+        }
+        named
+    }
+}
+
+/// The same for a command of this program.
+fn fault_of_xtask(words: &[&str]) -> Option<String> {
+    let words = words.iter().copied().filter(|word| *word != "...");
+    let parsed = match Arguments::try_parse_from(words) {
+        Ok(arguments) => arguments.verb,
+        Err(error) => return Some(error.to_string()),
+    };
+    match parsed {
+        Verb::Ci { only, .. } => gate::ci_steps(false, &only)
+            .err()
+            .map(|error| error.to_string()),
+        Verb::Evidence { name: Some(name) } if name != "NAME" && !evidence::exists(&name) => {
+            Some(format!("there is no evidence {name}"))
+        }
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_a_command_names_exists() {
+        let cargo = Cargo::read(&Workspace::find(None).unwrap()).unwrap();
+        for good in [
+            "cargo demo",
+            "cargo +1.88.0 check --package ldc161x --all-features",
+            "A=b cargo xtask ci --only fmt --only clippy    # two",
+            "cargo xtask evidence NAME",
+            "cargo test -p NAME",
+            "cargo test -p palpate-emulator --test integration flash::",
+            "cargo run --example linux -- /dev/i2c-1",
+            "cargo install --locked --path host --features probe",
+        ] {
+            assert_eq!(cargo.fault_of(good), None, "{good}");
+        }
+        for bad in [
+            "cargo dmeo",
+            "cargo xtask tset",
+            "cargo xtask ci --only format",
+            "cargo xtask evidence nothing",
+            "cargo test -p palpate-emulators",
+            "cargo test -p palpate-emulator --test unit",
+            "cargo test -p palpate-emulator --test integration flesh::",
+            "cargo run --example macos",
+            "cargo install --path hosts",
+            "cargo install --path host --features probes",
+        ] {
+            assert!(cargo.fault_of(bad).is_some(), "{bad}");
+        }
+    }
+}
