@@ -378,7 +378,7 @@ fn run(command: &[&str], folder: &Path) -> Run {
     }
 }
 
-/// All files of a folder but large ones, which no command of another kind reads.
+/// All files of a folder.
 fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     let entries = fs::read_dir(folder).unwrap().map(Result::unwrap);
     let files = entries.filter(|entry| entry.metadata().unwrap().is_file());

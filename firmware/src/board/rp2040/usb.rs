@@ -60,9 +60,9 @@ pub fn let_through() {
     interrupts().modify(|_, w| w.buff_status().set_bit());
 }
 
-/// Which interrupts there are. Only the interrupt of USB and tasks of its priority change them after the start.
+/// What calls the interrupt.
 fn interrupts() -> &'static rp2040_pac::usbctrl_regs::INTE {
-    // SAFETY: see above.
+    // SAFETY: only the interrupt of USB and tasks of its priority change this register after the start.
     unsafe { (*USBCTRL_REGS::ptr()).inte() }
 }
 
@@ -425,7 +425,8 @@ fn take_later_setup(read: &mut [u8; 8]) {
     *read = later.to_le_bytes();
     let [kind, .., least, most] = *read;
     let expects_packet = kind & 0x80 != 0 || [least, most] != [0, 0];
-    if expects_packet && !has_data(OUT_0) {
+    // The controller may be about to change the word of a buffer that it has.
+    if expects_packet && !is_armed(OUT_0) && !has_data(OUT_0) {
         let control = memory.ep_buffer_control(OUT_0);
         control.modify(|_, w| w.available_0().set_bit());
     }
@@ -520,18 +521,20 @@ impl UsbBusTrait for Bus {
             disarm(OUT_0);
             watch_for_refusal();
         }
+        // Where a setup packet waits it answers a request that is given up, and would be taken for the answer to
+        // the next one.
+        let written = if setup_waits() {
+            packet.len()
+        } else {
+            self.hal.write(address, packet)?
+        };
+        if setup_waits() {
+            disarm(IN_0);
+        }
         self.set_control(Control {
             is_waiting: true,
             ..control
         });
-        // It answers a request that is given up, and would be taken for the answer to the next one.
-        if setup_waits() {
-            return Ok(packet.len());
-        }
-        let written = self.hal.write(address, packet)?;
-        if setup_waits() {
-            disarm(IN_0);
-        }
         Ok(written)
     }
 
