@@ -20,7 +20,10 @@ const STAND_IN: &str = r#"#!/bin/sh
 takes() { "$TOOL" "$@" --help > /dev/null 2>&1; }
 if takes "$@" --board emulated; then
     set -- "$@" --board emulated
-    if takes "$@" --load 1.5; then set -- "$@" --load 1.5; fi
+    case " $* " in
+        *" --untouched "*) ;;
+        *) if takes "$@" --load 1.5; then set -- "$@" --load 1.5; fi ;;
+    esac
 fi
 if takes "$@" --yes; then set -- "$@" --yes; fi
 case $1 in

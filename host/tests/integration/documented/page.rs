@@ -158,6 +158,7 @@ impl Page {
     /// Runs commands of this page on a desk of its own, and says what is wrong with them.
     pub(super) fn run(&self, start: &Start, is_chosen: impl Fn(&str) -> bool) -> Vec<String> {
         let commands = self.commands.iter().filter(|command| !command.is_inline);
+        let commands = commands.filter(|c| !c.text.starts_with("cargo "));
         let commands = commands.filter(|c| !c.text.contains("# needs a ") && !is_form(&c.text));
         let commands: Vec<_> = commands.filter(|c| is_chosen(&c.text)).collect();
         if commands.is_empty() {
