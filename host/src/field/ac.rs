@@ -11,6 +11,7 @@ use serde::Serialize;
 
 use super::drive::{Drive, reached};
 use super::input::{DesignSource, current};
+use super::tables::BeyondTable;
 use crate::failure::Failure;
 
 /// Inductance, resistance and quality factor at a frequency, with eddy currents
@@ -190,6 +191,9 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let about = drive
         .map(|drive| drive.solve(&design, effort))
         .transpose()?;
+    if let Some(about) = &about {
+        BeyondTable::say_all(&design, about);
+    }
     let accuracy = effort.accuracy();
     let accuracy = Accuracy {
         relative: WIDER * accuracy.relative,

@@ -6,6 +6,7 @@ use palpate_field::layer::{Elastomer, Layer, pad_spring_n_per_m};
 use palpate_field::solve::Solved;
 
 use super::stack::{SensingLayer, expected_error_ln};
+use super::tables::BeyondTable;
 use crate::failure::Failure;
 
 /// What is to be better.
@@ -63,6 +64,8 @@ pub(super) struct Candidate {
     diameter_m: f64,
     force_n: f64,
     plate_max_t: f64,
+    /// The most by which the field leaves the table of a material; 0 within them all.
+    beyond_table_t: f64,
 }
 
 impl Candidate {
@@ -90,6 +93,9 @@ impl Candidate {
             diameter_m: 2.0 * design.radius_m(),
             force_n: solved.figures.force_n.abs(),
             plate_max_t: solved.figures.plate_max_t,
+            beyond_table_t: (BeyondTable::all(design, solved).iter())
+                .map(BeyondTable::excess_t)
+                .fold(0.0, f64::max),
         })
     }
 
@@ -148,6 +154,12 @@ impl Candidate {
         }
         for limited in limits.of(self) {
             text.push_str(&limited.explain());
+        }
+        if self.beyond_table_t > 0.0 {
+            text.push_str(&format!(
+                "  beyond a table      {:.4} T, where B rises as in vacuum\n",
+                self.beyond_table_t
+            ));
         }
         text
     }

@@ -9,10 +9,11 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::drive::Drive;
-use super::input::{Effort, current, parse, text_of};
+use super::input::{Effort, current, parse, say_files, text_of};
 use super::quantities::{KeyedFigures, QUANTITIES, Quantity};
 use super::solve::SolvedFigures;
 use crate::failure::Failure;
+use crate::notice::say;
 
 /// Compare designs
 #[derive(Args)]
@@ -47,7 +48,9 @@ struct ComparedDesign {
 pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let load = |name: &String| -> Result<Design, Failure> {
         let (file, text) = text_of(name)?;
-        parse(&file, &text, &arguments.effort.settings)
+        let design = parse(&file, &text, &arguments.effort.settings)?;
+        say_files(&design);
+        Ok(design)
     };
     let designs: Vec<Design> = arguments
         .designs
@@ -79,6 +82,11 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         writeln!(out)?;
     } else {
         writeln!(out, "{}", table(&outcomes))?;
+        for outcome in &outcomes {
+            for beyond in &outcome.solved.beyond_tables {
+                say(format!("{}: {beyond}", outcome.design));
+            }
+        }
     }
     Ok(())
 }

@@ -10,6 +10,7 @@ use palpate_field::solve::{FieldAt, Locator, Piece, Solved};
 
 use super::drive::{Drive, reached};
 use super::input::{DesignSource, current};
+use super::tables::BeyondTable;
 use crate::failure::Failure;
 use crate::output::{OutputFile, distinct};
 
@@ -70,6 +71,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     distinct(vtk.iter().chain(&csv))?;
     let drive = Drive::of(&design, arguments.current)?;
     let solved = drive.attempt(&design, &arguments.source.effort)?;
+    BeyondTable::say_all(&design, &solved);
     let mut out = io::stdout().lock();
     if let Some(file) = vtk {
         let title = format!("{}, {}", design.name, drive.words(&design));

@@ -9,6 +9,7 @@ use palpate_field::geometry::Point;
 use palpate_field::solve::{Accuracy, Solved};
 
 use crate::failure::Failure;
+use crate::notice::say;
 use crate::text;
 
 /// Print a built-in design, to start an own one from
@@ -175,8 +176,22 @@ fn refused(error: DesignError) -> Failure {
     }
 }
 
+/// Says what was read of the files that a design names, with sizes and units.
+pub(super) fn say_files(design: &Design) {
+    for file in &design.files {
+        say(format!("read of {file}"));
+    }
+}
+
 impl DesignSource {
+    /// The design; what was read of the files that it names is said on standard error.
     pub(super) fn load(&self) -> Result<Design, Failure> {
+        let design = self.load_silently()?;
+        say_files(&design);
+        Ok(design)
+    }
+
+    pub(super) fn load_silently(&self) -> Result<Design, Failure> {
         let (name, text) = text_of(&self.design)?;
         parse(&name, &text, &self.effort.settings)
     }

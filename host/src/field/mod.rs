@@ -21,6 +21,7 @@ mod sensing;
 mod solve;
 mod stack;
 mod sweep;
+mod tables;
 
 use clap::{Args, Subcommand};
 

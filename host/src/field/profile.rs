@@ -8,6 +8,7 @@ use palpate_field::solve::{FieldAt, Locator, Solved};
 
 use super::drive::{Drive, reached};
 use super::input::{DesignSource, current, sharpened};
+use super::tables::BeyondTable;
 use crate::failure::Failure;
 
 /// The field along a line, in mm and tesla, per ampere or at a current
@@ -116,6 +117,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let design = arguments.source.load()?;
     let drive = Drive::of(&design, arguments.current)?;
     let solved = drive.attempt(&design, &arguments.source.effort)?;
+    BeyondTable::say_all(&design, &solved);
     let mut range = arguments.along.range(&solved);
     for (end, given) in range.iter_mut().zip([arguments.from, arguments.to]) {
         if let Some(given) = given {

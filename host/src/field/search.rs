@@ -10,7 +10,7 @@ use rayon::prelude::*;
 
 use super::candidate::{Candidate, Goal, Limits, Score};
 use super::drive::{Drive, field_of, reached};
-use super::input::{DesignSource, Effort, parse, text_of};
+use super::input::{DesignSource, Effort, parse, say_files, text_of};
 use super::mse::elastomer;
 use super::sweep::range;
 use crate::failure::Failure;
@@ -40,6 +40,7 @@ impl SearchArguments {
     /// Reads the design and the elastomer.
     pub(super) fn open(&self) -> Result<Search<'_>, Failure> {
         let (name, text) = text_of(&self.source.design)?;
+        say_files(&parse(&name, &text, &[])?);
         Ok(Search {
             arguments: self,
             name: name.into(),

@@ -14,7 +14,9 @@ use super::inductances::InductanceMatrix;
 use super::input::{DesignSource, Effort, current};
 use super::magnets::{self, Magnet};
 use super::quantities::{KeyedDerivatives, KeyedFigures, QUANTITIES};
+use super::tables::BeyondTable;
 use crate::failure::Failure;
+use crate::notice::printable;
 
 /// Solve a design: field, homogeneity, inductance, force, resistance
 #[derive(Args)]
@@ -68,6 +70,9 @@ pub(super) struct SolvedFigures {
     /// The derivative of each figure by the current, at a current; without an estimate of its error.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) derivatives: Option<KeyedDerivatives>,
+    /// Parts in which the field leaves the table of their material.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub(super) beyond_tables: Vec<BeyondTable>,
 }
 
 /// The derivatives of all figures by the current.
@@ -103,6 +108,7 @@ impl SolvedFigures {
             linear_solves_on_all_meshes: linear_solves,
             errors: keyed(solved.errors),
             derivatives,
+            beyond_tables: BeyondTable::all(design, solved),
         })
     }
 
@@ -131,6 +137,9 @@ impl SolvedFigures {
             "  relative error of centre and mean {:.1e}, with {} unknowns; linear solves on the last mesh: {}\n",
             self.error_estimate, self.unknowns, self.newton_iterations
         ));
+        for beyond in &self.beyond_tables {
+            text.push_str(&format!("  {beyond}\n"));
+        }
         text
     }
 }
@@ -140,6 +149,9 @@ impl SolvedFigures {
 #[allow(non_snake_case, reason = "keys carry units")]
 struct DesignFigures {
     design: String,
+    /// What was read of the files that it names.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    files: Vec<String>,
     background_T: f64,
     resistance_ohm: f64,
     #[serde(flatten)]
@@ -169,7 +181,7 @@ struct CurrentFigures {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let design = arguments.source.load()?;
+    let design = arguments.source.load_silently()?;
     let effort = &arguments.source.effort;
     let first_drive = Drive::of(&design, None)?;
     let forced = forces::named(&design, &arguments.force)?;
@@ -181,6 +193,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let first = first_drive.attempt(&design, effort)?;
     let outcome = DesignFigures {
         design: design.name.clone(),
+        files: design.files.iter().map(ToString::to_string).collect(),
         background_T: design.background_t,
         resistance_ohm: design.resistance_ohm(),
         first: SolvedFigures::of(&design, &first, first_drive)?,
@@ -223,6 +236,9 @@ impl DesignFigures {
             drive => drive.words(design),
         };
         let mut text = format!("{}, {title}\n{}", self.design, self.first.explain());
+        for file in &self.files {
+            text.push_str(&format!("  read of {}\n", printable(file)));
+        }
         if design.is_driven() {
             text.push_str(&format!("  resistance {:.4} ohm\n", self.resistance_ohm));
         }

@@ -18,6 +18,7 @@ use super::drive::Drive;
 use super::input::{DesignSource, current};
 use super::mse::elastomer;
 use super::sensing::disturbance;
+use super::tables::BeyondTable;
 use crate::failure::Failure;
 use crate::output::OutputFile;
 
@@ -209,6 +210,9 @@ fn bridge(
         Ok::<_, Failure>((current_a, solved))
     };
     let solved: Vec<(f64, Solved)> = SHARES.par_iter().map(solve).collect::<Result<_, _>>()?;
+    if let Some((_, peak)) = solved.last() {
+        BeyondTable::say_all(design, peak);
+    }
     let solved: Vec<(f64, &Solved)> = solved.iter().map(|(at, solved)| (*at, solved)).collect();
     let sensing = SensingLayer {
         spacer_m: 1e-3 * arguments.spacer,

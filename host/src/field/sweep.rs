@@ -5,12 +5,13 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::drive::Drive;
-use super::input::{DesignSource, current, parse, text_of};
+use super::input::{DesignSource, current, parse, say_files, text_of};
 use super::quantities::{QUANTITIES, Quantity};
 use super::rows::RowFile;
 use super::solve::SolvedFigures;
 use crate::failure::Failure;
 use crate::in_order::in_order;
+use crate::notice::say;
 use crate::progress::Progress;
 
 /// Solve a design over a grid of any of its numbers; prints CSV
@@ -106,7 +107,9 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     };
     // A path that does not exist is an error of the command, not of each point.
     palpate_field::design::vary::set(&text, &settings(0)).map_err(Failure::Argument)?;
-    let drive = Drive::of(&parse(&name, &text, &[])?, arguments.current)?;
+    let design = parse(&name, &text, &[])?;
+    say_files(&design);
+    let drive = Drive::of(&design, arguments.current)?;
     let heads: Vec<String> = arguments
         .vary
         .iter()
@@ -125,12 +128,20 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         let solved = SolvedFigures::solve(&design, drive, &arguments.source.effort)?;
         Ok((design.resistance_ohm(), solved))
     };
+    let mut beyond = 0;
     in_order(total - done, outcome, |index, outcome| {
+        beyond +=
+            usize::from(matches!(&outcome, Ok((_, solved)) if !solved.beyond_tables.is_empty()));
         rows.write(&row(varied(done + index), heads.len(), &outcome))?;
         progress.step();
         Ok(())
     })?;
     progress.finish();
+    if beyond > 0 {
+        say(format!(
+            "{beyond} rows have a field beyond the table of a material, where B rises as in vacuum: see one with `palpate field solve`"
+        ));
+    }
     if rows.all_refused {
         return Err(Failure::Refused(
             "every point is refused: the last column says why".to_owned(),

@@ -385,6 +385,64 @@ fn stacks_that_the_plant_takes() {
     assert!((number(last, "stiffening") - paper.stiffening_at_peak.centre()).abs() < 1e-6);
 }
 
+/// Every command says what was read of a table and a drawing, and where the field leaves the table; a table in other
+/// units is refused.
+#[test]
+fn files_of_a_design_and_fields_beyond_a_table_are_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let steel = "0;0\n100;0,4\n200;1,0\n500;1,3\n1000;1,45\n5000;1,62\n";
+    std::fs::write(path("steel.csv"), steel).unwrap();
+    let groups = "0 SECTION 2 ENTITIES 0 ARC 8 0 10 0 20 0 40 5 50 270 51 90 0 ENDSEC 0 EOF";
+    std::fs::write(path("ball.dxf"), groups.replace(' ', "\n")).unwrap();
+    let text = "name = \"ball\"\nlength_unit = \"mm\"\n[background]\nfield_T = 0.7\n\
+        [core]\nr = 1.0\nx = [-1.0, 1.0]\n[material.steel]\nbh_table = \"steel.csv\"\n\
+        [[plate]]\nname = \"ball\"\nmaterial = \"steel\"\nshape = { outline_dxf = \"ball.dxf\", layer = \"0\" }\n";
+    std::fs::write(path("ball.toml"), text).unwrap();
+    let file = path("ball.toml").display().to_string();
+    let read = [
+        "steel.csv: 6 points to 1.62 T at 5000 A/m",
+        "ball.dxf: layer \"0\": r 0.000 to 5.000 mm, x -5.000 to 5.000 mm, 2 sides; unit by length_unit",
+        "ball reaches 1.776 T, 0.156 T beyond the table of steel, which ends at 1.62 T: there B rises as in vacuum",
+    ];
+    let shown = printed(&["solve", &file]);
+    let profile = palpate(&["profile", &file, "--along", "axis", "--csv"]);
+    let said = String::from_utf8(profile.stderr).unwrap();
+    for words in read {
+        assert!(shown.contains(words), "{words}: {shown}");
+        assert!(said.contains(words), "{words}: {said}");
+    }
+    let solved = json(&["solve", &file, "--json"]);
+    assert_eq!(solved["files"].as_array().unwrap().len(), 2);
+    let beyond = &solved["beyond_tables"][0];
+    assert_eq!(beyond["part"], "ball");
+    // A ball of polarisation J has the background and two thirds of J; J beyond the table is that of its end.
+    let ball_t = 0.7 + 2.0 / 3.0 * (1.62 - 4e-7 * PI * 5e3);
+    let greatest_t = number(beyond, "greatest_B_T");
+    assert!((greatest_t / ball_t - 1.0).abs() < 1e-3, "{beyond}");
+    let within = ["solve", &file, "--set", "background.field_T=0.3", "--json"];
+    assert!(json(&within).get("beyond_tables").is_none());
+    for (table, words) in [
+        (
+            "0 0\n0.4 100\n1.0 200\n1.3 500\n",
+            "B in T before H in A/m: swap the columns",
+        ),
+        (
+            "0 0\n1.2566 4000\n12.566 14500\n62.83 16200\n",
+            "H in Oe and B in G",
+        ),
+    ] {
+        std::fs::write(path("steel.csv"), table).unwrap();
+        let (code, complaint) = refused(&["solve", &file]);
+        assert_eq!(code, Some(2));
+        assert!(
+            complaint.contains("steel.csv, line 2: B of "),
+            "{complaint}"
+        );
+        assert!(complaint.contains(words), "{complaint}");
+    }
+}
+
 #[test]
 fn refusals_name_file_and_line() {
     let folder = tempfile::tempdir().unwrap();

@@ -182,6 +182,15 @@ impl Material {
         }
     }
 
+    /// The flux density in the metal at |B| = `b_t`, and the last one of its table, T; none without a table.
+    pub(crate) fn in_table_t(&self, b_t: f64) -> Option<[f64; 2]> {
+        let Self::Table { curve, fill } = self else {
+            return None;
+        };
+        let air_t = (1.0 - fill) * MU_0 * self.reluctivity(b_t).nu * b_t;
+        Some([(b_t - air_t) / fill, curve.end()[1]])
+    }
+
     /// Density of the field's energy ∫ H dB from 0 to `b_t`, J/m³.
     #[must_use]
     pub fn energy_j_per_m3(&self, b_t: f64) -> f64 {

@@ -25,24 +25,37 @@ pub fn greatest(design: &Design, level: &Level, w: &[f64], locator: &Locator<'_>
     greatest
 }
 
-/// Calls `found` with triangle and |B|, T, at every point that counts.
+/// Calls `found` with triangle and |B|, T, at every point of the plates that counts.
 pub(crate) fn visit(
     design: &Design,
     level: &Level,
     w: &[f64],
     locator: &Locator<'_>,
+    found: impl FnMut(usize, f64),
+) {
+    let soft_plate = |part: usize| {
+        let part = design.parts.get(part);
+        part.is_some_and(|part| !part.cast && part.remanence_t == 0.0)
+    };
+    if (0..design.parts.len()).any(soft_plate) {
+        visit_parts(level, w, locator, soft_plate, found);
+    }
+}
+
+/// The same of the parts that `counts` says.
+pub(crate) fn visit_parts(
+    level: &Level,
+    w: &[f64],
+    locator: &Locator<'_>,
+    counts: impl Fn(usize) -> bool,
     mut found: impl FnMut(usize, f64),
 ) {
-    if design.parts.iter().all(|part| part.cast) {
-        return;
-    }
     let mesh = &level.space.mesh;
     let corners = mesh.corners.iter().map(|&corner| mesh.position(corner));
     let corners: Vec<Point> = corners.collect();
     let counts = |part: Option<u32>, point: Point| {
-        let part = part.and_then(|part| design.parts.get(part as usize));
         let far = |&corner: &Point| distance(point, corner) > CORNER_M;
-        part.is_some_and(|part| !part.cast && part.remanence_t == 0.0) && corners.iter().all(far)
+        part.is_some_and(|part| counts(part as usize)) && corners.iter().all(far)
     };
     level.visit(w, |at| {
         if counts(at.region.part, at.point) {

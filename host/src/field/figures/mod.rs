@@ -12,6 +12,7 @@ use palpate_field::design::Design;
 use palpate_field::solve::Solved;
 
 use super::input::{DesignSource, current, sharpened};
+use super::tables::BeyondTable;
 use crate::failure::Failure;
 use crate::field::drive::Drive;
 use crate::output::OutputFile;
@@ -60,6 +61,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let effort = &arguments.source.effort;
     let drive = Drive::of(&design, arguments.current)?;
     let solved = drive.solve(&design, effort)?;
+    BeyondTable::say_all(&design, &solved);
     let points = profiles::points(&design.core, &solved);
     let solved = sharpened(&design, solved, &points, effort)?;
     let picture = Picture {

@@ -40,6 +40,23 @@ pub struct Design {
     pub current_a: f64,
     /// Uniform field along the axis in which everything stands, T.
     pub background_t: f64,
+    /// The files beside it that it names.
+    pub files: Vec<FileRead>,
+}
+
+/// A file beside a design.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FileRead {
+    /// Its path.
+    pub file: String,
+    /// What was read of it, with sizes and units.
+    pub summary: String,
+}
+
+impl fmt::Display for FileRead {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {}", self.file, self.summary)
+    }
 }
 
 /// The disc that is judged.
@@ -217,7 +234,7 @@ impl Design {
     ///
     /// let text = text.replace("length_unit = \"mm\"", "");
     /// let error = Design::parse("mine.toml", &text).unwrap_err().to_string();
-    /// assert!(error.contains("length_unit: missing; allowed: \"m\", \"mm\", \"um\""), "{error}");
+    /// assert!(error.contains("length_unit: missing; allowed: \"m\", \"cm\", \"mm\", \"um\", \"in\""), "{error}");
     /// # Ok::<(), palpate_field::design::DesignError>(())
     /// ```
     ///

@@ -18,7 +18,7 @@ use crate::mesh::ascending;
 pub(super) struct Jumps {
     /// η², in the unit of the energy.
     pub(super) energy: Vec<f64>,
-    /// The greatest jump, root mean square along an edge, over the mean ν: an error of B, T.
+    /// The greatest jump, root mean square along an edge, over the mean dH/dB: an error of B, T.
     pub(super) field_t: Vec<f64>,
     /// The field itself, root mean square over the triangle's edges, T; for the exterior that of
     /// its drawing.
@@ -56,7 +56,7 @@ pub(super) fn jumps_without(
         })
         .collect();
     let mut placed = Placed::new(&space.basis);
-    let mut seen: HashMap<[u32; 2], (usize, f64, Vec<f64>)> = HashMap::new();
+    let mut seen: HashMap<[u32; 2], (usize, [f64; 2], Vec<f64>)> = HashMap::new();
     let mut energy = vec![0.0; space.mesh.triangles.len()];
     let mut size_t = vec![0.0_f64; space.mesh.triangles.len()];
     let mut field_t = vec![0.0_f64; space.mesh.triangles.len()];
@@ -76,7 +76,8 @@ pub(super) fn jumps_without(
                 continue;
             }
             let length = crate::geometry::distance(a, b);
-            let mut nu_sum = 0.0;
+            // ν, and dH/dB along the edge.
+            let mut nu_sum = [0.0; 2];
             let mut values: Vec<f64> = Vec::with_capacity(rule.len());
             for sample in samples.get(side).into_iter().flatten() {
                 placed.fill(nodes, sample);
@@ -102,17 +103,20 @@ pub(super) fn jumps_without(
                 if exterior {
                     let normal = slope[0] * tangent[1] - slope[1] * tangent[0];
                     values.push(r * normal / MU_0);
-                    nu_sum += 1.0 / MU_0;
+                    nu_sum = nu_sum.map(|sum| sum + 1.0 / MU_0);
                 } else {
                     let (_, _, b_state) = field(state, level.background_t);
                     let (material, excess) = level.law_at(triangle.region as usize, b_state);
-                    let nu = material.reluctivity(crate::geometry::length(excess)).nu;
+                    let law = material.reluctivity(crate::geometry::length(excess));
+                    let nu = law.nu;
+                    let along = law.differential(excess).map(|row| dot(&row, &tangent));
+                    let along = dot(&along, &tangent);
                     let of = if change.is_some() { b } else { excess };
                     values.push(nu * (of[0] * tangent[0] + of[1] * tangent[1]));
-                    nu_sum += nu;
+                    nu_sum = [nu_sum[0] + nu, nu_sum[1] + along];
                 }
             }
-            let nu = nu_sum / rule.len() as f64;
+            let nu = nu_sum.map(|sum| sum / rule.len() as f64);
             match seen.remove(&key) {
                 None => {
                     seen.insert(key, (index, nu, values));
@@ -128,8 +132,8 @@ pub(super) fn jumps_without(
                         sum += weight * speed * point[0] * (value + other).powi(2);
                         whole += weight * speed * point[0];
                     }
-                    let share = length * sum / (nu + other_nu);
-                    let jump = 2.0 * (sum / whole).sqrt() / (nu + other_nu);
+                    let share = length * sum / (nu[0] + other_nu[0]);
+                    let jump = 2.0 * (sum / whole).sqrt() / (nu[1] + other_nu[1]);
                     for owner in [index, other] {
                         if let (Some(energy), Some(field)) =
                             (energy.get_mut(owner), field_t.get_mut(owner))

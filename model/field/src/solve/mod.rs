@@ -11,6 +11,7 @@
 mod ac;
 mod adapt;
 mod assembly;
+mod beyond;
 mod cholesky;
 mod evaluate;
 mod fixed;
@@ -29,6 +30,7 @@ mod working_point;
 pub use ac::{AcCoil, AcSolved, solve_ac};
 pub use adapt::{Accuracy, SolveReport, Solved, solve, solve_on};
 pub use assembly::{Level, integrate};
+pub use beyond::BeyondTable;
 pub use evaluate::{FieldAt, Locator};
 pub use newton::{Excitation, SolveError};
 pub use pieces::Piece;

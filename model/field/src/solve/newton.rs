@@ -81,7 +81,7 @@ impl fmt::Display for SolveError {
             Self::Factor => f.write_str("the matrix is not positive definite"),
             Self::Diverged { steps } => write!(
                 f,
-                "the field did not settle in {steps} Newton steps: lower the current, or the exponent of the material"
+                "the field did not settle in {steps} Newton steps: lower the current, the exponent of the material, or the steps in its table"
             ),
         }
     }

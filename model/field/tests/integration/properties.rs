@@ -280,7 +280,7 @@ fn refusals_name_the_place() {
         (
             "length_unit = \"mm\"",
             "",
-            "length_unit: missing; allowed: \"m\", \"mm\", \"um\"",
+            "length_unit: missing; allowed: \"m\", \"cm\", \"mm\", \"um\", \"in\"",
             1,
         ),
         (

@@ -29,7 +29,7 @@ fn pot(law: &str) -> String {
 }
 
 /// `pot` with its soft metal by a table beside it.
-fn by_table(folder: &str, table: &str) -> Result<Design, String> {
+fn by_table(folder: &str, table: impl AsRef<[u8]>) -> Result<Design, String> {
     let folder = self::folder(folder);
     fs::write(folder.join("metal.csv"), table).expect("a table");
     let file = folder.join("pot.toml");
@@ -62,7 +62,7 @@ fn sampled() -> String {
 #[test]
 fn a_sampled_law_gives_the_law_s_figures() {
     let law = by_law();
-    let table = by_table("sampled", &sampled()).expect("a design");
+    let table = by_table("sampled", sampled()).expect("a design");
     for current_a in [1.0, 10.0, 60.0] {
         let [law, table] = [&law, &table].map(|design| {
             let excitation = Excitation::saturating(design, current_a);
@@ -89,7 +89,7 @@ fn a_sampled_law_gives_the_law_s_figures() {
 /// The differential permeability is what B rises by with H, along the field; across it B/H.
 #[test]
 fn the_differential_permeability_is_a_difference_quotient() {
-    let table = by_table("quotient", &sampled()).expect("a design");
+    let table = by_table("quotient", sampled()).expect("a design");
     let h = |b_t: f64| metal(&table).reluctivity(b_t).nu * b_t;
     for b_t in [0.011, 0.31, 0.999, 1.25, 1.4, 2.2] {
         let step = 1e-5;
@@ -126,6 +126,13 @@ fn refused_tables_name_file_and_line() {
         ("infinite", "0,0\n100,1.0\ninf,1.2\n", 3, "is not finite"),
         ("header", "H,B\n100,1.0\n200,1.2\n", 1, "\"H\" is no number"),
         ("columns", "1,5 0,3\n", 1, "has 4 columns"),
+        (
+            "steep",
+            "0,0\n1e-12,0.2\n100,1\n",
+            2,
+            "rises 1.6e17 times as steeply as in vacuum",
+        ),
+        ("strong", "0,0\n100,1\n4e6,5.1\n", 3, "B of 5.1 T is that"),
     ] {
         let refused = by_table(name, table).expect_err(name);
         let location = format!("metal.csv:{line}: {problem}");
@@ -147,6 +154,178 @@ fn refused_tables_name_file_and_line() {
     let refused = named("missing", "steel.csv");
     assert!(refused.contains("material.m.bh_table: "), "{refused}");
     assert!(refused.contains("steel.csv cannot be read: "), "{refused}");
+}
+
+/// Points of a steel, H in A/m and B in T.
+const STEEL: [[f64; 2]; 8] = [
+    [0.0, 0.0],
+    [100.0, 0.4],
+    [200.0, 1.0],
+    [500.0, 1.3],
+    [1000.0, 1.45],
+    [5000.0, 1.62],
+    [20000.0, 1.8],
+    [200000.0, 2.15],
+];
+const MU_0: f64 = 4e-7 * std::f64::consts::PI;
+
+/// The same steel as other programs, instruments and data sheets write it: what stands before the rows, a row, and
+/// whether it is read or refused: at which line, with which words. `,` in front of a row: numbers with decimal commas.
+const OF_OTHER_PROGRAMS: &str = r#"
+Excel, CSV UTF-8                  | BOM                            | {A/m},{T}␍⏎        | read
+Excel, CSV in German              |                                |,{A/m};{T}␍⏎        | read
+LibreOffice Calc, tabs in French  |                                |,{A/m}⇥{T}⏎         | read
+Excel for Macintosh, text         |                                | {A/m}⇥{T}␍         | read
+MATLAB, writematrix               |                                | {A/m},{T}⏎         | read
+Octave, save -text                | # name: bh⏎# rows: 8⏎# columns: 2⏎ | {A/m} {T}⏎      | read
+NumPy, savetxt                    | # H B⏎                         | {A/m}e+00 {T}e+00⏎ | read
+COMSOL, text                      | % H (A/m)           B (T)⏎     | {A/m}          {T}⏎ | read
+gnuplot, table                    | # Curve 0 of 1, 8 points⏎      | {A/m} {T}  ⏎       | read
+Excel, Unicode text               | UTF-16                         | {A/m}⇥{T}␍⏎        | 1: is UTF-16; save it as UTF-8
+Excel, thousands in English       |                                | {A,m}⇥{T}⏎         | 5: has points and commas; none for thousands
+Excel, thousands in French        |                                |,{A m};{T}␍⏎        | 5: has 3 columns; decimal commas with ; or tabs
+NumPy, savetxt with a header      | H,B⏎                           | {A/m},{T}⏎         | 1: "H" is no number; # or % before headings
+R, write.csv                      | "","H","B"⏎                    | "1",{A/m},{T}⏎     | 1: has 3 columns; # or % before headings
+Ansys Maxwell, tab                | "H (A_per_meter)"⇥"B (tesla)"⏎ | {A/m}⇥{T}⏎         | 1: has 4 columns; # or % before headings
+Ansys Mechanical APDL             | TB,BH,1,,8⏎                    | TBPT,,{A/m},{T}⏎   | 1: has 4 columns; two columns, H in A/m
+Origin, ASCII with units          | H⇥B⏎A/m⇥T⏎                     | {A/m}⇥{T}⏎         | 1: "H" is no number; # or % before headings
+GetDP and ONELAB                  | h_list() = {                   | {A/m},             | 1: columns; two columns, H in A/m
+Fortran, double precision         |                                | {A/m}.0D+00 {T}⏎   | 1: "0.0D+00" is no number; two columns
+FEMM, rows of its library         |                                |       {T}⇥{A/m}⏎   | 2: B of 100 T is that of no material; B in T before H in A/m: swap the columns
+Elmer, H-B Curve                  |                                |   {T} {A/m}⏎       | 2: B of 100 T; swap the columns
+Opera, without its first line     |                                | {G} {Oe}⏎          | 3: B - mu0 H of 2.501 T; B in G before H in Oe
+Magnetics, data sheet             |                                | {Oe},{G}⏎          | 2: B of 4000 T; H in Oe and B in G
+Hitachi, data sheet               |                                | {Oe},{kG}⏎         | 2: B - mu0 H of 4.000 T; H in Oe and B in kG
+TDK and Ferroxcube, data sheets   |                                | {A/m};{mT}⏎        | 2: B of 400 T; H in A/m and B in mT
+Magnet-Physik, Permagraph         |                                | {kA/m}⇥{T}⏎        | 3: rises 4.8e6 times; H in kA/m and B in T
+Brockhaus, MPG: polarisation      |                                | {A/m}⇥{J}⏎         | 8: rises less than in vacuum; H and J = B - mu0 H
+LakeShore: magnetisation          |                                | {A/m}⇥{M}⏎         | 2: is that of no material; H and M in A/m
+Modelica, a branch of a loop      | -300,0.1⏎                      | {A/m},{T}⏎         | 1: does not ascend; from 0 on
+WebPlotDigitizer, by a mouse      | 0.2,0.001⏎0.1,0.0011⏎          | {A/m},{T}⏎         | 2: does not ascend; above those of the point before
+"#;
+
+#[test]
+fn tables_of_other_programs() {
+    let visible = |text: &str| {
+        text.replace('⏎', "\n")
+            .replace('␍', "\r")
+            .replace('⇥', "\t")
+    };
+    let written = OF_OTHER_PROGRAMS.trim().lines();
+    assert_eq!(written.clone().count(), 30);
+    for line in written {
+        let cells: Vec<&str> = line.split('|').collect();
+        let [program, before, row, expected] = cells[..] else {
+            panic!("{line}");
+        };
+        let commas = row.starts_with(',');
+        let row = visible(row[1..].trim_end());
+        let row = |[h, b]: [f64; 2]| {
+            let oersted = h * 4e-3 * std::f64::consts::PI;
+            // Commas between thousands, and narrow blanks.
+            let [english, french] = [",", "\u{202f}"].map(|mark| {
+                let [ones, thousands] = [h % 1e3, (h / 1e3).floor()];
+                let grouped = format!("{thousands}{mark}{ones:03}");
+                if h < 1e3 { h.to_string() } else { grouped }
+            });
+            let polarisation = ((b - MU_0 * h).min(1.78) * 1e2).floor() / 1e2;
+            let values = [
+                ("{A/m}", h),
+                ("{kA/m}", 1e-3 * h),
+                ("{Oe}", oersted),
+                ("{T}", b),
+                ("{mT}", 1e3 * b),
+                ("{G}", 1e4 * b),
+                ("{kG}", 10.0 * b),
+                ("{J}", polarisation),
+                ("{M}", b / MU_0 - h),
+            ];
+            let row = row.replace("{A,m}", &english).replace("{A m}", &french);
+            let row = values.iter().fold(row, |row, (name, value)| {
+                row.replace(name, &value.to_string())
+            });
+            if commas { row.replace('.', ",") } else { row }
+        };
+        let rows = STEEL.map(row).concat();
+        let table = match before.trim() {
+            "BOM" => format!("\u{feff}{rows}").into_bytes(),
+            "UTF-16" => {
+                let units = format!("\u{feff}{rows}");
+                units.encode_utf16().flat_map(u16::to_le_bytes).collect()
+            }
+            before => (visible(before) + &rows).into_bytes(),
+        };
+        let design = by_table("programs", table);
+        let Some((line, words)) = expected.split_once(": ") else {
+            let design = design.expect(program);
+            for [h, b] in STEEL {
+                let found = metal(&design).reluctivity(b).nu * b;
+                assert!((found - h).abs() <= 1e-9 * h, "{program}: {b} {found}");
+            }
+            let read = &design.files[0].summary;
+            let said = "8 points to 2.15 T at 200000 A/m, where B rises 1.5 times";
+            assert!(read.starts_with(said), "{program}: {read}");
+            continue;
+        };
+        let refused = design.map(|_| ()).expect_err(program);
+        let location = format!("metal.csv:{}: ", line.trim());
+        for words in words.split("; ").chain([location.as_str()]) {
+            assert!(refused.contains(words), "{program}, {words}: {refused}");
+        }
+    }
+}
+
+/// A table that ends unsaturated is read, and says so: it may be one in kA/m.
+#[test]
+fn a_table_that_ends_unsaturated_says_so() {
+    let doubt = "(so it ends before saturation, or H is not in A/m)";
+    for (unit, doubted) in [(1.0, false), (1e-2, true)] {
+        let table: String = STEEL.map(|[h, b]| format!("{} {b}\n", unit * h)).concat();
+        let design = by_table("unsaturated", table).expect("a design");
+        let read = design.files[0].to_string();
+        assert_eq!(read.contains(doubt), doubted, "{read}");
+    }
+}
+
+/// Sharp knees are solved at a cost that is known: 17 s at most on two cores.
+#[test]
+fn a_sharp_knee_is_solved_in_seconds() {
+    for (table, current_a) in [
+        ("0.25,0.3\n10,0.57\n1e5,0.7\n", 10.0),
+        ("2,0.4\n1e5,0.53\n", 100.0),
+        ("0.1,0.5\n200,0.51\n1e5,0.64\n", 100.0),
+    ] {
+        let design = by_table("knee", table).expect("a design");
+        let excitation = Excitation::saturating(&design, current_a);
+        let solved = solve(&design, &excitation, &Accuracy::default()).expect("a field");
+        println!("{table:?} at {current_a} A: {:?}", solved.report);
+        assert!(solved.report.reached, "{:?}", solved.report);
+        assert!(solved.report.unknowns < 60_000, "{:?}", solved.report);
+    }
+}
+
+/// A field beyond the last point is said, with the part, and how far; one within is not.
+#[test]
+fn a_field_beyond_the_table_is_said() {
+    let (ends_t, rows) = (0.8, 2 + 40);
+    let table: Vec<String> = sampled().lines().take(rows).map(str::to_owned).collect();
+    let design = by_table("beyond", table.join("\n")).expect("a design");
+    let beyond = |excitation: &Excitation| {
+        let solved = solve(&design, excitation, &Accuracy::default()).expect("a field");
+        (solved.beyond_tables(&design), solved.figures.plate_max_t)
+    };
+    for within in [
+        Excitation::small(&design, 1e3),
+        Excitation::saturating(&design, 10.0),
+    ] {
+        assert_eq!(beyond(&within).0, []);
+    }
+    let (parts, greatest_t) = beyond(&Excitation::saturating(&design, 60.0));
+    let most = parts.iter().map(|part| part.greatest_t).fold(0.0, f64::max);
+    assert!(most > ends_t && most == greatest_t, "{parts:?}");
+    for part in &parts {
+        assert!(!design.parts[part.part].cast && part.ends_t == ends_t);
+    }
 }
 
 /// What is said of a table by this name.

@@ -7,7 +7,7 @@ use std::path::Path;
 use toml::Spanned;
 
 use super::Reader;
-use crate::design::DesignError;
+use crate::design::{DesignError, FileRead};
 
 /// Most bytes of such a file: a thousand times a table of a data sheet, or a drawing of 2,000 lines.
 const MOST_BYTES: u64 = 2_000_000;
@@ -69,8 +69,42 @@ impl Reader<'_> {
                 &allowed,
             ));
         }
-        // Comments and layers of old drawings are no UTF-8.
-        let text = String::from_utf8_lossy(&bytes).into_owned();
-        Ok(Beside { file, text })
+        let mut beside = Beside {
+            file,
+            text: String::new(),
+        };
+        if bytes.starts_with(&[0xFF, 0xFE]) || bytes.starts_with(&[0xFE, 0xFF]) {
+            return Err(beside.error(1, "is UTF-16", "UTF-8: save it as UTF-8"));
+        }
+        beside.text = text(bytes);
+        Ok(beside)
     }
+
+    /// Keeps in mind what was read of a file, for people.
+    pub(super) fn note(&self, beside: &Beside, summary: String) {
+        self.files.borrow_mut().push(FileRead {
+            file: beside.file.clone(),
+            summary,
+        });
+    }
+}
+
+/// The characters 0x80 to 0x9F of Windows-1252; those from 0xA0 on are Unicode's.
+const WINDOWS_1252: &str = "€\u{81}‚ƒ„…†‡ˆ‰Š‹Œ\u{8d}Ž\u{8f}\u{90}‘’“”•–—˜™š›œ\u{9d}žŸ";
+
+/// UTF-8 without a mark before it, or else Windows-1252, as comments and the layers of old drawings are. A carriage
+/// return alone ends a line, too.
+fn text(bytes: Vec<u8>) -> String {
+    let text = String::from_utf8(bytes).unwrap_or_else(|error| {
+        let character = |&byte: &u8| match byte {
+            0x80..=0x9F => WINDOWS_1252.chars().nth(usize::from(byte) - 0x80),
+            _ => Some(char::from(byte)),
+        };
+        error.as_bytes().iter().filter_map(character).collect()
+    });
+    let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
+    if text.contains('\n') {
+        return text.to_owned();
+    }
+    text.replace('\r', "\n")
 }

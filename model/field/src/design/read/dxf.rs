@@ -1,18 +1,23 @@
 //! Outlines of DXF drawings: what of the ASCII format a cross-section needs.
 //!
 //! A drawing is a list of groups, a code on one line and its value on the next (Autodesk, DXF reference, 2012).
-//! X is r and Y is x; elevations are not read.
+//! X is r and Y is x; elevations are not read, and neither is what is invisible or in paper space.
 
 use core::f64::consts::TAU;
 
 use super::beside::Beside;
+use super::metre;
 use crate::design::DesignError;
 use crate::geometry::Point;
 
-const UNDERSTOOD: &str = "LINE, ARC, CIRCLE and LWPOLYLINE; explode or remove anything else";
+const UNDERSTOOD: &str = "LINE, ARC, CIRCLE, LWPOLYLINE and POLYLINE: explode blocks, draw splines and ellipses as arcs, move the rest to another layer";
 const ASCII: &str = "an ASCII DXF file: lines of group codes, each with its value on the next line";
 /// Lines and arcs on one layer.
 const MOST_SIDES: usize = 2_000;
+/// Flags of a POLYLINE that is a curve through its vertices or about them, or a mesh: 2, 4, 16 and 64.
+const NO_OUTLINE: i32 = 2 | 4 | 16 | 64;
+/// Layers that a message names.
+const MOST_LAYERS: usize = 50;
 
 /// A line or an arc of a drawing, m.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -45,24 +50,44 @@ struct Group<'t> {
     line: usize,
 }
 
-/// The lines and arcs on a layer of a drawing. A drawing without a unit is in `unit_m`.
-pub(super) fn drawn(beside: &Beside, layer: &str, unit_m: f64) -> Result<Vec<Drawn>, DesignError> {
+/// The unit of a drawing.
+#[derive(Clone, Copy)]
+pub(super) enum DrawingUnit {
+    /// This one, m, whatever the drawing says.
+    Given(f64),
+    /// The drawing's own, or this one, m, where it names none.
+    Named(f64),
+}
+
+/// The lines and arcs on a layer of a drawing, and its unit in words.
+pub(super) fn drawn(
+    beside: &Beside,
+    layer: &str,
+    unit: DrawingUnit,
+) -> Result<(Vec<Drawn>, String), DesignError> {
     let groups = groups(beside)?;
-    let unit_m = unit(beside, &groups)?.unwrap_or(unit_m);
+    let (unit_m, unit) = match unit {
+        DrawingUnit::Given(unit_m) => (unit_m, "drawing_unit".to_owned()),
+        DrawingUnit::Named(unit_m) => {
+            insunits(beside, &groups)?.unwrap_or((unit_m, "length_unit".to_owned()))
+        }
+    };
     let mut sides = Vec::new();
-    let mut layers: Vec<&str> = Vec::new();
-    for groups in entities(&groups) {
+    let mut layers: Vec<String> = Vec::new();
+    for groups in entities(beside, &groups)? {
         let entity = Entity {
             beside,
             groups,
             unit_m,
+            unit: &unit,
         };
-        let of = entity.text(8).unwrap_or("0");
-        if !layers.contains(&of) && layers.len() < MOST_SIDES {
-            layers.push(of);
-        }
-        if of == layer && entity.text(67) != Some("1") {
+        let of = unescaped(entity.text(8).unwrap_or("0"));
+        let is_drawn = of == layer && ![67, 60].iter().any(|code| entity.text(*code) == Some("1"));
+        if is_drawn {
             entity.draw(&mut sides)?;
+        }
+        if !layers.contains(&of) && layers.len() < MOST_LAYERS {
+            layers.push(of);
         }
         if sides.len() > MOST_SIDES {
             let problem = format!("the layer {layer:?} has too many lines and arcs");
@@ -72,10 +97,38 @@ pub(super) fn drawn(beside: &Beside, layer: &str, unit_m: f64) -> Result<Vec<Dra
     }
     if sides.is_empty() {
         let problem = format!("there is nothing on the layer {layer:?}");
-        let allowed = format!("a layer that is drawn on: {}", layers.join(", "));
+        let mut allowed = format!("a layer that is drawn on: {}", layers.join(", "));
+        if let Some(page) = variable(&groups, "$DWGCODEPAGE")
+            && !layers.iter().all(|layer| layer.is_ascii())
+        {
+            let page = page.value;
+            allowed.push_str(&format!(
+                "; names in {page} are read as UTF-8 or ANSI_1252: save as DXF 2007 or later"
+            ));
+        }
         return Err(beside.error(1, problem, &allowed));
     }
-    Ok(sides)
+    Ok((sides, unit))
+}
+
+/// A name in which `\U+XXXX` stands for a character.
+fn unescaped(text: &str) -> String {
+    let mut pieces = text.split(r"\U+");
+    let mut name = pieces.next().unwrap_or_default().to_owned();
+    for piece in pieces {
+        let code = piece.get(..4).map(|code| u32::from_str_radix(code, 16));
+        match (code, piece.get(4..)) {
+            (Some(Ok(code)), Some(rest)) => {
+                name.push(char::from_u32(code).unwrap_or(char::REPLACEMENT_CHARACTER));
+                name.push_str(rest);
+            }
+            _ => {
+                name.push_str(r"\U+");
+                name.push_str(piece);
+            }
+        }
+    }
+    name
 }
 
 fn groups(beside: &Beside) -> Result<Vec<Group<'_>>, DesignError> {
@@ -85,12 +138,13 @@ fn groups(beside: &Beside) -> Result<Vec<Group<'_>>, DesignError> {
     let mut lines = (1..).zip(beside.text.lines());
     let mut groups = Vec::new();
     while let Some((line, code)) = lines.next() {
-        let code = code.trim_start_matches('\u{feff}').trim();
+        let code = code.trim();
         let Ok(code) = code.parse::<i32>() else {
             if code.is_empty() && lines.clone().all(|(_, rest)| rest.trim().is_empty()) {
                 break;
             }
-            let problem = format!("{code:?} is no group code");
+            let start: String = code.chars().take(40).collect();
+            let problem = format!("{start:?} is no group code");
             return Err(beside.error(line, problem, ASCII));
         };
         let Some((line, value)) = lines.next() else {
@@ -98,47 +152,60 @@ fn groups(beside: &Beside) -> Result<Vec<Group<'_>>, DesignError> {
         };
         let value = value.trim();
         groups.push(Group { code, value, line });
+        if code == 0 && value == "EOF" {
+            break;
+        }
     }
     Ok(groups)
 }
 
-/// The unit that the drawing names, m.
-fn unit(beside: &Beside, groups: &[Group<'_>]) -> Result<Option<f64>, DesignError> {
-    let named = |pair: &&[Group<'_>]| matches!(pair, [name, _] if name.code == 9 && name.value == "$INSUNITS");
-    let Some([_, unit]) = groups.windows(2).find(named) else {
-        return Ok(None);
-    };
-    match unit.value {
-        "0" => Ok(None),
-        "1" => Ok(Some(0.0254)),
-        "4" => Ok(Some(1e-3)),
-        "5" => Ok(Some(1e-2)),
-        "6" => Ok(Some(1.0)),
-        "13" => Ok(Some(1e-6)),
-        other => {
-            let problem = format!("$INSUNITS is {other:?}");
-            let allowed = "0 (the design's length_unit), 1 (in), 4 (mm), 5 (cm), 6 (m), 13 (um)";
-            Err(beside.error(unit.line, problem, allowed))
-        }
-    }
+/// The value of a variable in the header.
+fn variable<'g, 't>(groups: &'g [Group<'t>], name: &str) -> Option<&'g Group<'t>> {
+    let named = |pair: &&[Group<'_>]| matches!(pair, [is, _] if is.code == 9 && is.value == name);
+    groups.windows(2).find(named).and_then(|pair| pair.last())
 }
 
-/// The groups of each entity, from its name on.
-fn entities<'g, 't>(groups: &'g [Group<'t>]) -> impl Iterator<Item = &'g [Group<'t>]> {
-    let mut inside = false;
-    let mut section = groups.split(|group| group.code == 0 && group.value == "SECTION");
-    let found = section.find(|section| {
-        inside =
-            matches!(section.first(), Some(name) if name.code == 2 && name.value == "ENTITIES");
-        inside
+/// The unit that the drawing names, m, and in words.
+fn insunits(beside: &Beside, groups: &[Group<'_>]) -> Result<Option<(f64, String)>, DesignError> {
+    let Some(unit) = variable(groups, "$INSUNITS") else {
+        return Ok(None);
+    };
+    let name = match unit.value {
+        "0" => return Ok(None),
+        "1" => "in",
+        "4" => "mm",
+        "5" => "cm",
+        "6" => "m",
+        "13" => "um",
+        other => {
+            let problem = format!("$INSUNITS is {other:?}");
+            let allowed = "0 (the design's length_unit), 1 (in), 4 (mm), 5 (cm), 6 (m), 13 (um), or a drawing_unit beside outline_dxf";
+            return Err(beside.error(unit.line, problem, allowed));
+        }
+    };
+    Ok(metre(name).map(|metre| (metre, format!("$INSUNITS, {name}"))))
+}
+
+/// The groups of each entity, from its name on; those of a POLYLINE with its vertices.
+fn entities<'g, 't>(
+    beside: &Beside,
+    groups: &'g [Group<'t>],
+) -> Result<impl Iterator<Item = &'g [Group<'t>]>, DesignError> {
+    let mut sections = groups.split(|group| group.code == 0 && group.value == "SECTION");
+    let found = sections.find(|section| {
+        matches!(section.first(), Some(name) if name.code == 2 && name.value == "ENTITIES")
     });
     let found = found.unwrap_or_default();
-    let end = found
-        .iter()
-        .position(|group| group.code == 0 && group.value == "ENDSEC");
-    let found = found.get(..end.unwrap_or(found.len())).unwrap_or_default();
-    let starts = found.chunk_by(|_, next| next.code != 0);
-    starts.filter(|entity| entity.first().is_some_and(|group| group.code == 0))
+    let mut ends = found.iter();
+    let end = ends.position(|group| group.code == 0 && group.value == "ENDSEC");
+    if let (None, Some(last)) = (end, found.last()) {
+        let problem = "ends in the middle of its ENTITIES";
+        return Err(beside.error(last.line, problem, "a whole drawing: save it again"));
+    }
+    let found = found.get(..end.unwrap_or(0)).unwrap_or_default();
+    let starts =
+        found.chunk_by(|_, next| next.code != 0 || matches!(next.value, "VERTEX" | "SEQEND"));
+    Ok(starts.filter(|entity| entity.first().is_some_and(|group| group.code == 0)))
 }
 
 /// One entity of a drawing.
@@ -146,11 +213,15 @@ struct Entity<'e, 't> {
     beside: &'e Beside,
     groups: &'e [Group<'t>],
     unit_m: f64,
+    unit: &'e str,
 }
 
 impl<'t> Entity<'_, 't> {
+    /// A group of its own, not of its vertices.
     fn group(&self, code: i32) -> Option<&Group<'t>> {
-        self.groups.iter().skip(1).find(|group| group.code == code)
+        let mut own = self.groups.iter().skip(1);
+        let mut own = own.by_ref().take_while(|group| group.code != 0);
+        own.find(|group| group.code == code)
     }
 
     fn text(&self, code: i32) -> Option<&'t str> {
@@ -192,7 +263,11 @@ impl<'t> Entity<'_, 't> {
             return Ok(metres);
         }
         let problem = format!("{metres} m is out of range");
-        Err(self.beside.error(line, problem, "-10 m to 10 m"))
+        let allowed = format!(
+            "-10 m to 10 m; the unit is by {}: another by drawing_unit",
+            self.unit
+        );
+        Err(self.beside.error(line, problem, &allowed))
     }
 
     fn point(&self, r: i32, x: i32) -> Result<Point, DesignError> {
@@ -202,15 +277,10 @@ impl<'t> Entity<'_, 't> {
 
     /// Adds what it draws.
     fn draw(&self, sides: &mut Vec<Drawn>) -> Result<(), DesignError> {
-        let upward = match self.group(230) {
-            Some(group) => self.number_of(group)? > 0.0,
-            None => true,
-        };
-        if !upward {
-            let problem = format!("{} is drawn from below", self.name());
-            let allowed = "extrusion along +Z: flatten the drawing";
-            return Err(self.beside.error(self.line(), problem, allowed));
+        if !["LINE", "ARC", "CIRCLE", "LWPOLYLINE", "POLYLINE"].contains(&self.name()) {
+            return Err(self.not_understood());
         }
+        self.check_plane()?;
         match self.name() {
             "LINE" => sides.push(Drawn {
                 from: self.point(10, 20)?,
@@ -228,13 +298,33 @@ impl<'t> Entity<'_, 't> {
                     sides.push(self.arc(start, 0.5 * TAU)?);
                 }
             }
-            "LWPOLYLINE" => self.polyline(sides)?,
-            other => {
-                let problem = format!("{other:?} on this layer is not understood");
-                return Err(self.beside.error(self.line(), problem, UNDERSTOOD));
+            "LWPOLYLINE" => self.polyline(self.groups, sides)?,
+            "POLYLINE" if self.flags(70) & NO_OUTLINE == 0 => {
+                let vertex = |group: &Group<'_>| group.code == 0 && group.value == "VERTEX";
+                let first = self.groups.iter().position(vertex);
+                let vertices = first.and_then(|first| self.groups.get(first..));
+                self.polyline(vertices.unwrap_or_default(), sides)?;
             }
+            _ => return Err(self.not_understood()),
         }
         Ok(())
+    }
+
+    fn not_understood(&self) -> DesignError {
+        let problem = format!("{:?} on this layer is not understood", self.name());
+        self.beside.error(self.line(), problem, UNDERSTOOD)
+    }
+
+    /// Refuses what is drawn in another plane, in which X and Y mean something else.
+    fn check_plane(&self) -> Result<(), DesignError> {
+        match self.group(230) {
+            Some(group) if (self.number_of(group)? - 1.0).abs() > 1e-6 => {
+                let problem = format!("{} is not drawn from above", self.name());
+                let allowed = "extrusion along +Z: flatten the drawing, or mirror and explode it";
+                Err(self.beside.error(self.line(), problem, allowed))
+            }
+            _ => Ok(()),
+        }
     }
 
     /// Counterclockwise from an angle.
@@ -260,10 +350,17 @@ impl<'t> Entity<'_, 't> {
         })
     }
 
-    /// A polyline's sides; each vertex has a bulge, the tangent of a quarter of its arc's angle.
-    fn polyline(&self, sides: &mut Vec<Drawn>) -> Result<(), DesignError> {
+    /// Bits; 0 without the group.
+    fn flags(&self, code: i32) -> i32 {
+        let flags = self.text(code).and_then(|flags| flags.parse().ok());
+        flags.unwrap_or(0)
+    }
+
+    /// A polyline's sides from the groups of its vertices; each has a bulge, the tangent of a quarter of its arc's
+    /// angle.
+    fn polyline(&self, groups: &[Group<'_>], sides: &mut Vec<Drawn>) -> Result<(), DesignError> {
         let mut vertices: Vec<(Point, f64, usize)> = Vec::new();
-        for group in self.groups.iter().skip(1) {
+        for group in groups.iter().skip(1) {
             match (group.code, vertices.last_mut()) {
                 (10, _) => {
                     let r = self.length(self.number_of(group)?, group.line)?;
@@ -276,10 +373,7 @@ impl<'t> Entity<'_, 't> {
                 _ => {}
             }
         }
-        let closed = match self.group(70) {
-            Some(group) => group.value.parse::<i32>().is_ok_and(|flags| flags & 1 == 1),
-            None => false,
-        };
+        let closed = self.flags(70) & 1 == 1;
         let count = vertices.len() - usize::from(!closed && !vertices.is_empty());
         let next = vertices.iter().cycle().skip(1);
         for (&(from, bulge, line), &(to, _, _)) in vertices.iter().zip(next).take(count) {
@@ -325,7 +419,8 @@ mod tests {
 
     #[test]
     fn entities_are_read() {
-        let sides = drawn(&beside(&drawing(SQUARE)), "core", 1.0).expect("sides");
+        let sides = drawn(&beside(&drawing(SQUARE)), "core", DrawingUnit::Named(1.0));
+        let (sides, _) = sides.expect("sides");
         assert_eq!(sides.len(), 4);
         assert_eq!((sides[0].from, sides[0].to), ([1.0, 0.0], [2.0, 0.0]));
         let near = |a: Point, b: Point| crate::geometry::distance(a, b) < 1e-12;
@@ -347,7 +442,7 @@ mod tests {
             let from = place.index(text.len());
             let to = (from + length).min(text.len());
             let beside = beside(&format!("{}{piece}{}", &text[..from], &text[to..]));
-            match drawn(&beside, "core", 1e-3).and_then(|sides| closed(&beside, sides)) {
+            match drawn(&beside, "core", DrawingUnit::Named(1e-3)).and_then(|(sides, _)| closed(&beside, sides)) {
                 Ok(sides) => prop_assert!(!sides.is_empty()),
                 Err(error) => prop_assert!(error.line > 0 && !error.problem.is_empty()),
             }
@@ -356,7 +451,8 @@ mod tests {
         #[test]
         fn no_noise_panics(text in "\\PC*") {
             let beside = beside(&text);
-            let _ = drawn(&beside, "0", 1e-3).and_then(|sides| closed(&beside, sides));
+            let drawn = drawn(&beside, "0", DrawingUnit::Given(1e-3));
+            let _ = drawn.and_then(|(sides, _)| closed(&beside, sides));
         }
     }
 }

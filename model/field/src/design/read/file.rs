@@ -140,6 +140,7 @@ pub(super) struct ShapeFile {
     pub(super) outline: Option<Spanned<Vec<Spanned<OutlineEntry>>>>,
     pub(super) outline_dxf: Option<Spanned<String>>,
     pub(super) layer: Option<Spanned<String>>,
+    pub(super) drawing_unit: Option<Spanned<String>>,
     pub(super) centre_x: Option<SpannedNumber>,
     pub(super) semi_r: Option<SpannedNumber>,
     pub(super) semi_x: Option<SpannedNumber>,

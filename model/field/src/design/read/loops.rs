@@ -8,10 +8,16 @@ use crate::geometry::{Point, distance};
 /// Ends this near are one: more than drawings are rounded to, a tenth of the thinnest part.
 const JOINED_M: f64 = 1e-7;
 
+const MEETING: &str = "lines and arcs that meet within 0.1 um, or end on the axis, r = 0";
+
 /// The sides in the order in which they meet, each from where the one before ends. An outline may be open along
 /// the axis.
 pub(super) fn closed(beside: &Beside, drawn: Vec<Drawn>) -> Result<Vec<Drawn>, DesignError> {
-    let mut rest: Vec<Drawn> = drawn.into_iter().map(on_axis).collect();
+    let line = drawn.first().map_or(1, |side| side.line);
+    let mut rest: Vec<Drawn> = drawn.into_iter().map(on_axis).filter(has_length).collect();
+    if rest.is_empty() {
+        return Err(beside.error(line, "has no length", "lines and arcs with a length"));
+    }
     for side in &rest {
         if let Some(&below) = [side.from, side.to].iter().find(|end| end[0] < 0.0) {
             let problem = format!("lies below the axis, {}", near(below));
@@ -34,12 +40,18 @@ pub(super) fn closed(beside: &Beside, drawn: Vec<Drawn>) -> Result<Vec<Drawn>, D
             chain.last().copied().unwrap_or(end),
         );
     }
+    let is_open = distance(start.from, end.to) > JOINED_M;
+    if let Some((gap_m, place, line)) = nearest([start.from, end.to], &rest).filter(|_| is_open) {
+        let gap_mm = 1e3 * gap_m;
+        let problem = format!("the outline has a gap of {gap_mm:.4} mm, {}", near(place));
+        return Err(beside.error(line, problem, MEETING));
+    }
     if let Some(other) = rest.first() {
         let problem = format!("belongs to no outline with the rest, {}", near(other.from));
         let allowed = "one closed outline on a layer; holes by minus, from a layer of their own";
         return Err(beside.error(other.line, problem, allowed));
     }
-    if distance(start.from, end.to) <= JOINED_M {
+    if !is_open {
         if let Some(last) = chain.last_mut() {
             last.to = start.from;
         }
@@ -52,12 +64,12 @@ pub(super) fn closed(beside: &Beside, drawn: Vec<Drawn>) -> Result<Vec<Drawn>, D
         });
     } else {
         let problem = format!(
-            "the outline is open, {} and {}",
+            "the outline is open by {:.4} mm, {} and {}",
+            1e3 * distance(start.from, end.to),
             near(start.from),
             near(end.to)
         );
-        let allowed = "lines and arcs that meet within 0.1 um, or end on the axis";
-        return Err(beside.error(end.line, problem, allowed));
+        return Err(beside.error(end.line, problem, MEETING));
     }
     Ok(chain)
 }
@@ -80,7 +92,7 @@ fn extend(
         let (next, branch) = (meeting.next(), meeting.next());
         if let Some((_, side)) = if starts { next } else { branch } {
             let problem = format!("three sides meet {}", near(last.to));
-            let allowed = "one closed outline on a layer, without lines inside";
+            let allowed = "one closed outline on a layer, without lines inside and without a side drawn twice";
             return Err(beside.error(side.line, problem, allowed));
         }
         let Some((index, &side)) = next else {
@@ -98,6 +110,24 @@ fn extend(
         });
     }
     Ok(())
+}
+
+/// The end of a side that is nearest to one of two places: how far, m, where, and its line.
+fn nearest(places: [Point; 2], sides: &[Drawn]) -> Option<(f64, Point, usize)> {
+    let ends = sides
+        .iter()
+        .flat_map(|side| [(side.from, side.line), (side.to, side.line)]);
+    let apart = ends.map(|(end, line)| {
+        let [first, second] = places.map(|place| distance(place, end));
+        (first.min(second), end, line)
+    });
+    apart.min_by(|a, b| a.0.total_cmp(&b.0))
+}
+
+/// Whether it is more than a point: programs repeat vertices, and write lines from a point to itself.
+fn has_length(side: &Drawn) -> bool {
+    let [through, to] = [side.through.unwrap_or(side.from), side.to];
+    distance(side.from, through).max(distance(side.from, to)) > JOINED_M
 }
 
 /// Ends that are drawn on the axis are exactly on it.

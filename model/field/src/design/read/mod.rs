@@ -7,17 +7,18 @@ mod loops;
 mod parts;
 mod table;
 
+use core::cell::RefCell;
 use core::ops::Range;
 use std::collections::BTreeMap;
 
 use toml::Spanned;
 
 use super::expression::evaluate;
-use super::{Core, Design, DesignError, Rectangle, check};
+use super::{Core, Design, DesignError, FileRead, Rectangle, check};
 use crate::material::Material;
 use file::{File, MaterialFile, Number, Pair, SpannedNumber};
 
-const UNITS: &str = "\"m\", \"mm\", \"um\"";
+const UNITS: &str = "\"m\", \"cm\", \"mm\", \"um\", \"in\"";
 const MATERIALS: &str = "{ mu_r }, { mu_r, remanence_T }, { mu_r, saturation_A_per_m }, { initial_mu_r, knee_T, exponent } or { bh_table }";
 
 /// A material as it stands in the file.
@@ -35,12 +36,16 @@ pub(super) fn read(file: &str, text: &str) -> Result<Design, DesignError> {
         text,
         metre: 1.0,
         parameters: BTreeMap::new(),
+        files: RefCell::default(),
     };
     let parsed: File = toml::from_str(text).map_err(|error| {
         let span = error.span().unwrap_or(0..0);
         reader.error(&span, "", error.message(), "")
     })?;
-    reader.metre = reader.unit(parsed.length_unit.as_ref())?;
+    let Some(unit) = &parsed.length_unit else {
+        return Err(reader.error(&(0..0), "length_unit", "missing", UNITS));
+    };
+    reader.metre = reader.unit(unit, "length_unit")?;
     for (name, value) in &parsed.parameters {
         let value = reader.finite(&value.span(), name, *value.get_ref())?;
         reader.parameters.insert(name.clone(), value);
@@ -53,6 +58,20 @@ struct Reader<'t> {
     text: &'t str,
     metre: f64,
     parameters: BTreeMap<String, f64>,
+    /// What was read beside the text so far.
+    files: RefCell<Vec<FileRead>>,
+}
+
+/// A unit of length by its name, m.
+fn metre(name: &str) -> Option<f64> {
+    match name {
+        "m" => Some(1.0),
+        "cm" => Some(1e-2),
+        "mm" => Some(1e-3),
+        "um" => Some(1e-6),
+        "in" => Some(0.0254),
+        _ => None,
+    }
 }
 
 impl Reader<'_> {
@@ -73,19 +92,12 @@ impl Reader<'_> {
         }
     }
 
-    fn unit(&self, unit: Option<&Spanned<String>>) -> Result<f64, DesignError> {
-        let Some(unit) = unit else {
-            return Err(self.error(&(0..0), "length_unit", "missing", UNITS));
-        };
-        match unit.get_ref().as_str() {
-            "m" => Ok(1.0),
-            "mm" => Ok(1e-3),
-            "um" => Ok(1e-6),
-            other => {
-                let problem = format!("is {other:?}");
-                Err(self.error(&unit.span(), "length_unit", problem, UNITS))
-            }
-        }
+    /// A unit of length, m.
+    fn unit(&self, unit: &Spanned<String>, place: &str) -> Result<f64, DesignError> {
+        metre(unit.get_ref()).ok_or_else(|| {
+            let problem = format!("is {:?}", unit.get_ref());
+            self.error(&unit.span(), place, problem, UNITS)
+        })
     }
 
     fn finite(&self, span: &Range<usize>, place: &str, value: f64) -> Result<f64, DesignError> {
@@ -231,6 +243,7 @@ impl Reader<'_> {
             resistivity_ohm_m,
             current_a,
             background_t,
+            files: self.files.take(),
         };
         check::check(self.file, &design, &lines)?;
         Ok(design)

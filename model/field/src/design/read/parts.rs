@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use toml::Spanned;
 
-use super::dxf::{Drawn, drawn};
+use super::dxf::{DrawingUnit, Drawn, drawn};
 use super::file::{BoardFile, CoilFile, OutlineEntry, PartFile, ShapeFile, SpannedNumber};
 use super::loops::closed;
 use super::{ReadMaterial, Reader};
@@ -13,7 +13,7 @@ use crate::geometry::Point;
 use crate::geometry::path::Path;
 use crate::geometry::shape::Shape;
 
-const SHAPES: &str = "{ r = [from, to], x = [from, to] }, { outline = [[r, x], ...] }, { outline_dxf = \"FILE\", layer = \"NAME\" } or { centre_x, semi_r, semi_x }";
+const SHAPES: &str = "{ r = [from, to], x = [from, to] }, { outline = [[r, x], ...] }, { outline_dxf = \"FILE\", layer = \"NAME\", drawing_unit = \"mm\" (where the drawing does not say it) } or { centre_x, semi_r, semi_x }";
 const ARCS: &str = "corner, { through = [r, x] }, corner: an arc from one to the other through a point beside their line";
 /// A file may ask for so many rings in all, by far more than any board has.
 const MOST_RINGS: usize = 2_000;
@@ -222,22 +222,29 @@ impl Reader<'_> {
             &shape.outline,
             &shape.outline_dxf,
             &shape.layer,
+            &shape.drawing_unit,
             &shape.centre_x,
             &shape.semi_r,
             &shape.semi_x,
         );
         match given {
-            (Some(r), Some(x), None, None, None, None, None, None) => {
+            (Some(r), Some(x), None, None, None, None, None, None, None) => {
                 let rectangle = self.rectangle(r, x, place)?;
                 Ok(Shape::rectangle(rectangle.r_m, rectangle.x_m))
             }
-            (None, None, Some(outline), None, None, None, None, None) => {
+            (None, None, Some(outline), None, None, None, None, None, None) => {
                 self.outline(outline, place)
             }
-            (None, None, None, Some(file), Some(layer), None, None, None) => {
-                self.outline_dxf(file, layer.get_ref(), place)
+            (None, None, None, Some(file), Some(layer), unit, None, None, None) => {
+                let unit = match unit {
+                    Some(unit) => {
+                        DrawingUnit::Given(self.unit(unit, &format!("{place}.drawing_unit"))?)
+                    }
+                    None => DrawingUnit::Named(self.metre),
+                };
+                self.outline_dxf(file, layer.get_ref(), unit, place)
             }
-            (None, None, None, None, None, Some(centre), Some(semi_r), Some(semi_x)) => {
+            (None, None, None, None, None, None, Some(centre), Some(semi_r), Some(semi_x)) => {
                 let semi = |value: &SpannedNumber, key: &str| {
                     let place = format!("{place}.{key}");
                     let length = self.radius(value, &place)?;
@@ -303,10 +310,12 @@ impl Reader<'_> {
         &self,
         name: &Spanned<String>,
         layer: &str,
+        unit: DrawingUnit,
         place: &str,
     ) -> Result<Shape, DesignError> {
         let beside = self.beside(name, &format!("{place}.outline_dxf"))?;
-        let drawn = closed(&beside, drawn(&beside, layer, self.metre)?)?;
+        let (drawn, unit) = drawn(&beside, layer, unit)?;
+        let drawn = closed(&beside, drawn)?;
         // Programs write a bulge of rounding where a side is straight.
         let bent = |side: &Drawn, through| Path::arc_through(side.from, through, side.to).is_some();
         let side = |side: &Drawn| Side {
@@ -322,6 +331,16 @@ impl Reader<'_> {
             .map_err(|(side, problem, allowed)| beside.error(line(side), problem, allowed))?;
         check::outline(&shape, MOST_CORNERS)
             .map_err(|(problem, allowed)| beside.error(line(0), problem, &allowed))?;
+        let [r, x] = [0, 1].map(|axis: usize| {
+            let places = shape.extremes().into_iter().map(|place| 1e3 * place[axis]);
+            let [low, high] = [f64::min, f64::max].map(|pick| places.clone().reduce(pick));
+            format!("{:.3} to {:.3} mm", low.unwrap_or(0.0), high.unwrap_or(0.0))
+        });
+        let sides = drawn.len();
+        self.note(
+            &beside,
+            format!("layer {layer:?}: r {r}, x {x}, {sides} sides; unit by {unit}"),
+        );
         Ok(shape)
     }
 }

@@ -5,9 +5,9 @@ use toml::Spanned;
 use super::Reader;
 use super::beside::Beside;
 use crate::design::DesignError;
-use crate::material::BhCurve;
+use crate::material::{BhCurve, MU_0};
 
-const COLUMNS: &str = "two columns, H in A/m and B in T; lines that begin with # are comments";
+const COLUMNS: &str = "two columns, H in A/m and B in T; decimal commas with ; or tabs between the columns; # or % before headings and comments";
 /// More points than any table has.
 const MOST_POINTS: usize = 10_000;
 
@@ -22,8 +22,8 @@ impl Reader<'_> {
         let mut lines = Vec::new();
         let mut points = Vec::new();
         for (line, row) in (1..).zip(beside.text.lines()) {
-            let row = row.trim_start_matches('\u{feff}').trim();
-            if row.is_empty() || row.starts_with('#') {
+            let row = row.trim();
+            if row.is_empty() || row.starts_with(['#', '%']) {
                 continue;
             }
             if points.len() == MOST_POINTS {
@@ -33,24 +33,97 @@ impl Reader<'_> {
             points.push(point(&beside, line, row)?);
             lines.push(line);
         }
-        BhCurve::through(&points).map_err(|error| {
+        let curve = BhCurve::through(&points).map_err(|error| {
             let line = lines.get(error.point).copied().unwrap_or(1);
-            beside.error(line, error.problem, error.allowed)
-        })
+            let allowed = format!("{}{}", error.allowed, suspicion(&points));
+            beside.error(line, error.problem, &allowed)
+        })?;
+        self.note(&beside, summary(&points, &curve));
+        Ok(curve)
     }
 }
 
-/// H and B of a row, parted by a comma, a semicolon or blanks.
+/// H and B of a row, parted by semicolons, tabs, blanks or commas. Where a semicolon or a tab parts the columns, a comma
+/// is a decimal mark.
 fn point(beside: &Beside, line: usize, row: &str) -> Result<[f64; 2], DesignError> {
-    let parted = |character: char| matches!(character, ',' | ';') || character.is_whitespace();
+    let decimal_comma = row.contains([';', '\t']) && row.contains(',');
+    if decimal_comma && row.contains('.') {
+        let problem = "has points and commas in its numbers";
+        return Err(beside.error(line, problem, "one decimal mark, and none for thousands"));
+    }
+    let parted = |character: char| {
+        character == ';' || character.is_whitespace() || (character == ',' && !decimal_comma)
+    };
     let columns: Vec<&str> = row.split(parted).filter(|text| !text.is_empty()).collect();
     let &[h, b] = columns.as_slice() else {
         let problem = format!("has {} columns", columns.len());
         return Err(beside.error(line, problem, COLUMNS));
     };
     let number = |text: &str| {
-        let number = text.parse::<f64>();
+        let number = text.replace(',', ".").parse::<f64>();
         number.map_err(|_| beside.error(line, format!("{text:?} is no number"), COLUMNS))
     };
     Ok([number(h)?, number(b)?])
+}
+
+/// A point in A/m and T from two columns that hold something else.
+type Reading = fn([f64; 2]) -> [f64; 2];
+
+/// One oersted, A/m.
+const OERSTED: f64 = 1e3 / (4.0 * core::f64::consts::PI);
+/// What other programs and data sheets have in two columns.
+const READINGS: [(&str, Reading); 9] = [
+    ("B in T before H in A/m: swap the columns", |[b, h]| [h, b]),
+    ("H in A/m and B in mT", |[h, b]| [h, 1e-3 * b]),
+    ("H in kA/m and B in T", |[h, b]| [1e3 * h, b]),
+    ("H in kA/m and B in mT", |[h, b]| [1e3 * h, 1e-3 * b]),
+    ("H in Oe and B in G", |[h, b]| [OERSTED * h, 1e-4 * b]),
+    ("H in Oe and B in kG", |[h, b]| [OERSTED * h, 0.1 * b]),
+    ("B in G before H in Oe", |[b, h]| [OERSTED * h, 1e-4 * b]),
+    ("H and J = B - mu0 H", |[h, j]| [h, j + MU_0 * h]),
+    ("H and M in A/m", |[h, m]| [h, MU_0 * (m + h)]),
+];
+
+/// What the columns may hold instead, to be said behind what is allowed.
+fn suspicion(points: &[[f64; 2]]) -> String {
+    let fits = |reading: &Reading| plausible(points.iter().map(|&point| reading(point)));
+    let readings = READINGS.iter().filter(|(_, reading)| fits(reading));
+    let names: Vec<&str> = readings.map(|(name, _)| *name).collect();
+    if names.is_empty() || plausible(points.iter().copied()) {
+        return String::new();
+    }
+    format!(" (the columns look like {})", names.join(", or "))
+}
+
+/// Whether points are about those of a soft magnetic material: B rises with H, by four fifths of vacuum's rise or more,
+/// to 0.05 to 2.5 T of polarisation; its permeability is 1 to 1e6.
+fn plausible(points: impl Iterator<Item = [f64; 2]>) -> bool {
+    let points: Vec<[f64; 2]> = points.filter(|[h, _]| *h != 0.0).collect();
+    let rises = |[h0, b0]: &[f64; 2], [h, b]: &[f64; 2]| h > h0 && b - b0 >= 0.8 * MU_0 * (h - h0);
+    let permeable = |[h, b]: &[f64; 2]| (1.0..1e6).contains(&(b / (MU_0 * h)));
+    let end = points.last().map(|[h, b]| b - MU_0 * h);
+    points.is_sorted_by(rises)
+        && points.iter().all(permeable)
+        && end.is_some_and(|j| (0.05..2.5).contains(&j))
+}
+
+/// A table that ends with a steeper rise is not saturated, or H is in kA/m or Oe: of 29 curves of FEMM's library 28 end
+/// below 14 times vacuum's.
+const UNSATURATED: f64 = 50.0;
+
+/// What was read, in words.
+fn summary(points: &[[f64; 2]], curve: &BhCurve) -> String {
+    let [h, b] = curve.end();
+    let doubt = if curve.end_mu_r() > UNSATURATED {
+        " (so it ends before saturation, or H is not in A/m)"
+    } else {
+        ""
+    };
+    format!(
+        "{} points to {b} T at {h} A/m, where B rises {:.1} times as steeply as in vacuum{doubt}; mu_r {:.0} at first, {:.0} at most",
+        points.len(),
+        curve.end_mu_r(),
+        curve.initial_mu_r(),
+        curve.greatest_mu_r(),
+    )
 }

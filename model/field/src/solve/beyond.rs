@@ -1,0 +1,44 @@
+//! Fields beyond the tables of their materials.
+
+use super::adapt::Solved;
+use super::evaluate::Locator;
+use crate::design::Design;
+use crate::plates;
+
+/// A part in which the field leaves the table of its material.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BeyondTable {
+    /// Index of the part.
+    pub part: usize,
+    /// Greatest |B| in its metal, farther than 0.1 mm from corners, T.
+    pub greatest_t: f64,
+    /// Last B of the table, T; beyond it B rises as in vacuum.
+    pub ends_t: f64,
+}
+
+impl Solved {
+    /// The parts in which the field leaves the table of their material; none of a field per ampere, far below
+    /// saturation.
+    #[must_use]
+    pub fn beyond_tables(&self, design: &Design) -> Vec<BeyondTable> {
+        if !self.excitation.saturating {
+            return Vec::new();
+        }
+        let locator = Locator::new(&self.level, &self.w);
+        let of = |(index, part): (usize, &crate::design::MagneticPart)| {
+            let [_, ends_t] = part.material.in_table_t(0.0)?;
+            let mut greatest_t = 0.0_f64;
+            let only = |other| other == index;
+            plates::visit_parts(&self.level, &self.w, &locator, only, |_, b_t| {
+                let [b_t, _] = part.material.in_table_t(b_t).unwrap_or_default();
+                greatest_t = greatest_t.max(b_t);
+            });
+            (greatest_t > ends_t).then_some(BeyondTable {
+                part: index,
+                greatest_t,
+                ends_t,
+            })
+        };
+        design.parts.iter().enumerate().filter_map(of).collect()
+    }
+}
