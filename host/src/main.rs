@@ -103,6 +103,7 @@ mod serve;
 mod settings;
 mod simulate;
 mod springs;
+mod stack;
 #[cfg(feature = "emulator")]
 mod storage;
 mod switches;
@@ -185,6 +186,7 @@ enum Verb {
     Simulate(simulate::Arguments),
     Campaign(campaign::Arguments),
     Plan(plan::Arguments),
+    Stack(stack::Arguments),
     #[command(hide = true)]
     Efficiency(efficiency::Arguments),
     #[command(hide = true)]
@@ -257,6 +259,7 @@ fn main() -> ExitCode {
         Verb::Simulate(arguments) => simulate::run(&arguments),
         Verb::Campaign(arguments) => campaign::run(&arguments),
         Verb::Plan(arguments) => plan::run(&arguments),
+        Verb::Stack(arguments) => stack::run(&arguments),
         Verb::Efficiency(arguments) => efficiency::run(&arguments),
         Verb::Misfit(arguments) => misfit::run(&arguments),
         #[cfg(feature = "emulator")]

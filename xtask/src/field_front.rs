@@ -115,7 +115,7 @@ impl Bench<'_> {
     fn front(&self) -> Result<Value> {
         let vary = VARIED.iter().flat_map(|varied| ["--vary", varied]);
         let search = [
-            "field", "front", DESIGN, "--power", "2..20", "--starts", "20",
+            "field", "front", DESIGN, "--goal", "merit", "--power", "2..20", "--starts", "20",
         ];
         let result = ["--mse", ELASTOMER, "--picture", PICTURE[0], "--json"];
         let arguments: Vec<&str> = search

@@ -317,7 +317,7 @@ fn print(found: &Found, files: &[OutputFile]) -> Result<(), Failure> {
             String::new(),
         ],
         [
-            "inductance".into(),
+            "inductance L".into(),
             format!("{:.1} µH", 1e6 * test.inductance_h),
             String::new(),
         ],

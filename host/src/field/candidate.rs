@@ -12,7 +12,8 @@ use crate::failure::Failure;
 /// What is to be better.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 pub(super) enum Goal {
-    /// eps w_D w_L at the design's current: the stiffness' error falls as this rises
+    /// eps w_D w_L at the design's current: the part of the stiffness' error that noise makes falls as this rises. It is no error
+    /// to expect: temperature, creep and calibration are not in it
     Merit,
     /// Relative rise of the actuated spring at the design's current, per watt
     RisePerWatt,
@@ -56,7 +57,7 @@ impl Stiffening {
 pub(super) struct Candidate {
     stiffening: Option<Stiffening>,
     homogeneity: f64,
-    /// Where that is the goal: standard error of ln(c_L).
+    /// Standard error of ln(c_L) that a press upon c_S is expected to have, where there is a plan.
     stiffness_error_ln: Option<f64>,
     current_a: f64,
     power_w: f64,
@@ -77,9 +78,10 @@ impl Candidate {
         solved: &Solved,
         goal: Goal,
     ) -> Result<Self, Failure> {
+        let planned = expected_error_ln(design, elastomer, current_a, solved);
         let stiffness_error_ln = match goal {
-            Goal::StiffnessError => Some(expected_error_ln(design, elastomer, current_a, solved)?),
-            Goal::Merit | Goal::RisePerWatt | Goal::Homogeneity => None,
+            Goal::StiffnessError => Some(planned.map_err(unplanned)?),
+            Goal::Merit | Goal::RisePerWatt | Goal::Homogeneity => planned.ok(),
         };
         let layer = Layer::of(design, solved, elastomer);
         let [low, high] = design.height_m();
@@ -149,9 +151,12 @@ impl Candidate {
             ));
         }
         text.push_str(&format!("  std/mean of |B|     {:.5}\n", self.homogeneity));
-        if let Some(error) = self.stiffness_error_ln {
-            text.push_str(&format!("  error of stiffness  {error:.5}\n"));
-        }
+        let error = self.stiffness_error_ln;
+        let error = error.map_or_else(
+            || "no plan, so that a calibration would be refused".to_owned(),
+            |error_ln| format!("{error_ln:.5} expected at c_S, as by `palpate plan`"),
+        );
+        text.push_str(&format!("  error of stiffness  {error}\n"));
         for limited in limits.of(self) {
             text.push_str(&limited.explain());
         }
@@ -162,6 +167,16 @@ impl Candidate {
             ));
         }
         text
+    }
+}
+
+/// A design of which there is no plan.
+fn unplanned(cause: Failure) -> Failure {
+    match cause {
+        Failure::Refused(reason) => Failure::Refused(format!(
+            "{reason}. Begin with --goal merit, which asks for no plan"
+        )),
+        other => other,
     }
 }
 

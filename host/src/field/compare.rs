@@ -92,28 +92,16 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
 }
 
 /// The figures in the units for people. Keys are long: heads are short names with the unit below.
-const HEADS: [&str; QUANTITIES.len()] = [
-    "centre",
-    "core mean",
-    "cv r8",
-    "cv r6",
-    "cv r4",
-    "axial pp",
-    "radial pp",
-    "linkage",
-    "force",
-    "plates",
-];
-
 fn table(outcomes: &[ComparedDesign]) -> Table {
     let mut table = Table::new();
     table.load_style(presets::NOTHING);
     let drive = outcomes
         .first()
         .map_or(Drive::PerAmpere, |outcome| outcome.solved.keyed.drive);
-    let units = QUANTITIES.map(|quantity| quantity.shown(drive));
-    let heads = HEADS.iter().zip(units);
-    let heads = heads.map(|(head, (unit, _))| format!("{head}\n{unit}"));
+    let heads = QUANTITIES.iter().map(|quantity| {
+        let ([_, head], (unit, _)) = (quantity.called(drive), quantity.shown(drive));
+        format!("{head}\n{unit}")
+    });
     let first = ["design".to_owned()].into_iter();
     table.set_header(first.chain(heads).chain(["error".to_owned()]));
     for outcome in outcomes {

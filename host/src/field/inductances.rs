@@ -52,7 +52,8 @@ impl InductanceMatrix {
 
     /// A line for each coil.
     pub(super) fn explain(&self) -> String {
-        let mut text = "flux linkage of each coil per ampere in each, uH\n".to_owned();
+        let mut text =
+            "inductance L of each coil, and mutual inductance of each pair, uH\n".to_owned();
         for (coil, row) in self.coils.iter().zip(&self.rows_H) {
             let entries = row.iter().map(|henry| format!(" {:>10.4}", 1e6 * henry));
             text.push_str(&format!("  {coil:<16}{}\n", entries.collect::<String>()));

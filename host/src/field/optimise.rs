@@ -21,7 +21,7 @@ Every better design is printed as it is found, as a line that begins with #, and
 an interrupted search goes on from that file as its design.
 
 Example:
-  palpate field optimise closed --goal merit --most-power 10 --most-force 0.4 \\
+  palpate field optimise closed --most-power 10 --most-force 0.4 \\
       --vary parameters.disc=4..7.9 --vary parameters.rim=1..6 --out better.toml")]
 pub(super) struct Arguments {
     #[command(flatten)]

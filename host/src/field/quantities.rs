@@ -8,7 +8,11 @@ use super::drive::Drive;
 /// One figure.
 pub(super) struct Quantity {
     /// In words.
-    pub(super) label: &'static str,
+    label: &'static str,
+    /// The same where there is little room.
+    head: &'static str,
+    /// Both per ampere, where that is another quantity.
+    called_per_ampere: Option<[&'static str; 2]>,
     /// Its key per ampere, unit included.
     key_per_ampere: &'static str,
     /// Its key at a current or in a background, unit included.
@@ -22,6 +26,14 @@ pub(super) struct Quantity {
 }
 
 impl Quantity {
+    /// In words, and the same where there is little room.
+    pub(super) const fn called(&self, drive: Drive) -> [&'static str; 2] {
+        match (drive, self.called_per_ampere) {
+            (Drive::PerAmpere, Some(called)) => called,
+            _ => [self.label, self.head],
+        }
+    }
+
     /// Its key.
     pub(super) const fn key(&self, drive: Drive) -> &'static str {
         match drive {
@@ -45,9 +57,16 @@ impl Quantity {
 }
 
 /// A share, which has no unit: the same at any current.
-const fn share(label: &'static str, key: &'static str, value: fn(&Figures) -> f64) -> Quantity {
+const fn share(
+    label: &'static str,
+    head: &'static str,
+    key: &'static str,
+    value: fn(&Figures) -> f64,
+) -> Quantity {
     Quantity {
         label,
+        head,
+        called_per_ampere: None,
         key_per_ampere: key,
         key,
         shown_per_ampere: ("%", 100.0),
@@ -60,6 +79,8 @@ const fn share(label: &'static str, key: &'static str, value: fn(&Figures) -> f6
 pub(super) const QUANTITIES: [Quantity; 10] = [
     Quantity {
         label: "field in the centre",
+        head: "centre",
+        called_per_ampere: None,
         key_per_ampere: "centre_T_per_A",
         key: "centre_T",
         shown_per_ampere: ("uT/A", 1e6),
@@ -68,19 +89,27 @@ pub(super) const QUANTITIES: [Quantity; 10] = [
     },
     Quantity {
         label: "mean over the core",
+        head: "core mean",
+        called_per_ampere: None,
         key_per_ampere: "core_mean_T_per_A",
         key: "core_mean_T",
         shown_per_ampere: ("uT/A", 1e6),
         shown: ("mT", 1e3),
         value: |f| f.core_mean_t,
     },
-    share("std/mean, r8", "cv_r8", |f| f.cv[0]),
-    share("std/mean, r6", "cv_r6", |f| f.cv[1]),
-    share("std/mean, r4", "cv_r4", |f| f.cv[2]),
-    share("peak to peak, axial", "axial_pp", |f| f.axial_pp),
-    share("peak to peak, radial", "radial_pp", |f| f.radial_pp),
+    share("std/mean, r8", "cv r8", "cv_r8", |f| f.cv[0]),
+    share("std/mean, r6", "cv r6", "cv_r6", |f| f.cv[1]),
+    share("std/mean, r4", "cv r4", "cv_r4", |f| f.cv[2]),
+    share("peak to peak, axial", "axial pp", "axial_pp", |f| {
+        f.axial_pp
+    }),
+    share("peak to peak, radial", "radial pp", "radial_pp", |f| {
+        f.radial_pp
+    }),
     Quantity {
         label: "flux linkage",
+        head: "linkage",
+        called_per_ampere: Some(["inductance L", "L"]),
         key_per_ampere: "inductance_H",
         key: "linkage_Wb",
         shown_per_ampere: ("uH", 1e6),
@@ -89,6 +118,8 @@ pub(super) const QUANTITIES: [Quantity; 10] = [
     },
     Quantity {
         label: "attraction of the halves",
+        head: "force",
+        called_per_ampere: None,
         key_per_ampere: "force_N_per_A2",
         key: "force_N",
         shown_per_ampere: ("mN/A^2", 1e3),
@@ -97,6 +128,8 @@ pub(super) const QUANTITIES: [Quantity; 10] = [
     },
     Quantity {
         label: "greatest in the plates",
+        head: "plates",
+        called_per_ampere: None,
         key_per_ampere: "plate_max_T_per_A",
         key: "plate_max_T",
         shown_per_ampere: ("mT/A", 1e3),

@@ -24,7 +24,7 @@ pub(super) struct SearchArguments {
     #[command(flatten)]
     source: DesignSource,
     /// What is to be better
-    #[arg(long, value_enum, default_value = "merit")]
+    #[arg(long, value_enum, default_value = "stiffness-error")]
     pub(super) goal: Goal,
     /// A number of the design and its bounds
     #[arg(long, required = true, value_name = "PATH=FROM..TO", value_parser = range)]

@@ -136,7 +136,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         return Ok(writeln!(out)?);
     }
     let in_air = 1e6 * design.inductance_of_tracks_in_air_h(track_m);
-    writeln!(out, "{in_air:.5} uH without slabs")?;
+    writeln!(out, "L {in_air:.5} uH without slabs")?;
     writeln!(
         out,
         "  gap mm        L uH   uH per mm       f MHz   ppm of f per um"

@@ -124,7 +124,8 @@ impl SolvedFigures {
             if value == 0.0 && error == 0.0 {
                 continue;
             }
-            let (label, digits) = (quantity.label, 3 + usize::from(value.abs() < 1.0));
+            let [label, _] = quantity.called(*drive);
+            let digits = 3 + usize::from(value.abs() < 1.0);
             let slope = self
                 .derivatives
                 .map(|slopes| scale * (quantity.value)(&slopes.0));

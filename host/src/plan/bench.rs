@@ -14,7 +14,7 @@ use super::sensor::PlannedSensor;
 /// What creep and memory leave of a train's kappa beside its drifts, standard deviation as a part of W: on 60 simulated sensors of
 /// the stack `ultrasoft` trains scatter by 0.15 to 0.2 % of W about the adjusted line, noise and vibration included
 /// (docs/decisions/0082-adjustment.md).
-const CREEP: f64 = 0.0015;
+pub(super) const CREEP: f64 = 0.0015;
 /// Standard deviations of c_D0, stiffening and attraction before anything is known, in their units here: the calibration takes
 /// nothing for known.
 const BEFOREHAND: f64 = 1.0;

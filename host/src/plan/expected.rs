@@ -14,9 +14,11 @@ const BEYOND_BENCH: f64 = 1.08;
 const WITHIN_BENCH: f64 = 0.95;
 
 /// What the calibration's model leaves out of a press, standard deviations as parts of W and of kappa: by so much the errors of 15
-/// sensors at their bench's temperature were above all else (`palpate efficiency --plants 16 --seed 830001 --bench-temperature`:
-/// 1.1, 1.6 and 4.5 % at 0.2, 1 and 5 c_S). Creep that is over before a train, and what a stand differs by, are in it.
+/// sensors of [`ASSUMED_FROM`] at their bench's temperature were above all else (`palpate efficiency --plants 16 --seed 830001
+/// --bench-temperature`: 1.1, 1.6 and 4.5 % at 0.2, 1 and 5 c_S). For other stacks the same is assumed (docs/stiffness.md). Creep that is over before a train, and what a stand differs by, are in it.
 const MODEL: [f64; 2] = [0.0035, 0.007];
+/// The stack with which that and [`CREEP`](super::bench::CREEP) were found.
+pub(super) const ASSUMED_FROM: &str = "ultrasoft";
 
 /// A press in use.
 #[derive(Clone, Copy, Debug)]

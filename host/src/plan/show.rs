@@ -9,7 +9,7 @@ use serde_json::{Map, Value};
 
 use super::Plan;
 use super::causes::{Cause, Quantity};
-use super::expected::ExpectedError;
+use super::expected::{ASSUMED_FROM, ExpectedError};
 use super::search::{COMPARED, ComparedTrain};
 use crate::plot::{Axis, BLUE, Chart, GREEN, GREY, Marks, ORANGE, Series};
 use crate::results::stiffness;
@@ -32,8 +32,9 @@ pub(super) fn text(plan: &Plan) -> String {
     );
     let _ = writeln!(
         text,
-        "\nStandard error of ln(c_L) of one press, and what it comes from:\n{}",
-        errors(&plan.errors)
+        "\nStandard error of ln(c_L) of one press, and what it comes from:\n{}\n{}",
+        errors(&plan.errors),
+        assumed(plan)
     );
     let _ = writeln!(
         text,
@@ -49,6 +50,19 @@ pub(super) fn text(plan: &Plan) -> String {
         trains(&plan.trains)
     );
     text
+}
+
+/// Where the parts that are not computed come from.
+fn assumed(plan: &Plan) -> String {
+    let found =
+        format!("Creep and model were found with simulated sensors of the stack {ASSUMED_FROM}");
+    if plan.is_assumed {
+        format!(
+            "{found}; for this one they are assumed. `palpate efficiency --bench-temperature --stack` counts errors of sensors of it."
+        )
+    } else {
+        format!("{found}.")
+    }
 }
 
 fn percent(part: f64) -> String {
@@ -154,6 +168,9 @@ fn words(key: &str) -> String {
     }
 }
 
+/// Causes of which the size is taken from [`ASSUMED_FROM`].
+const NOT_COMPUTED: [&str; 2] = [Cause::Creep.name(), Cause::Model.name()];
+
 /// The plan in JSON.
 #[derive(Serialize)]
 #[allow(non_snake_case, reason = "keys carry units")]
@@ -162,6 +179,8 @@ struct PlanDocument<'p> {
     depth_m: f64,
     temperature_away_K: f64,
     contact_s: f64,
+    /// Causes that were found with another stack, and are assumed for this one.
+    assumed_causes: &'static [&'static str],
     loads: Vec<LoadEntry>,
     trains: Vec<TrainEntry>,
 }
@@ -232,6 +251,7 @@ pub(super) fn json(plan: &Plan) -> serde_json::Result<String> {
         depth_m: plan.press.depth * plan.sensor.depth_m,
         temperature_away_K: plan.press.away_k,
         contact_s: plan.contact_s,
+        assumed_causes: if plan.is_assumed { &NOT_COMPUTED } else { &[] },
         loads: loads.collect(),
         trains: trains.collect(),
     })

@@ -69,7 +69,7 @@ fn a_copper_plane_lowers_inductance_and_quality_of_the_sensing_coil() {
     );
 }
 
-/// Of two designs on a front, the one that takes more power is better.
+/// Of two designs on a front, the one that takes more power has the smaller error.
 #[test]
 fn no_design_on_a_front_beats_another() {
     let asked = [
@@ -86,8 +86,8 @@ fn no_design_on_a_front_beats_another() {
     let front: Vec<[f64; 2]> = (front["front"].as_array().unwrap().iter())
         .map(|design| ["power_W", "figure"].map(|key| number(design, key)))
         .collect();
-    let rising = |pair: &[[f64; 2]]| pair[0][0] < pair[1][0] && pair[0][1] < pair[1][1];
-    assert!(front.len() > 1 && front.windows(2).all(rising), "{front:?}");
+    let better = |pair: &[[f64; 2]]| pair[0][0] < pair[1][0] && pair[0][1] > pair[1][1];
+    assert!(front.len() > 1 && front.windows(2).all(better), "{front:?}");
     assert!(
         front.iter().all(|[power, _]| (4.99..10.01).contains(power)),
         "{front:?}"
@@ -328,6 +328,105 @@ fn an_optimum_within_bounds() {
     ]);
     assert_eq!(code, Some(2));
     assert!(complaint.contains("the design has 7.5"), "{complaint}");
+}
+
+#[test]
+fn an_optimisation_leads_to_the_error_that_is_planned() {
+    let search = |design: &str, more: &[&str]| {
+        let vary = match design {
+            "A" => "parameters.gap=5..6",
+            _ => "parameters.disc=7..7.9",
+        };
+        let arguments = [
+            "optimise",
+            design,
+            "--accuracy",
+            "1e-2",
+            "--budget",
+            "1",
+            "--vary",
+            vary,
+        ];
+        palpate(&[&arguments[..], more].concat())
+    };
+    // `palpate field stack closed --mse soft --out closed.toml` and `palpate plan closed.toml`: 7.67 % at c_S.
+    for goal in [&[][..], &["--goal", "merit"]] {
+        let text = String::from_utf8(search("closed", goal).stdout).unwrap();
+        let planned = "error of stiffness  0.0767";
+        assert!(
+            text.contains(planned) && text.contains("merit eps w_D w_L   0.021"),
+            "{text}"
+        );
+        let last = text.lines().last().unwrap();
+        assert_eq!(
+            last.starts_with("expected error"),
+            goal.is_empty(),
+            "{last}"
+        );
+    }
+    let refused = search("A", &[]);
+    assert_eq!(refused.status.code(), Some(1));
+    let reason = String::from_utf8(refused.stderr).unwrap();
+    assert!(
+        reason.contains("stiffens too little") && reason.contains("--goal merit"),
+        "{reason}"
+    );
+    let text = String::from_utf8(search("A", &["--goal", "merit"]).stdout).unwrap();
+    assert!(text.contains("error of stiffness  no plan"), "{text}");
+}
+
+#[test]
+fn an_inductance_has_one_name() {
+    let solved = printed(&["solve", "air", "--matrix", "--accuracy", "1e-3"]);
+    assert!(solved.contains("  inductance L  "), "{solved}");
+    assert!(solved.contains("inductance L of each coil"), "{solved}");
+    let compared = printed(&["compare", "air", "--accuracy", "1e-3"]);
+    let heads: Vec<_> = compared
+        .lines()
+        .next()
+        .unwrap()
+        .split_whitespace()
+        .collect();
+    assert!(
+        heads.contains(&"L") && !heads.contains(&"linkage"),
+        "{compared}"
+    );
+    // At a current it is a flux, and not in henry.
+    let driven = printed(&["compare", "air", "--current", "1", "--accuracy", "1e-3"]);
+    assert!(
+        driven.contains("linkage") && driven.contains("uWb"),
+        "{driven}"
+    );
+    let sensing = printed(&["sensing", "--gap", "1"]);
+    assert!(
+        sensing.starts_with("L ") && sensing.contains("L uH"),
+        "{sensing}"
+    );
+    for asked in [
+        &["solve", "air", "--json"][..],
+        &["sensing", "--gap", "1", "--json"],
+        &[
+            "ac",
+            "sensing",
+            "--frequency",
+            "1e6",
+            "--json",
+            "--accuracy",
+            "1e-3",
+        ],
+        &[
+            "stack",
+            "closed",
+            "--mse",
+            "soft",
+            "--json",
+            "--accuracy",
+            "1e-2",
+        ],
+    ] {
+        let text = json(asked).to_string();
+        assert!(text.contains("inductance_H\":"), "{text}");
+    }
 }
 
 #[test]

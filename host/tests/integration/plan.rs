@@ -57,3 +57,32 @@ fn what_cannot_be_is_refused_with_what_is_allowed() {
         assert!(message.contains(part), "{message}");
     }
 }
+
+#[test]
+fn what_is_taken_from_another_stack_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("mine.toml");
+    let show = Command::new(env!("CARGO_BIN_EXE_palpate"))
+        .args(["stack", "show", "ultrasoft"])
+        .output();
+    let text = String::from_utf8(show.unwrap().stdout).unwrap();
+    let other = text.replace(
+        "stiffening_at_peak = { nominal = 0.1,",
+        "stiffening_at_peak = { nominal = 0.2,",
+    );
+    assert_ne!(text, other);
+    // A file that `stack show` has written is the stack itself.
+    for (text, is_assumed) in [(&text, false), (&other, true)] {
+        std::fs::write(&file, text).unwrap();
+        let file = file.to_str().unwrap();
+        let said = String::from_utf8(palpate(&[file]).stdout).unwrap();
+        assert_eq!(
+            said.contains("for this one they are assumed"),
+            is_assumed,
+            "{said}"
+        );
+        let plan: Value = serde_json::from_slice(&palpate(&[file, "--json"]).stdout).unwrap();
+        let expected: &[&str] = if is_assumed { &["creep", "model"] } else { &[] };
+        assert_eq!(plan["assumed_causes"], serde_json::json!(expected));
+    }
+}

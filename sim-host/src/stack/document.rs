@@ -140,6 +140,23 @@ impl<'t> TableSection<'t> {
         }
     }
 
+    /// Refuses a table without some of these keys, each with what it may be. `remedy` is where all are to be found.
+    ///
+    /// # Errors
+    /// [`FileError`] with every key that is missing.
+    pub(super) fn require(&self, keys: &[(&str, String)], remedy: &str) -> Result<(), FileError> {
+        let missing: Vec<_> = keys.iter().filter(|(key, _)| !self.has(key)).collect();
+        if missing.is_empty() {
+            return Ok(());
+        }
+        let names: Vec<_> = missing.iter().map(|(key, _)| *key).collect();
+        let allowed = match missing.as_slice() {
+            [(_, allowed)] => format!("{allowed}; {remedy}"),
+            _ => remedy.to_owned(),
+        };
+        self.refuse(&self.span, &names.join(", "), "missing".to_owned(), allowed)
+    }
+
     fn full(&self, key: &str) -> String {
         format!("{}{key}", self.prefix)
     }

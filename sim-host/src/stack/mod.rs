@@ -57,25 +57,102 @@ pub struct Stack {
     pub press_depth_of_sensing_layer_m: Quantity,
 }
 
-/// Keys of a stack file.
-const KEYS: [&str; 12] = [
-    "name",
-    "sensing_spring_N_per_m",
-    "actuated_spring_N_per_m",
-    "stiffening_at_peak",
-    "field_at_peak_T",
-    "field_half_T",
-    "attraction_N_per_A2",
-    "crosstalk_at_peak_m",
-    "peak_current_A",
-    "coil_resistance_ohm",
-    "coil_inductance_H",
-    "press_depth_of_sensing_layer_m",
-];
+/// A key of a stack file that stands for a quantity.
+#[derive(Clone, Copy, Debug)]
+pub struct Key {
+    /// Its name, with the unit at its end.
+    pub name: &'static str,
+    /// What it may be.
+    pub allowed: Allowed,
+    /// What it means.
+    pub meaning: &'static str,
+}
 
-const SPRING: Allowed = Allowed::new(10.0, 1e8, "N/m");
+impl Key {
+    const fn new(name: &'static str, allowed: Allowed, meaning: &'static str) -> Self {
+        Self {
+            name,
+            allowed,
+            meaning,
+        }
+    }
+
+    fn read(&self, section: &mut TableSection<'_>) -> Result<Quantity, FileError> {
+        section.quantity(self.name, &self.allowed)
+    }
+}
+
+const SENSING_SPRING: Key = Key::new(
+    "sensing_spring_N_per_m",
+    Allowed::new(10.0, 1e8, "N/m"),
+    "spring constant of the sensing layer, c_S",
+);
+const ACTUATED_SPRING: Key = Key::new(
+    "actuated_spring_N_per_m",
+    Allowed::new(10.0, 1e8, "N/m"),
+    "spring constant of the actuated layer without current, c_D0",
+);
+const STIFFENING: Key = Key::new(
+    "stiffening_at_peak",
+    Allowed::new(0.0, 20.0, ""),
+    "relative rise of c_D at the peak current, eps; between, it rises as B^2/(B^2 + Bc^2)",
+);
+const FIELD_AT_PEAK: Key = Key::new(
+    "field_at_peak_T",
+    Allowed::new(1e-4, 3.0, "T"),
+    "flux density B in the actuated layer at the peak current",
+);
+const FIELD_HALF: Key = Key::new(
+    "field_half_T",
+    Allowed::new(1e-3, 10.0, "T"),
+    "flux density Bc at which half of the saturated rise is reached",
+);
+const ATTRACTION: Key = Key::new(
+    "attraction_N_per_A2",
+    Allowed::new(0.0, 0.1, "N/A^2"),
+    "attraction of the actuated layer's halves, per square of the current",
+);
+const CROSSTALK: Key = Key::new(
+    "crosstalk_at_peak_m",
+    Allowed::new(0.0, 1e-4, "m"),
+    "deformation that the coil's field feigns in the sensing layer at the peak current",
+);
+const PEAK_CURRENT: Key = Key::new(
+    "peak_current_A",
+    Allowed::new(0.01, 100.0, "A"),
+    "current from which the ramps of a train fall",
+);
+const COIL_RESISTANCE: Key = Key::new(
+    "coil_resistance_ohm",
+    Allowed::new(1e-3, 1e3, "ohm"),
+    "resistance of the drive coil",
+);
+const COIL_INDUCTANCE: Key = Key::new(
+    "coil_inductance_H",
+    Allowed::new(1e-7, 1.0, "H"),
+    "inductance L of the drive coil",
+);
+const PRESS_DEPTH: Key = Key::new(
+    "press_depth_of_sensing_layer_m",
+    Allowed::new(1e-6, 0.8e-3, "m"),
+    "how far the sensing layer is meant to be pressed",
+);
 
 impl Stack {
+    /// The keys of its file, beside `name`.
+    pub const KEYS: [Key; 11] = [
+        SENSING_SPRING,
+        ACTUATED_SPRING,
+        STIFFENING,
+        FIELD_AT_PEAK,
+        FIELD_HALF,
+        ATTRACTION,
+        CROSSTALK,
+        PEAK_CURRENT,
+        COIL_RESISTANCE,
+        COIL_INDUCTANCE,
+        PRESS_DEPTH,
+    ];
     /// Names of the stacks that come with the crate.
     pub const BUILTIN: [&'static str; 3] = ["paper", "soft-closed", "ultrasoft"];
 
@@ -133,29 +210,80 @@ impl Stack {
     /// # Errors
     /// [`FileError`] names line, key and what is allowed.
     pub fn parse(file: &str, text: &str) -> Result<Self, FileError> {
-        let mut s = TableSection::parse(file, text, &KEYS)?;
+        let names = Self::KEYS.map(|key| key.name);
+        let names: Vec<&str> = core::iter::once("name").chain(names).collect();
+        let mut s = TableSection::parse(file, text, &names)?;
+        let allowed = Self::KEYS.map(|key| (key.name, key.allowed.to_string()));
+        let name = ("name", "a text".to_owned());
+        s.require(&[&[name], &allowed[..]].concat(), TEMPLATE)?;
         Ok(Self {
             name: s.text("name")?,
-            sensing_spring_n_per_m: s.quantity("sensing_spring_N_per_m", &SPRING)?,
-            actuated_spring_n_per_m: s.quantity("actuated_spring_N_per_m", &SPRING)?,
-            stiffening_at_peak: s.quantity("stiffening_at_peak", &Allowed::new(0.0, 20.0, ""))?,
-            field_at_peak_t: s.quantity("field_at_peak_T", &Allowed::new(1e-4, 3.0, "T"))?,
-            field_half_t: s.quantity("field_half_T", &Allowed::new(1e-3, 10.0, "T"))?,
-            attraction_n_per_a2: s
-                .quantity("attraction_N_per_A2", &Allowed::new(0.0, 0.1, "N/A^2"))?,
-            crosstalk_at_peak_m: s
-                .quantity("crosstalk_at_peak_m", &Allowed::new(0.0, 1e-4, "m"))?,
-            peak_current_a: s.quantity("peak_current_A", &Allowed::new(0.01, 100.0, "A"))?,
-            coil_resistance_ohm: s
-                .quantity("coil_resistance_ohm", &Allowed::new(1e-3, 1e3, "ohm"))?,
-            coil_inductance_h: s.quantity("coil_inductance_H", &Allowed::new(1e-7, 1.0, "H"))?,
-            press_depth_of_sensing_layer_m: s.quantity(
-                "press_depth_of_sensing_layer_m",
-                &Allowed::new(1e-6, 0.8e-3, "m"),
-            )?,
+            sensing_spring_n_per_m: SENSING_SPRING.read(&mut s)?,
+            actuated_spring_n_per_m: ACTUATED_SPRING.read(&mut s)?,
+            stiffening_at_peak: STIFFENING.read(&mut s)?,
+            field_at_peak_t: FIELD_AT_PEAK.read(&mut s)?,
+            field_half_t: FIELD_HALF.read(&mut s)?,
+            attraction_n_per_a2: ATTRACTION.read(&mut s)?,
+            crosstalk_at_peak_m: CROSSTALK.read(&mut s)?,
+            peak_current_a: PEAK_CURRENT.read(&mut s)?,
+            coil_resistance_ohm: COIL_RESISTANCE.read(&mut s)?,
+            coil_inductance_h: COIL_INDUCTANCE.read(&mut s)?,
+            press_depth_of_sensing_layer_m: PRESS_DEPTH.read(&mut s)?,
         })
     }
+
+    /// Its quantities, in the order of [`Stack::KEYS`].
+    #[must_use]
+    pub const fn quantities(&self) -> [Quantity; 11] {
+        [
+            self.sensing_spring_n_per_m,
+            self.actuated_spring_n_per_m,
+            self.stiffening_at_peak,
+            self.field_at_peak_t,
+            self.field_half_t,
+            self.attraction_n_per_a2,
+            self.crosstalk_at_peak_m,
+            self.peak_current_a,
+            self.coil_resistance_ohm,
+            self.coil_inductance_h,
+            self.press_depth_of_sensing_layer_m,
+        ]
+    }
+
+    /// Its file, with the meaning, unit and range of each key.
+    #[must_use]
+    pub fn file(&self) -> String {
+        let mut text = format!("{HEADING}\nname = {}\n", quoted(&self.name));
+        for (key, quantity) in Self::KEYS.iter().zip(self.quantities()) {
+            text += &format!(
+                "\n# {}: {}\n{} = {quantity}\n",
+                key.meaning,
+                key.allowed.bounds(),
+                key.name
+            );
+        }
+        text
+    }
 }
+
+/// A text as TOML has it.
+fn quoted(text: &str) -> String {
+    let escaped = text.chars().map(|c| match c {
+        '"' | '\\' => format!("\\{c}"),
+        c if c.is_control() => format!("\\u{:04X}", u32::from(c)),
+        c => c.to_string(),
+    });
+    format!("\"{}\"", escaped.collect::<String>())
+}
+
+/// What a file begins with.
+const HEADING: &str = "\
+# A kind of sensor. A number is the same for all sensors of the kind, a range is what single ones are drawn from:
+# { nominal, spread } evenly within nominal * (1 +- spread), { min, max } evenly, { log_min, log_max } evenly in the
+# logarithm.
+";
+/// Where there is a whole file.
+const TEMPLATE: &str = "`palpate stack show ultrasoft` prints a whole file";
 
 /// Why a file could not be loaded.
 #[derive(Debug)]

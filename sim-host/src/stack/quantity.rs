@@ -98,6 +98,30 @@ impl Quantity {
     }
 }
 
+/// As in a file.
+impl fmt::Display for Quantity {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self::Fixed(value) => f.write_str(&plain(value)),
+            Self::Spread { nominal, spread } => {
+                let nominal = plain(nominal);
+                write!(f, "{{ nominal = {nominal}, spread = {spread} }}")
+            }
+            Self::Uniform { min, max } => {
+                write!(f, "{{ min = {}, max = {} }}", plain(min), plain(max))
+            }
+            Self::LogUniform { min, max } => {
+                write!(
+                    f,
+                    "{{ log_min = {}, log_max = {} }}",
+                    plain(min),
+                    plain(max)
+                )
+            }
+        }
+    }
+}
+
 /// The range that a quantity must keep to, with its unit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Allowed {
@@ -119,7 +143,8 @@ impl Allowed {
 
 impl Allowed {
     /// The range without the forms in which a quantity may be given.
-    pub(super) fn bounds(&self) -> String {
+    #[must_use]
+    pub fn bounds(&self) -> String {
         let space = if self.unit.is_empty() { "" } else { " " };
         let (min, max) = (plain(self.min), plain(self.max));
         format!("{min} to {max}{space}{}", self.unit)

@@ -217,6 +217,54 @@ fn a_missing_key_is_reported_with_its_range() {
 }
 
 #[test]
+fn all_keys_that_are_missing_are_reported_at_once() {
+    let error = Stack::parse("mine.toml", "field_half_T = 0.25\n").unwrap_err();
+    let missing = Stack::KEYS.map(|key| key.name);
+    let missing = missing.into_iter().filter(|name| *name != "field_half_T");
+    let missing: Vec<_> = core::iter::once("name").chain(missing).collect();
+    assert_eq!(error.key, missing.join(", "));
+    assert!(error.allowed.contains("palpate stack show"), "{error}");
+}
+
+#[test]
+fn a_stack_is_read_again_as_it_is_written() {
+    let mut stack = Stack::builtin("ultrasoft").unwrap();
+    stack.name = "a \"b\" \u{1b} c".to_owned();
+    stack.attraction_n_per_a2 = Quantity::Fixed(0.0);
+    stack.coil_inductance_h = Quantity::LogUniform {
+        min: 1.0 / 3.0 * 1e-5,
+        max: 1e-3,
+    };
+    let stacks = Stack::BUILTIN.map(|name| Stack::builtin(name).unwrap());
+    for stack in stacks.into_iter().chain([stack]) {
+        let text = stack.file();
+        assert_eq!(Stack::parse("x.toml", &text).unwrap(), stack, "{text}");
+        for key in Stack::KEYS {
+            let comment = format!(
+                "# {}: {}\n{} = ",
+                key.meaning,
+                key.allowed.bounds(),
+                key.name
+            );
+            assert!(text.contains(&comment), "{text}");
+        }
+    }
+}
+
+#[test]
+fn the_page_of_the_stack_file_has_every_key() {
+    let page = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/stack.md");
+    let page = std::fs::read_to_string(page).unwrap();
+    let rows = Stack::KEYS.map(|key| {
+        let range = key.allowed.bounds();
+        format!("| `{}` | {range} | {} |", key.name, key.meaning)
+    });
+    for row in rows {
+        assert!(page.contains(&row), "{row}");
+    }
+}
+
+#[test]
 fn disturbances_out_of_range_are_refused() {
     for (from, to, key) in [
         (
