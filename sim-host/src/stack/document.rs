@@ -41,6 +41,28 @@ impl fmt::Display for FileError {
 
 impl core::error::Error for FileError {}
 
+/// The text of a file's bytes, without a byte order mark before it. `file` is only for messages.
+pub(crate) fn text_of(file: &str, bytes: Vec<u8>) -> Result<String, FileError> {
+    let is_utf_16 = bytes.starts_with(&[0xFF, 0xFE]) || bytes.starts_with(&[0xFE, 0xFF]);
+    let text = String::from_utf8(bytes).map_err(|error| {
+        let valid = error.utf8_error().valid_up_to();
+        let before = error.as_bytes().iter().take(valid);
+        let encoding = if is_utf_16 {
+            "it is UTF-16"
+        } else {
+            "it is not UTF-8"
+        };
+        FileError {
+            file: file.to_owned(),
+            line: 1 + before.filter(|&&byte| byte == b'\n').count(),
+            key: String::new(),
+            problem: encoding.to_owned(),
+            allowed: "UTF-8: save it as UTF-8".to_owned(),
+        }
+    })?;
+    Ok(text.strip_prefix('\u{FEFF}').unwrap_or(&text).to_owned())
+}
+
 /// A text with its name, to find lines by offsets.
 #[derive(Clone, Copy, Debug)]
 struct Source<'t> {
@@ -275,15 +297,19 @@ impl<'t> TableSection<'t> {
         }
     }
 
-    /// A text that is not empty.
+    /// A text that is not empty, without a character that a terminal obeys.
     ///
     /// # Errors
-    /// [`FileError`] if it is missing, empty or no text.
+    /// [`FileError`] if it is missing, empty, no text, or has a control character.
     pub fn text(&mut self, key: &str) -> Result<String, FileError> {
         self.parsed(key, "a text", |text| {
-            (!text.is_empty())
-                .then(|| text.to_owned())
-                .ok_or_else(|| "empty".to_owned())
+            if text.is_empty() {
+                Err("empty".to_owned())
+            } else if text.contains(char::is_control) {
+                Err("has a control character".to_owned())
+            } else {
+                Ok(text.to_owned())
+            }
         })
     }
 

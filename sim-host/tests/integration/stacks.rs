@@ -1,5 +1,7 @@
 //! The files of the plants: what is in them, and what is refused.
 
+use std::path::Path;
+
 use palpate_sim::sensing_coil::CoilDesign;
 use palpate_sim::stack::{Disturbances, Stack, document::FileError, quantity::Quantity};
 
@@ -216,6 +218,41 @@ fn a_missing_key_is_reported_with_its_range() {
     assert_eq!(error.key, "crosstalk");
 }
 
+/// Files as editors of Windows write them, devices that never end, and names that a terminal would obey.
+#[test]
+fn files_that_are_no_text_are_refused_with_their_cause() {
+    let file = Path::new(env!("CARGO_TARGET_TMPDIR")).join("mine.toml");
+    let load = |bytes: &[u8]| {
+        std::fs::write(&file, bytes).unwrap();
+        Stack::load(&file).map_err(|error| error.to_string())
+    };
+    let ultrasoft = Stack::builtin("ultrasoft").unwrap();
+    let marked = format!("\u{feff}{ULTRASOFT}");
+    assert_eq!(load(marked.as_bytes()).unwrap(), ultrasoft);
+    let units = marked.encode_utf16().flat_map(u16::to_le_bytes);
+    let latin = ULTRASOFT.replace("ultrasoft", "\u{1}").into_bytes();
+    let latin = latin
+        .into_iter()
+        .map(|byte| if byte == 1 { 0xE4 } else { byte });
+    let cases = [
+        (units.collect(), "mine.toml:1: it is UTF-16"),
+        (latin.collect(), "it is not UTF-8"),
+        (vec![b'#'; 3_000_000], "is too large"),
+        (
+            ULTRASOFT
+                .replace("\"ultrasoft\"", r#""a\u001b[2Jb""#)
+                .into_bytes(),
+            "name: has a control character",
+        ),
+    ];
+    for (bytes, words) in cases {
+        let error = load(&bytes).expect_err(words);
+        assert!(error.contains(words), "{error}");
+    }
+    let endless = Stack::load(Path::new("/dev/zero")).unwrap_err().to_string();
+    assert!(endless.contains("is too large"), "{endless}");
+}
+
 #[test]
 fn all_keys_that_are_missing_are_reported_at_once() {
     let error = Stack::parse("mine.toml", "field_half_T = 0.25\n").unwrap_err();
@@ -229,7 +266,7 @@ fn all_keys_that_are_missing_are_reported_at_once() {
 #[test]
 fn a_stack_is_read_again_as_it_is_written() {
     let mut stack = Stack::builtin("ultrasoft").unwrap();
-    stack.name = "a \"b\" \u{1b} c".to_owned();
+    stack.name = "a \"b\" \\ c".to_owned();
     stack.attraction_n_per_a2 = Quantity::Fixed(0.0);
     stack.coil_inductance_h = Quantity::LogUniform {
         min: 1.0 / 3.0 * 1e-5,
@@ -345,7 +382,7 @@ fn what_is_no_toml_is_refused_with_its_line() {
 
 #[test]
 fn a_file_that_is_not_there_says_so() {
-    let path = std::path::Path::new("nowhere/nothing.toml");
+    let path = Path::new("nowhere/nothing.toml");
     let error = Stack::load(path).unwrap_err().to_string();
     assert!(error.contains("nothing.toml"), "{error}");
 }

@@ -278,6 +278,12 @@ fn refusals_name_the_place() {
     let shape = "{ r = [0.0, 30.0], x = [-2.0, \"5.28 + gap\"] }";
     let cases = [
         (
+            "material = \"mse\"",
+            "material = \"mse\\u001b[2J\"",
+            "has a control character",
+            line("material = \"mse\""),
+        ),
+        (
             "length_unit = \"mm\"",
             "",
             "length_unit: missing; allowed: \"m\", \"cm\", \"mm\", \"um\", \"in\"",

@@ -12,6 +12,7 @@ use core::ops::Range;
 use std::collections::BTreeMap;
 
 use toml::Spanned;
+use toml::de::{DeTable, DeValue};
 
 use super::expression::evaluate;
 use super::{Core, Design, DesignError, FileRead, Rectangle, check};
@@ -42,6 +43,9 @@ pub(super) fn read(file: &str, text: &str) -> Result<Design, DesignError> {
         let span = error.span().unwrap_or(0..0);
         reader.error(&span, "", error.message(), "")
     })?;
+    if let Some(span) = control_character(text) {
+        return Err(reader.error(&span, "", "has a control character", "texts without"));
+    }
     let Some(unit) = &parsed.length_unit else {
         return Err(reader.error(&(0..0), "length_unit", "missing", UNITS));
     };
@@ -60,6 +64,31 @@ struct Reader<'t> {
     parameters: BTreeMap<String, f64>,
     /// What was read beside the text so far.
     files: RefCell<Vec<FileRead>>,
+}
+
+/// The first text of a file, `about` left out, that has a character which a terminal obeys.
+fn control_character(text: &str) -> Option<Range<usize>> {
+    let mut table = DeTable::parse(text).ok()?.into_inner();
+    table.remove("about");
+    in_table(&table)
+}
+
+fn in_table(table: &DeTable<'_>) -> Option<Range<usize>> {
+    let mut entries = table.iter();
+    entries.find_map(|(key, value)| controlling(key, key.get_ref()).or_else(|| within(value)))
+}
+
+fn within(value: &Spanned<DeValue<'_>>) -> Option<Range<usize>> {
+    match value.get_ref() {
+        DeValue::String(text) => controlling(value, text),
+        DeValue::Array(items) => items.iter().find_map(within),
+        DeValue::Table(table) => in_table(table),
+        _ => None,
+    }
+}
+
+fn controlling<T>(place: &Spanned<T>, text: &str) -> Option<Range<usize>> {
+    text.contains(char::is_control).then(|| place.span())
 }
 
 /// A unit of length by its name, m.
