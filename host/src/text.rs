@@ -10,10 +10,13 @@ use crate::failure::Failure;
 const UTF_8_MARK: char = '\u{FEFF}';
 const UTF_16_MARKS: [&[u8]; 2] = [&[0xFF, 0xFE], &[0xFE, 0xFF]];
 
+/// Most bytes of an input: a device may never end. A day of conversion words at 1 kHz has fewer.
+const MOST_BYTES: u64 = 1_000_000_000;
+
 /// The text of a file, without a mark before it.
 ///
 /// # Errors
-/// If it cannot be read, or is not UTF-8.
+/// If it cannot be read, is too large, or is not UTF-8.
 pub(crate) fn of_file(file: &Path) -> Result<String, Failure> {
     let opened = fs::File::open(file).map_err(|reason| Failure::Unreadable {
         file: file.to_path_buf(),
@@ -23,13 +26,26 @@ pub(crate) fn of_file(file: &Path) -> Result<String, Failure> {
 }
 
 /// The same of an input, which has a name.
-pub(crate) fn of(mut from: impl Read, name: &Path) -> Result<String, Failure> {
+pub(crate) fn of(from: impl Read, name: &Path) -> Result<String, Failure> {
+    of_at_most(MOST_BYTES, from, name)
+}
+
+fn of_at_most(most_bytes: u64, from: impl Read, name: &Path) -> Result<String, Failure> {
     let mut bytes = Vec::new();
-    from.read_to_end(&mut bytes)
+    from.take(most_bytes + 1)
+        .read_to_end(&mut bytes)
         .map_err(|reason| Failure::Unreadable {
             file: name.to_path_buf(),
             reason,
         })?;
+    if bytes.len() as u64 > most_bytes {
+        return Err(Failure::Input {
+            file: name.to_path_buf(),
+            line: 1,
+            problem: "it is too large".to_owned(),
+            allowed: format!("at most {most_bytes} bytes"),
+        });
+    }
     let is_utf_16 = UTF_16_MARKS.iter().any(|mark| bytes.starts_with(mark));
     let text = String::from_utf8(bytes).map_err(|error| {
         let after = error.utf8_error().valid_up_to();
@@ -49,4 +65,20 @@ pub(crate) fn of(mut from: impl Read, name: &Path) -> Result<String, Failure> {
         Some(text) => text.to_owned(),
         None => text,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_input_that_never_ends_is_refused() {
+        let read = of_at_most(1_000, std::io::repeat(b'#'), Path::new("endless"));
+        let refused = read.unwrap_err().to_string();
+        assert!(
+            refused.contains("endless, line 1: it is too large"),
+            "{refused}"
+        );
+        assert!(of_at_most(1_000, &[b'#'; 1_000][..], Path::new("full")).is_ok());
+    }
 }

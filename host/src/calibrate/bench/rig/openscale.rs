@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use serialport::SerialPort;
 
-use super::program::{Line, Source};
+use super::program::{LONGEST_LINE, Line, Source};
 use crate::failure::Failure;
 
 /// The rate with which it leaves its maker.
@@ -98,6 +98,12 @@ impl Source for OpenScale {
                 time_s: None,
                 value,
             });
+        }
+        if self.received.len() as u64 > LONGEST_LINE {
+            return Err(Failure::Refused(format!(
+                "the OpenScale at {} sends no line's end: name its rate, as openscale:PORT:BAUD, if it is not {BAUD}",
+                self.name
+            )));
         }
         Ok(lines)
     }
@@ -188,6 +194,25 @@ mod tests {
             value,
         };
         assert_eq!(lines, [reading]);
+    }
+
+    /// As at a wrong rate.
+    #[cfg(unix)]
+    #[test]
+    fn a_line_without_an_end_is_refused() {
+        use std::io::Write;
+
+        let (mut scale, port) = serialport::TTYPort::pair().unwrap();
+        let path = port.name().unwrap();
+        drop(port);
+        let mut open = OpenScale::open(&path).unwrap();
+        let refused = (0..100).find_map(|_| {
+            scale.write_all(&[0x81; 100]).unwrap();
+            open.lines().err()
+        });
+        let said = refused.map(|failure| failure.to_string());
+        assert!(said.unwrap_or_default().contains("no line's end"));
+        assert!(open.received.len() < 2_000);
     }
 
     #[cfg(unix)]

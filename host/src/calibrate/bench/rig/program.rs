@@ -144,6 +144,9 @@ impl Program {
 /// Lines that wait at most: a program that prints without a pause waits as well. Ten seconds of a quick gauge.
 const WAITING: usize = 10_000;
 
+/// Most bytes of a line of a gauge, its end included: twenty times what gauges print. A longer one is cut.
+pub(super) const LONGEST_LINE: u64 = 1_000;
+
 /// The words of a command: what stands between spaces, or in single or double quotes.
 fn words(command: &str) -> Result<Vec<String>, &'static str> {
     let mut words = Vec::new();
@@ -173,7 +176,8 @@ fn texts(output: impl Read) -> impl Iterator<Item = String> {
     let mut output = BufReader::new(output);
     iter::from_fn(move || {
         let mut line = Vec::new();
-        let count = output.read_until(b'\n', &mut line).unwrap_or(0);
+        let mut part = output.by_ref().take(LONGEST_LINE);
+        let count = part.read_until(b'\n', &mut line).unwrap_or(0);
         (count > 0).then(|| String::from_utf8_lossy(&line).trim_end().to_owned())
     })
 }
@@ -316,6 +320,14 @@ mod tests {
         thread::sleep(Duration::from_millis(200));
         let lines = program.lines().unwrap();
         assert!((1..=WAITING).contains(&lines.len()), "{}", lines.len());
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_line_without_an_end_is_cut() {
+        let said = failure("cat /dev/zero");
+        assert!(said.contains("a line is a number"), "{said}");
+        assert!(said.len() < 4 * LONGEST_LINE as usize, "{}", said.len());
     }
 
     #[cfg(unix)]
