@@ -2,14 +2,13 @@
 //! text.
 
 use std::fmt;
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
 use defmt_decoder::{DecodeError, Frame, Table};
 
 use crate::failure::Failure;
-use crate::notice;
+use crate::{notice, text};
 
 /// How an ELF file begins.
 const ELF: &[u8] = b"\x7fELF";
@@ -100,10 +99,7 @@ impl Log {
     /// # Errors
     /// If the file cannot be read, or is neither.
     pub(crate) fn load(file: &Path) -> Result<Self, Failure> {
-        let bytes = fs::read(file).map_err(|reason| Failure::Unreadable {
-            file: file.to_path_buf(),
-            reason,
-        })?;
+        let bytes = text::bytes_of_file(file)?;
         if bytes.starts_with(ELF) {
             return Self::of(&bytes, file);
         }
@@ -224,7 +220,7 @@ mod tests {
     fn a_file_that_is_neither_image_nor_table_is_refused() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("notes.txt");
-        fs::write(&file, "no table").unwrap();
+        std::fs::write(&file, "no table").unwrap();
         let message = Log::load(&file).err().unwrap().to_string();
         assert!(message.contains("palpate log-table"), "{message}");
     }

@@ -18,19 +18,27 @@ const MOST_BYTES: u64 = 1_000_000_000;
 /// # Errors
 /// If it cannot be read, is too large, or is not UTF-8.
 pub(crate) fn of_file(file: &Path) -> Result<String, Failure> {
-    let opened = fs::File::open(file).map_err(|reason| Failure::Unreadable {
-        file: file.to_path_buf(),
-        reason,
-    })?;
-    of(opened, file)
+    of_bytes(bytes_of_file(file)?, file)
 }
 
 /// The same of an input, which has a name.
 pub(crate) fn of(from: impl Read, name: &Path) -> Result<String, Failure> {
-    of_at_most(MOST_BYTES, from, name)
+    of_bytes(bytes(MOST_BYTES, from, name)?, name)
 }
 
-fn of_at_most(most_bytes: u64, from: impl Read, name: &Path) -> Result<String, Failure> {
+/// The bytes of a file, text or not.
+///
+/// # Errors
+/// If it cannot be read, or is too large.
+pub(crate) fn bytes_of_file(file: &Path) -> Result<Vec<u8>, Failure> {
+    let opened = fs::File::open(file).map_err(|reason| Failure::Unreadable {
+        file: file.to_path_buf(),
+        reason,
+    })?;
+    bytes(MOST_BYTES, opened, file)
+}
+
+fn bytes(most_bytes: u64, from: impl Read, name: &Path) -> Result<Vec<u8>, Failure> {
     let mut bytes = Vec::new();
     from.take(most_bytes + 1)
         .read_to_end(&mut bytes)
@@ -46,6 +54,10 @@ fn of_at_most(most_bytes: u64, from: impl Read, name: &Path) -> Result<String, F
             allowed: format!("at most {most_bytes} bytes"),
         });
     }
+    Ok(bytes)
+}
+
+fn of_bytes(bytes: Vec<u8>, name: &Path) -> Result<String, Failure> {
     let is_utf_16 = UTF_16_MARKS.iter().any(|mark| bytes.starts_with(mark));
     let text = String::from_utf8(bytes).map_err(|error| {
         let after = error.utf8_error().valid_up_to();
@@ -73,12 +85,12 @@ mod tests {
 
     #[test]
     fn an_input_that_never_ends_is_refused() {
-        let read = of_at_most(1_000, std::io::repeat(b'#'), Path::new("endless"));
+        let read = bytes(1_000, std::io::repeat(b'#'), Path::new("endless"));
         let refused = read.unwrap_err().to_string();
         assert!(
             refused.contains("endless, line 1: it is too large"),
             "{refused}"
         );
-        assert!(of_at_most(1_000, &[b'#'; 1_000][..], Path::new("full")).is_ok());
+        assert!(bytes(1_000, &[b'#'; 1_000][..], Path::new("full")).is_ok());
     }
 }

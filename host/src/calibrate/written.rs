@@ -1,7 +1,6 @@
 //! A session in a file: what was written down on the bench, to be taken together with another one, and to be held
 //! against later.
 
-use std::fs;
 use std::path::Path;
 
 use palpate_calibration::session::Session;
@@ -10,6 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::failure::Failure;
 use crate::output::OutputFile;
+use crate::text;
 
 /// A session as a file has it.
 #[derive(Serialize, Deserialize)]
@@ -53,10 +53,7 @@ pub(super) fn write(
 /// # Errors
 /// If it cannot be read, or is no session of this version.
 pub(crate) fn read(path: &Path) -> Result<Written, Failure> {
-    let bytes = fs::read(path).map_err(|reason| Failure::Unreadable {
-        file: path.to_path_buf(),
-        reason,
-    })?;
+    let bytes = text::bytes_of_file(path)?;
     let wrong = |line: usize, problem: String| Failure::Input {
         file: path.to_path_buf(),
         line: line as u64,
@@ -123,7 +120,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("other.json");
         let refused = |text: &str| {
-            fs::write(&path, text).unwrap();
+            std::fs::write(&path, text).unwrap();
             read(&path).map(|_| ()).unwrap_err().to_string()
         };
         assert!(refused("{\n\"runs\": 3}").contains("not a session"));

@@ -5,7 +5,6 @@ mod drive;
 mod sample;
 mod uf2;
 
-use std::fs;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::thread::sleep;
@@ -22,7 +21,7 @@ use serde::Serialize;
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;
 use crate::link::{self, Link};
-use crate::{notice, storage};
+use crate::{notice, storage, text};
 use uf2::Uf2;
 
 /// How long a drive may take to be there: a system mounts it within seconds, a person within a minute.
@@ -97,10 +96,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
 
 /// Reads a file and checks that the board may be given it.
 fn load(path: &Path) -> Result<Uf2, Failure> {
-    let bytes = fs::read(path).map_err(|reason| Failure::Unreadable {
-        file: path.to_path_buf(),
-        reason,
-    })?;
+    let bytes = text::bytes_of_file(path)?;
     let is_elf = bytes.starts_with(b"\x7fELF");
     let bytes = if is_elf {
         let image = Image::load(path);
@@ -299,7 +295,7 @@ mod tests {
     fn a_file_that_is_refused_says_that_nothing_was_written() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("notes.uf2");
-        fs::write(&file, "no firmware").unwrap();
+        std::fs::write(&file, "no firmware").unwrap();
         let failure = load(&file).unwrap_err();
         let message = failure.to_string();
         assert!(message.contains("Nothing was written"), "{message}");

@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
+use std::io::Read as _;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -95,12 +96,16 @@ impl Image {
         }
     }
 
-    /// Reads an ELF file.
+    /// Reads an ELF file, of which at most a gigabyte: a device may never end.
     ///
     /// # Errors
     /// [`ImageError`].
     pub fn load(path: &Path) -> Result<Self, ImageError> {
-        Self::parse(&std::fs::read(path).map_err(ImageError::File)?)
+        let mut bytes = Vec::new();
+        let file = std::fs::File::open(path);
+        file.and_then(|file| file.take(1_000_000_000).read_to_end(&mut bytes))
+            .map_err(ImageError::File)?;
+        Self::parse(&bytes)
     }
 
     /// Loads the bytes of an ELF file: its segments go to their physical addresses, as a flash
