@@ -194,9 +194,10 @@ mod tests {
         assert!(of(&["--seed", "3"]).is_none());
         for seed in ["1", "3"] {
             let (stack, sensor) = of(&["--stack", "ultrasoft", "--seed", seed]).unwrap();
-            let ohm = stack.coil_resistance_ohm.centre();
-            assert_eq!(sensor.thermal.resistance_ohm, ohm);
-            assert_eq!(sensor.current.peak_a, stack.peak_current_a.centre());
+            let spring_n_per_m = stack.sensing_spring_n_per_m.centre();
+            assert_eq!(sensor.sensing.spring_n_per_m, spring_n_per_m);
+            let spring_n_per_m = stack.actuated_spring_n_per_m.centre();
+            assert_eq!(sensor.actuated.spring_n_per_m, spring_n_per_m);
         }
     }
 }
