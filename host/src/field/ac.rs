@@ -174,6 +174,8 @@ struct CoilsAtFrequency {
     current_A: Option<f64>,
     frequency_Hz: f64,
     coils: Vec<CoilAtFrequency>,
+    /// Magnetic plates without a conductivity.
+    parts_without_currents: Vec<String>,
     /// Voltage on each coil (row), real and imaginary, per ampere in each (column), the others open.
     impedances_ohm: Vec<Vec<[f64; 2]>>,
     unknowns: usize,
@@ -216,6 +218,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
                 .iter()
                 .map(|coil| CoilAtFrequency::of(&design, solved, coil))
                 .collect(),
+            parts_without_currents: without_currents(&design),
             impedances_ohm: (solved.impedance_ohm.iter())
                 .map(|row| row.iter().map(|z| [z.re, z.im]).collect())
                 .collect(),
@@ -234,6 +237,14 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
     about.iter().try_for_each(|about| reached(&design, about))?;
     outcomes.iter().try_for_each(CoilsAtFrequency::reached)
+}
+
+/// Magnetic plates in which no currents are induced, since the design has no conductivity of them.
+fn without_currents(design: &Design) -> Vec<String> {
+    let plates = design.parts.iter();
+    let plates = plates.filter(|part| !part.cast && part.material.initial_mu_r() > 1.0);
+    let insulating = plates.filter(|plate| plate.conductivity_s_per_m == 0.0);
+    insulating.map(|plate| plate.name.clone()).collect()
 }
 
 /// The coils with these names; without any, those that are not driven, or all.
@@ -282,6 +293,12 @@ impl CoilsAtFrequency {
         );
         for coil in &self.coils {
             text.push_str(&coil.explain());
+        }
+        if !self.parts_without_currents.is_empty() {
+            text.push_str(&format!(
+                "  without conductivity_S_per_m, so that no currents are induced in them: {}\n",
+                self.parts_without_currents.join(", ")
+            ));
         }
         text
     }

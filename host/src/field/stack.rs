@@ -188,6 +188,12 @@ fn may_be_a_stack(design: &Design, peak_a: f64) -> Result<(), Failure> {
             "the design has no coil or no current: add a [[coil]] and [conductor] current_A";
         return Err(Failure::Refused(reason.to_owned()));
     }
+    if let Some(coil) = design.coils.iter().find(|coil| !coil.driven) {
+        return Err(Failure::Refused(format!(
+            "{}: the coil {:?} carries no current, and a stack's sensing coil lies by --spacer above the top of the design: remove that coil and its slabs",
+            design.name, coil.name
+        )));
+    }
     if design.has_standing_field() {
         return Err(Failure::Refused(format!(
             "{}: a stack file has no key for a background, a magnet or a coil's own current, and its attraction grows with the square of the current: remove [background], remanence_T and current_A of coils",

@@ -58,7 +58,7 @@ fn assumed(plan: &Plan) -> String {
         format!("Creep and model were found with simulated sensors of the stack {ASSUMED_FROM}");
     if plan.is_assumed {
         format!(
-            "{found}; for this one they are assumed. `palpate efficiency --bench-temperature --stack` counts errors of sensors of it."
+            "{found}; for this one they are assumed. `palpate efficiency --bench-temperature --stack FILE.toml` counts errors of sensors of it."
         )
     } else {
         format!("{found}.")

@@ -542,6 +542,30 @@ fn files_of_a_design_and_fields_beyond_a_table_are_said() {
     }
 }
 
+/// Plates without a conductivity are named, and a stack has no second sensing coil.
+#[test]
+fn what_a_design_leaves_out_is_said() {
+    let ac = [
+        "ac",
+        "closed-sensing",
+        "--frequency",
+        "1e5",
+        "--accuracy",
+        "1e-2",
+    ];
+    let insulating = ["--set", "material.permalloy.conductivity_S_per_m=0"];
+    let said = "no currents are induced in them: ";
+    assert!(!printed(&ac).contains(said));
+    let printed = printed(&[&ac[..], &insulating].concat());
+    assert!(printed.contains(said), "{printed}");
+    let (code, refused) = refused(&["stack", "closed-sensing", "--mse", "soft"]);
+    assert_eq!(code, Some(1));
+    assert!(
+        refused.contains("carries no current, and a stack's sensing coil"),
+        "{refused}"
+    );
+}
+
 #[test]
 fn refusals_name_file_and_line() {
     let folder = tempfile::tempdir().unwrap();

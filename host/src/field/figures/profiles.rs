@@ -137,10 +137,13 @@ impl Chart {
             .map_err(text)?;
         for ((name, points), colour) in sampled.into_iter().zip(COLOURS) {
             let style = colour.stroke_width(4);
-            // Peaks at corners of plates would squeeze everything else: they leave the picture.
-            let shown = points.into_iter().map(|(at, size)| (at, size.min(top)));
+            // Peaks at corners of plates would squeeze everything else: there the line leaves the picture.
+            for shown in points.split(|(_, size)| *size > top) {
+                let line = LineSeries::new(shown.iter().copied(), style);
+                chart.draw_series(line).map_err(text)?;
+            }
             chart
-                .draw_series(LineSeries::new(shown, style))
+                .draw_series(LineSeries::new(std::iter::empty(), style))
                 .map_err(text)?
                 .label(name)
                 .legend(move |(x, y)| PathElement::new(vec![(x, y), (x + 44, y)], style));

@@ -293,6 +293,10 @@ fn the_design_overrides_the_unit_of_a_drawing() {
             "{summary}"
         );
     }
+    // A design that is refused says it, too: with another unit its parts overlap, or there is none in the core.
+    let plate = "layer = \"ball\" }\n[[plate]]\nname = \"p\"\nmaterial = \"none\"\nshape = { r = [0.0, 1.0], x = [0.0, 1.0]";
+    let refused = design_of("unit", &drawing, plate).expect_err("no material");
+    assert!(refused.contains(said), "{refused}");
     let beside = "layer = \"ball\", drawing_unit = \"ft\"";
     let refused = design_of("unit", &drawing, beside).expect_err("feet");
     let said = "body \"b\".shape.drawing_unit: is \"ft\"; allowed: \"m\", \"cm\", \"mm\"";

@@ -54,7 +54,9 @@ pub(super) fn read(file: &str, text: &str) -> Result<Design, DesignError> {
         let value = reader.finite(&value.span(), name, *value.get_ref())?;
         reader.parameters.insert(name.clone(), value);
     }
-    reader.design(parsed)
+    reader
+        .design(parsed)
+        .map_err(|error| reader.with_files(error))
 }
 
 struct Reader<'t> {
@@ -119,6 +121,16 @@ impl Reader<'_> {
             problem: problem.into(),
             allowed: allowed.to_owned(),
         }
+    }
+
+    /// An error with what was read of files: a drawing in another unit overlaps what is near.
+    fn with_files(&self, mut error: DesignError) -> DesignError {
+        for file in self.files.take() {
+            if error.file == self.file {
+                error.problem.push_str(&format!(" (read of {file})"));
+            }
+        }
+        error
     }
 
     /// A unit of length, m.
