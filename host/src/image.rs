@@ -96,10 +96,18 @@ impl Arguments {
             return Ok(file);
         }
         let Some(workspace) = firmware::workspace() else {
+            let looked: Vec<String> = (places_beside_tool(program).iter())
+                .map(|place| place.display().to_string())
+                .collect();
             return Err(Failure::Argument(format!(
-                "no {}: name one with --image FILE, or run this inside of a palpate checkout, \
+                "no {}{}: name one with --image FILE, or run this inside of a palpate checkout, \
                  where it is built. In a checkout, {}.",
                 program.name(),
+                if looked.is_empty() {
+                    String::new()
+                } else {
+                    format!(" at {}", looked.join(" or "))
+                },
                 program.made_by()
             )));
         };
@@ -114,11 +122,23 @@ impl Arguments {
     }
 }
 
-fn beside_tool(program: Program) -> Option<PathBuf> {
+/// In the folder of the tool: where a release has it, and the file alone.
+fn places_beside_tool(program: Program) -> Vec<PathBuf> {
     // The file itself where a link of another folder leads to it.
-    let tool = env::current_exe().ok()?.canonicalize().ok()?;
-    let file = tool.parent()?.join(program.of_release()?);
-    file.is_file().then_some(file)
+    let tool = env::current_exe().and_then(|tool| tool.canonicalize());
+    let tool = tool.ok();
+    let folder = tool.as_deref().and_then(Path::parent);
+    let (Some(folder), Some(of_release)) = (folder, program.of_release()) else {
+        return Vec::new();
+    };
+    let of_release = folder.join(of_release);
+    let alone = of_release.file_name().map(|name| folder.join(name));
+    [Some(of_release), alone].into_iter().flatten().collect()
+}
+
+fn beside_tool(program: Program) -> Option<PathBuf> {
+    let mut places = places_beside_tool(program).into_iter();
+    places.find(|place| place.is_file())
 }
 
 fn unusable(file: &Path, program: Program, error: &dyn std::fmt::Display) -> Failure {

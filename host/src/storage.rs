@@ -66,6 +66,15 @@ fn ended(
     })
 }
 
+/// How long what is in force and not stored lasts.
+pub(crate) const fn lasts(on_emulated_board: bool) -> &'static str {
+    if on_emulated_board {
+        "Lost with the end of this command, which switches the emulated board off: `--store` keeps it."
+    } else {
+        "In force until the power is off; `palpate settings store` keeps it."
+    }
+}
+
 /// What is stored, in a sentence.
 pub(crate) fn describe(storage: &Storage) -> String {
     match storage.state {

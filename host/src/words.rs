@@ -22,7 +22,7 @@ use crate::text;
 #[command(after_help = "\
 The file is CSV with the columns source, fref_hz, rcount, kind and value, in any order; \
 lines that begin with # are comments. kind is `word` (value: DATAx in \
-hexadecimal, with or without its error flags) or `hz` (value: a frequency from which the word is recovered).
+hexadecimal behind 0x, with or without its error flags) or `hz` (value: a frequency from which the word is recovered).
 
 Example:
   palpate words docs/examples/words.csv --json")]
@@ -88,7 +88,9 @@ fn decode_file(path: &Path) -> Result<Vec<WordRow>, Failure> {
     let mut rows = Vec::new();
     for record in reader.records() {
         let record = record.map_err(|error| csv_failure(path, &error))?;
-        let line = record.position().map_or(0, csv::Position::line);
+        let line = record
+            .position()
+            .map_or(0, |place| line_from(&text, place.byte()));
         let fail = |(problem, allowed): (String, String)| Failure::Input {
             file: path.to_owned(),
             line,
@@ -112,6 +114,14 @@ fn decode_file(path: &Path) -> Result<Vec<WordRow>, Failure> {
         });
     }
     Ok(rows)
+}
+
+/// The line of what begins at or behind a byte: the reader's own line is that before, where lines end with two characters.
+fn line_from(text: &str, byte: u64) -> u64 {
+    let start = text.get(byte as usize..).unwrap_or_default();
+    let blank = start.len() - start.trim_start().len();
+    let before = text.get(..byte as usize + blank).unwrap_or(text);
+    1 + before.matches('\n').count() as u64
 }
 
 fn csv_failure(path: &Path, error: &csv::Error) -> Failure {
@@ -233,7 +243,7 @@ fn word(kind: &str, value: &str, fref_hz: f64) -> Result<Word, FieldError> {
             .ok_or_else(|| {
                 (
                     format!("value is '{value}'"),
-                    "DATAx, 0x0 to 0xffffffff: a word of 28 bits, and above it its error flags"
+                    "DATAx in hexadecimal behind 0x, 0x0 to 0xffffffff: a word of 28 bits, and above it its error flags"
                         .into(),
                 )
             }),

@@ -35,7 +35,7 @@ Exit code 1 if the press contradicts the calibration, or the board refuses the m
 Examples:
   palpate check --untouched cold.json
   palpate check --spring 8000 --store
-  palpate check --board emulated --load 1")]
+  palpate check --board emulated --load 1 --store")]
 pub(crate) struct Arguments {
     #[command(flatten)]
     link: link::Arguments,

@@ -70,8 +70,13 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         force_n: estimate.force_n.into(),
         temperature_c: estimate.temperature_c.map(f64::from),
     };
-    let checked = palpate_calibration::check(&commands, &press)
-        .map_err(|cause| Failure::Refused(cause.to_string()))?;
+    let checked = palpate_calibration::check(&commands, &press).map_err(|cause| {
+        Failure::Refused(format!(
+            "--spring {spring_n_per_m} N/m is {}, and measured as {}: {cause}",
+            stiffness(spring_n_per_m),
+            or_rigid(estimate.stiffness_n_per_m)
+        ))
+    })?;
     keep(&mut link, &checked.commands, press.temperature_c)?;
     let stored = if arguments.store {
         Some(storage::store(&mut link)?)
@@ -93,23 +98,26 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         configuration_crc: storage::inspect(&mut link)?.in_force_crc,
         stored: stored.is_some(),
     };
-    print(&line, arguments.json)
+    print(&line, emulated, arguments.json)
 }
 
-fn print(line: &Line, json: bool) -> Result<(), Failure> {
+fn or_rigid(n_per_m: Option<f32>) -> String {
+    n_per_m.map(f64::from).map_or("rigid".to_owned(), stiffness)
+}
+
+fn print(line: &Line, emulated: bool, json: bool) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
     if json {
         return Ok(writeln!(out, "{}", serde_json::to_string(line)?)?);
     }
-    let of = |n_per_m: Option<f32>| n_per_m.map(f64::from).map_or("rigid".to_owned(), stiffness);
     writeln!(
         out,
         "The spring of {} is measured as {}, 95 % between {} and {}: {:.1} standard errors too {}. The \
          calibration holds.",
         stiffness(line.spring_n_per_m),
-        of(line.measured_n_per_m),
-        of(Some(line.lower_n_per_m)),
-        of(line.upper_n_per_m),
+        or_rigid(line.measured_n_per_m),
+        or_rigid(Some(line.lower_n_per_m)),
+        or_rigid(line.upper_n_per_m),
         line.deviation.abs(),
         if line.deviation > 0.0 {
             "stiff"
@@ -138,7 +146,7 @@ fn print(line: &Line, json: bool) -> Result<(), Failure> {
         if line.stored {
             "Stored."
         } else {
-            "In force until the power is off; `palpate settings store` keeps it."
+            storage::lasts(emulated)
         }
     )?)
 }

@@ -73,7 +73,12 @@ pub(super) fn run(arguments: &Arguments, session: &Path) -> Result<(), Failure> 
         configuration_crc: storage::inspect(&mut link)?.in_force_crc,
         stored,
     };
-    print(&line, &checked, arguments.json)
+    print(
+        &line,
+        &checked,
+        arguments.link.is_emulated(),
+        arguments.json,
+    )
 }
 
 /// The bench's own train, and what the bench gave.
@@ -113,7 +118,7 @@ fn driven_by(commands: &[Command]) -> Result<(&Settings, &Coil), Failure> {
     })
 }
 
-fn print(line: &Line, checked: &Untouched, json: bool) -> Result<(), Failure> {
+fn print(line: &Line, checked: &Untouched, emulated: bool, json: bool) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
     if json {
         return Ok(writeln!(out, "{}", serde_json::to_string(line)?)?);
@@ -135,7 +140,7 @@ fn print(line: &Line, checked: &Untouched, json: bool) -> Result<(), Failure> {
         if line.stored {
             "Stored."
         } else {
-            "In force until the power is off; `palpate settings store` keeps it."
+            storage::lasts(emulated)
         }
     )?)
 }

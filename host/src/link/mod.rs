@@ -447,12 +447,13 @@ impl Link {
     fn no_fault(&self, since: usize) -> Result<(), Failure> {
         let mut new = self.received.get(since..).into_iter().flatten();
         let fault = new.find_map(|arrival| match &arrival.frame.message {
-            Record::Fault(fault) if fault.active => Some(fault.code),
+            Record::Fault(fault) if fault.active => Some((fault.code, fault.value)),
             _ => None,
         });
-        fault.map_or(Ok(()), |code| {
+        fault.map_or(Ok(()), |(code, value)| {
+            let value = value.map_or_else(String::new, |value| format!(", {value}"));
             Err(Failure::Refused(format!(
-                "the board: {code}. {} docs/faults.md says what to do.",
+                "the board: {code}{value}. {} docs/faults.md says what to do.",
                 code.meaning().trim()
             )))
         })

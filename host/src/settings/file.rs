@@ -93,6 +93,14 @@ fn read(file: &Path) -> Result<Vec<Command>, Failure> {
         };
         commands.push((place, command));
     }
+    if commands.is_empty() {
+        return Err(Failure::Input {
+            file: file.to_path_buf(),
+            line: 1,
+            problem: "no command is in it".to_owned(),
+            allowed: "what `palpate settings export` writes".to_owned(),
+        });
+    }
     commands.sort_by_key(|(place, _)| *place);
     Ok(commands.into_iter().map(|(_, command)| command).collect())
 }

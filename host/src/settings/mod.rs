@@ -232,7 +232,11 @@ fn set(arguments: &Set) -> Result<(), Failure> {
             writeln!(out, "{}: {new}{unit} (was {old}{unit})", field.name)?;
         }
     }
-    Ok(writeln!(out, "{}", storage::describe(&storage))?)
+    writeln!(out, "{}", storage::describe(&storage))?;
+    if storage.stored_crc != storage.in_force_crc {
+        writeln!(out, "{}", storage::lasts(arguments.link.is_emulated()))?;
+    }
+    Ok(())
 }
 
 /// A board that refuses settings does not say which: those that were changed are named.

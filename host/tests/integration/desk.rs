@@ -134,7 +134,9 @@ fn a_check_by_a_known_spring_corrects_the_stiffening_or_refuses_the_calibration(
     let message = String::from_utf8(refused.stderr).unwrap();
     assert_eq!(refused.status.code(), Some(1), "{message}");
     assert!(
-        message.contains("standard errors too soft") && message.contains("calibrate anew"),
+        message.contains("--spring 30000 N/m is 30.0 N/mm, and measured as ")
+            && message.contains("standard errors too soft")
+            && message.contains("calibrate anew"),
         "{message}"
     );
     json(&on_board(&["settings", "export", "again.jsonl"]));

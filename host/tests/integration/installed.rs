@@ -64,6 +64,15 @@ fn without_image_and_checkout_every_verb_says_where_to_get_one() {
         let output = run(&tool, &empty, arguments);
         let message = String::from_utf8(output.stderr).unwrap();
         assert_eq!(output.status.code(), Some(2), "{arguments:?}: {message}");
+        let place = tool
+            .with_file_name("firmware/palpate-pico.elf")
+            .display()
+            .to_string();
+        let bring_up = arguments[0] == "bring-up";
+        assert!(
+            bring_up || message.contains(&place),
+            "{arguments:?}: {message}"
+        );
         for part in ["--image FILE", "palpate checkout", "cargo "] {
             assert!(message.contains(part), "{arguments:?}: {message}");
         }
@@ -150,6 +159,14 @@ fn an_installed_tool_runs_the_image_that_is_named_that_of_its_release_or_of_the_
     let message = String::from_utf8(beside.stderr).unwrap();
     assert!(beside.status.success(), "{message}");
     assert_eq!(beside.stdout, named.stdout);
+    // The file alone in the tool's folder.
+    fs::rename(
+        firmware.join("palpate-pico.elf"),
+        folder.path().join("bin/palpate-pico.elf"),
+    )
+    .unwrap();
+    let alone = run(&tool, folder.path(), &coil);
+    assert_eq!(alone.stdout, named.stdout);
 }
 
 #[test]

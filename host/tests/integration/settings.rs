@@ -199,3 +199,31 @@ fn a_value_out_of_range_is_bad_input_and_one_that_the_board_cannot_do_a_refusal(
     let unconfirmed = settings(&["erase"], folder.path());
     assert_eq!(unconfirmed.status.code(), Some(2));
 }
+
+/// A change that the end of the command undoes, a fault with its value, and a file with nothing in it.
+#[test]
+fn what_becomes_of_a_change_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let said = |arguments: &[&str]| {
+        let output = settings(arguments, folder.path());
+        let said = String::from_utf8_lossy(&[output.stdout, output.stderr].concat()).into_owned();
+        (output.status.code(), said)
+    };
+    let (code, lost) = said(&["set", "rate_hz=500"]);
+    assert_eq!(code, Some(0), "{lost}");
+    assert!(lost.contains("Lost with the end of this command"), "{lost}");
+    let (code, kept) = said(&["set", "rate_hz=500", "--store"]);
+    assert_eq!(code, Some(0), "{kept}");
+    assert!(!kept.contains("Lost"), "{kept}");
+    // There is one coil.
+    let (code, silent) = said(&["set", "channels=3", "--store"]);
+    assert_eq!(code, Some(1), "{silent}");
+    assert!(silent.contains("sensor_not_oscillating, 1. "), "{silent}");
+    fs::write(folder.path().join("empty.jsonl"), "").unwrap();
+    let (code, empty) = said(&["import", "empty.jsonl"]);
+    assert_eq!(code, Some(2), "{empty}");
+    assert!(
+        empty.contains("empty.jsonl, line 1: no command is in it"),
+        "{empty}"
+    );
+}

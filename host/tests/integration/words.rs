@@ -54,6 +54,26 @@ fn posted_words_are_ratios_within_the_window() {
     }
 }
 
+/// Files of Windows, with blank lines too: the line that an editor shows.
+#[test]
+fn a_wrong_word_is_named_by_its_line_whatever_ends_lines() {
+    let lines = "source,fref_hz,rcount,kind,value\na,40e6,65535,word,0x01234567\n\nb,40e6,65535,word,01234567\n";
+    for text in [
+        lines.to_owned(),
+        lines.replace('\n', "\r\n"),
+        format!("\u{feff}{}", lines.replace('\n', "\r\n")),
+    ] {
+        let file = file(&text);
+        let output = palpate(&["words", file.path().to_str().unwrap()]);
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{said}");
+        assert!(
+            said.contains("line 4: value is '01234567'. Allowed: DATAx in hexadecimal behind 0x"),
+            "{said}"
+        );
+    }
+}
+
 #[test]
 fn of_random_words_three_to_seven_in_a_thousand_are_plausible() {
     let mut text = String::from("source,fref_hz,rcount,kind,value\n");
