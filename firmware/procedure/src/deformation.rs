@@ -17,8 +17,8 @@ pub(crate) struct Deformation {
     pub(crate) sigma: Metre,
     /// Variance of its zero, which all readings of a touch share, m^2.
     pub(crate) zero_variance_m2: f32,
-    /// For how long it has been about as large.
-    pub(crate) held_for: Second,
+    /// Its mean age.
+    pub(crate) mean_age: Second,
     /// Whether it lies beyond the calibrated curve.
     pub(crate) extrapolated: bool,
     /// State of touch.
@@ -149,7 +149,7 @@ impl Follower {
             value: deformation,
             sigma: Metre(sigma),
             zero_variance_m2: self.detector.zero().map_or(0.0, Zero::variance_m2),
-            held_for: self.detector.held_for().unwrap_or_default(),
+            mean_age: self.detector.mean_age(deformation).unwrap_or_default(),
             extrapolated: point.extrapolated,
             touch,
         })

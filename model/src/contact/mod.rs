@@ -197,15 +197,10 @@ struct Held {
     /// Where the sensor read before, if that is not where an untouched one does.
     doubtful: Option<Metre>,
     deepest: Metre,
-    /// A deformation that is within [`SETTLED`] of the present one, and for how long it has been, s.
-    settled: Metre,
-    still: f32,
+    /// Integral of the deformation over the touch, m s.
+    integral: f32,
     falling: f32,
 }
-
-/// While a deformation is no greater than so many times what it was, it counts as held: a press that is not over
-/// grows by more, and creep by less.
-const SETTLED: f32 = 1.25;
 
 impl Detector {
     /// Begins with an unknown baseline. Sigma, allowance and threshold must be above zero.
@@ -235,9 +230,15 @@ impl Detector {
         self.held.as_ref().map(|held| &held.zero)
     }
 
-    /// For how long the touch has been about as deep as it is now.
-    pub fn held_for(&self) -> Option<Second> {
-        self.held.as_ref().map(|held| Second(held.still))
+    /// Mean age of this deformation: its integral over the touch divided by it, which is the age of its increments weighted by
+    /// their size. NaN or infinite for a deformation of zero.
+    ///
+    /// Creep and the coil's current add small, young increments, so that a hold keeps its age. A press that only deepens has
+    /// crept by the mean logarithm of the increments' ages, of which the logarithm of their mean is an upper bound (Jensen's
+    /// inequality).
+    pub fn mean_age(&self, deformation: Metre) -> Option<Second> {
+        let held = self.held.as_ref()?;
+        Some(Second(held.integral / deformation.0))
     }
 
     /// Where the sensor read before it was touched, if an untouched one does not read that: something lay on it from the
@@ -334,10 +335,7 @@ impl Detector {
         if let Some(held) = &mut self.held {
             held.zero.advance(interval);
             let deformation = reading - held.zero.value();
-            held.still += interval.0;
-            if deformation.0 > SETTLED * held.settled.0 {
-                (held.settled, held.still) = (deformation, 0.0);
-            }
+            held.integral += deformation.0 * interval.0;
             let touch = self.watch_release(deformation);
             return Observation { deformation, touch };
         }
@@ -426,8 +424,7 @@ impl Detector {
             zero,
             doubtful: self.doubtful(before.value()),
             deepest: Metre(0.0),
-            settled: Metre(0.0),
-            still: 0.0,
+            integral: 0.0,
             falling: 0.0,
         });
         self.begin();

@@ -324,3 +324,38 @@ fn bad_readings_pass_without_effect() {
     assert!(Detector::new(Watch::new(Metre(0.0))).is_err());
     assert!(Detector::new(watch(f32::NAN)).is_err());
 }
+
+/// A press is as old as the time for which it has been held, wherever on its way it was how deep: also one that has crept, and
+/// one that the coil's current deepens. One that was lighter before is younger than the touch.
+#[test]
+fn the_age_of_a_press_is_that_of_its_depth() {
+    let interval = Second(1e-2);
+    for rise_s in [0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8] {
+        let mut detector = Detector::new(Watch::new(Metre(SIGMA as f32))).unwrap();
+        for _ in 0..100 {
+            detector.push(interval, Metre(0.0));
+        }
+        for step in 1..=6_000_u16 {
+            let time_s = f64::from(step) * 1e-2;
+            let crept = 1.0 + 0.02 * (time_s / 0.1).max(1.0).ln();
+            // At a train's peak.
+            let deepened = if step == 6_000 { 1.06 } else { 1.0 };
+            let pressed = if time_s < rise_s {
+                time_s / rise_s
+            } else {
+                1.0
+            };
+            let depth_m = 0.3e-3 * pressed * crept * deepened;
+            detector.push(interval, Metre(depth_m as f32));
+        }
+        let deformation = Metre((0.3e-3 * 1.06 * (1.0 + 0.02 * 600.0_f64.ln())) as f32);
+        let Second(age_s) = detector.mean_age(deformation).unwrap();
+        assert!((50.0..=60.0).contains(&age_s), "{rise_s} s: {age_s} s");
+        // Twice as deep, for two seconds.
+        for _ in 0..200 {
+            detector.push(interval, deformation * 2.0);
+        }
+        let Second(age_s) = detector.mean_age(deformation * 2.0).unwrap();
+        assert!((27.0..=33.0).contains(&age_s), "{rise_s} s: {age_s} s");
+    }
+}

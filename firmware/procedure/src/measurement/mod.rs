@@ -84,7 +84,7 @@ struct ZeroAtTrain {
 /// From the press to the train, s: on a bench it takes less, so that the calibration contains the creep until then.
 const BENCH_S: f32 = 1.5;
 
-/// What the sensing layer creeps, relative, in each e-fold of time, and its standard uncertainty: three modes of 6 % in the
+/// What the sensing layer creeps, relative, in each e-fold of its deformation's age, and its standard uncertainty: three modes of 6 % in the
 /// mean over the times from 0.05 to 1000 s (sim-host/stacks/disturbances.toml), and anything from none to twice as much.
 const CREEP: f32 = 0.018;
 const CREEP_UNCERTAINTY: f32 = 0.0104;
@@ -92,7 +92,7 @@ const CREEP_UNCERTAINTY: f32 = 0.0104;
 impl ZeroAtTrain {
     /// At the first sample of a train.
     fn of(deformation: &Deformation) -> Self {
-        let longer = ln((deformation.held_for.0 / BENCH_S).max(1.0)) * deformation.value.0;
+        let longer = ln((deformation.mean_age.0 / BENCH_S).max(1.0)) * deformation.value.0;
         let uncertain = CREEP_UNCERTAINTY * longer;
         Self {
             creep: Metre(CREEP * longer),

@@ -323,6 +323,54 @@ fn a_press_may_be_as_old_as_it_likes() {
     }
 }
 
+/// The reading creeps by 1.8 % of each step of a press in each e-fold of its age beyond 1.5 s; the force does not.
+#[test]
+fn what_has_crept_is_allowed_for_however_the_press_came_to_its_depth() {
+    // Depth and time of two steps. Step, creep and current together deepen the first press by a quarter, which it
+    // reaches at the peak of the train.
+    for (steps, most) in [
+        ([(262e-6, 0.1), (300e-6, 100.0)], 0.05),
+        ([(300e-6, 0.1), (300e-6, 100.0)], 0.05),
+        ([(200e-6, 100.0), (300e-6, 3.0)], 0.15),
+        ([(30e-6, 100.0), (300e-6, 1.0)], 0.15),
+    ] {
+        let mut rig = Rig::armed(Sensor::default(), settings(|_| {}));
+        let (mut before_m, mut increments) = (0.0, Vec::new());
+        for (depth_m, held_s) in steps {
+            rig.sensor.press(depth_m);
+            increments.push((rig.now_us, depth_m - before_m));
+            before_m = depth_m;
+            if rig.state() != State::Contact {
+                rig.until(State::Contact, 3_000);
+            }
+            let ends_us = rig.now_us + (held_s * 1e6) as u64;
+            while rig.now_us < ends_us {
+                rig.now_us += 9_000;
+                rig.convert();
+                let crept = |(since_us, depth_m): &(u64, f64)| {
+                    let age_s = (rig.now_us - since_us) as f64 * 1e-6;
+                    0.018 * depth_m * (age_s / 1.5).max(1.0).ln()
+                };
+                rig.sensor.offset_m = increments.iter().map(crept).sum();
+            }
+        }
+        // The second train finds it as old as the first.
+        for _ in 0..2 {
+            let estimate = rig.measure();
+            let truth = rig.sensor.load_n_per_m as f32;
+            let upper = estimate.upper_n_per_m.unwrap_or(f32::INFINITY);
+            let covered = (estimate.lower_n_per_m..=upper).contains(&truth);
+            let error = error(&estimate, &rig);
+            assert!(
+                covered && error.abs() < most,
+                "{steps:?}: {error}, {estimate:?}"
+            );
+            rig.until(State::Release, 100);
+            rig.run(1_000);
+        }
+    }
+}
+
 #[test]
 fn the_interval_covers_the_truth_as_often_as_it_says() {
     // White noise of 20 nm: the interval is that of the noise alone.
