@@ -28,7 +28,8 @@ fi
 if takes "$@" --yes; then set -- "$@" --yes; fi
 case $1 in
     live) exec timeout --signal INT --preserve-status 5 "$TOOL" "$@" ;;
-    record | watch) if takes "$@" --for 3; then set -- "$@" --for 3; fi ;;
+    record) if takes "$@" --for 10; then set -- "$@" --for 10; fi ;;
+    watch) if takes "$@" --for 3; then set -- "$@" --for 3; fi ;;
 esac
 exec "$TOOL" "$@"
 "#;
