@@ -1,44 +1,73 @@
-//! A bar on the terminal while something runs; nothing where standard error is no terminal.
+//! How far something is: a bar on the terminal, and now and then a line where standard error is none.
 
 use std::io::{self, IsTerminal};
+use std::sync::Mutex;
+use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-pub(crate) struct Progress(ProgressBar);
+use crate::notice;
+
+/// How often a line says how far it is. What takes less says nothing.
+const EVERY: Duration = Duration::from_secs(30);
+
+pub(crate) struct Progress {
+    bar: ProgressBar,
+    /// When a line was written last, where lines are.
+    said: Option<Mutex<Instant>>,
+}
 
 impl Progress {
     /// None, where lines are written while it would stand.
     pub(crate) fn hidden() -> Self {
-        Self(ProgressBar::hidden())
+        Self {
+            bar: ProgressBar::hidden(),
+            said: None,
+        }
     }
 
     pub(crate) fn new(steps: usize) -> Self {
         if !io::stderr().is_terminal() {
-            return Self::hidden();
+            let bar = ProgressBar::hidden();
+            bar.set_length(steps as u64);
+            let said = Some(Mutex::new(Instant::now()));
+            return Self { bar, said };
         }
         let bar = ProgressBar::new(steps as u64);
         if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len}  {eta} left  {msg}") {
             bar.set_style(style);
         }
-        Self(bar)
+        Self { bar, said: None }
     }
 
     /// What runs now.
     pub(crate) fn say(&self, what: &str) {
-        self.0.set_message(what.to_owned());
+        self.bar.set_message(what.to_owned());
     }
 
     /// A step is done.
     pub(crate) fn step(&self) {
-        self.0.inc(1);
+        self.bar.inc(1);
+        self.line();
     }
 
     /// So many steps are done.
     pub(crate) fn at(&self, steps: u64) {
-        self.0.set_position(steps);
+        self.bar.set_position(steps);
+        self.line();
+    }
+
+    fn line(&self) {
+        let said = self.said.as_ref().and_then(|said| said.lock().ok());
+        let Some(mut said) = said.filter(|said| said.elapsed() >= EVERY) else {
+            return;
+        };
+        *said = Instant::now();
+        let (done, all) = (self.bar.position(), self.bar.length().unwrap_or_default());
+        notice::say(format_args!("{done} of {all} done"));
     }
 
     pub(crate) fn finish(&self) {
-        self.0.finish_and_clear();
+        self.bar.finish_and_clear();
     }
 }

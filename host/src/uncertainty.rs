@@ -46,7 +46,8 @@ fn causes(budget: &UncertaintyBudget) -> [Cause; 6] {
         name: name.to_owned(),
         remedy,
     };
-    const CHECK: &str = "`palpate check` with a known spring";
+    const CHECK: &str =
+        "`palpate check` with a known spring; after that, a calibration with springs known better";
     let temperature = match budget.off_calibration_k {
         Some(off_k) => Cause {
             part: budget.temperature,

@@ -2,6 +2,7 @@
 //! oscillator of 40 MHz. Keeps the frequency of channel 0 in a static for a debugger to look at.
 //!
 //! ```text
+//! rustup target add thumbv7em-none-eabihf
 //! cargo build -p ldc161x --example stm32f411 --target thumbv7em-none-eabihf
 //! ```
 //!
@@ -59,9 +60,16 @@ mod board {
         let i2c = I2c::new(device.I2C1, (pins_b.pb6, pins_b.pb7), 400.kHz(), &mut rcc);
         let mut driver = Ldc161x::new(i2c, Model::Ldc1614, Address::AddrLow);
         let mut running = driver.start(&PLAN.configuration);
+        // Without it readings of another sensor than the planned one are flagged, and none is good.
+        if running.is_ok() {
+            running = driver.calibrate_drive_current(&mut delay).map(drop);
+        }
         loop {
             if running.is_err() {
                 running = driver.recover_by_shutdown(&mut shutdown, &mut delay);
+                if running.is_ok() {
+                    running = driver.calibrate_drive_current(&mut delay).map(drop);
+                }
                 delay.delay_ms(10);
                 continue;
             }

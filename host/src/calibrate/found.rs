@@ -114,7 +114,7 @@ impl Found {
                 format!("{:.0} mN", 1e3 * self.attraction_n),
             ),
             (
-                format!("uncertainty of c_L of {}", loads()),
+                format!("standard uncertainty of c_L there, noise aside, at {}", loads()),
                 percents(&self.uncertainty),
             ),
         ];
