@@ -114,7 +114,10 @@ impl Found {
                 format!("{:.0} mN", 1e3 * self.attraction_n),
             ),
             (
-                format!("standard uncertainty of c_L there, noise aside, at {}", loads()),
+                format!(
+                    "standard uncertainty of c_L there, noise aside, at {}",
+                    loads()
+                ),
                 percents(&self.uncertainty),
             ),
         ];

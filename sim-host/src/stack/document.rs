@@ -297,7 +297,7 @@ impl<'t> TableSection<'t> {
         }
     }
 
-    /// A text that is not empty, without a character that a terminal obeys.
+    /// A text that is not empty, without a character that a terminal applies.
     ///
     /// # Errors
     /// [`FileError`] if it is missing, empty, no text, or has a control character.

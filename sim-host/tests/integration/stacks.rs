@@ -218,7 +218,7 @@ fn a_missing_key_is_reported_with_its_range() {
     assert_eq!(error.key, "crosstalk");
 }
 
-/// Files as editors of Windows write them, devices that never end, and names that a terminal would obey.
+/// Files as editors of Windows write them, devices that never end, and names that a terminal would apply.
 #[test]
 fn files_that_are_no_text_are_refused_with_their_cause() {
     let file = Path::new(env!("CARGO_TARGET_TMPDIR")).join("mine.toml");

@@ -68,7 +68,7 @@ struct Reader<'t> {
     files: RefCell<Vec<FileRead>>,
 }
 
-/// The first text of a file, `about` left out, that has a character which a terminal obeys.
+/// The first text of a file, `about` left out, that has a character which a terminal applies.
 fn control_character(text: &str) -> Option<Range<usize>> {
     let mut table = DeTable::parse(text).ok()?.into_inner();
     table.remove("about");
