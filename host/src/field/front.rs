@@ -25,7 +25,7 @@ that is asked for; those are printed that no other beats in both goal and power,
 beside the design as it is.
 
 Example:
-  palpate field front closed --power 2..20 --starts 4 --most-height 10.28 \\
+  palpate field front closed --power 2..20 --starts 4 --most-height 10.29 \\
       --vary parameters.disc=4..7.9 --vary parameters.rim=1..6 --picture front.svg")]
 pub(super) struct Arguments {
     #[command(flatten)]

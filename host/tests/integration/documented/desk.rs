@@ -103,6 +103,7 @@ impl Start {
             CALIBRATE,
             "palpate record press.mcap --board emulated --load 1.5 --arm --for 10",
             "mkdir monday && cp press.mcap monday/",
+            "palpate settings export board.jsonl --board emulated",
         ] {
             desk.run(command).unwrap();
         }
