@@ -101,10 +101,14 @@ impl Cargo {
         let mut words = command.split_whitespace();
         words.find(|word| *word == "cargo")?;
         let words: Vec<_> = words.skip_while(|word| word.starts_with('+')).collect();
-        match words.as_slice() {
+        let mut words = words.as_slice();
+        while let ["--config", _, rest @ ..] = words {
+            words = rest;
+        }
+        match words {
             // A sentence names the program, or a toolchain of it.
             [] | ["xtask"] => None,
-            ["xtask", ..] => fault_of_xtask(&words),
+            ["xtask", ..] => fault_of_xtask(words),
             [verb, ..] if self.aliases.contains(*verb) => None,
             [verb, rest @ ..] if VERBS.contains(verb) => {
                 let mut named = Named::read(rest);
@@ -242,6 +246,7 @@ mod tests {
             "cargo +1.88.0 check --package ldc161x --all-features",
             "A=b cargo xtask ci --only fmt --only clippy    # two",
             "cargo xtask evidence NAME",
+            "cargo --config env.A='1' --config env.B='2' test -p palpate-emulator --test integration flash::",
             "cargo test -p NAME",
             "cargo test -p palpate-emulator --test integration flash::",
             "cargo run --example linux -- /dev/i2c-1",
