@@ -29,7 +29,7 @@ use std::path::Path;
 use crate::mechanics::load::Load;
 use crate::stack::document::{FileError, TableSection};
 use crate::stack::quantity::Allowed;
-use crate::stack::{LoadError, Stack, read};
+use crate::stack::{LoadError, Stack, checked_name, names, read};
 use crate::switches::Switches;
 use crate::world::Holder;
 
@@ -100,7 +100,7 @@ impl Scenario {
 
     fn read(file: &str, text: &str, folder: &Path) -> Result<Self, LoadError> {
         let mut document = TableSection::parse(file, text, &KEYS)?;
-        let name = document.text("stack")?;
+        let name = document.parsed("stack", &names(), checked_name)?;
         let switches = switches(&mut document)?;
         let mut presses = document.sections("press", &PRESS_KEYS)?;
         let presses = presses.iter_mut().map(press).collect::<Result<_, _>>()?;

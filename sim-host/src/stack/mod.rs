@@ -174,7 +174,7 @@ impl Stack {
                 line: 1,
                 key: String::new(),
                 problem: format!("there is no built-in stack {name:?}"),
-                allowed: format!("{}, or a file that ends in .toml", Self::BUILTIN.join(", ")),
+                allowed: names(),
             }),
         }
     }
@@ -185,10 +185,7 @@ impl Stack {
     /// # Errors
     /// [`LoadError`] for a name that is neither, or a file that cannot be read or is refused.
     pub fn named(name: &str, folder: &Path) -> Result<Self, LoadError> {
-        let is_file = Path::new(name)
-            .extension()
-            .is_some_and(|ending| ending.eq_ignore_ascii_case("toml"));
-        if is_file {
+        if is_file(name) {
             return Self::load(&folder.join(name));
         }
         Ok(Self::builtin(name)?)
@@ -303,6 +300,27 @@ impl From<FileError> for LoadError {
     fn from(error: FileError) -> Self {
         Self::Refused(error)
     }
+}
+
+fn is_file(name: &str) -> bool {
+    let ending = Path::new(name).extension();
+    ending.is_some_and(|ending| ending.eq_ignore_ascii_case("toml"))
+}
+
+/// What may name a stack.
+pub(crate) fn names() -> String {
+    format!(
+        "{}, or a file that ends in .toml",
+        Stack::BUILTIN.join(", ")
+    )
+}
+
+/// A name of a stack; else what is wrong with it.
+pub(crate) fn checked_name(name: &str) -> Result<String, String> {
+    if is_file(name) || Stack::BUILTIN.contains(&name) {
+        return Ok(name.to_owned());
+    }
+    Err(format!("there is no built-in stack {name:?}"))
 }
 
 /// Most bytes of a stack or a scenario: a thousand times one of them.

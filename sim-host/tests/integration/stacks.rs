@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use palpate_sim::scenario::Scenario;
 use palpate_sim::sensing_coil::CoilDesign;
 use palpate_sim::stack::{Disturbances, Stack, document::FileError, quantity::Quantity};
 
@@ -251,6 +252,14 @@ fn files_that_are_no_text_are_refused_with_their_cause() {
     }
     let endless = Stack::load(Path::new("/dev/zero")).unwrap_err().to_string();
     assert!(endless.contains("is too large"), "{endless}");
+}
+
+#[test]
+fn a_stack_that_a_scenario_does_not_have_is_refused_at_its_line() {
+    let text = "disturbances = \"all\"\nstack = \"ultrasof\"\n[[press]]\nload = \"rigid\"\n";
+    let error = Scenario::parse("mine.toml", text).unwrap_err().to_string();
+    let start = "mine.toml:2: stack: there is no built-in stack \"ultrasof\"; allowed: paper, ";
+    assert!(error.starts_with(start), "{error}");
 }
 
 #[test]
