@@ -4,11 +4,9 @@ use std::fs;
 use std::io::Read;
 use std::path::Path;
 
-use crate::failure::Failure;
+use palpate_sim::stack::document::text_of;
 
-/// The mark that editors of Windows write before UTF-8, and those of UTF-16.
-const UTF_8_MARK: char = '\u{FEFF}';
-const UTF_16_MARKS: [&[u8]; 2] = [&[0xFF, 0xFE], &[0xFE, 0xFF]];
+use crate::failure::Failure;
 
 /// Most bytes of an input: a device may never end. A day of conversion words at 1 kHz has fewer.
 const MOST_BYTES: u64 = 1_000_000_000;
@@ -58,24 +56,11 @@ fn bytes(most_bytes: u64, from: impl Read, name: &Path) -> Result<Vec<u8>, Failu
 }
 
 fn of_bytes(bytes: Vec<u8>, name: &Path) -> Result<String, Failure> {
-    let is_utf_16 = UTF_16_MARKS.iter().any(|mark| bytes.starts_with(mark));
-    let text = String::from_utf8(bytes).map_err(|error| {
-        let after = error.utf8_error().valid_up_to();
-        let before = error.as_bytes().iter().take(after);
-        Failure::Input {
-            file: name.to_path_buf(),
-            line: 1 + before.filter(|byte| **byte == b'\n').count() as u64,
-            problem: if is_utf_16 {
-                "it is UTF-16".to_owned()
-            } else {
-                "it is not UTF-8".to_owned()
-            },
-            allowed: "UTF-8: save it as UTF-8".to_owned(),
-        }
-    })?;
-    Ok(match text.strip_prefix(UTF_8_MARK) {
-        Some(text) => text.to_owned(),
-        None => text,
+    text_of("", bytes).map_err(|error| Failure::Input {
+        file: name.to_path_buf(),
+        line: error.line as u64,
+        problem: error.problem,
+        allowed: error.allowed,
     })
 }
 

@@ -231,13 +231,13 @@ impl Detector {
     }
 
     /// Mean age of this deformation: its integral over the touch divided by it, which is the age of its increments weighted by
-    /// their size. NaN or infinite for a deformation of zero.
+    /// their size. None where nothing touches or presses.
     ///
     /// Creep and the coil's current add small, young increments, so that a hold keeps its age. A press that only deepens has
     /// crept by the mean logarithm of the increments' ages, of which the logarithm of their mean is an upper bound (Jensen's
     /// inequality).
     pub fn mean_age(&self, deformation: Metre) -> Option<Second> {
-        let held = self.held.as_ref()?;
+        let held = self.held.as_ref().filter(|_| deformation.0 > 0.0)?;
         Some(Second(held.integral / deformation.0))
     }
 

@@ -357,5 +357,11 @@ fn the_age_of_a_press_is_that_of_its_depth() {
         }
         let Second(age_s) = detector.mean_age(deformation * 2.0).unwrap();
         assert!((27.0..=33.0).contains(&age_s), "{rise_s} s: {age_s} s");
+        // Where nothing is pressed, nothing has an age: no infinite creep times a deformation of zero.
+        assert!(
+            [0.0, -1e-6]
+                .into_iter()
+                .all(|depth_m| detector.mean_age(Metre(depth_m)).is_none())
+        );
     }
 }

@@ -42,7 +42,10 @@ impl fmt::Display for FileError {
 impl core::error::Error for FileError {}
 
 /// The text of a file's bytes, without a byte order mark before it. `file` is only for messages.
-pub(crate) fn text_of(file: &str, bytes: Vec<u8>) -> Result<String, FileError> {
+///
+/// # Errors
+/// [`FileError`] with the line at which it is not UTF-8.
+pub fn text_of(file: &str, bytes: Vec<u8>) -> Result<String, FileError> {
     let is_utf_16 = bytes.starts_with(&[0xFF, 0xFE]) || bytes.starts_with(&[0xFE, 0xFF]);
     let text = String::from_utf8(bytes).map_err(|error| {
         let valid = error.utf8_error().valid_up_to();
