@@ -258,11 +258,15 @@ impl Bus {
     /// buffer is taken back comes to its end here.
     fn end_before_setup(control: &mut Control) {
         let was_armed = is_armed(OUT_0);
+        let mut has_come = false;
         if control.is_waiting || was_armed {
             [IN_0, OUT_0].into_iter().for_each(disarm);
             cortex_m::asm::delay(LONGEST_TRANSACTION);
             // SAFETY: only the interrupt of USB writes this register; a bit that is set is cleared.
             let registers = unsafe { &*USBCTRL_REGS::ptr() };
+            // A packet that came while its buffer was taken back has lost what the controller wrote into the buffer's
+            // word, and keeps its mark here.
+            has_come = registers.buff_status().read().ep0_out().bit_is_set();
             registers
                 .buff_status()
                 .write(|w| w.ep0_in().clear_bit_by_one());
@@ -270,7 +274,7 @@ impl Bus {
         control.is_waiting = false;
         // A buffer that waits for the other PID drops a packet and stays armed.
         let has_dropped = has_dropped_packet();
-        control.has_data_before = has_data(OUT_0) || was_armed && has_dropped;
+        control.has_data_before = has_data(OUT_0) || was_armed && (has_come || has_dropped);
     }
 
     /// The next packet of an endpoint has DATA0. One that waits for the host stays where it is.
