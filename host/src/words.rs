@@ -88,12 +88,10 @@ fn decode_file(path: &Path) -> Result<Vec<WordRow>, Failure> {
     let mut rows = Vec::new();
     for record in reader.records() {
         let record = record.map_err(|error| csv_failure(path, &error))?;
-        let line = record
-            .position()
-            .map_or(0, |place| line_from(&text, place.byte()));
+        // Counting lines takes the text up to there: of a record that is wrong, and not of each.
         let fail = |(problem, allowed): (String, String)| Failure::Input {
             file: path.to_owned(),
-            line,
+            line: (record.position()).map_or(0, |place| line_from(&text, place.byte())),
             problem,
             allowed,
         };
