@@ -69,8 +69,7 @@ const INSTRUMENT: &[&str] = &[
     "drivers",
     "firmware/node",
     "firmware/procedure",
-    "host/calibration/src",
-    "host/src",
+    "host",
     "model/src",
     "sim-host/src",
 ];
@@ -92,8 +91,7 @@ const FRONT: &[&str] = &[
     "drivers",
     "firmware/node",
     "firmware/procedure",
-    "host/calibration/src",
-    "host/src",
+    "host",
     "model",
     "sim-host/src",
     "xtask/src/field_front.rs",
@@ -101,19 +99,11 @@ const FRONT: &[&str] = &[
 /// The firmware's image on the emulated board.
 const IMAGE: &[&str] = &["drivers", "firmware", "model/src", "sim-host"];
 /// The tool at an emulated board.
-const DESK: &[&str] = &[
-    "drivers",
-    "firmware",
-    "host/calibration/src",
-    "host/src",
-    "model/src",
-    "sim-host",
-];
+const DESK: &[&str] = &["drivers", "firmware", "host", "model/src", "sim-host"];
 /// All that reads files for the tool.
 const TOOL_FILES: &[&str] = &[
     "firmware/wire",
-    "host/src",
-    "host/tests/integration",
+    "host",
     "model/field/src",
     "sim-host/src",
     "sim-host/emulator/src",

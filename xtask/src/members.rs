@@ -160,6 +160,10 @@ pub(crate) const MEMBERS: &[Member] = &[
         ..HOST_PROGRAM
     },
     Member {
+        name: "palpate-cli",
+        ..HOST_PROGRAM
+    },
+    Member {
         name: "palpate-field",
         ..HOST_PROGRAM
     },

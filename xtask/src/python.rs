@@ -13,8 +13,8 @@ use crate::firmware;
 use crate::process::{Invocation, Workspace};
 
 /// The tests, and the list of their packages.
-const TESTS: &str = "host/tests/python";
-const PACKAGES: &str = "host/tests/python/requirements.txt";
+const TESTS: &str = "host/tool/tests/python";
+const PACKAGES: &str = "host/tool/tests/python/requirements.txt";
 /// The virtual environment.
 const ENVIRONMENT: &str = "target/python";
 

@@ -250,7 +250,7 @@ mod tests {
             "cargo test -p NAME",
             "cargo test -p palpate-emulator --test integration flash::",
             "cargo run --example linux -- /dev/i2c-1",
-            "cargo install --locked --path host --features probe",
+            "cargo install --locked --path host/tool --features probe",
         ] {
             assert_eq!(cargo.fault_of(good), None, "{good}");
         }
@@ -264,7 +264,7 @@ mod tests {
             "cargo test -p palpate-emulator --test integration flesh::",
             "cargo run --example macos",
             "cargo install --path hosts",
-            "cargo install --path host --features probes",
+            "cargo install --path host/tool --features probes",
         ] {
             assert!(cargo.fault_of(bad).is_some(), "{bad}");
         }

@@ -1,6 +1,6 @@
 //! The commands in a text: in its blocks of code, and within its sentences.
 //!
-//! `host/tests/integration/documented` reads texts by this file too.
+//! `host/tool/tests/integration/documented` reads texts by this file too.
 
 /// The programs whose commands these are.
 const PROGRAMS: [&str; 2] = ["palpate", "cargo"];

@@ -135,6 +135,12 @@ pub(super) const RULES: &[Rule] = &[
                   type of a time only",
     },
     Rule {
+        name: "cli-below",
+        who: "palpate-cli",
+        may_depend: On::Only(&["palpate-sim", "palpate-wire"]),
+        because: "it has what all programs say and write, and the failures of stacks and records, but no verb",
+    },
+    Rule {
         name: "host-above",
         who: "palpate",
         may_depend: On::Only(&[
@@ -142,6 +148,7 @@ pub(super) const RULES: &[Rule] = &[
             "palpate-emulator",
             "palpate-wire",
             "palpate-calibration",
+            "palpate-cli",
             "palpate-field",
             DRIVERS,
         ]),

@@ -104,14 +104,21 @@ const SOUND: &[(&str, &str, RunsOn, &[&str])] = &[
         &["palpate-sim", "palpate-procedure", "rp2040-emu"],
     ),
     (
+        "palpate-cli",
+        "host/cli",
+        RunsOn::Host,
+        &["palpate-sim", "palpate-wire"],
+    ),
+    (
         "palpate",
-        "host",
+        "host/tool",
         RunsOn::Host,
         &[
             "palpate-sim",
             "palpate-emulator",
             "palpate-wire",
             "palpate-calibration",
+            "palpate-cli",
             "palpate-field",
             "ldc161x",
             "clap",
@@ -201,6 +208,7 @@ const PLANTED: &[(&str, &str, &str, Kind)] = &[
         "palpate-firmware",
         Kind::Normal,
     ),
+    ("cli-below", "palpate-cli", "palpate-emulator", Kind::Normal),
     ("host-above", "palpate", "palpate-firmware", Kind::Normal),
     ("host-above", "palpate", "palpate-model", Kind::Normal),
     (

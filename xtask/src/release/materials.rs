@@ -47,7 +47,7 @@ pub(super) fn write(
         Program {
             name: "tool",
             package: "palpate",
-            manifest: "host/Cargo.toml",
+            manifest: "host/tool/Cargo.toml",
             target: platform,
         },
         Program {

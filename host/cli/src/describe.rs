@@ -1,0 +1,190 @@
+//! Results in words: a stiffness, a refusal, what limits an interval and would narrow it.
+
+use palpate_wire::Record;
+use palpate_wire::code::RefusalReason;
+use palpate_wire::record::{Refusal, UncertaintyBudget};
+
+/// A stiffness in N/mm with three digits, as people read it.
+pub fn stiffness(n_per_m: f64) -> String {
+    let n_per_mm = n_per_m * 1e-3;
+    if !n_per_mm.is_finite() {
+        return "rigid".to_owned();
+    }
+    let digits = (2 - n_per_mm.abs().max(1e-9).log10().floor() as i32).clamp(0, 4);
+    format!("{n_per_mm:.*} N/mm", digits as usize)
+}
+
+/// A refusal in words, with its numbers.
+pub fn refusal(refusal: &Refusal) -> String {
+    let text = first_sentence(refusal.reason.meaning());
+    let number = |value: f32| quantity(refusal.reason, value);
+    match (refusal.value, refusal.limit) {
+        (Some(value), Some(limit)) => {
+            format!("{text}: {}; limit {}", number(value), number(limit))
+        }
+        (Some(value), None) => format!("{text}: {}", number(value)),
+        _ => text.to_owned(),
+    }
+}
+
+/// A number of a refusal in the unit that its reason gives it.
+fn quantity(reason: RefusalReason, value: f32) -> String {
+    match reason {
+        RefusalReason::PressedTooLittle
+        | RefusalReason::PressedTooFar
+        | RefusalReason::RestMoved => {
+            format!("{:.1} µm", value * 1e6)
+        }
+        RefusalReason::Unsteady => format!("{:.1} µm/s", value * 1e6),
+        RefusalReason::ContactLost | RefusalReason::TimedOut => format!("{value:.3} s"),
+        RefusalReason::CurrentOffTarget | RefusalReason::PeakNotReached => format!("{value:.2} A"),
+        RefusalReason::CoilTooHot => format!("{value:.1} °C"),
+        RefusalReason::TooMuchEnergy => format!("{value:.1} J"),
+        RefusalReason::TooUncertain => format!("{:.0} %", value * 100.0),
+        RefusalReason::SignalTooSmall | RefusalReason::SignalReversed => {
+            format!("{value:.1} standard errors")
+        }
+        RefusalReason::NotCalibrated => format!("record 0x{:02x}", value as u8),
+        _ => format!("{value}"),
+    }
+}
+
+/// The first sentence of a meaning in the protocol, without its full stop.
+pub fn first_sentence(text: &str) -> &str {
+    let text = text.trim();
+    text.split_once(". ")
+        .map_or(text, |(first, _)| first)
+        .trim_end_matches('.')
+}
+
+/// The budget of a measurement among the records of its result.
+pub fn budget_of<'r>(
+    mut records: impl Iterator<Item = &'r Record>,
+    measurement: u32,
+) -> Option<&'r UncertaintyBudget> {
+    records.find_map(|record| match record {
+        Record::UncertaintyBudget(budget) if budget.measurement == measurement => Some(budget),
+        _ => None,
+    })
+}
+
+/// The greatest cause of an interval, its share of the variance, and what would narrow it.
+pub fn limited_by(budget: &UncertaintyBudget) -> String {
+    let causes = causes(budget);
+    let whole: f32 = causes.iter().map(|cause| cause.part * cause.part).sum();
+    let [first, others @ ..] = causes;
+    let greatest = others.into_iter().fold(first, |greatest, cause| {
+        if cause.part > greatest.part {
+            cause
+        } else {
+            greatest
+        }
+    });
+    let share = 100.0 * greatest.part * greatest.part / whole.max(f32::MIN_POSITIVE);
+    format!(
+        "{share:.0} % of the interval is by {}. To narrow it: {}.",
+        greatest.name, greatest.remedy
+    )
+}
+
+/// One cause of an interval.
+struct Cause {
+    part: f32,
+    name: String,
+    remedy: &'static str,
+}
+
+fn causes(budget: &UncertaintyBudget) -> [Cause; 6] {
+    let cause = |part, name: &str, remedy| Cause {
+        part,
+        name: name.to_owned(),
+        remedy,
+    };
+    const CHECK: &str =
+        "`palpate check` with a known spring; after that, a calibration with springs known better";
+    let temperature = match budget.off_calibration_k {
+        Some(off_k) => Cause {
+            part: budget.temperature,
+            name: format!("the temperature, {off_k:+.1} K from the calibration's"),
+            remedy: "`palpate check` with a known spring, or calibrate at a second temperature",
+        },
+        None => cause(
+            budget.temperature,
+            "a temperature that is not measured",
+            "connect the coil's thermometer",
+        ),
+    };
+    [
+        cause(
+            budget.noise,
+            "noise and vibration",
+            "hold still, press deeper, or set more ramps",
+        ),
+        cause(budget.springs, "the calibrated springs", CHECK),
+        cause(budget.stiffening, "the calibrated stiffening", CHECK),
+        cause(
+            budget.zero,
+            "the zero of the deformation",
+            "lift off, let the sensor recover, and measure soon after the press",
+        ),
+        temperature,
+        cause(
+            budget.bend,
+            "a line that is not straight",
+            "press less deep, or steady the contact",
+        ),
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const BUDGET: UncertaintyBudget = UncertaintyBudget {
+        measurement: 3,
+        noise: 0.02,
+        springs: 0.01,
+        stiffening: 0.0,
+        zero: 0.0,
+        temperature: 0.06,
+        bend: 0.0,
+        off_calibration_k: Some(4.9),
+    };
+
+    #[test]
+    fn the_greatest_cause_is_named_with_its_share_and_remedy() {
+        let text = limited_by(&BUDGET);
+        // 36 of 41.
+        assert_eq!(
+            text,
+            "88 % of the interval is by the temperature, +4.9 K from the calibration's. To narrow it: \
+             `palpate check` with a known spring, or calibrate at a second temperature."
+        );
+        let unmeasured = UncertaintyBudget {
+            off_calibration_k: None,
+            ..BUDGET
+        };
+        assert!(limited_by(&unmeasured).contains("thermometer"));
+        let noisy = UncertaintyBudget {
+            noise: 0.1,
+            ..BUDGET
+        };
+        // 100 of 137.
+        assert!(limited_by(&noisy).starts_with("73 % of the interval is by noise"));
+        // Nothing is uncertain: no number that is none.
+        let certain = UncertaintyBudget {
+            noise: 0.0,
+            springs: 0.0,
+            temperature: 0.0,
+            ..BUDGET
+        };
+        assert!(limited_by(&certain).starts_with("0 %"));
+    }
+
+    #[test]
+    fn a_budget_belongs_to_its_measurement() {
+        let records = [Record::UncertaintyBudget(BUDGET)];
+        assert_eq!(budget_of(records.iter(), 3), Some(&BUDGET));
+        assert_eq!(budget_of(records.iter(), 4), None);
+    }
+}

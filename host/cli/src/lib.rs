@@ -1,0 +1,14 @@
+//! What all programs of palpate have in common.
+
+pub mod describe;
+pub mod failure;
+pub mod finding;
+pub mod in_order;
+pub mod interrupt;
+pub mod notice;
+pub mod output;
+pub mod page;
+pub mod plot;
+pub mod progress;
+pub mod quantity;
+pub mod text;

@@ -1,0 +1,279 @@
+//! Files that a verb writes.
+//!
+//! Whether a file can be written is checked before the run, and the file gets its name when its
+//! contents are complete: a run that fails or is interrupted leaves an older file as it is.
+
+use std::collections::HashMap;
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use crate::failure::Failure;
+
+/// A file that will be written at the end of a run.
+#[derive(Clone, Debug)]
+pub struct OutputFile {
+    path: PathBuf,
+    /// The argument that names the file or its folder.
+    argument: &'static str,
+}
+
+impl OutputFile {
+    /// A file that can be written; the check changes and leaves nothing.
+    pub fn new(argument: &'static str, path: &Path) -> Result<Self, Failure> {
+        let output = Self {
+            path: path.to_path_buf(),
+            argument,
+        };
+        match output.check() {
+            Ok(()) => Ok(output),
+            Err(reason) => Err(Failure::Unwritable {
+                file: path.to_path_buf(),
+                argument,
+                reason,
+            }),
+        }
+    }
+
+    /// The same for an argument that may be absent.
+    pub fn optional(
+        argument: &'static str,
+        path: Option<&PathBuf>,
+    ) -> Result<Option<Self>, Failure> {
+        path.map(|path| Self::new(argument, path)).transpose()
+    }
+
+    /// Files in a folder, which is created if it does not exist.
+    pub fn in_folder<const N: usize>(
+        argument: &'static str,
+        folder: &Path,
+        names: [String; N],
+    ) -> Result<Vec<Self>, Failure> {
+        fs::create_dir_all(folder).map_err(|reason| Failure::Unwritable {
+            file: folder.to_path_buf(),
+            argument,
+            reason,
+        })?;
+        let files = names.iter().map(|name| folder.join(name));
+        files.map(|file| Self::new(argument, &file)).collect()
+    }
+
+    /// The file of this number, from 1: the first has the name as given, the second
+    /// FILE-2.EXTENSION, and so on.
+    pub fn numbered(&self, number: u32) -> Self {
+        if number == 1 {
+            return self.clone();
+        }
+        let stem = self.path.file_stem().unwrap_or_default().to_string_lossy();
+        let extension = self.path.extension().unwrap_or_default().to_string_lossy();
+        Self {
+            path: self
+                .path
+                .with_file_name(format!("{stem}-{number}.{extension}")),
+            ..*self
+        }
+    }
+
+    /// Refuses a file that is read too: it would be replaced by what is made of it.
+    pub fn apart_from(self, input: &Path) -> Result<Self, Failure> {
+        if self.is_special() || place(&self.path) != place(input) {
+            return Ok(self);
+        }
+        Err(Failure::Argument(format!(
+            "{} {}: this file is read. Name another file.",
+            self.argument,
+            self.path.display()
+        )))
+    }
+
+    /// The file's path.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Writes the contents.
+    pub fn write(&self, contents: impl AsRef<[u8]>) -> Result<(), Failure> {
+        self.write_with(|file| file.write_all(contents.as_ref()))
+    }
+
+    /// Writes what `write` gives.
+    pub fn write_with(
+        &self,
+        write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+    ) -> Result<(), Failure> {
+        self.replace(write).map_err(|error| {
+            Failure::Refused(format!(
+                "{} {}: {error}. The file was not written: make room there, or name another file.",
+                self.argument,
+                self.path.display()
+            ))
+        })
+    }
+
+    fn check(&self) -> io::Result<()> {
+        if self.is_special() {
+            return Ok(());
+        }
+        if self.path.exists() {
+            OpenOptions::new().write(true).open(&self.path)?;
+        }
+        let temporary = self.temporary()?;
+        begun(&temporary)?;
+        fs::remove_file(&temporary)
+    }
+
+    fn replace(&self, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
+        if self.is_special() {
+            return filled(File::options().write(true).open(&self.path)?, write);
+        }
+        let temporary = self.temporary()?;
+        let written = begun(&temporary)
+            .and_then(|file| filled(file, write))
+            .and_then(|()| fs::rename(&temporary, self.target()));
+        if written.is_err() {
+            // Nothing to be done about a temporary file that cannot be removed.
+            let _ = fs::remove_file(&temporary);
+        }
+        written
+    }
+
+    /// Whether it is a device or a pipe, such as /dev/stdout: written as it is.
+    pub fn is_special(&self) -> bool {
+        fs::metadata(&self.path).is_ok_and(|data| !data.is_file() && !data.is_dir())
+    }
+
+    /// The file behind a symbolic link.
+    pub fn target(&self) -> PathBuf {
+        fs::canonicalize(&self.path).unwrap_or_else(|_| self.path.clone())
+    }
+
+    /// The name that the file has until it is complete.
+    fn temporary(&self) -> io::Result<PathBuf> {
+        let target = self.target();
+        let name = target
+            .file_name()
+            .ok_or_else(|| io::Error::from(io::ErrorKind::IsADirectory))?;
+        let name = name.to_string_lossy();
+        Ok(target.with_file_name(format!(".{name}.{}.part", std::process::id())))
+    }
+}
+
+/// Refuses one file under two arguments: the second would replace the first.
+pub fn distinct<'o>(outputs: impl IntoIterator<Item = &'o OutputFile>) -> Result<(), Failure> {
+    let mut places = HashMap::new();
+    for output in outputs.into_iter().filter(|output| !output.is_special()) {
+        if let Some(argument) = places.insert(place(&output.path), output.argument) {
+            return Err(Failure::Argument(format!(
+                "{argument} and {} {}: this is the same file. Name two files.",
+                output.argument,
+                output.path.display()
+            )));
+        }
+    }
+    Ok(())
+}
+
+/// Where a path leads, whether there is a file or only its folder.
+fn place(path: &Path) -> PathBuf {
+    let beside = || {
+        // The folder of a bare name is the empty path.
+        let folder = Path::new(".").join(path.parent()?);
+        Some(fs::canonicalize(folder).ok()?.join(path.file_name()?))
+    };
+    let place = fs::canonicalize(path).ok().or_else(beside);
+    place.unwrap_or_else(|| path.to_path_buf())
+}
+
+/// A new file; one of the same name is what a program left that was killed.
+fn begun(temporary: &Path) -> io::Result<File> {
+    match fs::remove_file(temporary) {
+        Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),
+        _ => File::create_new(temporary),
+    }
+}
+
+fn filled(file: File, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
+    let mut file = BufWriter::new(file);
+    write(&mut file)?;
+    file.flush()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn entries(folder: &Path) -> Vec<String> {
+        let entries = fs::read_dir(folder).unwrap();
+        let name = |entry: io::Result<fs::DirEntry>| entry.unwrap().file_name();
+        let mut names: Vec<String> = entries
+            .map(|entry| name(entry).to_string_lossy().into_owned())
+            .collect();
+        names.sort();
+        names
+    }
+
+    #[test]
+    fn a_check_leaves_nothing_and_writing_leaves_the_file_alone() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("report.html");
+        let output = OutputFile::new("--report", &file).unwrap();
+        assert!(entries(folder.path()).is_empty());
+        output.write("new").unwrap();
+        assert_eq!(entries(folder.path()), ["report.html"]);
+        assert_eq!(fs::read_to_string(&file).unwrap(), "new");
+        OutputFile::new("--report", &file).unwrap();
+        assert_eq!(fs::read_to_string(&file).unwrap(), "new");
+    }
+
+    #[test]
+    fn contents_that_fail_leave_the_older_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("trace.vcd");
+        fs::write(&file, "old").unwrap();
+        let output = OutputFile::new("--trace", &file).unwrap();
+        let failed = output.write_with(|file| {
+            file.write_all(b"half of it")?;
+            Err(io::Error::other("the disk is full"))
+        });
+        let message = failed.unwrap_err().to_string();
+        assert!(message.contains("trace.vcd: the disk is full"), "{message}");
+        assert_eq!(fs::read_to_string(&file).unwrap(), "old");
+        assert_eq!(entries(folder.path()), ["trace.vcd"]);
+    }
+
+    #[test]
+    fn what_cannot_be_written_is_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let missing = folder.path().join("missing").join("r.html");
+        for file in [missing.as_path(), folder.path(), Path::new("..")] {
+            let message = OutputFile::new("--report", file).unwrap_err().to_string();
+            let named = format!("--report {}: ", file.display());
+            assert!(message.starts_with(&named), "{message}");
+        }
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_link_stays_a_link() {
+        let folder = tempfile::tempdir().unwrap();
+        let [file, link] = ["file", "link"].map(|name| folder.path().join(name));
+        fs::write(&file, "old").unwrap();
+        std::os::unix::fs::symlink(&file, &link).unwrap();
+        OutputFile::new("--report", &link)
+            .unwrap()
+            .write("new")
+            .unwrap();
+        assert_eq!(fs::read_to_string(&file).unwrap(), "new");
+        assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
+    }
+
+    #[test]
+    fn the_first_file_has_the_name_and_the_next_ones_numbers() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("finger.vcd");
+        let output = OutputFile::new("--trace", &file).unwrap();
+        assert_eq!(output.numbered(1).path(), file);
+        let third = folder.path().join("finger-3.vcd");
+        assert_eq!(output.numbered(3).path(), third);
+    }
+}

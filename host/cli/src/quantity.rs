@@ -1,0 +1,92 @@
+//! Numbers on the command line: with unit prefixes, as `40M` and `2.9M..3.8M`; durations; factors.
+
+use std::time::Duration;
+
+/// Longest duration, s: 31 years, which every clock of the tool can add to its time.
+const LONGEST_S: f64 = 1e9;
+/// Softest and stiffest spring, in units of the sensing layer's stiffness.
+const LOADS: [f64; 2] = [1e-3, 1e3];
+
+/// Parses a number within limits.
+pub fn between(text: &str, least: f64, most: f64) -> Result<f64, String> {
+    match text.parse() {
+        Ok(value) if (least..=most).contains(&value) => Ok(value),
+        _ => Err(format!("allowed is a number from {least} to {most}")),
+    }
+}
+
+/// Parses a number of seconds.
+pub fn duration(text: &str) -> Result<Duration, String> {
+    let time_s = between(text, 0.0, LONGEST_S).map_err(|allowed| format!("{allowed} seconds"))?;
+    Duration::try_from_secs_f64(time_s).map_err(|error| error.to_string())
+}
+
+/// Parses a spring's stiffness as a multiple of the sensing layer's.
+pub fn load(text: &str) -> Result<f64, String> {
+    let [least, most] = LOADS;
+    between(text, least, most)
+}
+
+/// Parses `40000000`, `40M`, `400k` into a whole number of units.
+pub fn whole(text: &str) -> Result<u32, String> {
+    let allowed = "a number like 40000000, 400k or 2.9M";
+    let (digits, factor) = match text.trim().strip_suffix(['k', 'K', 'M']) {
+        Some(digits) if text.trim().ends_with('M') => (digits, 1e6),
+        Some(digits) => (digits, 1e3),
+        None => (text.trim(), 1.0),
+    };
+    let value: f64 = digits
+        .parse()
+        .map_err(|_| format!("'{text}' is not {allowed}"))?;
+    let value = value * factor;
+    if value.is_finite() && (0.0..=f64::from(u32::MAX)).contains(&value) {
+        Ok(value.round() as u32)
+    } else {
+        Err(format!(
+            "'{text}' is outside 0 to {}; allowed: {allowed}",
+            u32::MAX
+        ))
+    }
+}
+
+/// Parses `LOW..HIGH`, or one number for both.
+pub fn range(text: &str) -> Result<(u32, u32), String> {
+    match text.split_once("..") {
+        Some((low, high)) => Ok((whole(low)?, whole(high)?)),
+        None => whole(text).map(|value| (value, value)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn prefixes_scale() {
+        assert_eq!(whole("40M"), Ok(40_000_000));
+        assert_eq!(whole("400k"), Ok(400_000));
+        assert_eq!(whole("12"), Ok(12));
+        assert_eq!(range("2.9M..3.8M"), Ok((2_900_000, 3_800_000)));
+        assert_eq!(range("5k"), Ok((5_000, 5_000)));
+    }
+
+    #[test]
+    fn durations_and_loads_have_limits() {
+        assert_eq!(duration("0.25"), Ok(Duration::from_millis(250)));
+        assert_eq!(duration("1e9"), Ok(Duration::from_secs(1_000_000_000)));
+        assert_eq!(load("1.5"), Ok(1.5));
+        for text in ["nan", "inf", "-1", "2e9", "1e20", "", "x"] {
+            assert!(duration(text).is_err() && load(text).is_err(), "{text}");
+        }
+        assert!(load("0").is_err());
+    }
+
+    #[test]
+    fn nonsense_is_refused() {
+        for text in [
+            "", "M", "-1", "nan", "inf", "1e30", "4 0", "3..", "..", "x..y", "5G",
+        ] {
+            assert!(range(text).is_err(), "{text}");
+        }
+    }
+}

@@ -1,0 +1,87 @@
+//! A stage that is driven by hand.
+
+use palpate_cli::failure::Failure;
+
+use super::RigBench;
+
+/// Steps of a press whose travel gives the force: each is a point of the curve.
+const STEPS: u32 = 4;
+/// Time at rest on each, s: as long as the sensor's samples are averaged well below a nanometre.
+const REST_S: f64 = 0.3;
+
+/// What is known of the stage.
+#[derive(Default)]
+pub(super) struct Hand {
+    /// Where its scale was set to and now rests, m.
+    pub(super) position_m: Option<f64>,
+    /// Whether it has a scale; nothing before the first touch.
+    has_scale: Option<bool>,
+    /// Where the scale was at the last touch, m.
+    touch_m: Option<f64>,
+}
+
+impl RigBench<'_> {
+    /// Has a hand press the sensing layer to a depth, m.
+    pub(super) fn press_by_hand(&mut self, depth_m: f64) -> Result<(), Failure> {
+        let travel_m = self.travel_m(depth_m);
+        match self.hand.touch_m {
+            Some(touch_m) => {
+                for step in 1..=STEPS {
+                    let place_m = touch_m + travel_m * f64::from(step) / f64::from(STEPS);
+                    self.hand.position_m = None;
+                    self.request(&format!(
+                        "Set the stage's scale to {:.3} mm, take your hand off it, then press Enter.",
+                        1e3 * place_m
+                    ))?;
+                    self.hand.position_m = Some(place_m);
+                    self.pass(REST_S)?;
+                }
+                Ok(())
+            }
+            None if self.force.is_some() => {
+                let force_n = depth_m * self.plan.sensing_n_per_m;
+                self.request(&format!(
+                    "Press with about {force_n:.2} N, take your hand off the stage, then press Enter."
+                ))?;
+                Ok(())
+            }
+            None => Err(Failure::Refused(
+                "with neither a load cell nor a scale on the stage nothing gives the force: name the gauge's \
+                 program with --force, or use a stage with a scale, such as a micrometer"
+                    .to_owned(),
+            )),
+        }
+    }
+
+    /// Has a hand find the touch, and clear it again.
+    pub(super) fn approach_by_hand(&mut self) -> Result<(), Failure> {
+        self.hand.touch_m = self.touch_by_hand()?;
+        self.request(
+            "Lift it by a fifth of a millimetre, take your hand off it for two seconds, then press Enter.",
+        )
+        .map(drop)
+    }
+
+    /// Where the scale is at the touch, m; nothing without a scale.
+    fn touch_by_hand(&mut self) -> Result<Option<f64>, Failure> {
+        if self.hand.has_scale == Some(false) {
+            return Ok(None);
+        }
+        loop {
+            let answer = self.request(
+                "Lower the stage until it just touches. What does its scale show, in mm? (only Enter: it \
+                 has none)",
+            )?;
+            if answer.is_empty() {
+                self.hand.has_scale = Some(false);
+                return Ok(None);
+            }
+            if let Ok(millimetres) = answer.replace(',', ".").parse::<f64>()
+                && millimetres.is_finite()
+            {
+                self.hand.has_scale = Some(true);
+                return Ok(Some(1e-3 * millimetres));
+            }
+        }
+    }
+}

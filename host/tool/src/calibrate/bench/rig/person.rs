@@ -1,0 +1,66 @@
+//! The person at the bench: what is asked of them, and their answer.
+
+use std::io::{self, BufRead, IsTerminal, Write};
+use std::sync::mpsc::{Receiver, TryRecvError, channel};
+use std::thread;
+
+use palpate_cli::failure::Failure;
+
+/// The terminal at which a person answers, while the board goes on.
+#[derive(Default)]
+pub(super) struct Person {
+    answers: Option<Receiver<String>>,
+}
+
+impl Person {
+    /// Asks for something.
+    ///
+    /// # Errors
+    /// [`Failure::Argument`] where there is no terminal.
+    pub(super) fn ask(&mut self, request: &str) -> Result<(), Failure> {
+        if self.answers.is_none() {
+            self.answers = Some(listen(request)?);
+        }
+        let mut out = io::stderr().lock();
+        write!(out, "\r\x1b[K{request} ")?;
+        Ok(out.flush()?)
+    }
+
+    /// The answer, once there is one.
+    ///
+    /// # Errors
+    /// If the terminal has been closed.
+    pub(super) fn answer(&mut self) -> Result<Option<String>, Failure> {
+        match self.answers.as_ref().map(Receiver::try_recv) {
+            Some(Ok(answer)) => Ok(Some(answer.trim().to_owned())),
+            Some(Err(TryRecvError::Empty)) | None => Ok(None),
+            Some(Err(TryRecvError::Disconnected)) => Err(Failure::Refused(
+                "the calibration was ended at its terminal".to_owned(),
+            )),
+        }
+    }
+}
+
+/// Whether there is a person to be asked.
+pub(super) fn is_there() -> bool {
+    io::stdin().is_terminal()
+}
+
+/// Lines of standard input.
+fn listen(request: &str) -> Result<Receiver<String>, Failure> {
+    if !is_there() {
+        return Err(Failure::Argument(format!(
+            "standard input is no terminal, so that this cannot be asked: {request} Run it at a terminal, or \
+             name a stage's program that changes specimens (docs/calibration.md)"
+        )));
+    }
+    let (sender, answers) = channel();
+    thread::spawn(move || {
+        for line in io::stdin().lock().lines().map_while(io::Result::ok) {
+            if sender.send(line).is_err() {
+                break;
+            }
+        }
+    });
+    Ok(answers)
+}

@@ -1,0 +1,217 @@
+//! The emulated board with its cable in a PC.
+
+use palpate_cli::failure::Failure;
+use palpate_emulator::usb::TransferId;
+use palpate_emulator::{Image, Instrument, Options};
+use palpate_sim::Time;
+use palpate_sim::world::World;
+
+use super::flash_file::FlashFile;
+use super::touch::Touch;
+
+/// In less it has enumerated.
+const STARTED: Time = Time::from_ms(500);
+/// In less it is in its boot loader, from the answer to the command on.
+const BOOT_LOADER: Time = Time::from_ms(500);
+
+/// The channel of the debug probe on which the image logs (docs/firmware.md, links).
+const LOG: u32 = 0;
+
+/// The board. A program opens its serial port and closes it, as a PC's do.
+pub(crate) struct PluggedBoard {
+    image: Image,
+    seed: u64,
+    instrument: Instrument,
+    /// How long it ran before its last power-on.
+    before: Time,
+    touch: Option<Touch>,
+    is_open: bool,
+    /// The request that opens or closes the port, until the board has taken it.
+    changing: Option<TransferId>,
+    /// What the program has sent meanwhile: an answer from a closed port would be lost.
+    unsent: Vec<u8>,
+    flash: FlashFile,
+}
+
+impl PluggedBoard {
+    /// A board that gets its power now, in a world.
+    pub(super) fn new(
+        image: Image,
+        world: World,
+        seed: u64,
+        flash: FlashFile,
+    ) -> Result<Self, Failure> {
+        let instrument = powered(&image, world, seed);
+        let mut board = Self {
+            image,
+            seed,
+            instrument,
+            before: Time::ZERO,
+            touch: None,
+            is_open: true,
+            changing: None,
+            unsent: Vec::new(),
+            flash,
+        };
+        board.fill_flash()?;
+        board.plug();
+        Ok(board)
+    }
+
+    /// Presses something again and again, which has to be in the board's world; or nothing.
+    pub(super) const fn set_touch(&mut self, touch: Option<Touch>) {
+        self.touch = touch;
+    }
+
+    /// Takes the power away, and gives it again in another world, in which nothing is pressed by itself.
+    /// What is stored stays.
+    pub(crate) fn power_on_in(&mut self, world: World) -> Result<(), Failure> {
+        self.before = self.now();
+        self.touch = None;
+        self.instrument = powered(&self.image, world, self.seed);
+        self.fill_flash()?;
+        self.unsent.clear();
+        self.changing = None;
+        self.is_open = true;
+        self.plug();
+        Ok(())
+    }
+
+    fn fill_flash(&mut self) -> Result<(), Failure> {
+        self.flash.fill(self.instrument.board_mut().flash_mut())
+    }
+
+    fn plug(&mut self) {
+        let usb = self.instrument.board_mut().usb_mut();
+        usb.plug();
+        usb.enumerate();
+    }
+
+    /// Lets time pass until it is a serial port of the PC: half a second at most after its power-on.
+    pub(crate) fn start(&mut self) -> Result<(), Failure> {
+        let end = self.now() + STARTED;
+        while self
+            .instrument
+            .board_mut()
+            .usb_mut()
+            .description()
+            .is_none()
+        {
+            if self.now() >= end {
+                return Err(Failure::Refused(
+                    "the emulated board does not appear at its USB: is it an image of the firmware?"
+                        .to_owned(),
+                ));
+            }
+            self.advance(Time::from_ms(1))?;
+        }
+        Ok(())
+    }
+
+    /// Writes a UF2 as the boot loader's drive takes it. The board was asked to start the boot loader; with
+    /// the last block it starts what was written.
+    ///
+    /// # Errors
+    /// If the board does not start the boot loader, or the file has what the emulation cannot follow.
+    pub(crate) fn write_uf2(&mut self, uf2: &[u8]) -> Result<(), Failure> {
+        let end = self.now() + BOOT_LOADER;
+        while !self.instrument.board().is_in_boot_loader() {
+            if self.now() >= end {
+                return Err(Failure::Refused(
+                    "the emulated board does not start its boot loader: is it an image of the firmware?"
+                        .to_owned(),
+                ));
+            }
+            self.advance(Time::from_ms(1))?;
+        }
+        let board = self.instrument.board_mut();
+        let written = board.write_uf2(uf2);
+        written.map_err(|error| Failure::Refused(format!("the emulated board: {error}")))?;
+        self.flash.follow(board.flash())
+    }
+
+    /// Time since its first power-on.
+    pub(crate) fn now(&self) -> Time {
+        self.before + self.instrument.board().now()
+    }
+
+    /// The world around it, at its present.
+    pub(crate) fn world_mut(&mut self) -> &mut World {
+        let board = self.instrument.board_mut();
+        let now = board.now();
+        let world = board.plant_mut().world_mut();
+        world.advance_to(now);
+        world
+    }
+
+    /// The instrument, to disturb and to look at.
+    pub(crate) const fn instrument_mut(&mut self) -> &mut Instrument {
+        &mut self.instrument
+    }
+
+    /// A program opens the port, or closes it.
+    pub(crate) fn set_open(&mut self, is_open: bool) {
+        if is_open == self.is_open || self.changing.is_some() {
+            return;
+        }
+        // Before the end of the enumeration there is no port.
+        self.changing = self.instrument.board_mut().usb_mut().set_dtr(is_open);
+        if self.changing.is_none() {
+            return;
+        }
+        self.is_open = is_open;
+        // What a program sent before its port was open stays: it is sent once the port is.
+        if !is_open {
+            self.unsent.clear();
+        }
+    }
+
+    /// Bytes for the board.
+    pub(crate) fn write(&mut self, bytes: &[u8]) {
+        self.unsent.extend(bytes);
+        let host = self.instrument.board_mut().usb_mut();
+        let ended = host.take_results();
+        let is_over = |changing: &TransferId| ended.iter().any(|(id, _)| id == changing);
+        self.changing = self.changing.take().filter(|changing| !is_over(changing));
+        let is_ready = host.description().is_some() && self.changing.is_none();
+        if is_ready && self.is_open {
+            host.write(&self.unsent);
+            self.unsent.clear();
+        }
+    }
+
+    /// Whether the PC takes more of the board's bytes.
+    pub(crate) fn set_reading(&mut self, reading: bool) {
+        self.instrument.board_mut().usb_mut().set_reading(reading);
+    }
+
+    /// Bytes of the board.
+    pub(crate) fn read(&mut self) -> Vec<u8> {
+        self.instrument.board_mut().usb_mut().read()
+    }
+
+    /// What the image has logged, as a debug probe reads it: frames of defmt.
+    pub(crate) fn read_log(&mut self) -> Vec<u8> {
+        self.instrument.board_mut().read_channel(LOG)
+    }
+
+    /// Lets time pass.
+    pub(crate) fn advance(&mut self, time: Time) -> Result<(), Failure> {
+        if let Some(mut touch) = self.touch {
+            touch.follow(self.world_mut());
+            self.touch = Some(touch);
+        }
+        let ran = self.instrument.run_for(time);
+        let board = self.instrument.board();
+        ran.map_err(|stop| Failure::Refused(format!("the image at {}: {stop}", board.now())))?;
+        self.flash.follow(board.flash())
+    }
+}
+
+fn powered(image: &Image, world: World, seed: u64) -> Instrument {
+    let options = Options {
+        seed,
+        ..Options::default()
+    };
+    Instrument::new(image, world, options)
+}

@@ -1,0 +1,149 @@
+//! The emulated board's flash in a file.
+
+use std::fs::{self, File, TryLockError};
+use std::io;
+use std::path::Path;
+
+use palpate_cli::failure::Failure;
+use palpate_cli::output::OutputFile;
+use palpate_emulator::Flash;
+
+/// Bytes at the end of the flash that keep settings and calibration.
+const AREA: usize = 64 * 1024;
+/// Bytes that are erased at once.
+const SECTOR: usize = 4096;
+
+/// The flash's contents in a file. One program has it at a time.
+pub(crate) struct FlashFile {
+    output: OutputFile,
+    /// Operations up to what was written.
+    written: usize,
+    /// Held as long as the file is used.
+    _lock: File,
+}
+
+impl FlashFile {
+    /// Takes a file, which need not be there yet.
+    ///
+    /// # Errors
+    /// If it is not one that the emulated board has written, is in use, or cannot be written.
+    pub(super) fn open(path: &Path) -> Result<Self, Failure> {
+        // Nothing is made beside a file that is none of a board.
+        stored(path)?;
+        if let Some(folder) = path.parent() {
+            fs::create_dir_all(folder).map_err(|reason| unwritable(path, reason))?;
+        }
+        let output = OutputFile::new("--state", path)?;
+        let lock = locked(path)?;
+        Ok(Self {
+            output,
+            written: 0,
+            _lock: lock,
+        })
+    }
+
+    /// Brings the settings and calibration of the file, if there is one, into a flash.
+    pub(super) fn fill(&mut self, flash: &mut Flash) -> Result<(), Failure> {
+        self.written = flash.operations().len();
+        let Some(area) = stored(self.output.path())? else {
+            return Ok(());
+        };
+        let mut contents = flash.export();
+        let start = contents.len().saturating_sub(AREA);
+        if let Some(place) = contents.get_mut(start..)
+            && place.len() == area.len()
+        {
+            place.copy_from_slice(&area);
+        }
+        flash.import(&contents);
+        Ok(())
+    }
+
+    /// Writes the file, if something was stored since.
+    pub(super) fn follow(&mut self, flash: &Flash) -> Result<(), Failure> {
+        let operations = flash.operations().len();
+        if operations == self.written || flash.is_busy() {
+            return Ok(());
+        }
+        let contents = flash.export();
+        let area = contents.get(contents.len().saturating_sub(AREA)..);
+        self.output.write(area.unwrap_or_default())?;
+        self.written = operations;
+        Ok(())
+    }
+}
+
+/// What a file keeps; nothing without a file.
+fn stored(path: &Path) -> Result<Option<Vec<u8>>, Failure> {
+    let unreadable = |reason| Failure::Unreadable {
+        file: path.to_path_buf(),
+        reason,
+    };
+    let data = match fs::metadata(path) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+        data => data.map_err(unreadable)?,
+    };
+    if data.is_dir() {
+        return Err(no_flash(path, "a folder"));
+    }
+    // A pipe or a device may have no end.
+    if !data.is_file() {
+        return Err(no_flash(path, "no file, but a device"));
+    }
+    if data.len() != AREA as u64 {
+        let size = format!("{} bytes, where the board keeps {AREA}", data.len());
+        return Err(no_flash(path, &size));
+    }
+    let area = fs::read(path).map_err(unreadable)?;
+    if area
+        .chunks(SECTOR)
+        .filter(|sector| is_begun(sector))
+        .count()
+        < AREA / SECTOR / 2
+    {
+        return Err(no_flash(path, "nothing in it is from a board's flash"));
+    }
+    Ok(Some(area))
+}
+
+/// Whether a sector is as the storage's are: begun by an erased byte or by the mark of one that is written, in
+/// which a bit or two may have flipped, and with erased bytes left.
+fn is_begun(sector: &[u8]) -> bool {
+    let ones = sector.first().map_or(0, |first| first.count_ones());
+    !(2..=6).contains(&ones) && sector.contains(&0xFF)
+}
+
+fn no_flash(path: &Path, what: &str) -> Failure {
+    Failure::Argument(format!(
+        "--state {}: {what}; name a file that the emulated board has written, or one that is not there yet",
+        path.display()
+    ))
+}
+
+/// Takes the lock: a file beside, with .lock behind the whole name, and whatever is in it stays.
+fn locked(path: &Path) -> Result<File, Failure> {
+    let mut name = path.as_os_str().to_owned();
+    name.push(".lock");
+    let lock = File::options()
+        .write(true)
+        .create(true)
+        .truncate(false)
+        .open(&name)
+        .map_err(|reason| unwritable(Path::new(&name), reason))?;
+    match lock.try_lock() {
+        Ok(()) => Ok(lock),
+        Err(TryLockError::WouldBlock) => Err(Failure::Refused(format!(
+            "another program runs the emulated board of {}: end it first, or name another file",
+            path.display()
+        ))),
+        Err(TryLockError::Error(reason)) => Err(unwritable(path, reason)),
+    }
+}
+
+fn unwritable(path: &Path, reason: io::Error) -> Failure {
+    Failure::Unwritable {
+        file: path.to_path_buf(),
+        argument: "--state",
+        reason,
+    }
+}

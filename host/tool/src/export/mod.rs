@@ -1,0 +1,215 @@
+//! `palpate export`: a recording as tables.
+
+mod columns;
+mod comma;
+#[cfg(feature = "parquet")]
+mod parquet;
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use columns::{Column, Used};
+use palpate_cli::failure::Failure;
+use palpate_cli::notice;
+use palpate_cli::output::OutputFile;
+use palpate_wire::Message;
+use serde_json::Value;
+
+use crate::recording::{Entry, Reader, Recorded};
+
+/// Turn a recording into tables
+///
+/// Writes a table for each kind of record, such as sample.csv and estimate.csv.
+#[derive(Args)]
+#[command(after_help = "\
+Every table begins with when the record arrived and when it was taken, both by the computer's clock; then \
+come the record's header and its fields, with their units in their names. The items of a list have their \
+number in the name, the conversions of a sample their channel: channels_0_frequency_hz. What is absent is \
+empty. docs/protocol.md names every field.
+
+CSV has the times as seconds since 1970, host_time_s and device_time_s. Parquet has them as time stamps, \
+host_time and device_time, and the units of the columns in its metadata, which pandas shows as attrs.
+
+A recording that was cut off is read as far as it goes.
+
+Examples:
+  palpate export press.mcap --csv press
+  palpate export press.mcap --parquet press")]
+pub(crate) struct Arguments {
+    /// The recording
+    #[arg(value_name = "FILE.mcap")]
+    file: PathBuf,
+    /// The folder of CSV files; it is made, and tables in it are replaced
+    #[arg(long, value_name = "FOLDER")]
+    #[cfg_attr(feature = "parquet", arg(required_unless_present = "parquet"))]
+    #[cfg_attr(not(feature = "parquet"), arg(required = true))]
+    csv: Option<PathBuf>,
+    /// The same of Parquet files
+    #[cfg(feature = "parquet")]
+    #[arg(long, value_name = "FOLDER")]
+    parquet: Option<PathBuf>,
+}
+
+/// A table that is being written.
+trait Table {
+    /// Adds a record with its fields.
+    fn add(&mut self, recorded: &Recorded, payload: &Value) -> Result<(), String>;
+
+    /// Writes what is not written yet.
+    fn finish(self: Box<Self>) -> Result<(), String>;
+}
+
+/// A table that has been begun, or why it was not.
+type Created = Result<Box<dyn Table>, String>;
+
+/// A kind of file.
+struct Format {
+    argument: &'static str,
+    ending: &'static str,
+    create: fn(&Path, Vec<Column>) -> Created,
+}
+
+const CSV: Format = Format {
+    argument: "--csv",
+    ending: "csv",
+    create: comma::create,
+};
+#[cfg(feature = "parquet")]
+const PARQUET: Format = Format {
+    argument: "--parquet",
+    ending: "parquet",
+    create: parquet::create,
+};
+
+impl Arguments {
+    /// What is to be written, and where.
+    fn outputs(&self) -> Vec<(Format, &Path)> {
+        let csv = self.csv.as_deref().map(|folder| (CSV, folder));
+        #[cfg(feature = "parquet")]
+        let parquet = self.parquet.as_deref().map(|folder| (PARQUET, folder));
+        #[cfg(not(feature = "parquet"))]
+        let parquet = None;
+        csv.into_iter().chain(parquet).collect()
+    }
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let used = used(&arguments.file)?;
+    let outputs = arguments.outputs().into_iter();
+    let outputs =
+        outputs.map(|(format, folder)| Tables::create(format, folder, &used, &arguments.file));
+    let mut outputs: Vec<Tables> = outputs.collect::<Result<_, _>>()?;
+    for entry in &mut Reader::open(&arguments.file)? {
+        if let Entry::Frame(recorded) = entry {
+            let payload = payload(&recorded)?;
+            for tables in &mut outputs {
+                tables.add(&recorded, &payload)?;
+            }
+        }
+    }
+    outputs.into_iter().try_for_each(Tables::finish)
+}
+
+/// Which items of lists occur, by kinds of records.
+fn used(file: &Path) -> Result<BTreeMap<&'static str, Used>, Failure> {
+    let mut reader = Reader::open(file)?;
+    let mut used: BTreeMap<&'static str, Used> = BTreeMap::new();
+    for entry in &mut reader {
+        if let Entry::Frame(recorded) = entry {
+            let message = &recorded.frame.message;
+            let payload = payload(&recorded)?;
+            used.entry(message.name()).or_default().enter(&payload);
+        }
+    }
+    reader.refuse_empty(file)?;
+    if let Some(damage) = reader.damage() {
+        notice::say(format_args!("{}: {damage}.", file.display()));
+    }
+    if reader.unreadable() > 0 {
+        notice::say(format_args!(
+            "{}: {} messages are of another version of the protocol and left out.",
+            file.display(),
+            reader.unreadable()
+        ));
+    }
+    Ok(used)
+}
+
+/// A record's fields, with the digits of the text form: an f32 has fewer than the f64 next to it.
+fn payload(recorded: &Recorded) -> Result<Value, Failure> {
+    let message = &recorded.frame.message;
+    let text = serde_json::to_string(message)?;
+    let mut value: Value = serde_json::from_str(&text)?;
+    let payload = value.get_mut(message.name()).map(Value::take);
+    Ok(payload.unwrap_or_default())
+}
+
+/// A table for each kind of record.
+struct Tables {
+    format: Format,
+    folder: PathBuf,
+    tables: BTreeMap<&'static str, Box<dyn Table>>,
+}
+
+impl Tables {
+    fn create(
+        format: Format,
+        folder: &Path,
+        used: &BTreeMap<&'static str, Used>,
+        recording: &Path,
+    ) -> Result<Self, Failure> {
+        fs::create_dir_all(folder).map_err(|reason| Failure::Unwritable {
+            file: folder.to_path_buf(),
+            argument: format.argument,
+            reason,
+        })?;
+        let mut tables = Self {
+            format,
+            folder: folder.to_path_buf(),
+            tables: BTreeMap::new(),
+        };
+        // All before the first is begun, which empties an older one.
+        for kind in used.keys() {
+            let file = tables.file(kind);
+            OutputFile::new(tables.format.argument, &file)?.apart_from(recording)?;
+        }
+        for (&kind, used) in used {
+            let table = (tables.format.create)(&tables.file(kind), columns::of(kind, used));
+            let table = table.map_err(|reason| tables.unfinished(&reason))?;
+            tables.tables.insert(kind, table);
+        }
+        Ok(tables)
+    }
+
+    fn file(&self, kind: &str) -> PathBuf {
+        self.folder.join(format!("{kind}.{}", self.format.ending))
+    }
+
+    fn add(&mut self, recorded: &Recorded, payload: &Value) -> Result<(), Failure> {
+        let Some(table) = self.tables.get_mut(recorded.frame.message.name()) else {
+            return Ok(());
+        };
+        let added = table.add(recorded, payload);
+        added.map_err(|reason| self.unfinished(&reason))
+    }
+
+    fn finish(mut self) -> Result<(), Failure> {
+        let mut out = io::stdout().lock();
+        for (kind, table) in std::mem::take(&mut self.tables) {
+            table.finish().map_err(|reason| self.unfinished(&reason))?;
+            writeln!(out, "{}", self.file(kind).display())?;
+        }
+        Ok(())
+    }
+
+    fn unfinished(&self, reason: &str) -> Failure {
+        Failure::Refused(format!(
+            "{} {}: {reason}. The tables are not complete: make room there, or name another folder.",
+            self.format.argument,
+            self.folder.display()
+        ))
+    }
+}

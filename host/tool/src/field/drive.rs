@@ -1,0 +1,151 @@
+//! What a field is driven by: one ampere, a current with saturation, or what stands without it.
+
+use palpate_cli::failure::Failure;
+use palpate_field::design::Design;
+use palpate_field::solve::{Excitation, Solved, solve};
+
+use super::input::Effort;
+
+/// What a field is driven by.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Drive {
+    /// One ampere, far below saturation, without the background and the remanence of magnets.
+    PerAmpere,
+    /// A current in A, with saturation, in the background, beside the magnets.
+    Current(f64),
+    /// The background, the magnets and the coils' own currents alone, with saturation.
+    Background,
+}
+
+impl Drive {
+    /// What drives a design: the current where one is given; else one ampere, or what else there is in a
+    /// design without a coil.
+    pub(super) fn of(design: &Design, current_a: Option<f64>) -> Result<Self, Failure> {
+        match current_a {
+            Some(_) if !design.is_driven() => Err(Failure::Argument(format!(
+                "{}: the design has no coil for --current: add a [[coil]], or leave --current out",
+                design.name
+            ))),
+            Some(current_a) => Ok(Self::Current(current_a)),
+            None if design.is_driven() => Ok(Self::PerAmpere),
+            None if design.has_standing_field() => Ok(Self::Background),
+            None => Err(Failure::Argument(format!(
+                "{}: nothing drives a field: add a [[coil]], a magnet (a material with remanence_T) or a [background]",
+                design.name
+            ))),
+        }
+    }
+
+    /// The field, to the accuracy that is asked for.
+    pub(super) fn solve(self, design: &Design, effort: &Effort) -> Result<Solved, Failure> {
+        let solved = self.attempt(design, effort)?;
+        reached(design, &solved)?;
+        Ok(solved)
+    }
+
+    /// The field, whatever its accuracy.
+    pub(super) fn attempt(self, design: &Design, effort: &Effort) -> Result<Solved, Failure> {
+        let excitation = match self {
+            Self::PerAmpere => Excitation::small(design, 1.0),
+            Self::Current(current_a) => Excitation::saturating(design, current_a),
+            Self::Background => Excitation::saturating(design, 0.0),
+        };
+        field_of(design, &excitation, effort)
+    }
+
+    /// What stands behind `T` in the unit of a field.
+    pub(super) const fn per(self) -> &'static str {
+        match self {
+            Self::PerAmpere => "/A",
+            Self::Current(_) | Self::Background => "",
+        }
+    }
+
+    /// The drive in words, for titles.
+    pub(super) fn words(self, design: &Design) -> String {
+        let field_t = design.background_t;
+        let background = format!("in a background of {} mT", 1e3 * field_t);
+        let standing = [
+            (field_t != 0.0).then_some(background.as_str()),
+            design.has_magnets().then_some("with the magnets"),
+            (design.has_own_currents()).then_some("with the coils' own currents"),
+        ];
+        let standing: Vec<&str> = standing.into_iter().flatten().collect();
+        let standing = standing.join(" and ");
+        match self {
+            Self::PerAmpere => "per ampere".to_owned(),
+            Self::Current(current_a) if standing.is_empty() => format!("at {current_a} A"),
+            Self::Current(current_a) => format!("at {current_a} A {standing}"),
+            Self::Background => standing,
+        }
+    }
+}
+
+/// The field of any excitation, whatever its accuracy.
+pub(super) fn field_of(
+    design: &Design,
+    excitation: &Excitation,
+    effort: &Effort,
+) -> Result<Solved, Failure> {
+    solve(design, excitation, &effort.accuracy())
+        .map_err(|error| Failure::Refused(format!("{}: {error}", design.name)))
+}
+
+/// Refuses a field whose accuracy was not reached.
+pub(super) fn reached(design: &Design, solved: &Solved) -> Result<(), Failure> {
+    if solved.report.reached {
+        return Ok(());
+    }
+    Err(Failure::Refused(format!(
+        "{}: the accuracy is not reached everywhere with {} unknowns, the relative error of centre and core mean is {:.1e}: ask for less by --accuracy, or leave out the smallest details",
+        design.name,
+        solved.report.unknowns,
+        solved.relative_error()
+    )))
+}
+
+#[cfg(test)]
+mod tests {
+    use palpate_field::design::builtin;
+    use palpate_field::solve::Accuracy;
+
+    use super::*;
+
+    /// Each thing that stands without the current is named.
+    #[test]
+    fn a_drive_is_named_in_words() {
+        let mut design = builtin("A").unwrap();
+        assert_eq!(Drive::Current(2.0).words(&design), "at 2 A");
+        design.background_t = 0.01;
+        assert_eq!(
+            Drive::Current(2.0).words(&design),
+            "at 2 A in a background of 10 mT"
+        );
+        design.parts[0].remanence_t = 0.1;
+        assert_eq!(
+            Drive::Background.words(&design),
+            "in a background of 10 mT and with the magnets"
+        );
+        design.coils.clear();
+        assert!(matches!(Drive::of(&design, None), Ok(Drive::Background)));
+        design.background_t = 0.0;
+        design.parts[0].remanence_t = 0.0;
+        assert!(Drive::of(&design, None).is_err());
+    }
+
+    #[test]
+    fn an_accuracy_that_is_not_reached_ends_the_command() {
+        let design = builtin("A").unwrap();
+        let solved = |most_unknowns: usize| {
+            let accuracy = Accuracy {
+                relative: 1e-3,
+                most_unknowns,
+                ..Accuracy::default()
+            };
+            solve(&design, &Excitation::small(&design, 1.0), &accuracy).unwrap()
+        };
+        assert!(reached(&design, &solved(100_000)).is_ok());
+        let refused = reached(&design, &solved(3_000)).unwrap_err();
+        assert!(refused.to_string().contains("not reached"), "{refused}");
+    }
+}

@@ -1,0 +1,195 @@
+//! `palpate field export`: the field as files for other programs.
+
+use std::fmt::Write as _;
+use std::io::{self, Write as _};
+use std::path::{Path, PathBuf};
+
+use clap::{ArgGroup, Args};
+use palpate_cli::failure::Failure;
+use palpate_cli::output::{OutputFile, distinct};
+use palpate_field::design::Design;
+use palpate_field::solve::{FieldAt, Locator, Piece, Solved};
+
+use super::drive::{Drive, reached};
+use super::input::{DesignSource, current};
+use super::tables::BeyondTable;
+
+/// Write the field over the half-plane for other programs: VTK for ParaView, CSV on a grid
+#[derive(Args)]
+#[command(
+    group(ArgGroup::new("files").args(["vtk", "csv"]).required(true).multiple(true)),
+    after_help = "\
+VTK is the legacy format as text: the solver's own triangles, divided by the order of the elements, each with \
+its own points, since the field jumps between materials. Points are (r, x, 0) in m; B in T with its \
+components along r and x; flux in Wb, through the circle about the axis; part: 0 for what is not magnetic, \
+then the bodies and plates in the order of the design.
+
+CSV has the same on a square grid over the design and a third of the radius about it; lengths in mm.
+
+Without --current the field is that of one ampere, far below saturation, without background and \
+magnets; names end with _per_A then. \
+There is no estimate of the error of single points: `palpate field profile` has one.
+
+Example:
+  palpate field export closed --current 5 --vtk closed.vtk --csv closed.csv --step 0.5"
+)]
+pub(super) struct Arguments {
+    #[command(flatten)]
+    source: DesignSource,
+    /// The field at this current, with saturation, A
+    #[arg(long, value_name = "A", value_parser = current)]
+    current: Option<f64>,
+    /// Write the triangles there, as VTK
+    #[arg(long, value_name = "FILE")]
+    vtk: Option<PathBuf>,
+    /// Write a grid there, as CSV
+    #[arg(long, value_name = "FILE")]
+    csv: Option<PathBuf>,
+    /// Distance of the grid's points, mm
+    #[arg(long, default_value_t = 0.5, value_name = "MM", value_parser = step)]
+    step: f64,
+}
+
+/// Most points of a grid: 100 MB of text.
+const MOST_POINTS: f64 = 1e6;
+
+fn step(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if (1e-3..=100.0).contains(&value) => Ok(value),
+        _ => Err("allowed: 0.001 to 100 mm".into()),
+    }
+}
+
+pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let design = arguments.source.load()?;
+    let vtk = OutputFile::optional("--vtk", arguments.vtk.as_ref())?;
+    let csv = OutputFile::optional("--csv", arguments.csv.as_ref())?;
+    for file in vtk.iter().chain(&csv) {
+        file.clone()
+            .apart_from(Path::new(&arguments.source.design))?;
+    }
+    distinct(vtk.iter().chain(&csv))?;
+    let drive = Drive::of(&design, arguments.current)?;
+    let solved = drive.attempt(&design, &arguments.source.effort)?;
+    BeyondTable::say_all(&design, &solved);
+    let mut out = io::stdout().lock();
+    if let Some(file) = vtk {
+        let title = format!("{}, {}", design.name, drive.words(&design));
+        file.write(vtk_text(&title, per(drive), &solved.pieces()))?;
+        writeln!(out, "written: {}", file.path().display())?;
+    }
+    if let Some(file) = csv {
+        file.write(csv_text(
+            &design,
+            &solved,
+            per(drive),
+            1e-3 * arguments.step,
+        )?)?;
+        writeln!(out, "written: {}", file.path().display())?;
+    }
+    reached(&design, &solved)
+}
+
+/// What the units of a field end with.
+const fn per(drive: Drive) -> &'static str {
+    match drive {
+        Drive::PerAmpere => "_per_A",
+        Drive::Current(_) | Drive::Background => "",
+    }
+}
+
+/// The flux through the circle about the axis, Wb.
+fn flux_wb(r_m: f64, field: &FieldAt) -> f64 {
+    core::f64::consts::TAU * r_m * r_m * field.w
+}
+
+/// 0 for what is not magnetic, then the parts of the design.
+fn part_number(part: Option<u32>) -> u32 {
+    part.map_or(0, |part| part + 1)
+}
+
+/// Triangles as an unstructured grid. Writing to a text cannot fail.
+fn vtk_text(title: &str, per: &str, pieces: &[Piece]) -> String {
+    let places = || pieces.iter().flat_map(|piece| &piece.places);
+    let (points, cells) = pieces.iter().fold((0, 0), |(points, cells), piece| {
+        (points + piece.places.len(), cells + piece.triangles.len())
+    });
+    // A title is one line of at most 255 characters.
+    let title: String = title
+        .chars()
+        .filter(|c| !c.is_control())
+        .take(200)
+        .collect();
+    let mut text = format!(
+        "# vtk DataFile Version 3.0\npalpate field: {title}\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS {points} double\n"
+    );
+    for ([r, x], _) in places() {
+        let _ = writeln!(text, "{r:.9e} {x:.9e} 0");
+    }
+    let _ = writeln!(text, "CELLS {cells} {}", 4 * cells);
+    let mut first = 0;
+    for piece in pieces {
+        for [a, b, c] in &piece.triangles {
+            let _ = writeln!(text, "3 {} {} {}", first + a, first + b, first + c);
+        }
+        first += piece.places.len();
+    }
+    let _ = writeln!(text, "CELL_TYPES {cells}");
+    text.push_str(&"5\n".repeat(cells));
+    let _ = writeln!(
+        text,
+        "CELL_DATA {cells}\nSCALARS part int 1\nLOOKUP_TABLE default"
+    );
+    for piece in pieces {
+        let line = format!("{}\n", part_number(piece.region.part));
+        text.push_str(&line.repeat(piece.triangles.len()));
+    }
+    let _ = writeln!(text, "POINT_DATA {points}\nVECTORS B_T{per} double");
+    for (_, field) in places() {
+        let _ = writeln!(text, "{:.9e} {:.9e} 0", field.b[0], field.b[1]);
+    }
+    let _ = writeln!(text, "SCALARS flux_Wb{per} double 1\nLOOKUP_TABLE default");
+    for ([r, _], field) in places() {
+        let _ = writeln!(text, "{:.9e}", flux_wb(*r, field));
+    }
+    text
+}
+
+/// A square grid over the design and a third of the circle's radius about it.
+fn csv_text(design: &Design, solved: &Solved, per: &str, step_m: f64) -> Result<String, Failure> {
+    let circle = solved.level.space.mesh.circle;
+    let [low, high] = design.height_m();
+    let [from, to] = [low - 0.33 * circle.radius, high + 0.33 * circle.radius];
+    let [columns, rows] = [circle.radius, to - from].map(|length| (length / step_m).floor() + 1.0);
+    if columns * rows > MOST_POINTS {
+        return Err(Failure::Argument(format!(
+            "--step {}: {:.1e} points, at most {MOST_POINTS:.0e}: choose a greater one",
+            1e3 * step_m,
+            columns * rows
+        )));
+    }
+    let locator = Locator::new(&solved.level, &solved.w);
+    let regions = &solved.level.space.mesh.regions;
+    let mut text = format!("r_mm,x_mm,B_r_T{per},B_x_T{per},B_T{per},flux_Wb{per},part\n");
+    for row in 0..rows as u32 {
+        for column in 0..columns as u32 {
+            let [r, x] = [f64::from(column) * step_m, from + f64::from(row) * step_m];
+            let field = locator.at([r, x]);
+            let part = regions
+                .get(field.region as usize)
+                .and_then(|region| region.part);
+            let _ = writeln!(
+                text,
+                "{:.6},{:.6},{:.9e},{:.9e},{:.9e},{:.9e},{}",
+                1e3 * r,
+                1e3 * x,
+                field.b[0],
+                field.b[1],
+                field.size(),
+                flux_wb(r, &field),
+                part_number(part)
+            );
+        }
+    }
+    Ok(text)
+}

@@ -1,0 +1,212 @@
+//! Designs and settings as users name them.
+
+use std::io::{self, Write};
+use std::path::Path;
+
+use clap::Args;
+use palpate_cli::failure::Failure;
+use palpate_cli::notice::say;
+use palpate_cli::text;
+use palpate_field::design::{Design, DesignError, builtin_names, builtin_text, vary};
+use palpate_field::geometry::Point;
+use palpate_field::solve::{Accuracy, Solved};
+
+/// Print a built-in design, to start an own one from
+#[derive(Args)]
+pub(super) struct Show {
+    /// Its name
+    name: String,
+}
+
+pub(super) fn show(arguments: &Show) -> Result<(), Failure> {
+    let (_, text) = text_of(&arguments.name)?;
+    Ok(io::stdout().lock().write_all(text.as_bytes())?)
+}
+
+/// A design, numbers to change in it, and how accurately to solve it.
+#[derive(Args, Clone)]
+pub(super) struct DesignSource {
+    /// File, or name of a built-in design
+    pub(super) design: String,
+    #[command(flatten)]
+    pub(super) effort: Effort,
+}
+
+/// What goes with every design of a command.
+#[derive(Args, Clone)]
+pub(super) struct Effort {
+    /// Change a number of the design, as in parameters.gap=4 or body.mse.shape.semi_r=12
+    #[arg(long = "set", value_name = "PATH=NUMBER", value_parser = setting)]
+    pub(super) settings: Vec<(String, f64)>,
+    /// Relative error of centre and core mean to reach
+    #[arg(long, default_value_t = 1e-4, value_parser = accuracy)]
+    accuracy: f64,
+    /// Order of the elements, 2 to 5
+    #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u32).range(2..=5))]
+    order: u32,
+}
+
+impl Effort {
+    pub(super) fn accuracy(&self) -> Accuracy {
+        Accuracy {
+            relative: self.accuracy,
+            order: self.order,
+            ..Accuracy::default()
+        }
+    }
+
+    /// The same, no more accurate than this.
+    pub(super) fn at_most_accurate(&self, relative: f64) -> Self {
+        Self {
+            accuracy: self.accuracy.max(relative),
+            ..self.clone()
+        }
+    }
+}
+
+fn accuracy(text: &str) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|_| "allowed: a number like 1e-4")?;
+    if (1e-8..=0.1).contains(&value) {
+        Ok(value)
+    } else {
+        Err("allowed: 1e-8 to 0.1".into())
+    }
+}
+
+fn setting(text: &str) -> Result<(String, f64), String> {
+    let (path, value) = text.split_once('=').ok_or("allowed: PATH=NUMBER")?;
+    let value: f64 = value
+        .trim()
+        .parse()
+        .map_err(|_| format!("{value:?} is no number"))?;
+    Ok((path.trim().to_owned(), value))
+}
+
+/// A positive current.
+pub(super) fn current(text: &str) -> Result<f64, String> {
+    let value: f64 = text
+        .parse()
+        .map_err(|_| "allowed: a current in A, like 10")?;
+    if (1e-6..=1e6).contains(&value) {
+        Ok(value)
+    } else {
+        Err("allowed: 1e-6 to 1e6 A".into())
+    }
+}
+
+/// Name and text of a design.
+pub(super) fn text_of(name: &str) -> Result<(String, String), Failure> {
+    if let Some(text) = builtin_text(name) {
+        return Ok((format!("{name}.toml"), text.to_owned()));
+    }
+    if !Path::new(name).exists() && !name.contains(['.', '/', '\\']) {
+        return Err(Failure::Input {
+            file: name.into(),
+            line: 1,
+            problem: format!("there is neither a file nor a built-in design {name:?}"),
+            allowed: format!("a file, or {}", builtin_names().join(", ")),
+        });
+    }
+    Ok((name.to_owned(), text_of_file(name)?))
+}
+
+/// Most bytes of a file that is read: a thousand times a built-in design.
+const MOST_BYTES: u64 = 2_000_000;
+
+/// The text of a file. Pipes and devices, which may never end, and files beyond any design are refused.
+pub(super) fn text_of_file(name: &str) -> Result<String, Failure> {
+    let unreadable = |reason: io::Error| Failure::Unreadable {
+        file: name.into(),
+        reason,
+    };
+    let data = std::fs::metadata(name).map_err(unreadable)?;
+    if data.is_dir() || (data.is_file() && data.len() <= MOST_BYTES) {
+        return text::of_file(name.as_ref());
+    }
+    Err(Failure::Input {
+        file: name.into(),
+        line: 1,
+        problem: "is no plain file, or too large".to_owned(),
+        allowed: format!("a file of at most {MOST_BYTES} bytes"),
+    })
+}
+
+/// A design from its text, with numbers changed.
+pub(super) fn parse(name: &str, text: &str, settings: &[(String, f64)]) -> Result<Design, Failure> {
+    // The unchanged text first: errors in it have lines that the user can look up.
+    let design = Design::parse(name, text).map_err(refused)?;
+    if settings.is_empty() {
+        return Ok(design);
+    }
+    let text = vary::set(text, settings).map_err(|problem| Failure::Input {
+        file: name.into(),
+        line: 1,
+        problem,
+        allowed: "a path to a number, as in parameters.gap or body.mse.shape.semi_r".to_owned(),
+    })?;
+    // The changed text has the user's lines.
+    Design::parse(name, &text).map_err(|mut error| {
+        let changes = settings
+            .iter()
+            .map(|(path, value)| format!("{path}={value}"));
+        let changes: Vec<String> = changes.collect();
+        error
+            .problem
+            .push_str(&format!(", with {}", changes.join(" ")));
+        refused(error)
+    })
+}
+
+fn refused(error: DesignError) -> Failure {
+    let place = if error.place.is_empty() {
+        String::new()
+    } else {
+        format!("{}: ", error.place)
+    };
+    Failure::Input {
+        file: error.file.into(),
+        line: error.line as u64,
+        problem: format!("{place}{}", error.problem),
+        allowed: if error.allowed.is_empty() {
+            "what the message says".to_owned()
+        } else {
+            error.allowed
+        },
+    }
+}
+
+/// Says what was read of the files that a design names, with sizes and units.
+pub(super) fn say_files(design: &Design) {
+    for file in &design.files {
+        say(format!("read of {file}"));
+    }
+}
+
+impl DesignSource {
+    /// The design; what was read of the files that it names is said on standard error.
+    pub(super) fn load(&self) -> Result<Design, Failure> {
+        let design = self.load_silently()?;
+        say_files(&design);
+        Ok(design)
+    }
+
+    pub(super) fn load_silently(&self) -> Result<Design, Failure> {
+        let (name, text) = text_of(&self.design)?;
+        parse(&name, &text, &self.effort.settings)
+    }
+}
+
+/// What profiles and drawings are refined to, over the accuracy of centre and core mean: 2e-3 at 1e-4.
+/// What is stated is five times that, the most found being 1.8 times (docs/evidence/field-accuracy.md).
+const SHARP: f64 = 20.0;
+
+/// The field with a mesh fine enough for every one of some points.
+pub(super) fn sharpened(
+    design: &Design,
+    solved: Solved,
+    points: &[Point],
+    effort: &Effort,
+) -> Result<Solved, Failure> {
+    let sharpened = solved.sharpened(design, points, SHARP * effort.accuracy);
+    sharpened.map_err(|error| Failure::Refused(format!("{}: {error}", design.name)))
+}

@@ -1,0 +1,242 @@
+//! The line of the last train: 1/x against the actuated layer's compliance, whose zero is the load's.
+//!
+//! The points are the board's samples, the line is fitted here, in `f64` and by the code of the
+//! calibration's bench. So it is no image of the board's own arithmetic, whose result stands beside it.
+
+mod law;
+
+use palpate_wire::code::{Contact, State};
+use palpate_wire::record::{Estimate, Sample};
+use palpate_wire::{Message, Record};
+use serde::Serialize;
+
+use law::{Law, Reading};
+use palpate_calibration::{Fall, LinePoint, TrainFit};
+
+/// Samples of a train that are kept: of 20 s at 1 kHz, twenty times the usual train.
+const KEPT: usize = 20_000;
+/// Points that are drawn at most: more would cover each other.
+const DRAWN: usize = 600;
+
+/// A point of the line, and the line there.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub(crate) struct Point {
+    /// c_S/c_D(I), the attraction counted as a compliance.
+    pub(crate) compliance: f64,
+    /// 1/x with the drift taken out, 1/m.
+    pub(crate) inverse_per_m: f64,
+    /// The line, 1/m.
+    pub(crate) line_per_m: f64,
+}
+
+/// The line of a train.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub(crate) struct Line {
+    measurement: u32,
+    /// Every so-many-th sample, rising in compliance.
+    pub(crate) points: Vec<Point>,
+    /// One point is drawn of so many samples.
+    every: usize,
+    /// c_S/c_L by this line.
+    pub(crate) load_ratio: f64,
+    /// The same by the board, and its standard error.
+    board_load_ratio: f32,
+    board_standard_error: f32,
+}
+
+/// Gathers the samples of a train.
+#[derive(Debug, Default)]
+pub(crate) struct Train {
+    /// What the board has sent of its settings and calibration, the latest of each.
+    parts: Vec<Record>,
+    touched_s: Option<f64>,
+    began_s: Option<f64>,
+    readings: Vec<Reading>,
+}
+
+impl Train {
+    /// On a board that has these settings and this calibration in force.
+    #[cfg(any(feature = "recording", test))]
+    pub(crate) fn with(parts: &[Record]) -> Self {
+        let mut train = Self::default();
+        for part in parts {
+            train.take(0.0, part);
+        }
+        train
+    }
+
+    /// Takes a record of a time, s. The result of a measurement completes its line.
+    pub(crate) fn take(&mut self, time_s: f64, record: &Record) -> Option<Line> {
+        match record {
+            Record::Sample(sample) if sample.sensor == 0 => self.add(time_s, sample),
+            // Records do not always come in the order of their times: the samples from the peak on are
+            // kept, and those of the ramps are taken by their times.
+            Record::State(change) if change.state == State::Peak => self.readings.clear(),
+            Record::State(change) if change.state == State::Ramps => self.began_s = Some(time_s),
+            Record::Estimate(estimate) => return self.line(estimate),
+            Record::Settings(_) | Record::Springs(_) | Record::Attraction(_) => {
+                self.parts.retain(|part| part.kind() != record.kind());
+                self.parts.push(record.clone());
+            }
+            Record::StiffeningCurve(chunk) => {
+                if chunk.first == 0 {
+                    self.parts.retain(|part| part.kind() != record.kind());
+                }
+                self.parts.push(record.clone());
+            }
+            _ => {}
+        }
+        None
+    }
+
+    fn add(&mut self, time_s: f64, sample: &Sample) {
+        if sample.contact == Contact::Began {
+            self.touched_s = Some(time_s);
+        }
+        if self.readings.len() < KEPT {
+            self.readings.extend(Reading::of(time_s, sample));
+        }
+    }
+
+    /// The line of the samples on the falls of the current.
+    fn line(&self, estimate: &Estimate) -> Option<Line> {
+        let law = Law::of(&self.parts)?;
+        let (touched_s, began_s) = (self.touched_s?, self.began_s?);
+        let fall = Fall::of(law.settings());
+        let at = |of: &Reading| (of.time_s, of.current_a);
+        let ramps = self.readings.iter().filter(|of| of.time_s >= began_s);
+        let ramps: Vec<_> = ramps.copied().collect();
+        let falls = ramps.windows(3).filter_map(|near| match near {
+            [before, this, after]
+                if fall.between(at(before), at(this)) && fall.between(at(this), at(after)) =>
+            {
+                Some(LinePoint {
+                    time_s: this.time_s - began_s,
+                    deformation_m: this.deformation_m,
+                    compliance: law.compliance(this),
+                })
+            }
+            _ => None,
+        });
+        let falls: Vec<_> = falls.collect();
+        let fit = TrainFit::of(&falls, began_s - touched_s).ok()?;
+        let every = falls.len().div_ceil(DRAWN).max(1);
+        let points = falls.iter().step_by(every).map(|of| Point {
+            compliance: of.compliance,
+            inverse_per_m: fit.drifted(of.time_s) / of.deformation_m,
+            line_per_m: fit.inverse_per_m(of.compliance),
+        });
+        let mut points: Vec<_> = points.collect();
+        points.sort_by(|a, b| a.compliance.total_cmp(&b.compliance));
+        Some(Line {
+            measurement: estimate.measurement,
+            points,
+            every,
+            load_ratio: fit.kappa,
+            board_load_ratio: estimate.load_ratio,
+            board_standard_error: estimate.load_ratio_standard_error,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use palpate_wire::record::{Conversion, StateChange};
+
+    use super::*;
+
+    fn sample(deformation_m: f64, current_a: f64, contact: Contact) -> Record {
+        let conversion = Conversion {
+            channel: 0,
+            offset_us: 0,
+            word: 0,
+            frequency_hz: 3e6,
+            sigma_hz: 1.0,
+            deformation_m: Some(deformation_m as f32),
+            deformation_sigma_m: Some(1e-7),
+            extrapolated: false,
+        };
+        Record::Sample(Sample {
+            sensor: 0,
+            missed: 0,
+            gap: false,
+            channels: [conversion].into_iter().collect(),
+            contact,
+            force_n: None,
+            force_sigma_n: None,
+            current_a: Some(current_a as f32),
+            ripple_a: None,
+        })
+    }
+
+    fn state(state: State) -> Record {
+        Record::State(StateChange {
+            state,
+            previous: State::Settling,
+            mode: palpate_wire::code::Mode::Stiffness,
+            armed: true,
+            measurement: 1,
+        })
+    }
+
+    fn estimate() -> Record {
+        let lines = include_str!("../../../../firmware/wire/fixture/v2-records.jsonl").lines();
+        let mut records = lines.filter_map(|line| {
+            let line: serde_json::Value = serde_json::from_str(line).ok()?;
+            serde_json::from_value(line.get("message")?.clone()).ok()
+        });
+        records
+            .find(|record| matches!(record, Record::Estimate(_)))
+            .unwrap()
+    }
+
+    #[test]
+    fn the_line_finds_the_load_of_a_made_train() {
+        const LOAD_RATIO: f64 = 0.7;
+        let parts = Law::made_parts();
+        let law = Law::of(&parts).unwrap();
+        let mut train = Train::with(&parts);
+        train.take(0.0, &sample(1e-6, 0.0, Contact::Began));
+        train.take(0.5, &state(State::Peak));
+        train.take(0.5, &state(State::Ramps));
+        let (peak_a, end_a) = (law.settings().peak_current_a, law.settings().end_current_a);
+        let period = (1e3 * law.settings().ramp_s) as u32;
+        for ms in 0..8 * period {
+            let part = f64::from(ms % period) / f64::from(period);
+            let current_a = f64::from(peak_a) + part * f64::from(end_a - peak_a);
+            let mut reading = Reading {
+                time_s: 0.5 + 1e-3 * f64::from(ms),
+                deformation_m: 300e-6,
+                current_a,
+            };
+            // x (1 + kappa + g) = x_0, with g that depends on x a little.
+            for _ in 0..9 {
+                let level = 1.0 + LOAD_RATIO + law.compliance(&reading);
+                reading.deformation_m = 1e-3 / level;
+            }
+            let record = sample(reading.deformation_m, current_a, Contact::Held);
+            assert_eq!(train.take(reading.time_s, &record), None);
+        }
+        let line = train.take(9.0, &estimate()).unwrap();
+        assert!(
+            (line.load_ratio - LOAD_RATIO).abs() < 1e-3,
+            "{}",
+            line.load_ratio
+        );
+        assert!(line.points.len() > 300 && line.points.len() <= DRAWN);
+        for point in &line.points {
+            let off = (point.inverse_per_m / point.line_per_m - 1.0).abs();
+            assert!(off < 1e-5, "{point:?}");
+        }
+    }
+
+    #[test]
+    fn without_a_calibration_there_is_no_line_and_what_is_kept_is_bounded() {
+        let mut train = Train::default();
+        for ms in 0..2 * KEPT {
+            train.take(1e-3 * ms as f64, &sample(1e-6, 0.0, Contact::Held));
+        }
+        assert_eq!(train.readings.len(), KEPT);
+        assert_eq!(train.take(99.0, &estimate()), None);
+    }
+}

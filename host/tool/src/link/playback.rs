@@ -1,0 +1,163 @@
+//! A recording in the place of a board: its records come again, with the times between them.
+
+use std::fs::File;
+use std::io::{self, BufReader, ErrorKind};
+use std::iter::Peekable;
+use std::path::{Path, PathBuf};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+use palpate_cli::failure::Failure;
+use palpate_cli::notice;
+use palpate_wire::record::Hello;
+use palpate_wire::{Message, Record, encode};
+
+use super::transport::Transport;
+use crate::recording::{Entry, Note, Reader, Recorded};
+
+/// Longest time without a record that is played: a board that is recorded sends several a second, and one that is
+/// unplugged for longer is not waited for again.
+const LONGEST_GAP: Duration = Duration::from_secs(600);
+
+/// A recording that is played.
+pub(super) struct Playback {
+    file: PathBuf,
+    frames: Peekable<Frames>,
+    /// What the time of the recording is at the start of the play, ns since 1970.
+    zero_ns: i128,
+    /// How far it has been played.
+    now: Duration,
+    /// Recorded time to real time; nothing for as fast as possible.
+    speed: Option<f64>,
+    began: Instant,
+}
+
+/// The records of a file.
+struct Frames(Reader<BufReader<File>>);
+
+impl Iterator for Frames {
+    type Item = Recorded;
+
+    fn next(&mut self) -> Option<Recorded> {
+        self.0.find_map(|entry| match entry {
+            Entry::Frame(recorded) => Some(recorded),
+            Entry::Note(_) | Entry::Log(_) => None,
+        })
+    }
+}
+
+impl Playback {
+    /// Opens a recording, and says what the board was.
+    pub(super) fn open(file: &Path, speed: Option<f64>) -> Result<(Self, Hello), Failure> {
+        let mut records = Frames(Reader::open(file)?);
+        let first = records.next();
+        if first.is_none() {
+            records.0.refuse_empty(file)?;
+        }
+        let hello = Reader::boot_notes(file)?.iter().find_map(hello);
+        let (Some(first), Some(hello)) = (first, hello) else {
+            return Err(Failure::Argument(format!(
+                "{}: it does not say of which board it is: name a recording of `palpate record`",
+                file.display()
+            )));
+        };
+        let frames = Frames(Reader::open(file)?).peekable();
+        let playback = Self {
+            file: file.to_path_buf(),
+            zero_ns: first.host_ns.into(),
+            frames,
+            now: Duration::ZERO,
+            speed,
+            began: Instant::now(),
+        };
+        Ok((playback, hello))
+    }
+
+    /// When the next record came. A long time without one is jumped over: a time stamp may be damaged, or from a
+    /// clock that was set.
+    fn next_at(&mut self) -> Option<Duration> {
+        let next_ns = i128::from(self.frames.peek()?.host_ns);
+        let now_ns = self.zero_ns + self.now.as_nanos() as i128;
+        let gap_ns = next_ns - now_ns;
+        if gap_ns.abs() > LONGEST_GAP.as_nanos() as i128 {
+            self.zero_ns += gap_ns;
+            notice::say(format_args!(
+                "{}: the next record has a time stamp {}: the time between is left out.",
+                self.file.display(),
+                apart(gap_ns)
+            ));
+        }
+        let at_ns = u64::try_from(next_ns - self.zero_ns).unwrap_or_default();
+        Some(Duration::from_nanos(at_ns))
+    }
+
+    fn play_to(&mut self, at: Duration) {
+        self.now = self.now.max(at);
+        if let Some(speed) = self.speed {
+            let due = self.now.div_f64(speed);
+            sleep(due.saturating_sub(self.began.elapsed()));
+        }
+    }
+}
+
+/// A gap in words.
+fn apart(gap_ns: i128) -> String {
+    let hours = gap_ns.abs() as f64 / 3.6e12;
+    let years = hours / (24.0 * 365.25);
+    let long = if years >= 1.0 {
+        format!("{years:.0} years")
+    } else {
+        format!("{hours:.1} hours")
+    };
+    format!("{long} {}", if gap_ns > 0 { "later" } else { "earlier" })
+}
+
+/// What the board was, if a note about a boot says so.
+fn hello(note: &Note) -> Option<Hello> {
+    match serde_json::from_str(note.fields.get("hello")?).ok()? {
+        Record::Hello(hello) => Some(hello),
+        _ => None,
+    }
+}
+
+impl Transport for Playback {
+    fn now(&self) -> Duration {
+        self.now
+    }
+
+    fn write(&mut self, _: &[u8]) -> io::Result<()> {
+        Err(io::Error::new(
+            ErrorKind::Unsupported,
+            format!(
+                "{} is a recording: it takes no commands",
+                self.file.display()
+            ),
+        ))
+    }
+
+    fn read(&mut self, wait: Duration) -> io::Result<Vec<u8>> {
+        let Some(at) = self.next_at() else {
+            return Err(ErrorKind::UnexpectedEof.into());
+        };
+        let end = self.now + wait;
+        self.play_to(at.min(end));
+        let mut bytes = Vec::new();
+        while self.next_at().is_some_and(|at| at <= self.now)
+            && let Some(recorded) = self.frames.next()
+        {
+            let mut buffer = [0; Record::MAX_FRAME];
+            let frame = &recorded.frame;
+            let encoded = encode(&frame.header, &frame.message, &mut buffer);
+            bytes.extend_from_slice(encoded.map_err(|error| io::Error::other(error.to_string()))?);
+        }
+        Ok(bytes)
+    }
+
+    fn reopen(&mut self) -> io::Result<()> {
+        Err(ErrorKind::UnexpectedEof.into())
+    }
+
+    fn is_recording(&self) -> bool {
+        true
+    }
+}

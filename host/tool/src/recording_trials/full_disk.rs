@@ -1,0 +1,54 @@
+//! A recording on a disk that becomes full: a small file system in memory, in a name space of its own.
+
+use std::env;
+use std::fs;
+use std::process::Command;
+
+use palpate_cli::failure::Failure;
+
+use super::Part;
+use super::found;
+use crate::tool::Tool;
+
+/// Makes the file system, records there until it is full, and keeps what was left.
+const SCRIPT: &str = "mkdir \"$1/small\" && mount -t tmpfs -o size=1m tmpfs \"$1/small\" || exit 99
+\"$0\" record \"$1/small/full.mcap\" --board emulated --state \"$1/full.flash\" --image \"$2\" --for 60; code=$?
+cp \"$1/small/full.mcap.partial\" \"$1/left.mcap\" && exit $code";
+/// What the script ends with where there is no such file system.
+const NO_FILE_SYSTEM: i32 = 99;
+
+pub(super) fn run(tool: &Tool) -> Result<Part, Failure> {
+    let output = Command::new("unshare")
+        .args(["--user", "--map-root-user", "--mount", "sh", "-c", SCRIPT])
+        .arg(env::current_exe()?)
+        .arg(tool.path(""))
+        .arg(tool.image())
+        .output()
+        .map_err(|error| Failure::Refused(format!("unshare (util-linux): {error}")))?;
+    let said = String::from_utf8_lossy(&output.stderr);
+    let left = tool.path("left.mcap");
+    if output.status.code() == Some(NO_FILE_SYSTEM) || !left.exists() {
+        return Err(Failure::Refused(format!(
+            "no small disk can be made for a recording: {}",
+            said.trim()
+        )));
+    }
+    let found = found::read(&left)?;
+    let says_why = said.contains("the disk is full");
+    let is_good =
+        output.status.code() == Some(1) && says_why && found.samples > 0 && found.missing() == 0;
+    let text = format!(
+        "## Full disk\n\nOn a disk of 1 MiB the recording ended after {:.2} s with exit code {}, and {} the \
+         cause. The file of {} bytes can be read: {} records, {} missing among them.",
+        found.contents.duration_s(),
+        output.status.code().unwrap_or(-1),
+        if says_why { "says" } else { "does not say" },
+        fs::metadata(&left)?.len(),
+        found.contents.frames(),
+        found.missing()
+    );
+    Ok(Part {
+        text,
+        failed: (!is_good).then(|| "a full disk was not handled as promised".to_owned()),
+    })
+}
