@@ -49,12 +49,16 @@ struct Campaign {
 enum Runs {
     /// The tool, with these arguments.
     Tool(&'static [&'static str]),
+    /// The program of all campaigns, with these.
+    Campaign(&'static [&'static str]),
     /// Cargo, with these.
     Cargo(&'static [&'static str]),
 }
 
 /// How cargo runs the tool.
 const TOOL: &[&str] = &["run", "--release", "-p", "palpate", "--"];
+/// How it runs the campaigns.
+const CAMPAIGN: &[&str] = &["run", "--release", "-p", "palpate-campaigns", "--"];
 
 /// What the converter's driver does against the simulated chip.
 const DRIVER: &[&str] = &[
@@ -72,6 +76,7 @@ const INSTRUMENT: &[&str] = &[
     "host",
     "model/src",
     "sim-host/src",
+    "tests/campaigns",
 ];
 /// The native board on its links.
 const BOARD: &[&str] = &[
@@ -260,15 +265,7 @@ const CAMPAIGNS: &[Campaign] = &[
     Campaign {
         name: "series",
         purpose: "Presses in a row, in a world that goes on: contacts, refusals and intervals.",
-        runs: Runs::Tool(&[
-            "campaign",
-            "--presses",
-            "10",
-            "--plants",
-            "200",
-            "--seed",
-            "600001",
-        ]),
+        runs: Runs::Campaign(&["series", "--plants", "200", "--seed", "600001"]),
         rests_on: INSTRUMENT,
     },
     Campaign {
@@ -347,35 +344,28 @@ const CAMPAIGNS: &[Campaign] = &[
         name: "ablation",
         purpose: "What each part of the chain is worth: errors and intervals of the same sensors with a bench at one \
                   and at two temperatures, with and without a check, and with parts left out.",
-        runs: Runs::Tool(&[
-            "campaign",
-            "--plants",
-            "16",
-            "--seed",
-            "870001",
-            "--ablation",
-        ]),
+        runs: Runs::Campaign(&["ablation", "--plants", "16", "--seed", "870001"]),
         rests_on: INSTRUMENT,
     },
     Campaign {
         name: "efficiency",
         purpose: "Errors of the whole chain, from bench to press, against the Cramer-Rao bound of what bench and press \
                   read, and where the rest is lost.",
-        runs: Runs::Tool(&["efficiency", "--plants", "40", "--seed", "810001"]),
+        runs: Runs::Campaign(&["efficiency", "--plants", "40", "--seed", "810001"]),
         rests_on: INSTRUMENT,
     },
     Campaign {
         name: "misfit",
         purpose: "What a press is worth whose disturbance the calibration left out: how many are refused as misfits, \
                   and how often the others' intervals hold.",
-        runs: Runs::Tool(&["misfit", "--plants", "17", "--seed", "660001"]),
+        runs: Runs::Campaign(&["misfit", "--plants", "17", "--seed", "660001"]),
         rests_on: INSTRUMENT,
     },
     Campaign {
         name: "springs",
         purpose: "A calibration by springs alone beside one with a load cell, on the same sensors: errors and \
                   coverage; and what good sessions come to in the checks that refuse bad ones.",
-        runs: Runs::Tool(&["springs", "--plants", "50", "--seed", "30001"]),
+        runs: Runs::Campaign(&["springs", "--plants", "50", "--seed", "30001"]),
         rests_on: INSTRUMENT,
     },
     Campaign {
@@ -493,20 +483,20 @@ const CAMPAIGNS: &[Campaign] = &[
         name: "acceptance",
         purpose: "From nothing to a calibrated reading, by the commands that a user types: `calibrate sensor`, then \
                   `measure` in another process, on emulated boards.",
-        runs: Runs::Tool(&["acceptance", "--boards", "5", "--seed", "1"]),
+        runs: Runs::Campaign(&["acceptance", "--boards", "5", "--seed", "1"]),
         rests_on: DESK,
     },
     Campaign {
         name: "recordings",
         purpose: "Recordings of emulated boards: for ten minutes, killed at random times, on a full disk, and \
                   replayed.",
-        runs: Runs::Tool(&["recordings", "--seed", "4001"]),
+        runs: Runs::Campaign(&["recordings", "--seed", "4001"]),
         rests_on: DESK,
     },
     Campaign {
         name: IMAGE_COST,
         purpose: "What the firmware's image costs of processor, flash and memory, by its parts.",
-        runs: Runs::Tool(&["image-cost", "--seed", "1"]),
+        runs: Runs::Campaign(&["image-cost", "--seed", "1"]),
         rests_on: IMAGE,
     },
 ];
@@ -518,6 +508,7 @@ impl Campaign {
     fn invocation(&self) -> Invocation {
         match self.runs {
             Runs::Tool(arguments) => Invocation::cargo(&[TOOL, arguments].concat()),
+            Runs::Campaign(arguments) => Invocation::cargo(&[CAMPAIGN, arguments].concat()),
             Runs::Cargo(arguments) => Invocation::cargo(arguments),
         }
     }

@@ -164,6 +164,14 @@ pub(crate) const MEMBERS: &[Member] = &[
         ..HOST_PROGRAM
     },
     Member {
+        name: "palpate-design",
+        ..HOST_PROGRAM
+    },
+    Member {
+        name: "palpate-simulate",
+        ..HOST_PROGRAM
+    },
+    Member {
         name: "palpate-field",
         ..HOST_PROGRAM
     },
@@ -177,16 +185,11 @@ pub(crate) const MEMBERS: &[Member] = &[
     },
     Member {
         name: "palpate",
-        features: &[
-            "emulator",
-            "field",
-            "live",
-            "packaging",
-            "parquet",
-            "probe",
-            "recording",
-            "serial",
-        ],
+        features: &["probe"],
+        ..HOST_PROGRAM
+    },
+    Member {
+        name: "palpate-campaigns",
         ..HOST_PROGRAM
     },
     Member {

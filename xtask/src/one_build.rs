@@ -32,19 +32,14 @@ fn builds(edges: &str, arguments: &[&str]) -> Builds {
 
 #[test]
 fn the_tests_take_what_the_demo_has_built() {
-    let alone = builds(
-        "normal,build",
-        &["--package", "palpate", "--no-default-features"],
-    );
+    let alone = builds("normal,build", &["--package", "palpate-simulate"]);
     // Without `--package`, as in the alias `cargo demo`, all default members ask for features.
-    let demo = builds("normal,build", &["--no-default-features"]);
+    let demo = builds("normal,build", &[]);
     let tests = builds(
         "normal,build,dev",
         &["--features", tested_features().as_str()],
     );
-    // The tool itself is built with more features for its tests.
-    let shared = alone.keys().filter(|name| !name.starts_with("palpate v"));
-    for package in shared {
+    for package in alone.keys() {
         let (demo, tests) = (&demo[package], &tests[package]);
         assert!(
             !demo.is_disjoint(tests),

@@ -19,7 +19,9 @@
 
 mod actuated;
 mod adjustment;
+pub mod bench;
 mod check;
+pub mod checks;
 mod claim;
 mod commands;
 mod crosstalk;

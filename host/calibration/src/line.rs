@@ -288,12 +288,13 @@ impl TrainFit {
 
 #[cfg(test)]
 mod tests {
+    use palpate_sim::random::Stream;
+
     use crate::actuated::Actuated;
     use crate::made::{
         ATTRACTION_N_PER_A2, KAPPAS, PEAK_A, RATIO, RISE, SENSING_N_PER_M, Sensor, mean, noise,
         problem, train, train_of,
     };
-    use palpate_sim::random::Stream;
 
     const DEPTH_M: f64 = 0.3e-3;
 

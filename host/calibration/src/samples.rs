@@ -1,10 +1,10 @@
 //! The lines of a run, as the evaluation needs them.
 
-use crate::session::{BenchSample, Pressed, Run, Session};
 use palpate_wire::command::Settings;
 
 use super::{Known, Unusable};
 use crate::fall::Fall;
+use crate::session::{BenchSample, Pressed, Run, Session};
 
 /// A run.
 #[derive(Clone, Debug)]

@@ -2,12 +2,14 @@
 
 use std::{fmt, io, path::PathBuf, process::ExitCode};
 
+use palpate_calibration::bench::BrokenOff;
 use palpate_sim::native::BoardError;
 use palpate_sim::parameters::ParameterError;
 use palpate_sim::stack::LoadError;
 use palpate_sim::stack::document::FileError;
 
 use crate::finding::Finding;
+use crate::notice;
 
 /// A failure with its location, its cause and what to do.
 #[derive(Debug)]
@@ -74,6 +76,21 @@ impl Failure {
     }
 }
 
+/// Says why a program failed, and with which code it ends.
+pub fn exit(result: Result<(), Failure>) -> ExitCode {
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        // A reader that went away (`palpate ... | head`) is no failure.
+        Err(Failure::Output(error)) if error.kind() == io::ErrorKind::BrokenPipe => {
+            ExitCode::SUCCESS
+        }
+        Err(failure) => {
+            notice::say(format_args!("palpate: {failure}"));
+            failure.exit_code()
+        }
+    }
+}
+
 impl fmt::Display for Failure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -122,6 +139,12 @@ impl From<LoadError> for Failure {
             },
             LoadError::Refused(error) => Self::Document(error),
         }
+    }
+}
+
+impl From<BrokenOff> for Failure {
+    fn from(error: BrokenOff) -> Self {
+        Self::refused(error)
     }
 }
 

@@ -1,10 +1,12 @@
 //! What all programs of palpate have in common.
 
 pub mod describe;
+pub mod evidence;
 pub mod failure;
 pub mod finding;
 pub mod in_order;
 pub mod interrupt;
+pub mod jsonl;
 pub mod notice;
 pub mod output;
 pub mod page;

@@ -4,9 +4,8 @@ use std::io::{self, Read, Write};
 
 use clap::Args;
 use palpate_cli::failure::Failure;
+use palpate_cli::jsonl::{self, Note};
 use palpate_wire::RecordDecoder;
-
-use crate::jsonl::{self, Note};
 
 /// Turn the device's frames on standard input into JSON on standard output, one object a line
 #[derive(Args)]

@@ -12,7 +12,6 @@ use palpate_wire::record::Hello;
 use serde::Serialize;
 
 use crate::link::no_board;
-#[cfg(feature = "serial")]
 use crate::link::{open_port, ports, serial::Port};
 
 /// List the boards that are plugged in
@@ -82,20 +81,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     Ok(write!(out, "{}", described(&devices))?)
 }
 
-#[cfg(feature = "serial")]
 fn found() -> Result<Vec<Device>, Failure> {
     Ok(ports()?.into_iter().map(examined).collect())
 }
 
-#[cfg(not(feature = "serial"))]
-fn found() -> Result<Vec<Device>, Failure> {
-    Err(Failure::Argument(
-        "this tool is built without serial ports: build it with its default features".to_owned(),
-    ))
-}
-
 /// Asks a board who it is.
-#[cfg(feature = "serial")]
 fn examined(port: Port) -> Device {
     let opened = open_port(&port.path);
     let identity = opened.as_ref().ok().and_then(|link| link.hello());

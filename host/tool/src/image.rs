@@ -18,7 +18,7 @@ use palpate_emulator::{Image, firmware};
 #[derive(Args)]
 // Its group would have the name of the verb's own arguments, which clap refuses.
 #[group(skip)]
-pub(crate) struct Arguments {
+pub struct Arguments {
     /// The image for the emulated board, an ELF file. Without it, the image of the release that the
     /// tool is from, or that of the palpate checkout in which the command is run, built first
     #[arg(long, value_name = "FILE")]
@@ -27,7 +27,7 @@ pub(crate) struct Arguments {
 
 /// Programs of the firmware's package.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Program {
+pub enum Program {
     /// The firmware.
     Firmware,
     /// The example `bring_up`, by which a PC tests the converter.
@@ -71,14 +71,14 @@ impl Program {
 
 impl Arguments {
     /// The image's file and the image, by the rule of this module.
-    pub(crate) fn load(&self, program: Program) -> Result<(PathBuf, Image), Failure> {
+    pub fn load(&self, program: Program) -> Result<(PathBuf, Image), Failure> {
         let file = self.file(program)?;
         let image = Image::load(&file).map_err(|error| unusable(&file, program, &error))?;
         Ok((file, image))
     }
 
     /// Refuses an image that would not be run; `instead` says what would run it.
-    pub(crate) fn none_without(&self, instead: &str) -> Result<(), Failure> {
+    pub fn none_without(&self, instead: &str) -> Result<(), Failure> {
         match &self.image {
             None => Ok(()),
             Some(_) => Err(Failure::Argument(format!(

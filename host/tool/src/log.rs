@@ -25,11 +25,6 @@ pub(crate) struct Arguments {
 }
 
 impl Arguments {
-    /// Whether it is shown.
-    pub(crate) const fn is_asked(&self) -> bool {
-        self.log.is_some()
-    }
-
     /// What reads the log, if it is to be shown: the file that is named, otherwise the image that runs.
     ///
     /// # Errors

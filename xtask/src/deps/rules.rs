@@ -119,7 +119,7 @@ pub(super) const RULES: &[Rule] = &[
     Rule {
         name: "simulation-without-firmware",
         who: "palpate-sim",
-        may_depend: On::AnyBut(&[FIRMWARE, "palpate", "system-tests", "xtask"]),
+        may_depend: On::AnyBut(&[FIRMWARE, "host/*", "system-tests", "xtask"]),
         because: "the simulation runs the procedure on a PC, where no firmware builds",
     },
     Rule {
@@ -137,22 +137,54 @@ pub(super) const RULES: &[Rule] = &[
     Rule {
         name: "cli-below",
         who: "palpate-cli",
-        may_depend: On::Only(&["palpate-sim", "palpate-wire"]),
-        because: "it has what all programs say and write, and the failures of stacks and records, but no verb",
+        may_depend: On::Only(&["palpate-calibration", "palpate-sim", "palpate-wire"]),
+        because: "it has what all programs say and write, and knows no verb",
     },
     Rule {
-        name: "host-above",
-        who: "palpate",
+        name: "simulate-small",
+        who: "palpate-simulate",
         may_depend: On::Only(&[
+            "palpate-calibration",
+            "palpate-cli",
             "palpate-sim",
-            "palpate-emulator",
             "palpate-wire",
+        ]),
+        because: "the first program that a newcomer builds has neither emulator nor field solver nor links",
+    },
+    Rule {
+        name: "design-without-boards",
+        who: "palpate-design",
+        may_depend: On::Only(&[
             "palpate-calibration",
             "palpate-cli",
             "palpate-field",
+            "palpate-sim",
+            "palpate-simulate",
+            "palpate-wire",
+            "ldc161x",
+        ]),
+        because: "what is computed of a sensor before it is built needs no board",
+    },
+    Rule {
+        name: "tool-above",
+        who: "palpate",
+        may_depend: On::Only(&[
+            "palpate-calibration",
+            "palpate-cli",
+            "palpate-design",
+            "palpate-emulator",
+            "palpate-sim",
+            "palpate-simulate",
+            "palpate-wire",
             DRIVERS,
         ]),
         because: "the program reaches physics and procedure through the simulation",
+    },
+    Rule {
+        name: "campaigns-above",
+        who: "palpate-campaigns",
+        may_depend: On::AnyBut(&[FIRMWARE, "palpate-node", "palpate-procedure", "xtask"]),
+        because: "campaigns judge what users run",
     },
     Rule {
         name: "tests-without-firmware",

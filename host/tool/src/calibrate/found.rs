@@ -8,10 +8,9 @@ use palpate_calibration::session::Session;
 use palpate_calibration::{Calibration, LOADS, Parts};
 use palpate_cli::describe::stiffness;
 use palpate_cli::failure::Failure;
+use palpate_simulate::instrument::BenchTask;
 use palpate_wire::command::CalibrationIdentity;
 use serde::Serialize;
-
-use crate::instrument::BenchTask;
 
 /// What was found.
 #[derive(Clone, Debug, Serialize)]

@@ -4,14 +4,8 @@
 //! `palpate_calibration`'s.
 
 pub(crate) mod bench;
-pub(crate) mod checks;
-#[cfg(feature = "emulator")]
 mod found;
-#[cfg(feature = "emulator")]
 mod report;
-#[cfg(feature = "emulator")]
 pub(crate) mod sensor;
-#[cfg(feature = "emulator")]
 pub(crate) mod verb;
-#[cfg(feature = "emulator")]
 pub(crate) mod written;

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use clap::Args;
+use palpate_calibration::bench::{self, Bench};
 use palpate_calibration::session::{Pressed, Session};
 use palpate_calibration::{evaluate, evaluate_both};
 use palpate_sim::parameters::Parameters;
@@ -13,7 +14,7 @@ use palpate_wire::code::{Outcome, StorageState, Stream};
 use palpate_wire::command::{CalibrationIdentity, Settings, TemperatureCoefficients};
 use palpate_wire::{Command, Record, configuration_crc};
 
-use super::bench::{self, Bench, LinkedBench, RigBench, RigPlan};
+use super::bench::{LinkedBench, RigBench, RigPlan};
 use super::found;
 pub(crate) use super::found::Found;
 use palpate_cli::describe::stiffness;
@@ -22,11 +23,11 @@ use palpate_cli::interrupt::Interrupt;
 use palpate_cli::notice;
 use palpate_cli::output::{OutputFile, distinct};
 use palpate_cli::progress::Progress;
+use palpate_simulate::instrument::{BenchTask, default_settings};
 
 use super::{report, written};
 use crate::configuration;
 use crate::confirmation::{can_be_confirmed, is_confirmed};
-use crate::instrument::{BenchTask, default_settings};
 use crate::link::{self, Link};
 use crate::storage;
 
@@ -314,7 +315,9 @@ fn session(
         progress.say(&describe(pressed, depth_m));
         progress.step();
     };
-    let mut hold = |bench: &mut dyn Bench| bench::hold(bench, &task.plan, &task.known, &mut say);
+    let mut hold = |bench: &mut dyn Bench<Error = Failure>| {
+        bench::hold(bench, &task.plan, &task.known, &mut say)
+    };
     let session = if arguments.is_simulated_bench() {
         let (_, plant) = arguments.link.emulated.stack_and_plant()?;
         hold(&mut LinkedBench::new(

@@ -3,6 +3,7 @@
 use std::io::{self, Write};
 use std::path::Path;
 
+use palpate_calibration::bench;
 use palpate_calibration::{OnTheBench, Untouched, check_untouched};
 use palpate_cli::failure::Failure;
 use palpate_cli::interrupt::Interrupt;
@@ -12,7 +13,7 @@ use palpate_wire::command::{Coil, Settings};
 use serde::Serialize;
 
 use super::{Arguments, in_force, keep};
-use crate::calibrate::bench::{self, BareInstrument};
+use crate::calibrate::bench::BareInstrument;
 use crate::calibrate::written::{self, Written};
 use crate::link::Link;
 use crate::storage;

@@ -12,6 +12,7 @@ use comfy_table::presets::NOTHING;
 use palpate_cli::failure::Failure;
 use palpate_cli::output::OutputFile;
 use palpate_cli::plot::{Axis, BLUE, Chart, GREY, Marks, Series};
+use palpate_simulate::instrument::coil;
 use palpate_wire::code::Outcome;
 use palpate_wire::command::{DriveCoil, Settings};
 use palpate_wire::record::CoilTest;
@@ -20,7 +21,6 @@ use response::{Ramp, StepResponse, Traced};
 use serde::Serialize;
 
 use crate::configuration;
-use crate::instrument::coil;
 use crate::link::{self, Link, Reported};
 
 /// Test bridge and coil of a board, and see how its current follows a step and a ramp

@@ -8,8 +8,7 @@ use palpate_sim::parameters::{ParameterError, Parameters};
 use palpate_sim::stack::Stack;
 use palpate_sim::switches::Switches;
 use palpate_sim::world::{Holder, Setup, World};
-
-use crate::instrument::SPEED_M_PER_S;
+use palpate_simulate::instrument::SPEED_M_PER_S;
 
 /// Where the object waits above the sensor, m.
 const CLEARANCE_M: f64 = 0.5e-3;

@@ -2,7 +2,6 @@
 
 mod columns;
 mod comma;
-#[cfg(feature = "parquet")]
 mod parquet;
 
 use std::collections::BTreeMap;
@@ -43,12 +42,9 @@ pub(crate) struct Arguments {
     #[arg(value_name = "FILE.mcap")]
     file: PathBuf,
     /// The folder of CSV files; it is made, and tables in it are replaced
-    #[arg(long, value_name = "FOLDER")]
-    #[cfg_attr(feature = "parquet", arg(required_unless_present = "parquet"))]
-    #[cfg_attr(not(feature = "parquet"), arg(required = true))]
+    #[arg(long, value_name = "FOLDER", required_unless_present = "parquet")]
     csv: Option<PathBuf>,
     /// The same of Parquet files
-    #[cfg(feature = "parquet")]
     #[arg(long, value_name = "FOLDER")]
     parquet: Option<PathBuf>,
 }
@@ -77,7 +73,6 @@ const CSV: Format = Format {
     ending: "csv",
     create: comma::create,
 };
-#[cfg(feature = "parquet")]
 const PARQUET: Format = Format {
     argument: "--parquet",
     ending: "parquet",
@@ -88,10 +83,7 @@ impl Arguments {
     /// What is to be written, and where.
     fn outputs(&self) -> Vec<(Format, &Path)> {
         let csv = self.csv.as_deref().map(|folder| (CSV, folder));
-        #[cfg(feature = "parquet")]
         let parquet = self.parquet.as_deref().map(|folder| (PARQUET, folder));
-        #[cfg(not(feature = "parquet"))]
-        let parquet = None;
         csv.into_iter().chain(parquet).collect()
     }
 }

@@ -140,7 +140,7 @@ impl Law {
         };
         let curve = [0, 8, 16, 24].map(chunk);
         let others = [
-            Record::Settings(crate::instrument::default_settings()),
+            Record::Settings(palpate_simulate::instrument::default_settings()),
             Record::Springs(springs),
             Record::Attraction(attraction),
         ];

@@ -5,13 +5,12 @@
 
 mod law;
 
+use law::{Law, Reading};
+use palpate_calibration::{Fall, LinePoint, TrainFit};
 use palpate_wire::code::{Contact, State};
 use palpate_wire::record::{Estimate, Sample};
 use palpate_wire::{Message, Record};
 use serde::Serialize;
-
-use law::{Law, Reading};
-use palpate_calibration::{Fall, LinePoint, TrainFit};
 
 /// Samples of a train that are kept: of 20 s at 1 kHz, twenty times the usual train.
 const KEPT: usize = 20_000;
@@ -56,7 +55,6 @@ pub(crate) struct Train {
 
 impl Train {
     /// On a board that has these settings and this calibration in force.
-    #[cfg(any(feature = "recording", test))]
     pub(crate) fn with(parts: &[Record]) -> Self {
         let mut train = Self::default();
         for part in parts {

@@ -11,10 +11,8 @@ use palpate_sim::parameters::Parameters;
 use palpate_sim::stack::Stack;
 
 use super::emulated::Emulated;
-#[cfg(feature = "recording")]
 use super::playback::Playback;
 use super::probe;
-#[cfg(feature = "serial")]
 use super::serial::{self, Serial};
 use super::tcp::{Probe, Tcp};
 use super::transport::Transport;
@@ -179,7 +177,6 @@ impl Arguments {
         }
     }
 
-    #[cfg(feature = "recording")]
     fn open_recording(&self, file: &Path, run: Run) -> Result<Link, Failure> {
         self.emulated.none_for_a_real_board()?;
         let usual = match run {
@@ -193,13 +190,6 @@ impl Arguments {
         let (playback, hello) = Playback::open(file, speed)?;
         let name = file.display().to_string();
         Ok(Link::play(name, Box::new(playback), hello))
-    }
-
-    #[cfg(not(feature = "recording"))]
-    fn open_recording(&self, _: &Path, _: Run) -> Result<Link, Failure> {
-        Err(Failure::Argument(
-            "this tool is built without recordings: build it with its default features".into(),
-        ))
     }
 
     fn open_real(&self, address: Address) -> Result<Link, Failure> {
@@ -266,7 +256,6 @@ fn unreachable_probe(records: &str, commands: &str, error: &io::Error) -> Failur
     ))
 }
 
-#[cfg(feature = "serial")]
 fn reach_serial(name: Option<&str>) -> Result<(String, Box<dyn Transport>), Failure> {
     let ports = ports()?;
     let path = choose(name, &ports)?;
@@ -279,7 +268,6 @@ fn reach_serial(name: Option<&str>) -> Result<(String, Box<dyn Transport>), Fail
 ///
 /// # Errors
 /// If the system does not list its ports.
-#[cfg(feature = "serial")]
 pub(crate) fn ports() -> Result<Vec<serial::Port>, Failure> {
     serial::ports()
         .map_err(|error| Failure::Refused(format!("the serial ports cannot be listed: {error}")))
@@ -289,21 +277,12 @@ pub(crate) fn ports() -> Result<Vec<serial::Port>, Failure> {
 ///
 /// # Errors
 /// If it cannot be opened, or nothing of palpate answers there.
-#[cfg(feature = "serial")]
 pub(crate) fn open_port(path: &str) -> Result<Link, Failure> {
     let port = Serial::open(path).map_err(|error| unopened(path, true, &error))?;
     Link::open(path.to_owned(), Box::new(port), None)
 }
 
-#[cfg(not(feature = "serial"))]
-fn reach_serial(_: Option<&str>) -> Result<(String, Box<dyn Transport>), Failure> {
-    Err(Failure::Argument(
-        "this tool is built without serial ports: build it with its default features".into(),
-    ))
-}
-
 /// The port that a name means; the only one where there is no name.
-#[cfg(feature = "serial")]
 fn choose(name: Option<&str>, ports: &[serial::Port]) -> Result<String, Failure> {
     if let Some(name) = name {
         let is_meant = |port: &&serial::Port| {
@@ -334,7 +313,6 @@ pub(crate) fn no_board() -> Finding {
     )
 }
 
-#[cfg(feature = "serial")]
 fn listed(ports: &[serial::Port]) -> String {
     let names = ports.iter().map(|port| match &port.serial_number {
         Some(number) => format!("{number} ({})", port.path),
@@ -422,7 +400,6 @@ mod tests {
         }
     }
 
-    #[cfg(feature = "serial")]
     #[test]
     fn the_only_board_needs_no_name_and_a_serial_number_is_one() {
         let port = |path: &str, number: &str| serial::Port {
@@ -458,7 +435,7 @@ mod tests {
         assert!(listed.contains("Another program"), "{listed}");
     }
 
-    #[cfg(all(unix, feature = "serial"))]
+    #[cfg(unix)]
     #[test]
     fn a_port_that_another_program_has_open_is_busy() {
         use serialport::{SerialPort, TTYPort};

@@ -6,11 +6,9 @@
 mod address;
 mod clock;
 mod emulated;
-#[cfg(feature = "recording")]
 mod playback;
 #[cfg_attr(not(feature = "probe"), path = "without_probe.rs")]
 mod probe;
-#[cfg(feature = "serial")]
 pub(crate) mod serial;
 mod tcp;
 #[cfg(test)]
@@ -36,7 +34,6 @@ use palpate_wire::{
 use crate::emulated::PluggedBoard;
 use crate::log::{Line, Log, LogStream};
 pub(crate) use address::{Arguments, Run, no_board};
-#[cfg(feature = "serial")]
 pub(crate) use address::{open_port, ports};
 use clock::DeviceClock;
 use transport::Transport;
@@ -122,7 +119,6 @@ impl Link {
     }
 
     /// A recording of a board that was this.
-    #[cfg(feature = "recording")]
     fn play(name: String, transport: Box<dyn Transport>, hello: Hello) -> Self {
         let mut link = Self::new(name, transport, None);
         link.hello = Some(hello);

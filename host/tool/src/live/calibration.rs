@@ -1,13 +1,15 @@
 //! A calibration, seen from the page: the bench's own steps, watched.
 
 use std::cell::Cell;
+use std::time::Duration;
 
+use palpate_calibration::bench::{self, Bench, Instrument, Work};
 use palpate_calibration::session::{BenchSample, Pressed, Run};
 use palpate_calibration::{Calibration, evaluate};
 use palpate_cli::failure::Failure;
 use palpate_cli::interrupt::Interrupt;
-use palpate_sim::Time;
 use palpate_sim::switches::Switches;
+use palpate_simulate::instrument::{BenchTask, default_settings};
 use palpate_wire::code::Outcome;
 use palpate_wire::command::CalibrationIdentity;
 use palpate_wire::{Command, Record};
@@ -16,9 +18,8 @@ use super::Arguments;
 use super::feed::Request;
 use super::state::Progress;
 use super::view::View;
-use crate::calibrate::bench::{self, Bench, Instrument, LinkedBench};
+use crate::calibrate::bench::LinkedBench;
 use crate::calibrate::sensor::{Found, describe, identity, put_in_force};
-use crate::instrument::{BenchTask, default_settings};
 use crate::link::Link;
 use crate::storage;
 
@@ -137,11 +138,13 @@ struct Watched<'a, B> {
     runs: usize,
 }
 
-impl<B: Bench> Bench for Watched<'_, B> {
+impl<B: Bench<Error = Failure>> Bench for Watched<'_, B> {
+    type Error = Failure;
+
     fn with_specimen(
         &mut self,
         pressed: Pressed,
-        work: &mut dyn FnMut(&mut dyn Instrument) -> Result<Run, Failure>,
+        work: &mut Work<'_, Failure>,
     ) -> Result<Run, Failure> {
         self.run += 1;
         self.view.calibration = Progress::Running {
@@ -177,7 +180,7 @@ impl<B: Bench> Bench for Watched<'_, B> {
 
 /// Its instrument.
 struct WatchedInstrument<'a> {
-    instrument: &'a mut dyn Instrument,
+    instrument: &'a mut dyn Instrument<Error = Failure>,
     view: &'a mut View,
     interrupt: &'a Interrupt,
 }
@@ -197,7 +200,9 @@ impl WatchedInstrument<'_> {
 }
 
 impl Instrument for WatchedInstrument<'_> {
-    fn now(&self) -> Time {
+    type Error = Failure;
+
+    fn now(&self) -> Duration {
         self.instrument.now()
     }
 
@@ -209,7 +214,11 @@ impl Instrument for WatchedInstrument<'_> {
         self.instrument.post(command)
     }
 
-    fn advance(&mut self, end: Time, lines: &mut Vec<BenchSample>) -> Result<Vec<Record>, Failure> {
+    fn advance(
+        &mut self,
+        end: Duration,
+        lines: &mut Vec<BenchSample>,
+    ) -> Result<Vec<Record>, Failure> {
         self.goes_on()?;
         let before = lines.len();
         let records = self.instrument.advance(end, lines)?;
@@ -219,7 +228,7 @@ impl Instrument for WatchedInstrument<'_> {
         Ok(records)
     }
 
-    fn press(&mut self, depth_m: f64, speed_m_per_s: f64) -> Result<Time, Failure> {
+    fn press(&mut self, depth_m: f64, speed_m_per_s: f64) -> Result<Duration, Failure> {
         self.instrument.press(depth_m, speed_m_per_s)
     }
 }

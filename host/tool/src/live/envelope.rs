@@ -5,10 +5,9 @@
 
 use std::collections::{BTreeMap, VecDeque};
 
+use palpate_calibration::session::BenchSample;
 use palpate_wire::record::Sample;
 use serde::Serialize;
-
-use palpate_calibration::session::BenchSample;
 
 /// Time of a piece, s. A page 1600 pixels wide has 700 for 20 s: a pixel is 29 ms.
 const PIECE_S: f64 = 0.01;

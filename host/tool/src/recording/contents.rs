@@ -11,7 +11,7 @@ use super::{Entry, Note, Recorded};
 
 /// What a recording contains.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Contents {
+pub struct Contents {
     account: Account,
     /// Boots in the order of their first frames.
     boots: Vec<Tally>,
@@ -25,24 +25,28 @@ pub(crate) struct Contents {
 
 /// What is missing of a boot of the board, from its first frame in the recording to its last.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-pub(crate) struct BootLosses {
-    pub(crate) boot_id: u32,
+pub struct BootLosses {
+    /// The boot.
+    pub boot_id: u32,
     /// Frames that the board had produced before.
-    pub(crate) before_first: u64,
-    pub(crate) received: u64,
-    pub(crate) missing: u64,
+    pub before_first: u64,
+    /// Frames that arrived.
+    pub received: u64,
+    /// Frames that did not.
+    pub missing: u64,
     /// Of the missing ones.
-    pub(crate) dropped_by_device: u64,
+    pub dropped_by_device: u64,
     /// Of the missing ones; absent where the board's count contradicts the numbers of its frames.
-    pub(crate) lost_on_the_way: Option<u64>,
-    pub(crate) duplicates: u64,
+    pub lost_on_the_way: Option<u64>,
+    /// Frames that came twice.
+    pub duplicates: u64,
     /// Frames that came too late to be distinguished from repeated ones.
-    pub(crate) stale: u64,
+    pub stale: u64,
 }
 
 impl BootLosses {
     /// The same as a sentence.
-    pub(crate) fn sentence(&self) -> String {
+    pub fn sentence(&self) -> String {
         let start = format!("boot {:08x}: {} records", self.boot_id, self.received);
         if self.missing == 0 {
             return format!("{start}, none is missing");
@@ -73,7 +77,7 @@ impl From<&Tally> for BootLosses {
 
 impl Contents {
     /// Counts what comes next.
-    pub(crate) fn enter(&mut self, entry: &Entry) {
+    pub fn enter(&mut self, entry: &Entry) {
         match entry {
             Entry::Frame(recorded) => self.enter_frame(recorded),
             Entry::Note(note) => self.notes.push(note.clone()),
@@ -82,7 +86,7 @@ impl Contents {
     }
 
     /// The same of a frame.
-    pub(crate) fn enter_frame(&mut self, recorded: &Recorded) {
+    pub fn enter_frame(&mut self, recorded: &Recorded) {
         let frame = &recorded.frame;
         *self.kinds.entry(frame.message.name()).or_default() += 1;
         let (first_ns, _) = self.span_ns.unwrap_or((recorded.host_ns, 0));
@@ -104,33 +108,33 @@ impl Contents {
     }
 
     /// Records, by kinds.
-    pub(crate) const fn kinds(&self) -> &BTreeMap<&'static str, u64> {
+    pub const fn kinds(&self) -> &BTreeMap<&'static str, u64> {
         &self.kinds
     }
 
     /// All records.
-    pub(crate) fn frames(&self) -> u64 {
+    pub fn frames(&self) -> u64 {
         self.kinds.values().sum()
     }
 
     /// What is missing, boot by boot.
-    pub(crate) fn boots(&self) -> Vec<BootLosses> {
+    pub fn boots(&self) -> Vec<BootLosses> {
         self.boots.iter().map(BootLosses::from).collect()
     }
 
     /// When the first record arrived, ns since 1970.
-    pub(crate) fn began_ns(&self) -> Option<u64> {
+    pub fn began_ns(&self) -> Option<u64> {
         self.span_ns.map(|(first_ns, _)| first_ns)
     }
 
     /// From the first record's arrival to the last one's, s.
-    pub(crate) fn duration_s(&self) -> f64 {
+    pub fn duration_s(&self) -> f64 {
         let (first_ns, last_ns) = self.span_ns.unwrap_or_default();
         last_ns.saturating_sub(first_ns) as f64 / NS_PER_S as f64
     }
 
     /// The notes of a name.
-    pub(crate) fn notes(&self, name: &str) -> impl Iterator<Item = &Note> {
+    pub fn notes(&self, name: &str) -> impl Iterator<Item = &Note> {
         self.notes.iter().filter(move |note| note.name == name)
     }
 }

@@ -3,11 +3,11 @@
 use std::time::{SystemTime, UNIX_EPOCH};
 
 /// Nanoseconds in a second.
-pub(crate) const NS_PER_S: u64 = 1_000_000_000;
+pub const NS_PER_S: u64 = 1_000_000_000;
 const S_PER_DAY: u64 = 86_400;
 
 /// Now, ns since 1970-01-01 UTC; 0 by a clock that stands before that.
-pub(crate) fn now_ns() -> u64 {
+pub fn now_ns() -> u64 {
     let since = SystemTime::now().duration_since(UNIX_EPOCH);
     since.map_or(0, |since| {
         u64::try_from(since.as_nanos()).unwrap_or(u64::MAX)
@@ -15,13 +15,13 @@ pub(crate) fn now_ns() -> u64 {
 }
 
 /// A moment as `2026-11-23 06:25:07 UTC`.
-pub(crate) fn text(ns: u64) -> String {
+pub fn text(ns: u64) -> String {
     let [year, month, day, hour, minute, second] = parts(ns);
     format!("{year}-{month:02}-{day:02} {hour:02}:{minute:02}:{second:02} UTC")
 }
 
 /// A moment as part of a file's name, `20261123-062507`.
-pub(crate) fn name(ns: u64) -> String {
+pub fn name(ns: u64) -> String {
     let [year, month, day, hour, minute, second] = parts(ns);
     format!("{year}{month:02}{day:02}-{hour:02}{minute:02}{second:02}")
 }

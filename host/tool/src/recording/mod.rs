@@ -5,7 +5,7 @@
 //! one while a board is read, a [`Reader`] reads it back, whole or cut off.
 
 mod contents;
-pub(crate) mod date;
+pub mod date;
 mod reader;
 mod recorder;
 mod schema;
@@ -19,39 +19,42 @@ use palpate_wire::{Frame, Record};
 
 use crate::log::Line;
 
-pub(crate) use contents::{BootLosses, Contents};
-pub(crate) use reader::Reader;
+pub use contents::{BootLosses, Contents};
+pub use reader::Reader;
 pub(crate) use recorder::Recorder;
 
 /// The file's profile: whose recording it is.
 const PROFILE: &str = "palpate";
 /// Name of the note at the beginning: tool, protocol, board.
-pub(crate) const ABOUT: &str = "recording";
+pub const ABOUT: &str = "recording";
 /// Name of the note about a boot of the board: what it is, and what is in force.
-pub(crate) const BOOT: &str = "boot";
+pub const BOOT: &str = "boot";
 /// Name of the note at the end: clocks and losses.
-pub(crate) const END: &str = "end";
+pub const END: &str = "end";
 
 /// A frame as it was recorded.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Recorded {
+pub struct Recorded {
     /// When it arrived, by the computer's clock, ns since 1970-01-01 UTC.
-    pub(crate) host_ns: u64,
+    pub host_ns: u64,
     /// The time in its header, by the same clock, as far as the two are compared.
-    pub(crate) device_ns: u64,
-    pub(crate) frame: Frame<Record>,
+    pub device_ns: u64,
+    /// The frame.
+    pub frame: Frame<Record>,
 }
 
 /// What is said about a recording in the recording, by names.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Note {
-    pub(crate) name: String,
-    pub(crate) fields: BTreeMap<String, String>,
+pub struct Note {
+    /// Its name.
+    pub name: String,
+    /// Its fields, as text.
+    pub fields: BTreeMap<String, String>,
 }
 
 impl Note {
     /// A note that says nothing yet.
-    pub(crate) fn new(name: &str) -> Self {
+    pub fn new(name: &str) -> Self {
         Self {
             name: name.to_owned(),
             fields: BTreeMap::new(),
@@ -59,7 +62,7 @@ impl Note {
     }
 
     /// The same with one field more.
-    pub(crate) fn with(mut self, field: &str, value: impl ToString) -> Self {
+    pub fn with(mut self, field: &str, value: impl ToString) -> Self {
         self.fields.insert(field.to_owned(), value.to_string());
         self
     }
@@ -67,17 +70,21 @@ impl Note {
 
 /// A line of the board's log as it was recorded.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Logged {
+pub struct Logged {
     /// When it arrived, by the computer's clock, ns since 1970-01-01 UTC.
-    pub(crate) host_ns: u64,
+    pub host_ns: u64,
+    /// The line.
     pub(crate) line: Line,
 }
 
 /// What a recording consists of. The log is for other programs: reading a recording passes over it.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) enum Entry {
+pub enum Entry {
+    /// A frame.
     Frame(Recorded),
+    /// A note.
     Note(Note),
+    /// A line of the log.
     Log(Logged),
 }
 

@@ -18,7 +18,7 @@ use super::{BOOT, Entry, Note, PROFILE, Recorded, topic};
 const LONGEST: usize = 64 << 20;
 
 /// A recording, from its first entry to its end or to where it is damaged.
-pub(crate) struct Reader<R> {
+pub struct Reader<R> {
     from: R,
     linear: LinearReader,
     messages: Messages,
@@ -31,7 +31,7 @@ pub(crate) struct Reader<R> {
 
 impl Reader<BufReader<File>> {
     /// Opens a file.
-    pub(crate) fn open(file: &Path) -> Result<Self, Failure> {
+    pub fn open(file: &Path) -> Result<Self, Failure> {
         let unreadable = |reason| Failure::Unreadable {
             file: file.to_path_buf(),
             reason,
@@ -47,7 +47,7 @@ impl Reader<BufReader<File>> {
     ///
     /// # Errors
     /// If the file cannot be opened.
-    pub(crate) fn boot_notes(file: &Path) -> Result<Vec<Note>, Failure> {
+    pub fn boot_notes(file: &Path) -> Result<Vec<Note>, Failure> {
         let mut reader = Self::open(file)?;
         reader.messages.only_notes = true;
         let notes = reader.filter_map(|entry| match entry {
@@ -76,7 +76,7 @@ fn linear() -> LinearReader {
 
 impl<R: BufRead> Reader<R> {
     /// Reads from anything.
-    pub(crate) fn new(from: R) -> Self {
+    pub fn new(from: R) -> Self {
         Self {
             from,
             linear: linear(),
@@ -88,7 +88,7 @@ impl<R: BufRead> Reader<R> {
     }
 
     /// Why it ends before its end, once it has been read; nothing for a file that is whole.
-    pub(crate) fn damage(&self) -> Option<String> {
+    pub fn damage(&self) -> Option<String> {
         let damage = self.damage.as_ref()?;
         Some(match damage {
             McapError::UnexpectedEof => {
@@ -103,7 +103,7 @@ impl<R: BufRead> Reader<R> {
     }
 
     /// Refuses what turned out to be no recording that can be read.
-    pub(crate) fn refuse_foreign(&self, file: &Path) -> Result<(), Failure> {
+    pub fn refuse_foreign(&self, file: &Path) -> Result<(), Failure> {
         let problem = match &self.damage {
             Some(McapError::UnsupportedCompression(_)) => self.damage().unwrap_or_default(),
             Some(McapError::UnexpectedEof) if !self.is_begun => {
@@ -118,7 +118,7 @@ impl<R: BufRead> Reader<R> {
     }
 
     /// The same, and what has no record that can be read.
-    pub(crate) fn refuse_empty(&self, file: &Path) -> Result<(), Failure> {
+    pub fn refuse_empty(&self, file: &Path) -> Result<(), Failure> {
         self.refuse_foreign(file)?;
         match (self.messages.frames, self.unreadable()) {
             (1.., _) => Ok(()),
@@ -137,7 +137,7 @@ impl<R: BufRead> Reader<R> {
     }
 
     /// Messages that this version of the tool does not understand.
-    pub(crate) const fn unreadable(&self) -> u64 {
+    pub const fn unreadable(&self) -> u64 {
         self.messages.unreadable
     }
 

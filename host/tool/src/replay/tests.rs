@@ -8,11 +8,11 @@ use palpate_sim::replay::{InForce, Replay};
 use palpate_sim::stack::{Disturbances, Stack};
 use palpate_sim::switches::Switches;
 use palpate_sim::world::{Setup, World};
+use palpate_simulate::instrument::SPEED_M_PER_S;
+use palpate_simulate::press::automatic;
 use palpate_wire::{Command, Frame, Record};
 
 use super::agreement::Agreement;
-use crate::instrument::SPEED_M_PER_S;
-use crate::press::automatic;
 
 /// The calibration of the sensor of seed 11, by its own bench, with settings.
 const CALIBRATION: &str = include_str!("../../tests/fixture/ultrasoft-11.jsonl");

@@ -173,7 +173,7 @@ pub(super) fn changed(
 
 #[cfg(test)]
 mod tests {
-    use crate::instrument::default_settings;
+    use palpate_simulate::instrument::default_settings;
 
     use super::*;
 

@@ -42,7 +42,7 @@ fn run(tool: &Path, index: &Path, arguments: &[&str]) -> Output {
 const SCENARIO: &str =
     "stack = \"ultrasoft\"\ndisturbances = \"none\"\n\n[[press]]\nload = \"rigid\"\n";
 
-const ON_THE_EMULATED_BOARD: [&[&str]; 8] = [
+const ON_THE_EMULATED_BOARD: [&[&str]; 7] = [
     &["demo", "--engine", "image", "--json"],
     &["simulate", "scenario.toml", "--engine", "image"],
     &["bring-up", "--emulated"],
@@ -50,7 +50,6 @@ const ON_THE_EMULATED_BOARD: [&[&str]; 8] = [
     &["calibrate", "current", "--board", "emulated"],
     &["settings", "get", "--board", "emulated"],
     &["doctor", "--board", "emulated"],
-    &["image-cost"],
 ];
 
 #[test]

@@ -2,15 +2,14 @@
 
 use std::time::Duration;
 
+use palpate_calibration::bench::Instrument;
 use palpate_calibration::session::BenchSample;
 use palpate_cli::failure::Failure;
 use palpate_cli::interrupt::Interrupt;
-use palpate_sim::Time;
+use palpate_simulate::bench::{GaugeReading, bench_sample};
 use palpate_wire::code::Outcome;
 use palpate_wire::{Command, Record};
 
-use super::Instrument;
-use super::gauges::{GaugeReading, bench_sample};
 use crate::link::{Arrival, Link};
 
 /// A board and nothing else.
@@ -45,9 +44,11 @@ pub(super) fn noted(arrivals: Vec<Arrival>, lines: &mut Vec<BenchSample>) -> Vec
 const LOOK: Duration = Duration::from_millis(2);
 
 impl Instrument for BareInstrument<'_> {
-    fn now(&self) -> Time {
+    type Error = Failure;
+
+    fn now(&self) -> Duration {
         let device_s = self.link.clock().device_s(self.link.now());
-        Time::from_secs_f64(device_s.unwrap_or_default())
+        Duration::from_secs_f64(device_s.unwrap_or_default())
     }
 
     fn ask(&mut self, command: Command) -> Result<Outcome, Failure> {
@@ -58,13 +59,17 @@ impl Instrument for BareInstrument<'_> {
         self.link.send(&command).map(drop)
     }
 
-    fn advance(&mut self, _: Time, lines: &mut Vec<BenchSample>) -> Result<Vec<Record>, Failure> {
+    fn advance(
+        &mut self,
+        _: Duration,
+        lines: &mut Vec<BenchSample>,
+    ) -> Result<Vec<Record>, Failure> {
         self.interrupt.go_on()?;
         self.link.listen(LOOK)?;
         Ok(noted(self.link.take(), lines))
     }
 
-    fn press(&mut self, _: f64, _: f64) -> Result<Time, Failure> {
+    fn press(&mut self, _: f64, _: f64) -> Result<Duration, Failure> {
         Err(Failure::Argument("there is no stage that presses".into()))
     }
 }

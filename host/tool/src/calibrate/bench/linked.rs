@@ -4,21 +4,20 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
+use palpate_calibration::bench::{Bench, Instrument, Work};
 use palpate_calibration::session::{BenchSample, Pressed, Run};
 use palpate_cli::failure::Failure;
 use palpate_cli::interrupt::Interrupt;
-use palpate_sim::Time;
 use palpate_sim::parameters::Parameters;
 use palpate_sim::rig::{BareRig, CLEARANCE_M, Gauges, Rig, RigReading};
 use palpate_sim::switches::Switches;
 use palpate_sim::thermal::CALIBRATION_C;
 use palpate_sim::world::World;
+use palpate_simulate::bench::{GaugeReading, bench_sample};
+use palpate_simulate::bench::{mean_bare, specimen};
 use palpate_wire::code::Outcome;
 use palpate_wire::{Command, Record};
 
-use super::gauges::{GaugeReading, bench_sample};
-use super::native::{mean_bare, specimen};
-use super::{Bench, Instrument};
 use crate::link::Link;
 
 /// The bench of an emulated board's plant.
@@ -52,10 +51,12 @@ impl<'l> LinkedBench<'l> {
 }
 
 impl Bench for LinkedBench<'_> {
+    type Error = Failure;
+
     fn with_specimen(
         &mut self,
         pressed: Pressed,
-        work: &mut dyn FnMut(&mut dyn Instrument) -> Result<Run, Failure>,
+        work: &mut Work<'_, Failure>,
     ) -> Result<Run, Failure> {
         let rig = Rig::warmer(self.plant, SWITCHES, specimen(pressed), self.warmer_k)?;
         let (world, gauges) = rig.into_parts();
@@ -106,8 +107,10 @@ impl LinkedInstrument<'_> {
 }
 
 impl Instrument for LinkedInstrument<'_> {
-    fn now(&self) -> Time {
-        Time::from_secs_f64(self.device_s(self.link.now()))
+    type Error = Failure;
+
+    fn now(&self) -> Duration {
+        Duration::from_secs_f64(self.device_s(self.link.now()))
     }
 
     fn ask(&mut self, command: Command) -> Result<Outcome, Failure> {
@@ -120,7 +123,11 @@ impl Instrument for LinkedInstrument<'_> {
         self.link.send(&command).map(drop)
     }
 
-    fn advance(&mut self, end: Time, lines: &mut Vec<BenchSample>) -> Result<Vec<Record>, Failure> {
+    fn advance(
+        &mut self,
+        end: Duration,
+        lines: &mut Vec<BenchSample>,
+    ) -> Result<Vec<Record>, Failure> {
         self.interrupt.go_on()?;
         let left_s = end.as_secs_f64() - self.now().as_secs_f64();
         // What rounding leaves over is not waited for.
@@ -146,11 +153,11 @@ impl Instrument for LinkedInstrument<'_> {
         Ok(others)
     }
 
-    fn press(&mut self, depth_m: f64, speed_m_per_s: f64) -> Result<Time, Failure> {
+    fn press(&mut self, depth_m: f64, speed_m_per_s: f64) -> Result<Duration, Failure> {
         let world = self.world()?;
         let travel_m = world.press_for_depth_m(depth_m);
         world.move_press(travel_m, speed_m_per_s);
-        Ok(Time::from_secs_f64(
+        Ok(Duration::from_secs_f64(
             (travel_m + CLEARANCE_M) / speed_m_per_s,
         ))
     }

@@ -6,7 +6,6 @@
 mod delay;
 mod hand;
 mod motion;
-#[cfg(feature = "serial")]
 mod openscale;
 mod person;
 mod program;
@@ -15,12 +14,12 @@ mod track;
 use std::time::Duration;
 
 use hand::Hand;
+use palpate_calibration::bench::{Bench, Instrument, Work};
+use palpate_calibration::checks::DataFault;
 use palpate_calibration::session::{BenchSample, Pressed, Run};
 use palpate_cli::describe::stiffness;
 use palpate_cli::failure::Failure;
-use palpate_cli::finding::Finding;
 use palpate_cli::interrupt::Interrupt;
-use palpate_sim::Time;
 use palpate_wire::code::Outcome;
 use palpate_wire::command::Settings;
 use palpate_wire::{Command, Record};
@@ -29,7 +28,6 @@ use program::{Line, Program, Source};
 use track::Track;
 
 use super::bare::noted;
-use super::{Bench, Instrument};
 use crate::link::{Arrival, Link};
 
 /// How long is listened at once, and the longest without any sample before the board counts as silent.
@@ -328,21 +326,18 @@ impl<'l> RigBench<'l> {
 /// The load cell: an amplifier of the kind that is built in, or a program.
 fn gauge(name: &str) -> Result<Box<dyn Source>, Failure> {
     match name.strip_prefix("openscale:") {
-        #[cfg(feature = "serial")]
         Some(port) => Ok(Box::new(openscale::OpenScale::open(port)?)),
-        #[cfg(not(feature = "serial"))]
-        Some(_) => Err(Failure::Argument(
-            "this tool is built without serial ports: build it with its default features".into(),
-        )),
         None => Ok(Box::new(Program::start("--force", name)?)),
     }
 }
 
 impl Bench for RigBench<'_> {
+    type Error = Failure;
+
     fn with_specimen(
         &mut self,
         pressed: Pressed,
-        work: &mut dyn FnMut(&mut dyn Instrument) -> Result<Run, Failure>,
+        work: &mut Work<'_, Failure>,
     ) -> Result<Run, Failure> {
         if self.pressed != pressed || self.rest_hz.is_none() {
             let (name, request) = specimen(pressed);
@@ -379,18 +374,20 @@ impl Bench for RigBench<'_> {
         self.plan.temperature_c
     }
 
-    fn repeats(&mut self, finding: &Finding) -> Result<bool, Failure> {
+    fn repeats(&mut self, fault: &DataFault) -> Result<bool, Failure> {
         if !person::is_there() {
             return Ok(false);
         }
-        let answer = self.request(&format!("{finding}. Press again? [Y/n]"))?;
+        let answer = self.request(&format!("{fault}. Press again? [Y/n]"))?;
         Ok(matches!(answer.as_str(), "" | "y" | "Y" | "yes"))
     }
 }
 
 impl Instrument for RigBench<'_> {
-    fn now(&self) -> Time {
-        Time::from_secs_f64(self.now_s())
+    type Error = Failure;
+
+    fn now(&self) -> Duration {
+        Duration::from_secs_f64(self.now_s())
     }
 
     fn ask(&mut self, command: Command) -> Result<Outcome, Failure> {
@@ -401,20 +398,24 @@ impl Instrument for RigBench<'_> {
         self.link.send(&command).map(drop)
     }
 
-    fn advance(&mut self, _: Time, lines: &mut Vec<BenchSample>) -> Result<Vec<Record>, Failure> {
+    fn advance(
+        &mut self,
+        _: Duration,
+        lines: &mut Vec<BenchSample>,
+    ) -> Result<Vec<Record>, Failure> {
         self.pump()?;
         self.is_sending()?;
         // The gauges are written in when the run is over: some of them are late.
         Ok(noted(std::mem::take(&mut self.arrivals), lines))
     }
 
-    fn press(&mut self, depth_m: f64, speed_m_per_s: f64) -> Result<Time, Failure> {
+    fn press(&mut self, depth_m: f64, speed_m_per_s: f64) -> Result<Duration, Failure> {
         if self.stage.is_none() {
             self.press_by_hand(depth_m)?;
-            return Ok(Time::ZERO);
+            return Ok(Duration::ZERO);
         }
         self.move_to(self.touch_m + self.travel_m(depth_m), speed_m_per_s)?;
-        Ok(Time::ZERO)
+        Ok(Duration::ZERO)
     }
 }
 

@@ -1,0 +1,416 @@
+//! A calibration on the bench: what its user does there, and what they write down.
+//!
+//! The user presses specimens upon the instrument - nothing, a rigid block, reference springs, to
+//! several depths - and drives the train of ramps on each; the instrument's samples and the bench's
+//! gauges go into a [`Session`]. What calibration follows from that is not decided here. Which
+//! instrument, on which bench, is a [`Bench`]'s.
+//!
+//! A train presses the sensing layer deeper than it was: the actuated layer stiffens and takes less of
+//! the deformation. So the block is pressed once more, without a train, until the coil's frequency is
+//! below that of all trains: the sensing layer's own curve is then known wherever a train leads it.
+
+use std::fmt;
+use std::time::Duration;
+
+use palpate_wire::code::{Outcome, State, Stream};
+use palpate_wire::command::{Coil, Settings};
+use palpate_wire::{Command, Message, Record};
+
+use crate::Known;
+use crate::checks::{self, DataFault};
+use crate::session::{BenchSample, Pressed, Run, Session};
+
+/// A bench with an instrument on it.
+pub trait Bench {
+    /// Why it ends.
+    type Error: From<BrokenOff>;
+
+    /// Works with a specimen on the stage, clear of the sensor, while the instrument runs.
+    ///
+    /// # Errors
+    /// If there is no such specimen or instrument, and what `work` ends with.
+    fn with_specimen(
+        &mut self,
+        pressed: Pressed,
+        work: &mut Work<'_, Self::Error>,
+    ) -> Result<Run, Self::Error>;
+
+    /// Presses block on block, without the sensor, to a force in N. Returns the force and the stage's
+    /// place, as the gauges have them, N and m; nothing if the bench lacks one of the two.
+    ///
+    /// # Errors
+    /// If a gauge does not answer.
+    fn press_bare(&mut self, force_n: f64) -> Result<Option<(f64, f64)>, Self::Error>;
+
+    /// The coil's temperature, degrees Celsius.
+    fn temperature_c(&self) -> f64;
+
+    /// Whether a run is done again of which this is wrong. A bench without a person gives up.
+    ///
+    /// # Errors
+    /// If the person cannot be asked.
+    fn repeats(&mut self, _: &DataFault) -> Result<bool, Self::Error> {
+        Ok(false)
+    }
+}
+
+/// The instrument on the bench, with a specimen above it.
+pub trait Instrument {
+    /// Why it ends.
+    type Error;
+
+    /// The present, by the clock of the samples.
+    fn now(&self) -> Duration;
+
+    /// Sends a command and waits for its answer.
+    ///
+    /// # Errors
+    /// If none comes.
+    fn ask(&mut self, command: Command) -> Result<Outcome, Self::Error>;
+
+    /// Sends a command; its answer is among the records.
+    ///
+    /// # Errors
+    /// If it cannot be sent.
+    fn post(&mut self, command: Command) -> Result<(), Self::Error>;
+
+    /// Runs a little, to `end` at most; writes new samples down with the gauges. Returns the records
+    /// that are no samples.
+    ///
+    /// # Errors
+    /// If it cannot run on, or a gauge does not answer.
+    fn advance(
+        &mut self,
+        end: Duration,
+        lines: &mut Vec<BenchSample>,
+    ) -> Result<Vec<Record>, Self::Error>;
+
+    /// Lets the stage press until the sensing layer is about so deep, m, at a speed in m/s. Returns how
+    /// long it moves.
+    ///
+    /// # Errors
+    /// If it cannot.
+    fn press(&mut self, depth_m: f64, speed_m_per_s: f64) -> Result<Duration, Self::Error>;
+}
+
+/// What is done with an instrument on the bench in a run.
+pub type Work<'w, E> = dyn FnMut(&mut dyn Instrument<Error = E>) -> Result<Run, E> + 'w;
+
+/// Why a session broke off, with a bench and an instrument that worked.
+#[derive(Clone, Debug, PartialEq)]
+pub enum BrokenOff {
+    /// The data cannot be true.
+    Data(DataFault),
+    /// The instrument did not accept a command.
+    Answer {
+        /// The command's name.
+        name: &'static str,
+        /// Its answer.
+        outcome: Outcome,
+    },
+    /// The train of ramps ended early, for this reason.
+    Train(&'static str),
+}
+
+impl fmt::Display for BrokenOff {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Data(fault) => fault.fmt(f),
+            Self::Answer { name, outcome } => write!(
+                f,
+                "the instrument answered {name} with {outcome}: {}",
+                outcome.meaning().trim()
+            ),
+            Self::Train(reason) => write!(f, "the train of ramps broke off: {reason}"),
+        }
+    }
+}
+
+impl std::error::Error for BrokenOff {}
+
+/// What the bench's user sets beforehand.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BenchPlan {
+    /// Settings of the instrument: the train is the one that it will measure with.
+    pub settings: Settings,
+    /// The coil's data, without which nothing limits its heat.
+    pub coil: Coil,
+    /// Depth of the sensing layer to aim at, m.
+    pub depth_m: f64,
+    /// Depths to which block and springs are pressed, in units of that.
+    pub depths: Vec<f64>,
+    /// Springs, N/m.
+    pub springs_n_per_m: Vec<f64>,
+    /// How fast the stage moves, m/s.
+    pub speed_m_per_s: f64,
+    /// Rest between press and train, s.
+    pub rest_s: f64,
+}
+
+/// Forces of the bare bench, N: up to what a stiff sensor takes.
+const BARE_FORCES_N: [f64; 5] = [1.0, 2.0, 5.0, 10.0, 20.0];
+/// Duration for self-test and baseline before anything moves.
+const BASELINE: Duration = Duration::from_millis(800);
+/// The longest that is waited for the end of a train, the coil's test before it included.
+const TRAIN: Duration = Duration::from_millis(60_000);
+/// Duration after the train.
+const AFTERWARDS: Duration = Duration::from_millis(50);
+
+/// The press by itself begins with so many times the greatest force of all runs: creep releases a
+/// few per cent of the force between a press and a train.
+const BEYOND_TRAINS: f64 = 1.08;
+/// It goes so many times further until it is beyond their readings: a load that gives way lets the
+/// sensing layer creep at the same force, by a tenth and more.
+const FURTHER: f64 = 1.05;
+/// Then it is given up: nothing that creeps takes 1.6 times the deformation.
+const ATTEMPTS: u32 = 10;
+/// The end of a press, in which a conversion is a mean over the stop, s.
+const STOP_S: f64 = 5e-3;
+
+/// Goes through a calibration; calls `progress` before each run with its specimen and depth, m. Every run is
+/// checked before the next, and the whole at the end.
+///
+/// # Errors
+/// What the bench ends with, a train that breaks off, and data that cannot be true.
+pub fn hold<E: From<BrokenOff>>(
+    bench: &mut dyn Bench<Error = E>,
+    plan: &BenchPlan,
+    known: &Known,
+    progress: &mut dyn FnMut(Pressed, f64),
+) -> Result<Session, E> {
+    let mut pressing = |bench: &mut dyn Bench<Error = E>,
+                        task: RunTask,
+                        untouched: Option<&Run>| loop {
+        progress(task.pressed, task.depth_m);
+        let mut work = |instrument: &mut dyn Instrument<Error = E>| run(instrument, plan, &task);
+        let run = bench.with_specimen(task.pressed, &mut work)?;
+        match checks::fault_of_run(&run, untouched, known) {
+            None => return Ok::<Run, E>(run),
+            Some(fault) if bench.repeats(&fault)? => {}
+            Some(fault) => return Err(BrokenOff::Data(fault).into()),
+        }
+    };
+    let mut runs: Vec<Run> = Vec::new();
+    for task in plan.tasks() {
+        let run = pressing(bench, task, runs.first())?;
+        runs.push(run);
+    }
+    let lowest = runs.iter().map(|run| run.lowest_hz(f64::INFINITY));
+    let lowest_hz = lowest.fold(f64::INFINITY, f64::min);
+    let mut times = BEYOND_TRAINS * growth(&runs);
+    let mut deepest_press = pressing(bench, plan.deepest(times), runs.first())?;
+    for _ in 0..ATTEMPTS {
+        if deepest_press.lowest_hz(deepest_press.pressed_s - STOP_S) < lowest_hz {
+            break;
+        }
+        times *= FURTHER;
+        deepest_press = pressing(bench, plan.deepest(times), runs.first())?;
+    }
+    let mut bare = Vec::new();
+    for force_n in BARE_FORCES_N {
+        bare.extend(bench.press_bare(force_n)?);
+    }
+    let session = Session {
+        runs,
+        deepest_press,
+        bare,
+        temperature_c: bench.temperature_c(),
+    };
+    match checks::fault_of_session(&session, known) {
+        None => Ok(session),
+        Some(fault) => Err(BrokenOff::Data(fault).into()),
+    }
+}
+
+/// The greatest force of all runs over the greatest at rest before a train upon the block; by the change of
+/// inductance where there is no load cell, which rises more steeply.
+fn growth(runs: &[Run]) -> f64 {
+    let by_force = growth_of(runs, |_, line| line.force_n);
+    let softer = |rest_hz: f64, line: &BenchSample| (rest_hz / line.frequency_hz).powi(2) - 1.0;
+    let by_inductance = || growth_of(runs, |rest_hz, line| Some(softer(rest_hz?, line)));
+    by_force.or_else(by_inductance).unwrap_or(1.0)
+}
+
+/// The same of a quantity of a sample, beside the frequency at rest, Hz; nothing where it is never positive.
+fn growth_of(runs: &[Run], of: impl Fn(Option<f64>, &BenchSample) -> Option<f64>) -> Option<f64> {
+    let greatest_of = |run: &Run, until_s: f64| {
+        let rest_hz = run.rest_hz();
+        let lines = run.lines.iter();
+        let lines = lines.filter(|line| line.gauges_time_s < until_s);
+        let values = lines.filter_map(|line| of(rest_hz, line));
+        values.fold(0.0, f64::max)
+    };
+    let blocks = runs.iter().filter(|run| run.pressed == Pressed::Block);
+    let at_rest = blocks
+        .map(|run| greatest_of(run, run.began_s))
+        .fold(0.0, f64::max);
+    let all = runs.iter().map(|run| greatest_of(run, f64::INFINITY));
+    let all = all.fold(0.0, f64::max);
+    (at_rest > 0.0).then(|| all / at_rest)
+}
+
+/// What is done in one run.
+#[derive(Clone, Copy)]
+struct RunTask {
+    pressed: Pressed,
+    /// Depth of the sensing layer to aim at, m.
+    depth_m: f64,
+    /// How fast the stage moves, m/s.
+    speed_m_per_s: f64,
+    /// Whether a train is driven after the press.
+    train: bool,
+}
+
+impl BenchPlan {
+    /// Runs with a train, in their order.
+    fn tasks(&self) -> Vec<RunTask> {
+        let with_train = |pressed, depth_m| RunTask {
+            pressed,
+            depth_m,
+            speed_m_per_s: self.speed_m_per_s,
+            train: true,
+        };
+        let springs = self.springs_n_per_m.iter();
+        let springs = springs.map(|&n_per_m| Pressed::Spring { n_per_m });
+        let specimens = core::iter::once(Pressed::Block).chain(springs);
+        let presses = specimens.flat_map(|pressed| {
+            let depths = self.depths.iter();
+            depths.map(move |depth| with_train(pressed, depth * self.depth_m))
+        });
+        core::iter::once(with_train(Pressed::Nothing, 0.0))
+            .chain(presses)
+            .collect()
+    }
+
+    /// The press upon the block without a train, so many times as deep, and as fast, as the deepest.
+    fn deepest(&self, times: f64) -> RunTask {
+        let deepest = self.depths.iter().copied().fold(0.0, f64::max);
+        RunTask {
+            pressed: Pressed::Block,
+            depth_m: times * (deepest * self.depth_m),
+            speed_m_per_s: times * self.speed_m_per_s,
+            train: false,
+        }
+    }
+
+    /// How many runs there are at least.
+    pub fn runs(&self) -> usize {
+        self.tasks().len() + 1
+    }
+}
+
+fn run<E: From<BrokenOff>>(
+    instrument: &mut dyn Instrument<Error = E>,
+    plan: &BenchPlan,
+    task: &RunTask,
+) -> Result<Run, E> {
+    let begin = instrument.now();
+    let mut run = Run::new(task.pressed, task.depth_m);
+    rest(instrument, (&plan.settings, &plan.coil), &mut run)?;
+    if task.pressed != Pressed::Nothing {
+        let moving = instrument.press(task.depth_m, task.speed_m_per_s)?;
+        let at_rest = instrument.now() + moving;
+        run_until(instrument, at_rest, &mut run.lines)?;
+        run.pressed_s = at_rest.as_secs_f64();
+        let rested = at_rest + Duration::from_secs_f64(plan.rest_s);
+        run_until(instrument, rested, &mut run.lines)?;
+    }
+    run.began_s = instrument.now().as_secs_f64();
+    run.ramps_s = if task.train {
+        sweep(instrument, &mut run.lines)?
+    } else {
+        run.began_s
+    };
+    Ok(run.since(begin.as_secs_f64()))
+}
+
+/// A train on the untouched sensor, with these settings and data of the coil.
+///
+/// # Errors
+/// What the instrument ends with, and a train that breaks off.
+pub fn untouched<E: From<BrokenOff>>(
+    instrument: &mut dyn Instrument<Error = E>,
+    set: (&Settings, &Coil),
+) -> Result<Run, E> {
+    let begin = instrument.now();
+    let mut run = Run::new(Pressed::Nothing, 0.0);
+    rest(instrument, set, &mut run)?;
+    run.began_s = instrument.now().as_secs_f64();
+    run.ramps_s = sweep(instrument, &mut run.lines)?;
+    Ok(run.since(begin.as_secs_f64()))
+}
+
+/// Sets settings and the coil's data, and writes down what the sensor reads at rest.
+fn rest<E: From<BrokenOff>>(
+    instrument: &mut dyn Instrument<Error = E>,
+    (settings, coil): (&Settings, &Coil),
+    run: &mut Run,
+) -> Result<(), E> {
+    let end = instrument.now() + BASELINE;
+    let settings = Settings {
+        stream: Stream::Samples,
+        decimation: 1,
+        ..settings.clone()
+    };
+    must(instrument, Command::SetSettings(settings))?;
+    must(instrument, Command::SetCoil(coil.clone()))?;
+    run_until(instrument, end, &mut run.lines)
+}
+
+/// Sends a command, which has to be accepted.
+fn must<E: From<BrokenOff>>(
+    instrument: &mut dyn Instrument<Error = E>,
+    command: Command,
+) -> Result<(), E> {
+    let name = command.name();
+    match instrument.ask(command)? {
+        Outcome::Accepted => Ok(()),
+        outcome => Err(BrokenOff::Answer { name, outcome }.into()),
+    }
+}
+
+fn run_until<E>(
+    instrument: &mut dyn Instrument<Error = E>,
+    end: Duration,
+    lines: &mut Vec<BenchSample>,
+) -> Result<(), E> {
+    while instrument.now() < end {
+        instrument.advance(end, lines)?;
+    }
+    Ok(())
+}
+
+/// Drives the train; the time at which its ramps began, s. The coil's test goes before it.
+fn sweep<E: From<BrokenOff>>(
+    instrument: &mut dyn Instrument<Error = E>,
+    lines: &mut Vec<BenchSample>,
+) -> Result<f64, E> {
+    must(instrument, Command::Arm)?;
+    instrument.post(Command::Sweep)?;
+    let limit = instrument.now() + TRAIN;
+    let mut ramps_s = None;
+    while instrument.now() < limit {
+        for record in instrument.advance(limit, lines)? {
+            match record {
+                Record::State(change) if change.state == State::Ramps => {
+                    ramps_s = Some(instrument.now().as_secs_f64());
+                }
+                Record::State(change) if change.previous == State::Ramps => {
+                    let end = instrument.now() + AFTERWARDS;
+                    run_until(instrument, end, lines)?;
+                    return ramps_s.ok_or_else(|| broken_off("it was over before it began"));
+                }
+                Record::Refusal(refusal) => {
+                    return Err(broken_off(refusal.reason.meaning().trim()));
+                }
+                Record::Fault(fault) => return Err(broken_off(fault.code.meaning().trim())),
+                _ => {}
+            }
+        }
+    }
+    Err(broken_off("it did not end in time"))
+}
+
+fn broken_off<E: From<BrokenOff>>(reason: &'static str) -> E {
+    BrokenOff::Train(reason).into()
+}

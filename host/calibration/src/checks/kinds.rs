@@ -1,0 +1,283 @@
+//! The checks, each with its limit.
+
+use serde::Serialize;
+
+use super::DataFault;
+
+/// What is checked.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Check {
+    /// Samples that are missing, part of all.
+    Samples,
+    /// Samples without a reading of the load cell, part of all.
+    ForceMissing,
+    /// Current that is missing at the peak, relative.
+    Current,
+    /// The load cell while nothing touches, over the force that is aimed at.
+    Zero,
+    /// Its noise then, over the same.
+    ForceNoise,
+    /// Change of inductance while nothing is to touch.
+    Touched,
+    /// Frequency before the press against that of the sensor without a specimen, relative.
+    RestFrequency,
+    /// Change of inductance of which a press has to make more, less what it made.
+    Reached,
+    /// How far the stage moved back, over what is aimed at.
+    StageSign,
+    /// How far it moved, against what is aimed at: factor.
+    StageUnit,
+    /// Force of the wrong sign, over what is aimed at.
+    ForceSign,
+    /// Force against what is aimed at: factor.
+    ForceUnit,
+    /// Force beside a smooth curve of the inductance, over the greatest.
+    ForceFollows,
+    /// How long the load cell shows the same to the last digit under a press, s.
+    ForceFrozen,
+    /// The stage's scale beside a smooth curve of the inductance, over its way.
+    StageFollows,
+    /// Deformation after the train against before it, relative.
+    Slip,
+    /// The same of the force.
+    ForceSlip,
+    /// Scatter of the readings in the train about a smooth curve, over what they span, 8 µm at least.
+    Scatter,
+    /// Depth of a press against the others: factor.
+    Depth,
+    /// Compliance of block and frame, over that of the sensing layer.
+    Frame,
+    /// Travel of the stage on a spring against what its stiffness takes, relative.
+    Spring,
+}
+
+/// A press makes more change of inductance than this: 20 µm on the reference coil.
+const LEAST_CHANGE: f64 = 5e-3;
+
+impl Check {
+    /// All, in the order of the table.
+    pub const ALL: [Self; 21] = [
+        Self::Samples,
+        Self::ForceMissing,
+        Self::Current,
+        Self::Zero,
+        Self::ForceNoise,
+        Self::Touched,
+        Self::RestFrequency,
+        Self::Reached,
+        Self::StageSign,
+        Self::StageUnit,
+        Self::ForceSign,
+        Self::ForceUnit,
+        Self::ForceFollows,
+        Self::ForceFrozen,
+        Self::StageFollows,
+        Self::Slip,
+        Self::ForceSlip,
+        Self::Scatter,
+        Self::Depth,
+        Self::Frame,
+        Self::Spring,
+    ];
+
+    /// The number of [`Check::Reached`] for a change of inductance.
+    pub(super) fn reached(change: f64) -> f64 {
+        LEAST_CHANGE - change
+    }
+
+    /// What good data stay below. docs/evidence/springs.md has what they come to.
+    pub const fn limit(self) -> f64 {
+        match self {
+            // A link that drops one sample in a hundred drops some of every fall.
+            Self::Samples => 0.01,
+            // A reading that is missing takes the press or the falls around it.
+            Self::ForceMissing => 0.02,
+            // The firmware itself allows its current 2 %; an open or half dead coil gives none, or half.
+            Self::Current => 0.1,
+            // A hundredth of the force moves the zero of the curve by so much of the depth.
+            Self::Zero => 0.05,
+            Self::ForceNoise => 0.02,
+            // 4 µm; warmth of the train makes half a micrometre.
+            Self::Touched => 1e-3,
+            // As much as 8 µm of contact, or 10 K: the capacitor has 30 ppm/K, the layers' growth 150.
+            Self::RestFrequency => 1e-3,
+            Self::Reached => 0.0,
+            Self::StageSign => 0.0,
+            // Between the next unit of anybody's choice, 10 (cm, bar), and the layers' spread of a fifth.
+            Self::StageUnit => 3.0,
+            Self::ForceSign => 0.0,
+            // The next unit is the pound-force, 4.4 N.
+            Self::ForceUnit => 3.0,
+            // Four times what creep makes of good presses.
+            Self::ForceFollows => 0.02,
+            // A force that creeps by some millinewtons a second shows another digit in less.
+            Self::ForceFrozen => 0.5,
+            Self::StageFollows => 0.01,
+            // Creep during the train: half of this in good runs.
+            Self::Slip => 0.06,
+            Self::ForceSlip => 0.06,
+            // Lag and memory of the layers, and stands that shake by half a micrometre: 4.0 % at most on 48 simulated sensors.
+            // Jumps and shaking of 2 µm make more than this.
+            Self::Scatter => 0.08,
+            Self::Depth => 2.0,
+            // What is added to every load: beyond this a rigid one is none.
+            Self::Frame => 0.2,
+            // Creep of presses of different length, and the springs' tolerance of 1 %.
+            Self::Spring => 0.07,
+        }
+    }
+
+    /// What a number beyond the limit means.
+    pub(super) fn fault(self, value: f64, place: &str) -> DataFault {
+        let percent = 1e2 * value;
+        let (name, cause, action) = match self {
+            Self::Samples => (
+                "samples_missing",
+                format!("{percent:.0} % of the samples did not arrive"),
+                "Use a shorter cable and no hub, or end what else keeps the computer busy",
+            ),
+            Self::ForceMissing => (
+                "force_missing",
+                format!("the load cell gave no reading for {percent:.0} % of the samples"),
+                "See its plug and its program, and take one that prints ten readings a second or more",
+            ),
+            Self::Current => (
+                "current_missing",
+                format!("the coil's current stayed {percent:.0} % below its peak"),
+                "See the coil's plugs and its supply",
+            ),
+            Self::Zero => (
+                "force_not_zero",
+                format!(
+                    "the load cell shows {percent:.0} % of the force that is aimed at while nothing is \
+                     to touch"
+                ),
+                "Lift the specimen off the sensor, set the load cell to zero, and let its program print newtons",
+            ),
+            Self::ForceNoise => (
+                "force_noisy",
+                format!(
+                    "the load cell scatters by {percent:.1} % of the force that is aimed at while nothing \
+                     touches"
+                ),
+                "Let its program print newtons; see its cable and shield, keep hands and feet off the bench, or \
+                 take a load cell of a smaller range",
+            ),
+            Self::Touched => (
+                "touched",
+                format!("the inductance changed by {percent:.2} % where nothing was to touch"),
+                "Move the stage clear of the sensor",
+            ),
+            Self::RestFrequency => (
+                "rest_frequency_moved",
+                format!(
+                    "the frequency before the press differs by {percent:.2} % from the untouched \
+                     sensor's"
+                ),
+                "Lift the specimen off the sensor, wait until the sensor has recovered from the press \
+                 before, and see that its coil is firmly connected",
+            ),
+            Self::Reached => (
+                "press_not_reached",
+                "the press did not reach the sensor: its inductance hardly changed".to_owned(),
+                "See that the specimen is above the sensor, that the stage moves, and how far it is to the \
+                 touch",
+            ),
+            Self::StageSign => (
+                "stage_sign",
+                "the stage's scale falls while it presses".to_owned(),
+                "Let the stage's program print greater numbers the deeper it presses",
+            ),
+            Self::StageUnit => (
+                "stage_unit",
+                format!(
+                    "the stage's scale moved {value:.3} times more or less than what was aimed at"
+                ),
+                "Let the stage's program print metres",
+            ),
+            Self::ForceSign => (
+                "force_sign",
+                "the load cell shows a pull where the sensor is pressed".to_owned(),
+                "Turn the sign of what the gauge's program prints: a press is positive",
+            ),
+            Self::ForceUnit => (
+                "force_unit",
+                format!("the force is {value:.3} times more or less than what was aimed at"),
+                "Let the gauge's program print newtons, calibrate the load cell with a weight, and see that \
+                 its cable is plugged in",
+            ),
+            Self::ForceFollows => (
+                "force_does_not_follow",
+                format!(
+                    "force and inductance of the press do not belong together: {percent:.0} % of the force \
+                     is off every smooth curve"
+                ),
+                "See that the load cell is plugged in and within its range, that its readings come at once, \
+                 and that nothing slips",
+            ),
+            Self::ForceFrozen => (
+                "force_frozen",
+                format!("the load cell showed the same to the last digit for {value:.1} s"),
+                "See its plug; if that is right, let its program print more digits",
+            ),
+            Self::StageFollows => (
+                "stage_does_not_follow",
+                format!(
+                    "the stage's scale and the inductance of the press do not belong together: {percent:.0} % \
+                     of its way is off every smooth curve"
+                ),
+                "See that the stage loses no steps and the specimen does not slip, and press again",
+            ),
+            Self::Slip => (
+                "slipped",
+                format!(
+                    "the deformation after the train differs by {percent:.0} % more from that before it than \
+                     creep explains"
+                ),
+                "Fasten the specimen, the sensor and the stage, and press again",
+            ),
+            Self::ForceSlip => (
+                "force_jumped",
+                format!("the force after the train differs by {percent:.0} % from that before it"),
+                "See the load cell's plug, and that nothing slips",
+            ),
+            Self::Scatter => (
+                "unsteady",
+                format!(
+                    "the readings of the train are {percent:.0} % of their span off a smooth curve: the specimen \
+                     jumps, or the bench shakes"
+                ),
+                "Fasten specimen, sensor and stage, keep motors and feet off the bench, and press again",
+            ),
+            Self::Depth => (
+                "depth_differs",
+                format!(
+                    "the press was {value:.1} times deeper or less deep than the others, for its aim"
+                ),
+                "Begin each press where the specimen touches, and press as deep as asked",
+            ),
+            Self::Frame => (
+                "block_gives_way",
+                format!(
+                    "block and frame give way by {percent:.0} % of what the sensing layer does under the \
+                     same force"
+                ),
+                "Use a block of metal and a stiffer frame",
+            ),
+            Self::Spring => (
+                "spring_differs",
+                format!(
+                    "the stage moved {percent:.1} % more or less on it than its stiffness takes: another \
+                     spring, another number typed in, or a press that slipped"
+                ),
+                "Compare the spring with what is written down, in newtons per metre, and press again",
+            ),
+        };
+        DataFault {
+            name,
+            cause: format!("{place}: {cause}"),
+            action,
+        }
+    }
+}

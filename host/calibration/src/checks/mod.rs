@@ -1,0 +1,197 @@
+//! Whether what was written down on the bench can be true.
+//!
+//! Every check compares one number with one limit, so that what good sessions come to can be listed beside
+//! the limits (docs/evidence/springs.md). A run is checked as soon as it is over, a session before it is
+//! evaluated. What is beyond its limit is refused with the number, the likely cause and what to do.
+
+mod figures;
+mod kinds;
+
+use std::fmt;
+
+use self::figures::Figures;
+pub use self::kinds::Check;
+use crate::session::{Pressed, Run, Session};
+use crate::{Known, Unusable, frame, spring_deviations};
+
+/// What is wrong with the data of a bench, the likely cause, and what to do.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct DataFault {
+    /// Its name, which stays from version to version.
+    pub name: &'static str,
+    /// What was found, in words.
+    pub cause: String,
+    /// What to do.
+    pub action: &'static str,
+}
+
+impl fmt::Display for DataFault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}. {}", self.cause, self.action)
+    }
+}
+
+/// A number beside the limit of its check.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CheckedFigure {
+    /// The check.
+    pub check: Check,
+    /// What was found, in the unit of the limit.
+    pub value: f64,
+    /// Where, in words.
+    pub place: String,
+}
+
+impl CheckedFigure {
+    /// What is wrong; nothing if nothing is.
+    fn fault(&self) -> Option<DataFault> {
+        // A value that is no number is none that is right.
+        let is_good = self.value <= self.check.limit();
+        (!is_good).then(|| self.check.fault(self.value, &self.place))
+    }
+}
+
+/// What is wrong with a run: the first that is.
+pub fn fault_of_run(run: &Run, untouched: Option<&Run>, known: &Known) -> Option<DataFault> {
+    first(&of_run(run, untouched, known))
+}
+
+/// What is wrong with a session whose runs are right.
+pub fn fault_of_session(session: &Session, known: &Known) -> Option<DataFault> {
+    match of_session(session, known) {
+        Ok(checked) => first(&checked),
+        Err(unusable) => Some(DataFault {
+            name: "unusable",
+            cause: unusable.to_string(),
+            action: "See specimens, gauges and plugs, and begin anew",
+        }),
+    }
+}
+
+fn first(checked: &[CheckedFigure]) -> Option<DataFault> {
+    checked.iter().find_map(CheckedFigure::fault)
+}
+
+/// All checks of a run, those first whose fault makes others meaningless. `untouched` is the run in which
+/// nothing touched.
+pub fn of_run(run: &Run, untouched: Option<&Run>, known: &Known) -> Vec<CheckedFigure> {
+    let Some(figures) = Figures::of(run, known) else {
+        return vec![at(run, Check::Samples, 1.0)];
+    };
+    let mut checked = vec![at(run, Check::Samples, figures.missing)];
+    if known.load_cell_gain.is_some() {
+        checked.push(at(run, Check::ForceMissing, figures.force_missing));
+    }
+    if run.ramps_s > run.began_s {
+        checked.push(at(run, Check::Current, figures.current_missing));
+    }
+    checked.extend(figures.rest_force.map(|of| at(run, Check::Zero, of.abs())));
+    checked.extend(figures.force_noise.map(|of| at(run, Check::ForceNoise, of)));
+    if run.pressed == Pressed::Nothing {
+        checked.push(at(run, Check::Touched, figures.change.abs()));
+        return checked;
+    }
+    if let Some(before) = untouched.and_then(|run| Figures::of(run, known)) {
+        let moved = figures.rest_hz / before.rest_hz - 1.0;
+        checked.push(at(run, Check::RestFrequency, moved.abs()));
+    }
+    checked.push(at(run, Check::Reached, Check::reached(figures.change)));
+    if let Some(stage) = figures.travel {
+        checked.push(at(run, Check::StageSign, -stage));
+        checked.push(at(run, Check::StageUnit, apart(stage)));
+    }
+    if let Some(force) = figures.force {
+        checked.push(at(run, Check::ForceSign, -force));
+        checked.push(at(run, Check::ForceUnit, apart(force)));
+    }
+    checked.extend(figures.follows.map(|of| at(run, Check::ForceFollows, of)));
+    if known.load_cell_gain.is_some() {
+        checked.push(at(run, Check::ForceFrozen, figures.frozen_s));
+    }
+    let stage_follows = figures.stage_follows;
+    checked.extend(stage_follows.map(|of| at(run, Check::StageFollows, of)));
+    checked.push(at(run, Check::Slip, figures.slipped()));
+    checked.extend(
+        figures
+            .force_slip
+            .map(|of| at(run, Check::ForceSlip, of.abs())),
+    );
+    checked.extend(figures.scatter.map(|of| at(run, Check::Scatter, of)));
+    checked
+}
+
+/// By what factor a ratio is off, whichever way; none that is positive is infinitely far.
+fn apart(ratio: f64) -> f64 {
+    if ratio > 0.0 {
+        ratio.max(1.0 / ratio)
+    } else {
+        f64::INFINITY
+    }
+}
+
+fn at(run: &Run, check: Check, value: f64) -> CheckedFigure {
+    let depth = format!("{:.2} mm deep", 1e3 * run.depth_m);
+    let place = match run.pressed {
+        Pressed::Nothing => "nothing pressed".to_owned(),
+        Pressed::Block => format!("block, {depth}"),
+        Pressed::Spring { n_per_m } => format!("spring of {:.3} N/mm, {depth}", 1e-3 * n_per_m),
+    };
+    CheckedFigure {
+        check,
+        value,
+        place,
+    }
+}
+
+/// All checks of a session as a whole.
+///
+/// # Errors
+/// If it does not even give what the checks compare.
+pub fn of_session(session: &Session, known: &Known) -> Result<Vec<CheckedFigure>, Unusable> {
+    let runs = session.runs.iter().chain([&session.deepest_press]);
+    let pressed = runs.filter(|run| run.pressed != Pressed::Nothing);
+    let mut checked = depths(pressed, known);
+    if !session.bare.is_empty() {
+        let softness = frame(&session.bare)? * known.sensing_n_per_m;
+        checked.push(whole(Check::Frame, softness));
+    }
+    checked.extend(springs(session, known)?);
+    Ok(checked)
+}
+
+fn whole(check: Check, value: f64) -> CheckedFigure {
+    CheckedFigure {
+        check,
+        value,
+        place: "all runs".to_owned(),
+    }
+}
+
+/// How deep each press went, against what was aimed at and the other presses: the change of inductance for
+/// a metre, over its median.
+fn depths<'r>(runs: impl Iterator<Item = &'r Run>, known: &Known) -> Vec<CheckedFigure> {
+    let figures = runs.filter_map(|run| {
+        let change = Figures::of(run, known)?.change;
+        Some((run, change / run.depth_m))
+    });
+    let figures: Vec<(&Run, f64)> = figures.collect();
+    let mut sorted: Vec<f64> = figures.iter().map(|(_, change)| *change).collect();
+    sorted.sort_by(f64::total_cmp);
+    let median = sorted.get(sorted.len() / 2).copied().unwrap_or_default();
+    figures
+        .iter()
+        .map(|(run, change)| at(run, Check::Depth, apart(change / median)))
+        .collect()
+}
+
+/// Every spring against what is written on it.
+fn springs(session: &Session, known: &Known) -> Result<Vec<CheckedFigure>, Unusable> {
+    let deviations = spring_deviations(session, known)?.into_iter();
+    Ok(deviations
+        .map(|spring| CheckedFigure {
+            check: Check::Spring,
+            value: spring.deviation.abs(),
+            place: format!("spring of {:.3} N/mm", 1e-3 * spring.n_per_m),
+        })
+        .collect())
+}

@@ -1,0 +1,208 @@
+//! The bench: what its trains, each as one reading of its load, say of the sensor.
+//!
+//! They determine five quantities beside what each spring is off (docs/decisions/0082-adjustment.md). The formulas are those of
+//! [`line`](super::line), written anew, and share nothing with the calibration that they foretell.
+
+use palpate_wire::command::Settings;
+
+use super::causes::{Cause, QUANTITIES};
+use super::chip::Conversions;
+use super::information::Information;
+use super::line::TrainLine;
+use super::sensor::PlannedSensor;
+
+/// What creep and memory leave of a train's kappa beside its drifts, standard deviation as a part of W: on 60 simulated sensors of
+/// the stack `ultrasoft` trains scatter by 0.15 to 0.2 % of W about the adjusted line, noise and vibration included
+/// (docs/decisions/0082-adjustment.md).
+pub(super) const CREEP: f64 = 0.0015;
+/// Standard deviations of c_D0, stiffening and attraction before anything is known, in their units here: the calibration takes
+/// nothing for known.
+const BEFOREHAND: f64 = 1.0;
+/// The same of the cross-talk and its growth, as parts of the cross-talk: the train without contact shows the one, the load cell
+/// the other (docs/decisions/0082-adjustment.md).
+const OF_CROSSTALK: [f64; 2] = [0.1, 0.3];
+/// Cross-talk, as a part of the working depth, below which it is as good as none.
+const LEAST_CROSSTALK: f64 = 1e-4;
+/// How many times the scatter of a sample the current has to change the deformation under the block, so that the calibration
+/// finds the stiffening (`Signal` of `palpate-calibration`).
+const CLEAR: f64 = 10.0;
+
+/// A train of the bench: how its kappa changes with the quantities and the springs, and the variances of [`Cause::OF_TRAIN`].
+struct BenchTrain {
+    row: Vec<f64>,
+    variances: [f64; 3],
+}
+
+/// A bench with its sensor, evaluated.
+pub struct Bench<'s> {
+    pub(super) sensor: &'s PlannedSensor,
+    pub(super) settings: Settings,
+    pub(super) conversions: Conversions,
+    /// The lines of its trains, one for each depth.
+    pub(super) lines: Vec<TrainLine>,
+    trains: Vec<BenchTrain>,
+    /// Variances of the unknowns beforehand: quantities, springs.
+    pub(super) beforehand: Vec<f64>,
+    pub(super) information: Information,
+}
+
+/// Why there is no plan.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Unplannable {
+    /// The falls of a train have too few conversions for a line.
+    TooFewConversions,
+    /// The bench does not see the stiffening.
+    StiffensTooLittle,
+}
+
+impl<'s> Bench<'s> {
+    /// The bench of a sensor, with these settings and conversions.
+    pub fn new(
+        sensor: &'s PlannedSensor,
+        settings: &Settings,
+        conversions: Conversions,
+    ) -> Result<Self, Unplannable> {
+        let springs = sensor
+            .bench_loads
+            .iter()
+            .filter(|kappa| **kappa > 0.0)
+            .count();
+        let unknowns = QUANTITIES + springs;
+        let (mut lines, mut trains) = (Vec::new(), Vec::new());
+        for depth in &sensor.bench_depths {
+            let line = TrainLine::new(sensor, settings, &conversions, depth * sensor.depth_m)
+                .ok_or(Unplannable::TooFewConversions)?;
+            for (load, kappa) in sensor.bench_loads.iter().enumerate() {
+                let mut row = vec![0.0; unknowns];
+                row.splice(..QUANTITIES, slopes(sensor, &line, *kappa));
+                // The block comes first and is off by nothing.
+                if let Some(entry) = load
+                    .checked_sub(1)
+                    .and_then(|spring| row.get_mut(QUANTITIES + spring))
+                {
+                    *entry = *kappa;
+                }
+                trains.push(BenchTrain {
+                    row,
+                    variances: of_train(sensor, &line, *kappa),
+                });
+            }
+            lines.push(line);
+        }
+        let mut bench = Self {
+            sensor,
+            settings: settings.clone(),
+            conversions,
+            lines,
+            trains,
+            beforehand: beforehand(sensor, settings, springs),
+            information: Information::new(unknowns),
+        };
+        if !bench.is_clear() {
+            return Err(Unplannable::StiffensTooLittle);
+        }
+        bench.information = bench.informed(None);
+        Ok(bench)
+    }
+
+    /// Whether the current changes the deformation under the block by enough to be seen.
+    fn is_clear(&self) -> bool {
+        let sensor = self.sensor;
+        let peak_a = f64::from(self.settings.peak_current_a);
+        let signal = sensor.stiffening(peak_a) + sensor.attraction(peak_a, sensor.depth_m);
+        let whole = sensor.whole(0.0);
+        let noise_m =
+            self.conversions.relative_sigma * sensor.metres_per_relative_frequency(sensor.depth_m);
+        let shaken_m = sensor.vibration_m / 2_f64.sqrt() / whole;
+        // The deformation rises with a stiffening, which is a signal below zero.
+        -signal / whole >= CLEAR * noise_m.hypot(shaken_m) / sensor.depth_m
+    }
+
+    /// What bench and knowledge beforehand say of the unknowns; with one of the quantities known exactly.
+    pub(super) fn informed(&self, exact: Option<usize>) -> Information {
+        /// Variance of what is as good as exact.
+        const EXACT: f64 = 1e-16;
+        let mut information = Information::new(self.beforehand.len());
+        for train in &self.trains {
+            information.read(&train.row, train.variances.iter().sum());
+        }
+        for (unknown, variance) in self.beforehand.iter().enumerate() {
+            let variance = if exact == Some(unknown) {
+                EXACT
+            } else {
+                *variance
+            };
+            information.know(unknown, variance);
+        }
+        information
+    }
+
+    /// Variances of a press by the bench's causes: errors of its trains and springs, through the least squares.
+    pub(super) fn of_bench(&self, of_press: &[f64]) -> Option<[f64; Cause::ALL.len()]> {
+        let gain = self.information.solve(of_press)?;
+        let dot = |row: &[f64]| {
+            row.iter()
+                .zip(&gain)
+                .map(|(one, other)| one * other)
+                .sum::<f64>()
+        };
+        let mut causes = [0.0; Cause::ALL.len()];
+        for train in &self.trains {
+            let weight = dot(&train.row) / train.variances.iter().sum::<f64>();
+            for (cause, variance) in Cause::OF_TRAIN.into_iter().zip(train.variances) {
+                add(&mut causes, cause, weight * weight * variance);
+            }
+        }
+        // What is known beforehand of a spring is its tolerance.
+        for (unknown, (gain, variance)) in gain.iter().zip(&self.beforehand).enumerate() {
+            let cause = if unknown < QUANTITIES {
+                Cause::Beforehand
+            } else {
+                Cause::Springs
+            };
+            add(&mut causes, cause, gain * gain / variance);
+        }
+        Some(causes)
+    }
+}
+
+/// How kappa of a line changes with the quantities.
+pub(super) fn slopes(sensor: &PlannedSensor, line: &TrainLine, kappa: f64) -> [f64; QUANTITIES] {
+    let whole = sensor.whole(kappa);
+    [
+        -sensor.ratio,
+        whole * line.of.stiffening,
+        whole * line.of.attraction,
+        whole * whole * line.of.crosstalk,
+        whole * whole * line.of.growth,
+    ]
+}
+
+/// Variances of kappa of one train, by [`Cause::OF_TRAIN`].
+pub(super) fn of_train(sensor: &PlannedSensor, line: &TrainLine, kappa: f64) -> [f64; 3] {
+    let square = sensor.whole(kappa).powi(2);
+    [
+        square * square * line.conversions,
+        square * line.vibration,
+        square * CREEP * CREEP,
+    ]
+}
+
+/// Variances of quantities and springs before the bench.
+fn beforehand(sensor: &PlannedSensor, settings: &Settings, springs: usize) -> Vec<f64> {
+    let peak_a = f64::from(settings.peak_current_a);
+    let crosstalk = (sensor.crosstalk_m(peak_a) / sensor.depth_m).max(LEAST_CROSSTALK);
+    let free = [BEFOREHAND; QUANTITIES - OF_CROSSTALK.len()];
+    let of_crosstalk = OF_CROSSTALK.map(|part| part * crosstalk);
+    // Uniform within the tolerance; springs that are as good as exact keep the matrix regular.
+    let tolerance = (sensor.known.spring_tolerance / 3_f64.sqrt()).max(1e-6);
+    let springs = core::iter::repeat_n(tolerance, springs);
+    let deviations = free.into_iter().chain(of_crosstalk).chain(springs);
+    deviations.map(|deviation| deviation * deviation).collect()
+}
+
+pub(super) fn add(causes: &mut [f64; Cause::ALL.len()], cause: Cause, variance: f64) {
+    let of = causes.iter_mut().zip(Cause::ALL);
+    of.filter(|(_, of)| *of == cause)
+        .for_each(|(sum, _)| *sum += variance);
+}

@@ -1,0 +1,113 @@
+//! The sensor as it is planned: three springs in series with their nominal values, and what is known of bench and use.
+
+use palpate_calibration::Known;
+use palpate_sim::magnetorheological::MagnetorheologicalParameters;
+use palpate_sim::parameters::{Parameters, central};
+use palpate_sim::sensing_coil::tank::{SensingTank, TankState};
+use palpate_sim::stack::{Disturbances, Stack};
+use palpate_sim::switches::Switches;
+use palpate_simulate::instrument::{BenchTask, default_settings};
+use palpate_wire::command::Settings;
+
+/// A kind of sensor with the bench on which it is calibrated. Compliances are in units of the sensing layer's.
+#[derive(Clone, Debug)]
+pub struct PlannedSensor {
+    /// Nominal values of everything, in the middle of what is drawn.
+    pub plant: Parameters,
+    /// What the bench is known to be.
+    pub known: Known,
+    /// Settings of the instrument, with the peak that stack and supply allow.
+    pub settings: Settings,
+    /// c_S/c_D0.
+    pub ratio: f64,
+    /// Deformation of the sensing layer at the working depth, m.
+    pub depth_m: f64,
+    /// Loads of the bench, c_S/c_L, the block first.
+    pub bench_loads: Vec<f64>,
+    /// Depths of the bench, in units of the working depth.
+    pub bench_depths: Vec<f64>,
+    /// Amplitude of a stand's vibration, root of the mean square over stands, m.
+    pub vibration_m: f64,
+    /// Frequencies between which it lies, Hz.
+    pub vibration_hz: (f64, f64),
+}
+
+impl PlannedSensor {
+    /// The sensor in the middle of what is drawn of a stack.
+    pub fn new(stack: &Stack, disturbances: &Disturbances) -> Self {
+        Self::of(central(stack, disturbances), stack, disturbances)
+    }
+
+    /// A sensor that was drawn.
+    pub fn of(plant: Parameters, stack: &Stack, disturbances: &Disturbances) -> Self {
+        let task = BenchTask::of(&plant, stack, Switches::all(), &default_settings());
+        let sensing_n_per_m = plant.sensing.spring_n_per_m;
+        let springs = task.plan.springs_n_per_m.iter();
+        let springs = springs.map(|spring| sensing_n_per_m / spring);
+        let press = &disturbances.press;
+        let (least_m, most_m) = press.vibration_amplitude_m.range();
+        // Of a uniform amplitude.
+        let square = (least_m * least_m + least_m * most_m + most_m * most_m) / 3.0;
+        Self {
+            ratio: sensing_n_per_m / plant.actuated.spring_n_per_m,
+            depth_m: task.plan.depth_m,
+            bench_loads: core::iter::once(0.0).chain(springs).collect(),
+            bench_depths: task.plan.depths,
+            vibration_m: square.sqrt(),
+            vibration_hz: press.vibration_hz.range(),
+            known: task.known,
+            settings: task.plan.settings,
+            plant,
+        }
+    }
+
+    fn law(&self) -> &MagnetorheologicalParameters {
+        &self.plant.magnetorheological
+    }
+
+    /// Rise of c_D at a current, A, as a part of c_D0.
+    pub fn rise(&self, current_a: f64) -> f64 {
+        let relative = current_a / self.plant.current.peak_a;
+        self.law().stiffening_at_peak * self.law().saturation(relative)
+    }
+
+    /// h = c_S/c_D - c_S/c_D0 at a current, A: negative.
+    pub fn stiffening(&self, current_a: f64) -> f64 {
+        let rise = self.rise(current_a);
+        -self.ratio * rise / (1.0 + rise)
+    }
+
+    /// What the attraction of the layer's halves adds to h at a current, A, and a deformation, m.
+    pub fn attraction(&self, current_a: f64, deformation_m: f64) -> f64 {
+        let pull_n = self.plant.attraction.n_per_a2 * current_a * current_a;
+        let ratio = self.ratio + self.stiffening(current_a);
+        pull_n / self.plant.sensing.spring_n_per_m * ratio / deformation_m
+    }
+
+    /// What the coil's field adds to the reading at a current, A, m.
+    pub fn crosstalk_m(&self, current_a: f64) -> f64 {
+        let relative = current_a / self.plant.current.peak_a;
+        self.plant.crosstalk.at_peak_m * relative * relative
+    }
+
+    /// 1 + c_S/c_L + c_S/c_D0 with a load, c_S/c_L.
+    pub fn whole(&self, kappa: f64) -> f64 {
+        1.0 + kappa + self.ratio
+    }
+
+    /// What a relative error of the frequency is of the deformation, m, at a deformation, m.
+    pub fn metres_per_relative_frequency(&self, deformation_m: f64) -> f64 {
+        metres_per_relative_frequency(&SensingTank::new(&self.plant.tank), deformation_m)
+    }
+}
+
+/// What a relative error of a tank's frequency is of the deformation, m, at a deformation, m.
+pub fn metres_per_relative_frequency(tank: &SensingTank, deformation_m: f64) -> f64 {
+    let resonance = tank.resonance(&TankState {
+        apparent_m: deformation_m,
+        displacement_m: deformation_m,
+        warmer_k: 0.0,
+        ..TankState::default()
+    });
+    resonance.frequency_hz / (resonance.per_apparent + resonance.per_displacement).abs()
+}

@@ -1,0 +1,157 @@
+//! The simulated bench with the native board.
+
+use std::time::Duration;
+
+use palpate_calibration::bench::{Bench, Instrument, Work};
+use palpate_calibration::session::{BenchSample, Pressed, Run};
+use palpate_cli::failure::Failure;
+use palpate_sim::Time;
+use palpate_sim::device::Device;
+use palpate_sim::native::{NativeBoard, Wiring};
+use palpate_sim::parameters::Parameters;
+use palpate_sim::rig::{BareRig, CLEARANCE_M, Gauges, Rig, Specimen};
+use palpate_sim::switches::Switches;
+use palpate_sim::thermal::CALIBRATION_C;
+use palpate_wire::code::Outcome;
+use palpate_wire::{Command, Message, Record};
+
+use super::gauges::bench_sample;
+
+/// The bench of a plant.
+pub struct NativeBench<'p> {
+    plant: &'p Parameters,
+    switches: Switches,
+    /// Above the temperature of calibration, K.
+    warmer_k: f64,
+    bare: BareRig,
+}
+
+impl<'p> NativeBench<'p> {
+    /// The bench of this plant, so many kelvin above the temperature of calibration.
+    pub fn new(plant: &'p Parameters, switches: Switches, warmer_k: f64) -> Self {
+        Self {
+            plant,
+            switches,
+            warmer_k,
+            bare: BareRig::new(plant, switches),
+        }
+    }
+}
+
+impl Bench for NativeBench<'_> {
+    type Error = Failure;
+
+    fn with_specimen(
+        &mut self,
+        pressed: Pressed,
+        work: &mut Work<'_, Failure>,
+    ) -> Result<Run, Failure> {
+        let rig = Rig::warmer(self.plant, self.switches, specimen(pressed), self.warmer_k)?;
+        let (world, gauges) = rig.into_parts();
+        let wiring = Wiring::new(world);
+        work(&mut NativeInstrument {
+            board: NativeBoard::new(&wiring),
+            wiring: &wiring,
+            gauges,
+        })
+    }
+
+    fn press_bare(&mut self, force_n: f64) -> Result<Option<(f64, f64)>, Failure> {
+        Ok(Some(mean_bare(&mut self.bare, force_n)))
+    }
+
+    fn temperature_c(&self) -> f64 {
+        CALIBRATION_C + self.warmer_k
+    }
+}
+
+/// Readings averaged on the bare bench at each force.
+const BARE_READINGS: u32 = 100;
+
+/// Force and place of the bare bench at a force, N and m, each the mean of many readings.
+pub fn mean_bare(bare: &mut BareRig, force_n: f64) -> (f64, f64) {
+    let mut sum = (0.0, 0.0);
+    for _ in 0..BARE_READINGS {
+        let reading = bare.press(force_n);
+        sum = (sum.0 + reading.force_n, sum.1 + reading.stage_m);
+    }
+    let count = f64::from(BARE_READINGS);
+    (sum.0 / count, sum.1 / count)
+}
+
+/// What the simulated stage holds; with nothing to press, a block that stays above.
+pub const fn specimen(pressed: Pressed) -> Specimen {
+    match pressed {
+        Pressed::Nothing | Pressed::Block => Specimen::Block,
+        Pressed::Spring { n_per_m } => Specimen::Spring {
+            nominal_n_per_m: n_per_m,
+        },
+    }
+}
+
+/// The native board during a run.
+struct NativeInstrument<'w> {
+    board: NativeBoard<'w>,
+    wiring: &'w Wiring,
+    gauges: Gauges,
+}
+
+impl Instrument for NativeInstrument<'_> {
+    type Error = Failure;
+
+    fn now(&self) -> Duration {
+        Duration::from_nanos(self.board.now().as_ns())
+    }
+
+    fn ask(&mut self, command: Command) -> Result<Outcome, Failure> {
+        let name = command.name();
+        self.board.send(command)?;
+        let records = self.board.take_records();
+        let mut answers = records.iter().filter_map(|(_, record)| match record {
+            Record::Acknowledgement(answer) => Some(answer.outcome),
+            _ => None,
+        });
+        let last = answers.next_back();
+        last.ok_or_else(|| Failure::Refused(format!("the instrument does not answer {name}")))
+    }
+
+    fn post(&mut self, command: Command) -> Result<(), Failure> {
+        self.board.post(command);
+        Ok(())
+    }
+
+    fn advance(
+        &mut self,
+        end: Duration,
+        lines: &mut Vec<BenchSample>,
+    ) -> Result<Vec<Record>, Failure> {
+        self.board.advance(Time::from_ns(end.as_nanos() as u64))?;
+        let world = self.wiring.world().borrow();
+        let mut others = Vec::new();
+        for (at, record) in self.board.take_records() {
+            match record {
+                Record::Sample(sample) => {
+                    let gauges = self.gauges.read(&world).into();
+                    let line = bench_sample(
+                        at.as_ticks() as f64 * 1e-6,
+                        &sample,
+                        world.now().as_secs_f64(),
+                        gauges,
+                    );
+                    lines.extend(line);
+                }
+                other => others.push(other),
+            }
+        }
+        Ok(others)
+    }
+
+    fn press(&mut self, depth_m: f64, speed_m_per_s: f64) -> Result<Duration, Failure> {
+        let mut world = self.wiring.world().borrow_mut();
+        let travel_m = world.press_for_depth_m(depth_m);
+        world.move_press(travel_m, speed_m_per_s);
+        Ok(Duration::from_secs_f64(
+            (travel_m + CLEARANCE_M) / speed_m_per_s,
+        ))
+    }
+}

@@ -1,0 +1,169 @@
+//! What many presses come to.
+
+use serde::Serialize;
+
+use super::press::{Claim, Press};
+
+/// An estimate that is off by more than so many of its own standard errors, and by more than this in ln, is
+/// falsely confident.
+const STANDARD_ERRORS: f64 = 4.0;
+const BEYOND: f64 = 0.05;
+
+/// Figures over presses. Errors are ln(estimate/truth).
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Counted {
+    /// Presses that came to an estimate.
+    pub accepted: usize,
+    /// Presses that did not.
+    pub refused: usize,
+    /// Root of the mean square error.
+    pub rms_ln: Option<f64>,
+    /// Mean error.
+    pub bias_ln: Option<f64>,
+    /// Part of the intervals that contain the truth.
+    pub coverage95: Option<f64>,
+    /// Half of the median width, in ln.
+    pub half_width_ln: Option<f64>,
+    /// That, over the half width that 95 % of all errors are within: the narrowest interval of one width for
+    /// all that holds as often as it says.
+    pub width_over_oracle: Option<f64>,
+    /// Part of the estimates that are off by more than four of their own standard errors and by 5 %.
+    pub false_confidence: Option<f64>,
+    /// Root of the mean square error of the two-state formula, from rest and peak alone.
+    pub plain_rms_ln: Option<f64>,
+}
+
+impl Counted {
+    /// Counts presses.
+    pub fn of<'p>(presses: impl Iterator<Item = &'p Press>) -> Self {
+        let (mut claims, mut refused): (Vec<(&Press, &Claim)>, usize) = (Vec::new(), 0);
+        for press in presses {
+            match &press.outcome {
+                Ok(claim) => claims.push((press, claim)),
+                Err(_) => refused += 1,
+            }
+        }
+        let errors: Vec<f64> = claims
+            .iter()
+            .filter_map(|(press, claim)| press.error_ln(claim.estimate_n_per_m?))
+            .collect();
+        let plain: Vec<f64> = claims
+            .iter()
+            .filter_map(|(press, claim)| press.error_ln(claim.two_state_n_per_m?))
+            .collect();
+        let widths: Vec<f64> = claims
+            .iter()
+            .filter_map(|(_, claim)| claim.half_width_ln())
+            .collect();
+        let sizes: Vec<f64> = errors.iter().map(|error| error.abs()).collect();
+        let half_width_ln = quantile(&widths, 0.5);
+        let oracle = quantile(&sizes, 0.95);
+        let part = |is: &dyn Fn(&Press, &Claim) -> bool| {
+            let count = claims.iter().filter(|(press, claim)| is(press, claim));
+            (!claims.is_empty()).then(|| count.count() as f64 / claims.len() as f64)
+        };
+        Self {
+            accepted: claims.len(),
+            refused,
+            rms_ln: root_mean_square(&errors),
+            bias_ln: mean(&errors),
+            coverage95: part(&|press, claim| claim.holds(press.true_n_per_m)),
+            half_width_ln,
+            width_over_oracle: half_width_ln
+                .zip(oracle)
+                .map(|(width, oracle)| width / oracle),
+            false_confidence: part(&|press, claim| is_falsely_confident(press, claim)),
+            plain_rms_ln: root_mean_square(&plain),
+        }
+    }
+
+    /// How many intervals contain the truth.
+    pub fn covered(&self) -> usize {
+        let part = self.coverage95.unwrap_or(0.0);
+        (part * self.accepted as f64).round() as usize
+    }
+}
+
+fn is_falsely_confident(press: &Press, claim: &Claim) -> bool {
+    let Some(estimate_n_per_m) = claim.estimate_n_per_m else {
+        return !claim.holds(press.true_n_per_m);
+    };
+    let of_true = estimate_n_per_m / press.true_n_per_m;
+    let standard_errors = claim.load_ratio * (1.0 - of_true) / claim.load_ratio_standard_error;
+    standard_errors.abs() > STANDARD_ERRORS
+        && (press.true_n_per_m == f64::INFINITY || of_true.ln().abs() > BEYOND)
+}
+
+fn mean(values: &[f64]) -> Option<f64> {
+    (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
+}
+
+fn root_mean_square(values: &[f64]) -> Option<f64> {
+    let squares: Vec<f64> = values.iter().map(|value| value * value).collect();
+    mean(&squares).map(f64::sqrt)
+}
+
+/// The value below which this part of the values lies; nothing of none.
+pub fn quantile(values: &[f64], part: f64) -> Option<f64> {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let index = part * sorted.len().saturating_sub(1) as f64;
+    sorted.get(index.round() as usize).copied()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::campaign::world::World;
+
+    /// A press of a load of 1 kN/m that is read with this error, in parts, and a standard error of 1 %.
+    fn press(error: f64) -> Press {
+        let estimate_n_per_m = 1e3 * (1.0 + error);
+        Press {
+            world: World::Calibrated,
+            ratio: 1.0,
+            true_n_per_m: 1e3,
+            outcome: Ok(Claim {
+                estimate_n_per_m: Some(estimate_n_per_m),
+                lower_n_per_m: estimate_n_per_m / 1.02,
+                upper_n_per_m: Some(estimate_n_per_m * 1.02),
+                load_ratio: 6.0,
+                load_ratio_standard_error: 0.06,
+                reduced_chi_square: Some(1.0),
+                two_state_n_per_m: Some(2e3),
+            }),
+        }
+    }
+
+    #[test]
+    fn figures_are_those_of_known_errors() {
+        let refused = Press {
+            outcome: Err("misfit: 1; limit 0".to_owned()),
+            ..press(0.0)
+        };
+        let presses = [press(0.01), press(-0.01), press(0.03), press(0.1), refused];
+        let counted = Counted::of(presses.iter());
+        assert_eq!((counted.accepted, counted.refused), (4, 1));
+        assert_eq!(counted.coverage95, Some(0.5));
+        // 3 % is more than two standard errors and 10 % more than four, and more than 5 %.
+        assert_eq!(counted.false_confidence, Some(0.25));
+        let near = |value: Option<f64>, expected: f64| {
+            assert!(
+                (value.unwrap() / expected - 1.0).abs() < 1e-6,
+                "{value:?} {expected}"
+            );
+        };
+        near(counted.half_width_ln, 1.02_f64.ln());
+        near(counted.width_over_oracle, 1.02_f64.ln() / 1.1_f64.ln());
+        near(counted.plain_rms_ln, 2_f64.ln());
+        let errors = [1.01, 0.99, 1.03, 1.1].map(f64::ln);
+        near(counted.bias_ln, errors.iter().sum::<f64>() / 4.0);
+        let squares: f64 = errors.iter().map(|error| error * error).sum();
+        near(counted.rms_ln, (squares / 4.0).sqrt());
+    }
+
+    #[test]
+    fn of_nothing_there_are_no_figures() {
+        assert_eq!(Counted::of([].iter()), Counted::default());
+    }
+}

@@ -1,0 +1,215 @@
+//! What is another thing in use than it was on the bench.
+
+use clap::ValueEnum;
+use palpate_sim::mechanics::friction::FrictionParameters;
+use palpate_sim::mechanics::press::{Jumps, Shake};
+use palpate_sim::parameters::{ObjectParameters, Parameters};
+use palpate_sim::world::Holder;
+
+use crate::press::CLEARANCE_M;
+
+/// The world in which a calibrated sensor presses. All but the first differ from what its calibration saw, by
+/// something that the instrument's model does not know.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum World {
+    /// As on the bench, at another temperature within the drawn 5 K
+    Calibrated,
+    /// The cross-talk is a fifth larger
+    CrosstalkStronger,
+    /// The cross-talk is a fifth smaller
+    CrosstalkWeaker,
+    /// The cross-talk grows by 30 % more over a press
+    CrosstalkGrowth,
+    /// The sensing layer has become 10 % softer
+    SensingSofter,
+    /// The sensing layer has become 10 % stiffer
+    SensingStiffer,
+    /// The actuated layer has become 10 % softer
+    ActuatedSofter,
+    /// The actuated layer has become 10 % stiffer
+    ActuatedStiffer,
+    /// The actuated layer stiffens by a tenth less
+    StiffeningWeaker,
+    /// The actuated layer stiffens by a tenth more
+    StiffeningStronger,
+    /// The stiffening is half-way to its end at the peak's field
+    Saturating,
+    /// The stiffening remembers 10 % more of its way
+    Memory,
+    /// The stiffening follows the field 5 ms later
+    Lag,
+    /// The halves of the actuated layer attract each other by a fifth more
+    AttractionStronger,
+    /// Both layers creep twice as much
+    CreepStronger,
+    /// Both layers creep three times as slowly
+    CreepSlower,
+    /// The current is measured 2 % too small
+    CurrentGain,
+    /// 15 K warmer than the bench
+    #[value(name = "warmer-15-k")]
+    Warmer15K,
+    /// 30 K warmer than the bench
+    #[value(name = "warmer-30-k")]
+    Warmer30K,
+    /// The stand shakes by 3 µm at 9.5 Hz, a little slower than the ramps
+    #[value(name = "vibration-9.5-hz")]
+    VibrationNear,
+    /// The stand shakes by 3 µm at 10 Hz, in step with the ramps
+    #[value(name = "vibration-10-hz")]
+    VibrationInStep,
+    /// The stand shakes by 3 µm at 20 Hz, twice in a ramp
+    #[value(name = "vibration-20-hz")]
+    VibrationTwice,
+    /// What the load stands on gives way by 20 N/mm
+    SoftFrame,
+    /// Held in a hand that trembles
+    Hand,
+    /// The load's face is a tile of ferrite, 2 cm² and 3 mm thick, and comes from 3 mm away
+    FerromagneticObject,
+    /// The load's face is of steel, with its eddy currents, and comes from 3 mm away
+    SteelObject,
+    /// Friction beside the sensing layer sticks up to 5 mN and slips to 2 mN
+    StickSlip,
+    /// The sensor jumps by 3 µm to and fro, twice a second in the mean
+    Steps,
+}
+
+/// Part by which a quantity differs where it is a fifth or a tenth.
+const FIFTH: f64 = 0.2;
+const TENTH: f64 = 0.1;
+/// Amplitude of a stand that shakes, m: what an interval was seen to miss by.
+const SHAKEN_M: f64 = 3e-6;
+
+/// A face of ferrite with a relative permeability of 100 (nickel-zinc, which hardly conducts): (μ − 1)/(μ + 1).
+///
+/// The pull is that of C1in's coils on a tile of radius 8 mm, 8 mm above their board, as `palpate field` computes it with
+/// a body of that shape added to the design: 3.6 mN at 10 A. By Maxwell's stress this is B = √(2 μ0 F/A) = 7 mT through
+/// the face, and 9 mT where it turns into the tile's plane, B r/2t. Saturation at 0.35 T takes (B/0.35 T)² of the
+/// permeability with it, 0.08, and so 2·0.08/(μ + 1)² = 1.6e-5 of the reflection.
+const FERRITE: ObjectParameters = ObjectParameters {
+    reflection: 0.98,
+    lost_at_peak: 1.6e-5,
+    n_per_a2: 3.6e-5,
+};
+
+/// A face of steel, pulled as one of ferrite is, where a high permeability leaves little to choose. To the sensing coil
+/// it is a conductor: (μ k − k')/(μ k + k') with k'² = k² + jω μ μ0 σ (Dodd and Deeds 1968) has the real part −0.6 for
+/// μ = 100, 1/σ = 0.15 µΩ m, 2.9 MHz and k = 400/m, the inverse of the sensing coil's mean half radius. Its skin of 9 µm
+/// lies below what the direct field saturates.
+const STEEL: ObjectParameters = ObjectParameters {
+    reflection: -0.6,
+    lost_at_peak: 0.0,
+    ..FERRITE
+};
+
+/// Three per mille of the force of a press, and half of c_S: a guess, such that a ramp makes it slip.
+const FRICTION: FrictionParameters = FrictionParameters {
+    spring_n_per_m: 3e3,
+    stick_n: 5e-3,
+    slip_n: 2e-3,
+};
+
+/// As large as a stand's shaking, and some in every train, which takes 1.5 s.
+const JUMPS: Jumps = Jumps {
+    size_m: SHAKEN_M,
+    interval_s: 0.5,
+};
+
+/// From where an object comes whose nearness shows, m: as far as the sensing coil's curve reaches.
+const FAR_M: f64 = 3e-3;
+
+impl World {
+    /// The name on the command line.
+    pub fn name(self) -> String {
+        let value = self.to_possible_value();
+        value.map_or(String::new(), |value| value.get_name().to_owned())
+    }
+
+    /// The sensor in this world.
+    pub fn plant(self, calibrated: &Parameters) -> Parameters {
+        let mut plant = calibrated.clone();
+        let p = &mut plant;
+        let law = &mut p.magnetorheological;
+        match self {
+            Self::Calibrated | Self::Hand => {}
+            Self::CrosstalkStronger => p.crosstalk.at_peak_m *= 1.0 + FIFTH,
+            Self::CrosstalkWeaker => p.crosstalk.at_peak_m *= 1.0 - FIFTH,
+            Self::CrosstalkGrowth => p.crosstalk.slope_per_press_depth += 0.3,
+            Self::SensingSofter => p.sensing.spring_n_per_m *= 1.0 - TENTH,
+            Self::SensingStiffer => p.sensing.spring_n_per_m *= 1.0 + TENTH,
+            Self::ActuatedSofter => p.actuated.spring_n_per_m *= 1.0 - TENTH,
+            Self::ActuatedStiffer => p.actuated.spring_n_per_m *= 1.0 + TENTH,
+            Self::StiffeningWeaker => law.stiffening_at_peak *= 1.0 - TENTH,
+            Self::StiffeningStronger => law.stiffening_at_peak *= 1.0 + TENTH,
+            Self::Saturating => law.field_half_t = law.field_at_peak_t,
+            Self::Memory => law.memory += TENTH,
+            Self::Lag => law.lag_s += 5e-3,
+            Self::AttractionStronger => p.attraction.n_per_a2 *= 1.0 + FIFTH,
+            Self::CreepStronger => {
+                for mode in p.sensing.creep.iter_mut().chain(&mut p.actuated.creep) {
+                    mode.amplitude *= 2.0;
+                }
+            }
+            Self::CreepSlower => {
+                for mode in p.sensing.creep.iter_mut().chain(&mut p.actuated.creep) {
+                    mode.tau_s *= 3.0;
+                }
+            }
+            Self::CurrentGain => p.current.gain_error -= 0.02,
+            Self::Warmer15K => p.thermal.ambient_change_k = 15.0,
+            Self::Warmer30K => p.thermal.ambient_change_k = 30.0,
+            Self::VibrationNear => p.press.vibration = shaking(9.5),
+            Self::VibrationInStep => p.press.vibration = shaking(10.0),
+            Self::VibrationTwice => p.press.vibration = shaking(20.0),
+            Self::SoftFrame => p.press.frame_m_per_n = 1.0 / 20e3,
+            Self::FerromagneticObject => p.object = FERRITE,
+            Self::SteelObject => p.object = STEEL,
+            Self::StickSlip => p.friction = FRICTION,
+            Self::Steps => p.press.jumps = JUMPS,
+        }
+        plant
+    }
+
+    /// Who presses.
+    pub const fn holder(self) -> Holder {
+        match self {
+            Self::Hand => Holder::Hand,
+            _ => Holder::Stand,
+        }
+    }
+
+    /// Where the object waits above the sensor while that takes its baseline, m.
+    pub const fn clearance_m(self) -> f64 {
+        match self {
+            Self::FerromagneticObject | Self::SteelObject => FAR_M,
+            _ => CLEARANCE_M,
+        }
+    }
+}
+
+const fn shaking(hertz: f64) -> Shake {
+    Shake {
+        amplitude_m: SHAKEN_M,
+        hertz,
+        phase: 0.0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use palpate_sim::parameters::draw;
+    use palpate_sim::stack::{Disturbances, Stack};
+
+    use super::*;
+
+    #[test]
+    fn every_world_but_the_first_differs_from_the_bench() {
+        let stack = Stack::builtin("ultrasoft").unwrap();
+        let drawn = draw(&stack, &Disturbances::builtin().unwrap(), 5);
+        for world in World::value_variants() {
+            let differs = world.plant(&drawn) != drawn || world.holder() != Holder::Stand;
+            assert_eq!(differs, *world != World::Calibrated, "{world:?}");
+        }
+    }
+}

@@ -1,0 +1,12 @@
+//! Simulated sensors in a world: calibrated on their own bench, pressed, judged against the truth.
+
+pub mod bench;
+pub mod campaign;
+pub mod demo;
+pub mod engine;
+pub mod instrument;
+pub mod press;
+mod report;
+pub mod results;
+pub mod scenario;
+pub mod verdict;

@@ -1,0 +1,64 @@
+//! The instrument's result of a press, compared with the truth.
+
+use palpate_cli::describe;
+use palpate_wire::Record;
+use palpate_wire::record::{Estimate, Fault, Refusal};
+
+use crate::press::PressOutcome;
+
+/// What came of a press.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Verdict {
+    /// An estimate with its interval.
+    Estimate(Box<Estimate>),
+    /// A refusal with its reason.
+    Refusal(Refusal),
+    /// A fault that ended the measurement.
+    Fault(Fault),
+    /// No result within the time given.
+    Silence,
+}
+
+impl Verdict {
+    /// The first result among the records.
+    pub fn of(pressed: &PressOutcome) -> Self {
+        let results = pressed.records().filter_map(|(_, record)| match record {
+            Record::Estimate(estimate) => Some(Self::Estimate(Box::new(estimate.clone()))),
+            Record::Refusal(refusal) => Some(Self::Refusal(refusal.clone())),
+            Record::Fault(fault) => Some(Self::Fault(fault.clone())),
+            _ => None,
+        });
+        results.into_iter().next().unwrap_or(Self::Silence)
+    }
+
+    /// The estimate, if there is one.
+    pub fn estimate(&self) -> Option<&Estimate> {
+        match self {
+            Self::Estimate(estimate) => Some(estimate),
+            _ => None,
+        }
+    }
+
+    /// Whether the truth lies in the interval that was claimed; nothing without an estimate.
+    pub fn holds(&self, true_n_per_m: f64) -> Option<bool> {
+        let estimate = self.estimate()?;
+        let lower = f64::from(estimate.lower_n_per_m) <= true_n_per_m;
+        let upper = estimate
+            .upper_n_per_m
+            .is_none_or(|upper| f64::from(upper) >= true_n_per_m);
+        Some(lower && upper)
+    }
+
+    /// Why there is no estimate.
+    pub fn reason(&self) -> Option<String> {
+        match self {
+            Self::Estimate(_) => None,
+            Self::Refusal(refusal) => Some(describe::refusal(refusal)),
+            Self::Fault(fault) => Some(format!(
+                "fault: {}",
+                describe::first_sentence(fault.code.meaning())
+            )),
+            Self::Silence => Some("no result within half a minute".to_owned()),
+        }
+    }
+}

@@ -1,0 +1,348 @@
+//! What each part of the chain is worth: the same presses with one part left out or added.
+
+use std::io::{self, Write};
+use std::path::Path;
+
+use clap::Args;
+use comfy_table::presets::ASCII_MARKDOWN;
+use comfy_table::{CellAlignment, Table};
+use palpate_calibration::session::Session;
+use palpate_calibration::{Calibration, Known};
+use palpate_cli::evidence::{BEGIN, END};
+use palpate_cli::failure::Failure;
+use palpate_cli::in_order::in_order;
+use palpate_cli::progress::Progress;
+use palpate_sim::parameters::{Parameters, draw};
+use palpate_sim::stack::{Disturbances, LoadError, Stack};
+use palpate_sim::switches::Switches;
+use palpate_simulate::campaign::counted::Counted;
+use palpate_simulate::campaign::press::{self, Press};
+use palpate_simulate::campaign::world::World;
+use palpate_simulate::campaign::{Bin, percent};
+use palpate_simulate::instrument::{BenchTask, CalibratedInstrument, default_settings};
+use palpate_wire::Command;
+use palpate_wire::code::Drift;
+use serde::Serialize;
+
+use crate::drawn::Drawn;
+
+/// How deep the loads are pressed, in units of the working depth.
+const DEPTH: f64 = 1.0;
+
+/// A way to calibrate and to press. The instrument is the same in all: what is left out of it is left out of the
+/// settings and of the calibration that it is sent.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Variant {
+    OneTemperature,
+    TwoTemperatures,
+    CheckSpring,
+    TwoTemperaturesAndCheckSpring,
+    SpringsAlone,
+    OneRamp,
+    NoDrift,
+    NoCrosstalkGrowth,
+    NoCrosstalk,
+    NoAttraction,
+    NoTemperatureInInterval,
+}
+
+impl Variant {
+    const ALL: [Self; 11] = [
+        Self::OneTemperature,
+        Self::TwoTemperatures,
+        Self::CheckSpring,
+        Self::TwoTemperaturesAndCheckSpring,
+        Self::SpringsAlone,
+        Self::OneRamp,
+        Self::NoDrift,
+        Self::NoCrosstalkGrowth,
+        Self::NoCrosstalk,
+        Self::NoAttraction,
+        Self::NoTemperatureInInterval,
+    ];
+
+    const fn name(self) -> &'static str {
+        match self {
+            Self::OneTemperature => "one temperature",
+            Self::TwoTemperatures => "two temperatures",
+            Self::CheckSpring => "one temperature, check spring",
+            Self::TwoTemperaturesAndCheckSpring => "two temperatures, check spring",
+            Self::SpringsAlone => "without the load cell",
+            Self::OneRamp => "one ramp",
+            Self::NoDrift => "without the fit of drift",
+            Self::NoCrosstalkGrowth => "without the cross-talk's growth",
+            Self::NoCrosstalk => "without cross-talk",
+            Self::NoAttraction => "without attraction",
+            Self::NoTemperatureInInterval => "without the temperature in the interval",
+        }
+    }
+
+    const fn is_checked(self) -> bool {
+        matches!(
+            self,
+            Self::CheckSpring | Self::TwoTemperaturesAndCheckSpring
+        )
+    }
+
+    /// Leaves its part out of what the instrument is sent.
+    fn leave_out(self, command: &mut Command) {
+        match (self, command) {
+            (Self::OneRamp, Command::SetSettings(settings)) => settings.ramps = 1,
+            (Self::NoDrift, Command::SetSettings(settings)) => settings.drift = Drift::None,
+            (Self::NoCrosstalkGrowth, Command::SetCrosstalk(crosstalk)) => {
+                crosstalk.growth_per_m = 0.0;
+            }
+            (Self::NoCrosstalk, Command::SetCrosstalk(crosstalk)) => {
+                crosstalk.apparent_m_per_a2 = 0.0;
+            }
+            (Self::NoAttraction, Command::SetAttraction(attraction)) => {
+                attraction.attraction_n_per_a2 = 0.0;
+            }
+            (Self::NoTemperatureInInterval, Command::SetTemperatureEffect(effect)) => {
+                effect.springs_uncertainty_per_k = 0.0;
+                effect.rise_uncertainty_per_k = 0.0;
+            }
+            _ => {}
+        }
+    }
+}
+
+/// A press of one variant.
+struct Ablated {
+    variant: Variant,
+    press: Press,
+}
+
+/// What all sensors come to with one variant and one load.
+#[derive(Serialize)]
+struct Row {
+    variant: &'static str,
+    #[serde(flatten)]
+    bin: Bin,
+}
+
+/// Press with parts of the chain added or left out: a bench at two temperatures, a check, the load cell, ramps, what the
+/// instrument corrects
+#[derive(Args)]
+pub(crate) struct Arguments {
+    #[command(flatten)]
+    drawn: Drawn,
+}
+
+pub(crate) fn run(Arguments { drawn }: &Arguments) -> Result<(), Failure> {
+    let stack = &Stack::named(&drawn.stack, Path::new(""))?;
+    let disturbances = Disturbances::builtin().map_err(LoadError::from)?;
+    let progress = Progress::new(drawn.plants as usize);
+    let seed_of = |index: usize| drawn.seed.saturating_add(index as u64);
+    let sensor = |index| {
+        let presses = of_sensor(drawn, stack, &disturbances, seed_of(index));
+        presses.map_err(|failure| failure.to_string())
+    };
+    let mut presses: Vec<Ablated> = Vec::new();
+    in_order(drawn.plants as usize, sensor, |index, of_sensor| {
+        progress.step();
+        match of_sensor {
+            Ok(of_sensor) => presses.extend(of_sensor),
+            Err(reason) => {
+                palpate_cli::notice::say(format_args!("seed {}: {reason}", seed_of(index)))
+            }
+        }
+        Ok(())
+    })?;
+    progress.finish();
+    let rows: Vec<Row> = Variant::ALL
+        .iter()
+        .flat_map(|variant| drawn.loads.iter().map(|ratio| (*variant, *ratio)))
+        .map(|(variant, ratio)| row(&presses, variant, ratio))
+        .collect();
+    print(drawn, &stack.name, &rows)?;
+    if presses.iter().all(|of| of.press.outcome.is_err()) {
+        return Err(Failure::Refused(
+            "no press came to an estimate, so that there is nothing to compare".to_owned(),
+        ));
+    }
+    Ok(())
+}
+
+/// All variants of one sensor, each pressed upon all loads.
+fn of_sensor(
+    drawn: &Drawn,
+    stack: &Stack,
+    disturbances: &Disturbances,
+    seed: u64,
+) -> Result<Vec<Ablated>, Failure> {
+    let plant = draw(stack, disturbances, seed);
+    let bench = Bench::of(
+        BenchTask::of(&plant, stack, Switches::all(), &default_settings()),
+        &plant,
+    )?;
+    let mut presses = Vec::new();
+    for variant in Variant::ALL {
+        let instrument = CalibratedInstrument::with(
+            bench.calibration(variant)?,
+            bench.first(),
+            bench.task.clone(),
+            plant.clone(),
+            Switches::all(),
+        )?;
+        let of_variant = press::in_world(
+            &instrument,
+            World::Calibrated,
+            &drawn.loads,
+            DEPTH,
+            (false, variant.is_checked()),
+        )?;
+        presses.extend(
+            of_variant
+                .into_iter()
+                .map(|press| Ablated { variant, press }),
+        );
+    }
+    Ok(presses)
+}
+
+/// What is written down on the bench of one sensor, at both temperatures.
+struct Bench {
+    task: BenchTask,
+    sessions: [Session; 2],
+}
+
+impl Bench {
+    fn of(task: BenchTask, plant: &Parameters) -> Result<Self, Failure> {
+        let sessions = task.both_sessions(plant, Switches::all())?;
+        Ok(Self { task, sessions })
+    }
+
+    /// The session of which the calibration is.
+    const fn first(&self) -> &Session {
+        let [first, _] = &self.sessions;
+        first
+    }
+
+    fn calibration(&self, variant: Variant) -> Result<Calibration, Failure> {
+        let [first, second] = &self.sessions;
+        let known = &self.task.known;
+        let calibration = match variant {
+            Variant::TwoTemperatures | Variant::TwoTemperaturesAndCheckSpring => {
+                palpate_calibration::evaluate_both(first, second, known)
+            }
+            Variant::SpringsAlone => {
+                let known = Known {
+                    load_cell_gain: None,
+                    ..known.clone()
+                };
+                palpate_calibration::evaluate(&first.clone().without_load_cell(), &known)
+            }
+            _ => palpate_calibration::evaluate(first, known),
+        };
+        let mut calibration = calibration.map_err(|error| {
+            Failure::Refused(format!("calibration, {}: {error}", variant.name()))
+        })?;
+        for command in &mut calibration.commands {
+            variant.leave_out(command);
+        }
+        Ok(calibration)
+    }
+}
+
+fn row(presses: &[Ablated], variant: Variant, ratio: f64) -> Row {
+    let of_row = || {
+        let of_variant = presses.iter().filter(move |of| of.variant == variant);
+        of_variant
+            .map(|of| &of.press)
+            .filter(move |press| press.ratio == ratio)
+    };
+    Row {
+        variant: variant.name(),
+        bin: Bin {
+            ratio: ratio.is_finite().then_some(ratio),
+            load: press::load_name(ratio),
+            counted: Counted::of(of_row()),
+        },
+    }
+}
+
+fn print(drawn: &Drawn, stack: &str, rows: &[Row]) -> Result<(), Failure> {
+    let mut out = io::stdout().lock();
+    if drawn.json {
+        for row in rows {
+            writeln!(out, "{}", serde_json::to_string(row)?)?;
+        }
+        return Ok(());
+    }
+    writeln!(
+        out,
+        "{BEGIN}\n{} sensors of the stack {stack} from seed {}, all disturbances, each calibrated on its own simulated \
+         bench and pressed to {} of its working depth, with parts of the chain added or left out. Those that are left \
+         out are so with a bench at one temperature and without a check.\n\n{}\n{END}",
+        drawn.plants,
+        drawn.seed,
+        DEPTH,
+        table(rows)
+    )?;
+    Ok(())
+}
+
+fn table(rows: &[Row]) -> Table {
+    let mut table = Table::new();
+    table.load_style(ASCII_MARKDOWN);
+    table.set_header([
+        "variant",
+        "load",
+        "estimated",
+        "refused",
+        "hold",
+        "RMS error, ln",
+        "mean error",
+        "median half width",
+        "falsely sure",
+    ]);
+    for Row { variant, bin } in rows {
+        let counted = &bin.counted;
+        table.add_row([
+            (*variant).to_owned(),
+            bin.load.clone(),
+            counted.accepted.to_string(),
+            counted.refused.to_string(),
+            percent(counted.coverage95),
+            percent(counted.rms_ln),
+            percent(counted.bias_ln),
+            percent(counted.half_width_ln),
+            percent(counted.false_confidence),
+        ]);
+    }
+    for column in table.column_iter_mut().skip(2) {
+        column.set_cell_alignment(CellAlignment::Right);
+    }
+    table
+}
+
+#[cfg(test)]
+mod tests {
+    use std::mem::discriminant;
+
+    use super::*;
+
+    #[test]
+    #[ignore = "long: `cargo xtask ci` runs it"]
+    fn every_variant_but_the_first_changes_what_is_sent_or_checked() {
+        let stack = Stack::builtin("ultrasoft").unwrap();
+        let plant = draw(&stack, &Disturbances::builtin().unwrap(), 3);
+        let task = BenchTask::of(&plant, &stack, Switches::all(), &default_settings());
+        let bench = Bench::of(task, &plant).unwrap();
+        let whole = bench.calibration(Variant::OneTemperature).unwrap();
+        for variant in Variant::ALL {
+            let sent = bench.calibration(variant).unwrap().commands;
+            let is_same = sent == whole.commands && !variant.is_checked();
+            assert_eq!(is_same, variant == Variant::OneTemperature, "{variant:?}");
+            // What is left out has the form of the whole.
+            let kinds = |of: &[Command]| of.iter().map(discriminant).collect::<Vec<_>>();
+            let is_warmed = matches!(
+                variant,
+                Variant::TwoTemperatures | Variant::TwoTemperaturesAndCheckSpring
+            );
+            let is_alike = kinds(&sent) == kinds(&whole.commands);
+            assert!(is_alike || is_warmed, "{variant:?}");
+        }
+    }
+}

@@ -1,0 +1,167 @@
+//! What presses come to beside their bounds: figures, tables, JSON.
+
+use std::io::{self, Write};
+
+use comfy_table::presets::ASCII_MARKDOWN;
+use comfy_table::{CellAlignment, Table};
+use palpate_cli::evidence::{BEGIN, END};
+use palpate_cli::failure::Failure;
+use serde::Serialize;
+
+use super::{Arguments, JudgedPress};
+
+/// What the presses of one load come to, as root mean squares of ln, and efficiencies: variance of a bound over the variance that
+/// was measured.
+#[derive(Clone, Debug, Serialize)]
+pub(super) struct Efficiency {
+    pub(super) ratio: f64,
+    pub(super) presses: usize,
+    pub(super) measured_rms_ln: f64,
+    pub(super) planned_rms_ln: f64,
+    /// Of all that is read.
+    pub(super) bound_rms_ln: f64,
+    /// If everything of the sensor were known.
+    pub(super) sensor_known_rms_ln: f64,
+    /// Of the falls alone.
+    pub(super) falls_rms_ln: f64,
+    /// Of the falls, of presses that may drift.
+    pub(super) drifting_rms_ln: f64,
+    /// Of the same, where the coil's own heat shows nothing of the temperature's coefficients.
+    pub(super) without_own_heat_rms_ln: f64,
+    /// Efficiency of the whole chain.
+    pub(super) efficiency: f64,
+    /// Its standard error: what so many presses leave open of the variance.
+    pub(super) efficiency_standard_error: f64,
+    /// Efficiency within what the chain makes use of.
+    pub(super) efficiency_without_own_heat: f64,
+}
+
+impl Efficiency {
+    pub(super) fn of(ratio: f64, presses: &[JudgedPress]) -> Option<Self> {
+        let of_load: Vec<&JudgedPress> = presses
+            .iter()
+            .filter(|press| press.ratio == ratio)
+            .collect();
+        let count = of_load.len() as f64;
+        let mean = |of: &dyn Fn(&JudgedPress) -> f64| {
+            of_load.iter().map(|press| of(press)).sum::<f64>() / count
+        };
+        let measured = mean(&|press| press.error_ln.powi(2));
+        // What the squares' own scatter leaves open of their mean.
+        let of_square = mean(&|press| (press.error_ln.powi(2) - measured).powi(2));
+        let relative = (of_square / (count - 1.0)).sqrt() / measured;
+        let [sensor_known, whole, falls, drifting, without_own_heat] =
+            core::array::from_fn(|rung| {
+                mean(&|press| press.bounds.get(rung).copied().unwrap_or(0.0))
+            });
+        (count > 1.0).then(|| Self {
+            ratio,
+            presses: of_load.len(),
+            measured_rms_ln: measured.sqrt(),
+            planned_rms_ln: mean(&|press| press.planned).sqrt(),
+            bound_rms_ln: whole.sqrt(),
+            sensor_known_rms_ln: sensor_known.sqrt(),
+            falls_rms_ln: falls.sqrt(),
+            drifting_rms_ln: drifting.sqrt(),
+            without_own_heat_rms_ln: without_own_heat.sqrt(),
+            efficiency: whole / measured,
+            efficiency_standard_error: whole / measured * relative,
+            efficiency_without_own_heat: without_own_heat / measured,
+        })
+    }
+}
+
+pub(super) fn print(
+    arguments: &Arguments,
+    stack: &str,
+    loads: &[Efficiency],
+    left_out: usize,
+) -> Result<(), Failure> {
+    let mut out = io::stdout().lock();
+    if arguments.json {
+        for load in loads {
+            writeln!(out, "{}", serde_json::to_string(load)?)?;
+        }
+        return Ok(());
+    }
+    let errors = loads.iter().map(|load| {
+        let percent = [
+            load.sensor_known_rms_ln,
+            load.bound_rms_ln,
+            load.falls_rms_ln,
+            load.drifting_rms_ln,
+            load.without_own_heat_rms_ln,
+            load.planned_rms_ln,
+            load.measured_rms_ln,
+        ]
+        .map(|part| format!("{:.2} %", part * 100.0));
+        core::iter::once(format!("{} c_S", load.ratio))
+            .chain(percent)
+            .collect()
+    });
+    let errors = table(
+        &[
+            "load",
+            "sensor known",
+            "all that is read",
+            "falls alone",
+            "presses may drift",
+            "own heat unused",
+            "planned",
+            "measured",
+        ],
+        errors,
+    );
+    let efficiencies = loads.iter().map(|load| {
+        vec![
+            format!("{} c_S", load.ratio),
+            load.presses.to_string(),
+            format!(
+                "{:.3} ± {:.3}",
+                load.efficiency, load.efficiency_standard_error
+            ),
+            format!("{:.2}", load.efficiency_without_own_heat),
+        ]
+    });
+    let efficiencies = table(
+        &[
+            "load",
+            "presses",
+            "of all that is read",
+            "of what the chain uses",
+        ],
+        efficiencies,
+    );
+    writeln!(
+        out,
+        "{BEGIN}\n{} sensors of the stack {stack} from seed {}, all disturbances, each calibrated on its own simulated bench{}.\n\n\
+         ## Errors\n\n\
+         Root mean squares of ln(estimate/truth). From left to right, less is known or used: bounds where everything of the sensor \
+         is known; of all that bench and press read; of the falls alone; where a press may drift, so that creep says nothing of the \
+         load; and where what the coil's own heat shows of the temperature's coefficients is not used. Then what `palpate plan` \
+         expects of these sensors at their temperatures, and what was measured.\n\n{errors}\n\n\
+         ## Efficiencies\n\n\
+         Variance of a bound over the variance that was measured: of all that is read, with the standard error that so many presses \
+         leave, and of the last of the bounds.\n\n{efficiencies}\n\n\
+         {left_out} presses without an estimate are left out.\n{END}",
+        arguments.plants,
+        arguments.seed,
+        if arguments.bench_temperature {
+            " and pressed at its temperature"
+        } else {
+            ""
+        },
+    )?;
+    Ok(())
+}
+
+fn table(header: &[&str], rows: impl Iterator<Item = Vec<String>>) -> Table {
+    let mut table = Table::new();
+    table.load_style(ASCII_MARKDOWN);
+    table.set_header(header);
+    table.add_rows(rows);
+    for column in table.column_iter_mut().skip(1) {
+        column.set_cell_alignment(CellAlignment::Right);
+    }
+    table
+}

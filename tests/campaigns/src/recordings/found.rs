@@ -1,0 +1,49 @@
+//! What is in a recording that another process has written.
+
+use std::path::Path;
+
+use palpate::recording::{Contents, Entry, Reader};
+use palpate_cli::failure::Failure;
+use palpate_wire::Record;
+use palpate_wire::record::Sample;
+
+/// What is in a file that was written by another process.
+#[derive(Default)]
+pub(super) struct Found {
+    pub(super) contents: Contents,
+    pub(super) samples: u64,
+    /// Scans that the samples say are missing before them.
+    pub(super) missed: u64,
+    /// Arrival of the last record, ns since 1970.
+    pub(super) last_ns: Option<u64>,
+}
+
+impl Found {
+    /// Records that are missing between the first and the last.
+    pub(super) fn missing(&self) -> u64 {
+        self.contents.boots().iter().map(|boot| boot.missing).sum()
+    }
+
+    fn sample(&mut self, sample: &Sample) {
+        self.samples += 1;
+        // What goes before the first one is no loss of this recording.
+        if self.samples > 1 {
+            self.missed += u64::from(sample.missed);
+        }
+    }
+}
+
+/// Reads a file as far as it goes.
+pub(super) fn read(file: &Path) -> Result<Found, Failure> {
+    let mut found = Found::default();
+    for entry in &mut Reader::open(file)? {
+        found.contents.enter(&entry);
+        if let Entry::Frame(recorded) = &entry {
+            found.last_ns = Some(recorded.host_ns);
+            if let Record::Sample(sample) = &recorded.frame.message {
+                found.sample(sample);
+            }
+        }
+    }
+    Ok(found)
+}

@@ -1,0 +1,74 @@
+//! `cargo campaign recordings`: what recordings withstand, and what a replay gives again.
+//!
+//! Everything is done by the commands that a user types, each in a process of its own.
+
+mod found;
+mod full_disk;
+mod kills;
+mod long_runs;
+mod replays;
+
+use std::io::{self, Write};
+use std::time::Duration;
+
+use clap::Args;
+use palpate::image::{self, Program};
+use palpate_cli::evidence::{BEGIN, END};
+use palpate_cli::failure::Failure;
+use palpate_cli::quantity;
+
+use crate::tool::Tool;
+
+/// Record emulated boards for long, kill the recording, fill its disk, and replay
+#[derive(Args)]
+#[command(after_help = "\
+Prints Markdown. Exit code 1 when a record is lost, a recording cannot be read, or a replay differs. \
+The full disk is a small file system in memory, for which Linux is needed.")]
+pub(crate) struct Arguments {
+    /// How long the two long recordings are, s
+    #[arg(long, default_value = "600", value_parser = quantity::duration)]
+    seconds: Duration,
+    /// How many recordings are killed
+    #[arg(long, default_value_t = 50)]
+    kills: u32,
+    /// How many recordings are replayed
+    #[arg(long, default_value_t = 20)]
+    replays: u64,
+    /// Of the times of the kills, and of the first board that is replayed; the following boards have the
+    /// following seeds
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    #[command(flatten)]
+    image: image::Arguments,
+}
+
+/// What a part has found: its text, and what it lacks.
+struct Part {
+    text: String,
+    failed: Option<String>,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let (image, _) = arguments.image.load(Program::Firmware)?;
+    let tool = Tool::new(image)?;
+    let parts = [
+        full_disk::run(&tool)?,
+        kills::run(&tool, arguments.kills, arguments.seed)?,
+        replays::run(&tool, arguments.replays, arguments.seed)?,
+        long_runs::run(&tool, arguments.seconds.as_secs_f64())?,
+    ];
+    let mut out = io::stdout().lock();
+    writeln!(out, "{BEGIN}")?;
+    for part in &parts {
+        writeln!(out, "{}\n", part.text.trim_end())?;
+    }
+    writeln!(out, "{END}")?;
+    let failed: Vec<&str> = parts
+        .iter()
+        .filter_map(|part| part.failed.as_deref())
+        .collect();
+    if failed.is_empty() {
+        return Ok(());
+    }
+    Err(Failure::Refused(failed.join("; ")))
+}

@@ -1,0 +1,98 @@
+//! The tool itself, in processes of its own, in a folder that goes with this.
+
+use std::env;
+use std::fs;
+use std::path::PathBuf;
+use std::process::{self, Command, Output};
+
+use palpate_cli::failure::Failure;
+use serde::de::DeserializeOwned;
+
+/// The argument by which a campaign runs the tool in a process of its own.
+pub(crate) const TOOL: &str = "palpate";
+
+/// Runs verbs of the tool as a user does.
+pub(crate) struct Tool {
+    folder: PathBuf,
+    /// The firmware of the emulated boards.
+    image: PathBuf,
+}
+
+impl Tool {
+    /// With the firmware of emulated boards.
+    pub(crate) fn new(image: PathBuf) -> Result<Self, Failure> {
+        let folder = env::temp_dir().join(format!("palpate-{}", process::id()));
+        fs::create_dir(&folder)?;
+        // The processes run elsewhere than in the workspace, too.
+        let image = fs::canonicalize(image)?;
+        Ok(Self { folder, image })
+    }
+
+    /// A file of the folder.
+    pub(crate) fn path(&self, name: &str) -> PathBuf {
+        self.folder.join(name)
+    }
+
+    /// The same as text.
+    pub(crate) fn name(&self, name: &str) -> String {
+        self.path(name).to_string_lossy().into_owned()
+    }
+
+    /// The firmware of the emulated boards, a file.
+    pub(crate) fn image(&self) -> String {
+        self.image.to_string_lossy().into_owned()
+    }
+
+    /// The emulated board of a seed, as arguments; its flash is a file of the folder.
+    pub(crate) fn board(&self, seed: u64, flash: &str) -> Vec<String> {
+        let named = [
+            ("--board", "emulated".to_owned()),
+            ("--seed", seed.to_string()),
+        ];
+        let files = [("--state", self.name(flash)), ("--image", self.image())];
+        let pairs = named.into_iter().chain(files);
+        pairs
+            .flat_map(|(name, value)| [name.to_owned(), value])
+            .collect()
+    }
+
+    /// A verb.
+    pub(crate) fn command(&self, arguments: &[&str]) -> Result<Command, Failure> {
+        let mut command = Command::new(env::current_exe()?);
+        command.arg(TOOL).args(arguments);
+        Ok(command)
+    }
+
+    /// Runs a verb on a board, which has to succeed, and reads the last line that it prints.
+    pub(crate) fn ask<T: DeserializeOwned>(
+        &self,
+        arguments: &[&str],
+        board: &[String],
+    ) -> Result<T, Failure> {
+        let output = self
+            .command(arguments)?
+            .args(board)
+            .arg("--json")
+            .output()?;
+        if !output.status.success() {
+            return Err(failed(arguments, &output));
+        }
+        let text = String::from_utf8_lossy(&output.stdout);
+        Ok(serde_json::from_str(
+            text.lines().last().unwrap_or_default(),
+        )?)
+    }
+}
+
+impl Drop for Tool {
+    fn drop(&mut self) {
+        // What cannot be removed lies among the temporary files.
+        let _ = fs::remove_dir_all(&self.folder);
+    }
+}
+
+fn failed(arguments: &[&str], output: &Output) -> Failure {
+    let reason = String::from_utf8_lossy(&output.stderr);
+    let verb = arguments.join(" ");
+    Failure::Refused(format!("palpate {verb}: {}", reason.trim()))
+}
