@@ -1,7 +1,6 @@
 //! Campaigns that the tests run in small and `cargo xtask evidence` runs in full.
 
 pub mod coil;
-pub mod evidence;
 pub mod faults;
 pub mod fuzz;
 pub mod hostile;

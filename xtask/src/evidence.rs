@@ -90,7 +90,7 @@ const BOARD: &[&str] = &[
     "tests/src",
 ];
 /// The field solver.
-const FIELD: &[&str] = &["model/field/src", "model/field/examples"];
+const FIELD: &[&str] = &["model/field", "tests/campaigns/src/field_accuracy.rs"];
 /// The search among fields, and a simulated sensor.
 const FRONT: &[&str] = &[
     "drivers",
@@ -102,7 +102,13 @@ const FRONT: &[&str] = &[
     "xtask/src/field_front.rs",
 ];
 /// The firmware's image on the emulated board.
-const IMAGE: &[&str] = &["drivers", "firmware", "model/src", "sim-host"];
+const IMAGE: &[&str] = &[
+    "drivers",
+    "firmware",
+    "model/src",
+    "sim-host",
+    "tests/campaigns/src/image",
+];
 /// The tool at an emulated board.
 const DESK: &[&str] = &["drivers", "firmware", "host", "model/src", "sim-host"];
 /// All that reads files for the tool.
@@ -130,56 +136,20 @@ const CAMPAIGNS: &[Campaign] = &[
     Campaign {
         name: "fault-schedules",
         purpose: "The driver under random schedules of chip and bus faults.",
-        runs: Runs::Cargo(&[
-            "run",
-            "--release",
-            "-p",
-            "system-tests",
-            "--bin",
-            "fault-schedules",
-            "--",
-            "--schedules",
-            "200000",
-            "--seed",
-            "1",
-        ]),
+        runs: Runs::Campaign(&["fault-schedules", "--schedules", "200000", "--seed", "1"]),
         rests_on: DRIVER,
     },
     Campaign {
         name: "coil-guards",
         purpose: "The coil's driver under random commands, settings, faults and clocks: what its limits let through.",
-        runs: Runs::Cargo(&[
-            "run",
-            "--release",
-            "-p",
-            "system-tests",
-            "--bin",
-            "coil-guards",
-            "--",
-            "--sequences",
-            "100000",
-            "--seed",
-            "1",
-        ]),
+        runs: Runs::Campaign(&["coil-guards", "--sequences", "100000", "--seed", "1"]),
         rests_on: COIL,
     },
     Campaign {
         name: "hostile-bytes",
         purpose: "The instrument under whatever bytes come over its links: what is answered, and what the coil \
                   carries meanwhile.",
-        runs: Runs::Cargo(&[
-            "run",
-            "--release",
-            "-p",
-            "system-tests",
-            "--bin",
-            "hostile-bytes",
-            "--",
-            "--frames",
-            "1000000",
-            "--seed",
-            "1",
-        ]),
+        runs: Runs::Campaign(&["hostile-bytes", "--frames", "1000000", "--seed", "1"]),
         rests_on: BOARD,
     },
     Campaign {
@@ -233,33 +203,17 @@ const CAMPAIGNS: &[Campaign] = &[
         name: "storage",
         purpose: "Settings and calibration in the flash: every bit turned, garbage, pairs of power cuts, and the \
                   wear of many saves.",
-        runs: Runs::Cargo(&[
-            "run",
-            "--release",
-            "-p",
-            "palpate-storage",
-            "--example",
-            "storage",
-            "--",
-            "--seed",
-            "1",
-        ]),
-        rests_on: &["firmware/storage", "firmware/wire/src"],
+        runs: Runs::Campaign(&["storage", "--seed", "1"]),
+        rests_on: &[
+            "firmware/storage",
+            "firmware/wire/src",
+            "tests/campaigns/src/storage.rs",
+        ],
     },
     Campaign {
         name: "sigma",
         purpose: "The stated standard deviation against the spread that is observed.",
-        runs: Runs::Cargo(&[
-            "run",
-            "--release",
-            "-p",
-            "system-tests",
-            "--bin",
-            "sigma",
-            "--",
-            "--seed",
-            "1",
-        ]),
+        runs: Runs::Campaign(&["sigma", "--seed", "1"]),
         rests_on: DRIVER,
     },
     Campaign {
@@ -371,14 +325,7 @@ const CAMPAIGNS: &[Campaign] = &[
     Campaign {
         name: "field-accuracy",
         purpose: "The field solver on every built-in design: estimated against true errors, profiles, forces, energy.",
-        runs: Runs::Cargo(&[
-            "run",
-            "--release",
-            "-p",
-            "palpate-field",
-            "--example",
-            "accuracy",
-        ]),
+        runs: Runs::Campaign(&["field-accuracy"]),
         rests_on: FIELD,
     },
     Campaign {
@@ -397,71 +344,33 @@ const CAMPAIGNS: &[Campaign] = &[
     Campaign {
         name: "image-faults",
         purpose: "Faults of bus and converter and crashes in mid-ramp, on the firmware's image.",
-        runs: Runs::Cargo(&[
-            "run",
-            "--release",
-            "-p",
-            "palpate-emulator",
-            "--example",
-            "image-faults",
-        ]),
+        runs: Runs::Campaign(&["image-faults"]),
         rests_on: IMAGE,
     },
     Campaign {
         name: "image-storage",
         purpose: "Settings and calibration in the flash of the firmware's image: cuts of power at every \
                   operation, bits that flip, and all that goes on beside a save.",
-        runs: Runs::Cargo(&[
-            "run",
-            "--release",
-            "-p",
-            "palpate-emulator",
-            "--example",
-            "image-storage",
-        ]),
+        runs: Runs::Campaign(&["image-storage"]),
         rests_on: IMAGE,
     },
     Campaign {
         name: "image-rates",
         purpose: "Rates, latencies and losses of the firmware's image.",
-        runs: Runs::Cargo(&[
-            "run",
-            "--release",
-            "-p",
-            "palpate-emulator",
-            "--example",
-            "image-rates",
-        ]),
+        runs: Runs::Campaign(&["image-rates"]),
         rests_on: IMAGE,
     },
     Campaign {
         name: "image-starts",
         purpose: "Time stamps of the firmware's image after starts of the converter and changes of settings.",
-        runs: Runs::Cargo(&[
-            "run",
-            "--release",
-            "-p",
-            "palpate-emulator",
-            "--example",
-            "image-starts",
-        ]),
+        runs: Runs::Campaign(&["image-starts"]),
         rests_on: IMAGE,
     },
     Campaign {
         name: "image-usb",
         purpose: "The firmware's image at a USB host: streams, interruptions, control transfers of any kind, \
                   rubbish, new starts, while the coil is driven.",
-        runs: Runs::Cargo(&[
-            "run",
-            "--release",
-            "-p",
-            "palpate-emulator",
-            "--example",
-            "image-usb",
-            "--",
-            "--seed",
-            "1",
-        ]),
+        runs: Runs::Campaign(&["image-usb", "--seed", "1"]),
         rests_on: IMAGE,
     },
     Campaign {
@@ -469,14 +378,7 @@ const CAMPAIGNS: &[Campaign] = &[
         purpose: "The coil's current as the firmware's image drives it: steps and ramps over resistance, \
                   inductance and supply, errors before calibration and over weeks, two minutes of full \
                   telemetry.",
-        runs: Runs::Cargo(&[
-            "run",
-            "--release",
-            "-p",
-            "palpate-emulator",
-            "--example",
-            "coil-current",
-        ]),
+        runs: Runs::Campaign(&["coil-current"]),
         rests_on: IMAGE,
     },
     Campaign {

@@ -5,7 +5,6 @@ pub mod evidence;
 pub mod failure;
 pub mod finding;
 pub mod in_order;
-pub mod interrupt;
 pub mod jsonl;
 pub mod notice;
 pub mod output;

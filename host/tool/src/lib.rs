@@ -19,6 +19,7 @@ mod faults;
 mod flash;
 pub mod image;
 mod info;
+mod interrupt;
 mod line;
 mod link;
 mod live;

@@ -3,6 +3,14 @@
 use clap::Args;
 use palpate_cli::quantity;
 
+/// Where random numbers begin.
+#[derive(Args)]
+pub(crate) struct Seed {
+    /// Seed of what is random
+    #[arg(long, default_value_t = 1)]
+    pub(crate) seed: u64,
+}
+
 /// Which sensors a campaign draws.
 #[derive(Args)]
 pub(crate) struct Drawn {

@@ -2,13 +2,20 @@
 
 mod ablation;
 mod acceptance;
+mod coil_guards;
 mod drawn;
 mod efficiency;
-mod image_cost;
+mod evidence;
+mod fault_schedules;
+mod field_accuracy;
+mod hostile_bytes;
+mod image;
 mod misfit;
 mod recordings;
 mod series;
+mod sigma;
 mod springs;
+mod storage;
 mod tool;
 
 use std::env;
@@ -29,26 +36,58 @@ struct Cli {
 enum Campaign {
     Ablation(ablation::Arguments),
     Acceptance(acceptance::Arguments),
+    /// The coil's current as the image drives it, over resistance, inductance and supply
+    CoilCurrent,
+    CoilGuards(coil_guards::Arguments),
     Efficiency(efficiency::Arguments),
-    ImageCost(image_cost::Arguments),
+    FaultSchedules(fault_schedules::Arguments),
+    /// The field solver on every built-in design: estimated against true errors
+    FieldAccuracy,
+    HostileBytes(hostile_bytes::Arguments),
+    ImageCost(image::cost::Arguments),
+    /// Faults of bus and converter and crashes in mid-ramp, on the image
+    ImageFaults,
+    /// Rates, latencies and losses of the image
+    ImageRates,
+    /// Time stamps of the image after starts of the converter and changes of settings
+    ImageStarts,
+    /// Settings and calibration in the flash of the image: cuts of power, bits that flip
+    ImageStorage,
+    /// The image at a USB host: streams, interruptions, control transfers, new starts
+    ImageUsb(drawn::Seed),
     Misfit(misfit::Arguments),
     Recordings(recordings::Arguments),
     Series(series::Arguments),
+    Sigma(sigma::Arguments),
     Springs(springs::Arguments),
+    /// Settings and calibration in the flash: turned bits, garbage, power cuts, wear
+    Storage(drawn::Seed),
 }
 
 fn main() -> ExitCode {
     if env::args().nth(1).is_some_and(|name| name == tool::TOOL) {
         return palpate::main(env::args_os().skip(1));
     }
-    failure::exit(match Cli::parse().campaign {
-        Campaign::Ablation(arguments) => ablation::run(&arguments),
-        Campaign::Acceptance(arguments) => acceptance::run(&arguments),
-        Campaign::Efficiency(arguments) => efficiency::run(&arguments),
-        Campaign::ImageCost(arguments) => image_cost::run(&arguments),
-        Campaign::Misfit(arguments) => misfit::run(&arguments),
-        Campaign::Recordings(arguments) => recordings::run(&arguments),
-        Campaign::Series(arguments) => series::run(&arguments),
-        Campaign::Springs(arguments) => springs::run(&arguments),
-    })
+    match Cli::parse().campaign {
+        Campaign::Ablation(arguments) => failure::exit(ablation::run(&arguments)),
+        Campaign::Acceptance(arguments) => failure::exit(acceptance::run(&arguments)),
+        Campaign::CoilCurrent => image::coil_current::run(),
+        Campaign::CoilGuards(arguments) => coil_guards::run(&arguments),
+        Campaign::Efficiency(arguments) => failure::exit(efficiency::run(&arguments)),
+        Campaign::FaultSchedules(arguments) => fault_schedules::run(&arguments),
+        Campaign::FieldAccuracy => field_accuracy::run(),
+        Campaign::HostileBytes(arguments) => hostile_bytes::run(&arguments),
+        Campaign::ImageCost(arguments) => failure::exit(image::cost::run(&arguments)),
+        Campaign::ImageFaults => image::faults::run(),
+        Campaign::ImageRates => image::rates::run(),
+        Campaign::ImageStarts => image::starts::run(),
+        Campaign::ImageStorage => image::storage::run(),
+        Campaign::ImageUsb(seed) => image::usb::run(&seed),
+        Campaign::Misfit(arguments) => failure::exit(misfit::run(&arguments)),
+        Campaign::Recordings(arguments) => failure::exit(recordings::run(&arguments)),
+        Campaign::Series(arguments) => failure::exit(series::run(&arguments)),
+        Campaign::Sigma(arguments) => sigma::run(&arguments),
+        Campaign::Springs(arguments) => failure::exit(springs::run(&arguments)),
+        Campaign::Storage(seed) => storage::run(&seed),
+    }
 }

@@ -183,7 +183,7 @@ pub(super) const RULES: &[Rule] = &[
     Rule {
         name: "campaigns-above",
         who: "palpate-campaigns",
-        may_depend: On::AnyBut(&[FIRMWARE, "palpate-node", "palpate-procedure", "xtask"]),
+        may_depend: On::AnyBut(&[FIRMWARE, "xtask"]),
         because: "campaigns judge what users run",
     },
     Rule {

@@ -19,7 +19,6 @@ use super::found;
 pub(crate) use super::found::Found;
 use palpate_cli::describe::stiffness;
 use palpate_cli::failure::Failure;
-use palpate_cli::interrupt::Interrupt;
 use palpate_cli::notice;
 use palpate_cli::output::{OutputFile, distinct};
 use palpate_cli::progress::Progress;
@@ -28,6 +27,7 @@ use palpate_simulate::instrument::{BenchTask, default_settings};
 use super::{report, written};
 use crate::configuration;
 use crate::confirmation::{can_be_confirmed, is_confirmed};
+use crate::interrupt::Interrupt;
 use crate::link::{self, Link};
 use crate::storage;
 

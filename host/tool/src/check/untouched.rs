@@ -6,7 +6,6 @@ use std::path::Path;
 use palpate_calibration::bench;
 use palpate_calibration::{OnTheBench, Untouched, check_untouched};
 use palpate_cli::failure::Failure;
-use palpate_cli::interrupt::Interrupt;
 use palpate_cli::notice;
 use palpate_wire::Command;
 use palpate_wire::command::{Coil, Settings};
@@ -15,6 +14,7 @@ use serde::Serialize;
 use super::{Arguments, in_force, keep};
 use crate::calibrate::bench::BareInstrument;
 use crate::calibrate::written::{self, Written};
+use crate::interrupt::Interrupt;
 use crate::link::Link;
 use crate::storage;
 

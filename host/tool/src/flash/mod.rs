@@ -12,7 +12,6 @@ use std::time::{Duration, Instant};
 
 use clap::Args;
 use palpate_cli::failure::Failure;
-use palpate_cli::interrupt::Interrupt;
 use palpate_cli::{notice, text};
 use palpate_emulator::Image;
 use palpate_wire::Command;
@@ -22,6 +21,7 @@ use palpate_wire::record::Hello;
 use serde::Serialize;
 use uf2::Uf2;
 
+use crate::interrupt::Interrupt;
 use crate::link::{self, Link};
 use crate::storage;
 

@@ -21,7 +21,6 @@ use std::time::Duration;
 
 use palpate_cli::failure::Failure;
 use palpate_cli::finding::Finding;
-use palpate_cli::interrupt::Interrupt;
 use palpate_cli::notice;
 use palpate_wire::code::Outcome;
 use palpate_wire::loss::Account;
@@ -32,6 +31,7 @@ use palpate_wire::{
 };
 
 use crate::emulated::PluggedBoard;
+use crate::interrupt::Interrupt;
 use crate::log::{Line, Log, LogStream};
 pub(crate) use address::{Arguments, Run, no_board};
 pub(crate) use address::{open_port, ports};

@@ -3,12 +3,12 @@
 use std::io::{self, ErrorKind};
 use std::time::Duration;
 
-use palpate_cli::interrupt::Interrupt;
 use palpate_wire::record::Acknowledgement;
 use palpate_wire::{Command, CommandDecoder, Frame, Header, Message, Record, encode};
 
 use super::Link;
 use super::transport::Transport;
+use crate::interrupt::Interrupt;
 use crate::watch::tests::fixture;
 
 /// How a board is found when its port is opened again.

@@ -7,7 +7,6 @@ use palpate_calibration::bench::{self, Bench, Instrument, Work};
 use palpate_calibration::session::{BenchSample, Pressed, Run};
 use palpate_calibration::{Calibration, evaluate};
 use palpate_cli::failure::Failure;
-use palpate_cli::interrupt::Interrupt;
 use palpate_sim::switches::Switches;
 use palpate_simulate::instrument::{BenchTask, default_settings};
 use palpate_wire::code::Outcome;
@@ -20,6 +19,7 @@ use super::state::Progress;
 use super::view::View;
 use crate::calibrate::bench::LinkedBench;
 use crate::calibrate::sensor::{Found, describe, identity, put_in_force};
+use crate::interrupt::Interrupt;
 use crate::link::Link;
 use crate::storage;
 

@@ -20,11 +20,11 @@ use std::net::{Ipv4Addr, SocketAddr, TcpListener};
 use access::Access;
 use clap::Args;
 use palpate_cli::failure::Failure;
-use palpate_cli::interrupt::Interrupt;
 use palpate_cli::notice;
 use serde::Serialize;
 use session::Session;
 
+use crate::interrupt::Interrupt;
 use crate::link::Watched;
 
 /// The port where none is named.

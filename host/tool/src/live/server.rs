@@ -21,7 +21,6 @@ use hyper::server::conn::http1;
 use hyper_util::rt::TokioIo;
 use hyper_util::service::TowerToHyperService;
 use palpate_cli::failure::Failure;
-use palpate_cli::interrupt::Interrupt;
 use tokio::runtime::Runtime;
 use tokio::sync::broadcast::error::RecvError;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
@@ -30,6 +29,7 @@ use tokio::time::timeout;
 use super::access::Access;
 use super::assets::asset;
 use super::feed::{self, Desk};
+use crate::interrupt::Interrupt;
 
 /// Requests that are answered at once, and pages that are kept current: with them the tool needs fewer file
 /// handles than any system gives it (256). Further requests wait; further pages are refused.

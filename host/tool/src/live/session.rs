@@ -4,7 +4,6 @@ use std::thread::sleep;
 use std::time::Duration;
 
 use palpate_cli::failure::Failure;
-use palpate_cli::interrupt::Interrupt;
 use palpate_wire::code::{FaultCode, Part, RebootTarget};
 use palpate_wire::command::{ClearFault, GetCalibration, Reboot};
 use palpate_wire::{Command, Record};
@@ -14,6 +13,7 @@ use super::feed::{Feed, Request};
 use super::state::Progress;
 use super::view::View;
 use crate::configuration::read_part;
+use crate::interrupt::Interrupt;
 use crate::link::Link;
 
 /// How long is listened at once: the pages' requests wait as long.

@@ -10,12 +10,12 @@ use std::time::Duration;
 
 use clap::Args;
 use palpate_cli::failure::Failure;
-use palpate_cli::interrupt::Interrupt;
 use palpate_cli::notice;
 use palpate_cli::quantity;
 use serde::Serialize;
 use session::Session;
 
+use crate::interrupt::Interrupt;
 use crate::link::{self, Run};
 use crate::recording::{BootLosses, Contents, Recorder, date};
 

@@ -5,13 +5,13 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use palpate_cli::failure::Failure;
-use palpate_cli::interrupt::Interrupt;
 use palpate_cli::notice;
 use palpate_wire::code::State;
 use palpate_wire::loss::Tally;
 use palpate_wire::{Command, MINOR_VERSION, Record, SCHEMA_HASH, VERSION};
 
 use super::inspection;
+use crate::interrupt::Interrupt;
 use crate::link::{Arrival, Link};
 use crate::recording::date::{self, NS_PER_S};
 use crate::recording::{ABOUT, Contents, END, Logged, Note, Recorded, Recorder};

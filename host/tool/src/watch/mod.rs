@@ -14,11 +14,11 @@ use clap::Args;
 use console::Term;
 use known::Known;
 use palpate_cli::failure::Failure;
-use palpate_cli::interrupt::Interrupt;
 use palpate_cli::quantity;
 use palpate_wire::Command;
 use view::View;
 
+use crate::interrupt::Interrupt;
 use crate::link::{Link, Watched};
 
 /// Watch what a board says, on the terminal

@@ -5,11 +5,11 @@ use std::time::Duration;
 use palpate_calibration::bench::Instrument;
 use palpate_calibration::session::BenchSample;
 use palpate_cli::failure::Failure;
-use palpate_cli::interrupt::Interrupt;
 use palpate_simulate::bench::{GaugeReading, bench_sample};
 use palpate_wire::code::Outcome;
 use palpate_wire::{Command, Record};
 
+use crate::interrupt::Interrupt;
 use crate::link::{Arrival, Link};
 
 /// A board and nothing else.

@@ -7,7 +7,6 @@ use std::time::Duration;
 use palpate_calibration::bench::{Bench, Instrument, Work};
 use palpate_calibration::session::{BenchSample, Pressed, Run};
 use palpate_cli::failure::Failure;
-use palpate_cli::interrupt::Interrupt;
 use palpate_sim::parameters::Parameters;
 use palpate_sim::rig::{BareRig, CLEARANCE_M, Gauges, Rig, RigReading};
 use palpate_sim::switches::Switches;
@@ -18,6 +17,7 @@ use palpate_simulate::bench::{mean_bare, specimen};
 use palpate_wire::code::Outcome;
 use palpate_wire::{Command, Record};
 
+use crate::interrupt::Interrupt;
 use crate::link::Link;
 
 /// The bench of an emulated board's plant.

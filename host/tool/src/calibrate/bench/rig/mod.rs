@@ -19,7 +19,6 @@ use palpate_calibration::checks::DataFault;
 use palpate_calibration::session::{BenchSample, Pressed, Run};
 use palpate_cli::describe::stiffness;
 use palpate_cli::failure::Failure;
-use palpate_cli::interrupt::Interrupt;
 use palpate_wire::code::Outcome;
 use palpate_wire::command::Settings;
 use palpate_wire::{Command, Record};
@@ -28,6 +27,7 @@ use program::{Line, Program, Source};
 use track::Track;
 
 use super::bare::noted;
+use crate::interrupt::Interrupt;
 use crate::link::{Arrival, Link};
 
 /// How long is listened at once, and the longest without any sample before the board counts as silent.

@@ -5,8 +5,8 @@ use palpate_procedure::Link;
 use palpate_wire::Command;
 use palpate_wire::code::Outcome;
 
+use super::super::driven::drive;
 use super::{Chance, UsbBench, missing, streams};
-use crate::common::driven::drive;
 
 /// How long a current flows after the link that commanded it has fallen silent, while the other one
 /// has a command every 10 ms.

@@ -4,7 +4,7 @@
 //!
 //! Prints Markdown for `cargo xtask evidence field-accuracy`; fails where a claim does not hold.
 
-#[path = "../tests/integration/dodd_deeds.rs"]
+#[path = "../../../model/field/tests/integration/dodd_deeds.rs"]
 mod dodd_deeds;
 
 use std::f64::consts::{PI, TAU};
@@ -15,6 +15,8 @@ use palpate_field::design::{BUILTIN, Design, builtin};
 use palpate_field::figures::Figures;
 use palpate_field::geometry::{Point, distance};
 use palpate_field::solve::{Accuracy, Excitation, Locator, SolveError, Solved, solve, solve_ac};
+
+use palpate_cli::evidence::{BEGIN, END};
 
 use dodd_deeds::{MU_0, Plate, Ring, Spectrum};
 
@@ -28,8 +30,8 @@ const SHARP: f64 = 2e-3;
 const CLAIMED: f64 = 1e-4;
 const CLAIMED_PROFILE: f64 = 1e-2;
 
-fn main() -> ExitCode {
-    match run() {
+pub(crate) fn run() -> ExitCode {
+    match measured() {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => {
             eprintln!("a claim does not hold");
@@ -48,12 +50,12 @@ struct AccuracyRow {
     holds: bool,
 }
 
-fn run() -> Result<bool, Box<dyn core::error::Error>> {
+fn measured() -> Result<bool, Box<dyn core::error::Error>> {
     let rows: Vec<(&str, AccuracyRow)> = BUILTIN
         .into_iter()
         .map(|name| Ok((name, judge(&builtin(name)?)?)))
         .collect::<Result<_, Box<dyn core::error::Error>>>()?;
-    println!("<!-- evidence:begin -->");
+    println!("{BEGIN}");
     let heads = [
         "## Centre and core mean, for 1e-4\n\n\
          Truth: fourth order at 3e-6. Estimated and true errors are relative.\n\n\
@@ -82,7 +84,7 @@ fn run() -> Result<bool, Box<dyn core::error::Error>> {
     println!(
         "\nEvery estimate covers its error and is at most 1e-4, profiles are within 1 %, forces within 0.5 %, at most 6 linear solves: {holds}."
     );
-    println!("<!-- evidence:end -->");
+    println!("{END}");
     Ok(holds)
 }
 

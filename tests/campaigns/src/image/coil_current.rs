@@ -1,14 +1,12 @@
-//! Campaign: the coil's current as the firmware's image drives it, over resistance, inductance and
+//! the coil's current as the firmware's image drives it, over resistance, inductance and
 //! supply; its error before any calibration; two uses weeks apart; and two minutes of full
 //! telemetry. Prints its result as Markdown; fails if one of the bars is missed.
 
-#[path = "../tests/integration/common/mod.rs"]
-mod common;
-
+use palpate_cli::evidence::{BEGIN, END};
 use std::process::ExitCode;
 
-use common::RecordedBoard;
-use common::driven::{PERIOD, Telemetry, Wired, bend, steps, telemetry, wired};
+use super::common::RecordedBoard;
+use super::common::driven::{PERIOD, Telemetry, Wired, bend, steps, telemetry, wired};
 use ldc161x_sim::Time;
 use palpate_emulator::{BridgeCircuit, PlantConditions};
 use palpate_sim::electrical::ConverterParameters;
@@ -130,7 +128,7 @@ fn weeks_later(
 /// them; with the currents that were requested, where they were held.
 struct Use {
     held: Vec<(f64, Vec<f64>)>,
-    ramps: Vec<common::driven::ChargeCurve>,
+    ramps: Vec<super::common::driven::ChargeCurve>,
 }
 
 fn use_it(bench: &mut RecordedBoard<Wired>) -> Use {
@@ -144,7 +142,7 @@ fn use_it(bench: &mut RecordedBoard<Wired>) -> Use {
     let ramps = (0..3)
         .map(|_| {
             bench.go(10.0, 2e-3, Time::from_ms(4));
-            bench.send(&common::driven::drive(2.0, 16e-3));
+            bench.send(&super::common::driven::drive(2.0, 16e-3));
             bench.charge_curve(1_100)
         })
         .collect();
@@ -248,10 +246,10 @@ fn full_telemetry() -> bool {
     holds
 }
 
-fn main() -> ExitCode {
-    println!("<!-- evidence:begin -->");
+pub(crate) fn run() -> ExitCode {
+    println!("{BEGIN}");
     let holds = [corners(), chains(), full_telemetry()];
-    println!("<!-- evidence:end -->");
+    println!("{END}");
     if holds == [true; 3] {
         ExitCode::SUCCESS
     } else {

@@ -1,14 +1,12 @@
-//! Campaign: starts of the converter and changes of settings, at many phases: whether every time
+//! starts of the converter and changes of settings, at many phases: whether every time
 //! stamp is right or its sample marked, and no sample of two scans. Prints its result as Markdown;
 //! fails if a sample that is not marked is wrong, or a change raises a fault.
 
-#[path = "../tests/integration/common/mod.rs"]
-mod common;
-
+use palpate_cli::evidence::{BEGIN, END};
 use std::process::ExitCode;
 
-use common::RecordedBoard;
-use common::stamps::{Judged, Shared, Silicon, change, judge, judge_both};
+use super::common::RecordedBoard;
+use super::common::stamps::{Judged, Shared, Silicon, change, judge, judge_both};
 use ldc161x_sim::{ChipFault, FaultEvent, InterruptRelease, Lost, Overwrite, Time};
 use palpate_wire::{Frame, Record};
 
@@ -201,8 +199,8 @@ fn of_two() -> bool {
     is_sound
 }
 
-fn main() -> ExitCode {
-    println!("<!-- evidence:begin -->");
+pub(crate) fn run() -> ExitCode {
+    println!("{BEGIN}");
     println!(
         "| channels | rate | INTB released by | DATA overwritten | starts | changes | samples \
          | marked | off | mixed | skipped | torn | time stamps, unmarked | faults | change to sample |"
@@ -255,7 +253,7 @@ fn main() -> ExitCode {
     );
     println!();
     let two_are_sound = of_two();
-    println!("<!-- evidence:end -->");
+    println!("{END}");
     if all.holds() && faults == 0 && two_are_sound {
         ExitCode::SUCCESS
     } else {

@@ -1,13 +1,11 @@
-//! Campaign: how fast the image streams, how soon it answers an edge, what it loses and whether it
+//! how fast the image streams, how soon it answers an edge, what it loses and whether it
 //! counts that. Prints its result as Markdown; fails if a loss is not counted or an edge waits.
 
-#[path = "../tests/integration/common/mod.rs"]
-mod common;
-
+use palpate_cli::evidence::{BEGIN, END};
 use std::ops::{Range, RangeInclusive};
 use std::process::ExitCode;
 
-use common::{RecordedBoard, recording};
+use super::common::{RecordedBoard, recording};
 use ldc161x_sim::{InterruptRelease, Settings, Switches, Time};
 use palpate_wire::code::{Outcome, Stream};
 use palpate_wire::command::Command;
@@ -52,7 +50,7 @@ fn status(bench: &mut RecordedBoard) -> (Status, Range<u64>) {
     (status, before..bench.board.chip().overwritten(0))
 }
 
-fn run(case: &RateCase) -> RateResult {
+fn measure(case: &RateCase) -> RateResult {
     let chip = Settings {
         switches: Switches {
             interrupt_release: case.release,
@@ -144,8 +142,8 @@ fn text(count: &RangeInclusive<u32>) -> String {
     }
 }
 
-fn main() -> ExitCode {
-    println!("<!-- evidence:begin -->");
+pub(crate) fn run() -> ExitCode {
+    println!("{BEGIN}");
     println!(
         "| channels | asked | stream | INTB released by | scans per second | of the bus's limit \
          | lost | reported | edge to START, median | worst | load |"
@@ -153,7 +151,7 @@ fn main() -> ExitCode {
     println!("|---|---|---|---|---|---|---|---|---|---|---|");
     let mut holds = true;
     for case in cases() {
-        let found = run(&case);
+        let found = measure(&case);
         let us = |time: Time| format!("{:.2} µs", time.as_secs_f64() * 1e6);
         let by = match case.release {
             InterruptRelease::StatusOnly => "STATUS",
@@ -187,7 +185,7 @@ fn main() -> ExitCode {
          were lost. More than 98 % of the bus is refused.",
         LENGTH.as_secs_f64()
     );
-    println!("<!-- evidence:end -->");
+    println!("{END}");
     if holds {
         ExitCode::SUCCESS
     } else {

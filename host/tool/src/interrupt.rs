@@ -7,20 +7,20 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
 
-use crate::failure::Failure;
+use palpate_cli::failure::Failure;
 
 /// Exit code of a program that a second Ctrl-C ends, as shells report it: 128 and the signal's number.
 const INTERRUPTED: i32 = 130;
 
 /// Whether the verb is to end.
 #[derive(Clone, Debug)]
-pub struct Interrupt(Arc<AtomicBool>);
+pub(crate) struct Interrupt(Arc<AtomicBool>);
 
 impl Interrupt {
     /// From now on Ctrl-C, or the system's request to end, asks for the end; the second one ends the
     /// program at once. To be called when the link is open: until then nothing has to be completed, and one
     /// request ends a program that waits for a board, or for cargo.
-    pub fn catch() -> io::Result<Self> {
+    pub(crate) fn catch() -> io::Result<Self> {
         let is_asked = Arc::new(AtomicBool::new(false));
         for signal in [SIGINT, SIGTERM] {
             // In this order: the first one finds it not asked yet.
@@ -31,17 +31,17 @@ impl Interrupt {
     }
 
     /// One for which Ctrl-C does not ask: for what ends by itself.
-    pub fn uncaught() -> Self {
+    pub(crate) fn uncaught() -> Self {
         Self(Arc::default())
     }
 
     /// Asks for the end, as Ctrl-C does.
-    pub fn ask(&self) {
+    pub(crate) fn ask(&self) {
         self.0.store(true, Ordering::Relaxed);
     }
 
     /// Whether the end was asked for.
-    pub fn is_asked(&self) -> bool {
+    pub(crate) fn is_asked(&self) -> bool {
         self.0.load(Ordering::Relaxed)
     }
 
@@ -49,7 +49,7 @@ impl Interrupt {
     ///
     /// # Errors
     /// If it was.
-    pub fn go_on(&self) -> Result<(), Failure> {
+    pub(crate) fn go_on(&self) -> Result<(), Failure> {
         if self.is_asked() {
             return Err(Failure::Refused("broken off by Ctrl-C".to_owned()));
         }

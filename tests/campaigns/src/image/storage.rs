@@ -1,16 +1,14 @@
-//! Campaign: settings and calibration in the flash of the running image, with cuts of power at every
+//! settings and calibration in the flash of the running image, with cuts of power at every
 //! operation of it, bits that flip, and everything else that goes on meanwhile. Prints its result as
 //! Markdown; fails if a claim does not hold.
 
-#[path = "../tests/integration/common/mod.rs"]
-mod common;
-
+use palpate_cli::evidence::{BEGIN, END};
 use std::collections::BTreeMap;
 use std::process::ExitCode;
 
-use common::RecordedBoard;
-use common::during_save::DuringSave;
-use common::stored::{
+use super::common::RecordedBoard;
+use super::common::during_save::DuringSave;
+use super::common::stored::{
     Amount, BitFlip, ThirdSave, Which, configuration, erases, flip, spread, streaming_with,
 };
 use palpate_emulator::{FlashTimes, Time};
@@ -220,7 +218,7 @@ fn print_saves(saves: &[(Amount, DuringSave, u32)]) -> u32 {
     saves.iter().filter(|(_, it, _)| !it.holds()).count() as u32
 }
 
-fn main() -> ExitCode {
+pub(crate) fn run() -> ExitCode {
     let saves = saves();
     let mut tally = Tally::default();
     for amount in [Amount::Usual, Amount::Full] {
@@ -248,7 +246,7 @@ fn main() -> ExitCode {
     abandoned(&mut tally);
     let flips = flips();
     let silent = flips.get(&BitFlip::Silent).copied().unwrap_or(0);
-    println!("<!-- evidence:begin -->");
+    println!("{BEGIN}");
     println!("## Cuts of power\n");
     println!(
         "| the power fails | cases | the old one in force | the new one, or none after `erase` | anything else |"
@@ -278,7 +276,7 @@ fn main() -> ExitCode {
          In the midst of an erase `arm`, `drive_coil`, `measure`, `set_coil`, `store`, `load`, `erase` and `reboot` are refused. \
          Bridge and control interrupt rest all the while; no reset. Greatest depth of the stack: {deepest} bytes. Saves in which something was held up: {held_up}."
     );
-    println!("<!-- evidence:end -->");
+    println!("{END}");
     let broken = tally.broken + silent + held_up;
     if broken == 0 {
         ExitCode::SUCCESS

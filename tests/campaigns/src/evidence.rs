@@ -2,12 +2,11 @@
 
 use std::process::ExitCode;
 
+use palpate_cli::evidence::{BEGIN, END};
+
 /// Prints `markdown` between the marker lines and turns the claim into an exit code.
-pub fn conclude(markdown: &str, holds: bool) -> ExitCode {
-    println!(
-        "<!-- evidence:begin -->\n{}\n<!-- evidence:end -->",
-        markdown.trim_end()
-    );
+pub(crate) fn conclude(markdown: &str, holds: bool) -> ExitCode {
+    println!("{BEGIN}\n{}\n{END}", markdown.trim_end());
     if holds {
         ExitCode::SUCCESS
     } else {

@@ -4,17 +4,17 @@ use std::fmt::Write;
 use std::process::ExitCode;
 use std::thread;
 
-use clap::Parser;
-use system_tests::evidence::conclude;
+use crate::evidence::conclude;
+use clap::Args;
 use system_tests::hostile::{Summary, campaign};
 
 /// From the first seed of a thread to that of the other: more scripts than either plays
 const APART: u64 = 1 << 32;
 
-/// Sends whatever comes to mind over both links of the native board and holds what happens against
+/// Send random and hostile bytes over both links of the native board and hold what happens against
 /// its promises
-#[derive(Parser)]
-struct HostileArguments {
+#[derive(Args)]
+pub(crate) struct Arguments {
     /// How many frames and other runs of bytes
     #[arg(long, default_value_t = 1_000_000)]
     frames: u64,
@@ -23,8 +23,7 @@ struct HostileArguments {
     seed: u64,
 }
 
-fn main() -> ExitCode {
-    let HostileArguments { frames, seed } = HostileArguments::parse();
+pub(crate) fn run(&Arguments { frames, seed }: &Arguments) -> ExitCode {
     let half = frames / 2;
     let other = thread::spawn(move || campaign(seed + APART, frames - half));
     let mut summary = campaign(seed, half);

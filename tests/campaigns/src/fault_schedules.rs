@@ -2,15 +2,14 @@
 
 use std::{fmt::Write, process::ExitCode, thread};
 
-use clap::Parser;
-use system_tests::{
-    evidence::conclude,
-    faults::{Integrity, Summary, campaign, run, run_with},
-};
+use clap::Args;
+use system_tests::faults::{self, Integrity, Summary, campaign, run_with};
 
-/// Runs random fault schedules and holds every trusted reading against the truth.
-#[derive(Parser)]
-struct ScheduleArguments {
+use crate::evidence::conclude;
+
+/// Run random fault schedules and hold every trusted reading against the truth.
+#[derive(Args)]
+pub(crate) struct Arguments {
     /// How many schedules
     #[arg(long, default_value_t = 100_000)]
     schedules: u64,
@@ -19,11 +18,10 @@ struct ScheduleArguments {
     seed: u64,
 }
 
-fn main() -> ExitCode {
-    let ScheduleArguments { schedules, seed } = ScheduleArguments::parse();
+pub(crate) fn run(&Arguments { schedules, seed }: &Arguments) -> ExitCode {
     let half = schedules / 2;
-    let other = thread::spawn(move || campaign(seed + half, schedules - half, run));
-    let mut summary = campaign(seed, half, run);
+    let other = thread::spawn(move || campaign(seed + half, schedules - half, faults::run));
+    let mut summary = campaign(seed, half, faults::run);
     match other.join() {
         Ok(rest) => summary.merge(rest),
         Err(_) => return conclude("A schedule panicked.", false),

@@ -4,15 +4,15 @@ use std::fmt::Write;
 use std::process::ExitCode;
 use std::thread;
 
-use clap::Parser;
+use crate::evidence::conclude;
+use clap::Args;
 use coil_hbridge::Fault;
 use system_tests::coil::{Summary, campaign};
-use system_tests::evidence::conclude;
 
-/// Runs random sequences of orders, settings, faults and clocks and holds the truth against every
+/// Run random sequences of orders, settings, faults and clocks and hold the truth against every
 /// limit
-#[derive(Parser)]
-struct GuardArguments {
+#[derive(Args)]
+pub(crate) struct Arguments {
     /// How many sequences
     #[arg(long, default_value_t = 100_000)]
     sequences: u64,
@@ -21,8 +21,7 @@ struct GuardArguments {
     seed: u64,
 }
 
-fn main() -> ExitCode {
-    let GuardArguments { sequences, seed } = GuardArguments::parse();
+pub(crate) fn run(&Arguments { sequences, seed }: &Arguments) -> ExitCode {
     let half = sequences / 2;
     let other = thread::spawn(move || campaign(seed + half, sequences - half));
     let mut summary = campaign(seed, half);

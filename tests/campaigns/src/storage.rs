@@ -1,11 +1,11 @@
-//! Campaign: every bit of the area turned, sectors of garbage, cuts of power in a save and in the
+//! Every bit of the area turned, sectors of garbage, cuts of power in a save and in the
 //! one after it, and the wear of many saves. Prints its result as Markdown; fails if a claim does not
 //! hold.
 
-#[path = "../tests/integration/support/mod.rs"]
+#[path = "../../../firmware/storage/tests/integration/support/mod.rs"]
 mod support;
 
-use std::env;
+use std::process::ExitCode;
 
 use support::bits::area;
 use support::cuts::{Deed, nested};
@@ -14,6 +14,10 @@ use support::garbage::survives;
 use support::specimens::{small, typical};
 use support::wear::{alternating, wear};
 
+use palpate_cli::evidence::{BEGIN, END};
+
+use crate::drawn::Seed;
+
 /// Areas with garbage in some of their sectors.
 const SPOILT: u64 = 100_000;
 /// Saves one after the other.
@@ -21,9 +25,8 @@ const SAVES: u32 = 100_000;
 /// How far apart the erase counts of any two sectors may be.
 const UNEVEN: u32 = 2;
 
-fn main() {
-    let seed = seed();
-    println!("<!-- evidence:begin -->");
+pub(crate) fn run(&Seed { seed }: &Seed) -> ExitCode {
+    println!("{BEGIN}");
     println!("## Turned bits\n");
     let bits = area(1);
     println!(
@@ -60,17 +63,11 @@ fn main() {
     let changing = |number| small(1e3 + number as f32 / 64.0);
     show("one setting", wear(SAVES, changing));
     show("a calibration", wear(SAVES, alternating(typical)));
-    println!("<!-- evidence:end -->");
+    println!("{END}");
+    ExitCode::SUCCESS
 }
 
 fn show(what: &str, (least, most): (u32, u32)) {
     println!("| {what} | {SAVES} | {least} | {most} |");
     assert!(most - least <= UNEVEN, "the sectors wear unevenly");
-}
-
-/// What follows `--seed`.
-fn seed() -> u64 {
-    let after = env::args().skip_while(|argument| argument != "--seed");
-    let seed = after.skip(1).find_map(|argument| argument.parse().ok());
-    seed.unwrap_or(1)
 }

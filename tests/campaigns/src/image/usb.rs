@@ -1,18 +1,17 @@
-//! Campaign: the image at a USB host, with a second PC at the probe and the coil in its train. Prints
+//! the image at a USB host, with a second PC at the probe and the coil in its train. Prints
 //! its result as Markdown; fails if a claim does not hold. Its seed is the argument after `--seed`.
 
-#[path = "../tests/integration/common/mod.rs"]
-mod common;
-
+use palpate_cli::evidence::{BEGIN, END};
 use std::collections::BTreeSet;
 use std::process::ExitCode;
 
-use common::Crash;
-use common::usb::control::disturb_control;
-use common::usb::links::{flood, silent_link};
-use common::usb::restarts::{ask_for_restart, reboot, replug};
-use common::usb::streams::{LATEST_PACKET, stopped_reader, stream_in_trains};
-use common::usb::{INTERRUPT, UsbBench, missing, plugged};
+use super::common::Crash;
+use super::common::usb::control::disturb_control;
+use super::common::usb::links::{flood, silent_link};
+use super::common::usb::restarts::{ask_for_restart, reboot, replug};
+use super::common::usb::streams::{LATEST_PACKET, stopped_reader, stream_in_trains};
+use super::common::usb::{INTERRUPT, UsbBench, missing, plugged};
+use crate::drawn::Seed;
 use palpate_emulator::Time;
 use palpate_emulator::usb::check_descriptors;
 use palpate_procedure::Link;
@@ -313,16 +312,8 @@ fn restarts() -> bool {
     holds
 }
 
-/// The number after `--seed`; 1 without.
-fn seed() -> u64 {
-    let mut arguments = std::env::args().skip_while(|it| it != "--seed");
-    let seed = arguments.nth(1).and_then(|it| it.parse().ok());
-    seed.unwrap_or(1)
-}
-
-fn main() -> ExitCode {
-    let seed = seed();
-    println!("<!-- evidence:begin -->");
+pub(crate) fn run(&Seed { seed }: &Seed) -> ExitCode {
+    println!("{BEGIN}");
     let holds = [
         of_the_device(),
         streams(),
@@ -332,7 +323,7 @@ fn main() -> ExitCode {
         restarts(),
         control(seed),
     ];
-    println!("<!-- evidence:end -->");
+    println!("{END}");
     if holds == [true; 7] {
         ExitCode::SUCCESS
     } else {

@@ -2,16 +2,15 @@
 
 use std::{fmt::Write, ops::RangeInclusive, process::ExitCode};
 
-use clap::Parser;
+use clap::Args;
 use ldc161x_sim::Counter;
-use system_tests::{
-    evidence::conclude,
-    sigma::{ConverterCase, accepted_plans, cases, measure, measure_plan},
-};
+use system_tests::sigma::{ConverterCase, accepted_plans, cases, measure, measure_plan};
 
-/// Compares stated standard uncertainties with the scatter about the truth.
-#[derive(Parser)]
-struct SigmaArguments {
+use crate::evidence::conclude;
+
+/// Compare stated standard uncertainties with the scatter about the truth.
+#[derive(Args)]
+pub(crate) struct Arguments {
     /// Readings of each channel in each case
     #[arg(long, default_value_t = 20_000)]
     readings: u32,
@@ -56,8 +55,7 @@ const CLAIMS: [Claim; 3] = [
     },
 ];
 
-fn main() -> ExitCode {
-    let arguments = SigmaArguments::parse();
+pub(crate) fn run(arguments: &Arguments) -> ExitCode {
     let mut text = String::from(
         "Root mean square of (reading - true mean frequency of its conversion) over the stated \
          sigma: 1 where the statement is right. Sensors sweep over 1 % of their frequency; four \
@@ -65,13 +63,13 @@ fn main() -> ExitCode {
     );
     let mut holds = true;
     for claim in &CLAIMS {
-        holds &= report(&mut text, claim, &arguments);
+        holds &= report(&mut text, claim, arguments);
     }
-    holds &= report_plans(&mut text, &arguments);
+    holds &= report_plans(&mut text, arguments);
     conclude(&text, holds)
 }
 
-fn report(text: &mut String, claim: &Claim, arguments: &SigmaArguments) -> bool {
+fn report(text: &mut String, claim: &Claim, arguments: &Arguments) -> bool {
     let _ = writeln!(
         text,
         "\n## {}\n\n| RCOUNT | mode | noise in 1 ms | rms of error / sigma, channels 0 to 3 |\n\
@@ -120,7 +118,7 @@ const OF_A_PLAN: RangeInclusive<f64> = 0.9..=1.1;
 /// Where the frequencies of the sensors are parted, in hertz.
 const DECADES_HZ: [f64; 5] = [1e3, 1e4, 1e5, 1e6, 1e7];
 
-fn report_plans(text: &mut String, arguments: &SigmaArguments) -> bool {
+fn report_plans(text: &mut String, arguments: &Arguments) -> bool {
     let plans = accepted_plans(arguments.seed).take(arguments.plans);
     let mut ratios = Vec::new();
     for (number, (request, plan)) in plans.enumerate() {

@@ -1,12 +1,10 @@
-//! Campaign: faults of bus and converter, and crashes in the midst of a ramp, each from a snapshot
+//! faults of bus and converter, and crashes in the midst of a ramp, each from a snapshot
 //! of the running image. Prints its result as Markdown; fails if a claim does not hold.
 
-#[path = "../tests/integration/common/mod.rs"]
-mod common;
-
+use palpate_cli::evidence::{BEGIN, END};
 use std::process::ExitCode;
 
-use common::{Crash, RecordedBoard, TASKS, ramping, streaming};
+use super::common::{Crash, RecordedBoard, TASKS, ramping, streaming};
 use ldc161x_sim::{ChipFault, FaultEvent, Lost, Time};
 use palpate_emulator::{Image, LineFault, firmware};
 
@@ -180,10 +178,10 @@ fn crashes(image: &Image, rows: &mut Vec<FaultRow>) {
             &format!("{what} in each exception, at {POINTS} points of the ramps"),
             limit,
         );
-        let mut bench = ramping(common::image());
+        let mut bench = ramping(super::common::image());
         for _ in 0..POINTS {
             bench.run(Time::from_ms(3));
-            for exception in common::EXCEPTIONS {
+            for exception in super::common::EXCEPTIONS {
                 let mut bench = bench.clone();
                 row.add(crash.in_exception(&mut bench, exception));
             }
@@ -199,13 +197,13 @@ fn crashes(image: &Image, rows: &mut Vec<FaultRow>) {
         bench.run(Time::from_ms(3));
         for task in 0..TASKS {
             let mut bench = bench.clone();
-            row.add(common::panic_in(&mut bench, task));
+            row.add(super::common::panic_in(&mut bench, task));
         }
     }
     rows.push(row);
 }
 
-fn main() -> ExitCode {
+pub(crate) fn run() -> ExitCode {
     let planted = match firmware::build_with_defect("panic").map(|path| Image::load(&path)) {
         Ok(Ok(image)) => image,
         Ok(Err(error)) => return failed(&error.to_string()),
@@ -216,7 +214,7 @@ fn main() -> ExitCode {
     wires(&snapshot, &mut rows);
     converter(&snapshot, &mut rows);
     crashes(&planted, &mut rows);
-    println!("<!-- evidence:begin -->");
+    println!("{BEGIN}");
     println!("| cause | cases | worst | limit | beyond it |");
     println!("|---|---|---|---|---|");
     for row in &rows {
@@ -237,7 +235,7 @@ fn main() -> ExitCode {
          bridge is off; it then stays off for 100 ms, in which the image starts anew."
     );
     let total: u32 = rows.iter().map(|row| row.broken).sum();
-    println!("<!-- evidence:end -->");
+    println!("{END}");
     if total == 0 {
         ExitCode::SUCCESS
     } else {
