@@ -1,5 +1,6 @@
 //! What all programs of palpate have in common.
 
+pub mod confirmation;
 pub mod describe;
 pub mod evidence;
 pub mod failure;

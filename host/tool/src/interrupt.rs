@@ -4,10 +4,9 @@ use std::io;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use palpate_cli::failure::Failure;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
-
-use palpate_cli::failure::Failure;
 
 /// Exit code of a program that a second Ctrl-C ends, as shells report it: 128 and the signal's number.
 const INTERRUPTED: i32 = 130;

@@ -1,48 +1,20 @@
 //! `palpate`: the command-line tool of the sensor, as a function.
 
-mod bring_up;
-mod calibrate;
-mod campaign;
-mod check;
-mod chip;
-mod coil;
-mod configuration;
-mod confirmation;
-mod decode;
-mod devices;
-mod doctor;
-mod emulated;
-mod encode;
-mod engine;
-mod export;
-mod faults;
-mod flash;
-pub mod image;
-mod info;
+pub mod board;
+mod commands;
 mod interrupt;
-mod line;
-mod link;
-mod live;
-mod log;
-mod log_table;
-mod measure;
-mod packaging;
-mod parquet_file;
-mod record;
-mod recorded_report;
 pub mod recording;
-mod replay;
-mod rig_gauge;
-mod serve;
-mod settings;
-mod storage;
-mod switches;
-mod watch;
+mod train_line;
 
 use std::ffi::OsString;
 use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser, Subcommand};
+use commands::{
+    bring_up, calibrate, campaign, check, chip, coil, decode, devices, doctor, encode, export,
+    faults, flash, info, live, log_table, measure, packaging, record, replay, report, rig_gauge,
+    serve, settings, watch,
+};
 use palpate_cli::failure;
 use palpate_design::{field, plan, plan_ldc, stack, words};
 use palpate_simulate::{demo, scenario};
@@ -82,12 +54,12 @@ enum Verb {
     Record(record::Arguments),
     Info(info::Arguments),
     Replay(replay::Arguments),
-    Report(recorded_report::Arguments),
+    Report(report::Arguments),
     Export(export::Arguments),
     Decode(decode::Arguments),
     Encode(encode::Arguments),
-    Demo(demo::Arguments<engine::Arguments>),
-    Simulate(scenario::Arguments<engine::Arguments>),
+    Demo(demo::Arguments<board::engine::Arguments>),
+    Simulate(scenario::Arguments<board::engine::Arguments>),
     Campaign(palpate_simulate::campaign::Arguments),
     Plan(plan::Arguments),
     Stack(stack::Arguments),
@@ -121,7 +93,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Verb::Record(arguments) => record::run(&arguments),
         Verb::Info(arguments) => info::run(&arguments),
         Verb::Replay(arguments) => replay::run(&arguments),
-        Verb::Report(arguments) => recorded_report::run(&arguments),
+        Verb::Report(arguments) => report::run(&arguments),
         Verb::Export(arguments) => export::run(&arguments),
         Verb::Decode(arguments) => decode::run(&arguments),
         Verb::Encode(arguments) => encode::run(&arguments),

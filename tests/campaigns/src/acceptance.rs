@@ -8,7 +8,7 @@ use std::time::Instant;
 use clap::Args;
 use comfy_table::Table;
 use comfy_table::presets::ASCII_MARKDOWN;
-use palpate::image::{self, Program};
+use palpate::board::image::{self, Program};
 use palpate_cli::describe::stiffness;
 use palpate_cli::evidence::{BEGIN, END};
 use palpate_cli::failure::Failure;

@@ -6,6 +6,7 @@
 
 mod contents;
 pub mod date;
+pub(crate) mod parquet_file;
 mod reader;
 mod recorder;
 mod schema;
@@ -17,7 +18,7 @@ use std::collections::BTreeMap;
 
 use palpate_wire::{Frame, Record};
 
-use crate::log::Line;
+use crate::board::log::Line;
 
 pub use contents::{BootLosses, Contents};
 pub use reader::Reader;

@@ -12,7 +12,7 @@ use std::io::{self, Write};
 use std::time::Duration;
 
 use clap::Args;
-use palpate::image::{self, Program};
+use palpate::board::image::{self, Program};
 use palpate_cli::evidence::{BEGIN, END};
 use palpate_cli::failure::Failure;
 use palpate_cli::quantity;

@@ -7,7 +7,7 @@ mod tables;
 use std::io::{self, Write};
 
 use clap::Args;
-use palpate::image::{self, Program};
+use palpate::board::image::{self, Program};
 use palpate_cli::evidence::{BEGIN, END};
 use palpate_cli::failure::Failure;
 use palpate_emulator::Sources;

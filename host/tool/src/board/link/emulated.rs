@@ -1,0 +1,75 @@
+//! The emulated board as a board at this computer's USB. Its time passes while something waits for it, as
+//! fast as it can, or at the pace of real time.
+
+use std::io;
+use std::thread::sleep;
+use std::time::Duration;
+
+use palpate_sim::Time;
+
+use super::transport::Transport;
+use crate::board::emulated::{Pace, PluggedBoard};
+
+/// Time that passes between two looks at the port.
+const SLICE: Time = Time::from_us(250);
+
+/// The way to it.
+pub(super) struct Emulated {
+    board: PluggedBoard,
+    pace: Option<Pace>,
+}
+
+impl Emulated {
+    pub(super) fn new(board: PluggedBoard, keeps_pace: bool) -> Self {
+        Self {
+            board,
+            pace: keeps_pace.then(Pace::new),
+        }
+    }
+
+    fn pass(&mut self, time: Time) -> io::Result<()> {
+        let passed = self.board.advance(time);
+        passed.map_err(|failure| io::Error::other(failure.to_string()))?;
+        if let Some(pace) = &mut self.pace {
+            sleep(pace.ahead(self.board.now()));
+        }
+        Ok(())
+    }
+}
+
+impl Transport for Emulated {
+    fn now(&self) -> Duration {
+        Duration::from_secs_f64(self.board.now().as_secs_f64())
+    }
+
+    fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
+        self.board.write(bytes);
+        Ok(())
+    }
+
+    fn read(&mut self, wait: Duration) -> io::Result<Vec<u8>> {
+        let end = self.now() + wait;
+        loop {
+            self.board.set_open(true);
+            // What waits for the port to open is sent once it is.
+            self.board.write(&[]);
+            let bytes = self.board.read();
+            if !bytes.is_empty() || self.now() >= end {
+                return Ok(bytes);
+            }
+            self.pass(SLICE)?;
+        }
+    }
+
+    fn take_log(&mut self) -> Vec<u8> {
+        self.board.read_log()
+    }
+
+    fn reopen(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+
+    fn emulated(&mut self) -> Option<&mut PluggedBoard> {
+        Some(&mut self.board)
+    }
+}

@@ -1,0 +1,532 @@
+//! The way to a board's firmware: commands there, records back.
+//!
+//! One [`Link`] for every verb; what differs between a serial port, a debug probe, TCP and the emulated
+//! board is a [`Transport`].
+
+mod address;
+mod clock;
+mod emulated;
+mod playback;
+#[cfg_attr(not(feature = "probe"), path = "without_probe.rs")]
+mod probe;
+pub(crate) mod serial;
+mod tcp;
+#[cfg(test)]
+mod tests;
+mod transport;
+mod watched;
+
+use std::io;
+use std::time::Duration;
+
+use palpate_cli::failure::Failure;
+use palpate_cli::finding::Finding;
+use palpate_cli::notice;
+use palpate_wire::code::Outcome;
+use palpate_wire::loss::Account;
+use palpate_wire::record::Hello;
+use palpate_wire::{
+    Command, Frame, FrameError, Invalid, Message, Problem, Record, RecordDecoder, Sequencer,
+    VERSION, encode,
+};
+
+use crate::board::emulated::PluggedBoard;
+use crate::board::log::{Line, Log, LogStream};
+use crate::interrupt::Interrupt;
+pub(crate) use address::{Arguments, Run, no_board};
+pub(crate) use address::{open_port, ports};
+use clock::DeviceClock;
+use transport::Transport;
+pub(crate) use watched::Watched;
+
+/// How long a board's answer may take. It waits for a test of the coil itself; a probe's server
+/// polls every 10 ms.
+const PATIENCE: Duration = Duration::from_secs(5);
+/// From one question who it is to the next, while a board starts.
+const AGAIN: Duration = Duration::from_millis(500);
+/// How long is listened at once.
+const LOOK: Duration = Duration::from_millis(10);
+/// From one word to the board to the next while it drives a current, s: it waits for 100 ms.
+pub(crate) const WORD_S: f64 = 0.04;
+/// What a port's server sends to a second program, before it closes the connection. It ends as a frame
+/// does, so that a decoder finds the next one.
+pub(crate) const BUSY: &[u8] = b"palpate: another program is connected; close it first\n\0";
+/// Bytes that are kept of what came before a board said who it is, to show them: more than a line.
+const FIRST_BYTES: usize = 160;
+/// How long a board may take that starts anew, its USB port included.
+const RESTART: Duration = Duration::from_secs(10);
+
+/// A frame with when it came, by the link's clock.
+#[derive(Clone, Debug)]
+pub(crate) struct Arrival {
+    pub(crate) at: Duration,
+    pub(crate) frame: Frame<Record>,
+}
+
+/// A record with its time, s of the device.
+pub(crate) type Reported = (f64, Record);
+
+/// A board, spoken to.
+pub(crate) struct Link {
+    name: String,
+    transport: Box<dyn Transport>,
+    decoder: RecordDecoder,
+    sequencer: Sequencer,
+    account: Account,
+    clock: DeviceClock,
+    hello: Option<Hello>,
+    received: Vec<Arrival>,
+    /// The first bytes since it was asked who it is.
+    first: Vec<u8>,
+    /// Another version of the protocol that came.
+    other_version: Option<u8>,
+    /// It was armed over this link.
+    has_armed: bool,
+    /// What reads the board's log, if it is shown.
+    log: Option<LogStream>,
+    /// Lines of it for a recording, each with when it came by the link's clock; absent if none is made.
+    logged: Option<Vec<(Duration, Line)>>,
+}
+
+impl Link {
+    /// Asks a board who it is.
+    fn open(
+        name: String,
+        transport: Box<dyn Transport>,
+        log: Option<Log>,
+    ) -> Result<Self, Failure> {
+        let mut link = Self::new(name, transport, log);
+        link.greet()?;
+        Ok(link)
+    }
+
+    fn new(name: String, transport: Box<dyn Transport>, log: Option<Log>) -> Self {
+        Self {
+            name,
+            transport,
+            decoder: RecordDecoder::new(),
+            sequencer: Sequencer::new(0),
+            account: Account::new(),
+            clock: DeviceClock::default(),
+            hello: None,
+            received: Vec::new(),
+            first: Vec::new(),
+            other_version: None,
+            has_armed: false,
+            log: log.map(LogStream::new),
+            logged: None,
+        }
+    }
+
+    /// A recording of a board that was this.
+    fn play(name: String, transport: Box<dyn Transport>, hello: Hello) -> Self {
+        let mut link = Self::new(name, transport, None);
+        link.hello = Some(hello);
+        link
+    }
+
+    /// Asks who it is until it answers: one that starts drops what comes first.
+    ///
+    /// # Errors
+    /// If it does not answer, or is not a board of palpate.
+    pub(crate) fn greet(&mut self) -> Result<(), Failure> {
+        self.greet_until(&Interrupt::uncaught())
+    }
+
+    /// The same; Ctrl-C ends it.
+    fn greet_until(&mut self, interrupt: &Interrupt) -> Result<(), Failure> {
+        self.sequencer = Sequencer::new(0);
+        self.hello = None;
+        self.first.clear();
+        let asked = self.ask_who_it_is(interrupt);
+        if asked.is_err() {
+            // The server's last words may wait to be read.
+            let _ = self.listen(LOOK);
+        }
+        if self.hello.is_some() {
+            return Ok(());
+        }
+        match (asked, self.not_a_board()) {
+            (Err(failure), finding) if finding.finding == "silent" => Err(failure),
+            (_, finding) => Err(Failure::Unconnected(finding)),
+        }
+    }
+
+    fn ask_who_it_is(&mut self, interrupt: &Interrupt) -> Result<(), Failure> {
+        let end = self.now() + PATIENCE;
+        while self.now() < end {
+            self.send(&Command::Identify)?;
+            let again = self.now() + AGAIN;
+            while self.now() < again {
+                interrupt.go_on()?;
+                self.listen(LOOK)?;
+                if self.hello.is_some() {
+                    return Ok(());
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// What there is instead of a board that says who it is.
+    fn not_a_board(&self) -> Finding {
+        let name = &self.name;
+        let text = String::from_utf8_lossy(&self.first);
+        let text = text.trim_matches(['\0', '\n', '\r', ' ']);
+        if let Some(found) = self.other_version {
+            Finding::new(
+                "other_version",
+                format!(
+                    "{name}: the firmware has version {found} of the protocol, and this tool version {VERSION}"
+                ),
+                "Flash the image that belongs to this tool, or use the tool that belongs to the firmware",
+            )
+        } else if self.first.starts_with(BUSY) {
+            Finding::new(
+                "busy",
+                format!("{name}: another program is connected"),
+                "Close that first",
+            )
+        } else if text.is_empty() {
+            Finding::new(
+                "silent",
+                format!("{name}: nothing answers"),
+                "See whether its LED blinks. If not, flash the firmware of palpate; if it does, plug it in \
+                 again",
+            )
+        } else {
+            Finding::new(
+                "other_firmware",
+                format!("{name}: what answers is not the firmware of palpate, but sends {text:?}"),
+                "Name another board with --board, or flash the firmware of palpate",
+            )
+        }
+    }
+
+    /// Where the board is.
+    pub(crate) fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// What the board last said it is.
+    pub(crate) const fn hello(&self) -> Option<&Hello> {
+        self.hello.as_ref()
+    }
+
+    /// Time by which waits go: the board's own where it is emulated.
+    pub(crate) fn now(&self) -> Duration {
+        self.transport.now()
+    }
+
+    /// The device's clock by the link's.
+    pub(crate) const fn clock(&self) -> &DeviceClock {
+        &self.clock
+    }
+
+    /// What was lost on the way, by boots.
+    pub(crate) const fn account(&self) -> &Account {
+        &self.account
+    }
+
+    /// Frames that came damaged, or could not be understood.
+    pub(crate) fn unreadable(&self) -> u32 {
+        let counts = self.decoder.counts();
+        counts.damaged().wrapping_add(counts.not_understood())
+    }
+
+    /// Whether it is a recording: it takes no commands, and when it has been played it is
+    /// [lost](Failure::Lost) for good.
+    pub(crate) fn is_recording(&self) -> bool {
+        self.transport.is_recording()
+    }
+
+    /// The emulated board at the other end, if it is one of this program.
+    pub(crate) fn emulated(&mut self) -> Option<&mut PluggedBoard> {
+        self.transport.emulated()
+    }
+
+    /// Sends a command; returns its number.
+    pub(crate) fn send(&mut self, command: &Command) -> Result<u32, Failure> {
+        self.has_armed |= *command == Command::Arm;
+        let header = self.sequencer.stamp(0);
+        let mut buffer = [0; Command::MAX_FRAME];
+        let bytes = encode(&header, command, &mut buffer)
+            .map_err(|error| Failure::Refused(format!("{}: {error}", command.name())))?;
+        let sent = self.transport.write(bytes);
+        sent.map_err(|error| self.lost(&error))?;
+        Ok(header.sequence)
+    }
+
+    /// Sends a command and waits for its answer; returns the device's time of it, s, and the outcome.
+    pub(crate) fn ask(&mut self, command: &Command) -> Result<(f64, Outcome), Failure> {
+        let left = self.now();
+        let number = self.send(command)?;
+        let mut seen = self.received.len();
+        while self.now() < left + PATIENCE {
+            self.listen(LOOK)?;
+            for arrival in self.received.get(seen..).unwrap_or_default() {
+                let header = &arrival.frame.header;
+                if let Record::Acknowledgement(answer) = &arrival.frame.message
+                    && (answer.kind, answer.command) == (command.kind(), number)
+                {
+                    let stamp_us = header.time_us;
+                    self.clock.enter(header.boot_id, left, stamp_us, arrival.at);
+                    return Ok((stamp_us as f64 * 1e-6, answer.outcome));
+                }
+            }
+            seen = self.received.len();
+        }
+        Err(Failure::Refused(format!(
+            "{} does not answer {}: see its LED, and plug it in again",
+            self.name,
+            command.name()
+        )))
+    }
+
+    /// Sends a command that has to be accepted; returns the device's time of the answer, s.
+    pub(crate) fn must(&mut self, command: &Command) -> Result<f64, Failure> {
+        let (at_s, outcome) = self.ask(command)?;
+        if outcome == Outcome::Accepted {
+            return Ok(at_s);
+        }
+        Err(self.refusal(command, outcome))
+    }
+
+    /// What an answer means that does not accept a command.
+    pub(crate) fn refusal(&self, command: &Command, outcome: Outcome) -> Failure {
+        Failure::Refused(match outcome {
+            Outcome::NotCalibrated => {
+                "the board is not calibrated: `palpate calibrate sensor`, or \
+                `palpate settings import` of what it had"
+                    .to_owned()
+            }
+            Outcome::Faulted => format!(
+                "the board stands in a fault{}; docs/faults.md says what to do and how it is cleared",
+                self.fault()
+                    .map_or_else(String::new, |of| format!(" ({of})"))
+            ),
+            other => format!(
+                "the board answers {} to {}: {}",
+                other,
+                command.name(),
+                self.beyond(command)
+                    .unwrap_or_else(|| other.meaning().trim().to_owned())
+            ),
+        })
+    }
+
+    /// The value that the last answer to such a command refused, and its limits.
+    fn beyond(&self, command: &Command) -> Option<String> {
+        let mut latest = self.received.iter().rev();
+        let answer = latest.find_map(|arrival| match &arrival.frame.message {
+            Record::Acknowledgement(answer) if answer.kind == command.kind() => Some(answer),
+            _ => None,
+        })?;
+        let problem = Problem::OutOfRange {
+            value: answer.value?,
+            low: answer.low?,
+            high: answer.high?,
+        };
+        let invalid = Invalid {
+            field: answer.field?,
+            item: answer.item,
+            problem,
+        };
+        Some(format!("{}.", invalid.named(command.payload())))
+    }
+
+    fn fault(&self) -> Option<String> {
+        let latest = self.received.iter().rev();
+        let mut faults = latest.filter_map(|arrival| match &arrival.frame.message {
+            Record::Fault(fault) if fault.active => Some(fault.code.to_string()),
+            _ => None,
+        });
+        faults.next()
+    }
+
+    /// Takes what comes within a time, and returns with the first of it.
+    pub(crate) fn listen(&mut self, wait: Duration) -> Result<(), Failure> {
+        let bytes = self.transport.read(wait);
+        let bytes = bytes.map_err(|error| self.lost(&error))?;
+        let at = self.now();
+        self.show_log(at);
+        let room = FIRST_BYTES.saturating_sub(self.first.len());
+        self.first.extend(bytes.iter().take(room));
+        for frame in self.decoder.frames(&bytes) {
+            let frame = match frame {
+                Ok(frame) => frame,
+                Err(FrameError::Version { found }) => {
+                    self.other_version = Some(found);
+                    continue;
+                }
+                // A frame of a kind that this tool does not know has come nevertheless. One that began
+                // before we came, or was damaged, is one that is not there.
+                Err(error) => {
+                    error.header().map(|header| self.account.take(header));
+                    continue;
+                }
+            };
+            self.sequencer.address(frame.header.boot_id);
+            self.account.take(&frame.header);
+            if let Record::Hello(hello) = &frame.message {
+                self.hello = Some(hello.clone());
+            }
+            self.received.push(Arrival { at, frame });
+        }
+        Ok(())
+    }
+
+    /// Shows what has come of the log, if it is asked for.
+    fn show_log(&mut self, at: Duration) {
+        // Taken in any case: it would grow.
+        let bytes = self.transport.take_log();
+        let Some(log) = &mut self.log else {
+            return;
+        };
+        for line in log.lines(&bytes) {
+            notice::say(&line);
+            if let Some(logged) = &mut self.logged {
+                logged.push((at, line));
+            }
+        }
+    }
+
+    /// Lines of the log that have come since the last call, each with when it came by the link's clock. The first
+    /// call has none.
+    pub(crate) fn take_logged(&mut self) -> Vec<(Duration, Line)> {
+        self.logged.replace(Vec::new()).unwrap_or_default()
+    }
+
+    fn lost(&mut self, error: &io::Error) -> Failure {
+        if error.kind() == io::ErrorKind::Unsupported {
+            return Failure::Argument(format!("{error}: name a board with --board"));
+        }
+        if self.is_recording() {
+            return Failure::Lost(format!("{}: the recording has ended", self.name));
+        }
+        if self.emulated().is_some() {
+            return Failure::Lost(format!("{}: {error}", self.name));
+        }
+        Failure::Lost(format!(
+            "{}: the board is gone ({error}): see its cable and plug it in again",
+            self.name
+        ))
+    }
+
+    /// Lets time pass: the board's, where it is emulated. A fault ends it.
+    pub(crate) fn pass(&mut self, time_s: f64) -> Result<(), Failure> {
+        let before = self.received.len();
+        self.collect(time_s)?;
+        self.no_fault(before)
+    }
+
+    /// Takes what comes for a time, faults among it.
+    pub(crate) fn collect(&mut self, time_s: f64) -> Result<(), Failure> {
+        let end = self.now() + Duration::from_secs_f64(time_s);
+        while self.now() < end {
+            self.listen(end.saturating_sub(self.now()).min(LOOK))?;
+        }
+        Ok(())
+    }
+
+    /// Lets time pass while a current is driven: says something now and then.
+    pub(crate) fn drive_on(&mut self, time_s: f64) -> Result<(), Failure> {
+        let mut left_s = time_s;
+        while left_s > 0.0 {
+            self.pass(left_s.min(WORD_S))?;
+            self.must(&Command::GetSettings)?;
+            left_s -= WORD_S;
+        }
+        Ok(())
+    }
+
+    fn no_fault(&self, since: usize) -> Result<(), Failure> {
+        let mut new = self.received.get(since..).into_iter().flatten();
+        let fault = new.find_map(|arrival| match &arrival.frame.message {
+            Record::Fault(fault) if fault.active => Some((fault.code, fault.value)),
+            _ => None,
+        });
+        fault.map_or(Ok(()), |(code, value)| {
+            let value = value.map_or_else(String::new, |value| format!(", {value}"));
+            Err(Failure::Refused(format!(
+                "the board: {code}{value}. {} docs/faults.md says what to do.",
+                code.meaning().trim()
+            )))
+        })
+    }
+
+    /// Waits until a record says something; looks at those too that have come and were not taken.
+    pub(crate) fn wait_for<T>(
+        &mut self,
+        patience_s: f64,
+        what: &str,
+        of: impl Fn(&Record) -> Option<T>,
+    ) -> Result<T, Failure> {
+        let mut seen = 0;
+        let end = self.now() + Duration::from_secs_f64(patience_s);
+        loop {
+            let new = self.received.get(seen..).into_iter().flatten();
+            if let Some(found) = new.rev().find_map(|arrival| of(&arrival.frame.message)) {
+                return Ok(found);
+            }
+            if self.now() >= end {
+                return Err(Failure::Refused(format!("the board sent no {what}")));
+            }
+            seen = self.received.len();
+            self.pass(LOOK.as_secs_f64())?;
+        }
+    }
+
+    /// The frames that have come and were not taken.
+    pub(crate) fn received(&self) -> &[Arrival] {
+        &self.received
+    }
+
+    /// Takes them.
+    pub(crate) fn take(&mut self) -> Vec<Arrival> {
+        std::mem::take(&mut self.received)
+    }
+
+    /// Takes their records, each with its time.
+    pub(crate) fn take_records(&mut self) -> Vec<Reported> {
+        let arrivals = self.take().into_iter();
+        let timed = arrivals.map(|of| (of.frame.header.time_us as f64 * 1e-6, of.frame.message));
+        timed.collect()
+    }
+
+    /// Waits for a board that is gone or starts anew, and asks it who it is. Ctrl-C ends the wait.
+    ///
+    /// # Errors
+    /// If it does not come back in time, does not answer or is not a board of palpate, or the end is asked for.
+    pub(crate) fn reconnect(&mut self, interrupt: &Interrupt) -> Result<(), Failure> {
+        let end = self.now() + RESTART;
+        loop {
+            interrupt.go_on()?;
+            let opened = self.transport.reopen();
+            if self.is_recording() {
+                return opened.map_err(|error| self.lost(&error));
+            }
+            self.decoder = RecordDecoder::new();
+            match opened {
+                Ok(()) => {
+                    // A board that had its power anew has another clock, whatever number it has drawn for
+                    // its boot.
+                    self.clock = DeviceClock::default();
+                    return self.greet_until(interrupt);
+                }
+                Err(error) if self.now() > end => return Err(self.lost(&error)),
+                Err(_) => std::thread::sleep(LOOK),
+            }
+        }
+    }
+}
+
+impl Drop for Link {
+    /// Whatever ended this, no current goes on: the board would end it by itself after 100 ms. A board
+    /// that was not armed here is left as it is.
+    fn drop(&mut self) {
+        if self.has_armed {
+            let _ = self.send(&Command::Disarm);
+        }
+    }
+}

@@ -1,0 +1,146 @@
+//! `palpate bring-up`: on a first board, settle what sources disagree about.
+
+mod converter;
+mod link;
+mod tests;
+
+use std::io::{self, Write};
+use std::path::PathBuf;
+
+use clap::Args;
+use comfy_table::Table;
+use comfy_table::presets::NOTHING;
+use converter::Converter;
+use ldc161x_sim::{Settings, Switches};
+use link::Link;
+use palpate_cli::failure::Failure;
+use palpate_cli::notice;
+use palpate_cli::output::OutputFile;
+use palpate_cli::progress::Progress;
+use palpate_emulator::{EmulatedBoard, Options, Still};
+use serde::Serialize;
+use tests::Tests;
+
+use crate::board::image::{self, Program};
+use crate::board::switches;
+
+/// Settle on a board what sources disagree about in the converter, and write it as settings
+///
+/// Runs the tests of docs/bring-up.md, with the image bring_up on the board, and writes what they
+/// find as the switches of the simulated converter.
+#[derive(Args)]
+#[command(after_help = "\
+A board is reached through the server of its debug probe, at channel 0 of its RTT; \
+docs/bring-up.md has the command for OpenOCD. Its sensor has to rest, and its coil to be \
+without supply.
+
+`palpate chip --switches FILE.toml` runs the driver against a converter with these switches.
+
+Examples:
+  palpate bring-up --connect localhost:9090    # needs a probe
+  palpate bring-up --emulated --settings found.toml
+  palpate bring-up --emulated --switches found.toml")]
+pub(crate) struct Arguments {
+    /// The probe's server, as HOST:PORT
+    #[arg(
+        long,
+        value_name = "HOST:PORT",
+        required_unless_present = "emulated",
+        conflicts_with = "emulated"
+    )]
+    connect: Option<String>,
+    /// The emulated board instead
+    #[arg(long)]
+    emulated: bool,
+    #[command(flatten)]
+    image: image::Arguments,
+    /// Switches of the emulated board's converter, instead of the usual ones
+    #[arg(long, value_name = "FILE.toml", requires = "emulated")]
+    switches: Option<PathBuf>,
+    /// Ask on a board for a dip of the converter's supply, and see what it changes
+    #[arg(long, requires = "connect")]
+    dip: bool,
+    /// Where the switches that were found are written
+    #[arg(long, value_name = "FILE.toml", default_value = "bring-up.toml")]
+    settings: PathBuf,
+    /// Print JSON instead of a table
+    #[arg(long)]
+    json: bool,
+}
+
+/// A line of the JSON output.
+#[derive(Serialize)]
+struct TestLine<'t> {
+    simulated: bool,
+    test: &'t str,
+    found: &'t str,
+}
+
+/// The tests, for the bar.
+const TESTS: usize = 16;
+/// The emulated sensors at rest, Hz.
+const SENSORS_HZ: [f64; 4] = [3.1e6, 3.2e6, 3.3e6, 3.4e6];
+
+pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let settings = OutputFile::new("--settings", &arguments.settings)?;
+    let link = match &arguments.connect {
+        Some(address) => {
+            arguments.image.none_without("--emulated")?;
+            Link::connect(address)?
+        }
+        None => emulated(arguments)?,
+    };
+    let mut tests = Tests::new(Converter(link));
+    let progress = Progress::new(TESTS);
+    let ended = tests.run(arguments.dip, || progress.step());
+    progress.finish();
+    if ended.is_err() {
+        // What was found before the failure is half of its cause.
+        print(arguments, &tests)?;
+    }
+    ended?;
+    let text = switches::document(tests.switches)?;
+    print(arguments, &tests)?;
+    settings.write(text)?;
+    notice::say(format_args!("switches: {}", settings.path().display()));
+    Ok(())
+}
+
+fn emulated(arguments: &Arguments) -> Result<Link, Failure> {
+    let switches = match &arguments.switches {
+        Some(file) => switches::read(file)?,
+        None => Switches::default(),
+    };
+    let (_, image) = arguments.image.load(Program::BringUp)?;
+    let settings = Settings {
+        switches,
+        ..Settings::default()
+    };
+    let plant = Still::new(SENSORS_HZ);
+    let board = EmulatedBoard::new(&image, plant, settings, Options::default());
+    Ok(Link::Emulated(Box::new(board)))
+}
+
+fn print(arguments: &Arguments, tests: &Tests) -> Result<(), Failure> {
+    let mut out = io::stdout().lock();
+    if arguments.json {
+        for finding in &tests.findings {
+            let line = TestLine {
+                simulated: arguments.emulated,
+                test: finding.test,
+                found: &finding.found,
+            };
+            writeln!(out, "{}", serde_json::to_string(&line)?)?;
+        }
+        return Ok(());
+    }
+    let mut table = Table::new();
+    table.load_style(NOTHING);
+    for finding in &tests.findings {
+        table.add_row([finding.test, &finding.found]);
+    }
+    if arguments.emulated {
+        writeln!(out, "simulated converter on the emulated board")?;
+    }
+    Ok(writeln!(out, "{table}")?)
+}

@@ -1,0 +1,83 @@
+//! `palpate campaign`: rows of presses as Parquet.
+
+use palpate_cli::failure::Failure;
+use palpate_simulate::campaign::{self, Arguments};
+use serde_json::Value;
+
+use crate::recording::parquet_file::{Head, Kind, ParquetFile};
+
+/// The columns, in the order of a row's fields.
+const HEADS: [Head<'_>; 13] = [
+    head("seed", Kind::Integer(64), ""),
+    head("world", Kind::Text, ""),
+    head("load", Kind::Text, ""),
+    head("true_N_per_m", Kind::Double, "N/m"),
+    head("estimate_N_per_m", Kind::Double, "N/m"),
+    head("lower_N_per_m", Kind::Double, "N/m"),
+    head("upper_N_per_m", Kind::Double, "N/m"),
+    head("load_ratio", Kind::Double, "1"),
+    head("load_ratio_standard_error", Kind::Double, "1"),
+    head("reduced_chi_square", Kind::Double, "1"),
+    head("two_state_N_per_m", Kind::Double, "N/m"),
+    head("covered", Kind::Bool, ""),
+    head("reason", Kind::Text, ""),
+];
+
+const fn head(name: &'static str, kind: Kind, unit: &'static str) -> Head<'static> {
+    Head {
+        name,
+        kind,
+        unit,
+        optional: true,
+    }
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    campaign::run(arguments, Some(parquet))
+}
+
+/// The bytes of a file.
+fn parquet(rows: &[Value]) -> Result<Vec<u8>, String> {
+    let mut file = ParquetFile::begin(Vec::new(), "press", &HEADS).map_err(text)?;
+    for row in rows {
+        let cell = |head: &Head<'_>| row.get(head.name).filter(|cell| !cell.is_null()).cloned();
+        file.add(HEADS.iter().map(cell).collect::<Vec<Option<Value>>>())
+            .map_err(text)?;
+    }
+    file.finish().map_err(text)
+}
+
+fn text(error: impl ToString) -> String {
+    error.to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::Write;
+
+    use parquet::file::reader::{FileReader, SerializedFileReader};
+    use parquet::record::RowAccessor;
+    use serde_json::json;
+
+    #[test]
+    fn rows_are_read_back_with_their_units() {
+        let row =
+            json!({"seed": u64::MAX, "true_N_per_m": 2_500.062_5, "covered": true, "reason": null});
+        let file = super::parquet(&[row]).unwrap();
+        let mut written = tempfile::tempfile().unwrap();
+        written.write_all(&file).unwrap();
+        let reader = SerializedFileReader::new(written).unwrap();
+        let rows: Vec<_> = reader.get_row_iter(None).unwrap().collect();
+        assert_eq!(rows.len(), 1);
+        let row = rows[0].as_ref().unwrap();
+        assert_eq!(row.get_ulong(0).unwrap(), u64::MAX);
+        assert_eq!(row.get_double(3).unwrap(), 2_500.062_5);
+        assert!(row.get_bool(11).unwrap());
+        assert!(row.get_string(12).is_err());
+        let metadata = reader.metadata().file_metadata();
+        let mut units = metadata.key_value_metadata().unwrap().iter();
+        let units = units.find(|of| of.key == "units").unwrap();
+        let units = units.value.as_ref().unwrap();
+        assert!(units.contains("\"true_N_per_m\":\"N/m\""));
+    }
+}

@@ -1,0 +1,425 @@
+//! `palpate chip`: the driver against the simulated chip, readings streamed.
+
+use std::{
+    cell::RefCell,
+    f64::consts::PI,
+    io::{self, Write},
+    path::PathBuf,
+};
+
+use clap::{Args, ValueEnum};
+use ldc161x::{
+    Address, Code28, Configuration, Error, Frame, InterruptRelease, Ldc161x, Plan, Quality, Reading,
+};
+use ldc161x_sim::{
+    Bus, Chip, ChipFault, Conversions, Counter, Delay, ExternalClock, FaultEvent, IntbPin, Lost,
+    PartNumber, Sensors, Settings, ShutdownPin, Switches, Time,
+};
+use palpate_cli::failure::Failure;
+use palpate_cli::notice;
+use palpate_design::plan_ldc::{self, PlannedBoard, Release};
+use serde::Serialize;
+
+use crate::board::switches;
+
+/// Run the driver against the simulated chip and stream its readings.
+///
+/// Simulated data: nothing here was measured. The sensors sweep slowly through the upper half of
+/// their range, so that each reading can be compared with the true frequency beside it.
+#[derive(Args)]
+#[command(after_help = "\
+Each line is one reading; with --json one JSON object a line. Exit code 1 when the driver cannot \
+go on; errors and recoveries are reported on standard error.
+
+Examples:
+  palpate chip --channels 0-3 --rate 500 --frames 20
+  palpate chip --rate 1000 --frames 2000 --fault brown-out --json > readings.jsonl")]
+pub(crate) struct Arguments {
+    #[command(flatten)]
+    board: PlannedBoard,
+    /// Frames to read
+    #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u32).range(1..=10_000_000))]
+    frames: u32,
+    /// Seed of the simulation: same seed, same bytes
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// How this chip counts
+    #[arg(long, value_enum, default_value = "two-gates")]
+    counter: CounterKind,
+    /// Switches of the chip as `palpate bring-up` writes them
+    #[arg(long, value_name = "FILE.toml", conflicts_with_all = ["release", "counter"])]
+    switches: Option<PathBuf>,
+    /// A fault, halfway through
+    #[arg(long, value_enum)]
+    fault: Option<FaultKind>,
+    /// Read every word twice
+    #[arg(long)]
+    twice: bool,
+    /// Print JSON lines
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum CounterKind {
+    TwoGates,
+    HalfPeriods,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum FaultKind {
+    /// The supply dips and every register is lost
+    BrownOut,
+    /// The chip does not acknowledge for 5 ms
+    Nack,
+    /// SDA is stuck low for 5 ms
+    SdaStuck,
+    /// The reference clock stops for 5 ms
+    ClockLoss,
+    /// The chip is gone for good
+    Absent,
+}
+
+impl Arguments {
+    /// The switches of the simulated chip.
+    fn switches(&self) -> Result<Switches, Failure> {
+        if let Some(file) = &self.switches {
+            return switches::read(file);
+        }
+        Ok(Switches {
+            interrupt_release: match self.board.release {
+                Release::Status => ldc161x_sim::InterruptRelease::StatusOnly,
+                Release::Data => ldc161x_sim::InterruptRelease::StatusOrData,
+            },
+            counter: match self.counter {
+                CounterKind::TwoGates => Counter::TwoGates,
+                CounterKind::HalfPeriods => Counter::HalfPeriods,
+            },
+            ..Switches::default()
+        })
+    }
+}
+
+impl FaultKind {
+    fn event(self, at: Time) -> FaultEvent {
+        let passing = Time::from_ms(5);
+        match self {
+            Self::BrownOut => FaultEvent::at(at, ChipFault::BrownOut(Lost::Everything), passing),
+            Self::Nack => FaultEvent::at(at, ChipFault::Nack { after_bytes: 0 }, passing),
+            Self::SdaStuck => FaultEvent::at(at, ChipFault::SdaStuck { clocks: None }, passing),
+            Self::ClockLoss => FaultEvent::at(at, ChipFault::ClockLoss, passing),
+            Self::Absent => FaultEvent::from(at, ChipFault::Absent),
+        }
+    }
+}
+
+/// Where the simulated comparator's falling edge is. The driver's configuration states it, as that of a
+/// calibrated board does.
+const COMPARATOR_DUTY: f32 = 0.29;
+/// The sensors sweep between the middle and the top of their range in this time, at the shortest.
+const SWEEP_S: f64 = 1.618_034;
+/// By how much of the stated uncertainty a sensor moves in a third of its period, at most. So far apart,
+/// at times, are the mean between the edges that are counted and that of the whole conversion.
+const MOTION: f64 = 0.2;
+/// Recoveries tried in a row before the verb gives up: 50 of 5 ms and more, a quarter of a second.
+const RECOVERIES: u32 = 50;
+/// The bus master gives up on a line that stays low after this time, some transfers' length.
+const BUS_DEADLINE: Time = Time::from_ms(1);
+/// Registers are compared one by one, one after each of so many frames, where the bus has the time:
+/// 48 bit times, and 20 us of the master for both transfers.
+const FRAMES_PER_CANARY: u32 = 8;
+const CANARY_BITS: u64 = 48;
+const CANARY_MASTER_NS: u64 = 20_000;
+
+/// Coils that sweep slowly, as a sine does: steps of the same size from reading to reading would meet
+/// the same rounding again and again.
+#[derive(Clone)]
+struct Coils {
+    lowest_hz: f64,
+    highest_hz: f64,
+    sweep_s: f64,
+    resistance_ohm: f64,
+    quality_factor: f64,
+}
+
+impl Sensors for Coils {
+    fn frequency_hz(&self, channel: usize, time_s: f64) -> f64 {
+        let turns = time_s / self.sweep_s + 0.25 * (1 + channel) as f64;
+        let share = 0.75 + 0.25 * (PI * turns).cos();
+        self.lowest_hz + share * (self.highest_hz - self.lowest_hz)
+    }
+
+    fn parallel_resistance_ohm(&self, _channel: usize, _time_s: f64) -> f64 {
+        self.resistance_ohm
+    }
+
+    fn quality_factor(&self, _channel: usize, _time_s: f64) -> f64 {
+        self.quality_factor
+    }
+}
+
+/// One reading beside the truth.
+#[derive(Serialize)]
+struct ReadingLine {
+    simulated: bool,
+    /// End of the conversion less half its length, since the start of the simulation.
+    time_s: f64,
+    frame: u32,
+    channel: u8,
+    word: String,
+    frequency_hz: f64,
+    sigma_hz: f32,
+    /// Mean of the sensor's true frequency over the conversion.
+    true_hz: f64,
+    m: u32,
+    n: u32,
+    residual_lsb: f32,
+    /// Nothing for a sensor too slow to be judged.
+    plausible: Option<bool>,
+    quality: Quality,
+    gap: bool,
+    drive_step: bool,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let switches = arguments.switches()?;
+    let mut request = arguments.board.request(match switches.interrupt_release {
+        ldc161x_sim::InterruptRelease::StatusOnly => Release::Status,
+        ldc161x_sim::InterruptRelease::StatusOrData => Release::Data,
+    });
+    request.read_twice = arguments.twice;
+    request.noise.comparator_duty = Some(COMPARATOR_DUTY);
+    let plan = request.plan().map_err(plan_ldc::refused)?;
+    let chip = RefCell::new(Chip::new(
+        settings(arguments, switches),
+        coils(&arguments.board, &plan),
+    ));
+    let mut session = Session::new(&chip, arguments, &plan);
+    if let Err(error) = session.start(&plan.configuration) {
+        // A chip may lose its registers at the first start.
+        session.recover(&error)?;
+    }
+    if let Some(fault) = arguments.fault {
+        let half_ns = plan.frame_period_ns * u64::from(arguments.frames) / 2;
+        let half_way = chip.borrow().now() + Time::from_us(half_ns / 1_000);
+        let scheduled = chip.borrow_mut().schedule(fault.event(half_way));
+        scheduled.map_err(|full| Failure::Refused(full.to_string()))?;
+    }
+    session.stream(arguments)
+}
+
+fn settings(arguments: &Arguments, switches: Switches) -> Settings {
+    let ideal = Settings::ideal();
+    let clock_hz = f64::from(arguments.board.external_clock_hz().unwrap_or(40_000_000));
+    Settings {
+        part: match arguments.board.model() {
+            ldc161x::Model::Ldc1612 => PartNumber::Ldc1612,
+            ldc161x::Model::Ldc1614 => PartNumber::Ldc1614,
+        },
+        seed: arguments.seed,
+        external_clock: Some(ExternalClock::exact(clock_hz)),
+        conversions: Conversions {
+            noise_at_1ms: f64::from(arguments.board.noise),
+            falling_edge: f64::from(COMPARATOR_DUTY),
+            ..Conversions::default()
+        },
+        switches,
+        // No shift by the drive: the true frequency is the sensor's own.
+        ..ideal
+    }
+}
+
+fn coils(board: &PlannedBoard, plan: &Plan) -> Coils {
+    let [lowest_hz, highest_hz] = [board.sensor.0, board.sensor.1].map(f64::from);
+    let first = plan.configuration.acquisition.channels().next();
+    let scale = plan.configuration.scale(first.unwrap_or_default());
+    let code = Code28::new((highest_hz / scale.hz_per_lsb()) as u32);
+    let sigma = f64::from(scale.relative_sigma(code.unwrap_or(Code28::OVER_RANGE)));
+    let share_per_s = MOTION * sigma * 3.0 * lowest_hz;
+    let span = 0.5 * (highest_hz / lowest_hz - 1.0);
+    Coils {
+        lowest_hz,
+        highest_hz,
+        sweep_s: SWEEP_S.max(PI / 2.0 * span / share_per_s),
+        resistance_ohm: f64::from(board.resistance.1),
+        quality_factor: f64::from(board.quality),
+    }
+}
+
+/// Whether a register can be read between two frames.
+fn has_room(plan: &Plan, bus_hz: u32) -> bool {
+    let register_ns = CANARY_BITS * 1_000_000_000 / u64::from(bus_hz) + CANARY_MASTER_NS;
+    plan.frame_period_ns >= plan.frame_read_ns + register_ns
+}
+
+/// A driver with everything that it is wired to.
+struct Session<'a> {
+    chip: &'a RefCell<Chip<Coils>>,
+    driver: Ldc161x<Bus<'a, Coils>>,
+    interrupt: IntbPin<'a, Coils>,
+    shutdown: ShutdownPin<'a, Coils>,
+    delay: Delay<'a, Coils>,
+    bus: Bus<'a, Coils>,
+    /// What the driver has found of this chip.
+    release: InterruptRelease,
+    /// There is time for a register between two frames.
+    has_room: bool,
+}
+
+type DriverResult<T> = Result<T, Error<ldc161x_sim::I2cError>>;
+
+impl<'a> Session<'a> {
+    fn new(chip: &'a RefCell<Chip<Coils>>, arguments: &Arguments, plan: &Plan) -> Self {
+        let bus = || Bus::new(chip, arguments.board.bus).with_deadline(BUS_DEADLINE);
+        let mut driver = Ldc161x::new(bus(), arguments.board.model(), Address::AddrLow);
+        driver.set_read_twice(arguments.twice);
+        Self {
+            chip,
+            driver,
+            interrupt: IntbPin::new(chip),
+            shutdown: ShutdownPin::new(chip),
+            delay: Delay::new(chip),
+            bus: bus(),
+            release: InterruptRelease::default(),
+            has_room: has_room(plan, arguments.board.bus),
+        }
+    }
+
+    fn start(&mut self, configuration: &Configuration) -> DriverResult<()> {
+        self.driver.start(configuration)?;
+        self.probe()
+    }
+
+    fn probe(&mut self) -> DriverResult<()> {
+        self.release = self
+            .driver
+            .probe_interrupt_release(&mut self.interrupt, &mut self.delay)?;
+        Ok(())
+    }
+
+    fn next_frame(&mut self) -> DriverResult<Frame> {
+        self.driver
+            .wait_for_interrupt(&mut self.interrupt, &mut self.delay)?;
+        let frame = self.driver.read_frame()?;
+        if self.has_room && frame.number.is_multiple_of(FRAMES_PER_CANARY) {
+            self.driver.check_canary()?;
+        }
+        Ok(frame)
+    }
+
+    fn stream(&mut self, arguments: &Arguments) -> Result<(), Failure> {
+        let mut out = io::BufWriter::new(io::stdout().lock());
+        if !arguments.json {
+            writeln!(
+                out,
+                "simulated chip; interrupt released {}\n\n{:>10} {:>3} {:>14} {:>9} {:>9}  M/N  quality",
+                match self.release {
+                    InterruptRelease::ByStatusOnly => "by STATUS",
+                    InterruptRelease::ByData => "by data",
+                },
+                "time/ms",
+                "ch",
+                "frequency/Hz",
+                "sigma/Hz",
+                "error/Hz",
+            )?;
+        }
+        let mut frames = 0;
+        while frames < arguments.frames {
+            match self.next_frame() {
+                Ok(frame) => {
+                    self.print(&mut out, arguments.json, &frame)?;
+                    frames += 1;
+                }
+                Err(error) => {
+                    out.flush()?;
+                    self.recover(&error)?;
+                }
+            }
+        }
+        Ok(out.flush()?)
+    }
+
+    /// Nine clocks to free the bus, the SD pin, the configuration again.
+    fn recover(&mut self, error: &Error<ldc161x_sim::I2cError>) -> Result<(), Failure> {
+        let at = self.now_ms();
+        notice::say(format_args!("palpate: {at:.3} ms: {error}"));
+        for attempt in 1..=RECOVERIES {
+            // What the pulses achieve shows in the transfer that follows.
+            let _ = self.bus.clock_pulses(9);
+            let recovered = self
+                .driver
+                .recover_by_shutdown(&mut self.shutdown, &mut self.delay)
+                .and_then(|()| self.probe());
+            if recovered.is_ok() {
+                let ms = self.now_ms() - at;
+                notice::say(format_args!(
+                    "palpate: recovered after {ms:.3} ms, attempt {attempt}"
+                ));
+                return Ok(());
+            }
+        }
+        Err(Failure::Refused(format!(
+            "gave up after {RECOVERIES} recoveries; the first error was: {error}"
+        )))
+    }
+
+    fn now_ms(&self) -> f64 {
+        self.chip.borrow().now().as_secs_f64() * 1e3
+    }
+
+    fn print(&self, out: &mut impl Write, json: bool, frame: &Frame) -> Result<(), Failure> {
+        for reading in frame.readings() {
+            let Some(line) = self.line(frame, reading) else {
+                continue;
+            };
+            if json {
+                serde_json::to_writer(&mut *out, &line)?;
+                writeln!(out)?;
+            } else {
+                writeln!(
+                    out,
+                    "{:>10.3} {:>3} {:>14.2} {:>9.2} {:>+9.2}  {}  {:?}{}",
+                    line.time_s * 1e3,
+                    line.channel,
+                    line.frequency_hz,
+                    line.sigma_hz,
+                    line.frequency_hz - line.true_hz,
+                    match line.plausible {
+                        Some(true) => "yes",
+                        Some(false) => "no ",
+                        None => "-  ",
+                    },
+                    line.quality,
+                    if line.gap { ", gap before it" } else { "" },
+                )?;
+            }
+        }
+        Ok(())
+    }
+
+    /// The reading with the simulated chip's own record of the same conversion.
+    fn line(&self, frame: &Frame, reading: &Reading) -> Option<ReadingLine> {
+        let chip = self.chip.borrow();
+        let truth = chip.last_read(reading.channel.number())?;
+        let scale = self.driver.configuration()?.scale(reading.channel);
+        let ratio = scale.rational(reading.word.code());
+        Some(ReadingLine {
+            simulated: true,
+            time_s: truth.end.as_secs_f64() - 0.5 * scale.conversion_s(),
+            frame: frame.number,
+            channel: reading.channel.number(),
+            word: format!("{:#010x}", reading.word.bits()),
+            frequency_hz: reading.frequency_hz,
+            sigma_hz: reading.sigma_hz,
+            true_hz: truth.sensor_hz,
+            m: ratio.m,
+            n: ratio.n,
+            residual_lsb: ratio.residual_lsb,
+            plausible: ratio.plausible,
+            quality: reading.quality(),
+            gap: frame.marks.gap,
+            drive_step: frame.marks.drive_step,
+        })
+    }
+}

@@ -1,0 +1,131 @@
+//! `palpate doctor`: what is wrong with a board, or with the way to it.
+
+mod examination;
+mod findings;
+
+use std::io::{self, Write};
+
+use clap::Args;
+use examination::Examination;
+use palpate_cli::failure::Failure;
+use palpate_cli::finding::Finding;
+use palpate_wire::Command;
+use palpate_wire::code::{FaultCode, Outcome};
+use palpate_wire::command::ClearFault;
+use serde::Serialize;
+
+use crate::board::link::{self, Link};
+
+/// Find out what is wrong with a board, or with the way to it
+///
+/// Connects, listens for two seconds, disarms the board, and asks for its storage and calibration. It sets and
+/// stores nothing.
+#[derive(Args)]
+#[command(after_help = "\
+Prints each finding with its cause and what to do. Exit code 0 if nothing is wrong, 1 otherwise.
+
+A board reports a fault when it begins. One that began earlier is found to stand, and --clear finds out \
+which: it clears the fault, and says whether it comes again.
+
+Examples:
+  palpate doctor
+  palpate doctor --board emulated --json")]
+pub(crate) struct Arguments {
+    #[command(flatten)]
+    link: link::Arguments,
+    /// Clear the fault that stands, and see whether it comes again
+    #[arg(long)]
+    clear: bool,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// The JSON output.
+#[derive(Serialize)]
+struct Report {
+    /// Where the board is; absent if none was reached.
+    board: Option<String>,
+    /// The fault that was cleared.
+    cleared: Option<FaultCode>,
+    findings: Vec<Finding>,
+}
+
+impl Report {
+    const fn of(board: Option<String>, findings: Vec<Finding>) -> Self {
+        Self {
+            board,
+            cleared: None,
+            findings,
+        }
+    }
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let report = report(arguments)?;
+    print(&report, arguments.json)?;
+    match report.findings.len() {
+        0 => Ok(()),
+        1 => Err(Failure::Refused("1 finding".to_owned())),
+        several => Err(Failure::Refused(format!("{several} findings"))),
+    }
+}
+
+fn report(arguments: &Arguments) -> Result<Report, Failure> {
+    let mut link = match arguments.link.open() {
+        Ok(link) => link,
+        Err(Failure::Unconnected(finding)) => return Ok(Report::of(None, vec![finding])),
+        Err(other) => return Err(other),
+    };
+    let board = Some(link.name().to_owned());
+    Ok(match examined(&mut link, arguments.clear) {
+        Ok((cleared, examination)) => Report {
+            cleared,
+            ..Report::of(board, findings::of(&examination))
+        },
+        Err(failure) => Report::of(board, vec![Finding::of(failure)]),
+    })
+}
+
+/// Examines a board; the fault that was cleared, and what it says then.
+fn examined(link: &mut Link, clears: bool) -> Result<(Option<FaultCode>, Examination), Failure> {
+    let examination = Examination::of(link)?;
+    if !clears || !examination.is_faulted() {
+        return Ok((None, examination));
+    }
+    let cleared = clear(link)?;
+    Ok((cleared, Examination::of(link)?))
+}
+
+/// Clears the fault that stands; which one it was. None if it cannot be cleared.
+fn clear(link: &mut Link) -> Result<Option<FaultCode>, Failure> {
+    for &code in FaultCode::ALL {
+        let (_, outcome) = link.ask(&Command::ClearFault(ClearFault { code }))?;
+        if outcome == Outcome::Accepted {
+            // The records of it have been seen.
+            link.take();
+            return Ok(Some(code));
+        }
+    }
+    Ok(None)
+}
+
+fn print(report: &Report, json: bool) -> Result<(), Failure> {
+    let mut out = io::stdout().lock();
+    if json {
+        return Ok(writeln!(out, "{}", serde_json::to_string(report)?)?);
+    }
+    if let Some(code) = report.cleared {
+        writeln!(out, "{code} stood and was cleared.")?;
+    }
+    for finding in &report.findings {
+        writeln!(out, "{}", finding.finding)?;
+        writeln!(out, "  Cause:  {}.", finding.cause.trim_end_matches('.'))?;
+        writeln!(out, "  Action: {}.", finding.action.trim_end_matches('.'))?;
+    }
+    if report.findings.is_empty() {
+        let board = report.board.as_deref().unwrap_or_default();
+        writeln!(out, "{board}: nothing is wrong.")?;
+    }
+    Ok(())
+}

@@ -1,0 +1,113 @@
+//! The measurements of a board, as long as the tool runs.
+
+use std::collections::VecDeque;
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use palpate_cli::describe;
+use palpate_cli::describe::limited_by;
+use palpate_wire::Record;
+use palpate_wire::record::UncertaintyBudget;
+use serde::Serialize;
+
+use crate::commands::watch::known::Outcome;
+
+/// Measurements that are kept: an hour of one every 7 s.
+const KEPT: usize = 500;
+
+/// A measurement and what it came to.
+#[derive(Debug, Serialize)]
+struct Measurement {
+    /// When it came.
+    time_ms: u64,
+    /// Its number since the start of the board.
+    number: u32,
+    outcome: Outcome,
+    /// The greatest cause of its interval, and what would narrow it, where the board said that.
+    limited_by: Option<String>,
+}
+
+impl Measurement {
+    /// What a record reports, if it ends a measurement.
+    fn of(record: &Record) -> Option<Self> {
+        let (number, outcome) = match record {
+            Record::Estimate(estimate) => {
+                let outcome = Outcome::Estimate(Box::new(estimate.clone()));
+                (estimate.measurement, outcome)
+            }
+            Record::Refusal(refusal) => (
+                refusal.measurement,
+                Outcome::Refusal(describe::refusal(refusal)),
+            ),
+            _ => return None,
+        };
+        Some(Self {
+            time_ms: now_ms(),
+            number,
+            outcome,
+            limited_by: None,
+        })
+    }
+}
+
+/// The last measurements, the oldest first.
+#[derive(Debug, Default, Serialize)]
+#[serde(transparent)]
+pub(super) struct Measurements {
+    ended: VecDeque<Measurement>,
+    /// What the interval of the next one is made of.
+    #[serde(skip)]
+    budget: Option<UncertaintyBudget>,
+}
+
+impl Measurements {
+    /// Takes a record; whether it ends a measurement.
+    pub(super) fn take(&mut self, record: &Record) -> bool {
+        if let Record::UncertaintyBudget(budget) = record {
+            self.budget = Some(budget.clone());
+        }
+        let Some(mut measurement) = Measurement::of(record) else {
+            return false;
+        };
+        measurement.limited_by = self.budget.take().as_ref().map(limited_by);
+        if self.ended.len() == KEPT {
+            self.ended.pop_front();
+        }
+        self.ended.push_back(measurement);
+        true
+    }
+}
+
+/// Time since 1970, ms.
+pub(super) fn now_ms() -> u64 {
+    let since = SystemTime::now().duration_since(UNIX_EPOCH);
+    since.map_or(0, |since| since.as_millis() as u64)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::commands::watch::tests::fixture;
+
+    #[test]
+    fn a_refusal_stands_beside_the_estimate_before_it() {
+        let mut measurements = Measurements::default();
+        assert!(!measurements.take(&fixture("uncertainty_budget")));
+        assert!(measurements.take(&fixture("estimate")));
+        assert!(measurements.take(&fixture("refusal")));
+        assert!(!measurements.take(&fixture("hello")));
+        let listed = serde_json::to_value(&measurements).unwrap();
+        assert_eq!(listed[0]["number"], 1);
+        assert_eq!(
+            listed[0]["outcome"]["estimate"]["stiffness_n_per_m"],
+            6010.0
+        );
+        let limited_by = listed[0]["limited_by"].as_str().unwrap();
+        assert!(limited_by.contains("+4.9 K"), "{limited_by}");
+        assert!(listed[1]["limited_by"].is_null(), "{listed}");
+        assert!(listed[1]["outcome"]["refusal"].is_string(), "{listed}");
+        for _ in 0..KEPT {
+            measurements.take(&fixture("refusal"));
+        }
+        assert_eq!(measurements.ended.len(), KEPT);
+    }
+}

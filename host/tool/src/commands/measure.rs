@@ -1,0 +1,238 @@
+//! `palpate measure`: the stiffness of what is pressed upon a board's sensor.
+
+use std::io::{self, Write};
+use std::time::Duration;
+
+use clap::Args;
+use palpate_cli::describe;
+use palpate_cli::describe::stiffness;
+use palpate_cli::describe::{budget_of, limited_by};
+use palpate_cli::failure::Failure;
+use palpate_cli::notice;
+use palpate_cli::quantity;
+use palpate_wire::code::State;
+use palpate_wire::record::Estimate;
+use palpate_wire::{Command, Record};
+use serde::Serialize;
+
+use crate::board::link::{self, Link, Run};
+
+/// Measure the stiffness of what is pressed upon a board's sensor
+///
+/// Arms the board, waits for a contact, and drives one train of ramps. The board has to be calibrated:
+/// `palpate calibrate sensor`.
+#[derive(Args)]
+#[command(after_help = "\
+Lift off first: the board learns what the untouched sensor reads for half a second. Then press, and \
+hold still for about a second.
+
+With --json, a line for each measurement. Exit code 1 if the board refuses one; the reason is printed. \
+Of a recording, the measurements in it are printed.
+
+Examples:
+  palpate measure
+  palpate measure --board emulated --load 1.5
+  palpate measure --board press.mcap")]
+pub(crate) struct Arguments {
+    #[command(flatten)]
+    link: link::Arguments,
+    /// What the emulated board presses: a spring of this multiple of the sensing layer's nominal
+    /// stiffness
+    #[arg(long, value_name = "RATIO", value_parser = quantity::load, allow_negative_numbers = true)]
+    load: Option<f64>,
+    /// How many measurements
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
+    times: u32,
+    /// Longest that is waited for a contact, s
+    #[arg(long, value_name = "SECONDS", default_value = "60", value_parser = quantity::duration, allow_negative_numbers = true)]
+    wait: Duration,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// How much of a recording is taken at once.
+const PLAYED: Duration = Duration::from_millis(10);
+/// What the emulated board presses where nothing is said, in units of the sensing layer's stiffness.
+const USUAL_LOAD: f64 = 1.0;
+/// Baseline and the coil's test, s.
+const ARMING_S: f64 = 5.0;
+/// A press has to settle, the coil to be tested, the train to end: longest that is waited, s.
+const RESULT_S: f64 = 90.0;
+
+/// A line of the JSON output.
+#[derive(Serialize)]
+struct Line {
+    simulated: bool,
+    measurement: u32,
+    /// Absent for a load that cannot be distinguished from a rigid one.
+    stiffness_n_per_m: Option<f32>,
+    lower_n_per_m: f32,
+    /// Absent where there is none.
+    upper_n_per_m: Option<f32>,
+    force_n: f32,
+    total_displacement_m: f32,
+    temperature_c: Option<f32>,
+    configuration_crc: u32,
+    /// The greatest cause of the interval, and what would narrow it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    limited_by: Option<String>,
+    /// Of a simulated load, with what it stands on.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    true_n_per_m: Option<f64>,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let usual = arguments.link.is_emulated().then_some(USUAL_LOAD);
+    let load = arguments.load.or(usual);
+    let mut link = arguments.link.open_pressed(Run::AsFastAsItCan, load)?;
+    if link.is_recording() {
+        return measured_before(arguments, &mut link);
+    }
+    let configuration_crc = link.hello().map_or(0, |hello| hello.configuration_crc);
+    arm(&mut link)?;
+    for _ in 0..arguments.times {
+        if usual.is_none() {
+            notice::say("Press the object upon the sensor, and hold still.");
+        }
+        let estimate = measured(&mut link, arguments.wait)?;
+        let simulated = arguments.link.is_simulated(&link);
+        let line = Line {
+            limited_by: budget_of(records_of(&link), estimate.measurement).map(limited_by),
+            true_n_per_m: truth(&mut link),
+            ..Line::of(&estimate, simulated, configuration_crc)
+        };
+        print(&line, arguments.json)?;
+    }
+    link.must(&Command::Disarm)?;
+    Ok(())
+}
+
+/// Arms the board, and waits until it watches for a contact.
+pub(crate) fn arm(link: &mut Link) -> Result<(), Failure> {
+    link.must(&Command::Disarm)?;
+    link.must(&Command::Arm)?;
+    let is_touched = link.wait_for(ARMING_S, "end of the coil's test", |record| match record {
+        Record::State(change) => match change.state {
+            State::Watching => Some(false),
+            State::Contact => Some(true),
+            _ => None,
+        },
+        _ => None,
+    })?;
+    if is_touched {
+        notice::say("Something touches the sensor already. Lift it.");
+    }
+    Ok(())
+}
+
+impl Line {
+    fn of(estimate: &Estimate, simulated: bool, configuration_crc: u32) -> Self {
+        Self {
+            simulated,
+            measurement: estimate.measurement,
+            stiffness_n_per_m: estimate.stiffness_n_per_m,
+            lower_n_per_m: estimate.lower_n_per_m,
+            upper_n_per_m: estimate.upper_n_per_m,
+            force_n: estimate.force_n,
+            total_displacement_m: estimate.total_displacement_m,
+            temperature_c: estimate.temperature_c,
+            configuration_crc,
+            limited_by: None,
+            true_n_per_m: None,
+        }
+    }
+}
+
+/// The measurements of a recording, as they came; a refusal is said, and is no failure of this one.
+fn measured_before(arguments: &Arguments, link: &mut Link) -> Result<(), Failure> {
+    let mut estimates = 0;
+    let mut cause = None;
+    while let Ok(()) = link.listen(PLAYED) {
+        let configuration_crc = link.hello().map_or(0, |hello| hello.configuration_crc);
+        let simulated = arguments.link.is_simulated(link);
+        for (_, record) in link.take_records() {
+            match record {
+                Record::UncertaintyBudget(budget) => cause = Some(limited_by(&budget)),
+                Record::Estimate(estimate) => {
+                    estimates += 1;
+                    let line = Line {
+                        limited_by: cause.take(),
+                        ..Line::of(&estimate, simulated, configuration_crc)
+                    };
+                    print(&line, arguments.json)?;
+                }
+                Record::Refusal(refusal) => notice::say(describe::refusal(&refusal)),
+                _ => {}
+            }
+        }
+    }
+    if estimates == 0 {
+        return Err(Failure::Refused(format!(
+            "{}: there is no estimate in it. `palpate record --arm` makes a recording with measurements",
+            link.name()
+        )));
+    }
+    Ok(())
+}
+
+/// One measurement, of the next contact.
+pub(crate) fn measured(link: &mut Link, wait: Duration) -> Result<Estimate, Failure> {
+    link.take();
+    link.wait_for(
+        wait.as_secs_f64(),
+        "contact: nothing touches the sensor",
+        |record| match record {
+            Record::State(change) if change.state == State::Contact => Some(()),
+            _ => None,
+        },
+    )?;
+    link.take();
+    // A board that measures at every contact has begun already, and says so.
+    link.ask(&Command::Measure)?;
+    let result = link.wait_for(RESULT_S, "result", |record| match record {
+        Record::Estimate(estimate) => Some(Ok(estimate.clone())),
+        Record::Refusal(refusal) => Some(Err(refusal.clone())),
+        _ => None,
+    })?;
+    result.map_err(|refusal| {
+        let cause = budget_of(records_of(link), refusal.measurement).map(limited_by);
+        let cause = cause.map_or(String::new(), |text| format!(". {text}"));
+        Failure::Refused(describe::refusal(&refusal) + &cause)
+    })
+}
+
+fn records_of(link: &Link) -> impl Iterator<Item = &Record> {
+    let arrivals = link.received().iter();
+    arrivals.map(|arrival| &arrival.frame.message)
+}
+
+/// What the simulated load truly has, with what it stands on; nothing of a real one.
+pub(crate) fn truth(link: &mut Link) -> Option<f64> {
+    let board = link.emulated()?;
+    let true_n_per_m = board.world_mut().truth().load_spring_n_per_m;
+    true_n_per_m.is_finite().then_some(true_n_per_m)
+}
+
+fn print(line: &Line, json: bool) -> Result<(), Failure> {
+    let mut out = io::stdout().lock();
+    if json {
+        return Ok(writeln!(out, "{}", serde_json::to_string(line)?)?);
+    }
+    let of = |n_per_m: Option<f32>| n_per_m.map(f64::from).map_or("rigid".to_owned(), stiffness);
+    let measured = of(line.stiffness_n_per_m);
+    let (lower, upper) = (of(Some(line.lower_n_per_m)), of(line.upper_n_per_m));
+    write!(
+        out,
+        "stiffness {measured}, 95 % between {lower} and {upper}, at {:.3} N",
+        line.force_n
+    )?;
+    if let Some(true_n_per_m) = line.true_n_per_m {
+        write!(out, "; simulated, truly {}", stiffness(true_n_per_m))?;
+    }
+    writeln!(out)?;
+    match &line.limited_by {
+        Some(cause) => Ok(writeln!(out, "  {cause}")?),
+        None => Ok(()),
+    }
+}

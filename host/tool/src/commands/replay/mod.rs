@@ -1,0 +1,167 @@
+//! `palpate replay`: the estimates of a recording, computed again.
+
+mod agreement;
+#[cfg(test)]
+mod tests;
+
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+use agreement::Agreement;
+use clap::Args;
+use palpate_cli::failure::Failure;
+use palpate_cli::notice;
+use palpate_sim::replay::{InForce, Replay};
+use palpate_wire::{Command, Record, configuration_crc};
+use serde::Serialize;
+
+use crate::board::configuration::setting;
+use crate::recording::{BOOT, Entry, Note, Reader};
+
+/// Compute the estimates of recordings again, and compare them
+///
+/// Contact, deformation, force and stiffness with its interval are computed again from the recorded
+/// conversions by the firmware's own code, and compared with what the board sent, bit by bit.
+#[derive(Args)]
+#[command(after_help = "\
+A replay begins where the board has learnt the untouched sensor anew: after a release, or at the \
+beginning of a recording with --arm. It pauses where records are missing. What it passes over is counted \
+with the reason.
+
+Exit code 1 if anything differs, of which the first is named, or nothing could be compared.
+
+Examples:
+  palpate replay press.mcap
+  palpate replay --json monday/*.mcap")]
+pub(crate) struct Arguments {
+    /// The recordings
+    #[arg(value_name = "FILE.mcap", required = true)]
+    files: Vec<PathBuf>,
+    /// Print JSON, a line for each recording
+    #[arg(long)]
+    json: bool,
+}
+
+/// What was found of a recording.
+#[derive(Serialize)]
+struct Line {
+    file: String,
+    /// Why it ends before its end.
+    damage: Option<String>,
+    #[serde(flatten)]
+    agreement: Agreement,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let mut differing = Vec::new();
+    let mut passed_over = Vec::new();
+    for file in &arguments.files {
+        let (agreement, damage) = replayed(file)?;
+        if !agreement.has_replayed() {
+            passed_over.push(file.display().to_string());
+        }
+        if agreement.first_difference().is_some() {
+            differing.push(file.display().to_string());
+        }
+        let line = Line {
+            file: file.display().to_string(),
+            damage,
+            agreement,
+        };
+        print(&line, arguments.json)?;
+    }
+    if differing.is_empty() && passed_over.is_empty() {
+        return Ok(());
+    }
+    if differing.is_empty() {
+        return Err(Failure::Refused(format!(
+            "{}: nothing of it could be compared. Record with --arm, from before the first touch",
+            passed_over.join(", ")
+        )));
+    }
+    Err(Failure::Refused(format!(
+        "{}: the replay differs from what the board sent. The board has another version of the firmware \
+         than this tool, or a fault of its memory: compare the versions with `palpate info`",
+        differing.join(", ")
+    )))
+}
+
+/// Replays a file; says too why it ends before its end.
+fn replayed(file: &Path) -> Result<(Agreement, Option<String>), Failure> {
+    let mut reader = Reader::open(file)?;
+    let mut replay = Replay::default();
+    // The first of each boot is in force from its beginning, wherever it stands in the file.
+    for note in Reader::boot_notes(file)?.iter().rev() {
+        configure(&mut replay, note);
+    }
+    let mut agreement = Agreement::default();
+    for entry in &mut reader {
+        match entry {
+            Entry::Note(note) => configure(&mut replay, &note),
+            Entry::Frame(recorded) => agreement.enter(&replay.take(&recorded.frame)),
+            Entry::Log(_) => {}
+        }
+    }
+    agreement.enter(&replay.finish());
+    reader.refuse_empty(file)?;
+    let damage = reader.damage();
+    if let Some(damage) = &damage {
+        notice::say(format_args!("{}: {damage}.", file.display()));
+    }
+    Ok((agreement, damage))
+}
+
+/// Enters what a note says is in force.
+fn configure(replay: &mut Replay, note: &Note) {
+    if let Some((boot_id, in_force)) = in_force(note) {
+        replay.configure(boot_id, in_force);
+    }
+}
+
+/// What a note says is in force; nothing if it is none about that, or lacks a part.
+fn in_force(note: &Note) -> Option<(u32, InForce)> {
+    if note.name != BOOT {
+        return None;
+    }
+    let field = |name| note.fields.get(name);
+    let boot_id = field("boot_id")?.parse().ok()?;
+    let Record::Hello(hello) = serde_json::from_str(field("hello")?).ok()? else {
+        return None;
+    };
+    let Record::Settings(settings) = serde_json::from_str(field("settings")?).ok()? else {
+        return None;
+    };
+    let Record::Storage(storage) = serde_json::from_str(field("storage")?).ok()? else {
+        return None;
+    };
+    let parts: Vec<Record> = serde_json::from_str(field("calibration")?).ok()?;
+    let calibration: Vec<Command> = parts.into_iter().filter_map(setting).collect();
+    // A part may have been lost on the way. Settings that were never set are not in the CRC.
+    let settings_too = [Command::SetSettings(settings.clone())];
+    let with_settings: Vec<Command> = settings_too
+        .into_iter()
+        .chain(calibration.clone())
+        .collect();
+    let is_whole = [&calibration, &with_settings]
+        .into_iter()
+        .any(|commands| configuration_crc(commands) == storage.in_force_crc);
+    is_whole.then_some(())?;
+    let in_force = InForce {
+        hello,
+        settings,
+        calibration,
+    };
+    Some((boot_id, in_force))
+}
+
+fn print(line: &Line, json: bool) -> Result<(), Failure> {
+    let mut out = io::stdout().lock();
+    if json {
+        return Ok(writeln!(out, "{}", serde_json::to_string(line)?)?);
+    }
+    writeln!(out, "{}", line.file)?;
+    for sentence in line.agreement.sentences() {
+        writeln!(out, "  {sentence}")?;
+    }
+    Ok(())
+}

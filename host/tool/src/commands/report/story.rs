@@ -1,0 +1,158 @@
+//! What the report shows of a recording.
+
+use std::collections::HashMap;
+use std::path::Path;
+
+use palpate_cli::describe::limited_by;
+use palpate_cli::failure::Failure;
+use palpate_cli::notice;
+use palpate_wire::Record;
+use palpate_wire::record::{Estimate, LoadPoint, Refusal, Sample};
+
+use crate::recording::date::NS_PER_S;
+use crate::recording::{ABOUT, BOOT, Contents, Entry, Note, Reader, Recorded};
+use crate::train_line::{Line, Train};
+
+/// How long before a measurement is shown, s: from before the touch on, where the press is that short.
+const BEFORE_S: f64 = 3.0;
+/// And after it, s.
+const AFTER_S: f64 = 0.5;
+
+/// A recording, as far as it is shown.
+pub(super) struct Story {
+    pub(super) file: String,
+    /// Which board it was.
+    pub(super) board: String,
+    pub(super) contents: Contents,
+    /// Samples of the first converter: time since the first record, s.
+    pub(super) samples: Vec<(f64, Sample)>,
+    pub(super) measurements: Vec<Measurement>,
+}
+
+/// A measurement with its result.
+pub(super) struct Measurement {
+    /// Time of the result since the first record, s.
+    pub(super) at_s: f64,
+    pub(super) result: Result<Estimate, Refusal>,
+    /// The greatest cause of its interval, where the board said it.
+    pub(super) limited_by: Option<String>,
+    pub(super) line: Option<Line>,
+    pub(super) points: Vec<LoadPoint>,
+}
+
+impl Measurement {
+    /// The time that is shown of it, s.
+    pub(super) fn shows(&self, time_s: f64) -> bool {
+        (self.at_s - BEFORE_S..=self.at_s + AFTER_S).contains(&time_s)
+    }
+}
+
+/// Where the reading stands.
+#[derive(Default)]
+struct Reading {
+    /// Time of the first record, ns since 1970.
+    first_ns: Option<u64>,
+    /// Settings and calibration in force, by boots.
+    in_force: HashMap<u32, Vec<Record>>,
+    boot_id: Option<u32>,
+    train: Train,
+    /// The greatest cause of the next result's interval.
+    limited_by: Option<String>,
+}
+
+impl Story {
+    /// Reads a file.
+    pub(super) fn read(file: &Path) -> Result<Self, Failure> {
+        let mut story = Self {
+            file: file.display().to_string(),
+            board: String::new(),
+            contents: Contents::default(),
+            samples: Vec::new(),
+            measurements: Vec::new(),
+        };
+        let mut reader = Reader::open(file)?;
+        let mut reading = Reading::default();
+        // The first of each boot is in force from its beginning, wherever it stands in the file.
+        for note in Reader::boot_notes(file)?.iter().rev() {
+            story.note(note, &mut reading);
+        }
+        for entry in &mut reader {
+            story.contents.enter(&entry);
+            match entry {
+                Entry::Note(note) => story.note(&note, &mut reading),
+                Entry::Frame(recorded) => story.frame(recorded, &mut reading),
+                Entry::Log(_) => {}
+            }
+        }
+        reader.refuse_empty(file)?;
+        if let Some(damage) = reader.damage() {
+            notice::say(format_args!("{}: {damage}.", file.display()));
+        }
+        Ok(story)
+    }
+
+    fn note(&mut self, note: &Note, reading: &mut Reading) {
+        let field = |name| note.fields.get(name);
+        match note.name.as_str() {
+            ABOUT => self.board = field("board").cloned().unwrap_or_default(),
+            BOOT => {
+                let boot_id = field("boot_id").and_then(|text| text.parse().ok());
+                if let (Some(boot_id), Some(parts)) = (boot_id, in_force(note)) {
+                    reading.in_force.insert(boot_id, parts);
+                }
+            }
+            _ => {}
+        }
+    }
+
+    fn frame(&mut self, recorded: Recorded, reading: &mut Reading) {
+        let first_ns = *reading.first_ns.get_or_insert(recorded.device_ns);
+        let at_s = recorded.device_ns.saturating_sub(first_ns) as f64 / NS_PER_S as f64;
+        let boot_id = recorded.frame.header.boot_id;
+        if reading.boot_id.replace(boot_id) != Some(boot_id) {
+            let parts = reading.in_force.get(&boot_id);
+            reading.train = Train::with(parts.map_or(&[], Vec::as_slice));
+        }
+        let line = reading.train.take(at_s, &recorded.frame.message);
+        match recorded.frame.message {
+            Record::Sample(sample) if sample.sensor == 0 => self.samples.push((at_s, sample)),
+            Record::UncertaintyBudget(budget) => reading.limited_by = Some(limited_by(&budget)),
+            Record::Estimate(estimate) => {
+                self.ended(at_s, Ok(estimate), line, reading.limited_by.take())
+            }
+            Record::Refusal(refusal) => {
+                self.ended(at_s, Err(refusal), None, reading.limited_by.take())
+            }
+            Record::LoadPoint(point) => {
+                if let Some(last) = self.measurements.last_mut() {
+                    last.points.push(point);
+                }
+            }
+            _ => {}
+        }
+    }
+
+    fn ended(
+        &mut self,
+        at_s: f64,
+        result: Result<Estimate, Refusal>,
+        line: Option<Line>,
+        limited_by: Option<String>,
+    ) {
+        self.measurements.push(Measurement {
+            at_s,
+            result,
+            limited_by,
+            line,
+            points: Vec::new(),
+        });
+    }
+}
+
+/// Settings and calibration that a note says are in force.
+fn in_force(note: &Note) -> Option<Vec<Record>> {
+    let settings: Record = serde_json::from_str(note.fields.get("settings")?).ok()?;
+    let mut parts: Vec<Record> = serde_json::from_str(note.fields.get("calibration")?).ok()?;
+    parts.push(settings);
+    Some(parts)
+}

@@ -1,0 +1,197 @@
+//! The TCP port: one program at a time.
+
+use std::io::{ErrorKind, Read, Write};
+use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::time::Duration;
+
+use palpate_cli::failure::Failure;
+use palpate_cli::notice;
+
+use crate::board::link::BUSY;
+
+/// A program that takes nothing for so long is gone.
+const PATIENCE: Duration = Duration::from_secs(5);
+/// Bytes of commands that are taken at once.
+const CHUNK: usize = 4096;
+/// Bytes that wait for a program that does not read, beyond what its system holds: as the driver of
+/// a serial port holds some. What is beyond stays with the board, which drops it and counts it.
+const WAITING: usize = 64 * 1024;
+
+/// What ends a frame, and is in none.
+const DELIMITER: u8 = 0;
+/// Bytes before the first delimiter of a program at most: no frame is longer.
+const LONGEST_OPENING: usize = CHUNK;
+/// What an HTTP request has in its first line.
+const HTTP: &[u8] = b" HTTP/";
+
+/// The port, and the program that is connected.
+pub(super) struct Port {
+    listener: TcpListener,
+    program: Option<TcpStream>,
+    /// What the program has sent before the first delimiter; nothing from there on.
+    opening: Option<Vec<u8>>,
+    /// What it has not taken yet.
+    waiting: Vec<u8>,
+}
+
+impl Port {
+    pub(super) fn listen(address: SocketAddr) -> Result<Self, Failure> {
+        let refused = |error: std::io::Error| {
+            Failure::Refused(format!(
+                "{address} cannot be listened on: {error}; name another with --listen"
+            ))
+        };
+        let listener = TcpListener::bind(address).map_err(refused)?;
+        listener.set_nonblocking(true).map_err(refused)?;
+        Ok(Self {
+            listener,
+            program: None,
+            opening: None,
+            waiting: Vec::new(),
+        })
+    }
+
+    /// Where it listens: with port 0, the system has chosen one.
+    pub(super) fn address(&self) -> String {
+        let address = self.listener.local_addr();
+        address.map_or_else(|_| "an unknown address".to_owned(), |of| of.to_string())
+    }
+
+    /// Lets a program in, or sends it away. Whether one is connected.
+    pub(super) fn accept(&mut self) -> bool {
+        // The next one is let in by the next call, so that the board sees its port closed between.
+        if self.program.as_ref().is_some_and(is_gone) {
+            self.program = None;
+            return false;
+        }
+        // One at a time: the program may go while another one is sent away.
+        if let Ok((mut stream, _)) = self.listener.accept() {
+            if self
+                .program
+                .as_ref()
+                .is_some_and(|program| !is_gone(program))
+            {
+                // One that does not listen is not waited for.
+                let _ = stream.set_write_timeout(Some(PATIENCE));
+                let _ = stream.write_all(BUSY);
+            } else if stream.set_nonblocking(true).is_ok() {
+                let _ = stream.set_nodelay(true);
+                self.waiting.clear();
+                self.opening = Some(Vec::new());
+                self.program = Some(stream);
+            }
+        }
+        self.program.is_some()
+    }
+
+    /// What the program has sent.
+    pub(super) fn read(&mut self) -> Vec<u8> {
+        let mut bytes = vec![0; CHUNK];
+        let Some(program) = &mut self.program else {
+            return Vec::new();
+        };
+        match program.read(&mut bytes) {
+            Ok(0) => self.program = None,
+            Ok(count) => {
+                bytes.truncate(count);
+                return self.checked(bytes);
+            }
+            Err(error) if is_later(&error) => {}
+            Err(_) => self.program = None,
+        }
+        Vec::new()
+    }
+
+    /// Bytes for the board. Until the first delimiter they wait: a browser sends a page's request to any port,
+    /// with frames in its body if the page likes, and is sent away.
+    fn checked(&mut self, bytes: Vec<u8>) -> Vec<u8> {
+        let Some(mut opening) = self.opening.take() else {
+            return bytes;
+        };
+        opening.extend(bytes);
+        let end = opening.iter().position(|byte| *byte == DELIMITER);
+        let before = opening.get(..end.unwrap_or(opening.len()));
+        let is_http = before.is_some_and(|before| before.windows(HTTP.len()).any(|of| of == HTTP));
+        if is_http || end.is_none() && opening.len() > LONGEST_OPENING {
+            notice::say(
+                "A program that speaks HTTP, or no frames, was sent away: see docs/protocol.md.",
+            );
+            self.program = None;
+            return Vec::new();
+        }
+        if end.is_none() {
+            self.opening = Some(opening);
+            return Vec::new();
+        }
+        opening
+    }
+
+    /// Whether the program takes more.
+    pub(super) fn has_room(&self) -> bool {
+        self.waiting.len() < WAITING
+    }
+
+    /// Sends bytes, as far as the program takes them; the rest waits.
+    pub(super) fn write(&mut self, bytes: &[u8]) {
+        let Some(program) = &mut self.program else {
+            return;
+        };
+        self.waiting.extend(bytes);
+        match program.write(&self.waiting) {
+            Ok(count) => drop(self.waiting.drain(..count)),
+            Err(error) if is_later(&error) => {}
+            Err(_) => self.program = None,
+        }
+    }
+}
+
+/// Whether the program has closed its end, and everything that it sent before is read. One that leaves
+/// bytes of ours unread resets the connection.
+fn is_gone(program: &TcpStream) -> bool {
+    match program.peek(&mut [0]) {
+        Ok(count) => count == 0,
+        Err(error) => !is_later(&error),
+    }
+}
+
+fn is_later(error: &std::io::Error) -> bool {
+    matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Until a condition holds: the system takes a moment to pass things on.
+    fn until(mut holds: impl FnMut() -> bool) {
+        let held = (0..1_000).any(|_| {
+            std::thread::sleep(Duration::from_millis(1));
+            holds()
+        });
+        assert!(held);
+    }
+
+    #[test]
+    fn a_program_that_goes_makes_room_whatever_it_left_unread() {
+        let mut port = Port::listen("127.0.0.1:0".parse().unwrap()).unwrap();
+        for leaves_unread in [false, true] {
+            let first = TcpStream::connect(port.address()).unwrap();
+            until(|| port.accept());
+            if leaves_unread {
+                port.write(b"record");
+                until(|| first.peek(&mut [0; 6]).is_ok_and(|count| count == 6));
+            }
+            drop(first);
+            let mut next = TcpStream::connect(port.address()).unwrap();
+            // The port is closed between the two, and nothing is said to the next but what is meant for it.
+            until(|| !port.accept());
+            until(|| port.accept());
+            port.write(b"hello");
+            let mut said = [0; 5];
+            next.read_exact(&mut said).unwrap();
+            assert_eq!(&said, b"hello");
+            drop(next);
+            until(|| !port.accept());
+        }
+    }
+}

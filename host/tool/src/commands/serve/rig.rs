@@ -1,0 +1,281 @@
+//! The simulated bench beside the served board: load cell and stage, in the lines of text that the program of
+//! a real gauge prints (docs/calibration.md).
+//!
+//! A program connects and sends `force` or `stage` as its first line. A specimen is put on the stage by
+//! `mount`, which takes the board's power away and gives it again, with a sensor that was never pressed.
+
+use std::io::{ErrorKind, Read, Write};
+use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::ops::RangeInclusive;
+
+use palpate_cli::failure::Failure;
+use palpate_sim::Time;
+use palpate_sim::parameters::Parameters;
+use palpate_sim::rig::{BareRig, Gauges, Rig, RigReading, Specimen};
+use palpate_sim::switches::Switches;
+
+use crate::board::emulated::PluggedBoard;
+
+/// From one reading to the next.
+const INTERVAL: Time = Time::from_ms(5);
+/// Where block and block are when they are put on the bare bench, m.
+const BARE_START_M: f64 = -10e-6;
+/// Bytes that wait for a program at most; one that does not read is gone.
+const WAITING: usize = 64 * 1024;
+/// The longest line of a program, bytes.
+const LONGEST_LINE: usize = 1024;
+/// The greatest place, m, and the speeds of the stage, m/s.
+const FARTHEST_M: f64 = 1.0;
+const SPEEDS_M_PER_S: RangeInclusive<f64> = 1e-6..=1.0;
+
+/// The bench and the programs of its gauges.
+pub(super) struct RigPort {
+    listener: TcpListener,
+    programs: Vec<GaugeClient>,
+    plant: Parameters,
+    bench: MountedBench,
+    /// When the next reading is due, and when the stage is where it was sent to.
+    next: Time,
+    arrives: Option<Time>,
+}
+
+/// What is on the bench.
+enum MountedBench {
+    /// A specimen above the sensor.
+    Sensor(Box<Gauges>),
+    /// Block on block, with the stage at a place, m.
+    Bare(Box<BareRig>, f64),
+}
+
+/// The program of a gauge.
+struct GaugeClient {
+    stream: TcpStream,
+    kind: Option<Kind>,
+    received: Vec<u8>,
+    waiting: Vec<u8>,
+    /// Whether what it has sent is no gauge's: its first line names none, or a line has no end.
+    is_stranger: bool,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    Force,
+    Stage,
+}
+
+impl RigPort {
+    /// Listens for the gauges of a plant's bench, with nothing on the stage.
+    pub(super) fn listen(address: SocketAddr, plant: Parameters) -> Result<Self, Failure> {
+        let refused = |error: std::io::Error| {
+            Failure::Refused(format!(
+                "{address} cannot be listened on: {error}; name another with --rig"
+            ))
+        };
+        let listener = TcpListener::bind(address).map_err(refused)?;
+        listener.set_nonblocking(true).map_err(refused)?;
+        let (_, gauges) = Rig::new(&plant, Switches::all(), Specimen::Block)?.into_parts();
+        Ok(Self {
+            listener,
+            programs: Vec::new(),
+            plant,
+            bench: MountedBench::Sensor(Box::new(gauges)),
+            next: Time::ZERO,
+            arrives: None,
+        })
+    }
+
+    /// Where it listens.
+    pub(super) fn address(&self) -> String {
+        let address = self.listener.local_addr();
+        address.map_or_else(|_| "an unknown address".to_owned(), |of| of.to_string())
+    }
+
+    /// Does what the programs have asked for, and sends what is due.
+    pub(super) fn serve(&mut self, board: &mut PluggedBoard) -> Result<(), Failure> {
+        if let Ok((stream, _)) = self.listener.accept()
+            && stream.set_nonblocking(true).is_ok()
+        {
+            let _ = stream.set_nodelay(true);
+            self.programs.push(GaugeClient::new(stream));
+        }
+        let lines: Vec<String> = self
+            .programs
+            .iter_mut()
+            .flat_map(GaugeClient::lines)
+            .collect();
+        for line in lines {
+            if let Some(answer) = self.answer(&line, board)? {
+                self.say(Kind::Stage, &answer);
+            }
+        }
+        if self.arrives.is_some_and(|time| board.now() >= time) {
+            self.arrives = None;
+            self.say(Kind::Stage, "ok");
+        }
+        if board.now() >= self.next {
+            self.next = board.now() + INTERVAL;
+            let time_s = board.now().as_secs_f64();
+            let reading = self.read(board);
+            self.say(Kind::Force, &format!("{time_s:.6} {:.6}", reading.force_n));
+            self.say(Kind::Stage, &format!("{time_s:.6} {:.9}", reading.stage_m));
+        }
+        self.programs.retain_mut(GaugeClient::flush);
+        Ok(())
+    }
+
+    fn say(&mut self, kind: Kind, line: &str) {
+        let meant = self.programs.iter_mut();
+        for program in meant.filter(|program| program.kind == Some(kind)) {
+            program.waiting.extend(line.as_bytes());
+            program.waiting.push(b'\n');
+        }
+    }
+
+    fn read(&mut self, board: &mut PluggedBoard) -> RigReading {
+        match &mut self.bench {
+            MountedBench::Sensor(gauges) => gauges.read(board.world_mut()),
+            MountedBench::Bare(bare, place_m) => {
+                let force_n = place_m.max(0.0) / self.plant.rig.frame_m_per_n;
+                let reading = bare.press(force_n);
+                RigReading {
+                    stage_m: reading.stage_m + place_m.min(0.0),
+                    ..reading
+                }
+            }
+        }
+    }
+
+    /// Obliges a line; the answer, if it is done at once.
+    fn answer(&mut self, line: &str, board: &mut PluggedBoard) -> Result<Option<String>, Failure> {
+        let words: Vec<&str> = line.split_whitespace().collect();
+        match words.as_slice() {
+            ["move", place, speed] => {
+                let (Some(place_m), Some(speed_m_per_s)) = (
+                    within(place, -FARTHEST_M..=FARTHEST_M),
+                    within(speed, SPEEDS_M_PER_S),
+                ) else {
+                    return Ok(Some(format!(
+                        "error move takes a place within {FARTHEST_M} m and a speed of {:e} to {} m/s",
+                        SPEEDS_M_PER_S.start(),
+                        SPEEDS_M_PER_S.end()
+                    )));
+                };
+                self.send_to(place_m, speed_m_per_s, board);
+                Ok(None)
+            }
+            ["mount", rest @ ..] => match specimen(rest) {
+                Some(specimen) => self.mount(specimen, board).map(Some),
+                None => Ok(Some("error no such specimen".to_owned())),
+            },
+            _ => Ok(Some(format!("error {line:?} is no command"))),
+        }
+    }
+
+    fn send_to(&mut self, place_m: f64, speed_m_per_s: f64, board: &mut PluggedBoard) {
+        let now = board.now();
+        match &mut self.bench {
+            MountedBench::Sensor(_) => {
+                let world = board.world_mut();
+                let way_m = (place_m - world.planned_press_m()).abs();
+                world.move_press(place_m, speed_m_per_s);
+                self.arrives = Some(now + Time::from_secs_f64(way_m / speed_m_per_s));
+            }
+            MountedBench::Bare(_, at_m) => {
+                *at_m = place_m;
+                self.arrives = Some(now);
+            }
+        }
+    }
+
+    /// Puts a specimen on the stage; the answer.
+    fn mount(
+        &mut self,
+        specimen: Option<Specimen>,
+        board: &mut PluggedBoard,
+    ) -> Result<String, Failure> {
+        let on_stage = specimen.unwrap_or(Specimen::Block);
+        let (world, gauges) = match Rig::new(&self.plant, Switches::all(), on_stage) {
+            Ok(rig) => rig.into_parts(),
+            Err(error) => return Ok(format!("error {error}")),
+        };
+        board.power_on_in(world)?;
+        self.bench = match specimen {
+            Some(_) => MountedBench::Sensor(Box::new(gauges)),
+            None => {
+                let bare = BareRig::new(&self.plant, Switches::all());
+                MountedBench::Bare(Box::new(bare), BARE_START_M)
+            }
+        };
+        Ok("ok".to_owned())
+    }
+}
+
+/// The number of a text, within a range.
+fn within(text: &str, range: RangeInclusive<f64>) -> Option<f64> {
+    let number = text.parse().ok()?;
+    range.contains(&number).then_some(number)
+}
+
+/// What `mount` names: a specimen above the sensor, or none for block on block. With nothing on the stage a
+/// block stays above.
+fn specimen(words: &[&str]) -> Option<Option<Specimen>> {
+    match words {
+        ["nothing" | "block"] => Some(Some(Specimen::Block)),
+        ["bare"] => Some(None),
+        ["spring", n_per_m] => {
+            let nominal_n_per_m = n_per_m.parse().ok()?;
+            Some(Some(Specimen::Spring { nominal_n_per_m }))
+        }
+        _ => None,
+    }
+}
+
+impl GaugeClient {
+    const fn new(stream: TcpStream) -> Self {
+        Self {
+            stream,
+            kind: None,
+            received: Vec::new(),
+            waiting: Vec::new(),
+            is_stranger: false,
+        }
+    }
+
+    /// Whole lines that have come, without the first, which says what the program is of. One that says anything
+    /// else, as a browser does, is sent away.
+    fn lines(&mut self) -> Vec<String> {
+        let mut bytes = [0; 1024];
+        if let Ok(count) = self.stream.read(&mut bytes) {
+            self.received.extend(bytes.iter().take(count));
+        }
+        let mut lines = Vec::new();
+        while !self.is_stranger
+            && let Some(end) = self.received.iter().position(|byte| *byte == b'\n')
+        {
+            let line: Vec<u8> = self.received.drain(..=end).collect();
+            let line = String::from_utf8_lossy(&line).trim().to_owned();
+            match (self.kind, line.as_str()) {
+                (None, "force") => self.kind = Some(Kind::Force),
+                (None, "stage") => self.kind = Some(Kind::Stage),
+                (None, _) => self.is_stranger = true,
+                (Some(_), _) => lines.push(line),
+            }
+        }
+        self.is_stranger |= self.received.len() > LONGEST_LINE;
+        lines
+    }
+
+    /// Sends what waits, as far as the program takes it; whether it is still there.
+    fn flush(&mut self) -> bool {
+        let is_there = match self.stream.peek(&mut [0]) {
+            Ok(count) => count > 0,
+            Err(error) => error.kind() == ErrorKind::WouldBlock,
+        };
+        match self.stream.write(&self.waiting) {
+            Ok(count) => drop(self.waiting.drain(..count)),
+            Err(error) if error.kind() == ErrorKind::WouldBlock => {}
+            Err(_) => return false,
+        }
+        is_there && !self.is_stranger && self.waiting.len() < WAITING
+    }
+}
