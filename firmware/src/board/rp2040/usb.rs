@@ -407,6 +407,28 @@ fn disarm(word: usize) {
         .modify(|_, w| w.available_0().clear_bit());
 }
 
+/// Takes the buffer for data on endpoint 0 back, which the driver makes available again after a full packet. Whether one
+/// came into it; that is thrown away.
+fn takes_back_with_data() -> bool {
+    let was_armed = is_armed(OUT_0);
+    disarm(OUT_0);
+    if was_armed {
+        cortex_m::asm::delay(LONGEST_TRANSACTION);
+    }
+    // SAFETY: only the interrupt of USB writes this register and the words of the buffers; a bit of the register
+    // that is set is cleared.
+    let (registers, memory) = unsafe { (&*USBCTRL_REGS::ptr(), &*USBCTRL_DPRAM::ptr()) };
+    // The mark: what the controller wrote into the word meanwhile is lost.
+    let has_come = registers.buff_status().read().ep0_out().bit_is_set();
+    registers
+        .buff_status()
+        .write(|w| w.ep0_out().clear_bit_by_one());
+    memory
+        .ep_buffer_control(OUT_0)
+        .modify(|_, w| w.full_0().clear_bit());
+    has_come
+}
+
 /// Whether a setup packet has come that was not read.
 fn setup_waits() -> bool {
     // SAFETY: reading this register has no effect on it.
@@ -522,8 +544,12 @@ impl UsbBusTrait for Bus {
         let control = self.control();
         // All data have come.
         if !control.is_in() {
-            disarm(OUT_0);
             watch_for_refusal();
+            if takes_back_with_data() {
+                // More than the request announced: no status, so that the host does not take it for done.
+                refuse_control();
+                return Ok(packet.len());
+            }
         }
         // Where a setup packet waits it answers a request that is given up, and would be taken for the answer to
         // the next one.

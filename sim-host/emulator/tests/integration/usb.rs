@@ -98,6 +98,28 @@ fn a_request_whose_data_were_too_many_leaves_nothing_to_the_next_one() {
     }
 }
 
+/// The driver makes room again when it reads a full packet. More data may come into that before the status is made: host
+/// and device are of one mind about the address all the same.
+#[test]
+fn an_address_that_comes_with_too_many_data_is_set_or_refused() {
+    let mut bench = plugged();
+    let expected = device_descriptor(&bench);
+    let mut chance = Chance::new(1);
+    let mut refused = 0;
+    for round in 0..300_u16 {
+        let address = 2 + (round % 50) as u8;
+        let set_address = [0, 5, address, 0, 0, 0, 64, 0];
+        let length = 65 + chance.below(64) as usize;
+        let apart = Time::from_ns(u64::from(chance.below(1_000_000)));
+        bench.probe.board.run_for(apart).unwrap();
+        let former = bench.submit(ControlTransfer::with_data(set_address, &vec![7; length]));
+        refused += u32::from(outcome(&mut bench, former) == ControlOutcome::Stalled);
+        let id = bench.submit(ControlTransfer::new(GET_DEVICE_DESCRIPTOR));
+        assert_eq!(outcome(&mut bench, id), expected, "round {round}");
+    }
+    assert_eq!(refused, 300);
+}
+
 /// A packet of it has come while it was refused, is thrown away only when the next setup packet is there,
 /// and is refused once more.
 #[test]
