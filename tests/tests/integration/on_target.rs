@@ -65,6 +65,7 @@ impl Target {
 }
 
 #[test]
+#[ignore = "long: `cargo xtask ci` runs it"]
 fn every_function_has_the_same_bits() {
     let mut target = Target::new();
     let different: Vec<&str> = (0..)
@@ -169,6 +170,7 @@ fn has_estimate(actions: &Actions) -> bool {
 }
 
 #[test]
+#[ignore = "long: `cargo xtask ci` runs it"]
 fn the_procedure_gives_the_same_bits_through_a_whole_press() {
     let ready = Target::new();
     for drift in [Drift::Logarithmic, Drift::SawTooth] {
@@ -192,6 +194,7 @@ fn the_procedure_gives_the_same_bits_through_a_whole_press() {
 
 /// The sums tell one bit.
 #[test]
+#[ignore = "long: `cargo xtask ci` runs it"]
 fn a_single_bit_is_seen() {
     let mut target = Target::new();
     let mut tape = recorded(Drift::Logarithmic);
