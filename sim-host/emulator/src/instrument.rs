@@ -8,10 +8,10 @@ use palpate_sim::electrical::ConverterParameters;
 use palpate_sim::world::World;
 use palpate_wire::{Command, Frame, Message, Record, RecordDecoder, Sequencer, encode};
 
+use crate::board::coil::BridgeCircuit;
+use crate::board::plant::PressedWorld;
 use crate::board::{EmulatedBoard, Options};
-use crate::coil::BridgeCircuit;
 use crate::image::Image;
-use crate::plant::PressedWorld;
 use crate::stop::Stop;
 
 /// The channels of the image: logs and records up, commands down.

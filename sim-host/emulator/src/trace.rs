@@ -4,9 +4,9 @@ use std::io::{self, Write};
 
 use vcd::{IdCode, SimulationCommand, TimescaleUnit, VarType, Writer};
 
-use crate::gpio::{Gpio, function};
-use crate::pins::{COIL_SLICE, pin};
-use crate::pwm::Pwm;
+use crate::board::pins::{COIL_SLICE, pin};
+use crate::rp2040::gpio::{Gpio, function};
+use crate::rp2040::pwm::Pwm;
 
 /// What is traced.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

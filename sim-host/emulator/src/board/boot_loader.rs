@@ -3,13 +3,13 @@
 use std::collections::VecDeque;
 use std::fmt;
 
-use crate::flash::{FlashOperationKind, SECTOR, SIZE};
+use crate::board::flash::{FlashOperationKind, SECTOR, SIZE};
+use crate::board::plant::Plant;
 use crate::image::FLASH;
-use crate::plant::Plant;
-use crate::rom::RomFunction;
-use crate::rom_calls::Step;
+use crate::image::uf2::{self, Download, Uf2Block};
+use crate::rp2040::rom::RomFunction;
+use crate::rp2040::rom_calls::Step;
 use crate::stop::Stop;
-use crate::uf2::{self, Download, Uf2Block};
 
 use super::EmulatedBoard;
 

@@ -4,9 +4,9 @@ use ldc161x_sim::Settings;
 use rp2040_emu::core::CoreBus;
 
 use super::*;
-use crate::flash::{FlashOperationKind, FlashTimes, SECTOR, SIZE};
+use crate::board::flash::{FlashOperationKind, FlashTimes, SECTOR, SIZE};
+use crate::board::plant::Still;
 use crate::image::FLASH;
-use crate::plant::Still;
 
 type Board = EmulatedBoard<Still>;
 

@@ -5,10 +5,10 @@
 
 use std::collections::VecDeque;
 
-use crate::plant::Plant;
+use crate::board::plant::Plant;
+use crate::board::wire::Wire;
 use crate::time::periods_ps;
 use crate::trace::{Signal, SignalValue};
-use crate::wire::Wire;
 
 /// Entries of either FIFO (4.3.2).
 const DEPTH: usize = 16;

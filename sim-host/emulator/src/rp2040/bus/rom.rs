@@ -2,14 +2,14 @@
 
 use std::collections::VecDeque;
 
-use crate::flash::{FlashOperationKind, PAGE, SECTOR, SIZE};
-use crate::memory::Memory;
-use crate::plant::Plant;
-use crate::rom::{RomFunction, request};
-use crate::rom_calls::{EXIT_XIP_CYCLES, Running, Step, erase_steps};
+use crate::board::flash::{FlashOperationKind, PAGE, SECTOR, SIZE};
+use crate::board::plant::Plant;
+use crate::rp2040::memory::Memory;
+use crate::rp2040::rom::{RomFunction, request};
+use crate::rp2040::rom_calls::{EXIT_XIP_CYCLES, Running, Step, erase_steps};
+use crate::rp2040::xip::FLUSH_CYCLES;
 use crate::stop::Refusal;
 use crate::time::periods_ps;
-use crate::xip::FLUSH_CYCLES;
 
 use super::SystemBus;
 

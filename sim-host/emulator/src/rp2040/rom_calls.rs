@@ -3,8 +3,8 @@
 
 use std::collections::VecDeque;
 
-use crate::flash::{FlashOperationKind, PAGE};
-use crate::rom::RomFunction;
+use crate::board::flash::{FlashOperationKind, PAGE};
+use crate::rp2040::rom::RomFunction;
 
 /// Bits of a command with its address, and of the command that enables writing before it.
 const COMMAND_BITS: u64 = 8 + 32;

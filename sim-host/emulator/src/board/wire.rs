@@ -2,8 +2,8 @@
 
 use ldc161x_sim::{Ack, Chip, Time, TrueConversion};
 
-use crate::converters::{Converters, SecondChip};
-use crate::plant::Plant;
+use crate::board::converters::{Converters, SecondChip};
+use crate::board::plant::Plant;
 use crate::trace::{Change, Signal, SignalValue};
 
 /// A disturbance of a wire, from outside of both chips.

@@ -2,9 +2,9 @@
 
 use ldc161x_sim::Time;
 
-use crate::clocks::FASTEST_AT_START_HZ;
-use crate::pins::COIL_SLICE;
-use crate::plant::Plant;
+use crate::board::pins::COIL_SLICE;
+use crate::board::plant::Plant;
+use crate::rp2040::clocks::FASTEST_AT_START_HZ;
 
 use super::SystemBus;
 
@@ -149,12 +149,12 @@ mod tests {
 
     use super::*;
     use crate::board::Options;
-    use crate::bus::base;
+    use crate::board::plant::Still;
+    use crate::board::wire::Wire;
     use crate::image::Image;
-    use crate::plant::Still;
-    use crate::power::block;
+    use crate::rp2040::bus::base;
+    use crate::rp2040::power::block;
     use crate::stop::Stop;
-    use crate::wire::Wire;
 
     /// Orders 1.15 V, lets a time pass, and switches to the system PLL at so many megahertz.
     fn switched(voltage: u32, settling: Time, feedback: u32) -> Option<Stop> {

@@ -1,6 +1,6 @@
 //! The bridge's inputs.
 
-use crate::pwm::Wave;
+use crate::rp2040::pwm::Wave;
 
 /// What drives an input of the bridge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

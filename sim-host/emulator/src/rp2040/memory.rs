@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
-use crate::flash::Flash;
-use crate::rom;
-use crate::xip::{Cache, ReadFormat};
+use crate::board::flash::Flash;
+use crate::rp2040::rom;
+use crate::rp2040::xip::{Cache, ReadFormat};
 
 pub(crate) const RAM: u32 = 0x2000_0000;
 /// Four banks of 64 KiB and two of 4 KiB (datasheet 2.6.2).

@@ -1,8 +1,15 @@
 //! The board: the processor's core with everything around it, stepped through time.
 
 mod boot_loader;
+pub(crate) mod bridge;
+pub(crate) mod coil;
+pub(crate) mod converters;
+pub(crate) mod flash;
+pub(crate) mod pins;
+pub(crate) mod plant;
 #[cfg(test)]
 mod tests;
+pub(crate) mod wire;
 
 use std::ops::Range;
 
@@ -12,22 +19,22 @@ use ldc161x_sim::{Chip, Settings, Time};
 use palpate_sim::electrical::{Circuit, Totals};
 use rp2040_emu::core::CortexM0Plus;
 
-use crate::bridge::BridgeInputs;
-use crate::bus::{BOOT_HZ, SystemBus};
-use crate::coil::BridgeCircuit;
-use crate::flash::{Flash, FlashTimes};
-use crate::gpio::function;
+use crate::board::bridge::BridgeInputs;
+use crate::board::coil::BridgeCircuit;
+use crate::board::flash::{Flash, FlashTimes};
+use crate::board::pins::pin;
+use crate::board::plant::Plant;
+use crate::board::wire::{LineFault, Wire, WireLog};
+use crate::image::profile::Profile;
+use crate::image::rtt;
 use crate::image::{Image, VECTORS};
-use crate::interrupts::HARD_FAULT;
-use crate::pins::pin;
-use crate::plant::Plant;
-use crate::profile::Profile;
-use crate::pwm::LevelTimes;
-use crate::rtt;
+use crate::rp2040::bus::{BOOT_HZ, SystemBus};
+use crate::rp2040::gpio::function;
+use crate::rp2040::interrupts::HARD_FAULT;
+use crate::rp2040::pwm::LevelTimes;
 use crate::stop::Stop;
 use crate::trace::Trace;
 use crate::usb::UsbHost;
-use crate::wire::{LineFault, Wire, WireLog};
 
 /// Cycles of an exception's entry without waiting for memory (Cortex-M0+ TRM; the RP2040 has no
 /// jitter suppression).

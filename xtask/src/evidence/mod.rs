@@ -127,7 +127,7 @@ const TESTS: &[&str] = &[
     "model",
     "sim-host",
     "tests",
-    "xtask/src/planted.rs",
+    "xtask/src/planted/mod.rs",
     "xtask/src/planted",
 ];
 

@@ -2,10 +2,10 @@
 
 use ldc161x_sim::Time;
 
-use crate::bridge::{BridgeInputs, InputSource};
-use crate::gpio::function;
-use crate::pins::{COIL_SLICE, EDGE_SLICE, SECOND_EDGE_SLICE, pin};
-use crate::plant::Plant;
+use crate::board::bridge::{BridgeInputs, InputSource};
+use crate::board::pins::{COIL_SLICE, EDGE_SLICE, SECOND_EDGE_SLICE, pin};
+use crate::board::plant::Plant;
+use crate::rp2040::gpio::function;
 use crate::trace::{Signal, SignalValue};
 
 use super::SystemBus;

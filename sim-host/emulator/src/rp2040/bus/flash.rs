@@ -1,7 +1,7 @@
 //! The flash on the bus: its controller's registers, its cache's, and whether it can be read in
 //! place.
 
-use crate::plant::Plant;
+use crate::board::plant::Plant;
 use crate::stop::{Refusal, Stop};
 
 use super::SystemBus;

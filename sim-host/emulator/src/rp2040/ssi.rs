@@ -2,10 +2,10 @@
 
 use std::collections::VecDeque;
 
-use crate::flash::Flash;
+use crate::board::flash::Flash;
+use crate::rp2040::xip::ReadFormat;
 use crate::stop::Refusal;
 use crate::time::periods_ps;
-use crate::xip::ReadFormat;
 
 /// Entries of each queue (4.10.2).
 const DEPTH: usize = 16;

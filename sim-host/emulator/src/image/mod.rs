@@ -1,13 +1,18 @@
 //! The firmware image: the ELF file as it is flashed.
 
+pub mod firmware;
+pub(crate) mod profile;
+pub(crate) mod rtt;
+pub(crate) mod sources;
+pub(crate) mod uf2;
+
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::io::Read as _;
 use std::path::Path;
 use std::sync::Arc;
 
-use crate::flash::{SECTOR, SIZE as FLASH_SIZE};
-use crate::uf2;
+use crate::board::flash::{SECTOR, SIZE as FLASH_SIZE};
 use object::read::elf::{ElfFile32, ProgramHeader};
 use object::{Endianness, Object, ObjectSection, ObjectSymbol};
 
@@ -80,7 +85,7 @@ impl Image {
     pub(crate) fn of_code(code: &[u16], fill: u8) -> Self {
         let mut flash = vec![0xFF; FLASH_SIZE];
         flash[..252].fill(0);
-        let checksum = crate::bus::flash::checksum(&flash[..252]);
+        let checksum = crate::rp2040::bus::flash::checksum(&flash[..252]);
         flash[252..256].copy_from_slice(&checksum.to_le_bytes());
         flash[0x100..0x104].copy_from_slice(&0x2004_0000_u32.to_le_bytes());
         flash[0x104..0x108].copy_from_slice(&(FLASH + 0x201).to_le_bytes());

@@ -8,31 +8,31 @@ mod wiring;
 use rp2040_emu::bus::ppb::Ppb;
 use rp2040_emu::core::{CoreBus, Nvic};
 
-use crate::adc::Adc;
 use crate::board::Options;
-use crate::clocks::{Clocks, FASTEST_AT_START_HZ, Pll};
-use crate::coil::EmulatedCoil;
-use crate::dma::Dma;
-use crate::flash::Flash;
-use crate::gpio::{Gpio, function};
-use crate::i2c::I2c;
+use crate::board::coil::EmulatedCoil;
+use crate::board::flash::Flash;
+use crate::board::pins::pin;
+use crate::board::plant::Plant;
+use crate::board::wire::Wire;
 use crate::image::Image;
-use crate::memory::Memory;
-use crate::pins::pin;
-use crate::plant::Plant;
-use crate::power::{Power, block};
-use crate::private::Private;
-use crate::pwm::Pwm;
-use crate::rom_calls::RomCalls;
-use crate::sio::Sio;
-use crate::ssi::Ssi;
+use crate::rp2040::adc::Adc;
+use crate::rp2040::clocks::{Clocks, FASTEST_AT_START_HZ, Pll};
+use crate::rp2040::dma::Dma;
+use crate::rp2040::gpio::{Gpio, function};
+use crate::rp2040::i2c::I2c;
+use crate::rp2040::memory::Memory;
+use crate::rp2040::power::{Power, block};
+use crate::rp2040::private::Private;
+use crate::rp2040::pwm::Pwm;
+use crate::rp2040::rom_calls::RomCalls;
+use crate::rp2040::sio::Sio;
+use crate::rp2040::ssi::Ssi;
+use crate::rp2040::timer::Timer;
+use crate::rp2040::watchdog::Watchdog;
 use crate::stop::Stop;
 use crate::time::Clock;
-use crate::timer::Timer;
 use crate::trace::Trace;
 use crate::usb::{self, Usb};
-use crate::watchdog::Watchdog;
-use crate::wire::Wire;
 
 /// Cycles for which a read and a write wait at the APB bridge: two in the place of one, and one more
 /// for a read, two more for a write (datasheet 2.1.3).
@@ -607,7 +607,7 @@ mod tests {
     use ldc161x_sim::{Chip, Time};
 
     use super::*;
-    use crate::plant::Still;
+    use crate::board::plant::Still;
 
     /// The bus with 48 MHz from the system's PLL at 96 MHz, divided by two.
     fn bus() -> SystemBus<Still> {

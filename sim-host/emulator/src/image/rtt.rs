@@ -1,7 +1,7 @@
 //! The other end of the debug probe's channels: what a probe does with memory alone
 //! (SEGGER RTT: a control block, and rings of bytes for each direction).
 
-use crate::memory::Memory;
+use crate::rp2040::memory::Memory;
 
 /// Bytes of a ring's descriptor.
 const RING: u32 = 24;

@@ -4,7 +4,7 @@
 use rp2040_emu::bus::ppb::Ppb;
 use rp2040_emu::core::Nvic;
 
-use crate::interrupts::Interrupts;
+use crate::rp2040::interrupts::Interrupts;
 
 /// What each core has for itself.
 #[derive(Clone)]

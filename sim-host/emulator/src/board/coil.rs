@@ -7,9 +7,9 @@ use palpate_sim::electrical::{
     thermistor_v,
 };
 
-use crate::bridge::BridgeInputs;
-use crate::plant::{Plant, PlantConditions};
-use crate::pwm::Wave;
+use crate::board::bridge::BridgeInputs;
+use crate::board::plant::{Plant, PlantConditions};
+use crate::rp2040::pwm::Wave;
 
 /// How often the plant receives the coil's mean current since the last time, while there is any: every
 /// two periods of the bridge, over which the ripple averages out.

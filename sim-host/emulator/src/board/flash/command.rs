@@ -190,7 +190,7 @@ fn byte_from(answer: &[u8], index: usize, first: usize) -> u8 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::flash::FlashTimes;
+    use crate::board::flash::FlashTimes;
 
     fn flash() -> Flash {
         let contents: Vec<u8> = (0..=255).collect();

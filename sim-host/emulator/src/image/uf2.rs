@@ -3,7 +3,7 @@
 
 use std::collections::BTreeSet;
 
-use crate::flash::{PAGE, SECTOR};
+use crate::board::flash::{PAGE, SECTOR};
 
 /// Bytes of a block.
 pub(crate) const BLOCK: usize = 512;

@@ -1,4 +1,4 @@
-//! SIO: the processor's own registers (RP2040 datasheet 2.3.1). GPIO lies in [`crate::gpio`].
+//! SIO: the processor's own registers (RP2040 datasheet 2.3.1). GPIO lies in [`crate::rp2040::gpio`].
 
 /// CPUID, spinlocks and the divider.
 #[derive(Clone, Debug, Default)]

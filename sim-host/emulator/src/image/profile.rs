@@ -6,7 +6,7 @@ use std::ops::Range;
 use ldc161x_sim::Time;
 
 use crate::image::{FLASH, Image};
-use crate::memory::{RAM, RAM_SIZE};
+use crate::rp2040::memory::{RAM, RAM_SIZE};
 
 /// What an instruction has cost.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
