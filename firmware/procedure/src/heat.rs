@@ -7,8 +7,8 @@ use palpate_model::units::{
 };
 use palpate_wire::command::Coil;
 
+use crate::measurement::train::TrainProfile;
 use crate::time::in_seconds;
-use crate::train::TrainProfile;
 
 /// Surroundings, where no thermometer reports: a warm room, above which the coil's own heat is
 /// counted.

@@ -15,14 +15,13 @@ pub mod event;
 mod heat;
 mod link;
 mod list;
+mod machine;
 mod measurement;
-mod procedure;
 mod steadiness;
 pub mod storage;
 mod stream;
 pub mod thermometer;
 mod time;
-mod train;
 
 pub use action::{Action, Actions};
 /// The quantities in its signatures.
@@ -32,5 +31,5 @@ pub use board::{BoardInfo, Limits};
 pub use configuration::Configuration;
 pub use event::{Conversion, Event, Scan};
 pub use link::Link;
-pub use procedure::Procedure;
+pub use machine::Procedure;
 pub use time::{Duration, Instant};

@@ -76,7 +76,7 @@ fn the_forecast_is_what_the_drive_counts() {
         }
     }
     println!("counted of forecast: {least:.3} to {most:.3}");
-    // The procedure allows for 3 % more (RESERVE in firmware/procedure/src/procedure/budget.rs).
+    // The procedure allows for 3 % more (RESERVE in firmware/procedure/src/machine/budget.rs).
     assert!(most < 1.03 && least > 0.9, "{least} to {most}");
 }
 

@@ -5,8 +5,8 @@
 //! read it back are made from that, so there is no second copy that could differ.
 
 mod assembly;
+mod checksum;
 mod readback;
-mod seal;
 mod stiffening;
 
 use palpate_model::calibration_curve::{CurveError, MonotoneCurve};
@@ -22,11 +22,11 @@ use palpate_wire::command::{
 use crate::answer::{Answer, field};
 use crate::{BoardInfo, Limits};
 use assembly::{Assembly, Target};
-pub(crate) use readback::Cursor;
-pub(crate) use seal::ITEMS;
+pub(crate) use checksum::ITEMS;
 #[cfg(test)]
-pub(crate) use seal::tests;
-use seal::touches_the_identity;
+pub(crate) use checksum::tests;
+use checksum::touches_the_identity;
+pub(crate) use readback::Cursor;
 pub use stiffening::Law;
 
 /// A calibration curve.
@@ -49,7 +49,7 @@ pub struct Configuration {
     identity: Option<CalibrationIdentity>,
     assembly: Option<Assembly>,
     /// What all this adds up to.
-    sums: seal::Sums,
+    sums: checksum::Sums,
 }
 
 /// Calibration of one channel of one converter.

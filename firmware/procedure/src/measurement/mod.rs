@@ -1,7 +1,8 @@
 //! One measurement: from the rise of the current to an estimate, or to a refusal.
 
-mod claim;
+mod interval;
 mod ramps;
+pub(crate) mod train;
 
 use coil_hbridge::CurrentLine;
 use palpate_model::magnetorheological::{Stiffening, attraction, deviation};
@@ -18,9 +19,9 @@ use crate::deformation::Deformation;
 use crate::event::{Failure, Scan};
 use crate::heat::Heat;
 use crate::time::{Duration, Instant, after, in_seconds, seconds, span};
-use crate::train::{Train, TrainProfile, TrainSegment};
-pub(crate) use claim::{EstimateReport, MeasurementOutcome};
+pub(crate) use interval::{EstimateReport, MeasurementOutcome};
 use ramps::{Ramps, TwoStates};
+use train::{Train, TrainProfile, TrainSegment};
 
 /// The current may differ from its setpoint by this part of the peak. A larger difference means that
 /// another profile was driven than the stiffening was calibrated on; 2 % of gain and an amplifier's

@@ -8,8 +8,8 @@ use palpate_model::units::{Metre, NewtonPerMetre, Second};
 use palpate_wire::code::Drift;
 use palpate_wire::command::Settings;
 
+use crate::measurement::train::TrainProfile;
 use crate::time::in_seconds;
-use crate::train::TrainProfile;
 
 /// Sums over the whole train.
 #[derive(Clone, Debug)]

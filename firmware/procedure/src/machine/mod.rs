@@ -5,8 +5,8 @@ mod coil;
 mod commands;
 mod faults;
 mod manual;
+mod phases;
 mod readings;
-mod states;
 mod storage;
 
 use palpate_model::units::{Celsius, Hertz, Second};
@@ -27,8 +27,8 @@ use crate::stream::{DeformationScan, Streamer};
 use crate::time::{Duration, Instant, after, between, seconds, span};
 use budget::Budget;
 use coil::{Knowledge, Waiting};
+use phases::{BRING_UP, Phase};
 use readings::{FlaggedSince, is_of_readings};
-use states::{BRING_UP, Phase};
 use storage::Storage;
 
 /// The longest time between two steps. Two tasks may tell their events in another order than they

@@ -6,7 +6,7 @@ use palpate_wire::record::Acknowledgement;
 use palpate_wire::{Command, Frame, FrameError, Invalid, Message, Record};
 
 use super::coil::{CoilCommand, Knowledge};
-use super::states::Phase;
+use super::phases::Phase;
 use super::{Out, Procedure, Readback};
 use crate::action::Action;
 use crate::answer::Answer;

@@ -5,7 +5,7 @@ use palpate_wire::code::{FaultCode, Location, Mode, Outcome, RefusalReason};
 use palpate_wire::record::Fault;
 
 use super::coil::Knowledge;
-use super::states::Phase;
+use super::phases::Phase;
 use super::{CHECK, Out, Procedure};
 use crate::configuration::ITEMS;
 use crate::event::Failure;

@@ -5,7 +5,7 @@ use palpate_model::units::Second;
 use palpate_wire::code::{FaultCode, Location, Outcome};
 use palpate_wire::command::DriveCoil;
 
-use super::states::Phase;
+use super::phases::Phase;
 use super::{Out, Procedure};
 use crate::action::Action;
 use crate::answer::{Answer, field};

@@ -12,12 +12,12 @@ use super::{Out, Procedure};
 use crate::action::Action;
 use crate::deformation::{Deformation, Follower};
 use crate::event::{Failure, Scan};
+use crate::measurement::train::TrainSegment;
 use crate::measurement::{
     EstimateReport, Measurement, MeasurementOutcome, Progress, Reason, TrainDrive, metres, refusal,
 };
 use crate::steadiness::Steadiness;
 use crate::time::{Duration, Instant, between, in_seconds, seconds, span, together};
-use crate::train::TrainSegment;
 
 /// Good conversions in a row that prove sensor, clock and bus.
 const SELF_TEST_CONVERSIONS: u8 = 10;

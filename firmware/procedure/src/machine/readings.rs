@@ -3,7 +3,7 @@
 use ldc161x::{Quality, Reading};
 use palpate_wire::code::{FaultCode, Location};
 
-use super::states::Phase;
+use super::phases::Phase;
 use super::{Out, Procedure};
 use crate::action::Action;
 use crate::event::{Failure, Scan};

@@ -11,8 +11,8 @@ use super::Procedure;
 use crate::event::Scan;
 use crate::heat::{Forecast, Heat};
 use crate::measurement::Reason;
+use crate::measurement::train::TrainProfile;
 use crate::time::{Instant, in_seconds, seconds};
-use crate::train::TrainProfile;
 
 /// More than is forecast, as a part: what the ripple heats (1.5 % of the square at most, decision 40).
 const RIPPLE: f32 = 1.02;

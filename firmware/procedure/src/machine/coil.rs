@@ -11,7 +11,7 @@ use palpate_wire::command::DriveCoil;
 use palpate_wire::record::{Acknowledgement, CoilTest};
 use palpate_wire::{Command, Record};
 
-use super::states::Phase;
+use super::phases::Phase;
 use super::{Out, Procedure};
 use crate::action::Action;
 use crate::answer::Answer;
