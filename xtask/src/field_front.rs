@@ -40,7 +40,7 @@ struct Changed {
 pub(crate) fn run(workspace: &Workspace, plants: u32, seed: u32) -> Result<()> {
     fs::create_dir_all(workspace.root().join(FOLDER))
         .with_context(|| format!("{FOLDER} could not be created"))?;
-    let bench = Bench {
+    let bench = FrontSearch {
         workspace,
         tool: tool::build(workspace)?
             .to_str()
@@ -97,14 +97,14 @@ impl Changed {
 }
 
 /// Everything that a run needs.
-struct Bench<'w> {
+struct FrontSearch<'w> {
     workspace: &'w Workspace,
     tool: String,
     plants: u32,
     seed: u32,
 }
 
-impl Bench<'_> {
+impl FrontSearch<'_> {
     /// What the tool prints.
     fn output(&self, arguments: &[&str]) -> Result<String> {
         let invocation = Invocation::new(&self.tool, arguments);

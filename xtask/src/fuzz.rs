@@ -30,7 +30,7 @@ const LONGEST: u32 = 60;
 
 /// What came of a target.
 #[derive(Debug, Default, PartialEq, Eq)]
-struct Outcome {
+struct FuzzOutcome {
     /// Inputs that were run.
     runs: u64,
     /// Inputs that reached something new.
@@ -51,7 +51,7 @@ pub(crate) fn check(workspace: &Workspace) -> Result<String> {
     Ok(format!("{runs} inputs kept every promise"))
 }
 
-fn all(workspace: &Workspace, seconds: u32, seed: u32) -> Result<Vec<(&'static str, Outcome)>> {
+fn all(workspace: &Workspace, seconds: u32, seed: u32) -> Result<Vec<(&'static str, FuzzOutcome)>> {
     check_lock_file(workspace)?;
     let one = |&target: &&'static str| Ok((target, fuzz(workspace, target, seconds, seed)?));
     TARGETS.iter().map(one).collect()
@@ -72,7 +72,7 @@ pub(crate) fn check_lock_file(workspace: &Workspace) -> Result<String> {
 }
 
 /// One target for some seconds.
-fn fuzz(workspace: &Workspace, target: &str, seconds: u32, seed: u32) -> Result<Outcome> {
+fn fuzz(workspace: &Workspace, target: &str, seconds: u32, seed: u32) -> Result<FuzzOutcome> {
     let found = format!("{FOLDER}/found/{target}");
     fs::create_dir_all(workspace.root().join(&found))
         .with_context(|| format!("{found} could not be created"))?;
@@ -123,19 +123,19 @@ fn invocation(target: &str, found: &str, seconds: u32, seed: u32) -> Invocation 
 }
 
 /// Reads libFuzzer's statistics.
-fn outcome(said: &str) -> Option<Outcome> {
+fn outcome(said: &str) -> Option<FuzzOutcome> {
     let number = |name: &str| {
         let mut lines = said.lines();
         let of = lines.find_map(|line| line.strip_prefix("stat::")?.strip_prefix(name))?;
         of.trim_start_matches(':').trim().parse().ok()
     };
-    Some(Outcome {
+    Some(FuzzOutcome {
         runs: number("number_of_executed_units")?,
         found: number("new_units_added")?,
     })
 }
 
-fn table(outcomes: &[(&str, Outcome)], seconds: u32) -> String {
+fn table(outcomes: &[(&str, FuzzOutcome)], seconds: u32) -> String {
     let mut text = format!(
         "## Result\n\nEvery input kept every promise. Each target ran for {seconds} s.\n\n\
          | target | inputs | that reached something new |\n|---|---|---|\n"
@@ -157,7 +157,7 @@ mod tests {
                     stat::number_of_executed_units: 969026\n\
                     stat::average_exec_per_sec:     23634\n\
                     stat::new_units_added:          6391\n";
-        let expected = Outcome {
+        let expected = FuzzOutcome {
             runs: 969_026,
             found: 6_391,
         };

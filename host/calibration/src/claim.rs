@@ -39,7 +39,7 @@ pub struct Parts {
 
 /// Standard uncertainties of what is not known of the bench.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Bench {
+pub(crate) struct BenchScatter {
     /// Scale of the force, relative.
     pub(crate) force: f64,
     /// Compliance of the frame, m/N.
@@ -52,7 +52,7 @@ const DEPTHS: [f64; 3] = [0.7, 1.0, 1.3];
 
 pub(crate) fn uncertainty(
     adjusted: &Adjusted,
-    bench: Bench,
+    bench: BenchScatter,
     known: &Known,
 ) -> Result<Uncertainty, Unusable> {
     let open = Open {
@@ -105,7 +105,7 @@ impl Uncertainty {
 /// What is open, as variances of kappa.
 struct Open<'a> {
     adjusted: &'a Adjusted,
-    bench: Bench,
+    bench: BenchScatter,
     sensing_n_per_m: f64,
 }
 

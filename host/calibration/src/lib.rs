@@ -213,7 +213,7 @@ struct Pressing {
     crosstalk: Crosstalk,
     fit: actuated::Fit,
     /// What is not known of the bench.
-    open: claim::Bench,
+    open: claim::BenchScatter,
 }
 
 fn with_load_cell(
@@ -235,7 +235,7 @@ fn with_load_cell(
         force,
         crosstalk,
         fit,
-        open: claim::Bench {
+        open: claim::BenchScatter {
             force: gain / 3_f64.sqrt(),
             frame_m_per_n: open_m_per_n,
         },
@@ -258,7 +258,7 @@ fn by_springs(
         force,
         crosstalk,
         fit,
-        open: claim::Bench {
+        open: claim::BenchScatter {
             force: uncertainty,
             frame_m_per_n: travel::FRAME_M_PER_N / 3_f64.sqrt(),
         },

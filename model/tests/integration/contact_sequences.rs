@@ -88,7 +88,7 @@ struct Judged {
 }
 
 /// A detector at a layer, and what it has come to.
-struct Bench {
+struct ContactBench {
     layer: Layer,
     detector: Detector,
     ghosts: u32,
@@ -97,7 +97,7 @@ struct Bench {
     zeros: Vec<Judged>,
 }
 
-impl Bench {
+impl ContactBench {
     fn new(seed: u64) -> Self {
         Self {
             layer: Layer::drawn(seed),
@@ -187,8 +187,8 @@ fn log_between(rng: &mut Rng, low: f64, high: f64) -> f64 {
 }
 
 /// Ten presses of 0.1 to 1.4 times 0.3 mm in a row, at gaps of 0.2 to 20 s.
-fn ten_presses(seed: u64, longest_s: f64) -> Bench {
-    let mut bench = Bench::new(seed);
+fn ten_presses(seed: u64, longest_s: f64) -> ContactBench {
+    let mut bench = ContactBench::new(seed);
     bench.wait(1.0);
     for _ in 0..10 {
         let rng = &mut bench.layer.rng;
@@ -206,8 +206,8 @@ fn ten_presses(seed: u64, longest_s: f64) -> Bench {
 }
 
 /// No ghost, none missed, and zeros as good as they say.
-fn assert_sound(benches: &[Bench]) {
-    let sum = |of: fn(&Bench) -> u32| benches.iter().map(of).sum::<u32>();
+fn assert_sound(benches: &[ContactBench]) {
+    let sum = |of: fn(&ContactBench) -> u32| benches.iter().map(of).sum::<u32>();
     let found = (
         sum(|of| of.ghosts),
         sum(|of| of.missed),
@@ -258,7 +258,7 @@ fn each_tap_of_two_is_found_however_soon_it_follows() {
     let mut benches = Vec::new();
     for seed in 1..=20 {
         for gap_s in [0.05, 0.15, 0.3, 0.45, 0.6] {
-            let mut bench = Bench::new(seed);
+            let mut bench = ContactBench::new(seed);
             bench.wait(1.5);
             bench.press(0.27e-3, 5e-3, 0.3);
             bench.wait(gap_s);
@@ -278,7 +278,7 @@ fn each_tap_of_two_is_found_however_soon_it_follows() {
 fn an_object_that_lies_there_from_the_beginning_is_found() {
     for seed in 1..=20 {
         for depth_m in [10e-6, 20e-6, 80e-6, 300e-6] {
-            let mut bench = Bench::new(seed);
+            let mut bench = ContactBench::new(seed);
             let held_s = log_between(&mut bench.layer.rng, 0.8, 30.0);
             assert!(
                 bench.lie(depth_m, held_s),
@@ -301,7 +301,7 @@ fn what_is_too_light_to_be_found_is_uncertain() {
     let mut seen = 0;
     for seed in 1..=20 {
         for depth_m in [1e-6, 3e-6, 5e-6] {
-            let mut bench = Bench::new(seed);
+            let mut bench = ContactBench::new(seed);
             if bench.lie(depth_m, 1.0) {
                 continue;
             }
@@ -328,7 +328,7 @@ fn what_is_too_light_to_be_found_is_uncertain() {
 #[test]
 fn a_touch_outlasts_an_interruption() {
     for seed in 1..=20 {
-        let mut bench = Bench::new(seed);
+        let mut bench = ContactBench::new(seed);
         bench.wait(2.0);
         bench.press(0.2e-3, 2e-3, 5.0);
         bench.wait(3.0);

@@ -172,7 +172,7 @@ fn of_sensor(
     seed: u64,
 ) -> Result<Vec<Ablated>, Failure> {
     let plant = draw(stack, disturbances, seed);
-    let bench = Bench::of(
+    let bench = TwoSessions::of(
         BenchTask::of(&plant, stack, Switches::all(), &default_settings()),
         &plant,
     )?;
@@ -202,12 +202,12 @@ fn of_sensor(
 }
 
 /// What is written down on the bench of one sensor, at both temperatures.
-struct Bench {
+struct TwoSessions {
     task: BenchTask,
     sessions: [Session; 2],
 }
 
-impl Bench {
+impl TwoSessions {
     fn of(task: BenchTask, plant: &Parameters) -> Result<Self, Failure> {
         let sessions = task.both_sessions(plant, Switches::all())?;
         Ok(Self { task, sessions })
@@ -329,7 +329,7 @@ mod tests {
         let stack = Stack::builtin("ultrasoft").unwrap();
         let plant = draw(&stack, &Disturbances::builtin().unwrap(), 3);
         let task = BenchTask::of(&plant, &stack, Switches::all(), &default_settings());
-        let bench = Bench::of(task, &plant).unwrap();
+        let bench = TwoSessions::of(task, &plant).unwrap();
         let whole = bench.calibration(Variant::OneTemperature).unwrap();
         for variant in Variant::ALL {
             let sent = bench.calibration(variant).unwrap().commands;

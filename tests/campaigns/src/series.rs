@@ -64,12 +64,12 @@ struct Series {
     presses: Vec<Press>,
     /// Measured once more after a long hold, just before lift-off.
     held: Vec<Press>,
-    found: Found,
+    found: Defects,
 }
 
 /// What must not be.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
-struct Found {
+struct Defects {
     /// Contacts with nothing there, a second after lift-off or later.
     ghosts: usize,
     /// Presses, and taps, that were not found.
@@ -80,7 +80,7 @@ struct Found {
     lying: usize,
 }
 
-impl Found {
+impl Defects {
     fn add(&mut self, other: Self) {
         self.ghosts += other.ghosts;
         self.missed += other.missed;
@@ -101,7 +101,7 @@ struct Row<'a> {
     ambient_k: f64,
     /// Whether a fault stood at the last record of a change.
     faulted: bool,
-    found: Found,
+    found: Defects,
 }
 
 impl Row<'_> {
@@ -221,7 +221,7 @@ impl Series {
             chance,
             ambient_k,
             faulted: false,
-            found: Found::default(),
+            found: Defects::default(),
         };
         let mut series = Self::default();
         row.begin(instrument)?;
@@ -344,7 +344,7 @@ struct SeriesResult {
     seed: u64,
     presses: u32,
     not_calibrated: usize,
-    found: Found,
+    found: Defects,
     first: Counted,
     later: Counted,
     after_a_long_hold: Counted,
@@ -421,7 +421,7 @@ fn of_sensor(
 
 impl SeriesResult {
     fn of(drawn: &Drawn, stack: &str, presses: u32, not_calibrated: usize, all: &[Series]) -> Self {
-        let mut found = Found::default();
+        let mut found = Defects::default();
         all.iter().for_each(|series| found.add(series.found));
         let later = all.iter().flat_map(|series| series.presses.iter().skip(1));
         Self {
@@ -442,7 +442,7 @@ impl SeriesResult {
         if json {
             return Ok(writeln!(out, "{}", serde_json::to_string(self)?)?);
         }
-        let Found {
+        let Defects {
             ghosts,
             missed,
             refusals,
@@ -567,7 +567,7 @@ mod tests {
             let series = Series::of(&calibrated.unwrap(), ratio, 4, &plan).unwrap();
             assert_eq!(
                 series.found,
-                Found::default(),
+                Defects::default(),
                 "seed {seed}, {}",
                 load_name(ratio)
             );

@@ -29,7 +29,7 @@ const NO_CUT: u8 = 255;
 /// Holds the storage's promises against a script.
 pub(super) fn run(script: &[u8]) -> Result<(), String> {
     let mut reader = Reader(script);
-    let mut bench = Bench {
+    let mut bench = StorageBench {
         flash: Flash::new(),
         saved: Vec::new(),
         patience: Rc::default(),
@@ -45,7 +45,7 @@ pub(super) fn run(script: &[u8]) -> Result<(), String> {
 }
 
 /// A flash, and what was stored in it.
-struct Bench {
+struct StorageBench {
     flash: Flash,
     /// Every set that a save has begun to store.
     saved: Vec<Vec<Command>>,
@@ -53,7 +53,7 @@ struct Bench {
     patience: Rc<Cell<u64>>,
 }
 
-impl Bench {
+impl StorageBench {
     fn step(&mut self, reader: &mut Reader<'_>) -> Result<(), String> {
         match reader.byte() % 8 {
             0 | 1 => {

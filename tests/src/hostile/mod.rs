@@ -26,7 +26,7 @@ use palpate_wire::Command;
 use palpate_wire::code::State;
 
 use self::sensor::SENSOR;
-use self::session::Session;
+use self::session::HostileSession;
 
 /// What has been seen.
 #[derive(Clone, Debug, Default)]
@@ -98,7 +98,7 @@ pub fn play(script: &[u8]) -> Result<Summary, String> {
     let sensor = SENSOR.as_ref().ok_or("there is no such sensor")?;
     let world = sensor.world().ok_or("there is no such world")?;
     let wiring = Wiring::new(world);
-    let mut session = Session::new(&wiring, sensor);
+    let mut session = HostileSession::new(&wiring, sensor);
     for (index, of) in script::read(script).iter().enumerate() {
         let done = session.carry_out(of);
         done.map_err(|defect| format!("move {index}, {of:?}: {defect}"))?;

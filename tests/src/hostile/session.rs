@@ -28,7 +28,7 @@ const DEEPEST: f64 = 0.8;
 const SPEED_M_PER_S: f64 = 10e-3;
 
 /// A board, the PCs at its links, and what has been seen.
-pub(super) struct Session<'a> {
+pub(super) struct HostileSession<'a> {
     board: NativeBoard<'a>,
     sensor: &'a Sensor,
     peers: [Peer; 2],
@@ -41,7 +41,7 @@ pub(super) struct Session<'a> {
     pub(super) summary: Summary,
 }
 
-impl<'a> Session<'a> {
+impl<'a> HostileSession<'a> {
     pub(super) fn new(wiring: &'a Wiring, sensor: &'a Sensor) -> Self {
         let mut board = NativeBoard::new(wiring);
         for link in Link::ALL {

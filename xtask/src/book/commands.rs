@@ -26,7 +26,7 @@ pub(crate) fn of_page(markdown: &str) -> Vec<Command> {
     })
 }
 
-struct Line<'t> {
+struct CommandLine<'t> {
     number: usize,
     text: &'t str,
     is_code: bool,
@@ -34,7 +34,7 @@ struct Line<'t> {
 
 /// The commands of a text, whose lines are code or not.
 pub(crate) fn commands(text: &str, mut is_code: impl FnMut(&str) -> bool) -> Vec<Command> {
-    let lines = (1..).zip(text.lines()).map(|(number, text)| Line {
+    let lines = (1..).zip(text.lines()).map(|(number, text)| CommandLine {
         number,
         text,
         is_code: is_code(text),
@@ -51,7 +51,7 @@ pub(crate) fn commands(text: &str, mut is_code: impl FnMut(&str) -> bool) -> Vec
 }
 
 /// A command for each line, or for several that end with a backslash.
-fn in_block(lines: &[Line<'_>]) -> Vec<Command> {
+fn in_block(lines: &[CommandLine<'_>]) -> Vec<Command> {
     let mut found = Vec::new();
     let mut begun: Option<Command> = None;
     for line in lines {
@@ -73,7 +73,7 @@ fn in_block(lines: &[Line<'_>]) -> Vec<Command> {
 }
 
 /// What stands between backticks, also where a line breaks in between.
-fn in_sentences(lines: &[Line<'_>]) -> Vec<Command> {
+fn in_sentences(lines: &[CommandLine<'_>]) -> Vec<Command> {
     let mut found = Vec::new();
     for paragraph in lines.split(|line| line.text.trim().is_empty()) {
         let Some(first) = paragraph.first() else {

@@ -5,7 +5,7 @@ use anyhow::{Context, Result};
 use serde_json::{Value, json};
 
 use super::cases::Case;
-use super::{Bench, EQUAL, Found, number, ours, text};
+use super::{EQUAL, PeerBench, PeerResult, number, ours, text};
 use crate::process::Invocation;
 
 /// The cases of the table.
@@ -44,7 +44,7 @@ struct Median {
 }
 
 /// The table.
-pub(super) fn table(bench: &Bench<'_>, cases: &[Case]) -> Result<String> {
+pub(super) fn table(bench: &PeerBench<'_>, cases: &[Case]) -> Result<String> {
     bench.write("lean_with_ngsolve.py", include_str!("lean_with_ngsolve.py"))?;
     let mut rows = Vec::new();
     for case in cases.iter().filter(|case| NAMES.contains(&case.name)) {
@@ -55,7 +55,7 @@ pub(super) fn table(bench: &Bench<'_>, cases: &[Case]) -> Result<String> {
     Ok(render(&rows))
 }
 
-fn row(bench: &Bench<'_>, case: &Case) -> Result<Row> {
+fn row(bench: &PeerBench<'_>, case: &Case) -> Result<Row> {
     let truth = bench
         .palpate(case, &["--accuracy", "3e-6", "--order", "4"])?
         .core_mean_t;
@@ -94,7 +94,7 @@ fn row(bench: &Bench<'_>, case: &Case) -> Result<Row> {
 }
 
 /// Ours, as users call it.
-fn once(bench: &Bench<'_>, case: &Case) -> Result<Found> {
+fn once(bench: &PeerBench<'_>, case: &Case) -> Result<PeerResult> {
     let current = case.current_a().to_string();
     let mut command = vec![&*bench.palpate, "field", "solve", case.name, "--json"];
     if case.saturates {
@@ -113,7 +113,7 @@ struct Tried {
 }
 
 /// The quickest setting within [`EQUAL`] of the truth.
-fn choose(bench: &Bench<'_>, case: &Case, mesher: Mesher, truth: f64) -> Result<Option<Value>> {
+fn choose(bench: &PeerBench<'_>, case: &Case, mesher: Mesher, truth: f64) -> Result<Option<Value>> {
     let good = |tried: &Tried| (tried.core_mean_t / truth - 1.0).abs() <= EQUAL;
     let mut tried = deck(bench, case, &settings(case, mesher))?;
     tried.retain(good);
@@ -173,7 +173,7 @@ fn settings(case: &Case, mesher: Mesher) -> Vec<Value> {
 }
 
 /// The deck with some settings.
-fn deck(bench: &Bench<'_>, case: &Case, settings: &[Value]) -> Result<Vec<Tried>> {
+fn deck(bench: &PeerBench<'_>, case: &Case, settings: &[Value]) -> Result<Vec<Tried>> {
     let mut problem = case.json(&[]);
     problem["settings"] = json!(settings);
     let file = bench.write("lean.json", &serde_json::to_string(&problem)?)?;

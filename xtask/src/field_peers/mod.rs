@@ -34,7 +34,7 @@ const EQUAL: f64 = 1e-4;
 
 /// What a program found on one mesh.
 #[derive(Debug, Clone, Copy, Default)]
-struct Found {
+struct PeerResult {
     unknowns: f64,
     wall_s: f64,
     peak_mb: f64,
@@ -52,11 +52,11 @@ struct Usage {
 /// One case by all programs; the peers from coarse to fine.
 struct Compared {
     case: Case,
-    ours: Found,
+    ours: PeerResult,
     /// Ours at 3e-6 by elements of fourth order.
-    truth: Found,
-    ngsolve: Vec<Found>,
-    getdp: Vec<Found>,
+    truth: PeerResult,
+    ngsolve: Vec<PeerResult>,
+    getdp: Vec<PeerResult>,
 }
 
 /// Runs everything and writes the page; or one case, or the times beside the leanest deck alone, and prints
@@ -75,7 +75,7 @@ pub(crate) fn compare(
         }
     };
     if lean {
-        let bench = Bench::prepare(workspace, python, &[])?;
+        let bench = PeerBench::prepare(workspace, python, &[])?;
         println!("{}", lean::table(&bench, cases)?);
         return Ok(());
     }
@@ -92,7 +92,7 @@ pub(crate) fn compare(
 }
 
 fn run(workspace: &Workspace, python: Option<PathBuf>, cases: &[Case]) -> Result<String> {
-    let bench = Bench::prepare(workspace, python, &["gmsh", "getdp"])?;
+    let bench = PeerBench::prepare(workspace, python, &["gmsh", "getdp"])?;
     bench.write("with_ngsolve.py", include_str!("with_ngsolve.py"))?;
     let lean = lean::table(&bench, cases)?;
     let mut rows = Vec::new();
@@ -141,14 +141,14 @@ fn text(path: &Path) -> Result<String> {
 }
 
 /// Everything that a comparison needs.
-struct Bench<'w> {
+struct PeerBench<'w> {
     workspace: &'w Workspace,
     python: String,
     palpate: String,
     folder: PathBuf,
 }
 
-impl<'w> Bench<'w> {
+impl<'w> PeerBench<'w> {
     /// Installs what is missing, these tools of Debian among it.
     fn prepare(workspace: &'w Workspace, python: Option<PathBuf>, tools: &[&str]) -> Result<Self> {
         let folder = workspace.root().join(FOLDER);
@@ -169,7 +169,7 @@ impl<'w> Bench<'w> {
     }
 }
 
-impl Bench<'_> {
+impl PeerBench<'_> {
     fn compare(&self, case: &Case) -> Result<Compared> {
         Ok(Compared {
             case: *case,
@@ -208,14 +208,14 @@ impl Bench<'_> {
 
     /// Ours, with the start of the program; the best of three. With saturation the solution per
     /// ampere, which the tool makes too, is in the time.
-    fn palpate(&self, case: &Case, more: &[&str]) -> Result<Found> {
+    fn palpate(&self, case: &Case, more: &[&str]) -> Result<PeerResult> {
         let current = case.current_a().to_string();
         let mut command = vec![&*self.palpate, "field", "solve", case.name, "--json"];
         if case.saturates {
             command.extend(["--current", &current]);
         }
         command.extend(more);
-        let mut best: Option<Found> = None;
+        let mut best: Option<PeerResult> = None;
         for _ in 0..3 {
             let (printed, usage) = self.measured(&command)?;
             let found = ours(case, &serde_json::from_str(&printed)?, &usage)?;
@@ -226,7 +226,7 @@ impl Bench<'_> {
         best.context("no run")
     }
 
-    fn ngsolve(&self, case: &Case) -> Result<Vec<Found>> {
+    fn ngsolve(&self, case: &Case) -> Result<Vec<PeerResult>> {
         let script = text(&self.folder.join("with_ngsolve.py"))?;
         let mut rows = Vec::new();
         for size in NGSOLVE_SIZES {
@@ -235,7 +235,7 @@ impl Bench<'_> {
             let (printed, usage) = self.measured(&[&self.python, &script, &deck])?;
             let line = printed.lines().find(|line| line.starts_with('{'));
             let result: Value = serde_json::from_str(line.context("NGSolve printed no result")?)?;
-            rows.push(Found {
+            rows.push(PeerResult {
                 unknowns: number(&result, "unknowns")?,
                 wall_s: number(&result, "wall_s")?,
                 peak_mb: usage.peak_mb,
@@ -247,7 +247,7 @@ impl Bench<'_> {
         Ok(rows)
     }
 
-    fn getdp(&self, case: &Case) -> Result<Vec<Found>> {
+    fn getdp(&self, case: &Case) -> Result<Vec<PeerResult>> {
         let sizes: &[f64] = match case {
             Case {
                 saturates: true, ..
@@ -261,7 +261,7 @@ impl Bench<'_> {
             .collect()
     }
 
-    fn getdp_once(&self, case: &Case, size: f64) -> Result<Found> {
+    fn getdp_once(&self, case: &Case, size: f64) -> Result<PeerResult> {
         let geometry = self.write("case.geo", &with_getdp::geometry(case, size)?)?;
         let problem = self.write("case.pro", &with_getdp::problem(case))?;
         let mesh = text(&self.folder.join("case.msh"))?;
@@ -289,7 +289,7 @@ impl Bench<'_> {
         let mut lines = mesh_text.lines();
         lines.find(|line| *line == "$Nodes");
         let nodes: f64 = lines.next().context("no nodes")?.parse()?;
-        Ok(Found {
+        Ok(PeerResult {
             unknowns: nodes,
             wall_s: meshed.wall_s + solved.wall_s,
             peak_mb: meshed.peak_mb.max(solved.peak_mb),
@@ -304,13 +304,13 @@ impl Bench<'_> {
     }
 }
 
-fn ours(case: &Case, document: &Value, usage: &Usage) -> Result<Found> {
+fn ours(case: &Case, document: &Value, usage: &Usage) -> Result<PeerResult> {
     let (figures, mean, centre) = if case.saturates {
         (&document["at_current"], "core_mean_T", "centre_T")
     } else {
         (document, "core_mean_T_per_A", "centre_T_per_A")
     };
-    Ok(Found {
+    Ok(PeerResult {
         unknowns: number(document, "unknowns")?,
         wall_s: usage.wall_s,
         peak_mb: usage.peak_mb,

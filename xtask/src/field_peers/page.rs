@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::{Compared, EQUAL, Found};
+use super::{Compared, EQUAL, PeerResult};
 
 /// Both tables.
 pub(super) fn render(rows: &[Compared]) -> String {
@@ -17,7 +17,7 @@ pub(super) fn render(rows: &[Compared]) -> String {
          |---|---|---|---|---|---|---|---|---|---|\n",
     );
     for row in rows {
-        let peer = |found: Option<&Found>| match found {
+        let peer = |found: Option<&PeerResult>| match found {
             Some(found) => {
                 let inductance = if row.case.saturates {
                     String::new()
@@ -54,7 +54,7 @@ pub(super) fn render(rows: &[Compared]) -> String {
     );
     for row in rows {
         let truth = row.truth.core_mean_t;
-        let cells = |found: Option<&Found>| match found {
+        let cells = |found: Option<&PeerResult>| match found {
             Some(found) => format!(
                 "{:.2} | {:.0} | {:.0e}",
                 found.wall_s,
@@ -80,8 +80,8 @@ pub(super) fn render(rows: &[Compared]) -> String {
 }
 
 /// The first from which on all are within [`EQUAL`].
-fn good_enough(found: &[Found], truth: f64) -> Option<&Found> {
-    let near = |found: &&Found| (found.core_mean_t / truth - 1.0).abs() <= EQUAL;
+fn good_enough(found: &[PeerResult], truth: f64) -> Option<&PeerResult> {
+    let near = |found: &&PeerResult| (found.core_mean_t / truth - 1.0).abs() <= EQUAL;
     found.iter().rev().take_while(near).last()
 }
 
@@ -95,10 +95,10 @@ mod tests {
 
     #[test]
     fn a_lucky_coarse_mesh_does_not_count() {
-        let at = |core_mean_t: f64, wall_s: f64| Found {
+        let at = |core_mean_t: f64, wall_s: f64| PeerResult {
             core_mean_t,
             wall_s,
-            ..Found::default()
+            ..PeerResult::default()
         };
         let found = [at(1.0, 1.0), at(1.01, 2.0), at(1.00005, 3.0), at(1.0, 4.0)];
         assert_eq!(

@@ -10,7 +10,7 @@ use super::{
 /// 12 V behind 100 over 10 kiloohm, of 4096 for 3.3 V.
 pub(super) const SUPPLY_12_V: u16 = 1_354;
 
-pub(super) struct Bench {
+pub(super) struct CoilTestBench {
     pub(super) now_us: u64,
     drive: Drive,
     pub(super) memory: EnergyWords,
@@ -20,7 +20,7 @@ pub(super) struct Bench {
     trace: Trace<TRACE_LENGTH>,
 }
 
-impl CoilHardware for Bench {
+impl CoilHardware for CoilTestBench {
     const CIRCUIT: CoilCircuit = CoilCircuit::REFERENCE;
 
     fn now_us(&self) -> u64 {
@@ -75,9 +75,9 @@ impl CoilHardware for Bench {
 }
 
 /// A run that begins with these words in memory.
-pub(super) fn run(memory: EnergyWords) -> CoilManager<Bench> {
-    let (supervisor, drive) = CoilManager::<Bench>::drive().unwrap();
-    let bench = Bench {
+pub(super) fn run(memory: EnergyWords) -> CoilManager<CoilTestBench> {
+    let (supervisor, drive) = CoilManager::<CoilTestBench>::drive().unwrap();
+    let bench = CoilTestBench {
         now_us: 0,
         drive,
         memory,

@@ -3,7 +3,7 @@
 use std::fs;
 
 use crate::support::document;
-use crate::support::fixture::{Line, files, folder};
+use crate::support::fixture::{FixtureLine, files, folder};
 use crate::support::{bytes_of, reference};
 use palpate_wire::{Command, Decoder, Frame, Message, Record, VERSION};
 use serde::de::DeserializeOwned;
@@ -29,7 +29,7 @@ fn agree<M: Message + PartialEq + std::fmt::Debug + DeserializeOwned>(what: &str
     let mut decoded = decoder.frames(&bytes);
     let mut encoded = Vec::new();
     for text in listing.lines() {
-        let line: Line<M> = serde_json::from_str(text).unwrap();
+        let line: FixtureLine<M> = serde_json::from_str(text).unwrap();
         assert_eq!(line.offset, encoded.len(), "{text}");
         let frame = Frame {
             header: line.header,

@@ -74,7 +74,7 @@ struct OnFront {
 }
 
 /// What a start found.
-struct Found {
+struct Optimum {
     place: Vec<f64>,
     /// Designs that were tried.
     designs: u64,
@@ -127,7 +127,7 @@ impl Front {
         let coarse = search.at_most_accurate(SEARCHING);
         let powers_w = evenly_by_logarithm(arguments.power, arguments.starts);
         let starts = powers_w.par_iter().zip(0..arguments.starts);
-        let found: Vec<Found> = starts
+        let found: Vec<Optimum> = starts
             .map(|(&power_w, start)| {
                 climb(&coarse.at_power(power_w), start, &own, arguments.budget)
             })
@@ -220,7 +220,7 @@ fn evenly_by_logarithm([least, most]: [f64; 2], count: u32) -> Vec<f64> {
 }
 
 /// Searches from a start: the first is the design as it is, and so is one that cannot be built.
-fn climb(search: &Search<'_>, start: u32, own: &[f64], budget: u64) -> Result<Found, Failure> {
+fn climb(search: &Search<'_>, start: u32, own: &[f64], budget: u64) -> Result<Optimum, Failure> {
     let place = match start {
         0 => own.to_vec(),
         start => spread(start, own.len()),
@@ -232,14 +232,14 @@ fn climb(search: &Search<'_>, start: u32, own: &[f64], budget: u64) -> Result<Fo
     let (best, before) = linear.climb(first, FAR, budget, |_, _, _| Ok(()))?;
     let first = search.attempt(best.place)?;
     let (best, after) = search.climb(first, NEAR, budget, |_, _, _| Ok(()))?;
-    Ok(Found {
+    Ok(Optimum {
         place: best.place,
         designs: before + after,
     })
 }
 
 /// The places that a start and its two neighbours found, each once.
-fn about(found: &[Found], start: usize) -> Vec<&[f64]> {
+fn about(found: &[Optimum], start: usize) -> Vec<&[f64]> {
     let mut places: Vec<&[f64]> = Vec::new();
     for found in found
         .iter()
@@ -272,7 +272,7 @@ mod tests {
 
     #[test]
     fn each_power_is_tried_with_what_its_neighbours_found() {
-        let found = [1.0, 2.0, 2.0, 3.0].map(|at| Found {
+        let found = [1.0, 2.0, 2.0, 3.0].map(|at| Optimum {
             place: vec![at],
             designs: 1,
         });

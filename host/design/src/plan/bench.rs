@@ -34,7 +34,7 @@ struct BenchTrain {
 }
 
 /// A bench with its sensor, evaluated.
-pub struct Bench<'s> {
+pub struct PlannedBench<'s> {
     pub(super) sensor: &'s PlannedSensor,
     pub(super) settings: Settings,
     pub(super) conversions: Conversions,
@@ -55,7 +55,7 @@ pub enum Unplannable {
     StiffensTooLittle,
 }
 
-impl<'s> Bench<'s> {
+impl<'s> PlannedBench<'s> {
     /// The bench of a sensor, with these settings and conversions.
     pub fn new(
         sensor: &'s PlannedSensor,

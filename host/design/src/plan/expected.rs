@@ -1,7 +1,7 @@
 //! The error that a press is expected to have, and what it comes from: what the bench leaves open, the errors of the press's own
 //! train, and the temperature's.
 
-use super::bench::{Bench, add, of_train, slopes};
+use super::bench::{PlannedBench, add, of_train, slopes};
 use super::causes::{Cause, QUANTITIES};
 use super::information::Information;
 use super::line::TrainLine;
@@ -55,7 +55,7 @@ impl ExpectedError {
     }
 }
 
-impl Bench<'_> {
+impl PlannedBench<'_> {
     /// The line of a press; that of a bench's train as deep is the same.
     fn line(&self, press: &PlannedPress) -> Option<TrainLine> {
         let deformation_m = press.depth * self.sensor.depth_m;

@@ -19,7 +19,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use palpate_sim::stack::{Disturbances, LoadError, Stack};
 
-pub use self::bench::Bench;
+pub use self::bench::PlannedBench;
 use self::bench::Unplannable;
 pub use self::chip::Conversions;
 pub use self::expected::PlannedPress;
@@ -176,7 +176,7 @@ fn expected_errors(
     let white = sensor.plant.ldc.white_noise_relative;
     let conversions =
         Conversions::at(sensor.settings.rate_hz as u32, white).map_err(crate::plan_ldc::refused)?;
-    let bench = Bench::new(sensor, &sensor.settings, conversions)
+    let bench = PlannedBench::new(sensor, &sensor.settings, conversions)
         .map_err(|cause| unplannable(stack, cause))?;
     let errors = bench.expected(loads, press);
     errors.ok_or_else(|| unplannable(stack, Unplannable::TooFewConversions))

@@ -4,7 +4,7 @@ use palpate_sim::electrical::reference_limits;
 use palpate_wire::command::Settings;
 use rayon::prelude::*;
 
-use super::bench::{Bench, Unplannable};
+use super::bench::{PlannedBench, Unplannable};
 use super::chip::Conversions;
 use super::expected::PlannedPress;
 use super::heat::TrainHeat;
@@ -201,7 +201,7 @@ impl TrainSearch<'_> {
         let white = self.sensor.plant.ldc.white_noise_relative;
         let conversions =
             Conversions::at(choice.rate_hz.into(), white).map_err(|_| TrainLimit::Chip)?;
-        let bench = Bench::new(self.sensor, &settings, conversions);
+        let bench = PlannedBench::new(self.sensor, &settings, conversions);
         let bench = bench.map_err(|_: Unplannable| TrainLimit::NoSignal)?;
         let errors_ln = bench.standard_errors_ln(COMPARED, &self.press);
         Ok(RatedTrain {

@@ -183,7 +183,7 @@ fn noise_and_vibration_scatter_a_load_by_what_the_line_says() {
 #[test]
 fn the_causes_add_up_to_what_the_information_bounds() {
     let sensor = sensor("ultrasoft");
-    let bench = Bench::new(&sensor, &sensor.settings, conversions(&sensor)).unwrap();
+    let bench = PlannedBench::new(&sensor, &sensor.settings, conversions(&sensor)).unwrap();
     let line = line(&sensor);
     for kappa in KAPPAS {
         let row = bench.row(&line, kappa);
@@ -196,7 +196,7 @@ fn the_causes_add_up_to_what_the_information_bounds() {
 #[test]
 fn errors_grow_with_the_temperature_and_with_nothing_else_of_it() {
     let sensor = sensor("ultrasoft");
-    let bench = Bench::new(&sensor, &sensor.settings, conversions(&sensor)).unwrap();
+    let bench = PlannedBench::new(&sensor, &sensor.settings, conversions(&sensor)).unwrap();
     let at = |away_k| {
         let press = PlannedPress { away_k, ..PRESS };
         bench.expected(&[5.0], &press).unwrap().remove(0)
@@ -213,7 +213,7 @@ fn errors_grow_with_the_temperature_and_with_nothing_else_of_it() {
 #[test]
 fn a_stack_whose_stiffening_does_not_show_has_no_plan() {
     let sensor = sensor("paper");
-    let bench = Bench::new(&sensor, &sensor.settings, conversions(&sensor));
+    let bench = PlannedBench::new(&sensor, &sensor.settings, conversions(&sensor));
     assert_eq!(bench.err(), Some(Unplannable::StiffensTooLittle));
 }
 

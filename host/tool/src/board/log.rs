@@ -74,7 +74,7 @@ impl LogStream {
     }
 
     /// The lines that are complete with these bytes.
-    pub(crate) fn lines(&mut self, bytes: &[u8]) -> Vec<Line> {
+    pub(crate) fn lines(&mut self, bytes: &[u8]) -> Vec<LogLine> {
         self.begun.extend(bytes);
         // A line ends with a zero byte, and has none else (rzCOBS).
         let end = self.begun.iter().rposition(|byte| *byte == 0);
@@ -133,15 +133,15 @@ impl Log {
     }
 
     /// The lines of a log.
-    pub(crate) fn lines(&self, bytes: &[u8]) -> Vec<Line> {
+    pub(crate) fn lines(&self, bytes: &[u8]) -> Vec<LogLine> {
         let mut lines = Vec::new();
         let mut decoder = self.0.new_stream_decoder();
         decoder.received(bytes);
         loop {
             match decoder.decode() {
-                Ok(frame) => lines.push(Line::of(&frame)),
+                Ok(frame) => lines.push(LogLine::of(&frame)),
                 Err(DecodeError::UnexpectedEof) => return lines,
-                Err(DecodeError::Malformed) => lines.push(Line::damaged()),
+                Err(DecodeError::Malformed) => lines.push(LogLine::damaged()),
             }
         }
     }
@@ -157,7 +157,7 @@ impl Log {
 
 /// A line of a log.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Line {
+pub(crate) struct LogLine {
     /// The board's clock, s.
     pub(crate) time: String,
     /// `info`, `warn` and so on; empty for a line without one.
@@ -165,7 +165,7 @@ pub(crate) struct Line {
     pub(crate) message: String,
 }
 
-impl Line {
+impl LogLine {
     fn of(frame: &Frame<'_>) -> Self {
         let time = frame.display_timestamp();
         Self {
@@ -184,7 +184,7 @@ impl Line {
     }
 }
 
-impl fmt::Display for Line {
+impl fmt::Display for LogLine {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self {
             time,

@@ -194,7 +194,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         settings(arguments, switches),
         coils(&arguments.board, &plan),
     ));
-    let mut session = Session::new(&chip, arguments, &plan);
+    let mut session = ChipSession::new(&chip, arguments, &plan);
     if let Err(error) = session.start(&plan.configuration) {
         // A chip may lose its registers at the first start.
         session.recover(&error)?;
@@ -253,7 +253,7 @@ fn has_room(plan: &Plan, bus_hz: u32) -> bool {
 }
 
 /// A driver with everything that it is wired to.
-struct Session<'a> {
+struct ChipSession<'a> {
     chip: &'a RefCell<Chip<Coils>>,
     driver: Ldc161x<Bus<'a, Coils>>,
     interrupt: IntbPin<'a, Coils>,
@@ -268,7 +268,7 @@ struct Session<'a> {
 
 type DriverResult<T> = Result<T, Error<ldc161x_sim::I2cError>>;
 
-impl<'a> Session<'a> {
+impl<'a> ChipSession<'a> {
     fn new(chip: &'a RefCell<Chip<Coils>>, arguments: &Arguments, plan: &Plan) -> Self {
         let bus = || Bus::new(chip, arguments.board.bus).with_deadline(BUS_DEADLINE);
         let mut driver = Ldc161x::new(bus(), arguments.board.model(), Address::AddrLow);

@@ -29,7 +29,7 @@ pub(crate) struct Arguments {
 
 /// A line of the JSON output.
 #[derive(Serialize)]
-struct Line {
+struct FaultLine {
     code: u8,
     name: &'static str,
     meaning: String,
@@ -60,7 +60,7 @@ fn print(codes: &[FaultCode], json: bool) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
     if json {
         for code in codes {
-            let line = Line {
+            let line = FaultLine {
                 code: code.number(),
                 name: code.name(),
                 meaning: meaning(*code),

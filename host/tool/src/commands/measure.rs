@@ -62,7 +62,7 @@ const RESULT_S: f64 = 90.0;
 
 /// A line of the JSON output.
 #[derive(Serialize)]
-struct Line {
+struct MeasurementLine {
     simulated: bool,
     measurement: u32,
     /// Absent for a load that cannot be distinguished from a rigid one.
@@ -97,10 +97,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         }
         let estimate = measured(&mut link, arguments.wait)?;
         let simulated = arguments.link.is_simulated(&link);
-        let line = Line {
+        let line = MeasurementLine {
             limited_by: budget_of(records_of(&link), estimate.measurement).map(limited_by),
             true_n_per_m: truth(&mut link),
-            ..Line::of(&estimate, simulated, configuration_crc)
+            ..MeasurementLine::of(&estimate, simulated, configuration_crc)
         };
         print(&line, arguments.json)?;
     }
@@ -126,7 +126,7 @@ pub(crate) fn arm(link: &mut Link) -> Result<(), Failure> {
     Ok(())
 }
 
-impl Line {
+impl MeasurementLine {
     fn of(estimate: &Estimate, simulated: bool, configuration_crc: u32) -> Self {
         Self {
             simulated,
@@ -156,9 +156,9 @@ fn measured_before(arguments: &Arguments, link: &mut Link) -> Result<(), Failure
                 Record::UncertaintyBudget(budget) => cause = Some(limited_by(&budget)),
                 Record::Estimate(estimate) => {
                     estimates += 1;
-                    let line = Line {
+                    let line = MeasurementLine {
                         limited_by: cause.take(),
-                        ..Line::of(&estimate, simulated, configuration_crc)
+                        ..MeasurementLine::of(&estimate, simulated, configuration_crc)
                     };
                     print(&line, arguments.json)?;
                 }
@@ -214,7 +214,7 @@ pub(crate) fn truth(link: &mut Link) -> Option<f64> {
     true_n_per_m.is_finite().then_some(true_n_per_m)
 }
 
-fn print(line: &Line, json: bool) -> Result<(), Failure> {
+fn print(line: &MeasurementLine, json: bool) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
     if json {
         return Ok(writeln!(out, "{}", serde_json::to_string(line)?)?);

@@ -18,7 +18,7 @@ use std::collections::BTreeMap;
 
 use palpate_wire::{Frame, Record};
 
-use crate::board::log::Line;
+use crate::board::log::LogLine;
 
 pub use contents::{BootLosses, Contents};
 pub use reader::Reader;
@@ -75,7 +75,7 @@ pub struct Logged {
     /// When it arrived, by the computer's clock, ns since 1970-01-01 UTC.
     pub host_ns: u64,
     /// The line.
-    pub(crate) line: Line,
+    pub(crate) line: LogLine,
 }
 
 /// What a recording consists of. The log is for other programs: reading a recording passes over it.

@@ -53,7 +53,7 @@ fn what_is_recorded_is_read_back_bit_for_bit() {
 
 #[test]
 fn a_line_of_the_log_is_there_for_other_programs_and_reading_passes_over_it() {
-    let line = Line {
+    let line = LogLine {
         time: "1.5".to_owned(),
         level: "warn",
         message: "converter up".to_owned(),

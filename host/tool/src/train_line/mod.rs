@@ -30,7 +30,7 @@ pub(crate) struct Point {
 
 /// The line of a train.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub(crate) struct Line {
+pub(crate) struct TrainLine {
     measurement: u32,
     /// Every so-many-th sample, rising in compliance.
     pub(crate) points: Vec<Point>,
@@ -64,7 +64,7 @@ impl Train {
     }
 
     /// Takes a record of a time, s. The result of a measurement completes its line.
-    pub(crate) fn take(&mut self, time_s: f64, record: &Record) -> Option<Line> {
+    pub(crate) fn take(&mut self, time_s: f64, record: &Record) -> Option<TrainLine> {
         match record {
             Record::Sample(sample) if sample.sensor == 0 => self.add(time_s, sample),
             // Records do not always come in the order of their times: the samples from the peak on are
@@ -97,7 +97,7 @@ impl Train {
     }
 
     /// The line of the samples on the falls of the current.
-    fn line(&self, estimate: &Estimate) -> Option<Line> {
+    fn line(&self, estimate: &Estimate) -> Option<TrainLine> {
         let law = Law::of(&self.parts)?;
         let (touched_s, began_s) = (self.touched_s?, self.began_s?);
         let fall = Fall::of(law.settings());
@@ -126,7 +126,7 @@ impl Train {
         });
         let mut points: Vec<_> = points.collect();
         points.sort_by(|a, b| a.compliance.total_cmp(&b.compliance));
-        Some(Line {
+        Some(TrainLine {
             measurement: estimate.measurement,
             points,
             every,

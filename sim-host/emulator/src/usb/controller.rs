@@ -80,7 +80,7 @@ mod raised {
 
 /// Level of the lines as SIE_STATUS shows it (USB 2.0 7.1.7.1, full speed).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Line {
+enum LineState {
     /// Both low.
     Reset = 0,
     /// Idle.
@@ -138,7 +138,7 @@ pub(crate) struct UsbController {
     enabled: u32,
     forced: u32,
     frame: u32,
-    line: Line,
+    line: LineState,
     suspended: bool,
     connected: bool,
     /// Since when the bus is idle.
@@ -184,7 +184,7 @@ impl UsbController {
             enabled: 0,
             forced: 0,
             frame: 0,
-            line: Line::J,
+            line: LineState::J,
             suspended: false,
             connected: false,
             idle_ps: 0,
@@ -229,7 +229,7 @@ impl UsbController {
 
     /// When its view of the bus next changes by itself.
     pub(crate) fn next_event(&self) -> Option<u64> {
-        let suspends_ps = (self.is_attached() && !self.suspended && self.line == Line::J)
+        let suspends_ps = (self.is_attached() && !self.suspended && self.line == LineState::J)
             .then_some(self.idle_ps + SUSPENDS_PS);
         let connects_ps = self.connecting_ps.map(|end_ps| end_ps + CONNECTS_PS);
         [suspends_ps, connects_ps].into_iter().flatten().min()
@@ -244,7 +244,7 @@ impl UsbController {
             self.connecting_ps = None;
             self.set_connected(self.is_attached());
         }
-        let is_idle = self.line == Line::J && self.idle_ps + SUSPENDS_PS <= now_ps;
+        let is_idle = self.line == LineState::J && self.idle_ps + SUSPENDS_PS <= now_ps;
         if self.is_attached() && is_idle {
             self.set_suspended(true);
         }
@@ -267,7 +267,7 @@ impl UsbController {
     /// The host pulls both lines low for longer than a device may overlook (USB 2.0 7.1.7.5). The
     /// address stays: the firmware clears it.
     pub(crate) fn begin_reset(&mut self) {
-        self.line = Line::Reset;
+        self.line = LineState::Reset;
         self.connecting_ps = None;
         self.end_transaction();
         self.set_suspended(false);
@@ -278,14 +278,14 @@ impl UsbController {
 
     /// The lines are idle again after a reset.
     pub(crate) fn end_reset(&mut self, now_ps: u64) {
-        self.line = Line::J;
+        self.line = LineState::J;
         self.idle_ps = now_ps;
         self.connecting_ps = (!self.connected).then_some(now_ps);
     }
 
     /// The host begins to resume a suspended bus.
     pub(crate) fn begin_resume(&mut self) {
-        self.line = Line::K;
+        self.line = LineState::K;
         if self.suspended {
             self.status |= status::RESUME;
         }
@@ -294,13 +294,13 @@ impl UsbController {
 
     /// The host's signal of a resume ends.
     pub(crate) fn end_resume(&mut self, now_ps: u64) {
-        self.line = Line::J;
+        self.line = LineState::J;
         self.idle_ps = now_ps;
     }
 
     /// The cable is pulled: the lines stay idle by the pull-up.
     pub(crate) fn unplug(&mut self, now_ps: u64) {
-        self.line = Line::J;
+        self.line = LineState::J;
         self.end_transaction();
         self.idle_ps = now_ps;
     }
@@ -573,7 +573,7 @@ impl UsbController {
     fn status(&self) -> u32 {
         let line = match self.line {
             line if self.is_attached() => line,
-            _ => Line::Reset,
+            _ => LineState::Reset,
         };
         let set = |is_set: bool, bit| if is_set { bit } else { 0 };
         self.status

@@ -16,7 +16,7 @@ use clap::Args;
 use palpate_cli::failure::Failure;
 use palpate_cli::in_order::in_order;
 use palpate_cli::progress::Progress;
-use palpate_design::plan::{Bench, Conversions, PlannedPress, PlannedSensor};
+use palpate_design::plan::{Conversions, PlannedBench, PlannedPress, PlannedSensor};
 use palpate_sim::mechanics::load::Load;
 use palpate_sim::parameters::{Parameters, draw};
 use palpate_sim::stack::{Disturbances, LoadError, Stack};
@@ -177,7 +177,7 @@ impl Judged<'_> {
         let vibration_m = planned.vibration_m / 2_f64.sqrt();
         let noise = (conversions.relative_sigma, vibration_m);
         let bench = BenchInformation::new(plant, &task, self.unknowns, noise)?;
-        let plan = Bench::new(&planned, &planned.settings, conversions);
+        let plan = PlannedBench::new(&planned, &planned.settings, conversions);
         let press = PlannedPress {
             depth: 1.0,
             away_k: plant.thermal.ambient_change_k.abs(),

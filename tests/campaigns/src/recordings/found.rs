@@ -9,7 +9,7 @@ use palpate_wire::record::Sample;
 
 /// What is in a file that was written by another process.
 #[derive(Default)]
-pub(super) struct Found {
+pub(super) struct RecordingContents {
     pub(super) contents: Contents,
     pub(super) samples: u64,
     /// Scans that the samples say are missing before them.
@@ -18,7 +18,7 @@ pub(super) struct Found {
     pub(super) last_ns: Option<u64>,
 }
 
-impl Found {
+impl RecordingContents {
     /// Records that are missing between the first and the last.
     pub(super) fn missing(&self) -> u64 {
         self.contents.boots().iter().map(|boot| boot.missing).sum()
@@ -34,8 +34,8 @@ impl Found {
 }
 
 /// Reads a file as far as it goes.
-pub(super) fn read(file: &Path) -> Result<Found, Failure> {
-    let mut found = Found::default();
+pub(super) fn read(file: &Path) -> Result<RecordingContents, Failure> {
+    let mut found = RecordingContents::default();
     for entry in &mut Reader::open(file)? {
         found.contents.enter(&entry);
         if let Entry::Frame(recorded) = &entry {

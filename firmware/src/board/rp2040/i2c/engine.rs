@@ -169,7 +169,7 @@ impl Job {
 
 /// What came of a transaction.
 #[derive(Clone, Copy)]
-pub struct Outcome {
+pub struct TransferOutcome {
     /// Room for the bytes; see [`Self::bytes`].
     pub bytes: [u8; MAX_BYTES],
     /// How many were read.
@@ -182,7 +182,7 @@ pub struct Outcome {
     pub cause: u32,
 }
 
-impl Outcome {
+impl TransferOutcome {
     /// The bytes that were read.
     pub fn bytes(&self) -> &[u8] {
         self.bytes.get(..self.count.into()).unwrap_or_default()
@@ -221,7 +221,7 @@ struct Single {
     waits: bool,
     is_over: bool,
     job: Job,
-    outcome: Outcome,
+    outcome: TransferOutcome,
 }
 
 impl Single {
@@ -229,7 +229,7 @@ impl Single {
         waits: false,
         is_over: false,
         job: Job::EMPTY,
-        outcome: Outcome::NONE,
+        outcome: TransferOutcome::NONE,
     };
 }
 
@@ -251,7 +251,7 @@ struct Reader {
     latest_us: [u32; MOST_PARTS],
     late: Stamp,
     job: Job,
-    frames: [Outcome; FRAMES],
+    frames: [TransferOutcome; FRAMES],
 }
 
 impl Reader {
@@ -264,9 +264,9 @@ impl Reader {
         waiting: 0,
         last_edge_us: 0,
         latest_us: [u32::MAX; MOST_PARTS],
-        late: Outcome::NONE.stamp,
+        late: TransferOutcome::NONE.stamp,
         job: Job::EMPTY,
-        frames: [Outcome::NONE; FRAMES],
+        frames: [TransferOutcome::NONE; FRAMES],
     };
 
     /// Whether its frame can go on or begin; in the second case whether its edge is known.
@@ -313,11 +313,11 @@ impl Reader {
         if let Some(outcome) = self.frames.get_mut(slot) {
             // Never: so long after its edge that no frame is in time.
             let never_us = outcome.stamp.time_us.wrapping_sub(1);
-            *outcome = Outcome {
+            *outcome = TransferOutcome {
                 stamp: outcome.stamp,
                 ended_us: [never_us; MOST_PARTS],
                 count: self.job.bytes,
-                ..Outcome::NONE
+                ..TransferOutcome::NONE
             };
         }
         self.is_whole();
@@ -432,7 +432,7 @@ struct Transfer<'a> {
     job: &'a Job,
     next: &'a mut usize,
     end: usize,
-    outcome: &'a mut Outcome,
+    outcome: &'a mut TransferOutcome,
 }
 
 impl Transfer<'_> {
@@ -817,7 +817,7 @@ pub fn end_recovery(cause: u32) {
 
 /// Lets a master see the outcome of its transaction, once that is over.
 #[inline(always)]
-pub fn take_single<T>(converter: usize, work: impl FnOnce(&Outcome) -> T) -> Option<T> {
+pub fn take_single<T>(converter: usize, work: impl FnOnce(&TransferOutcome) -> T) -> Option<T> {
     let is_over = with(|engine| {
         let single = engine.singles.get(converter);
         single.is_some_and(|single| single.is_over)
@@ -873,7 +873,7 @@ pub fn rest(converter: usize) {
 
 /// Lets a reader see its oldest frame that waits, and then forgets that.
 #[inline(always)]
-pub fn take_frame<T>(converter: usize, work: impl FnOnce(&Outcome) -> T) -> Option<T> {
+pub fn take_frame<T>(converter: usize, work: impl FnOnce(&TransferOutcome) -> T) -> Option<T> {
     let first = with_reader(converter, |reader| {
         (reader.waiting > 0).then_some(reader.first)
     })??;

@@ -16,7 +16,7 @@ use crate::Mono;
 use crate::board::pins;
 use crate::supervision::CHECK_INS;
 use crate::wakeup::{Sleeper, Wakeup};
-use engine::{Job, Outcome, READ, Stamp};
+use engine::{Job, READ, Stamp, TransferOutcome};
 
 /// Bit 0 of TX_ABRT_SOURCE: the address was not acknowledged; bit 3: a byte after it.
 const ADDRESS: u32 = 1 << 0;
@@ -163,7 +163,7 @@ impl I2c for Master {
 }
 
 /// Hands out the bytes that a transaction read.
-fn hand_out(outcome: &Outcome, operations: &mut [Operation<'_>]) {
+fn hand_out(outcome: &TransferOutcome, operations: &mut [Operation<'_>]) {
     let mut bytes = outcome.bytes().iter();
     for operation in operations {
         if let Operation::Read(buffer) = operation {
@@ -260,7 +260,7 @@ impl EdgeReader for Edges {
 }
 
 /// A frame with its edge, of what came of reading it.
-fn frame(outcome: &Outcome) -> Result<EdgeFrame, TransferError> {
+fn frame(outcome: &TransferOutcome) -> Result<EdgeFrame, TransferError> {
     aborted(outcome.cause)?;
     Ok(EdgeFrame {
         // There is room for the longest frame.
@@ -270,7 +270,7 @@ fn frame(outcome: &Outcome) -> Result<EdgeFrame, TransferError> {
 }
 
 /// When a frame was read.
-fn fetch(outcome: &Outcome) -> Fetch {
+fn fetch(outcome: &TransferOutcome) -> Fetch {
     let Stamp { time_us, edges, .. } = outcome.stamp;
     Fetch {
         edge_us: extended(time_us),

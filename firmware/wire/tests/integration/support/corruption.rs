@@ -10,7 +10,7 @@ use super::{bytes_of, header, reference};
 
 /// What came of many damaged frames.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Outcome {
+pub(crate) struct CorruptionOutcome {
     /// Frames or groups of frames that were damaged.
     pub(crate) damaged: u64,
     /// Those that were received as if they were sound, though they were never sent.
@@ -23,7 +23,7 @@ pub(crate) struct Outcome {
     pub(crate) kinds: [u64; DAMAGES.len()],
 }
 
-impl fmt::Display for Outcome {
+impl fmt::Display for CorruptionOutcome {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for ((name, _), count) in DAMAGES.iter().zip(self.kinds) {
             writeln!(f, "{name:<28} {count:>9}")?;
@@ -104,8 +104,8 @@ fn splice(frame: &mut Vec<u8>, other: &[u8], random: &mut Random) {
 }
 
 /// Damages `count` frames of either direction.
-pub(crate) fn run(count: u64, seed: u64) -> Outcome {
-    let mut outcome = Outcome::default();
+pub(crate) fn run(count: u64, seed: u64) -> CorruptionOutcome {
+    let mut outcome = CorruptionOutcome::default();
     let mut random = Random(seed);
     let mut records = RecordDecoder::new();
     let mut commands = CommandDecoder::new();
@@ -127,7 +127,7 @@ pub(crate) fn run(count: u64, seed: u64) -> Outcome {
 fn trial<M: Message + PartialEq, const N: usize>(
     decoder: &mut Decoder<M, N>,
     random: &mut Random,
-    outcome: &mut Outcome,
+    outcome: &mut CorruptionOutcome,
 ) {
     let sent: [Vec<u8>; 4] = std::array::from_fn(|_| any_frame::<M>(random));
     let [first, second, next, last] = &sent;

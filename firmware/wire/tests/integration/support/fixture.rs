@@ -95,7 +95,7 @@ pub(crate) fn decode_one<M: Message>(bytes: &[u8]) -> Frame<M> {
 
 /// A line of a listing: where a frame stands, and what it decodes to.
 #[derive(Serialize, Deserialize)]
-pub(crate) struct Line<M> {
+pub(crate) struct FixtureLine<M> {
     /// Of its first byte, from the start of the file.
     pub(crate) offset: usize,
     /// Its bytes, the zero included.
@@ -111,7 +111,7 @@ fn listing<M: Message + Serialize>(frames: &[Frame<M>]) -> (Vec<u8>, Vec<String>
     let mut lines = Vec::new();
     for frame in frames {
         let coded = bytes_of(frame);
-        lines.push(json(&Line {
+        lines.push(json(&FixtureLine {
             offset: bytes.len(),
             length: coded.len(),
             header: frame.header,

@@ -31,7 +31,7 @@ use palpate_wire::{
 };
 
 use crate::board::emulated::PluggedBoard;
-use crate::board::log::{Line, Log, LogStream};
+use crate::board::log::{Log, LogLine, LogStream};
 use crate::interrupt::Interrupt;
 pub(crate) use address::{Arguments, Run, no_board};
 pub(crate) use address::{open_port, ports};
@@ -85,7 +85,7 @@ pub(crate) struct Link {
     /// What reads the board's log, if it is shown.
     log: Option<LogStream>,
     /// Lines of it for a recording, each with when it came by the link's clock; absent if none is made.
-    logged: Option<Vec<(Duration, Line)>>,
+    logged: Option<Vec<(Duration, LogLine)>>,
 }
 
 impl Link {
@@ -393,7 +393,7 @@ impl Link {
 
     /// Lines of the log that have come since the last call, each with when it came by the link's clock. The first
     /// call has none.
-    pub(crate) fn take_logged(&mut self) -> Vec<(Duration, Line)> {
+    pub(crate) fn take_logged(&mut self) -> Vec<(Duration, LogLine)> {
         self.logged.replace(Vec::new()).unwrap_or_default()
     }
 

@@ -13,7 +13,7 @@ use crate::interrupt::Interrupt;
 
 /// How a board is found when its port is opened again.
 #[derive(Clone, Copy, PartialEq)]
-enum Found {
+enum BoardPresence {
     Powered,
     Silent,
     Nowhere,
@@ -21,7 +21,7 @@ enum Found {
 
 /// A board whose clock begins at each power-on, with the same boot id.
 struct MadeBoard {
-    found: Found,
+    found: BoardPresence,
     now: Duration,
     powered_at: Duration,
     /// The way there and back.
@@ -33,7 +33,7 @@ struct MadeBoard {
 }
 
 impl MadeBoard {
-    fn link(found: Found, interrupt: &Interrupt) -> Link {
+    fn link(found: BoardPresence, interrupt: &Interrupt) -> Link {
         let board = Self {
             found,
             now: Duration::from_secs(5),
@@ -77,7 +77,7 @@ impl Transport for MadeBoard {
 
     fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
         let commands: Vec<_> = self.commands.frames(bytes).map(Result::unwrap).collect();
-        if self.found == Found::Powered || self.powered_at.is_zero() {
+        if self.found == BoardPresence::Powered || self.powered_at.is_zero() {
             commands.iter().for_each(|command| self.answer(command));
         }
         Ok(())
@@ -95,15 +95,15 @@ impl Transport for MadeBoard {
         self.delay = Duration::from_millis(10);
         self.interrupt.ask();
         match self.found {
-            Found::Nowhere => Err(ErrorKind::NotFound.into()),
-            Found::Powered | Found::Silent => Ok(()),
+            BoardPresence::Nowhere => Err(ErrorKind::NotFound.into()),
+            BoardPresence::Powered | BoardPresence::Silent => Ok(()),
         }
     }
 }
 
 #[test]
 fn a_board_with_new_power_and_the_same_boot_id_has_another_clock() {
-    let mut link = MadeBoard::link(Found::Powered, &Interrupt::uncaught());
+    let mut link = MadeBoard::link(BoardPresence::Powered, &Interrupt::uncaught());
     link.must(&Command::GetSettings).unwrap();
     let (before_s, _) = link.clock().offset_s().unwrap();
     assert!(before_s.abs() < 2e-3, "{before_s} s");
@@ -117,7 +117,7 @@ fn a_board_with_new_power_and_the_same_boot_id_has_another_clock() {
 
 #[test]
 fn ctrl_c_ends_the_wait_for_a_board_that_does_not_come_back() {
-    for found in [Found::Nowhere, Found::Silent] {
+    for found in [BoardPresence::Nowhere, BoardPresence::Silent] {
         let interrupt = Interrupt::uncaught();
         let mut link = MadeBoard::link(found, &interrupt);
         let began = link.now();

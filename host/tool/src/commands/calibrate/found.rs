@@ -14,7 +14,7 @@ use serde::Serialize;
 
 /// What was found.
 #[derive(Clone, Debug, Serialize)]
-pub(crate) struct Found {
+pub(crate) struct CalibrationFigures {
     pub(super) simulated: bool,
     /// Whether a load cell gave the force; otherwise springs and the stage's scale did.
     pub(super) load_cell: bool,
@@ -51,7 +51,7 @@ pub(crate) struct Limit {
     pub(super) uncertainty: [f64; LOADS.len()],
 }
 
-impl Found {
+impl CalibrationFigures {
     /// What is said of a calibration that is not stored yet.
     pub(crate) fn of(
         session: &Session,
@@ -165,7 +165,7 @@ pub(super) fn percent(part: f64) -> String {
 }
 
 /// Prints what was found.
-pub(super) fn print(found: &Found, json: bool) -> Result<(), Failure> {
+pub(super) fn print(found: &CalibrationFigures, json: bool) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
     if json {
         return Ok(writeln!(out, "{}", serde_json::to_string(found)?)?);

@@ -6,10 +6,13 @@ use palpate_cli::failure::Failure;
 use palpate_cli::page::document;
 use palpate_cli::plot::{Axis, BLUE, Chart, GREY, Marks, Series};
 
-use super::found::{Found, loads, percent};
+use super::found::{CalibrationFigures, loads, percent};
 
 /// The page.
-pub(super) fn page(found: &Found, calibration: &Calibration) -> Result<String, Failure> {
+pub(super) fn page(
+    found: &CalibrationFigures,
+    calibration: &Calibration,
+) -> Result<String, Failure> {
     let peak_a = f64::from(found.peak_current_a);
     let basis = &calibration.basis;
     let mut charts = vec![force(basis)];

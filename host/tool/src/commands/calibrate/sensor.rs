@@ -15,7 +15,7 @@ use palpate_wire::command::{CalibrationIdentity, Settings, TemperatureCoefficien
 use palpate_wire::{Command, Record, configuration_crc};
 
 use super::found;
-pub(crate) use super::found::Found;
+pub(crate) use super::found::CalibrationFigures;
 use palpate_cli::confirmation::{can_be_confirmed, is_confirmed};
 use palpate_cli::describe::stiffness;
 use palpate_cli::failure::Failure;
@@ -246,7 +246,7 @@ fn calibrated(
     arguments: &Arguments,
     (files, other): (&Files, Option<Session>),
     interrupt: Interrupt,
-) -> Result<Found, Failure> {
+) -> Result<CalibrationFigures, Failure> {
     let task = task(link, arguments)?;
     let held = session(link, arguments, &task, interrupt)?;
     let by_itself = evaluate(&held, &task.known);
@@ -266,7 +266,7 @@ fn calibrated(
         calibration.map_err(|error| Failure::Refused(format!("calibration: {error}")))?;
     let identity = identity(arguments.id, session.temperature_c);
     let is_simulated = arguments.link.is_simulated(link);
-    let mut found = Found::of(&session, &task, &calibration, &identity, is_simulated);
+    let mut found = CalibrationFigures::of(&session, &task, &calibration, &identity, is_simulated);
     if let Some(file) = &files.report {
         file.write(report::page(&found, &calibration)?)?;
     }

@@ -16,7 +16,7 @@ use crate::commands::measure::{arm, measured, truth};
 
 /// The JSON output.
 #[derive(Serialize)]
-struct Line {
+struct SpringCheckLine {
     simulated: bool,
     spring_n_per_m: f64,
     measured_n_per_m: Option<f32>,
@@ -83,7 +83,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     } else {
         None
     };
-    let line = Line {
+    let line = SpringCheckLine {
         simulated: arguments.link.is_simulated(&link),
         spring_n_per_m,
         measured_n_per_m: estimate.stiffness_n_per_m,
@@ -105,7 +105,7 @@ fn or_rigid(n_per_m: Option<f32>) -> String {
     n_per_m.map(f64::from).map_or("rigid".to_owned(), stiffness)
 }
 
-fn print(line: &Line, emulated: bool, json: bool) -> Result<(), Failure> {
+fn print(line: &SpringCheckLine, emulated: bool, json: bool) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
     if json {
         return Ok(writeln!(out, "{}", serde_json::to_string(line)?)?);

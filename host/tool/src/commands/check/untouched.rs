@@ -20,7 +20,7 @@ use crate::interrupt::Interrupt;
 
 /// The JSON output.
 #[derive(Serialize)]
-struct Line {
+struct UntouchedCheckLine {
     simulated: bool,
     /// Relative change of what the current adds to the reading of the untouched sensor.
     change: f64,
@@ -66,7 +66,7 @@ pub(super) fn run(arguments: &Arguments, session: &Path) -> Result<(), Failure> 
     } else {
         false
     };
-    let line = Line {
+    let line = UntouchedCheckLine {
         simulated: arguments.link.is_simulated(&link),
         change: checked.change,
         standard_error: checked.standard_error,
@@ -119,7 +119,12 @@ fn driven_by(commands: &[Command]) -> Result<(&Settings, &Coil), Failure> {
     })
 }
 
-fn print(line: &Line, checked: &Untouched, emulated: bool, json: bool) -> Result<(), Failure> {
+fn print(
+    line: &UntouchedCheckLine,
+    checked: &Untouched,
+    emulated: bool,
+    json: bool,
+) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
     if json {
         return Ok(writeln!(out, "{}", serde_json::to_string(line)?)?);

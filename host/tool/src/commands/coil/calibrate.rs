@@ -91,7 +91,7 @@ impl Pair {
 }
 
 #[derive(Serialize)]
-struct Found<'f> {
+struct CurrentCalibration<'f> {
     simulated: bool,
     before: &'f [Pair],
     after: &'f [Pair],
@@ -169,7 +169,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     bench.link.must(&Command::Disarm)?;
     progress.finish();
     let written = file.write(format!("{}\n", serde_json::to_string(&command)?));
-    let found = Found {
+    let found = CurrentCalibration {
         simulated: arguments.link.is_emulated(),
         worst_before_a: worst_a(&before),
         worst_after_a: worst_a(&after),
@@ -408,7 +408,7 @@ fn reading(process: Child, program: &Path) -> Result<f64, Failure> {
     }
 }
 
-fn print(found: &Found<'_>) -> Result<(), Failure> {
+fn print(found: &CurrentCalibration<'_>) -> Result<(), Failure> {
     let mut table = Table::new();
     table.load_style(NOTHING);
     table.set_header(["setpoint, A", "measured, A", "reference, A", "off by, mA"]);

@@ -69,7 +69,7 @@ const OF_SUPPLY: f64 = 0.8;
 
 /// What was found.
 #[derive(Serialize)]
-struct Found {
+struct CoilReport {
     simulated: bool,
     test: CoilTest,
     time_constant_s: f64,
@@ -91,7 +91,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let fallen = ramp(&mut link, RAMP_ENDS * to_a)?;
     link.must(&Command::Abort)?;
     link.must(&Command::Disarm)?;
-    let found = Found {
+    let found = CoilReport {
         simulated: arguments.link.is_emulated(),
         time_constant_s: f64::from(test.inductance_h) / f64::from(test.resistance_ohm),
         step: StepResponse::of(&stepped, to_a, &test)?,
@@ -99,7 +99,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         as_it_should_be: false,
         test,
     };
-    let found = Found {
+    let found = CoilReport {
         as_it_should_be: found.step.is_as_it_should_be() && found.ramp.is_as_it_should_be(),
         ..found
     };
@@ -292,8 +292,8 @@ fn ramp_chart(ramp: &Ramp, currents: &[(f64, f64)]) -> Chart {
     }
 }
 
-fn print(found: &Found, files: &[OutputFile]) -> Result<(), Failure> {
-    let Found {
+fn print(found: &CoilReport, files: &[OutputFile]) -> Result<(), Failure> {
+    let CoilReport {
         test, step, ramp, ..
     } = found;
     let mut table = Table::new();

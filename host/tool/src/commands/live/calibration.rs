@@ -20,14 +20,14 @@ use super::view::View;
 use crate::board::bench::LinkedBench;
 use crate::board::link::Link;
 use crate::board::storage;
-use crate::commands::calibrate::sensor::{Found, describe, identity, put_in_force};
+use crate::commands::calibrate::sensor::{CalibrationFigures, describe, identity, put_in_force};
 use crate::interrupt::Interrupt;
 
 /// A calibration that is not in force yet.
 pub(super) struct Held {
     calibration: Calibration,
     identity: CalibrationIdentity,
-    figures: Box<Found>,
+    figures: Box<CalibrationFigures>,
 }
 
 impl Held {
@@ -119,7 +119,7 @@ fn found(
     let calibration = evaluate(&session, &task.known)
         .map_err(|error| Failure::Refused(format!("calibration: {error}")))?;
     let identity = identity(None, session.temperature_c);
-    let figures = Found::of(&session, &task, &calibration, &identity, true);
+    let figures = CalibrationFigures::of(&session, &task, &calibration, &identity, true);
     Ok(Held {
         calibration,
         identity,

@@ -12,7 +12,7 @@ use tokio::sync::{broadcast, watch};
 use super::envelope::Batch;
 use super::measurements::Measurements;
 use super::state::State;
-use crate::train_line::Line;
+use crate::train_line::TrainLine;
 
 /// Batches of samples that wait for a page that does not take them: two seconds of them, longer than a
 /// browser's own pauses.
@@ -26,7 +26,7 @@ const REQUESTS: usize = 16;
 pub(super) enum Message<'a> {
     State(&'a State<'a>),
     Samples(&'a Batch),
-    Line(&'a Line),
+    Line(&'a TrainLine),
     Measurements(&'a Measurements),
     /// Batches of samples that the page did not take in time and that are left out.
     Skipped(u64),
@@ -111,7 +111,7 @@ impl Feed {
     }
 
     /// Shows the line of the last train.
-    pub(super) fn show_line(&self, line: &Line) -> Result<(), Failure> {
+    pub(super) fn show_line(&self, line: &TrainLine) -> Result<(), Failure> {
         self.line.send_replace(Message::Line(line).text()?);
         Ok(())
     }

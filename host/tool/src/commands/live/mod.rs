@@ -22,7 +22,7 @@ use clap::Args;
 use palpate_cli::failure::Failure;
 use palpate_cli::notice;
 use serde::Serialize;
-use session::Session;
+use session::LiveSession;
 
 use crate::board::link::Watched;
 use crate::interrupt::Interrupt;
@@ -86,7 +86,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
             "The browser does not open ({error}): open the address in it."
         ));
     }
-    Session::new(link, arguments, feed).run(&interrupt)
+    LiveSession::new(link, arguments, feed).run(&interrupt)
 }
 
 /// A port of this computer that no other one reaches.

@@ -27,7 +27,7 @@ const RECORD_S: f64 = 5.0;
 const PARTS: [Part; 3] = [Part::Springs, Part::StiffeningCurve, Part::Attraction];
 
 /// A board with its pages.
-pub(super) struct Session<'a> {
+pub(super) struct LiveSession<'a> {
     link: Link,
     arguments: &'a super::Arguments,
     view: View,
@@ -40,7 +40,7 @@ pub(super) struct Session<'a> {
     came: Duration,
 }
 
-impl<'a> Session<'a> {
+impl<'a> LiveSession<'a> {
     pub(super) fn new(link: Link, arguments: &'a super::Arguments, feed: Feed) -> Self {
         let progress = calibration::ready(arguments);
         Self {

@@ -5,7 +5,7 @@ use palpate_wire::record;
 use serde::Serialize;
 
 use super::measurements::now_ms;
-use crate::commands::calibrate::sensor::Found;
+use crate::commands::calibrate::sensor::CalibrationFigures;
 use crate::commands::faults;
 use crate::commands::watch::known::Known;
 
@@ -131,11 +131,11 @@ pub(super) enum Progress {
         pressed: String,
     },
     /// To be kept or discarded.
-    Found { figures: Box<Found> },
+    Found { figures: Box<CalibrationFigures> },
     /// Being put in force and stored.
     Storing,
     /// In force and stored.
-    Kept { figures: Box<Found> },
+    Kept { figures: Box<CalibrationFigures> },
     /// Ended without a result.
     Failed { reason: String },
 }

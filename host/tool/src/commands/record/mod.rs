@@ -13,7 +13,7 @@ use palpate_cli::failure::Failure;
 use palpate_cli::notice;
 use palpate_cli::quantity;
 use serde::Serialize;
-use session::Session;
+use session::RecordingSession;
 
 use crate::board::link::{self, Run};
 use crate::interrupt::Interrupt;
@@ -95,7 +95,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         "Recording to {}; Ctrl-C ends it.",
         recorder.partial().display()
     ));
-    let mut session = Session::new(link, recorder, arguments.arm);
+    let mut session = RecordingSession::new(link, recorder, arguments.arm);
     let ran = session.run(arguments.duration, &interrupt);
     let unreadable = session.unreadable();
     let not_written = session.not_written();

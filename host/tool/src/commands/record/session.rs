@@ -23,7 +23,7 @@ const LOOK: Duration = Duration::from_millis(10);
 const COMPARE: Duration = Duration::from_secs(10);
 
 /// A recording under way.
-pub(super) struct Session {
+pub(super) struct RecordingSession {
     link: Link,
     recorder: Recorder,
     contents: Contents,
@@ -38,7 +38,7 @@ pub(super) struct Session {
     measures: bool,
 }
 
-impl Session {
+impl RecordingSession {
     /// Begins with a board that has answered.
     pub(super) fn new(mut link: Link, mut recorder: Recorder, measures: bool) -> Self {
         let now_ns = date::now_ns();

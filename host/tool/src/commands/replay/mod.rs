@@ -44,7 +44,7 @@ pub(crate) struct Arguments {
 
 /// What was found of a recording.
 #[derive(Serialize)]
-struct Line {
+struct ReplayLine {
     file: String,
     /// Why it ends before its end.
     damage: Option<String>,
@@ -63,7 +63,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         if agreement.first_difference().is_some() {
             differing.push(file.display().to_string());
         }
-        let line = Line {
+        let line = ReplayLine {
             file: file.display().to_string(),
             damage,
             agreement,
@@ -154,7 +154,7 @@ fn in_force(note: &Note) -> Option<(u32, InForce)> {
     Some((boot_id, in_force))
 }
 
-fn print(line: &Line, json: bool) -> Result<(), Failure> {
+fn print(line: &ReplayLine, json: bool) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
     if json {
         return Ok(writeln!(out, "{}", serde_json::to_string(line)?)?);

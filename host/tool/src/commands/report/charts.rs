@@ -4,7 +4,7 @@ use palpate_cli::plot::{Axis, BLUE, Chart, Colour, GREEN, Marks, ORANGE, Series,
 use palpate_wire::record::{LoadPoint, Sample};
 
 use super::story::{Measurement, Story};
-use crate::train_line::Line;
+use crate::train_line::TrainLine;
 
 /// A quantity of a sample over time.
 #[derive(Clone, Copy)]
@@ -64,7 +64,7 @@ fn curve(quantity: Quantity, points: Vec<(f64, f64)>) -> Series {
 }
 
 /// 1/x against the actuated layer's compliance, with the line.
-pub(super) fn line(line: &Line) -> Chart {
+pub(super) fn line(line: &TrainLine) -> Chart {
     let points = line.points.iter();
     let measured = points
         .clone()

@@ -11,7 +11,7 @@ use palpate_wire::record::{Estimate, LoadPoint, Refusal, Sample};
 
 use crate::recording::date::NS_PER_S;
 use crate::recording::{ABOUT, BOOT, Contents, Entry, Note, Reader, Recorded};
-use crate::train_line::{Line, Train};
+use crate::train_line::{Train, TrainLine};
 
 /// How long before a measurement is shown, s: from before the touch on, where the press is that short.
 const BEFORE_S: f64 = 3.0;
@@ -36,7 +36,7 @@ pub(super) struct Measurement {
     pub(super) result: Result<Estimate, Refusal>,
     /// The greatest cause of its interval, where the board said it.
     pub(super) limited_by: Option<String>,
-    pub(super) line: Option<Line>,
+    pub(super) line: Option<TrainLine>,
     pub(super) points: Vec<LoadPoint>,
 }
 
@@ -136,7 +136,7 @@ impl Story {
         &mut self,
         at_s: f64,
         result: Result<Estimate, Refusal>,
-        line: Option<Line>,
+        line: Option<TrainLine>,
         limited_by: Option<String>,
     ) {
         self.measurements.push(Measurement {

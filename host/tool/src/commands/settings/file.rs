@@ -16,7 +16,7 @@ use crate::commands::encode;
 
 /// What was written or read, as JSON.
 #[derive(Serialize)]
-struct Line {
+struct SettingsFileLine {
     simulated: bool,
     file: String,
     commands: usize,
@@ -34,7 +34,7 @@ pub(super) fn export(board: &link::Arguments, file: &Path, json: bool) -> Result
     let lines = lines?.into_iter().map(|line| line + "\n");
     output.write(lines.collect::<String>())?;
     let storage = storage::inspect(&mut link)?;
-    let line = Line {
+    let line = SettingsFileLine {
         simulated: board.is_simulated(&link),
         file: file.display().to_string(),
         commands: commands.len(),
@@ -64,7 +64,7 @@ pub(super) fn import(
     } else {
         storage::inspect(&mut link)?
     };
-    let line = Line {
+    let line = SettingsFileLine {
         simulated: board.is_simulated(&link),
         file: file.display().to_string(),
         commands: commands.len(),
@@ -140,7 +140,7 @@ fn besides(in_force: &[Command], commands: &[Command]) -> Vec<&'static str> {
     names
 }
 
-fn print(line: &Line, done: &str, json: bool) -> Result<(), Failure> {
+fn print(line: &SettingsFileLine, done: &str, json: bool) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
     if json {
         return Ok(writeln!(out, "{}", serde_json::to_string(line)?)?);

@@ -165,7 +165,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
 
 /// What is in force and what is stored, as JSON.
 #[derive(Serialize)]
-struct Line<'l> {
+struct SettingsLine<'l> {
     simulated: bool,
     settings: &'l Settings,
     storage: &'l Storage,
@@ -177,7 +177,7 @@ fn get(arguments: &Get) -> Result<(), Failure> {
     let storage = storage::inspect(&mut link)?;
     let mut out = io::stdout().lock();
     if arguments.json {
-        let line = Line {
+        let line = SettingsLine {
             simulated: arguments.link.is_simulated(&link),
             settings: &settings,
             storage: &storage,
@@ -213,7 +213,7 @@ fn set(arguments: &Set) -> Result<(), Failure> {
     };
     let mut out = io::stdout().lock();
     if arguments.json {
-        let line = Line {
+        let line = SettingsLine {
             simulated: arguments.link.is_simulated(&link),
             settings: &after,
             storage: &storage,

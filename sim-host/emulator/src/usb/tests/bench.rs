@@ -30,23 +30,23 @@ const ACCESS_PS: u64 = 30_000;
 
 /// A program on the processor, called while the interrupt line is high.
 pub(super) trait Program {
-    fn interrupted(&mut self, bench: &mut Bench);
+    fn interrupted(&mut self, bench: &mut UsbTestBench);
 }
 
 /// A program that does nothing.
 pub(super) struct Idle;
 
 impl Program for Idle {
-    fn interrupted(&mut self, _: &mut Bench) {}
+    fn interrupted(&mut self, _: &mut UsbTestBench) {}
 }
 
 #[derive(Clone)]
-pub(super) struct Bench {
+pub(super) struct UsbTestBench {
     pub(super) usb: Usb,
     pub(super) now_ps: u64,
 }
 
-impl Bench {
+impl UsbTestBench {
     pub(super) fn new() -> Self {
         let mut usb = Usb::new();
         usb.controller.can_hang = false;

@@ -10,8 +10,8 @@ use usb_device::{LangID, Result, UsbDirection, UsbError};
 use usbd_serial::SerialPort;
 
 use super::bench::{
-    BUFFERS, Bench, CONTROL, ENABLE, INTERRUPTS, MAIN, MUXING, POWER, RESET, SETUP, STALL_ARM,
-    STATUS,
+    BUFFERS, CONTROL, ENABLE, INTERRUPTS, MAIN, MUXING, POWER, RESET, SETUP, STALL_ARM, STATUS,
+    UsbTestBench,
 };
 use crate::usb::memory::buffer;
 use crate::usb::{ControlOutcome, ControlTransfer, UsbState, check_descriptors};
@@ -32,7 +32,7 @@ struct Inner {
 
 /// `usb-device`'s view of the registers.
 struct Registers {
-    bench: Arc<Mutex<Bench>>,
+    bench: Arc<Mutex<UsbTestBench>>,
     inner: Mutex<Inner>,
 }
 
@@ -46,13 +46,13 @@ fn buffer_of(index: u32) -> u32 {
 }
 
 impl Registers {
-    fn with<T>(&self, run: impl FnOnce(&mut Bench, &mut Inner) -> T) -> T {
+    fn with<T>(&self, run: impl FnOnce(&mut UsbTestBench, &mut Inner) -> T) -> T {
         let mut bench = self.bench.lock().unwrap();
         run(&mut bench, &mut self.inner.lock().unwrap())
     }
 
     /// Makes a buffer ready to be filled, with the other PID than the last one.
-    fn receive(bench: &mut Bench, index: u32, largest: u16) {
+    fn receive(bench: &mut UsbTestBench, index: u32, largest: u16) {
         let pid = !bench.half(index, 0) & buffer::DATA1;
         bench.arm(index, 0, pid | largest);
     }
@@ -250,7 +250,7 @@ impl Echo<'_> {
 }
 
 /// Lets virtual time pass, with the device polled at its interrupts and every millisecond.
-fn run(bench: &Mutex<Bench>, time: Time, echo: &mut Echo<'_>) {
+fn run(bench: &Mutex<UsbTestBench>, time: Time, echo: &mut Echo<'_>) {
     let end_ps = bench.lock().unwrap().now_ps + time.as_ps();
     loop {
         let is_raised = {
@@ -268,7 +268,7 @@ fn run(bench: &Mutex<Bench>, time: Time, echo: &mut Echo<'_>) {
     }
 }
 
-impl Bench {
+impl UsbTestBench {
     fn usb_step(&mut self, end_ps: u64) {
         self.usb.service(self.now_ps);
         self.step(end_ps);
@@ -276,8 +276,8 @@ impl Bench {
 }
 
 /// Runs a test on a bench with the serial port of `usbd-serial`.
-fn with_port(largest_control: u8, test: impl FnOnce(&Mutex<Bench>, &mut Echo<'_>)) {
-    let bench = Arc::new(Mutex::new(Bench::new()));
+fn with_port(largest_control: u8, test: impl FnOnce(&Mutex<UsbTestBench>, &mut Echo<'_>)) {
+    let bench = Arc::new(Mutex::new(UsbTestBench::new()));
     let registers = Registers {
         bench: Arc::clone(&bench),
         inner: Mutex::default(),
@@ -306,7 +306,7 @@ fn with_port(largest_control: u8, test: impl FnOnce(&Mutex<Bench>, &mut Echo<'_>
 }
 
 /// Plugs the cable and waits for a configuration.
-fn enumerate(bench: &Mutex<Bench>, echo: &mut Echo<'_>) {
+fn enumerate(bench: &Mutex<UsbTestBench>, echo: &mut Echo<'_>) {
     {
         let host = &mut bench.lock().unwrap().usb.host;
         host.plug();

@@ -2,7 +2,9 @@
 
 use std::collections::VecDeque;
 
-use super::bench::{BUFFERS, Bench, ENABLE, INTERRUPTS, Program, RESET, SETUP, STALL_ARM, STATUS};
+use super::bench::{
+    BUFFERS, ENABLE, INTERRUPTS, Program, RESET, SETUP, STALL_ARM, STATUS, UsbTestBench,
+};
 use crate::usb::memory::buffer;
 
 pub(crate) const DEVICE: [u8; 18] = [
@@ -93,11 +95,11 @@ impl Device {
     }
 
     /// Enables the interrupts that it handles.
-    pub(super) fn listen(bench: &mut Bench) {
+    pub(super) fn listen(bench: &mut UsbTestBench) {
         bench.write(ENABLE, 1 << 4 | 1 << 12 | 1 << 16);
     }
 
-    fn reset(&mut self, bench: &mut Bench) {
+    fn reset(&mut self, bench: &mut UsbTestBench) {
         bench.write(STATUS, RESET);
         bench.write(BUFFERS, u32::MAX);
         bench.write(0x00, 0);
@@ -107,7 +109,7 @@ impl Device {
         self.resets += 1;
     }
 
-    fn setup(&mut self, bench: &mut Bench) {
+    fn setup(&mut self, bench: &mut UsbTestBench) {
         let packet: [u8; 8] = bench.bytes(0, 8).try_into().unwrap();
         bench.write(STATUS, SETUP);
         bench.write(BUFFERS, 0b11);
@@ -140,7 +142,7 @@ impl Device {
         }
     }
 
-    fn response(&mut self, packet: [u8; 8], bench: &mut Bench) -> Option<Vec<u8>> {
+    fn response(&mut self, packet: [u8; 8], bench: &mut UsbTestBench) -> Option<Vec<u8>> {
         match (packet[0], packet[1], packet[3]) {
             (0x80, 6, 1) => Some(DEVICE.to_vec()),
             (0x80, 6, 2) => Some(CONFIGURATION.to_vec()),
@@ -160,7 +162,7 @@ impl Device {
         }
     }
 
-    fn configure(&mut self, bench: &mut Bench) {
+    fn configure(&mut self, bench: &mut UsbTestBench) {
         let settings = |buffer: u32| 1 << 31 | 1 << 29 | 2 << 26 | buffer;
         bench.set_word(0x08 + 4 * (INPUT - 2), settings(INPUT_BUFFER));
         bench.set_word(0x08 + 4 * (OUTPUT - 2), settings(OUTPUT_BUFFER));
@@ -172,7 +174,7 @@ impl Device {
         }
     }
 
-    fn send(&mut self, bench: &mut Bench) {
+    fn send(&mut self, bench: &mut UsbTestBench) {
         if let Some(packet) = self.answer.pop_front() {
             bench.set_bytes(0x100, &packet);
             let pid = if self.in_data1 { buffer::DATA1 } else { 0 };
@@ -181,7 +183,7 @@ impl Device {
         }
     }
 
-    fn buffers(&mut self, bench: &mut Bench) {
+    fn buffers(&mut self, bench: &mut UsbTestBench) {
         let done = bench.read(BUFFERS);
         bench.write(BUFFERS, done);
         if done & 1 != 0 {
@@ -207,7 +209,7 @@ impl Device {
         }
     }
 
-    fn echo(&mut self, bench: &mut Bench) {
+    fn echo(&mut self, bench: &mut UsbTestBench) {
         let length = bench.half(OUTPUT, 0) & buffer::LENGTH;
         let data = bench.bytes(OUTPUT_BUFFER, length.into());
         self.received.extend(&data);
@@ -221,7 +223,7 @@ impl Device {
 }
 
 /// Endpoint 0 refuses in both directions.
-fn stall(bench: &mut Bench) {
+fn stall(bench: &mut UsbTestBench) {
     bench.write(STALL_ARM, 0b11);
     for index in [0, 1] {
         bench.set_word(0x80 + 4 * index, u32::from(buffer::STALL));
@@ -229,7 +231,7 @@ fn stall(bench: &mut Bench) {
 }
 
 impl Program for Device {
-    fn interrupted(&mut self, bench: &mut Bench) {
+    fn interrupted(&mut self, bench: &mut UsbTestBench) {
         let interrupts = bench.read(INTERRUPTS);
         if interrupts & 1 << 12 != 0 {
             self.reset(bench);

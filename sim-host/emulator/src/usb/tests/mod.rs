@@ -5,8 +5,8 @@ mod class;
 pub(super) mod device;
 
 use bench::{
-    ABORT, ABORT_DONE, BUFFERS, Bench, CONTROL, ENABLE, FORCE, INTERRUPTS, Idle, MAIN, RAW,
-    REFUSED, RESET, SOF, STATUS, WHICH,
+    ABORT, ABORT_DONE, BUFFERS, CONTROL, ENABLE, FORCE, INTERRUPTS, Idle, MAIN, RAW, REFUSED,
+    RESET, SOF, STATUS, UsbTestBench, WHICH,
 };
 use device::{CONFIGURATION, DEVICE, Data, Device, INPUT, INPUT_BUFFER, OUTPUT, OUTPUT_BUFFER};
 use ldc161x_sim::Time;
@@ -18,9 +18,9 @@ use super::{ControlOutcome, ControlTransfer, UsbState};
 const DEVICE_DESCRIPTOR: [u8; 8] = [0x80, 6, 0, 1, 0, 0, 18, 0];
 
 /// The device at address 0.
-fn plugged(data: Data) -> (Bench, Device) {
+fn plugged(data: Data) -> (UsbTestBench, Device) {
     let mut device = Device::new(data);
-    let mut bench = Bench::attached();
+    let mut bench = UsbTestBench::attached();
     Device::listen(&mut bench);
     bench.usb.host.plug();
     bench.run_until(&mut device, |it| it.usb.host.state() == UsbState::Default);
@@ -28,7 +28,7 @@ fn plugged(data: Data) -> (Bench, Device) {
 }
 
 /// The device configured.
-fn configured(data: Data) -> (Bench, Device) {
+fn configured(data: Data) -> (UsbTestBench, Device) {
     let (mut bench, mut device) = plugged(data);
     bench.usb.host.enumerate();
     bench.run_until(&mut device, |it| it.usb.host.enumerated().is_some());
@@ -37,7 +37,7 @@ fn configured(data: Data) -> (Bench, Device) {
 }
 
 /// Submits a transfer and waits for its end.
-fn ask(bench: &mut Bench, device: &mut Device, transfer: ControlTransfer) -> ControlOutcome {
+fn ask(bench: &mut UsbTestBench, device: &mut Device, transfer: ControlTransfer) -> ControlOutcome {
     let id = bench.usb.host.submit(transfer);
     let end_ps = bench.now_ps + Time::from_ms(6_000).as_ps();
     loop {
@@ -52,7 +52,7 @@ fn ask(bench: &mut Bench, device: &mut Device, transfer: ControlTransfer) -> Con
 
 #[test]
 fn nothing_happens_while_nothing_is_plugged_in() {
-    let mut bench = Bench::new();
+    let mut bench = UsbTestBench::new();
     assert_eq!(bench.usb.next_event(), None);
     bench.run(Time::from_ms(500), &mut Idle);
     assert_eq!(bench.usb.host.state(), UsbState::Unplugged);
@@ -62,7 +62,7 @@ fn nothing_happens_while_nothing_is_plugged_in() {
 
 #[test]
 fn a_device_is_reset_a_tenth_of_a_second_after_it_shows_itself() {
-    let mut bench = Bench::attached();
+    let mut bench = UsbTestBench::attached();
     bench.usb.host.plug();
     bench.run(Time::from_ms(99), &mut Idle);
     assert_eq!(bench.usb.host.state(), UsbState::Attached);
@@ -84,7 +84,7 @@ fn a_device_without_pull_up_vbus_or_enable_is_not_seen() {
         (MAIN, 0),
         (bench::MUXING, 0),
     ] {
-        let mut bench = Bench::attached();
+        let mut bench = UsbTestBench::attached();
         bench.write(register, value);
         bench.usb.host.plug();
         bench.run(Time::from_ms(200), &mut Idle);
@@ -330,7 +330,7 @@ fn an_endpoint_that_is_not_enabled_does_not_answer() {
 }
 
 /// Endpoint 2 with two buffers each way, and an interrupt for each of them or for both.
-fn doubled(bench: &mut Bench, interrupt: u32) {
+fn doubled(bench: &mut UsbTestBench, interrupt: u32) {
     for (index, at) in [(INPUT, INPUT_BUFFER), (OUTPUT, OUTPUT_BUFFER)] {
         let settings = 1 << 31 | 1 << 30 | interrupt | 2 << 26 | at;
         bench.set_word(0x08 + 4 * (index - 2), settings);
@@ -511,7 +511,7 @@ fn a_device_that_goes_is_noticed_and_enumerated_when_it_comes_back() {
 
 #[test]
 fn frames_come_every_millisecond_with_their_numbers() {
-    let mut bench = Bench::plugged(&mut Idle);
+    let mut bench = UsbTestBench::plugged(&mut Idle);
     assert_ne!(bench.read(RAW) & 1 << 17, 0);
     let first = bench.read(SOF);
     assert_eq!(bench.read(RAW) & 1 << 17, 0, "read is cleared");
@@ -521,7 +521,7 @@ fn frames_come_every_millisecond_with_their_numbers() {
 
 #[test]
 fn an_interrupt_is_raised_where_it_is_enabled_or_forced() {
-    let mut bench = Bench::plugged(&mut Idle);
+    let mut bench = UsbTestBench::plugged(&mut Idle);
     bench.run(Time::from_ms(2), &mut Idle);
     assert!(!bench.usb.line());
     bench.write(ENABLE, 1 << 12);
@@ -537,7 +537,7 @@ fn an_interrupt_is_raised_where_it_is_enabled_or_forced() {
 #[test]
 fn a_bit_that_a_one_clears_is_cleared_by_two_views_of_it() {
     for view in [0, 3] {
-        let mut bench = Bench::plugged(&mut Idle);
+        let mut bench = UsbTestBench::plugged(&mut Idle);
         assert_ne!(bench.read(STATUS) & RESET, 0);
         bench
             .usb
@@ -547,7 +547,7 @@ fn a_bit_that_a_one_clears_is_cleared_by_two_views_of_it() {
         bench.usb.write(view, STATUS, RESET, bench.now_ps).unwrap();
         assert_eq!(bench.read(STATUS) & RESET, 0);
     }
-    let mut bench = Bench::new();
+    let mut bench = UsbTestBench::new();
     bench.usb.write(2, ENABLE, 0b101, 0).unwrap();
     bench.usb.write(1, ENABLE, 0b110, 0).unwrap();
     bench.usb.write(3, ENABLE, 0b010, 0).unwrap();
@@ -556,7 +556,7 @@ fn a_bit_that_a_one_clears_is_cleared_by_two_views_of_it() {
 
 #[test]
 fn what_a_device_does_not_use_is_refused() {
-    let mut bench = Bench::new();
+    let mut bench = UsbTestBench::new();
     let refused = [
         (MAIN, 0b11),
         (MAIN, 1 << 31),

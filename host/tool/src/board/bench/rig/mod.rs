@@ -23,7 +23,7 @@ use palpate_wire::code::Outcome;
 use palpate_wire::command::Settings;
 use palpate_wire::{Command, Record};
 use person::Person;
-use program::{Line, Program, Source};
+use program::{GaugeLine, Program, Source};
 use track::Track;
 
 use super::bare::noted;
@@ -77,7 +77,7 @@ pub(crate) struct RigBench<'l> {
     /// What is on the stage.
     pressed: Pressed,
     /// Answers of the stage that were not taken yet.
-    answers: Vec<Line>,
+    answers: Vec<GaugeLine>,
     arrivals: Vec<Arrival>,
     /// The board's time of its last sample, s, and when that came by the link's clock.
     latest_s: Option<f64>,
@@ -149,7 +149,7 @@ impl<'l> RigBench<'l> {
             return Ok(());
         };
         for line in force.lines()? {
-            if let (Line::Reading { time_s, value }, Some(now_s)) = (line, self.latest_s) {
+            if let (GaugeLine::Reading { time_s, value }, Some(now_s)) = (line, self.latest_s) {
                 self.force_track.enter(now_s, time_s, value);
             }
         }
@@ -174,10 +174,10 @@ impl<'l> RigBench<'l> {
         };
         for line in stage.lines()? {
             match (line, self.latest_s) {
-                (Line::Reading { time_s, value }, Some(now_s)) => {
+                (GaugeLine::Reading { time_s, value }, Some(now_s)) => {
                     self.stage_track.enter(now_s, time_s, value);
                 }
-                (Line::Reading { .. }, None) => {}
+                (GaugeLine::Reading { .. }, None) => {}
                 (answer, _) => self.answers.push(answer),
             }
         }
@@ -211,17 +211,17 @@ impl<'l> RigBench<'l> {
     }
 
     /// Sends the stage a command, and waits for its answer.
-    fn command(&mut self, command: &str, wait_s: f64) -> Result<Line, Failure> {
+    fn command(&mut self, command: &str, wait_s: f64) -> Result<GaugeLine, Failure> {
         self.answers.clear();
         match &mut self.stage {
             Some(stage) => stage.send(command)?,
-            None => return Ok(Line::ByHand),
+            None => return Ok(GaugeLine::ByHand),
         }
         let end = self.link.now() + Duration::from_secs_f64(wait_s + STAGE_S);
         while self.link.now() < end {
             self.pump()?;
             match self.answers.pop() {
-                Some(Line::Refused(reason)) => {
+                Some(GaugeLine::Refused(reason)) => {
                     return Err(Failure::Refused(format!(
                         "the program of --stage does not {command}: {reason}"
                     )));
@@ -237,7 +237,7 @@ impl<'l> RigBench<'l> {
 
     /// Has a specimen put on the stage.
     fn mount(&mut self, specimen: &str, request: &str) -> Result<(), Failure> {
-        if self.command(&format!("mount {specimen}"), 0.0)? == Line::ByHand {
+        if self.command(&format!("mount {specimen}"), 0.0)? == GaugeLine::ByHand {
             self.request(&format!("{request}, then press Enter."))?;
         }
         Ok(())

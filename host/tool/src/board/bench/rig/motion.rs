@@ -3,7 +3,7 @@
 use palpate_calibration::session::Pressed;
 use palpate_cli::failure::Failure;
 
-use super::program::Line;
+use super::program::GaugeLine;
 use super::{MEAN_S, RigBench};
 
 /// How far the specimen is from the sensor before a press, and lifted between two, m.
@@ -31,7 +31,7 @@ impl RigBench<'_> {
         let lasts_s = (place_m - self.place_m()).abs() / speed_m_per_s;
         let command = format!("move {place_m:.7} {speed_m_per_s}");
         match self.command(&command, lasts_s)? {
-            Line::Done => Ok(()),
+            GaugeLine::Done => Ok(()),
             _ => Err(Failure::Refused(
                 "the program of --stage answers `by hand` to move: leave --stage out, and move it by hand"
                     .to_owned(),

@@ -11,7 +11,7 @@ use std::time::Duration;
 use palpate_cli::failure::Failure;
 use serialport::SerialPort;
 
-use super::program::{LONGEST_LINE, Line, Source};
+use super::program::{GaugeLine, LONGEST_LINE, Source};
 
 /// The rate with which it leaves its maker.
 const BAUD: u32 = 9_600;
@@ -79,7 +79,7 @@ impl OpenScale {
 }
 
 impl Source for OpenScale {
-    fn lines(&mut self) -> Result<Vec<Line>, Failure> {
+    fn lines(&mut self) -> Result<Vec<GaugeLine>, Failure> {
         self.read().map_err(|error| {
             Failure::Refused(format!(
                 "the OpenScale at {} is gone ({error}): see its cable and plug it in again",
@@ -94,7 +94,7 @@ impl Source for OpenScale {
                 Some(Err(weight)) => return Err(self.uncalibrated(&weight)),
                 None => continue,
             };
-            lines.push(Line::Reading {
+            lines.push(GaugeLine::Reading {
                 time_s: None,
                 value,
             });
@@ -195,7 +195,7 @@ mod tests {
             std::thread::sleep(Duration::from_millis(1));
         }
         let value = 0.1 * NEWTON_PER_KG;
-        let reading = Line::Reading {
+        let reading = GaugeLine::Reading {
             time_s: None,
             value,
         };

@@ -17,7 +17,7 @@ const LOOK: Duration = Duration::from_millis(10);
 
 /// One line of a program.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) enum Line {
+pub(super) enum GaugeLine {
     /// A reading, with the program's own time in s if it names one.
     Reading { time_s: Option<f64>, value: f64 },
     /// A command is done.
@@ -28,7 +28,7 @@ pub(super) enum Line {
     Refused(String),
 }
 
-impl Line {
+impl GaugeLine {
     /// What a line means; nothing for an empty one and a comment, an error for what is none of these.
     fn parse(text: &str) -> Result<Option<Self>, ()> {
         let text = text.trim();
@@ -65,7 +65,7 @@ pub(super) trait Source {
     ///
     /// # Errors
     /// If the source has ended, or says what it may not.
-    fn lines(&mut self) -> Result<Vec<Line>, Failure>;
+    fn lines(&mut self) -> Result<Vec<GaugeLine>, Failure>;
 
     /// Sends a command.
     ///
@@ -183,11 +183,11 @@ fn texts(output: impl Read) -> impl Iterator<Item = String> {
 }
 
 impl Source for Program {
-    fn lines(&mut self) -> Result<Vec<Line>, Failure> {
+    fn lines(&mut self) -> Result<Vec<GaugeLine>, Failure> {
         let mut lines = Vec::new();
         for _ in 0..WAITING {
             match self.lines.try_recv() {
-                Ok(text) => match Line::parse(&text) {
+                Ok(text) => match GaugeLine::parse(&text) {
                     Ok(line) => lines.extend(line),
                     Err(()) => {
                         return Err(Failure::Refused(format!(
@@ -230,17 +230,20 @@ mod tests {
 
     #[test]
     fn a_line_is_a_number_a_time_and_a_number_or_an_answer() {
-        let reading = |time_s, value| Ok(Some(Line::Reading { time_s, value }));
-        assert_eq!(Line::parse("1.5\r"), reading(None, 1.5));
-        assert_eq!(Line::parse(" 12.25  -3e-3"), reading(Some(12.25), -3e-3));
-        assert_eq!(Line::parse("ok"), Ok(Some(Line::Done)));
-        assert_eq!(Line::parse("by hand"), Ok(Some(Line::ByHand)));
-        let refused = Line::Refused("end of travel".to_owned());
-        assert_eq!(Line::parse("error end of travel"), Ok(Some(refused)));
-        assert_eq!(Line::parse("# zeroed"), Ok(None));
-        assert_eq!(Line::parse(""), Ok(None));
+        let reading = |time_s, value| Ok(Some(GaugeLine::Reading { time_s, value }));
+        assert_eq!(GaugeLine::parse("1.5\r"), reading(None, 1.5));
+        assert_eq!(
+            GaugeLine::parse(" 12.25  -3e-3"),
+            reading(Some(12.25), -3e-3)
+        );
+        assert_eq!(GaugeLine::parse("ok"), Ok(Some(GaugeLine::Done)));
+        assert_eq!(GaugeLine::parse("by hand"), Ok(Some(GaugeLine::ByHand)));
+        let refused = GaugeLine::Refused("end of travel".to_owned());
+        assert_eq!(GaugeLine::parse("error end of travel"), Ok(Some(refused)));
+        assert_eq!(GaugeLine::parse("# zeroed"), Ok(None));
+        assert_eq!(GaugeLine::parse(""), Ok(None));
         for text in ["1,5", "nan", "1 2 3", "1.5 N", "inf", "ok then"] {
-            assert_eq!(Line::parse(text), Err(()), "{text}");
+            assert_eq!(GaugeLine::parse(text), Err(()), "{text}");
         }
     }
 
@@ -345,7 +348,7 @@ mod tests {
         let mut program = Program::start("--force", &script(folder.path(), "echo 1.5\n")).unwrap();
         let line = iter::repeat_with(|| program.lines()).find_map(|lines| lines.unwrap().pop());
         assert!(
-            matches!(line, Some(Line::Reading { value: 1.5, .. })),
+            matches!(line, Some(GaugeLine::Reading { value: 1.5, .. })),
             "{line:?}"
         );
         let unclosed = Program::start("--force", "sh 'read cell").err().unwrap();
