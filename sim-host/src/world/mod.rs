@@ -363,12 +363,6 @@ impl World {
         chain.reported_a(mean_a, samples, &mut self.adc_noise)
     }
 
-    /// What the instrument measures where there is no current, without the noise, A.
-    #[must_use]
-    pub fn measured_zero_a(&self) -> f64 {
-        self.plant.parameters.current.zero_a()
-    }
-
     /// Root mean square of the ripple that coil and supply make of a mean current now, A.
     #[must_use]
     pub fn ripple_a(&self, mean_a: f64) -> f64 {

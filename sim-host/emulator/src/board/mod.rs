@@ -490,12 +490,6 @@ impl<P: Plant> EmulatedBoard<P> {
         &self.image
     }
 
-    /// Says which image is in flash after an update, so that its channels and symbols are found.
-    /// Changes nothing in flash.
-    pub fn set_image(&mut self, image: &Image) {
-        self.image = image.clone();
-    }
-
     /// The flash chip: contents, erase counts, operations.
     #[must_use]
     pub const fn flash(&self) -> &Flash {
@@ -526,12 +520,6 @@ impl<P: Plant> EmulatedBoard<P> {
     #[must_use]
     pub fn exception(&self) -> u32 {
         self.core.regs.ipsr()
-    }
-
-    /// The stack pointer.
-    #[must_use]
-    pub fn stack_pointer(&self) -> u32 {
-        self.core.regs.sp()
     }
 
     // ---- what is wired to it ----
@@ -602,14 +590,6 @@ impl<P: Plant> EmulatedBoard<P> {
         // What is ordered begins with the next step.
         self.bus.next_event_ps = 0;
         &mut self.bus.usb.host
-    }
-
-    /// How often the firmware made a USB buffer available together with the rest of its control word,
-    /// or less than a period of clk_usb after it: the controller then sees the rest of before (RP2040
-    /// datasheet 4.1.2.5.1).
-    #[must_use]
-    pub const fn usb_races(&self) -> u32 {
-        self.bus.usb.races()
     }
 
     /// The latest time within a frame of USB at which the firmware made a bulk IN packet available that the

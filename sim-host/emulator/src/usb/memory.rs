@@ -67,6 +67,7 @@ impl PacketMemory {
     }
 
     /// How often a half was made available too soon after its rest.
+    #[cfg(test)]
     pub(crate) const fn races(&self) -> u32 {
         self.races
     }

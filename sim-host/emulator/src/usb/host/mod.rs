@@ -196,7 +196,6 @@ pub struct UsbHost {
     naks: [u32; TURNS.len()],
     outgoing: VecDeque<u8>,
     incoming: Vec<u8>,
-    notifications: Vec<Vec<u8>>,
     reading: bool,
     enumerates: bool,
     enumeration: Option<Enumeration>,
@@ -227,7 +226,6 @@ impl UsbHost {
             naks: [0; TURNS.len()],
             outgoing: VecDeque::new(),
             incoming: Vec::new(),
-            notifications: Vec::new(),
             reading: true,
             enumerates: false,
             enumeration: None,
@@ -342,11 +340,6 @@ impl UsbHost {
     /// The bytes that the serial port has brought since the last call.
     pub fn read(&mut self) -> Vec<u8> {
         std::mem::take(&mut self.incoming)
-    }
-
-    /// The notifications of the serial port since the last call.
-    pub fn take_notifications(&mut self) -> Vec<Vec<u8>> {
-        std::mem::take(&mut self.notifications)
     }
 
     /// How many bytes for the serial port the device has not taken yet.
@@ -715,9 +708,7 @@ impl UsbHost {
                 let frames = self.counts.frames;
                 if let Some(pipe) = self.pipes.as_mut().and_then(|it| it.notification.as_mut()) {
                     pipe.polled_from = frames + u64::from(pipe.endpoint.interval);
-                    if let Progress::Received(data) = pipe.take(reply) {
-                        self.notifications.push(data);
-                    }
+                    pipe.take(reply);
                 }
             }
             Turn::Output => self.advance_output(reply),
