@@ -44,7 +44,7 @@ fn the_tests_take_what_the_demo_has_built() {
         assert!(
             !demo.is_disjoint(tests),
             "{package} is built twice, for the demo with {demo:?} and for the tests with {tests:?}: add what \
-             is missing to tests/Cargo.toml"
+             is missing to tests/campaigns/Cargo.toml"
         );
     }
     assert!(alone.len() > 50, "{}", alone.len());
