@@ -1,5 +1,4 @@
-//! What the next run is to know of this one, in memory that no start clears: how it ended, and the energy
-//! in the coil. What an end means, with the chip's own flags, is decided in [`palpate_procedure::boot`].
+//! Crash record, kept across reset: how the last run ended, and the energy in the coil. What an end means, with the chip's own flags, is decided in [`palpate_procedure::boot`].
 
 #![allow(unsafe_code)]
 

@@ -23,7 +23,7 @@ rp2040_timer_monotonic!(Mono);
 /// A sample has been handed on.
 static SAMPLES: Wakeup = Wakeup::new();
 
-/// Something without which nothing can go on is taken already. It never is: `init` runs once.
+/// A start-up resource was already taken. It never is: `init` runs once.
 fn halt() -> ! {
     board::safe::bridge_off();
     loop {

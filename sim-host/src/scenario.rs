@@ -47,7 +47,7 @@ pub struct Scenario {
 /// A press.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Press {
-    /// What it is called in tables.
+    /// Name in tables.
     pub name: String,
     /// The object.
     pub load: Load,

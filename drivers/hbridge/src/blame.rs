@@ -1,4 +1,4 @@
-//! What is behind a current that does not come: the supply, or not.
+//! Tells a weak supply from other causes of missing current.
 //!
 //! The bridge goes off at once, whatever it was. The supply's reading comes later, through its
 //! divider's capacitor; so the fault that was latched is looked at again until that has come to rest.

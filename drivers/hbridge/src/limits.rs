@@ -1,4 +1,4 @@
-//! What nothing exceeds.
+//! Hard limits.
 
 use crate::fault::Refusal;
 use crate::hardware::Hardware;

@@ -1,4 +1,4 @@
-//! What samples at the symmetry points do not see.
+//! PWM ripple, invisible to mid-pulse sampling.
 
 /// The ripple of the current, from what makes it.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,4 +1,4 @@
-//! The half that thinks in amperes: it makes orders, outside of any lock and interrupt.
+//! Converts requests in ampere to drive orders; runs outside the interrupt.
 
 use crate::averages::BLOCK;
 use crate::blame::{Blame, Needs};
@@ -122,7 +122,7 @@ impl Supervisor {
         &self.hardware
     }
 
-    /// What nothing exceeds.
+    /// Hard limits.
     #[must_use]
     pub const fn limits(&self) -> &Limits {
         &self.limits

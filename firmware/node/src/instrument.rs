@@ -222,7 +222,7 @@ impl Instrument {
         self.step(hardware, &Event::Scan(&scan));
     }
 
-    /// A command has arrived over a link, or a frame that is none.
+    /// Handles a received command or an undecodable frame.
     pub fn received<H: Hardware>(&mut self, hardware: &mut H, link: Link, received: &Received) {
         match received {
             Ok(frame) => match self.beyond_the_converter(hardware, frame) {

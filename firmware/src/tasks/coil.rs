@@ -1,5 +1,4 @@
-//! The coil's task: polls its drive a thousand times a second. It is also the pulse of the tasks that
-//! wait.
+//! The coil's task: polls its drive every millisecond, and wakes waiting tasks.
 
 use palpate_node::coil::POLL_US;
 use palpate_node::supervision::Task;

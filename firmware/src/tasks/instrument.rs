@@ -59,7 +59,7 @@ pub struct StorageClient {
 type Samples = [Consumer<'static, Sampled>; CONVERTERS];
 
 impl Channels {
-    /// The ways to the PCs, of the samples and to the storage, and what wakes the task.
+    /// Queues of the instrument task.
     pub fn new(
         (outboxes, inboxes): (Outboxes, Inboxes),
         samples: Samples,
@@ -88,7 +88,7 @@ pub struct Run {
     pub clocks_run: bool,
 }
 
-/// Takes what comes, for ever.
+/// Task loop.
 pub async fn instrument(cx: app::instrument::Context<'_>) {
     let Channels {
         outboxes,

@@ -11,10 +11,10 @@ use palpate_wire::{Command, Frame, Record};
 use crate::engine::Engine;
 use crate::instrument::CalibratedInstrument;
 
-/// How an object is pressed.
+/// Press profile: object, holder, clearance, depth, speed.
 #[derive(Clone, Debug)]
 pub struct Press {
-    /// What it is called.
+    /// Name.
     pub name: String,
     /// The object.
     pub load: Load,
@@ -37,7 +37,7 @@ const PATIENCE: Time = Time::from_ms(30_000);
 /// Time for the points of the load's curve.
 const AFTERWARDS: Time = Time::from_ms(100);
 
-/// What came of it.
+/// Outcome of one press.
 #[derive(Clone, Debug)]
 pub struct PressOutcome {
     /// Every record of the instrument, with its header.

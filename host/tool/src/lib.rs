@@ -19,8 +19,7 @@ use palpate_cli::failure;
 use palpate_design::{field, plan, plan_ldc, stack, words};
 use palpate_simulate::{demo, scenario};
 
-/// Firmware tool of a tactile sensor that feels how far it is pressed, and how stiff the
-/// pressing thing is.
+/// Command-line tool of a tactile sensor that measures its deformation and the stiffness of the pressed object
 #[derive(Parser)]
 #[command(version, max_term_width = 96, after_help = EXIT_CODES)]
 struct Cli {

@@ -29,7 +29,7 @@ use quantity::{Allowed, Quantity};
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stack {
-    /// What it is called.
+    /// Name.
     pub name: String,
     /// Spring of the sensing layer c_S, N/m, 10 to 10⁸.
     pub sensing_spring_n_per_m: Quantity,

@@ -1,4 +1,4 @@
-//! The tool itself, in processes of its own, in a folder that goes with this.
+//! Runs `palpate` as child processes in a temporary folder.
 
 use std::env;
 use std::fs;

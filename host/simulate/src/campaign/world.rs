@@ -1,4 +1,4 @@
-//! What is another thing in use than it was on the bench.
+//! Differences between bench and use.
 
 use clap::ValueEnum;
 use palpate_sim::mechanics::friction::FrictionParameters;

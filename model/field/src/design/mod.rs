@@ -21,7 +21,7 @@ use crate::material::Material;
 /// A design: everything that the solver has to know.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Design {
-    /// What it is called.
+    /// Name.
     pub name: String,
     /// What it is, in a sentence.
     pub about: String,
@@ -86,7 +86,7 @@ impl Core {
 /// Rings of the same size side by side, or one ring; in series.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RingCoil {
-    /// What it is called.
+    /// Name.
     pub name: String,
     /// Each ring's cross-section.
     pub rings: Vec<Rectangle>,
@@ -126,7 +126,7 @@ impl Rectangle {
 /// A circuit board with its copper: not magnetic.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CircuitBoard {
-    /// What it is called.
+    /// Name.
     pub name: String,
     /// Its cross-section.
     pub section: Rectangle,
@@ -135,7 +135,7 @@ pub struct CircuitBoard {
 /// A magnetic part.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MagneticPart {
-    /// What it is called.
+    /// Name.
     pub name: String,
     /// The name of its material.
     pub material_name: String,

@@ -344,7 +344,7 @@ impl Link {
         faults.next()
     }
 
-    /// Takes what comes within a time, and returns with the first of it.
+    /// Receives for a time at most; returns after the first bytes.
     pub(crate) fn listen(&mut self, wait: Duration) -> Result<(), Failure> {
         let bytes = self.transport.read(wait);
         let bytes = bytes.map_err(|error| self.lost(&error))?;
@@ -420,7 +420,7 @@ impl Link {
         self.no_fault(before)
     }
 
-    /// Takes what comes for a time, faults among it.
+    /// Receives for a time, faults included.
     pub(crate) fn collect(&mut self, time_s: f64) -> Result<(), Failure> {
         let end = self.now() + Duration::from_secs_f64(time_s);
         while self.now() < end {

@@ -85,7 +85,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Takes what comes for a while; measures what touches.
+/// Receives records for a time; measures every contact.
 fn watched(
     link: &mut Link,
     known: &mut Known,

@@ -22,7 +22,7 @@ const NAMES: usize = 14;
 const LEAST_CHART: usize = 3;
 
 impl View {
-    /// Of so many rows and columns.
+    /// Creates a view of `rows` x `columns` characters.
     pub(super) fn new((rows, columns): (u16, u16), colour: bool) -> Self {
         Self {
             rows: rows.into(),
