@@ -1,7 +1,7 @@
 //! Recordings of a board: every record as it came, with the time of either side, in a file that public
 //! viewers open.
 //!
-//! The file is [MCAP](https://mcap.dev/spec), docs/desk.md says what stands in it. A [`Recorder`] writes
+//! The file is [MCAP](https://mcap.dev/spec), docs/desk.md says what stands in it. A `Recorder` writes
 //! one while a board is read, a [`Reader`] reads it back, whole or cut off.
 
 mod contents;
