@@ -29,7 +29,7 @@ use palpate_node::board::Clkin;
 use rp2040_pac::Peripherals;
 use rtt_target::{DownChannel, UpChannel};
 
-use transfer::TransferOutcome;
+use transfer::ReplyCode;
 
 /// Bytes of the longest request and answer, without their length.
 const LONGEST: usize = 64;
@@ -96,7 +96,7 @@ fn main() -> ! {
                 b'B' => serve_all(rest, &mut answer),
                 kind => serve(*kind, rest, &mut answer),
             };
-            let outcome = outcome.unwrap_or(TransferOutcome::NotUnderstood);
+            let outcome = outcome.unwrap_or(ReplyCode::NotUnderstood);
             answer.send(outcome, &mut up);
         }
     }
@@ -147,7 +147,7 @@ impl Answer {
         }
     }
 
-    fn send(mut self, outcome: TransferOutcome, up: &mut UpChannel) {
+    fn send(mut self, outcome: ReplyCode, up: &mut UpChannel) {
         let length = self.length as u8 - 1;
         for (slot, byte) in self.bytes.iter_mut().zip([length, outcome as u8]) {
             *slot = byte;
@@ -161,20 +161,20 @@ impl Answer {
 }
 
 /// Does several requests without waiting for the PC between them, until one fails.
-fn serve_all(mut requests: &[u8], answer: &mut Answer) -> Option<TransferOutcome> {
+fn serve_all(mut requests: &[u8], answer: &mut Answer) -> Option<ReplyCode> {
     while let Some((&length, after)) = requests.split_first() {
         let length = usize::from(length);
         let (&kind, rest) = after.get(..length)?.split_first()?;
         match serve(kind, rest, answer)? {
-            TransferOutcome::Done => requests = after.get(length..)?,
+            ReplyCode::Done => requests = after.get(length..)?,
             failed => return Some(failed),
         }
     }
-    Some(TransferOutcome::Done)
+    Some(ReplyCode::Done)
 }
 
 /// Does what a request asks; nothing if it is none.
-fn serve(kind: u8, rest: &[u8], answer: &mut Answer) -> Option<TransferOutcome> {
+fn serve(kind: u8, rest: &[u8], answer: &mut Answer) -> Option<ReplyCode> {
     match (kind, rest) {
         (b'?', []) => answer.extend(b"palpate bring-up 2"),
         (b'T', segments) => return transfer::run(segments, |byte| answer.push(byte)),
@@ -183,7 +183,7 @@ fn serve(kind: u8, rest: &[u8], answer: &mut Answer) -> Option<TransferOutcome> 
         }
         (b'A', [timeout_ms]) => {
             if !within(*timeout_ms, || !pins::interrupt_is_high()) {
-                return Some(TransferOutcome::NoEdge);
+                return Some(ReplyCode::NoEdge);
             }
         }
         (b'I', []) => answer.push(pins::interrupt_is_high().into()),
@@ -202,28 +202,23 @@ fn serve(kind: u8, rest: &[u8], answer: &mut Answer) -> Option<TransferOutcome> 
         (b'W', []) => answer.push(pins::data_is_high().into()),
         _ => return None,
     }
-    Some(TransferOutcome::Done)
+    Some(ReplyCode::Done)
 }
 
 /// Waits for so many edges of INTB, and transfers after each what releases it; tells how many came,
 /// when the first and the last did, and what the last transfer has read. An edge that has come
 /// before counts for nothing: the first that is waited for only begins the row.
-fn edges(
-    count: u8,
-    timeout_ms: u8,
-    segments: &[u8],
-    answer: &mut Answer,
-) -> Option<TransferOutcome> {
+fn edges(count: u8, timeout_ms: u8, segments: &[u8], answer: &mut Answer) -> Option<ReplyCode> {
     let (mut first_us, mut last_us) = (0, 0);
     pins::forget_edge();
     match transfer::run(segments, |_| {})? {
-        TransferOutcome::Done => {}
+        ReplyCode::Done => {}
         failed => return Some(failed),
     }
     let mut read = Answer::new();
     for seen in 0..=count {
         if !within(timeout_ms, pins::edge_came) {
-            return Some(TransferOutcome::NoEdge);
+            return Some(ReplyCode::NoEdge);
         }
         last_us = now_us();
         pins::forget_edge();
@@ -232,7 +227,7 @@ fn edges(
         }
         read = Answer::new();
         match transfer::run(segments, |byte| read.push(byte))? {
-            TransferOutcome::Done => {}
+            ReplyCode::Done => {}
             failed => return Some(failed),
         }
     }
@@ -240,7 +235,7 @@ fn edges(
     answer.extend(&first_us.to_le_bytes());
     answer.extend(&last_us.to_le_bytes());
     answer.extend(read.bytes.get(2..read.length)?);
-    Some(TransferOutcome::Done)
+    Some(ReplyCode::Done)
 }
 
 /// Looks at a condition until it holds, for at most so long.

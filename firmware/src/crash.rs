@@ -1,4 +1,5 @@
-//! Crash record, kept across reset: how the last run ended, and the energy in the coil. What an end means, with the chip's own flags, is decided in [`palpate_procedure::boot`].
+//! Crash record, kept across reset: how the last run ended, and the energy in the coil. What an end means, with the
+//! chip's own flags, is decided in [`palpate_procedure::boot`].
 
 #![allow(unsafe_code)]
 

@@ -24,7 +24,7 @@ const READS: u8 = 0x80;
 /// What came of a request.
 #[derive(Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
-pub enum TransferOutcome {
+pub enum ReplyCode {
     Done = 0,
     NotUnderstood = 1,
     NotAcknowledged = 2,
@@ -63,7 +63,7 @@ fn command(bits: u32) {
 
 /// One transaction of segments, each after a START of its own: `0x80 + n` reads n bytes, `n` and
 /// n bytes writes them. Nothing if the segments are none. Bytes that are read go to `take`.
-pub fn run(mut segments: &[u8], mut take: impl FnMut(u8)) -> Option<TransferOutcome> {
+pub fn run(mut segments: &[u8], mut take: impl FnMut(u8)) -> Option<ReplyCode> {
     let mut commands = [0; QUEUE];
     let mut count = 0;
     while let Some((&head, rest)) = segments.split_first() {
@@ -98,14 +98,14 @@ pub fn run(mut segments: &[u8], mut take: impl FnMut(u8)) -> Option<TransferOutc
         if raised & ABORT != 0 {
             wait(|| i2c().ic_raw_intr_stat().read().bits() & STOPPED != 0);
             let _ = i2c().ic_clr_intr().read().bits();
-            return Some(TransferOutcome::NotAcknowledged);
+            return Some(ReplyCode::NotAcknowledged);
         }
         if raised & STOPPED != 0 {
-            return Some(TransferOutcome::Done);
+            return Some(ReplyCode::Done);
         }
         if now_us().wrapping_sub(begin) > DEADLINE_US {
             set_up();
-            return Some(TransferOutcome::TimedOut);
+            return Some(ReplyCode::TimedOut);
         }
     }
 }

@@ -149,11 +149,11 @@ pub struct BenchPlan {
 
 /// Forces of the bare bench, N: up to what a stiff sensor takes.
 const BARE_FORCES_N: [f64; 5] = [1.0, 2.0, 5.0, 10.0, 20.0];
-/// Duration for self-test and baseline before anything moves.
+/// Time for self-test and baseline before anything moves.
 const BASELINE: Duration = Duration::from_millis(800);
 /// The longest that is waited for the end of a train, the coil's test before it included.
 const TRAIN: Duration = Duration::from_millis(60_000);
-/// Duration after the train.
+/// Time after the train.
 const AFTERWARDS: Duration = Duration::from_millis(50);
 
 /// The press by itself begins with so many times the greatest force of all runs: creep releases a

@@ -19,7 +19,6 @@ Exit code 1 when the plan is refused.
 Example: four coils between 2.9 and 3.8 MHz, 500 frames a second, clock of 40 MHz
   palpate plan-ldc --clock 40M --sensor 2.9M..3.8M --channels 0-3 --rate 500")]
 pub struct Arguments {
-    // What is planned.
     #[command(flatten)]
     board: PlannedBoard,
     /// Print JSON instead of an explanation

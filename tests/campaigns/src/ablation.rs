@@ -24,7 +24,7 @@ use palpate_wire::Command;
 use palpate_wire::code::Drift;
 use serde::Serialize;
 
-use crate::drawn::Drawn;
+use crate::drawn::DrawnSensors;
 
 /// How deep the loads are pressed, in units of the working depth.
 const DEPTH: f64 = 1.0;
@@ -126,7 +126,7 @@ struct Row {
 #[derive(Args)]
 pub(crate) struct Arguments {
     #[command(flatten)]
-    drawn: Drawn,
+    drawn: DrawnSensors,
 }
 
 pub(crate) fn run(Arguments { drawn }: &Arguments) -> Result<(), Failure> {
@@ -166,7 +166,7 @@ pub(crate) fn run(Arguments { drawn }: &Arguments) -> Result<(), Failure> {
 
 /// All variants of one sensor, each pressed upon all loads.
 fn of_sensor(
-    drawn: &Drawn,
+    drawn: &DrawnSensors,
     stack: &Stack,
     disturbances: &Disturbances,
     seed: u64,
@@ -262,7 +262,7 @@ fn row(presses: &[Ablated], variant: Variant, ratio: f64) -> Row {
     }
 }
 
-fn print(drawn: &Drawn, stack: &str, rows: &[Row]) -> Result<(), Failure> {
+fn print(drawn: &DrawnSensors, stack: &str, rows: &[Row]) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
     if drawn.json {
         for row in rows {

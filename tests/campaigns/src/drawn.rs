@@ -13,7 +13,7 @@ pub(crate) struct Seed {
 
 /// Which sensors a campaign draws.
 #[derive(Args)]
-pub(crate) struct Drawn {
+pub(crate) struct DrawnSensors {
     /// How many sensors are drawn
     #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u64).range(1..=100_000))]
     pub(crate) plants: u64,

@@ -29,7 +29,7 @@ use palpate_wire::code::{Contact, RefusalReason, State};
 use palpate_wire::{Command, Frame, Record};
 use serde::Serialize;
 
-use crate::drawn::Drawn;
+use crate::drawn::DrawnSensors;
 
 /// Nothing touches any more when the object has been gone for so long, s.
 const GONE_S: f64 = 1.0;
@@ -358,7 +358,7 @@ Prints Markdown. Exit code 1 for any contact with nothing there, any press that 
 does not speak of it, and when intervals contain the truth too seldom.")]
 pub(crate) struct Arguments {
     #[command(flatten)]
-    drawn: Drawn,
+    drawn: DrawnSensors,
     /// How often each sensor is pressed
     #[arg(long, default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..=1_000))]
     presses: u32,
@@ -420,7 +420,13 @@ fn of_sensor(
 }
 
 impl SeriesResult {
-    fn of(drawn: &Drawn, stack: &str, presses: u32, not_calibrated: usize, all: &[Series]) -> Self {
+    fn of(
+        drawn: &DrawnSensors,
+        stack: &str,
+        presses: u32,
+        not_calibrated: usize,
+        all: &[Series],
+    ) -> Self {
         let mut found = Defects::default();
         all.iter().for_each(|series| found.add(series.found));
         let later = all.iter().flat_map(|series| series.presses.iter().skip(1));

@@ -281,3 +281,21 @@ impl Check {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+    use std::path::Path;
+
+    use super::*;
+
+    #[test]
+    fn every_fault_of_the_data_stands_in_the_book() {
+        let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/calibration.md");
+        let page = fs::read_to_string(page).unwrap();
+        for check in Check::ALL {
+            let name = check.fault(1.0, "").name;
+            assert!(page.contains(&format!("`{name}`")), "{name}");
+        }
+    }
+}

@@ -40,6 +40,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
 fn parquet(rows: &[Value]) -> Result<Vec<u8>, String> {
     let mut file = ParquetFile::begin(Vec::new(), "press", &HEADS).map_err(text)?;
     for row in rows {
+        let columns = row.as_object().map(serde_json::Map::len);
+        if columns != Some(HEADS.len()) || HEADS.iter().any(|head| row.get(head.name).is_none()) {
+            return Err(format!("its columns are not those of a row: {row}"));
+        }
         let cell = |head: &Head<'_>| row.get(head.name).filter(|cell| !cell.is_null()).cloned();
         file.add(HEADS.iter().map(cell).collect::<Vec<Option<Value>>>())
             .map_err(text)?;
@@ -55,15 +59,20 @@ fn text(error: impl ToString) -> String {
 mod tests {
     use std::io::Write;
 
-    use parquet::file::reader::{FileReader, SerializedFileReader};
-    use parquet::record::RowAccessor;
+    use ::parquet::file::reader::{FileReader, SerializedFileReader};
+    use ::parquet::record::RowAccessor;
     use serde_json::json;
+
+    use super::*;
 
     #[test]
     fn rows_are_read_back_with_their_units() {
-        let row =
-            json!({"seed": u64::MAX, "true_N_per_m": 2_500.062_5, "covered": true, "reason": null});
-        let file = super::parquet(&[row]).unwrap();
+        let row = HEADS.iter().map(|head| (head.name.to_owned(), Value::Null));
+        let mut row = Value::Object(row.collect());
+        row["seed"] = json!(u64::MAX);
+        row["true_N_per_m"] = json!(2_500.062_5);
+        row["covered"] = json!(true);
+        let file = parquet(&[row]).unwrap();
         let mut written = tempfile::tempfile().unwrap();
         written.write_all(&file).unwrap();
         let reader = SerializedFileReader::new(written).unwrap();
@@ -79,5 +88,14 @@ mod tests {
         let units = units.find(|of| of.key == "units").unwrap();
         let units = units.value.as_ref().unwrap();
         assert!(units.contains("\"true_N_per_m\":\"N/m\""));
+    }
+    #[test]
+    fn a_row_with_other_columns_is_refused() {
+        let whole = HEADS.iter().map(|head| (head.name.to_owned(), Value::Null));
+        let mut more = Value::Object(whole.collect());
+        assert!(parquet(&[more.clone()]).is_ok());
+        more["further"] = json!(1);
+        assert!(parquet(&[more]).unwrap_err().contains("further"));
+        assert!(parquet(&[json!({"seed": 1})]).is_err());
     }
 }

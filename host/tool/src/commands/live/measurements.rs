@@ -9,7 +9,7 @@ use palpate_wire::Record;
 use palpate_wire::record::UncertaintyBudget;
 use serde::Serialize;
 
-use crate::commands::watch::known::MeasurementOutcome;
+use crate::commands::watch::known::MeasurementResult;
 
 /// Measurements that are kept: an hour of one every 7 s.
 const KEPT: usize = 500;
@@ -21,7 +21,7 @@ struct Measurement {
     time_ms: u64,
     /// Its number since the start of the board.
     number: u32,
-    outcome: MeasurementOutcome,
+    outcome: MeasurementResult,
     /// The greatest cause of its interval, and what would narrow it, where the board said that.
     limited_by: Option<String>,
 }
@@ -31,12 +31,12 @@ impl Measurement {
     fn of(record: &Record) -> Option<Self> {
         let (number, outcome) = match record {
             Record::Estimate(estimate) => {
-                let outcome = MeasurementOutcome::Estimate(Box::new(estimate.clone()));
+                let outcome = MeasurementResult::Estimate(Box::new(estimate.clone()));
                 (estimate.measurement, outcome)
             }
             Record::Refusal(refusal) => (
                 refusal.measurement,
-                MeasurementOutcome::Refusal(describe::refusal(refusal)),
+                MeasurementResult::Refusal(describe::refusal(refusal)),
             ),
             _ => return None,
         };

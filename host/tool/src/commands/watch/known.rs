@@ -28,7 +28,7 @@ pub(crate) struct Known {
     pub(crate) samples: [Option<Sample>; 2],
     pub(crate) status: Option<Status>,
     /// The last result, and when, s.
-    pub(crate) result: Option<(f64, MeasurementOutcome)>,
+    pub(crate) result: Option<(f64, MeasurementResult)>,
     /// The greatest cause of its interval, and what would narrow it, where the board said that.
     pub(crate) limited_by: Option<String>,
     #[serde(skip)]
@@ -49,7 +49,7 @@ pub(crate) struct Known {
 /// What a measurement came to.
 #[derive(Clone, Debug, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub(crate) enum MeasurementOutcome {
+pub(crate) enum MeasurementResult {
     Estimate(Box<Estimate>),
     /// Refused, with the reason.
     Refusal(String),
@@ -108,7 +108,7 @@ impl Known {
             Record::Status(status) => self.status = Some(status.clone()),
             Record::UncertaintyBudget(budget) => self.budget = Some(budget.clone()),
             Record::Estimate(estimate) => {
-                self.ended(MeasurementOutcome::Estimate(Box::new(estimate.clone())));
+                self.ended(MeasurementResult::Estimate(Box::new(estimate.clone())));
             }
             Record::Refusal(refusal) => self.refused(refusal),
             Record::Fault(fault) => {
@@ -123,10 +123,10 @@ impl Known {
     }
 
     fn refused(&mut self, refusal: &Refusal) {
-        self.ended(MeasurementOutcome::Refusal(describe::refusal(refusal)));
+        self.ended(MeasurementResult::Refusal(describe::refusal(refusal)));
     }
 
-    fn ended(&mut self, outcome: MeasurementOutcome) {
+    fn ended(&mut self, outcome: MeasurementResult) {
         self.result = Some((self.time_s, outcome));
         self.limited_by = self.budget.take().as_ref().map(limited_by);
     }

@@ -7,7 +7,7 @@ use palpate_wire::record::{Conversion, Estimate, Sample};
 
 use super::chart;
 use super::history::History;
-use super::known::{Known, MeasurementOutcome};
+use super::known::{Known, MeasurementResult};
 
 /// A view of a size.
 pub(super) struct View {
@@ -159,11 +159,11 @@ impl View {
         };
         let ago_s = (known.time_s - at_s).max(0.0);
         match outcome {
-            MeasurementOutcome::Estimate(estimate) => {
+            MeasurementResult::Estimate(estimate) => {
                 let text = format!("{}, {ago_s:.0} s ago", claim(estimate));
                 self.named("stiffness", &text, Style::new().green().bold())
             }
-            MeasurementOutcome::Refusal(reason) => {
+            MeasurementResult::Refusal(reason) => {
                 let text = format!("refused {ago_s:.0} s ago: {reason}");
                 self.named("stiffness", &text, Style::new().yellow())
             }
