@@ -45,18 +45,19 @@ fn read_pages(workspace: &Workspace) -> Result<Vec<(String, String)>> {
 /// How many commits have changed a page's code since the commit that it names.
 fn age(workspace: &Workspace, page: &str) -> Result<u32> {
     let (commit, paths) = document::origin(page)?;
-    if let Some(path) = paths
-        .iter()
-        .find(|path| !workspace.root().join(path).exists())
-    {
-        bail!("it rests on `{path}`, which is not in this repository");
-    }
     let range = format!("{commit}..HEAD");
     let mut arguments = vec!["rev-list", "--count", &range, "--"];
     arguments.extend(&paths);
     let count = workspace
         .output(&Invocation::new("git", &arguments))
         .with_context(|| format!("its commit `{commit}` is not in this repository"))?;
+    // Asked of git: a folder whose files are gone may be left in one checkout.
+    if let Some(path) = paths.iter().find(|path| {
+        let files = workspace.output(&Invocation::new("git", &["ls-files", "--", path]));
+        files.unwrap_or_default().is_empty()
+    }) {
+        bail!("it rests on `{path}`, which is not in this repository");
+    }
     Ok(count.trim().parse()?)
 }
 
