@@ -12,7 +12,7 @@ use super::sense::{Converter, Filter};
 const AMPLIFIER_V_PER_A: f64 = 0.125;
 const AMPLIFIER_ZERO_V: f64 = 1.65;
 /// From the beginning of a period to its first sample, and from its middle to its second: by so much the
-/// image starts the converter after the PWM (docs/decisions/0088-time-between-instructions.md).
+/// image starts the converter after the PWM (docs/decisions/0063-hal-and-own-registers.md).
 const SAMPLED_S: f64 = 25e-9;
 /// From the middle of a period, where its second sample is taken, to the end of the control
 /// interrupt: conversion, latency, and the law in 270 cycles of 200 MHz.

@@ -22,7 +22,7 @@ const CRYSTAL: HertzU32 = HertzU32::MHz(CRYSTAL_MHZ);
 const RING_MHZ: u32 = 52;
 /// ROSC.DIV: by 32 (2.17.8). The boot ROM goes by it after a reset by the watchdog, and looks 128 times for its
 /// second stage, which flash does not show while it erases: 554 ms at the ring's fastest, where an erase
-/// takes 400 at most (docs/decisions/0089-ring-and-core-voltage.md).
+/// takes 400 at most (docs/decisions/0064-200-megahertz.md).
 const RING_BY_32: u32 = 0xAA0;
 /// From the order of another core voltage to the clock that needs it. The SDK waits 1 ms.
 const VOLTAGE_SETTLES_US: u32 = 1_500;

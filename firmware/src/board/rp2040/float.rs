@@ -1,5 +1,5 @@
 //! What the compiler calls for arithmetic of `f32`, which the processor does not have: quicker than
-//! its own routines (docs/decisions/0033-own-float.md).
+//! its own routines (docs/decisions/0063-hal-and-own-registers.md).
 
 #![allow(unsafe_code)]
 

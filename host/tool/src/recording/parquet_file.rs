@@ -1,6 +1,6 @@
 //! Files of Parquet: columns with their types, and with their units in the metadata.
 //!
-//! Without Arrow and without compression: docs/decisions/0077-parquet.md.
+//! Without Arrow and without compression: docs/decisions/0073-recordings.md.
 
 use std::io::Write;
 use std::sync::Arc;

@@ -26,7 +26,7 @@ const OTHERS: &[(u32, &str)] = &[
 ];
 /// Where firmware may lie: the flash of 2 MiB, less what the storage has.
 const FIRMWARE: Range<u32> = 0x1000_0000..0x101F_0000;
-/// Where settings and calibration are kept (docs/decisions/0070-storage.md).
+/// Where settings and calibration are kept (docs/decisions/0071-what-runs-from-flash.md).
 const STORAGE: Range<u32> = 0x101F_0000..0x1020_0000;
 /// Bytes of the second stage of the boot loader, with its checksum in the last four (datasheet 2.8.1.3.1).
 const SECOND_STAGE: usize = 256;
