@@ -1,10 +1,10 @@
-//! Questions before something that cannot be undone.
+//! Confirmation before irreversible actions.
 
 use std::io::{self, IsTerminal, Write};
 
 use crate::failure::Failure;
 
-/// Refuses to go on where there is no terminal at which a question could be answered.
+/// Fails unless standard input is a terminal at which the user can confirm.
 ///
 /// # Errors
 /// [`Failure::Argument`], which names `--yes`.
@@ -17,7 +17,7 @@ pub fn can_be_confirmed(what: &str) -> Result<(), Failure> {
     )))
 }
 
-/// Asks a question at the terminal. Anything but y and yes is no.
+/// Asks a question at the terminal. Returns `true` for y or yes, `false` for any other answer.
 ///
 /// # Errors
 /// If the terminal cannot be read or written.

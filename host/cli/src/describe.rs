@@ -1,10 +1,10 @@
-//! Results in words: a stiffness, a refusal, what limits an interval and would narrow it.
+//! Results in words: stiffness, refusals, and the main cause of an interval with its remedy.
 
 use palpate_wire::Record;
 use palpate_wire::code::RefusalReason;
 use palpate_wire::record::{Refusal, UncertaintyBudget};
 
-/// A stiffness in N/mm with three digits, as people read it.
+/// Formats a stiffness in N/mm with three digits.
 pub fn stiffness(n_per_m: f64) -> String {
     let n_per_mm = n_per_m * 1e-3;
     if !n_per_mm.is_finite() {
@@ -14,7 +14,7 @@ pub fn stiffness(n_per_m: f64) -> String {
     format!("{n_per_mm:.*} N/mm", digits as usize)
 }
 
-/// A refusal in words, with its numbers.
+/// Formats a refusal with its numbers.
 pub fn refusal(refusal: &Refusal) -> String {
     let text = first_sentence(refusal.reason.meaning());
     let number = |value: f32| quantity(refusal.reason, value);
@@ -27,7 +27,7 @@ pub fn refusal(refusal: &Refusal) -> String {
     }
 }
 
-/// A number of a refusal in the unit that its reason gives it.
+/// Formats a number of a refusal in the unit that belongs to its reason.
 fn quantity(reason: RefusalReason, value: f32) -> String {
     match reason {
         RefusalReason::PressedTooLittle
@@ -49,7 +49,7 @@ fn quantity(reason: RefusalReason, value: f32) -> String {
     }
 }
 
-/// The first sentence of a meaning in the protocol, without its full stop.
+/// Returns the first sentence of a protocol description, without its full stop.
 pub fn first_sentence(text: &str) -> &str {
     let text = text.trim();
     text.split_once(". ")
@@ -57,7 +57,7 @@ pub fn first_sentence(text: &str) -> &str {
         .trim_end_matches('.')
 }
 
-/// The budget of a measurement among the records of its result.
+/// Returns the uncertainty budget of a measurement from the records of its result.
 pub fn budget_of<'r>(
     mut records: impl Iterator<Item = &'r Record>,
     measurement: u32,
@@ -68,7 +68,7 @@ pub fn budget_of<'r>(
     })
 }
 
-/// The greatest cause of an interval, its share of the variance, and what would narrow it.
+/// Names the largest cause of an interval, its share of the variance, and how to reduce it.
 pub fn limited_by(budget: &UncertaintyBudget) -> String {
     let causes = causes(budget);
     let whole: f32 = causes.iter().map(|cause| cause.part * cause.part).sum();
@@ -171,7 +171,7 @@ mod tests {
         };
         // 100 of 137.
         assert!(limited_by(&noisy).starts_with("73 % of the interval is by noise"));
-        // Nothing is uncertain: no number that is none.
+        // Without any uncertainty the share must be a number, not NaN.
         let certain = UncertaintyBudget {
             noise: 0.0,
             springs: 0.0,

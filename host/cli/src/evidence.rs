@@ -1,6 +1,6 @@
-//! The comments between which `cargo xtask evidence` finds what it keeps of a campaign's output.
+//! Comments that mark the part of a campaign's output which `cargo xtask evidence` keeps.
 
-/// Before it.
+/// Start of that part.
 pub const BEGIN: &str = "<!-- evidence:begin -->";
-/// After it.
+/// End of that part.
 pub const END: &str = "<!-- evidence:end -->";

@@ -1,4 +1,4 @@
-//! Why a verb ended without its result.
+//! Errors of the programs, with their exit codes.
 
 use std::{fmt, io, path::PathBuf, process::ExitCode};
 
@@ -14,7 +14,7 @@ use crate::notice;
 /// A failure with its location, its cause and what to do.
 #[derive(Debug)]
 pub enum Failure {
-    /// Something in a file is not as it may be.
+    /// A value in a file is not allowed.
     Input {
         /// The file.
         file: PathBuf,
@@ -25,7 +25,7 @@ pub enum Failure {
         /// What is allowed there.
         allowed: String,
     },
-    /// Something in a stack or a scenario is not as it may be.
+    /// A value in a sensor design or a scenario is not allowed.
     Document(FileError),
     /// A file cannot be read.
     Unreadable {
@@ -34,7 +34,7 @@ pub enum Failure {
         /// The system's reason.
         reason: io::Error,
     },
-    /// A file that is to be written cannot be.
+    /// An output file cannot be written.
     Unwritable {
         /// The file.
         file: PathBuf,
@@ -43,25 +43,25 @@ pub enum Failure {
         /// The system's reason.
         reason: io::Error,
     },
-    /// Arguments that do not go together, or do not fit what they are for.
+    /// The arguments contradict each other or do not fit the board or file.
     Argument(String),
-    /// What was asked for was refused, or failed while running.
+    /// The request was refused, or failed while running.
     Refused(String),
-    /// No board was reached, or it is not one that this tool can use.
+    /// No board was reached, or this tool cannot use it.
     Unconnected(Finding),
-    /// The board is gone: unplugged, reset or switched off.
+    /// The board disappeared: unplugged, reset or switched off.
     Lost(String),
     /// The result could not be written.
     Output(io::Error),
 }
 
 impl Failure {
-    /// What was run refused it, or failed, with this error.
+    /// Creates a [`Failure::Refused`] from an error.
     pub fn refused(error: impl fmt::Display) -> Self {
         Self::Refused(error.to_string())
     }
 
-    /// 2 for input, 1 for everything else.
+    /// Returns 2 for bad input, 1 for every other failure.
     pub fn exit_code(&self) -> ExitCode {
         match self {
             Self::Input { .. }
@@ -76,11 +76,11 @@ impl Failure {
     }
 }
 
-/// Says why a program failed, and with which code it ends.
+/// Prints the failure, if any, and returns the exit code.
 pub fn exit(result: Result<(), Failure>) -> ExitCode {
     match result {
         Ok(()) => ExitCode::SUCCESS,
-        // A reader that went away (`palpate ... | head`) is no failure.
+        // A reader that closed the pipe (`palpate ... | head`) is not a failure.
         Err(Failure::Output(error)) if error.kind() == io::ErrorKind::BrokenPipe => {
             ExitCode::SUCCESS
         }

@@ -1,4 +1,4 @@
-//! Something that is wrong with a board or the way to it.
+//! A problem with a board or with the connection to it.
 
 use std::fmt;
 
@@ -6,19 +6,19 @@ use serde::Serialize;
 
 use crate::failure::Failure;
 
-/// What is wrong, why, and what to do. docs/desk.md lists all of them.
+/// Problem, cause and remedy. docs/desk.md lists all of them.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Finding {
-    /// Its name, which stays from version to version.
+    /// Name, stable across versions.
     pub finding: &'static str,
-    /// What was found, in words.
+    /// Description of the problem.
     pub cause: String,
     /// What to do.
     pub action: String,
 }
 
 impl Finding {
-    /// A finding with its cause and what to do.
+    /// Creates a finding with its cause and remedy.
     pub fn new(finding: &'static str, cause: impl Into<String>, action: impl Into<String>) -> Self {
         Self {
             finding,
@@ -27,7 +27,7 @@ impl Finding {
         }
     }
 
-    /// What the failure of a board is that was there when it was opened.
+    /// Converts the failure of a board that was present when it was opened.
     pub fn of(failure: Failure) -> Self {
         match failure {
             Failure::Unconnected(finding) => finding,

@@ -1,5 +1,5 @@
-//! Results of a long computation, in order and as they come: an interrupted run has kept what was
-//! computed.
+//! Ordered output of a long parallel computation. Results are passed on as soon as possible, so an
+//! interrupted run keeps the results so far.
 
 use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
@@ -8,8 +8,8 @@ use rayon::prelude::*;
 
 use crate::failure::Failure;
 
-/// Computes `count` results on all cores. Each goes to `receive` as soon as it and all before it are
-/// there; a failure of `receive` ends the computation.
+/// Computes `count` results on all cores. Passes each to `receive` as soon as it and all earlier
+/// results are available; an error of `receive` ends the computation.
 pub fn in_order<T: Send>(
     count: usize,
     compute: impl Fn(usize) -> T + Sync,
@@ -20,7 +20,7 @@ pub fn in_order<T: Send>(
         waiting: BTreeMap::new(),
         receive,
     });
-    // One by one from the front: a parallel range would begin in its middle as well.
+    // `par_bridge` takes indices from the front; a parallel range would also start in its middle.
     (0..count).par_bridge().try_for_each(|index| {
         let result = compute(index);
         let mut queue = queue.lock().unwrap_or_else(PoisonError::into_inner);
@@ -31,7 +31,7 @@ pub fn in_order<T: Send>(
 struct Queue<T, R> {
     /// The index of the next result to be received.
     next: usize,
-    /// Results that came before it.
+    /// Later results that are already available.
     waiting: BTreeMap<usize, T>,
     receive: R,
 }
@@ -59,7 +59,7 @@ mod tests {
     fn results_come_in_order_and_before_the_end() {
         let computed = AtomicUsize::new(0);
         let compute = |index: usize| {
-            // Neighbours end in the wrong order.
+            // Neighbours finish in the wrong order.
             sleep(Duration::from_millis(if index.is_multiple_of(2) {
                 4
             } else {

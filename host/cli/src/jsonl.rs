@@ -1,32 +1,32 @@
-//! Frames as lines of JSON: one shape for every verb, docs/protocol.md has it.
+//! Frames as lines of JSON, in one format for every verb; see docs/protocol.md.
 
 use palpate_wire::{Frame, Record};
 use serde::Serialize;
 
 use crate::failure::Failure;
 
-/// What a line says that is no frame.
+/// A line that is not a frame.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum Note<'n> {
-    /// Bytes that are no sound frame.
+    /// Bytes that are not a valid frame.
     Damaged {
-        /// What is wrong with them.
+        /// Decoding error.
         error: String,
     },
-    /// The frames of a simulated press begin.
+    /// Start of the frames of a simulated press.
     Press {
-        /// What is pressed.
+        /// Pressed object.
         press: &'n str,
     },
 }
 
-/// The line of a frame.
+/// Formats a frame as a line.
 pub fn frame(frame: &Frame<Record>) -> Result<String, Failure> {
     Ok(serde_json::to_string(frame)?)
 }
 
-/// The line of a note.
+/// Formats a note as a line.
 pub fn note(note: &Note<'_>) -> Result<String, Failure> {
     Ok(serde_json::to_string(note)?)
 }

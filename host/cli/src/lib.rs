@@ -1,4 +1,4 @@
-//! What all programs of palpate have in common.
+//! Shared code of all palpate programs.
 
 pub mod confirmation;
 pub mod describe;

@@ -1,10 +1,9 @@
-//! What the tool says: beside its output on standard error, and what of files it prints.
+//! Messages on standard error, and safe printing of foreign text.
 
 use std::fmt::{Display, Write as _};
 use std::io::Write as _;
 
-/// Says a line. Where standard error is closed it is lost, and the work goes on: `eprintln!` would
-/// panic.
+/// Prints a line on standard error. Ignores a closed standard error, where `eprintln!` would panic.
 pub fn say(line: impl Display) {
     let line = line.to_string();
     let lines = line.split('\n').map(printable);
@@ -12,13 +11,13 @@ pub fn say(line: impl Display) {
     let _ = writeln!(std::io::stderr(), "{lines}");
 }
 
-/// A text from a file or a board, in one line: characters that control a terminal are escaped, so that they
-/// neither move its cursor nor forge a line.
+/// Escapes control characters of a text from a file or a board, so that it stays on one line and
+/// cannot move the cursor or forge a line.
 pub fn printable(text: &str) -> String {
     let mut printable = String::with_capacity(text.len());
     for character in text.chars() {
         if character.is_control() {
-            // Writing to a text cannot fail.
+            // Writing to a `String` cannot fail.
             let _ = write!(printable, "{}", character.escape_default());
         } else {
             printable.push(character);

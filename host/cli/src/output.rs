@@ -1,7 +1,7 @@
-//! Files that a verb writes.
+//! Output files.
 //!
-//! Whether a file can be written is checked before the run, and the file gets its name when its
-//! contents are complete: a run that fails or is interrupted leaves an older file as it is.
+//! A verb checks before its run that it can write a file. The file gets its name when it is
+//! complete, so a failed or interrupted run leaves an older file as it is.
 
 use std::collections::HashMap;
 use std::fs::{self, File, OpenOptions};
@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 use crate::failure::Failure;
 
-/// A file that will be written at the end of a run.
+/// An output file, written at the end of a run.
 #[derive(Clone, Debug)]
 pub struct OutputFile {
     path: PathBuf,
@@ -19,7 +19,7 @@ pub struct OutputFile {
 }
 
 impl OutputFile {
-    /// A file that can be written; the check changes and leaves nothing.
+    /// Checks that the file can be written, without changing or leaving anything.
     pub fn new(argument: &'static str, path: &Path) -> Result<Self, Failure> {
         let output = Self {
             path: path.to_path_buf(),
@@ -35,7 +35,7 @@ impl OutputFile {
         }
     }
 
-    /// The same for an argument that may be absent.
+    /// Same as [`OutputFile::new`] for an optional argument.
     pub fn optional(
         argument: &'static str,
         path: Option<&PathBuf>,
@@ -43,7 +43,7 @@ impl OutputFile {
         path.map(|path| Self::new(argument, path)).transpose()
     }
 
-    /// Files in a folder, which is created if it does not exist.
+    /// Creates output files in a folder, which is created if it does not exist.
     pub fn in_folder<const N: usize>(
         argument: &'static str,
         folder: &Path,
@@ -58,7 +58,7 @@ impl OutputFile {
         files.map(|file| Self::new(argument, &file)).collect()
     }
 
-    /// The file of this number, from 1: the first has the name as given, the second
+    /// Returns output file `number`, counted from 1: the first keeps the given name, the second is
     /// FILE-2.EXTENSION, and so on.
     pub fn numbered(&self, number: u32) -> Self {
         if number == 1 {
@@ -74,7 +74,7 @@ impl OutputFile {
         }
     }
 
-    /// Refuses a file that is read too: it would be replaced by what is made of it.
+    /// Refuses a file that is also the input, since writing would replace it.
     pub fn apart_from(self, input: &Path) -> Result<Self, Failure> {
         if self.is_special() || place(&self.path) != place(input) {
             return Ok(self);
@@ -86,7 +86,7 @@ impl OutputFile {
         )))
     }
 
-    /// The file's path.
+    /// Path of the file.
     pub fn path(&self) -> &Path {
         &self.path
     }
@@ -96,7 +96,7 @@ impl OutputFile {
         self.write_with(|file| file.write_all(contents.as_ref()))
     }
 
-    /// Writes what `write` gives.
+    /// Writes the file through the closure `write`.
     pub fn write_with(
         &self,
         write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
@@ -131,23 +131,23 @@ impl OutputFile {
             .and_then(|file| filled(file, write))
             .and_then(|()| fs::rename(&temporary, self.target()));
         if written.is_err() {
-            // Nothing to be done about a temporary file that cannot be removed.
+            // A temporary file that cannot be removed is left.
             let _ = fs::remove_file(&temporary);
         }
         written
     }
 
-    /// Whether it is a device or a pipe, such as /dev/stdout: written as it is.
+    /// Whether the path is a device or a pipe, such as /dev/stdout, which is written directly.
     pub fn is_special(&self) -> bool {
         fs::metadata(&self.path).is_ok_and(|data| !data.is_file() && !data.is_dir())
     }
 
-    /// The file behind a symbolic link.
+    /// Returns the file behind a symbolic link.
     pub fn target(&self) -> PathBuf {
         fs::canonicalize(&self.path).unwrap_or_else(|_| self.path.clone())
     }
 
-    /// The name that the file has until it is complete.
+    /// Returns the temporary name used until the file is complete.
     fn temporary(&self) -> io::Result<PathBuf> {
         let target = self.target();
         let name = target
@@ -158,7 +158,7 @@ impl OutputFile {
     }
 }
 
-/// Refuses one file under two arguments: the second would replace the first.
+/// Refuses the same file under two arguments: the second would replace the first.
 pub fn distinct<'o>(outputs: impl IntoIterator<Item = &'o OutputFile>) -> Result<(), Failure> {
     let mut places = HashMap::new();
     for output in outputs.into_iter().filter(|output| !output.is_special()) {
@@ -173,7 +173,7 @@ pub fn distinct<'o>(outputs: impl IntoIterator<Item = &'o OutputFile>) -> Result
     Ok(())
 }
 
-/// Where a path leads, whether there is a file or only its folder.
+/// Resolves a path, whether the file exists or only its folder.
 fn place(path: &Path) -> PathBuf {
     let beside = || {
         // The folder of a bare name is the empty path.
@@ -184,7 +184,7 @@ fn place(path: &Path) -> PathBuf {
     place.unwrap_or_else(|| path.to_path_buf())
 }
 
-/// A new file; one of the same name is what a program left that was killed.
+/// Creates the temporary file. Replaces one that a killed program left.
 fn begun(temporary: &Path) -> io::Result<File> {
     match fs::remove_file(temporary) {
         Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),

@@ -1,8 +1,8 @@
-//! One HTML page with everything in it.
+//! Self-contained HTML pages.
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-/// Readable on a screen and on A4: two charts beside each other, a load never torn apart.
+/// Readable on a screen and on A4: two charts side by side, no page break within a load.
 const STYLE: &str = "
 :root { color-scheme: light; background: #fff }
 body { font: 15px/1.4 sans-serif; max-width: 1100px; margin: 1.5em auto; padding: 0 1em; color: #111 }
@@ -15,7 +15,7 @@ svg { width: 100%; height: auto } .wide { max-width: 760px }
 @media print { body { max-width: none; margin: 0; font-size: 11px } }
 ";
 
-/// A page that stands alone.
+/// Builds a self-contained page.
 pub fn document(title: &str, body: &Markup) -> String {
     let page = html! {
         (DOCTYPE)

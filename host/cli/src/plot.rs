@@ -10,19 +10,19 @@ pub use plotters::style::RGBColor as Colour;
 
 use crate::failure::Failure;
 
-/// Pieces of a curve over time, of each of which least and greatest value are drawn.
+/// Number of pieces of a curve over time; the minimum and maximum of each are drawn.
 const PIECES: usize = 400;
-/// Drawn three times as large as shown, since the library rounds to whole pixels.
+/// Charts are drawn three times as large as shown, since the library rounds to whole pixels.
 const ENLARGED: u32 = 3;
-/// As shown, in CSS pixels.
+/// Size as shown, in CSS pixels.
 const SIZE: (u32, u32) = (520, 300);
 const FONT: &str = "sans-serif";
-/// About the part of a chart that a legend takes, across and along.
+/// Approximate part of a chart that a legend covers, horizontally and vertically.
 const LEGEND: (f64, f64) = (0.55, 0.3);
 const TITLE_SIZE: u32 = 15 * ENLARGED;
 const LABEL_SIZE: u32 = 13 * ENLARGED;
 
-// Colours that everybody can distinguish, on paper as well (Okabe and Ito 2008).
+// Colours that colour-blind readers can distinguish, also on paper (Okabe and Ito 2008).
 
 /// Blue.
 pub const BLUE: Colour = RGBColor(0, 114, 178);
@@ -36,7 +36,7 @@ pub const PURPLE: Colour = RGBColor(204, 121, 167);
 pub const YELLOW: Colour = RGBColor(230, 159, 0);
 /// Black.
 pub const BLACK: Colour = RGBColor(0, 0, 0);
-/// Grey, for what is given.
+/// Grey, for given values.
 pub const GREY: Colour = RGBColor(120, 120, 120);
 
 /// Axis scale: linear or logarithmic.
@@ -58,7 +58,7 @@ pub struct Axis {
 }
 
 impl Axis {
-    /// A linear axis.
+    /// Creates a linear axis.
     pub const fn linear(label: &'static str) -> Self {
         Self {
             label,
@@ -66,7 +66,7 @@ impl Axis {
         }
     }
 
-    /// A logarithmic axis.
+    /// Creates a logarithmic axis.
     pub const fn logarithmic(label: &'static str) -> Self {
         Self {
             label,
@@ -74,7 +74,7 @@ impl Axis {
         }
     }
 
-    /// A value as it is laid along the axis: logarithms of what has one.
+    /// Position of a value along the axis; `None` where the value has no logarithm.
     fn place(&self, value: f64) -> Option<f64> {
         let place = match self.scale {
             Scale::Linear => value,
@@ -83,7 +83,7 @@ impl Axis {
         place.is_finite().then_some(place)
     }
 
-    /// Places of the marks: one, two or five times a power of ten.
+    /// Positions of the marks: one, two or five times a power of ten.
     fn marks(&self, span: &Range<f64>) -> Vec<f64> {
         match self.scale {
             Scale::Linear => {
@@ -102,13 +102,13 @@ impl Axis {
         }
     }
 
-    /// What stands beside a mark.
+    /// Label of a mark.
     fn text(&self, place: f64, span: &Range<f64>) -> String {
         match self.scale {
             Scale::Linear => {
                 let step = step((span.end - span.start) / MARKS);
                 let digits = (-step.log10().floor()).clamp(0.0, 9.0) as usize;
-                // No zero has a sign.
+                // Avoids a label of -0.
                 let place = if place.abs() < 0.5 * step { 0.0 } else { place };
                 format!("{place:.digits$}")
             }
@@ -120,10 +120,10 @@ impl Axis {
     }
 }
 
-/// About so many marks an axis.
+/// Approximate number of marks per axis.
 const MARKS: f64 = 7.0;
 
-/// The next of 1, 2, 5 times a power of ten above.
+/// Returns the smallest step of 1, 2 or 5 times a power of ten that is not below `least`.
 fn step(least: f64) -> f64 {
     let decade = 10_f64.powf(least.log10().floor());
     let factors = [1.0, 2.0, 5.0].map(|factor| factor * decade);
@@ -131,21 +131,21 @@ fn step(least: f64) -> f64 {
     above.unwrap_or(10.0 * decade)
 }
 
-/// What is drawn of a series.
+/// The marks of a series.
 #[derive(Clone, Debug)]
 pub enum Marks {
-    /// Points joined.
+    /// Points joined by lines.
     Line(Vec<(f64, f64)>),
     /// A dot for each value.
     Points(Vec<(f64, f64)>),
     /// A cross for each value.
     Crosses(Vec<(f64, f64)>),
-    /// Place, lower end, value, upper end.
+    /// Error bars: position, lower end, value, upper end.
     Bars(Vec<(f64, f64, f64, f64)>),
 }
 
 impl Marks {
-    /// All places that must lie within the chart.
+    /// All points that must lie within the chart.
     fn corners(&self) -> Vec<(f64, f64)> {
         match self {
             Self::Line(points) | Self::Points(points) | Self::Crosses(points) => points.clone(),
@@ -157,19 +157,19 @@ impl Marks {
     }
 }
 
-/// Data of one kind.
+/// Data drawn in one colour under one name.
 #[derive(Clone, Debug)]
 pub struct Series {
-    /// For the legend.
+    /// Name in the legend.
     pub name: String,
     /// Colour of its marks.
     pub colour: Colour,
-    /// The data, and how they are drawn.
+    /// Data and how they are drawn.
     pub marks: Marks,
 }
 
 impl Series {
-    /// A series with its name for the legend.
+    /// Creates a series with its name for the legend.
     pub fn new(name: &str, colour: Colour, marks: Marks) -> Self {
         Self {
             name: name.to_owned(),
@@ -179,7 +179,8 @@ impl Series {
     }
 }
 
-/// Least and greatest of each piece, in their order: drawn, the same as the whole curve.
+/// Keeps the minimum and maximum of each piece, in their order: drawn, the result looks like the
+/// whole curve.
 pub fn thinned(profile: &[(f64, f64)]) -> Vec<(f64, f64)> {
     let piece = profile.len().div_ceil(PIECES).max(1);
     let by_value = |a: &&(f64, f64), b: &&(f64, f64)| a.1.total_cmp(&b.1);
@@ -199,10 +200,11 @@ pub fn thinned(profile: &[(f64, f64)]) -> Vec<(f64, f64)> {
         .collect()
 }
 
-/// An area on which SVG is drawn.
+/// An SVG drawing area.
 pub type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
-/// A drawing of this size, in pixels, as SVG; on white, so that a dark page shows it as well.
+/// Returns a drawing of this size, in pixels, as SVG, on white so that it stays readable on a dark
+/// page.
 pub fn svg(
     size: (u32, u32),
     draw: impl FnOnce(&Area<'_>) -> Result<(), String>,
@@ -221,16 +223,16 @@ pub fn svg(
 pub struct Chart {
     /// Title above the chart.
     pub title: String,
-    /// Axis across.
+    /// Horizontal axis.
     pub x: Axis,
-    /// Axis upward.
+    /// Vertical axis.
     pub y: Axis,
     /// The data; with two or more the chart has a legend.
     pub series: Vec<Series>,
 }
 
 impl Chart {
-    /// The chart as an `<svg>` element that fills its container on a page.
+    /// Draws the chart as an `<svg>` element that fills its container on a page.
     pub fn svg(&self) -> Result<String, Failure> {
         let size = (SIZE.0 * ENLARGED, SIZE.1 * ENLARGED);
         let text = svg(size, |area| self.draw(area))
@@ -283,7 +285,7 @@ impl Chart {
             .map_err(|error| error.to_string())
     }
 
-    /// The corner for the legend that hides the least.
+    /// The corner where the legend hides the fewest points.
     fn legend_position(&self, (across, along): &(Range<f64>, Range<f64>)) -> SeriesLabelPosition {
         let part = |place: f64, span: &Range<f64>| (place - span.start) / (span.end - span.start);
         let places = || {
@@ -396,7 +398,7 @@ impl Ranged for Marked {
 
 type Context<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<Marked, Marked>>;
 
-/// From the least to the greatest with a little room, and never nothing.
+/// Range from the minimum to the maximum with a margin; never empty.
 fn span(places: &[f64]) -> Range<f64> {
     let low = places.iter().copied().fold(f64::INFINITY, f64::min);
     let high = places.iter().copied().fold(f64::NEG_INFINITY, f64::max);

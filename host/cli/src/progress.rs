@@ -1,4 +1,4 @@
-//! How far something is: a bar on the terminal, and now and then a line where standard error is none.
+//! Progress: a bar on a terminal, otherwise an occasional line on standard error.
 
 use std::io::{self, IsTerminal};
 use std::sync::Mutex;
@@ -8,18 +8,18 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::notice;
 
-/// How often a line says how far it is. What takes less says nothing.
+/// Interval of the lines. A shorter computation prints none.
 const EVERY: Duration = Duration::from_secs(30);
 
 /// A bar on the terminal, or lines.
 pub struct Progress {
     bar: ProgressBar,
-    /// When a line was written last, where lines are.
+    /// Time of the last line; `None` with a bar.
     said: Option<Mutex<Instant>>,
 }
 
 impl Progress {
-    /// None, where lines are written while it would stand.
+    /// Creates no bar, for verbs that print lines meanwhile.
     pub fn hidden() -> Self {
         Self {
             bar: ProgressBar::hidden(),
@@ -27,7 +27,7 @@ impl Progress {
         }
     }
 
-    /// A bar, or lines, for so many steps.
+    /// Creates a bar, or lines, for `steps` steps.
     pub fn new(steps: usize) -> Self {
         if !io::stderr().is_terminal() {
             let bar = ProgressBar::hidden();
@@ -42,18 +42,18 @@ impl Progress {
         Self { bar, said: None }
     }
 
-    /// What runs now.
+    /// Sets the message beside the bar.
     pub fn say(&self, what: &str) {
         self.bar.set_message(what.to_owned());
     }
 
-    /// A step is done.
+    /// Counts one completed step.
     pub fn step(&self) {
         self.bar.inc(1);
         self.line();
     }
 
-    /// So many steps are done.
+    /// Sets the number of completed steps.
     pub fn at(&self, steps: u64) {
         self.bar.set_position(steps);
         self.line();
@@ -69,7 +69,7 @@ impl Progress {
         notice::say(format_args!("{done} of {all} done"));
     }
 
-    /// Takes the bar off the terminal.
+    /// Removes the bar from the terminal.
     pub fn finish(&self) {
         self.bar.finish_and_clear();
     }

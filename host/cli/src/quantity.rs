@@ -1,4 +1,4 @@
-//! Numbers on the command line: with unit prefixes, as `40M` and `2.9M..3.8M`; durations; factors.
+//! Parsers of numbers on the command line: unit prefixes (`40M`, `2.9M..3.8M`), durations, factors.
 
 use std::time::Duration;
 

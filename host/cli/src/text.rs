@@ -1,4 +1,4 @@
-//! Text that a person or another program wrote.
+//! Reads text from files and other inputs.
 
 use std::fs;
 use std::io::Read;
@@ -8,10 +8,11 @@ use palpate_sim::stack::document::text_of;
 
 use crate::failure::Failure;
 
-/// Most bytes of an input: a device may never end. A day of conversion words at 1 kHz has fewer.
+/// Limit of an input's size, bytes, since a device may never end. A day of conversion words at 1
+/// kHz has fewer.
 const MOST_BYTES: u64 = 1_000_000_000;
 
-/// The text of a file, without a mark before it.
+/// Reads the text of a file, without a byte order mark.
 ///
 /// # Errors
 /// If it cannot be read, is too large, or is not UTF-8.
@@ -19,12 +20,12 @@ pub fn of_file(file: &Path) -> Result<String, Failure> {
     of_bytes(bytes_of_file(file)?, file)
 }
 
-/// The same of an input, which has a name.
+/// Reads the text of an input; `name` is for errors.
 pub fn of(from: impl Read, name: &Path) -> Result<String, Failure> {
     of_bytes(bytes(MOST_BYTES, from, name)?, name)
 }
 
-/// The bytes of a file, text or not.
+/// Reads the bytes of a file.
 ///
 /// # Errors
 /// If it cannot be read, or is too large.
