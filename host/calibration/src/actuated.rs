@@ -1,14 +1,15 @@
-//! The actuated layer, from all trains together.
+//! Fit of the actuated layer to all trains together.
 //!
 //! On every fall of run j, with kappa_j = c_S/c_j known and g(I) = c_S/c_D(I) = g0 + h(I), the deformation is
 //!
 //! x = (X_j (1 + d_j phi + e_j t) - k I^2 g/c_S)/(1 + kappa_j + g).
 //!
-//! Unknown are h's coefficients, the attraction k, g0 and every run's own X and drifts. They make the sum
-//! of (x read - x)^2 least, by the method of Gauss and Newton. What is read, with its noise, stands on the
-//! left side alone: multiplied by 1/x the same equation is linear, but has the noise among its
-//! coefficients, which makes h, and with it every load, too small by what noise is of the signal. What
-//! separates the unknowns: h and g0 by loads of different stiffness, the attraction by depths.
+//! The unknowns are h's coefficients, the attraction k, g0, and X and the drifts of each run. The
+//! method of Gauss and Newton minimises the sum of (x read - x)^2. The reading and its noise stand
+//! on the left side alone. Multiplied by 1/x the same equation is linear, but then the noise is
+//! among its coefficients, which makes h, and with it every load, too small by the ratio of noise
+//! to signal. Loads of different stiffness separate h from g0; presses of different depth separate
+//! the attraction.
 
 use super::crosstalk::Crosstalk;
 use super::curve::{PressCurve, chebyshev};
@@ -18,17 +19,19 @@ use super::samples::{Fallen, SampleRun};
 use super::session::Pressed;
 use super::{Known, Signal, Unusable};
 
-/// Degree of h in the current: enough for the bends that memory and lag put on a quadratic law.
+/// Degree of h in the current: high enough for the deviations from a quadratic law that memory and
+/// lag cause.
 const DEGREE: usize = 8;
 
-/// The actuated layer as calibrated.
+/// The calibrated actuated layer.
 #[derive(Clone, Debug)]
 pub struct Actuated {
     /// g0 = c_S/c_D0.
     pub ratio: f64,
-    /// Coefficients of h(I), not bent, in Chebyshev polynomials of I/I_peak that vanish at zero.
+    /// Coefficients of h(I) without the bend, in Chebyshev polynomials of I/I_peak that vanish at
+    /// zero.
     pub regressor: Vec<f64>,
-    /// By how much the slope of h changes from the middle to the peak beyond that, relative.
+    /// Additional relative change of h's slope from the middle to the peak.
     pub bend: f64,
     /// Peak current of the train, A.
     pub peak_a: f64,
@@ -37,7 +40,7 @@ pub struct Actuated {
 }
 
 impl Actuated {
-    /// h(I) = g(I) - g(0). The bend leaves it as it is without current and at the peak.
+    /// h(I) = g(I) - g(0). The bend changes h neither at zero current nor at the peak.
     pub fn regressor(&self, current_a: f64) -> f64 {
         let straight = self.straight(current_a);
         let at_peak = self.straight(self.peak_a);
@@ -56,16 +59,16 @@ impl Actuated {
     }
 }
 
-/// The solution, with the trains that it was found from.
+/// The solution, with the trains that it is fitted to.
 #[derive(Clone, Debug)]
 pub(crate) struct Fit {
     pub(crate) actuated: Actuated,
     pub(crate) problem: Problem,
-    /// What the cross-talk grows by beyond what the samples were prepared with, 1/m.
+    /// Growth of the cross-talk in addition to the one used to prepare the samples, 1/m.
     growth_per_m: f64,
 }
 
-/// The trains, prepared.
+/// The prepared trains.
 #[derive(Clone, Debug)]
 pub(crate) struct Problem {
     pub(crate) trains: Vec<Train>,
@@ -74,13 +77,14 @@ pub(crate) struct Problem {
     pub(crate) peak_a: f64,
     /// Mean deformation, m.
     pub(crate) depth_m: f64,
-    /// The cross-talk without contact, m/A^2, where its growth is found here and not with a load cell.
+    /// Cross-talk without contact, m/A^2; `Some` where the trains give its growth, `None` where the
+    /// load cell does.
     pub(crate) growing_m_per_a2: Option<f64>,
 }
 
 #[derive(Clone, Debug)]
 pub(crate) struct Train {
-    /// c_S/c_L by what is written on the load, with the frame.
+    /// c_S/c_L by the spring's nominal stiffness, including the frame.
     pub(crate) kappa: f64,
     pub(crate) spring: bool,
     /// Time constant of the logarithmic drift, s.
@@ -88,12 +92,12 @@ pub(crate) struct Train {
     pub(crate) samples: Vec<FallSample>,
 }
 
-/// Places of the unknowns.
+/// Indices of the unknowns.
 const ATTRACTION: usize = DEGREE;
 const RATIO: usize = DEGREE + 1;
 const SHARED: usize = DEGREE + 2;
 
-/// Fits the trains, with the cross-talk as the load cell has it.
+/// Fits the trains, with the cross-talk from the load cell.
 pub(crate) fn fit(
     runs: &[SampleRun],
     force: &PressCurve,
@@ -105,8 +109,8 @@ pub(crate) fn fit(
     problem.fit()
 }
 
-/// Fits the trains and the growth of the cross-talk with the press, which is one more unknown:
-/// X I^2 takes from 1/x in proportion to W_j, other than h, which all trains share.
+/// Fits the trains and the growth of the cross-talk with the press as one more unknown: X I^2
+/// lowers 1/x in proportion to W_j, while h is common to all trains.
 pub(crate) fn fit_with_growth(
     runs: &[SampleRun],
     force: &PressCurve,
@@ -121,7 +125,7 @@ pub(crate) fn fit_with_growth(
         })
     };
     crosstalk.growth_per_m += problem(crosstalk)?.fit()?.growth_per_m;
-    // Once more, with samples that are without it.
+    // Second fit, with the growth removed from the samples.
     Ok((problem(crosstalk)?.fit()?, crosstalk))
 }
 
@@ -183,15 +187,15 @@ impl Problem {
         Ok(problem)
     }
 
-    /// The least deformation of all trains, m, which is one at the end of a fall: nothing is known of
-    /// shallower presses.
+    /// Smallest deformation in all trains, m, reached at the end of a fall. Shallower presses are
+    /// not calibrated.
     pub(crate) fn shallowest_m(&self) -> f64 {
         let samples = self.trains.iter().flat_map(|train| &train.samples);
         let deformations = samples.map(|sample| sample.deformation_m);
         deformations.fold(f64::INFINITY, f64::min)
     }
 
-    /// Solves for the springs as they are written down.
+    /// Solves with the springs' nominal stiffness.
     pub(crate) fn fit(&self) -> Result<Fit, Unusable> {
         let mut unknowns = self.start()?;
         let mut settled = false;
@@ -216,7 +220,7 @@ impl Problem {
         })
     }
 
-    /// The solution of the linear equation, from which the steps begin.
+    /// Solution of the linear equation, the starting point of the iteration.
     fn start(&self) -> Result<Vec<f64>, Unusable> {
         let mut system = System::new(self.unknowns());
         for (place, train) in self.placed() {
@@ -235,7 +239,7 @@ impl Problem {
         Ok(system.solve(LAYER)?.unknowns)
     }
 
-    /// The trains with their places.
+    /// The trains with their kappa and the index of their own unknowns.
     fn placed(&self) -> impl Iterator<Item = (Place, &Train)> {
         self.trains.iter().enumerate().map(|(index, train)| {
             let place = Place {
@@ -246,7 +250,7 @@ impl Problem {
         })
     }
 
-    /// The layer of these unknowns.
+    /// Builds the actuated layer from the unknowns.
     fn actuated(&self, unknowns: &[f64]) -> Actuated {
         let unknown = |index: usize| unknowns.get(index).copied().unwrap_or(0.0);
         Actuated {
@@ -258,7 +262,7 @@ impl Problem {
         }
     }
 
-    /// Why there is no solution but one with this c_S/c_D0.
+    /// Why the fit failed, or gave only this c_S/c_D0.
     fn cause(&self, ratio: f64) -> Unusable {
         match self.signal() {
             Ok(signal) if signal.is_clear() => Unusable::Contradiction { signal, ratio },
@@ -267,7 +271,7 @@ impl Problem {
         }
     }
 
-    /// What shows of the stiffening in a train of the hardest load.
+    /// Signal of the stiffening in a train on the hardest load.
     fn signal(&self) -> Result<Signal, Unusable> {
         let hardest = self
             .trains
@@ -291,20 +295,20 @@ impl Problem {
         }
     }
 
-    /// Place of the growth of the cross-talk, after all else.
+    /// Index of the cross-talk's growth, after all other unknowns.
     fn growth(&self) -> usize {
         SHARED + 3 * self.trains.len()
     }
 
-    /// How many unknowns there are.
+    /// Number of unknowns.
     fn unknowns(&self) -> usize {
         self.growth() + usize::from(self.growing_m_per_a2.is_some())
     }
 
-    /// How the deformations change with the unknowns, and by how much they are read deeper.
+    /// Linearised system: derivatives of the deformations and their residuals.
     fn linearised(&self, unknowns: &[f64]) -> System {
         let actuated = self.actuated(unknowns);
-        // What the growth adds is in the samples already, but for what is found of it beside.
+        // The samples already contain the prepared growth; this is the additional one.
         let growth_per_m = unknowns.get(self.growth()).copied().unwrap_or(0.0);
         let mut system = System::new(self.unknowns());
         for (place, train) in self.placed() {
@@ -319,7 +323,7 @@ impl Problem {
         system
     }
 
-    /// Where the sensing layer is by these unknowns.
+    /// State of the sensing layer for these unknowns.
     fn state(
         &self,
         actuated: &Actuated,
@@ -340,7 +344,7 @@ impl Problem {
         }
     }
 
-    /// How the deformation changes with each unknown.
+    /// Derivative of the deformation with respect to each unknown.
     fn row(&self, state: &State, place: Place, sample: &FallSample, train: &Train) -> Vec<f64> {
         let whole = 1.0 + place.kappa + state.ratio;
         let by_ratio = -(state.deformation_m + state.pull_m) / whole;
@@ -370,7 +374,7 @@ impl Problem {
         row
     }
 
-    /// The cross-talk without contact of which the growth is unknown, m.
+    /// Cross-talk without contact, m; zero unless its growth is an unknown.
     fn untouched_m(&self, sample: &FallSample) -> f64 {
         self.growing_m_per_a2
             .map_or(0.0, |of| of * sample.current_a * sample.current_a)
@@ -378,26 +382,26 @@ impl Problem {
 }
 
 impl Train {
-    /// What its own unknowns stand with: constant, logarithmic and straight.
+    /// Factors of the train's own unknowns: constant, logarithmic, linear.
     fn drifts(&self, sample: &FallSample) -> [f64; 3] {
         [1.0, (sample.time_s / self.tau_s).ln_1p(), sample.time_s]
     }
 }
 
-/// Where the sensing layer is at a sample.
+/// State of the sensing layer at a sample.
 #[derive(Clone, Copy, Debug)]
 struct State {
     deformation_m: f64,
-    /// Attraction of the actuated layer's halves over c_S.
+    /// Attraction of the actuated layer's halves over c_S, m.
     pull_m: f64,
     /// c_S/c_D at this current.
     ratio: f64,
 }
 
-/// What the unknowns of the layer are called where there is no solution.
+/// Name of the layer's unknowns in errors.
 const LAYER: &str = "the actuated layer";
 
-/// Where a train stands: its kappa, and the place of its own unknowns.
+/// A train's kappa and the index of its own unknowns.
 #[derive(Clone, Copy, Debug)]
 struct Place {
     kappa: f64,

@@ -1,22 +1,22 @@
-//! The layer, adjusted to what each train by itself says of its load.
+//! Adjustment of the layer to the load that each train gives by itself.
 //!
-//! The fit of all samples together gives h's shape. It weighs every sample alike, as if noise were all that
-//! keeps a train from its line. What does keep it is common to the samples of a train - creep, memory, what
-//! a spring is off - and the fit bends the five quantities below to follow that. Here every train counts once,
-//! with kappa = c_S/c_L by its own line. With W = 1 + kappa + c_S/c_D0 and the deformation x, an error of each
-//! quantity makes of kappa
+//! The fit of all samples gives h's shape. It weights every sample alike, as if only noise kept a
+//! train from its line. In fact creep, memory and the spring's error are common to all samples of a
+//! train, and the fit bends the five quantities below to follow them. Here every train counts once,
+//! with kappa = c_S/c_L by its own line. With W = 1 + kappa + c_S/c_D0 and the deformation x, an
+//! error of each quantity causes an error of kappa in proportion to:
 //!
 //! | quantity | error of kappa |
 //! |---|---|
-//! | c_S/c_D0, h being the same | constant |
+//! | c_S/c_D0, with the same h | constant |
 //! | size of h | W |
 //! | attraction | W/x |
 //! | cross-talk | W^2/x |
 //! | its growth with the press | W^2 |
 //!
-//! which loads of different stiffness and presses of different depth tell apart. They are found by weighted
-//! least squares, with an unknown for what each spring is off, known beforehand by the tolerance. By how much the
-//! trains' lines bend in the mean is then taken out of h's shape.
+//! Loads of different stiffness and presses of different depth separate them. They are found by
+//! weighted least squares, with one more unknown for the error of each spring, limited by the
+//! tolerance. The mean bend of the trains' lines is then removed from h's shape.
 
 use super::Unusable;
 use super::actuated::{Actuated, Fit, Train};
@@ -24,52 +24,54 @@ use super::crosstalk::Crosstalk;
 use super::least_squares::{Solution, System};
 use super::line::{Bend, FallSample};
 
-/// Quantities that are adjusted.
+/// Number of adjusted quantities.
 pub(crate) const QUANTITIES: usize = 5;
 
-/// Changes of the quantities: of c_S/c_D0 and h by parts; of attraction and cross-talk as what they do at the
-/// peak current to the mean deformation, by parts; of the growth as what it adds to a deformation then, by
-/// parts.
+/// Changes of the quantities: c_S/c_D0 and h relative; attraction and cross-talk by their effect at
+/// the peak current on the mean deformation, relative to it; the growth by its relative addition to
+/// a deformation there.
 pub(crate) type Changes = [f64; QUANTITIES];
 
-/// A small change of each, by which the trains' lines are differentiated: a thousandth of what is found.
+/// Step of each quantity for numerical derivatives: a thousandth of typical changes.
 const STEPS: Changes = [1e-4, 1e-4, 1e-5, 1e-5, 1e-5];
-/// Rounds in which the trains' scatter and the quantities improve each other: the third changes nothing
-/// above a thousandth of the uncertainty.
+/// Rounds of the iteration between the trains' scatter and the quantities. The third changes
+/// nothing by more than a thousandth of the uncertainty.
 const ROUNDS: usize = 4;
-/// Standard deviation of a train's kappa about the adjusted line beside its own error, as a part of W, at least.
-/// On 54 simulated sensors of the stack `ultrasoft` (seeds 900001 to 900060) it is that on the quietest ten; on half of
-/// all the trains' own errors leave nothing of it.
+/// Minimum standard deviation of a train's kappa about the adjusted line, beside its own error, as
+/// a part of W. On 54 simulated sensors of the design `ultrasoft` (seeds 900001 to 900060) it is
+/// the value of the quietest ten; on half of all, the trains' own errors explain the whole scatter.
 pub(crate) const LEAST_SCATTER: f64 = 0.0008;
-/// And at most: trains that scatter so much say nothing.
+/// Maximum of the same; trains with more scatter carry no information.
 const MOST_SCATTER: f64 = 1.0;
-/// Where the search for it ends, relative.
+/// Relative tolerance of the search for the scatter.
 const SCATTER_SETTLED: f64 = 1e-3;
-/// Standard deviation of the changes of c_S/c_D0, h and attraction before anything is known, far above
-/// what is found; it keeps what a bench with one depth cannot tell apart where the fit of all samples had it.
+/// Prior standard deviation of the changes of c_S/c_D0, h and attraction, far above typical
+/// results. It keeps the values of the fit of all samples where a bench with a single depth cannot
+/// separate them.
 const BEFOREHAND: f64 = 1.0;
-/// The same of the cross-talk and of its growth, as parts of the cross-talk: the train without contact shows
-/// the one, the load cell the other. Found are at most a tenth and three tenths, on 60 simulated sensors of the
-/// stack `ultrasoft`. Where the cross-talk is little beside what keeps trains from their lines, as on the stack
-/// `closed`, loads and depths would give it three times the value that the untouched sensor shows.
+/// Prior standard deviations of the cross-talk and its growth, as parts of the cross-talk: the
+/// train without contact determines one, the load cell the other. On 60 simulated sensors of the
+/// design `ultrasoft` the changes are at most a tenth and three tenths. Without these priors, where
+/// the cross-talk is small compared with what keeps trains from their lines, as on the design
+/// `closed`, loads and depths would give three times the cross-talk of the untouched sensor.
 const OF_CROSSTALK: [f64; 2] = [0.1, 0.3];
-/// Cross-talk at the peak current, as a part of the mean deformation, below which it carries no growth of its
-/// own: the protocol holds a growth of 1e5/m.
+/// Cross-talk at the peak current, as a part of the mean deformation, below which its growth is not
+/// adjusted: the protocol limits a growth to 1e5/m.
 const CARRIES_GROWTH: f64 = 1e-4;
 
-/// The quantities, adjusted.
+/// The adjusted layer with its covariance.
 #[derive(Clone, Debug)]
 pub(crate) struct Adjusted {
     pub(crate) layer: Layer,
-    /// Scatter of a train's kappa about it, as a part of W.
+    /// Scatter of a train's kappa about the adjusted layer, as a part of W.
     pub(crate) scatter: f64,
     /// Covariance of the quantities.
     pub(crate) covariance: [Changes; QUANTITIES],
-    /// The same, if the springs were exact.
+    /// Covariance of the quantities if the springs were exact.
     pub(crate) covariance_of_exact_springs: [Changes; QUANTITIES],
-    /// Of every train what was pressed, kappa, and by how much its own line misses it.
+    /// Nominal kappa of every train, and the deviation of its own line.
     pub(crate) misses: Vec<(f64, f64)>,
-    /// By how much each train's own line bends.
+    /// Bend of each train's own line.
     pub(crate) bends: Vec<Bend>,
 }
 
@@ -84,7 +86,7 @@ pub(crate) struct Layer {
 }
 
 impl Layer {
-    /// With changes.
+    /// Returns the layer with the changes applied.
     pub(crate) fn changed(&self, changes: &Changes) -> Self {
         let &[ratio, regressor, attraction, untouched, growth] = changes;
         let square_a2 = self.actuated.peak_a * self.actuated.peak_a;
@@ -127,7 +129,7 @@ impl Layer {
         self.crosstalk_at_peak() > CARRIES_GROWTH
     }
 
-    /// Samples of a train that were prepared with a cross-talk, with this one.
+    /// Samples of a train prepared with the cross-talk `prepared`, converted to this layer's.
     fn samples(&self, train: &Train, prepared: &Crosstalk) -> Vec<FallSample> {
         let samples = train.samples.iter().map(|sample| {
             let read_m = prepared.with(sample.deformation_m, sample.current_a);
@@ -139,7 +141,7 @@ impl Layer {
         samples.collect()
     }
 
-    /// kappa by a train's own line, of samples that were prepared with a cross-talk.
+    /// kappa by a train's own line, from samples prepared with the cross-talk `prepared`.
     fn kappa(&self, train: &Train, prepared: &Crosstalk) -> Result<f64, Unusable> {
         let samples = self.samples(train, prepared);
         let line = self
@@ -148,11 +150,12 @@ impl Layer {
         Ok(line.kappa)
     }
 
-    /// What an error of the stiffening is of one of the signal, at the mean depth.
+    /// Ratio of a relative error of the stiffening to one of the signal, at the mean depth.
     pub(crate) fn stiffening_of_signal(&self) -> f64 {
-        /// Currents at which the fall is looked at.
+        /// Number of currents at which the fall is evaluated.
         const CURRENTS: u8 = 32;
-        /// Where the attraction leaves less than a hundredth, nothing can be measured.
+        /// Limit; beyond it the attraction leaves less than a hundredth of the signal, and no
+        /// measurement is possible.
         const MOST: f64 = 100.0;
         let actuated = &self.actuated;
         let at = |index: u8| {
@@ -165,8 +168,8 @@ impl Layer {
         of_signal((0..=CURRENTS).map(at)).abs().clamp(1.0, MOST)
     }
 
-    /// What an instrument that is calibrated so reads of a load, kappa, on a sensor that is as `sensor`,
-    /// pressed to a depth, m: from the two ends of a fall.
+    /// kappa that an instrument with this calibration measures at the ends of a fall, on a sensor
+    /// with the true layer `sensor`, pressed to a depth in m onto a load with the given kappa.
     pub(crate) fn reads(&self, sensor: &Self, kappa: f64, depth_m: f64) -> f64 {
         let peak_a = sensor.actuated.peak_a;
         let at_peak = |of: &Actuated| {
@@ -180,16 +183,16 @@ impl Layer {
         let true_m = (depth_m * whole - pulled_m) / (1.0 + kappa + ratio);
         let read_m = sensor.crosstalk.with(true_m, peak_a);
         let found_m = self.crosstalk.without(read_m, peak_a);
-        // The same solved for W, with what is thought of the layer.
+        // The same equation solved for W, with the calibrated layer.
         let (ratio, pulled_m) = at_peak(&self.actuated);
         let h = ratio - self.actuated.ratio + pulled_m / found_m;
         h / (depth_m / found_m - 1.0) - 1.0 - self.actuated.ratio
     }
 }
 
-/// What an error of h, by parts, is of an error of the signal, by parts: of h and the signal, which is h with the
-/// attraction, along a fall. The attraction takes away from the signal, so that it is more than one. As the line of a
-/// train goes through all of the fall, it is h's slope against the signal.
+/// Ratio of a relative error of h to one of the signal, from (h, signal) along a fall; the signal
+/// is h with the attraction. The attraction reduces the signal, so the ratio exceeds one. A train's
+/// line uses the whole fall, so the ratio is the slope of h against the signal.
 pub(crate) fn of_signal(fall: impl Iterator<Item = (f64, f64)>) -> f64 {
     let points: Vec<(f64, f64)> = fall.collect();
     let count = points.len() as f64;
@@ -203,7 +206,7 @@ pub(crate) fn of_signal(fall: impl Iterator<Item = (f64, f64)>) -> f64 {
     sum(&|h, signal| h * signal) / sum(&|_, signal| signal * signal)
 }
 
-/// Adjusts what the fit of all samples found, with springs within a tolerance, relative, uniform.
+/// Adjusts the fit of all samples, with springs within a relative, uniform tolerance.
 pub(crate) fn adjust(
     fit: &Fit,
     crosstalk: Crosstalk,
@@ -226,7 +229,7 @@ pub(crate) fn adjust(
         for (change, found) in changes.iter_mut().zip(&solution.unknowns) {
             *change = *found;
         }
-        // The other quantities take a part of h's shape with them.
+        // The other quantities take over a part of h's shape.
         let layer = trains.fitted.changed(&changes);
         let of_signal = Bend::mean(&trains.bends(&layer)?);
         trains.fitted.actuated.bend += of_signal / layer.stiffening_of_signal();
@@ -246,12 +249,12 @@ pub(crate) fn adjust(
     })
 }
 
-/// What the unknowns are called where there is no solution.
+/// Name of the unknowns in errors.
 const QUANTITIES_BY_LOADS: &str = "the actuated layer by the loads";
-/// Tolerance of springs that are as good as exact.
+/// Tolerance of practically exact springs.
 const EXACT: f64 = 1e-6;
 
-/// Covariance of the quantities where the weights are known.
+/// Covariance of the quantities for known weights.
 fn covariance(solution: &Solution) -> [Changes; QUANTITIES] {
     let variance = solution.sigma * solution.sigma;
     std::array::from_fn(|row| {
@@ -259,20 +262,20 @@ fn covariance(solution: &Solution) -> [Changes; QUANTITIES] {
     })
 }
 
-/// The trains, each as one reading of its load.
+/// The trains, each as one measurement of its load.
 struct Trains<'f> {
     trains: &'f [Train],
-    /// As the samples are prepared, but for the bend.
+    /// The layer that the samples are prepared with, except for the bend.
     fitted: Layer,
     /// Standard error of each train's kappa.
     errors: Vec<f64>,
-    /// kappa of the springs, by what is written on them.
+    /// Nominal kappa of the springs.
     springs: Vec<f64>,
-    /// Standard deviation of what a spring is off, relative.
+    /// Relative standard deviation of a spring's error.
     tolerance: f64,
 }
 
-/// kappa of a train, and how it changes with the quantities.
+/// kappa of a train and its derivatives with respect to the quantities.
 struct Slope {
     kappa: f64,
     by: Changes,
@@ -300,8 +303,9 @@ impl<'f> Trains<'f> {
         })
     }
 
-    /// The changes and what each spring is off, with the scatter of the trains that makes the sum of squares what it
-    /// is expected to be (Paule and Mandel, J. Res. Natl. Bur. Stand. 87, 1982, p. 377), not below the least.
+    /// Solves for the changes and the error of each spring. Chooses the trains' scatter so that the
+    /// sum of squares equals its expected value (Paule and Mandel, J. Res. Natl. Bur. Stand. 87,
+    /// 1982, p. 377), but not below the minimum.
     fn solve(&self, slopes: &[Slope], changes: &Changes) -> Result<(f64, Solution), Unusable> {
         let solve = |scatter: f64| {
             let system = self.system(slopes, changes, scatter, self.tolerance);
@@ -350,7 +354,7 @@ impl<'f> Trains<'f> {
             .collect()
     }
 
-    /// The equations of the changes and of what each spring is off.
+    /// Equations for the changes and the error of each spring.
     fn system(&self, slopes: &[Slope], changes: &Changes, scatter: f64, tolerance: f64) -> System {
         let unknowns = QUANTITIES + self.springs.len();
         let mut system = System::new(unknowns);
@@ -401,13 +405,13 @@ mod tests {
     use super::*;
     use crate::made::{self, RATIO, RISE, SENSING_N_PER_M, Sensor};
 
-    /// A cross-talk of 2 µm at the peak, that grows by a half over the deepest press.
+    /// Cross-talk of 2 µm at the peak, which grows by a half over the deepest press.
     const SENSOR: Sensor = Sensor {
         untouched_m_per_a2: 2e-8,
         growth_per_m: 1e3,
     };
 
-    /// The layer as it is, with errors of its quantities.
+    /// The true layer with errors added to its quantities.
     fn layer(errors: &Changes) -> Layer {
         let exact = made::problem(&Sensor::EXACT, made::KAPPAS, &mut || 0.0);
         let fit = exact.fit().unwrap();
@@ -423,8 +427,7 @@ mod tests {
         layer.changed(errors)
     }
 
-    /// What was fitted, wrong, to trains of which every reading and every spring is exact but for what
-    /// is said here.
+    /// A wrong fit to trains whose readings and springs are otherwise exact.
     fn fitted(layer: &Layer, trains: Vec<Train>) -> Fit {
         let mut fit = made::problem(&Sensor::EXACT, made::KAPPAS, &mut || 0.0)
             .fit()
@@ -490,7 +493,7 @@ mod tests {
     #[test]
     fn an_error_of_the_stiffening_counts_more_where_the_attraction_takes_from_it() {
         let exact = layer(&Changes::default());
-        // Four tenths of what the stiffening gives.
+        // Four tenths of the signal of the stiffening.
         let h = exact.actuated.regressor(made::PEAK_A).abs();
         let layer = exact.changed(&[0.0, 0.0, 0.4 * h / RATIO, 0.0, 0.0]);
         let step = 1e-4;
@@ -510,7 +513,8 @@ mod tests {
     #[test]
     fn a_train_that_is_noisy_counts_less() {
         let exact = layer(&Changes::default());
-        // One train in three has a hundred times the noise of the others, as a bench that shakes meanwhile.
+        // One train in three has a hundred times the noise of the others, as on a bench that shakes
+        // meanwhile.
         let trains = |noisy: f64| {
             let mut stream = Stream::named(7, "bench");
             let presses = made::KAPPAS.into_iter();
@@ -536,13 +540,13 @@ mod tests {
             println!("{error} {}", adjusted.scatter);
             (error, adjusted.covariance[0][0].sqrt())
         });
-        // With all trains alike in weight, it is a quarter.
+        // With equal weights for all trains the error is a quarter.
         assert!(shaken.0.abs() < 0.005, "{shaken:?}");
         assert!(quiet.0.abs() < 0.005, "{quiet:?}");
         assert!(shaken.0.abs() < 3.0 * shaken.1, "{shaken:?}");
     }
 
-    /// What springs that are off and trains that scatter make of a load, against what is promised of it.
+    /// Compares a load's error, from wrong springs and scattering trains, with the covariance.
     #[test]
     fn the_covariance_is_that_of_many_benches() {
         const TOLERANCE: f64 = 0.01;
@@ -557,7 +561,7 @@ mod tests {
             for kappa in made::KAPPAS {
                 let off = stream.between(1.0 - TOLERANCE, 1.0 + TOLERANCE);
                 for depth_m in made::DEPTHS_M {
-                    // What scatters is as if the load were another.
+                    // The scatter acts like a change of the load.
                     let scatters = SCATTER * (1.0 + kappa + RATIO) * stream.normal();
                     let train = made::train(&SENSOR, kappa * off + scatters, depth_m, &mut || 0.0);
                     trains.push(Train {
@@ -588,7 +592,7 @@ mod tests {
         for (index, kappa) in loads.into_iter().enumerate() {
             let ratio = (squares[index] / promised[index]).sqrt();
             println!("{kappa}: error over promise {ratio:.3}");
-            // 30 benches find a standard deviation within an eighth.
+            // 30 benches determine a standard deviation within an eighth.
             assert!((0.6..1.4).contains(&ratio), "{kappa}: {ratio}");
         }
     }

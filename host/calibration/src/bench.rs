@@ -1,13 +1,13 @@
-//! A calibration on the bench: what its user does there, and what they write down.
+//! Procedure of a calibration on the bench: the user's steps and the recorded data.
 //!
-//! The user presses specimens upon the instrument - nothing, a rigid block, reference springs, to
-//! several depths - and drives the train of ramps on each; the instrument's samples and the bench's
-//! gauges go into a [`Session`]. What calibration follows from that is not decided here. Which
-//! instrument, on which bench, is a [`Bench`]'s.
+//! The user presses specimens onto the instrument - none, a rigid block, reference springs, to
+//! several depths - and drives the train of ramps on each. The instrument's samples and the bench's
+//! gauges go into a [`Session`]; other modules evaluate it. A [`Bench`] provides the instrument and
+//! the gauges.
 //!
-//! A train presses the sensing layer deeper than it was: the actuated layer stiffens and takes less of
-//! the deformation. So the block is pressed once more, without a train, until the coil's frequency is
-//! below that of all trains: the sensing layer's own curve is then known wherever a train leads it.
+//! A train deforms the sensing layer further, since the actuated layer stiffens and takes less of
+//! the deformation. The block is therefore pressed once more, without a train, until the coil's
+//! frequency is below that of all trains. The sensing layer's own curve then covers all trains.
 
 use std::fmt;
 use std::time::Duration;
@@ -22,30 +22,30 @@ use crate::session::{BenchSample, Pressed, Run, Session};
 
 /// A bench with an instrument on it.
 pub trait Bench {
-    /// Why it ends.
+    /// Error of the bench.
     type Error: From<BrokenOff>;
 
-    /// Works with a specimen on the stage, clear of the sensor, while the instrument runs.
+    /// Runs `work` with a specimen on the stage, clear of the sensor, while the instrument runs.
     ///
     /// # Errors
-    /// If there is no such specimen or instrument, and what `work` ends with.
+    /// If there is no such specimen or instrument, or `work` fails.
     fn with_specimen(
         &mut self,
         pressed: Pressed,
         work: &mut Work<'_, Self::Error>,
     ) -> Result<Run, Self::Error>;
 
-    /// Presses block on block, without the sensor, to a force in N. Returns the force and the stage's
-    /// place, as the gauges have them, N and m; nothing if the bench lacks one of the two.
+    /// Presses block on block, without the sensor, to a force in N. Returns the measured force in N
+    /// and the position of the stage in m, or `None` if the bench lacks one of the two gauges.
     ///
     /// # Errors
     /// If a gauge does not answer.
     fn press_bare(&mut self, force_n: f64) -> Result<Option<(f64, f64)>, Self::Error>;
 
-    /// The coil's temperature, degrees Celsius.
+    /// Temperature of the coil, degrees Celsius.
     fn temperature_c(&self) -> f64;
 
-    /// Whether a run is done again of which this is wrong. A bench without a person gives up.
+    /// Whether to repeat a run with this fault. A bench without a person answers no.
     ///
     /// # Errors
     /// If the person cannot be asked.
@@ -56,50 +56,50 @@ pub trait Bench {
 
 /// The instrument on the bench, with a specimen above it.
 pub trait Instrument {
-    /// Why it ends.
+    /// Error of the instrument.
     type Error;
 
-    /// The present, by the clock of the samples.
+    /// Present time, by the clock of the samples.
     fn now(&self) -> Duration;
 
     /// Sends a command and waits for its answer.
     ///
     /// # Errors
-    /// If none comes.
+    /// If no answer arrives.
     fn ask(&mut self, command: Command) -> Result<Outcome, Self::Error>;
 
-    /// Sends a command; its answer is among the records.
+    /// Sends a command; its answer arrives among the records.
     ///
     /// # Errors
     /// If it cannot be sent.
     fn post(&mut self, command: Command) -> Result<(), Self::Error>;
 
-    /// Runs a little, to `end` at most; writes new samples down with the gauges. Returns the records
-    /// that are no samples.
+    /// Runs a short time, to `end` at most, and appends new samples with the gauges' readings.
+    /// Returns all other records.
     ///
     /// # Errors
-    /// If it cannot run on, or a gauge does not answer.
+    /// If the instrument stops or a gauge does not answer.
     fn advance(
         &mut self,
         end: Duration,
         lines: &mut Vec<BenchSample>,
     ) -> Result<Vec<Record>, Self::Error>;
 
-    /// Lets the stage press until the sensing layer is about so deep, m, at a speed in m/s. Returns how
-    /// long it moves.
+    /// Starts a press to about this deformation of the sensing layer, m, at a speed in m/s. Returns
+    /// the duration of the movement.
     ///
     /// # Errors
-    /// If it cannot.
+    /// If the stage cannot press.
     fn press(&mut self, depth_m: f64, speed_m_per_s: f64) -> Result<Duration, Self::Error>;
 }
 
-/// What is done with an instrument on the bench in a run.
+/// Steps of one run on the bench.
 pub type Work<'w, E> = dyn FnMut(&mut dyn Instrument<Error = E>) -> Result<Run, E> + 'w;
 
-/// Why a session broke off, with a bench and an instrument that worked.
+/// Why a session broke off although bench and instrument work.
 #[derive(Clone, Debug, PartialEq)]
 pub enum BrokenOff {
-    /// The data cannot be true.
+    /// The data are implausible.
     Data(DataFault),
     /// The instrument did not accept a command.
     Answer {
@@ -128,50 +128,50 @@ impl fmt::Display for BrokenOff {
 
 impl std::error::Error for BrokenOff {}
 
-/// What the bench's user sets beforehand.
+/// Settings that the user chooses beforehand.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BenchPlan {
-    /// Settings of the instrument: the train is the one that it will measure with.
+    /// Settings of the instrument, including the train that it will measure with.
     pub settings: Settings,
-    /// The coil's data, without which nothing limits its heat.
+    /// Data of the coil, which limit its heating.
     pub coil: Coil,
-    /// Depth of the sensing layer to aim at, m.
+    /// Target deformation of the sensing layer, m.
     pub depth_m: f64,
-    /// Depths to which block and springs are pressed, in units of that.
+    /// Depths of the presses onto block and springs, in units of `depth_m`.
     pub depths: Vec<f64>,
-    /// Springs, N/m.
+    /// Stiffness of the springs, N/m.
     pub springs_n_per_m: Vec<f64>,
-    /// How fast the stage moves, m/s.
+    /// Speed of the stage, m/s.
     pub speed_m_per_s: f64,
     /// Rest between press and train, s.
     pub rest_s: f64,
 }
 
-/// Forces of the bare bench, N: up to what a stiff sensor takes.
+/// Forces of block on block, N, up to the force of a stiff sensor.
 const BARE_FORCES_N: [f64; 5] = [1.0, 2.0, 5.0, 10.0, 20.0];
 /// Time for self-test and baseline before anything moves.
 const BASELINE: Duration = Duration::from_millis(800);
-/// The longest that is waited for the end of a train, the coil's test before it included.
+/// Longest wait for the end of a train, including the coil's test before it.
 const TRAIN: Duration = Duration::from_millis(60_000);
 /// Time after the train.
 const AFTERWARDS: Duration = Duration::from_millis(50);
 
-/// The press by itself begins with so many times the greatest force of all runs: creep releases a
-/// few per cent of the force between a press and a train.
+/// Depth of the first press without a train, in units of the greatest force of all runs: creep
+/// releases a few per cent of the force between a press and a train.
 const BEYOND_TRAINS: f64 = 1.08;
-/// It goes so many times further until it is beyond their readings: a load that gives way lets the
-/// sensing layer creep at the same force, by a tenth and more.
+/// Factor of each further attempt, until the press exceeds the trains' readings: on a soft load the
+/// sensing layer creeps at constant force, by a tenth and more.
 const FURTHER: f64 = 1.05;
-/// Then it is given up: nothing that creeps takes 1.6 times the deformation.
+/// Number of attempts: nothing that creeps takes 1.6 times the deformation.
 const ATTEMPTS: u32 = 10;
-/// The end of a press, in which a conversion is a mean over the stop, s.
+/// End of a press, in which a conversion averages over the stop, s.
 const STOP_S: f64 = 5e-3;
 
-/// Goes through a calibration; calls `progress` before each run with its specimen and depth, m. Every run is
-/// checked before the next, and the whole at the end.
+/// Carries out a calibration. Calls `progress` before each run with its specimen and depth, m.
+/// Checks every run before the next one, and the whole session at the end.
 ///
 /// # Errors
-/// What the bench ends with, a train that breaks off, and data that cannot be true.
+/// Errors of the bench, a train that breaks off, and implausible data.
 pub fn hold<E: From<BrokenOff>>(
     bench: &mut dyn Bench<Error = E>,
     plan: &BenchPlan,
@@ -222,8 +222,8 @@ pub fn hold<E: From<BrokenOff>>(
     }
 }
 
-/// The greatest force of all runs over the greatest at rest before a train upon the block; by the change of
-/// inductance where there is no load cell, which rises more steeply.
+/// Greatest force of all runs over the greatest at rest before a train on the block. Without a load
+/// cell it uses the change of inductance, which rises more steeply.
 fn growth(runs: &[Run]) -> f64 {
     let by_force = growth_of(runs, |_, line| line.force_n);
     let softer = |rest_hz: f64, line: &BenchSample| (rest_hz / line.frequency_hz).powi(2) - 1.0;
@@ -231,7 +231,8 @@ fn growth(runs: &[Run]) -> f64 {
     by_force.or_else(by_inductance).unwrap_or(1.0)
 }
 
-/// The same of a quantity of a sample, beside the frequency at rest, Hz; nothing where it is never positive.
+/// Computes [`growth`] for a quantity of a sample and the frequency at rest, Hz. Returns `None` if
+/// the quantity is never positive.
 fn growth_of(runs: &[Run], of: impl Fn(Option<f64>, &BenchSample) -> Option<f64>) -> Option<f64> {
     let greatest_of = |run: &Run, until_s: f64| {
         let rest_hz = run.rest_hz();
@@ -249,15 +250,15 @@ fn growth_of(runs: &[Run], of: impl Fn(Option<f64>, &BenchSample) -> Option<f64>
     (at_rest > 0.0).then(|| all / at_rest)
 }
 
-/// What is done in one run.
+/// One run.
 #[derive(Clone, Copy)]
 struct RunTask {
     pressed: Pressed,
-    /// Depth of the sensing layer to aim at, m.
+    /// Target deformation of the sensing layer, m.
     depth_m: f64,
-    /// How fast the stage moves, m/s.
+    /// Speed of the stage, m/s.
     speed_m_per_s: f64,
-    /// Whether a train is driven after the press.
+    /// Whether a train follows the press.
     train: bool,
 }
 
@@ -282,7 +283,7 @@ impl BenchPlan {
             .collect()
     }
 
-    /// The press upon the block without a train, so many times as deep, and as fast, as the deepest.
+    /// The press onto the block without a train: `times` as deep and as fast as the deepest one.
     fn deepest(&self, times: f64) -> RunTask {
         let deepest = self.depths.iter().copied().fold(0.0, f64::max);
         RunTask {
@@ -293,7 +294,7 @@ impl BenchPlan {
         }
     }
 
-    /// How many runs there are at least.
+    /// Smallest number of runs.
     pub fn runs(&self) -> usize {
         self.tasks().len() + 1
     }
@@ -324,10 +325,10 @@ fn run<E: From<BrokenOff>>(
     Ok(run.since(begin.as_secs_f64()))
 }
 
-/// A train on the untouched sensor, with these settings and data of the coil.
+/// Records a train on the untouched sensor, with these settings and data of the coil.
 ///
 /// # Errors
-/// What the instrument ends with, and a train that breaks off.
+/// Errors of the instrument, and a train that breaks off.
 pub fn untouched<E: From<BrokenOff>>(
     instrument: &mut dyn Instrument<Error = E>,
     set: (&Settings, &Coil),
@@ -340,7 +341,7 @@ pub fn untouched<E: From<BrokenOff>>(
     Ok(run.since(begin.as_secs_f64()))
 }
 
-/// Sets settings and the coil's data, and writes down what the sensor reads at rest.
+/// Sets the settings and the coil's data, then records the sensor at rest.
 fn rest<E: From<BrokenOff>>(
     instrument: &mut dyn Instrument<Error = E>,
     (settings, coil): (&Settings, &Coil),
@@ -357,7 +358,7 @@ fn rest<E: From<BrokenOff>>(
     run_until(instrument, end, &mut run.lines)
 }
 
-/// Sends a command, which has to be accepted.
+/// Sends a command and requires its acceptance.
 fn must<E: From<BrokenOff>>(
     instrument: &mut dyn Instrument<Error = E>,
     command: Command,
@@ -380,7 +381,7 @@ fn run_until<E>(
     Ok(())
 }
 
-/// Drives the train; the time at which its ramps began, s. The coil's test goes before it.
+/// Drives the train. Returns the start of its ramps, s, which follows the coil's test.
 fn sweep<E: From<BrokenOff>>(
     instrument: &mut dyn Instrument<Error = E>,
     lines: &mut Vec<BenchSample>,

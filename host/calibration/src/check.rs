@@ -1,12 +1,12 @@
-//! A calibration in use, checked by a press upon a spring that is known.
+//! Check of a calibration in use by a press onto a known spring.
 //!
-//! What changes most after a calibration has the signal's own shape, so that no press upon an unknown load shows
-//! it: the stiffening, by temperature and age. With W = 1 + kappa + c_S/c_D0, a press upon a spring of a known
-//! kappa that is read with another W says that the signal is larger by their ratio. Of that the part is taken over
-//! that the calibration leaves open of the signal's size, out of all that is open of kappa: this is the filter of
-//! Kalman (Trans. ASME 82D, 1960, p. 35) for one quantity. The others, a constant and a part of kappa, stay as they
-//! are; but what they made of the press is in the signal's size from then on, so that near the spring's kappa they
-//! count no more.
+//! After a calibration the stiffening changes most, by temperature and age. This has the signal's
+//! own shape, so no press onto an unknown load shows it. Let W = 1 + kappa + c_S/c_D0. If a press
+//! onto a spring of known kappa is read with another W, the signal has changed by their ratio. The
+//! correction is the share of that change which the signal's uncertainty has in the total
+//! uncertainty of kappa. This is the filter of Kalman (Trans. ASME 82D, 1960, p. 35) for one
+//! quantity. The other errors, a constant and a part of kappa, remain; their effect on the press
+//! goes into the signal's size, so they cancel near the spring's kappa.
 
 use std::fmt;
 
@@ -19,66 +19,66 @@ use super::temperature::brought_to;
 use super::terms::terms;
 use super::untouched::MOST_CHANGE;
 
-/// A press upon a spring that is known.
+/// A press onto a known spring.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct KnownPress {
-    /// Stiffness of the spring with what it stands on, N/m.
+    /// Stiffness of the spring with its support, N/m.
     pub spring_n_per_m: f64,
-    /// How far that may be off, relative, uniform.
+    /// Tolerance of that stiffness, relative, uniform.
     pub tolerance: f64,
-    /// c_S/c_L as measured, and its standard error.
+    /// Measured c_S/c_L.
     pub load_ratio: f64,
-    /// Standard error of it, the calibration's part included.
+    /// Standard error of `load_ratio`, including the calibration's part.
     pub standard_error: f64,
     /// Force at the end of the press, N.
     pub force_n: f64,
-    /// Temperature that the board has measured, degrees Celsius; nothing of a board without a thermometer.
+    /// Temperature measured by the board, degrees Celsius; `None` without a thermometer.
     pub temperature_c: Option<f64>,
 }
 
-/// A calibration after its check.
+/// A checked calibration.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Checked {
-    /// The commands that set it.
+    /// Commands that set it.
     pub commands: Vec<Command>,
-    /// How far the press was off, in standard errors; positive where the spring was read too stiff.
+    /// Deviation of the press in standard errors; positive where the spring was read too stiff.
     pub deviation: f64,
-    /// Relative change of the rise that follows.
+    /// Relative change of the rise.
     pub rise_change: f64,
-    /// Relative standard uncertainty of 1/c_L at each of [`LOADS`] and at this temperature, noise of a press
-    /// apart: before.
+    /// Relative standard uncertainty of 1/c_L before the check, at each of [`LOADS`] and at this
+    /// temperature, without the noise of a press.
     pub uncertainty_before: [f64; LOADS.len()],
-    /// And afterwards.
+    /// The same uncertainty after the check.
     pub uncertainty_after: [f64; LOADS.len()],
 }
 
-/// Why a check gives nothing.
+/// Why a check gives no result.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Unchecked {
     /// A part of the calibration is not set.
     Missing(&'static str),
-    /// The press contradicts the calibration: so many standard errors.
+    /// The press contradicts the calibration.
     Contradiction {
-        /// Positive where the spring was read too stiff.
+        /// Deviation in standard errors; positive where the spring was read too stiff.
         deviation: f64,
     },
-    /// A number is not one that a press upon a spring has.
+    /// A value is impossible for a press onto a spring.
     NotAPress,
-    /// The notes are not those of a train on the untouched sensor.
+    /// The notes do not belong to a train on the untouched sensor.
     NotATrain,
-    /// Something touched the sensor, or let go of it, during a train without a press.
+    /// Contact changed during a train without a press.
     Touched,
-    /// The session is not the one that the calibration in force was made of.
+    /// The session does not belong to the calibration in force.
     OtherSession,
-    /// What the current adds to the reading of the untouched sensor has changed too much.
+    /// The cross-talk of the untouched sensor has changed too much.
     OtherField {
-        /// Relative.
+        /// Relative change.
         change: f64,
     },
 }
 
-/// Standard errors beyond which the calibration is refused, and not corrected either: a calibration that holds
-/// is refused in one check of 370.
+/// Standard errors beyond which the calibration is refused and not corrected. One check in 370
+/// refuses a valid calibration.
 pub const MOST_DEVIATION: f64 = 3.0;
 
 impl fmt::Display for Unchecked {
@@ -130,7 +130,7 @@ impl fmt::Display for Unchecked {
 
 impl std::error::Error for Unchecked {}
 
-/// Checks a calibration, as the commands that set it, by a press.
+/// Checks a calibration, given as the commands that set it, by a press.
 ///
 /// # Errors
 /// If a part of the calibration is missing, or the press contradicts it.
@@ -149,7 +149,7 @@ pub fn check(commands: &[Command], press: &KnownPress) -> Result<Checked, Unchec
     }
     let left = terms(calibrated.ratio(), |kappa| filter.left(&open, kappa));
     let left = Open::of_terms(left.map_err(|_| Unchecked::NotAPress)?);
-    // The attraction's part of the signal stays as it is.
+    // The attraction's part of the signal is unchanged.
     let grows = 1.0 + filter.gain * filter.error / filter.whole / of_stiffening;
     let before = calibrated.rise_at_peak()?;
     Ok(Checked {
@@ -161,7 +161,7 @@ pub fn check(commands: &[Command], press: &KnownPress) -> Result<Checked, Unchec
     })
 }
 
-/// What is open of kappa, as standard uncertainties: a constant, a part of kappa, a part of W.
+/// Standard uncertainties of kappa: a constant, a part of kappa, a part of W.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Open {
     constant: f64,
@@ -178,7 +178,7 @@ impl Open {
         }
     }
 
-    /// Of 1/c_L at each of [`LOADS`], relative.
+    /// Relative standard uncertainty of 1/c_L at each of [`LOADS`].
     fn at_loads(&self, ratio: f64) -> [f64; LOADS.len()] {
         LOADS.map(|load| {
             let kappa = 1.0 / load;
@@ -192,18 +192,18 @@ impl Open {
     }
 }
 
-/// What a press upon a known spring says of the size of the signal.
+/// Size of the signal by a press onto a known spring.
 struct Filter {
     ratio: f64,
-    /// Of the spring that is known.
+    /// kappa of the known spring.
     kappa: f64,
     whole: f64,
-    /// By how much kappa is read too small.
+    /// Error of kappa; positive where it is read too small.
     error: f64,
-    /// Variance of that, and of the part of it that is the press's and the spring's own.
+    /// Variance of `error`, and its part from the press and the spring.
     variance: f64,
     own: f64,
-    /// Part of the error that is one of the signal.
+    /// Part of the error that the signal causes.
     gain: f64,
 }
 
@@ -211,7 +211,8 @@ impl Filter {
     fn of(open: &Open, ratio: f64, press: &KnownPress, kappa: f64) -> Self {
         let whole = 1.0 + kappa + ratio;
         let read_whole = 1.0 + press.load_ratio + ratio;
-        // The instrument counts its noise beside what is open; a train scatters at least by so much.
+        // The instrument's standard error includes the calibration's part; a train scatters by at
+        // least this much.
         let of_train = press.standard_error.powi(2) - open.variance(press.load_ratio, read_whole);
         let of_train = of_train * (whole / read_whole).powi(2);
         let least = (LEAST_SCATTER * whole).powi(2);
@@ -222,7 +223,7 @@ impl Filter {
             ratio,
             kappa,
             whole,
-            // As a part of what is read: a size is corrected by a factor.
+            // Relative to the read value, since the correction of a size is a factor.
             error: (whole / read_whole - 1.0) * whole,
             variance,
             own,
@@ -230,8 +231,8 @@ impl Filter {
         }
     }
 
-    /// Variance of another kappa afterwards: constant and scale stay off by what they were, and the signal's
-    /// size is off by what they made of the press.
+    /// Variance at another kappa after the check. The constant and scale errors remain, and the
+    /// signal's size contains their effect on the press.
     fn left(&self, open: &Open, kappa: f64) -> f64 {
         let whole = 1.0 + kappa + self.ratio;
         let turned = self.gain * whole / self.whole;
@@ -242,13 +243,13 @@ impl Filter {
     }
 }
 
-/// What of the calibration in force is needed.
+/// The needed parts of the calibration in force.
 struct InForce<'c> {
     commands: &'c [Command],
     springs: &'c Springs,
     effect: Option<&'c TemperatureEffect>,
     knots: Vec<&'c StiffeningKnot>,
-    /// Relative standard uncertainty of the rise, as the instrument takes it.
+    /// Relative standard uncertainty of the rise, as the instrument uses it.
     rise_uncertainty: f64,
     peak_a: f64,
     attraction_n_per_a2: f64,
@@ -290,7 +291,7 @@ impl<'c> InForce<'c> {
         f64::from(self.springs.sensing_n_per_m) / f64::from(self.springs.actuated_n_per_m)
     }
 
-    /// The rise at the peak current, between the two knots beside it.
+    /// Rise at the peak current, interpolated between the neighbouring knots.
     fn rise_at_peak(&self) -> Result<f64, Unchecked> {
         let missing = Unchecked::Missing("stiffening curve up to the peak current");
         let pairs = self.knots.iter().zip(self.knots.iter().skip(1));
@@ -301,7 +302,8 @@ impl<'c> InForce<'c> {
         Ok(f64::from(low.rise) + part * (f64::from(high.rise) - f64::from(low.rise)))
     }
 
-    /// What an error of the stiffening is of one of the signal, in a press with a force.
+    /// Ratio of a relative error of the stiffening to one of the signal, in a press with this
+    /// force.
     fn stiffening_of_signal(&self, force_n: f64) -> Result<f64, Unchecked> {
         let at = |knot: &&StiffeningKnot| {
             let (rise, current_a) = (f64::from(knot.rise), f64::from(knot.current_a));
@@ -309,7 +311,7 @@ impl<'c> InForce<'c> {
                 -self.ratio() * rise / (1.0 + rise),
                 self.ratio() / (1.0 + rise),
             );
-            // Over the deformation, which is the force over c_S.
+            // Divided by the deformation, which is the force over c_S.
             let pulled = self.attraction_n_per_a2 * current_a * current_a * actuated / force_n;
             (h, h + pulled)
         };
@@ -320,7 +322,7 @@ impl<'c> InForce<'c> {
         Err(Unchecked::NotAPress)
     }
 
-    /// By how much warmer than at the calibration, K.
+    /// Temperature above that of the calibration, K.
     fn warmer_k(&self, temperature_c: Option<f64>) -> f64 {
         let effect = self.effect.zip(temperature_c);
         effect.map_or(0.0, |(effect, now_c)| {
@@ -328,12 +330,12 @@ impl<'c> InForce<'c> {
         })
     }
 
-    /// c_S/c_L of the spring that is known.
+    /// c_S/c_L of the known spring.
     fn kappa(&self, press: &KnownPress) -> f64 {
         f64::from(self.springs.sensing_n_per_m) / press.spring_n_per_m
     }
 
-    /// What is open at a temperature. The instrument counts an error of the rise by W/(1 + rise).
+    /// Uncertainties at a temperature. The instrument counts an error of the rise by W/(1 + rise).
     fn open(&self, temperature_c: Option<f64>) -> Open {
         let warmer_k = self.warmer_k(temperature_c);
         let per_k = |of: fn(&TemperatureEffect) -> f32| {
@@ -353,7 +355,8 @@ impl<'c> InForce<'c> {
         }
     }
 
-    /// The commands with another size of h, its uncertainty, and what is known now of the temperature.
+    /// The commands with h scaled by `grows`, with new uncertainties, and with the temperature of
+    /// the check.
     fn with(&self, grows: f64, open: &Open, temperature_c: Option<f64>) -> Vec<Command> {
         let rise = grown(self.rise_at_peak().unwrap_or(0.0), grows);
         let changed = |command: &Command| match command {
@@ -387,7 +390,7 @@ impl<'c> InForce<'c> {
     }
 }
 
-/// A rise rho of which h = -g rho/(1 + rho) is larger by a factor.
+/// Rise rho for which h = -g rho/(1 + rho) is larger by the factor `grows`.
 fn grown(rise: f64, grows: f64) -> f64 {
     let h = rise / (1.0 + rise) * grows;
     h / (1.0 - h)
@@ -404,7 +407,7 @@ mod tests {
     const DEPTH_M: f64 = 0.3e-3;
     const CALIBRATED_AT_C: f64 = 20.0;
 
-    /// A calibration of the sensor of closed form, with a purely quadratic rise.
+    /// A calibration of the closed-form sensor, with a purely quadratic rise.
     fn calibration(rise_uncertainty: f64) -> Vec<Command> {
         let knot = |index: u8| {
             let part = f64::from(index) / 7.0;
@@ -445,14 +448,15 @@ mod tests {
         ]
     }
 
-    /// How deep the sensing layer is at the peak of the train, over its depth at rest: the three springs.
+    /// Deformation of the sensing layer at the train's peak over that at rest, by the three
+    /// springs.
     fn deeper(rise: f64, kappa: f64) -> f64 {
         let ratio = RATIO / (1.0 + rise);
         let pull_m = ATTRACTION_N_PER_A2 * PEAK_A * PEAK_A / SENSING_N_PER_M;
         (1.0 + kappa + RATIO - pull_m / DEPTH_M * ratio) / (1.0 + kappa + ratio)
     }
 
-    /// kappa of which a calibrated sensor goes as deep at the peak.
+    /// kappa at which a calibrated sensor has the same deformation at the peak.
     fn read_as(rise: f64, kappa: f64, calibrated_rise: f64) -> f64 {
         let (mut low, mut high) = (-0.5, 20.0);
         for _ in 0..80 {
@@ -466,7 +470,7 @@ mod tests {
         low
     }
 
-    /// A press upon a spring of c_S on a sensor whose rise has become another.
+    /// A press onto a spring of c_S on a sensor with another rise.
     fn press(rise: f64, standard_error: f64) -> KnownPress {
         KnownPress {
             spring_n_per_m: SENSING_N_PER_M,
@@ -478,7 +482,7 @@ mod tests {
         }
     }
 
-    /// What is open of the signal's size at a temperature.
+    /// Uncertainty of the signal's size at a temperature.
     fn signal_of(commands: &[Command], temperature_c: f64) -> f64 {
         InForce::of(commands)
             .unwrap()
@@ -494,7 +498,7 @@ mod tests {
     fn what_the_stiffening_has_become_is_found() {
         for grown in [0.9, 1.05] {
             let rise = RISE * grown;
-            // Nearly all that is open is the rise.
+            // Nearly all uncertainty is in the rise.
             let press = press(rise, 0.0);
             let whole = 1.0 + press.load_ratio + RATIO;
             let press = KnownPress {
@@ -506,7 +510,7 @@ mod tests {
             assert!((checked.rise_change - (found / prior - 1.0)).abs() < 1e-3);
             assert!((found / prior / grown - 1.0).abs() < 0.01, "{found} {rise}");
             assert_eq!(checked.deviation > 0.0, grown > 1.0);
-            // And the spring is read as what it is.
+            // The spring is then read correctly.
             let again = read_as(rise, 1.0, RISE * found / prior);
             assert!((again - 1.0).abs() < 0.02, "{again}");
         }
@@ -544,7 +548,7 @@ mod tests {
         let Unchecked::Contradiction { deviation } = refused else {
             panic!("{refused:?}");
         };
-        // The spring is read softer than what is said of it.
+        // The spring is read softer than its nominal value.
         assert!(deviation < -MOST_DEVIATION, "{deviation}");
         assert!(refused.to_string().contains("too soft"), "{refused}");
     }
@@ -562,14 +566,14 @@ mod tests {
         });
         assert_eq!(effect, Some(30.0));
         let springs = InForce::of(&checked.commands).unwrap().springs;
-        // 10 K leave 2 % of the springs open, which the signal does not show.
+        // 10 K make the springs uncertain by 2 %, which the signal does not show.
         let scale = f64::from(springs.force_scale_uncertainty);
         assert!(scale > 0.005, "{scale}");
-        // 10 K leave 3 % of the rise open, of which the press finds most.
+        // 10 K make the rise uncertain by 3 %, and the press determines most of it.
         let before = signal_of(&calibration(0.01), CALIBRATED_AT_C + 10.0);
         assert!((before / (0.03_f64.hypot(0.01) / (1.0 + RISE)) - 1.0).abs() < 0.01);
         assert!(signal_of(&checked.commands, CALIBRATED_AT_C + 10.0) < before);
-        // Upon a spring of c_S: 1 %, 3 % of the rise and 2 % of the springs, at W of 3.1.
+        // On a spring of c_S: 1 %, 3 % of the rise and 2 % of the springs, at W of 3.1.
         let [_, at_like, _] = checked.uncertainty_before;
         let whole = 2.0 + RATIO;
         let expected = (before * whole).hypot(0.005).hypot(0.003_f64.hypot(0.02));
@@ -595,7 +599,7 @@ mod tests {
                 rise_per_k: RISE_PER_K as f32,
             },
         ));
-        // The instrument corrects by them, and reads the spring as what it is.
+        // With these coefficients the instrument reads the spring correctly.
         let warm = KnownPress {
             load_ratio: 1.0,
             temperature_c: Some(CALIBRATED_AT_C + WARMER_K),
@@ -606,7 +610,7 @@ mod tests {
         let expected = rise_of(&commands) * (RISE_PER_K * WARMER_K).exp();
         let rise = rise_of(&checked.commands);
         assert!((rise / expected - 1.0).abs() < 1e-6, "{rise} {expected}");
-        // From then on they count from there.
+        // From the check on they apply relative to its temperature.
         assert_eq!(
             brought_to(&checked.commands, warm.temperature_c),
             checked.commands
@@ -638,7 +642,7 @@ mod tests {
         );
     }
 
-    /// Many sensors that are off their calibration by chance, as the three terms say, each checked by a press.
+    /// Many sensors with random errors within the three terms, each checked by a press.
     #[test]
     fn what_is_claimed_after_a_check_is_by_how_much_sensors_are_off() {
         const SENSORS: u32 = 2_000;
@@ -654,7 +658,7 @@ mod tests {
             let mut off = |sigma: f64| sigma * chance.normal();
             let (constant_off, scale_off, signal_off) = (off(constant), off(scale), off(signal));
             let whole = |kappa: f64| 1.0 + kappa + RATIO;
-            // A larger signal is read as that of a smaller W.
+            // A larger signal is read as one of a smaller W.
             let off_by = |kappa: f64, signal_off: f64| {
                 constant_off + scale_off * kappa - signal_off * whole(kappa)
             };
@@ -688,7 +692,8 @@ mod tests {
         for (kappa, (squares, claimed)) in loads.into_iter().zip(squares.into_iter().zip(claimed)) {
             let ratio = (squares / claimed).sqrt();
             println!("{kappa}: {ratio}");
-            // The three terms have no least between the loads, what is open has: they are wider there.
+            // Unlike the true variance, the three terms have no minimum between the loads: they are
+            // wider there.
             assert!((0.6..1.15).contains(&ratio), "{kappa}: {ratio}");
         }
     }

@@ -1,29 +1,29 @@
-//! What the calibration leaves open of a load.
+//! Uncertainty of a load that the calibration leaves.
 
 use super::adjustment::{Adjusted, Changes, QUANTITIES};
 use super::line::Bend;
 use super::terms::terms;
 use super::{Known, Unusable};
 
-/// Standard uncertainties that a measurement takes over, as the instrument counts them: of
-/// kappa = c_S/c_L by a constant, by a part of kappa, and by a part of the stiffening.
+/// Standard uncertainties that the instrument adds to a measurement, in its own terms: a constant
+/// of kappa = c_S/c_L, a part of kappa, and a part of the stiffening.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Uncertainty {
-    /// Of kappa, constant.
+    /// Constant uncertainty of kappa.
     pub constant: f64,
-    /// Of kappa, as a part of it.
+    /// Uncertainty as a part of kappa.
     pub scale: f64,
-    /// Of the rise, as a part of it.
+    /// Uncertainty as a part of the rise.
     pub rise: f64,
-    /// By how much the trains' own lines bend, root of the mean square.
+    /// Root mean square of the bends of the trains' own lines.
     pub bend: f64,
-    /// Relative standard uncertainty of 1/c_L at each of [`LOADS`], noise of a press apart.
+    /// Relative standard uncertainty of 1/c_L at each of [`LOADS`], without the noise of a press.
     pub at: [f64; LOADS.len()],
-    /// What it consists of.
+    /// The contributions to `at`.
     pub parts: Parts,
 }
 
-/// Loads, c_L/c_S, at which uncertainties are shown.
+/// Loads, c_L/c_S, for which uncertainties are shown.
 pub const LOADS: [f64; 3] = [0.2, 1.0, 5.0];
 
 /// Relative standard uncertainties of 1/c_L at each of [`LOADS`], by cause.
@@ -31,13 +31,13 @@ pub const LOADS: [f64; 3] = [0.2, 1.0, 5.0];
 pub struct Parts {
     /// The springs' tolerance.
     pub springs: [f64; LOADS.len()],
-    /// What the trains leave unexplained: noise, creep, memory, what slipped.
+    /// Residuals of the trains: noise, creep, memory, slip.
     pub trains: [f64; LOADS.len()],
     /// The gauges: scale of the force, compliance of the frame.
     pub bench: [f64; LOADS.len()],
 }
 
-/// Standard uncertainties of what is not known of the bench.
+/// Standard uncertainties of the bench.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct BenchScatter {
     /// Scale of the force, relative.
@@ -46,8 +46,8 @@ pub(crate) struct BenchScatter {
     pub(crate) frame_m_per_n: f64,
 }
 
-/// Depths of a press, in units of the mean of all trains, of which the mean square counts: those to which a
-/// press in use goes.
+/// Depths of a press in use, in units of the mean of all trains, for the mean square of the
+/// uncertainty.
 const DEPTHS: [f64; 3] = [0.7, 1.0, 1.3];
 
 pub(crate) fn uncertainty(
@@ -68,7 +68,7 @@ pub(crate) fn uncertainty(
     let found = Uncertainty {
         constant,
         scale,
-        // The instrument counts it as W/(1 + rise).
+        // The instrument counts this term as W/(1 + rise).
         rise: whole * (1.0 + actuated.rise(actuated.peak_a)),
         bend: Bend::root_mean_square(&adjusted.bends),
         at: relative(&|kappa| open.all(kappa)),
@@ -88,8 +88,8 @@ pub(crate) fn uncertainty(
 }
 
 impl Uncertainty {
-    /// Itself, if a load of c_S can be measured with it: beyond the settings' greatest error the instrument refuses
-    /// every estimate, and does not take the numbers either.
+    /// Returns itself if a load of c_S can be measured with it. Beyond the settings' greatest error
+    /// the instrument refuses every estimate, and does not accept the values either.
     fn within(self, allowed: f64) -> Result<Self, Unusable> {
         let [_, at_sensing, _] = self.at;
         if at_sensing <= allowed {
@@ -102,7 +102,7 @@ impl Uncertainty {
     }
 }
 
-/// What is open, as variances of kappa.
+/// Remaining uncertainties, as variances of kappa.
 struct Open<'a> {
     adjusted: &'a Adjusted,
     bench: BenchScatter,
@@ -116,9 +116,9 @@ impl Open<'_> {
             + self.of_bench(kappa)
     }
 
-    /// What the quantities leave open, mean over the depths.
+    /// Variance from the adjusted quantities, mean over the depths.
     fn of_quantities(&self, kappa: f64, covariance: &[Changes; QUANTITIES]) -> f64 {
-        /// A change of a quantity by which the reading is differentiated.
+        /// Step of a quantity for the derivative of the reading.
         const STEP: f64 = 1e-6;
         let layer = &self.adjusted.layer;
         let at_depth = |depth: f64| {
@@ -140,7 +140,7 @@ impl Open<'_> {
         DEPTHS.into_iter().map(at_depth).sum::<f64>() / DEPTHS.len() as f64
     }
 
-    /// What a train of a press scatters by itself.
+    /// Variance of a single train.
     fn of_train(&self, kappa: f64) -> f64 {
         (self.adjusted.scatter * self.whole(kappa)).powi(2)
     }
@@ -184,7 +184,7 @@ mod tests {
             refused.to_string().contains("uncertain by 145 %"),
             "{refused}"
         );
-        // What is no number is none, either.
+        // NaN is refused too.
         assert!(with(f64::NAN).is_err());
     }
 }

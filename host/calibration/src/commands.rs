@@ -1,4 +1,4 @@
-//! What was found, as the commands that tell it to the instrument.
+//! The result of an evaluation as commands to the instrument.
 
 use palpate_wire::Command;
 use palpate_wire::code::Stream;
@@ -12,7 +12,7 @@ use super::claim::Uncertainty;
 use super::curve::PressCurve;
 use super::{Actuated, Crosstalk, Known};
 
-/// Everything that the evaluation found.
+/// All results of the evaluation.
 pub(crate) struct Findings<'a> {
     pub(crate) known: &'a Known,
     pub(crate) temperature_c: f64,
@@ -22,13 +22,13 @@ pub(crate) struct Findings<'a> {
     pub(crate) crosstalk: &'a Crosstalk,
     pub(crate) actuated: &'a Actuated,
     pub(crate) uncertainty: &'a Uncertainty,
-    /// What an error of the stiffening is of one of the signal.
+    /// Ratio of a relative error of the stiffening to one of the signal.
     pub(crate) stiffening_of_signal: f64,
-    /// The shallowest press of which the calibration knows something, m.
+    /// Shallowest calibrated press, m.
     pub(crate) least_press_m: f64,
 }
 
-/// Knots of a curve: as many as the protocol carries.
+/// Knots of a curve: the protocol's maximum.
 const KNOTS: usize = command::MAX_KNOTS as usize;
 
 impl Findings<'_> {
@@ -114,10 +114,10 @@ impl Findings<'_> {
 
     fn stiffening_curve(&self) -> Vec<Command> {
         let (known, actuated) = (self.known, self.actuated);
-        // A little beyond the peak, so that noise of the current does not leave the curve.
+        // A little beyond the peak, so that noisy currents stay on the curve.
         let last_a = 1.03 * f64::from(known.settings.peak_current_a);
-        // Near zero current noise may turn the rise back, by less than anything that is measured with
-        // it; the protocol takes a curve that rises everywhere.
+        // Near zero current, noise may make the rise decrease, by a negligible amount; the protocol
+        // requires a curve that rises everywhere.
         let least = actuated.rise(last_a) * 1e-6;
         let mut below = -least;
         let knots: Vec<_> = (0..KNOTS)

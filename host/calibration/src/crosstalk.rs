@@ -1,4 +1,4 @@
-//! What the coil's current adds to the reading of the untouched sensor.
+//! Cross-talk: the apparent deformation that the coil's current adds to the reading.
 
 use crate::session::Pressed;
 
@@ -7,7 +7,7 @@ use super::least_squares::System;
 use super::samples::SampleRun;
 use super::{Known, Unusable};
 
-/// What the coil's current adds to the reading: X I^2 (1 + growth x).
+/// Cross-talk of the coil's current: X I^2 (1 + growth x).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Crosstalk {
     /// X, m/A^2.
@@ -17,7 +17,7 @@ pub struct Crosstalk {
 }
 
 impl Crosstalk {
-    /// Determines both, with the load cell.
+    /// Determines X and the growth, with the load cell.
     pub(crate) fn fit(
         runs: &[SampleRun],
         force: &PressCurve,
@@ -30,7 +30,7 @@ impl Crosstalk {
         })
     }
 
-    /// Determines what there is without contact; nothing is said of its growth.
+    /// Determines the cross-talk without contact; its growth stays zero.
     pub(crate) fn without_contact(
         runs: &[SampleRun],
         force: &PressCurve,
@@ -42,13 +42,13 @@ impl Crosstalk {
         })
     }
 
-    /// What a deformation is read as.
+    /// Reading for a deformation, m.
     pub(crate) fn with(&self, deformation_m: f64, current_a: f64) -> f64 {
         let untouched_m = self.untouched_m_per_a2 * current_a * current_a;
         deformation_m * (1.0 + untouched_m * self.growth_per_m) + untouched_m
     }
 
-    /// A reading without it.
+    /// Deformation for a reading, m.
     pub(crate) fn without(&self, read_m: f64, current_a: f64) -> f64 {
         let untouched_m = self.untouched_m_per_a2 * current_a * current_a;
         (read_m - untouched_m) / (1.0 + untouched_m * self.growth_per_m)
@@ -62,8 +62,8 @@ impl Crosstalk {
 /// x = a_j + d_j phi(t) + F/c + X I^2 (1 + growth x),
 ///
 /// with the force F from the load cell. On a single run F follows I^2, and their shares cannot be
-/// distinguished; a soft spring's force follows it less than a block's, though, and the cross-talk is
-/// the same. c is the sensing layer's spring for changes as fast as the ramps.
+/// distinguished; but a soft spring's force follows I^2 less than a block's, while the cross-talk
+/// is the same. c is the sensing layer's spring for changes as fast as the ramps.
 fn growth(
     runs: &[SampleRun],
     force: &PressCurve,
@@ -92,7 +92,7 @@ fn growth(
             system.add(row, read_m - untouched_m, 1.0);
         }
     }
-    // What a millionth of the deformation is worth needs no growth, and could not determine one.
+    // A cross-talk of a millionth of the deformation needs no growth, and cannot determine one.
     let greatest_a2 = f64::from(known.settings.peak_current_a).powi(2);
     let deepest_m = force.at(force.greatest_change) / known.sensing_n_per_m;
     if (crosstalk_m_per_a2 * greatest_a2).abs() < 1e-6 * deepest_m {

@@ -1,4 +1,5 @@
-//! Force, or the stage's travel, against relative change of inductance, and the bench's own frame.
+//! Force or travel of the stage against relative change of inductance, and the compliance of the
+//! bench's frame.
 
 use crate::session::Pressed;
 
@@ -6,18 +7,18 @@ use super::Unusable;
 use super::least_squares::System;
 use super::samples::SampleRun;
 
-/// Degree of the polynomial through the quick presses: with 7 the coil's own curve between two slabs
-/// is met as with 9.
+/// Degree of the polynomial through the quick presses: 7 fits the coil's own curve between two
+/// slabs as well as 9.
 pub(crate) const DEGREE: usize = 7;
 /// Prior size of the polynomial's terms, relative to the greatest force: of the second, and of each
-/// to the one before. `terms_of_the_coils_curve_are_within_their_prior` has the coil's own, for
-/// presses of 0.3 to 0.7 mm between slabs 1 mm off. So noise of the load cell does not bend the
-/// curve.
+/// to the one before. It keeps noise of the load cell from bending the curve. The test
+/// `terms_of_the_coils_curve_are_within_their_prior` shows the coil's own terms, for presses of 0.3
+/// to 0.7 mm between slabs 1 mm away.
 const SECOND: f64 = 0.15;
 const DECAY: f64 = 0.3;
 
-/// What rises in a press with y = L/L0 - 1, and is zero at y = 0: the force in N, or how far the stage
-/// moves on a block, m.
+/// A quantity that rises in a press with y = L/L0 - 1 and is zero at y = 0: the force in N, or the
+/// travel of the stage on a block in m.
 #[derive(Clone, Debug)]
 pub(crate) struct PressCurve {
     /// Coefficients of the terms of [`chebyshev`] in y/y_greatest.
@@ -26,7 +27,7 @@ pub(crate) struct PressCurve {
 }
 
 impl PressCurve {
-    /// Force against the change of inductance, from the presses upon the block.
+    /// Fits the force against the change of inductance, from the presses onto the block.
     pub(crate) fn of_force(runs: &[SampleRun], deepest: &SampleRun) -> Result<Self, Unusable> {
         let presses = runs.iter().filter(|run| run.pressed == Pressed::Block);
         let presses = presses.chain([deepest]);
@@ -51,7 +52,8 @@ impl PressCurve {
         Self::with_others(system, greatest_change, greatest_n, what).map(|(curve, _)| curve)
     }
 
-    /// The curve whose coefficients are the first unknowns of a system, and what comes after them.
+    /// Solves a system whose first unknowns are the curve's coefficients. Returns the curve and the
+    /// remaining unknowns.
     pub(crate) fn with_others(
         mut system: System,
         greatest_change: f64,
@@ -80,7 +82,7 @@ impl PressCurve {
         Ok((curve, others))
     }
 
-    /// The same, so many times as high.
+    /// Returns the curve multiplied by a factor.
     pub(crate) fn times(&self, factor: f64) -> Self {
         let coefficients = self.coefficients.iter();
         Self {
@@ -89,13 +91,13 @@ impl PressCurve {
         }
     }
 
-    /// Places on it, from zero to the greatest change.
+    /// Points of the curve, from zero to the greatest change.
     pub(crate) fn points(&self) -> Vec<(f64, f64)> {
         let changes = (0..=100).map(|step| self.greatest_change * f64::from(step) / 100.0);
         changes.map(|change| (change, self.at(change))).collect()
     }
 
-    /// Its value, N or m.
+    /// Value at a change of inductance, N or m.
     pub(crate) fn at(&self, change: f64) -> f64 {
         let terms = chebyshev(change / self.greatest_change);
         let terms = terms.zip(&self.coefficients);
@@ -104,7 +106,7 @@ impl PressCurve {
             .sum()
     }
 
-    /// Its slope over y, N or m.
+    /// Slope over y, N or m.
     pub(crate) fn slope(&self, change: f64) -> f64 {
         let terms = chebyshev(change / self.greatest_change);
         let terms = terms.zip(&self.coefficients);
@@ -115,11 +117,11 @@ impl PressCurve {
     }
 }
 
-/// T_k(2u - 1) - T_k(-1), k from 1, and its slope: polynomials that vanish at u = 0, of one size from
-/// there to u = 1.
+/// T_k(2u - 1) - T_k(-1) for k from 1, with slopes: polynomials that vanish at u = 0 and are of
+/// similar size up to u = 1.
 pub(crate) fn chebyshev(u: f64) -> impl Iterator<Item = (f64, f64)> {
     let t = 2.0 * u - 1.0;
-    // T_k and T_(k+1), and their slopes.
+    // Values and slopes of T_k and T_(k+1).
     let (mut value, mut slope) = ((1.0, t), (0.0, 2.0));
     (1_u32..).map(move |k| {
         let term = (value.1 - if k % 2 == 0 { 1.0 } else { -1.0 }, slope.1);
@@ -129,7 +131,8 @@ pub(crate) fn chebyshev(u: f64) -> impl Iterator<Item = (f64, f64)> {
     })
 }
 
-/// Compliance of the bench's frame, m/N, from block upon block: forces in N and places of the stage in m.
+/// Compliance of the bench's frame, m/N, from forces in N and positions of the stage in m, block on
+/// block.
 ///
 /// # Errors
 /// If the presses do not determine it.
@@ -140,7 +143,7 @@ pub fn frame(bare: &[(f64, f64)]) -> Result<f64, Unusable> {
     }
     let solution = system.solve("the bench's frame")?;
     let slope = solution.unknowns.get(1).copied();
-    // A frame stiffer than the scale resolves may come out below zero.
+    // The scale's noise may give a negative value for a very stiff frame.
     slope
         .map(|slope| slope.max(0.0))
         .ok_or(Unusable::Missing("press of block upon block"))

@@ -1,15 +1,15 @@
-//! The falls of the current, as seen from its readings.
+//! Detection of the falling ramps from the current readings.
 
 use palpate_wire::command::Settings;
 
-/// How steeply the current falls on the ramps.
+/// Slope of the current on the falling ramps.
 #[derive(Clone, Copy, Debug)]
 pub struct Fall {
     slope_a_per_s: f64,
 }
 
 impl Fall {
-    /// The falls of a train with these settings.
+    /// Creates it from the settings of the train.
     pub fn of(settings: &Settings) -> Self {
         let drop_a = f64::from(settings.peak_current_a - settings.end_current_a);
         Self {
@@ -17,8 +17,8 @@ impl Fall {
         }
     }
 
-    /// Whether the current fell all along between two readings, each (time in s, current in A): it
-    /// did if it lost more than half of what the ramp takes.
+    /// Whether the current fell throughout between two readings, each (time in s, current in A). It
+    /// did if it dropped by more than half of the ramp's change.
     pub fn between(&self, from: (f64, f64), to: (f64, f64)) -> bool {
         from.1 - to.1 > 0.5 * self.slope_a_per_s * (to.0 - from.0)
     }

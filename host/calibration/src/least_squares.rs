@@ -1,7 +1,7 @@
 //! Linear least squares with a covariance.
 //!
 //! Householder's triangularisation (Golub and Van Loan, *Matrix Computations*, section 5.3.2), with
-//! the right side as one more column: what is left of it below the triangle is the residual.
+//! the right side as an additional column, whose part below the triangle is the residual.
 
 use std::ops::Index;
 
@@ -18,9 +18,9 @@ pub struct System {
 /// The solution with the covariance of the unknowns.
 #[derive(Clone, Debug)]
 pub struct Solution {
-    /// In the order of a row's coefficients.
+    /// The unknowns, in the order of a row's coefficients.
     pub unknowns: Vec<f64>,
-    /// Of the unknowns.
+    /// Covariance of the unknowns.
     pub covariance: Covariance,
     /// Standard deviation of a row of weight 1.
     pub sigma: f64,
@@ -39,7 +39,7 @@ impl Index<(usize, usize)> for Covariance {
 }
 
 impl System {
-    /// No rows yet, of so many unknowns.
+    /// Creates a system of `unknowns` unknowns without rows.
     pub fn new(unknowns: usize) -> Self {
         Self {
             unknowns,
@@ -64,7 +64,7 @@ impl System {
         }
         let mut columns = self.columns();
         let right = self.rows.iter().map(|(_, right)| *right).collect();
-        // Columns of one length, so that no step depends on units.
+        // Normalised columns make the steps independent of units.
         let lengths: Vec<f64> = columns.iter().map(|column| norm(column)).collect();
         for (column, length) in columns.iter_mut().zip(&lengths) {
             column.iter_mut().for_each(|entry| *entry /= length);
@@ -94,7 +94,7 @@ impl System {
         })
     }
 
-    /// The coefficients by column; a short row counts as filled up with zeros.
+    /// The coefficients by column; short rows are padded with zeros.
     fn columns(&self) -> Vec<Vec<f64>> {
         let entry = |row: &[f64], index: usize| row.get(index).copied().unwrap_or(0.0);
         (0..self.unknowns)
@@ -103,13 +103,13 @@ impl System {
     }
 }
 
-/// Reflects the columns so that the first of them are an upper triangle.
+/// Reflects the columns until the first `count` form an upper triangle.
 fn triangularise(columns: &mut [Vec<f64>], count: usize) {
     for index in 0..count {
         let (done, rest) = columns.split_at_mut(index + 1);
         let column = &mut done[index][index..];
         let length = norm(column);
-        // Away from zero, so that nothing cancels.
+        // The sign that avoids cancellation.
         let diagonal = if column[0] > 0.0 { -length } else { length };
         let mut mirror = column.to_vec();
         mirror[0] -= diagonal;
@@ -154,8 +154,8 @@ mod tests {
     use super::*;
 
     /// NIST StRD "Longley": six economic series and a constant, so nearly dependent that a poor
-    /// method keeps no digit of them. Certified values from the National Institute of Standards
-    /// and Technology (public domain).
+    /// method loses all digits. Certified values from the National Institute of Standards and
+    /// Technology (public domain).
     const LONGLEY: [[f64; 7]; 16] = [
         [
             60_323.0, 83.0, 234_289.0, 2_356.0, 1_590.0, 107_608.0, 1_947.0,
@@ -252,7 +252,7 @@ mod tests {
     }
 
     proptest! {
-        /// The residual is at right angles to every column, and units do not matter.
+        /// The residual is orthogonal to every column, in any units.
         #[test]
         fn the_residual_is_orthogonal_to_the_columns(
             rows in prop::collection::vec((prop::array::uniform3(-1.0_f64..1.0), -1.0_f64..1.0), 8..40),

@@ -1,21 +1,22 @@
-//! From what was written down on the bench to a calibration.
+//! Evaluation of the data recorded on the bench into a calibration.
 //!
 //! All arithmetic is `f64` and shares no function with the instrument's own.
 //!
 //! 1. `curve`: the load cell and the coil during quick presses upon a block give force against
-//!    relative change of inductance; deformation is force over a nominal c_S. Only ratios of
-//!    deformations enter a stiffness (eq. (2) is homogeneous in them), so that the nominal value
-//!    sets the scale of the deformation and of nothing else.
-//! 2. `crosstalk`: the train without contact shows what the current adds to the reading.
+//! relative change of inductance; deformation is force over a nominal c_S. Only ratios of
+//! deformations enter a stiffness (eq. (2) is homogeneous in them), so the nominal value sets only
+//! the scale of the deformation.
+//! 2. `crosstalk`: the train without contact gives the current's effect on the reading.
 //! 3. `actuated`: the trains on block and springs, all together, give c_D0, the rise over the
 //!    current, attraction, and growth of the cross-talk, by least squares.
-//! 4. `adjustment`: five quantities of that, adjusted to what each train by itself says of its load.
-//! 5. `claim`: what the trains' scatter and the springs' tolerance leave open.
+//! 4. `adjustment`: adjusts five of these quantities to the load that each train gives by itself.
+//! 5. `claim`: the uncertainty from the trains' scatter and the springs' tolerance.
 //!
-//! [`evaluate_both`] takes the same bench at two temperatures, and finds by how much springs and rise change.
+//! [`evaluate_both`] takes sessions of the same bench at two temperatures and determines the
+//! temperature coefficients of springs and rise.
 //!
-//! Later, in use, [`check_untouched`] corrects a calibration by a train without a press, and [`check`] by one press upon
-//! a spring that is known.
+//! Later, in use, [`check_untouched`] corrects a calibration by a train without a press, and
+//! [`check`] by one press onto a known spring.
 
 mod actuated;
 mod adjustment;
@@ -60,70 +61,71 @@ pub use travel::{SpringDeviation, spring_deviations};
 pub use untouched::{MOST_CHANGE, OnTheBench, Untouched, check_untouched};
 pub use unusable::{Signal, Unusable};
 
-/// What is known beforehand.
+/// Data known before the evaluation.
 #[derive(Clone, Debug)]
 pub struct Known {
-    /// Settings of the instrument, the train among them.
+    /// Settings of the instrument, including the train.
     pub settings: Settings,
     /// The coil's data.
     pub coil: Coil,
-    /// Nominal c_S, which sets the scale of the deformation.
+    /// Nominal c_S, N/m, which sets the scale of the deformation.
     pub sensing_n_per_m: f64,
-    /// Nominal c_D0, from which the search starts.
+    /// Nominal c_D0, N/m, from which the search starts.
     pub actuated_n_per_m: f64,
-    /// Capacitance of the tank.
+    /// Capacitance of the tank, F.
     pub capacitance_f: f64,
     /// Tolerance of the springs, relative, uniform.
     pub spring_tolerance: f64,
-    /// Gain of the load cell, relative, uniform; nothing without one: then springs and the stage's travel
-    /// have to give the force.
+    /// Tolerance of the load cell's gain, relative, uniform; `None` without a load cell: then
+    /// springs and the stage's travel determine the force.
     pub load_cell_gain: Option<f64>,
-    /// Relative standard uncertainty of both springs, alike, for every kelvin.
+    /// Relative standard uncertainty of both springs together, per kelvin.
     pub springs_per_k: f64,
-    /// The same of the rise.
+    /// Relative standard uncertainty of the rise, per kelvin.
     pub rise_per_k: f64,
 }
 
 /// A calibration, as figures and as the commands that set it.
 #[derive(Clone, Debug)]
 pub struct Calibration {
-    /// In the order in which they are sent.
+    /// Commands in the order of sending.
     pub commands: Vec<Command>,
-    /// c_S as used, N/m.
+    /// c_S of the evaluation, N/m.
     pub sensing_n_per_m: f64,
     /// The actuated layer.
     pub actuated: Actuated,
-    /// What an error of the stiffening is of one of the signal, at the mean depth.
+    /// Ratio of a relative error of the stiffening to one of the signal, at the mean depth.
     pub stiffening_of_signal: f64,
-    /// What is left open.
+    /// Remaining uncertainty.
     pub uncertainty: Uncertainty,
-    /// What the coil's current adds to the reading.
+    /// Cross-talk of the coil's current.
     pub crosstalk: Crosstalk,
-    /// How springs and rise change with the temperature, where the bench was at two.
+    /// Temperature coefficients of springs and rise; `Some` after sessions at two temperatures.
     pub coefficients: Option<Coefficients>,
-    /// What it was found from, to be drawn.
+    /// Data behind the calibration, for charts.
     pub basis: Basis,
     /// F(y).
     pub(crate) force: PressCurve,
 }
 
-/// What a calibration was found from.
+/// Data behind a calibration.
 #[derive(Clone, Debug)]
 pub struct Basis {
-    /// In the presses upon the block the relative change of inductance, and by how much the load cell shows
-    /// more than the curve, N. Empty without a load cell.
+    /// Relative change of inductance in the presses onto the block, with the deviation of the load
+    /// cell from the curve, N. Empty without a load cell.
     pub presses: Vec<(f64, f64)>,
-    /// The curve that stands for them.
+    /// The curve fitted to these presses.
     pub curve: Vec<(f64, f64)>,
-    /// Of every train c_S/c_L as pressed, and by how much the train by itself misses it.
+    /// Nominal c_S/c_L of every train, with the deviation of the train's own line.
     pub trains: Vec<(f64, f64)>,
-    /// Of every spring what is written on it and what stage and force say, N/m; nothing without a scale.
+    /// Nominal stiffness of every spring, with the stiffness from stage and force, N/m. Empty
+    /// without a scale.
     pub springs: Vec<(f64, f64)>,
 }
 
 impl Calibration {
-    /// States a further relative standard uncertainty of the rise, for what has the shape of the signal and so
-    /// is seen by no press: an error of the rise itself, and creep that is over before a train.
+    /// Adds a relative standard uncertainty of the rise for errors that have the signal's shape and
+    /// show in no press: an error of the rise itself, and creep that ends before a train.
     pub fn allow_for_rise(&mut self, uncertainty: f32) {
         for command in &mut self.commands {
             if let Command::SetStiffeningCurve(chunk) = command {
@@ -137,7 +139,7 @@ impl Calibration {
 /// Evaluates a session.
 ///
 /// # Errors
-/// If a part of it is missing, or it contradicts itself or the three springs.
+/// If a part of the session is missing, or it contradicts itself or the model of three springs.
 pub fn evaluate(session: &Session, known: &Known) -> Result<Calibration, Unusable> {
     let (runs, deepest_press) = samples::of_session(session, known)?;
     let Pressing {
@@ -188,13 +190,13 @@ pub fn evaluate(session: &Session, known: &Known) -> Result<Calibration, Unusabl
     })
 }
 
-/// By how much the load cell shows more than the curve, at so many points as a chart can show.
+/// Deviations of the load cell from the curve, thinned for a chart.
 fn beside(
     force: &PressCurve,
     runs: &[samples::SampleRun],
     deepest: &samples::SampleRun,
 ) -> Vec<(f64, f64)> {
-    /// As many as a chart has room for.
+    /// Number of points that fit on a chart.
     const POINTS: usize = 400;
     let presses = runs.iter().chain([deepest]);
     let presses = presses.filter(|run| run.pressed == Pressed::Block);
@@ -206,13 +208,13 @@ fn beside(
     points.into_iter().step_by(step).collect()
 }
 
-/// What the presses and trains give.
+/// Results of the presses and trains.
 struct Pressing {
     /// F(y).
     force: PressCurve,
     crosstalk: Crosstalk,
     fit: actuated::Fit,
-    /// What is not known of the bench.
+    /// Uncertainty of the bench.
     open: claim::BenchScatter,
 }
 
@@ -223,7 +225,7 @@ fn with_load_cell(
     gain: f64,
     known: &Known,
 ) -> Result<Pressing, Unusable> {
-    // A bench whose frame was not measured leaves it open.
+    // An unmeasured frame adds an uncertainty.
     let (frame_m_per_n, open_m_per_n) = match session.bare.as_slice() {
         [] => (0.0, travel::FRAME_M_PER_N / 3_f64.sqrt()),
         bare => (frame(bare)?, 0.0),
@@ -242,8 +244,8 @@ fn with_load_cell(
     })
 }
 
-/// Without a load cell the springs and the stage's travel give the force, the trains themselves the
-/// growth of the cross-talk, and nothing the frame.
+/// Evaluation without a load cell: springs and the stage's travel give the force, the trains
+/// themselves the growth of the cross-talk. The frame's compliance stays unknown.
 fn by_springs(
     runs: &[samples::SampleRun],
     deepest: &samples::SampleRun,
@@ -265,5 +267,6 @@ fn by_springs(
     })
 }
 
-/// A press may be shallower than the shallowest train by a twentieth, what creep and drift do to one.
+/// A press may be shallower than the shallowest train by a twentieth, the effect of creep and
+/// drift.
 const WITHIN: f64 = 0.95;

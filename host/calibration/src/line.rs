@@ -1,39 +1,40 @@
-//! The line of one train by itself, which gives its load.
+//! Fit of a line to one train, which gives its load.
 //!
-//! x (1 + kappa + g) = x_0 (1 + d phi(t) + e t), g the compliance of the actuated layer over the sensing
-//! layer's. The steps are those of the [fit of all trains](super::actuated), for the same reason.
+//! x (1 + kappa + g) = x_0 (1 + d phi(t) + e t), with g the compliance of the actuated layer over
+//! the sensing layer's. The iteration equals that of the [fit of all trains](super::actuated), for
+//! the same reason.
 
 use super::Unusable;
 use super::actuated::Actuated;
 use super::least_squares::System;
 
-/// The most steps from the solution of the linear equation: trains of shipped stacks take four, noise of four
-/// times as much takes nine.
+/// Maximum number of steps from the solution of the linear equation: trains of the shipped designs
+/// take four, four times their noise takes nine.
 pub(crate) const MOST_STEPS: usize = 20;
-/// Change of 1 + c_S/c_L of a train, or of c_S/c_D0, relative, at which the steps are over: what it moves of a
-/// load is a ten-thousandth of the least uncertainty.
+/// Relative change of 1 + c_S/c_L of a train, or of c_S/c_D0, that ends the iteration: its effect
+/// on a load is a ten-thousandth of the smallest uncertainty.
 pub(crate) const SETTLED: f64 = 1e-7;
 
 /// A sample of a fall.
 #[derive(Clone, Copy, Debug)]
 pub struct FallSample {
-    /// Since the train began, s.
+    /// Time since the start of the train, s.
     pub time_s: f64,
-    /// Deformation with the cross-talk taken out, m.
+    /// Deformation without the cross-talk, m.
     pub deformation_m: f64,
-    /// Current that acts over the conversion, A.
+    /// Effective current over the conversion, A.
     pub current_a: f64,
 }
 
 impl Actuated {
-    /// What stands beside 1 + kappa: g(I), and the attraction as a compliance.
+    /// Compliance to add to 1 + kappa: g(I), with the attraction as a compliance.
     pub fn compliance(&self, sample: &FallSample, sensing_n_per_m: f64) -> f64 {
         let ratio_now = self.ratio + self.regressor(sample.current_a);
         let pull_n = self.attraction_n_per_a2 * sample.current_a.powi(2);
         ratio_now + pull_n * ratio_now / sensing_n_per_m / sample.deformation_m
     }
 
-    /// The samples of a train beside its line.
+    /// The samples of a train as points of its line.
     fn points(&self, samples: &[FallSample], sensing_n_per_m: f64) -> Vec<LinePoint> {
         let point = |sample: &FallSample| LinePoint {
             time_s: sample.time_s,
@@ -43,7 +44,7 @@ impl Actuated {
         samples.iter().map(point).collect()
     }
 
-    /// By how much the line of a train bends.
+    /// Bend of a train's line.
     pub(crate) fn bend(
         &self,
         samples: &[FallSample],
@@ -71,7 +72,7 @@ impl Actuated {
         })
     }
 
-    /// The line of one train by itself, for a press that was `tau_s` old when it began.
+    /// Fits a line to one train, for a press of age `tau_s` at its start.
     ///
     /// # Errors
     /// If the samples do not determine it.
@@ -84,16 +85,16 @@ impl Actuated {
         TrainFit::of(&self.points(samples, sensing_n_per_m), tau_s)
     }
 
-    /// Standard error of kappa by a train's own line, by what each of its falls says: noise, and what moves the
-    /// sensor meanwhile, differ from fall to fall, whatever they are within one (Liang and Zeger, Biometrika 73, 1986,
-    /// p. 13).
+    /// Standard error of kappa by a train's own line, from the scatter between its falls: noise and
+    /// movements of the sensor are independent between falls, and arbitrary within one (Liang and
+    /// Zeger, Biometrika 73, 1986, p. 13).
     pub(crate) fn standard_error(
         &self,
         samples: &[FallSample],
         sensing_n_per_m: f64,
         tau_s: f64,
     ) -> Result<f64, Unusable> {
-        /// Place of kappa among the unknowns.
+        /// Index of kappa among the unknowns.
         const KAPPA: usize = 2;
         let points = self.points(samples, sensing_n_per_m);
         let line = TrainFit::of(&points, tau_s)?;
@@ -108,7 +109,7 @@ impl Actuated {
         }
         let solved = system.solve(TRAIN)?;
         let variance = solved.sigma * solved.sigma;
-        // What a sample moves kappa by.
+        // Effect of a sample on kappa.
         let moved = |(row, residual): &(Vec<f64>, f64)| {
             let terms = row.iter().enumerate();
             let terms = terms.map(|(place, entry)| solved.covariance[(KAPPA, place)] * entry);
@@ -126,7 +127,7 @@ impl Actuated {
     }
 }
 
-/// The change of a line's slope from the middle to the peak of its span of h, over the slope.
+/// Relative change of a line's slope from the middle to the peak of its span of h.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Bend {
     pub(crate) value: f64,
@@ -134,7 +135,7 @@ pub(crate) struct Bend {
 }
 
 impl Bend {
-    /// The weighted mean.
+    /// Weighted mean.
     pub(crate) fn mean(bends: &[Self]) -> f64 {
         let (sum, weights) = bends.iter().fold((0.0, 0.0), |(sum, weights), bend| {
             (
@@ -145,7 +146,7 @@ impl Bend {
         sum / weights
     }
 
-    /// Root of the mean square, without what noise makes of it.
+    /// Root mean square, without the contribution of noise.
     pub(crate) fn root_mean_square(bends: &[Self]) -> f64 {
         let squares = bends
             .iter()
@@ -161,50 +162,51 @@ pub(crate) fn mean_m(deformations_m: impl ExactSizeIterator<Item = f64>) -> f64 
     deformations_m.sum::<f64>() / count
 }
 
-/// A sample of a train with what stands beside 1 + kappa.
+/// A sample of a train with the compliance to add to 1 + kappa.
 #[derive(Clone, Copy, Debug)]
 pub struct LinePoint {
-    /// Since the train began, s.
+    /// Time since the start of the train, s.
     pub time_s: f64,
-    /// Deformation with the cross-talk taken out, m.
+    /// Deformation without the cross-talk, m.
     pub deformation_m: f64,
-    /// c_S/c_D(I), and the attraction as a compliance.
+    /// c_S/c_D(I), with the attraction as a compliance.
     pub compliance: f64,
 }
 
 impl LinePoint {
-    /// Its equation: total way over `depth_m` and its drifts, kappa; right side and weight.
+    /// Equation of the point: coefficients (total travel over `depth_m` and its drifts, kappa),
+    /// right side and weight.
     fn row(&self, depth_m: f64, tau_s: f64) -> (Vec<f64>, f64, f64) {
         let phi = (self.time_s / tau_s).ln_1p();
         let level = depth_m / self.deformation_m;
         let right = 1.0 + self.compliance;
-        // Noise of x enters as x_0/x^2.
+        // The noise of x enters as x_0/x^2.
         let weight = (level * level).recip();
         let row = vec![level, level * phi, -1.0, level * self.time_s];
         (row, right, weight)
     }
 }
 
-/// What a line by itself is called where there is none.
+/// Name of a train's line in errors.
 const TRAIN: &str = "a train by itself";
 
 /// x (1 + kappa + g) = x_0 (1 + d phi(t)), fitted to a train.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct TrainFit {
-    /// x_0, m.
+    /// Total travel x_0, m.
     pub total_m: f64,
-    /// d.
+    /// Logarithmic drift d.
     pub drift: f64,
-    /// Straight drift, 1/s.
+    /// Linear drift, 1/s.
     pub linear: f64,
-    /// c_S/c_L.
+    /// Load as c_S/c_L.
     pub kappa: f64,
     /// Time constant of phi, s.
     pub tau_s: f64,
 }
 
 impl TrainFit {
-    /// The line of one train by itself, for a press that was `tau_s` old when it began.
+    /// Fits a line to the points of one train, for a press of age `tau_s` at its start.
     ///
     /// # Errors
     /// If the points do not determine it.
@@ -231,7 +233,8 @@ impl TrainFit {
         Err(Unusable::Undetermined(TRAIN))
     }
 
-    /// With other unknowns: total way and its drifts, over `depth_m`, with kappa as the third.
+    /// Applies changes of the unknowns: total travel over `depth_m` and its drifts, with kappa as
+    /// the third.
     fn changed(&self, changes: &[f64], depth_m: f64, tau_s: f64) -> Result<Self, Unusable> {
         let &[total, drift, kappa, linear] = changes else {
             return Err(Unusable::Undetermined(TRAIN));
@@ -247,7 +250,7 @@ impl TrainFit {
         })
     }
 
-    /// How the deformation changes with the unknowns, and by how much it is read deeper, m.
+    /// Derivatives of the deformation with respect to the unknowns, and its residual, m.
     fn linearised(&self, point: &LinePoint, depth_m: f64) -> (Vec<f64>, f64) {
         let by_total = depth_m / self.whole(point);
         let phi = (point.time_s / self.tau_s).ln_1p();
@@ -260,27 +263,27 @@ impl TrainFit {
         (row, point.deformation_m - self.deformation_m(point))
     }
 
-    /// 1 + kappa + g.
+    /// 1 + kappa + g at a point.
     fn whole(&self, point: &LinePoint) -> f64 {
         1.0 + self.kappa + point.compliance
     }
 
-    /// On the line, m.
+    /// Deformation of the line at a point, m.
     fn deformation_m(&self, point: &LinePoint) -> f64 {
         self.total_m * self.drifted(point.time_s) / self.whole(point)
     }
 
-    /// How the deformation changes with what is added to g, m.
+    /// Derivative of the deformation with respect to g, m.
     fn by_compliance(&self, point: &LinePoint) -> f64 {
         -self.deformation_m(point) / self.whole(point)
     }
 
-    /// 1 + d phi(t).
+    /// 1 + d phi(t) + e t.
     pub fn drifted(&self, time_s: f64) -> f64 {
         1.0 + self.drift * (time_s / self.tau_s).ln_1p() + self.linear * time_s
     }
 
-    /// 1/x without drift, 1/m, at a compliance.
+    /// 1/x without drift at a compliance, 1/m.
     pub fn inverse_per_m(&self, compliance: f64) -> f64 {
         (1.0 + self.kappa + compliance) / self.total_m
     }
@@ -336,13 +339,13 @@ mod tests {
             let promised = (bends[0].variance / 40.0).sqrt();
             println!("{kappa}: {mean} +- {error}, promised {promised}");
             assert!(mean.abs() < 4.0 * error, "{kappa}: {mean} +- {error}");
-            // 40 trains find a standard deviation within a ninth.
+            // 40 trains determine a standard deviation within a ninth.
             assert!((0.7..1.4).contains(&(error / promised)), "{kappa}: {error}");
         }
     }
 
-    /// kappa of 60 trains of twelve falls whose readings are off, their standard deviation and what it is promised to
-    /// be, root of the mean square.
+    /// Standard deviation of kappa over 60 trains of twelve falls with the errors `off_m`, and the
+    /// root mean square of the stated standard error.
     fn spread<N: FnMut() -> f64>(off_m: impl Fn(u64) -> N) -> (f64, f64) {
         const TRAINS: u64 = 60;
         let exact = exact();
@@ -361,10 +364,10 @@ mod tests {
 
     #[test]
     fn the_standard_error_of_a_line_is_its_spread_whatever_moves_it_within_a_fall() {
-        /// Samples of a fall of these trains.
+        /// Samples of one fall.
         const FALL: u32 = 100;
         let white = spread(noise);
-        // Each fall by itself rises or sinks by another amount, as slow vibration makes it.
+        // Each fall tilts by a different amount, as under slow vibration.
         let tilted = spread(|seed| {
             let mut stream = Stream::named(seed, "tilt");
             let (mut index, mut tilt_m) = (0, 0.0);
@@ -378,8 +381,8 @@ mod tests {
         });
         for (name, (spread, promised)) in [("white", white), ("tilted", tilted)] {
             println!("{name}: {spread}, promised {promised}");
-            // 60 trains find a standard deviation within a tenth; three unknowns beside kappa, of twelve falls, leave
-            // a seventh less in the residuals.
+            // 60 trains determine a standard deviation within a tenth; the three unknowns beside
+            // kappa, from twelve falls, reduce the residuals by a seventh.
             let ratio = spread / promised;
             assert!((0.75..1.35).contains(&ratio), "{name}: {ratio}");
         }
@@ -388,7 +391,7 @@ mod tests {
     #[test]
     fn a_line_bends_by_what_the_stiffening_is_bent() {
         let exact = exact();
-        // The attraction takes away from the signal, and not from what bends it.
+        // The attraction reduces the signal, but not its bend.
         let h = -RATIO * RISE / (1.0 + RISE);
         let pulled_m = ATTRACTION_N_PER_A2 * PEAK_A * PEAK_A / SENSING_N_PER_M * (RATIO + h);
         let of_signal = h / (h + pulled_m / DEPTH_M);

@@ -1,4 +1,4 @@
-//! Trains of a sensor that is known, from the three springs in closed form.
+//! Trains of a known sensor, from the three springs in closed form.
 
 use palpate_sim::random::Stream;
 
@@ -15,27 +15,28 @@ pub(crate) const RISE: f64 = 0.04;
 pub(crate) const ATTRACTION_N_PER_A2: f64 = 3e-4;
 /// Loads, c_S/c_L: a block and six springs.
 pub(crate) const KAPPAS: [f64; 7] = [0.0, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0];
-/// Depths to which each is pressed, m.
+/// Depths of the presses onto each load, m.
 pub(crate) const DEPTHS_M: [f64; 3] = [0.18e-3, 0.3e-3, 0.42e-3];
-/// Samples of a fall.
+/// Samples of one fall.
 const SAMPLES: u16 = 100;
 
-/// What a sensor has besides the three springs: apparent deformation per square of the current, m/A^2, and
-/// its growth, 1/m.
+/// Cross-talk of a sensor: apparent deformation per square of the current, m/A^2, and its growth,
+/// 1/m.
 pub(crate) struct Sensor {
     pub(crate) untouched_m_per_a2: f64,
     pub(crate) growth_per_m: f64,
 }
 
 impl Sensor {
-    /// Nothing.
+    /// A sensor without cross-talk.
     pub(crate) const EXACT: Self = Self {
         untouched_m_per_a2: 0.0,
         growth_per_m: 0.0,
     };
 }
 
-/// A train of three falls upon a load, pressed to a depth, m; `added_m` is what each reading is off.
+/// A train of three falls on a load (c_S/c_L), pressed to a depth, m; `added_m` is the error of
+/// each reading.
 pub(crate) fn train(
     sensor: &Sensor,
     kappa: f64,
@@ -45,7 +46,7 @@ pub(crate) fn train(
     train_of(3, sensor, (kappa, depth_m), added_m)
 }
 
-/// The same of so many falls.
+/// A train of `count` falls.
 pub(crate) fn train_of(
     falls: u16,
     sensor: &Sensor,
@@ -79,7 +80,7 @@ pub(crate) fn train_of(
     }
 }
 
-/// Trains upon loads of these c_S/c_L, each to every depth.
+/// Trains on loads of these c_S/c_L, each at every depth.
 pub(crate) fn problem(
     sensor: &Sensor,
     loads: [f64; KAPPAS.len()],
@@ -99,11 +100,11 @@ pub(crate) fn problem(
     }
 }
 
-/// Noise of a deformation that is read, m: four times that of the simulated sensors, so that a fit with
-/// noise among its coefficients is off by far.
+/// Noise of a deformation reading, m: four times that of the simulated sensors, so that a fit with
+/// noise among its coefficients shows a large error.
 const NOISE_M: f64 = 0.3e-6;
 
-/// Such noise.
+/// Normal noise of [`NOISE_M`].
 pub(crate) fn noise(seed: u64) -> impl FnMut() -> f64 {
     let mut stream = Stream::named(seed, "noise");
     move || NOISE_M * stream.normal()

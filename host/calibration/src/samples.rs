@@ -1,4 +1,4 @@
-//! The lines of a run, as the evaluation needs them.
+//! Samples of a run, prepared for the evaluation.
 
 use palpate_wire::command::Settings;
 
@@ -6,17 +6,17 @@ use super::{Known, Unusable};
 use crate::fall::Fall;
 use crate::session::{BenchSample, Pressed, Run, Session};
 
-/// A run.
+/// The evaluated samples of a run.
 #[derive(Clone, Debug)]
 pub(crate) struct SampleRun {
     pub(crate) pressed: Pressed,
     /// Frequency of the untouched sensor, Hz.
     pub(crate) rest_hz: f64,
-    /// While the press moved in.
+    /// Samples while the press moves in.
     pub(crate) press: Vec<PressSample>,
     /// The falls of the train.
     pub(crate) falls: Vec<Fallen>,
-    /// From touch to train, s.
+    /// Time from touch to train, s.
     pub(crate) since_touch_s: f64,
 }
 
@@ -25,21 +25,21 @@ pub(crate) struct SampleRun {
 pub(crate) struct PressSample {
     /// L/L0 - 1.
     pub(crate) change: f64,
-    /// Load cell, N, at the same time; nothing without one.
+    /// Load cell, N, at the same time; `None` without one.
     pub(crate) force_n: Option<f64>,
-    /// Scale of the stage, m, at the same time; nothing where it is not known.
+    /// Scale of the stage, m, at the same time; `None` where it is unknown.
     pub(crate) stage_m: Option<f64>,
 }
 
 /// A sample during a fall of the current.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Fallen {
-    /// Since the train began, s.
+    /// Time since the start of the train, s.
     pub(crate) time_s: f64,
     /// L/L0 - 1.
     pub(crate) change: f64,
     pub(crate) current_a: f64,
-    /// Load cell, N, at the same time; nothing without one.
+    /// Load cell, N, at the same time; `None` without one.
     pub(crate) force_n: Option<f64>,
 }
 
@@ -76,7 +76,7 @@ impl SampleRun {
     }
 }
 
-/// All runs of a session with a train, and the deepest press.
+/// Prepares all runs of a session with a train, and the deepest press.
 pub(crate) fn of_session(
     session: &Session,
     known: &Known,
@@ -86,7 +86,8 @@ pub(crate) fn of_session(
     Ok((runs, of(&session.deepest_press)?))
 }
 
-/// What a gauge said at the middle of a conversion: between its readings before and after it.
+/// Reading of a gauge at the middle of a conversion, interpolated between the readings before and
+/// after.
 fn between(
     before: &BenchSample,
     line: &BenchSample,
@@ -97,15 +98,15 @@ fn between(
     Some(from + way * (to - from))
 }
 
-/// A conversion in which the press touched, or stopped, is a mean over a kink, which the gauges'
-/// straight line between two readings is not: such conversions are left out.
+/// Force below which a conversion is left out, N: a conversion during the touch, or the stop,
+/// averages over a kink, while the gauges are interpolated linearly between two readings.
 const CLEAR_OF_TOUCH_N: f64 = 50e-3;
 const CLEAR_OF_STOP_S: f64 = 3e-3;
-/// A force that is no noise of the load cell (1 mN), N.
+/// Force clearly above the noise of the load cell (1 mN), N.
 const TOUCHING_N: f64 = 10e-3;
-/// The same by the inductance, where there is no load cell: 10 and 2 µm of deformation, on a coil whose
-/// inductance rises by 0.25 parts in a thousand for each (reference coil, slabs on both sides). Its noise is
-/// 2 parts in a million.
+/// Changes of inductance for both limits, without a load cell: 10 and 2 µm of deformation, on a
+/// coil whose inductance rises by 0.25 parts in a thousand per micrometre (reference coil, slabs on
+/// both sides). Its noise is 2 parts in a million.
 const CLEAR_OF_TOUCH: f64 = 2.5e-3;
 const TOUCHING: f64 = 0.5e-3;
 
@@ -114,7 +115,7 @@ fn is_clear_of_touch(line: &BenchSample, change: f64) -> bool {
         .map_or(change > CLEAR_OF_TOUCH, |n| n > CLEAR_OF_TOUCH_N)
 }
 
-/// When the press touched, s; 0 if it did not.
+/// Time of the touch, s; 0 without a touch.
 pub(crate) fn touch_s(notes: &Run, change: impl Fn(&BenchSample) -> f64) -> f64 {
     let is_touching = |line: &&BenchSample| {
         line.force_n
@@ -124,7 +125,7 @@ pub(crate) fn touch_s(notes: &Run, change: impl Fn(&BenchSample) -> f64) -> f64 
     touching.map_or(0.0, |line| line.gauges_time_s)
 }
 
-/// The samples whose neighbours show that the current fell all along.
+/// Samples whose neighbours show that the current fell throughout.
 fn falls(notes: &Run, settings: &Settings, change: impl Fn(&BenchSample) -> f64) -> Vec<Fallen> {
     let fall = Fall::of(settings);
     let steep = |from: &BenchSample, to: &BenchSample| {

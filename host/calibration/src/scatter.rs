@@ -1,4 +1,4 @@
-//! How much the readings of a train scatter.
+//! Scatter of a train's readings.
 
 use palpate_wire::command::Settings;
 
@@ -6,13 +6,14 @@ use super::least_squares::System;
 use super::samples::SampleRun;
 use super::session::Run;
 
-/// What the readings of a train span at least where their scatter is held against it, relative change of inductance: 8 µm
-/// on the reference coil. Shallow trains upon a hard load span half of that, and a stand that vibrates by half a micrometre
-/// would be a tenth of them.
+/// Smallest span of a train's readings for their relative scatter, as a relative change of
+/// inductance: 8 µm on the reference coil. Shallow trains on a hard load span half of that, and a
+/// stand that vibrates by half a micrometre would be a tenth of them.
 const LEAST_SPAN: f64 = 2e-3;
 
-/// Standard deviation of the readings on the falls of a run's train about a smooth curve of current and time, over what
-/// the readings span, 8 µm at least: noise, and what moves the sensor meanwhile. Nothing without a train.
+/// Returns the standard deviation of the readings on the falls of a train about a smooth curve of
+/// current and time, over their span, 8 µm at least. It contains noise and movements of the sensor.
+/// `None` without a train.
 pub fn train_scatter(run: &Run, settings: &Settings) -> Option<f64> {
     let train = SampleRun::new(run, settings).ok()?;
     let peak_a = f64::from(settings.peak_current_a);

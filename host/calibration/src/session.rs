@@ -1,34 +1,34 @@
-//! What is written down on the bench.
+//! Data recorded on the bench.
 
 use serde::{Deserialize, Serialize};
 
-/// One sample of the instrument, with what the gauges said soon after.
+/// One sample of the instrument, with the gauges' readings soon after.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct BenchSample {
     /// Middle of the conversion, s.
     pub time_s: f64,
     /// Resonance frequency, Hz.
     pub frequency_hz: f64,
-    /// Current that acts over the conversion, A: mean and ripple, root mean square.
+    /// Effective current over the conversion, A: root mean square of mean and ripple.
     pub current_a: f64,
     /// When the gauges were read, s.
     pub gauges_time_s: f64,
-    /// Load cell, N; nothing without one.
+    /// Load cell, N; `None` without one.
     pub force_n: Option<f64>,
-    /// Scale of the stage, m; nothing while a hand moves it.
+    /// Scale of the stage, m; `None` while a hand moves it.
     pub stage_m: Option<f64>,
 }
 
-/// What was on the stage.
+/// Specimen on the stage.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Pressed {
-    /// Nothing touched.
+    /// No contact.
     Nothing,
     /// A rigid block.
     Block,
-    /// A spring, by what is written on it, N/m.
+    /// A spring with its nominal stiffness.
     Spring {
-        /// N/m.
+        /// Nominal stiffness, N/m.
         n_per_m: f64,
     },
 }
@@ -36,24 +36,24 @@ pub enum Pressed {
 /// One press with its train of ramps.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Run {
-    /// What was pressed.
+    /// Specimen of the press.
     pub pressed: Pressed,
-    /// Depth of the sensing layer that was aimed at, m.
+    /// Target depth of the sensing layer, m.
     pub depth_m: f64,
     /// The samples, from before the touch to after the last ramp.
     pub lines: Vec<BenchSample>,
-    /// When the train was requested, s.
+    /// Time of the request of the train, s.
     pub began_s: f64,
-    /// When its ramps began, after the coil's test, s.
+    /// Start of the ramps, after the coil's test, s.
     pub ramps_s: f64,
-    /// When the press came to rest, s; the start for nothing.
+    /// End of the stage's movement, s; 0 without a press.
     pub pressed_s: f64,
-    /// What these times are since, s of the board's clock.
+    /// Zero of these times, s of the board's clock.
     pub zero_s: f64,
 }
 
 impl Run {
-    /// Nothing yet.
+    /// Creates an empty run.
     pub const fn new(pressed: Pressed, depth_m: f64) -> Self {
         Self {
             pressed,
@@ -66,7 +66,8 @@ impl Run {
         }
     }
 
-    /// With all times since a moment, which was when it began; a press that never was is at that.
+    /// Shifts all times to count from `moment_s`, the start of the run; a run without a press gets
+    /// zero as its end of movement.
     pub fn since(mut self, moment_s: f64) -> Self {
         for line in &mut self.lines {
             line.time_s -= moment_s;
@@ -79,7 +80,7 @@ impl Run {
         self
     }
 
-    /// Frequency of the sensor before the press, Hz; nothing without samples then.
+    /// Frequency of the sensor before the press, Hz; `None` without samples.
     pub fn rest_hz(&self) -> Option<f64> {
         let rest = self.lines.iter();
         let rest = rest.filter(|line| line.time_s > START_S && line.time_s < REST_S);
@@ -89,10 +90,10 @@ impl Run {
         (count > 0.0).then(|| sum / count)
     }
 
-    /// When the sensor was untouched, s.
+    /// Start and end of the time without contact, s.
     pub const UNTOUCHED_S: (f64, f64) = (START_S, REST_S);
 
-    /// The lowest frequency until a moment, Hz.
+    /// Lowest frequency until a time, Hz.
     pub fn lowest_hz(&self, until_s: f64) -> f64 {
         let lines = self.lines.iter();
         let lines = lines.filter(|line| line.time_s > START_S && line.time_s < until_s);
@@ -102,27 +103,27 @@ impl Run {
     }
 }
 
-/// Everything that was written down.
+/// All data of a bench.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Session {
     /// The runs.
     pub runs: Vec<Run>,
-    /// A press upon the block without a train, to a lower frequency than any run's, in the time that
-    /// the deepest of their presses took.
+    /// A press onto the block without a train, to a lower frequency than that of any run, in the
+    /// same time as the deepest of their presses.
     pub deepest_press: Run,
-    /// Block on block, without the sensor: force in N and scale in m.
+    /// Force in N and scale in m, block on block, without the sensor.
     pub bare: Vec<(f64, f64)>,
-    /// The coil's temperature during the calibration, by its thermometer, degrees Celsius.
+    /// Temperature of the coil during the calibration, by its thermometer, degrees Celsius.
     pub temperature_c: f64,
 }
 
 impl Session {
-    /// The run in which nothing touched.
+    /// The run without contact.
     pub fn untouched(&self) -> Option<&Run> {
         self.runs.iter().find(|run| run.pressed == Pressed::Nothing)
     }
 
-    /// What there would be without a load cell.
+    /// Removes all data of the load cell.
     pub fn without_load_cell(mut self) -> Self {
         let runs = self.runs.iter_mut().chain([&mut self.deepest_press]);
         for line in runs.flat_map(|run| &mut run.lines) {
@@ -133,7 +134,7 @@ impl Session {
     }
 }
 
-/// The untouched sensor is measured for this long, from the start: the bench moves later.
+/// End of the measurement of the untouched sensor, s; the bench moves later.
 const REST_S: f64 = 0.75;
-/// The first conversions after a start, in s: the oscillator settles.
+/// Settling time of the oscillator after a start, s.
 pub const START_S: f64 = 0.05;

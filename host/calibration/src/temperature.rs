@@ -1,8 +1,9 @@
-//! How springs and rise change with the temperature, from the same bench at two temperatures.
+//! Temperature coefficients of springs and rise, from the same bench at two temperatures.
 //!
-//! The geometry of the coil stays, and with it the deformation at a reading; what changes is the force of the
-//! layers at it, all by one factor, and the size of the stiffening. A quantity with the coefficient b is
-//! exp(b dT) times as large dT kelvin above, as the instrument takes it.
+//! The geometry of the coil, and so the deformation at a reading, does not depend on the
+//! temperature. The forces of the layers change by one common factor, and the size of the
+//! stiffening changes. A quantity with the coefficient b is exp(b dT) times as large dT kelvin
+//! above, as in the instrument.
 
 use palpate_wire::Command;
 use palpate_wire::command::{
@@ -12,34 +13,34 @@ use palpate_wire::command::{
 use super::session::Session;
 use super::{Calibration, Known, Unusable, evaluate};
 
-/// Temperatures of two sessions differ by so much at least, K: the sizes of two calibrations differ by up to a
-/// per cent where nothing has changed, which would be 0.2 %/K of five kelvin.
+/// Smallest difference of temperature between two sessions, K: without any change two calibrations
+/// differ by up to a per cent, which over five kelvin is 0.2 %/K.
 pub const LEAST_DIFFERENCE_K: f64 = 5.0;
 
-/// Coefficients are so large at most, 1/K: as much as the protocol holds. Silicone rubbers change by some tenths
-/// of a per cent.
+/// Largest coefficient, 1/K, as in the protocol. Silicone rubbers change by some tenths of a per
+/// cent.
 pub const MOST_PER_K: f64 = 0.05;
 
 /// A coefficient and its standard uncertainty, 1/K.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Coefficient {
-    /// Relative change for every kelvin.
+    /// Relative change per kelvin.
     pub per_k: f64,
-    /// Its standard uncertainty.
+    /// Standard uncertainty of `per_k`.
     pub uncertainty_per_k: f64,
 }
 
-/// Both coefficients.
+/// Coefficients of springs and rise.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Coefficients {
-    /// Of both springs, alike.
+    /// Coefficient of both springs together.
     pub springs: Coefficient,
-    /// Of the rise.
+    /// Coefficient of the rise.
     pub rise: Coefficient,
 }
 
-/// Evaluates two sessions of the same bench, with the same specimens, at two temperatures. The calibration is that
-/// of the first, and has the coefficients.
+/// Evaluates two sessions of the same bench, with the same specimens, at two temperatures. Returns
+/// the calibration of the first session with the coefficients.
 ///
 /// # Errors
 /// As [`evaluate`], and if the temperatures are too close.
@@ -68,7 +69,7 @@ pub fn evaluate_both(
     Ok(with(calibration, coefficients))
 }
 
-/// Whether the same was pressed in the same order.
+/// Whether both sessions pressed the same specimens in the same order.
 fn same_specimens(first: &Session, second: &Session) -> bool {
     let tasks = |session: &Session| -> Vec<_> {
         let runs = session.runs.iter();
@@ -90,7 +91,8 @@ fn coefficients(at_first: &Calibration, at_second: &Calibration, warmer_k: f64) 
     }
 }
 
-/// Force at the second temperature over that at the first, at the same readings: the slope through zero.
+/// Force at the second temperature over that at the first, at the same readings, as a slope through
+/// zero.
 fn force_ratio(first: &Calibration, second: &Calibration) -> f64 {
     let both = first.force.points().into_iter().map(|(change, force_n)| {
         let within = change <= second.force.greatest_change;
@@ -104,10 +106,10 @@ fn force_ratio(first: &Calibration, second: &Calibration) -> f64 {
     slope_through_zero(both.map(|(of_first, of_second, _)| (of_first, of_second)))
 }
 
-/// Rise at the second temperature over that at the first. The instrument keeps c_S/c_D0, so that the size of
-/// h counts, in units of the second temperature's springs.
+/// Rise at the second temperature over that at the first. The instrument keeps c_S/c_D0 constant,
+/// so only the size of h changes, in units of the second temperature's springs.
 fn rise_ratio(first: &Calibration, second: &Calibration, springs: f64) -> f64 {
-    /// Currents at which the fall is compared.
+    /// Number of currents at which the falls are compared.
     const CURRENTS: u8 = 32;
     let (first, second) = (&first.actuated, &second.actuated);
     let parts = (0..=CURRENTS).map(|index| f64::from(index) / f64::from(CURRENTS));
@@ -121,7 +123,7 @@ fn rise_ratio(first: &Calibration, second: &Calibration, springs: f64) -> f64 {
     rise / first.rise(first.peak_a)
 }
 
-/// Slope of the line through zero that is nearest to points.
+/// Slope of the line through zero that fits the points best.
 fn slope_through_zero(points: impl Iterator<Item = (f64, f64)>) -> f64 {
     let (products, squares) = points.fold((0.0, 0.0), |(products, squares), (x, y)| {
         (products + x * y, squares + x * x)
@@ -129,7 +131,7 @@ fn slope_through_zero(points: impl Iterator<Item = (f64, f64)>) -> f64 {
     products / squares
 }
 
-/// A calibration with its coefficients.
+/// Adds coefficients to a calibration.
 fn with(calibration: Calibration, coefficients: Coefficients) -> Calibration {
     let Coefficients { springs, rise } = coefficients;
     let of_signal = calibration.stiffening_of_signal;
@@ -140,7 +142,8 @@ fn with(calibration: Calibration, coefficients: Coefficients) -> Calibration {
             Command::SetTemperatureEffect(effect) => {
                 Command::SetTemperatureEffect(TemperatureEffect {
                     springs_uncertainty_per_k: springs.uncertainty_per_k as f32,
-                    // As [`evaluate`] has it, the instrument counts an error of the rise as one of the signal.
+                    // As in [`evaluate`], the instrument counts an error of the rise as one of the
+                    // signal.
                     rise_uncertainty_per_k: (rise.uncertainty_per_k * of_signal) as f32,
                     ..effect
                 })
@@ -158,8 +161,8 @@ fn with(calibration: Calibration, coefficients: Coefficients) -> Calibration {
     }
 }
 
-/// The commands of a calibration as it is at another temperature, with the uncertainties of its own: springs and
-/// rise are changed by the coefficients, if there are some.
+/// Commands of a calibration at another temperature, with the uncertainties of the original:
+/// springs and rise change by the coefficients, if any.
 pub(crate) fn brought_to(commands: &[Command], now_c: Option<f64>) -> Vec<Command> {
     let (mut effect, mut coefficients) = (None, None);
     for command in commands {
@@ -198,11 +201,13 @@ pub(crate) fn brought_to(commands: &[Command], now_c: Option<f64>) -> Vec<Comman
     commands.iter().map(changed).collect()
 }
 
-/// A quantity that falls in proportion to the temperature, and not to itself, has another coefficient from 20 K
-/// above than from 20 K below, by this part at 0.5 %/K: ln(1 - 0.1) is 5 % off -0.1.
+/// Relative error of the exponential law: for a quantity linear in the temperature, at 0.5 %/K, the
+/// coefficients from 20 K above and from 20 K below differ by this part: ln(1 - 0.1) is 5 % off
+/// -0.1.
 const OF_LAW: f64 = 0.05;
-/// By how much two sessions at one temperature differ, root of the mean square, in the force at a reading and in the
-/// rise: 0.6e-4 and 0.0058 on 30 simulated sensors of the stack `ultrasoft`, of seeds 760001 to 760030.
+/// Root mean square difference of two sessions at one temperature, in the force at a reading and in
+/// the rise: 0.6e-4 and 0.0058 on 30 simulated sensors of the design `ultrasoft`, seeds 760001 to
+/// 760030.
 const NOISE_OF_SPRINGS: f64 = 1e-4;
 const NOISE_OF_RISE: f64 = 0.006;
 
@@ -265,7 +270,7 @@ mod tests {
     #[test]
     fn springs_and_rise_are_brought_to_another_temperature() {
         let mut all = commands();
-        // Without coefficients nothing is known of it.
+        // Without coefficients the commands stay the same.
         assert_eq!(brought_to(&all, Some(35.0)), all);
         all.push(Command::SetTemperatureCoefficients(
             TemperatureCoefficients {
@@ -287,7 +292,7 @@ mod tests {
         for (warm, cold) in rises(&warm).iter().zip(rises(&all)).skip(1) {
             near(*warm, f64::from(cold) * by_rise);
         }
-        // And back.
+        // The change back to the first temperature restores the commands.
         let effect = |command: &mut Command| {
             if let Command::SetTemperatureEffect(of) = command {
                 of.calibrated_at_c = 35.0;

@@ -1,17 +1,17 @@
-//! An uncertainty of kappa = c_S/c_L, in the three terms that the instrument has for it.
+//! Uncertainty of kappa = c_S/c_L in the instrument's three terms.
 
 use super::Unusable;
 use super::least_squares::System;
 
-/// Loads, kappa, at which the instrument's three terms are held against the uncertainty: from a rigid
+/// Loads, kappa, at which the instrument's three terms are fitted to the uncertainty: from a rigid
 /// load to one ten times as soft as the sensing layer.
 const KAPPAS: [f64; 8] = [0.0, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0];
 
-/// The constant, the part of kappa and the part of W = 1 + kappa + c_S/c_D0 whose squares come nearest to a
-/// variance of kappa, none below zero: relative errors of the variance count alike.
+/// Fits a constant, a part of kappa and a part of W = 1 + kappa + c_S/c_D0, none negative, whose
+/// squares add up to a variance of kappa. Relative errors of the variance count alike.
 pub(crate) fn terms(ratio: f64, variance: impl Fn(f64) -> f64) -> Result<[f64; 3], Unusable> {
     let squares = |kappa: f64| [1.0, kappa * kappa, (1.0 + kappa + ratio).powi(2)];
-    // Every round leaves one term out, until none is below zero.
+    // Every round removes one negative term.
     let mut used = vec![0, 1, 2];
     loop {
         let mut system = System::new(used.len());
@@ -60,7 +60,7 @@ mod tests {
 
     #[test]
     fn what_they_cannot_follow_leaves_out_terms_below_zero() {
-        // Least where kappa is one, as after a check.
+        // Minimum at kappa = 1, as after a check.
         let found = terms(1.1, |kappa| 1e-4 * (0.1 + (kappa - 1.0).powi(2))).unwrap();
         assert!(found.iter().all(|term| *term >= 0.0));
         assert!(found.iter().any(|term| *term > 0.0));

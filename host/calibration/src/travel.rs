@@ -1,10 +1,10 @@
-//! The force from springs and the stage's travel, where there is no load cell.
+//! Force from springs and the stage's travel, without a load cell.
 //!
-//! On a block the stage moves as far as both layers give way: s = G(y) at the change of inductance y. On a
-//! spring k it moves further at the same y, since the force is the same: s = G(y) (1 + C/k), with
-//! F = C G(y) and C the stiffness of both layers in series. So the travel gives the shape of the force, each
-//! spring a value of C, and springs that contradict each other show. Where the stage's scale has its zero
-//! is an unknown of each press.
+//! On a block the stage travels by the compression of both layers: s = G(y) at the change of
+//! inductance y. On a spring k it travels further at the same y, since the force is the same: s =
+//! G(y) (1 + C/k), with F = C G(y) and C the stiffness of both layers in series. So the travel
+//! gives the shape of the force, and each spring a value of C; a contradiction between springs
+//! shows. The zero of the stage's scale is an unknown of each press.
 
 use super::curve::{DEGREE, PressCurve, chebyshev};
 use super::least_squares::System;
@@ -12,41 +12,42 @@ use super::samples::{self, SampleRun};
 use super::{Known, Unusable};
 use crate::session::{Pressed, Session};
 
-/// Compliance of a bench's frame that is not measured, m/N: between none and that of one that gives way by
-/// 2 µm under a newton, the softest of the simulated benches.
+/// Largest compliance of an unmeasured frame, m/N, uniform from zero: 2 µm per newton, as the
+/// softest of the simulated benches.
 pub(crate) const FRAME_M_PER_N: f64 = 2e-6;
-/// Points of a press that are used at most: its noise is little, and its errors last over many points.
+/// Maximum number of points of a press: the noise is small, and the errors are correlated over many
+/// points.
 const POINTS: usize = 200;
-/// Rounds in which the curve and the springs' travels improve each other: the third changes C by less
+/// Rounds of the iteration between the curve and the springs' travels: the third changes C by less
 /// than a thousandth.
 const ROUNDS: usize = 3;
-/// Standard uncertainty of a travel, relative: creep of the layers in presses of different length.
-/// The simulated sensors' is 0.4 to 1.4 %.
+/// Relative standard uncertainty of a travel, from the creep of the layers in presses of different
+/// length. On the simulated sensors it is 0.4 to 1.4 %.
 const OF_TRAVEL: f64 = 0.01;
 
-/// How far the stage moves.
+/// Travel of the stage on block and springs.
 #[derive(Clone, Debug)]
 pub(crate) struct Travel {
-    /// On a block, m, against the change of inductance.
+    /// Travel on a block, m, against the change of inductance.
     pub(crate) on_block: PressCurve,
-    /// On each spring.
+    /// Travel on each spring.
     pub(crate) springs: Vec<SpringTravel>,
 }
 
-/// By how much the stage's travel on a spring is off what is written on it.
+/// Deviation of a spring's travel from that of its nominal stiffness.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SpringDeviation {
-    /// What is written on the spring, N/m.
+    /// Nominal stiffness, N/m.
     pub n_per_m: f64,
-    /// Travel over what it should be, less one.
+    /// Actual over expected travel, less one.
     pub deviation: f64,
 }
 
-/// Every spring against what is written on it: by load cell and stage, or against the other springs. Empty
-/// where the stage has no scale.
+/// Compares every spring with its nominal stiffness, by load cell and stage, or with the other
+/// springs. Empty where the stage has no scale.
 ///
 /// # Errors
-/// If the session does not give what is compared.
+/// If the session lacks the compared data.
 pub fn spring_deviations(
     session: &Session,
     known: &Known,
@@ -65,35 +66,35 @@ pub fn spring_deviations(
     Ok(travel.springs.iter().map(deviation).collect())
 }
 
-/// How far it moves on a spring.
+/// Travel of the stage on a spring.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SpringTravel {
-    /// What is written on the spring, N/m.
+    /// Nominal stiffness, N/m.
     pub(crate) n_per_m: f64,
-    /// The travel over that on a block, at the same change of inductance.
+    /// Travel over that on a block, at the same change of inductance.
     pub(crate) times: f64,
 }
 
 impl SpringTravel {
-    /// Stiffness of both layers in series that follows, N/m.
+    /// Resulting stiffness of both layers in series, N/m.
     pub(crate) fn series_n_per_m(&self) -> f64 {
         self.n_per_m * (self.times - 1.0)
     }
 
-    /// Its standard uncertainty, relative, for springs within a tolerance.
+    /// Relative standard uncertainty of that stiffness, for springs within a tolerance.
     fn uncertainty(&self, tolerance: f64) -> f64 {
         let of_travel = OF_TRAVEL * self.times / (self.times - 1.0);
         (tolerance / 3_f64.sqrt()).hypot(of_travel)
     }
 
-    /// By how much the travel differs from what the spring should take, relative to the travel.
+    /// Relative deviation of the travel from that expected of the spring.
     pub(crate) fn off_by(&self, series_n_per_m: f64) -> f64 {
         let should = 1.0 + series_n_per_m / self.n_per_m;
         self.times / should - 1.0
     }
 }
 
-/// Points of the presses upon one specimen: change of inductance, and the stage's scale, m.
+/// Points of the presses onto one specimen: change of inductance, and the stage's scale, m.
 type Points = Vec<(f64, f64)>;
 
 impl Travel {
@@ -130,7 +131,7 @@ impl Travel {
         })
     }
 
-    /// C, and its standard uncertainty, relative: the mean of what the springs say.
+    /// C and its relative standard uncertainty, as the weighted mean over the springs.
     pub(crate) fn series_n_per_m(&self, tolerance: f64) -> Result<(f64, f64), Unusable> {
         let (mut sum, mut weights) = (0.0, 0.0);
         for spring in self.springs.iter().filter(|spring| spring.times > 1.0) {
@@ -157,13 +158,13 @@ fn points(run: &SampleRun) -> Points {
     known.into_iter().step_by(step).collect()
 }
 
-/// Terms of the curve at a change.
+/// Terms of the curve at a change of inductance.
 fn terms(change: f64, greatest_change: f64) -> impl Iterator<Item = f64> {
     let terms = chebyshev(change / greatest_change).take(DEGREE);
     terms.map(|(value, _)| value)
 }
 
-/// G(y) from presses, each with how many times as far the stage moves on it.
+/// Fits G(y) to presses, each with its travel relative to that on a block.
 fn block_curve(presses: &[(f64, &Points)]) -> Result<PressCurve, Unusable> {
     let points = || {
         let numbered = presses.iter().enumerate();
@@ -192,7 +193,7 @@ fn block_curve(presses: &[(f64, &Points)]) -> Result<PressCurve, Unusable> {
     PressCurve::with_others(system, greatest_change, greatest_m, what).map(|(curve, _)| curve)
 }
 
-/// From the lowest to the highest place, m.
+/// Span of the stage's positions, m.
 fn way(points: &Points) -> f64 {
     let places = points.iter().map(|(_, stage_m)| *stage_m);
     let (low, high) = places.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), m| {
@@ -201,7 +202,7 @@ fn way(points: &Points) -> f64 {
     (high - low).max(0.0)
 }
 
-/// How many times as far as on a block the stage moves on each spring, over all its presses.
+/// Travel on each spring relative to that on a block, over all its presses.
 fn travels(
     presses: &[(Pressed, Points)],
     curve: &PressCurve,
@@ -242,7 +243,7 @@ fn travels(
         .collect()
 }
 
-/// Of every spring what is written on it, and what the stage's travel says with the force, N/m.
+/// Nominal stiffness of every spring, with the stiffness from travel and force, N/m.
 pub(crate) fn springs_n_per_m(
     runs: &[SampleRun],
     deepest: &SampleRun,
@@ -257,7 +258,7 @@ pub(crate) fn springs_n_per_m(
 }
 
 impl Travel {
-    /// C by what there is: the load cell, or the springs themselves, N/m.
+    /// C by the load cell, or by the springs without one, N/m.
     pub(crate) fn series_by_gauges_n_per_m(
         &self,
         runs: &[SampleRun],

@@ -1,13 +1,14 @@
-//! What the current adds to the reading of the untouched sensor, checked in use by a train without a press.
+//! Check of the cross-talk in use, by a train without a press.
 //!
-//! The coil's field on the sensing layer adds X I^2 to a reading. Where that has changed by a part e since the
-//! calibration, either the field does something else to the layer, or the current is another than the board measures.
-//! In the second case the stiffening, which goes with the square of the current too, has changed by e as well. A train
-//! without a press cannot tell the two apart: X is taken over, and e is stated as a standard uncertainty of the rise.
-//! A press upon a known spring (`check`) then shows which it was.
+//! The coil's field on the sensing layer adds X I^2 to a reading. If this has changed by a part e
+//! since the calibration, either the field acts on the layer differently, or the true current
+//! differs from the measured one. In the second case the stiffening, also proportional to the
+//! square of the current, has changed by e as well. A train without a press cannot separate the two
+//! cases: X is corrected, and e becomes a standard uncertainty of the rise. A press onto a known
+//! spring (`check`) then determines the case.
 //!
-//! It is held against the bench's own train, and not against the X of the calibration: that is adjusted to the presses
-//! too, and differs from the untouched sensor's by up to 5 %.
+//! The comparison is with the bench's own train, not with the X of the calibration, since the
+//! calibration adjusts X to the presses too, and differs from the untouched sensor by up to 5 %.
 
 use palpate_wire::Command;
 use palpate_wire::command::{Crosstalk, Settings, StiffeningCurve};
@@ -17,59 +18,61 @@ use super::least_squares::System;
 use super::samples::{Fallen, SampleRun};
 use super::session::Run;
 
-/// A calibration after a train without a press.
+/// A calibration corrected by a train without a press.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Untouched {
-    /// The commands that set it.
+    /// Commands that set it.
     pub commands: Vec<Command>,
-    /// Relative change of what the current adds to the reading.
+    /// Relative change of the cross-talk.
     pub change: f64,
-    /// Its standard error.
+    /// Standard error of `change`.
     pub standard_error: f64,
-    /// Whether that is a change, and the calibration was corrected.
+    /// Whether the change is significant, so that the calibration was corrected.
     pub corrected: bool,
 }
 
-/// A greater change is refused. Cross-talk that has changed by a fifth is corrected to what it was drawn with; nothing
-/// beyond has been tried, and whatever changes it by so much changes more than the model has.
+/// Greatest corrected change. Tests cover changes of the cross-talk up to a fifth; a larger change
+/// has causes outside the model.
 pub const MOST_CHANGE: f64 = 0.3;
-/// Relative standard uncertainty beside the scatter of the falls: what warming does to the reading of the untouched
-/// sensor is taken as straight over a train. With it 24 trains where nothing had changed, on 12 simulated sensors of the
-/// stack `ultrasoft` from seed 710001, half of them 30 K warmer, are off by 2.1 standard errors at most, without it by 3.3.
+/// Relative standard uncertainty in addition to the scatter of the falls: the drift of the
+/// untouched reading by warming is taken as linear over a train. With it 24 trains without any
+/// change, on 12 simulated sensors of the design `ultrasoft` from seed 710001, half of them 30 K
+/// warmer, deviate by 2.1 standard errors at most, without it by 3.3.
 const OF_WARMING: f64 = 1e-3;
-/// The reading of the untouched sensor drifts over a train by less than this part of what the current adds to it: by 0.006
-/// at most in those 24 trains. Something that touches, or goes, moves it further.
+/// Limit of the drift of the untouched reading over a train, as a part of the cross-talk: 0.006 at
+/// most in those 24 trains. A change of contact exceeds it.
 const MOST_DRIFT: f64 = 0.2;
-/// Falls that are evaluated at least, of those that the settings have.
+/// Smallest part of the settings' falls that must be evaluable.
 const LEAST_FALLS: f64 = 0.5;
 
-/// The bench's own train without a press, against which one in use is held.
+/// The bench's own train without a press, for comparison.
 #[derive(Clone, Copy, Debug)]
 pub struct OnTheBench<'r> {
-    /// Its notes.
+    /// Notes of the train.
     pub run: &'r Run,
-    /// The commands of the calibration that the bench gave, before any check.
+    /// Commands of the calibration from the bench, before any check.
     pub commands: &'r [Command],
 }
 
-/// Checks a calibration, as the commands that set it, by the notes of a train without a press.
+/// Checks a calibration, given as the commands that set it, by the notes of a train without a
+/// press.
 ///
 /// # Errors
-/// If a part of the calibration or a train is missing, the bench is another calibration's, something touched, or what the
-/// current adds has changed by more than [`MOST_CHANGE`].
+/// If a part of the calibration or a train is missing, the bench belongs to another calibration,
+/// something touched the sensor, or the cross-talk has changed by more than [`MOST_CHANGE`].
 pub fn check_untouched(
     commands: &[Command],
     bench: OnTheBench<'_>,
     run: &Run,
 ) -> Result<Untouched, Unchecked> {
     let (calibrated, in_force) = (Calibrated::of(bench.commands)?, Calibrated::of(commands)?);
-    // To the last digit, by chance of no other sensor's.
+    // Exact equality: no other sensor has the same frequency to the last digit.
     if calibrated.rest_hz != in_force.rest_hz {
         return Err(Unchecked::OtherSession);
     }
     let before = Added::by(bench.run, in_force.settings)?;
     let now = Added::by(run, in_force.settings)?;
-    // Earlier checks have corrected it by that.
+    // Correction by earlier checks.
     let corrected_before = in_force.apparent_m_per_a2 / calibrated.apparent_m_per_a2;
     let change = now.per_a2 / before.per_a2 / corrected_before - 1.0;
     let scatter = now.standard_error.hypot(before.standard_error) / before.per_a2;
@@ -93,10 +96,10 @@ pub fn check_untouched(
     })
 }
 
-/// What of a calibration is needed.
+/// The needed parts of a calibration.
 struct Calibrated<'c> {
     settings: &'c Settings,
-    /// Frequency of the untouched sensor on the bench.
+    /// Frequency of the untouched sensor on the bench, Hz.
     rest_hz: f64,
     apparent_m_per_a2: f64,
 }
@@ -124,30 +127,31 @@ impl<'c> Calibrated<'c> {
     }
 }
 
-/// The sensor of a stiffness: the first channel of the first converter.
+/// Whether this is the channel of the stiffness: the first channel of the first converter.
 const fn is_first(sensor: u8, channel: u8) -> bool {
     sensor == 0 && channel == 0
 }
 
-/// The samples of each fall: the current rises between two.
+/// Splits samples into falls: the current rises between two falls.
 fn falls(samples: &[Fallen]) -> Vec<&[Fallen]> {
     samples
         .chunk_by(|before, after| after.current_a < before.current_a)
         .collect()
 }
 
-/// What the current adds to the relative change of inductance.
+/// Effect of the current on the relative change of inductance.
 struct Added {
-    /// 1/A^2.
+    /// Effect per square of the current, 1/A^2.
     per_a2: f64,
-    /// Of that, by leaving out one fall after the other (Efron, Ann. Statist. 7, 1979, p. 1: the jackknife).
+    /// Standard error of `per_a2`, by leaving out one fall after the other (Efron, Ann. Statist. 7,
+    /// 1979, p. 1: the jackknife).
     standard_error: f64,
-    /// What else changes over the train.
+    /// Other change over the train.
     drift: f64,
 }
 
 impl Added {
-    /// By a train without a press.
+    /// Evaluates a train without a press.
     fn by(run: &Run, settings: &Settings) -> Result<Self, Unchecked> {
         let train = SampleRun::new(run, settings).map_err(|_| Unchecked::NotATrain)?;
         let falls = falls(&train.falls);
@@ -183,7 +187,7 @@ impl Added {
     }
 }
 
-/// Drift, 1/s, and what the current adds, 1/A^2.
+/// Drift, 1/s, and effect of the current, 1/A^2.
 fn fit<'f>(samples: impl Iterator<Item = &'f Fallen>) -> Option<(f64, f64)> {
     let mut system = System::new(3);
     for sample in samples {
@@ -196,7 +200,7 @@ fn fit<'f>(samples: impl Iterator<Item = &'f Fallen>) -> Option<(f64, f64)> {
     }
 }
 
-/// The commands with another cross-talk, and its change as an uncertainty of the rise.
+/// Commands with another cross-talk, and its change as an uncertainty of the rise.
 fn corrected_by(commands: &[Command], change: f64) -> Vec<Command> {
     let corrected = |command: &Command| match command {
         Command::SetCrosstalk(of) if is_first(of.sensor, of.channel) => {
@@ -224,9 +228,10 @@ mod tests {
 
     const REST_HZ: f64 = 3.06e6;
     const PEAK_A: f64 = 10.0;
-    /// What the current adds to the relative change of inductance, 1/A^2: a tenth of a per cent at the peak.
+    /// Effect of the current on the relative change of inductance, 1/A^2: a tenth of a per cent at
+    /// the peak.
     const PER_A2: f64 = 1e-5;
-    /// Noise of a conversion, relative, of the inductance.
+    /// Relative noise of a conversion's inductance.
     const NOISE: f64 = 2e-6;
     const APPARENT_M_PER_A2: f64 = 8e-8;
     const RISE_UNCERTAINTY: f32 = 0.01;
@@ -268,8 +273,8 @@ mod tests {
         ]
     }
 
-    /// A train of the default settings on a sensor to whose inductance the current adds so much, with noise and a drift of
-    /// so much in a second.
+    /// A train of the default settings on a sensor with the given cross-talk, noise, and drift per
+    /// second.
     fn train(per_a2: f64, drift_per_s: f64, noise: &mut dyn FnMut() -> f64) -> Run {
         let settings = settings();
         let (rise_s, hold_s) = (f64::from(settings.rise_s), f64::from(settings.hold_s));
@@ -310,7 +315,7 @@ mod tests {
         move || NOISE * stream.normal()
     }
 
-    /// What a train says after one on the bench, of which the current adds `times` as much.
+    /// Checks a train whose cross-talk is `times` that of the bench.
     fn checked(commands: &[Command], times: f64, seed: u64) -> Result<Untouched, Unchecked> {
         let bench = train(PER_A2, 0.0, &mut noise(2 * seed));
         let now = train(times * PER_A2, 1e-5, &mut noise(2 * seed + 1));
@@ -359,12 +364,12 @@ mod tests {
         let second = checked(&first.commands, 1.1, 4).unwrap();
         assert!(!second.corrected, "{second:?}");
         assert_eq!(second.commands, first.commands);
-        // And what comes on top of it alone.
+        // A second check corrects only the additional change.
         let third = checked(&first.commands, 1.1 * 1.05, 5).unwrap();
         assert!((third.change - 0.05).abs() < 5e-3, "{third:?}");
     }
 
-    /// Of 300 trains that differ by noise alone.
+    /// 300 trains that differ by noise alone.
     #[test]
     fn the_standard_error_is_what_trains_scatter_by() {
         const TRAINS: u64 = 300;
@@ -394,7 +399,7 @@ mod tests {
             };
             check_untouched(commands, bench, now).unwrap_err()
         };
-        // Something touches and presses on, by ten times what the current adds.
+        // Contact and a growing press, ten times the effect of the current.
         let touched = train(PER_A2, 100.0 * PER_A2 * PEAK_A, &mut noise(2));
         assert_eq!(held_against(&calibration, &touched), Unchecked::Touched);
         // The current stays off, or half of the samples are missing.

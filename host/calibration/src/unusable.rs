@@ -1,4 +1,4 @@
-//! Why a session gives no calibration.
+//! Reasons why a session gives no calibration.
 
 use std::fmt;
 
@@ -9,60 +9,61 @@ pub enum Unusable {
     Missing(&'static str),
     /// The notes of the bench contradict each other or do not determine a quantity.
     Undetermined(&'static str),
-    /// What has to rise with the press does not.
+    /// A quantity that must rise with the press does not.
     NotRising(&'static str),
-    /// A train led the sensing layer beyond its curve: greatest relative changes of inductance in the
-    /// trains, and in the presses upon the block.
+    /// A train deformed the sensing layer beyond its curve. Compares the greatest relative change
+    /// of inductance in the trains with that in the presses onto the block.
     BeyondPresses {
         /// In the trains.
         train: f64,
         /// In the presses.
         press: f64,
     },
-    /// Two sessions that are to show what the temperature does were at nearly the same.
+    /// Two sessions for the temperature coefficients were at nearly the same temperature.
     SameTemperature {
         /// Temperature of the second less that of the first, K.
         difference_k: f64,
     },
     /// Two sessions are not of the same specimens to the same depths.
     OtherSpecimens,
-    /// Springs or rise differ between two sessions by more than any elastomer changes with the temperature.
+    /// Springs or rise differ between two sessions by more than the temperature can cause in any
+    /// elastomer.
     OtherSensor {
-        /// Relative change for every kelvin.
+        /// Relative change per kelvin.
         per_k: f64,
     },
-    /// The calibration leaves more open than an estimate may be uncertain by.
+    /// The remaining uncertainty exceeds the greatest allowed error of an estimate.
     TooUncertain {
         /// Relative standard uncertainty of 1/c_L of a load of c_S.
         at_sensing: f64,
-        /// The greatest that the settings allow.
+        /// Greatest value that the settings allow.
         allowed: f64,
     },
-    /// The actuated layer's stiffening does not show.
+    /// The signal of the actuated layer's stiffening is too small.
     StiffensTooLittle(Signal),
-    /// It shows, but the trains are not those of three springs in series.
+    /// The signal is clear, but the trains contradict three springs in series.
     Contradiction {
-        /// What shows of the stiffening.
+        /// Signal of the stiffening.
         signal: Signal,
-        /// c_S/c_D0 as the trains have it.
+        /// c_S/c_D0 of the fit.
         ratio: f64,
     },
 }
 
-/// What the current does to the sensing layer's deformation under the hardest load, relative to the
+/// Effect of the current on the sensing layer's deformation under the hardest load, relative to the
 /// deformation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Signal {
     /// Change at the peak current.
     pub change: f64,
-    /// Standard deviation of a sample about it.
+    /// Standard deviation of a sample about the fit.
     pub scatter: f64,
 }
 
 impl Signal {
-    /// Change over scatter below which a failed evaluation is put down to the signal: the stack
-    /// `paper` has 0.7 at most, `ultrasoft` with a rise of 0.3 to 3 % less than none, since the
-    /// attraction outweighs the stiffening.
+    /// Ratio of change to scatter below which the signal is the cause of a failed evaluation: the
+    /// design `paper` has 0.7 at most, `ultrasoft` with a rise of 0.3 to 3 % less than zero, since
+    /// the attraction outweighs the stiffening.
     const CLEAR: f64 = 10.0;
 
     pub(crate) fn is_clear(&self) -> bool {

@@ -1,54 +1,56 @@
-//! A run in figures.
+//! Figures of a run.
 
 use crate::least_squares::System;
 use crate::session::{BenchSample, Pressed, Run, START_S};
 use crate::{Known, Unusable, train_scatter};
 
-/// What a run comes to. Relative figures are relative to what the stack's nominal data let expect.
+/// Figures of a run. Relative figures are relative to the values expected from the sensor design's
+/// nominal data.
 pub(super) struct Figures {
     /// Part of the samples that is missing.
     pub(super) missing: f64,
-    /// By how much the greatest current stays below the peak, relative to it.
+    /// Shortfall of the greatest current below the peak, relative to the peak.
     pub(super) current_missing: f64,
     /// Frequency of the untouched sensor, Hz.
     pub(super) rest_hz: f64,
-    /// Mean of the load cell then, over the force that is aimed at.
+    /// Mean of the load cell before the press, over the target force.
     pub(super) rest_force: Option<f64>,
-    /// Its standard deviation then, over the same.
+    /// Standard deviation of the load cell before the press, over the target force.
     pub(super) force_noise: Option<f64>,
-    /// Change of inductance at rest, pressed; without a press, when the train begins.
+    /// Change of inductance at rest under the press; without a press, at the start of the train.
     pub(super) change: f64,
-    /// How far the stage moved, over what is aimed at.
+    /// Travel of the stage over the target travel.
     pub(super) travel: Option<f64>,
-    /// Force at rest, over what is aimed at.
+    /// Force at rest over the target force.
     pub(super) force: Option<f64>,
-    /// How far the load cell is off a smooth curve of the inductance during the press, over the force.
+    /// Deviation of the load cell from a smooth curve of the inductance during the press, over the
+    /// force.
     pub(super) follows: Option<f64>,
-    /// How far the stage's scale is off such a curve from the touch on, over its way.
+    /// Deviation of the stage's scale from such a curve after the touch, over its travel.
     pub(super) stage_follows: Option<f64>,
     /// Part of the samples without a force.
     pub(super) force_missing: f64,
-    /// The longest time that the force was the same under the press, s.
+    /// Longest time of an unchanged force under the press, s.
     pub(super) frozen_s: f64,
-    /// By how much the change of inductance grows in the train at most, relative.
+    /// Greatest relative growth of the change of inductance in the train.
     pub(super) swing: f64,
-    /// By how much it differs after the train, relative.
+    /// Relative difference of the change of inductance after the train from before.
     pub(super) slip: f64,
-    /// The same of the force.
+    /// Relative difference of the force after the train from before.
     pub(super) force_slip: Option<f64>,
-    /// Standard deviation of the readings in the train about a smooth curve, over what they span.
+    /// Standard deviation of the train's readings about a smooth curve, over their span.
     pub(super) scatter: Option<f64>,
 }
 
-/// Part of the aimed depth from which forces are measured relative to something at least: 0.05 mm.
+/// Smallest target depth for relative forces: 0.05 mm.
 const LEAST_DEPTH_M: f64 = 50e-6;
-/// Change of inductance at which a press has touched: 8 µm.
+/// Change of inductance at which a press touches: 8 µm.
 const TOUCHED: f64 = 2e-3;
-/// How long the pressed sensor is averaged before the train begins, and after its end, s.
+/// Averaging time of the pressed sensor before the train and after its end, s.
 const MEAN_S: f64 = 0.03;
 
 impl Figures {
-    /// Nothing if there are no samples where there have to be.
+    /// Computes the figures; `None` if the run lacks the necessary samples.
     pub(super) fn of(run: &Run, known: &Known) -> Option<Self> {
         let rest_hz = run.rest_hz()?;
         let change = |line: &BenchSample| Some((rest_hz / line.frequency_hz).powi(2) - 1.0);
@@ -99,20 +101,21 @@ impl Figures {
     }
 }
 
-/// What creep leaves of the deformation that a train adds, relative to the greatest: up to 0.28 of it on the
-/// design `closed`, whose train more than doubles the deformation (swing 0.3 to 1.7, 0.07 to 0.12 left).
+/// Part of a train's additional deformation that creep retains, relative to the greatest
+/// deformation: up to 0.28 on the design `closed`, whose train more than doubles the deformation
+/// (swing 0.3 to 1.7, 0.07 to 0.12 left).
 const LEFT_BY_TRAIN: f64 = 0.25;
 
 impl Figures {
-    /// By how much the deformation differs after the train, relative, less what the train leaves.
+    /// Relative change of the deformation after the train, without the part that creep retains.
     pub(super) fn slipped(&self) -> f64 {
         let left = LEFT_BY_TRAIN * self.swing / (1.0 + self.swing);
         (self.slip.abs() - left).max(0.0)
     }
 }
 
-/// How far the stage has to move for a depth, by the nominal data of the stack, m; beside the way to the
-/// sensor.
+/// Expected travel of the stage for the target depth, by the design's nominal data, m, without the
+/// way to the sensor.
 pub(in super::super) fn aimed_travel_m(run: &Run, known: &Known) -> f64 {
     let load = match run.pressed {
         Pressed::Spring { n_per_m } => known.sensing_n_per_m / n_per_m,
@@ -121,13 +124,13 @@ pub(in super::super) fn aimed_travel_m(run: &Run, known: &Known) -> f64 {
     run.depth_m * (1.0 + known.sensing_n_per_m / known.actuated_n_per_m + load)
 }
 
-/// The greatest change of inductance from the train on.
+/// Greatest change of inductance from the start of the train.
 fn greatest_change(run: &Run, change: impl Fn(&BenchSample) -> Option<f64>) -> f64 {
     let train = run.lines.iter().filter(|line| line.time_s >= run.began_s);
     train.filter_map(change).fold(0.0, f64::max)
 }
 
-/// Mean and standard deviation within a span of time, s; nothing of none.
+/// Mean and standard deviation within a span of time, s; `None` without values.
 fn statistics(
     run: &Run,
     (from_s, to_s): (f64, f64),
@@ -148,7 +151,7 @@ fn statistics(
     Some((mean, (square / count).sqrt()))
 }
 
-/// Part of the samples that is missing, by the time between two that follow each other as a rule.
+/// Part of the samples that is missing, by the usual time between neighbours.
 fn missing(run: &Run) -> Option<f64> {
     let pairs = run.lines.windows(2);
     let mut steps_s: Vec<f64> = pairs
@@ -170,7 +173,7 @@ fn without_force(run: &Run) -> f64 {
     without.count() as f64 / run.lines.len().max(1) as f64
 }
 
-/// The longest time that the load cell showed the same under the press, s.
+/// Longest time of an unchanged load cell under the press, s.
 fn frozen_s(run: &Run) -> f64 {
     let (mut since, mut longest_s) = (None, 0.0);
     let pressed = run.lines.iter().filter(|line| line.time_s > run.pressed_s);
@@ -185,7 +188,8 @@ fn frozen_s(run: &Run) -> f64 {
     longest_s
 }
 
-/// Standard deviation of a gauge about a cubic of the inductance, until the train, over what it spans.
+/// Standard deviation of a gauge about a cubic of the inductance until the train, over the gauge's
+/// span.
 fn follows(
     run: &Run,
     change: impl Fn(&BenchSample) -> Option<f64>,

@@ -4,59 +4,60 @@ use serde::Serialize;
 
 use super::DataFault;
 
-/// What is checked.
+/// The checks of a bench's data.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Check {
-    /// Samples that are missing, part of all.
+    /// Missing samples, as a part of all.
     Samples,
-    /// Samples without a reading of the load cell, part of all.
+    /// Samples without a reading of the load cell, as a part of all.
     ForceMissing,
-    /// Current that is missing at the peak, relative.
+    /// Missing current at the peak, relative.
     Current,
-    /// The load cell while nothing touches, over the force that is aimed at.
+    /// Load cell without contact, over the target force.
     Zero,
-    /// Its noise then, over the same.
+    /// Noise of the load cell without contact, over the target force.
     ForceNoise,
-    /// Change of inductance while nothing is to touch.
+    /// Change of inductance where the sensor should be untouched.
     Touched,
     /// Frequency before the press against that of the sensor without a specimen, relative.
     RestFrequency,
-    /// Change of inductance of which a press has to make more, less what it made.
+    /// Required change of inductance of a press, less the actual one.
     Reached,
-    /// How far the stage moved back, over what is aimed at.
+    /// Backward travel of the stage, over the target travel.
     StageSign,
-    /// How far it moved, against what is aimed at: factor.
+    /// Travel of the stage against the target travel: factor.
     StageUnit,
-    /// Force of the wrong sign, over what is aimed at.
+    /// Force of the wrong sign, over the target force.
     ForceSign,
-    /// Force against what is aimed at: factor.
+    /// Force against the target force: factor.
     ForceUnit,
-    /// Force beside a smooth curve of the inductance, over the greatest.
+    /// Deviation of the force from a smooth curve of the inductance, over the greatest force.
     ForceFollows,
-    /// How long the load cell shows the same to the last digit under a press, s.
+    /// Time for which the load cell shows exactly the same value under a press, s.
     ForceFrozen,
-    /// The stage's scale beside a smooth curve of the inductance, over its way.
+    /// Deviation of the stage's scale from a smooth curve of the inductance, over its travel.
     StageFollows,
     /// Deformation after the train against before it, relative.
     Slip,
-    /// The same of the force.
+    /// Force after the train against before it, relative.
     ForceSlip,
-    /// Scatter of the readings in the train about a smooth curve, over what they span, 8 µm at least.
+    /// Scatter of the train's readings about a smooth curve, over their span or 8 µm, whichever is
+    /// greater.
     Scatter,
-    /// Depth of a press against the others: factor.
+    /// Depth of a press against the other presses: factor.
     Depth,
     /// Compliance of block and frame, over that of the sensing layer.
     Frame,
-    /// Travel of the stage on a spring against what its stiffness takes, relative.
+    /// Travel of the stage on a spring against that expected from its stiffness, relative.
     Spring,
 }
 
-/// A press makes more change of inductance than this: 20 µm on the reference coil.
+/// Smallest change of inductance of a press: 20 µm on the reference coil.
 const LEAST_CHANGE: f64 = 5e-3;
 
 impl Check {
-    /// All, in the order of the table.
+    /// All checks, in the order of the table.
     pub const ALL: [Self; 21] = [
         Self::Samples,
         Self::ForceMissing,
@@ -81,54 +82,56 @@ impl Check {
         Self::Spring,
     ];
 
-    /// The number of [`Check::Reached`] for a change of inductance.
+    /// Value of [`Check::Reached`] for a change of inductance.
     pub(super) fn reached(change: f64) -> f64 {
         LEAST_CHANGE - change
     }
 
-    /// What good data stay below. docs/evidence/springs.md has what they come to.
+    /// Upper limit for good data. docs/evidence/springs.md lists typical values.
     pub const fn limit(self) -> f64 {
         match self {
             // A link that drops one sample in a hundred drops some of every fall.
             Self::Samples => 0.01,
-            // A reading that is missing takes the press or the falls around it.
+            // A missing reading makes the press or the falls around it unusable.
             Self::ForceMissing => 0.02,
-            // The firmware itself allows its current 2 %; an open or half dead coil gives none, or half.
+            // The firmware itself allows its current 2 %; an open coil gives no current, a
+            // half-dead one half.
             Self::Current => 0.1,
-            // A hundredth of the force moves the zero of the curve by so much of the depth.
+            // A hundredth of the force shifts the zero of the curve by a hundredth of the depth.
             Self::Zero => 0.05,
             Self::ForceNoise => 0.02,
-            // 4 µm; warmth of the train makes half a micrometre.
+            // 4 µm; warming by the train causes half a micrometre.
             Self::Touched => 1e-3,
-            // As much as 8 µm of contact, or 10 K: the capacitor has 30 ppm/K, the layers' growth 150.
+            // Equals 8 µm of contact, or 10 K: the capacitor has 30 ppm/K, the layers' growth 150.
             Self::RestFrequency => 1e-3,
             Self::Reached => 0.0,
             Self::StageSign => 0.0,
-            // Between the next unit of anybody's choice, 10 (cm, bar), and the layers' spread of a fifth.
+            // Between the nearest wrong unit, a factor of 10 (cm, bar), and the layers' spread of a
+            // fifth.
             Self::StageUnit => 3.0,
             Self::ForceSign => 0.0,
-            // The next unit is the pound-force, 4.4 N.
+            // The nearest wrong unit is the pound-force, 4.4 N.
             Self::ForceUnit => 3.0,
-            // Four times what creep makes of good presses.
+            // Four times the effect of creep in good presses.
             Self::ForceFollows => 0.02,
-            // A force that creeps by some millinewtons a second shows another digit in less.
+            // A force that creeps by some millinewtons a second changes its last digit sooner.
             Self::ForceFrozen => 0.5,
             Self::StageFollows => 0.01,
-            // Creep during the train: half of this in good runs.
+            // Creep during the train; good runs have half of this.
             Self::Slip => 0.06,
             Self::ForceSlip => 0.06,
-            // Lag and memory of the layers, and stands that shake by half a micrometre: 4.0 % at most on 48 simulated sensors.
-            // Jumps and shaking of 2 µm make more than this.
+            // Lag and memory of the layers, and stands that shake by half a micrometre, cause 4.0 %
+            // at most on 48 simulated sensors. Jumps and shaking of 2 µm exceed the limit.
             Self::Scatter => 0.08,
             Self::Depth => 2.0,
-            // What is added to every load: beyond this a rigid one is none.
+            // This compliance is in series with every load: beyond the limit no load is rigid.
             Self::Frame => 0.2,
-            // Creep of presses of different length, and the springs' tolerance of 1 %.
+            // Creep in presses of different length, and the springs' tolerance of 1 %.
             Self::Spring => 0.07,
         }
     }
 
-    /// What a number beyond the limit means.
+    /// The fault that a value beyond the limit means.
     pub(super) fn fault(self, value: f64, place: &str) -> DataFault {
         let percent = 1e2 * value;
         let (name, cause, action) = match self {

@@ -1,8 +1,9 @@
-//! Whether what was written down on the bench can be true.
+//! Plausibility checks of the data recorded on the bench.
 //!
-//! Every check compares one number with one limit, so that what good sessions come to can be listed beside
-//! the limits (docs/evidence/springs.md). A run is checked as soon as it is over, a session before it is
-//! evaluated. What is beyond its limit is refused with the number, the likely cause and what to do.
+//! Each check compares one value with one limit, and docs/evidence/springs.md lists the values of
+//! good sessions beside the limits. A run is checked as soon as it is over, a session before its
+//! evaluation. The refusal of a value beyond its limit states the value, the likely cause and a
+//! remedy.
 
 mod figures;
 mod kinds;
@@ -14,14 +15,14 @@ pub use self::kinds::Check;
 use crate::session::{Pressed, Run, Session};
 use crate::{Known, Unusable, frame, spring_deviations};
 
-/// What is wrong with the data of a bench, the likely cause, and what to do.
+/// A fault of a bench's data, with its likely cause and a remedy.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct DataFault {
-    /// Its name, which stays from version to version.
+    /// Name, stable across versions.
     pub name: &'static str,
-    /// What was found, in words.
+    /// Description of the fault.
     pub cause: String,
-    /// What to do.
+    /// Remedy.
     pub action: &'static str,
 }
 
@@ -31,32 +32,32 @@ impl fmt::Display for DataFault {
     }
 }
 
-/// A number beside the limit of its check.
+/// A value beside the limit of its check.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CheckedFigure {
     /// The check.
     pub check: Check,
-    /// What was found, in the unit of the limit.
+    /// Value, in the unit of the limit.
     pub value: f64,
-    /// Where, in words.
+    /// Location, in words.
     pub place: String,
 }
 
 impl CheckedFigure {
-    /// What is wrong; nothing if nothing is.
+    /// The fault; `None` for a good value.
     fn fault(&self) -> Option<DataFault> {
-        // A value that is no number is none that is right.
+        // NaN counts as a fault.
         let is_good = self.value <= self.check.limit();
         (!is_good).then(|| self.check.fault(self.value, &self.place))
     }
 }
 
-/// What is wrong with a run: the first that is.
+/// Returns the first fault of a run.
 pub fn fault_of_run(run: &Run, untouched: Option<&Run>, known: &Known) -> Option<DataFault> {
     first(&of_run(run, untouched, known))
 }
 
-/// What is wrong with a session whose runs are right.
+/// Returns the first fault of a session whose runs are good.
 pub fn fault_of_session(session: &Session, known: &Known) -> Option<DataFault> {
     match of_session(session, known) {
         Ok(checked) => first(&checked),
@@ -72,8 +73,8 @@ fn first(checked: &[CheckedFigure]) -> Option<DataFault> {
     checked.iter().find_map(CheckedFigure::fault)
 }
 
-/// All checks of a run, those first whose fault makes others meaningless. `untouched` is the run in which
-/// nothing touched.
+/// Returns all checks of a run, starting with those whose fault makes others meaningless.
+/// `untouched` is the run without contact.
 pub fn of_run(run: &Run, untouched: Option<&Run>, known: &Known) -> Vec<CheckedFigure> {
     let Some(figures) = Figures::of(run, known) else {
         return vec![at(run, Check::Samples, 1.0)];
@@ -120,7 +121,7 @@ pub fn of_run(run: &Run, untouched: Option<&Run>, known: &Known) -> Vec<CheckedF
     checked
 }
 
-/// By what factor a ratio is off, whichever way; none that is positive is infinitely far.
+/// Factor between a ratio and one, in either direction; infinite for a ratio that is not positive.
 fn apart(ratio: f64) -> f64 {
     if ratio > 0.0 {
         ratio.max(1.0 / ratio)
@@ -143,10 +144,10 @@ fn at(run: &Run, check: Check, value: f64) -> CheckedFigure {
     }
 }
 
-/// All checks of a session as a whole.
+/// Returns all checks of a session as a whole.
 ///
 /// # Errors
-/// If it does not even give what the checks compare.
+/// If the session lacks the compared data.
 pub fn of_session(session: &Session, known: &Known) -> Result<Vec<CheckedFigure>, Unusable> {
     let runs = session.runs.iter().chain([&session.deepest_press]);
     let pressed = runs.filter(|run| run.pressed != Pressed::Nothing);
@@ -167,8 +168,8 @@ fn whole(check: Check, value: f64) -> CheckedFigure {
     }
 }
 
-/// How deep each press went, against what was aimed at and the other presses: the change of inductance for
-/// a metre, over its median.
+/// Checks the depth of each press against its target and the other presses: change of inductance
+/// per metre, over the median.
 fn depths<'r>(runs: impl Iterator<Item = &'r Run>, known: &Known) -> Vec<CheckedFigure> {
     let figures = runs.filter_map(|run| {
         let change = Figures::of(run, known)?.change;
@@ -184,7 +185,7 @@ fn depths<'r>(runs: impl Iterator<Item = &'r Run>, known: &Known) -> Vec<Checked
         .collect()
 }
 
-/// Every spring against what is written on it.
+/// Checks every spring against its nominal stiffness.
 fn springs(session: &Session, known: &Known) -> Result<Vec<CheckedFigure>, Unusable> {
     let deviations = spring_deviations(session, known)?.into_iter();
     Ok(deviations
