@@ -1,4 +1,4 @@
-//! What is computed of a sensor before it is built, and of conversion words.
+//! Computations for designers of a sensor, and decoding of conversion words.
 
 pub mod field;
 pub mod plan;

@@ -1,4 +1,4 @@
-//! `palpate plan-ldc`: register values for a board, or the limit that stands in the way.
+//! `palpate plan-ldc`: register values for a board, or the exceeded limit.
 
 use std::io::{self, Write};
 
@@ -128,7 +128,7 @@ fn noise(text: &str) -> Result<f32, String> {
 }
 
 impl PlannedBoard {
-    /// The chip.
+    /// Model of the chip.
     pub fn model(&self) -> Model {
         match self.chip {
             ChipChoice::Ldc1612 => Model::Ldc1612,
@@ -144,7 +144,7 @@ impl PlannedBoard {
         }
     }
 
-    /// What is requested of a chip of which this releases INTB.
+    /// Builds the request for a chip in which this event releases INTB.
     pub fn request(&self, release: Release) -> Request {
         let sensor = Sensor {
             lowest_hz: self.sensor.0,
@@ -167,7 +167,7 @@ impl PlannedBoard {
     }
 }
 
-/// The outcome as JSON.
+/// Outcome as JSON.
 #[derive(Serialize)]
 #[serde(rename_all = "snake_case")]
 enum PlanOutcome {
@@ -182,7 +182,7 @@ enum PlanOutcome {
 /// Runs the verb.
 ///
 /// # Errors
-/// What is refused or fails, with what to do.
+/// Refusals and failures, with a remedy.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let request = arguments.board.request(arguments.board.release);
     let result = request.plan();
@@ -206,7 +206,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// A plan that the limits of the chip refuse.
+/// Failure for a plan that exceeds the limits of the chip.
 pub fn refused(refusal: LimitError) -> Failure {
     Failure::Refused(format!("the plan is refused: {refusal}"))
 }

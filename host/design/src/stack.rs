@@ -1,4 +1,4 @@
-//! `palpate stack`: kinds of sensors, as files.
+//! `palpate stack`: sensor designs as files.
 
 use std::io::{self, Write};
 use std::path::Path;
@@ -38,7 +38,7 @@ struct Show {
 /// Runs the verb.
 ///
 /// # Errors
-/// What is refused or fails, with what to do.
+/// Refusals and failures, with a remedy.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let Verb::Show(show) = &arguments.verb;
     let stack = Stack::named(&show.stack, Path::new(""))?;

@@ -34,7 +34,8 @@ pub struct Arguments {
 }
 
 const COLUMNS: [&str; 5] = ["source", "fref_hz", "rcount", "kind", "value"];
-/// The slowest clock (2 MHz) over the largest divider, and the fastest internal oscillator.
+/// Range from the slowest clock (2 MHz) over the largest divider to the fastest internal
+/// oscillator.
 const REFERENCE_HZ: std::ops::RangeInclusive<f64> = 1_955.0..=55e6;
 
 /// One decoded word.
@@ -49,11 +50,11 @@ struct WordRow {
     m: u32,
     n: u32,
     residual_lsb: f32,
-    /// Nothing for a sensor too slow to be judged, and for a word that holds no result.
+    /// `None` for a sensor too slow for a verdict, and for a word without a result.
     plausible: Option<bool>,
-    /// The chance that a random word is called plausible.
+    /// Probability that a random word is called plausible.
     false_accept: f32,
-    /// What its flags and its value say about it.
+    /// Verdict from flags and value.
     quality: Quality,
     /// At or above a quarter of the reference, outside the chip's stated limit.
     above_quarter_reference: bool,
@@ -62,7 +63,7 @@ struct WordRow {
 /// Runs the verb.
 ///
 /// # Errors
-/// What is refused or fails, with what to do.
+/// Refusals and failures, with a remedy.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let rows = decode_file(&arguments.file)?;
     let mut out = io::stdout().lock();
@@ -91,7 +92,7 @@ fn decode_file(path: &Path) -> Result<Vec<WordRow>, Failure> {
     let mut rows = Vec::new();
     for record in reader.records() {
         let record = record.map_err(|error| csv_failure(path, &error))?;
-        // Counting lines takes the text up to there: of a record that is wrong, and not of each.
+        // Counting lines reads the text up to the record, so only a wrong record is located.
         let fail = |(problem, allowed): (String, String)| Failure::Input {
             file: path.to_owned(),
             line: (record.position()).map_or(0, |place| line_from(&text, place.byte())),
@@ -117,7 +118,8 @@ fn decode_file(path: &Path) -> Result<Vec<WordRow>, Failure> {
     Ok(rows)
 }
 
-/// The line of what begins at or behind a byte: the reader's own line is that before, where lines end with two characters.
+/// Line of the record at or behind a byte. The reader's own count is one too small for lines that
+/// end with two characters.
 fn line_from(text: &str, byte: u64) -> u64 {
     let start = text.get(byte as usize..).unwrap_or_default();
     let blank = start.len() - start.trim_start().len();
@@ -140,7 +142,7 @@ fn csv_failure(path: &Path, error: &csv::Error) -> Failure {
     }
 }
 
-/// Where each column stands in this file.
+/// Column indices of this file.
 struct Columns([usize; 5]);
 
 impl Columns {
@@ -179,7 +181,7 @@ impl Columns {
     }
 }
 
-/// The problem of a field, and what is allowed in it.
+/// Problem of a field, and the allowed values.
 type FieldError = (String, String);
 
 fn decode_record(columns: &Columns, record: &csv::StringRecord) -> Result<WordRow, FieldError> {
@@ -205,7 +207,7 @@ fn decode_record(columns: &Columns, record: &csv::StringRecord) -> Result<WordRo
         m: ratio.m,
         n: ratio.n,
         residual_lsb: ratio.residual_lsb,
-        // A conversion that was given up has counted nothing.
+        // An aborted conversion has counted nothing.
         plausible: ratio.plausible.filter(|_| !word.flags().watchdog),
         false_accept: ratio.false_accept,
         quality: reading.quality(),
@@ -237,7 +239,7 @@ fn word(kind: &str, value: &str, fref_hz: f64) -> Result<Word, FieldError> {
         "word" => value
             .strip_prefix("0x")
             .or_else(|| value.strip_prefix("0X"))
-            // `from_str_radix` alone would take a sign.
+            // `from_str_radix` alone would accept a sign.
             .filter(|digits| digits.bytes().all(|byte| byte.is_ascii_hexdigit()))
             .and_then(|digits| u32::from_str_radix(digits, 16).ok())
             .map(Word::from_bits)
@@ -313,7 +315,7 @@ fn note(quality: Quality) -> &'static str {
     }
 }
 
-/// Whether the words of this file behave as ratios of counts at all.
+/// Summarises whether the words of this file are ratios of counts.
 fn summary(rows: &[WordRow]) -> String {
     let mut count = PlausibilityCount::default();
     for row in rows {

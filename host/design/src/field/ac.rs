@@ -47,8 +47,9 @@ pub(super) struct Arguments {
     json: bool,
 }
 
-/// L and R may be less accurate by this factor than the constant field: their error in 20 bits of a
-/// resonance is a scale, and a tenth of a per cent is below what is known of any material.
+/// Factor by which the accuracy of L and R is relaxed against the constant field: in 20 bits of a
+/// resonance their error is a scale factor, and a tenth of a per cent is below the uncertainty of
+/// any material.
 const WIDER: f64 = 10.0;
 
 fn frequency(text: &str) -> Result<f64, String> {
@@ -62,7 +63,7 @@ fn frequency(text: &str) -> Result<f64, String> {
     }
 }
 
-/// An impedance as a measuring bridge shows it.
+/// Series inductance and resistance, as a measuring bridge shows them.
 #[derive(Serialize)]
 #[allow(non_snake_case, reason = "keys carry units")]
 struct SeriesImpedance {
@@ -81,23 +82,23 @@ impl SeriesImpedance {
     }
 }
 
-/// A coil at a frequency.
+/// Result for a coil at a frequency.
 #[derive(Serialize)]
 #[allow(non_snake_case, reason = "keys carry units")]
 struct CoilAtFrequency {
     coil: String,
     #[serde(flatten)]
     alternating: SeriesImpedance,
-    /// Estimated absolute errors.
+    /// Estimated absolute error.
     inductance_error_H: f64,
     resistance_error_ohm: f64,
-    /// For small changes of a constant current.
+    /// Inductance for small changes of a constant current.
     dc_inductance_H: f64,
     dc_inductance_error_H: f64,
     dc_resistance_ohm: f64,
-    /// The share of the resistance that each coil and each part makes.
+    /// Contribution of each coil and each part to the resistance.
     resistance_by_part_ohm: BTreeMap<String, f64>,
-    /// With the driven coils short-circuited in series.
+    /// Impedance with the driven coils short-circuited in series.
     #[serde(skip_serializing_if = "Option::is_none")]
     driven_coils_closed: Option<SeriesImpedance>,
 }
@@ -165,7 +166,7 @@ impl CoilAtFrequency {
     }
 }
 
-/// All coils at a frequency.
+/// Results for all coils at a frequency.
 #[derive(Serialize)]
 #[allow(non_snake_case, reason = "keys carry units")]
 struct CoilsAtFrequency {
@@ -174,9 +175,10 @@ struct CoilsAtFrequency {
     current_A: Option<f64>,
     frequency_Hz: f64,
     coils: Vec<CoilAtFrequency>,
-    /// Magnetic plates without a conductivity.
+    /// Magnetic plates for which the design has no conductivity.
     parts_without_currents: Vec<String>,
-    /// Voltage on each coil (row), real and imaginary, per ampere in each (column), the others open.
+    /// Voltage on each coil (row), real and imaginary, per ampere in each coil (column), with the
+    /// others open.
     impedances_ohm: Vec<Vec<[f64; 2]>>,
     unknowns: usize,
     reached: bool,
@@ -239,7 +241,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     outcomes.iter().try_for_each(CoilsAtFrequency::reached)
 }
 
-/// Magnetic plates in which no currents are induced, since the design has no conductivity of them.
+/// Magnetic plates without eddy currents, since the design has no conductivity for them.
 fn without_currents(design: &Design) -> Vec<String> {
     let plates = design.parts.iter();
     let plates = plates.filter(|part| !part.cast && part.material.initial_mu_r() > 1.0);
@@ -247,7 +249,7 @@ fn without_currents(design: &Design) -> Vec<String> {
     insulating.map(|plate| plate.name.clone()).collect()
 }
 
-/// The coils with these names; without any, those that are not driven, or all.
+/// Returns the coils with these names; without names the coils that are not driven, or all.
 fn coils(design: &Design, names: &[String]) -> Result<Vec<usize>, Failure> {
     if design.coils.is_empty() {
         let name = &design.name;
@@ -303,7 +305,7 @@ impl CoilsAtFrequency {
         text
     }
 
-    /// Refuses what is less accurate than asked for.
+    /// Fails if the requested accuracy was not reached.
     fn reached(&self) -> Result<(), Failure> {
         if self.reached {
             return Ok(());

@@ -1,4 +1,4 @@
-//! What an optimisation compares: a design's figures at its current, and the limits on them.
+//! Candidates of an optimisation: a design's figures at its current, and their limits.
 
 use clap::{Args, ValueEnum};
 use palpate_cli::failure::Failure;
@@ -23,14 +23,14 @@ pub(super) enum Goal {
     StiffnessError,
 }
 
-/// What the elastomer between the boards gives.
+/// Stiffening by the elastomer between the boards.
 #[derive(Clone, Copy, Debug)]
 struct Stiffening {
     /// Relative rise of the actuated spring.
     rise: f64,
     /// The actuated layer's share of the whole compliance.
     layer_share: f64,
-    /// The load's, which is as stiff as the sensing layer.
+    /// Share of the compliance of a load as stiff as the sensing layer.
     load_share: f64,
 }
 
@@ -57,7 +57,7 @@ impl Stiffening {
 pub(super) struct Candidate {
     stiffening: Option<Stiffening>,
     homogeneity: f64,
-    /// Standard error of ln(c_L) that a press upon c_S is expected to have, where there is a plan.
+    /// Expected standard error of ln(c_L) for a press onto c_S; `None` without a plan.
     stiffness_error_ln: Option<f64>,
     current_a: f64,
     power_w: f64,
@@ -65,12 +65,12 @@ pub(super) struct Candidate {
     diameter_m: f64,
     force_n: f64,
     plate_max_t: f64,
-    /// The most by which the field leaves the table of a material; 0 within them all.
+    /// Greatest excess of the field over the table of a material, T; 0 within all tables.
     beyond_table_t: f64,
 }
 
 impl Candidate {
-    /// The figures of a design that was solved at a current, A.
+    /// Computes the figures of a design solved at a current, A.
     pub(super) fn of(
         design: &Design,
         current_a: f64,
@@ -101,7 +101,7 @@ impl Candidate {
         })
     }
 
-    /// The goal's figure, if the design has one.
+    /// Figure for the goal; `None` if the design has none.
     fn figure(&self, goal: Goal) -> Option<f64> {
         match goal {
             Goal::Merit => self.stiffening.map(|s| s.merit()),
@@ -121,7 +121,7 @@ impl Candidate {
         self.current_a
     }
 
-    /// How good it is.
+    /// Score for the goal and the limits.
     pub(super) fn score(&self, goal: Goal, limits: &Limits) -> Result<Score, Failure> {
         let figure = self.figure(goal).ok_or_else(|| {
             let reason = "no elastomer lies between the boards, so nothing is sprung: add a [[body]] there, or take --goal homogeneity";
@@ -137,7 +137,7 @@ impl Candidate {
         })
     }
 
-    /// Every figure, each with its limit, one a line.
+    /// Lists every figure with its limit, one per line.
     pub(super) fn explain(&self, limits: &Limits) -> String {
         let mut text = String::new();
         if let Some(s) = &self.stiffening {
@@ -170,7 +170,7 @@ impl Candidate {
     }
 }
 
-/// A design of which there is no plan.
+/// Adds a remedy to the error of a design without a plan.
 fn unplanned(cause: Failure) -> Failure {
     match cause {
         Failure::Refused(reason) => Failure::Refused(format!(
@@ -180,17 +180,17 @@ fn unplanned(cause: Failure) -> Failure {
     }
 }
 
-/// What a candidate is compared by: first by how far it is beyond its limits, then by its goal.
+/// Rank of a candidate: first by the excess over its limits, then by its goal.
 #[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
 pub(super) struct Score {
     /// Sum of the relative excesses over all limits; 0 within them.
     excess: f64,
-    /// The greater the better.
+    /// Value of the goal; greater is better.
     value: f64,
 }
 
 impl Score {
-    /// Whether it is better than another.
+    /// Whether this score is better than another.
     pub(super) fn is_better_than(&self, other: &Self) -> bool {
         self.excess < other.excess || (self.excess == other.excess && self.value > other.value)
     }
@@ -200,7 +200,7 @@ impl Score {
         self.value.abs()
     }
 
-    /// Whether all limits are kept.
+    /// Whether the candidate keeps all limits.
     pub(super) fn is_allowed(&self) -> bool {
         self.excess == 0.0
     }
@@ -270,7 +270,7 @@ impl Limits {
 }
 
 impl Limited {
-    /// How far it is beyond its limit, relative to it.
+    /// Relative excess over the limit.
     fn excess(&self) -> f64 {
         self.most
             .map_or(0.0, |most| (self.value / most - 1.0).max(0.0))
@@ -286,7 +286,7 @@ impl Limited {
         let limit = match most {
             None => String::new(),
             Some(most) if self.excess() > 0.0 => format!(", above the limit of {most}"),
-            // A hundredth is where the search's finest steps end.
+            // The search's finest steps are a hundredth.
             Some(most) if *value > 0.99 * most => format!(", at the limit of {most}"),
             Some(most) => format!(", limit {most}"),
         };
@@ -312,8 +312,8 @@ mod tests {
         assert!((merit / 0.0217 - 1.0).abs() < 0.01, "{merit}");
     }
 
-    /// `palpate field stack closed --mse soft --out closed.toml` and `palpate plan closed.toml`: 7.67 % at c_S; a
-    /// smaller current stiffens less.
+    /// `palpate field stack closed --mse soft --out closed.toml` and `palpate plan closed.toml`
+    /// give 7.67 % at c_S; a smaller current stiffens less.
     #[test]
     fn the_error_is_that_of_palpate_plan() {
         let design = builtin("closed").unwrap();

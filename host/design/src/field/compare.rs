@@ -91,7 +91,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The figures in the units for people. Keys are long: heads are short names with the unit below.
+/// Table of the figures in display units. Keys are too long, so the column heads are short names
+/// with the unit below.
 fn table(outcomes: &[ComparedDesign]) -> Table {
     let mut table = Table::new();
     table.load_style(presets::NOTHING);

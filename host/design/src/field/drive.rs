@@ -1,4 +1,4 @@
-//! What a field is driven by: one ampere, a current with saturation, or what stands without it.
+//! Source of a field: one ampere, a current with saturation, or the field without a current.
 
 use palpate_cli::failure::Failure;
 use palpate_field::design::Design;
@@ -6,19 +6,19 @@ use palpate_field::solve::{Excitation, Solved, solve};
 
 use super::input::Effort;
 
-/// What a field is driven by.
+/// Source of a field.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Drive {
-    /// One ampere, far below saturation, without the background and the remanence of magnets.
+    /// One ampere, far below saturation, without background and remanence.
     PerAmpere,
-    /// A current in A, with saturation, in the background, beside the magnets.
+    /// A current in A, with saturation, background and magnets.
     Current(f64),
-    /// The background, the magnets and the coils' own currents alone, with saturation.
+    /// Background, magnets and the coils' own currents only, with saturation.
     Background,
 }
 
 impl Drive {
-    /// What drives a design: the current where one is given; else one ampere, or what else there is in a
+    /// Chooses the drive: the given current; without one, one ampere, or the background for a
     /// design without a coil.
     pub(super) fn of(design: &Design, current_a: Option<f64>) -> Result<Self, Failure> {
         match current_a {
@@ -36,14 +36,14 @@ impl Drive {
         }
     }
 
-    /// The field, to the accuracy that is asked for.
+    /// Solves the field to the requested accuracy.
     pub(super) fn solve(self, design: &Design, effort: &Effort) -> Result<Solved, Failure> {
         let solved = self.attempt(design, effort)?;
         reached(design, &solved)?;
         Ok(solved)
     }
 
-    /// The field, whatever its accuracy.
+    /// Solves the field; its accuracy is not checked.
     pub(super) fn attempt(self, design: &Design, effort: &Effort) -> Result<Solved, Failure> {
         let excitation = match self {
             Self::PerAmpere => Excitation::small(design, 1.0),
@@ -53,7 +53,7 @@ impl Drive {
         field_of(design, &excitation, effort)
     }
 
-    /// What stands behind `T` in the unit of a field.
+    /// Suffix of `T` in the unit of a field.
     pub(super) const fn per(self) -> &'static str {
         match self {
             Self::PerAmpere => "/A",
@@ -81,7 +81,7 @@ impl Drive {
     }
 }
 
-/// The field of any excitation, whatever its accuracy.
+/// Solves the field of any excitation; its accuracy is not checked.
 pub(super) fn field_of(
     design: &Design,
     excitation: &Excitation,
@@ -91,7 +91,7 @@ pub(super) fn field_of(
         .map_err(|error| Failure::Refused(format!("{}: {error}", design.name)))
 }
 
-/// Refuses a field whose accuracy was not reached.
+/// Fails if the accuracy of a field was not reached.
 pub(super) fn reached(design: &Design, solved: &Solved) -> Result<(), Failure> {
     if solved.report.reached {
         return Ok(());
@@ -111,7 +111,7 @@ mod tests {
 
     use super::*;
 
-    /// Each thing that stands without the current is named.
+    /// Each source beside the current is named.
     #[test]
     fn a_drive_is_named_in_words() {
         let mut design = builtin("A").unwrap();

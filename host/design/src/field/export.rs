@@ -90,7 +90,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     reached(&design, &solved)
 }
 
-/// What the units of a field end with.
+/// Suffix of the units of a field.
 const fn per(drive: Drive) -> &'static str {
     match drive {
         Drive::PerAmpere => "_per_A",
@@ -98,23 +98,23 @@ const fn per(drive: Drive) -> &'static str {
     }
 }
 
-/// The flux through the circle about the axis, Wb.
+/// Flux through the circle about the axis, Wb.
 fn flux_wb(r_m: f64, field: &FieldAt) -> f64 {
     core::f64::consts::TAU * r_m * r_m * field.w
 }
 
-/// 0 for what is not magnetic, then the parts of the design.
+/// Number of a part from 1; 0 outside magnetic parts.
 fn part_number(part: Option<u32>) -> u32 {
     part.map_or(0, |part| part + 1)
 }
 
-/// Triangles as an unstructured grid. Writing to a text cannot fail.
+/// Formats triangles as an unstructured grid. Writing to a `String` cannot fail.
 fn vtk_text(title: &str, per: &str, pieces: &[Piece]) -> String {
     let places = || pieces.iter().flat_map(|piece| &piece.places);
     let (points, cells) = pieces.iter().fold((0, 0), |(points, cells), piece| {
         (points + piece.places.len(), cells + piece.triangles.len())
     });
-    // A title is one line of at most 255 characters.
+    // VTK limits the title to one line of 255 characters.
     let title: String = title
         .chars()
         .filter(|c| !c.is_control())
@@ -155,7 +155,7 @@ fn vtk_text(title: &str, per: &str, pieces: &[Piece]) -> String {
     text
 }
 
-/// A square grid over the design and a third of the circle's radius about it.
+/// Formats a square grid over the design and a third of the circle's radius around it.
 fn csv_text(design: &Design, solved: &Solved, per: &str, step_m: f64) -> Result<String, Failure> {
     let circle = solved.level.space.mesh.circle;
     let [low, high] = design.height_m();

@@ -1,4 +1,4 @@
-//! Forces on parts that a user names.
+//! Forces on parts that the user selects.
 
 use palpate_cli::failure::Failure;
 use palpate_field::design::{Design, Named};
@@ -7,19 +7,19 @@ use serde::Serialize;
 
 use super::drive::Drive;
 
-/// The force along the axis on a part; of one ampere, per square of the current.
+/// Axial force on a part; for one ampere, per square of the current.
 #[derive(Serialize)]
 #[allow(non_snake_case, reason = "keys carry units")]
 pub(super) struct PartForce {
     part: String,
-    /// Nothing where the part touches magnetic material.
+    /// `None` where the part touches magnetic material.
     force_N: Option<f64>,
-    /// On a coil.
+    /// Lorentz force; `Some` for coils only.
     #[serde(skip_serializing_if = "Option::is_none")]
     by_lorentz_N: Option<f64>,
 }
 
-/// The parts that a user names.
+/// Looks up the selected parts.
 pub(super) fn named(design: &Design, names: &[String]) -> Result<Vec<(String, Named)>, Failure> {
     let find = |name: &String| match design.named(name) {
         Some(named) => Ok((name.clone(), named)),
@@ -36,7 +36,7 @@ pub(super) fn named(design: &Design, names: &[String]) -> Result<Vec<(String, Na
 }
 
 impl PartForce {
-    /// Those on all parts in a field.
+    /// Computes the forces on these parts.
     pub(super) fn all(parts: &[(String, Named)], solved: &Solved) -> Vec<Self> {
         let of = |(name, part): &(String, Named)| Self {
             part: name.clone(),
@@ -50,7 +50,7 @@ impl PartForce {
     }
 }
 
-/// A line for each.
+/// Prints one line for each force.
 pub(super) fn explain(forces: &[PartForce], drive: Drive) -> String {
     let unit = match drive {
         Drive::PerAmpere => "mN/A^2",

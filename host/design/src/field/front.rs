@@ -1,4 +1,4 @@
-//! `palpate field front`: the best of a goal for each power.
+//! `palpate field front`: the best designs by power.
 
 use std::io::{self, Write};
 use std::path::PathBuf;
@@ -56,35 +56,35 @@ fn powers(text: &str) -> Result<[f64; 2], String> {
     }
 }
 
-/// The number of a design that follows from its power.
+/// Path of the current, which follows from the power.
 const CURRENT: &str = "conductor.current_A";
-/// How accurately designs are solved while searching.
+/// Relative accuracy of the solutions during the search.
 const SEARCHING: f64 = 1e-2;
 
-/// A design that no other beats.
+/// A design on the Pareto front.
 #[derive(Serialize)]
 #[allow(non_snake_case, reason = "keys carry units")]
 struct OnFront {
     power_W: f64,
     figure: f64,
-    /// The figure of the design as it is, at the same power.
+    /// Figure of the unchanged design at the same power.
     figure_as_it_is: f64,
-    /// Paths and numbers of the design.
+    /// Paths and values of the design's varied numbers.
     numbers: Vec<(String, f64)>,
 }
 
-/// What a start found.
+/// Result of one start.
 struct Optimum {
     place: Vec<f64>,
-    /// Designs that were tried.
+    /// Number of tried designs.
     designs: u64,
 }
 
-/// What all starts found.
+/// Result of all starts.
 #[derive(Serialize)]
 struct Front {
     starts: u32,
-    /// Designs that were solved while searching.
+    /// Number of designs solved during the search.
     designs: u64,
     front: Vec<OnFront>,
 }
@@ -162,7 +162,7 @@ impl Front {
         })
     }
 
-    /// A line for each design.
+    /// Prints one line for each design.
     fn explain(&self, goal: Goal) -> String {
         let mut text = format!(
             "{} designs from {} starts, {} on the front\n  power W  {}; of the design as it is\n",
@@ -182,7 +182,7 @@ impl Front {
         text
     }
 
-    /// The front, and the design as it is at the same powers.
+    /// Chart of the front and of the unchanged design at the same powers.
     fn chart(&self, goal: Goal) -> Chart {
         let line = |figure: fn(&OnFront) -> f64| {
             let places = self.front.iter();
@@ -212,20 +212,20 @@ impl Front {
     }
 }
 
-/// So many values from the least to the most, each the same factor above the one before.
+/// `count` values from the minimum to the maximum, evenly spaced in the logarithm.
 fn evenly_by_logarithm([least, most]: [f64; 2], count: u32) -> Vec<f64> {
     let share = |index: u32| f64::from(index) / f64::from(count - 1);
     let value = |index: u32| least * (most / least).powf(share(index));
     (0..count).map(value).collect()
 }
 
-/// Searches from a start: the first is the design as it is, and so is one that cannot be built.
+/// Searches from a start. Start 0, and any start that cannot be built, is the unchanged design.
 fn climb(search: &Search<'_>, start: u32, own: &[f64], budget: u64) -> Result<Optimum, Failure> {
     let place = match start {
         0 => own.to_vec(),
         start => spread(start, own.len()),
     };
-    // As if nothing saturated, a field takes a fifth of the time.
+    // A linear solution takes a fifth of the time.
     let linear = search.linear();
     let first = linear.attempt(place);
     let first = first.or_else(|_| linear.attempt(own.to_vec()))?;
@@ -238,7 +238,7 @@ fn climb(search: &Search<'_>, start: u32, own: &[f64], budget: u64) -> Result<Op
     })
 }
 
-/// The places that a start and its two neighbours found, each once.
+/// Results of a start and its two neighbours, without duplicates.
 fn about(found: &[Optimum], start: usize) -> Vec<&[f64]> {
     let mut places: Vec<&[f64]> = Vec::new();
     for found in found
@@ -253,7 +253,7 @@ fn about(found: &[Optimum], start: usize) -> Vec<&[f64]> {
     places
 }
 
-/// The best of some places, if any is within the limits.
+/// The best of several designs within the limits, if any.
 fn best(search: &Search<'_>, places: Vec<&[f64]>) -> Result<Option<Tried>, Failure> {
     let mut best: Option<Tried> = None;
     for place in places {

@@ -9,14 +9,14 @@ use serde::Serialize;
 use super::drive::{field_of, reached};
 use super::input::Effort;
 
-/// Flux linked with each coil per ampere in each, far below saturation.
+/// Flux linkage of each coil per ampere in each coil, far below saturation.
 #[derive(Serialize)]
 #[allow(non_snake_case, reason = "keys carry units")]
 pub(super) struct InductanceMatrix {
     coils: Vec<String>,
-    /// A row for each coil that carries the current; senses included.
+    /// One row for each coil that carries current; includes the senses.
     rows_H: Vec<Vec<f64>>,
-    /// The greatest difference of two entries that should be the same.
+    /// Greatest difference of two entries that should be equal.
     asymmetry_H: f64,
 }
 
@@ -50,7 +50,7 @@ impl InductanceMatrix {
         })
     }
 
-    /// A line for each coil.
+    /// Prints one line for each coil.
     pub(super) fn explain(&self) -> String {
         let mut text =
             "inductance L of each coil, and mutual inductance of each pair, uH\n".to_owned();

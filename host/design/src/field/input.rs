@@ -1,4 +1,4 @@
-//! Designs and settings as users name them.
+//! Designs and settings from the command line.
 
 use std::io::{self, Write};
 use std::path::Path;
@@ -55,7 +55,7 @@ impl Effort {
         }
     }
 
-    /// The same, no more accurate than this.
+    /// Limits the accuracy to `relative`.
     pub(super) fn at_most_accurate(&self, relative: f64) -> Self {
         Self {
             accuracy: self.accuracy.max(relative),
@@ -82,7 +82,7 @@ fn setting(text: &str) -> Result<(String, f64), String> {
     Ok((path.trim().to_owned(), value))
 }
 
-/// A positive current.
+/// Parses a positive current, A.
 pub(super) fn current(text: &str) -> Result<f64, String> {
     let value: f64 = text
         .parse()
@@ -94,7 +94,7 @@ pub(super) fn current(text: &str) -> Result<f64, String> {
     }
 }
 
-/// Name and text of a design.
+/// Returns name and text of a design.
 pub(super) fn text_of(name: &str) -> Result<(String, String), Failure> {
     if let Some(text) = builtin_text(name) {
         return Ok((format!("{name}.toml"), text.to_owned()));
@@ -110,10 +110,11 @@ pub(super) fn text_of(name: &str) -> Result<(String, String), Failure> {
     Ok((name.to_owned(), text_of_file(name)?))
 }
 
-/// Most bytes of a file that is read: a thousand times a built-in design.
+/// Largest file, bytes: a thousand times a built-in design.
 const MOST_BYTES: u64 = 2_000_000;
 
-/// The text of a file. Pipes and devices, which may never end, and files beyond any design are refused.
+/// Reads the text of a file. Refuses pipes and devices, which may never end, and files too large
+/// for a design.
 pub(super) fn text_of_file(name: &str) -> Result<String, Failure> {
     let unreadable = |reason: io::Error| Failure::Unreadable {
         file: name.into(),
@@ -131,9 +132,9 @@ pub(super) fn text_of_file(name: &str) -> Result<String, Failure> {
     })
 }
 
-/// A design from its text, with numbers changed.
+/// Parses a design and applies settings to its numbers.
 pub(super) fn parse(name: &str, text: &str, settings: &[(String, f64)]) -> Result<Design, Failure> {
-    // The unchanged text first: errors in it have lines that the user can look up.
+    // Parses the unchanged text first, so that errors refer to lines that the user can find.
     let design = Design::parse(name, text).map_err(refused)?;
     if settings.is_empty() {
         return Ok(design);
@@ -144,7 +145,7 @@ pub(super) fn parse(name: &str, text: &str, settings: &[(String, f64)]) -> Resul
         problem,
         allowed: "a path to a number, as in parameters.gap or body.mse.shape.semi_r".to_owned(),
     })?;
-    // The changed text has the user's lines.
+    // The changed text keeps the user's lines.
     Design::parse(name, &text).map_err(|mut error| {
         let changes = settings
             .iter()
@@ -175,7 +176,7 @@ fn refused(error: DesignError) -> Failure {
     }
 }
 
-/// Says what was read of the files that a design names, with sizes and units.
+/// Prints the files that a design names, with sizes and units, on standard error.
 pub(super) fn say_files(design: &Design) {
     for file in &design.files {
         say(format!("read of {file}"));
@@ -183,7 +184,7 @@ pub(super) fn say_files(design: &Design) {
 }
 
 impl DesignSource {
-    /// The design; what was read of the files that it names is said on standard error.
+    /// Loads the design and prints the files that it names on standard error.
     pub(super) fn load(&self) -> Result<Design, Failure> {
         let design = self.load_silently()?;
         say_files(&design);
@@ -196,11 +197,12 @@ impl DesignSource {
     }
 }
 
-/// What profiles and drawings are refined to, over the accuracy of centre and core mean: 2e-3 at 1e-4.
-/// What is stated is five times that, the most found being 1.8 times (docs/evidence/field-accuracy.md).
+/// Ratio of the refinement error of profiles and drawings to the accuracy of centre and core mean:
+/// 2e-3 at 1e-4. The stated error is five times that; the greatest found is 1.8 times
+/// (docs/evidence/field-accuracy.md).
 const SHARP: f64 = 20.0;
 
-/// The field with a mesh fine enough for every one of some points.
+/// Refines the mesh of a solved field at these points.
 pub(super) fn sharpened(
     design: &Design,
     solved: Solved,

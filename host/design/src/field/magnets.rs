@@ -4,7 +4,7 @@ use palpate_field::design::Design;
 use palpate_field::solve::Solved;
 use serde::Serialize;
 
-/// Where on its recoil line a magnet works, along its magnetisation.
+/// Working point of a magnet on its recoil line, along its magnetisation.
 #[derive(Serialize)]
 #[allow(non_snake_case, reason = "keys carry units")]
 pub(super) struct Magnet {
@@ -15,7 +15,7 @@ pub(super) struct Magnet {
 }
 
 impl Magnet {
-    /// All magnets of a field; none of a field per ampere.
+    /// Working points of all magnets in a field; empty for a field per ampere.
     pub(super) fn all(design: &Design, solved: &Solved) -> Vec<Self> {
         let of = |(index, part): (usize, &palpate_field::design::MagneticPart)| {
             let point = solved.working_point(design, index)?;
@@ -30,7 +30,7 @@ impl Magnet {
     }
 }
 
-/// A line for each.
+/// Prints one line for each magnet.
 pub(super) fn explain(magnets: &[Magnet]) -> String {
     let line = |magnet: &Magnet| {
         let [mean, least] = [magnet.mean_B_T, magnet.least_B_T].map(|b_t| 1e3 * b_t);

@@ -57,7 +57,7 @@ enum FieldTask {
 /// Runs the verb.
 ///
 /// # Errors
-/// What is refused or fails, with what to do.
+/// Refusals and failures, with a remedy.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     match &arguments.task {
         FieldTask::Show(arguments) => input::show(arguments),

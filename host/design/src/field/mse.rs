@@ -1,4 +1,4 @@
-//! The elastomer: by name, or from a file of a calibration.
+//! The elastomer, by name or from a calibration file.
 
 use std::ops::Range;
 
@@ -9,11 +9,11 @@ use toml::Spanned;
 
 use super::input::text_of_file;
 
-/// Keys of an elastomer's file.
+/// Keys of an elastomer file.
 const KEYS: &str =
     "modulus_Pa, rise and half_T, as in E(B) = modulus_Pa (1 + rise B^2/(B^2 + half_T^2))";
 
-/// An elastomer's file.
+/// Contents of an elastomer file.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 #[allow(non_snake_case, reason = "keys carry units")]
@@ -23,7 +23,7 @@ struct File {
     half_T: Spanned<f64>,
 }
 
-/// The elastomer that a user names.
+/// Reads the elastomer that the user names.
 pub(super) fn elastomer(name: &str) -> Result<Elastomer, Failure> {
     match name {
         "soft" => Ok(Elastomer::SOFT),

@@ -74,7 +74,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     ))
 }
 
-/// A better design, as a line that a design's file takes as a comment.
+/// Prints a better design as a comment line of a design file.
 fn report(
     out: &mut impl Write,
     arguments: &Arguments,

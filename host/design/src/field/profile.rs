@@ -44,9 +44,9 @@ pub(super) struct Arguments {
 /// A line in the half-plane; lengths in m.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum ProfileLine {
-    /// Along x at this r.
+    /// Along x, at this r.
     Parallel(f64),
-    /// Along r at this x.
+    /// Along r, at this x.
     Radius(f64),
 }
 
@@ -75,7 +75,7 @@ fn line(text: &str) -> Result<ProfileLine, String> {
 }
 
 impl ProfileLine {
-    /// Points at equal distances.
+    /// Evenly spaced points on the line.
     pub(super) fn points(self, [from, to]: [f64; 2], count: u32) -> Vec<Point> {
         let step = (to - from) / f64::from(count.max(2) - 1);
         let along = (0..count).map(|point| from + f64::from(point) * step);
@@ -87,7 +87,7 @@ impl ProfileLine {
             .collect()
     }
 
-    /// Positions along the line, m, and the field at points on it.
+    /// Returns positions along the line, m, with the field at these points.
     pub(super) fn sample(self, solved: &Solved, points: &[Point]) -> Vec<(f64, FieldAt)> {
         let locator = Locator::new(&solved.level, &solved.w);
         let along = |[r, x]: Point| match self {
@@ -100,7 +100,7 @@ impl ProfileLine {
             .collect()
     }
 
-    /// The part of the line within the circle about the design, m.
+    /// Range of the line within the circle around the design, m.
     pub(super) fn range(self, solved: &Solved) -> [f64; 2] {
         let circle = solved.level.space.mesh.circle;
         match self {

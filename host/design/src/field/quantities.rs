@@ -1,32 +1,32 @@
-//! The figures of a field as they are printed: keys, labels and units, each in one place.
+//! The printed figures of a field, with keys, labels and units in one place.
 
 use palpate_field::figures::Figures;
 use serde::ser::{Serialize, SerializeMap, Serializer};
 
 use super::drive::Drive;
 
-/// One figure.
+/// A printed figure.
 pub(super) struct Quantity {
-    /// In words.
+    /// Label.
     label: &'static str,
-    /// The same where there is little room.
+    /// Short label, for column heads.
     head: &'static str,
-    /// Both per ampere, where that is another quantity.
+    /// Label and short label per ampere, where these differ.
     called_per_ampere: Option<[&'static str; 2]>,
-    /// Its key per ampere, unit included.
+    /// Key per ampere, including the unit.
     key_per_ampere: &'static str,
-    /// Its key at a current or in a background, unit included.
+    /// Key at a current or in a background, including the unit.
     key: &'static str,
-    /// The unit for people per ampere, and how many of it are one of the SI's.
+    /// Display unit per ampere, and the factor from the SI unit.
     shown_per_ampere: (&'static str, f64),
-    /// The same at a current or in a background.
+    /// Display unit at a current or in a background, and the factor from the SI unit.
     shown: (&'static str, f64),
-    /// The figure in SI units.
+    /// Returns the figure in SI units.
     pub(super) value: fn(&Figures) -> f64,
 }
 
 impl Quantity {
-    /// In words, and the same where there is little room.
+    /// Label and short label.
     pub(super) const fn called(&self, drive: Drive) -> [&'static str; 2] {
         match (drive, self.called_per_ampere) {
             (Drive::PerAmpere, Some(called)) => called,
@@ -34,7 +34,7 @@ impl Quantity {
         }
     }
 
-    /// Its key.
+    /// Key for a drive.
     pub(super) const fn key(&self, drive: Drive) -> &'static str {
         match drive {
             Drive::PerAmpere => self.key_per_ampere,
@@ -42,12 +42,12 @@ impl Quantity {
         }
     }
 
-    /// The key of its derivative by the current.
+    /// Key of the derivative by the current.
     pub(super) fn derivative_key(&self) -> String {
         format!("{}_per_A", self.key)
     }
 
-    /// The unit for people, and how many of it are one of the SI's.
+    /// Display unit, and the factor from the SI unit.
     pub(super) const fn shown(&self, drive: Drive) -> (&'static str, f64) {
         match drive {
             Drive::PerAmpere => self.shown_per_ampere,
@@ -56,7 +56,7 @@ impl Quantity {
     }
 }
 
-/// A share, which has no unit: the same at any current.
+/// Creates a dimensionless share, independent of the current.
 const fn share(
     label: &'static str,
     head: &'static str,
@@ -75,7 +75,7 @@ const fn share(
     }
 }
 
-/// Every figure that is printed, in this order.
+/// All printed figures, in order.
 pub(super) const QUANTITIES: [Quantity; 10] = [
     Quantity {
         label: "field in the centre",
@@ -138,7 +138,7 @@ pub(super) const QUANTITIES: [Quantity; 10] = [
     },
 ];
 
-/// Derivatives of figures by the current, under their keys.
+/// Derivatives of the figures by the current, serialised under their keys.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct KeyedDerivatives(pub(super) Figures);
 
@@ -152,12 +152,12 @@ impl Serialize for KeyedDerivatives {
     }
 }
 
-/// Figures, or their errors, under their keys.
+/// Figures or their errors, serialised under their keys.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct KeyedFigures {
-    /// What drives the field.
+    /// Drive of the field.
     pub(super) drive: Drive,
-    /// The figures in SI units.
+    /// Values in SI units.
     pub(super) figures: Figures,
 }
 

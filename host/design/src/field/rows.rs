@@ -1,4 +1,4 @@
-//! Rows of a long computation as CSV, to standard output or to a file that an interrupted run left.
+//! CSV rows of a long computation, to standard output or to a file that an interrupted run left.
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, Write};
@@ -6,24 +6,24 @@ use std::path::{Path, PathBuf};
 
 use palpate_cli::failure::Failure;
 
-/// Where rows go, one at a time and at once.
+/// Writer that flushes every row at once.
 pub(super) struct RowFile {
     out: csv::Writer<Box<dyn Write + Send>>,
     path: Option<PathBuf>,
-    /// Rows that are there, those of an earlier run included.
+    /// Number of rows, including those of an earlier run.
     pub(super) count: usize,
-    /// Whether there are rows, and each says in its last column why it was refused.
+    /// Whether there are rows and all of them are refusals, with the reason in the last column.
     pub(super) all_refused: bool,
 }
 
 impl RowFile {
-    /// Rows under their heads on standard output.
+    /// Creates a writer to standard output, with the column heads.
     pub(super) fn standard_output(heads: &[String]) -> Result<Self, Failure> {
         Self::begun(Box::new(io::stdout()), None, heads)
     }
 
-    /// Rows in a file. If it exists, it has to begin with the same heads, and with rows that begin with
-    /// what `first` gives for each; its last line is dropped if it is not complete.
+    /// Opens a file, or creates it. An existing file must start with the same heads, and its rows
+    /// with the values of `first`; an incomplete last line is dropped.
     pub(super) fn resumed(
         path: &Path,
         heads: &[String],
@@ -81,7 +81,7 @@ impl RowFile {
         Ok(rows)
     }
 
-    /// Writes a row, whose last column is empty unless it was refused.
+    /// Writes a row; its last column is empty unless the point was refused.
     pub(super) fn write(&mut self, row: &[String]) -> Result<(), Failure> {
         let refused = row.last().is_some_and(|reason| !reason.is_empty());
         self.all_refused = refused && (self.count == 0 || self.all_refused);
@@ -102,7 +102,8 @@ impl RowFile {
     }
 }
 
-/// How many rows a text has, and whether all are refused; nothing if they are not those that are meant.
+/// Returns the number of rows in a text and whether all are refusals, or `None` if they belong to
+/// another sweep.
 fn known(
     text: &str,
     heads: &[String],
@@ -156,7 +157,7 @@ mod tests {
         drop(rows);
         let whole = std::fs::read_to_string(&path).unwrap();
         assert_eq!(whole, "gap,mean,refused\n0,,no gap\n1,2.5,\n");
-        // Another sweep's file is left alone.
+        // The file of another sweep is not changed.
         assert!(RowFile::resumed(&path, &heads, |row| vec![(row + 5).to_string()]).is_err());
         assert!(RowFile::resumed(&path, &text(&["gap"]), first).is_err());
         assert_eq!(std::fs::read_to_string(&path).unwrap(), whole);

@@ -1,4 +1,4 @@
-//! Designs that a text's numbers span, and a compass search among them.
+//! Designs with varied numbers, and a compass search among them.
 
 use std::path::PathBuf;
 
@@ -15,7 +15,7 @@ use super::input::{DesignSource, Effort, parse, say_files, text_of};
 use super::mse::elastomer;
 use super::sweep::range;
 
-/// A number of the design by its path, and its bounds.
+/// Path of a varied number, and its bounds.
 type Varied = (String, f64, f64);
 
 /// What is searched, and for what.
@@ -53,17 +53,17 @@ impl SearchArguments {
     }
 }
 
-/// The first step of a search that knows nothing yet, as a share of the bounds.
+/// First step of a search from any point, as a share of the bounds.
 pub(super) const FAR: f64 = 0.25;
-/// The same of one that begins near the best.
+/// First step of a search that starts near the optimum, as a share of the bounds.
 pub(super) const NEAR: f64 = 0.0625;
-/// Steps end at this share of the bounds.
+/// Smallest step, as a share of the bounds.
 const FINEST: f64 = 0.01;
-/// Places nearer than this share of the bounds along every number are one: what adding and taking away
-/// the same step leaves.
+/// Tolerance, as a share of the bounds, below which two points count as equal: rounding after
+/// adding and subtracting the same step.
 const SAME: f64 = 1e-9;
 
-/// The designs that a text spans.
+/// All designs that the varied numbers can give.
 #[derive(Clone)]
 pub(super) struct Search<'s> {
     arguments: &'s SearchArguments,
@@ -71,13 +71,13 @@ pub(super) struct Search<'s> {
     text: String,
     elastomer: Elastomer,
     effort: Effort,
-    /// The power that each design takes, W; without it each has its own current.
+    /// Power of each design, W; `None` where each has its own current.
     power_w: Option<f64>,
-    /// Whether designs are solved as if nothing saturated.
+    /// Whether designs are solved without saturation.
     linear: bool,
 }
 
-/// A place within the bounds, from 0 to 1 along each number, and what was found there.
+/// A point within the bounds, from 0 to 1 along each number, with its result.
 #[derive(Clone)]
 pub(super) struct Tried {
     pub(super) place: Vec<f64>,
@@ -86,7 +86,7 @@ pub(super) struct Tried {
 }
 
 impl Search<'_> {
-    /// The same designs, each at the current at which it takes this power, W.
+    /// The same search with each design at the current for this power, W.
     pub(super) fn at_power(&self, power_w: f64) -> Self {
         Self {
             power_w: Some(power_w),
@@ -94,7 +94,7 @@ impl Search<'_> {
         }
     }
 
-    /// The same designs as if nothing saturated.
+    /// The same search without saturation.
     pub(super) fn linear(&self) -> Self {
         Self {
             linear: true,
@@ -102,7 +102,7 @@ impl Search<'_> {
         }
     }
 
-    /// The same designs, solved no more accurately than this.
+    /// The same search with the accuracy limited to `relative`.
     pub(super) fn at_most_accurate(&self, relative: f64) -> Self {
         Self {
             effort: self.effort.at_most_accurate(relative),
@@ -110,7 +110,7 @@ impl Search<'_> {
         }
     }
 
-    /// The user's own design as a place within the bounds.
+    /// The user's own design as a point within the bounds.
     pub(super) fn start(&self) -> Result<Vec<f64>, Failure> {
         let settings = &self.effort.settings;
         let text = vary::set(&self.text, settings).map_err(Failure::Argument)?;
@@ -126,7 +126,7 @@ impl Search<'_> {
         self.arguments.vary.iter().map(share).collect()
     }
 
-    /// The numbers of a place, after those of `--set`.
+    /// Settings of a point, after those of `--set`.
     pub(super) fn settings(&self, place: &[f64]) -> Vec<(String, f64)> {
         let mut settings = self.effort.settings.clone();
         let places = self.arguments.vary.iter().zip(place);
@@ -135,12 +135,12 @@ impl Search<'_> {
         settings
     }
 
-    /// The design's text at a place.
+    /// Text of the design at a point.
     pub(super) fn text_at(&self, place: &[f64]) -> Result<String, Failure> {
         vary::set(&self.text, &self.settings(place)).map_err(Failure::Refused)
     }
 
-    /// Solves the design at a place.
+    /// Solves the design at a point.
     pub(super) fn attempt(&self, place: Vec<f64>) -> Result<Tried, Failure> {
         let name = self.name.to_string_lossy();
         let design = parse(&name, &self.text, &self.settings(&place))?;
@@ -169,9 +169,11 @@ impl Search<'_> {
         })
     }
 
-    /// Goes from a design to better ones: looks both ways along each number, goes where it is best, and
-    /// halves its steps, the first of which is a share of the bounds, where nothing is better. Calls `tried` with the best so far and how many designs
-    /// were tried, and whether that best is new. Returns the best, and how many designs were tried.
+    /// Improves a design by a compass search: tries both directions along each number, moves to the
+    /// best, and halves the step when no neighbour is better. `first_step` is a share of the
+    /// bounds. After each round it calls `tried` with the best design so far, the number of tried
+    /// designs, and whether the best is new. Returns the best design and the number of tried
+    /// designs.
     pub(super) fn climb(
         &self,
         start: Tried,
@@ -204,12 +206,12 @@ impl Search<'_> {
     }
 }
 
-/// Whether two places are one.
+/// Whether two points are equal within [`SAME`].
 pub(super) fn is_same(one: &[f64], other: &[f64]) -> bool {
     one.iter().zip(other).all(|(a, b)| (a - b).abs() < SAME)
 }
 
-/// One step each way along each number, within the bounds.
+/// Neighbours one step away along each number, within the bounds.
 fn neighbours(best: &[f64], step: f64) -> Vec<Vec<f64>> {
     let mut points = Vec::new();
     for axis in 0..best.len() {
@@ -226,7 +228,7 @@ fn neighbours(best: &[f64], step: f64) -> Vec<Vec<f64>> {
     points
 }
 
-/// A place that is far from those of all other numbers: the additive sequence of the root of
+/// Returns a point far from those of all other numbers: the additive sequence of the root of
 /// x^(n+1) = x + 1 (Roberts, 2018), whose discrepancy is low in n dimensions.
 pub(super) fn spread(number: u32, dimensions: usize) -> Vec<f64> {
     let power = 1.0 / (dimensions as f64 + 1.0);
@@ -238,7 +240,7 @@ pub(super) fn spread(number: u32, dimensions: usize) -> Vec<f64> {
     (0..dimensions).map(along).collect()
 }
 
-/// By rising power, the designs of which each is better than all that take less.
+/// Returns the Pareto front by rising power: each design is better than all with less power.
 pub(super) fn not_beaten<T>(
     mut tried: Vec<T>,
     power_w: impl Fn(&T) -> f64,
@@ -249,7 +251,7 @@ pub(super) fn not_beaten<T>(
     for other in tried {
         match front.last_mut() {
             Some(last) if !is_better(&other, last) => {}
-            // Of the same power only the best.
+            // Only the best of several designs with the same power.
             Some(last) if power_w(&other) <= power_w(last) => *last = other,
             _ => front.push(other),
         }

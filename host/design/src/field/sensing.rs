@@ -1,5 +1,5 @@
-//! `palpate field sensing`: inductance of the sensing coil against its gap, and what a stray field does to
-//! it. The inductance is that of the simulation, `palpate_sim::sensing_coil`.
+//! `palpate field sensing`: inductance of the sensing coil against its gap, and the effect of a
+//! stray field. The inductance is that of the simulation, `palpate_sim::sensing_coil`.
 
 use std::io::{self, Write};
 
@@ -68,7 +68,7 @@ fn within(text: &str, [low, high]: [f64; 2], unit: &str) -> Result<f64, String> 
     value.ok_or_else(|| format!("allowed: {low} to {high} {unit}"))
 }
 
-/// The coil at a gap.
+/// Result at one gap.
 #[derive(Serialize)]
 #[allow(non_snake_case, reason = "keys carry units")]
 struct AtGap {
@@ -76,17 +76,17 @@ struct AtGap {
     inductance_H: f64,
     inductance_by_gap_H_per_m: f64,
     frequency_Hz: f64,
-    /// Relative change of the frequency for each metre of gap.
+    /// Relative change of the frequency per metre of gap.
     frequency_change_per_m: f64,
 }
 
-/// Half of the step of a slope, m: what is cubic in it is below 1e-7 of the slope at the least gap.
+/// Half of the step of a slope, m: the cubic error is below 1e-7 of the slope at the smallest gap.
 const STEP_M: f64 = 1e-8;
 
 impl AtGap {
     fn of(coil: &CoilIntegral, capacitance_f: f64, gap_m: f64) -> Self {
         let inductance_h = coil.inductance_h(gap_m);
-        // Below the least gap the inductance is constant.
+        // Below the smallest gap the inductance is constant.
         let [low, high] = [(gap_m - STEP_M).max(LEAST_GAP_M), gap_m + STEP_M];
         let slope = (coil.inductance_h(high) - coil.inductance_h(low)) / (high - low);
         Self {
@@ -154,12 +154,12 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// How far the sensing layer of the reference seems to move, m, when a stray field `b_t` across the slabs
-/// lowers their permeability, and the relative change of L.
+/// Apparent deformation of the reference's sensing layer, m, for a stray field `b_t` across the
+/// slabs that lowers their permeability, and the relative change of L.
 ///
-/// The field passes the slabs along the axis, so that B is the same in them as outside; the coil's own
-/// field meets the differential permeability at that bias. Reversible permeability is lower than
-/// differential, so that this is an upper bound by its kind.
+/// The field passes the slabs along the axis, so B is the same inside and outside; the coil's own
+/// field meets the differential permeability at that bias. The reversible permeability is lower
+/// than the differential one, so this is an upper bound.
 pub(super) fn disturbance(elastomer: &Material, b_t: f64) -> (f64, f64) {
     let coil = |mu_r: f64| {
         let design = CoilDesign {
@@ -195,8 +195,8 @@ mod tests {
         assert!((1e-6..20e-6).contains(&displacement), "{displacement}");
     }
 
-    /// Finite elements of tracks of 0.1 x 0.035 mm between slabs of 60 mm radius; the closed form has its
-    /// tracks in the middle of the copper.
+    /// Finite elements with tracks of 0.1 x 0.035 mm between slabs of 60 mm radius; the closed form
+    /// has its tracks at the middle of the copper.
     #[test]
     fn finite_elements_find_the_same_inductance() {
         for (gap_mm, mu_r) in [(1.0, 1.002), (0.2, 3.7), (1.0, 3.7)] {

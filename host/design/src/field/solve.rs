@@ -67,15 +67,16 @@ pub(super) struct SolvedFigures {
     linear_solves_on_all_meshes: usize,
     /// Estimated absolute error of each figure, in its unit.
     pub(super) errors: KeyedFigures,
-    /// The derivative of each figure by the current, at a current; without an estimate of its error.
+    /// Derivative of each figure by the current, without an error estimate; `None` unless solved at
+    /// a current.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) derivatives: Option<KeyedDerivatives>,
-    /// Parts in which the field leaves the table of their material.
+    /// Parts where the field exceeds the table of the material.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub(super) beyond_tables: Vec<BeyondTable>,
 }
 
-/// The derivatives of all figures by the current.
+/// Computes the derivatives of all figures by the current.
 fn by_current(design: &Design, solved: &Solved) -> Result<Figures, Failure> {
     let derivatives = solved.by_current(design);
     derivatives.map_err(|error| Failure::Refused(format!("{}: {error}", design.name)))
@@ -87,7 +88,7 @@ impl SolvedFigures {
         Self::of(design, &drive.solve(design, effort)?, drive)
     }
 
-    /// The figures of a field.
+    /// Computes the figures of a solved field.
     fn of(design: &Design, solved: &Solved, drive: Drive) -> Result<Self, Failure> {
         let derivatives = match drive {
             Drive::Current(_) => Some(KeyedDerivatives(by_current(design, solved)?)),
@@ -112,7 +113,7 @@ impl SolvedFigures {
         })
     }
 
-    /// A line for each figure, with its estimated error.
+    /// Prints one line for each figure, with its estimated error.
     fn explain(&self) -> String {
         let KeyedFigures { drive, figures } = &self.keyed;
         let mut text = String::new();
@@ -120,7 +121,7 @@ impl SolvedFigures {
             let (unit, scale) = quantity.shown(*drive);
             let [value, error] =
                 [figures, &self.errors.figures].map(|of| scale * (quantity.value)(of));
-            // A design without plates has no field in them.
+            // A design without plates has no plate field.
             if value == 0.0 && error == 0.0 {
                 continue;
             }
@@ -145,12 +146,12 @@ impl SolvedFigures {
     }
 }
 
-/// What is printed of a design.
+/// Output for a design.
 #[derive(Serialize)]
 #[allow(non_snake_case, reason = "keys carry units")]
 struct DesignFigures {
     design: String,
-    /// What was read of the files that it names.
+    /// Files that the design names, as read.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     files: Vec<String>,
     background_T: f64,
@@ -167,7 +168,7 @@ struct DesignFigures {
     at_current: Option<CurrentFigures>,
 }
 
-/// The figures at a current.
+/// Figures at a current.
 #[derive(Serialize)]
 #[allow(non_snake_case, reason = "keys carry units")]
 struct CurrentFigures {
@@ -222,7 +223,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     } else {
         write!(out, "{}", outcome.explain(&design))?;
     }
-    // What was found is printed in any case, with its errors.
+    // Results are printed in any case, with their errors.
     let fields = [Some(&first), current.as_ref().map(|(_, _, solved)| solved)];
     fields
         .into_iter()

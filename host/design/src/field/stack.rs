@@ -65,29 +65,30 @@ fn millimetres(text: &str) -> Result<f64, String> {
     }
 }
 
-/// Distance of the sensing coil from the top of the design, mm, without an option.
+/// Default distance of the sensing coil from the top of the design, mm.
 const SPACER_MM: f64 = 10.0;
-/// The sensing layer's pad, mm, without an option.
+/// Default pad of the sensing layer, mm.
 const PAD_RADIUS_MM: f64 = 7.0;
 const PAD_HEIGHT_MM: f64 = 2.0;
-/// Elastomer of the sensing layer, whose permeability the stray field lowers. Priors: 30 vol%
-/// carbonyl iron, whose saturation is 30 % of the iron's.
+/// Elastomer of the sensing layer, whose permeability decreases in the stray field. Priors: 30 vol%
+/// carbonyl iron, with a saturation of 30 % of that of iron.
 const SENSING: Material = Material::Powder {
     chi: 2.7,
     saturation_a_per_m: 510e3,
 };
-/// How far single sensors differ from the nominal one: as in the shipped stacks, a prior.
+/// Spread of single sensors about the nominal one: a prior, as in the shipped designs.
 const SPREAD: f64 = 0.2;
-/// How far the sensing layer is meant to be pressed, m: as in the shipped stacks.
+/// Intended deformations of the sensing layer, m, as in the shipped designs.
 const PRESS_M: [f64; 2] = [0.2e-3, 0.4e-3];
-/// Shares of the peak current at which the rise of the spring is listed.
+/// Shares of the peak current for which the file lists the spring's rise.
 const SHARES: [f64; 4] = [0.25, 0.5, 0.75, 1.0];
-/// The differential permeability of the initial curve falls linearly with the field, the reversible
-/// one more slowly: the real crosstalk lies below what the former gives. The reference stacks allow
-/// for a factor of two; so do we.
+/// Smallest cross-talk as a part of the computed one. The computation uses the differential
+/// permeability of the initial curve, which falls linearly with the field. The reversible
+/// permeability falls more slowly, so the true cross-talk is smaller. The reference designs allow a
+/// factor of two, and so does this.
 const LEAST_CROSSTALK: f64 = 0.5;
 
-/// Everything that the file follows from, in SI units.
+/// All figures behind the file, in SI units.
 #[derive(Serialize)]
 #[allow(non_snake_case, reason = "keys carry units")]
 struct BridgeFigures {
@@ -110,7 +111,7 @@ struct BridgeFigures {
     /// The relative rise of the spring per watt at the peak.
     stiffening_per_W: f64,
     attraction_N_per_A2: f64,
-    /// At growing currents; the last is the peak.
+    /// Figures at rising currents; the last is the peak.
     with_current: Vec<Point>,
 }
 
@@ -144,25 +145,25 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     Ok(writeln!(out, "written: {}", file.path().display())?)
 }
 
-/// The layer that senses: where its coil lies, and the pad that it is of.
+/// The sensing layer: position of its coil, and its pad.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SensingLayer {
-    /// Distance of its coil from the top of the design, m.
+    /// Distance of the coil from the top of the design, m.
     spacer_m: f64,
     /// Radius and height of the pad, m.
     pub(super) pad_m: [f64; 2],
 }
 
 impl SensingLayer {
-    /// What a stack has without options.
+    /// The default sensing layer.
     pub(super) const REFERENCE: Self = Self {
         spacer_m: 1e-3 * SPACER_MM,
         pad_m: [1e-3 * PAD_RADIUS_MM, 1e-3 * PAD_HEIGHT_MM],
     };
 }
 
-/// The error of the stiffness that `palpate plan` expects of a design's stack with the reference's sensing layer, from its
-/// field at the peak current, A.
+/// Expected standard error of ln(c_L) by `palpate plan`, for the design with the reference's
+/// sensing layer, from its field at the peak current, A.
 pub(super) fn expected_error_ln(
     design: &Design,
     elastomer: &Elastomer,
@@ -181,7 +182,7 @@ pub(super) fn expected_error_ln(
     crate::plan::expected_error_ln(&stack)
 }
 
-/// Refuses a design of which there is no stack file.
+/// Fails if a design cannot give a stack file.
 fn may_be_a_stack(design: &Design, peak_a: f64) -> Result<(), Failure> {
     if !design.is_driven() || peak_a <= 0.0 {
         let reason =
@@ -228,7 +229,7 @@ fn bridge(
 }
 
 impl BridgeFigures {
-    /// From the fields at growing currents, A, the last of which is the peak.
+    /// Computes the figures from the fields at rising currents, A; the last is the peak.
     fn of(
         design: &Design,
         mse: &str,
@@ -287,7 +288,7 @@ impl BridgeFigures {
     }
 }
 
-/// Mean of |B| over the sensing coil's disc, T, a spacer above the top of the design.
+/// Mean of |B|, T, over the sensing coil's disc, a spacer above the top of the design.
 fn stray(design: &Design, solved: &Solved, spacer_m: f64, radius_m: f64) -> f64 {
     const RINGS: u32 = 20;
     let parts = design.parts.iter().flat_map(|part| part.shape.extremes());
@@ -308,7 +309,7 @@ fn stray(design: &Design, solved: &Solved, spacer_m: f64, radius_m: f64) -> f64 
 }
 
 impl BridgeFigures {
-    /// The stack file.
+    /// Formats the stack file.
     fn file(&self) -> String {
         let peak = self.with_current.last();
         let (field, stiffening) = peak.map_or((0.0, 0.0), |peak| (peak.field_T, peak.stiffening));

@@ -38,7 +38,7 @@ pub(super) struct Arguments {
     out: Option<PathBuf>,
 }
 
-/// One number that is varied.
+/// One varied number.
 #[derive(Clone, Debug)]
 pub(super) struct Axis {
     path: String,
@@ -105,7 +105,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         }
         settings
     };
-    // A path that does not exist is an error of the command, not of each point.
+    // An unknown path is an error of the command, not of each point.
     palpate_field::design::vary::set(&text, &settings(0)).map_err(Failure::Argument)?;
     let design = parse(&name, &text, &[])?;
     say_files(&design);
@@ -150,8 +150,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The heads of the columns: figures, what else is known, the estimated error of each figure, and at a
-/// current its derivative.
+/// Column heads: figures, other results, the estimated error of each figure, and at a current its
+/// derivative.
 fn columns(drive: Drive) -> impl Iterator<Item = String> {
     let figures = QUANTITIES.iter().map(move |q| q.key(drive).to_owned());
     let errors = QUANTITIES.iter();
@@ -165,7 +165,7 @@ fn columns(drive: Drive) -> impl Iterator<Item = String> {
     numbers.chain(["refused".to_owned()])
 }
 
-/// The varied numbers of a point.
+/// Varied numbers of a point.
 fn varied(vary: &[Axis], settings: &[(String, f64)]) -> Vec<String> {
     let value = |axis: &Axis| {
         let set = settings.iter().rfind(|(path, _)| *path == axis.path);
@@ -174,7 +174,7 @@ fn varied(vary: &[Axis], settings: &[(String, f64)]) -> Vec<String> {
     vary.iter().map(value).collect()
 }
 
-/// A point's row under the varied numbers and [`columns`].
+/// Row of a point: the varied numbers and [`columns`].
 fn row(
     mut row: Vec<String>,
     columns: usize,

@@ -1,4 +1,4 @@
-//! Fields beyond the tables of H and B.
+//! Fields beyond the B-H tables.
 
 use std::fmt;
 
@@ -7,7 +7,7 @@ use palpate_field::design::Design;
 use palpate_field::solve::{self, Solved};
 use serde::Serialize;
 
-/// A part in which the field leaves the table of its material.
+/// A part where the field exceeds the table of its material.
 #[derive(Clone, Serialize)]
 #[allow(non_snake_case, reason = "keys carry units")]
 pub(super) struct BeyondTable {
@@ -18,7 +18,7 @@ pub(super) struct BeyondTable {
 }
 
 impl BeyondTable {
-    /// Those of a field; none of a field per ampere.
+    /// All such parts in a field; empty for a field per ampere.
     pub(super) fn all(design: &Design, solved: &Solved) -> Vec<Self> {
         let of = |beyond: solve::BeyondTable| {
             let part = design.parts.get(beyond.part)?;
@@ -33,14 +33,14 @@ impl BeyondTable {
         beyond.into_iter().filter_map(of).collect()
     }
 
-    /// Says those of a field on standard error, where the output has no place for them.
+    /// Prints them on standard error, for outputs that have no place for them.
     pub(super) fn say_all(design: &Design, solved: &Solved) {
         for beyond in Self::all(design, solved) {
             say(format!("{}: {beyond}", design.name));
         }
     }
 
-    /// How far it is beyond, T.
+    /// Excess over the table, T.
     pub(super) fn excess_t(&self) -> f64 {
         self.greatest_B_T - self.table_ends_T
     }

@@ -1,7 +1,8 @@
-//! The bench: what its trains, each as one reading of its load, say of the sensor.
+//! Information about the sensor from the bench's trains, each as one measurement of its load.
 //!
-//! They determine five quantities beside what each spring is off (docs/decisions/0082-adjustment.md). The formulas are those of
-//! [`line`](super::line), written anew, and share nothing with the calibration that they foretell.
+//! The trains determine five quantities and the error of each spring
+//! (docs/decisions/0082-adjustment.md). The formulas are those of [`line`](super::line),
+//! implemented separately; they share nothing with the calibration that they predict.
 
 use palpate_wire::command::Settings;
 
@@ -11,37 +12,39 @@ use super::information::Information;
 use super::line::TrainLine;
 use super::sensor::PlannedSensor;
 
-/// What creep and memory leave of a train's kappa beside its drifts, standard deviation as a part of W: on 60 simulated sensors of
-/// the stack `ultrasoft` trains scatter by 0.15 to 0.2 % of W about the adjusted line, noise and vibration included
-/// (docs/decisions/0082-adjustment.md).
+/// Standard deviation of a train's kappa by creep and memory, after its drifts, as a part of W: on
+/// 60 simulated sensors of the design `ultrasoft` trains scatter by 0.15 to 0.2 % of W about the
+/// adjusted line, including noise and vibration (docs/decisions/0082-adjustment.md).
 pub(super) const CREEP: f64 = 0.0015;
-/// Standard deviations of c_D0, stiffening and attraction before anything is known, in their units here: the calibration takes
-/// nothing for known.
+/// Prior standard deviations of c_D0, stiffening and attraction, in the units of this module: wide,
+/// since the calibration uses no prior knowledge of them.
 const BEFOREHAND: f64 = 1.0;
-/// The same of the cross-talk and its growth, as parts of the cross-talk: the train without contact shows the one, the load cell
-/// the other (docs/decisions/0082-adjustment.md).
+/// Prior standard deviations of the cross-talk and its growth, as parts of the cross-talk: the
+/// train without contact determines one, the load cell the other
+/// (docs/decisions/0082-adjustment.md).
 const OF_CROSSTALK: [f64; 2] = [0.1, 0.3];
-/// Cross-talk, as a part of the working depth, below which it is as good as none.
+/// Cross-talk, as a part of the working depth, below which it is negligible.
 const LEAST_CROSSTALK: f64 = 1e-4;
-/// How many times the scatter of a sample the current has to change the deformation under the block, so that the calibration
-/// finds the stiffening (`Signal` of `palpate-calibration`).
+/// Smallest change of the deformation on the block by the current, in units of the scatter of a
+/// sample, for which the calibration finds the stiffening (`Signal` of `palpate-calibration`).
 const CLEAR: f64 = 10.0;
 
-/// A train of the bench: how its kappa changes with the quantities and the springs, and the variances of [`Cause::OF_TRAIN`].
+/// A train of the bench: derivatives of its kappa with respect to quantities and springs, and the
+/// variances of [`Cause::OF_TRAIN`].
 struct BenchTrain {
     row: Vec<f64>,
     variances: [f64; 3],
 }
 
-/// A bench with its sensor, evaluated.
+/// A sensor on its bench, evaluated.
 pub struct PlannedBench<'s> {
     pub(super) sensor: &'s PlannedSensor,
     pub(super) settings: Settings,
     pub(super) conversions: Conversions,
-    /// The lines of its trains, one for each depth.
+    /// Lines of the trains, one for each depth.
     pub(super) lines: Vec<TrainLine>,
     trains: Vec<BenchTrain>,
-    /// Variances of the unknowns beforehand: quantities, springs.
+    /// Prior variances of the unknowns: quantities, then springs.
     pub(super) beforehand: Vec<f64>,
     pub(super) information: Information,
 }
@@ -51,12 +54,12 @@ pub struct PlannedBench<'s> {
 pub enum Unplannable {
     /// The falls of a train have too few conversions for a line.
     TooFewConversions,
-    /// The bench does not see the stiffening.
+    /// The stiffening is below the bench's scatter.
     StiffensTooLittle,
 }
 
 impl<'s> PlannedBench<'s> {
-    /// The bench of a sensor, with these settings and conversions.
+    /// Evaluates the bench of a sensor, with these settings and conversions.
     pub fn new(
         sensor: &'s PlannedSensor,
         settings: &Settings,
@@ -75,7 +78,7 @@ impl<'s> PlannedBench<'s> {
             for (load, kappa) in sensor.bench_loads.iter().enumerate() {
                 let mut row = vec![0.0; unknowns];
                 row.splice(..QUANTITIES, slopes(sensor, &line, *kappa));
-                // The block comes first and is off by nothing.
+                // The block is first and has no error.
                 if let Some(entry) = load
                     .checked_sub(1)
                     .and_then(|spring| row.get_mut(QUANTITIES + spring))
@@ -105,7 +108,7 @@ impl<'s> PlannedBench<'s> {
         Ok(bench)
     }
 
-    /// Whether the current changes the deformation under the block by enough to be seen.
+    /// Whether the current changes the deformation on the block clearly.
     fn is_clear(&self) -> bool {
         let sensor = self.sensor;
         let peak_a = f64::from(self.settings.peak_current_a);
@@ -114,13 +117,14 @@ impl<'s> PlannedBench<'s> {
         let noise_m =
             self.conversions.relative_sigma * sensor.metres_per_relative_frequency(sensor.depth_m);
         let shaken_m = sensor.vibration_m / 2_f64.sqrt() / whole;
-        // The deformation rises with a stiffening, which is a signal below zero.
+        // The deformation rises with the stiffening, whose signal is negative.
         -signal / whole >= CLEAR * noise_m.hypot(shaken_m) / sensor.depth_m
     }
 
-    /// What bench and knowledge beforehand say of the unknowns; with one of the quantities known exactly.
+    /// Information of bench and prior knowledge on the unknowns; `exact` is a quantity taken as
+    /// known.
     pub(super) fn informed(&self, exact: Option<usize>) -> Information {
-        /// Variance of what is as good as exact.
+        /// Variance of a practically exact quantity.
         const EXACT: f64 = 1e-16;
         let mut information = Information::new(self.beforehand.len());
         for train in &self.trains {
@@ -137,7 +141,8 @@ impl<'s> PlannedBench<'s> {
         information
     }
 
-    /// Variances of a press by the bench's causes: errors of its trains and springs, through the least squares.
+    /// Variances of a press by the causes of the bench: errors of trains and springs, through the
+    /// least squares.
     pub(super) fn of_bench(&self, of_press: &[f64]) -> Option<[f64; Cause::ALL.len()]> {
         let gain = self.information.solve(of_press)?;
         let dot = |row: &[f64]| {
@@ -153,7 +158,7 @@ impl<'s> PlannedBench<'s> {
                 add(&mut causes, cause, weight * weight * variance);
             }
         }
-        // What is known beforehand of a spring is its tolerance.
+        // The prior of a spring is its tolerance.
         for (unknown, (gain, variance)) in gain.iter().zip(&self.beforehand).enumerate() {
             let cause = if unknown < QUANTITIES {
                 Cause::Beforehand
@@ -166,7 +171,7 @@ impl<'s> PlannedBench<'s> {
     }
 }
 
-/// How kappa of a line changes with the quantities.
+/// Derivatives of kappa of a line with respect to the quantities.
 pub(super) fn slopes(sensor: &PlannedSensor, line: &TrainLine, kappa: f64) -> [f64; QUANTITIES] {
     let whole = sensor.whole(kappa);
     [
@@ -188,13 +193,13 @@ pub(super) fn of_train(sensor: &PlannedSensor, line: &TrainLine, kappa: f64) -> 
     ]
 }
 
-/// Variances of quantities and springs before the bench.
+/// Prior variances of quantities and springs.
 fn beforehand(sensor: &PlannedSensor, settings: &Settings, springs: usize) -> Vec<f64> {
     let peak_a = f64::from(settings.peak_current_a);
     let crosstalk = (sensor.crosstalk_m(peak_a) / sensor.depth_m).max(LEAST_CROSSTALK);
     let free = [BEFOREHAND; QUANTITIES - OF_CROSSTALK.len()];
     let of_crosstalk = OF_CROSSTALK.map(|part| part * crosstalk);
-    // Uniform within the tolerance; springs that are as good as exact keep the matrix regular.
+    // Uniform within the tolerance; the lower limit keeps the matrix regular for exact springs.
     let tolerance = (sensor.known.spring_tolerance / 3_f64.sqrt()).max(1e-6);
     let springs = core::iter::repeat_n(tolerance, springs);
     let deviations = free.into_iter().chain(of_crosstalk).chain(springs);

@@ -1,23 +1,23 @@
-//! Causes of an error, and the quantities that a bench determines.
+//! Causes of an error, and the quantities determined on the bench.
 
-/// What an error comes from. The variances of all causes add up to that of the error.
+/// Cause of an error. The variances of all causes add up to that of the error.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Cause {
     /// Noise of the conversions, in the press and on the bench.
     Conversions,
     /// Vibration of the stand, in the press and on the bench.
     Vibration,
-    /// Creep and memory that no drift follows, in the press and on the bench.
+    /// Creep and memory beyond the fitted drifts, in the press and on the bench.
     Creep,
     /// Tolerance of the bench's springs.
     Springs,
     /// Gain of the load cell.
     LoadCell,
-    /// Temperature away from the bench's.
+    /// Temperature difference from the bench.
     Temperature,
-    /// What the cross-talk may have changed by beside its own train.
+    /// Possible change of the cross-talk, by its prior.
     Beforehand,
-    /// What differs between bench and use and is in no train of the bench.
+    /// Differences between bench and use that no train of the bench contains.
     Model,
 }
 
@@ -32,10 +32,10 @@ impl Cause {
         Self::Beforehand,
         Self::Model,
     ];
-    /// Those of a train by itself.
+    /// The causes within a single train.
     pub(super) const OF_TRAIN: [Self; 3] = [Self::Conversions, Self::Vibration, Self::Creep];
 
-    /// The heading of its column, and its key in JSON.
+    /// Column heading and JSON key.
     pub(crate) const fn name(self) -> &'static str {
         match self {
             Self::Conversions => "conversions",
@@ -50,7 +50,7 @@ impl Cause {
     }
 }
 
-/// A quantity that the bench determines.
+/// A quantity determined on the bench.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Quantity {
     /// c_D0.
@@ -61,11 +61,11 @@ pub(crate) enum Quantity {
     Attraction,
     /// The cross-talk without contact.
     Crosstalk,
-    /// Its growth with the press.
+    /// Growth of the cross-talk with the press.
     CrosstalkGrowth,
 }
 
-/// How many there are.
+/// Number of quantities.
 pub(super) const QUANTITIES: usize = 5;
 
 impl Quantity {
@@ -77,7 +77,7 @@ impl Quantity {
         Self::CrosstalkGrowth,
     ];
 
-    /// The heading of its column, and its key in JSON.
+    /// Column heading and JSON key.
     pub(crate) const fn name(self) -> &'static str {
         match self {
             Self::ActuatedSpring => "c_D0",

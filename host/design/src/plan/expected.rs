@@ -1,53 +1,56 @@
-//! The error that a press is expected to have, and what it comes from: what the bench leaves open, the errors of the press's own
-//! train, and the temperature's.
+//! Expected error of a press and its causes: uncertainty left by the bench, errors of the press's
+//! own train, temperature.
 
 use super::bench::{PlannedBench, add, of_train, slopes};
 use super::causes::{Cause, QUANTITIES};
 use super::information::Information;
 use super::line::TrainLine;
 
-/// Half of an interval of 95 %, in standard errors.
+/// Half-width of a 95 % interval, in standard errors.
 const NORMAL_975: f64 = 1.959_964;
-/// The deepest press of the bench goes so many times deeper than its trains, and a press in use a twentieth less deep than its
-/// shallowest: what creep does to one.
+/// Deepest calibrated press over the deepest train, and shallowest press over the shallowest train:
+/// creep changes a depth by a twentieth.
 const BEYOND_BENCH: f64 = 1.08;
 const WITHIN_BENCH: f64 = 0.95;
 
-/// What the calibration's model leaves out of a press, standard deviations as parts of W and of kappa: by so much the errors of 15
-/// sensors of [`ASSUMED_FROM`] at their bench's temperature were above all else (`cargo campaign efficiency --plants 16 --seed 830001
-/// --bench-temperature`: 1.1, 1.6 and 4.5 % at 0.2, 1 and 5 c_S). For other stacks the same is assumed (docs/stiffness.md). Creep that is over before a train, and what a stand differs by, are in it.
+/// Errors of the calibration's model, standard deviations as parts of W and of kappa. They are the
+/// excess of the errors of 15 sensors of [`ASSUMED_FROM`], at their bench's temperature, over all
+/// other causes (`cargo campaign efficiency --plants 16 --seed 830001 --bench-temperature`: 1.1,
+/// 1.6 and 4.5 % at 0.2, 1 and 5 c_S). They are assumed for other designs too (docs/stiffness.md).
+/// They include creep that ends before a train, and differences between stands.
 const MODEL: [f64; 2] = [0.0035, 0.007];
-/// The stack with which that and [`CREEP`](super::bench::CREEP) were found.
+/// Sensor design for which [`MODEL`] and [`CREEP`](super::bench::CREEP) were determined.
 pub(super) const ASSUMED_FROM: &str = "ultrasoft";
 
 /// A press in use.
 #[derive(Clone, Copy, Debug)]
 pub struct PlannedPress {
-    /// In units of the working depth.
+    /// Depth in units of the working depth.
     pub depth: f64,
-    /// Temperature away from the bench's, K.
+    /// Temperature difference from the bench, K.
     pub away_k: f64,
 }
 
-/// What a press upon a load is expected to come to. Errors are standard errors of ln(c_L).
+/// Expected result of a press onto a load. Errors are standard errors of ln(c_L).
 #[derive(Clone, Debug)]
 pub struct ExpectedError {
-    /// c_L/c_S.
+    /// Load as c_L/c_S.
     pub load: f64,
-    /// Of the estimate.
+    /// Standard error of the estimate.
     pub standard_error_ln: f64,
-    /// By each of [`Cause::ALL`].
+    /// Standard error by each of [`Cause::ALL`].
     pub causes_ln: [f64; Cause::ALL.len()],
-    /// What knowing each of the calibrated quantities exactly would take off: root of the difference of the variances.
+    /// Reduction by exact knowledge of each calibrated quantity: root of the difference of the
+    /// variances.
     pub quantities_ln: [f64; QUANTITIES],
-    /// Half the width of the 95 % interval in ln(c_L); nothing where it has no upper end.
+    /// Half the width of the 95 % interval in ln(c_L); `None` where it has no upper end.
     pub half_width_ln: Option<f64>,
-    /// Why the instrument would refuse the press.
+    /// Reason for which the instrument would refuse the press.
     pub refusal: Option<&'static str>,
 }
 
 impl ExpectedError {
-    /// The cause of most of the variance.
+    /// Cause with the largest variance.
     pub(crate) fn limit(&self) -> Cause {
         let causes = Cause::ALL.into_iter().zip(self.causes_ln);
         let most = causes.max_by(|one, other| one.1.total_cmp(&other.1));
@@ -56,7 +59,7 @@ impl ExpectedError {
 }
 
 impl PlannedBench<'_> {
-    /// The line of a press; that of a bench's train as deep is the same.
+    /// Line of a press, the same as that of a bench's train at this depth.
     fn line(&self, press: &PlannedPress) -> Option<TrainLine> {
         let deformation_m = press.depth * self.sensor.depth_m;
         let of_bench = self
@@ -74,7 +77,7 @@ impl PlannedBench<'_> {
         of_bench.cloned().or_else(new)
     }
 
-    /// How a press upon a load, c_S/c_L, changes with the unknowns.
+    /// Derivatives of a press onto a load, c_S/c_L, with respect to the unknowns.
     pub(super) fn row(&self, line: &TrainLine, kappa: f64) -> Vec<f64> {
         let mut row = vec![0.0; self.beforehand.len()];
         row.splice(..QUANTITIES, slopes(self.sensor, line, kappa));
@@ -108,7 +111,7 @@ impl PlannedBench<'_> {
         Some(causes)
     }
 
-    /// Standard errors of ln(c_L) of presses upon loads, c_L/c_S.
+    /// Standard errors of ln(c_L) of presses onto loads, c_L/c_S.
     pub fn standard_errors_ln<const N: usize>(
         &self,
         loads: [f64; N],
@@ -123,7 +126,7 @@ impl PlannedBench<'_> {
         Some(errors_ln)
     }
 
-    /// What a press upon each load, c_L/c_S, is expected to come to.
+    /// Expected result of a press onto each load, c_L/c_S.
     pub fn expected(&self, loads: &[f64], press: &PlannedPress) -> Option<Vec<ExpectedError>> {
         let line = self.line(press)?;
         let exact: Vec<Information> = (0..QUANTITIES)
@@ -135,7 +138,8 @@ impl PlannedBench<'_> {
             .collect()
     }
 
-    /// The same of one load; `exact` is what the bench would say if it gave each quantity exactly.
+    /// Expected result for one load; `exact` is the bench's information if each quantity were known
+    /// exactly.
     fn expected_of(
         &self,
         load: f64,
@@ -171,10 +175,10 @@ impl PlannedBench<'_> {
         })
     }
 
-    /// Variance of kappa by the temperature's coefficients, so many kelvins away from the bench.
+    /// Variance of kappa by the temperature coefficients, at `away_k` kelvin from the bench.
     fn of_temperature(&self, line: &TrainLine, kappa: f64, away_k: f64) -> f64 {
         let known = &self.sensor.known;
-        // The coefficient is the rise's: h changes by less.
+        // The coefficient applies to the rise; h changes by less.
         let rise = self.sensor.rise(self.settings.peak_current_a.into());
         let of_stiffening =
             self.sensor.whole(kappa) * line.of.stiffening * known.rise_per_k / (1.0 + rise);
@@ -182,7 +186,8 @@ impl PlannedBench<'_> {
         away_k * away_k * (of_stiffening * of_stiffening + of_springs * of_springs)
     }
 
-    /// Why the instrument refuses a press whose slope has a relative error by noise, and its stiffness one in all.
+    /// Reason for which the instrument refuses a press, from the relative error of its slope by
+    /// noise and the total error of its stiffness.
     fn refusal(
         &self,
         press: &PlannedPress,

@@ -1,28 +1,30 @@
-//! What a train heats: the energy that it takes, and the copper at its hottest.
+//! Heat of a train: its energy, and the greatest temperature of the copper.
 
 use palpate_sim::thermal::{CALIBRATION_C, ThermalParameters, ThermalState};
 use palpate_wire::command::Settings;
 
-/// Surroundings that the firmware assumes where no thermometer reports (firmware/procedure/src/heat.rs).
+/// Ambient temperature that the firmware assumes without a thermometer
+/// (firmware/procedure/src/heat.rs).
 const WARM_ROOM_C: f64 = 30.0;
-/// More than the mean current heats: its ripple (docs/decisions/0040-coil-drive.md).
+/// Heat of the current with its ripple over that of the mean current
+/// (docs/decisions/0040-coil-drive.md).
 const RIPPLE: f64 = 1.02;
-/// Step of the temperatures, s: a tenth of the shortest rise.
+/// Time step of the temperatures, s: a tenth of the shortest rise.
 const STEP_S: f64 = 1e-3;
 
-/// A train's heat.
+/// Heat of a train.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct TrainHeat {
-    /// Energy into the coil, J, with the copper as warm as it becomes: what the firmware allows for.
+    /// Energy into the coil, J, at the greatest copper temperature, as the firmware computes it.
     pub(crate) energy_j: f64,
-    /// Copper at its hottest, degrees Celsius.
+    /// Greatest temperature of the copper, degrees Celsius.
     pub(crate) hottest_c: f64,
-    /// From the first rise to the end, s.
+    /// Duration from the first rise to the end, s.
     pub(crate) lasts_s: f64,
 }
 
 impl TrainHeat {
-    /// Of a train that begins with everything as warm as a warm room.
+    /// Computes the heat of a train that starts at the temperature of a warm room.
     pub(crate) fn of(settings: &Settings, thermal: &ThermalParameters) -> Self {
         let thermal = ThermalParameters {
             ambient_change_k: WARM_ROOM_C - CALIBRATION_C,
@@ -55,8 +57,9 @@ impl TrainHeat {
     }
 }
 
-/// The straight lines of the current: from and to, A, and how long, s. Hold and fall end with the conversion that is nearest to their
-/// planned end, so that the firmware allows for half a conversion more of each.
+/// Linear segments of the current: start and end in A, and duration in s. Hold and fall end with
+/// the conversion closest to their planned end, so the firmware allows half a conversion more for
+/// each.
 fn lines(settings: &Settings) -> Vec<(f64, f64, f64)> {
     let [rise_s, hold_s, fall_s] =
         [settings.rise_s, settings.hold_s, settings.ramp_s].map(f64::from);

@@ -1,19 +1,19 @@
-//! Fisher information: what readings and prior knowledge say of unknowns, as a symmetric matrix.
+//! Fisher information of readings and prior knowledge about unknowns, as a symmetric matrix.
 //!
 //! For readings y = f(theta) with Gaussian errors the information is the sum of J'J/variance over the readings, J the row
 //! of derivatives; prior knowledge with a variance adds its inverse. The inverse of the whole bounds the covariance of
 //! every estimate (Cramer and Rao; van Trees, "Detection, Estimation, and Modulation Theory", part I, section 2.4).
 
-/// Information on so many unknowns.
+/// Information on a number of unknowns.
 #[derive(Clone, Debug)]
 pub struct Information {
     unknowns: usize,
-    /// Rows of the matrix, one after the other.
+    /// Matrix entries, row by row.
     entries: Vec<f64>,
 }
 
 impl Information {
-    /// None at all.
+    /// Creates empty information.
     pub fn new(unknowns: usize) -> Self {
         Self {
             unknowns,
@@ -21,7 +21,7 @@ impl Information {
         }
     }
 
-    /// Adds a reading that changes with the unknowns by `row`, with a variance of its error.
+    /// Adds a reading with its derivatives `row` and the variance of its error.
     pub fn read(&mut self, row: &[f64], variance: f64) {
         let columns = self.unknowns.max(1);
         for (entries, at) in self.entries.chunks_mut(columns).zip(row) {
@@ -35,19 +35,19 @@ impl Information {
         }
     }
 
-    /// Adds what is known of an unknown beforehand, as a variance.
+    /// Adds prior knowledge of an unknown, as a variance.
     pub fn know(&mut self, unknown: usize, variance: f64) {
         if let Some(entry) = self.entries.get_mut(unknown * (self.unknowns + 1)) {
             *entry += 1.0 / variance;
         }
     }
 
-    /// How many unknowns there are.
+    /// Number of unknowns.
     pub const fn unknowns(&self) -> usize {
         self.unknowns
     }
 
-    /// Adds other information, on the first of these unknowns.
+    /// Adds other information on the first of these unknowns.
     pub fn add(&mut self, other: &Self) {
         let rows = self.entries.chunks_mut(self.unknowns.max(1));
         for (row, of) in rows.zip(other.entries.chunks(other.unknowns.max(1))) {
@@ -57,7 +57,7 @@ impl Information {
         }
     }
 
-    /// What is left on the first `keep` unknowns when nothing is known of the others: those are eliminated one by one.
+    /// Eliminates all unknowns after the first `keep`, without prior knowledge of them.
     pub fn marginal(mut self, keep: usize) -> Self {
         for last in (keep..self.unknowns).rev() {
             let rows: Vec<Vec<f64>> = self
@@ -68,7 +68,7 @@ impl Information {
             let pivot = rows[last][last];
             let mut left = Self::new(last);
             for (row, entries) in rows[..last].iter().zip(left.entries.chunks_mut(last)) {
-                // An unknown of which nothing is read takes nothing along.
+                // An unknown without any reading has no effect.
                 let share = if pivot > 0.0 { row[last] / pivot } else { 0.0 };
                 for (column, entry) in entries.iter_mut().enumerate() {
                     *entry = row[column] - share * rows[last][column];
@@ -79,7 +79,7 @@ impl Information {
         self
     }
 
-    /// The product of the inverse and a vector; nothing where the information does not determine it.
+    /// Returns the product of the inverse and a vector; `None` for a singular matrix.
     pub fn solve(&self, right: &[f64]) -> Option<Vec<f64>> {
         let scales = self.scales();
         let mut matrix: Vec<Vec<f64>> = self
@@ -103,13 +103,13 @@ impl Information {
         Some(unknowns.collect())
     }
 
-    /// The least variance of a linear combination of the unknowns that any unbiased estimate can have.
+    /// Smallest variance of a linear combination of the unknowns for any unbiased estimate.
     pub fn variance(&self, of: &[f64]) -> Option<f64> {
         let solved = self.solve(of)?;
         Some(of.iter().zip(&solved).map(|(one, other)| one * other).sum())
     }
 
-    /// Scales by which every diagonal entry becomes one, so that no step depends on units.
+    /// Scales that make every diagonal entry one, so that the steps are independent of units.
     fn scales(&self) -> Vec<f64> {
         let diagonal = self.entries.iter().step_by(self.unknowns + 1);
         diagonal
@@ -124,10 +124,11 @@ impl Information {
     }
 }
 
-/// The least pivot, of a matrix with a diagonal of ones: below it the columns depend on each other to rounding.
+/// Smallest pivot of a matrix with a unit diagonal; below it the columns are dependent within
+/// rounding.
 const LEAST_PIVOT: f64 = 1e-13;
 
-/// Cholesky's lower triangle, in place; nothing where the matrix is not positive.
+/// Computes Cholesky's lower triangle, in place; `None` if the matrix is not positive definite.
 fn factorise(matrix: &mut [Vec<f64>]) -> Option<()> {
     for row in 0..matrix.len() {
         let (above, rest) = matrix.split_at_mut(row);
@@ -168,8 +169,8 @@ mod tests {
 
     use super::*;
 
-    /// Readings of a line a + b t with b known beforehand; the estimate is written out by hand, normal equations
-    /// of two unknowns, and shares nothing with the information.
+    /// Readings of a line a + b t with a prior for b. The estimate uses hand-written normal
+    /// equations of two unknowns, and shares nothing with the information.
     #[test]
     fn the_variance_is_that_of_many_estimates() {
         const SIGMA: f64 = 0.3;
@@ -198,7 +199,7 @@ mod tests {
             squares += (a + 3.0 * b - 3.0 * slope).powi(2);
         }
         let ratio = squares / f64::from(count) / at_three;
-        // 20,000 squares have a mean that is known within 1 %.
+        // The mean of 20,000 squares is accurate to 1 %.
         assert!((ratio - 1.0).abs() < 0.04, "{ratio}");
     }
 

@@ -1,30 +1,31 @@
-//! What errors of a train's readings make of the load that its line gives.
+//! Error of a load from errors of a train's readings.
 //!
 //! With W = 1 + kappa + g, kappa = c_S/c_L and g = c_S/c_D0, the reading x on the falls follows
 //! 1/x = (W + s(I)) (1 + d phi(t) + e t)/X, where the signal s is the stiffening h with the attraction. A line through 1/x
 //! against s, beside a logarithmic and a straight drift, gives kappa. s' is the part of s that is orthogonal to a constant
 //! and to both drifts, and P(e) = sum(s' e)/sum(s'^2) the projection of an error e of each sample onto it. To first order,
 //!
-//! | error | of kappa |
+//! | error | error of kappa |
 //! |---|---|
-//! | e of the readings, by parts | W^2 P(e) |
+//! | relative error e of the readings | W^2 P(e) |
 //! | e of the signal | W P(e) |
-//! | u of c_S/c_D0 by parts, h as it is | -g u |
+//! | relative error u of c_S/c_D0, with the same h | -g u |
 
 use palpate_wire::command::Settings;
 
 use super::chip::Conversions;
 use super::sensor::PlannedSensor;
 
-/// From the touch to the train in use, s: a press is found steady after two to four tenths of a second, and the coil is tested
-/// (docs/decisions/0008-misfit.md).
+/// Time from the touch to the train in use, s: a press is found steady after two to four tenths of
+/// a second, and then the coil is tested (docs/decisions/0008-misfit.md).
 const SINCE_TOUCH_S: f64 = 0.7;
-/// Points of each fall over which signals and errors are summed: four times as many change an error by vibration by 0.7 %, all others
-/// by 0.1 %.
+/// Points of each fall for the sums over signals and errors: four times as many change an error by
+/// vibration by 0.7 %, all others by 0.1 %.
 const POINTS: u32 = 24;
-/// Conversions of a fall that a single ramp needs, for a level, a slope and a drift with one left over.
+/// Smallest number of conversions in a fall: a single ramp needs a level, a slope and a drift, and
+/// one more.
 const LEAST_CONVERSIONS: u32 = 4;
-/// Step over the frequencies of vibration, Hz: a train of a second resolves as much.
+/// Step of the vibration frequency, Hz: the resolution of a train of a second.
 const VIBRATION_STEP_HZ: f64 = 1.0;
 
 /// A sample of a fall: time since the middle of the first rise, s, and current, A.
@@ -34,33 +35,36 @@ type FallPoint = (f64, f64);
 #[derive(Clone, Debug)]
 pub(crate) struct TrainLine {
     points: Vec<FallPoint>,
-    /// s'/sum(s'^2) at each sample.
+    /// Weights s'/sum(s'^2) of the samples.
     weights: Vec<f64>,
     /// Deformation of the sensing layer, m.
     pub(crate) deformation_m: f64,
-    /// What kappa changes by, over W, for each quantity but c_D0.
+    /// Derivative of kappa over W for each quantity except c_D0.
     pub(crate) of: Projections,
-    /// Variance of P of white noise of the readings, by parts.
+    /// Variance of P for white relative noise of the readings.
     pub(crate) conversions: f64,
-    /// The same of a stand that vibrates, times W^2: what it moves the sensing layer by is a W-th of its amplitude.
+    /// Variance of P for a vibrating stand, times W^2: the sensing layer moves by the amplitude
+    /// over W.
     pub(crate) vibration: f64,
 }
 
-/// Projections P of what the quantities of a calibration do to the falls.
+/// Projections P of the effects of a calibration's quantities on the falls.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Projections {
-    /// Of h.
+    /// Projection of h.
     pub(crate) stiffening: f64,
-    /// Of an attraction that would press the sensing layer by the working depth at the peak.
+    /// Projection of an attraction that would deform the sensing layer by the working depth at the
+    /// peak.
     pub(crate) attraction: f64,
-    /// Of a cross-talk of the working depth at the peak, by parts of the deformation.
+    /// Projection of a cross-talk of the working depth at the peak, relative to the deformation.
     pub(crate) crosstalk: f64,
-    /// Of a cross-talk that grows with the deformation, as large as that itself at the peak.
+    /// Projection of a cross-talk proportional to the deformation, and equal to it at the peak.
     pub(crate) growth: f64,
 }
 
 impl TrainLine {
-    /// The line of a train with these settings at a deformation, m; nothing where its falls have too few conversions.
+    /// Computes the line of a train with these settings at a deformation, m; `None` where its falls
+    /// have too few conversions.
     pub(crate) fn new(
         sensor: &PlannedSensor,
         settings: &Settings,
@@ -108,7 +112,7 @@ impl TrainLine {
         Some(line)
     }
 
-    /// P of an error that follows the current, A.
+    /// P of an error that depends on the current, A.
     fn project(&self, error: impl Fn(f64) -> f64) -> f64 {
         let samples = self.points.iter().zip(&self.weights);
         samples
@@ -116,7 +120,8 @@ impl TrainLine {
             .sum()
     }
 
-    /// Mean over the frequencies of a stand, and over the phases: P of a sine is as large as the weights' spectrum there.
+    /// Mean square of P over the stand's frequencies and phases: P of a sine equals the weights'
+    /// spectrum at its frequency.
     fn of_vibration(&self, sensor: &PlannedSensor) -> f64 {
         let (low_hz, high_hz) = sensor.vibration_hz;
         let steps = ((high_hz - low_hz) / VIBRATION_STEP_HZ).ceil().max(1.0) as u32;
@@ -139,7 +144,8 @@ impl TrainLine {
     }
 }
 
-/// Points of each fall, evenly spaced in time and current: sums over the conversions are so many times those over the points.
+/// Points of each fall, evenly spaced in time and current. Sums over the conversions are
+/// proportional to sums over these points.
 fn fall_points(settings: &Settings) -> Vec<FallPoint> {
     let [rise_s, hold_s, fall_s] =
         [settings.rise_s, settings.hold_s, settings.ramp_s].map(f64::from);
@@ -157,13 +163,13 @@ fn fall_points(settings: &Settings) -> Vec<FallPoint> {
     (0..settings.ramps).flat_map(fall).collect()
 }
 
-/// Conversions that lie within a fall as a whole.
+/// Number of complete conversions within a fall.
 fn conversions_of_fall(settings: &Settings) -> u32 {
-    // A fall begins with a conversion; that of 60 ms at 1 kHz has 60, for all that rounding leaves.
+    // A fall starts with a conversion; a fall of 60 ms at 1 kHz has 60, despite rounding.
     (settings.ramp_s * settings.rate_hz + 1e-3).floor() as u32
 }
 
-/// s'/sum(s'^2): the signal without what a constant and both drifts can be of it.
+/// Weights s'/sum(s'^2): the signal, orthogonalised to a constant and both drifts.
 fn weights(points: &[FallPoint], mut signal: Vec<f64>) -> Option<Vec<f64>> {
     let drifts: [fn(f64) -> f64; 3] = [
         |_| 1.0,

@@ -1,4 +1,4 @@
-//! `palpate plan`: the error that presses upon a kind of sensor are expected to have, and the best train for it.
+//! `palpate plan`: expected error of presses with a sensor design, and the best train for it.
 
 mod bench;
 mod causes;
@@ -31,9 +31,9 @@ use palpate_cli::failure::Failure;
 use palpate_cli::output::OutputFile;
 use palpate_cli::quantity::between;
 
-/// How deep the load is pressed, without an option.
+/// Default depth of the press.
 const DEPTH: f64 = 1.0;
-/// Temperature away from the bench's, K, without an option.
+/// Default temperature difference from the bench, K.
 const AWAY_K: f64 = 2.9;
 
 /// Compute the expected error of a press against the load's stiffness, what limits it, and the best train
@@ -80,10 +80,10 @@ pub struct Arguments {
     plot: Option<PathBuf>,
 }
 
-/// What is planned of a stack.
+/// Plan for a sensor design.
 struct Plan {
     stack: String,
-    /// Whether this is another stack than [`ASSUMED_FROM`].
+    /// Whether the design differs from [`ASSUMED_FROM`].
     is_assumed: bool,
     sensor: PlannedSensor,
     press: PlannedPress,
@@ -95,7 +95,7 @@ struct Plan {
 /// Runs the verb.
 ///
 /// # Errors
-/// What is refused or fails, with what to do.
+/// Refusals and failures, with a remedy.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let plot = OutputFile::optional("--plot", arguments.plot.as_ref())?;
     let plot = plot.map(|file| file.apart_from(Path::new(&arguments.stack)));
@@ -146,14 +146,14 @@ impl Plan {
         Ok(plan)
     }
 
-    /// The errors with the default train at these loads, c_L/c_S.
+    /// Errors with the default train at these loads, c_L/c_S.
     fn errors_at(&self, loads: &[f64]) -> Result<Vec<ExpectedError>, Failure> {
         expected_errors(&self.stack, &self.sensor, &self.press, loads)
     }
 }
 
-/// The standard error of ln(c_L) that one press upon a load of c_L = c_S is expected to have, as deep as the sensor is made
-/// for and as far from the bench's temperature as `palpate plan` has it without options.
+/// Expected standard error of ln(c_L) for one press onto a load of c_L = c_S, at the working depth
+/// and the default temperature difference.
 pub fn expected_error_ln(stack: &Stack) -> Result<f64, Failure> {
     let disturbances = Disturbances::builtin().map_err(LoadError::from)?;
     let sensor = PlannedSensor::new(stack, &disturbances);
@@ -166,7 +166,7 @@ pub fn expected_error_ln(stack: &Stack) -> Result<f64, Failure> {
     error_ln.ok_or_else(|| unplannable(&stack.name, Unplannable::TooFewConversions))
 }
 
-/// The errors of a press with the default train upon these loads, c_L/c_S.
+/// Expected errors of a press with the default train onto these loads, c_L/c_S.
 fn expected_errors(
     stack: &str,
     sensor: &PlannedSensor,
@@ -223,7 +223,7 @@ impl Arguments {
 
     /// Loads of the chart: evenly spaced in the logarithm.
     fn fine_loads(&self) -> Vec<f64> {
-        /// Points of a line.
+        /// Number of intervals of a line.
         const POINTS: u32 = 60;
         let ratio = self.load_to / self.load_from;
         let at = |point: u32| self.load_from * ratio.powf(f64::from(point) / f64::from(POINTS));

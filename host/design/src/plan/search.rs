@@ -1,4 +1,4 @@
-//! The best train within what heat, contact time and converter allow.
+//! Search for the best train within the limits of heat, contact time and converter.
 
 use palpate_sim::electrical::reference_limits;
 use palpate_wire::command::Settings;
@@ -10,8 +10,8 @@ use super::expected::PlannedPress;
 use super::heat::TrainHeat;
 use super::sensor::PlannedSensor;
 
-/// What of a train is chosen. Rise and hold stay: memory and lag of the elastomer are the same on all ramps by them, which these
-/// figures do not contain.
+/// The varied figures of a train. Rise and hold are fixed: they give the elastomer the same memory
+/// and lag on all ramps, which this model does not contain.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct TrainChoice {
     /// Falling ramps.
@@ -24,33 +24,34 @@ pub(crate) struct TrainChoice {
     pub(crate) peak_a: f32,
 }
 
-/// What is tried of each. Falls shorter than 40 ms are not: an elastomer that follows 10 ms late would still be on its way. Slower
-/// conversions are not either: their noise is less, but at 250 Hz the errors of 13 sensors at the bench's temperature were 1.3 to 1.4
-/// times those at 1 kHz, and two more presses were refused, since the current bends within a conversion.
+/// Tried values. Falls shorter than 40 ms are excluded: an elastomer with a lag of 10 ms would not
+/// have settled. Slower conversions are excluded: their noise is less, but at 250 Hz the errors of
+/// 13 sensors at the bench's temperature were 1.3 to 1.4 times those at 1 kHz, and two more presses
+/// were refused, since the current bends within a conversion.
 const RAMPS: [u8; 6] = [6, 8, 12, 16, 20, 24];
 const FALLS_S: [f32; 3] = [0.04, 0.06, 0.1];
 const RATES_HZ: [u16; 2] = [1_000, 2_000];
 const PEAKS_A: [f32; 3] = [8.0, 10.0, 12.0];
 
-/// Share of what the supply can push through the warm coil that the peak may take, and the warm coil as a multiple of its
-/// resistance at rest, as on the bench (host/simulate/src/instrument.rs).
+/// Greatest peak as a share of the supply's current through the warm coil, and the warm coil's
+/// resistance over that at rest, as on the bench (host/simulate/src/instrument.rs).
 const OF_SUPPLY: f64 = 0.95;
 const WARM: f64 = 1.2;
 
-/// How many times the energy that is allowed a train may take to be named as what a limit stands in the way of.
+/// Energy of a train, in units of the allowed energy, beyond which it is not computed.
 const FAR: f64 = 1.5;
 
-/// Loads, c_L/c_S, at which trains are compared.
+/// Loads, c_L/c_S, for the comparison of trains.
 pub(crate) const COMPARED: [f64; 3] = [0.2, 1.0, 5.0];
 
-/// What stands in the way of a train.
+/// The limit that a train exceeds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum TrainLimit {
     /// More energy into the coil than the settings allow.
     Energy,
     /// Copper hotter than the settings allow.
     Heat,
-    /// Longer than the contact.
+    /// Longer than the contact time.
     ContactTime,
     /// The converter or its bus.
     Chip,
@@ -61,7 +62,7 @@ pub(crate) enum TrainLimit {
 }
 
 impl TrainLimit {
-    /// In words, and in JSON.
+    /// Name for text and JSON.
     pub(crate) const fn name(self) -> &'static str {
         match self {
             Self::Energy => "energy",
@@ -74,7 +75,7 @@ impl TrainLimit {
     }
 }
 
-/// A train with what it comes to.
+/// A train with its heat and errors.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct RatedTrain {
     pub(crate) choice: TrainChoice,
@@ -85,33 +86,33 @@ pub(crate) struct RatedTrain {
 }
 
 impl RatedTrain {
-    /// Mean of the logarithms of the errors: less is better.
+    /// Mean of the logarithms of the errors; less is better.
     pub(crate) fn score(&self) -> f64 {
         let logarithms = self.errors_ln.iter().map(|error| error.ln());
         logarithms.sum::<f64>() / COMPARED.len() as f64
     }
 }
 
-/// A line of the comparison: a train, with what stands in the way of the next better one of its kind.
+/// A row of the comparison: the best allowed train of a kind, and the limit of the next better one.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ComparedTrain {
-    /// What is changed.
+    /// The varied figure.
     pub(crate) change: &'static str,
     pub(crate) train: RatedTrain,
-    /// The limit that a better train of the same kind breaks; nothing where none is better.
+    /// Limit exceeded by a better train of the same kind; `None` where none is better.
     pub(crate) limit: Option<TrainLimit>,
 }
 
-/// What a train is judged by.
+/// Sensor and limits for the comparison of trains.
 pub(crate) struct TrainSearch<'s> {
     pub(crate) sensor: &'s PlannedSensor,
     pub(crate) press: PlannedPress,
-    /// How long the load stays pressed for a train, s.
+    /// Time for which the load stays pressed for a train, s.
     pub(crate) contact_s: f64,
 }
 
 impl TrainSearch<'_> {
-    /// The default train, the best change of each of its figures alone, and the best of all.
+    /// Returns the default train, the best change of each figure alone, and the best of all.
     pub(crate) fn compare(&self) -> Result<Vec<ComparedTrain>, TrainLimit> {
         let settings = &self.sensor.settings;
         let default = TrainChoice {
@@ -152,7 +153,7 @@ impl TrainSearch<'_> {
         Ok(compared)
     }
 
-    /// The best allowed of these trains, `start` among them, and what stands in the way of the best of all.
+    /// Returns the best allowed train of these and `start`, with the limit of the next better one.
     fn best(
         &self,
         change: &'static str,
@@ -168,7 +169,7 @@ impl TrainSearch<'_> {
         let allowed = rated().filter(|train| self.allowed(train).is_ok());
         let train = allowed.chain([start]).min_by(better).unwrap_or(start);
         let beyond = rated().filter(|of| of.score() < train.score() && self.allowed(of).is_err());
-        // The one that breaks the limit by the least comes next.
+        // The next train is the one with the smallest energy.
         let next = beyond.min_by(|one, other| one.heat.energy_j.total_cmp(&other.heat.energy_j));
         ComparedTrain {
             change,
@@ -187,11 +188,11 @@ impl TrainSearch<'_> {
         }
     }
 
-    /// What a train comes to, whether it is allowed or not.
+    /// Rates a train without checking the limits of the instrument.
     fn rated(&self, choice: &TrainChoice) -> Result<RatedTrain, TrainLimit> {
         let settings = self.settings(choice);
         let heat = TrainHeat::of(&settings, &self.sensor.plant.thermal);
-        // What is far beyond the limits need not be computed.
+        // Trains far beyond the limit are not computed.
         if heat.energy_j > FAR * f64::from(settings.greatest_energy_j) {
             return Err(TrainLimit::Energy);
         }
@@ -212,7 +213,7 @@ impl TrainSearch<'_> {
         })
     }
 
-    /// Whether the instrument drives a train.
+    /// Checks whether the instrument drives a train.
     fn allowed(&self, train: &RatedTrain) -> Result<(), TrainLimit> {
         let settings = &self.sensor.settings;
         let current = &self.sensor.plant.current;
@@ -240,7 +241,7 @@ impl TrainSearch<'_> {
     }
 }
 
-/// Every train that is tried.
+/// All tried trains.
 fn all() -> Vec<TrainChoice> {
     let mut choices = Vec::new();
     for ramps in RAMPS {

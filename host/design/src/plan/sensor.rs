@@ -1,4 +1,4 @@
-//! The sensor as it is planned: three springs in series with their nominal values, and what is known of bench and use.
+//! The planned sensor: three springs in series with nominal values, and the data of bench and use.
 
 use palpate_calibration::Known;
 use palpate_sim::magnetorheological::MagnetorheologicalParameters;
@@ -9,36 +9,37 @@ use palpate_sim::switches::Switches;
 use palpate_simulate::instrument::{BenchTask, default_settings};
 use palpate_wire::command::Settings;
 
-/// A kind of sensor with the bench on which it is calibrated. Compliances are in units of the sensing layer's.
+/// A sensor design with the bench for its calibration. Compliances are in units of the sensing
+/// layer's.
 #[derive(Clone, Debug)]
 pub struct PlannedSensor {
-    /// Nominal values of everything, in the middle of what is drawn.
+    /// Nominal values, in the middle of the random ranges.
     pub plant: Parameters,
-    /// What the bench is known to be.
+    /// Known data of the bench.
     pub known: Known,
-    /// Settings of the instrument, with the peak that stack and supply allow.
+    /// Settings of the instrument, with the peak current that design and supply allow.
     pub settings: Settings,
     /// c_S/c_D0.
     pub ratio: f64,
     /// Deformation of the sensing layer at the working depth, m.
     pub depth_m: f64,
-    /// Loads of the bench, c_S/c_L, the block first.
+    /// Loads of the bench, c_S/c_L, starting with the block.
     pub bench_loads: Vec<f64>,
     /// Depths of the bench, in units of the working depth.
     pub bench_depths: Vec<f64>,
-    /// Amplitude of a stand's vibration, root of the mean square over stands, m.
+    /// Amplitude of a stand's vibration, root mean square over stands, m.
     pub vibration_m: f64,
-    /// Frequencies between which it lies, Hz.
+    /// Range of the vibration's frequency, Hz.
     pub vibration_hz: (f64, f64),
 }
 
 impl PlannedSensor {
-    /// The sensor in the middle of what is drawn of a stack.
+    /// Creates the nominal sensor of a design.
     pub fn new(stack: &Stack, disturbances: &Disturbances) -> Self {
         Self::of(central(stack, disturbances), stack, disturbances)
     }
 
-    /// A sensor that was drawn.
+    /// Creates the planned sensor for drawn parameters.
     pub fn of(plant: Parameters, stack: &Stack, disturbances: &Disturbances) -> Self {
         let task = BenchTask::of(&plant, stack, Switches::all(), &default_settings());
         let sensing_n_per_m = plant.sensing.spring_n_per_m;
@@ -46,7 +47,7 @@ impl PlannedSensor {
         let springs = springs.map(|spring| sensing_n_per_m / spring);
         let press = &disturbances.press;
         let (least_m, most_m) = press.vibration_amplitude_m.range();
-        // Of a uniform amplitude.
+        // Mean square of a uniform amplitude.
         let square = (least_m * least_m + least_m * most_m + most_m * most_m) / 3.0;
         Self {
             ratio: sensing_n_per_m / plant.actuated.spring_n_per_m,
@@ -65,7 +66,7 @@ impl PlannedSensor {
         &self.plant.magnetorheological
     }
 
-    /// Rise of c_D at a current, A, as a part of c_D0.
+    /// Relative rise of c_D at a current, A.
     pub fn rise(&self, current_a: f64) -> f64 {
         let relative = current_a / self.plant.current.peak_a;
         self.law().stiffening_at_peak * self.law().saturation(relative)
@@ -77,31 +78,32 @@ impl PlannedSensor {
         -self.ratio * rise / (1.0 + rise)
     }
 
-    /// What the attraction of the layer's halves adds to h at a current, A, and a deformation, m.
+    /// Addition of the attraction of the layer's halves to h, at a current, A, and a deformation,
+    /// m.
     pub fn attraction(&self, current_a: f64, deformation_m: f64) -> f64 {
         let pull_n = self.plant.attraction.n_per_a2 * current_a * current_a;
         let ratio = self.ratio + self.stiffening(current_a);
         pull_n / self.plant.sensing.spring_n_per_m * ratio / deformation_m
     }
 
-    /// What the coil's field adds to the reading at a current, A, m.
+    /// Cross-talk of the coil's field at a current in A, m.
     pub fn crosstalk_m(&self, current_a: f64) -> f64 {
         let relative = current_a / self.plant.current.peak_a;
         self.plant.crosstalk.at_peak_m * relative * relative
     }
 
-    /// 1 + c_S/c_L + c_S/c_D0 with a load, c_S/c_L.
+    /// 1 + c_S/c_L + c_S/c_D0 for a load c_S/c_L.
     pub fn whole(&self, kappa: f64) -> f64 {
         1.0 + kappa + self.ratio
     }
 
-    /// What a relative error of the frequency is of the deformation, m, at a deformation, m.
+    /// Change of the deformation per relative change of the frequency, m, at a deformation, m.
     pub fn metres_per_relative_frequency(&self, deformation_m: f64) -> f64 {
         metres_per_relative_frequency(&SensingTank::new(&self.plant.tank), deformation_m)
     }
 }
 
-/// What a relative error of a tank's frequency is of the deformation, m, at a deformation, m.
+/// Change of the deformation per relative change of a tank's frequency, m, at a deformation, m.
 pub fn metres_per_relative_frequency(tank: &SensingTank, deformation_m: f64) -> f64 {
     let resonance = tank.resonance(&TankState {
         apparent_m: deformation_m,

@@ -14,12 +14,12 @@ use super::causes::{Cause, Quantity};
 use super::expected::{ASSUMED_FROM, ExpectedError};
 use super::search::{COMPARED, ComparedTrain};
 
-/// What people read on the terminal.
+/// Formats the plan for the terminal.
 pub(super) fn text(plan: &Plan) -> String {
     let mut text = String::new();
     let sensor = &plan.sensor;
     let peak_a = f64::from(sensor.settings.peak_current_a);
-    // A string takes all that is written to it.
+    // Writing to a `String` cannot fail.
     let _ = writeln!(
         text,
         "Stack {}: c_S {}, c_D {}, {:.1} % stiffer at {peak_a:.1} A; pressed to {:.2} mm, {:.1} K from the bench's temperature",
@@ -52,7 +52,7 @@ pub(super) fn text(plan: &Plan) -> String {
     text
 }
 
-/// Where the parts that are not computed come from.
+/// States the origin of the causes that are not computed.
 fn assumed(plan: &Plan) -> String {
     let found =
         format!("Creep and model were found with simulated sensors of the stack {ASSUMED_FROM}");
@@ -152,13 +152,13 @@ fn trains(trains: &[ComparedTrain]) -> Table {
     table(header, trains.iter().map(row).collect(), &[0, last])
 }
 
-/// By how much the errors are less than with the first train, geometric mean over the loads.
+/// Relative reduction of the errors from the first train, geometric mean over the loads.
 fn gain(trains: &[ComparedTrain], compared: &ComparedTrain) -> f64 {
     let first = trains.first().map_or(0.0, |first| first.train.score());
     1.0 - (compared.train.score() - first).exp()
 }
 
-/// A key as words.
+/// Formats a key as words.
 fn words(key: &str) -> String {
     match key {
         "c_D0" => key.to_owned(),
@@ -168,10 +168,10 @@ fn words(key: &str) -> String {
     }
 }
 
-/// Causes of which the size is taken from [`ASSUMED_FROM`].
+/// Causes whose size is taken from [`ASSUMED_FROM`].
 const NOT_COMPUTED: [&str; 2] = [Cause::Creep.name(), Cause::Model.name()];
 
-/// The plan in JSON.
+/// The plan as JSON.
 #[derive(Serialize)]
 #[allow(non_snake_case, reason = "keys carry units")]
 struct PlanDocument<'p> {
@@ -179,7 +179,7 @@ struct PlanDocument<'p> {
     depth_m: f64,
     temperature_away_K: f64,
     contact_s: f64,
-    /// Causes that were found with another stack, and are assumed for this one.
+    /// Causes determined with another design and assumed for this one.
     assumed_causes: &'static [&'static str],
     loads: Vec<LoadEntry>,
     trains: Vec<TrainEntry>,
@@ -214,7 +214,7 @@ struct TrainEntry {
     limit: Option<&'static str>,
 }
 
-/// The plan as one JSON object.
+/// Formats the plan as one JSON object.
 pub(super) fn json(plan: &Plan) -> serde_json::Result<String> {
     let named = |names: &[&str], values: &[f64]| {
         let pairs = names.iter().zip(values);
@@ -257,7 +257,7 @@ pub(super) fn json(plan: &Plan) -> serde_json::Result<String> {
     })
 }
 
-/// Errors against the load, with the causes that matter.
+/// Chart of the errors against the load, with the main causes.
 pub(super) fn chart(plan: &Plan, errors: &[ExpectedError]) -> Chart {
     let line = |name: &str, colour, of: &dyn Fn(&ExpectedError) -> f64| Series {
         name: name.to_owned(),

@@ -1,5 +1,5 @@
-//! The formulas against trains that are made from three springs in closed form and evaluated sample by sample, and the trains that
-//! are found against the simulated board.
+//! Tests of the formulas against trains from three springs in closed form, evaluated sample by
+//! sample, and of the trains found by the search against the simulated board.
 
 use palpate_sim::Time;
 use palpate_sim::device::Device;
@@ -43,7 +43,7 @@ fn line(sensor: &PlannedSensor) -> TrainLine {
     .unwrap()
 }
 
-/// What is wrong in an evaluation, each by parts, or of the working depth at the peak.
+/// Errors of an evaluation, relative or in units of the working depth at the peak.
 #[derive(Clone, Copy, Default)]
 struct Wrong {
     actuated: f64,
@@ -68,8 +68,8 @@ fn falls(settings: &Settings) -> Vec<(f64, f64)> {
     (0..12).flat_map(fall).collect()
 }
 
-/// kappa as a line gives it that is fitted to 1/x of a train upon a load, evaluated wrongly; `added_m` is what the readings are
-/// off by at a time, s.
+/// kappa by a line fitted to 1/x of a train on a load, evaluated with the errors `wrong`; `added_m`
+/// is the error of a reading at a time, s.
 fn reads(
     sensor: &PlannedSensor,
     kappa: f64,
@@ -85,7 +85,7 @@ fn reads(
         let pull_m = sensor.plant.attraction.n_per_a2 * current_a * current_a
             / sensor.plant.sensing.spring_n_per_m
             * (sensor.ratio + h);
-        // x (1 + kappa + g) and the pull are the whole way.
+        // The total travel is x (1 + kappa + g) plus the pull.
         let true_m = (depth_m * whole - pull_m) / (whole + h);
         let read_m =
             true_m + square * (wrong.crosstalk * depth_m + wrong.growth * true_m) + added_m(time_s);
@@ -98,7 +98,7 @@ fn reads(
         }
     }
     let solved = normal.solve(&right).unwrap();
-    // Extrapolated without a drift to no signal.
+    // Extrapolated to zero signal, without the drift.
     let level = solved[0];
     level / solved[1] - 1.0 - sensor.ratio * (1.0 + wrong.actuated)
 }
@@ -140,7 +140,8 @@ fn an_error_of_each_quantity_moves_a_load_by_what_the_slopes_say() {
                 .enumerate()
             {
                 let moved = (reads(&sensor, kappa, &wrong, &mut |_| 0.0) - exact) / STEP;
-                // First order: the stiffening itself is a tenth, and more of the line where most of it is taken away.
+                // First order: the stiffening itself is a tenth, and a larger part of the line
+                // where the attraction cancels most of it.
                 assert!(
                     (moved / slope - 1.0).abs() < 0.12,
                     "{name} {kappa} {index}: {moved} {slope}"
@@ -175,7 +176,8 @@ fn noise_and_vibration_scatter_a_load_by_what_the_line_says() {
     }
     let noise = of_noise / (whole.powi(4) * line.conversions);
     let vibration = of_vibration / (whole.powi(2) * line.vibration);
-    // 400 squares find the one within 7 %; of the other most lies in a few frequencies near the ramps' harmonics.
+    // 400 squares determine the noise within 7 %; most of the vibration is in a few frequencies
+    // near the ramps' harmonics.
     assert!((noise - 1.0).abs() < 0.2, "{noise}");
     assert!((0.6..1.6).contains(&vibration), "{vibration}");
 }

@@ -1,4 +1,4 @@
-//! The map: |B| in colours, field lines at equal steps of flux, and what lies where.
+//! Map: |B| in colours, field lines at equal steps of flux, and outlines of the parts.
 
 use contour::ContourBuilder;
 use palpate_cli::plot::{self, Area};
@@ -10,9 +10,9 @@ use plotters::prelude::*;
 use super::scale::{ColourScale, colour};
 use super::{FONT, LABEL, Picture, TITLE};
 
-/// Half a millimetre of a 70 mm wide picture is three of these.
+/// Number of columns; three are half a millimetre of a 70 mm wide picture.
 const COLUMNS: usize = 200;
-/// Field lines for the greatest flux of either sense.
+/// Number of field lines up to the greatest flux, for each sign.
 const LINES: i32 = 16;
 
 /// Values on a lattice over r ≥ 0.
@@ -21,9 +21,9 @@ struct Lattice {
     from_x_mm: f64,
     columns: usize,
     rows: usize,
-    /// |B|, in mT.
+    /// |B|, mT.
     size: Vec<f64>,
-    /// Flux through the circle, in any unit; its sign is its sense.
+    /// Flux through the circle, in any unit, with its sign.
     flux: Vec<f64>,
 }
 
@@ -33,7 +33,7 @@ impl Lattice {
         let locator = Locator::new(&picture.solved.level, &picture.solved.w);
         let step = circle.radius / COLUMNS as f64;
         let [low, high] = picture.design.height_m();
-        // A third of the radius above and below shows where the field lines go.
+        // A third of the radius above and below shows the course of the field lines.
         let (from, to) = (low - 0.33 * circle.radius, high + 0.33 * circle.radius);
         #[allow(
             clippy::cast_possible_truncation,
@@ -71,7 +71,7 @@ impl Lattice {
 pub(super) fn draw(picture: &Picture<'_>) -> Result<String, String> {
     let lattice = Lattice::of(picture);
     let [reach, tall] = lattice.to_mm();
-    // One scale for both directions: 1520 pixels for both sides of the axis.
+    // Same scale for both directions: 1520 pixels across both sides of the axis.
     let scale = 1520.0 / (2.0 * reach);
     #[allow(
         clippy::cast_possible_truncation,
@@ -136,14 +136,14 @@ fn draw_map(
         .map_err(text)
 }
 
-/// Rows of cells of the same band, on both sides of the axis, as few rectangles.
+/// Merges neighbouring cells of one band in a row into a rectangle, on both sides of the axis.
 fn cells(lattice: &Lattice, band: impl Fn(f64) -> i32) -> Vec<Rectangle<(f64, f64)>> {
     let mut found = Vec::new();
     let end = lattice.from_x_mm + lattice.to_mm()[1];
     let rows = lattice.size.chunks(lattice.columns).zip(0_u32..);
     for (row, number) in rows {
         let x = lattice.from_x_mm + f64::from(number) * lattice.step_mm;
-        // Rounding to whole pixels leaves gaps between rows, so that each reaches into the next.
+        // Each row overlaps the next, since rounding to whole pixels leaves gaps.
         let top = (x + 1.5 * lattice.step_mm).min(end);
         let bands: Vec<i32> = row.iter().map(|&size| band(size)).collect();
         let mut column = 0;
@@ -165,8 +165,8 @@ fn cells(lattice: &Lattice, band: impl Fn(f64) -> i32) -> Vec<Rectangle<(f64, f6
     found
 }
 
-/// Lines at equal steps of flux, of both senses, in mm. Plates of soft metal gather nearly all of them, where
-/// they would merge: there the colour alone shows the field.
+/// Lines at equal steps of flux, of both signs, in mm. Plates of soft metal are left out: they
+/// concentrate nearly all lines, which would merge there, so colour alone shows their field.
 fn field_lines(lattice: &Lattice, design: &Design) -> Result<Vec<Vec<(f64, f64)>>, String> {
     let greatest = lattice
         .flux
@@ -191,7 +191,7 @@ fn field_lines(lattice: &Lattice, design: &Design) -> Result<Vec<Vec<(f64, f64)>
     let [reach, tall] = lattice.to_mm();
     let inside = |&(r, x): &(f64, f64)| {
         let top = lattice.from_x_mm + tall;
-        // The edge of the lattice at the axis is no field line either.
+        // The lattice's edge at the axis is not a field line.
         let shown = (1.01 * half..reach - half).contains(&r)
             && x > lattice.from_x_mm + half
             && x < top - half;
@@ -200,7 +200,7 @@ fn field_lines(lattice: &Lattice, design: &Design) -> Result<Vec<Vec<(f64, f64)>
     let mut lines = Vec::new();
     for level in &found {
         for ring in level.geometry() {
-            // Rings are closed along the edge of the lattice; a field line is not.
+            // Contours close along the edge of the lattice; field lines do not.
             let points: Vec<(f64, f64)> = ring.coords().map(|c| (c.x, c.y)).collect();
             let pieces = points.split(|point| !inside(point));
             lines.extend(pieces.filter(|piece| piece.len() > 1).map(<[_]>::to_vec));
@@ -209,14 +209,14 @@ fn field_lines(lattice: &Lattice, design: &Design) -> Result<Vec<Vec<(f64, f64)>
     Ok(lines)
 }
 
-/// Outlines of all parts, in mm, each with its colour.
+/// Outlines of all parts, in mm, with their colours.
 fn outlines(design: &Design) -> Vec<(Vec<(f64, f64)>, ShapeStyle)> {
     let mut found = Vec::new();
     let mut add = |shape: &Shape, style: ShapeStyle| {
         for path in shape.paths() {
             let points = (0..=60).map(|k| path.at(f64::from(k) / 60.0));
             let points = points.map(|[r, x]| (1e3 * r, 1e3 * x));
-            // The axis is no outline.
+            // The axis is not an outline.
             let points: Vec<(f64, f64)> = points.collect();
             if points.iter().any(|point| point.0 > 1e-9) {
                 found.push((points, style));
@@ -252,7 +252,7 @@ mod tests {
 
     use super::*;
 
-    /// The field lines of the coils in air, with the senses of the lower and the upper board.
+    /// Field lines of the coils in air, for the senses of the lower and the upper board.
     fn lines(senses: [&str; 2]) -> Vec<Vec<(f64, f64)>> {
         let text = builtin_text("air").unwrap();
         let mut design = Design::parse("air.toml", text).unwrap();
@@ -283,7 +283,7 @@ mod tests {
             .sum()
     }
 
-    /// In a magnet lines are drawn, in soft metal they are not.
+    /// Lines are drawn in a magnet, but not in soft metal.
     #[test]
     fn field_lines_are_drawn_in_magnets() {
         let inside = |law: &str| {
@@ -318,7 +318,7 @@ mod tests {
         let alike = |one: f64, other: f64| (one / other - 1.0).abs() < 0.02;
         let [plus, minus] = ["+", "-"].map(|sense| length_mm(&lines([sense, sense])));
         assert!(plus > 100.0 && alike(plus, minus), "{plus} {minus}");
-        // Opposed coils: as much above the mid-plane at 4.14 mm as below.
+        // Opposed coils: equal lengths above and below the mid-plane at 4.14 mm.
         let opposed = lines(["+", "-"]).into_iter();
         let (above, below): (Vec<_>, Vec<_>) = opposed.partition(|line| line[0].1 > 4.14);
         let [above, below] = [above, below].map(|lines| length_mm(&lines));

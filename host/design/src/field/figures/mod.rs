@@ -34,21 +34,21 @@ pub(super) struct Arguments {
     out: PathBuf,
 }
 
-/// A field that is to be drawn.
+/// A field to draw.
 struct Picture<'p> {
     design: &'p Design,
     solved: &'p Solved,
-    /// What stands behind every |B|: `mT` or `mT/A`.
+    /// Unit of |B|: `mT` or `mT/A`.
     unit: String,
-    /// What drives it, in words.
+    /// Drive in words.
     driven: String,
 }
 
 /// Draws a picture as SVG.
 type Draw = fn(&Picture<'_>) -> Result<String, String>;
 
-/// Text in drawings: any sans-serif font, at these sizes. Drawings are made large, since the library
-/// rounds to whole pixels.
+/// Font of the drawings: any sans-serif font. Drawings are made large, since the library rounds to
+/// whole pixels.
 const FONT: &str = "sans-serif";
 const TITLE: u32 = 40;
 const LABEL: u32 = 30;
@@ -82,7 +82,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// A design's name without what a file's name should not have.
+/// Returns a design's name without characters that a file name should not have.
 fn file_name(name: &str) -> String {
     let kept = |c: char| {
         if c.is_alphanumeric() || "-_.".contains(c) {

@@ -10,9 +10,9 @@ use super::{FONT, LABEL, Picture, TITLE};
 use crate::field::profile::ProfileLine;
 
 const POINTS: u32 = 601;
-/// Of a drawing, in pixels.
+/// Size of a drawing, pixels.
 const SIZE: (u32, u32) = (1600, 1000);
-/// Lines that differ in brightness too.
+/// Colours that differ in brightness too.
 const COLOURS: [RGBColor; 4] = [
     RGBColor(0, 60, 160),
     RGBColor(200, 60, 20),
@@ -23,13 +23,13 @@ const COLOURS: [RGBColor; 4] = [
 /// A line with its name.
 type Named = (String, ProfileLine);
 
-/// From one length of the core below it to one above, m.
+/// Axial range, m, from one core length below the core to one above.
 fn axial_range(core: &Core) -> [f64; 2] {
     let length = core.x_m[1] - core.x_m[0];
     [core.x_m[0] - length, core.x_m[1] + length]
 }
 
-/// On the axis, at half the core's radius and near its edge.
+/// Lines on the axis, at half the core's radius and near its edge.
 fn axial_lines(core: &Core) -> [Named; 3] {
     [0.0, 0.5, 0.9].map(|share| {
         let r = share * core.r_m;
@@ -37,7 +37,7 @@ fn axial_lines(core: &Core) -> [Named; 3] {
     })
 }
 
-/// In mid-plane and nearer to the upper board.
+/// Lines in the mid-plane and closer to the upper board.
 fn radial_lines(core: &Core) -> [Named; 3] {
     let half = 0.5 * (core.x_m[1] - core.x_m[0]);
     [0.0, 0.4, 0.8].map(|share| {
@@ -46,14 +46,14 @@ fn radial_lines(core: &Core) -> [Named; 3] {
     })
 }
 
-/// Every point that is drawn: the mesh has to be fine there.
+/// All points of the lines, where the mesh must be fine.
 pub(super) fn points(core: &Core, solved: &Solved) -> Vec<Point> {
     let axial = axial_lines(core).map(|(_, line)| line.points(axial_range(core), POINTS));
     let radial = radial_lines(core).map(|(_, line)| line.points(line.range(solved), POINTS));
     axial.into_iter().chain(radial).flatten().collect()
 }
 
-/// |B| parallel to the axis.
+/// Draws |B| along lines parallel to the axis.
 pub(super) fn axial(picture: &Picture<'_>) -> Result<String, String> {
     let core = &picture.design.core;
     let chart = Chart {
@@ -68,7 +68,7 @@ pub(super) fn axial(picture: &Picture<'_>) -> Result<String, String> {
     plot::svg(SIZE, |root| chart.draw(picture, &axial_lines(core), root))
 }
 
-/// |B| across the axis.
+/// Draws |B| along radial lines.
 pub(super) fn radial(picture: &Picture<'_>) -> Result<String, String> {
     let core = &picture.design.core;
     let chart = Chart {
@@ -86,9 +86,9 @@ pub(super) fn radial(picture: &Picture<'_>) -> Result<String, String> {
 struct Chart {
     title: String,
     across: &'static str,
-    /// From where to where, m.
+    /// Range of the positions, m.
     range: [f64; 2],
-    /// Where the core is, m.
+    /// Position of the core, m.
     core: [f64; 2],
 }
 
@@ -136,7 +136,7 @@ impl Chart {
             .map_err(text)?;
         for ((name, points), colour) in sampled.into_iter().zip(COLOURS) {
             let style = colour.stroke_width(4);
-            // Peaks at corners of plates would squeeze everything else: there the line leaves the picture.
+            // The line is cut at peaks on the corners of plates, which would compress the rest.
             for shown in points.split(|(_, size)| *size > top) {
                 let line = LineSeries::new(shown.iter().copied(), style);
                 chart.draw_series(line).map_err(text)?;
@@ -158,7 +158,7 @@ impl Chart {
             .map_err(text)
     }
 
-    /// The greatest value within three quarters of the core about its middle, or a bit beyond:
+    /// Upper limit of the chart: the greatest value in the middle of the core with a margin, since
     /// plates carry hundreds of times as much.
     fn greatest(&self, sampled: &[(&str, Vec<(f64, f64)>)]) -> f64 {
         let middle = 0.5 * (self.core[0] + self.core[1]);

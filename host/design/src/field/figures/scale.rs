@@ -1,4 +1,4 @@
-//! The colours of a map and what they stand for.
+//! Colour scale of a map.
 
 use palpate_cli::plot::Area;
 use plotters::prelude::*;
