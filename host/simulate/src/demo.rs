@@ -42,13 +42,13 @@ pub struct Arguments<E: EngineChoice> {
     engine: E,
 }
 
-/// The springs, in units of the sensing layer's own; the last load is a rigid block.
+/// Springs in units of the sensing layer's; the last load is a rigid block.
 const RATIOS: [f64; 7] = [0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0];
 
 /// Runs the verb.
 ///
 /// # Errors
-/// What is refused or fails, with what to do.
+/// Refusals and failures, with a remedy.
 pub fn run<E: EngineChoice>(arguments: &Arguments<E>) -> Result<(), Failure> {
     let report = (!arguments.json)
         .then(|| OutputFile::new("--report", &arguments.report))
@@ -87,7 +87,7 @@ pub fn run<E: EngineChoice>(arguments: &Arguments<E>) -> Result<(), Failure> {
     Ok(writeln!(io::stdout(), "Report: {}", file.path().display())?)
 }
 
-/// The row for a sensor with this c_S, with names.
+/// Loads for a sensor with this c_S, with names.
 pub fn loads(sensing_n_per_m: f64) -> Vec<(String, Load)> {
     let spring = |ratio: f64| {
         let n_per_m = ratio * sensing_n_per_m;
@@ -97,7 +97,7 @@ pub fn loads(sensing_n_per_m: f64) -> Vec<(String, Load)> {
     springs.chain([("block".to_owned(), Load::Rigid)]).collect()
 }
 
-/// Presses one load so many times as deep as the sensor is meant to be pressed.
+/// Presses one load to `depth` times the working depth.
 pub fn measure(
     instrument: &CalibratedInstrument,
     name: String,

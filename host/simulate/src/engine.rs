@@ -1,4 +1,4 @@
-//! Which program runs the simulated instrument.
+//! The program that runs the simulated instrument.
 
 use clap::Args;
 use palpate_cli::failure::Failure;
@@ -9,9 +9,9 @@ use palpate_sim::world::World;
 use crate::instrument::CalibratedInstrument;
 use crate::press::{Press, PressOutcome, press_on};
 
-/// What runs the instrument.
+/// An engine that runs the instrument.
 pub trait Engine {
-    /// Presses an object upon the instrument in this world.
+    /// Presses an object onto the instrument in this world.
     fn press(
         &self,
         world: World,
@@ -19,22 +19,22 @@ pub trait Engine {
         how: &Press,
     ) -> Result<PressOutcome, Failure>;
 
-    /// A bar for so many steps.
+    /// Creates a progress bar for `steps` steps.
     fn progress(&self, steps: usize) -> Progress {
         Progress::new(steps)
     }
 }
 
-/// The choice of an engine on the command line.
+/// Arguments that select an engine.
 pub trait EngineChoice: Args {
-    /// The engine, ready to press.
+    /// Returns the engine, ready to press.
     ///
     /// # Errors
-    /// If arguments do not go together, or its image cannot be had.
+    /// If arguments contradict each other, or the image is not available.
     fn engine(&self) -> Result<Box<dyn Engine>, Failure>;
 }
 
-// No choice, where there is one engine alone.
+// No arguments: there is only one engine.
 #[derive(Args)]
 #[group(skip)]
 #[allow(missing_docs, reason = "clap would show it as the verb's help")]

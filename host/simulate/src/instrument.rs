@@ -15,53 +15,55 @@ use palpate_wire::command::{Coil, Settings};
 
 use crate::bench::NativeBench;
 
-/// A plant and the calibration that it was given.
+/// A plant and its calibration.
 #[derive(Clone, Debug)]
 pub struct CalibratedInstrument {
     /// The drawn sensor with its world.
     pub plant: Parameters,
-    /// Which disturbances are on.
+    /// Enabled disturbances.
     pub switches: Switches,
-    /// The calibration that it uses.
+    /// Calibration in use.
     pub calibration: Calibration,
     /// The bench's train without a press.
     pub untouched: Run,
-    /// The calibration as the bench gave it, before any check.
+    /// The calibration from the bench, before any check.
     pub calibrated: Vec<Command>,
-    /// The settings that it was calibrated with.
+    /// Settings during the calibration.
     pub settings: Settings,
-    /// How deep the sensing layer is pressed at rest, m.
+    /// Working depth: deformation of the sensing layer at rest, m.
     pub depth_m: f64,
 }
 
-/// Depths to which everything is pressed, in units of the working depth: what users' hands vary.
+/// Depths of all presses, in units of the working depth: the variation between users' hands.
 const DEPTHS: [f64; 3] = [0.6, 1.0, 1.4];
-/// How deep the sensing layer may be pressed at the peak current, m: as deep as the deepest press of
-/// the shipped stacks goes (soft-closed: 0.4 mm, 1.4 times, 1.08 times as deep at the peak). It is
-/// flat at 0.9 mm, and its inductance rises ever more steeply before.
+/// Greatest deformation of the sensing layer at the peak current, m: that of the deepest press with
+/// the shipped designs (soft-closed: 0.4 mm, 1.4 times, 1.08 times as deep at the peak). The layer
+/// is flat at 0.9 mm, and its inductance rises ever more steeply before.
 const REACH_M: f64 = 0.62e-3;
 /// Springs of the bench, in units of the nominal c_S.
 const SPRINGS: [f64; 6] = [0.1, 0.2, 0.5, 1.0, 2.0, 5.0];
-/// How fast objects are pressed, on the bench as later, m/s.
+/// Speed of all presses, m/s.
 pub const SPEED_M_PER_S: f64 = 2e-3;
-/// From the end of the press to the train on the bench, s. A press in use is found steady, and the current rises,
-/// 0.15 to 0.26 s after its end, 0.21 s in the mean of 40 presses of 0.2 to 5 c_S on eight simulated sensors of the
-/// stack `ultrasoft`; here the coil's test, 0.06 s, comes before the rise. The layers creep, so that it has to be the
-/// same: from a bench whose trains come 0.16 s earlier, loads of 5 c_S are read 2.4 % softer, and those of c_S 0.8 %.
+/// Time from the end of the press to the train on the bench, s. In use the press is found steady,
+/// and the current rises, 0.15 to 0.26 s after its end, 0.21 s in the mean of 40 presses of 0.2 to
+/// 5 c_S on eight simulated sensors of the design `ultrasoft`; here the coil's test, 0.06 s, comes
+/// before the rise. Both times must agree, since the layers creep: after a bench whose trains come
+/// 0.16 s earlier, loads of 5 c_S are read 2.4 % softer, and those of c_S 0.8 %.
 const REST_S: f64 = 0.15;
-/// Share of what the supply can push through the warm coil that the peak may take.
+/// Greatest peak current as a share of the supply's current through the warm coil.
 const OF_SUPPLY: f64 = 0.95;
-/// The coil when warm, as a multiple of its resistance at rest: 50 K above it.
+/// Resistance of the warm coil over that at rest: 50 K above it.
 const WARM: f64 = 1.2;
 
-/// What the coefficients of temperature may be, as standard uncertainties: uniform within
-/// -0.4 to 0.1 %/K for both springs (root of mean square 0.21 %), within 0.5 %/K for the rise
+/// Standard uncertainties of the temperature coefficients before a measurement: uniform within -0.4
+/// to 0.1 %/K for both springs (root of mean square 0.21 %), within 0.5 %/K for the rise
 /// (sim-host/stacks/disturbances.toml).
 const SPRINGS_PER_K: f64 = 0.002_1;
 const RISE_PER_K: f64 = 0.002_9;
-/// By how much warmer the bench is the second time, K: what sensor and board can be warmed by on a warm plate.
+/// Temperature of the second bench above the first, K: what a warm plate can add to sensor and
+/// board.
 const WARMER_K: f64 = 20.0;
-/// Tolerance of the bench's springs and gain of its load cell, by the same file.
+/// Tolerance of the bench's springs and of its load cell's gain, from the same file.
 const SPRING_TOLERANCE: f64 = 0.01;
 const LOAD_CELL_GAIN: f64 = 0.001;
 
@@ -105,7 +107,7 @@ impl CalibratedInstrument {
         Self::with(calibration, &first, task, plant, switches)
     }
 
-    /// The same from a session that was written down before.
+    /// Calibrates a plant from a recorded session.
     pub fn of_session(
         session: &Session,
         task: BenchTask,
@@ -116,7 +118,7 @@ impl CalibratedInstrument {
         Self::with(calibration, session, task, plant, switches)
     }
 
-    /// A plant with the calibration that was made of its bench.
+    /// Combines a plant with the calibration from its bench.
     pub fn with(
         calibration: Calibration,
         session: &Session,
@@ -142,20 +144,20 @@ fn unusable(error: impl Display) -> Failure {
     Failure::Refused(format!("calibration: {error}"))
 }
 
-/// What is to be done on the bench of a plant, and what is known of it beforehand.
+/// Plan and prior data for the bench of a plant.
 #[derive(Clone)]
 pub struct BenchTask {
-    /// What is pressed, how deep and how fast.
+    /// Specimens, depths and speeds.
     pub plan: BenchPlan,
-    /// What is known of sensor and bench beforehand.
+    /// Prior data of sensor and bench.
     pub known: Known,
-    /// The coil's temperature, degrees Celsius, where a board has measured it.
+    /// Temperature of the coil, degrees Celsius; `None` unless a board has measured it.
     pub temperature_c: Option<f64>,
 }
 
 impl BenchTask {
-    /// What is written down on the simulated bench of a plant, so many kelvin above the temperature of
-    /// calibration.
+    /// Records a session on the simulated bench of a plant, at `warmer_k` kelvin above the
+    /// temperature of the calibration.
     pub fn session(
         &self,
         plant: &Parameters,
@@ -166,7 +168,7 @@ impl BenchTask {
         bench::hold(&mut bench, &self.plan, &self.known, &mut |_, _| {}).map_err(unusable)
     }
 
-    /// The same at both temperatures, that of calibration first.
+    /// Records sessions at both temperatures, that of the calibration first.
     pub fn both_sessions(
         &self,
         plant: &Parameters,
@@ -176,7 +178,7 @@ impl BenchTask {
         Ok([first, self.session(plant, switches, WARMER_K)?])
     }
 
-    /// The bench of a plant of this stack.
+    /// Creates the plan for a plant of this sensor design.
     pub fn of(plant: &Parameters, stack: &Stack, switches: Switches, settings: &Settings) -> Self {
         let effective = plant.effective(&switches);
         let settings = Settings {
@@ -229,7 +231,7 @@ impl BenchTask {
         }
     }
 
-    /// The same for a board of which the stack is known and the supply was measured, V.
+    /// Creates the plan for a board with a known sensor design and a measured supply, V.
     pub fn of_board(
         plant: &Parameters,
         stack: &Stack,
@@ -244,12 +246,12 @@ impl BenchTask {
     }
 }
 
-/// Resistance of a board's supply with its wires, ohm: the greatest of the simulated ones.
+/// Resistance of a board's supply with its wires, ohm: the greatest in the simulation.
 const SUPPLY_OHM: f64 = 0.3;
 
-/// The greatest working depth at rest, m, from which the deepest press upon a rigid load stays
-/// within [`REACH_M`] at the peak current, by the stack's nominal values: the actuated layer
-/// stiffens and leaves more of the deformation to the sensing layer.
+/// Greatest working depth at rest, m, for which the deepest press onto a rigid load stays within
+/// [`REACH_M`] at the peak current, by the design's nominal values: the actuated layer stiffens and
+/// leaves more of the deformation to the sensing layer.
 fn greatest_depth_m(stack: &Stack) -> f64 {
     let ratio = stack.sensing_spring_n_per_m.centre() / stack.actuated_spring_n_per_m.centre();
     let at_peak = ratio / (1.0 + stack.stiffening_at_peak.centre());
@@ -258,8 +260,8 @@ fn greatest_depth_m(stack: &Stack) -> f64 {
     REACH_M / (deepest * deeper)
 }
 
-/// The stack's peak current, or what the supply can drive through the warm coil, in whole tenths
-/// of an ampere.
+/// Peak current, A: that of the sensor design, or the supply's limit through the warm coil in whole
+/// tenths of an ampere.
 fn affordable_peak_a(plant: &Parameters) -> f64 {
     let warm_ohm = WARM * plant.thermal.resistance_ohm;
     let affordable_a = OF_SUPPLY * plant.current.limit_a(warm_ohm);
@@ -267,7 +269,7 @@ fn affordable_peak_a(plant: &Parameters) -> f64 {
     tenths.min(plant.current.peak_a)
 }
 
-/// The coil's data as its maker gives them.
+/// Data of the coil, as a manufacturer states them.
 pub fn coil(plant: &Parameters) -> Coil {
     let thermal = &plant.thermal;
     Coil {
@@ -276,12 +278,12 @@ pub fn coil(plant: &Parameters) -> Coil {
         pad_capacity_j_per_k: thermal.pad_j_per_k as f32,
         copper_to_pad_k_per_w: thermal.copper_to_pad_k_per_w as f32,
         pad_to_ambient_k_per_w: thermal.pad_to_ambient_k_per_w as f32,
-        // The gain was the same at the calibration, so that the rise contains it.
+        // The calibration had the same gain, so the rise contains it.
         current_uncertainty: 0.0,
     }
 }
 
-/// Settings with which the instrument starts.
+/// Initial settings of the instrument.
 pub fn default_settings() -> Settings {
     native::default_settings()
 }
@@ -311,7 +313,7 @@ mod tests {
             assert!(deviation.abs() < 3.0, "{found:?} {drawn}");
             assert!(drawn.abs() > 3.0 * found.uncertainty_per_k, "{drawn}");
         }
-        // The other way round the same, of the warm sensor.
+        // The reverse order gives the same coefficients, with the calibration of the warm sensor.
         let warm = evaluate_both(&second, &first, &task.known).unwrap();
         let again = warm.coefficients.unwrap().springs.per_k;
         assert!((again - found.springs.per_k).abs() < 1e-5, "{again}");

@@ -1,4 +1,4 @@
-//! Simulated sensors in a world: calibrated on their own bench, pressed, judged against the truth.
+//! Simulated sensors in a world: calibrated on their own bench, pressed, compared with the truth.
 
 pub mod bench;
 pub mod campaign;

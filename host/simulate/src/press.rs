@@ -1,4 +1,4 @@
-//! One press of an object upon a simulated, calibrated instrument.
+//! One press of an object onto a simulated, calibrated instrument.
 
 use palpate_cli::failure::Failure;
 use palpate_sim::Time;
@@ -18,23 +18,23 @@ pub struct Press {
     pub name: String,
     /// The object.
     pub load: Load,
-    /// Who presses.
+    /// Holder of the sensor.
     pub holder: Holder,
-    /// Where the object waits above the sensor, m.
+    /// Initial distance of the object above the sensor, m.
     pub clearance_m: f64,
-    /// How deep the sensing layer is meant to be pressed, m.
+    /// Target deformation of the sensing layer, m.
     pub depth_m: f64,
-    /// How fast, m/s.
+    /// Speed, m/s.
     pub speed_m_per_s: f64,
 }
 
-/// Where objects wait above the sensor, m.
+/// Initial distance of objects above the sensor, m.
 pub const CLEARANCE_M: f64 = 0.2e-3;
-/// Self-test and baseline.
+/// Time for self-test and baseline.
 const BASELINE: Time = Time::from_ms(800);
-/// A result comes within this time after the press.
+/// Longest wait for a result after the press.
 const PATIENCE: Time = Time::from_ms(30_000);
-/// Time for the points of the load's curve.
+/// Time for the points of the load's curve, after the result.
 const AFTERWARDS: Time = Time::from_ms(100);
 
 /// Outcome of one press.
@@ -42,32 +42,32 @@ const AFTERWARDS: Time = Time::from_ms(100);
 pub struct PressOutcome {
     /// Every record of the instrument, with its header.
     pub frames: Vec<Frame<Record>>,
-    /// What was pressed.
+    /// Pressed object.
     pub load: Load,
-    /// Compliance of what the load stands on, m/N.
+    /// Compliance of the load's support, m/N.
     pub frame_m_per_n: f64,
-    /// True tangent stiffness of the load with what it stands on at the end of the train, N/m.
+    /// True tangent stiffness of the load with its support at the end of the train, N/m.
     pub true_n_per_m: f64,
-    /// True force then, N.
+    /// True force at the end of the train, N.
     pub true_force_n: f64,
     /// Simulated time, s.
     pub simulated_s: f64,
 }
 
 impl PressOutcome {
-    /// The records, each with its time by the instrument's clock, s.
+    /// The records with their times by the instrument's clock, s.
     pub fn records(&self) -> impl Iterator<Item = (f64, &Record)> {
         let frames = self.frames.iter();
         frames.map(|frame| (frame.header.time_us as f64 * 1e-6, &frame.message))
     }
 
-    /// How far load and frame give way to a force, m.
+    /// Displacement of load and support under a force, m.
     pub fn displacement_m(&self, force_n: f64) -> f64 {
         self.load.displacement_m(force_n) + self.frame_m_per_n * force_n
     }
 }
 
-/// Presses an object upon the instrument and waits for its estimate or refusal.
+/// Presses an object onto the instrument and waits for an estimate or refusal.
 pub fn press(
     instrument: &CalibratedInstrument,
     how: &Press,
@@ -83,7 +83,7 @@ pub fn press(
     engine.press(world, instrument, how)
 }
 
-/// The press on a board, or on what stands for one.
+/// Carries out the press on a device.
 pub fn press_on<D: Device>(
     board: &mut D,
     instrument: &CalibratedInstrument,
@@ -115,7 +115,7 @@ pub fn press_on<D: Device>(
     })
 }
 
-/// Sets the instrument to measure at every contact, as no operator is there to ask for it.
+/// Changes settings to automatic measurement at every contact, since no operator requests it.
 pub fn automatic(command: &Command) -> Command {
     match command {
         Command::SetSettings(settings) => Command::SetSettings(palpate_wire::command::Settings {
@@ -136,7 +136,7 @@ mod tests {
     use crate::engine::Native;
     use crate::instrument::{SPEED_M_PER_S, default_settings};
 
-    /// Points of the load's curve of a finger-like object that grows stiffer, and the press.
+    /// A press of a finger-like object that stiffens, with the points of its load curve.
     fn hardening(seed: u64, switches: Switches) -> (PressOutcome, Vec<LoadPoint>) {
         let instrument = CalibratedInstrument::calibrated(
             &Stack::builtin("ultrasoft").unwrap(),
@@ -168,10 +168,10 @@ mod tests {
         (pressed, points)
     }
 
-    /// Greatest miss of the curve, counted from its middle, in standard errors.
+    /// Greatest deviation of the curve, relative to its middle, in standard errors.
     fn greatest_miss(pressed: &PressOutcome, points: &[LoadPoint]) -> f64 {
         let (first, last) = (&points[0], &points[points.len() - 1]);
-        // Between the outer points the curve is nearly straight.
+        // The curve is nearly straight between the outer points.
         let middle = |of: fn(&LoadPoint) -> f32| 0.5 * f64::from(of(first) + of(last));
         let from_m = middle(|point| point.displacement_m);
         let truly_m = |point: &LoadPoint| pressed.displacement_m(point.force_n.into());
@@ -186,8 +186,8 @@ mod tests {
             .fold(0.0, f64::max)
     }
 
-    /// Five of the seeds 1 to 6 are. Seed 5 is not: what the bench's fit leaves of the stiffening's shape
-    /// bends the line there.
+    /// Holds for five of the seeds 1 to 6. On seed 5 the bench's fit leaves an error of the
+    /// stiffening's shape, which bends the line.
     #[test]
     #[ignore = "long: `cargo xtask ci` runs it"]
     fn the_curve_of_a_hardening_load_is_within_three_standard_errors() {

@@ -1,4 +1,4 @@
-//! A row of presses: as a table, as JSON lines, in a sentence.
+//! Results of a row of presses: as a table, as JSON lines, as a sentence.
 
 use std::io::{self, Write};
 
@@ -16,11 +16,11 @@ use crate::verdict::Verdict;
 /// One press of the row.
 #[derive(Clone, Debug)]
 pub struct Measured {
-    /// What was pressed, in words.
+    /// Name of the load.
     pub load: String,
-    /// The press with its truth.
+    /// The press, with the truth.
     pub pressed: PressOutcome,
-    /// What the instrument says of it.
+    /// The instrument's result.
     pub verdict: Verdict,
 }
 
@@ -29,17 +29,17 @@ pub struct Measured {
 struct ResultLine<'m> {
     simulated: bool,
     load: &'m str,
-    /// Tangent stiffness of the load and what it stands on; absent if infinite.
+    /// Tangent stiffness of the load with its support; absent if infinite.
     true_n_per_m: Option<f64>,
     true_force_n: f64,
     estimate: Option<&'m palpate_wire::record::Estimate>,
-    /// Whether the truth lies in the 95 % interval; absent without an estimate.
+    /// Whether the 95 % interval contains the truth; absent without an estimate.
     within_claim: Option<bool>,
-    /// Why there is no estimate; absent if there is one.
+    /// Reason for a missing estimate; absent otherwise.
     reason: Option<String>,
 }
 
-/// One JSON object for each press.
+/// Prints one JSON object for each press.
 pub fn print_json(row: &[Measured]) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
     for measured in row {
@@ -58,7 +58,7 @@ pub fn print_json(row: &[Measured]) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Which sensor this is.
+/// Describes the simulated sensor.
 pub fn title(instrument: &CalibratedInstrument, stack: &str, seed: u64) -> String {
     let plant = &instrument.plant;
     let off = Switches::NAMES
@@ -80,7 +80,7 @@ pub fn title(instrument: &CalibratedInstrument, stack: &str, seed: u64) -> Strin
     )
 }
 
-/// What the bench made of it.
+/// Describes the calibration from the bench.
 pub fn calibrated(instrument: &CalibratedInstrument) -> String {
     let calibration = &instrument.calibration;
     let peak_a = f64::from(instrument.settings.peak_current_a);
@@ -105,7 +105,7 @@ pub fn calibrated(instrument: &CalibratedInstrument) -> String {
     )
 }
 
-/// What people read on the terminal.
+/// Prints title, calibration, table and summary on the terminal.
 pub fn print(
     instrument: &CalibratedInstrument,
     row: &[Measured],
@@ -119,7 +119,7 @@ pub fn print(
     Ok(())
 }
 
-/// Headings of the columns.
+/// Column headings.
 pub const COLUMNS: [&str; 7] = [
     "load",
     "true",
@@ -146,7 +146,7 @@ fn table(row: &[Measured]) -> Table {
 }
 
 impl Measured {
-    /// Judges a press.
+    /// Compares a press with its truth.
     pub fn new(load: String, pressed: PressOutcome) -> Self {
         let verdict = Verdict::of(&pressed);
         Self {
@@ -156,8 +156,8 @@ impl Measured {
         }
     }
 
-    /// Half the width of the interval of 1/c_L, over the true 1/c_L: in it the error is nearly normal,
-    /// and an interval without an end has one.
+    /// Half the width of the interval of 1/c_L, over the true 1/c_L. In this quantity the error is
+    /// nearly normal, and the width is finite even without an upper end.
     pub fn half_width(&self) -> Option<f64> {
         let estimate = self.verdict.estimate()?;
         let truth = self.pressed.true_n_per_m;
@@ -167,7 +167,7 @@ impl Measured {
         Some(0.5 * (low - high))
     }
 
-    /// Under the headings of [`COLUMNS`].
+    /// Cells under the headings of [`COLUMNS`].
     pub fn cells(&self) -> [String; 7] {
         let truth = self.pressed.true_n_per_m;
         let [estimate, error, interval, holds, plain] = match self.verdict.estimate() {
@@ -207,7 +207,7 @@ impl Measured {
     }
 }
 
-/// How far an estimate is off.
+/// Formats the relative error of an estimate.
 fn error(value: f64, truth: f64) -> String {
     if truth.is_finite() {
         format!("{:+.1} %", (value / truth - 1.0) * 100.0)
@@ -216,7 +216,7 @@ fn error(value: f64, truth: f64) -> String {
     }
 }
 
-/// How many estimates' intervals cover the truth, and how many estimates there are.
+/// Number of estimates whose interval covers the truth, and number of estimates.
 pub fn covered(row: &[Measured]) -> (usize, usize) {
     let covers = row
         .iter()
@@ -226,7 +226,7 @@ pub fn covered(row: &[Measured]) -> (usize, usize) {
     })
 }
 
-/// How many of the claims hold.
+/// Summarises the coverage in a sentence.
 pub fn summary(row: &[Measured]) -> String {
     let (good, all) = covered(row);
     let simulated_s: f64 = row

@@ -58,7 +58,7 @@ pub struct Arguments<E: EngineChoice> {
 /// Runs the verb.
 ///
 /// # Errors
-/// What is refused or fails, with what to do.
+/// Refusals and failures, with a remedy.
 pub fn run<E: EngineChoice>(arguments: &Arguments<E>) -> Result<(), Failure> {
     let scenario = Scenario::load(&arguments.scenario)?;
     let report = OutputFile::optional("--report", arguments.report.as_ref())?;
@@ -91,7 +91,7 @@ pub fn run<E: EngineChoice>(arguments: &Arguments<E>) -> Result<(), Failure> {
     let reported = report.map_or(Ok(()), |file| {
         file.write(report::page(&instrument, &row, &title)?)
     });
-    // Printed whatever has become of the files.
+    // Results are printed even if writing a file failed.
     let printed = if arguments.json {
         results::print_json(&row)
     } else {
@@ -117,7 +117,7 @@ fn measure(
     Ok(Measured::new(what.name.clone(), pressed))
 }
 
-/// The frames of all presses, press by press.
+/// Formats the frames of all presses, press by press.
 fn lines(row: &[Measured]) -> Result<String, Failure> {
     let mut text = String::new();
     for measured in row {

@@ -6,7 +6,7 @@ use palpate_wire::record::{Estimate, Fault, Refusal};
 
 use crate::press::PressOutcome;
 
-/// What came of a press.
+/// Result of a press.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Verdict {
     /// An estimate with its interval.
@@ -20,7 +20,7 @@ pub enum Verdict {
 }
 
 impl Verdict {
-    /// The first result among the records.
+    /// Returns the first result in the records.
     pub fn of(pressed: &PressOutcome) -> Self {
         let results = pressed.records().filter_map(|(_, record)| match record {
             Record::Estimate(estimate) => Some(Self::Estimate(Box::new(estimate.clone()))),
@@ -31,7 +31,7 @@ impl Verdict {
         results.into_iter().next().unwrap_or(Self::Silence)
     }
 
-    /// The estimate, if there is one.
+    /// Returns the estimate, if any.
     pub fn estimate(&self) -> Option<&Estimate> {
         match self {
             Self::Estimate(estimate) => Some(estimate),
@@ -39,7 +39,7 @@ impl Verdict {
         }
     }
 
-    /// Whether the truth lies in the interval that was claimed; nothing without an estimate.
+    /// Whether the claimed interval contains the truth; `None` without an estimate.
     pub fn holds(&self, true_n_per_m: f64) -> Option<bool> {
         let estimate = self.estimate()?;
         let lower = f64::from(estimate.lower_n_per_m) <= true_n_per_m;
@@ -49,7 +49,7 @@ impl Verdict {
         Some(lower && upper)
     }
 
-    /// Why there is no estimate.
+    /// Reason for a missing estimate; `None` with one.
     pub fn reason(&self) -> Option<String> {
         match self {
             Self::Estimate(_) => None,

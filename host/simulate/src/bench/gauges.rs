@@ -1,11 +1,11 @@
-//! What the gauges of the bench said, beside a sample of the instrument.
+//! Readings of the bench's gauges, beside a sample of the instrument.
 
 use palpate_calibration::session::BenchSample;
 use palpate_sim::current::acting_a;
 use palpate_sim::rig::RigReading;
 use palpate_wire::record::Sample;
 
-/// What the gauges of the bench said at one time.
+/// Readings of the bench's gauges at one time.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct GaugeReading {
     /// Load cell, N.
@@ -23,8 +23,8 @@ impl From<RigReading> for GaugeReading {
     }
 }
 
-/// A sample of the instrument at a time, s, with what the gauges said at theirs; nothing for a
-/// sample without a channel.
+/// Combines a sample of the instrument at a time, s, with the gauges' readings at their time.
+/// `None` for a sample without a channel.
 pub fn bench_sample(
     time_s: f64,
     sample: &Sample,

@@ -17,17 +17,18 @@ use palpate_wire::{Command, Message, Record};
 
 use super::gauges::bench_sample;
 
-/// The bench of a plant.
+/// The simulated bench of a plant.
 pub struct NativeBench<'p> {
     plant: &'p Parameters,
     switches: Switches,
-    /// Above the temperature of calibration, K.
+    /// Temperature above that of the calibration, K.
     warmer_k: f64,
     bare: BareRig,
 }
 
 impl<'p> NativeBench<'p> {
-    /// The bench of this plant, so many kelvin above the temperature of calibration.
+    /// Creates the bench of this plant, at `warmer_k` kelvin above the temperature of the
+    /// calibration.
     pub fn new(plant: &'p Parameters, switches: Switches, warmer_k: f64) -> Self {
         Self {
             plant,
@@ -65,10 +66,11 @@ impl Bench for NativeBench<'_> {
     }
 }
 
-/// Readings averaged on the bare bench at each force.
+/// Number of averaged readings for each force, block on block.
 const BARE_READINGS: u32 = 100;
 
-/// Force and place of the bare bench at a force, N and m, each the mean of many readings.
+/// Presses block on block to a force. Returns force in N and position in m, each the mean of many
+/// readings.
 pub fn mean_bare(bare: &mut BareRig, force_n: f64) -> (f64, f64) {
     let mut sum = (0.0, 0.0);
     for _ in 0..BARE_READINGS {
@@ -79,7 +81,7 @@ pub fn mean_bare(bare: &mut BareRig, force_n: f64) -> (f64, f64) {
     (sum.0 / count, sum.1 / count)
 }
 
-/// What the simulated stage holds; with nothing to press, a block that stays above.
+/// Specimen on the simulated stage; without contact a block that stays above the sensor.
 pub const fn specimen(pressed: Pressed) -> Specimen {
     match pressed {
         Pressed::Nothing | Pressed::Block => Specimen::Block,

@@ -1,4 +1,4 @@
-//! A good session of a simulated sensor, spoiled in every way that a bench can spoil one.
+//! A good session of a simulated sensor, with every error that a bench can introduce.
 
 use std::f64::consts::TAU;
 use std::sync::OnceLock;
@@ -12,7 +12,7 @@ use palpate_sim::switches::Switches;
 
 use crate::instrument::{BenchTask, default_settings};
 
-/// A session with all disturbances, made once.
+/// A session with all disturbances, computed once.
 fn good() -> &'static (Session, Known) {
     static GOOD: OnceLock<(Session, Known)> = OnceLock::new();
     GOOD.get_or_init(|| {
@@ -24,7 +24,7 @@ fn good() -> &'static (Session, Known) {
     })
 }
 
-/// What a session is refused for, as the bench and the evaluation go through it.
+/// Name of the fault for which the bench or the evaluation refuses a session.
 fn refused(session: &Session, known: &Known) -> Option<String> {
     let untouched = session.runs.first();
     let runs = session.runs.iter().chain([&session.deepest_press]);
@@ -38,7 +38,7 @@ fn refused(session: &Session, known: &Known) -> Option<String> {
     name.or_else(|| evaluate(session, known).err().map(|of| of.to_string()))
 }
 
-/// Runs: nothing, three on the block, three on each of six springs.
+/// Indices of runs: one without contact, three on the block, three on each of six springs.
 const BLOCK: usize = 2;
 const SOFT: usize = 8;
 const LIKE: usize = 14;
@@ -56,13 +56,13 @@ fn stage(session: &mut Session, spoil: impl Fn(f64) -> f64) {
     every(session, |line| line.stage_m = line.stage_m.map(&spoil));
 }
 
-/// Lines of a run from a time on.
+/// Lines of a run after a time.
 fn later(run: &mut Run, from_s: f64) -> impl Iterator<Item = &mut BenchSample> {
     let lines = run.lines.iter_mut();
     lines.filter(move |line| line.time_s > from_s)
 }
 
-/// Another deformation: the change of inductance, times so much.
+/// Multiplies the deformation, that is the change of inductance, by a factor.
 fn deform(run: &mut Run, from_s: f64, times: f64) {
     let rest_hz = run.rest_hz().unwrap();
     for line in later(run, from_s) {
@@ -72,7 +72,7 @@ fn deform(run: &mut Run, from_s: f64, times: f64) {
     }
 }
 
-/// Adds to the deformation that a train reads, m, as the reference coil has it: 0.25 parts in a thousand of the
+/// Adds to the deformation in a train, m, on the reference coil: 0.25 parts in a thousand of the
 /// inductance for each micrometre.
 fn add(run: &mut Run, deformation_m: impl Fn(f64) -> f64) {
     let (rest_hz, from_s) = (run.rest_hz().unwrap(), run.ramps_s);
@@ -83,7 +83,7 @@ fn add(run: &mut Run, deformation_m: impl Fn(f64) -> f64) {
     }
 }
 
-/// Writes another stiffness on one of the springs.
+/// Changes the nominal stiffness of one of the springs.
 fn rename(session: &mut Session, from: f64, to: f64) {
     for run in &mut session.runs {
         if run.pressed == (Pressed::Spring { n_per_m: from }) {
@@ -92,7 +92,7 @@ fn rename(session: &mut Session, from: f64, to: f64) {
     }
 }
 
-/// Runs of one specimen in the place of another's.
+/// Replaces the runs of one specimen by those of another.
 fn instead(session: &mut Session, place: usize, of: usize) {
     for depth in 0..3 {
         let pressed = session.runs[place + depth].pressed;
@@ -105,7 +105,7 @@ fn instead(session: &mut Session, place: usize, of: usize) {
 
 type Spoil = (&'static str, fn(&mut Session), &'static [&'static str]);
 
-/// What spoils a session whatever gives the force, and the faults that may come of it.
+/// Errors of a session with or without a load cell, and the possible faults.
 const WITHOUT_LOAD_CELL: [Spoil; 18] = [
     (
         "a spring typed in twice as stiff",
@@ -249,7 +249,7 @@ const WITHOUT_LOAD_CELL: [Spoil; 18] = [
     ),
 ];
 
-/// What a load cell spoils besides.
+/// Additional errors with a load cell.
 const WITH_LOAD_CELL: [Spoil; 13] = [
     (
         "a force in millinewtons",

@@ -1,20 +1,20 @@
-//! What many presses come to.
+//! Statistics of many presses.
 
 use serde::Serialize;
 
 use super::press::{Claim, Press};
 
-/// An estimate that is off by more than so many of its own standard errors, and by more than this in ln, is
-/// falsely confident.
+/// An estimate is falsely confident if its error exceeds this number of its own standard errors
+/// and, in ln, [`BEYOND`].
 const STANDARD_ERRORS: f64 = 4.0;
 const BEYOND: f64 = 0.05;
 
-/// Figures over presses. Errors are ln(estimate/truth).
+/// Statistics of presses. Errors are ln(estimate/truth).
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Counted {
-    /// Presses that came to an estimate.
+    /// Presses with an estimate.
     pub accepted: usize,
-    /// Presses that did not.
+    /// Presses without an estimate.
     pub refused: usize,
     /// Root of the mean square error.
     pub rms_ln: Option<f64>,
@@ -24,17 +24,17 @@ pub struct Counted {
     pub coverage95: Option<f64>,
     /// Half of the median width, in ln.
     pub half_width_ln: Option<f64>,
-    /// That, over the half width that 95 % of all errors are within: the narrowest interval of one width for
-    /// all that holds as often as it says.
+    /// Median half-width over the half-width that contains 95 % of all errors: that of the
+    /// narrowest intervals of one common width with the stated coverage.
     pub width_over_oracle: Option<f64>,
-    /// Part of the estimates that are off by more than four of their own standard errors and by 5 %.
+    /// Part of the estimates with an error above four of their own standard errors and above 5 %.
     pub false_confidence: Option<f64>,
     /// Root of the mean square error of the two-state formula, from rest and peak alone.
     pub plain_rms_ln: Option<f64>,
 }
 
 impl Counted {
-    /// Counts presses.
+    /// Computes the statistics of presses.
     pub fn of<'p>(presses: impl Iterator<Item = &'p Press>) -> Self {
         let (mut claims, mut refused): (Vec<(&Press, &Claim)>, usize) = (Vec::new(), 0);
         for press in presses {
@@ -77,7 +77,7 @@ impl Counted {
         }
     }
 
-    /// How many intervals contain the truth.
+    /// Number of intervals that contain the truth.
     pub fn covered(&self) -> usize {
         let part = self.coverage95.unwrap_or(0.0);
         (part * self.accepted as f64).round() as usize
@@ -103,7 +103,7 @@ fn root_mean_square(values: &[f64]) -> Option<f64> {
     mean(&squares).map(f64::sqrt)
 }
 
-/// The value below which this part of the values lies; nothing of none.
+/// The quantile `part` of the values; `None` without values.
 pub fn quantile(values: &[f64], part: f64) -> Option<f64> {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
@@ -116,7 +116,7 @@ mod tests {
     use super::*;
     use crate::campaign::world::World;
 
-    /// A press of a load of 1 kN/m that is read with this error, in parts, and a standard error of 1 %.
+    /// A press of a load of 1 kN/m, read with this relative error and a standard error of 1 %.
     fn press(error: f64) -> Press {
         let estimate_n_per_m = 1e3 * (1.0 + error);
         Press {

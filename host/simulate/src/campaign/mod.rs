@@ -1,4 +1,4 @@
-//! `palpate campaign`: how well estimates and claims hold, over many sensors of a kind.
+//! `palpate campaign`: statistics of errors and intervals over many sensors of a design.
 
 pub mod counted;
 pub mod press;
@@ -88,7 +88,7 @@ pub struct Arguments {
     rows: Option<PathBuf>,
 }
 
-/// How a sensor is drawn and calibrated.
+/// Function that draws and calibrates a sensor.
 type Calibrate =
     fn(&Stack, &Disturbances, u64, Switches, &Settings) -> Result<CalibratedInstrument, Failure>;
 
@@ -125,20 +125,20 @@ fn load(text: &str) -> Result<f64, String> {
     }
 }
 
-/// Part of the intervals that hold, of an instrument whose intervals of 95 % are such, at least: 95 % less three standard
-/// deviations of what so many sensors come to. The presses of one sensor share its calibration, so that each sensor
+/// Smallest coverage that is compatible with intervals of 95 %: 95 % less three standard deviations
+/// for this number of sensors. The presses of one sensor share its calibration, so each sensor
 /// counts once.
 pub fn least_honest(sensors: usize) -> f64 {
     0.95 - 3.0 * (0.95 * 0.05 / sensors.max(1) as f64).sqrt()
 }
 
-/// What one sensor made of all presses, or why it could not be calibrated.
+/// All presses of one sensor, or the reason why it could not be calibrated.
 type PlantResult = Result<Vec<Press>, String>;
 
-/// Runs the verb; a program that writes Parquet says how.
+/// Runs the verb; `parquet` is a function that writes Parquet, if the program has one.
 ///
 /// # Errors
-/// What is refused or fails, with what to do, and intervals that hold too seldom.
+/// Refusals and failures, with a remedy, and a coverage that is too low.
 pub fn run(arguments: &Arguments, parquet: Option<WriteParquet>) -> Result<(), Failure> {
     let stack = Stack::named(&arguments.stack, Path::new(""))?;
     let plants = presses(arguments, &stack, parquet)?;
@@ -233,7 +233,7 @@ fn of_sensor(
     Ok(presses)
 }
 
-/// A line for a sensor that is done, the last one, with what all have come to.
+/// Prints a line for the last sensor, with the sums over all so far.
 fn say(seed: u64, plants: &[PlantResult]) -> Result<(), Failure> {
     let of_last = match plants.last() {
         Some(Ok(presses)) => {
@@ -255,7 +255,7 @@ fn say(seed: u64, plants: &[PlantResult]) -> Result<(), Failure> {
     Ok(out.flush()?)
 }
 
-/// What all sensors come to in one world.
+/// Statistics of all sensors in one world.
 #[derive(Serialize)]
 struct WorldResult {
     world: String,
@@ -272,15 +272,15 @@ struct WorldResult {
     bins: Vec<Bin>,
 }
 
-/// The same of one load.
+/// Statistics of one load.
 #[derive(Serialize)]
 pub struct Bin {
-    /// c_L/c_S; nothing for a block.
+    /// Load as c_L/c_S; `None` for a block.
     pub ratio: Option<f64>,
     /// The load, in words.
     #[serde(skip)]
     pub load: String,
-    /// Figures over its presses.
+    /// Statistics of its presses.
     #[serde(flatten)]
     pub counted: Counted,
 }
@@ -371,7 +371,7 @@ fn print(
     Ok(writeln!(out, "{END}")?)
 }
 
-/// In percent; nothing of nothing.
+/// Formats a part in percent; empty for `None`.
 pub fn percent(part: Option<f64>) -> String {
     part.map_or(String::new(), |part| format!("{:.1} %", part * 100.0))
 }
@@ -414,7 +414,7 @@ fn table(result: &WorldResult) -> Table {
     table
 }
 
-/// Reasons without their numbers, and how many results each took.
+/// Counts the refused results by reason, without the numbers in the reasons.
 fn reasons(plants: &[PlantResult]) -> BTreeMap<String, usize> {
     let of_plants = plants.iter().filter_map(|plant| plant.as_ref().err());
     let presses = plants.iter().flatten().flatten();
@@ -422,7 +422,7 @@ fn reasons(plants: &[PlantResult]) -> BTreeMap<String, usize> {
     counts_of_reasons(of_plants.chain(of_presses))
 }
 
-/// How many results each reason took, reasons without their numbers.
+/// Counts the reasons, without the numbers in them.
 pub fn counts_of_reasons<'r>(reasons: impl Iterator<Item = &'r String>) -> BTreeMap<String, usize> {
     let mut counts = BTreeMap::new();
     for reason in reasons {

@@ -16,45 +16,45 @@ use crate::instrument::{CalibratedInstrument, SPEED_M_PER_S, coil};
 use crate::press;
 use crate::verdict::Verdict;
 
-/// A press and what came of it.
+/// A press and its outcome.
 #[derive(Clone, Debug)]
 pub struct Press {
     /// The world in which it was pressed.
     pub world: World,
     /// c_L/c_S; infinite for a block.
     pub ratio: f64,
-    /// Of the load and what it stands on, N/m.
+    /// Stiffness of the load with its support, N/m.
     pub true_n_per_m: f64,
-    /// What is claimed, or why nothing is.
+    /// The instrument's claim, or its reason for a refusal.
     pub outcome: Result<Claim, String>,
 }
 
-/// What the instrument says of a load.
+/// The instrument's claim about a load.
 #[derive(Clone, Debug)]
 pub struct Claim {
     /// The estimate, N/m; `None` where there is only a lower bound.
     pub estimate_n_per_m: Option<f64>,
     /// Lower end of the 95 % interval, N/m.
     pub lower_n_per_m: f64,
-    /// Its upper end, N/m; `None` where it has none.
+    /// Upper end of the interval, N/m; `None` where it has none.
     pub upper_n_per_m: Option<f64>,
-    /// c_S/c_L.
+    /// Load as c_S/c_L.
     pub load_ratio: f64,
-    /// Its standard error.
+    /// Standard error of `load_ratio`.
     pub load_ratio_standard_error: f64,
     /// Chi-square of the fit over its degrees of freedom.
     pub reduced_chi_square: Option<f64>,
-    /// By the two-state formula.
+    /// Estimate by the two-state formula, N/m.
     pub two_state_n_per_m: Option<f64>,
 }
 
-/// What is known of a check's spring is off by up to this part, as on the bench
-/// (sim-host/stacks/disturbances.toml).
+/// Tolerance of the known spring of a check, as on the bench (sim-host/stacks/disturbances.toml).
 const TOLERANCE: f64 = 0.01;
-/// A check's spring, in units of c_S.
+/// Spring of a check, in units of c_S.
 const CHECKED_BY: f64 = 1.0;
 
-/// The instrument in a world after a train without a press, or why that gives none.
+/// Returns the instrument after the check by a train without a press in a world, or the reason why
+/// the check fails.
 fn checked_untouched(
     calibrated: &CalibratedInstrument,
     world: World,
@@ -80,7 +80,7 @@ fn checked_untouched(
     ))
 }
 
-/// The instrument with the calibration that a check has left, or why there is none.
+/// Returns the instrument with the checked calibration, or the reason why the check failed.
 fn corrected(
     calibrated: &CalibratedInstrument,
     commands: Result<Vec<Command>, Unchecked>,
@@ -90,7 +90,8 @@ fn corrected(
     Ok(instrument)
 }
 
-/// The instrument in a world after a check by a spring that is known, or why the check gives none.
+/// Returns the instrument after the check by a known spring in a world, or the reason why the check
+/// fails.
 fn checked(
     calibrated: &CalibratedInstrument,
     world: World,
@@ -120,7 +121,7 @@ fn checked(
     ))
 }
 
-/// Presses a load in a world, so many times as deep as the sensor is meant to be pressed.
+/// Presses a load in a world, to `depth` times the working depth.
 fn pressed(
     calibrated: &CalibratedInstrument,
     world: World,
@@ -147,7 +148,7 @@ fn pressed(
     press::press(&instrument, &how, &Native)
 }
 
-/// Presses all loads in one world, after the check if one is asked for.
+/// Presses all loads in one world, after the requested checks.
 pub fn in_world(
     calibrated: &CalibratedInstrument,
     world: World,
@@ -175,7 +176,7 @@ pub fn in_world(
 }
 
 impl Press {
-    /// Presses a load in a world, so many times as deep as the sensor is meant to be pressed.
+    /// Presses a load in a world, to `depth` times the working depth.
     fn of(
         calibrated: &CalibratedInstrument,
         world: World,
@@ -195,7 +196,7 @@ impl Press {
         })
     }
 
-    /// A press that was left out, since the check of the calibration gave none.
+    /// A press that was left out because the check of the calibration failed.
     const fn left_out(world: World, ratio: f64, reason: String) -> Self {
         Self {
             world,
@@ -205,19 +206,19 @@ impl Press {
         }
     }
 
-    /// ln(estimate/truth); nothing of a block.
+    /// Returns ln(estimate/truth); `None` for a block.
     pub fn error_ln(&self, estimate_n_per_m: f64) -> Option<f64> {
         let error = (estimate_n_per_m / self.true_n_per_m).ln();
         error.is_finite().then_some(error)
     }
 
-    /// What was pressed, in words.
+    /// Name of the load.
     pub fn load(&self) -> String {
         load_name(self.ratio)
     }
 }
 
-/// A load, c_L/c_S, in words.
+/// Name of a load, c_L/c_S.
 pub fn load_name(ratio: f64) -> String {
     if ratio.is_finite() {
         format!("{ratio} c_S")
@@ -247,7 +248,7 @@ impl Claim {
         (self.lower_n_per_m..=upper).contains(&true_n_per_m)
     }
 
-    /// Half of the interval's width, in ln; nothing of one without an end.
+    /// Half of the interval's width, in ln; `None` for an interval without an upper end.
     pub fn half_width_ln(&self) -> Option<f64> {
         Some(0.5 * (self.upper_n_per_m? / self.lower_n_per_m).ln())
     }

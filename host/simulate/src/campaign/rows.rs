@@ -1,4 +1,4 @@
-//! The file of presses, sensor by sensor. It gets its name at the end of the run.
+//! File of presses, sensor by sensor. It gets its name at the end of the run.
 
 use std::ffi::OsStr;
 use std::fs::{self, File};
@@ -13,8 +13,9 @@ use serde_json::Value;
 use super::PlantResult;
 use super::press::Press;
 
-/// Until the run is complete its rows are in a journal beside the file, as CSV, which an interrupted run leaves
-/// there: an older file stays until then, and a file of Parquet cannot be read before its end is written.
+/// Writer of the rows. Until the run is complete, they are in a journal beside the file, as CSV,
+/// which an interrupted run leaves. An older file stays until then, and a Parquet file is
+/// unreadable before its end is written.
 pub(super) struct Rows {
     output: OutputFile,
     journal: PathBuf,
@@ -22,10 +23,10 @@ pub(super) struct Rows {
     parquet: Option<Parquet>,
 }
 
-/// Makes a file of Parquet of rows, each an object with the columns of the CSV as keys.
+/// Function that writes rows as Parquet. Each row is an object with the columns of the CSV as keys.
 pub type WriteParquet = fn(&[Value]) -> Result<Vec<u8>, String>;
 
-/// Rows for a file of Parquet.
+/// Rows for a Parquet file.
 struct Parquet {
     write: WriteParquet,
     rows: Vec<Value>,
@@ -51,7 +52,7 @@ struct Row {
 }
 
 impl Rows {
-    /// Begins a file; the sensors are drawn from a stack's file.
+    /// Starts a file; `stack` is the file of the sensor design, which must not be replaced.
     pub(super) fn create(
         path: &Path,
         stack: &Path,
@@ -132,7 +133,7 @@ impl Rows {
     }
 }
 
-/// The path with this behind its whole name.
+/// Appends an ending to the whole name of a path.
 fn beside(path: &Path, ending: &str) -> PathBuf {
     let mut name = path.as_os_str().to_owned();
     name.push(ending);
@@ -209,12 +210,12 @@ mod tests {
         }
     }
 
-    /// Stands for a writer of Parquet.
+    /// Replacement of a Parquet writer.
     fn as_json(rows: &[Value]) -> Result<Vec<u8>, String> {
         serde_json::to_vec(rows).map_err(|error| error.to_string())
     }
 
-    /// Writes three rows and returns the folder with what is in it.
+    /// Writes three rows. Returns the folder and its entries.
     fn written(name: &str, finish: bool) -> (tempfile::TempDir, Vec<String>) {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join(name);

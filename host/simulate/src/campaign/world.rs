@@ -75,52 +75,56 @@ pub enum World {
     Steps,
 }
 
-/// Part by which a quantity differs where it is a fifth or a tenth.
+/// Change of a quantity that differs by a fifth or a tenth.
 const FIFTH: f64 = 0.2;
 const TENTH: f64 = 0.1;
-/// Amplitude of a stand that shakes, m: what an interval was seen to miss by.
+/// Amplitude of a shaking stand, m, that makes intervals miss the truth.
 const SHAKEN_M: f64 = 3e-6;
 
 /// A face of ferrite with a relative permeability of 100 (nickel-zinc, which hardly conducts): (μ − 1)/(μ + 1).
 ///
-/// The pull is that of C1in's coils on a tile of radius 8 mm, 8 mm above their board, as `palpate field` computes it with
-/// a body of that shape added to the design: 3.6 mN at 10 A. By Maxwell's stress this is B = √(2 μ0 F/A) = 7 mT through
-/// the face, and 9 mT where it turns into the tile's plane, B r/2t. Saturation at 0.35 T takes (B/0.35 T)² of the
-/// permeability with it, 0.08, and so 2·0.08/(μ + 1)² = 1.6e-5 of the reflection.
+/// The pull is that of C1in's coils on a tile of radius 8 mm, 8 mm above their board, computed by
+/// `palpate field` with a body of that shape added to the design: 3.6 mN at 10 A. By Maxwell's
+/// stress this is B = √(2 μ0 F/A) = 7 mT through the face, and 9 mT where it turns into the tile's
+/// plane, B r/2t. Saturation at 0.35 T reduces the permeability by (B/0.35 T)², 0.08 for both, and
+/// so the reflection by 2·0.08/(μ + 1)² = 1.6e-5.
 const FERRITE: ObjectParameters = ObjectParameters {
     reflection: 0.98,
     lost_at_peak: 1.6e-5,
     n_per_a2: 3.6e-5,
 };
 
-/// A face of steel, pulled as one of ferrite is, where a high permeability leaves little to choose. To the sensing coil
-/// it is a conductor: (μ k − k')/(μ k + k') with k'² = k² + jω μ μ0 σ (Dodd and Deeds 1968) has the real part −0.6 for
-/// μ = 100, 1/σ = 0.15 µΩ m, 2.9 MHz and k = 400/m, the inverse of the sensing coil's mean half radius. Its skin of 9 µm
-/// lies below what the direct field saturates.
+/// A face of steel. The pull is that of ferrite, since at high permeability it hardly depends on
+/// the material. To the sensing coil steel is a conductor: (μ k − k')/(μ k + k') with k'² = k² + jω
+/// μ μ0 σ (Dodd and Deeds 1968) has the real part −0.6 for μ = 100, 1/σ = 0.15 µΩ m, 2.9 MHz and k
+/// = 400/m, the inverse of the sensing coil's mean half radius. Its skin depth of 9 µm is below the
+/// layer that the direct field saturates.
 const STEEL: ObjectParameters = ObjectParameters {
     reflection: -0.6,
     lost_at_peak: 0.0,
     ..FERRITE
 };
 
-/// Three per mille of the force of a press, and half of c_S: a guess, such that a ramp makes it slip.
+/// Friction of three per mille of a press's force, with a spring of half of c_S: a guess, chosen so
+/// that a ramp makes it slip.
 const FRICTION: FrictionParameters = FrictionParameters {
     spring_n_per_m: 3e3,
     stick_n: 5e-3,
     slip_n: 2e-3,
 };
 
-/// As large as a stand's shaking, and some in every train, which takes 1.5 s.
+/// Jumps as large as a stand's shaking, some in every train, which takes 1.5 s.
 const JUMPS: Jumps = Jumps {
     size_m: SHAKEN_M,
     interval_s: 0.5,
 };
 
-/// From where an object comes whose nearness shows, m: as far as the sensing coil's curve reaches.
+/// Distance from which a magnetic or conducting object comes, m: the end of the sensing coil's
+/// curve.
 const FAR_M: f64 = 3e-3;
 
 impl World {
-    /// The name on the command line.
+    /// Name on the command line.
     pub fn name(self) -> String {
         let value = self.to_possible_value();
         value.map_or(String::new(), |value| value.get_name().to_owned())
@@ -171,7 +175,7 @@ impl World {
         plant
     }
 
-    /// Who presses.
+    /// Holder of the sensor in this world.
     pub const fn holder(self) -> Holder {
         match self {
             Self::Hand => Holder::Hand,
@@ -179,7 +183,7 @@ impl World {
         }
     }
 
-    /// Where the object waits above the sensor while that takes its baseline, m.
+    /// Distance of the object above the sensor during the baseline, m.
     pub const fn clearance_m(self) -> f64 {
         match self {
             Self::FerromagneticObject | Self::SteelObject => FAR_M,

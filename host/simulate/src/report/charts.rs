@@ -22,7 +22,7 @@ pub(super) fn claims(row: &[Measured]) -> Chart {
         .fold(0.0, f64::max);
     let bars = estimates().map(|(truth, estimate)| {
         let low = per_mm(estimate.lower_n_per_m);
-        // An interval without an end goes on beyond the chart's top.
+        // An interval without an upper end extends beyond the top of the chart.
         let high = estimate.upper_n_per_m.map_or(highest * 3.0, per_mm);
         let value = estimate.stiffness_n_per_m.map_or(high, per_mm);
         (truth, low, value, high)
@@ -87,7 +87,7 @@ fn over_time(
     }
 }
 
-/// 1/x against the actuated layer's compliance, with the line.
+/// 1/x against the actuated layer's compliance, with the fitted line.
 pub(super) fn line(evaluation: &Evaluation) -> Chart {
     let points = evaluation
         .points
@@ -113,7 +113,7 @@ pub(super) fn line(evaluation: &Evaluation) -> Chart {
     }
 }
 
-/// What the line leaves, over time.
+/// Residuals of the line over time.
 pub(super) fn residuals(evaluation: &Evaluation) -> Chart {
     let points = evaluation
         .points
@@ -131,8 +131,8 @@ pub(super) fn residuals(evaluation: &Evaluation) -> Chart {
     }
 }
 
-/// Force against the load's displacement, about the middle of the ramps: how far the load had been
-/// pressed before is not in the ramps.
+/// Force against the load's displacement relative to the middle of the ramps: the ramps do not show
+/// the displacement before.
 pub(super) fn load_curve(measured: &Measured) -> Option<Chart> {
     let records = measured.pressed.records();
     let points: Vec<&LoadPoint> = records
@@ -153,7 +153,7 @@ pub(super) fn load_curve(measured: &Measured) -> Option<Chart> {
     });
     let bars = points.iter().map(|point| {
         let at_m = f64::from(point.displacement_m);
-        // Twice the standard uncertainty of the place along the load's curve.
+        // Twice the standard uncertainty of the displacement along the load's curve.
         let wide_m = 2.0 * f64::from(point.displacement_sigma_m);
         (
             f64::from(point.force_n),

@@ -1,6 +1,6 @@
-//! A train seen as what it is: 1/x against the actuated layer's compliance is a straight line.
+//! Evaluation of a train: 1/x against the actuated layer's compliance is a straight line.
 //!
-//! In `f64` and by the calibration's own code, so that the charts are no image of the instrument's
+//! It uses `f64` and the calibration's own code, so the charts are independent of the instrument's
 //! arithmetic.
 
 use palpate_calibration::{Fall, FallSample, TrainFit};
@@ -11,27 +11,27 @@ use palpate_wire::code::{Contact, State};
 use crate::instrument::CalibratedInstrument;
 use crate::results::Measured;
 
-/// A sample beside the line.
+/// A sample of the line.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Point {
-    /// Since the train began, s.
+    /// Time since the start of the train, s.
     pub(super) time_s: f64,
-    /// c_S/c_D(I), the attraction counted as a compliance.
+    /// c_S/c_D(I), with the attraction as a compliance.
     pub(super) compliance: f64,
-    /// 1/x with the drift taken out, 1/m.
+    /// 1/x without the drift, 1/m.
     pub(super) inverse_per_m: f64,
-    /// By how much x lies above the line, m.
+    /// Deviation of x from the line, m.
     pub(super) residual_m: f64,
 }
 
-/// The points of a train and their line.
+/// The points of a train with the fitted line.
 #[derive(Clone, Debug)]
 pub(super) struct Evaluation {
     pub(super) points: Vec<Point>,
     pub(super) line: TrainFit,
 }
 
-/// A reading with everything in it.
+/// A reading with all needed quantities.
 struct EvaluatedReading {
     time_s: f64,
     deformation_m: f64,
@@ -39,11 +39,11 @@ struct EvaluatedReading {
 }
 
 impl Evaluation {
-    /// Nothing if there was no train, or too little of one.
+    /// Evaluates a train; `None` if it is missing or too short.
     pub(super) fn of(instrument: &CalibratedInstrument, measured: &Measured) -> Option<Self> {
         measured.verdict.estimate()?;
         let touched_s = touched_s(measured)?;
-        // The coil's test takes current before that.
+        // The coil's test drives a current before the train.
         let began_s = ramps_s(measured)?;
         let mut readings = readings(measured);
         readings.retain(|reading| reading.time_s >= began_s);
@@ -108,7 +108,7 @@ fn readings(measured: &Measured) -> Vec<EvaluatedReading> {
         .collect()
 }
 
-/// When the train began.
+/// Start of the train's ramps, s.
 fn ramps_s(measured: &Measured) -> Option<f64> {
     let mut records = measured.pressed.records();
     records.find_map(|(time_s, record)| match record {

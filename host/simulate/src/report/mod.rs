@@ -1,4 +1,4 @@
-//! The report: one HTML page with everything in it, charts as SVG.
+//! Report: a self-contained HTML page with charts as SVG.
 
 mod charts;
 mod evaluation;
@@ -11,7 +11,7 @@ use palpate_cli::page::document;
 use crate::instrument::CalibratedInstrument;
 use crate::results::{self, COLUMNS, Measured};
 
-/// The page of a row of presses.
+/// Builds the page for a row of presses.
 pub(crate) fn page(
     instrument: &CalibratedInstrument,
     row: &[Measured],
@@ -69,7 +69,7 @@ fn section(instrument: &CalibratedInstrument, measured: &Measured) -> Result<Mar
     })
 }
 
-/// What came of a press.
+/// Describes the outcome of a press.
 fn sentence(measured: &Measured) -> String {
     let [_, truth, estimate, _, interval, _, _] = measured.cells();
     match measured.verdict.estimate() {
