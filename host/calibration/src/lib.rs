@@ -3,9 +3,9 @@
 //! All arithmetic is `f64` and shares no function with the instrument's own.
 //!
 //! 1. `curve`: the load cell and the coil during quick presses upon a block give force against
-//! relative change of inductance; deformation is force over a nominal c_S. Only ratios of
-//! deformations enter a stiffness (eq. (2) is homogeneous in them), so the nominal value sets only
-//! the scale of the deformation.
+//!    relative change of inductance; deformation is force over a nominal c_S. Only ratios of
+//!    deformations enter a stiffness (eq. (2) is homogeneous in them), so the nominal value sets
+//!    only the scale of the deformation.
 //! 2. `crosstalk`: the train without contact gives the current's effect on the reading.
 //! 3. `actuated`: the trains on block and springs, all together, give c_D0, the rise over the
 //!    current, attraction, and growth of the cross-talk, by least squares.

@@ -18,7 +18,7 @@ pub struct Press {
     pub name: String,
     /// The object.
     pub load: Load,
-    /// Holder of the sensor.
+    /// What holds the press: a stand or a hand.
     pub holder: Holder,
     /// Initial distance of the object above the sensor, m.
     pub clearance_m: f64,

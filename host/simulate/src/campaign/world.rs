@@ -86,8 +86,8 @@ const SHAKEN_M: f64 = 3e-6;
 /// The pull is that of C1in's coils on a tile of radius 8 mm, 8 mm above their board, computed by
 /// `palpate field` with a body of that shape added to the design: 3.6 mN at 10 A. By Maxwell's
 /// stress this is B = √(2 μ0 F/A) = 7 mT through the face, and 9 mT where it turns into the tile's
-/// plane, B r/2t. Saturation at 0.35 T reduces the permeability by (B/0.35 T)², 0.08 for both, and
-/// so the reflection by 2·0.08/(μ + 1)² = 1.6e-5.
+/// plane, B r/2t. Saturation at 0.35 T takes the part (B/0.35 T)² of the permeability, which is
+/// 0.08, and so 2·0.08/(μ + 1)² = 1.6e-5 of the reflection.
 const FERRITE: ObjectParameters = ObjectParameters {
     reflection: 0.98,
     lost_at_peak: 1.6e-5,
@@ -175,7 +175,7 @@ impl World {
         plant
     }
 
-    /// Holder of the sensor in this world.
+    /// What holds the press in this world: a stand or a hand.
     pub const fn holder(self) -> Holder {
         match self {
             Self::Hand => Holder::Hand,

@@ -1,4 +1,4 @@
-//! A board's configuration, as the commands that would set it.
+//! A board's configuration as the commands that set it.
 
 use std::time::Duration;
 
@@ -10,18 +10,18 @@ use palpate_wire::{Command, Message, Record, configuration_crc};
 use crate::board::link::Link;
 use crate::board::storage;
 
-/// How long a record may take that follows its command's answer, s.
+/// Longest wait for a record after the answer to its command, s.
 const RECORD_S: f64 = 5.0;
-/// How long a part may take that follows its command's answer: a curve comes in four records, a step of
-/// the board's procedure apart.
+/// Longest wait for a part after the answer to its command: a curve comes in four records, one step
+/// of the board's procedure apart.
 const PART: Duration = Duration::from_secs(5);
-/// How long is listened at once.
+/// Longest time of one receive call.
 const LOOK: Duration = Duration::from_millis(10);
-/// Converters and channels that a board may have.
+/// Numbers of converters and channels that a board may have.
 const SENSORS: u8 = 2;
 const CHANNELS: u8 = 4;
 
-/// The settings in force.
+/// Reads the settings in force.
 ///
 /// # Errors
 /// If the board is gone or does not answer.
@@ -34,10 +34,10 @@ pub(crate) fn settings(link: &mut Link) -> Result<Settings, Failure> {
     })
 }
 
-/// Reads the configuration in force. Settings that were never set are left out, as in its CRC.
+/// Reads the configuration in force. Settings that were never set are omitted, as in its CRC.
 ///
 /// # Errors
-/// If the board is gone, or what it sends is not what its CRC says.
+/// If the board is gone, or its records do not match its CRC.
 pub(crate) fn read(link: &mut Link) -> Result<Vec<Command>, Failure> {
     let settings = Command::SetSettings(settings(link)?);
     let mut parts = Vec::new();
@@ -59,14 +59,14 @@ pub(crate) fn read(link: &mut Link) -> Result<Vec<Command>, Failure> {
     )))
 }
 
-/// The questions for every part of a calibration, in the order of its CRC.
+/// Requests for all parts of a calibration, in the order of its CRC.
 pub(crate) fn questions() -> Vec<GetCalibration> {
     let mut parts = Part::ALL.to_vec();
     parts.sort_by_key(|part| (*part == Part::CalibrationIdentity, part.number()));
     parts.into_iter().flat_map(questions_for).collect()
 }
 
-/// The questions for a part: one for each channel, where it has one for each.
+/// Requests for one part, for each channel if the part has channels.
 fn questions_for(part: Part) -> Vec<GetCalibration> {
     let (sensors, channels) = match part {
         Part::Tank | Part::DeformationCurve | Part::Crosstalk => (SENSORS, CHANNELS),
@@ -82,11 +82,11 @@ fn questions_for(part: Part) -> Vec<GetCalibration> {
     questions.collect()
 }
 
-/// The records of a part in force; none if it is not set. They stay among those that the link has
-/// received, with all else that came.
+/// Reads the records of a part in force; empty if the part is not set. They stay in the link's
+/// received records, with all others.
 ///
 /// # Errors
-/// If the board is gone, refuses, or does not send all of it.
+/// If the board is gone, refuses, or sends the part incompletely.
 pub(crate) fn read_part(
     link: &mut Link,
     question: &GetCalibration,
@@ -118,7 +118,7 @@ pub(crate) fn read_part(
     }
 }
 
-/// Whether the records of a part have all come: of a curve, up to its last knot.
+/// Whether all records of a part have arrived; a curve ends with its last knot.
 fn is_whole(records: &[Record]) -> bool {
     let knots: usize = records
         .iter()
@@ -135,7 +135,8 @@ fn is_whole(records: &[Record]) -> bool {
     }
 }
 
-/// The command that sets what a record says; none for a record that is no part of the configuration.
+/// Returns the command that sets a record's content; `None` for a record outside of the
+/// configuration.
 pub(crate) fn setting(record: Record) -> Option<Command> {
     Some(match record {
         Record::Settings(of) => Command::SetSettings(of),
@@ -155,8 +156,8 @@ pub(crate) fn setting(record: Record) -> Option<Command> {
     })
 }
 
-/// Where a command stands in the order of a configuration: kind, sensor, channel, first knot. None for
-/// one that sets nothing.
+/// Order of a command in a configuration: kind, sensor, channel, first knot. `None` for a command
+/// that sets nothing.
 pub(crate) fn place(command: &Command) -> Option<(u8, u8, u8, u8)> {
     let kind = command.kind();
     Some(match command {
@@ -172,7 +173,7 @@ pub(crate) fn place(command: &Command) -> Option<(u8, u8, u8, u8)> {
         | Command::SetTemperatureEffect(_)
         | Command::SetCurrentCorrection(_)
         | Command::SetTemperatureCoefficients(_) => (kind, 0, 0, 0),
-        // The last, whatever its number: the device checks it against all others.
+        // Last, whatever its number: the device compares it with all other parts.
         Command::SetCalibrationIdentity(_) => (u8::MAX, 0, 0, 0),
         _ => return None,
     })
@@ -202,7 +203,7 @@ mod tests {
     fn a_curve_is_whole_with_all_its_knots() {
         assert!(!is_whole(&[]));
         assert!(!is_whole(&[chunk(0, 8)]));
-        // The first of its two chunks was lost.
+        // The first of the curve's two chunks was lost.
         assert!(!is_whole(&[chunk(8, 2)]));
         assert!(is_whole(&[chunk(0, 8), chunk(8, 2)]));
     }
@@ -211,7 +212,7 @@ mod tests {
     fn every_command_that_sets_has_a_place_and_every_part_a_command() {
         let sets = |kind: &&palpate_wire::schema::Kind| kind.name.starts_with("set_");
         let kinds = Command::KINDS.iter().filter(sets).count();
-        // The settings are no part.
+        // The settings are not a part.
         assert_eq!(kinds, Part::ALL.len() + 1);
         let places = [chunk(0, 8), chunk(8, 2)].map(|record| place(&setting(record).unwrap()));
         assert!(places.is_sorted() && places[0] != places[1]);

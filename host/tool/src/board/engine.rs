@@ -18,7 +18,7 @@ use crate::board::log::{self, Log};
 
 /// Which program runs the instrument
 #[derive(Args)]
-// Its group would have the name of the verb's own arguments, which clap refuses.
+// Skipped: the group would have the name of the verb's own arguments, which clap refuses.
 #[group(skip)]
 pub(crate) struct Arguments {
     /// What runs the instrument: its crates on this computer, or the firmware's image on an
@@ -41,12 +41,12 @@ enum EngineKind {
     Image,
 }
 
-/// The firmware's image, and what is shown of it.
+/// The firmware's image, with the requested log and trace.
 pub(crate) struct OnBoard {
     image: Image,
     log: Option<Log>,
     trace: Option<OutputFile>,
-    /// Presses that were traced.
+    /// Number of traced presses.
     traced: Cell<u32>,
 }
 
@@ -65,7 +65,7 @@ impl EngineChoice for Arguments {
 }
 
 impl Arguments {
-    /// The engine `image`, with its image loaded.
+    /// Loads the image for the engine `image`.
     fn on_board(&self) -> Result<OnBoard, Failure> {
         let trace = OutputFile::optional("--trace", self.trace.as_ref())?;
         let (file, image) = self.image.load(Program::Firmware)?;
@@ -86,7 +86,7 @@ fn only_with_image(argument: &str) -> Failure {
 }
 
 impl OnBoard {
-    /// How the board is to be set up.
+    /// Options of the emulated board.
     fn options(&self) -> Options {
         Options {
             trace: self.trace.is_some(),
@@ -94,7 +94,7 @@ impl OnBoard {
         }
     }
 
-    /// Shows log and trace of a press, whatever its result.
+    /// Prints the log and writes the trace of a press, whatever its result.
     fn show(&self, what: &str, board: &mut palpate_emulator::Instrument) -> Result<(), Failure> {
         if let Some(log) = &self.log {
             log.show(what, &board.take_logs());
@@ -109,7 +109,7 @@ impl OnBoard {
 }
 
 impl Engine for OnBoard {
-    /// A bar; none where the log is shown.
+    /// Creates a bar; hidden where the log is shown.
     fn progress(&self, steps: usize) -> Progress {
         if self.log.is_some() {
             Progress::hidden()

@@ -1,10 +1,10 @@
-//! Which image runs on the emulated board: one rule for every verb.
+//! Selection of the image for the emulated board, by one rule for every verb.
 //!
 //! 1. `--image FILE`.
-//! 2. Without it, the image of the release that the tool came in: it lies beside the tool.
-//! 3. Without one, the image of the workspace in which the command is run: cargo builds it, if it is
-//!    not up to date.
-//! 4. Outside of a workspace there is none, and the error says where to get one.
+//! 2. Otherwise the image of the tool's release, which lies beside the tool.
+//! 3. Otherwise the image of the workspace in which the command runs; cargo builds it if it is out
+//!    of date.
+//! 4. Outside of a workspace there is no image, and the error says where to get one.
 
 use std::env;
 use std::path::{Path, PathBuf};
@@ -16,7 +16,7 @@ use palpate_emulator::{Image, firmware};
 
 /// Names the image.
 #[derive(Args)]
-// Its group would have the name of the verb's own arguments, which clap refuses.
+// Skipped: the group would have the name of the verb's own arguments, which clap refuses.
 #[group(skip)]
 pub struct Arguments {
     /// The image for the emulated board, an ELF file. Without it, the image of the release that the
@@ -30,7 +30,7 @@ pub struct Arguments {
 pub enum Program {
     /// The firmware.
     Firmware,
-    /// The example `bring_up`, by which a PC tests the converter.
+    /// The example `bring_up`, with which a PC tests the converter.
     BringUp,
 }
 
@@ -42,7 +42,7 @@ impl Program {
         }
     }
 
-    /// Where a release has it, beside the tool.
+    /// Path in a release, relative to the tool.
     const fn of_release(self) -> Option<&'static str> {
         match self {
             Self::Firmware => Some("firmware/palpate-pico.elf"),
@@ -57,7 +57,7 @@ impl Program {
         }
     }
 
-    /// What makes one in a checkout, and where it is then.
+    /// The command that builds the image in a checkout, and its path.
     const fn made_by(self) -> &'static str {
         match self {
             Self::Firmware => "`cargo xtask firmware` writes target/image/palpate-pico.elf",
@@ -70,14 +70,14 @@ impl Program {
 }
 
 impl Arguments {
-    /// The image's file and the image, by the rule of this module.
+    /// Returns file and image, by the rule of this module.
     pub fn load(&self, program: Program) -> Result<(PathBuf, Image), Failure> {
         let file = self.file(program)?;
         let image = Image::load(&file).map_err(|error| unusable(&file, program, &error))?;
         Ok((file, image))
     }
 
-    /// Refuses an image that would not be run; `instead` says what would run it.
+    /// Refuses an image that would not be used; `instead` names the option that would use it.
     pub fn none_without(&self, instead: &str) -> Result<(), Failure> {
         match &self.image {
             None => Ok(()),
@@ -121,9 +121,9 @@ impl Arguments {
     }
 }
 
-/// In the folder of the tool: where a release has it, and the file alone.
+/// Paths beside the tool: the path in a release, and the file alone.
 fn places_beside_tool(program: Program) -> Vec<PathBuf> {
-    // The file itself where a link of another folder leads to it.
+    // Resolves a symbolic link to the tool.
     let tool = env::current_exe().and_then(|tool| tool.canonicalize());
     let tool = tool.ok();
     let folder = tool.as_deref().and_then(Path::parent);

@@ -1,5 +1,4 @@
-//! The image's log: frames of defmt, which only the image's own ELF file, or the table in it, can turn into
-//! text.
+//! Log of the image: defmt frames, which only the image's own ELF file, or its table, can decode.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -9,12 +8,12 @@ use defmt_decoder::{DecodeError, Frame, Table};
 use palpate_cli::failure::Failure;
 use palpate_cli::{notice, text};
 
-/// How an ELF file begins.
+/// Start of an ELF file.
 const ELF: &[u8] = b"\x7fELF";
 
 /// Whether the log is shown, and what reads it.
 #[derive(Args)]
-// Its group would have the name of the verb's own arguments, which clap refuses.
+// Skipped: the group would have the name of the verb's own arguments, which clap refuses.
 #[group(skip)]
 pub(crate) struct Arguments {
     /// Show the log of the firmware, each line with the time of the board's clock in seconds, on standard
@@ -25,7 +24,8 @@ pub(crate) struct Arguments {
 }
 
 impl Arguments {
-    /// What reads the log, if it is to be shown: the file that is named, otherwise the image that runs.
+    /// Loads the decoder if the log is requested: from the named file, otherwise from the image
+    /// that runs.
     ///
     /// # Errors
     /// If there is no file, or it has no table.
@@ -43,10 +43,10 @@ impl Arguments {
         Log::load(file).map(Some)
     }
 
-    /// Refuses a log that could not come.
+    /// Refuses a request for a log that the connection cannot carry.
     ///
     /// # Errors
-    /// If it is asked for; `instead` says how it comes.
+    /// If the log is requested; `instead` says how to get it.
     pub(crate) fn none_without(&self, instead: &str) -> Result<(), Failure> {
         match self.log {
             None => Ok(()),
@@ -57,15 +57,15 @@ impl Arguments {
     }
 }
 
-/// A log that comes in pieces.
+/// A log that arrives in pieces.
 pub(crate) struct LogStream {
     log: Log,
-    /// The beginning of a line whose end has not come.
+    /// Start of an incomplete line.
     begun: Vec<u8>,
 }
 
 impl LogStream {
-    /// One that has just begun.
+    /// Creates a stream.
     pub(crate) const fn new(log: Log) -> Self {
         Self {
             log,
@@ -73,10 +73,10 @@ impl LogStream {
         }
     }
 
-    /// The lines that are complete with these bytes.
+    /// Returns the lines that these bytes complete.
     pub(crate) fn lines(&mut self, bytes: &[u8]) -> Vec<LogLine> {
         self.begun.extend(bytes);
-        // A line ends with a zero byte, and has none else (rzCOBS).
+        // A line ends with a zero byte, its only one (rzCOBS).
         let end = self.begun.iter().rposition(|byte| *byte == 0);
         let whole = end.map_or(0, |end| end + 1);
         let whole: Vec<u8> = self.begun.drain(..whole).collect();
@@ -84,7 +84,7 @@ impl LogStream {
     }
 }
 
-/// What turns an image's log into text.
+/// Decoder of an image's log.
 pub(crate) struct Log(Table);
 
 impl Log {
@@ -127,12 +127,12 @@ impl Log {
         }
     }
 
-    /// The table alone, which is smaller than an ELF file and holds no code.
+    /// Returns the table alone, which is smaller than an ELF file and contains no code.
     pub(crate) fn table(&self) -> serde_json::Result<String> {
         serde_json::to_string(&self.0)
     }
 
-    /// The lines of a log.
+    /// Decodes the lines of a log.
     pub(crate) fn lines(&self, bytes: &[u8]) -> Vec<LogLine> {
         let mut lines = Vec::new();
         let mut decoder = self.0.new_stream_decoder();
@@ -146,7 +146,7 @@ impl Log {
         }
     }
 
-    /// Shows a log on standard error.
+    /// Prints a log on standard error.
     pub(crate) fn show(&self, what: &str, bytes: &[u8]) {
         notice::say(format_args!("log, {what}:"));
         for line in self.lines(bytes) {
@@ -158,7 +158,7 @@ impl Log {
 /// A line of a log.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct LogLine {
-    /// The board's clock, s.
+    /// Time of the board's clock, s.
     pub(crate) time: String,
     /// `info`, `warn` and so on; empty for a line without one.
     pub(crate) level: &'static str,
@@ -223,7 +223,7 @@ mod tests {
     fn a_line_that_comes_in_pieces_is_one_line() {
         let table = r#"{"entries": {"1": {"string": {"tag": "Info", "string": "converter up"}, "raw_symbol": "1"}},
             "timestamp": null, "bitflags": {}, "encoding": "Rzcobs"}"#;
-        // Twice line 1, `01 00` in rzCOBS: the byte that is not zero, and a mask of the seven.
+        // Line 1 twice, `01 00` in rzCOBS: the byte that is not zero, and a mask of the seven.
         let bytes = [0x01, 0x7E, 0x00, 0x01, 0x7E, 0x00];
         for cut in 0..=bytes.len() {
             let mut stream = LogStream::new(Log(serde_json::from_str(table).unwrap()));

@@ -1,4 +1,4 @@
-//! What is at the other end: a link, a board on it or an emulated one, what it has stored, the benches it is calibrated on.
+//! Boards: links, real and emulated boards, their storage, and benches for their calibration.
 
 pub(crate) mod bench;
 pub(crate) mod configuration;

@@ -1,4 +1,4 @@
-//! What a board keeps in its flash memory, and how it is changed.
+//! The board's storage in flash, and its commands.
 
 use palpate_cli::failure::Failure;
 use palpate_wire::code::{StorageAction, StorageState};
@@ -7,12 +7,12 @@ use palpate_wire::{Command, Record};
 
 use crate::board::link::Link;
 
-/// How long a save may take, s: sixteen sectors to erase, 0.4 s each at most, and their items.
+/// Longest save, s: erasing sixteen sectors, 0.4 s each at most, and writing their items.
 const SAVE_S: f64 = 15.0;
-/// How long a record may take that follows its command's answer, s.
+/// Longest wait for a record after the answer to its command, s.
 const RECORD_S: f64 = 5.0;
 
-/// What is stored, beside what is in force.
+/// Returns the state of the storage and of the configuration in force.
 ///
 /// # Errors
 /// If the board is gone or does not answer.
@@ -20,7 +20,7 @@ pub(crate) fn inspect(link: &mut Link) -> Result<Storage, Failure> {
     ended(link, &Command::GetStorage, StorageAction::Inspect, RECORD_S)
 }
 
-/// Stores what is in force, and reads back what is stored.
+/// Stores the configuration in force and verifies it.
 ///
 /// # Errors
 /// If the board is gone, refuses it, or could not store it.
@@ -36,7 +36,7 @@ pub(crate) fn store(link: &mut Link) -> Result<Storage, Failure> {
     ))
 }
 
-/// Erases what is stored. What is in force stays so until the board starts anew.
+/// Erases the storage. The configuration in force stays until the board restarts.
 ///
 /// # Errors
 /// If the board is gone, refuses it, or could not erase it.
@@ -51,7 +51,7 @@ pub(crate) fn erase(link: &mut Link) -> Result<Storage, Failure> {
     ))
 }
 
-/// Sends a command to the storage, and waits for the record that says how it ended.
+/// Sends a storage command and waits for the record of its result.
 fn ended(
     link: &mut Link,
     command: &Command,
@@ -66,7 +66,7 @@ fn ended(
     })
 }
 
-/// How long what is in force and not stored lasts.
+/// Sentence about the lifetime of a configuration that is in force but not stored.
 pub(crate) const fn lasts(on_emulated_board: bool) -> &'static str {
     if on_emulated_board {
         "Lost with the end of this command, which switches the emulated board off: `--store` keeps it."
@@ -75,7 +75,7 @@ pub(crate) const fn lasts(on_emulated_board: bool) -> &'static str {
     }
 }
 
-/// What is stored, in a sentence.
+/// Describes the storage in a sentence.
 pub(crate) fn describe(storage: &Storage) -> String {
     match storage.state {
         StorageState::Whole => format!(

@@ -1,4 +1,4 @@
-//! A file of switches: what a converter does where sources disagree about it.
+//! File of switches: behaviour of a converter where sources disagree.
 
 use std::path::Path;
 
@@ -30,7 +30,7 @@ pub(crate) fn read(file: &Path) -> Result<Switches, Failure> {
     Ok(document.switches)
 }
 
-/// The text of such a file.
+/// Formats such a file.
 pub(crate) fn document(switches: Switches) -> Result<String, Failure> {
     toml::to_string(&Document { switches })
         .map_err(|error| Failure::Refused(format!("the switches cannot be written: {error}")))

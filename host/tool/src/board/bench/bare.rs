@@ -1,4 +1,4 @@
-//! A board at the other end of a link, without a bench: nothing presses, and no gauge is read.
+//! A board on a link without a bench: no press, no gauges.
 
 use std::time::Duration;
 
@@ -12,7 +12,7 @@ use palpate_wire::{Command, Record};
 use crate::board::link::{Arrival, Link};
 use crate::interrupt::Interrupt;
 
-/// A board and nothing else.
+/// A board without a bench.
 pub(crate) struct BareInstrument<'l> {
     link: &'l mut Link,
     interrupt: Interrupt,
@@ -24,7 +24,7 @@ impl<'l> BareInstrument<'l> {
     }
 }
 
-/// Writes samples down, without what gauges say; returns the other records.
+/// Appends samples without gauge readings to the lines. Returns the other records.
 pub(super) fn noted(arrivals: Vec<Arrival>, lines: &mut Vec<BenchSample>) -> Vec<Record> {
     let mut others = Vec::new();
     for arrival in arrivals {
@@ -40,7 +40,7 @@ pub(super) fn noted(arrivals: Vec<Arrival>, lines: &mut Vec<BenchSample>) -> Vec
     others
 }
 
-/// How long is listened at once.
+/// Longest time of one receive call.
 const LOOK: Duration = Duration::from_millis(2);
 
 impl Instrument for BareInstrument<'_> {

@@ -1,5 +1,5 @@
-//! The simulated bench with a board at the other end of a link: the emulated one, which gets its power
-//! anew with each specimen.
+//! The simulated bench with a board on a link: the emulated board, which is powered on again for
+//! each specimen.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -24,13 +24,13 @@ use crate::interrupt::Interrupt;
 pub(crate) struct LinkedBench<'l> {
     link: &'l mut Link,
     plant: &'l Parameters,
-    /// Above the temperature of calibration, K.
+    /// Temperature above that of the calibration, K.
     warmer_k: f64,
     bare: BareRig,
     interrupt: Interrupt,
 }
 
-/// The bench has all that it disturbs with.
+/// The bench has all disturbances.
 const SWITCHES: Switches = Switches::all();
 
 impl<'l> LinkedBench<'l> {
@@ -63,7 +63,7 @@ impl Bench for LinkedBench<'_> {
         let board = self.link.emulated().ok_or_else(no_bench)?;
         board.power_on_in(world)?;
         self.link.reconnect(&self.interrupt)?;
-        // The clock is known by an answer.
+        // An answer sets the clock.
         self.link.must(&Command::GetSettings)?;
         work(&mut LinkedInstrument {
             link: self.link,
@@ -95,7 +95,7 @@ struct LinkedInstrument<'l> {
 }
 
 impl LinkedInstrument<'_> {
-    /// The device's time at a moment of the link's, s.
+    /// Converts a time of the link's clock to the device's time, s.
     fn device_s(&self, at: Duration) -> f64 {
         self.link.clock().device_s(at).unwrap_or_default()
     }
@@ -130,7 +130,7 @@ impl Instrument for LinkedInstrument<'_> {
     ) -> Result<Vec<Record>, Failure> {
         self.interrupt.go_on()?;
         let left_s = end.as_secs_f64() - self.now().as_secs_f64();
-        // What rounding leaves over is not waited for.
+        // The lower limit also ends the wait for a rounding remainder.
         let wait = Duration::from_secs_f64(left_s.clamp(LEAST_S, LONGEST_S));
         self.link.listen(wait)?;
         let arrivals = self.link.take();
@@ -163,13 +163,13 @@ impl Instrument for LinkedInstrument<'_> {
     }
 }
 
-/// The last readings of the gauges, each with the device's time, s. A sample comes later than it was
-/// taken: what the gauges said at its time is between two of them.
+/// The last readings of the gauges with the device's time, s. A sample arrives late, so the gauges'
+/// readings at its time are interpolated between two of them.
 #[derive(Default)]
 struct Readings(VecDeque<(f64, RigReading)>);
 
 impl Readings {
-    /// As many as are kept: those of a tenth of a second, by far longer than a record is under way.
+    /// Number of kept readings: a tenth of a second, much longer than the delay of a record.
     const KEPT: usize = 100;
 
     fn push(&mut self, reading: (f64, RigReading)) {
@@ -179,7 +179,7 @@ impl Readings {
         }
     }
 
-    /// What the gauges said at a time, s; the nearest reading where there is none on one side.
+    /// Readings of the gauges at a time, s; the nearest reading outside their range.
     fn at(&self, time_s: f64) -> RigReading {
         let later = self.0.partition_point(|(at_s, _)| *at_s < time_s);
         let before = later.checked_sub(1).and_then(|index| self.0.get(index));
@@ -201,7 +201,7 @@ impl Readings {
     }
 }
 
-/// How long is waited for a record, s, at least and at most.
+/// Shortest and longest wait for a record, s.
 const LEAST_S: f64 = 50e-6;
 const LONGEST_S: f64 = 10e-3;
 

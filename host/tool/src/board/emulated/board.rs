@@ -1,4 +1,4 @@
-//! The emulated board with its cable in a PC.
+//! The emulated board with its USB cable.
 
 use palpate_cli::failure::Failure;
 use palpate_emulator::usb::TransferId;
@@ -9,32 +9,32 @@ use palpate_sim::world::World;
 use super::flash_file::FlashFile;
 use super::touch::Touch;
 
-/// In less it has enumerated.
+/// Longest time until the enumeration.
 const STARTED: Time = Time::from_ms(500);
-/// In less it is in its boot loader, from the answer to the command on.
+/// Longest time from the answer to the command until the boot loader runs.
 const BOOT_LOADER: Time = Time::from_ms(500);
 
-/// The channel of the debug probe on which the image logs (docs/firmware.md, links).
+/// Channel of the debug probe for the image's log (docs/firmware.md, links).
 const LOG: u32 = 0;
 
-/// The board. A program opens its serial port and closes it, as a PC's do.
+/// The emulated board. A program opens and closes its serial port as on a PC.
 pub(crate) struct PluggedBoard {
     image: Image,
     seed: u64,
     instrument: Instrument,
-    /// How long it ran before its last power-on.
+    /// Time that it ran before its last power-on.
     before: Time,
     touch: Option<Touch>,
     is_open: bool,
-    /// The request that opens or closes the port, until the board has taken it.
+    /// Request to open or close the port, until the board has handled it.
     changing: Option<TransferId>,
-    /// What the program has sent meanwhile: an answer from a closed port would be lost.
+    /// Bytes that the program sent meanwhile: an answer from a closed port would be lost.
     unsent: Vec<u8>,
     flash: FlashFile,
 }
 
 impl PluggedBoard {
-    /// A board that gets its power now, in a world.
+    /// Powers on a board in a world.
     pub(super) fn new(
         image: Image,
         world: World,
@@ -58,13 +58,12 @@ impl PluggedBoard {
         Ok(board)
     }
 
-    /// Presses something again and again, which has to be in the board's world; or nothing.
+    /// Starts repeated presses of an object in the board's world, or stops them with `None`.
     pub(super) const fn set_touch(&mut self, touch: Option<Touch>) {
         self.touch = touch;
     }
 
-    /// Takes the power away, and gives it again in another world, in which nothing is pressed by itself.
-    /// What is stored stays.
+    /// Powers the board off and on in another world, without repeated presses. The storage is kept.
     pub(crate) fn power_on_in(&mut self, world: World) -> Result<(), Failure> {
         self.before = self.now();
         self.touch = None;
@@ -87,7 +86,8 @@ impl PluggedBoard {
         usb.enumerate();
     }
 
-    /// Lets time pass until it is a serial port of the PC: half a second at most after its power-on.
+    /// Lets time pass until the board is a serial port of the PC, at most half a second after
+    /// power-on.
     pub(crate) fn start(&mut self) -> Result<(), Failure> {
         let end = self.now() + STARTED;
         while self
@@ -108,11 +108,11 @@ impl PluggedBoard {
         Ok(())
     }
 
-    /// Writes a UF2 as the boot loader's drive takes it. The board was asked to start the boot loader; with
-    /// the last block it starts what was written.
+    /// Writes a UF2 file as the boot loader's drive does. The board has received the command for
+    /// the boot loader, and starts the new image after the last block.
     ///
     /// # Errors
-    /// If the board does not start the boot loader, or the file has what the emulation cannot follow.
+    /// If the board does not start the boot loader, or the emulation does not support the file.
     pub(crate) fn write_uf2(&mut self, uf2: &[u8]) -> Result<(), Failure> {
         let end = self.now() + BOOT_LOADER;
         while !self.instrument.board().is_in_boot_loader() {
@@ -130,12 +130,12 @@ impl PluggedBoard {
         self.flash.follow(board.flash())
     }
 
-    /// Time since its first power-on.
+    /// Time since the first power-on.
     pub(crate) fn now(&self) -> Time {
         self.before + self.instrument.board().now()
     }
 
-    /// The world around it, at its present.
+    /// The world of the board, at its present time.
     pub(crate) fn world_mut(&mut self) -> &mut World {
         let board = self.instrument.board_mut();
         let now = board.now();
@@ -144,29 +144,29 @@ impl PluggedBoard {
         world
     }
 
-    /// The instrument, to disturb and to look at.
+    /// The instrument, for tests that disturb or inspect it.
     pub(crate) const fn instrument_mut(&mut self) -> &mut Instrument {
         &mut self.instrument
     }
 
-    /// A program opens the port, or closes it.
+    /// Opens or closes the port, as a program does.
     pub(crate) fn set_open(&mut self, is_open: bool) {
         if is_open == self.is_open || self.changing.is_some() {
             return;
         }
-        // Before the end of the enumeration there is no port.
+        // There is no port before the end of the enumeration.
         self.changing = self.instrument.board_mut().usb_mut().set_dtr(is_open);
         if self.changing.is_none() {
             return;
         }
         self.is_open = is_open;
-        // What a program sent before its port was open stays: it is sent once the port is.
+        // Bytes sent before the port was open are kept until it is.
         if !is_open {
             self.unsent.clear();
         }
     }
 
-    /// Bytes for the board.
+    /// Sends bytes to the board.
     pub(crate) fn write(&mut self, bytes: &[u8]) {
         self.unsent.extend(bytes);
         let host = self.instrument.board_mut().usb_mut();
@@ -180,17 +180,17 @@ impl PluggedBoard {
         }
     }
 
-    /// Whether the PC takes more of the board's bytes.
+    /// Sets whether the PC reads the board's bytes.
     pub(crate) fn set_reading(&mut self, reading: bool) {
         self.instrument.board_mut().usb_mut().set_reading(reading);
     }
 
-    /// Bytes of the board.
+    /// Reads bytes from the board.
     pub(crate) fn read(&mut self) -> Vec<u8> {
         self.instrument.board_mut().usb_mut().read()
     }
 
-    /// What the image has logged, as a debug probe reads it: frames of defmt.
+    /// Reads the image's log as a debug probe does: defmt frames.
     pub(crate) fn read_log(&mut self) -> Vec<u8> {
         self.instrument.board_mut().read_channel(LOG)
     }

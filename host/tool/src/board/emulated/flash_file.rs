@@ -1,4 +1,4 @@
-//! The emulated board's flash in a file.
+//! File of the emulated board's flash.
 
 use std::fs::{self, File, TryLockError};
 use std::io;
@@ -8,27 +8,28 @@ use palpate_cli::failure::Failure;
 use palpate_cli::output::OutputFile;
 use palpate_emulator::Flash;
 
-/// Bytes at the end of the flash that keep settings and calibration.
+/// Size of the storage area at the end of the flash, bytes.
 const AREA: usize = 64 * 1024;
-/// Bytes that are erased at once.
+/// Size of a sector, bytes.
 const SECTOR: usize = 4096;
 
-/// The flash's contents in a file. One program has it at a time.
+/// The storage area in a file. Only one program can use the file at a time.
 pub(crate) struct FlashFile {
     output: OutputFile,
-    /// Operations up to what was written.
+    /// Number of flash operations up to the last write.
     written: usize,
-    /// Held as long as the file is used.
+    /// Lock held while the file is in use.
     _lock: File,
 }
 
 impl FlashFile {
-    /// Takes a file, which need not be there yet.
+    /// Opens a file, which need not exist.
     ///
     /// # Errors
-    /// If it is not one that the emulated board has written, is in use, or cannot be written.
+    /// If the emulated board has not written the file, another program uses it, or it cannot be
+    /// written.
     pub(super) fn open(path: &Path) -> Result<Self, Failure> {
-        // Nothing is made beside a file that is none of a board.
+        // Checks the file first, so that no lock is created beside a file of another kind.
         stored(path)?;
         if let Some(folder) = path.parent() {
             fs::create_dir_all(folder).map_err(|reason| unwritable(path, reason))?;
@@ -42,7 +43,7 @@ impl FlashFile {
         })
     }
 
-    /// Brings the settings and calibration of the file, if there is one, into a flash.
+    /// Copies settings and calibration of the file, if it exists, into a flash.
     pub(super) fn fill(&mut self, flash: &mut Flash) -> Result<(), Failure> {
         self.written = flash.operations().len();
         let Some(area) = stored(self.output.path())? else {
@@ -59,7 +60,7 @@ impl FlashFile {
         Ok(())
     }
 
-    /// Writes the file, if something was stored since.
+    /// Writes the file if the storage has changed.
     pub(super) fn follow(&mut self, flash: &Flash) -> Result<(), Failure> {
         let operations = flash.operations().len();
         if operations == self.written || flash.is_busy() {
@@ -73,7 +74,7 @@ impl FlashFile {
     }
 }
 
-/// What a file keeps; nothing without a file.
+/// Reads the storage area of a file; `None` without a file.
 fn stored(path: &Path) -> Result<Option<Vec<u8>>, Failure> {
     let unreadable = |reason| Failure::Unreadable {
         file: path.to_path_buf(),
@@ -86,7 +87,7 @@ fn stored(path: &Path) -> Result<Option<Vec<u8>>, Failure> {
     if data.is_dir() {
         return Err(no_flash(path, "a folder"));
     }
-    // A pipe or a device may have no end.
+    // A pipe or a device may never end.
     if !data.is_file() {
         return Err(no_flash(path, "no file, but a device"));
     }
@@ -106,8 +107,8 @@ fn stored(path: &Path) -> Result<Option<Vec<u8>>, Failure> {
     Ok(Some(area))
 }
 
-/// Whether a sector is as the storage's are: begun by an erased byte or by the mark of one that is written, in
-/// which a bit or two may have flipped, and with erased bytes left.
+/// Whether a sector looks like the storage's: its first byte is erased or a written mark, with up
+/// to two flipped bits, and some bytes are erased.
 fn is_begun(sector: &[u8]) -> bool {
     let ones = sector.first().map_or(0, |first| first.count_ones());
     !(2..=6).contains(&ones) && sector.contains(&0xFF)
@@ -120,7 +121,7 @@ fn no_flash(path: &Path, what: &str) -> Failure {
     ))
 }
 
-/// Takes the lock: a file beside, with .lock behind the whole name, and whatever is in it stays.
+/// Takes the lock: a file with .lock appended to the whole name, whose contents stay.
 fn locked(path: &Path) -> Result<File, Failure> {
     let mut name = path.as_os_str().to_owned();
     name.push(".lock");

@@ -1,6 +1,6 @@
-//! The emulated board as a board of the desk: with the firmware's image, a sensor, and a USB cable.
+//! The emulated board for the verbs: with the firmware's image, a sensor and a USB cable.
 //!
-//! Its flash is kept in a file, so that what one command stores is there for the next.
+//! Its flash is kept in a file, so stored settings survive the end of a command.
 
 mod board;
 mod flash_file;
@@ -26,7 +26,7 @@ pub(crate) use pace::Pace;
 
 /// Which emulated board.
 #[derive(Args)]
-// Its group would have the name of the verb's own arguments, which clap refuses.
+// Skipped: the group would have the name of the verb's own arguments, which clap refuses.
 #[group(skip)]
 pub(crate) struct Arguments {
     /// The sensor of the emulated board: paper, soft-closed, ultrasoft, or a stack file. For a real
@@ -43,23 +43,23 @@ pub(crate) struct Arguments {
     image: image::Arguments,
 }
 
-/// The stack where none is named.
+/// Default sensor design.
 const USUAL: &str = "ultrasoft";
 
-/// What is there to be emulated.
+/// Image, sensor and flash of an emulated board.
 pub(crate) struct Model {
     pub(crate) image: Image,
-    /// The file that the image is from.
+    /// File of the image.
     pub(crate) image_file: PathBuf,
     pub(crate) stack: Stack,
     pub(crate) plant: Parameters,
-    /// Where its flash is kept.
+    /// File of the flash.
     pub(crate) flash: PathBuf,
 }
 
 impl Model {
-    /// A board of this model at its cable. With `press`, a spring of this multiple of the sensing layer's
-    /// stiffness is pressed again and again.
+    /// Connects a board of this model. With `press`, a spring of this multiple of the sensing
+    /// layer's stiffness is pressed repeatedly.
     pub(crate) fn plug(&self, press: Option<f64>) -> Result<PluggedBoard, Failure> {
         let (world, touch) = surroundings(&self.stack, &self.plant, press)?;
         let mut board = self.plug_in(world)?;
@@ -67,14 +67,14 @@ impl Model {
         Ok(board)
     }
 
-    /// The same in a world.
+    /// Connects a board of this model in a world.
     pub(crate) fn plug_in(&self, world: World) -> Result<PluggedBoard, Failure> {
         let flash = FlashFile::open(&self.flash)?;
         PluggedBoard::new(self.image.clone(), world, self.plant.seed, flash)
     }
 }
 
-/// The world of a board, with what is pressed in it.
+/// Creates the world of a board, with the repeated press.
 fn surroundings(
     stack: &Stack,
     plant: &Parameters,
@@ -91,11 +91,11 @@ fn disturbances() -> Result<Disturbances, Failure> {
 }
 
 impl Arguments {
-    /// Takes a board of these arguments off a bench: it gets its power anew, in the world in which it was
-    /// plugged with this `press`.
+    /// Removes a board from a bench: powers it on again in the world of [`Model::plug`] with this
+    /// `press`.
     ///
     /// # Errors
-    /// If there is no such world, or what is stored cannot be read.
+    /// If the world cannot be created, or the storage cannot be read.
     pub(crate) fn plug_anew(
         &self,
         board: &mut PluggedBoard,
@@ -108,7 +108,8 @@ impl Arguments {
         Ok(())
     }
 
-    /// The stack that is named, and what is to be expected of a real sensor of it: the middle of its ranges.
+    /// Returns the named sensor design with the parameters in the middle of its ranges, for a real
+    /// sensor.
     pub(crate) fn expected(&self) -> Result<Option<(Stack, Parameters)>, Failure> {
         if self.stack.is_none() {
             return Ok(None);
@@ -118,7 +119,7 @@ impl Arguments {
         Ok(Some((stack, plant)))
     }
 
-    /// The stack, and the emulated board's sensor of it.
+    /// Returns the sensor design with the emulated board's sensor.
     pub(crate) fn stack_and_plant(&self) -> Result<(Stack, Parameters), Failure> {
         let stack = self.stack()?;
         let plant = draw(&stack, &disturbances()?, self.seed);
@@ -130,7 +131,7 @@ impl Arguments {
         Ok(Stack::named(name, Path::new(""))?)
     }
 
-    /// Loads what is to be emulated.
+    /// Loads image and sensor.
     pub(crate) fn load(&self) -> Result<Model, Failure> {
         let (stack, plant) = self.stack_and_plant()?;
         let (image_file, image) = self.image.load(Program::Firmware)?;
@@ -143,7 +144,7 @@ impl Arguments {
         })
     }
 
-    /// Refuses what only an emulated board has.
+    /// Refuses arguments that apply to the emulated board only.
     pub(crate) fn none_for_a_real_board(&self) -> Result<(), Failure> {
         if self.state.is_some() {
             return Err(Failure::Argument(
@@ -163,8 +164,8 @@ impl Arguments {
     }
 }
 
-/// The user's folder for what programs keep (the XDG base directory specification; on Windows that for
-/// data of this computer).
+/// Folder for program state (the XDG base directory specification; on Windows the folder for local
+/// data).
 pub(crate) fn state_folder() -> PathBuf {
     let named = ["XDG_STATE_HOME", "LOCALAPPDATA"].into_iter();
     let mut named = named.filter_map(env::var_os).map(PathBuf::from);

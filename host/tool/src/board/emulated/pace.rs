@@ -4,12 +4,12 @@ use std::time::{Duration, Instant};
 
 use palpate_sim::Time;
 
-/// How far behind it may be before it is said: a PC's own hiccups are shorter.
+/// Lag before a warning; a PC's own pauses are shorter.
 const BEHIND: Duration = Duration::from_secs(1);
 
-/// How virtual and real time go on beside each other.
+/// Synchronisation of virtual with real time.
 pub(crate) struct Pace {
-    /// When virtual time was zero, or would have been if it had kept pace since.
+    /// Real time at virtual time zero, corrected by all lags.
     began: Instant,
     /// Real time lost so far.
     lost: Duration,
@@ -25,8 +25,8 @@ impl Pace {
         }
     }
 
-    /// How far virtual time is ahead of real time. Where it falls behind, what was lost is not caught
-    /// up: it would run fast afterwards.
+    /// Returns the lead of virtual over real time. A lag is not made up for, since the board would
+    /// run too fast afterwards.
     pub(crate) fn ahead(&mut self, now: Time) -> Duration {
         self.ahead_at(Instant::now(), now)
     }
@@ -41,7 +41,7 @@ impl Pace {
         due.saturating_duration_since(real)
     }
 
-    /// What is to be said, once, if it is slower than real time.
+    /// Returns a warning, once, if the emulation is slower than real time.
     pub(crate) fn warning(&mut self) -> Option<String> {
         if self.warned || self.lost.is_zero() {
             return None;

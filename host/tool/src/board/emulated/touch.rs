@@ -1,4 +1,4 @@
-//! What presses the emulated board's sensor.
+//! Repeated presses on the emulated board's sensor.
 
 use palpate_cli::failure::Failure;
 use palpate_sim::Time;
@@ -10,28 +10,28 @@ use palpate_sim::switches::Switches;
 use palpate_sim::world::{Holder, Setup, World};
 use palpate_simulate::instrument::SPEED_M_PER_S;
 
-/// Where the object waits above the sensor, m.
+/// Distance of the lifted object from the sensor, m.
 const CLEARANCE_M: f64 = 0.5e-3;
-/// How long nothing touches at first: the baseline is learnt in less.
+/// Initial time without contact, longer than the baseline.
 const UNTOUCHED: Time = Time::from_ms(3_000);
-/// How long it is lifted between two presses. The elastomer creeps back: of 350 µm there are 9 left after
-/// 3 s, and the board takes a touch for over below `release_m`, 5 µm as a rule.
+/// Lifted time between two presses. The elastomer creeps back: of 350 µm there are 9 left after 3
+/// s, and the board ends a contact below `release_m`, 5 µm by default.
 const LIFTED: Time = Time::from_ms(8_000);
-/// How long it is pressed: settling, train and result.
+/// Pressed time: settling, train and result.
 const PRESSED: Time = Time::from_ms(5_000);
 
-/// Something that is pressed again and again.
+/// An object that is pressed repeatedly.
 #[derive(Clone, Copy)]
 pub(crate) struct Touch {
     load: Load,
-    /// How deep the sensing layer is pressed, m.
+    /// Target deformation of the sensing layer, m.
     depth_m: f64,
     is_down: bool,
     due: Time,
 }
 
 impl Touch {
-    /// A spring of a multiple of the sensing layer's nominal stiffness.
+    /// Creates a spring of a multiple of the sensing layer's nominal stiffness.
     pub(super) fn of(stack: &Stack, plant: &Parameters, ratio: f64) -> Result<Self, Failure> {
         if !(ratio.is_finite() && ratio > 0.0) {
             return Err(Failure::Argument(format!(
@@ -47,12 +47,12 @@ impl Touch {
         })
     }
 
-    /// A world in which it waits above the sensor.
+    /// Creates a world with the object above the sensor.
     pub(super) fn world(&self, plant: &Parameters) -> Result<World, ParameterError> {
         world(plant, self.load)
     }
 
-    /// Lowers or lifts it, if it is time.
+    /// Lowers or lifts the object when due.
     pub(super) fn follow(&mut self, world: &mut World) {
         if world.now() < self.due {
             return;
@@ -68,7 +68,7 @@ impl Touch {
     }
 }
 
-/// A world in which nothing touches.
+/// Creates a world without contact.
 pub(super) fn untouched(plant: &Parameters) -> Result<World, ParameterError> {
     world(plant, Load::Rigid)
 }

@@ -1,4 +1,4 @@
-//! Which board: by what it is named, and found where it is not.
+//! Names of boards, and the search for a board without a name.
 
 use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
@@ -22,7 +22,7 @@ use crate::board::log;
 
 /// How a board is reached.
 #[derive(Args)]
-// Its group would have the name of the verb's own arguments, which clap refuses.
+// Skipped: the group would have the name of the verb's own arguments, which clap refuses.
 #[group(skip)]
 pub(crate) struct Arguments {
     /// The board: a serial port or the board's serial number; `emulated`; `tcp:HOST:PORT`, as of
@@ -40,10 +40,10 @@ pub(crate) struct Arguments {
     log: log::Arguments,
 }
 
-/// How fast a recording is played.
+/// Speed of a recording.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Speed {
-    /// So many times as fast as it was recorded.
+    /// Multiple of the recorded speed.
     Times(f64),
     AsFastAsPossible,
 }
@@ -58,22 +58,22 @@ fn speed(text: &str) -> Result<Speed, String> {
         .map_err(|allowed| format!("{allowed}, or max"))
 }
 
-/// A sample of 1 kHz a second, and more than any computer plays.
+/// Limits of the speed: one sample of 1 kHz per second, and more than any computer reaches.
 const SLOWEST: f64 = 0.001;
 const FASTEST: f64 = 1e6;
-/// How the files of recordings end: complete, and as long as they are written.
+/// Endings of recordings: complete, and while they are written.
 const RECORDINGS: [&str; 2] = [".mcap", ".mcap.partial"];
 
-/// What a name means.
+/// A parsed board name.
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Address {
     Found,
     Recording(PathBuf),
     Emulated,
     Tcp(String),
-    /// A debug probe at this computer, by its name.
+    /// A debug probe at this computer, by name.
     DebugProbe(Option<String>),
-    /// Servers of a debug probe: for records, for commands.
+    /// Servers of a debug probe, for records and for commands.
     Probe(String, String),
     Serial(String),
 }
@@ -116,12 +116,12 @@ impl Address {
 }
 
 impl Arguments {
-    /// Whether the board is named, and not the one that is found.
+    /// Whether the user named a board.
     pub(crate) const fn is_named(&self) -> bool {
         self.board.is_some()
     }
 
-    /// What is known of the sensor: that of the emulated board, or what its stack lets expect of a real one.
+    /// Known data of the sensor: of the emulated board, or of the sensor design of a real one.
     pub(crate) fn sensor(&self) -> Result<Option<(Stack, Parameters)>, Failure> {
         if self.is_emulated() {
             return self.emulated.stack_and_plant().map(Some);
@@ -129,16 +129,16 @@ impl Arguments {
         self.emulated.expected()
     }
 
-    /// Whether the emulated board is meant.
+    /// Whether the name is that of the emulated board.
     pub(crate) fn is_emulated(&self) -> bool {
         self.board.as_deref() == Some("emulated")
     }
 
-    /// Writes firmware from the start of the flash on through the debug probe that is meant, and starts it;
-    /// false if none is meant.
+    /// Writes firmware to the start of the flash through the named debug probe, and starts it.
+    /// Returns `false` if no debug probe is named.
     ///
     /// # Errors
-    /// If no board is reached through it, or the flash does not take the firmware.
+    /// If the probe does not reach a board, or the flash refuses the firmware.
     pub(crate) fn flash_through_probe(&self, firmware: &[u8]) -> Result<bool, Failure> {
         match Address::parse(self.board.as_deref())? {
             Address::DebugProbe(name) => probe::flash(name.as_deref(), firmware).map(|()| true),
@@ -146,18 +146,18 @@ impl Arguments {
         }
     }
 
-    /// Whether the data of a board come from a simulation.
+    /// Whether the board's data are simulated.
     pub(crate) fn is_simulated(&self, link: &Link) -> bool {
         self.is_emulated() || link.hello().is_some_and(|hello| hello.simulated)
     }
 
-    /// Connects, and hears from the board what it is.
+    /// Connects, and asks the board for its identity.
     pub(crate) fn open(&self) -> Result<Link, Failure> {
         self.open_pressed(Run::AsFastAsItCan, None)
     }
 
-    /// The same; an emulated board presses a spring of this multiple of the sensing layer's stiffness
-    /// again and again.
+    /// Connects; an emulated board repeatedly presses a spring of this multiple of the sensing
+    /// layer's stiffness.
     pub(crate) fn open_pressed(&self, run: Run, press: Option<f64>) -> Result<Link, Failure> {
         let address = Address::parse(self.board.as_deref())?;
         if self.speed.is_some() && !matches!(address, Address::Recording(_)) {
@@ -213,7 +213,7 @@ impl Arguments {
     }
 }
 
-/// How the time of an emulated board goes.
+/// Speed of an emulated board.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Run {
     /// As fast as this computer can.
@@ -264,7 +264,7 @@ fn reach_serial(name: Option<&str>) -> Result<(String, Box<dyn Transport>), Fail
     Ok((path, Box::new(port)))
 }
 
-/// The serial ports of all boards that are plugged in.
+/// Lists the serial ports of all connected boards.
 ///
 /// # Errors
 /// If the system does not list its ports.
@@ -273,16 +273,16 @@ pub(crate) fn ports() -> Result<Vec<serial::Port>, Failure> {
         .map_err(|error| Failure::Refused(format!("the serial ports cannot be listed: {error}")))
 }
 
-/// Opens the board at a serial port that was listed.
+/// Opens the board at a listed serial port.
 ///
 /// # Errors
-/// If it cannot be opened, or nothing of palpate answers there.
+/// If the port cannot be opened, or no palpate firmware answers there.
 pub(crate) fn open_port(path: &str) -> Result<Link, Failure> {
     let port = Serial::open(path).map_err(|error| unopened(path, true, &error))?;
     Link::open(path.to_owned(), Box::new(port), None)
 }
 
-/// The port that a name means; the only one where there is no name.
+/// Returns the port of a name; without a name the only one.
 fn choose(name: Option<&str>, ports: &[serial::Port]) -> Result<String, Failure> {
     if let Some(name) = name {
         let is_meant = |port: &&serial::Port| {
@@ -303,7 +303,7 @@ fn choose(name: Option<&str>, ports: &[serial::Port]) -> Result<String, Failure>
     }
 }
 
-/// No serial port is a board's.
+/// The finding that no board is connected.
 pub(crate) fn no_board() -> Finding {
     Finding::new(
         "no_board",
@@ -321,15 +321,15 @@ fn listed(ports: &[serial::Port]) -> String {
     names.collect::<Vec<_>>().join(", ")
 }
 
-/// The rule that lets every user of a Linux computer open a board's port.
+/// Udev rule that lets every user of a Linux computer open a board's port.
 pub(crate) const UDEV_RULE: &str = "SUBSYSTEMS==\"usb\", ATTRS{idVendor}==\"1209\", \
      ATTRS{idProduct}==\"0001\", MODE=\"0660\", TAG+=\"uaccess\"";
 
-/// What a port that cannot be opened means, and what to do. One that is listed is there: Windows does not
-/// distinguish a port that is open elsewhere from one that is missing.
+/// Cause and remedy for a port that cannot be opened. A listed port exists: Windows does not
+/// distinguish a port in use from a missing one.
 fn unopened(path: &str, is_listed: bool, error: &io::Error) -> Failure {
     let (finding, action) = match error.kind() {
-        // The library gives a port that is locked the kind of one that is missing.
+        // The library reports a locked port as a missing one.
         _ if is_busy(error) => (
             "busy",
             "Another program has it open: close that first".into(),
@@ -355,7 +355,7 @@ fn unopened(path: &str, is_listed: bool, error: &io::Error) -> Failure {
     Failure::Unconnected(Finding::new(finding, format!("{path}: {error}"), action))
 }
 
-/// Whether another program has the port: the systems say it in different ways.
+/// Whether another program uses the port; operating systems report it differently.
 fn is_busy(error: &io::Error) -> bool {
     let words = error.to_string().to_lowercase();
     error.kind() == ErrorKind::ResourceBusy

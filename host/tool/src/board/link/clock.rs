@@ -1,35 +1,35 @@
-//! The device's clock by this computer's.
+//! The device's clock relative to this computer's.
 //!
-//! A command leaves before the device answers it, and a record comes after it was stamped: each answer
-//! lies between two moments of this computer's clock, and the shortest way there and back says best how
-//! far the clocks are apart, as in NTP (RFC 5905, section 8).
+//! A command leaves before the device answers it, and a record arrives after its time stamp, so
+//! each answer lies between two times of this computer's clock. The shortest round trip gives the
+//! best offset, as in NTP (RFC 5905, section 8).
 
 use std::time::Duration;
 
-/// A second of the device may be so much longer or shorter than one of the computer, relative: two
-/// crystals of 30 ppm, and their warmth.
+/// Largest relative drift between the clocks: two crystals of 30 ppm each, and their temperature.
 const DRIFT: f64 = 100e-6;
 
-/// How far the device's clock is behind this computer's, within one boot of the device.
+/// Offset of the device's clock from this computer's, within one boot of the device.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct DeviceClock {
     boot_id: u32,
     offset: Option<Offset>,
 }
 
-/// By the best exchange so far.
+/// Offset by the best exchange so far.
 #[derive(Clone, Copy, Debug)]
 struct Offset {
-    /// The computer's time less the device's, s.
+    /// Computer time less device time, s.
     offset_s: f64,
-    /// How much it may be off, s.
+    /// Uncertainty of `offset_s`, s.
     within_s: f64,
-    /// When it was found, by the computer, s.
+    /// Computer time of the exchange, s.
     at_s: f64,
 }
 
 impl DeviceClock {
-    /// Enters an exchange: a command left, the device stamped its answer, and that came.
+    /// Adds an exchange: send time of the command, time stamp of the answer, arrival time of the
+    /// answer.
     pub(super) fn enter(&mut self, boot_id: u32, left: Duration, stamp_us: u64, came: Duration) {
         if boot_id != self.boot_id {
             *self = Self {
@@ -51,18 +51,17 @@ impl DeviceClock {
         }
     }
 
-    /// The boot whose clock it is; 0 before the first answer.
+    /// Boot of this clock; 0 before the first answer.
     pub(crate) const fn boot_id(&self) -> u32 {
         self.boot_id
     }
 
-    /// The computer's time less the device's, and how much it may be off, both s. Nothing before the
-    /// first answer.
+    /// Computer time less device time, and its uncertainty, both s. `None` before the first answer.
     pub(crate) fn offset_s(&self) -> Option<(f64, f64)> {
         self.offset.map(|of| (of.offset_s, of.within_s))
     }
 
-    /// The device's time at a moment of the computer's, s.
+    /// Device time at a computer time, s.
     pub(crate) fn device_s(&self, at: Duration) -> Option<f64> {
         self.offset.map(|of| at.as_secs_f64() - of.offset_s)
     }
@@ -99,7 +98,7 @@ mod tests {
         let ms = Duration::from_millis;
         let mut clock = DeviceClock::default();
         clock.enter(7, ms(1_000), 500_000, ms(1_001));
-        // Twenty seconds on the clocks may be 2 ms apart.
+        // After twenty seconds the clocks may differ by 2 ms.
         clock.enter(7, ms(21_000), 20_501_800, ms(21_002));
         assert!((clock.offset_s().unwrap().0 - 0.499_2).abs() < 1e-9);
     }

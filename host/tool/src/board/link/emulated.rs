@@ -1,5 +1,5 @@
-//! The emulated board as a board at this computer's USB. Its time passes while something waits for it, as
-//! fast as it can, or at the pace of real time.
+//! The emulated board on this computer's USB. Its time passes during waits, as fast as possible or
+//! at the pace of real time.
 
 use std::io;
 use std::thread::sleep;
@@ -10,10 +10,10 @@ use palpate_sim::Time;
 use super::transport::Transport;
 use crate::board::emulated::{Pace, PluggedBoard};
 
-/// Time that passes between two looks at the port.
+/// Time between two polls of the port.
 const SLICE: Time = Time::from_us(250);
 
-/// The way to it.
+/// Connection to the emulated board.
 pub(super) struct Emulated {
     board: PluggedBoard,
     pace: Option<Pace>,
@@ -51,7 +51,7 @@ impl Transport for Emulated {
         let end = self.now() + wait;
         loop {
             self.board.set_open(true);
-            // What waits for the port to open is sent once it is.
+            // Sends bytes that waited for the port to open.
             self.board.write(&[]);
             let bytes = self.board.read();
             if !bytes.is_empty() || self.now() >= end {

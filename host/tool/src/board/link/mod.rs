@@ -1,7 +1,7 @@
-//! The way to a board's firmware: commands there, records back.
+//! Connection to a board's firmware: commands there, records back.
 //!
-//! One [`Link`] for every verb; what differs between a serial port, a debug probe, TCP and the emulated
-//! board is a [`Transport`].
+//! All verbs use one [`Link`]; a [`Transport`] covers the differences between serial port, debug
+//! probe, TCP and emulated board.
 
 mod address;
 mod clock;
@@ -39,34 +39,34 @@ use clock::DeviceClock;
 use transport::Transport;
 pub(crate) use watched::Watched;
 
-/// How long a board's answer may take. It waits for a test of the coil itself; a probe's server
-/// polls every 10 ms.
+/// Longest wait for a board's answer. The board itself waits for a test of the coil; a probe's
+/// server polls every 10 ms.
 const PATIENCE: Duration = Duration::from_secs(5);
-/// From one question who it is to the next, while a board starts.
+/// Interval of the requests for the identity while a board starts.
 const AGAIN: Duration = Duration::from_millis(500);
-/// How long is listened at once.
+/// Longest time of one receive call.
 const LOOK: Duration = Duration::from_millis(10);
-/// From one word to the board to the next while it drives a current, s: it waits for 100 ms.
+/// Interval of commands to the board while it drives a current, s; the board's limit is 100 ms.
 pub(crate) const WORD_S: f64 = 0.04;
-/// What a port's server sends to a second program, before it closes the connection. It ends as a frame
-/// does, so that a decoder finds the next one.
+/// Message of a port's server to a second program, before it closes the connection. It ends like a
+/// frame, so that a decoder finds the next one.
 pub(crate) const BUSY: &[u8] = b"palpate: another program is connected; close it first\n\0";
-/// Bytes that are kept of what came before a board said who it is, to show them: more than a line.
+/// Number of kept bytes before the board's identity, for error messages: more than a line.
 const FIRST_BYTES: usize = 160;
-/// How long a board may take that starts anew, its USB port included.
+/// Longest restart of a board, including its USB port.
 const RESTART: Duration = Duration::from_secs(10);
 
-/// A frame with when it came, by the link's clock.
+/// A frame with its arrival time by the link's clock.
 #[derive(Clone, Debug)]
 pub(crate) struct Arrival {
     pub(crate) at: Duration,
     pub(crate) frame: Frame<Record>,
 }
 
-/// A record with its time, s of the device.
+/// A record with its device time, s.
 pub(crate) type Reported = (f64, Record);
 
-/// A board, spoken to.
+/// Connection to a board.
 pub(crate) struct Link {
     name: String,
     transport: Box<dyn Transport>,
@@ -76,20 +76,21 @@ pub(crate) struct Link {
     clock: DeviceClock,
     hello: Option<Hello>,
     received: Vec<Arrival>,
-    /// The first bytes since it was asked who it is.
+    /// First bytes since the request for the identity.
     first: Vec<u8>,
-    /// Another version of the protocol that came.
+    /// Another version of the protocol, if received.
     other_version: Option<u8>,
-    /// It was armed over this link.
+    /// Whether this link has armed the board.
     has_armed: bool,
-    /// What reads the board's log, if it is shown.
+    /// Decoder of the board's log, if it is shown.
     log: Option<LogStream>,
-    /// Lines of it for a recording, each with when it came by the link's clock; absent if none is made.
+    /// Log lines for a recording, with arrival times by the link's clock; `None` without a
+    /// recording.
     logged: Option<Vec<(Duration, LogLine)>>,
 }
 
 impl Link {
-    /// Asks a board who it is.
+    /// Connects and asks the board for its identity.
     fn open(
         name: String,
         transport: Box<dyn Transport>,
@@ -118,29 +119,29 @@ impl Link {
         }
     }
 
-    /// A recording of a board that was this.
+    /// Creates a link to a recording of the board `hello`.
     fn play(name: String, transport: Box<dyn Transport>, hello: Hello) -> Self {
         let mut link = Self::new(name, transport, None);
         link.hello = Some(hello);
         link
     }
 
-    /// Asks who it is until it answers: one that starts drops what comes first.
+    /// Asks for the identity until the board answers: a starting board drops the first requests.
     ///
     /// # Errors
-    /// If it does not answer, or is not a board of palpate.
+    /// If the board does not answer, or is not a palpate board.
     pub(crate) fn greet(&mut self) -> Result<(), Failure> {
         self.greet_until(&Interrupt::uncaught())
     }
 
-    /// The same; Ctrl-C ends it.
+    /// Asks for the identity until the board answers or Ctrl-C.
     fn greet_until(&mut self, interrupt: &Interrupt) -> Result<(), Failure> {
         self.sequencer = Sequencer::new(0);
         self.hello = None;
         self.first.clear();
         let asked = self.ask_who_it_is(interrupt);
         if asked.is_err() {
-            // The server's last words may wait to be read.
+            // The server's last message may be unread.
             let _ = self.listen(LOOK);
         }
         if self.hello.is_some() {
@@ -168,7 +169,7 @@ impl Link {
         Ok(())
     }
 
-    /// What there is instead of a board that says who it is.
+    /// Finding for a device that does not send its identity.
     fn not_a_board(&self) -> Finding {
         let name = &self.name;
         let text = String::from_utf8_lossy(&self.first);
@@ -203,49 +204,49 @@ impl Link {
         }
     }
 
-    /// Where the board is.
+    /// Location of the board.
     pub(crate) fn name(&self) -> &str {
         &self.name
     }
 
-    /// What the board last said it is.
+    /// Last received identity of the board.
     pub(crate) const fn hello(&self) -> Option<&Hello> {
         self.hello.as_ref()
     }
 
-    /// Time by which waits go: the board's own where it is emulated.
+    /// Time of the waits; for the emulated board its own time.
     pub(crate) fn now(&self) -> Duration {
         self.transport.now()
     }
 
-    /// The device's clock by the link's.
+    /// The device's clock relative to the link's.
     pub(crate) const fn clock(&self) -> &DeviceClock {
         &self.clock
     }
 
-    /// What was lost on the way, by boots.
+    /// Lost frames by boot.
     pub(crate) const fn account(&self) -> &Account {
         &self.account
     }
 
-    /// Frames that came damaged, or could not be understood.
+    /// Number of frames that were damaged or not understood.
     pub(crate) fn unreadable(&self) -> u32 {
         let counts = self.decoder.counts();
         counts.damaged().wrapping_add(counts.not_understood())
     }
 
-    /// Whether it is a recording: it takes no commands, and when it has been played it is
-    /// [lost](Failure::Lost) for good.
+    /// Whether this is a recording. It accepts no commands, and at its end it is finally
+    /// [lost](Failure::Lost).
     pub(crate) fn is_recording(&self) -> bool {
         self.transport.is_recording()
     }
 
-    /// The emulated board at the other end, if it is one of this program.
+    /// The emulated board of this program, if connected.
     pub(crate) fn emulated(&mut self) -> Option<&mut PluggedBoard> {
         self.transport.emulated()
     }
 
-    /// Sends a command; returns its number.
+    /// Sends a command. Returns its number.
     pub(crate) fn send(&mut self, command: &Command) -> Result<u32, Failure> {
         self.has_armed |= *command == Command::Arm;
         let header = self.sequencer.stamp(0);
@@ -257,7 +258,7 @@ impl Link {
         Ok(header.sequence)
     }
 
-    /// Sends a command and waits for its answer; returns the device's time of it, s, and the outcome.
+    /// Sends a command and waits for the answer. Returns device time of the answer, s, and outcome.
     pub(crate) fn ask(&mut self, command: &Command) -> Result<(f64, Outcome), Failure> {
         let left = self.now();
         let number = self.send(command)?;
@@ -283,7 +284,7 @@ impl Link {
         )))
     }
 
-    /// Sends a command that has to be accepted; returns the device's time of the answer, s.
+    /// Sends a command that must be accepted. Returns the device time of the answer, s.
     pub(crate) fn must(&mut self, command: &Command) -> Result<f64, Failure> {
         let (at_s, outcome) = self.ask(command)?;
         if outcome == Outcome::Accepted {
@@ -292,7 +293,7 @@ impl Link {
         Err(self.refusal(command, outcome))
     }
 
-    /// What an answer means that does not accept a command.
+    /// Failure for an answer other than acceptance.
     pub(crate) fn refusal(&self, command: &Command, outcome: Outcome) -> Failure {
         Failure::Refused(match outcome {
             Outcome::NotCalibrated => {
@@ -315,7 +316,7 @@ impl Link {
         })
     }
 
-    /// The value that the last answer to such a command refused, and its limits.
+    /// Describes the refused value in the last answer to such a command, with its limits.
     fn beyond(&self, command: &Command) -> Option<String> {
         let mut latest = self.received.iter().rev();
         let answer = latest.find_map(|arrival| match &arrival.frame.message {
@@ -344,7 +345,7 @@ impl Link {
         faults.next()
     }
 
-    /// Receives for a time at most; returns after the first bytes.
+    /// Receives for at most `wait`; returns after the first bytes.
     pub(crate) fn listen(&mut self, wait: Duration) -> Result<(), Failure> {
         let bytes = self.transport.read(wait);
         let bytes = bytes.map_err(|error| self.lost(&error))?;
@@ -359,8 +360,8 @@ impl Link {
                     self.other_version = Some(found);
                     continue;
                 }
-                // A frame of a kind that this tool does not know has come nevertheless. One that began
-                // before we came, or was damaged, is one that is not there.
+                // A frame of an unknown kind has still arrived. A frame that started before the
+                // connection, or is damaged, is not counted.
                 Err(error) => {
                     error.header().map(|header| self.account.take(header));
                     continue;
@@ -376,9 +377,9 @@ impl Link {
         Ok(())
     }
 
-    /// Shows what has come of the log, if it is asked for.
+    /// Prints the received log, if requested.
     fn show_log(&mut self, at: Duration) {
-        // Taken in any case: it would grow.
+        // Always read, since the log would grow.
         let bytes = self.transport.take_log();
         let Some(log) = &mut self.log else {
             return;
@@ -391,8 +392,8 @@ impl Link {
         }
     }
 
-    /// Lines of the log that have come since the last call, each with when it came by the link's clock. The first
-    /// call has none.
+    /// Returns the log lines since the last call, with arrival times by the link's clock. The first
+    /// call returns none and starts the collection.
     pub(crate) fn take_logged(&mut self) -> Vec<(Duration, LogLine)> {
         self.logged.replace(Vec::new()).unwrap_or_default()
     }
@@ -413,14 +414,14 @@ impl Link {
         ))
     }
 
-    /// Lets time pass: the board's, where it is emulated. A fault ends it.
+    /// Receives for a time, in emulated time for the emulated board. A fault ends it.
     pub(crate) fn pass(&mut self, time_s: f64) -> Result<(), Failure> {
         let before = self.received.len();
         self.collect(time_s)?;
         self.no_fault(before)
     }
 
-    /// Receives for a time, faults included.
+    /// Receives for a time, despite faults.
     pub(crate) fn collect(&mut self, time_s: f64) -> Result<(), Failure> {
         let end = self.now() + Duration::from_secs_f64(time_s);
         while self.now() < end {
@@ -429,7 +430,7 @@ impl Link {
         Ok(())
     }
 
-    /// Lets time pass while a current is driven: says something now and then.
+    /// Receives for a time while a current is driven, and sends commands often enough.
     pub(crate) fn drive_on(&mut self, time_s: f64) -> Result<(), Failure> {
         let mut left_s = time_s;
         while left_s > 0.0 {
@@ -455,7 +456,7 @@ impl Link {
         })
     }
 
-    /// Waits until a record says something; looks at those too that have come and were not taken.
+    /// Waits until `of` accepts a record; tests records already received too.
     pub(crate) fn wait_for<T>(
         &mut self,
         patience_s: f64,
@@ -477,27 +478,28 @@ impl Link {
         }
     }
 
-    /// The frames that have come and were not taken.
+    /// Received frames that were not taken.
     pub(crate) fn received(&self) -> &[Arrival] {
         &self.received
     }
 
-    /// Takes them.
+    /// Takes the received frames.
     pub(crate) fn take(&mut self) -> Vec<Arrival> {
         std::mem::take(&mut self.received)
     }
 
-    /// Takes their records, each with its time.
+    /// Takes the received records, each with its device time.
     pub(crate) fn take_records(&mut self) -> Vec<Reported> {
         let arrivals = self.take().into_iter();
         let timed = arrivals.map(|of| (of.frame.header.time_us as f64 * 1e-6, of.frame.message));
         timed.collect()
     }
 
-    /// Waits for a board that is gone or starts anew, and asks it who it is. Ctrl-C ends the wait.
+    /// Waits for a board that is gone or restarts, then asks for its identity. Ctrl-C ends the
+    /// wait.
     ///
     /// # Errors
-    /// If it does not come back in time, does not answer or is not a board of palpate, or the end is asked for.
+    /// If it does not return in time, does not answer, is not a palpate board, or an interrupt.
     pub(crate) fn reconnect(&mut self, interrupt: &Interrupt) -> Result<(), Failure> {
         let end = self.now() + RESTART;
         loop {
@@ -509,8 +511,7 @@ impl Link {
             self.decoder = RecordDecoder::new();
             match opened {
                 Ok(()) => {
-                    // A board that had its power anew has another clock, whatever number it has drawn for
-                    // its boot.
+                    // A power cycle resets the clock, even if the boot id happens to repeat.
                     self.clock = DeviceClock::default();
                     return self.greet_until(interrupt);
                 }
@@ -522,8 +523,8 @@ impl Link {
 }
 
 impl Drop for Link {
-    /// Whatever ended this, no current goes on: the board would end it by itself after 100 ms. A board
-    /// that was not armed here is left as it is.
+    /// Disarms the board so that no current continues; the board itself would stop it after 100 ms.
+    /// A board that another program armed is not changed.
     fn drop(&mut self) {
         if self.has_armed {
             let _ = self.send(&Command::Disarm);

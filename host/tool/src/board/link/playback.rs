@@ -1,4 +1,4 @@
-//! A recording in the place of a board: its records come again, with the times between them.
+//! A recording in place of a board: plays its records with the recorded intervals.
 
 use std::fs::File;
 use std::io::{self, BufReader, ErrorKind};
@@ -15,19 +15,19 @@ use palpate_wire::{Message, Record, encode};
 use super::transport::Transport;
 use crate::recording::{Entry, Note, Reader, Recorded};
 
-/// Longest time without a record that is played: a board that is recorded sends several a second, and one that is
-/// unplugged for longer is not waited for again.
+/// Longest gap that is played: a recorded board sends several records a second, and a longer
+/// unplugged time is skipped.
 const LONGEST_GAP: Duration = Duration::from_secs(600);
 
-/// A recording that is played.
+/// A recording during playback.
 pub(super) struct Playback {
     file: PathBuf,
     frames: Peekable<Frames>,
-    /// What the time of the recording is at the start of the play, ns since 1970.
+    /// Recorded time at the start of the playback, ns since 1970.
     zero_ns: i128,
-    /// How far it has been played.
+    /// Playback position.
     now: Duration,
-    /// Recorded time to real time; nothing for as fast as possible.
+    /// Ratio of recorded to real time; `None` for as fast as possible.
     speed: Option<f64>,
     began: Instant,
 }
@@ -47,7 +47,7 @@ impl Iterator for Frames {
 }
 
 impl Playback {
-    /// Opens a recording, and says what the board was.
+    /// Opens a recording. Returns it with the board's identity.
     pub(super) fn open(file: &Path, speed: Option<f64>) -> Result<(Self, Hello), Failure> {
         let mut records = Frames(Reader::open(file)?);
         let first = records.next();
@@ -73,8 +73,8 @@ impl Playback {
         Ok((playback, hello))
     }
 
-    /// When the next record came. A long time without one is jumped over: a time stamp may be damaged, or from a
-    /// clock that was set.
+    /// Time of the next record. Skips a long gap: a time stamp may be damaged, or the clock may
+    /// have been set.
     fn next_at(&mut self) -> Option<Duration> {
         let next_ns = i128::from(self.frames.peek()?.host_ns);
         let now_ns = self.zero_ns + self.now.as_nanos() as i128;
@@ -100,7 +100,7 @@ impl Playback {
     }
 }
 
-/// A gap in words.
+/// Describes a gap.
 fn apart(gap_ns: i128) -> String {
     let hours = gap_ns.abs() as f64 / 3.6e12;
     let years = hours / (24.0 * 365.25);
@@ -112,7 +112,7 @@ fn apart(gap_ns: i128) -> String {
     format!("{long} {}", if gap_ns > 0 { "later" } else { "earlier" })
 }
 
-/// What the board was, if a note about a boot says so.
+/// Returns the board's identity from a boot note.
 fn hello(note: &Note) -> Option<Hello> {
     match serde_json::from_str(note.fields.get("hello")?).ok()? {
         Record::Hello(hello) => Some(hello),

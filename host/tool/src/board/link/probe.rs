@@ -1,4 +1,4 @@
-//! A board behind a debug probe: its memory's channels (RTT), read and written by probe-rs.
+//! A board behind a debug probe: the RTT channels in its memory, through probe-rs.
 
 use std::io;
 use std::thread::sleep;
@@ -14,25 +14,25 @@ use probe_rs::{Permissions, Session};
 
 use super::transport::{Clock, Transport};
 
-/// The chip, by the name that probe-rs has for it.
+/// Name of the chip in probe-rs.
 const CHIP: &str = "RP2040";
 /// The core that runs the firmware.
 const CORE: usize = 0;
-/// Channels of the firmware: to the PC its log and its records, from it commands.
+/// Channels of the firmware: log and records to the PC, commands from it.
 const LOG: usize = 0;
 const RECORDS: usize = 1;
 const COMMANDS: usize = 0;
-/// The board's memory, in which the channels are sought.
+/// Memory that is searched for the channels.
 const MEMORY: std::ops::Range<u64> = 0x2000_0000..0x2004_2000;
-/// Where the flash begins.
+/// Start of the flash.
 const FLASH: u64 = 0x1000_0000;
-/// How long the firmware may take to have its channels: it copies itself to memory within 20 ms.
+/// Longest wait for the channels: the firmware copies itself to memory within 20 ms.
 const START: Duration = Duration::from_secs(2);
-/// How long the board may take to make room for a command.
+/// Longest wait for space in the command channel.
 const ROOM: Duration = Duration::from_secs(2);
-/// From one look at the channels to the next.
+/// Poll interval of the channels.
 const LOOK: Duration = Duration::from_millis(1);
-/// Bytes that are taken at once.
+/// Maximum number of bytes read at once.
 const CHUNK: usize = 4 * 1024;
 
 /// The channels of a board.
@@ -49,7 +49,7 @@ struct Channels {
 }
 
 impl DebugProbe {
-    /// Attaches to the board behind a probe, which goes on running; behind the only one, if none is named.
+    /// Attaches to the running board behind the named probe, or behind the only one.
     pub(super) fn open(selector: Option<&str>) -> io::Result<Self> {
         Ok(Self {
             selector: selector.map(str::to_owned),
@@ -137,7 +137,7 @@ fn no_channel() -> io::Error {
     )
 }
 
-/// Attaches to the chip behind a probe: that which is named, or the only one.
+/// Attaches to the chip behind the named probe, or behind the only one.
 fn attach(selector: Option<&str>) -> io::Result<Session> {
     let lister = Lister::new();
     let selector = match selector {
@@ -162,21 +162,21 @@ fn attach(selector: Option<&str>) -> io::Result<Session> {
     session.map_err(io::Error::other)
 }
 
-/// Opens the way to the board behind a probe; its name, and the way.
+/// Connects to the board behind a probe. Returns its name and the transport.
 ///
 /// # Errors
-/// If there is no probe, or no firmware with channels behind it.
+/// If there is no probe, or no firmware with channels.
 pub(super) fn reach(selector: Option<&str>) -> Result<(String, Box<dyn Transport>), Failure> {
     let probe = DebugProbe::open(selector).map_err(|error| unreached(&error))?;
     let name = selector.map_or_else(|| "the probe".to_owned(), |name| format!("probe {name}"));
     Ok((name, Box::new(probe)))
 }
 
-/// Writes firmware from the start of the flash on through a probe, compares it with what is in flash, and
-/// starts it. Nothing but the sectors of the firmware is erased.
+/// Writes firmware to the start of the flash through a probe, verifies it and starts it. Erases
+/// only the sectors of the firmware.
 ///
 /// # Errors
-/// If there is no probe or no board behind it, or the flash does not take it.
+/// If there is no probe or no board, or the flash refuses it.
 pub(super) fn flash(selector: Option<&str>, firmware: &[u8]) -> Result<(), Failure> {
     write(selector, firmware).map_err(|error| unreached(&error))
 }
@@ -203,7 +203,7 @@ fn unreached(error: &io::Error) -> Failure {
     ))
 }
 
-/// An error with its causes.
+/// Formats an error with its causes.
 fn causes(error: &io::Error) -> String {
     let first = error.get_ref().map(|error| error as &dyn std::error::Error);
     let chain = std::iter::successors(first, |error| error.source());

@@ -11,27 +11,27 @@ use super::transport::{Clock, Transport};
 /// The board's USB identifiers: the test pair of pid.codes (docs/protocol.md).
 const VENDOR: u16 = 0x1209;
 const PRODUCT: u16 = 0x0001;
-/// Its name among those that share the pair.
+/// USB product name of the board, which distinguishes it from others with the same identifiers.
 const NAME: &str = "palpate";
-/// A USB serial port has no rate; one has to be named.
+/// A USB serial port ignores the baud rate, but the library needs one.
 const BAUD: u32 = 115_200;
-/// Bytes that are taken at once: what a full-speed port brings in 10 ms.
+/// Maximum number of bytes read at once: those of a full-speed port in 10 ms.
 const CHUNK: usize = 16 * 1024;
-/// How long a write may take: a board that runs takes its bytes within milliseconds.
+/// Timeout of a write: a running board accepts its bytes within milliseconds.
 const WRITE: Duration = Duration::from_secs(2);
 
 /// A serial port that belongs to a board.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Port {
-    /// Where it is: `/dev/ttyACM0`, `COM5`.
+    /// Path: `/dev/ttyACM0`, `COM5`.
     pub(crate) path: String,
-    /// The board's serial number, by USB.
+    /// Serial number of the board from USB.
     pub(crate) serial_number: Option<String>,
 }
 
-/// The serial ports of all boards that are plugged in.
+/// Lists the serial ports of all connected boards.
 pub(crate) fn ports() -> io::Result<Vec<Port>> {
-    // Where there is no such folder, as in some containers, the list of ports panics.
+    // Without this folder, as in some containers, the port listing panics.
     if cfg!(target_os = "linux") && !Path::new("/sys/class/tty").is_dir() {
         return Ok(Vec::new());
     }
@@ -47,7 +47,7 @@ pub(crate) fn ports() -> io::Result<Vec<Port>> {
 }
 
 fn is_board(usb: &UsbPortInfo) -> bool {
-    // Windows shows its driver's name for the product.
+    // Windows shows its driver's name as the product.
     let is_named = usb
         .product
         .as_deref()
@@ -55,7 +55,7 @@ fn is_board(usb: &UsbPortInfo) -> bool {
     (usb.vid, usb.pid) == (VENDOR, PRODUCT) && is_named
 }
 
-/// The port, open for this program alone.
+/// The open port, exclusive to this program.
 pub(super) struct Serial {
     path: String,
     port: Box<dyn SerialPort>,
@@ -106,7 +106,7 @@ impl Transport for Serial {
 
 fn open(path: &str) -> io::Result<Box<dyn SerialPort>> {
     let mut port = serialport::new(path, BAUD).timeout(WRITE).open()?;
-    // The board sends as long as the port is open, which this line tells it (CDC PSTN 1.2, 6.3.12).
+    // DTR tells the board that the port is open, so that it sends (CDC PSTN 1.2, 6.3.12).
     port.write_data_terminal_ready(true)?;
     Ok(port)
 }

@@ -1,5 +1,5 @@
-//! A board behind TCP: the emulated one that another program serves, or the two channels of a debug
-//! probe's server.
+//! A board over TCP: the emulated board of another program, or the two channels of a debug probe's
+//! server.
 
 use std::io::{self, ErrorKind, Read, Write};
 use std::net::{TcpStream, ToSocketAddrs};
@@ -8,14 +8,14 @@ use std::time::Duration;
 
 use super::transport::{Clock, Transport};
 
-/// How long a connection may take to come about.
+/// Timeout of a connection.
 const PATIENCE: Duration = Duration::from_secs(3);
-/// From one look at a probe's server to the next: it polls every 10 ms itself.
+/// Poll interval of a probe's server, which itself polls every 10 ms.
 const LOOK: Duration = Duration::from_millis(1);
-/// Bytes that are taken at once.
+/// Maximum number of bytes read at once.
 const CHUNK: usize = 16 * 1024;
 
-/// Frames both ways in one connection.
+/// Frames in both directions on one connection.
 pub(super) struct Tcp {
     address: String,
     stream: TcpStream,
@@ -43,7 +43,7 @@ impl Transport for Tcp {
     }
 
     fn read(&mut self, wait: Duration) -> io::Result<Vec<u8>> {
-        // A wait of zero would be one without end.
+        // A timeout of zero would mean no timeout.
         self.stream.set_nonblocking(wait.is_zero())?;
         if !wait.is_zero() {
             self.stream.set_read_timeout(Some(wait))?;
@@ -57,7 +57,7 @@ impl Transport for Tcp {
     }
 }
 
-/// The servers of a debug probe for the channels of the board's RTT: records up, commands down.
+/// The debug probe's servers for the board's RTT channels: records up, commands down.
 pub(super) struct Probe {
     records: String,
     commands: String,
@@ -93,7 +93,7 @@ impl Transport for Probe {
         let end = self.clock.now() + wait;
         loop {
             let [records, commands] = &mut self.streams;
-            // The other direction of the command channel has the board's log.
+            // The other direction of the command channel carries the board's log.
             commands.set_nonblocking(true)?;
             self.log.extend(taken(commands)?);
             records.set_nonblocking(true)?;
@@ -133,7 +133,7 @@ fn connect(address: &str) -> io::Result<TcpStream> {
     Err(last)
 }
 
-/// What has come; nothing if nothing has.
+/// Returns the received bytes, possibly none.
 fn taken(stream: &mut TcpStream) -> io::Result<Vec<u8>> {
     let mut bytes = vec![0; CHUNK];
     match stream.read(&mut bytes) {

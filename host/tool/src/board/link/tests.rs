@@ -1,4 +1,4 @@
-//! What a link makes of a board that had its power anew, and of one that does not come back.
+//! Tests of a link to a board after a power cycle, and to one that does not return.
 
 use std::io::{self, ErrorKind};
 use std::time::Duration;
@@ -11,7 +11,7 @@ use super::transport::Transport;
 use crate::commands::watch::tests::fixture;
 use crate::interrupt::Interrupt;
 
-/// How a board is found when its port is opened again.
+/// State of a board when its port is opened again.
 #[derive(Clone, Copy, PartialEq)]
 enum BoardPresence {
     Powered,
@@ -19,16 +19,16 @@ enum BoardPresence {
     Nowhere,
 }
 
-/// A board whose clock begins at each power-on, with the same boot id.
+/// A board whose clock restarts at each power-on, with the same boot id.
 struct MadeBoard {
     found: BoardPresence,
     now: Duration,
     powered_at: Duration,
-    /// The way there and back.
+    /// Round-trip time.
     delay: Duration,
     commands: CommandDecoder,
     answers: Vec<u8>,
-    /// Ctrl-C comes while the port is opened again.
+    /// Ctrl-C arrives while the port is opened again.
     interrupt: Interrupt,
 }
 
@@ -91,7 +91,7 @@ impl Transport for MadeBoard {
     fn reopen(&mut self) -> io::Result<()> {
         self.now += Duration::from_millis(100);
         self.powered_at = self.now;
-        // A slower way than before: by itself its answer would count less.
+        // A slower connection than before, whose answer alone would not replace the offset.
         self.delay = Duration::from_millis(10);
         self.interrupt.ask();
         match self.found {

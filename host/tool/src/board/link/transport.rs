@@ -1,11 +1,12 @@
-//! A way for bytes to a board and back.
+//! Transport of bytes to a board and back.
 
 use std::io;
 use std::time::{Duration, Instant};
 
-/// A way to a board, open. It opens again by [`reopen`](Self::reopen) after a read or write has failed.
+/// An open connection to a board. [`reopen`](Self::reopen) opens it again after a failed read or
+/// write.
 pub(crate) trait Transport {
-    /// The time by which waits go, since any moment: the board's own where it is emulated.
+    /// Time of the waits, from an arbitrary zero; for the emulated board its own time.
     fn now(&self) -> Duration;
 
     /// Sends all bytes.
@@ -14,36 +15,36 @@ pub(crate) trait Transport {
     /// If the board is gone.
     fn write(&mut self, bytes: &[u8]) -> io::Result<()>;
 
-    /// What has come; waits for it, if need be, for so long at most.
+    /// Returns the received bytes; waits for them, `wait` at most.
     ///
     /// # Errors
     /// If the board is gone.
     fn read(&mut self, wait: Duration) -> io::Result<Vec<u8>>;
 
-    /// What has come of the board's log since the last call, as defmt encodes it. A way without logs has
-    /// nothing.
+    /// Takes the board's log since the last call, as defmt frames; empty on a transport without
+    /// logs.
     fn take_log(&mut self) -> Vec<u8> {
         Vec::new()
     }
 
-    /// Opens it anew.
+    /// Opens the connection again.
     ///
     /// # Errors
-    /// If the board is not there yet.
+    /// If the board is not available yet.
     fn reopen(&mut self) -> io::Result<()>;
 
-    /// Whether it is a recording, which takes no commands and has an end.
+    /// Whether this is a recording, which accepts no commands and has an end.
     fn is_recording(&self) -> bool {
         false
     }
 
-    /// The emulated board at its other end, if it is one of this program.
+    /// The emulated board of this program, if connected.
     fn emulated(&mut self) -> Option<&mut crate::board::emulated::PluggedBoard> {
         None
     }
 }
 
-/// This computer's clock, for the ways that go by it.
+/// This computer's clock, for transports in real time.
 pub(super) struct Clock(Instant);
 
 impl Clock {

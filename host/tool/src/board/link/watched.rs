@@ -1,4 +1,4 @@
-//! A board that is watched, as `watch` and `live` take it.
+//! Board arguments of `watch` and `live`.
 
 use clap::Args;
 use palpate_cli::failure::Failure;
@@ -9,7 +9,7 @@ use super::{Arguments, Link, Run};
 
 /// Which board is watched, and what is pressed upon it.
 #[derive(Args)]
-// Its group would have the name of the verb's own arguments, which clap refuses.
+// Skipped: the group would have the name of the verb's own arguments, which clap refuses.
 #[group(skip)]
 pub(crate) struct Watched {
     #[command(flatten)]
@@ -24,7 +24,7 @@ pub(crate) struct Watched {
 }
 
 impl Watched {
-    /// Connects, and arms the board if that is asked for. An emulated board keeps the pace of real time.
+    /// Connects, and arms the board if requested. An emulated board runs at the pace of real time.
     pub(crate) fn open(&self) -> Result<Link, Failure> {
         let mut link = self.link.open_pressed(Run::AtRealPace, self.load)?;
         if self.arm {

@@ -1,15 +1,15 @@
-//! Debug probes in a tool that is built without them.
+//! Debug probes in a tool built without them.
 
 use palpate_cli::failure::Failure;
 
 use super::transport::Transport;
 
-/// Refuses: there is no way to a board.
+/// Refuses a connection.
 pub(super) fn reach(_: Option<&str>) -> Result<(String, Box<dyn Transport>), Failure> {
     Err(without())
 }
 
-/// Refuses: nothing is flashed.
+/// Refuses to flash.
 pub(super) fn flash(_: Option<&str>, _: &[u8]) -> Result<(), Failure> {
     Err(without())
 }

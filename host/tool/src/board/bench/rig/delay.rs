@@ -1,25 +1,25 @@
-//! By how much a gauge's readings come late.
+//! Delay of a gauge's readings.
 //!
-//! An amplifier averages, a serial line takes its time, and a program is not always called at once: its
-//! readings stand for a moment tens of milliseconds before they arrive. Force and inductance of a press
-//! belong together at every moment, its touch and its stop included; with a wrong delay they make a loop.
-//! So the delay is that with which the force is most nearly a smooth curve of the inductance.
+//! An amplifier averages, a serial line takes time, and a program does not always run at once, so a
+//! reading arrives tens of milliseconds late. In a press, force and inductance belong together at
+//! every moment, including touch and stop; a wrong delay turns their curve into a loop. The right
+//! delay is therefore the one for which the force is closest to a smooth curve of the inductance.
 
 use palpate_calibration::least_squares::System;
 use palpate_calibration::session::{Run, START_S};
 
 use super::track::Track;
 
-/// Delays that are tried, s: a program may also stamp a little late.
+/// Range of tried delays, s: a program may also stamp a little late.
 const RANGE_S: (f64, f64) = (-0.05, 0.5);
-/// Step of the first search, s: half the length of the shortest press would step over it.
+/// Step of the first search, s: half the length of the shortest press would be too coarse.
 const STEP_S: f64 = 0.01;
-/// Halvings of the step that follow: to 0.02 ms.
+/// Number of halvings of the step afterwards, down to 0.02 ms.
 const HALVINGS: u32 = 9;
-/// Samples that are compared, at most.
+/// Maximum number of compared samples.
 const SAMPLES: usize = 400;
 
-/// The delay of a gauge in a run, s. Nothing if its readings do not cover the press.
+/// Returns the delay of a gauge in a run, s; `None` if its readings do not cover the press.
 pub(super) fn of(run: &Run, track: &Track) -> Option<f64> {
     let lines = run.lines.iter();
     let lines = lines.filter(|line| line.time_s > START_S && line.time_s < run.began_s);
@@ -56,7 +56,7 @@ pub(super) fn of(run: &Run, track: &Track) -> Option<f64> {
     least.is_finite().then_some(best_s)
 }
 
-/// How far the force is off a cubic of the inductance, N, with a delay.
+/// Deviation of the force from a cubic of the inductance, N, for a delay.
 fn loop_n(points: &[(f64, f64)], track: &Track, delay_s: f64) -> Option<f64> {
     let mut system = System::new(4);
     let mut count = 0;
@@ -67,7 +67,7 @@ fn loop_n(points: &[(f64, f64)], track: &Track, delay_s: f64) -> Option<f64> {
             count += 1;
         }
     }
-    // What lacks half of the press is not compared with what has it.
+    // A delay that covers less than half of the press is not comparable.
     if 2 * count < points.len() {
         return None;
     }
@@ -80,7 +80,7 @@ mod tests {
 
     use super::*;
 
-    /// A press that touches at 1 s and stops at 1.3 s, and a load cell that is late and prints 80 times a
+    /// A press that touches at 1 s and stops at 1.3 s, with a late load cell that prints 80 times a
     /// second.
     #[test]
     fn the_delay_of_a_slow_load_cell_is_found() {

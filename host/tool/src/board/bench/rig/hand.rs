@@ -1,27 +1,27 @@
-//! A stage that is driven by hand.
+//! A stage that the user drives by hand.
 
 use palpate_cli::failure::Failure;
 
 use super::RigBench;
 
-/// Steps of a press whose travel gives the force: each is a point of the curve.
+/// Number of steps of a press whose travel gives the force; each is a point of the curve.
 const STEPS: u32 = 4;
-/// Time at rest on each, s: as long as the sensor's samples are averaged well below a nanometre.
+/// Rest on each step, s: enough samples for a mean with a noise well below a nanometre.
 const REST_S: f64 = 0.3;
 
-/// What is known of the stage.
+/// State of a stage driven by hand.
 #[derive(Default)]
 pub(super) struct Hand {
-    /// Where its scale was set to and now rests, m.
+    /// Position of the scale while it rests, m.
     pub(super) position_m: Option<f64>,
-    /// Whether it has a scale; nothing before the first touch.
+    /// Whether the stage has a scale; `None` before the first touch.
     has_scale: Option<bool>,
-    /// Where the scale was at the last touch, m.
+    /// Position of the scale at the last touch, m.
     touch_m: Option<f64>,
 }
 
 impl RigBench<'_> {
-    /// Has a hand press the sensing layer to a depth, m.
+    /// Asks the user to press the sensing layer to a depth, m.
     pub(super) fn press_by_hand(&mut self, depth_m: f64) -> Result<(), Failure> {
         let travel_m = self.travel_m(depth_m);
         match self.hand.touch_m {
@@ -53,7 +53,7 @@ impl RigBench<'_> {
         }
     }
 
-    /// Has a hand find the touch, and clear it again.
+    /// Asks the user to find the touch and to lift the stage again.
     pub(super) fn approach_by_hand(&mut self) -> Result<(), Failure> {
         self.hand.touch_m = self.touch_by_hand()?;
         self.request(
@@ -62,7 +62,7 @@ impl RigBench<'_> {
         .map(drop)
     }
 
-    /// Where the scale is at the touch, m; nothing without a scale.
+    /// Returns the position of the scale at the touch, m; `None` without a scale.
     fn touch_by_hand(&mut self) -> Result<Option<f64>, Failure> {
         if self.hand.has_scale == Some(false) {
             return Ok(None);

@@ -1,7 +1,7 @@
-//! A real bench: a board on a link, gauges and a stage that are programs, and a person.
+//! A real bench: a board on a link, programs for gauges and stage, and a person.
 //!
-//! Nothing here knows whether what it drives is simulated. `palpate serve-emulated --rig` and its gauge
-//! programs are used by the same lines of text as a bench of metal.
+//! This code cannot tell whether the bench is simulated: `palpate serve-emulated --rig` and its
+//! gauge programs use the same lines of text as a real bench.
 
 mod delay;
 mod hand;
@@ -30,36 +30,37 @@ use super::bare::noted;
 use crate::board::link::{Arrival, Link};
 use crate::interrupt::Interrupt;
 
-/// How long is listened at once, and the longest without any sample before the board counts as silent.
+/// Longest time of one receive call, and longest time without a sample before the board counts as
+/// silent.
 const LOOK: Duration = Duration::from_millis(2);
 const SILENT: Duration = Duration::from_secs(30);
-/// The longest without a reading of a gauge, s: a slow amplifier has ten a second.
+/// Longest time without a reading of a gauge, s: a slow amplifier has ten a second.
 const GAUGE_SILENT_S: f64 = 2.0;
-/// The first reading comes within this time: an amplifier starts anew when its port is opened.
+/// Longest wait for the first reading: an amplifier restarts when its port is opened.
 const GAUGE_START: Duration = Duration::from_secs(60);
-/// The sensor has recovered from a press when its frequency is within this part of the untouched one: a fifth
-/// of what the check of each run allows. It is waited for so long at most, s.
+/// Relative deviation from the untouched frequency below which the sensor has recovered from a
+/// press, a fifth of the limit in the check of each run; and the longest wait for it, s.
 const RECOVERED: f64 = 0.2e-3;
 const RECOVERY_S: f64 = 300.0;
-/// A command of the stage takes so much longer than its way at most, s.
+/// Longest delay of a stage's answer beyond the duration of its movement, s.
 const STAGE_S: f64 = 30.0;
-/// Readings that gauges still owe at the end of a run come within this time, s.
+/// Longest delay of the gauges' readings at the end of a run, s.
 const GAUGE_SETTLES_S: f64 = 0.6;
-/// Time over which a frequency is averaged, s.
+/// Averaging time of a frequency, s.
 const MEAN_S: f64 = 0.02;
 
-/// What is on a bench.
+/// Configuration of a bench.
 pub(crate) struct RigPlan {
     /// Program of the load cell.
     pub(crate) force: Option<String>,
-    /// Program of the stage; without one a hand drives it.
+    /// Program of the stage; `None` if the user drives it by hand.
     pub(crate) stage: Option<String>,
-    /// Settings with which the board sends its samples.
+    /// Settings of the board for its samples.
     pub(crate) settings: Settings,
     /// Nominal stiffness of both layers, N/m.
     pub(crate) sensing_n_per_m: f64,
     pub(crate) actuated_n_per_m: f64,
-    /// The coil's temperature, degrees Celsius.
+    /// Temperature of the coil, degrees Celsius.
     pub(crate) temperature_c: f64,
 }
 
@@ -74,19 +75,19 @@ pub(crate) struct RigBench<'l> {
     person: Person,
     hand: Hand,
     interrupt: Interrupt,
-    /// What is on the stage.
+    /// Specimen on the stage.
     pressed: Pressed,
-    /// Answers of the stage that were not taken yet.
+    /// Unprocessed answers of the stage.
     answers: Vec<GaugeLine>,
     arrivals: Vec<Arrival>,
-    /// The board's time of its last sample, s, and when that came by the link's clock.
+    /// Board time of its last sample, s, and arrival time by the link's clock.
     latest_s: Option<f64>,
     came: Duration,
     /// Frequency of the last samples, Hz.
     frequency_hz: f64,
-    /// The same of the sensor when nothing had touched it yet.
+    /// Frequency of the sensor before the first contact, Hz.
     rest_hz: Option<f64>,
-    /// Where the specimen touches, m.
+    /// Position of the stage at the touch, m.
     touch_m: f64,
 }
 
@@ -94,7 +95,7 @@ impl<'l> RigBench<'l> {
     /// Starts the programs.
     ///
     /// # Errors
-    /// If one does not start.
+    /// If a program does not start.
     pub(crate) fn new(
         link: &'l mut Link,
         plan: RigPlan,
@@ -127,7 +128,7 @@ impl<'l> RigBench<'l> {
         })
     }
 
-    /// Takes what has come from board and gauges, within a short time.
+    /// Receives from board and gauges for a short time.
     fn pump(&mut self) -> Result<(), Failure> {
         self.interrupt.go_on()?;
         self.link.listen(LOOK)?;
@@ -184,7 +185,7 @@ impl<'l> RigBench<'l> {
         Ok(())
     }
 
-    /// Lets the bench go on for a time of the board, s.
+    /// Lets board time pass, s, while it receives.
     fn pass(&mut self, time_s: f64) -> Result<(), Failure> {
         let end_s = self.now_s() + time_s;
         while self.now_s() < end_s {
@@ -204,13 +205,13 @@ impl<'l> RigBench<'l> {
         Ok(())
     }
 
-    /// The present by the board's clock, s.
+    /// Present time by the board's clock, s.
     fn now_s(&self) -> f64 {
         let by_clock = || self.link.clock().device_s(self.link.now());
         self.latest_s.or_else(by_clock).unwrap_or_default()
     }
 
-    /// Sends the stage a command, and waits for its answer.
+    /// Sends a command to the stage and waits for the answer.
     fn command(&mut self, command: &str, wait_s: f64) -> Result<GaugeLine, Failure> {
         self.answers.clear();
         match &mut self.stage {
@@ -235,7 +236,7 @@ impl<'l> RigBench<'l> {
         )))
     }
 
-    /// Has a specimen put on the stage.
+    /// Puts a specimen on the stage, or asks the user to.
     fn mount(&mut self, specimen: &str, request: &str) -> Result<(), Failure> {
         if self.command(&format!("mount {specimen}"), 0.0)? == GaugeLine::ByHand {
             self.request(&format!("{request}, then press Enter."))?;
@@ -243,7 +244,7 @@ impl<'l> RigBench<'l> {
         Ok(())
     }
 
-    /// Asks a person for something, and lets the bench go on until they answer.
+    /// Asks the user for something, and receives until the answer.
     fn request(&mut self, request: &str) -> Result<String, Failure> {
         self.person.ask(request)?;
         loop {
@@ -254,10 +255,10 @@ impl<'l> RigBench<'l> {
         }
     }
 
-    /// After a specimen has been changed: the board may have started anew, and sends samples again.
+    /// Starts the samples again after a change of the specimen, since the board may have restarted.
     fn begin(&mut self) -> Result<(), Failure> {
         self.link.greet()?;
-        // It is armed from the run before, if it has not started anew.
+        // Without a restart the board is still armed from the previous run.
         self.link.must(&Command::Disarm)?;
         self.link
             .must(&Command::SetSettings(self.plan.settings.clone()))?;
@@ -267,7 +268,7 @@ impl<'l> RigBench<'l> {
         self.stage_track.clear();
         self.hand.position_m = None;
         self.latest_s = None;
-        // What the gauges said meanwhile has no time of the board.
+        // Drops the gauges' readings so far, which have no board time.
         self.take_force()?;
         self.take_stage()?;
         self.came = self.link.now();
@@ -285,7 +286,7 @@ impl<'l> RigBench<'l> {
         Ok(())
     }
 
-    /// Waits until the sensor is as it was before it was ever pressed.
+    /// Waits until the frequency is back to that of the sensor before its first press.
     fn recover(&mut self) -> Result<(), Failure> {
         let Some(rest_hz) = self.rest_hz else {
             return Ok(());
@@ -295,7 +296,7 @@ impl<'l> RigBench<'l> {
         Ok(())
     }
 
-    /// Frequency over a short time, Hz.
+    /// Mean frequency over a short time, Hz.
     fn mean_hz(&mut self) -> Result<f64, Failure> {
         let (mut sum_hz, mut count) = (0.0, 0.0);
         let end_s = self.now_s() + MEAN_S;
@@ -311,7 +312,7 @@ impl<'l> RigBench<'l> {
         Ok(sum_hz / count)
     }
 
-    /// Writes the gauges into a run: each sample with what they said at its time.
+    /// Adds the gauges' readings to a run, each sample with those at its time.
     fn fill(&self, run: &mut Run) {
         let late_s = delay::of(run, &self.force_track).unwrap_or_default();
         for line in &mut run.lines {
@@ -323,7 +324,7 @@ impl<'l> RigBench<'l> {
     }
 }
 
-/// The load cell: an amplifier of the kind that is built in, or a program.
+/// Opens the load cell: a built-in amplifier type or a program.
 fn gauge(name: &str) -> Result<Box<dyn Source>, Failure> {
     match name.strip_prefix("openscale:") {
         Some(port) => Ok(Box::new(openscale::OpenScale::open(port)?)),
@@ -405,7 +406,7 @@ impl Instrument for RigBench<'_> {
     ) -> Result<Vec<Record>, Failure> {
         self.pump()?;
         self.is_sending()?;
-        // The gauges are written in when the run is over: some of them are late.
+        // The gauges' readings are added at the end of the run, since some arrive late.
         Ok(noted(std::mem::take(&mut self.arrivals), lines))
     }
 
@@ -419,7 +420,7 @@ impl Instrument for RigBench<'_> {
     }
 }
 
-/// What a specimen is called in the stage's language, and how a person is asked for it.
+/// Returns a specimen's name in the stage's protocol, and the request to a person.
 fn specimen(pressed: Pressed) -> (String, String) {
     match pressed {
         Pressed::Nothing => (

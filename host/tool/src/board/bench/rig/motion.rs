@@ -1,4 +1,4 @@
-//! The stage's ways: to the touch, into the press, off again, and on the bare bench.
+//! Movements of the stage: to the touch, into the press, away, and block on block.
 
 use palpate_calibration::session::Pressed;
 use palpate_cli::failure::Failure;
@@ -6,27 +6,27 @@ use palpate_cli::failure::Failure;
 use super::program::GaugeLine;
 use super::{MEAN_S, RigBench};
 
-/// How far the specimen is from the sensor before a press, and lifted between two, m.
+/// Distance of the specimen from the sensor before a press, and between two presses, m.
 const CLEAR_M: f64 = 0.2e-3;
 const LIFT_M: f64 = 1e-3;
-/// The touch is searched in such steps, over such a way, m: by hand a specimen is brought within
-/// millimetres.
+/// Step and range of the search for the touch, m: a person brings a specimen within millimetres.
 const SEARCH_STEP_M: f64 = 20e-6;
 const SEARCH_M: f64 = 5e-3;
-/// How fast, m/s.
+/// Speed of the search, m/s.
 const SEARCH_M_PER_S: f64 = 2e-3;
-/// Relative change of frequency at which something touches: 2 µm of deformation.
+/// Relative change of frequency that counts as a touch: 2 µm of deformation.
 const TOUCH: f64 = 0.25e-3;
-/// The way on the bare bench, m: 20 N make 40 µm of the softest frame, from all but a touch.
+/// Longest travel block on block, m: 20 N compress the softest frame by 40 µm, and the blocks
+/// almost touch at the start.
 const BARE_M: f64 = 1e-3;
-/// The bare bench is loaded in such steps, m: a stiff frame gives way by a fifth of a micrometre under a
+/// Step of the stage block on block, m: a stiff frame gives way by a fifth of a micrometre under a
 /// newton.
 const BARE_STEP_M: f64 = 1e-6;
-/// Time over which its gauges are averaged, s.
+/// Averaging time of the gauges block on block, s.
 const BARE_MEAN_S: f64 = 0.5;
 
 impl RigBench<'_> {
-    /// Moves the stage to a place, m, at a speed in m/s, and waits until it is there.
+    /// Moves the stage to a position, m, at a speed in m/s, and waits for the end of the movement.
     pub(super) fn move_to(&mut self, place_m: f64, speed_m_per_s: f64) -> Result<(), Failure> {
         let lasts_s = (place_m - self.place_m()).abs() / speed_m_per_s;
         let command = format!("move {place_m:.7} {speed_m_per_s}");
@@ -39,14 +39,14 @@ impl RigBench<'_> {
         }
     }
 
-    /// Where the stage is, m; where the last specimen touched before its first reading.
+    /// Position of the stage, m; before its first reading that of the last touch.
     pub(super) fn place_m(&self) -> f64 {
         self.stage_track
             .last()
             .map_or(self.touch_m, |(_, place_m)| place_m)
     }
 
-    /// Brings the specimen close above the sensor, from where the touch is known.
+    /// Brings the specimen close above the sensor and determines the touch.
     pub(super) fn approach(&mut self) -> Result<(), Failure> {
         if self.stage.is_some() {
             self.find_touch()
@@ -75,7 +75,8 @@ impl RigBench<'_> {
         )))
     }
 
-    /// How far the stage goes beyond the touch for a depth of the sensing layer, by the nominal layers, m.
+    /// Travel of the stage beyond the touch for a depth of the sensing layer, by the nominal
+    /// stiffness, m.
     pub(super) fn travel_m(&self, depth_m: f64) -> f64 {
         let sensing = self.plan.sensing_n_per_m;
         let load = match self.pressed {
@@ -95,7 +96,8 @@ impl RigBench<'_> {
             .map(drop)
     }
 
-    /// Presses block on block in the sensor's place to a force, N. Returns force and place, N and m.
+    /// Presses block on block in place of the sensor to a force, N. Returns force in N and position
+    /// in m.
     pub(super) fn bare(&mut self, force_n: f64) -> Result<(f64, f64), Failure> {
         if self.pressed != Pressed::Nothing {
             self.mount(
@@ -123,7 +125,7 @@ impl RigBench<'_> {
         )))
     }
 
-    /// Force and place over half a second, N and m.
+    /// Mean force in N and position in m over half a second.
     fn mean_of_gauges(&mut self) -> Result<(f64, f64), Failure> {
         let from_s = self.now_s();
         self.pass(BARE_MEAN_S)?;

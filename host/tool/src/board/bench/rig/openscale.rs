@@ -1,9 +1,10 @@
 //! The SparkFun OpenScale, a load-cell amplifier (HX711) with a USB serial port.
 //!
-//! Built in since it is sold ready to use, its firmware and its lines are published, and it takes any
-//! load cell with a bridge. A line has fields with commas, of which the user switches some off: time in ms,
-//! weight, its unit, temperatures. The weight is what stands before the unit (OpenScale Applications and Hookup
-//! Guide, learn.sparkfun.com; firmware/OpenScale of github.com/sparkfun/OpenScale).
+//! It is built in because it is sold ready to use, its firmware and its lines are published, and it
+//! works with any bridge load cell. A line has fields separated by commas, some of which the user
+//! can switch off: time in ms, weight, its unit, temperatures. The weight is the field before the
+//! unit (OpenScale Applications and Hookup Guide, learn.sparkfun.com; firmware/OpenScale of
+//! github.com/sparkfun/OpenScale).
 
 use std::io::{self, ErrorKind, Read};
 use std::time::Duration;
@@ -13,15 +14,15 @@ use serialport::SerialPort;
 
 use super::program::{GaugeLine, LONGEST_LINE, Source};
 
-/// The rate with which it leaves its maker.
+/// Factory setting of the baud rate.
 const BAUD: u32 = 9_600;
-/// Newtons for what it calls a kilogram and a pound: standard gravity, and the pound of 1959.
+/// Newtons per kilogram and per pound: standard gravity, and the pound of 1959.
 const NEWTON_PER_KG: f64 = 9.806_65;
 const NEWTON_PER_LB: f64 = 0.453_592_37 * NEWTON_PER_KG;
-/// Nothing waits for bytes: the board's samples go on.
+/// Timeout of the port: short, since the board's samples must be read meanwhile.
 const WAIT: Duration = Duration::from_millis(1);
 
-/// The amplifier at its port.
+/// The amplifier at a serial port.
 pub(super) struct OpenScale {
     name: String,
     port: Box<dyn SerialPort>,
@@ -113,12 +114,12 @@ impl Source for OpenScale {
     }
 }
 
-/// Weights that are no number: an OpenScale without a calibration divides by zero. `ovf` is what its library
-/// prints for a number beyond 32 bits.
+/// Weights that are not numbers: an OpenScale without a calibration divides by zero, and its
+/// library prints `ovf` for a number beyond 32 bits.
 const NO_NUMBERS: [&str; 4] = ["inf", "-inf", "nan", "ovf"];
 
-/// The force of a line, N, or the weight that is no number; nothing of its greeting and its menu, and of a line that
-/// was cut.
+/// Returns the force of a line, N, or the text of a weight that is not a number. `None` for its
+/// greeting, its menu and truncated lines.
 fn force_n(line: &str) -> Option<Result<f64, String>> {
     let fields: Vec<&str> = line.split(',').map(str::trim).collect();
     let mut pairs = fields.windows(2);
@@ -168,7 +169,7 @@ mod tests {
         assert_eq!(force_n("2041,nan,kg"), Some(Err("nan".to_owned())));
     }
 
-    /// The scale's end of a line, and what reads the other one.
+    /// The scale's end of a serial line, and the reader at the other end.
     #[cfg(unix)]
     fn connected() -> (serialport::TTYPort, OpenScale) {
         let (scale, port) = serialport::TTYPort::pair().unwrap();
@@ -202,7 +203,7 @@ mod tests {
         assert_eq!(lines, [reading]);
     }
 
-    /// As at a wrong rate.
+    /// As with a wrong baud rate.
     #[cfg(unix)]
     #[test]
     fn a_line_without_an_end_is_refused() {
@@ -210,7 +211,7 @@ mod tests {
 
         let (mut scale, mut open) = connected();
         scale.write_all(&[0x81; 1_500]).unwrap();
-        // What was written arrives when the system passes it on.
+        // The system delivers the bytes with a delay.
         let refused = (0..5_000).find_map(|_| {
             std::thread::sleep(Duration::from_millis(1));
             open.lines().err()

@@ -1,4 +1,4 @@
-//! The person at the bench: what is asked of them, and their answer.
+//! Requests to the person at the bench, and their answers.
 
 use std::io::{self, BufRead, IsTerminal, Write};
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
@@ -6,14 +6,14 @@ use std::thread;
 
 use palpate_cli::failure::Failure;
 
-/// The terminal at which a person answers, while the board goes on.
+/// The terminal for the answers, read while the board goes on.
 #[derive(Default)]
 pub(super) struct Person {
     answers: Option<Receiver<String>>,
 }
 
 impl Person {
-    /// Asks for something.
+    /// Prints a request.
     ///
     /// # Errors
     /// [`Failure::Argument`] where there is no terminal.
@@ -26,7 +26,7 @@ impl Person {
         Ok(out.flush()?)
     }
 
-    /// The answer, once there is one.
+    /// Returns the answer; `None` until there is one.
     ///
     /// # Errors
     /// If the terminal has been closed.
@@ -41,12 +41,12 @@ impl Person {
     }
 }
 
-/// Whether there is a person to be asked.
+/// Whether there is a terminal for questions.
 pub(super) fn is_there() -> bool {
     io::stdin().is_terminal()
 }
 
-/// Lines of standard input.
+/// Starts to read lines of standard input.
 fn listen(request: &str) -> Result<Receiver<String>, Failure> {
     if !is_there() {
         return Err(Failure::Argument(format!(

@@ -1,6 +1,6 @@
 //! A gauge's or a stage's program: a child process that speaks lines of text.
 //!
-//! docs/calibration.md describes the lines for people who write such a program.
+//! docs/calibration.md describes the lines, for authors of such a program.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::iter;
@@ -11,25 +11,25 @@ use std::time::{Duration, Instant};
 
 use palpate_cli::failure::Failure;
 
-/// How long a program that has closed its output may take to end.
+/// Longest time for a program to end after it has closed its output.
 const END: Duration = Duration::from_secs(1);
 const LOOK: Duration = Duration::from_millis(10);
 
 /// One line of a program.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum GaugeLine {
-    /// A reading, with the program's own time in s if it names one.
+    /// A reading, with the program's own time in s if given.
     Reading { time_s: Option<f64>, value: f64 },
-    /// A command is done.
+    /// A command was completed.
     Done,
-    /// What was asked for takes a person.
+    /// The command must be done by hand.
     ByHand,
-    /// What was asked for cannot be done.
+    /// The command cannot be done, with the reason.
     Refused(String),
 }
 
 impl GaugeLine {
-    /// What a line means; nothing for an empty one and a comment, an error for what is none of these.
+    /// Parses a line: `None` for an empty line or a comment, an error for an unknown line.
     fn parse(text: &str) -> Result<Option<Self>, ()> {
         let text = text.trim();
         if text.is_empty() || text.starts_with('#') {
@@ -59,12 +59,12 @@ impl GaugeLine {
     }
 }
 
-/// A source of lines: a program, or what takes its place.
+/// A source of lines: a program or a replacement.
 pub(super) trait Source {
-    /// The lines that have come since.
+    /// Returns the lines received since the last call.
     ///
     /// # Errors
-    /// If the source has ended, or says what it may not.
+    /// If the source has ended, or sends an unknown line.
     fn lines(&mut self) -> Result<Vec<GaugeLine>, Failure>;
 
     /// Sends a command.
@@ -74,9 +74,9 @@ pub(super) trait Source {
     fn send(&mut self, command: &str) -> Result<(), Failure>;
 }
 
-/// A program that runs.
+/// A running program.
 pub(super) struct Program {
-    /// The argument that names it.
+    /// Argument that names the program.
     argument: &'static str,
     child: Child,
     input: Option<ChildStdin>,
@@ -84,7 +84,7 @@ pub(super) struct Program {
 }
 
 impl Program {
-    /// Starts a program: its path, and its arguments after spaces; what has spaces of its own in quotes.
+    /// Starts a program from its path and arguments, separated by spaces; quotes protect spaces.
     ///
     /// # Errors
     /// If it cannot be started.
@@ -108,7 +108,7 @@ impl Program {
         let output = child.stdout.take();
         let output = output.ok_or_else(|| unstarted(&"it has no standard output"))?;
         let (sender, lines) = sync_channel(WAITING);
-        // Ends with the program's output.
+        // The thread ends with the program's output.
         thread::spawn(move || {
             for line in texts(output) {
                 if sender.send(line).is_err() {
@@ -141,13 +141,15 @@ impl Program {
     }
 }
 
-/// Lines that wait at most: a program that prints without a pause waits as well. Ten seconds of a quick gauge.
+/// Maximum number of waiting lines, ten seconds of a fast gauge. A program that prints without a
+/// pause has to wait.
 const WAITING: usize = 10_000;
 
-/// Most bytes of a line of a gauge, its end included: twenty times what gauges print. A longer one is cut.
+/// Maximum length of a gauge's line with its end, bytes: twenty times the usual one. A longer line
+/// is cut.
 pub(super) const LONGEST_LINE: u64 = 1_000;
 
-/// The words of a command: what stands between spaces, or in single or double quotes.
+/// Splits a command into words at spaces, except within single or double quotes.
 fn words(command: &str) -> Result<Vec<String>, &'static str> {
     let mut words = Vec::new();
     let mut word: Option<String> = None;
@@ -171,7 +173,7 @@ fn words(command: &str) -> Result<Vec<String>, &'static str> {
     }
 }
 
-/// Lines of an output, which ends with them. A byte that is not UTF-8 shows as a mark in its place.
+/// Lines of an output until its end. Bytes that are not UTF-8 become a replacement character.
 fn texts(output: impl Read) -> impl Iterator<Item = String> {
     let mut output = BufReader::new(output);
     iter::from_fn(move || {
@@ -216,7 +218,7 @@ impl Source for Program {
 }
 
 impl Drop for Program {
-    /// A program ends with the calibration: its input closes, and if that is not enough it is killed.
+    /// Ends the program with the calibration: closes its input, then kills it if necessary.
     fn drop(&mut self) {
         drop(self.input.take());
         let _ = self.child.kill();
@@ -285,7 +287,7 @@ mod tests {
         );
     }
 
-    /// How a program's lines end.
+    /// Returns the failure at the end of a program's lines.
     #[cfg(unix)]
     fn failure(command: &str) -> String {
         let mut program = Program::start("--force", command).unwrap();
@@ -299,7 +301,7 @@ mod tests {
         panic!("{command}: neither a reading nor a failure");
     }
 
-    /// A program in a folder whose name has a blank; the command that starts it.
+    /// Writes a program to a folder with a space in its name. Returns the command that starts it.
     #[cfg(unix)]
     fn script(folder: &std::path::Path, text: &str) -> String {
         let file = folder.join("read cell.sh");

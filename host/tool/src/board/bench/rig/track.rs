@@ -1,32 +1,32 @@
-//! What a gauge said, by the board's clock.
+//! Readings of a gauge by the board's clock.
 
 use std::collections::VecDeque;
 
-/// Readings of a gauge, in the order of their times.
+/// Readings of a gauge in order of time.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Track {
-    /// Time of the board, s, and value.
+    /// Board time, s, and value.
     readings: Vec<(f64, f64)>,
     clock: GaugeClock,
 }
 
-/// The longest between two readings of which what is between is known, s: a slow amplifier has ten a
-/// second.
+/// Longest gap between two readings for an interpolation, s: a slow amplifier has ten a second.
 const LONGEST_S: f64 = 0.25;
 
 impl Track {
-    /// Enters a reading that came now, with the gauge's own time if it has one, both s.
+    /// Adds a reading that arrived at `now_s`, with the gauge's own time if it has one, both s.
     pub(super) fn enter(&mut self, now_s: f64, own_s: Option<f64>, value: f64) {
         let time_s = match own_s {
             Some(own_s) => self.clock.board_s(now_s, own_s),
             None => now_s,
         };
-        // Two readings in one packet came at the same time.
+        // Two readings in one packet arrive at the same time.
         let after = self.readings.partition_point(|(at_s, _)| *at_s <= time_s);
         self.readings.insert(after, (time_s, value));
     }
 
-    /// What it said at a time, s: on a straight line between two readings. Nothing where one is missing.
+    /// Returns the value at a time, s, interpolated between two readings; `None` where one is
+    /// missing.
     pub(super) fn at(&self, time_s: f64) -> Option<f64> {
         let later = self.readings.partition_point(|(at_s, _)| *at_s < time_s);
         let (to_s, to) = *self.readings.get(later)?;
@@ -38,12 +38,12 @@ impl Track {
         (to_s - from_s <= LONGEST_S).then_some(from + part * (to - from))
     }
 
-    /// The last reading: its time, s, and value.
+    /// Returns time, s, and value of the last reading.
     pub(super) fn last(&self) -> Option<(f64, f64)> {
         self.readings.last().copied()
     }
 
-    /// Mean of the readings since a time, s.
+    /// Returns the mean of the readings since a time, s.
     pub(super) fn mean_since(&self, from_s: f64) -> Option<f64> {
         let since = self.readings.iter().filter(|(at_s, _)| *at_s >= from_s);
         let (sum, count) = since.fold((0.0, 0.0), |(sum, count), (_, value)| {
@@ -52,22 +52,22 @@ impl Track {
         (count > 0.0).then(|| sum / count)
     }
 
-    /// Forgets all readings. The board's clock may be another one from here on.
+    /// Removes all readings, since the board's clock may change.
     pub(super) fn clear(&mut self) {
         *self = Self::default();
     }
 }
 
-/// A gauge's own clock by the board's. Most lines come at about the same delay after they were stamped,
-/// some much later, when the computer was busy: the middle one counts.
+/// Offset of a gauge's own clock from the board's. Most lines arrive with about the same delay
+/// after their time stamp, some much later, when the computer was busy; the median is used.
 #[derive(Clone, Debug, Default)]
 struct GaugeClock {
-    /// Board's time at arrival less the gauge's, s, of the last readings.
+    /// Board time at arrival less the gauge's time, s, of the last readings.
     offsets_s: VecDeque<f64>,
 }
 
 impl GaugeClock {
-    /// Readings that are kept.
+    /// Number of kept readings.
     const KEPT: usize = 101;
 
     fn board_s(&mut self, now_s: f64, own_s: f64) -> f64 {
@@ -95,7 +95,7 @@ mod tests {
         assert_eq!(track.at(1.1), Some(3.0));
         assert_eq!(track.at(0.9), None);
         assert_eq!(track.at(2.1), None);
-        // For nine tenths of a second the gauge was silent.
+        // The gauge was silent for nine tenths of a second.
         assert_eq!(track.at(1.5), None);
     }
 
