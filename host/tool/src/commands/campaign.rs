@@ -1,4 +1,4 @@
-//! `palpate campaign`: rows of presses as Parquet.
+//! `palpate campaign`: rows of presses as a Parquet file.
 
 use palpate_cli::failure::Failure;
 use palpate_simulate::campaign::{self, Arguments};
@@ -6,7 +6,7 @@ use serde_json::Value;
 
 use crate::recording::parquet_file::{Head, Kind, ParquetFile};
 
-/// The columns, in the order of a row's fields.
+/// Columns, in the order of a row's fields.
 const HEADS: [Head<'_>; 13] = [
     head("seed", Kind::Integer(64), ""),
     head("world", Kind::Text, ""),
@@ -36,7 +36,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     campaign::run(arguments, Some(parquet))
 }
 
-/// The bytes of a file.
+/// Formats rows as the bytes of a Parquet file.
 fn parquet(rows: &[Value]) -> Result<Vec<u8>, String> {
     let mut file = ParquetFile::begin(Vec::new(), "press", &HEADS).map_err(text)?;
     for row in rows {

@@ -1,4 +1,4 @@
-//! `palpate chip`: the driver against the simulated chip, readings streamed.
+//! `palpate chip`: the driver with the simulated chip; prints a stream of readings.
 
 use std::{
     cell::RefCell,
@@ -81,7 +81,7 @@ enum FaultKind {
 }
 
 impl Arguments {
-    /// The switches of the simulated chip.
+    /// Reads the switches of the simulated chip.
     fn switches(&self) -> Result<Switches, Failure> {
         if let Some(file) = &self.switches {
             return switches::read(file);
@@ -113,26 +113,28 @@ impl FaultKind {
     }
 }
 
-/// Where the simulated comparator's falling edge is. The driver's configuration states it, as that of a
-/// calibrated board does.
+/// Duty of the simulated comparator. The driver's configuration contains it, as on a calibrated
+/// board.
 const COMPARATOR_DUTY: f32 = 0.29;
-/// The sensors sweep between the middle and the top of their range in this time, at the shortest.
+/// Shortest time of a sweep between the middle and the top of the range, s.
 const SWEEP_S: f64 = 1.618_034;
-/// By how much of the stated uncertainty a sensor moves in a third of its period, at most. So far apart,
-/// at times, are the mean between the edges that are counted and that of the whole conversion.
+/// Largest change of a sensor's frequency within a third of its period, as a part of the stated
+/// uncertainty. The mean between the counted edges and that of the whole conversion may differ by
+/// this time.
 const MOTION: f64 = 0.2;
-/// Recoveries tried in a row before the verb gives up: 50 of 5 ms and more, a quarter of a second.
+/// Number of consecutive recoveries before the verb gives up: 50 of at least 5 ms, a quarter of a
+/// second.
 const RECOVERIES: u32 = 50;
-/// The bus master gives up on a line that stays low after this time, some transfers' length.
+/// Time after which the bus master gives up on a low line, a few times a transfer.
 const BUS_DEADLINE: Time = Time::from_ms(1);
-/// Registers are compared one by one, one after each of so many frames, where the bus has the time:
-/// 48 bit times, and 20 us of the master for both transfers.
+/// Number of frames between comparisons of one register, where the bus has time: 48 bit times, and
+/// 20 us of the master for both transfers.
 const FRAMES_PER_CANARY: u32 = 8;
 const CANARY_BITS: u64 = 48;
 const CANARY_MASTER_NS: u64 = 20_000;
 
-/// Coils that sweep slowly, as a sine does: steps of the same size from reading to reading would meet
-/// the same rounding again and again.
+/// Coils with a slow sinusoidal sweep: equal steps from reading to reading would give the same
+/// rounding again and again.
 #[derive(Clone)]
 struct Coils {
     lowest_hz: f64,
@@ -158,23 +160,23 @@ impl Sensors for Coils {
     }
 }
 
-/// One reading beside the truth.
+/// A reading with the true frequency.
 #[derive(Serialize)]
 struct ReadingLine {
     simulated: bool,
-    /// End of the conversion less half its length, since the start of the simulation.
+    /// Middle of the conversion since the start of the simulation, s.
     time_s: f64,
     frame: u32,
     channel: u8,
     word: String,
     frequency_hz: f64,
     sigma_hz: f32,
-    /// Mean of the sensor's true frequency over the conversion.
+    /// True mean frequency of the sensor over the conversion, Hz.
     true_hz: f64,
     m: u32,
     n: u32,
     residual_lsb: f32,
-    /// Nothing for a sensor too slow to be judged.
+    /// `None` for a sensor too slow for a verdict.
     plausible: Option<bool>,
     quality: Quality,
     gap: bool,
@@ -224,7 +226,7 @@ fn settings(arguments: &Arguments, switches: Switches) -> Settings {
             ..Conversions::default()
         },
         switches,
-        // No shift by the drive: the true frequency is the sensor's own.
+        // The drive does not shift the frequency: the true frequency is the sensor's own.
         ..ideal
     }
 }
@@ -246,13 +248,13 @@ fn coils(board: &PlannedBoard, plan: &Plan) -> Coils {
     }
 }
 
-/// Whether a register can be read between two frames.
+/// Whether there is time to read a register between two frames.
 fn has_room(plan: &Plan, bus_hz: u32) -> bool {
     let register_ns = CANARY_BITS * 1_000_000_000 / u64::from(bus_hz) + CANARY_MASTER_NS;
     plan.frame_period_ns >= plan.frame_read_ns + register_ns
 }
 
-/// A driver with everything that it is wired to.
+/// A driver with its connections.
 struct ChipSession<'a> {
     chip: &'a RefCell<Chip<Coils>>,
     driver: Ldc161x<Bus<'a, Coils>>,
@@ -260,9 +262,9 @@ struct ChipSession<'a> {
     shutdown: ShutdownPin<'a, Coils>,
     delay: Delay<'a, Coils>,
     bus: Bus<'a, Coils>,
-    /// What the driver has found of this chip.
+    /// What releases the interrupt of this chip, as the driver found.
     release: InterruptRelease,
-    /// There is time for a register between two frames.
+    /// Whether there is time for a register between two frames.
     has_room: bool,
 }
 
@@ -340,12 +342,12 @@ impl<'a> ChipSession<'a> {
         Ok(out.flush()?)
     }
 
-    /// Nine clocks to free the bus, the SD pin, the configuration again.
+    /// Recovers with nine clocks to free the bus, the SD pin, and the configuration.
     fn recover(&mut self, error: &Error<ldc161x_sim::I2cError>) -> Result<(), Failure> {
         let at = self.now_ms();
         notice::say(format_args!("palpate: {at:.3} ms: {error}"));
         for attempt in 1..=RECOVERIES {
-            // What the pulses achieve shows in the transfer that follows.
+            // The next transfer shows whether the pulses helped.
             let _ = self.bus.clock_pulses(9);
             let recovered = self
                 .driver
@@ -398,7 +400,7 @@ impl<'a> ChipSession<'a> {
         Ok(())
     }
 
-    /// The reading with the simulated chip's own record of the same conversion.
+    /// Returns the reading with the simulated chip's own record of the conversion.
     fn line(&self, frame: &Frame, reading: &Reading) -> Option<ReadingLine> {
         let chip = self.chip.borrow();
         let truth = chip.last_read(reading.channel.number())?;

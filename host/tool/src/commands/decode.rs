@@ -1,4 +1,4 @@
-//! `palpate decode`: frames of the device, as JSON.
+//! `palpate decode`: the device's frames as JSON.
 
 use std::io::{self, Read, Write};
 
@@ -32,13 +32,13 @@ pub(crate) fn run(_: &Arguments) -> Result<(), Failure> {
     )))
 }
 
-/// What was read.
+/// Statistics of the input.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Seen {
     bytes: u64,
-    /// Sound frames.
+    /// Valid frames.
     frames: u64,
-    /// Pieces that are none.
+    /// Pieces that are not valid frames.
     damaged: u64,
 }
 

@@ -1,4 +1,4 @@
-//! `palpate devices`: the boards that are plugged in.
+//! `palpate devices`: list of the connected boards.
 
 use std::io::{self, Write};
 
@@ -34,19 +34,19 @@ pub(crate) struct Arguments {
 #[derive(Clone, Debug, Serialize)]
 struct Device {
     path: String,
-    /// By USB.
+    /// Serial number from USB.
     serial_number: Option<String>,
-    /// What it says it is; absent if it was not asked.
+    /// Identity that the board reports; absent if it was not asked.
     identity: Option<Identity>,
-    /// Why it was not asked, and what to do.
+    /// Reason why it was not asked, with a remedy.
     problem: Option<Finding>,
 }
 
-/// What a board says it is.
+/// Identity that a board reports.
 #[derive(Clone, Debug, Serialize)]
 struct Identity {
     firmware: String,
-    /// First 32 bits of the commit that the firmware was built from, in hexadecimal.
+    /// First 32 bits of the firmware's commit, hexadecimal.
     commit: String,
     board: Board,
     unit: u64,
@@ -85,7 +85,7 @@ fn found() -> Result<Vec<Device>, Failure> {
     Ok(ports()?.into_iter().map(examined).collect())
 }
 
-/// Asks a board who it is.
+/// Asks a board for its identity.
 fn examined(port: Port) -> Device {
     let opened = open_port(&port.path);
     let identity = opened.as_ref().ok().and_then(|link| link.hello());

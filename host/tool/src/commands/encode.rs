@@ -1,4 +1,4 @@
-//! `palpate encode`: commands for the device, as frames.
+//! `palpate encode`: commands for the device as frames.
 
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
@@ -43,7 +43,7 @@ pub(crate) struct Arguments {
     calibration: Option<PathBuf>,
 }
 
-/// Names of commands in the order in which a calibration is sent.
+/// Names of commands in the order of sending a calibration.
 const ORDER: [&str; 13] = [
     "set_settings",
     "set_tank",
@@ -60,7 +60,7 @@ const ORDER: [&str; 13] = [
     "set_calibration_identity",
 ];
 
-/// How refusals name it.
+/// Name of standard input in errors.
 const STANDARD_INPUT: &str = "standard input";
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
@@ -104,10 +104,10 @@ fn from_lines(from: impl Read) -> Result<Vec<Command>, Failure> {
     Ok(numbered.into_iter().map(|(_, command)| command).collect())
 }
 
-/// Commands, one on a line, each with the number of its line from 1. Empty lines are passed over.
+/// Reads commands, one per line, with line numbers from 1. Skips empty lines.
 ///
 /// # Errors
-/// With the place of a line that is no command, or has a value out of range.
+/// With the location of a line that is not a command, or has a value out of range.
 pub(crate) fn numbered_lines(
     from: impl Read,
     input: &Path,
@@ -179,7 +179,7 @@ fn from_toml(text: &str, file: &Path) -> Result<Vec<Command>, Failure> {
     Ok(commands)
 }
 
-/// The line on which a name first stands.
+/// First line that contains a name.
 fn line_of(text: &str, name: &str) -> u64 {
     let found = text.lines().position(|line| line.contains(name));
     found.map_or(1, |index| index as u64 + 1)
@@ -230,7 +230,7 @@ mod tests {
         assert!(from_lines(&b"\"fly\"\n"[..]).is_err());
     }
 
-    /// A text as UTF-16, with the mark that editors of Windows write.
+    /// Encodes a text as UTF-16 with a byte order mark, as Windows editors do.
     fn utf_16(text: &str) -> Vec<u8> {
         let units = text.encode_utf16();
         [0xFF, 0xFE]

@@ -1,4 +1,4 @@
-//! `palpate faults`: what a fault of the board means.
+//! `palpate faults`: meaning of the board's faults.
 
 use std::io::{self, Write};
 
@@ -50,7 +50,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     print(meant.unwrap_or(FaultCode::ALL), arguments.json)
 }
 
-/// A fault's meaning as one paragraph. The schema has the lines of its source.
+/// Meaning of a fault as one paragraph. The schema contains the line breaks of its source.
 pub(crate) fn meaning(code: FaultCode) -> String {
     let lines: Vec<_> = code.meaning().lines().map(str::trim).collect();
     lines.join(" ")

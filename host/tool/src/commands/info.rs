@@ -1,4 +1,4 @@
-//! `palpate info`: what a recording contains.
+//! `palpate info`: contents of a recording.
 
 use std::io::{self, Write};
 use std::path::PathBuf;
@@ -30,11 +30,11 @@ pub(crate) struct Arguments {
     json: bool,
 }
 
-/// What a recording contains.
+/// Contents of a recording.
 #[derive(Serialize)]
 struct Info {
     file: String,
-    /// Absent for a file that is whole.
+    /// Damage of the file; absent for a whole file.
     damage: Option<String>,
     /// Arrival of the first record; absent without one.
     began_at: Option<String>,
@@ -44,7 +44,7 @@ struct Info {
     unreadable: u64,
     boots: Vec<BootLosses>,
     recording: Value,
-    /// What the board was at each boot, and what was in force then.
+    /// Identity of the board and configuration in force at each boot.
     in_force: Vec<Value>,
 }
 
@@ -72,7 +72,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     print(&info, arguments.json)
 }
 
-/// A note, its records as JSON.
+/// Converts a note to JSON, including its records.
 fn object(note: &Note) -> Value {
     let fields = note.fields.iter().map(|(name, text)| {
         let value = serde_json::from_str(text).unwrap_or_else(|_| text.as_str().into());

@@ -1,4 +1,4 @@
-//! `palpate log-table`: what is needed to read an image's log, without the image.
+//! `palpate log-table`: the table that decodes an image's log without the image.
 
 use std::io::{self, Write};
 use std::path::PathBuf;

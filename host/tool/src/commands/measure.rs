@@ -1,4 +1,4 @@
-//! `palpate measure`: the stiffness of what is pressed upon a board's sensor.
+//! `palpate measure`: stiffness of an object pressed onto a board's sensor.
 
 use std::io::{self, Write};
 use std::time::Duration;
@@ -51,13 +51,13 @@ pub(crate) struct Arguments {
     json: bool,
 }
 
-/// How much of a recording is taken at once.
+/// Duration of a recording read at once.
 const PLAYED: Duration = Duration::from_millis(10);
-/// What the emulated board presses where nothing is said, in units of the sensing layer's stiffness.
+/// Default load of the emulated board, in units of the sensing layer's stiffness.
 const USUAL_LOAD: f64 = 1.0;
-/// Baseline and the coil's test, s.
+/// Longest wait for baseline and coil test, s.
 const ARMING_S: f64 = 5.0;
-/// A press has to settle, the coil to be tested, the train to end: longest that is waited, s.
+/// Longest wait for a result, s: settling of the press, coil test, train.
 const RESULT_S: f64 = 90.0;
 
 /// A line of the JSON output.
@@ -68,16 +68,16 @@ struct MeasurementLine {
     /// Absent for a load that cannot be distinguished from a rigid one.
     stiffness_n_per_m: Option<f32>,
     lower_n_per_m: f32,
-    /// Absent where there is none.
+    /// Absent for an interval without an upper end.
     upper_n_per_m: Option<f32>,
     force_n: f32,
     total_displacement_m: f32,
     temperature_c: Option<f32>,
     configuration_crc: u32,
-    /// The greatest cause of the interval, and what would narrow it.
+    /// Largest cause of the interval, and how to reduce it.
     #[serde(skip_serializing_if = "Option::is_none")]
     limited_by: Option<String>,
-    /// Of a simulated load, with what it stands on.
+    /// True stiffness of a simulated load with its support.
     #[serde(skip_serializing_if = "Option::is_none")]
     true_n_per_m: Option<f64>,
 }
@@ -144,7 +144,8 @@ impl MeasurementLine {
     }
 }
 
-/// The measurements of a recording, as they came; a refusal is said, and is no failure of this one.
+/// Prints the measurements of a recording. A refusal in it is printed and is not a failure of this
+/// verb.
 fn measured_before(arguments: &Arguments, link: &mut Link) -> Result<(), Failure> {
     let mut estimates = 0;
     let mut cause = None;
@@ -176,7 +177,7 @@ fn measured_before(arguments: &Arguments, link: &mut Link) -> Result<(), Failure
     Ok(())
 }
 
-/// One measurement, of the next contact.
+/// Measures at the next contact.
 pub(crate) fn measured(link: &mut Link, wait: Duration) -> Result<Estimate, Failure> {
     link.take();
     link.wait_for(
@@ -188,7 +189,7 @@ pub(crate) fn measured(link: &mut Link, wait: Duration) -> Result<Estimate, Fail
         },
     )?;
     link.take();
-    // A board that measures at every contact has begun already, and says so.
+    // A board that measures at every contact has already started, and answers so.
     link.ask(&Command::Measure)?;
     let result = link.wait_for(RESULT_S, "result", |record| match record {
         Record::Estimate(estimate) => Some(Ok(estimate.clone())),
@@ -207,7 +208,7 @@ fn records_of(link: &Link) -> impl Iterator<Item = &Record> {
     arrivals.map(|arrival| &arrival.frame.message)
 }
 
-/// What the simulated load truly has, with what it stands on; nothing of a real one.
+/// True stiffness of the simulated load with its support, N/m; `None` for a real or a rigid one.
 pub(crate) fn truth(link: &mut Link) -> Option<f64> {
     let board = link.emulated()?;
     let true_n_per_m = board.world_mut().truth().load_spring_n_per_m;

@@ -1,4 +1,4 @@
-//! The verbs for boards, recordings, converters and frames, a module each.
+//! Verbs for boards, recordings, converters and frames, one module each.
 
 pub(crate) mod bring_up;
 pub(crate) mod calibrate;

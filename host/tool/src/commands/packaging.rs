@@ -1,4 +1,4 @@
-//! `palpate completions` and `palpate man`: what an installation puts beside the program.
+//! `palpate completions` and `palpate man`: files for an installation.
 
 use std::fs;
 use std::io::{self, Write};
@@ -8,7 +8,7 @@ use clap::{Args, Command};
 use clap_complete::Shell;
 use palpate_cli::failure::Failure;
 
-/// The program's name, as a shell calls it.
+/// Name of the program in a shell.
 const NAME: &str = "palpate";
 
 /// Print the script by which a shell completes this program's arguments
@@ -35,12 +35,12 @@ pub(crate) struct Manual {
     folder: PathBuf,
 }
 
-/// Prints the script for a shell.
+/// Prints the completion script for a shell.
 ///
 /// # Errors
 /// If it cannot be written.
 pub(crate) fn completions(arguments: &Completions, mut program: Command) -> Result<(), Failure> {
-    // Into memory first: the generator panics where it cannot write.
+    // Written to memory first, since the generator panics on a write error.
     let mut script = Vec::new();
     clap_complete::generate(arguments.shell, &mut program, NAME, &mut script);
     Ok(io::stdout().lock().write_all(&script)?)
@@ -49,7 +49,7 @@ pub(crate) fn completions(arguments: &Completions, mut program: Command) -> Resu
 /// Writes a manual page for each verb.
 ///
 /// # Errors
-/// If the folder cannot be made, or its files cannot be written.
+/// If the folder cannot be created, or its files cannot be written.
 pub(crate) fn manual(arguments: &Manual, program: Command) -> Result<(), Failure> {
     let folder = &arguments.folder;
     let written = fs::create_dir_all(folder);

@@ -1,6 +1,7 @@
-//! `palpate rig-gauge`: the program of a gauge whose bench is simulated by `palpate serve-emulated --rig`.
+//! `palpate rig-gauge`: program of a gauge whose bench `palpate serve-emulated --rig` simulates.
 //!
-//! It passes lines on, both ways: what calibrates a board sees a program as that of a real gauge.
+//! Forwards lines in both directions, so that a calibration cannot tell it from the program of a
+//! real gauge.
 
 use std::io::{self, Read, Write};
 use std::net::TcpStream;
@@ -41,7 +42,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     Err(Failure::Lost(format!("{at}: the bench is gone")))
 }
 
-/// Passes bytes on as they come, until there are no more.
+/// Forwards bytes until the end of the input.
 fn pass_on(mut from: impl Read, mut to: impl Write) -> io::Result<()> {
     let mut bytes = [0; 1024];
     loop {

@@ -1,10 +1,10 @@
-//! The converter as the tests use it: registers, edges, words (datasheet SNOSCY9A, 7.6).
+//! The converter for the tests: registers, edges, words (datasheet SNOSCY9A, 7.6).
 
 use palpate_cli::failure::Failure;
 
 use super::link::{Link, RequestOutcome};
 
-/// Registers, of channel 0 where there is one for each.
+/// Register addresses; of channel 0 where each channel has its own.
 pub(super) mod register {
     pub(crate) const DATA_MSB: u8 = 0x00;
     pub(crate) const DATA_LSB: u8 = 0x01;
@@ -20,28 +20,28 @@ pub(super) mod register {
     pub(crate) const MANUFACTURER: u8 = 0x7E;
 }
 
-/// CONFIG: channel 0, its drive as written, no correction of the amplitude, CLKIN.
+/// CONFIG: channel 0, drive as written, no amplitude correction, CLKIN.
 pub(super) const ACTIVE: u16 = 0x1601;
-/// CONFIG: asleep.
+/// CONFIG: sleep.
 pub(super) const SLEEP: u16 = 1 << 13;
-/// CONFIG.RP_OVERRIDE_EN: without it the converter seeks the drive itself.
+/// CONFIG.RP_OVERRIDE_EN: without it the converter finds the drive itself.
 pub(super) const OWN_DRIVE: u16 = 1 << 12;
-/// ERROR_CONFIG: errors of the conversion in DATA, INTB at a result.
+/// ERROR_CONFIG: conversion errors in DATA, INTB at a result.
 pub(super) const REPORTS: u16 = 0xF801;
 /// MUX_CONFIG: one channel, deglitch filter of 10 MHz.
 pub(super) const MUX: u16 = 0x020D;
-/// MUX_CONFIG: channels 0 and 1 in turn.
+/// MUX_CONFIG: channels 0 and 1 alternately.
 pub(super) const SCAN: u16 = 1 << 15;
-/// STATUS: a result has come, and one of channel 0 is unread.
+/// STATUS: a result is ready, and one of channel 0 is unread.
 pub(super) const READY: u16 = 1 << 6;
 pub(super) const UNREAD: u16 = 1 << 3;
-/// The longest that is waited for an edge, ms.
+/// Longest wait for an edge, ms.
 const EDGE_MS: u8 = 100;
 
 /// The clock that the image divides for CLKIN, Hz.
 const CORE_HZ: f64 = 200e6;
 
-/// The segments of a transaction that reads STATUS and DATA: INTB is released whatever does it.
+/// Segments of a transaction that reads STATUS and DATA, which releases INTB in any case.
 const FRAME: [u8; 9] = [
     1,
     register::STATUS,
@@ -54,24 +54,24 @@ const FRAME: [u8; 9] = [
     0x82,
 ];
 
-/// Edges of INTB, and what was read after the last.
+/// Edges of INTB, with the last reading.
 #[derive(Clone, Debug)]
 pub(super) struct Edges {
-    /// From the first to the last, seconds.
+    /// Time from the first to the last edge, s.
     pub(super) length_s: f64,
     pub(super) count: u32,
-    /// DATA of the last one, flags and all.
+    /// DATA at the last edge, including flags.
     pub(super) word: u32,
 }
 
 impl Edges {
-    /// From one edge to the next, seconds.
+    /// Time between two edges, s.
     pub(super) fn period_s(&self) -> f64 {
         self.length_s / f64::from(self.count.saturating_sub(1).max(1))
     }
 }
 
-/// How channel 0 converts.
+/// Configuration of channel 0.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Setup {
     pub(super) rcount: u16,
@@ -79,7 +79,7 @@ pub(super) struct Setup {
     pub(super) divider: u8,
     pub(super) mux: u16,
     pub(super) reports: u16,
-    /// FIN_DIVIDER.
+    /// FIN_DIVIDER field.
     pub(super) input_divider: u16,
 }
 
@@ -103,7 +103,7 @@ impl Setup {
     }
 }
 
-/// A part of what is done without waiting for the PC in between.
+/// A step that runs without waiting for the PC.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Op {
     /// Waits until INTB is low.
@@ -112,9 +112,9 @@ pub(super) enum Op {
     Read(u8),
     /// Writes a register.
     Write(u8, u16),
-    /// Tells whether INTB is high.
+    /// Reads whether INTB is high.
     Level,
-    /// Waits so many milliseconds.
+    /// Waits for this number of milliseconds.
     Pause(u8),
 }
 
@@ -132,7 +132,7 @@ impl Op {
         }
     }
 
-    /// Bytes of its answer.
+    /// Length of the answer, bytes.
     const fn length(self) -> usize {
         match self {
             Self::Interrupt | Self::Write(..) | Self::Pause(_) => 0,
@@ -159,7 +159,7 @@ impl Converter {
         }
     }
 
-    /// Who answers at the other end.
+    /// Asks for the identity of the other end.
     pub(super) fn greet(&mut self) -> Result<(), Failure> {
         let name = self.done(b'?', &[])?;
         if name.starts_with(b"palpate bring-up 2") {
@@ -170,7 +170,7 @@ impl Converter {
         ))
     }
 
-    /// Reads so many bytes from a register on.
+    /// Reads `count` bytes, starting at a register.
     pub(super) fn read_bytes(&mut self, register: u8, count: u8) -> Result<Vec<u8>, Failure> {
         self.done(b'T', &[1, register, 0x80 | count])
     }
@@ -189,12 +189,12 @@ impl Converter {
         self.done(b'T', &[3, register, high, low]).map(drop)
     }
 
-    /// Writes the upper half of a register only, and breaks off.
+    /// Writes only the upper half of a register, then stops.
     pub(super) fn write_half(&mut self, register: u8, high: u8) -> Result<(), Failure> {
         self.done(b'T', &[2, register, high]).map(drop)
     }
 
-    /// Reads a register in whatever state the bus is: nothing if it fails.
+    /// Reads a register in any state of the bus; `None` if it fails.
     pub(super) fn try_read(&mut self, register: u8) -> Result<Option<u16>, Failure> {
         let (outcome, bytes) = self.0.ask(b'T', &[1, register, 0x82])?;
         Ok(match (outcome, &bytes[..]) {
@@ -207,8 +207,8 @@ impl Converter {
         self.done(b'D', &[ms]).map(drop)
     }
 
-    /// Does several things at once, since a PC is too slow to poll twice within one conversion, and
-    /// returns what was read, in its order.
+    /// Runs several steps at once, since a PC is too slow to poll twice within one conversion.
+    /// Returns the read values in order.
     pub(super) fn at_once<const N: usize>(&mut self, ops: &[Op]) -> Result<[u16; N], Failure> {
         let mut requests = Vec::new();
         for op in ops {
@@ -236,17 +236,17 @@ impl Converter {
         Ok(self.done(b'W', &[])?.first() == Some(&1))
     }
 
-    /// Cuts a transaction off after so many bits.
+    /// Cuts a transaction off after `bits` bits.
     pub(super) fn cut_off(&mut self, bits: u8) -> Result<(), Failure> {
         self.done(b'X', &[bits]).map(drop)
     }
 
-    /// So many pulses of SCL and a STOP.
+    /// Sends `count` pulses of SCL and a STOP.
     pub(super) fn pulses(&mut self, count: u8) -> Result<(), Failure> {
         self.done(b'L', &[count]).map(drop)
     }
 
-    /// Resets the converter by its SD.
+    /// Resets the converter by its SD pin.
     pub(super) fn reset(&mut self) -> Result<(), Failure> {
         self.done(b'S', &[1])?;
         self.pause_ms(2)?;
@@ -254,7 +254,7 @@ impl Converter {
         self.pause_ms(5)
     }
 
-    /// Puts the converter to sleep and sets channel 0 up; it does not convert yet.
+    /// Puts the converter to sleep and configures channel 0, without converting.
     pub(super) fn prepare(&mut self, setup: &Setup) -> Result<(), Failure> {
         self.write(register::CONFIG, ACTIVE | SLEEP)?;
         self.done(b'C', &[setup.divider])?;
@@ -271,13 +271,13 @@ impl Converter {
         Ok(())
     }
 
-    /// The same, and lets it convert.
+    /// Configures channel 0 and starts converting.
     pub(super) fn start(&mut self, setup: &Setup) -> Result<(), Failure> {
         self.prepare(setup)?;
         self.write(register::CONFIG, ACTIVE)
     }
 
-    /// Waits for so many edges, and reads STATUS and DATA after each.
+    /// Waits for `count` edges, and reads STATUS and DATA after each.
     pub(super) fn edges(&mut self, count: u8) -> Result<Edges, Failure> {
         let mut request = vec![count, EDGE_MS];
         request.extend(FRAME);
@@ -294,7 +294,7 @@ impl Converter {
         })
     }
 
-    /// So many words of conversions one after the other.
+    /// Reads `count` words of consecutive conversions.
     pub(super) fn words(&mut self, count: usize) -> Result<Vec<u32>, Failure> {
         (0..count).map(|_| Ok(self.edges(1)?.word)).collect()
     }

@@ -1,4 +1,4 @@
-//! The way to the board: requests to the image `bring_up`, and its answers.
+//! Connection to the board: requests to the image `bring_up`, and its answers.
 
 use std::io::{Read, Write};
 use std::net::TcpStream;
@@ -9,14 +9,14 @@ use palpate_cli::failure::Failure;
 use palpate_cli::notice;
 use palpate_emulator::{EmulatedBoard, Still, Time};
 
-/// The channel of the probe, in both directions.
+/// Channel of the probe, in both directions.
 const CHANNEL: u32 = 0;
-/// The longest that an answer may take: 200 edges are 0.7 s, and a probe may be slow.
+/// Longest wait for an answer, s: 200 edges take 0.7 s, and a probe may be slow.
 const PATIENCE_S: u64 = 30;
-/// How often an emulated board is polled.
+/// Poll interval of an emulated board.
 const LOOK: Time = Time::from_us(20);
 
-/// What came of a request, by the image's numbers.
+/// Outcome of a request, by the image's numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum RequestOutcome {
     Done,
@@ -39,11 +39,11 @@ impl RequestOutcome {
     }
 }
 
-/// A board with the image on it.
+/// A board that runs the image.
 pub(super) enum Link {
-    /// Behind a debug probe whose server offers the channel at a port.
+    /// A board behind a debug probe whose server offers the channel at a port.
     Probe(TcpStream),
-    /// The emulated one.
+    /// The emulated board.
     Emulated(Box<EmulatedBoard<Still>>),
 }
 
@@ -62,7 +62,7 @@ impl Link {
         Ok(Self::Probe(stream))
     }
 
-    /// Lets the converter's supply dip: on a board by its user, who says when it is done.
+    /// Interrupts the converter's supply; on a real board the user does it and confirms.
     pub(super) fn dip(&mut self) -> Result<(), Failure> {
         match self {
             Self::Probe(_) => {
@@ -79,12 +79,12 @@ impl Link {
         Ok(())
     }
 
-    /// Whether the board dips its supply without the user.
+    /// Whether the board interrupts its supply without the user.
     pub(super) const fn dips_itself(&self) -> bool {
         matches!(self, Self::Emulated(_))
     }
 
-    /// Asks, and waits for the answer.
+    /// Sends a request and waits for the answer.
     pub(super) fn ask(
         &mut self,
         kind: u8,

@@ -1,4 +1,4 @@
-//! `palpate bring-up`: on a first board, settle what sources disagree about.
+//! `palpate bring-up`: settle on a first board the behaviour about which sources disagree.
 
 mod converter;
 mod link;
@@ -76,9 +76,9 @@ struct TestLine<'t> {
     found: &'t str,
 }
 
-/// The tests, for the bar.
+/// Number of tests, for the progress bar.
 const TESTS: usize = 16;
-/// The emulated sensors at rest, Hz.
+/// Frequencies of the emulated sensors at rest, Hz.
 const SENSORS_HZ: [f64; 4] = [3.1e6, 3.2e6, 3.3e6, 3.4e6];
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
@@ -95,7 +95,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let ended = tests.run(arguments.dip, || progress.step());
     progress.finish();
     if ended.is_err() {
-        // What was found before the failure is half of its cause.
+        // The results before the failure help to find its cause.
         print(arguments, &tests)?;
     }
     ended?;

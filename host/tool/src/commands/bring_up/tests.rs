@@ -1,4 +1,4 @@
-//! The tests, each of which settles what sources disagree about (docs/fidelity.md).
+//! The tests; each settles a behaviour about which sources disagree (docs/fidelity.md).
 
 use ldc161x::{Code28, Hypothesis, PlausibilityCount, Rational, Rcount, Word};
 use ldc161x_sim::{
@@ -13,7 +13,7 @@ use super::converter::{
     ACTIVE, Converter, MUX, OWN_DRIVE, Op, READY, REPORTS, SCAN, Setup, UNREAD, register,
 };
 
-/// What a test has found.
+/// Result of a test.
 pub(super) struct TestFinding {
     pub(super) test: &'static str,
     pub(super) found: String,
@@ -21,7 +21,7 @@ pub(super) struct TestFinding {
 
 type Result<T> = std::result::Result<T, Failure>;
 
-/// A conversion of 4.3 ms: longer than all that is done to the converter meanwhile.
+/// A conversion of 4.3 ms: longer than all accesses to the converter meanwhile.
 const SLOW: Setup = Setup {
     rcount: 8_000,
     ..QUICK
@@ -37,18 +37,18 @@ const QUICK: Setup = Setup {
 };
 /// Divisors of 200 MHz for CLKIN, all within the limit of 35 MHz with one channel.
 const DIVISORS: [u8; 5] = [6, 8, 10, 11, 13];
-/// Words for a standard deviation.
+/// Number of words for a standard deviation.
 const WORDS: usize = 40;
-/// DATA_MSB: the amplitude's flag.
+/// DATA_MSB: amplitude flag.
 const AMPLITUDE: u16 = 1 << 12;
 
-/// The tests under way.
+/// State of the tests.
 pub(super) struct Tests {
     converter: Converter,
-    /// What is settled so far; the rest as the simulation has it.
+    /// The switches settled so far; the others as in the simulation.
     pub(super) switches: Switches,
     pub(super) findings: Vec<TestFinding>,
-    /// DRIVE_CURRENT0 that the converter has found for the sensor.
+    /// DRIVE_CURRENT0 that the converter found for the sensor.
     drive: u16,
 }
 
@@ -62,7 +62,7 @@ impl Tests {
         }
     }
 
-    /// Runs all tests; the dip of the supply only where the board makes it, or where the user asked for it.
+    /// Runs all tests; the dip of the supply only if the board makes it or the user requested it.
     pub(super) fn run(&mut self, dip: bool, done: impl Fn()) -> Result<()> {
         self.converter.greet()?;
         for test in [
@@ -103,7 +103,7 @@ impl Tests {
         }
     }
 
-    /// CONFIG as it reads after a reset, and whether leaving sleep loses the registers.
+    /// Reads CONFIG after a reset, and tests whether leaving sleep loses the registers.
     fn first_wake(&mut self) -> Result<()> {
         self.converter.reset()?;
         let config = self.converter.read(register::CONFIG)?;
@@ -126,7 +126,7 @@ impl Tests {
         Ok(())
     }
 
-    /// 1: four bytes from MANUFACTURER_ID on.
+    /// 1: reads four bytes from MANUFACTURER_ID on.
     fn burst(&mut self) -> Result<()> {
         let bytes = self.converter.read_bytes(register::MANUFACTURER, 4)?;
         self.switches.burst_read = match bytes[..] {
@@ -138,7 +138,7 @@ impl Tests {
         Ok(())
     }
 
-    /// Lets the converter seek the drive of the sensor, and keeps a code less.
+    /// Lets the converter find the drive of the sensor, and uses one code less.
     fn find_drive(&mut self) -> Result<()> {
         self.converter.prepare(&QUICK)?;
         self.converter
@@ -164,8 +164,8 @@ impl Tests {
         Ok((counts, relative_deviation(&words)))
     }
 
-    /// 2: words as ratios of counts, and how the core counts by their scatter. Over several clocks,
-    /// since the scatter at one depends on the phase.
+    /// 2: tests words as ratios of counts, and derives the counting method from their scatter, over
+    /// several clocks, since the scatter at one clock depends on the phase.
     fn words(&mut self) -> Result<()> {
         let mut squares = 0.0;
         let mut all = PlausibilityCount::default();
@@ -183,7 +183,7 @@ impl Tests {
         });
         let (by_two, _) = self.counts(divided, WORDS / 2)?;
         let k = (squares / DIVISORS.len() as f64).sqrt();
-        // 0.018 of two gates, 0.0128 of half periods, and a sensor that stands still: between.
+        // Threshold between 0.018 for two gates and 0.0128 for half periods; a sensor at rest.
         self.switches.counter = if k > 0.0152 {
             Counter::TwoGates
         } else {
@@ -213,13 +213,13 @@ impl Tests {
         Ok(self.converter.edges(200)?.period_s())
     }
 
-    /// 3: what an interval is longer than 16 RCOUNT clocks, at two clocks.
+    /// 3: measures the excess of an interval over 16 RCOUNT clocks, at two clocks.
     fn intervals(&mut self) -> Result<()> {
         let mut texts = Vec::new();
         let mut measured = Vec::new();
         for divider in [6, 12] {
-            // Two lengths give the clock and the overhead apart. Both are longer than two transfers,
-            // so that no edge of the row is seen late.
+            // Two lengths separate clock and overhead. Both are longer than two transfers, so no
+            // edge of the sequence is seen late.
             let [short, long] = [1_500, 3_000].map(|rcount| Setup {
                 rcount,
                 divider,
@@ -251,7 +251,7 @@ impl Tests {
         Ok(())
     }
 
-    /// 4: what releases INTB, and what clears UNREADCONV.
+    /// 4: tests what releases INTB, and what clears UNREADCONV.
     fn interrupt(&mut self) -> Result<()> {
         let setup = self.setup(SLOW);
         self.converter.start(&setup)?;
@@ -292,7 +292,7 @@ impl Tests {
         Ok(())
     }
 
-    /// Whether STATUS shows a result that is not enabled to interrupt.
+    /// Tests whether STATUS shows a result whose interrupt is not enabled.
     fn status(&mut self) -> Result<()> {
         let setup = self.setup(Setup {
             reports: 0,
@@ -311,7 +311,8 @@ impl Tests {
         Ok(())
     }
 
-    /// Whether reading DATA clears its flags: with the weakest drive, whose amplitude is too low.
+    /// Tests whether reading DATA clears its flags, with the weakest drive, whose amplitude is too
+    /// low.
     fn flags(&mut self) -> Result<()> {
         let weak = Setup { drive: 0, ..SLOW };
         self.converter.start(&weak)?;
@@ -342,7 +343,7 @@ impl Tests {
         Ok(())
     }
 
-    /// Whether DATA_LSB belongs to the DATA_MSB that was read before it.
+    /// Tests whether DATA_LSB belongs to the previously read DATA_MSB.
     fn halves(&mut self) -> Result<()> {
         let setup = self.setup(SLOW);
         self.converter.start(&setup)?;
@@ -380,7 +381,7 @@ impl Tests {
         Ok(())
     }
 
-    /// Whether channel 0 of a scan is overwritten before the next scan ends.
+    /// Tests whether channel 0 of a scan is overwritten before the next scan ends.
     fn overwriting(&mut self) -> Result<()> {
         let setup = self.setup(Setup {
             mux: MUX | SCAN,
@@ -400,7 +401,7 @@ impl Tests {
         self.converter.words(2)?;
         let (mut early, mut scans) = (0, 0);
         for _ in 0..8 {
-            // A conversion takes 4.3 ms: 6 ms after INTB that of channel 0 has ended, that of
+            // A conversion takes 4.3 ms: 6 ms after INTB that of channel 0 has ended, and that of
             // channel 1 has not.
             let [_, _, _, high, low, later_high, later_low, level] = self.converter.at_once(&[
                 Op::Read(STATUS),
@@ -432,7 +433,7 @@ impl Tests {
         Ok(())
     }
 
-    /// 5: a register written while converting.
+    /// 5: writes a register while converting.
     fn active_writes(&mut self) -> Result<()> {
         let setup = self.setup(SLOW);
         self.converter.start(&setup)?;
@@ -449,7 +450,7 @@ impl Tests {
                 Op::Read(DATA_MSB),
                 Op::Write(register::SETTLECOUNT, value),
                 Op::Read(register::SETTLECOUNT),
-                // The conversion that was under way.
+                // End of the conversion during the write.
                 Op::Interrupt,
                 Op::Read(STATUS),
                 Op::Read(DATA_MSB),
@@ -471,7 +472,7 @@ impl Tests {
         Ok(())
     }
 
-    /// The smallest RCOUNT that converts, and the code of the widest deglitch filter.
+    /// Finds the smallest RCOUNT that converts, and the code of the widest deglitch filter.
     fn limits(&mut self) -> Result<()> {
         let good = self.setup(QUICK);
         self.converter.start(&good)?;
@@ -514,7 +515,7 @@ impl Tests {
         Ok(())
     }
 
-    /// 6: which registers a dip of the supply changes.
+    /// 6: finds the registers that a dip of the supply changes.
     fn supply_dip(&mut self) -> Result<()> {
         let setup = self.setup(QUICK);
         self.converter.start(&setup)?;
@@ -552,7 +553,7 @@ impl Tests {
         Ok(())
     }
 
-    /// 7: the frequency's step for a step of the drive.
+    /// 7: measures the frequency's step for a step of the drive.
     fn drive_steps(&mut self) -> Result<()> {
         let mut steps = Vec::new();
         let mut last = None;
@@ -572,7 +573,7 @@ impl Tests {
         Ok(())
     }
 
-    /// 8: the scatter over RCOUNT.
+    /// 8: measures the scatter over RCOUNT.
     fn noise(&mut self) -> Result<()> {
         let mut points = Vec::new();
         for rcount in [300, 1_200, 4_800] {
@@ -592,7 +593,7 @@ impl Tests {
         Ok(())
     }
 
-    /// 9: a transfer that is cut off, and a write that ends half done.
+    /// 9: tests a truncated transfer, and a write that ends half-way.
     fn broken_off(&mut self) -> Result<()> {
         let setup = self.setup(QUICK);
         self.converter.prepare(&setup)?;
@@ -609,7 +610,7 @@ impl Tests {
         self.converter.cut_off(33)?;
         let stuck = !self.converter.data_is_high()?;
         self.converter.pulses(9)?;
-        // What was broken off may spoil the next transaction, by the finding above.
+        // A truncated transfer may corrupt the next transaction, by the finding above.
         self.converter.try_read(register::MANUFACTURER)?;
         let by_pulses = self.converter.try_read(register::MANUFACTURER)? == Some(0x5449);
         self.converter.reset()?;
@@ -625,7 +626,7 @@ impl Tests {
         Ok(())
     }
 
-    /// 10: a sensor that locks to the clock does not scatter: the least over the clocks.
+    /// 10: measures the scatter over the clocks; a sensor that locks to the clock does not scatter.
     fn locking(&mut self) -> Result<()> {
         let mut texts = Vec::new();
         for divider in DIVISORS {
@@ -641,13 +642,13 @@ impl Tests {
     }
 }
 
-/// The code of a word without an error of its count; the amplitude's flag spoils none.
+/// Returns the code of a word without a counting error; the amplitude flag does not matter.
 fn code(word: u32) -> Option<Code28> {
     let is_good = word >> 29 == 0 && word & 0x0FFF_FFFF != 0;
     is_good.then(|| Word::from_registers((word >> 16) as u16, word as u16).code())
 }
 
-/// Mean of the words that counted, of full scale.
+/// Mean of the valid words, as a part of full scale.
 fn mean(words: &[u32]) -> f64 {
     let codes: Vec<f64> = words
         .iter()
@@ -666,8 +667,8 @@ fn relative_deviation(words: &[u32]) -> f64 {
     (squares.iter().sum::<f64>() / squares.len().saturating_sub(1).max(1) as f64).sqrt()
 }
 
-/// Whether words are of the same frequency, within a thousandth: quantisation is far less, and what
-/// spoils a conversion is more.
+/// Whether words have the same frequency within a thousandth: quantisation is far less, and the
+/// error of a corrupted conversion is more.
 fn are_alike(words: &[u32], others: &[u32]) -> bool {
     let (mean, other) = (mean(words), mean(others));
     mean > 0.0 && (other / mean - 1.0).abs() < 1e-3

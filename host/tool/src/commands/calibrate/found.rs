@@ -1,4 +1,4 @@
-//! What a calibration found, as people and programs read it.
+//! Results of a calibration, as text and JSON.
 
 use std::io::{self, Write};
 
@@ -12,11 +12,11 @@ use palpate_simulate::instrument::BenchTask;
 use palpate_wire::command::CalibrationIdentity;
 use serde::Serialize;
 
-/// What was found.
+/// Results of a calibration.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct CalibrationFigures {
     pub(super) simulated: bool,
-    /// Whether a load cell gave the force; otherwise springs and the stage's scale did.
+    /// Whether a load cell gave the force; otherwise springs and the stage's scale.
     pub(super) load_cell: bool,
     pub(crate) calibration_id: u32,
     pub(super) calibrated_at_s: u32,
@@ -25,19 +25,20 @@ pub(crate) struct CalibrationFigures {
     pub(super) sensing_n_per_m: f64,
     pub(super) actuated_n_per_m: f64,
     pub(super) peak_current_a: f32,
-    /// Relative, at the peak current.
+    /// Relative rise at the peak current.
     pub(super) rise: f64,
     pub(super) attraction_n: f64,
-    /// Relative changes for every kelvin, where the bench was at two temperatures.
+    /// Relative changes per kelvin; `Some` after sessions at two temperatures.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) springs_per_k: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) rise_per_k: Option<f64>,
-    /// Relative standard uncertainty of 1/c_L at the `loads`, c_L/c_S, noise of a press apart.
+    /// Relative standard uncertainty of 1/c_L at the `loads`, c_L/c_S, without the noise of a
+    /// press.
     pub(super) uncertainty: [f64; LOADS.len()],
-    /// c_L/c_S of which the uncertainties are.
+    /// Loads of the uncertainties, c_L/c_S.
     pub(super) loads: [f64; LOADS.len()],
-    /// What it consists of.
+    /// Contributions to the uncertainty.
     pub(super) limits: Vec<Limit>,
     pub(crate) stored: bool,
     pub(crate) configuration_crc: u32,
@@ -52,7 +53,7 @@ pub(crate) struct Limit {
 }
 
 impl CalibrationFigures {
-    /// What is said of a calibration that is not stored yet.
+    /// Figures of a calibration that is not stored yet.
     pub(crate) fn of(
         session: &Session,
         task: &BenchTask,
@@ -84,7 +85,7 @@ impl CalibrationFigures {
         }
     }
 
-    /// The figures, each with its name.
+    /// The figures with their names.
     pub(super) fn figures(&self) -> Vec<(String, String)> {
         let mut figures = vec![
             (
@@ -134,7 +135,7 @@ impl CalibrationFigures {
     }
 }
 
-/// What limits a calibration, the greatest cause first.
+/// Contributions to the uncertainty, the largest first.
 fn limits(parts: &Parts) -> Vec<Limit> {
     let of = |cause, uncertainty| Limit { cause, uncertainty };
     let mut limits = vec![
@@ -147,24 +148,24 @@ fn limits(parts: &Parts) -> Vec<Limit> {
     limits
 }
 
-/// The loads of which uncertainties are, in words.
+/// Formats the loads of the uncertainties.
 pub(super) fn loads() -> String {
     let [soft, like, hard] = LOADS;
     format!("{soft}, {like}, {hard} c_S")
 }
 
-/// Parts in percent, one after the other.
+/// Formats parts in percent, separated by commas.
 pub(super) fn percents(parts: &[f64]) -> String {
     let parts: Vec<String> = parts.iter().map(|part| percent(*part)).collect();
     parts.join(", ")
 }
 
-/// A part in percent.
+/// Formats a part in percent.
 pub(super) fn percent(part: f64) -> String {
     format!("{:.1} %", 1e2 * part)
 }
 
-/// Prints what was found.
+/// Prints the results.
 pub(super) fn print(found: &CalibrationFigures, json: bool) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
     if json {

@@ -1,7 +1,7 @@
-//! Calibration: what is done on a bench, what is checked of it, and what is found.
+//! Calibration: procedure on a bench, checks of its data, results.
 //!
-//! The mathematics, from what was written down to the commands that set the instrument, is the crate
-//! `palpate_calibration`'s.
+//! The crate `palpate_calibration` contains the mathematics, from the recorded data to the commands
+//! that set the instrument.
 
 mod found;
 mod report;

@@ -1,4 +1,4 @@
-//! The report of a calibration: one HTML page with its figures and charts.
+//! Report of a calibration: one HTML page with its figures and charts.
 
 use maud::{PreEscaped, html};
 use palpate_calibration::{Basis, Calibration};
@@ -8,7 +8,7 @@ use palpate_cli::plot::{Axis, BLUE, Chart, GREY, Marks, Series};
 
 use super::found::{CalibrationFigures, loads, percent};
 
-/// The page.
+/// Builds the page.
 pub(super) fn page(
     found: &CalibrationFigures,
     calibration: &Calibration,
@@ -69,7 +69,7 @@ fn force(basis: &Basis) -> Chart {
     }
 }
 
-/// What the load cell shows beside that curve.
+/// Deviation of the load cell from that curve.
 fn beside(basis: &Basis) -> Chart {
     let points = basis.presses.iter();
     let points = points.map(|(change, n)| (1e2 * change, 1e3 * n));
@@ -97,9 +97,9 @@ fn stiffening(calibration: &Calibration, peak_a: f64) -> Chart {
     }
 }
 
-/// By how much each train by itself misses what was pressed.
+/// Deviation of each train's own line from its load.
 fn trains(basis: &Basis) -> Chart {
-    // A rigid block has no place on the axis of compliances.
+    // A rigid block has no position on the logarithmic axis.
     let pressed = basis.trains.iter().filter(|(kappa, _)| *kappa > 0.0);
     let misses: Vec<(f64, f64)> = pressed
         .map(|(kappa, miss)| (*kappa, 1e2 * miss / (1.0 + kappa)))
@@ -116,7 +116,7 @@ fn trains(basis: &Basis) -> Chart {
     }
 }
 
-/// Springs by the gauges against what is written on them.
+/// Springs by the gauges against their nominal stiffness.
 fn springs(basis: &Basis) -> Chart {
     let per_mm = |(written, found): &(f64, f64)| (written * 1e-3, found * 1e-3);
     let equal = |(written, _): &(f64, f64)| (written * 1e-3, written * 1e-3);

@@ -1,4 +1,4 @@
-//! `palpate calibrate sensor`: from specimens on a bench to a calibration that the board keeps.
+//! `palpate calibrate sensor`: from specimens on a bench to a calibration stored in the board.
 
 use std::path::PathBuf;
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -96,7 +96,7 @@ pub(crate) struct Arguments {
 
 pub(crate) fn spring(text: &str) -> Result<f64, String> {
     match text.trim().parse() {
-        // From a rubber band to a steel beam.
+        // Range from a rubber band to a steel beam.
         Ok(n_per_m) if (1.0..=1e7).contains(&n_per_m) => Ok(n_per_m),
         _ => Err("not a stiffness in N/m, 1 to 10000000".to_owned()),
     }
@@ -111,7 +111,7 @@ pub(crate) fn tolerance(text: &str) -> Result<f64, String> {
 
 fn warmer(text: &str) -> Result<f64, String> {
     match text.parse() {
-        // What the simulated sensor is drawn for.
+        // Range of the simulated sensor.
         Ok(kelvin) if (-50.0..=50.0).contains(&kelvin) => Ok(kelvin),
         _ => Err("not a difference of -50 to 50 K".to_owned()),
     }
@@ -123,7 +123,8 @@ impl Arguments {
         self.link.is_emulated()
     }
 
-    /// The stack and what is known of the sensor, which says how deep is pressed and how hot its coil becomes.
+    /// The sensor design and its data, which determine the depth of the presses and the heating of
+    /// the coil.
     fn known(&self) -> Result<(Stack, Parameters), Failure> {
         self.link.sensor()?.ok_or_else(|| {
             Failure::Argument(
@@ -132,7 +133,7 @@ impl Arguments {
         })
     }
 
-    /// Refuses what does not go together.
+    /// Refuses contradictory arguments.
     fn check(&self) -> Result<(), Failure> {
         let wrong = |reason: &str| Err(Failure::Argument(reason.to_owned()));
         if self.is_simulated_bench() {
@@ -169,10 +170,11 @@ impl Arguments {
     }
 }
 
-/// Four quantities move all trains' loads together (`ADJUSTED` of the claim); fewer springs and a block leave
-/// nothing to contradict them.
+/// Smallest number of springs. Four quantities affect the loads of all trains together; with fewer
+/// springs and a block the fit has no redundancy.
 const LEAST_SPRINGS: usize = 4;
-/// What separates the unknowns is that loads differ.
+/// Smallest ratio of the stiffest to the softest spring: only different loads separate the
+/// unknowns.
 const LEAST_RANGE: f64 = 5.0;
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
@@ -203,13 +205,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     found::print(&done?, arguments.json)
 }
 
-/// Files that are written.
+/// Output files.
 struct Files {
     report: Option<OutputFile>,
     session: Option<OutputFile>,
 }
 
-/// Refuses to begin where what is in force would be lost by a calibration that is broken off.
+/// Fails if an aborted calibration would lose the configuration in force.
 fn is_stored(link: &mut Link) -> Result<(), Failure> {
     let storage = storage::inspect(link)?;
     if storage.state == StorageState::Whole && storage.stored_crc != storage.in_force_crc {
@@ -222,8 +224,7 @@ fn is_stored(link: &mut Link) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Brings what is stored into force again, as if nothing had been; the settings from before where nothing is
-/// stored.
+/// Puts the stored configuration in force again, or the previous settings if nothing is stored.
 fn restore(link: &mut Link, before: &Settings) {
     let load = |link: &mut Link| -> Result<(), Failure> {
         link.ask(&Command::Disarm)?;
@@ -251,7 +252,7 @@ fn calibrated(
     let held = session(link, arguments, &task, interrupt)?;
     let by_itself = evaluate(&held, &task.known);
     if let Some(file) = &files.session {
-        // Also where it gives no calibration: it shows why.
+        // Written even if the session gives no calibration, since it shows why.
         let commands = by_itself.as_ref().ok().map(|of| of.commands.as_slice());
         written::write(&held, commands, file)?;
     }
@@ -278,13 +279,13 @@ fn calibrated(
     Ok(found)
 }
 
-/// What is to be done, and what is known beforehand.
+/// Plan of the bench and prior data.
 fn task(link: &mut Link, arguments: &Arguments) -> Result<BenchTask, Failure> {
     let (stack, plant) = arguments.known()?;
     let mut task = if arguments.is_simulated_bench() {
         BenchTask::of(&plant, &stack, Switches::all(), &default_settings())
     } else {
-        // The status comes with who it is.
+        // The status arrives with the identity.
         link.greet()?;
         let status = link.wait_for(STATUS_S, "status", |record| match record {
             Record::Status(status) => Some(status.clone()),
@@ -303,7 +304,7 @@ fn task(link: &mut Link, arguments: &Arguments) -> Result<BenchTask, Failure> {
     Ok(task)
 }
 
-/// Goes through the session on the bench there is.
+/// Carries out the session on the simulated or the real bench.
 fn session(
     link: &mut Link,
     arguments: &Arguments,
@@ -349,12 +350,13 @@ fn session(
     })
 }
 
-/// A status follows in less; and comes every second besides.
+/// Longest wait for a status, which follows at once and then comes every second, s.
 const STATUS_S: f64 = 5.0;
-/// What a board without a thermometer is calibrated at, degrees Celsius: it does not correct for it either.
+/// Temperature stated for a board without a thermometer, degrees Celsius; such a board does not
+/// correct for it either.
 const ROOM_C: f64 = 25.0;
 
-/// What is pressed in a run, in words.
+/// Describes the specimen and depth of a run.
 pub(crate) fn describe(pressed: Pressed, depth_m: f64) -> String {
     let depth = format!("{:.2} mm deep", 1e3 * depth_m);
     match pressed {
@@ -364,7 +366,8 @@ pub(crate) fn describe(pressed: Pressed, depth_m: f64) -> String {
     }
 }
 
-/// Number, date and temperature of a calibration; its hash is that of what the board has when it is put in force.
+/// Number, date and temperature of a calibration; [`put_in_force`] adds the hash of the board's
+/// parts.
 pub(crate) fn identity(id: Option<u32>, temperature_c: f64) -> CalibrationIdentity {
     let since_1970 = SystemTime::now().duration_since(UNIX_EPOCH);
     let now_s = since_1970.map_or(0, |time| time.as_secs());
@@ -377,8 +380,9 @@ pub(crate) fn identity(id: Option<u32>, temperature_c: f64) -> CalibrationIdenti
     }
 }
 
-/// Sets a calibration, which is lost with the power unless it is stored. Of a calibration before it nothing acts on;
-/// what is the board's own, the correction of its current and other channels, stays.
+/// Puts a calibration in force; it is lost at power-off unless stored. No part of the previous
+/// calibration has an effect any more, but the board's own parts stay: the correction of its
+/// current, and other channels.
 ///
 /// # Errors
 /// If the board is gone, or refuses a part.
@@ -397,7 +401,7 @@ pub(crate) fn put_in_force(
         commands.any(|command| matches!(command, Command::SetTemperatureCoefficients(_)))
     };
     if has_coefficients(&before) && !has_coefficients(commands) {
-        // A part cannot be taken away.
+        // A part cannot be removed.
         link.must(&Command::SetTemperatureCoefficients(
             TemperatureCoefficients {
                 springs_per_k: 0.0,

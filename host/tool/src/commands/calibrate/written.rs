@@ -1,5 +1,4 @@
-//! A session in a file: what was written down on the bench, to be taken together with another one, and to be held
-//! against later.
+//! File of a session: the bench's recorded data, for a second session or a later check.
 
 use std::path::Path;
 
@@ -10,27 +9,27 @@ use palpate_cli::text;
 use palpate_wire::Command;
 use serde::{Deserialize, Serialize};
 
-/// A session as a file has it.
+/// Contents of a session file.
 #[derive(Serialize, Deserialize)]
 struct File<S, C> {
-    /// Version of the layout.
+    /// Version of the format.
     palpate_session: u32,
     session: S,
-    /// What it gave: the commands that set it. Nothing if it gave none.
+    /// Commands of the resulting calibration; `None` if there was none.
     calibration: Option<C>,
 }
 
-/// What is read from a file.
+/// Data read from a session file.
 pub(crate) struct Written {
     pub(crate) session: Session,
-    /// The calibration that it gave by itself.
+    /// Calibration from this session alone.
     pub(crate) calibration: Option<Vec<Command>>,
 }
 
-/// The version that is written, and the only one that is read.
+/// Version that is written, and the only one that is read.
 const VERSION: u32 = 1;
 
-/// Writes a session to a file, as JSON, with the calibration that it gave.
+/// Writes a session to a file, as JSON, with its calibration.
 ///
 /// # Errors
 /// If it cannot be written.
@@ -50,7 +49,7 @@ pub(super) fn write(
 /// Reads a session from a file.
 ///
 /// # Errors
-/// If it cannot be read, or is no session of this version.
+/// If it cannot be read, or is not a session of this version.
 pub(crate) fn read(path: &Path) -> Result<Written, Failure> {
     let bytes = text::bytes_of_file(path)?;
     let wrong = |line: usize, problem: String| Failure::Input {

@@ -1,4 +1,5 @@
-//! `palpate check`: is a board's calibration still true? By a train without a press, and by a spring that is known.
+//! `palpate check`: whether a board's calibration is still valid, by a train without a press and by
+//! a known spring.
 
 mod spring;
 mod untouched;
@@ -73,7 +74,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
 }
 
-/// The calibration in force with the settings, which a board may have without their being set.
+/// Reads the calibration in force with the settings, which are in force even if they were never
+/// set.
 fn in_force(link: &mut Link) -> Result<Vec<Command>, Failure> {
     let mut commands = configuration::read(link)?;
     let has_settings = commands
@@ -86,7 +88,7 @@ fn in_force(link: &mut Link) -> Result<Vec<Command>, Failure> {
     Ok(commands)
 }
 
-/// Puts the corrected calibration in force, under the number that it had.
+/// Puts the corrected calibration in force, with its previous number.
 fn keep(link: &mut Link, commands: &[Command], temperature_c: Option<f64>) -> Result<(), Failure> {
     let before = commands.iter().find_map(|command| match command {
         Command::SetCalibrationIdentity(identity) => Some(identity.clone()),

@@ -1,4 +1,4 @@
-//! The check by a press upon a spring that is known.
+//! Check by a press onto a known spring.
 
 use std::io::{self, Write};
 
@@ -14,7 +14,7 @@ use crate::board::link::Run;
 use crate::board::storage;
 use crate::commands::measure::{arm, measured, truth};
 
-/// The JSON output.
+/// JSON output.
 #[derive(Serialize)]
 struct SpringCheckLine {
     simulated: bool,
@@ -22,11 +22,12 @@ struct SpringCheckLine {
     measured_n_per_m: Option<f32>,
     lower_n_per_m: f32,
     upper_n_per_m: Option<f32>,
-    /// In standard errors; positive where the spring was read too stiff.
+    /// Deviation in standard errors; positive where the spring was read too stiff.
     deviation: f64,
-    /// Of the stiffening, relative.
+    /// Relative change of the stiffening.
     rise_change: f64,
-    /// Relative standard uncertainty of 1/c_L upon loads of `loads` times c_S, noise of a press apart.
+    /// Relative standard uncertainty of 1/c_L for loads of `loads` times c_S, without the noise of
+    /// a press.
     uncertainty_before: [f64; LOADS.len()],
     uncertainty_after: [f64; LOADS.len()],
     loads: [f64; LOADS.len()],

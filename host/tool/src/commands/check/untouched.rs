@@ -1,4 +1,4 @@
-//! The check by a train without a press.
+//! Check by a train without a press.
 
 use std::io::{self, Write};
 use std::path::Path;
@@ -18,14 +18,14 @@ use crate::board::storage;
 use crate::commands::calibrate::written::{self, Written};
 use crate::interrupt::Interrupt;
 
-/// The JSON output.
+/// JSON output.
 #[derive(Serialize)]
 struct UntouchedCheckLine {
     simulated: bool,
-    /// Relative change of what the current adds to the reading of the untouched sensor.
+    /// Relative change of the cross-talk of the untouched sensor.
     change: f64,
     standard_error: f64,
-    /// Whether the calibration was corrected by it.
+    /// Whether the calibration was corrected.
     corrected: bool,
     configuration_crc: u32,
     stored: bool,
@@ -53,7 +53,7 @@ pub(super) fn run(arguments: &Arguments, session: &Path) -> Result<(), Failure> 
     let checked = run.and_then(|run| {
         check_untouched(&commands, bench, &run).map_err(|cause| Failure::Refused(cause.to_string()))
     });
-    // The train has changed settings and the coil's data, whatever came of it.
+    // The train has changed settings and coil data, whatever its outcome.
     let kept = match &checked {
         Ok(checked) if checked.corrected => keep(&mut link, &checked.commands, None),
         _ => put_back(&mut link, &commands),
@@ -82,7 +82,7 @@ pub(super) fn run(arguments: &Arguments, session: &Path) -> Result<(), Failure> 
     )
 }
 
-/// The bench's own train, and what the bench gave.
+/// The bench's own train and calibration.
 fn on_the_bench(written: &Written) -> Result<OnTheBench<'_>, Failure> {
     let run = written.session.untouched();
     let (run, commands) = run.zip(written.calibration.as_deref()).ok_or_else(|| {
@@ -94,7 +94,7 @@ fn on_the_bench(written: &Written) -> Result<OnTheBench<'_>, Failure> {
     Ok(OnTheBench { run, commands })
 }
 
-/// Sets what was in force, its identity last.
+/// Sets the previous configuration, with its identity last.
 fn put_back(link: &mut Link, commands: &[Command]) -> Result<(), Failure> {
     link.must(&Command::Disarm)?;
     commands
@@ -102,7 +102,7 @@ fn put_back(link: &mut Link, commands: &[Command]) -> Result<(), Failure> {
         .try_for_each(|command| link.must(command).map(drop))
 }
 
-/// What a train is driven by.
+/// Settings and coil data that drive a train.
 fn driven_by(commands: &[Command]) -> Result<(&Settings, &Coil), Failure> {
     let (mut settings, mut coil) = (None, None);
     for command in commands {

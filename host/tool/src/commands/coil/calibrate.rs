@@ -1,4 +1,4 @@
-//! `palpate calibrate current`: the current measurement against a reference.
+//! `palpate calibrate current`: calibration of the current measurement against a reference.
 
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -55,27 +55,28 @@ pub(crate) struct Arguments {
     json: bool,
 }
 
-/// Currents to either side of zero; the checks lie between them.
+/// Number of currents on either side of zero, and of checks between them.
 const STEPS: i32 = 12;
 const CHECKS: i32 = 6;
-/// A current is passed over by so much to either side, A, so that a wide code of the converter (eight
-/// codes, 52 mA) counts for no more than it does in use. A meter that averages over a tenth of a
-/// second, and not over whole sweeps, is then off by 6 mA at most.
+/// Amplitude of the sweep about a current, A, so that a wide code of the converter (eight codes, 52
+/// mA) has no more effect than in use. A meter that averages over a tenth of a second, not over
+/// whole sweeps, is then off by 6 mA at most.
 const ABOUT_A: f64 = 0.06;
-/// How long that takes in one direction, s, and until the current rests before, s.
+/// Duration of the sweep in one direction, and settling time of the current before it, s.
 const SWEEP_S: f64 = link::WORD_S;
 const SETTLE_S: f64 = 0.01;
-/// Conversions that lie wholly within the time: the edge on either side is one of 1 ms.
+/// Margin at both ends for conversions that lie within the sweep, s: one conversion of 1 ms.
 const EDGE_S: f64 = 1e-3;
-/// What the coil may take for ever, W, and with a margin: 3 A in 0.39 ohm are the paper's
-/// continuous rating.
+/// Continuous power of the coil, W, with a margin: the paper's continuous rating is 3 A in 0.39
+/// ohm.
 const CONTINUOUS_W: f64 = 3.0;
-/// Energy of one reading, J: of the 60 J that the firmware allows, with what was there before.
+/// Energy of one reading, J, within the 60 J that the firmware allows, including the heat left from
+/// before.
 const MOST_J: f64 = 40.0;
-/// Longest that a reference may take, s.
+/// Longest reading of a reference, s.
 const PATIENCE_S: f64 = 5.0;
 
-/// What was measured, and what it was.
+/// Setpoint, measured and true current.
 #[derive(Clone, Copy, Debug, Serialize)]
 struct Pair {
     wanted_a: f64,
@@ -84,7 +85,7 @@ struct Pair {
 }
 
 impl Pair {
-    /// How much the current was off its setpoint.
+    /// Deviation of the true current from the setpoint, A.
     fn off_a(&self) -> f64 {
         self.true_a - self.wanted_a
     }
@@ -100,7 +101,7 @@ struct CurrentCalibration<'f> {
     correction: &'f CurrentCorrection,
 }
 
-/// What says what the current truly is.
+/// Source of the true current.
 enum Reference<'r> {
     Program(&'r Path),
     /// The emulated circuit, with a relative error.
@@ -111,7 +112,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let file = OutputFile::new("--output", &arguments.output)?;
     let mut link = open(&arguments.link)?;
     let settings = configuration::settings(&mut link)?;
-    // The one in force would be found once more.
+    // Resets the correction in force, which would be measured too.
     link.must(&Command::SetCurrentCorrection(correction_of(&[
         [-1.0, -1.0],
         [1.0, 1.0],
@@ -194,7 +195,7 @@ fn worst_a(pairs: &[Pair]) -> f64 {
         .fold(0.0, f64::max)
 }
 
-/// The readings have to rise with the current.
+/// Checks that the readings rise with the current.
 fn check(pairs: &[[f64; 2]]) -> Result<(), Failure> {
     let rises = pairs.windows(2).all(|of| match of {
         [[low, low_of], [high, high_of]] => high > low && high_of > low_of,
@@ -210,8 +211,8 @@ fn check(pairs: &[[f64; 2]]) -> Result<(), Failure> {
     ))
 }
 
-/// A correction from pairs of measured and true current in rising order: straight between them, in
-/// proportion beyond the outermost.
+/// Computes a correction from pairs of measured and true current in rising order: linear between
+/// them, proportional beyond the outermost.
 fn correction_of(pairs: &[[f64; 2]]) -> CurrentCorrection {
     let ends = [pairs.first(), pairs.last()].into_iter().flatten();
     let greatest_a = ends
@@ -243,7 +244,7 @@ fn change_a(pairs: &[[f64; 2]], reported_a: f64) -> f64 {
     inside.unwrap_or_else(|| nearest.map_or(0.0, |[end_a, of]| (of - end_a) * reported_a / end_a))
 }
 
-/// Board and reference.
+/// A board with a reference.
 struct CurrentBench<'r> {
     link: Link,
     reference: Reference<'r>,
@@ -264,7 +265,7 @@ impl CurrentBench<'_> {
         Ok(pairs)
     }
 
-    /// One current: driven, measured, and read; then the coil rests for what it took.
+    /// Drives, measures and reads one current, then lets the coil cool for that energy.
     fn pair(&mut self, wanted_a: f64) -> Result<Pair, Failure> {
         let power_w = self.ohm * (wanted_a.abs() + ABOUT_A).powi(2);
         let patience_s = PATIENCE_S.min(MOST_J / power_w.max(1e-3));
@@ -309,7 +310,7 @@ impl CurrentBench<'_> {
         }))
     }
 
-    /// Once to and fro about the current. Returns the device's times of its begin and end, s.
+    /// Sweeps once to and fro about the current. Returns start and end by the device's time, s.
     fn sweep(&mut self, about_a: f64) -> Result<[f64; 2], Failure> {
         let begin_s = self.drive(about_a + ABOUT_A, SWEEP_S)?;
         self.link.pass(SWEEP_S)?;
@@ -330,7 +331,7 @@ impl CurrentBench<'_> {
         Ok((begin_s, end_s, true_a * (1.0 + error)))
     }
 
-    /// Sweeps while the program runs.
+    /// Sweeps until the reference's program ends.
     fn against_program(
         &mut self,
         program: &Path,
@@ -362,14 +363,14 @@ impl CurrentBench<'_> {
     }
 }
 
-/// True current of the emulated board: charge, A s, and time, s, so far.
+/// Integrals of the emulated board's current: charge, A s, and time, s.
 #[derive(Clone, Copy, Debug)]
 struct Truth {
     charge_a_s: f64,
     time_s: f64,
 }
 
-/// Nothing on a board.
+/// Reads the integrals; `None` for a real board.
 fn truth(link: &mut Link) -> Option<Truth> {
     let board = link.emulated()?.instrument_mut().board_mut();
     let totals = board.circuit().totals();
@@ -392,7 +393,7 @@ fn start(program: &Path) -> Result<Child, Failure> {
         })
 }
 
-/// The number that a program has printed.
+/// Parses the number that a program has printed.
 fn reading(process: Child, program: &Path) -> Result<f64, Failure> {
     let output = process.wait_with_output()?;
     let text = String::from_utf8_lossy(&output.stdout);

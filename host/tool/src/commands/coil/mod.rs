@@ -1,4 +1,4 @@
-//! `palpate coil`: the load at the bridge, and how its current responds.
+//! `palpate coil`: test of bridge and load, and response of the current.
 
 pub(crate) mod calibrate;
 mod response;
@@ -51,23 +51,22 @@ pub(crate) struct Arguments {
     json: bool,
 }
 
-/// Longest that is waited for the self-test, s: it takes a fifth of one at most.
+/// Longest wait for the self-test, s; it takes at most a fifth of a second.
 const TEST_S: f64 = 5.0;
-/// Every period of the bridge.
+/// Sampling interval of a step, s: every period of the bridge.
 const STEP_INTERVAL_S: f32 = 16e-6;
-/// Longest that is waited for the parts of a record, s; they take two milliseconds, and the way
-/// through a probe.
+/// Longest wait for the parts of a record, s; they take two milliseconds plus the delay of a probe.
 const RECORD_S: f64 = 5.0;
-/// A ramp as in a measurement, s.
+/// Duration of a ramp, as in a measurement, s.
 const RAMP_S: f32 = 0.06;
-/// Part of the step's current at which the ramp ends.
+/// End of the ramp as a part of the step's current.
 const RAMP_ENDS: f64 = 0.2;
-/// At a current before the ramp begins, s.
+/// Hold before the ramp, s.
 const HOLD_S: f64 = 0.03;
-/// Part of what supply and resistance allow that a step goes to: what is left regulates.
+/// Step as a part of the supply's current through the resistance; the rest is for regulation.
 const OF_SUPPLY: f64 = 0.8;
 
-/// What was found.
+/// Results.
 #[derive(Serialize)]
 struct CoilReport {
     simulated: bool,
@@ -124,7 +123,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     ))
 }
 
-/// Connects, and sends the coil's data if its stack is named: of an emulated board they are known.
+/// Connects, and sends the coil's data if the sensor design is known, as for an emulated board.
 fn open(arguments: &link::Arguments) -> Result<Link, Failure> {
     let known = arguments.sensor()?;
     let mut link = arguments.open()?;
@@ -135,7 +134,7 @@ fn open(arguments: &link::Arguments) -> Result<Link, Failure> {
     Ok(link)
 }
 
-/// Arms the board, and waits for what its test of the coil finds.
+/// Arms the board, and waits for the result of its coil test.
 fn armed(link: &mut Link) -> Result<CoilTest, Failure> {
     link.take();
     let (_, outcome) = link.ask(&Command::Arm)?;
@@ -156,7 +155,7 @@ fn armed(link: &mut Link) -> Result<CoilTest, Failure> {
     })
 }
 
-/// The greatest current that supply and settings allow, A.
+/// Greatest current that supply and settings allow, A.
 fn allowed_a(settings: &Settings, test: &CoilTest) -> f64 {
     let supplied_a = f64::from(test.supply_v) / f64::from(test.resistance_ohm);
     f64::from(settings.peak_current_a).min(OF_SUPPLY * supplied_a)
@@ -187,12 +186,12 @@ fn drive(link: &mut Link, to_a: f64, over_s: f32, trace_interval_s: f32) -> Resu
     }))
 }
 
-/// A current that wakes the bridge, A, and the time that it takes at most, s: the record of a step is as long as that. It is within the noise of a
-/// current of none.
+/// Current that wakes the bridge, A, and longest time for it, s, which is the length of a step's
+/// record. The current is within the noise of zero current.
 const WAKING_A: f64 = 0.05;
 const WAKING_S: f64 = 0.005;
 
-/// Steps from rest, and waits for the record of it.
+/// Steps from rest, and waits for the record.
 fn step(link: &mut Link, to_a: f64) -> Result<Traced, Failure> {
     drive(link, WAKING_A.copysign(to_a), 0.0, 0.0)?;
     link.collect(WAKING_S)?;
@@ -214,8 +213,8 @@ fn step(link: &mut Link, to_a: f64) -> Result<Traced, Failure> {
     ))
 }
 
-/// Falls in a ramp. Returns the currents that the board reports meanwhile, each with the time since the
-/// ramp's start: s, A.
+/// Drives a falling ramp. Returns the reported currents as pairs of time since the ramp's start, s,
+/// and current, A.
 fn ramp(link: &mut Link, to_a: f64) -> Result<Vec<(f64, f64)>, Failure> {
     link.take();
     let begin_s = drive(link, to_a, RAMP_S, 0.0)?;
@@ -233,7 +232,7 @@ fn draw(charts: &[Chart], files: &[OutputFile]) -> Result<(), Failure> {
     drawings.try_for_each(|(chart, file)| file.write(chart.svg()?))
 }
 
-/// Where a step's chart begins before it, and ends, s.
+/// Range of a step's chart relative to the step, s.
 const AROUND_STEP_S: [f64; 2] = [-100e-6, 700e-6];
 
 fn step_chart(step: &StepResponse, traced: &Traced) -> Chart {

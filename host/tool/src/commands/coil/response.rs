@@ -1,4 +1,4 @@
-//! How a current followed: a step and a ramp, from what the board recorded.
+//! Response of the current to a step and a ramp, from the board's records.
 
 use palpate_cli::failure::Failure;
 use palpate_wire::Record;
@@ -15,7 +15,7 @@ pub(super) struct Traced {
 }
 
 impl Traced {
-    /// The record, if the board has sent all its parts.
+    /// Returns the record if all parts have arrived.
     pub(super) fn whole(records: &[Reported]) -> Option<Self> {
         let mut parts: Vec<_> = records
             .iter()
@@ -36,7 +36,7 @@ impl Traced {
         })
     }
 
-    /// Time since the record began, s, and current, A.
+    /// Pairs of time since the start of the record, s, and current, A.
     pub(super) fn points(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
         let at = |index: usize| (index as f64 + 1.0) * self.interval_s;
         self.currents_a
@@ -46,36 +46,36 @@ impl Traced {
     }
 }
 
-/// Noise of the current of one period, A, as the worst of the wide codes of the RP2040's converter
-/// makes it (erratum E11: eight codes, half of them to either side, 6.4 mA each).
+/// Noise of the current in one period, A, from the worst of the wide codes of the RP2040's
+/// converter (erratum E11: eight codes, half of them to either side, 6.4 mA each).
 const NOISE_A: f64 = 0.052;
-/// Greatest part of a period for which the bridge drives: its upper switches need the rest.
+/// Greatest duty of the bridge; its upper switches need the rest of the period.
 const DUTY: f64 = 0.98;
-/// Least of what a coil's own drive may differ from the setpoint, A: offset and bow of the
-/// measurement before it is calibrated do not show in its own reading.
+/// Tolerance of the coil's own drive from the setpoint, relative: its own reading does not show
+/// offset and nonlinearity of the uncalibrated measurement.
 const SETTLED: f64 = 0.01;
-/// What docs/firmware.md promises.
+/// Limits promised in docs/firmware.md.
 const OVERSHOOT: f64 = 0.02;
 pub(super) const NONLINEARITY: f64 = 0.005;
-/// Part of a ramp that is evaluated: conversions at its ends have a part of what is beside it.
+/// Evaluated part of a ramp: conversions at its ends average beyond it.
 const MIDDLE: [f64; 2] = [0.05, 0.95];
-/// Fewer conversions are no ramp.
+/// Smallest number of conversions of a ramp.
 const LEAST: usize = 10;
 
 /// A step from rest.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub(super) struct StepResponse {
     pub(super) to_a: f64,
-    /// When it began, in the record's time, s.
+    /// Start of the step in the record's time, s.
     pub(super) begins_s: f64,
-    /// From the start to 90 %, s, and the least that this circuit takes, s.
+    /// Rise from the start to 90 %, and the shortest possible with this circuit, s.
     pub(super) rise_s: f64,
     pub(super) shortest_rise_s: f64,
-    /// Highest above the end, as a part of it.
+    /// Overshoot as a part of the final current.
     pub(super) overshoot: f64,
-    /// Mean of the record's second half, A.
+    /// Mean of the second half of the record, A.
     pub(super) settled_a: f64,
-    /// Where the current would end without regulation, A, and the circuit's time constant, s.
+    /// Final current without regulation, A, and time constant of the circuit, s.
     final_a: f64,
     time_constant_s: f64,
     interval_s: f64,
@@ -93,7 +93,7 @@ impl StepResponse {
             }
             _ => None,
         });
-        // The last point still at rest.
+        // Last point at rest.
         let begins = points
             .iter()
             .take_while(|(_, of)| *of * size_a < 3.0 * NOISE_A);
@@ -121,7 +121,7 @@ impl StepResponse {
         })
     }
 
-    /// What is promised of the drive, and one period by which a record may miss the start.
+    /// Longest allowed rise; contains one period by which a record may miss the start.
     pub(super) fn longest_rise_s(&self) -> f64 {
         self.shortest_rise_s + 3.0 * self.interval_s
     }
@@ -140,7 +140,7 @@ impl StepResponse {
             && (self.settled_a - self.to_a).abs() <= self.tolerance_a()
     }
 
-    /// The rise with the bridge always on until the current is there: µs and A.
+    /// Rise with the bridge fully on until the setpoint, in µs and A.
     pub(super) fn fastest_rise(&self, to_s: f64) -> Vec<(f64, f64)> {
         const STEPS: u32 = 400;
         let at = |step: u32| to_s * f64::from(step) / f64::from(STEPS);
@@ -155,24 +155,24 @@ impl StepResponse {
     }
 }
 
-/// A straight fall.
+/// A linear fall.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub(super) struct Ramp {
     pub(super) from_a: f64,
     pub(super) to_a: f64,
-    /// Greatest distance from the straight line of least squares, as a part of `from_a`.
+    /// Greatest deviation from the fitted line, as a part of `from_a`.
     pub(super) nonlinearity: f64,
-    /// Standard deviation about it, A.
+    /// Standard deviation about the line, A.
     pub(super) scatter_a: f64,
-    /// The part that was evaluated, since its start, s.
+    /// Evaluated span since the ramp's start, s.
     pub(super) span_s: [f64; 2],
-    /// The line: at the middle of the span, A, and its slope, A/s.
+    /// Fitted line: current at the middle of the span, A, and slope, A/s.
     middle_a: f64,
     slope_a_per_s: f64,
 }
 
 impl Ramp {
-    /// From the currents that the board reported, each with its time: s, A.
+    /// Evaluates the reported currents, as pairs of time, s, and current, A.
     pub(super) fn of(currents: &[(f64, f64)], [from_a, to_a]: [f64; 2]) -> Result<Self, Failure> {
         let [early, late] = MIDDLE.map(|part| from_a + part * (to_a - from_a));
         let (low_a, high_a) = (early.min(late), early.max(late));
@@ -250,7 +250,7 @@ mod tests {
         }
     }
 
-    /// 24 A times what an exponential of 80 us leaves, from 160 us on.
+    /// 24 A times an exponential of 80 us, from 160 us on.
     fn rising(at_s: f64, to_a: f64) -> f64 {
         let since_s = (at_s - 160e-6).max(0.0);
         (0.98 * 24.0 * (1.0 - (-since_s / 80e-6).exp())).min(to_a)

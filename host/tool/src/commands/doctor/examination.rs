@@ -1,4 +1,4 @@
-//! What a board says of itself.
+//! Data that a board reports about itself.
 
 use palpate_cli::failure::Failure;
 use palpate_wire::code::{Outcome, Part};
@@ -9,13 +9,13 @@ use palpate_wire::{Command, Record};
 
 use crate::board::link::Link;
 
-/// How long is listened, s: the sensor's self-test is over, and a fault that was cleared has come again.
-/// Every check of the firmware that runs by itself does so within a second (docs/faults.md).
+/// Time of listening, s: the sensor's self-test is over, and a cleared fault has come again. Every
+/// automatic check of the firmware takes place within a second (docs/faults.md).
 pub(super) const LISTEN_S: f64 = 2.0;
-/// How long records may take that follow their command's answer, s.
+/// Longest delay of records after the answer to their command, s.
 const RECORDS_S: f64 = 0.2;
 
-/// What a measurement of stiffness needs; a law of stiffening or a curve of it besides.
+/// Parts that a measurement of stiffness needs, beside a law or a curve of the stiffening.
 const NEEDED: [Part; 6] = [
     Part::Tank,
     Part::DeformationCurve,
@@ -25,45 +25,45 @@ const NEEDED: [Part; 6] = [
     Part::Attraction,
 ];
 
-/// What was found out about a board.
+/// Results of the examination of a board.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Examination {
     pub(super) hello: Hello,
     pub(super) status: Option<Status>,
     pub(super) storage: Option<Storage>,
-    /// What the last run ended with, if it was a crash that was reported.
+    /// Crash that ended the last run, if reported.
     pub(super) crash: Option<Crash>,
-    /// Faults that began and did not end.
+    /// Faults that have begun and not ended.
     pub(super) faults: Vec<Fault>,
-    /// Faults that began, each with how often.
+    /// Faults that have begun, with their counts.
     pub(super) begun: Vec<(Fault, u32)>,
-    /// Whether any fault stands, also one that began before.
+    /// Whether any fault is active, including earlier ones.
     pub(super) stands: bool,
-    /// Parts of the calibration that a measurement needs and that are not set.
+    /// Needed parts of the calibration that are not set.
     pub(super) missing: Vec<Part>,
-    /// The last sample of the first converter.
+    /// Last sample of the first converter.
     pub(super) sample: Option<Sample>,
     pub(super) losses: Losses,
 }
 
-/// What was lost on the link, in frames.
+/// Lost frames on the link.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Losses {
-    /// Produced and not received.
+    /// Frames produced but not received.
     pub(super) missing: u64,
-    /// Those of them that the board dropped.
+    /// Missing frames that the board dropped.
     pub(super) dropped: u64,
-    /// Received, and damaged or not understood.
+    /// Frames received but damaged or not understood.
     pub(super) unreadable: u32,
 }
 
 impl Examination {
-    /// Examines a board, which is disarmed.
+    /// Examines a board and disarms it.
     ///
     /// # Errors
     /// If the board is gone, or does not answer.
     pub(super) fn of(link: &mut Link) -> Result<Self, Failure> {
-        // A frame that had begun when the port was opened is no loss.
+        // A frame that started before the port was opened is not lost.
         let before = link.unreadable();
         link.collect(LISTEN_S)?;
         let stands = does_a_fault_stand(link)?;
@@ -97,12 +97,12 @@ impl Examination {
         Ok(found)
     }
 
-    /// Whether a fault stands.
+    /// Whether a fault is active.
     pub(super) const fn is_faulted(&self) -> bool {
         self.stands || !self.faults.is_empty()
     }
 
-    /// Faults that began and ended, each with how often it began.
+    /// Faults that have begun and ended, with their counts.
     pub(super) fn ended(&self) -> impl Iterator<Item = &(Fault, u32)> {
         let stands = |fault: &Fault| self.faults.iter().any(|of| is_same(of, fault));
         self.begun.iter().filter(move |(fault, _)| !stands(fault))
@@ -133,16 +133,16 @@ fn is_same(one: &Fault, other: &Fault) -> bool {
     (one.code, one.location) == (other.code, other.location)
 }
 
-/// Whether a fault stands. No command asks for it; one that needs the coil is refused because of a fault,
-/// or else because the board is disarmed, and does nothing in either case.
+/// Whether a fault is active. No command reports this; a command that needs the coil is refused
+/// because of a fault, or else because the board is disarmed, and does nothing in either case.
 fn does_a_fault_stand(link: &mut Link) -> Result<bool, Failure> {
-    // Just before it: a program at another link may arm the board.
+    // Disarms immediately before, since a program on another link may arm the board.
     link.must(&Command::Disarm)?;
     let (_, outcome) = link.ask(&Command::TestCoil)?;
     Ok(outcome == Outcome::Faulted)
 }
 
-/// Parts of the calibration that are needed and not set, of the first channel of the first converter.
+/// Needed but unset parts of the calibration, for the first channel of the first converter.
 fn missing_parts(link: &mut Link) -> Result<Vec<Part>, Failure> {
     let mut missing = Vec::new();
     for part in NEEDED {

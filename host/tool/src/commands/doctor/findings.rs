@@ -1,4 +1,4 @@
-//! What is wrong, from what a board says of itself.
+//! Findings from the data that a board reports.
 
 use palpate_cli::finding::Finding;
 use palpate_wire::code::{Chip, Contact, FaultCode, ResetCause, StorageState};
@@ -8,10 +8,10 @@ use palpate_wire::{MINOR_VERSION, SCHEMA_HASH, VERSION};
 use super::examination::{Examination, LISTEN_S, Losses};
 use crate::commands::faults::meaning;
 
-/// The least supply of the coil, V: `DRIVE` of the firmware (firmware/procedure/src/board.rs).
+/// Smallest supply of the coil, V: `DRIVE` of the firmware (firmware/procedure/src/board.rs).
 const LEAST_SUPPLY_V: f32 = 4.5;
 
-/// Everything that is wrong, what has to be put right first at the front.
+/// All findings, the one to fix first at the front.
 pub(super) fn of(found: &Examination) -> Vec<Finding> {
     let mut findings = Vec::new();
     findings.extend(of_version(&found.hello));
@@ -93,7 +93,7 @@ fn of_converters(hello: &Hello) -> Vec<Finding> {
     findings.collect()
 }
 
-/// A second converter need not be there.
+/// A second converter is optional.
 fn of_converter(which: &str, chip: Chip) -> Option<Finding> {
     match chip {
         Chip::Ldc161x => None,
@@ -234,7 +234,8 @@ fn of_calibration(found: &Examination) -> Option<Finding> {
     ))
 }
 
-/// The baseline is learnt in half a second: after two a sensor still at it reads below the rest of its calibration.
+/// The baseline takes half a second: a sensor that is still settling after two reads below the rest
+/// of its calibration.
 fn of_contact(sample: &Sample) -> Option<Finding> {
     let channel = sample.channels.first()?;
     let deformation_m = channel.deformation_m?;
@@ -289,7 +290,7 @@ mod tests {
 
     use super::*;
 
-    /// A board with which nothing is wrong.
+    /// A board without any finding.
     fn sound() -> Examination {
         Examination {
             hello: Hello {
@@ -353,7 +354,7 @@ mod tests {
         }
     }
 
-    /// Names of the findings, of a board with which something is wrong.
+    /// Names of the findings of a board with a defect.
     fn names(spoil: impl FnOnce(&mut Examination)) -> Vec<&'static str> {
         let mut found = sound();
         spoil(&mut found);
@@ -371,7 +372,7 @@ mod tests {
     #[test]
     fn of_a_sound_board_nothing_is_found() {
         assert_eq!(names(|_| ()), [""; 0]);
-        // Without a bridge there is no supply to be measured.
+        // Without a bridge there is no supply to measure.
         let bare = names(|found| found.status.as_mut().unwrap().supply_v = None);
         assert_eq!(bare, [""; 0]);
     }

@@ -1,4 +1,4 @@
-//! `palpate doctor`: what is wrong with a board, or with the way to it.
+//! `palpate doctor`: finds defects of a board and of its connection.
 
 mod examination;
 mod findings;
@@ -41,12 +41,12 @@ pub(crate) struct Arguments {
     json: bool,
 }
 
-/// The JSON output.
+/// JSON output.
 #[derive(Serialize)]
 struct Report {
-    /// Where the board is; absent if none was reached.
+    /// Location of the board; absent if no board was reached.
     board: Option<String>,
-    /// The fault that was cleared.
+    /// The cleared fault.
     cleared: Option<FaultCode>,
     findings: Vec<Finding>,
 }
@@ -87,7 +87,7 @@ fn report(arguments: &Arguments) -> Result<Report, Failure> {
     })
 }
 
-/// Examines a board; the fault that was cleared, and what it says then.
+/// Examines a board. Returns the cleared fault, and the examination after that.
 fn examined(link: &mut Link, clears: bool) -> Result<(Option<FaultCode>, Examination), Failure> {
     let examination = Examination::of(link)?;
     if !clears || !examination.is_faulted() {
@@ -97,12 +97,12 @@ fn examined(link: &mut Link, clears: bool) -> Result<(Option<FaultCode>, Examina
     Ok((cleared, Examination::of(link)?))
 }
 
-/// Clears the fault that stands; which one it was. None if it cannot be cleared.
+/// Clears the active fault and returns it; `None` if it cannot be cleared.
 fn clear(link: &mut Link) -> Result<Option<FaultCode>, Failure> {
     for &code in FaultCode::ALL {
         let (_, outcome) = link.ask(&Command::ClearFault(ClearFault { code }))?;
         if outcome == Outcome::Accepted {
-            // The records of it have been seen.
+            // Drops the records of the fault.
             link.take();
             return Ok(Some(code));
         }

@@ -1,4 +1,4 @@
-//! A record as a row: structures and lists side by side.
+//! Records as rows: structures and lists become columns.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -6,16 +6,16 @@ use palpate_wire::schema::{Field, Type};
 use palpate_wire::{Message, Record};
 use serde_json::Value;
 
-/// The field by which an item of a list is known, where it has it: the conversions of a sample are those
-/// of channels 0 and 2, not the first two.
+/// Field that identifies an item of a list, if present: the conversions of a sample may be those of
+/// channels 0 and 2, not the first two.
 const CHANNEL: &str = "channel";
 
-/// Which items of each list occur.
+/// Items of each list that occur.
 #[derive(Debug, Default)]
 pub(super) struct Used(BTreeMap<String, BTreeSet<u64>>);
 
 impl Used {
-    /// Enters those of a record.
+    /// Adds the items of a record.
     pub(super) fn enter(&mut self, payload: &Value) {
         for (field, value) in payload.as_object().into_iter().flatten() {
             if let Value::Array(items) = value {
@@ -26,7 +26,7 @@ impl Used {
     }
 }
 
-/// The number by which an item of a list is known.
+/// Number that identifies an item of a list.
 fn number(place: u64, item: &Value) -> u64 {
     item.get(CHANNEL).and_then(Value::as_u64).unwrap_or(place)
 }
@@ -35,18 +35,18 @@ fn number(place: u64, item: &Value) -> u64 {
 #[derive(Clone, Debug)]
 pub(super) struct Column {
     pub(super) name: String,
-    /// What its cells are.
+    /// Type of the cells.
     pub(super) of: Type,
-    /// Their unit; `1` for plain numbers, empty for what is no quantity.
+    /// Unit of the cells; `1` for plain numbers, empty for non-quantities.
     pub(super) unit: &'static str,
     path: Vec<Step>,
 }
 
-/// A way into a value.
+/// A step of a path into a value.
 #[derive(Clone, Debug)]
 enum Step {
     Field(&'static str),
-    /// The item of a list that is known by a number.
+    /// The item of a list with this number.
     Item(u64),
 }
 
@@ -64,14 +64,14 @@ impl Step {
 }
 
 impl Column {
-    /// What a record has there; nothing if that is absent.
+    /// Returns the value in a record; `None` if absent.
     pub(super) fn value<'v>(&self, payload: &'v Value) -> Option<&'v Value> {
         let mut steps = self.path.iter();
         let value = steps.try_fold(payload, |value, step| step.of(value))?;
         (!value.is_null()).then_some(value)
     }
 
-    /// The same as text; empty if it is absent.
+    /// Returns the value as text; empty if absent.
     pub(super) fn cell(&self, payload: &Value) -> String {
         match self.value(payload) {
             None => String::new(),
@@ -81,7 +81,7 @@ impl Column {
     }
 }
 
-/// The columns of a kind of record, in the order of its fields.
+/// Columns of a kind of record, in the order of its fields.
 pub(super) fn of(kind: &str, used: &Used) -> Vec<Column> {
     let mut kinds = Record::KINDS.iter();
     let payload = kinds.find(|of| of.name == kind).and_then(|of| of.payload);
@@ -119,7 +119,7 @@ fn add_value(column: &Column, of: &Type, used: &Used, columns: &mut Vec<Column>)
     };
     match of.structure() {
         Some(structure) => {
-            // The number in the name says the channel.
+            // The number in the name is already the channel.
             let fields = structure.fields.iter();
             let is_item = matches!(column.path.last(), Some(Step::Item(_)));
             for field in fields.filter(|field| !is_item || field.name != CHANNEL) {

@@ -10,7 +10,7 @@ use super::{Created, Table};
 use crate::recording::Recorded;
 use crate::recording::date::NS_PER_S;
 
-/// The columns before the fields of a record.
+/// Columns before the fields of a record.
 const FIRST: [&str; 6] = [
     "host_time_s",
     "device_time_s",
@@ -25,7 +25,7 @@ struct CsvTable {
     rows: csv::Writer<File>,
 }
 
-/// Begins a file.
+/// Creates a file.
 pub(super) fn create(path: &Path, columns: Vec<Column>) -> Created {
     let file = File::create(path).map_err(|error| error.to_string())?;
     let mut rows = csv::Writer::from_writer(file);
@@ -61,7 +61,7 @@ fn first(recorded: &Recorded) -> [String; FIRST.len()] {
     ]
 }
 
-/// All nine digits: a float of this size would keep six.
+/// All nine decimals: a float of this size would keep six.
 fn seconds(ns: u64) -> String {
     format!("{}.{:09}", ns / NS_PER_S, ns % NS_PER_S)
 }

@@ -49,19 +49,19 @@ pub(crate) struct Arguments {
     parquet: Option<PathBuf>,
 }
 
-/// A table that is being written.
+/// A table during writing.
 trait Table {
     /// Adds a record with its fields.
     fn add(&mut self, recorded: &Recorded, payload: &Value) -> Result<(), String>;
 
-    /// Writes what is not written yet.
+    /// Writes the remaining rows.
     fn finish(self: Box<Self>) -> Result<(), String>;
 }
 
-/// A table that has been begun, or why it was not.
+/// A new table, or the reason why it could not be created.
 type Created = Result<Box<dyn Table>, String>;
 
-/// A kind of file.
+/// A file format.
 struct Format {
     argument: &'static str,
     ending: &'static str,
@@ -80,7 +80,7 @@ const PARQUET: Format = Format {
 };
 
 impl Arguments {
-    /// What is to be written, and where.
+    /// Requested formats and their folders.
     fn outputs(&self) -> Vec<(Format, &Path)> {
         let csv = self.csv.as_deref().map(|folder| (CSV, folder));
         let parquet = self.parquet.as_deref().map(|folder| (PARQUET, folder));
@@ -105,7 +105,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     outputs.into_iter().try_for_each(Tables::finish)
 }
 
-/// Which items of lists occur, by kinds of records.
+/// Items of lists that occur, by kind of record.
 fn used(file: &Path) -> Result<BTreeMap<&'static str, Used>, Failure> {
     let mut reader = Reader::open(file)?;
     let mut used: BTreeMap<&'static str, Used> = BTreeMap::new();
@@ -130,7 +130,7 @@ fn used(file: &Path) -> Result<BTreeMap<&'static str, Used>, Failure> {
     Ok(used)
 }
 
-/// A record's fields, with the digits of the text form: an f32 has fewer than the f64 next to it.
+/// Fields of a record with the digits of the text form: an f32 has fewer than the nearest f64.
 fn payload(recorded: &Recorded) -> Result<Value, Failure> {
     let message = &recorded.frame.message;
     let text = serde_json::to_string(message)?;
@@ -139,7 +139,7 @@ fn payload(recorded: &Recorded) -> Result<Value, Failure> {
     Ok(payload.unwrap_or_default())
 }
 
-/// A table for each kind of record.
+/// One table for each kind of record.
 struct Tables {
     format: Format,
     folder: PathBuf,
@@ -163,7 +163,7 @@ impl Tables {
             folder: folder.to_path_buf(),
             tables: BTreeMap::new(),
         };
-        // All before the first is begun, which empties an older one.
+        // All outputs are checked before the first is created, since that empties an older file.
         for kind in used.keys() {
             let file = tables.file(kind);
             OutputFile::new(tables.format.argument, &file)?.apart_from(recording)?;

@@ -11,7 +11,7 @@ use super::{Created, Table};
 use crate::recording::Recorded;
 use crate::recording::parquet_file::{Head, Kind, ParquetFile};
 
-/// The columns before the fields of a record.
+/// Columns before the fields of a record.
 const FIRST: [Head<'_>; 6] = [
     first("host_time", Kind::Time, ""),
     first("device_time", Kind::Time, ""),
@@ -35,7 +35,7 @@ struct ParquetTable {
     columns: Vec<Column>,
 }
 
-/// Begins a file.
+/// Creates a file.
 pub(super) fn create(path: &Path, columns: Vec<Column>) -> Created {
     let fields = columns.iter().map(|column| Head {
         name: &column.name,
@@ -58,7 +58,7 @@ const fn kind_of(of: &schema::Type) -> Kind {
         schema::Type::U64 => Kind::Integer(64),
         schema::Type::F32 => Kind::Float,
         schema::Type::F64 => Kind::Double,
-        // Structures and lists have columns of their own.
+        // Structures and lists have their own columns.
         schema::Type::Text { .. }
         | schema::Type::Code(_)
         | schema::Type::Optional(_)

@@ -1,13 +1,13 @@
-//! The drive as which an RP2040 in its boot loader shows itself (RP2040 datasheet 2.8.4).
+//! The drive of an RP2040 in its boot loader (RP2040 datasheet 2.8.4).
 
 use std::fs::{self, File};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-/// The file by which the drive says what it is (2.8.4.3), and what it says.
+/// File that identifies the drive (2.8.4.3), and its contents.
 const INFO: &str = "INFO_UF2.TXT";
 const BOARD: &str = "Board-ID: RPI-RP2";
-/// Any name will do: the boot ROM goes by the contents.
+/// An arbitrary name: the boot ROM uses only the contents.
 const NAME: &str = "palpate.uf2";
 
 /// Whether a folder is the drive of an RP2040.
@@ -16,7 +16,7 @@ pub(super) fn is_drive(folder: &Path) -> bool {
     info.is_ok_and(|text| text.lines().any(|line| line.trim() == BOARD))
 }
 
-/// The drives of all boards in their boot loader, as far as the system has mounted them.
+/// Mounted drives of all boards in their boot loader.
 pub(super) fn drives() -> Vec<PathBuf> {
     let mut drives = mount_points();
     drives.retain(|folder| is_drive(folder));
@@ -29,21 +29,21 @@ fn mount_points() -> Vec<PathBuf> {
     mounted(&mounts)
 }
 
-/// The folders in a list of mounts, as `fstab(5)` has it.
+/// Folders in a list of mounts in the format of `fstab(5)`.
 #[cfg(any(target_os = "linux", test))]
 fn mounted(mounts: &str) -> Vec<PathBuf> {
     let fields = mounts
         .lines()
         .map(|line| line.split(' ').collect::<Vec<_>>());
     let drives = fields.filter_map(|fields| match fields.as_slice() {
-        // The boot ROM's drive is a FAT; to read others could take long.
+        // The boot ROM's drive is a FAT; reading others could take long.
         [_, folder, "vfat" | "msdos", ..] => Some(unescaped(folder)),
         _ => None,
     });
     drives.map(PathBuf::from).collect()
 }
 
-/// Spaces and a few others stand as their octal numbers.
+/// Decodes spaces and a few other characters from their octal numbers.
 #[cfg(any(target_os = "linux", test))]
 fn unescaped(name: &str) -> String {
     [
@@ -68,15 +68,16 @@ fn mount_points() -> Vec<PathBuf> {
     letters.collect()
 }
 
-/// Writes a UF2 onto the drive.
+/// Writes a UF2 file to the drive.
 ///
 /// # Errors
-/// If the drive does not take all of it.
+/// If the drive does not accept all of it.
 pub(super) fn write(drive: &Path, uf2: &[u8]) -> io::Result<()> {
     let mut file = File::create(drive.join(NAME))?;
     file.write_all(uf2)?;
     match file.sync_all() {
-        // The board takes its drive away with the last block, before the system has entered the file.
+        // The board removes its drive at the last block, before the system has created the
+        // directory entry.
         Err(_) if !is_drive(drive) => Ok(()),
         ended => ended,
     }

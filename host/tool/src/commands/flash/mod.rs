@@ -1,4 +1,4 @@
-//! `palpate flash`: firmware onto a board, over USB or through a debug probe.
+//! `palpate flash`: writes firmware to a board, over USB or through a debug probe.
 
 mod drive;
 #[cfg(test)]
@@ -25,14 +25,14 @@ use crate::board::link::{self, Link};
 use crate::board::storage;
 use crate::interrupt::Interrupt;
 
-/// How long a drive may take to be there: a system mounts it within seconds, a person within a minute.
+/// Longest wait for a drive: a system mounts it within seconds, a person within a minute.
 const DRIVE: Duration = Duration::from_secs(60);
-/// After this time it is said what to do about a drive that has not come.
+/// Time after which a message explains how to mount a missing drive.
 const PATIENCE: Duration = Duration::from_secs(5);
-/// How long the board may take to be at its port with the new firmware: it starts within a second, and the
-/// system lets the user open the port a moment later.
+/// Longest wait for the board's port with the new firmware: it starts within a second, and the
+/// system grants access to the port a moment later.
 const START: Duration = Duration::from_secs(15);
-/// From one look for a drive or a port to the next.
+/// Poll interval of drives and ports.
 const LOOK: Duration = Duration::from_millis(200);
 
 /// Write firmware onto a board, over USB or through a debug probe
@@ -64,25 +64,25 @@ pub(crate) struct Arguments {
     json: bool,
 }
 
-/// The JSON output.
+/// JSON output.
 #[derive(Serialize)]
 struct Report {
-    /// Bytes of flash that were written.
+    /// Number of written flash bytes.
     written_bytes: u32,
-    /// The firmware's version, as the board says it.
+    /// Version that the new firmware reports.
     firmware: String,
-    /// First 32 bits of the commit that it was built from, in hexadecimal.
+    /// First 32 bits of the firmware's commit, hexadecimal.
     commit: String,
     /// Whether it was built from changed sources.
     dirty: bool,
-    /// The board's serial number.
+    /// Serial number of the board.
     unit: String,
 }
 
 /// Flashes a board.
 ///
 /// # Errors
-/// If the file may not be written to the board, no board is found, or it does not come back.
+/// If the file is not suitable for the board, no board is found, or it does not return.
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let file = load(&arguments.file)?;
     let hello = if arguments.link.is_emulated() {
@@ -95,7 +95,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     print(&file, &hello, arguments.json)
 }
 
-/// Reads a file and checks that the board may be given it.
+/// Reads a file and checks that it is suitable for the board.
 fn load(path: &Path) -> Result<Uf2, Failure> {
     let bytes = text::bytes_of_file(path)?;
     let is_elf = bytes.starts_with(b"\x7fELF");
@@ -149,8 +149,8 @@ fn flash_drive(arguments: &Arguments, file: &Uf2) -> Result<Hello, Failure> {
     identity(&await_board(&arguments.link)?)
 }
 
-/// The drive of the one board in its boot loader; of the board at the link, which is brought there, if there
-/// is none or the board is named.
+/// Returns the drive of the only board in its boot loader. If there is none, or the user named a
+/// board, starts the boot loader of the board at the link first.
 fn find_drive(arguments: &link::Arguments) -> Result<PathBuf, Failure> {
     let before = drive::drives();
     if !before.is_empty() && !arguments.is_named() {
@@ -158,7 +158,7 @@ fn find_drive(arguments: &link::Arguments) -> Result<PathBuf, Failure> {
     }
     let mut link = arguments.open().map_err(without_firmware)?;
     start_boot_loader(&mut link)?;
-    // A port that stays open keeps its name from the board that comes back.
+    // While the port is open, the returning board would get another name.
     drop(link);
     await_drive(&before)
 }
@@ -179,7 +179,7 @@ fn only(mut drives: Vec<PathBuf>) -> Result<PathBuf, Failure> {
     }
 }
 
-/// What a board that cannot be spoken to needs before it can be flashed.
+/// Adds the remedy for a board that does not answer before flashing.
 fn without_firmware(failure: Failure) -> Failure {
     let Failure::Unconnected(mut finding) = failure else {
         return failure;
@@ -193,7 +193,7 @@ fn without_firmware(failure: Failure) -> Failure {
     Failure::Unconnected(finding)
 }
 
-/// Brings a board into its boot loader.
+/// Starts the boot loader of a board.
 fn start_boot_loader(link: &mut Link) -> Result<(), Failure> {
     let kept = storage::inspect(link)?;
     if kept.stored_crc != kept.in_force_crc {
@@ -206,7 +206,7 @@ fn start_boot_loader(link: &mut Link) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Waits for a drive that was not there before.
+/// Waits for a new drive.
 fn await_drive(before: &[PathBuf]) -> Result<PathBuf, Failure> {
     let begin = Instant::now();
     let mut is_said = false;

@@ -1,8 +1,8 @@
-//! UF2 files for the tests: written from the specification, and by nothing that reads them.
+//! UF2 files for the tests, written from the specification; shares nothing with the reader.
 
 /// The boot ROM's checksum of the first 252 bytes below, as the SDK computes it (pico-sdk,
-/// `pad_checksum`): Python's `zlib.crc32` of the bytes with their bits in the other order, inverted, with
-/// its bits in the other order.
+/// `pad_checksum`): Python's `zlib.crc32` of the bytes with reversed bits, inverted, with reversed
+/// bits.
 const CHECKSUM: u32 = 0x16A7_D4C0;
 
 /// Firmware of a size, whose first 256 bytes end with their checksum.
@@ -12,7 +12,7 @@ pub(super) fn firmware(size: usize) -> Vec<u8> {
     bytes
 }
 
-/// A UF2 for the RP2040 of bytes at an address.
+/// A UF2 file for the RP2040 with these bytes at an address.
 pub(super) fn uf2(address: u32, bytes: &[u8]) -> Vec<u8> {
     let pages: Vec<&[u8]> = bytes.chunks(256).collect();
     let mut file = Vec::new();

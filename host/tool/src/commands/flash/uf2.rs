@@ -1,19 +1,19 @@
-//! UF2 files as the boot ROM of an RP2040 takes them (the UF2 specification, github.com/microsoft/uf2; RP2040
-//! datasheet 2.8.4.2), and as this board may be given them.
+//! UF2 files as the boot ROM of an RP2040 accepts them (the UF2 specification,
+//! github.com/microsoft/uf2; RP2040 datasheet 2.8.4.2), with the additional rules for this board.
 
 use std::ops::Range;
 
-/// Bytes of a block.
+/// Size of a block, bytes.
 const BLOCK: usize = 512;
-/// Bytes that a block carries: a page of the flash.
+/// Payload of a block, bytes: a page of the flash.
 const PAYLOAD: u32 = 256;
 const FIRST_MAGIC: u32 = 0x0A32_4655;
 const SECOND_MAGIC: u32 = 0x9E5D_5157;
 const LAST_MAGIC: u32 = 0x0AB1_6F30;
-/// Where the words of a block lie.
+/// Offsets of words in a block.
 const LAST_WORD: usize = 508;
 const DATA: usize = 32;
-/// The one flag that every block has: a family is named.
+/// The only flag of every block: it names a family.
 const HAS_FAMILY: u32 = 0x2000;
 const RP2040: u32 = 0xE48B_FF56;
 /// Families of boards that are mistaken for a Pico (the UF2 specification's list, `uf2families.json`).
@@ -24,27 +24,28 @@ const OTHERS: &[(u32, &str)] = &[
     (0xE48B_FF5A, "the RP2350 (RISC-V)"),
     (0xE48B_FF5B, "the RP2350"),
 ];
-/// Where firmware may lie: the flash of 2 MiB, less what the storage has.
+/// Addresses of firmware: the flash of 2 MiB without the storage.
 const FIRMWARE: Range<u32> = 0x1000_0000..0x101F_0000;
-/// Where settings and calibration are kept (docs/decisions/0071-what-runs-from-flash.md).
+/// Addresses of settings and calibration (docs/decisions/0071-what-runs-from-flash.md).
 const STORAGE: Range<u32> = 0x101F_0000..0x1020_0000;
-/// Bytes of the second stage of the boot loader, with its checksum in the last four (datasheet 2.8.1.3.1).
+/// Size of the second stage of the boot loader, bytes, with its checksum in the last four
+/// (datasheet 2.8.1.3.1).
 const SECOND_STAGE: usize = 256;
 const CHECKSUM: usize = 252;
 
-/// A file that the board may be given.
+/// A file that is suitable for the board.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Uf2 {
     bytes: Vec<u8>,
-    /// Bytes of flash that it fills.
+    /// Number of flash bytes.
     pub(super) size: u32,
 }
 
 impl Uf2 {
-    /// Checks a file; the reason why the board may not be given it.
+    /// Checks a file. Returns the reason if it is not suitable for the board.
     ///
-    /// The boot ROM checks far less: it writes blocks of its family to whatever addresses they name, passes
-    /// over others, and erases a sector with every sixteenth block.
+    /// The boot ROM checks much less: it writes blocks of its family to any address, skips others,
+    /// and erases a sector with every sixteenth block.
     pub(super) fn check(bytes: Vec<u8>) -> Result<Self, String> {
         let blocks = bytes.chunks_exact(BLOCK);
         if bytes.is_empty() || !blocks.remainder().is_empty() {
@@ -70,14 +71,14 @@ impl Uf2 {
         })
     }
 
-    /// What it fills the flash with, from its start on.
+    /// Contents of the flash from its start.
     pub(super) fn firmware(&self) -> Vec<u8> {
         let blocks = self.bytes.chunks_exact(BLOCK);
         let pages = blocks.filter_map(|block| block.get(DATA..DATA + PAYLOAD as usize));
         pages.flatten().copied().collect()
     }
 
-    /// The file.
+    /// Bytes of the file.
     pub(super) fn bytes(&self) -> &[u8] {
         &self.bytes
     }
@@ -146,7 +147,7 @@ fn word(bytes: &[u8], offset: usize) -> Option<u32> {
     bytes.try_into().ok().map(u32::from_le_bytes)
 }
 
-/// The boot ROM's checksum of the second stage: CRC-32/MPEG-2 of all but the checksum itself.
+/// The boot ROM's checksum of the second stage: CRC-32/MPEG-2 without the checksum itself.
 fn checksum(second_stage: &[u8]) -> u32 {
     const POLYNOMIAL: u32 = 0x04C1_1DB7;
     second_stage.iter().take(CHECKSUM).fold(!0, |crc, byte| {
@@ -171,7 +172,7 @@ mod tests {
         Uf2::check(bytes).unwrap_err()
     }
 
-    /// A file in which a word of a block is another one.
+    /// A file with one word of a block replaced.
     fn with(block: usize, offset: usize, value: u32) -> Vec<u8> {
         let mut file = uf2(0x1000_0000, &firmware(10_000));
         let at = block * 512 + offset;

@@ -1,8 +1,8 @@
-//! Who may see the page: a browser of this computer that knows the token.
+//! Access to the page, for browsers of this computer that know the token.
 //!
-//! The token is the first part of every path, so that no address works without it. A page of another
-//! origin, or one that reached this port by a name of its own (DNS rebinding), shows itself by the
-//! headers Origin and Host.
+//! The token is the first part of every path, so no address works without it. The headers Origin
+//! and Host reveal a page of another origin, or one that reached this port under its own name (DNS
+//! rebinding).
 
 use std::fs::{self, OpenOptions};
 use std::io::{self, ErrorKind, Write};
@@ -16,14 +16,15 @@ use palpate_cli::failure::Failure;
 
 use crate::board::emulated::state_folder;
 
-/// Random bytes of a token: too many to guess (OWASP asks for 128 bits where the number alone protects).
+/// Number of random bytes of a token, too many to guess (OWASP asks for 128 bits where the number
+/// alone protects).
 const BYTES: usize = 16;
-/// Its file in the user's folder: a page that is open stays valid when the tool is started again.
+/// File of the token in the user's folder: an open page stays valid when the tool is restarted.
 const FILE: &str = "live-token";
-/// A page beside it that leads to the address.
+/// Page in the same folder that redirects to the address.
 const SHORTCUT: &str = "live.html";
 
-/// What a request has to show.
+/// Conditions for a request.
 #[derive(Clone, Debug)]
 pub(super) struct Access {
     token: String,
@@ -31,10 +32,10 @@ pub(super) struct Access {
 }
 
 impl Access {
-    /// To a port of this computer, with the user's token.
+    /// Creates the access to a port of this computer, with the user's token.
     ///
     /// # Errors
-    /// If the token can be neither read nor made.
+    /// If the token can be neither read nor created.
     pub(super) fn to(address: SocketAddr) -> Result<Self, Failure> {
         let file = state_folder().join(FILE);
         check_private(&file)?;
@@ -46,18 +47,18 @@ impl Access {
         Ok(Self::new(address, token))
     }
 
-    /// With a token.
+    /// Creates the access with a given token.
     pub(super) const fn new(address: SocketAddr, token: String) -> Self {
         Self { token, address }
     }
 
-    /// Where the page is.
+    /// Address of the page.
     pub(super) fn url(&self) -> String {
         format!("http://{}/{}/", self.address, self.token)
     }
 
-    /// Writes a file that leads a browser to the page, and that no other user can read: the arguments of a
-    /// program are shown to all of them.
+    /// Writes a file that redirects a browser to the page, readable only by this user: program
+    /// arguments are visible to all users.
     ///
     /// # Errors
     /// If it cannot be written.
@@ -77,7 +78,7 @@ impl Access {
         }
     }
 
-    /// Whether a request may be answered.
+    /// Whether to answer a request.
     pub(super) fn allows(&self, path: &str, headers: &HeaderMap) -> bool {
         let text = |name: HeaderName| headers.get(name).map(|value| value.to_str().unwrap_or(""));
         let Some(host) = text(HOST).filter(|host| is_no_name(host)) else {
@@ -89,8 +90,8 @@ impl Access {
     }
 }
 
-/// Whether a host is this computer or an address of one, which no other site can have pointed here. Its port may
-/// be one that is forwarded here.
+/// Whether a host is localhost or an IP address, which another site cannot redirect here. Its port
+/// may be a forwarded one.
 fn is_no_name(host: &str) -> bool {
     let Ok(authority) = host.parse::<Authority>() else {
         return false;
@@ -101,13 +102,13 @@ fn is_no_name(host: &str) -> bool {
         && (name.eq_ignore_ascii_case("localhost") || address.parse::<IpAddr>().is_ok())
 }
 
-/// Whether two texts are the same, in a time that does not say how much of them is.
+/// Compares two texts in constant time.
 fn is_same(left: &str, right: &str) -> bool {
     let pairs = left.bytes().zip(right.bytes());
     left.len() == right.len() && pairs.fold(0, |differs, (a, b)| differs | (a ^ b)) == 0
 }
 
-/// The token in a file, which is made if it is not there.
+/// Reads the token in a file, or creates one.
 fn kept(file: &Path) -> io::Result<String> {
     match fs::read_to_string(file) {
         Ok(token) if is_token(&token) => return Ok(token),
@@ -125,7 +126,7 @@ fn kept(file: &Path) -> io::Result<String> {
 /// Refuses a token that other users may know.
 ///
 /// # Errors
-/// If they can read or write its file.
+/// If other users can read or write its file.
 #[cfg(unix)]
 fn check_private(file: &Path) -> Result<(), Failure> {
     use std::os::unix::fs::PermissionsExt;
@@ -139,14 +140,14 @@ fn check_private(file: &Path) -> Result<(), Failure> {
     )))
 }
 
-/// The user's folder is closed to other users.
+/// On this system the user's folder is closed to other users.
 #[cfg(not(unix))]
 #[expect(clippy::unnecessary_wraps, reason = "elsewhere it may fail")]
 fn check_private(_: &Path) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Writes a file anew, which other users cannot read.
+/// Replaces a file with one that other users cannot read.
 fn replace(file: &Path, text: &str) -> io::Result<()> {
     if let Some(folder) = file.parent() {
         fs::create_dir_all(folder)?;
@@ -161,7 +162,7 @@ fn is_token(text: &str) -> bool {
     text.len() == 2 * BYTES && text.bytes().all(|byte| byte.is_ascii_hexdigit())
 }
 
-/// A new file that other users cannot read.
+/// Creates a file that other users cannot read.
 fn private(file: &Path) -> io::Result<fs::File> {
     let mut options = OpenOptions::new();
     options.write(true).create_new(true);
@@ -203,7 +204,7 @@ mod tests {
     fn a_page_of_another_origin_and_a_name_that_leads_here_are_refused() {
         let path = format!("/{TOKEN}/socket");
         let with = |host, origin: &str| allows(&path, &[(HOST, host), (ORIGIN, origin)]);
-        // Behind a forwarded port too, whose number is another one.
+        // Also through a forwarded port with another number.
         for host in [
             "127.0.0.1:7162",
             "localhost:7162",

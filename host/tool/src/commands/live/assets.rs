@@ -1,11 +1,11 @@
-//! The files of the page. They are part of the program, so that none is asked of another machine.
+//! Files of the page, embedded in the program, so that the browser needs no other server.
 
 /// A file of the page.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Asset {
-    /// Its name in the page's folder; empty for the page itself.
+    /// Name in the page's folder; empty for the page itself.
     pub(super) name: &'static str,
-    /// Its media type.
+    /// Media type.
     pub(super) media: &'static str,
     pub(super) text: &'static str,
 }
@@ -37,7 +37,7 @@ const ASSETS: &[Asset] = assets! {
     "uPlot.min.css", STYLE, "uplot-1.6.32/uPlot.min.css";
 };
 
-/// The file of a name.
+/// Returns the file with a name.
 pub(super) fn asset(name: &str) -> Option<&'static Asset> {
     ASSETS.iter().find(|asset| asset.name == name)
 }

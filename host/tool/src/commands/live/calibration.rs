@@ -1,4 +1,4 @@
-//! A calibration, seen from the page: the bench's own steps, watched.
+//! Calibration from the page: the bench's procedure, with its progress.
 
 use std::cell::Cell;
 use std::time::Duration;
@@ -31,10 +31,10 @@ pub(super) struct Held {
 }
 
 impl Held {
-    /// Puts it in force, and stores it.
+    /// Puts the calibration in force and stores it.
     ///
     /// # Errors
-    /// If the board refuses a part of it, or does not store it.
+    /// If the board refuses a part, or does not store it.
     pub(super) fn keep(self, link: &mut Link) -> Result<Progress, Failure> {
         put_in_force(link, &self.calibration.commands, self.identity)?;
         let mut figures = self.figures;
@@ -44,14 +44,14 @@ impl Held {
     }
 }
 
-/// What is to be done on the bench.
+/// Plan of the bench and prior data.
 fn task(arguments: &Arguments) -> Result<BenchTask, Failure> {
     let (stack, plant) = arguments.watched.link.emulated.stack_and_plant()?;
     let settings = default_settings();
     Ok(BenchTask::of(&plant, &stack, Switches::all(), &settings))
 }
 
-/// Whether there is a bench, and how long it takes.
+/// Returns whether there is a bench, and the number of runs.
 pub(super) fn ready(arguments: &Arguments) -> Progress {
     if !arguments.watched.link.is_emulated() {
         return Progress::Unavailable {
@@ -67,14 +67,14 @@ pub(super) fn ready(arguments: &Arguments) -> Progress {
     }
 }
 
-/// Ended without a result.
+/// Progress of a calibration without a result.
 pub(super) fn failed(failure: &Failure) -> Progress {
     Progress::Failed {
         reason: failure.to_string(),
     }
 }
 
-/// Goes through a calibration; says in the view how far it is, and what was found.
+/// Carries out a calibration. Shows progress and result in the view.
 pub(super) fn hold(
     link: &mut Link,
     view: &mut View,
@@ -127,12 +127,12 @@ fn found(
     })
 }
 
-/// A bench whose work shows on the pages, which may end it.
+/// A bench that shows its progress on the pages, which can abort it.
 struct Watched<'a, B> {
     bench: B,
     view: &'a mut View,
     interrupt: &'a Interrupt,
-    /// Depth of the press that begins, m.
+    /// Depth of the next press, m.
     depth_m: &'a Cell<f64>,
     run: usize,
     runs: usize,
@@ -178,7 +178,7 @@ impl<B: Bench<Error = Failure>> Bench for Watched<'_, B> {
     }
 }
 
-/// Its instrument.
+/// The instrument of a watched bench.
 struct WatchedInstrument<'a> {
     instrument: &'a mut dyn Instrument<Error = Failure>,
     view: &'a mut View,
@@ -186,7 +186,7 @@ struct WatchedInstrument<'a> {
 }
 
 impl WatchedInstrument<'_> {
-    /// Whether it is to go on. All other requests have to wait until it has ended, and are dropped.
+    /// Fails if an abort was requested. Drops all other requests.
     fn goes_on(&self) -> Result<(), Failure> {
         let mut is_ended = self.interrupt.is_asked();
         while let Some(request) = self.view.feed().request() {

@@ -1,6 +1,6 @@
-//! Samples for a plot: of every piece of time the least and the greatest value, in their order.
+//! Samples for a plot: minimum and maximum of every time slot, in their order.
 //!
-//! A page that draws both draws the same picture as from all samples, as long as a piece is narrower
+//! A page that draws both shows the same picture as with all samples, as long as a slot is narrower
 //! than a pixel.
 
 use std::collections::{BTreeMap, VecDeque};
@@ -9,13 +9,13 @@ use palpate_calibration::session::BenchSample;
 use palpate_wire::record::Sample;
 use serde::Serialize;
 
-/// Time of a piece, s. A page 1600 pixels wide has 700 for 20 s: a pixel is 29 ms.
+/// Duration of a slot, s. A page 1600 pixels wide shows 20 s on 700 pixels, 29 ms each.
 const PIECE_S: f64 = 0.01;
-/// Pieces that wait for the next batch at most. At 30 batches a second there are 4; a stream that
-/// catches up after a pause has more, of which the oldest are left out.
+/// Maximum number of slots that wait for the next batch. At 30 batches a second there are 4; a
+/// stream that catches up after a pause has more, and loses the oldest.
 const PIECES: usize = 512;
 
-/// What is plotted.
+/// Plotted quantity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum Quantity {
@@ -25,7 +25,7 @@ pub(super) enum Quantity {
     CurrentA,
 }
 
-/// Of which converter and channel.
+/// Quantity of a converter and channel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 pub(super) struct Series {
     quantity: Quantity,
@@ -33,15 +33,15 @@ pub(super) struct Series {
     channel: u8,
 }
 
-/// Pieces for a page.
+/// Slots for a page.
 #[derive(Debug, Default, PartialEq, Serialize)]
 pub(super) struct Batch {
-    /// Rising, s.
+    /// Rising times, s.
     time_s: Vec<f64>,
     columns: Vec<Column>,
 }
 
-/// The values of a series at the times of a batch; absent where the line is broken.
+/// Values of a series at the times of a batch; `None` where the line is broken.
 #[derive(Debug, PartialEq, Serialize)]
 struct Column {
     #[serde(flatten)]
@@ -49,22 +49,22 @@ struct Column {
     values: Vec<Option<f64>>,
 }
 
-/// Gathers samples.
+/// Collects samples in slots.
 #[derive(Debug, Default)]
 pub(super) struct Envelope {
     complete: VecDeque<Piece>,
     piece: Option<Piece>,
 }
 
-/// A piece of time. One without values breaks the lines.
+/// A time slot. A slot without values breaks the lines.
 #[derive(Clone, Debug, Default)]
 struct Piece {
-    /// Counted from time zero.
+    /// Index from time zero.
     index: u64,
     extremes: BTreeMap<Series, Extremes>,
 }
 
-/// Least and greatest value, each with how many came before it.
+/// Minimum and maximum, each with the number of values before it.
 #[derive(Clone, Copy, Debug)]
 struct Extremes {
     count: u32,
@@ -102,7 +102,7 @@ impl Extremes {
 }
 
 impl Envelope {
-    /// Adds a sample at a time, s, which is not before that of the one before.
+    /// Adds a sample at a time, s. Times must not decrease.
     pub(super) fn add(&mut self, time_s: f64, sample: &Sample) {
         if sample.gap || sample.missed > 0 {
             self.interrupt();
@@ -127,7 +127,7 @@ impl Envelope {
         add(Quantity::CurrentA, 0, sample.current_a.map(f64::from));
     }
 
-    /// Adds what was written down on a bench at a time, s: the force is the load cell's.
+    /// Adds a sample recorded on a bench at a time, s, with the force of the load cell.
     pub(super) fn add_from_bench(&mut self, time_s: f64, of: &BenchSample) {
         for (quantity, value) in [
             (Quantity::FrequencyHz, Some(of.frequency_hz)),
@@ -145,7 +145,7 @@ impl Envelope {
         }
     }
 
-    /// What comes does not continue what came before.
+    /// Breaks the lines between the previous and the next samples.
     pub(super) fn interrupt(&mut self) {
         if let Some(piece) = self.piece.take() {
             let index = piece.index;
@@ -181,7 +181,7 @@ impl Envelope {
         self.complete.push_back(piece);
     }
 
-    /// The pieces that are complete since the last call; none if none is.
+    /// Returns the slots completed since the last call; `None` without any.
     pub(super) fn take(&mut self) -> Option<Batch> {
         let pieces = std::mem::take(&mut self.complete);
         if pieces.is_empty() {
@@ -206,7 +206,8 @@ impl Envelope {
 }
 
 impl Piece {
-    /// Its first and third quarter, s: of one that breaks the lines, its end.
+    /// Times at a quarter and three quarters of the slot, s; for a slot that breaks the lines, its
+    /// end.
     fn times_s(&self) -> Vec<f64> {
         let at = |part: f64| (self.index as f64 + part) * PIECE_S;
         if self.extremes.is_empty() {
@@ -252,7 +253,7 @@ mod tests {
         let batch = envelope.take().unwrap();
         assert_eq!(batch.columns[0].values, [9.0, 2.0, 1.0, 4.0].map(Some));
         assert_eq!(batch.time_s, [0.0025, 0.0075, 0.0125, 0.0175]);
-        // The third piece is not complete.
+        // The third slot is not complete.
         assert_eq!(envelope.take(), None);
     }
 

@@ -1,4 +1,4 @@
-//! What goes between the board's thread and the pages. Neither waits for the other.
+//! Channels between the board's thread and the pages. Neither waits for the other.
 
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
@@ -14,10 +14,11 @@ use super::measurements::Measurements;
 use super::state::State;
 use crate::train_line::TrainLine;
 
-/// Batches of samples that wait for a page that does not take them: two seconds of them, longer than a
-/// browser's own pauses.
+/// Maximum number of sample batches that wait for a page: two seconds, longer than a browser's own
+/// pauses.
 pub(super) const WAITING: usize = 64;
-/// Requests that wait for the board's thread, which may wait 5 s for an answer itself.
+/// Maximum number of requests that wait for the board's thread, which may itself wait 5 s for an
+/// answer.
 const REQUESTS: usize = 16;
 
 /// A message to a page.
@@ -28,39 +29,39 @@ pub(super) enum Message<'a> {
     Samples(&'a Batch),
     Line(&'a TrainLine),
     Measurements(&'a Measurements),
-    /// Batches of samples that the page did not take in time and that are left out.
+    /// Number of sample batches that the page did not take in time and that were dropped.
     Skipped(u64),
 }
 
 impl Message<'_> {
-    /// As JSON.
+    /// Formats the message as JSON.
     pub(super) fn text(&self) -> Result<Utf8Bytes, Failure> {
         Ok(serde_json::to_string(self)?.into())
     }
 }
 
-/// What a page asks for.
+/// Request of a page.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum Request {
     Arm,
     Disarm,
-    /// Ends a measurement, bridge off.
+    /// Ends a measurement and switches the bridge off.
     Abort,
     ClearFault(FaultCode),
-    /// Starts the board anew.
+    /// Restarts the board.
     Restart,
-    /// Begins a calibration.
+    /// Starts a calibration.
     Calibrate,
-    /// Ends it; what is in force stays.
+    /// Ends a calibration; the configuration in force stays.
     AbortCalibration,
-    /// Puts what a calibration found in force, and stores it.
+    /// Puts the result of a calibration in force and stores it.
     KeepCalibration,
-    /// Leaves that out, and is ready for another one.
+    /// Discards the result of a calibration.
     CloseCalibration,
 }
 
-/// The pages, for the board's thread.
+/// End of the channels for the board's thread.
 pub(super) struct Feed {
     samples: broadcast::Sender<Utf8Bytes>,
     state: watch::Sender<Utf8Bytes>,
@@ -69,7 +70,7 @@ pub(super) struct Feed {
     requests: Receiver<Request>,
 }
 
-/// The board's thread, for the pages.
+/// End of the channels for the pages.
 #[derive(Clone)]
 pub(super) struct Desk {
     pub(super) samples: broadcast::Sender<Utf8Bytes>,
@@ -79,7 +80,7 @@ pub(super) struct Desk {
     requests: Arc<SyncSender<Request>>,
 }
 
-/// Both ends.
+/// Creates both ends.
 pub(super) fn between() -> (Feed, Desk) {
     let (samples, _) = broadcast::channel(WAITING);
     let (state, states) = watch::channel(Utf8Bytes::default());
@@ -104,7 +105,7 @@ pub(super) fn between() -> (Feed, Desk) {
 }
 
 impl Feed {
-    /// Shows what is known now in the place of what was.
+    /// Replaces the shown state.
     pub(super) fn show(&self, state: &State<'_>) -> Result<(), Failure> {
         self.state.send_replace(Message::State(state).text()?);
         Ok(())
@@ -123,8 +124,8 @@ impl Feed {
         Ok(())
     }
 
-    /// Sends samples to the pages that are there. A page that has not taken as many as may wait misses
-    /// the oldest.
+    /// Sends samples to the connected pages. A page with too many waiting batches misses the
+    /// oldest.
     pub(super) fn add(&self, batch: &Batch) -> Result<(), Failure> {
         if self.samples.receiver_count() > 0 {
             let _ = self.samples.send(Message::Samples(batch).text()?);
@@ -132,25 +133,25 @@ impl Feed {
         Ok(())
     }
 
-    /// Whether the pages' server is still there.
+    /// Whether the page server is still running.
     pub(super) fn is_served(&self) -> bool {
         !self.state.is_closed()
     }
 
-    /// Batches that a page has not taken.
+    /// Number of batches that a page has not taken.
     #[cfg(test)]
     pub(super) fn waiting(&self) -> usize {
         self.samples.len()
     }
 
-    /// The next request, if there is one.
+    /// Returns the next request, if any.
     pub(super) fn request(&self) -> Option<Request> {
         self.requests.try_recv().ok()
     }
 }
 
 impl Desk {
-    /// Passes a request on. One too many is dropped: the state that the page shows stays what it was.
+    /// Passes a request on. Drops it if too many wait; the page then shows an unchanged state.
     pub(super) fn ask(&self, text: &str) {
         if let Ok(request) = serde_json::from_str(text) {
             match self.requests.try_send(request) {

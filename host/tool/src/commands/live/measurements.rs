@@ -1,4 +1,4 @@
-//! The measurements of a board, as long as the tool runs.
+//! Measurements of a board since the start of the tool.
 
 use std::collections::VecDeque;
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -11,23 +11,23 @@ use serde::Serialize;
 
 use crate::commands::watch::known::MeasurementResult;
 
-/// Measurements that are kept: an hour of one every 7 s.
+/// Number of kept measurements: an hour at one every 7 s.
 const KEPT: usize = 500;
 
-/// A measurement and what it came to.
+/// A measurement with its result.
 #[derive(Debug, Serialize)]
 struct Measurement {
-    /// When it came.
+    /// Arrival, ms since 1970.
     time_ms: u64,
-    /// Its number since the start of the board.
+    /// Number since the start of the board.
     number: u32,
     outcome: MeasurementResult,
-    /// The greatest cause of its interval, and what would narrow it, where the board said that.
+    /// Largest cause of the interval and how to reduce it, if the board reported it.
     limited_by: Option<String>,
 }
 
 impl Measurement {
-    /// What a record reports, if it ends a measurement.
+    /// Converts a record that ends a measurement.
     fn of(record: &Record) -> Option<Self> {
         let (number, outcome) = match record {
             Record::Estimate(estimate) => {
@@ -54,13 +54,13 @@ impl Measurement {
 #[serde(transparent)]
 pub(super) struct Measurements {
     ended: VecDeque<Measurement>,
-    /// What the interval of the next one is made of.
+    /// Uncertainty budget of the next measurement.
     #[serde(skip)]
     budget: Option<UncertaintyBudget>,
 }
 
 impl Measurements {
-    /// Takes a record; whether it ends a measurement.
+    /// Adds a record. Returns whether it ends a measurement.
     pub(super) fn take(&mut self, record: &Record) -> bool {
         if let Record::UncertaintyBudget(budget) = record {
             self.budget = Some(budget.clone());
@@ -77,7 +77,7 @@ impl Measurements {
     }
 }
 
-/// Time since 1970, ms.
+/// Present time, ms since 1970.
 pub(super) fn now_ms() -> u64 {
     let since = SystemTime::now().duration_since(UNIX_EPOCH);
     since.map_or(0, |since| since.as_millis() as u64)

@@ -1,7 +1,7 @@
 //! `palpate live`: a board in the browser.
 //!
-//! The board's thread alone has the link ([`session`]); the page's server runs in another one
-//! ([`server`]). Between them are a few channels, none of which waits ([`feed`]).
+//! Only the board's thread uses the link ([`session`]); the page's server runs in another thread
+//! ([`server`]). A few channels connect them, none of which waits ([`feed`]).
 
 mod access;
 mod assets;
@@ -27,7 +27,7 @@ use session::LiveSession;
 use crate::board::link::Watched;
 use crate::interrupt::Interrupt;
 
-/// The port where none is named.
+/// Default port.
 const PORT: u16 = 7162;
 
 /// Show a board as a page in the browser
@@ -89,7 +89,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     LiveSession::new(link, arguments, feed).run(&interrupt)
 }
 
-/// A port of this computer that no other one reaches.
+/// Listens on a port of this computer, which other computers cannot reach.
 fn listen(port: u16) -> Result<TcpListener, Failure> {
     let address = SocketAddr::from((Ipv4Addr::LOCALHOST, port));
     TcpListener::bind(address).map_err(|error| {

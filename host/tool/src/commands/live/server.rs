@@ -1,4 +1,4 @@
-//! The page's server: its files, and the socket over which it is kept current.
+//! Server of the page: its files, and the socket for its updates.
 
 use std::net::TcpListener;
 use std::sync::Arc;
@@ -31,23 +31,24 @@ use super::assets::asset;
 use super::feed::{self, Desk};
 use crate::interrupt::Interrupt;
 
-/// Requests that are answered at once, and pages that are kept current: with them the tool needs fewer file
-/// handles than any system gives it (256). Further requests wait; further pages are refused.
+/// Maximum numbers of concurrent requests and of updated pages: with them the tool needs fewer file
+/// handles than any system allows (256). Further requests wait; further pages are refused.
 const REQUESTS: usize = 64;
 const PAGES: usize = 16;
-/// Time for a request and its answer: the longest file takes 0.5 s at 1 Mbit/s.
+/// Time limit of a request with its answer: the longest file takes 0.5 s at 1 Mbit/s.
 const REQUEST_TIME: Duration = Duration::from_secs(10);
-/// A page that takes nothing for so long is gone; one that is not opens its socket again.
+/// Time without any reading after which a page counts as gone; a live page opens its socket again.
 const PAGE_TIME: Duration = Duration::from_secs(30);
-/// The longest head of a request, bytes.
+/// Longest head of a request, bytes.
 const LONGEST_HEAD: usize = 16 * 1024;
-/// The longest message of a page, bytes: they are a word or two.
+/// Longest message of a page, bytes: a word or two.
 const LONGEST: usize = 1024;
-/// The most that waits for a page, bytes: four times the longest message to it, the list of measurements.
+/// Maximum number of bytes that wait for a page: four times the longest message, the list of
+/// measurements.
 const WAITING: usize = 1024 * 1024;
 
-/// What a browser may do with the page: nothing leaves this computer, and no other page shows it. The
-/// address has the token, so it is passed on to no one.
+/// Restrictions for the browser: nothing leaves this computer, and no other page embeds this one.
+/// The address contains the token, so it is not passed on.
 const HEADERS: [(HeaderName, &str); 4] = [
     (
         CONTENT_SECURITY_POLICY,
@@ -58,8 +59,8 @@ const HEADERS: [(HeaderName, &str); 4] = [
     (CACHE_CONTROL, "no-store"),
 ];
 
-/// Serves in a thread of its own until the program ends. If the thread ends before, it asks for the end of the
-/// program: without a page a board that is armed could not be stopped.
+/// Starts a thread that serves until the program ends. If the thread ends earlier, it requests the
+/// end of the program: without a page an armed board could not be stopped.
 ///
 /// # Errors
 /// If the system has no thread or no socket for it.
@@ -85,7 +86,7 @@ pub(super) fn start(
     Ok(())
 }
 
-/// Asks for the program's end when it is dropped.
+/// Requests the end of the program when dropped.
 struct AskAtEnd(Interrupt);
 
 impl Drop for AskAtEnd {
@@ -94,20 +95,21 @@ impl Drop for AskAtEnd {
     }
 }
 
-/// Takes runtime and router by value: both are gone before the thread asks for the program's end.
+/// Takes runtime and router by value, so that both are dropped before the thread requests the end
+/// of the program.
 #[expect(clippy::needless_pass_by_value, reason = "as said")]
 fn serve(runtime: Runtime, listener: tokio::net::TcpListener, router: Router) {
     runtime.block_on(accept(listener, router));
 }
 
-/// Answers one request on each connection. Without kept connections one time limits everything that a program
-/// can do without the token.
+/// Answers one request on each connection. Without kept connections, one time limit covers
+/// everything that a program without the token can do.
 async fn accept(mut listener: tokio::net::TcpListener, router: Router) {
     let requests = Arc::new(Semaphore::new(REQUESTS));
     let mut http = http1::Builder::new();
     http.keep_alive(false).max_buf_size(LONGEST_HEAD);
     while let Ok(permit) = Arc::clone(&requests).acquire_owned().await {
-        // Waits where the system has no file handle left.
+        // Waits if the system has no free file handle.
         let (stream, _) = Listener::accept(&mut listener).await;
         let answer = http
             .serve_connection(
@@ -137,7 +139,7 @@ fn router(access: Access, desk: Desk) -> Router {
         .layer(middleware::from_fn_with_state(access, guard))
 }
 
-/// Refuses a request that shows no right, and says to the browser what it may do with an answer.
+/// Refuses an unauthorised request, and adds the browser's restrictions to an answer.
 async fn guard(State(access): State<Access>, request: Request, next: Next) -> Response {
     let mut response = if access.allows(request.uri().path(), request.headers()) {
         next.run(request).await
@@ -160,7 +162,7 @@ fn file(name: &str) -> Response {
     }
 }
 
-/// What pages are kept current from, and how many more there may be.
+/// Source of the pages' updates, and the number of free pages.
 #[derive(Clone)]
 struct Pages {
     desk: Desk,
@@ -180,8 +182,8 @@ async fn socket(State(pages): State<Pages>, upgrade: WebSocketUpgrade) -> Respon
         .on_upgrade(|socket| converse(socket, pages.desk, permit))
 }
 
-/// Keeps a page current until it goes. A page that takes nothing holds up nothing but itself: states
-/// replace each other, and samples that are too many are left out.
+/// Updates a page until it is gone. A page that reads nothing delays only itself: states replace
+/// each other, and excess samples are dropped.
 async fn converse(mut socket: WebSocket, mut desk: Desk, _permit: OwnedSemaphorePermit) {
     let mut samples = desk.samples.subscribe();
     desk.state.mark_changed();
@@ -210,7 +212,7 @@ async fn converse(mut socket: WebSocket, mut desk: Desk, _permit: OwnedSemaphore
             },
             else => return,
         };
-        // Before the first state, line or measurement there is none.
+        // Empty before the first state, line or measurement.
         if message.is_empty() {
             continue;
         }
@@ -258,7 +260,7 @@ mod tests {
         assert!(!feed.is_served() && interrupt.is_asked());
     }
 
-    /// Asks for a path, and reads the first line of the answer.
+    /// Requests a path, and reads the first line of the answer.
     fn asked(address: SocketAddr, path: &str, headers: &str) -> (TcpStream, String) {
         let mut stream = TcpStream::connect(address).unwrap();
         stream
@@ -315,7 +317,7 @@ mod tests {
         };
         (0..5_000).for_each(|ms| envelope.add(f64::from(ms) * 1e-3, &sample));
         let batch = envelope.take().unwrap();
-        // 20 MB and more: a system holds some MB of them for a reader at most.
+        // 20 MB and more: a system buffers a few MB for a reader at most.
         let began = Instant::now();
         for _ in 0..1_000 {
             feed.add(&batch).unwrap();
@@ -357,7 +359,7 @@ mod tests {
         let headers = format!("Host: {address}\r\n{UPGRADE}");
         let (mut socket, answer) = asked(address, "/secret/socket", &headers);
         assert!(answer.ends_with("101"), "{answer}");
-        // The beginning of a text of 10 MB, which is less than the usual limit of a frame.
+        // Start of a text of 10 MB, which is below the usual limit of a frame.
         let mut frame = vec![0x81, 0x80 | 127];
         frame.extend(10_000_000u64.to_be_bytes());
         frame.extend([0; 4 + 100]);
@@ -373,7 +375,7 @@ mod tests {
         let mut pages: Vec<_> = (0..16).map(|_| open()).collect();
         assert!(pages.iter().all(|(_, answer)| answer.ends_with("101")));
         assert!(open().1.ends_with("503"));
-        // One that is closed makes room.
+        // A closed page makes room.
         pages.pop();
         assert!((0..100).any(|_| {
             thread::sleep(Duration::from_millis(20));

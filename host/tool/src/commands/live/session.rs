@@ -1,4 +1,4 @@
-//! The board's thread: it alone has the link.
+//! The board's thread, the only user of the link.
 
 use std::thread::sleep;
 use std::time::Duration;
@@ -16,14 +16,14 @@ use crate::board::configuration::read_part;
 use crate::board::link::Link;
 use crate::interrupt::Interrupt;
 
-/// How long is listened at once: the pages' requests wait as long.
+/// Longest time of one receive call, which is also the delay of the pages' requests.
 const LOOK: Duration = Duration::from_millis(10);
-/// A board that sends nothing for so long is asked who it is: one that sends no samples sends its status
-/// every second as a rule.
+/// Silence after which the board is asked for its identity: without samples a board sends its
+/// status every second by default.
 const QUIET: Duration = Duration::from_secs(3);
-/// How long a record may take that follows its command's answer, s.
+/// Longest wait for a record after the answer to its command, s.
 const RECORD_S: f64 = 5.0;
-/// Parts of the calibration by which the line of a train is drawn.
+/// Parts of the calibration that the line of a train needs.
 const PARTS: [Part; 3] = [Part::Springs, Part::StiffeningCurve, Part::Attraction];
 
 /// A board with its pages.
@@ -31,12 +31,12 @@ pub(super) struct LiveSession<'a> {
     link: Link,
     arguments: &'a super::Arguments,
     view: View,
-    /// The run of the board whose calibration has been read.
+    /// Boot whose calibration has been read.
     read_of: Option<u32>,
-    /// What a calibration found, until it is kept or discarded.
+    /// Result of a calibration until it is kept or discarded.
     held: Option<Held>,
     is_gone: bool,
-    /// When the board last sent something, by the link.
+    /// Last arrival from the board by the link's clock.
     came: Duration,
 }
 
@@ -54,10 +54,10 @@ impl<'a> LiveSession<'a> {
         }
     }
 
-    /// Goes on until the end is asked for. A board that is gone is waited for.
+    /// Runs until an interrupt. Waits for a board that is gone.
     ///
     /// # Errors
-    /// If the emulated board cannot run on, or the page's server has ended.
+    /// If the emulated board cannot continue, or the page's server has ended.
     pub(super) fn run(&mut self, interrupt: &Interrupt) -> Result<(), Failure> {
         while !interrupt.is_asked() {
             match self.turn(interrupt) {
@@ -65,7 +65,7 @@ impl<'a> LiveSession<'a> {
                     self.is_gone = true;
                     self.view.lost(&reason)?;
                 }
-                // One that answers and is no board of ours may be exchanged as well.
+                // A device that answers but is not a palpate board may be exchanged too.
                 Err(Failure::Unconnected(finding)) => {
                     self.is_gone = true;
                     self.view.lost(&finding.to_string())?;
@@ -92,7 +92,7 @@ impl<'a> LiveSession<'a> {
         if self.is_gone {
             self.link.reconnect(interrupt)?;
             self.is_gone = false;
-            // What was asked of a board that was not there is not done now: it could be to drive its coil.
+            // Drops requests from the time without a board: they could drive its coil.
             while self.view.feed().request().is_some() {}
         }
         self.link.listen(LOOK)?;
@@ -112,7 +112,7 @@ impl<'a> LiveSession<'a> {
         self.view.show_due()
     }
 
-    /// Whether a board that sends nothing still answers.
+    /// Checks whether a silent board still answers.
     fn check_presence(&mut self) -> Result<(), Failure> {
         if self.link.now() < self.came + QUIET {
             return Ok(());
@@ -125,13 +125,13 @@ impl<'a> LiveSession<'a> {
         Ok(())
     }
 
-    /// Takes what has come; measures what touches a board that is armed.
+    /// Processes the received frames; requests a measurement at a contact of an armed board.
     fn take(&mut self) -> Result<(), Failure> {
         for arrival in self.link.take() {
             self.came = arrival.at;
             let touches = self.view.take(&arrival)?;
             if touches && self.view.known.armed && !self.link.is_recording() {
-                // What it is answered shows in what follows.
+                // The following records show the answer.
                 self.link.send(&Command::Measure)?;
             }
         }
@@ -139,7 +139,8 @@ impl<'a> LiveSession<'a> {
         Ok(())
     }
 
-    /// Asks for what the line of a train takes. It is among what is taken next.
+    /// Requests the calibration for the line of a train; the records are processed with the next
+    /// frames.
     fn ask_for_calibration(&mut self) -> Result<(), Failure> {
         self.link.must(&Command::GetSettings)?;
         self.link.wait_for(RECORD_S, "settings", |record| {
@@ -156,7 +157,7 @@ impl<'a> LiveSession<'a> {
         Ok(())
     }
 
-    /// A recording takes no commands.
+    /// Refuses all requests, since a recording accepts no commands.
     fn refuse_requests(&mut self) {
         while self.view.feed().request().is_some() {
             self.view
@@ -187,7 +188,7 @@ impl<'a> LiveSession<'a> {
                 self.view.calibration = calibration::ready(self.arguments);
                 self.view.show()
             }
-            // None is under way.
+            // No calibration is running.
             Request::AbortCalibration => Ok(()),
         }
     }
@@ -196,7 +197,7 @@ impl<'a> LiveSession<'a> {
         self.command(&Command::ClearFault(ClearFault { code }), "Cleared.")
     }
 
-    /// Sends a command, and says what it was answered.
+    /// Sends a command and shows its answer.
     fn command(&mut self, command: &Command, done: &str) -> Result<(), Failure> {
         match self.link.must(command) {
             Ok(_) => self.view.answer.accept(done),
@@ -206,8 +207,8 @@ impl<'a> LiveSession<'a> {
         self.view.show()
     }
 
-    /// Calibrates on the bench. What was in force before is in force afterwards: nothing is set yet, and
-    /// the board gets its power anew.
+    /// Calibrates on the bench. The configuration in force does not change: the calibration is not
+    /// set yet, and the board is powered on again.
     fn calibrate(&mut self, interrupt: &Interrupt) -> Result<(), Failure> {
         let done = calibration::hold(&mut self.link, &mut self.view, self.arguments, interrupt);
         self.leave_bench()?;
@@ -222,7 +223,7 @@ impl<'a> LiveSession<'a> {
         self.view.calibration = Progress::Storing;
         self.view.show()?;
         let kept = held.keep(&mut self.link);
-        // If it was not stored, the one before is in force again.
+        // If storing failed, this puts the previous calibration in force.
         self.leave_bench()?;
         match kept {
             Ok(progress) => self.view.calibration = progress,
@@ -231,14 +232,14 @@ impl<'a> LiveSession<'a> {
         self.view.show()
     }
 
-    /// The board as it was plugged, with what it has stored.
+    /// Powers the emulated board on again in its original world, with its storage.
     fn leave_bench(&mut self) -> Result<(), Failure> {
         if let Some(board) = self.link.emulated() {
             let emulated = &self.arguments.watched.link.emulated;
             emulated.plug_anew(board, self.arguments.watched.load)?;
             self.link.take();
             self.link.reconnect(&Interrupt::uncaught())?;
-            // An emulated board draws the same boot id again: what was read before it is not of this run.
+            // An emulated board repeats its boot id, so data read before must be dropped.
             self.read_of = None;
         }
         Ok(())

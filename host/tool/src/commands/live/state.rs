@@ -1,4 +1,4 @@
-//! What a page shows besides the plots.
+//! State that a page shows beside the plots.
 
 use palpate_wire::code::Location;
 use palpate_wire::record;
@@ -9,27 +9,27 @@ use crate::commands::calibrate::sensor::CalibrationFigures;
 use crate::commands::faults;
 use crate::commands::watch::known::Known;
 
-/// Everything at a moment.
+/// The complete state at one time.
 #[derive(Serialize)]
 pub(super) struct State<'a> {
-    /// The same as `palpate watch --json` prints.
+    /// Same data as in `palpate watch --json`.
     pub(super) known: &'a Known,
-    /// The time by the clock of the measurements' times.
+    /// Time on the clock of the measurements' times, ms since 1970.
     time_ms: u64,
-    /// Which firmware and copy of the board it is.
+    /// Firmware version and unit of the board.
     pub(super) title: String,
-    /// What the board is doing, and whether something touches.
+    /// Activity of the board, and contact.
     pub(super) doing: Option<&'static str>,
     pub(super) contact: Option<&'static str>,
-    /// The faults that stand, in words.
+    /// Active faults with their descriptions.
     pub(super) faults: Vec<Fault>,
     pub(super) calibration: &'a Progress,
-    /// The last answer to a request.
+    /// Last answer to a request.
     pub(super) answer: &'a Answer,
 }
 
 impl<'a> State<'a> {
-    /// What is known of a board, in words where the protocol has some.
+    /// Builds the state of a board, with texts from the protocol.
     pub(super) fn of(
         known: &'a Known,
         faults: &[record::Fault],
@@ -61,15 +61,15 @@ impl<'a> State<'a> {
     }
 }
 
-/// A fault in words.
+/// An active fault with its description.
 #[derive(Serialize)]
 pub(super) struct Fault {
     number: u8,
     name: &'static str,
-    /// What it is, and what to check.
+    /// Meaning, and what to check.
     meaning: String,
     location: Location,
-    /// What was found, and what is allowed, as the meaning says.
+    /// Found and allowed value, as the meaning says.
     value: Option<f32>,
     limit: Option<f32>,
 }
@@ -88,10 +88,10 @@ impl Fault {
     }
 }
 
-/// What became of a request.
+/// Answer to a request.
 #[derive(Debug, Default, Serialize)]
 pub(super) struct Answer {
-    /// Counts them.
+    /// Number of answers so far.
     number: u32,
     text: String,
     is_refusal: bool,
@@ -115,27 +115,27 @@ impl Answer {
     }
 }
 
-/// How far a calibration is.
+/// Progress of a calibration.
 #[derive(Debug, Serialize)]
 #[serde(tag = "phase", rename_all = "snake_case")]
 pub(super) enum Progress {
-    /// There is no bench.
+    /// No bench.
     Unavailable { reason: &'static str },
-    /// It may begin: so many presses.
+    /// Ready to start, with the number of runs.
     Ready { runs: usize },
     Running {
-        /// From 1.
+        /// Number of the run, from 1.
         run: usize,
         runs: usize,
-        /// What is pressed, and how deep.
+        /// Specimen and depth.
         pressed: String,
     },
-    /// To be kept or discarded.
+    /// A result, to be kept or discarded.
     Found { figures: Box<CalibrationFigures> },
-    /// Being put in force and stored.
+    /// Puts the result in force and stores it.
     Storing,
-    /// In force and stored.
+    /// The result is in force and stored.
     Kept { figures: Box<CalibrationFigures> },
-    /// Ended without a result.
+    /// The calibration ended without a result.
     Failed { reason: String },
 }

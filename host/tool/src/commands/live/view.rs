@@ -1,4 +1,4 @@
-//! What the board's thread knows, and shows to the pages.
+//! Data of the board's thread, and their display on the pages.
 
 use std::time::{Duration, Instant};
 
@@ -15,16 +15,16 @@ use crate::board::link::{Arrival, Link};
 use crate::commands::watch::known::Known;
 use crate::train_line::Train;
 
-/// From one batch of samples to the next: 30 pictures a second, which the eye takes for motion.
+/// Interval of sample batches: 30 pictures a second look like continuous motion.
 const PICTURE: Duration = Duration::from_millis(33);
-/// From one state to the next: numbers that change more often cannot be read.
+/// Interval of states: numbers that change faster cannot be read.
 const STATE: Duration = Duration::from_millis(100);
 
 /// The view of a board.
 pub(super) struct View {
     feed: Feed,
     pub(super) known: Known,
-    /// The faults that stand.
+    /// Active faults.
     faults: Vec<Fault>,
     train: Train,
     measurements: Measurements,
@@ -36,18 +36,18 @@ pub(super) struct View {
     next_state: Instant,
 }
 
-/// The time axis of the plots: the device's time, which goes on where it starts anew.
+/// Time axis of the plots: the device's time, continued after a restart.
 #[derive(Clone, Copy, Debug, Default)]
 struct Timeline {
     boot_id: Option<u32>,
-    /// The axis's time less the device's, s.
+    /// Axis time less device time, s.
     shift_s: f64,
     last_s: f64,
 }
 
 impl Timeline {
-    /// The time on the axis, s, of a record that came at `now_s` of the link's clock. Whether the device
-    /// has started anew.
+    /// Returns the axis time, s, of a record that arrived at `now_s` of the link's clock, and
+    /// whether the device has restarted.
     fn at(&mut self, now_s: f64, boot_id: u32, device_s: f64) -> (f64, bool) {
         let is_new = self.boot_id != Some(boot_id);
         if is_new {
@@ -60,7 +60,7 @@ impl Timeline {
 }
 
 impl View {
-    /// Of a board that nothing is known of.
+    /// Creates the view of a board without data.
     pub(super) fn new(feed: Feed, board: &str, calibration: Progress) -> Self {
         Self {
             feed,
@@ -77,12 +77,12 @@ impl View {
         }
     }
 
-    /// The pages' requests.
+    /// Returns the feed, for requests of the pages.
     pub(super) const fn feed(&self) -> &Feed {
         &self.feed
     }
 
-    /// Takes a frame; whether something has just touched.
+    /// Processes a frame. Returns whether a contact began.
     pub(super) fn take(&mut self, arrival: &Arrival) -> Result<bool, Failure> {
         let frame = &arrival.frame;
         let device_s = frame.header.time_us as f64 * 1e-6;
@@ -110,7 +110,7 @@ impl View {
         Ok(self.known.take(frame))
     }
 
-    /// The time axis goes on with an instrument on a bench, whose clock says `device_s`.
+    /// Continues the time axis with an instrument on a bench, whose clock shows `device_s`.
     pub(super) fn begin_on_bench(&mut self, device_s: f64) {
         self.envelope.interrupt();
         self.timeline = Timeline {
@@ -120,7 +120,7 @@ impl View {
         };
     }
 
-    /// Takes what was written down on a bench.
+    /// Adds samples recorded on a bench.
     pub(super) fn take_from_bench(&mut self, lines: &[BenchSample]) {
         let shift_s = self.timeline.shift_s;
         for line in lines {
@@ -130,19 +130,19 @@ impl View {
         }
     }
 
-    /// What the link has counted.
+    /// Updates the counts of the link.
     pub(super) fn take_link(&mut self, link: &Link) {
         self.known.take_link(link);
     }
 
-    /// The board is gone.
+    /// Shows that the board is gone.
     pub(super) fn lost(&mut self, reason: &str) -> Result<(), Failure> {
         self.envelope.interrupt();
         self.known.lost(reason);
         self.show()
     }
 
-    /// Shows what is due.
+    /// Sends the updates that are due.
     pub(super) fn show_due(&mut self) -> Result<(), Failure> {
         let now = Instant::now();
         if now >= self.next_picture {
@@ -157,7 +157,7 @@ impl View {
         Ok(())
     }
 
-    /// Shows the state now.
+    /// Sends the state.
     pub(super) fn show(&mut self) -> Result<(), Failure> {
         self.next_state = Instant::now() + STATE;
         let state = State::of(&self.known, &self.faults, &self.calibration, &self.answer);
@@ -174,7 +174,7 @@ mod tests {
         let mut timeline = Timeline::default();
         assert_eq!(timeline.at(5.0, 1, 100.0), (5.0, true));
         assert_eq!(timeline.at(6.1, 1, 101.0), (6.0, false));
-        // A record of an earlier time does not go back.
+        // A record of an earlier time does not move the axis back.
         assert_eq!(timeline.at(6.1, 1, 100.5), (6.0, false));
         assert_eq!(timeline.at(9.0, 2, 0.5), (9.0, true));
         assert_eq!(timeline.at(9.6, 2, 1.0), (9.5, false));

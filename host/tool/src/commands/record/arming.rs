@@ -1,17 +1,17 @@
-//! Before a recording of measurements.
+//! Preparation of a board for a recording of measurements.
 
 use palpate_cli::failure::Failure;
 use palpate_wire::{Command, Record};
 
 use crate::board::link::Link;
 
-/// How long the settings may take that follow their command's answer, s.
+/// Longest wait for the settings after the answer to their command, s.
 const RECORD_S: f64 = 5.0;
 
-/// Lets the board learn anew what the untouched sensor reads, and arms it.
+/// Restarts the board's baseline and arms it.
 ///
-/// It learns anew when settings are set: here those that are in force already. All that it computes from
-/// then on follows from what is recorded, so that a replay begins there.
+/// Setting the settings restarts the baseline; here they are those already in force. All later
+/// results follow from recorded data, so a replay can start there.
 pub(super) fn arm(link: &mut Link) -> Result<(), Failure> {
     link.must(&Command::Disarm)?;
     link.must(&Command::GetSettings)?;

@@ -1,4 +1,4 @@
-//! What is asked of a board at the beginning of a recording, and after each start of the board.
+//! Requests to a board at the start of a recording, and after each restart of the board.
 
 use palpate_cli::failure::Failure;
 use palpate_wire::code::Part;
@@ -8,7 +8,8 @@ use crate::board::configuration;
 use crate::board::link::{Arrival, Link};
 use crate::recording::{BOOT, Note};
 
-/// Asks for all that is in force; returns what has come meanwhile, and whether all was answered.
+/// Requests the whole configuration in force. Returns the frames received meanwhile, and whether
+/// all requests were answered.
 pub(super) fn inspect(link: &mut Link) -> (Vec<Arrival>, Result<(), Failure>) {
     let asked = ask_all(link);
     (link.take(), asked)
@@ -21,19 +22,20 @@ fn ask_all(link: &mut Link) -> Result<(), Failure> {
     for question in configuration::questions() {
         configuration::read_part(link, &question)?;
     }
-    // What was asked for before has come by its answer.
+    // All previous answers have arrived before this one.
     link.ask(&Command::GetSettings)?;
     Ok(())
 }
 
-/// The note about a boot: what the board is, and what is in force, each as the board's own record.
+/// Note about a boot: identity of the board and configuration in force, each as the board's own
+/// record.
 pub(super) fn note(boot_id: u32, arrivals: &[Arrival]) -> Note {
     let of_boot = arrivals.iter().map(|arrival| &arrival.frame);
     let of_boot = of_boot.filter(|frame| frame.header.boot_id == boot_id);
     let mut note = Note::new(BOOT).with("boot_id", boot_id);
     let mut calibration = Vec::new();
     for record in of_boot.map(|frame| &frame.message) {
-        // A number that JSON does not have is in no record.
+        // A record contains no numbers that JSON cannot express.
         let Ok(text) = serde_json::to_string(record) else {
             continue;
         };

@@ -58,16 +58,16 @@ pub(crate) struct Arguments {
     json: bool,
 }
 
-/// What was recorded.
+/// Summary of the recording.
 #[derive(Serialize)]
 struct Summary {
     file: String,
     duration_s: f64,
     records: u64,
     boots: Vec<BootLosses>,
-    /// Frames that came damaged, or are of a later version of the protocol.
+    /// Frames that were damaged, or belong to a later version of the protocol.
     unreadable: u32,
-    /// Records that the disk did not take in time.
+    /// Records that the disk did not accept in time.
     not_written: u64,
 }
 
@@ -76,7 +76,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
         .file
         .clone()
         .unwrap_or_else(|| PathBuf::from(format!("palpate-{}.mcap", date::name(date::now_ns()))));
-    // Its times are those of its own clock, however fast that goes.
+    // Recorded times are those of the board's clock, at any speed.
     let run = match arguments.duration {
         Some(_) => Run::AsFastAsItCan,
         None => Run::AtRealPace,

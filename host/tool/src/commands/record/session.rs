@@ -1,4 +1,4 @@
-//! From a board to a file.
+//! Recording from a board to a file.
 
 use std::collections::HashMap;
 use std::path::PathBuf;
@@ -16,35 +16,35 @@ use crate::interrupt::Interrupt;
 use crate::recording::date::{self, NS_PER_S};
 use crate::recording::{ABOUT, Contents, END, Logged, Note, Recorded, Recorder};
 
-/// How long is listened at once.
+/// Longest time of one receive call.
 const LOOK: Duration = Duration::from_millis(10);
-/// From one comparison of the clocks to the next: meanwhile they drift apart by 1 ms at most
-/// (`DeviceClock`), and an exchange over USB is as uncertain.
+/// Interval of clock comparisons: meanwhile the clocks drift apart by 1 ms at most (`DeviceClock`),
+/// the uncertainty of an exchange over USB.
 const COMPARE: Duration = Duration::from_secs(10);
 
-/// A recording under way.
+/// A running recording.
 pub(super) struct RecordingSession {
     link: Link,
     recorder: Recorder,
     contents: Contents,
-    /// When the link's clock was at zero, ns since 1970.
+    /// Zero of the link's clock, ns since 1970.
     zero_ns: u64,
-    /// The link's time less the device's by boots, s, and within how much.
+    /// Link time less device time by boot, with its uncertainty, s.
     offsets: HashMap<u32, (f64, f64)>,
-    /// The boot that was last asked what it is.
+    /// Boot that was last asked for its identity.
     boot_id: Option<u32>,
     compared: Duration,
-    /// Every contact is measured.
+    /// Whether every contact is measured.
     measures: bool,
 }
 
 impl RecordingSession {
-    /// Begins with a board that has answered.
+    /// Starts with a board that has answered.
     pub(super) fn new(mut link: Link, mut recorder: Recorder, measures: bool) -> Self {
         let now_ns = date::now_ns();
         let passed_ns = u64::try_from(link.now().as_nanos()).unwrap_or_default();
         recorder.note(about(&link, now_ns));
-        // From here on they are kept.
+        // Log lines are kept from here on.
         link.take_logged();
         Self {
             zero_ns: now_ns.saturating_sub(passed_ns),
@@ -58,7 +58,7 @@ impl RecordingSession {
         }
     }
 
-    /// Records until a time has passed, or the end is asked for.
+    /// Records until a time has passed or an interrupt.
     pub(super) fn run(
         &mut self,
         duration: Option<Duration>,
@@ -83,7 +83,7 @@ impl RecordingSession {
         Ok(())
     }
 
-    /// Whether the board is still there after a failure.
+    /// Returns whether the board is still there after a failure.
     fn survives(&mut self, failure: &Failure, is_there: bool) -> Result<bool, Failure> {
         let is_lost = matches!(failure, Failure::Lost(_));
         if is_lost && self.link.emulated().is_some() {
@@ -95,7 +95,7 @@ impl RecordingSession {
         Ok(is_there && !is_lost)
     }
 
-    /// Takes what has come. False if it cannot be written any more.
+    /// Processes the received frames. Returns `false` if the file can no longer be written.
     fn turn(&mut self) -> Result<bool, Failure> {
         let listened = self.link.listen(LOOK);
         let boot_id = self.link.account().current().map(Tally::boot_id);
@@ -108,7 +108,7 @@ impl RecordingSession {
         self.store(&arrivals, asked)
     }
 
-    /// Asks a board that has started what it is and what is in force.
+    /// Asks a restarted board for its identity and configuration in force.
     fn inspect(&mut self, boot_id: u32) -> Result<bool, Failure> {
         self.boot_id = Some(boot_id);
         let (arrivals, asked) = inspection::inspect(&mut self.link);
@@ -119,7 +119,7 @@ impl RecordingSession {
         self.store(&arrivals, asked)
     }
 
-    /// Compares the clocks, if it is time. The answer also shows when settings have changed.
+    /// Compares the clocks when due. The answer also shows changed settings.
     fn compare(&mut self) -> Result<(), Failure> {
         if self.link.now() < self.compared + COMPARE {
             return Ok(());
@@ -137,7 +137,7 @@ impl RecordingSession {
         }
     }
 
-    /// Adds what the clocks were found to differ by.
+    /// Adds the offset of the clocks to a note.
     fn with_offset(&self, note: Note, boot_id: u32) -> Note {
         let Some(&(offset_s, within_s)) = self.offsets.get(&boot_id) else {
             return note;
@@ -146,7 +146,7 @@ impl RecordingSession {
             .with("device_zero_within_s", within_s)
     }
 
-    /// Writes; then says what went wrong before.
+    /// Writes the frames, then reports the earlier failure.
     fn store(&mut self, arrivals: &[Arrival], asked: Result<(), Failure>) -> Result<bool, Failure> {
         let had_lost = self.recorder.lost();
         for (at, line) in self.link.take_logged() {
@@ -155,7 +155,7 @@ impl RecordingSession {
         }
         for arrival in arrivals {
             if self.measures && is_contact(&arrival.frame.message) {
-                // What it is answered is recorded.
+                // The answer is recorded too.
                 self.link.send(&Command::Measure)?;
             }
             let recorded = self.recorded(arrival);
@@ -175,7 +175,7 @@ impl RecordingSession {
     fn recorded(&self, arrival: &Arrival) -> Recorded {
         let header = &arrival.frame.header;
         let host_ns = self.host_ns(arrival.at.as_secs_f64());
-        // Before the clocks are compared nothing better is known.
+        // Before the first comparison of the clocks the arrival time is the best estimate.
         let device_ns = self.offsets.get(&header.boot_id);
         let device_ns = device_ns.map_or(host_ns, |(offset_s, _)| {
             self.host_ns(header.time_us as f64 * 1e-6 + offset_s)
@@ -187,18 +187,18 @@ impl RecordingSession {
         }
     }
 
-    /// A moment of the link's clock, s, in ns since 1970.
+    /// Converts a time of the link's clock, s, to ns since 1970.
     fn host_ns(&self, at_s: f64) -> u64 {
         self.zero_ns
             .saturating_add_signed((at_s * NS_PER_S as f64).round() as i64)
     }
 
-    /// Frames that came damaged, or could not be understood.
+    /// Number of frames that were damaged or not understood.
     pub(super) fn unreadable(&self) -> u32 {
         self.link.unreadable()
     }
 
-    /// Records that the disk did not take in time.
+    /// Number of records that the disk did not accept in time.
     pub(super) const fn not_written(&self) -> u64 {
         self.recorder.lost()
     }
@@ -222,13 +222,13 @@ impl RecordingSession {
     }
 }
 
-/// Whether something touches from now on.
+/// Whether a contact begins.
 fn is_contact(record: &Record) -> bool {
     matches!(record, Record::State(change)
         if change.state == State::Contact && change.previous != State::Contact)
 }
 
-/// The note at the beginning.
+/// Note at the start of the recording.
 fn about(link: &Link, now_ns: u64) -> Note {
     Note::new(ABOUT)
         .with("tool", concat!("palpate ", env!("CARGO_PKG_VERSION")))

@@ -1,4 +1,4 @@
-//! How much of a recording a replay gives again.
+//! Agreement of a replay with its recording.
 
 use std::collections::BTreeMap;
 
@@ -7,7 +7,7 @@ use palpate_wire::{Message, Record};
 use serde::Serialize;
 use serde_json::Value;
 
-/// The kinds of records that are computed again, by name and in words.
+/// Kinds of recomputed records, with their descriptions.
 const KINDS: [(&str, &str); 5] = [
     ("sample", "samples (contact, deformation, force)"),
     ("estimate", "estimates (stiffness, interval)"),
@@ -16,42 +16,41 @@ const KINDS: [(&str, &str); 5] = [
     ("refusal", "refusals"),
 ];
 
-/// Records of a kind.
+/// Counts of one kind of record.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub(super) struct Count {
-    /// Computed again.
+    /// Recomputed records.
     pub(super) replayed: u64,
-    /// Of these, the same bytes.
+    /// Recomputed records with identical bytes.
     pub(super) identical: u64,
-    /// Passed over.
+    /// Skipped records.
     pub(super) passed_over: u64,
 }
 
-/// A record that is not the same.
+/// A record that differs.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(super) struct Difference {
     pub(super) boot_id: u32,
     pub(super) sequence: u32,
     pub(super) time_s: f64,
     pub(super) kind: &'static str,
-    /// The first field that differs, and what it has in either. The whole record where there is no
-    /// other one.
+    /// First field that differs, with both values; the whole record if it was not recomputed.
     pub(super) field: String,
     pub(super) recorded: Value,
     pub(super) replayed: Value,
 }
 
-/// What a comparison has found.
+/// Result of a comparison.
 #[derive(Clone, Debug, Default, Serialize)]
 pub(super) struct Agreement {
     kinds: BTreeMap<&'static str, Count>,
-    /// Records that were passed over, by reasons.
+    /// Skipped records by reason.
     passed_over: BTreeMap<String, u64>,
     first_difference: Option<Difference>,
 }
 
 impl Agreement {
-    /// Enters what was compared.
+    /// Adds compared records.
     pub(super) fn enter(&mut self, compared: &[Compared]) {
         for pair in compared {
             let count = self.kinds.entry(pair.frame.message.name()).or_default();
@@ -76,22 +75,22 @@ impl Agreement {
         }
     }
 
-    /// Whether anything was compared.
+    /// Whether any record was compared.
     pub(super) fn has_replayed(&self) -> bool {
         self.kinds.values().any(|count| count.replayed > 0)
     }
 
-    /// Records of a kind.
+    /// Returns the counts of a kind of record.
     pub(super) fn count(&self, kind: &str) -> Count {
         self.kinds.get(kind).copied().unwrap_or_default()
     }
 
-    /// The first record that is not the same.
+    /// Returns the first record that differs.
     pub(super) const fn first_difference(&self) -> Option<&Difference> {
         self.first_difference.as_ref()
     }
 
-    /// The same in words.
+    /// Describes the result in sentences.
     pub(super) fn sentences(&self) -> Vec<String> {
         let kinds = KINDS.iter().map(|(kind, words)| {
             let count = self.count(kind);
@@ -130,15 +129,15 @@ fn difference(pair: &Compared) -> Difference {
     }
 }
 
-/// A record's fields with all their digits.
+/// Fields of a record with all their digits.
 fn payload(record: &Record) -> Value {
-    // The text has the shortest digits of each f32, a value made at once those of an f64.
+    // The text form has the shortest digits of each f32, a direct conversion those of an f64.
     let text = serde_json::to_string(record).unwrap_or_default();
     let value: Value = serde_json::from_str(&text).unwrap_or_default();
     value.get(record.name()).cloned().unwrap_or_default()
 }
 
-/// The first field that differs, as a path, with both values.
+/// Returns the path of the first field that differs, with both values.
 fn first_field(path: &str, one: Value, other: Value) -> (String, Value, Value) {
     let below = |name: &str| match path {
         "" => name.to_owned(),

@@ -1,4 +1,4 @@
-//! `palpate replay`: the estimates of a recording, computed again.
+//! `palpate replay`: recomputes the estimates of a recording.
 
 mod agreement;
 #[cfg(test)]
@@ -42,11 +42,11 @@ pub(crate) struct Arguments {
     json: bool,
 }
 
-/// What was found of a recording.
+/// Result for a recording.
 #[derive(Serialize)]
 struct ReplayLine {
     file: String,
-    /// Why it ends before its end.
+    /// Damage that ends the recording early.
     damage: Option<String>,
     #[serde(flatten)]
     agreement: Agreement,
@@ -86,11 +86,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     )))
 }
 
-/// Replays a file; says too why it ends before its end.
+/// Replays a file. Also returns the damage that ends it early.
 fn replayed(file: &Path) -> Result<(Agreement, Option<String>), Failure> {
     let mut reader = Reader::open(file)?;
     let mut replay = Replay::default();
-    // The first of each boot is in force from its beginning, wherever it stands in the file.
+    // The first note of each boot applies from its start, wherever it is in the file.
     for note in Reader::boot_notes(file)?.iter().rev() {
         configure(&mut replay, note);
     }
@@ -111,14 +111,15 @@ fn replayed(file: &Path) -> Result<(Agreement, Option<String>), Failure> {
     Ok((agreement, damage))
 }
 
-/// Enters what a note says is in force.
+/// Applies the configuration in a note.
 fn configure(replay: &mut Replay, note: &Note) {
     if let Some((boot_id, in_force)) = in_force(note) {
         replay.configure(boot_id, in_force);
     }
 }
 
-/// What a note says is in force; nothing if it is none about that, or lacks a part.
+/// Returns the configuration in force from a boot note; `None` for another note or an incomplete
+/// one.
 fn in_force(note: &Note) -> Option<(u32, InForce)> {
     if note.name != BOOT {
         return None;
@@ -136,7 +137,7 @@ fn in_force(note: &Note) -> Option<(u32, InForce)> {
     };
     let parts: Vec<Record> = serde_json::from_str(field("calibration")?).ok()?;
     let calibration: Vec<Command> = parts.into_iter().filter_map(setting).collect();
-    // A part may have been lost on the way. Settings that were never set are not in the CRC.
+    // A part may have been lost in transmission. Settings that were never set are not in the CRC.
     let settings_too = [Command::SetSettings(settings.clone())];
     let with_settings: Vec<Command> = settings_too
         .into_iter()

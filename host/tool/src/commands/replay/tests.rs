@@ -14,10 +14,10 @@ use palpate_wire::{Command, Frame, Record};
 
 use super::agreement::Agreement;
 
-/// The calibration of the sensor of seed 11, by its own bench, with settings.
+/// Calibration of the sensor of seed 11 from its own bench, with settings.
 const CALIBRATION: &str = include_str!("../../../tests/fixture/ultrasoft-11.jsonl");
 
-/// What a native board sends of a press that it measures, and what is in force on it.
+/// Frames of a native board during a measured press, with its configuration in force.
 fn pressed() -> (Vec<Frame<Record>>, InForce) {
     let stack = Stack::builtin("ultrasoft").unwrap();
     let plant = draw(&stack, &Disturbances::builtin().unwrap(), 11);
@@ -82,7 +82,7 @@ fn a_replay_is_the_same_to_the_bit_and_shows_what_was_changed() {
     assert_eq!(agreement.count("estimate").identical, 1);
     assert_eq!(agreement.count("load_point").identical, 8);
 
-    // A bit of each conversion in a ramp, and a bit of the calibration.
+    // Changes one bit of each conversion in a ramp, then one bit of the calibration.
     let estimate = |frame: &Frame<Record>| matches!(frame.message, Record::Estimate(_));
     let end = frames.iter().position(estimate).unwrap();
     let mut other = frames.clone();
@@ -109,7 +109,7 @@ fn a_replay_is_the_same_to_the_bit_and_shows_what_was_changed() {
     let field = &agreement.first_difference().unwrap().field;
     assert!(field.starts_with("force"), "{field}");
 
-    // Without one sample the replay waits for the next place to begin at, and says nothing.
+    // Without one sample the replay waits for the next possible start, and reports no difference.
     let mut fewer = frames.clone();
     fewer.remove(end - 300);
     let agreement = compared(&fewer, &in_force);

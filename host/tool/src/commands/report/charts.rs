@@ -40,7 +40,7 @@ pub(super) const CURRENT: Quantity = Quantity {
     of: |sample| sample.current_a.map(f64::from),
 };
 
-/// A quantity over the whole recording, or over one measurement. Nothing if there is none.
+/// Chart of a quantity over the whole recording or one measurement; `None` without values.
 pub(super) fn over_time(
     story: &Story,
     quantity: Quantity,
@@ -63,13 +63,13 @@ fn curve(quantity: Quantity, points: Vec<(f64, f64)>) -> Series {
     Series::new(quantity.label, quantity.colour, Marks::Line(points))
 }
 
-/// 1/x against the actuated layer's compliance, with the line.
+/// 1/x against the actuated layer's compliance, with the fitted line.
 pub(super) fn line(line: &TrainLine) -> Chart {
     let points = line.points.iter();
     let measured = points
         .clone()
         .map(|point| (point.compliance, point.inverse_per_m * 1e-3));
-    // They rise in compliance: a straight line from the first to the last.
+    // Points are sorted by compliance, so two points draw the line.
     let ends = line.points.first().into_iter().chain(line.points.last());
     let fit = ends.map(|point| (point.compliance, point.line_per_m * 1e-3));
     Chart {
@@ -86,13 +86,13 @@ pub(super) fn line(line: &TrainLine) -> Chart {
     }
 }
 
-/// Force against the load's displacement, about the middle of the ramps.
+/// Force against the load's displacement relative to the middle of the ramps.
 pub(super) fn load_curve(points: &[LoadPoint]) -> Option<Chart> {
     let middle = points.get(points.len() / 2)?;
     let from_m = f64::from(middle.displacement_m);
     let bars = points.iter().map(|point| {
         let at_m = f64::from(point.displacement_m) - from_m;
-        // Twice the standard uncertainty of the place along the load's curve.
+        // Twice the standard uncertainty of the displacement along the load's curve.
         let wide_m = 2.0 * f64::from(point.displacement_sigma_m);
         let [low, value, high] = [at_m - wide_m, at_m, at_m + wide_m].map(|m| m * 1e6);
         (f64::from(point.force_n), low, value, high)

@@ -1,4 +1,4 @@
-//! `palpate report`: a recording as one page, in the form of the demo's report.
+//! `palpate report`: a recording as one page, in the style of the demo's report.
 
 mod charts;
 mod page;

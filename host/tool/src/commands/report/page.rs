@@ -1,4 +1,4 @@
-//! The page.
+//! The HTML page.
 
 use maud::{Markup, PreEscaped, html};
 use palpate_cli::describe;

@@ -1,4 +1,4 @@
-//! What the report shows of a recording.
+//! Content of the report on a recording.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -13,15 +13,15 @@ use crate::recording::date::NS_PER_S;
 use crate::recording::{ABOUT, BOOT, Contents, Entry, Note, Reader, Recorded};
 use crate::train_line::{Train, TrainLine};
 
-/// How long before a measurement is shown, s: from before the touch on, where the press is that short.
+/// Shown time before a measurement's result, s: from before the touch, for a short press.
 const BEFORE_S: f64 = 3.0;
-/// And after it, s.
+/// Shown time after the result, s.
 const AFTER_S: f64 = 0.5;
 
-/// A recording, as far as it is shown.
+/// The shown parts of a recording.
 pub(super) struct Story {
     pub(super) file: String,
-    /// Which board it was.
+    /// Name of the board.
     pub(super) board: String,
     pub(super) contents: Contents,
     /// Samples of the first converter: time since the first record, s.
@@ -34,29 +34,29 @@ pub(super) struct Measurement {
     /// Time of the result since the first record, s.
     pub(super) at_s: f64,
     pub(super) result: Result<Estimate, Refusal>,
-    /// The greatest cause of its interval, where the board said it.
+    /// Largest cause of the interval, if the board reported it.
     pub(super) limited_by: Option<String>,
     pub(super) line: Option<TrainLine>,
     pub(super) points: Vec<LoadPoint>,
 }
 
 impl Measurement {
-    /// The time that is shown of it, s.
+    /// Whether a time, s, is within the measurement's shown range.
     pub(super) fn shows(&self, time_s: f64) -> bool {
         (self.at_s - BEFORE_S..=self.at_s + AFTER_S).contains(&time_s)
     }
 }
 
-/// Where the reading stands.
+/// State while reading a file.
 #[derive(Default)]
 struct Reading {
     /// Time of the first record, ns since 1970.
     first_ns: Option<u64>,
-    /// Settings and calibration in force, by boots.
+    /// Settings and calibration in force, by boot.
     in_force: HashMap<u32, Vec<Record>>,
     boot_id: Option<u32>,
     train: Train,
-    /// The greatest cause of the next result's interval.
+    /// Largest cause of the next result's interval.
     limited_by: Option<String>,
 }
 
@@ -72,7 +72,7 @@ impl Story {
         };
         let mut reader = Reader::open(file)?;
         let mut reading = Reading::default();
-        // The first of each boot is in force from its beginning, wherever it stands in the file.
+        // The first note of each boot applies from its start, wherever it is in the file.
         for note in Reader::boot_notes(file)?.iter().rev() {
             story.note(note, &mut reading);
         }
@@ -149,7 +149,7 @@ impl Story {
     }
 }
 
-/// Settings and calibration that a note says are in force.
+/// Returns settings and calibration in force from a note.
 fn in_force(note: &Note) -> Option<Vec<Record>> {
     let settings: Record = serde_json::from_str(note.fields.get("settings")?).ok()?;
     let mut parts: Vec<Record> = serde_json::from_str(note.fields.get("calibration")?).ok()?;

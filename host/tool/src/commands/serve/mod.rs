@@ -1,4 +1,4 @@
-//! `palpate serve-emulated`: the emulated board behind a port, at the pace of real time.
+//! `palpate serve-emulated`: the emulated board at a TCP port, at the pace of real time.
 
 mod port;
 mod rig;
@@ -17,11 +17,11 @@ use rig::RigPort;
 
 use crate::board::emulated::{self, Pace, PluggedBoard};
 
-/// Where it listens if nothing else is said.
+/// Default address.
 const ADDRESS: &str = "127.0.0.1:7161";
-/// Virtual time between two looks at the port: a PC's USB is asked as often.
+/// Virtual time between two polls of the port, the poll interval of a PC's USB.
 const SLICE: Time = Time::from_ms(1);
-/// The least sleep that is worth one: most systems wake a thread up to as much late.
+/// Shortest sleep: most systems wake a thread with a delay of up to this time.
 const LEAST_SLEEP: Duration = Duration::from_millis(1);
 
 /// Offer the emulated board's USB port on a TCP port, at the pace of real time

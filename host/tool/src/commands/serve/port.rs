@@ -1,4 +1,4 @@
-//! The TCP port: one program at a time.
+//! TCP port for one program at a time.
 
 use std::io::{ErrorKind, Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
@@ -9,28 +9,29 @@ use palpate_cli::notice;
 
 use crate::board::link::BUSY;
 
-/// A program that takes nothing for so long is gone.
+/// Time without any reading after which a program counts as gone.
 const PATIENCE: Duration = Duration::from_secs(5);
-/// Bytes of commands that are taken at once.
+/// Maximum number of command bytes read at once.
 const CHUNK: usize = 4096;
-/// Bytes that wait for a program that does not read, beyond what its system holds: as the driver of
-/// a serial port holds some. What is beyond stays with the board, which drops it and counts it.
+/// Maximum number of bytes that wait for a program that does not read, in addition to the system's
+/// buffer, like the buffer of a serial port's driver. Further bytes stay in the board, which drops
+/// and counts them.
 const WAITING: usize = 64 * 1024;
 
-/// What ends a frame, and is in none.
+/// End of a frame; occurs nowhere else in it.
 const DELIMITER: u8 = 0;
-/// Bytes before the first delimiter of a program at most: no frame is longer.
+/// Maximum number of bytes before a program's first delimiter: no frame is longer.
 const LONGEST_OPENING: usize = CHUNK;
-/// What an HTTP request has in its first line.
+/// Text in the first line of an HTTP request.
 const HTTP: &[u8] = b" HTTP/";
 
-/// The port, and the program that is connected.
+/// The port with the connected program.
 pub(super) struct Port {
     listener: TcpListener,
     program: Option<TcpStream>,
-    /// What the program has sent before the first delimiter; nothing from there on.
+    /// Bytes of the program before its first delimiter; `None` afterwards.
     opening: Option<Vec<u8>>,
-    /// What it has not taken yet.
+    /// Bytes that the program has not read yet.
     waiting: Vec<u8>,
 }
 
@@ -51,27 +52,27 @@ impl Port {
         })
     }
 
-    /// Where it listens: with port 0, the system has chosen one.
+    /// Address of the port; with port 0 the system chose the number.
     pub(super) fn address(&self) -> String {
         let address = self.listener.local_addr();
         address.map_or_else(|_| "an unknown address".to_owned(), |of| of.to_string())
     }
 
-    /// Lets a program in, or sends it away. Whether one is connected.
+    /// Accepts a program, or rejects it. Returns whether a program is connected.
     pub(super) fn accept(&mut self) -> bool {
-        // The next one is let in by the next call, so that the board sees its port closed between.
+        // The next call accepts the next program, so that the board sees its port closed between.
         if self.program.as_ref().is_some_and(is_gone) {
             self.program = None;
             return false;
         }
-        // One at a time: the program may go while another one is sent away.
+        // One program at a time: it may leave while another is rejected.
         if let Ok((mut stream, _)) = self.listener.accept() {
             if self
                 .program
                 .as_ref()
                 .is_some_and(|program| !is_gone(program))
             {
-                // One that does not listen is not waited for.
+                // Does not wait for a program that does not read.
                 let _ = stream.set_write_timeout(Some(PATIENCE));
                 let _ = stream.write_all(BUSY);
             } else if stream.set_nonblocking(true).is_ok() {
@@ -84,7 +85,7 @@ impl Port {
         self.program.is_some()
     }
 
-    /// What the program has sent.
+    /// Reads bytes from the program.
     pub(super) fn read(&mut self) -> Vec<u8> {
         let mut bytes = vec![0; CHUNK];
         let Some(program) = &mut self.program else {
@@ -102,8 +103,8 @@ impl Port {
         Vec::new()
     }
 
-    /// Bytes for the board. Until the first delimiter they wait: a browser sends a page's request to any port,
-    /// with frames in its body if the page likes, and is sent away.
+    /// Returns bytes for the board. Holds them back until the first delimiter, to reject HTTP: a
+    /// web page can make a browser send a request to any port, with frames in its body.
     fn checked(&mut self, bytes: Vec<u8>) -> Vec<u8> {
         let Some(mut opening) = self.opening.take() else {
             return bytes;
@@ -126,12 +127,12 @@ impl Port {
         opening
     }
 
-    /// Whether the program takes more.
+    /// Whether there is room for more bytes.
     pub(super) fn has_room(&self) -> bool {
         self.waiting.len() < WAITING
     }
 
-    /// Sends bytes, as far as the program takes them; the rest waits.
+    /// Sends bytes as far as the program reads them; keeps the rest.
     pub(super) fn write(&mut self, bytes: &[u8]) {
         let Some(program) = &mut self.program else {
             return;
@@ -145,8 +146,8 @@ impl Port {
     }
 }
 
-/// Whether the program has closed its end, and everything that it sent before is read. One that leaves
-/// bytes of ours unread resets the connection.
+/// Whether the program has closed the connection and all its bytes are read. A program that leaves
+/// our bytes unread resets the connection.
 fn is_gone(program: &TcpStream) -> bool {
     match program.peek(&mut [0]) {
         Ok(count) => count == 0,
@@ -162,7 +163,7 @@ fn is_later(error: &std::io::Error) -> bool {
 mod tests {
     use super::*;
 
-    /// Until a condition holds: the system takes a moment to pass things on.
+    /// Waits for a condition: the system delivers with a delay.
     fn until(mut holds: impl FnMut() -> bool) {
         let held = (0..1_000).any(|_| {
             std::thread::sleep(Duration::from_millis(1));
@@ -183,7 +184,8 @@ mod tests {
             }
             drop(first);
             let mut next = TcpStream::connect(port.address()).unwrap();
-            // The port is closed between the two, and nothing is said to the next but what is meant for it.
+            // The port is closed between the two programs, and the second receives no bytes of the
+            // first.
             until(|| !port.accept());
             until(|| port.accept());
             port.write(b"hello");

@@ -1,8 +1,8 @@
-//! The simulated bench beside the served board: load cell and stage, in the lines of text that the program of
-//! a real gauge prints (docs/calibration.md).
+//! The simulated bench of the served board: load cell and stage, with the lines of text of a real
+//! gauge's program (docs/calibration.md).
 //!
-//! A program connects and sends `force` or `stage` as its first line. A specimen is put on the stage by
-//! `mount`, which takes the board's power away and gives it again, with a sensor that was never pressed.
+//! A program connects and sends `force` or `stage` as its first line. `mount` puts a specimen on
+//! the stage: it powers the board off and on, with a sensor that was never pressed.
 
 use std::io::{ErrorKind, Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
@@ -16,44 +16,44 @@ use palpate_sim::switches::Switches;
 
 use crate::board::emulated::PluggedBoard;
 
-/// From one reading to the next.
+/// Interval of readings.
 const INTERVAL: Time = Time::from_ms(5);
-/// Where block and block are when they are put on the bare bench, m.
+/// Initial position of the stage block on block, m.
 const BARE_START_M: f64 = -10e-6;
-/// Bytes that wait for a program at most; one that does not read is gone.
+/// Maximum number of bytes that wait for a program; a program that does not read is gone.
 const WAITING: usize = 64 * 1024;
-/// The longest line of a program, bytes.
+/// Longest line of a program, bytes.
 const LONGEST_LINE: usize = 1024;
-/// The greatest place, m, and the speeds of the stage, m/s.
+/// Greatest position, m, and range of speeds of the stage, m/s.
 const FARTHEST_M: f64 = 1.0;
 const SPEEDS_M_PER_S: RangeInclusive<f64> = 1e-6..=1.0;
 
-/// The bench and the programs of its gauges.
+/// The bench with the connected gauge programs.
 pub(super) struct RigPort {
     listener: TcpListener,
     programs: Vec<GaugeClient>,
     plant: Parameters,
     bench: MountedBench,
-    /// When the next reading is due, and when the stage is where it was sent to.
+    /// Time of the next reading, and of the end of the stage's movement.
     next: Time,
     arrives: Option<Time>,
 }
 
-/// What is on the bench.
+/// What is mounted on the bench.
 enum MountedBench {
     /// A specimen above the sensor.
     Sensor(Box<Gauges>),
-    /// Block on block, with the stage at a place, m.
+    /// Block on block, with the stage at a position, m.
     Bare(Box<BareRig>, f64),
 }
 
-/// The program of a gauge.
+/// Connection to the program of a gauge.
 struct GaugeClient {
     stream: TcpStream,
     kind: Option<Kind>,
     received: Vec<u8>,
     waiting: Vec<u8>,
-    /// Whether what it has sent is no gauge's: its first line names none, or a line has no end.
+    /// Whether the program is not a gauge's: its first line names no gauge, or a line has no end.
     is_stranger: bool,
 }
 
@@ -64,7 +64,7 @@ enum Kind {
 }
 
 impl RigPort {
-    /// Listens for the gauges of a plant's bench, with nothing on the stage.
+    /// Listens for the gauge programs of a plant's bench, without contact.
     pub(super) fn listen(address: SocketAddr, plant: Parameters) -> Result<Self, Failure> {
         let refused = |error: std::io::Error| {
             Failure::Refused(format!(
@@ -84,13 +84,13 @@ impl RigPort {
         })
     }
 
-    /// Where it listens.
+    /// Address of the port.
     pub(super) fn address(&self) -> String {
         let address = self.listener.local_addr();
         address.map_or_else(|_| "an unknown address".to_owned(), |of| of.to_string())
     }
 
-    /// Does what the programs have asked for, and sends what is due.
+    /// Handles the programs' commands, and sends the due lines.
     pub(super) fn serve(&mut self, board: &mut PluggedBoard) -> Result<(), Failure> {
         if let Ok((stream, _)) = self.listener.accept()
             && stream.set_nonblocking(true).is_ok()
@@ -145,7 +145,7 @@ impl RigPort {
         }
     }
 
-    /// Obliges a line; the answer, if it is done at once.
+    /// Handles a line. Returns the answer if it is immediate.
     fn answer(&mut self, line: &str, board: &mut PluggedBoard) -> Result<Option<String>, Failure> {
         let words: Vec<&str> = line.split_whitespace().collect();
         match words.as_slice() {
@@ -187,7 +187,7 @@ impl RigPort {
         }
     }
 
-    /// Puts a specimen on the stage; the answer.
+    /// Puts a specimen on the stage. Returns the answer.
     fn mount(
         &mut self,
         specimen: Option<Specimen>,
@@ -210,14 +210,14 @@ impl RigPort {
     }
 }
 
-/// The number of a text, within a range.
+/// Parses a number within a range.
 fn within(text: &str, range: RangeInclusive<f64>) -> Option<f64> {
     let number = text.parse().ok()?;
     range.contains(&number).then_some(number)
 }
 
-/// What `mount` names: a specimen above the sensor, or none for block on block. With nothing on the stage a
-/// block stays above.
+/// Parses the argument of `mount`: `Some` for a specimen above the sensor, an inner `None` for
+/// block on block. Without a specimen a block stays above.
 fn specimen(words: &[&str]) -> Option<Option<Specimen>> {
     match words {
         ["nothing" | "block"] => Some(Some(Specimen::Block)),
@@ -241,8 +241,8 @@ impl GaugeClient {
         }
     }
 
-    /// Whole lines that have come, without the first, which says what the program is of. One that says anything
-    /// else, as a browser does, is sent away.
+    /// Complete received lines, except the first, which names the gauge. Any other first line, as
+    /// of a browser, leads to rejection.
     fn lines(&mut self) -> Vec<String> {
         let mut bytes = [0; 1024];
         if let Ok(count) = self.stream.read(&mut bytes) {
@@ -265,7 +265,7 @@ impl GaugeClient {
         lines
     }
 
-    /// Sends what waits, as far as the program takes it; whether it is still there.
+    /// Sends waiting bytes as far as the program reads them. Returns whether it is still connected.
     fn flush(&mut self) -> bool {
         let is_there = match self.stream.peek(&mut [0]) {
             Ok(count) => count > 0,

@@ -1,4 +1,4 @@
-//! Single settings: by name, with unit and range.
+//! Single settings by name, with unit and range.
 
 use palpate_cli::failure::Failure;
 use palpate_wire::command::Settings;
@@ -20,7 +20,7 @@ pub(super) fn fields() -> &'static [Field] {
 }
 
 impl Assignment {
-    /// The setting's name.
+    /// Name of the setting.
     pub(super) const fn name(&self) -> &'static str {
         self.field.name
     }
@@ -29,7 +29,7 @@ impl Assignment {
 /// Parses NAME=VALUE.
 ///
 /// # Errors
-/// If there is no such setting, or the value is not allowed: which ones are.
+/// If there is no such setting, or the value is not allowed; the error lists the allowed ones.
 pub(super) fn assignment(text: &str) -> Result<Assignment, String> {
     let Some((name, value)) = text.split_once('=') else {
         return Err("allowed: the name of a setting, =, and its value, as rate_hz=500".to_owned());
@@ -76,7 +76,8 @@ fn parse(field: &'static Field, text: &str) -> Result<Value, String> {
 
 fn is_within(field: &'static Field, value: f64) -> Result<(), String> {
     let (low, high) = (field.range.low, field.range.high);
-    // As the board has it: a limit that is no short decimal is met by its rounded value.
+    // Compared as `f32`, as in the board: a limit that is no short decimal matches its rounded
+    // value.
     let value = value as f32;
     let problem = if !value.is_finite() {
         Problem::NotFinite
@@ -94,7 +95,7 @@ fn is_within(field: &'static Field, value: f64) -> Result<(), String> {
     Err(InvalidField { field, invalid }.to_string())
 }
 
-/// A field's unit; empty for a plain number and for what is no quantity.
+/// Unit of a field; empty for plain numbers and non-quantities.
 pub(super) const fn unit(field: &Field) -> &'static str {
     match field.range.unit.as_bytes() {
         b"1" => "",
@@ -102,7 +103,7 @@ pub(super) const fn unit(field: &Field) -> &'static str {
     }
 }
 
-/// A field's unit as it stands behind a number.
+/// Unit of a field, formatted to follow a number.
 pub(super) fn unit_behind(field: &Field) -> String {
     match unit(field) {
         "" => String::new(),
@@ -110,7 +111,7 @@ pub(super) fn unit_behind(field: &Field) -> String {
     }
 }
 
-/// The values that a field takes, in words.
+/// Describes the allowed values of a field.
 pub(super) fn allowed(field: &Field) -> String {
     match field.of {
         Type::Bool => "true, false".to_owned(),
@@ -122,7 +123,7 @@ pub(super) fn allowed(field: &Field) -> String {
     }
 }
 
-/// A number without a row of zeros.
+/// Formats a number without a row of zeros.
 fn short(number: f32) -> String {
     if number != 0.0 && number.abs() < 1e-3 {
         format!("{number:e}")
@@ -131,10 +132,10 @@ fn short(number: f32) -> String {
     }
 }
 
-/// A setting's value as text.
+/// Formats the value of a setting.
 ///
 /// # Errors
-/// None in practice: the settings are JSON.
+/// None in practice: settings are always JSON.
 pub(super) fn value_of(settings: &Settings, field: &Field) -> Result<String, Failure> {
     let values = as_map(settings)?;
     Ok(match values.get(field.name) {
@@ -144,12 +145,12 @@ pub(super) fn value_of(settings: &Settings, field: &Field) -> Result<String, Fai
     })
 }
 
-/// The settings by name. By way of their text, which has every number in its shortest form.
+/// Settings by name, through their text form, which has the shortest form of every number.
 fn as_map(settings: &Settings) -> Result<Map<String, Value>, Failure> {
     Ok(serde_json::from_str(&serde_json::to_string(settings)?)?)
 }
 
-/// Settings of which some are changed.
+/// Applies assignments to settings.
 ///
 /// # Errors
 /// [`Failure::Argument`] if they contradict each other.
@@ -210,7 +211,7 @@ mod tests {
         assert!(said("rate=1").contains("rate_hz"));
         assert!(said("rate_hz").contains("rate_hz=500"));
         assert!(said("hold_s=nan").contains("hold_s is infinite or not a number"));
-        // The end of a range is in it, though 1e-10 is no single-precision number.
+        // The range includes its end, although 1e-10 is not a single-precision number.
         assert!(assignment("contact_noise_m=1e-10").is_ok());
     }
 

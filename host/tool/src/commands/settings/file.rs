@@ -1,4 +1,4 @@
-//! A configuration in a file: a command on each line.
+//! Configuration files: one command per line.
 
 use std::fs::File;
 use std::io::{self, Write};
@@ -14,14 +14,14 @@ use crate::board::link::{self, Link};
 use crate::board::storage;
 use crate::commands::encode;
 
-/// What was written or read, as JSON.
+/// JSON output of an export or import.
 #[derive(Serialize)]
 struct SettingsFileLine {
     simulated: bool,
     file: String,
     commands: usize,
     configuration_crc: u32,
-    /// Whether it is stored in the board.
+    /// Whether the configuration is stored in the board.
     stored: bool,
 }
 
@@ -55,7 +55,7 @@ pub(super) fn import(
     let mut link = board.open()?;
     let done = put_in_force(&mut link, &commands);
     if let Err(failure) = done {
-        // What is stored is in force again, as if nothing had been.
+        // Puts the stored configuration in force again.
         let _ = link.ask(&Command::Load);
         return Err(failure);
     }
@@ -74,7 +74,7 @@ pub(super) fn import(
     print(&line, "is in force from", json)
 }
 
-/// The commands of a file, in the order of a configuration.
+/// Reads the commands of a file, in the order of a configuration.
 fn read(file: &Path) -> Result<Vec<Command>, Failure> {
     let opened = File::open(file).map_err(|reason| Failure::Unreadable {
         file: PathBuf::from(file),
@@ -130,7 +130,7 @@ fn put_in_force(link: &mut Link, commands: &[Command]) -> Result<(), Failure> {
     }))
 }
 
-/// Names of the commands in force whose places the file leaves free.
+/// Names of the commands in force that the file does not replace.
 fn besides(in_force: &[Command], commands: &[Command]) -> Vec<&'static str> {
     let places: Vec<_> = commands.iter().map(configuration::place).collect();
     let others = in_force.iter();

@@ -1,4 +1,4 @@
-//! `palpate settings`: settings and calibration of a board, read, changed, stored, and kept in a file.
+//! `palpate settings`: read, change, store, export and import a board's settings and calibration.
 
 mod change;
 mod file;
@@ -163,7 +163,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
 }
 
-/// What is in force and what is stored, as JSON.
+/// Configuration in force and storage, as JSON.
 #[derive(Serialize)]
 struct SettingsLine<'l> {
     simulated: bool,
@@ -239,7 +239,8 @@ fn set(arguments: &Set) -> Result<(), Failure> {
     Ok(())
 }
 
-/// A board that refuses settings does not say which: those that were changed are named.
+/// Adds the changed settings' names to a refusal, since the board does not report which one it
+/// refuses.
 fn with_names(failure: Failure, assignments: &[Assignment]) -> Failure {
     let names: Vec<_> = assignments.iter().map(Assignment::name).collect();
     match failure {

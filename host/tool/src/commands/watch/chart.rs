@@ -1,9 +1,9 @@
-//! A line of values as blocks of eighths.
+//! A bar chart of values in characters, with steps of an eighth.
 
-/// Blocks of none to eight eighths.
+/// Blocks of zero to eight eighths.
 const BLOCKS: [char; 9] = [' ', '▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'];
 
-/// Lines, from the top, of a chart over values from zero to `greatest`; the newest is at the right.
+/// Lines of a chart, from the top, over values from zero to `greatest`; the newest is at the right.
 pub(super) fn lines(values: &[f64], greatest: f64, rows: usize, columns: usize) -> Vec<String> {
     let first = values.len().saturating_sub(columns);
     let shown = values.get(first..).unwrap_or_default();

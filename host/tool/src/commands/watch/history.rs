@@ -2,21 +2,21 @@
 
 use std::collections::VecDeque;
 
-/// Means over equal times, the last ones.
+/// The last means over equal times.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct History {
     means: VecDeque<f64>,
-    /// The sum and the number of what belongs to the mean that is not complete.
+    /// Sum and count of the incomplete mean.
     sum: f64,
     count: f64,
-    /// Which of all means that is, counted from the device's start.
+    /// Index of the incomplete mean since the device's start.
     index: u64,
 }
 
 impl History {
-    /// Time of a mean, s: a column of a chart is ten samples a second.
+    /// Time of a mean, s: a column of a chart is a tenth of a second.
     pub(super) const MEAN_S: f64 = 0.1;
-    /// As many as are kept: more than the widest terminal has columns.
+    /// Number of kept means: more than the columns of the widest terminal.
     const KEPT: usize = 500;
 
     /// Adds a value at a time, s.
@@ -34,7 +34,7 @@ impl History {
         self.count += 1.0;
     }
 
-    /// The last means, as many as there are of so many.
+    /// Returns the last `count` means, or all if there are fewer.
     pub(super) fn last(&self, count: usize) -> impl Iterator<Item = f64> {
         let first = self.means.len().saturating_sub(count);
         self.means.iter().skip(first).copied()

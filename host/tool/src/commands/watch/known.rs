@@ -1,4 +1,4 @@
-//! What is known of a board from what it has said.
+//! State of a board from its records.
 
 use palpate_cli::describe;
 use palpate_cli::describe::limited_by;
@@ -10,48 +10,48 @@ use serde::Serialize;
 use super::history::History;
 use crate::board::link::Link;
 
-/// Everything that is shown.
+/// The shown state.
 #[derive(Clone, Debug, Default, Serialize)]
 pub(crate) struct Known {
-    /// Where the board is.
+    /// Location of the board.
     pub(crate) board: String,
-    /// What it is; absent before it has said so.
+    /// Identity of the board; absent before it has arrived.
     pub(crate) hello: Option<Hello>,
-    /// Which of its runs all this is of.
+    /// Boot of this state.
     #[serde(skip)]
     pub(crate) boot_id: Option<u32>,
-    /// Its time, s.
+    /// Board time, s.
     pub(crate) time_s: f64,
     pub(crate) state: Option<State>,
     pub(crate) armed: bool,
     /// The last sample of each converter.
     pub(crate) samples: [Option<Sample>; 2],
     pub(crate) status: Option<Status>,
-    /// The last result, and when, s.
+    /// Last result with its time, s.
     pub(crate) result: Option<(f64, MeasurementResult)>,
-    /// The greatest cause of its interval, and what would narrow it, where the board said that.
+    /// Largest cause of the last interval and how to reduce it, if the board reported it.
     pub(crate) limited_by: Option<String>,
     #[serde(skip)]
     budget: Option<UncertaintyBudget>,
     pub(crate) faults: Vec<FaultCode>,
-    /// Records that were received and that are missing, of this run of the board.
+    /// Received and missing records of this boot.
     pub(crate) received: u64,
     pub(crate) missing: u64,
-    /// Frames that came damaged.
+    /// Number of damaged frames.
     pub(crate) damaged: u32,
-    /// Why the board is not there.
+    /// Reason why the board is gone.
     pub(crate) gone: Option<String>,
     /// Deformation of the first channel, m.
     #[serde(skip)]
     pub(crate) deformation: History,
 }
 
-/// What a measurement came to.
+/// Result of a measurement.
 #[derive(Clone, Debug, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum MeasurementResult {
     Estimate(Box<Estimate>),
-    /// Refused, with the reason.
+    /// Refusal with its reason.
     Refusal(String),
 }
 
@@ -63,12 +63,12 @@ impl Known {
         }
     }
 
-    /// The board is gone.
+    /// Marks the board as gone.
     pub(crate) fn lost(&mut self, reason: &str) {
         self.gone = Some(reason.to_owned());
     }
 
-    /// What the link has counted.
+    /// Updates the counts of the link.
     pub(crate) fn take_link(&mut self, link: &Link) {
         self.hello = link.hello().cloned();
         self.damaged = link.unreadable();
@@ -78,8 +78,8 @@ impl Known {
         }
     }
 
-    /// Takes a record; whether something has just touched. What a board said before it started anew holds
-    /// no longer.
+    /// Processes a record. Returns whether a contact began. A restart of the board clears the
+    /// earlier state.
     pub(crate) fn take(&mut self, frame: &Frame<Record>) -> bool {
         let boot_id = frame.header.boot_id;
         if self.boot_id.is_some_and(|known| known != boot_id) {
@@ -131,7 +131,7 @@ impl Known {
         self.limited_by = self.budget.take().as_ref().map(limited_by);
     }
 
-    /// Whether something touches, if that is known.
+    /// Contact state, if known.
     pub(crate) fn contact(&self) -> Option<Contact> {
         let [first, _] = &self.samples;
         first.as_ref().map(|sample| sample.contact)

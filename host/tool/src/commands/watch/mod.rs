@@ -1,4 +1,4 @@
-//! `palpate watch`: what a board says, on the terminal.
+//! `palpate watch`: the state of a board on the terminal.
 
 mod chart;
 mod history;
@@ -45,11 +45,11 @@ pub(crate) struct Arguments {
     json: bool,
 }
 
-/// From one view to the next: an eye sees no more, and a terminal takes it.
+/// Interval of views on a terminal.
 const PERIOD: Duration = Duration::from_millis(100);
-/// The same where no one looks.
+/// Interval of views for other outputs.
 const PRINTED: Duration = Duration::from_secs(1);
-/// Lines and columns where a terminal does not say.
+/// Default size, in lines and columns, if the terminal does not report its own.
 const USUAL: (u16, u16) = (24, 80);
 
 pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
@@ -85,7 +85,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Receives records for a time; measures every contact.
+/// Receives records for a time, and measures at every contact if requested.
 fn watched(
     link: &mut Link,
     known: &mut Known,
@@ -97,7 +97,7 @@ fn watched(
         link.listen(until.saturating_sub(link.now()))?;
         for arrival in link.take() {
             if known.take(&arrival.frame) && measures {
-                // What it is answered shows in what follows.
+                // The following records show the answer.
                 link.send(&Command::Measure)?;
             }
         }
@@ -106,7 +106,7 @@ fn watched(
     Ok(())
 }
 
-/// Where the views go.
+/// Output of the views.
 enum Screen {
     Terminal(Term),
     Text,

@@ -1,4 +1,4 @@
-//! The views, at the sizes of terminals.
+//! Tests of the views at usual terminal sizes.
 
 use palpate_wire::code::{Contact, FaultCode, State};
 use palpate_wire::record::{Conversion, Estimate, Sample, Status};
@@ -41,7 +41,7 @@ fn sample(deformation_m: f32) -> Record {
     })
 }
 
-/// A record of the protocol's fixture, whose values mean nothing.
+/// A record of the protocol's fixture, with arbitrary values.
 pub(crate) fn fixture(kind: &str) -> Record {
     let lines = include_str!("../../../../../firmware/wire/fixture/v2-records.jsonl").lines();
     let mut records = lines.filter_map(|line| {
@@ -52,12 +52,12 @@ pub(crate) fn fixture(kind: &str) -> Record {
     found.unwrap_or_else(|| panic!("no {kind} in the fixture"))
 }
 
-/// A board that is pressed for the second time.
+/// A board during its second press.
 fn known() -> Known {
     let mut known = Known::of("/dev/ttyACM0");
     for ms in (0..20_000).step_by(10) {
         let time_s = f64::from(ms) * 1e-3;
-        // Five seconds lifted, five pressed, deeper and deeper.
+        // Five seconds lifted, five pressed, with rising depth.
         let part = (time_s % 10.0 - 5.0).max(0.0);
         known.take(&frame(time_s, sample((80e-6 * part) as f32)));
     }

@@ -1,4 +1,4 @@
-//! What is known as lines of a terminal.
+//! State of a board as lines of a terminal.
 
 use console::Style;
 use palpate_cli::describe::stiffness;
@@ -9,16 +9,16 @@ use super::chart;
 use super::history::History;
 use super::known::{Known, MeasurementResult};
 
-/// A view of a size.
+/// A view of a given size.
 pub(super) struct View {
     rows: usize,
     columns: usize,
     colour: bool,
 }
 
-/// Columns of the names at the left.
+/// Columns of the names on the left.
 const NAMES: usize = 14;
-/// Rows of a chart that still shows something.
+/// Smallest useful height of a chart, rows.
 const LEAST_CHART: usize = 3;
 
 impl View {
@@ -31,7 +31,7 @@ impl View {
         }
     }
 
-    /// The lines, as many as there are rows less one, in which the cursor stands.
+    /// Returns one line less than the rows, since the cursor needs the last one.
     pub(super) fn lines(&self, known: &Known) -> Vec<String> {
         let mut lines = vec![self.title(known), String::new()];
         lines.extend(self.state(known));
@@ -65,7 +65,7 @@ impl View {
         style.force_styling(self.colour).apply_to(text).to_string()
     }
 
-    /// A name with what belongs to it, cut to the width.
+    /// A name with its text, cut to the width.
     fn named(&self, name: &str, text: &str, style: Style) -> String {
         let room = self.columns.saturating_sub(NAMES);
         let text: String = text.chars().take(room).collect();
@@ -102,7 +102,7 @@ impl View {
         vec![self.plain("state", &format!("{state}, {armed}, {touch}"))]
     }
 
-    /// A line for each channel, and one for the force.
+    /// One line for each channel, and one for the force.
     fn sample(&self, sample: &Sample) -> Vec<String> {
         let channels = sample.channels.iter();
         let lines = channels.map(|channel| self.channel(sample.sensor, channel));
@@ -207,7 +207,7 @@ impl View {
         lines.collect()
     }
 
-    /// The deformation of the last seconds; as high as its greatest.
+    /// Chart of the deformation of the last seconds, scaled to its maximum.
     fn chart(&self, known: &Known, rows: usize) -> Vec<String> {
         let columns = self.columns.saturating_sub(NAMES);
         let values: Vec<f64> = known.deformation.last(columns).collect();
@@ -224,7 +224,7 @@ impl View {
     }
 }
 
-/// A result in words.
+/// Formats a result.
 fn claim(estimate: &Estimate) -> String {
     let of = |n_per_m: Option<f32>| stiffness(n_per_m.map_or(f64::INFINITY, f64::from));
     format!(
