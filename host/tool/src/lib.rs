@@ -1,4 +1,4 @@
-//! `palpate`: the command-line tool of the sensor, as a function.
+//! `palpate`: the command-line tool of the sensor, as a library function.
 
 pub mod board;
 mod commands;
@@ -71,7 +71,7 @@ enum Verb {
     Man(packaging::Manual),
 }
 
-/// Runs the tool with these arguments, the first of which is its name.
+/// Runs the tool with these arguments; the first is its name.
 pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     failure::exit(match Cli::parse_from(arguments).verb {
         Verb::Words(arguments) => words::run(&arguments),
@@ -116,7 +116,7 @@ mod tests {
 
     use super::Cli;
 
-    /// What a help text says behind its options, and those of the verbs below.
+    /// Help texts after the options, of this command and its subcommands.
     fn texts(command: &Command) -> Vec<(String, String)> {
         let name = command.get_name().to_owned();
         let text = command
@@ -126,7 +126,8 @@ mod tests {
         text.into_iter().chain(below).collect()
     }
 
-    /// A paragraph is one line, which is wrapped to the width of the terminal; what is indented stays as it is.
+    /// A paragraph is one line, which clap wraps to the width of the terminal; indented lines stay
+    /// as they are.
     #[test]
     fn no_help_text_is_wrapped_twice() {
         let texts = texts(&Cli::command());
@@ -137,7 +138,7 @@ mod tests {
             let wrapped = pairs.find(|(line, next)| is_prose(line) && is_prose(next));
             assert_eq!(wrapped, None, "{verb}");
             let mut examples = text.lines().filter(|line| line.starts_with(' '));
-            // Beyond that clap wraps it.
+            // clap wraps longer lines.
             assert_eq!(
                 examples.find(|line| line.chars().count() > 96),
                 None,

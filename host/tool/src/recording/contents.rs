@@ -1,4 +1,4 @@
-//! What a recording contains, counted.
+//! Counted contents of a recording.
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -9,43 +9,44 @@ use serde::Serialize;
 use super::date::NS_PER_S;
 use super::{Entry, Note, Recorded};
 
-/// What a recording contains.
+/// Contents of a recording.
 #[derive(Clone, Debug, Default)]
 pub struct Contents {
     account: Account,
     /// Boots in the order of their first frames.
     boots: Vec<Tally>,
-    /// Where each stands there, by its number.
+    /// Index of each boot in `boots`, by its id.
     places: HashMap<u32, usize>,
-    /// Arrival of the first frame and of the last, ns since 1970.
+    /// Arrival of the first and the last frame, ns since 1970.
     span_ns: Option<(u64, u64)>,
     kinds: BTreeMap<&'static str, u64>,
     notes: Vec<Note>,
 }
 
-/// What is missing of a boot of the board, from its first frame in the recording to its last.
+/// Missing frames of a boot of the board, from its first recorded frame to its last.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct BootLosses {
-    /// The boot.
+    /// Boot id.
     pub boot_id: u32,
-    /// Frames that the board had produced before.
+    /// Frames that the board had produced before the first recorded one.
     pub before_first: u64,
-    /// Frames that arrived.
+    /// Received frames.
     pub received: u64,
-    /// Frames that did not.
+    /// Missing frames.
     pub missing: u64,
-    /// Of the missing ones.
+    /// Missing frames that the board dropped.
     pub dropped_by_device: u64,
-    /// Of the missing ones; absent where the board's count contradicts the numbers of its frames.
+    /// Missing frames that were lost on the link; `None` where the board's count contradicts its
+    /// sequence numbers.
     pub lost_on_the_way: Option<u64>,
-    /// Frames that came twice.
+    /// Frames received twice.
     pub duplicates: u64,
-    /// Frames that came too late to be distinguished from repeated ones.
+    /// Frames that arrived too late to tell them from duplicates.
     pub stale: u64,
 }
 
 impl BootLosses {
-    /// The same as a sentence.
+    /// Describes the losses in a sentence.
     pub fn sentence(&self) -> String {
         let start = format!("boot {:08x}: {} records", self.boot_id, self.received);
         if self.missing == 0 {
@@ -76,7 +77,7 @@ impl From<&Tally> for BootLosses {
 }
 
 impl Contents {
-    /// Counts what comes next.
+    /// Counts an entry.
     pub fn enter(&mut self, entry: &Entry) {
         match entry {
             Entry::Frame(recorded) => self.enter_frame(recorded),
@@ -85,7 +86,7 @@ impl Contents {
         }
     }
 
-    /// The same of a frame.
+    /// Counts a frame.
     pub fn enter_frame(&mut self, recorded: &Recorded) {
         let frame = &recorded.frame;
         *self.kinds.entry(frame.message.name()).or_default() += 1;
@@ -107,33 +108,33 @@ impl Contents {
         }
     }
 
-    /// Records, by kinds.
+    /// Number of records by kind.
     pub const fn kinds(&self) -> &BTreeMap<&'static str, u64> {
         &self.kinds
     }
 
-    /// All records.
+    /// Number of all records.
     pub fn frames(&self) -> u64 {
         self.kinds.values().sum()
     }
 
-    /// What is missing, boot by boot.
+    /// Losses of each boot.
     pub fn boots(&self) -> Vec<BootLosses> {
         self.boots.iter().map(BootLosses::from).collect()
     }
 
-    /// When the first record arrived, ns since 1970.
+    /// Arrival of the first record, ns since 1970.
     pub fn began_ns(&self) -> Option<u64> {
         self.span_ns.map(|(first_ns, _)| first_ns)
     }
 
-    /// From the first record's arrival to the last one's, s.
+    /// Time from the first to the last arrival, s.
     pub fn duration_s(&self) -> f64 {
         let (first_ns, last_ns) = self.span_ns.unwrap_or_default();
         last_ns.saturating_sub(first_ns) as f64 / NS_PER_S as f64
     }
 
-    /// The notes of a name.
+    /// The notes with a name.
     pub fn notes(&self, name: &str) -> impl Iterator<Item = &Note> {
         self.notes.iter().filter(move |note| note.name == name)
     }

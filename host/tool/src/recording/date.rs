@@ -1,4 +1,4 @@
-//! Moments as dates, UTC.
+//! Times as dates, UTC.
 
 use std::time::{SystemTime, UNIX_EPOCH};
 
@@ -6,7 +6,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 pub const NS_PER_S: u64 = 1_000_000_000;
 const S_PER_DAY: u64 = 86_400;
 
-/// Now, ns since 1970-01-01 UTC; 0 by a clock that stands before that.
+/// Present time, ns since 1970-01-01 UTC; 0 if the clock is before that.
 pub fn now_ns() -> u64 {
     let since = SystemTime::now().duration_since(UNIX_EPOCH);
     since.map_or(0, |since| {
@@ -14,13 +14,13 @@ pub fn now_ns() -> u64 {
     })
 }
 
-/// A moment as `2026-11-23 06:25:07 UTC`.
+/// Formats a time as `2026-11-23 06:25:07 UTC`.
 pub fn text(ns: u64) -> String {
     let [year, month, day, hour, minute, second] = parts(ns);
     format!("{year}-{month:02}-{day:02} {hour:02}:{minute:02}:{second:02} UTC")
 }
 
-/// A moment as part of a file's name, `20261123-062507`.
+/// Formats a time for a file name, `20261123-062507`.
 pub fn name(ns: u64) -> String {
     let [year, month, day, hour, minute, second] = parts(ns);
     format!("{year}{month:02}{day:02}-{hour:02}{minute:02}{second:02}")
@@ -40,7 +40,7 @@ fn parts(ns: u64) -> [u64; 6] {
     ]
 }
 
-/// Year, month and day of a number of days since 1970-01-01, by the Gregorian calendar.
+/// Year, month and day from the number of days since 1970-01-01, in the Gregorian calendar.
 fn civil(mut days: u64) -> [u64; 3] {
     let mut year = 1970;
     while days >= 365 + u64::from(is_leap(year)) {
@@ -67,7 +67,7 @@ const fn is_leap(year: u64) -> bool {
 mod tests {
     use super::*;
 
-    /// By `date -u -d @SECONDS`.
+    /// Dates from `date -u -d @SECONDS`.
     #[test]
     fn moments_have_their_dates() {
         for (time_s, date) in [

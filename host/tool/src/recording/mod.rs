@@ -1,8 +1,8 @@
-//! Recordings of a board: every record as it came, with the time of either side, in a file that public
-//! viewers open.
+//! Recordings of a board: every received record, with the times of both clocks, in a file that
+//! public viewers open.
 //!
-//! The file is [MCAP](https://mcap.dev/spec), docs/desk.md says what stands in it. A `Recorder` writes
-//! one while a board is read, a [`Reader`] reads it back, whole or cut off.
+//! The file is [MCAP](https://mcap.dev/spec); docs/desk.md describes its contents. A `Recorder`
+//! writes a file while a board is read, and a [`Reader`] reads a complete or truncated one.
 
 mod contents;
 pub mod date;
@@ -24,37 +24,38 @@ pub use contents::{BootLosses, Contents};
 pub use reader::Reader;
 pub(crate) use recorder::Recorder;
 
-/// The file's profile: whose recording it is.
+/// Profile of the file, which marks it as a palpate recording.
 const PROFILE: &str = "palpate";
 /// Name of the note at the beginning: tool, protocol, board.
 pub const ABOUT: &str = "recording";
-/// Name of the note about a boot of the board: what it is, and what is in force.
+/// Name of the note about a boot of the board: identity, and configuration in force.
 pub const BOOT: &str = "boot";
 /// Name of the note at the end: clocks and losses.
 pub const END: &str = "end";
 
-/// A frame as it was recorded.
+/// A recorded frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recorded {
-    /// When it arrived, by the computer's clock, ns since 1970-01-01 UTC.
+    /// Arrival by the computer's clock, ns since 1970-01-01 UTC.
     pub host_ns: u64,
-    /// The time in its header, by the same clock, as far as the two are compared.
+    /// Time in the frame's header converted to the computer's clock, ns; the arrival before the
+    /// first comparison of the clocks.
     pub device_ns: u64,
     /// The frame.
     pub frame: Frame<Record>,
 }
 
-/// What is said about a recording in the recording, by names.
+/// A note about the recording, stored in it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Note {
-    /// Its name.
+    /// Name.
     pub name: String,
-    /// Its fields, as text.
+    /// Fields as text.
     pub fields: BTreeMap<String, String>,
 }
 
 impl Note {
-    /// A note that says nothing yet.
+    /// Creates an empty note.
     pub fn new(name: &str) -> Self {
         Self {
             name: name.to_owned(),
@@ -62,23 +63,23 @@ impl Note {
         }
     }
 
-    /// The same with one field more.
+    /// Adds a field.
     pub fn with(mut self, field: &str, value: impl ToString) -> Self {
         self.fields.insert(field.to_owned(), value.to_string());
         self
     }
 }
 
-/// A line of the board's log as it was recorded.
+/// A recorded line of the board's log.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Logged {
-    /// When it arrived, by the computer's clock, ns since 1970-01-01 UTC.
+    /// Arrival by the computer's clock, ns since 1970-01-01 UTC.
     pub host_ns: u64,
     /// The line.
     pub(crate) line: LogLine,
 }
 
-/// What a recording consists of. The log is for other programs: reading a recording passes over it.
+/// An entry of a recording. The log is for other programs; a [`Reader`] skips it.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Entry {
     /// A frame.
@@ -89,7 +90,7 @@ pub enum Entry {
     Log(Logged),
 }
 
-/// The topic of a kind of record.
+/// Topic of a kind of record.
 fn topic(kind: &str) -> String {
     format!("/{kind}")
 }

@@ -1,6 +1,6 @@
-//! Files of Parquet: columns with their types, and with their units in the metadata.
+//! Parquet files: typed columns, with their units in the metadata.
 //!
-//! Without Arrow and without compression: docs/decisions/0073-recordings.md.
+//! Without Arrow and compression; see docs/decisions/0073-recordings.md.
 
 use std::io::Write;
 use std::sync::Arc;
@@ -16,21 +16,21 @@ use parquet::file::writer::{SerializedColumnWriter, SerializedFileWriter};
 use parquet::schema::types::Type;
 use serde_json::{Map, Value, json};
 
-/// Rows that are kept in memory until they are written as a group: a minute at 1 kHz.
+/// Number of rows kept in memory and written as a group: a minute at 1 kHz.
 const GROUP: usize = 60_000;
-/// Under this name pandas finds what it shows as `attrs`.
+/// Metadata key that pandas shows as `attrs`.
 const PANDAS: &str = "PANDAS_ATTRS";
 
-/// What the cells of a column are, in a file and in memory.
+/// Type of the cells of a column, in the file and in memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Kind {
     Bool,
-    /// Of so many bits, without sign.
+    /// Unsigned integer with this number of bits.
     Integer(i8),
     Float,
     Double,
     Text,
-    /// Nanoseconds since 1970 UTC.
+    /// Time, ns since 1970 UTC.
     Time,
 }
 
@@ -39,27 +39,27 @@ pub(crate) enum Kind {
 pub(crate) struct Head<'n> {
     pub(crate) name: &'n str,
     pub(crate) kind: Kind,
-    /// The unit; `1` for plain numbers, empty for what is no quantity.
+    /// Unit; `1` for plain numbers, empty for non-quantities.
     pub(crate) unit: &'n str,
-    /// Whether a row may have nothing there.
+    /// Whether a cell may be empty.
     pub(crate) optional: bool,
 }
 
-/// A file that is being written.
+/// A file during writing.
 pub(crate) struct ParquetFile<W: Write + Send> {
     writer: SerializedFileWriter<W>,
     kept: Vec<Kept>,
     rows: usize,
 }
 
-/// The cells of a column that are not written yet.
+/// Unwritten cells of a column.
 struct Kept {
     kind: Kind,
     cells: Vec<Option<Value>>,
 }
 
 impl<W: Write + Send> ParquetFile<W> {
-    /// Begins a file whose rows are each of a kind of thing.
+    /// Starts a file; `row` names the kind of its rows.
     pub(crate) fn begin(to: W, row: &str, heads: &[Head<'_>]) -> Result<Self, ParquetError> {
         let fields = heads.iter().map(|head| head.column().map(Arc::new));
         let schema = Type::group_type_builder(row)
@@ -84,7 +84,7 @@ impl<W: Write + Send> ParquetFile<W> {
         })
     }
 
-    /// Adds a row: a cell for every column, in their order.
+    /// Adds a row, with a cell for every column in order.
     pub(crate) fn add(
         &mut self,
         cells: impl IntoIterator<Item = Option<Value>>,
@@ -99,7 +99,7 @@ impl<W: Write + Send> ParquetFile<W> {
         self.write_group()
     }
 
-    /// Writes what is not written yet, and the end of the file.
+    /// Writes the remaining rows and the end of the file.
     pub(crate) fn finish(mut self) -> Result<W, ParquetError> {
         self.write_group()?;
         self.writer.into_inner()
@@ -148,7 +148,7 @@ impl Head<'_> {
     }
 }
 
-/// The units of all columns that have one, by names.
+/// Units of all columns that have one, by name.
 fn units(heads: &[Head<'_>]) -> Value {
     let with_unit = heads.iter().filter(|head| !head.unit.is_empty());
     let units = with_unit.map(|head| (head.name.to_owned(), head.unit.into()));
@@ -156,25 +156,25 @@ fn units(heads: &[Head<'_>]) -> Value {
 }
 
 impl Kept {
-    /// Writes the cells and forgets them.
+    /// Writes the cells and removes them.
     fn write(&mut self, to: &mut SerializedColumnWriter<'_>) -> Result<(), ParquetError> {
         let cells = std::mem::take(&mut self.cells);
         let number = |value: &Value| value.as_u64().unwrap_or_default();
         let float = |value: &Value| value.as_f64().unwrap_or_default();
         match self.kind {
             Kind::Bool => write::<BoolType>(to, &cells, |of| of.as_bool().unwrap_or_default()),
-            // Without sign: the same bits.
+            // Parquet stores unsigned integers with the same bits.
             Kind::Integer(64) | Kind::Time => {
                 write::<Int64Type>(to, &cells, |of| number(of).cast_signed())
             }
             Kind::Integer(_) => {
                 write::<Int32Type>(to, &cells, |of| (number(of) as u32).cast_signed())
             }
-            // The shortest digits of an f32 are read as that f32.
+            // The shortest digits of an f32 parse back to that f32.
             Kind::Float => write::<FloatType>(to, &cells, |of| float(of) as f32),
             Kind::Double => write::<DoubleType>(to, &cells, float),
             Kind::Text => write::<ByteArrayType>(to, &cells, |of| {
-                // A code without a name is its number.
+                // A code without a name is written as its number.
                 let text = of.as_str().map_or_else(|| of.to_string(), str::to_owned);
                 ByteArray::from(text.into_bytes())
             }),

@@ -1,4 +1,4 @@
-//! Reads a recording: whole, cut off, or several of them joined into one file.
+//! Reads a recording: complete, truncated, or several joined in one file.
 
 use std::collections::HashSet;
 use std::fs::File;
@@ -13,18 +13,18 @@ use palpate_wire::{Message, Record};
 
 use super::{BOOT, Entry, Note, PROFILE, Recorded, topic};
 
-/// Longest piece of a file that is taken into memory. Other tools write chunks of up to some MB; a length
-/// that is damaged may say anything.
+/// Longest piece of a file read into memory, bytes. Other tools write chunks of a few MB; a damaged
+/// length may have any value.
 const LONGEST: usize = 64 << 20;
 
-/// A recording, from its first entry to its end or to where it is damaged.
+/// Iterator over the entries of a recording, up to its end or its damage.
 pub struct Reader<R> {
     from: R,
     linear: LinearReader,
     messages: Messages,
-    /// Whether it has come to the end of a recording.
+    /// Whether the end of a recording was read.
     has_end: bool,
-    /// Whether it has come to anything at all.
+    /// Whether anything was read.
     is_begun: bool,
     damage: Option<McapError>,
 }
@@ -43,7 +43,7 @@ impl Reader<BufReader<File>> {
         Ok(Self::new(BufReader::new(opened)))
     }
 
-    /// What is said about the boots in a file. Other programs write it behind the messages.
+    /// Reads the boot notes of a file. Other programs write them behind the messages.
     ///
     /// # Errors
     /// If the file cannot be opened.
@@ -58,24 +58,24 @@ impl Reader<BufReader<File>> {
     }
 }
 
-/// What to do about a file that is none.
+/// Remedy for a file that is not a recording.
 const NAME: &str = "name a recording of `palpate record`";
 
 fn refused(file: &Path, problem: &str) -> Failure {
     Failure::Argument(format!("{}: {problem}", file.display()))
 }
 
-/// Reads one recording.
+/// Creates a reader of one recording.
 fn linear() -> LinearReader {
     let options = LinearReaderOptions::default()
-        // A chunk is given back as it was written, or not at all.
+        // A chunk is returned unchanged or not at all.
         .with_prevalidate_chunk_crcs(true)
         .with_record_length_limit(LONGEST);
     LinearReader::new_with_options(options)
 }
 
 impl<R: BufRead> Reader<R> {
-    /// Reads from anything.
+    /// Creates a reader of any input.
     pub fn new(from: R) -> Self {
         Self {
             from,
@@ -87,7 +87,7 @@ impl<R: BufRead> Reader<R> {
         }
     }
 
-    /// Why it ends before its end, once it has been read; nothing for a file that is whole.
+    /// Damage that ends the recording early, after reading; `None` for a whole file.
     pub fn damage(&self) -> Option<String> {
         let damage = self.damage.as_ref()?;
         Some(match damage {
@@ -102,7 +102,7 @@ impl<R: BufRead> Reader<R> {
         })
     }
 
-    /// Refuses what turned out to be no recording that can be read.
+    /// Fails if the file proved not to be a readable recording.
     pub fn refuse_foreign(&self, file: &Path) -> Result<(), Failure> {
         let problem = match &self.damage {
             Some(McapError::UnsupportedCompression(_)) => self.damage().unwrap_or_default(),
@@ -117,7 +117,7 @@ impl<R: BufRead> Reader<R> {
         Err(refused(file, &problem))
     }
 
-    /// The same, and what has no record that can be read.
+    /// Fails if the file is not a readable recording, or has no readable record.
     pub fn refuse_empty(&self, file: &Path) -> Result<(), Failure> {
         self.refuse_foreign(file)?;
         match (self.messages.frames, self.unreadable()) {
@@ -136,12 +136,12 @@ impl<R: BufRead> Reader<R> {
         }
     }
 
-    /// Messages that this version of the tool does not understand.
+    /// Number of messages that this version of the tool does not understand.
     pub const fn unreadable(&self) -> u64 {
         self.messages.unreadable
     }
 
-    /// Goes on to the next piece of the file; nothing at its end.
+    /// Reads the next piece of the file; `None` at its end.
     fn step(&mut self) -> Option<Result<Option<Entry>, McapError>> {
         let Some(event) = self.linear.next_event() else {
             return self.next_part();
@@ -165,13 +165,13 @@ impl<R: BufRead> Reader<R> {
         })
     }
 
-    /// Begins with the recording behind the one that has ended; nothing at the end of the file.
+    /// Starts the next recording joined to the file; `None` at the end of the file.
     fn next_part(&mut self) -> Option<Result<Option<Entry>, McapError>> {
         match self.from.fill_buf() {
             Ok([]) => None,
             Ok(_) => {
                 self.linear = linear();
-                // Every part numbers its own.
+                // Each recording numbers its own channels.
                 self.messages.channels.clear();
                 Some(Ok(None))
             }
@@ -204,23 +204,23 @@ fn read(from: &mut impl io::Read, to: &mut [u8]) -> io::Result<usize> {
     }
 }
 
-/// The messages of a file, as far as they are records of a board.
+/// State of the messages of a file that are records of a board.
 #[derive(Default)]
 struct Messages {
-    /// The channels with such records.
+    /// Channels with such records.
     channels: HashSet<u16>,
-    /// Whether the file is a recording of a board, whatever program has written it.
+    /// Whether the file is a recording of a board, written by any program.
     is_ours: bool,
-    /// Whether messages are passed over.
+    /// Whether messages are skipped.
     only_notes: bool,
-    /// Messages that are understood.
+    /// Number of understood messages.
     frames: u64,
-    /// Messages that are not.
+    /// Number of messages not understood.
     unreadable: u64,
 }
 
 impl Messages {
-    /// What a piece of the file says of a recording.
+    /// Converts a piece of the file to an entry of the recording.
     fn entry(&mut self, piece: McapRecord<'_>) -> Option<Entry> {
         match piece {
             McapRecord::Header(header) => {

@@ -1,4 +1,4 @@
-//! Writes a recording beside the reading of the board: a disk that is slow does not stop the board.
+//! Writes a recording in a thread, so that a slow disk does not stop the board.
 
 use std::fs::{self, File};
 use std::io::{self, BufWriter, ErrorKind, Write};
@@ -12,14 +12,14 @@ use palpate_cli::failure::Failure;
 use super::writer::Writer;
 use super::{Entry, Logged, Note, Recorded};
 
-/// What may be lost if the program is killed: half of the second that docs/desk.md names.
+/// Interval of flushes, the greatest loss if the program is killed: half of the second that
+/// docs/desk.md states.
 const CHUNK: Duration = Duration::from_millis(500);
-/// Entries that wait for the disk, at most: 16 s at the board's 1 kHz, more than a hard disk takes to spin
-/// up, and less than 5 MB.
+/// Maximum number of entries that wait for the disk: 16 s at the board's 1 kHz, more than the
+/// spin-up of a hard disk, and less than 5 MB.
 pub(super) const QUEUE: usize = 1 << 14;
 
-/// A recording that is being written. The file gets its name when it is complete; until then `.partial`
-/// follows the name.
+/// A recording during writing. The file has `.partial` appended to its name until it is complete.
 pub(crate) struct Recorder {
     path: PathBuf,
     partial: PathBuf,
@@ -29,7 +29,7 @@ pub(crate) struct Recorder {
 }
 
 impl Recorder {
-    /// Begins a recording in a file that does not exist.
+    /// Starts a recording in a new file.
     pub(crate) fn create(path: &Path) -> Result<Self, Failure> {
         let partial = partial(path);
         let unwritable = |reason| Failure::Unwritable {
@@ -49,7 +49,7 @@ impl Recorder {
         Self::on(file, path).map_err(unwritable)
     }
 
-    /// Begins a recording in a file that is open.
+    /// Starts a recording in an open file.
     pub(super) fn on(file: File, path: &Path) -> io::Result<Self> {
         let writer = Writer::new(BufWriter::new(file))?;
         let (queue, entries) = sync_channel(QUEUE);
@@ -67,13 +67,13 @@ impl Recorder {
         })
     }
 
-    /// Where it is while it is written.
+    /// Path of the file during writing.
     pub(crate) fn partial(&self) -> &Path {
         &self.partial
     }
 
-    /// Adds a frame, and does not wait for the disk. False if it cannot be written any more:
-    /// [`finish`](Self::finish) says why.
+    /// Adds a frame without waiting for the disk. Returns `false` if writing has failed;
+    /// [`finish`](Self::finish) returns the error.
     pub(crate) fn add(&mut self, frame: Recorded) -> bool {
         match self.queue.try_send(Entry::Frame(frame)) {
             Ok(()) => true,
@@ -85,17 +85,17 @@ impl Recorder {
         }
     }
 
-    /// Adds a note; they are few, and none is lost.
+    /// Adds a note. Notes are few; this waits, so that none is lost.
     pub(crate) fn note(&mut self, note: Note) -> bool {
         self.queue.send(Entry::Note(note)).is_ok()
     }
 
-    /// Adds a line of the log, and does not wait for the disk: no data are lost with one.
+    /// Adds a line of the log without waiting for the disk; a lost line loses no data.
     pub(crate) fn log(&mut self, line: Logged) {
         let _ = self.queue.try_send(Entry::Log(line));
     }
 
-    /// Frames that are not in the file since the disk did not keep up.
+    /// Number of frames dropped because the disk was too slow.
     pub(crate) const fn lost(&self) -> u64 {
         self.lost
     }
@@ -103,7 +103,7 @@ impl Recorder {
     /// Completes the file.
     ///
     /// # Errors
-    /// If it cannot be written: the message says what is left, and where.
+    /// If it cannot be written: the message says where the rest is.
     pub(crate) fn finish(self) -> Result<PathBuf, Failure> {
         drop(self.queue);
         let written = match self.thread.join() {
@@ -116,16 +116,16 @@ impl Recorder {
     }
 }
 
-/// The name of a recording while it is written.
+/// Name of a recording during writing.
 fn partial(path: &Path) -> PathBuf {
     let mut name = path.as_os_str().to_owned();
     name.push(".partial");
     name.into()
 }
 
-/// Gives a file its name, unless another one has it meanwhile.
+/// Gives a file its final name, unless another file has taken it.
 fn named(partial: &Path, path: &Path) -> io::Result<()> {
-    // Renaming alone would replace what has the name; taking the name first fails where it is taken.
+    // Renaming alone would replace an existing file; creating the name first fails if it exists.
     File::create_new(path)?;
     fs::rename(partial, path)
 }
@@ -145,7 +145,7 @@ fn unfinished(partial: &Path, error: &io::Error) -> Failure {
     ))
 }
 
-/// Writes what comes, until nothing can come any more.
+/// Writes entries until the queue is closed.
 fn write<W: Write>(mut writer: Writer<W>, entries: &Receiver<Entry>) -> io::Result<W> {
     let mut due = Instant::now();
     loop {

@@ -1,14 +1,14 @@
-//! The description of a recorded message as a JSON Schema, made from the protocol's own.
+//! JSON Schema of a recorded message, from the protocol's own description.
 //!
-//! The text form of a frame writes `null` for what is absent. A JSON Schema would say so by two types, and
-//! Foxglove's reader refuses a field with two: so such a field has its type, is not among those that are
-//! required, and its description says `null`.
+//! The text form of a frame has `null` for an absent value. JSON Schema would use two types for
+//! this, but Foxglove's reader refuses a field with two types. Such a field therefore has its own
+//! type, is not required, and its description says `null`.
 
 use palpate_wire::Header;
 use palpate_wire::schema::{Described, Field, Kind, Range, Structure, Type};
 use serde_json::{Map, Value, json};
 
-/// Of the messages of a kind: the text form of a frame, docs/protocol.md.
+/// Schema of a kind of message: the text form of a frame, docs/protocol.md.
 pub(super) fn of_kind(kind: &Kind) -> Value {
     let header = Header::TYPE.structure().map_or_else(empty, structure);
     let payload = kind.payload.map_or_else(empty, structure);
@@ -28,7 +28,7 @@ pub(super) fn of_kind(kind: &Kind) -> Value {
     })
 }
 
-/// Of a line of the log, as Foxglove's schema `Log` has it.
+/// Schema of a log line, equal to Foxglove's schema `Log`.
 pub(super) fn of_log() -> Value {
     let number = |of: &str| json!({"type": "integer", "minimum": 0, "description": of});
     json!({
@@ -94,7 +94,7 @@ fn value(of: &Type, range: &Range) -> Map<String, Value> {
             "maxItems": capacity,
             "items": value(item, range),
         }),
-        // A number that this version does not know is written as that number: the names are no `enum`.
+        // Unknown numbers are written as numbers, so the names are not an `enum`.
         Type::Code(table) => {
             json!({ "type": "string", "examples": table.entries.iter().map(|entry| entry.name).collect::<Vec<_>>() })
         }
@@ -115,7 +115,7 @@ fn value(of: &Type, range: &Range) -> Map<String, Value> {
     schema
 }
 
-/// Enters a limit as it is written in the protocol: 0.05, and not the number next to it that an f32 has.
+/// Adds a limit as the protocol states it: 0.05, not the nearest f32.
 fn limit(schema: &mut Map<String, Value>, key: &str, limit: f32) {
     let written: Option<f64> = limit.to_string().parse().ok();
     if let Some(limit) = written.filter(|limit| limit.is_finite()) {
@@ -148,7 +148,7 @@ mod tests {
         assert_eq!(frequency["maximum"], json!(1e9));
     }
 
-    /// The rules of Foxglove's reader: every field has one type, and an object has its properties.
+    /// Rules of Foxglove's reader: every field has one type, and an object lists its properties.
     #[test]
     fn every_kind_is_described_as_viewers_read_it() {
         fn check(schema: &Value) {

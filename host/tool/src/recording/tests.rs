@@ -10,7 +10,7 @@ use proptest::prelude::*;
 use super::writer::Writer;
 use super::*;
 
-/// Every kind of record, with its smallest and its largest values among them.
+/// All kinds of records, including their smallest and largest values.
 fn fixture() -> Vec<Entry> {
     let bytes = include_bytes!("../../../../firmware/wire/fixture/v2-records.bin");
     let mut decoder = RecordDecoder::new();
@@ -26,7 +26,7 @@ fn fixture() -> Vec<Entry> {
     [note].into_iter().chain(recorded).collect()
 }
 
-/// The fixture as a file, flushed after every few entries.
+/// Bytes of a file with these entries, flushed after every few entries.
 fn recording(entries: &[Entry]) -> Vec<u8> {
     let mut writer = Writer::new(Vec::new()).unwrap();
     for few in entries.chunks(7) {
@@ -36,7 +36,7 @@ fn recording(entries: &[Entry]) -> Vec<u8> {
     writer.finish().unwrap()
 }
 
-/// What is read of a file, and the damage.
+/// Reads the entries and the damage of a file.
 fn read(file: &[u8]) -> (Vec<Entry>, Option<String>) {
     let mut reader = Reader::new(file);
     let entries = reader.by_ref().collect();
@@ -81,7 +81,7 @@ fn the_queue_of_a_recording_stays_below_5_mb() {
     assert!(size_of::<Entry>() * recorder::QUEUE < 5_000_000);
 }
 
-/// A sample among others, with numbers of one's own.
+/// A sample with these values.
 fn sample(frequency_hz: f64, force_n: f32) -> Entry {
     let mut entries = fixture().into_iter();
     let sample = entries.find_map(|entry| match entry {
@@ -144,7 +144,7 @@ proptest! {
     }
 }
 
-/// A disk that is full after so many bytes.
+/// A disk that is full after `capacity` bytes.
 #[derive(Clone)]
 struct SmallDisk {
     written: Rc<RefCell<Vec<u8>>>,
@@ -168,7 +168,8 @@ impl Write for SmallDisk {
     }
 }
 
-/// Writes the entries in flushes of seven, and returns what had been flushed when it failed.
+/// Writes the entries in flushes of seven. Returns the number of flushed entries when writing
+/// failed.
 fn write_to(disk: SmallDisk, entries: &[Entry]) -> (usize, io::Result<()>) {
     let mut flushed = 0;
     let write = || {
@@ -212,7 +213,7 @@ fn a_recording_does_not_take_the_place_of_a_file() {
     assert_eq!(std::fs::read_to_string(&file).unwrap(), "old");
 }
 
-/// What is in the file at a moment is what a program leaves that is killed then.
+/// The file's contents at any time are those that a program killed then would leave.
 #[test]
 fn a_recording_that_is_killed_keeps_all_but_the_last_second() {
     let folder = tempfile::tempdir().unwrap();

@@ -12,30 +12,30 @@ use serde_json::json;
 use super::date::NS_PER_S;
 use super::{Entry, Logged, Note, PROFILE, Recorded, schema, topic};
 
-/// The topic of the board's log, and its schema: the one that viewers know (Foxglove's schemas, `Log`).
+/// Topic and schema of the board's log, which viewers know (Foxglove's schemas, `Log`).
 const LOG: &str = "/log";
 const LOG_SCHEMA: &str = "foxglove.Log";
-/// Its numbers of the levels.
+/// Numbers of the levels in this schema.
 const LEVELS: [(&str, u8); 4] = [("debug", 1), ("info", 2), ("warn", 3), ("error", 4)];
 
-/// Writes a recording. What is written since the last [`flush`](Self::flush) is lost if the program is
+/// Writer of a recording. Entries since the last [`flush`](Self::flush) are lost if the program is
 /// killed.
 pub(super) struct Writer<W: Write> {
     mcap: mcap::Writer<NoSeek<W>>,
-    /// Channels of the file, by kinds of records.
+    /// Channels of the file by kind of record.
     channels: HashMap<u8, u16>,
-    /// The channel of the log, from its first line on.
+    /// Channel of the log; `None` before its first line.
     log: Option<u16>,
 }
 
 impl<W: Write> Writer<W> {
-    /// Begins a recording.
+    /// Starts a recording.
     pub(super) fn new(to: W) -> io::Result<Self> {
         let options = WriteOptions::new()
             .profile(PROFILE)
             .compression(None)
-            // A chunk is written when it is complete: one that is begun has no length yet, and a
-            // reader of a file that was cut off within it would take its rest for something else.
+            // Writes only complete chunks: an unfinished chunk has no length yet, and a reader of a
+            // file truncated within it would misread the rest.
             .disable_seeking(true);
         Ok(Self {
             mcap: options.create(NoSeek::new(to)).map_err(io_error)?,
@@ -44,7 +44,7 @@ impl<W: Write> Writer<W> {
         })
     }
 
-    /// Adds what comes next.
+    /// Adds an entry.
     pub(super) fn add(&mut self, entry: &Entry) -> io::Result<()> {
         match entry {
             Entry::Frame(recorded) => self.frame(recorded),
@@ -66,7 +66,7 @@ impl<W: Write> Writer<W> {
         written.map_err(io_error)
     }
 
-    /// The channel of a record's kind; it is there from the first record of the kind on.
+    /// Returns the channel of a record's kind; creates it at the first record of the kind.
     fn channel(&mut self, record: &Record) -> io::Result<u16> {
         if let Some(&channel) = self.channels.get(&record.kind()) {
             return Ok(channel);
@@ -130,7 +130,7 @@ impl<W: Write> Writer<W> {
         self.mcap.write_metadata(&metadata).map_err(io_error)
     }
 
-    /// Hands all that was added to the system.
+    /// Passes all entries to the operating system.
     pub(super) fn flush(&mut self) -> io::Result<()> {
         self.mcap.flush().map_err(io_error)
     }

@@ -1,4 +1,4 @@
-//! From a sample to the actuated layer's compliance, by the calibration in force.
+//! Compliance of the actuated layer for a sample, by the calibration in force.
 
 use palpate_sim::current::acting_a;
 use palpate_wire::Record;
@@ -7,7 +7,7 @@ use palpate_wire::command::Settings;
 use palpate_wire::command::{Attraction, Springs, StiffeningCurve, StiffeningKnot};
 use palpate_wire::record::Sample;
 
-/// What turns a current into the actuated layer's compliance: the calibration in force.
+/// Conversion from a current to the actuated layer's compliance, by the calibration in force.
 #[derive(Clone, Debug)]
 pub(crate) struct Law {
     settings: Settings,
@@ -20,7 +20,8 @@ pub(crate) struct Law {
 }
 
 impl Law {
-    /// From what the board has sent of its settings and calibration; nothing if a part is not in force.
+    /// Creates it from the board's records of settings and calibration; `None` if a part is
+    /// missing.
     pub(crate) fn of(records: &[Record]) -> Option<Self> {
         let springs = last(records, |record| match record {
             Record::Springs(of) => Some(of),
@@ -57,8 +58,8 @@ impl Law {
         &self.settings
     }
 
-    /// The relative rise at a current, A: straight between the knots. Of a square law with 32 knots that is
-    /// off by 0.03 % of the rise at the peak at most, 1/(4 * 31^2).
+    /// Relative rise at a current, A, interpolated between the knots. For a square law with 32
+    /// knots the error is at most 0.03 % of the rise at the peak, 1/(4 * 31^2).
     fn rise(&self, current_a: f64) -> f64 {
         let current_a = current_a.abs();
         let later = self.rise.partition_point(|(at_a, _)| *at_a < current_a);
@@ -72,7 +73,7 @@ impl Law {
         }
     }
 
-    /// c_S/c_D(I), and the attraction as a compliance.
+    /// c_S/c_D(I), with the attraction as a compliance.
     pub(crate) fn compliance(&self, reading: &Reading) -> f64 {
         let ratio = self.ratio / (1.0 + self.rise(reading.current_a));
         let pull_n = self.attraction_n_per_a2 * reading.current_a.powi(2);
@@ -85,19 +86,19 @@ fn last<'r, T>(records: &'r [Record], of: impl Fn(&'r Record) -> Option<&'r T>) 
     records.iter().rev().find_map(of)
 }
 
-/// A sample with everything in it.
+/// A sample with all needed quantities.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Reading {
-    /// By the device, s.
+    /// Device time, s.
     pub(crate) time_s: f64,
-    /// m.
+    /// Deformation, m.
     pub(crate) deformation_m: f64,
-    /// Current that acts, A: mean and ripple, root mean square.
+    /// Effective current, A: root mean square of mean and ripple.
     pub(crate) current_a: f64,
 }
 
 impl Reading {
-    /// Nothing without a deformation or a current.
+    /// Converts a sample; `None` without a deformation or a current.
     pub(crate) fn of(time_s: f64, sample: &Sample) -> Option<Self> {
         let deformation_m = sample.channels.first()?.deformation_m?.into();
         let ripple_a = sample.ripple_a.unwrap_or(0.0).into();
@@ -111,7 +112,7 @@ impl Reading {
 
 #[cfg(test)]
 impl Law {
-    /// Springs, curve and attraction of round numbers, with the settings of a board.
+    /// Springs, curve and attraction with round numbers, and the settings of a board.
     pub(crate) fn made_parts() -> Vec<Record> {
         let knot = |a: u8| StiffeningKnot {
             current_a: 0.5 * f32::from(a),
@@ -165,7 +166,7 @@ mod tests {
     fn without_all_parts_of_a_calibration_there_is_no_law() {
         let parts = Law::made_parts();
         assert!(Law::of(&parts).is_some());
-        // The curve, the settings, and the springs.
+        // Without the curve, the settings, or the springs.
         for part in [&parts[..4], &parts[4..5], &parts[5..6]] {
             let others = parts.iter().filter(|of| !part.contains(of));
             let others: Vec<_> = others.cloned().collect();

@@ -1,7 +1,9 @@
-//! The line of the last train: 1/x against the actuated layer's compliance, whose zero is the load's.
+//! Line of the last train: 1/x against the actuated layer's compliance; its zero is that of the
+//! load.
 //!
-//! The points are the board's samples, the line is fitted here, in `f64` and by the code of the
-//! calibration's bench. So it is no image of the board's own arithmetic, whose result stands beside it.
+//! The points are the board's samples. The line is fitted here, in `f64` and by the code of the
+//! calibration's bench, so it is independent of the board's own arithmetic, whose result is shown
+//! beside it.
 
 mod law;
 
@@ -12,19 +14,19 @@ use palpate_wire::record::{Estimate, Sample};
 use palpate_wire::{Message, Record};
 use serde::Serialize;
 
-/// Samples of a train that are kept: of 20 s at 1 kHz, twenty times the usual train.
+/// Number of kept samples of a train: 20 s at 1 kHz, twenty times the default train.
 const KEPT: usize = 20_000;
-/// Points that are drawn at most: more would cover each other.
+/// Maximum number of drawn points; more would overlap.
 const DRAWN: usize = 600;
 
-/// A point of the line, and the line there.
+/// A measured point with the value of the line.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub(crate) struct Point {
-    /// c_S/c_D(I), the attraction counted as a compliance.
+    /// c_S/c_D(I), with the attraction as a compliance.
     pub(crate) compliance: f64,
-    /// 1/x with the drift taken out, 1/m.
+    /// 1/x without the drift, 1/m.
     pub(crate) inverse_per_m: f64,
-    /// The line, 1/m.
+    /// Value of the line, 1/m.
     pub(crate) line_per_m: f64,
 }
 
@@ -32,21 +34,21 @@ pub(crate) struct Point {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(crate) struct TrainLine {
     measurement: u32,
-    /// Every so-many-th sample, rising in compliance.
+    /// Every n-th sample, sorted by rising compliance.
     pub(crate) points: Vec<Point>,
-    /// One point is drawn of so many samples.
+    /// Number n of samples per drawn point.
     every: usize,
-    /// c_S/c_L by this line.
+    /// c_S/c_L from this line.
     pub(crate) load_ratio: f64,
-    /// The same by the board, and its standard error.
+    /// c_S/c_L from the board, and its standard error.
     board_load_ratio: f32,
     board_standard_error: f32,
 }
 
-/// Gathers the samples of a train.
+/// Collects the samples of a train.
 #[derive(Debug, Default)]
 pub(crate) struct Train {
-    /// What the board has sent of its settings and calibration, the latest of each.
+    /// Latest records of the board's settings and calibration.
     parts: Vec<Record>,
     touched_s: Option<f64>,
     began_s: Option<f64>,
@@ -54,7 +56,7 @@ pub(crate) struct Train {
 }
 
 impl Train {
-    /// On a board that has these settings and this calibration in force.
+    /// Creates it for a board with these settings and this calibration in force.
     pub(crate) fn with(parts: &[Record]) -> Self {
         let mut train = Self::default();
         for part in parts {
@@ -63,12 +65,12 @@ impl Train {
         train
     }
 
-    /// Takes a record of a time, s. The result of a measurement completes its line.
+    /// Processes a record at a time, s. The result of a measurement returns its line.
     pub(crate) fn take(&mut self, time_s: f64, record: &Record) -> Option<TrainLine> {
         match record {
             Record::Sample(sample) if sample.sensor == 0 => self.add(time_s, sample),
-            // Records do not always come in the order of their times: the samples from the peak on are
-            // kept, and those of the ramps are taken by their times.
+            // Records may arrive out of the order of their times: samples from the peak on are
+            // kept, and those of the ramps are selected by time.
             Record::State(change) if change.state == State::Peak => self.readings.clear(),
             Record::State(change) if change.state == State::Ramps => self.began_s = Some(time_s),
             Record::Estimate(estimate) => return self.line(estimate),
@@ -96,7 +98,7 @@ impl Train {
         }
     }
 
-    /// The line of the samples on the falls of the current.
+    /// Fits the line to the samples on the falls of the current.
     fn line(&self, estimate: &Estimate) -> Option<TrainLine> {
         let law = Law::of(&self.parts)?;
         let (touched_s, began_s) = (self.touched_s?, self.began_s?);
@@ -207,7 +209,7 @@ mod tests {
                 deformation_m: 300e-6,
                 current_a,
             };
-            // x (1 + kappa + g) = x_0, with g that depends on x a little.
+            // Solves x (1 + kappa + g) = x_0, where g depends on x a little.
             for _ in 0..9 {
                 let level = 1.0 + LOAD_RATIO + law.compliance(&reading);
                 reading.deformation_m = 1e-3 / level;

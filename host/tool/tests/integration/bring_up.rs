@@ -1,5 +1,5 @@
-//! `palpate bring-up` on the emulated board: it finds every position of every switch that the
-//! converter there has.
+//! `palpate bring-up` on the emulated board: it finds every position of every switch of the
+//! converter.
 
 use std::fs;
 use std::io::{ErrorKind, Read, Write};
@@ -20,7 +20,7 @@ struct Document {
     switches: Switches,
 }
 
-/// The positions of this number of all switches; of those that have fewer, their first.
+/// Position `number` of every switch; the first for switches that have fewer.
 fn positions(number: usize) -> Switches {
     macro_rules! position {
         ($kind:ident) => {
@@ -74,13 +74,13 @@ fn every_position_of_every_switch_is_found() {
     }
 }
 
-/// A board behind a probe that looks at its channels every 5 ms, as a probe's server does.
+/// A board behind a probe that polls its channels every 5 ms, as a probe's server does.
 fn serve(listener: &TcpListener, image: &Image) {
     let (mut stream, _) = listener.accept().unwrap();
     stream.set_nonblocking(true).unwrap();
     let plant = Still::new([3.1e6, 3.2e6, 3.3e6, 3.4e6]);
     let mut board = EmulatedBoard::new(image, plant, Settings::default(), Options::default());
-    // Flashed and running long before.
+    // The board was flashed and started long before.
     board.run_for(Time::from_ms(100)).unwrap();
     loop {
         let mut bytes = [0; 64];
@@ -99,7 +99,7 @@ fn serve(listener: &TcpListener, image: &Image) {
 fn a_slow_probe_makes_no_difference() {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap().to_string();
-    // Before anybody waits for an answer: the first build takes minutes.
+    // Built before the first request, since the first build takes minutes.
     let file = firmware::build_example("bring_up").unwrap_or_else(|error| panic!("{error}"));
     let image = Image::load(&file).unwrap();
     let server = std::thread::spawn(move || serve(&listener, &image));

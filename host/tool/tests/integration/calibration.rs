@@ -1,4 +1,4 @@
-//! A calibration that ends early: what was stored before is in force, and stored.
+//! A calibration that ends early leaves the previous configuration in force and stored.
 
 use std::fs;
 use std::path::Path;
@@ -9,7 +9,7 @@ use std::time::Duration;
 use super::serve::Server;
 use crate::support::{emulated, image, palpate};
 
-/// A gauge's or a stage's program.
+/// Writes the program of a gauge or a stage.
 fn script(folder: &Path, name: &str, lines: &str) -> String {
     let path = folder.join(name);
     fs::write(&path, lines).unwrap();
@@ -30,7 +30,7 @@ fn calibrate(server: &Server, folder: &Path, force: &str) -> Child {
         .unwrap()
 }
 
-/// What a calibration that was refused has said.
+/// Returns the error of a refused calibration.
 fn refused(child: Child) -> String {
     let output = child.wait_with_output().unwrap();
     let message = String::from_utf8(output.stderr).unwrap();
@@ -38,7 +38,7 @@ fn refused(child: Child) -> String {
     message
 }
 
-/// What is in force in a board that was started anew, and so what is stored.
+/// Configuration in force after a restart, which is the stored one.
 fn configuration(folder: &Path, name: &str) -> String {
     let exported = emulated(&["settings", "export", name], folder);
     let message = String::from_utf8_lossy(&exported.stderr);
@@ -63,7 +63,7 @@ fn a_calibration_that_ends_early_leaves_the_one_before_in_force_and_stored() {
     let units = script(folder, "units", "echo 1,5 N; sleep 60\n");
     let message = refused(calibrate(&server, folder, &units));
     assert!(message.contains("prints \"1,5 N\""), "{message}");
-    // In force, without a new start.
+    // In force without a restart.
     let board = format!("tcp:{}", server.address);
     let export = ["settings", "export", "between.jsonl", "--board", &board];
     let exported = palpate(&export, folder);

@@ -34,7 +34,7 @@ fn scatter(lines: &[Value]) -> f64 {
     (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
 }
 
-/// Of 2,000 readings, the scatter is known to 1.6 %: the bar is six times as far.
+/// 2,000 readings determine the scatter to 1.6 %; the limit is six times that.
 #[test]
 fn sigma_is_right_within_10_percent() {
     for arguments in [
@@ -53,8 +53,9 @@ fn sigma_is_right_within_10_percent() {
     }
 }
 
-/// Of a slow sensor's word the rounding counts, and how few periods a conversion holds. The ratio of counts
-/// is not judged below 1/37 of the reference, 20 MHz or 40 MHz here.
+/// For a slow sensor the rounding of the word counts, and the small number of periods in a
+/// conversion. The ratio of counts has no verdict below 1/37 of the reference, 20 MHz or 40 MHz
+/// here.
 #[test]
 fn slow_sensors_are_sound_and_their_sigma_is_right_within_10_percent() {
     for arguments in [
@@ -71,7 +72,7 @@ fn slow_sensors_are_sound_and_their_sigma_is_right_within_10_percent() {
             lines.iter().all(|line| line["plausible"] != false),
             "{arguments}"
         );
-        // A sensor that stands still gives the same word for ever.
+        // A sensor at rest gives the same word forever.
         if arguments.contains("..") {
             let scatter = scatter(&lines);
             assert!((0.9..1.1).contains(&scatter), "{arguments}: {scatter}");
@@ -159,7 +160,7 @@ fn the_chip_of_a_file_of_switches_runs_and_is_named() {
             "interrupt_release = \"StatusOnly\"",
             "interrupt released by STATUS",
         ),
-        // The first start loses its registers: one recovery.
+        // The first start loses its registers, which needs one recovery.
         ("sleep_exit = \"LosesOnce\"", "interrupt released by STATUS"),
     ] {
         std::fs::write(&file, format!("[switches]\n{switch}\n")).unwrap();

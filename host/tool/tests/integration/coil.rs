@@ -28,7 +28,7 @@ fn a_coil_is_found_and_its_current_follows() {
         let found = json(&emulated(&["coil", "--to", to, "--json"], folder.path()));
         assert_eq!(found["as_it_should_be"], true, "{found}");
         assert_eq!(found["step"]["to_a"], to.parse::<f64>().unwrap());
-        // The stack ultrasoft: 40 uH, and some 0.5 ohm with bridge and supply.
+        // The design ultrasoft has 40 uH, and about 0.5 ohm with bridge and supply.
         let inductance_h = number(&found["test"]["inductance_h"]);
         assert!((inductance_h / 40e-6 - 1.0).abs() < 0.08, "{inductance_h}");
         let ohm = number(&found["test"]["resistance_ohm"]);
@@ -67,18 +67,18 @@ fn what_cannot_be_driven_is_refused_with_what_can() {
     assert!(stderr.contains("bring-up.md"), "{stderr}");
 }
 
-/// The bar of the calibration: 0.3 % of 10 A.
+/// Limit of the calibration: 0.3 % of 10 A.
 const ABSOLUTE_A: f64 = 0.03;
-/// How far a sweep passes over a current to either side.
+/// Amplitude of a sweep about a current.
 const SWEPT_A: f64 = 0.06;
-/// Error of the current amplifier of a board that is read with a meter.
+/// Gain error of the current amplifier on the board with a meter.
 const GAIN_ERROR: f64 = 0.08;
 
 #[test]
 #[ignore = "long: `cargo xtask ci` runs it"]
 fn a_calibration_makes_the_current_absolute() {
     let folder = tempfile::tempdir().unwrap();
-    // A third of the energy of 10 A, and so of the time for cooling.
+    // A third of the energy of 10 A, and so of the cooling time.
     let arguments = ["calibrate", "current", "--greatest", "6", "--json"];
     let found = json(&emulated(&arguments, folder.path()));
     let before_a = number(&found["worst_before_a"]);
@@ -89,7 +89,7 @@ fn a_calibration_makes_the_current_absolute() {
         "{before_a} {after_a}"
     );
     assert!(after_a < before_a);
-    // What it wrote is a command that `palpate encode` takes.
+    // Its output is a command for `palpate encode`.
     let command = fs::read_to_string(folder.path().join("current.jsonl")).unwrap();
     let mut encode = Command::new(env!("CARGO_BIN_EXE_palpate"))
         .args(["encode", "--boot", "7"])
@@ -107,7 +107,7 @@ fn a_calibration_makes_the_current_absolute() {
     assert!(frames.status.success() && frames.stdout.len() > 70);
 }
 
-/// What is behind the two ports of a probe's server.
+/// A probe's server with two ports.
 struct Served {
     records: String,
     commands: String,
@@ -123,8 +123,8 @@ impl Served {
     }
 }
 
-/// An emulated board behind a probe's server, in real time. Its true current, averaged over a
-/// tenth of a second, stands in a file.
+/// An emulated board behind a probe's server, in real time. A file contains its true current,
+/// averaged over a tenth of a second.
 fn serve(meter: Option<PathBuf>) -> Served {
     let image = Image::load(image()).unwrap();
     let [records, commands] = [0, 1].map(|_| TcpListener::bind("127.0.0.1:0").unwrap());
@@ -159,7 +159,7 @@ fn serve(meter: Option<PathBuf>) -> Served {
     }
 }
 
-/// Ten milliseconds; false when the client has gone.
+/// Runs ten milliseconds. Returns `false` when the client has gone.
 fn exchange(
     board: &mut EmulatedBoard<Still>,
     records: &mut TcpStream,
@@ -180,7 +180,7 @@ fn exchange(
     sent.is_ok() && logged.is_ok()
 }
 
-/// Writes the number of the reading, and the true mean since the one before.
+/// Writes the number of the reading, and the true mean since the previous one.
 fn read_meter(board: &mut EmulatedBoard<Still>, meter: &Path) {
     thread_local! {
         static LAST: Cell<(u32, f64, f64)> = const { Cell::new((0, 0.0, 0.0)) };
@@ -207,7 +207,7 @@ fn a_board_behind_a_probe_is_tested_the_same_way() {
     served.server.join().unwrap();
 }
 
-/// A program of these lines.
+/// Writes a program with these lines.
 fn program(folder: &Path, lines: &str) -> PathBuf {
     let file = folder.join("read-meter");
     let text = format!("#!/bin/sh\n{lines}\n");
@@ -222,7 +222,7 @@ fn a_board_behind_a_probe_is_calibrated_against_a_program() {
     let folder = tempfile::tempdir().unwrap();
     let meter = folder.path().join("meter");
     let served = serve(Some(meter.clone()));
-    // The second value from now on: of the first one's time a part has passed.
+    // Uses the second value from now on, since the first contains time before.
     let lines = format!(
         "number() {{ cut -d' ' -f1 {0}; }}\nbegin=$(number)\n\
          while [ $(number) -lt $((begin + 2)) ]; do sleep 0.02; done\ncut -d' ' -f2 {0}",
@@ -244,8 +244,8 @@ fn a_board_behind_a_probe_is_calibrated_against_a_program() {
     let [before_a, after_a] = ["worst_before_a", "worst_after_a"].map(|of| number(&found[of]));
     println!("{before_a:.3} A, then {after_a:.3} A");
     assert!(before_a > 0.8 * GAIN_ERROR * 2.0, "{before_a}");
-    // The meter averages over other 80 ms than the board, and how long the current rests at the ends
-    // of a sweep is up to this machine: no mean is further off than the sweep itself goes.
+    // The meter averages over other 80 ms than the board, and the rest at the ends of a sweep
+    // depends on this machine; no mean deviates by more than the sweep's amplitude.
     assert!(after_a < SWEPT_A, "{after_a}");
     served.server.join().unwrap();
 }

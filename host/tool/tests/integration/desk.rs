@@ -1,4 +1,4 @@
-//! From a board that was never calibrated to a reading, as its users go.
+//! From a board that was never calibrated to a measurement, as a user proceeds.
 
 use std::fs;
 use std::path::Path;
@@ -42,7 +42,7 @@ fn where_a_question_cannot_be_asked_nothing_begins() {
 #[ignore = "long: `cargo xtask ci` runs it"]
 fn what_one_command_calibrates_measures_in_the_next() {
     let folder = tempfile::tempdir().unwrap();
-    // A board that had been calibrated at two temperatures, and whose current had been.
+    // A board calibrated at two temperatures, with a calibrated current.
     let mut before = settings::calibration();
     before.pop();
     before.push(Set::SetCurrentCorrection(CurrentCorrection {
@@ -65,7 +65,7 @@ fn what_one_command_calibrates_measures_in_the_next() {
     let calibrated = on_board(folder.path(), "7", &arguments);
     let stored = json(&calibrated);
     assert_eq!(stored["stored"], true);
-    // The current adds what it added a moment ago.
+    // The cross-talk is that of the calibration just before.
     let untouched = on_board(
         folder.path(),
         "7",
@@ -87,14 +87,14 @@ fn what_one_command_calibrates_measures_in_the_next() {
         of("lower_n_per_m") <= truth && truth <= of("upper_n_per_m"),
         "{line}"
     );
-    // The press is a spring of 9 N/mm, give or take its sensor's layers and stand.
+    // The press is on a spring of 9 N/mm, up to the deviations of its sensor's layers and stand.
     assert!(
         (of("stiffness_n_per_m") / truth - 1.0).abs() < 0.15,
         "{line}"
     );
 }
 
-/// The rise at the end of a calibration's curve.
+/// Rise at the end of a calibration's curve.
 fn greatest_rise(calibration: &Path) -> f64 {
     let text = fs::read_to_string(calibration).unwrap();
     let commands = text.lines().map(|line| serde_json::from_str(line).unwrap());
@@ -121,7 +121,7 @@ fn a_check_by_a_known_spring_corrects_the_stiffening_or_refuses_the_calibration(
         least("uncertainty_after") < least("uncertainty_before"),
         "{checked}"
     );
-    // What is stored is what it says, under the number that it had.
+    // The stored calibration is the reported one, with its previous number.
     json(&on_board(&["settings", "export", "after.jsonl"]));
     let after = greatest_rise(&folder.join("after.jsonl"));
     let change = after / greatest_rise(Path::new(CALIBRATION)) - 1.0;
@@ -129,7 +129,7 @@ fn a_check_by_a_known_spring_corrects_the_stiffening_or_refuses_the_calibration(
         (change - of("rise_change")).abs() < 2e-3,
         "{change} {checked}"
     );
-    // The spring is not what is said of it.
+    // The spring differs from its stated stiffness.
     let refused = on_board(&["check", "--spring", "30000", "--store"]);
     let message = String::from_utf8(refused.stderr).unwrap();
     assert_eq!(refused.status.code(), Some(1), "{message}");

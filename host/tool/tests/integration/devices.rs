@@ -1,4 +1,4 @@
-//! Verbs of the desk that need no board: `palpate devices`, `faults`, `completions` and `man`.
+//! Verbs that need no board: `palpate devices`, `faults`, `completions` and `man`.
 
 use std::fs;
 use std::process::{Command, Output};
@@ -67,7 +67,7 @@ fn every_verb_has_a_manual_page() {
         let page = pages.join(name).with_extension("1");
         assert!(page.is_file(), "{name}");
     }
-    // What is hidden has none.
+    // Hidden verbs have no page.
     assert!(!pages.join("palpate-misfit.1").exists());
 
     let file = folder.path().join("file");

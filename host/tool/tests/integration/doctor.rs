@@ -1,4 +1,4 @@
-//! `palpate doctor`: each thing that can be wrong, as far as the emulated board or a port can have it.
+//! `palpate doctor`: every defect that the emulated board or a port can have.
 
 use std::fs;
 use std::io::{Read, Write};
@@ -21,7 +21,7 @@ fn report(output: &Output) -> Value {
     serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{error}: {stderr}"))
 }
 
-/// Names of what was found; the exit code is held against them.
+/// Names of the findings; checks the exit code against them.
 fn names(output: &Output) -> Vec<String> {
     let findings = report(output)["findings"].clone();
     let findings = findings.as_array().unwrap();
@@ -44,7 +44,7 @@ fn calibrate(folder: &Path) {
     assert!(imported.status.success(), "{stderr}");
 }
 
-/// Changes a bit of what is stored: in the frequency of the calibration above.
+/// Flips a bit of the storage, in the frequency of the calibration above.
 fn upset(flash: &Path) {
     let mut contents = fs::read(flash).unwrap();
     let frequency = REST_HZ.to_le_bytes();
@@ -70,14 +70,14 @@ fn a_bare_board_is_not_calibrated_and_a_calibrated_one_is_sound() {
     assert!(said.contains("nothing is wrong"), "{said}");
 }
 
-/// Nothing is connected to the second channel, and the watchdog ends its conversions before they are over.
+/// The second channel has no sensor, and the watchdog ends its conversions early.
 #[test]
 fn a_sensor_that_does_not_oscillate_is_the_fault_that_is_found() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let set = ["settings", "set", "channels=2", "rate_hz=300", "--store"];
     assert!(emulated(&set, folder).status.success());
-    // It began before the tool connected; cleared, it comes again.
+    // The fault began before the tool connected; after clearing it comes again.
     let found = emulated(&["doctor", "--json"], folder);
     assert_eq!(names(&found), ["earlier_fault", "not_calibrated"]);
     let cleared = emulated(&["doctor", "--clear", "--json"], folder);
@@ -95,7 +95,7 @@ fn damaged_settings_are_found_and_the_fault_of_the_start_is_named_by_clearing_it
     calibrate(folder);
     let flash = folder.join("board.flash");
     upset(&flash);
-    // The board reports a fault when it begins: here, before its port is there.
+    // The board reports a fault when it begins, here before its port exists.
     let damaged = emulated(&["doctor", "--json"], folder);
     let found = names(&damaged);
     assert_eq!(
@@ -105,7 +105,7 @@ fn damaged_settings_are_found_and_the_fault_of_the_start_is_named_by_clearing_it
     let cleared = emulated(&["doctor", "--json", "--clear"], folder);
     assert_eq!(report(&cleared)["cleared"], "storage_damaged");
     assert_eq!(names(&cleared), ["storage_damaged", "not_calibrated"]);
-    // What the findings say to do puts it right.
+    // The remedy in the findings works.
     calibrate(folder);
     assert_eq!(names(&emulated(&["doctor", "--json"], folder)), [""; 0]);
 }
@@ -118,14 +118,14 @@ fn a_port_that_another_program_uses_is_busy() {
     let folder = tempfile::tempdir().unwrap();
     let output = palpate(&["doctor", "--json", "--board", &board], folder.path());
     assert_eq!(names(&output), ["busy"]);
-    // Every verb says so.
+    // Every verb reports it.
     let output = palpate(&["settings", "get", "--board", &board], folder.path());
     let said = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(1));
     assert!(said.contains("another program is connected"), "{said}");
 }
 
-/// The findings are a table of the book: each that a board or a port can have, and no other.
+/// The book's table lists all findings of a board or a port, and no others.
 #[test]
 fn every_finding_stands_in_the_book_and_has_a_test() {
     let package = Path::new(env!("CARGO_MANIFEST_DIR"));
@@ -154,7 +154,7 @@ fn every_finding_stands_in_the_book_and_has_a_test() {
     }
 }
 
-/// The unit tests of all sources in a folder.
+/// Unit tests of all sources in a folder.
 fn unit_tests(folder: &Path) -> String {
     let paths = fs::read_dir(folder)
         .unwrap()
@@ -170,7 +170,7 @@ fn unit_tests(folder: &Path) -> String {
     texts.collect()
 }
 
-/// All sources in a folder, one after the other.
+/// All sources in a folder, concatenated.
 fn source(folder: &Path) -> String {
     let paths = fs::read_dir(folder)
         .unwrap()
@@ -182,7 +182,7 @@ fn source(folder: &Path) -> String {
     texts.collect()
 }
 
-/// A port at which every question gets the same answer, until the connection ends.
+/// A port that gives every request the same answer until the connection ends.
 fn port(says: &'static [u8]) -> (String, JoinHandle<()>) {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = format!("tcp:{}", listener.local_addr().unwrap());
@@ -219,7 +219,7 @@ fn another_firmware_and_a_silent_port_are_different_findings() {
 
 #[test]
 fn a_board_of_another_version_is_named_with_its_version() {
-    // Nothing in it is zero, so that COBS is one block.
+    // The body contains no zero, so COBS is one block.
     let body = (1..=255)
         .map(|filler| [9, 1, filler, filler])
         .find(|body| !crc32(body).to_le_bytes().contains(&0))

@@ -26,7 +26,7 @@ fn json(arguments: &[&str]) -> Value {
     serde_json::from_str(&printed(arguments)).unwrap()
 }
 
-/// What a refused command says, with its exit code.
+/// Exit code and message of a refused command.
 fn refused(arguments: &[&str]) -> (Option<i32>, String) {
     let output = palpate(arguments);
     assert!(output.stdout.is_empty(), "{arguments:?}");
@@ -38,7 +38,8 @@ fn number(value: &Value, key: &str) -> f64 {
     value[key].as_f64().unwrap_or_else(|| panic!("no {key}"))
 }
 
-/// A copper plane is a mirror that takes power; currents induced in it add to the coil's own.
+/// A copper plane mirrors the field and absorbs power; its eddy currents add to the coil's own
+/// resistance.
 #[test]
 fn a_copper_plane_lowers_inductance_and_quality_of_the_sensing_coil() {
     let copper = "material.plane.conductivity_S_per_m=5.8e7";
@@ -69,7 +70,7 @@ fn a_copper_plane_lowers_inductance_and_quality_of_the_sensing_coil() {
     );
 }
 
-/// Of two designs on a front, the one that takes more power has the smaller error.
+/// Of two designs on a front, the one with more power has the smaller error.
 #[test]
 fn no_design_on_a_front_beats_another() {
     let asked = [
@@ -125,7 +126,7 @@ fn figures_of_a_design_as_json() {
     let small = json(&["solve", "air", "--json"]);
     assert!((number(&small, "centre_T_per_A") / 1012.9492e-6 - 1.0).abs() < 1e-5);
     assert!(small.get("at_current").is_none());
-    // Coils in series: their inductances and those of all pairs add up.
+    // Coils in series: the total is the sum of their inductances and those of all pairs.
     let matrix = json(&["solve", "air", "--matrix", "--json"]);
     let rows = matrix["inductances"]["rows_H"].as_array().unwrap();
     let entries = rows.iter().flat_map(|row| row.as_array().unwrap());
@@ -181,7 +182,7 @@ fn magnets_need_no_coil() {
     std::fs::write(&path, text + &ball("low", 0.0) + &ball("high", 10.0)).unwrap();
     let file = path.to_str().unwrap();
     let solved = json(&["solve", file, "--force", "low", "--json"]);
-    // As dipoles: 8 pi/3 a^6 B_r^2/(mu0 d^4).
+    // Dipoles: 8 pi/3 a^6 B_r^2/(mu0 d^4).
     let exact_n = 8.0 * PI / 3.0 * 3e-3_f64.powi(6) * 1.44 / (4e-7 * PI * 1e-8);
     let force_n = solved["forces"][0]["force_N"].as_f64().unwrap();
     assert!(
@@ -243,7 +244,7 @@ fn pictures_with_axes_and_units() {
 
 #[test]
 fn a_sweep_keeps_every_point() {
-    // A gap of nothing is no design, and says so in its row.
+    // A gap of zero is not a design, which its row states.
     let csv = printed(&[
         "sweep",
         "B1",
@@ -289,11 +290,11 @@ fn an_optimum_within_bounds() {
     let gap = text
         .lines()
         .find_map(|line| line.strip_prefix("parameters.gap = "));
-    // It may end at a bound, which is said behind the number.
+    // The result may be at a bound, which follows the number.
     let gap: f64 = gap.unwrap().split(',').next().unwrap().parse().unwrap();
     assert!((4.0..=6.0).contains(&gap));
     assert!(text.contains("std/mean of |B| in the core"), "{text}");
-    // It begins with the user's own design, and keeps limits and comments.
+    // The search starts with the user's own design, and keeps limits and comments.
     let search = |budget: &str, more: &[&str]| {
         let mut arguments = vec![
             "optimise",
@@ -349,7 +350,8 @@ fn an_optimisation_leads_to_the_error_that_is_planned() {
         ];
         palpate(&[&arguments[..], more].concat())
     };
-    // `palpate field stack closed --mse soft --out closed.toml` and `palpate plan closed.toml`: 7.67 % at c_S.
+    // `palpate field stack closed --mse soft --out closed.toml` and `palpate plan closed.toml` give
+    // 7.67 % at c_S.
     for goal in [&[][..], &["--goal", "merit"]] {
         let text = String::from_utf8(search("closed", goal).stdout).unwrap();
         let planned = "error of stiffness  0.0767";
@@ -391,7 +393,7 @@ fn an_inductance_has_one_name() {
         heads.contains(&"L") && !heads.contains(&"linkage"),
         "{compared}"
     );
-    // At a current it is a flux, and not in henry.
+    // At a current the value is a flux, not in henry.
     let driven = printed(&["compare", "air", "--current", "1", "--accuracy", "1e-3"]);
     assert!(
         driven.contains("linkage") && driven.contains("uWb"),
@@ -432,7 +434,7 @@ fn an_inductance_has_one_name() {
 #[test]
 fn designs_side_by_side() {
     let both = json(&["compare", "A", "C1in", "--json", "--accuracy", "1e-3"]);
-    // The paper's third claim: plates make the inner part of the core even.
+    // The paper's third claim: plates make the field in the inner part of the core homogeneous.
     assert!(number(&both[1], "cv_r4") < 0.05 * number(&both[0], "cv_r4"));
     let table = printed(&["compare", "A", "B1", "--accuracy", "1e-3"]);
     assert!(table.contains("uT/A") && table.contains("B1"), "{table}");
@@ -457,7 +459,7 @@ fn stacks_that_the_plant_takes() {
     };
     let own = folder.path().join("mse.toml");
     std::fs::write(&own, "modulus_Pa = 1e5\nrise = 3.0\nhalf_T = 0.30\n").unwrap();
-    // The file has the numbers of soft elastomer: both ways lead to the same springs.
+    // The file contains the numbers of soft elastomer, so both give the same springs.
     let paper = stack("A", own.to_str().unwrap());
     assert!((paper.actuated_spring_n_per_m.centre() / 1.07e6 - 1.0).abs() < 0.01);
     assert!((paper.sensing_spring_n_per_m.centre() / 55e3 - 1.0).abs() < 0.01);
@@ -484,8 +486,8 @@ fn stacks_that_the_plant_takes() {
     assert!((number(last, "stiffening") - paper.stiffening_at_peak.centre()).abs() < 1e-6);
 }
 
-/// Every command says what was read of a table and a drawing, and where the field leaves the table; a table in other
-/// units is refused.
+/// Every command prints the files of a table and a drawing, and where the field exceeds the table;
+/// a table in other units is refused.
 #[test]
 fn files_of_a_design_and_fields_beyond_a_table_are_said() {
     let folder = tempfile::tempdir().unwrap();
@@ -515,7 +517,8 @@ fn files_of_a_design_and_fields_beyond_a_table_are_said() {
     assert_eq!(solved["files"].as_array().unwrap().len(), 2);
     let beyond = &solved["beyond_tables"][0];
     assert_eq!(beyond["part"], "ball");
-    // A ball of polarisation J has the background and two thirds of J; J beyond the table is that of its end.
+    // A ball of polarisation J has the background plus two thirds of J; beyond the table J is that
+    // of its end.
     let ball_t = 0.7 + 2.0 / 3.0 * (1.62 - 4e-7 * PI * 5e3);
     let greatest_t = number(beyond, "greatest_B_T");
     assert!((greatest_t / ball_t - 1.0).abs() < 1e-3, "{beyond}");
@@ -542,7 +545,7 @@ fn files_of_a_design_and_fields_beyond_a_table_are_said() {
     }
 }
 
-/// Plates without a conductivity are named, and a stack has no second sensing coil.
+/// Plates without a conductivity are named, and a stack file has no second sensing coil.
 #[test]
 fn what_a_design_leaves_out_is_said() {
     let ac = [
@@ -609,7 +612,7 @@ fn refusals_name_file_and_line() {
     let (code, complaint) = refused(&["solve", "D7"]);
     assert_eq!(code, Some(2));
     assert!(complaint.contains("air, A, A0"), "{complaint}");
-    // A changed number's message names the user's own line.
+    // The message about a changed number names the user's own line.
     std::fs::write(&path, format!("# mine\n{shown}")).unwrap();
     let file = path.to_str().unwrap();
     let (code, complaint) = refused(&["solve", file, "--set", "parameters.gap=0"]);

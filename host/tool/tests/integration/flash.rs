@@ -1,4 +1,4 @@
-//! `palpate flash`: the emulated board in its boot loader, and what is refused before a board is reached.
+//! `palpate flash`: the emulated board in its boot loader, and refusals before a board is reached.
 
 use std::fs;
 
@@ -24,7 +24,7 @@ fn the_board_runs_what_was_flashed_and_keeps_its_settings() {
 fn the_drive_takes_the_firmware_and_the_board_is_asked_who_it_is() {
     let folder = tempfile::tempdir().unwrap();
     let drive = folder.path();
-    // As the boot ROM has it (RP2040 datasheet 2.8.4.3).
+    // Contents as in the boot ROM (RP2040 datasheet 2.8.4.3).
     let info = "UF2 Bootloader v3.0\r\nModel: Raspberry Pi RP2\r\nBoard-ID: RPI-RP2\r\n";
     fs::write(drive.join("INFO_UF2.TXT"), info).unwrap();
     let server = Server::start(&[]);

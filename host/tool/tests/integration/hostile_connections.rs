@@ -1,8 +1,8 @@
-//! Connections of programs that misuse them: the emulated board's port, its bench, the page, and boards that
-//! send what no board sends. Afterwards each of them serves the next program.
+//! Hostile connections to the emulated board's port, its bench and the page, and boards that send
+//! invalid data. Afterwards each server accepts the next program.
 //!
-//! The tests make a few attacks on each. The evidence is the same with `HOSTILE_ATTACKS` on each, from
-//! `HOSTILE_SEED` on.
+//! The tests make a few attacks on each. The evidence uses `HOSTILE_ATTACKS` on each, from seed
+//! `HOSTILE_SEED`.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{Shutdown, TcpListener, TcpStream};
@@ -15,21 +15,21 @@ use crate::live::{Live, UPGRADE, memory};
 use crate::mutation::{Random, mutant};
 use crate::serve::Server;
 
-/// An attacker waits so long for an answer.
+/// Time that an attacker waits for an answer.
 const ATTACK: Duration = Duration::from_millis(30);
-/// Attacks between two programs that behave.
+/// Number of attacks between two well-behaved programs.
 const BETWEEN: u64 = 25;
-/// A server takes no more than this beyond what it took before, bytes.
+/// Limit of a server's additional memory, bytes.
 const MEMORY_BYTES: u64 = 64_000_000;
-/// So long may a program wait for its answer, and so long may the tool try with a board that says nothing of
-/// use. A busy computer emulates slowly.
+/// Longest wait of a program for its answer, and of the tool for a useless board. A busy computer
+/// emulates slowly.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 const COMMANDS: &[u8] = include_bytes!("../../../../firmware/wire/fixture/v2-commands.bin");
 const RECORDS: &[u8] = include_bytes!("../../../../firmware/wire/fixture/v2-records.bin");
 const BENCH: &[u8] = b"stage\nmount spring 600\nmount block\nmove 0.001 0.0005\nmove -0.001 1\n";
 
-/// What an attacker sends, by chance something near to what is understood.
+/// Bytes of an attacker, sometimes close to valid ones.
 fn payload(random: &mut Random, sound: &[u8], is_text: bool) -> Vec<u8> {
     let length = random.below(4_096);
     match random.below(6) {
@@ -41,7 +41,7 @@ fn payload(random: &mut Random, sound: &[u8], is_text: bool) -> Vec<u8> {
     }
 }
 
-/// Sends it, in two pieces, and goes away in one of several manners.
+/// Sends the bytes in two pieces, then disconnects in one of several ways.
 fn attack(address: &str, bytes: &[u8], random: &mut Random) {
     let Ok(mut stream) = TcpStream::connect(address) else {
         return;
@@ -62,7 +62,7 @@ fn attack(address: &str, bytes: &[u8], random: &mut Random) {
     }
 }
 
-/// Attacks a server, of which something has to hold after every few of them.
+/// Attacks a server, and checks it after every few attacks.
 fn attacks(
     (count, first): (u64, u64),
     address: &str,
@@ -85,7 +85,7 @@ fn attacks(
     defects
 }
 
-/// Tries until it succeeds, for as long as a program waits.
+/// Repeats a check until it succeeds or the time of a program's patience is over.
 fn in_time(mut serves: impl FnMut() -> Result<(), String>) -> Result<(), String> {
     let began = Instant::now();
     loop {
@@ -199,7 +199,7 @@ fn tool(arguments: &[&str]) -> Command {
     command
 }
 
-/// The tool at a board that sends what no board does, until the tool goes away or for a moment.
+/// Runs the tool with a board that sends invalid data, until the tool ends or for a moment.
 fn at_a_false_board(seed: u64) -> Option<String> {
     let mut random = Random(seed);
     let bytes = payload(&mut random, RECORDS, false);
@@ -236,7 +236,7 @@ fn at_a_false_board(seed: u64) -> Option<String> {
         _ if is_late => format!("waits after {PATIENCE:?}"),
         _ if said.contains("panicked at") => said.into_owned(),
         Some(1 | 2) if said.is_empty() => "fails without a word".to_owned(),
-        // What was recorded may be all that was to come.
+        // A recording may contain all data that arrived.
         Some(0) if verb[0] != "record" => "takes it for a board".to_owned(),
         Some(0..=2) => return None,
         _ => format!("{:?}: {said}", output.status),
@@ -244,7 +244,7 @@ fn at_a_false_board(seed: u64) -> Option<String> {
     Some(format!("{verb:?} at false board {seed}: {what}"))
 }
 
-/// Many at a time, since they wait.
+/// Runs many in parallel, since they wait.
 fn at_false_boards((count, first): (u64, u64)) -> Vec<String> {
     let of = |worker: u64| {
         (first + worker..first + count)
@@ -262,7 +262,7 @@ fn at_false_boards((count, first): (u64, u64)) -> Vec<String> {
     })
 }
 
-/// Attacks one of them, so often and from a seed on; returns what was wrong.
+/// Attacks one server `count` times from a seed. Returns the defects.
 type Part = fn((u64, u64)) -> Vec<String>;
 
 #[test]

@@ -1,8 +1,8 @@
-//! Files that are damaged, cut off, or of other programs: whatever the tool is given, it ends in time and in
-//! order, says which file it refuses, and changes no file but its outputs.
+//! Damaged, truncated and foreign files: with any input the tool ends in time without a panic,
+//! names the refused file, and changes only its outputs.
 //!
-//! The tests run a few mutants of each kind of file. The evidence is the same with `HOSTILE_MUTANTS` of each,
-//! from `HOSTILE_SEED` on.
+//! The tests run a few mutants of each kind of file. The evidence uses `HOSTILE_MUTANTS` of each,
+//! from seed `HOSTILE_SEED`.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -16,7 +16,7 @@ use crate::mutation::{Random, mutant};
 use crate::serve::Server;
 use crate::support::{CALIBRATION, emulated, image, palpate};
 
-/// Processor time and memory that a run may take, and the time on a busy machine.
+/// Limits of a run: processor time and memory, and the time on a busy machine.
 const PROCESSOR_S: u64 = 10;
 const MEMORY_KIB: u64 = 4_000_000;
 const WALL_S: u64 = 60;
@@ -24,13 +24,13 @@ const WALL_S: u64 = 60;
 /// A kind of file that the tool reads.
 struct Kind {
     name: &'static str,
-    /// The sound one, in a folder.
+    /// Name of the valid file in a folder.
     file: &'static str,
     is_text: bool,
-    /// What reads it, in that folder. `IMAGE` stands for the firmware's image; files and folders that it may
-    /// write begin with `out`.
+    /// Commands that read it, in that folder. `IMAGE` stands for the firmware's image; output files
+    /// and folders start with `out`.
     commands: &'static [&'static [&'static str]],
-    /// Nothing of another kind is taken for it.
+    /// Whether files of other kinds are refused.
     refuses_others: bool,
 }
 
@@ -144,7 +144,7 @@ const KINDS: &[Kind] = &[
         file: "frames.bin",
         is_text: false,
         commands: &[&["decode"]],
-        // Noise on a line is part of it.
+        // Noise on a line is normal.
         refuses_others: false,
     },
     Kind {
@@ -197,12 +197,12 @@ const KINDS: &[Kind] = &[
 ];
 
 impl Kind {
-    /// Whether it is written as well: what it holds is kept.
+    /// Whether the file is also an output, whose contents are kept.
     fn is_output(&self) -> bool {
         self.commands == [SWEEP]
     }
 
-    /// How a refusal names it.
+    /// Name of the file in a refusal.
     fn named(&self) -> &str {
         match self.commands[0] {
             ["encode"] => "standard input",
@@ -211,12 +211,12 @@ impl Kind {
     }
 }
 
-/// Runs on the emulated board.
+/// Whether a command runs on the emulated board.
 fn is_on_board(command: &[&str]) -> bool {
     matches!(command, ["settings" | "flash", ..]) && !command.contains(&"--image")
 }
 
-/// A design with a part of soft metal that is drawn.
+/// A design with a part of soft metal from a drawing.
 const DRAWN: &str = "\
 name = \"drawn\"
 length_unit = \"mm\"
@@ -260,7 +260,8 @@ fn drawing() -> String {
         .collect()
 }
 
-/// A folder with a sound file of each kind; the recording, of a press or of one second of an untouched sensor.
+/// Creates a folder with a valid file of each kind; the recording is of a press, or of one second
+/// without contact.
 fn sound(folder: &Path, is_pressed: bool) {
     let checkout = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let copy = |from: &str, to: &str| {
@@ -316,7 +317,7 @@ fn sound(folder: &Path, is_pressed: bool) {
     fs::rename(folder.join("board.flash"), folder.join("out.flash")).unwrap();
 }
 
-/// The commands of an export without lists, as a calibration's file has them: their fields are the same text.
+/// Converts the commands of an export without lists to a calibration file.
 fn as_toml(lines: &str) -> String {
     let mut text = String::new();
     for line in lines.lines().filter(|line| !line.contains('[')) {
@@ -332,7 +333,7 @@ fn as_toml(lines: &str) -> String {
     text
 }
 
-/// How a command ended.
+/// End of a command.
 struct Run {
     status: ExitStatus,
     said: String,
@@ -340,7 +341,7 @@ struct Run {
     took: Duration,
 }
 
-/// Runs a command in a folder, which is its user's home as well, within the limits.
+/// Runs a command in a folder, which is also the user's home, within the limits.
 fn run(command: &[&str], folder: &Path) -> Run {
     let board = if is_on_board(command) {
         &BOARD[..]
@@ -378,7 +379,7 @@ fn run(command: &[&str], folder: &Path) -> Run {
     }
 }
 
-/// All files of a folder.
+/// Returns all files of a folder.
 fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     let entries = fs::read_dir(folder).unwrap().map(Result::unwrap);
     let files = entries.filter(|entry| entry.metadata().unwrap().is_file());
@@ -389,7 +390,7 @@ fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     named.collect()
 }
 
-/// What is wrong with how a command ended.
+/// Returns the defect of a run, if any.
 fn defect(kind: &Kind, run: &Run, is_foreign: bool, changed: &[String]) -> Option<String> {
     let code = run.status.code();
     let last = run.said.lines().last().unwrap_or_default();
@@ -425,7 +426,7 @@ fn defect(kind: &Kind, run: &Run, is_foreign: bool, changed: &[String]) -> Optio
     }
 }
 
-/// What many runs of a kind came to.
+/// Results of many runs of a kind.
 #[derive(Default)]
 struct Tally {
     ended: [u32; 3],
@@ -433,7 +434,7 @@ struct Tally {
     defects: Vec<String>,
 }
 
-/// Runs a command of the kind on a file in the place of the sound one.
+/// Runs a command of the kind on a file in place of the valid one.
 fn attempt(
     kind: &Kind,
     sound: &BTreeMap<String, Vec<u8>>,
@@ -475,7 +476,7 @@ fn attempt(
     }
 }
 
-/// Files of other kinds, and none.
+/// Foreign files, including an empty one.
 fn foreign(random: &mut Random) -> Vec<Vec<u8>> {
     let mut all: Vec<Vec<u8>> = [
         &b""[..],
@@ -496,7 +497,7 @@ fn foreign(random: &mut Random) -> Vec<Vec<u8>> {
 fn campaign(kind: &Kind, sound: &BTreeMap<String, Vec<u8>>, mutants: u64, first: u64) -> Tally {
     let mut tally = Tally::default();
     let mut others = foreign(&mut Random(first));
-    // A sweep begins with an empty file.
+    // A sweep starts with an empty file.
     others.retain(|bytes| !bytes.is_empty() || !kind.is_output());
     let others_count = if mutants < 100 { 3 } else { others.len() };
     for (seed, bytes) in (0..).zip(others.iter().take(others_count)) {

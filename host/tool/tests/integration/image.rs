@@ -1,4 +1,4 @@
-//! `palpate simulate --engine image` with what it shows of the image.
+//! `palpate simulate --engine image`, with log and trace of the image.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -6,7 +6,7 @@ use std::process::Output;
 
 use assert_cmd::Command;
 
-/// A press that is refused soon, with the block far from the sensor's limits.
+/// A press that is refused early, on a spring far from the sensor's limits.
 const SCENARIO: &str = r#"
 stack = "ultrasoft"
 disturbances = "none"
@@ -18,8 +18,8 @@ stiffness_N_per_m = 2e3
 depth_m = 0.05e-3
 "#;
 
-/// What is left between the engines is when things happen. With all disturbances, the converter's whole
-/// counts alone make a fifth of a standard error or more of it, on some sensors.
+/// The engines differ only in the times of events. With all disturbances, the converter's whole
+/// counts alone turn this into a fifth of a standard error or more, on some sensors.
 const IDEAL: &str = r#"
 stack = "ultrasoft"
 disturbances = "none"
@@ -72,7 +72,7 @@ fn the_log_has_its_lines_and_the_trace_its_signals() {
     let time_s: f64 = words.next().unwrap().parse().unwrap();
     assert!((0.01..0.2).contains(&time_s), "{line}");
     assert_eq!(words.next(), Some("info"));
-    // What it says is read in the board's own tests.
+    // The board's own tests check its contents.
     let dump = fs::read_to_string(&trace).unwrap();
     for signal in ["sda", "scl", "intb", "in1", "coil_current_a"] {
         assert!(dump.contains(&format!(" {signal} $end\n")), "{signal}");
@@ -95,17 +95,18 @@ fn ratios(folder: &Path, engine: &str) -> Vec<f64> {
 #[test]
 #[ignore = "long: `cargo xtask ci` runs it"]
 fn the_image_finds_what_the_computer_finds() {
-    // Sensing spring over actuated one, the stack's.
+    // Sensing spring over actuated spring of the sensor design.
     let actuated_ratio = 6.0 / 4.0;
     let folder = tempfile::tempdir().unwrap();
     let computer = ratios(folder.path(), "native");
     let image = ratios(folder.path(), "image");
     assert_eq!((computer.len(), image.len()), (2, 2));
     for (here, there) in computer.iter().zip(&image) {
-        // Of the line's slope, which is what is measured.
+        // Relative to the line's slope, the measured quantity.
         let apart = (there - here) / (here + 1.0 + actuated_ratio);
         println!("{here:.5} and {there:.5}: {apart:+.2e} of the slope");
-        // 3e-4, which is what ten microseconds between the reported current and the one that flowed make.
+        // Limit above 3e-4, the effect of ten microseconds between the reported and the true
+        // current.
         assert!(apart.abs() < 6e-4, "{here} {there} {apart:e}");
     }
 }

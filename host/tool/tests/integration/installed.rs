@@ -1,4 +1,4 @@
-//! Which image a verb runs: the same rule for all of them, and for a tool that was copied elsewhere.
+//! Selection of the image: the same rule for all verbs, and for an installed tool.
 
 use std::fs;
 use std::io::{BufRead, BufReader};
@@ -9,7 +9,7 @@ use std::process::{Command, Output, Stdio};
 
 use palpate_emulator::firmware;
 
-/// A copy of the tool, as an installation makes one.
+/// Copies the tool, as an installation does.
 fn installed(folder: &Path) -> PathBuf {
     let tool = folder.join("bin");
     fs::create_dir(&tool).unwrap();
@@ -18,7 +18,7 @@ fn installed(folder: &Path) -> PathBuf {
     tool
 }
 
-/// Runs it with nothing in its environment but where programs are.
+/// Runs the tool with a minimal environment.
 fn run(tool: &Path, index: &Path, arguments: &[&str]) -> Output {
     let keep = [
         "PATH",
@@ -142,7 +142,7 @@ fn an_installed_tool_runs_the_image_that_is_named_that_of_its_release_or_of_the_
     let message = String::from_utf8(named.stderr).unwrap();
     assert!(named.status.success(), "{message}");
     assert!(!message.contains("building"), "{message}");
-    // Here the tests' working directory is inside of the checkout.
+    // Inside the checkout.
     let workspace = firmware::workspace().unwrap();
     let found = run(&tool, &workspace.join("docs"), &coil);
     let message = String::from_utf8(found.stderr).unwrap();
@@ -150,7 +150,7 @@ fn an_installed_tool_runs_the_image_that_is_named_that_of_its_release_or_of_the_
     let said = format!("building the firmware image of {}", workspace.display());
     assert!(message.contains(&said), "{message}");
     assert_eq!(found.stdout, named.stdout);
-    // As a release lies in its folder, away from any checkout.
+    // As in an unpacked release, outside a checkout.
     let firmware = folder.path().join("bin/firmware");
     fs::create_dir(&firmware).unwrap();
     fs::copy(&image, firmware.join("palpate-pico.elf")).unwrap();
@@ -158,7 +158,7 @@ fn an_installed_tool_runs_the_image_that_is_named_that_of_its_release_or_of_the_
     let message = String::from_utf8(beside.stderr).unwrap();
     assert!(beside.status.success(), "{message}");
     assert_eq!(beside.stdout, named.stdout);
-    // The file alone in the tool's folder.
+    // The image alone in the tool's folder.
     fs::rename(
         firmware.join("palpate-pico.elf"),
         folder.path().join("bin/palpate-pico.elf"),
@@ -179,7 +179,7 @@ fn a_tool_that_waits_for_another_cargo_says_so_and_ends_when_it_is_asked() {
     let mut tool = Command::new(env!("CARGO_BIN_EXE_palpate"))
         .args(["record", "never.mcap", "--for", "1", "--board", "emulated"])
         .env("CARGO_TARGET_DIR", target.path())
-        // With the cargo that it starts, which has to end before it builds.
+        // In one process group with its cargo, which must end before it builds.
         .process_group(0)
         .stderr(Stdio::piped())
         .spawn()

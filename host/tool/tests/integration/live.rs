@@ -1,4 +1,4 @@
-//! `palpate live` and programs that misuse its port.
+//! `palpate live` with programs that misuse its port.
 
 use std::fs;
 use std::io::{BufRead, BufReader, Read, Write};
@@ -13,12 +13,12 @@ use serde_json::Value;
 
 use crate::support::image;
 
-/// File handles of the tool: fewer than connections that a program opens.
+/// Number of file handles of the tool, fewer than the connections of a program.
 const HANDLES: usize = 64;
 /// A busy computer answers slowly.
 const PATIENCE: Duration = Duration::from_secs(120);
 
-/// The page's server, which ends with this.
+/// The page's server; dropping it ends the process.
 pub(super) struct Live {
     child: Child,
     pub(super) address: String,
@@ -51,7 +51,7 @@ impl Live {
         stream
     }
 
-    /// Sends a request with the token; the connection, and the first line of its answer.
+    /// Sends a request with the token. Returns the connection and the first line of the answer.
     pub(super) fn ask(&self, path: &str, headers: &str) -> (TcpStream, String) {
         let (mut stream, host) = (self.connect(), &self.address);
         let request = format!("GET /{}/{path} HTTP/1.1\r\nHost: {host}\r\n", self.token);
@@ -73,7 +73,7 @@ impl Live {
     }
 }
 
-/// Memory that a program uses, bytes.
+/// Memory of a program, bytes.
 pub(super) fn memory(of: &Child) -> u64 {
     let status = fs::read_to_string(format!("/proc/{}/status", of.id())).unwrap();
     let line = status.lines().find(|line| line.starts_with("VmRSS:"));
@@ -88,7 +88,7 @@ impl Drop for Live {
     }
 }
 
-/// The tool with few file handles, and its user's folder in another one.
+/// The tool with few file handles, and with its own user folder.
 fn command(folder: &Path, arguments: &[&str]) -> Command {
     let mut command = Command::new("sh");
     command
@@ -122,7 +122,7 @@ fn more_silent_connections_than_file_handles_do_not_end_the_page() {
 fn pages_that_send_long_frames_take_no_memory() {
     let live = Live::start(&[]);
     let before = live.memory();
-    // The beginning of a text of 15 MB, less than the usual limit of a frame, masked with zeros.
+    // Start of a text of 15 MB, below the usual limit of a frame, masked with zeros.
     let mut frame = vec![0x81, 0x80 | 127];
     frame.extend(15_000_000u64.to_be_bytes());
     frame.resize(8_000_000, 0);
@@ -130,7 +130,7 @@ fn pages_that_send_long_frames_take_no_memory() {
         .map(|_| {
             let (mut socket, answer) = live.ask("socket", UPGRADE);
             assert!(answer.contains("101"), "{answer:?}");
-            // A socket that is closed takes less.
+            // A socket that the server closes accepts less.
             let _ = socket.write_all(&frame);
             socket
         })

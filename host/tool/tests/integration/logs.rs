@@ -1,4 +1,4 @@
-//! The firmware's log beside the data: by the image's ELF file, and by the table that is made of it.
+//! The firmware's log beside the data, decoded by the image's ELF file and by its table.
 
 use std::fs;
 

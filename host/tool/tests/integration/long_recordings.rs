@@ -1,4 +1,4 @@
-//! Recordings of many boots, and with time stamps that are far from one another.
+//! Recordings with many boots, and with widely separated time stamps.
 
 use std::time::{Duration, Instant};
 
@@ -8,7 +8,7 @@ use crate::support::{frames, palpate, recording_at, recording_of, recording_with
 
 const START_NS: u64 = 1_700_000_000_000_000_000;
 
-/// Samples of boots with these numbers, one of each.
+/// One sample for each of `count` boots.
 fn of_boots(count: u32) -> Vec<Value> {
     let sample = frames()
         .into_iter()
@@ -28,7 +28,7 @@ fn the_time_for_a_file_does_not_grow_with_the_square_of_its_boots() {
     let folder = folder.path();
     let boots = of_boots(60_000);
     recording_of(&folder.join("many.mcap"), &boots);
-    // As many records of two boots.
+    // The same number of records in two boots.
     let few: Vec<Value> = boots
         .iter()
         .cloned()
@@ -65,7 +65,7 @@ fn a_far_time_stamp_is_jumped_over_and_said() {
     assert!(!estimates.is_empty());
     frames.extend(estimates.clone());
     let count = frames.len();
-    // A wrong stamp in the middle, and back again.
+    // A wrong time stamp in the middle.
     let times = (0..count as u64).map(|number| {
         let far = u64::from(number == 10) * 10_000_000_000_000_000_000;
         START_NS + number * 20_000_000 + far

@@ -1,4 +1,4 @@
-//! Tests of `palpate` from outside: one program, whose modules are its parts.
+//! Integration tests of `palpate`, in one program with a module for each part.
 
 mod arguments;
 mod bring_up;

@@ -1,6 +1,6 @@
-//! What happens to files and messages on their way, and what somebody does to them on purpose.
+//! Random damage and deliberate changes of files and messages.
 
-/// Numbers from a seed (SplitMix64, Steele, Lea and Flood 2014).
+/// Random numbers from a seed (SplitMix64, Steele, Lea and Flood 2014).
 pub(crate) struct Random(pub(crate) u64);
 
 impl Random {
@@ -11,7 +11,7 @@ impl Random {
         mixed ^ (mixed >> 31)
     }
 
-    /// From 0 to below `end`, or 0.
+    /// A number from 0 to below `end`, or 0.
     pub(crate) fn below(&mut self, end: usize) -> usize {
         (self.word() % end.max(1) as u64) as usize
     }
@@ -25,7 +25,7 @@ impl Random {
     }
 }
 
-/// In the place of a number.
+/// Replacements of a number.
 const NUMBERS: [&str; 12] = [
     "nan",
     "inf",
@@ -40,7 +40,7 @@ const NUMBERS: [&str; 12] = [
     "1e9",
     "99999999999999999999",
 ];
-/// Among the text.
+/// Insertions into a text.
 const PIECES: [&str; 8] = [
     "\u{1b}[2J",
     "\0",
@@ -52,7 +52,7 @@ const PIECES: [&str; 8] = [
     "\n\n",
 ];
 
-/// Up to three changes of a file.
+/// Applies up to three changes to a file.
 pub(crate) fn mutant(random: &mut Random, sound: &[u8], is_text: bool) -> Vec<u8> {
     let mut bytes = sound.to_vec();
     for _ in 0..=random.below(3) {
@@ -106,7 +106,7 @@ fn changed_text(random: &mut Random, text: &str) -> Vec<u8> {
     lines.join("\n").into()
 }
 
-/// One of the numbers of a line is another.
+/// Replaces one of the numbers of a line.
 fn with_other_number(random: &mut Random, line: &str) -> String {
     let is_part = |c: char| c.is_ascii_digit() || matches!(c, '.' | '-' | '+' | 'e');
     let mut words: Vec<&str> = line.split_inclusive(|c| !is_part(c)).collect();

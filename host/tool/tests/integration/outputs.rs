@@ -1,11 +1,11 @@
-//! Files that verbs write, and what is left of a run that is interrupted.
+//! Output files, and the remains of an interrupted run.
 
 use std::fs;
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
 
-/// Runs the tool in a folder outside of any checkout, where nothing that needs an image can run.
+/// Runs the tool in a folder outside of any checkout, where no image is available.
 fn palpate(index: &Path, arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_palpate"))
         .args(arguments)
@@ -37,7 +37,7 @@ fn what_cannot_be_written_is_refused_before_the_run() {
         &["field", "figures", "A", "--out"],
     ];
     for verb in verbs {
-        // What takes a folder makes it, if it can.
+        // A verb creates its output folder if it can.
         let names_folder = verb.contains(&"--plots") || verb.contains(&"figures");
         let wrong: &[&str] = if names_folder {
             &["file", "file/plots"]
@@ -57,7 +57,7 @@ fn what_cannot_be_written_is_refused_before_the_run() {
     assert_eq!(fs::read_dir(index).unwrap().count(), 3);
 }
 
-/// A device that takes nothing, as a full disk: found only when it is written to.
+/// A device that accepts nothing behaves like a full disk: the error occurs only when writing.
 #[cfg(target_os = "linux")]
 #[test]
 #[ignore = "long: `cargo xtask ci` runs it"]
@@ -85,7 +85,7 @@ fn started(index: &Path, arguments: &[&str]) -> Child {
         .unwrap()
 }
 
-/// All that a run printed which was killed after so many lines, with no chance to write more.
+/// Output of a run that was killed after `lines` lines, without a chance to write more.
 fn interrupted_after(lines: usize, mut run: Child) -> String {
     let mut out = BufReader::new(run.stdout.take().unwrap());
     let mut text = String::new();
@@ -112,7 +112,7 @@ fn an_interrupted_sweep_has_its_first_rows() {
     let text = interrupted_after(6, run);
     let mut reader = csv::Reader::from_reader(text.as_bytes());
     let rows: Vec<csv::StringRecord> = reader.records().map(Result::unwrap).collect();
-    // Long before the end: all at once, a pipe would have held most of them.
+    // Killed long before the end: with buffered output, the pipe would contain most rows.
     assert!((5..200).contains(&rows.len()), "{}", rows.len());
     for (index, row) in rows.iter().enumerate() {
         let gap: f64 = row[0].parse().unwrap();
@@ -158,7 +158,7 @@ fn an_interrupted_campaign_has_the_sensors_that_were_done() {
     assert!(text.starts_with("seed 1: 5 of 5 "), "{text}");
     assert_eq!(fs::read_to_string(older).unwrap(), "older");
     let journal = folder.path().join("rows.csv.partial");
-    // The rows of the interrupted run are not emptied by the next one.
+    // The next run keeps the rows of the interrupted one.
     let again = palpate(folder.path(), &arguments);
     let message = String::from_utf8(again.stderr).unwrap();
     assert_eq!(again.status.code(), Some(2), "{message}");

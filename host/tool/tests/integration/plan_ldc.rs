@@ -53,7 +53,8 @@ fn a_refusal_names_limit_and_remedy() {
     assert!(refusal["refusal"]["limit"].is_string());
 }
 
-/// Three registers of a frame take 142 bit times at 400 kHz and the master 10 us, two of them 95.
+/// Three registers of a frame take 142 bit times at 400 kHz plus 10 us of the master, two registers
+/// 95.
 #[test]
 fn a_rate_beyond_the_bus_is_refused_with_what_is_possible() {
     let refused = palpate(&["--rate", "4000"]);

@@ -1,4 +1,4 @@
-//! Recordings as other programs leave them: empty, foreign, compressed, joined, rewritten, with wrong times.
+//! Recordings from other programs: empty, foreign, compressed, joined, rewritten, with wrong times.
 
 use std::fs;
 use std::path::Path;
@@ -10,7 +10,7 @@ use crate::support::{json, palpate, recording, recording_of};
 
 const MAGIC: &[u8] = b"\x89MCAP0\r\n";
 
-/// A record of the MCAP file format: its number, its length, its contents.
+/// A record of the MCAP file format: opcode, length, contents.
 fn piece(opcode: u8, contents: &[u8]) -> Vec<u8> {
     let length = (contents.len() as u64).to_le_bytes();
     [&[opcode], &length[..], contents].concat()
@@ -21,7 +21,7 @@ fn text(text: &str) -> Vec<u8> {
     [&length[..], text.as_bytes()].concat()
 }
 
-/// A file with a chunk that is compressed.
+/// A file with a compressed chunk.
 fn compressed(by: &str) -> Vec<u8> {
     let header = piece(1, &[text("palpate"), text("a test")].concat());
     let chunk = [vec![0; 16], 9_u64.to_le_bytes().to_vec(), vec![0; 4]].concat();
@@ -29,7 +29,7 @@ fn compressed(by: &str) -> Vec<u8> {
     [MAGIC, &header, &piece(6, &chunk)].concat()
 }
 
-/// What another program has recorded.
+/// Writes a recording of another program.
 fn foreign(file: &Path) {
     let file = std::io::BufWriter::new(fs::File::create(file).unwrap());
     let options = mcap::WriteOptions::new().compression(None);
@@ -141,7 +141,7 @@ fn joined_recordings_are_read_to_the_end() {
         let twice = count.as_u64().map(|count| 2 * count);
         assert_eq!(both["records"][kind].as_u64(), twice, "{kind}");
     }
-    // What follows a recording and is none is said.
+    // Bytes behind a recording that are not a recording are reported.
     fs::write(
         folder.join("tail.mcap"),
         [&one[..], b"something else"].concat(),

@@ -13,10 +13,10 @@ use super::serve::Server;
 
 use crate::support::{emulated, json, palpate};
 
-/// How long a busy computer may take for what it is to do.
+/// Longest wait on a busy computer.
 const PATIENCE: Duration = Duration::from_secs(300);
 
-/// A program that records what a server sends, until it is ended.
+/// Starts a recording of a server, which runs until it is ended.
 fn record(server: &Server, folder: &Path, file: &str) -> Child {
     Command::new(env!("CARGO_BIN_EXE_palpate"))
         .args(["record", file, "--json", "--board"])
@@ -28,7 +28,7 @@ fn record(server: &Server, folder: &Path, file: &str) -> Child {
         .unwrap()
 }
 
-/// Waits until something is true.
+/// Waits for a condition.
 fn wait_until(what: &str, mut is_true: impl FnMut() -> bool) {
     let begin = Instant::now();
     while !is_true() {
@@ -37,13 +37,13 @@ fn wait_until(what: &str, mut is_true: impl FnMut() -> bool) {
     }
 }
 
-/// What `palpate info` says of a file, if there is one.
+/// Output of `palpate info` for a file, if it exists.
 fn info(folder: &Path, file: &str) -> Option<Value> {
     let output = palpate(&["info", file, "--json"], folder);
     output.status.success().then(|| json(&output))
 }
 
-/// The samples in a file so far.
+/// Number of samples in a file so far.
 fn samples(folder: &Path, file: &str) -> u64 {
     let info = info(folder, file);
     let samples = info
@@ -52,7 +52,7 @@ fn samples(folder: &Path, file: &str) -> u64 {
     samples.unwrap_or(0)
 }
 
-/// Every row of every table in a folder, by the frame's number.
+/// All rows of all tables in a folder, by sequence number.
 fn exported(folder: &Path, file: &str) -> BTreeMap<u32, BTreeMap<String, String>> {
     let output = palpate(&["export", file, "--csv", "tables"], folder);
     let stderr = String::from_utf8_lossy(&output.stderr);
@@ -105,11 +105,12 @@ fn what_an_emulated_board_sends_is_in_the_tables_without_a_gap() {
         let of = |name: &str| row[name].parse::<f64>().unwrap();
         let frequency_hz = of("channels_0_frequency_hz");
         assert!((1e6..10e6).contains(&frequency_hz), "{frequency_hz}");
-        // Samples arrive in packets. A float of a date has a quarter of a microsecond.
+        // Samples arrive in packets. A date as a float is accurate to a quarter of a microsecond.
         let behind_s = of("device_time_s") - 1e-6 * of("time_us");
         let step_s = behind_s - before_s.replace(behind_s).unwrap_or(behind_s);
         assert!(step_s.abs() < 1e-6, "{step_s} s");
-        // Converted, sent, received: 1 or 2 ms. The clocks are known to within a look at the port.
+        // Conversion, sending and reception take 1 or 2 ms. The clocks are compared to within a
+        // poll of the port.
         let late_s = of("host_time_s") - of("device_time_s");
         assert!((-0.005..0.02).contains(&late_s), "{late_s} s");
     }
@@ -155,7 +156,7 @@ fn a_recording_goes_on_with_the_next_boot_and_ends_with_ctrl_c() {
         samples(folder.path(), "r.mcap.partial") > 0
     });
     drop(first);
-    // Another board: the same one would begin with the same random numbers.
+    // Another board, since the same one would repeat its random numbers.
     let _second = Server::at(&address, &["--seed", "2", "--state", &flash]);
     wait_until("the second boot is recorded", || {
         info(folder.path(), "r.mcap.partial").is_some_and(|info| {

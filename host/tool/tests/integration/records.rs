@@ -1,5 +1,5 @@
-//! Records as lines of JSON: one shape in docs/protocol.md, `palpate decode` and
-//! `palpate simulate --records`.
+//! Records as lines of JSON: one format in docs/protocol.md, `palpate decode` and `palpate simulate
+//! --records`.
 
 use std::fs;
 use std::path::Path;
@@ -9,7 +9,7 @@ use assert_cmd::Command;
 use palpate_wire::{Frame, Message, Record, encode};
 use serde::Deserialize;
 
-/// What docs/protocol.md says a line may be, and nothing else.
+/// All forms of a line in docs/protocol.md.
 #[derive(Debug)]
 enum RecordLine {
     Frame(Box<Frame<Record>>),
@@ -47,7 +47,7 @@ fn decode(bytes: &[u8]) -> Output {
         .unwrap()
 }
 
-/// The bytes that a board sends of these frames.
+/// Encodes the frames of these lines as a board does.
 fn sent<'l>(lines: impl IntoIterator<Item = &'l str>) -> Vec<u8> {
     let mut bytes = Vec::new();
     for text in lines {
@@ -59,7 +59,7 @@ fn sent<'l>(lines: impl IntoIterator<Item = &'l str>) -> Vec<u8> {
     bytes
 }
 
-/// The examples of the document.
+/// Examples in the document.
 fn documented() -> Vec<String> {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/protocol.md");
     let text = fs::read_to_string(file).unwrap();
@@ -125,7 +125,7 @@ fn simulate_writes_what_decode_prints_of_the_same_frames() {
     for (printed, written) in printed.lines().zip(&frames) {
         assert_eq!(printed, *written);
     }
-    // Numbered from 0, as a board does.
+    // Numbered from 0, as on a board.
     for (number, text) in (0..).zip(&frames) {
         let RecordLine::Frame(frame) = line(text) else {
             panic!("{text}");
@@ -142,7 +142,7 @@ fn the_fixture_is_decoded_to_its_listing() {
     let listing = fs::read_to_string(folder.join("v2-records.jsonl")).unwrap();
     assert_eq!(printed.lines().count(), listing.lines().count());
     for (printed, listed) in printed.lines().zip(listing.lines()) {
-        // The listing has offset and length before the same.
+        // The listing has offset and length before the same text.
         let (_, rest) = listed.split_once("\"header\"").unwrap();
         assert_eq!(printed, format!("{{\"header\"{rest}"));
     }

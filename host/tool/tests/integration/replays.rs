@@ -1,4 +1,4 @@
-//! A recording of a measurement: replayed, played in the place of a board, reported.
+//! A recording of a measurement: replayed, played in place of a board, reported.
 
 use std::fs;
 use std::path::Path;
@@ -20,7 +20,7 @@ fn a_recorded_measurement_is_replayed_to_the_bit_played_and_reported() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     on_board(folder, &["settings", "import", CALIBRATION, "--store"]);
-    // It is pressed after 3 s, and measured 3 s later.
+    // The press begins after 3 s, and is measured 3 s later.
     let arguments = ["record", "r.mcap", "--arm", "--load", "1.3", "--for", "7"];
     on_board(folder, &arguments);
 
@@ -32,7 +32,7 @@ fn a_recorded_measurement_is_replayed_to_the_bit_played_and_reported() {
     assert_eq!(count("uncertainty_budget", "identical"), 1, "{replayed}");
     assert_eq!(count("load_point", "identical"), 8, "{replayed}");
 
-    // As other programs write it anew: what is said about it stands behind the messages.
+    // As rewritten by other programs, with the notes behind the messages.
     rewritten(&folder.join("r.mcap"), &folder.join("w.mcap"));
     let again = json(&palpate(&["replay", "w.mcap", "--json"], folder));
     assert_eq!(again["kinds"], replayed["kinds"], "{again}");
@@ -64,7 +64,7 @@ fn a_recorded_measurement_is_replayed_to_the_bit_played_and_reported() {
     }
 }
 
-/// The same messages with all metadata behind them.
+/// Copies the messages, with all metadata behind them.
 fn rewritten(from: &Path, to: &Path) {
     let bytes = fs::read(from).unwrap();
     recording_with(to, |writer| {

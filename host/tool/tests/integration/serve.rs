@@ -12,16 +12,16 @@ use palpate_wire::{Message, Record, RecordDecoder, Sequencer, encode};
 
 use crate::support::image;
 
-/// How long an answer may take: a save takes seconds of the board's time, and a busy computer emulates
-/// the board at a tenth of its pace or less.
+/// Longest wait for an answer: a save takes seconds of the board's time, and a busy computer
+/// emulates the board at a tenth of its pace or less.
 const PATIENCE: Duration = Duration::from_secs(300);
 
-/// The server, which ends with this.
+/// The server; dropping it ends the process.
 pub(super) struct Server {
     pub(super) child: Child,
     pub(super) address: String,
     said: BufReader<ChildStderr>,
-    /// Its user's folder: no two servers run the same board.
+    /// Its own user folder, since no two servers run the same board.
     _folder: tempfile::TempDir,
 }
 
@@ -30,7 +30,7 @@ impl Server {
         Self::at("127.0.0.1:0", arguments)
     }
 
-    /// The same at a port of one's own.
+    /// Starts a server at a given port.
     pub(super) fn at(listen: &str, arguments: &[&str]) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let mut child = Command::new(env!("CARGO_BIN_EXE_palpate"))
@@ -52,7 +52,7 @@ impl Server {
         }
     }
 
-    /// Where the gauges of its bench are, with `--rig`.
+    /// Address of the gauges of its bench, with `--rig`.
     pub(super) fn rig(&mut self) -> String {
         place(&mut self.said, "the gauges of its bench are at ")
     }
@@ -69,7 +69,7 @@ impl Server {
     }
 }
 
-/// What a line says after its beginning.
+/// Rest of the line that starts with `beginning`.
 fn place(said: &mut BufReader<ChildStderr>, beginning: &str) -> String {
     let mut lines = said.by_ref().lines().map(Result::unwrap);
     let place = lines.find_map(|line| Some(line.strip_prefix(beginning)?.to_owned()));
@@ -82,7 +82,7 @@ fn exchange(address: &str, bytes: &[u8]) -> std::io::Result<()> {
     stream.set_read_timeout(Some(Duration::from_secs(20)))?;
     stream.write_all(bytes)?;
     match stream.read_to_end(&mut Vec::new()) {
-        // Bytes were unread when it closed the connection.
+        // The server closed the connection with unread bytes.
         Err(error) if error.kind() == ErrorKind::ConnectionReset => Ok(()),
         read => read.map(drop),
     }
@@ -95,7 +95,7 @@ impl Drop for Server {
     }
 }
 
-/// A program that is connected.
+/// A connected program.
 struct Program {
     stream: TcpStream,
     decoder: RecordDecoder,
@@ -103,7 +103,7 @@ struct Program {
 }
 
 impl Program {
-    /// Sends a command, and reads until a record says something.
+    /// Sends a command, and reads until `of` accepts a record.
     fn ask<T>(
         &mut self,
         command: &palpate_wire::Command,
@@ -145,7 +145,7 @@ impl Program {
         })
     }
 
-    /// Asks to store what is in force, and waits for the end of it.
+    /// Stores the configuration in force, and waits for the result.
     fn store(&mut self) -> palpate_wire::record::Storage {
         let mut outcome = None;
         let stored = self.ask(&palpate_wire::Command::Store, |record| match record {
@@ -179,7 +179,7 @@ fn one_program_at_a_time_talks_to_the_emulated_board() {
     assert!(hello.unit != 0 && hello.configuration_crc == 0, "{hello:?}");
     let mut second = server.connect();
     let mut said = String::new();
-    // A busy machine has its server wait.
+    // On a busy machine the server answers late.
     second.stream.set_read_timeout(Some(PATIENCE)).unwrap();
     second.stream.read_to_string(&mut said).unwrap();
     assert!(said.contains("another program is connected"), "{said}");
@@ -191,7 +191,7 @@ fn one_program_at_a_time_talks_to_the_emulated_board() {
 fn store(flash: &Path) -> u32 {
     let server = Server::start(&["--state", &flash.to_string_lossy()]);
     let mut program = server.connect();
-    // Settings are not for any boot.
+    // Settings need the boot id.
     program.hello();
     let settings = program.ask(&palpate_wire::Command::GetSettings, |record| match record {
         Record::Settings(settings) => Some(settings.clone()),
@@ -208,7 +208,7 @@ fn store(flash: &Path) -> u32 {
         (stored.action, stored.succeeded),
         (StorageAction::Store, true)
     );
-    // The file is written when the flash rests.
+    // An answer follows the write of the file, after the flash is idle.
     program.hello();
     stored.stored_crc
 }
@@ -236,7 +236,7 @@ fn only_who_allows_it_listens_to_other_machines() {
     assert!(said.contains("--allow-remote"), "{said}");
 }
 
-/// What a page of any site may send: a command as the body of a request.
+/// A request that a page of any site may send: a command in the body.
 fn request(method: &str, body: &[u8]) -> Vec<u8> {
     let head = format!("{method} / HTTP/1.1\r\nHost: 127.0.0.1\r\nOrigin: null\r\n\r\n");
     [head.as_bytes(), body].concat()
@@ -249,13 +249,14 @@ fn a_request_of_a_browser_reaches_no_board() {
     let mut buffer = [0; palpate_wire::Command::MAX_FRAME];
     let identify = palpate_wire::Command::Identify;
     let frame = encode(&sequencer.stamp(0), &identify, &mut buffer).unwrap();
-    // A delimiter first, so that the frame begins there.
+    // A delimiter first, so that the frame starts there.
     let body = [&[0], frame].concat();
     for method in ["POST", "OPTIONS", "X"] {
         let closed = exchange(&server.address, &request(method, &body));
         assert!(closed.is_ok(), "{method}: {closed:?}");
     }
-    // A program that begins with a delimiter is answered, and so is one whose frame comes in pieces.
+    // A program that starts with a delimiter gets an answer, and so does one whose frame arrives in
+    // pieces.
     let mut program = server.connect();
     program.stream.write_all(&[0]).unwrap();
     assert!(program.hello().unit != 0);

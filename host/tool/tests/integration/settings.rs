@@ -22,7 +22,7 @@ fn json(arguments: &[&str], folder: &Path) -> Value {
     support::json(&settings(&[arguments, &["--json"]].concat(), folder))
 }
 
-/// A curve of more knots than one record carries.
+/// A curve with more knots than one record can contain.
 fn curve() -> Vec<Set> {
     let knots: Vec<_> = (0..10u8)
         .map(|index| DeformationKnot {
@@ -43,10 +43,10 @@ fn curve() -> Vec<Set> {
     chunks.collect()
 }
 
-/// The rest of the emulated board's sensor, Hz, as `palpate calibrate sensor` finds it.
+/// Frequency of the emulated board's untouched sensor, Hz, from `palpate calibrate sensor`.
 pub(crate) const REST_HZ: f64 = 3_059_428.413;
 
-/// A calibration with its identity: all that a measurement of stiffness needs.
+/// A calibration with its identity, complete for a measurement of stiffness.
 pub(crate) fn calibration() -> Vec<Set> {
     let mut commands = vec![Set::SetTank(Tank {
         sensor: 0,
@@ -128,7 +128,7 @@ fn what_was_exported_and_erased_is_there_again_after_an_import() {
     let crc = configuration_crc(&commands);
     assert_eq!(imported["configuration_crc"], crc);
     assert_eq!(imported["stored"], true);
-    // Settings that were never set are not in the file; set, they are.
+    // Settings that were never set are not in the file; after setting them they are.
     let set = json(&["set", "rate_hz=500", "drift=linear", "--store"], folder);
     assert_eq!(set["settings"]["drift"], "linear");
     let exported = json(&["export", "first.jsonl"], folder);
@@ -148,7 +148,7 @@ fn what_was_exported_and_erased_is_there_again_after_an_import() {
         fs::read_to_string(folder.join("second.jsonl")).unwrap(),
         first
     );
-    // What a file does not have and the board has is named, and what is stored comes back.
+    // Parts of the board that the file lacks are named, and the stored configuration returns.
     fs::write(folder.join("curve.jsonl"), lines(&curve())).unwrap();
     let refused = settings(&["import", "curve.jsonl", "--store"], folder);
     let said = String::from_utf8_lossy(&refused.stderr);
@@ -188,7 +188,7 @@ fn a_value_out_of_range_is_bad_input_and_one_that_the_board_cannot_do_a_refusal(
         said.contains("out_of_range") && said.contains("changed were: peak_current_a"),
         "{said}"
     );
-    // What converter and bus can follow.
+    // Limit of converter and bus.
     let faster = settings(&["set", "rate_hz=4000"], folder.path());
     let said = String::from_utf8_lossy(&faster.stderr);
     assert_eq!(faster.status.code(), Some(1), "{said}");
@@ -200,7 +200,7 @@ fn a_value_out_of_range_is_bad_input_and_one_that_the_board_cannot_do_a_refusal(
     assert_eq!(unconfirmed.status.code(), Some(2));
 }
 
-/// A change that the end of the command undoes, a fault with its value, and a file with nothing in it.
+/// A change that is undone at the end of the command, a fault with its value, and an empty file.
 #[test]
 fn what_becomes_of_a_change_is_said() {
     let folder = tempfile::tempdir().unwrap();
@@ -215,7 +215,7 @@ fn what_becomes_of_a_change_is_said() {
     let (code, kept) = said(&["set", "rate_hz=500", "--store"]);
     assert_eq!(code, Some(0), "{kept}");
     assert!(!kept.contains("Lost"), "{kept}");
-    // There is one coil.
+    // Only one coil is connected.
     let (code, silent) = said(&["set", "channels=3", "--store"]);
     assert_eq!(code, Some(1), "{silent}");
     assert!(silent.contains("sensor_not_oscillating, 1. "), "{silent}");

@@ -49,13 +49,14 @@ fn is_within_half_a_percent(seed: &str) {
         let error = estimate / truth - 1.0;
         assert!(error.abs() < 5e-3, "seed {seed}: {error} in {line}");
     }
-    // Nothing gives way: no upper end, or a stiffness far beyond all springs of the row.
+    // The block is rigid: no upper end, or a stiffness far beyond all springs of the row.
     let block = &row[7]["estimate"];
     let lower = block["lower_n_per_m"].as_f64().unwrap();
     assert!(lower > 1e5, "seed {seed}: {block}");
 }
 
-/// One of eight intervals of 95 % may miss; none is off by more than four of its standard errors.
+/// One of eight intervals of 95 % may miss the truth; no estimate deviates by more than four of its
+/// standard errors.
 fn is_within_its_claim(seed: &str) {
     let row = lines(&["demo", "--json", "--seed", seed]);
     let within = row.iter().filter(|line| line["within_claim"] == true);
@@ -100,7 +101,7 @@ fn with_other_seeds_every_estimate_is_as_good() {
         .collect();
     assert!(estimates.len() >= 36, "{} of 40", estimates.len());
     let held = estimates.iter().filter(|line| line["within_claim"] == true);
-    // Of 40 intervals of 95 %, fewer than 34 hold once in three hundred.
+    // Fewer than 34 of 40 intervals of 95 % cover the truth once in three hundred cases.
     let missed = estimates.len() - held.count();
     assert!(missed <= 6, "{missed} of {} miss", estimates.len());
     for line in estimates {
@@ -141,7 +142,7 @@ fn the_report_stands_alone() {
         "{table}"
     );
     let page = fs::read_to_string(file).unwrap();
-    // All loads: the chart of claims, and five for each load.
+    // The chart of claims for all loads, and five charts for each load.
     assert_eq!(page.matches("<svg").count(), 1 + 8 * 5);
     for link in ["http:", "https:", "<script", "<link", "url("] {
         let namespaces = page.replace("http://www.w3.org/", "");
@@ -193,7 +194,7 @@ fn gives_the_same_bytes(scenario: &Path) {
             fs::read(records).unwrap(),
         )
     };
-    // One after the other, and both at once on two cores.
+    // Sequential, then both at once on two cores.
     let first = run();
     let (here, there) = std::thread::scope(|scope| {
         let there = scope.spawn(run);
@@ -237,7 +238,7 @@ fn the_example_runs_and_its_records_are_whole() {
     assert!(samples.count() > 8_000);
 }
 
-/// A sound scenario, a line of which is replaced.
+/// A valid scenario with one line replaced.
 fn with(line: &str, instead: &str) -> String {
     let sound = "stack = \"ultrasoft\"\ndisturbances = \"none\"\n\n[[press]]\nload = \"spring\"\n\
                  stiffness_N_per_m = 3e3\ndepth_m = 0.2e-3\n";
@@ -319,7 +320,7 @@ fn bad_scenarios_are_refused_with_file_line_and_what_is_allowed() {
             assert!(message.contains(part), "{part:?} in {message:?} of\n{text}");
         }
     }
-    // A stack that is not there.
+    // A sensor design that does not exist.
     let (_folder, file) = written(&with("ultrasoft", "mine.toml"));
     let output = palpate(&["simulate", file.to_str().unwrap()]);
     assert_eq!(output.status.code(), Some(2));
@@ -368,7 +369,7 @@ fn a_campaign_counts_in_every_world() {
         cells[2..5].to_vec()
     };
     assert_eq!(holds(calibrated), ["3", "0", "100.0 %"], "{calibrated}");
-    // What the sensor cannot know is counted as wrong.
+    // An error that the sensor cannot know counts as a miss.
     assert_eq!(holds(weaker), ["3", "0", "0.0 %"], "{weaker}");
 
     let output = palpate(&[&sensors[..], &worlds[..], &["--json"]].concat());
@@ -400,7 +401,8 @@ fn a_campaign_without_an_estimate_is_no_success() {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 40, ..ProptestConfig::default() })]
 
-    /// Anything instead of a scenario: exit code 2 and a message, or a run. Never a panic.
+    /// Arbitrary text instead of a scenario: exit code 2 with a message, or a run, but never a
+    /// panic.
     #[test]
     fn random_text_is_refused(text in "(stack|press|load|depth_m|=|\"|\\[|\\]|[a-z0-9.\\- \n]){0,60}") {
         let (_folder, file) = written(&text);

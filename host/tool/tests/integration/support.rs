@@ -1,4 +1,4 @@
-//! How the tests call the tool.
+//! Functions that call the tool.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -8,13 +8,13 @@ use mcap::records::MessageHeader;
 use palpate_emulator::firmware;
 use serde_json::Value;
 
-/// The calibration of the emulated board of seed 11.
+/// Calibration of the emulated board of seed 11.
 pub(crate) const CALIBRATION: &str = concat!(
     env!("CARGO_MANIFEST_DIR"),
     "/tests/fixture/ultrasoft-11.jsonl"
 );
 
-/// The image that is flashed, built once.
+/// The flashed image, built once.
 pub(crate) fn image() -> &'static Path {
     static IMAGE: OnceLock<PathBuf> = OnceLock::new();
     IMAGE.get_or_init(|| firmware::build().unwrap_or_else(|error| panic!("{error}")))
@@ -29,26 +29,26 @@ pub(crate) fn palpate(arguments: &[&str], folder: &Path) -> Output {
         .unwrap()
 }
 
-/// The same with the emulated board, whose flash is a file in the folder.
+/// Runs the tool with the emulated board, whose flash is a file in the folder.
 pub(crate) fn emulated(arguments: &[&str], folder: &Path) -> Output {
     let board = ["--board", "emulated", "--state", "board.flash", "--image"];
     let image = image().to_str().unwrap();
     palpate(&[arguments, &board, &[image]].concat(), folder)
 }
 
-/// What the tool has printed, which has succeeded.
+/// JSON output of the tool, which must have succeeded.
 pub(crate) fn json(output: &Output) -> Value {
     let stderr = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{stderr}");
     serde_json::from_slice(&output.stdout).unwrap()
 }
 
-/// A recording of the frames of the wire's fixture, as far as they are records of every kind.
+/// Writes a recording of the wire's fixture, which has records of every kind.
 pub(crate) fn recording(file: &Path) {
     recording_of(file, &frames());
 }
 
-/// The frames of the wire's fixture, as a recording has them.
+/// Frames of the wire's fixture, as in a recording.
 pub(crate) fn frames() -> Vec<Value> {
     let listing = include_str!("../../../../firmware/wire/fixture/v2-records.jsonl");
     let frames = listing.lines().map(|line| {
@@ -60,16 +60,16 @@ pub(crate) fn frames() -> Vec<Value> {
     frames.collect()
 }
 
-/// A recording of these frames, a millisecond apart.
+/// Writes a recording of these frames, a millisecond apart.
 pub(crate) fn recording_of(file: &Path, frames: &[Value]) {
     let times = (1_700_000_000_000_000_000..).step_by(1_000_000);
     recording_with(file, |writer| recording_at(writer, times.zip(frames)));
 }
 
-/// What a recording is written to.
+/// Writer of a test recording.
 pub(crate) type Writer = mcap::Writer<std::io::BufWriter<std::fs::File>>;
 
-/// A recording of what is written.
+/// Writes a recording through the closure `write`.
 pub(crate) fn recording_with(file: &Path, write: impl FnOnce(&mut Writer)) {
     let options = mcap::WriteOptions::new().profile("palpate");
     let file = std::io::BufWriter::new(std::fs::File::create(file).unwrap());
@@ -78,7 +78,7 @@ pub(crate) fn recording_with(file: &Path, write: impl FnOnce(&mut Writer)) {
     writer.finish().unwrap();
 }
 
-/// Writes frames, each with the time of its arrival, ns since 1970.
+/// Writes frames with their arrival times, ns since 1970.
 pub(crate) fn recording_at<'f>(
     writer: &mut Writer,
     frames: impl Iterator<Item = (u64, &'f Value)>,

@@ -1,4 +1,4 @@
-//! No verb empties or replaces a file that it was not asked to write.
+//! No verb empties or replaces a file that is not its output.
 
 use std::fs;
 use std::path::Path;
@@ -6,7 +6,7 @@ use std::process::{Command, Output};
 
 use crate::support::{emulated, image, palpate, recording};
 
-/// The emulated board with its flash in a file of this name.
+/// Runs a verb with the emulated board's flash in a file of this name.
 fn with_state(arguments: &[&str], state: &str, folder: &Path) -> Output {
     let board = ["--board", "emulated", "--state", state, "--image"];
     let image = image().to_str().unwrap();
@@ -62,7 +62,7 @@ fn links_beside_a_state_keep_what_they_lead_to() {
     assert_eq!(fs::read(folder.join("board.flash")).unwrap().len(), 65_536);
 }
 
-/// A limit on the size of files fails as a full disk does.
+/// A limit on file size fails like a full disk.
 #[cfg(unix)]
 #[test]
 fn a_state_that_cannot_be_written_is_named_with_the_disk() {

@@ -1,4 +1,4 @@
-//! The desk of a reader: a folder with what is there before a page's first command, and the tool.
+//! Working folder of a reader: the files before a page's first command, and the tool.
 
 use std::ffi::OsString;
 use std::fs::{self, File, Permissions};
@@ -14,8 +14,8 @@ use tempfile::{TempDir, tempdir_in};
 
 use super::page::root;
 
-/// The tool as a reader has it: a board is plugged in and pressed, questions are answered with yes, and what would go
-/// on until Ctrl-C ends.
+/// Replacement of the tool for a reader: a board is connected and pressed, questions are answered
+/// with yes, and a verb that runs until Ctrl-C ends.
 const STAND_IN: &str = r#"#!/bin/sh
 takes() { "$TOOL" "$@" --help > /dev/null 2>&1; }
 if takes "$@" --board emulated; then
@@ -34,28 +34,29 @@ esac
 exec "$TOOL" "$@"
 "#;
 
-/// The calibration that a page may begin with: it takes minutes.
+/// Calibration that a page may start with; it takes minutes.
 const CALIBRATE: &str = "palpate calibrate sensor --board emulated --save-session cold.json";
 
-/// A part of a calibration for `palpate encode`.
+/// Part of a calibration for `palpate encode`.
 const CALIBRATION: &str =
     "[[set_tank]]\nsensor = 0\nchannel = 0\ncapacitance_f = 330e-12\nrest_frequency_hz = 3e6\n";
 
-/// How long a server may take until it listens: it builds the image first.
+/// Longest wait until a server listens, since it first builds the image.
 const PATIENCE: Duration = Duration::from_secs(600);
 
-/// What a reader has before the first command of a page.
+/// Files before the first command of a page.
 pub(super) struct Start {
     folder: TempDir,
     has_board: bool,
-    /// Taken by a page whose commands listen at a port.
+    /// Lock for a page whose commands listen at a port.
     ports: Mutex<()>,
 }
 
 impl Start {
-    /// What a checkout and a release have, a stack, and files for `palpate decode` and `palpate encode`.
+    /// Creates the files of a checkout and a release, a sensor design, and files for `palpate
+    /// decode` and `palpate encode`.
     pub(super) fn without_board() -> Self {
-        // In the checkout, in which the tool finds the firmware's image.
+        // In the checkout, where the tool finds the firmware's image.
         let root = root();
         let target = root.join("target");
         fs::create_dir_all(&target).unwrap();
@@ -94,7 +95,8 @@ impl Start {
         }
     }
 
-    /// The same with the firmware's image, a board that is calibrated, and recordings of a press.
+    /// Creates the same files with the firmware's image, a calibrated board, and recordings of a
+    /// press.
     pub(super) fn with_board() -> Self {
         let start = Self::without_board();
         let mut desk = start.desk(&[]);
@@ -115,7 +117,7 @@ impl Start {
         }
     }
 
-    /// A desk for commands. What they record is not there before.
+    /// Creates a working folder for commands, without the files that they record.
     pub(super) fn desk(&self, commands: &[&str]) -> Desk<'_> {
         let folder = tempdir_in(&self.folder).unwrap();
         copy(&self.folder.path().join("desk"), folder.path());
@@ -143,7 +145,7 @@ impl Start {
     }
 }
 
-/// Copies what is in a folder into another one.
+/// Copies the contents of a folder into another.
 fn copy(from: &Path, to: &Path) {
     let copied = Command::new("cp")
         .arg("-a")
@@ -153,12 +155,12 @@ fn copy(from: &Path, to: &Path) {
     assert!(copied.unwrap().success());
 }
 
-/// A folder in which commands are run one after the other.
+/// A folder in which commands run one after the other.
 pub(super) struct Desk<'s> {
     start: &'s Start,
     _ports: Option<MutexGuard<'s, ()>>,
     folder: TempDir,
-    /// Process groups of what goes on in the background.
+    /// Process groups of background commands.
     servers: Vec<u32>,
 }
 
@@ -167,7 +169,7 @@ impl Desk<'_> {
         self.folder.path().to_owned()
     }
 
-    /// Runs a command; the error is its end and what it said last.
+    /// Runs a command. The error is its exit status and last output.
     pub(super) fn run(&mut self, text: &str) -> Result<(), String> {
         if self.start.has_board && is_made(text) {
             return Ok(());
@@ -198,7 +200,7 @@ impl Desk<'_> {
             .ok_or_else(|| format!("{status}: {}", last.join("\n")))
     }
 
-    /// The shell of a command, with a home of its own.
+    /// Builds the shell of a command, with its own home.
     fn shell(&self, text: &str, said: &Path) -> Command {
         let variable = |name| std::env::var_os(name);
         let home = PathBuf::from(variable("HOME").unwrap_or_default());
@@ -233,7 +235,7 @@ impl Drop for Desk<'_> {
     }
 }
 
-/// Whether a command makes the calibration that is there from the start.
+/// Whether a command makes the calibration that already exists.
 fn is_made(text: &str) -> bool {
     let (text, image) = text.split_once(" --image ").unwrap_or((text, ""));
     let image = image.split(' ').skip(1);

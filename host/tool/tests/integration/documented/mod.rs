@@ -1,10 +1,10 @@
-//! The commands in README, docs and help do what they say.
+//! Commands in README, docs and help texts work as described.
 //!
-//! Every command is parsed by the tool. Those in blocks of code and in the examples of a help text are run, page by
-//! page and in their order, but for those that
+//! The tool parses every command. Those in code blocks and in the examples of a help text are run,
+//! page by page and in order, except those that
 //!
-//! - say in a comment what they need: `# needs a board`, a probe, a bench;
-//! - name something in capitals, as FILE, or leave something out by `...`.
+//! - state a requirement in a comment: `# needs a board`, a probe, a bench;
+//! - contain a placeholder in capitals, as FILE, or leave something out by `...`.
 
 mod desk;
 mod page;
@@ -15,7 +15,7 @@ use std::thread::{available_parallelism, scope};
 use desk::Start;
 use page::{Page, pages, refusal_of, tool_arguments};
 
-// The gate checks cargo's commands in the same texts.
+// The gate checks the cargo commands in the same texts.
 #[path = "../../../../../xtask/src/book/commands.rs"]
 mod commands;
 
@@ -32,7 +32,7 @@ fn the_tool_has_every_verb_and_option_that_the_docs_name() {
     assert!(refused.is_empty(), "{}", refused.join("\n"));
 }
 
-/// Verbs that need no board and take a moment.
+/// Verbs that need no board and are fast.
 const QUICK: [&str; 14] = [
     "--version",
     "chip",
@@ -70,7 +70,7 @@ fn every_command_does_what_the_docs_say() {
     run(&Start::with_board(), |_| true);
 }
 
-/// Runs commands of every page, as many pages at a time as there are processors.
+/// Runs commands of every page, with as many pages in parallel as there are processors.
 fn run(start: &Start, is_chosen: impl Fn(&str) -> bool + Sync) {
     let pages = pages();
     let next = Mutex::new(pages.iter());

@@ -1,4 +1,4 @@
-//! Texts and their commands.
+//! Pages with their commands.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -7,7 +7,7 @@ use std::process;
 use super::commands::{self, Command};
 use super::desk::Start;
 
-/// Words that stand for what a reader names, and what the tool is given where it asks for a number or a verb.
+/// Placeholders, with the replacement where the tool expects a number or a verb.
 const PLACEHOLDERS: [(&str, &str); 11] = [
     ("FILE", "FILE"),
     ("FOLDER", "FOLDER"),
@@ -22,14 +22,14 @@ const PLACEHOLDERS: [(&str, &str); 11] = [
     ("VERB", "measure"),
 ];
 
-/// A text with commands of the tool.
+/// A page with commands of the tool.
 pub(super) struct Page {
-    /// Its path, or the command that prints it.
+    /// Path, or the command that prints it.
     name: String,
     pub(super) commands: Vec<Command>,
 }
 
-/// The workspace's folder.
+/// Folder of the workspace.
 pub(super) fn root() -> PathBuf {
     let package = Path::new(env!("CARGO_MANIFEST_DIR"))
         .canonicalize()
@@ -37,7 +37,7 @@ pub(super) fn root() -> PathBuf {
     package.ancestors().nth(2).unwrap().to_owned()
 }
 
-/// Every page in Markdown but the changelog, whose commands are those of their day, and every help text.
+/// All Markdown pages except the changelog, whose commands are of their time, and all help texts.
 pub(super) fn pages() -> Vec<Page> {
     let mut git = process::Command::new("git");
     let list = git
@@ -66,7 +66,7 @@ pub(super) fn pages() -> Vec<Page> {
     pages
 }
 
-/// The help text of a verb, and of those below it.
+/// Adds the help text of a verb and of its subcommands.
 fn add_help(verb: &[&str], pages: &mut Vec<Page>) {
     let mut tool = process::Command::new(env!("CARGO_BIN_EXE_palpate"));
     let help = tool.arg("help").args(verb).output().unwrap();
@@ -77,7 +77,7 @@ fn add_help(verb: &[&str], pages: &mut Vec<Page>) {
     });
     let list = text.lines().skip_while(|line| *line != "Commands:").skip(1);
     for line in list.take_while(|line| !line.is_empty()) {
-        // What begins further right goes on with the line above.
+        // A line with a larger indent continues the previous one.
         let name = line
             .split(' ')
             .nth(2)
@@ -88,7 +88,7 @@ fn add_help(verb: &[&str], pages: &mut Vec<Page>) {
     }
 }
 
-/// The commands of a help text: examples, which are indented by two spaces, and between backticks.
+/// Commands of a help text: examples, which are indented by two spaces, and commands in backticks.
 fn of_help(text: &str) -> Vec<Command> {
     let mut continues = false;
     commands::commands(text, |line| {
@@ -99,7 +99,7 @@ fn of_help(text: &str) -> Vec<Command> {
     })
 }
 
-/// What the tool is given in a command, by itself or through cargo.
+/// Arguments of the tool in a command, called directly or through cargo.
 pub(super) fn tool_arguments(text: &str) -> Option<&str> {
     let text = text.split(" #").next()?;
     let calls = text.split(" | ").flat_map(|part| part.split(" && "));
@@ -120,20 +120,20 @@ fn placeholder(word: &str) -> Option<&'static str> {
     all.find_map(|(name, value)| (*name == word).then_some(*value))
 }
 
-/// Whether a command is not whole: it names something in capitals, or leaves something out.
+/// Whether a command is incomplete: it contains a placeholder in capitals, or leaves something out.
 fn is_form(text: &str) -> bool {
     let mut words = text.split(|c: char| !c.is_ascii_alphabetic());
     words.any(|word| placeholder(word).is_some()) || text.contains("...")
 }
 
-/// What the tool has against the arguments of a command.
+/// Error of the tool for the arguments of a command.
 pub(super) fn refusal_of(text: &str) -> Option<String> {
     let words = tool_arguments(text)?.split(' ');
     let words = words.take_while(|word| ![">", "<", "&"].contains(word));
     let words = words.filter(|word| *word != "...");
     let words = words.map(|word| placeholder(word).unwrap_or(word));
     let mut words: Vec<_> = words.collect();
-    // Where help is asked for, the tool parses what stands before and does nothing.
+    // With `--help` the tool parses the arguments before it and does nothing.
     if words[0] != "help" {
         words.push("--help");
     }
@@ -144,18 +144,18 @@ pub(super) fn refusal_of(text: &str) -> Option<String> {
         .output()
         .unwrap();
     let said = String::from_utf8_lossy(&output.stderr).into_owned();
-    // A sentence names an option without its value.
+    // A sentence may name an option without its value.
     let lacks_value = said.contains("but none was supplied");
     (!output.status.success() && !lacks_value).then_some(said)
 }
 
 impl Page {
-    /// Where a command stands, and its text.
+    /// Location of a command, with its text.
     pub(super) fn place(&self, command: &Command) -> String {
         format!("{}:{}: `{}`", self.name, command.line, command.text)
     }
 
-    /// Runs commands of this page on a desk of its own, and says what is wrong with them.
+    /// Runs commands of this page in its own folder. Returns their errors.
     pub(super) fn run(&self, start: &Start, is_chosen: impl Fn(&str) -> bool) -> Vec<String> {
         let commands = self.commands.iter().filter(|command| !command.is_inline);
         let commands = commands.filter(|c| !c.text.starts_with("cargo "));
