@@ -41,7 +41,7 @@ const ROUNDS: usize = 4;
 /// a part of W. On 54 simulated sensors of the design `ultrasoft` (seeds 900001 to 900060) it is
 /// the value of the quietest ten; on half of all, the trains' own errors explain the whole scatter.
 pub(crate) const LEAST_SCATTER: f64 = 0.0008;
-/// Maximum of the same; trains with more scatter carry no information.
+/// Maximum scatter of a train, as a part of W; beyond it trains carry no information.
 const MOST_SCATTER: f64 = 1.0;
 /// Relative tolerance of the search for the scatter.
 const SCATTER_SETTLED: f64 = 1e-3;

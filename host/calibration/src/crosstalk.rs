@@ -12,7 +12,7 @@ use super::{Known, Unusable};
 pub struct Crosstalk {
     /// X, m/A^2.
     pub untouched_m_per_a2: f64,
-    /// 1/m.
+    /// Growth with the deformation, 1/m.
     pub growth_per_m: f64,
 }
 

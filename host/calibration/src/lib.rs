@@ -2,7 +2,7 @@
 //!
 //! All arithmetic is `f64` and shares no function with the instrument's own.
 //!
-//! 1. `curve`: the load cell and the coil during quick presses upon a block give force against
+//! 1. `curve`: load cell and coil during quick presses onto a block give the force against the
 //!    relative change of inductance; deformation is force over a nominal c_S. Only ratios of
 //!    deformations enter a stiffness (eq. (2) is homogeneous in them), so the nominal value sets
 //!    only the scale of the deformation.
@@ -104,7 +104,7 @@ pub struct Calibration {
     pub coefficients: Option<Coefficients>,
     /// Data behind the calibration, for charts.
     pub basis: Basis,
-    /// F(y).
+    /// Force against the relative change of inductance, F(y).
     pub(crate) force: PressCurve,
 }
 
@@ -210,7 +210,7 @@ fn beside(
 
 /// Results of the presses and trains.
 struct Pressing {
-    /// F(y).
+    /// Force against the relative change of inductance, F(y).
     force: PressCurve,
     crosstalk: Crosstalk,
     fit: actuated::Fit,

@@ -190,7 +190,7 @@ impl LinePoint {
 /// Name of a train's line in errors.
 const TRAIN: &str = "a train by itself";
 
-/// x (1 + kappa + g) = x_0 (1 + d phi(t)), fitted to a train.
+/// Fit of x (1 + kappa + g) = x_0 (1 + d phi(t) + e t) to a train.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct TrainFit {
     /// Total travel x_0, m.

@@ -14,9 +14,9 @@ pub enum Unusable {
     /// A train deformed the sensing layer beyond its curve. Compares the greatest relative change
     /// of inductance in the trains with that in the presses onto the block.
     BeyondPresses {
-        /// In the trains.
+        /// Greatest change in the trains.
         train: f64,
-        /// In the presses.
+        /// Greatest change in the presses.
         press: f64,
     },
     /// Two sessions for the temperature coefficients were at nearly the same temperature.
@@ -24,7 +24,7 @@ pub enum Unusable {
         /// Temperature of the second less that of the first, K.
         difference_k: f64,
     },
-    /// Two sessions are not of the same specimens to the same depths.
+    /// Two sessions differ in their specimens or depths.
     OtherSpecimens,
     /// Springs or rise differ between two sessions by more than the temperature can cause in any
     /// elastomer.

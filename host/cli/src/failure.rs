@@ -18,11 +18,11 @@ pub enum Failure {
     Input {
         /// The file.
         file: PathBuf,
-        /// Counted from 1.
+        /// Line number, counted from 1.
         line: u64,
-        /// What was found.
+        /// Description of the problem.
         problem: String,
-        /// What is allowed there.
+        /// Allowed values.
         allowed: String,
     },
     /// A value in a sensor design or a scenario is not allowed.

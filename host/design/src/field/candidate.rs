@@ -116,7 +116,6 @@ impl Candidate {
         self.power_w
     }
 
-    /// The current, A.
     pub(super) const fn current_a(&self) -> f64 {
         self.current_a
     }

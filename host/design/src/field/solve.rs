@@ -83,7 +83,6 @@ fn by_current(design: &Design, solved: &Solved) -> Result<Figures, Failure> {
 }
 
 impl SolvedFigures {
-    /// Solves a design.
     pub(super) fn solve(design: &Design, drive: Drive, effort: &Effort) -> Result<Self, Failure> {
         Self::of(design, &drive.solve(design, effort)?, drive)
     }

@@ -8,7 +8,7 @@
 //! | error | error of kappa |
 //! |---|---|
 //! | relative error e of the readings | W^2 P(e) |
-//! | e of the signal | W P(e) |
+//! | error e of the signal | W P(e) |
 //! | relative error u of c_S/c_D0, with the same h | -g u |
 
 use palpate_wire::command::Settings;

@@ -5,13 +5,13 @@ use plotters::prelude::*;
 
 use super::{FONT, LABEL};
 
-/// Bands of colour.
+/// Number of colour bands.
 const BANDS: i32 = 18;
 /// Share of the map's cells above the scale: edges of plates and copper, where the field is strongest.
 const ABOVE: f64 = 0.005;
 /// Share of the cells below it.
 const BELOW: f64 = 0.05;
-/// The scale spans at least and at most so many decades.
+/// Smallest and largest span of the scale, decades.
 const DECADES: [f64; 2] = [1.0, 4.0];
 
 /// A logarithmic scale that shows nearly all of a map.
@@ -24,7 +24,7 @@ pub(super) struct ColourScale {
 }
 
 impl ColourScale {
-    /// The scale for the cells of a map.
+    /// Creates the scale for the cells of a map.
     pub(super) fn of(sizes: &[f64]) -> Self {
         let mut sorted = sizes.to_vec();
         sorted.sort_by(f64::total_cmp);
@@ -51,7 +51,7 @@ impl ColourScale {
         }
     }
 
-    /// The band of a value.
+    /// Index of a value's band.
     pub(super) fn band(&self, size: f64) -> i32 {
         let decades = (size / self.top).log10();
         #[allow(clippy::cast_possible_truncation, reason = "clamped to the bands")]
@@ -59,7 +59,7 @@ impl ColourScale {
         band.clamp(0, BANDS - 1)
     }
 
-    /// Draws what the colours stand for.
+    /// Draws the scale with its labels.
     pub(super) fn draw(&self, area: &Area<'_>, unit: &str) -> Result<(), String> {
         #[allow(clippy::cast_possible_wrap, reason = "pixels")]
         let height = area.dim_in_pixel().1 as i32;
@@ -94,7 +94,7 @@ pub(super) fn colour(band: i32) -> RGBColor {
     ViridisRGB::get_color_normalized(f64::from(band), 0.0, f64::from(BANDS - 1))
 }
 
-/// Three digits.
+/// Formats a value with three digits.
 fn short(value: f64) -> String {
     #[allow(
         clippy::cast_possible_truncation,

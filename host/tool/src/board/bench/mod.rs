@@ -1,4 +1,4 @@
-//! Benches with a board at the other end of a link.
+//! Benches for a board on a link.
 
 mod bare;
 mod linked;

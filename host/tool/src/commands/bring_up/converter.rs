@@ -175,7 +175,6 @@ impl Converter {
         self.done(b'T', &[1, register, 0x80 | count])
     }
 
-    /// Reads a register.
     pub(super) fn read(&mut self, register: u8) -> Result<u16, Failure> {
         match self.read_bytes(register, 2)?[..] {
             [high, low] => Ok(u16::from_be_bytes([high, low])),
@@ -183,7 +182,6 @@ impl Converter {
         }
     }
 
-    /// Writes a register.
     pub(super) fn write(&mut self, register: u8, value: u16) -> Result<(), Failure> {
         let [high, low] = value.to_be_bytes();
         self.done(b'T', &[3, register, high, low]).map(drop)

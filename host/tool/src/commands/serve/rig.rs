@@ -39,7 +39,7 @@ pub(super) struct RigPort {
     arrives: Option<Time>,
 }
 
-/// What is mounted on the bench.
+/// The mounted bench.
 enum MountedBench {
     /// A specimen above the sensor.
     Sensor(Box<Gauges>),
