@@ -156,8 +156,8 @@ const TRAIN: Duration = Duration::from_millis(60_000);
 /// Time after the train.
 const AFTERWARDS: Duration = Duration::from_millis(50);
 
-/// Depth of the first press without a train, in units of the greatest force of all runs: creep
-/// releases a few per cent of the force between a press and a train.
+/// Factor of the first press without a train over the greatest force of all runs: creep releases a
+/// few per cent of the force between a press and a train.
 const BEYOND_TRAINS: f64 = 1.08;
 /// Factor of each further attempt, until the press exceeds the trains' readings: on a soft load the
 /// sensing layer creeps at constant force, by a tenth and more.

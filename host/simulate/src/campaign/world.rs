@@ -78,7 +78,7 @@ pub enum World {
 /// Change of a quantity that differs by a fifth or a tenth.
 const FIFTH: f64 = 0.2;
 const TENTH: f64 = 0.1;
-/// Amplitude of a shaking stand, m, that makes intervals miss the truth.
+/// Amplitude of a shaking stand, m; an interval missed the truth with it.
 const SHAKEN_M: f64 = 3e-6;
 
 /// A face of ferrite with a relative permeability of 100 (nickel-zinc, which hardly conducts): (μ − 1)/(μ + 1).

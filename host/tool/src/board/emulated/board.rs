@@ -144,7 +144,7 @@ impl PluggedBoard {
         world
     }
 
-    /// The instrument, for tests that disturb or inspect it.
+    /// The instrument, to disturb or inspect it.
     pub(crate) const fn instrument_mut(&mut self) -> &mut Instrument {
         &mut self.instrument
     }

@@ -499,7 +499,8 @@ impl Link {
     /// wait.
     ///
     /// # Errors
-    /// If it does not return in time, does not answer, is not a palpate board, or an interrupt.
+    /// If it does not return in time, does not answer, is not a palpate board, or after an
+    /// interrupt.
     pub(crate) fn reconnect(&mut self, interrupt: &Interrupt) -> Result<(), Failure> {
         let end = self.now() + RESTART;
         loop {
