@@ -1,4 +1,4 @@
-//! The memory map of the board, the linker's scripts, and where the sources come from.
+//! Sets the board's memory map, the linker scripts and the source version.
 
 use std::env;
 use std::error::Error;
@@ -6,23 +6,23 @@ use std::fs;
 use std::path::PathBuf;
 use std::process::Command;
 
-/// Raspberry Pi Pico: 2 MiB of flash, whose first 256 bytes are the second stage of the boot
-/// loader; 264 KiB of memory. The stack lies below everything else, so that one that grows too
-/// far leaves the memory and ends in a fault instead of in a variable.
+/// Memory map of the Raspberry Pi Pico: 2 MiB of flash, whose first 256 bytes are the second-stage boot
+/// loader, and 264 KiB of RAM. The stack lies below everything else, so an overflow leaves RAM and
+/// faults instead of overwriting a variable.
 ///
-/// All code but the start lies in memory, copied there from flash at the start: the flash's cache
-/// holds 16 KiB in two ways, less than what a sample passes through, and every line that it lacks
-/// costs half a microsecond. Constants lie there as well: while flash is erased nothing can be read
-/// from it, and everything but the storage goes on.
+/// All code except the start-up code runs from RAM, where the start-up code copies it. The flash cache
+/// has 16 KiB in two ways, less than the code that a sample passes through, and every missing line costs
+/// half a microsecond. Constants are in RAM as well: while flash is erased it cannot be read, and
+/// everything except the storage continues to run.
 ///
-/// In flash stay the start, which is over by then, and the storage itself, which waits for each erase:
-/// whatever they call that does not bear their names lies in memory.
+/// The start-up code, which has ended by then, and the storage, which waits for each erase, stay in
+/// flash. Functions that they call and that do not have their names are in RAM.
 ///
-/// Whatever counts on the time between two instructions has to lie in memory as well: a function of its
-/// own that is never part of one in flash. `CODE_SHIFT` moves all code by so many bytes, for the test of
-/// that.
+/// Code that relies on the time between two instructions must also be in RAM, in a function of its own
+/// that is never inlined into one in flash. `CODE_SHIFT` shifts all code by that many bytes; a test of
+/// this uses it.
 ///
-/// The last 64 KiB of flash keep settings and calibration: they are no part of an image.
+/// The last 64 KiB of flash hold settings and calibration and are not part of an image.
 const PICO: &str = "MEMORY {
     BOOT2 : ORIGIN = 0x10000000, LENGTH = 0x100
     FLASH : ORIGIN = 0x10000100, LENGTH = 2048K - 64K - 0x100
@@ -68,7 +68,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         println!("cargo:rustc-link-arg-examples={argument}");
     }
     println!("cargo:rerun-if-changed=build.rs");
-    // What defmt compiles in.
+    // Log levels that defmt compiles in.
     println!("cargo:rerun-if-env-changed=DEFMT_LOG");
     let commit = git(&["rev-parse", "--short=8", "HEAD"]);
     let dirty =
@@ -78,8 +78,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         commit.unwrap_or_else(|| "0".into())
     );
     println!("cargo:rustc-env=PALPATE_DIRTY={}", u8::from(dirty));
-    // A file that is named and not there would have this run, and the firmware built, every time:
-    // git knows where its files are, also from a worktree or a copy below the checkout.
+    // If this named a file that does not exist, the script would run, and the firmware be rebuilt, every
+    // time. git knows where its files are, also in a worktree or in a copy inside the checkout.
     for file in ["HEAD", "index"] {
         if let Some(path) = git(&["rev-parse", "--git-path", file]) {
             println!("cargo:rerun-if-changed={path}");
@@ -88,7 +88,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// What git says, or nothing where the sources are no checkout.
+/// Output of a git command, or `None` if the sources are not a checkout.
 fn git(arguments: &[&str]) -> Option<String> {
     let output = Command::new("git").args(arguments).output().ok()?;
     let text = String::from_utf8(output.stdout).ok()?;

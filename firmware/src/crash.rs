@@ -1,5 +1,5 @@
-//! Crash record, kept across reset: how the last run ended, and the energy in the coil. What an end means, with the
-//! chip's own flags, is decided in [`palpate_procedure::boot`].
+//! Crash record, kept across reset: how the last run ended, and the energy in the coil.
+//! [`palpate_procedure::boot`] evaluates it with the chip's own flags.
 
 #![allow(unsafe_code)]
 
@@ -20,7 +20,7 @@ struct RecordCell(UnsafeCell<MaybeUninit<RecordWords>>);
 // `forget` is called from one task, and what it may be interrupted by ends the run.
 unsafe impl Sync for RecordCell {}
 
-/// Named, so that a test finds it.
+/// Exported symbol, so that a test finds it.
 #[unsafe(export_name = "CRASH_RECORD")]
 #[unsafe(link_section = ".uninit.crash")]
 static KEPT: RecordCell = RecordCell(UnsafeCell::new(MaybeUninit::uninit()));
@@ -43,13 +43,13 @@ unsafe impl Sync for EnergyCell {}
 #[unsafe(link_section = ".uninit.energy")]
 static ENERGY: EnergyCell = EnergyCell(UnsafeCell::new(MaybeUninit::uninit()));
 
-/// The energy in the coil as the run before has kept it.
+/// Returns the energy in the coil that the previous run kept.
 pub fn kept_energy() -> EnergyWords {
     // SAFETY: every pattern of bits is two words; the pointer is to a static.
     unsafe { ENERGY.0.get().cast::<EnergyWords>().read_volatile() }
 }
 
-/// Keeps the energy in the coil. Between its two words a reset leaves none that is valid.
+/// Keeps the energy in the coil. A reset between its two words leaves an invalid pair.
 pub fn keep_energy(words: EnergyWords) {
     // SAFETY: see `EnergyCell`.
     unsafe { ENERGY.0.get().cast::<EnergyWords>().write_volatile(words) };
@@ -60,14 +60,14 @@ pub fn keep(end: &End<'_>) {
     write(boot::record(end, &read(), reset::uptime_ms()));
 }
 
-/// Why this run began. Once, before interrupts are on.
+/// Returns the boot cause of this run. Call it once, before interrupts are on.
 pub fn boot() -> Boot {
     let (boot, keep) = Boot::judge(reset::flags(), &read());
     write(keep);
     boot
 }
 
-/// The run has lasted: what the last one died of is not the first of a streak any more.
+/// Ends a streak of crashes: this run has lasted long enough.
 pub fn forget() {
     write(NO_RECORD);
 }

@@ -1,9 +1,8 @@
-//! The firmware of the palpate tactile sensor: the list of what is wired to what.
+//! Firmware of the palpate tactile sensor: the wiring of tasks, resources and interrupts.
 //!
-//! Priorities, from the most urgent: the two interrupts of the converter's bus and that of the
-//! coil's PWM, outside of RTIC (`board::i2c::engine`, `board::control`); `frame_over`, sensing and coil;
-//! instrument, supervisor and USB; the storage, in idle.
-//! See docs/firmware.md.
+//! Priorities, highest first: the two interrupts of the converter bus and that of the coil's PWM,
+//! outside RTIC (`board::i2c::engine`, `board::control`); `frame_over`, sensing and coil; instrument,
+//! supervisor and USB; the storage, in idle. See docs/firmware.md.
 
 #![no_std]
 #![no_main]
@@ -20,10 +19,10 @@ use wakeup::Wakeup;
 
 rp2040_timer_monotonic!(Mono);
 
-/// A sample has been handed on.
+/// Signals that a sample was passed on.
 static SAMPLES: Wakeup = Wakeup::new();
 
-/// A start-up resource was already taken. It never is: `init` runs once.
+/// Stops: a start-up resource was already taken. This never happens: `init` runs once.
 fn halt() -> ! {
     board::safe::bridge_off();
     loop {
@@ -47,7 +46,7 @@ mod app {
     use crate::tasks::*;
     use crate::{Mono, SAMPLES, crash, halt, link};
 
-    /// Samples of a converter that can wait for the instrument.
+    /// Number of samples of a converter that can wait for the instrument.
     const WAITING: usize = 8;
 
     #[shared]
@@ -78,7 +77,7 @@ mod app {
         safe::bridge_off();
         let boot = crash::boot();
         let board = Board::init(cx.device);
-        // Beside the upper tasks: above them it would hold the coil's interrupt back.
+        // At the priority of the upper tasks: a higher one would delay the coil's interrupt.
         Mono::start(board.timer, &board.resets, const { Priority::new(2) });
         vectors::move_to_memory(&cx.core.SCB, &mut cx.core.NVIC);
         let [first, second] = cx.local.queues.each_mut().map(Queue::split);
@@ -90,7 +89,7 @@ mod app {
         ) else {
             halt()
         };
-        // Each task is spawned for the first time, which cannot fail.
+        // The first spawn of each task cannot fail.
         let _ = sensing::spawn();
         let _ = second_sensing::spawn();
         let _ = coil::spawn();
@@ -120,7 +119,7 @@ mod app {
         (shared, local)
     }
 
-    /// Whatever else is to be done goes first: an erase of flash takes up to 0.4 s.
+    /// Runs only when no task is ready: a flash erase takes up to 0.4 s.
     #[idle(local = [storage])]
     fn idle(cx: idle::Context) -> ! {
         loop {
@@ -136,8 +135,8 @@ mod app {
         cx.local.usb.poll();
     }
 
-    /// A transaction is over; pended by the engine. Not above the tasks that it calls: the coil's
-    /// interrupt would have to wait for it.
+    /// Runs after each transaction; pended by the engine. Its priority is not above that of the tasks
+    /// that it wakes: the coil's interrupt would have to wait for it.
     #[task(binds = PIO0_IRQ_0, priority = 2)]
     fn frame_over(_: frame_over::Context) {
         i2c::wake();

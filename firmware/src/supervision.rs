@@ -2,11 +2,11 @@
 
 use palpate_node::supervision::CheckIns;
 
-/// From the last feeding to the reset. With the boot ROM's time the bridge is off within 60 ms of
-/// a hang; the outputs themselves fall with the reset.
+/// Time from the last feeding to the reset, in microseconds. With the boot ROM's time the bridge is off
+/// within 60 ms of a hang; its inputs go low with the reset.
 pub const WATCHDOG_US: u32 = 40_000;
-/// How often the supervisor polls. Every task has to check in between two polls.
+/// Period of the supervisor's check, in milliseconds. Every task must check in between two checks.
 pub const PERIOD_MS: u64 = 10;
 
-/// The check-ins of all tasks. A static, since each task checks in from within its waits.
+/// Check-ins of all tasks. It is a static because each task checks in during its waits.
 pub static CHECK_INS: CheckIns = CheckIns::new();

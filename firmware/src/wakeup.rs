@@ -1,8 +1,8 @@
-//! What a task waits for: that something has happened, or that a millisecond has passed without it.
+//! Wake-up of a waiting task by an event, or by the next millisecond without one.
 //!
-//! Deadlines are looked at on waking. A wait with a deadline in the queue of timers took the time
-//! of 1,500 instructions, in critical sections most of it; here one pulse a millisecond serves all
-//! waits, and costs nothing while a sample comes in each.
+//! Deadlines are checked on waking. A wait with a deadline in the timer queue took 1,500 instructions,
+//! mostly in critical sections. Here one pulse per millisecond serves all waits, and costs nothing while
+//! a sample arrives in each.
 
 use core::sync::atomic::{AtomicBool, Ordering};
 
@@ -11,15 +11,15 @@ use rtic_sync::signal::{Signal, SignalReader};
 /// The wakeup of one task.
 pub struct Wakeup {
     signal: Signal<()>,
-    /// Since the last pulse.
+    /// An event occurred since the last pulse.
     called: AtomicBool,
 }
 
-/// For the task that is woken.
+/// Receiver of the signal, for the woken task.
 pub type Sleeper = SignalReader<'static, ()>;
 
 impl Wakeup {
-    /// Nothing has happened yet.
+    /// Creates it without an event.
     pub const fn new() -> Self {
         Self {
             signal: Signal::new(),
@@ -27,18 +27,18 @@ impl Wakeup {
         }
     }
 
-    /// The sleeper; nothing if it was taken already.
+    /// Takes the sleeper; `None` if it was already taken.
     pub fn take(&'static self) -> Option<Sleeper> {
         self.signal.try_take_reader()
     }
 
-    /// Something has happened.
+    /// Signals an event.
     pub fn call(&self) {
         self.called.store(true, Ordering::Relaxed);
         self.signal.writer().write(());
     }
 
-    /// A millisecond has passed: wakes the task if nothing else has.
+    /// Signals the end of a millisecond: wakes the task if no event has.
     pub fn pulse(&self) {
         if !self.called.load(Ordering::Relaxed) {
             self.signal.writer().write(());

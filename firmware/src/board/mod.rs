@@ -1,5 +1,5 @@
-//! Boards, one folder each: what names a microcontroller lies there and nowhere else. The rest of
-//! the firmware knows a board by the names below.
+//! Boards, one folder each. Only these folders name a microcontroller; the rest of the firmware uses a
+//! board through the names below.
 
 mod rp2040;
 

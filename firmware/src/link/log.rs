@@ -1,7 +1,7 @@
-//! The logger of defmt, on a channel of its own.
+//! The defmt logger, on its own channel.
 //!
-//! It takes no critical section: a message may be interrupted. A task that logs within another's
-//! message loses its own, which is counted. So a log line delays nothing but its own task.
+//! It uses no critical section, so a message may be interrupted. A task that logs during another task's
+//! message loses its own message, which is counted. So logging delays only the task that logs.
 
 #![allow(unsafe_code)]
 
@@ -37,12 +37,12 @@ static LOG: Shared = Shared(UnsafeCell::new(Log {
 static DEPTH: AtomicU32 = AtomicU32::new(0);
 static DROPPED: AtomicU32 = AtomicU32::new(0);
 
-/// Messages that were dropped.
+/// Returns the number of dropped messages.
 pub fn dropped() -> u32 {
     DROPPED.load(Ordering::Relaxed)
 }
 
-/// Logs go here from now on.
+/// Sets the channel of the log.
 pub fn set_channel(channel: UpChannel) {
     // SAFETY: called once, at start-up, before any task logs.
     unsafe { (*LOG.0.get()).channel = Some(channel) };
@@ -73,14 +73,14 @@ struct Logger;
 // reaches the log.
 unsafe impl defmt::Logger for Logger {
     fn acquire() {
-        // A task that interrupts between the two leaves the number as it was.
+        // A task that interrupts between the two leaves `DEPTH` as it was.
         let depth = DEPTH.load(Ordering::Relaxed) + 1;
         DEPTH.store(depth, Ordering::Relaxed);
         if depth > 1 {
             count_dropped();
             return;
         }
-        // Nothing of the log is touched before it is taken, or after it is released below.
+        // The log is accessed only between this point and its release below.
         compiler_fence(Ordering::SeqCst);
         // SAFETY: see `Shared`.
         unsafe {

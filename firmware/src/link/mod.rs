@@ -1,5 +1,4 @@
-//! The links to PCs: RTT through a debug probe, USB. What both have in common is
-//! `palpate_node::link`.
+//! Links to PCs: RTT through a debug probe, and USB. Their common part is `palpate_node::link`.
 
 pub mod log;
 pub mod reset_interface;
@@ -17,7 +16,7 @@ use usb_device::bus::UsbBusAllocator;
 
 use crate::board::usb::Bus;
 
-/// The ways of records, over every link.
+/// Senders of records, one per link.
 pub struct Outboxes {
     probe: Outbox<RttRecords>,
     usb: Outbox<FrameSender<'static>>,
@@ -25,7 +24,7 @@ pub struct Outboxes {
 }
 
 impl Outboxes {
-    /// Both links of the run with this number.
+    /// Creates the senders of both links for the run with this boot id.
     pub const fn new(probe: RttRecords, usb: FrameSender<'static>, boot_id: u32) -> Self {
         Self {
             probe: Outbox::new(probe, boot_id),
@@ -34,12 +33,12 @@ impl Outboxes {
         }
     }
 
-    /// Whether frames wait for USB.
+    /// Returns whether frames wait for USB.
     pub fn has_usb_frames(&self) -> bool {
         self.usb.sink().has_frames()
     }
 
-    /// Sends the record of a time over a link, or over all of them.
+    /// Sends a record and its time over one link, or over all of them.
     pub fn send(&mut self, to: Option<Link>, time_us: u64, record: &Record) {
         let goes_by = |link| to.is_none_or(|to| to == link);
         if goes_by(Link::Probe) {
@@ -51,14 +50,14 @@ impl Outboxes {
     }
 }
 
-/// The ways of commands, over every link.
+/// Receivers of commands, one per link.
 pub struct Inboxes {
     probe: Inbox<RttCommands>,
     usb: Inbox<UsbCommands>,
 }
 
 impl Inboxes {
-    /// Both links.
+    /// Creates the receivers of both links.
     pub const fn new(probe: RttCommands, usb: UsbCommands) -> Self {
         Self {
             probe: Inbox::new(probe),
@@ -66,7 +65,7 @@ impl Inboxes {
         }
     }
 
-    /// The next whole frame of a link, among at most so many bytes.
+    /// Returns the next whole frame of a link, reading at most `bytes` bytes.
     pub fn receive(&mut self, link: Link, bytes: usize) -> Option<Received> {
         match link {
             Link::Probe => self.probe.receive(bytes),
@@ -75,7 +74,7 @@ impl Inboxes {
     }
 }
 
-/// Sets both links up. Once only.
+/// Sets both links up. Call it once.
 pub fn set_up(
     memory: &'static mut usb::Memory,
     bus: Option<UsbBusAllocator<Bus>>,

@@ -1,9 +1,9 @@
-//! The interface by which `picotool` starts a board anew without a button: no endpoints, two requests
+//! USB interface through which `picotool` restarts a board without a button: no endpoints, two requests
 //! (pico-sdk 2.1, `pico/usb_reset_interface.h`).
 //!
-//! The crate `usbd-picotool-reset` jumps into the boot ROM from within the request, whatever the
-//! coil does, and depends on another version of the HAL (docs/decisions/0069-usb.md). Here the
-//! request is handed on, and the bridge goes off first.
+//! The crate `usbd-picotool-reset` jumps into the boot ROM from within the request, even while the coil
+//! is driven, and depends on another version of the HAL (docs/decisions/0069-usb.md). This interface
+//! passes the request on, and the bridge is switched off first.
 
 use core::sync::atomic::{AtomicU8, Ordering};
 
@@ -15,21 +15,21 @@ use usb_device::control::{Recipient, Request, RequestType};
 const VENDOR_SPECIFIC: u8 = 0xFF;
 const SUBCLASS: u8 = 0x00;
 const PROTOCOL: u8 = 0x01;
-/// Into the boot loader. What it is to offer there, and on which pin to show it, is not followed: it
-/// offers everything.
+/// Request to start the boot loader. Its options, which drives to offer and which pin to use as a light,
+/// are ignored: it offers all.
 const TO_BOOT_LOADER: u8 = 0x01;
-/// Into the firmware.
+/// Request to restart the firmware.
 const TO_FIRMWARE: u8 = 0x02;
 
-/// What was asked for, as its number; 0 for nothing.
+/// Number of the requested target; 0 for none.
 static ASKED: AtomicU8 = AtomicU8::new(0);
 
-/// Asks for a new start.
+/// Requests a restart.
 pub fn ask(target: RebootTarget) {
     ASKED.store(target.number(), Ordering::Relaxed);
 }
 
-/// What was asked for since the last call. For one task.
+/// Takes the target requested since the last call. For one task.
 pub fn take_asked() -> Option<RebootTarget> {
     match ASKED.load(Ordering::Relaxed) {
         0 => None,
@@ -40,14 +40,14 @@ pub fn take_asked() -> Option<RebootTarget> {
     }
 }
 
-/// The interface.
+/// The reset interface.
 pub struct ResetInterface {
     interface: InterfaceNumber,
     name: StringIndex,
 }
 
 impl ResetInterface {
-    /// An interface of the device that is being built.
+    /// Creates the interface in the device that is being built.
     pub fn new<B: UsbBus>(bus: &UsbBusAllocator<B>) -> Self {
         Self {
             interface: bus.interface(),

@@ -1,18 +1,19 @@
-//! The link through a debug probe: logs and records up, commands down.
+//! Link through a debug probe: logs and records to the PC, commands from it.
 
 use palpate_node::link::{ByteSource, FrameSink};
 use rtt_target::{ChannelMode, DownChannel, UpChannel};
 
 use super::log;
 
-/// Writes all of it or, where there is no room, nothing; whether it did. A PC may have set the channel to
-/// wait for room (`probe-rs run` does so with logs), and then take no more: the mode is set each time.
+/// Writes all bytes or, without space, none; returns whether it wrote them. A PC may have set the
+/// channel to block (`probe-rs run` does so for logs) and then stop reading, so the mode is set each
+/// time.
 pub fn write_whole(channel: &mut UpChannel, bytes: &[u8]) -> bool {
     channel.set_mode(ChannelMode::NoBlockSkip);
     channel.write(bytes) == bytes.len()
 }
 
-/// Records. Whether a probe reads them cannot be known.
+/// Channel of records. The firmware cannot know whether a probe reads them.
 pub struct RttRecords(UpChannel);
 
 impl FrameSink for RttRecords {
@@ -29,7 +30,7 @@ impl FrameSink for RttRecords {
     }
 }
 
-/// Commands.
+/// Channel of commands.
 pub struct RttCommands(DownChannel);
 
 impl ByteSource for RttCommands {
@@ -43,7 +44,7 @@ impl ByteSource for RttCommands {
     }
 }
 
-/// Sets the three channels up. Once only.
+/// Sets the three channels up. Call it once.
 pub fn set_up() -> (RttRecords, RttCommands) {
     let channels = rtt_target::rtt_init! {
         up: {

@@ -1,4 +1,4 @@
-//! The link over USB: one serial interface (CDC-ACM) with the same frames as the debug probe's, and
+//! Link over USB: one serial interface (CDC-ACM) with the same frames as the debug probe's link, and
 //! [`ResetInterface`].
 
 use heapless::spsc::{Consumer, Producer, Queue};
@@ -12,20 +12,20 @@ use usbd_serial::CdcAcmClass;
 use super::reset_interface::ResetInterface;
 use crate::board::usb::{self, Bus, Sent};
 
-/// For tests and prototypes (pid.codes, 1209:0001), until the project has a number of its own.
+/// Product id for tests and prototypes (pid.codes, 1209:0001), until the project has its own.
 const VENDOR_AND_PRODUCT: UsbVidPid = UsbVidPid(0x1209, 0x0001);
-/// What a Pico takes from the cable at 200 MHz, with its converters, is below; the coil has a supply
-/// of its own.
+/// Upper limit of the current, in mA, that a Pico at 200 MHz with its converters takes from the cable;
+/// the coil has its own supply.
 const GREATEST_CURRENT_MA: usize = 100;
 /// The largest packet of a bulk endpoint at full speed (USB 2.0, 5.8.3).
 const PACKET: usize = 64;
-/// Bytes of records that wait for the PC: a twentieth of a second of the fullest stream, and more
-/// than the 30 ms for which an operating system may leave a port alone.
+/// Bytes of records that can wait for the PC: a twentieth of a second of the fullest stream, more than
+/// the 30 ms for which an operating system may not poll a port.
 const RECORDS: usize = 4096;
-/// Bytes of commands that wait for the instrument: several of the longest frames.
+/// Bytes of commands that can wait for the instrument: several of the longest frames.
 const COMMANDS: usize = 1024;
 
-/// What lasts as long as the firmware.
+/// Buffers of the USB device, with static lifetime.
 pub struct Memory {
     bus: Option<UsbBusAllocator<Bus>>,
     serial_number: [u8; SERIAL_NUMBER],
@@ -37,7 +37,7 @@ pub struct Memory {
 const SERIAL_NUMBER: usize = 16;
 
 impl Memory {
-    /// Nothing yet.
+    /// Creates empty buffers.
     pub const fn new() -> Self {
         Self {
             bus: None,
@@ -48,35 +48,35 @@ impl Memory {
     }
 }
 
-/// Commands, as they came.
+/// Received command bytes.
 pub struct UsbCommands(Consumer<'static, u8>);
 
 impl ByteSource for UsbCommands {
     fn read(&mut self) -> Option<u8> {
         let byte = self.0.dequeue();
         if byte.is_some() {
-            // What did not find room before may come now.
+            // Packets that had no space may be received again.
             usb::let_through();
         }
         byte
     }
 }
 
-/// The device, for its interrupt. Without a clock for it there is none.
+/// USB device, for its interrupt. Without the USB clock there is none.
 pub struct UsbLink {
     on_bus: Option<OnBus>,
     records: FrameReceiver<'static>,
     commands: Producer<'static, u8>,
 }
 
-/// What is on the bus.
+/// Device and classes on the bus.
 struct OnBus {
     device: UsbDevice<'static, Bus>,
     serial: CdcAcmClass<'static, Bus>,
     reset: ResetInterface,
 }
 
-/// Sets the device up. Once only.
+/// Sets the device up. Call it once.
 pub fn set_up(
     memory: &'static mut Memory,
     bus: Option<UsbBusAllocator<Bus>>,
@@ -124,7 +124,7 @@ impl OnBus {
         })
     }
 
-    /// A PC has opened the port.
+    /// Returns whether a PC has opened the port.
     fn is_open(&self) -> bool {
         self.device.state() == UsbDeviceState::Configured && self.serial.dtr()
     }
@@ -133,20 +133,20 @@ impl OnBus {
         self.device.poll(&mut [&mut self.serial, &mut self.reset]);
     }
 
-    /// What became of the last packet of records.
+    /// Follows the last packet of records: sent, lost or still waiting.
     fn follow(&self, records: &mut FrameReceiver<'static>) {
         match self.device.bus().sent(self.serial.write_ep().address()) {
             Sent::Not => {}
             Sent::Taken => records.taken(),
             Sent::Lost => records.lost(),
         }
-        // A bus that rests says nothing of the port.
+        // A suspended bus does not show whether the port is open.
         if self.device.state() != UsbDeviceState::Suspend {
             records.set_open(self.is_open());
         }
     }
 
-    /// Sends what waits; at the end of a frame it waits on, for the start of the next.
+    /// Sends waiting records; at the end of a frame they wait for the start of the next.
     fn send(&mut self, records: &mut FrameReceiver<'static>) {
         let Self { device, serial, .. } = self;
         device.bus().before_end_of_frame(|| {
@@ -163,7 +163,7 @@ impl OnBus {
 }
 
 impl UsbLink {
-    /// Something has happened on the bus, or frames wait for it.
+    /// Handles bus events and sends waiting frames.
     pub fn poll(&mut self) {
         if let Some(on_bus) = &mut self.on_bus {
             on_bus.poll();
@@ -174,8 +174,8 @@ impl UsbLink {
     }
 }
 
-/// Takes the bytes that have come. A packet for which there is no room stays where it is, and the
-/// interrupt that would come for it without end is held back until there is.
+/// Receives bytes. A packet without space stays in the controller, and its interrupt, which would repeat
+/// endlessly, is disabled until there is space.
 fn receive(serial: &mut CdcAcmClass<'static, Bus>, commands: &mut Producer<'static, u8>) {
     let mut packet = [0; PACKET];
     while commands.capacity() - commands.len() >= PACKET {
@@ -183,14 +183,14 @@ fn receive(serial: &mut CdcAcmClass<'static, Bus>, commands: &mut Producer<'stat
             return;
         };
         for &byte in packet.iter().take(length) {
-            // There is room for every one.
+            // There is space for every byte.
             let _ = commands.enqueue(byte);
         }
     }
     usb::hold_back();
 }
 
-/// Writes a number in hexadecimal digits, the highest first.
+/// Writes a number in hexadecimal digits, most significant first.
 fn write_hexadecimal(number: u64, digits: &mut [u8; SERIAL_NUMBER]) {
     let mut rest = number;
     for digit in digits.iter_mut().rev() {

@@ -1,4 +1,4 @@
-//! The coil's task: polls its drive every millisecond, and wakes waiting tasks.
+//! Coil task: polls the drive every millisecond and wakes waiting tasks.
 
 use palpate_node::coil::POLL_US;
 use palpate_node::supervision::Task;
@@ -9,7 +9,7 @@ use crate::board::i2c;
 use crate::supervision::CHECK_INS;
 use crate::{Mono, SAMPLES, app};
 
-/// Polls, for ever.
+/// Task loop.
 pub async fn coil(mut cx: app::coil::Context<'_>) {
     let mut next = Mono::now();
     loop {

@@ -1,4 +1,4 @@
-//! The instrument's task: runs `palpate_node::instrument` on samples, commands and time.
+//! Instrument task: runs `palpate_node::instrument` on samples, commands and time.
 
 use core::task::Poll;
 
@@ -27,31 +27,31 @@ use crate::supervision::CHECK_INS;
 use crate::wakeup::Sleeper;
 use crate::{Mono, app};
 
-/// Samples of a converter that are taken before it turns to everything else.
+/// Number of samples of a converter processed before everything else gets a turn.
 const AT_ONCE: usize = 4;
-/// How long the converters may take to wake, to say who they are and to show what releases their
-/// interrupt lines; an absent one is known after 5 ms.
+/// Time in which the converters must wake, identify themselves and show what releases their interrupt
+/// lines; an absent one is known after 5 ms.
 const IDENTITY_MS: u64 = 60;
 
-/// What the task owns.
+/// Queues and links of the task.
 pub struct Channels {
-    /// To the PCs.
+    /// Records to the PCs.
     outboxes: Outboxes,
-    /// From the PCs.
+    /// Commands from the PCs.
     inboxes: Inboxes,
-    /// From the converters' tasks.
+    /// Samples from the converter tasks.
     samples: Samples,
-    /// To and from the storage.
+    /// Orders and reports of the storage.
     storage: StorageClient,
-    /// A sample has come, or a millisecond has passed.
+    /// Wakes on a sample or after a millisecond.
     arrived: Sleeper,
 }
 
-/// The way to the storage and back.
+/// Queues to and from the storage task.
 pub struct StorageClient {
-    /// Its orders.
+    /// Orders to the storage.
     pub orders: Producer<'static, StorageOrder>,
-    /// Its reports.
+    /// Reports from the storage.
     pub reports: Consumer<'static, StorageReport>,
 }
 
@@ -76,15 +76,15 @@ impl Channels {
     }
 }
 
-/// What is known of this run when it begins.
+/// Facts of this run, known at its start.
 pub struct Run {
-    /// Why it began.
+    /// Boot cause and crash record.
     pub boot: Boot,
-    /// Its number.
+    /// Boot id.
     pub boot_id: u32,
-    /// The flash memory's own number.
+    /// Unique number of the flash memory.
     pub unit: u64,
-    /// The clocks run as planned.
+    /// All clocks run as configured.
     pub clocks_run: bool,
 }
 
@@ -132,7 +132,7 @@ fn work(
     inboxes: &mut Inboxes,
 ) {
     let mut stepped = false;
-    // Until it has begun, what comes waits where it is.
+    // Until the instrument has started, input stays in the queues.
     if !instrument.has_begun() {
         return instrument.poll(hardware, stepped);
     }
@@ -159,8 +159,8 @@ fn work(
     instrument.poll(hardware, stepped);
 }
 
-/// Waits for a sample or a millisecond without, but lets the supervisor have its turn even if one
-/// waits already.
+/// Waits for a sample or for a millisecond without one. Yields to the supervisor even if a sample is
+/// already waiting.
 async fn wait(arrived: &mut Sleeper) {
     let mut yielded = false;
     core::future::poll_fn(|context| {
@@ -204,7 +204,7 @@ fn identity(run: &mut Run) -> Identity {
     }
 }
 
-/// What the instrument drives: the tasks' shared state, and the way to the PC.
+/// Hardware for the instrument: shared state of the tasks, and links to the PC.
 struct PicoHardware<'a, C, S> {
     coil: C,
     converters: S,
@@ -242,7 +242,7 @@ where
     }
 
     fn order(&mut self, order: StorageOrder) {
-        // It has reported the last one, and so has room.
+        // The storage has reported its last order, so there is space.
         let _ = self.orders.enqueue(order);
     }
 
@@ -267,7 +267,7 @@ where
     }
 }
 
-/// A decimal number from the build; 0 if it is none.
+/// Parses a decimal number from the build; 0 if it is not one.
 const fn decimal(text: &str) -> u16 {
     match u16::from_str_radix(text, 10) {
         Ok(number) => number,
@@ -275,7 +275,7 @@ const fn decimal(text: &str) -> u16 {
     }
 }
 
-/// A hexadecimal number from the build; 0 if it is none.
+/// Parses a hexadecimal number from the build; 0 if it is not one.
 const fn hexadecimal(text: &str) -> u32 {
     match u32::from_str_radix(text, 16) {
         Ok(number) => number,

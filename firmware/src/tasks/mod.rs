@@ -1,4 +1,4 @@
-//! The tasks: what each of them does, one file each.
+//! Bodies of the tasks, one file each.
 
 mod coil;
 mod instrument;

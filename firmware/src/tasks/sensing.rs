@@ -1,4 +1,4 @@
-//! The converters' tasks: each runs `palpate_node::converter` on its converter.
+//! Converter tasks: each runs `palpate_node::converter` on its converter.
 
 use core::future::Future;
 
@@ -15,19 +15,19 @@ use crate::board::pins::{self, IntbPin};
 use crate::supervision::CHECK_INS;
 use crate::{Mono, SAMPLES, app};
 
-/// The longest wait in which the supervisor hears nothing of the task: half of its own period.
+/// Longest wait without a check-in: half of the supervisor's period.
 const SLICE_US: u32 = 5_000;
 
-/// What a converter's task owns.
+/// Resources of a converter's task.
 pub struct Sensing {
     master: Master,
     edges: Edges,
-    /// The way of its samples to the instrument.
+    /// Queue of samples to the instrument.
     samples: Producer<'static, Sampled>,
 }
 
 impl Sensing {
-    /// What the task of a converter owns; nothing if it was taken already.
+    /// Takes the resources of a converter's task; `None` if they were already taken.
     pub fn take(converter: usize, samples: Producer<'static, Sampled>) -> Option<Self> {
         let (master, edges) = i2c::take(converter)?;
         Some(Self {
@@ -38,12 +38,12 @@ impl Sensing {
     }
 }
 
-/// The first converter, for ever.
+/// Task loop of the first converter.
 pub async fn sensing(cx: app::sensing::Context<'_>) {
     run(0, cx.local.first, cx.shared.converters).await;
 }
 
-/// The second converter, for ever.
+/// Task loop of the second converter.
 pub async fn second_sensing(cx: app::second_sensing::Context<'_>) {
     run(1, cx.local.second, cx.shared.converters).await;
 }
@@ -73,7 +73,7 @@ where
     }
 }
 
-/// Pins, clock and time of a converter.
+/// Pins, clock and timer of a converter.
 struct PicoPort<'a, S> {
     converter: usize,
     states: S,

@@ -1,4 +1,4 @@
-//! The storage: does what the instrument orders, when nothing else is to be done.
+//! Storage task: executes the instrument's orders when no other task is ready.
 
 use core::pin::pin;
 use core::task::{Context, Poll, Waker};
@@ -10,7 +10,7 @@ use palpate_procedure::storage::{StorageOrder, StorageReport};
 use super::StorageClient;
 use crate::board::flash::Area;
 
-/// What the storage works with.
+/// Resources of the storage task.
 pub struct StorageWork {
     task: StorageTask<Area>,
     orders: Consumer<'static, StorageOrder>,
@@ -18,7 +18,7 @@ pub struct StorageWork {
 }
 
 impl StorageWork {
-    /// The storage in an area, and the way to it.
+    /// Creates the storage in an area, and the queues to and from it.
     pub fn new(
         area: Area,
         orders: &'static mut Queue<StorageOrder, 2>,
@@ -39,18 +39,18 @@ impl StorageWork {
         (work, client)
     }
 
-    /// Whether there is something to do. The idle task asks at every wake-up, and does not wait for
-    /// flash for that.
+    /// Returns whether there is work. The idle task calls it at every wake-up, so it does not wait for
+    /// flash.
     #[inline(always)]
     pub fn is_due(&self) -> bool {
-        // In this order: there is nearly never anything, and the room takes a division.
+        // In this order: there is rarely an order, and the space check needs a division.
         (self.orders.ready() || self.task.is_going())
             && self.reports.len() < self.reports.capacity()
     }
 }
 
-/// Goes on until there is no order and nothing to report, or no room for it.
-// It lies in flash (build.rs), and the idle task does not: nothing may hold its sleep up.
+/// Works until there is no order and no report left, or no space for a report.
+// This function is in flash (build.rs), the idle task is not: nothing may delay its sleep.
 #[inline(never)]
 pub fn storage(work: &mut StorageWork) {
     let StorageWork {
@@ -60,11 +60,11 @@ pub fn storage(work: &mut StorageWork) {
     } = work;
     while reports.len() < reports.capacity() {
         let going = pin!(task.work(orders.dequeue()));
-        // Flash never lets anybody wait: what it does is done when it returns.
+        // The flash driver is blocking: an operation has completed when it returns.
         let Poll::Ready(Some(report)) = going.poll(&mut Context::from_waker(Waker::noop())) else {
             return;
         };
-        // There is room.
+        // There is space for one report.
         let _ = reports.enqueue(report);
     }
 }

@@ -1,4 +1,4 @@
-//! The supervisor: feeds the watchdog when all others live, and shows that on the LED.
+//! Supervisor task: feeds the watchdog while all other tasks check in, and shows that on the LED.
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
@@ -8,24 +8,24 @@ use crate::board::pins;
 use crate::supervision::{CHECK_INS, PERIOD_MS};
 use crate::{Mono, app, crash};
 
-/// Polls between two changes of the LED: it blinks once a second.
+/// Number of polls between two changes of the LED: it blinks once a second.
 const BLINK: u32 = 50;
-/// Polls after which a run has lasted, and a crash is not the next of a streak: 10 s.
+/// Number of polls after which a crash does not continue a streak: 10 s.
 const LASTED: u32 = 1_000;
 
-/// Polls between two changes while it flickers: ten times a second.
+/// Number of polls between two changes of the flickering LED: ten times a second.
 const FLICKER: u32 = 5;
 
-/// Polls for which the LED has to flicker still, to show which board this is.
+/// Number of polls for which the LED still flickers, to identify this board.
 static LOCATED: AtomicU32 = AtomicU32::new(0);
 
-/// Lets the LED flicker for so long, us.
+/// Lets the LED flicker for `for_us` microseconds.
 pub fn locate(for_us: u64) {
     let polls = for_us / (1_000 * PERIOD_MS);
     LOCATED.store(u32::try_from(polls).unwrap_or(u32::MAX), Ordering::Relaxed);
 }
 
-/// Watches.
+/// Task loop.
 pub async fn supervisor(cx: app::supervisor::Context<'_>) {
     let mut polls = 0_u32;
     loop {

@@ -1,8 +1,8 @@
-//! Clocks: 200 MHz from the crystal for everything, 48 MHz for ADC and USB, and the LDC's
-//! own; and the core voltage that 200 MHz need.
+//! Clocks: 200 MHz from the crystal for the system, 48 MHz for ADC and USB, the clock of the LDC, and
+//! the core voltage that 200 MHz needs.
 //!
-//! Crystal and PLLs are those of `rp2040-hal`, in states that a program cannot skip. Each is polled
-//! within a bound here: the HAL's own set-up waits without one
+//! Crystal and PLLs use the typestates of `rp2040-hal`, so no step can be skipped. Each is polled with a
+//! time limit here; the HAL's own set-up waits without one
 //! (docs/decisions/0063-hal-and-own-registers.md).
 
 use cortex_m::asm::delay;
@@ -18,30 +18,34 @@ use super::wait;
 
 const CRYSTAL_MHZ: u32 = 12;
 const CRYSTAL: HertzU32 = HertzU32::MHz(CRYSTAL_MHZ);
-/// The ring oscillator as the start has set it (`code_in_memory`), typically; 14 to 96 MHz (2.17.1).
+/// Typical frequency of the ring oscillator as the start-up code sets it (`code_in_memory`); 14 to 96
+/// MHz (2.17.1).
 const RING_MHZ: u32 = 52;
-/// ROSC.DIV: by 32 (2.17.8). The boot ROM goes by it after a reset by the watchdog, and looks 128 times for its
-/// second stage, which flash does not show while it erases: 554 ms at the ring's fastest, where an erase
-/// takes 400 at most (docs/decisions/0064-200-megahertz.md).
+/// ROSC.DIV: divide by 32 (2.17.8). The boot ROM runs from this clock after a watchdog reset and tries
+/// 128 times to read its second stage, which flash does not return during an erase. The tries last 554
+/// ms at the fastest ring frequency; an erase takes 400 ms at most
+/// (docs/decisions/0064-200-megahertz.md).
 const RING_BY_32: u32 = 0xAA0;
-/// From the order of another core voltage to the clock that needs it. The SDK waits 1 ms.
+/// Time from setting the core voltage to switching to the clock that needs it. The SDK waits 1 ms.
 const VOLTAGE_SETTLES_US: u32 = 1_500;
-/// BOD.VSEL: 1.032 V (2.12.8). The next but one would be within what regulator and detection may be off.
+/// BOD.VSEL: 1.032 V (2.12.8). The next level but one lies within the tolerance of regulator and
+/// detector.
 const BROWN_OUT: u8 = 0b1101;
-/// CLK_REF_SELECTED: the source that runs, one bit each (2.15.7).
+/// CLK_REF_SELECTED: one bit for the running source (2.15.7).
 const REF_IS_RING: u32 = 1 << 0;
 const REF_IS_CRYSTAL: u32 = 1 << 2;
 /// CLK_SYS_SELECTED.
 const SYS_IS_REF: u32 = 1 << 0;
 const SYS_IS_AUX: u32 = 1 << 1;
 
-/// 12 MHz * 100 / (6 * 1) = 200 MHz, with the oscillator at 1200 MHz.
+/// 12 MHz * 100 / (6 * 1) = 200 MHz; VCO at 1200 MHz.
 const SYSTEM: PLLConfig = pll(CORE_HZ, 6, 1);
-/// 12 MHz * 120 / (6 * 5) = 48 MHz, with the oscillator at 1440 MHz.
+/// 12 MHz * 120 / (6 * 5) = 48 MHz; VCO at 1440 MHz.
 const CONVERTER: PLLConfig = pll(48_000_000, 6, 5);
 
-/// The setting for an output, by its two divisors. One that is no whole multiple of the crystal, or
-/// whose oscillator is out of its range, does not compile (datasheet 2.18.2).
+/// Returns the PLL setting for an output frequency and its two post-dividers. An output that is not a
+/// whole multiple of the crystal frequency, or a VCO frequency out of range, does not compile (datasheet
+/// 2.18.2).
 const fn pll(output_hz: u32, post_div1: u8, post_div2: u8) -> PLLConfig {
     let oscillator_hz = output_hz * post_div1 as u32 * post_div2 as u32;
     assert!(oscillator_hz.is_multiple_of(CRYSTAL.raw()));
@@ -54,8 +58,8 @@ const fn pll(output_hz: u32, post_div1: u8, post_div2: u8) -> PLLConfig {
     }
 }
 
-/// Brings the clocks up. `false` if one does not run: the processor then goes on with what does, and
-/// the timer counts it.
+/// Starts all clocks. Returns `false` if one does not start: the processor then runs from the clocks
+/// that did, and the timer counts them.
 #[allow(unsafe_code)]
 pub fn set_up(
     resets: &mut RESETS,
@@ -71,8 +75,8 @@ pub fn set_up(
         .and_then(|()| start_plls(resets, system, converter))
         .and_then(|()| distribute(clocks))
         .is_some();
-    // Without the tick no task would wait, and nothing be reported. Its microseconds are as good as
-    // what it counts.
+    // Without this tick no task could wait and no fault would be reported. Its microseconds are as
+    // accurate as the clock that it counts.
     let mhz = if clocks.clk_ref_selected().read().bits() == REF_IS_CRYSTAL {
         // SAFETY: nothing runs by the ring oscillator any more, and nothing else writes this register.
         unsafe { (*ROSC::ptr()).div().write(|w| w.bits(RING_BY_32)) };
@@ -88,12 +92,12 @@ pub fn set_up(
     runs
 }
 
-/// Whether a condition came to hold in time.
+/// Polls a condition with a time limit; `None` if it does not hold in time.
 fn within_time(holds: impl FnMut() -> bool) -> Option<()> {
     wait(holds).then_some(())
 }
 
-/// From the ring oscillator, which always runs, to the crystal (2.15.6, 2.16.3).
+/// Switches from the ring oscillator, which always runs, to the crystal (2.15.6, 2.16.3).
 fn start_crystal(clocks: &CLOCKS, crystal: XOSC) -> Option<()> {
     clocks.clk_sys_ctrl().write(|w| w.src().clk_ref());
     within_time(|| clocks.clk_sys_selected().read().bits() == SYS_IS_REF)?;
@@ -107,8 +111,8 @@ fn start_crystal(clocks: &CLOCKS, crystal: XOSC) -> Option<()> {
     within_time(|| clocks.clk_ref_selected().read().bits() == REF_IS_CRYSTAL)
 }
 
-/// Sets the core voltage to 1.15 V, which more than 133 MHz need, waits until it has settled, and lets the
-/// chip restart where it falls again. For the processor at the crystal's frequency.
+/// Sets the core voltage to 1.15 V, which clocks above 133 MHz need, waits until it has settled, and
+/// enables the brown-out reset. Call it while the processor runs at the crystal's frequency.
 #[allow(unsafe_code)]
 fn raise_core_voltage(regulator: &mut VREG_AND_CHIP_RESET) -> Option<()> {
     set_voltage(regulator, VSEL_A::VOLTAGE1_15);
@@ -128,7 +132,7 @@ fn start_plls(resets: &mut RESETS, system: PLL_SYS, converter: PLL_USB) -> Optio
     resets
         .reset()
         .modify(|_, w| w.pll_sys().clear_bit().pll_usb().clear_bit());
-    // The HAL waits for this as well, without a bound: it is done then.
+    // The HAL also waits for this, without a time limit; it is done by then.
     within_time(|| {
         let done = resets.reset_done().read();
         done.pll_sys().bit_is_set() && done.pll_usb().bit_is_set()
@@ -137,7 +141,7 @@ fn start_plls(resets: &mut RESETS, system: PLL_SYS, converter: PLL_USB) -> Optio
     start_pll(resets, converter, CONVERTER)
 }
 
-/// Oscillator on, dividers off until it is locked (2.18.3).
+/// Switches the VCO on and keeps the dividers off until it has locked (2.18.3).
 fn start_pll(
     resets: &mut RESETS,
     pll: impl PhaseLockedLoopDevice,
@@ -154,7 +158,7 @@ fn start_pll(
     Some(())
 }
 
-/// The processor and the peripherals to the system's PLL, ADC and USB to theirs.
+/// Clocks processor and peripherals from the system PLL, ADC and USB from the other.
 fn distribute(clocks: &CLOCKS) -> Option<()> {
     clocks
         .clk_sys_ctrl()
@@ -172,8 +176,8 @@ fn distribute(clocks: &CLOCKS) -> Option<()> {
     Some(())
 }
 
-/// Sends the processor's clock, divided, to the LDCs' CLKIN, which two converters share: where it is
-/// so already, it goes on without a gap. An odd divisor's duty is even as well.
+/// Outputs the divided processor clock on the CLKIN of both LDCs. If it is already set so, it continues
+/// without a gap. The duty cycle of an odd divisor is 50 % as well.
 #[allow(unsafe_code)]
 pub fn send_out(clocks: &rp2040_pac::clocks::RegisterBlock, divisor: u32) {
     let (control, division) = (clocks.clk_gpout0_ctrl(), clocks.clk_gpout0_div());
@@ -181,8 +185,8 @@ pub fn send_out(clocks: &rp2040_pac::clocks::RegisterBlock, divisor: u32) {
     if before == divisor && control.read().enable().bit_is_set() {
         return;
     }
-    // Nothing of it changes before it stands, which takes a few of its own periods (2.15.3.2; the SDK's
-    // `clock_configure` waits for three).
+    // The divider may change only after the output has stopped, which takes a few of its own periods
+    // (2.15.3.2; the SDK's `clock_configure` waits for three).
     control.modify(|_, w| w.enable().clear_bit());
     delay(3 * before);
     // SAFETY: within the field of 24 bits.

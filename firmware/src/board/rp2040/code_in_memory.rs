@@ -1,17 +1,17 @@
-//! Copies the code that runs from memory there, as the start-up code does with data. It runs before
-//! that, with neither stack nor variables.
+//! Copies the code that runs from RAM, as the start-up code copies data. It runs before the start-up
+//! code, without stack or variables.
 
 #![allow(unsafe_code)]
 
 core::arch::global_asm!(
-    // Beside the code that calls it: in flash, which needs no copying.
+    // Placed beside the code that calls it, in flash, so that it needs no copy.
     ".section .Reset, \"ax\", %progbits",
     ".global __pre_init",
     ".type __pre_init, %function",
     ".thumb_func",
     "__pre_init:",
-    // The ring oscillator, which the processor starts with, at 52 MHz (14 to 96) instead of
-    // 6.5: divided by 2 (datasheet 2.17.8). Copying takes 20 ms so. `clocks` slows it down again.
+    // Sets the ring oscillator, the processor's clock at reset, to 52 MHz (14 to 96) instead of 6.5 MHz:
+    // divided by 2 (datasheet 2.17.8). The copy then takes 20 ms. `clocks` slows the ring down again.
     "ldr r0, =0x40060010",
     "ldr r1, =0xAA2",
     "str r1, [r0]",

@@ -1,4 +1,4 @@
-//! The coil's side of this board: what stands above its drive is `palpate_node::coil`.
+//! Implements the coil hardware of this board; `palpate_node::coil` manages the drive.
 
 use coil_hbridge::{Averages, Drive, Order, Supervisor, Trace};
 use palpate_node::coil::{
@@ -10,7 +10,7 @@ use rtic_monotonics::rp2040::prelude::*;
 use super::{control, safe};
 use crate::{Mono, crash};
 
-/// The control interrupt, the bridge and the ADC.
+/// Control interrupt, bridge and ADC.
 pub struct PicoCoil;
 
 impl CoilHardware for PicoCoil {
@@ -65,8 +65,8 @@ impl CoilHardware for PicoCoil {
     }
 }
 
-/// Starts PWM, ADC and drive; the bridge is off. Nothing for constants that do not fit each other:
-/// without a drive there is no current.
+/// Starts PWM, ADC and drive, with the bridge off. Returns `None` if the circuit's constants are
+/// inconsistent: without a drive there is no current.
 pub fn start() -> Option<Supervisor> {
     let (supervisor, drive) = CoilManager::<PicoCoil>::drive().ok()?;
     control::start(drive);

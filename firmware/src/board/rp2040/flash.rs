@@ -1,10 +1,11 @@
-//! The flash memory: its number, and the area that keeps settings and calibration.
+//! Flash memory: its unique number, and the area for settings and calibration.
 //!
-//! The boot ROM's functions do the work (RP2040 datasheet, 2.8.3.1.3). While one of them runs, nothing
-//! can be read from flash: everything that runs meanwhile lies in memory, constants too (build.rs). So
-//! interrupts go on. Afterwards flash is read on four wires, as the second stage has it: by the ROM's own
-//! command a line takes 3 us, in which no interrupt begins, and time stamps would be off by as much. The
-//! second stage itself is not run again: an interrupt within it would end one of its commands halfway.
+//! The boot ROM's functions do the work (RP2040 datasheet, 2.8.3.1.3). While one of them runs, flash
+//! cannot be read, so all code that runs meanwhile is in RAM, with its constants (build.rs), and
+//! interrupts stay enabled. Afterwards flash is read over four wires again, as the second stage sets it
+//! up: with the ROM's own command a line takes 3 us, in which no interrupt starts, and time stamps would
+//! be off by as much. The second stage itself is not run again: an interrupt within it could break one
+//! of its commands in two.
 
 #![allow(unsafe_code)]
 
@@ -16,46 +17,48 @@ use rp2040_pac::{IO_QSPI, PADS_QSPI, XIP_SSI};
 
 use super::safe::bridge_off;
 
-/// Where the flash is read (datasheet 2.6.3).
+/// Address at which flash is mapped (datasheet 2.6.3).
 const BASE: usize = 0x1000_0000;
-/// Bytes of it: 2 MiB on a Raspberry Pi Pico.
+/// Flash size in bytes: 2 MiB on a Raspberry Pi Pico.
 const CAPACITY: usize = 2 * 1024 * 1024;
-/// Bytes of the area at its end.
+/// Size of the storage area at the end of flash, in bytes.
 pub const AREA: usize = 64 * 1024;
-/// Where that begins, from the beginning of the flash.
+/// Offset of that area from the start of flash.
 const AREA_START: usize = CAPACITY - AREA;
-/// What is erased at once (W25Q16JV datasheet, 8.2.15).
+/// Erase unit, in bytes (W25Q16JV datasheet, 8.2.15).
 const SECTOR: usize = 4096;
-/// What is programmed at once (8.2.13).
+/// Program unit, in bytes (8.2.13).
 const PAGE: usize = 256;
-/// A block that the ROM may erase at once, and the command for it (8.2.17). The area is erased sector
-/// by sector: a block takes longer than the storage wants to wait.
+/// Size of a block that the ROM may erase at once, and its command (8.2.17). The area is erased sector
+/// by sector: a block erase takes longer than the storage may wait.
 const BLOCK: u32 = 64 * 1024;
 const ERASE_BLOCK: u8 = 0xD8;
-/// Fast Read Quad I/O (8.2.11), and mode bits after its address by which the next read needs no command.
+/// Fast Read Quad I/O (8.2.11), and the mode bits after its address that let the next read omit the
+/// command.
 const FAST_READ: u32 = 0xEB;
 const CONTINUOUS: u32 = 0xA0;
 /// CTRLR0 (RP2040 datasheet 4.10.13): a word of 32 bits comes in on four wires, after an address.
 const WORD_ON_FOUR_WIRES: u32 = 2 << 21 | 31 << 16 | 3 << 8;
-/// SPI_CTRLR0: four clocks of waiting, and 32 bits of address and mode on four wires after a command of
-/// eight bits on one.
+/// SPI_CTRLR0: four wait clocks, and 32 bits of address and mode on four wires after an 8-bit command on
+/// one wire.
 const WITH_COMMAND: u32 = 4 << 11 | 2 << 8 | 8 << 2 | 1;
-/// The same without a command, with these mode bits in each read.
+/// As [`WITH_COMMAND`], without a command and with these mode bits in each read.
 const WITHOUT_COMMAND: u32 = CONTINUOUS << 24 | 4 << 11 | 8 << 2 | 2;
-/// Clocks of the processor for one of the flash, as the second stage has it: 50 MHz of the 133 that the
-/// flash bears (W25Q16JV datasheet 9.6).
+/// Processor clocks per flash clock, as the second stage sets it: 50 MHz; the flash allows 133 MHz
+/// (W25Q16JV datasheet 9.6).
 const FLASH_DIVIDER: u32 = 4;
-/// Read Unique ID Number (8.2.27): the command, four bytes without meaning, then the number.
+/// Read Unique ID Number (8.2.27): the command, four dummy bytes, then the number.
 const READ_NUMBER: u8 = 0x4B;
 const BEFORE_NUMBER: usize = 5;
 const NUMBER: usize = 8;
-/// Questions for a byte of an answer: 100 us at 200 MHz, where one takes half a microsecond.
+/// Polls for a byte of an answer: 100 us at 200 MHz; a byte takes half a microsecond.
 const POLLS: usize = 2_000;
 
-/// Lets flash be used by commands.
+/// Runs `work` with flash in command mode.
 ///
 /// # Safety
-/// Whatever runs until it returns lies in memory, interrupts included.
+///
+/// All code that runs until it returns, including interrupts, must be in RAM.
 #[inline(always)]
 unsafe fn by_commands<T>(work: impl FnOnce() -> T) -> T {
     let pads = Pads::read();
@@ -72,8 +75,8 @@ unsafe fn by_commands<T>(work: impl FnOnce() -> T) -> T {
     result
 }
 
-/// Clock and data of the flash's pads as the second stage has set them for its clock. The ROM sets
-/// them back.
+/// Pad settings of the flash's clock and data, as the second stage sets them for its clock. The ROM
+/// resets them.
 struct Pads {
     clock: u32,
     data: [u32; 4],
@@ -110,7 +113,8 @@ impl Pads {
     }
 }
 
-/// Lets flash be read on four wires without commands. The second stage has enabled four wires at the start.
+/// Sets flash to be read over four wires without commands. The second stage has enabled four wires at
+/// start-up.
 #[inline(always)]
 fn read_on_four_wires() {
     // SAFETY: the controller is this code's alone; nothing reads flash yet.
@@ -126,7 +130,7 @@ fn read_on_four_wires() {
         }
     };
     set_up(WITH_COMMAND);
-    // Ten cycles: what the controller has not got in time it does not send.
+    // Ten cycles: the controller sends only what is in its FIFO in time.
     cortex_m::interrupt::free(|_| {
         for word in [FAST_READ, CONTINUOUS] {
             // SAFETY: as above.
@@ -141,7 +145,8 @@ fn read_on_four_wires() {
     set_up(WITHOUT_COMMAND);
 }
 
-/// The flash's unique number; 0 if it does not answer. Once, before interrupts are on.
+/// Returns the flash's unique number, or 0 if it does not answer. Call it once, before interrupts are
+/// on.
 #[inline(never)]
 pub fn number() -> u64 {
     let ask = || {
@@ -154,7 +159,7 @@ pub fn number() -> u64 {
     unsafe { by_commands(ask) }
 }
 
-/// Holds the chip select low, or high.
+/// Drives the chip select: low for `true`, high for `false`.
 fn select(on: bool) {
     // SAFETY: the pin is the flash's alone. The ROM gives it back to the controller afterwards.
     let pin = unsafe { &*IO_QSPI::ptr() }.gpio_qspiss();
@@ -179,7 +184,7 @@ fn exchange_number() -> Option<u64> {
     Some(number)
 }
 
-/// Sends a byte and takes the one that comes for it.
+/// Sends a byte and returns the byte received for it.
 fn exchange(sent: u8) -> Option<u8> {
     // SAFETY: the controller is in the ROM's serial mode, and this code's alone.
     let controller = unsafe { &*XIP_SSI::ptr() };
@@ -189,20 +194,21 @@ fn exchange(sent: u8) -> Option<u8> {
     has_come.then(|| controller.dr0().read().bits() as u8)
 }
 
-/// The area for settings and calibration. There is one.
+/// Storage area for settings and calibration; there is one.
 pub struct Area(());
 
 impl Area {
-    /// The area, for its owner.
+    /// Creates the area.
     ///
     /// # Safety
-    /// Once only: its owner is the only one that reads or changes flash.
+    ///
+    /// Call it once: its owner must be the only code that reads or changes flash.
     pub const unsafe fn take() -> Self {
         Self(())
     }
 }
 
-/// Why the flash does not do what it is asked.
+/// Failure of a flash operation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FlashError(NorFlashErrorKind);
 
@@ -216,7 +222,7 @@ impl ErrorType for Area {
     type Error = FlashError;
 }
 
-/// The address from the beginning of the flash, where so many bytes lie within the area.
+/// Returns the offset from the start of flash, if `length` bytes at `offset` are within the area.
 fn within(offset: u32, length: usize, unit: usize) -> Result<u32, FlashError> {
     let offset = offset as usize;
     if !offset.is_multiple_of(unit) || !length.is_multiple_of(unit) {
@@ -228,8 +234,8 @@ fn within(offset: u32, length: usize, unit: usize) -> Result<u32, FlashError> {
     }
 }
 
-/// Erases the sector at an address from the beginning of the flash, with the bridge off.
-// Never within the storage's code, which lies in flash (build.rs).
+/// Erases the sector at an offset from the start of flash, with the bridge off.
+// Never inlined into the storage's code, which is in flash (build.rs).
 #[inline(never)]
 fn erase_sector(address: u32) {
     bridge_off();
@@ -239,7 +245,7 @@ fn erase_sector(address: u32) {
     unsafe { by_commands(erase) }
 }
 
-/// Programs a page, likewise. It lies in memory.
+/// Programs a page, with the bridge off. This function is in RAM.
 #[inline(never)]
 fn program_page(address: u32, page: &[u8; PAGE]) {
     bridge_off();
@@ -287,7 +293,7 @@ impl NorFlash for Area {
         while !rest.is_empty() {
             let from = at % PAGE;
             let (now, later) = rest.split_at(rest.len().min(PAGE - from));
-            // Bits that are not to change stay as they are where ones are programmed.
+            // Bits that are not to change keep their value when ones are programmed.
             let mut page = [0xFF; PAGE];
             for (slot, byte) in page.iter_mut().skip(from).zip(now) {
                 *slot = *byte;

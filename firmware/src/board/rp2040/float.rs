@@ -1,10 +1,10 @@
-//! What the compiler calls for arithmetic of `f32`, which the processor does not have: quicker than
-//! its own routines (docs/decisions/0063-hal-and-own-registers.md).
+//! `f32` routines that the compiler calls, since the processor has no FPU; faster than the compiler's
+//! own (docs/decisions/0063-hal-and-own-registers.md).
 
 #![allow(unsafe_code)]
 
-/// Gives a routine the name that the compiler calls it by (Run-time ABI for the Arm Architecture,
-/// 5.1.2). Numbers travel as their bits in the processor's registers, whatever they mean.
+/// Exports a routine under the name that the compiler calls (Run-time ABI for the Arm Architecture,
+/// 5.1.2). Numbers are passed as bits in integer registers.
 macro_rules! routines {
     ($($name:ident($($argument:ident: $type:ty),*) = $routine:expr;)*) => {$(
         // SAFETY: name, arguments and result are those of the ABI, and nothing else has the name

@@ -1,4 +1,4 @@
-//! Raspberry Pi Pico (RP2040): clocks, pins and the devices on them, named by their role.
+//! Raspberry Pi Pico (RP2040): clocks, pins and devices, named by role.
 
 mod clocks;
 mod code_in_memory;
@@ -22,14 +22,13 @@ use core::sync::atomic::{AtomicU32, Ordering};
 
 use palpate_node::board::CORE_HZ;
 
-/// Polls of a condition in 10 ms at the processor's full clock, twelve cycles each.
+/// Polls in 10 ms at the processor's full clock, at twelve cycles each.
 const POLLS: u32 = CORE_HZ / 100 / 12;
 
-/// Polls a condition until it holds, for 10 ms at most and for longer before the clocks are up.
-/// Whether it held.
+/// Polls a condition for 10 ms at most, longer before the clocks are up; returns whether it held.
 ///
-/// What is waited for at start-up is hardware that either answers within microseconds or is
-/// broken; going on without it ends in a fault that is reported, waiting for ever does not.
+/// Start-up hardware either answers within microseconds or is broken. Continuing without it leads to a
+/// reported fault; waiting forever would not.
 fn wait(mut holds: impl FnMut() -> bool) -> bool {
     for _ in 0..POLLS {
         if holds() {
@@ -39,7 +38,7 @@ fn wait(mut holds: impl FnMut() -> bool) -> bool {
     false
 }
 
-/// A count that goes up, by one task alone.
+/// Counter that only one task increments.
 pub struct Count(AtomicU32);
 
 impl Count {
@@ -47,23 +46,23 @@ impl Count {
         Self(AtomicU32::new(0))
     }
 
-    /// Adds to it. Only the task that owns the count may.
+    /// Adds to the count. Only the task that owns the count may call it.
     fn add(&self, number: u32) {
         let sum = self.0.load(Ordering::Relaxed).wrapping_add(number);
         self.0.store(sum, Ordering::Relaxed);
     }
 
-    /// The count.
+    /// Returns the count.
     pub fn get(&self) -> u32 {
         self.0.load(Ordering::Relaxed)
     }
 }
 
-/// Microseconds in which the processor slept; wraps. Counted by the idle task, which shares no lock
-/// with others: it would have to wake up for it.
+/// Time for which the processor slept, in microseconds; wraps. The idle task counts it without a lock:
+/// other tasks would have to wait for one.
 pub static ASLEEP_US: Count = Count::new();
 
-/// Sleeps until an interrupt comes, and counts the time. The interrupt runs after it was counted.
+/// Sleeps until an interrupt comes and counts the time; the interrupt runs after the counting.
 #[allow(unsafe_code)]
 pub fn sleep() {
     // SAFETY: reading the raw timer has no effect on it.
@@ -76,10 +75,10 @@ pub fn sleep() {
     });
 }
 
-/// Words that the start has painted the stack with (cortex-m-rt, feature `paint-stack`).
+/// Word with which the start-up code fills the stack (cortex-m-rt, feature `paint-stack`).
 const PAINT: u32 = 0xCCCC_CCCC;
 
-/// The greatest depth of the stack so far, in bytes.
+/// Returns the greatest stack depth so far, in bytes.
 #[allow(unsafe_code)]
 pub fn stack_used() -> u32 {
     unsafe extern "C" {

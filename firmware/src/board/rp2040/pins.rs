@@ -1,5 +1,4 @@
-//! Raspberry Pi Pico: which pin does what, and everything set up for it. The wiring stands in
-//! docs/firmware.md.
+//! Pins of the Raspberry Pi Pico and set-up of everything on them. For the wiring see docs/firmware.md.
 
 #![allow(unsafe_code)]
 
@@ -19,21 +18,22 @@ pub const SDA: usize = 4;
 pub const SCL: usize = 5;
 /// INTB of a converter: low while a result waits.
 pub struct IntbLine {
-    /// Its pin.
+    /// Pin number.
     pub pin: usize,
-    /// The PWM slice that counts its edges, at its input B.
+    /// PWM slice that counts its edges, on input B.
     slice: usize,
 }
 
 impl IntbLine {
-    /// The register among INTR, INTE and INTS that holds the pin, and the bit of its falling edge.
+    /// Returns the index of the register of INTR, INTE or INTS for this pin, and the bit of its falling
+    /// edge.
     #[inline(always)]
     pub const fn falling(&self) -> (usize, u32) {
-        // At most the last of the four, so that no index is beyond them.
+        // At most 3, so the index is always within the four registers.
         ((self.pin / 8) & 3, 1 << (4 * (self.pin % 8) + 2))
     }
 
-    /// The slice, which is one of the eight.
+    /// Returns the slice, one of the eight.
     #[inline(always)]
     pub const fn slice(&self) -> usize {
         self.slice & 7
@@ -43,24 +43,24 @@ impl IntbLine {
 /// INTB of the first and the second converter.
 pub const INTB_LINES: [IntbLine; CONVERTERS] =
     [IntbLine { pin: 7, slice: 3 }, IntbLine { pin: 9, slice: 4 }];
-/// Shutdown of the first and the second converter: high is off.
+/// Shutdown of the first and the second converter: high shuts down.
 pub const SHUTDOWN: [usize; CONVERTERS] = [8, 10];
 /// Inputs of the H-bridge.
 pub const IN1: usize = 16;
 /// See [`IN1`].
 pub const IN2: usize = 17;
-/// Enable of the H-bridge: low is off.
+/// Enable of the H-bridge: low switches it off.
 pub const BRIDGE_ENABLE: usize = 18;
-/// Fault of the H-bridge: low is one.
+/// Fault output of the H-bridge: low on a fault.
 pub const BRIDGE_FAULT: usize = 19;
-/// Limit of the H-bridge: low reduces it, for its test.
+/// Current limit of the H-bridge: low reduces it, for its test.
 pub const BRIDGE_LIMIT: usize = 20;
-/// The converter's clock.
+/// Clock of the converters.
 pub const CLKIN: usize = 21;
 /// The LED.
 pub const LED: usize = 25;
-/// Pins with analogue voltages: coil current, thermometer, supply, and a third of VSYS, which a Pico
-/// connects to the ADC's input 3.
+/// Analogue inputs: coil current, thermistor, supply, and a third of VSYS, which a Pico connects to ADC
+/// input 3.
 pub const ANALOGUE: [usize; 4] = [26, 27, 28, 29];
 /// The PWM slice of the bridge: IN1 is its output A, IN2 its output B.
 pub const COIL_SLICE: usize = 0;
@@ -74,16 +74,16 @@ const ANALOGUE_PAD: u32 = 1 << 7;
 /// PWM CSR: count falling edges of input B.
 const COUNT_FALLING: u32 = 3 << 4 | 1;
 
-/// What drives a pin (datasheet 2.19.2).
+/// Function of a pin (datasheet 2.19.2).
 #[derive(Clone, Copy)]
 pub enum Function {
-    /// The I2C block.
+    /// I2C block.
     I2c = 3,
-    /// A PWM slice.
+    /// PWM slice.
     Pwm = 4,
-    /// The processor.
+    /// Processor (SIO).
     Sio = 5,
-    /// A clock's output.
+    /// Clock output.
     Clock = 8,
 }
 
@@ -97,10 +97,10 @@ fn sio() -> &'static rp2040_pac::sio::RegisterBlock {
     unsafe { &*SIO::ptr() }
 }
 
-/// The highest pin. Every number here is below; that it is seen to be keeps a panic out.
+/// Highest pin number. All numbers here are at most this; the check lets the compiler omit a panic path.
 const LAST_PIN: usize = 29;
 
-/// Gives a pin to one of its drivers.
+/// Selects the function of a pin.
 pub fn set_function(pin: usize, function: Function) {
     // SAFETY: the number is one of the field's, and no override is set.
     unsafe {
@@ -119,7 +119,7 @@ fn set_pad(pin: usize, bits: u32) {
     };
 }
 
-/// The level of a pin.
+/// Returns the level of a pin.
 #[inline(always)]
 pub fn is_high(pin: usize) -> bool {
     sio().gpio_in().read().bits() >> pin & 1 == 1
@@ -137,7 +137,7 @@ pub fn set(pin: usize, high: bool) {
     }
 }
 
-/// Pulls a pin low, or lets go of it.
+/// Pulls a pin low, or releases it.
 pub fn open_drain(pin: usize, low: bool) {
     set(pin, false);
     // SAFETY: only this pin's bit is written.
@@ -164,34 +164,34 @@ fn input(pin: usize, pull: u32) {
     set_function(pin, Function::Sio);
 }
 
-/// The board, set up.
+/// The initialised board.
 pub struct Board {
-    /// Clocks run as planned.
+    /// All clocks run as configured.
     pub clocks_run: bool,
     /// The timer, for the monotonic clock.
     pub timer: rp2040_pac::TIMER,
-    /// The resets, for the same.
+    /// Resets, for the monotonic clock.
     pub resets: rp2040_pac::RESETS,
-    /// The watchdog, not yet running.
+    /// Watchdog, not started.
     pub watchdog: rp2040_pac::WATCHDOG,
-    /// What stands above the coil's drive; nothing where the clocks do not run.
+    /// Manager of the coil's drive; `None` if a clock does not run.
     pub supervisor: Option<Supervisor>,
-    /// A number drawn by chance, never 0.
+    /// Random number of this run, never 0.
     pub boot_id: u32,
-    /// The flash memory's own number; 0 if it has none.
+    /// Unique number of the flash memory; 0 if it has none.
     pub unit: u64,
-    /// Where settings and calibration are kept.
+    /// Flash area for settings and calibration.
     pub area: Area,
-    /// USB; nothing where the clocks do not run.
+    /// USB; `None` if a clock does not run.
     pub usb: Option<UsbBusAllocator<usb::Bus>>,
 }
 
 impl Board {
-    /// Sets everything up: the bridge off first, then clocks, pins, counters.
+    /// Sets everything up: first switches the bridge off, then clocks, pins and counters.
     pub fn init(device: Peripherals) -> Self {
         let mut resets = device.RESETS;
         let mut regulator = device.VREG_AND_CHIP_RESET;
-        // Blocks that another program may have left in any state begin anew.
+        // Resets blocks that another program may have left in any state.
         resets.reset().modify(|_, w| {
             w.io_bank0().set_bit();
             w.pads_bank0().set_bit();
@@ -221,7 +221,7 @@ impl Board {
         output(BRIDGE_ENABLE, false);
         output(IN1, false);
         output(IN2, false);
-        // Their digital inputs are on after the reset of the pads (erratum RP2040-E6).
+        // After a pad reset their digital inputs are enabled (erratum RP2040-E6).
         for pin in ANALOGUE {
             set_pad(pin, ANALOGUE_PAD);
         }
@@ -249,7 +249,7 @@ impl Board {
             None
         };
         Self {
-            // Without clocks the coil stays off: its periods would have any length.
+            // Without clocks the coil stays off: its PWM period would be undefined.
             supervisor: if clocks_run { coil::start() } else { None },
             clocks_run,
             timer: device.TIMER,
@@ -265,7 +265,7 @@ impl Board {
 }
 
 fn set_up_converter_pins() {
-    // Off, until it is started: no wire of it moves meanwhile.
+    // The converter stays in shutdown until it is started, so none of its wires moves before.
     for pin in SHUTDOWN {
         output(pin, true);
     }
@@ -276,7 +276,7 @@ fn set_up_converter_pins() {
     set_pad(CLKIN, INPUT | PULL_DOWN);
     set_function(CLKIN, Function::Clock);
     for line in &INTB_LINES {
-        // To the counter of edges; the interrupt reads the pad itself, whichever function has the pin.
+        // Routes INTB to its edge counter; the interrupt reads the pad itself, with any pin function.
         input(line.pin, PULL_UP);
         set_function(line.pin, Function::Pwm);
         let (register, edge) = line.falling();
@@ -292,15 +292,15 @@ fn set_up_converter_pins() {
     }
 }
 
-/// Sets the converters' clock. One that is set already goes on without a gap.
+/// Sets the clock of the converters. If it is already set so, it continues without a gap.
 pub fn set_clkin(clkin: Clkin) {
     // SAFETY: CLK_GPOUT0 is used for nothing else.
     let clocks = unsafe { &*rp2040_pac::CLOCKS::ptr() };
     clocks::send_out(clocks, clkin.divisor());
 }
 
-/// A number by chance from the jitter of the ring oscillator, which a bit lets pass 26 of its periods; not
-/// for secrets. Never 0.
+/// Returns a random number from the jitter of the ring oscillator, waiting 26 of its periods per bit.
+/// Never 0; not suitable for secrets.
 fn draw(ring: &rp2040_pac::ROSC) -> u32 {
     let number = (0..32).fold(0_u32, |number, _| {
         cortex_m::asm::delay(cycles(8_000));
@@ -309,20 +309,20 @@ fn draw(ring: &rp2040_pac::ROSC) -> u32 {
     number.max(1)
 }
 
-/// The pin of a converter's INTB.
+/// Returns the pin of a converter's INTB.
 pub fn intb(converter: usize) -> usize {
     let line = INTB_LINES.get(converter);
     line.map_or(LAST_PIN, |line| line.pin)
 }
 
-/// Holds a converter in shutdown, or lets it wake.
+/// Shuts a converter down, or lets it wake.
 pub fn shut_down(converter: usize, off: bool) {
     if let Some(pin) = SHUTDOWN.get(converter) {
         set(*pin, off);
     }
 }
 
-/// INTB of a converter, for the question what releases it.
+/// INTB of a converter, read to find out what releases it.
 pub struct IntbPin(pub usize);
 
 impl embedded_hal::digital::ErrorType for IntbPin {

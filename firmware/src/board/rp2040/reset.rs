@@ -1,5 +1,5 @@
-//! Why this run began, as the chip's own flags say, and how a run ends: through the watchdog, which
-//! resets everything that it can.
+//! Reset cause from the chip's own flags, and resets through the watchdog, which resets every block that
+//! it can.
 
 #![allow(unsafe_code)]
 
@@ -8,12 +8,14 @@ use rp2040_pac::{PSM, TIMER, VREG_AND_CHIP_RESET, WATCHDOG};
 
 use crate::supervision::WATCHDOG_US;
 
-/// In a scratch register of the watchdog, which outlives its resets: it was started by this firmware.
+/// Value of a watchdog scratch register, which keeps its value in a watchdog reset: this firmware
+/// started the watchdog.
 const OWN_WATCHDOG: u32 = 0x5061_6C70;
-/// Stages of the start that a watchdog runs through again: all but the two oscillators'.
+/// Blocks that a watchdog reset resets: all except the two oscillators.
 const ALL_STAGES: u32 = 0x1_FFFC;
 
-/// Reads why this run began, and makes a watchdog reset everything. Once, before interrupts are on.
+/// Reads the reset flags and makes a watchdog reset reset all blocks. Call it once, before interrupts
+/// are on.
 pub fn flags() -> ResetFlags {
     // SAFETY: nothing else uses these registers yet.
     let (sequence, watchdog, chip) = unsafe {
@@ -36,19 +38,20 @@ pub fn flags() -> ResetFlags {
     }
 }
 
-/// Time since this run began, in milliseconds, as the lower half of the microsecond timer has it.
+/// Returns the time since boot, in milliseconds, from the lower half of the microsecond timer.
 pub fn uptime_ms() -> u32 {
     // SAFETY: reading the raw timer has no effect on it.
     let timer = unsafe { &*TIMER::ptr() };
     timer.timerawl().read().bits() / 1_000
 }
 
-/// Resets the chip into its boot loader, which takes an image over USB and starts it. The bridge goes
-/// off with the reset, and before.
+/// Switches the bridge off and resets the chip into its boot loader, which receives an image over USB
+/// and starts it.
 pub fn restart_into_boot_loader() -> ! {
     // SAFETY: the last thing that this run does.
     let mark = unsafe { &*WATCHDOG::ptr() }.scratch0();
-    // The watchdog by which the boot loader starts the new image is not the firmware's.
+    // The boot loader starts the new image through the watchdog; that reset is not one of this
+    // firmware's.
     // SAFETY: any word may be kept there.
     mark.write(|w| unsafe { w.bits(0) });
     rp2040_hal::rom_data::reset_to_usb_boot(0, 0)
@@ -63,13 +66,13 @@ pub fn restart() -> ! {
     }
 }
 
-/// The watchdog, which is fed while every task checks in.
+/// Watchdog, fed while every task checks in.
 pub struct Watchdog(WATCHDOG);
 
 impl Watchdog {
-    /// Starts it, where the clocks run: without them the processor is too slow to feed it, and the
-    /// coil is never driven. It runs on while a debugger stops the processor: a coil must not stay on
-    /// at a breakpoint.
+    /// Starts the watchdog if the clocks run. Without them the processor is too slow to feed it, and the
+    /// coil is never driven. The watchdog keeps counting while a debugger stops the processor: a coil
+    /// must not stay on at a breakpoint.
     pub fn start(registers: WATCHDOG, clocks_run: bool) -> Self {
         let watchdog = Self(registers);
         if !clocks_run {
@@ -86,7 +89,8 @@ impl Watchdog {
         watchdog
     }
 
-    /// Gives it another [`WATCHDOG_US`]. It counts two a microsecond (erratum RP2040-E1).
+    /// Restarts the count of [`WATCHDOG_US`]. The watchdog counts two per microsecond (erratum
+    /// RP2040-E1).
     pub fn feed(&self) {
         const { assert!(2 * WATCHDOG_US < 1 << 24) };
         let load = self.0.load();

@@ -1,12 +1,12 @@
-//! Two routines that the compiler calls everywhere, in the processor's own instructions: copying
-//! memory, by four words at a time where it is aligned, and the product of two 64-bit integers,
-//! of which wide arithmetic makes all of its products. Each took a tenth of the processor's time.
+//! Assembly versions of two routines that the compiler calls often: a memory copy that moves four words
+//! at a time where it is aligned, and the 64-bit product on which wide arithmetic is based. Each took a
+//! tenth of the processor's time.
 
 #![allow(unsafe_code)]
 
-// Run-time ABI for the Arm Architecture, 5.1.7: r0 to, r1 from, r2 bytes; `memcpy` gives r0 back.
-// A copy by words reads and writes four at a time; one that is not aligned takes four bytes at a
-// time, in half the time that the compiler's own takes for the few dozen bytes of a frame.
+// Run-time ABI for the Arm Architecture, 5.1.7: r0 destination, r1 source, r2 bytes; `memcpy` returns
+// r0. The word copy moves four words at a time. The unaligned copy moves four bytes at a time and takes
+// half the time of the compiler's own for the few dozen bytes of a frame.
 core::arch::global_asm!(
     ".section .text.copy, \"ax\", %progbits",
     ".balign 4",
@@ -71,8 +71,8 @@ core::arch::global_asm!(
     ".text",
 );
 
-// 4.2 of the same: r0 and r1 times r2 and r3, low words first. Four products of halves make the
-// upper word of the low words' product, which the processor does not give.
+// Same ABI, 4.2: r0 and r1 times r2 and r3, low words first. Four half-word products give the upper word
+// of the product of the low words, which the processor does not compute.
 core::arch::global_asm!(
     ".section .text.__aeabi_lmul, \"ax\", %progbits",
     ".balign 4",

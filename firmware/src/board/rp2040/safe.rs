@@ -1,4 +1,4 @@
-//! The safe state, and what leads to it: a panic, a fault.
+//! Safe state, and the panic and fault handlers that enter it.
 
 #![allow(unsafe_code)]
 
@@ -9,17 +9,17 @@ use super::pins;
 use super::reset::restart;
 use crate::crash::{self, End};
 
-/// The safe state: the bridge is off, whatever the rest of the firmware does or has done.
+/// Enters the safe state: switches the bridge off, independent of the rest of the firmware.
 ///
-/// It needs nothing but two registers of the hardware, may be called from anywhere, and takes less
-/// than a microsecond and a half of cached code.
+/// It needs only two hardware registers, may be called from anywhere, and takes less than 1.5
+/// microseconds of cached code.
 pub fn bridge_off() {
     // SAFETY: clears three outputs and takes two pins from the PWM; both are single writes that
     // nothing else depends on.
     unsafe {
         let pins = 1 << pins::BRIDGE_ENABLE | 1 << pins::IN1 | 1 << pins::IN2;
         (*SIO::ptr()).gpio_out_clr().write(|w| w.bits(pins));
-        // In reset, as at the start, no block has the pins.
+        // While it is in reset, as at start-up, no block controls the pins.
         if (*RESETS::ptr())
             .reset_done()
             .read()

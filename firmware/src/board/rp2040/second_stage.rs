@@ -1,5 +1,5 @@
-//! The second stage of the boot loader, for the flash of a Raspberry Pi Pico: it reads the flash at a
-//! quarter of the processor's clock. The boot ROM runs it, after a check of its CRC.
+//! Second-stage boot loader for the flash of a Raspberry Pi Pico: reads flash at a quarter of the
+//! processor's clock. The boot ROM checks its CRC and runs it.
 
 #![allow(unsafe_code)]
 

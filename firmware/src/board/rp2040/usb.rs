@@ -1,10 +1,11 @@
-//! The USB controller, by the HAL's driver, and around it what that and `usb-device` leave open.
+//! USB controller: the HAL's driver, and a wrapper for the cases that the driver and `usb-device` do not
+//! handle.
 //!
-//! Both take the bus to be quick and the host to keep all rules. The interrupt of USB, though, may wait
-//! for milliseconds, and a host may do anything. What is added is at [`Bus`].
+//! Both assume prompt interrupt service and a host that follows all rules. Here the USB interrupt may
+//! wait for milliseconds, and a host may do anything. [`Bus`] lists what the wrapper adds.
 //!
-//! Its voltage detection is overridden: a Pico has no pin for it (Raspberry Pi Pico datasheet, 4.1). A
-//! cable that is pulled is then seen as a bus that rests.
+//! VBUS detection is overridden: a Pico has no pin for it (Raspberry Pi Pico datasheet, 4.1). An
+//! unplugged cable therefore looks like a suspended bus.
 
 #![allow(unsafe_code)]
 
@@ -25,7 +26,7 @@ use super::wait;
 
 const INTERRUPT: Interrupt = Interrupt::USBCTRL_IRQ;
 
-/// Starts the controller, whose clock runs already. Nothing if it does not come out of its reset.
+/// Starts the controller; its clock must run. Returns `None` if it does not come out of reset.
 pub fn set_up(
     registers: USBCTRL_REGS,
     memory: USBCTRL_DPRAM,
@@ -34,110 +35,112 @@ pub fn set_up(
 ) -> Option<UsbBusAllocator<Bus>> {
     resets.reset().modify(|_, w| w.usbctrl().set_bit());
     resets.reset().modify(|_, w| w.usbctrl().clear_bit());
-    // The HAL waits for this as well, without a bound: it is done then.
+    // The HAL also waits for this, without a time limit; it is done by then.
     if !wait(|| resets.reset_done().read().usbctrl().bit_is_set()) {
         return None;
     }
-    // Only for the proof that there is a clock; nothing of it is changed.
+    // Proves to the HAL that the clock exists; changes nothing.
     let clock = ClocksManager::new(clocks).usb_clock;
     let bus = UsbBus::new(registers, memory, clock, true, resets);
     Some(UsbBusAllocator::new(Bus::new(bus)))
 }
 
-/// Frames wait: the interrupt is to look after them.
+/// Triggers the USB interrupt to send waiting frames.
 pub fn call() {
     NVIC::pend(INTERRUPT);
 }
 
-/// Packets that have come wait for room, and do not call the interrupt meanwhile. The start of a frame does:
-/// without it the end of a frame would not be known, and everything else would wait as well.
+/// Keeps packets from triggering the interrupt while received packets wait for space. The start of a
+/// frame still does: without it the end of a frame would be unknown, and everything else would wait as
+/// well.
 pub fn hold_back() {
     interrupts().modify(|_, w| w.buff_status().clear_bit());
 }
 
-/// Packets call the interrupt again.
+/// Lets packets trigger the interrupt again.
 pub fn let_through() {
     interrupts().modify(|_, w| w.buff_status().set_bit());
 }
 
-/// What calls the interrupt.
+/// Returns the interrupt enable register of USB.
 fn interrupts() -> &'static rp2040_pac::usbctrl_regs::INTE {
     // SAFETY: only the interrupt of USB and tasks of its priority change this register after the start.
     unsafe { (*USBCTRL_REGS::ptr()).inte() }
 }
 
-/// The longest data stage that `usb-device` takes from a host (its `CONTROL_BUF_LEN`).
+/// Longest data stage that `usb-device` accepts from a host (its `CONTROL_BUF_LEN`).
 const LONGEST_DATA: u16 = 128;
-/// A setup packet of a type that there is not (USB 2.0 table 9-2): refused by everybody.
+/// Setup packet of an undefined type (USB 2.0 table 9-2), which every class refuses.
 const REFUSED: [u8; 8] = [0x60, 0, 0, 0, 0, 0, 0, 0];
-/// The first two bytes of requests after which packets begin with DATA0 (USB 2.0 9.1.1.5).
+/// First two bytes of the requests after which packets start with DATA0 (USB 2.0 9.1.1.5).
 const SET_CONFIGURATION: [u8; 2] = [0x00, 9];
 const SET_INTERFACE: [u8; 2] = [0x01, 11];
 const SET_ADDRESS: [u8; 2] = [0x00, 5];
-/// From the rest of a buffer's word to AVAILABLE, cycles: a period of 48 MHz is five of 200 MHz, and the
-/// datasheet rounds up (RP2040 datasheet 4.1.2.5.1).
+/// Cycles from writing a buffer's control word to setting AVAILABLE: a period of 48 MHz is five of 200
+/// MHz, and the datasheet rounds up (RP2040 datasheet 4.1.2.5.1).
 const SETTLING: u32 = 12;
-/// The longest transaction of endpoint 0, in cycles: token, 64 bytes with their stuffed bits, handshake
-/// and the gaps between are 710 bits of 12 Mbit/s (USB 2.0 7.1.9, 7.1.18.1, 8.4), 59.2 us of 200 MHz.
+/// Cycles of the longest transaction of endpoint 0: token, 64 bytes with bit stuffing, handshake and the
+/// gaps between are 710 bits at 12 Mbit/s (USB 2.0 7.1.9, 7.1.18.1, 8.4), 59.2 us at 200 MHz.
 const LONGEST_TRANSACTION: u32 = 12_000;
 
-/// A frame has begun by then, us, if there are any.
+/// Time in microseconds within which a frame starts, if the host sends frames.
 const LONGEST_WAIT_US: u32 = 1_000;
 
-/// The timer's lower word, us.
+/// Returns the lower word of the timer, in microseconds.
 fn now_us() -> u32 {
     // SAFETY: reading this register has no effect on it.
     unsafe { (*TIMER::ptr()).timerawl().read().bits() }
 }
 
-/// The bus that USB's classes are written for: the HAL's driver, with this around it.
+/// USB bus for the device's classes: the HAL's driver with these additions:
 ///
-/// - A packet of endpoint 0 that finds no room or that nothing waits for is thrown away. Where it was
-///   left, its interrupt came again at once, without end.
-/// - A request with more data than `usb-device` takes is refused. It was left without an answer.
-/// - Nothing stays armed on endpoint 0 when a transfer is over: a packet of it would be taken for one of
-///   the next transfer, whose setup packet waits for the processor. Nor is that refused for the former.
-/// - A setup packet from before a reset of the bus is not answered after it.
-/// - Data beyond those that a request announced are refused. The status that waits is taken back before:
-///   the next transfer would get it.
-/// - A request is refused if its data may have gone where the transfer before it waited for some, which
-///   the host gave up. It was left waiting.
-/// - Packets begin with DATA0 again where USB wants it.
-/// - A setup packet that comes while the one before is copied is not lost, and what was an answer to that one
-///   is not made available after it.
-/// - An address counts only if the request for it has come to its end.
-/// - A packet of endpoint 0 that the host takes while the driver clears the marks of others is not
+/// - A packet of endpoint 0 without space or without a receiver is discarded. If it stayed, its
+///   interrupt would repeat at once, endlessly.
+/// - A request with more data than `usb-device` accepts is refused instead of left without an answer.
+/// - No buffer of endpoint 0 stays armed after a transfer: its packet would be taken for one of the next
+///   transfer, whose setup packet waits for the processor. Nor is the next transfer refused because of
+///   it.
+/// - A setup packet from before a bus reset is not answered after it.
+/// - Data beyond the announced length are refused. The waiting status is withdrawn first, or the next
+///   transfer would receive it.
+/// - A request is refused, instead of left waiting, if its data may have gone to the buffer of the
+///   previous transfer, which the host abandoned.
+/// - Packets start with DATA0 again where USB requires it.
+/// - A setup packet that arrives while the previous one is copied is not lost, and an answer to the
+///   previous one is not sent after it.
+/// - A new address takes effect only when its request has completed.
+/// - A packet of endpoint 0 that the host takes while the driver clears the flags of others is not
 ///   missed.
-/// - Which packets the host has taken is known, even when the bus is reset after that.
-/// - The end of a frame is known, in which no bulk packet may be made available.
+/// - The packets that the host has taken are known even after a following bus reset.
+/// - The end of a frame, in which no bulk packet may be made available, is known.
 pub struct Bus {
     hal: UsbBus,
     frames: Mutex<Cell<UsbFrames>>,
     control: Mutex<Cell<Control>>,
-    /// The bus was reset: IN endpoints whose packet was taken before, a bit each.
+    /// After a bus reset: IN endpoints whose packet was taken before it, one bit each.
     reset: Mutex<Cell<Option<u16>>>,
 }
 
-/// What became of the packet that an IN endpoint had.
+/// Result of an IN endpoint's packet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sent {
-    /// It waits for the host.
+    /// The packet waits for the host.
     Not,
-    /// The host has taken it, or there was none.
+    /// The host has taken the packet, or there was none.
     Taken,
-    /// The bus was reset before the host took it.
+    /// The bus was reset before the host took the packet.
     Lost,
 }
 
-/// The control transfer under way.
+/// Control transfer in progress.
 #[derive(Clone, Copy, Default)]
 struct Control {
     setup: [u8; 8],
-    /// The setup packet has come, and was not read yet.
+    /// The setup packet was received and not read yet.
     is_new: bool,
-    /// A packet waits for the host, or that it was taken was not reported yet.
+    /// A packet waits for the host, or its completion was not reported yet.
     is_waiting: bool,
-    /// When the setup packet came there were data whose request is not known.
+    /// Data of an unknown request were present when the setup packet arrived.
     has_data_before: bool,
 }
 
@@ -153,13 +156,13 @@ impl Control {
         u16::from_le_bytes([low, high])
     }
 
-    /// Whether its data are more than `usb-device` takes, or may be gone.
+    /// Returns whether its data are longer than `usb-device` accepts, or may be lost.
     const fn is_refused(&self) -> bool {
         let announces = !self.is_in() && self.length() > 0;
         announces && (self.length() > LONGEST_DATA || self.has_data_before)
     }
 
-    /// bmRequestType and bRequest.
+    /// Returns bmRequestType and bRequest.
     const fn request(&self) -> [u8; 2] {
         let [kind, request, ..] = self.setup;
         [kind, request]
@@ -182,7 +185,8 @@ impl Bus {
         }
     }
 
-    /// What became of the packet of an IN endpoint. For one endpoint: a reset is reported once.
+    /// Returns the result of an IN endpoint's packet. Only one endpoint may use it: a reset is reported
+    /// once.
     pub fn sent(&self, endpoint: EndpointAddress) -> Sent {
         let before = critical_section::with(|section| self.reset.borrow(section).take());
         match before {
@@ -193,9 +197,9 @@ impl Bus {
         }
     }
 
-    /// Makes a bulk packet available, if that is allowed now. Nothing but the interrupts that no critical
-    /// section holds back comes between the question and what is done. Where it is not allowed, the start of
-    /// the next frame calls the interrupt.
+    /// Makes a bulk packet available if that is allowed at this time. Only the interrupts that no
+    /// critical section masks can run between check and action. If it is not allowed, the start of the
+    /// next frame triggers the interrupt.
     pub fn before_end_of_frame<T>(&self, make_available: impl FnOnce() -> T) -> Option<T> {
         critical_section::with(|section| {
             self.follow_frames();
@@ -204,7 +208,7 @@ impl Bus {
         })
     }
 
-    /// Looks whether a frame has begun: reading its number ends the interrupt.
+    /// Checks whether a frame has started; reading its number clears the interrupt.
     fn follow_frames(&self) {
         // SAFETY: only the interrupt of USB reads these registers.
         let registers = unsafe { &*USBCTRL_REGS::ptr() };
@@ -222,7 +226,7 @@ impl Bus {
         });
     }
 
-    /// The host may begin its frames anew.
+    /// Forgets the frame timing: the host may restart its frames.
     fn forget_frames(&self) {
         critical_section::with(|section| self.frames.borrow(section).set(UsbFrames::new()));
     }
@@ -235,11 +239,11 @@ impl Bus {
         critical_section::with(|section| self.control.borrow(section).set(control));
     }
 
-    /// Whether a packet of endpoint 0 was taken and its mark is gone: the driver reads the marks of
-    /// all endpoints first, and clears them all later.
+    /// Returns whether a packet of endpoint 0 was taken and its flag is lost: the driver first reads the
+    /// flags of all endpoints and clears them all later.
     fn has_missed_sent(&self, result: &PollResult) -> bool {
         let is_reported = match result {
-            // A setup packet ends whatever waited.
+            // A setup packet ends every waiting packet.
             PollResult::Data {
                 ep_in_complete,
                 ep_setup,
@@ -254,8 +258,8 @@ impl Bus {
         self.control().is_waiting && !is_reported && !is_marked && !is_armed(IN_0)
     }
 
-    /// A setup packet has come: nothing of the transfer before it goes on. A transaction in whose midst a
-    /// buffer is taken back comes to its end here.
+    /// Ends the previous transfer when a setup packet arrives. Waits for the end of a transaction whose
+    /// buffer is withdrawn in its middle.
     fn end_before_setup(control: &mut Control) {
         let was_armed = is_armed(OUT_0);
         let mut has_come = false;
@@ -264,8 +268,8 @@ impl Bus {
             cortex_m::asm::delay(LONGEST_TRANSACTION);
             // SAFETY: only the interrupt of USB writes this register; a bit that is set is cleared.
             let registers = unsafe { &*USBCTRL_REGS::ptr() };
-            // A packet that came while its buffer was taken back has lost what the controller wrote into the buffer's
-            // word, and keeps its mark here.
+            // If a packet arrived while its buffer was withdrawn, the controller's write to the buffer's
+            // word is lost, but the flag here remains.
             has_come = registers.buff_status().read().ep0_out().bit_is_set();
             registers
                 .buff_status()
@@ -277,21 +281,21 @@ impl Bus {
         control.has_data_before = has_data(OUT_0) || was_armed && (has_come || has_dropped);
     }
 
-    /// The next packet of an endpoint has DATA0. One that waits for the host stays where it is.
+    /// Makes the next packet of an endpoint DATA0. A packet that waits for the host stays available.
     fn begin_with_data0(&self, word: usize) {
         // SAFETY: only the interrupt of USB writes the words of the buffers.
         let memory = unsafe { &*USBCTRL_DPRAM::ptr() };
         let control = memory.ep_buffer_control(word);
         let was_armed = is_armed(word);
         disarm(word);
-        // The driver inverts it when it arms the buffer.
+        // The driver inverts the bit when it arms the buffer.
         control.modify(|_, w| w.pid_0().bit(!was_armed));
         if was_armed {
             cortex_m::asm::delay(SETTLING);
             let make_available = || control.modify(|_, w| w.available_0().set_bit());
             let since_us = now_us();
             while self.before_end_of_frame(make_available).is_none() {
-                // Without frames the host does not ask for it.
+                // Without frames the host does not request the packet.
                 if now_us().wrapping_sub(since_us) > LONGEST_WAIT_US {
                     make_available();
                     break;
@@ -300,7 +304,7 @@ impl Bus {
         }
     }
 
-    /// The driver has read a setup packet.
+    /// Handles a setup packet that the driver has read.
     fn begin(&self, buffer: &mut [u8]) {
         let Some(setup) = buffer.first_chunk_mut() else {
             return;
@@ -316,7 +320,7 @@ impl Bus {
         if control.is_refused() {
             *setup = REFUSED;
         }
-        // The driver waits for the end of data that do not come.
+        // The driver arms a buffer for data that will not come.
         if control.is_in() && control.length() == 0 {
             disarm(OUT_0);
         }
@@ -329,16 +333,16 @@ impl Bus {
     }
 }
 
-/// Endpoint 0's words among those of the buffers.
+/// Control words of endpoint 0 among those of the buffers.
 const IN_0: usize = 0;
 const OUT_0: usize = 1;
 
-/// The word of an endpoint's buffer.
+/// Returns the index of the control word of an endpoint's buffer.
 const fn word(endpoint: usize, is_in: bool) -> usize {
     2 * endpoint + if is_in { IN_0 } else { OUT_0 }
 }
 
-/// Whether the controller has an endpoint's buffer.
+/// Returns whether the controller owns the buffer.
 fn is_armed(word: usize) -> bool {
     // SAFETY: reading a word of the buffers has no effect on it.
     let memory = unsafe { &*USBCTRL_DPRAM::ptr() };
@@ -346,7 +350,7 @@ fn is_armed(word: usize) -> bool {
     control.available_0().bit_is_set()
 }
 
-/// Whether data have come to an OUT endpoint that were not read.
+/// Returns whether an OUT endpoint has received data that were not read.
 fn has_data(word: usize) -> bool {
     // SAFETY: reading a word of the buffers has no effect on it.
     let memory = unsafe { &*USBCTRL_DPRAM::ptr() };
@@ -354,7 +358,7 @@ fn has_data(word: usize) -> bool {
     control.full_0().bit_is_set() && control.length_0().bits() > 0
 }
 
-/// Whether a packet with the wrong PID was acknowledged and dropped, at any endpoint, since this was asked
+/// Returns whether any endpoint acknowledged and dropped a packet with the wrong PID since the last call
 /// (RP2040 datasheet 4.1.4, DATA_SEQ_ERROR).
 fn has_dropped_packet() -> bool {
     // SAFETY: only the interrupt of USB writes this register; a bit that is set is cleared.
@@ -366,7 +370,7 @@ fn has_dropped_packet() -> bool {
     has_dropped
 }
 
-/// From now on the first token of endpoint 0 for which there is no buffer calls the interrupt, once.
+/// Enables one interrupt on the next token of endpoint 0 that finds no buffer.
 fn watch_for_refusal() {
     // SAFETY: only the interrupt of USB writes these registers; a bit that is set is cleared.
     let registers = unsafe { &*USBCTRL_REGS::ptr() };
@@ -382,7 +386,8 @@ fn clear_refusals(registers: &RegisterBlock) {
         .write(|w| w.ep0_in().clear_bit_by_one().ep0_out().clear_bit_by_one());
 }
 
-/// Whether data of the host found no buffer on endpoint 0 since that is watched for. Ends the watch.
+/// Returns whether data from the host found no buffer on endpoint 0 since [`watch_for_refusal`], and
+/// ends the watch.
 fn has_refused_data() -> bool {
     // SAFETY: only the interrupt of USB writes these registers; a bit that is set is cleared.
     let registers = unsafe { &*USBCTRL_REGS::ptr() };
@@ -397,7 +402,7 @@ fn has_refused_data() -> bool {
     refused.ep0_out().bit_is_set()
 }
 
-/// Takes an endpoint's buffer back from the controller.
+/// Withdraws an endpoint's buffer from the controller.
 #[inline(never)]
 fn disarm(word: usize) {
     // SAFETY: only the interrupt of USB writes the words of the buffers.
@@ -407,8 +412,8 @@ fn disarm(word: usize) {
         .modify(|_, w| w.available_0().clear_bit());
 }
 
-/// Takes the buffer for data on endpoint 0 back, which the driver makes available again after a full packet. Whether one
-/// came into it; that is thrown away.
+/// Withdraws the data buffer of endpoint 0, which the driver makes available again after a full packet.
+/// Returns whether it had received data; these are discarded.
 fn takes_back_with_data() -> bool {
     let was_armed = is_armed(OUT_0);
     disarm(OUT_0);
@@ -418,7 +423,7 @@ fn takes_back_with_data() -> bool {
     // SAFETY: only the interrupt of USB writes this register and the words of the buffers; a bit of the register
     // that is set is cleared.
     let (registers, memory) = unsafe { (&*USBCTRL_REGS::ptr(), &*USBCTRL_DPRAM::ptr()) };
-    // The mark: what the controller wrote into the word meanwhile is lost.
+    // The flag decides: the controller's write to the word is lost if it came during the withdrawal.
     let has_come = registers.buff_status().read().ep0_out().bit_is_set();
     registers
         .buff_status()
@@ -429,38 +434,38 @@ fn takes_back_with_data() -> bool {
     has_come
 }
 
-/// Whether a setup packet has come that was not read.
+/// Returns whether an unread setup packet is waiting.
 fn setup_waits() -> bool {
     // SAFETY: reading this register has no effect on it.
     let registers = unsafe { &*USBCTRL_REGS::ptr() };
     registers.sie_status().read().setup_rec().bit_is_set()
 }
 
-/// A setup packet that came while the driver copied the one before has lost its mark: the driver clears it
-/// afterwards. It takes the other's place, and what is to come of its data is allowed for.
+/// Replaces a setup packet by one that arrived while the driver copied it: that one has lost its flag,
+/// which the driver clears afterwards. Also prepares for its data.
 fn take_later_setup(read: &mut [u8; 8]) {
     // SAFETY: only the interrupt of USB writes the words of the buffers; reading these has no effect.
     let memory = unsafe { &*USBCTRL_DPRAM::ptr() };
     let low = memory.setup_packet_low().read().bits();
     let high = memory.setup_packet_high().read().bits();
     let later = u64::from(high) << 32 | u64::from(low);
-    // One that came after that has its mark, and its turn.
+    // A packet that arrived after that has its flag, and is handled later.
     if u64::from_le_bytes(*read) == later || setup_waits() {
         return;
     }
     *read = later.to_le_bytes();
     let [kind, .., least, most] = *read;
     let expects_packet = kind & 0x80 != 0 || [least, most] != [0, 0];
-    // The controller may be about to change the word of a buffer that it has.
+    // The controller may be about to change the word of a buffer that it owns.
     if expects_packet && !is_armed(OUT_0) && !has_data(OUT_0) {
         let control = memory.ep_buffer_control(OUT_0);
         control.modify(|_, w| w.available_0().set_bit());
     }
 }
 
-/// Refuses the control transfer under way: in both directions at once, since either ends it. If a setup
-/// packet waits that transfer is over, and the next one is not refused for it: the controller ends a
-/// refusal when a setup packet comes, and not later (RP2040 datasheet 4.1.4, EP_STALL_ARM).
+/// Refuses the control transfer in progress, in both directions, since either ends it. If a setup packet
+/// is waiting, the transfer is already over, and the next one must not be refused: the controller ends a
+/// refusal only when a setup packet arrives (RP2040 datasheet 4.1.4, EP_STALL_ARM).
 fn refuse_control() {
     // SAFETY: only the interrupt of USB writes these registers and the words of the buffers.
     let (registers, memory) = unsafe { (&*USBCTRL_REGS::ptr(), &*USBCTRL_DPRAM::ptr()) };
@@ -469,9 +474,9 @@ fn refuse_control() {
             .ep_buffer_control(word)
             .modify(|_, w| w.available_0().clear_bit().stall().set_bit());
     }
-    // Not interrupted: the next token is a few microseconds after the setup packet. So one that comes in here
-    // is seen in time, and one that came before is asked for first: its token may be now. The interrupts that
-    // a critical section lets through may take longer.
+    // Runs with interrupts off: the next token follows the setup packet within a few microseconds. A
+    // setup packet that arrives in here is seen in time; one that arrived before is checked first, since
+    // its token may be due. The interrupts that a critical section does not mask may take longer.
     cortex_m::interrupt::free(|_| {
         if setup_waits() {
             return;
@@ -515,7 +520,7 @@ impl UsbBusTrait for Bus {
             .fold(0, |taken, endpoint| taken | 1 << endpoint);
         self.hal.reset();
         self.forget_frames();
-        // Nothing comes within 10 ms of a reset: what is there came before it (USB 2.0 7.1.7.5).
+        // Nothing arrives within 10 ms of a reset, so this packet arrived before it (USB 2.0 7.1.7.5).
         // SAFETY: only the interrupt of USB writes this register.
         let registers = unsafe { &*USBCTRL_REGS::ptr() };
         registers
@@ -542,17 +547,18 @@ impl UsbBusTrait for Bus {
             return self.hal.write(address, packet);
         }
         let control = self.control();
-        // All data have come.
+        // All data were received.
         if !control.is_in() {
             watch_for_refusal();
             if takes_back_with_data() {
-                // More than the request announced: no status, so that the host does not take it for done.
+                // More data than the request announced: no status, so that the host does not take it as
+                // completed.
                 refuse_control();
                 return Ok(packet.len());
             }
         }
-        // Where a setup packet waits it answers a request that is given up, and would be taken for the answer to
-        // the next one.
+        // If a setup packet is waiting, this would answer an abandoned request, and the host would take
+        // it as the answer to the next one.
         let written = if setup_waits() {
             packet.len()
         } else {
@@ -577,7 +583,7 @@ impl UsbBusTrait for Bus {
             Ok(8) if self.control().is_new => self.begin(buffer),
             Err(UsbError::BufferOverflow) => {
                 let _ = self.hal.read(address, &mut [0; 64]);
-                // Nothing waited for it: `usb-device` refuses the transfer.
+                // No receiver for the data: `usb-device` refuses the transfer.
                 return if buffer.is_empty() { Ok(0) } else { found };
             }
             _ => {}
@@ -615,7 +621,7 @@ impl UsbBusTrait for Bus {
 
     fn poll(&self) -> PollResult {
         self.follow_frames();
-        // Before the driver sees whether a setup packet has come, of whose transfer they may be.
+        // Before the driver checks for a setup packet, to whose transfer the data may belong.
         let has_refused_data = has_refused_data();
         let mut result = self.hal.poll();
         let has_missed = self.has_missed_sent(&result);
@@ -643,7 +649,7 @@ impl UsbBusTrait for Bus {
         if control.is_new {
             Self::end_before_setup(&mut control);
         } else if has_refused_data && control.is_waiting && !control.is_in() {
-            // More than the request announced: the host will not ask for the status that waits.
+            // More data than the request announced: the host will not request the waiting status.
             refuse_control();
             control.is_waiting = false;
         }

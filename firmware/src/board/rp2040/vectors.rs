@@ -1,4 +1,4 @@
-//! The vector table, in memory: a vector in flash may have to be fetched first, for a microsecond.
+//! Vector table in RAM: fetching a vector from flash may take a microsecond.
 
 #![allow(unsafe_code)]
 
@@ -11,17 +11,17 @@ use rp2040_pac::Interrupt;
 use super::control;
 use super::i2c::engine;
 
-/// Vectors of the processor and of the 32 interrupts.
+/// Number of vectors: those of the processor and of the 32 interrupts.
 const VECTORS: usize = 48;
-/// Vectors that are the processor's own.
+/// Number of the processor's own vectors.
 const EXCEPTIONS: usize = 16;
-/// Below the bus's interrupts, which wait for it where they can (`control::precedence`), and above
-/// everything of RTIC's: the second of four.
+/// Priority of the control interrupt, the second of four: below the bus interrupts, which wait for it
+/// where they can (`control::precedence`), and above all tasks of RTIC.
 const CONTROL_PRIORITY: u8 = 0x40;
-/// Where the linker puts the table in flash.
+/// Address at which the linker places the table in flash.
 const FLASH: *const usize = 0x1000_0100 as *const usize;
 
-/// Aligned as VTOR demands (ARMv6-M architecture, B3.2.5).
+/// Aligned as VTOR requires (ARMv6-M architecture, B3.2.5).
 #[repr(C, align(256))]
 struct Table(UnsafeCell<[usize; VECTORS]>);
 
@@ -30,8 +30,8 @@ unsafe impl Sync for Table {}
 
 static TABLE: Table = Table(UnsafeCell::new([0; VECTORS]));
 
-/// Moves the table to memory, with the two handlers of the converter's bus in it. Both get the
-/// highest priority, above every task, and so never interrupt each other.
+/// Moves the table to RAM, with the two handlers of the converter bus in it. Both get the highest
+/// priority, above every task, so they never interrupt each other.
 pub fn move_to_memory(scb: &SCB, nvic: &mut NVIC) {
     // SAFETY: no interrupt is enabled yet; the table in flash has 48 words; the handlers are
     // functions of the kind that a vector names.
@@ -63,18 +63,16 @@ pub fn move_to_memory(scb: &SCB, nvic: &mut NVIC) {
     }
 }
 
-/// The interrupts that no critical section of a task holds back: those of the converter's bus and
-/// of the coil, which share nothing with tasks but through `engine`'s and `control`'s own, shorter
-/// ones.
+/// Interrupts that no critical section of a task masks: those of the converter bus and of the coil. They
+/// share data with tasks only through the shorter critical sections of `engine` and `control`.
 const NEVER_MASKED: u32 = 1 << Interrupt::IO_IRQ_BANK0 as u32
     | 1 << Interrupt::I2C0_IRQ as u32
     | 1 << Interrupt::PWM_IRQ_WRAP as u32;
 
-/// Masks every other interrupt that is enabled, and says which those are.
+/// Masks every other enabled interrupt; returns which were enabled.
 #[inline(never)]
 fn mask() -> u32 {
-    // With interrupts off as a whole there is no moment at which one that was just masked could
-    // still be taken.
+    // With all interrupts disabled, an interrupt that was just masked cannot still be taken.
     cortex_m::interrupt::free(|_| {
         // SAFETY: masking interrupts cannot break anybody's assumptions.
         let nvic = unsafe { &*NVIC::PTR };
@@ -88,9 +86,9 @@ fn mask() -> u32 {
     })
 }
 
-/// Lets those interrupts through again that were enabled before [`mask`].
+/// Unmasks the interrupts that were enabled before [`mask`].
 fn unmask(enabled: u32) {
-    // To the compiler a write to the NVIC has nothing to do with what the section protects.
+    // The compiler does not relate a write to the NVIC to the data that the section protects.
     compiler_fence(Ordering::SeqCst);
     // SAFETY: these were enabled when the section began.
     let nvic = unsafe { &*NVIC::PTR };

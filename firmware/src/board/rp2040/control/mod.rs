@@ -1,10 +1,11 @@
-//! What happens every period of the bridge's PWM: two samples in, two pulse widths out.
+//! Control interrupt: in every period of the bridge's PWM it takes two current samples and sets two
+//! pulse widths.
 //!
-//! The PWM counts up and down (phase-correct), so its pulses lie about the beginning of the period.
-//! The ADC converts without end, started together with the PWM: current at the beginning and in the
-//! middle of every period, thermometer, supply and the processor's own temperature in between. DMA
-//! puts the eight results into a ring of eight places, so that each has its own. A second slice of
-//! the PWM calls the interrupt when the current of the period's middle is there.
+//! The PWM counts up and down (phase-correct), so its pulses are centred on the start of the period. The
+//! ADC converts continuously and starts together with the PWM: current at the start and in the middle of
+//! every period, and thermistor, supply and processor temperature in between. DMA writes the eight
+//! results into a ring of eight slots, so each has its own slot. A second PWM slice triggers the
+//! interrupt when the mid-period current is available.
 
 #![allow(unsafe_code)]
 
@@ -26,39 +27,39 @@ use crate::board::pins::{self, Function};
 use crate::board::rp2040::wait;
 use crate::board::safe;
 
-/// The slice that calls the interrupt.
+/// PWM slice that triggers the interrupt.
 pub const CONTROL_SLICE: usize = 1;
-/// That one and the bridge's.
+/// That slice and the bridge's, as a mask.
 const SLICES: u32 = 1 << CONTROL_SLICE | 1 << pins::COIL_SLICE;
-/// Cycles of a period.
+/// Cycles per period.
 pub const CYCLES: u32 = 2 * FULL_LEVEL as u32;
-/// Its count when the bridge's slice begins a period: it wraps 10.25 us later, a conversion and a
-/// quarter of a microsecond after the middle.
+/// Count of the control slice when the bridge's slice starts a period. The control slice wraps 10.25 us
+/// later: one conversion and a quarter of a microsecond after the middle.
 const CONTROL_BEGINS: u32 = CYCLES - cycles(10_250);
-/// Cycles for which tasks hold the interrupt back, with those of the bus's interrupts that may come
+/// Cycles for which tasks mask the interrupt for short work, including bus interrupts that may run
 /// meanwhile: a report takes 110, a waveform of 48 lines 800.
 const SHORT: u32 = 200;
 const LONG: u32 = 1_200;
-/// How often a task tries to hold it back: for ten periods, at twenty cycles each.
+/// Number of attempts of a task to mask the interrupt: ten periods at twenty cycles each.
 const TRIES: u32 = 10 * CYCLES / 20;
 const PHASE_CORRECT: u32 = 1 << 1;
-/// ADC.CS: enabled, temperature sensor on, without end, inputs 0, 1, 2 and 4 in turn.
+/// ADC.CS: enabled, temperature sensor on, free-running, round robin over inputs 0, 1, 2 and 4.
 const CONVERT: u32 = 1 | 1 << 1 | 1 << 3 | 0b10111 << 16;
 /// ADC.CS: enabled, temperature sensor on.
 const POWERED: u32 = 1 | 1 << 1;
-/// ADC.FCS: the FIFO on, asking DMA while it holds at least one result (datasheet 4.9.2.5; with a threshold
-/// of none it would ask always, and DMA carry what is not there).
+/// ADC.FCS: FIFO on, DMA request while it holds at least one result (datasheet 4.9.2.5). With a
+/// threshold of 0 it would always request, and DMA would copy results that do not exist.
 const FIFO_TO_DMA: u32 = 1 | 1 << 3 | 1 << 24;
-/// ADC.FCS: the FIFO was read when it was empty, or a result found it full. Either stays until it is cleared.
+/// ADC.FCS: the FIFO underflowed or overflowed. Both bits stay set until they are cleared.
 const RESULTS_LOST: u32 = 1 << 10 | 1 << 11;
-/// DMA: enabled, half-words, writing on in a ring of 16 bytes, asked by the ADC's FIFO.
+/// DMA: enabled, half-words, write address wrapping in a ring of 16 bytes, paced by the ADC's FIFO.
 const CARRY: u32 = 1 | 1 << 2 | 1 << 5 | 4 << 6 | 1 << 10 | 36 << 15;
-/// Results until one channel hands over to the other: a multiple of the ring, and an hour.
+/// Results until one channel hands over to the other: a multiple of the ring length; one hour.
 const RESULTS: u32 = 0x6000_0000;
 
-/// Results of a period.
+/// Results per period.
 const RING: usize = 8;
-/// Places of the inputs in it: the current's two, and one of thermometer and supply.
+/// Slots in the ring: two of the current, then one each of thermistor and supply.
 const CURRENT: [usize; 2] = [0, 4];
 const THERMISTOR: usize = 5;
 const SUPPLY: usize = 6;
@@ -71,10 +72,10 @@ unsafe impl Sync for Ring {}
 
 static RESULTS_RING: Ring = Ring(UnsafeCell::new([0; RING]));
 
-/// What belongs to the interrupt. In this order: see [`Drive`].
+/// State of the interrupt. For the order of the fields see [`Drive`].
 #[repr(C)]
 struct Control {
-    /// Whether the bridge is awake, with its limit as it should be.
+    /// The bridge is awake and its limit pin is in its normal state.
     drives: bool,
     awake: bool,
     limit_low: bool,
@@ -90,24 +91,24 @@ unsafe impl Sync for ControlCell {}
 static CONTROL: ControlCell = ControlCell(UnsafeCell::new(MaybeUninit::uninit()));
 static IS_STARTED: AtomicBool = AtomicBool::new(false);
 
-/// The current as it was measured.
+/// Block averages of the measured current.
 pub static AVERAGES: Averages<AVERAGED_BLOCKS> = Averages::new();
 
-/// The current, period by period, when that is asked for.
+/// Measured current period by period, when a trace is requested.
 pub static TRACE: Trace<TRACE_LENGTH> = Trace::new();
 
-/// The supply's result when the bridge last went off; [`NONE`] once it was taken.
+/// Supply result when the bridge last went off; [`NONE`] after it was taken.
 static SUPPLY_AT_OFF: AtomicU32 = AtomicU32::new(NONE);
 const NONE: u32 = u32::MAX;
 
-/// The supply's result of the moment at which the bridge went off, once.
+/// Takes the supply result of the moment at which the bridge went off; `None` on later calls.
 pub fn take_supply_at_off() -> Option<u16> {
     let result = SUPPLY_AT_OFF.load(Ordering::Relaxed);
     SUPPLY_AT_OFF.store(NONE, Ordering::Relaxed);
     u16::try_from(result).ok()
 }
 
-/// Sets PWM, ADC and DMA up and starts them; the bridge is off.
+/// Sets up and starts PWM, ADC and DMA, with the bridge off.
 pub fn start(drive: Drive) {
     // SAFETY: nothing else uses the cell; the interrupt is not enabled yet.
     unsafe {
@@ -122,7 +123,7 @@ pub fn start(drive: Drive) {
     begin();
 }
 
-/// Sets PWM, ADC and DMA up and starts them, the latter two from their reset.
+/// Sets up and starts PWM, ADC and DMA; ADC and DMA come from reset.
 fn begin() {
     // SAFETY: nothing else uses these slices, the ADC or DMA.
     unsafe {
@@ -135,7 +136,7 @@ fn begin() {
         set_up(dma.ch(1));
         dma.ch(1).ch_al1_ctrl().write(|w| w.bits(CARRY));
         set_up(dma.ch(0));
-        // The other takes over at its end.
+        // At its end the other channel takes over.
         let chained = CARRY | 1 << 11;
         dma.ch(0).ch_ctrl_trig().write(|w| w.bits(chained));
         let bridge = pwm.ch(pins::COIL_SLICE);
@@ -152,7 +153,7 @@ fn begin() {
     }
 }
 
-/// Begins anew with every result in its place, while the bridge is off.
+/// Restarts ADC and DMA so that every result is in its slot again, while the bridge is off.
 #[inline(never)]
 fn begin_anew() {
     // SAFETY: what others change here they change in tasks, none of which comes between.
@@ -172,17 +173,18 @@ fn begin_anew() {
     }
 }
 
-/// Whether results are not in their places in the ring any more.
+/// Returns whether a result was lost, so that the results are not in their slots.
 #[inline(always)]
 fn has_lost_results() -> bool {
     // SAFETY: a register is read.
     unsafe { (*ADC::ptr()).fcs().read().bits() & RESULTS_LOST != 0 }
 }
 
-/// Starts PWM and ADC, a store apart: 25 ns, of which a bridge's dead time takes its part back. Whatever else
-/// came between the two would move every sample off the point where the ripple passes through its mean,
-/// and all measured currents with it: a fetch from flash lasts 0.36 us, which is 45 mA at 12 V and 40 uH. So
-/// this is never part of its caller, which lies in flash (build.rs), and not interrupted.
+/// Starts PWM and ADC one store apart: 25 ns, part of which the bridge's dead time compensates. Any
+/// further delay between the two moves every sample away from the point where the ripple crosses its
+/// mean, and shifts all measured currents: a fetch from flash takes 0.36 us, which is 45 mA at 12 V and
+/// 40 uH. So this function is never inlined into its caller, which is in flash (build.rs), and runs with
+/// interrupts off.
 #[inline(never)]
 fn start_together(slices: u32) {
     cortex_m::interrupt::free(|_| {
@@ -201,7 +203,7 @@ fn start_together(slices: u32) {
     });
 }
 
-/// From the ADC's FIFO into the ring.
+/// Sets up a DMA channel from the ADC's FIFO into the ring.
 fn set_up(channel: &rp2040_pac::dma::CH) {
     // SAFETY: an address of a register and one of a static.
     unsafe {
@@ -213,7 +215,7 @@ fn set_up(channel: &rp2040_pac::dma::CH) {
     }
 }
 
-/// Lets the interrupt run, or rest: the bridge is off then.
+/// Enables or disables the interrupt. The bridge is off when it is disabled.
 pub fn run(on: bool) {
     if !IS_STARTED.load(Ordering::Acquire) {
         return;
@@ -227,14 +229,14 @@ pub fn run(on: bool) {
     precedence::set_on(on);
 }
 
-/// The last period in [`AVERAGES`], and when it ended.
+/// Returns the number of the last period in [`AVERAGES`] and the time of its end.
 ///
-/// Its two samples, at the beginning and in the middle of a period of the bridge, are the current of
-/// the moment between them, which is the mean over a period about that moment: to two microseconds
-/// after the interrupt was called.
+/// The mean of its two samples, at the start and in the middle of a bridge period, is the current
+/// halfway between them. It equals the mean over one period centred there, which ends within two
+/// microseconds of the interrupt's start.
 pub fn last() -> LastPeriod {
     const AFTER_CALL_US: u32 = 2;
-    // What came between the two clocks would shift the window by as long as it runs.
+    // Anything that ran between reading the two clocks would shift the window by its run time.
     let read = || {
         cortex_m::interrupt::free(|_| {
             // SAFETY: a register is read.
@@ -250,13 +252,13 @@ pub fn last() -> LastPeriod {
     };
     match read() {
         (last, false) => last,
-        // A period that ended meanwhile is counted by now, and the next does not end so soon.
+        // A period that ended meanwhile is counted by then, and the next one does not end so soon.
         (_, true) => read().0,
     }
 }
 
-/// The drive, with the interrupt held back for a microsecond: for a report, or for an order that
-/// changes little.
+/// Gives access to the drive with the interrupt masked for about a microsecond: for a report or a small
+/// order.
 pub fn with_drive<T>(work: impl FnOnce(&mut Drive) -> T) -> Option<T> {
     masked_for(SHORT, work)
 }
@@ -266,17 +268,18 @@ pub fn apply(order: &Order) {
     masked_for(LONG, |drive| drive.apply(order));
 }
 
-/// The drive, with the interrupt held back for so many cycles: begun when it is not due for as long.
+/// Gives access to the drive with the interrupt masked for up to `cycles`; starts when the interrupt is
+/// not due for that long.
 fn masked_for<T>(cycles: u32, work: impl FnOnce(&mut Drive) -> T) -> Option<T> {
     if !IS_STARTED.load(Ordering::Acquire) {
         return None;
     }
-    // No task comes between, and so no task unmasks the interrupt while another works.
+    // No other task runs meanwhile, so none unmasks the interrupt during the work.
     critical_section::with(|_| {
         let latest = CYCLES - cycles;
-        // Ends within a period: the interrupt takes less than what these cycles leave of it.
+        // Succeeds within a period: the interrupt takes less time than these cycles leave of it.
         let _ = (0..TRIES).any(|_| mask_before(latest));
-        // A level that comes late is better than an order that never comes.
+        // A late level is better than an order that is never applied.
         NVIC::mask(Interrupt::PWM_IRQ_WRAP);
         cortex_m::asm::dsb();
         // SAFETY: see `ControlCell`.
@@ -285,7 +288,7 @@ fn masked_for<T>(cycles: u32, work: impl FnOnce(&mut Drive) -> T) -> Option<T> {
             begin_anew();
         }
         let done = work(&mut control.drive);
-        // What was worked on is in memory before the interrupt can see it.
+        // All changes must be in memory before the interrupt can see them.
         compiler_fence(Ordering::SeqCst);
         // SAFETY: it was enabled: it always is, since `vectors` has enabled it.
         unsafe { NVIC::unmask(Interrupt::PWM_IRQ_WRAP) };
@@ -293,7 +296,8 @@ fn masked_for<T>(cycles: u32, work: impl FnOnce(&mut Drive) -> T) -> Option<T> {
     })
 }
 
-/// Masks the interrupt, if it does not wait already and its slice has not counted so far yet.
+/// Masks the interrupt unless it is pending or its slice has counted to `latest`; returns whether it
+/// did.
 fn mask_before(latest: u32) -> bool {
     NVIC::mask(Interrupt::PWM_IRQ_WRAP);
     cortex_m::asm::dsb();
@@ -320,7 +324,7 @@ fn result(index: usize) -> u16 {
     }
 }
 
-/// The last results of thermistor and supply.
+/// Returns the last results of thermistor and supply.
 pub fn slow_readings() -> SlowReadings {
     SlowReadings {
         thermistor: result(THERMISTOR),
@@ -328,7 +332,7 @@ pub fn slow_readings() -> SlowReadings {
     }
 }
 
-/// The interrupt: once a period.
+/// Control interrupt: runs once per period.
 pub unsafe extern "C" fn on_period() {
     precedence::begin();
     // SAFETY: clears the flag of the slice that called.

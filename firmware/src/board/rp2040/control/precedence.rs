@@ -1,9 +1,8 @@
-//! Who goes first: the coil's interrupt, until its levels are written, or the converter's bus.
+//! Priority between the coil's interrupt, until it has written its levels, and the converter bus.
 //!
-//! The bus's interrupts stand above that of the coil, since a time stamp is taken there. All that
-//! can wait does so, when the coil's interrupt is under way or about to come: a level that is
-//! written after the PWM's wrap comes a period late. A transaction then begins up to six
-//! microseconds later.
+//! The bus interrupts have the higher priority, since they take a time stamp. All bus work that can be
+//! deferred waits while the coil's interrupt runs or is about to start: a level written after the PWM
+//! wraps takes effect one period late. A transaction then starts up to six microseconds later.
 
 #![allow(unsafe_code)]
 
@@ -14,25 +13,24 @@ use rp2040_pac::{Interrupt, PWM};
 
 use super::{CONTROL_SLICE, CYCLES};
 
-/// Cycles that parts of the bus's engine take, from their question on: to begin a transaction, and
-/// to move a frame's bytes.
+/// Cycles from the check in [`must_wait`] to the end of the bus engine's work: to start a transaction.
 pub const TO_BEGIN: u32 = 360;
-/// See [`TO_BEGIN`].
+/// As [`TO_BEGIN`], to move the bytes of a frame.
 pub const TO_SERVE: u32 = 400;
 
-/// Cycles after which the coil's interrupt has said that it has begun, unless it is still pending:
-/// its entry, and what the bus's own takes from its entry, just before, to the question.
+/// Cycles after which the coil's interrupt has called [`begin`] or is still pending: its entry, and the
+/// time of a bus interrupt, entered just before, up to its check.
 const BEGUN: u32 = 140;
 const CONTROL: Interrupt = Interrupt::PWM_IRQ_WRAP;
 
-/// Whether the coil's interrupt runs at all, once a period.
+/// The coil's interrupt is enabled and runs once per period.
 static IS_ON: AtomicBool = AtomicBool::new(false);
-/// It has begun, and its levels are not written.
+/// The coil's interrupt has started and has not written its levels.
 static IS_BUSY: AtomicBool = AtomicBool::new(false);
-/// The bus's engine waits for it.
+/// The bus engine waits for the coil's interrupt.
 static IS_AWAITED: AtomicBool = AtomicBool::new(false);
 
-/// The coil's interrupt begins to run, or ends.
+/// Records that the coil's interrupt is enabled or disabled.
 pub fn set_on(on: bool) {
     IS_ON.store(on, Ordering::Relaxed);
     if !on {
@@ -40,19 +38,19 @@ pub fn set_on(on: bool) {
     }
 }
 
-/// The coil's interrupt has begun.
+/// Records that the coil's interrupt has started.
 #[inline(always)]
 pub fn begin() {
     IS_BUSY.store(true, Ordering::Relaxed);
 }
 
-/// Its levels are written.
+/// Records that the levels are written.
 #[inline(always)]
 pub fn end() {
-    // The levels are written to a register, and the bus's interrupt may come at once.
+    // The levels go to a register, and a bus interrupt may follow at once.
     compiler_fence(Ordering::SeqCst);
     IS_BUSY.store(false, Ordering::Relaxed);
-    // In this order: who asks from now on need not wait.
+    // In this order: a check from here on does not wait.
     if IS_AWAITED.load(Ordering::Relaxed) {
         release();
     }
@@ -61,15 +59,15 @@ pub fn end() {
 #[inline(never)]
 fn release() {
     IS_AWAITED.store(false, Ordering::Relaxed);
-    // Before the interrupt can wait anew.
+    // Before the interrupt can wait again.
     compiler_fence(Ordering::SeqCst);
     // SAFETY: it was enabled: it always is, but while it waits.
     unsafe { NVIC::unmask(Interrupt::I2C0_IRQ) };
     NVIC::pend(Interrupt::I2C0_IRQ);
 }
 
-/// Whether the bus's engine has to wait with what takes so many cycles. If so, I2C0_IRQ comes when it
-/// need not any more, and not before. For its interrupts, and for tasks that hold them back.
+/// Returns whether the bus engine must defer work of `cycles`. If so, I2C0_IRQ is masked and is
+/// triggered when the wait ends. For the bus interrupts, and for tasks that mask them.
 #[inline(always)]
 pub fn must_wait(cycles: u32) -> bool {
     if !IS_ON.load(Ordering::Relaxed) {

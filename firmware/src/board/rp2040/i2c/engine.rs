@@ -1,15 +1,15 @@
 //! The part of the I2C master and of the edge readers that runs in interrupts.
 //!
-//! A transaction is a [`Job`]: its commands are put into the block's queue as there is room, its
+//! A transaction is a [`Job`]: its commands are written to the block's queue as space becomes free, its
 //! bytes are collected, and an interrupt of lower priority reports its end.
 //!
-//! Each converter's edge reader has a job of its own: every falling edge of that converter's INTB
-//! begins it at once, or as soon as the bus is free, and its bytes wait with the edge's time until
-//! the reader takes them. Thus a frame is fetched within a microsecond of the converter's call,
-//! whatever the tasks do, and the next one while they still work on the last.
+//! Each converter's edge reader has its own job. Every falling edge of that converter's INTB starts the
+//! job at once, or as soon as the bus is free, and its bytes are queued with the edge's time until the
+//! reader takes them. So reading a frame starts within a microsecond of the edge, independent of the
+//! tasks, also while they still process the previous frame.
 //!
-//! Where two converters share the bus they take turns: a frame then has several parts, each a
-//! transaction of its own, and after each part or transaction the other converter goes first.
+//! Two converters on one bus take turns: a frame then has several parts, each in its own transaction,
+//! and after each part or transaction the other converter goes first.
 
 #![allow(unsafe_code)]
 
@@ -22,16 +22,16 @@ use rp2040_pac::{I2C0, IO_BANK0, Interrupt, NVIC, PWM, TIMER};
 use crate::board::pins;
 use crate::board::rp2040::control::precedence::{self, TO_BEGIN, TO_SERVE};
 
-/// Commands of the longest frame: by register pointer, high byte and low byte.
+/// Number of commands of the longest frame: per register pointer, high byte and low byte.
 const MAX_COMMANDS: usize = MOST_FRAME_BYTES / 2 * 3;
-/// Bytes of the longest frame, in whole words.
+/// Number of bytes of the longest frame, in whole words.
 const MAX_BYTES: usize = MOST_FRAME_BYTES.next_multiple_of(4);
-/// Frames that can wait for their reader.
+/// Number of frames that can wait for their reader.
 const FRAMES: usize = 4;
 
-/// A command of the block: to read a byte, and to send STOP after it.
+/// Bit of a command: read a byte.
 pub const READ: u16 = 1 << 8;
-/// See [`READ`].
+/// Bit of a command: send STOP after the byte.
 pub const STOP: u16 = 1 << 9;
 
 /// Depth of the block's queues (RP2040 datasheet 4.3.2).
@@ -40,21 +40,21 @@ const TX_EMPTY: u32 = 1 << 4;
 const RX_FULL: u32 = 1 << 2;
 const TX_ABORT: u32 = 1 << 6;
 const STOP_DETECTED: u32 = 1 << 9;
-/// In TX_ABRT_SOURCE: lost arbitration, after which no STOP follows.
+/// In TX_ABRT_SOURCE: arbitration lost; no STOP follows.
 const ARBITRATION: u32 = 1 << 12;
-/// In an outcome's cause: there is one.
+/// In the cause of an outcome: the transaction was aborted.
 const IS_ABORTED: u32 = 1 << 31;
 
-/// A byte takes nine periods; at 160 kHz each is 6.25 us. A bus whose edges are slow still works: at 400 kHz
-/// as set, a rise of 3 us makes it 182 kHz.
+/// Time per byte: nine clock periods of 6.25 us, at 160 kHz. It allows slow edges: at the 400 kHz
+/// setting, a rise time of 3 us gives 182 kHz.
 const BYTE_US: u32 = 57;
-/// What a master and its interrupts need besides.
+/// Additional time for a master and its interrupts.
 const MARGIN_US: u32 = 200;
-/// No transaction may take longer.
+/// Limit of the time of any transaction.
 const LONGEST_US: u32 = 5_000;
 
-/// From the transaction's own start; it is polled when a pulse comes, every millisecond. A register takes
-/// three commands and five bytes on the wire: address, pointer, address, and two of data.
+/// Returns the time limit from the transaction's own start; it is checked every millisecond. A register
+/// takes three commands and five bytes on the wire: address, pointer, address, and two data bytes.
 pub const fn deadline_us(commands: usize) -> u32 {
     let bytes = commands as u32 * 5 / 3 + 2;
     let deadline_us = bytes * BYTE_US + MARGIN_US;
@@ -65,44 +65,44 @@ pub const fn deadline_us(commands: usize) -> u32 {
     }
 }
 
-/// The moment of an edge.
+/// Time and count of an edge.
 #[derive(Clone, Copy, Default)]
 pub struct Stamp {
     /// The lower half of the microsecond timer.
     pub time_us: u32,
-    /// Edges that the hardware has counted.
+    /// Number of edges that the hardware has counted.
     pub edges: u16,
-    /// There was an edge: its time is known.
+    /// The edge was seen and its time is known.
     pub is_known: bool,
 }
 
-/// Commands, and the bytes that they read.
+/// Number of commands, and number of bytes that they read.
 #[derive(Clone, Copy, Default)]
 struct Extent {
     commands: u8,
     bytes: u8,
 }
 
-/// A transaction, or several one after the other.
+/// One transaction, or several in sequence.
 #[derive(Clone, Copy)]
 #[repr(C)]
 pub struct Job {
     length: u8,
     bytes: u8,
     address: u8,
-    /// The first transaction, and each later one.
+    /// Extent of the first transaction, then of each later one.
     first: Extent,
     later: Extent,
-    /// How long one of them may take.
+    /// Time limit of one transaction.
     deadline_us: u32,
     commands: [u16; MAX_COMMANDS],
 }
 
 impl Job {
-    /// Without commands.
+    /// A job without commands.
     const EMPTY: Self = Self::to(0);
 
-    /// A transaction with a target, without commands yet.
+    /// Creates a transaction with a target and no commands.
     pub const fn to(address: u8) -> Self {
         Self {
             length: 0,
@@ -121,7 +121,7 @@ impl Job {
         }
     }
 
-    /// Adds a command; nothing if there is no room.
+    /// Adds a command; `None` if there is no space.
     pub fn push(&mut self, command: u16) -> Option<()> {
         *self.commands.get_mut(usize::from(self.length))? = command;
         self.length += 1;
@@ -131,7 +131,7 @@ impl Job {
         (usize::from(self.bytes) <= MAX_BYTES).then_some(())
     }
 
-    /// Ends it as one transaction; nothing if it has no commands.
+    /// Ends the job as one transaction; `None` if it has no commands.
     pub fn stop(&mut self) -> Option<()> {
         self.first = Extent {
             commands: self.length,
@@ -143,7 +143,7 @@ impl Job {
         Some(())
     }
 
-    /// Ends it as so many transactions of a frame: each after the first reads two registers.
+    /// Ends the job as `parts` transactions of a frame: each after the first reads two registers.
     pub fn stop_parts(&mut self, parts: u8) -> Option<()> {
         const PART: Extent = Extent {
             commands: 6,
@@ -167,23 +167,23 @@ impl Job {
     }
 }
 
-/// What came of a transaction.
+/// Result of a transaction.
 #[derive(Clone, Copy)]
 pub struct TransferOutcome {
-    /// Room for the bytes; see [`Self::bytes`].
+    /// Buffer for the bytes; see [`Self::bytes`].
     pub bytes: [u8; MAX_BYTES],
-    /// How many were read.
+    /// Number of bytes read.
     pub count: u8,
-    /// The edge that began it, if one did.
+    /// The edge that started the transaction, if one did.
     pub stamp: Stamp,
-    /// When each part of the frame was over.
+    /// End time of each part of the frame.
     pub ended_us: [u32; MOST_PARTS],
-    /// Why it was aborted, by the block's own bits; 0 if it was not.
+    /// Reason for the abort, as the block's own bits; 0 if it was not aborted.
     pub cause: u32,
 }
 
 impl TransferOutcome {
-    /// The bytes that were read.
+    /// Returns the bytes that were read.
     pub fn bytes(&self) -> &[u8] {
         self.bytes.get(..self.count.into()).unwrap_or_default()
     }
@@ -201,23 +201,23 @@ impl TransferOutcome {
     };
 }
 
-/// What runs on the bus.
+/// Current user of the bus.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Runs {
     Nothing,
-    /// The frame of a converter.
+    /// Frame of a converter.
     Frame(usize),
-    /// The transaction of a converter's master.
+    /// Transaction of a converter's master.
     Single(usize),
-    /// The bus is being freed: the block is in its reset or has no pins, what is called for meanwhile waits, and
-    /// what ran will have failed.
+    /// The bus is being recovered: the block is in reset or disconnected from its pins. New requests
+    /// wait, and the interrupted transaction fails.
     Recovery,
 }
 
-/// The transaction that a converter's master began.
+/// Transaction of a converter's master.
 #[repr(C)]
 struct Single {
-    /// It waits for the bus.
+    /// The transaction waits for the bus.
     waits: bool,
     is_over: bool,
     job: Job,
@@ -233,21 +233,21 @@ impl Single {
     };
 }
 
-/// The frames of one converter.
+/// Frame queue of one converter.
 #[repr(C)]
 struct Reader {
-    /// Edges begin its job.
+    /// Edges start the job.
     is_on: bool,
-    /// There is an edge that came while the bus was taken: `late`.
+    /// An edge came while the bus was in use: `late`.
     is_late: bool,
-    /// The next part of its frame, and the command with which that begins: 0 before the frame has begun.
+    /// Next part of the frame, and its first command; 0 before the frame has started.
     part: usize,
     next: usize,
-    /// Places in `frames`: of the oldest, and how many wait.
+    /// Index in `frames` of the oldest, and the number that wait.
     first: usize,
     waiting: usize,
     last_edge_us: u32,
-    /// How long after its edge each part may begin, in microseconds.
+    /// Latest start of each part after its edge, in microseconds.
     latest_us: [u32; MOST_PARTS],
     late: Stamp,
     job: Job,
@@ -269,7 +269,8 @@ impl Reader {
         frames: [TransferOutcome::NONE; FRAMES],
     };
 
-    /// Whether its frame can go on or begin; in the second case whether its edge is known.
+    /// Returns whether its frame can continue or start. A frame starts only if `is_known` says whether
+    /// its edge is known.
     #[inline(always)]
     fn can_begin(&self, is_known: bool) -> bool {
         if self.next > 0 {
@@ -283,8 +284,8 @@ impl Reader {
         (self.first + self.waiting) % FRAMES
     }
 
-    /// Prepares the next part of its frame. `false` if what it reads would be overwritten meanwhile: the
-    /// frame is over then.
+    /// Prepares the next part of its frame. Returns `false` if the results would be overwritten during
+    /// the read: the frame then ends.
     #[inline(always)]
     fn prepare(&mut self) -> bool {
         let slot = self.slot();
@@ -306,12 +307,12 @@ impl Reader {
         false
     }
 
-    /// What the edge called for would be overwritten while it is read.
+    /// Ends a frame whose results would be overwritten during the read.
     #[inline(never)]
     fn pass_over(&mut self) {
         let slot = self.slot();
         if let Some(outcome) = self.frames.get_mut(slot) {
-            // Never: so long after its edge that no frame is in time.
+            // Marks every part as never read: so long after its edge that no frame is in time.
             let never_us = outcome.stamp.time_us.wrapping_sub(1);
             *outcome = TransferOutcome {
                 stamp: outcome.stamp,
@@ -324,7 +325,7 @@ impl Reader {
         NVIC::pend(Interrupt::PIO0_IRQ_0);
     }
 
-    /// The next part of its frame.
+    /// Returns the extent of the next part of its frame.
     #[inline(always)]
     fn extent(&self) -> Extent {
         if self.next == 0 {
@@ -334,7 +335,7 @@ impl Reader {
         }
     }
 
-    /// A part of its frame is over, up to this command.
+    /// Ends a part of its frame; `end` is the first command after it.
     #[inline(always)]
     fn part_is_over(&mut self, end: usize) {
         let (slot, part) = (self.slot(), self.part);
@@ -352,7 +353,7 @@ impl Reader {
         }
     }
 
-    /// Its frame is over, and waits.
+    /// Ends its frame and queues it.
     fn is_whole(&mut self) {
         self.part = 0;
         self.next = 0;
@@ -360,21 +361,21 @@ impl Reader {
     }
 }
 
-/// What every interrupt needs comes first: the processor reaches it in one instruction.
+/// The fields that every interrupt needs come first: the processor reaches them in one instruction.
 #[repr(C)]
 struct Engine {
     runs: Runs,
-    /// The next command, the end of the transaction's commands, and how many bytes it has read by then.
+    /// Next command, end of the transaction's commands, and number of bytes read by then.
     next: usize,
     end: usize,
     bytes: u8,
-    /// The target that the block is set to.
+    /// Target address that the block is set to.
     address: u8,
     since_us: u32,
     deadline_us: u32,
-    /// The converter that had the bus last: the other one goes first.
+    /// Converter that had the bus last: the other one goes first.
     last: usize,
-    /// What ran when recovery began.
+    /// User of the bus when recovery began.
     cut: Runs,
     readers: [Reader; CONVERTERS],
     singles: [Single; CONVERTERS],
@@ -400,7 +401,7 @@ static ENGINE: Shared = Shared(UnsafeCell::new(Engine {
     singles: [const { Single::NONE }; CONVERTERS],
 }));
 
-/// Lets a task work on the engine while no interrupt can.
+/// Gives a task access to the engine with all interrupts masked.
 #[inline(always)]
 fn with<T>(work: impl FnOnce(&mut Engine) -> T) -> T {
     cortex_m::interrupt::free(|_| {
@@ -421,13 +422,13 @@ fn now_us() -> u32 {
     unsafe { (*TIMER::ptr()).timerawl().read().bits() }
 }
 
-/// Commands that the block has room for.
+/// Returns the number of commands that the block's queue has space for.
 #[inline(always)]
 fn room() -> usize {
     DEPTH.saturating_sub(i2c().ic_txflr().read().bits() as usize)
 }
 
-/// The transaction that runs: what it sends, how far it is, what came of it.
+/// Running transaction: its job, its progress and its outcome.
 struct Transfer<'a> {
     job: &'a Job,
     next: &'a mut usize,
@@ -436,7 +437,7 @@ struct Transfer<'a> {
 }
 
 impl Transfer<'_> {
-    /// Puts commands into the block while it has room.
+    /// Writes commands to the block while its queue has space.
     #[inline(always)]
     fn feed(&mut self, room: usize) {
         let end = self.end.min(*self.next + room);
@@ -457,11 +458,11 @@ impl Transfer<'_> {
         *self.next >= self.end
     }
 
-    /// Takes the bytes that the block has.
+    /// Reads the received bytes from the block.
     fn drain(&mut self) {
         let waiting = i2c().ic_rxflr().read().bits() as usize;
         let begin = usize::from(self.outcome.count);
-        // No more than were asked for, so there is room.
+        // The block never receives more than was requested, so there is space.
         let end = (begin + waiting).min(MAX_BYTES);
         for slot in self.outcome.bytes.get_mut(begin..end).unwrap_or_default() {
             *slot = i2c().ic_data_cmd().read().bits() as u8;
@@ -471,7 +472,7 @@ impl Transfer<'_> {
 }
 
 impl Engine {
-    /// What runs; nothing while nothing does.
+    /// Returns the running transaction; `None` while there is none.
     #[inline(always)]
     fn transfer(&mut self) -> Option<Transfer<'_>> {
         let (next, end) = (&mut self.next, self.end);
@@ -495,7 +496,7 @@ impl Engine {
         })
     }
 
-    /// Begins with a transaction, whose outcome is prepared.
+    /// Starts a transaction whose outcome is already prepared.
     #[inline(always)]
     fn start(&mut self, runs: Runs, next: usize, extent: Extent, bytes: u8) {
         self.note_edges();
@@ -512,7 +513,7 @@ impl Engine {
         if address != before {
             set_target(address);
         }
-        // A STOP of an earlier, aborted transaction may have come since.
+        // The STOP of an earlier, aborted transaction may have come meanwhile.
         let _ = i2c().ic_clr_stop_det().read().bits();
         transfer.feed(room());
         self.address = address;
@@ -561,7 +562,7 @@ impl Engine {
         }
     }
 
-    /// A transaction is over.
+    /// Ends the running transaction.
     fn finish(&mut self) {
         // SAFETY: the transaction has ended, so no interrupt of the block is needed.
         i2c().ic_intr_mask().write(|w| unsafe { w.bits(0) });
@@ -584,7 +585,7 @@ impl Engine {
         self.catch_up();
     }
 
-    /// Begins with what waits, if it can.
+    /// Starts the waiting work, if the bus is free.
     #[inline(never)]
     fn catch_up(&mut self) {
         while matches!(self.runs, Runs::Nothing) {
@@ -602,8 +603,9 @@ impl Engine {
         }
     }
 
-    /// What is next: a frame whose edge is known, the transaction of a master, a frame without an edge;
-    /// of two alike that of the converter that did not have the bus last.
+    /// Returns the next user of the bus: first a frame whose edge is known, then a master's transaction,
+    /// then a frame without an edge. Between two of a kind, the converter that did not have the bus last
+    /// goes first.
     #[inline(always)]
     fn next_in_turn(&self) -> Option<Runs> {
         let [first, second] = &self.readers;
@@ -650,8 +652,8 @@ impl Engine {
         self.start(Runs::Single(converter), 0, extent, 0);
     }
 
-    /// Takes the time of an edge that has come during an interrupt of the bus, which may last three
-    /// microseconds: it is not to wait until that has ended.
+    /// Stamps an edge that came during a bus interrupt: the interrupt may last three microseconds, and
+    /// the stamp must not wait for its end.
     #[inline(always)]
     fn note_edges(&mut self) {
         if NVIC::is_pending(Interrupt::IO_IRQ_BANK0) {
@@ -664,8 +666,8 @@ impl Engine {
         self.take_edges(false);
     }
 
-    /// Takes the edges of INTB that have come, and begins with a frame at once if it may and nothing runs:
-    /// nothing else waits then, but for what waits for the coil's interrupt.
+    /// Stamps pending edges of INTB. If `at_once` is set, it also starts a frame if it may and the bus
+    /// is free: only work deferred for the coil's interrupt can be waiting then.
     #[inline(always)]
     fn take_edges(&mut self, at_once: bool) {
         let time_us = now_us();
@@ -680,7 +682,8 @@ impl Engine {
                 flags.write(|w| w.bits(edge));
                 (*PWM::ptr()).ch(line.slice()).ctr().read().bits() as u16
             };
-            // Low until the converter is read: high again, it was a disturbance of the wire.
+            // INTB stays low until the converter is read. If it is high again, the edge was a
+            // disturbance.
             if pins::is_high(line.pin) && !self.serves(converter) {
                 continue;
             }
@@ -701,19 +704,20 @@ impl Engine {
         }
     }
 
-    /// Whether a transaction with a converter runs, which may release its INTB.
+    /// Returns whether the running transaction is with this converter and may release its INTB.
     fn serves(&self, converter: usize) -> bool {
         self.runs == Runs::Frame(converter) || self.runs == Runs::Single(converter)
     }
 
-    /// Whether what runs has run for longer than it may.
+    /// Returns whether the running transaction exceeds its time limit.
     fn is_overdue(&self) -> bool {
         matches!(self.runs, Runs::Frame(_) | Runs::Single(_))
             && now_us().wrapping_sub(self.since_us) > self.deadline_us
     }
 }
 
-/// Sets the block's target, which it takes while it is disabled only (RP2040 datasheet 4.3.17).
+/// Sets the block's target address, which it accepts only while it is disabled (RP2040 datasheet
+/// 4.3.17).
 #[inline(never)]
 fn set_target(address: u8) {
     // SAFETY: nothing runs; the address has seven bits.
@@ -724,7 +728,7 @@ fn set_target(address: u8) {
     }
 }
 
-/// IO_IRQ_BANK0: INTB of a converter has fallen.
+/// IO_IRQ_BANK0: handles a falling edge of INTB.
 pub unsafe extern "C" fn on_edge() {
     // SAFETY: see `Shared`.
     let engine = unsafe { &mut *ENGINE.0.get() };
@@ -732,21 +736,21 @@ pub unsafe extern "C" fn on_edge() {
     engine.catch_up();
 }
 
-/// I2C0_IRQ: the block wants something.
+/// I2C0_IRQ: serves the block.
 pub unsafe extern "C" fn on_i2c() {
     // SAFETY: see `Shared`.
     unsafe { (*ENGINE.0.get()).serve() }
 }
 
-/// What is over for each converter: its single transaction, and a frame at least.
+/// Completed work of a converter.
 pub struct Over {
-    /// The transaction of its master.
+    /// The transaction of its master has ended.
     pub single: bool,
-    /// A frame of its reader.
+    /// At least one frame of its reader is ready.
     pub frame: bool,
 }
 
-/// What is over for a converter.
+/// Returns the completed work of a converter.
 pub fn over(converter: usize) -> Over {
     with(|engine| {
         let single = engine.singles.get(converter);
@@ -758,7 +762,7 @@ pub fn over(converter: usize) -> Over {
     })
 }
 
-/// Lets the transaction of a converter's master begin when its turn comes. Its last one was taken.
+/// Submits the transaction of a converter's master. Its previous outcome must have been taken.
 #[inline(never)]
 pub fn submit(converter: usize, job: &Job) {
     with(|engine| {
@@ -771,12 +775,13 @@ pub fn submit(converter: usize, job: &Job) {
     call();
 }
 
-/// Lets the interrupt begin with what waits: a task that did would hold back the time stamp of an edge.
+/// Triggers the bus interrupt to start the waiting work: starting it from a task would delay the time
+/// stamp of an edge.
 fn call() {
     NVIC::pend(Interrupt::I2C0_IRQ);
 }
 
-/// Takes the transaction of a converter's master back if it waits still; whether it did.
+/// Withdraws the transaction of a converter's master if it still waits; returns whether it did.
 #[inline(never)]
 pub fn withdraw(converter: usize) -> bool {
     with(|engine| {
@@ -785,8 +790,8 @@ pub fn withdraw(converter: usize) -> bool {
     })
 }
 
-/// Begins recovery if what runs on the bus has run for longer than it may, whose ever it is: nothing
-/// begins until [`end_recovery`]. Whether it has.
+/// Starts recovery if the running transaction, of either converter, exceeds its time limit; nothing else
+/// starts until [`end_recovery`]. Returns whether it did.
 #[inline(never)]
 pub fn begin_recovery() -> bool {
     with(|engine| {
@@ -801,8 +806,8 @@ pub fn begin_recovery() -> bool {
     })
 }
 
-/// The block was reset and the bus freed, or not: what ran has failed of this cause, and what waits goes
-/// on.
+/// Ends recovery: the interrupted transaction fails with this cause, and waiting work continues. The
+/// block was reset; `cause` says whether the bus is free.
 #[inline(never)]
 pub fn end_recovery(cause: u32) {
     with(|engine| {
@@ -815,7 +820,7 @@ pub fn end_recovery(cause: u32) {
     });
 }
 
-/// Lets a master see the outcome of its transaction, once that is over.
+/// Gives a master access to the outcome of its transaction; `None` until that has ended.
 #[inline(always)]
 pub fn take_single<T>(converter: usize, work: impl FnOnce(&TransferOutcome) -> T) -> Option<T> {
     let is_over = with(|engine| {
@@ -838,10 +843,11 @@ pub fn take_single<T>(converter: usize, work: impl FnOnce(&TransferOutcome) -> T
     Some(done)
 }
 
-/// Lets every edge of a converter begin this job, each part of which may begin so long after its edge.
+/// Starts this job on every edge of a converter; `latest_us` is the latest start of each part after its
+/// edge.
 #[inline(never)]
 pub fn read_on_edges(converter: usize, job: &Job, latest_us: [u32; MOST_PARTS]) {
-    // An edge whose converter has been read since calls for nothing.
+    // An edge needs no frame if the converter has been read since.
     let is_low = !pins::is_high(pins::intb(converter));
     with_reader(converter, |reader| {
         reader.job = *job;
@@ -859,7 +865,7 @@ fn with_reader<T>(converter: usize, work: impl FnOnce(&mut Reader) -> T) -> Opti
     with(|engine| engine.readers.get_mut(converter).map(work))
 }
 
-/// Lets edges of a converter begin nothing any more, and forgets what waits.
+/// Stops reading on the edges of a converter and discards waiting frames.
 #[inline(never)]
 pub fn rest(converter: usize) {
     with_reader(converter, |reader| {
@@ -871,7 +877,7 @@ pub fn rest(converter: usize) {
     });
 }
 
-/// Lets a reader see its oldest frame that waits, and then forgets that.
+/// Gives a reader access to its oldest waiting frame, and then discards that frame.
 #[inline(always)]
 pub fn take_frame<T>(converter: usize, work: impl FnOnce(&TransferOutcome) -> T) -> Option<T> {
     let first = with_reader(converter, |reader| {
@@ -886,7 +892,7 @@ pub fn take_frame<T>(converter: usize, work: impl FnOnce(&TransferOutcome) -> T)
     done
 }
 
-/// The oldest frame was taken.
+/// Discards the oldest frame.
 #[inline(never)]
 fn release_frame(converter: usize) {
     let was_full = with_reader(converter, |reader| {
@@ -895,13 +901,13 @@ fn release_frame(converter: usize) {
         reader.waiting = reader.waiting.saturating_sub(1);
         was_full
     });
-    // The next one may have waited for room.
+    // The next frame may have waited for space.
     if was_full == Some(true) {
         call();
     }
 }
 
-/// Whether the frame of a converter is being read.
+/// Returns whether a frame of the converter is being read.
 #[inline(never)]
 pub fn reads(converter: usize) -> bool {
     with(|engine| {
@@ -910,14 +916,14 @@ pub fn reads(converter: usize) -> bool {
     })
 }
 
-/// Time of a converter's last edge.
+/// Returns the time of a converter's last edge.
 #[inline(never)]
 pub fn last_edge_us(converter: usize) -> u32 {
     with_reader(converter, |reader| reader.last_edge_us).unwrap_or_default()
 }
 
-/// INTB of a converter is low and no edge is known: takes this for an edge of now. An edge can be
-/// missed while the bus is being recovered.
+/// Treats a low INTB without a known edge as an edge at the current time. An edge can be missed during
+/// recovery of the bus.
 #[inline(never)]
 pub fn begin_without_edge(converter: usize) {
     with(|engine| {

@@ -1,5 +1,5 @@
-//! I2C: a master behind `embedded-hal-async`, and a reader of frames on the edges of INTB, with a
-//! deadline for everything.
+//! I2C: a master for `embedded-hal-async`, and a reader of frames on the edges of INTB. Every operation
+//! has a time limit.
 
 pub mod engine;
 pub mod recovery;
@@ -18,35 +18,35 @@ use crate::supervision::CHECK_INS;
 use crate::wakeup::{Sleeper, Wakeup};
 use engine::{Job, READ, Stamp, TransferOutcome};
 
-/// Bit 0 of TX_ABRT_SOURCE: the address was not acknowledged; bit 3: a byte after it.
+/// TX_ABRT_SOURCE bit 0: the address was not acknowledged.
 const ADDRESS: u32 = 1 << 0;
-/// See [`ADDRESS`].
+/// TX_ABRT_SOURCE bit 3: a data byte was not acknowledged.
 const DATA: u32 = 1 << 3;
-/// See [`ADDRESS`]: another master, or a wire that is held low.
+/// TX_ABRT_SOURCE: arbitration lost to another master or to a wire that is held low.
 const ARBITRATION: u32 = 1 << 12;
 
-/// In the cause of a transaction that took too long, by bits that the block does not use: what became of
-/// the bus.
+/// In the cause of a transaction that exceeded its time limit: the bus was freed. The block does not use
+/// these bits.
 pub const FREED: u32 = 1 << 20;
-/// See [`FREED`].
+/// As [`FREED`]: SDA is stuck low.
 pub const DATA_STUCK: u32 = 1 << 21;
-/// See [`FREED`].
+/// As [`FREED`]: SCL is stuck low.
 pub const CLOCK_STUCK: u32 = 1 << 22;
 
-/// A transaction may wait so long for the bus: ten times as long as one may run.
+/// Longest wait of a transaction for the bus: ten times its longest run time.
 const LONGEST_WAIT_US: u32 = 50_000;
 
-/// Addresses of the converters.
+/// I2C addresses of the converters.
 const ADDRESSES: [SevenBitAddress; CONVERTERS] = [0x2A, 0x2B];
-/// The tasks that wait.
+/// The waiting task of each converter.
 const TASKS: [Task; CONVERTERS] = [Task::Sensing, Task::SecondSensing];
 
-/// The signals that a transaction, or a frame, of a converter is over.
+/// Signals the end of a converter's transaction.
 static SINGLE: [Wakeup; CONVERTERS] = [const { Wakeup::new() }; CONVERTERS];
-/// See [`SINGLE`].
+/// Signals the end of a converter's frame.
 static FRAME: [Wakeup; CONVERTERS] = [const { Wakeup::new() }; CONVERTERS];
 
-/// Wakes the tasks for which something is over; for the interrupt that the engine pends.
+/// Wakes the tasks whose transaction or frame has ended; called by the interrupt that the engine pends.
 pub fn wake() {
     for ((converter, single), frame) in SINGLE.iter().enumerate().zip(&FRAME) {
         let over = engine::over(converter);
@@ -59,19 +59,19 @@ pub fn wake() {
     }
 }
 
-/// A millisecond has passed, in which the deadline of a transaction may have.
+/// Called every millisecond: checks the time limit of the running transaction.
 pub fn pulse() {
     for wakeup in SINGLE.iter().chain(&FRAME) {
         wakeup.pulse();
     }
 }
 
-/// Sets the bus up. Once, at the start.
+/// Sets the bus up. Call it once, at start-up.
 pub fn set_up() {
     recovery::set_up();
 }
 
-/// Master and edge reader of a converter; nothing if they were taken already.
+/// Takes master and edge reader of a converter; `None` if they were already taken.
 pub fn take(converter: usize) -> Option<(Master, Edges)> {
     let task = *TASKS.get(converter)?;
     let address = *ADDRESSES.get(converter)?;
@@ -92,7 +92,7 @@ pub fn take(converter: usize) -> Option<(Master, Edges)> {
     Some((master, edges))
 }
 
-/// What the bits of its cause say of an aborted transaction.
+/// Converts the cause of an aborted transaction to an error.
 fn aborted(cause: u32) -> Result<(), TransferError> {
     match cause {
         0 => Ok(()),
@@ -116,7 +116,7 @@ fn passed_us(since_us: u32) -> u32 {
 
 // ---- master ----
 
-/// The master, for the task of one converter. Transactions of different tasks follow one another.
+/// I2C master for the task of one converter. Transactions of different tasks are serialised.
 pub struct Master {
     over: Sleeper,
     converter: usize,
@@ -124,7 +124,7 @@ pub struct Master {
 }
 
 impl Master {
-    /// Waits for the end of a transaction, or for the next pulse.
+    /// Waits for the end of a transaction or for the next millisecond.
     async fn wait(&mut self) {
         CHECK_INS.check_in(self.task);
         self.over.wait().await;
@@ -162,7 +162,7 @@ impl I2c for Master {
     }
 }
 
-/// Hands out the bytes that a transaction read.
+/// Copies the bytes of a transaction to its read operations.
 fn hand_out(outcome: &TransferOutcome, operations: &mut [Operation<'_>]) {
     let mut bytes = outcome.bytes().iter();
     for operation in operations {
@@ -174,8 +174,8 @@ fn hand_out(outcome: &TransferOutcome, operations: &mut [Operation<'_>]) {
     }
 }
 
-/// The commands of a transaction; the block sends a repeated START by itself where reading and
-/// writing alternate. Nothing if it is longer than any frame, or empty.
+/// Returns the commands of a transaction, or `None` if it is empty or longer than any frame. The block
+/// itself sends a repeated START where reading and writing alternate.
 fn job(address: SevenBitAddress, operations: &[Operation<'_>]) -> Option<Job> {
     let mut job = Job::to(address);
     for operation in operations {
@@ -194,7 +194,7 @@ fn job(address: SevenBitAddress, operations: &[Operation<'_>]) -> Option<Job> {
 
 // ---- edge reader ----
 
-/// Reads a converter's frames on its edges.
+/// Reader of a converter's frames on its edges.
 pub struct Edges {
     over: Sleeper,
     converter: usize,
@@ -202,7 +202,7 @@ pub struct Edges {
     address: SevenBitAddress,
     deadline_us: u32,
     silence_us: u32,
-    /// The last edge whose time is known, or when reading began.
+    /// Time of the last known edge, or of the start of reading.
     known_us: u32,
 }
 
@@ -211,7 +211,7 @@ impl EdgeReader for Edges {
         let mut job = Job::to(self.address);
         for pointer in request.pointers() {
             for command in [u16::from(pointer), READ, READ] {
-                // There is room for the longest frame.
+                // There is space for the longest frame.
                 let _ = job.push(command);
             }
         }
@@ -242,7 +242,7 @@ impl EdgeReader for Edges {
                 }
                 let edge_us = engine::last_edge_us(self.converter);
                 let is_low = !pins::is_high(pins::intb(self.converter));
-                // Not at once after the last: other transactions get their turn.
+                // Not directly after the last frame: other transactions get their turn.
                 let rests = passed_us(edge_us) <= self.deadline_us
                     || passed_us(asked_us) <= self.deadline_us;
                 if is_low && !rests {
@@ -259,17 +259,17 @@ impl EdgeReader for Edges {
     }
 }
 
-/// A frame with its edge, of what came of reading it.
+/// Returns the outcome of a read as a frame with its edge.
 fn frame(outcome: &TransferOutcome) -> Result<EdgeFrame, TransferError> {
     aborted(outcome.cause)?;
     Ok(EdgeFrame {
-        // There is room for the longest frame.
+        // There is space for the longest frame.
         bytes: heapless::Vec::from_slice(outcome.bytes()).unwrap_or_default(),
         fetch: outcome.stamp.is_known.then(|| fetch(outcome)),
     })
 }
 
-/// When a frame was read.
+/// Returns the times at which a frame was read.
 fn fetch(outcome: &TransferOutcome) -> Fetch {
     let Stamp { time_us, edges, .. } = outcome.stamp;
     Fetch {
@@ -279,7 +279,7 @@ fn fetch(outcome: &TransferOutcome) -> Fetch {
     }
 }
 
-/// A recent time of which only the lower half is known.
+/// Extends the lower half of a recent time to 64 bits.
 fn extended(low_us: u32) -> u64 {
     let now_us = Mono::now().as_ticks();
     now_us - u64::from((now_us as u32).wrapping_sub(low_us))

@@ -1,4 +1,4 @@
-//! The I2C block and its pins: set up, and freed when something holds a wire.
+//! I2C block and its pins: set-up, and recovery when a wire is held low.
 
 #![allow(unsafe_code)]
 
@@ -11,13 +11,13 @@ use super::{CLOCK_STUCK, DATA_STUCK, FREED, engine};
 use crate::board::pins::{self, Function};
 use crate::board::rp2040::wait;
 
-/// Half a period of the pulses that free the bus: 100 kHz.
+/// Half a period of the recovery pulses: 100 kHz.
 const HALF_PULSE: u32 = cycles(5_000);
 const PULSES: u32 = 9;
-/// How long a wire may take to be free.
+/// Longest settling time of a wire.
 const SETTLE: u32 = cycles(20_000);
 
-/// Sets the block up from reset, without a target yet.
+/// Sets the block up from reset, without a target address.
 pub fn set_up() {
     // SAFETY: no transaction runs: the block is in reset or was just taken out of it, and the
     // engine knows that it is being recovered. Values are within the fields.
@@ -39,9 +39,9 @@ pub fn set_up() {
     }
 }
 
-/// Frees the bus if its transaction has run for longer than it may, which then has failed: a target that
-/// was cut off within a byte lets go of SDA after nine clocks at most, and a STOP ends what it took part in
-/// (I2C specification 3.1.16).
+/// Frees the bus and fails its transaction if that exceeds its time limit. A target that was interrupted
+/// within a byte releases SDA after nine clocks at most, and a STOP ends its transaction (I2C
+/// specification 3.1.16).
 pub fn clear_overdue() {
     if !engine::begin_recovery() {
         return;
@@ -58,7 +58,7 @@ pub fn clear_overdue() {
     engine::end_recovery(cause);
 }
 
-/// What became of the bus, as a cause.
+/// Sends pulses until the bus is free; returns the result as a cause.
 fn pulse_until_free() -> u32 {
     if !pins::is_high(pins::SCL) {
         return CLOCK_STUCK;
