@@ -1,5 +1,5 @@
-//! The reference board in numbers: every frequency and count of cycles that follows from the
-//! processor's clock, and the coil's drive by them (docs/firmware.md).
+//! Figures of the reference board: the frequencies and cycle counts that follow from the processor's
+//! clock, and the coil's drive (docs/firmware.md).
 //!
 //! ```
 //! use palpate_node::board::{CORE_HZ, Clkin, FULL_LEVEL};
@@ -11,29 +11,29 @@
 
 use coil_hbridge::{Decay, Hardware, Limits};
 
-/// The processor's clock, in hertz: the highest that the RP2040 is certified for, with a core
-/// voltage of 1.15 V.
+/// Clock of the processor, in hertz: the highest for which the RP2040 is certified, at a core voltage of
+/// 1.15 V.
 pub const CORE_HZ: u32 = 200_000_000;
-/// The same in megahertz, without a remainder.
+/// Clock of the processor, in megahertz, a whole number.
 pub const CORE_MHZ: u32 = CORE_HZ / 1_000_000;
 const _: () = assert!(CORE_MHZ * 1_000_000 == CORE_HZ);
 
-/// Cycles of the processor's clock in a time in nanoseconds, to the nearest.
+/// Converts nanoseconds to cycles of the processor's clock, rounded to the nearest.
 #[must_use]
 pub const fn cycles(time_ns: u32) -> u32 {
     (time_ns * CORE_MHZ + 500) / 1_000
 }
 
-/// The converter's clock: that of the processor, divided by a whole number.
+/// Clock of the converter: the processor's clock divided by a whole number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Clkin {
     divisor: u32,
 }
 
 impl Clkin {
-    /// With one channel: the highest within 35 MHz (LDC1614 datasheet, table 43).
+    /// For one channel: the highest within 35 MHz (LDC1614 datasheet, table 43).
     pub const SINGLE: Self = Self::within(35_000_000);
-    /// With several: the highest within 40 MHz.
+    /// For several channels: the highest within 40 MHz.
     pub const SCAN: Self = Self::within(40_000_000);
 
     const fn within(limit_hz: u32) -> Self {
@@ -42,30 +42,30 @@ impl Clkin {
         }
     }
 
-    /// The divisor of the processor's clock.
+    /// Returns the divisor of the processor's clock.
     #[must_use]
     pub const fn divisor(self) -> u32 {
         self.divisor
     }
 
-    /// The frequency in whole hertz, in which the driver plans. 200 MHz divided by 6 is a third of a
-    /// hertz more: a relative error of 1e-8, where the crystal has 3e-5.
+    /// Returns the frequency in whole hertz, which the driver uses for its plan. 200 MHz divided by 6 is
+    /// a third of a hertz more: a relative error of 1e-8, against 3e-5 of the crystal.
     #[must_use]
     pub const fn hz(self) -> u32 {
         (CORE_HZ + self.divisor / 2) / self.divisor
     }
 }
 
-/// A period of the bridge's PWM, in which the ADC makes eight conversions exactly.
+/// Period of the bridge's PWM, in microseconds; the ADC makes exactly eight conversions in it.
 pub const PERIOD_US: u32 = 16;
-/// Steps of the PWM from its middle to its end: it counts up and down once a period.
+/// Steps of the PWM from middle to end: it counts up and down once a period.
 pub const FULL_LEVEL: u16 = (CORE_MHZ * PERIOD_US / 2) as u16;
 const _: () = assert!(2 * FULL_LEVEL as u32 == CORE_MHZ * PERIOD_US);
 
-/// What the coil's drive never exceeds, with its reasons: the procedure forecasts by the same.
+/// Hard limits of the coil's drive, with their reasons; the procedure uses the same for its forecast.
 pub const LIMITS: Limits = palpate_procedure::board::DRIVE;
 
-/// Bridge, PWM and current measurement.
+/// Bridge, PWM and current measurement of the board.
 pub const HARDWARE: Hardware = Hardware {
     period_s: PERIOD_US as f32 * 1e-6,
     full_level: FULL_LEVEL,

@@ -1,5 +1,4 @@
-//! The instrument: samples, commands and time go to the procedure, and what it asks for is carried
-//! out.
+//! Instrument: passes samples, commands and time to the procedure, and carries out its actions.
 
 use heapless::Vec;
 use palpate_procedure::boot::Boot;
@@ -21,109 +20,109 @@ use crate::acquisition::{Sampled, Scheme, Setpoint, rates_hz};
 use crate::coil::{CoilHardware, CoilManager};
 use crate::converter::{CONVERTERS, ConverterState};
 
-/// How often the procedure receives temperature, supply and load, us.
+/// Period at which the procedure receives temperature, supply and load, us.
 const CONDITIONS_US: u64 = 100_000;
-/// Channels of an LDC1614.
+/// Channels of an LDC1614, as a mask.
 const CHANNELS: u8 = 0b1111;
-/// Failures that may stand at once: of each converter, and of the coil.
+/// Number of failure sources: each converter and the coil.
 const SOURCES: usize = CONVERTERS + 1;
 const COIL: usize = CONVERTERS;
-/// Faults that may be reported at once.
+/// Maximum number of faults that are reported at a time.
 const MOST_REPORTED: usize = 12;
-/// From the command to start anew to doing so, us: a PC that polls ten times a second, the slowest
-/// that makes sense, has the answer.
+/// Time from the restart command to the restart, us: even a PC that polls ten times a second, the
+/// slowest sensible rate, has received the answer.
 const RESTART_AFTER_US: u64 = 200_000;
 
-/// The rate among the settings' fields.
+/// Field number of the rate in the settings.
 const RATE_FIELD: u8 = field_number(&<Settings as Described>::TYPE, "rate_hz");
 
-/// A command frame, or why a frame is none.
+/// A received command frame, or the error of an undecodable one.
 pub type Received = Result<Frame<Command>, FrameError>;
 
-/// What is known of the board when the instrument begins.
+/// Facts of the board that are known when the instrument starts.
 #[derive(Clone, Debug)]
 pub struct Identity {
-    /// A random number of this run, never 0.
+    /// Random boot id of this run, never 0.
     pub boot_id: u32,
-    /// The board, its build and why it was reset; who answers as converter, protocol and layout are
-    /// filled in.
+    /// Board, build and reset cause. The instrument fills in the converter chips, the protocol version
+    /// and the schema hash.
     pub hello: Hello,
-    /// How the last run ended.
+    /// Boot cause and crash record.
     pub boot: Boot,
-    /// The clocks run as planned.
+    /// All clocks run as configured.
     pub clocks_run: bool,
-    /// Whether there is a storage for settings and calibration.
+    /// There is a storage for settings and calibration.
     pub storage: bool,
-    /// What no setting, command or calibration exceeds.
+    /// Hard limits of every setting, command and calibration.
     pub limits: palpate_procedure::Limits,
 }
 
-/// What the processor has used.
+/// Resource usage of the processor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Usage {
-    /// Microseconds in which it slept since the start; wraps. Nothing without a processor.
+    /// Time that the processor slept since start-up, us; wraps. `None` without a processor.
     pub asleep_us: Option<u32>,
-    /// Greatest depth of the stack, bytes; 0 if it is not measured.
+    /// Greatest stack depth, bytes; 0 if it is not measured.
     pub stack_bytes: u32,
-    /// Log messages dropped since the start.
+    /// Number of log messages dropped since start-up.
     pub logs_dropped: u32,
 }
 
-/// What the instrument needs of its board.
+/// Board functions that the instrument needs.
 pub trait Hardware {
-    /// The coil's side.
+    /// Coil hardware.
     type Coil: CoilHardware;
 
-    /// The board's timer, us.
+    /// Returns the time of the board's timer, us.
     fn now_us(&self) -> u64;
 
-    /// Lets `work` see what stands above the coil's drive. Nothing on a board whose drive could not
-    /// start: its coil is never driven.
+    /// Gives `work` access to the coil manager. Returns `None` on a board whose drive could not start:
+    /// its coil is never driven.
     fn with_coil<T>(&mut self, work: impl FnOnce(&mut CoilManager<Self::Coil>) -> T) -> Option<T>;
 
-    /// Lets `work` see what the instrument shares with the converters' tasks.
+    /// Gives `work` access to the state that the instrument shares with the converter tasks.
     fn with_converters<T>(
         &mut self,
         work: impl FnOnce(&mut [ConverterState; CONVERTERS]) -> T,
     ) -> T;
 
-    /// Sends a record of a time over a link, or over all of them. Never waits: what finds no room is
-    /// dropped, and counted, by each link for itself.
+    /// Sends a record and its time over one link, or over all of them. Never waits: each link drops a
+    /// record for which it has no space, and counts it.
     fn send(&mut self, to: Option<Link>, at_us: u64, record: &Record);
 
-    /// Gives the storage an order; [`Instrument::stored`] takes what it reports. Its last order has
-    /// been carried out.
+    /// Gives an order to the storage, whose last order must be complete; pass its reports to
+    /// [`Instrument::stored`].
     fn order(&mut self, order: StorageOrder);
 
-    /// Starts the device anew. The bridge is off.
+    /// Restarts the device. The bridge is off.
     fn restart(&mut self, target: RebootTarget);
 
-    /// Lets the LED flicker for so long, us.
+    /// Lets the LED flicker for `for_us` microseconds.
     fn locate(&mut self, for_us: u64);
 
-    /// What the processor has used so far.
+    /// Returns the resource usage of the processor so far.
     fn usage(&mut self) -> Usage;
 }
 
-/// The procedure with its surroundings.
+/// Procedure and its connections.
 #[derive(Debug)]
 pub struct Instrument {
-    /// What the instrument does, once it is known which converters there are.
+    /// The procedure, once the converters are known.
     procedure: Option<Procedure>,
-    /// What it asked for last.
+    /// Actions of the last step.
     actions: Actions,
-    /// The failures that were reported to the procedure and that last.
+    /// Failures reported to the procedure that have not ended.
     standing: [Option<FaultCode>; SOURCES],
-    /// The faults that the procedure has reported and that have not ended, and where they are.
+    /// Faults reported by the procedure that have not ended, with their locations.
     reported: Vec<(FaultCode, Location), MOST_REPORTED>,
-    /// The clocks run, as far as is still to be said.
+    /// `false` until a clock failure has been reported.
     clocks_run: bool,
-    /// The order that the storage gets once the bridge is proven off.
+    /// Order that waits for the bridge to be proven off.
     order: Option<StorageOrder>,
-    /// How the device is to start anew, and when: its last answer has been sent by then.
+    /// Target and time of a requested restart; its last answer has been sent by then.
     restart: Option<(RebootTarget, u64)>,
     conditions_due_us: u64,
-    /// Time of the last conditions, and the sleep up to then.
+    /// Time of the last conditions, and the time slept up to then.
     last_conditions: (u64, u32),
 }
 
@@ -134,7 +133,7 @@ impl Default for Instrument {
 }
 
 impl Instrument {
-    /// An instrument that has not begun.
+    /// Creates an instrument that has not started.
     #[must_use]
     pub const fn new() -> Self {
         Self {
@@ -150,13 +149,14 @@ impl Instrument {
         }
     }
 
-    /// The procedure, to read.
+    /// Returns the procedure, read-only.
     #[must_use]
     pub const fn procedure(&self) -> Option<&Procedure> {
         self.procedure.as_ref()
     }
 
-    /// Whether all converters have been asked for their identity: the instrument may begin.
+    /// Returns whether all converters have been asked for their identity, so that the instrument may
+    /// start.
     pub fn is_ready<H: Hardware>(hardware: &mut H) -> bool {
         hardware.with_converters(|converters| {
             converters
@@ -165,8 +165,8 @@ impl Instrument {
         })
     }
 
-    /// Begins. A converter that has not answered yet counts as absent. What is stored comes into
-    /// force first; [`has_begun`](Self::has_begun) says when.
+    /// Starts the instrument. A converter that has not answered yet counts as absent. Stored settings
+    /// and calibration are applied first; [`has_begun`](Self::has_begun) returns when that is done.
     pub fn begin<H: Hardware>(&mut self, hardware: &mut H, identity: Identity) {
         self.clocks_run = identity.clocks_run;
         self.make(hardware, identity);
@@ -174,21 +174,20 @@ impl Instrument {
         self.report_clocks(hardware);
     }
 
-    /// Whether it has begun: before that, samples and commands have to wait.
+    /// Returns whether the instrument has started: before that, samples and commands have to wait.
     #[must_use]
     pub fn has_begun(&self) -> bool {
         self.procedure.as_ref().is_some_and(Procedure::has_begun)
     }
 
-    /// Once it has begun it says, once, that a clock does not run.
+    /// Reports a clock that does not run, once, after the start.
     fn report_clocks<H: Hardware>(&mut self, hardware: &mut H) {
         if self.has_begun() && !core::mem::replace(&mut self.clocks_run, true) {
             self.fail(hardware, Failure::new(FaultCode::Clock, Location::Clock));
         }
     }
 
-    /// Makes the procedure, in a frame of its own: what that takes of the stack is free again before
-    /// the procedure runs.
+    /// Creates the procedure in its own stack frame, which is free again before the procedure runs.
     #[inline(never)]
     fn make<H: Hardware>(&mut self, hardware: &mut H, identity: Identity) {
         let chips = hardware.with_converters(|converters| {
@@ -199,9 +198,9 @@ impl Instrument {
         self.procedure = Some(Procedure::new(board(identity, chips)));
     }
 
-    // ---- what happens ----
+    // ---- events ----
 
-    /// A converter has made a scan. One of an earlier setpoint is dropped.
+    /// Handles a scan of a converter; drops one of an earlier setpoint.
     pub fn sampled<H: Hardware>(&mut self, hardware: &mut H, converter: u8, sampled: &Sampled) {
         let is_current = hardware.with_converters(|converters| {
             let state = converters.get(usize::from(converter));
@@ -210,10 +209,10 @@ impl Instrument {
         if !is_current {
             return;
         }
-        // In place: copies of it, and of results of the coil that are not there, took 700 cycles a sample.
+        // Filled in place: copies of it, and of absent coil results, took 700 cycles per sample.
         let mut scan = scan(converter, sampled);
         hardware.with_coil(|coil| add_current(&mut scan, sampled, coil));
-        // Whatever stood against this converter or the bus has ended with it.
+        // A sample ends every failure of this converter and of the bus.
         let other = other_converter(converter);
         let ended = self.reported.clone().into_iter();
         for (code, _) in ended.filter(|(_, location)| *location != other) {
@@ -238,8 +237,8 @@ impl Instrument {
         }
     }
 
-    /// Something that is no command asks for a new start. Whether it is under way: not while something
-    /// is being stored.
+    /// Handles a restart request that is not a command. Returns whether the restart is accepted: it is
+    /// not while the storage saves.
     pub fn asked_to_restart<H: Hardware>(
         &mut self,
         hardware: &mut H,
@@ -249,14 +248,14 @@ impl Instrument {
         self.restart.is_some()
     }
 
-    /// The storage has reported.
+    /// Handles a report of the storage.
     pub fn stored<H: Hardware>(&mut self, hardware: &mut H, report: &StorageReport) {
         self.step(hardware, &Event::Storage(report));
         self.report_clocks(hardware);
     }
 
-    /// A millisecond has passed, or samples and commands have been taken: passes failures, findings
-    /// and conditions on. `stepped`: the procedure has received the time with them already.
+    /// Called every millisecond, and after samples and commands: passes failures, findings and
+    /// conditions on. `stepped`: the procedure has already received the time with samples or commands.
     pub fn poll<H: Hardware>(&mut self, hardware: &mut H, stepped: bool) {
         if !self.has_begun() {
             self.step(hardware, &Event::Tick);
@@ -285,8 +284,8 @@ impl Instrument {
         }
     }
 
-    /// Tells the storage what waits for the bridge. Where it rests, no current flows, and none can be
-    /// commanded as long as the storage is at work.
+    /// Gives the storage an order that waits for the bridge. While the bridge rests no current flows,
+    /// and none can be commanded until the storage has finished.
     fn order_storage<H: Hardware>(&mut self, hardware: &mut H) {
         if self.order.is_none() || hardware.with_coil(|coil| coil.rests()) == Some(false) {
             return;
@@ -296,9 +295,9 @@ impl Instrument {
         }
     }
 
-    /// Passes on what a test or a record of the current has found.
+    /// Passes on a test result or a part of a trace.
     fn follow_coil<H: Hardware>(&mut self, hardware: &mut H) {
-        // Asked first: both are large, and nearly always there is neither.
+        // Checked first: both are large, and nearly always there is neither.
         if hardware.with_coil(|coil| coil.has_found()) != Some(true) {
             return;
         }
@@ -313,7 +312,7 @@ impl Instrument {
         }
     }
 
-    /// Reports failures when they begin. A converter's next sample shows that its own have ended.
+    /// Reports failures when they start. A converter's next sample shows that its own have ended.
     fn follow_failures<H: Hardware>(&mut self, hardware: &mut H) {
         let [first, second] = hardware.with_converters(|converters| {
             let [first, second] = converters;
@@ -364,8 +363,8 @@ impl Instrument {
         self.step(hardware, &Event::Fault(failure));
     }
 
-    /// What is wrong with a command that asks for a rate that the converter or the bus cannot follow with
-    /// its channels. The procedure knows the limits of each by itself only.
+    /// Returns the error of a command that requests a rate beyond the converter or the bus with its
+    /// channels. The procedure knows only the limits of each field.
     fn beyond_the_converter<H: Hardware>(
         &self,
         hardware: &mut H,
@@ -397,9 +396,9 @@ impl Instrument {
         })
     }
 
-    // ---- what the procedure asks for ----
+    // ---- actions of the procedure ----
 
-    /// Passes an event to the procedure, and carries out what it asks for.
+    /// Passes an event to the procedure, and carries out the resulting actions.
     fn step<H: Hardware>(&mut self, hardware: &mut H, event: &Event<'_>) {
         let Some(procedure) = &mut self.procedure else {
             return;
@@ -412,7 +411,7 @@ impl Instrument {
                     if let Record::Fault(fault) = record {
                         if !fault.active {
                             hardware.with_coil(|coil| coil.clear(fault.code));
-                            // Where its cause lasts, it is a new one.
+                            // If its cause persists, it is reported as a new failure.
                             if let Some(of_coil) = self.standing.get_mut(COIL) {
                                 of_coil.take_if(|code| *code == fault.code);
                             }
@@ -420,7 +419,7 @@ impl Instrument {
                         let of = (fault.code, fault.location);
                         self.reported.retain(|reported| *reported != of);
                         if fault.active {
-                            // There is room for more than the procedure keeps.
+                            // There is space for more faults than the procedure keeps.
                             let _ = self.reported.push(of);
                         }
                     }
@@ -447,13 +446,13 @@ impl Instrument {
     }
 }
 
-/// Whether one of the converters that are there is read with STATUS.
+/// Returns whether one of the present converters is read with STATUS.
 fn reads_status([first, second]: &[ConverterState; CONVERTERS]) -> bool {
     let has_second = second.chip() == Some(Chip::Ldc161x);
     first.reads_status() || has_second && second.reads_status()
 }
 
-/// Where the failures of the other converter are.
+/// Returns the location of the other converter's failures.
 const fn other_converter(converter: u8) -> Location {
     if converter == 0 {
         Location::SecondSensor
@@ -462,7 +461,7 @@ const fn other_converter(converter: u8) -> Location {
     }
 }
 
-/// Carries out what concerns the coil.
+/// Carries out an action of the coil.
 fn drive<C: CoilHardware>(coil: &mut CoilManager<C>, action: &Action) {
     match action {
         Action::SafeState => coil.stop(),
@@ -479,12 +478,13 @@ fn drive<C: CoilHardware>(coil: &mut CoilManager<C>, action: &Action) {
     }
 }
 
-/// Whether an order begins what writes or erases. The orders that follow find the bridge as it was.
+/// Returns whether an order starts to write or erase flash. The orders that follow find the bridge still
+/// off.
 const fn changes_flash(order: &StorageOrder) -> bool {
     matches!(order, StorageOrder::Begin | StorageOrder::Erase)
 }
 
-/// Sets how the converters that are there are to be run.
+/// Sets the requested operation of the present converters.
 fn set(converters: &mut [ConverterState; CONVERTERS], channels: u8, rate_hz: f32) {
     let setpoint = Setpoint {
         channels,
@@ -498,12 +498,12 @@ fn set(converters: &mut [ConverterState; CONVERTERS], channels: u8, rate_hz: f32
     }
 }
 
-/// Whether there is a second converter.
+/// Returns whether there is a second converter.
 fn has_second([_, second]: &[ConverterState; CONVERTERS]) -> bool {
     second.chip() == Some(Chip::Ldc161x)
 }
 
-/// The board as the procedure takes it.
+/// Returns the board's description for the procedure.
 fn board(identity: Identity, chips: [Chip; CONVERTERS]) -> BoardInfo {
     let [first, second] = chips;
     let second_channels = if second == Chip::Ldc161x { CHANNELS } else { 0 };
@@ -527,7 +527,7 @@ fn board(identity: Identity, chips: [Chip; CONVERTERS]) -> BoardInfo {
     }
 }
 
-/// Adds what the coil took meanwhile.
+/// Adds the coil's current during the conversions.
 fn add_current<C: CoilHardware>(scan: &mut Scan, sampled: &Sampled, coil: &CoilManager<C>) {
     let half_us = u64::from(sampled.window_us / 2);
     let begin_us = sampled.time_us.saturating_sub(half_us);
@@ -540,7 +540,7 @@ fn add_current<C: CoilHardware>(scan: &mut Scan, sampled: &Sampled, coil: &CoilM
     scan.account = Some(coil.account());
 }
 
-/// A sample as the procedure takes it, without the coil's current.
+/// Converts a sample to a scan of the procedure, without the coil's current.
 fn scan(converter: u8, sampled: &Sampled) -> Scan {
     let readings = sampled.frame.readings().iter();
     let conversions = readings

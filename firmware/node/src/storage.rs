@@ -1,6 +1,6 @@
-//! The storage: carries out what the procedure orders, by [`palpate_storage`].
+//! Storage: carries out the procedure's orders with [`palpate_storage`].
 //!
-//! It runs beside everything else and below it, and does a little at a time.
+//! It runs at the lowest priority and works in small steps.
 
 use embedded_storage_async::nor_flash::NorFlash;
 use palpate_procedure::configuration::DEFAULT_SETTINGS;
@@ -10,22 +10,22 @@ use palpate_wire::Command;
 use palpate_wire::code::StorageState;
 use palpate_wire::command::CalibrationIdentity;
 
-/// Keeps settings and calibration in a range of flash.
+/// Storage of settings and calibration in a range of flash.
 #[derive(Debug)]
 pub struct StorageTask<F> {
-    /// The flash, before it was looked at.
+    /// The flash, before it is opened.
     flash: Option<F>,
-    /// From the first order on; nothing if the flash cannot be used.
+    /// The opened store, from the first order on; `None` if the flash cannot be used.
     store: Option<Store<F>>,
-    /// Which calibration is stored, as far as it was read.
+    /// Identity of the stored calibration, as far as it was read.
     identity: Option<CalibrationIdentity>,
-    /// That of a save.
+    /// Identity of the calibration that is being saved.
     put: Option<CalibrationIdentity>,
     is_loading: bool,
 }
 
 impl<F: NorFlash> StorageTask<F> {
-    /// A storage that takes all of a flash, or of what stands for one. Looks at nothing yet.
+    /// Creates a storage that uses all of a flash, real or simulated. Does not read it yet.
     pub const fn new(flash: F) -> Self {
         Self {
             flash: Some(flash),
@@ -36,13 +36,13 @@ impl<F: NorFlash> StorageTask<F> {
         }
     }
 
-    /// Whether something of the last order is still to be reported.
+    /// Returns whether a part of the last order is still to be reported.
     pub const fn is_going(&self) -> bool {
         self.is_loading
     }
 
-    /// Goes on: with an order, if there is one, or with what is still to be reported of the last.
-    /// Called again for as long as it reports something.
+    /// Works on a new order or, without one, on the rest of the last one. Call it again for as long as
+    /// it returns a report.
     pub async fn work(&mut self, order: Option<StorageOrder>) -> Option<StorageReport> {
         self.open().await;
         let Some(order) = order else {
@@ -85,7 +85,7 @@ impl<F: NorFlash> StorageTask<F> {
         }
     }
 
-    /// The next command of a load.
+    /// Reports the next command of a load.
     async fn go_on(&mut self) -> Option<StorageReport> {
         if !self.is_loading {
             return None;
@@ -103,7 +103,7 @@ impl<F: NorFlash> StorageTask<F> {
         })
     }
 
-    /// The next command that is stored. The identity that passes by is kept.
+    /// Returns the next stored command. Keeps the calibration identity when it is read.
     async fn next(&mut self) -> Result<Option<Command>, StorageFailure> {
         let store = self.store.as_mut().ok_or(StorageFailure::Absent)?;
         let next = store.next(&DEFAULT_SETTINGS).await.map_err(failure)?;
@@ -187,7 +187,7 @@ const fn nothing(state: StorageState) -> Stored {
     }
 }
 
-/// What the storage failed of, as the procedure has it.
+/// Converts an error of the storage to the procedure's failure.
 fn failure<E>(error: Error<E>) -> StorageFailure {
     match error {
         Error::Damaged | Error::Newer | Error::Unreadable { .. } | Error::Invalid(_) => {

@@ -1,15 +1,15 @@
-//! Whether every task is alive: the watchdog is fed only then.
+//! Supervision: tells whether every task has checked in, so that the watchdog may be fed.
 
 use core::sync::atomic::{AtomicBool, Ordering};
 
-/// Tasks that are supervised. The supervisor itself feeds the watchdog, and needs no place here.
+/// Supervised tasks. The supervisor itself feeds the watchdog and is not listed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Task {
     /// Reads the first converter.
     Sensing,
     /// Reads the second converter.
     SecondSensing,
-    /// Looks after the coil's drive.
+    /// Polls the coil's drive.
     Coil,
     /// Runs the procedure.
     Instrument,
@@ -17,7 +17,7 @@ pub enum Task {
 
 const TASKS: usize = 4;
 
-/// The check-ins of all tasks since the last poll.
+/// Check-ins of all tasks since the last poll.
 #[derive(Debug)]
 pub struct CheckIns([AtomicBool; TASKS]);
 
@@ -28,20 +28,20 @@ impl Default for CheckIns {
 }
 
 impl CheckIns {
-    /// No task has checked in.
+    /// Creates it without any check-in.
     #[must_use]
     pub const fn new() -> Self {
         Self([const { AtomicBool::new(false) }; TASKS])
     }
 
-    /// A task is alive.
+    /// Checks a task in.
     pub fn check_in(&self, task: Task) {
         if let Some(checked_in) = self.0.get(task as usize) {
             checked_in.store(true, Ordering::Relaxed);
         }
     }
 
-    /// Whether all tasks have checked in since the last time that they all had.
+    /// Returns whether all tasks have checked in since the last time that it returned `true`.
     pub fn all_alive(&self) -> bool {
         if !self.0.iter().all(|task| task.load(Ordering::Relaxed)) {
             return false;

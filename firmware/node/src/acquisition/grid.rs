@@ -1,119 +1,119 @@
-//! The grid of the scans: whether a frame is of one of them, what is missing, and whether the
-//! converter still converts as planned.
+//! Time grid of the scans: decides whether a frame belongs to one scan, which scans are missing, and
+//! whether the converter still converts as planned.
 //!
-//! A falling edge of INTB ends a scan. The frame is read after it, while the converter goes on and
-//! overwrites the results one channel after the other: that of channel 0 long before the next edge.
-//! A frame is of one scan only if each word was latched before its channel's next conversion ended.
-//! The time at which the transaction ended says so. One that is late is dropped and counted as missed.
+//! A falling edge of INTB ends a scan. The frame is read after it, while the converter continues and
+//! overwrites the results channel by channel: that of channel 0 long before the next edge. A frame
+//! belongs to one scan only if each word was latched before its channel's next conversion ended. The end
+//! time of the transaction shows this. A late frame is dropped and counted as missed.
 
 use ldc161x::Frame;
 
 use super::parts::{MOST_PARTS, Parts};
 use super::scheme::Scheme;
 
-/// Bits of a microsecond's fraction in the learnt period.
+/// Fractional bits of a microsecond in the learnt period.
 const FRACTION: u32 = 16;
 const MICROSECOND: i64 = 1 << FRACTION;
-/// By how much an interval between two edges may differ from the period, in parts of a microsecond.
-/// A stamp is cut to whole microseconds, and its interrupt may wait for the bus's own; two seconds at
-/// 1 kHz have no interval beyond this (sim-host/emulator/tests/integration/acquisition.rs). A conversion that is longer by less than this moves a time
-/// stamp by less than two microseconds.
+/// Allowed difference between an edge interval and the period, in fractions of a microsecond. A stamp is
+/// truncated to whole microseconds, and its interrupt may wait for a bus interrupt; two seconds at 1 kHz
+/// have no interval beyond this (sim-host/emulator/tests/integration/acquisition.rs). A conversion that
+/// is longer by less than this shifts a time stamp by less than two microseconds.
 const TOLERANCE: i64 = 2 * MICROSECOND;
-/// What the plan does not know of an interval, per channel: the converter's time between two
-/// conversions, 0 to 0.9 us (datasheet equation 8 against none).
+/// Uncertainty of the planned period, per channel: the converter's time between two conversions, 0 to
+/// 0.9 us (datasheet equation 8 against none).
 const UNPLANNED: i64 = MICROSECOND;
-/// Intervals over which the period is learnt, each with the weight of its number's reciprocal, rounded
-/// up to a power of two; later ones weigh as the last of these. The board's crystal drives timer and
-/// converter, so that the period is constant and only its value is not known.
+/// Number of intervals over which the period is learnt. Interval n has the weight 1/n, with n rounded up
+/// to a power of two; later intervals have the weight of the last of these. One crystal drives timer and
+/// converter, so the period is constant and only its value is unknown.
 const LEARNT_OVER: u32 = 64;
-/// Intervals after which the period is known, and so much of a microsecond is left: the sum of as many
-/// is known within one.
+/// Number of intervals after which the period is known, and the remaining uncertainty in fractions of a
+/// microsecond: the sum of that many intervals is known within one.
 const KNOWN: u32 = 8;
 const LEFT: i64 = MICROSECOND / KNOWN as i64;
-/// Equal intervals beside the grid after which the converter's registers are compared: a conversion
-/// that the chip's watchdog aborts makes a single one.
+/// Number of equal intervals off the grid after which the converter's registers are verified: a
+/// conversion that the chip's watchdog aborts causes only one.
 const CHECK_AFTER: u8 = 2;
-/// The same after which the converter is given up, with its registers as they were written: its
-/// clock is off.
+/// Number of equal intervals off the grid after which the converter counts as failed although its
+/// registers are intact: its clock is wrong.
 const GIVE_UP_AFTER: u8 = 8;
 
-/// When a frame was read.
+/// Times of reading a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Fetch {
-    /// The edge of INTB that called for it.
+    /// Time of the INTB edge that started the read.
     pub edge_us: u64,
-    /// From the edge to the end of each part's transaction.
+    /// Time from the edge to the end of each part's transaction.
     pub ended_us: [u32; MOST_PARTS],
-    /// Falling edges that the hardware has counted up to this one.
+    /// Number of falling edges that the hardware has counted, including this one.
     pub edges: u16,
 }
 
-/// What a frame is found to be.
+/// Classification of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Finding {
-    /// All of it is of one scan.
+    /// All words belong to one scan.
     Scan {
-        /// Scans that are missing before it.
+        /// Number of scans missing before it.
         missed: u32,
-        /// What went before it is unknown, or took another time than planned.
+        /// The time before it is unknown or differs from the plan.
         gap: bool,
     },
-    /// It was read too late, or not at all, and may be of two scans.
+    /// The frame was read too late or not at all, and may mix two scans.
     Late,
-    /// No scan ended at its edge: it came sooner after the last one than any scan can. Its words are
-    /// those of before, or of a scan that is not over.
+    /// No scan ended at the edge, which followed the last one sooner than any scan can. The words are
+    /// old or belong to an unfinished scan.
     Early,
 }
 
 /// A scan with its time.
 #[derive(Clone, Copy, Debug)]
 pub struct Sampled {
-    /// The words.
+    /// Words of the scan.
     pub frame: Frame,
-    /// Middle of its first conversion.
+    /// Middle of the first conversion.
     pub time_us: u64,
-    /// From there to the middle of each conversion.
+    /// Time from there to the middle of each conversion.
     pub offsets_us: [u16; 4],
-    /// How long a conversion takes.
+    /// Duration of a conversion.
     pub window_us: u16,
-    /// Scans that were lost between the last one and this.
+    /// Number of scans lost since the previous one.
     pub missed: u32,
-    /// What went before is unknown.
+    /// The time before this scan is unknown.
     pub gap: bool,
-    /// Generation of the setpoint that it was converted by; see
+    /// Generation of the setpoint of its conversion; see
     /// [`ConverterState::is_current`](crate::converter::ConverterState::is_current).
     pub generation: u32,
 }
 
-/// The grid of the scans, as it is learnt.
+/// Grid of the scans, learnt from the edges.
 #[derive(Debug)]
 pub struct Grid {
-    /// From one scan to the next, in parts of a microsecond.
+    /// Scan period in fractions of a microsecond.
     period: i64,
-    /// Intervals that it is learnt from.
+    /// Number of intervals from which the period was learnt.
     learnt: u32,
     unplanned: i64,
     /// Generation of the setpoint.
     generation: u32,
-    /// How long after its edge each part of a frame may end for the frame to be of one scan.
+    /// Latest end of each part of a frame after its edge, for the frame to belong to one scan.
     latest_end_us: [u32; MOST_PARTS],
     has_room: bool,
-    /// Time and number of the last edge.
+    /// Time and count of the last edge.
     last_edge: Option<(u64, u16)>,
     /// Edge of the last scan that was passed on.
     last_us: Option<u64>,
     /// The last frame was read in time: INTB was released before the next scan ended.
     in_time: bool,
-    /// What goes before the next scan is not known.
+    /// The time before the next scan is unknown.
     gap: bool,
-    /// The last interval beside the grid, and how often it has come in a row.
+    /// The last interval off the grid, and how often it came in a row.
     strange_us: u64,
     strange: u8,
 }
 
 impl Grid {
-    /// The grid of a plan, of which only the planned period is known. `with_status`: STATUS is read
-    /// first in each frame. `generation`: that of the setpoint.
+    /// Creates the grid of a plan, knowing only the planned period. `with_status`: STATUS is read first
+    /// in each frame. `generation`: generation of the setpoint.
     pub fn new(scheme: &Scheme, with_status: bool, generation: u32) -> Self {
         let parts = Parts::new(scheme, with_status);
         Self {
@@ -132,24 +132,24 @@ impl Grid {
         }
     }
 
-    /// Whether a register can be read between two frames without spoiling one, however late the task
-    /// comes to it.
+    /// Returns whether a register can be read between two frames without spoiling one, however late the
+    /// task starts the read.
     pub const fn has_room(&self) -> bool {
         self.has_room
     }
 
-    /// The time between two scans has changed, and stays so: the converter's registers have to be
-    /// compared with what was written.
+    /// Returns whether the scan period has changed repeatedly, so that the converter's registers must be
+    /// verified.
     pub const fn is_suspect(&self) -> bool {
         self.strange == CHECK_AFTER
     }
 
-    /// It stays so though the registers are intact.
+    /// Returns whether the scan period stays changed although the registers are intact.
     pub const fn is_off(&self) -> bool {
         self.strange >= GIVE_UP_AFTER
     }
 
-    /// What goes before the next edge is unknown: a transfer failed.
+    /// Marks the time before the next edge as unknown, after a failed transfer.
     pub const fn interrupt(&mut self) {
         self.last_edge = None;
         self.last_us = None;
@@ -157,12 +157,12 @@ impl Grid {
         self.gap = true;
     }
 
-    /// A frame was read of which the edge's time is not known.
+    /// Handles a frame whose edge time is unknown.
     pub const fn skip(&mut self) {
         self.in_time = false;
     }
 
-    /// A frame with its time, if it is of one scan.
+    /// Returns the frame with its time if it belongs to one scan.
     pub fn sampled(&mut self, scheme: &Scheme, frame: Frame, fetch: &Fetch) -> Option<Sampled> {
         let Finding::Scan { missed, gap } = self.take(fetch) else {
             self.gap |= frame.marks.gap;
@@ -179,12 +179,12 @@ impl Grid {
         })
     }
 
-    /// Takes the next frame.
+    /// Classifies the next frame.
     pub fn take(&mut self, fetch: &Fetch) -> Finding {
         let last_edge = self.last_edge.replace((fetch.edge_us, fetch.edges));
         let was_in_time = core::mem::take(&mut self.in_time);
-        // The converter makes an edge at the end of every scan unless INTB is low still: after a
-        // frame that was read in time the next edge is that of the next scan.
+        // The converter makes an edge at the end of every scan unless INTB is still low: after a frame
+        // read in time, the next edge ends the next scan.
         let mut follows = false;
         let mut is_early = false;
         if let Some((last_us, last_edges)) = last_edge {
@@ -216,8 +216,8 @@ impl Grid {
         }
     }
 
-    /// Whether whole periods have passed since the last scan that was passed on: what came between was
-    /// no scan.
+    /// Returns whether whole periods have passed since the last scan that was passed on: no scan ended
+    /// between.
     fn is_after_whole_periods(&self, edge_us: u64) -> bool {
         let Some(last_us) = self.last_us else {
             return false;
@@ -227,13 +227,13 @@ impl Grid {
         periods > 0 && self.is_within(self.beyond(interval_us, periods), periods)
     }
 
-    /// By how much an interval is longer than some periods, in parts of a microsecond.
+    /// Returns the length of an interval beyond some periods, in fractions of a microsecond.
     const fn beyond(&self, interval_us: u64, periods: i64) -> i64 {
         // Less than the age of the universe: no bit is lost.
         ((interval_us << FRACTION) as i64).saturating_sub(self.period.saturating_mul(periods))
     }
 
-    /// Whether that may be, by what is known of the period.
+    /// Returns whether the difference is within the uncertainty of the period.
     const fn is_within(&self, beyond: i64, periods: i64) -> bool {
         let unknown = if self.learnt < KNOWN {
             self.unplanned
@@ -243,8 +243,8 @@ impl Grid {
         beyond.abs() <= TOLERANCE.saturating_add(unknown.saturating_mul(periods))
     }
 
-    /// Whether an interval between two edges is a period, or several where the edges do not
-    /// `follow` one another; learns from one that is.
+    /// Returns whether an interval between two edges is one period, or several if the edges do not
+    /// `follow` one another. Learns from intervals of one period.
     fn is_on_grid(&mut self, interval_us: u64, follows: bool) -> bool {
         let periods = if follows {
             1
@@ -271,7 +271,7 @@ impl Grid {
         false
     }
 
-    /// How many periods an interval is, to the nearest.
+    /// Returns an interval in periods, rounded to the nearest.
     fn periods(&self, interval_us: u64) -> u32 {
         let period = self.period.max(1);
         let interval = (interval_us << FRACTION) as i64;

@@ -1,4 +1,4 @@
-//! The converter's plan, and the time of every scan that it makes.
+//! Plan of the converter, and the time of each of its scans.
 
 mod grid;
 mod parts;

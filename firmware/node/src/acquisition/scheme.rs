@@ -1,4 +1,4 @@
-//! From settings to a plan for the converter.
+//! Converts settings to a plan for the converter.
 
 use ldc161x::{
     Acquisition, Channel, Configuration, DriveCode, ErrorConfig, LimitError, Model, Plan, Rate,
@@ -8,40 +8,40 @@ use ldc161x::{
 use super::parts::Parts;
 use crate::board::Clkin;
 
-/// The resonators that the board is made for: 2 to 5 MHz with a quality factor of 50 at most. The
-/// parallel resistance only gives the drive to begin with: the converter seeks its own at the start.
+/// Resonators for which the board is made: 2 to 5 MHz with a quality factor of 50 at most. The parallel
+/// resistance gives only the initial drive: the converter searches for its own at the start.
 const SENSOR: Sensor = Sensor {
     highest_quality_factor: 50,
     lowest_rp_ohm: 3_000,
     highest_rp_ohm: 3_000,
     ..Sensor::new(2_000_000, 5_000_000)
 };
-/// The bus as it is planned: 400 kHz, of which frames take 98 %, as where the image loses nothing in a
-/// minute (docs/evidence/image-rates.md). Closer to it a frame that is late once makes those after it late.
+/// Planned bus rate: frames take 98 % of 400 kHz. At this rate the image loses no sample in a minute
+/// (docs/evidence/image-rates.md). Closer to 400 kHz, one late frame delays the following ones.
 const BUS_HZ: u32 = 393_000;
-/// What INTB reports: the end of every frame, and that the watchdog has aborted a conversion. Of a sensor
-/// that does not oscillate no conversion of more than 5.2 ms ends, and INTB would be silent as it is
-/// with a converter that is gone.
+/// Events that INTB reports: the end of every frame, and a conversion that the watchdog has aborted. If
+/// a sensor does not oscillate, no conversion of more than 5.2 ms ends, and INTB would be as silent as
+/// with a disconnected converter.
 const ERRORS: ErrorConfig = ErrorConfig {
     watchdog_to_interrupt: true,
     ..ErrorConfig::DATA_READY
 };
-/// Between two channels of a scan (datasheet equation 8).
+/// Time between two channels of a scan (datasheet equation 8).
 const SWITCH_S: f32 = 692e-9 + 5.0 / Clkin::SCAN.hz() as f32;
 
-/// How a converter is to be run.
+/// Requested operation of a converter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Setpoint {
     /// Active channels: bit n for channel n.
     pub channels: u8,
     /// Scans per second.
     pub rate_hz: f32,
-    /// Another converter is run likewise on the same bus.
+    /// Another converter runs with the same settings on the same bus.
     pub shares_bus: bool,
 }
 
 impl Setpoint {
-    /// The clock that the converter needs for it.
+    /// Returns the converter clock that the setpoint needs.
     #[must_use]
     pub fn clkin(&self) -> Clkin {
         match acquisition(self.channels) {
@@ -51,32 +51,33 @@ impl Setpoint {
     }
 }
 
-/// How a converter is run.
+/// Plan of a converter.
 #[derive(Clone, Copy, Debug)]
 pub struct Scheme {
-    /// What it was made for.
+    /// Setpoint that the plan was made for.
     pub setpoint: Setpoint,
-    /// What is written to it.
+    /// Configuration written to the converter.
     pub configuration: Configuration,
-    /// From one frame to the next as planned, in microseconds.
+    /// Planned frame period, in microseconds.
     pub period_us: f32,
-    /// From the middle of the first conversion to the frame's edge, in microseconds.
+    /// Time from the middle of the first conversion to the frame's edge, in microseconds.
     pub before_edge_us: u32,
-    /// From the middle of the first conversion to that of each.
+    /// Time from the middle of the first conversion to the middle of each, in microseconds.
     pub offsets_us: [u16; 4],
-    /// From the end of each conversion to the frame's edge, in microseconds: 0 for the last one.
+    /// Time from the end of each conversion to the frame's edge, in microseconds: 0 for the last one.
     pub ages_us: [f32; 4],
-    /// How many channels are converted.
+    /// Number of converted channels.
     pub channels: u8,
-    /// How long a conversion takes, in microseconds.
+    /// Duration of a conversion, in microseconds.
     pub window_us: u16,
 }
 
 impl Scheme {
-    /// The scheme for a setpoint. `with_status`: STATUS is read first in each frame.
+    /// Creates the plan for a setpoint. `with_status`: STATUS is read first in each frame.
     ///
     /// # Errors
-    /// What the converter cannot follow, as its driver says it.
+    ///
+    /// The driver's error if the converter cannot follow the setpoint.
     pub fn new(setpoint: Setpoint, with_status: bool) -> Result<Self, LimitError> {
         let acquisition = acquisition(setpoint.channels);
         let rate = Rate::PerSecond(ceil(setpoint.rate_hz));
@@ -119,15 +120,15 @@ impl Scheme {
         Ok(scheme)
     }
 
-    /// Whether the scans come as often as was asked for, and no more often: the longest conversion is
-    /// shorter than that, and every time within a scan has its place in a record.
+    /// Returns whether the scan rate is as requested and not higher: the longest conversion is shorter
+    /// than the period, and every time within a scan fits into a record.
     pub(crate) fn is_kept(&self) -> bool {
         let first = self.configuration.acquisition.channels().next();
         let settings = self.configuration.channel(first.unwrap_or_default());
         settings.rcount < Rcount::MAX && !self.offsets_us.contains(&u16::MAX)
     }
 
-    /// Drives the active channels with what was found for them.
+    /// Sets the drive currents found for the active channels.
     pub fn drive(&mut self, found: &[Option<DriveCode>; 4]) {
         for (channel, drive) in Channel::ALL.into_iter().zip(found) {
             if let Some(drive) = drive {
@@ -137,7 +138,7 @@ impl Scheme {
     }
 }
 
-/// The scans per second that can be asked for, whole ones: the lowest and the highest.
+/// Returns the lowest and the highest whole scan rate that can be requested, in hertz.
 pub fn rates_hz(setpoint: Setpoint, with_status: bool) -> [u32; 2] {
     let scheme = |rate_hz: u32| {
         let rate_hz = rate_hz as f32;
@@ -155,11 +156,11 @@ pub fn rates_hz(setpoint: Setpoint, with_status: bool) -> [u32; 2] {
     [first(1, highest, is_kept), highest]
 }
 
-/// The protocol's highest rate (firmware/wire/src/command/settings.rs), and one more.
+/// The protocol's highest rate plus one (firmware/wire/src/command/settings.rs).
 const MOST_HZ: u32 = 5_001;
 
-/// The first number from `low` to `high` for which something holds that holds from there on; `high` if
-/// there is none before it.
+/// Returns the first number from `low` to `high` from which a monotonic condition holds; `high` if there
+/// is none before it.
 fn first(mut low: u32, mut high: u32, holds: impl Fn(u32) -> bool) -> u32 {
     while low < high {
         let middle = low + (high - low) / 2;
@@ -172,13 +173,13 @@ fn first(mut low: u32, mut high: u32, holds: impl Fn(u32) -> bool) -> u32 {
     low
 }
 
-/// Growth of the parallel resistance, and with it of the amplitude, when the sensor is pressed as far
-/// as it can be: 0.4 mm between slabs raise the inductance by a fifth, and the resistance is L/(R C).
+/// Growth of the parallel resistance, and so of the amplitude, when the sensor is fully pressed: 0.4 mm
+/// between slabs raise the inductance by a fifth, and the resistance is L/(R C).
 const PRESSED: [u32; 2] = [6, 5];
 
-/// A drive with room for that growth: the strongest that is a fifth weaker. What the converter finds
-/// is the strongest below 1.8 V (datasheet 8.1.5.2); a code is 1.1 to 1.25 times the next lower one.
-/// At rest the oscillation may be too faint with it: see [`stronger`].
+/// Returns a drive with a margin for that growth: the strongest that is a fifth weaker. The converter
+/// finds the strongest below 1.8 V (datasheet 8.1.5.2); each code is 1.1 to 1.25 times the one below it.
+/// At rest the oscillation may be too weak with it: see [`stronger`].
 pub fn with_room(found: DriveCode) -> DriveCode {
     let [pressed, at_rest] = PRESSED;
     let has_room = |code: &DriveCode| {
@@ -188,19 +189,19 @@ pub fn with_room(found: DriveCode) -> DriveCode {
     weaker.into_iter().find(has_room).unwrap_or_default()
 }
 
-/// The next stronger drive, for an oscillation below 1.2 V.
+/// Returns the next stronger drive, for an oscillation below 1.2 V.
 pub fn stronger(drive: DriveCode) -> DriveCode {
     DriveCode::new(drive.code().saturating_add(1)).unwrap_or(drive)
 }
 
-/// The next whole number of scans per second.
+/// Rounds up to a whole number of scans per second.
 fn ceil(rate_hz: f32) -> u32 {
     let whole = rate_hz as u32;
     let more = whole as f32 - rate_hz < 0.0;
     (whole + u32::from(more)).max(1)
 }
 
-/// One channel alone, or a scan up to the highest one: the converter knows no other sequences.
+/// Returns one channel alone, or a scan up to the highest one: the converter has no other sequences.
 fn acquisition(channels: u8) -> Acquisition {
     let single = match channels {
         0b0010 => Some(Channel::One),
@@ -217,14 +218,14 @@ fn acquisition(channels: u8) -> Acquisition {
     }
 }
 
-/// Where the conversions of a scan lie before its edge; see [`Scheme`].
+/// Times of the conversions of a scan before its edge; see [`Scheme`].
 struct Times {
     before_edge_us: u32,
     offsets_us: [u16; 4],
     ages_us: [f32; 4],
 }
 
-/// The edge comes at the end of the last conversion.
+/// Returns the times of the conversions; the edge comes at the end of the last one.
 fn times(configuration: &Configuration) -> Times {
     let mut middles = [0.0_f32; 4];
     let mut ages_us = [0.0_f32; 4];
@@ -244,9 +245,9 @@ fn times(configuration: &Configuration) -> Times {
         let settle_s = periods / reference_hz(configuration);
         end_s -= conversion_s + settle_s + SWITCH_S;
     }
-    // Each is rounded by itself against the edge, so that no time is rounded twice; up, since an
-    // edge's stamp is late: 0.1 to 1.7 us of its interrupt, less what is cut to whole microseconds. A
-    // time is then between 1.9 us early and 1.7 us late (docs/evidence/image-starts.md).
+    // Each time is rounded separately against the edge, so none is rounded twice; it is rounded up,
+    // since an edge's stamp is late: 0.1 to 1.7 us from its interrupt, less the truncation to whole
+    // microseconds. The result is between 1.9 us early and 1.7 us late (docs/evidence/image-starts.md).
     let before_us = middles.map(|middle_s| (-middle_s * 1e6 + 1.0) as u32);
     let [before_edge_us, ..] = before_us;
     let offset_us = |before_us| u16::try_from(before_edge_us.saturating_sub(before_us));
@@ -266,9 +267,9 @@ fn reference_hz(configuration: &Configuration) -> f32 {
 mod tests {
     use super::*;
 
-    /// A conversion has 65,535 times 16 clocks at most: 31.46 ms of one channel at 33.3 MHz, 26.2 ms at 40 MHz.
-    /// The fourth channel of a scan follows three conversions, and a record has room for 65.5 ms of them.
-    /// A frame has 47 bit times a register, a stop, and 10 us of the master.
+    /// A conversion has at most 65,535 times 16 clocks: 31.46 ms of one channel at 33.3 MHz, 26.2 ms at
+    /// 40 MHz. The fourth channel of a scan follows three conversions, and a record can hold 65.5 ms of
+    /// them. A frame takes 47 bit times per register, a stop, and 10 us of the master.
     #[test]
     fn the_rates_are_those_of_conversion_record_and_bus() {
         for (channels, with_status, [lowest, highest]) in [
@@ -315,18 +316,18 @@ mod tests {
         }
     }
 
-    /// For every code: at rest and pressed the amplitude stays within 1.2 and 1.8 V, wherever within its
-    /// step the sensor is, or one code more than the room does.
+    /// For every code: at rest and pressed the amplitude stays within 1.2 and 1.8 V, for any position of
+    /// the sensor within its step, or with one code above the margin.
     #[test]
     fn a_pressed_sensor_has_room_and_one_at_rest_is_not_faint() {
-        // The strongest code that is known to be below the clamp, and the next one above it.
+        // The strongest code certainly below the clamp, and the one above it.
         for code in 3..31 {
             let found = DriveCode::new(code).unwrap();
             let drive = with_room(found);
             let [found_ua, next_ua, drive_ua, stronger_ua] =
                 [found, stronger(found), drive, stronger(drive)]
                     .map(|of| f64::from(of.current_ua()));
-            // The sensor's amplitude at the found code lies between these.
+            // Range of the sensor's amplitude at the found code.
             let [low_v, high_v] = [1.8 * found_ua / next_ua, 1.8];
             let pressed_v = 1.2 * high_v * drive_ua / found_ua;
             assert!(pressed_v <= 1.8, "{found}: {pressed_v}");

@@ -1,4 +1,5 @@
-//! A coil at rest, for tests: readings of a divider, and memory that a reset leaves.
+//! Simulated hardware of a coil at rest, for tests: divider readings, and memory that keeps its content
+//! in a reset.
 
 use coil_hbridge::{Averages, Drive, Order, Trace};
 
@@ -7,14 +8,14 @@ use super::{
     TRACE_LENGTH,
 };
 
-/// 12 V behind 100 over 10 kiloohm, of 4096 for 3.3 V.
+/// Reading of 12 V through a divider of 10 kiloohm and 100 kiloohm, of 4096 for 3.3 V.
 pub(super) const SUPPLY_12_V: u16 = 1_354;
 
 pub(super) struct CoilTestBench {
     pub(super) now_us: u64,
     drive: Drive,
     pub(super) memory: EnergyWords,
-    /// Reading of the supply.
+    /// Supply reading.
     pub(super) supply: u16,
     averages: Averages<AVERAGED_BLOCKS>,
     trace: Trace<TRACE_LENGTH>,
@@ -74,7 +75,7 @@ impl CoilHardware for CoilTestBench {
     }
 }
 
-/// A run that begins with these words in memory.
+/// Creates a manager for a run that starts with these words in memory.
 pub(super) fn run(memory: EnergyWords) -> CoilManager<CoilTestBench> {
     let (supervisor, drive) = CoilManager::<CoilTestBench>::drive().unwrap();
     let bench = CoilTestBench {

@@ -1,10 +1,10 @@
-//! What the drive finds, in the protocol's words.
+//! Maps faults and refusals of the drive to failures of the protocol.
 
 use coil_hbridge::{Fault, Limits, Refusal};
 use palpate_procedure::event::Failure;
 use palpate_wire::code::{FaultCode, Location};
 
-/// The failure that a latched fault of the drive is, with what was found and what is allowed.
+/// Returns the failure for a latched fault of the drive, with the measured value and its limit.
 pub(crate) fn latched(fault: Fault, value_and_limit: Option<[f32; 2]>, limits: &Limits) -> Failure {
     let found = failure(code(fault), None, limits);
     match value_and_limit {
@@ -17,8 +17,8 @@ pub(crate) fn latched(fault: Fault, value_and_limit: Option<[f32; 2]>, limits: &
     }
 }
 
-/// The failure that a refusal of the drive is: its own limits forbid what the procedure's allow.
-/// Nothing for a fault that stands, which has been reported.
+/// Returns the failure for a refusal of the drive: its own limits forbid a request that the procedure's
+/// limits allow. `None` for a latched fault, which has been reported.
 pub(crate) fn refused(refusal: &Refusal, limits: &Limits) -> Option<Failure> {
     let [_, highest_supply_v] = limits.supply_v;
     let (code, value) = match *refusal {
@@ -35,7 +35,7 @@ pub(crate) fn refused(refusal: &Refusal, limits: &Limits) -> Option<Failure> {
     Some(failure(code, Some(value), limits))
 }
 
-/// A failure with its place and the limit that was passed.
+/// Returns a failure with its location and the exceeded limit.
 pub(crate) const fn failure(code: FaultCode, value: Option<f32>, limits: &Limits) -> Failure {
     let [lowest_supply_v, highest_supply_v] = limits.supply_v;
     let (location, limit) = match code {
@@ -83,7 +83,7 @@ mod tests {
 
     const LIMITS: Limits = crate::board::LIMITS;
 
-    /// A second transcription: what docs/faults.md says of each.
+    /// Repeats the entries of docs/faults.md.
     #[test]
     fn every_fault_of_the_drive_has_its_code_and_place() {
         let table = [
@@ -154,7 +154,7 @@ mod tests {
         assert_eq!(found(Refusal::Supply(15.0)), high);
         let long = Some((FaultCode::OnTime, Some(21.0), Some(20.0)));
         assert_eq!(found(Refusal::Duration(21.0)), long);
-        // It has been reported when it was latched.
+        // It was reported when it was latched.
         assert_eq!(found(Refusal::Latched(Fault::Short)), None);
     }
 }

@@ -1,17 +1,18 @@
-//! The energy that the coil has taken, in memory that no reset clears: a new run's account goes on where
-//! that of the run before ended. A loss of power clears it; what is left in the copper by then has a
-//! bound of its own (`Heat` of the procedure).
+//! Energy in the coil, in memory that no reset clears: a new run continues the account of the previous
+//! run. A loss of power clears it; `Heat` of the procedure has its own bound for the energy that is then
+//! left in the copper.
 
-/// The energy, and its complement: a pattern that memory has after a loss of power once in 2^32 times.
+/// Energy and its complement; memory has a valid pair by chance after a loss of power once in 2^32
+/// times.
 pub type EnergyWords = [u32; 2];
 
-/// The words for an energy.
+/// Returns the words for an energy.
 pub(super) const fn words(energy_j: f32) -> EnergyWords {
     let bits = energy_j.to_bits();
     [bits, !bits]
 }
 
-/// The energy of words, J; nothing if they are none.
+/// Returns the energy of the words, J; `None` if they are not valid.
 pub(super) fn energy_j([bits, complement]: EnergyWords) -> Option<f32> {
     let energy_j = f32::from_bits(bits);
     (complement == !bits && energy_j >= 0.0).then_some(energy_j)

@@ -1,8 +1,8 @@
-//! The coil: what is asked of its drive, and what the drive reports.
+//! Coil manager: gives requests to the drive and reports its results.
 //!
-//! The control interrupt of the board runs the drive every period. The manager stands above it: it
-//! starts and stops that interrupt, gives the drive its orders, polls it a thousand times a second,
-//! reads supply and thermistor, and turns what has failed into a fault of the protocol.
+//! The board's control interrupt runs the drive every period. The manager is above it: it starts and
+//! stops that interrupt, gives orders to the drive, polls it a thousand times a second, reads supply and
+//! thermistor, and maps failures to faults of the protocol.
 
 #[cfg(test)]
 mod bench;
@@ -28,44 +28,44 @@ pub use hardware::{
 pub use kept::EnergyWords;
 use tracing::Tracing;
 
-/// From one poll of the drive to the next, us.
+/// Period of polling the drive, us.
 pub const POLL_US: u64 = 1_000;
-/// Polls after which the interrupt rests when the bridge is off: until the means of the last
-/// conversions have been asked for.
+/// Number of polls after the bridge went off until the interrupt is disabled: until then the mean
+/// currents of the last conversions have been read.
 const RESTS_AFTER: u16 = 200;
-/// Polls after which the current has died in any coil, and a current that flows is unwanted.
+/// Number of polls after which the current of any coil has decayed, so that a current is unwanted.
 const DEAD_AFTER: u16 = 20;
-/// A current that is no offset, A.
+/// Lowest current that counts as unwanted and not as an offset, A.
 const UNWANTED_A: f32 = 0.5;
-/// Periods over which such a current is measured.
+/// Number of periods over which an unwanted current is measured.
 const UNWANTED_PERIODS: u32 = 32;
-/// Polls from one reading of thermistor and supply to the next, and from one of the drive, while the
-/// interrupt rests: both divide the polls that are counted.
+/// While the interrupt is disabled: number of polls between two readings of thermistor and supply, and
+/// between two reports of the drive. Both divide the range of the poll counter.
 const SELDOM: u8 = 8;
 const RARELY: u8 = 64;
-/// Part of the difference that a reading of the supply takes over at each poll; all of it where there
-/// are few.
+/// Share of the difference that a supply reading contributes at each poll; the whole difference while
+/// readings are rare.
 const SMOOTHING: f32 = 0.25;
 /// Parts of a period in [`Moment`].
 const SIXTEENTHS: i64 = 16;
 
-/// What stands above the coil's drive.
+/// Manager of the coil's drive.
 #[derive(Debug)]
 pub struct CoilManager<H> {
     hardware: H,
     supervisor: Supervisor,
     supply_v: f32,
-    /// The supply by its last reading, V.
+    /// Supply by its last reading, V.
     read_v: f32,
     thermometer: Thermometer,
-    /// Whether there is a coil that needs one, driven or not.
+    /// A coil that needs a thermometer is attached, driven or not.
     expects_thermometer: bool,
-    /// Since when the interrupt runs.
+    /// Start time of the control interrupt; `None` while it is disabled.
     runs_since_us: Option<u64>,
     polled_us: u64,
-    /// Polls; wraps.
+    /// Number of polls; wraps.
     polls: u8,
-    /// Polls since the bridge went off.
+    /// Number of polls since the bridge went off.
     off: u16,
     was: DriveState,
     failure: Option<Failure>,
@@ -76,17 +76,18 @@ pub struct CoilManager<H> {
 impl<H: CoilHardware> CoilManager<H> {
     const PERIOD_US: i64 = H::CIRCUIT.period_us() as i64;
 
-    /// The drive for the board's control interrupt, and what becomes a manager once that owns it. The
-    /// bridge is off.
+    /// Creates the drive for the board's control interrupt, and the supervisor from which a manager is
+    /// made once the interrupt owns the drive. The bridge is off.
     ///
     /// # Errors
-    /// Constants of the circuit that do not fit each other.
+    ///
+    /// Returns an error if the constants of the circuit are inconsistent.
     pub fn drive() -> Result<(Supervisor, Drive), Refusal> {
         Supervisor::new(H::CIRCUIT.hardware, H::CIRCUIT.limits)
     }
 
-    /// A manager of a drive that the control interrupt owns already. What the run before has counted of
-    /// energy still counts.
+    /// Creates a manager of a drive that the control interrupt already owns. The energy account of the
+    /// previous run continues.
     pub fn new(hardware: H, mut supervisor: Supervisor) -> Self {
         if let Some(energy_j) = kept::energy_j(hardware.kept_energy()) {
             supervisor.charge(energy_j);
@@ -111,8 +112,8 @@ impl<H: CoilHardware> CoilManager<H> {
 
     // ---- requests ----
 
-    /// Lets the current follow a line, unless a failure stands: one that the procedure has not
-    /// received yet where it asks for this.
+    /// Lets the current follow a line, unless a failure is latched, which the procedure may not yet have
+    /// received when it requests this.
     pub fn follow(&mut self, line: &CurrentLine) {
         if self.failure.is_some() {
             return;
@@ -121,7 +122,7 @@ impl<H: CoilHardware> CoilManager<H> {
         let Some(report) = self.hardware.with_drive(|drive| drive.report()) else {
             return;
         };
-        // Asked for late in a step that may have taken a millisecond.
+        // The request may come late in a step that has taken up to a millisecond.
         let clock = || self.hardware.now_us();
         match self.supervisor.follow(&report, line, clock) {
             Ok(order) => self.hardware.apply(&order),
@@ -129,7 +130,7 @@ impl<H: CoilHardware> CoilManager<H> {
         }
     }
 
-    /// Tests bridge, coil and current measurement, under the same condition.
+    /// Tests bridge, coil and current measurement, unless a failure is latched.
     pub fn test(&mut self) {
         if self.failure.is_some() {
             return;
@@ -144,7 +145,7 @@ impl<H: CoilHardware> CoilManager<H> {
         }
     }
 
-    /// Records the current from now on, once each `interval_s`.
+    /// Starts a trace of the current with a value every `interval_s`.
     pub fn trace(&mut self, interval_s: f32) {
         self.wake();
         let now_us = self.hardware.now_us();
@@ -154,29 +155,29 @@ impl<H: CoilHardware> CoilManager<H> {
         self.tracing = Some(tracing);
     }
 
-    /// Corrects the measured current from now on.
+    /// Corrects the measured current from here on.
     pub fn correct(&mut self, correction: &CurrentCorrection) {
         let mut pairs = heapless::Vec::<[f32; 2], MAX_POINTS>::new();
         for (measured_a, change_a) in correction.points() {
-            // There is room for as many as a correction has.
+            // There is space for all pairs of a correction.
             let _ = pairs.push([measured_a, measured_a + change_a]);
         }
         match Correction::new(&pairs, &H::CIRCUIT.hardware) {
             Ok(correction) => self.hardware.apply(&Supervisor::correct(correction)),
-            // The protocol's limits are narrower than the driver's: a table that this refuses means
-            // that the two no longer agree.
+            // The protocol's limits are narrower than the driver's: a table refused here means that the
+            // two do not agree.
             Err(_) => self.fail(FaultCode::CurrentSense, None),
         }
     }
 
-    /// Switches the bridge off: it is when this returns, and stays so.
+    /// Switches the bridge off before it returns; it stays off.
     pub fn stop(&mut self) {
         self.switch_off();
-        // Of a test that was stopped nothing is reported.
+        // A stopped test reports no result.
         self.found = None;
     }
 
-    /// Clears a failure, if it is this one that stands.
+    /// Clears the latched failure if it has this code.
     pub fn clear(&mut self, code: FaultCode) {
         if self.failure.is_some_and(|failure| failure.code == code) {
             self.failure = None;
@@ -185,43 +186,43 @@ impl<H: CoilHardware> CoilManager<H> {
         }
     }
 
-    /// Whether a thermometer that is open or shorted is a fault while the coil rests, too. While it
-    /// is tested or driven it always is.
+    /// Sets whether an open or shorted thermometer is a fault while the coil is not driven. During a
+    /// test or a drive it always is.
     pub const fn expect_thermometer(&mut self, expects: bool) {
         self.expects_thermometer = expects;
     }
 
     // ---- reports ----
 
-    /// Whether the bridge is proven off: for so long that the control interrupt rests, and meanwhile
-    /// no current was measured.
+    /// Returns whether the bridge is proven off: long enough for the control interrupt to be disabled,
+    /// with no current measured since.
     pub const fn rests(&self) -> bool {
         self.runs_since_us.is_none()
     }
 
-    /// What has failed, while it stands.
+    /// Returns the latched failure.
     pub const fn failure(&self) -> Option<Failure> {
         self.failure
     }
 
-    /// Whether a test has found something, or a part of a record of the current is there.
+    /// Returns whether a test result or a part of a trace is available.
     pub fn has_found(&self) -> bool {
         self.found.is_some() || self.has_trace()
     }
 
-    /// Whether a record of the current is over: with its last value or with the interrupt.
+    /// Returns whether a trace is complete: with its last value, or because the interrupt was disabled.
     fn has_trace(&self) -> bool {
         let is_over =
             || self.runs_since_us.is_none() || self.hardware.trace().taken() >= TRACE_LENGTH;
         self.tracing.is_some() && is_over()
     }
 
-    /// What a test has found, once.
+    /// Takes the result of a test; `None` on later calls.
     pub const fn take_found(&mut self) -> Option<CoilTest> {
         self.found.take()
     }
 
-    /// A part of the record of the current, with the time of its first, when the record is over.
+    /// Takes a part of a complete trace, with the time of its first value.
     pub fn take_trace(&mut self) -> Option<(u64, CurrentTrace)> {
         if !self.has_trace() {
             return None;
@@ -236,24 +237,24 @@ impl<H: CoilHardware> CoilManager<H> {
         part
     }
 
-    /// Supply of the coil, V.
+    /// Returns the supply of the coil, V.
     pub const fn supply_v(&self) -> f32 {
         self.supply_v
     }
 
-    /// Temperature of the coil; nothing without a thermometer.
+    /// Returns the temperature of the coil; `None` without a thermometer.
     pub fn temperature(&self) -> Option<Celsius> {
         self.thermometer.temperature()
     }
 
-    /// The energy that the coil has taken and not given off yet, as its drive counts it.
+    /// Returns the energy that the coil has taken and not yet given off, as its drive counts it.
     pub const fn account(&self) -> Account {
         *self.supervisor.account()
     }
 
-    /// Mean of the measured current over a window that has passed, A; nothing if it is too old.
+    /// Returns the mean of the measured current over a past window, A; `None` if the window is too old.
     pub fn mean_current_a(&self, from_us: u64, to_us: u64) -> Option<f32> {
-        // Before the interrupt ran there was none.
+        // Before the interrupt was enabled there was no current.
         let driven_from_us = from_us.max(self.runs_since_us.unwrap_or(u64::MAX));
         if driven_from_us >= to_us {
             return Some(0.0);
@@ -275,15 +276,15 @@ impl<H: CoilHardware> CoilManager<H> {
         Some(mean_a * driven_part)
     }
 
-    /// Root mean square of the ripple about a mean current, A; nothing before a coil is known.
+    /// Returns the RMS ripple about a mean current, A; `None` before a coil is known.
     pub fn ripple_a(&self, mean_a: f32) -> Option<f32> {
         let ripple_a2 = self.supervisor.ripple()?.square_a2(mean_a);
         (ripple_a2 > 0.0).then(|| libm::sqrtf(ripple_a2))
     }
 
-    // ---- once a millisecond ----
+    // ---- every millisecond ----
 
-    /// Polls the drive and the slow readings; to be called every [`POLL_US`].
+    /// Polls the drive and the slow readings; call it every [`POLL_US`].
     pub fn poll(&mut self) {
         self.polls = self.polls.wrapping_add(1);
         self.off = self.off.saturating_add(1);
@@ -316,7 +317,7 @@ impl<H: CoilHardware> CoilManager<H> {
         }
     }
 
-    /// Takes the slow readings, of the supply's change a part where they are many.
+    /// Takes the slow readings; filters the supply while readings are frequent.
     fn read(&mut self, rests: bool) {
         let SlowReadings { thermistor, supply } = self.hardware.slow_readings();
         let supply_v = H::CIRCUIT.supply_v(supply);
@@ -328,7 +329,7 @@ impl<H: CoilHardware> CoilManager<H> {
         let is_first = self.supply_v == 0.0;
         let part = if rests || is_first { 1.0 } else { SMOOTHING };
         let off_v = |of_v: f32| of_v - self.supply_v;
-        // A single wild reading is the converter's: of the last two the nearer counts.
+        // A single outlier is an error of the converter: the nearer of the last two readings counts.
         self.supply_v += part
             * if is_first || off_v(supply_v).abs() <= off_v(read_v).abs() {
                 off_v(supply_v)
@@ -342,7 +343,7 @@ impl<H: CoilHardware> CoilManager<H> {
             && (self.expects_thermometer || !rests)
             && self.failure.is_none()
         {
-            // The drive does not know of it: the bridge goes off before all else.
+            // The drive does not know this fault, so the bridge is switched off first.
             self.switch_off();
             self.failure = Some(failure);
         }
@@ -360,7 +361,7 @@ impl<H: CoilHardware> CoilManager<H> {
                 }
             }
             DriveState::Off { tested } => {
-                // A drive that ends finds nothing new.
+                // The end of a drive has no new findings.
                 if tested
                     && matches!(
                         before,
@@ -393,7 +394,7 @@ impl<H: CoilHardware> CoilManager<H> {
         });
     }
 
-    /// While the bridge is off no current may flow, and after a while the interrupt rests.
+    /// Checks that no current flows while the bridge is off, and after a while disables the interrupt.
     fn watch_the_rest(&mut self, tested: bool) {
         if self.runs_since_us.is_none() {
             return;
@@ -414,7 +415,7 @@ impl<H: CoilHardware> CoilManager<H> {
         }
     }
 
-    // ---- parts of these ----
+    // ---- internal steps ----
 
     fn wake(&mut self) {
         if self.runs_since_us.is_none() {
@@ -442,7 +443,7 @@ impl<H: CoilHardware> CoilManager<H> {
         self.failed(faults::failure(code, value, &H::CIRCUIT.limits));
     }
 
-    /// The first failure stands until it is cleared.
+    /// Latches the first failure until it is cleared.
     const fn failed(&mut self, failure: Failure) {
         if self.failure.is_none() {
             self.failure = Some(failure);

@@ -1,22 +1,22 @@
-//! A record of the coil's current under way.
+//! Trace of the coil's current in progress.
 
 use coil_hbridge::{Hardware, Trace};
 use palpate_wire::record::CurrentTrace;
 
 use super::hardware::TRACE_LENGTH;
 
-/// A record that was begun, of which parts were reported.
+/// A started trace, and the number of values already reported.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Tracing {
     began_us: u64,
-    /// Periods from one current to the next.
+    /// Number of periods between two values.
     every: u32,
-    /// Number of currents that have been reported.
+    /// Number of values already reported.
     reported: usize,
 }
 
 impl Tracing {
-    /// Begins a record with a current each `interval_s`, a period at least.
+    /// Starts a trace with a value every `interval_s`, at least one period.
     pub(crate) fn new(began_us: u64, interval_s: f32, hardware: &Hardware) -> Self {
         let every = (interval_s / hardware.period_s + 0.5) as u32;
         Self {
@@ -26,12 +26,12 @@ impl Tracing {
         }
     }
 
-    /// Periods from one current to the next.
+    /// Returns the number of periods between two values.
     pub(crate) const fn every(&self) -> u32 {
         self.every
     }
 
-    /// The next part with the time of its first current, and whether more of `taken` currents follow.
+    /// Returns the next part with the time of its first value; `taken` is the number of recorded values.
     pub(crate) fn part(
         &mut self,
         trace: &Trace<TRACE_LENGTH>,
@@ -60,7 +60,7 @@ impl Tracing {
         Some((self.began_us + first_us as u64, part))
     }
 
-    /// Whether all of `taken` currents have been reported.
+    /// Returns whether all `taken` values have been reported.
     pub(crate) const fn is_over(&self, taken: usize) -> bool {
         self.reported >= taken
     }

@@ -1,4 +1,4 @@
-//! What a transfer to a converter can fail of, and the protocol's fault for every failure.
+//! Errors of transfers to a converter, and the protocol's fault for each failure.
 
 use core::fmt;
 
@@ -7,18 +7,18 @@ use ldc161x::{Direction, Error, Register};
 use palpate_procedure::event::Failure;
 use palpate_wire::code::{Chip, FaultCode, Location};
 
-/// What a transfer can fail of.
+/// Error of a transfer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum TransferError {
     /// The address, or a byte after it, was not acknowledged.
     NotAcknowledged {
-        /// It was the address.
+        /// The address was not acknowledged.
         address: bool,
     },
     /// SDA was low where it had to be high.
     Arbitration,
-    /// It took too long; the bus was freed then.
+    /// The transaction took too long; the bus was freed afterwards.
     Timeout,
     /// SDA is held low, and nine clocks did not free it.
     DataStuck,
@@ -26,12 +26,12 @@ pub enum TransferError {
     ClockStuck,
     /// No edge of INTB came in time.
     Silent,
-    /// INTB stays at a level while conversions end.
+    /// INTB stays at one level while conversions end.
     InterruptStuck {
-        /// The level.
+        /// Level of INTB.
         high: bool,
     },
-    /// The edges of INTB come at another pace than planned.
+    /// The edges of INTB come at another rate than planned.
     Pace,
     /// The transaction has more commands than any frame, or none.
     Length,
@@ -63,13 +63,13 @@ impl fmt::Display for TransferError {
 
 impl core::error::Error for TransferError {}
 
-/// What a converter's driver fails of.
+/// Error of a converter's driver.
 pub type ConverterError = Error<TransferError>;
 
-/// The converter holds its registers and still makes its scans at another pace: its clock is off.
+/// Error of a converter whose registers are intact but whose scan rate is wrong: its clock is wrong.
 pub(crate) const OFF_PACE: ConverterError = edge_error(TransferError::Pace);
 
-/// An error of a frame that was read on an edge.
+/// Returns the error of a frame that was read on an edge.
 pub(crate) const fn edge_error(source: TransferError) -> ConverterError {
     Error::Bus {
         register: Register::Config,
@@ -78,14 +78,14 @@ pub(crate) const fn edge_error(source: TransferError) -> ConverterError {
     }
 }
 
-/// The failure that an error of converter 0 or 1 is.
+/// Returns the failure for an error of converter 0 or 1.
 pub(crate) fn failure(error: &ConverterError, converter: usize) -> Failure {
     let (code, value) = code(error);
     let location = match (code, converter) {
         (FaultCode::BusDataStuck | FaultCode::BusClockStuck, _)
         | (FaultCode::BusNotAcknowledged | FaultCode::BusTimeout, 0) => Location::Bus,
         (_, 0) => Location::Sensor,
-        // The bus may be sound for the first.
+        // The bus may work for the first converter.
         _ => Location::SecondSensor,
     };
     Failure {
@@ -94,7 +94,7 @@ pub(crate) fn failure(error: &ConverterError, converter: usize) -> Failure {
     }
 }
 
-/// The fault, and the value that the protocol reports with it.
+/// Returns the fault, and the value that the protocol reports with it.
 const fn code(error: &ConverterError) -> (FaultCode, Option<u16>) {
     match error {
         Error::Bus { source, .. } => match source {
@@ -127,9 +127,9 @@ const fn code(error: &ConverterError) -> (FaultCode, Option<u16>) {
     }
 }
 
-/// Which chip answers, by what came of asking it for its identity.
+/// Returns which chip answers, by the result of its identification.
 pub(crate) const fn chip(identified: &Result<(), ConverterError>) -> Chip {
-    /// Device identity of an LDC1312 or LDC1314 (datasheet SNOSCZ0, DEVICE_ID).
+    /// Device id of an LDC1312 or LDC1314 (datasheet SNOSCZ0, DEVICE_ID).
     const LDC131X: u16 = 0x3054;
     match identified {
         Ok(()) => Chip::Ldc161x,
@@ -149,7 +149,7 @@ mod tests {
 
     const REGISTER: Register = Register::Config;
 
-    /// A second transcription: what docs/faults.md says of each.
+    /// Repeats the entries of docs/faults.md.
     #[test]
     fn every_error_has_its_fault_and_place() {
         use FaultCode::{

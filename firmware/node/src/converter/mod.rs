@@ -1,4 +1,4 @@
-//! One converter: it is brought up, read on every edge of INTB, and recovered.
+//! Task of one converter: starts it, reads it on every edge of INTB, and recovers it.
 
 mod error;
 mod port;
@@ -20,42 +20,43 @@ use error::{OFF_PACE, edge_error};
 pub use port::{EdgeDeadlines, EdgeFrame, EdgeReader, MOST_FRAME_BYTES, Port};
 pub use state::{CONVERTERS, ConverterState};
 
-/// Frames between two comparisons of a register that the converter might have lost.
+/// Number of frames between two checks of a register that a reset of the converter would change.
 const CANARY_EVERY: u32 = 64;
-/// The reset that SD gives takes this long at most (datasheet 6.5), and a little.
+/// Wake-up time after SD goes low: the maximum (datasheet 6.5) plus a margin.
 const WAKE_UP_US: u32 = 2_500;
-/// Between two attempts to bring a converter up, and between two setpoints: SD is held high for as
-/// long as the driver does to reset the converter.
+/// Time between two attempts to start a converter, and time between two setpoints: SD is held high for
+/// as long as the driver holds it to reset the converter.
 const PAUSE_US: u32 = 20_000;
 const RESET_US: u32 = 1_000;
-/// From one question for a setpoint to the next, before there is one; and for a second converter that
-/// did not answer, which never gets one: its task only shows that it is alive.
+/// Poll period for a setpoint before there is one, and for a second converter that did not answer and so
+/// never gets one: its task only checks in.
 const NO_SETPOINT_US: u32 = 1_000;
 const ABSENT_US: u32 = 5_000;
-/// From one poll of the clock that the other converter runs by to the next, and how many of them before
-/// it counts as a fault. The other one sees a new setpoint after a frame of 31 ms, or after it was brought up,
-/// five of them and 20 ms.
+/// Poll period of the other converter's clock, and the number of polls before its difference counts as a
+/// fault. The other converter handles a new setpoint after a frame of 31 ms, or after its start: five
+/// frames and 20 ms.
 const CLOCK_POLL_US: u32 = 1_000;
 const CLOCK_POLLS: u32 = 1_000;
-/// Frames without an edge before the converter counts as silent, and what to add.
+/// Number of frame periods without an edge after which the converter counts as silent, and an additional
+/// time.
 const SILENT_FRAMES: f32 = 4.0;
 const SILENT_US: f32 = 2_000.0;
-/// Frames after which the oscillation has settled, with a margin for their length.
+/// Number of frame periods after which the oscillation has settled, with a margin for their length.
 const SETTLED_FRAMES: f32 = 2.5;
-/// Frames in a row that were read because INTB was low, without an edge, before INTB is checked: one or two may
-/// follow a frame that came late.
+/// Number of consecutive frames read without an edge, because INTB was low, before INTB is checked: one
+/// or two may follow a late frame.
 const MOST_WITHOUT_EDGE: u32 = 4;
-/// Frames after which a conversion has ended, and how often INTB is checked by that.
+/// Number of frame periods in which a conversion certainly ends, and the number of checks of INTB.
 const INTERRUPT_FRAMES: f32 = 1.5;
 const INTERRUPT_TRIES: u32 = 3;
-/// Single errors of the bus that are passed over before the converter is started anew.
+/// Number of single bus errors that are tolerated before the converter is restarted.
 const PATIENCE: u32 = 2;
-/// Frames in a row that are read too late to be of one scan, before the bus counts as too slow for the
+/// Number of consecutive frames read too late for one scan, before the bus counts as too slow for the
 /// rate. At the limit of the bus every second one is.
 const WITHOUT_SAMPLE: u32 = 16;
 
-/// How the converter runs while it is asked what releases INTB: with fast conversions the next would
-/// have ended before INTB was read.
+/// Setpoint of the test that finds out what releases INTB: with faster conversions the next one would
+/// end before INTB is read.
 const PROBE: Setpoint = Setpoint {
     channels: 0b0001,
     rate_hz: 500.0,
@@ -64,25 +65,25 @@ const PROBE: Setpoint = Setpoint {
 
 type Result<T> = core::result::Result<T, ConverterError>;
 
-/// Whether a reading is of a sensor that does not oscillate. The watchdog ends its conversions, at no
-/// pace.
+/// Returns whether the sensor of a reading does not oscillate. The watchdog ends its conversions at
+/// irregular times.
 fn is_silent(reading: &Reading) -> bool {
     matches!(reading.quality(), Quality::Watchdog | Quality::UnderRange)
 }
 
-/// The task of one converter.
+/// Task of one converter.
 #[derive(Debug)]
 pub struct ConverterTask<I2C, E, P> {
     driver: AsyncLdc161x<I2C>,
     edges: E,
     port: P,
-    /// 0 or 1.
+    /// Number of the converter, 0 or 1.
     converter: usize,
-    /// What releases INTB on this converter, once it was asked.
+    /// Access that releases INTB on this converter, once known.
     release: Option<InterruptRelease>,
-    /// The drive that was found for each channel, with the generation of the setpoint it was found for.
+    /// Drive found for each channel, with the generation of the setpoint for which it was found.
     drives: Option<(u32, [Option<DriveCode>; 4])>,
-    /// Frames since the last one that the instrument had room for.
+    /// Number of frames since the last one for which the instrument had space.
     not_taken: u32,
 }
 
@@ -101,8 +102,8 @@ where
     E: EdgeReader,
     P: Port,
 {
-    /// A task for the converter with this number, 0 or 1, which is its address as well: ADDR is low at
-    /// the first, high at the second.
+    /// Creates the task of converter 0 or 1. The number selects its address as well: ADDR is low at the
+    /// first, high at the second.
     pub fn new(converter: usize, i2c: I2C, edges: E, port: P) -> Self {
         let address = if converter == 0 {
             Address::AddrLow
@@ -120,7 +121,7 @@ where
         }
     }
 
-    /// Brings up, reads, recovers, for ever.
+    /// Task loop: starts, reads and recovers the converter.
     pub async fn run(&mut self) -> ! {
         let identified = self.identify().await;
         let chip = error::chip(&identified);
@@ -140,7 +141,7 @@ where
             let with_status = self.release != Some(InterruptRelease::ByData);
             let result = match Scheme::new(setpoint, with_status) {
                 Ok(scheme) => self.acquire(scheme, generation).await,
-                // The instrument has not accepted it.
+                // The instrument has not accepted the setpoint.
                 Err(_) => Ok(()),
             };
             self.edges.stop();
@@ -155,7 +156,7 @@ where
         }
     }
 
-    /// Holds the converter in shutdown for so long. It is in no other part's way there.
+    /// Holds the converter in shutdown for a time, in which it does not disturb any other part.
     async fn shut_down(&mut self, off_us: u32) {
         self.port.shut_down(true);
         self.with_state(|state| state.clkin = None);
@@ -187,15 +188,15 @@ where
         self.with_state(|state| state.transfer_errors = state.transfer_errors.wrapping_add(1));
     }
 
-    // ---- to read ----
+    // ---- reading ----
 
-    /// Reads by one scheme until another setpoint comes, or something fails.
+    /// Reads with one scheme until the setpoint changes or an error occurs.
     async fn acquire(&mut self, mut scheme: Scheme, generation: u32) -> Result<()> {
         if !self.take_clock(scheme.setpoint.clkin()).await? {
             return Ok(());
         }
         self.driver.set_access(if scheme.setpoint.shares_bus {
-            // The other converter has its turn after each.
+            // The other converter gets its turn after each transaction.
             BusAccess::RegisterPerTransaction
         } else {
             BusAccess::FramePerTransaction
@@ -224,7 +225,7 @@ where
                         without_edge = 0;
                         without_sample += 1;
                     } else {
-                        // It says nothing of the line that calls for frames.
+                        // Such a frame proves nothing about the line that starts frames.
                         without_edge += 1;
                     }
                     if self.take(scheme, &mut grid, &frame).await? {
@@ -252,7 +253,7 @@ where
                     if error == TransferError::Silent {
                         self.check_interrupt(scheme).await?;
                     }
-                    // Asks the converter for its identity, and releases INTB. The frame may be old.
+                    // Identifies the converter and releases INTB. The frame may be old.
                     self.driver.read_frame().await?;
                     self.edges.start(&request, deadlines);
                 }
@@ -265,8 +266,8 @@ where
             until_canary -= 1;
             if until_canary == 0 {
                 until_canary = CANARY_EVERY;
-                // Where there is no room a register that changes the length of a conversion still
-                // shows in the grid, and a reset of the converter in its silence.
+                // Without time for this check, a changed conversion time still shows in the grid, and a
+                // reset of the converter shows in its silence.
                 if grid.has_room() {
                     self.driver.check_canary().await?;
                 }
@@ -280,8 +281,9 @@ where
         Ok(())
     }
 
-    /// Without edges: whether conversions end all the same, and INTB stays at one level. Released it has to
-    /// be high, and low after a frame; a conversion that ends between two questions spoils one try.
+    /// Without edges: checks whether conversions end while INTB stays at one level. It must be high
+    /// after its release, and low after a frame. A conversion that ends between two reads spoils one
+    /// try.
     async fn check_interrupt(&mut self, scheme: &Scheme) -> Result<()> {
         let mut intb = self.port.intb();
         let mut stuck = None;
@@ -306,10 +308,10 @@ where
         }
     }
 
-    /// Hands a frame over, if it is one scan's of a known time; whether it was.
+    /// Passes a frame on if it belongs to one scan of a known time; returns whether it did.
     async fn take(&mut self, scheme: &Scheme, grid: &mut Grid, read: &EdgeFrame) -> Result<bool> {
         let frame = self.driver.decode_frame(&read.bytes)?;
-        // With several channels there is no watchdog, and each conversion takes its time.
+        // With several channels there is no watchdog, and each conversion takes its full time.
         if scheme.channels == 1 && frame.readings().iter().any(is_silent) {
             grid.interrupt();
         }
@@ -318,7 +320,7 @@ where
             return Ok(false);
         };
         let Some(sampled) = grid.sampled(scheme, frame, fetch) else {
-            // INTB may be low still; released, its next fall finds a free bus.
+            // INTB may still be low. After this read, its next falling edge finds a free bus.
             self.driver.read_status().await?;
             return Ok(false);
         };
@@ -340,21 +342,21 @@ where
         };
     }
 
-    // ---- to bring up ----
+    // ---- start-up ----
 
-    /// Lets the converter wake, and asks it who it is; then what can be found out beforehand.
+    /// Wakes the converter and identifies it, then tests its INTB.
     async fn identify(&mut self) -> Result<()> {
         self.take_clock(PROBE.clkin()).await?;
         self.wake().await;
         self.driver.identify().await?;
-        // What fails here fails again, and is reported, when the converter is brought up.
+        // An error here occurs again at the start of the converter and is reported then.
         let _ = self.probe_release().await;
         Ok(())
     }
 
-    /// Sets the clock as soon as the other converter does not run by another one: a conversion that is
-    /// counted with two clocks is wrong by a sixth, and nothing marks it. `false` if the setpoint has
-    /// changed meanwhile.
+    /// Sets the clock when the other converter does not need a different one: a conversion counted with
+    /// two clocks is wrong by a sixth, and no flag shows it. Returns `false` if the setpoint has changed
+    /// meanwhile.
     async fn take_clock(&mut self, clkin: Clkin) -> Result<bool> {
         let generation = self.generation();
         for _ in 0..CLOCK_POLLS {
@@ -426,7 +428,7 @@ where
         Ok(release)
     }
 
-    /// Lets the converter find the drive of every channel: it depends on the sensor that is there.
+    /// Lets the converter find the drive of every channel: it depends on the attached sensor.
     async fn find_drives(&mut self, scheme: &mut Scheme, generation: u32) -> Result<()> {
         self.driver.start(&scheme.configuration).await?;
         let mut delay = Delay(&mut self.port);
@@ -443,7 +445,7 @@ where
         Ok(())
     }
 
-    /// The channels whose oscillation is too faint with this scheme's drives.
+    /// Returns the channels whose oscillation is too weak with this scheme's drives.
     async fn faint(&mut self, scheme: &Scheme) -> Result<Vec<Channel, 4>> {
         self.driver.start(&scheme.configuration).await?;
         // In the first frame the oscillation may still build up.
@@ -454,7 +456,7 @@ where
         let mut faint = Vec::new();
         for reading in frame.readings() {
             if reading.word.flags().amplitude {
-                // There is room for every channel.
+                // There is space for every channel.
                 let _ = faint.push(reading.channel);
             }
         }

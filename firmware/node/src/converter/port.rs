@@ -1,4 +1,4 @@
-//! What a board gives for a converter.
+//! Hardware that a board provides for a converter.
 
 use embedded_hal::digital::InputPin;
 use ldc161x::FrameRequest;
@@ -14,41 +14,41 @@ pub const MOST_FRAME_BYTES: usize = 34;
 /// A frame that was read on an edge of INTB.
 #[derive(Clone, Debug)]
 pub struct EdgeFrame {
-    /// Its bytes: those of the request.
+    /// Bytes that the request read.
     pub bytes: heapless::Vec<u8, MOST_FRAME_BYTES>,
-    /// When it was read; nothing where the edge is not known, because a fall of INTB was missed. Such
-    /// a frame only releases INTB.
+    /// Times of the read; `None` if the edge is not known because a falling edge of INTB was missed.
+    /// Such a frame only releases INTB.
     pub fetch: Option<Fetch>,
 }
 
 /// Deadlines of reading on edges.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct EdgeDeadlines {
-    /// How long no edge of a known time may come, us.
+    /// Longest time without a known edge, us.
     pub silence_us: u32,
-    /// How many transactions a frame is read in: the registers of STATUS and the first channel in the first
-    /// one and the two of each other channel in each other one, or all of them in one. The other
-    /// converter has its turn between two of them.
+    /// Number of transactions per frame: either one transaction for all registers, or one for STATUS and
+    /// the first channel and one for each further channel. The other converter gets its turn between two
+    /// transactions.
     pub parts: u8,
-    /// How long after its edge each part may begin, us. A frame of which a part would begin later is not
-    /// read any further: it is passed on with zeros, and a fetch that ended too late for any frame.
+    /// Latest start of each part after its edge, us. If a part would start later, the rest of the frame
+    /// is not read: the frame is passed on with zeros and end times that are too late for any frame.
     pub latest_begin_us: [u32; MOST_PARTS],
 }
 
-/// Reads a frame on every falling edge of INTB, ahead of being asked for it.
+/// Reader of a frame on every falling edge of INTB, without a separate request.
 #[allow(async_fn_in_trait, reason = "no board moves it between threads")]
 pub trait EdgeReader {
-    /// Begins: from now on every edge has its frame read.
+    /// Starts reading a frame on every edge.
     fn start(&mut self, request: &FrameRequest, deadlines: EdgeDeadlines);
 
-    /// The next frame with its edge, in the order of the edges.
+    /// Returns the next frame with its edge, in the order of the edges.
     ///
     /// # Errors
-    /// Of the transfer, or [`TransferError::Silent`] after the time that the deadlines allow. Reading
-    /// goes on.
+    ///
+    /// The error of the transfer, or [`TransferError::Silent`] after the deadline. Reading continues.
     async fn next(&mut self) -> Result<EdgeFrame, TransferError>;
 
-    /// Ends it, and forgets frames that wait.
+    /// Stops reading and discards waiting frames.
     fn stop(&mut self);
 }
 
@@ -66,28 +66,29 @@ impl<E: EdgeReader> EdgeReader for &mut E {
     }
 }
 
-/// Everything else that a converter's task needs of its board.
+/// Other board functions for a converter's task.
 #[allow(async_fn_in_trait, reason = "no board moves it between threads")]
 pub trait Port {
-    /// INTB as a level.
+    /// Input pin type of INTB.
     type Intb: InputPin;
 
-    /// INTB, for the question what releases it.
+    /// Returns INTB as an input, for the test that finds out what releases it.
     fn intb(&self) -> Self::Intb;
 
     /// Holds the converter in shutdown by SD, or lets it wake.
     fn shut_down(&mut self, off: bool);
 
-    /// Sets the clock at CLKIN, which is that of both converters. The task does so only while neither
-    /// runs by another one.
+    /// Sets the clock at CLKIN, which both converters share. The task calls it only while neither runs
+    /// from a different one.
     fn set_clkin(&mut self, clkin: Clkin);
 
-    /// Waits. The supervisor sees meanwhile that the task is alive.
+    /// Waits, and checks in with the supervisor meanwhile.
     async fn wait_us(&mut self, time_us: u32);
 
-    /// Lets `work` see what the tasks of both converters share with the instrument and with one another.
+    /// Gives `work` access to the state that the tasks of both converters share with the instrument and
+    /// with each other.
     fn with_states<T>(&mut self, work: impl FnOnce(&mut [ConverterState; CONVERTERS]) -> T) -> T;
 
-    /// Hands a sample to the instrument; whether there was room for it.
+    /// Passes a sample to the instrument; returns whether there was space for it.
     fn hand_over(&mut self, sampled: Sampled) -> bool;
 }

@@ -1,4 +1,4 @@
-//! What a converter's task and the instrument share.
+//! State that a converter's task and the instrument share.
 
 use ldc161x::InterruptRelease;
 use palpate_procedure::event::Failure;
@@ -7,31 +7,31 @@ use palpate_wire::code::Chip;
 use crate::acquisition::{Sampled, Setpoint};
 use crate::board::Clkin;
 
-/// Converters that a board may have.
+/// Maximum number of converters on a board.
 pub const CONVERTERS: usize = 2;
 
-/// What a converter's task and the instrument share of one converter.
+/// State of one converter that its task and the instrument share.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ConverterState {
-    /// How it is to be run, with a generation that changes whenever that does. Nothing before the
-    /// procedure has begun.
+    /// Requested operation, and its generation, which changes with every new setpoint. `None` before the
+    /// procedure has started.
     setpoint: Option<(Setpoint, u32)>,
-    /// Which chip answers, once it was asked.
+    /// Chip that answers, once identified.
     pub(super) chip: Option<Chip>,
-    /// The clock by which it runs; nothing while it is held in shutdown.
+    /// Clock that the converter runs from; `None` while it is in shutdown.
     pub(super) clkin: Option<Clkin>,
-    /// What releases INTB, once it was asked.
+    /// Access that releases INTB, once known.
     pub(super) release: Option<InterruptRelease>,
-    /// What has failed, while it stands.
+    /// Latched failure.
     pub(super) failure: Option<Failure>,
-    /// Transfers that failed since the start.
+    /// Number of failed transfers since start-up.
     pub(super) transfer_errors: u32,
-    /// Recoveries of bus or converter since the start.
+    /// Number of recoveries of bus or converter since start-up.
     pub(super) recoveries: u32,
 }
 
 impl ConverterState {
-    /// A converter before its first question.
+    /// State of a converter before its first identification.
     #[must_use]
     pub const fn new() -> Self {
         Self {
@@ -45,7 +45,7 @@ impl ConverterState {
         }
     }
 
-    /// Sets how the converter is to be run. A converter that is run so already goes on undisturbed.
+    /// Sets the requested operation. A converter that already runs so continues undisturbed.
     pub fn set(&mut self, setpoint: Setpoint) {
         self.setpoint = match self.setpoint {
             Some((already, _)) if already == setpoint => return,
@@ -54,47 +54,47 @@ impl ConverterState {
         };
     }
 
-    /// Lets the converter find the drive currents anew, for the sensors as they are now.
+    /// Lets the converter find the drive currents again for the attached sensors.
     pub const fn seek_drive(&mut self) {
         if let Some((_, generation)) = &mut self.setpoint {
             *generation = generation.wrapping_add(1);
         }
     }
 
-    /// How it is to be run, with the generation of that.
+    /// Returns the requested operation and its generation.
     #[must_use]
     pub const fn setpoint(&self) -> Option<(Setpoint, u32)> {
         self.setpoint
     }
 
-    /// Whether a sample was converted by the setpoint in force. One of an earlier setpoint may still
-    /// be on its way when that changes: its clock and its channels are others, so that no part may use
-    /// it.
+    /// Returns whether a sample was converted with the active setpoint. A sample of an earlier setpoint
+    /// may still be in a queue after a change: its clock and its channels differ, so no part may use it.
     #[must_use]
     pub fn is_current(&self, sampled: &Sampled) -> bool {
         self.setpoint
             .is_some_and(|(_, generation)| generation == sampled.generation)
     }
 
-    /// Which chip answers, once it was asked.
+    /// Returns the chip that answers, once identified.
     #[must_use]
     pub const fn chip(&self) -> Option<Chip> {
         self.chip
     }
 
-    /// Whether frames are read with STATUS: unless the converter said that it needs that not.
+    /// Returns whether frames are read with STATUS: they are, unless the converter has proven that it
+    /// does not need it.
     #[must_use]
     pub fn reads_status(&self) -> bool {
         self.release != Some(InterruptRelease::ByData)
     }
 
-    /// What has failed, while it stands.
+    /// Returns the latched failure.
     #[must_use]
     pub const fn failure(&self) -> Option<Failure> {
         self.failure
     }
 
-    /// Transfers that failed, and recoveries, since the start; both wrap.
+    /// Returns the number of failed transfers and of recoveries since start-up; both wrap.
     #[must_use]
     pub const fn counts(&self) -> [u32; 2] {
         [self.transfer_errors, self.recoveries]

@@ -1,4 +1,4 @@
-//! Frames that wait for a link that takes them in packets.
+//! Queue of frames for a link that sends packets.
 
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
@@ -6,10 +6,10 @@ use heapless::spsc::{Consumer, Producer, Queue};
 
 use super::FrameSink;
 
-/// A queue of frames, by their bytes. One task sends, another one receives.
+/// Byte queue of frames. One task sends, another one receives.
 ///
-/// While no PC is there it takes nothing. When one comes, what still waits from before is thrown away
-/// and counted: a receiver begins with a whole frame of the present.
+/// Without a PC it accepts no frame. When a PC opens the link, frames still waiting from before are
+/// discarded and counted: a receiver starts with a whole, recent frame.
 #[derive(Debug)]
 pub struct FrameQueue<const N: usize> {
     bytes: Queue<u8, N>,
@@ -19,7 +19,7 @@ pub struct FrameQueue<const N: usize> {
 #[derive(Debug)]
 struct State {
     is_open: AtomicBool,
-    /// Frames thrown away; wraps. Counted by the receiver.
+    /// Number of discarded frames; wraps. The receiver counts them.
     discarded: AtomicU32,
 }
 
@@ -30,7 +30,7 @@ impl<const N: usize> Default for FrameQueue<N> {
 }
 
 impl<const N: usize> FrameQueue<N> {
-    /// An empty queue, closed.
+    /// Creates an empty, closed queue.
     #[must_use]
     pub const fn new() -> Self {
         Self {
@@ -42,7 +42,7 @@ impl<const N: usize> FrameQueue<N> {
         }
     }
 
-    /// The two ends.
+    /// Returns both ends.
     pub fn split(&mut self) -> (FrameSender<'_>, FrameReceiver<'_>) {
         let (producer, consumer) = self.bytes.split();
         let sender = FrameSender {
@@ -62,16 +62,16 @@ impl<const N: usize> FrameQueue<N> {
     }
 }
 
-/// The end that frames go into.
+/// Sender of frames.
 pub struct FrameSender<'a> {
     bytes: Producer<'a, u8>,
     state: &'a State,
-    /// What was counted already.
+    /// Number of discarded frames already reported.
     discarded: u32,
 }
 
 impl FrameSender<'_> {
-    /// Whether something waits for the receiver.
+    /// Returns whether frames wait for the receiver.
     #[must_use]
     pub fn has_frames(&self) -> bool {
         !self.bytes.is_empty()
@@ -84,7 +84,7 @@ impl FrameSink for FrameSender<'_> {
         if frame.len() > room {
             return false;
         }
-        // There is room for every one.
+        // There is space for every byte.
         frame.iter().all(|&byte| self.bytes.enqueue(byte).is_ok())
     }
 
@@ -98,22 +98,22 @@ impl FrameSink for FrameSender<'_> {
     }
 }
 
-/// The end that packets come out of, one at a time: the next one after the PC has taken the last.
+/// Receiver of packets, one at a time: the next one after the PC has taken the last.
 pub struct FrameReceiver<'a> {
     bytes: Consumer<'a, u8>,
     state: &'a State,
-    /// Frames that end in the packet that is on its way, if one is.
+    /// Number of frames that end in the packet in transit, if there is one.
     on_its_way: Option<u32>,
     /// The last packet was full: a PC waits for more until a shorter one comes (USB 2.0, 5.8.3).
     is_unfinished: bool,
     /// The last packet ended within a frame.
     is_within_frame: bool,
-    /// The next packet has to end that frame, of which no more comes.
+    /// The next packet must end that frame, whose rest was discarded.
     ends_frame: bool,
 }
 
 impl FrameReceiver<'_> {
-    /// A PC comes or goes. When one comes, what waited before is thrown away.
+    /// Opens or closes the queue. Opening it discards the frames that waited before.
     pub fn set_open(&mut self, is_open: bool) {
         let was_open = self.is_open();
         if is_open && !was_open {
@@ -127,7 +127,7 @@ impl FrameReceiver<'_> {
         self.state.is_open.load(Ordering::Relaxed)
     }
 
-    /// Throws away what waits. Each frame ends with the only zero in it; one of which a part has left
+    /// Discards waiting frames. Each frame ends with its only zero byte; a frame that was partly sent
     /// counts as well.
     fn discard(&mut self) {
         let mut frames = 0_u32;
@@ -143,15 +143,14 @@ impl FrameReceiver<'_> {
         self.state.discarded.store(discarded, Ordering::Relaxed);
     }
 
-    /// Whether nothing waits.
+    /// Returns whether the queue is empty.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         !self.bytes.ready()
     }
 
-    /// Fills the next packet and returns its length, if the PC has taken the last one and there is
-    /// something to send. It is on its way from then on, until [`taken`](Self::taken) or
-    /// [`lost`](Self::lost).
+    /// Fills the next packet and returns its length, if the PC has taken the last one and there is data
+    /// to send. It is then in transit until [`taken`](Self::taken) or [`lost`](Self::lost).
     pub fn next_packet(&mut self, packet: &mut [u8]) -> Option<usize> {
         let is_needed = !self.is_empty() || self.is_unfinished || self.ends_frame;
         if self.on_its_way.is_some() || !self.is_open() || !is_needed {
@@ -170,18 +169,17 @@ impl FrameReceiver<'_> {
         }
         self.is_unfinished = length == packet.len();
         self.is_within_frame = last.map_or(self.is_within_frame, |byte| byte != 0);
-        // The end of a frame of which no more comes was counted with it.
+        // The end of a frame whose rest was discarded was counted with it.
         self.on_its_way = Some(frames - u32::from(end.is_some()));
         Some(length)
     }
 
-    /// The PC has taken the packet.
+    /// Records that the PC has taken the packet.
     pub fn taken(&mut self) {
         self.on_its_way = None;
     }
 
-    /// The packet will not be sent any more, because the bus was reset: its frames are counted as
-    /// thrown away.
+    /// Records that a bus reset has discarded the packet, and counts its frames as discarded.
     pub fn lost(&mut self) {
         let frames = self.on_its_way.take().unwrap_or(0);
         self.is_unfinished = false;
@@ -195,7 +193,7 @@ mod tests {
 
     const FRAME: [u8; 4] = [3, 7, 7, 0];
 
-    /// The next packet, as a PC that reads gets it.
+    /// Returns the next packet as a reading PC receives it.
     fn packet(receiver: &mut FrameReceiver<'_>, length: usize) -> Option<Vec<u8>> {
         let mut packet = vec![0xFF; length];
         let length = receiver.next_packet(&mut packet)?;
@@ -242,7 +240,7 @@ mod tests {
         assert!(!sender.is_open());
         receiver.set_open(true);
         assert!(sender.write(&FRAME) && sender.write(&FRAME) && sender.write(&FRAME));
-        // Half of the first frame has left.
+        // Half of the first frame was sent.
         assert_eq!(packet(&mut receiver, 2).unwrap(), FRAME[..2]);
         receiver.set_open(true);
         assert_eq!(sender.take_discarded(), 0, "it was there all along");
@@ -252,7 +250,7 @@ mod tests {
         assert_eq!((sender.take_discarded(), sender.take_discarded()), (3, 0));
         assert!(receiver.is_empty());
         assert!(sender.write(&FRAME));
-        // What was left of the half frame ends before the first whole one.
+        // The rest of the half frame is ended before the first whole one.
         assert_eq!(
             packet(&mut receiver, 64).unwrap(),
             [&[0], &FRAME[..]].concat()
@@ -274,7 +272,7 @@ mod tests {
         receiver.set_open(false);
         receiver.set_open(true);
         assert_eq!(sender.take_discarded(), 1, "the third");
-        // The zero before the next frame is none of its own.
+        // The zero before the next frame is not part of that frame.
         assert_eq!(receiver.next_packet(&mut [0; 4]), Some(1));
         receiver.lost();
         assert_eq!(sender.take_discarded(), 0);

@@ -1,7 +1,7 @@
-//! The links to PCs: records out, commands in, each link for itself.
+//! Links to PCs: records out, commands in, each link separately.
 //!
-//! Every link numbers its frames and counts what it dropped, so that each receiver's account is
-//! exact. Nothing waits for a PC: what finds no room is dropped.
+//! Every link numbers its frames and counts the dropped ones, so that each receiver knows exactly what
+//! it lacks. No part waits for a PC: frames without space are dropped.
 
 mod frame_queue;
 mod usb_frames;
@@ -13,28 +13,28 @@ pub use usb_frames::UsbFrames;
 
 use crate::instrument::Received;
 
-/// Bytes of commands that the instrument takes from a link in a turn: two of the longest frames.
+/// Bytes of commands that the instrument reads from a link per turn: two of the longest frames.
 pub const BYTES_A_TURN: usize = 2 * Command::MAX_FRAME;
 
-/// Takes frames towards a PC.
+/// Sink of frames towards a PC.
 pub trait FrameSink {
-    /// Takes a frame, whole or not at all; whether it did. Never waits.
+    /// Accepts a frame whole or not at all; returns whether it did. Never waits.
     fn write(&mut self, frame: &[u8]) -> bool;
 
-    /// Whether a PC may be there. Where none is, frames are not even made.
+    /// Returns whether a PC may be connected. Without one, frames are not encoded.
     fn is_open(&self) -> bool;
 
-    /// Frames that were taken and thrown away after all, since the last call.
+    /// Returns the number of frames that were accepted and discarded since the last call.
     fn take_discarded(&mut self) -> u32;
 }
 
-/// Gives the bytes that came from a PC.
+/// Source of bytes from a PC.
 pub trait ByteSource {
-    /// The next byte, if one has come.
+    /// Returns the next byte, if one was received.
     fn read(&mut self) -> Option<u8>;
 }
 
-/// The way of records over a link.
+/// Sender of records over a link.
 #[derive(Debug)]
 pub struct Outbox<S> {
     sink: S,
@@ -42,7 +42,7 @@ pub struct Outbox<S> {
 }
 
 impl<S: FrameSink> Outbox<S> {
-    /// A link of the run with this number.
+    /// Creates the sender of the run with this boot id.
     pub const fn new(sink: S, boot_id: u32) -> Self {
         Self {
             sink,
@@ -50,18 +50,18 @@ impl<S: FrameSink> Outbox<S> {
         }
     }
 
-    /// Where the frames go.
+    /// Returns the sink of the frames.
     pub const fn sink(&self) -> &S {
         &self.sink
     }
 
-    /// Numbers and sends the record of a time. The buffer is to work in.
+    /// Numbers and sends a record with its time. `buffer` is working memory.
     pub fn send(&mut self, buffer: &mut [u8; Record::MAX_FRAME], time_us: u64, record: &Record) {
         for _ in 0..self.sink.take_discarded() {
             self.sequencer.count_dropped();
         }
         let header = self.sequencer.stamp(time_us);
-        // The buffer holds any record; an empty frame is none.
+        // The buffer can hold any record; an empty frame is not one.
         let is_sent = self.sink.is_open()
             && encode(&header, record, buffer)
                 .is_ok_and(|frame| !frame.is_empty() && self.sink.write(frame));
@@ -71,7 +71,7 @@ impl<S: FrameSink> Outbox<S> {
     }
 }
 
-/// The way of commands over a link.
+/// Receiver of commands over a link.
 #[derive(Debug)]
 pub struct Inbox<S> {
     source: S,
@@ -79,7 +79,7 @@ pub struct Inbox<S> {
 }
 
 impl<S: ByteSource> Inbox<S> {
-    /// A link over which nothing has come yet.
+    /// Creates the receiver of a new link.
     pub const fn new(source: S) -> Self {
         Self {
             source,
@@ -87,7 +87,7 @@ impl<S: ByteSource> Inbox<S> {
         }
     }
 
-    /// The next whole frame, among at most so many bytes.
+    /// Returns the next whole frame, reading at most `bytes` bytes.
     pub fn receive(&mut self, bytes: usize) -> Option<Received> {
         for _ in 0..bytes {
             if let Some(frame) = self.decoder.push(self.source.read()?) {
@@ -107,7 +107,7 @@ mod tests {
 
     use super::*;
 
-    /// Takes two frames of three.
+    /// Sink that accepts two frames of three.
     #[derive(Default)]
     struct Narrow {
         bytes: Vec<u8>,
@@ -174,7 +174,7 @@ mod tests {
         assert_eq!(times_us.first(), Some(&begin_us));
         assert_eq!(times_us.last(), Some(&(begin_us + 58_000)));
         assert!(times_us.is_sorted());
-        // From the last one that came: the 59th.
+        // Counted from the last received frame, the 59th.
         assert_eq!((tally.produced(), tally.missing()), (60, 19));
         assert_eq!(tally.dropped_by_device(), 19);
     }

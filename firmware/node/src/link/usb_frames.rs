@@ -1,24 +1,26 @@
-//! When the frames of USB begin.
+//! Start times of USB frames.
 
-/// A frame of the bus, us (USB 2.0 8.4.3.1).
+/// Period of a bus frame, us (USB 2.0 8.4.3.1).
 const FRAME_US: u32 = 1_000;
-/// From its start, us: a bulk packet that is made available later may meet the frame's end, after which the
-/// controller hangs until it is reset (RP2040-E15, whose workaround leaves out 800 to 998). To make one
-/// available takes 10 us, and interrupts may come between: with 770 one was made available at 800 us after
-/// 44 s with the coil in its train, and the controller hung. With this the latest of two minutes was 721 us.
+/// Time from the start of a frame, us, after which no bulk packet may be made available: the packet may
+/// meet the frame's end, and then the controller hangs until it is reset (RP2040-E15, whose workaround
+/// excludes 800 to 998). Making a packet available takes 10 us, and interrupts may come between: with
+/// 770, one was made available at 800 us after 44 s with the coil in its train, and the controller hung.
+/// With this value the latest of two minutes was 721 us.
 const FRAME_ENDS_US: u32 = 700;
 
-/// A clock of the frames, by a mark that the start of a frame sets and that is looked at at any time. It moves
-/// only where a look proves it wrong: a mark is often found late, and many times one after the other.
+/// Clock of the USB frames, from a flag that the start of a frame sets and that is polled at any time.
+/// It is corrected only when a poll proves it wrong: the flag is often seen late, and many times in a
+/// row.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct UsbFrames {
     looked_us: u32,
-    /// The start of the last frame whose mark was found.
+    /// Start of the last frame whose flag was seen.
     began_us: Option<u32>,
 }
 
 impl UsbFrames {
-    /// Nothing known, as after a reset of the bus.
+    /// Creates it without a known frame, as after a bus reset.
     pub const fn new() -> Self {
         Self {
             looked_us: 0,
@@ -26,7 +28,8 @@ impl UsbFrames {
         }
     }
 
-    /// The mark was not set at this time. If a frame should have begun by now, all begin later.
+    /// Handles a poll without the flag. If a frame should have started by this time, all frames start
+    /// later.
     pub fn found_none(&mut self, now_us: u32) {
         let is_over = |&began_us: &u32| now_us.wrapping_sub(began_us) >= FRAME_US;
         if self.began_us.as_ref().is_some_and(is_over) {
@@ -35,8 +38,8 @@ impl UsbFrames {
         self.looked_us = now_us;
     }
 
-    /// The mark was set, and is taken away. If no frame should have begun since the last look, all begin
-    /// earlier: this one now, at the latest.
+    /// Handles a poll with the flag, which is then cleared. If no frame should have started since the
+    /// last poll, all frames start earlier: this one at this time, at the latest.
     pub fn found_start(&mut self, now_us: u32) {
         let since_look_us = now_us.wrapping_sub(self.looked_us);
         let late_us = self
@@ -44,14 +47,14 @@ impl UsbFrames {
             .map(|began_us| now_us.wrapping_sub(began_us) % FRAME_US)
             .filter(|&late_us| late_us < since_look_us)
             .unwrap_or(0);
-        // Without looks between the marks a clock that goes too fast is not proved wrong.
+        // Without polls between the flags, a clock that is too fast is never proven wrong.
         let is_doubtful = late_us > FRAME_US / 2;
         self.began_us = Some(now_us.wrapping_sub(late_us - u32::from(is_doubtful)));
         self.looked_us = now_us;
     }
 
-    /// Whether no bulk packet may be made available: from the end of a frame until the next one's mark is
-    /// found.
+    /// Returns whether no bulk packet may be made available: from the end of a frame until the next flag
+    /// is seen.
     pub fn is_at_end(&self, now_us: u32) -> bool {
         self.began_us
             .is_some_and(|began_us| now_us.wrapping_sub(began_us) >= FRAME_ENDS_US)
@@ -62,7 +65,7 @@ impl UsbFrames {
 mod tests {
     use super::*;
 
-    /// Starts of frames, at 0 and every 1000 us, that are found so late.
+    /// Polls the flags of frames that start at 0 and every 1000 us, each with this delay.
     fn found(late_us: impl IntoIterator<Item = u32>) -> UsbFrames {
         let mut frames = UsbFrames::new();
         for (frame, late_us) in (1..).zip(late_us) {
@@ -86,7 +89,7 @@ mod tests {
             let frames = found([0].into_iter().chain([late_us; 300]));
             assert!(ends_at(&frames, 301_700), "{late_us} us late");
         }
-        // One alone, and the next ones in time.
+        // One late flag alone; the next ones in time.
         for late_us in [501, 800, 999] {
             assert!(ends_at(&found([0, late_us]), 2_701), "{late_us} us late");
             assert!(ends_at(&found([0, late_us, 0]), 3_700), "{late_us} us late");
@@ -116,7 +119,7 @@ mod tests {
             let start_us = |frame: i32| (frame * 1_000 + frame * ppm / 1_000) as u32;
             for frame in 1..4_000 {
                 frames.found_start(start_us(frame));
-                // Looks at all times of a frame.
+                // Polls at all times of a frame.
                 frames.found_none(start_us(frame) + (617 * frame as u32) % 999);
             }
             let last_us = start_us(3_999);

@@ -1,4 +1,4 @@
-//! The grid of the scans: which frame is passed on, what is counted as missed, what is marked.
+//! Grid of the scans: which frames are passed on, counted as missed, or marked.
 
 use palpate_node::acquisition::{Fetch, Finding, Grid, Parts, Scheme, Setpoint};
 
@@ -18,7 +18,7 @@ fn scheme(channels: u8, rate_hz: f32, with_status: bool) -> Scheme {
 struct Bus {
     grid: Grid,
     period_us: f64,
-    /// How long a frame takes.
+    /// Duration of a frame.
     frame_us: f64,
     edge_us: f64,
     edges: u16,
@@ -30,7 +30,7 @@ impl Bus {
         let registers = 2 * channels.count_ones() + u32::from(with_status);
         Self {
             grid: Grid::new(&scheme, with_status, 1),
-            // The plan does not know the converter's overhead to the last part of a microsecond.
+            // The plan does not know the converter's overhead exactly.
             period_us: f64::from(scheme.period_us) - 0.3,
             frame_us: f64::from(47 * registers + 1) * BIT_US,
             edge_us: 70_000.4,
@@ -38,7 +38,7 @@ impl Bus {
         }
     }
 
-    /// A scan ends after an interval, and its frame is read after a delay.
+    /// Ends a scan after an interval, and reads its frame after a delay.
     fn scan_after(&mut self, interval_us: f64, delay_us: f64) -> Finding {
         self.edge_us += interval_us;
         self.edges = self.edges.wrapping_add(1);
@@ -54,7 +54,7 @@ impl Bus {
         self.scan_after(self.period_us, 3.0)
     }
 
-    /// Runs for some scans, the first of which follows a gap.
+    /// Runs for some scans; the first follows a gap.
     fn settled(mut self) -> Self {
         let first = Finding::Scan {
             missed: 0,
@@ -77,7 +77,7 @@ const GAP: Finding = Finding::Scan {
     gap: true,
 };
 
-/// Channels, rate, and whether STATUS is read: what the bus can fetch, up to 98 % of its limit.
+/// Channels, rate and whether STATUS is read: cases that the bus can read, up to 98 % of its limit.
 const CASES: [(u8, f32, bool); 10] = [
     (0b0001, 1_000.0, false),
     (0b0001, 3_960.0, false),
@@ -98,8 +98,8 @@ fn frames_in_time_are_passed_on_and_nothing_is_missing() {
     }
 }
 
-/// When the word of a channel is latched at the latest, and when its next conversion ends, after the
-/// edge: computed from the datasheet, not from the code under test.
+/// Returns the latest time at which a channel's word is latched, and the end of its next conversion,
+/// after the edge: computed from the datasheet, not from the code under test.
 fn word_and_end_us(case: (u8, f32, bool), index: u32, delay_us: f64) -> (f64, f64) {
     let (channels, rate_hz, with_status) = case;
     let scheme = scheme(channels, rate_hz, with_status);
@@ -121,7 +121,7 @@ fn word_and_end_us(case: (u8, f32, bool), index: u32, delay_us: f64) -> (f64, f6
     (latched_us, dwell_us * f64::from(index + 1))
 }
 
-/// How long after its edge a frame may begin, us.
+/// Returns the latest start of a frame after its edge, us.
 fn latest_begin_us((channels, rate_hz, with_status): (u8, f32, bool)) -> u32 {
     Parts::new(&scheme(channels, rate_hz, with_status), with_status).latest_begin_us()[0]
 }
@@ -144,7 +144,7 @@ fn no_frame_that_may_be_of_two_scans_is_passed_on_and_none_is_dropped_long_befor
                 Finding::Early => panic!("{case:?}: {delay_us} us"),
             }
             if whole {
-                // Dropped, it is so for a margin of a few microseconds only.
+                // A frame is dropped unnecessarily only within a margin of a few microseconds.
                 assert!(dropped_from_us > delay_us - 10.0, "{case:?}: {delay_us} us");
             }
         }
@@ -164,7 +164,7 @@ fn a_frame_that_comes_late_is_counted_with_the_next_one() {
         };
         assert_eq!(bus.scan(), missed, "{channels:#b} {rate_hz}");
         assert_eq!(bus.scan(), CLEAN);
-        // INTB was low still at the end of two scans more: they made no edge.
+        // INTB was still low at the end of two more scans: they made no edge.
         assert_eq!(bus.scan_after(bus.period_us, late_us), Finding::Late);
         let missed = Finding::Scan {
             missed: 3,
@@ -179,7 +179,7 @@ fn a_frame_that_comes_late_is_counted_with_the_next_one() {
 fn a_conversion_that_the_watchdog_aborts_is_a_gap_and_no_loss() {
     for rate_hz in [200.0, 500.0, 940.0, 1_000.0, 2_000.0, 3_960.0] {
         let mut bus = Bus::new(0b0001, rate_hz, false).settled();
-        // 5.2 ms of the watchdog from the last result on, settling, and the conversion itself.
+        // 5.2 ms of the watchdog since the last result, settling, and the conversion itself.
         let interval_us = 5_200.0 + 27.0 + bus.period_us;
         assert_eq!(bus.scan_after(interval_us, 3.0), GAP, "{rate_hz} Hz");
         assert!(!bus.grid.is_suspect());
@@ -201,7 +201,7 @@ fn an_edge_that_was_not_seen_is_a_scan_that_is_missing() {
 #[test]
 fn a_conversion_time_that_changes_is_marked_at_once_and_suspected_at_the_second() {
     for (channels, rate_hz, with_status) in CASES {
-        // Every bit of RCOUNT that moves a time stamp by two microseconds.
+        // Every bit of RCOUNT that shifts a time stamp by two microseconds or more.
         for changed_us in [4.0, 7.0, 30.0, 273.0, 1_000.0, -4.0, -30.0, -100.0] {
             let mut bus = Bus::new(channels, rate_hz, with_status).settled();
             bus.period_us += changed_us;
@@ -258,8 +258,8 @@ fn after_an_error_of_the_bus_nothing_is_known_of_what_went_before() {
 fn there_is_room_for_a_register_wherever_it_delays_no_frame_too_long() {
     for (channels, rate_hz, with_status) in CASES {
         let bus = Bus::new(channels, rate_hz, with_status).settled();
-        // It may begin just before the edge, and takes 48 bit times and the master's; the task needs
-        // its turn between two frames.
+        // The read may start just before the edge, and takes 48 bit times and the master's overhead; the
+        // task needs its turn between two frames.
         let fits = latest_begin_us((channels, rate_hz, with_status)) >= 130;
         let turn_us = bus.period_us - bus.frame_us;
         let expected = fits && turn_us >= 40.0;
@@ -278,7 +278,7 @@ fn there_is_room_for_a_register_wherever_it_delays_no_frame_too_long() {
     }
 }
 
-/// Whatever pulls INTB low for a moment, no scan has ended: the words are the last ones.
+/// A disturbance that pulls INTB low for a moment ends no scan: the words are the last ones.
 #[test]
 fn an_edge_that_ends_no_scan_is_no_sample_and_loses_none() {
     for (channels, rate_hz, with_status) in CASES {
@@ -290,7 +290,7 @@ fn an_edge_that_ends_no_scan_is_no_sample_and_loses_none() {
                 Finding::Early,
                 "{rate_hz} {part}"
             );
-            // The scan that was under way is passed on.
+            // The scan in progress is passed on.
             let left_us = bus.period_us - after_us;
             assert_eq!(bus.scan_after(left_us, 3.0), GAP, "{rate_hz} {part}");
             assert_eq!(bus.scan(), CLEAN);
@@ -299,8 +299,8 @@ fn an_edge_that_ends_no_scan_is_no_sample_and_loses_none() {
     }
 }
 
-/// Two converters that take turns, channel by channel: when each word of one is latched and when it is
-/// overwritten, computed from the datasheet, at every time between the edges of the two.
+/// For two converters that take turns channel by channel: computes from the datasheet when each word of
+/// one is latched and when it is overwritten, for every time between the edges of the two.
 #[test]
 fn what_two_converters_may_be_asked_for_the_bus_can_fetch() {
     const MASTER_US: f64 = 10.0;
@@ -328,7 +328,7 @@ fn what_two_converters_may_be_asked_for_the_bus_can_fetch() {
         let latest_us = Parts::new(&scheme, true).latest_begin_us();
         let period_us = f64::from(scheme.period_us);
         for shift_us in (0..period_us as u32).map(f64::from) {
-            // Edges of both over some periods, and whose turn it is.
+            // Edges of both converters over some periods, and the converter whose turn it is.
             let mut time_us = 0.0_f64;
             let mut done = [0_u32; 2];
             let mut turn = 0;

@@ -1,4 +1,4 @@
-//! Tests of `palpate-node` from outside: one program, whose modules are its parts.
+//! Integration tests of `palpate-node`: one program, one module per subject.
 
 mod faults_page;
 mod grid;
