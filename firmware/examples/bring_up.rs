@@ -1,9 +1,9 @@
-//! The image for `palpate bring-up`: it does on the converter's pins what the PC tells it, one
-//! request after the other, over channel 0 of the debug probe in both directions. What is to be
-//! found out about the silicon, and how, is the PC's affair.
+//! Image for `palpate bring-up`: executes requests of the PC on the converter's pins, one after the
+//! other, over channel 0 of the debug probe in both directions. The PC decides which properties of the
+//! silicon to measure, and how.
 //!
-//! A request is its length, its kind and what belongs to it; so is an answer, with an outcome for
-//! a kind. Numbers of more than a byte begin with their lowest. docs/bring-up.md lists them.
+//! A request is its length, its kind and its data; an answer is the same with an outcome in place of the
+//! kind. Numbers of several bytes are little-endian. docs/bring-up.md lists all requests.
 
 #![no_std]
 #![no_main]
@@ -31,10 +31,10 @@ use rtt_target::{DownChannel, UpChannel};
 
 use transfer::ReplyCode;
 
-/// Bytes of the longest request and answer, without their length.
+/// Bytes of the longest request and answer, without the length byte.
 const LONGEST: usize = 64;
 
-/// Nothing interrupts.
+/// Critical section of a program without interrupts.
 struct Alone;
 critical_section::set_impl!(Alone);
 
@@ -47,18 +47,18 @@ unsafe impl critical_section::Impl for Alone {
     unsafe fn release(_: u32) {}
 }
 
-/// Looks at a condition until it holds, but no longer than 100 000 times.
+/// Polls a condition until it holds, 100 000 times at most.
 fn wait(mut holds: impl FnMut() -> bool) -> bool {
     (0..100_000).any(|_| holds())
 }
 
-/// The lower half of the microsecond timer.
+/// Returns the lower half of the microsecond timer.
 fn now_us() -> u32 {
     // SAFETY: reading the raw timer has no effect on it.
     unsafe { (*rp2040_pac::TIMER::ptr()).timerawl().read().bits() }
 }
 
-/// Lets a time pass.
+/// Waits for a time.
 fn pause(us: u32) {
     let begin = now_us();
     while now_us().wrapping_sub(begin) < us {}
@@ -102,7 +102,7 @@ fn main() -> ! {
     }
 }
 
-/// Waits for a whole request, and returns its length.
+/// Waits for a whole request and returns its length.
 fn receive(down: &mut DownChannel, request: &mut [u8; LONGEST]) -> usize {
     let mut byte = || {
         let mut one = [0];
@@ -120,7 +120,7 @@ fn receive(down: &mut DownChannel, request: &mut [u8; LONGEST]) -> usize {
     length.min(LONGEST)
 }
 
-/// An answer being made.
+/// Answer under construction.
 struct Answer {
     bytes: [u8; LONGEST],
     length: usize,
@@ -160,7 +160,7 @@ impl Answer {
     }
 }
 
-/// Does several requests without waiting for the PC between them, until one fails.
+/// Executes several requests without waiting for the PC between them, until one fails.
 fn serve_all(mut requests: &[u8], answer: &mut Answer) -> Option<ReplyCode> {
     while let Some((&length, after)) = requests.split_first() {
         let length = usize::from(length);
@@ -173,7 +173,7 @@ fn serve_all(mut requests: &[u8], answer: &mut Answer) -> Option<ReplyCode> {
     Some(ReplyCode::Done)
 }
 
-/// Does what a request asks; nothing if it is none.
+/// Executes a request; `None` if its kind or its data are invalid.
 fn serve(kind: u8, rest: &[u8], answer: &mut Answer) -> Option<ReplyCode> {
     match (kind, rest) {
         (b'?', []) => answer.extend(b"palpate bring-up 2"),
@@ -205,9 +205,9 @@ fn serve(kind: u8, rest: &[u8], answer: &mut Answer) -> Option<ReplyCode> {
     Some(ReplyCode::Done)
 }
 
-/// Waits for so many edges of INTB, and transfers after each what releases it; tells how many came,
-/// when the first and the last did, and what the last transfer has read. An edge that has come
-/// before counts for nothing: the first that is waited for only begins the row.
+/// Waits for `count` edges of INTB, and after each makes the transfer that releases it. Answers with the
+/// number of edges, the times of the first and the last, and the bytes of the last transfer. An edge
+/// from before is ignored: the first awaited edge starts the count.
 fn edges(count: u8, timeout_ms: u8, segments: &[u8], answer: &mut Answer) -> Option<ReplyCode> {
     let (mut first_us, mut last_us) = (0, 0);
     pins::forget_edge();
@@ -238,7 +238,7 @@ fn edges(count: u8, timeout_ms: u8, segments: &[u8], answer: &mut Answer) -> Opt
     Some(ReplyCode::Done)
 }
 
-/// Looks at a condition until it holds, for at most so long.
+/// Polls a condition until it holds, for at most `timeout_ms`.
 fn within(timeout_ms: u8, holds: impl Fn() -> bool) -> bool {
     let begin = now_us();
     while !holds() {

@@ -1,9 +1,9 @@
-//! The model's and the procedure's arithmetic on the processor, beside a PC's: `system-tests` runs
-//! this image on the emulated board and the same lines on the PC, and compares bits.
+//! Arithmetic of the model and of the procedure on the processor, for comparison with a PC:
+//! `system-tests` runs this image on the emulated board and the same code on the PC, and compares bits.
 //!
-//! It is built as the firmware is: same profile, same memory, same routines of the processor.
-//! A word alone in `MAILBOX` is the number of a function, whose sum it leaves in `ANSWER`; more of
-//! them are an event of the procedure, of whose actions it leaves a sum there.
+//! It is built like the firmware: same profile, same memory map, same arithmetic routines. A single word
+//! in `MAILBOX` is the number of a function, whose checksum it writes to `ANSWER`; several words are an
+//! event of the procedure, and it writes a checksum of the resulting actions.
 
 #![no_std]
 #![no_main]
@@ -26,12 +26,12 @@ use core::sync::atomic::{AtomicU32, Ordering};
 
 use cortex_m_rt::entry;
 use palpate_procedure::{Actions, Procedure};
-// Its vector table.
+// Provides the vector table.
 use rp2040_pac as _;
 use tape::WORDS;
 
-/// Read and written by a debug probe, as all that follow: the length of an event, 0 for none, and
-/// its words.
+/// Read and written by a debug probe, like the statics that follow: the length of an event, 0 for none,
+/// and its words.
 #[unsafe(no_mangle)]
 static MAILBOX: [AtomicU32; 1 + WORDS] = [const { AtomicU32::new(0) }; 1 + WORDS];
 #[unsafe(no_mangle)]
@@ -39,7 +39,7 @@ static ANSWER: AtomicU32 = AtomicU32::new(0);
 
 #[entry]
 fn main() -> ! {
-    // Not on the stack, which has room for a step of the procedure only.
+    // A static, since the stack has space only for a step of the procedure.
     static mut PROCEDURE: Option<Procedure> = None;
     static mut ACTIONS: Actions = Actions::new();
     static mut EVENT: [u32; WORDS] = [0; WORDS];
@@ -63,7 +63,7 @@ fn main() -> ! {
     }
 }
 
-/// In a frame of its own, so that what making takes of the stack is free again.
+/// Has its own stack frame, which is free again afterwards.
 #[inline(never)]
 fn make(slot: &mut Option<Procedure>) {
     *slot = Some(Procedure::new(tape::board()));
@@ -75,7 +75,7 @@ fn sum_of(function: u32) -> Option<u32> {
     Some(arithmetic::sum(*check))
 }
 
-/// Nothing here may panic; what does is seen by its silence.
+/// Nothing here may panic; a panic shows as a missing answer.
 #[panic_handler]
 fn panic(_: &core::panic::PanicInfo<'_>) -> ! {
     loop {

@@ -1,4 +1,5 @@
-//! The converter's pins, and the bridge's kept off. The numbers are those of docs/firmware.md.
+//! Pins of the converter, and those of the bridge, which stay off. The numbers are those of
+//! docs/firmware.md.
 
 use rp2040_pac::{IO_BANK0, PADS_BANK0, Peripherals, SIO};
 
@@ -11,17 +12,17 @@ const SHUTDOWN: usize = 8;
 const BRIDGE: [usize; 3] = [16, 17, 18];
 const CLKIN: usize = 21;
 
-/// PADS: input on, Schmitt trigger, 4 mA; with a pull.
+/// PADS: input on, Schmitt trigger, 4 mA; combined with a pull.
 const PAD: u32 = 1 << 6 | 1 << 4 | 1 << 1;
 const PULL_UP: u32 = 1 << 3;
 const PULL_DOWN: u32 = 1 << 2;
-/// Drivers of a pin (RP2040 datasheet 2.19.2).
+/// Functions of a pin (RP2040 datasheet 2.19.2).
 const I2C: u32 = 3;
 const PROCESSOR: u32 = 5;
 const CLOCK: u32 = 8;
 /// INTR0: falling edge of INTB.
 const EDGE: u32 = 1 << (4 * INTB + 2);
-/// Half a period of the pulses that free the bus, in microseconds.
+/// Half a period of the bus recovery pulses, in microseconds.
 const HALF_PULSE_US: u32 = 5;
 
 fn sio() -> &'static rp2040_pac::sio::RegisterBlock {
@@ -68,8 +69,8 @@ fn is_high(pin: usize) -> bool {
     sio().gpio_in().read().bits() >> pin & 1 == 1
 }
 
-/// Takes the blocks out of reset and gives every pin its driver. The bridge is off, the converter
-/// in shutdown.
+/// Takes the blocks out of reset and sets the function of every pin. The bridge is off, the converter in
+/// shutdown.
 pub fn set_up(device: &Peripherals) {
     let resets = &device.RESETS;
     resets
@@ -94,34 +95,34 @@ pub fn set_up(device: &Peripherals) {
     }
 }
 
-/// The converter's shutdown.
+/// Sets the converter's shutdown pin.
 pub fn shut_down(high: bool) {
     set(SHUTDOWN, high);
 }
 
-/// The level of INTB.
+/// Returns the level of INTB.
 pub fn interrupt_is_high() -> bool {
     is_high(INTB)
 }
 
-/// The level of SDA.
+/// Returns the level of SDA.
 pub fn data_is_high() -> bool {
     is_high(SDA)
 }
 
-/// Whether INTB has fallen since this was forgotten.
+/// Returns whether INTB has fallen since [`forget_edge`].
 pub fn edge_came() -> bool {
     // SAFETY: reading changes nothing.
     unsafe { (*IO_BANK0::ptr()).intr(0).read().bits() & EDGE != 0 }
 }
 
-/// Forgets an edge.
+/// Clears a recorded edge.
 pub fn forget_edge() {
     // SAFETY: clears this edge only.
     unsafe { (*IO_BANK0::ptr()).intr(0).write(|w| w.bits(EDGE)) };
 }
 
-/// So many pulses of SCL with SDA released, and a STOP.
+/// Sends `count` pulses of SCL with SDA released, and a STOP.
 pub fn pulse(count: u8) {
     for pin in [SDA, SCL] {
         set(pin, false);

@@ -1,27 +1,27 @@
-//! Transactions of the I2C block, waited for.
+//! Blocking transactions of the I2C block.
 
 use rp2040_pac::{I2C0, RESETS};
 
 use crate::timing::{CONTROL, HIGH, HOLD, LOW, SPIKE};
 use crate::{now_us, wait};
 
-/// The converter with ADDR low.
+/// Address of the converter with ADDR low.
 const ADDRESS: u32 = 0x2A;
 /// Commands of the block.
 const READ: u32 = 1 << 8;
 const STOP: u32 = 1 << 9;
 const RESTART: u32 = 1 << 10;
-/// Its raw interrupts.
+/// Raw interrupts of the block.
 const ABORT: u32 = 1 << 6;
 const STOPPED: u32 = 1 << 9;
-/// Bytes of a transaction at most, by which it fits into the queues.
+/// Most bytes of a transaction, so that it fits into the queues.
 const QUEUE: usize = 16;
-/// A transaction of that many bytes takes 0.4 ms.
+/// Time limit; a transaction of that many bytes takes 0.4 ms.
 const DEADLINE_US: u32 = 5_000;
-/// A segment of a transaction that reads.
+/// Flag of a segment that reads.
 const READS: u8 = 0x80;
 
-/// What came of a request.
+/// Outcome of a request.
 #[derive(Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
 pub enum ReplyCode {
@@ -61,8 +61,8 @@ fn command(bits: u32) {
     i2c().ic_data_cmd().write(|w| unsafe { w.bits(bits) });
 }
 
-/// One transaction of segments, each after a START of its own: `0x80 + n` reads n bytes, `n` and
-/// n bytes writes them. Nothing if the segments are none. Bytes that are read go to `take`.
+/// Executes one transaction of segments, each after its own START: `0x80 + n` reads n bytes, `n` and n
+/// bytes writes them. `None` if the segments are invalid. Passes bytes that are read to `take`.
 pub fn run(mut segments: &[u8], mut take: impl FnMut(u8)) -> Option<ReplyCode> {
     let mut commands = [0; QUEUE];
     let mut count = 0;
@@ -110,15 +110,15 @@ pub fn run(mut segments: &[u8], mut take: impl FnMut(u8)) -> Option<ReplyCode> {
     }
 }
 
-/// Reads two bytes and resets the block when so many bits of the transaction have passed, as a
-/// reset of the processor would.
+/// Reads two bytes and resets the block after `bits` bits of the transaction, as a reset of the
+/// processor would.
 pub fn cut_off(bits: u8) {
     let _ = i2c().ic_clr_intr().read().bits();
     command(0x7E);
     command(READ | RESTART);
     command(READ | STOP);
     let begin = now_us();
-    // 2.5 us a bit.
+    // 2.5 us per bit.
     while now_us().wrapping_sub(begin) < u32::from(bits) * 5 / 2 {}
     set_up();
 }

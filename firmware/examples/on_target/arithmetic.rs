@@ -1,5 +1,5 @@
-//! Every arithmetic function of the model on a table of inputs, each as a sum over its results'
-//! bits.
+//! Runs every arithmetic function of the model on a table of inputs; each gives a checksum over the bits
+//! of its results.
 
 use palpate_model::calibration_curve::MonotoneCurve;
 use palpate_model::contact::{Baseline, Cusum, Detector, Touch, Watch};
@@ -17,14 +17,14 @@ use palpate_model::thermal::{Copper, Temperatures, TwoNode};
 use palpate_model::uncertainty::{Calibration, OperatingPoint};
 use palpate_model::units::*;
 
-/// Inputs of each function.
+/// Number of inputs of each function.
 const INPUTS: u32 = 100;
 
-/// Numbers by chance that are the same everywhere, since they come of integers.
+/// Pseudo-random numbers that are the same on every target, since they come from integer arithmetic.
 pub struct Inputs(u32);
 
 impl Inputs {
-    /// Any bits.
+    /// Returns random bits.
     fn bits(&mut self) -> u32 {
         self.0 ^= self.0 << 13;
         self.0 ^= self.0 >> 17;
@@ -32,39 +32,39 @@ impl Inputs {
         self.0
     }
 
-    /// Any number: zeros, subnormal ones, infinities and NaN among them.
+    /// Returns any number, including zeros, subnormals, infinities and NaN.
     fn any(&mut self) -> f32 {
         let bits = self.bits();
         f32::from_bits(match bits % 16 {
             0 => bits & 0x8000_0000,
             1 => bits & 0x807F_FFFF,
             2 => bits | 0x7F80_0000,
-            // Of the size that numbers usually have.
+            // Of a usual magnitude.
             3..=11 => bits & 0x80FF_FFFF | 0x3F00_0000,
             _ => bits,
         })
     }
 
-    /// From `low` to `high`.
+    /// Returns a number from `low` to `high`.
     fn within(&mut self, low: f32, high: f32) -> f32 {
         let part = f32::from_bits(self.bits() >> 9 | 0x3F80_0000) - 1.0;
         low + (high - low) * part
     }
 }
 
-/// A sum over bits (FNV-1a, with words for bytes).
+/// Checksum over bits (FNV-1a, with words instead of bytes).
 pub struct Sum(pub u32);
 
 impl Sum {
-    /// Nothing yet.
+    /// Initial value.
     pub const NEW: Self = Self(0x811C_9DC5);
 
-    /// Takes a word in.
+    /// Adds a word.
     pub fn word(&mut self, word: u32) {
         self.0 = (self.0 ^ word).wrapping_mul(0x0100_0193).rotate_left(5);
     }
 
-    /// Takes a number in. Of what is no number the bits do not count: they are not settled.
+    /// Adds a number. The bits of a NaN do not count: they are not specified.
     pub fn number(&mut self, number: f32) {
         let canonical = if number.is_nan() { f32::NAN } else { number };
         self.word(canonical.to_bits());
@@ -77,10 +77,10 @@ impl Sum {
     }
 }
 
-/// A function with its inputs.
+/// A function that is called on inputs and adds its results to a checksum.
 pub type Check = fn(&mut Inputs, &mut Sum) -> Option<()>;
 
-/// What a function makes of all its inputs. A refusal counts as well.
+/// Returns the checksum of a function over all its inputs. A refusal counts as well.
 pub fn sum(check: Check) -> u32 {
     let mut inputs = Inputs(0x2545_F491);
     let mut sum = Sum::NEW;
@@ -91,10 +91,10 @@ pub fn sum(check: Check) -> u32 {
     sum.0
 }
 
-/// Functions in [`CHECKS`].
+/// Number of functions in [`CHECKS`].
 pub const COUNT: usize = 39;
 
-/// Every function, by its name.
+/// All functions with their names.
 pub const CHECKS: [(&str, Check); COUNT] = [
     ("add, subtract, multiply, divide", |from, to| {
         let (a, b) = (from.any(), from.any());
@@ -522,7 +522,7 @@ fn fill(ramp: &mut Ramp, from: &mut Inputs) -> Option<()> {
     Some(())
 }
 
-/// Everything that a fit tells.
+/// Adds all results of a fit.
 fn judge(fit: &Fit, from: &mut Inputs, to: &mut Sum) -> Option<()> {
     to.word(fit.degrees_of_freedom());
     to.numbers([fit.chi_square(), fit.centre()]);
@@ -591,7 +591,7 @@ fn operating_point(from: &mut Inputs) -> OperatingPoint {
     }
 }
 
-/// As the driver plans for one channel at a kilohertz.
+/// Scale that the driver plans for one channel at a kilohertz.
 fn scale() -> Option<ldc161x::Scale> {
     use ldc161x::{Acquisition, Channel, Model, Rate, ReferenceClock, Request, Sensor};
     let clock = ReferenceClock::External { hz: 30_000_000 };

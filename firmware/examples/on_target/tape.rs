@@ -1,4 +1,4 @@
-//! Events of the procedure as words, and its answers as a sum.
+//! Events of the procedure as words, and checksums of its actions.
 
 use ldc161x::{Channel, Freshness, Reading, Word};
 use palpate_procedure::event::Conditions;
@@ -14,27 +14,27 @@ use palpate_wire::{
 
 use crate::arithmetic::Sum;
 
-/// Kinds of events.
+/// Kind of an event: tick.
 pub const TICK: u32 = 0;
-/// See [`TICK`].
+/// Kind of an event: scan.
 pub const SCAN: u32 = 1;
-/// See [`TICK`].
+/// Kind of an event: command.
 pub const COMMAND: u32 = 2;
-/// See [`TICK`].
+/// Kind of an event: conditions.
 pub const CONDITIONS: u32 = 3;
-/// See [`TICK`].
+/// Kind of an event: result of a coil test.
 pub const COIL_TESTED: u32 = 4;
 
-/// Words of the longest event, a command byte by byte.
+/// Number of words of the longest event, a command with one byte per word.
 pub const WORDS: usize = 300;
 
-/// The target's first answer, before it was asked.
+/// First answer of the target, before any request.
 pub const READY: u32 = 0x5EAD_D00D;
 
-/// The number of the run.
+/// Boot id of the run.
 pub const BOOT: u32 = 7;
 
-/// The board that both procedures believe to be on.
+/// Returns the board description for both procedures.
 pub fn board() -> BoardInfo {
     BoardInfo {
         boot_id: BOOT,
@@ -63,7 +63,7 @@ pub fn board() -> BoardInfo {
     }
 }
 
-/// Words in their order.
+/// Reader of words in order.
 struct Words<'w>(core::slice::Iter<'w, u32>);
 
 impl Words<'_> {
@@ -76,7 +76,7 @@ impl Words<'_> {
         Some(u64::from(low) | u64::from(self.word()?) << 32)
     }
 
-    /// A number that may be absent.
+    /// Reads a number that may be absent.
     fn number(&mut self) -> Option<Option<f32>> {
         let is_there = self.word()? != 0;
         let number = f32::from_bits(self.word()?);
@@ -84,8 +84,8 @@ impl Words<'_> {
     }
 }
 
-/// Tells the procedure an event; nothing if the words are none. Returns a sum over the actions, for
-/// which there is room already.
+/// Passes an event to the procedure. Returns a checksum over the resulting actions, written to
+/// `actions`; `None` if the words are invalid.
 pub fn step(procedure: &mut Procedure, actions: &mut Actions, words: &[u32]) -> Option<u32> {
     let mut words = Words(words.iter());
     let now = Instant::from_ticks(words.time()?);
@@ -158,13 +158,13 @@ fn scan(words: &mut Words<'_>) -> Option<Scan> {
         lost,
         gap,
         current,
-        // The rig that is recorded has none.
+        // The recorded rig has none.
         ripple: None,
         account: None,
     })
 }
 
-/// A sum over actions; over records as they are sent.
+/// Returns a checksum over actions; records are included as sent.
 pub fn sum(actions: &Actions) -> u32 {
     let mut sum = Sum::NEW;
     for action in actions {
@@ -213,7 +213,7 @@ pub fn sum(actions: &Actions) -> u32 {
                     sum.word(byte.into());
                 }
             }
-            // Nothing that is recorded asks for these.
+            // The recording has no such actions.
             Action::Storage(_) | Action::Restart(_) | Action::Locate(_) => sum.word(7),
         }
     }

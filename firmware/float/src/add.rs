@@ -1,12 +1,12 @@
-//! Sums and differences.
+//! Addition and subtraction.
 
 use crate::{EXPONENT_MAX, FRACTION, INFINITY, LEADING, NAN, SIGN};
 use crate::{exponent, is_nan, is_normal, normalised, pack, shifted};
 
-/// The sum of two numbers.
+/// Returns the sum of two numbers.
 #[inline(always)]
 pub const fn add(a: u32, b: u32) -> u32 {
-    // The larger one first; as magnitudes, which order as their bits do.
+    // Orders them by magnitude, larger first: magnitudes order as their bits do.
     let (large, small) = if a << 1 < b << 1 { (b, a) } else { (a, b) };
     let (of_large, of_small) = (exponent(large), exponent(small));
     if of_large == EXPONENT_MAX || of_small == 0 {
@@ -20,13 +20,13 @@ pub const fn add(a: u32, b: u32) -> u32 {
     )
 }
 
-/// The difference of two numbers.
+/// Returns the difference of two numbers.
 #[inline(always)]
 pub const fn subtract(a: u32, b: u32) -> u32 {
     add(a, b ^ SIGN)
 }
 
-/// With signs from `large` and `small`, which are ordered.
+/// Adds two ordered normal numbers with the signs of `large` and `small`.
 #[inline(always)]
 const fn add_normalised(
     large: u32,
@@ -55,7 +55,7 @@ const fn add_normalised(
         return 0;
     }
     let mut at = at - 1;
-    // Without an instruction that counts zeros; one step is the commonest by far.
+    // The processor has no instruction that counts leading zeros; one step is by far the most frequent.
     while difference < 1 << 23 {
         difference <<= 8;
         at -= 8;
@@ -67,7 +67,7 @@ const fn add_normalised(
     pack(sign, at, difference)
 }
 
-/// When one is not finite, or one is zero or subnormal.
+/// Handles operands that are not finite, zero or subnormal.
 #[cold]
 #[inline(never)]
 const fn add_special(large: u32, small: u32) -> u32 {
@@ -78,7 +78,7 @@ const fn add_special(large: u32, small: u32) -> u32 {
         return if small == large ^ SIGN { NAN } else { large };
     }
     if small & !SIGN == 0 {
-        // Zeros of either sign make a positive one.
+        // Zeros of opposite sign add to a positive zero.
         return if large & !SIGN == 0 {
             large & small
         } else {

@@ -1,8 +1,8 @@
-//! Whole numbers to floating point.
+//! Conversion of integers to floating point.
 
 use crate::{BIAS, SIGN, pack};
 
-/// The nearest number.
+/// Returns the nearest `f32`.
 #[inline(always)]
 pub const fn from_u32(number: u32) -> u32 {
     if number == 0 {
@@ -21,13 +21,13 @@ pub const fn from_u32(number: u32) -> u32 {
     pack(0, at, significand)
 }
 
-/// The nearest number.
+/// Returns the nearest `f32`.
 #[inline(always)]
 pub const fn from_i32(number: i32) -> u32 {
     number as u32 & SIGN | from_u32(number.unsigned_abs())
 }
 
-/// The nearest number.
+/// Returns the nearest `f32`.
 #[inline(always)]
 pub const fn from_u64(number: u64) -> u32 {
     let (mut high, mut low) = ((number >> 32) as u32, number as u32);

@@ -1,9 +1,9 @@
-//! Quotients.
+//! Division.
 
 use crate::{BIAS, FRACTION, INFINITY, LEADING, NAN, SIGN};
 use crate::{exponent, is_nan, is_normal, normalised, pack};
 
-/// The quotient of two numbers.
+/// Returns the quotient of two numbers.
 #[inline(always)]
 pub const fn divide(a: u32, b: u32) -> u32 {
     let (of_a, of_b) = (exponent(a), exponent(b));
@@ -20,15 +20,14 @@ pub const fn divide(a: u32, b: u32) -> u32 {
 #[inline(always)]
 const fn divide_normalised(sign: u32, (at_a, a): (i32, u32), (at_b, b): (i32, u32)) -> u32 {
     let mut at = at_a - at_b + BIAS - 1;
-    // A quotient from 1 to below 2.
+    // Makes the quotient at least 1 and less than 2.
     let mut rest = a;
     if a < b {
         rest <<= 1;
         at -= 1;
     }
-    // Two digits of 13 bits, 2^26 times the quotient in all, which is two bits more than a number
-    // has. Each is found from the reciprocal, too small by four at most, and put right by what it
-    // leaves.
+    // Two digits of 13 bits give 2^26 times the quotient, two bits more than the significand. Each digit
+    // is estimated from the reciprocal, too small by four at most, and corrected by its remainder.
     let reciprocal = reciprocal(b);
     let (first, rest) = digit(rest, b, reciprocal);
     let (second, rest) = digit(rest, b, reciprocal);
@@ -36,32 +35,32 @@ const fn divide_normalised(sign: u32, (at_a, a): (i32, u32), (at_b, b): (i32, u3
     pack(sign, at, quotient << (31 - 2 * DIGIT) | (rest != 0) as u32)
 }
 
-/// Bits of a digit of the quotient.
+/// Number of bits of a quotient digit.
 const DIGIT: u32 = 13;
 /// By how much the last step of [`reciprocal`] may be too large: 3.6 (`tests/integration/bits.rs` tries all).
 const ABOVE: u32 = 4;
 
-/// Of a number from 2^23 to below 2^24: 2^39 over it, from 2^15 to 2^16, never above.
+/// Returns 2^39 / b, between 2^15 and 2^16 and never too large, for `b` from 2^23 to below 2^24.
 #[inline(always)]
 const fn reciprocal(b: u32) -> u32 {
-    // d from 1/2 to 1, of which 48/17 - 32/17 d is within 1/17 of the reciprocal (the straight
-    // line that is nearest); each step of Newton's squares the relative error: 1/289, 1.2e-5.
+    // d is from 1/2 to 1. The best straight line, 48/17 - 32/17 d, is within 1/17 of its reciprocal;
+    // each Newton step squares the relative error: 1/289, 1.2e-5.
     let d = b >> 8;
-    // Units of 2^-14.
+    // In units of 2^-14.
     let r = 46_260 - ((30_841 * d) >> 16);
     // 2 - d r in units of 2^-14, and the product.
     let r = (r * (32_768 - ((r * d) >> 16))) >> 14;
-    // The same in units of 2^-15.
+    // The second Newton step, in units of 2^-15.
     let r = (r * (65_536 - ((r * d) >> 15))) >> 14;
     r - ABOVE
 }
 
-/// 2^13 times the quotient of `rest` and `b` as a whole number, and what is left. `rest` is below
-/// 2 `b`.
+/// Returns the integer part of 2^13 times the quotient of `rest` and `b`, and the remainder. `rest` is
+/// below 2 `b`.
 #[inline(always)]
 const fn digit(rest: u32, b: u32, reciprocal: u32) -> (u32, u32) {
     let mut digit = ((rest >> 9) * reciprocal) >> (30 - DIGIT);
-    // What is left is small, though what it is the difference of does not fit.
+    // The remainder is small, although the operands of its difference overflow.
     let mut left = (rest << DIGIT).wrapping_sub(digit.wrapping_mul(b));
     while left >= b {
         left -= b;
@@ -70,7 +69,7 @@ const fn digit(rest: u32, b: u32, reciprocal: u32) -> (u32, u32) {
     (digit, left)
 }
 
-/// When one is not finite, or one is zero or subnormal.
+/// Handles operands that are not finite, zero or subnormal.
 #[cold]
 #[inline(never)]
 const fn divide_special(a: u32, b: u32) -> u32 {

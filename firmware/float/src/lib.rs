@@ -11,15 +11,15 @@
         clippy::indexing_slicing
     )
 )]
-//! Arithmetic of `f32` on integers, for a processor that has a 32-bit multiplier and nothing else.
+//! `f32` arithmetic on integers, for a processor with a 32-bit multiplier and no FPU.
 //!
-//! The compiler's own routines are generic over every width and written for processors with a
-//! multiplication to 64 bits; these are for one width and for the Cortex-M0+, which multiplies two
-//! words to a word in a cycle and cannot count leading zeros. Results are those of IEEE 754 to the
-//! bit - rounded to nearest, ties to even, subnormal numbers and infinities included - but for the
-//! payload of a NaN, which is always [`NAN`].
+//! The compiler's own routines are generic over every width and assume a 64-bit product. These are for
+//! one width and for the Cortex-M0+, which multiplies two words to one word in a cycle and cannot count
+//! leading zeros. Results equal those of IEEE 754 to the bit - rounded to nearest, ties to even,
+//! subnormal numbers and infinities included - except for the payload of a NaN, which is always [`NAN`].
 //!
-//! Numbers go in and out as their bits, `f32::to_bits`: nothing here calls what it replaces.
+//! Arguments and results are the bits of numbers, `f32::to_bits`: no function here calls a routine that
+//! it replaces.
 
 mod add;
 mod convert;
@@ -31,28 +31,28 @@ pub use convert::{from_i32, from_u32, from_u64};
 pub use divide::divide;
 pub use multiply::multiply;
 
-/// What an operation without a result gives.
+/// NaN that an invalid operation returns.
 pub const NAN: u32 = 0x7FC0_0000;
 
 const SIGN: u32 = 0x8000_0000;
 const INFINITY: u32 = 0x7F80_0000;
-/// Lowest bit of the exponent.
+/// Position of the exponent's lowest bit.
 const EXPONENT_AT: u32 = 23;
-/// The leading bit of a normal number, which is not stored.
+/// Leading bit of a normal number, which is not stored.
 const LEADING: u32 = 1 << EXPONENT_AT;
 const FRACTION: u32 = LEADING - 1;
-/// The exponent's field of infinities and NaNs.
+/// Exponent field of infinities and NaNs.
 const EXPONENT_MAX: u32 = 0xFF;
-/// The exponent's field of numbers from 1 to 2.
+/// Exponent field of numbers from 1 to below 2.
 const BIAS: i32 = 127;
 
-/// The exponent's field.
+/// Returns the exponent field.
 #[inline(always)]
 const fn exponent(bits: u32) -> u32 {
     (bits >> EXPONENT_AT) & EXPONENT_MAX
 }
 
-/// Whether it is neither zero, subnormal, infinite nor NaN, by its exponent's field.
+/// Returns whether an exponent field is that of a normal number: not zero, subnormal, infinite or NaN.
 #[inline(always)]
 const fn is_normal(exponent: u32) -> bool {
     exponent.wrapping_sub(1) < EXPONENT_MAX - 1
@@ -62,8 +62,8 @@ const fn is_nan(bits: u32) -> bool {
     bits & !SIGN > INFINITY
 }
 
-/// A significand from 2^23 to below 2^24 and the exponent's field that goes with it, which is
-/// below one for subnormal numbers; not for zero.
+/// Returns the exponent field and a significand from 2^23 to below 2^24. The field is below one for
+/// subnormal numbers. Not for zero.
 const fn normalised(bits: u32) -> (i32, u32) {
     let field = exponent(bits);
     let fraction = bits & FRACTION;
@@ -74,8 +74,8 @@ const fn normalised(bits: u32) -> (i32, u32) {
     (1 - shift, fraction << (shift & 31))
 }
 
-/// Rounds and packs a significand from 2^31, whose last eight bits are beyond a number's
-/// precision, the very last standing for all that was cut off. `exponent` is the field's less one.
+/// Rounds and packs a significand of at least 2^31. Its last eight bits are beyond the precision; the
+/// very last is a sticky bit. `exponent` is the field minus one.
 #[inline(always)]
 const fn pack(sign: u32, exponent: i32, significand: u32) -> u32 {
     if exponent as u32 >= EXPONENT_MAX - 1 {
@@ -85,14 +85,14 @@ const fn pack(sign: u32, exponent: i32, significand: u32) -> u32 {
     sign | (((exponent as u32) << EXPONENT_AT) + rounded(significand))
 }
 
-/// To nearest, ties to even.
+/// Rounds to nearest, ties to even.
 #[inline(always)]
 const fn rounded(significand: u32) -> u32 {
     let kept = significand >> 8;
     kept + (((significand & 0xFF) + 0x7F + (kept & 1)) >> 8)
 }
 
-/// Too large or too small for a normal number.
+/// Packs a result that is too large or too small for a normal number.
 #[cold]
 #[inline(never)]
 const fn pack_extreme(sign: u32, exponent: i32, significand: u32) -> u32 {
@@ -106,7 +106,7 @@ const fn pack_extreme(sign: u32, exponent: i32, significand: u32) -> u32 {
     sign | rounded(shifted(significand, shift as u32))
 }
 
-/// Shifted to the right by less than 32, the last bit standing for what falls off.
+/// Shifts right by less than 32; the last bit is a sticky bit.
 #[inline(always)]
 const fn shifted(significand: u32, by: u32) -> u32 {
     let by = by & 31;

@@ -1,9 +1,9 @@
-//! Products.
+//! Multiplication.
 
 use crate::{BIAS, FRACTION, INFINITY, LEADING, NAN, SIGN};
 use crate::{exponent, is_nan, is_normal, normalised, pack};
 
-/// The product of two numbers.
+/// Returns the product of two numbers.
 #[inline(always)]
 pub const fn multiply(a: u32, b: u32) -> u32 {
     let (of_a, of_b) = (exponent(a), exponent(b));
@@ -19,7 +19,7 @@ pub const fn multiply(a: u32, b: u32) -> u32 {
 
 #[inline(always)]
 const fn multiply_normalised(sign: u32, (at_a, a): (i32, u32), (at_b, b): (i32, u32)) -> u32 {
-    // Halves of 16 bits; of the 48 of the product the lowest 16 count only if there are any.
+    // Uses halves of 16 bits. Of the 48 bits of the product, the lowest 16 matter only as a sticky bit.
     let (low_a, high_a) = (a & 0xFFFF, a >> 16);
     let (low_b, high_b) = (b & 0xFFFF, b >> 16);
     let low = low_a * low_b;
@@ -34,7 +34,7 @@ const fn multiply_normalised(sign: u32, (at_a, a): (i32, u32), (at_b, b): (i32, 
     pack(sign, at, product)
 }
 
-/// When one is not finite, or one is zero or subnormal.
+/// Handles operands that are not finite, zero or subnormal.
 #[cold]
 #[inline(never)]
 const fn multiply_special(a: u32, b: u32) -> u32 {

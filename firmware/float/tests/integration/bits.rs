@@ -1,9 +1,9 @@
-//! Every operation against the processor's own, to the bit.
+//! Compares every operation with the host processor's own, to the bit.
 
 use palpate_float::{NAN, add, divide, from_i32, from_u32, from_u64, multiply, subtract};
 use proptest::prelude::*;
 
-/// The bits of a result; every NaN is one.
+/// Returns the bits of a result; all NaNs give the same bits.
 fn bits(number: f32) -> u32 {
     if number.is_nan() {
         NAN
@@ -31,7 +31,7 @@ fn check(a: u32, b: u32) {
     }
 }
 
-/// Numbers at which something changes: ends of the ranges, powers of two and their neighbours.
+/// Numbers at which the algorithm changes: ends of the ranges, powers of two and their neighbours.
 fn edges() -> Vec<u32> {
     let mut edges = vec![0x7F80_0001, 0x7FFF_FFFF];
     for exponent in [
@@ -58,7 +58,7 @@ fn edges_meet_edges() {
     }
 }
 
-/// A generator of its own, quick enough for millions (Marsaglia 2003, xorshift32).
+/// Random generator that is fast enough for millions of numbers (Marsaglia 2003, xorshift32).
 fn random(state: &mut u32) -> u32 {
     *state ^= *state << 13;
     *state ^= *state >> 17;
@@ -72,9 +72,9 @@ fn millions_of_random_bits() {
     for _ in 0..3_000_000 {
         let (a, b) = (random(&mut state), random(&mut state));
         check(a, b);
-        // Near each other, where differences cancel and quotients are close to one.
+        // Close operands: differences cancel and quotients are near one.
         check(a, a ^ (b >> (8 + (b & 15))));
-        // Of like size, where all bits of both count.
+        // Operands of similar magnitude: all bits of both count.
         check(a & 0x83FF_FFFF | 0x3C00_0000, b & 0x83FF_FFFF | 0x3C00_0000);
     }
 }

@@ -1,3 +1,3 @@
-//! Tests of `palpate-float` from outside: one program, whose modules are its parts.
+//! Integration tests of `palpate-float`: one program, one module per subject.
 
 mod bits;
