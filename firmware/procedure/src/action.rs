@@ -1,4 +1,4 @@
-//! What the procedure wants done.
+//! Actions that the procedure requests.
 
 use coil_hbridge::CurrentLine;
 use palpate_model::units::{Hertz, Second};
@@ -10,57 +10,57 @@ use crate::link::Link;
 use crate::storage::StorageOrder;
 use crate::time::{Duration, Instant};
 
-/// An action. Those of one step are to be carried out in their order.
+/// One action. The actions of a step must be carried out in order.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Action {
-    /// Bridge off, before anything else.
+    /// Switch the bridge off, before anything else.
     SafeState,
-    /// The coil's current follows a line. It begins by the clock of [`Instant`].
+    /// Let the coil's current follow a line, whose start time is on the clock of [`Instant`].
     Current(CurrentLine),
-    /// Bridge, coil and current measurement are to be tested;
-    /// [`Event::CoilTested`](crate::Event::CoilTested) or a fault follows.
+    /// Test bridge, coil and current measurement; [`Event::CoilTested`](crate::Event::CoilTested) or a
+    /// fault follows.
     TestCoil,
-    /// The measured current is to be recorded from now on.
+    /// Start a trace of the measured current.
     TraceCurrent {
-        /// From one to the next of what is kept.
+        /// Interval between two values.
         interval: Second,
     },
-    /// The current measurement has been calibrated.
+    /// Apply a calibration of the current measurement.
     CorrectCurrent(CurrentCorrection),
-    /// Converters are to be configured anew.
+    /// Configure the converters.
     ConfigureSensors {
         /// Active channels: bit n for channel n.
         channels: u8,
         /// Scans per second.
         rate: Hertz,
     },
-    /// A converter is to find the drive current of its sensors anew.
+    /// Let a converter find the drive current of its sensors again.
     SeekDrive {
-        /// 0 the first, 1 the second.
+        /// 0 for the first converter, 1 for the second.
         sensor: u8,
     },
-    /// A record.
+    /// Send a record.
     Record {
-        /// When what it reports happened.
+        /// Time of the reported event.
         at: Instant,
-        /// The link that it answers; nothing if it goes to all of them.
+        /// Link that receives the answer; `None` for all links.
         to: Option<Link>,
-        /// The record.
+        /// Content of the record.
         record: Record,
     },
-    /// Something for the storage. What writes or erases is only begun while the bridge is proven
-    /// off.
+    /// Pass an order to the storage. An order that writes or erases may start only while the bridge is
+    /// proven off.
     Storage(StorageOrder),
-    /// The device is to start anew, as soon as its answer has been sent.
+    /// Restart the device as soon as its answer has been sent.
     Restart(RebootTarget),
-    /// The LED is to flicker for so long.
+    /// Let the LED flicker for this time.
     Locate(Duration),
 }
 
-/// The actions of one step, at most twelve.
+/// Actions of one step, at most twelve.
 pub type Actions = heapless::Vec<Action, MOST_ACTIONS>;
 
-/// No step asks for more: a safe state, a current, a configuration; then a sample, a change of
-/// state and its end (estimate, refusal or fault), a status, and two answers: to a command, and to
-/// one that waited and is dropped.
+/// Maximum number of actions of a step: safe state, current, configuration; then a sample, a change of
+/// state and its result (estimate, refusal or fault), a status, and two answers: to a command, and to a
+/// waiting one that is dropped.
 pub(crate) const MOST_ACTIONS: usize = 12;

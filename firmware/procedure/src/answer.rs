@@ -1,10 +1,10 @@
-//! What becomes of a command.
+//! Answers to commands.
 
 use palpate_wire::code::Outcome;
 use palpate_wire::record::Acknowledgement;
 use palpate_wire::{Header, Invalid, Problem};
 
-/// What became of a command: an outcome, or the field that was not accepted.
+/// Answer to a command: an outcome, or the field that was refused.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Answer {
     Outcome(Outcome),
@@ -12,7 +12,8 @@ pub(crate) enum Answer {
 }
 
 impl Answer {
-    /// Refuses a field beyond the board's or the settings' limits, which are narrower than the protocol's.
+    /// Refuses a field beyond the limits of the board or of the settings, which are narrower than the
+    /// protocol's.
     pub(crate) const fn out_of_range(field: u8, value: f32, [low, high]: [f32; 2]) -> Self {
         Self::Invalid(Invalid {
             field,
@@ -35,7 +36,7 @@ impl From<Outcome> for Answer {
     }
 }
 
-/// Number of a field, for the compiler only: a wrong name does not compile.
+/// Number of a field, checked by the compiler: a wrong name does not compile.
 macro_rules! field {
     ($structure:ty, $name:ident) => {
         const {

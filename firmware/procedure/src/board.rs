@@ -1,34 +1,33 @@
-//! What the board is and what it may do: compiled in, never a setting.
+//! Properties and limits of the board: compiled in, never a setting.
 
 use palpate_model::units::{Ampere, Celsius, Hertz};
 use palpate_wire::record::{Crash, Hello};
 
-/// A board, as far as the procedure has to know it.
+/// Board properties that the procedure needs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BoardInfo {
-    /// A random number that the device drew when it started, never 0.
+    /// Random boot id of this run, never 0.
     pub boot_id: u32,
-    /// Who speaks; the procedure fills in the configuration's check number.
+    /// Identification of the device; the procedure fills in the CRC of the configuration.
     pub hello: Hello,
-    /// What the last run died of.
+    /// Cause of the last run's crash.
     pub crash: Option<Crash>,
-    /// Channels that the first and the second converter have: bit n for channel n, 0 without
-    /// the converter.
+    /// Channels of the first and the second converter: bit n for channel n, 0 without the converter.
     pub channels: [u8; 2],
-    /// Whether there are bridge, coil and current measurement.
+    /// There are bridge, coil and current measurement.
     pub coil: bool,
-    /// Whether there is a storage for settings and calibration.
+    /// There is a storage for settings and calibration.
     pub storage: bool,
-    /// Crashes in a row, of which the last run's was the last.
+    /// Number of consecutive crashes, up to the last run.
     pub crashes: u8,
-    /// What no setting, command or calibration exceeds.
+    /// Hard limits of every setting, command and calibration.
     pub limits: Limits,
 }
 
-/// Crashes in a row after which the outputs stay off until the device is started without one.
+/// Number of consecutive crashes after which the outputs stay off until the device starts without one.
 pub const MOST_CRASHES: u8 = 5;
 
-/// What no setting, command or calibration exceeds.
+/// Hard limits of every setting, command and calibration.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
     /// Current in the coil.
@@ -39,17 +38,17 @@ pub struct Limits {
     pub on_time_s: f32,
     /// Temperature of the coil.
     pub temperature: Celsius,
-    /// Scans per second.
+    /// Scan rate.
     pub rate: Hertz,
 }
 
-/// What the drive of the reference board never exceeds: the one place of these numbers.
+/// Hard limits of the reference board's drive; these numbers are defined only here.
 ///
-/// 12 A: bridges for 15 A, with a margin. 12.7 A is the end of the converter's range less the
-/// tolerance of its zero. Bridges keep their upper switches supplied for 2 % of the time. 60 J would
-/// heat copper of 0.8 J/K by 75 K if it kept them all; from 25 degrees Celsius that ends at the 100
-/// allowed. 3.5 W is the continuous rating of the paper's coils, 3 A; 20 s is what it makes of 60 J.
-/// Resistance and inductance are those of coils that make sense here, with a factor to spare.
+/// 12 A: bridges for 15 A, with a margin. 12.7 A is the end of the converter's range less the tolerance
+/// of its zero. Bridges keep their upper switches supplied for 2 % of the time. 60 J would heat copper
+/// of 0.8 J/K by 75 K if it kept all of it; from 25 degrees Celsius that ends at the 100 allowed. 3.5 W
+/// is the continuous rating of the paper's coils, 3 A; 20 s follows from it and from 60 J. Resistance and
+/// inductance are those of sensible coils, with a margin.
 pub const DRIVE: coil_hbridge::Limits = coil_hbridge::Limits {
     current_a: 12.0,
     trip_a: 12.7,
@@ -63,7 +62,7 @@ pub const DRIVE: coil_hbridge::Limits = coil_hbridge::Limits {
 };
 
 impl Limits {
-    /// For the reference board and the paper's coils: those of its [drive](DRIVE), and 5 kHz, the
+    /// Limits of the reference board and the paper's coils: those of its [drive](DRIVE), and 5 kHz, the
     /// protocol's limit.
     pub const REFERENCE: Self = Self {
         current: Ampere(DRIVE.current_a),
@@ -80,7 +79,7 @@ pub(crate) mod tests {
 
     use super::*;
 
-    /// A board with one converter and a coil.
+    /// Board with one converter and a coil.
     pub(crate) const BOARD: BoardInfo = BoardInfo {
         boot_id: 7,
         hello: Hello {

@@ -1,95 +1,95 @@
-//! Why a run began: from the processor's reset flags, and the record that the last run left in
-//! memory. Whatever cannot be read is a fault.
+//! Boot cause, from the processor's reset flags and the record that the last run left in memory. A
+//! record that cannot be read is a fault.
 
 use heapless::String;
 use palpate_wire::code::{FaultCode, ResetCause};
 use palpate_wire::crc32;
 use palpate_wire::record::Crash;
 
-/// Words of the record.
+/// Number of words of the record.
 pub const RECORD_WORDS: usize = 20;
 
-/// The record as it lies in memory, in words, which no start clears:
+/// Crash record in memory, in words, which no reset clears:
 ///
 /// | words | content |
 /// |---|---|
 /// | 0 | "Palp" |
-/// | 1 | what it says: a count of crashes, a panic, a hard fault, an end that was asked for |
-/// | 2 | crashes in a row; an end that was asked for keeps them |
-/// | 3 to 6 | line, program counter, link register, time since the start in ms |
-/// | 7 to 18 | the end of the source file's name, filled up with zeros |
+/// | 1 | kind: a count of crashes, a panic, a hard fault, a requested restart |
+/// | 2 | consecutive crashes; a requested restart keeps them |
+/// | 3 to 6 | line, program counter, link register, time since boot in ms |
+/// | 7 to 18 | end of the source file's name, padded with zeros |
 /// | 19 | CRC-32C over the words before it, least significant byte first |
 pub type RecordWords = [u32; RECORD_WORDS];
 
-/// What memory holds when there is nothing to say.
+/// Content of the memory without a record.
 pub const NO_RECORD: RecordWords = [0; RECORD_WORDS];
 
 const MAGIC: u32 = 0x5061_6C70;
-/// Bytes of the file's name.
+/// Bytes of the file name.
 const NAME: usize = 48;
-/// Bytes under the CRC.
+/// Bytes covered by the CRC.
 const CHECKED: usize = 4 * (RECORD_WORDS - 1);
 
-/// What ends a run.
+/// End of a run.
 #[derive(Clone, Copy, Debug)]
 pub enum End<'a> {
-    /// A panic, and where.
+    /// A panic, with its location.
     Panic {
-        /// The source file.
+        /// Source file.
         file: &'a str,
-        /// The line in it.
+        /// Line in the file.
         line: u32,
     },
-    /// A hard fault, and where.
+    /// A hard fault, with its location.
     HardFault {
-        /// Of the instruction.
+        /// Address of the instruction.
         program_counter: u32,
-        /// Where it would have returned to.
+        /// Return address.
         link_register: u32,
     },
-    /// It was asked for.
+    /// A requested restart.
     Asked,
 }
 
 /// The processor's reset flags.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ResetFlags {
-    /// A reset through the watchdog was asked for.
+    /// A reset through the watchdog was requested.
     pub forced: bool,
     /// The watchdog was not fed.
     pub timed_out: bool,
-    /// That watchdog was the firmware's: it leaves a mark when it starts one. A boot loader restarts
-    /// the processor through the watchdog too, after it has written an image.
+    /// The watchdog was the firmware's, which sets a mark when it starts it. A boot loader also restarts
+    /// the processor through the watchdog, after it has written an image.
     pub is_own_watchdog: bool,
-    /// A debug probe asked for it.
+    /// A debug probe requested the reset.
     pub debugger: bool,
     /// The reset pin was pulled.
     pub pin: bool,
 }
 
 impl ResetFlags {
-    /// Whether the firmware reset itself, on purpose or because its watchdog was not fed.
+    /// Returns whether the firmware reset itself, on purpose or because its watchdog was not fed.
     const fn is_by_firmware(self) -> bool {
         self.forced || (self.timed_out && self.is_own_watchdog)
     }
 }
 
-/// Why a run began.
+/// Boot cause of a run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Boot {
-    /// Why.
+    /// Reset cause.
     pub cause: ResetCause,
-    /// What the last run died of, if it did and could say so.
+    /// Crash of the last run, if it left a record of one.
     pub crash: Option<Crash>,
-    /// Runs in a row that ended by a panic, a fault, a hang or in an unknown way, before they lasted.
-    /// A new start that was asked for neither counts nor ends it.
+    /// Number of consecutive runs that ended in a panic, a fault, a hang or an unknown way before they
+    /// lasted. A requested restart neither counts nor ends the streak.
     pub streak: u8,
 }
 
-/// What a record says.
+/// Kind of a record.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum WordKind {
-    /// How many runs in a row have crashed, up to the present one.
+    /// Number of consecutive crashed runs, up to the present one.
     Count,
     Panic,
     HardFault,
@@ -117,7 +117,7 @@ impl WordKind {
     }
 }
 
-/// A record that was read.
+/// A record read from memory.
 struct Kept {
     kind: WordKind,
     streak: u32,
@@ -141,8 +141,8 @@ impl Kept {
         }
     }
 
-    /// Nothing unless every bit of it is as it was written: a CRC of 32 bits finds any five of them
-    /// changed, and passes one in 2^32 of words at random.
+    /// Returns `None` unless every bit is as written: a CRC of 32 bits detects any five changed bits,
+    /// and accepts random words once in 2^32 times.
     fn read(words: &RecordWords) -> Option<Self> {
         let &[
             MAGIC,
@@ -211,7 +211,7 @@ impl Kept {
     fn crash(&self, cause: ResetCause) -> Crash {
         let mut file = String::new();
         for &byte in self.name.iter().take_while(|&&byte| byte != 0) {
-            // A name of 48 bytes fits; what is not ASCII is not shown.
+            // A name of 48 bytes fits; non-ASCII bytes become question marks.
             let shown = if byte.is_ascii() { byte } else { b'?' };
             let _ = file.push(char::from(shown));
         }
@@ -227,7 +227,7 @@ impl Kept {
     }
 }
 
-/// The record of a run that ends now. `before` is what memory holds.
+/// Returns the record of a run that ends; `before` is the present content of the memory.
 pub fn record(end: &End<'_>, before: &RecordWords, uptime_ms: u32) -> RecordWords {
     let before = Kept::read(before).map_or(0, |kept| kept.streak);
     let streak = before.saturating_add(1);
@@ -244,7 +244,7 @@ pub fn record(end: &End<'_>, before: &RecordWords, uptime_ms: u32) -> RecordWord
             link_register,
             ..Kept::new(WordKind::HardFault, streak)
         },
-        // A run that lasts ends a streak, and no other.
+        // Only a run that lasts ends a streak.
         End::Asked => Kept::new(WordKind::Asked, before),
     };
     kept.uptime_ms = uptime_ms;
@@ -259,8 +259,8 @@ pub fn record(end: &End<'_>, before: &RecordWords, uptime_ms: u32) -> RecordWord
 }
 
 impl Boot {
-    /// Why this run began, and what memory is to hold from now on: a record is read once, so that
-    /// it is never taken for that of a later crash.
+    /// Returns the boot cause, and the new content of the memory: a record is read once, so that it is
+    /// never taken for that of a later crash.
     pub fn judge(flags: ResetFlags, words: &RecordWords) -> (Self, RecordWords) {
         let kept = Kept::read(words);
         let cause = cause(flags, kept.as_ref());
@@ -270,12 +270,12 @@ impl Boot {
             _ => None,
         });
         let streak = match cause {
-            // Counted when the record was written.
+            // This crash was counted when the record was written.
             ResetCause::Panic | ResetCause::HardFault => counted.max(1),
-            // Those keep nothing of themselves.
+            // These ends write no record.
             ResetCause::Watchdog | ResetCause::Unexplained => counted.saturating_add(1),
             ResetCause::Software if flags.is_by_firmware() => counted,
-            // The boot loader starts what it has written, and that has not crashed yet.
+            // The boot loader starts a new image, which has not crashed yet.
             _ => 0,
         };
         let boot = Self {
@@ -292,7 +292,7 @@ impl Boot {
     }
 }
 
-/// The fault that a start for this reason begins with.
+/// Returns the fault that this reset cause raises at start-up.
 pub const fn fault(cause: ResetCause) -> Option<FaultCode> {
     Some(match cause {
         ResetCause::Watchdog => FaultCode::Watchdog,
@@ -311,7 +311,7 @@ fn cause(flags: ResetFlags, kept: Option<&Kept>) -> ResetCause {
         Some(WordKind::Count) | None => None,
     };
     if flags.is_by_firmware() {
-        // The firmware asks for a reset only after it has written why.
+        // The firmware requests a reset only after it has written the cause.
         let silent = if flags.forced {
             ResetCause::Unexplained
         } else {

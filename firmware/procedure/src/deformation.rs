@@ -1,4 +1,4 @@
-//! From a conversion to a deformation: baseline, inductance, curve, cross-talk.
+//! Converts a conversion to a deformation: baseline, inductance, curve, cross-talk.
 
 use ldc161x::Reading;
 use palpate_model::contact::{Detector, Observation, Touch, Watch, Zero};
@@ -8,68 +8,70 @@ use palpate_wire::command::{Crosstalk, Settings};
 
 use crate::configuration::{ChannelCalibration, Curve};
 
-/// The deformation at one channel of the sensor.
+/// Deformation at one channel of the sensor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Deformation {
-    /// Against the untouched sensor.
+    /// Deformation relative to the untouched sensor.
     pub(crate) value: Metre,
-    /// Its standard uncertainty from noise and quantisation.
+    /// Standard uncertainty from noise and quantisation.
     pub(crate) sigma: Metre,
-    /// Variance of its zero, which all readings of a touch share, m^2.
+    /// Variance of the zero, common to all readings of a touch, m^2.
     pub(crate) zero_variance_m2: f32,
-    /// Its mean age.
+    /// Mean age of the deformation.
     pub(crate) mean_age: Second,
-    /// Whether it lies beyond the calibrated curve.
+    /// The value is beyond the calibrated curve.
     pub(crate) extrapolated: bool,
     /// State of touch.
     pub(crate) touch: Touch,
 }
 
 impl Deformation {
-    /// Of noise and zero together, m^2.
+    /// Returns the variance of noise and zero together, m^2.
     pub(crate) fn variance_m2(&self) -> f32 {
         self.sigma.0 * self.sigma.0 + self.zero_variance_m2
     }
 
-    /// Whether nothing touches, as far as is known.
+    /// Returns whether no contact is detected.
     pub(crate) const fn is_untouched(&self) -> bool {
         matches!(self.touch, Touch::Ended | Touch::Clear | Touch::Settling)
     }
 }
 
-/// A rest that is not that of the calibration: what the sensor read before the touch, and what it may.
+/// Reading before the touch that differs from the calibration's rest by more than its limit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct RestMoved {
     pub(crate) reading: Metre,
     pub(crate) limit: Metre,
 }
 
-/// One channel's memory: what it reads untouched.
+/// Follows one channel: baseline and touch.
 #[derive(Clone, Debug)]
 pub(crate) struct Follower {
     detector: Detector,
-    /// The frequency that the inductance change counts from: that of the calibration's rest, or where there is none
-    /// that of the first reading; from a touch on the untouched sensor's, as far as it is no recovery.
+    /// Frequency relative to which the inductance change counts: that of the calibration's rest or,
+    /// without one, that of the first reading; during a touch that of the untouched sensor, without its
+    /// recovery.
     reference_hz: Option<f64>,
-    /// The same as a code of the converter, once a reading has shown what a code is.
+    /// The same frequency as a code of the converter, after a reading has given the scale of the codes.
     reference_code: Option<u32>,
-    /// What a kelvin may add to the reading.
+    /// Largest change of the reading per kelvin.
     per_kelvin: Metre,
 }
 
-/// Readings that the baseline remembers: half a second, because the drift of an untouched sensor
-/// (warming, recovery from a press) is slow against that, but as many as a straight line needs and
-/// no more than its variance gains from (`palpate_model::contact`: figures for 500).
+/// Memory of the baseline: half a second, because the drift of an untouched sensor (warming, recovery
+/// from a press) is slow against that; at least the number of readings that a straight line needs, and
+/// at most the number beyond which its variance does not improve (`palpate_model::contact`: figures for
+/// 500).
 const MEMORY_S: f32 = 0.5;
 const LEAST_MEMORY: f32 = 20.0;
 const MOST_MEMORY: f32 = 500.0;
 
-/// What a kelvin makes of the inductance of an untouched sensor at most, relative: 30 ppm of the tank's capacitor (class C0G,
-/// EIA-198), and as much for the coil.
+/// Largest relative change of an untouched sensor's inductance per kelvin: 30 ppm of the tank's
+/// capacitor (class C0G, EIA-198), and as much of the coil.
 const INDUCTANCE_PER_KELVIN: f32 = 60e-6;
 
 impl Follower {
-    /// A channel with an unknown baseline.
+    /// Creates a channel with an unknown baseline.
     pub(crate) fn new(settings: &Settings) -> Result<Self, OutOfRange> {
         Ok(Self {
             detector: Detector::new(watch(settings))?,
@@ -79,8 +81,8 @@ impl Follower {
         })
     }
 
-    /// Goes on after an interruption, or with other settings: what touches still does, and the baseline is learnt anew.
-    /// Codes may have another scale then.
+    /// Continues after an interruption or with other settings: a touch remains, and the baseline is
+    /// learnt again. Codes may have another scale then.
     pub(crate) fn resume(&mut self, settings: &Settings) {
         self.detector.resume(Watch {
             rest: self.detector.rest(),
@@ -90,28 +92,28 @@ impl Follower {
         self.reference_code = None;
     }
 
-    /// Learns the baseline anew, and takes the sensor as untouched until readings say otherwise.
+    /// Learns the baseline again, and assumes an untouched sensor until readings show a touch.
     pub(crate) fn learn_anew(&mut self) {
         self.detector.learn_anew();
         self.forget_reference();
     }
 
-    /// Time for which something has touched, while it does.
+    /// Returns the time since the touch began; `None` without a touch.
     pub(crate) fn touched_for(&self) -> Option<Second> {
         self.detector.zero().map(|zero| zero.elapsed())
     }
 
-    /// Whether the touch began where no untouched sensor reads.
+    /// Returns the reading at the start of the touch if no untouched sensor reads that value.
     pub(crate) fn rest_moved(&self) -> Option<RestMoved> {
         let reading = self.detector.doubtful_rest()?;
         let limit = self.detector.highest_untouched()?;
         Some(RestMoved { reading, limit })
     }
 
-    /// Evaluates a reading that nothing speaks against, `interval` after the one before, with that
-    /// mean square of the coil's current, so many kelvin away from the calibration.
+    /// Evaluates a good reading, `interval` after the previous one, with the mean square of the coil's
+    /// current and the temperature difference from the calibration in kelvin.
     ///
-    /// `None` without a calibrated curve.
+    /// Returns `None` without a calibrated curve.
     pub(crate) fn push(
         &mut self,
         reading: &Reading,
@@ -142,7 +144,7 @@ impl Follower {
             Touch::Ended => self.forget_reference(),
             Touch::Settling | Touch::Clear | Touch::Held => {}
         }
-        // L ~ f^-2, so that the relative sigma of L/L0 is twice the frequency's.
+        // L ~ f^-2, so the relative sigma of L/L0 is twice that of the frequency.
         let relative = reading.sigma_hz / reading.frequency_hz as f32;
         let sigma = point.sigma(2.0 * (1.0 + change) * relative);
         Some(Deformation {
@@ -155,17 +157,18 @@ impl Follower {
         })
     }
 
-    /// How far from the calibration's an untouched sensor may read: what its temperature makes of it, which is known to a kelvin.
+    /// Returns the largest reading of an untouched sensor relative to the calibration: the effect of its
+    /// temperature, known to a kelvin.
     fn rest(&self, away_k: f32) -> Metre {
         self.per_kelvin * (away_k + 1.0)
     }
 
-    /// Finds the code to count from, by the first reading.
+    /// Determines the reference code from the first reading.
     fn refer(&mut self, reading: &Reading, calibration: &ChannelCalibration, curve: &Curve) -> u32 {
         let rest_hz = calibration.tank.as_ref().map(|tank| tank.rest_frequency_hz);
         let first_hz = rest_hz.unwrap_or(reading.frequency_hz);
         let reference_hz = *self.reference_hz.get_or_insert(first_hz);
-        // Rounded: to a count, which is some nanometres at most.
+        // Rounded to a count, which is a few nanometres at most.
         let code = f64::from(reading.word.code().get()) * reference_hz / reading.frequency_hz;
         let code = (code + 0.5) as u32;
         self.reference_code = Some(code);
@@ -179,11 +182,12 @@ impl Follower {
         self.reference_code = None;
     }
 
-    /// Lets the inductance change count from the untouched sensor.
+    /// Makes the inductance change count from the untouched sensor.
     ///
-    /// A reference that is off by a temperature's effect, or by the quantisation of a single reading, is no error of the deformation
-    /// at rest, where it is taken off as the baseline; but the curve is not straight, so that it would remain one, and a larger
-    /// one, of the pressed sensor. What the sensor still recovers from is a deformation, and stays one.
+    /// A temperature effect or the quantisation of a single reading shifts the reference. At rest the
+    /// baseline removes this error; but because the curve is not straight, an error would remain, and be
+    /// larger, when the sensor is pressed. A deformation from which the sensor still recovers is real
+    /// and is not removed.
     fn count_from_zero(
         &mut self,
         reading: &Reading,
@@ -201,13 +205,13 @@ impl Follower {
             }
             None => zero.value(),
         };
-        // Newton's method, from where it is near.
+        // Newton's method, starting close to the root.
         let mut change = 0.0;
         for _ in 0..2 {
             let point = curve.at(change);
             change += (untouched.0 - point.value) / point.slope;
         }
-        // L ~ f^-2, to second order: the cube of such a change is below a count.
+        // L ~ f^-2, to second order: the cube of such a change is less than a count.
         let counts = -0.5 * change * (1.0 - 0.75 * change) * reference_code as f32;
         if !counts.is_finite() {
             return;
@@ -220,7 +224,7 @@ impl Follower {
     }
 }
 
-/// How the settings have the sensor watched.
+/// Returns the settings of touch detection.
 fn watch(settings: &Settings) -> Watch {
     let memory = (settings.rate_hz * MEMORY_S).clamp(LEAST_MEMORY, MOST_MEMORY);
     Watch {
@@ -231,7 +235,7 @@ fn watch(settings: &Settings) -> Watch {
     }
 }
 
-/// Takes out what the coil's current adds to the reading: a I^2 (1 + g x).
+/// Removes the effect of the coil's current on the reading: a I^2 (1 + g x).
 fn without_crosstalk(apparent: Metre, square_a2: Option<f32>, crosstalk: &Crosstalk) -> Metre {
     let Some(square_a2) = square_a2 else {
         return apparent;
@@ -250,10 +254,10 @@ mod tests {
     use crate::configuration::DEFAULT_SETTINGS;
 
     const UNTOUCHED: u32 = 24_637_172;
-    /// Of 0.41 mm.
+    /// Code of 0.41 mm.
     const PRESSED: u32 = 23_385_000;
 
-    /// The curve's slope there is half of that at rest.
+    /// Calibration whose curve has there half of its slope at rest.
     fn calibration() -> ChannelCalibration {
         let knots = [-0.01, 0.0, 0.02, 0.06, 0.12, 0.2];
         let points = knots.map(|change: f32| (change, 4.9e-3 * change * (1.0 - 2.2 * change)));
@@ -263,7 +267,7 @@ mod tests {
         }
     }
 
-    /// The deformation at the end of a press, with this code first of all.
+    /// Returns the deformation at the end of a press after this first code.
     fn pressed(first: u32) -> Deformation {
         let mut follower = Follower::new(&DEFAULT_SETTINGS).unwrap();
         let untouched = core::iter::once(first).chain([UNTOUCHED; 3_000]);
@@ -281,8 +285,8 @@ mod tests {
         deformations.last().unwrap()
     }
 
-    /// Two counts of the converter at 1 kHz, and what 4 A in the coil add to a reading, which is of no
-    /// deformation.
+    /// The first reading is off by two counts of the converter at 1 kHz, or by the cross-talk of 4 A in
+    /// the coil, which is not a deformation.
     #[test]
     fn a_deformation_does_not_depend_on_the_first_reading() {
         let usual = pressed(UNTOUCHED);

@@ -1,4 +1,4 @@
-//! What happens to the procedure.
+//! Events of the procedure.
 
 use coil_hbridge::Account;
 use ldc161x::Reading;
@@ -11,37 +11,35 @@ use crate::link::Link;
 use crate::storage::StorageReport;
 use crate::time::{Duration, Instant};
 
-/// An event. Time comes beside it, as an argument of [`Procedure::step`](crate::Procedure::step).
+/// One event. Its time is a separate argument of [`Procedure::step`](crate::Procedure::step).
 #[derive(Clone, Debug)]
 pub enum Event<'a> {
-    /// Nothing but that time has passed. At least every 10 ms, so that deadlines hold without a
-    /// conversion too.
+    /// Time has passed. Required at least every 10 ms, so that deadlines hold without conversions.
     Tick,
-    /// Conversions have been read.
+    /// Conversions were read.
     Scan(&'a Scan),
-    /// A command frame has arrived whole.
+    /// A whole command frame was received.
     Command(Link, &'a Frame<Command>),
-    /// A frame has arrived that could not be understood.
+    /// An undecodable frame was received.
     NotUnderstood(Link, FrameError),
-    /// The device is to start anew, for what is not a command: it does as soon as nothing is being
-    /// stored.
+    /// Restart request other than a command; the device restarts as soon as no save is in progress.
     Restart(RebootTarget),
-    /// The storage has done something.
+    /// Report of the storage.
     Storage(&'a StorageReport),
-    /// The test of the coil has found something.
+    /// Result of the coil's test.
     CoilTested(CoilTest),
-    /// A part of the current that was to be recorded.
+    /// Part of a requested current trace.
     CurrentTraced {
-        /// When its first was measured.
+        /// Time of the first value.
         at: Instant,
-        /// The currents.
+        /// Values of the current.
         trace: CurrentTrace,
     },
-    /// What the slow measurements say.
+    /// Slow measurements.
     Conditions(Conditions),
-    /// Something has failed. The bridge goes off.
+    /// A part has failed. The bridge is switched off.
     Fault(Failure),
-    /// The cause of a failure has gone.
+    /// The cause of a failure has ended.
     Recovered(FaultCode),
 }
 
@@ -52,42 +50,41 @@ pub struct Scan {
     pub sensor: u8,
     /// Middle of the first channel's conversion.
     pub middle: Instant,
-    /// How long a conversion takes.
+    /// Duration of a conversion.
     pub window: Duration,
-    /// The conversions, in the order of their times.
+    /// Conversions in the order of their times.
     pub conversions: heapless::Vec<Conversion, 4>,
-    /// Scans of this converter that were lost before this one.
+    /// Number of scans of this converter that were lost before this one.
     pub lost: u32,
-    /// What went before is unknown: start, recovery or a loss.
+    /// The time before it is unknown: start, recovery or a loss.
     pub gap: bool,
-    /// Mean of the coil's current over the first channel's conversion, as measured; absent without
-    /// a current measurement.
+    /// Mean measured current of the coil over the first channel's conversion; `None` without a current
+    /// measurement.
     pub current: Option<Ampere>,
-    /// Root mean square of its ripple meanwhile, which the bridge's switching makes; absent where
-    /// it is not known, and then taken for none.
+    /// RMS ripple of the current during the conversion, caused by the bridge's switching; `None` if
+    /// unknown, and then taken as zero.
     pub ripple: Option<Ampere>,
-    /// The energy that the coil has taken and not given off yet, as its drive counts it now; absent
+    /// Energy that the coil has taken and not yet given off, as its drive counts it at this time; `None`
     /// without a drive.
     pub account: Option<Account>,
 }
 
-/// The largest current that the protocol has room for, A.
+/// Largest current that the protocol can represent, A.
 const GREATEST_A: f32 = 100.0;
 
 impl Scan {
-    /// The current, if it is one that the protocol has room for: infinity or NaN would spoil every
-    /// sum it went into.
+    /// Returns the current if the protocol can represent it: infinity or NaN would spoil every sum.
     pub(crate) fn measured_current(&self) -> Option<Ampere> {
         self.current.filter(|of| of.0.abs() <= GREATEST_A)
     }
 
-    /// The ripple, if it is one that the protocol has room for.
+    /// Returns the ripple if the protocol can represent it.
     pub(crate) fn known_ripple(&self) -> Option<Ampere> {
         self.ripple.filter(|of| (0.0..=GREATEST_A).contains(&of.0))
     }
 
-    /// Mean square of the current in A^2, that of the ripple included: what heat, attraction and
-    /// crosstalk go by.
+    /// Returns the mean square of the current with its ripple, in A^2, on which heat, attraction and
+    /// crosstalk depend.
     pub(crate) fn square_current_a2(&self) -> Option<f32> {
         let Ampere(mean_a) = self.measured_current()?;
         let square_a2 = mean_a * mean_a;
@@ -97,10 +94,11 @@ impl Scan {
         })
     }
 
-    /// The current that stiffens as mean and ripple do together: the root of the mean square.
+    /// Returns the current whose stiffening equals that of mean and ripple together: the root of the
+    /// mean square.
     ///
-    /// The stiffening is even, and its mean over the ripple differs from its value here by the part
-    /// 4 s^2/Ic^2 at most, s the ripple and Ic the current of half the saturated stiffening: 1.2e-3
+    /// The stiffening is even, and its mean over the ripple differs from its value here by at most the
+    /// part 4 s^2/Ic^2, s being the ripple and Ic the current of half the saturated stiffening: 1.2e-3
     /// with 1.2 A peak to peak and 20 A. The value at the mean current differs by s^2/I^2 far below
     /// saturation.
     pub(crate) fn acting_current(&self) -> Option<Ampere> {
@@ -109,36 +107,36 @@ impl Scan {
     }
 }
 
-/// A conversion within a scan.
+/// Conversion within a scan.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Conversion {
-    /// What the driver makes of it.
+    /// Reading from the driver.
     pub reading: Reading,
-    /// From the first conversion's middle to this one's.
+    /// Time from the middle of the first conversion to the middle of this one.
     pub offset: Duration,
 }
 
-/// What is measured besides the sensor, every so often.
+/// Slow measurements besides the sensor, taken periodically.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Conditions {
-    /// Temperature of the coil, by its thermometer.
+    /// Temperature of the coil from its thermometer.
     pub temperature: Option<Celsius>,
     /// Supply of the coil, in volts.
     pub supply_v: Option<f32>,
-    /// Part of the processor's time in use.
+    /// Used share of the processor's time.
     pub processor_load: Option<f32>,
-    /// Greatest depth of the stack in bytes; 0 if it is not measured.
+    /// Greatest stack depth in bytes; 0 if it is not measured.
     pub stack_bytes: u32,
-    /// Log messages dropped since the start.
+    /// Number of log messages dropped since start-up.
     pub logs_dropped: u32,
-    /// Transfers on the bus that have failed since the start.
+    /// Number of failed bus transfers since start-up.
     pub bus_errors: u32,
-    /// Recoveries of bus or converter since the start.
+    /// Number of recoveries of bus or converter since start-up.
     pub recoveries: u32,
 }
 
 impl Conditions {
-    /// What is a number, within the protocol's limits.
+    /// Returns the conditions without values that are not numbers, clamped to the protocol's limits.
     pub(crate) fn within_protocol(&self) -> Self {
         let within = |value: Option<f32>, low: f32, high: f32| {
             let number = value.filter(|value| value.is_finite());
@@ -154,21 +152,21 @@ impl Conditions {
     }
 }
 
-/// What has failed, where, and by how much.
+/// Failure with location and values.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Failure {
-    /// Which fault.
+    /// Fault code.
     pub code: FaultCode,
-    /// Where.
+    /// Location of the failure.
     pub location: Location,
-    /// What was found; the code says what it is.
+    /// Measured value; its meaning depends on the code.
     pub value: Option<f32>,
-    /// What is allowed; the code says what it is.
+    /// Limit of the value; its meaning depends on the code.
     pub limit: Option<f32>,
 }
 
 impl Failure {
-    /// A failure without numbers.
+    /// Creates a failure without values.
     pub const fn new(code: FaultCode, location: Location) -> Self {
         Self {
             code,

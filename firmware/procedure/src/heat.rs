@@ -1,4 +1,4 @@
-//! The coil's heat: where it stands, and what a train would make of it.
+//! Heat of the coil: present temperatures and forecast for a train.
 
 use palpate_model::math::sqrt;
 use palpate_model::thermal::{Copper, Temperatures, TwoNode};
@@ -10,44 +10,43 @@ use palpate_wire::command::Coil;
 use crate::measurement::train::TrainProfile;
 use crate::time::in_seconds;
 
-/// Surroundings, where no thermometer reports: a warm room, above which the coil's own heat is
-/// counted.
+/// Ambient temperature without a thermometer: a warm room, to which the coil's own heating is added.
 const WARM_ROOM: Celsius = Celsius(30.0);
 
-/// Copper melts at 1085 degrees Celsius. A resistance that grows without end would otherwise end in
-/// infinity less infinity, which no limit catches.
+/// Melting point of copper, 1085 degrees Celsius. Without this bound an ever growing resistance would
+/// end in infinity minus infinity, which no limit detects.
 const MELTING: Celsius = Celsius(1085.0);
 
-/// The coil's two temperatures, followed from the current's square.
+/// Temperatures of copper and pad, computed from the square of the current.
 #[derive(Clone, Debug)]
 pub(crate) struct Heat {
     nodes: TwoNode,
     copper: Copper,
     now: Temperatures,
-    /// The coldest that the thermometer has reported: the pad is never colder than its surroundings.
+    /// Lowest temperature that the thermometer has reported: the pad is never colder than its
+    /// surroundings.
     ambient: Option<Celsius>,
-    /// Since the last step: time, and the integral of the current's square.
+    /// Since the last step: time, and the integral of the squared current.
     elapsed: Second,
     square_a2_s: f32,
     /// Energy since the measurement began, in joules.
     energy_j: f32,
 }
 
-/// Time between two steps of the temperatures. The two-node solution is exact for any step of
-/// constant power; over 10 ms the copper of the paper's coils warms by 0.5 K at 10 A, which changes
-/// its resistance by 0.2 %.
+/// Time between two temperature steps. The two-node solution is exact for any step of constant power; in
+/// 10 ms the copper of the paper's coils warms by 0.5 K at 10 A, which changes its resistance by 0.2 %.
 const STEP: Second = Second(0.01);
 
-/// What a train would cost.
+/// Energy and temperature of a train.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Forecast {
     pub(crate) energy_j: f32,
-    /// Copper at its hottest, upper bound; `None` above the limit.
+    /// Highest copper temperature, an upper bound; `None` above the limit.
     pub(crate) hottest: Option<Celsius>,
 }
 
 impl Heat {
-    /// A coil whose copper was that hot, so long ago, and has had no current since.
+    /// Creates the state of a coil whose copper had this temperature a time `ago` and no current since.
     pub(crate) fn new(
         coil: &Coil,
         temperature: Option<Celsius>,
@@ -74,7 +73,7 @@ impl Heat {
         })
     }
 
-    /// Takes a mean square of the current over a time.
+    /// Adds a mean square of the current over an interval.
     pub(crate) fn push(&mut self, square_a2: f32, interval: Second) {
         self.elapsed = self.elapsed + interval;
         self.square_a2_s += square_a2 * interval.0;
@@ -87,7 +86,7 @@ impl Heat {
         let Temperatures { copper, pad } =
             self.nodes
                 .after(self.now, power, self.ambient(), self.elapsed);
-        // `min` makes the melting point of a NaN, too.
+        // `min` also replaces a NaN by the melting point.
         self.now = Temperatures {
             copper: Celsius(copper.0.min(MELTING.0)),
             pad: Celsius(pad.0.min(MELTING.0)),
@@ -97,7 +96,8 @@ impl Heat {
         self.square_a2_s = 0.0;
     }
 
-    /// Takes what the thermometer in the pad says; the copper is no colder, the surroundings no warmer.
+    /// Takes a reading of the pad's thermometer; the copper is not colder, the surroundings are not
+    /// warmer.
     pub(crate) fn measured(&mut self, temperature: Celsius) {
         self.now.pad = temperature;
         if self.ambient.is_none_or(|ambient| temperature < ambient) {
@@ -120,12 +120,12 @@ impl Heat {
         self.now.copper
     }
 
-    /// The coil's resistance at a temperature, by its calibration.
+    /// Returns the coil's resistance at a temperature, by its calibration.
     pub(crate) fn resistance(&self, temperature: Celsius) -> Ohm {
         self.copper.resistance(temperature)
     }
 
-    /// The pad, as far as it is known: the copper is no colder.
+    /// Returns the pad temperature, as far as it is known: the copper is not colder.
     pub(crate) const fn pad(&self) -> Celsius {
         self.now.pad
     }
@@ -134,8 +134,8 @@ impl Heat {
         self.ambient.unwrap_or(WARM_ROOM)
     }
 
-    /// How long to wait, without current, until a train keeps below the limit, s; within a second.
-    /// Nothing if an hour is not enough.
+    /// Returns the time to wait without current until a train stays below the limit, in seconds, to
+    /// within a second. `None` if an hour is not enough.
     pub(crate) fn wait_s(&self, profile: &TrainProfile, limit: Celsius) -> Option<f32> {
         const LONGEST_S: f32 = 3_600.0;
         let bears = |after_s: f32| {
@@ -160,13 +160,13 @@ impl Heat {
         Some(yes_s)
     }
 
-    /// What a train would cost, if it began now. None begins with copper above the limit, even one in
-    /// which that would cool.
+    /// Returns the forecast of a train that starts at this time. A train whose copper starts above the
+    /// limit is refused even if it would cool during the train.
     pub(crate) fn forecast(&self, profile: &TrainProfile, limit: Celsius) -> Forecast {
         let duration = in_seconds(profile.duration());
         let mean_square_a2 = profile.mean_square_a2();
-        // The bound is for a constant current of the same heat; within a period the copper swings
-        // above it by what rise and hold add at most.
+        // The bound holds for a constant current of the same heat; within a period the copper exceeds it
+        // by at most the contribution of rise and hold.
         let at_peak = in_seconds(profile.rise) + in_seconds(profile.hold);
         let swing_j = self.copper.heat(profile.peak, limit).0 * at_peak.0;
         let swing = Kelvin(swing_j / self.nodes.copper_capacity().0);
@@ -197,7 +197,7 @@ mod tests {
         Heat::new(&COIL, temperature, (Celsius(copper_c), Second(ago_s))).unwrap()
     }
 
-    /// A thermometer that reports for the first time after the start.
+    /// A thermometer may report for the first time after start-up.
     #[test]
     fn the_surroundings_are_those_that_the_thermometer_reports() {
         let mut heat = heat(None, (25.0, 0.0));
@@ -211,12 +211,12 @@ mod tests {
 
     #[test]
     fn the_copper_is_as_hot_as_the_run_before_may_have_left_it_and_cools_from_there() {
-        // 0.4 s of copper against pad: 0.8 J/K behind 0.5 K/W.
+        // 0.4 s is the time constant of copper against pad: 0.8 J/K and 0.5 K/W.
         for (ago_s, expected_c) in [(0.0, 100.0), (0.4, 52.9), (2.0, 25.8)] {
             let Celsius(copper_c) = heat(Some(Celsius(25.0)), (100.0, ago_s)).copper();
             assert!((copper_c - expected_c).abs() < 1.0, "{ago_s} s: {copper_c}");
         }
-        // Never colder than the pad.
+        // The copper is never colder than the pad.
         let warm = heat(Some(Celsius(60.0)), (30.0, 1.0));
         assert_eq!(warm.copper(), Celsius(60.0));
     }

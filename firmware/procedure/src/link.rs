@@ -1,7 +1,6 @@
 //! The links to PCs.
 
-/// A link to a PC: commands come by it, and their answers go back by it. Everything else that is
-/// reported goes to all of them.
+/// Link to a PC: an answer goes to the link of its command. All other records go to all links.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Link {
     /// A debug probe (RTT).
@@ -11,6 +10,6 @@ pub enum Link {
 }
 
 impl Link {
-    /// All of them.
+    /// All links.
     pub const ALL: [Self; 2] = [Self::Probe, Self::Usb];
 }

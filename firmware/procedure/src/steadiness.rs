@@ -1,12 +1,12 @@
-//! Whether a press has become steady.
+//! Detection of a steady press.
 
 use palpate_model::units::{Metre, Second};
 
-/// Time over which the deformation is averaged: two periods of the fastest tremor that is not
-/// averaged away, half a period of the slowest vibration on a stand (5 Hz, sim-host/stacks).
+/// Averaging time of the deformation: two periods of the fastest tremor that is not averaged out, half a
+/// period of the slowest vibration on a stand (5 Hz, sim-host/stacks).
 const BLOCK: Second = Second(0.1);
 
-/// Compares means of successive blocks of time.
+/// Compares the means of successive blocks of time.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Steadiness {
     sum: Metre,
@@ -16,14 +16,14 @@ pub(crate) struct Steadiness {
 }
 
 impl Steadiness {
-    /// The least time in which it gives a rate: two blocks, of two conversions at least, and half
-    /// a block for the first conversion to come.
+    /// Returns the least time to a rate: two blocks of at least two conversions, and half a block until
+    /// the first conversion.
     pub(crate) fn least_s(rate_hz: f32) -> f32 {
         2.5 * BLOCK.0.max(2.0 / rate_hz)
     }
 
-    /// Takes a deformation, `interval` after the one before, and returns its rate in m/s at the end
-    /// of a block.
+    /// Takes a deformation, `interval` after the previous one. Returns its rate in m/s at the end of a
+    /// block.
     pub(crate) fn push(&mut self, interval: Second, deformation: Metre) -> Option<f32> {
         self.sum = self.sum + deformation;
         self.count += 1.0;

@@ -1,75 +1,75 @@
-//! What the procedure wants of the storage, and what the storage says.
+//! Orders to the storage and its reports.
 //!
-//! The storage works beside the procedure and slower: it gets one order at a time and reports each.
+//! The storage works beside the procedure and more slowly: it gets one order at a time and reports each.
 
 use palpate_wire::Command;
 use palpate_wire::code::StorageState;
 use palpate_wire::command::CalibrationIdentity;
 
-/// An order. The next one is given after the report of the last.
+/// Order to the storage. The next one is given after the report of the last.
 #[derive(Clone, Debug, PartialEq)]
 pub enum StorageOrder {
-    /// Look at what is stored: [`StorageReport::Done`] follows.
+    /// Inspect the stored set: [`StorageReport::Done`] follows.
     Inspect,
-    /// Read what is stored: a [`StorageReport::Item`] for each item, then [`StorageReport::Done`].
-    /// What does not check out is not read at all.
+    /// Read the stored set: a [`StorageReport::Item`] for each item, then [`StorageReport::Done`]. A
+    /// damaged set is not read at all.
     Load,
-    /// A save begins: [`StorageReport::Ready`] follows.
+    /// Start a save: [`StorageReport::Ready`] follows.
     Begin,
-    /// The next command of the configuration that is being saved: [`StorageReport::Ready`] follows.
+    /// Add the next command of the configuration to the save: [`StorageReport::Ready`] follows.
     Put(Command),
-    /// All of it was put: it is stored from now on. [`StorageReport::Done`] follows.
+    /// Complete the save, which makes it the stored set. [`StorageReport::Done`] follows.
     Commit,
     /// Erase everything: [`StorageReport::Done`] follows.
     Erase,
 }
 
-/// What the storage says.
+/// Report of the storage.
 #[derive(Clone, Debug, PartialEq)]
 pub enum StorageReport {
-    /// The order was carried out; the next may come.
+    /// The order was carried out; the next one may follow.
     Ready,
-    /// A command of the configuration that is being read.
+    /// A command of the configuration being read.
     Item(Command),
-    /// It is over.
+    /// The operation has ended.
     Done {
-        /// Why it could not be done; then what was stored before is still stored.
+        /// Cause of a failure; the previously stored set then remains.
         failure: Option<StorageFailure>,
-        /// What is stored now.
+        /// Present content of the storage.
         stored: Stored,
     },
 }
 
-/// Why an order was not carried out.
+/// Cause of a failed order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StorageFailure {
-    /// What is stored is damaged, or of a later firmware.
+    /// The stored set is damaged, or of a later firmware.
     Damaged,
-    /// The flash memory does not take what is written.
+    /// The flash memory cannot be written.
     Flash,
     /// There is no storage.
     Absent,
 }
 
-/// What is stored.
+/// Content of the storage.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stored {
-    /// Whether there is anything, and whether it checks out.
+    /// State: empty, whole or damaged.
     pub state: StorageState,
-    /// Number of the save; 0 for none.
+    /// Generation of the save; 0 for none.
     pub generation: u32,
-    /// The configuration's `configuration_crc`.
+    /// `configuration_crc` of the stored configuration.
     pub configuration_crc: u32,
-    /// Items.
+    /// Number of items.
     pub items: u16,
-    /// Items that this firmware does not know.
+    /// Number of items that this firmware does not know.
     pub unknown_items: u16,
-    /// Which calibration it is.
+    /// Identity of the stored calibration.
     pub identity: Option<CalibrationIdentity>,
 }
 
 impl Stored {
-    /// Nothing is known of what is stored.
+    /// Content of the storage before it is known.
     pub const UNAVAILABLE: Self = Self {
         state: StorageState::Unavailable,
         generation: 0,

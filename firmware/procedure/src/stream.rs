@@ -1,4 +1,4 @@
-//! Records of conversions: evaluated, or packed.
+//! Sample records: evaluated, or packed raw words.
 
 use ldc161x::Reading;
 use palpate_model::contact::Touch;
@@ -13,12 +13,12 @@ use crate::event::Scan;
 use crate::list::gathered;
 use crate::time::{Instant, between};
 
-/// What is kept of one converter between its records.
+/// State of one converter between its records.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Streamer {
-    /// Scans since the last one that was sent.
+    /// Number of scans since the last one that was sent.
     skipped: u16,
-    /// Scans lost since the last record.
+    /// Number of scans lost since the last record.
     missed: u32,
     gap: bool,
     raw: Option<(Instant, Raw)>,
@@ -26,11 +26,11 @@ pub(crate) struct Streamer {
     last: Option<Instant>,
 }
 
-/// The deformation at each channel of a scan, in their order; `None` where there is none.
+/// Deformation at each channel of a scan, in order; `None` for a channel without one.
 pub(crate) type DeformationScan = heapless::Vec<Option<Deformation>, 4>;
 
 impl Streamer {
-    /// Takes a scan and gives the record that is due, with its time.
+    /// Takes a scan and returns the record that is due, with its time.
     pub(crate) fn push(
         &mut self,
         scan: &Scan,
@@ -74,10 +74,10 @@ impl Streamer {
             let newton = springs.sensing_n_per_m * deformation.value.0;
             let sensing = springs.sensing_n_per_m;
             let of_reading = sensing * sensing * deformation.variance_m2();
-            // The curve's deformations are forces over c_S: an error of c_S cancels, that of the force
-            // scale stays.
+            // The curve's deformations are forces divided by c_S: an error of c_S cancels, that of the
+            // force scale remains.
             let of_calibration = newton * springs.force_scale_uncertainty;
-            // Millinewtons to newtons, whose squares `f32` holds without further care.
+            // Forces from millinewtons to newtons: `f32` can represent their squares.
             let variance = of_reading + of_calibration * of_calibration;
             (newton, sqrt(variance))
         });
@@ -95,7 +95,7 @@ impl Streamer {
         Some((scan.middle, Record::Sample(sample)))
     }
 
-    /// Packs the words of a scan; gives the run before it when that is full, or when it broke off.
+    /// Packs the words of a scan; returns the previous run when it is full or interrupted.
     fn packed(&mut self, scan: &Scan, settings: &Settings) -> Option<(Instant, Record)> {
         let words = scan.conversions.iter().map(|of| of.reading.word.bits());
         let broken = scan.lost > 0 || scan.gap;
@@ -112,7 +112,7 @@ impl Streamer {
             (at, raw)
         });
         match &mut self.raw {
-            // There is room for them: see `full`.
+            // There is space for them: see `full`.
             Some((_, raw)) => words.for_each(|word| {
                 let _ = raw.words.push(word);
             }),
@@ -130,14 +130,14 @@ impl Streamer {
         finished.map(|(at, raw)| (at, Record::Raw(raw)))
     }
 
-    /// The period of so many scans in a row, from the first one's middle to the last one's.
+    /// Returns the mean period of consecutive scans, from the first one's middle to the last one's.
     fn period_us(&self, first: Instant, scans: usize) -> Option<f32> {
         let span = between(first, self.last?);
         let periods = scans.checked_sub(1).filter(|periods| *periods > 0)?;
         Some(span.as_ticks() as f32 / periods as f32)
     }
 
-    /// Middle of the last scan.
+    /// Returns the middle of the last scan.
     pub(crate) const fn last(&self) -> Option<Instant> {
         self.last
     }
@@ -156,7 +156,7 @@ fn conversion(reading: &Reading, offset_us: u64, deformation: Option<&Deformatio
     }
 }
 
-/// The state of touch as the protocol has it.
+/// Converts the state of touch to the protocol's code.
 pub(crate) const fn contact(touch: Touch) -> Contact {
     match touch {
         Touch::Settling => Contact::Settling,

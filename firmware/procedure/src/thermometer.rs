@@ -1,5 +1,5 @@
-//! The coil's thermometer: a thermistor to ground and a resistor of the same value to the supply of
-//! the converter, which is its reference as well. What the converter reads is the ratio R/(R + R25).
+//! Thermometer of the coil: a thermistor to ground, and a resistor of the same value to the ADC's
+//! supply, which is also its reference. The ADC reads the ratio R/(R + R25).
 
 use palpate_model::units::Celsius;
 use palpate_wire::code::{FaultCode, Location};
@@ -7,50 +7,50 @@ use palpate_wire::code::{FaultCode, Location};
 use crate::event::Failure;
 use crate::time::{Duration, Instant, between};
 
-/// 10 kiloohm at 25 degrees Celsius, as the resistor to the supply: the common value.
+/// Reference temperature, 25 degrees Celsius, K: thermistor and resistor to the supply have the common
+/// value 10 kiloohm.
 const REFERENCE_K: f32 = 298.15;
-/// Its constant between 25 and 85 degrees Celsius, K, of the common 1 % parts (type 3950). By the
-/// law of two points the error is below 1 K from 0 to 100 degrees Celsius.
+/// Beta between 25 and 85 degrees Celsius, K, of the common 1 % parts (type 3950). The beta law has an
+/// error below 1 K from 0 to 100 degrees Celsius.
 const BETA_K: f32 = 3_950.0;
 const ZERO_C_K: f32 = 273.15;
-/// Reference of the converter, V.
+/// Reference voltage of the ADC, V.
 const REFERENCE_V: f32 = 3.3;
 
-/// Ratios at 150 and at -40 degrees Celsius: R/R25 = exp(beta (1/T - 1/T25)) is 0.0200 and 40.2.
-/// Between them a reading is a temperature.
+/// Ratios at 150 and at -40 degrees Celsius: R/R25 = exp(beta (1/T - 1/T25)) is 0.0200 and 40.2. A
+/// reading between them gives a temperature.
 const PLAUSIBLE: [f32; 2] = [0.0196, 0.9757];
-/// Halfway from there to the ends of the range, 40 and 50 counts of 4096 from them: a short reads
-/// below, an open circuit above. A converter errs by 8 counts. What lies between these and the
-/// plausible readings begins no fault and ends none, so that noise at a bound does neither.
+/// Thresholds halfway from there to the ends of the range, 40 and 50 counts of 4096 from them: a short
+/// reads below, an open circuit above. The ADC errs by 8 counts. A reading between these and the
+/// plausible range neither starts nor ends a fault, so noise at a threshold does neither.
 const FAILED: [f32; 2] = [0.0098, 0.9879];
-/// For how long a reading has to be beyond before it is a fault. 12 A in half an ohm heat copper of
+/// Time for which a reading must be beyond a threshold to be a fault. 12 A in half an ohm heat copper of
 /// 0.8 J/K by 1.8 K in this time; a disturbance of the wire by a discharge or by the bridge's edges
 /// lasts microseconds.
 pub const PERSISTENCE: Duration = Duration::from_ticks(20_000);
-/// Part of a plausible time that is taken off the time of failure before it: a wire that makes contact
-/// now and then is a fault where it is open for more than a fifth of the time. A disturbance in one reading
-/// of five, a millisecond apart, is none.
+/// Divisor of plausible time before it is subtracted from the failed time: an intermittent contact is a
+/// fault if it is open for more than a fifth of the time. A disturbance of one reading in five, a
+/// millisecond apart, is not.
 const RECOVERY: u64 = 4;
-/// Part of the difference that one reading takes over.
+/// Share of the difference that one reading contributes.
 const SMOOTHING: f32 = 0.25;
 
-/// Follows the readings of a thermistor.
+/// Filter and fault detection of a thermistor's readings.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Thermometer {
-    /// The ratio, smoothed; nothing while it is not plausible.
+    /// Smoothed ratio; `None` while readings are not plausible.
     ratio: Option<f32>,
-    /// It is open or shorted.
+    /// The last reading is that of an open or shorted thermistor.
     is_failed: bool,
-    /// For how long it has been, us, less a part of the time since; twice [`PERSISTENCE`] at most.
+    /// Failed time, us, less a part of the plausible time since; at most twice [`PERSISTENCE`].
     failed_us: u64,
-    /// The last reading.
+    /// Time of the last reading.
     read: Option<Instant>,
 }
 
 impl Thermometer {
-    /// Takes a reading as a part of the converter's range. Returns a fault where the thermometer
-    /// has been open or shorted for [`PERSISTENCE`], at a stretch or now and then, in every call until it no
-    /// longer is.
+    /// Takes a reading as a fraction of the ADC's range. Returns a fault if the thermistor has been open
+    /// or shorted for [`PERSISTENCE`], continuously or intermittently, in every call until that ends.
     pub fn push(&mut self, now: Instant, ratio: f32) -> Option<Failure> {
         self.pass(now);
         let [least, most] = PLAUSIBLE;
@@ -72,7 +72,7 @@ impl Thermometer {
         })
     }
 
-    /// Counts the time since the last reading to what that one was.
+    /// Adds the time since the last reading to the state of that reading.
     fn pass(&mut self, now: Instant) {
         let before = self.read.replace(now);
         let passed_us = before.map_or(0, |before| between(before, now).as_ticks());
@@ -84,7 +84,7 @@ impl Thermometer {
         self.failed_us = failed_us.min(2 * PERSISTENCE.as_ticks());
     }
 
-    /// The temperature; nothing while the reading is not plausible.
+    /// Returns the temperature; `None` while readings are not plausible.
     ///
     /// R/R25 = r/(1 - r) and 1/T = 1/T25 + ln(R/R25)/beta.
     pub fn temperature(&self) -> Option<Celsius> {
@@ -100,7 +100,7 @@ impl Thermometer {
 mod tests {
     use super::*;
 
-    /// Written from the law, in `f64`.
+    /// Computed from the law, in `f64`.
     fn ratio(celsius: f64) -> f64 {
         let ratio = (3_950.0 * (1.0 / (celsius + 273.15) - 1.0 / 298.15)).exp();
         ratio / (1.0 + ratio)
@@ -117,7 +117,7 @@ mod tests {
             let truth = f64::from(celsius);
             assert_eq!(thermometer.push(at(0), ratio(truth) as f32), None);
             let Celsius(found) = thermometer.temperature().unwrap();
-            // Half a count of 4096 is more than that at either end.
+            // Half a count of 4096 is more than this at both ends.
             assert!((f64::from(found) - truth).abs() < 0.02, "{truth}: {found}");
         }
     }
@@ -147,7 +147,7 @@ mod tests {
             assert_eq!(failure.value, Some(REFERENCE_V * broken));
             let limit_v = failure.limit.unwrap();
             assert_eq!(limit_v < 1.0, is_low, "{limit_v}");
-            // It stands while the cause does, and ends with it.
+            // The fault lasts as long as its cause.
             assert!(thermometer.push(at(500), broken).is_some());
             assert_eq!(thermometer.push(at(501), 0.5), None);
             assert!(thermometer.temperature().is_some());
@@ -157,7 +157,7 @@ mod tests {
         assert!(thermometer.push(at(20), f32::NAN).is_some());
     }
 
-    /// A wire that makes contact now and then: no temperature is known of the coil half of the time.
+    /// Intermittent contact: the coil's temperature is unknown for half of the time.
     #[test]
     fn one_that_is_open_now_and_then_is_a_fault() {
         for open_ms in 1..=9 {
@@ -188,13 +188,13 @@ mod tests {
             let spike = if ms % 5 == 0 { 1.0 } else { 0.5 };
             assert_eq!(thermometer.push(at(ms), spike), None, "{ms}");
         }
-        // Between a plausible reading and an open circuit: no temperature, no fault.
+        // Between a plausible reading and an open circuit: neither a temperature nor a fault.
         let mut thermometer = Thermometer::default();
         for ms in 0..200 {
             assert_eq!(thermometer.push(at(ms), 0.98), None, "{ms}");
         }
         assert_eq!(thermometer.temperature(), None);
-        // Once open, that does not end it.
+        // After an open circuit, such a reading does not end the fault.
         thermometer.push(at(200), 1.0);
         assert!(thermometer.push(at(220), 0.98).is_some());
     }

@@ -1,15 +1,15 @@
-//! A curve that is being sent, chunk by chunk.
+//! Reception of a curve in chunks.
 
 use palpate_wire::command::MAX_KNOTS;
 
-/// Where the curve belongs.
+/// Destination of the curve.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Target {
     Deformation { sensor: u8, channel: u8 },
     Stiffening { uncertainty: f32 },
 }
 
-/// The knots that have come so far.
+/// Knots received so far.
 #[derive(Clone, Debug)]
 pub(super) struct Assembly {
     target: Target,
@@ -26,12 +26,12 @@ impl Assembly {
         }
     }
 
-    /// Whether a chunk belongs to this curve, and comes next.
+    /// Returns whether a chunk belongs to this curve and is the next one.
     pub(super) fn continues(&self, target: Target, total: u8, first: u8) -> bool {
         self.target == target && self.total == total && usize::from(first) == self.points.len()
     }
 
-    /// With the knots of a chunk; `None` if there are more than announced.
+    /// Adds the knots of a chunk; `None` if there are more than announced.
     pub(super) fn with(mut self, knots: impl Iterator<Item = (f32, f32)>) -> Option<Self> {
         for knot in knots {
             self.points.push(knot).ok()?;

@@ -1,7 +1,8 @@
-//! Whether settings and calibration still are what was set.
+//! Checks that settings and calibration are still as they were set.
 //!
-//! They lie in memory for weeks, and one inverted bit of a spring or a curve falsifies every
-//! measurement without a trace. So each part has a sum, taken when it is set and compared by and by.
+//! They stay in RAM for weeks, and one inverted bit of a spring or a curve would falsify every
+//! measurement unnoticed. So each part has a checksum, computed when it is set and compared
+//! periodically.
 
 use palpate_wire::code::Part;
 use palpate_wire::{Command, configuration_crc};
@@ -9,16 +10,16 @@ use palpate_wire::{Command, configuration_crc};
 use super::readback::PARTS;
 use super::{Configuration, SetStiffening};
 
-/// Parts of which there is one for each channel of each converter, before the others in [`PARTS`].
+/// Number of parts that exist once per channel of each converter; they are first in [`PARTS`].
 const OF_A_CHANNEL: usize = 3;
 const CHANNELS: usize = 8;
-/// What has a sum of its own: the settings, and every part.
+/// Number of checksums: the settings and every part.
 pub(crate) const ITEMS: usize = 1 + OF_A_CHANNEL * CHANNELS + (PARTS.len() - OF_A_CHANNEL);
 
-/// The sums, in the order of the items.
+/// Checksums, in the order of the items.
 pub(super) type Sums = [u32; ITEMS];
 
-/// The part with a number, with converter and channel; nothing for the settings.
+/// Returns the part with a number, with converter and channel; `None` for the settings.
 fn item(number: usize) -> Option<(Part, u8, u8)> {
     let index = number.checked_sub(1)?;
     let (part, of) = if index < OF_A_CHANNEL * CHANNELS {
@@ -29,7 +30,7 @@ fn item(number: usize) -> Option<(Part, u8, u8)> {
     Some((*PARTS.get(part)?, of / 4, of % 4))
 }
 
-/// Whether a command sets an item.
+/// Returns whether a command sets an item.
 fn sets(command: &Command, number: usize) -> bool {
     use Part::{Crosstalk, DeformationCurve, Tank};
     let Some((part, sensor, channel)) = item(number) else {
@@ -45,7 +46,7 @@ fn sets(command: &Command, number: usize) -> bool {
             part == DeformationCurve && is_at((of.sensor, of.channel))
         }
         Command::SetCrosstalk(of) => part == Crosstalk && is_at((of.sensor, of.channel)),
-        // One takes the place of the other.
+        // Each replaces the other.
         Command::SetStiffening(_) | Command::SetStiffeningCurve(_) => {
             matches!(part, Part::Stiffening | Part::StiffeningCurve)
         }
@@ -59,7 +60,7 @@ fn sets(command: &Command, number: usize) -> bool {
     }
 }
 
-/// Whether a command sets the calibration's identity, or takes it away: by setting any part.
+/// Returns whether a command sets or removes the calibration's identity; setting any part removes it.
 pub(super) const fn touches_the_identity(command: &Command) -> bool {
     use Command::{
         SetAttraction, SetCalibrationIdentity, SetCoil, SetCrosstalk, SetCurrentCorrection,
@@ -83,17 +84,17 @@ pub(super) const fn touches_the_identity(command: &Command) -> bool {
     )
 }
 
-/// Kind of the record that holds the settings.
+/// Kind of the record of the settings.
 const SETTINGS: u8 = 0x10;
 
 impl Configuration {
-    /// The sum over an item as it lies in memory.
+    /// Returns the checksum of an item as it is in memory.
     fn sum(&self, number: usize) -> u32 {
         let Some((part, sensor, channel)) = item(number) else {
             return configuration_crc([Command::SetSettings(self.settings.clone())]);
         };
         match (part, &self.stiffening) {
-            // With the slopes, which no record carries.
+            // Includes the slopes, which no record carries.
             (Part::DeformationCurve, _) => {
                 let curve = self.channel(sensor, channel).map(|of| &of.curve);
                 curve.and_then(Option::as_ref).map_or(0, |of| of.checksum())
@@ -105,12 +106,12 @@ impl Configuration {
         }
     }
 
-    /// Takes the sums anew of what a command has set.
+    /// Updates the checksums of the items that a command has set.
     pub(super) fn seal(&mut self, command: &Command) {
         self.seal_where(|number| sets(command, number));
     }
 
-    /// Takes the sums of everything.
+    /// Updates all checksums.
     pub(super) fn seal_all(&mut self) {
         self.seal_where(|_| true);
     }
@@ -124,13 +125,13 @@ impl Configuration {
         }
     }
 
-    /// The kind of the record that holds an item, if the item is not what was set.
+    /// Returns the kind of an item's record if the item has changed.
     pub(crate) fn damaged(&self, number: usize) -> Option<u8> {
         let is_whole = self.sums.get(number) == Some(&self.sum(number));
         (!is_whole).then(|| item(number).map_or(SETTINGS, |(part, ..)| part.number()))
     }
 
-    /// The same for the first item that is damaged.
+    /// Returns the kind of the first changed item's record.
     pub(crate) fn any_damaged(&self) -> Option<u8> {
         (0..ITEMS).find_map(|number| self.damaged(number))
     }
@@ -199,14 +200,14 @@ pub(crate) mod tests {
         })
     }
 
-    /// An inversion of one bit of what a part is made of.
+    /// Inverts one bit of a part.
     type Upset = fn(&mut Configuration);
 
     fn invert(value: &mut f32) {
         *value = f32::from_bits(value.to_bits() ^ 1);
     }
 
-    /// Commands for one part, the kind of its record, and upsets of it.
+    /// Commands for one part, the kind of its record, and bit errors in it.
     fn parts() -> [(Vec<Command>, u8, Vec<Upset>); 11] {
         [
             (
@@ -334,7 +335,7 @@ pub(crate) mod tests {
                 let mut configuration = sound.clone();
                 upset(&mut configuration);
                 assert_eq!(configuration.any_damaged(), Some(kind));
-                // Setting any other part does not hide it.
+                // Setting any other part does not hide the error.
                 for (others, other_kind, _) in parts() {
                     if other_kind != kind {
                         set(&mut configuration, &board, &others);

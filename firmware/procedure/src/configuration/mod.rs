@@ -1,8 +1,8 @@
-//! Settings and calibration in force.
+//! Active settings and calibration.
 //!
-//! Commands bring them, checked whole before any part is taken; curves come in chunks and take
-//! effect with their last knot. What is kept is what the model computes with, and the records that
-//! read it back are made from that, so there is no second copy that could differ.
+//! Commands set them; a command is checked as a whole before any part is taken. Curves come in chunks
+//! and take effect with their last knot. The stored form is the one that the model computes with;
+//! readback records are made from it, so there is no second copy that could differ.
 
 mod assembly;
 mod checksum;
@@ -32,11 +32,11 @@ pub use stiffening::Law;
 /// A calibration curve.
 pub type Curve = MonotoneCurve<{ MAX_KNOTS as usize }>;
 
-/// Settings and calibration in force.
+/// Active settings and calibration.
 #[derive(Clone, Debug)]
 pub struct Configuration {
     pub(crate) settings: Settings,
-    /// Whether the settings were set by a command.
+    /// The settings were set by a command.
     settings_are_set: bool,
     channels: [[ChannelCalibration; 4]; 2],
     springs: Option<Springs>,
@@ -48,7 +48,7 @@ pub struct Configuration {
     temperature_coefficients: Option<TemperatureCoefficients>,
     identity: Option<CalibrationIdentity>,
     assembly: Option<Assembly>,
-    /// What all this adds up to.
+    /// Checksums of all items.
     sums: checksum::Sums,
 }
 
@@ -56,12 +56,12 @@ pub struct Configuration {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ChannelCalibration {
     pub(crate) tank: Option<Tank>,
-    /// Deformation against the relative change of inductance.
+    /// Deformation as a function of the relative change of inductance.
     pub(crate) curve: Option<Curve>,
     pub(crate) crosstalk: Option<Crosstalk>,
 }
 
-/// The magnetorheological effect as it was set.
+/// Calibration of the magnetorheological effect.
 #[derive(Clone, Debug)]
 #[expect(
     clippy::large_enum_variant,
@@ -72,14 +72,14 @@ enum SetStiffening {
     Curve { rise: Curve, uncertainty: f32 },
 }
 
-/// What a measurement of stiffness needs, complete.
+/// Complete calibration of a stiffness measurement.
 #[derive(Clone, Debug)]
 pub(crate) struct Calibrated {
-    /// The deepest deformation on the curve.
+    /// Deepest deformation on the curve.
     pub(crate) deepest: Metre,
-    /// At the measurement's temperature.
+    /// Springs at the measurement's temperature.
     pub(crate) springs: Springs,
-    /// At the measurement's temperature.
+    /// Stiffening at the measurement's temperature.
     pub(crate) law: Changed<Law>,
     /// Relative standard uncertainty of the rise.
     pub(crate) rise_uncertainty: f32,
@@ -87,19 +87,19 @@ pub(crate) struct Calibrated {
     pub(crate) attraction: Attraction,
     pub(crate) crosstalk: Crosstalk,
     pub(crate) temperature_effect: Option<TemperatureEffect>,
-    /// By which springs and rise are corrected for the temperature, if it is measured: its effect is then what a
-    /// measurement of the coefficients leaves open, and else what they may be within limits.
+    /// Coefficients that correct springs and rise for the measured temperature. With the correction, the
+    /// remaining uncertainty is that of the coefficients; without it, their limits.
     pub(crate) temperature_coefficients: Option<TemperatureCoefficients>,
-    /// At which temperature it measures, if there is a thermometer.
+    /// Temperature of the measurement, if there is a thermometer.
     pub(crate) temperature: Option<Celsius>,
 }
 
-/// Settings with which a device starts, as far as its board's limits allow: one channel at 1 kHz, sensing and a train of twelve ramps
-/// of 60 ms.
+/// Settings of a new device, reduced to its board's limits: one channel at 1 kHz, sensing, and a train
+/// of twelve ramps of 60 ms.
 ///
-/// The train is the one of the model's precision figures: short falling ramps against creep. Hold
-/// and ramp are several times the lag of the softest elastomers (10 ms). The other figures are for
-/// the stack `ultrasoft`: its readings of 1 ms scatter by 0.06 um at rest.
+/// The train is the one of the model's precision figures: short falling ramps against creep. Hold and
+/// ramp are several times the lag of the softest elastomers (10 ms). The other figures are for the stack
+/// `ultrasoft`: its readings of 1 ms scatter by 0.06 um at rest.
 pub const DEFAULT_SETTINGS: Settings = Settings {
     channels: 0b0001,
     rate_hz: 1_000.0,
@@ -147,7 +147,7 @@ impl Default for Configuration {
 }
 
 impl Configuration {
-    /// The default settings, within what the board may do, and no calibration.
+    /// Creates the default settings, within the board's limits, without a calibration.
     pub(crate) fn new(board: &BoardInfo) -> Self {
         let limits = &board.limits;
         let [first, _] = board.channels;
@@ -168,59 +168,59 @@ impl Configuration {
         configuration
     }
 
-    /// The settings.
+    /// Returns the settings.
     pub const fn settings(&self) -> &Settings {
         &self.settings
     }
 
-    /// Calibration of a channel.
+    /// Returns the calibration of a channel.
     pub(crate) fn channel(&self, sensor: u8, channel: u8) -> Option<&ChannelCalibration> {
         self.channels
             .get(usize::from(sensor))?
             .get(usize::from(channel))
     }
 
-    /// c_S with its calibration.
+    /// Returns c_S with its calibration.
     pub(crate) const fn springs(&self) -> Option<&Springs> {
         self.springs.as_ref()
     }
 
-    /// The coil.
+    /// Returns the coil's calibration.
     pub(crate) const fn coil(&self) -> Option<&Coil> {
         self.coil.as_ref()
     }
 
-    /// The correction of the current measurement.
+    /// Returns the correction of the current measurement.
     pub(crate) const fn current_correction(&self) -> Option<&CurrentCorrection> {
         self.current_correction.as_ref()
     }
 
-    /// The coil, to upset.
+    /// Gives tests write access to the coil.
     #[cfg(test)]
     pub(crate) const fn coil_mut(&mut self) -> Option<&mut Coil> {
         self.coil.as_mut()
     }
 
-    /// The channel of the first converter that touch and stiffness come from: the lowest active
+    /// Returns the channel of the first converter that determines touch and stiffness: the lowest active
     /// one.
     pub(crate) const fn principal(&self) -> u8 {
         self.settings.channels.trailing_zeros() as u8
     }
 
-    /// The deepest deformation on the principal channel's curve.
+    /// Returns the deepest deformation on the principal channel's curve.
     pub(crate) fn deepest(&self) -> Option<Metre> {
         let curve = self.channel(0, self.principal())?.curve.as_ref()?;
         let deformations_m = curve.points().map(|(_, deformation_m)| deformation_m);
         deformations_m.reduce(f32::max).map(Metre)
     }
 
-    /// Takes what a command sets, or nothing of it. `None` for a command that sets nothing.
+    /// Applies a command as a whole or not at all. `None` for a command that sets nothing.
     pub(crate) fn set(&mut self, command: &Command, board: &BoardInfo) -> Option<Answer> {
         let answer = match command {
             Command::SetSettings(settings) => self.set_settings(settings, board),
             _ => self.take(command, board)?.into(),
         };
-        // A curve of which chunks are missing is not in force yet.
+        // An incomplete curve is not active yet.
         if answer == Outcome::Accepted.into() && self.assembly.is_none() {
             self.keep_identity_with(command);
             self.seal(command);
@@ -228,7 +228,7 @@ impl Configuration {
         Some(answer)
     }
 
-    /// A calibration of which a part was set is another one than its identity says.
+    /// Removes the identity if a part is set: the calibration then differs from it.
     fn keep_identity_with(&mut self, command: &Command) {
         if touches_the_identity(command) && !matches!(command, Command::SetCalibrationIdentity(_)) {
             self.identity = None;
@@ -304,7 +304,7 @@ impl Configuration {
         if settings.channels & !(first | second) != 0 || settings.channels & first == 0 {
             return Outcome::NoSuchChannel.into();
         }
-        // Stored by an earlier version.
+        // Set and stored by an earlier version.
         if settings.check_channels().is_err() {
             return Outcome::Inconsistent.into();
         }
@@ -341,7 +341,7 @@ impl Configuration {
         }
     }
 
-    /// Adds a chunk to the curve that is being sent, and takes the curve if it is complete.
+    /// Adds a chunk to the curve being received, and applies the curve when it is complete.
     fn assemble(
         &mut self,
         target: Target,
@@ -389,7 +389,7 @@ impl Configuration {
         Outcome::Accepted
     }
 
-    /// What a measurement of stiffness needs; the kind of the first record that is missing.
+    /// Returns the calibration of a stiffness measurement, or the kind of the first missing record.
     pub(crate) fn calibrated(&self, temperature: Option<Celsius>) -> Result<Calibrated, u8> {
         let principal = self.principal();
         let channel = self.channel(0, principal);
@@ -428,8 +428,8 @@ impl Configuration {
         })
     }
 
-    /// How far the sensor may be from the temperature of its calibration, K. Where one of the two is not known, the limits of a
-    /// room around 25 degrees.
+    /// Returns the largest difference between the sensor's temperature and that of its calibration, K.
+    /// If either is unknown, the limits of a room around 25 degrees Celsius.
     pub(crate) fn away_k(&self, temperature: Option<Celsius>) -> f32 {
         const ROOM_K: f32 = 15.0;
         let known = self.temperature_effect.as_ref().zip(temperature);
@@ -438,7 +438,7 @@ impl Configuration {
         })
     }
 
-    /// How springs and rise have changed at a temperature since the calibration.
+    /// Returns the factors of springs and rise at a temperature relative to the calibration.
     fn factors(&self, temperature: Option<Celsius>) -> Factors {
         let known = self.temperature_effect.as_ref();
         let known = known.zip(self.temperature_coefficients.as_ref());
@@ -453,7 +453,7 @@ impl Configuration {
     }
 }
 
-/// Checks settings against the board's limits: none begins above zero.
+/// Checks settings against the board's limits; all ranges start at zero.
 fn within(settings: &Settings, limits: &Limits) -> Result<(), Answer> {
     for (field, value, limit) in [
         (field!(Settings, rate_hz), settings.rate_hz, limits.rate.0),
@@ -480,13 +480,13 @@ fn within(settings: &Settings, limits: &Limits) -> Result<(), Answer> {
     Ok(())
 }
 
-/// Whether the board has a channel.
+/// Returns whether the board has a channel.
 fn has(board: &BoardInfo, sensor: u8, channel: u8) -> bool {
     let channels = board.channels.get(usize::from(sensor)).copied();
     channels.is_some_and(|channels| channels.checked_shr(channel.into()).unwrap_or(0) & 1 == 1)
 }
 
-/// The law with any spring, to see whether its own numbers make one.
+/// Returns the law with an arbitrary spring, to check the law's own numbers.
 fn law(set: &Stiffening) -> Option<Law> {
     law_of(set, NewtonPerMetre(1.0))
 }

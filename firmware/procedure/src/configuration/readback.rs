@@ -1,4 +1,4 @@
-//! The configuration as the commands that would set it, to read it back and to compute its CRC.
+//! Configuration as the commands that would set it, for readback and for its CRC.
 
 use palpate_wire::code::Part;
 use palpate_wire::command::{
@@ -9,10 +9,10 @@ use palpate_wire::{Command, Record, configuration_crc};
 use super::{Configuration, Curve, SetStiffening};
 use crate::list::gathered;
 
-/// The last channel of the second converter.
+/// Last channel of the second converter.
 const LAST_CHANNEL: u8 = 7;
 
-/// The parts in the order of the commands that set them.
+/// Parts in the order of the commands that set them.
 pub(super) const PARTS: [Part; 12] = [
     Part::Tank,
     Part::DeformationCurve,
@@ -25,20 +25,20 @@ pub(super) const PARTS: [Part; 12] = [
     Part::TemperatureEffect,
     Part::CurrentCorrection,
     Part::TemperatureCoefficients,
-    // Last: it is checked against all others.
+    // Last, since it is checked against all others.
     Part::CalibrationIdentity,
 ];
 
-/// Whether there is one for every channel of every converter.
+/// Returns whether the part exists once per channel of each converter.
 const fn is_of_a_channel(part: Part) -> bool {
     matches!(part, Part::Tank | Part::DeformationCurve | Part::Crosstalk)
 }
 
-/// How far the commands that would set a configuration have been gone through.
+/// Position in the sequence of commands that would set a configuration.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Cursor {
     settings_are_done: bool,
-    /// Index of the part.
+    /// Index in [`PARTS`].
     part: usize,
     /// Converter and channel.
     channel: u8,
@@ -46,7 +46,7 @@ pub(crate) struct Cursor {
 }
 
 impl Cursor {
-    /// Past the settings.
+    /// Position after the settings.
     const CALIBRATION: Self = Self {
         settings_are_done: true,
         part: 0,
@@ -56,23 +56,23 @@ impl Cursor {
 }
 
 impl Configuration {
-    /// CRC-32 over settings and calibration in force, as `hello` reports it.
+    /// Returns the CRC-32 over the active settings and calibration, as `hello` reports it.
     pub fn crc(&self) -> u32 {
         configuration_crc(self.commands(Cursor::default()))
     }
 
-    /// CRC-32 over the parts of the calibration, without its identity.
+    /// Returns the CRC-32 over the parts of the calibration, without its identity.
     pub fn calibration_crc(&self) -> u32 {
         let is_part = |command: &Command| !matches!(command, Command::SetCalibrationIdentity(_));
         configuration_crc(self.commands(Cursor::CALIBRATION).filter(is_part))
     }
 
-    /// The commands that would set it, from a point on.
+    /// Returns the commands that would set the configuration, from a position on.
     fn commands(&self, mut cursor: Cursor) -> impl Iterator<Item = Command> + '_ {
         core::iter::from_fn(move || self.next_command(&mut cursor))
     }
 
-    /// The next of the commands that would set it; settings only if they were set.
+    /// Returns the next command that would set the configuration; settings only if they were set.
     pub(crate) fn next_command(&self, cursor: &mut Cursor) -> Option<Command> {
         if !core::mem::replace(&mut cursor.settings_are_done, true) && self.settings_are_set {
             return Some(Command::SetSettings(self.settings.clone()));
@@ -93,8 +93,8 @@ impl Configuration {
         }
     }
 
-    /// A record of a part of the calibration: its chunk number `chunk`, from 0. `None` if it was
-    /// never set, or has no such chunk.
+    /// Returns a record of a part of the calibration: its chunk number `chunk`, from 0. `None` if the
+    /// part was never set or has no such chunk.
     pub(crate) fn record(
         &self,
         part: Part,
@@ -175,14 +175,14 @@ impl Configuration {
     }
 }
 
-/// Position of a chunk in its curve: knots in all, and its first one. `None` beyond the end.
+/// Returns the number of knots of a curve and the first knot of a chunk. `None` beyond the end.
 fn position(curve: &Curve, chunk: usize) -> Option<(u8, u8)> {
     let total = curve.points().len();
     let first = chunk.checked_mul(KNOTS_PER_CHUNK)?;
     (first < total).then_some((total as u8, first as u8))
 }
 
-/// The knots of the chunk that begins with `first`.
+/// Returns the knots of the chunk that starts at `first`.
 fn knots(curve: &Curve, first: u8) -> impl Iterator<Item = (f32, f32)> + '_ {
     curve.points().skip(first.into()).take(KNOTS_PER_CHUNK)
 }

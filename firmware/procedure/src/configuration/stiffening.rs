@@ -4,21 +4,21 @@ use palpate_model::magnetorheological::{Rise, Saturating, Stiffening, Tabulated}
 use palpate_model::units::{Ampere, NewtonPerMetre};
 use palpate_wire::command::MAX_KNOTS;
 
-/// The magnetorheological effect, however it was calibrated.
+/// The magnetorheological effect as a law or as a curve.
 #[derive(Clone, Copy, Debug)]
 #[expect(
     clippy::large_enum_variant,
     reason = "there is one of it, and no heap to put the curve on"
 )]
 pub enum Law {
-    /// As a law.
+    /// Saturation law.
     Saturating(Saturating),
-    /// As a curve.
+    /// Calibrated curve.
     Tabulated(Tabulated<{ MAX_KNOTS as usize }>),
 }
 
 impl Law {
-    /// d ln rho/d ln I; zero without a rise.
+    /// Returns d ln rho/d ln I; zero without a rise.
     pub(crate) fn logarithmic_slope(&self, current: Ampere) -> f32 {
         let rise = self.rise(current);
         if rise.value > 0.0 {

@@ -1,6 +1,6 @@
-//! Whether the coil may take a profile of the current: its heat, and the energy that its drive has
-//! left, by the drive's own law and constants ([`Account`]). What does not fit is refused before it
-//! begins, with the time to wait.
+//! Checks whether the coil can take a current profile: its heat, and the remaining energy of its drive
+//! by the drive's own law and constants ([`Account`]). A profile beyond these is refused before it
+//! starts, with the time to wait.
 
 use coil_hbridge::{Account, CurrentLine, Demand, Load, SELF_TEST_J};
 use palpate_model::units::{Ampere, Celsius};
@@ -14,34 +14,34 @@ use crate::measurement::Reason;
 use crate::measurement::train::TrainProfile;
 use crate::time::{Instant, in_seconds, seconds};
 
-/// More than is forecast, as a part: what the ripple heats (1.5 % of the square at most, decision 40).
+/// Factor on the forecast energy for the ripple's heat (1.5 % of the square at most, decision 40).
 const RIPPLE: f32 = 1.02;
-/// The same for what the drive counts, with what its account does not follow exactly: supply and
-/// current are read a millisecond apart, and the supply smoothed. On circuits of 0.23 to 0.55 ohm and
-/// 20 to 200 uH at 8 and 12 V the count is 0.913 to 1.013 of the forecast without this
+/// Factor on the energy that the drive counts, also for the inaccuracy of its account: supply and
+/// current are read a millisecond apart, and the supply is filtered. On circuits of 0.23 to 0.55 ohm and
+/// 20 to 200 uH at 8 and 12 V the count is 0.913 to 1.013 of the forecast without this factor
 /// (`the_forecast_is_what_the_drive_counts` in sim-host/tests/integration/energy.rs).
 const RESERVE: f32 = 1.03;
-/// The drive's account at rest is reported up to 0.07 s late; the wait is longer by so much, s.
+/// Additional wait, s: the drive's account at rest is reported up to 0.07 s late.
 const LATE_S: f32 = 0.1;
 
-/// Why the coil may not be driven now, and how long to wait; no time where that does not help.
+/// Reason against driving the coil at this time, and time to wait; `None` if waiting does not help.
 pub(super) struct Hindrance {
     pub(super) reason: Reason,
     pub(super) wait_s: Option<f32>,
 }
 
-/// What the drive has said.
+/// Last reports of the drive.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Budget {
-    /// The account, and when it was reported.
+    /// Energy account and the time of its report.
     account: Option<(Instant, Account)>,
-    /// The current at the last scan.
+    /// Current at the last scan.
     current: Ampere,
-    /// When the coil's test was last begun.
+    /// Start of the last coil test.
     tested: Instant,
-    /// The last step at which the coil was driven.
+    /// Last step in which the coil was driven.
     driven: Instant,
-    /// The circuit as its test found it, and the least that the copper's temperature was then.
+    /// Load measured by the coil test, and the lowest possible copper temperature at that time.
     load: Option<(Load, Celsius)>,
 }
 
@@ -58,13 +58,13 @@ impl Budget {
 }
 
 impl Procedure {
-    /// Takes the drive's account, and the current.
+    /// Stores the drive's account and the current.
     pub(super) fn take_account(&mut self, scan: &Scan, now: Instant) {
         self.budget.account = scan.account.map(|account| (now, account));
         self.budget.current = scan.measured_current().unwrap_or_default();
     }
 
-    /// Takes what the coil's test has found, which was begun then.
+    /// Stores the result of the coil test that started at `begun`.
     pub(super) fn take_load(&mut self, found: &CoilTest, begun: Instant) {
         self.budget.tested = begun;
         let load = Load {
@@ -74,14 +74,14 @@ impl Procedure {
         self.budget.load = self.heat.as_ref().map(|heat| (load, heat.pad()));
     }
 
-    /// Follows until when the coil is driven.
+    /// Records the time up to which the coil is driven.
     pub(super) fn follow_drive(&mut self, now: Instant) {
         if self.phase.activity().drives() {
             self.budget.driven = now;
         }
     }
 
-    /// Whether the coil can bear the train.
+    /// Returns whether the coil can take the train.
     pub(super) fn may_take_train(&self, now: Instant) -> Result<(), Hindrance> {
         let never = |code, value, limit| {
             Err(Hindrance {
@@ -102,7 +102,7 @@ impl Procedure {
         let energy_j = RIPPLE * forecast.energy_j;
         let limit_j = settings.greatest_energy_j.min(limits.energy_j);
         let takes_s = in_seconds(profile.duration()).0;
-        // Hot copper takes more; once it has cooled that may be less.
+        // Hot copper takes more energy; after cooling it may take less.
         let is_too_much = energy_j.is_nan() || energy_j > limit_j;
         if forecast.hottest.is_some() && is_too_much {
             return never(RefusalReason::TooMuchEnergy, Some(energy_j), Some(limit_j));
@@ -118,7 +118,7 @@ impl Procedure {
         if forecast.hottest.is_some() {
             return energy;
         }
-        // Both have to have passed.
+        // Both times must have passed.
         let cool_s = heat.wait_s(&longest, limit_c);
         let wait_s = match energy {
             Ok(()) => cool_s,
@@ -136,14 +136,14 @@ impl Procedure {
         })
     }
 
-    /// Whether the coil can bear a straight line that is commanded.
+    /// Returns whether the coil can take a commanded line of current.
     pub(super) fn may_take_line(&self, line: &CurrentLine, now: Instant) -> Result<(), Hindrance> {
         let Some(heat) = &self.heat else {
             return Ok(());
         };
         let copper = heat.copper();
         let limit = self.hottest();
-        // What is not a number counts as hot.
+        // NaN counts as hot.
         if copper.0.is_nan() || copper > limit {
             let profile = TrainProfile::new(&self.configuration.settings);
             return Err(Hindrance {
@@ -177,7 +177,7 @@ impl Procedure {
         })
     }
 
-    /// Whether the drive's account bears a profile of the current that makes the copper so hot.
+    /// Returns whether the drive's account can take a profile with the copper at temperature `hottest`.
     fn fits(
         &self,
         heat: &Heat,
@@ -185,7 +185,7 @@ impl Procedure {
         now: Instant,
         profile: impl FnOnce(&mut Demand),
     ) -> Result<(), Hindrance> {
-        // Nothing to go by: the drive itself still keeps the limit.
+        // Without data to check: the drive itself still enforces the limit.
         let Some(load) = self.load_at(heat, hottest) else {
             return Ok(());
         };
@@ -208,8 +208,8 @@ impl Procedure {
         })
     }
 
-    /// The circuit with its copper at a temperature: as the coil's test found it, and what its copper
-    /// gains from then on by the coil's calibration.
+    /// Returns the load with the copper at a temperature: the test result plus the rise in resistance
+    /// since then by the coil's calibration.
     fn load_at(&self, heat: &Heat, hottest: Celsius) -> Option<Load> {
         let (found, then) = self.budget.load?;
         let gained_ohm = heat.resistance(hottest).0 - heat.resistance(then).0;
@@ -219,8 +219,8 @@ impl Procedure {
         })
     }
 
-    /// The drive's account as it stands now, an upper bound: since it was reported, the current may have
-    /// been at its peak for as long as it flowed, and the coil may have been tested.
+    /// Returns an upper bound of the drive's account at this time: since its report, the current may
+    /// have been at its peak for as long as it flowed, and the coil may have been tested.
     fn account(&self, load: Load, now: Instant) -> Option<Account> {
         let Budget { tested, driven, .. } = self.budget;
         let (reported, mut account) = self.budget.account?;

@@ -1,9 +1,9 @@
-//! Whether the coil is known, and the queue of commands that need it.
+//! State of the coil's test, and the queue of commands that need the coil.
 //!
-//! The coil is driven only after its test: of bridge, coil and current measurement, 65 ms as a
-//! rule. A command that needs the coil and comes meanwhile waits for the test's end, and is answered
-//! then. The queue holds one: a second is answered `busy`. Whatever switches the bridge off ends the
-//! test and empties the queue, with an answer.
+//! The coil is driven only after the test of bridge, coil and current measurement, which usually takes
+//! 65 ms. A command that needs the coil during the test waits for its end and is answered then. The
+//! queue holds one command: a second one is answered `busy`. Any safe state ends the test and empties
+//! the queue, with an answer.
 
 use palpate_wire::Header;
 use palpate_wire::code::{FaultCode, Location, Outcome};
@@ -19,22 +19,22 @@ use crate::event::Failure;
 use crate::link::Link;
 use crate::time::{Duration, Instant, between, in_seconds};
 
-/// The longest test: one that finds no coil raises its voltage for 0.21 s, 13 000 periods of the
-/// bridge (`Regulated::test` in sim-host); with a margin of two.
+/// Longest duration of a test: one that finds no coil raises its voltage for 0.21 s, 13 000 periods of
+/// the bridge (`Regulated::test` in sim-host); with a factor of two.
 const LONGEST_TEST: Duration = Duration::from_ticks(450_000);
 
-/// What is known of the coil.
+/// State of the coil's test.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Knowledge {
-    /// Nothing: not tested since it was armed, or its test was stopped.
+    /// Not tested since arming, or the test was stopped.
     None,
-    /// It is being tested, since then.
+    /// Test in progress since this time.
     Testing(Instant),
-    /// It may be driven.
+    /// Tested: the coil may be driven.
     Tested,
 }
 
-/// A command that needs the coil.
+/// Command that needs the coil.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum CoilCommand {
     Measure,
@@ -43,7 +43,7 @@ pub(super) enum CoilCommand {
     Drive(DriveCoil),
 }
 
-/// A command that waits for the end of the coil's test.
+/// Command that waits for the end of the coil's test.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Waiting {
     link: Link,
@@ -65,8 +65,8 @@ impl CoilCommand {
 }
 
 impl Procedure {
-    /// Carries out a command that needs the coil, or lets it wait, where the coil has to be tested
-    /// first: then there is no answer yet. What may not be done now is refused now.
+    /// Executes a command that needs the coil, or lets it wait if the coil must be tested first; a
+    /// waiting command has no answer yet. A command that is not allowed at this time is refused at once.
     pub(super) fn with_coil(
         &mut self,
         link: Link,
@@ -117,10 +117,10 @@ impl Procedure {
         }
     }
 
-    /// Whether a train, a test or a commanded current may begin.
+    /// Checks that a train, a test or a commanded current may start.
     pub(super) fn may_drive(&self) -> Result<(), Outcome> {
         self.phase.activity().ensure_free()?;
-        // The sensor's self-test is over before the coil's.
+        // The sensor's self-test ends before the coil's.
         let is_testing = matches!(self.coil, Knowledge::Testing(_));
         if matches!(self.phase, Phase::SelfTest { .. }) && !is_testing {
             return Err(Outcome::Busy);
@@ -137,7 +137,7 @@ impl Procedure {
         out.push(Action::TestCoil);
     }
 
-    /// Whether the coil may be driven now. If nothing is known of it, its test begins.
+    /// Returns whether the coil may be driven at this time; starts its test if it was not tested.
     pub(super) fn coil_is_tested(&mut self, out: &mut Out<'_>) -> bool {
         if self.coil == Knowledge::None {
             self.begin_test(out);
@@ -145,15 +145,15 @@ impl Procedure {
         self.coil == Knowledge::Tested
     }
 
-    /// The test is over: what waited for it begins, if it still may.
+    /// Ends the test: the waiting command starts if it is still allowed.
     pub(super) fn coil_tested(&mut self, found: &CoilTest, out: &mut Out<'_>) {
         let Knowledge::Testing(begun) = self.coil else {
-            // Of a test that was stopped.
+            // Result of a stopped test.
             return;
         };
         self.coil = Knowledge::Tested;
         if let Phase::Settling(settling) = &mut self.phase {
-            // Its time counts from when it may end.
+            // Its time counts from when it could end.
             settling.began = out.now;
         }
         self.take_load(found, begun);
@@ -173,8 +173,7 @@ impl Procedure {
         }
     }
 
-    /// Bridge off, before all else. A test of the coil ends with it, and what waits for that is
-    /// answered.
+    /// Switches the bridge off first. This ends a test of the coil, and the waiting command is answered.
     pub(super) fn safe(&mut self, outcome: Outcome, out: &mut Out<'_>) {
         out.safe();
         if matches!(self.coil, Knowledge::Testing(_)) {
@@ -192,7 +191,7 @@ impl Procedure {
         }
     }
 
-    /// A test that neither ends nor fails.
+    /// Raises a fault if a test neither ends nor fails.
     pub(super) fn watch_test(&mut self, out: &mut Out<'_>) {
         let Knowledge::Testing(since) = self.coil else {
             return;

@@ -15,7 +15,7 @@ use crate::link::Link;
 use crate::measurement::Reason;
 use crate::time::span;
 
-/// Whether a command may be executed, as far as it alone says.
+/// Checks a command independent of the procedure's state.
 fn checked(message: &Command) -> Result<(), Invalid> {
     message.validate()?;
     match message {
@@ -25,8 +25,8 @@ fn checked(message: &Command) -> Result<(), Invalid> {
 }
 
 impl Procedure {
-    /// A command that arrived whole: checked, carried out, and answered once; what
-    /// waits for the coil's test is answered after it.
+    /// Handles a whole command: checks, executes and answers it once. A command that waits for the
+    /// coil's test is answered after the test.
     pub(super) fn command(&mut self, link: Link, frame: &Frame<Command>, out: &mut Out<'_>) {
         let Frame { header, message } = frame;
         let answer = if !message.is_for(self.board.boot_id, header.boot_id) {
@@ -47,14 +47,14 @@ impl Procedure {
         self.answer(out.asker, answer, out);
     }
 
-    /// A frame that could not be understood.
+    /// Handles an undecodable frame.
     pub(super) fn not_understood(&mut self, error: &FrameError, out: &mut Out<'_>) {
         match Acknowledgement::not_understood(error) {
             Some(answer) => self.answer(out.asker, answer, out),
             None => {
                 let damaged = &mut self.counters.commands_damaged;
                 *damaged = damaged.wrapping_add(1);
-                // A frame of another major version is answered by who we are.
+                // A frame of another major version is answered with a `hello`.
                 if matches!(error, FrameError::Version { .. }) {
                     out.answer(Record::Hello(self.hello()));
                 }
@@ -62,7 +62,7 @@ impl Procedure {
         }
     }
 
-    /// Answers a command, where it came from.
+    /// Answers a command on its link.
     pub(super) fn answer(&mut self, to: Option<Link>, answer: Acknowledgement, out: &mut Out<'_>) {
         if answer.outcome != Outcome::Accepted {
             let refused = &mut self.counters.commands_refused;
@@ -87,8 +87,8 @@ impl Procedure {
                 Outcome::Accepted
             }
             Command::ClearFault(of) => match &self.phase {
-                // A device that crashes again and again must not drive a coil; a start
-                // without a crash ends this.
+                // A device that crashes repeatedly must not drive a coil; a start without a crash ends
+                // this fault.
                 Phase::Fault(standing)
                     if standing.code == of.code
                         && standing.code == FaultCode::CrashStreak
@@ -154,7 +154,7 @@ impl Procedure {
         if !self.board.coil {
             return Outcome::NoCoil;
         }
-        // Without the coil's data nothing limits its heat.
+        // Without the coil's data its heat has no limit.
         if self.heat.is_none() {
             return Outcome::NotCalibrated;
         }
@@ -163,7 +163,7 @@ impl Procedure {
         }
         let changed = !self.armed || self.mode != Mode::Stiffness;
         if !self.armed {
-            // Not driven before it is known: the load, and the zero of its current.
+            // Load and current zero must be known before driving.
             self.begin_test(out);
         }
         self.armed = true;
@@ -179,7 +179,7 @@ impl Procedure {
         self.armed = false;
         self.mode = mode;
         self.abort(out);
-        // Tested again before it is driven again.
+        // Requires a new test before driving.
         self.coil = Knowledge::None;
         if changed {
             self.announce(self.state(), out);
@@ -187,8 +187,8 @@ impl Procedure {
         Outcome::Accepted
     }
 
-    /// Bridge off in every state; ends a measurement, a test of the coil and a commanded current,
-    /// whichever there is, and drops what waits.
+    /// Switches the bridge off in every state; ends a measurement, a coil test or a commanded current,
+    /// and drops the waiting command.
     fn abort(&mut self, out: &mut Out<'_>) {
         self.safe(Outcome::Aborted, out);
         if self.phase.activity().measures() {
@@ -230,7 +230,7 @@ impl Procedure {
         answer
     }
 
-    /// Bridge off and disarmed, then the device starts anew.
+    /// Switches the bridge off and disarms; the device then restarts.
     pub(super) fn restart(&mut self, target: RebootTarget, out: &mut Out<'_>) -> Outcome {
         if self.is_occupied() {
             return Outcome::Busy;
@@ -241,16 +241,16 @@ impl Procedure {
         Outcome::Accepted
     }
 
-    /// Whether nothing may be set or driven: the storage is at work, or the device starts anew.
+    /// Returns whether no setting or drive is allowed: the storage works, or the device restarts.
     pub(super) const fn is_occupied(&self) -> bool {
         self.storage.is_at_work() || self.restarting
     }
 
-    /// What was learnt of the untouched sensor no longer holds.
+    /// Discards the learnt baseline.
     pub(super) fn sense_anew(&mut self, out: &mut Out<'_>) {
         match &mut self.phase {
             Phase::Fault(_) | Phase::SelfTest { .. } => {}
-            // First what was announced.
+            // The announced points are sent first.
             Phase::Reporting { touched, .. } => *touched = None,
             _ => self.go(Phase::Baseline, out),
         }

@@ -1,4 +1,4 @@
-//! What stops the instrument, and what starts it again.
+//! Faults: latching and clearing.
 
 use palpate_wire::Record;
 use palpate_wire::code::{FaultCode, Location, Mode, Outcome, RefusalReason};
@@ -13,14 +13,15 @@ use crate::measurement::Reason;
 use crate::time::after;
 
 impl Procedure {
-    /// Something has failed: bridge off, disarmed, and said so.
+    /// Handles a failure: switches the bridge off, disarms and reports it.
     ///
-    /// The first fault stands until it is cleared; one that comes while it stands is reported, and
-    /// takes its place only if it waits for its user and the first does not. The other one stands behind
+    /// The first fault stands until it is cleared. A further fault is reported, and replaces the
+    /// standing one only if it must be cleared by the user and the standing one need not. The other one
+    /// is queued behind it, and ends with its own cause or with the standing one.
     /// it, and ends with its own cause or with the one before it.
     pub(super) fn fail(&mut self, failure: Failure, out: &mut Out<'_>) {
         self.safe(Outcome::Faulted, out);
-        // What failed may be the coil.
+        // The failed part may be the coil.
         self.coil = Knowledge::None;
         if self.phase.activity().measures() {
             let code = failure.code.number();
@@ -45,17 +46,17 @@ impl Procedure {
         }
     }
 
-    /// Adds a fault to those behind the one that stands; each once.
+    /// Queues a fault behind the standing one, if it is not already there.
     fn stand_behind(&mut self, failure: Failure) {
         let is_same = |of: &Failure| (of.code, of.location) == (failure.code, failure.location);
         let stands = matches!(&self.phase, Phase::Fault(standing) if is_same(standing));
         if !stands && !self.behind.iter().any(is_same) {
-            // There are as many places as sources of faults, and some more.
+            // There is space for all sources of faults and one more.
             let _ = self.behind.push(failure);
         }
     }
 
-    /// Ends the faults behind the one that stands for which this is true.
+    /// Ends the queued faults for which `ends` is true.
     fn end_behind(&mut self, ends: impl Fn(&Failure) -> bool, out: &mut Out<'_>) {
         for ended in self.behind.iter().filter(|of| ends(of)) {
             out.record(fault(ended, false));
@@ -63,7 +64,7 @@ impl Procedure {
         self.behind.retain(|of| !ends(of));
     }
 
-    /// The clock was set back: nothing that was to end by it would.
+    /// Raises a fault if the clock is set back: all pending deadlines would fail.
     pub(super) fn clock_set_back(&mut self, out: &mut Out<'_>) {
         self.last_seen = Some(out.now);
         self.next_check.1 = out.now;
@@ -71,7 +72,7 @@ impl Procedure {
         self.fail(Failure::new(FaultCode::Clock, Location::Clock), out);
     }
 
-    /// Checks one item of the configuration, where it is time for the next.
+    /// Checks one item of the configuration when it is due.
     pub(super) fn check_next(&mut self, out: &mut Out<'_>) {
         let (number, due) = self.next_check;
         if out.now < due || matches!(self.phase, Phase::Fault(_)) {
@@ -83,7 +84,7 @@ impl Procedure {
         }
     }
 
-    /// Checks the whole configuration; whether it still is what was set.
+    /// Checks the whole configuration; returns whether it is intact.
     pub(super) fn check_all(&mut self, out: &mut Out<'_>) -> bool {
         let damaged = self.configuration.any_damaged();
         if let Some(kind) = damaged {
@@ -100,7 +101,7 @@ impl Procedure {
         self.fail(failure, out);
     }
 
-    /// The cause of a failure has gone. A fault that ends by that does.
+    /// Handles the end of a failure's cause: ends the faults that end with it.
     pub(super) fn recovered(&mut self, code: FaultCode, out: &mut Out<'_>) {
         let ends = |of: &Failure| of.code == code && ends_with_its_cause(of);
         self.end_behind(ends, out);
@@ -109,8 +110,8 @@ impl Procedure {
         }
     }
 
-    /// Ends the fault that stands and those behind it, and starts anew, disarmed: a cause that lasts is
-    /// found again.
+    /// Ends the standing fault and the queued ones, and restarts the self-test, disarmed: a persistent
+    /// cause is found again.
     pub(super) fn clear(&mut self, out: &mut Out<'_>) {
         let Phase::Fault(standing) = self.phase.clone() else {
             return;
@@ -124,8 +125,8 @@ impl Procedure {
     }
 }
 
-/// Whether a fault is one of sensor or bus, which ends when its cause does: it does no harm to
-/// sense again, disarmed as the device is now. Any other waits for its user.
+/// Returns whether a fault is of sensor or bus and so ends with its cause: sensing again, disarmed, does
+/// no harm. Any other fault must be cleared by the user.
 const fn ends_with_its_cause(failure: &Failure) -> bool {
     matches!(
         failure.location,
@@ -189,10 +190,11 @@ mod tests {
             answer.expect("an answer")
         }
 
-        /// Milliseconds until a fault, with its value; the first conversion is never awaited.
+        /// Returns the time until a fault in milliseconds, with its value; the first conversion is never
+        /// awaited.
         fn fault(&mut self, within_ms: u32) -> Option<(u32, f32)> {
             (1..=within_ms).find_map(|ms| {
-                // Silence is another matter.
+                // Prevents the fault for silence.
                 self.procedure.last_seen = Some(Instant::from_ticks(self.now_us));
                 let actions = self.step(&Event::Tick);
                 let fault = actions.iter().find_map(|action| match action {
@@ -226,14 +228,14 @@ mod tests {
         assert!(took_ms <= 1_024, "{took_ms} ms");
         assert_eq!(kind, f32::from(palpate_wire::code::Part::Coil.number()));
         assert_eq!(rig.procedure.state(), State::Fault);
-        // Not set anew, it comes again.
+        // Without new settings it occurs again.
         let clear = Command::ClearFault(ClearFault { code: CODE });
         assert_eq!(rig.outcome(clear.clone()), Outcome::Accepted);
         assert!(rig.fault(1_024).is_some());
         assert_eq!(rig.outcome(Command::SetCoil(COIL)), Outcome::Accepted);
         assert_eq!(rig.outcome(clear.clone()), Outcome::Accepted);
         assert_eq!(rig.fault(3_000), None);
-        // Armed with it at no time.
+        // Never armed with the damaged item.
         coil(&mut rig);
         assert_eq!(rig.outcome(Command::Arm), Outcome::Faulted);
         assert!(!rig.procedure.is_armed());

@@ -1,4 +1,4 @@
-//! A current that a PC commands directly.
+//! Current commanded directly by a PC.
 
 use coil_hbridge::CurrentLine;
 use palpate_model::units::Second;
@@ -14,22 +14,22 @@ use crate::link::Link;
 use crate::measurement::check_heat;
 use crate::time::{Duration, Instant, between, in_seconds, seconds, span};
 
-/// From the PC's last message to the end of a current that it commanded.
+/// Time limit from the PC's last message to the end of its commanded current.
 const SILENCE: Duration = Duration::from_ticks(100_000);
 
-/// A current that a PC commands directly.
+/// State of a current commanded directly by a PC.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct ManualDrive {
     began: Instant,
-    /// The link of the PC that commands it, and when its last message was received.
+    /// Link of the commanding PC, and time of its last message.
     link: Link,
     last_received: Instant,
-    /// The time of touch, if something touches.
+    /// Start of the touch, if there is one.
     touched: Option<Instant>,
 }
 
 impl Procedure {
-    /// Whether a current may be commanded now.
+    /// Checks that a current may be commanded at this time.
     pub(super) fn may_drive_manually(&self, line: &DriveCoil) -> Result<(), Answer> {
         let limit_a = self.board.limits.current.0;
         let limit_a = limit_a.min(self.configuration.settings.peak_current_a);
@@ -44,7 +44,7 @@ impl Procedure {
         Ok(())
     }
 
-    /// A current, from where it is.
+    /// Drives a commanded current, starting at the present current.
     pub(super) fn drive_manually(
         &mut self,
         link: Link,
@@ -59,7 +59,7 @@ impl Procedure {
             return Outcome::Accepted;
         }
         if let Phase::Manual(manual) = &mut self.phase {
-            // Who commands it last has to stay there.
+            // The link of the last command must stay alive.
             manual.link = link;
             manual.last_received = out.now;
         } else {
@@ -82,7 +82,7 @@ impl Procedure {
         Outcome::Accepted
     }
 
-    /// A PC is there: a command of it was received. Only the one counts that commands the current.
+    /// Records a received command of a PC; only the link that commands the current counts.
     pub(super) fn host_seen(&mut self, link: Link, now: Instant) {
         if let Phase::Manual(manual) = &mut self.phase
             && manual.link == link
@@ -91,7 +91,7 @@ impl Procedure {
         }
     }
 
-    /// Time alone: the PC is silent, the current lasts too long, or the coil is too hot.
+    /// Checks the time limits: a silent PC, a current that lasts too long, a coil that is too hot.
     pub(super) fn watch_manual(&mut self, out: &mut Out<'_>) {
         let Phase::Manual(manual) = &self.phase else {
             return;
@@ -123,7 +123,7 @@ impl Procedure {
         self.fail(failure, out);
     }
 
-    /// The PC ends it: no fault, and nothing was measured that could be refused.
+    /// Ends the commanded current at the PC's request, without a fault or a refusal.
     pub(super) fn end_manual(&mut self, out: &mut Out<'_>) {
         if let Phase::Manual(ManualDrive { touched, .. }) = self.phase {
             self.safe(Outcome::Aborted, out);

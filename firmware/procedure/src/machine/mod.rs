@@ -31,17 +31,17 @@ use phases::{BRING_UP, Phase};
 use readings::{FlaggedSince, is_of_readings};
 use storage::Storage;
 
-/// The longest time between two steps. Two tasks may tell their events in another order than they
-/// read the clock, but no later than that.
+/// Longest time between two steps. Two tasks may deliver their events in another order than they read
+/// the clock, but differ by less than this.
 const TICK: Duration = Duration::from_ticks(10_000);
-/// From the check of one item of the configuration to that of the next: all of them once a second.
+/// Time between the checks of two items of the configuration: all items once per second.
 const CHECK: Duration = Duration::from_ticks(1_000_000 / ITEMS as u64);
 
-/// Faults that may stand at once behind another: of two converters, bus, coil, thermometer, processor,
-/// configuration and storage, with one to spare.
+/// Maximum number of queued faults: of two converters, bus, coil, thermometer, processor, configuration
+/// and storage, with one to spare.
 const MOST_BEHIND: usize = 8;
 
-/// What the instrument does, from event to actions.
+/// State machine of the instrument: events in, actions out.
 ///
 /// See the [crate](crate) for an example.
 #[derive(Clone, Debug)]
@@ -52,41 +52,41 @@ pub struct Procedure {
     mode: Mode,
     armed: bool,
     coil: Knowledge,
-    /// The queue of commands that need the coil.
+    /// Waiting command that needs the coil.
     waiting: Option<Waiting>,
-    /// What the coil's drive has said of its energy.
+    /// Energy reports of the coil's drive.
     budget: Budget,
-    /// Number of the last measurement that began.
+    /// Number of the last measurement.
     measurement: u32,
     followers: [[Option<Follower>; 4]; 2],
-    /// The last conversion of each channel that its follower has received.
+    /// Last evaluated conversion of each channel.
     evaluated: [[Option<Instant>; 4]; 2],
     streamers: [Streamer; 2],
     heat: Option<Heat>,
     conditions: Conditions,
     counters: Counters,
-    /// Time of the first step, and of the last.
+    /// Time of the first step, then of the last.
     started: Option<Instant>,
     now: Instant,
     next_status: Instant,
-    /// A calibration that is being sent, chunk by chunk.
+    /// Calibration readback in progress, sent in chunks.
     readback: Option<Readback>,
     storage: Storage,
-    /// The device is about to start anew.
+    /// The device is about to restart.
     restarting: bool,
     greeted: bool,
-    /// When the first converter was last seen, or when waiting for it began.
+    /// Time when the first converter was last seen, or when waiting for it began.
     last_seen: Option<Instant>,
-    /// Until when the converters may be busy with being configured.
+    /// Time until which the converters may be busy with their configuration.
     configured: Instant,
     flagged_since: FlaggedSince,
-    /// Faults that were reported and have not ended, besides the one that stands.
+    /// Reported faults that have not ended, besides the standing one.
     behind: heapless::Vec<Failure, MOST_BEHIND>,
-    /// The item of the configuration that is checked next, and when.
+    /// Next item of the configuration to check, and the time of the check.
     next_check: (usize, Instant),
 }
 
-/// A part of the calibration whose next record is due.
+/// Calibration part whose next record is due.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Readback {
     to: Option<Link>,
@@ -96,7 +96,7 @@ struct Readback {
     chunk: usize,
 }
 
-/// What `status` counts.
+/// Counters of `status`.
 #[derive(Clone, Debug, Default)]
 struct Counters {
     conversions: [u32; 2],
@@ -108,7 +108,7 @@ struct Counters {
 }
 
 impl Procedure {
-    /// An instrument that has just started, with the default settings and no calibration.
+    /// Creates an instrument at start-up, with default settings and no calibration.
     pub fn new(board: BoardInfo) -> Self {
         let mut procedure = Self {
             configuration: Configuration::new(&board),
@@ -143,41 +143,41 @@ impl Procedure {
         procedure
     }
 
-    /// Settings and calibration in force.
+    /// Returns the active settings and calibration.
     pub const fn configuration(&self) -> &Configuration {
         &self.configuration
     }
 
-    /// The number of this run, to which commands are addressed.
+    /// Returns the boot id, which commands must carry.
     pub const fn boot_id(&self) -> u32 {
         self.board.boot_id
     }
 
-    /// Where it stands.
+    /// Returns the present state.
     pub const fn state(&self) -> State {
         self.phase.state()
     }
 
-    /// Whether the coil may be driven.
+    /// Returns whether the coil may be driven.
     pub const fn is_armed(&self) -> bool {
         self.armed
     }
 
-    /// Whether there is a coil that may be driven, and so a thermometer that has to work.
+    /// Returns whether there is a coil that may be driven, so that its thermometer must work.
     pub const fn expects_thermometer(&self) -> bool {
         self.heat.is_some()
     }
 
-    /// Takes an event and says what is to be done. `now` does not go backwards: by less than a
-    /// tick it is taken as standing still, by more as a fault of the clock.
+    /// Handles an event and returns the actions. `now` must not go backwards: a step back by less than a
+    /// tick counts as standing still, a larger one as a fault of the clock.
     pub fn step(&mut self, now: Instant, event: &Event<'_>) -> Actions {
         let mut actions = Actions::new();
         self.step_into(now, event, &mut actions);
         actions
     }
 
-    /// The same into actions that are there already, whatever they held: two kilobytes that
-    /// need not be copied.
+    /// As [`step`](Self::step), with the actions written to an existing list, whose content is replaced:
+    /// avoids copying two kilobytes.
     pub fn step_into(&mut self, now: Instant, event: &Event<'_>, actions: &mut Actions) {
         actions.clear();
         let set_back = between(now, self.now) > TICK;
@@ -214,7 +214,7 @@ impl Procedure {
             }
             Event::Conditions(conditions) => self.conditions(conditions),
             Event::Fault(failure) => self.fail(*failure, &mut out),
-            // Any conversion shows that the converter and its bus work, not that its sensor does.
+            // Any conversion proves that converter and bus work, not that the sensor does.
             Event::Recovered(code) if is_of_readings(*code) => {}
             Event::Recovered(code) => self.recovered(*code, &mut out),
         }
@@ -222,8 +222,8 @@ impl Procedure {
         self.send_readback(&mut out);
     }
 
-    /// Whether what was stored is in force, so that the instrument may begin. Until then there is
-    /// nothing but the storage.
+    /// Returns whether the stored configuration is active, so that the instrument may start. Until then
+    /// only the storage works.
     fn start(&mut self, event: &Event<'_>, out: &mut Out<'_>) -> bool {
         if !self.board.storage {
             self.greet(out);
@@ -237,12 +237,13 @@ impl Procedure {
         false
     }
 
-    /// Whether it has begun. Before that it takes no events but time and what the storage reports.
+    /// Returns whether the instrument has started. Before that it accepts only time and reports of the
+    /// storage.
     pub const fn has_begun(&self) -> bool {
         self.greeted
     }
 
-    /// The first words after a start, and the configuration for the sensors.
+    /// Sends the first records after start-up, and configures the sensors.
     fn greet(&mut self, out: &mut Out<'_>) {
         self.greeted = true;
         out.record(Record::Hello(self.hello()));
@@ -277,7 +278,7 @@ impl Procedure {
         }
     }
 
-    /// Lets the converters be configured as the settings say, which takes its time.
+    /// Requests the configuration of the converters by the settings, which takes time.
     fn configure_sensors(&mut self, out: &mut Out<'_>) {
         self.last_seen = Some(out.now);
         self.flagged_since = FlaggedSince::default();
@@ -288,7 +289,7 @@ impl Procedure {
         });
     }
 
-    /// Forgets what the untouched sensor reads, and whether something touches.
+    /// Discards the baseline and the touch state.
     fn begin_baseline(&mut self) {
         self.evaluated = Default::default();
         let settings = &self.configuration.settings;
@@ -302,7 +303,7 @@ impl Procedure {
         }
     }
 
-    /// Learns anew what the untouched sensor reads, after an interruption or with other settings. What touches still does.
+    /// Learns the baseline again, after an interruption or with other settings; a touch remains.
     fn resume_baseline(&mut self) {
         let settings = &self.configuration.settings;
         for (sensor, of) in self.followers.iter_mut().enumerate() {
@@ -317,13 +318,13 @@ impl Procedure {
         }
     }
 
-    /// Learns anew what the sensor reads, which is taken as untouched until readings say otherwise.
+    /// Learns the baseline again, and assumes an untouched sensor until readings show a touch.
     fn learn_baseline(&mut self) {
         let followers = self.followers.iter_mut().flatten().flatten();
         followers.for_each(Follower::learn_anew);
     }
 
-    /// What is known of the sensor that touch and stiffness come from.
+    /// Returns the follower of the channel that determines touch and stiffness.
     fn principal_follower(&self) -> Option<&Follower> {
         let [first, _] = &self.followers;
         let of = first.get(usize::from(self.configuration.principal()));
@@ -359,7 +360,7 @@ impl Procedure {
         }
     }
 
-    /// The deformation at every channel of a scan; `None` where its conversion gives none.
+    /// Returns the deformation at every channel of a scan; `None` for a conversion without one.
     fn deformations(
         &mut self,
         scan: &Scan,
@@ -379,7 +380,7 @@ impl Procedure {
             if !reading.is_good() {
                 return None;
             }
-            // Flagged readings before this one are part of the time.
+            // Preceding flagged readings are part of the interval.
             let last = evaluated.as_mut()?.get_mut(channel)?.replace(scan.middle);
             let interval = last.map_or(interval, |last| seconds(last, scan.middle));
             follower.push(reading, interval, square_a2, away_k, calibration)
@@ -409,8 +410,9 @@ impl Procedure {
         }
     }
 
-    /// Begins to follow the coil's heat when its calibration comes, or goes on with another. A run that a
-    /// reset ended may have left the copper as hot as is allowed; without power it cools within a second.
+    /// Starts the coil's heat computation with its calibration, or continues it with a new one. A run
+    /// that ended in a reset may have left the copper at its highest allowed temperature; without power
+    /// it cools within a second.
     fn follow_heat(&mut self) {
         let temperature = self.conditions.temperature;
         let started = self.started.unwrap_or(self.now);
@@ -426,7 +428,7 @@ impl Procedure {
             .and_then(|coil| Heat::new(coil, temperature, copper).ok());
     }
 
-    /// What is due by time alone.
+    /// Handles everything that depends on time alone.
     fn tick(&mut self, out: &mut Out<'_>) {
         self.deadlines(out);
         self.watch_storage(out);
@@ -491,7 +493,7 @@ impl Procedure {
         }
     }
 
-    /// Goes to another phase and says so.
+    /// Enters another phase and reports it.
     fn go(&mut self, phase: Phase, out: &mut Out<'_>) {
         let previous = self.state();
         self.phase = phase;
@@ -511,26 +513,26 @@ impl Procedure {
     }
 }
 
-/// The actions of a step, as they come together.
+/// Actions of a step, in order.
 struct Out<'a> {
     now: Instant,
-    /// The link of the command that is what has happened.
+    /// Link of the command that this step handles.
     asker: Option<Link>,
-    /// A conversion is what has happened.
+    /// This step handles a conversion.
     converted: bool,
     actions: &'a mut Actions,
 }
 
 impl Out<'_> {
-    /// Adds an action. What has no room is lost, which the limit on a step's actions excludes;
-    /// safe state is put first instead, so that it never is.
+    /// Adds an action. An action without space is lost, which the limit on a step's actions excludes; a
+    /// safe state is put first, so it is never lost.
     fn push(&mut self, action: Action) {
         let _ = self.actions.push(action);
     }
 
-    /// Bridge off, before all else.
+    /// Switches the bridge off before all other actions.
     fn safe(&mut self) {
-        // In place: a copy of the actions would be two kilobytes of stack.
+        // In place: a copy of the actions would take two kilobytes of stack.
         let keep = |action: &Action| !matches!(action, Action::SafeState | Action::Current(_));
         self.actions.retain(keep);
         if self.actions.is_full() {
@@ -541,23 +543,23 @@ impl Out<'_> {
         while let [before @ .., one, last] = rest {
             core::mem::swap(one, last);
             let kept = before.len() + 1;
-            // It is at most the length: there is a slice of the rest.
+            // At most the length, so the slice exists.
             rest = rest.get_mut(..kept).unwrap_or_default();
         }
     }
 
-    /// For all links, at this time.
+    /// Sends a record to all links, with the present time.
     fn record(&mut self, record: Record) {
         self.record_to(None, record);
     }
 
-    /// For all links, of another time.
+    /// Sends a record to all links, with another time.
     fn record_of(&mut self, at: Instant, record: Record) {
         let to = None;
         self.push(Action::Record { at, to, record });
     }
 
-    /// For the link that asked.
+    /// Sends a record to the link that asked.
     fn answer(&mut self, record: Record) {
         self.record_to(self.asker, record);
     }

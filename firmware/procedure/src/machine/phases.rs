@@ -1,4 +1,4 @@
-//! The phases, and how one leads to the next.
+//! Phases and their transitions.
 
 use palpate_model::contact::Touch;
 use palpate_model::units::Second;
@@ -19,22 +19,22 @@ use crate::measurement::{
 use crate::steadiness::Steadiness;
 use crate::time::{Duration, Instant, between, in_seconds, seconds, span, together};
 
-/// Good conversions in a row that prove sensor, clock and bus.
+/// Number of consecutive good conversions that prove sensor, clock and bus.
 const SELF_TEST_CONVERSIONS: u8 = 10;
 
-/// Conversion periods without a conversion after which the sensor counts as silent, and the least
-/// time: what recovering the bus may take (50 ms).
+/// Number of conversion periods without a conversion after which the sensor counts as silent, and the
+/// least time: the recovery of the bus may take 50 ms.
 const SILENT_PERIODS: f32 = 10.0;
 const SILENT_S: f32 = 0.05;
-/// What bringing a converter up may take, beside conversions. With four channels, which is the most,
-/// the drive of each is sought, and 280 registers are written, read back or compared, one transaction
-/// each. Each has 0.47 ms until it fails, which is a fault of its own: 132 ms. Reset and waking take
+/// Longest start-up of a converter, without conversions. With four channels, the maximum, the drive of
+/// each is searched, and 280 registers are written, read back or compared in one transaction each. A
+/// transaction takes 0.47 ms until it fails, which is a fault of its own: 132 ms. Reset and wake-up take
 /// 3.5 ms.
 pub(super) const BRING_UP: Duration = Duration::from_ticks(140_000);
-/// The same time.
+/// Least silence, for the recovery of the bus.
 const LEAST_SILENCE: Duration = Duration::from_ticks(50_000);
 
-/// Where the procedure stands, with what it has to remember there.
+/// Phase of the procedure, with its data.
 #[derive(Clone, Debug)]
 #[expect(
     clippy::large_enum_variant,
@@ -46,63 +46,63 @@ pub(super) enum Phase {
     },
     Baseline,
     Watching,
-    /// Something touches, since then.
+    /// An object has touched since this time.
     Contact {
         since: Instant,
     },
     Settling(Settling),
     Driving(Measurement),
-    /// A train for calibration. The time of touch, if something touches.
+    /// Train for calibration, with the start of a touch if there is one.
     Sweeping {
         drive: TrainDrive,
         touched: Option<Instant>,
     },
-    /// The estimate has been sent; the points of the load's curve follow, one a step.
+    /// The estimate was sent; the points of the load's curve follow, one per step.
     Reporting {
         report: EstimateReport,
         next: u8,
-        /// The time of touch, until the object is lifted.
+        /// Start of the touch, until the object is lifted.
         touched: Option<Instant>,
     },
-    /// Measured, or refused; it still touches.
+    /// Measured or refused; the object still touches.
     Release {
         since: Instant,
     },
-    /// A current that a PC commands directly.
+    /// Current commanded directly by a PC.
     Manual(ManualDrive),
     Fault(Failure),
 }
 
-/// Waiting for a press to become steady.
+/// State of waiting for a steady press.
 #[derive(Clone, Debug)]
 pub(super) struct Settling {
-    /// When the object touched.
+    /// Start of the touch.
     touched: Instant,
     pub(super) began: Instant,
     steadiness: Steadiness,
-    /// The last rate seen, in m/s.
+    /// Last rate, in m/s.
     rate_m_per_s: f32,
-    /// Conversions that could not be used.
+    /// Number of flagged conversions.
     flagged: u32,
-    /// The last conversion that could.
+    /// Last usable conversion.
     last: Option<Instant>,
 }
 
-/// So long before a moment.
+/// Returns the moment `ago` before another.
 fn before(moment: Instant, ago: Second) -> Instant {
     Instant::from_ticks(moment.as_ticks().saturating_sub(span(ago.0).as_ticks()))
 }
 
-/// What a phase does, for everything that has to know no more of it.
+/// Kind of activity of a phase.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Activity {
     /// Sensing, with the coil at rest.
     Sensing,
-    /// Waiting for a press to become steady.
+    /// Waiting for a steady press.
     Settling,
     /// Driving a train.
     Train,
-    /// Driving a current that a PC commands.
+    /// Driving a current commanded by a PC.
     Manual,
     /// Sending a result.
     Reporting,
@@ -111,17 +111,17 @@ pub(super) enum Activity {
 }
 
 impl Activity {
-    /// Whether the coil is driven.
+    /// Returns whether the coil is driven.
     pub(super) const fn drives(self) -> bool {
         matches!(self, Self::Train | Self::Manual)
     }
 
-    /// Whether it ends in a result or a refusal.
+    /// Returns whether the activity ends in a result or a refusal.
     pub(super) const fn measures(self) -> bool {
         matches!(self, Self::Settling | Self::Train)
     }
 
-    /// Checks that a command may take the coil; otherwise the command's outcome.
+    /// Checks that a command may use the coil; otherwise returns the command's outcome.
     pub(super) const fn ensure_free(self) -> Result<(), Outcome> {
         match self {
             Self::Sensing => Ok(()),
@@ -172,7 +172,7 @@ impl Phase {
 }
 
 impl Procedure {
-    /// A scan of the first converter, and the deformation at its principal channel.
+    /// Handles a scan of the first converter, with the deformation at its principal channel.
     pub(super) fn principal(
         &mut self,
         scan: &Scan,
@@ -196,19 +196,19 @@ impl Procedure {
                     let ago = self.principal_follower().and_then(Follower::touched_for);
                     self.touched(before(scan.middle, ago.unwrap_or_default()), out);
                 }
-                // Where it is already it need not go: a phase is two kilobytes.
+                // Enters the phase only if it is new: a phase is two kilobytes.
                 Some(Touch::Clear) if self.state() != State::Watching => {
                     self.go(Phase::Watching, out);
                 }
                 _ => {}
             },
-            // The object may have left while the coil was driven, when the contact was not checked.
+            // The object may have left while the coil was driven and contact was not checked.
             Phase::Contact { .. } | Phase::Release { .. }
                 if deformation.is_some_and(|of| of.is_untouched()) =>
             {
                 self.go(Phase::Baseline, out);
             }
-            // What was announced is sent to its end.
+            // The announced points are sent to the end.
             Phase::Reporting { touched, .. } if deformation.is_some_and(|of| of.is_untouched()) => {
                 *touched = None;
             }
@@ -235,7 +235,7 @@ impl Procedure {
                     self.progress(progress, out);
                 }
             }
-            // That this converter is seen says nothing of the other one's silence.
+            // This converter is alive; that does not end the silence of the other one.
             Phase::Fault(standing)
                 if all_good
                     && standing.code == FaultCode::SensorSilent
@@ -247,7 +247,7 @@ impl Procedure {
         }
     }
 
-    /// An object touches.
+    /// Handles the start of a touch.
     fn touched(&mut self, since: Instant, out: &mut Out<'_>) {
         self.go(Phase::Contact { since }, out);
         if self.armed && self.configuration.settings.automatic {
@@ -255,7 +255,7 @@ impl Procedure {
         }
     }
 
-    /// When the object touched that touches now.
+    /// Returns the start of the present touch.
     pub(super) const fn touched_since(&self) -> Option<Instant> {
         match &self.phase {
             Phase::Contact { since } | Phase::Release { since } => Some(*since),
@@ -263,12 +263,12 @@ impl Procedure {
         }
     }
 
-    /// A measurement that was asked for.
+    /// Starts a requested measurement.
     pub(super) fn begin_asked(&mut self, out: &mut Out<'_>) -> Outcome {
         match self.may_measure() {
             Ok(touched) => {
-                // What the coil could not bear now it is not likely to in the second that the press
-                // takes to settle.
+                // A train that the coil cannot take at this time is unlikely to be possible a second
+                // later, when the press has settled.
                 match self.may_take_train(out.now) {
                     Err(hindrance) if hindrance.wait_s.is_some() => self.hindered(&hindrance, out),
                     _ => self.begin_settling(touched, out),
@@ -291,7 +291,7 @@ impl Procedure {
         self.go(Phase::Settling(settling), out);
     }
 
-    /// A conversion while the press settles; `rate` in m/s at the end of a block.
+    /// Handles a conversion while the press settles; `rate` in m/s at the end of a block.
     fn settle(&mut self, deformation: Deformation, rate: Option<f32>, out: &mut Out<'_>) {
         let settings = &self.configuration.settings;
         let Phase::Settling(settling) = &mut self.phase else {
@@ -323,7 +323,7 @@ impl Procedure {
             let reason = RefusalReason::PressedTooLittle;
             return self.refuse(Reason::new(reason, Some(pressed_m), Some(least_m)), out);
         }
-        // One that was not asked for may come while the coil is not known.
+        // An automatic measurement may start while the coil is not tested.
         if self.coil_is_tested(out) {
             self.begin_measurement(touched, out);
         }
@@ -337,7 +337,7 @@ impl Procedure {
             let (reading, limit) = (metres(moved.reading), metres(moved.limit));
             return self.refuse(Reason::new(RefusalReason::RestMoved, reading, limit), out);
         }
-        // The same as at the bench, where the temperature is measured before a train as well.
+        // As on the bench, where the temperature is measured before a train as well.
         let calibrated = match self.configuration.calibrated(self.temperature()) {
             Ok(calibrated) => calibrated,
             Err(kind) => {
@@ -356,8 +356,8 @@ impl Procedure {
         let started = TrainDrive::start(settings, limits, out.now);
         let (measurement, line) =
             Measurement::start(self.measurement, calibrated, touched, settings, started);
-        // What goes into an estimate is in the records, so that it can be computed again from them: here the
-        // temperature.
+        // The records contain all inputs of an estimate, so that it can be recomputed from them: here
+        // the temperature.
         out.record(Record::Status(self.status()));
         self.go(Phase::Driving(measurement), out);
         out.push(Action::Current(line));
@@ -376,13 +376,13 @@ impl Procedure {
         }
     }
 
-    /// All ramps are done: bridge off, and the result.
+    /// Ends the ramps: switches the bridge off, and sends the result.
     fn conclude(&mut self, out: &mut Out<'_>) {
         self.safe(Outcome::Aborted, out);
         if let Phase::Sweeping { touched, .. } = self.phase {
             return self.swept(touched, out);
         }
-        // Where it lies: it is the largest thing there is, and the stack is short.
+        // Used in place: it is the largest object, and the stack is small.
         let Phase::Driving(measurement) = &mut self.phase else {
             return;
         };
@@ -411,8 +411,8 @@ impl Procedure {
         }
     }
 
-    /// The end of a train for calibration. What it did to an untouched sensor's readings is no
-    /// part of their baseline.
+    /// Ends a train for calibration. Its effect on an untouched sensor's readings does not enter the
+    /// baseline.
     pub(super) fn swept(&mut self, touched: Option<Instant>, out: &mut Out<'_>) {
         match touched {
             Some(since) => self.go(Phase::Release { since }, out),
@@ -423,7 +423,7 @@ impl Procedure {
         }
     }
 
-    /// Begins a train for calibration.
+    /// Starts a train for calibration.
     pub(super) fn begin_sweep(&mut self, out: &mut Out<'_>) -> Outcome {
         if !self.check_all(out) {
             return Outcome::Faulted;
@@ -443,13 +443,13 @@ impl Procedure {
         Outcome::Accepted
     }
 
-    /// Ends a measurement, or the attempt at one, with a reason. Bridge off first.
+    /// Ends a measurement or its attempt with a reason. Switches the bridge off first.
     pub(super) fn refuse(&mut self, reason: Reason, out: &mut Out<'_>) {
         let wait_s = None;
         self.hindered(&Hindrance { reason, wait_s }, out);
     }
 
-    /// The same, with the time after which it may be asked for again.
+    /// As [`refuse`](Self::refuse), with the time after which the measurement may be requested again.
     pub(super) fn hindered(&mut self, hindrance: &Hindrance, out: &mut Out<'_>) {
         let &Hindrance { reason, wait_s } = hindrance;
         let (number, since) = match &self.phase {
@@ -464,21 +464,21 @@ impl Procedure {
         record.wait_s = wait_s;
         out.record(Record::Refusal(record));
         match since {
-            // The release was seen, and the baseline is learnt from there.
+            // The release was detected, and the baseline is learnt from there.
             Some(_) if reason.code == RefusalReason::ContactLost => self.go(Phase::Baseline, out),
             Some(since) => self.go(Phase::Release { since }, out),
             None => self.swept(None, out),
         }
     }
 
-    /// What is due by time alone.
+    /// Checks the deadlines of the phases.
     pub(super) fn deadlines(&mut self, out: &mut Out<'_>) {
         self.watch_for_silence(out);
         self.watch_test(out);
         let is_testing = matches!(self.coil, Knowledge::Testing(_));
         let before = self.state();
         match &mut self.phase {
-            // A test of the coil has a deadline of its own.
+            // A test of the coil has its own deadline.
             Phase::Settling(_) if is_testing => {}
             Phase::Settling(settling) => {
                 let settings = &self.configuration.settings;
@@ -510,7 +510,7 @@ impl Procedure {
         }
     }
 
-    /// A train has gone on, perhaps from its peak to its ramps.
+    /// Reports the progress of a train, which may have gone from its peak to its ramps.
     fn driven(&mut self, progress: Progress, before: State, out: &mut Out<'_>) {
         if self.state() != before {
             self.announce(before, out);
@@ -538,7 +538,7 @@ impl Procedure {
         }
     }
 
-    /// A silent converter is a fault. Until it is configured it has longer.
+    /// Raises a fault for a silent converter, with a longer limit during its configuration.
     fn watch_for_silence(&mut self, out: &mut Out<'_>) {
         if matches!(self.phase, Phase::Fault(_)) {
             return;
@@ -563,12 +563,12 @@ impl Procedure {
         }
     }
 
-    /// How long a sensor may give nothing of use, s.
+    /// Returns the longest time without a usable reading, s.
     pub(super) fn allowed_silence_s(&self) -> f32 {
         (SILENT_PERIODS / self.configuration.settings.rate_hz).max(SILENT_S)
     }
 
-    /// Whether a measurement may be asked for now.
+    /// Checks that a measurement may be requested at this time.
     pub(super) fn may_measure(&self) -> Result<Instant, Outcome> {
         self.phase.activity().ensure_free()?;
         if self.mode == Mode::SensingOnly {

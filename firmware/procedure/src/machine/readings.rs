@@ -1,4 +1,4 @@
-//! Error flags of readings: one is data, one that persists is a fault.
+//! Error flags of readings: a single flag is data, a persistent one is a fault.
 
 use ldc161x::{Quality, Reading};
 use palpate_wire::code::{FaultCode, Location};
@@ -9,16 +9,16 @@ use crate::action::Action;
 use crate::event::{Failure, Scan};
 use crate::time::{Instant, seconds};
 
-/// Since when each channel of each converter gives flagged readings and no good one between.
+/// Start of each channel's flagged readings without a good one between.
 #[derive(Clone, Debug, Default)]
 pub(super) struct FlaggedSince {
     channels: [[Option<Instant>; 4]; 2],
-    /// Whether one of them does, or did when that was last looked at.
+    /// At least one channel was flagged at the last check.
     any: bool,
 }
 
-/// What a flag says of the sensor. A reading that is old, that was read twice differently or that
-/// follows a gap says nothing of it.
+/// Returns the fault that a flag indicates. A reading that is old, inconsistent between two reads, or
+/// after a gap does not indicate a fault of the sensor.
 const fn cause(quality: Quality) -> Option<FaultCode> {
     match quality {
         Quality::Watchdog | Quality::UnderRange => Some(FaultCode::SensorNotOscillating),
@@ -28,7 +28,7 @@ const fn cause(quality: Quality) -> Option<FaultCode> {
     }
 }
 
-/// Whether a fault is one of these, which good readings end and nothing else.
+/// Returns whether a fault is of this kind, which only good readings end.
 pub(super) const fn is_of_readings(code: FaultCode) -> bool {
     matches!(
         code,
@@ -41,7 +41,7 @@ impl FlaggedSince {
         self.any = self.channels.iter().flatten().any(Option::is_some);
     }
 
-    /// Takes a reading; returns what is wrong, and since when, while something is.
+    /// Takes a reading; returns the fault and its start while the channel is flagged.
     fn push(
         &mut self,
         sensor: u8,
@@ -61,9 +61,9 @@ impl FlaggedSince {
 }
 
 impl Procedure {
-    /// Raises a fault for a channel whose readings are flagged for as long as a silent converter
-    /// may be silent: a sensor without one usable reading is worth no more than one without any.
-    /// Ends it when every channel of that converter reads well.
+    /// Raises a fault if a channel's readings are flagged for as long as a converter may be silent:
+    /// without a usable reading a sensor is as good as silent. Ends the fault when every channel of that
+    /// converter reads well.
     pub(super) fn watch_readings(&mut self, scan: &Scan, out: &mut Out<'_>) {
         let all_good = scan.conversions.iter().all(|of| of.reading.is_good());
         if all_good && !self.flagged_since.any && !matches!(self.phase, Phase::Fault(_)) {
@@ -101,8 +101,8 @@ impl Procedure {
             }
         } else if let Some(failure) = failure {
             self.fail(failure, out);
-            // The drive may have been sought while something pressed on the sensor: it is sought anew, for the sensor as
-            // it is now. If that helps, good readings end the fault.
+            // The drive may have been found while the sensor was pressed: it is searched again for the
+            // present state. If that helps, good readings end the fault.
             if failure.code == FaultCode::SensorAmplitude {
                 out.push(Action::SeekDrive {
                     sensor: scan.sensor & 1,

@@ -1,7 +1,7 @@
-//! What is stored, and what is done with it: one thing at a time, order by order.
+//! Control of the storage: one operation at a time, order by order.
 //!
-//! While the storage is at work nothing may be set or driven, so that what is stored is what is in
-//! force, and the bridge stays off.
+//! While the storage works, no setting or drive is allowed, so the stored and the active configuration
+//! agree and the bridge stays off.
 
 use palpate_model::units::Second;
 use palpate_wire::Record;
@@ -18,31 +18,31 @@ use crate::list::gathered;
 use crate::storage::{StorageFailure, StorageOrder, StorageReport, Stored};
 use crate::time::{Duration, Instant, between, in_seconds, seconds};
 
-/// The longest time that the storage may take for anything. The fullest save programs 70 KiB at 3 ms
-/// a page and erases 16 sectors at 0.4 s (W25Q16JV datasheet, 9.6, the greatest times): 7.3 s; and
-/// before it the bridge has to rest for 0.2 s.
+/// Longest time of a storage operation. The largest save programs 70 KiB at 3 ms per page and erases 16
+/// sectors at 0.4 s (W25Q16JV datasheet, 9.6, maximum times): 7.3 s; before it the bridge must rest for
+/// 0.2 s.
 const LONGEST: Duration = Duration::from_ticks(15_000_000);
 
-/// The same for what the start waits for: it only reads, which takes a tenth of this.
+/// Longest load at start-up: it only reads, which takes a tenth of this.
 const LONGEST_AT_START: Duration = Duration::from_ticks(1_000_000);
 
-/// What is known of the storage.
+/// State of the storage.
 #[derive(Clone, Debug)]
 pub(super) struct Storage {
     stored: Stored,
-    /// Items of it that the board refused when they were loaded.
+    /// Number of stored items that the board refused when they were loaded.
     refused: u16,
     work: Option<Work>,
 }
 
-/// What the storage is doing, and since when.
+/// Operation in progress and its start.
 #[derive(Clone, Debug)]
 struct Work {
     action: StorageAction,
     since: Instant,
-    /// What of the configuration has been put into a save.
+    /// Position in the configuration of the next item to save.
     put: Cursor,
-    /// Something of a load has come.
+    /// A load has delivered an item.
     has_items: bool,
 }
 
@@ -61,8 +61,8 @@ impl Storage {
 }
 
 impl Procedure {
-    /// Before anything else what is stored comes into force. Not after a streak of crashes: it may be
-    /// what they come from.
+    /// Starts loading the stored configuration before anything else. Skipped after a streak of crashes,
+    /// which it may have caused.
     pub(super) fn begin_storage(&mut self, out: &mut Out<'_>) {
         let (action, order) = if self.board.crashes >= MOST_CRASHES {
             (StorageAction::Inspect, StorageOrder::Inspect)
@@ -125,7 +125,7 @@ impl Procedure {
         out.push(Action::Storage(order));
     }
 
-    /// The storage says something. What it says of work that was given up is no longer of use.
+    /// Handles a report of the storage. Reports of an abandoned operation are ignored.
     pub(super) fn storage_reported(&mut self, report: &StorageReport, out: &mut Out<'_>) {
         let Some(work) = &mut self.storage.work else {
             return;
@@ -169,8 +169,8 @@ impl Procedure {
         }
     }
 
-    /// What was stored is in force: nothing that depends on it holds any more. If not all of it could
-    /// be read, none of it is.
+    /// Applies a loaded configuration and discards all state that depends on the previous one. If a part
+    /// could not be read, none of it is applied.
     fn loaded(&mut self, failure: Option<StorageFailure>, out: &mut Out<'_>) {
         if failure.is_some() {
             self.configuration = Configuration::new(&self.board);
@@ -191,7 +191,7 @@ impl Procedure {
         let code = match failure {
             StorageFailure::Damaged => FaultCode::StorageDamaged,
             StorageFailure::Flash => FaultCode::StorageFailed,
-            // A board without one works as it always did.
+            // A board without storage keeps working.
             StorageFailure::Absent => return,
         };
         let state = self.storage.stored.state.number();
@@ -202,7 +202,7 @@ impl Procedure {
         self.fail(failure, out);
     }
 
-    /// Work of the storage that does not end. It is not asked again.
+    /// Abandons an operation that does not end; the storage gets no further order.
     pub(super) fn watch_storage(&mut self, out: &mut Out<'_>) {
         let Some(Work { since, .. }) = self.storage.work else {
             return;
@@ -257,7 +257,7 @@ impl Procedure {
     }
 }
 
-/// The correction that changes nothing.
+/// Correction that changes nothing.
 fn no_correction() -> CurrentCorrection {
     CurrentCorrection {
         greatest_a: 1.0,

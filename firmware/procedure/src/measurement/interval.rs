@@ -1,4 +1,4 @@
-//! From the sums to what is claimed.
+//! Computes the estimate and its interval from the sums.
 
 use palpate_model::magnetorheological::{self, Stiffening};
 use palpate_model::math::{exp_m1, hypot, sqrt};
@@ -15,7 +15,7 @@ use super::{Measurement, Reason};
 use crate::configuration::Calibrated;
 use crate::time::{Instant, seconds};
 
-/// What a measurement ends in.
+/// Outcome of a measurement.
 #[derive(Clone, Debug)]
 #[expect(
     clippy::large_enum_variant,
@@ -26,27 +26,27 @@ pub(crate) enum MeasurementOutcome {
     Refusal(Refusal),
 }
 
-/// An estimate, and the load's curve, whose points are computed one by one.
+/// Estimate and load curve, whose points are computed one by one.
 #[derive(Clone, Debug)]
 pub(crate) struct EstimateReport {
     pub(crate) estimate: Estimate,
     curve: Option<LoadCurve>,
 }
 
-/// The load's curve along the train.
+/// Load curve along the train.
 #[derive(Clone, Debug)]
 struct LoadCurve {
     fit: Fit,
     sensing: NewtonPerMetre,
     total: Metre,
     regressors: (f32, f32),
-    /// Force at the middle of the ramps.
+    /// Force in the middle of the ramps.
     middle: Newton,
-    /// Standard error of c_S/c_L that the calibration leaves: it turns the curve about its middle.
+    /// Standard error of c_S/c_L from the calibration: it rotates the curve about its middle.
     of_calibration: f32,
-    /// By how much the noise is larger than the fit says.
+    /// Ratio of the noise to that of the fit.
     scatter: f32,
-    /// Points to report.
+    /// Number of points to report.
     points: u8,
 }
 
@@ -75,7 +75,7 @@ impl Measurement {
         let uncorrected = uncorrected(&self.calibrated).budget(of_noise.value, &at);
         let uncorrected = uncorrected.force_scale + uncorrected.stiffening;
         let bend = curved.and_then(|curved| Bend::of(&fit, &curved, ramps.span()));
-        // One temperature is behind both errors: they add up.
+        // One temperature causes both errors, so they add linearly.
         let claim = temperature
             .widen(&calibration.widen(&of_noise, &at), &at)
             .with_uncertainty(uncorrected);
@@ -102,7 +102,8 @@ impl Measurement {
             self.calibrated.temperature,
         ) {
             (None, Some(_)) => claim.with_uniform_part(both_uniform(&of_temperature)),
-            // Without a thermometer the interval holds at each temperature, not on their average.
+            // Without a thermometer the interval holds at each temperature, not on average over
+            // temperatures.
             _ => claim,
         };
         let load = claim.stiffness(sensing)?;
@@ -121,7 +122,7 @@ impl Measurement {
             scatter,
             points: settings.load_points,
         });
-        // A press that changes during the ramps may leave a stiffness and no curve.
+        // A press that changes during the ramps may give a stiffness but no curve.
         let curve = curve.filter(|curve| curve.can_be_reported(self.number));
         let tangent = curve.as_ref().and_then(|curve| curve.tangent(sensing));
         let estimate = Estimate {
@@ -147,7 +148,7 @@ impl Measurement {
             duration_s: seconds(began, now).0,
             load_points: curve.as_ref().map_or(0, |curve| curve.points),
         };
-        // A calibration or sigmas far from any sensor's may lead beyond what the protocol holds.
+        // A calibration or sigmas far from those of any sensor may exceed the protocol's range.
         if estimate.validate().is_err() {
             return Err(RampRefusal::NotFinite.into());
         }
@@ -156,7 +157,7 @@ impl Measurement {
 }
 
 impl EstimateReport {
-    /// A point of the load's curve, evenly spaced along the regressor.
+    /// Returns a point of the load curve; points are evenly spaced along the regressor.
     pub(crate) fn load_point(&self, index: u8) -> Option<LoadPoint> {
         let curve = self.curve.as_ref()?;
         let last = curve.points.checked_sub(1).filter(|last| index <= *last)?;
@@ -170,14 +171,15 @@ impl EstimateReport {
 }
 
 impl LoadCurve {
-    /// Whether its ends and its middle lie within what the protocol holds. The others, up to 64, are
-    /// computed one by one as they are sent, so that no step is long.
+    /// Returns whether both ends and the middle are within the protocol's range. The other points, up to
+    /// 64, are computed one by one when they are sent, so that no step is long.
     fn can_be_reported(&self, measurement: u32) -> bool {
         let point = |part| self.point(measurement, 0, part);
         self.points == 0 || [0.0, 0.5, 1.0].map(point).iter().all(Option::is_some)
     }
 
-    /// A point at a part of the way along the regressor, if the protocol holds it.
+    /// Returns the point at a fraction `part` of the regressor's range, if the protocol can represent
+    /// it.
     fn point(&self, measurement: u32, index: u8, part: f32) -> Option<LoadPoint> {
         let (low, high) = self.regressors;
         let point = self.at(low + (high - low) * part);
@@ -193,7 +195,8 @@ impl LoadCurve {
         reported.validate().is_ok().then_some(reported)
     }
 
-    /// The point at a regressor, with the uncertainty of its way from the middle of the ramps.
+    /// Returns the point at a regressor, with the uncertainty of its distance from the middle of the
+    /// ramps.
     fn at(&self, regressor: f32) -> LoadCurvePoint {
         let point = self
             .fit
@@ -207,7 +210,7 @@ impl LoadCurve {
         }
     }
 
-    /// Tangent stiffness at the ramp's middle, with its standard error, if it is one.
+    /// Returns the tangent stiffness in the ramp's middle with its standard error, if it is valid.
     fn tangent(&self, sensing: NewtonPerMetre) -> Option<(NewtonPerMetre, NewtonPerMetre)> {
         let ratio = self.fit.load_ratio();
         match ratio.and_then(|ratio| ratio.stiffness(sensing)) {
@@ -221,8 +224,8 @@ impl LoadCurve {
     }
 }
 
-/// The noise's interval, wider if the single ramps disagree by more than their own errors: what is
-/// slower than a conversion and faster than the train, as vibration, is not white.
+/// Returns the noise interval, widened if the single ramps scatter by more than their own errors:
+/// disturbances slower than a conversion and faster than the train, such as vibration, are not white.
 fn widened(ratio: &LoadRatio, factor: f32) -> LoadRatio {
     LoadRatio {
         value: ratio.value,
@@ -232,17 +235,17 @@ fn widened(ratio: &LoadRatio, factor: f32) -> LoadRatio {
     }
 }
 
-/// Part of the slope's standard error that a bend may always be worth: an ideal sensor's ramps bend by
-/// as much, of what conversions and the current's readings are means over.
+/// Bend that is always allowed, as a part of the slope's standard error: an ideal sensor's ramps bend by
+/// this amount, because conversions and current readings are averages.
 const LEAST_MISFIT: f32 = 0.005;
 
-/// A bend of so many times the calibration's own is no misfit yet: vibration in step with the ramps
-/// bends each train by another amount, up to the root of two of them.
+/// Multiple of the calibration's own bend that is not a misfit yet: vibration synchronous with the ramps
+/// bends each train differently, by up to the root of two of these.
 const OF_USUAL_BEND: f32 = 2.0;
 
-/// The claim with what a bend of the line leaves open, or a refusal if that is more than all else and
-/// more than the calibration's trains show. `scatter` is by how much the noise is larger than the fit
-/// says, `usual` the bend of the calibration's trains.
+/// Adds the uncertainty of a bent line to the claim, or refuses if it exceeds all other uncertainties
+/// and the bend of the calibration's trains. `scatter` is the ratio of the noise to that of the fit,
+/// `usual` the bend of the calibration's trains.
 fn with_misfit(
     claim: LoadRatio,
     bend: Option<Bend>,
@@ -256,7 +259,7 @@ fn with_misfit(
     let misfit = of(Bend::significant_uncertainty);
     let allowed = LEAST_MISFIT.max(OF_USUAL_BEND * SLOPE_BY_BEND * usual);
     let limit = claim.standard_error.max(allowed * whole);
-    // NaN is refused, too.
+    // NaN is refused as well.
     if misfit.is_nan() || limit.is_nan() || misfit > limit {
         return Err(Reason::new(
             RefusalReason::Misfit,
@@ -281,12 +284,12 @@ fn operating_point(
     }
 }
 
-/// The calibration's uncertainties, those of cross-talk and attraction as parts of the
-/// stiffening's: at the peak both change the signal as an error of the stiffening would.
+/// Returns the calibration's uncertainties. Those of cross-talk and attraction are expressed as parts of
+/// the stiffening's: at the peak both change the signal as an error of the stiffening would.
 ///
-/// The ramp changes x by the fraction |h|/W, W = 1 + kappa + g the whole compliance and
-/// h = -g rho/(1 + rho) the regressor's change. An error o of x at the peak alone is the fraction
-/// (o/x) W/|h| of that; an attraction p c_D0 that is off by the fraction u is (p/x) u/|h|.
+/// The ramp changes x by the fraction |h|/W, where W = 1 + kappa + g is the whole compliance and h = -g
+/// rho/(1 + rho) the regressor's change. An error o of x at the peak alone is the fraction (o/x) W/|h|
+/// of that; an attraction p c_D0 with the relative error u is (p/x) u/|h|.
 fn uncertainties(
     calibrated: &Calibrated,
     ratio: &LoadRatio,
@@ -320,25 +323,25 @@ fn uncertainties(
         force_scale: springs.force_scale_uncertainty,
         sensing: springs.sensing_uncertainty,
         actuated: springs.actuated_uncertainty,
-        // `Calibration` counts the stiffening's error as W/(1 + rho), the signal's as W.
+        // `Calibration` scales the stiffening's error by W/(1 + rho), the signal's by W.
         stiffening: hypot(*rise_uncertainty, of_signal * (1.0 + at.rise)),
         current: coil.current_uncertainty,
         zero: Metre(springs.zero_uncertainty_m),
     }
 }
 
-/// What the temperature may be where nothing measures it, degrees Celsius: from a cold workshop to a warm room of
-/// 30 in which the coil gives off all that it may for ever, 3.5 W through 8 K/W.
+/// Temperature range without a thermometer, degrees Celsius: from a cold workshop to a warm room of 30
+/// with the coil at its continuous power, 3.5 W through 8 K/W.
 const UNMEASURED_C: [f32; 2] = [0.0, 60.0];
 
-/// By how much the measurement's temperature is above the calibration's, K.
+/// Returns the measurement's temperature minus the calibration's, K.
 fn off_calibration_k(calibrated: &Calibrated) -> Option<f32> {
     let Celsius(now_c) = calibrated.temperature?;
     let effect = calibrated.temperature_effect.as_ref()?;
     Some(now_c - effect.calibrated_at_c)
 }
 
-/// The greatest difference from the calibration's temperature, K.
+/// Returns the largest difference from the calibration's temperature, K.
 fn difference_k(effect: &TemperatureEffect, temperature: Option<Celsius>) -> f32 {
     let from = |now_c: f32| (now_c - effect.calibrated_at_c).abs();
     match temperature {
@@ -350,8 +353,8 @@ fn difference_k(effect: &TemperatureEffect, temperature: Option<Celsius>) -> f32
     }
 }
 
-/// What springs and rise may have changed by, where no temperature is there to correct them: uniform within
-/// limits, 1.96 of whose standard errors contain all of it.
+/// Returns the uncertainty of uncorrected changes of springs and rise without a thermometer: uniform
+/// within limits, and 1.96 of the standard errors cover the whole range.
 fn uncorrected(calibrated: &Calibrated) -> Calibration {
     let Calibrated {
         temperature_effect: Some(effect),
@@ -371,7 +374,7 @@ fn uncorrected(calibrated: &Calibrated) -> Calibration {
     }
 }
 
-/// What another temperature than the calibration's leaves open.
+/// Returns the uncertainty from the difference to the calibration's temperature.
 fn of_temperature(calibrated: &Calibrated) -> Calibration {
     let Some(effect) = &calibrated.temperature_effect else {
         return Calibration::default();
@@ -384,8 +387,9 @@ fn of_temperature(calibrated: &Calibrated) -> Calibration {
     }
 }
 
-/// Standard error of one uniform error that makes as much of a distribution's shape as those of springs and
-/// stiffening do together: by its fourth cumulant, which for a uniform error goes with the fourth power.
+/// Returns the standard error of one uniform error that shapes a distribution as those of springs and
+/// stiffening do together: it has the same fourth cumulant, which for a uniform error grows with the
+/// fourth power.
 fn both_uniform(temperature: &Budget) -> f32 {
     let fourth = |error: f32| (error * error) * (error * error);
     sqrt(sqrt(
@@ -443,7 +447,7 @@ impl From<RampRefusal> for Reason {
     }
 }
 
-/// What a part leaves of a standard error.
+/// Returns the rest of a standard error after removing a part, in quadrature.
 fn root_of_rest(whole: f32, part: f32) -> f32 {
     sqrt((whole * whole - part * part).max(0.0))
 }
@@ -455,7 +459,7 @@ mod tests {
 
     use super::*;
 
-    /// The curve of three equal springs, of which the single ramps disagree by a factor.
+    /// Load curve of three equal springs, whose single ramps scatter by a factor.
     fn curve(scatter: f32) -> LoadCurve {
         let deformation = Metre(0.3e-3);
         let reference = Reference::new(deformation, 1.0).unwrap();
@@ -483,8 +487,8 @@ mod tests {
         }
     }
 
-    /// A press that changes within the ramps leaves a stiffness, if only a lower bound, and points
-    /// that are uncertain by metres. Such were found by random sequences.
+    /// A press that changes within the ramps leaves a stiffness, or only a lower bound, and points with
+    /// uncertainties of metres. Random sequences have found such cases.
     #[test]
     fn a_curve_beyond_what_the_protocol_holds_is_not_reported() {
         assert!(curve(1.0).can_be_reported(1));

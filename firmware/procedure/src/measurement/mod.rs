@@ -1,4 +1,4 @@
-//! One measurement: from the rise of the current to an estimate, or to a refusal.
+//! One measurement: from the rise of the current to an estimate or a refusal.
 
 mod interval;
 mod ramps;
@@ -23,16 +23,16 @@ pub(crate) use interval::{EstimateReport, MeasurementOutcome};
 use ramps::{Ramps, TwoStates};
 use train::{Train, TrainProfile, TrainSegment};
 
-/// The current may differ from its setpoint by this part of the peak. A larger difference means that
-/// another profile was driven than the stiffening was calibrated on; 2 % of gain and an amplifier's
-/// non-linearity (sim-host/stacks) lie well within.
+/// Largest tracking error of the current, as a part of the peak. A larger one means that the driven
+/// profile differs from the one of the stiffening calibration; 2 % of gain error and an amplifier's
+/// non-linearity (sim-host/stacks) are well within.
 const MAX_TRACKING_ERROR: f32 = 0.1;
 
-/// More than one conversion in so many flagged or lost ends a measurement: what took that many
-/// touched the others too.
+/// A measurement ends if more than one in this number of conversions is flagged or lost: that many
+/// errors have affected the others too.
 const ONE_IN: u32 = 10;
 
-/// Why there is no estimate, with the numbers whose meaning stands at the code.
+/// Reason for a missing estimate, with numbers whose meaning depends on the code.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Reason {
     pub(crate) code: RefusalReason,
@@ -46,7 +46,7 @@ impl Reason {
     }
 }
 
-/// A train under way, with its guards.
+/// Train in progress, with its checks.
 #[derive(Clone, Debug)]
 pub(crate) struct TrainDrive {
     train: Train,
@@ -54,44 +54,45 @@ pub(crate) struct TrainDrive {
     deadline: Instant,
 }
 
-/// A measurement under way.
+/// Measurement in progress.
 #[derive(Clone, Debug)]
 pub(crate) struct Measurement {
     pub(crate) number: u32,
     pub(crate) drive: TrainDrive,
     calibrated: Calibrated,
-    /// When the object touched.
+    /// Start of the touch.
     touched: Instant,
-    /// Sums over the falls; from the first sample on.
+    /// Sums over the falls, from the first sample on.
     ramps: Option<Ramps>,
     zero: ZeroAtTrain,
     two_states: TwoStates,
-    /// What the interval is made of, once that is known.
+    /// Contributions to the interval, once known.
     budget: Option<UncertaintyBudget>,
     lost: u32,
     flagged: u32,
-    /// How many of the train's conversions may be lost, and how many flagged.
+    /// Allowed number of lost conversions of the train, and of flagged ones.
     allowed: u32,
 }
 
-/// The zero of the deformation when the train began, and what is uncertain of it.
+/// Zero of the deformation at the start of the train, with its uncertainty.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct ZeroAtTrain {
-    /// What the sensing layer has crept since it was pressed, more than on the bench.
+    /// Creep of the sensing layer since the press, beyond that on the bench.
     creep: Metre,
     variance_m2: f32,
 }
 
-/// From the press to the train, s: on a bench it takes less, so that the calibration contains the creep until then.
+/// Longest time from press to train on a bench, s: the calibration contains the creep up to this time.
 const BENCH_S: f32 = 1.5;
 
-/// What the sensing layer creeps, relative, in each e-fold of its deformation's age, and its standard uncertainty: three modes of 6 % in the
-/// mean over the times from 0.05 to 1000 s (sim-host/stacks/disturbances.toml), and anything from none to twice as much.
+/// Relative creep of the sensing layer per e-fold of the deformation's age, and its standard
+/// uncertainty: three modes of 6 %, as a mean over the times from 0.05 to 1000 s
+/// (sim-host/stacks/disturbances.toml), with a range from zero to twice that.
 const CREEP: f32 = 0.018;
 const CREEP_UNCERTAINTY: f32 = 0.0104;
 
 impl ZeroAtTrain {
-    /// At the first sample of a train.
+    /// Computes the zero at the first sample of a train.
     fn of(deformation: &Deformation) -> Self {
         let longer = ln((deformation.mean_age.0 / BENCH_S).max(1.0)) * deformation.value.0;
         let uncertain = CREEP_UNCERTAINTY * longer;
@@ -102,26 +103,26 @@ impl ZeroAtTrain {
     }
 }
 
-/// What an event means for a train.
+/// Progress of a train after an event.
 pub(crate) enum Progress {
-    /// It goes on.
+    /// The train continues, with a new line of current if one is due.
     On(Option<CurrentLine>),
-    /// All ramps are done and the current is zero.
+    /// All ramps are complete and the current is zero.
     Done,
-    /// There is no estimate.
+    /// The measurement ends without an estimate.
     Refused(Reason),
-    /// Something is broken.
+    /// A part has failed.
     Failed(Failure),
 }
 
 impl TrainDrive {
-    /// Begins with the first rise.
+    /// Starts with the first rise.
     pub(crate) fn start(settings: &Settings, limits: &Limits, now: Instant) -> (Self, CurrentLine) {
         let profile = TrainProfile::new(settings);
         let (train, line) = Train::start(profile, now);
         let began = Instant::from_ticks(line.start_us);
-        // Every segment begins with the conversion nearest to the end of the one before: a tenth of a
-        // second late is a scheduler that has failed.
+        // Every segment starts with the conversion nearest to the end of the previous one: a delay of a
+        // tenth of a second means a failed scheduler.
         let slack = span(0.1).as_ticks() * (u64::from(profile.ramps) * 3 + 3);
         let allowed = profile.duration().as_ticks() + slack;
         let allowed = allowed.min(span(limits.on_time_s).as_ticks());
@@ -138,14 +139,14 @@ impl TrainDrive {
         &self.train
     }
 
-    /// From which the samples' times count: the middle of the first rise, so that a drift that
-    /// starts anew with every ramp does so in the middle of a rise, far from any sample.
+    /// Returns the time origin of the samples: the middle of the first rise. A drift that restarts with
+    /// every ramp then does so in the middle of a rise, far from any sample.
     fn origin(&self) -> Instant {
         let half = Duration::from_ticks(self.train.profile().rise.as_ticks() / 2);
         after(self.began, half)
     }
 
-    /// Time goes on; `converted` says that a conversion has ended now.
+    /// Advances the time; `converted`: a conversion has ended at this time.
     pub(crate) fn tick(&mut self, now: Instant, converted: bool) -> Progress {
         if now >= self.deadline {
             let allowed = seconds(self.began, self.deadline).0;
@@ -161,7 +162,7 @@ impl TrainDrive {
         }
     }
 
-    /// A scan: whether heat and current are as they should be.
+    /// Checks heat and current at a scan.
     pub(crate) fn check(
         &mut self,
         scan: &Scan,
@@ -175,7 +176,7 @@ impl TrainDrive {
         self.check_current(scan)
     }
 
-    /// Whether the measured current follows its setpoint.
+    /// Checks that the measured current follows its setpoint.
     fn check_current(&self, scan: &Scan) -> Result<(), Progress> {
         let refused = |code, value, limit: Ampere| {
             Err(Progress::Refused(Reason::new(code, value, Some(limit.0))))
@@ -185,8 +186,7 @@ impl TrainDrive {
             let setpoint = self.train.setpoint(scan.middle).unwrap_or(peak);
             return refused(RefusalReason::CurrentOffTarget, None, setpoint);
         };
-        // Only where the whole conversion lay within the segment. A rise begins from wherever the
-        // current was.
+        // Only if the whole conversion was within the segment. A rise starts at the present current.
         let half = scan.window.as_ticks() / 2;
         let begins = Instant::from_ticks(scan.middle.as_ticks().saturating_sub(half));
         if !self.train.has_begun(begins) || self.train.segment() == TrainSegment::Rise {
@@ -203,7 +203,7 @@ impl TrainDrive {
     }
 }
 
-/// The forecast allowed the train; this is what the measured current made of the coil.
+/// Checks the measured energy and temperature against the limits; the forecast has allowed the train.
 pub(crate) fn check_heat(settings: &Settings, heat: &Heat) -> Option<Failure> {
     let copper_c = heat.copper().0;
     let (code, value, limit) = if copper_c > settings.greatest_temperature_c {
@@ -224,7 +224,7 @@ pub(crate) fn check_heat(settings: &Settings, heat: &Heat) -> Option<Failure> {
 }
 
 impl Measurement {
-    /// A measurement with the train that has just begun.
+    /// Starts a measurement with a train that has just started.
     pub(crate) fn start(
         number: u32,
         calibrated: Calibrated,
@@ -249,17 +249,17 @@ impl Measurement {
         (measurement, line)
     }
 
-    /// What the interval is made of, once it has ended with an estimate or in one that is too uncertain.
+    /// Takes the contributions to the interval, after an estimate or the refusal of a too uncertain one.
     pub(crate) const fn take_budget(&mut self) -> Option<UncertaintyBudget> {
         self.budget.take()
     }
 
-    /// When the object touched.
+    /// Returns the start of the touch.
     pub(crate) const fn touched(&self) -> Instant {
         self.touched
     }
 
-    /// A scan, and the deformation at the principal channel; `None` if it was flagged.
+    /// Handles a scan, with the deformation at the principal channel; `None` if it was flagged.
     pub(crate) fn push(
         &mut self,
         scan: &Scan,
@@ -327,7 +327,7 @@ impl Measurement {
         Ok(())
     }
 
-    /// Takes a sample of a ramp's fall into the sums.
+    /// Adds a sample of a ramp's fall to the sums.
     fn take(
         &mut self,
         scan: &Scan,
@@ -366,7 +366,7 @@ impl Measurement {
         }
     }
 
-    /// Ends in an estimate or a refusal, which names the measurement.
+    /// Ends with an estimate or a refusal.
     pub(crate) fn finish(&mut self, settings: &Settings, now: Instant) -> MeasurementOutcome {
         let number = self.number;
         match self.conclude(settings, now) {
@@ -377,13 +377,13 @@ impl Measurement {
 }
 
 impl Calibrated {
-    /// Attraction of the actuated layer's halves.
+    /// Returns the attraction between the halves of the actuated layer.
     pub(crate) fn pull(&self, current: Ampere) -> Newton {
         Newton(self.attraction.attraction_n_per_a2 * current.0 * current.0)
     }
 }
 
-/// The record of a refusal. Numbers that the protocol has no room for are left out.
+/// Creates the record of a refusal. Numbers that the protocol cannot represent are omitted.
 pub(crate) fn refusal(measurement: u32, reason: Reason) -> Refusal {
     const GREATEST: f32 = 1e30;
     let in_range = |number: Option<f32>| number.filter(|number| number.abs() <= GREATEST);
@@ -396,7 +396,7 @@ pub(crate) fn refusal(measurement: u32, reason: Reason) -> Refusal {
     }
 }
 
-/// A deformation as a plain number, for a record.
+/// Returns a deformation as a plain number for a record.
 pub(crate) const fn metres(deformation: Metre) -> Option<f32> {
     Some(deformation.0)
 }

@@ -1,4 +1,4 @@
-//! The running sums of a train, and what other ways of looking at it are kept beside them.
+//! Running sums of a train, and secondary statistics.
 
 use palpate_model::ramp::{
     Basis, DriftModel, Fit, Noise, Ramp, RampRefusal, RampSample, Reference, Scatter, Term,
@@ -14,28 +14,28 @@ use crate::time::in_seconds;
 /// Sums over the whole train.
 #[derive(Clone, Debug)]
 pub(super) struct Ramps {
-    /// Level, slope and drifts, and a quadratic term as the last: without it for the estimate, with
-    /// it for the load's curve.
+    /// Level, slope, drifts and, last, a quadratic term: without it for the estimate, with it for the
+    /// load's curve.
     sums: Ramp,
-    /// Unknowns of a single ramp, the first of the sums: level, slope and, if the settings allow
-    /// for a drift, a linear one, which is what any slow drift is over a single ramp.
+    /// Number of unknowns of a single ramp, the first of the sums: level, slope and, if the settings
+    /// allow a drift, a linear one; any slow drift is linear over a single ramp.
     of_single: usize,
-    /// The ramp under way: its number, and the sums as they were when it began.
+    /// Ramp in progress: its number, and the sums at its start.
     single: (u8, Ramp),
-    /// The single ramps' own estimates.
+    /// Estimates of the single ramps.
     scatter: Scatter,
-    /// Extremes of the regressor.
+    /// Minimum and maximum of the regressor.
     regressors: (f32, f32),
 }
 
-/// A drift's time over the train's above which the drift is a straight line. Creep of one per cent
-/// of the deformation departs from one by 1/8 of 1 % over this number's square then, 1.4e-6 of the
-/// deformation, less than the noise of a train; at a hundred the two can no longer be distinguished,
-/// and every measurement would be refused as ill-conditioned.
+/// Ratio of the drift's time constant to the train's duration above which the drift is treated as a
+/// straight line. Creep of one per cent of the deformation then differs from a line by 1/8 of 1 % over
+/// this number's square, 1.4e-6 of the deformation, less than the noise of a train. At a ratio of a
+/// hundred the two cannot be distinguished, and every measurement would be refused as ill-conditioned.
 const STRAIGHT: f32 = 30.0;
 
-/// The drift that the settings ask for, for a press that was `since_touch` old when the train
-/// began: creep of rubber goes on as the logarithm of the time since the touch.
+/// Returns the drift model of the settings, for a press of age `since_touch` when the train started:
+/// creep of rubber is logarithmic in the time since the touch.
 pub(super) fn drift(
     settings: &Settings,
     since_touch: Second,
@@ -67,8 +67,8 @@ pub(super) fn drift(
 }
 
 impl Ramps {
-    /// Empty sums about the first sample's deformation. `None` for a deformation that is not
-    /// above zero, or a time constant that is not.
+    /// Creates empty sums about the first sample's deformation. `None` for a deformation or a time
+    /// constant that is not above zero.
     pub(super) fn new(
         deformation: Metre,
         actuated_ratio: f32,
@@ -80,9 +80,9 @@ impl Ramps {
         let basis = match drift {
             None => Basis::new(&[level, slope, bend]),
             Some(DriftModel::Linear) => Basis::new(&[level, slope, straight, bend]),
-            // A drift that bends, and a straight one: rubber creeps while the coil's heat goes on
-            // its way, and one of them alone left ten times the noise (the residuals in the demo's
-            // report show it).
+            // Combines a curved drift with a straight one: rubber creeps while the coil's heat continues
+            // to change. One of them alone left ten times the noise (see the residuals in the demo's
+            // report).
             Some(drift) => Basis::new(&[level, slope, straight, Term::Drift(drift), bend]),
         };
         let sums = Ramp::new(reference, basis.ok()?);
@@ -107,23 +107,23 @@ impl Ramps {
         Ok((fit, self.sums.fit(Noise::Larger).ok()))
     }
 
-    /// Samples taken.
+    /// Returns the number of samples.
     pub(super) const fn samples(&self) -> u32 {
         self.sums.samples()
     }
 
-    /// Smallest and largest regressor.
+    /// Returns the smallest and the largest regressor.
     pub(super) const fn regressors(&self) -> (f32, f32) {
         self.regressors
     }
 
-    /// Width of the regressor's range.
+    /// Returns the width of the regressor's range.
     pub(super) fn span(&self) -> f32 {
         let (low, high) = self.regressors;
         high - low
     }
 
-    /// Takes a sample of the ramp with this number. One that the sums reject - not finite, not
+    /// Adds a sample of the ramp with this number. A sample that the sums reject - not finite, or not
     /// pressed - is left out of all of them.
     pub(super) fn push(&mut self, sample: &RampSample, ramp: u8) {
         if ramp != self.single.0 {
@@ -136,7 +136,7 @@ impl Ramps {
         self.regressors = (low.min(sample.regressor), high.max(sample.regressor));
     }
 
-    /// Takes the ramp under way into the scatter, and begins the next.
+    /// Adds the finished ramp to the scatter, and starts the next.
     fn close_single(&mut self, next: u8) {
         let alone = self.sums.since(&self.single.1);
         let fit = alone.and_then(|alone| alone.fit_first(self.of_single, Noise::Residual));
@@ -146,14 +146,14 @@ impl Ramps {
         self.single = (next, self.sums);
     }
 
-    /// The single ramps' own estimates, the last one included.
+    /// Returns the estimates of the single ramps, including the last one.
     pub(super) fn scatter(&mut self) -> &Scatter {
         self.close_single(self.single.0);
         &self.scatter
     }
 }
 
-/// First and last sample of the first ramp, for eq. (2) as the paper has it.
+/// First and last sample of the first ramp, for eq. (2) of the paper.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct TwoStates {
     first: Option<(Metre, NewtonPerMetre)>,
@@ -167,7 +167,7 @@ impl TwoStates {
         self.last = Some(state);
     }
 
-    /// What eq. (2) makes of them; `None` if that is no number.
+    /// Returns the load stiffness by eq. (2); `None` if it is not a number.
     pub(super) fn load(&self, sensing: NewtonPerMetre) -> Option<NewtonPerMetre> {
         let ((x1, c1), (x2, c2)) = (self.first?, self.last?);
         let load = two_state_load(sensing, [c1, c2], [x1, x2]);

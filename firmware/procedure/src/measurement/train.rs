@@ -1,8 +1,8 @@
-//! The train of falling ramps: when the current goes where.
+//! Train of falling ramps: times and currents of its segments.
 //!
-//! Every ramp begins with a rise to the peak and a hold there, so that all of them start from the
-//! same magnetic state, and lag and memory of the elastomer are the same on all. Only the falls
-//! are evaluated: a rising current stiffens less, by the elastomer's memory.
+//! Every ramp starts with a rise to the peak and a hold there, so that all ramps start from the same
+//! magnetic state, and lag and memory of the elastomer are the same on all. Only the falls are
+//! evaluated: a rising current stiffens less, because of the elastomer's memory.
 
 use coil_hbridge::CurrentLine;
 use palpate_model::units::Ampere;
@@ -10,7 +10,7 @@ use palpate_wire::command::Settings;
 
 use crate::time::{Duration, Instant, after, between, in_seconds, span};
 
-/// The profile of the current over a train.
+/// Current profile of a train.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct TrainProfile {
     pub(crate) peak: Ampere,
@@ -19,7 +19,7 @@ pub(crate) struct TrainProfile {
     pub(crate) hold: Duration,
     pub(crate) fall: Duration,
     pub(crate) ramps: u8,
-    /// Half the time from one conversion to the next.
+    /// Half the conversion period.
     half_conversion: Duration,
 }
 
@@ -36,9 +36,10 @@ impl TrainProfile {
         }
     }
 
-    /// The longest that it may become, conversions lost apart. Hold and fall end with the conversion
-    /// that is nearest to their planned end; a hold, which begins without a conversion, not before
-    /// one has found that the rise is over, and another has sent the fall [ahead](LEAD).
+    /// Returns the profile with its longest segments, without lost conversions. Hold and fall end with
+    /// the conversion nearest to their planned end. A hold starts without a conversion; it ends only
+    /// after one conversion has detected the end of the rise, and another has sent the fall
+    /// [ahead](LEAD).
     pub(crate) fn longest(&self) -> Self {
         let half = self.half_conversion.as_ticks();
         let whole = (2 * half).max(1);
@@ -52,7 +53,7 @@ impl TrainProfile {
         }
     }
 
-    /// The straight lines of the current from rest, each with its end and how long it takes.
+    /// Returns the lines of current from rest, each with its final current and its duration.
     pub(crate) fn lines(&self) -> impl Iterator<Item = (Ampere, Duration)> + '_ {
         let ramp = [
             (self.peak, self.rise),
@@ -63,23 +64,23 @@ impl TrainProfile {
         ramps.chain([(Ampere(0.0), self.rise)])
     }
 
-    /// From one ramp to the next.
+    /// Returns the time from one ramp to the next.
     pub(crate) fn period(&self) -> Duration {
         let ticks = self.rise.as_ticks() + self.hold.as_ticks() + self.fall.as_ticks();
         Duration::from_ticks(ticks)
     }
 
-    /// Time with current in all, the way down at its end included.
+    /// Returns the total time with current, including the final ramp-down.
     pub(crate) fn duration(&self) -> Duration {
         let ramps = self.period().as_ticks() * u64::from(self.ramps);
         Duration::from_ticks(ramps + self.rise.as_ticks())
     }
 
-    /// Mean square of the current over the train, in A^2.
+    /// Returns the mean square of the current over the train, in A^2.
     pub(crate) fn mean_square_a2(&self) -> f32 {
         let (peak, end) = (self.peak.0, self.end.0);
-        // Of a straight line between two currents: (a^2 + a b + b^2)/3. The first rise and the
-        // last way down are from and to zero, and are counted as the others.
+        // Mean square of a straight line between two currents: (a^2 + a b + b^2)/3. The first rise and
+        // the final ramp-down start or end at zero, and are counted like the others.
         let line = (peak * peak + peak * end + end * end) / 3.0;
         let seconds = |span: Duration| in_seconds(span).0;
         let squares =
@@ -88,18 +89,18 @@ impl TrainProfile {
     }
 }
 
-/// The segment of the profile in which the train is.
+/// Segment of the train.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum TrainSegment {
     Rise,
     Hold,
     Fall,
-    /// The way to zero after the last ramp.
+    /// Ramp-down to zero after the last ramp.
     Down,
     Done,
 }
 
-/// A fall, the one under way or the last.
+/// Present or last fall.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Fall {
     ramp: u8,
@@ -107,42 +108,43 @@ struct Fall {
     until: Instant,
 }
 
-/// The train under way.
+/// Train in progress.
 ///
-/// Each segment is sent before it begins, so its start time does not depend on how long sending takes:
-/// a busy processor needs most of a millisecond. With an elastomer that follows the current five
-/// milliseconds late, a fall that begins half a millisecond later against its conversions than the
-/// calibration's did changes the estimate of a hard load by two per cent.
+/// Each segment is sent before it starts, so its start time does not depend on how long sending takes: a
+/// busy processor needs most of a millisecond. With an elastomer that follows the current five
+/// milliseconds late, a fall that starts half a millisecond later relative to its conversions than in
+/// the calibration changes the estimate of a hard load by two per cent.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Train {
     profile: TrainProfile,
     segment: TrainSegment,
-    /// When the segment begins or began.
+    /// Start of the segment, which may be in the future.
     since: Instant,
-    /// Ramps that have been completed.
+    /// Number of completed ramps.
     completed: u8,
     fall: Option<Fall>,
     /// End of the last conversion.
     converted: Option<Instant>,
-    /// From one conversion's end to the next.
+    /// Time between the ends of two conversions.
     interval: Duration,
 }
 
-/// From the end of a conversion to the start of a segment that it decides, at least. On the emulated
-/// board the procedure has a conversion 0.56 ms after its end, and a line that was sent at once began
-/// 0.25 to 0.55 ms after that.
+/// Least time from the end of a conversion to the start of a segment that it triggers. On the emulated
+/// board the procedure receives a conversion 0.56 ms after its end, and a line sent at once started 0.25
+/// to 0.55 ms after that.
 const LEAD: Duration = Duration::from_ticks(1_500);
 
-/// From the start of the train to its first rise. Before it sends the rise, the procedure computes what the
-/// coil's temperature would become, for more than a millisecond.
+/// Time from the start of the train to its first rise. Before sending the rise, the procedure forecasts
+/// the coil's temperature for more than a millisecond.
 const FIRST_LEAD: Duration = Duration::from_ticks(5_000);
 
-/// A segment begins by so much before the end of a conversion, so that the next lies within it as a
-/// whole: times are reported within 2 us, and the bridge begins a line with a period of its own, 16 us.
+/// Time by which a segment starts before the end of a conversion, so that the next conversion is
+/// entirely within it: times are reported within 2 us, and the bridge starts a line with one of its
+/// periods, 16 us.
 const MARGIN: Duration = Duration::from_ticks(20);
 
 impl Train {
-    /// Begins with the first rise.
+    /// Starts with the first rise.
     pub(crate) fn start(profile: TrainProfile, now: Instant) -> (Self, CurrentLine) {
         let since = after(now, FIRST_LEAD);
         let train = Self {
@@ -188,8 +190,8 @@ impl Train {
         after(self.since, self.lasts())
     }
 
-    /// How much earlier than planned the segment under way may end. What rises to the peak, and what
-    /// goes down to zero, gets there.
+    /// Returns how much earlier than planned the segment may end. A rise to the peak and a ramp-down to
+    /// zero always complete.
     fn early(&self) -> Duration {
         let is_last = self.completed.saturating_add(1) >= self.profile.ramps;
         match self.segment {
@@ -199,20 +201,20 @@ impl Train {
         }
     }
 
-    /// Takes a conversion.
+    /// Records the end of a conversion.
     pub(crate) fn convert(&mut self, middle: Instant, window: Duration) {
         let end = after(middle, Duration::from_ticks(window.as_ticks() / 2));
         let usual = self.profile.half_conversion.as_ticks() * 2;
         if let Some(last) = self.converted.replace(end) {
             let passed = between(last, end);
-            // Not across a gap.
+            // Ignores a gap.
             if passed.as_ticks() < usual + usual / 2 {
                 self.interval = passed;
             }
         }
     }
 
-    /// The end of the first conversion that leaves enough time to send a segment.
+    /// Returns the end of the first conversion that leaves enough time to send a segment.
     fn next_begin(&self, now: Instant) -> Instant {
         let Some(end) = self.converted else {
             return now;
@@ -226,16 +228,15 @@ impl Train {
         .max(now)
     }
 
-    /// Goes on to the next segment at the end of the conversion that is nearest to the end of the one
-    /// under way, and returns the line to drive.
+    /// Advances to the next segment at the end of the conversion nearest to the end of the present
+    /// segment, and returns the line to drive.
     ///
-    /// Conversions then lie at the same places on every fall, whatever else happens meanwhile, and
-    /// what lags behind the current does so alike on all. The first one at or after the end would
-    /// be a conversion later or not by the accident of its last microsecond, as 10 conversions of
-    /// 0.9993 ms are just less than 10 ms.
+    /// Conversions then have the same positions on every fall, independent of other events, and lags
+    /// behind the current are the same on all. Choosing the first conversion at or after the end would
+    /// depend on its last microsecond: 10 conversions of 0.9993 ms are just less than 10 ms.
     pub(crate) fn advance(&mut self, now: Instant) -> Option<CurrentLine> {
         let ends = self.ends();
-        // The rise and the way to zero end by themselves: the next segment need not be sent ahead.
+        // Rise and ramp-down end by themselves: the next segment need not be sent ahead.
         let at = match self.segment {
             TrainSegment::Hold | TrainSegment::Fall => self.next_begin(now),
             TrainSegment::Rise | TrainSegment::Down | TrainSegment::Done => now,
@@ -254,7 +255,7 @@ impl Train {
         let from = self.setpoint(at).unwrap_or(peak);
         let (segment, to, over) = match self.segment {
             TrainSegment::Rise => {
-                // Nothing is set here, so the hold begins when the rise has ended.
+                // No line is sent here: the hold starts at the end of the rise.
                 (self.segment, self.since) = (TrainSegment::Hold, ends);
                 return None;
             }
@@ -291,7 +292,7 @@ impl Train {
         })
     }
 
-    /// The ramp in whose fall a conversion lay as a whole, from 0.
+    /// Returns the ramp, from 0, whose fall contains the whole conversion.
     pub(crate) fn ramp_of(&self, middle: Instant, window: Duration) -> Option<u8> {
         let half = Duration::from_ticks(window.as_ticks() / 2);
         let Fall { ramp, since, until } = self.fall?;
@@ -299,12 +300,12 @@ impl Train {
         within.then_some(ramp)
     }
 
-    /// Whether the segment under way had begun at a moment.
+    /// Returns whether the segment had started at a moment.
     pub(crate) fn has_begun(&self, at: Instant) -> bool {
         at >= self.since
     }
 
-    /// The setpoint at a moment of the segment under way; `None` before it.
+    /// Returns the setpoint at a moment of the present segment; `None` before it.
     pub(crate) fn setpoint(&self, at: Instant) -> Option<Ampere> {
         if !self.has_begun(at) {
             return None;
