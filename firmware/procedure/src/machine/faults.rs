@@ -18,7 +18,6 @@ impl Procedure {
     /// The first fault stands until it is cleared. A further fault is reported, and replaces the
     /// standing one only if it must be cleared by the user and the standing one need not. The other one
     /// is queued behind it, and ends with its own cause or with the standing one.
-    /// it, and ends with its own cause or with the one before it.
     pub(super) fn fail(&mut self, failure: Failure, out: &mut Out<'_>) {
         self.safe(Outcome::Faulted, out);
         // The failed part may be the coil.

@@ -1,4 +1,4 @@
-//! Every command in every state: one answer, the right one, and what it does there.
+//! Every command in every state: it gets exactly one answer, the right one, and has the right effect.
 
 use crate::support::calibration::{COIL, calibration, curve, settings, springs};
 use crate::support::sensor::Sensor;
@@ -8,7 +8,7 @@ use palpate_wire::code::{FaultCode, Location, Outcome, State};
 use palpate_wire::command::ClearFault;
 use palpate_wire::{Command, FrameError, Header, PayloadError, Record};
 
-/// What each state makes of arm, measure and sweep while armed.
+/// Outcomes of arm, measure and sweep in each state while armed.
 const OUTCOMES: [(State, Outcome, Outcome, Outcome); 11] = {
     use Outcome::{Accepted, Busy, Faulted, NoContact};
     [
@@ -41,7 +41,7 @@ fn arm_measure_and_sweep_are_answered_as_the_state_demands() {
         if state == State::Fault {
             continue;
         }
-        // Disarmed, nothing of it begins.
+        // Disarmed, none of them starts.
         let mut rig = rig.clone();
         rig.accepted(Command::Disarm);
         let estimates = state == State::Estimating;
@@ -77,7 +77,7 @@ fn abort_disarm_and_sensing_only_end_a_measurement_in_any_state() {
             let mut rig = Rig::standing_in(state, |_| {});
             rig.records.clear();
             let disarms = command != Command::Abort;
-            // Whichever boot it was meant for.
+            // Whatever boot id it carries.
             let actions = rig.step(&Event::Command(
                 Link::Probe,
                 &frame(command, Header::ANY_BOOT, 99),
@@ -88,7 +88,7 @@ fn abort_disarm_and_sensing_only_end_a_measurement_in_any_state() {
             assert_eq!(rig.refusals().len(), usize::from(measures), "{state}");
             let drives = measures || state == State::Manual;
             let after = if drives { State::Release } else { state };
-            // Meanwhile the procedure goes on sending the points of an estimate.
+            // Meanwhile the procedure continues to send the points of an estimate.
             assert_eq!(rig.state(), after);
             assert_eq!(rig.procedure.is_armed(), !disarms && state != State::Fault);
             if disarms {
@@ -198,7 +198,7 @@ fn frames_that_cannot_be_understood() {
         let actions = rig.step(&Event::NotUnderstood(Link::Probe, error));
         assert_eq!(answers(&actions)[0].outcome, outcome);
     }
-    // These have no header to answer to, and are counted.
+    // These have no header to answer; they are counted.
     let unanswered = [FrameError::Checksum, FrameError::Version { found: 9 }];
     let said = unanswered.map(|error| rig.step(&Event::NotUnderstood(Link::Probe, error)).len());
     assert_eq!(said, [0, 1], "who we are, to one of another version");

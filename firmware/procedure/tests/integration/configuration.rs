@@ -1,5 +1,5 @@
-//! Settings and calibration: taken whole or not at all, in force at once, sent back as they were set,
-//! and gone after a start.
+//! Settings and calibration: applied whole or not at all, active at once, read back as they were set,
+//! and lost after a restart.
 
 use crate::support::Rig;
 use crate::support::calibration::{calibration, settings};
@@ -25,7 +25,7 @@ fn a_slower_converter_may_be_set_faster() {
 #[test]
 fn a_shorter_status_period_counts_at_once() {
     let mut rig = Rig::calibrated(Sensor::default(), settings(|of| of.status_period_s = 60.0));
-    // What was due by the period before.
+    // Records due by the previous period.
     rig.run(1_500);
     rig.records.clear();
     rig.accepted(Command::SetSettings(settings(|of| {
@@ -91,8 +91,8 @@ fn a_wrong_field_is_named_and_nothing_of_the_command_taken() {
     }
 }
 
-/// A scan of the converter has channel 0 and all up to one: with a hole it would send a channel that
-/// was not asked for, and a coil that is not there would be a fault.
+/// A scan of the converter covers channel 0 up to the highest: with a gap it would send a channel that
+/// was not requested, and an unconnected coil would be a fault.
 #[test]
 fn channels_with_a_hole_are_refused_by_their_field() {
     let mut rig = Rig::started();
@@ -140,7 +140,7 @@ fn what_was_set_is_read_back_and_numbered() {
     for command in &sent {
         rig.accepted(command.clone());
     }
-    // Volatile: a device that starts anew has none of it.
+    // Volatile: a restarted device has none of it.
     let crc = rig.procedure.configuration().crc();
     sent.sort_by_key(Message::kind);
     assert_eq!(crc, palpate_wire::configuration_crc(&sent));
@@ -234,7 +234,7 @@ fn a_curve_comes_in_order_and_counts_with_its_last_knot() {
     assert_eq!(rig.outcome(chunk(8, 15)), Outcome::OutOfSequence);
     rig.accepted(chunk(0, 7));
     assert_eq!(rig.outcome(chunk(16, 19)), Outcome::OutOfSequence);
-    // What is out of sequence ends the curve.
+    // A chunk out of sequence ends the curve.
     assert_eq!(rig.outcome(chunk(8, 15)), Outcome::OutOfSequence);
     rig.accepted(chunk(0, 7));
     rig.accepted(chunk(8, 15));
@@ -242,7 +242,7 @@ fn a_curve_comes_in_order_and_counts_with_its_last_knot() {
     rig.accepted(chunk(16, 19));
     assert_ne!(rig.procedure.configuration().crc(), crc);
 
-    // Sent back in the same chunks, one a step.
+    // Read back in the same chunks, one per step.
     rig.accepted(get(Part::StiffeningCurve));
     rig.run(5);
     let chunks = rig.reported(|record| match record {
@@ -268,6 +268,6 @@ fn a_device_starts_within_its_boards_limits() {
         (started.greatest_energy_j, started.greatest_temperature_c),
         (10.0, 50.0)
     );
-    // They could be set as they are.
+    // They can be set as reported.
     rig.accepted(Command::SetSettings(started));
 }

@@ -1,5 +1,5 @@
-//! Every state is left in time when nothing comes any more, and no jump of the clock keeps the coil
-//! on. That the coil is off outside of peak and ramps `crate::support::promises` holds at every step.
+//! Every state ends in time without further events, and no jump of the clock keeps the coil on.
+//! `crate::support::promises` checks at every step that the coil is off outside of peak and ramps.
 
 use crate::support::calibration::settings;
 use crate::support::sensor::Sensor;
@@ -11,11 +11,11 @@ use palpate_wire::Command;
 use palpate_wire::code::{FaultCode, RefusalReason, State};
 use palpate_wire::command::{ClearFault, Settings};
 
-/// What bringing a converter up may take.
+/// Longest start-up of a converter.
 const BRING_UP_US: u64 = 140_000;
 const DAY_US: u64 = 86_400_000_000;
 
-/// Armed and touched, with changed settings.
+/// Returns a rig that is armed and touched, with changed settings.
 fn with(change: impl FnOnce(&mut Settings)) -> Rig {
     let mut rig = Rig::armed(Sensor::default(), settings(change));
     rig.touch(3e-4);
@@ -53,7 +53,7 @@ fn without_any_event_the_first_that_comes_finds_it() {
             let actions = rig.wait(gone_us);
             assert_eq!(actions[0], Action::SafeState, "{state} {gone_us}");
             assert_eq!(rig.state(), State::Fault);
-            // Time may have ended, but nothing moves and nothing panics.
+            // Time may have ended, but nothing starts and nothing panics.
             for _ in 0..100 {
                 rig.convert();
                 assert!(rig.line.is_off());
@@ -68,7 +68,7 @@ fn a_conversion_after_a_long_time_does_not_go_on_with_the_train() {
         for gone_us in [DAY_US, u64::MAX] {
             let mut rig = Rig::standing_in(state, |_| {});
             rig.now_us = rig.now_us.saturating_add(gone_us);
-            // It comes before the tick that would find the silence.
+            // The conversion comes before the tick that would detect the silence.
             rig.convert();
             assert!(!matches!(rig.state(), State::Peak | State::Ramps));
             assert!(rig.line.is_off());
@@ -155,7 +155,7 @@ fn a_late_event_makes_the_train_longer_and_no_segment_shorter() {
         });
         lines.extend(set.map(|over_us| (rig.now_us, over_us)));
     }
-    // The second is a fall of 60 ms.
+    // The second line is a fall of 60 ms.
     for pair in lines.windows(2) {
         let lasted_us = pair[1].0 - pair[0].0;
         assert!(lasted_us >= pair[0].1, "{pair:?}");
@@ -204,7 +204,7 @@ fn a_slow_converter_has_time_to_show_that_a_press_is_steady() {
 fn a_sweep_into_silence_is_stopped_in_its_own_step() {
     let mut rig = Rig::standing_in(State::Watching, |_| {});
     rig.now_us += 60_000;
-    // Begun and acknowledged, and in the same step found to be blind: no current is left in it.
+    // It starts, is acknowledged, and in the same step the sensor is found blind: no current remains.
     rig.accepted(Command::Sweep);
     assert_eq!(rig.state(), State::Fault);
     assert!(rig.line.is_off());

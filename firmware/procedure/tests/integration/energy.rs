@@ -1,5 +1,5 @@
-//! One measurement after the other: what the drive's account does not bear is refused before it
-//! begins, with the time to wait, and what is begun never ends in a fault of too much energy.
+//! Repeated measurements: one that the drive's account cannot take is refused before it starts, with the
+//! time to wait, and one that has started never ends in a fault of too much energy.
 
 use crate::support::calibration::{calibration, settings};
 use crate::support::drive::SimulatedDrive;
@@ -13,7 +13,7 @@ use palpate_wire::command::{ClearFault, DriveCoil, Settings};
 use palpate_wire::record::Refusal;
 use proptest::prelude::*;
 
-/// The paper's coil behind a bridge and wires of this resistance, armed, tested and touched.
+/// Returns the paper's coil with a bridge and wires of this resistance, armed, tested and touched.
 fn touched(wires_ohm: f64, settings: Settings) -> Rig {
     let mut rig = Rig::calibrated(Sensor::default(), settings);
     rig.drive = Some(SimulatedDrive::new(0.389, wires_ohm, rig.now_us));
@@ -24,7 +24,7 @@ fn touched(wires_ohm: f64, settings: Settings) -> Rig {
     rig
 }
 
-/// Converts for a time, with a reading of the thermometer now and then.
+/// Converts for a time, with an occasional reading of the thermometer.
 fn rest(rig: &mut Rig, time_s: f64) {
     let end_us = rig.now_us + (time_s * 1e6) as u64;
     while rig.now_us < end_us {
@@ -38,14 +38,14 @@ fn rest(rig: &mut Rig, time_s: f64) {
     }
 }
 
-/// What became of a measurement.
+/// Outcome of a measurement.
 #[derive(Debug)]
 enum End {
     Driven,
     Refused(Refusal),
 }
 
-/// Asks for a train, and follows it to its end.
+/// Requests a train and follows it to its end.
 fn train(rig: &mut Rig, command: Command) -> End {
     let before = rig.refusals().len();
     assert_eq!(rig.outcome(command), Outcome::Accepted, "{}", rig.state());
@@ -66,7 +66,8 @@ fn too_much(rig: &Rig) -> bool {
     faults.iter().any(|of| of.code == FaultCode::TooMuchEnergy)
 }
 
-/// Two trains 2 s apart at 0.55 ohm: the second ended in mid-train in a fault, and disarmed.
+/// Two trains 2 s apart at 0.55 ohm: without the check, the second ends in a fault in mid-train,
+/// disarmed.
 #[test]
 fn a_second_measurement_soon_after_the_first_is_refused_with_the_time_to_wait() {
     for command in [Command::Measure, Command::Sweep] {
@@ -118,8 +119,8 @@ fn a_commanded_current_that_does_not_fit_is_refused_with_the_time_to_wait() {
     assert_eq!(rig.state(), State::Manual);
 }
 
-/// What the train makes of the drive's account at its highest, J: driven on a copy, whose drive reports
-/// nothing and has no guard.
+/// Returns the highest value of the drive's account during the train, J: driven on a copy, whose drive
+/// reports nothing and has no guard.
 fn driven(rig: &Rig, command: Command) -> f32 {
     let mut rig = rig.clone();
     if let Some(drive) = &mut rig.drive {
@@ -135,7 +136,7 @@ fn driven(rig: &Rig, command: Command) -> f32 {
 struct EnergyCase {
     wires_ohm: f64,
     settings: Settings,
-    /// Waits before each measurement, and whether it is a sweep.
+    /// Waits before each measurement; `true` for a sweep.
     asks: Vec<(f64, bool)>,
 }
 
@@ -176,7 +177,7 @@ proptest! {
             let End::Refused(refusal) = end else { continue };
             match (refusal.reason, refusal.wait_s) {
                 (RefusalReason::TooMuchEnergy, Some(wait_s)) => {
-                    // What would have fitted with a quarter of what it takes and 1 J to spare is not
+                    // A train that would have fitted with a quarter more energy and 1 J to spare is not
                     // refused.
                     let account = before.drive.as_ref().expect("a drive").account;
                     let most_j = driven(&before, command.clone());
@@ -203,15 +204,15 @@ proptest! {
                     let end = train(&mut rig, command);
                     prop_assert!(!too_much(&rig), "{end:?}");
                 }
-                // Never possible, or for a reason that has nothing to do with it.
+                // Never possible, or refused for an unrelated reason.
                 _ => {}
             }
         }
     }
 }
 
-/// What the run before a reset has left in the copper is not known: a train has to wait until even the
-/// hottest that is allowed has cooled, and the first press does not come so soon.
+/// The copper temperature that the run before a reset has left is unknown: a train must wait until even
+/// the hottest allowed copper has cooled; a first press does not come so soon.
 #[test]
 fn after_a_reset_a_train_waits_for_copper_that_may_be_hot_and_a_press_does_not() {
     for (cause, waits) in [

@@ -1,4 +1,4 @@
-//! The stiffness of ideal presses, computed in `f64` by the test's own sensor.
+//! Stiffness of ideal presses, computed in `f64` by the test's own sensor.
 
 use crate::support::Rig;
 use crate::support::calibration::{settings, springs, stiffening};
@@ -24,7 +24,7 @@ const DRIFTS: [Drift; 5] = [
 /// c_L/c_S.
 const RATIOS: [f64; 7] = [0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0];
 
-/// Armed, and pressed by a load of so many c_S.
+/// Returns a rig that is armed, and pressed by a load of `ratio` times c_S.
 fn pressed(ratio: f64, sensor: Sensor, change: impl FnOnce(&mut Settings)) -> Rig {
     let mut rig = Rig::armed(sensor, settings(change));
     rig.sensor.load_n_per_m = ratio * rig.sensor.sensing_n_per_m;
@@ -32,7 +32,7 @@ fn pressed(ratio: f64, sensor: Sensor, change: impl FnOnce(&mut Settings)) -> Ri
     rig
 }
 
-/// c_L over the true one, less 1.
+/// Returns the relative error of c_L.
 fn error(estimate: &Estimate, rig: &Rig) -> f64 {
     let found = estimate.stiffness_n_per_m.expect("not rigid");
     f64::from(found) / rig.sensor.load_n_per_m - 1.0
@@ -55,7 +55,7 @@ fn an_ideal_press_gives_its_stiffness_with_every_drift_setting() {
 
 #[test]
 fn a_drift_of_the_kind_that_is_set_does_not_count() {
-    // x (1 + d phi), phi as the protocol describes it. The logarithmic one counts from the touch.
+    // x (1 + d phi), with phi as the protocol describes it. The logarithmic drift counts from the touch.
     let shapes: [(Drift, Shape); 4] = [
         (Drift::Linear, |time_s| time_s),
         (Drift::Logarithmic, |time_s| {
@@ -64,7 +64,7 @@ fn a_drift_of_the_kind_that_is_set_does_not_count() {
         (Drift::Exponential, |time_s| {
             1.0 - (-time_s / 0.5).exp() + 0.5 * time_s
         }),
-        // From ramp to ramp, the first of which rises 5 ms after it has been sent.
+        // From ramp to ramp; the first one rises 5 ms after it was sent.
         (Drift::SawTooth, |time_s| {
             (time_s - 0.005) / 0.1 % 1.0 + 0.5 * time_s
         }),
@@ -108,7 +108,7 @@ fn estimate(rig: &Rig) -> Estimate {
     })
 }
 
-/// Of a coil of 20 uH and 0.5 ohm at 12 V, switched every 16 us: a triangle of 2.3 A at 10 A.
+/// Ripple of a coil of 20 uH and 0.5 ohm at 12 V, switched every 16 us: a triangle of 2.3 A at 10 A.
 fn ripple_a(mean_a: f64) -> f64 {
     let duty = mean_a.abs() * 0.5 / 12.0;
     12.0 * duty * (1.0 - duty) * 16e-6 / 20e-6 / f64::sqrt(12.0)
@@ -144,7 +144,7 @@ fn the_ripple_counts_and_is_counted() {
     );
 }
 
-/// What `Scan::acting_current` says of the law's mean over a triangle of ripple.
+/// Compares `Scan::acting_current` with the law's mean over a triangular ripple.
 #[test]
 fn the_law_at_the_acting_current_is_its_mean() {
     for half_way_a in [20.0_f32, 43.0] {
@@ -232,12 +232,12 @@ fn the_other_numbers_are_those_of_the_sensor() {
     );
     assert!(close(estimate.duration_s, 1.21), "{estimate:?}");
     assert_eq!(estimate.ramps, 12);
-    // 58 or 59 conversions lie within each fall as a whole.
+    // 58 or 59 conversions lie entirely within each fall.
     assert!(
         (12 * 57..=12 * 60).contains(&estimate.samples),
         "{estimate:?}"
     );
-    // What the thermometer says, and not the copper's, which the train has heated.
+    // The thermometer's value, not that of the copper, which the train has heated.
     assert_eq!(estimate.temperature_c, Some(25.0));
 }
 
@@ -266,7 +266,7 @@ fn two_states_are_computed_as_in_the_paper() {
         let mut rig = pressed(ratio, Sensor::default(), |_| {});
         rig.accepted(Command::Measure);
         rig.until(State::Ramps, 1_000);
-        // Of the conversions that lie within the first fall as a whole, the first and the last.
+        // The first and the last of the conversions that lie entirely within the first fall.
         let mut states: Vec<(f64, f64)> = Vec::new();
         let (began_us, ends_us) = (rig.now_us, rig.now_us + 60_000);
         while rig.now_us < ends_us {
@@ -296,12 +296,12 @@ fn two_states_are_computed_as_in_the_paper() {
 fn a_press_may_be_as_old_as_it_likes() {
     for age_s in [0, 10, 30, 100, 1_000, 10_000] {
         let mut rig = pressed(1.0, Sensor::default(), |_| {});
-        // It has been held, with nothing to report of it but that it is still there.
+        // The touch has lasted, with only its presence to report.
         for _ in 0..age_s * 25 {
             rig.now_us += 39_000;
             rig.convert();
         }
-        // This sensor does not creep. What one may have crept since the touch is allowed for.
+        // This sensor does not creep. The possible creep since the touch enters the interval.
         let estimate = rig.measure();
         let truth = rig.sensor.load_n_per_m as f32;
         let upper = estimate.upper_n_per_m.unwrap_or(f32::INFINITY);
@@ -323,11 +323,12 @@ fn a_press_may_be_as_old_as_it_likes() {
     }
 }
 
-/// The reading creeps by 1.8 % of each step of a press in each e-fold of its age beyond 1.5 s; the force does not.
+/// The reading creeps by 1.8 % of each step of a press per e-fold of its age beyond 1.5 s; the force
+/// does not.
 #[test]
 fn what_has_crept_is_allowed_for_however_the_press_came_to_its_depth() {
-    // Depth and time of two steps. Step, creep and current together deepen the first press by a quarter, which it
-    // reaches at the peak of the train.
+    // Depth and time of two steps. Step, creep and current together deepen the first press by a quarter,
+    // which it reaches at the peak of the train.
     for (steps, most) in [
         ([(262e-6, 0.1), (300e-6, 100.0)], 0.05),
         ([(300e-6, 0.1), (300e-6, 100.0)], 0.05),
@@ -354,7 +355,7 @@ fn what_has_crept_is_allowed_for_however_the_press_came_to_its_depth() {
                 rig.sensor.offset_m = increments.iter().map(crept).sum();
             }
         }
-        // The second train finds it as old as the first.
+        // The second train finds the press as old as the first did.
         for _ in 0..2 {
             let estimate = rig.measure();
             let truth = rig.sensor.load_n_per_m as f32;
@@ -394,8 +395,8 @@ fn the_interval_covers_the_truth_as_often_as_it_says() {
     assert!(covered < runs, "an interval that always covers is too wide");
 }
 
-/// kappa 1, W 3.5, rho 0.1 at the peak: 2 % of c_S are 0.02, 3 % of the rise 0.03 W/(1 + rho), 0.3 % of it for each
-/// of ten kelvin as much.
+/// kappa 1, W 3.5, rho 0.1 at the peak: 2 % of c_S give 0.02, 3 % of the rise give 0.03 W/(1 + rho), and
+/// 0.3 % of the rise per kelvin give the same at ten kelvin.
 #[test]
 fn what_the_calibration_leaves_open_widens_the_interval() {
     let of_rise = 0.03 * 3.5 / 1.1;
@@ -480,14 +481,15 @@ fn coefficients_that_are_known_within_limits_reach_less_far_than_measured_ones()
         let upper = sensing_n_per_m / estimate.lower_n_per_m - estimate.load_ratio;
         upper / estimate.load_ratio_standard_error
     });
-    // Nearly all that is open is the temperature's.
+    // Nearly all of the uncertainty is that of the temperature.
     assert!((reaches[0] - 1.645).abs() < 0.01, "{reaches:?}");
     assert!((reaches[1] - 1.960).abs() < 0.01, "{reaches:?}");
 }
 
 #[test]
 fn a_measurement_at_another_temperature_is_corrected_by_the_coefficients() {
-    // Ten kelvin above the calibration, where springs are exp(-0.04) and the rise exp(-0.06) of what they were.
+    // Ten kelvin above the calibration, springs are exp(-0.04) and the rise exp(-0.06) of their
+    // calibrated values.
     let cold = Sensor::default();
     let warm = Sensor {
         sensing_n_per_m: cold.sensing_n_per_m * (-0.04_f64).exp(),
@@ -517,17 +519,17 @@ fn a_measurement_at_another_temperature_is_corrected_by_the_coefficients() {
         rig.until(State::Watching, 3_000);
         rig.touch(3e-4);
         let estimate = rig.measure();
-        // What the coil heats in the train is not counted: the calibration's trains heat as well.
+        // Heating of the coil during the train does not count: the calibration's trains heat as well.
         assert_eq!(estimate.temperature_c, Some(25.0));
         error(&estimate, &rig)
     });
-    // A rise that is thought 6 % too large makes kappa larger by W = 3.5 times that, over 1 + rho; c_S, thought
+    // A rise assumed 6 % too large makes kappa larger by W = 3.5 times that, over 1 + rho; c_S, assumed
     // 4 % too large, makes c_L larger by as much.
     assert!((-0.21..-0.17).contains(&errors[0]), "{errors:?}");
     assert!(errors[1].abs() < 1e-4, "{errors:?}");
 }
 
-/// A sensor so many kelvin above its calibration, with the coefficients of the test above.
+/// Returns a sensor `by_k` kelvin above its calibration, with the coefficients of the test above.
 fn warmer(by_k: f64) -> Sensor {
     let cold = Sensor::default();
     Sensor {
@@ -587,7 +589,7 @@ fn force_and_its_uncertainty_in_a_sample() {
     let mut rig = Rig::calibrated(Sensor::default(), settings(|_| {}));
     let mut scale = springs(&rig.sensor);
     scale.force_scale_uncertainty = 0.02;
-    // A stiffness takes it from c_S; a force is as good as its scale.
+    // A stiffness depends on c_S; the uncertainty of a force is that of its scale.
     scale.sensing_uncertainty = 0.05;
     rig.accepted(Command::SetSprings(scale));
     rig.until(State::Watching, 3_000);

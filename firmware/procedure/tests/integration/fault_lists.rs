@@ -1,5 +1,6 @@
-//! The two lists of faults: the protocol's codes, and the entries of docs/faults.md. That each code
-//! is raised by its cause is shown on the image: sim-host/emulator/tests/integration/every_fault.rs.
+//! The two lists of faults: the protocol's codes, and the entries of docs/faults.md.
+//! sim-host/emulator/tests/integration/every_fault.rs shows on the image that each cause raises its
+//! code.
 
 use std::collections::BTreeMap;
 use std::fs;

@@ -1,4 +1,4 @@
-//! Faults: the bridge goes off first, they are latched, and only what is documented ends them.
+//! Faults: the bridge goes off first, they are latched, and end only as documented.
 
 use crate::support::calibration::{calibration, settings};
 use crate::support::sensor::Sensor;
@@ -11,14 +11,14 @@ use palpate_wire::command::{ClearFault, GetCalibration};
 use palpate_wire::record::Fault;
 use palpate_wire::{Command, Record};
 
-/// What bringing a converter up may take.
+/// Longest start-up of a converter.
 const BRING_UP_S: f32 = 0.14;
 
 fn clear(code: FaultCode) -> Command {
     Command::ClearFault(ClearFault { code })
 }
 
-/// The bridge is off first, and the fault reported as standing, disarmed.
+/// Checks that the bridge is off first, and the fault is reported as standing, disarmed.
 #[track_caller]
 fn stops(rig: &Rig, actions: &Actions, code: FaultCode) -> Fault {
     assert_eq!(actions[0], Action::SafeState);
@@ -74,7 +74,7 @@ fn silence_is_a_fault_and_ends_with_it() {
         assert_ne!(rig.state(), State::Fault, "{state}");
         let mut actions = rig.wait(1_000);
         let mut limit_s = 0.05;
-        // In these the converter may be busy with being configured still.
+        // In these states the converter may still be busy with its configuration.
         if matches!(state, State::SelfTest | State::Baseline) {
             while rig.state() != State::Fault {
                 actions = rig.wait(1_000);
@@ -99,7 +99,7 @@ fn silence_is_a_fault_and_ends_with_it() {
     }
 }
 
-/// The flags of a word, and the fault that they become when they persist.
+/// Flags of a word, and the fault for each when it persists.
 const FLAGS: [(u16, FaultCode); 4] = [
     (0x1000, FaultCode::SensorAmplitude),
     (0x2000, FaultCode::SensorNotOscillating),
@@ -114,7 +114,7 @@ fn flags_that_persist_are_a_fault_and_end_with_their_cause() {
             let mut rig = Rig::standing_in(state, |_| {});
             let convert = |rig: &mut Rig, flags| {
                 rig.sensor.flags = flags;
-                // The PC that commands a current says something now and then.
+                // The PC that commands a current sends a message now and then.
                 rig.accepted(Command::Identify);
                 rig.convert()
             };
@@ -129,10 +129,10 @@ fn flags_that_persist_are_a_fault_and_end_with_their_cause() {
             let actions = convert(&mut rig, flags);
             let fault = stops(&rig, &actions, code);
             assert_eq!((fault.location, fault.value), (Location::Sensor, Some(0.0)));
-            // The drive may have been sought while something pressed on the sensor.
+            // The drive may have been searched while the sensor was pressed.
             let seeks = actions.contains(&Action::SeekDrive { sensor: 0 });
             assert_eq!(seeks, code == FaultCode::SensorAmplitude);
-            // That the converter answers does not end it, nor does another flag.
+            // An answering converter does not end it, nor does another flag.
             rig.step(&Event::Recovered(code));
             for (other, _) in FLAGS {
                 convert(&mut rig, other);
@@ -157,7 +157,7 @@ fn flags_of_a_slow_converter_have_ten_conversions() {
     assert_eq!(rig.state(), State::Watching);
     rig.run(10);
     assert_eq!(rig.state(), State::Fault);
-    // Cleared while its cause lasts, it comes again.
+    // Cleared while its cause persists, it is raised again.
     rig.accepted(clear(FaultCode::SensorNotOscillating));
     rig.run(110);
     assert_eq!(rig.state(), State::SelfTest);
@@ -195,7 +195,7 @@ fn each_channel_and_converter_is_at_fault_by_itself() {
         scan_of(&mut rig, sensor, false);
         assert_eq!(rig.state(), State::SelfTest);
     }
-    // A reading that is old or follows a gap says nothing of the sensor.
+    // A reading that is old or follows a gap proves no fault of the sensor.
     for _ in 0..200 {
         rig.convert_with(|scan| scan.conversions[0].reading.after_gap = true);
     }
@@ -246,7 +246,7 @@ fn the_coil_gets_hotter_than_was_forecast() {
 
 #[test]
 fn more_energy_went_into_the_coil_than_was_forecast() {
-    // The forecast, from the refusal that it makes.
+    // The forecast, from the refusal that it causes.
     let mut rig = Rig::standing_in(State::Contact, |of| of.greatest_energy_j = 1.0);
     let forecast_j = rig.refused().value.expect("an energy");
     let limit_j = 1.01 * forecast_j;
@@ -257,7 +257,7 @@ fn more_energy_went_into_the_coil_than_was_forecast() {
     let fault = stops(&rig, &actions, FaultCode::TooMuchEnergy);
     let (found_j, allowed_j) = (fault.value.unwrap(), fault.limit.unwrap());
     assert_eq!((fault.location, allowed_j), (Location::Coil, limit_j));
-    // Seen every 10 ms, in which 11 A leave half a joule.
+    // Checked every 10 ms, in which 11 A add half a joule.
     let found_in = limit_j..limit_j + 0.5;
     assert!(found_in.contains(&found_j), "{found_j} {limit_j}");
 }
@@ -297,7 +297,7 @@ fn a_clock_that_is_set_back_is_a_fault() {
         let actions = rig.wait(0);
         let fault = stops(&rig, &actions, FaultCode::Clock);
         assert_eq!((fault.location, fault.value), (Location::Clock, None));
-        // Cleared, it goes on by the new time; silence is seen by it too.
+        // Cleared, it continues by the new time, which also detects silence.
         rig.accepted(clear(FaultCode::Clock));
         rig.sensor.depth_m = 0.0;
         rig.until(State::Watching, 3_000);
@@ -354,7 +354,7 @@ fn no_other_command_clears_a_fault() {
         }
         rig.step(&Event::Recovered(*code));
         assert_eq!(rig.state(), State::Fault);
-        // The documented one: reported as ended, and started anew without arms.
+        // As documented: reported as ended, and restarted disarmed.
         rig.accepted(clear(*code));
         let ended = rig.faults().pop().expect("a fault");
         assert_eq!((ended.code, ended.active), (*code, false));
@@ -413,7 +413,7 @@ fn a_fault_that_waits_for_its_user_is_not_hidden_by_one_that_does_not() {
         rig.accepted(clear(FaultCode::Bridge));
         assert_eq!(rig.state(), State::SelfTest);
     }
-    // Of two alike the first stands.
+    // Of two equal faults the first stands.
     let mut rig = Rig::standing_in(State::Watching, |_| {});
     rig.fail(FaultCode::Bridge, Location::Bridge);
     rig.fail(FaultCode::OverCurrent, Location::Coil);
@@ -424,7 +424,7 @@ fn a_fault_that_waits_for_its_user_is_not_hidden_by_one_that_does_not() {
     rig.accepted(clear(FaultCode::Bridge));
 }
 
-/// Each fault that was reported ends once: with its cause, or with the one that stands.
+/// Each reported fault ends once: with its cause, or with the standing fault.
 #[test]
 fn of_two_faults_at_once_both_ends_are_reported() {
     let bus = (FaultCode::BusTimeout, Location::Bus);

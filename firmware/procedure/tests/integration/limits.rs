@@ -1,6 +1,5 @@
-//! Whatever happens, in whatever order: `crate::support::promises` holds at every step. No panic, no
-//! current beyond the limits or without arms, bridge off with every refusal and fault, one answer
-//! to every command.
+//! Random events in any order: `crate::support::promises` checks every step. No panic, no current beyond
+//! the limits or while disarmed, bridge off with every refusal and fault, one answer per command.
 
 use std::collections::BTreeSet;
 
@@ -13,7 +12,7 @@ use proptest::prelude::*;
 use proptest::strategy::ValueTree;
 use proptest::test_runner::{RngAlgorithm, TestRng, TestRunner};
 
-/// A board that allows less than the protocol, armed and watching.
+/// Returns a rig whose board allows less than the protocol, armed and watching.
 fn start() -> Rig {
     let mut board = board();
     board.limits.current.0 = 10.0;
@@ -37,7 +36,7 @@ proptest! {
         for of in &sequence {
             carry_out(&mut rig, of);
         }
-        // And however it stands now, abort and disarm end it.
+        // Abort and disarm end every state.
         rig.accepted(Command::Abort);
         prop_assert!(rig.line.is_off());
         rig.accepted(Command::Disarm);
@@ -78,7 +77,7 @@ fn twenty_thousand_moves_from_fixed_seeds_reach_everything() {
             }
         }
     }
-    // The moves do reach what they are to test.
+    // The moves reach every state.
     assert_eq!(states.len(), State::ALL.len());
     assert!(estimates > 100 && armed > 5_000, "{estimates} {armed}");
     assert!(reasons.len() > 12, "{reasons:?}");

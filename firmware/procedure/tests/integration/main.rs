@@ -1,4 +1,4 @@
-//! Tests of `palpate-procedure` from outside: one program, whose modules are its parts.
+//! Integration tests of `palpate-procedure`: one program, one module per subject.
 
 mod boot;
 mod commands;

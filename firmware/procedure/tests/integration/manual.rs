@@ -1,4 +1,5 @@
-//! A current that a PC commands directly: it ends with the PC, and with what ends any current.
+//! Current commanded directly by a PC: it ends when the PC is silent, and with every cause that ends any
+//! current.
 
 use crate::support::{Rig, board};
 use palpate_procedure::{Action, Event, Instant, Link, Procedure};
@@ -22,7 +23,7 @@ fn manual() -> Rig {
 #[test]
 fn the_host_falls_silent() {
     let mut rig = manual();
-    // Words of any kind keep it, 99 ms apart.
+    // Any commands, 99 ms apart, keep it alive.
     for command in [Command::GetSettings, drive(2.0), Command::Identify] {
         rig.run(98);
         assert_eq!(rig.state(), State::Manual);
@@ -39,7 +40,7 @@ fn the_host_falls_silent() {
     );
     assert!((fault.value.expect("a time") - 0.1).abs() < 0.0025);
     assert!(rig.line.is_off() && !rig.procedure.is_armed());
-    // Latched: another command does not begin it again.
+    // Latched: another command does not restart it.
     assert_eq!(rig.outcome(drive(1.0)), Outcome::Faulted);
     let code = FaultCode::HostSilent;
     rig.accepted(Command::ClearFault(ClearFault { code }));
@@ -71,7 +72,7 @@ fn it_takes_both_polarities_within_the_limits() {
 #[test]
 fn it_is_on_for_too_long() {
     let mut rig = manual();
-    // 20 s of the board's limit; the coil of the tests bears 1 A for ever.
+    // 20 s of the board's limit; the coil of the tests can take 1 A indefinitely.
     for _ in 0..420 {
         rig.run(50);
         if rig.state() != State::Manual {
@@ -129,7 +130,7 @@ fn the_coils_test_is_asked_for_and_reported() {
         rig.records.pop().map(|of| of.1),
         Some(Record::CoilTest(found.clone()))
     );
-    // Once: another that nothing has asked for is not reported.
+    // Once: a further result without a request is not reported.
     rig.step(&Event::CoilTested(found));
     assert_eq!(rig.records, []);
 }

@@ -1,4 +1,4 @@
-//! The way from start to start: which state follows which, and what is reported on it.
+//! Sequence of states from start-up to the next start, with their records.
 
 use crate::support::calibration::{crosstalk, settings};
 use crate::support::sensor::Sensor;
@@ -26,7 +26,7 @@ fn a_press_is_measured_and_every_state_is_reported_in_its_order() {
         State::Watching,
     ];
     assert_eq!(rig.states(), expected);
-    // Every change names the state that the one before it led to.
+    // Every change names the previous state.
     let mut stands = State::SelfTest;
     for change in rig.changes() {
         assert_eq!(change.previous, stands, "{change:?}");
@@ -65,7 +65,7 @@ fn a_load_that_is_lifted_during_the_report_loses_no_point_of_its_curve() {
         let estimate = rig.measure();
         assert_eq!(estimate.load_points, points);
         rig.sensor.depth_m = 0.0;
-        // Nor does one that something new is set for.
+        // Nor does a new calibration part cut the report.
         rig.accepted(Command::Disarm);
         rig.accepted(Command::SetCrosstalk(crosstalk(&rig.sensor.clone())));
         rig.until(State::Watching, 3_000);
@@ -95,7 +95,8 @@ fn the_train_rises_falls_and_ends_at_zero() {
                     if lines.is_empty() {
                         began_us = line.start_us;
                     }
-                    // Every line begins where the one before has led, in time or to its end.
+                    // Every line starts at the current that the previous one has reached, in mid-way or
+                    // at its end.
                     lines.push((line.from_a, line.to_a, micros(line.over_s)));
                 }
                 Action::SafeState => off_at = Some(lines.len()),
@@ -108,11 +109,11 @@ fn the_train_rises_falls_and_ends_at_zero() {
     assert_eq!(lines.len(), expected.len());
     for (line, expected) in lines.iter().zip(expected) {
         assert_eq!((line.1, line.2), (expected.1, expected.2));
-        // A fall may end half a conversion early, 1/120 of its way.
+        // A fall may end half a conversion early, 1/120 of its change.
         assert!((line.0 - expected.0).abs() < 0.1, "{line:?}");
     }
     assert_eq!(off_at, Some(25), "the bridge goes off after the way down");
-    // Twelve periods of 0.1 s and the way down; every segment may begin a conversion late.
+    // Twelve periods of 0.1 s and the ramp-down; every segment may start a conversion late.
     let took_us = rig.now_us - began_us;
     assert!(
         (1_210_000..=1_210_000 + 37_000).contains(&took_us),
@@ -133,7 +134,7 @@ fn every_ramp_begins_with_the_conversion_that_is_nearest_to_its_time() {
     };
     let mut begun_us = Vec::new();
     for _ in 0..2_000 {
-        // What comes between conversions changes nothing.
+        // Events between conversions change nothing.
         let between = rig.wait(600);
         assert_eq!(falls(&between), 0);
         rig.now_us -= 600;
@@ -165,7 +166,7 @@ fn a_fall_begins_with_a_conversion_however_late_the_last_was_reported() {
                 {
                     falls += 1;
                     assert_eq!(line.from_a, 10.0);
-                    // Two conversions of a millisecond on, and a little before the end.
+                    // Two conversions of a millisecond later, and a little before the end.
                     assert_eq!(line.start_us - end_us, 2_000 - 20, "{late_us}");
                 }
             }
@@ -221,7 +222,7 @@ fn sensing_only_needs_no_coil_and_never_drives_it() {
     assert_eq!(rig.outcome(Command::Measure), Outcome::SensingOnly);
     assert_eq!(rig.outcome(Command::Sweep), Outcome::NotArmed);
     rig.run(2_000);
-    // Deformation and force are reported all the same.
+    // Deformation and force are reported as usual.
     let sample = rig.last(|record| match record {
         Record::Sample(sample) => Some(sample.clone()),
         _ => None,
@@ -260,7 +261,7 @@ fn automatic_measures_at_every_contact_while_armed_and_only_then() {
             _ => None,
         });
         assert_eq!(estimate.measurement, number);
-        // One measurement for one contact.
+        // One measurement per contact.
         rig.until(State::Release, 100);
         rig.run(2_000);
         assert_eq!(rig.state(), State::Release);
@@ -277,7 +278,7 @@ fn without_automatic_a_contact_waits_for_its_command() {
     let mut rig = Rig::touched();
     rig.run(2_000);
     assert_eq!(rig.state(), State::Contact);
-    // Again and again, without letting go.
+    // Repeatedly, without releasing.
     rig.measure();
     rig.until(State::Release, 100);
     rig.measure();

@@ -1,5 +1,5 @@
-//! The queue of commands that need the coil: one waits for the end of its test, and each is answered
-//! once. What stops the coil stops the test, and drops what waits.
+//! Queue of commands that need the coil: one waits for the end of the coil's test, and each is answered
+//! once. Everything that stops the coil stops the test and drops the waiting command.
 
 use crate::support::{BOOT, Rig, answers, frame};
 use palpate_procedure::{Action, Event, Link};
@@ -17,7 +17,7 @@ fn drive(to_a: f32) -> Command {
     })
 }
 
-/// Within the test that arming begins.
+/// Returns a rig within the test that arming starts.
 fn testing(state: State) -> Rig {
     let mut rig = Rig::standing_in(state, |_| {});
     rig.accepted(Command::Disarm);
@@ -39,7 +39,7 @@ fn send(rig: &mut Rig, command: Command) -> u32 {
     sequence
 }
 
-/// All answers so far, by sequence number.
+/// Returns all answers so far, by sequence number.
 fn given(rig: &Rig) -> Vec<(u32, Outcome)> {
     rig.reported(|record| match record {
         Record::Acknowledgement(answer) => Some((answer.command, answer.outcome)),
@@ -67,7 +67,7 @@ fn one_waits_for_the_test_and_the_next_is_answered_with_busy() {
             assert_eq!(given(&rig), [], "{first:?} waits");
             let two = send(&mut rig, second.clone());
             assert_eq!(given(&rig), [(two, Outcome::Busy)]);
-            // Whatever else is asked meanwhile is answered at once.
+            // Other commands are answered at once meanwhile.
             let other = send(&mut rig, Command::GetSettings);
             assert_eq!(given(&rig)[1], (other, Outcome::Accepted));
             rig.run(60);
@@ -83,7 +83,7 @@ fn one_waits_for_the_test_and_the_next_is_answered_with_busy() {
     }
 }
 
-/// A PC that arms and asks as soon as the device has said who it is.
+/// A PC arms and requests a train as soon as the device has identified itself.
 #[test]
 fn a_train_that_is_asked_for_during_both_self_tests_begins_after_them() {
     let mut rig = testing(State::SelfTest);
@@ -105,8 +105,8 @@ fn what_may_not_be_done_is_refused_without_waiting() {
     assert_eq!(rig.test_ends_us, None);
 }
 
-/// Each of what stops the coil, in each state: the test ends, what waits is dropped and said so, and
-/// nothing is driven afterwards.
+/// Everything that stops the coil, in each state: the test ends, the waiting command is dropped with an
+/// answer, and the coil is not driven afterwards.
 #[test]
 fn what_stops_the_coil_empties_the_queue_in_every_state() {
     for state in [
@@ -195,7 +195,7 @@ fn a_test_is_reported_once_however_much_is_driven_after_it() {
     assert_eq!(tests_reported(&rig), 1);
 }
 
-/// With `automatic` a touch may come while the coil is being tested.
+/// With `automatic` a touch may come during the coil's test.
 #[test]
 fn an_automatic_measurement_waits_for_the_test_too() {
     let mut rig = Rig::standing_in(State::Watching, |of| {

@@ -1,5 +1,5 @@
-//! Every reason for which the procedure refuses, with its numbers. Each leaves the coil without
-//! current, which `crate::support::promises` holds at every step, and the next measurement works.
+//! Every reason of a refusal, with its values. Each leaves the coil without current, which
+//! `crate::support::promises` checks at every step, and the next measurement works.
 
 use crate::support::Rig;
 use crate::support::calibration::{
@@ -12,14 +12,14 @@ use palpate_wire::command::{ClearFault, Settings, Springs};
 use palpate_wire::record::Refusal;
 use palpate_wire::{Command, Record};
 
-/// Armed with changed settings, and touched.
+/// Returns a rig that is armed with changed settings, and touched.
 fn with(change: impl FnOnce(&mut Settings)) -> Rig {
     let mut rig = Rig::armed(Sensor::default(), settings(change));
     rig.touch(3e-4);
     rig
 }
 
-/// Within the train, `ms` after its start.
+/// Advances a rig to `ms` after the start of a train.
 fn driving(mut rig: Rig, ms: u64) -> Rig {
     rig.accepted(Command::Measure);
     rig.until(State::Peak, 1_000);
@@ -27,7 +27,7 @@ fn driving(mut rig: Rig, ms: u64) -> Rig {
     rig
 }
 
-/// The refusal that comes while it converts.
+/// Converts until a refusal.
 fn comes(rig: &mut Rig) -> Refusal {
     let before = rig.refusals().len();
     for _ in 0..60_000 {
@@ -45,14 +45,14 @@ fn is(refusal: &Refusal, reason: RefusalReason, value: Option<f32>, limit: Optio
     assert_eq!((refusal.value, refusal.limit), (value, limit), "{reason}");
 }
 
-/// The value, after a check of reason and limit.
+/// Checks reason and limit, and returns the value.
 #[track_caller]
 fn value(refusal: &Refusal, reason: RefusalReason, limit: Option<f32>) -> f32 {
     is(refusal, reason, refusal.value, limit);
     refusal.value.expect("a value")
 }
 
-/// With all as it usually is, the next measurement works.
+/// Checks that the next measurement works under usual conditions.
 fn recovers(mut rig: Rig) {
     assert!(rig.line.is_off());
     rig.sensor = Sensor::default();
@@ -120,7 +120,7 @@ fn the_object_lets_go() {
     rig.sensor.depth_m = 0.0;
     let refusal = comes(&mut rig);
     let after_s = value(&refusal, RefusalReason::ContactLost, None);
-    // From the first rise, 5 ms after it has been sent.
+    // From the first rise, 5 ms after it was sent.
     assert!((0.495..0.515).contains(&after_s), "{after_s}");
     assert_eq!((refusal.measurement, rig.state()), (1, State::Baseline));
     recovers(rig);
@@ -152,7 +152,7 @@ fn pressed_too_little_or_too_far() {
         assert!((1e-3..1.1e-3).contains(&pressed_m), "{pressed_m}");
     };
     too_far(rig.refused());
-    // It may happen only as the actuated layer stiffens.
+    // The deformation may exceed the curve only as the actuated layer stiffens.
     rig.sensor.press(0.98e-3);
     let refusal = rig.refused();
     assert_eq!(refusal.measurement, 1);
@@ -173,7 +173,7 @@ fn too_few_samples() {
     assert!((1.0..=2.0).contains(&have), "{have}");
 }
 
-/// So many flagged conversions, with a good one after every forty.
+/// Sends `count` flagged conversions, with a good one after every forty.
 fn flagged(rig: &mut Rig, count: u32) {
     for number in 1..=count {
         rig.sensor.flags = 0x1000;
@@ -201,7 +201,7 @@ fn conversions_are_lost_or_flagged() {
     );
     recovers(rig);
 
-    // A good one between now and then: without it the sensor would be at fault.
+    // Occasional good ones between: without them the sensor would be at fault.
     let mut rig = driving(with(|_| {}), 100);
     flagged(&mut rig, 121);
     assert_eq!(rig.state(), State::Ramps);
@@ -214,7 +214,7 @@ fn conversions_are_lost_or_flagged() {
     );
     recovers(rig);
 
-    // None to see whether it is steady.
+    // No conversion to detect steadiness.
     let mut rig = with(|of| of.settling_s = 0.5);
     rig.accepted(Command::Measure);
     for _ in 0..501 {
@@ -248,8 +248,8 @@ fn two_effects_cannot_be_distinguished() {
     let term = value(&rig.refusals()[0], RefusalReason::IllConditioned, None);
     assert_eq!(term, 1.0, "the slope");
     recovers(rig);
-    // In a single ramp a saw-tooth is a straight line too: the two differ by a constant, which
-    // together with the level has the shape of the signal.
+    // In a single ramp a saw-tooth is a straight line too: the two differ by a constant, which together
+    // with the level has the shape of the signal.
     let mut rig = with(|of| (of.ramps, of.drift) = (1, Drift::SawTooth));
     let term = value(&rig.refused(), RefusalReason::IllConditioned, None);
     assert_eq!(term, 1.0, "the slope");
@@ -268,8 +268,8 @@ fn the_sums_leave_the_range_of_numbers() {
     }
 }
 
-/// Pressed on a sensor whose stiffening saturates half-way at this current, which its calibration does
-/// not know.
+/// Returns a rig pressed on a sensor whose stiffening is half saturated at this current, which its
+/// calibration does not include.
 fn saturating(half_way_a: f64, (springs_uncertain, bend): (f32, f32)) -> Rig {
     let mut rig = Rig::calibrated(Sensor::default(), settings(|_| {}));
     rig.accepted(Command::SetSprings(Springs {
@@ -290,20 +290,20 @@ fn the_stiffening_is_not_the_calibrated_one() {
     let refusal = rig.refused();
     assert_eq!(refusal.reason, RefusalReason::Misfit, "{refusal:?}");
     let (value, limit) = (refusal.value.unwrap(), refusal.limit.unwrap());
-    // What the springs leave open, and the residuals that the misfit makes.
+    // Uncertainty of the springs, and residuals from the misfit.
     assert!((0.02..0.04).contains(&limit), "{refusal:?}");
     assert!(value > 10.0 * limit, "{refusal:?}");
     assert_eq!((refusal.measurement, rig.state()), (1, State::Release));
     recovers(rig);
 
-    // Half a per cent of the slope at least: 1 + c_S/c_L + c_S/c_D is 3.5.
+    // At least half a per cent of the slope: 1 + c_S/c_L + c_S/c_D is 3.5.
     let refusal = saturating(40.0, (0.0, 0.0)).refused();
     assert_eq!(refusal.reason, RefusalReason::Misfit, "{refusal:?}");
     let limit = refusal.limit.unwrap();
     assert!((limit / (0.005 * 3.5) - 1.0).abs() < 0.05, "{refusal:?}");
     saturating(200.0, (0.0, 0.0)).measure();
 
-    // Where the calibration's own trains bent by as much, it is what it is: the interval is wider.
+    // If the calibration's own trains bent by as much, it is no misfit: the interval is wider.
     let estimate = saturating(40.0, (0.0, 0.05)).measure();
     assert!(estimate.load_ratio_standard_error > 0.02, "{estimate:?}");
 }
@@ -328,7 +328,7 @@ fn no_signal_a_reversed_one_or_one_too_large() {
     let mut rig = with(|_| {});
     rig.sensor.rise = 1e-6;
     rig.sensor.noise_m = 2e-6;
-    // One of twenty draws of the noise looks like a signal: not the one from here on.
+    // One of twenty draws of the noise resembles a signal: not the one from here on.
     rig.run(10);
     let normal_975 = 1.959_964;
     let of_errors = value(
@@ -345,8 +345,8 @@ fn no_signal_a_reversed_one_or_one_too_large() {
     assert!(of_errors < -100.0, "{of_errors}");
     recovers(rig);
 
-    // A rigid load on a layer that stiffens half as much again as was calibrated: kappa + 1 + g is
-    // two thirds of 2.5 for small rises.
+    // A rigid load on a layer whose stiffening is 1.5 times the calibrated one: kappa + 1 + g is two
+    // thirds of 2.5 for small rises.
     let mut rig = with(|_| {});
     rig.sensor.rise = 0.15;
     rig.sensor.load_n_per_m = 1e9;
@@ -389,7 +389,7 @@ fn the_current_is_not_the_one_that_was_requested() {
     assert!((current_a - 11.5).abs() < 1e-3, "{current_a}");
     recovers(rig);
 
-    // On the fall too much remains: 30 ms after its start 5 A are requested.
+    // On the fall an excess remains: 5 A are requested 30 ms after its start.
     let mut rig = driving(with(|_| {}), 74);
     rig.current_offset_a = 1.2;
     let refusal = comes(&mut rig);
@@ -438,8 +438,8 @@ fn the_coil_could_not_bear_the_train() {
 
 #[test]
 fn events_that_come_too_late_stop_the_train() {
-    // A converter of 1 Hz is silent for up to ten seconds; holds that end with its conversions may
-    // last four seconds, which the coil has to bear.
+    // A converter at 1 Hz is silent for up to ten seconds; holds that end with its conversions may last
+    // four seconds, which the coil must withstand.
     let mut rig = with(|of| {
         (of.rate_hz, of.steady_m_per_s) = (1.0, 1.0);
         of.peak_current_a = 0.5;
@@ -448,9 +448,9 @@ fn events_that_come_too_late_stop_the_train() {
     rig.until(State::Peak, 20_000);
     rig.wait(8_000_000);
     let refusal = rig.refusals().remove(0);
-    // The train's 1.21 s, and 0.1 s for each of its 39 segments.
+    // 1.21 s of the train, and 0.1 s for each of its 39 segments.
     let took_s = value(&refusal, RefusalReason::TimedOut, Some(5.11));
-    // From the first rise, 5 ms after it has been sent.
+    // From the first rise, 5 ms after it was sent.
     assert_eq!(took_s, 7.995);
     recovers(rig);
 }
@@ -473,7 +473,7 @@ fn aborted_or_ended_by_a_fault() {
     }
 }
 
-/// At 40 um/s, below the limit of 50: flagged readings are part of the time in which it moved.
+/// At 40 um/s, below the limit of 50: flagged readings count as part of the time of the movement.
 #[test]
 fn a_press_counts_as_steady_by_its_rate_however_many_readings_are_flagged() {
     for every in [1, 2, 4] {

@@ -1,4 +1,5 @@
-//! The rest of the calibration: what lies on the sensor from the beginning, or comes unseen, spoils no estimate.
+//! Rest of the calibration: an object that lies on the sensor from the start, or arrives undetected,
+//! falsifies no estimate.
 
 use palpate_procedure::Event;
 use palpate_procedure::configuration::DEFAULT_SETTINGS;
@@ -12,7 +13,7 @@ use crate::support::Rig;
 use crate::support::calibration::settings;
 use crate::support::sensor::Sensor;
 
-/// With the rest of its calibration, at the temperature of it.
+/// Returns a rig with the rest of its calibration, at the calibration's temperature.
 fn calibrated(sensor: Sensor) -> Rig {
     let mut rig = Rig::calibrated(sensor, settings(|_| {}));
     rig.accepted(Command::SetTank(Tank {
@@ -29,7 +30,7 @@ fn calibrated(sensor: Sensor) -> Rig {
     rig
 }
 
-/// An object that lies on the sensor and deforms it so far, besides everything that presses on it.
+/// Returns a rig under an object that adds this deformation to everything else that presses.
 fn under(object_m: f64) -> Rig {
     let mut rig = calibrated(Sensor {
         noise_m: 20e-9,
@@ -65,7 +66,7 @@ fn what_lies_there_from_the_beginning_is_a_touch_that_is_not_measured() {
         let refusal = rig.refused();
         assert_eq!(refusal.reason, RefusalReason::RestMoved, "{object_m:e}");
         assert!((f64::from(refusal.value.unwrap()) / object_m - 1.0).abs() < 0.01);
-        // Lifted: all is well.
+        // Lifted: measurements work again.
         rig.sensor.offset_m = 0.0;
         rig.lift();
         rig.touch(3e-4);
@@ -113,7 +114,7 @@ fn a_sensor_that_reads_below_its_rest_is_not_measured() {
 
 #[test]
 fn a_rest_within_what_temperature_makes_of_it_is_no_touch() {
-    // 0.3 um/K, and 5 um are left to whatever is too light to be noticed.
+    // 0.3 um/K; 5 um remain for an object too light to be detected.
     let mut rig = under(8e-6);
     rig.temperature(40.0);
     rig.accepted(Command::Arm);

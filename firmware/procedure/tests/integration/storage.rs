@@ -1,4 +1,4 @@
-//! What is stored, and how it comes into force; links and their answers; a new start.
+//! Storage and activation of the configuration, links and their answers, restart.
 
 use std::collections::VecDeque;
 
@@ -18,7 +18,7 @@ use crate::support::calibration::{calibration, settings};
 use crate::support::sensor::Sensor;
 use crate::support::{BOOT, Rig, board, frame};
 
-/// A procedure with a storage that carries out one order a millisecond.
+/// Procedure with a storage that carries out one order per millisecond.
 #[derive(Clone)]
 struct Desk {
     procedure: Procedure,
@@ -26,14 +26,14 @@ struct Desk {
     sequence: u32,
     stored: Vec<Command>,
     generation: u32,
-    /// What is being saved.
+    /// Commands of the save in progress.
     put: Vec<Command>,
-    /// What is still to be reported.
+    /// Reports still to be delivered.
     reports: VecDeque<StorageReport>,
     orders: VecDeque<StorageOrder>,
-    /// It does not answer any more.
+    /// The storage answers no orders.
     is_dead: bool,
-    /// It fails of this whatever the order.
+    /// Every order fails with this.
     fails: Option<StorageFailure>,
     records: Vec<(Option<Link>, Record)>,
     actions: Vec<Action>,
@@ -63,7 +63,7 @@ impl Desk {
         }
     }
 
-    /// The power goes, and comes again: only what is stored is left.
+    /// Switches the power off and on: only the stored set remains.
     fn power_cycled(&self) -> Self {
         Self {
             generation: self.generation,
@@ -92,7 +92,7 @@ impl Desk {
         assert!(self.orders.len() <= 1, "one order at a time");
     }
 
-    /// Until the storage rests: not for longer, since no converter converts here.
+    /// Runs until the storage rests, and not longer, since no converter converts here.
     fn settle(&mut self) {
         self.run(1);
         while !(self.orders.is_empty() && self.reports.is_empty()) {
@@ -100,7 +100,7 @@ impl Desk {
         }
     }
 
-    /// So many milliseconds.
+    /// Runs for `ms` milliseconds.
     fn run(&mut self, ms: u32) {
         for _ in 0..ms {
             self.now_us += 900;
@@ -199,7 +199,7 @@ impl Desk {
         assert_eq!(outcome, Outcome::Accepted, "{command:?}");
     }
 
-    /// What the last record of the storage says.
+    /// Returns the last record of the storage.
     fn storage(&self) -> Storage {
         let found = self
             .records
@@ -227,7 +227,7 @@ impl Desk {
     }
 }
 
-/// Settings and calibration of a sensor with an identity, as they are set.
+/// Returns the commands that set settings and calibration of a sensor with an identity.
 fn configured(sensor: &Sensor, rate_hz: f32, id: u32) -> Vec<Command> {
     let mut commands = vec![Command::SetSettings(settings(|it| it.rate_hz = rate_hz))];
     commands.extend(calibration(sensor));
@@ -248,7 +248,7 @@ fn identity_of(commands: &[Command], id: u32) -> Command {
     })
 }
 
-/// As the protocol orders them for the CRC.
+/// Sorts commands in the protocol's order for the CRC.
 fn in_order(commands: &[Command]) -> Vec<Command> {
     let mut sorted = commands.to_vec();
     sorted.sort_by_key(palpate_wire::Message::kind);
@@ -374,7 +374,7 @@ fn a_calibration_that_is_abandoned_at_any_step_leaves_the_earlier_one() {
     }
 }
 
-/// At every step of a save: what was stored before is in force after the power comes back.
+/// At every step of a save: the previously stored set is active after the power comes back.
 #[test]
 fn a_power_cut_in_a_save_leaves_the_earlier_one() {
     let earlier = in_order(&configured(&Sensor::default(), 500.0, 1));
@@ -530,7 +530,7 @@ fn a_save_that_does_not_end_is_a_fault_and_the_coil_may_be_driven_again() {
     );
 }
 
-/// What is stored may be what it crashes of.
+/// The stored configuration may cause the crashes.
 #[test]
 fn after_a_streak_of_crashes_nothing_that_was_stored_is_in_force() {
     let stored = in_order(&configured(&Sensor::default(), 500.0, 1));
@@ -569,13 +569,13 @@ fn the_identity_of_a_calibration_is_that_of_its_parts() {
     assert_eq!(desk.send(get.clone()), Outcome::NotSet);
     desk.accepted(identity.clone());
     desk.accepted(get.clone());
-    // Settings are no part of it.
+    // Settings are not part of it.
     desk.accepted(Command::SetSettings(DEFAULT_SETTINGS));
     desk.accepted(get.clone());
     for part in &parts[1..] {
         desk.accepted(identity.clone());
         desk.accepted(part.clone());
-        // A curve that was begun is in force with its last chunk.
+        // A started curve becomes active with its last chunk.
         if desk.send(get.clone()) == Outcome::Accepted {
             continue;
         }

@@ -1,4 +1,4 @@
-//! What the procedure sends without a command: who speaks, conversions, status.
+//! Records sent without a command: identification, conversions, status.
 
 use crate::support::calibration::{calibration, curve, settings};
 use crate::support::sensor::Sensor;
@@ -24,7 +24,7 @@ fn status(rig: &mut Rig) -> Status {
     })
 }
 
-/// Calibrated, and nothing sent yet but what these settings make of it.
+/// Returns a calibrated rig with these settings and no records yet.
 fn with(change: impl FnOnce(&mut Settings)) -> Rig {
     let mut rig = Rig::calibrated(Sensor::default(), settings(change));
     rig.records.clear();
@@ -53,7 +53,7 @@ fn the_first_words_are_who_speaks_and_what_the_last_run_died_of() {
         panic!("{actions:?}");
     };
     assert_eq!((channels, rate.0), (0b0001, 1_000.0));
-    // Once.
+    // Exactly once.
     rig.run(100);
     let again = |record: &Record| matches!(record, Record::Hello(_) | Record::Crash(_));
     assert_eq!(rig.reported(|record| again(record).then_some(())).len(), 2);
@@ -126,7 +126,7 @@ fn a_drift_goes_on_while_readings_are_flagged() {
     drift(&mut rig, 1, false);
     let sample = samples(&rig).pop().expect("a sample");
     let deformation_m = sample.channels[0].deformation_m.expect("a curve");
-    // The baseline has seen the whole time: 0.4 um of recovery are no deformation.
+    // The baseline has followed for the whole time: 0.4 um of recovery is not a deformation.
     assert!(deformation_m.abs() < 5e-8, "{deformation_m:e}");
 }
 
@@ -138,7 +138,7 @@ fn every_channel_has_its_own_conversion_and_baseline() {
     second.channel = 1;
     rig.accepted(Command::SetDeformationCurve(curve()));
     rig.accepted(Command::SetDeformationCurve(second));
-    // The second channel is pressed by half of what the first is, and offset.
+    // The second channel is pressed by half as much as the first, and offset.
     let mut other = Sensor {
         offset_m: 1e-6,
         ..Sensor::default()
@@ -175,7 +175,7 @@ fn flagged_conversions_are_reported_and_counted_and_teach_nothing() {
     rig.records.clear();
     let before = status(&mut rig);
     for _ in 0..10 {
-        // Far from the baseline, were it believed.
+        // Far from the baseline if it were accepted.
         rig.sensor.press(3e-4);
         rig.sensor.flags = 0x1000;
         rig.convert();
@@ -204,7 +204,7 @@ fn a_second_converter_is_reported_and_counted_beside_the_first() {
     for command in calibration(&Sensor::default()) {
         rig.accepted(command);
     }
-    // Longer than bringing it up may take.
+    // Longer than its start-up may take.
     for _ in 0..200 {
         rig.convert();
         let mut scan = rig.scan();
@@ -223,7 +223,7 @@ fn a_second_converter_is_reported_and_counted_beside_the_first() {
         (counted.conversions, counted.second_conversions),
         (200, 200)
     );
-    // It does not stand in for the first.
+    // It does not replace the first.
     for _ in 0..51 {
         rig.now_us += 1_000;
         let mut scan = rig.scan();

@@ -1,4 +1,4 @@
-//! The commands that give the procedure what [`Sensor`] is.
+//! Commands that describe [`Sensor`] to the procedure.
 
 use palpate_procedure::configuration::DEFAULT_SETTINGS;
 use palpate_wire::Command;
@@ -18,7 +18,7 @@ pub(crate) fn settings(change: impl FnOnce(&mut Settings)) -> Settings {
     settings
 }
 
-/// The curve, which is a straight line.
+/// Returns the curve, a straight line.
 pub(crate) fn curve() -> DeformationCurve {
     let deformations_m = [-2e-4, 0.0, 2e-4, 4e-4, 7e-4, DEEPEST_M];
     DeformationCurve {
@@ -58,7 +58,7 @@ pub(crate) fn stiffening(sensor: &Sensor) -> Stiffening {
     }
 }
 
-/// The paper's coil: 0.389 ohm, and the heat of some grams of copper and rubber.
+/// The paper's coil: 0.389 ohm, and the heat capacity of some grams of copper and rubber.
 pub(crate) const COIL: Coil = Coil {
     resistance_ohm: 0.389,
     copper_capacity_j_per_k: 0.8,
@@ -85,7 +85,7 @@ pub(crate) fn crosstalk(sensor: &Sensor) -> Crosstalk {
     }
 }
 
-/// All that a measurement needs.
+/// Returns the calibration that a measurement needs.
 pub(crate) fn calibration(sensor: &Sensor) -> [Command; 6] {
     [
         Command::SetDeformationCurve(curve()),

@@ -1,33 +1,33 @@
-//! A drive of the coil that counts energy as the real one does, on a circuit whose copper warms. The
-//! heat is in `f64`, step by step, with no line in common with the procedure's.
+//! Coil drive that counts energy as the real one does, on a circuit with warming copper. The heat is
+//! computed in `f64`, step by step, and shares no code with the procedure.
 
 use coil_hbridge::{Account, Demand, Load};
 
 use super::CurrentPath;
 
-/// What the coil's heat goes into and through, as `calibration::COIL` has it.
+/// Heat capacities and heat resistances of the coil, those of `calibration::COIL`.
 const COPPER_J_PER_K: f64 = 0.8;
 const PAD_J_PER_K: f64 = 60.0;
 const COPPER_TO_PAD_K_PER_W: f64 = 0.5;
 const PAD_TO_AMBIENT_K_PER_W: f64 = 8.0;
 const AMBIENT_C: f64 = 25.0;
-/// From one poll of the drive to the next.
+/// Poll period of the drive.
 const LOOK_US: u64 = 1_000;
 
-/// The drive.
+/// Simulated drive.
 #[derive(Clone)]
 pub(crate) struct SimulatedDrive {
     pub(crate) account: Account,
-    /// Copper at 20 degrees, and what bridge, wires and supply add.
+    /// Resistance of the copper at 20 degrees, and of bridge, wires and supply.
     pub(crate) copper_ohm: f64,
     pub(crate) wires_ohm: f64,
-    /// What dead time takes, V.
+    /// Voltage loss from dead time, V.
     pub(crate) lost_v: f64,
-    /// What the switching adds to the square of the current, as a part.
+    /// Relative addition of the ripple to the square of the current.
     pub(crate) ripple: f64,
-    /// It neither reports its account nor keeps its limit.
+    /// It neither reports its account nor enforces its limit.
     pub(crate) is_silent: bool,
-    /// The account at its highest.
+    /// Highest value of the account.
     pub(crate) most_j: f32,
     copper_c: f64,
     pub(crate) pad_c: f64,
@@ -37,7 +37,7 @@ pub(crate) struct SimulatedDrive {
 impl SimulatedDrive {
     pub(crate) fn new(copper_ohm: f64, wires_ohm: f64, now_us: u64) -> Self {
         Self {
-            // 60 J less what flows unseen in 20 ms, and 3.5 W.
+            // 60 J less the undetected energy of 20 ms, and 3.5 W.
             account: Account::with(56.4, 3.5),
             copper_ohm,
             wires_ohm,
@@ -55,7 +55,7 @@ impl SimulatedDrive {
         self.wires_ohm + self.copper_ohm * (1.0 + 3.93e-3 * (self.copper_c - 20.0))
     }
 
-    /// What it refuses of a line that is asked for now.
+    /// Returns whether it refuses a line that is requested at this time.
     pub(crate) fn refuses(&self, line: &CurrentPath) -> bool {
         let load = Load {
             resistance_ohm: self.resistance_ohm() as f32,
@@ -69,7 +69,7 @@ impl SimulatedDrive {
         !self.is_silent && !self.account.bears(&demand)
     }
 
-    /// Follows the current to a moment; whether its guard has ended that.
+    /// Follows the current to a moment; returns whether its guard has ended the current.
     pub(crate) fn advance(&mut self, to_us: u64, line: &CurrentPath) -> bool {
         let mut is_over = false;
         while self.now_us < to_us {

@@ -1,4 +1,5 @@
-//! The procedure on a synthetic sensor and an ideal coil, and the promises that hold at every step.
+//! Test rig: the procedure on a synthetic sensor and an ideal coil, with the promises checked at every
+//! step.
 
 #![allow(dead_code, reason = "no test uses all of it")]
 
@@ -25,12 +26,12 @@ use sensor::Sensor;
 
 pub(crate) const BOOT: u32 = 7;
 
-/// A time in whole microseconds.
+/// Converts a time to whole microseconds.
 pub(crate) fn micros(time_s: f32) -> u64 {
     (time_s * 1e6).round() as u64
 }
 
-/// Every state but the fault.
+/// Every state except the fault.
 pub(crate) const STATES: [State; 10] = [
     State::SelfTest,
     State::Baseline,
@@ -44,7 +45,7 @@ pub(crate) const STATES: [State; 10] = [
     State::Manual,
 ];
 
-/// A board with one converter of four channels, and a coil.
+/// Returns a board with one converter of four channels, and a coil.
 pub(crate) fn board() -> BoardInfo {
     BoardInfo {
         boot_id: BOOT,
@@ -73,7 +74,8 @@ pub(crate) fn board() -> BoardInfo {
     }
 }
 
-/// The way of the coil's current: a straight line to where another begins, that, then level.
+/// Path of the coil's current: a straight line up to the start of the next, then that line, then
+/// constant.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct CurrentPath {
     pub(crate) reported_a: f64,
@@ -98,13 +100,13 @@ impl CurrentPath {
         }
     }
 
-    /// Whether it is at zero and stays there.
+    /// Returns whether it is at zero and stays there.
     pub(crate) fn is_off(&self) -> bool {
         self.to_a == 0.0 && self.over_us == 0
     }
 }
 
-/// The procedure with all that it needs around it.
+/// Procedure with its simulated surroundings.
 #[derive(Clone)]
 pub(crate) struct Rig {
     pub(crate) procedure: Procedure,
@@ -113,27 +115,27 @@ pub(crate) struct Rig {
     /// Gain and zero of the current measurement.
     pub(crate) current_gain: f64,
     pub(crate) current_offset_a: f64,
-    /// Root mean square of the ripple at a mean current, A, and whether it is reported.
+    /// RMS ripple at a mean current, A, and whether it is reported.
     pub(crate) ripple_a: fn(f64) -> f64,
     pub(crate) tells_ripple: bool,
     pub(crate) line: CurrentPath,
     pub(crate) now_us: u64,
     pub(crate) records: Vec<(Instant, Record)>,
     pub(crate) sequence: u32,
-    /// How long a test of the coil takes, and when the one under way ends.
+    /// Duration of a coil test, and end of the one in progress.
     pub(crate) test_us: u64,
     pub(crate) test_ends_us: Option<u64>,
-    /// The coil's drive with its guard of energy, if there is one; without, the coil is ideal.
+    /// Drive of the coil with its energy guard; without it the coil is ideal.
     pub(crate) drive: Option<SimulatedDrive>,
     /// Commands without an answer yet: sequence number and kind.
     pub(crate) open: Vec<(u32, u8)>,
-    /// The last command was to stop: nothing may be driven.
+    /// The last command was a stop: nothing may be driven.
     pub(crate) stopped: bool,
-    /// The events and the actions that followed, for a test that repeats them.
+    /// Events and the resulting actions, for a test that repeats them.
     pub(crate) tape: Option<Vec<Observed>>,
 }
 
-/// An event with its time, and the actions that followed.
+/// An event with its time and the resulting actions.
 #[derive(Clone)]
 pub(crate) struct Observed {
     pub(crate) now_us: u64,
@@ -141,7 +143,7 @@ pub(crate) struct Observed {
     pub(crate) actions: Actions,
 }
 
-/// An event that borrows nothing.
+/// An event that owns its data.
 #[derive(Clone)]
 pub(crate) enum OwnEvent {
     Tick,
@@ -166,7 +168,7 @@ impl OwnEvent {
 }
 
 impl Rig {
-    /// A device that has just started.
+    /// Creates a device that has just started.
     pub(crate) fn started_as(board: BoardInfo) -> Self {
         Self {
             limits: board.limits,
@@ -193,7 +195,8 @@ impl Rig {
         Self::started_as(board())
     }
 
-    /// Calibrated for its sensor, with these settings and a coil at 25 degrees; not armed.
+    /// Creates a rig that is calibrated for its sensor, with these settings and a coil at 25 degrees;
+    /// not armed.
     pub(crate) fn calibrated(sensor: Sensor, settings: Settings) -> Self {
         let mut rig = Self::started();
         rig.sensor = sensor;
@@ -205,7 +208,7 @@ impl Rig {
         rig
     }
 
-    /// The same, armed and watching.
+    /// As [`calibrated`](Self::calibrated), armed and watching.
     pub(crate) fn armed(sensor: Sensor, settings: Settings) -> Self {
         let mut rig = Self::calibrated(sensor, settings);
         rig.accepted(Command::Arm);
@@ -213,7 +216,7 @@ impl Rig {
         rig
     }
 
-    /// The same with all as it usually is, and touched.
+    /// As [`armed`](Self::armed) under usual conditions, and touched.
     pub(crate) fn touched() -> Self {
         let mut rig = Self::armed(
             Sensor::default(),
@@ -223,7 +226,7 @@ impl Rig {
         rig
     }
 
-    /// Calibrated with changed settings, and in this state; armed except in a fault.
+    /// Creates a calibrated rig with changed settings in this state; armed except in a fault.
     pub(crate) fn standing_in(state: State, change: impl FnOnce(&mut Settings)) -> Self {
         let mut rig = Self::calibrated(Sensor::default(), calibration::settings(change));
         rig.accepted(Command::Arm);
@@ -248,8 +251,8 @@ impl Rig {
         rig
     }
 
-    /// An event at this moment: carried out, and held against the promises. A test of the coil that
-    /// has ended meanwhile is reported after it.
+    /// Passes an event to the procedure, carries out its actions and checks the promises. The result of
+    /// a coil test that has ended meanwhile is reported after it.
     pub(crate) fn step(&mut self, event: &Event<'_>) -> Actions {
         let line = self.line;
         let now_us = self.now_us;
@@ -275,7 +278,7 @@ impl Rig {
         actions
     }
 
-    /// What the test finds.
+    /// Returns the result of the coil test.
     fn coil_test(&self) -> CoilTest {
         let mut found = coil_test();
         if let Some(drive) = &self.drive {
@@ -340,7 +343,7 @@ impl Rig {
         (1e6 / f64::from(rate_hz)) as u64
     }
 
-    /// The scan whose last conversion ends now.
+    /// Returns the scan whose last conversion ends at this time.
     pub(crate) fn scan(&mut self) -> Scan {
         let window_us = self.period_us();
         let middle_us = self.now_us.saturating_sub(window_us / 2);
@@ -367,14 +370,14 @@ impl Rig {
         }
     }
 
-    /// A conversion period later, a scan.
+    /// Advances by a conversion period and passes a scan.
     pub(crate) fn convert(&mut self) -> Actions {
         self.now_us = self.now_us.saturating_add(self.period_us());
         let scan = self.scan();
         self.step(&Event::Scan(&scan))
     }
 
-    /// The same with the scan changed.
+    /// As [`convert`](Self::convert), with the scan changed.
     pub(crate) fn convert_with(&mut self, change: impl FnOnce(&mut Scan)) -> Actions {
         self.now_us = self.now_us.saturating_add(self.period_us());
         let mut scan = self.scan();
@@ -382,13 +385,13 @@ impl Rig {
         self.step(&Event::Scan(&scan))
     }
 
-    /// Time alone.
+    /// Advances the time alone.
     pub(crate) fn wait(&mut self, time_us: u64) -> Actions {
         self.now_us = self.now_us.saturating_add(time_us);
         self.step(&Event::Tick)
     }
 
-    /// Converts for so many milliseconds.
+    /// Converts for `ms` milliseconds.
     pub(crate) fn run(&mut self, ms: u64) {
         let end_us = self.now_us + ms * 1_000;
         while self.now_us < end_us {
@@ -410,19 +413,19 @@ impl Rig {
         }
     }
 
-    /// Presses, and waits until that is found.
+    /// Presses, and waits until the touch is detected.
     pub(crate) fn touch(&mut self, deformation_m: f64) {
         self.sensor.press(deformation_m);
         self.until(State::Contact, 3_000);
     }
 
-    /// Lifts, and waits until the untouched sensor is known again.
+    /// Lifts, and waits until the baseline is known again.
     pub(crate) fn lift(&mut self) {
         self.sensor.depth_m = 0.0;
         self.until(State::Watching, 3_000);
     }
 
-    /// Measures what touches.
+    /// Measures the touching object.
     pub(crate) fn measure(&mut self) -> Estimate {
         self.accepted(Command::Measure);
         self.until(State::Estimating, 10_000);
@@ -432,7 +435,7 @@ impl Rig {
         })
     }
 
-    /// Measures what touches, in vain.
+    /// Requests a measurement that is refused.
     pub(crate) fn refused(&mut self) -> Refusal {
         let before = self.refusals().len();
         self.accepted(Command::Measure);
@@ -446,7 +449,7 @@ impl Rig {
         self.refusals()[before].clone()
     }
 
-    /// Sends a command; the only answer in this step, which is its own.
+    /// Sends a command; returns the only answer in this step, its own.
     pub(crate) fn send(&mut self, command: Command) -> Acknowledgement {
         self.sequence += 1;
         let frame = frame(command, BOOT, self.sequence);
@@ -482,7 +485,7 @@ impl Rig {
         self.procedure.configuration().settings()
     }
 
-    /// What all records of a kind report.
+    /// Returns the content of all records of a kind.
     pub(crate) fn reported<T>(&self, kind: impl Fn(&Record) -> Option<T>) -> Vec<T> {
         let records = self.records.iter();
         records.filter_map(|(_, record)| kind(record)).collect()
@@ -513,7 +516,7 @@ impl Rig {
         })
     }
 
-    /// The states gone to, in their order.
+    /// Returns the states entered, in order.
     pub(crate) fn states(&self) -> Vec<State> {
         let changes = self.changes();
         let moved = changes.iter().filter(|of| of.state != of.previous);
@@ -521,7 +524,7 @@ impl Rig {
     }
 }
 
-/// What a test finds.
+/// Returns the result of a coil test.
 pub(crate) fn coil_test() -> CoilTest {
     CoilTest {
         resistance_ohm: 0.48,
@@ -533,7 +536,7 @@ pub(crate) fn coil_test() -> CoilTest {
     }
 }
 
-/// A command's frame.
+/// Returns the frame of a command.
 pub(crate) fn frame(message: Command, boot_id: u32, sequence: u32) -> Frame<Command> {
     let header = Header {
         boot_id,
@@ -544,7 +547,7 @@ pub(crate) fn frame(message: Command, boot_id: u32, sequence: u32) -> Frame<Comm
     Frame { header, message }
 }
 
-/// The answers among the actions.
+/// Returns the answers among the actions.
 pub(crate) fn answers(actions: &Actions) -> Vec<Acknowledgement> {
     let records = actions.iter().filter_map(|action| match action {
         Action::Record { record, .. } => Some(record),

@@ -1,5 +1,4 @@
-//! Anything that may happen to the procedure, at random, with enough that is usual in between for
-//! every state to be reached.
+//! Random events of any kind, with enough usual ones between to reach every state.
 
 use palpate_procedure::event::{Conditions, Failure};
 use palpate_procedure::units::{Ampere, Celsius};
@@ -16,14 +15,14 @@ use super::calibration::{
 use super::sensor::Sensor;
 use super::{BOOT, Rig, frame};
 
-/// Something that happens.
+/// A change or event.
 #[derive(Clone, Debug)]
 pub(crate) enum Move {
-    /// So many usual conversions.
+    /// This many usual conversions.
     Convert(u16),
-    /// A conversion with something odd about it.
+    /// A conversion with an anomaly.
     Odd(Oddity),
-    /// Time goes by, in microseconds.
+    /// Time passes, in microseconds.
     Wait(u64),
     /// The clock is set back.
     Back(u64),
@@ -33,20 +32,20 @@ pub(crate) enum Move {
     Flags(u16),
     /// Gain of the current measurement.
     Gain(f64),
-    /// What the actuated layer truly does.
+    /// True rise of the actuated layer.
     Rise(f64),
     Load(f64),
-    /// A command, and the boot that it is for.
+    /// A command, and the boot id that it carries.
     Command(Box<Command>, u32),
-    /// A command with the sequence number of the one before.
+    /// A command with the sequence number of the previous one.
     Again(Box<Command>),
-    /// How long a test of the coil takes, in microseconds.
+    /// Duration of a coil test, in microseconds.
     Test(u64),
     NotUnderstood(FrameError),
     Conditions(Conditions),
     Fault(Failure),
     Recovered(FaultCode),
-    /// All as it was at first, the clock apart, and armed.
+    /// Everything as at first except the clock, and armed.
     Restore,
 }
 
@@ -131,7 +130,7 @@ fn restore(rig: &mut Rig) {
     rig.run(700);
 }
 
-/// Any move, the usual ones more often.
+/// Any move, usual ones more often.
 pub(crate) fn moves() -> impl Strategy<Value = Move> {
     let deformations = prop_oneof![
         4 => Just(3e-4),
@@ -236,7 +235,7 @@ fn commands() -> impl Strategy<Value = Command> {
     ]
 }
 
-/// The short settings with one of them changed, to anything or to something possible.
+/// The short settings with one field changed, to anything or to something possible.
 fn changed_settings() -> impl Strategy<Value = Settings> {
     let fields = (0_u8..20, floats(), any::<u8>());
     fields.prop_map(|(field, value, number)| {

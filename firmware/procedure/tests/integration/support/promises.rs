@@ -1,4 +1,4 @@
-//! What the procedure promises at every step, whatever happens to it.
+//! Promises of the procedure at every step, under any conditions.
 
 use coil_hbridge::CurrentLine;
 use palpate_procedure::{Action, Actions, Event};
@@ -7,7 +7,7 @@ use palpate_wire::{Command, FrameError, Message, Record};
 
 use super::{Rig, answers};
 
-/// Holds the actions of a step, carried out already, against the promises.
+/// Checks the actions of a step, which were already carried out.
 pub(crate) fn hold(rig: &mut Rig, event: &Event<'_>, actions: &Actions) {
     assert!(
         !actions.is_full(),
@@ -25,7 +25,7 @@ pub(crate) fn hold(rig: &mut Rig, event: &Event<'_>, actions: &Actions) {
     }
 }
 
-/// A refusal and a fault come with the bridge off, before all else, and with no current after it.
+/// A refusal or a fault comes with the bridge off first, and with no current after it.
 fn safe_state_first(actions: &Actions) {
     let index = actions
         .iter()
@@ -74,8 +74,8 @@ fn coil_is_off_where_it_has_to_be(rig: &Rig) {
     assert!(rig.state() != State::Fault || !rig.procedure.is_armed());
 }
 
-/// Every command, and every frame whose header could be read, has one answer, its own. One that needs
-/// the coil may wait for the end of its test; no two do, and nothing waits when nothing is tested.
+/// Every command, and every frame with a readable header, has exactly one answer. A command that needs
+/// the coil may wait for the end of its test; at most one waits, and none without a test.
 fn answered_once(rig: &mut Rig, event: &Event<'_>, actions: &Actions) {
     let asked = match event {
         Event::Command(_, frame) => Some((frame.header.sequence, frame.message.kind())),
@@ -97,8 +97,8 @@ fn answered_once(rig: &mut Rig, event: &Event<'_>, actions: &Actions) {
     assert!(waits == 0 || rig.test_ends_us.is_some(), "{:?}", rig.open);
 }
 
-/// After `abort`, `disarm` and `sensing_only` nothing is driven or tested until a command asks for it;
-/// or, with `automatic`, an object touches anew.
+/// After `abort`, `disarm` and `sensing_only` the coil is not driven or tested until a command requests
+/// it or, with `automatic`, an object touches again.
 fn stopped_until_asked(rig: &mut Rig, event: &Event<'_>, actions: &Actions) {
     let touches = actions.iter().any(|action| match action {
         Action::Record {
@@ -133,8 +133,8 @@ fn stopped_until_asked(rig: &mut Rig, event: &Event<'_>, actions: &Actions) {
     assert!(!(rig.stopped && actions.iter().any(drives)), "{actions:?}");
 }
 
-/// What the procedure itself computes lies within the protocol's limits. Samples, words, faults and
-/// answers pass on what they were given.
+/// Values that the procedure computes are within the protocol's limits. Samples, words, faults and
+/// answers pass their inputs on.
 fn record_is_sound(record: &Record) {
     let passed_on = matches!(
         record,

@@ -1,56 +1,56 @@
-//! Three springs in series and a resonator, in `f64`: written from the equations, with no line in
-//! common with the model or the plant.
+//! Three springs in series and a resonator, in `f64`: written from the equations, sharing no code with
+//! the model or the plant.
 
 use ldc161x::{Channel, Reading, Word};
 
-/// Of the resonator: f_ref such that f is a tenth of it.
+/// Frequency of the resonator at rest; f_ref is ten times as high.
 const REST_HZ: f64 = 3e6;
 const REFERENCE_HZ: f64 = 30e6;
-/// Relative change of inductance for a metre of deformation: 6 % at 0.3 mm.
+/// Relative change of inductance per metre of deformation: 6 % at 0.3 mm.
 pub(crate) const CHANGE_PER_M: f64 = 200.0;
-/// Current at which the rise is stated.
+/// Current at which the rise is specified.
 pub(crate) const PEAK_A: f64 = 10.0;
 
-/// The sensor, and what presses on it.
+/// The sensor and its load.
 #[derive(Clone, Debug)]
 pub(crate) struct Sensor {
     /// c_S.
     pub(crate) sensing_n_per_m: f64,
     /// c_D0.
     pub(crate) actuated_n_per_m: f64,
-    /// Relative rise of c_D at 10 A, proportional to the current's square.
+    /// Relative rise of c_D at 10 A, proportional to the square of the current.
     pub(crate) rise: f64,
-    /// Current at which that saturates half-way; the rise at 10 A stays.
+    /// Current at which the rise is half saturated; the rise at 10 A is unchanged.
     pub(crate) half_way_a: f64,
     /// c_L.
     pub(crate) load_n_per_m: f64,
-    /// Way that all three are pressed together; zero lifts.
+    /// Total displacement of all three springs; zero lifts.
     pub(crate) depth_m: f64,
-    /// Attraction of the actuated layer's halves.
+    /// Attraction between the halves of the actuated layer.
     pub(crate) attraction_n_per_a2: f64,
-    /// Apparent deformation by the current, and its growth with the deformation.
+    /// Apparent deformation from the current, and its growth with the deformation.
     pub(crate) crosstalk_m_per_a2: f64,
     pub(crate) crosstalk_growth_per_m: f64,
-    /// Added to what is read.
+    /// Added to the reading.
     pub(crate) creep: Creep,
     pub(crate) offset_m: f64,
     /// Half the width of a uniform noise.
     pub(crate) noise_m: f64,
-    /// Standard uncertainty that the reading states, relative.
+    /// Relative standard uncertainty that the reading states.
     pub(crate) stated: f64,
-    /// Flag to be raised: bit 28 is the amplitude's.
+    /// Flags to be raised: bit 28 is the amplitude's.
     pub(crate) flags: u16,
     pub(crate) random: u64,
 }
 
-/// phi over the time in seconds.
+/// phi as a function of time in seconds.
 pub(crate) type Shape = fn(f64) -> f64;
 
-/// x goes to x (1 + d phi), d its size and phi over the time since the train began.
+/// Changes x to x (1 + d phi), with size d, and phi as a function of the time since the train started.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Creep {
     pub(crate) size: f64,
-    /// When phi begins to count, in seconds since the start.
+    /// Start time of phi, in seconds since start-up.
     pub(crate) since_s: f64,
     pub(crate) shape: Shape,
 }
@@ -82,7 +82,7 @@ impl Default for Sensor {
 }
 
 impl Sensor {
-    /// c_D at a current.
+    /// Returns c_D at a current.
     pub(crate) fn actuated(&self, current_a: f64) -> f64 {
         let part = (current_a / PEAK_A).powi(2);
         let saturates = (PEAK_A / self.half_way_a).powi(2);
@@ -90,18 +90,18 @@ impl Sensor {
         self.actuated_n_per_m * (1.0 + self.rise * stiffening)
     }
 
-    /// Presses so far that the sensing layer is deformed by `deformation_m` without current.
+    /// Presses until the sensing layer is deformed by `deformation_m` without current.
     pub(crate) fn press(&mut self, deformation_m: f64) {
         self.depth_m = deformation_m * self.compliance(0.0);
     }
 
-    /// Compliance of the whole in units of the sensing layer's.
+    /// Returns the total compliance relative to that of the sensing layer.
     fn compliance(&self, current_a: f64) -> f64 {
         let s = self.sensing_n_per_m;
         1.0 + s / self.load_n_per_m + s / self.actuated(current_a)
     }
 
-    /// x_S, which the procedure does not see.
+    /// Returns x_S, which the procedure cannot see.
     pub(crate) fn deformation_m(&self, current_a: f64, time_s: f64) -> f64 {
         let pull_m = self.attraction_n_per_a2 * current_a.powi(2) / self.actuated(current_a);
         let pressed = if self.depth_m > 0.0 {
@@ -113,7 +113,7 @@ impl Sensor {
         pressed * (1.0 + creep.size * (creep.shape)((time_s - creep.since_s).max(0.0)))
     }
 
-    /// What the converter reports of it.
+    /// Returns the converter's reading.
     pub(crate) fn reading(&mut self, current_a: f64, time_s: f64) -> Reading {
         let x = self.deformation_m(current_a, time_s);
         let growth = 1.0 + self.crosstalk_growth_per_m * x;
@@ -132,7 +132,7 @@ impl Sensor {
         }
     }
 
-    /// From -1 to 1 (xorshift, Marsaglia 2003).
+    /// Returns a random number from -1 to 1 (xorshift, Marsaglia 2003).
     fn uniform(&mut self) -> f64 {
         self.random ^= self.random << 13;
         self.random ^= self.random >> 7;
